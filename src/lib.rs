@@ -1,0 +1,6 @@
+//! deepfield: interactive exploration of huge point data.
+//!
+//! Data flows one way through the rooms below: a room uses the rooms before it, never those after it.
+
+pub mod model;
+pub mod view;

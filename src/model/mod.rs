@@ -1,0 +1,12 @@
+//! What the data is, before anything is done with it: particles by family, their attributes with units, bounds and
+//! SPH kernels. This room knows no file format, no hierarchy and no picture.
+
+pub mod bounds;
+pub mod kernel;
+pub mod particles;
+pub mod units;
+
+pub use bounds::Bounds;
+pub use kernel::Kernel;
+pub use particles::{Attribute, Dataset, Family, FamilyName, Provenance, Skipped};
+pub use units::Unit;

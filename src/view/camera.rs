@@ -1,0 +1,143 @@
+//! Cameras and their projections, in double precision and relative to the eye.
+//!
+//! Camera space is right-handed with `x = forward x up` to the right, `y` up and `z` along the viewing direction
+//! (depth grows away from the eye). Pixel `(0, 0)` is the top left corner of the top left pixel; pixel centres lie
+//! at half-integers.
+
+use crate::model::Bounds;
+use glam::DVec3;
+use thiserror::Error;
+
+/// How camera space meets the picture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Projection {
+    /// A pinhole; `fov_y` is the vertical field of view in radians, within (0, pi).
+    Perspective {
+        /// Vertical field of view, radians.
+        fov_y: f64,
+    },
+    /// Parallel lines of sight; `height` is the picture's height in world units.
+    Orthographic {
+        /// Picture height, world units.
+        height: f64,
+    },
+}
+
+/// A camera that cannot see anything, and why.
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum ViewError {
+    /// A coordinate is NaN or infinite.
+    #[error("camera {0} is not finite")]
+    NotFinite(&'static str),
+    /// Eye and target coincide.
+    #[error("camera eye and target are the same point")]
+    NoDirection,
+    /// Up is zero or along the viewing direction.
+    #[error("camera up is zero or parallel to the viewing direction")]
+    NoUp,
+    /// The field of view or height is out of range.
+    #[error("camera {name} is {value}, expected {expected}")]
+    OutOfRange {
+        /// Which setting.
+        name: &'static str,
+        /// Its value.
+        value: f64,
+        /// What it may be.
+        expected: &'static str,
+    },
+    /// A picture without pixels, or with more than any adapter can hold.
+    #[error("picture size {0}x{1} is outside 1x1 to 32768x32768")]
+    Size(u32, u32),
+}
+
+/// A camera and the size of its picture. The basis is orthonormal.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct View {
+    /// Position in world units.
+    pub eye: DVec3,
+    /// Unit vector to the right of the picture.
+    pub right: DVec3,
+    /// Unit vector to the top of the picture.
+    pub up: DVec3,
+    /// Unit vector along the line of sight through the picture's middle.
+    pub forward: DVec3,
+    /// Perspective or orthographic.
+    pub projection: Projection,
+    /// Picture width, pixels.
+    pub width: u32,
+    /// Picture height, pixels.
+    pub height: u32,
+}
+
+impl View {
+    /// A camera at `eye` that looks to `target` with `up` pointing up in the picture.
+    pub fn look_at(
+        eye: DVec3,
+        target: DVec3,
+        up: DVec3,
+        projection: Projection,
+        width: u32,
+        height: u32,
+    ) -> Result<View, ViewError> {
+        for (name, vector) in [("eye", eye), ("target", target), ("up", up)] {
+            if !vector.is_finite() {
+                return Err(ViewError::NotFinite(name));
+            }
+        }
+        match projection {
+            Projection::Perspective { fov_y } if !(fov_y > 0.0 && fov_y < std::f64::consts::PI) => {
+                return Err(ViewError::OutOfRange {
+                    name: "field of view",
+                    value: fov_y.to_degrees(),
+                    expected: "between 0 and 180 degrees",
+                });
+            }
+            Projection::Orthographic { height } if !(height > 0.0 && height.is_finite()) => {
+                return Err(ViewError::OutOfRange { name: "height", value: height, expected: "a positive length" });
+            }
+            _ => {}
+        }
+        if !(1..=32768).contains(&width) || !(1..=32768).contains(&height) {
+            return Err(ViewError::Size(width, height));
+        }
+        let forward = (target - eye).try_normalize().ok_or(ViewError::NoDirection)?;
+        let right = forward.cross(up.normalize_or_zero()).try_normalize().ok_or(ViewError::NoUp)?;
+        Ok(View { eye, right, up: right.cross(forward), forward, projection, width, height })
+    }
+
+    /// A view of the whole box from a little above its front, far enough away to hold it.
+    pub fn around(bounds: Bounds, fov_y: f64, width: u32, height: u32) -> Result<View, ViewError> {
+        let radius = (0.5 * bounds.size().length()).max(f64::MIN_POSITIVE * 1e30);
+        let aspect = f64::from(width.max(1)) / f64::from(height.max(1));
+        let half = (0.5 * fov_y).min(((0.5 * fov_y).tan() * aspect).atan());
+        let direction = DVec3::new(0.35, 0.3, 1.0).normalize();
+        let eye = bounds.center() + direction * (radius / half.sin());
+        View::look_at(eye, bounds.center(), DVec3::Y, Projection::Perspective { fov_y }, width, height)
+    }
+
+    /// Camera-space coordinates of a world position: right, up, depth.
+    pub fn to_camera(&self, world: DVec3) -> DVec3 {
+        let relative = world - self.eye;
+        DVec3::new(relative.dot(self.right), relative.dot(self.up), relative.dot(self.forward))
+    }
+
+    /// Pixels per world unit: for a perspective view at depth 1 (divide by the depth), for an orthographic one
+    /// everywhere. Pixels are square.
+    pub fn focal_pixels(&self) -> f64 {
+        match self.projection {
+            Projection::Perspective { fov_y } => f64::from(self.height) / (2.0 * (0.5 * fov_y).tan()),
+            Projection::Orthographic { height } => f64::from(self.height) / height,
+        }
+    }
+
+    /// Pixel coordinates (x to the right, y down) of a point in camera space; `None` at or behind the eye of a
+    /// perspective view.
+    pub fn to_pixels(&self, camera: DVec3) -> Option<[f64; 2]> {
+        let scale = match self.projection {
+            Projection::Perspective { .. } if camera.z > 0.0 => self.focal_pixels() / camera.z,
+            Projection::Perspective { .. } => return None,
+            Projection::Orthographic { .. } => self.focal_pixels(),
+        };
+        Some([0.5 * f64::from(self.width) + camera.x * scale, 0.5 * f64::from(self.height) - camera.y * scale])
+    }
+}
