@@ -2,5 +2,10 @@
 //! nothing here knows a file or a GPU.
 
 pub mod camera;
+pub mod error;
+pub mod frustum;
+pub mod selection;
 
-pub use camera::{Projection, View};
+pub use camera::{Projection, View, ViewError};
+pub use frustum::Cell;
+pub use selection::{NodeInfo, NodeTree, Selection, select};

@@ -1,0 +1,206 @@
+//! Which nodes to draw: top-down from the roots, refined where the screen-space error is above `tau`, culled where
+//! the view sees nothing, and held at the parent where children are not resident yet (F12 4.7.2, 4.8).
+
+use super::View;
+use super::frustum::Cell;
+
+/// What selection needs to know of a node.
+#[derive(Clone, Copy, Debug)]
+pub struct NodeInfo<Id> {
+    /// The node's cell and how far its particles reach beyond it.
+    pub cell: Cell,
+    /// Largest distance between a source particle in the node and the particle drawn for it, world units.
+    pub delta: f64,
+    /// Number of particles drawn for the node.
+    pub particles: u64,
+    /// The nodes that refine this one; all `None` for a leaf.
+    pub children: [Option<Id>; 8],
+}
+
+/// A hierarchy of which a part is resident.
+pub trait NodeTree {
+    /// Names a node.
+    type Id: Copy;
+
+    /// The node, if it is resident.
+    fn node(&self, id: Self::Id) -> Option<NodeInfo<Self::Id>>;
+}
+
+/// A node that the view needs and that is not resident.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Missing<Id> {
+    /// The node.
+    pub id: Id,
+    /// Screen-space error, in pixels, of what is drawn in its place; infinite where nothing is.
+    pub error_pixels: f64,
+}
+
+/// The nodes a view draws, and what it lacks.
+#[derive(Clone, Debug)]
+pub struct Selection<Id> {
+    /// Nodes to draw; no node is an ancestor of another.
+    pub draw: Vec<Id>,
+    /// Nodes to load, the most missed first.
+    pub missing: Vec<Missing<Id>>,
+    /// Every resident node that was looked at, the drawn ones included.
+    pub visited: Vec<Id>,
+    /// Largest screen-space error among the drawn nodes, pixels; 0 if none is drawn.
+    pub error_pixels: f64,
+    /// Particles in the drawn nodes.
+    pub particles: u64,
+}
+
+impl<Id> Selection<Id> {
+    /// Whether everything that the view needs at its error bound is resident.
+    pub fn is_converged(&self) -> bool {
+        self.missing.is_empty()
+    }
+}
+
+/// Selects the nodes below `roots` that draw `view` with a screen-space error of at most `tau` pixels, as far as
+/// they are resident. A leaf whose own error is above `tau` is drawn all the same and counted in `error_pixels`.
+///
+/// A node with any visible child missing is drawn itself: parent and children overlap, so drawing both would count
+/// their mass twice.
+pub fn select<Tree: NodeTree>(view: &View, tau: f64, tree: &Tree, roots: &[Tree::Id]) -> Selection<Tree::Id> {
+    let mut selection =
+        Selection { draw: Vec::new(), missing: Vec::new(), visited: Vec::new(), error_pixels: 0.0, particles: 0 };
+    let mut stack: Vec<(Tree::Id, NodeInfo<Tree::Id>, f64)> = Vec::new();
+    for &id in roots {
+        match tree.node(id) {
+            Some(info) => visit(view, id, info, &mut selection, &mut stack),
+            None => selection.missing.push(Missing { id, error_pixels: f64::INFINITY }),
+        }
+    }
+    while let Some((id, info, error)) = stack.pop() {
+        let refinable = error > tau && info.children.iter().any(Option::is_some);
+        let absent = selection.missing.len();
+        if refinable {
+            for child in info.children.into_iter().flatten().filter(|&child| tree.node(child).is_none()) {
+                selection.missing.push(Missing { id: child, error_pixels: error });
+            }
+        }
+        if refinable && selection.missing.len() == absent {
+            for child in info.children.into_iter().flatten() {
+                if let Some(child_info) = tree.node(child) {
+                    visit(view, child, child_info, &mut selection, &mut stack);
+                }
+            }
+        } else {
+            selection.draw.push(id);
+            selection.error_pixels = selection.error_pixels.max(error);
+            selection.particles += info.particles;
+        }
+    }
+    selection.missing.sort_by(|a, b| b.error_pixels.total_cmp(&a.error_pixels));
+    selection
+}
+
+/// Notes a resident node and queues it unless the view cannot see it.
+fn visit<Id: Copy>(
+    view: &View,
+    id: Id,
+    info: NodeInfo<Id>,
+    selection: &mut Selection<Id>,
+    stack: &mut Vec<(Id, NodeInfo<Id>, f64)>,
+) {
+    selection.visited.push(id);
+    if view.sees(&info.cell) {
+        stack.push((id, info, view.error_pixels(&info.cell, info.delta)));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::view::Projection;
+    use glam::DVec3;
+    use std::collections::{HashMap, HashSet};
+
+    /// A complete octree of the unit cube; ids are (depth, index along each axis).
+    struct Full {
+        depth: u8,
+        absent: HashSet<(u8, [u32; 3])>,
+    }
+
+    impl NodeTree for Full {
+        type Id = (u8, [u32; 3]);
+
+        fn node(&self, id: Self::Id) -> Option<NodeInfo<Self::Id>> {
+            if self.absent.contains(&id) {
+                return None;
+            }
+            let size = 0.5f64.powi(i32::from(id.0));
+            let min = size * DVec3::from(id.1.map(f64::from));
+            let mut children = [None; 8];
+            if id.0 < self.depth {
+                for (octant, child) in children.iter_mut().enumerate() {
+                    let bit = |axis: usize| (octant >> axis & 1) as u32;
+                    *child = Some((id.0 + 1, [0, 1, 2].map(|axis| 2 * id.1[axis] + bit(axis))));
+                }
+            }
+            // The paper's bound for 256^3 bins: half a bin's diagonal.
+            let delta = if id.0 < self.depth { 3f64.sqrt() / 2.0 * size / 256.0 } else { 0.0 };
+            Some(NodeInfo { cell: Cell { min, size, margin: 0.0 }, delta, particles: 1, children })
+        }
+    }
+
+    fn view(eye: DVec3) -> View {
+        let projection = Projection::Perspective { fov_y: 0.9 };
+        View::look_at(eye, DVec3::splat(0.5), DVec3::Y, projection, 1024, 768).unwrap()
+    }
+
+    #[test]
+    fn drawn_nodes_cover_what_is_seen_exactly_once_within_tau() {
+        let tree = Full { depth: 5, absent: HashSet::new() };
+        for distance in [0.2, 0.9, 2.0, 5.0, 30.0] {
+            let view = view(DVec3::splat(0.5) + distance * DVec3::new(0.3, 0.5, 0.81));
+            let selection = select(&view, 0.8, &tree, &[(0, [0; 3])]);
+            assert!(selection.is_converged() && selection.error_pixels <= 0.8);
+            let mut cover: HashMap<[u32; 3], u32> = HashMap::new();
+            for (depth, [x, y, z]) in selection.draw {
+                let span = 1 << (5 - depth);
+                for i in 0..span * span * span {
+                    let cell = [x * span + i % span, y * span + i / span % span, z * span + i / (span * span)];
+                    *cover.entry(cell).or_default() += 1;
+                }
+            }
+            assert!(cover.values().all(|&times| times == 1), "a cell drawn twice at distance {distance}");
+            for i in 0..32u32.pow(3) {
+                let cell = [i % 32, i / 32 % 32, i / 1024];
+                let corner = DVec3::from(cell.map(f64::from)) / 32.0;
+                let point = view.to_camera(corner + 0.5 / 32.0);
+                let seen =
+                    view.to_pixels(point).is_some_and(|[x, y]| (0.0..1024.0).contains(&x) && (0.0..768.0).contains(&y));
+                assert!(!seen || cover.contains_key(&cell), "a seen cell is not drawn");
+            }
+        }
+    }
+
+    /// `d_min` is right to a percent: the node is drawn just beyond it and refined just within it.
+    #[test]
+    fn a_node_is_refined_at_d_min() {
+        let tree = Full { depth: 1, absent: HashSet::new() };
+        let delta = 3f64.sqrt() / 2.0 / 256.0;
+        let tau = 0.8;
+        let focal = 768.0 / (2.0 * 0.45f64.tan());
+        let d_min = focal * delta / tau;
+        let select_at = |distance: f64| {
+            // The nearest face is at this distance; the secant of so far a cell is 1 to a few tenths of a percent.
+            let view = view(DVec3::new(0.5, 0.5, 1.0 + distance));
+            select(&view, tau, &tree, &[(0, [0; 3])]).draw.len()
+        };
+        assert_eq!(select_at(1.1 * d_min), 1);
+        assert!(select_at(0.95 * d_min) > 1);
+    }
+
+    #[test]
+    fn a_parent_stands_in_for_children_that_are_not_resident() {
+        let absent = HashSet::from([(1, [0, 0, 0]), (1, [1, 1, 1])]);
+        let tree = Full { depth: 3, absent };
+        let selection = select(&view(DVec3::new(0.5, 0.5, 2.0)), 0.01, &tree, &[(0, [0; 3])]);
+        assert_eq!(selection.draw, vec![(0, [0; 3])]);
+        assert_eq!(selection.missing.len(), 2);
+        assert!(!selection.is_converged() && selection.error_pixels > 0.01);
+    }
+}
