@@ -1,0 +1,93 @@
+//! Values on the command line that several commands share, parsed with messages that say what was expected.
+
+use glam::DVec3;
+
+/// Width and height of a picture: `1200x800`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PictureSize {
+    /// Pixels.
+    pub width: u32,
+    /// Pixels.
+    pub height: u32,
+}
+
+impl std::str::FromStr for PictureSize {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<PictureSize, String> {
+        let parsed = text.split_once('x').and_then(|(width, height)| {
+            Some(PictureSize { width: width.parse().ok()?, height: height.parse().ok()? })
+        });
+        parsed
+            .filter(|size| (1..=32768).contains(&size.width) && (1..=32768).contains(&size.height))
+            .ok_or_else(|| "expected WIDTHxHEIGHT in pixels up to 32768, such as 1200x800".into())
+    }
+}
+
+/// A point or direction: `x,y,z`.
+pub fn vector(text: &str) -> Result<DVec3, String> {
+    let parts: Vec<f64> = text
+        .split(',')
+        .map(|part| part.trim().parse().ok().filter(|value: &f64| value.is_finite()))
+        .collect::<Option<_>>()
+        .unwrap_or_default();
+    match parts[..] {
+        [x, y, z] => Ok(DVec3::new(x, y, z)),
+        _ => Err("expected three numbers x,y,z such as 0,0,1.5".into()),
+    }
+}
+
+/// A number greater than zero.
+pub fn positive(text: &str) -> Result<f64, String> {
+    text.parse()
+        .ok()
+        .filter(|&value: &f64| value > 0.0 && value.is_finite())
+        .ok_or_else(|| "expected a number greater than 0".into())
+}
+
+/// An amount of memory in bytes: `2GiB`, `512MiB`, `1.5GB`, `1000000`.
+pub fn bytes(text: &str) -> Result<u64, String> {
+    let digits = text.find(|c: char| c.is_ascii_alphabetic()).unwrap_or(text.len());
+    let (number, unit) = text.split_at(digits);
+    let factor = match unit.trim() {
+        "" | "B" => 1.0,
+        "kB" | "KB" => 1e3,
+        "MB" => 1e6,
+        "GB" => 1e9,
+        "TB" => 1e12,
+        "KiB" => 1024.0,
+        "MiB" | "M" => 1024f64.powi(2),
+        "GiB" | "G" => 1024f64.powi(3),
+        "TiB" | "T" => 1024f64.powi(4),
+        _ => f64::NAN,
+    };
+    let value = number.trim().parse::<f64>().unwrap_or(f64::NAN) * factor;
+    if value >= 1.0 && value < 2f64.powi(63) {
+        Ok(value as u64)
+    } else {
+        Err("expected an amount of memory such as 2GiB or 512MiB".into())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_vectors_and_amounts_are_read_or_refused() {
+        assert_eq!("1200x800".parse(), Ok(PictureSize { width: 1200, height: 800 }));
+        for wrong in ["", "1200", "0x5", "-1x5", "99999x1", "1x2x3"] {
+            assert!(wrong.parse::<PictureSize>().is_err(), "{wrong}");
+        }
+        assert_eq!(vector("1, -2,3e2"), Ok(DVec3::new(1.0, -2.0, 300.0)));
+        for wrong in ["", "1,2", "1,2,3,4", "1,2,x", "1,2,nan"] {
+            assert!(vector(wrong).is_err(), "{wrong}");
+        }
+        assert_eq!(bytes("2GiB"), Ok(2 << 30));
+        assert_eq!(bytes("1.5 MB"), Ok(1_500_000));
+        for wrong in ["", "GiB", "-1GiB", "2 apples", "0"] {
+            assert!(bytes(wrong).is_err(), "{wrong}");
+        }
+        assert!(positive("0.8").is_ok() && positive("0").is_err() && positive("inf").is_err());
+    }
+}

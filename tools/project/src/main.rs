@@ -1,0 +1,209 @@
+//! The project's own commands, reached by the aliases in `.cargo/config.toml`:
+//!
+//! - `cargo demo [ARGUMENTS]` starts deepfield (with no arguments: the demo dataset);
+//! - `cargo test-all [ARGUMENTS]` runs every test.
+//!
+//! Both first see to what cargo cannot install: on a Debian-like Linux, the packages in [`packages`]. Nothing is
+//! installed without saying so; on a terminal, not without asking.
+
+use std::io::{IsTerminal, Write};
+use std::path::{Path, PathBuf};
+use std::process::{Command, ExitCode, Stdio};
+
+/// Something the machine must offer, and the Debian package that brings it.
+struct Requirement {
+    package: &'static str,
+    why: &'static str,
+    is_met: fn() -> bool,
+}
+
+/// What drawing needs: a Vulkan loader and at least one driver.
+const DRAWING: [Requirement; 2] = [
+    Requirement { package: "libvulkan1", why: "the Vulkan loader", is_met: || has_library("libvulkan.so.1") },
+    Requirement {
+        package: "mesa-vulkan-drivers",
+        why: "a Vulkan driver; its software device works without a GPU",
+        is_met: has_vulkan_driver,
+    },
+];
+
+/// What a window on X11 loads at run time.
+const WINDOW: [Requirement; 5] = [
+    Requirement { package: "libx11-xcb1", why: "windows on X11", is_met: || has_library("libX11-xcb.so.1") },
+    Requirement { package: "libxcursor1", why: "windows on X11", is_met: || has_library("libXcursor.so.1") },
+    Requirement { package: "libxi6", why: "windows on X11", is_met: || has_library("libXi.so.6") },
+    Requirement { package: "libxrandr2", why: "windows on X11", is_met: || has_library("libXrandr.so.2") },
+    Requirement {
+        package: "libxkbcommon-x11-0",
+        why: "the keyboard on X11",
+        is_met: || has_library("libxkbcommon-x11.so.0"),
+    },
+];
+
+/// What the window tests start.
+const VIRTUAL_DISPLAY: [Requirement; 1] =
+    [Requirement { package: "xvfb", why: "a virtual display for the window tests", is_met: || has_program("Xvfb") }];
+
+fn main() -> ExitCode {
+    let mut arguments = std::env::args().skip(1);
+    let task = arguments.next();
+    let rest: Vec<String> = arguments.collect();
+    let outcome = match task.as_deref() {
+        Some("demo") => demo(&rest),
+        Some("test") => test(&rest),
+        _ => Err("usage: cargo demo [ARGUMENTS] | cargo test-all [ARGUMENTS]".into()),
+    };
+    match outcome {
+        Ok(code) => ExitCode::from(code),
+        Err(message) => {
+            eprintln!("{message}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn demo(arguments: &[String]) -> Result<u8, String> {
+    let mut requirements: Vec<&Requirement> = DRAWING.iter().collect();
+    if std::env::var_os("DISPLAY").is_some() {
+        requirements.extend(&WINDOW);
+    }
+    see_to(&requirements)?;
+    run(cargo().args(["run", "--locked", "--"]).args(arguments))
+}
+
+fn test(arguments: &[String]) -> Result<u8, String> {
+    see_to(&DRAWING.iter().chain(&WINDOW).chain(&VIRTUAL_DISPLAY).collect::<Vec<_>>())?;
+    // Tests over the reference data are marked as ignored; they run where the data is.
+    let data = std::env::var_os("DEEPFIELD_DATA").map_or_else(|| root().join("../shared/data"), PathBuf::from);
+    let has_data = data.is_dir();
+    if !has_data {
+        println!("No reference data at {} (DEEPFIELD_DATA): its tests are listed as skipped.", data.display());
+    }
+    let has_nextest = cargo().args(["nextest", "--version"]).stdout(Stdio::null()).stderr(Stdio::null()).status();
+    let mut command = cargo();
+    command.env("DEEPFIELD_DATA", &data);
+    if has_nextest.is_ok_and(|status| status.success()) {
+        command.args(["nextest", "run", "--locked", "--no-fail-fast"]).args(arguments);
+        if has_data {
+            command.args(["--run-ignored", "all"]);
+        }
+    } else {
+        command.args(["test", "--locked", "--no-fail-fast"]).args(arguments);
+        if has_data {
+            command.args(["--", "--include-ignored"]);
+        }
+    }
+    run(&mut command)
+}
+
+/// The repository's root: this package lies two folders below it.
+fn root() -> &'static Path {
+    let here = Path::new(env!("CARGO_MANIFEST_DIR"));
+    here.ancestors().nth(2).unwrap_or(here)
+}
+
+/// Cargo in the repository's root, with build output in the user's cache unless the user chose a place.
+fn cargo() -> Command {
+    let mut command = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
+    command.current_dir(root());
+    if std::env::var_os("CARGO_TARGET_DIR").is_none()
+        && let Some(cache) = user_cache()
+    {
+        command.env("CARGO_TARGET_DIR", cache.join("deepfield").join("target"));
+    }
+    command
+}
+
+/// The user's cache folder by the platform's convention.
+fn user_cache() -> Option<PathBuf> {
+    let variable = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from);
+    if cfg!(windows) {
+        variable("LOCALAPPDATA")
+    } else if cfg!(target_os = "macos") {
+        variable("HOME").map(|home| home.join("Library/Caches"))
+    } else {
+        variable("XDG_CACHE_HOME").or_else(|| variable("HOME").map(|home| home.join(".cache")))
+    }
+}
+
+fn run(command: &mut Command) -> Result<u8, String> {
+    let status = command.status().map_err(|error| format!("cannot start {:?}: {error}", command.get_program()))?;
+    Ok(status.code().map_or(1, |code| u8::try_from(code).unwrap_or(1)))
+}
+
+/// Installs the packages of all requirements that are not met, after saying or asking. Other systems than Linux
+/// bring what deepfield needs.
+fn see_to(requirements: &[&Requirement]) -> Result<(), String> {
+    if !cfg!(target_os = "linux") {
+        return Ok(());
+    }
+    let missing: Vec<&Requirement> =
+        requirements.iter().copied().filter(|requirement| !(requirement.is_met)()).collect();
+    if missing.is_empty() {
+        return Ok(());
+    }
+    println!("deepfield needs these Debian packages, which this machine lacks:");
+    for requirement in &missing {
+        println!("  {:22} {}", requirement.package, requirement.why);
+    }
+    let packages: Vec<&str> = missing.iter().map(|requirement| requirement.package).collect();
+    let by_hand = format!("apt-get install {}", packages.join(" "));
+    if !has_program("apt-get") {
+        return Err(format!("Please install their equivalents (on Debian: {by_hand}) and try again."));
+    }
+    if std::io::stdin().is_terminal() {
+        print!("Install them now with apt-get? [Y/n] ");
+        std::io::stdout().flush().map_err(|error| error.to_string())?;
+        let mut answer = String::new();
+        std::io::stdin().read_line(&mut answer).map_err(|error| error.to_string())?;
+        if !matches!(answer.trim(), "" | "y" | "Y" | "yes") {
+            return Err(format!("Nothing was installed. By hand: {by_hand}"));
+        }
+    } else {
+        println!("Installing them with apt-get.");
+    }
+    let install = "apt-get update -qq && apt-get install -y -qq --no-install-recommends ";
+    let mut command = if is_root() { Command::new("sh") } else { Command::new("sudo") };
+    if !is_root() {
+        command.arg("sh");
+    }
+    command.arg("-c").arg(format!("{install}{}", packages.join(" "))).env("DEBIAN_FRONTEND", "noninteractive");
+    match run(&mut command)? {
+        0 => Ok(()),
+        code => Err(format!("apt-get ended with code {code}. By hand: {by_hand}")),
+    }
+}
+
+fn is_root() -> bool {
+    Command::new("id").arg("-u").output().is_ok_and(|output| output.stdout.trim_ascii() == b"0")
+}
+
+fn has_program(name: &str) -> bool {
+    std::env::var_os("PATH").is_some_and(|path| std::env::split_paths(&path).any(|folder| folder.join(name).is_file()))
+}
+
+/// Whether the dynamic loader's usual folders hold a library.
+fn has_library(name: &str) -> bool {
+    let architecture = format!("{}-linux-gnu", std::env::consts::ARCH);
+    let own = std::env::var_os("LD_LIBRARY_PATH").unwrap_or_default();
+    std::env::split_paths(&own)
+        .chain(["/lib", "/usr/lib", "/usr/local/lib", "/usr/lib64"].map(PathBuf::from))
+        .flat_map(|folder| [folder.join(name), folder.join(&architecture).join(name)])
+        .any(|path| path.exists())
+}
+
+/// Whether a Vulkan driver is registered with the loader.
+fn has_vulkan_driver() -> bool {
+    if ["VK_DRIVER_FILES", "VK_ICD_FILENAMES"].iter().any(|name| std::env::var_os(name).is_some()) {
+        return true;
+    }
+    let home = std::env::var_os("HOME").map(PathBuf::from).unwrap_or_default();
+    ["/usr/share", "/usr/local/share", "/etc", "/usr/local/etc"]
+        .map(PathBuf::from)
+        .into_iter()
+        .chain([home.join(".local/share"), home.join(".config")])
+        .filter_map(|folder| std::fs::read_dir(folder.join("vulkan/icd.d")).ok())
+        .flatten()
+        .flatten()
+        .any(|entry| entry.path().extension().is_some_and(|extension| extension == "json"))
+}
