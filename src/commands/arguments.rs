@@ -15,9 +15,9 @@ impl std::str::FromStr for PictureSize {
     type Err = String;
 
     fn from_str(text: &str) -> Result<PictureSize, String> {
-        let parsed = text.split_once('x').and_then(|(width, height)| {
-            Some(PictureSize { width: width.parse().ok()?, height: height.parse().ok()? })
-        });
+        let parsed = text
+            .split_once('x')
+            .and_then(|(width, height)| Some(PictureSize { width: width.parse().ok()?, height: height.parse().ok()? }));
         parsed
             .filter(|size| (1..=32768).contains(&size.width) && (1..=32768).contains(&size.height))
             .ok_or_else(|| "expected WIDTHxHEIGHT in pixels up to 32768, such as 1200x800".into())

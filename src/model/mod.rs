@@ -4,9 +4,11 @@
 pub mod bounds;
 pub mod kernel;
 pub mod particles;
+pub mod progress;
 pub mod units;
 
 pub use bounds::Bounds;
 pub use kernel::Kernel;
 pub use particles::{Attribute, Dataset, Family, FamilyName, Provenance, Skipped};
+pub use progress::Progress;
 pub use units::Unit;
