@@ -3,5 +3,6 @@
 //! Data flows one way through the rooms below: a room uses the rooms before it, never those after it.
 
 pub mod commands;
+pub mod import;
 pub mod model;
 pub mod view;

@@ -1,0 +1,101 @@
+//! Which scalar attributes a load brings along, and how they come out of a source's fields.
+
+use super::{AttributeChoice, Description, FamilyInfo, FieldKind};
+use crate::model::Unit;
+
+/// The attributes of [`AttributeChoice::Usual`].
+const USUAL: [&str; 5] = ["velocity-dispersion", "temperature", "internal-energy", "magnitude", "color-index"];
+
+/// How one number comes out of a field's components.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Part {
+    /// One component.
+    Component(usize),
+    /// The length of the vector.
+    Length,
+}
+
+impl Part {
+    /// The number, from the components of one particle.
+    pub(super) fn of(self, values: &[f64]) -> f32 {
+        match self {
+            Part::Component(index) => values.get(index).map_or(f32::NAN, |value| *value as f32),
+            Part::Length => values.iter().map(|value| value * value).sum::<f64>().sqrt() as f32,
+        }
+    }
+}
+
+/// One attribute to load.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Planned {
+    /// Its name in the dataset.
+    pub name: String,
+    /// Its unit.
+    pub unit: Unit,
+    /// The field it comes from.
+    pub field: usize,
+    /// What of the field.
+    pub part: Part,
+}
+
+/// The attributes of one family.
+pub(super) fn plan(about: &Description, info: &FamilyInfo, choice: &AttributeChoice) -> Vec<Planned> {
+    let names: Vec<String> = match choice {
+        AttributeChoice::Usual => {
+            let usual: Vec<String> =
+                USUAL.iter().filter(|name| info.named(name).is_some()).map(|name| name.to_string()).collect();
+            if usual.is_empty() { vec!["speed".into()] } else { usual }
+        }
+        AttributeChoice::All => scalars(info).chain(["speed".into()]).collect(),
+        AttributeChoice::Named(names) => names.clone(),
+    };
+    let mut planned: Vec<Planned> = Vec::with_capacity(names.len());
+    for name in names {
+        if let Some(attribute) = named(about, info, &name)
+            && !planned.iter().any(|other| other.name == attribute.name)
+        {
+            planned.push(attribute);
+        }
+    }
+    planned
+}
+
+/// The attribute of that name in a family, if the family has it.
+pub(super) fn named(about: &Description, info: &FamilyInfo, name: &str) -> Option<Planned> {
+    let planned = |field: usize, part, name: &str| Planned {
+        name: name.into(),
+        unit: match info.fields[field].kind {
+            FieldKind::Position => about.length_unit.clone(),
+            _ => info.fields[field].unit.clone(),
+        },
+        field,
+        part,
+    };
+    if let Some(field) = info.named(name).filter(|field| info.fields[*field].components == 1) {
+        return Some(planned(field, Part::Component(0), &info.fields[field].name));
+    }
+    if name == "speed" {
+        return info.find(FieldKind::Velocity).map(|field| planned(field, Part::Length, name));
+    }
+    let (vector, axis) = name.rsplit_once('-')?;
+    let component = ["x", "y", "z"].iter().position(|letter| *letter == axis)?;
+    let field = info.named(vector).filter(|field| info.fields[*field].components == 3)?;
+    Some(planned(field, Part::Component(component), name))
+}
+
+/// Names of the scalar fields that are attributes.
+fn scalars(info: &FamilyInfo) -> impl Iterator<Item = String> {
+    let fields = info.fields.iter().filter(|field| field.components == 1 && field.kind == FieldKind::Other);
+    fields.map(|field| field.name.clone())
+}
+
+/// Every name that could be asked for, in any family, in order.
+pub(super) fn available(about: &Description) -> Vec<String> {
+    let mut names: Vec<String> = about.families.iter().flat_map(scalars).collect();
+    if about.families.iter().any(|info| info.find(FieldKind::Velocity).is_some()) {
+        names.push("speed".into());
+    }
+    names.sort();
+    names.dedup();
+    names
+}

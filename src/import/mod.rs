@@ -1,0 +1,19 @@
+//! From somebody else's file to particles: one file (or folder) per format behind one trait. Nothing outside this room
+//! knows a format.
+//!
+//! [`open`] gives a [`Source`] that reads in bounded ranges, [`summarize`] what `info` prints, [`load`] particles in memory.
+
+mod attributes;
+mod check;
+mod error;
+mod format;
+mod load;
+mod neighbours;
+mod source;
+mod summary;
+
+pub use error::ImportError;
+pub use format::{FORMATS, Format, open};
+pub use load::{AttributeChoice, DEFAULT_NEIGHBOURS, LoadOptions, Smoothing, load, load_source};
+pub use source::{Description, FamilyInfo, Field, FieldKind, Source};
+pub use summary::{FamilySummary, FieldSummary, Statistic, Summary, summarize, summarize_source};

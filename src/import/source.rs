@@ -1,0 +1,116 @@
+//! What every opened source can tell and read, whatever its format.
+
+use super::ImportError;
+use crate::model::{FamilyName, Kernel, Unit};
+use std::ops::Range;
+use std::path::PathBuf;
+
+/// What a field is to the import. Everything else about it is its name and unit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FieldKind {
+    /// Particle positions, 3 components, length unit.
+    Position,
+    /// Velocities, 3 components.
+    Velocity,
+    /// Masses.
+    Mass,
+    /// Smoothing lengths as support radius (converted where the source means another convention).
+    SmoothingLength,
+    /// Mass densities.
+    Density,
+    /// Whole numbers that name particles.
+    Id,
+    /// Any other quantity.
+    Other,
+}
+
+/// One field of one family.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Field {
+    /// Standard name in kebab case (`position`, `smoothing-length`, `internal-energy`), or the source's own name where
+    /// there is no standard one.
+    pub name: String,
+    /// The source's own name for it: block label, path of the data set, column.
+    pub stored_as: String,
+    /// Unit of the values as [`Source::read`] gives them.
+    pub unit: Unit,
+    /// Values per particle, at least 1.
+    pub components: usize,
+    /// What it is to the import.
+    pub kind: FieldKind,
+}
+
+/// One family of a source.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FamilyInfo {
+    /// Which family.
+    pub name: FamilyName,
+    /// Number of particles, all files together; at least 1.
+    pub count: u64,
+    /// Its fields; exactly one has [`FieldKind::Position`], the other kinds but `Other` occur at most once.
+    pub fields: Vec<Field>,
+}
+
+impl FamilyInfo {
+    /// Index of the first field of `kind`.
+    pub fn find(&self, kind: FieldKind) -> Option<usize> {
+        self.fields.iter().position(|field| field.kind == kind)
+    }
+
+    /// Index of the field named `name`, by its standard name or by the source's own.
+    pub fn named(&self, name: &str) -> Option<usize> {
+        let standard = self.fields.iter().position(|field| field.name == name);
+        standard.or_else(|| self.fields.iter().position(|field| field.stored_as == name))
+    }
+}
+
+/// What a source says about itself.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Description {
+    /// The file that was named.
+    pub path: PathBuf,
+    /// The format's name: `gadget`, `gadget-hdf5`, `hdf5`, `swift`, `tipsy`, `csv`, ...
+    pub format: String,
+    /// Size of all files of the source, bytes.
+    pub bytes: u64,
+    /// Number of files of the source.
+    pub files: usize,
+    /// Unit of positions and smoothing lengths.
+    pub length_unit: Unit,
+    /// Unit of masses.
+    pub mass_unit: Unit,
+    /// Kernel that the source's smoothing lengths belong to.
+    pub kernel: Kernel,
+    /// Simulation time, where the source says so.
+    pub time: Option<f64>,
+    /// Redshift, where the source says so.
+    pub redshift: Option<f64>,
+    /// Edge of the periodic box, where there is one.
+    pub box_size: Option<f64>,
+    /// What the import assumed or converted, one sentence each.
+    pub notes: Vec<String>,
+    /// The families that hold particles, in Gadget's order.
+    pub families: Vec<FamilyInfo>,
+}
+
+impl Description {
+    /// Number of particles in all families.
+    pub fn particles(&self) -> u64 {
+        self.families.iter().map(|family| family.count).sum()
+    }
+}
+
+/// An opened source: its description, and its fields in ranges of any size. Nothing is held in memory but what the
+/// description needs; several threads may read at once.
+pub trait Source: Send + Sync {
+    /// What the source holds.
+    fn description(&self) -> &Description;
+
+    /// Reads the particles `range` of field `field` of family `family` (indices into the description) into `out`, particle
+    /// by particle, `components` values each. `out` must hold exactly that many values. Whole numbers above 2^53 are
+    /// rounded; undefined values come as NaN.
+    ///
+    /// # Errors
+    /// [`ImportError`] when the file cannot be read there or its content is damaged, or the range does not exist.
+    fn read(&self, family: usize, field: usize, range: Range<u64>, out: &mut [f64]) -> Result<(), ImportError>;
+}

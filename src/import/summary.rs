@@ -1,0 +1,209 @@
+//! What a source holds, with statistics of every field: the content of `info --json`.
+
+use super::check::{LeftOut, Survey, chunks};
+use super::{FamilyInfo, ImportError, Source};
+use crate::model::{Bounds, FamilyName, Kernel, Skipped, Unit};
+use rayon::prelude::*;
+use serde::Serialize;
+use std::path::Path;
+
+/// A number for a scalar field, one for each component of a vector field.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(untagged)]
+pub enum Statistic {
+    /// Of a scalar field.
+    Scalar(f64),
+    /// Of a field with several components.
+    Vector(Vec<f64>),
+}
+
+/// Statistics of one field over all its finite values.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct FieldSummary {
+    /// Standard name, or the source's own.
+    pub name: String,
+    /// The source's own name.
+    pub stored_as: String,
+    /// Unit of the values; empty when unknown.
+    pub unit: Unit,
+    /// Values per particle.
+    pub components: usize,
+    /// Smallest value.
+    pub min: Statistic,
+    /// Largest value.
+    pub max: Statistic,
+    /// Mean, summed in double precision.
+    pub mean: Statistic,
+    /// How many values are not finite.
+    pub non_finite: u64,
+}
+
+/// One family of a source.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct FamilySummary {
+    /// Which family.
+    pub name: FamilyName,
+    /// Number of particles in the source.
+    pub count: u64,
+    /// Sum of the positive masses, or the count where the source has no masses.
+    pub mass: f64,
+    /// The box around the finite positions; absent if there is none.
+    pub bounds: Option<Bounds>,
+    /// Every field.
+    pub fields: Vec<FieldSummary>,
+}
+
+/// Everything that `info --json` says about a source.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Summary {
+    /// What the data is: `particles`.
+    pub kind: &'static str,
+    /// The format's name.
+    pub format: String,
+    /// Size of all files, bytes.
+    pub bytes: u64,
+    /// Number of files.
+    pub files: usize,
+    /// Number of particles in the source, all families.
+    pub particles: u64,
+    /// Unit of positions and smoothing lengths.
+    pub length_unit: Unit,
+    /// Unit of masses.
+    pub mass_unit: Unit,
+    /// Kernel that smoothing lengths belong to.
+    pub kernel: Kernel,
+    /// Simulation time.
+    pub time: Option<f64>,
+    /// Redshift.
+    pub redshift: Option<f64>,
+    /// Edge of the periodic box.
+    pub box_size: Option<f64>,
+    /// The families that hold particles.
+    pub families: Vec<FamilySummary>,
+    /// The box around all finite positions; absent if there is none.
+    pub bounds: Option<Bounds>,
+    /// Particles that [`super::load`] leaves out, by reason.
+    pub skipped: Vec<Skipped>,
+    /// What the import assumes or converts.
+    pub notes: Vec<String>,
+}
+
+/// Opens the source at `path` and reads every field once, in bounded chunks.
+///
+/// # Errors
+/// [`ImportError`] when the source cannot be opened or read.
+pub fn summarize(path: &Path) -> Result<Summary, ImportError> {
+    summarize_source(super::open(path)?.as_ref())
+}
+
+/// [`summarize`] of an opened source.
+///
+/// # Errors
+/// [`ImportError`] when the source cannot be read.
+pub fn summarize_source(source: &dyn Source) -> Result<Summary, ImportError> {
+    let about = source.description();
+    let mut families = Vec::with_capacity(about.families.len());
+    let mut left_out = LeftOut::default();
+    for (index, info) in about.families.iter().enumerate() {
+        families.push(summarize_family(source, index, info, &mut left_out)?);
+    }
+    let bounds = families.iter().filter_map(|family| family.bounds).reduce(Bounds::union);
+    Ok(Summary {
+        kind: "particles",
+        format: about.format.clone(),
+        bytes: about.bytes,
+        files: about.files,
+        particles: about.particles(),
+        length_unit: about.length_unit.clone(),
+        mass_unit: about.mass_unit.clone(),
+        kernel: about.kernel,
+        time: about.time,
+        redshift: about.redshift,
+        box_size: about.box_size,
+        families,
+        bounds,
+        skipped: left_out.into_skipped(),
+        notes: about.notes.clone(),
+    })
+}
+
+/// Running statistics of the finite values of one component.
+#[derive(Clone, Copy)]
+struct Running {
+    min: f64,
+    max: f64,
+    sum: f64,
+    count: u64,
+}
+
+impl Running {
+    const NOTHING: Running = Running { min: f64::INFINITY, max: f64::NEG_INFINITY, sum: 0.0, count: 0 };
+
+    fn of(values: &[f64], component: usize, components: usize) -> Running {
+        let column = values[component..].iter().step_by(components).copied().filter(|value| value.is_finite());
+        column.fold(Running::NOTHING, |running, value| Running {
+            min: running.min.min(value),
+            max: running.max.max(value),
+            sum: running.sum + value,
+            count: running.count + 1,
+        })
+    }
+
+    fn and(self, other: Running) -> Running {
+        Running {
+            min: self.min.min(other.min),
+            max: self.max.max(other.max),
+            sum: self.sum + other.sum,
+            count: self.count + other.count,
+        }
+    }
+}
+
+/// Statistics of one field: the chunks are read in parallel and added up in order, so that sums do not depend on the
+/// number of threads.
+fn running(source: &dyn Source, family: usize, field: usize, count: u64) -> Result<Vec<Running>, ImportError> {
+    let components = source.description().families[family].fields[field].components;
+    let chunks: Result<Vec<Vec<Running>>, ImportError> = chunks(count)
+        .into_par_iter()
+        .map_init(Vec::new, |buffer: &mut Vec<f64>, range| {
+            buffer.resize((range.end - range.start) as usize * components, 0.0);
+            source.read(family, field, range, buffer)?;
+            Ok((0..components).map(|component| Running::of(buffer, component, components)).collect())
+        })
+        .collect();
+    let nothing = vec![Running::NOTHING; components];
+    Ok(chunks?.iter().fold(nothing, |all, chunk| all.iter().zip(chunk).map(|(a, b)| a.and(*b)).collect()))
+}
+
+fn statistic(running: &[Running], value: impl Fn(&Running) -> f64) -> Statistic {
+    match running {
+        [one] => Statistic::Scalar(value(one)),
+        several => Statistic::Vector(several.iter().map(value).collect()),
+    }
+}
+
+fn summarize_family(
+    source: &dyn Source,
+    index: usize,
+    info: &FamilyInfo,
+    left_out: &mut LeftOut,
+) -> Result<FamilySummary, ImportError> {
+    let mut fields = Vec::with_capacity(info.fields.len());
+    for (number, field) in info.fields.iter().enumerate() {
+        let running = running(source, index, number, info.count)?;
+        let values: u64 = running.iter().map(|component| component.count).sum();
+        fields.push(FieldSummary {
+            name: field.name.clone(),
+            stored_as: field.stored_as.clone(),
+            unit: field.unit.clone(),
+            components: field.components,
+            min: statistic(&running, |component| component.min),
+            max: statistic(&running, |component| component.max),
+            mean: statistic(&running, |component| component.sum / component.count as f64),
+            non_finite: info.count * field.components as u64 - values,
+        });
+    }
+    let survey = Survey::of(source, index, info)?;
+    left_out.add(&survey.left_out());
+    Ok(FamilySummary { name: info.name, count: info.count, mass: survey.mass(), bounds: survey.bounds(), fields })
+}
