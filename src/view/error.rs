@@ -10,25 +10,25 @@
 //! by Cauchy and Schwarz, where `e = p' - p`, `f` is the focal length in pixels, `theta` the angle of `p` off the
 //! middle line of sight and `z_min` the smallest depth in the node.
 
-use super::frustum::Cell;
+use super::frustum::Extent;
 use super::{Projection, View};
 
 impl View {
-    /// Largest displacement on screen, in pixels, of any particle of the cell that is drawn at most `delta` (world
-    /// units) from its place and lies in the picture. Infinite if the cell reaches the eye's plane; zero if `delta`
+    /// Largest displacement on screen, in pixels, of any particle of the extent that is drawn at most `delta` (world
+    /// units) from its place and lies in the picture. Infinite if the extent reaches the eye's plane; zero if `delta`
     /// is zero.
-    pub fn error_pixels(&self, cell: &Cell, delta: f64) -> f64 {
+    pub fn error_pixels(&self, extent: &Extent, delta: f64) -> f64 {
         if delta <= 0.0 {
             return 0.0;
         }
         match self.projection {
             Projection::Orthographic { .. } => self.focal_pixels() * delta,
             Projection::Perspective { .. } => {
-                let nearest = self.nearest_depth(cell);
+                let nearest = self.nearest_depth(extent);
                 if nearest <= 0.0 {
                     return f64::INFINITY;
                 }
-                self.focal_pixels() * delta * self.largest_secant(cell) / nearest
+                self.focal_pixels() * delta * self.largest_secant(extent) / nearest
             }
         }
     }
@@ -37,12 +37,17 @@ impl View {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::model::Bounds;
     use glam::DVec3;
     use proptest::prelude::*;
 
     fn view(width: u32, height: u32, fov: f64) -> View {
         let projection = Projection::Perspective { fov_y: fov };
         View::look_at(DVec3::new(0.3, -0.2, 5.0), DVec3::ZERO, DVec3::Y, projection, width, height).unwrap()
+    }
+
+    fn cube(min: DVec3, size: f64) -> Extent {
+        Extent { bounds: Bounds { min, max: min + size }, margin: 0.0 }
     }
 
     /// Displacement in pixels between two world positions, if the first is in the picture.
@@ -65,18 +70,19 @@ mod tests {
             fov in 0.1..2.6f64,
         ) {
             let view = view(640, 360, fov);
-            let cell = Cell { min: DVec3::from(min), size, margin: 0.0 };
-            let source = cell.min + size * DVec3::from(inside);
+            let min = DVec3::from(min);
+            let extent = cube(min, size);
+            let source = min + size * DVec3::from(inside);
             let step = DVec3::from(step).normalize_or_zero() * delta;
-            // Drawn positions stay in the cell, as bin centres and centroids do.
-            let drawn = (source + step).clamp(cell.min, cell.min + size);
-            let bound = view.error_pixels(&cell, delta);
+            // Drawn positions stay in the box, as bin centres and centroids do.
+            let drawn = (source + step).clamp(min, min + size);
+            let bound = view.error_pixels(&extent, delta);
             if let Some(moved) = displacement(&view, source, drawn) {
                 prop_assert!(moved <= bound * (1.0 + 1e-12), "moved {moved} px, bound {bound} px");
             }
         }
 
-        /// A cell that holds a particle reaching into the picture is never culled.
+        /// An extent that holds a particle reaching into the picture is never culled.
         #[test]
         fn no_visible_cell_is_culled(
             min in prop::array::uniform3(-6.0..6.0f64),
@@ -90,12 +96,13 @@ mod tests {
                 Projection::Perspective { fov_y: 0.9 }
             };
             let view = View::look_at(DVec3::new(1.0, 2.0, 5.0), DVec3::ZERO, DVec3::Y, projection, 300, 200).unwrap();
-            let cell = Cell { min: DVec3::from(min), size, margin: 0.0 };
-            let point = view.to_camera(cell.min + size * DVec3::from(inside));
+            let min = DVec3::from(min);
+            let extent = cube(min, size);
+            let point = view.to_camera(min + size * DVec3::from(inside));
             if let Some([x, y]) = view.to_pixels(point)
                 && point.z > 0.0 && (0.0..300.0).contains(&x) && (0.0..200.0).contains(&y)
             {
-                prop_assert!(view.sees(&cell));
+                prop_assert!(view.sees(&extent));
             }
         }
     }
@@ -105,11 +112,11 @@ mod tests {
     fn the_bound_is_tight_in_the_middle_of_the_picture() {
         let projection = Projection::Perspective { fov_y: 0.8 };
         let view = View::look_at(DVec3::new(0.0, 0.0, 100.0), DVec3::ZERO, DVec3::Y, projection, 800, 800).unwrap();
-        let cell = Cell { min: DVec3::splat(-0.05), size: 0.1, margin: 0.0 };
+        let extent = cube(DVec3::splat(-0.05), 0.1);
         let delta = 0.01;
         let source = DVec3::new(0.0, 0.0, 0.05);
         let moved = displacement(&view, source, source + DVec3::X * delta).unwrap();
-        let bound = view.error_pixels(&cell, delta);
+        let bound = view.error_pixels(&extent, delta);
         assert!(moved > 0.99 * bound && moved <= bound, "moved {moved} px, bound {bound} px");
     }
 }

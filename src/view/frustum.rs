@@ -1,36 +1,30 @@
 //! What a view can see of a box: visibility and the range of depths, conservative and in double precision.
 
 use super::{Projection, View};
+use crate::model::Bounds;
 use glam::DVec3;
 
-/// An axis-aligned cube (an octree cell) whose particles reach `margin` beyond it.
+/// An axis-aligned box of particle positions, and how far the particles reach out of it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Cell {
-    /// Lower corner, world units.
-    pub min: DVec3,
-    /// Edge length, world units.
-    pub size: f64,
-    /// Largest smoothing length of a particle in the cell, world units.
+pub struct Extent {
+    /// Box around the true and the drawn positions, world units; not empty.
+    pub bounds: Bounds,
+    /// Largest smoothing length of a particle in the box, world units.
     pub margin: f64,
 }
 
-impl Cell {
-    /// The middle of the cube.
-    pub fn center(&self) -> DVec3 {
-        self.min + 0.5 * self.size
-    }
-
-    /// Half the cube's extent along a unit vector.
+impl Extent {
+    /// Half the box's extent along a unit vector.
     fn half_extent_along(&self, direction: DVec3) -> f64 {
-        0.5 * self.size * direction.abs().element_sum()
+        0.5 * self.bounds.size().dot(direction.abs())
     }
 }
 
 impl View {
-    /// Whether any particle of the cell can reach a pixel. Never false for a cell that does; may be true for one
+    /// Whether any particle of the extent can reach a pixel. Never false for an extent that does; may be true for one
     /// just outside a corner of the frustum.
-    pub fn sees(&self, cell: &Cell) -> bool {
-        let center = self.to_camera(cell.center());
+    pub fn sees(&self, extent: &Extent) -> bool {
+        let center = self.to_camera(extent.bounds.center());
         let half_width = 0.5 * f64::from(self.width) / self.focal_pixels();
         let half_height = 0.5 * f64::from(self.height) / self.focal_pixels();
         // A side's inward normal in camera space, and the signed distance of the plane from the eye.
@@ -52,26 +46,26 @@ impl View {
         };
         sides.iter().all(|&(normal, offset)| {
             let world_normal = normal.x * self.right + normal.y * self.up + normal.z * self.forward;
-            center.dot(normal) + offset + cell.half_extent_along(world_normal) + cell.margin >= 0.0
+            center.dot(normal) + offset + extent.half_extent_along(world_normal) + extent.margin >= 0.0
         })
     }
 
-    /// Smallest depth of a point of the cube (without its margin), world units; negative behind the eye.
-    pub fn nearest_depth(&self, cell: &Cell) -> f64 {
-        self.to_camera(cell.center()).z - cell.half_extent_along(self.forward)
+    /// Smallest depth of a point of the box (without its margin), world units; negative behind the eye.
+    pub fn nearest_depth(&self, extent: &Extent) -> f64 {
+        self.to_camera(extent.bounds.center()).z - extent.half_extent_along(self.forward)
     }
 
-    /// An upper bound of `1 / cos(theta)` over all points that lie both in the cube and in a perspective picture,
+    /// An upper bound of `1 / cos(theta)` over all points that lie both in the box and in a perspective picture,
     /// `theta` being the angle to the middle line of sight.
-    pub(super) fn largest_secant(&self, cell: &Cell) -> f64 {
+    pub(super) fn largest_secant(&self, extent: &Extent) -> f64 {
         let half_width = 0.5 * f64::from(self.width) / self.focal_pixels();
         let half_height = 0.5 * f64::from(self.height) / self.focal_pixels();
         let corner = half_width.hypot(half_height);
-        let nearest = self.nearest_depth(cell);
+        let nearest = self.nearest_depth(extent);
         let tangent = if nearest > 0.0 {
-            let center = self.to_camera(cell.center());
-            let lateral = (center.x.abs() + cell.half_extent_along(self.right))
-                .hypot(center.y.abs() + cell.half_extent_along(self.up));
+            let center = self.to_camera(extent.bounds.center());
+            let lateral = (center.x.abs() + extent.half_extent_along(self.right))
+                .hypot(center.y.abs() + extent.half_extent_along(self.up));
             corner.min(lateral / nearest)
         } else {
             corner

@@ -7,5 +7,5 @@ pub mod frustum;
 pub mod selection;
 
 pub use camera::{Projection, View, ViewError};
-pub use frustum::Cell;
-pub use selection::{NodeInfo, NodeTree, Selection, select};
+pub use frustum::Extent;
+pub use selection::{Drawn, Missing, NodeInfo, NodeTree, Selection, select};

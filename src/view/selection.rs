@@ -2,14 +2,15 @@
 //! the view sees nothing, and held at the parent where children are not resident yet (F12 4.7.2, 4.8).
 
 use super::View;
-use super::frustum::Cell;
+use super::frustum::Extent;
 
 /// What selection needs to know of a node.
 #[derive(Clone, Copy, Debug)]
 pub struct NodeInfo<Id> {
-    /// The node's cell and how far its particles reach beyond it.
-    pub cell: Cell,
-    /// Largest distance between a source particle in the node and the particle drawn for it, world units.
+    /// Where the node's particles are and how far they reach.
+    pub extent: Extent,
+    /// Largest distance between a source particle in the node and the particle drawn for it, world units; infinite
+    /// for a node that holds no particles of its own and only leads to its children.
     pub delta: f64,
     /// Number of particles drawn for the node.
     pub particles: u64,
@@ -35,19 +36,26 @@ pub struct Missing<Id> {
     pub error_pixels: f64,
 }
 
+/// A node to draw.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Drawn<Id> {
+    /// The node.
+    pub id: Id,
+    /// Its screen-space error, pixels.
+    pub error_pixels: f64,
+    /// Number of particles drawn for it.
+    pub particles: u64,
+}
+
 /// The nodes a view draws, and what it lacks.
 #[derive(Clone, Debug)]
 pub struct Selection<Id> {
     /// Nodes to draw; no node is an ancestor of another.
-    pub draw: Vec<Id>,
+    pub draw: Vec<Drawn<Id>>,
     /// Nodes to load, the most missed first.
     pub missing: Vec<Missing<Id>>,
     /// Every resident node that was looked at, the drawn ones included.
     pub visited: Vec<Id>,
-    /// Largest screen-space error among the drawn nodes, pixels; 0 if none is drawn.
-    pub error_pixels: f64,
-    /// Particles in the drawn nodes.
-    pub particles: u64,
 }
 
 impl<Id> Selection<Id> {
@@ -55,64 +63,91 @@ impl<Id> Selection<Id> {
     pub fn is_converged(&self) -> bool {
         self.missing.is_empty()
     }
+
+    /// Largest screen-space error among the drawn nodes, pixels; 0 if none is drawn.
+    pub fn error_pixels(&self) -> f64 {
+        self.draw.iter().fold(0.0, |largest, node| largest.max(node.error_pixels))
+    }
+
+    /// Particles in the drawn nodes.
+    pub fn particles(&self) -> u64 {
+        self.draw.iter().map(|node| node.particles).sum()
+    }
 }
 
 /// Selects the nodes below `roots` that draw `view` with a screen-space error of at most `tau` pixels, as far as
-/// they are resident. A leaf whose own error is above `tau` is drawn all the same and counted in `error_pixels`.
+/// they are resident. A leaf whose own error is above `tau` is drawn all the same and counted in
+/// [`Selection::error_pixels`].
 ///
-/// A node with any visible child missing is drawn itself: parent and children overlap, so drawing both would count
-/// their mass twice.
+/// A node with any child missing is drawn itself: parent and children overlap, so drawing both would count their
+/// mass twice.
 pub fn select<Tree: NodeTree>(view: &View, tau: f64, tree: &Tree, roots: &[Tree::Id]) -> Selection<Tree::Id> {
-    let mut selection =
-        Selection { draw: Vec::new(), missing: Vec::new(), visited: Vec::new(), error_pixels: 0.0, particles: 0 };
-    let mut stack: Vec<(Tree::Id, NodeInfo<Tree::Id>, f64)> = Vec::new();
+    let selection = Selection { draw: Vec::new(), missing: Vec::new(), visited: Vec::new() };
+    let mut traversal = Traversal { view, tau, tree, selection };
     for &id in roots {
         match tree.node(id) {
-            Some(info) => visit(view, id, info, &mut selection, &mut stack),
-            None => selection.missing.push(Missing { id, error_pixels: f64::INFINITY }),
+            Some(info) => {
+                traversal.visit(id, info);
+            }
+            None => traversal.selection.missing.push(Missing { id, error_pixels: f64::INFINITY }),
         }
     }
-    while let Some((id, info, error)) = stack.pop() {
-        let refinable = error > tau && info.children.iter().any(Option::is_some);
-        let absent = selection.missing.len();
-        if refinable {
-            for child in info.children.into_iter().flatten().filter(|&child| tree.node(child).is_none()) {
-                selection.missing.push(Missing { id: child, error_pixels: error });
-            }
-        }
-        if refinable && selection.missing.len() == absent {
-            for child in info.children.into_iter().flatten() {
-                if let Some(child_info) = tree.node(child) {
-                    visit(view, child, child_info, &mut selection, &mut stack);
-                }
-            }
-        } else {
-            selection.draw.push(id);
-            selection.error_pixels = selection.error_pixels.max(error);
-            selection.particles += info.particles;
-        }
-    }
+    let mut selection = traversal.selection;
     selection.missing.sort_by(|a, b| b.error_pixels.total_cmp(&a.error_pixels));
     selection
 }
 
-/// Notes a resident node and queues it unless the view cannot see it.
-fn visit<Id: Copy>(
-    view: &View,
-    id: Id,
-    info: NodeInfo<Id>,
-    selection: &mut Selection<Id>,
-    stack: &mut Vec<(Id, NodeInfo<Id>, f64)>,
-) {
-    selection.visited.push(id);
-    if view.sees(&info.cell) {
-        stack.push((id, info, view.error_pixels(&info.cell, info.delta)));
+/// One walk down the tree.
+struct Traversal<'a, Tree: NodeTree> {
+    view: &'a View,
+    tau: f64,
+    tree: &'a Tree,
+    selection: Selection<Tree::Id>,
+}
+
+impl<Tree: NodeTree> Traversal<'_, Tree> {
+    /// Draws a resident node or what refines it; false where neither is possible because the node holds no particles
+    /// and its refinement is missing, so that an ancestor has to be drawn.
+    fn visit(&mut self, id: Tree::Id, info: NodeInfo<Tree::Id>) -> bool {
+        self.selection.visited.push(id);
+        if !self.view.sees(&info.extent) {
+            return true;
+        }
+        let error_pixels = self.view.error_pixels(&info.extent, info.delta);
+        if error_pixels > self.tau && info.children.iter().any(Option::is_some) && self.refine(&info, error_pixels) {
+            return true;
+        }
+        if info.delta.is_infinite() {
+            return false;
+        }
+        self.selection.draw.push(Drawn { id, error_pixels, particles: info.particles });
+        true
+    }
+
+    /// Draws the children in a node's place; draws nothing and is false if that is not possible yet.
+    fn refine(&mut self, info: &NodeInfo<Tree::Id>, error_pixels: f64) -> bool {
+        let drawn = self.selection.draw.len();
+        let mut complete = true;
+        for child in info.children.into_iter().flatten() {
+            match self.tree.node(child) {
+                Some(child_info) => complete &= self.visit(child, child_info),
+                None => {
+                    self.selection.missing.push(Missing { id: child, error_pixels });
+                    complete = false;
+                }
+            }
+        }
+        if !complete {
+            self.selection.draw.truncate(drawn);
+        }
+        complete
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::model::Bounds;
     use crate::view::Projection;
     use glam::DVec3;
     use std::collections::{HashMap, HashSet};
@@ -121,6 +156,7 @@ mod tests {
     struct Full {
         depth: u8,
         absent: HashSet<(u8, [u32; 3])>,
+        relays: HashSet<(u8, [u32; 3])>,
     }
 
     impl NodeTree for Full {
@@ -141,7 +177,13 @@ mod tests {
             }
             // The paper's bound for 256^3 bins: half a bin's diagonal.
             let delta = if id.0 < self.depth { 3f64.sqrt() / 2.0 * size / 256.0 } else { 0.0 };
-            Some(NodeInfo { cell: Cell { min, size, margin: 0.0 }, delta, particles: 1, children })
+            let extent = Extent { bounds: Bounds { min, max: min + size }, margin: 0.0 };
+            Some(NodeInfo {
+                extent,
+                delta: if self.relays.contains(&id) { f64::INFINITY } else { delta },
+                particles: 1,
+                children,
+            })
         }
     }
 
@@ -152,13 +194,13 @@ mod tests {
 
     #[test]
     fn drawn_nodes_cover_what_is_seen_exactly_once_within_tau() {
-        let tree = Full { depth: 5, absent: HashSet::new() };
+        let tree = Full { depth: 5, absent: HashSet::new(), relays: HashSet::new() };
         for distance in [0.2, 0.9, 2.0, 5.0, 30.0] {
             let view = view(DVec3::splat(0.5) + distance * DVec3::new(0.3, 0.5, 0.81));
             let selection = select(&view, 0.8, &tree, &[(0, [0; 3])]);
-            assert!(selection.is_converged() && selection.error_pixels <= 0.8);
+            assert!(selection.is_converged() && selection.error_pixels() <= 0.8);
             let mut cover: HashMap<[u32; 3], u32> = HashMap::new();
-            for (depth, [x, y, z]) in selection.draw {
+            for (depth, [x, y, z]) in selection.draw.iter().map(|node| node.id) {
                 let span = 1 << (5 - depth);
                 for i in 0..span * span * span {
                     let cell = [x * span + i % span, y * span + i / span % span, z * span + i / (span * span)];
@@ -180,7 +222,7 @@ mod tests {
     /// `d_min` is right to a percent: the node is drawn just beyond it and refined just within it.
     #[test]
     fn a_node_is_refined_at_d_min() {
-        let tree = Full { depth: 1, absent: HashSet::new() };
+        let tree = Full { depth: 1, absent: HashSet::new(), relays: HashSet::new() };
         let delta = 3f64.sqrt() / 2.0 / 256.0;
         let tau = 0.8;
         let focal = 768.0 / (2.0 * 0.45f64.tan());
@@ -197,10 +239,20 @@ mod tests {
     #[test]
     fn a_parent_stands_in_for_children_that_are_not_resident() {
         let absent = HashSet::from([(1, [0, 0, 0]), (1, [1, 1, 1])]);
-        let tree = Full { depth: 3, absent };
+        let tree = Full { depth: 3, absent, relays: HashSet::new() };
         let selection = select(&view(DVec3::new(0.5, 0.5, 2.0)), 0.01, &tree, &[(0, [0; 3])]);
-        assert_eq!(selection.draw, vec![(0, [0; 3])]);
+        assert_eq!(selection.draw.iter().map(|node| node.id).collect::<Vec<_>>(), [(0, [0; 3])]);
         assert_eq!(selection.missing.len(), 2);
-        assert!(!selection.is_converged() && selection.error_pixels > 0.01);
+        assert!(!selection.is_converged() && selection.error_pixels() > 0.01);
+    }
+
+    #[test]
+    fn an_ancestor_stands_in_for_a_node_without_particles_that_cannot_be_refined() {
+        let absent = HashSet::from([(2, [0, 0, 0])]);
+        let relays = HashSet::from([(1, [0, 0, 0])]);
+        let tree = Full { depth: 3, absent, relays };
+        let selection = select(&view(DVec3::new(0.5, 0.5, 2.0)), 0.01, &tree, &[(0, [0; 3])]);
+        assert_eq!(selection.draw.iter().map(|node| node.id).collect::<Vec<_>>(), [(0, [0; 3])]);
+        assert!(selection.missing.iter().any(|missing| missing.id == (2, [0, 0, 0])));
     }
 }
