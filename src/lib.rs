@@ -2,7 +2,10 @@
 //!
 //! Data flows one way through the rooms below: a room uses the rooms before it, never those after it.
 
+pub mod codec;
 pub mod commands;
+pub mod hierarchy;
 pub mod import;
 pub mod model;
+pub mod store;
 pub mod view;

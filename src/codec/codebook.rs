@@ -1,0 +1,53 @@
+//! What a codebook index decodes to (F12 4.7.4: "it is sufficient to exponentiate the codebook entries").
+
+/// Which particles a codebook was trained on and codes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum CodebookScope {
+    /// The particles of every leaf of the family: the source's own particles.
+    Leaves,
+    /// The drawn (merged) particles of the grid nodes at this depth.
+    Depth(u8),
+}
+
+/// Measured error of one quantity over all particles that a codebook codes.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct QuantityError {
+    /// Mean of `|decoded - value| / scale`, where `scale` is `|value|` for positive quantities and the quantity's range
+    /// over the family for those that have zero or negative values.
+    pub mean: f64,
+    /// Maximum of the same.
+    pub max: f64,
+}
+
+/// One codebook: entry `i` of each column is what code `i` decodes to. All columns have the same length, at most
+/// `2^bits`. Over the particles that the codebook codes, the entries conserve `sum m` and `sum m rho` (up to rounding):
+/// `mass[i]` is the mean mass of the particles with code `i` and `density[i]` their mass-weighted mean density.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Codebook {
+    /// What it was trained on.
+    pub scope: CodebookScope,
+    /// How many particles it codes.
+    pub particles: u64,
+    /// Mass `m`, the family's mass unit.
+    pub mass: Vec<f32>,
+    /// Density `rho`.
+    pub density: Vec<f32>,
+    /// Smoothing length `h` (support radius).
+    pub smoothing_length: Vec<f32>,
+    /// One column for each attribute of the family, in the order of the attribute table.
+    pub attributes: Vec<Vec<f32>>,
+    /// Error of mass, density, smoothing length, then of each attribute.
+    pub errors: Vec<QuantityError>,
+}
+
+impl Codebook {
+    /// Number of entries.
+    pub fn len(&self) -> usize {
+        self.mass.len()
+    }
+
+    /// Whether the codebook has no entry.
+    pub fn is_empty(&self) -> bool {
+        self.mass.is_empty()
+    }
+}

@@ -1,0 +1,11 @@
+//! Lossy and lossless codes: Morton order, quantised coordinates, vector quantisation of attributes (F12 3.3, 3.4, 4.7.4).
+//!
+//! This room turns columns of numbers into indices and back; it knows neither trees nor files.
+
+pub mod codebook;
+pub mod coordinates;
+pub mod morton;
+pub mod packing;
+
+pub use codebook::{Codebook, CodebookScope, QuantityError};
+pub use packing::VqBits;

@@ -1,0 +1,51 @@
+//! Morton (Z-order) keys: three 21-bit coordinates interleaved into 63 bits, x in the lowest bit of each triple.
+
+/// Bits per coordinate.
+pub const MORTON_BITS: u32 = 21;
+
+/// The key of a cell.
+pub fn encode([x, y, z]: [u32; 3]) -> u64 {
+    spread(x) | spread(y) << 1 | spread(z) << 2
+}
+
+/// The cell of a key.
+pub fn decode(key: u64) -> [u32; 3] {
+    [compact(key), compact(key >> 1), compact(key >> 2)]
+}
+
+fn spread(v: u32) -> u64 {
+    let mut v = u64::from(v) & 0x1f_ffff;
+    v = (v | v << 32) & 0x001f_0000_0000_ffff;
+    v = (v | v << 16) & 0x001f_0000_ff00_00ff;
+    v = (v | v << 8) & 0x100f_00f0_0f00_f00f;
+    v = (v | v << 4) & 0x10c3_0c30_c30c_30c3;
+    (v | v << 2) & 0x1249_2492_4924_9249
+}
+
+fn compact(v: u64) -> u32 {
+    let mut v = v & 0x1249_2492_4924_9249;
+    v = (v | v >> 2) & 0x10c3_0c30_c30c_30c3;
+    v = (v | v >> 4) & 0x100f_00f0_0f00_f00f;
+    v = (v | v >> 8) & 0x001f_0000_ff00_00ff;
+    v = (v | v >> 16) & 0x001f_0000_0000_ffff;
+    v = (v | v >> 32) & 0x1f_ffff;
+    v as u32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn keys_round_trip(cell in prop::array::uniform3(0..1_u32 << MORTON_BITS)) {
+            prop_assert_eq!(decode(encode(cell)), cell);
+        }
+
+        #[test]
+        fn a_prefix_is_the_enclosing_cell(cell in prop::array::uniform3(0..1_u32 << MORTON_BITS), up in 0..MORTON_BITS) {
+            prop_assert_eq!(decode(encode(cell) >> (3 * up)), cell.map(|v| v >> up));
+        }
+    }
+}

@@ -1,0 +1,128 @@
+//! Codebook indices as bytes: 8 bits, 12 bits (two indices in three bytes) or 16 bits, little-endian.
+
+use serde::{Deserialize, Serialize};
+
+/// Bits of a codebook index on disk.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(try_from = "u8", into = "u8")]
+pub enum VqBits {
+    /// At most 256 entries for each codebook.
+    #[default]
+    Eight,
+    /// At most 4096 entries.
+    Twelve,
+    /// At most 65536 entries.
+    Sixteen,
+}
+
+impl VqBits {
+    /// The number of bits.
+    pub const fn bits(self) -> u8 {
+        match self {
+            VqBits::Eight => 8,
+            VqBits::Twelve => 12,
+            VqBits::Sixteen => 16,
+        }
+    }
+
+    /// The largest number of entries that an index can name.
+    pub const fn entries(self) -> usize {
+        1 << self.bits()
+    }
+
+    /// Bytes that `count` packed indices take; `None` where that overflows.
+    pub fn packed_len(self, count: usize) -> Option<usize> {
+        match self {
+            VqBits::Eight => Some(count),
+            VqBits::Twelve => count.checked_mul(3).map(|bits| bits.div_ceil(2)),
+            VqBits::Sixteen => count.checked_mul(2),
+        }
+    }
+
+    /// Appends the packed `codes` to `out`.
+    pub fn pack(self, codes: &[u16], out: &mut Vec<u8>) {
+        match self {
+            VqBits::Eight => out.extend(codes.iter().map(|&code| code as u8)),
+            VqBits::Sixteen => out.extend(codes.iter().flat_map(|code| code.to_le_bytes())),
+            VqBits::Twelve => {
+                for pair in codes.chunks(2) {
+                    let (a, b) = (pair[0], pair.get(1).copied().unwrap_or(0));
+                    let bytes = [a as u8, (a >> 8 & 0xf) as u8 | (b << 4) as u8, (b >> 4) as u8];
+                    out.extend_from_slice(&bytes[..pair.len() + 1]);
+                }
+            }
+        }
+    }
+
+    /// Appends `count` codes to `out`. `bytes` holds exactly [`VqBits::packed_len`] bytes; fewer give fewer codes.
+    pub fn unpack(self, bytes: &[u8], count: usize, out: &mut Vec<u16>) {
+        match self {
+            VqBits::Eight => out.extend(bytes.iter().take(count).map(|&byte| u16::from(byte))),
+            VqBits::Sixteen => {
+                out.extend(bytes.chunks_exact(2).take(count).map(|pair| u16::from_le_bytes([pair[0], pair[1]])));
+            }
+            VqBits::Twelve => {
+                let codes = bytes.chunks(3).flat_map(|triple| {
+                    let at = |i: usize| u16::from(triple.get(i).copied().unwrap_or(0));
+                    [at(0) | (at(1) & 0xf) << 8, at(1) >> 4 | at(2) << 4]
+                });
+                out.extend(codes.take(count));
+            }
+        }
+    }
+}
+
+impl TryFrom<u8> for VqBits {
+    type Error = String;
+
+    fn try_from(bits: u8) -> Result<VqBits, String> {
+        match bits {
+            8 => Ok(VqBits::Eight),
+            12 => Ok(VqBits::Twelve),
+            16 => Ok(VqBits::Sixteen),
+            _ => Err(format!("{bits} bits: expected 8, 12 or 16")),
+        }
+    }
+}
+
+impl From<VqBits> for u8 {
+    fn from(bits: VqBits) -> u8 {
+        bits.bits()
+    }
+}
+
+impl std::str::FromStr for VqBits {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<VqBits, String> {
+        text.parse::<u8>().map_err(|_| format!("{text:?}: expected 8, 12 or 16")).and_then(VqBits::try_from)
+    }
+}
+
+impl std::fmt::Display for VqBits {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}", self.bits())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn codes_round_trip(
+            bits in prop::sample::select(vec![VqBits::Eight, VqBits::Twelve, VqBits::Sixteen]),
+            codes in prop::collection::vec(any::<u16>(), 0..50),
+        ) {
+            let codes: Vec<u16> = codes.into_iter().map(|code| code & (bits.entries() - 1) as u16).collect();
+            let mut bytes = Vec::new();
+            bits.pack(&codes, &mut bytes);
+            prop_assert_eq!(Some(bytes.len()), bits.packed_len(codes.len()));
+            let mut back = Vec::new();
+            bits.unpack(&bytes, codes.len(), &mut back);
+            prop_assert_eq!(back, codes);
+        }
+    }
+}

@@ -1,0 +1,269 @@
+//! The footer: page table, metadata, attribute tables and codebooks as bytes and back.
+
+use super::error::Damage;
+use super::layout::{PAGE_ENTRY_LEN, PageEntry};
+use super::metadata::{AttributeInfo, AttributeMerge, FamilyMetadata, Histogram, LevelInfo, Metadata};
+use super::page::PageId;
+use super::wire::{Decoder, Encoder};
+use crate::codec::{Codebook, CodebookScope, QuantityError, VqBits};
+use crate::hierarchy::RootCell;
+use crate::model::{Bounds, FamilyName, Kernel, Provenance, Skipped, Unit};
+
+/// The footer's bytes.
+pub(super) fn encode(metadata: &Metadata, table: &[PageEntry]) -> Vec<u8> {
+    let mut out = Encoder::default();
+    for entry in table {
+        out.bytes.extend_from_slice(&entry.encode());
+    }
+    out.text(&metadata.length_unit.0);
+    out.text(&metadata.mass_unit.0);
+    out.u8(match metadata.kernel {
+        Kernel::CubicSpline => 0,
+        Kernel::Poly6 => 1,
+    });
+    out.u8(metadata.vq_bits.bits());
+    encode_provenance(&mut out, &metadata.provenance);
+    out.u32(metadata.skipped.len() as u32);
+    for skipped in &metadata.skipped {
+        out.text(&skipped.reason);
+        out.u64(skipped.count);
+    }
+    out.u32(metadata.families.len() as u32);
+    for family in &metadata.families {
+        encode_family(&mut out, family);
+    }
+    out.bytes
+}
+
+/// Reads a footer that belongs to a file of `pages` pages.
+pub(super) fn decode(bytes: &[u8], pages: u32) -> Result<(Metadata, Vec<PageEntry>), Damage> {
+    let mut input = Decoder::new(bytes);
+    let table_len = (pages as usize).checked_mul(PAGE_ENTRY_LEN);
+    let table = input.bytes(table_len.unwrap_or(usize::MAX), "the page table")?;
+    let table = table.chunks_exact(PAGE_ENTRY_LEN).filter_map(|entry| entry.try_into().ok()).map(PageEntry::decode);
+    let table = table.collect();
+    let length_unit = Unit(input.text("the length unit")?);
+    let mass_unit = Unit(input.text("the mass unit")?);
+    let kernel = match input.u8("the kernel")? {
+        0 => Kernel::CubicSpline,
+        1 => Kernel::Poly6,
+        other => return Err(Damage::new("footer", format!("kernel 0 or 1, found {other}"))),
+    };
+    let vq_bits = VqBits::try_from(input.u8("the index bits")?).map_err(|error| Damage::new("footer", error))?;
+    let provenance = decode_provenance(&mut input)?;
+    let skipped = (0..input.count(12, "reasons of skipping")?)
+        .map(|_| Ok(Skipped { reason: input.text("a reason")?, count: input.u64("a count")? }))
+        .collect::<Result<_, Damage>>()?;
+    let families = (0..input.count(100, "families")?).map(|_| decode_family(&mut input)).collect::<Result<_, _>>()?;
+    input.finish()?;
+    Ok((Metadata { length_unit, mass_unit, kernel, vq_bits, provenance, skipped, families }, table))
+}
+
+fn encode_provenance(out: &mut Encoder, provenance: &Provenance) {
+    out.text(&provenance.path.to_string_lossy());
+    out.text(&provenance.format);
+    out.u64(provenance.bytes);
+    out.option_f64(provenance.time);
+    out.option_f64(provenance.redshift);
+    out.option_f64(provenance.box_size);
+    out.u32(provenance.notes.len() as u32);
+    for note in &provenance.notes {
+        out.text(note);
+    }
+}
+
+fn decode_provenance(input: &mut Decoder) -> Result<Provenance, Damage> {
+    Ok(Provenance {
+        path: input.text("the source's path")?.into(),
+        format: input.text("the source's format")?,
+        bytes: input.u64("the source's size")?,
+        time: input.option_f64("the time")?,
+        redshift: input.option_f64("the redshift")?,
+        box_size: input.option_f64("the box size")?,
+        notes: (0..input.count(4, "notes")?).map(|_| input.text("a note")).collect::<Result<_, _>>()?,
+    })
+}
+
+fn encode_family(out: &mut Encoder, family: &FamilyMetadata) {
+    out.u8(FamilyName::ALL.iter().position(|&name| name == family.name).unwrap_or(0) as u8);
+    out.u64(family.count);
+    out.f64(family.mass);
+    out.f64(family.mass_density);
+    out.vec3(family.bounds.min);
+    out.vec3(family.bounds.max);
+    out.vec3(family.root.min);
+    out.f64(family.root.size);
+    out.u32(family.root_page.0);
+    out.u32(family.attributes.len() as u32);
+    for attribute in family.quantities.iter().chain(&family.attributes) {
+        encode_attribute(out, attribute);
+    }
+    out.u32(family.levels.len() as u32);
+    for level in &family.levels {
+        out.u8(level.depth);
+        let counts = [
+            level.grid_nodes,
+            level.leaf_nodes,
+            level.relay_nodes,
+            level.input,
+            level.merged,
+            level.skipped,
+            level.relayed,
+            level.sprites,
+            level.points,
+            level.leaf_particles,
+            level.bytes,
+        ];
+        counts.into_iter().for_each(|count| out.u64(count));
+    }
+    out.u32(family.codebooks.len() as u32);
+    for codebook in &family.codebooks {
+        encode_codebook(out, codebook);
+    }
+}
+
+fn decode_family(input: &mut Decoder) -> Result<FamilyMetadata, Damage> {
+    let name = input.u8("a family")?;
+    let name = *FamilyName::ALL
+        .get(usize::from(name))
+        .ok_or_else(|| Damage::new("footer", format!("a family below {}, found {name}", FamilyName::ALL.len())))?;
+    let count = input.u64("a family's count")?;
+    let mass = input.f64("a family's mass")?;
+    let mass_density = input.f64("a family's sum of mass times density")?;
+    let bounds = Bounds { min: input.vec3("a family's bounds")?, max: input.vec3("a family's bounds")? };
+    let root = RootCell { min: input.vec3("a root cell")?, size: input.f64("a root cell")? };
+    let sound = bounds.min.is_finite() && bounds.max.is_finite() && root.min.is_finite() && root.size.is_finite();
+    if !sound || root.size <= 0.0 || bounds.is_empty() || count == 0 {
+        return Err(Damage::new("footer", format!("finite bounds and a root cell of positive size for {name}")));
+    }
+    let root_page = PageId(input.u32("a root page")?);
+    let attributes = input.count(50, "attributes")?;
+    let quantities = [decode_attribute(input)?, decode_attribute(input)?, decode_attribute(input)?];
+    let attributes: Vec<_> = (0..attributes).map(|_| decode_attribute(input)).collect::<Result<_, _>>()?;
+    let levels = (0..input.count(89, "levels")?).map(|_| decode_level(input)).collect::<Result<_, _>>()?;
+    let codebooks = (0..input.count(13, "codebooks")?)
+        .map(|_| decode_codebook(input, attributes.len()))
+        .collect::<Result<_, _>>()?;
+    Ok(FamilyMetadata {
+        name,
+        count,
+        mass,
+        mass_density,
+        bounds,
+        root,
+        root_page,
+        quantities,
+        attributes,
+        levels,
+        codebooks,
+    })
+}
+
+fn decode_level(input: &mut Decoder) -> Result<LevelInfo, Damage> {
+    let depth = input.u8("a level's depth")?;
+    let mut next = || input.u64("a level's counts");
+    Ok(LevelInfo {
+        depth,
+        grid_nodes: next()?,
+        leaf_nodes: next()?,
+        relay_nodes: next()?,
+        input: next()?,
+        merged: next()?,
+        skipped: next()?,
+        relayed: next()?,
+        sprites: next()?,
+        points: next()?,
+        leaf_particles: next()?,
+        bytes: next()?,
+    })
+}
+
+fn encode_attribute(out: &mut Encoder, attribute: &AttributeInfo) {
+    out.text(&attribute.name);
+    out.text(&attribute.unit.0);
+    out.f64(attribute.min);
+    out.f64(attribute.max);
+    out.f64(attribute.mean);
+    out.u64(attribute.missing);
+    out.u8(match attribute.merge {
+        AttributeMerge::Mean => 0,
+        AttributeMerge::Magnitude => 1,
+    });
+    out.u8(u8::from(attribute.histogram.logarithmic));
+    out.f64(attribute.histogram.min);
+    out.f64(attribute.histogram.max);
+    out.u32(attribute.histogram.counts.len() as u32);
+    attribute.histogram.counts.iter().for_each(|&count| out.u64(count));
+}
+
+fn decode_attribute(input: &mut Decoder) -> Result<AttributeInfo, Damage> {
+    Ok(AttributeInfo {
+        name: input.text("an attribute's name")?,
+        unit: Unit(input.text("an attribute's unit")?),
+        min: input.f64("an attribute's range")?,
+        max: input.f64("an attribute's range")?,
+        mean: input.f64("an attribute's mean")?,
+        missing: input.u64("an attribute's missing values")?,
+        merge: match input.u8("how an attribute is merged")? {
+            0 => AttributeMerge::Mean,
+            1 => AttributeMerge::Magnitude,
+            other => return Err(Damage::new("footer", format!("a merge rule of 0 or 1, found {other}"))),
+        },
+        histogram: Histogram {
+            logarithmic: match input.u8("a histogram's scale")? {
+                0 => false,
+                1 => true,
+                other => return Err(Damage::new("footer", format!("a histogram's scale of 0 or 1, found {other}"))),
+            },
+            min: input.f64("a histogram's range")?,
+            max: input.f64("a histogram's range")?,
+            counts: (0..input.count(8, "histogram bins")?)
+                .map(|_| input.u64("a histogram bin"))
+                .collect::<Result<_, _>>()?,
+        },
+    })
+}
+
+fn encode_codebook(out: &mut Encoder, codebook: &Codebook) {
+    // 255 is no depth, so it names the leaves.
+    out.u8(match codebook.scope {
+        CodebookScope::Leaves => u8::MAX,
+        CodebookScope::Depth(depth) => depth,
+    });
+    out.u64(codebook.particles);
+    out.u32(codebook.len() as u32);
+    for column in
+        [&codebook.mass, &codebook.density, &codebook.smoothing_length].into_iter().chain(&codebook.attributes)
+    {
+        out.f32s(column);
+    }
+    for error in &codebook.errors {
+        out.f64(error.mean);
+        out.f64(error.max);
+    }
+}
+
+fn decode_codebook(input: &mut Decoder, attributes: usize) -> Result<Codebook, Damage> {
+    let scope = match input.u8("a codebook's scope")? {
+        u8::MAX => CodebookScope::Leaves,
+        depth => CodebookScope::Depth(depth),
+    };
+    let particles = input.u64("a codebook's particles")?;
+    let columns = 3 + attributes;
+    let entries = input.count(4 * columns, "codebook entries")?;
+    if entries > VqBits::Sixteen.entries() {
+        return Err(Damage::new("footer", format!("at most 65536 codebook entries, found {entries}")));
+    }
+    let mut column = || input.f32s(entries, "a codebook column");
+    Ok(Codebook {
+        scope,
+        particles,
+        mass: column()?,
+        density: column()?,
+        smoothing_length: column()?,
+        attributes: (0..attributes).map(|_| column()).collect::<Result<_, _>>()?,
+        errors: (0..columns)
+            .map(|_| Ok(QuantityError { mean: input.f64("an error")?, max: input.f64("an error")? }))
+            .collect::<Result<_, Damage>>()?,
+    })
+}

@@ -1,0 +1,23 @@
+//! The page file (design decision 1): layout, writer, reader and verifier. Its specification is `docs/page-file.md`.
+//!
+//! A file is a fixed header, pages aligned to 4096 bytes, and a footer. It is read with positioned reads rather than
+//! mapped: a page is copied and checked once as it is loaded anyway, a file that is truncated while it is open gives an
+//! error instead of a signal, and it needs no `unsafe`. The operating system's page cache serves repeated reads.
+
+pub mod error;
+pub mod layout;
+pub mod metadata;
+pub mod page;
+pub mod reader;
+pub mod verify;
+pub mod writer;
+
+mod footer;
+mod wire;
+
+pub use error::StoreError;
+pub use metadata::{AttributeInfo, AttributeMerge, FamilyMetadata, Histogram, LevelInfo, Metadata};
+pub use page::{Encoding, Node, NodeParticles, NodeRef, Page, PageId, Positions};
+pub use reader::PageFile;
+pub use verify::{Verified, verify};
+pub use writer::PageFileWriter;

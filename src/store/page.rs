@@ -1,0 +1,318 @@
+//! A page in memory: node records and the packed particles of each node.
+
+use super::error::Damage;
+use super::layout::{NODE_RECORD_LEN, NodeRecord, PAGE_HEADER_LEN, PAGE_MAGIC, PageEntry, SECTION_ALIGNMENT, u32_at};
+use super::metadata::Metadata;
+use crate::codec::coordinates::{GRID_POINT, LEAF_POINT, unpack_grid, unpack_leaf};
+use crate::hierarchy::NodeKey;
+use crate::model::Bounds;
+use std::ops::Range;
+
+/// Number of a page in its file; pages are numbered breadth-first from 0.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct PageId(pub u32);
+
+/// A node of some page.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct NodeRef {
+    /// The page.
+    pub page: PageId,
+    /// Index of the node in the page.
+    pub node: u32,
+}
+
+/// How a node holds its particles.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Encoding {
+    /// It holds none and must be refined: drawing its children costs next to nothing more than it would have. Its
+    /// `delta` is infinite, so that error-driven selection refines it at any distance. A root is never a relay.
+    Relay,
+    /// Merged particles, one `u32` each ([`crate::codec::coordinates::unpack_grid`]).
+    Grid,
+    /// Source particles, one `u64` each ([`crate::codec::coordinates::unpack_leaf`]).
+    Leaf,
+}
+
+/// One node of a family's octree.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Node {
+    /// Its cell.
+    pub key: NodeKey,
+    /// How its particles are held.
+    pub encoding: Encoding,
+    /// Index of its codebook in [`super::FamilyMetadata::codebooks`].
+    pub codebook: u16,
+    /// Number of particles that it holds (those to draw for it).
+    pub particles: u32,
+    /// How many of them are points: `h` at most `size / 256` (grid) or `size / 2^21` (leaf).
+    pub points: u32,
+    /// Number of source particles that it stands for.
+    pub source_particles: u64,
+    /// Measured maximum distance between a source particle and the particle drawn for it, world units; infinite for
+    /// relays.
+    pub delta: f64,
+    /// Tight box around the source and the drawn positions of the node and everything below it.
+    pub bounds: Bounds,
+    /// Largest decoded or source smoothing length in the node and below: particles reach at most this far out of
+    /// `bounds`.
+    pub smoothing_length_max: f32,
+    /// Sum of the source particles' masses, skipped ones included.
+    pub mass: f64,
+    /// Sum of the source particles' `m rho`.
+    pub mass_density: f64,
+    /// `mass` divided by the sum of the node's decoded masses: a factor near 1 that makes the node conserve mass
+    /// exactly. Multiply it to weights `m`.
+    pub mass_scale: f32,
+    /// The same for weights `m rho`.
+    pub mass_density_scale: f32,
+    /// Its children by octant (bit 0: upper half in x, bit 1: y, bit 2: z); all `None` for a leaf.
+    pub children: [Option<NodeRef>; 8],
+}
+
+impl Node {
+    /// Whether the node has no children.
+    pub fn is_leaf(&self) -> bool {
+        self.encoding == Encoding::Leaf
+    }
+}
+
+/// The packed positions of a node's particles, in Morton order (neighbours in space are neighbours in memory).
+#[derive(Clone, Copy, Debug)]
+pub enum Positions<'a> {
+    /// Of a grid node.
+    Grid(&'a [u32]),
+    /// Of a leaf.
+    Leaf(&'a [u64]),
+}
+
+/// The particles of one node.
+#[derive(Clone, Copy, Debug)]
+pub struct NodeParticles<'a> {
+    /// Packed positions.
+    pub positions: Positions<'a>,
+    /// Codebook index of each particle; all are valid in the node's codebook.
+    pub codes: &'a [u16],
+}
+
+impl<'a> NodeParticles<'a> {
+    /// Number of particles.
+    pub fn len(&self) -> usize {
+        self.codes.len()
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.codes.is_empty()
+    }
+
+    /// Position of particle `i` as fractions of the node's cell: `cell.min + cell.size * fraction` is its place.
+    pub fn fraction(&self, i: usize) -> [f32; 3] {
+        match self.positions {
+            Positions::Grid(words) => unpack_grid(words[i]),
+            Positions::Leaf(words) => unpack_leaf(words[i]),
+        }
+    }
+
+    /// Whether particle `i` is a point.
+    pub fn is_point(&self, i: usize) -> bool {
+        match self.positions {
+            Positions::Grid(words) => words[i] & GRID_POINT != 0,
+            Positions::Leaf(words) => words[i] & LEAF_POINT != 0,
+        }
+    }
+
+    /// The positions as little-endian words, ready for upload: one for each grid particle, two (low, high) for each
+    /// leaf particle.
+    pub fn words(&self) -> &'a [u32] {
+        match self.positions {
+            Positions::Grid(words) => words,
+            Positions::Leaf(words) => bytemuck::cast_slice(words),
+        }
+    }
+}
+
+/// A page, read and checked.
+#[derive(Clone, Debug)]
+pub struct Page {
+    /// Its number.
+    pub id: PageId,
+    /// Index of its family in [`Metadata::families`].
+    pub family: u32,
+    /// Its nodes, parents before children.
+    pub nodes: Vec<Node>,
+    words: Vec<u64>,
+    positions: Vec<Range<usize>>,
+    codes: Vec<u16>,
+    code_ranges: Vec<Range<usize>>,
+}
+
+impl Page {
+    /// The particles of node `node` of this page. Panics if there is no such node.
+    pub fn particles(&self, node: usize) -> NodeParticles<'_> {
+        let words = &self.words[self.positions[node].clone()];
+        let count = self.code_ranges[node].len();
+        NodeParticles {
+            positions: match self.nodes[node].encoding {
+                Encoding::Leaf => Positions::Leaf(words),
+                // An odd number of grid words leaves half of the last 64-bit word over.
+                Encoding::Grid | Encoding::Relay => Positions::Grid(&bytemuck::cast_slice(words)[..count]),
+            },
+            codes: &self.codes[self.code_ranges[node].clone()],
+        }
+    }
+
+    /// Bytes of memory that the page holds.
+    pub fn memory(&self) -> u64 {
+        (size_of_val(&*self.words) + size_of_val(&*self.codes) + self.nodes.len() * size_of::<Node>()) as u64
+    }
+
+    /// Reads and checks the bytes of a page, whose checksum has been found right. `words` are the page's bytes as
+    /// little-endian 64-bit words in native order; `table` tells the number of nodes of any page.
+    pub(super) fn parse(id: PageId, words: Vec<u64>, metadata: &Metadata, table: &[PageEntry]) -> Result<Page, Damage> {
+        let entry = table[id.0 as usize];
+        let bytes: &[u8] = bytemuck::cast_slice(&words);
+        let here = || format!("page {}", id.0);
+        let header_matches = bytes.len() >= PAGE_HEADER_LEN
+            && bytes[..4] == PAGE_MAGIC
+            && [4, 8, 12, 16].map(|at| u32_at(bytes, at)) == [id.0, entry.family, entry.nodes, entry.len]
+            && bytes[20..PAGE_HEADER_LEN].iter().all(|&byte| byte == 0);
+        if !header_matches {
+            return Err(Damage::new(here(), "a page header that agrees with the page table"));
+        }
+        let Some(family) = metadata.families.get(entry.family as usize) else {
+            return Err(Damage::new(here(), format!("a family below {}", metadata.families.len())));
+        };
+        let records_end = (entry.nodes as usize)
+            .checked_mul(NODE_RECORD_LEN)
+            .and_then(|len| len.checked_add(PAGE_HEADER_LEN))
+            .filter(|&end| end <= bytes.len())
+            .ok_or_else(|| Damage::new(here(), "room for its node records"))?;
+
+        let mut page = Page {
+            id,
+            family: entry.family,
+            nodes: Vec::with_capacity(entry.nodes as usize),
+            words: Vec::new(),
+            positions: Vec::with_capacity(entry.nodes as usize),
+            codes: Vec::new(),
+            code_ranges: Vec::with_capacity(entry.nodes as usize),
+        };
+        // Sections follow the records in order, each aligned, without gaps but the alignment's zeros.
+        let mut at = records_end;
+        for (i, record) in bytes[PAGE_HEADER_LEN..records_end].chunks_exact(NODE_RECORD_LEN).enumerate() {
+            let here = || format!("page {}, node {i}", id.0);
+            let Ok(record) = record.try_into() else { continue };
+            let NodeRecord { node, positions, codes } = NodeRecord::decode(record, here)?;
+            let count = node.particles as usize;
+            let width = if node.encoding == Encoding::Leaf { 8 } else { 4 };
+            let positions_end = section(bytes, &mut at, positions, count.checked_mul(width))
+                .ok_or_else(|| Damage::new(here(), "positions inside the page, after the section before"))?;
+            let codes_end = section(bytes, &mut at, codes, metadata.vq_bits.packed_len(count))
+                .ok_or_else(|| Damage::new(here(), "codes inside the page, after its positions"))?;
+            let first_code = page.codes.len();
+            metadata.vq_bits.unpack(&bytes[codes as usize..codes_end], count, &mut page.codes);
+            let word = size_of::<u64>();
+            page.positions.push(positions as usize / word..positions_end.div_ceil(word));
+            page.code_ranges.push(first_code..page.codes.len());
+            check_node(&node, family, &page.codes[first_code..], (id, i as u32), table)
+                .map_err(|expected| Damage::new(here(), expected))?;
+            page.nodes.push(node);
+        }
+        if at != bytes.len() {
+            return Err(Damage::new(here(), "an end right after the last section"));
+        }
+        check_family_links(&page).map_err(|(i, expected)| Damage::new(format!("page {}, node {i}", id.0), expected))?;
+        page.words = if cfg!(target_endian = "big") { big_endian_words(&page, words) } else { words };
+        Ok(page)
+    }
+}
+
+/// Advances over a section of `len` bytes that must start at `offset`, the aligned place `at`; returns its end. The
+/// zeros that align the next section belong to it.
+fn section(bytes: &[u8], at: &mut usize, offset: u32, len: Option<usize>) -> Option<usize> {
+    let end = at.checked_add(len?)?;
+    let aligned = end.checked_next_multiple_of(SECTION_ALIGNMENT)?;
+    let in_place = offset as usize == *at && aligned <= bytes.len();
+    if !in_place || bytes[end..aligned].iter().any(|&byte| byte != 0) {
+        return None;
+    }
+    *at = aligned;
+    Some(end)
+}
+
+/// Checks what a node says against its file; the error is what was expected.
+fn check_node(
+    node: &Node,
+    family: &super::FamilyMetadata,
+    codes: &[u16],
+    own: (PageId, u32),
+    table: &[PageEntry],
+) -> Result<(), String> {
+    if !node.key.is_valid() {
+        return Err("a depth of at most 14 and a cell inside the root".into());
+    }
+    if node.points > node.particles || u64::from(node.particles) > node.source_particles {
+        return Err("at most as many points as particles, and particles as source particles".into());
+    }
+    let entries = family.codebooks.get(usize::from(node.codebook)).map_or(0, |book| book.len());
+    if let Some(code) = codes.iter().find(|&&code| usize::from(code) >= entries) {
+        return Err(format!("codes below {entries}, found {code}"));
+    }
+    let finite = [node.mass, node.mass_density].iter().all(|v| v.is_finite())
+        && [node.smoothing_length_max, node.mass_scale, node.mass_density_scale].iter().all(|v| v.is_finite())
+        && node.bounds.min.is_finite()
+        && node.bounds.max.is_finite();
+    if !finite || node.bounds.is_empty() || node.smoothing_length_max < 0.0 {
+        return Err("finite bounds, masses and scales".into());
+    }
+    let childless = node.children.iter().all(Option::is_none);
+    let consistent = match node.encoding {
+        Encoding::Leaf => {
+            childless
+                && u64::from(node.particles) == node.source_particles
+                && (0.0..f64::INFINITY).contains(&node.delta)
+        }
+        Encoding::Grid => !childless && node.particles > 0 && (0.0..f64::INFINITY).contains(&node.delta),
+        Encoding::Relay => !childless && node.particles == 0 && node.delta == f64::INFINITY && own.1 != u32::MAX,
+    };
+    if !consistent {
+        return Err("children, particles and delta that suit its encoding".into());
+    }
+    for child in node.children.iter().flatten() {
+        // Children come after their parent, so that no walk down the tree can go round in a circle.
+        let exists = table
+            .get(child.page.0 as usize)
+            .is_some_and(|entry| child.node < entry.nodes && entry.family == table[own.0.0 as usize].family);
+        if !exists || (child.page, child.node) <= own {
+            return Err(format!("a later node of this family as a child, found {child:?}"));
+        }
+    }
+    Ok(())
+}
+
+/// Children in the same page must have the cells that their parents give them.
+fn check_family_links(page: &Page) -> Result<(), (usize, String)> {
+    for (i, node) in page.nodes.iter().enumerate() {
+        for (octant, child) in node.children.iter().enumerate() {
+            let Some(child) = child.filter(|child| child.page == page.id) else { continue };
+            if page.nodes[child.node as usize].key != node.key.child(octant as u8) {
+                return Err((i, format!("child {octant} to be the cell of that octant")));
+            }
+        }
+    }
+    Ok(())
+}
+
+/// On big-endian machines the sections are swapped to native order, 32-bit words for grids and 64-bit words for leaves.
+fn big_endian_words(page: &Page, mut words: Vec<u64>) -> Vec<u64> {
+    for (node, range) in page.nodes.iter().zip(&page.positions) {
+        match node.encoding {
+            Encoding::Leaf => words[range.clone()].iter_mut().for_each(|word| *word = word.swap_bytes()),
+            Encoding::Grid | Encoding::Relay => {
+                let halves: &mut [u32] = bytemuck::cast_slice_mut(&mut words[range.clone()]);
+                halves.iter_mut().for_each(|word| *word = word.swap_bytes());
+            }
+        }
+    }
+    words
+}

@@ -1,0 +1,220 @@
+//! Checks every byte and every promise of a page file.
+//!
+//! The header, the footer and each page carry checksums, and the bytes between them must be zero, so that no change of
+//! a single bit goes unnoticed. Beyond that the trees must be whole: every node but the roots is the child of exactly
+//! one node, in the cell its parent gives it, and the counts of particles, masses and levels add up.
+
+use super::error::{Damage, StoreError};
+use super::layout::{ALIGNMENT, HEADER_LEN};
+use super::metadata::{FamilyMetadata, LevelInfo};
+use super::page::{Encoding, Node, NodeRef, Page, PageId};
+use super::reader::PageFile;
+use super::writer::node_bytes;
+use crate::codec::VqBits;
+use crate::hierarchy::NodeKey;
+use crate::model::progress::Progress;
+use std::collections::HashMap;
+use std::path::Path;
+
+/// What was verified.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Verified {
+    /// Length of the file.
+    pub bytes: u64,
+    /// Pages read.
+    pub pages: u32,
+    /// Nodes checked.
+    pub nodes: u64,
+    /// Source particles in all leaves.
+    pub particles: u64,
+}
+
+/// A child that some node promised, and that has not come by yet.
+struct Promise {
+    key: NodeKey,
+    /// The parent, as a key of `Verifier::open`.
+    parent: NodeRef,
+}
+
+/// A node whose children have not all come by yet, with what they have summed up to.
+struct Open {
+    children: u32,
+    source_particles: u64,
+    expected: u64,
+}
+
+struct Verifier<'a> {
+    file: &'a PageFile,
+    promises: HashMap<NodeRef, Promise>,
+    open: HashMap<NodeRef, Open>,
+    levels: Vec<Vec<LevelInfo>>,
+    done: Verified,
+}
+
+/// Verifies a page file. Memory use follows the widest level of the tree, not the file.
+pub fn verify(path: &Path, progress: &dyn Progress) -> Result<Verified, StoreError> {
+    let file = PageFile::open(path)?;
+    let damaged = |damage: Damage| damage.in_file(path);
+    check_zeros(&file, HEADER_LEN as u64, ALIGNMENT)?;
+    let families = &file.metadata().families;
+    let mut verifier = Verifier {
+        file: &file,
+        promises: HashMap::new(),
+        open: HashMap::new(),
+        levels: families.iter().map(|family| empty_levels(family.levels.len())).collect(),
+        done: Verified { bytes: file.bytes(), pages: file.page_count(), ..Verified::default() },
+    };
+    progress.begin("verifying", u64::from(file.page_count()));
+    for number in 0..file.page_count() {
+        let page = file.read_page(PageId(number))?;
+        verifier.page(&page).map_err(damaged)?;
+        let entry = file.table()[number as usize];
+        let next = file.table().get(number as usize + 1).map_or(file.footer_offset(), |next| next.offset);
+        check_zeros(&file, entry.offset + u64::from(entry.len), next)?;
+        progress.advance(1);
+    }
+    verifier.finish().map_err(damaged)
+}
+
+fn empty_levels(count: usize) -> Vec<LevelInfo> {
+    (0..count).map(|depth| LevelInfo { depth: depth as u8, ..LevelInfo::default() }).collect()
+}
+
+fn check_zeros(file: &PageFile, start: u64, end: u64) -> Result<(), StoreError> {
+    if file.raw(start, end)?.iter().any(|&byte| byte != 0) {
+        return Err(Damage::new(format!("bytes {start} to {end}"), "zeros").in_file(file.path()));
+    }
+    Ok(())
+}
+
+impl Verifier<'_> {
+    fn page(&mut self, page: &Page) -> Result<(), Damage> {
+        let family = &self.file.metadata().families[page.family as usize];
+        for (i, node) in page.nodes.iter().enumerate() {
+            let own = NodeRef { page: page.id, node: i as u32 };
+            let here = |expected: &str| Damage::new(format!("page {}, node {i}", page.id.0), expected);
+            self.done.nodes += 1;
+            let is_root = page.id == family.root_page && i == 0;
+            match self.promises.remove(&own) {
+                Some(promise) if promise.key == node.key && !is_root => {
+                    self.settle(&promise, node).map_err(|e| here(&e))?
+                }
+                None if is_root && node.key == NodeKey::ROOT && node.encoding != Encoding::Relay => {
+                    if node.source_particles != family.count {
+                        return Err(here("a root that stands for every particle of its family"));
+                    }
+                }
+                _ => return Err(here("to be the root, or the child of one earlier node in its parent's octant")),
+            }
+            check_particles(page, i, node).map_err(here)?;
+            self.count(page.family as usize, node, family, self.file.metadata().vq_bits).map_err(here)?;
+            let mut children = 0;
+            for (octant, child) in node.children.iter().enumerate() {
+                let Some(child) = *child else { continue };
+                let promise = Promise { key: node.key.child(octant as u8), parent: own };
+                if self.promises.insert(child, promise).is_some() {
+                    return Err(here("children that no other node has"));
+                }
+                children += 1;
+            }
+            if children > 0 {
+                self.open.insert(own, Open { children, source_particles: 0, expected: node.source_particles });
+            }
+        }
+        Ok(())
+    }
+
+    /// Counts a child towards its parent.
+    fn settle(&mut self, promise: &Promise, child: &Node) -> Result<(), String> {
+        let Some(open) = self.open.get_mut(&promise.parent) else { return Ok(()) };
+        open.children -= 1;
+        open.source_particles = open.source_particles.saturating_add(child.source_particles);
+        if open.children == 0 {
+            if open.source_particles != open.expected {
+                return Err(format!(
+                    "siblings that stand for {} source particles, found {}",
+                    open.expected, open.source_particles
+                ));
+            }
+            self.open.remove(&promise.parent);
+        }
+        Ok(())
+    }
+
+    fn count(
+        &mut self,
+        family: usize,
+        node: &Node,
+        metadata: &FamilyMetadata,
+        vq_bits: VqBits,
+    ) -> Result<(), &'static str> {
+        let level = self.levels[family].get_mut(usize::from(node.key.depth)).ok_or("a depth that the footer lists")?;
+        let particles = u64::from(node.particles);
+        match node.encoding {
+            Encoding::Relay => level.relay_nodes += 1,
+            Encoding::Grid => {
+                level.grid_nodes += 1;
+                level.points += u64::from(node.points);
+                level.sprites += particles - u64::from(node.points);
+            }
+            Encoding::Leaf => {
+                level.leaf_nodes += 1;
+                level.leaf_particles += particles;
+                self.done.particles += particles;
+            }
+        }
+        level.bytes += node_bytes(node.encoding, node.particles as usize, vq_bits) as u64;
+        let cell = node.key.bounds(metadata.root);
+        // Rounding in the cell's corners is far below its size.
+        let slack =
+            glam::DVec3::splat(1e-6 * node.key.size(metadata.root)) + 1e-12 * cell.min.abs().max(cell.max.abs());
+        let inside = (cell.min - slack).cmple(node.bounds.min).all() && node.bounds.max.cmple(cell.max + slack).all();
+        if inside { Ok(()) } else { Err("bounds inside its cell") }
+    }
+
+    fn finish(self) -> Result<Verified, Damage> {
+        if let Some(promise) = self.promises.values().next() {
+            return Err(Damage::new(format!("node {:?}", promise.key), "to exist"));
+        }
+        for (family, found) in self.file.metadata().families.iter().zip(&self.levels) {
+            let place = |level: &LevelInfo| format!("footer, {} level {}", family.name, level.depth);
+            for (told, found) in family.levels.iter().zip(found) {
+                let counted = LevelInfo {
+                    input: told.input,
+                    merged: told.merged,
+                    skipped: told.skipped,
+                    relayed: told.relayed,
+                    ..*found
+                };
+                if *told != counted {
+                    return Err(Damage::new(place(told), format!("the counts that its nodes have, {counted:?}")));
+                }
+                let output = [told.merged, told.skipped, told.relayed, told.sprites, told.points];
+                if output.iter().try_fold(0_u64, |sum, &count| sum.checked_add(count)) != Some(told.input) {
+                    return Err(Damage::new(place(told), "input = merged + skipped + relayed + sprites + points"));
+                }
+            }
+            let leaves = found.iter().map(|level| level.leaf_particles).sum::<u64>();
+            if leaves != family.count {
+                let expected = format!("{} particles in the leaves, found {leaves}", family.count);
+                return Err(Damage::new(format!("footer, {}", family.name), expected));
+            }
+        }
+        Ok(self.done)
+    }
+}
+
+/// Checks a node's words: the point flags as counted, and nothing in unused bits.
+fn check_particles(page: &Page, index: usize, node: &Node) -> Result<(), &'static str> {
+    let particles = page.particles(index);
+    let points = (0..particles.len()).filter(|&i| particles.is_point(i)).count();
+    if points != node.points as usize {
+        return Err("as many point flags as points");
+    }
+    if let super::Positions::Grid(words) = particles.positions
+        && words.iter().any(|word| word >> 31 != 0)
+    {
+        return Err("grid words with bit 31 clear");
+    }
+    Ok(())
+}
