@@ -8,4 +8,5 @@ pub mod hierarchy;
 pub mod import;
 pub mod model;
 pub mod store;
+pub mod stream;
 pub mod view;

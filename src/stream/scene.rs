@@ -1,0 +1,105 @@
+//! What one view draws of a page file: the chosen families, selected at an error bound from what is resident.
+
+use super::Residency;
+use crate::store::{NodeRef, Page, PageFile, StoreError};
+use crate::view::{View, select};
+use rayon::prelude::*;
+use std::sync::Arc;
+
+/// A page file and the families of it that are drawn.
+pub struct Scene {
+    /// The file's pages in memory.
+    pub residency: Residency,
+    /// Indices of the drawn families in the file's metadata.
+    pub families: Vec<u32>,
+}
+
+/// A node to draw, with the page that holds it.
+#[derive(Clone, Debug)]
+pub struct SceneNode {
+    /// Its page; stays alive while this does, evicted or not.
+    pub page: Arc<Page>,
+    /// The node.
+    pub node: NodeRef,
+    /// Its screen-space error, pixels.
+    pub error_pixels: f64,
+}
+
+/// What a view draws now.
+#[derive(Clone, Debug, Default)]
+pub struct SceneSelection {
+    /// The nodes; none is an ancestor of another.
+    pub nodes: Vec<SceneNode>,
+    /// Whether every page that the view needs at its error bound is resident.
+    pub converged: bool,
+    /// How many nodes the view lacks.
+    pub missing: usize,
+    /// Largest screen-space error among the drawn nodes, pixels.
+    pub error_pixels: f64,
+    /// Particles in the drawn nodes.
+    pub particles: u64,
+}
+
+impl Scene {
+    /// Draws all families of `file`; resident pages may take `budget` bytes.
+    pub fn new(file: Arc<PageFile>, budget: u64) -> Scene {
+        let families = (0..file.metadata().families.len() as u32).collect();
+        Scene { residency: Residency::new(file, budget), families }
+    }
+
+    /// Starts a frame: selects what `view` draws with an error of at most `tau` pixels, marks its pages as used and
+    /// asks for those that are missing.
+    pub fn select(&mut self, view: &View, tau: f64) -> SceneSelection {
+        self.residency.begin_frame();
+        let metadata = self.residency.file().metadata();
+        let roots: Vec<NodeRef> = self
+            .families
+            .iter()
+            .filter_map(|&family| metadata.families.get(family as usize))
+            .map(|family| NodeRef { page: family.root_page, node: 0 })
+            .collect();
+        let selection = select(view, tau, &self.residency, &roots);
+        self.residency.touch(selection.visited.iter().copied());
+        self.residency.request(selection.missing.iter().map(|missing| missing.id));
+        let nodes = selection
+            .draw
+            .iter()
+            .filter_map(|drawn| {
+                let page = Arc::clone(self.residency.page(drawn.id.page)?);
+                Some(SceneNode { page, node: drawn.id, error_pixels: drawn.error_pixels })
+            })
+            .collect();
+        SceneSelection {
+            nodes,
+            converged: selection.is_converged(),
+            missing: selection.missing.len(),
+            error_pixels: selection.error_pixels(),
+            particles: selection.particles(),
+        }
+    }
+
+    /// Selects and loads, waiting for the disk, until the view is converged or nothing more can be had: pages that
+    /// cannot be read, or a budget that the view exceeds, leave `converged` false.
+    ///
+    /// # Errors
+    /// [`StoreError`] if a root page cannot be read, since then nothing can be drawn.
+    pub fn converge_blocking(&mut self, view: &View, tau: f64) -> Result<SceneSelection, StoreError> {
+        const IN_FLIGHT: usize = 16;
+        loop {
+            let selection = self.select(view, tau);
+            let pages: Vec<_> = std::iter::from_fn(|| self.residency.next_to_load(IN_FLIGHT)).collect();
+            if pages.is_empty() {
+                return Ok(selection);
+            }
+            let file = Arc::clone(self.residency.file());
+            let read: Vec<_> = pages.par_iter().map(|&page| (page, file.read_page(page))).collect();
+            for (page, outcome) in read {
+                let is_root = file.metadata().families.iter().any(|family| family.root_page == page);
+                match outcome {
+                    Err(error) if is_root => return Err(error),
+                    outcome => self.residency.loaded(page, outcome),
+                }
+            }
+        }
+    }
+}
