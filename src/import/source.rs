@@ -5,8 +5,8 @@ use crate::model::{FamilyName, Kernel, Unit};
 use std::ops::Range;
 use std::path::PathBuf;
 
-/// What a field is to the import. Everything else about it is its name and unit.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// What a field is to the import. Everything else about it is its name and unit. Fields are listed in this order.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum FieldKind {
     /// Particle positions, 3 components, length unit.
     Position,
@@ -97,6 +97,32 @@ impl Description {
     /// Number of particles in all families.
     pub fn particles(&self) -> u64 {
         self.families.iter().map(|family| family.count).sum()
+    }
+
+    /// The field that a read asks for, after a look at whether it and the range exist and the buffer fits.
+    ///
+    /// # Errors
+    /// [`ImportError`] when not.
+    pub fn check_range(
+        &self,
+        family: usize,
+        field: usize,
+        range: &Range<u64>,
+        values: usize,
+    ) -> Result<&Field, ImportError> {
+        let info = self.families.get(family);
+        let found = info.and_then(|info| info.fields.get(field));
+        let (Some(info), Some(found)) = (info, found) else {
+            let name = format!("family {family}, field {field}");
+            return Err(ImportError::missing(&self.path, name, "an index into the source's description"));
+        };
+        let rows = range.end.checked_sub(range.start).filter(|_| range.end <= info.count);
+        if rows.and_then(|rows| rows.checked_mul(found.components as u64)) != Some(values as u64) {
+            let asked = format!("particles {} to {} in a buffer of {values}", range.start, range.end);
+            let expected = format!("{} values for each of {} particles", found.components, info.count);
+            return Err(ImportError::malformed(&self.path, &*found.name, asked, expected));
+        }
+        Ok(found)
     }
 }
 

@@ -1,0 +1,72 @@
+//! `deepfield info`: what a source holds, as a table for people or as JSON for programs.
+
+use super::CommandResult;
+use crate::import::{FamilySummary, Statistic, Summary, summarize};
+use std::fmt::Write as _;
+use std::io::Write as _;
+use std::path::Path;
+
+/// Prints what the source at `path` holds to standard output: every field's range and mean, read in bounded chunks.
+///
+/// # Errors
+/// [`crate::import::ImportError`] when the source cannot be read, or the standard output's error.
+pub fn run(path: &Path, json: bool) -> CommandResult {
+    let summary = summarize(path)?;
+    let text = if json { serde_json::to_string_pretty(&summary)? + "\n" } else { table(&summary) };
+    std::io::stdout().write_all(text.as_bytes())?;
+    Ok(())
+}
+
+/// The human table.
+fn table(summary: &Summary) -> String {
+    let mut text = String::new();
+    // Writing to a string cannot fail.
+    let _ = write_table(&mut text, summary);
+    text
+}
+
+fn write_table(text: &mut String, summary: &Summary) -> std::fmt::Result {
+    let files = if summary.files == 1 { String::new() } else { format!(" in {} files", summary.files) };
+    writeln!(text, "{}, {} bytes{files}: {} particles", summary.format, summary.bytes, summary.particles)?;
+    writeln!(text, "length unit: {}, mass unit: {}", summary.length_unit, summary.mass_unit)?;
+    for (name, value) in [("time", summary.time), ("redshift", summary.redshift), ("box", summary.box_size)] {
+        if let Some(value) = value {
+            writeln!(text, "{name}: {}", short(value))?;
+        }
+    }
+    for family in &summary.families {
+        write_family(text, family)?;
+    }
+    for skipped in &summary.skipped {
+        writeln!(text, "left out: {} particles, {}", skipped.count, skipped.reason)?;
+    }
+    summary.notes.iter().try_for_each(|note| writeln!(text, "note: {note}"))
+}
+
+fn write_family(text: &mut String, family: &FamilySummary) -> std::fmt::Result {
+    writeln!(text, "\n{}: {} particles, mass {}", family.name, family.count, family.mass)?;
+    writeln!(text, "  {:<28} {:<24} {:>14} {:>14} {:>14}", "field", "unit", "min", "max", "mean")?;
+    for field in &family.fields {
+        let values = |statistic: &Statistic| match statistic {
+            Statistic::Scalar(value) => vec![*value],
+            Statistic::Vector(values) => values.clone(),
+        };
+        let rows = values(&field.min).into_iter().zip(values(&field.max)).zip(values(&field.mean));
+        for (component, ((min, max), mean)) in rows.enumerate() {
+            let letter = ["-x", "-y", "-z"].get(component).map_or(format!("-{component}"), |letter| letter.to_string());
+            let name = if field.components == 1 { field.name.clone() } else { format!("{}{letter}", field.name) };
+            let unit = field.unit.to_string();
+            writeln!(text, "  {name:<28} {unit:<24} {:>14} {:>14} {:>14}", short(min), short(max), short(mean))?;
+        }
+    }
+    Ok(())
+}
+
+/// Seven digits, as exponent where that is shorter.
+fn short(value: f64) -> String {
+    match value.abs() {
+        0.0 => "0".into(),
+        1e-4..1e7 => format!("{value:.6}"),
+        _ => format!("{value:.6e}"),
+    }
+}

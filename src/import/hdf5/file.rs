@@ -1,0 +1,281 @@
+//! HDF5 files behind a wall: everything that the reader library says about a damaged file, a panic included, becomes an
+//! [`ImportError`], and sizes are held against the file before anything is allocated.
+
+use crate::import::ImportError;
+use hdf5_reader::group::Group;
+use hdf5_reader::{Attribute, Dataset, Datatype, Hdf5File, OpenOptions, SliceInfo, SliceInfoElem};
+use std::cell::Cell;
+use std::ops::Range;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::{Path, PathBuf};
+use std::sync::Once;
+
+/// The most that the deflate filter can expand data by, a little rounded up: more than this times the file's size
+/// cannot be in it.
+const MOST_EXPANSION: u64 = 1040;
+
+/// Largest chunk that is decoded at once, bytes.
+const MOST_CHUNK: u64 = 1 << 30;
+
+/// Most values per particle of a field.
+const MOST_COMPONENTS: u64 = 64;
+
+/// An open HDF5 file.
+pub(super) struct H5 {
+    pub path: PathBuf,
+    pub bytes: u64,
+    file: Hdf5File,
+}
+
+impl H5 {
+    /// Opens the file and reads its superblock.
+    pub(super) fn open(path: &Path) -> Result<H5, ImportError> {
+        let bytes = std::fs::metadata(path).map_err(|source| ImportError::io(path, "file", source))?.len();
+        let most_chunk = bytes.saturating_mul(MOST_EXPANSION).min(MOST_CHUNK) as usize;
+        let options = OpenOptions::default().with_max_chunk_bytes(most_chunk).with_max_read_bytes(MOST_CHUNK as usize);
+        let file = guard(path, "superblock", "an intact HDF5 file", || Hdf5File::open_with_options(path, options))?;
+        Ok(H5 { path: path.into(), bytes, file })
+    }
+
+    /// The root group.
+    pub(super) fn root(&self) -> Result<H5Group<'_>, ImportError> {
+        let group = guard(&self.path, "/", "a readable root group", || self.file.root_group())?;
+        Ok(H5Group { file: self, name: String::new(), group })
+    }
+}
+
+/// A group of an open file.
+pub(super) struct H5Group<'a> {
+    pub file: &'a H5,
+    name: String,
+    group: Group,
+}
+
+impl<'a> H5Group<'a> {
+    /// Names of the groups and the data sets in this group.
+    pub(super) fn members(&self) -> Result<(Vec<String>, Vec<String>), ImportError> {
+        guard(&self.file.path, self.label(), "a readable group", || self.group.member_names())
+    }
+
+    fn label(&self) -> &str {
+        if self.name.is_empty() { "/" } else { &self.name }
+    }
+
+    fn child(&self, name: &str) -> String {
+        if self.name.is_empty() { name.into() } else { format!("{}/{name}", self.name) }
+    }
+
+    /// The group `name` in this one, which must exist.
+    pub(super) fn group(&self, name: &str) -> Result<H5Group<'a>, ImportError> {
+        let label = self.child(name);
+        let group = guard(&self.file.path, &label, "a readable group", || self.group.group(name))?;
+        Ok(H5Group { file: self.file, name: label, group })
+    }
+
+    /// The attributes of this group.
+    pub(super) fn attributes(&self) -> Result<Attributes, ImportError> {
+        let list = guard(&self.file.path, self.label(), "readable attributes", || self.group.attributes())?;
+        Ok(Attributes { path: self.file.path.clone(), label: self.label().into(), list })
+    }
+
+    /// The numeric data set `name` in this group as a column; `None` if it is not numeric, or not one or two-dimensional
+    /// with a handful of components.
+    pub(super) fn column(&self, name: &str) -> Result<Option<Column>, ImportError> {
+        let path = &self.file.path;
+        let label = self.child(name);
+        let dataset = guard(path, &label, "a readable data set", || self.group.dataset(name))?;
+        let (size, number) = match dataset.dtype() {
+            Datatype::FloatingPoint { size: 4, .. } => (4, Number::F32),
+            Datatype::FloatingPoint { size: 8, .. } => (8, Number::F64),
+            Datatype::FixedPoint { size, signed, .. } => match (size, signed) {
+                (1, true) => (1, Number::I8),
+                (1, false) => (1, Number::U8),
+                (2, true) => (2, Number::I16),
+                (2, false) => (2, Number::U16),
+                (4, true) => (4, Number::I32),
+                (4, false) => (4, Number::U32),
+                (8, true) => (8, Number::I64),
+                (8, false) => (8, Number::U64),
+                _ => return Ok(None),
+            },
+            _ => return Ok(None),
+        };
+        let (rows, components, flat) = match *dataset.shape() {
+            [rows] => (rows, 1, true),
+            [rows, components] if (1..=MOST_COMPONENTS).contains(&components) => (rows, components, false),
+            _ => return Ok(None),
+        };
+        let chunked = guard(path, &label, "a readable layout", || Ok(dataset.chunks().is_some()))?;
+        let most = self.file.bytes.saturating_mul(if chunked { MOST_EXPANSION } else { 1 });
+        let wanted = rows.checked_mul(components * size);
+        if wanted.is_none_or(|wanted| wanted > most) {
+            let found = format!("{rows} x {components} values");
+            let expected = format!("no more than a file of {} bytes can hold", self.file.bytes);
+            return Err(ImportError::malformed(path, label, found, expected));
+        }
+        let components = components as usize;
+        Ok(Some(Column { path: path.clone(), label, dataset, rows, components, flat, number }))
+    }
+}
+
+/// The attributes of one group or data set.
+pub(super) struct Attributes {
+    path: PathBuf,
+    label: String,
+    list: Vec<Attribute>,
+}
+
+impl Attributes {
+    fn find(&self, name: &str) -> Option<&Attribute> {
+        self.list.iter().find(|attribute| attribute.name == name)
+    }
+
+    /// The numbers of an attribute, if it is there and numeric.
+    pub(super) fn numbers(&self, name: &str) -> Option<Vec<f64>> {
+        let attribute = self.find(name)?;
+        let read = || match attribute.datatype {
+            Datatype::FixedPoint { signed: false, .. } => {
+                attribute.read_1d::<u64>().map(|values| values.into_iter().map(|value| value as f64).collect())
+            }
+            Datatype::FixedPoint { .. } => {
+                attribute.read_1d::<i64>().map(|values| values.into_iter().map(|value| value as f64).collect())
+            }
+            _ => attribute.read_1d::<f64>(),
+        };
+        guard(&self.path, &self.label, "numbers", read).ok()
+    }
+
+    /// The first number of an attribute.
+    pub(super) fn number(&self, name: &str) -> Option<f64> {
+        self.numbers(name)?.first().copied()
+    }
+
+    /// A text attribute.
+    pub(super) fn text(&self, name: &str) -> Option<String> {
+        let attribute = self.find(name)?;
+        let text = guard(&self.path, &self.label, "text", || attribute.read_string()).ok();
+        text.or_else(|| attribute.decoded_strings.as_ref().and_then(|strings| strings.first().cloned()))
+    }
+
+    /// The counts of an attribute such as `NumPart_ThisFile`.
+    pub(super) fn counts(&self, name: &str) -> Result<Option<Vec<u64>>, ImportError> {
+        let Some(numbers) = self.numbers(name) else { return Ok(None) };
+        let count =
+            |number: &f64| (*number >= 0.0 && *number < 9e15 && number.fract() == 0.0).then_some(*number as u64);
+        match numbers.iter().map(count).collect::<Option<Vec<u64>>>() {
+            Some(counts) => Ok(Some(counts)),
+            None => {
+                let field = format!("{}/{name}", self.label);
+                Err(ImportError::malformed(&self.path, field, format!("{numbers:?}"), "numbers of particles"))
+            }
+        }
+    }
+}
+
+/// How the values of a column are stored.
+#[derive(Clone, Copy)]
+enum Number {
+    F32,
+    F64,
+    I8,
+    I16,
+    I32,
+    I64,
+    U8,
+    U16,
+    U32,
+    U64,
+}
+
+/// A numeric data set of one row per particle.
+pub(super) struct Column {
+    path: PathBuf,
+    /// Path inside the file, without a leading slash.
+    pub label: String,
+    dataset: Dataset,
+    /// Number of particles.
+    pub rows: u64,
+    /// Values per particle.
+    pub components: usize,
+    flat: bool,
+    number: Number,
+}
+
+impl Column {
+    /// The attributes of the data set.
+    pub(super) fn attributes(&self) -> Result<Attributes, ImportError> {
+        let list = guard(&self.path, &self.label, "readable attributes", || Ok(self.dataset.attributes()))?;
+        Ok(Attributes { path: self.path.clone(), label: self.label.clone(), list })
+    }
+
+    /// Reads rows into `out`, row by row.
+    pub(super) fn read(&self, rows: Range<u64>, out: &mut [f64]) -> Result<(), ImportError> {
+        let rows = SliceInfoElem::Slice { start: rows.start, end: rows.end, step: 1 };
+        let all = SliceInfoElem::Slice { start: 0, end: self.components as u64, step: 1 };
+        let slice = SliceInfo { selections: if self.flat { vec![rows] } else { vec![rows, all] } };
+        macro_rules! read {
+            ($number:ty) => {
+                guard(&self.path, &self.label, "readable values", || {
+                    let array = self.dataset.read_slice::<$number>(&slice)?;
+                    let read = array.len();
+                    for (out, value) in out.iter_mut().zip(array.iter()) {
+                        *out = *value as f64;
+                    }
+                    Ok(read)
+                })
+            };
+        }
+        let read = match self.number {
+            Number::F32 => read!(f32),
+            Number::F64 => read!(f64),
+            Number::I8 => read!(i8),
+            Number::I16 => read!(i16),
+            Number::I32 => read!(i32),
+            Number::I64 => read!(i64),
+            Number::U8 => read!(u8),
+            Number::U16 => read!(u16),
+            Number::U32 => read!(u32),
+            Number::U64 => read!(u64),
+        }?;
+        if read == out.len() {
+            Ok(())
+        } else {
+            let found = format!("{read} values");
+            Err(ImportError::malformed(&self.path, &*self.label, found, format!("{} values", out.len())))
+        }
+    }
+}
+
+thread_local! {
+    /// Whether this thread is inside [`guard`], where a panic is reported as an error and not printed.
+    static GUARDED: Cell<bool> = const { Cell::new(false) };
+}
+
+/// Runs `work` of the reader library; its errors and its panics become one error for `field`.
+fn guard<T>(
+    path: &Path,
+    field: &str,
+    expected: &str,
+    work: impl FnOnce() -> hdf5_reader::error::Result<T>,
+) -> Result<T, ImportError> {
+    static QUIET: Once = Once::new();
+    QUIET.call_once(|| {
+        let loud = std::panic::take_hook();
+        std::panic::set_hook(Box::new(move |panic| {
+            if !GUARDED.get() {
+                loud(panic);
+            }
+        }));
+    });
+    let outer = GUARDED.replace(true);
+    let result = catch_unwind(AssertUnwindSafe(work));
+    GUARDED.set(outer);
+    match result {
+        Ok(Ok(value)) => Ok(value),
+        Ok(Err(error)) => {
+            let text = error.to_string().replace(['\n', '\r'], " ");
+            Err(ImportError::malformed(path, field, text, expected))
+        }
+        Err(_) => Err(ImportError::malformed(path, field, "damage that the HDF5 reader gave up on", expected)),
+    }
+}

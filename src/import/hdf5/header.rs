@@ -1,0 +1,84 @@
+//! The header of an HDF5 snapshot, whichever code wrote it.
+
+use super::file::{Attributes, H5Group};
+use super::units::System;
+use crate::import::ImportError;
+
+/// What one file of a snapshot says about itself and the whole.
+pub(super) struct Header {
+    /// Particles in this file by type; `None` in a file without a header.
+    pub counts: Option<Vec<u64>>,
+    /// Particles in all files by type, where the header says so.
+    pub totals: Option<Vec<u64>>,
+    /// Mass of every particle by type, 0 where masses vary.
+    pub masses: Vec<f64>,
+    /// Number of files.
+    pub files: u64,
+    pub time: Option<f64>,
+    pub redshift: Option<f64>,
+    pub box_size: Option<f64>,
+    pub units: System,
+    /// Written by SWIFT, or for it.
+    pub swift: bool,
+    /// SWIFT's kernel function.
+    pub kernel: Option<String>,
+    /// SWIFT's support radius over its smoothing length, where the file says it.
+    pub gamma: Option<f64>,
+}
+
+impl Header {
+    /// Reads the header of one file; `groups` are the names of the root's groups.
+    pub(super) fn read(root: &H5Group, groups: &[String]) -> Result<Header, ImportError> {
+        let optional = |name: &str| -> Result<Option<Attributes>, ImportError> {
+            let group = groups.iter().any(|group| group == name).then(|| root.group(name)).transpose()?;
+            group.map(|group| group.attributes()).transpose()
+        };
+        let header = optional("Header")?;
+        let parameters = optional("Parameters")?;
+        let unit_group = optional("Units")?;
+        let hydro = optional("HydroScheme")?;
+        let code = optional("Code")?;
+
+        let mut units = System::default();
+        [&unit_group, &parameters, &header].into_iter().flatten().for_each(|group| units.learn(group));
+        let number = |name: &str| {
+            let groups = [&header, &parameters].into_iter().flatten();
+            groups.into_iter().find_map(|group| group.number(name))
+        };
+        if number("GravityConstantInternal").is_some_and(|g| g != 0.0) {
+            units = units.without_nominal();
+        }
+        let hubble = number("HubbleParam").filter(|h| *h > 0.0 && *h != 1.0);
+        let comoving = number("ComovingIntegrationOn").is_some_and(|on| on != 0.0);
+        units.comoving = (if comoving { 1.0 } else { 0.0 }, if hubble.is_some() { -1.0 } else { 0.0 });
+        let swift = unit_group.as_ref().is_some_and(|group| group.number("Unit length in cgs (U_L)").is_some())
+            || code.as_ref().and_then(|code| code.text("Code")).is_some_and(|code| code == "SWIFT");
+        let kernel = hydro.as_ref().and_then(|hydro| hydro.text("Kernel function"));
+        let gamma = hydro.as_ref().and_then(|hydro| hydro.number("Kernel gamma"));
+
+        let (mut counts, mut totals, mut masses) = (None, None, Vec::new());
+        if let Some(header) = &header {
+            counts = header.counts("NumPart_ThisFile")?;
+            totals = header.counts("NumPart_Total")?;
+            let high = header.counts("NumPart_Total_HighWord")?.unwrap_or_default();
+            for (total, high) in totals.iter_mut().flatten().zip(high) {
+                *total = total.saturating_add(high.saturating_mul(1 << 32));
+            }
+            masses = header.numbers("MassTable").unwrap_or_default();
+        }
+        let files = ["NumFilesPerSnapshot", "NumFilesPerSnap"].into_iter().find_map(number);
+        Ok(Header {
+            counts,
+            totals,
+            masses,
+            files: files.map_or(1, |files| (files as u64).max(1)),
+            time: number("Time"),
+            redshift: number("Redshift"),
+            box_size: number("BoxSize").filter(|size| *size > 0.0),
+            units,
+            swift,
+            kernel,
+            gamma,
+        })
+    }
+}

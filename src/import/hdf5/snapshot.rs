@@ -1,0 +1,374 @@
+//! An HDF5 snapshot of one or several files as a [`Source`].
+
+use super::file::{Column, H5, H5Group};
+use super::header::Header;
+use super::names::{self, Quantity};
+use crate::import::multifile;
+use crate::import::{Description, FamilyInfo, Field, FieldKind, ImportError, Source};
+use crate::model::{FamilyName, Kernel, Unit};
+use std::ops::Range;
+use std::path::Path;
+
+/// An opened snapshot.
+pub(super) struct Snapshot {
+    description: Description,
+    families: Vec<FamilyData>,
+}
+
+/// Where the fields of one family are.
+struct FamilyData {
+    fields: Vec<Stored>,
+}
+
+/// Where one field is.
+enum Stored {
+    /// The same value for every particle of a file: `(particles, value)` by file.
+    Constant(Vec<(u64, f64)>),
+    /// One column per file, in order.
+    Columns(Vec<Column>, Transform),
+}
+
+/// What is done to stored values.
+#[derive(Clone, Copy, PartialEq)]
+enum Transform {
+    None,
+    Times(f64),
+    PowerOfTen,
+}
+
+/// One data set of the first file as a field.
+struct Planned {
+    dataset: Option<String>,
+    field: Field,
+    transform: Transform,
+}
+
+impl Snapshot {
+    /// Opens the snapshot that the file belongs to.
+    pub(super) fn open(path: &Path) -> Result<Snapshot, ImportError> {
+        let first = File::open(path)?;
+        let names = multifile::names(path, first.header.files)?;
+        let files: Vec<File> = match names.as_slice() {
+            [_] => vec![first],
+            names => names.iter().map(|name| File::open(name)).collect::<Result<_, _>>()?,
+        };
+        let mut description = describe(path, &files);
+        let mut families = Vec::new();
+        for (number, name) in FamilyName::ALL.into_iter().enumerate() {
+            if let Some((info, data)) = open_family(&files, name, number, &mut description)? {
+                description.families.push(info);
+                families.push(data);
+            }
+        }
+        if description.families.is_empty() {
+            let field = "PartType0 to PartType5, Coordinates".to_string();
+            return Err(ImportError::NoParticles { path: path.into(), field });
+        }
+        let positions = description.families[0].find(FieldKind::Position);
+        let unit = |index: usize| description.families[0].fields[index].unit.clone();
+        description.length_unit = positions.map(unit).unwrap_or_default();
+        let masses =
+            description.families.iter().find_map(|info| Some(info.fields[info.find(FieldKind::Mass)?].unit.clone()));
+        description.mass_unit = masses.unwrap_or_default();
+        Ok(Snapshot { description, families })
+    }
+}
+
+impl Source for Snapshot {
+    fn description(&self) -> &Description {
+        &self.description
+    }
+
+    fn read(&self, family: usize, field: usize, range: Range<u64>, out: &mut [f64]) -> Result<(), ImportError> {
+        let info = self.description.check_range(family, field, &range, out.len())?;
+        let components = info.components;
+        match &self.families[family].fields[field] {
+            Stored::Constant(values) => {
+                multifile::pieces(values.iter().map(|(count, _)| *count), range, |file, rows, at| {
+                    out[at..at + (rows.end - rows.start) as usize].fill(values[file].1);
+                    Ok(())
+                })
+            }
+            Stored::Columns(columns, transform) => {
+                multifile::pieces(columns.iter().map(|column| column.rows), range, |file, rows, at| {
+                    let length = (rows.end - rows.start) as usize * components;
+                    let out = &mut out[at * components..at * components + length];
+                    columns[file].read(rows, out)?;
+                    match transform {
+                        Transform::None => {}
+                        Transform::Times(factor) => out.iter_mut().for_each(|value| *value *= factor),
+                        Transform::PowerOfTen => out.iter_mut().for_each(|value| *value = 10f64.powf(*value)),
+                    }
+                    Ok(())
+                })
+            }
+        }
+    }
+}
+
+/// One file of a snapshot.
+struct File {
+    h5: H5,
+    groups: Vec<String>,
+    datasets: Vec<String>,
+    header: Header,
+}
+
+impl File {
+    fn open(path: &Path) -> Result<File, ImportError> {
+        let h5 = H5::open(path)?;
+        let root = h5.root()?;
+        let (groups, datasets) = root.members()?;
+        let header = Header::read(&root, &groups)?;
+        drop(root);
+        Ok(File { h5, groups, datasets, header })
+    }
+
+    /// The group of a particle type, if this file has particles of it; the root for a bare file.
+    fn group(&self, number: usize) -> Result<Option<H5Group<'_>>, ImportError> {
+        let name = format!("PartType{number}");
+        let claimed = self.header.counts.as_ref().map(|counts| counts.get(number).copied().unwrap_or(0));
+        if self.groups.contains(&name) {
+            return if claimed == Some(0) { Ok(None) } else { self.h5.root()?.group(&name).map(Some) };
+        }
+        if claimed.is_some_and(|count| count > 0) {
+            let expected = format!("a group of {} particles as in the header", claimed.unwrap_or(0));
+            return Err(ImportError::missing(&self.h5.path, name, expected));
+        }
+        let bare = number == BARE_TYPE && claimed.is_none() && !self.groups.iter().any(|g| g.starts_with("PartType"));
+        let positions = |name: &String| is_kind(name, FamilyName::Dark, FieldKind::Position);
+        if bare && self.datasets.iter().any(positions) { self.h5.root().map(Some) } else { Ok(None) }
+    }
+}
+
+/// The type of particles in a file that has neither header nor groups.
+const BARE_TYPE: usize = 1;
+
+fn is_kind(dataset: &str, family: FamilyName, kind: FieldKind) -> bool {
+    names::quantity(dataset, family).is_some_and(|(quantity, _)| quantity.kind == kind)
+}
+
+fn describe(path: &Path, files: &[File]) -> Description {
+    let header = &files[0].header;
+    let format = match (&header.counts, header.swift) {
+        (_, true) => "swift",
+        (Some(_), _) => "gadget-hdf5",
+        (None, _) if files[0].groups.iter().any(|group| group.starts_with("PartType")) => "gadget-hdf5",
+        (None, _) => "hdf5",
+    };
+    Description {
+        path: path.into(),
+        format: format.into(),
+        bytes: files.iter().map(|file| file.h5.bytes).sum(),
+        files: files.len(),
+        length_unit: Unit::default(),
+        mass_unit: Unit::default(),
+        kernel: Kernel::CubicSpline,
+        time: header.time,
+        redshift: header.redshift,
+        box_size: header.box_size,
+        notes: Vec::new(),
+        families: Vec::new(),
+    }
+}
+
+fn open_family(
+    files: &[File],
+    name: FamilyName,
+    number: usize,
+    description: &mut Description,
+) -> Result<Option<(FamilyInfo, FamilyData)>, ImportError> {
+    let mut plan: Option<Vec<Planned>> = None;
+    let mut stored: Vec<Stored> = Vec::new();
+    let mut count = 0u64;
+    for file in files {
+        let Some(group) = file.group(number)? else { continue };
+        let planned = match &mut plan {
+            Some(planned) => planned,
+            none => {
+                let planned = plan_family(file, &group, name, number, description)?;
+                stored = planned.iter().map(|planned| planned.empty()).collect();
+                none.insert(planned)
+            }
+        };
+        let rows = claimed_rows(file, &group, planned, number)?;
+        if rows == 0 {
+            continue;
+        }
+        for (planned, stored) in planned.iter().zip(&mut stored) {
+            planned.add(file, &group, rows, number, stored)?;
+        }
+        count = count.saturating_add(rows);
+    }
+    check_total(files, number, count)?;
+    let info = plan.filter(|_| count > 0).map(|plan| FamilyInfo {
+        name,
+        count,
+        fields: plan.into_iter().map(|planned| planned.field).collect(),
+    });
+    Ok(info.map(|info| (info, FamilyData { fields: stored })))
+}
+
+/// The number of particles that a file claims to have of a type: what its header says, else the rows of the positions.
+fn claimed_rows(file: &File, group: &H5Group, plan: &[Planned], number: usize) -> Result<u64, ImportError> {
+    if let Some(counts) = &file.header.counts {
+        return Ok(counts.get(number).copied().unwrap_or(0));
+    }
+    let position = plan.iter().find(|planned| planned.field.kind == FieldKind::Position);
+    let column = position.and_then(|planned| planned.dataset.as_ref()).map(|name| group.column(name)).transpose()?;
+    Ok(column.flatten().map_or(0, |column| column.rows))
+}
+
+/// All files together hold as many particles as each header says the snapshot has; some writers leave that number 0.
+fn check_total(files: &[File], number: usize, count: u64) -> Result<(), ImportError> {
+    let header = &files[0].header;
+    let total = header.totals.as_ref().and_then(|totals| totals.get(number)).copied();
+    match total {
+        Some(total) if total != 0 && total != count => Err(ImportError::malformed(
+            &files[0].h5.path,
+            format!("Header/NumPart_Total of PartType{number}"),
+            total,
+            format!("{count}, the particles of {} file(s) together", files.len()),
+        )),
+        _ => Ok(()),
+    }
+}
+
+/// The fields of a family, from the data sets of the first file that has it.
+fn plan_family(
+    file: &File,
+    group: &H5Group,
+    name: FamilyName,
+    number: usize,
+    description: &mut Description,
+) -> Result<Vec<Planned>, ImportError> {
+    let (_, mut datasets) = group.members()?;
+    datasets.sort();
+    datasets.dedup();
+    // Of several data sets of one quantity the one that its list names first counts; the others keep their own names.
+    let mut best: Vec<(Quantity, usize, &String)> = Vec::new();
+    for dataset in &datasets {
+        if let Some((quantity, rank)) = names::quantity(dataset, name) {
+            match best.iter_mut().find(|(other, ..)| other.name == quantity.name) {
+                Some(other) if other.1 <= rank => {}
+                Some(other) => *other = (quantity, rank, dataset),
+                None => best.push((quantity, rank, dataset)),
+            }
+        }
+    }
+    let mut plan = Vec::new();
+    for dataset in &datasets {
+        let Some(column) = group.column(dataset)? else {
+            description.notes.push(format!("{name}: data set {dataset} is not a column of numbers and is left out"));
+            continue;
+        };
+        let attributes = column.attributes()?;
+        let quantity = best.iter().find(|(_, _, best)| *best == dataset).map(|(quantity, ..)| *quantity);
+        let shaped = quantity.filter(|quantity| match quantity.kind {
+            FieldKind::Position | FieldKind::Velocity => column.components == 3,
+            FieldKind::Other => true,
+            _ => column.components == 1,
+        });
+        let mut transform = Transform::None;
+        if shaped.is_some_and(|quantity| quantity.kind == FieldKind::SmoothingLength) && file.header.swift {
+            let gamma = kernel_gamma(&file.header);
+            transform = Transform::Times(gamma);
+            let note = format!("SWIFT smoothing lengths are multiplied by {gamma} to give the support radius");
+            description.notes.extend((!description.notes.contains(&note)).then_some(note));
+        }
+        let unit = file.header.units.unit_of(&attributes, shaped);
+        let field = Field {
+            name: shaped.map_or(dataset.clone(), |quantity| quantity.name.into()),
+            stored_as: dataset.clone(),
+            unit,
+            components: column.components,
+            kind: shaped.map_or(FieldKind::Other, |quantity| quantity.kind),
+        };
+        plan.push(Planned { dataset: Some(dataset.clone()), field, transform });
+        let plain = |quantity: &Quantity| !best.iter().any(|(other, ..)| other.name == quantity.name);
+        if let Some(quantity) = names::logarithm(dataset, name).filter(plain).filter(|_| column.components == 1) {
+            let field = Field {
+                name: quantity.name.into(),
+                stored_as: dataset.clone(),
+                unit: Unit::new(quantity.fixed),
+                components: 1,
+                kind: quantity.kind,
+            };
+            description.notes.push(format!("{name}: {} is 10 to the power of {dataset}", quantity.name));
+            plan.push(Planned { dataset: Some(dataset.clone()), field, transform: Transform::PowerOfTen });
+        }
+    }
+    let has = |kind| plan.iter().any(|planned: &Planned| planned.field.kind == kind);
+    if !has(FieldKind::Position) {
+        let field = format!("PartType{number}/Coordinates");
+        return Err(ImportError::missing(&file.h5.path, field, "a data set of 3 coordinates per particle"));
+    }
+    let table = |file: &File| file.header.masses.get(number).copied().unwrap_or(0.0);
+    if !has(FieldKind::Mass) && table(file) > 0.0 {
+        let mass = names::quantity("masses", name).map(|(quantity, _)| quantity);
+        let unit = file.header.units.unit_of(&group.attributes()?, mass);
+        let stored_as = "MassTable".to_string();
+        let field = Field { name: "mass".into(), stored_as, unit, components: 1, kind: FieldKind::Mass };
+        plan.push(Planned { dataset: None, field, transform: Transform::None });
+    }
+    plan.sort_by_key(|planned| planned.field.kind);
+    Ok(plan)
+}
+
+impl Planned {
+    fn empty(&self) -> Stored {
+        match self.dataset {
+            Some(_) => Stored::Columns(Vec::new(), self.transform),
+            None => Stored::Constant(Vec::new()),
+        }
+    }
+
+    /// Adds the field's column of one more file.
+    fn add(
+        &self,
+        file: &File,
+        group: &H5Group,
+        rows: u64,
+        number: usize,
+        stored: &mut Stored,
+    ) -> Result<(), ImportError> {
+        match (stored, &self.dataset) {
+            (Stored::Columns(columns, _), Some(dataset)) => {
+                let label = format!("PartType{number}/{dataset}");
+                let Some(column) = group.column(dataset)? else {
+                    return Err(ImportError::missing(&file.h5.path, label, "a column of numbers as in the first file"));
+                };
+                if column.rows != rows || column.components != self.field.components {
+                    let found = format!("{} x {} values", column.rows, column.components);
+                    let expected = format!("{rows} x {} values", self.field.components);
+                    return Err(ImportError::malformed(&file.h5.path, column.label, found, expected));
+                }
+                columns.push(column);
+            }
+            (Stored::Constant(values), _) => {
+                values.push((rows, file.header.masses.get(number).copied().unwrap_or(0.0)));
+            }
+            (Stored::Columns(..), None) => {}
+        }
+        Ok(())
+    }
+}
+
+/// The support radius of SWIFT's kernel over its smoothing length, in three dimensions (Dehnen and Aly 2012, table 1).
+fn kernel_gamma(header: &Header) -> f64 {
+    if let Some(gamma) = header.gamma.filter(|gamma| (1.0..=4.0).contains(gamma)) {
+        return gamma;
+    }
+    let name = header.kernel.as_deref().unwrap_or("").to_lowercase();
+    let gammas = [
+        ("quartic", 2.018932),
+        ("quintic", 2.195775),
+        ("wendland c2", 1.936492),
+        ("wendland-c2", 1.936492),
+        ("wendland c4", 2.207940),
+        ("wendland-c4", 2.207940),
+        ("wendland c6", 2.449490),
+        ("wendland-c6", 2.449490),
+    ];
+    gammas.iter().find(|(kernel, _)| name.contains(kernel)).map_or(1.825742, |(_, gamma)| *gamma)
+}
