@@ -7,6 +7,7 @@ pub mod commands;
 pub mod hierarchy;
 pub mod import;
 pub mod model;
+pub mod modes;
 pub mod store;
 pub mod stream;
 pub mod view;

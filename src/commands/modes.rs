@@ -1,0 +1,34 @@
+//! `deepfield modes`: the registered visualization modes and their settings.
+
+use super::CommandResult;
+use crate::modes::MODES;
+use std::io::Write;
+
+/// Lists the visualization modes and their settings.
+#[derive(clap::Args, Debug)]
+#[command(after_help = "Example:
+  deepfield modes")]
+pub struct Arguments {}
+
+/// Prints the list.
+///
+/// # Errors
+/// When standard output cannot be written.
+pub fn run(_: &Arguments) -> CommandResult {
+    let mut out = std::io::stdout().lock();
+    for mode in MODES {
+        writeln!(out, "{}\n    {}", mode.name, mode.help)?;
+        if !mode.usual_attributes.is_empty() {
+            writeln!(out, "    coloured by the first there is of: {}", mode.usual_attributes.join(", "))?;
+        }
+        for setting in mode.settings {
+            let unit = if setting.unit.is_empty() { String::new() } else { format!(" {}", setting.unit) };
+            let default = match setting.default() {
+                crate::modes::SettingValue::Flag(flag) => flag.to_string(),
+                crate::modes::SettingValue::Number(number) => number.to_string(),
+            };
+            writeln!(out, "    {:16} {} ({}{unit}, default {default})", setting.name, setting.help, setting.range())?;
+        }
+    }
+    Ok(())
+}

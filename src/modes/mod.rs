@@ -1,0 +1,137 @@
+//! What a user picks: one small file for each visualization mode. A mode says what is accumulated (`P` and `S`), how
+//! far a particle reaches in the picture, which settings it has, and how the picture starts out; the same description
+//! serves the command line, RON, the panel and the manual.
+//!
+//! A new mode is a file here and a line in [`MODES`].
+
+pub mod column_density;
+pub mod density_squared;
+pub mod points;
+pub mod setting;
+
+pub use setting::{Setting, SettingError, SettingKind, SettingValue, Settings};
+
+use crate::model::Unit;
+
+/// Every registered mode; the first is the default.
+pub static MODES: [&Mode; 3] = [&column_density::MODE, &density_squared::MODE, &points::MODE];
+
+/// The description of a mode.
+pub struct Mode {
+    /// The name that the command line and RON use.
+    pub name: &'static str,
+    /// What it shows, a sentence.
+    pub help: &'static str,
+    /// Its settings.
+    pub settings: &'static [Setting],
+    /// What `P` is called in a legend.
+    pub quantity: &'static str,
+    /// The unit of `P`, from those of mass and length.
+    pub unit: fn(mass: &Unit, length: &Unit) -> Unit,
+    /// The weight `w` of each particle, whose line-of-sight integral is `P`.
+    pub weight: fn(&Columns<'_>) -> Vec<f32>,
+    /// Which of a node's exact sums its weights conserve.
+    pub conserves: Conserved,
+    /// Names of attributes that colour the picture when the user names none: the first that the data has is used.
+    /// Without any, the picture has no `S` and its colour follows `P`.
+    pub usual_attributes: &'static [&'static str],
+    /// Attributes that the weight itself uses.
+    pub weight_attributes: &'static [&'static str],
+    /// The shape of a particle in the picture.
+    pub footprint: fn(&Settings) -> Footprint,
+    /// Name of the transfer function to begin with, in `assets/transfer/`.
+    pub transfer: &'static str,
+}
+
+/// How far a particle reaches in the picture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Footprint {
+    /// As far as its smoothing length, with the data's kernel.
+    Kernel,
+    /// A disc of this radius in pixels at any distance.
+    Pixels(f32),
+}
+
+/// A sum over source particles that a hierarchy keeps exactly for each node.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Conserved {
+    /// `sum m`.
+    Mass,
+    /// `sum m rho`.
+    MassDensity,
+    /// Neither: the weight is of another kind.
+    Neither,
+}
+
+/// Columns of particle quantities, of source particles or of a codebook's entries; all have the same length.
+#[derive(Clone, Copy)]
+pub struct Columns<'a> {
+    /// Masses `m`.
+    pub mass: &'a [f32],
+    /// Densities `rho`.
+    pub density: &'a [f32],
+    /// Smoothing lengths `h`.
+    pub smoothing_length: &'a [f32],
+    /// Further attributes by name.
+    pub attributes: &'a [(&'a str, &'a [f32])],
+}
+
+impl<'a> Columns<'a> {
+    /// The column of that name: `mass`, `density`, `smoothing-length` or an attribute.
+    pub fn named(&self, name: &str) -> Option<&'a [f32]> {
+        match name {
+            "mass" => Some(self.mass),
+            "density" => Some(self.density),
+            "smoothing-length" => Some(self.smoothing_length),
+            _ => self.attributes.iter().find(|(attribute, _)| *attribute == name).map(|&(_, values)| values),
+        }
+    }
+}
+
+impl Mode {
+    /// The attribute that colours the picture: `wanted` if named, else the first usual one among `available`.
+    pub fn attribute<'a>(&self, wanted: Option<&'a str>, available: &[&str]) -> Option<&'a str> {
+        wanted.or_else(|| self.usual_attributes.iter().copied().find(|usual| available.contains(usual)))
+    }
+}
+
+/// The mode of that name.
+pub fn find(name: &str) -> Option<&'static Mode> {
+    MODES.iter().copied().find(|mode| mode.name == name)
+}
+
+/// The names of all modes, for messages.
+pub fn names() -> String {
+    MODES.map(|mode| mode.name).join(", ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn modes_have_names_of_their_own_and_settings_with_valid_defaults() {
+        for (i, mode) in MODES.iter().enumerate() {
+            assert!(MODES[..i].iter().all(|other| other.name != mode.name));
+            assert!(std::ptr::eq(find(mode.name).unwrap(), *mode));
+            for setting in mode.settings {
+                setting.check(&setting.default()).unwrap();
+            }
+        }
+        assert!(find("no-such-mode").is_none());
+    }
+
+    #[test]
+    fn weights_are_those_of_the_paper() {
+        let columns = Columns {
+            mass: &[2.0, 3.0],
+            density: &[5.0, 7.0],
+            smoothing_length: &[1.0, 1.0],
+            attributes: &[("magnitude", &[0.0, 5.0])],
+        };
+        assert_eq!((column_density::MODE.weight)(&columns), [2.0, 3.0]);
+        assert_eq!((density_squared::MODE.weight)(&columns), [10.0, 21.0]);
+        let flux = (points::MODE.weight)(&columns);
+        assert!((flux[0] - 1.0).abs() < 1e-6 && (flux[1] - 0.01).abs() < 1e-8, "{flux:?}");
+    }
+}
