@@ -8,6 +8,7 @@ pub mod hierarchy;
 pub mod import;
 pub mod model;
 pub mod modes;
+pub mod raster;
 pub mod store;
 pub mod stream;
 pub mod view;
