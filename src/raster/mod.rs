@@ -15,14 +15,20 @@
 //! part behind the eye too.
 
 pub mod accumulation;
+pub mod colormap;
+pub mod composite;
 pub mod footprint;
 pub mod splats;
 pub mod table;
+pub mod transfer;
 
 mod exact;
 
 pub use accumulation::Accumulation;
+pub use colormap::ColorMap;
+pub use composite::{Image, composite};
 pub use splats::{Extent, Positions, RasterError, Splats};
+pub use transfer::TransferFunction;
 
 use crate::model::Kernel;
 use crate::view::View;
