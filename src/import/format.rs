@@ -24,7 +24,7 @@ pub trait Format: Sync {
 pub const HEAD: usize = 4096;
 
 /// Every format, asked in this order.
-pub const FORMATS: &[&dyn Format] = &[&super::hdf5::Hdf5];
+pub const FORMATS: &[&dyn Format] = &[&super::hdf5::Hdf5, &super::gadget::Gadget, &super::tipsy::Tipsy];
 
 /// Opens a source in whatever format its content shows.
 ///

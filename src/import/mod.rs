@@ -4,15 +4,18 @@
 //! [`open`] gives a [`Source`] that reads in bounded ranges, [`summarize`] what `info` prints, [`load`] particles in memory.
 
 mod attributes;
+mod bytes;
 mod check;
 mod error;
 mod format;
+mod gadget;
 mod hdf5;
 mod load;
 mod multifile;
 mod neighbours;
 mod source;
 mod summary;
+mod tipsy;
 
 pub use error::ImportError;
 pub use format::{FORMATS, Format, open};

@@ -1,0 +1,143 @@
+//! Files read by byte range, and numbers in either byte order.
+
+use super::ImportError;
+use std::fs::File;
+use std::path::{Path, PathBuf};
+
+/// A file that several threads read at once by offset. Nothing is mapped, so that a file which shrinks meanwhile gives an
+/// error and no signal.
+pub(super) struct RangeFile {
+    /// The file's name.
+    pub path: PathBuf,
+    /// Its length when it was opened, bytes.
+    pub length: u64,
+    file: File,
+}
+
+impl RangeFile {
+    /// Opens the file.
+    pub(super) fn open(path: &Path) -> Result<RangeFile, ImportError> {
+        let io = |source| ImportError::io(path, "file", source);
+        let file = File::open(path).map_err(io)?;
+        let length = file.metadata().map_err(io)?.len();
+        Ok(RangeFile { path: path.into(), length, file })
+    }
+
+    /// Fills `out` from byte `offset` on; `field` names what is there.
+    pub(super) fn read(&self, offset: u64, out: &mut [u8], field: &str) -> Result<(), ImportError> {
+        let end = offset.checked_add(out.len() as u64);
+        if end.is_none_or(|end| end > self.length) {
+            let found = format!("the file's end at byte {}", self.length);
+            let expected = format!("{} bytes from byte {offset} on", out.len());
+            return Err(ImportError::malformed(&self.path, field, found, expected));
+        }
+        self.read_exact_at(offset, out).map_err(|source| ImportError::io(&self.path, field, source))
+    }
+
+    #[cfg(unix)]
+    fn read_exact_at(&self, offset: u64, out: &mut [u8]) -> std::io::Result<()> {
+        std::os::unix::fs::FileExt::read_exact_at(&self.file, out, offset)
+    }
+
+    #[cfg(windows)]
+    fn read_exact_at(&self, mut offset: u64, mut out: &mut [u8]) -> std::io::Result<()> {
+        while !out.is_empty() {
+            let read = std::os::windows::fs::FileExt::seek_read(&self.file, out, offset)?;
+            if read == 0 {
+                return Err(std::io::ErrorKind::UnexpectedEof.into());
+            }
+            offset += read as u64;
+            out = &mut out[read..];
+        }
+        Ok(())
+    }
+}
+
+/// The order of the bytes of a number.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Order {
+    /// Least significant byte first.
+    Little,
+    /// Most significant byte first.
+    Big,
+}
+
+impl Order {
+    /// Both orders.
+    pub(super) const BOTH: [Order; 2] = [Order::Little, Order::Big];
+
+    /// The four bytes at `at`; 0 past the end, which callers exclude.
+    pub(super) fn u32(self, bytes: &[u8], at: usize) -> u32 {
+        let word = bytes.get(at..at + 4).and_then(|word| word.try_into().ok()).unwrap_or_default();
+        match self {
+            Order::Little => u32::from_le_bytes(word),
+            Order::Big => u32::from_be_bytes(word),
+        }
+    }
+
+    /// The eight bytes at `at` as a number; 0 past the end, which callers exclude.
+    pub(super) fn f64(self, bytes: &[u8], at: usize) -> f64 {
+        let word = bytes.get(at..at + 8).and_then(|word| word.try_into().ok()).unwrap_or_default();
+        match self {
+            Order::Little => f64::from_le_bytes(word),
+            Order::Big => f64::from_be_bytes(word),
+        }
+    }
+}
+
+/// How a number is stored.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Number {
+    /// Single precision.
+    F32,
+    /// Double precision.
+    F64,
+    /// 32-bit whole number.
+    U32,
+    /// 64-bit whole number.
+    U64,
+}
+
+impl Number {
+    /// Size in bytes.
+    pub(super) fn size(self) -> usize {
+        match self {
+            Number::F32 | Number::U32 => 4,
+            Number::F64 | Number::U64 => 8,
+        }
+    }
+
+    /// Decodes `components` numbers from the start of every `stride` bytes into `out`.
+    pub(super) fn decode(self, order: Order, bytes: &[u8], stride: usize, components: usize, out: &mut [f64]) {
+        match (self, order) {
+            (Number::F32, Order::Little) => each(bytes, stride, components, out, |b| f32::from_le_bytes(b) as f64),
+            (Number::F32, Order::Big) => each(bytes, stride, components, out, |b| f32::from_be_bytes(b) as f64),
+            (Number::F64, Order::Little) => each(bytes, stride, components, out, f64::from_le_bytes),
+            (Number::F64, Order::Big) => each(bytes, stride, components, out, f64::from_be_bytes),
+            (Number::U32, Order::Little) => each(bytes, stride, components, out, |b| u32::from_le_bytes(b) as f64),
+            (Number::U32, Order::Big) => each(bytes, stride, components, out, |b| u32::from_be_bytes(b) as f64),
+            (Number::U64, Order::Little) => each(bytes, stride, components, out, |b| u64::from_le_bytes(b) as f64),
+            (Number::U64, Order::Big) => each(bytes, stride, components, out, |b| u64::from_be_bytes(b) as f64),
+        }
+    }
+}
+
+fn each<const N: usize>(
+    bytes: &[u8],
+    stride: usize,
+    components: usize,
+    out: &mut [f64],
+    decode: impl Fn([u8; N]) -> f64,
+) {
+    if stride == N * components {
+        for (value, word) in out.iter_mut().zip(bytes.as_chunks::<N>().0) {
+            *value = decode(*word);
+        }
+        return;
+    }
+    for (record, values) in bytes.chunks(stride).zip(out.chunks_exact_mut(components)) {
+        for (value, word) in values.iter_mut().zip(record.as_chunks::<N>().0) {
+            *value = decode(*word);
+        }
+    }
+}
