@@ -5,10 +5,13 @@
 //! A new mode is a file here and a line in [`MODES`].
 
 pub mod column_density;
+pub mod cpu;
 pub mod density_squared;
+pub mod depiction;
 pub mod points;
 pub mod setting;
 
+pub use depiction::{CodeTable, Coloring, Depiction, SourceColumns};
 pub use setting::{Setting, SettingError, SettingKind, SettingValue, Settings};
 
 use crate::model::Unit;

@@ -8,4 +8,4 @@ pub mod residency;
 pub mod scene;
 
 pub use residency::{PageState, Residency, ResidencyStatistics};
-pub use scene::{Scene, SceneSelection};
+pub use scene::{Scene, SceneNode, SceneSelection};

@@ -1,0 +1,172 @@
+//! A mode as the user has set it, applied to data: weights and attributes of source particles and of codebook entries.
+
+use super::{Columns, Conserved, Footprint, Mode, Settings};
+use crate::model::{Dataset, Family};
+use crate::codec::Codebook;
+use crate::store::{FamilyMetadata, Metadata, Node};
+
+/// A mode, its settings and the attribute that colours the picture.
+#[derive(Clone)]
+pub struct Depiction {
+    /// The mode.
+    pub mode: &'static Mode,
+    /// Its settings.
+    pub settings: Settings,
+    /// The attribute averaged into `S`; none for a picture without colour channel.
+    pub attribute: Option<Coloring>,
+}
+
+/// The attribute averaged into `S`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Coloring {
+    /// Its name.
+    pub name: String,
+    /// What particles without a value count as (families that lack the attribute): its mean where it is known.
+    pub fallback: f32,
+}
+
+/// What the codes of one codebook stand for in a depiction; all columns have the codebook's length.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CodeTable {
+    /// Smoothing length `h` (support radius), world units.
+    pub smoothing_length: Vec<f32>,
+    /// Weight `w`.
+    pub weight: Vec<f32>,
+    /// Attribute `a`, if the picture has colour.
+    pub attribute: Option<Vec<f32>>,
+}
+
+/// Weights and attributes of a family's source particles.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SourceColumns {
+    /// Weight `w` of each particle.
+    pub weight: Vec<f32>,
+    /// Attribute `a` of each particle, if the picture has colour.
+    pub attribute: Option<Vec<f32>>,
+}
+
+impl Depiction {
+    /// `mode` for a page file; `attribute` as the user named it, else the mode's usual one if the data has it.
+    ///
+    /// # Errors
+    /// The names that the data has, when it has none called `attribute`.
+    pub fn of_pages(
+        mode: &'static Mode,
+        settings: Settings,
+        attribute: Option<&str>,
+        metadata: &Metadata,
+    ) -> Result<Depiction, String> {
+        let known: Vec<(&str, f64, f64)> = metadata
+            .families
+            .iter()
+            .flat_map(|family| {
+                let columns = family.quantities.iter().chain(&family.attributes);
+                columns.map(|info| (info.name.as_str(), info.mean, family.count as f64))
+            })
+            .collect();
+        Depiction::new(mode, settings, attribute, &known)
+    }
+
+    /// `mode` for particles in memory; `attribute` as in [`Depiction::of_pages`].
+    ///
+    /// # Errors
+    /// The names that the data has, when it has none called `attribute`.
+    pub fn of_dataset(
+        mode: &'static Mode,
+        settings: Settings,
+        attribute: Option<&str>,
+        dataset: &Dataset,
+    ) -> Result<Depiction, String> {
+        let mut known = Vec::new();
+        for family in &dataset.families {
+            let own =
+                [("mass", &family.mass), ("density", &family.density), ("smoothing-length", &family.smoothing_length)];
+            let others = family.attributes.iter().map(|attribute| (attribute.name.as_str(), &attribute.values));
+            for (name, values) in own.into_iter().chain(others) {
+                let finite = values.iter().filter(|value| value.is_finite());
+                let (sum, count) = finite.fold((0.0, 0.0), |(sum, n), &value| (sum + f64::from(value), n + 1.0));
+                known.push((name, if count > 0.0 { sum / count } else { 0.0 }, count));
+            }
+        }
+        Depiction::new(mode, settings, attribute, &known)
+    }
+
+    /// `known` holds name, mean and number of values of each column, family by family.
+    fn new(
+        mode: &'static Mode,
+        settings: Settings,
+        attribute: Option<&str>,
+        known: &[(&str, f64, f64)],
+    ) -> Result<Depiction, String> {
+        let mut names: Vec<&str> = known.iter().map(|column| column.0).collect();
+        names.sort_unstable();
+        names.dedup();
+        let attribute = match mode.attribute(attribute, &names) {
+            Some(name) if !names.contains(&name) => {
+                return Err(format!("attribute {name} is not in the data, expected one of {}", names.join(", ")));
+            }
+            Some(name) => {
+                let columns = known.iter().filter(|column| column.0 == name);
+                let (sum, count) =
+                    columns.fold((0.0, 0.0), |(sum, n), column| (sum + column.1 * column.2, n + column.2));
+                let fallback = if count > 0.0 { (sum / count) as f32 } else { 0.0 };
+                Some(Coloring { name: name.to_owned(), fallback })
+            }
+            None => None,
+        };
+        Ok(Depiction { mode, settings, attribute })
+    }
+
+    /// How far a particle reaches in the picture.
+    pub fn footprint(&self) -> Footprint {
+        (self.mode.footprint)(&self.settings)
+    }
+
+    /// What the codes of a codebook of `family` stand for.
+    pub fn table(&self, family: &FamilyMetadata, codebook: &Codebook) -> CodeTable {
+        let attributes: Vec<(&str, &[f32])> = family
+            .attributes
+            .iter()
+            .zip(&codebook.attributes)
+            .map(|(info, values)| (info.name.as_str(), values.as_slice()))
+            .collect();
+        let columns = Columns {
+            mass: &codebook.mass,
+            density: &codebook.density,
+            smoothing_length: &codebook.smoothing_length,
+            attributes: &attributes,
+        };
+        let SourceColumns { weight, attribute } = self.columns(&columns);
+        CodeTable { smoothing_length: codebook.smoothing_length.clone(), weight, attribute }
+    }
+
+    /// The factor on the decoded weights of `node` that makes them add up to what the node stands for.
+    pub fn node_scale(&self, node: &Node) -> f32 {
+        match self.mode.conserves {
+            Conserved::Mass => node.mass_scale,
+            Conserved::MassDensity => node.mass_density_scale,
+            Conserved::Neither => 1.0,
+        }
+    }
+
+    /// Weights and attributes of the particles of `family`.
+    pub fn source_columns(&self, family: &Family) -> SourceColumns {
+        let attributes: Vec<(&str, &[f32])> =
+            family.attributes.iter().map(|attribute| (attribute.name.as_str(), attribute.values.as_slice())).collect();
+        self.columns(&Columns {
+            mass: &family.mass,
+            density: &family.density,
+            smoothing_length: &family.smoothing_length,
+            attributes: &attributes,
+        })
+    }
+
+    fn columns(&self, columns: &Columns<'_>) -> SourceColumns {
+        let weight = (self.mode.weight)(columns);
+        let attribute = self.attribute.as_ref().map(|coloring| match columns.named(&coloring.name) {
+            Some(values) => values.iter().map(|&a| if a.is_finite() { a } else { coloring.fallback }).collect(),
+            None => vec![coloring.fallback; weight.len()],
+        });
+        SourceColumns { weight, attribute }
+    }
+}
