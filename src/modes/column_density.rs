@@ -18,5 +18,5 @@ pub static MODE: Mode = Mode {
     usual_attributes: &[],
     weight_attributes: &[],
     footprint: |_| Footprint::Kernel,
-    transfer: "column-density",
+    transfer: ["density", "density-hue"],
 };

@@ -20,5 +20,5 @@ pub static MODE: Mode = Mode {
     usual_attributes: &["velocity-dispersion", "temperature", "internal-energy", "speed"],
     weight_attributes: &[],
     footprint: |_| Footprint::Kernel,
-    transfer: "density-squared",
+    transfer: ["density", "density-hue"],
 };

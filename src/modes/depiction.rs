@@ -1,8 +1,8 @@
 //! A mode as the user has set it, applied to data: weights and attributes of source particles and of codebook entries.
 
 use super::{Columns, Conserved, Footprint, Mode, Settings};
-use crate::model::{Dataset, Family};
 use crate::codec::Codebook;
+use crate::model::{Dataset, Family};
 use crate::store::{FamilyMetadata, Metadata, Node};
 
 /// A mode, its settings and the attribute that colours the picture.

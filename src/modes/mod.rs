@@ -42,8 +42,8 @@ pub struct Mode {
     pub weight_attributes: &'static [&'static str],
     /// The shape of a particle in the picture.
     pub footprint: fn(&Settings) -> Footprint,
-    /// Name of the transfer function to begin with, in `assets/transfer/`.
-    pub transfer: &'static str,
+    /// Name of the transfer function to begin with, in `assets/transfer/`: without colour channel, and with one.
+    pub transfer: [&'static str; 2],
 }
 
 /// How far a particle reaches in the picture.
@@ -111,6 +111,7 @@ pub fn names() -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::raster::transfer::TransferFunction;
 
     #[test]
     fn modes_have_names_of_their_own_and_settings_with_valid_defaults() {
@@ -122,6 +123,14 @@ mod tests {
             }
         }
         assert!(find("no-such-mode").is_none());
+    }
+
+    #[test]
+    fn every_mode_begins_with_a_transfer_function_that_exists() {
+        for mode in MODES {
+            let [plain, colored] = mode.transfer.map(|name| TransferFunction::preset(name).unwrap());
+            assert!(plain.hue.is_none() && colored.hue.is_some(), "{}", mode.name);
+        }
     }
 
     #[test]

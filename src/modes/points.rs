@@ -27,5 +27,5 @@ pub static MODE: Mode = Mode {
     usual_attributes: &["color-index", "temperature", "speed"],
     weight_attributes: &["magnitude"],
     footprint: |settings| Footprint::Pixels(settings.number(&RADIUS) as f32),
-    transfer: "points",
+    transfer: ["density", "stars"],
 };
