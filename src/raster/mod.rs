@@ -18,6 +18,7 @@ pub mod accumulation;
 pub mod colormap;
 pub mod composite;
 pub mod footprint;
+pub mod output;
 pub mod splats;
 pub mod table;
 pub mod transfer;
