@@ -24,7 +24,14 @@ pub trait Format: Sync {
 pub const HEAD: usize = 4096;
 
 /// Every format, asked in this order.
-pub const FORMATS: &[&dyn Format] = &[&super::hdf5::Hdf5, &super::gadget::Gadget, &super::tipsy::Tipsy];
+pub const FORMATS: &[&dyn Format] = &[
+    &super::hdf5::Hdf5,
+    &super::gadget::Gadget,
+    &super::tipsy::Tipsy,
+    &super::table::GeoJson,
+    &super::table::KStars,
+    &super::table::Csv,
+];
 
 /// Opens a source in whatever format its content shows.
 ///

@@ -15,10 +15,11 @@ mod multifile;
 mod neighbours;
 mod source;
 mod summary;
+mod table;
 mod tipsy;
 
 pub use error::ImportError;
-pub use format::{FORMATS, Format, open};
+pub use format::{FORMATS, Format, HEAD, open};
 pub use load::{AttributeChoice, DEFAULT_NEIGHBOURS, LoadOptions, Smoothing, load, load_source};
 pub use source::{Description, FamilyInfo, Field, FieldKind, Source};
 pub use summary::{FamilySummary, FieldSummary, Statistic, Summary, summarize, summarize_source};

@@ -133,14 +133,22 @@ impl Attributes {
     /// The numbers of an attribute, if it is there and numeric.
     pub(super) fn numbers(&self, name: &str) -> Option<Vec<f64>> {
         let attribute = self.find(name)?;
+        macro_rules! read {
+            ($number:ty) => {
+                attribute.read_1d::<$number>().map(|values| values.into_iter().map(|value| value as f64).collect())
+            };
+        }
         let read = || match attribute.datatype {
-            Datatype::FixedPoint { signed: false, .. } => {
-                attribute.read_1d::<u64>().map(|values| values.into_iter().map(|value| value as f64).collect())
-            }
-            Datatype::FixedPoint { .. } => {
-                attribute.read_1d::<i64>().map(|values| values.into_iter().map(|value| value as f64).collect())
-            }
-            _ => attribute.read_1d::<f64>(),
+            Datatype::FixedPoint { size: 1, signed: true, .. } => read!(i8),
+            Datatype::FixedPoint { size: 1, signed: false, .. } => read!(u8),
+            Datatype::FixedPoint { size: 2, signed: true, .. } => read!(i16),
+            Datatype::FixedPoint { size: 2, signed: false, .. } => read!(u16),
+            Datatype::FixedPoint { size: 4, signed: true, .. } => read!(i32),
+            Datatype::FixedPoint { size: 4, signed: false, .. } => read!(u32),
+            Datatype::FixedPoint { signed: true, .. } => read!(i64),
+            Datatype::FixedPoint { signed: false, .. } => read!(u64),
+            Datatype::FloatingPoint { size: 4, .. } => read!(f32),
+            _ => read!(f64),
         };
         guard(&self.path, &self.label, "numbers", read).ok()
     }

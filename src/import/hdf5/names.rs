@@ -27,9 +27,15 @@ const fn fixed(name: &'static str, unit: &'static str) -> Quantity {
 
 /// Data set names in lower case by quantity. Of several data sets of one kind in a group the one listed first counts.
 const QUANTITIES: &[(Quantity, &[&str])] = &[
-    (of("position", FieldKind::Position, 0.0, 1.0, 0.0), &["coordinates", "positions", "position", "pos"]),
-    (of("velocity", FieldKind::Velocity, 0.0, 0.0, 1.0), &["velocities", "velocity", "vel"]),
-    (of("mass", FieldKind::Mass, 1.0, 0.0, 0.0), &["masses", "mass", "dynamicalmasses", "dynamicalmass"]),
+    (
+        of("position", FieldKind::Position, 0.0, 1.0, 0.0),
+        &["coordinates", "positions", "position", "pos", "grouppos", "subhalopos"],
+    ),
+    (of("velocity", FieldKind::Velocity, 0.0, 0.0, 1.0), &["velocities", "velocity", "vel", "groupvel", "subhalovel"]),
+    (
+        of("mass", FieldKind::Mass, 1.0, 0.0, 0.0),
+        &["masses", "mass", "dynamicalmasses", "dynamicalmass", "groupmass", "subhalomass"],
+    ),
     (
         of("smoothing-length", FieldKind::SmoothingLength, 0.0, 1.0, 0.0),
         &["smoothinglength", "smoothinglengths", "hsml", "subfindhsml"],
@@ -44,7 +50,7 @@ const QUANTITIES: &[(Quantity, &[&str])] = &[
     (of("pressure", FieldKind::Other, 1.0, -3.0, 2.0), &["pressure", "pressures"]),
     (
         of("velocity-dispersion", FieldKind::Other, 0.0, 0.0, 1.0),
-        &["velocitydispersion", "velocitydispersions", "subfindveldisp", "veldisp"],
+        &["velocitydispersion", "velocitydispersions", "subfindveldisp", "veldisp", "subhaloveldisp"],
     ),
     (fixed("metallicity", ""), &["metallicity", "metallicities", "gfm_metallicity", "metalmassfractions"]),
     (of("potential", FieldKind::Other, 0.0, 0.0, 2.0), &["potential", "potentials"]),

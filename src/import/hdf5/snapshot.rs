@@ -124,16 +124,24 @@ impl File {
         Ok(File { h5, groups, datasets, header })
     }
 
+    fn has_group(&self, name: &str) -> bool {
+        self.groups.iter().any(|group| group == name)
+    }
+
     /// The group of a particle type, if this file has particles of it; the root for a bare file.
     fn group(&self, number: usize) -> Result<Option<H5Group<'_>>, ImportError> {
         let name = format!("PartType{number}");
         let claimed = self.header.counts.as_ref().map(|counts| counts.get(number).copied().unwrap_or(0));
-        if self.groups.contains(&name) {
+        if self.has_group(&name) {
             return if claimed == Some(0) { Ok(None) } else { self.h5.root()?.group(&name).map(Some) };
         }
         if claimed.is_some_and(|count| count > 0) {
             let expected = format!("a group of {} particles as in the header", claimed.unwrap_or(0));
             return Err(ImportError::missing(&self.h5.path, name, expected));
+        }
+        let catalogue = GROUP_CATALOGUE.into_iter().find(|(kind, name)| *kind == number && self.has_group(name));
+        if let Some((_, name)) = catalogue.filter(|_| claimed.is_none()) {
+            return self.h5.root()?.group(name).map(Some);
         }
         let bare = number == BARE_TYPE && claimed.is_none() && !self.groups.iter().any(|g| g.starts_with("PartType"));
         let positions = |name: &String| is_kind(name, FamilyName::Dark, FieldKind::Position);
@@ -143,6 +151,9 @@ impl File {
 
 /// The type of particles in a file that has neither header nor groups.
 const BARE_TYPE: usize = 1;
+
+/// The groups of a Gadget-4 or AREPO group catalogue, as types of particles: friends-of-friends groups and subhaloes.
+const GROUP_CATALOGUE: [(usize, &str); 2] = [(1, "Group"), (2, "Subhalo")];
 
 fn is_kind(dataset: &str, family: FamilyName, kind: FieldKind) -> bool {
     names::quantity(dataset, family).is_some_and(|(quantity, _)| quantity.kind == kind)

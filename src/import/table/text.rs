@@ -1,0 +1,61 @@
+//! Text files, plain or compressed with gzip.
+
+use crate::import::{HEAD, ImportError};
+use flate2::read::MultiGzDecoder;
+use std::fs::File;
+use std::io::{BufRead, BufReader, Error, ErrorKind, Read};
+use std::path::Path;
+
+/// The most that a compressed table may expand by. Numbers as text shrink three to ten times; a file that expands far
+/// more is no table.
+const MOST_EXPANSION: u64 = 256;
+
+const GZIP: [u8; 2] = [0x1f, 0x8b];
+
+/// The beginning of a text file from the file's first bytes, decompressed where needed; `None` if it is not text.
+pub(super) fn head(head: &[u8]) -> Option<String> {
+    let mut bytes = head.to_vec();
+    if head.starts_with(&GZIP) {
+        bytes.clear();
+        // The head ends in the middle of the stream, so an error after some text is no surprise.
+        let _ = MultiGzDecoder::new(head).take(HEAD as u64).read_to_end(&mut bytes);
+    }
+    // The last character may be cut in two.
+    let text = match std::str::from_utf8(&bytes) {
+        Ok(text) => text,
+        Err(error) if error.error_len().is_none() => std::str::from_utf8(&bytes[..error.valid_up_to()]).ok()?,
+        Err(_) => return None,
+    };
+    let plain = text.chars().all(|letter| !letter.is_control() || matches!(letter, '\t' | '\r' | '\n'));
+    (plain && !text.trim().is_empty()).then(|| text.trim_start_matches('\u{feff}').to_string())
+}
+
+/// Opens a text file for reading, decompressing where needed. Gives the file's size too.
+pub(super) fn open(path: &Path) -> Result<(Box<dyn BufRead>, u64), ImportError> {
+    let io = |source| ImportError::io(path, "file", source);
+    let file = File::open(path).map_err(io)?;
+    let length = file.metadata().map_err(io)?.len();
+    let mut file = BufReader::new(file);
+    if file.fill_buf().map_err(io)?.starts_with(&GZIP) {
+        let most = length.saturating_mul(MOST_EXPANSION);
+        let text = Limited { inner: MultiGzDecoder::new(file), left: most };
+        return Ok((Box::new(BufReader::new(text)), length));
+    }
+    Ok((Box::new(file), length))
+}
+
+/// Fails when more than `left` bytes come out of `inner`.
+struct Limited<R> {
+    inner: R,
+    left: u64,
+}
+
+impl<R: Read> Read for Limited<R> {
+    fn read(&mut self, out: &mut [u8]) -> std::io::Result<usize> {
+        let read = self.inner.read(out)?;
+        self.left = self.left.checked_sub(read as u64).ok_or_else(|| {
+            Error::new(ErrorKind::InvalidData, format!("expands more than {MOST_EXPANSION} times, expected a table"))
+        })?;
+        Ok(read)
+    }
+}
