@@ -6,6 +6,13 @@ pub mod codebook;
 pub mod coordinates;
 pub mod morton;
 pub mod packing;
+pub mod quantize;
+pub mod quantizer;
+pub mod scaling;
+
+mod pca_split;
 
 pub use codebook::{Codebook, CodebookScope, QuantityError};
 pub use packing::VqBits;
+pub use quantize::{Quantities, Scaling, quantize};
+pub use scaling::{AttributeMerge, ColumnScaling};

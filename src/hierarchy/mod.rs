@@ -1,5 +1,9 @@
 //! Multi-resolution hierarchies: the model in, nodes out. This room knows no files and no cameras.
 
+pub mod attribute_info;
 pub mod cell;
+pub mod octree;
 
+pub use attribute_info::{AttributeInfo, Histogram};
 pub use cell::{NodeKey, RootCell};
+pub use octree::{Encoding, LevelInfo, Octree, OctreeError, OctreeOptions};

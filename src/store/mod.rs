@@ -8,6 +8,7 @@ pub mod error;
 pub mod layout;
 pub mod metadata;
 pub mod page;
+pub mod paging;
 pub mod reader;
 pub mod verify;
 pub mod writer;

@@ -4,6 +4,7 @@ use super::error::Damage;
 use super::layout::{NODE_RECORD_LEN, NodeRecord, PAGE_HEADER_LEN, PAGE_MAGIC, PageEntry, SECTION_ALIGNMENT, u32_at};
 use super::metadata::Metadata;
 use crate::codec::coordinates::{GRID_POINT, LEAF_POINT, unpack_grid, unpack_leaf};
+pub use crate::hierarchy::Encoding;
 use crate::hierarchy::NodeKey;
 use crate::model::Bounds;
 use std::ops::Range;
@@ -19,18 +20,6 @@ pub struct NodeRef {
     pub page: PageId,
     /// Index of the node in the page.
     pub node: u32,
-}
-
-/// How a node holds its particles.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Encoding {
-    /// It holds none and must be refined: drawing its children costs next to nothing more than it would have. Its
-    /// `delta` is infinite, so that error-driven selection refines it at any distance. A root is never a relay.
-    Relay,
-    /// Merged particles, one `u32` each ([`crate::codec::coordinates::unpack_grid`]).
-    Grid,
-    /// Source particles, one `u64` each ([`crate::codec::coordinates::unpack_leaf`]).
-    Leaf,
 }
 
 /// One node of a family's octree.

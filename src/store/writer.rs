@@ -86,13 +86,15 @@ impl PageFileWriter {
     /// Appends page number `self.page_count()`, encoded by [`encode_page`] with that number.
     pub fn append(&mut self, family: u32, nodes: u32, page: &[u8]) -> Result<PageId, StoreError> {
         let id = PageId(self.table.len() as u32);
-        let len = u32::try_from(page.len()).map_err(|_| StoreError::Unwritable {
-            path: self.path.clone(),
-            reason: format!("page {} would be longer than 4 GiB", id.0),
-        })?;
+        let len = u32::try_from(page.len()).map_err(|_| self.unwritable("a page would be longer than 4 GiB"))?;
         self.table.push(PageEntry { offset: self.end, len, nodes, family, crc: crc32c::crc32c(page) });
         self.put(page)?;
         Ok(id)
+    }
+
+    /// An error that says why this file cannot be written.
+    pub(super) fn unwritable(&self, reason: &str) -> StoreError {
+        StoreError::Unwritable { path: self.path.clone(), reason: reason.into() }
     }
 
     /// Number of pages so far.

@@ -1,0 +1,192 @@
+//! Merging the particles of a grid node's cells (F12 4.7.3).
+//!
+//! In each of the 256^3 cells of edge `q`, particles with `h <= q` ("points") become one; those with larger `h`
+//! ("sprites") are merged in groups whose smoothing lengths differ by at most `fusion * q`. A merged particle has the sum
+//! of the masses, the mass-weighted mean position, smoothing length and density (so that `sum m rho` is kept, F12 4.1),
+//! and attributes weighted with `m rho` (F12 4.2). Its position is quantised to a quarter of the cell along each axis.
+
+use super::block::{Block, Piece, View};
+use super::sorted::{Columns, Sorted};
+use crate::codec::AttributeMerge;
+use crate::codec::coordinates::{CELL_BITS, GRID_BITS, GRID_POINT, pack_grid};
+use crate::codec::morton::{self, MORTON_BITS};
+use crate::hierarchy::{NodeKey, RootCell};
+
+/// What merging needs to know beside the particles.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Merger<'a> {
+    /// The node that the merged particles belong to.
+    pub key: NodeKey,
+    pub root: RootCell,
+    /// Largest difference of smoothing lengths that sprites may have, in cells.
+    pub fusion: f64,
+    /// Merge rule of each attribute.
+    pub rules: &'a [AttributeMerge],
+}
+
+impl Merger<'_> {
+    /// Edge of a cell, world units.
+    fn cell_size(&self) -> f64 {
+        self.key.size(self.root) * (-f64::from(CELL_BITS)).exp2()
+    }
+
+    /// Merges consecutive pieces, none of which shares a cell with another, into one block.
+    pub fn merge(&self, pieces: &[Piece], sorted: &Sorted) -> Block {
+        let sources = match (pieces.first(), pieces.last()) {
+            (Some(first), Some(last)) => first.sources().start..last.sources().end,
+            _ => 0..0,
+        };
+        let len: usize = pieces.iter().map(Piece::len).sum();
+        let column = || Vec::with_capacity(len);
+        let mut out = Block {
+            owners: Vec::with_capacity(sources.len()),
+            sources,
+            keys: Vec::with_capacity(len),
+            units: Vec::with_capacity(len),
+            columns: Columns {
+                mass: column(),
+                density: column(),
+                smoothing_length: column(),
+                attributes: self.rules.iter().map(|_| column()).collect(),
+            },
+            words: Vec::with_capacity(len),
+            ..Block::default()
+        };
+        let mut decoded = Vec::with_capacity(len);
+        let mut target = Vec::new();
+        let mut scratch = Vec::new();
+        for piece in pieces {
+            self.merge_piece(&piece.view(sorted), &mut out, &mut decoded, &mut target, &mut scratch);
+            let sources = piece.sources();
+            let mut own = |i: usize, owner: u32| {
+                let (p, drawn): ([f64; 3], [f64; 3]) = (sorted.units[i], decoded[owner as usize]);
+                let d = [p[0] - drawn[0], p[1] - drawn[1], p[2] - drawn[2]];
+                out.delta_squared = out.delta_squared.max(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
+                out.owners.push(owner);
+            };
+            match piece {
+                Piece::Sources(..) => sources.zip(&target).for_each(|(i, &owner)| own(i, owner)),
+                Piece::Block(block) => {
+                    sources.zip(&block.owners).for_each(|(i, &owner)| own(i, target[owner as usize]));
+                }
+            }
+        }
+        out
+    }
+
+    /// Merges one piece; `target[i]` becomes the index of the particle that `i` is merged into.
+    fn merge_piece(
+        &self,
+        from: &View,
+        out: &mut Block,
+        decoded: &mut Vec<[f64; 3]>,
+        target: &mut Vec<u32>,
+        scratch: &mut Vec<u32>,
+    ) {
+        let shift = 3 * (MORTON_BITS - CELL_BITS - u32::from(self.key.depth));
+        let q = self.cell_size();
+        target.clear();
+        target.resize(from.keys.len(), 0);
+        let mut start = 0;
+        while start < from.keys.len() {
+            let cell = from.keys[start] >> shift;
+            let len = from.keys[start..].iter().take_while(|&&key| key >> shift == cell).count();
+            if len == 1 {
+                target[start] = out.len() as u32;
+                self.push_single(from, start, q, out, decoded);
+            } else {
+                // Smallest first: the points come first, and sprites to be merged are neighbours.
+                scratch.clear();
+                scratch.extend(start as u32..(start + len) as u32);
+                let h = |i: u32| from.smoothing_length[i as usize];
+                scratch.sort_unstable_by(|&a, &b| h(a).total_cmp(&h(b)).then(a.cmp(&b)));
+                let mut rest = &scratch[..];
+                while let Some(&first) = rest.first() {
+                    let smallest = f64::from(h(first));
+                    let limit = if smallest <= q { q } else { smallest + self.fusion * q };
+                    let size = rest.iter().take_while(|&&i| f64::from(h(i)) <= limit).count();
+                    let (group, after) = rest.split_at(size);
+                    group.iter().for_each(|&i| target[i as usize] = out.len() as u32);
+                    if let [one] = group {
+                        self.push_single(from, *one as usize, q, out, decoded);
+                    } else {
+                        self.push_group(from, group, q, out, decoded);
+                    }
+                    rest = after;
+                }
+            }
+            start += len;
+        }
+    }
+
+    fn push_single(&self, from: &View, i: usize, q: f64, out: &mut Block, decoded: &mut Vec<[f64; 3]>) {
+        let columns = &mut out.columns;
+        columns.mass.push(from.mass[i]);
+        columns.density.push(from.density[i]);
+        columns.smoothing_length.push(from.smoothing_length[i]);
+        columns.attributes.iter_mut().zip(&from.attributes).for_each(|(out, values)| out.push(values[i]));
+        let point = f64::from(from.smoothing_length[i]) <= q;
+        self.push_position(from.keys[i], from.units[i], point, out, decoded);
+    }
+
+    fn push_group(&self, from: &View, group: &[u32], q: f64, out: &mut Block, decoded: &mut Vec<[f64; 3]>) {
+        let (mut mass, mut presence, mut smoothing, mut position) = (0.0, 0.0, 0.0, [0.0; 3]);
+        for &i in group {
+            let i = i as usize;
+            let m = f64::from(from.mass[i]);
+            mass += m;
+            presence += m * f64::from(from.density[i]);
+            smoothing += m * f64::from(from.smoothing_length[i]);
+            position.iter_mut().zip(from.units[i]).for_each(|(sum, x)| *sum += m * x);
+        }
+        let columns = &mut out.columns;
+        columns.mass.push(single(mass));
+        columns.density.push(single(presence / mass));
+        let h = single(smoothing / mass);
+        columns.smoothing_length.push(h);
+        for ((out, values), rule) in columns.attributes.iter_mut().zip(&from.attributes).zip(self.rules) {
+            let members = group.iter().map(|&i| i as usize);
+            out.push(single(match rule {
+                AttributeMerge::Mean => {
+                    let weight = |i: usize| f64::from(from.mass[i]) * f64::from(from.density[i]);
+                    members.map(|i| weight(i) * f64::from(values[i])).sum::<f64>() / presence
+                }
+                AttributeMerge::Magnitude => {
+                    let flux: f64 = members.map(|i| 10.0_f64.powf(-0.4 * f64::from(values[i]))).sum();
+                    -2.5 * flux.log10()
+                }
+            }));
+        }
+        let first = group[0] as usize;
+        let point = f64::from(h) <= q;
+        self.push_position(from.keys[first], position.map(|x| x / mass), point, out, decoded);
+    }
+
+    /// Stores a position and its packed form, in the cell of `key`: rounding must not move a centroid to the next one.
+    fn push_position(&self, key: u64, unit: [f64; 3], point: bool, out: &mut Block, decoded: &mut Vec<[f64; 3]>) {
+        let depth = u32::from(self.key.depth);
+        let bins = f64::from(1_u32 << (depth + GRID_BITS));
+        let cell = morton::decode(key >> (3 * (MORTON_BITS - CELL_BITS - depth)));
+        let mut bin = [0_u32; 3];
+        let mut center = [0.0; 3];
+        for axis in 0..3 {
+            let first = cell[axis] << (GRID_BITS - CELL_BITS);
+            bin[axis] = ((unit[axis] * bins) as u32).clamp(first, first + (1 << (GRID_BITS - CELL_BITS)) - 1);
+            center[axis] = (f64::from(bin[axis]) + 0.5) / bins;
+        }
+        out.keys.push(key);
+        out.units.push(unit);
+        out.words.push(pack_grid(bin, point));
+        decoded.push(center);
+    }
+}
+
+/// The nearest finite single.
+fn single(value: f64) -> f32 {
+    (value as f32).clamp(f32::MIN, f32::MAX)
+}
+
+/// Whether a grid word is a point.
+pub(super) fn is_point(word: u32) -> bool {
+    word & GRID_POINT != 0
+}

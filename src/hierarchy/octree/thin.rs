@@ -1,0 +1,62 @@
+//! Presence thinning (F12 4.7.3): the faintest particles of an inner node are left out.
+//!
+//! The paper drops a particle when `n P_i < P_min`, with an `n` found by looking at pictures. Here the rule is a budget:
+//! those left out have together at most a stated share of the node's mass and of its `sum m rho`, whatever the picture's
+//! range. A particle's rank is the larger of its two shares. The node's mass scale gives the lost mass back.
+
+use super::block::Block;
+
+/// Bins of the histogram of shares: the exponent and three bits of the significand of a single.
+const BINS: usize = 1 << 12;
+
+/// Marks the particles of a node to leave out, with at most `budget` of its mass and of its `sum m rho`.
+pub(super) fn thin(blocks: &mut [Block], budget: f64) {
+    let total: f64 = blocks.iter().flat_map(|block| &block.columns.mass).map(|&m| f64::from(m)).sum();
+    let presence: f64 = blocks.iter().flat_map(presences).sum();
+    if budget <= 0.0 || !(total > 0.0 && presence > 0.0 && total.is_finite() && presence.is_finite()) {
+        return;
+    }
+    let share = |mass: f32, density: f32| {
+        let m = f64::from(mass);
+        (m / total).max(m * f64::from(density) / presence) as f32
+    };
+    // Shares in each bin; bins rise with the share, and so does the faintness limit.
+    let mut bins = vec![(0.0_f64, 0.0_f64); BINS];
+    let ceiling = bin(budget as f32);
+    for block in &*blocks {
+        for (&mass, &density) in block.columns.mass.iter().zip(&block.columns.density) {
+            let bin = bin(share(mass, density));
+            if bin <= ceiling {
+                bins[bin].0 += f64::from(mass);
+                bins[bin].1 += f64::from(mass) * f64::from(density);
+            }
+        }
+    }
+    let (mut mass_left, mut presence_left) = (budget * total, budget * presence);
+    let mut limit = 0;
+    for (mass, density) in bins {
+        mass_left -= mass;
+        presence_left -= density;
+        if mass_left < 0.0 || presence_left < 0.0 {
+            break;
+        }
+        limit += 1;
+    }
+    for block in blocks {
+        let marks: Vec<bool> = (block.columns.mass.iter().zip(&block.columns.density))
+            .map(|(&mass, &density)| bin(share(mass, density)) < limit)
+            .collect();
+        if marks.contains(&true) {
+            block.skipped = marks;
+        }
+    }
+}
+
+fn presences(block: &Block) -> impl Iterator<Item = f64> + '_ {
+    block.columns.mass.iter().zip(&block.columns.density).map(|(&m, &rho)| f64::from(m) * f64::from(rho))
+}
+
+/// The bin of a non-negative share.
+fn bin(share: f32) -> usize {
+    (share.to_bits() >> 20) as usize & (BINS - 1)
+}
