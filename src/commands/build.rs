@@ -1,10 +1,14 @@
-//! `deepfield build`: a dataset in memory to a page file.
+//! `deepfield build`: from a source to a page file.
 
+use super::CommandResult;
+use super::arguments::bytes;
+use super::progress_bar::TerminalProgress;
 use crate::codec::VqBits;
 use crate::codec::quantize::MAX_ATTRIBUTES;
 use crate::hierarchy::{AttributeInfo, Octree, OctreeError, OctreeOptions};
+use crate::import::{AttributeChoice, LoadOptions, Smoothing, load};
 use crate::model::progress::Progress;
-use crate::model::{Dataset, Family, FamilyName, Unit};
+use crate::model::{Dataset, Family, FamilyName, Skipped, Unit};
 use crate::store::paging::write_tree;
 use crate::store::{FamilyMetadata, Metadata, PageFileWriter, StoreError};
 use std::path::{Path, PathBuf};
@@ -25,6 +29,94 @@ const PREFERRED: [&str; 10] = [
     "age",
     "potential",
 ];
+
+/// Builds a page file: the error-bounded hierarchy that deepfield draws.
+#[derive(clap::Args, Clone, Debug)]
+#[command(after_help = "Examples:
+  deepfield build snapshot_099.hdf5 -o galaxy.df
+  deepfield build snap_099.0 -o gas.df --family gas --attributes temperature,metallicity --vq-bits 16
+  deepfield build positions.hdf5 -o halo.df --smoothing knn:64")]
+pub struct Arguments {
+    /// The source; any file of a snapshot in several files.
+    pub source: PathBuf,
+    /// The page file to write.
+    #[arg(short, long, value_name = "FILE.df")]
+    pub output: PathBuf,
+    /// What the source holds.
+    #[arg(long, value_parser = ["particles"], default_value = "particles")]
+    pub kind: String,
+    /// Keep only this family (gas, dark, type2, type3, stars, black-holes); may be repeated.
+    #[arg(long, value_name = "NAME", value_parser = super::render::family_name)]
+    pub family: Vec<FamilyName>,
+    /// Attributes to keep, by name [default: the most telling ones, at most four].
+    #[arg(long, value_name = "A,B,...", value_delimiter = ',')]
+    pub attributes: Option<Vec<String>>,
+    /// Where smoothing lengths come from: auto, field:NAME or knn:K (distance to the K-th neighbour).
+    #[arg(long, value_name = "HOW", default_value = "auto", value_parser = smoothing)]
+    pub smoothing: Smoothing,
+    /// Bits of a codebook index: 8, 12 or 16. More bits are more exact and take more space.
+    #[arg(long, value_name = "BITS", default_value = "8")]
+    pub vq_bits: VqBits,
+    /// Memory that the build may take beside the particles, such as 2GiB [default: what it needs].
+    #[arg(long, value_name = "BYTES", value_parser = bytes)]
+    pub memory: Option<u64>,
+    /// Threads [default: all]. The file is the same for any number.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+}
+
+fn smoothing(text: &str) -> Result<Smoothing, String> {
+    match text.split_once(':') {
+        None if text == "auto" => Ok(Smoothing::Auto),
+        Some(("field", name)) if !name.is_empty() => Ok(Smoothing::Field(name.to_owned())),
+        Some(("knn", k)) => match k.parse() {
+            Ok(k @ 1..=4096) => Ok(Smoothing::Knn(k)),
+            _ => Err("expected a number of neighbours from 1 to 4096, such as knn:32".into()),
+        },
+        _ => Err("expected auto, field:NAME or knn:K".into()),
+    }
+}
+
+/// Builds and writes the page file.
+///
+/// # Errors
+/// When the source cannot be read or the page file not be written.
+pub fn run(arguments: &Arguments) -> CommandResult {
+    let options = BuildOptions {
+        attributes: arguments.attributes.clone(),
+        memory: arguments.memory,
+        ..BuildOptions::with_vq_bits(arguments.vq_bits)
+    };
+    let load_options = LoadOptions {
+        families: arguments.family.clone(),
+        attributes: arguments.attributes.clone().map_or(AttributeChoice::Usual, AttributeChoice::Named),
+        smoothing: arguments.smoothing.clone(),
+    };
+    let progress = TerminalProgress::new();
+    let work = || build_source(&arguments.source, &load_options, &options, &arguments.output, &progress);
+    let built = match arguments.threads {
+        Some(threads) => rayon::ThreadPoolBuilder::new().num_threads(threads.into()).build()?.install(work),
+        None => work(),
+    }?;
+    for Skipped { reason, count } in &built.metadata.skipped {
+        eprintln!("left out {count} particles: {reason}");
+    }
+    Ok(())
+}
+
+/// Imports `source` and builds `out` from it.
+///
+/// # Errors
+/// When the source cannot be read or the page file not be written.
+pub fn build_source(
+    source: &Path,
+    load_options: &LoadOptions,
+    options: &BuildOptions,
+    out: &Path,
+    progress: &dyn Progress,
+) -> Result<Built, Box<dyn std::error::Error + Send + Sync>> {
+    Ok(build(load(source, load_options, progress)?, options, out, progress)?)
+}
 
 /// What to build, and with what.
 #[derive(Clone, Debug, Default, PartialEq)]

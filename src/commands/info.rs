@@ -4,15 +4,29 @@ use super::CommandResult;
 use crate::import::{FamilySummary, Statistic, Summary, summarize};
 use std::fmt::Write as _;
 use std::io::Write as _;
-use std::path::Path;
+use std::path::PathBuf;
 
-/// Prints what the source at `path` holds to standard output: every field's range and mean, read in bounded chunks.
+/// Prints what a source or page file holds: counts, fields, units, ranges; for a page file its levels and bytes too.
+#[derive(clap::Args, Debug)]
+#[command(after_help = "Examples:
+  deepfield info snapshot_099.hdf5
+  deepfield info galaxy.df --json")]
+pub struct Arguments {
+    /// The source or page file.
+    pub path: PathBuf,
+    /// Print JSON instead of a table.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Prints what the file holds to standard output; of a source, every field is read in bounded chunks.
 ///
 /// # Errors
 /// [`crate::import::ImportError`] when the source cannot be read, or the standard output's error.
-pub fn run(path: &Path, json: bool) -> CommandResult {
+pub fn run(arguments: &Arguments) -> CommandResult {
+    let Arguments { path, json } = arguments;
     let summary = summarize(path)?;
-    let text = if json { serde_json::to_string_pretty(&summary)? + "\n" } else { table(&summary) };
+    let text = if *json { serde_json::to_string_pretty(&summary)? + "\n" } else { table(&summary) };
     std::io::stdout().write_all(text.as_bytes())?;
     Ok(())
 }

@@ -2,9 +2,43 @@
 
 pub mod arguments;
 pub mod build;
+pub mod cache;
+pub mod demo;
 pub mod info;
 pub mod modes;
 pub mod progress_bar;
+pub mod render;
+pub mod verify;
+pub mod view;
 
 /// What a command ends with: nothing, or an error whose text names the file and the cause.
 pub type CommandResult = Result<(), Box<dyn std::error::Error + Send + Sync>>;
+
+/// The subcommands.
+#[derive(clap::Subcommand, Debug)]
+#[allow(missing_docs, reason = "the help text of a command is the documentation of its arguments")]
+pub enum Command {
+    View(view::Arguments),
+    Render(render::Arguments),
+    Build(build::Arguments),
+    Info(info::Arguments),
+    Verify(verify::Arguments),
+    Modes(modes::Arguments),
+}
+
+impl Command {
+    /// Does what the command says.
+    ///
+    /// # Errors
+    /// One line that names the file and the cause.
+    pub fn run(&self) -> CommandResult {
+        match self {
+            Command::View(arguments) => view::run(arguments),
+            Command::Render(arguments) => render::run(arguments),
+            Command::Build(arguments) => build::run(arguments),
+            Command::Info(arguments) => info::run(arguments),
+            Command::Verify(arguments) => verify::run(arguments),
+            Command::Modes(arguments) => modes::run(arguments),
+        }
+    }
+}

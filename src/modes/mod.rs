@@ -91,6 +91,12 @@ impl<'a> Columns<'a> {
     }
 }
 
+impl std::fmt::Debug for Mode {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_tuple("Mode").field(&self.name).finish()
+    }
+}
+
 impl Mode {
     /// The attribute that colours the picture: `wanted` if named, else the first usual one among `available`.
     pub fn attribute<'a>(&self, wanted: Option<&'a str>, available: &[&str]) -> Option<&'a str> {

@@ -248,9 +248,10 @@ impl TransferFunction {
             Range::Fixed(min, max) => self.scale.usable([min, max]),
             Range::Auto => {
                 let positive = picture.p.iter().copied().filter(|&p| p > 0.0);
-                let [min, max] = percentiles(positive, [0.05, 0.9995]);
-                // The faint end of a picture with a large empty part would waste the scale.
-                self.scale.usable([if self.scale == Scale::Log { min.max(max * 1e-5) } else { 0.0 }, max])
+                let [quarter, max] = percentiles(positive, [0.25, 0.9995]);
+                // A little below the first quarter: the faint rims of kernels would waste most of the scale.
+                let min = (0.25 * quarter).max(1e-6 * max);
+                self.scale.usable([if self.scale == Scale::Log { min } else { 0.0 }, max])
             }
         };
         let hue = self.hue.unwrap_or_default();

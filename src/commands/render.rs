@@ -1,0 +1,387 @@
+//! `deepfield render`: a picture of a source or page file, without a window.
+
+use super::arguments::{PictureSize, positive, vector};
+use super::progress_bar::TerminalProgress;
+use super::{CommandResult, cache};
+use crate::import::{AttributeChoice, LoadOptions, load};
+use crate::model::{Bounds, Dataset, Family, FamilyName};
+use crate::modes::{self, Depiction, Mode, Settings, cpu};
+use crate::raster::transfer::TransferFunction;
+use crate::raster::{Accumulation, Method, composite, output};
+use crate::store::PageFile;
+use crate::stream::Scene;
+use crate::view::{Projection, View};
+use glam::DVec3;
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Instant;
+
+/// Renders a picture of a snapshot, catalogue or page file.
+#[derive(clap::Args, Debug)]
+#[command(after_help = "Examples:
+  deepfield render snapshot_099.hdf5 -o box.png
+  deepfield render galaxy.df -o disk.png --mode density-squared --attribute temperature --size 1920x1080
+  deepfield render galaxy.df -o disk.exr --raw column.npy --mode column-density --eye 0,0,50 --target 0,0,0 --ortho 40
+  deepfield render galaxy.df -o disk.png --backend cpu --error-px 0.5 --json -")]
+pub struct Arguments {
+    /// The source or page file.
+    pub path: PathBuf,
+    /// Where the picture goes: .png (colours) or .exr (the raw channels P and S).
+    #[arg(short, long, value_name = "FILE")]
+    pub output: PathBuf,
+    /// Also save the raw accumulation P as a float32 NumPy array, row 0 at the top.
+    #[arg(long, value_name = "FILE.npy")]
+    pub raw: Option<PathBuf>,
+    /// Picture size in pixels [default: 1200x800].
+    #[arg(long, value_name = "WxH")]
+    pub size: Option<PictureSize>,
+    /// What draws: compute or raster (a Vulkan, Metal or DX12 adapter), or cpu [default: the best there is].
+    #[arg(long)]
+    pub backend: Option<Backend>,
+    /// Visualization mode; `deepfield modes` lists them [default: column-density].
+    #[arg(long, value_name = "NAME", value_parser = mode_name)]
+    pub mode: Option<&'static Mode>,
+    /// The family to draw: gas, dark, type2, type3, stars or black-holes; all without it.
+    #[arg(long, value_name = "NAME", value_parser = family_name)]
+    pub family: Option<FamilyName>,
+    /// The attribute that colours the picture.
+    #[arg(long, value_name = "NAME")]
+    pub attribute: Option<String>,
+    /// Settings in RON; options on the command line override them.
+    #[arg(long, value_name = "FILE.ron")]
+    pub config: Option<PathBuf>,
+    /// Camera position in world units.
+    #[arg(long, value_name = "X,Y,Z", value_parser = vector, allow_hyphen_values = true)]
+    pub eye: Option<DVec3>,
+    /// The point looked at [default: the middle of the data].
+    #[arg(long, value_name = "X,Y,Z", value_parser = vector, allow_hyphen_values = true)]
+    pub target: Option<DVec3>,
+    /// The direction that points up in the picture [default: 0,1,0].
+    #[arg(long, value_name = "X,Y,Z", value_parser = vector, allow_hyphen_values = true)]
+    pub up: Option<DVec3>,
+    /// Vertical field of view of a perspective camera, degrees [default: 45].
+    #[arg(long, value_name = "DEG", value_parser = positive)]
+    pub fov: Option<f64>,
+    /// An orthographic camera whose picture is this high, in world units.
+    #[arg(long, value_name = "HEIGHT", value_parser = positive, conflicts_with = "fov")]
+    pub ortho: Option<f64>,
+    /// Largest displacement of a particle on screen, pixels [default: 0.8].
+    #[arg(long, value_name = "TAU", value_parser = positive)]
+    pub error_px: Option<f64>,
+    /// Draw every source particle at full precision: no level of detail, no quantisation.
+    #[arg(long, conflicts_with = "error_px")]
+    pub exact: bool,
+    /// Draw so many times and report median times.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    pub repeat: u32,
+    /// Threads of the CPU's part [default: all].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+    /// Write statistics as JSON to a file, or to standard output for `-`.
+    #[arg(long, value_name = "STATS.json")]
+    pub json: Option<PathBuf>,
+}
+
+impl Arguments {
+    /// A picture of `path` in `output` with everything else as it is by default.
+    pub fn new(path: PathBuf, output: PathBuf) -> Arguments {
+        Arguments {
+            path,
+            output,
+            raw: None,
+            size: None,
+            backend: None,
+            mode: None,
+            family: None,
+            attribute: None,
+            config: None,
+            eye: None,
+            target: None,
+            up: None,
+            fov: None,
+            ortho: None,
+            error_px: None,
+            exact: false,
+            repeat: 1,
+            threads: None,
+            json: None,
+        }
+    }
+}
+
+/// What draws.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Backend {
+    /// Compute passes with float atomics.
+    Compute,
+    /// Blended triangles.
+    Raster,
+    /// The processor.
+    Cpu,
+}
+
+/// The mode of that name.
+///
+/// # Errors
+/// The names that there are.
+pub fn mode_name(text: &str) -> Result<&'static Mode, String> {
+    modes::find(text).ok_or_else(|| format!("expected one of {}", modes::names()))
+}
+
+/// The family of that name.
+///
+/// # Errors
+/// The names that there are.
+pub fn family_name(text: &str) -> Result<FamilyName, String> {
+    FamilyName::parse(text)
+        .ok_or_else(|| format!("expected one of {}", FamilyName::ALL.map(FamilyName::as_str).join(", ")))
+}
+
+/// Statistics of a run, as `--json` writes them.
+#[derive(Debug, Serialize)]
+struct Statistics<'a> {
+    converged: bool,
+    error_px: f64,
+    particles_drawn: u64,
+    nodes_drawn: usize,
+    backend: &'static str,
+    adapter: &'a str,
+    mode: &'static str,
+    attribute: Option<&'a str>,
+    width: u32,
+    height: u32,
+    sum: f64,
+    milliseconds: &'a BTreeMap<String, f64>,
+}
+
+/// What was drawn, and how.
+struct Picture {
+    accumulation: Accumulation,
+    attribute: Option<String>,
+    converged: bool,
+    error_pixels: f64,
+    particles: u64,
+    nodes: usize,
+    backend: &'static str,
+    adapter: String,
+    milliseconds: BTreeMap<String, f64>,
+}
+
+/// Renders the picture and writes it.
+///
+/// # Errors
+/// When the source cannot be read, a setting does not fit the data, no adapter draws, or a file cannot be written.
+pub fn run(arguments: &Arguments) -> CommandResult {
+    match arguments.threads {
+        Some(threads) => {
+            rayon::ThreadPoolBuilder::new().num_threads(threads.into()).build()?.install(|| render(arguments))
+        }
+        None => render(arguments),
+    }
+}
+
+fn render(arguments: &Arguments) -> CommandResult {
+    let is_exr = match arguments.output.extension().and_then(|extension| extension.to_str()) {
+        Some("png") => false,
+        Some("exr") => true,
+        _ => return Err(format!("{}: expected a name that ends in .png or .exr", arguments.output.display()).into()),
+    };
+    let mode = arguments.mode.unwrap_or(modes::MODES[0]);
+    let picture = if arguments.exact { draw_exact(arguments, mode)? } else { draw_pages(arguments, mode)? };
+    if is_exr {
+        output::write_exr(&arguments.output, &picture.accumulation)?;
+    } else {
+        let preset = mode.transfer[usize::from(picture.accumulation.has_attribute())];
+        let transfer = TransferFunction::preset(preset).unwrap_or_default();
+        output::write_png(&arguments.output, &composite::composite(&picture.accumulation, &transfer))?;
+    }
+    if let Some(raw) = &arguments.raw {
+        output::write_npy(raw, &picture.accumulation)?;
+    }
+    if let Some(json) = &arguments.json {
+        write_statistics(json, &picture, mode)?;
+    }
+    Ok(())
+}
+
+/// Draws the selected nodes of a page file, built from the source first where that is needed.
+fn draw_pages(arguments: &Arguments, mode: &'static Mode) -> Result<Picture, Box<dyn std::error::Error + Send + Sync>> {
+    let file = Arc::new(PageFile::open(&cache::page_file_of(&arguments.path, &TerminalProgress::new())?)?);
+    let metadata = file.metadata();
+    let depiction = Depiction::of_pages(mode, Settings::default(), arguments.attribute.as_deref(), metadata)
+        .map_err(|why| format!("{}: {why}", arguments.path.display()))?;
+    // A still picture has no next frame to keep memory for, so nothing limits what it holds.
+    let mut scene = Scene::new(Arc::clone(&file), u64::MAX);
+    let bounds = match arguments.family {
+        None => metadata.bounds(),
+        Some(name) => {
+            let (index, family) = metadata.family(name).ok_or_else(|| no_family(&arguments.path, name))?;
+            scene.families = vec![index];
+            family.bounds
+        }
+    };
+    let view = view(arguments, bounds)?;
+    let tau = arguments.error_px.unwrap_or(0.8);
+    let mut times = Times::default();
+    let selection = times.measure("load", || scene.converge_blocking(&view, tau))?;
+    for (_, why) in scene.residency.failures() {
+        eprintln!("deepfield: {why}; the picture is coarser there");
+    }
+    let mut accumulation = Accumulation::default();
+    for _ in 0..arguments.repeat {
+        times.frame(|times| {
+            let selection = times.measure("select", || scene.select(&view, tau));
+            let nodes = times.measure("decode", || cpu::decode(&depiction, metadata, &selection.nodes));
+            let drawn = times.measure("draw", || cpu::draw_nodes(&view, &depiction, metadata, &nodes, Method::Pyramid));
+            drawn.map(|drawn| accumulation = drawn)
+        })?;
+    }
+    Ok(Picture {
+        accumulation,
+        attribute: depiction.attribute.map(|coloring| coloring.name),
+        converged: selection.converged,
+        error_pixels: selection.error_pixels,
+        particles: selection.particles,
+        nodes: selection.nodes.len(),
+        backend: "cpu",
+        adapter: "cpu".into(),
+        milliseconds: times.medians(),
+    })
+}
+
+/// Draws every particle of the source; for a page file, of the source that it was built from.
+fn draw_exact(arguments: &Arguments, mode: &'static Mode) -> Result<Picture, Box<dyn std::error::Error + Send + Sync>> {
+    let source = source_of(&arguments.path)?;
+    let attributes = arguments.attribute.iter().map(String::as_str).chain(mode.weight_attributes.iter().copied());
+    let own = ["mass", "density", "smoothing-length"];
+    let named: Vec<String> = attributes.filter(|name| !own.contains(name)).map(str::to_owned).collect();
+    let options = LoadOptions {
+        families: arguments.family.into_iter().collect(),
+        attributes: if arguments.attribute.is_some() && !named.is_empty() {
+            AttributeChoice::Named(named)
+        } else {
+            AttributeChoice::Usual
+        },
+        ..LoadOptions::default()
+    };
+    let mut times = Times::default();
+    let dataset: Dataset = times.measure("load", || load(&source, &options, &TerminalProgress::new()))?;
+    let depiction = Depiction::of_dataset(mode, Settings::default(), arguments.attribute.as_deref(), &dataset)
+        .map_err(|why| format!("{}: {why}", source.display()))?;
+    let view = view(arguments, dataset.bounds())?;
+    let families: Vec<&Family> = dataset.families.iter().collect();
+    let mut accumulation = Accumulation::default();
+    for _ in 0..arguments.repeat {
+        times.frame(|times| {
+            let drawn =
+                times.measure("draw", || cpu::draw_particles(&view, &depiction, &dataset, &families, Method::Exact));
+            drawn.map(|drawn| accumulation = drawn)
+        })?;
+    }
+    Ok(Picture {
+        accumulation,
+        attribute: depiction.attribute.map(|coloring| coloring.name),
+        converged: true,
+        error_pixels: 0.0,
+        particles: dataset.len() as u64,
+        nodes: 0,
+        backend: "cpu",
+        adapter: "cpu".into(),
+        milliseconds: times.medians(),
+    })
+}
+
+/// The source itself, or the one that a page file was built from, if it is still there.
+fn source_of(path: &Path) -> Result<PathBuf, Box<dyn std::error::Error + Send + Sync>> {
+    if !cache::is_page_file(path)? {
+        return Ok(path.to_owned());
+    }
+    let source = PageFile::open(path)?.metadata().provenance.path.clone();
+    match source.is_file() {
+        true => Ok(source),
+        false => Err(format!(
+            "{}: --exact draws the source {}, which is not there any more; name the source instead",
+            path.display(),
+            source.display()
+        )
+        .into()),
+    }
+}
+
+fn no_family(path: &Path, name: FamilyName) -> String {
+    format!("{}: no particles of family {name}", path.display())
+}
+
+/// The camera that the arguments describe; around `bounds` where they say nothing.
+fn view(arguments: &Arguments, bounds: Bounds) -> Result<View, crate::view::ViewError> {
+    let PictureSize { width, height } = arguments.size.unwrap_or(PictureSize { width: 1200, height: 800 });
+    let fov_y = arguments.fov.unwrap_or(45.0).to_radians();
+    let around = View::around(bounds, fov_y, width, height)?;
+    let target = arguments.target.unwrap_or(bounds.center());
+    let eye = arguments.eye.unwrap_or(around.eye + (target - bounds.center()));
+    let projection = match arguments.ortho {
+        Some(height) => Projection::Orthographic { height },
+        None => Projection::Perspective { fov_y },
+    };
+    View::look_at(eye, target, arguments.up.unwrap_or(DVec3::Y), projection, width, height)
+}
+
+/// Writes the statistics to a file, or to standard output for `-`.
+fn write_statistics(path: &Path, picture: &Picture, mode: &'static Mode) -> CommandResult {
+    let statistics = Statistics {
+        converged: picture.converged,
+        error_px: picture.error_pixels,
+        particles_drawn: picture.particles,
+        nodes_drawn: picture.nodes,
+        backend: picture.backend,
+        adapter: &picture.adapter,
+        mode: mode.name,
+        attribute: picture.attribute.as_deref(),
+        width: picture.accumulation.width,
+        height: picture.accumulation.height,
+        sum: picture.accumulation.sum(),
+        milliseconds: &picture.milliseconds,
+    };
+    let text = serde_json::to_string_pretty(&statistics)? + "\n";
+    if path == Path::new("-") {
+        print!("{text}");
+    } else {
+        output::write_atomically(path, text.as_bytes())?;
+    }
+    Ok(())
+}
+
+/// Wall-clock times of passes, over several repetitions.
+#[derive(Default)]
+struct Times {
+    samples: BTreeMap<String, Vec<f64>>,
+}
+
+impl Times {
+    /// Runs and times one pass.
+    fn measure<T>(&mut self, pass: &str, work: impl FnOnce() -> T) -> T {
+        let start = Instant::now();
+        let result = work();
+        self.samples.entry(pass.to_owned()).or_default().push(1e3 * start.elapsed().as_secs_f64());
+        result
+    }
+
+    /// Runs and times a frame that consists of passes.
+    fn frame<T>(&mut self, work: impl FnOnce(&mut Times) -> T) -> T {
+        let start = Instant::now();
+        let result = work(self);
+        self.samples.entry("frame".to_owned()).or_default().push(1e3 * start.elapsed().as_secs_f64());
+        result
+    }
+
+    /// The median of each pass, milliseconds.
+    fn medians(self) -> BTreeMap<String, f64> {
+        let median = |mut samples: Vec<f64>| {
+            samples.sort_by(f64::total_cmp);
+            samples[samples.len() / 2]
+        };
+        self.samples.into_iter().map(|(pass, samples)| (pass, median(samples))).collect()
+    }
+}

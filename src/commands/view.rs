@@ -1,0 +1,109 @@
+//! `deepfield view`: a source or page file in a window; without a display, its picture in a file.
+
+use super::arguments::PictureSize;
+use super::{CommandResult, render};
+use std::path::{Path, PathBuf};
+
+/// Opens a snapshot, catalogue or page file in a window.
+///
+/// A source is turned into a page file in the cache folder first. Where there is no display, the converged picture is
+/// written to a file in the current folder instead.
+#[derive(clap::Args, Debug)]
+#[command(after_help = "Examples:
+  deepfield view snapshot_099.hdf5
+  deepfield view snapdir_099/snap_099.0.hdf5       any file of a snapshot in several files
+  deepfield view hipparcos.csv --mode points")]
+pub struct Arguments {
+    /// The source or page file.
+    #[arg(required = true)]
+    pub path: PathBuf,
+    /// How the window starts.
+    #[command(flatten)]
+    pub settings: Settings,
+}
+
+/// How the window starts.
+#[derive(clap::Args, Clone, Debug, Default)]
+pub struct Settings {
+    /// Window size in pixels [default: 1280x720].
+    #[arg(long, value_name = "WxH")]
+    pub size: Option<PictureSize>,
+    /// What draws [default: the best there is].
+    #[arg(long)]
+    pub backend: Option<render::Backend>,
+    /// Visualization mode; `deepfield modes` lists them.
+    #[arg(long, value_name = "NAME", value_parser = render::mode_name)]
+    pub mode: Option<&'static crate::modes::Mode>,
+    /// Largest displacement of a particle on screen, pixels [default: 0.8].
+    #[arg(long, value_name = "TAU", value_parser = super::arguments::positive)]
+    pub error_px: Option<f64>,
+    /// Preset: desktop, laptop or headless.
+    #[arg(long, value_name = "NAME", default_value = "desktop")]
+    pub preset: String,
+    /// A file that is rewritten with the window's state as JSON whenever it changes, for scripts.
+    #[arg(long, value_name = "FILE.json")]
+    pub status: Option<PathBuf>,
+    /// Where the picture goes when there is no display [default: the source's name with .png].
+    #[arg(long, value_name = "FILE.png")]
+    pub picture: Option<PathBuf>,
+}
+
+/// Opens the window, or renders.
+///
+/// # Errors
+/// When the source cannot be opened or drawing fails.
+pub fn run(arguments: &Arguments) -> CommandResult {
+    // Found out here, a missing file is an error on the command line rather than a message in an empty window.
+    super::cache::is_page_file(&arguments.path)?;
+    show(&arguments.path, &arguments.settings)
+}
+
+/// Shows `path` in a window where there is a display and the program was built with one, else renders it.
+///
+/// # Errors
+/// As [`run`].
+pub fn show(path: &Path, settings: &Settings) -> CommandResult {
+    #[cfg(feature = "viewer")]
+    if has_display() {
+        return window(path, settings);
+    }
+    let name = path.file_stem().unwrap_or_default().to_string_lossy();
+    let output = settings.picture.clone().unwrap_or_else(|| PathBuf::from(format!("{name}.png")));
+    render::run(&render::Arguments {
+        size: settings.size,
+        backend: settings.backend,
+        mode: settings.mode,
+        error_px: settings.error_px,
+        ..render::Arguments::new(path.to_owned(), output.clone())
+    })?;
+    println!("No display, so the picture is in {}", output.display());
+    Ok(())
+}
+
+/// Whether a window can be opened: on Unix without macOS, an X server or a Wayland compositor is named.
+#[cfg(feature = "viewer")]
+fn has_display() -> bool {
+    let named = |name| std::env::var_os(name).is_some_and(|value| !value.is_empty());
+    cfg!(any(windows, target_os = "macos")) || named("DISPLAY") || named("WAYLAND_DISPLAY")
+}
+
+#[cfg(feature = "viewer")]
+fn window(path: &Path, settings: &Settings) -> CommandResult {
+    use crate::app::{Backend, OpenRequest, WindowOptions, run_window};
+    use std::sync::Arc;
+    let opener = Arc::new(|request: &OpenRequest, progress: &dyn crate::model::Progress| {
+        super::cache::page_file_of(&request.path, progress).map_err(|error| error.to_string())
+    });
+    let mut options = WindowOptions::new(Some(OpenRequest { path: path.to_owned() }), opener);
+    options.size = settings.size.map(|size| (size.width, size.height));
+    options.preset = settings.preset.clone();
+    options.backend = settings.backend.map(|backend| match backend {
+        render::Backend::Compute => Backend::Compute,
+        render::Backend::Raster => Backend::Raster,
+        render::Backend::Cpu => Backend::Cpu,
+    });
+    options.error_px = settings.error_px;
+    options.mode = settings.mode.map(|mode| mode.name.to_owned());
+    options.status = settings.status.clone();
+    Ok(run_window(options)?)
+}
