@@ -39,19 +39,19 @@ const BATCH: usize = 1 << 16;
 const BAND: usize = 16;
 
 /// One channel pair while it is being drawn: rows of `stride` values.
-struct Canvas {
+pub(super) struct Canvas {
     stride: usize,
-    p: Vec<f64>,
-    ps: Vec<f64>,
+    pub(super) p: Vec<f64>,
+    pub(super) ps: Vec<f64>,
 }
 
 impl Canvas {
-    fn new(stride: usize, rows: usize, attribute: bool) -> Canvas {
+    pub(super) fn new(stride: usize, rows: usize, attribute: bool) -> Canvas {
         Canvas { stride, p: vec![0.0; stride * rows], ps: vec![0.0; if attribute { stride * rows } else { 0 }] }
     }
 
     /// Calls `draw(first row, P rows, P S rows)` for each band of rows, in parallel.
-    fn bands(&mut self, draw: impl Fn(usize, &mut [f64], &mut [f64]) + Sync) {
+    pub(super) fn bands(&mut self, draw: impl Fn(usize, &mut [f64], &mut [f64]) + Sync) {
         let size = BAND * self.stride;
         if self.ps.is_empty() {
             self.p.par_chunks_mut(size).enumerate().for_each(|(band, p)| draw(band * BAND, p, &mut []));
@@ -73,8 +73,10 @@ pub fn draw(view: &View, batches: &[Splats<'_>], kernel: Kernel) -> Accumulation
     for batch in batches {
         for start in (0..batch.len()).step_by(BATCH) {
             let end = batch.len().min(start + BATCH);
-            let footprints: Vec<Footprint> =
-                (start..end).into_par_iter().filter_map(|index| lens.footprint(batch, index, HALO as f64)).collect();
+            let footprints: Vec<Footprint> = (start..end)
+                .into_par_iter()
+                .filter_map(|index| lens.footprint(batch, index).filter(|footprint| lens.sees(footprint, HALO as f64)))
+                .collect();
             let (large, small): (Vec<Footprint>, Vec<Footprint>) =
                 footprints.into_iter().partition(|footprint| footprint.radius >= SAMPLED_RADIUS);
             samples.bands(|first, p, ps| {
@@ -183,8 +185,9 @@ fn corners(
     }
 }
 
-/// Adds the means of a fine grid of samples over each pixel of a band.
-fn subsample(
+/// Adds the means of a fine grid of samples over each pixel of a band: rows `first` and following of a picture
+/// `stride` pixels wide.
+pub(super) fn subsample(
     lens: &Lens,
     line: &LineTable,
     splat: &Footprint,

@@ -15,7 +15,7 @@ use glam::DVec3;
 /// The footprint of one particle. Lengths in pixels, `(0, 0)` the picture's top left corner.
 #[derive(Clone, Copy, Debug)]
 pub struct Footprint {
-    /// Smallest x of the covered region; infinite when it is unbounded.
+    /// Smallest x and y of the covered region; infinite when it is unbounded.
     pub min: [f64; 2],
     /// Largest x and y of the covered region.
     pub max: [f64; 2],
@@ -84,9 +84,9 @@ impl Lens {
         }
     }
 
-    /// The footprint of one particle of a batch; `None` when it cannot be seen: at or behind the eye plane, outside the
-    /// picture grown by `margin` pixels on each side, without weight, or not finite.
-    pub fn footprint(&self, splats: &Splats<'_>, index: usize, margin: f64) -> Option<Footprint> {
+    /// The footprint of one particle of a batch; `None` when it cannot be drawn: at or behind the eye plane, of no extent,
+    /// or not finite.
+    pub fn footprint(&self, splats: &Splats<'_>, index: usize) -> Option<Footprint> {
         let weight = f64::from(splats.weight()[index]);
         let weight_s = splats.attribute().map_or(0.0, |attribute| weight * f64::from(attribute[index]));
         let camera = self.view.to_camera(splats.positions().world(index));
@@ -101,31 +101,34 @@ impl Lens {
             }
             (Extent::World(h), Projection::Perspective { .. }) => (0.0, 0.0, Some(f64::from(h[index]))),
         };
-        let footprint = match sphere {
-            Some(h) => self.sphere(camera, h, weight, weight_s)?,
+        match sphere {
+            Some(h) => self.sphere(camera, h, weight, weight_s),
             None => {
                 if !(radius > 0.0 && radius.is_finite()) {
                     return None;
                 }
                 let center = self.view.to_pixels(camera)?;
                 let amplitude = per_area / (radius * radius);
-                Footprint {
+                Some(Footprint {
                     min: center.map(|x| x - radius),
                     max: center.map(|x| x + radius),
                     radius,
                     amplitude: weight * amplitude,
                     amplitude_s: weight_s * amplitude,
                     shape: Shape::Circle { center },
-                }
+                })
             }
-        };
-        let size = [f64::from(self.view.width), f64::from(self.view.height)];
-        let visible = (0..2).all(|k| footprint.max[k] > -margin && footprint.min[k] < size[k] + margin);
-        visible.then_some(footprint)
+        }
     }
 
-    /// The footprint of a sphere in a perspective view.
-    fn sphere(&self, camera: DVec3, h: f64, weight: f64, weight_s: f64) -> Option<Footprint> {
+    /// Whether a footprint reaches into the picture grown by `margin` pixels on each side.
+    pub fn sees(&self, footprint: &Footprint, margin: f64) -> bool {
+        let size = [f64::from(self.view.width), f64::from(self.view.height)];
+        (0..2).all(|k| footprint.max[k] > -margin && footprint.min[k] < size[k] + margin)
+    }
+
+    /// The footprint of a sphere in a perspective view, with its centre in camera space.
+    pub fn sphere(&self, camera: DVec3, h: f64, weight: f64, weight_s: f64) -> Option<Footprint> {
         if !(h > 0.0 && h.is_finite() && camera.is_finite()) {
             return None;
         }

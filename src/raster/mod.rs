@@ -19,15 +19,22 @@ pub mod colormap;
 pub mod composite;
 pub mod footprint;
 pub mod output;
+pub mod pyramid;
 pub mod splats;
 pub mod table;
 pub mod transfer;
 
 mod exact;
+mod fast;
+mod lanes;
+mod profile;
+mod small;
+mod tiles;
 
 pub use accumulation::Accumulation;
 pub use colormap::ColorMap;
 pub use composite::{Image, composite};
+pub use exact::AREA_FILTER;
 pub use splats::{Extent, Positions, RasterError, Splats};
 pub use transfer::TransferFunction;
 
@@ -58,5 +65,8 @@ pub struct RasterOptions {
 ///
 /// `P S` is accumulated when any batch has an attribute; batches without one then count with attribute 0.
 pub fn draw(view: &View, batches: &[Splats<'_>], options: &RasterOptions) -> Accumulation {
-    exact::draw(view, batches, options.kernel)
+    match options.method {
+        Method::Exact => exact::draw(view, batches, options.kernel),
+        Method::Pyramid => fast::draw(view, batches, options.kernel),
+    }
 }
