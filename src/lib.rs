@@ -2,6 +2,8 @@
 //!
 //! Data flows one way through the rooms below: a room uses the rooms before it, never those after it.
 
+#[cfg(feature = "viewer")]
+pub mod app;
 pub mod codec;
 pub mod commands;
 pub mod hierarchy;

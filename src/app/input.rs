@@ -1,0 +1,145 @@
+//! Who gets the mouse and the keyboard, and the table of keys that both the input systems and the help page use.
+
+use bevy::prelude::*;
+
+/// Whether the mouse belongs to the picture or to the panel, and whether a text field holds the keyboard. Written once
+/// a frame by the panel, read by everything that moves the camera.
+#[derive(Resource, Clone, Copy, Debug, PartialEq)]
+pub struct PointerOwner {
+    over_picture: bool,
+    dragging_picture: bool,
+    keyboard_is_free: bool,
+}
+
+impl Default for PointerOwner {
+    fn default() -> Self {
+        Self { over_picture: true, dragging_picture: false, keyboard_is_free: true }
+    }
+}
+
+impl PointerOwner {
+    /// Whether mouse input is meant for the picture. A drag that began there stays there until the button is up.
+    pub fn is_picture(&self) -> bool {
+        self.over_picture || self.dragging_picture
+    }
+
+    /// Whether keys are meant for the camera and the shortcuts.
+    pub fn keyboard_is_free(&self) -> bool {
+        self.keyboard_is_free
+    }
+
+    /// The state after a frame: where the pointer is, which buttons are down, and whether a text field has the
+    /// keyboard. `panel_drag`: a control of the panel is being dragged.
+    pub fn update(&mut self, over_picture: bool, any_button: bool, panel_drag: bool, text_focus: bool) {
+        if !any_button {
+            self.dragging_picture = false;
+        } else if self.over_picture && over_picture && !panel_drag {
+            self.dragging_picture = true;
+        }
+        self.over_picture = over_picture && !panel_drag && (!any_button || self.dragging_picture);
+        self.keyboard_is_free = !text_focus;
+    }
+}
+
+/// What a key or gesture does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Action {
+    /// Shows or hides the panel.
+    TogglePanel,
+    /// Shows or hides the help page.
+    ToggleHelp,
+    /// Saves the window as a PNG.
+    Screenshot,
+    /// Switches between orbiting and flying.
+    ToggleFly,
+    /// Flies back to the whole dataset.
+    Home,
+    /// Leaves the help page, then flying, then the program.
+    Leave,
+}
+
+/// The keys of the actions that happen at the press of a key.
+pub const KEYS: [(KeyCode, Action); 8] = [
+    (KeyCode::Tab, Action::TogglePanel),
+    (KeyCode::F1, Action::ToggleHelp),
+    (KeyCode::F12, Action::Screenshot),
+    (KeyCode::KeyP, Action::Screenshot),
+    (KeyCode::KeyF, Action::ToggleFly),
+    (KeyCode::Home, Action::Home),
+    (KeyCode::KeyH, Action::Home),
+    (KeyCode::Escape, Action::Leave),
+];
+
+/// The help page: sections of (what to press, what it does).
+pub const HELP: [(&str, &[(&str, &str)]); 4] = [
+    (
+        "Orbit",
+        &[
+            ("Left drag", "turn around the target"),
+            ("Right drag", "shift the target"),
+            ("Wheel", "zoom"),
+            ("Double-click", "fly to what is under the cursor"),
+            ("H  or  Home", "back to the whole dataset"),
+        ],
+    ),
+    (
+        "Fly",
+        &[
+            ("F", "fly, or orbit again"),
+            ("W A S D", "forward, left, back, right"),
+            ("Q  E", "down, up"),
+            ("Drag", "look around"),
+            ("Shift  Ctrl", "faster, slower"),
+        ],
+    ),
+    (
+        "Range",
+        &[("Drag an end", "move one end of the range"), ("Drag between", "move both"), ("Double-click", "automatic range")],
+    ),
+    (
+        "Window",
+        &[
+            ("Tab", "show or hide the panel"),
+            ("F12  or  P", "save the window as a PNG"),
+            ("F1", "this page"),
+            ("Drop a file", "open it"),
+            ("Esc", "leave help, flying, the program"),
+        ],
+    ),
+];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_drag_from_the_picture_stays_with_the_picture() {
+        let mut owner = PointerOwner::default();
+        owner.update(true, false, false, false);
+        owner.update(true, true, false, false);
+        owner.update(false, true, false, false);
+        assert!(owner.is_picture(), "over the panel now, but the drag began in the picture");
+        owner.update(false, false, false, false);
+        assert!(!owner.is_picture());
+    }
+
+    #[test]
+    fn a_drag_from_the_panel_never_moves_the_camera() {
+        let mut owner = PointerOwner::default();
+        owner.update(false, false, false, false);
+        owner.update(false, true, true, false);
+        owner.update(true, true, true, false);
+        assert!(!owner.is_picture());
+        owner.update(true, false, false, false);
+        assert!(owner.is_picture());
+    }
+
+    #[test]
+    fn every_key_is_on_the_help_page() {
+        let page: String = HELP.iter().flat_map(|(_, rows)| rows.iter()).map(|(keys, _)| format!(" {keys} ")).collect();
+        for (key, _) in KEYS {
+            let name = format!("{key:?}").replace("Key", "").replace("Escape", "Esc");
+            assert!(page.contains(&format!(" {name} ")), "{name} is missing in {page}");
+        }
+    }
+}

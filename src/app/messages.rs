@@ -1,0 +1,87 @@
+//! What the program has to tell: kept in a list for the panel, and shown over the picture for a while.
+
+use bevy::prelude::*;
+use std::collections::VecDeque;
+
+/// How bad it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Severity {
+    /// Good to know.
+    Info,
+    /// Something did not work; the program goes on.
+    Error,
+}
+
+/// One message.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Message {
+    /// How bad it is.
+    pub severity: Severity,
+    /// The text, one sentence.
+    pub text: String,
+    /// When it was said, seconds since the start.
+    pub at_secs: f64,
+}
+
+/// The latest messages, oldest first.
+#[derive(Resource, Clone, Debug, Default)]
+pub struct Messages {
+    list: VecDeque<Message>,
+    now_secs: f64,
+}
+
+/// How many messages are kept.
+const KEPT: usize = 50;
+
+impl Messages {
+    /// Says something good to know.
+    pub fn info(&mut self, text: impl Into<String>) {
+        self.push(Severity::Info, text.into());
+    }
+
+    /// Says that something did not work.
+    pub fn error(&mut self, text: impl Into<String>) {
+        self.push(Severity::Error, text.into());
+    }
+
+    fn push(&mut self, severity: Severity, text: String) {
+        match severity {
+            Severity::Info => info!("{text}"),
+            Severity::Error => warn!("{text}"),
+        }
+        self.list.push_back(Message { severity, text, at_secs: self.now_secs });
+        if self.list.len() > KEPT {
+            self.list.pop_front();
+        }
+    }
+
+    /// All that is kept, oldest first.
+    pub fn all(&self) -> impl DoubleEndedIterator<Item = &Message> {
+        self.list.iter()
+    }
+
+    /// Seconds since a message was said.
+    pub fn age_secs(&self, message: &Message) -> f64 {
+        self.now_secs - message.at_secs
+    }
+}
+
+/// Keeps the clock by which messages age.
+pub(super) fn advance_messages(time: Res<Time<Real>>, mut messages: ResMut<Messages>) {
+    messages.bypass_change_detection().now_secs = time.elapsed_secs_f64();
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn old_messages_make_room() {
+        let mut messages = Messages::default();
+        for i in 0..KEPT + 5 {
+            messages.error(format!("{i}"));
+        }
+        assert_eq!(messages.all().count(), KEPT);
+        assert_eq!(messages.all().next().unwrap().text, "5");
+    }
+}

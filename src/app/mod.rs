@@ -1,0 +1,122 @@
+//! The window: a Bevy application that opens files, moves a camera, shows a panel and overlays, and draws what
+//! streaming has brought.
+//!
+//! A frame: files that have arrived are adopted ([`open`], [`scene`]); keys are carried out ([`shortcuts`]); the panel
+//! and the overlays are laid out ([`ui`]) and settle who owns the mouse ([`input`]); the camera moves ([`camera`]); its
+//! view drives streaming and drawing, which fill the picture's image ([`picture`]).
+
+pub mod camera;
+pub mod exposure;
+pub mod facts;
+pub mod input;
+pub mod messages;
+pub mod number;
+pub mod open;
+pub mod options;
+pub mod overlay;
+pub mod palette;
+pub mod panel;
+pub mod picture;
+pub mod preset;
+pub mod scene;
+pub mod screenshot;
+pub mod shortcuts;
+pub mod statistics;
+
+mod preset_assets;
+mod status;
+mod ui;
+
+pub use options::{AppError, OpenRequest, Opener, WindowOptions};
+pub use preset::{Backend, Preset};
+
+use bevy::camera::CameraUpdateSystems;
+use bevy::log::LogPlugin;
+use bevy::prelude::*;
+use bevy::window::{PresentMode, WindowResolution};
+use bevy_egui::{EguiPlugin, EguiPrimaryContextPass};
+use camera::{CameraPlugin, CameraSystems};
+
+/// Opens the window and runs until it is closed.
+///
+/// # Errors
+///
+/// [`AppError::NoDisplay`] where there is no display, [`AppError::Preset`] where the preset is refused,
+/// [`AppError::Failed`] where the event loop ends with an error.
+pub fn run_window(options: WindowOptions) -> Result<(), AppError> {
+    let shown = |name| std::env::var_os(name).is_some_and(|value| !value.is_empty());
+    if cfg!(target_os = "linux") && !shown("DISPLAY") && !shown("WAYLAND_DISPLAY") {
+        return Err(AppError::NoDisplay);
+    }
+    let preset = options.resolved_preset()?;
+    let mut app = App::new();
+    preset_assets::register_sources(&mut app);
+    app.add_plugins(
+        DefaultPlugins
+            .set(WindowPlugin { primary_window: Some(primary_window(&preset)), ..default() })
+            .set(LogPlugin { filter: "warn,deepfield=info,wgpu_hal=error".to_owned(), ..default() }),
+    );
+    app.add_plugins(WindowApp { options, preset });
+    match app.run() {
+        AppExit::Success => Ok(()),
+        AppExit::Error(_) => Err(AppError::Failed),
+    }
+}
+
+/// The window as the preset asks for it.
+fn primary_window(preset: &Preset) -> Window {
+    Window {
+        title: "deepfield".to_owned(),
+        name: Some("deepfield".to_owned()),
+        resolution: WindowResolution::new(preset.window.width, preset.window.height),
+        present_mode: if preset.window.vsync { PresentMode::AutoVsync } else { PresentMode::AutoNoVsync },
+        ..default()
+    }
+}
+
+/// Everything that the window does, on top of Bevy's default plugins.
+struct WindowApp {
+    options: WindowOptions,
+    preset: Preset,
+}
+
+impl Plugin for WindowApp {
+    fn build(&self, app: &mut App) {
+        let mut openings = open::Openings::new(self.options.opener.clone());
+        if let Some(request) = self.options.open.clone() {
+            openings.start(request);
+        }
+        let settings = scene::Settings::new(&self.preset, self.options.mode.as_deref());
+        app.add_plugins((EguiPlugin::default(), CameraPlugin, preset_assets::PresetPlugin::new(&self.options)))
+            .insert_resource(ClearColor(Color::BLACK))
+            .insert_resource(shortcuts::Shown { panel: self.preset.panel.open, help: false })
+            .insert_resource(self.preset.clone())
+            .insert_resource(settings)
+            .insert_resource(openings)
+            .insert_resource(status::StatusFile::new(self.options.status.clone()))
+            .init_resource::<exposure::Exposure>()
+            .init_resource::<input::PointerOwner>()
+            .init_resource::<messages::Messages>()
+            .init_resource::<panel::Choices>()
+            .init_resource::<screenshot::Screenshots>()
+            .init_resource::<statistics::Converged>()
+            .init_resource::<statistics::FrameClock>()
+            .init_resource::<statistics::Statistics>()
+            .add_message::<open::Opened>()
+            .add_systems(Startup, picture::spawn_cameras)
+            .add_systems(
+                PreUpdate,
+                (messages::advance_messages, statistics::tick_frame_clock, screenshot::report),
+            )
+            .add_systems(
+                Update,
+                (open::open_dropped_files, open::finish_opening, scene::adopt_opened, shortcuts::run_shortcuts).chain(),
+            )
+            .add_systems(EguiPrimaryContextPass, ui::draw_window)
+            .add_systems(
+                PostUpdate,
+                picture::fit_picture.in_set(CameraSystems::Steer).before(CameraUpdateSystems),
+            )
+            .add_systems(Last, status::write_status);
+    }
+}

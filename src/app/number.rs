@@ -1,0 +1,115 @@
+//! Numbers as a reader likes them: grouped digits, few significant figures, powers of ten with superscripts.
+
+/// A count with its digits in groups of three: `262 144`.
+pub fn count(value: u64) -> String {
+    let digits = value.to_string();
+    let mut text = String::with_capacity(digits.len() + digits.len() / 3);
+    for (i, digit) in digits.chars().enumerate() {
+        if i > 0 && (digits.len() - i).is_multiple_of(3) {
+            text.push(' ');
+        }
+        text.push(digit);
+    }
+    text
+}
+
+/// A size in binary units with three significant figures: `1.50 GiB`.
+pub fn bytes(value: u64) -> String {
+    const UNITS: [&str; 6] = ["B", "KiB", "MiB", "GiB", "TiB", "PiB"];
+    let mut scaled = value as f64;
+    let mut unit = 0;
+    while scaled >= 1000.0 && unit + 1 < UNITS.len() {
+        scaled /= 1024.0;
+        unit += 1;
+    }
+    if unit == 0 { format!("{value} B") } else { format!("{} {}", figures(scaled, 3), UNITS[unit]) }
+}
+
+/// `value` with `digits` significant figures, without an exponent.
+fn figures(value: f64, digits: i32) -> String {
+    let exponent = if value == 0.0 { 0 } else { value.abs().log10().floor() as i32 };
+    let decimals = (digits - 1 - exponent).max(0) as usize;
+    format!("{value:.decimals$}")
+}
+
+/// A quantity with three significant figures; a power of ten beyond four digits: `4.21`, `-0.013`, `1.99 × 10⁻⁴`.
+pub fn quantity(value: f64) -> String {
+    if !value.is_finite() {
+        return "–".to_owned();
+    }
+    let magnitude = value.abs();
+    if magnitude == 0.0 {
+        "0".to_owned()
+    } else if (0.01..9999.5).contains(&magnitude) {
+        trim(&figures(value, 3))
+    } else {
+        let mut exponent = magnitude.log10().floor() as i32;
+        let mut mantissa = value / 10f64.powi(exponent);
+        if mantissa.abs() >= 9.995 {
+            mantissa /= 10.0;
+            exponent += 1;
+        }
+        format!("{} × 10{}", trim(&format!("{mantissa:.2}")), superscript(exponent))
+    }
+}
+
+/// A power of ten as a tick label: `10³`, and plain figures from 0.01 to 1000.
+pub fn power_of_ten(exponent: i32) -> String {
+    if (-2..=3).contains(&exponent) { trim(&figures(10f64.powi(exponent), 1)) } else { format!("10{}", superscript(exponent)) }
+}
+
+/// An integer in superscript digits.
+fn superscript(value: i32) -> String {
+    const DIGITS: [char; 10] = ['⁰', '¹', '²', '³', '⁴', '⁵', '⁶', '⁷', '⁸', '⁹'];
+    value
+        .to_string()
+        .chars()
+        .map(|c| c.to_digit(10).map_or('⁻', |digit| DIGITS[digit as usize]))
+        .collect()
+}
+
+/// Without zeros behind the decimal point that say nothing, and with a true minus sign.
+fn trim(text: &str) -> String {
+    let text = if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { text };
+    text.replace('-', "−")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn counts_are_grouped() {
+        assert_eq!(count(0), "0");
+        assert_eq!(count(999), "999");
+        assert_eq!(count(262_144), "262 144");
+        assert_eq!(count(10_077_696_000), "10 077 696 000");
+    }
+
+    #[test]
+    fn sizes_have_three_figures() {
+        assert_eq!(bytes(17), "17 B");
+        assert_eq!(bytes(3 << 20), "3.00 MiB");
+        assert_eq!(bytes(1_610_612_736), "1.50 GiB");
+        assert_eq!(bytes(u64::MAX), "16384 PiB");
+    }
+
+    #[test]
+    fn quantities_are_short() {
+        for (value, text) in [
+            (0.0, "0"),
+            (1.0, "1"),
+            (0.013, "0.013"),
+            (-4.2112, "−4.21"),
+            (1500.0, "1500"),
+            (99_990.0, "1 × 10⁵"),
+            (1.99e-4, "1.99 × 10⁻⁴"),
+            (f64::NAN, "–"),
+        ] {
+            assert_eq!(quantity(value), text, "{value}");
+        }
+        assert_eq!(power_of_ten(-7), "10⁻⁷");
+        assert_eq!(power_of_ten(0), "1");
+        assert_eq!(power_of_ten(-1), "0.1");
+    }
+}

@@ -1,0 +1,122 @@
+//! Opening files: on a background thread, with progress that the window shows, and without stopping the program where
+//! a file cannot be read.
+
+use super::messages::Messages;
+use super::options::{OpenRequest, Opener};
+use crate::model::progress::Progress;
+use crate::store::PageFile;
+use bevy::prelude::*;
+use bevy::tasks::{AsyncComputeTaskPool, Task, futures::check_ready};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// How far a background task has come; shared between its threads and the window.
+#[derive(Debug, Default)]
+pub struct SharedProgress {
+    stage: Mutex<String>,
+    total: AtomicU64,
+    done: AtomicU64,
+}
+
+impl SharedProgress {
+    /// The present stage's name, and the share of it that is done where its length is known.
+    pub fn state(&self) -> (String, Option<f32>) {
+        let stage = self.stage.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        let total = self.total.load(Ordering::Relaxed);
+        let share = self.done.load(Ordering::Relaxed) as f64 / total as f64;
+        (stage, (total > 0).then_some(share.min(1.0) as f32))
+    }
+}
+
+impl Progress for SharedProgress {
+    fn begin(&self, stage: &str, total: u64) {
+        let mut name = self.stage.lock().unwrap_or_else(PoisonError::into_inner);
+        stage.clone_into(&mut name);
+        self.done.store(0, Ordering::Relaxed);
+        self.total.store(total, Ordering::Relaxed);
+    }
+
+    fn advance(&self, n: u64) {
+        self.done.fetch_add(n, Ordering::Relaxed);
+    }
+}
+
+/// How the window opens files, and what it is opening.
+#[derive(Resource)]
+pub struct Openings {
+    opener: Opener,
+    current: Option<Opening>,
+}
+
+/// A file on its way.
+struct Opening {
+    path: PathBuf,
+    progress: Arc<SharedProgress>,
+    task: Task<Result<PageFile, String>>,
+}
+
+/// A file has arrived.
+#[derive(bevy::ecs::message::Message, Clone)]
+pub struct Opened {
+    /// What the user named.
+    pub path: PathBuf,
+    /// The page file made of it.
+    pub file: Arc<PageFile>,
+}
+
+impl Openings {
+    /// Opens nothing yet.
+    pub fn new(opener: Opener) -> Openings {
+        Openings { opener, current: None }
+    }
+
+    /// Starts to open a file; one that is still on its way is abandoned.
+    pub fn start(&mut self, request: OpenRequest) {
+        let progress = Arc::new(SharedProgress::default());
+        progress.begin("reading", 0);
+        let (opener, path, shared) = (Arc::clone(&self.opener), request.path.clone(), Arc::clone(&progress));
+        let task = AsyncComputeTaskPool::get().spawn(async move {
+            let file = opener(&request, shared.as_ref())?;
+            PageFile::open(&file).map_err(|error| error.to_string())
+        });
+        self.current = Some(Opening { path, progress, task });
+    }
+
+    /// What is being opened: its path, the stage and the share of the stage that is done.
+    pub fn progress(&self) -> Option<(&Path, String, Option<f32>)> {
+        let opening = self.current.as_ref()?;
+        let (stage, share) = opening.progress.state();
+        Some((&opening.path, stage, share))
+    }
+}
+
+/// Starts to open files that are dropped on the window.
+pub(super) fn open_dropped_files(
+    mut dropped: MessageReader<FileDragAndDrop>,
+    mut openings: ResMut<Openings>,
+) {
+    for event in dropped.read() {
+        if let FileDragAndDrop::DroppedFile { path_buf, .. } = event {
+            openings.start(OpenRequest { path: path_buf.clone() });
+        }
+    }
+}
+
+/// Hands over files that have arrived and reports those that cannot be opened.
+pub(super) fn finish_opening(
+    mut openings: ResMut<Openings>,
+    mut messages: ResMut<Messages>,
+    mut opened: MessageWriter<Opened>,
+) {
+    let Some(opening) = openings.bypass_change_detection().current.as_mut() else { return };
+    let Some(result) = check_ready(&mut opening.task) else { return };
+    let path = std::mem::take(&mut opening.path);
+    openings.current = None;
+    match result {
+        Ok(file) => {
+            opened.write(Opened { path, file: Arc::new(file) });
+        }
+        Err(error) => messages.error(error),
+    }
+}

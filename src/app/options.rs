@@ -1,0 +1,90 @@
+//! What a caller hands to the window, and the errors that keep it from opening.
+
+use super::preset::{Backend, Preset, PresetError};
+use crate::model::progress::Progress;
+use std::path::PathBuf;
+use std::sync::Arc;
+use thiserror::Error;
+
+/// Turns something that a user named (a snapshot, a catalogue, a page file) into a page file and returns its path. Runs
+/// on a background thread; the error is one line that names the file and the cause.
+pub type Opener = Arc<dyn Fn(&OpenRequest, &dyn Progress) -> Result<PathBuf, String> + Send + Sync>;
+
+/// What to open.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct OpenRequest {
+    /// A page file, or any supported source.
+    pub path: PathBuf,
+}
+
+/// How the window starts.
+#[derive(Clone)]
+pub struct WindowOptions {
+    /// Opened at the start.
+    pub open: Option<OpenRequest>,
+    /// How files are opened.
+    pub opener: Opener,
+    /// Window size in logical pixels; the preset's where it is `None`.
+    pub size: Option<(u32, u32)>,
+    /// Which preset in `configs/`: `desktop`, `laptop` or `headless`.
+    pub preset: String,
+    /// The renderer; the preset's where it is `None`.
+    pub backend: Option<Backend>,
+    /// The screen-space error in pixels; the preset's where it is `None`.
+    pub error_px: Option<f64>,
+    /// The mode to begin with; chosen by the data where it is `None`.
+    pub mode: Option<String>,
+    /// A file that is rewritten with the window's state as JSON whenever it changes (for scripts and tests).
+    pub status: Option<PathBuf>,
+}
+
+impl WindowOptions {
+    /// A window with the desktop preset that opens `path`.
+    pub fn new(open: Option<OpenRequest>, opener: Opener) -> WindowOptions {
+        WindowOptions {
+            open,
+            opener,
+            size: None,
+            preset: "desktop".to_owned(),
+            backend: None,
+            error_px: None,
+            mode: None,
+            status: None,
+        }
+    }
+
+    /// The preset by name, with the options that override it.
+    pub fn resolved_preset(&self) -> Result<Preset, PresetError> {
+        let mut preset = Preset::embedded(&self.preset)?;
+        self.override_preset(&mut preset);
+        Ok(preset)
+    }
+
+    /// Puts the options that were given explicitly in place of the preset's.
+    pub fn override_preset(&self, preset: &mut Preset) {
+        if let Some((width, height)) = self.size {
+            preset.window.width = width;
+            preset.window.height = height;
+        }
+        if let Some(backend) = self.backend {
+            preset.drawing.backend = backend;
+        }
+        if let Some(error_px) = self.error_px {
+            preset.drawing.error_px = error_px;
+        }
+    }
+}
+
+/// Why there is no window, or why it closed with a failure.
+#[derive(Debug, Error)]
+pub enum AppError {
+    /// No X server and no Wayland compositor.
+    #[error("no display: neither DISPLAY nor WAYLAND_DISPLAY is set")]
+    NoDisplay,
+    /// The preset is refused.
+    #[error(transparent)]
+    Preset(#[from] PresetError),
+    /// The event loop ended with an error; the log says which.
+    #[error("the window closed after an error")]
+    Failed,
+}

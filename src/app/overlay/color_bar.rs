@@ -1,0 +1,133 @@
+//! The colour bar: what the brightness (and hue) of the picture mean, with ticks and unit.
+
+use crate::app::number;
+use crate::app::panel::theme;
+use bevy_egui::egui::{self, Align2, Color32, Rect, Stroke, pos2, vec2};
+
+/// Ticks of an axis: position from 0 to 1 and label; minor ticks have none.
+pub fn ticks(range: [f64; 2], log: bool) -> Vec<(f64, Option<String>)> {
+    let [low, high] = range;
+    if !(high > low && low.is_finite() && high.is_finite()) || (log && low <= 0.0) {
+        return Vec::new();
+    }
+    if log { log_ticks(low, high) } else { linear_ticks(low, high) }
+}
+
+/// A tick at each power of ten, labels as dense as is legible, minor ticks at 2 to 9 over a few decades.
+fn log_ticks(low: f64, high: f64) -> Vec<(f64, Option<String>)> {
+    let (a, b) = (low.log10(), high.log10());
+    let decades = b - a;
+    if decades < 1.2 {
+        // Powers of ten alone would leave an axis of one decade bare.
+        return linear_values(low, high)
+            .map(|value| ((value.log10() - a) / decades, Some(number::quantity(value))))
+            .collect();
+    }
+    let every = (decades / 6.0).ceil().max(1.0) as i32;
+    let mut ticks = Vec::new();
+    for exponent in a.floor() as i32..=b.ceil() as i32 {
+        let position = (f64::from(exponent) - a) / decades;
+        if (-1e-9..=1.0 + 1e-9).contains(&position) {
+            ticks.push((position, (exponent.rem_euclid(every) == 0).then(|| number::power_of_ten(exponent))));
+        }
+        if decades <= 5.0 {
+            for factor in 2..10 {
+                let position = (f64::from(exponent) + f64::from(factor).log10() - a) / decades;
+                if (0.0..=1.0).contains(&position) {
+                    ticks.push((position, None));
+                }
+            }
+        }
+    }
+    ticks
+}
+
+fn linear_ticks(low: f64, high: f64) -> Vec<(f64, Option<String>)> {
+    linear_values(low, high).map(|value| ((value - low) / (high - low), Some(number::quantity(value)))).collect()
+}
+
+/// Round values between `low` and `high`, about five.
+fn linear_values(low: f64, high: f64) -> impl Iterator<Item = f64> {
+    let raw = (high - low) / 5.0;
+    let power = 10f64.powf(raw.log10().floor());
+    let step = [1.0, 2.0, 5.0, 10.0].map(|f| f * power).into_iter().find(|s| *s >= raw * 0.999).unwrap_or(10.0 * power);
+    let first = (low / step - 1e-9).ceil() as i64;
+    let last = (high / step + 1e-9).floor() as i64;
+    (first..=last.min(first + 20)).map(move |i| i as f64 * step)
+}
+
+/// One axis of the colour bar.
+pub struct Axis<'a> {
+    /// What the colours stand for.
+    pub title: &'a str,
+    /// Its unit.
+    pub unit: &'a str,
+    /// The values at the two ends.
+    pub range: [f64; 2],
+    /// Whether the axis is logarithmic.
+    pub log: bool,
+}
+
+/// Width of the bar itself, logical pixels.
+const BAR: f32 = 12.0;
+
+/// Draws an upright colour bar at the right edge of the picture, `index` places in from it.
+pub fn draw(painter: &egui::Painter, picture: Rect, index: usize, axis: &Axis<'_>, color: impl Fn(f32) -> Color32) {
+    let height = (0.42 * picture.height()).clamp(90.0, 320.0);
+    let right = picture.right() - 20.0 - 96.0 * index as f32;
+    let bottom = picture.bottom() - 40.0;
+    let bar = Rect::from_min_max(pos2(right - BAR, bottom - height), pos2(right, bottom));
+    // A soft backing keeps ticks legible over bright data.
+    painter.rect_filled(bar.expand2(vec2(2.0, 2.0)), 2.0, Color32::from_black_alpha(140));
+    theme::gradient(painter, bar, true, color);
+    for (position, label) in ticks(axis.range, axis.log) {
+        let y = egui::lerp(bar.bottom()..=bar.top(), position as f32);
+        let length = if label.is_some() { 6.0 } else { 3.0 };
+        painter.hline(bar.left() - length..=bar.left(), y, Stroke::new(1.0, theme::TEXT));
+        if let Some(label) = label {
+            theme::halo_text(painter, pos2(bar.left() - 9.0, y), Align2::RIGHT_CENTER, &label, 12.0, theme::TEXT);
+        }
+    }
+    theme::halo_text(painter, pos2(right, bar.top() - 24.0), Align2::RIGHT_BOTTOM, axis.title, 13.0, theme::TEXT);
+    if !axis.unit.is_empty() {
+        theme::halo_text(painter, pos2(right, bar.top() - 9.0), Align2::RIGHT_BOTTOM, axis.unit, 12.0, theme::LABEL);
+    }
+}
+
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn log_ticks_are_labelled_powers_of_ten() {
+        let ticks = ticks([1e-5, 1e2], true);
+        let labels: Vec<&str> = ticks.iter().filter_map(|(_, label)| label.as_deref()).collect();
+        assert!(labels.contains(&"10⁻⁴") && labels.contains(&"1"), "{labels:?}");
+        assert!((2..=8).contains(&labels.len()));
+        assert!(ticks.iter().all(|(position, _)| (-1e-6..=1.0 + 1e-6).contains(position)));
+    }
+
+    #[test]
+    fn every_range_gets_a_few_labels() {
+        for (range, log) in [
+            ([0.0, 1.0], false),
+            ([-250.0, 1200.0], false),
+            ([3.1, 3.2], false),
+            ([1.0, 3.0], true),
+            ([1e-20, 1e20], true),
+            ([0.02, 0.9], true),
+        ] {
+            let labels = ticks(range, log).into_iter().filter(|(_, label)| label.is_some()).count();
+            assert!((2..=9).contains(&labels), "{range:?} {log}: {labels}");
+        }
+    }
+
+    #[test]
+    fn a_senseless_range_has_no_ticks() {
+        for range in [[1.0, 1.0], [2.0, 1.0], [f64::NAN, 1.0], [0.0, f64::INFINITY]] {
+            assert!(ticks(range, false).is_empty());
+        }
+        assert!(ticks([-1.0, 1.0], true).is_empty());
+    }
+}

@@ -1,0 +1,216 @@
+//! A histogram with two ends to drag: how a range of values is chosen.
+
+use super::theme;
+use crate::app::number;
+use bevy_egui::egui::{self, Align2, CursorIcon, Pos2, Rect, Sense, Stroke, Ui, pos2, vec2};
+
+/// How often values occur, over an axis that is linear or logarithmic.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Histogram {
+    /// Counts of equally wide bins along the axis.
+    pub counts: Vec<f64>,
+    /// The axis' ends, in values.
+    pub span: [f64; 2],
+    /// Whether the axis is logarithmic; both ends are positive then.
+    pub log: bool,
+}
+
+impl Histogram {
+    /// Position of a value along the axis: 0 at the left end, 1 at the right one.
+    pub fn position(&self, value: f64) -> f64 {
+        let [a, b] = self.span.map(|end| self.scale(end));
+        let x = self.scale(value);
+        if b > a { (x - a) / (b - a) } else { 0.5 }
+    }
+
+    /// The value at a position along the axis.
+    pub fn value(&self, position: f64) -> f64 {
+        let [a, b] = self.span.map(|end| self.scale(end));
+        let x = a + (b - a) * position;
+        if self.log { 10f64.powf(x) } else { x }
+    }
+
+    fn scale(&self, value: f64) -> f64 {
+        if self.log { value.max(f64::MIN_POSITIVE).log10() } else { value }
+    }
+}
+
+/// The ends of a range may not come closer than this share of the axis.
+const NARROWEST: f64 = 0.005;
+
+/// Which part of the range the pointer holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Grip {
+    Low,
+    High,
+    Both,
+}
+
+impl Grip {
+    /// The part of the range `ends` (positions along the axis) that a press at `position` takes hold of, where the
+    /// axis is `width` pixels wide.
+    fn at(position: f64, ends: [f64; 2], width: f64) -> Grip {
+        let reach = 8.0 / width.max(1.0);
+        let [low, high] = ends.map(|end| (position - end).abs());
+        let inside = position > ends[0] && position < ends[1];
+        if inside && low > reach && high > reach {
+            Grip::Both
+        } else if low < high || (low == high && position < ends[0]) {
+            Grip::Low
+        } else {
+            Grip::High
+        }
+    }
+
+    /// The range after a drag by `delta` along the axis.
+    fn drag(self, ends: [f64; 2], delta: f64) -> [f64; 2] {
+        let [low, high] = ends;
+        match self {
+            Grip::Low => [(low + delta).clamp(0.0, high - NARROWEST), high],
+            Grip::High => [low, (high + delta).clamp(low + NARROWEST, 1.0)],
+            Grip::Both => {
+                let delta = delta.clamp(-low.max(0.0), (1.0 - high).max(0.0));
+                [low + delta, high + delta]
+            }
+        }
+    }
+}
+
+/// What the user did to a range.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum RangeEdit {
+    /// Chose a range.
+    Set([f64; 2]),
+    /// Asked for the automatic one.
+    Automatic,
+}
+
+/// Draws the histogram, with the bins inside `range` in the colours that they stand for, and lets the user drag the
+/// ends (or both, between them); a double-click asks for the automatic range.
+pub fn range_editor(
+    ui: &mut Ui,
+    id: &str,
+    histogram: &Histogram,
+    range: [f64; 2],
+    color: impl Fn(f32) -> egui::Color32,
+) -> Option<RangeEdit> {
+    let (rect, _) = ui.allocate_exact_size(vec2(ui.available_width(), 58.0), Sense::hover());
+    let id = ui.id().with(id);
+    let response = ui.interact(rect, id, Sense::click_and_drag());
+    let painter = ui.painter().with_clip_rect(rect.expand(8.0));
+    painter.rect_filled(rect, 4.0, theme::WELL);
+    let plot = rect.shrink2(vec2(6.0, 4.0));
+    let ends = range.map(|value| histogram.position(value).clamp(0.0, 1.0));
+    paint_bins(&painter, plot, histogram, ends, color);
+    for end in ends {
+        let x = egui::lerp(plot.left()..=plot.right(), end as f32);
+        painter.vline(x, rect.y_range(), Stroke::new(1.5, theme::TEXT));
+        let grip = Rect::from_center_size(pos2(x, rect.center().y), vec2(5.0, 16.0));
+        painter.rect_filled(grip, 2.0, theme::TEXT);
+    }
+    let position = |at: Pos2| f64::from((at.x - plot.left()) / plot.width());
+    if response.hovered() || response.dragged() {
+        ui.ctx().set_cursor_icon(CursorIcon::ResizeHorizontal);
+    }
+    if response.double_clicked() {
+        return Some(RangeEdit::Automatic);
+    }
+    if response.drag_started()
+        && let Some(start) = ui.input(|input| input.pointer.press_origin())
+    {
+        let grip = Grip::at(position(start), ends, f64::from(plot.width()));
+        ui.data_mut(|data| data.insert_temp(id, grip));
+    }
+    if response.dragged()
+        && let Some(grip) = ui.data(|data| data.get_temp::<Grip>(id))
+    {
+        let delta = f64::from(response.drag_delta().x / plot.width());
+        if delta != 0.0 {
+            return Some(RangeEdit::Set(grip.drag(ends, delta).map(|end| histogram.value(end))));
+        }
+    }
+    None
+}
+
+/// The bins as bars whose height is logarithmic in the count, so that rare values show.
+fn paint_bins(
+    painter: &egui::Painter,
+    plot: Rect,
+    histogram: &Histogram,
+    ends: [f64; 2],
+    color: impl Fn(f32) -> egui::Color32,
+) {
+    let top = histogram.counts.iter().fold(0.0f64, |top, &count| top.max(count)).ln_1p();
+    if top <= 0.0 {
+        painter.text(plot.center(), Align2::CENTER_CENTER, "no values", egui::FontId::proportional(theme::SMALL), theme::LABEL);
+        return;
+    }
+    let bins = histogram.counts.len();
+    for (i, &count) in histogram.counts.iter().enumerate() {
+        let height = (count.max(0.0).ln_1p() / top) as f32 * plot.height();
+        if height <= 0.0 {
+            continue;
+        }
+        let left = plot.left() + plot.width() * i as f32 / bins as f32;
+        let right = plot.left() + plot.width() * (i + 1) as f32 / bins as f32;
+        let middle = (i as f64 + 0.5) / bins as f64;
+        let inside = (ends[0]..=ends[1]).contains(&middle);
+        let t = (middle - ends[0]) / (ends[1] - ends[0]).max(1e-9);
+        // Dark ends of a colour map would vanish in the well.
+        let fill = if inside { lift(color(t as f32)) } else { theme::LINE };
+        let bar = Rect::from_min_max(pos2(left, plot.bottom() - height), pos2(right, plot.bottom()));
+        painter.rect_filled(bar, 0.0, fill);
+    }
+}
+
+/// A colour, not darker than can be seen on the well.
+fn lift(color: egui::Color32) -> egui::Color32 {
+    let floor = |channel: u8, least: u8| channel.max(least);
+    egui::Color32::from_rgb(floor(color.r(), 58), floor(color.g(), 60), floor(color.b(), 70))
+}
+
+/// The line below a histogram: both ends of the range, and the unit between them.
+pub fn range_labels(ui: &mut Ui, range: [f64; 2], unit: &str) {
+    let (rect, _) = ui.allocate_exact_size(vec2(ui.available_width(), 15.0), Sense::hover());
+    let font = egui::FontId::proportional(12.0);
+    let painter = ui.painter();
+    painter.text(rect.left_center(), Align2::LEFT_CENTER, number::quantity(range[0]), font.clone(), theme::TEXT);
+    painter.text(rect.right_center(), Align2::RIGHT_CENTER, number::quantity(range[1]), font, theme::TEXT);
+    painter.text(rect.center(), Align2::CENTER_CENTER, unit, egui::FontId::proportional(theme::SMALL), theme::LABEL);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn positions_and_values_are_inverse() {
+        for log in [false, true] {
+            let histogram = Histogram { counts: vec![1.0; 8], span: [1e-3, 1e5], log };
+            for position in [0.0, 0.3, 0.77, 1.0] {
+                let value = histogram.value(position);
+                assert!((histogram.position(value) - position).abs() < 1e-9, "{log} {position}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_nearest_end_is_taken_and_the_middle_moves_both() {
+        let ends = [0.2, 0.8];
+        assert_eq!(Grip::at(0.21, ends, 280.0), Grip::Low);
+        assert_eq!(Grip::at(0.05, ends, 280.0), Grip::Low);
+        assert_eq!(Grip::at(0.79, ends, 280.0), Grip::High);
+        assert_eq!(Grip::at(0.95, ends, 280.0), Grip::High);
+        assert_eq!(Grip::at(0.5, ends, 280.0), Grip::Both);
+        assert_eq!(Grip::at(0.4, [0.4, 0.4], 280.0), Grip::High);
+    }
+
+    #[test]
+    fn a_drag_keeps_the_ends_apart_and_on_the_axis() {
+        assert_eq!(Grip::Low.drag([0.2, 0.8], -0.5), [0.0, 0.8]);
+        assert_eq!(Grip::Low.drag([0.2, 0.8], 0.9), [0.8 - NARROWEST, 0.8]);
+        assert_eq!(Grip::High.drag([0.2, 0.8], -0.9), [0.2, 0.2 + NARROWEST]);
+        let [low, high] = Grip::Both.drag([0.2, 0.8], 0.5);
+        assert!((low - 0.4).abs() < 1e-12 && (high - 1.0).abs() < 1e-12);
+    }
+}

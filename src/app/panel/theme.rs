@@ -1,0 +1,199 @@
+//! Colours, sizes and the few widgets that give the panel and the overlays one look.
+
+use bevy_egui::egui::{
+    self, Align, Align2, Color32, CornerRadius, FontFamily, FontId, Layout, Margin, Response, RichText, Sense, Stroke,
+    StrokeKind, TextStyle, Ui, Vec2, vec2,
+};
+
+/// Background of the panel.
+pub const PANEL: Color32 = Color32::from_rgb(0x14, 0x17, 0x1c);
+/// Background of controls and tracks.
+pub const WELL: Color32 = Color32::from_rgb(0x0c, 0x0e, 0x12);
+/// Controls at rest.
+const CONTROL: Color32 = Color32::from_rgb(0x22, 0x27, 0x2f);
+/// Controls under the pointer.
+const CONTROL_HOT: Color32 = Color32::from_rgb(0x2d, 0x34, 0x3f);
+/// Thin lines between sections.
+pub const LINE: Color32 = Color32::from_rgb(0x2a, 0x2f, 0x38);
+/// Values and headings.
+pub const TEXT: Color32 = Color32::from_rgb(0xe4, 0xe7, 0xec);
+/// Labels.
+pub const LABEL: Color32 = Color32::from_rgb(0x93, 0x9b, 0xa8);
+/// What is selected, done or dragged.
+pub const ACCENT: Color32 = Color32::from_rgb(0x5b, 0xa8, 0xf5);
+/// All is there.
+pub const GOOD: Color32 = Color32::from_rgb(0x5f, 0xc9, 0x8b);
+/// Something did not work.
+pub const BAD: Color32 = Color32::from_rgb(0xf0, 0x7b, 0x6c);
+
+/// Size of body text, logical pixels.
+pub const BODY: f32 = 13.0;
+/// Size of small text.
+pub const SMALL: f32 = 11.0;
+/// Height of a row.
+pub const ROW: f32 = 18.0;
+
+/// Gives egui the look of this program.
+pub fn apply(ctx: &egui::Context) {
+    ctx.set_theme(egui::ThemePreference::Dark);
+    ctx.all_styles_mut(|style| {
+        style.text_styles = [
+            (TextStyle::Heading, FontId::new(16.0, FontFamily::Proportional)),
+            (TextStyle::Body, FontId::new(BODY, FontFamily::Proportional)),
+            (TextStyle::Button, FontId::new(BODY, FontFamily::Proportional)),
+            (TextStyle::Small, FontId::new(SMALL, FontFamily::Proportional)),
+            (TextStyle::Monospace, FontId::new(12.0, FontFamily::Monospace)),
+        ]
+        .into();
+        style.spacing.item_spacing = vec2(8.0, 4.0);
+        style.spacing.interact_size = vec2(28.0, ROW + 2.0);
+        style.spacing.button_padding = vec2(8.0, 2.0);
+        style.spacing.slider_rail_height = 4.0;
+        style.spacing.icon_width = 14.0;
+        style.spacing.icon_width_inner = 8.0;
+        style.spacing.scroll.bar_width = 6.0;
+        let visuals = &mut style.visuals;
+        visuals.panel_fill = PANEL;
+        visuals.window_fill = PANEL;
+        visuals.extreme_bg_color = WELL;
+        visuals.faint_bg_color = CONTROL;
+        visuals.window_stroke = Stroke::new(1.0, LINE);
+        visuals.selection.bg_fill = ACCENT.gamma_multiply(0.35);
+        visuals.selection.stroke = Stroke::new(1.0, TEXT);
+        visuals.slider_trailing_fill = true;
+        visuals.error_fg_color = BAD;
+        let widgets = &mut visuals.widgets;
+        let radius = CornerRadius::same(4);
+        for (widget, fill, text) in [
+            (&mut widgets.noninteractive, PANEL, LABEL),
+            (&mut widgets.inactive, CONTROL, TEXT),
+            (&mut widgets.hovered, CONTROL_HOT, TEXT),
+            (&mut widgets.active, CONTROL_HOT, TEXT),
+            (&mut widgets.open, CONTROL_HOT, TEXT),
+        ] {
+            widget.bg_fill = fill;
+            widget.weak_bg_fill = fill;
+            widget.bg_stroke = Stroke::NONE;
+            widget.fg_stroke = Stroke::new(1.0, text);
+            widget.corner_radius = radius;
+            widget.expansion = 0.0;
+        }
+        widgets.noninteractive.bg_stroke = Stroke::new(1.0, LINE);
+    });
+}
+
+/// The panel's frame.
+pub fn panel_frame() -> egui::Frame {
+    egui::Frame::NONE.fill(PANEL).inner_margin(Margin { left: 14, right: 12, top: 10, bottom: 10 })
+}
+
+/// The frame of cards that lie over the picture.
+pub fn card_frame() -> egui::Frame {
+    egui::Frame::NONE
+        .fill(PANEL.gamma_multiply(0.94))
+        .stroke(Stroke::new(1.0, LINE))
+        .corner_radius(CornerRadius::same(8))
+        .inner_margin(Margin::symmetric(18, 14))
+}
+
+/// A section's heading with the line above it.
+pub fn section(ui: &mut Ui, title: &str) {
+    ui.add_space(6.0);
+    let (rect, _) = ui.allocate_exact_size(vec2(ui.available_width(), 1.0), Sense::hover());
+    ui.painter().hline(rect.x_range(), rect.center().y, Stroke::new(1.0, LINE));
+    ui.add_space(3.0);
+    ui.label(RichText::new(title.to_uppercase()).size(SMALL).color(LABEL).strong().extra_letter_spacing(1.2));
+    ui.add_space(1.0);
+}
+
+/// A row: the label at the left, the value at the right edge.
+pub fn fact(ui: &mut Ui, label: &str, value: impl Into<String>) -> Response {
+    fact_colored(ui, label, value, TEXT)
+}
+
+/// As [`fact`], the value in a colour of its own.
+pub fn fact_colored(ui: &mut Ui, label: &str, value: impl Into<String>, color: Color32) -> Response {
+    row(ui, label, |ui| {
+        ui.add(egui::Label::new(RichText::new(value.into()).color(color)).truncate());
+    })
+}
+
+/// A row: the label at the left, anything at the right edge (laid out from the right).
+pub fn row(ui: &mut Ui, label: &str, add_value: impl FnOnce(&mut Ui)) -> Response {
+    let size = vec2(ui.available_width(), ROW);
+    ui.allocate_ui_with_layout(size, Layout::left_to_right(Align::Center), |ui| {
+        ui.set_min_height(ROW);
+        ui.label(RichText::new(label).color(LABEL));
+        ui.with_layout(Layout::right_to_left(Align::Center), add_value);
+    })
+    .response
+}
+
+/// A thin bar that is filled to `share`.
+pub fn bar(ui: &mut Ui, share: f32, color: Color32) -> Response {
+    let (rect, response) = ui.allocate_exact_size(vec2(ui.available_width(), 4.0), Sense::hover());
+    let painter = ui.painter();
+    painter.rect_filled(rect, 2.0, WELL);
+    let filled = egui::Rect::from_min_size(rect.min, vec2(rect.width() * share.clamp(0.0, 1.0), rect.height()));
+    painter.rect_filled(filled, 2.0, color);
+    response
+}
+
+/// A bar that shows that something goes on whose end is not known.
+pub fn busy_bar(ui: &mut Ui, seconds: f64) {
+    let (rect, _) = ui.allocate_exact_size(vec2(ui.available_width(), 4.0), Sense::hover());
+    ui.painter().rect_filled(rect, 2.0, WELL);
+    let phase = (0.6 * seconds).fract() as f32;
+    let left = rect.left() + (1.3 * phase - 0.3) * rect.width();
+    let moving = egui::Rect::from_min_size(egui::pos2(left, rect.top()), vec2(0.3 * rect.width(), rect.height()));
+    ui.painter().rect_filled(moving.intersect(rect), 2.0, ACCENT);
+}
+
+/// Paints a colour map from left to right (or bottom to top) into a rectangle.
+pub fn gradient(painter: &egui::Painter, rect: egui::Rect, vertical: bool, color: impl Fn(f32) -> Color32) {
+    const STEPS: usize = 96;
+    let mut mesh = egui::Mesh::default();
+    for step in 0..=STEPS {
+        let t = step as f32 / STEPS as f32;
+        let (a, b) = if vertical {
+            let y = egui::lerp(rect.bottom()..=rect.top(), t);
+            (egui::pos2(rect.left(), y), egui::pos2(rect.right(), y))
+        } else {
+            let x = egui::lerp(rect.left()..=rect.right(), t);
+            (egui::pos2(x, rect.top()), egui::pos2(x, rect.bottom()))
+        };
+        let index = mesh.vertices.len() as u32;
+        mesh.colored_vertex(a, color(t));
+        mesh.colored_vertex(b, color(t));
+        if step > 0 {
+            mesh.add_triangle(index - 2, index - 1, index);
+            mesh.add_triangle(index - 1, index, index + 1);
+        }
+    }
+    painter.add(mesh);
+    painter.rect_stroke(rect, 0.0, Stroke::new(1.0, LINE), StrokeKind::Outside);
+}
+
+/// Text with a dark halo, legible over any picture.
+pub fn halo_text(painter: &egui::Painter, at: egui::Pos2, anchor: Align2, text: &str, size: f32, color: Color32) {
+    let font = FontId::new(size, FontFamily::Proportional);
+    let halo = Color32::from_black_alpha(170);
+    for offset in [vec2(-1.0, 0.0), vec2(1.0, 0.0), vec2(0.0, -1.0), vec2(0.0, 1.0), vec2(1.0, 1.0), vec2(-1.0, 1.0)] {
+        painter.text(at + offset, anchor, text, font.clone(), halo);
+    }
+    painter.text(at, anchor, text, font, color);
+}
+
+/// A key as it is drawn on the help page.
+pub fn key_cap(ui: &mut Ui, key: &str) {
+    egui::Frame::NONE
+        .fill(CONTROL)
+        .corner_radius(CornerRadius::same(4))
+        .inner_margin(Margin::symmetric(7, 1))
+        .show(ui, |ui| ui.label(RichText::new(key).color(TEXT).size(12.0)));
+}
+
+/// The size of a text in the body font, logical pixels.
+pub fn text_size(painter: &egui::Painter, text: &str, size: f32) -> Vec2 {
+    painter.layout_no_wrap(text.to_owned(), FontId::new(size, FontFamily::Proportional), TEXT).size()
+}

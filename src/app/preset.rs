@@ -1,0 +1,310 @@
+//! Presets: everything about the window that a user sets in `configs/*.ron`, loaded as a Bevy asset and reloaded
+//! while the program runs.
+//!
+//! The presets are embedded too, so that an installed program needs no files beside it. Where the program finds a
+//! folder `configs` (beside the manifest under cargo, else beside the executable or in `BEVY_ASSET_ROOT`), the file
+//! there wins. Unknown fields and wrong values are refused with file, line and column; the last good preset stays.
+
+use bevy::asset::{AssetLoader, LoadContext, io::Reader};
+use bevy::prelude::*;
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+/// The presets that the program knows by name, with their embedded text.
+const EMBEDDED: [(&str, &str); 3] = [
+    ("desktop", include_str!("../../configs/desktop.ron")),
+    ("laptop", include_str!("../../configs/laptop.ron")),
+    ("headless", include_str!("../../configs/headless.ron")),
+];
+
+/// Which renderer draws the picture.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Reflect)]
+#[serde(rename_all = "kebab-case")]
+pub enum Backend {
+    /// The best that the adapter can do.
+    #[default]
+    Auto,
+    /// Compute passes with float atomics.
+    Compute,
+    /// Blended triangles.
+    Raster,
+    /// The processor; needs no adapter features at all.
+    Cpu,
+}
+
+impl Backend {
+    /// The name used on the command line and in RON.
+    pub const fn as_str(self) -> &'static str {
+        match self {
+            Backend::Auto => "auto",
+            Backend::Compute => "compute",
+            Backend::Raster => "raster",
+            Backend::Cpu => "cpu",
+        }
+    }
+}
+
+/// The window when it opens.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Reflect)]
+#[serde(default, deny_unknown_fields)]
+pub struct WindowPreset {
+    /// Width, logical pixels.
+    pub width: u32,
+    /// Height, logical pixels.
+    pub height: u32,
+    /// Whether frames wait for the display's refresh.
+    pub vsync: bool,
+}
+
+impl Default for WindowPreset {
+    fn default() -> Self {
+        Self { width: 1280, height: 720, vsync: true }
+    }
+}
+
+/// How much of the page file may be in memory.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Reflect)]
+#[serde(default, deny_unknown_fields)]
+pub struct ResidencyPreset {
+    /// Pages in memory at most, MiB.
+    pub budget_mib: u64,
+    /// Pages that may be loading at a time.
+    pub requests: usize,
+}
+
+impl Default for ResidencyPreset {
+    fn default() -> Self {
+        Self { budget_mib: 2048, requests: 8 }
+    }
+}
+
+/// How the picture is made.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Reflect)]
+#[serde(default, deny_unknown_fields)]
+pub struct DrawingPreset {
+    /// Which renderer.
+    pub backend: Backend,
+    /// The screen-space error `tau`, pixels.
+    pub error_px: f64,
+}
+
+impl Default for DrawingPreset {
+    fn default() -> Self {
+        Self { backend: Backend::Auto, error_px: 0.8 }
+    }
+}
+
+/// How the camera answers.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Reflect)]
+#[serde(default, deny_unknown_fields)]
+pub struct CameraPreset {
+    /// Vertical field of view, degrees.
+    pub field_of_view_deg: f64,
+    /// Factor on orbiting, panning and zooming with the mouse.
+    pub orbit_sensitivity: f32,
+    /// 0: the camera follows the mouse at once; towards 1: it glides.
+    pub smoothness: f32,
+    /// Flying speed: the share of the distance to the data covered in a second.
+    pub fly_speed: f64,
+    /// Mouse look: degrees per pixel of mouse motion.
+    pub look_sensitivity: f64,
+    /// How long a flight to a double-clicked place takes, seconds.
+    pub flight_secs: f64,
+}
+
+impl Default for CameraPreset {
+    fn default() -> Self {
+        Self {
+            field_of_view_deg: 45.0,
+            orbit_sensitivity: 1.0,
+            smoothness: 0.1,
+            fly_speed: 0.6,
+            look_sensitivity: 0.15,
+            flight_secs: 1.2,
+        }
+    }
+}
+
+/// The panel.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Reflect)]
+#[serde(default, deny_unknown_fields)]
+pub struct PanelPreset {
+    /// Whether the panel is open at the start.
+    pub open: bool,
+    /// Width, logical pixels.
+    pub width: f32,
+    /// Factor on the size of text and controls.
+    pub scale: f32,
+}
+
+impl Default for PanelPreset {
+    fn default() -> Self {
+        Self { open: true, width: 304.0, scale: 1.0 }
+    }
+}
+
+/// Everything that a preset file sets. Fields left out keep their defaults.
+#[derive(Asset, Resource, Clone, Debug, Default, PartialEq, Serialize, Deserialize, Reflect)]
+#[serde(default, deny_unknown_fields)]
+pub struct Preset {
+    /// The window when it opens.
+    pub window: WindowPreset,
+    /// Memory for pages.
+    pub residency: ResidencyPreset,
+    /// How the picture is made.
+    pub drawing: DrawingPreset,
+    /// How the camera answers.
+    pub camera: CameraPreset,
+    /// The panel.
+    pub panel: PanelPreset,
+}
+
+/// Why a preset is refused.
+#[derive(Debug, Error)]
+pub enum PresetError {
+    /// The file cannot be read.
+    #[error("{file}: {source}")]
+    Io {
+        /// Which file.
+        file: String,
+        /// The cause.
+        source: std::io::Error,
+    },
+    /// Not RON, an unknown field, or a value of the wrong type.
+    #[error("{file}:{line}:{column}: {message}")]
+    Syntax {
+        /// Which file.
+        file: String,
+        /// Line, from 1.
+        line: usize,
+        /// Column, from 1.
+        column: usize,
+        /// What is wrong there.
+        message: String,
+    },
+    /// A number that makes no sense.
+    #[error("{file}: {field} is {value}, expected {expected}")]
+    Range {
+        /// Which file.
+        file: String,
+        /// The field's path.
+        field: &'static str,
+        /// Its value.
+        value: f64,
+        /// What it may be.
+        expected: &'static str,
+    },
+    /// No preset of that name.
+    #[error("no preset named {0}: expected desktop, laptop or headless")]
+    Unknown(String),
+}
+
+impl Preset {
+    /// The embedded preset of that name.
+    pub fn embedded(name: &str) -> Result<Preset, PresetError> {
+        match EMBEDDED.iter().find(|(known, _)| *known == name) {
+            Some((name, text)) => Preset::parse(&format!("{name}.ron"), text),
+            None => Err(PresetError::Unknown(name.to_owned())),
+        }
+    }
+
+    /// Reads RON text; `file` is what errors call it.
+    pub fn parse(file: &str, text: &str) -> Result<Preset, PresetError> {
+        let preset: Preset = ron::from_str(text).map_err(|error| PresetError::Syntax {
+            file: file.to_owned(),
+            line: error.span.start.line,
+            column: error.span.start.col,
+            message: error.code.to_string(),
+        })?;
+        preset.check(file)?;
+        Ok(preset)
+    }
+
+    /// Checks every number against its range.
+    fn check(&self, file: &str) -> Result<(), PresetError> {
+        let Preset { window, residency, drawing, camera, panel } = self;
+        let checks = [
+            ("window.width", f64::from(window.width), 320.0, 16384.0, "320 to 16384"),
+            ("window.height", f64::from(window.height), 240.0, 16384.0, "240 to 16384"),
+            ("residency.budget_mib", residency.budget_mib as f64, 16.0, 1.0e9, "16 or more"),
+            ("residency.requests", residency.requests as f64, 1.0, 4096.0, "1 to 4096"),
+            ("drawing.error_px", drawing.error_px, 0.05, 64.0, "0.05 to 64"),
+            ("camera.field_of_view_deg", camera.field_of_view_deg, 1.0, 150.0, "1 to 150"),
+            ("camera.orbit_sensitivity", f64::from(camera.orbit_sensitivity), 0.01, 100.0, "0.01 to 100"),
+            ("camera.smoothness", f64::from(camera.smoothness), 0.0, 0.95, "0 to 0.95"),
+            ("camera.fly_speed", camera.fly_speed, 0.001, 1000.0, "0.001 to 1000"),
+            ("camera.look_sensitivity", camera.look_sensitivity, 0.001, 10.0, "0.001 to 10"),
+            ("camera.flight_secs", camera.flight_secs, 0.0, 60.0, "0 to 60"),
+            ("panel.width", f64::from(panel.width), 240.0, 640.0, "240 to 640"),
+            ("panel.scale", f64::from(panel.scale), 0.5, 4.0, "0.5 to 4"),
+        ];
+        for (field, value, least, most, expected) in checks {
+            if !(least..=most).contains(&value) {
+                return Err(PresetError::Range { file: file.to_owned(), field, value, expected });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Loads `*.ron` files of the source `configs` as [`Preset`]s.
+#[derive(Default, TypePath)]
+pub struct PresetLoader;
+
+impl AssetLoader for PresetLoader {
+    type Asset = Preset;
+    type Settings = ();
+    type Error = PresetError;
+
+    async fn load(
+        &self,
+        reader: &mut dyn Reader,
+        _settings: &(),
+        load_context: &mut LoadContext<'_>,
+    ) -> Result<Preset, PresetError> {
+        let file = load_context.path().to_string();
+        let mut bytes = Vec::new();
+        reader
+            .read_to_end(&mut bytes)
+            .await
+            .map_err(|source| PresetError::Io { file: file.clone(), source })?;
+        Preset::parse(&file, &String::from_utf8_lossy(&bytes))
+    }
+
+    fn extensions(&self) -> &[&str] {
+        &["ron"]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_embedded_preset_parses_and_differs() {
+        let presets: Vec<Preset> = EMBEDDED.iter().map(|(name, _)| Preset::embedded(name).unwrap()).collect();
+        assert_eq!(presets[0].residency.budget_mib, 4096);
+        assert_ne!(presets[0], presets[1]);
+        assert_ne!(presets[0], presets[2]);
+        assert!(Preset::embedded("tablet").unwrap_err().to_string().contains("tablet"));
+    }
+
+    #[test]
+    fn an_unknown_field_names_file_line_and_column() {
+        let error = Preset::parse("desk.ron", "(\n    drawing: (error_pixels: 1.0),\n)").unwrap_err().to_string();
+        assert!(error.starts_with("desk.ron:2:"), "{error}");
+        assert!(error.contains("error_pixels"), "{error}");
+    }
+
+    #[test]
+    fn a_value_out_of_range_names_the_field() {
+        let error = Preset::parse("a.ron", "(drawing: (error_px: -1.0))").unwrap_err().to_string();
+        assert_eq!(error, "a.ron: drawing.error_px is -1, expected 0.05 to 64");
+    }
+
+    #[test]
+    fn a_partial_preset_keeps_defaults() {
+        let preset = Preset::parse("a.ron", "(panel: (open: false))").unwrap();
+        assert_eq!(preset, Preset { panel: PanelPreset { open: false, ..default() }, ..default() });
+    }
+}

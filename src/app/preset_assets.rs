@@ -1,0 +1,87 @@
+//! Presets as assets: where they are found, and what happens when they change while the program runs.
+
+use super::messages::Messages;
+use super::options::WindowOptions;
+use super::preset::{Preset, PresetLoader};
+use super::scene::Settings;
+use bevy::asset::io::AssetSourceBuilder;
+use bevy::asset::{AssetLoadFailedEvent, io::file::FileAssetReader};
+use bevy::prelude::*;
+
+/// Registers the folders that assets come from, where they exist. Must run before Bevy's default plugins.
+pub fn register_sources(app: &mut App) {
+    let folder = FileAssetReader::get_base_path().join("configs");
+    if folder.is_dir() {
+        app.register_asset_source("configs", AssetSourceBuilder::platform_default(&folder.to_string_lossy(), None));
+    }
+}
+
+/// Loads the chosen preset and applies it whenever its file changes.
+pub struct PresetPlugin {
+    options: WindowOptions,
+}
+
+impl PresetPlugin {
+    /// The preset that the options name, with what they override.
+    pub fn new(options: &WindowOptions) -> PresetPlugin {
+        PresetPlugin { options: options.clone() }
+    }
+}
+
+/// The preset's asset, kept loaded so that it is watched.
+#[derive(Resource)]
+struct PresetFile {
+    handle: Handle<Preset>,
+    options: WindowOptions,
+}
+
+impl Plugin for PresetPlugin {
+    fn build(&self, app: &mut App) {
+        app.init_asset::<Preset>()
+            .init_asset_loader::<PresetLoader>()
+            .add_systems(Update, apply_preset.run_if(resource_exists::<PresetFile>));
+        if FileAssetReader::get_base_path().join("configs").is_dir() {
+            let path = format!("configs://{}.ron", self.options.preset);
+            let handle = app.world().resource::<AssetServer>().load(path);
+            app.insert_resource(PresetFile { handle, options: self.options.clone() });
+        }
+    }
+}
+
+/// Takes over a preset that was loaded or changed; reports one that is refused and keeps the last good one.
+fn apply_preset(
+    mut events: MessageReader<AssetEvent<Preset>>,
+    mut failures: MessageReader<AssetLoadFailedEvent<Preset>>,
+    file: Res<PresetFile>,
+    presets: Res<Assets<Preset>>,
+    mut preset: ResMut<Preset>,
+    mut settings: ResMut<Settings>,
+    mut messages: ResMut<Messages>,
+) {
+    for failure in failures.read() {
+        messages.error(refusal(&failure.error));
+    }
+    let changed = events.read().any(|event| {
+        matches!(event, AssetEvent::Added { id } | AssetEvent::Modified { id } if *id == file.handle.id())
+    });
+    if !changed {
+        return;
+    }
+    let Some(loaded) = presets.get(&file.handle) else { return };
+    let mut loaded = loaded.clone();
+    file.options.override_preset(&mut loaded);
+    if loaded.drawing.error_px != preset.drawing.error_px {
+        settings.error_px = loaded.drawing.error_px;
+    }
+    if preset.set_if_neq(loaded) {
+        messages.info(format!("preset {} loaded", file.options.preset));
+    }
+}
+
+/// What to say about a preset that cannot be loaded: the loader's own words, which name file, line and column.
+fn refusal(error: &bevy::asset::AssetLoadError) -> String {
+    match error {
+        bevy::asset::AssetLoadError::AssetLoaderError(error) => error.error().to_string(),
+        other => other.to_string(),
+    }
+}

@@ -1,0 +1,84 @@
+//! Carries out the keys of [`KEYS`](super::input::KEYS).
+
+use super::camera::{Anchor, DataDistance, Flight, Fly, Navigation, Viewpoint};
+use super::input::{Action, KEYS, PointerOwner};
+use super::messages::Messages;
+use super::picture::{DataCamera, Picture};
+use super::preset::Preset;
+use super::scene::{Scene, home};
+use super::screenshot;
+use bevy::prelude::*;
+use bevy_panorbit_camera::PanOrbitCamera;
+
+/// What is shown beside the picture.
+#[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Shown {
+    /// The panel.
+    pub panel: bool,
+    /// The help page.
+    pub help: bool,
+}
+
+/// Carries out the keys that were pressed in this frame.
+pub(super) fn run_shortcuts(
+    mut commands: Commands,
+    keys: Res<ButtonInput<KeyCode>>,
+    owner: Res<PointerOwner>,
+    preset: Res<Preset>,
+    scene: Option<Res<Scene>>,
+    picture: Res<Picture>,
+    distance: Res<DataDistance>,
+    mut shown: ResMut<Shown>,
+    mut messages: ResMut<Messages>,
+    mut exit: MessageWriter<AppExit>,
+    camera: Single<
+        (Entity, &mut Navigation, &mut Fly, &mut Viewpoint, &mut Anchor, &mut PanOrbitCamera),
+        With<DataCamera>,
+    >,
+) {
+    let (entity, mut navigation, mut fly, mut viewpoint, mut anchor, mut orbit) = camera.into_inner();
+    let pressed = KEYS.iter().filter(|(key, _)| keys.just_pressed(*key)).map(|(_, action)| *action);
+    for action in pressed {
+        if !owner.keyboard_is_free() && action != Action::Leave {
+            continue;
+        }
+        match action {
+            Action::TogglePanel => shown.panel = !shown.panel,
+            Action::ToggleHelp => shown.help = !shown.help,
+            Action::Screenshot => screenshot::take(&mut commands),
+            Action::ToggleFly => {
+                commands.entity(entity).remove::<Flight>();
+                *fly = Fly::default();
+                if *navigation == Navigation::Fly {
+                    *navigation = Navigation::Orbit;
+                    *anchor = Anchor::adopt(&viewpoint, &mut orbit);
+                } else {
+                    *navigation = Navigation::Fly;
+                    if let Some(reach) = distance.0.filter(|reach| *reach > 0.0) {
+                        let forward = (viewpoint.target - viewpoint.eye).normalize_or_zero();
+                        viewpoint.target = viewpoint.eye + forward * reach;
+                    }
+                }
+            }
+            Action::Home => {
+                let Some(scene) = &scene else { continue };
+                match home(scene.bounds, viewpoint.fov_y, &picture) {
+                    Ok(target) => {
+                        *navigation = Navigation::Orbit;
+                        let flight = Flight::to_viewpoint(*viewpoint, target, preset.camera.flight_secs);
+                        commands.entity(entity).insert(flight);
+                    }
+                    Err(error) => messages.error(error.to_string()),
+                }
+            }
+            Action::Leave if shown.help => shown.help = false,
+            Action::Leave if *navigation == Navigation::Fly => {
+                *navigation = Navigation::Orbit;
+                *anchor = Anchor::adopt(&viewpoint, &mut orbit);
+            }
+            Action::Leave => {
+                exit.write(AppExit::Success);
+            }
+        }
+    }
+}

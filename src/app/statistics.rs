@@ -1,0 +1,84 @@
+//! Numbers of the running program: frames, what is drawn, what is resident.
+
+use bevy::prelude::*;
+
+/// What the last picture was made of.
+#[derive(Resource, Clone, Debug, Default, PartialEq)]
+pub struct Statistics {
+    /// Which renderer draws: `compute`, `raster` or `cpu`.
+    pub backend: String,
+    /// The graphics adapter.
+    pub adapter: String,
+    /// Particles drawn.
+    pub particles: u64,
+    /// Nodes drawn.
+    pub nodes: usize,
+    /// Largest screen-space error of what is drawn, pixels.
+    pub error_px: f64,
+    /// Nodes that the view needs and that are not there yet.
+    pub missing: usize,
+    /// Pages in memory.
+    pub pages_resident: usize,
+    /// Pages on their way.
+    pub pages_loading: usize,
+    /// Pages that cannot be read.
+    pub pages_failed: usize,
+    /// Bytes of the resident pages.
+    pub bytes: u64,
+    /// Bytes that they may take.
+    pub budget_bytes: u64,
+    /// Time to draw the last picture, milliseconds, where it is known.
+    pub draw_ms: Option<f64>,
+}
+
+/// Whether the picture shows all that the view needs at its error bound: every page is resident, uploaded and drawn.
+#[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Converged(pub bool);
+
+/// Frame times, smoothed over about half a second.
+#[derive(Resource, Clone, Copy, Debug, Default)]
+pub struct FrameClock {
+    smoothed_secs: f64,
+}
+
+impl FrameClock {
+    /// Frames per second; 0 before the first frame.
+    pub fn fps(&self) -> f64 {
+        if self.smoothed_secs > 0.0 { 1.0 / self.smoothed_secs } else { 0.0 }
+    }
+
+    /// Milliseconds per frame.
+    pub fn milliseconds(&self) -> f64 {
+        1000.0 * self.smoothed_secs
+    }
+
+    /// Takes in a frame of that duration.
+    pub fn tick(&mut self, seconds: f64) {
+        let weight = if self.smoothed_secs == 0.0 { 1.0 } else { 1.0 - (-seconds / 0.5).exp() };
+        self.smoothed_secs += (seconds - self.smoothed_secs) * weight;
+    }
+}
+
+/// Measures frames.
+pub(super) fn tick_frame_clock(time: Res<Time<Real>>, mut clock: ResMut<FrameClock>) {
+    clock.tick(time.delta_secs_f64());
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_frame_clock_settles_on_the_rate() {
+        let mut clock = FrameClock::default();
+        assert_eq!(clock.fps(), 0.0);
+        for _ in 0..200 {
+            clock.tick(1.0 / 60.0);
+        }
+        assert!((clock.fps() - 60.0).abs() < 1e-6);
+        for _ in 0..200 {
+            clock.tick(1.0 / 30.0);
+        }
+        assert!((clock.fps() - 30.0).abs() < 0.1);
+    }
+}

@@ -1,0 +1,109 @@
+//! The window's state as JSON in a file, for scripts and tests that cannot look at pixels.
+
+use super::camera::{Navigation, Viewpoint};
+use super::messages::Messages;
+use super::open::Openings;
+use super::picture::{DataCamera, Picture};
+use super::scene::{Scene, Settings};
+use super::shortcuts::Shown;
+use super::statistics::{Converged, Statistics};
+use bevy::prelude::*;
+use serde::Serialize;
+use std::path::PathBuf;
+
+/// Where the state is written, and what was written last.
+#[derive(Resource, Default)]
+pub struct StatusFile {
+    path: Option<PathBuf>,
+    written: String,
+    next_secs: f64,
+}
+
+impl StatusFile {
+    /// Writes to `path`, if any.
+    pub fn new(path: Option<PathBuf>) -> StatusFile {
+        StatusFile { path, ..default() }
+    }
+}
+
+/// Seconds between two writes at least.
+const INTERVAL_SECS: f64 = 0.1;
+
+/// The state; lengths in physical pixels and world units.
+#[derive(Serialize)]
+struct Status<'a> {
+    open: Option<&'a std::path::Path>,
+    opening: Option<&'a std::path::Path>,
+    panel: bool,
+    help: bool,
+    flying: bool,
+    picture: [f32; 4],
+    eye: [f64; 3],
+    target: [f64; 3],
+    mode: &'a str,
+    converged: bool,
+    error_px: f64,
+    particles_drawn: u64,
+    nodes_drawn: usize,
+    pages_resident: usize,
+    pages_failed: usize,
+    backend: &'a str,
+    adapter: &'a str,
+    messages: Vec<&'a str>,
+}
+
+/// Writes the state where it has changed: into a file beside it, which then takes its name, so that a reader never
+/// sees half of it.
+pub(super) fn write_status(
+    mut file: ResMut<StatusFile>,
+    time: Res<Time<Real>>,
+    scene: Option<Res<Scene>>,
+    openings: Res<Openings>,
+    shown: Res<Shown>,
+    settings: Res<Settings>,
+    picture: Res<Picture>,
+    converged: Res<Converged>,
+    statistics: Res<Statistics>,
+    mut messages: ResMut<Messages>,
+    camera: Single<(&Viewpoint, &Navigation), With<DataCamera>>,
+) {
+    let file = file.bypass_change_detection();
+    let now = time.elapsed_secs_f64();
+    let Some(path) = file.path.clone().filter(|_| now >= file.next_secs) else { return };
+    file.next_secs = now + INTERVAL_SECS;
+    let (viewpoint, navigation) = camera.into_inner();
+    let opening = openings.progress();
+    let corners = [picture.rect.min, picture.rect.max].map(|corner| corner * picture.scale);
+    let status = Status {
+        open: scene.as_ref().map(|scene| scene.path.as_path()),
+        opening: opening.as_ref().map(|(path, ..)| *path),
+        panel: shown.panel,
+        help: shown.help,
+        flying: *navigation == Navigation::Fly,
+        picture: [corners[0].x, corners[0].y, corners[1].x, corners[1].y],
+        eye: viewpoint.eye.to_array(),
+        target: viewpoint.target.to_array(),
+        mode: &settings.mode,
+        converged: converged.0,
+        error_px: statistics.error_px,
+        particles_drawn: statistics.particles,
+        nodes_drawn: statistics.nodes,
+        pages_resident: statistics.pages_resident,
+        pages_failed: statistics.pages_failed,
+        backend: &statistics.backend,
+        adapter: &statistics.adapter,
+        messages: messages.all().map(|message| message.text.as_str()).collect(),
+    };
+    let Ok(text) = serde_json::to_string_pretty(&status) else { return };
+    if text == file.written {
+        return;
+    }
+    let beside = path.with_extension("part");
+    match std::fs::write(&beside, &text).and_then(|()| std::fs::rename(&beside, &path)) {
+        Ok(()) => file.written = text,
+        Err(error) => {
+            messages.error(format!("{}: {error}", path.display()));
+            file.path = None;
+        }
+    }
+}

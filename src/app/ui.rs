@@ -1,0 +1,110 @@
+//! Lays out the window: the panel at the left, the picture beside it, the overlays on top.
+
+use super::camera::{Navigation, Viewpoint};
+use super::exposure::{Channel, Exposure};
+use super::input::PointerOwner;
+use super::messages::Messages;
+use super::overlay::{self, color_bar, help, scale_bar};
+use super::palette::Palette;
+use super::panel::{PanelState, theme};
+use super::picture::{DataCamera, Picture};
+use super::preset::Preset;
+use super::scene::Scene;
+use super::shortcuts::Shown;
+use bevy::prelude::*;
+use bevy_egui::{EguiContexts, egui};
+
+/// Draws everything of the window that is not data.
+pub(super) fn draw_window(
+    mut contexts: EguiContexts,
+    mut styled: Local<bool>,
+    mut panel: PanelState,
+    mut picture: ResMut<Picture>,
+    mut owner: ResMut<PointerOwner>,
+    overlays: Overlays,
+    shown: Res<Shown>,
+    preset: Res<Preset>,
+) -> Result {
+    let ctx = contexts.ctx_mut()?.clone();
+    if !*styled {
+        theme::apply(&ctx);
+        *styled = true;
+    }
+    if (ctx.zoom_factor() - preset.panel.scale).abs() > 1e-3 {
+        ctx.set_zoom_factor(preset.panel.scale);
+    }
+    let window = ctx.viewport_rect();
+    let builder = egui::UiBuilder::new().layer_id(egui::LayerId::background()).max_rect(window);
+    let mut root = egui::Ui::new(ctx.clone(), "window".into(), builder);
+    let mut rect = window;
+    if shown.panel {
+        let width = preset.panel.width.min(0.6 * window.width());
+        egui::Panel::left("panel")
+            .resizable(false)
+            .exact_size(width)
+            .show_separator_line(false)
+            .frame(theme::panel_frame())
+            .show(&mut root, |ui| panel.show(ui));
+        rect.min.x += width;
+    }
+    picture.rect = Rect::from_corners(Vec2::new(rect.min.x, rect.min.y), Vec2::new(rect.max.x, rect.max.y));
+    picture.scale = ctx.pixels_per_point();
+    let painter = root.painter().with_clip_rect(rect);
+    let whole = egui::Rect::from_min_max(egui::pos2(0.0, 0.0), egui::pos2(1.0, 1.0));
+    painter.image(picture.texture, rect, whole, egui::Color32::WHITE);
+    overlays.draw(&ctx, &painter, rect, &picture, *shown);
+    let over_picture = ctx.pointer_latest_pos().is_some_and(|at| {
+        rect.contains(at) && ctx.layer_id_at(at).is_none_or(|layer| layer.order == egui::Order::Background)
+    });
+    let any_button = ctx.input(|input| input.pointer.any_down());
+    owner.update(over_picture, any_button, ctx.dragged_id().is_some(), ctx.egui_wants_keyboard_input());
+    // Tab belongs to the panel's visibility, not to egui's focus.
+    if let Some(focused) = ctx.memory(|memory| memory.focused())
+        && ctx.input(|input| input.key_pressed(egui::Key::Tab))
+    {
+        ctx.memory_mut(|memory| memory.surrender_focus(focused));
+    }
+    Ok(())
+}
+
+/// What the overlays show.
+#[derive(bevy::ecs::system::SystemParam)]
+pub(super) struct Overlays<'w, 's> {
+    scene: Option<Res<'w, Scene>>,
+    settings: Res<'w, super::scene::Settings>,
+    exposure: Res<'w, Exposure>,
+    messages: Res<'w, Messages>,
+    camera: Query<'w, 's, (&'static Viewpoint, &'static Navigation), With<DataCamera>>,
+}
+
+impl Overlays<'_, '_> {
+    fn draw(&self, ctx: &egui::Context, painter: &egui::Painter, rect: egui::Rect, picture: &Picture, shown: Shown) {
+        if let (Some(scene), Ok((viewpoint, navigation))) = (&self.scene, self.camera.single()) {
+            let size = picture.size();
+            if let Ok(view) = viewpoint.view(size.x, size.y)
+                && let Some(bar) = scale_bar::ScaleBar::at(&view, viewpoint.target, f64::from(170.0 * picture.scale))
+            {
+                scale_bar::draw(painter, rect, bar, &scene.length_unit, picture.scale);
+            }
+            let palette = Palette::named(&self.settings.color_map);
+            let channels = [
+                (self.exposure.brightness.as_ref(), self.settings.brightness, false),
+                (self.exposure.hue.as_ref(), self.settings.hue, true),
+            ];
+            let mut index = 0;
+            for (channel, chosen, is_hue) in channels {
+                let Some(Channel { title, unit, histogram, automatic }) = channel else { continue };
+                let axis = color_bar::Axis { title, unit, range: chosen.unwrap_or(*automatic), log: histogram.log };
+                color_bar::draw(painter, rect, index, &axis, |t| if is_hue { palette.hue(t) } else { palette.brightness(t) });
+                index += 1;
+            }
+            if *navigation == Navigation::Fly {
+                overlay::draw_hint(painter, rect, "flying    W A S D  Q E    drag to look    F to orbit");
+            }
+        }
+        overlay::draw_messages(painter, rect, &self.messages);
+        if shown.help {
+            help::draw(ctx, rect);
+        }
+    }
+}
