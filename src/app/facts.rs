@@ -29,8 +29,7 @@ impl Facts {
     /// The facts of a page file.
     pub fn of(metadata: &Metadata) -> Facts {
         let provenance = &metadata.provenance;
-        let particles: u64 = metadata.families.iter().map(|family| family.count).sum();
-        let mut rows = vec![("Format", provenance.format.clone()), ("Particles", number::count(particles))];
+        let mut rows = vec![("Format", provenance.format.clone()), ("Particles", number::count(metadata.particles()))];
         if let Some(box_size) = provenance.box_size {
             rows.push(("Box", format!("{} {}", number::quantity(box_size), metadata.length_unit)));
         } else {

@@ -13,6 +13,7 @@ pub mod messages;
 pub mod number;
 pub mod open;
 pub mod options;
+pub mod pages;
 pub mod overlay;
 pub mod palette;
 pub mod panel;
@@ -87,7 +88,7 @@ impl Plugin for WindowApp {
             openings.start(request);
         }
         let settings = scene::Settings::new(&self.preset, self.options.mode.as_deref());
-        app.add_plugins((EguiPlugin::default(), CameraPlugin, preset_assets::PresetPlugin::new(&self.options)))
+        app.add_plugins((EguiPlugin::default(), CameraPlugin, pages::PagesPlugin, preset_assets::PresetPlugin::new(&self.options)))
             .insert_resource(ClearColor(Color::BLACK))
             .insert_resource(shortcuts::Shown { panel: self.preset.panel.open, help: false })
             .insert_resource(self.preset.clone())

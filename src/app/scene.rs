@@ -4,10 +4,11 @@ use super::camera::{Anchor, Flight, Viewpoint};
 use super::facts::Facts;
 use super::messages::Messages;
 use super::open::Opened;
+use super::panel::Choices;
 use super::picture::{DataCamera, Picture};
 use super::preset::Preset;
 use crate::model::Bounds;
-use crate::store::PageFile;
+use crate::store::{Metadata, PageFile};
 use bevy::prelude::*;
 use bevy_panorbit_camera::PanOrbitCamera;
 use std::path::PathBuf;
@@ -71,12 +72,13 @@ pub(super) fn adopt_opened(
     scene: Option<Res<Scene>>,
     picture: Res<Picture>,
     mut settings: ResMut<Settings>,
+    mut choices: ResMut<Choices>,
     mut messages: ResMut<Messages>,
     camera: Single<(Entity, &mut Viewpoint, &mut Anchor, &mut PanOrbitCamera), With<DataCamera>>,
 ) {
     let Some(Opened { path, file }) = opened.read().last().cloned() else { return };
     let metadata = file.metadata();
-    let bounds = metadata.families.iter().fold(Bounds::EMPTY, |bounds, family| bounds.union(family.bounds));
+    let bounds = metadata.bounds();
     let (entity, mut viewpoint, mut anchor, mut orbit) = camera.into_inner();
     match home(bounds, viewpoint.fov_y, &picture) {
         Ok(home) => {
@@ -86,6 +88,10 @@ pub(super) fn adopt_opened(
         }
         Err(error) => messages.error(format!("{}: {error}", path.display())),
     }
+    choices.attributes = attribute_names(metadata);
+    if settings.attribute.as_ref().is_some_and(|name| !choices.attributes.contains(name)) {
+        settings.attribute = None;
+    }
     settings.families = vec![true; metadata.families.len()];
     settings.brightness = None;
     settings.hue = None;
@@ -94,6 +100,17 @@ pub(super) fn adopt_opened(
     let generation = scene.map_or(0, |scene| scene.generation) + 1;
     let length_unit = metadata.length_unit.to_string();
     commands.insert_resource(Scene { path, file: Arc::clone(&file), bounds, length_unit, facts, generation });
+}
+
+/// The attributes of all families, each once, in the order in which they come.
+fn attribute_names(metadata: &Metadata) -> Vec<String> {
+    let mut names: Vec<String> = Vec::new();
+    for attribute in metadata.families.iter().flat_map(|family| &family.attributes) {
+        if !names.contains(&attribute.name) {
+            names.push(attribute.name.clone());
+        }
+    }
+    names
 }
 
 /// The viewpoint that shows the whole dataset in the picture.
