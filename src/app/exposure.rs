@@ -2,80 +2,60 @@
 //! that are used where the user has chosen none.
 
 use super::panel::histogram::Histogram;
+use crate::raster::Accumulation;
+use crate::raster::transfer::{Levels, Scale, TransferFunction};
 use bevy::prelude::*;
 
-/// One quantity of the picture.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Channel {
-    /// What it is.
-    pub title: String,
-    /// Its unit.
-    pub unit: String,
-    /// How often values occur in the picture.
-    pub histogram: Histogram,
-    /// The range that shows the picture well.
-    pub automatic: [f64; 2],
-}
-
-/// What the picture's brightness and hue stand for.
+/// What was measured in the present picture.
 #[derive(Resource, Clone, Debug, Default, PartialEq)]
 pub struct Exposure {
-    /// `P`: the weight per area along the line of sight.
-    pub brightness: Option<Channel>,
-    /// `S`: the weighted mean of the attribute.
-    pub hue: Option<Channel>,
+    /// How often values of `P` occur.
+    pub brightness: Option<Histogram>,
+    /// How often values of `S` occur, where the picture has it.
+    pub hue: Option<Histogram>,
+    /// The ranges that the transfer function asks for.
+    pub levels: Option<Levels>,
+}
+
+impl Exposure {
+    /// Measures a picture.
+    pub fn of(picture: &Accumulation, transfer: &TransferFunction) -> Exposure {
+        let levels = transfer.levels(picture);
+        let brightness = histogram(picture.p.iter().copied().filter(|p| *p > 0.0), transfer.scale, 1e-9);
+        let hue = transfer.hue.filter(|_| picture.has_attribute()).and_then(|hue| {
+            let lit = |(&p, &ps): (&f32, &f32)| (f64::from(p) > levels.p[0]).then(|| ps / p);
+            histogram(picture.p.iter().zip(&picture.ps).filter_map(lit), hue.scale, 1e-6)
+        });
+        Exposure { brightness, hue, levels: Some(levels) }
+    }
 }
 
 /// Number of bins of the histograms.
 const BINS: usize = 96;
 
-/// The range from dark to bright and its histogram, for positive values (others are ignored): a logarithmic axis from
-/// the faintest to the brightest value, at most ten decades, and the range between the 2nd and the 99.9th percentile.
-pub fn brightness_of(values: impl Iterator<Item = f32>) -> Option<(Histogram, [f64; 2])> {
-    let mut logs: Vec<f32> = values.filter(|v| *v > 0.0 && v.is_finite()).map(f32::log10).collect();
-    logs.sort_unstable_by(f32::total_cmp);
-    let high = *logs.last()?;
-    let low = logs[0].max(high - 10.0);
-    let percentile = |share: f64| f64::from(logs[((logs.len() - 1) as f64 * share) as usize]);
-    let [a, b] = widened(percentile(0.02).max(f64::from(low)), percentile(0.999), 0.5);
-    let span = [f64::from(low).min(a), f64::from(high).max(b)];
-    let counts = bins(logs.iter().map(|&log| f64::from(log)), span);
-    let power = |log: f64| 10f64.powf(log);
-    Some((Histogram { counts, span: span.map(power), log: true }, [power(a), power(b)]))
-}
-
-/// The range of hues and its histogram: a logarithmic axis where all values are positive and span more than a decade.
-pub fn hue_of(values: impl Iterator<Item = f32>) -> Option<(Histogram, [f64; 2])> {
-    let mut values: Vec<f32> = values.filter(|v| v.is_finite()).collect();
-    values.sort_unstable_by(f32::total_cmp);
-    let (low, high) = (f64::from(*values.first()?), f64::from(*values.last()?));
-    let log = low > 0.0 && high > 10.0 * low;
-    let scale = |value: f64| if log { value.log10() } else { value };
-    let percentile = |share: f64| scale(f64::from(values[((values.len() - 1) as f64 * share) as usize]));
-    let least = if log { 0.1 } else { 1e-3 * low.abs().max(high.abs()).max(1e-30) };
-    let [a, b] = widened(percentile(0.01), percentile(0.99), least);
-    let span = [scale(low).min(a), scale(high).max(b)];
-    let counts = bins(values.iter().map(|&value| scale(f64::from(value))), span);
-    let back = |x: f64| if log { 10f64.powf(x) } else { x };
-    Some((Histogram { counts, span: span.map(back), log }, [back(a), back(b)]))
-}
-
-/// A range that is at least `least` wide, around the same middle.
-fn widened(low: f64, high: f64, least: f64) -> [f64; 2] {
+/// A histogram over all finite values; on a logarithmic scale over the positive ones that are above `floor` times the
+/// largest. `None` without values.
+fn histogram(values: impl Iterator<Item = f32>, scale: Scale, floor: f64) -> Option<Histogram> {
+    let log = scale == Scale::Log;
+    let place = |value: f32| if log { f64::from(value).log10() } else { f64::from(value) };
+    let values: Vec<f64> = values.filter(|v| v.is_finite() && (!log || *v > 0.0)).map(place).collect();
+    let high = values.iter().copied().reduce(f64::max)?;
+    let low = values.iter().copied().fold(f64::INFINITY, f64::min);
+    let low = if log { low.max(high + floor.log10()) } else { low };
+    // A picture of one value still has an axis to show it on.
+    let least = if log { 0.2 } else { 1e-3 * high.abs().max(1e-30) };
     let missing = (least - (high - low)).max(0.0);
-    [low - 0.5 * missing, high + 0.5 * missing]
-}
-
-fn bins(values: impl Iterator<Item = f64>, span: [f64; 2]) -> Vec<f64> {
+    let span = [low - 0.5 * missing, high + 0.5 * missing];
     let mut counts = vec![0.0; BINS];
-    let scale = BINS as f64 / (span[1] - span[0]);
+    let bins = BINS as f64 / (span[1] - span[0]);
     for value in values {
-        let bin = (value - span[0]) * scale;
+        let bin = (value - span[0]) * bins;
         if bin >= 0.0 {
             counts[(bin as usize).min(BINS - 1)] += 1.0;
         }
     }
-    counts
+    let back = |x: f64| if log { 10f64.powf(x) } else { x };
+    Some(Histogram { counts, span: span.map(back), log })
 }
 
 #[cfg(test)]
@@ -83,29 +63,35 @@ mod tests {
     use super::*;
 
     #[test]
-    fn brightness_ignores_the_empty_sky_and_keeps_the_data() {
-        let values = (0..10_000).map(|i| if i % 2 == 0 { 0.0 } else { 10f32.powf(i as f32 / 2000.0) });
-        let (histogram, [low, high]) = brightness_of(values).unwrap();
+    fn the_empty_sky_is_not_counted() {
+        let p: Vec<f32> = (0..10_000).map(|i| if i % 2 == 0 { 0.0 } else { 10f32.powf(i as f32 / 2000.0) }).collect();
+        let picture = Accumulation { width: 100, height: 100, p, ps: Vec::new() };
+        let exposure = Exposure::of(&picture, &TransferFunction::default());
+        let histogram = exposure.brightness.unwrap();
         assert!(histogram.log && histogram.counts.iter().sum::<f64>() == 5000.0);
-        assert!(low > 1.0 && low < 2.0 && high > 9e4 && high <= 1.01e5, "{low} {high}");
-        assert!(brightness_of([0.0, f32::NAN, -1.0].into_iter()).is_none());
+        assert!(exposure.hue.is_none() && exposure.levels.unwrap().p[0] > 0.0);
+        let black = Accumulation::new(4, 4, true);
+        assert!(Exposure::of(&black, &TransferFunction::default()).brightness.is_none());
     }
 
     #[test]
-    fn constant_values_still_give_a_range() {
-        for (histogram, [low, high]) in
-            [brightness_of(vec![3.0; 9].into_iter()).unwrap(), hue_of(vec![-3.0; 9].into_iter()).unwrap()]
-        {
-            assert!(high > low && histogram.counts.iter().sum::<f64>() == 9.0);
-            assert!(histogram.span[0] <= low && high <= histogram.span[1]);
+    fn hues_are_those_of_lit_pixels() {
+        let mut picture = Accumulation::new(10, 1, true);
+        for i in 0..10 {
+            picture.p[i] = if i < 5 { 1.0 } else { 1000.0 };
+            picture.ps[i] = picture.p[i] * (i as f32 + 1.0);
         }
-        assert!(hue_of(vec![0.0; 3].into_iter()).is_some());
+        let transfer = TransferFunction::preset("density-hue").unwrap();
+        let hue = Exposure::of(&picture, &transfer).hue.unwrap();
+        assert!(hue.span[1] <= 10.001 && hue.counts.iter().sum::<f64>() >= 5.0);
     }
 
     #[test]
-    fn hue_is_logarithmic_only_over_decades() {
-        assert!(hue_of((1..100).map(|i| i as f32)).unwrap().0.log);
-        assert!(!hue_of((50..100).map(|i| i as f32)).unwrap().0.log);
-        assert!(!hue_of((-10..100).map(|i| i as f32)).unwrap().0.log);
+    fn a_constant_still_has_an_axis() {
+        for scale in [Scale::Log, Scale::Linear] {
+            let histogram = histogram([3.0; 9].into_iter(), scale, 1e-9).unwrap();
+            assert!(histogram.span[1] > histogram.span[0] && histogram.counts.iter().sum::<f64>() == 9.0);
+        }
+        assert!(histogram([0.0; 3].into_iter(), Scale::Linear, 1e-9).is_some());
     }
 }

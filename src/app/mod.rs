@@ -6,16 +6,18 @@
 //! view drives streaming and drawing, which fill the picture's image ([`picture`]).
 
 pub mod camera;
+pub mod cpu_backend;
 pub mod exposure;
 pub mod facts;
 pub mod input;
+pub mod legend;
+pub mod look;
 pub mod messages;
 pub mod number;
 pub mod open;
 pub mod options;
 pub mod pages;
 pub mod overlay;
-pub mod palette;
 pub mod panel;
 pub mod picture;
 pub mod preset;
@@ -37,6 +39,7 @@ use bevy::prelude::*;
 use bevy::window::{PresentMode, WindowResolution};
 use bevy_egui::{EguiPlugin, EguiPrimaryContextPass};
 use camera::{CameraPlugin, CameraSystems};
+use pages::PageSystems;
 
 /// Opens the window and runs until it is closed.
 ///
@@ -98,7 +101,9 @@ impl Plugin for WindowApp {
             .init_resource::<exposure::Exposure>()
             .init_resource::<input::PointerOwner>()
             .init_resource::<messages::Messages>()
-            .init_resource::<panel::Choices>()
+            .insert_resource(panel::Choices::of_program())
+            .init_resource::<cpu_backend::CpuPicture>()
+            .init_resource::<statistics::ActiveBackend>()
             .init_resource::<screenshot::Screenshots>()
             .init_resource::<statistics::Converged>()
             .init_resource::<statistics::FrameClock>()
@@ -111,12 +116,23 @@ impl Plugin for WindowApp {
             )
             .add_systems(
                 Update,
-                (open::open_dropped_files, open::finish_opening, scene::adopt_opened, shortcuts::run_shortcuts).chain(),
+                (
+                    open::open_dropped_files,
+                    open::finish_opening,
+                    scene::adopt_opened,
+                    look::follow_settings,
+                    look::glide_levels,
+                    shortcuts::run_shortcuts,
+                )
+                    .chain(),
             )
             .add_systems(EguiPrimaryContextPass, ui::draw_window)
             .add_systems(
                 PostUpdate,
-                picture::fit_picture.in_set(CameraSystems::Steer).before(CameraUpdateSystems),
+                (
+                    picture::fit_picture.in_set(CameraSystems::Steer).before(CameraUpdateSystems),
+                    cpu_backend::draw_on_cpu.in_set(PageSystems::Serve).after(pages::evict),
+                ),
             )
             .add_systems(Last, status::write_status);
     }

@@ -14,10 +14,10 @@ use super::messages::Messages;
 use super::picture::{DataCamera, Picture};
 use super::preset::Preset;
 use super::scene::{Scene, Settings};
-use super::statistics::{Converged, Statistics};
+use super::statistics::Statistics;
 use crate::model::Bounds;
 use crate::store::{NodeRef, Page, PageFile, PageId, StoreError};
-use crate::stream::Residency;
+use crate::stream::{Residency, SceneNode};
 use crate::view::{NodeInfo, NodeTree, View, select};
 use bevy::prelude::*;
 use bevy::tasks::{IoTaskPool, Task, futures::check_ready};
@@ -70,22 +70,13 @@ pub enum GpuSlot {
 #[derive(Resource, Clone, Debug, Default)]
 pub struct PageCopies(pub Option<HashSet<PageId>>);
 
-/// A node to draw, with the page that holds it.
-#[derive(Clone, Debug)]
-pub struct DrawnNode {
-    /// The node.
-    pub node: NodeRef,
-    /// Its page; stays alive while this does, evicted or not.
-    pub page: Arc<Page>,
-}
-
 /// What the view draws in this frame.
 #[derive(Resource, Clone, Debug, Default)]
 pub struct ViewSelection {
     /// The view; `None` before anything is open.
     pub view: Option<View>,
     /// The nodes; none is an ancestor of another.
-    pub nodes: Arc<[DrawnNode]>,
+    pub nodes: Arc<[SceneNode]>,
     /// Resident pages that the renderer lacks a copy of, the most missed first.
     pub wanted_copies: Vec<PageId>,
     /// Whether everything that the view needs at its error bound is there.
@@ -256,11 +247,12 @@ pub fn traverse(
     // What waits for its copy is in use as much as what is drawn.
     streaming.residency.touch(to_copy.iter().copied());
     streaming.residency.request(to_read);
-    let nodes: Vec<DrawnNode> = chosen
+    let nodes: Vec<SceneNode> = chosen
         .draw
         .iter()
         .filter_map(|drawn| {
-            Some(DrawnNode { node: drawn.id, page: Arc::clone(streaming.residency.page(drawn.id.page)?) })
+            let page = Arc::clone(streaming.residency.page(drawn.id.page)?);
+            Some(SceneNode { page, node: drawn.id, error_pixels: drawn.error_pixels })
         })
         .collect();
     for page in nodes.iter().map(|drawn| drawn.node.page) {
@@ -326,9 +318,4 @@ pub fn evict(mut commands: Commands, streaming: Option<ResMut<Streaming>>, mut c
             copies.remove(&id);
         }
     }
-}
-
-/// Whether pictures show all that they should: `drawn` is what the renderer says about the selection's revision.
-pub fn settle_convergence(converged: &mut Converged, selection: &ViewSelection, drawn: bool) {
-    converged.0 = selection.view.is_some() && selection.complete && drawn;
 }

@@ -6,6 +6,7 @@
 
 use super::camera::{Anchor, Fly, Navigation, Viewpoint};
 use super::preset::Preset;
+use super::statistics::ActiveBackend;
 use bevy::asset::RenderAssetUsages;
 use bevy::camera::{RenderTarget, visibility::RenderLayers};
 use bevy::core_pipeline::tonemapping::Tonemapping;
@@ -104,11 +105,13 @@ pub(super) fn spawn_cameras(
 /// Fits the image to its place in the window, and tells the orbit camera how large that is.
 pub(super) fn fit_picture(
     picture: Res<Picture>,
+    backend: Res<ActiveBackend>,
     mut images: ResMut<Assets<Image>>,
     mut active: ResMut<ActiveCameraData>,
 ) {
     let size = picture.size();
-    if images.get(&picture.image).is_some_and(|image| image.size() != size) {
+    // The processor brings images of its own sizes.
+    if *backend == ActiveBackend::Gpu && images.get(&picture.image).is_some_and(|image| image.size() != size) {
         // The image is replaced in place, so that the camera and egui keep their handles.
         if images.insert(&picture.image, picture_image(size)).is_err() {
             warn!("the picture's image is gone");

@@ -8,6 +8,8 @@ use super::panel::Choices;
 use super::picture::{DataCamera, Picture};
 use super::preset::Preset;
 use crate::model::Bounds;
+use crate::modes::{self, Mode};
+use crate::raster::transfer::{Range, TransferFunction};
 use crate::store::{Metadata, PageFile};
 use bevy::prelude::*;
 use bevy_panorbit_camera::PanOrbitCamera;
@@ -31,36 +33,64 @@ pub struct Scene {
     pub generation: u32,
 }
 
+/// Which attribute gives the hue.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub enum AttributeChoice {
+    /// The mode's usual one, where the data has it.
+    #[default]
+    Automatic,
+    /// None: the colour follows the brightness.
+    None,
+    /// The attribute of that name.
+    Named(String),
+}
+
 /// How the user wants to see the data: everything that the panel edits.
-#[derive(Resource, Clone, Debug, PartialEq)]
+#[derive(Resource, Clone)]
 pub struct Settings {
-    /// The mode's name.
-    pub mode: String,
+    /// The mode.
+    pub mode: &'static Mode,
+    /// Its settings.
+    pub mode_settings: modes::Settings,
     /// The attribute that gives the hue.
-    pub attribute: Option<String>,
-    /// The colour map's name.
-    pub color_map: String,
-    /// The range of `P` from dark to bright; automatic where it is `None`.
-    pub brightness: Option<[f64; 2]>,
-    /// The range of `S` over the hues; automatic where it is `None`.
-    pub hue: Option<[f64; 2]>,
+    pub attribute: AttributeChoice,
+    /// Colour maps and ranges.
+    pub transfer: TransferFunction,
     /// The screen-space error `tau`, pixels.
     pub error_px: f64,
     /// Whether each family is drawn, in the order of the file's families.
     pub families: Vec<bool>,
 }
 
+impl PartialEq for Settings {
+    fn eq(&self, other: &Settings) -> bool {
+        std::ptr::eq(self.mode, other.mode)
+            && self.mode_settings == other.mode_settings
+            && self.attribute == other.attribute
+            && self.transfer == other.transfer
+            && self.error_px == other.error_px
+            && self.families == other.families
+    }
+}
+
 impl Settings {
-    /// The settings before anything is open.
+    /// The settings before anything is open; the first mode where `mode` names none.
     pub fn new(preset: &Preset, mode: Option<&str>) -> Settings {
         Settings {
-            mode: mode.unwrap_or("density-squared").to_owned(),
-            attribute: None,
-            color_map: "inferno".to_owned(),
-            brightness: None,
-            hue: None,
+            mode: mode.and_then(modes::find).unwrap_or(modes::MODES[0]),
+            mode_settings: modes::Settings::default(),
+            attribute: AttributeChoice::Automatic,
+            transfer: TransferFunction::default(),
             error_px: preset.drawing.error_px,
             families: Vec::new(),
+        }
+    }
+
+    /// Changes the mode; its settings begin with their defaults.
+    pub fn choose_mode(&mut self, mode: &'static Mode) {
+        if !std::ptr::eq(self.mode, mode) {
+            self.mode = mode;
+            self.mode_settings = modes::Settings::default();
         }
     }
 }
@@ -89,12 +119,16 @@ pub(super) fn adopt_opened(
         Err(error) => messages.error(format!("{}: {error}", path.display())),
     }
     choices.attributes = attribute_names(metadata);
-    if settings.attribute.as_ref().is_some_and(|name| !choices.attributes.contains(name)) {
-        settings.attribute = None;
+    if let AttributeChoice::Named(name) = &settings.attribute
+        && !choices.attributes.contains(name)
+    {
+        settings.attribute = AttributeChoice::Automatic;
     }
     settings.families = vec![true; metadata.families.len()];
-    settings.brightness = None;
-    settings.hue = None;
+    settings.transfer.range = Range::Auto;
+    if let Some(hue) = &mut settings.transfer.hue {
+        hue.range = Range::Auto;
+    }
     let facts = Facts::of(metadata);
     messages.info(format!("opened {}", path.display()));
     let generation = scene.map_or(0, |scene| scene.generation) + 1;
@@ -102,10 +136,12 @@ pub(super) fn adopt_opened(
     commands.insert_resource(Scene { path, file: Arc::clone(&file), bounds, length_unit, facts, generation });
 }
 
-/// The attributes of all families, each once, in the order in which they come.
+/// The attributes of all families, each once: first those that only some have, then the quantities that all have.
 fn attribute_names(metadata: &Metadata) -> Vec<String> {
     let mut names: Vec<String> = Vec::new();
-    for attribute in metadata.families.iter().flat_map(|family| &family.attributes) {
+    let attributes = metadata.families.iter().flat_map(|family| &family.attributes);
+    let quantities = metadata.families.iter().flat_map(|family| &family.quantities);
+    for attribute in attributes.chain(quantities) {
         if !names.contains(&attribute.name) {
             names.push(attribute.name.clone());
         }

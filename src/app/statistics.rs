@@ -31,6 +31,16 @@ pub struct Statistics {
     pub draw_ms: Option<f64>,
 }
 
+/// What draws the picture.
+#[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ActiveBackend {
+    /// Background tasks on the processor.
+    #[default]
+    Cpu,
+    /// Passes of the data camera.
+    Gpu,
+}
+
 /// Whether the picture shows all that the view needs at its error bound: every page is resident, uploaded and drawn.
 #[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Converged(pub bool);

@@ -83,7 +83,7 @@ pub(super) fn write_status(
         picture: [corners[0].x, corners[0].y, corners[1].x, corners[1].y],
         eye: viewpoint.eye.to_array(),
         target: viewpoint.target.to_array(),
-        mode: &settings.mode,
+        mode: settings.mode.name,
         converged: converged.0,
         error_px: statistics.error_px,
         particles_drawn: statistics.particles,

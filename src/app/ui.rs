@@ -1,15 +1,11 @@
 //! Lays out the window: the panel at the left, the picture beside it, the overlays on top.
 
 use super::camera::{Navigation, Viewpoint};
-use super::exposure::{Channel, Exposure};
 use super::input::PointerOwner;
-use super::messages::Messages;
 use super::overlay::{self, color_bar, help, scale_bar};
-use super::palette::Palette;
 use super::panel::{PanelState, theme};
 use super::picture::{DataCamera, Picture};
 use super::preset::Preset;
-use super::scene::Scene;
 use super::shortcuts::Shown;
 use bevy::prelude::*;
 use bevy_egui::{EguiContexts, egui};
@@ -21,7 +17,7 @@ pub(super) fn draw_window(
     mut panel: PanelState,
     mut picture: ResMut<Picture>,
     mut owner: ResMut<PointerOwner>,
-    overlays: Overlays,
+    camera: Single<(&Viewpoint, &Navigation), With<DataCamera>>,
     shown: Res<Shown>,
     preset: Res<Preset>,
 ) -> Result {
@@ -52,7 +48,11 @@ pub(super) fn draw_window(
     let painter = root.painter().with_clip_rect(rect);
     let whole = egui::Rect::from_min_max(egui::pos2(0.0, 0.0), egui::pos2(1.0, 1.0));
     painter.image(picture.texture, rect, whole, egui::Color32::WHITE);
-    overlays.draw(&ctx, &painter, rect, &picture, *shown);
+    draw_overlays(&painter, rect, &panel, &picture, *camera);
+    overlay::draw_messages(&painter, rect, &panel.messages);
+    if shown.help {
+        help::draw(&ctx, rect);
+    }
     let over_picture = ctx.pointer_latest_pos().is_some_and(|at| {
         rect.contains(at) && ctx.layer_id_at(at).is_none_or(|layer| layer.order == egui::Order::Background)
     });
@@ -67,44 +67,25 @@ pub(super) fn draw_window(
     Ok(())
 }
 
-/// What the overlays show.
-#[derive(bevy::ecs::system::SystemParam)]
-pub(super) struct Overlays<'w, 's> {
-    scene: Option<Res<'w, Scene>>,
-    settings: Res<'w, super::scene::Settings>,
-    exposure: Res<'w, Exposure>,
-    messages: Res<'w, Messages>,
-    camera: Query<'w, 's, (&'static Viewpoint, &'static Navigation), With<DataCamera>>,
-}
-
-impl Overlays<'_, '_> {
-    fn draw(&self, ctx: &egui::Context, painter: &egui::Painter, rect: egui::Rect, picture: &Picture, shown: Shown) {
-        if let (Some(scene), Ok((viewpoint, navigation))) = (&self.scene, self.camera.single()) {
-            let size = picture.size();
-            if let Ok(view) = viewpoint.view(size.x, size.y)
-                && let Some(bar) = scale_bar::ScaleBar::at(&view, viewpoint.target, f64::from(170.0 * picture.scale))
-            {
-                scale_bar::draw(painter, rect, bar, &scene.length_unit, picture.scale);
-            }
-            let palette = Palette::named(&self.settings.color_map);
-            let channels = [
-                (self.exposure.brightness.as_ref(), self.settings.brightness, false),
-                (self.exposure.hue.as_ref(), self.settings.hue, true),
-            ];
-            let mut index = 0;
-            for (channel, chosen, is_hue) in channels {
-                let Some(Channel { title, unit, histogram, automatic }) = channel else { continue };
-                let axis = color_bar::Axis { title, unit, range: chosen.unwrap_or(*automatic), log: histogram.log };
-                color_bar::draw(painter, rect, index, &axis, |t| if is_hue { palette.hue(t) } else { palette.brightness(t) });
-                index += 1;
-            }
-            if *navigation == Navigation::Fly {
-                overlay::draw_hint(painter, rect, "flying    W A S D  Q E    drag to look    F to orbit");
-            }
-        }
-        overlay::draw_messages(painter, rect, &self.messages);
-        if shown.help {
-            help::draw(ctx, rect);
-        }
+/// Draws what lies over the picture.
+fn draw_overlays(
+    painter: &egui::Painter,
+    rect: egui::Rect,
+    state: &PanelState,
+    picture: &Picture,
+    (viewpoint, navigation): (&Viewpoint, &Navigation),
+) {
+    let Some(scene) = &state.scene else { return };
+    let size = picture.size();
+    if let Ok(view) = viewpoint.view(size.x, size.y)
+        && let Some(bar) = scale_bar::ScaleBar::at(&view, viewpoint.target, f64::from(170.0 * picture.scale))
+    {
+        scale_bar::draw(painter, rect, bar, &scene.length_unit, picture.scale);
+    }
+    if let Some(look) = &state.look {
+        color_bar::draw(painter, rect, look, scene.file.metadata());
+    }
+    if *navigation == Navigation::Fly {
+        overlay::draw_hint(painter, rect, "flying      W A S D  Q E      drag to look      F to orbit");
     }
 }

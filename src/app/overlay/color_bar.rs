@@ -1,8 +1,11 @@
 //! The colour bar: what the brightness (and hue) of the picture mean, with ticks and unit.
 
+use crate::app::legend::Legend;
+use crate::app::look::Look;
 use crate::app::number;
 use crate::app::panel::theme;
-use bevy_egui::egui::{self, Align2, Color32, Rect, Stroke, pos2, vec2};
+use crate::store::Metadata;
+use bevy_egui::egui::{self, Align2, Color32, Rect, Stroke, StrokeKind, pos2, vec2};
 
 /// Ticks of an axis: position from 0 to 1 and label; minor ticks have none.
 pub fn ticks(range: [f64; 2], log: bool) -> Vec<(f64, Option<String>)> {
@@ -56,31 +59,23 @@ fn linear_values(low: f64, high: f64) -> impl Iterator<Item = f64> {
     (first..=last.min(first + 20)).map(move |i| i as f64 * step)
 }
 
-/// One axis of the colour bar.
-pub struct Axis<'a> {
-    /// What the colours stand for.
-    pub title: &'a str,
-    /// Its unit.
-    pub unit: &'a str,
-    /// The values at the two ends.
-    pub range: [f64; 2],
-    /// Whether the axis is logarithmic.
-    pub log: bool,
-}
+/// Width of the bar without hue, logical pixels.
+const BAR: f32 = 14.0;
+/// Width of the field with hue.
+const FIELD: f32 = 84.0;
 
-/// Width of the bar itself, logical pixels.
-const BAR: f32 = 12.0;
-
-/// Draws an upright colour bar at the right edge of the picture, `index` places in from it.
-pub fn draw(painter: &egui::Painter, picture: Rect, index: usize, axis: &Axis<'_>, color: impl Fn(f32) -> Color32) {
-    let height = (0.42 * picture.height()).clamp(90.0, 320.0);
-    let right = picture.right() - 20.0 - 96.0 * index as f32;
-    let bottom = picture.bottom() - 40.0;
-    let bar = Rect::from_min_max(pos2(right - BAR, bottom - height), pos2(right, bottom));
-    // A soft backing keeps ticks legible over bright data.
-    painter.rect_filled(bar.expand2(vec2(2.0, 2.0)), 2.0, Color32::from_black_alpha(140));
-    theme::gradient(painter, bar, true, color);
-    for (position, label) in ticks(axis.range, axis.log) {
+/// Draws the legend at the lower right of the picture: an upright bar, or a field of brightness and hue.
+pub fn draw(painter: &egui::Painter, picture: Rect, look: &Look, metadata: &Metadata) {
+    let legend = Legend::of(look, metadata);
+    let height = (0.36 * picture.height()).clamp(90.0, 280.0);
+    let width = if legend.s.is_some() { FIELD } else { BAR };
+    let below = if legend.s.is_some() { 66.0 } else { 26.0 };
+    let right = picture.right() - 22.0;
+    let bottom = picture.bottom() - below;
+    let bar = Rect::from_min_max(pos2(right - width, bottom - height), pos2(right, bottom));
+    painter.rect_filled(bar.expand(2.0), 2.0, Color32::from_black_alpha(140));
+    paint_colors(painter, bar, look, legend.s.is_some());
+    for (position, label) in ticks(legend.p.range, legend.p.log) {
         let y = egui::lerp(bar.bottom()..=bar.top(), position as f32);
         let length = if label.is_some() { 6.0 } else { 3.0 };
         painter.hline(bar.left() - length..=bar.left(), y, Stroke::new(1.0, theme::TEXT));
@@ -88,12 +83,59 @@ pub fn draw(painter: &egui::Painter, picture: Rect, index: usize, axis: &Axis<'_
             theme::halo_text(painter, pos2(bar.left() - 9.0, y), Align2::RIGHT_CENTER, &label, 12.0, theme::TEXT);
         }
     }
-    theme::halo_text(painter, pos2(right, bar.top() - 24.0), Align2::RIGHT_BOTTOM, axis.title, 13.0, theme::TEXT);
-    if !axis.unit.is_empty() {
-        theme::halo_text(painter, pos2(right, bar.top() - 9.0), Align2::RIGHT_BOTTOM, axis.unit, 12.0, theme::LABEL);
+    title(painter, pos2(right, bar.top() - 8.0), Align2::RIGHT_BOTTOM, &legend.p.title, &legend.p.unit);
+    if let Some(axis) = &legend.s {
+        let mut end = f32::NEG_INFINITY;
+        for (position, label) in ticks(axis.range, axis.log) {
+            let x = egui::lerp(bar.left()..=bar.right(), position as f32);
+            let length = if label.is_some() { 6.0 } else { 3.0 };
+            painter.vline(x, bar.bottom()..=bar.bottom() + length, Stroke::new(1.0, theme::TEXT));
+            // Labels that would run into each other are left out.
+            let Some(label) = label else { continue };
+            let half = 0.5 * theme::text_size(painter, &label, 12.0).x;
+            if x - half > end + 6.0 {
+                theme::halo_text(painter, pos2(x, bar.bottom() + 7.0), Align2::CENTER_TOP, &label, 12.0, theme::TEXT);
+                end = x + half;
+            }
+        }
+        title(painter, pos2(right, bar.bottom() + 25.0), Align2::RIGHT_TOP, &axis.title, &axis.unit);
     }
 }
 
+/// A title with its unit in a quieter colour, on one line.
+fn title(painter: &egui::Painter, at: egui::Pos2, anchor: Align2, text: &str, unit: &str) {
+    let gap = if unit.is_empty() { 0.0 } else { theme::text_size(painter, unit, 12.0).x + 8.0 };
+    theme::halo_text(painter, at, anchor, unit, 12.0, theme::LABEL);
+    theme::halo_text(painter, at - vec2(gap, 0.0), anchor, text, 13.0, theme::TEXT);
+}
+
+/// The colours: brightness upwards, hue to the right.
+fn paint_colors(painter: &egui::Painter, bar: Rect, look: &Look, hue: bool) {
+    if !hue {
+        theme::gradient(painter, bar, true, |t| look.color(t, 0.5));
+        return;
+    }
+    const COLUMNS: usize = 28;
+    const ROWS: usize = 64;
+    let mut mesh = egui::Mesh::default();
+    for row in 0..=ROWS {
+        for column in 0..=COLUMNS {
+            let (b, h) = (row as f32 / ROWS as f32, column as f32 / COLUMNS as f32);
+            let at = pos2(egui::lerp(bar.left()..=bar.right(), h), egui::lerp(bar.bottom()..=bar.top(), b));
+            mesh.colored_vertex(at, look.color(b, h));
+        }
+    }
+    let index = |row: usize, column: usize| (row * (COLUMNS + 1) + column) as u32;
+    for row in 0..ROWS {
+        for column in 0..COLUMNS {
+            let [a, b] = [index(row, column), index(row + 1, column)];
+            mesh.add_triangle(a, a + 1, b);
+            mesh.add_triangle(a + 1, b, b + 1);
+        }
+    }
+    painter.add(mesh);
+    painter.rect_stroke(bar, 0.0, Stroke::new(1.0, theme::LINE), StrokeKind::Outside);
+}
 
 #[cfg(test)]
 mod tests {

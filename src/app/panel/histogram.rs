@@ -30,6 +30,21 @@ impl Histogram {
         if self.log { 10f64.powf(x) } else { x }
     }
 
+    /// This histogram's axis with the counts of `other`, which covers a part of it.
+    pub fn spread_from(mut self, other: &Histogram) -> Histogram {
+        let bins = self.counts.len() as f64;
+        let mut counts = vec![0.0; self.counts.len()];
+        for (i, count) in other.counts.iter().enumerate() {
+            let middle = other.value((i as f64 + 0.5) / other.counts.len() as f64);
+            let bin = (self.position(middle) * bins) as usize;
+            if let Some(total) = counts.get_mut(bin) {
+                *total += count;
+            }
+        }
+        self.counts = counts;
+        self
+    }
+
     fn scale(&self, value: f64) -> f64 {
         if self.log { value.max(f64::MIN_POSITIVE).log10() } else { value }
     }
@@ -192,6 +207,14 @@ mod tests {
                 assert!((histogram.position(value) - position).abs() < 1e-9, "{log} {position}");
             }
         }
+    }
+
+    #[test]
+    fn a_wider_axis_keeps_the_counts() {
+        let narrow = Histogram { counts: vec![1.0, 2.0, 3.0, 4.0], span: [1.0, 100.0], log: true };
+        let wide = Histogram { span: [0.01, 1e4], ..narrow.clone() }.spread_from(&narrow);
+        assert_eq!(wide.counts.iter().sum::<f64>(), 10.0);
+        assert_eq!(wide.counts[0], 0.0);
     }
 
     #[test]

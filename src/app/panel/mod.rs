@@ -10,6 +10,7 @@ mod status;
 pub use display::Choices;
 
 use super::exposure::Exposure;
+use super::look::Look;
 use super::messages::Messages;
 use super::open::Openings;
 use super::scene::{Scene, Settings};
@@ -21,14 +22,18 @@ use bevy_egui::egui::{self, RichText, ScrollArea, Ui};
 /// All that the panel shows and edits.
 #[derive(SystemParam)]
 pub struct PanelState<'w> {
-    scene: Option<Res<'w, Scene>>,
+    /// The open dataset.
+    pub scene: Option<Res<'w, Scene>>,
+    /// What is shown of the settings in the picture.
+    pub look: Option<Res<'w, Look>>,
+    /// The latest messages.
+    pub messages: Res<'w, Messages>,
     settings: ResMut<'w, Settings>,
     exposure: Res<'w, Exposure>,
     choices: Res<'w, Choices>,
     statistics: Res<'w, Statistics>,
     converged: Res<'w, Converged>,
     clock: Res<'w, FrameClock>,
-    messages: Res<'w, Messages>,
     openings: Res<'w, Openings>,
     time: Res<'w, Time<Real>>,
 }
@@ -44,7 +49,9 @@ impl PanelState<'_> {
             if let Some(scene) = &self.scene {
                 let mut edited = self.settings.clone();
                 dataset::show(ui, scene, &mut edited);
-                display::show(ui, scene, &self.exposure, &self.choices, &mut edited);
+                if let Some(look) = &self.look {
+                    display::show(ui, scene.file.metadata(), look, &self.exposure, &self.choices, &mut edited);
+                }
                 self.settings.set_if_neq(edited);
             } else if self.openings.progress().is_none() {
                 ui.add_space(12.0);

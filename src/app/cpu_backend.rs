@@ -1,0 +1,222 @@
+//! Drawing with the processor, on background tasks: the whole picture for the `cpu` backend, and for every backend the
+//! measurement of how bright the view is.
+//!
+//! While the view moves, pictures are drawn with fewer pixels, as many as keep the motion fluent; when it rests, the
+//! full picture follows.
+
+use super::exposure::Exposure;
+use super::look::Look;
+use super::messages::Messages;
+use super::pages::ViewSelection;
+use super::picture::Picture;
+use super::scene::Scene;
+use super::statistics::{ActiveBackend, Converged, Statistics};
+use crate::modes::{Depiction, Footprint, cpu};
+use crate::raster::composite::composite_at;
+use crate::raster::transfer::{Levels, TransferFunction};
+use crate::raster::{Accumulation, Method};
+use crate::store::PageFile;
+use crate::stream::SceneNode;
+use crate::view::View;
+use bevy::asset::RenderAssetUsages;
+use bevy::image::ImageSampler;
+use bevy::prelude::*;
+use bevy::render::render_resource::{Extent3d, TextureDimension, TextureFormat};
+use bevy::tasks::{AsyncComputeTaskPool, Task, futures::check_ready};
+use std::sync::Arc;
+use std::time::Instant;
+
+/// What an accumulation depends on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct DrawKey {
+    selection: u64,
+    depiction: u64,
+    generation: u32,
+    size: UVec2,
+}
+
+/// A picture that has been drawn.
+#[derive(Clone)]
+struct Drawn {
+    key: DrawKey,
+    picture: Arc<Accumulation>,
+    milliseconds: f64,
+}
+
+/// What a background task hands back.
+struct Done {
+    drawn: Drawn,
+    exposure: Exposure,
+    /// The picture in colours, and what they were made with.
+    colors: Option<(crate::raster::composite::Image, Levels, TransferFunction)>,
+}
+
+/// The processor's picture and the task that draws the next one.
+#[derive(Resource, Default)]
+pub struct CpuPicture {
+    task: Option<Task<Result<Done, String>>>,
+    drawn: Option<Drawn>,
+    colored: Option<(DrawKey, Levels, TransferFunction)>,
+    /// Time that the full picture takes, milliseconds, as far as is known.
+    full_ms: f64,
+    moved: Option<(u64, Instant)>,
+}
+
+/// Time within which a picture should be drawn while the view moves, milliseconds.
+const FLUENT_MS: f64 = 60.0;
+/// How long the view must rest before the full picture is drawn, milliseconds.
+const REST_MS: u128 = 120;
+/// Longest side of the picture that is drawn only to measure the exposure, pixels.
+const SKETCH: u32 = 320;
+
+/// By how much the picture's sides shrink while the view moves.
+fn divisor(full_ms: f64) -> u32 {
+    ((full_ms / FLUENT_MS).sqrt().ceil() as u32).clamp(1, 4)
+}
+
+/// The size of the picture to draw now.
+fn drawing_size(full: UVec2, moving: bool, full_ms: f64, backend: ActiveBackend, fixed_discs: bool) -> UVec2 {
+    let shrink = match backend {
+        // Discs of a fixed number of pixels would cover another share of a smaller picture.
+        _ if fixed_discs => 1,
+        ActiveBackend::Cpu if moving => divisor(full_ms),
+        ActiveBackend::Cpu => 1,
+        ActiveBackend::Gpu => full.max_element().div_ceil(SKETCH).max(1),
+    };
+    (full / shrink).max(UVec2::ONE)
+}
+
+/// Draws the selected nodes; blocks for as long as it takes.
+fn draw(
+    file: &PageFile,
+    depiction: &Depiction,
+    nodes: &[SceneNode],
+    view: &View,
+) -> Result<Accumulation, String> {
+    let metadata = file.metadata();
+    let decoded = cpu::decode(depiction, metadata, nodes);
+    cpu::draw_nodes(view, depiction, metadata, &decoded, Method::Pyramid).map_err(|error| error.to_string())
+}
+
+/// Takes in what has been drawn, and starts to draw what is wanted now.
+pub(super) fn draw_on_cpu(
+    mut cpu: ResMut<CpuPicture>,
+    backend: Res<ActiveBackend>,
+    scene: Option<Res<Scene>>,
+    selection: Res<ViewSelection>,
+    look: Option<Res<Look>>,
+    picture: Res<Picture>,
+    mut images: ResMut<Assets<Image>>,
+    mut exposure: ResMut<Exposure>,
+    mut statistics: ResMut<Statistics>,
+    mut converged: ResMut<Converged>,
+    mut messages: ResMut<Messages>,
+) {
+    let cpu = &mut *cpu;
+    let (Some(scene), Some(look), Some(view)) = (scene, look, selection.view) else {
+        cpu.task = None;
+        return;
+    };
+    if cpu.moved.is_none_or(|(revision, _)| revision != selection.revision) {
+        cpu.moved = Some((selection.revision, Instant::now()));
+    }
+    if let Some(outcome) = cpu.task.as_mut().and_then(check_ready) {
+        cpu.task = None;
+        match outcome {
+            Ok(done) => take_in(cpu, done, *backend, &picture, &mut images, &mut exposure, &mut statistics),
+            Err(error) => messages.error(error),
+        }
+    }
+    let moving = cpu.moved.is_some_and(|(_, since)| since.elapsed().as_millis() < REST_MS);
+    let fixed_discs = matches!(look.depiction.footprint(), Footprint::Pixels(_));
+    let full = picture.size();
+    let size = drawing_size(full, moving, cpu.full_ms, *backend, fixed_discs);
+    let key = DrawKey {
+        selection: selection.revision,
+        depiction: look.depiction_revision,
+        generation: scene.generation,
+        size,
+    };
+    let drawn = cpu.drawn.as_ref().filter(|drawn| drawn.key == key);
+    let colored = cpu.colored.as_ref() == Some(&(key, look.levels, look.transfer));
+    let current = drawn.is_some() && (*backend == ActiveBackend::Gpu || colored);
+    if *backend == ActiveBackend::Cpu {
+        converged.0 = current && selection.complete && !moving && size == full && look.settled;
+    }
+    // The ranges of a transfer function that has changed are measured in the picture that is there.
+    if cpu.task.is_some() || (current && look.settled) {
+        return;
+    }
+    let reused = drawn.cloned();
+    let (file, depiction, nodes) = (Arc::clone(&scene.file), look.depiction.clone(), Arc::clone(&selection.nodes));
+    let (transfer, levels, paint) = (look.transfer, look.levels, *backend == ActiveBackend::Cpu);
+    let view = View { width: size.x, height: size.y, ..view };
+    cpu.task = Some(AsyncComputeTaskPool::get().spawn(async move {
+        let drawn = match reused {
+            Some(drawn) => drawn,
+            None => {
+                let start = Instant::now();
+                let picture = Arc::new(draw(&file, &depiction, &nodes, &view)?);
+                Drawn { key, picture, milliseconds: 1000.0 * start.elapsed().as_secs_f64() }
+            }
+        };
+        let exposure = Exposure::of(&drawn.picture, &transfer);
+        let colors = paint.then(|| (composite_at(&drawn.picture, &transfer, &levels), levels, transfer));
+        Ok(Done { drawn, exposure, colors })
+    }));
+}
+
+/// Takes in a finished task's work.
+fn take_in(
+    cpu: &mut CpuPicture,
+    done: Done,
+    backend: ActiveBackend,
+    picture: &Picture,
+    images: &mut Assets<Image>,
+    exposure: &mut ResMut<Exposure>,
+    statistics: &mut ResMut<Statistics>,
+) {
+    exposure.set_if_neq(done.exposure);
+    if let Some((colors, levels, transfer)) = done.colors
+        && backend == ActiveBackend::Cpu
+    {
+        if images.insert(&picture.image, to_image(colors)).is_err() {
+            warn!("the picture's image is gone");
+        }
+        cpu.colored = Some((done.drawn.key, levels, transfer));
+        if cpu.drawn.as_ref().is_none_or(|drawn| drawn.key != done.drawn.key) {
+            statistics.draw_ms = Some(done.drawn.milliseconds);
+            let pixels = |size: UVec2| f64::from(size.x) * f64::from(size.y);
+            cpu.full_ms = done.drawn.milliseconds * pixels(picture.size()) / pixels(done.drawn.key.size);
+        }
+    }
+    cpu.drawn = Some(done.drawn);
+}
+
+/// Colours as an image that egui shows; smoothed where it is stretched.
+fn to_image(colors: crate::raster::composite::Image) -> Image {
+    let size = Extent3d { width: colors.width, height: colors.height, depth_or_array_layers: 1 };
+    let bytes = bytemuck::allocation::cast_vec::<[u8; 4], u8>(colors.rgba);
+    let mut image =
+        Image::new(size, TextureDimension::D2, bytes, TextureFormat::Rgba8UnormSrgb, RenderAssetUsages::default());
+    image.sampler = ImageSampler::linear();
+    image
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn motion_costs_pixels_and_rest_brings_them_back() {
+        let full = UVec2::new(1000, 600);
+        let size = |moving, ms| drawing_size(full, moving, ms, ActiveBackend::Cpu, false);
+        assert_eq!(size(false, 900.0), full);
+        assert_eq!(size(true, 20.0), full);
+        assert_eq!(size(true, 200.0), full / 2);
+        assert_eq!(size(true, 1.0e6), full / 4);
+        assert_eq!(drawing_size(full, true, 900.0, ActiveBackend::Cpu, true), full);
+        let sketch = drawing_size(full, false, 0.0, ActiveBackend::Gpu, false);
+        assert!(sketch.max_element() <= SKETCH);
+    }
+}

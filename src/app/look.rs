@@ -1,0 +1,189 @@
+//! How the picture looks: the mode applied to the open data, and the transfer function with the ranges in use.
+
+use super::exposure::Exposure;
+use super::messages::Messages;
+use super::scene::{AttributeChoice, Scene, Settings};
+use crate::modes::Depiction;
+use crate::raster::transfer::{Hue, Levels, Lut, Scale, TransferFunction};
+use bevy::prelude::*;
+use bevy_egui::egui::Color32;
+use std::sync::Arc;
+
+/// The look of the picture, derived from [`Settings`] and the data.
+#[derive(Resource, Clone)]
+pub struct Look {
+    /// The mode, applied to the open file.
+    pub depiction: Depiction,
+    /// Counts up whenever particles get other weights, attributes or footprints.
+    pub depiction_revision: u64,
+    /// The baked transfer function.
+    pub lut: Arc<Lut>,
+    /// Its settings.
+    pub transfer: TransferFunction,
+    /// The ranges in use; automatic ones glide to those of the present view.
+    pub levels: Levels,
+    /// Whether the ranges have arrived.
+    pub settled: bool,
+    generation: u32,
+    attribute: AttributeChoice,
+    seeded: bool,
+}
+
+impl Look {
+    /// The colour at a brightness and a hue, both within [0, 1].
+    pub fn color(&self, brightness: f32, hue: f32) -> Color32 {
+        let at = |share: f32, size: u32| (share.clamp(0.0, 1.0) * (size - 1) as f32).round() as usize;
+        let index = at(hue, self.lut.height) * self.lut.width as usize + at(brightness, self.lut.width);
+        self.lut.rgba.get(index).map_or(Color32::BLACK, |&[r, g, b, _]| Color32::from_rgb(r, g, b))
+    }
+
+    /// Whether hue follows an attribute.
+    pub fn has_hue(&self) -> bool {
+        self.transfer.hue.is_some() && self.depiction.attribute.is_some()
+    }
+}
+
+/// Applies settings that have changed: the depiction, and the baked transfer function.
+pub(super) fn follow_settings(
+    mut commands: Commands,
+    scene: Option<Res<Scene>>,
+    mut settings: ResMut<Settings>,
+    look: Option<ResMut<Look>>,
+    mut messages: ResMut<Messages>,
+) {
+    let Some(scene) = scene else { return };
+    let Some(mut look) = look else {
+        match depict(&scene, &settings) {
+            Ok(depiction) => {
+                settings.transfer = initial_transfer(&depiction);
+                commands.insert_resource(Look {
+                    depiction,
+                    depiction_revision: 1,
+                    lut: Arc::new(settings.transfer.bake_lut()),
+                    transfer: settings.transfer,
+                    levels: Levels { p: [1e-6, 1.0], s: [0.0, 1.0] },
+                    settled: false,
+                    generation: scene.generation,
+                    attribute: settings.attribute.clone(),
+                    seeded: false,
+                });
+            }
+            Err(error) => messages.error(format!("{}: {error}", scene.path.display())),
+        }
+        return;
+    };
+    let stale = look.generation != scene.generation
+        || look.attribute != settings.attribute
+        || look.depiction.settings != settings.mode_settings
+        || !std::ptr::eq(look.depiction.mode, settings.mode);
+    if stale {
+        match depict(&scene, &settings) {
+            Ok(depiction) => {
+                let other_kind = !std::ptr::eq(look.depiction.mode, depiction.mode)
+                    || look.depiction.attribute.is_some() != depiction.attribute.is_some();
+                let other_attribute = look.depiction.attribute != depiction.attribute;
+                if other_kind {
+                    settings.transfer = initial_transfer(&depiction);
+                } else if other_attribute && let Some(hue) = &mut settings.transfer.hue {
+                    hue.range = crate::raster::transfer::Range::Auto;
+                }
+                // Another file, mode or attribute has other ranges altogether: no gliding there.
+                look.seeded &= !other_kind && !other_attribute && look.generation == scene.generation;
+                look.depiction = depiction;
+                look.depiction_revision += 1;
+                look.generation = scene.generation;
+                look.attribute = settings.attribute.clone();
+            }
+            Err(error) => {
+                messages.error(error);
+                settings.attribute = look.attribute.clone();
+                settings.mode = look.depiction.mode;
+            }
+        }
+    }
+    if look.transfer != settings.transfer {
+        look.transfer = settings.transfer;
+        look.lut = Arc::new(settings.transfer.bake_lut());
+        look.settled = false;
+    }
+}
+
+/// The chosen mode and attribute on the open file.
+fn depict(scene: &Scene, settings: &Settings) -> Result<Depiction, String> {
+    let name = match &settings.attribute {
+        AttributeChoice::Named(name) => Some(name.as_str()),
+        AttributeChoice::Automatic | AttributeChoice::None => None,
+    };
+    let metadata = scene.file.metadata();
+    let mut depiction = Depiction::of_pages(settings.mode, settings.mode_settings.clone(), name, metadata)?;
+    if settings.attribute == AttributeChoice::None {
+        depiction.attribute = None;
+    }
+    Ok(depiction)
+}
+
+/// The transfer function that a depiction begins with. The hue's scale is linear where the mode does not know better
+/// and the attribute has values at or below zero; that shows in the ranges later on.
+fn initial_transfer(depiction: &Depiction) -> TransferFunction {
+    let [plain, colored] = depiction.mode.transfer;
+    let name = if depiction.attribute.is_some() { colored } else { plain };
+    TransferFunction::preset(name).unwrap_or_default()
+}
+
+/// Time in which the automatic ranges cover 63 % of the way to those of the present view, seconds.
+const GLIDE_SECS: f64 = 0.15;
+/// Share of the range within which it has arrived.
+const ARRIVED: f64 = 0.004;
+
+/// Moves the ranges in use towards those wanted, so that the picture's brightness does not jump while one flies.
+pub(super) fn glide_levels(time: Res<Time<Real>>, exposure: Res<Exposure>, look: Option<ResMut<Look>>) {
+    let Some(mut look) = look else { return };
+    let Some(wanted) = exposure.levels else { return };
+    let share = if look.seeded { 1.0 - (-time.delta_secs_f64() / GLIDE_SECS).exp() } else { 1.0 };
+    let hue_scale = look.transfer.hue.unwrap_or(Hue::default()).scale;
+    let p = approach(look.levels.p, wanted.p, look.transfer.scale, share);
+    let s = approach(look.levels.s, wanted.s, hue_scale, share);
+    let settled = p.1 && s.1;
+    let levels = Levels { p: p.0, s: s.0 };
+    if look.levels != levels || look.settled != settled || !look.seeded {
+        look.levels = levels;
+        look.settled = settled;
+        look.seeded = true;
+    }
+}
+
+/// A range that has moved by `share` of the way, and whether it has arrived.
+fn approach(from: [f64; 2], to: [f64; 2], scale: Scale, share: f64) -> ([f64; 2], bool) {
+    let log = scale == Scale::Log && from.iter().chain(&to).all(|end| *end > 0.0);
+    let forth = |x: f64| if log { x.ln() } else { x };
+    let back = |x: f64| if log { x.exp() } else { x };
+    let [a, b] = to.map(forth);
+    let tolerance = ARRIVED * (b - a).abs();
+    let far = [(from[0], a), (from[1], b)].map(|(from, to)| (forth(from) + (to - forth(from)) * share, to));
+    if share >= 1.0 || far.iter().all(|(x, to)| (x - to).abs() <= tolerance) {
+        return (to, true);
+    }
+    (far.map(|(x, _)| back(x)), false)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ranges_glide_and_arrive_exactly() {
+        for scale in [Scale::Log, Scale::Linear] {
+            let to = [1.0, 100.0];
+            let mut range = [1e-3, 5.0];
+            let mut steps = 0;
+            while range != to {
+                range = approach(range, to, scale, 0.2).0;
+                steps += 1;
+                assert!(steps < 100 && range[0] < range[1], "{range:?}");
+            }
+            assert!(steps > 5);
+        }
+        assert_eq!(approach([1.0, 2.0], [5.0, 6.0], Scale::Log, 1.0), ([5.0, 6.0], true));
+        assert!(approach([-1.0, 2.0], [5.0, 6.0], Scale::Log, 0.5).0[0] > -1.0, "no logarithm of a negative end");
+    }
+}
