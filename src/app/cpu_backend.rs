@@ -87,12 +87,7 @@ fn drawing_size(full: UVec2, moving: bool, full_ms: f64, backend: ActiveBackend,
 }
 
 /// Draws the selected nodes; blocks for as long as it takes.
-fn draw(
-    file: &PageFile,
-    depiction: &Depiction,
-    nodes: &[SceneNode],
-    view: &View,
-) -> Result<Accumulation, String> {
+fn draw(file: &PageFile, depiction: &Depiction, nodes: &[SceneNode], view: &View) -> Result<Accumulation, String> {
     let metadata = file.metadata();
     let decoded = cpu::decode(depiction, metadata, nodes);
     cpu::draw_nodes(view, depiction, metadata, &decoded, Method::Pyramid).map_err(|error| error.to_string())

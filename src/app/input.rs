@@ -94,7 +94,11 @@ pub const HELP: [(&str, &[(&str, &str)]); 4] = [
     ),
     (
         "Range",
-        &[("Drag an end", "move one end of the range"), ("Drag between", "move both"), ("Double-click", "automatic range")],
+        &[
+            ("Drag an end", "move one end of the range"),
+            ("Drag between", "move both"),
+            ("Double-click", "automatic range"),
+        ],
     ),
     (
         "Window",

@@ -65,7 +65,9 @@ fn tidy(unit: String) -> String {
         match (c, raised) {
             ('^', _) => raised = true,
             ('-', true) => text.push('⁻'),
-            ('0'..='9', true) => text.push(['⁰', '¹', '²', '³', '⁴', '⁵', '⁶', '⁷', '⁸', '⁹'][c as usize - '0' as usize]),
+            ('0'..='9', true) => {
+                text.push(['⁰', '¹', '²', '³', '⁴', '⁵', '⁶', '⁷', '⁸', '⁹'][c as usize - '0' as usize])
+            }
             _ => {
                 raised = false;
                 text.push(c);

@@ -16,8 +16,8 @@ pub mod messages;
 pub mod number;
 pub mod open;
 pub mod options;
-pub mod pages;
 pub mod overlay;
+pub mod pages;
 pub mod panel;
 pub mod picture;
 pub mod preset;
@@ -91,49 +91,51 @@ impl Plugin for WindowApp {
             openings.start(request);
         }
         let settings = scene::Settings::new(&self.preset, self.options.mode.as_deref());
-        app.add_plugins((EguiPlugin::default(), CameraPlugin, pages::PagesPlugin, preset_assets::PresetPlugin::new(&self.options)))
-            .insert_resource(ClearColor(Color::BLACK))
-            .insert_resource(shortcuts::Shown { panel: self.preset.panel.open, help: false })
-            .insert_resource(self.preset.clone())
-            .insert_resource(settings)
-            .insert_resource(openings)
-            .insert_resource(status::StatusFile::new(self.options.status.clone()))
-            .init_resource::<exposure::Exposure>()
-            .init_resource::<input::PointerOwner>()
-            .init_resource::<messages::Messages>()
-            .insert_resource(panel::Choices::of_program())
-            .init_resource::<cpu_backend::CpuPicture>()
-            .init_resource::<statistics::ActiveBackend>()
-            .init_resource::<screenshot::Screenshots>()
-            .init_resource::<statistics::Converged>()
-            .init_resource::<statistics::FrameClock>()
-            .init_resource::<statistics::Statistics>()
-            .add_message::<open::Opened>()
-            .add_systems(Startup, picture::spawn_cameras)
-            .add_systems(
-                PreUpdate,
-                (messages::advance_messages, statistics::tick_frame_clock, screenshot::report),
+        app.add_plugins((
+            EguiPlugin::default(),
+            CameraPlugin,
+            pages::PagesPlugin,
+            preset_assets::PresetPlugin::new(&self.options),
+        ))
+        .insert_resource(ClearColor(Color::BLACK))
+        .insert_resource(shortcuts::Shown { panel: self.preset.panel.open, help: false })
+        .insert_resource(self.preset.clone())
+        .insert_resource(settings)
+        .insert_resource(openings)
+        .insert_resource(status::StatusFile::new(self.options.status.clone()))
+        .init_resource::<exposure::Exposure>()
+        .init_resource::<input::PointerOwner>()
+        .init_resource::<messages::Messages>()
+        .insert_resource(panel::Choices::of_program())
+        .init_resource::<cpu_backend::CpuPicture>()
+        .init_resource::<statistics::ActiveBackend>()
+        .init_resource::<screenshot::Screenshots>()
+        .init_resource::<statistics::Converged>()
+        .init_resource::<statistics::FrameClock>()
+        .init_resource::<statistics::Statistics>()
+        .add_message::<open::Opened>()
+        .add_systems(Startup, picture::spawn_cameras)
+        .add_systems(PreUpdate, (messages::advance_messages, statistics::tick_frame_clock, screenshot::report))
+        .add_systems(
+            Update,
+            (
+                open::open_dropped_files,
+                open::finish_opening,
+                scene::adopt_opened,
+                look::follow_settings,
+                look::glide_levels,
+                shortcuts::run_shortcuts,
             )
-            .add_systems(
-                Update,
-                (
-                    open::open_dropped_files,
-                    open::finish_opening,
-                    scene::adopt_opened,
-                    look::follow_settings,
-                    look::glide_levels,
-                    shortcuts::run_shortcuts,
-                )
-                    .chain(),
-            )
-            .add_systems(EguiPrimaryContextPass, ui::draw_window)
-            .add_systems(
-                PostUpdate,
-                (
-                    picture::fit_picture.in_set(CameraSystems::Steer).before(CameraUpdateSystems),
-                    cpu_backend::draw_on_cpu.in_set(PageSystems::Serve).after(pages::evict),
-                ),
-            )
-            .add_systems(Last, status::write_status);
+                .chain(),
+        )
+        .add_systems(EguiPrimaryContextPass, ui::draw_window)
+        .add_systems(
+            PostUpdate,
+            (
+                picture::fit_picture.in_set(CameraSystems::Steer).before(CameraUpdateSystems),
+                cpu_backend::draw_on_cpu.in_set(PageSystems::Serve).after(pages::evict),
+            ),
+        )
+        .add_systems(Last, status::write_status);
     }
 }

@@ -55,17 +55,17 @@ pub fn quantity(value: f64) -> String {
 
 /// A power of ten as a tick label: `10³`, and plain figures from 0.01 to 1000.
 pub fn power_of_ten(exponent: i32) -> String {
-    if (-2..=3).contains(&exponent) { trim(&figures(10f64.powi(exponent), 1)) } else { format!("10{}", superscript(exponent)) }
+    if (-2..=3).contains(&exponent) {
+        trim(&figures(10f64.powi(exponent), 1))
+    } else {
+        format!("10{}", superscript(exponent))
+    }
 }
 
 /// An integer in superscript digits.
 fn superscript(value: i32) -> String {
     const DIGITS: [char; 10] = ['⁰', '¹', '²', '³', '⁴', '⁵', '⁶', '⁷', '⁸', '⁹'];
-    value
-        .to_string()
-        .chars()
-        .map(|c| c.to_digit(10).map_or('⁻', |digit| DIGITS[digit as usize]))
-        .collect()
+    value.to_string().chars().map(|c| c.to_digit(10).map_or('⁻', |digit| DIGITS[digit as usize])).collect()
 }
 
 /// Without zeros behind the decimal point that say nothing, and with a true minus sign.

@@ -92,10 +92,7 @@ impl Openings {
 }
 
 /// Starts to open files that are dropped on the window.
-pub(super) fn open_dropped_files(
-    mut dropped: MessageReader<FileDragAndDrop>,
-    mut openings: ResMut<Openings>,
-) {
+pub(super) fn open_dropped_files(mut dropped: MessageReader<FileDragAndDrop>, mut openings: ResMut<Openings>) {
     for event in dropped.read() {
         if let FileDragAndDrop::DroppedFile { path_buf, .. } = event {
             openings.start(OpenRequest { path: path_buf.clone() });

@@ -55,8 +55,10 @@ fn picture_image(size: UVec2) -> Image {
         TextureFormat::Rgba8UnormSrgb,
         RenderAssetUsages::default(),
     );
-    image.texture_descriptor.usage =
-        TextureUsages::TEXTURE_BINDING | TextureUsages::COPY_DST | TextureUsages::COPY_SRC | TextureUsages::RENDER_ATTACHMENT;
+    image.texture_descriptor.usage = TextureUsages::TEXTURE_BINDING
+        | TextureUsages::COPY_DST
+        | TextureUsages::COPY_SRC
+        | TextureUsages::RENDER_ATTACHMENT;
     image.sampler = ImageSampler::nearest();
     image
 }
@@ -98,7 +100,12 @@ pub(super) fn spawn_cameras(
         Msaa::Off,
         Tonemapping::None,
     ));
-    commands.insert_resource(Picture { image, texture, rect: Rect::from_corners(Vec2::ZERO, size.as_vec2()), scale: 1.0 });
+    commands.insert_resource(Picture {
+        image,
+        texture,
+        rect: Rect::from_corners(Vec2::ZERO, size.as_vec2()),
+        scale: 1.0,
+    });
     commands.insert_resource(ActiveCameraData { entity: Some(data_camera), manual: true, ..default() });
 }
 

@@ -264,10 +264,7 @@ impl AssetLoader for PresetLoader {
     ) -> Result<Preset, PresetError> {
         let file = load_context.path().to_string();
         let mut bytes = Vec::new();
-        reader
-            .read_to_end(&mut bytes)
-            .await
-            .map_err(|source| PresetError::Io { file: file.clone(), source })?;
+        reader.read_to_end(&mut bytes).await.map_err(|source| PresetError::Io { file: file.clone(), source })?;
         Preset::parse(&file, &String::from_utf8_lossy(&bytes))
     }
 

@@ -61,9 +61,9 @@ fn apply_preset(
     for failure in failures.read() {
         messages.error(refusal(&failure.error));
     }
-    let changed = events.read().any(|event| {
-        matches!(event, AssetEvent::Added { id } | AssetEvent::Modified { id } if *id == file.handle.id())
-    });
+    let changed = events.read().any(
+        |event| matches!(event, AssetEvent::Added { id } | AssetEvent::Modified { id } if *id == file.handle.id()),
+    );
     if !changed {
         return;
     }

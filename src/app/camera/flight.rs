@@ -62,7 +62,8 @@ impl Flight {
         let distance = start * (self.distance / start).powf(eased);
         let target = self.from.target.lerp(self.target, along);
         let (yaw, pitch) = self.from.angles();
-        let turn = (self.angles.0 - yaw + std::f64::consts::PI).rem_euclid(std::f64::consts::TAU) - std::f64::consts::PI;
+        let turn =
+            (self.angles.0 - yaw + std::f64::consts::PI).rem_euclid(std::f64::consts::TAU) - std::f64::consts::PI;
         let (back, up) = back_and_up(yaw + turn * eased, pitch + (self.angles.1 - pitch) * eased);
         Viewpoint { eye: target + back * distance, target, up, fov_y: self.from.fov_y }
     }

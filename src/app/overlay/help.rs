@@ -35,7 +35,11 @@ fn section(ui: &mut Ui, title: &str, rows: &[(&str, &str)]) {
             ui.horizontal(|ui| {
                 ui.spacing_mut().item_spacing.x = 4.0;
                 for key in keys.split("  ") {
-                    if key == "or" { ui.label("or"); } else { theme::key_cap(ui, key.trim()); }
+                    if key == "or" {
+                        ui.label("or");
+                    } else {
+                        theme::key_cap(ui, key.trim());
+                    }
                 }
             });
             ui.label(RichText::new(*what).color(theme::TEXT));

@@ -39,7 +39,9 @@ pub fn draw(painter: &egui::Painter, rect: egui::Rect, bar: ScaleBar, unit: &str
     let width = bar.pixels as f32 / scale;
     let left = rect.left() + 20.0;
     let y = rect.bottom() - 22.0;
-    for (stroke, shift) in [(Stroke::new(4.0, Color32::from_black_alpha(150)), 0.0), (Stroke::new(1.5, theme::TEXT), 0.0)] {
+    for (stroke, shift) in
+        [(Stroke::new(4.0, Color32::from_black_alpha(150)), 0.0), (Stroke::new(1.5, theme::TEXT), 0.0)]
+    {
         painter.hline(left..=left + width, y + shift, stroke);
         painter.vline(left, y - 4.0..=y + 4.0, stroke);
         painter.vline(left + width, y - 4.0..=y + 4.0, stroke);

@@ -61,7 +61,16 @@ pub fn show(
     let hue_middle = 0.5;
     let p_range = &mut settings.transfer.range;
     let brightness = |t: f32| look.color(t, hue_middle);
-    range(ui, "brightness", &legend.p.title, &legend.p.unit, exposure.brightness.as_ref(), look.levels.p, p_range, brightness);
+    range(
+        ui,
+        "brightness",
+        &legend.p.title,
+        &legend.p.unit,
+        exposure.brightness.as_ref(),
+        look.levels.p,
+        p_range,
+        brightness,
+    );
     if let (Some(hue), Some(axis)) = (&mut settings.transfer.hue, &legend.s) {
         let color = |t: f32| look.color(0.66, t);
         range(ui, "hue", &axis.title, &axis.unit, exposure.hue.as_ref(), look.levels.s, &mut hue.range, color);

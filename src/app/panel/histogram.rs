@@ -157,7 +157,13 @@ fn paint_bins(
 ) {
     let top = histogram.counts.iter().fold(0.0f64, |top, &count| top.max(count)).ln_1p();
     if top <= 0.0 {
-        painter.text(plot.center(), Align2::CENTER_CENTER, "no values", egui::FontId::proportional(theme::SMALL), theme::LABEL);
+        painter.text(
+            plot.center(),
+            Align2::CENTER_CENTER,
+            "no values",
+            egui::FontId::proportional(theme::SMALL),
+            theme::LABEL,
+        );
         return;
     }
     let bins = histogram.counts.len();

@@ -55,7 +55,10 @@ impl PanelState<'_> {
                 self.settings.set_if_neq(edited);
             } else if self.openings.progress().is_none() {
                 ui.add_space(12.0);
-                ui.label(RichText::new("Nothing is open. Drop a snapshot, a catalogue or a page file here.").color(theme::LABEL));
+                ui.label(
+                    RichText::new("Nothing is open. Drop a snapshot, a catalogue or a page file here.")
+                        .color(theme::LABEL),
+                );
             }
             status::show(ui, &self.statistics, *self.converged, &self.clock, self.scene.is_some());
             status::messages(ui, &self.messages);
