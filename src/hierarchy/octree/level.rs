@@ -77,7 +77,7 @@ fn leaf(context: &Context, shape: &Shape) -> Work {
             codebook: 0,
             particles: count as u32,
             points,
-            delta: outward(delta.sqrt() * context.root.size),
+            delta: outward(delta, context.root),
             bounds: world(tight, context.root),
             smoothing_length_max: h_max,
             mass,
@@ -129,7 +129,7 @@ fn inner(context: &Context, shape: &Shape, below: &[Work]) -> Work {
             codebook: 0,
             particles: words.len() as u32,
             points: words.iter().filter(|&&word| is_point(word)).count() as u32,
-            delta: if is_relay { f64::INFINITY } else { outward(delta.sqrt() * context.root.size) },
+            delta: if is_relay { f64::INFINITY } else { outward(delta, context.root) },
             bounds: world(tight, context.root),
             smoothing_length_max: children.iter().fold(0.0, |max, child| max.max(child.node.smoothing_length_max)),
             mass: children.iter().map(|child| child.node.mass).sum(),
@@ -219,9 +219,10 @@ pub(super) fn leaf_words(sorted: &Sorted, root: RootCell, node: &TreeNode) -> Ve
     node.sources.clone().map(word).collect()
 }
 
-/// Rounds a measured distance up, so that rounding while it was measured does not make it too small.
-fn outward(distance: f64) -> f64 {
-    distance * (1.0 + 1e-9)
+/// A measured distance in world units, rounded up by what rounding to doubles can have moved the positions.
+fn outward(squared: f64, root: RootCell) -> f64 {
+    let largest = root.min.abs().max_element() + root.size;
+    squared.sqrt() * root.size * (1.0 + 1e-12) + largest * 2.0_f64.powi(-50)
 }
 
 fn world(tight: Bounds, root: RootCell) -> Bounds {

@@ -294,8 +294,8 @@ fn describe(family: &mut Family) -> Result<([AttributeInfo; 3], Vec<AttributeInf
         }
         attributes.push(info);
     }
-    if !family.positions.par_iter().flatten().all(|v| v.is_finite() && v.abs() < 1e300) {
-        return Err(error("position", "coordinates between -1e300 and 1e300"));
+    if !family.positions.par_iter().flatten().all(|v| v.is_finite() && v.abs() < 1e150) {
+        return Err(error("position", "coordinates between -1e150 and 1e150"));
     }
     Ok((quantities, attributes))
 }

@@ -20,9 +20,9 @@ pub(super) fn thin(blocks: &mut [Block], budget: f64) {
         let m = f64::from(mass);
         (m / total).max(m * f64::from(density) / presence) as f32
     };
-    // Shares in each bin; bins rise with the share, and so does the faintness limit.
-    let mut bins = vec![(0.0_f64, 0.0_f64); BINS];
-    let ceiling = bin(budget as f32);
+    // What lies in each bin of shares, up to that of the budget: whatever is brighter cannot be left out.
+    let ceiling = bin(budget.min(1.0) as f32);
+    let mut bins = vec![(0.0_f64, 0.0_f64); ceiling + 1];
     for block in &*blocks {
         for (&mass, &density) in block.columns.mass.iter().zip(&block.columns.density) {
             let bin = bin(share(mass, density));
