@@ -1,5 +1,7 @@
 //! From particles to a page file and back: the promises of hierarchy, codec and store, on generated particles.
 
+#![allow(clippy::unwrap_used, reason = "a failed helper fails its test")]
+
 use deepfield::codec::{CodebookScope, VqBits};
 use deepfield::commands::build::{BuildOptions, build};
 use deepfield::hierarchy::OctreeOptions;
