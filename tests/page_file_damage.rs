@@ -19,7 +19,7 @@ fn sound() -> &'static [u8] {
     BYTES.get_or_init(|| {
         let count = 90;
         let place = |i: usize, prime: usize| ((i * prime) % 89) as f64 / 89.0;
-        let clump = |i: usize| if i % 2 == 0 { 1e-3 } else { 1.0 };
+        let clump = |i: usize| if i.is_multiple_of(2) { 1e-3 } else { 1.0 };
         let family = |name| Family {
             name,
             positions: (0..count)
@@ -75,9 +75,8 @@ fn every_flipped_bit_is_found() {
     let bytes = sound();
     assert!(check(bytes, &path));
     let mut missed = Vec::new();
-    for at in 0..bytes.len() {
-        let bit = 1 << (at % 8);
-        for (byte, is_flipped) in [(bytes[at] ^ bit, true), (bytes[at], false)] {
+    for (at, &sound) in bytes.iter().enumerate() {
+        for (byte, is_flipped) in [(sound ^ 1 << (at % 8), true), (sound, false)] {
             let mut file = std::fs::OpenOptions::new().write(true).open(&path).unwrap();
             file.seek(SeekFrom::Start(at as u64)).unwrap();
             file.write_all(&[byte]).unwrap();

@@ -1,10 +1,11 @@
 //! `deepfield info`: what a source holds, as a table for people or as JSON for programs.
 
-use super::CommandResult;
+use super::{CommandResult, page_file_info};
 use crate::import::{FamilySummary, Statistic, Summary, summarize};
+use crate::store::PageFile;
 use std::fmt::Write as _;
-use std::io::Write as _;
-use std::path::PathBuf;
+use std::io::{Read as _, Write as _};
+use std::path::{Path, PathBuf};
 
 /// Prints what a source or page file holds: counts, fields, units, ranges; for a page file its levels and bytes too.
 #[derive(clap::Args, Debug)]
@@ -22,13 +23,30 @@ pub struct Arguments {
 /// Prints what the file holds to standard output; of a source, every field is read in bounded chunks.
 ///
 /// # Errors
-/// [`crate::import::ImportError`] when the source cannot be read, or the standard output's error.
+/// [`crate::import::ImportError`] or [`crate::store::StoreError`] when the file cannot be read, or the standard output's
+/// error.
 pub fn run(arguments: &Arguments) -> CommandResult {
     let Arguments { path, json } = arguments;
-    let summary = summarize(path)?;
-    let text = if *json { serde_json::to_string_pretty(&summary)? + "\n" } else { table(&summary) };
+    let text = if is_page_file(path) {
+        let file = PageFile::open(path)?;
+        if *json {
+            serde_json::to_string_pretty(&page_file_info::json(&file))? + "\n"
+        } else {
+            page_file_info::table(&file)
+        }
+    } else {
+        let summary = summarize(path)?;
+        if *json { serde_json::to_string_pretty(&summary)? + "\n" } else { table(&summary) }
+    };
     std::io::stdout().write_all(text.as_bytes())?;
     Ok(())
+}
+
+/// Whether the file says that it is a page file; what cannot be read is left to the importer's message.
+fn is_page_file(path: &Path) -> bool {
+    let mut head = Vec::new();
+    let read = std::fs::File::open(path).and_then(|file| file.take(16).read_to_end(&mut head));
+    read.is_ok() && PageFile::recognises(&head)
 }
 
 /// The human table.

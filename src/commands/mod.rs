@@ -6,6 +6,7 @@ pub mod cache;
 pub mod demo;
 pub mod info;
 pub mod modes;
+pub mod page_file_info;
 pub mod progress_bar;
 pub mod render;
 pub mod verify;

@@ -1,0 +1,199 @@
+//! What `deepfield info` says about a page file: the table of F12 4.1 for each family, the quantiser's errors, and all of
+//! it as JSON.
+
+use crate::codec::{Codebook, CodebookScope};
+use crate::store::{FamilyMetadata, LevelInfo, PageFile};
+use serde_json::{Value, json};
+use std::fmt::Write as _;
+
+/// The facts as JSON, with the fields that a source's have, and `pages`, `bytes_per_particle`, and for each family
+/// `levels` and `codebooks`.
+pub fn json(file: &PageFile) -> Value {
+    let metadata = file.metadata();
+    let provenance = &metadata.provenance;
+    json!({
+        "kind": "particles",
+        "format": "deepfield",
+        "bytes": file.bytes(),
+        "pages": file.page_count(),
+        "particles": metadata.particles(),
+        "bytes_per_particle": bytes_per_particle(file),
+        "vq_bits": metadata.vq_bits.bits(),
+        "length_unit": metadata.length_unit,
+        "mass_unit": metadata.mass_unit,
+        "kernel": metadata.kernel,
+        "bounds": metadata.bounds(),
+        "skipped": metadata.skipped,
+        "source": provenance,
+        "time": provenance.time,
+        "redshift": provenance.redshift,
+        "box_size": provenance.box_size,
+        "notes": provenance.notes,
+        "levels": metadata.families.iter().map(|family| family.levels.len()).max(),
+        "families": metadata.families.iter().map(family_json).collect::<Vec<_>>(),
+    })
+}
+
+fn family_json(family: &FamilyMetadata) -> Value {
+    let fields = family.quantities.iter().chain(&family.attributes);
+    json!({
+        "name": family.name,
+        "count": family.count,
+        "mass": family.mass,
+        "bounds": family.bounds,
+        "fields": fields.map(|field| json!({
+            "name": field.name,
+            "unit": field.unit,
+            "min": field.min,
+            "max": field.max,
+            "mean": field.mean,
+            "missing": field.missing,
+        })).collect::<Vec<_>>(),
+        "levels": family.levels.iter().map(level_json).collect::<Vec<_>>(),
+        "codebooks": family.codebooks.iter().map(|codebook| codebook_json(family, codebook)).collect::<Vec<_>>(),
+    })
+}
+
+fn level_json(level: &LevelInfo) -> Value {
+    json!({
+        "depth": level.depth,
+        "nodes": level.nodes(),
+        "grid_nodes": level.grid_nodes,
+        "leaf_nodes": level.leaf_nodes,
+        "relay_nodes": level.relay_nodes,
+        "input": level.input,
+        "merged": level.merged,
+        "skipped": level.skipped,
+        "relayed": level.relayed,
+        "sprites": level.sprites,
+        "points": level.points,
+        "leaf_particles": level.leaf_particles,
+        "particles": level.particles(),
+        "average": average(level),
+        "bytes": level.bytes,
+    })
+}
+
+fn codebook_json(family: &FamilyMetadata, codebook: &Codebook) -> Value {
+    json!({
+        "scope": scope(codebook),
+        "entries": codebook.len(),
+        "particles": codebook.particles,
+        "errors": error_names(family).zip(&codebook.errors).map(|(name, error)| json!({
+            "field": name,
+            "mean_relative": error.mean,
+            "max_relative": error.max,
+        })).collect::<Vec<_>>(),
+    })
+}
+
+/// The facts as a table for people.
+pub fn table(file: &PageFile) -> String {
+    let mut text = String::new();
+    // Writing to a string cannot fail.
+    let _ = write_table(&mut text, file);
+    text
+}
+
+fn write_table(text: &mut String, file: &PageFile) -> std::fmt::Result {
+    let metadata = file.metadata();
+    let provenance = &metadata.provenance;
+    writeln!(
+        text,
+        "deepfield page file, {} bytes in {} pages: {} particles, {:.2} bytes each, {}-bit codes",
+        file.bytes(),
+        file.page_count(),
+        metadata.particles(),
+        bytes_per_particle(file),
+        metadata.vq_bits
+    )?;
+    writeln!(text, "source: {} ({}, {} bytes)", provenance.path.display(), provenance.format, provenance.bytes)?;
+    writeln!(text, "length unit: {}, mass unit: {}", metadata.length_unit, metadata.mass_unit)?;
+    for (name, value) in [("time", provenance.time), ("redshift", provenance.redshift), ("box", provenance.box_size)] {
+        if let Some(value) = value {
+            writeln!(text, "{name}: {value}")?;
+        }
+    }
+    for skipped in &metadata.skipped {
+        writeln!(text, "left out: {} particles, {}", skipped.count, skipped.reason)?;
+    }
+    provenance.notes.iter().try_for_each(|note| writeln!(text, "note: {note}"))?;
+    metadata.families.iter().try_for_each(|family| write_family(text, family))
+}
+
+fn write_family(text: &mut String, family: &FamilyMetadata) -> std::fmt::Result {
+    writeln!(text, "\n{}: {} particles, mass {}", family.name, family.count, family.mass)?;
+    writeln!(text, "  {:<28} {:<24} {:>14} {:>14} {:>14}", "field", "unit", "min", "max", "mean")?;
+    for field in family.quantities.iter().chain(&family.attributes) {
+        let unit = field.unit.to_string();
+        let [min, max, mean] = [field.min, field.max, field.mean].map(|value| format!("{value:.6e}"));
+        writeln!(text, "  {:<28} {unit:<24} {min:>14} {max:>14} {mean:>14}", field.name)?;
+        if field.missing > 0 {
+            writeln!(text, "  {:<28} {} values were not finite; the mean stands for them", "", field.missing)?;
+        }
+    }
+    writeln!(
+        text,
+        "  {:>5} {:>11} {:>11} {:>11} {:>11} {:>11} {:>11} {:>11} {:>7} {:>6} {:>10} {:>12}",
+        "level",
+        "merged",
+        "skipped",
+        "sprites",
+        "points",
+        "in leaves",
+        "particles",
+        "passed on",
+        "nodes",
+        "relays",
+        "average",
+        "bytes"
+    )?;
+    for level in &family.levels {
+        writeln!(
+            text,
+            "  {:>5} {:>11} {:>11} {:>11} {:>11} {:>11} {:>11} {:>11} {:>7} {:>6} {:>10.1} {:>12}",
+            level.depth,
+            level.merged,
+            level.skipped,
+            level.sprites,
+            level.points,
+            level.leaf_particles,
+            level.particles(),
+            level.relayed,
+            level.nodes(),
+            level.relay_nodes,
+            average(level),
+            level.bytes
+        )?;
+    }
+    writeln!(text, "  relative error of vector quantisation, average / maximum:")?;
+    for codebook in &family.codebooks {
+        write!(text, "  {:>9} {:>6} entries", scope(codebook), codebook.len())?;
+        for (name, error) in error_names(family).zip(&codebook.errors) {
+            write!(text, "  {name} {:.2} % / {:.1} %", 100.0 * error.mean, 100.0 * error.max)?;
+        }
+        writeln!(text)?;
+    }
+    Ok(())
+}
+
+fn bytes_per_particle(file: &PageFile) -> f64 {
+    file.bytes() as f64 / file.metadata().particles().max(1) as f64
+}
+
+/// Particles in a node that holds any.
+fn average(level: &LevelInfo) -> f64 {
+    level.particles() as f64 / (level.grid_nodes + level.leaf_nodes).max(1) as f64
+}
+
+fn scope(codebook: &Codebook) -> String {
+    match codebook.scope {
+        CodebookScope::Leaves => "leaves".into(),
+        CodebookScope::Depth(depth) => format!("level {depth}"),
+    }
+}
+
+/// Names in the order of [`Codebook::errors`].
+fn error_names(family: &FamilyMetadata) -> impl Iterator<Item = &str> {
+    family.quantities.iter().chain(&family.attributes).map(|field| field.name.as_str())
+}
