@@ -13,4 +13,5 @@ pub mod modes;
 pub mod raster;
 pub mod store;
 pub mod stream;
+pub mod synth;
 pub mod view;

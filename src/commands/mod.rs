@@ -1,6 +1,7 @@
 //! One file per subcommand: its arguments and what it does with the rooms below.
 
 pub mod arguments;
+pub mod bench;
 pub mod build;
 pub mod cache;
 pub mod demo;
@@ -9,6 +10,7 @@ pub mod modes;
 pub mod page_file_info;
 pub mod progress_bar;
 pub mod render;
+pub mod synth;
 pub mod verify;
 pub mod view;
 
@@ -24,6 +26,8 @@ pub enum Command {
     Build(build::Arguments),
     Info(info::Arguments),
     Verify(verify::Arguments),
+    Synth(synth::Arguments),
+    Bench(bench::Arguments),
     Modes(modes::Arguments),
 }
 
@@ -39,6 +43,8 @@ impl Command {
             Command::Build(arguments) => build::run(arguments),
             Command::Info(arguments) => info::run(arguments),
             Command::Verify(arguments) => verify::run(arguments),
+            Command::Synth(arguments) => synth::run(arguments),
+            Command::Bench(arguments) => bench::run(arguments),
             Command::Modes(arguments) => modes::run(arguments),
         }
     }

@@ -1,0 +1,75 @@
+//! `deepfield bench`: the numbers of docs/results.md, again, on this machine.
+
+pub mod build;
+pub mod splat;
+
+use super::CommandResult;
+use serde::Serialize;
+use std::path::PathBuf;
+use std::time::Duration;
+
+/// Measures drawing or building on generated particles, with the error beside every time.
+#[derive(clap::Args, Debug)]
+#[command(after_help = "Examples:
+  deepfield bench splat
+  deepfield bench build --sizes 1000000 --json build.json")]
+pub struct Arguments {
+    /// What to measure: splat (drawing) or build (import and build).
+    #[arg(value_parser = ["splat", "build"])]
+    pub suite: String,
+    /// Numbers of particles.
+    #[arg(long, value_name = "N,N,...", value_delimiter = ',', default_values_t = [200_000, 1_000_000, 4_000_000],
+          value_parser = clap::value_parser!(u64).range(1..=crate::synth::gadget::MOST))]
+    pub sizes: Vec<u64>,
+    /// Numbers of threads.
+    #[arg(long, value_name = "N,N,...", value_delimiter = ',', default_values_t = [1, 2],
+          value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Vec<u16>,
+    /// Repetitions; the median counts.
+    #[arg(long, value_name = "N", default_value_t = 7, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    pub repeat: u32,
+    /// Width and height of the picture, pixels.
+    #[arg(long, value_name = "PIXELS", default_value_t = 1024, value_parser = clap::value_parser!(u32).range(1..=16384))]
+    pub pixels: u32,
+    /// Seed of the generated particles.
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// Also write the results here; `-` is standard output.
+    #[arg(long, value_name = "OUT")]
+    pub json: Option<PathBuf>,
+}
+
+/// The times of several repetitions, seconds.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Times {
+    /// The middle one.
+    pub median: f64,
+    /// The fastest.
+    pub fastest: f64,
+}
+
+impl Times {
+    /// Median and fastest of some times; zeros for none.
+    pub fn of(mut times: Vec<Duration>) -> Times {
+        times.sort();
+        let seconds = |index: usize| times.get(index).map_or(0.0, Duration::as_secs_f64);
+        Times { median: seconds(times.len() / 2), fastest: seconds(0) }
+    }
+}
+
+/// Runs a suite.
+///
+/// # Errors
+/// When a file cannot be written or a backend fails.
+pub fn run(arguments: &Arguments) -> CommandResult {
+    let text = match arguments.suite.as_str() {
+        "build" => serde_json::to_string_pretty(&build::measure(arguments)?)?,
+        _ => serde_json::to_string_pretty(&splat::measure(arguments)?)?,
+    };
+    match &arguments.json {
+        Some(path) if path.as_os_str() == "-" => println!("{text}"),
+        Some(path) => std::fs::write(path, text).map_err(|error| format!("{}: {error}", path.display()))?,
+        None => {}
+    }
+    Ok(())
+}

@@ -1,0 +1,159 @@
+//! Drawing speed: column density of a whole generated box in an orthographic view, with the error against the exact
+//! area-averaged integral.
+
+use super::{Arguments, Times};
+use crate::model::{Dataset, Kernel};
+use crate::raster::{Accumulation, Extent, Method, Positions, RasterOptions, Splats, draw};
+use crate::synth::{bounds, clusters::Clusters, dataset};
+use crate::view::{Projection, View};
+use glam::DVec3;
+use serde::Serialize;
+use std::time::{Duration, Instant};
+
+/// Error of anything that a contender may say.
+pub type Failure = Box<dyn std::error::Error + Send + Sync>;
+
+/// Something that draws and is measured.
+pub trait Contender {
+    /// Its name in the results: backend, adapter or threads.
+    fn name(&self) -> String;
+
+    /// Draws column density, with the `S` channel or without, and says how long the drawing took, particles in memory
+    /// (or in the adapter's memory) to finished accumulation.
+    fn draw(&mut self, data: &Dataset, view: &View, attribute: bool) -> Result<(Accumulation, Duration), Failure>;
+}
+
+/// One line of the results.
+#[derive(Clone, Debug, Serialize)]
+pub struct Outcome {
+    /// Contender.
+    pub backend: String,
+    /// Number of particles.
+    pub particles: u64,
+    /// `P` or `P and S`.
+    pub channels: &'static str,
+    /// Seconds for one picture.
+    pub seconds: Times,
+    /// Million particles per second, from the median.
+    pub million_per_second: f64,
+    /// Relative L1 error of `P` against the exact picture.
+    pub error_l1: f64,
+    /// Relative L2 error of `P`.
+    pub error_l2: f64,
+    /// Relative deviation of the picture's integral from the exact one's.
+    pub error_sum: f64,
+}
+
+/// The splats of a dataset's column density.
+pub fn splats(data: &Dataset, attribute: bool) -> Result<Vec<Splats<'_>>, Failure> {
+    data.families
+        .iter()
+        .map(|family| {
+            let values = family.attributes.first().map(|attribute| attribute.values.as_slice());
+            let extent = Extent::World(&family.smoothing_length);
+            Ok(Splats::new(Positions::World(&family.positions), extent, &family.mass, values.filter(|_| attribute))?)
+        })
+        .collect()
+}
+
+/// The CPU renderer on a number of threads.
+struct Cpu {
+    threads: u16,
+    pool: rayon::ThreadPool,
+    method: Method,
+}
+
+impl Cpu {
+    fn new(threads: u16, method: Method) -> Result<Cpu, Failure> {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(usize::from(threads)).build()?;
+        Ok(Cpu { threads, pool, method })
+    }
+}
+
+impl Contender for Cpu {
+    fn name(&self) -> String {
+        format!("cpu, {} thread{}", self.threads, if self.threads == 1 { "" } else { "s" })
+    }
+
+    fn draw(&mut self, data: &Dataset, view: &View, attribute: bool) -> Result<(Accumulation, Duration), Failure> {
+        let batches = splats(data, attribute)?;
+        let options = RasterOptions { method: self.method, kernel: Kernel::CubicSpline };
+        Ok(self.pool.install(|| {
+            let start = Instant::now();
+            let picture = draw(view, &batches, &options);
+            (picture, start.elapsed())
+        }))
+    }
+}
+
+/// Everything that is measured; backends on an adapter add themselves here.
+fn contenders(threads: &[u16]) -> Result<Vec<Box<dyn Contender>>, Failure> {
+    let mut all: Vec<Box<dyn Contender>> = Vec::new();
+    for &threads in threads {
+        all.push(Box::new(Cpu::new(threads, Method::Pyramid)?));
+    }
+    Ok(all)
+}
+
+/// Measures all contenders on all sizes and prints a table to standard error.
+///
+/// # Errors
+/// When a contender fails.
+pub fn measure(arguments: &Arguments) -> Result<Vec<Outcome>, Failure> {
+    let mut outcomes = Vec::new();
+    let mut contenders = contenders(&arguments.threads)?;
+    let available = std::thread::available_parallelism().map_or(1, |n| n.get() as u16);
+    eprintln!(
+        "{:>10}  {:24} {:8} {:>9} {:>9} {:>7}  {:>8} {:>8} {:>8}",
+        "particles", "backend", "channels", "median s", "fastest s", "M/s", "L1", "L2", "sum"
+    );
+    for &particles in &arguments.sizes {
+        let generator = Clusters::new(arguments.seed, particles);
+        let data = dataset(&generator);
+        let bounds = bounds(&generator);
+        let eye = bounds.center() + DVec3::Z * bounds.size().z;
+        let projection = Projection::Orthographic { height: bounds.size().y };
+        let view = View::look_at(eye, bounds.center(), DVec3::Y, projection, arguments.pixels, arguments.pixels)?;
+        let (exact, _) = Cpu::new(available, Method::Exact)?.draw(&data, &view, false)?;
+        for contender in &mut contenders {
+            for attribute in [false, true] {
+                let mut times = Vec::new();
+                let mut picture = Accumulation::default();
+                // The first run pays for tables and pages of memory.
+                for repetition in 0..=arguments.repeat {
+                    let (drawn, time) = contender.draw(&data, &view, attribute)?;
+                    picture = drawn;
+                    if repetition > 0 {
+                        times.push(time);
+                    }
+                }
+                let seconds = Times::of(times);
+                let (error_l1, error_l2) = picture.error_against(&exact);
+                let outcome = Outcome {
+                    backend: contender.name(),
+                    particles,
+                    channels: if attribute { "P and S" } else { "P" },
+                    seconds,
+                    million_per_second: particles as f64 / seconds.median / 1e6,
+                    error_l1,
+                    error_l2,
+                    error_sum: picture.sum() / exact.sum() - 1.0,
+                };
+                eprintln!(
+                    "{:>10}  {:24} {:8} {:>9.4} {:>9.4} {:>7.2}  {:>8.1e} {:>8.1e} {:>8.1e}",
+                    outcome.particles,
+                    outcome.backend,
+                    outcome.channels,
+                    outcome.seconds.median,
+                    outcome.seconds.fastest,
+                    outcome.million_per_second,
+                    outcome.error_l1,
+                    outcome.error_l2,
+                    outcome.error_sum
+                );
+                outcomes.push(outcome);
+            }
+        }
+    }
+    Ok(outcomes)
+}
