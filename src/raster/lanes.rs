@@ -47,7 +47,13 @@ struct Coefficients<S: Simd>([S::f32s; TERMS]);
 impl<S: Simd> Coefficients<S> {
     #[inline(always)]
     fn new(simd: S, profile: &Profile) -> Coefficients<S> {
-        Coefficients(profile.map(|c| simd.splat_f32s(c)))
+        // Loops instead of closures here and below: a closure that is not inlined is compiled without the wide
+        // instructions, which makes every operation a call.
+        let mut constants = [simd.splat_f32s(0.0); TERMS];
+        for (constant, &coefficient) in constants.iter_mut().zip(profile) {
+            *constant = simd.splat_f32s(coefficient);
+        }
+        Coefficients(constants)
     }
 
     /// The profile at `t = 1 - z`; zero for `t <= 0`.
@@ -139,11 +145,12 @@ fn circle_rows<S: Simd, const N: usize>(
 ) {
     let scale = 1.0 / (circle.radius * circle.radius);
     let lanes = centers(simd);
-    let squares: [S::f32s; N] = std::array::from_fn(|k| {
+    let mut squares = [lanes; N];
+    for (k, square) in squares.iter_mut().enumerate() {
         let offset = (left + k * S::F32_LANES) as f32 - circle.x;
         let x = simd.add_f32s(lanes, simd.splat_f32s(offset));
-        simd.mul_f32s(simd.mul_f32s(x, x), simd.splat_f32s(scale))
-    });
+        *square = simd.mul_f32s(simd.mul_f32s(x, x), simd.splat_f32s(scale));
+    }
     let amplitude = simd.splat_f32s(circle.amplitude);
     let amplitude_s = simd.splat_f32s(circle.amplitude_s);
     let width = N * S::F32_LANES;
@@ -151,7 +158,10 @@ fn circle_rows<S: Simd, const N: usize>(
         let y = j as f32 + 0.5 - circle.y;
         let height = simd.splat_f32s(1.0 - y * y * scale);
         let start = j * canvas.stride + left;
-        let values: [S::f32s; N] = std::array::from_fn(|k| coefficients.at(simd, simd.sub_f32s(height, squares[k])));
+        let mut values = squares;
+        for value in &mut values {
+            *value = coefficients.at(simd, simd.sub_f32s(height, *value));
+        }
         accumulate(simd, &mut canvas.p[start..start + width], amplitude, &values);
         if !canvas.ps.is_empty() {
             accumulate(simd, &mut canvas.ps[start..start + width], amplitude_s, &values);
@@ -180,18 +190,17 @@ pub fn perspective_row<S: Simd>(
     out: &mut [f32],
 ) {
     let coefficients = Coefficients::new(simd, profile);
-    let splat = |value: f64| simd.splat_f32s(value as f32);
     // Along the row in units of the numerator's root and of the ray's slope.
     let root = row.curvature.sqrt();
-    let (along_step, along_start) = (splat(step * root), (x - row.middle) * root);
-    let (slope_step, slope_start) = (splat(step * ray[1]), (x - ray[0]) * ray[1]);
-    let (offset, depth) = (splat(row.offset), splat(row.depth));
+    let (along_step, along_start) = (simd.splat_f32s((step * root) as f32), (x - row.middle) * root);
+    let (slope_step, slope_start) = (simd.splat_f32s((step * ray[1]) as f32), (x - ray[0]) * ray[1]);
+    let (offset, depth) = (simd.splat_f32s((row.offset) as f32), simd.splat_f32s((row.depth) as f32));
     let lanes = centers(simd);
     let (vectors, _) = S::as_mut_simd_f32s(out);
     for (k, out) in vectors.iter_mut().enumerate() {
         let cell = (k * S::F32_LANES) as f64;
-        let along = simd.mul_add_e_f32s(lanes, along_step, splat(along_start + cell * step * root));
-        let slope = simd.mul_add_e_f32s(lanes, slope_step, splat(slope_start + cell * step * ray[1]));
+        let along = simd.mul_add_e_f32s(lanes, along_step, simd.splat_f32s((along_start + cell * step * root) as f32));
+        let slope = simd.mul_add_e_f32s(lanes, slope_step, simd.splat_f32s((slope_start + cell * step * ray[1]) as f32));
         let numerator = simd.mul_add_e_f32s(along, along, offset);
         let denominator = simd.mul_add_e_f32s(slope, slope, depth);
         let square = simd.div_f32s(numerator, denominator);

@@ -6,7 +6,7 @@ use super::{CHUNK, Chunk, Generator};
 use std::f64::consts::PI;
 
 /// Share of the particles in the background.
-const BACKGROUND: f64 = 0.1;
+const BACKGROUND: f64 = 0.055;
 /// Share of the particles in filaments.
 const FILAMENTS: f64 = 0.25;
 /// Number of haloes; each but the heaviest has a filament to a heavier neighbour.
@@ -66,7 +66,7 @@ impl Clusters {
                 _ => [random.uniform(), random.uniform(), random.uniform()],
             };
             let share = (1.0 - BACKGROUND - FILAMENTS) * mass / total;
-            let contrast = 3e3 * (0.3 + 3.0 * random.uniform());
+            let contrast = 5e3 * (0.3 + 3.0 * random.uniform());
             haloes.push(Halo { center, share, scale: cbrt(3.0 * share / (4.0 * PI * contrast)) });
         }
         let mut filaments: Vec<Filament> = (1..HALOES)
