@@ -200,7 +200,8 @@ pub fn perspective_row<S: Simd>(
     for (k, out) in vectors.iter_mut().enumerate() {
         let cell = (k * S::F32_LANES) as f64;
         let along = simd.mul_add_e_f32s(lanes, along_step, simd.splat_f32s((along_start + cell * step * root) as f32));
-        let slope = simd.mul_add_e_f32s(lanes, slope_step, simd.splat_f32s((slope_start + cell * step * ray[1]) as f32));
+        let slope =
+            simd.mul_add_e_f32s(lanes, slope_step, simd.splat_f32s((slope_start + cell * step * ray[1]) as f32));
         let numerator = simd.mul_add_e_f32s(along, along, offset);
         let denominator = simd.mul_add_e_f32s(slope, slope, depth);
         let square = simd.div_f32s(numerator, denominator);

@@ -201,7 +201,7 @@ mod tests {
         assert_eq!(hash, KNOWN_HASH);
     }
 
-    const KNOWN_HASH: u64 = 0;
+    const KNOWN_HASH: u64 = 16_704_057_948_222_917_571;
 
     #[test]
     fn footprints_are_those_of_a_simulation() {
