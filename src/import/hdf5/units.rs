@@ -14,6 +14,8 @@ pub(super) struct System {
     pub length: Option<f64>,
     /// Centimetre per second.
     pub velocity: Option<f64>,
+    /// Second, where the velocity follows from it.
+    pub time: Option<f64>,
     /// Power of `a` and `h` of a length where data sets do not say.
     pub comoving: (f64, f64),
 }
@@ -26,8 +28,8 @@ impl System {
         self.length =
             self.length.or_else(|| first(&["UnitLength_in_cm", "UnitLength_In_CGS", "Unit length in cgs (U_L)"]));
         let velocity = first(&["UnitVelocity_in_cm_per_s", "UnitVelocity_In_CGS"]);
-        let time = first(&["Unit time in cgs (U_t)"]);
-        self.velocity = self.velocity.or(velocity).or_else(|| Some(self.length? / time?));
+        self.time = self.time.or_else(|| first(&["Unit time in cgs (U_t)"]));
+        self.velocity = self.velocity.or(velocity).or_else(|| Some(self.length? / self.time?));
     }
 
     /// Forgets units of 1 cm, 1 g and 1 cm/s in a simulation that sets its own constant of gravity: its numbers have no
@@ -41,7 +43,7 @@ impl System {
     /// needs is not known.
     fn unit(&self, powers: [f64; 3], kelvin: f64, a: f64, h: f64) -> Unit {
         let mut factors = Vec::new();
-        let bases = [self.mass.map(mass_name), self.length.map(length_name), self.velocity.map(velocity_name)];
+        let bases = [self.mass.map(mass_name), self.length.map(length_name), self.velocity_name()];
         for (base, power) in bases.into_iter().zip(powers) {
             match base {
                 Some(base) if power != 0.0 => factors.push((base, power)),
@@ -60,6 +62,14 @@ impl System {
             text.push_str(&factor(name, -power));
         }
         Unit::new(if text == "1" { "" } else { &text })
+    }
+
+    /// `km/s`, or length by time for velocities that have no name of their own.
+    fn velocity_name(&self) -> Option<String> {
+        let value = self.velocity?;
+        let named = [(1.0, "cm/s"), (100.0, "m/s"), (1e5, "km/s")].into_iter().find(|(unit, _)| close(value, *unit));
+        let by_time = || Some(format!("{}/{}", length_name(self.length?), time_name(self.time?)));
+        named.map(|(_, name)| name.to_string()).or_else(by_time).or_else(|| Some(format!("{value:e} cm/s")))
     }
 
     /// The unit of a data set: what its own attributes say (Gadget-4, AREPO, SWIFT, EAGLE), else what the quantity is
@@ -126,7 +136,8 @@ fn mass_name(gram: f64) -> String {
     named.or_else(|| decade(gram, 1.988_5e33, "Msun")).unwrap_or_else(|| format!("{gram:e} g"))
 }
 
-fn velocity_name(cm_per_s: f64) -> String {
-    let named = [(1.0, "cm/s"), (100.0, "m/s"), (1e5, "km/s")].into_iter().find(|(unit, _)| close(cm_per_s, *unit));
-    named.map_or_else(|| format!("{cm_per_s:e} cm/s"), |(_, name)| name.to_string())
+fn time_name(second: f64) -> String {
+    let named = [(1.0, "s"), (3.155_76e7, "yr"), (3.155_76e13, "Myr"), (3.155_76e16, "Gyr")];
+    let named = named.into_iter().find(|(unit, _)| close(second, *unit));
+    named.map_or_else(|| format!("({second:e} s)"), |(_, name)| name.to_string())
 }

@@ -1,0 +1,112 @@
+#!/usr/bin/env python3
+"""Writes the small HDF5 snapshots of this folder: python3 make_snapshots.py (needs numpy, h5py and swiftsimio 12).
+
+Each follows the layout that the code of its name documents; the values are random with a fixed seed.
+"""
+import h5py
+import numpy as np
+import swiftsimio
+import unyt
+
+RNG = np.random.default_rng(7)
+COUNT = 96
+
+
+def swift():
+    """A SWIFT initial state of gas and stars by swiftsimio's own writer, compressed, with a kernel named as SWIFT does."""
+    units = unyt.UnitSystem("swift", "Mpc", 1e10 * unyt.Msun, 1e9 * unyt.yr)
+    box = swiftsimio.cosmo_array([10.0, 10.0, 10.0], "Mpc", comoving=True, scale_factor=0.5, scale_exponent=1)
+    writer = swiftsimio.Writer(unit_system=units, boxsize=box, scale_factor=0.5, compress=True)
+
+    def array(values, unit, exponent):
+        return swiftsimio.cosmo_array(values, unit, comoving=True, scale_factor=0.5, scale_exponent=exponent)
+
+    for family in (writer.gas, writer.stars):
+        family.coordinates = array(RNG.uniform(0, 10, (COUNT, 3)), "Mpc", 1)
+        family.velocities = array(RNG.normal(0, 100, (COUNT, 3)), "km/s", 0)
+        family.masses = array(RNG.uniform(1, 2, COUNT), 1e10 * unyt.Msun, 0)
+        family.smoothing_lengths = array(np.full(COUNT, 0.5), "Mpc", 1)
+    writer.gas.internal_energy = array(RNG.uniform(1e4, 2e4, COUNT), "km**2/s**2", -2)
+    writer.write("swift.hdf5")
+    with h5py.File("swift.hdf5", "a") as file:
+        file.create_group("Code").attrs["Code"] = np.bytes_("SWIFT")
+        file.create_group("HydroScheme").attrs["Kernel function"] = np.bytes_("Wendland C2")
+
+
+def header(file, counts, totals, files, table, **more):
+    group = file.create_group("Header")
+    group.attrs["NumPart_ThisFile"] = np.array(counts, np.int32)
+    group.attrs["NumPart_Total"] = np.array(totals, np.uint32)
+    group.attrs["NumPart_Total_HighWord"] = np.zeros(6, np.uint32)
+    group.attrs["MassTable"] = np.array(table, np.float64)
+    group.attrs["NumFilesPerSnapshot"] = np.int32(files)
+    for name, value in more.items():
+        group.attrs[name] = value
+
+
+def arepo():
+    """An AREPO snapshot in two files, gas in both, dark matter with a mass of the table in the second one only."""
+    for number, (gas, dark) in enumerate([(40, 0), (24, 16)]):
+        with h5py.File(f"arepo.{number}.hdf5", "w") as file:
+            header(file, [gas, dark, 0, 0, 0, 0], [64, 16, 0, 0, 0, 0], 2, [0, 0.25, 0, 0, 0, 0], Time=0.5, Redshift=1.0,
+                   BoxSize=10.0, HubbleParam=0.7, UnitLength_in_cm=3.085678e21, UnitMass_in_g=1.989e43,
+                   UnitVelocity_in_cm_per_s=1e5)
+            for kind, count in ((0, gas), (1, dark)):
+                if count == 0:
+                    continue
+                group = file.create_group(f"PartType{kind}")
+                first = 1000 * number
+                position = group.create_dataset("Coordinates", data=np.arange(first, first + 3 * count).reshape(-1, 3) / 7.0)
+                scaling = dict(a_scaling=1.0, h_scaling=-1.0, length_scaling=1.0, mass_scaling=0.0, velocity_scaling=0.0)
+                position.attrs.update(scaling, to_cgs=3.085678e21)
+                group["ParticleIDs"] = np.arange(first, first + count, dtype=np.uint64)
+                group["Velocities"] = RNG.normal(0, 100, (count, 3)).astype(np.float32)
+                if kind == 0:
+                    group["Masses"] = np.arange(1, count + 1, dtype=np.float32)
+                    group["Density"] = RNG.uniform(1, 2, count).astype(np.float32)
+                    group["InternalEnergy"] = RNG.uniform(1, 2, count).astype(np.float32)
+                    group["GFM_Metallicity"] = RNG.uniform(0, 0.02, count).astype(np.float32)
+
+
+def eagle():
+    """An EAGLE snapshot: units in a group of their own, exponents of a and h at every data set, big-endian numbers."""
+    with h5py.File("eagle.hdf5", "w") as file:
+        header(file, [COUNT, 0, 0, 0, 0, 0], [COUNT, 0, 0, 0, 0, 0], 1, [0] * 6, Time=1.0, Redshift=0.0, BoxSize=10.0,
+               HubbleParam=0.6777, ExpansionFactor=1.0)
+        file.create_group("Units").attrs.update(UnitLength_in_cm=3.085678e24, UnitMass_in_g=1.989e43,
+                                                UnitVelocity_in_cm_per_s=1e5)
+        group = file.create_group("PartType0")
+        fields = {"Coordinates": ((COUNT, 3), 1.0, -1.0), "Velocity": ((COUNT, 3), 0.5, 0.0), "Mass": (COUNT, 0.0, -1.0),
+                  "SmoothingLength": (COUNT, 1.0, -1.0), "Density": (COUNT, -3.0, 2.0), "Temperature": (COUNT, 0.0, 0.0),
+                  "Metallicity": (COUNT, 0.0, 0.0)}
+        for name, (shape, a, h) in fields.items():
+            data = group.create_dataset(name, data=RNG.uniform(1, 2, shape).astype(">f4"), chunks=True,
+                                        compression="gzip", shuffle=True, fletcher32=True)
+            data.attrs.update({"aexp-scale-exponent": a, "h-scale-exponent": h, "CGSConversionFactor": 1.0})
+        group["ParticleIDs"] = np.arange(COUNT, dtype=np.uint64) + (1 << 40)
+
+
+def gizmo():
+    """A GIZMO snapshot in the newest file format (libver latest), with an array of metallicities."""
+    with h5py.File("gizmo.hdf5", "w", libver="latest") as file:
+        header(file, [COUNT, 0, 0, 0, 8, 4], [COUNT, 0, 0, 0, 8, 4], 1, [0] * 6, Time=1.0, Redshift=0.0, BoxSize=60000.0,
+               HubbleParam=0.7, ComovingIntegrationOn=1, UnitLength_In_CGS=3.085678e21, UnitMass_In_CGS=1.989e43,
+               UnitVelocity_In_CGS=1e5)
+        for kind, count in ((0, COUNT), (4, 8), (5, 4)):
+            group = file.create_group(f"PartType{kind}")
+            group.create_dataset("Coordinates", data=RNG.uniform(0, 10, (count, 3)), chunks=(min(count, 7), 3),
+                                 maxshape=(None, 3), compression="gzip")
+            group["Velocities"] = RNG.normal(0, 100, (count, 3))
+            group["Masses"] = RNG.uniform(1, 2, count)
+            group["ParticleIDs"] = np.arange(count, dtype=np.uint32)
+            if kind == 0:
+                group["SmoothingLength"] = RNG.uniform(1, 2, count)
+                group["Density"] = RNG.uniform(1, 2, count)
+                group["InternalEnergy"] = RNG.uniform(1, 2, count)
+                group["Metallicity"] = RNG.uniform(0, 0.02, (count, 11))
+
+
+swift()
+arepo()
+eagle()
+gizmo()
