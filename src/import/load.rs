@@ -4,7 +4,7 @@ use super::attributes;
 use super::check::{CHUNK_LENGTH, Flaws, LeftOut, chunks};
 use super::neighbours::Neighbours;
 use super::{Description, FamilyInfo, FieldKind, ImportError, Source};
-use crate::model::{Attribute, Dataset, Family, FamilyName, Kernel, Progress, Provenance};
+use crate::model::{Attribute, Dataset, Family, FamilyName, Progress, Provenance};
 use rayon::prelude::*;
 use std::path::Path;
 
@@ -285,20 +285,8 @@ fn complete(
     progress.begin(&format!("neighbours of {name}"), positions.len() as u64);
     let tree = Neighbours::of(positions);
     let estimates = tree.map_or_else(Vec::new, |tree| tree.estimate(neighbours, mass, progress));
-    // Particles that share one place with all their neighbours take the smallest length that another one has.
-    let smallest = estimates.iter().map(|e| e.smoothing_length).filter(|h| *h > 0.0).fold(f64::INFINITY, f64::min);
-    let smallest = if smallest.is_finite() { smallest } else { 1.0 };
-    let (lengths, sums): (Vec<f32>, Vec<f32>) = estimates
-        .iter()
-        .zip(mass)
-        .map(|(estimate, mass)| match estimate.smoothing_length {
-            h if h > 0.0 => (positive(h), positive(estimate.density)),
-            _ => {
-                let center = Kernel::CubicSpline.value(0.0) * *mass as f64 * (neighbours + 1) as f64;
-                (positive(smallest), positive(center / smallest.powi(3)))
-            }
-        })
-        .unzip();
+    let lengths = estimates.iter().map(|estimate| positive(estimate.smoothing_length)).collect();
+    let sums = estimates.iter().map(|estimate| positive(estimate.density)).collect();
     (lengths, stated(density, sums))
 }
 

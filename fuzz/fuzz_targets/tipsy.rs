@@ -1,0 +1,4 @@
+//! Tipsy.
+#![no_main]
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| deepfield_fuzz::import("Tipsy", bytes));
