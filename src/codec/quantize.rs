@@ -152,22 +152,50 @@ fn parts<'a, 'b>(batches: &'a [Quantities<'b>]) -> Vec<&'a [Quantities<'b>]> {
     parts
 }
 
-/// At most `len` vectors, evenly spread over all particles that count.
+/// About `len` vectors for training (all of them if there are no more). Half of the sample is spread evenly over the
+/// particles, half over their shares of `sum m` and `sum m rho`: what dominates the picture gets its codes even if it is
+/// rare. Without that, one bright outlier can end in a cluster of faint particles, whose mean it then is.
 fn sample<const L: usize>(batches: &[Quantities], scaling: &Scaling, len: usize) -> Vec<[f32; L]> {
     let total: usize = batches.iter().map(Quantities::len).sum();
-    let stride = total.div_ceil(len).max(1);
-    let mut sample = Vec::with_capacity(total.min(len));
-    let mut next = 0;
-    for batch in batches {
-        while next < batch.len() {
-            if batch.counts(next) {
-                sample.push(scaling.vector(batch, next));
-            }
-            next += stride;
-        }
-        next -= batch.len();
-    }
-    sample
+    let everything = total <= len;
+    let shares = |batch: &Quantities, i: usize| {
+        let mass = f64::from(batch.mass[i]);
+        [mass, mass * f64::from(batch.density[i])]
+    };
+    let add = |a: [f64; 2], b: [f64; 2]| [a[0] + b[0], a[1] + b[1]];
+    let sums: Vec<[f64; 2]> =
+        batches.par_iter().map(|batch| (0..batch.len()).map(|i| shares(batch, i)).fold([0.0; 2], add)).collect();
+    let by_count = 0.5 * len as f64 / total.max(1) as f64;
+    let by_share = sums
+        .iter()
+        .copied()
+        .fold([0.0; 2], add)
+        .map(|all| if all > 0.0 && all.is_finite() { 0.25 * len as f64 / all } else { 0.0 });
+    let weight = |[mass, presence]: [f64; 2]| mass * by_share[0] + presence * by_share[1];
+    // Where each batch starts in the running sum that decides which particles are taken.
+    let starts: Vec<f64> = batches
+        .iter()
+        .zip(&sums)
+        .scan(0.0, |at, (batch, &sum)| {
+            let start = *at;
+            *at += batch.len() as f64 * by_count + weight(sum);
+            Some(start)
+        })
+        .collect();
+    let parts: Vec<Vec<[f32; L]>> = batches
+        .par_iter()
+        .zip(starts)
+        .map(|(batch, start)| {
+            let mut at = start;
+            let taken = (0..batch.len()).filter(|&i| {
+                let before = at.floor();
+                at += by_count + weight(shares(batch, i));
+                batch.counts(i) && (everything || at.floor() > before)
+            });
+            taken.map(|i| scaling.vector(batch, i)).collect()
+        })
+        .collect();
+    parts.concat()
 }
 
 /// For each code: number of particles, then sums of `m`, `m rho`, `m / h^2`, weights, and weighted attributes.

@@ -13,7 +13,15 @@ const CODE: u32 = 1 << 31;
 pub struct Quantizer<const L: usize> {
     planes: Vec<Plane<L>>,
     words: Vec<[f32; L]>,
-    neighbours: Vec<[u32; NEIGHBOURS]>,
+    neighbours: Vec<[Neighbour; NEIGHBOURS]>,
+}
+
+/// A code word near another one, and a quarter of their squared distance: a vector nearer to the one than half their
+/// distance cannot be nearer to the other.
+#[derive(Clone, Copy)]
+struct Neighbour {
+    code: u32,
+    quarter: f32,
 }
 
 /// When LBG stops (F12 3.4).
@@ -36,6 +44,7 @@ impl<const L: usize> Quantizer<L> {
         for _ in 0..limits.k_max {
             let (distortion, means) = quantizer.assign_sample(sample);
             quantizer.words = means;
+            quantizer.measure_neighbours();
             if distortion == 0.0 || (previous - distortion) / distortion < limits.epsilon {
                 break;
             }
@@ -62,10 +71,12 @@ impl<const L: usize> Quantizer<L> {
         let mut best = distance(vector, &self.words[code as usize]);
         for _ in 0..LONGEST_WALK {
             let from = code;
-            for &neighbour in &self.neighbours[from as usize] {
-                let d = distance(vector, &self.words[neighbour as usize]);
+            let own = best;
+            // Nearest first, so that the first one out of reach ends the search.
+            for neighbour in self.neighbours[from as usize].iter().take_while(|neighbour| neighbour.quarter < own) {
+                let d = distance(vector, &self.words[neighbour.code as usize]);
                 if d < best {
-                    (best, code) = (d, neighbour);
+                    (best, code) = (d, neighbour.code);
                 }
             }
             if code == from {
@@ -139,10 +150,21 @@ impl<const L: usize> Quantizer<L> {
                 if !this.planes.is_empty() {
                     this.search(0, own, &mut nearest);
                 }
-                nearest.map(|(_, code)| code)
+                nearest.map(|(distance, code)| Neighbour { code, quarter: 0.25 * distance })
             })
             .collect();
         self.neighbours = found;
+    }
+
+    /// Measures the distances to the neighbours again after the words have moved, and sorts them.
+    fn measure_neighbours(&mut self) {
+        let words = &self.words;
+        for (own, neighbours) in self.neighbours.iter_mut().enumerate() {
+            for neighbour in neighbours.iter_mut().filter(|neighbour| neighbour.code as usize != own) {
+                neighbour.quarter = 0.25 * distance(&words[own], &words[neighbour.code as usize]);
+            }
+            neighbours.sort_by(|a, b| a.quarter.total_cmp(&b.quarter));
+        }
     }
 
     fn search(&self, at: u32, own: u32, nearest: &mut [(f32, u32); NEIGHBOURS]) {
