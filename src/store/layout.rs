@@ -254,3 +254,119 @@ fn u64_at(bytes: &[u8], at: usize) -> u64 {
 fn f64_at(bytes: &[u8], at: usize) -> f64 {
     f64::from_bits(u64_at(bytes, at))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SPECIFICATION: &str = include_str!("../../docs/page-file.md");
+
+    /// Offset, size and name of each row of the table below a heading of the specification.
+    fn table(heading: &str) -> Vec<(usize, usize, String)> {
+        let size = |kind: &str| -> usize {
+            let (scalar, count) = kind.trim_end_matches(']').split_once('[').unwrap_or((kind, "1"));
+            let bits: usize = scalar[1..].parse().unwrap();
+            bits / 8 * count.parse::<usize>().unwrap()
+        };
+        let section = SPECIFICATION.split_once(&format!("# {heading}\n")).unwrap().1;
+        section
+            .lines()
+            .skip_while(|line| !line.starts_with('|'))
+            .take_while(|line| line.starts_with('|'))
+            .skip(2)
+            .map(|line| {
+                let cells: Vec<&str> = line.trim_matches('|').splitn(3, '|').map(str::trim).collect();
+                let name = cells[2].split(':').next().unwrap().to_owned();
+                (cells[0].parse().unwrap(), size(cells[1]), name)
+            })
+            .collect()
+    }
+
+    /// The bytes of each field by name, after checking that the fields follow one another and fill `bytes`.
+    fn fields<'a>(heading: &str, bytes: &'a [u8]) -> impl Fn(&str) -> &'a [u8] {
+        let table = table(heading);
+        let end = table.iter().fold(0, |end, (offset, size, name)| {
+            assert_eq!(*offset, end, "{heading}: {name}");
+            end + size
+        });
+        assert_eq!(end, bytes.len(), "{heading}");
+        move |name| {
+            let (offset, size, _) = table.iter().find(|(_, _, field)| field == name).unwrap();
+            &bytes[*offset..offset + size]
+        }
+    }
+
+    #[test]
+    fn header_and_page_table_are_as_specified() {
+        let header =
+            Header { file_len: 11 << 40, footer_offset: 22 << 40, footer_len: 33 << 40, footer_crc: 44, pages: 55 };
+        let bytes = header.encode();
+        let field = fields("Header", &bytes);
+        assert_eq!(field("magic"), MAGIC);
+        assert_eq!(field("version"), VERSION.to_le_bytes());
+        assert_eq!(field("alignment"), (ALIGNMENT as u32).to_le_bytes());
+        assert_eq!(field("file_len"), (11_u64 << 40).to_le_bytes());
+        assert_eq!(field("footer_offset"), (22_u64 << 40).to_le_bytes());
+        assert_eq!(field("footer_len"), (33_u64 << 40).to_le_bytes());
+        assert_eq!(field("footer_crc"), 44_u32.to_le_bytes());
+        assert_eq!(field("pages"), 55_u32.to_le_bytes());
+        assert_eq!(field("header_crc"), crc32c::crc32c(&bytes[..60]).to_le_bytes());
+
+        let entry = PageEntry { offset: 1 << 50, len: 2, nodes: 3, family: 4, crc: 5 };
+        let bytes = entry.encode();
+        assert_eq!(PageEntry::decode(&bytes), entry);
+        let field = fields("Page table", &bytes);
+        assert_eq!(field("offset"), (1_u64 << 50).to_le_bytes());
+        for (name, value) in [("len", 2_u32), ("nodes", 3), ("family", 4), ("crc", 5)] {
+            assert_eq!(field(name), value.to_le_bytes());
+        }
+
+        let bytes = encode_page_header(PageId(6), 7, 8, 9);
+        let field = fields("Page header", &bytes);
+        assert_eq!(field("magic"), PAGE_MAGIC);
+        for (name, value) in [("page", 6_u32), ("family", 7), ("nodes", 8), ("len", 9)] {
+            assert_eq!(field(name), value.to_le_bytes());
+        }
+    }
+
+    #[test]
+    fn node_records_are_as_specified() {
+        let child = NodeRef { page: PageId(77), node: 88 };
+        let node = Node {
+            key: NodeKey { depth: 3, x: 4, y: 5, z: 6 },
+            encoding: Encoding::Leaf,
+            codebook: 513,
+            particles: 7,
+            points: 8,
+            source_particles: 9 << 40,
+            delta: 0.5,
+            bounds: Bounds { min: DVec3::new(1.0, 2.0, 3.0), max: DVec3::new(4.0, 5.0, 6.0) },
+            smoothing_length_max: 7.5,
+            mass: 8.5,
+            mass_density: 9.5,
+            mass_scale: 10.5,
+            mass_density_scale: 11.5,
+            children: [None, Some(child), None, None, None, None, None, None],
+        };
+        let record = NodeRecord { node, positions: 12, codes: 13 };
+        let bytes = record.encode();
+        assert_eq!(NodeRecord::decode(&bytes, || "here".into()), Ok(record));
+        let field = fields("Node record", &bytes);
+        assert_eq!((field("depth"), field("encoding"), field("codebook")), (&[3][..], &[2][..], &[1, 2][..]));
+        assert_eq!(field("cell"), [4_u32, 5, 6].map(u32::to_le_bytes).concat());
+        for (name, value) in [("particles", 7_u32), ("points", 8), ("positions", 12), ("codes", 13)] {
+            assert_eq!(field(name), value.to_le_bytes());
+        }
+        assert_eq!(field("source_particles"), (9_u64 << 40).to_le_bytes());
+        for (name, value) in [("delta", 0.5_f64), ("mass", 8.5), ("mass_density", 9.5)] {
+            assert_eq!(field(name), value.to_le_bytes());
+        }
+        assert_eq!(field("bounds_min"), [1.0_f64, 2.0, 3.0].map(f64::to_le_bytes).concat());
+        assert_eq!(field("bounds_max"), [4.0_f64, 5.0, 6.0].map(f64::to_le_bytes).concat());
+        for (name, value) in [("smoothing_length_max", 7.5_f32), ("mass_scale", 10.5), ("mass_density_scale", 11.5)] {
+            assert_eq!(field(name), value.to_le_bytes());
+        }
+        assert_eq!(field("children")[8..16], [77_u32, 88].map(u32::to_le_bytes).concat());
+        assert_eq!(field("children")[..4], NO_PAGE.to_le_bytes());
+    }
+}

@@ -60,3 +60,48 @@ fn presences(block: &Block) -> impl Iterator<Item = f64> + '_ {
 fn bin(share: f32) -> usize {
     (share.to_bits() >> 20) as usize & (BINS - 1)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::sorted::Columns;
+    use super::*;
+    use proptest::prelude::*;
+
+    fn block(particles: &[(f32, f32)]) -> Block {
+        let columns = Columns {
+            mass: particles.iter().map(|p| p.0).collect(),
+            density: particles.iter().map(|p| p.1).collect(),
+            ..Columns::default()
+        };
+        Block { keys: vec![0; particles.len()], columns, ..Block::default() }
+    }
+
+    proptest! {
+        #[test]
+        fn the_faintest_go_and_the_budget_holds(
+            particles in prop::collection::vec((-20.0..5.0_f32, -20.0..5.0_f32), 1..400),
+            budget in 1e-5..0.2_f64,
+        ) {
+            let particles: Vec<(f32, f32)> = particles.iter().map(|p| (p.0.exp2(), p.1.exp2())).collect();
+            let mut blocks = [block(&particles[..particles.len() / 2]), block(&particles[particles.len() / 2..])];
+            thin(&mut blocks, budget);
+            let skipped: Vec<bool> =
+                blocks.iter().flat_map(|block| (0..block.len()).map(|i| block.is_skipped(i))).collect();
+            let presence = |p: &(f32, f32)| f64::from(p.0) * f64::from(p.1);
+            for value in [&|p: &(f32, f32)| f64::from(p.0), &presence as &dyn Fn(&(f32, f32)) -> f64] {
+                let all: f64 = particles.iter().map(value).sum();
+                let lost: f64 = particles.iter().zip(&skipped).filter(|(_, skipped)| **skipped).map(|(p, _)| value(p)).sum();
+                prop_assert!(lost <= budget * all * (1.0 + 1e-9));
+            }
+        }
+    }
+
+    #[test]
+    fn much_fainter_particles_are_left_out() {
+        let particles: Vec<(f32, f32)> = (0..100).map(|i| if i % 2 == 0 { (1.0, 1.0) } else { (1e-7, 1.0) }).collect();
+        let mut blocks = [block(&particles)];
+        thin(&mut blocks, 5e-4);
+        assert!((0..100).all(|i| blocks[0].is_skipped(i) == (i % 2 == 1)));
+        thin(&mut [block(&[])], 5e-4);
+    }
+}
