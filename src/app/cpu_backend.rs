@@ -60,12 +60,22 @@ pub struct CpuPicture {
     /// Time that the full picture takes, milliseconds, as far as is known.
     full_ms: f64,
     moved: Option<(u64, Instant)>,
+    measured: Option<Instant>,
+}
+
+impl CpuPicture {
+    /// Whether the present selection has been drawn or measured.
+    pub fn is_current(&self, selection: &ViewSelection) -> bool {
+        self.drawn.as_ref().is_some_and(|drawn| drawn.key.selection == selection.revision)
+    }
 }
 
 /// Time within which a picture should be drawn while the view moves, milliseconds.
 const FLUENT_MS: f64 = 60.0;
 /// How long the view must rest before the full picture is drawn, milliseconds.
 const REST_MS: u128 = 120;
+/// Least time between two measurements of a view that moves and that the GPU draws, milliseconds.
+const MEASURE_MS: u128 = 300;
 /// Longest side of the picture that is drawn only to measure the exposure, pixels.
 const SKETCH: u32 = 320;
 
@@ -108,6 +118,9 @@ pub(super) fn draw_on_cpu(
     mut messages: ResMut<Messages>,
 ) {
     let cpu = &mut *cpu;
+    if *backend == ActiveBackend::Cpu && statistics.backend != "cpu" {
+        statistics.backend = "cpu".to_owned();
+    }
     let (Some(scene), Some(look), Some(view)) = (scene, look, selection.view) else {
         cpu.task = None;
         return;
@@ -139,9 +152,15 @@ pub(super) fn draw_on_cpu(
         converged.0 = current && selection.complete && !moving && size == full && look.settled;
     }
     // The ranges of a transfer function that has changed are measured in the picture that is there.
-    if cpu.task.is_some() || (current && look.settled) {
+    if cpu.task.is_some() || (current && look.settled && !look.is_changed()) {
         return;
     }
+    // A measurement is a courtesy: it must not take the processor from what draws.
+    let paced = cpu.measured.is_none_or(|since| since.elapsed().as_millis() > MEASURE_MS);
+    if *backend == ActiveBackend::Gpu && moving && !paced {
+        return;
+    }
+    cpu.measured = Some(Instant::now());
     let reused = drawn.cloned();
     let (file, depiction, nodes) = (Arc::clone(&scene.file), look.depiction.clone(), Arc::clone(&selection.nodes));
     let (transfer, levels, paint) = (look.transfer, look.levels, *backend == ActiveBackend::Cpu);

@@ -37,9 +37,9 @@ impl Facts {
         }
         rows.push(("Mass unit", metadata.mass_unit.to_string()));
         if let Some(redshift) = provenance.redshift {
-            rows.push(("Redshift", number::quantity(redshift)));
-        }
-        if let Some(time) = provenance.time {
+            // Snapshots of today often say -2e-16.
+            rows.push(("Redshift", number::quantity(if redshift.abs() < 1e-9 { 0.0 } else { redshift })));
+        } else if let Some(time) = provenance.time {
             rows.push(("Time", number::quantity(time)));
         }
         if provenance.bytes > 0 {

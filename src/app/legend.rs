@@ -1,6 +1,7 @@
 //! What the colours of the picture mean: quantities, units, ranges and scales, for the colour bar and the panel.
 
 use super::look::Look;
+use super::number;
 use crate::raster::transfer::Scale;
 use crate::store::Metadata;
 
@@ -64,7 +65,7 @@ fn tidy(unit: String) -> String {
     for c in unit.chars() {
         match (c, raised) {
             ('^', _) => raised = true,
-            ('-', true) => text.push('⁻'),
+            ('-', true) => text.push(number::MINUS),
             ('0'..='9', true) => {
                 text.push(['⁰', '¹', '²', '³', '⁴', '⁵', '⁶', '⁷', '⁸', '⁹'][c as usize - '0' as usize])
             }
@@ -83,7 +84,7 @@ mod tests {
 
     #[test]
     fn units_and_names_are_typeset() {
-        assert_eq!(tidy("(1e10 Msun)^2 / (kpc)^-5 K".into()), "(1e10 Msun)² / (kpc)⁻⁵ K");
+        assert_eq!(tidy("(1e10 Msun)^2 / (kpc)^-5 K".into()), "(1e10 Msun)² / (kpc)¯⁵ K");
         assert_eq!(tidy("km/s".into()), "km/s");
         assert_eq!(capitalized("velocity dispersion"), "Velocity dispersion");
         assert_eq!(capitalized(""), "");

@@ -19,6 +19,7 @@ pub mod options;
 pub mod overlay;
 pub mod pages;
 pub mod panel;
+pub mod pick;
 pub mod picture;
 pub mod preset;
 pub mod scene;
@@ -37,7 +38,7 @@ use bevy::camera::CameraUpdateSystems;
 use bevy::log::LogPlugin;
 use bevy::prelude::*;
 use bevy::window::{PresentMode, WindowResolution};
-use bevy_egui::{EguiPlugin, EguiPrimaryContextPass};
+use bevy_egui::{EguiPlugin, EguiPostUpdateSet, EguiPrimaryContextPass};
 use camera::{CameraPlugin, CameraSystems};
 use pages::PageSystems;
 
@@ -109,6 +110,7 @@ impl Plugin for WindowApp {
         .insert_resource(panel::Choices::of_program())
         .init_resource::<cpu_backend::CpuPicture>()
         .init_resource::<statistics::ActiveBackend>()
+        .init_resource::<pick::DoubleClick>()
         .init_resource::<screenshot::Screenshots>()
         .init_resource::<statistics::Converged>()
         .init_resource::<statistics::FrameClock>()
@@ -133,6 +135,7 @@ impl Plugin for WindowApp {
             PostUpdate,
             (
                 picture::fit_picture.in_set(CameraSystems::Steer).before(CameraUpdateSystems),
+                pick::fly_to_pick.before(CameraSystems::Steer).after(EguiPostUpdateSet::ProcessOutput),
                 cpu_backend::draw_on_cpu.in_set(PageSystems::Serve).after(pages::evict),
             ),
         )

@@ -32,7 +32,7 @@ fn figures(value: f64, digits: i32) -> String {
     format!("{value:.decimals$}")
 }
 
-/// A quantity with three significant figures; a power of ten beyond four digits: `4.21`, `-0.013`, `1.99 × 10⁻⁴`.
+/// A quantity with three significant figures; a power of ten beyond four digits: `4.21`, `-0.013`, `1.99 × 10¯⁴`.
 pub fn quantity(value: f64) -> String {
     if !value.is_finite() {
         return "–".to_owned();
@@ -62,10 +62,13 @@ pub fn power_of_ten(exponent: i32) -> String {
     }
 }
 
+/// The raised minus that the panel's fonts have (a macron; U+207B is in none of them).
+pub const MINUS: char = '¯';
+
 /// An integer in superscript digits.
 fn superscript(value: i32) -> String {
     const DIGITS: [char; 10] = ['⁰', '¹', '²', '³', '⁴', '⁵', '⁶', '⁷', '⁸', '⁹'];
-    value.to_string().chars().map(|c| c.to_digit(10).map_or('⁻', |digit| DIGITS[digit as usize])).collect()
+    value.to_string().chars().map(|c| c.to_digit(10).map_or(MINUS, |digit| DIGITS[digit as usize])).collect()
 }
 
 /// Without zeros behind the decimal point that say nothing, and with a true minus sign.
@@ -103,12 +106,12 @@ mod tests {
             (-4.2112, "−4.21"),
             (1500.0, "1500"),
             (99_990.0, "1 × 10⁵"),
-            (1.99e-4, "1.99 × 10⁻⁴"),
+            (1.99e-4, "1.99 × 10¯⁴"),
             (f64::NAN, "–"),
         ] {
             assert_eq!(quantity(value), text, "{value}");
         }
-        assert_eq!(power_of_ten(-7), "10⁻⁷");
+        assert_eq!(power_of_ten(-7), "10¯⁷");
         assert_eq!(power_of_ten(0), "1");
         assert_eq!(power_of_ten(-1), "0.1");
     }

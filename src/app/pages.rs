@@ -24,9 +24,14 @@ use bevy::tasks::{IoTaskPool, Task, futures::check_ready};
 use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 
-/// Which page of the open file an entity is.
+/// Which page an entity is.
 #[derive(Component, Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub struct PageKey(pub PageId);
+pub struct PageKey {
+    /// Number of the page in its file.
+    pub id: PageId,
+    /// The [`Scene::generation`] of the file.
+    pub generation: u32,
+}
 
 /// Where a page stands.
 #[derive(Component, Clone, Debug)]
@@ -188,7 +193,7 @@ pub fn finish_loads(
     mut reads: Query<(Entity, &PageKey, &mut PageRead, &mut PageStatus)>,
 ) {
     let Some(mut streaming) = streaming else { return };
-    for (entity, &PageKey(id), mut read, mut status) in &mut reads {
+    for (entity, &PageKey { id, .. }, mut read, mut status) in &mut reads {
         // A read of a file that is no longer open is dropped with its entity.
         if streaming.entity(id) != Some(entity) {
             continue;
@@ -295,7 +300,8 @@ pub fn start_loads(
     while let Some(id) = streaming.residency.next_to_load(preset.residency.requests) {
         let file = Arc::clone(streaming.residency.file());
         let read = IoTaskPool::get().spawn(async move { file.read_page(id) });
-        let page = (PageKey(id), PageStatus::Loading, LastUse(streaming.frame), PageRead(read));
+        let key = PageKey { id, generation: streaming.generation };
+        let page = (key, PageStatus::Loading, LastUse(streaming.frame), PageRead(read));
         let entity = commands.spawn(page).id();
         streaming.entities.insert(id, entity);
     }

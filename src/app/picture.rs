@@ -83,7 +83,8 @@ pub(super) fn spawn_cameras(
         .spawn((
             DataCamera,
             Camera3d::default(),
-            Camera { order: -1, clear_color: ClearColorConfig::Custom(Color::BLACK), ..default() },
+            // Switched on where the GPU draws; it would clear what the processor has drawn.
+            Camera { order: -1, is_active: false, clear_color: ClearColorConfig::Custom(Color::BLACK), ..default() },
             RenderTarget::Image(image.clone().into()),
             Projection::Perspective(PerspectiveProjection { fov: fov_y as f32, ..default() }),
             Msaa::Off,
@@ -118,7 +119,10 @@ pub(super) fn fit_picture(
 ) {
     let size = picture.size();
     // The processor brings images of its own sizes.
-    if *backend == ActiveBackend::Gpu && images.get(&picture.image).is_some_and(|image| image.size() != size) {
+    let fits = |image: &Image| {
+        image.size() == size && image.texture_descriptor.usage.contains(TextureUsages::RENDER_ATTACHMENT)
+    };
+    if *backend == ActiveBackend::Gpu && !images.get(&picture.image).is_some_and(fits) {
         // The image is replaced in place, so that the camera and egui keep their handles.
         if images.insert(&picture.image, picture_image(size)).is_err() {
             warn!("the picture's image is gone");

@@ -152,5 +152,8 @@ fn attribute_names(metadata: &Metadata) -> Vec<String> {
 /// The viewpoint that shows the whole dataset in the picture.
 pub fn home(bounds: Bounds, fov_y: f64, picture: &Picture) -> Result<Viewpoint, crate::view::camera::ViewError> {
     let size = picture.size();
-    Viewpoint::around(bounds, fov_y, size.x, size.y)
+    let mut viewpoint = Viewpoint::around(bounds, fov_y, size.x, size.y)?;
+    // The sphere around a box is larger than what one sees of the box.
+    viewpoint.eye = viewpoint.target + 0.82 * (viewpoint.eye - viewpoint.target);
+    Ok(viewpoint)
 }

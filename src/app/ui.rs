@@ -4,6 +4,7 @@ use super::camera::{Navigation, Viewpoint};
 use super::input::PointerOwner;
 use super::overlay::{self, color_bar, help, scale_bar};
 use super::panel::{PanelState, theme};
+use super::pick::DoubleClick;
 use super::picture::{DataCamera, Picture};
 use super::preset::Preset;
 use super::shortcuts::Shown;
@@ -18,6 +19,7 @@ pub(super) fn draw_window(
     mut picture: ResMut<Picture>,
     mut owner: ResMut<PointerOwner>,
     camera: Single<(&Viewpoint, &Navigation), With<DataCamera>>,
+    mut clicked: ResMut<DoubleClick>,
     shown: Res<Shown>,
     preset: Res<Preset>,
 ) -> Result {
@@ -56,6 +58,10 @@ pub(super) fn draw_window(
     let over_picture = ctx.pointer_latest_pos().is_some_and(|at| {
         rect.contains(at) && ctx.layer_id_at(at).is_none_or(|layer| layer.order == egui::Order::Background)
     });
+    let double_click = ctx.input(|input| input.pointer.button_double_clicked(egui::PointerButton::Primary));
+    if double_click && over_picture {
+        clicked.0 = ctx.pointer_latest_pos().map(|at| Vec2::new(at.x, at.y));
+    }
     let any_button = ctx.input(|input| input.pointer.any_down());
     owner.update(over_picture, any_button, ctx.dragged_id().is_some(), ctx.egui_wants_keyboard_input());
     // Tab belongs to the panel's visibility, not to egui's focus.

@@ -63,6 +63,10 @@ pub fn run(arguments: &Arguments) -> CommandResult {
 /// # Errors
 /// As [`run`].
 pub fn show(path: &Path, settings: &Settings) -> CommandResult {
+    #[cfg(feature = "viewer")]
+    if has_display() {
+        return window(path, settings);
+    }
     let name = path.file_stem().unwrap_or_default().to_string_lossy();
     let output = settings.picture.clone().unwrap_or_else(|| PathBuf::from(format!("{name}.png")));
     render::run(&render::Arguments {
@@ -74,4 +78,32 @@ pub fn show(path: &Path, settings: &Settings) -> CommandResult {
     })?;
     println!("No display, so the picture is in {}", output.display());
     Ok(())
+}
+
+/// Whether a window can be opened: on Unix without macOS, an X server or a Wayland compositor is named.
+#[cfg(feature = "viewer")]
+fn has_display() -> bool {
+    let named = |name| std::env::var_os(name).is_some_and(|value| !value.is_empty());
+    cfg!(any(windows, target_os = "macos")) || named("DISPLAY") || named("WAYLAND_DISPLAY")
+}
+
+#[cfg(feature = "viewer")]
+fn window(path: &Path, settings: &Settings) -> CommandResult {
+    use crate::app::{Backend, OpenRequest, WindowOptions, run_window};
+    use std::sync::Arc;
+    let opener = Arc::new(|request: &OpenRequest, progress: &dyn crate::model::Progress| {
+        super::cache::page_file_of(&request.path, progress).map_err(|error| error.to_string())
+    });
+    let mut options = WindowOptions::new(Some(OpenRequest { path: path.to_owned() }), opener);
+    options.size = settings.size.map(|size| (size.width, size.height));
+    options.preset = settings.preset.clone();
+    options.backend = settings.backend.map(|backend| match backend {
+        render::Backend::Compute => Backend::Compute,
+        render::Backend::Raster => Backend::Raster,
+        render::Backend::Cpu => Backend::Cpu,
+    });
+    options.error_px = settings.error_px;
+    options.mode = settings.mode.map(|mode| mode.name.to_owned());
+    options.status = settings.status.clone();
+    Ok(run_window(options)?)
 }

@@ -69,7 +69,7 @@ pub fn draw(painter: &egui::Painter, picture: Rect, look: &Look, metadata: &Meta
     let legend = Legend::of(look, metadata);
     let height = (0.36 * picture.height()).clamp(90.0, 280.0);
     let width = if legend.s.is_some() { FIELD } else { BAR };
-    let below = if legend.s.is_some() { 66.0 } else { 26.0 };
+    let below = if legend.s.is_some() { 78.0 } else { 26.0 };
     let right = picture.right() - 22.0;
     let bottom = picture.bottom() - below;
     let bar = Rect::from_min_max(pos2(right - width, bottom - height), pos2(right, bottom));
@@ -102,11 +102,12 @@ pub fn draw(painter: &egui::Painter, picture: Rect, look: &Look, metadata: &Meta
     }
 }
 
-/// A title with its unit in a quieter colour, on one line.
+/// A title, and below it its unit in a quieter colour.
 fn title(painter: &egui::Painter, at: egui::Pos2, anchor: Align2, text: &str, unit: &str) {
-    let gap = if unit.is_empty() { 0.0 } else { theme::text_size(painter, unit, 12.0).x + 8.0 };
-    theme::halo_text(painter, at, anchor, unit, 12.0, theme::LABEL);
-    theme::halo_text(painter, at - vec2(gap, 0.0), anchor, text, 13.0, theme::TEXT);
+    let below = if unit.is_empty() { 0.0 } else { 16.0 };
+    let (first, second) = if anchor == Align2::RIGHT_BOTTOM { (-below, 0.0) } else { (0.0, 16.0) };
+    theme::halo_text(painter, at + vec2(0.0, first), anchor, text, 13.0, theme::TEXT);
+    theme::halo_text(painter, at + vec2(0.0, second), anchor, unit, 12.0, theme::LABEL);
 }
 
 /// The colours: brightness upwards, hue to the right.
@@ -145,7 +146,7 @@ mod tests {
     fn log_ticks_are_labelled_powers_of_ten() {
         let ticks = ticks([1e-5, 1e2], true);
         let labels: Vec<&str> = ticks.iter().filter_map(|(_, label)| label.as_deref()).collect();
-        assert!(labels.contains(&"10⁻⁴") && labels.contains(&"1"), "{labels:?}");
+        assert!(labels.contains(&"10¯⁴") && labels.contains(&"1"), "{labels:?}");
         assert!((2..=8).contains(&labels.len()));
         assert!(ticks.iter().all(|(position, _)| (-1e-6..=1.0 + 1e-6).contains(position)));
     }

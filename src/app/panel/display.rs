@@ -87,7 +87,7 @@ pub fn show(
 /// A labelled combo box that fills the right part of the row.
 fn combo(ui: &mut Ui, label: &str, selected: &str, add: impl FnOnce(&mut Ui)) {
     theme::row(ui, label, |ui| {
-        ComboBox::from_id_salt(label).width(168.0).truncate().selected_text(selected).show_ui(ui, add);
+        ComboBox::from_id_salt(label).width(186.0).truncate().selected_text(selected).show_ui(ui, add);
     });
 }
 
@@ -119,7 +119,7 @@ fn mode_setting(ui: &mut Ui, setting: &Setting, settings: &mut Settings) {
 fn attribute_combo(ui: &mut Ui, look: &Look, choices: &Choices, settings: &mut Settings) {
     let in_use = look.depiction.attribute.as_ref().map_or("none", |coloring| coloring.name.as_str());
     let selected = match &settings.attribute {
-        AttributeChoice::Automatic => format!("{in_use}  (automatic)"),
+        AttributeChoice::Automatic => format!("auto:  {in_use}"),
         AttributeChoice::None => "none".to_owned(),
         AttributeChoice::Named(name) => name.clone(),
     };

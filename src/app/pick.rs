@@ -1,0 +1,155 @@
+//! Picking: what is under the cursor, and the flight to it on a double-click.
+//!
+//! Candidates are the drawn particles (of resident pages) whose centres lie within a few pixels of the cursor. The one
+//! with the largest mass per projected distance wins: dense cores attract the cursor, as the eye expects, and among
+//! equals the nearest in the picture and then in depth. Nodes whose boxes are nowhere near the cursor are not searched.
+
+use super::camera::{Anchor, Flight, Navigation, Viewpoint};
+use super::input::PointerOwner;
+use super::messages::Messages;
+use super::pages::ViewSelection;
+use super::picture::{DataCamera, Picture};
+use super::preset::Preset;
+use super::scene::Scene;
+use crate::store::Metadata;
+use crate::stream::SceneNode;
+use crate::view::{Extent, View};
+use bevy::math::DVec3;
+use bevy::prelude::*;
+
+/// Something under the cursor.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Picked {
+    /// Where it is, world units.
+    pub position: DVec3,
+    /// Its smoothing length, world units.
+    pub smoothing_length: f64,
+    /// Distance from the cursor, pixels.
+    pub pixels: f64,
+}
+
+/// How far from the cursor particles are looked for, pixels.
+pub const REACH: f64 = 14.0;
+
+/// The particle under `cursor` (picture pixels) among the drawn nodes.
+pub fn pick(view: &View, metadata: &Metadata, nodes: &[SceneNode], cursor: [f64; 2]) -> Option<Picked> {
+    let mut best: Option<(f64, Picked)> = None;
+    for drawn in nodes {
+        let index = drawn.node.node as usize;
+        let Some(node) = drawn.page.nodes.get(index) else { continue };
+        let Some(family) = metadata.families.get(drawn.page.family as usize) else { continue };
+        let Some(codebook) = family.codebooks.get(usize::from(node.codebook)) else { continue };
+        if !near_cursor(view, &Extent { bounds: node.bounds, margin: 0.0 }, cursor) {
+            continue;
+        }
+        let particles = drawn.page.particles(index);
+        let (corner, size) = (view.to_camera(node.key.min(family.root)), node.key.size(family.root));
+        let axes = [DVec3::X, DVec3::Y, DVec3::Z]
+            .map(|axis| DVec3::new(axis.dot(view.right), axis.dot(view.up), axis.dot(view.forward)) * size);
+        for (i, &code) in particles.codes.iter().enumerate() {
+            let [x, y, z] = particles.fraction(i).map(f64::from);
+            let camera = corner + axes[0] * x + axes[1] * y + axes[2] * z;
+            let Some([px, py]) = view.to_pixels(camera) else { continue };
+            let pixels = (px - cursor[0]).hypot(py - cursor[1]);
+            if pixels > REACH || camera.z <= 0.0 {
+                continue;
+            }
+            let column = |values: &[f32]| values.get(usize::from(code)).map_or(0.0, |&value| f64::from(value));
+            let (density, smoothing_length) = (column(&codebook.density), column(&codebook.smoothing_length));
+            let closeness = 1.0 - pixels / (REACH * 1.001);
+            let score = closeness * closeness * density.max(f64::MIN_POSITIVE).powf(0.5) / camera.z.powf(0.25);
+            if best.as_ref().is_none_or(|(highest, _)| score > *highest) {
+                let position = view.eye + view.right * camera.x + view.up * camera.y + view.forward * camera.z;
+                best = Some((score, Picked { position, smoothing_length, pixels }));
+            }
+        }
+    }
+    best.map(|(_, picked)| picked)
+}
+
+/// Whether anything in a box may be drawn within reach of the cursor; true where the box reaches behind the eye.
+fn near_cursor(view: &View, extent: &Extent, [x, y]: [f64; 2]) -> bool {
+    let (min, max) = (extent.bounds.min, extent.bounds.max);
+    let mut low = [f64::INFINITY; 2];
+    let mut high = [f64::NEG_INFINITY; 2];
+    for corner in 0..8 {
+        let pick = |axis: usize| if corner >> axis & 1 == 1 { max[axis] } else { min[axis] };
+        let Some(pixel) = view.to_pixels(view.to_camera(DVec3::new(pick(0), pick(1), pick(2)))) else { return true };
+        for axis in 0..2 {
+            low[axis] = low[axis].min(pixel[axis]);
+            high[axis] = high[axis].max(pixel[axis]);
+        }
+    }
+    (low[0] - REACH..=high[0] + REACH).contains(&x) && (low[1] - REACH..=high[1] + REACH).contains(&y)
+}
+
+/// How close a flight goes: to a fifth of the present distance, but not into the kernel of what was picked.
+pub fn approach_distance(now: f64, smoothing_length: f64) -> f64 {
+    (0.2 * now).max(3.0 * smoothing_length).min(now)
+}
+
+/// Where a double-click happened in this frame, in window coordinates; the panel's layout writes it.
+#[derive(Resource, Clone, Copy, Debug, Default, PartialEq)]
+pub struct DoubleClick(pub Option<Vec2>);
+
+/// Flies to what was double-clicked.
+pub(super) fn fly_to_pick(
+    mut commands: Commands,
+    mut click: ResMut<DoubleClick>,
+    owner: Res<PointerOwner>,
+    scene: Option<Res<Scene>>,
+    selection: Res<ViewSelection>,
+    picture: Res<Picture>,
+    preset: Res<Preset>,
+    mut messages: ResMut<Messages>,
+    camera: Single<(Entity, &Viewpoint, &mut Navigation), (With<DataCamera>, With<Anchor>)>,
+) {
+    let Some(at) = click.bypass_change_detection().0.take() else { return };
+    let (Some(scene), Some(view)) = (scene, selection.view) else { return };
+    if !owner.is_picture() {
+        return;
+    }
+    let cursor = picture.pixel(at).as_dvec2().to_array();
+    let (entity, viewpoint, mut navigation) = camera.into_inner();
+    match pick(&view, scene.file.metadata(), &selection.nodes, cursor) {
+        Some(picked) => {
+            *navigation = Navigation::Orbit;
+            let now = viewpoint.eye.distance(picked.position);
+            let distance = approach_distance(now, picked.smoothing_length);
+            let flight = Flight::to_place(*viewpoint, picked.position, distance, preset.camera.flight_secs);
+            commands.entity(entity).insert(flight);
+        }
+        None => messages.info("nothing under the cursor to fly to"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::Bounds;
+    use crate::view::Projection;
+
+    fn view() -> View {
+        let projection = Projection::Perspective { fov_y: 0.8 };
+        View::look_at(DVec3::Z * 10.0, DVec3::ZERO, DVec3::Y, projection, 800, 600).unwrap()
+    }
+
+    #[test]
+    fn only_boxes_near_the_cursor_are_searched() {
+        let cube = |center: DVec3, half: f64| Extent {
+            bounds: Bounds { min: center - half, max: center + half },
+            margin: 0.0,
+        };
+        assert!(near_cursor(&view(), &cube(DVec3::ZERO, 0.5), [400.0, 300.0]));
+        assert!(!near_cursor(&view(), &cube(DVec3::ZERO, 0.5), [700.0, 300.0]));
+        assert!(near_cursor(&view(), &cube(DVec3::ZERO, 50.0), [700.0, 300.0]), "a box around the eye");
+        assert!(near_cursor(&view(), &cube(DVec3::ZERO, 0.0), [400.0 + REACH, 300.0]));
+    }
+
+    #[test]
+    fn a_flight_comes_closer_but_not_into_the_kernel() {
+        assert_eq!(approach_distance(100.0, 0.1), 20.0);
+        assert_eq!(approach_distance(100.0, 20.0), 60.0);
+        assert_eq!(approach_distance(100.0, 500.0), 100.0);
+    }
+}

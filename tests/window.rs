@@ -1,0 +1,267 @@
+//! The window, driven as a user would: under a virtual X server the program opens the demo dataset, a drag on the mouse
+//! turns the picture, keys hide the panel and save a screenshot, and closing the window ends the program with code 0.
+#![cfg(all(feature = "viewer", target_os = "linux"))]
+#![allow(clippy::unwrap_used, clippy::expect_used, reason = "what fails here fails the test")]
+
+use serde_json::Value;
+use std::io::{BufRead, BufReader};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+use x11rb::connection::{Connection, RequestConnection};
+use x11rb::protocol::xproto::{ClientMessageEvent, ConnectionExt, EventMask, ImageFormat, InputFocus, Window};
+use x11rb::rust_connection::RustConnection;
+
+const WIDTH: u16 = 1280;
+const HEIGHT: u16 = 720;
+/// The slowest machine that the test is meant for compiles its shaders on one core.
+const PATIENCE: Duration = Duration::from_secs(240);
+
+/// Kills a process that a failed test would leave behind.
+struct Process(Child);
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// A virtual X server with nothing on it, and a connection to it.
+struct Desktop {
+    connection: RustConnection,
+    root: Window,
+    xtest: u8,
+    display: String,
+    _server: Process,
+}
+
+impl Desktop {
+    fn start() -> Desktop {
+        let screen = format!("{WIDTH}x{HEIGHT}x24");
+        let mut server = Command::new("Xvfb")
+            .args(["-displayfd", "1", "-screen", "0", &screen, "-nolisten", "tcp", "-noreset"])
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap_or_else(|error| panic!("this test needs Xvfb (Debian: apt-get install xvfb): {error}"));
+        let mut number = String::new();
+        BufReader::new(server.stdout.take().unwrap()).read_line(&mut number).unwrap();
+        let server = Process(server);
+        let display = format!(":{}", number.trim());
+        let (connection, screen) = RustConnection::connect(Some(&display)).unwrap();
+        let root = connection.setup().roots[screen].root;
+        let xtest = connection.query_extension(b"XTEST").unwrap().reply().unwrap();
+        assert!(xtest.present, "the X server has no XTEST extension");
+        Desktop { connection, root, xtest: xtest.major_opcode, display, _server: server }
+    }
+
+    /// XTEST's FakeInput request (minor opcode 2): events 2 and 3 are keys, 4 and 5 buttons, 6 is motion.
+    fn fake_input(&self, event: u8, detail: u8, [x, y]: [i16; 2]) {
+        let mut request = [0u8; 36];
+        request[..2].copy_from_slice(&[self.xtest, 2]);
+        request[2..4].copy_from_slice(&9u16.to_ne_bytes());
+        request[4] = event;
+        request[5] = detail;
+        request[24..26].copy_from_slice(&x.to_ne_bytes());
+        request[26..28].copy_from_slice(&y.to_ne_bytes());
+        let sent = self.connection.send_request_without_reply(&[std::io::IoSlice::new(&request)], Vec::new());
+        sent.unwrap().ignore_error();
+        self.connection.flush().unwrap();
+        std::thread::sleep(Duration::from_millis(30));
+    }
+
+    fn drag(&self, from: [i16; 2], to: [i16; 2]) {
+        self.fake_input(6, 0, from);
+        self.fake_input(4, 1, [0; 2]);
+        for step in 1..=12 {
+            let at = |axis: usize| from[axis] + (to[axis] - from[axis]) * step / 12;
+            self.fake_input(6, 0, [at(0), at(1)]);
+        }
+        self.fake_input(5, 1, [0; 2]);
+    }
+
+    /// Presses the key of an X keysym.
+    fn press(&self, keysym: u32) {
+        let setup = self.connection.setup();
+        let (first, last) = (setup.min_keycode, setup.max_keycode);
+        let map = self.connection.get_keyboard_mapping(first, last - first + 1).unwrap().reply().unwrap();
+        let columns = usize::from(map.keysyms_per_keycode);
+        let place = map.keysyms.iter().position(|&symbol| symbol == keysym).expect("the key is on the keyboard");
+        let keycode = first + (place / columns) as u8;
+        self.fake_input(2, keycode, [0; 2]);
+        self.fake_input(3, keycode, [0; 2]);
+    }
+
+    /// The program's window: the only one of the screen's size.
+    fn window(&self) -> Option<Window> {
+        let tree = self.connection.query_tree(self.root).ok()?.reply().ok()?;
+        tree.children.into_iter().find(|&window| {
+            let geometry = self.connection.get_geometry(window).ok().and_then(|cookie| cookie.reply().ok());
+            geometry.is_some_and(|geometry| geometry.width == WIDTH && geometry.height == HEIGHT)
+        })
+    }
+
+    fn screenshot(&self) -> Screen {
+        let image = self.connection.get_image(ImageFormat::Z_PIXMAP, self.root, 0, 0, WIDTH, HEIGHT, !0).unwrap();
+        Screen(image.reply().unwrap().data)
+    }
+
+    fn close(&self, window: Window) {
+        let atom = |name: &[u8]| self.connection.intern_atom(false, name).unwrap().reply().unwrap().atom;
+        let data = [atom(b"WM_DELETE_WINDOW"), x11rb::CURRENT_TIME, 0, 0, 0];
+        let message = ClientMessageEvent::new(32, window, atom(b"WM_PROTOCOLS"), data);
+        self.connection.send_event(false, window, EventMask::NO_EVENT, message).unwrap();
+        self.connection.flush().unwrap();
+    }
+}
+
+/// The screen's pixels: blue, green, red and a byte that is not used.
+struct Screen(Vec<u8>);
+
+impl Screen {
+    fn at(&self, x: usize, y: usize) -> [u8; 3] {
+        let i = 4 * (y * usize::from(WIDTH) + x);
+        [self.0[i + 2], self.0[i + 1], self.0[i]]
+    }
+
+    /// Share of the pixels of columns `x` for which `accept` holds.
+    fn share(&self, x: std::ops::Range<usize>, accept: impl Fn([u8; 3]) -> bool) -> f64 {
+        let pixels = x.len() * usize::from(HEIGHT);
+        let all = (0..usize::from(HEIGHT)).flat_map(|y| x.clone().map(move |x| (x, y)));
+        all.filter(|&(x, y)| accept(self.at(x, y))).count() as f64 / pixels as f64
+    }
+
+    /// Share of the pixels of columns `x` that differ visibly from those of another screen.
+    fn difference(&self, other: &Screen, x: std::ops::Range<usize>) -> f64 {
+        let pixels = x.len() * usize::from(HEIGHT);
+        let all = (0..usize::from(HEIGHT)).flat_map(|y| x.clone().map(move |x| (x, y)));
+        let differ =
+            |(x, y): &(usize, usize)| self.at(*x, *y).iter().zip(other.at(*x, *y)).any(|(a, b)| a.abs_diff(b) > 12);
+        all.filter(differ).count() as f64 / pixels as f64
+    }
+}
+
+/// The program under test.
+struct Program {
+    process: Process,
+    status: PathBuf,
+}
+
+impl Program {
+    fn start(desktop: &Desktop, folder: &Path, arguments: &[&str]) -> Program {
+        let status = folder.join("status.json");
+        let demo = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/demo/lcdm64_z0.hdf5");
+        let process = Command::new(env!("CARGO_BIN_EXE_deepfield"))
+            .arg("view")
+            .arg(demo)
+            .args(["--size", &format!("{WIDTH}x{HEIGHT}"), "--status"])
+            .arg(&status)
+            .args(arguments)
+            .env("DISPLAY", &desktop.display)
+            .env("XDG_CACHE_HOME", folder)
+            .env_remove("WAYLAND_DISPLAY")
+            .current_dir(folder)
+            .spawn()
+            .unwrap();
+        Program { process: Process(process), status }
+    }
+
+    fn status(&self) -> Value {
+        std::fs::read_to_string(&self.status).ok().and_then(|text| serde_json::from_str(&text).ok()).unwrap_or_default()
+    }
+
+    /// Waits until the status satisfies a condition.
+    fn wait(&mut self, what: &str, condition: impl Fn(&Value) -> bool) -> Value {
+        let start = Instant::now();
+        loop {
+            let status = self.status();
+            if condition(&status) {
+                return status;
+            }
+            if let Some(code) = self.process.0.try_wait().unwrap() {
+                panic!("the program ended ({code}) before: {what}; status: {status:#}");
+            }
+            assert!(start.elapsed() < PATIENCE, "waited in vain for: {what}; status: {status:#}");
+            std::thread::sleep(Duration::from_millis(100));
+        }
+    }
+
+    /// Waits until the program ends by itself and returns its exit code.
+    fn exit_code(&mut self) -> Option<i32> {
+        let start = Instant::now();
+        while start.elapsed() < PATIENCE {
+            if let Some(status) = self.process.0.try_wait().unwrap() {
+                return status.code();
+            }
+            std::thread::sleep(Duration::from_millis(50));
+        }
+        panic!("the program did not end");
+    }
+}
+
+/// A colour of the panel's background, within a rounding step.
+fn is_panel([r, g, b]: [u8; 3]) -> bool {
+    r.abs_diff(0x14) <= 2 && g.abs_diff(0x17) <= 2 && b.abs_diff(0x1c) <= 2
+}
+
+/// Opens the demo, looks, drags, presses keys, and closes the window.
+fn use_the_window(arguments: &[&str]) {
+    let folder = tempfile::tempdir().unwrap();
+    let desktop = Desktop::start();
+    let mut program = Program::start(&desktop, folder.path(), arguments);
+    let first = program.wait("a converged picture", |status| status["converged"] == true);
+    assert_eq!(first["particles_drawn"], 262_144, "the demo is drawn in full at this size: {first:#}");
+    assert_eq!((&first["panel"], &first["pages_failed"]), (&Value::from(true), &Value::from(0)));
+    let left = first["picture"][0].as_f64().unwrap() as usize;
+    let picture = left..usize::from(WIDTH);
+    // The status is written as the frame ends, the screen follows.
+    std::thread::sleep(Duration::from_millis(500));
+
+    let before = desktop.screenshot();
+    assert!(before.share(0..left, is_panel) > 0.6, "the panel is at the left");
+    let text = before.share(0..left, |[r, g, b]| r > 120 && g > 120 && b > 120);
+    assert!((0.005..0.3).contains(&text), "the panel has text on it: {text}");
+    let lit = before.share(picture.clone(), |pixel| pixel.iter().any(|&c| c > 40));
+    assert!(lit > 0.1, "the picture shows data: {lit}");
+
+    // A drag turns the camera around its target and changes the picture.
+    let (middle, height) = ((left as i16 + WIDTH as i16) / 2, HEIGHT as i16 / 2);
+    desktop.drag([middle, height], [middle + 220, height + 40]);
+    let turned = program.wait("the camera turns and the picture converges", |status| {
+        status["eye"] != first["eye"] && status["converged"] == true
+    });
+    assert_eq!(turned["target"], first["target"], "a turn keeps the target");
+    std::thread::sleep(Duration::from_millis(500));
+    let after = desktop.screenshot();
+    assert!(after.difference(&before, picture) > 0.05, "the drag changed the picture");
+
+    // A drag on the panel does not.
+    desktop.drag([60, 700], [200, 640]);
+    std::thread::sleep(Duration::from_millis(500));
+    assert_eq!(program.status()["eye"], turned["eye"], "a drag on the panel moves no camera");
+
+    // Without a window manager nobody gives the window the keyboard.
+    let window = desktop.window().expect("a window of the size that was asked for");
+    desktop.connection.set_input_focus(InputFocus::PARENT, window, x11rb::CURRENT_TIME).unwrap();
+    desktop.connection.flush().unwrap();
+    std::thread::sleep(Duration::from_millis(300));
+    const TAB: u32 = 0xff09;
+    const F12: u32 = 0xffc9;
+    desktop.press(TAB);
+    program.wait("Tab hides the panel", |status| status["panel"] == false && status["picture"][0] == 0.0);
+    std::thread::sleep(Duration::from_millis(500));
+    assert!(desktop.screenshot().share(0..left, is_panel) < 0.5, "the picture takes the panel's place");
+    desktop.press(F12);
+    program.wait("F12 saves a picture", |status| status.to_string().contains("saved "));
+    let saved = std::fs::read(folder.path().join("deepfield-0001.png")).unwrap();
+    assert_eq!(saved[..8], *b"\x89PNG\r\n\x1a\n");
+
+    desktop.close(window);
+    assert_eq!(program.exit_code(), Some(0));
+}
+
+#[test]
+fn the_window_shows_turns_and_closes_on_the_processor() {
+    use_the_window(&["--backend", "cpu"]);
+}
