@@ -1,0 +1,64 @@
+//! Energy is conserved: the integral of a column-density picture is the mass in view.
+
+use crate::support::{built, demo, draw_pages, draw_source, in_reference_data, in_repository};
+use deepfield::codec::VqBits;
+use deepfield::model::Dataset;
+use deepfield::raster::Method;
+use deepfield::view::{Projection, View};
+use glam::DVec3;
+use std::path::Path;
+
+/// A view along z that holds everything, kernels included; and the area of a pixel.
+fn whole(dataset: &Dataset, pixels: u32) -> (View, f64) {
+    let bounds = dataset.bounds();
+    let reach = dataset.families.iter().flat_map(|family| &family.smoothing_length).fold(0.0f32, |a, &b| a.max(b));
+    let height = 1.02 * bounds.size().max_element() + 2.0 * f64::from(reach);
+    let eye = bounds.center() + DVec3::Z * 2.0 * height;
+    let projection = Projection::Orthographic { height };
+    let view = View::look_at(eye, bounds.center(), DVec3::Y, projection, pixels, pixels).unwrap();
+    (view, (height / f64::from(pixels)).powi(2))
+}
+
+fn mass(dataset: &Dataset) -> f64 {
+    dataset.families.iter().flat_map(|family| &family.mass).map(|&m| f64::from(m)).sum()
+}
+
+fn check(source: &Path, pixels: u32, exact: bool) {
+    let built = built(source, VqBits::Eight);
+    let (view, area) = whole(&built.dataset, pixels);
+    let expected = mass(&built.dataset);
+    let levels = draw_pages(&built.file, "column-density", &view, 0.8).sum() * area / expected - 1.0;
+    assert!(levels.abs() < 1e-3, "{}: levels of detail miss {levels:e}", source.display());
+    if exact {
+        let exact = draw_source(&built.dataset, "column-density", &view, Method::Exact).sum() * area / expected - 1.0;
+        assert!(exact.abs() < 1e-5, "{}: exact misses {exact:e}", source.display());
+    }
+}
+
+#[test]
+fn small_snapshots_keep_their_mass() {
+    check(&in_repository("tests/data/gas_sphere_collapse_025.hdf5"), 300, true);
+    check(&in_repository("tests/data/emitter_000.hdf5"), 200, true);
+}
+
+#[test]
+fn the_demo_keeps_its_mass_at_every_size() {
+    // From nearly everything in one pixel to kernels of a hundred pixels.
+    for pixels in [4, 64, 700] {
+        check(&demo(), pixels, pixels == 64);
+    }
+}
+
+#[test]
+#[ignore = "needs the reference data: DEEPFIELD_DATA"]
+fn reference_snapshots_keep_their_mass() {
+    for name in [
+        "particles/galaxy_littleendian.dat",
+        "particles/model3_child_compact.tipsy",
+        "particles/pot_acc.format2.gadget2",
+        "sequences/star_merger/snapshot_012.hdf5",
+        "sequences/dam_break/snapshot_025.hdf5",
+    ] {
+        check(&in_reference_data(name), 256, true);
+    }
+}

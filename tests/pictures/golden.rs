@@ -1,0 +1,78 @@
+//! Golden images, one for each mode: the whole way from the demo snapshot to colours. `DEEPFIELD_BLESS=1` writes them
+//! anew; look at them before committing.
+
+use crate::support::{built, demo, draw_pages, draw_source, in_repository, view_from};
+use deepfield::codec::VqBits;
+use deepfield::model::Kernel;
+use deepfield::modes;
+use deepfield::raster::composite::{Image, composite};
+use deepfield::raster::output::write_png;
+use deepfield::raster::transfer::TransferFunction;
+use deepfield::raster::{Accumulation, Method};
+use glam::DVec3;
+
+/// Mean difference of colour channels that is still the same picture, in 1/255. A changed kernel or transfer function
+/// gives several times as much: see the last test.
+const TOLERANCE: f64 = 0.15;
+
+fn colors(mode: &str, picture: &Accumulation) -> Image {
+    let preset = modes::find(mode).unwrap().transfer[usize::from(picture.has_attribute())];
+    composite(picture, &TransferFunction::preset(preset).unwrap())
+}
+
+/// Mean absolute difference of the colour channels.
+fn difference(a: &Image, b: &Image) -> f64 {
+    assert_eq!((a.width, a.height), (b.width, b.height));
+    let sum: u64 =
+        a.rgba.as_flattened().iter().zip(b.rgba.as_flattened()).map(|(a, b)| u64::from(a.abs_diff(*b))).sum();
+    sum as f64 / (3 * a.rgba.len()) as f64
+}
+
+fn golden(name: &str) -> Image {
+    let path = in_repository("tests/golden").join(name);
+    let decoder = png::Decoder::new(std::io::BufReader::new(std::fs::File::open(&path).unwrap()));
+    let mut reader = decoder.read_info().unwrap();
+    let mut rgba = vec![[0u8; 4]; (reader.info().width * reader.info().height) as usize];
+    let info = reader.next_frame(rgba.as_flattened_mut()).unwrap();
+    Image { width: info.width, height: info.height, rgba }
+}
+
+fn check(mode: &str, image: &Image) {
+    let name = format!("{mode}.png");
+    if std::env::var_os("DEEPFIELD_BLESS").is_some() {
+        write_png(&in_repository("tests/golden").join(&name), image).unwrap();
+    }
+    let found = difference(image, &golden(&name));
+    if found > TOLERANCE {
+        let seen = std::env::temp_dir().join(format!("deepfield-golden-{name}"));
+        write_png(&seen, image).unwrap();
+        panic!(
+            "{name} differs by {found:.3}/255 a channel, tolerance {TOLERANCE}; the new picture is {}",
+            seen.display()
+        );
+    }
+}
+
+#[test]
+fn every_mode_draws_its_golden_image() {
+    let built = built(&demo(), VqBits::Eight);
+    let view = view_from(&built.dataset, DVec3::new(0.35, 0.3, 1.0), 1.5, 240, 160);
+    for mode in modes::MODES {
+        check(mode.name, &colors(mode.name, &draw_pages(&built.file, mode.name, &view, 0.8)));
+    }
+}
+
+#[test]
+fn a_changed_kernel_or_transfer_function_is_seen() {
+    let mut built = built(&demo(), VqBits::Eight);
+    let view = view_from(&built.dataset, DVec3::new(0.35, 0.3, 1.0), 1.5, 240, 160);
+    let golden = golden("column-density.png");
+    built.dataset.kernel = Kernel::Poly6;
+    let other_kernel = draw_source(&built.dataset, "column-density", &view, Method::Pyramid);
+    let found = difference(&colors("column-density", &other_kernel), &golden);
+    assert!(found > 2.0 * TOLERANCE, "another kernel changes only {found:.3}/255");
+    let picture = draw_pages(&built.file, "column-density", &view, 0.8);
+    let function = TransferFunction { gamma: 1.05, ..TransferFunction::preset("density").unwrap() };
+    let found = difference(&composite(&picture, &function), &golden);
+    assert!(found > 2.0 * TOLERANCE, "another transfer function changes only {found:.3}/255");
+}

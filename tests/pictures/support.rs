@@ -1,0 +1,72 @@
+//! Page files built for the tests, and what the tests draw from them.
+
+use deepfield::codec::VqBits;
+use deepfield::commands::build::{BuildOptions, build};
+use deepfield::import::{LoadOptions, load};
+use deepfield::model::Dataset;
+use deepfield::modes::{self, Depiction, Settings, cpu};
+use deepfield::raster::{Accumulation, Method};
+use deepfield::store::PageFile;
+use deepfield::stream::Scene;
+use deepfield::view::{Projection, View};
+use glam::DVec3;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// A file of the repository.
+pub fn in_repository(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join(name)
+}
+
+/// A file of the reference data.
+pub fn in_reference_data(name: &str) -> PathBuf {
+    let folder = std::env::var_os("DEEPFIELD_DATA").map_or_else(|| in_repository("../shared/data"), PathBuf::from);
+    folder.join(name)
+}
+
+/// The demo snapshot.
+pub fn demo() -> PathBuf {
+    in_repository("assets/demo/lcdm64_z0.hdf5")
+}
+
+/// A source in memory and the page file built from it.
+pub struct Built {
+    pub dataset: Dataset,
+    pub file: Arc<PageFile>,
+    _folder: tempfile::TempDir,
+}
+
+/// Imports a source and builds it.
+pub fn built(source: &Path, vq_bits: VqBits) -> Built {
+    let dataset = load(source, &LoadOptions::default(), &()).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("built.df");
+    build(dataset.clone(), &BuildOptions::with_vq_bits(vq_bits), &path, &()).unwrap();
+    Built { dataset, file: Arc::new(PageFile::open(&path).unwrap()), _folder: folder }
+}
+
+/// The picture of the page file at `tau`, by the CPU renderer.
+pub fn draw_pages(file: &Arc<PageFile>, mode: &str, view: &View, tau: f64) -> Accumulation {
+    let metadata = file.metadata();
+    let depiction = Depiction::of_pages(modes::find(mode).unwrap(), Settings::default(), None, metadata).unwrap();
+    let mut scene = Scene::new(Arc::clone(file), u64::MAX);
+    let selection = scene.converge_blocking(view, tau).unwrap();
+    assert!(selection.converged);
+    let nodes = cpu::decode(&depiction, metadata, &selection.nodes);
+    cpu::draw_nodes(view, &depiction, metadata, &nodes, Method::Pyramid).unwrap()
+}
+
+/// The picture of the source particles, by the CPU renderer.
+pub fn draw_source(dataset: &Dataset, mode: &str, view: &View, method: Method) -> Accumulation {
+    let depiction = Depiction::of_dataset(modes::find(mode).unwrap(), Settings::default(), None, dataset).unwrap();
+    let families: Vec<_> = dataset.families.iter().collect();
+    cpu::draw_particles(view, &depiction, dataset, &families, method).unwrap()
+}
+
+/// A perspective view of the middle of the data from `distance` (in sizes of its box) along `direction`.
+pub fn view_from(dataset: &Dataset, direction: DVec3, distance: f64, width: u32, height: u32) -> View {
+    let bounds = dataset.bounds();
+    let eye = bounds.center() + direction.normalize() * distance * bounds.size().max_element();
+    let projection = Projection::Perspective { fov_y: 0.8 };
+    View::look_at(eye, bounds.center(), DVec3::new(0.1, 1.0, 0.2), projection, width, height).unwrap()
+}
