@@ -105,14 +105,27 @@ impl View {
         Ok(View { eye, right, up: right.cross(forward), forward, projection, width, height })
     }
 
-    /// A view of the whole box from a little above its front, far enough away to hold it.
+    /// A view of the whole box from a little above its front, as near as the picture's edges allow.
     pub fn around(bounds: Bounds, fov_y: f64, width: u32, height: u32) -> Result<View, ViewError> {
-        let radius = (0.5 * bounds.size().length()).max(f64::MIN_POSITIVE * 1e30);
-        let aspect = f64::from(width.max(1)) / f64::from(height.max(1));
-        let half = (0.5 * fov_y).min(((0.5 * fov_y).tan() * aspect).atan());
-        let direction = DVec3::new(0.35, 0.3, 1.0).normalize();
-        let eye = bounds.center() + direction * (radius / half.sin());
-        View::look_at(eye, bounds.center(), DVec3::Y, Projection::Perspective { fov_y }, width, height)
+        const DIRECTION: DVec3 = DVec3::new(0.35, 0.3, 1.0);
+        const MARGIN: f64 = 1.05;
+        let center = bounds.center();
+        let projection = Projection::Perspective { fov_y };
+        let mut view = View::look_at(center + DIRECTION, center, DVec3::Y, projection, width, height)?;
+        let tangent_y = (0.5 * fov_y).tan();
+        let tangent_x = tangent_y * f64::from(width) / f64::from(height);
+        let half = (0.5 * bounds.size()).max(DVec3::splat(center.abs().max_element().max(1e-30) * 1e-9));
+        // A corner at `x, y, z` from the middle is in the picture from distance `max(|x| / tan_x, |y| / tan_y) - z` on.
+        let distance = (0..8)
+            .map(|corner| {
+                let sign = |axis: u32| if corner >> axis & 1 == 0 { -1.0 } else { 1.0 };
+                let offset = half * DVec3::new(sign(0), sign(1), sign(2));
+                let across = (offset.dot(view.right) / tangent_x).abs().max((offset.dot(view.up) / tangent_y).abs());
+                MARGIN * across - offset.dot(view.forward)
+            })
+            .fold(0.0, f64::max);
+        view.eye = center - distance * view.forward;
+        Ok(view)
     }
 
     /// Camera-space coordinates of a world position: right, up, depth.
@@ -139,5 +152,30 @@ impl View {
             Projection::Orthographic { .. } => self.focal_pixels(),
         };
         Some([0.5 * f64::from(self.width) + camera.x * scale, 0.5 * f64::from(self.height) - camera.y * scale])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_view_around_a_box_holds_it_and_wastes_little() {
+        for (width, height) in [(1200, 800), (300, 900)] {
+            let bounds = Bounds { min: DVec3::new(-1.0, 10.0, -5.0), max: DVec3::new(4.0, 11.0, 20.0) };
+            let view = View::around(bounds, 0.8, width, height).unwrap();
+            let mut fill = 0.0f64;
+            for corner in 0..8 {
+                let pick = |axis: usize| if corner >> axis & 1 == 0 { bounds.min[axis] } else { bounds.max[axis] };
+                let camera = view.to_camera(DVec3::new(pick(0), pick(1), pick(2)));
+                let [x, y] = view.to_pixels(camera).unwrap();
+                let across = (2.0 * x / f64::from(width) - 1.0).abs().max((2.0 * y / f64::from(height) - 1.0).abs());
+                assert!(across <= 1.0);
+                fill = fill.max(across);
+            }
+            assert!(fill > 0.9, "{fill}");
+        }
+        let point = Bounds { min: DVec3::splat(3.0), max: DVec3::splat(3.0) };
+        assert!(View::around(point, 0.8, 64, 64).unwrap().eye.is_finite());
     }
 }
