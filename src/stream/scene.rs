@@ -1,8 +1,9 @@
 //! What one view draws of a page file: the chosen families, selected at an error bound from what is resident.
 
 use super::Residency;
-use crate::store::{NodeRef, Page, PageFile, StoreError};
-use crate::view::{View, select};
+use crate::model::Bounds;
+use crate::store::{Metadata, NodeRef, Page, PageFile, StoreError};
+use crate::view::{Extent, View, select};
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -51,7 +52,8 @@ impl Scene {
     /// asks for those that are missing.
     pub fn select(&mut self, view: &View, tau: f64) -> SceneSelection {
         self.residency.begin_frame();
-        let metadata = self.residency.file().metadata();
+        let file = Arc::clone(self.residency.file());
+        let metadata = file.metadata();
         let roots: Vec<NodeRef> = self
             .families
             .iter()
@@ -61,19 +63,25 @@ impl Scene {
         let selection = select(view, tau, &self.residency, &roots);
         self.residency.touch(selection.visited.iter().copied());
         self.residency.request(selection.missing.iter().map(|missing| missing.id));
-        let nodes = selection
+        let nodes: Vec<SceneNode> = selection
             .draw
             .iter()
             .filter_map(|drawn| {
                 let page = Arc::clone(self.residency.page(drawn.id.page)?);
-                Some(SceneNode { page, node: drawn.id, error_pixels: drawn.error_pixels })
+                let error_pixels = match page.nodes.get(drawn.id.node as usize)? {
+                    node if node.is_leaf() && drawn.error_pixels > tau => {
+                        leaf_error_pixels(view, metadata, &page, drawn.id.node as usize)
+                    }
+                    _ => drawn.error_pixels,
+                };
+                Some(SceneNode { page, node: drawn.id, error_pixels })
             })
             .collect();
         SceneSelection {
+            error_pixels: nodes.iter().fold(0.0, |largest, node| largest.max(node.error_pixels)),
             nodes,
             converged: selection.is_converged(),
             missing: selection.missing.len(),
-            error_pixels: selection.error_pixels(),
             particles: selection.particles(),
         }
     }
@@ -102,4 +110,24 @@ impl Scene {
             }
         }
     }
+}
+
+/// Screen-space error of a leaf, particle by particle: a bound over its whole box is infinite where the box reaches the
+/// eye's plane, although its particles do not. Particles nearer to that plane than the leaf's `delta` are left out.
+fn leaf_error_pixels(view: &View, metadata: &Metadata, page: &Page, index: usize) -> f64 {
+    let node = &page.nodes[index];
+    let Some(family) = metadata.families.get(page.family as usize) else { return f64::INFINITY };
+    let particles = page.particles(index);
+    (0..particles.len())
+        .map(|i| {
+            let position = node.key.position(family.root, particles.fraction(i));
+            if view.to_camera(position).z <= node.delta {
+                return 0.0;
+            }
+            let bounds = Bounds { min: position - node.delta, max: position + node.delta };
+            let extent = Extent { bounds, margin: 0.0 };
+            let error = if view.sees(&extent) { view.error_pixels(&extent, node.delta) } else { 0.0 };
+            if error.is_finite() { error } else { 0.0 }
+        })
+        .fold(0.0, f64::max)
 }

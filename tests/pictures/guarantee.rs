@@ -80,7 +80,7 @@ fn check(built: &Built, cases: u32) {
     );
     let mut thinned = 0;
     let mut runner = TestRunner::new_with_rng(
-        Config { cases, failure_persistence: None, ..Config::default() },
+        Config { cases, failure_persistence: None, max_shrink_iters: 20, ..Config::default() },
         proptest::test_runner::TestRng::deterministic_rng(proptest::test_runner::RngAlgorithm::ChaCha),
     );
     let counter = std::cell::Cell::new(0u32);

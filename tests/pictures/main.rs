@@ -1,5 +1,7 @@
 //! From source to picture, across the rooms: the screen-space guarantee, conservation, colour errors, golden images.
 
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+
 mod color_error;
 mod conservation;
 mod golden;
