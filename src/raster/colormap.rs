@@ -64,10 +64,16 @@ impl ColorMap {
 
     /// Colours at `count` evenly spaced places from 0 to 1 (both included for two or more).
     pub fn sample(self, count: usize) -> Vec<Rgb> {
+        self.sample_span((0.0, 1.0), count)
+    }
+
+    /// Colours at `count` evenly spaced places of a part of the map, both ends included for two or more.
+    pub fn sample_span(self, (from, to): (f32, f32), count: usize) -> Vec<Rgb> {
         let gradient = (ENTRIES[self.0].gradient)();
         (0..count)
             .map(|i| {
-                let color = gradient.at(i as f32 / (count.max(2) - 1) as f32);
+                let place = from + (to - from) * i as f32 / (count.max(2) - 1) as f32;
+                let color = gradient.at(place.clamp(0.0, 1.0));
                 [color.r, color.g, color.b].map(|component| component.clamp(0.0, 1.0))
             })
             .collect()

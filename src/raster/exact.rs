@@ -223,23 +223,34 @@ pub(super) fn subsample(
     let rows = p.len() / stride;
     // Samples from the pixel before the band to the pixel after it, since samples give to their neighbours.
     let columns = cells(splat.min[0] * fine, splat.max[0] * fine, -(count as i64), (stride + 2) * count);
+    let first_pixel = columns.start / count;
+    // Sums over one row of samples for each pixel, from the one before `first_pixel` on.
+    let mut sums = vec![0.0; columns.end / count + 3 - first_pixel];
     for j in cells(splat.min[1] * fine, splat.max[1] * fine, (first as i64 - 1) * count as i64, (rows + 2) * count) {
         let row = lens.row(&splat, first as f64 - 1.0 + (j as f64 + 0.5) / fine);
-        let share_y = share(j % count);
+        sums.fill(0.0);
         for i in columns.clone() {
             let f = line.at_square(lens.square(&row, (i as f64 + 0.5) / fine - 1.0));
-            if f <= 0.0 {
+            let (pixel, place) = (i / count - first_pixel, i % count);
+            if place >= 2 && place + 2 < count {
+                sums[pixel + 1] += f / fine;
                 continue;
             }
-            let share_x = share(i % count);
-            for (dy, sy) in share_y.into_iter().enumerate() {
-                for (dx, sx) in share_x.into_iter().enumerate() {
-                    let (y, x) = ((j / count + dy).wrapping_sub(2), (i / count + dx).wrapping_sub(2));
-                    if sy * sx != 0.0 && y < rows && x < stride {
-                        p[y * stride + x] += splat.amplitude * f * sx * sy;
-                        if !ps.is_empty() {
-                            ps[y * stride + x] += splat.amplitude_s * f * sx * sy;
-                        }
+            for (sum, share) in sums[pixel..].iter_mut().zip(share(place)) {
+                *sum += share * f;
+            }
+        }
+        for (dy, share) in share(j % count).into_iter().enumerate() {
+            let y = (j / count + dy).wrapping_sub(2);
+            if share == 0.0 || y >= rows {
+                continue;
+            }
+            for (k, sum) in sums.iter().enumerate() {
+                let x = (first_pixel + k).wrapping_sub(2);
+                if x < stride {
+                    p[y * stride + x] += splat.amplitude * share * sum;
+                    if !ps.is_empty() {
+                        ps[y * stride + x] += splat.amplitude_s * share * sum;
                     }
                 }
             }

@@ -6,13 +6,13 @@
 use super::accumulation::Accumulation;
 use super::exact::{self, AREA_FILTER};
 use super::footprint::{Footprint, Lens};
-use super::lanes::{self, Canvas, Circle};
+use super::lanes::{self, Canvas};
 use super::profile::Profiles;
 use super::pyramid::{self, LevelImage, PADDING};
-use super::small;
 use super::table::LineTable;
 use super::tiles::{self, Layer, Record, SIDE, STRIDE, Sorted};
 use super::{Extent, Splats};
+use super::{small, sphere};
 use crate::model::Kernel;
 use crate::view::{Projection, View};
 use pulp::{Arch, Simd, WithSimd};
@@ -59,7 +59,7 @@ pub fn draw(view: &View, batches: &[Splats<'_>], kernel: Kernel) -> Accumulation
             let sorted: Vec<Sorted> = (start..end)
                 .into_par_iter()
                 .step_by(CHUNK)
-                .map(|from| tiles::sort(&lens, &layers, batch, from..end.min(from + CHUNK)))
+                .map(|from| tiles::sort(&lens, profiles, &layers, batch, from..end.min(from + CHUNK)))
                 .collect();
             wide.extend(sorted.iter().flat_map(|chunk| &chunk.wide));
             layers.iter().enumerate().for_each(|(number, layer)| {
@@ -140,75 +140,18 @@ impl WithSimd for Job<'_> {
         let Job { lens, layer, profiles, kernel, small, spheres, tile, records, out } = self;
         let mut canvas = Canvas { stride: STRIDE, columns: SIDE, rows: SIDE, p: &mut out.p, ps: &mut out.ps };
         let records = records.iter().copied().flatten();
-        match (spheres, small) {
-            (false, false) => lanes::uniform_circles(simd, &mut canvas, &profiles.sampled, records.map(circle)),
-            (false, true) => {
-                let table = small::CornerTable::of(kernel);
-                for record in records {
-                    let circle = circle(record);
-                    if f64::from(circle.radius) < Profiles::SMALLEST {
-                        small::corners(&mut canvas, table, &circle);
-                    } else {
-                        let reach = circle.radius + Profiles::REACH;
-                        let shrink = (circle.radius / reach).powi(2);
-                        let blurred = Circle {
-                            radius: reach,
-                            amplitude: circle.amplitude * shrink,
-                            amplitude_s: circle.amplitude_s * shrink,
-                            ..circle
-                        };
-                        lanes::circles(simd, &mut canvas, std::iter::once((blurred, profiles.blurred(circle.radius))));
-                    }
-                }
+        let corner = layer.corner_of(tile);
+        if small {
+            let table = small::CornerTable::of(kernel);
+            for record in records {
+                small::draw(simd, &mut canvas, lens, profiles, table, corner, record);
             }
-            (true, _) => {
-                let corner = layer.corner_of(tile);
-                for record in records {
-                    if small {
-                        small::sphere(simd, &mut canvas, lens, corner, &profiles.sampled, record);
-                    } else {
-                        sphere(simd, &mut canvas, lens, corner, layer.cell, profiles, record);
-                    }
-                }
+        } else if spheres {
+            for record in records {
+                sphere::sampled(simd, &mut canvas, lens, corner, layer.cell, &profiles.sampled, record);
             }
-        }
-    }
-}
-
-fn circle(record: &Record) -> Circle {
-    let [x, y, radius, _] = record.place;
-    Circle { x, y, radius, amplitude: record.amplitude, amplitude_s: record.amplitude_s }
-}
-
-/// Samples a sphere at the cell centres of a tile; `corner` is the buffer's corner in pixels.
-#[inline(always)]
-fn sphere<S: Simd>(
-    simd: S,
-    canvas: &mut Canvas<'_>,
-    lens: &Lens,
-    corner: [f64; 2],
-    cell: f64,
-    profiles: &Profiles,
-    record: &Record,
-) {
-    let Some(footprint) = small::footprint(lens, record) else { return };
-    let clip = |k: usize, count: usize| {
-        // Casts saturate.
-        let first = ((footprint.min[k] - corner[k]) / cell + 0.5) as usize;
-        let end = ((footprint.max[k] - corner[k]) / cell + 0.5) as usize;
-        (first.min(count), end.min(count))
-    };
-    let ((left, right), (top, bottom)) = (clip(0, canvas.columns), clip(1, canvas.rows));
-    let width = right.saturating_sub(left).next_multiple_of(S::F32_LANES);
-    let mut values = [0.0f32; SIDE + lanes::SLACK];
-    for j in top..bottom {
-        let row = lens.row(&footprint, corner[1] + (j as f64 + 0.5) * cell);
-        let x = corner[0] + left as f64 * cell;
-        lanes::perspective_row(simd, &profiles.sampled, &row, lens.ray(), x, cell, &mut values[..width]);
-        let start = j * canvas.stride + left;
-        small::add_scaled(simd, &mut canvas.p[start..start + width], record.amplitude, &values[..width]);
-        if !canvas.ps.is_empty() {
-            small::add_scaled(simd, &mut canvas.ps[start..start + width], record.amplitude_s, &values[..width]);
+        } else {
+            lanes::uniform_circles(simd, &mut canvas, &profiles.sampled, records.map(Record::circle));
         }
     }
 }

@@ -121,6 +121,21 @@ impl Lens {
         }
     }
 
+    /// Pixels per world unit at depth 1, as [`View::focal_pixels`].
+    pub fn focal(&self) -> f64 {
+        self.focal
+    }
+
+    /// Where a point in camera space appears, pixels.
+    pub fn center(&self, camera: DVec3) -> Option<[f64; 2]> {
+        self.view.to_pixels(camera)
+    }
+
+    /// The tangent of the angle between the view's axis and a point of the picture (pixels), as a vector.
+    pub fn slope(&self, point: [f64; 2]) -> [f64; 2] {
+        [0, 1].map(|k| (point[k] - self.middle[k]) * self.ray()[1])
+    }
+
     /// Whether a footprint reaches into the picture grown by `margin` pixels on each side.
     pub fn sees(&self, footprint: &Footprint, margin: f64) -> bool {
         let size = [f64::from(self.view.width), f64::from(self.view.height)];

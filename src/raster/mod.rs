@@ -29,6 +29,7 @@ mod fast;
 mod lanes;
 mod profile;
 mod small;
+mod sphere;
 mod tiles;
 
 pub use accumulation::Accumulation;

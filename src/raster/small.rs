@@ -1,14 +1,12 @@
 //! Splats that are too small to be sampled on the picture's own grid: exact integrals over each pixel.
 
-use super::exact::AREA_FILTER;
 use super::footprint::{Footprint, Lens, Shape};
 use super::lanes::{self, Canvas, Circle};
-use super::profile::{Profile, Profiles};
-use super::pyramid::SMALLEST_RADIUS;
+use super::profile::Profiles;
+use super::sphere;
 use super::table::CumulativeTable;
 use super::tiles::Record;
 use crate::model::Kernel;
-use glam::Vec3;
 use pulp::Simd;
 use std::sync::OnceLock;
 
@@ -99,140 +97,80 @@ pub fn corners(canvas: &mut Canvas<'_>, table: &CornerTable, circle: &Circle) {
     }
 }
 
-/// The footprint of a record that holds a sphere.
-#[inline(always)]
-pub fn footprint(lens: &Lens, record: &Record) -> Option<Footprint> {
-    let [x, y, z, h] = record.place;
-    lens.sphere(Vec3::new(x, y, z).as_dvec3(), f64::from(h), f64::from(record.amplitude), f64::from(record.amplitude_s))
-}
+/// Beyond this square of the tangent of the angle off the axis, small spheres are too elongated for [`circles`] and for
+/// a profile that is blurred alike in all directions.
+const STEEPEST: f64 = 0.12;
 
-/// Adds `factor * values` to `out`; the same length, a multiple of the lanes.
-#[inline(always)]
-pub fn add_scaled<S: Simd>(simd: S, out: &mut [f32], factor: f32, values: &[f32]) {
-    let factor = simd.splat_f32s(factor);
-    let ((out, _), (values, _)) = (S::as_mut_simd_f32s(out), S::as_simd_f32s(values));
-    for (out, value) in out.iter_mut().zip(values) {
-        *out = simd.mul_add_e_f32s(factor, *value, *out);
+/// Two displacements below this, pixels, are not worth it.
+const NEAREST: f64 = 0.02;
+
+/// A sphere in perspective that covers few pixels, as one or two circles: its image is an ellipse, longer by
+/// `sec(theta)` along the radius of the picture. Two circles of half the weight, displaced along that radius, have the
+/// same integral and the same second moments. None when it is no sphere, large enough for its own shape, or too long.
+pub fn circles(lens: &Lens, profiles: &Profiles, footprint: &Footprint) -> [Option<Footprint>; 2] {
+    let Shape::Sphere { camera, h } = footprint.shape else { return [None; 2] };
+    let Some(center) = lens.center(camera) else { return [None; 2] };
+    let slope = lens.slope(center);
+    let tangent = slope[0] * slope[0] + slope[1] * slope[1];
+    let radius = h * lens.focal() / camera.z;
+    if radius >= Profiles::SMALLEST || tangent > STEEPEST {
+        return [None; 2];
+    }
+    let circle = |side: f64, share: f64| {
+        let center: [f64; 2] = std::array::from_fn(|k| center[k] + side * profiles.spread * radius * slope[k]);
+        let stretch = share * (1.0 + tangent).sqrt();
+        Some(Footprint {
+            min: center.map(|x| x - radius),
+            max: center.map(|x| x + radius),
+            radius,
+            amplitude: footprint.amplitude * stretch,
+            amplitude_s: footprint.amplitude_s * stretch,
+            shape: Shape::Circle { center },
+        })
+    };
+    match profiles.spread * radius * tangent.sqrt() < NEAREST {
+        true => [circle(0.0, 1.0), None],
+        false => [circle(1.0, 0.5), circle(-1.0, 0.5)],
     }
 }
 
-/// Finest sample spacing, as a power of two of a pixel. Smaller spheres are drawn with the radius that fits.
-const FINEST: u32 = 10;
-
-/// Adds a small sphere in a perspective view, by samples on a grid so fine that its radius has [`SMALLEST_RADIUS`] or more
-/// of them: each pixel takes the mean of its samples, with the ends weighted as in [`AREA_FILTER`], so that the error is
-/// of sixth order in the spacing. `corner` is the buffer's corner in pixels.
+/// Adds a splat of the layer of small ones.
 #[inline(always)]
-pub fn sphere<S: Simd>(
+pub fn draw<S: Simd>(
     simd: S,
     canvas: &mut Canvas<'_>,
     lens: &Lens,
+    profiles: &Profiles,
+    table: &CornerTable,
     corner: [f64; 2],
-    profile: &Profile,
     record: &Record,
 ) {
-    let Some(mut splat) = footprint(lens, record) else { return };
-    let power = ((SMALLEST_RADIUS / splat.radius).log2().ceil().max(1.0) as u32).min(FINEST);
-    let count = 1usize << power;
-    let fine = count as f64;
-    let (mut amplitude, mut amplitude_s) = (record.amplitude, record.amplitude_s);
-    let grow = SMALLEST_RADIUS / fine / splat.radius;
-    if let (true, Shape::Sphere { camera, h }) = (grow > 1.0, splat.shape) {
-        splat.shape = Shape::Sphere { camera, h: h * grow };
-        amplitude /= (grow * grow) as f32;
-        amplitude_s /= (grow * grow) as f32;
-        for k in 0..2 {
-            let (middle, half) = (0.5 * (splat.min[k] + splat.max[k]), 0.5 * (splat.max[k] - splat.min[k]));
-            (splat.min[k], splat.max[k]) = (middle - half * grow, middle + half * grow);
+    if record.is_sphere() {
+        let Some(footprint) = sphere::footprint(lens, record) else { return };
+        let radius = footprint.radius as f32;
+        let middle = [0, 1].map(|k| 0.5 * (footprint.min[k] + footprint.max[k]));
+        let slope = lens.slope(middle);
+        if f64::from(radius) < Profiles::SMALLEST || slope[0] * slope[0] + slope[1] * slope[1] > STEEPEST {
+            sphere::subsampled(simd, canvas, lens, corner, &profiles.sampled, record);
+            return;
         }
-    }
-    // Samples inside the buffer, counted from its corner.
-    let span = |k: usize, cells: usize| {
-        // Casts saturate.
-        let first = ((splat.min[k] - corner[k]) * fine + 0.5) as usize;
-        let end = ((splat.max[k] - corner[k]) * fine + 0.5) as usize;
-        (first, end.min(cells * count))
-    };
-    let ((left, right), (top, bottom)) = (span(0, canvas.columns), span(1, canvas.rows));
-    if left >= right || top >= bottom {
+        let reach = (radius + Profiles::REACH) / radius;
+        let shrink = 1.0 / (reach * reach);
+        let mut blurred = *record;
+        blurred.place[3] *= reach;
+        blurred.amplitude *= shrink;
+        blurred.amplitude_s *= shrink;
+        sphere::sampled(simd, canvas, lens, corner, 1.0, profiles.blurred(radius), &blurred);
         return;
     }
-    let width = (right - left).next_multiple_of(S::F32_LANES);
-    let mut values = [0.0f32; FINE_SPAN];
-    let mut sums = [[0.0f32; FINE_SPAN]; 3];
-    let Some(values) = values.get_mut(..width) else { return };
-    let shares = |place: usize| -> [f32; 3] {
-        let mut shares = [0.0; 3];
-        if place >= 2 && place + 2 < count {
-            shares[1] = (1.0 / fine) as f32;
-            return shares;
-        }
-        for (tap, offset) in (-2i64..=2).enumerate() {
-            let target = (place as i64 + offset).div_euclid(count as i64) + 1;
-            shares[target as usize] += (AREA_FILTER[tap.abs_diff(2)] / fine) as f32;
-        }
-        shares
-    };
-    // `sums` holds the pixel row above the current one, the current one, and the one below.
-    let mut current = top / count;
-    let x = corner[0] + left as f64 / fine;
-    for j in top..bottom {
-        if j / count != current {
-            put(
-                canvas,
-                &sums[0][..right - left],
-                current.wrapping_sub(1),
-                left,
-                count,
-                &shares,
-                amplitude,
-                amplitude_s,
-            );
-            sums.rotate_left(1);
-            sums[2][..width].fill(0.0);
-            current += 1;
-        }
-        let row = lens.row(&splat, corner[1] + (j as f64 + 0.5) / fine);
-        lanes::perspective_row(simd, profile, &row, lens.ray(), x, 1.0 / fine, values);
-        for (sum, share) in sums.iter_mut().zip(shares(j % count)) {
-            if share != 0.0 {
-                add_scaled(simd, &mut sum[..width], share, values);
-            }
-        }
-    }
-    for (k, sum) in sums.iter().enumerate() {
-        put(canvas, &sum[..right - left], (current + k).wrapping_sub(1), left, count, &shares, amplitude, amplitude_s);
-    }
-}
-
-/// Most samples along one axis of a small sphere: its long axis may be several times its short one.
-const FINE_SPAN: usize = 256;
-
-/// Adds the means over the pixels of a row of fine samples, from sample `left` on.
-#[inline(always)]
-fn put(
-    canvas: &mut Canvas<'_>,
-    sums: &[f32],
-    y: usize,
-    left: usize,
-    count: usize,
-    shares: &impl Fn(usize) -> [f32; 3],
-    amplitude: f32,
-    amplitude_s: f32,
-) {
-    if y >= canvas.rows {
+    let circle = record.circle();
+    if f64::from(circle.radius) < Profiles::SMALLEST {
+        corners(canvas, table, &circle);
         return;
     }
-    for (i, &sum) in sums.iter().enumerate() {
-        let sample = left + i;
-        for (k, share) in shares(sample % count).into_iter().enumerate() {
-            let x = (sample / count + k).wrapping_sub(1);
-            if share != 0.0 && x < canvas.columns {
-                canvas.p[y * canvas.stride + x] += amplitude * share * sum;
-                if !canvas.ps.is_empty() {
-                    canvas.ps[y * canvas.stride + x] += amplitude_s * share * sum;
-                }
-            }
-        }
-    }
+    let radius = circle.radius + Profiles::REACH;
+    let shrink = (circle.radius / radius).powi(2);
+    let (amplitude, amplitude_s) = (circle.amplitude * shrink, circle.amplitude_s * shrink);
+    let blurred = Circle { radius, amplitude, amplitude_s, ..circle };
+    lanes::uniform_circles(simd, canvas, profiles.blurred(circle.radius), std::iter::once(blurred));
 }

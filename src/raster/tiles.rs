@@ -4,10 +4,11 @@
 //! cut into square tiles. A splat belongs to the tile of its centre; the tile's buffer has a margin that holds what
 //! reaches over, so that tiles are drawn independently and splats are drawn once.
 
-use super::Splats;
 use super::footprint::{Footprint, Lens, Shape};
-use super::lanes::{SLACK, WIDEST};
+use super::lanes::{Circle, SLACK, WIDEST};
+use super::profile::Profiles;
 use super::pyramid::{self, LevelImage, PADDING, SMALLEST_RADIUS};
+use super::{Splats, small};
 use crate::view::View;
 use rayon::prelude::*;
 
@@ -25,12 +26,27 @@ const _: () = assert!(MARGIN as f32 > WIDEST + 1.0 && WIDEST as f64 >= 2.0 * SMA
 /// A splat in the tile where it belongs.
 #[derive(Clone, Copy, Debug)]
 pub struct Record {
-    /// Circle: x, y and radius in the cells of the tile's buffer. Sphere: position in camera space, then `h`.
+    /// Circle: x, y and radius in the cells of the tile's buffer, and 0. Sphere: position in camera space, and `h`.
     pub place: [f32; 4],
     /// `P` amplitude.
     pub amplitude: f32,
     /// `P S` amplitude.
     pub amplitude_s: f32,
+}
+
+impl Record {
+    /// The record as a circle.
+    #[inline(always)]
+    pub fn circle(&self) -> Circle {
+        let [x, y, radius, _] = self.place;
+        Circle { x, y, radius, amplitude: self.amplitude, amplitude_s: self.amplitude_s }
+    }
+
+    /// Whether it is a sphere.
+    #[inline(always)]
+    pub fn is_sphere(&self) -> bool {
+        self.place[3] > 0.0
+    }
 }
 
 /// One layer of the picture.
@@ -129,7 +145,13 @@ impl Sorted {
 }
 
 /// Projects particles `range` of a batch and sorts them by tile.
-pub fn sort(lens: &Lens, layers: &[Layer], splats: &Splats<'_>, range: std::ops::Range<usize>) -> Sorted {
+pub fn sort(
+    lens: &Lens,
+    profiles: &Profiles,
+    layers: &[Layer],
+    splats: &Splats<'_>,
+    range: std::ops::Range<usize>,
+) -> Sorted {
     let tiles = layers.last().map_or(0, |layer| layer.first + layer.tiles[0] * layer.tiles[1]);
     let mut starts = vec![0u32; tiles + 1];
     let mut placed: Vec<(u32, Record)> = Vec::with_capacity(range.len());
@@ -142,12 +164,16 @@ pub fn sort(lens: &Lens, layers: &[Layer], splats: &Splats<'_>, range: std::ops:
             continue;
         }
         let layer = if small { 0 } else { 1 + pyramid::level_of(footprint.radius, layers.len() - 2) };
-        match place(&layers[layer], &footprint) {
-            Some((tile, record)) => {
-                starts[tile] += 1;
-                placed.push((tile as u32, record));
+        let circles = if small { small::circles(lens, profiles, &footprint) } else { [None; 2] };
+        let footprints = if circles[0].is_some() { circles } else { [Some(footprint), None] };
+        for footprint in footprints.into_iter().flatten() {
+            match place(&layers[layer], &footprint) {
+                Some((tile, record)) => {
+                    starts[tile] += 1;
+                    placed.push((tile as u32, record));
+                }
+                None => wide.push((layer, footprint)),
             }
-            None => wide.push((layer, footprint)),
         }
     }
     let mut next = 0;

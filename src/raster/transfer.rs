@@ -86,17 +86,25 @@ impl From<Range> for RangeText {
 }
 
 /// Hue from the attribute `S`.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Hue {
     /// Colours from low to high `S`; their hue and chroma count, the lightness comes from `P`.
     pub color_map: ColorMap,
     /// Whether high and low change places.
     pub reverse: bool,
+    /// The part of the map that is used, within [0, 1].
+    pub span: (f32, f32),
     /// How `S` is placed in its range.
     pub scale: Scale,
     /// Range of `S`.
     pub range: Range,
+}
+
+impl Default for Hue {
+    fn default() -> Hue {
+        Hue { color_map: ColorMap::default(), reverse: false, span: (0.0, 1.0), scale: Scale::Log, range: Range::Auto }
+    }
 }
 
 /// From an accumulated picture to colours.
@@ -282,7 +290,7 @@ impl TransferFunction {
             return Lut { width, height: 1, rgba };
         };
         let height = TransferFunction::LUT_HEIGHT;
-        let mut hues = hue.color_map.sample(height as usize);
+        let mut hues = hue.color_map.sample_span(hue.span, height as usize);
         if hue.reverse {
             hues.reverse();
         }
