@@ -89,14 +89,6 @@ fn covered(center: f32, radius: f32, count: usize) -> (usize, usize) {
     (first, end)
 }
 
-/// Adds circles with one profile each.
-#[inline(always)]
-pub fn circles<'a, S: Simd>(simd: S, canvas: &mut Canvas<'_>, splats: impl Iterator<Item = (Circle, &'a Profile)>) {
-    for (circle, profile) in splats {
-        circle_of(simd, canvas, &circle, &Coefficients::new(simd, profile));
-    }
-}
-
 /// Adds circles that share a profile.
 #[inline(always)]
 pub fn uniform_circles<S: Simd>(

@@ -322,7 +322,7 @@ fn percentiles(values: impl Iterator<Item = f32>, shares: [f64; 2]) -> [f64; 2] 
 fn shade([r, g, b]: Rgb, brightness: f32) -> Rgb {
     let [_, along_a, along_b, _] = Color::new(r, g, b, 1.0).to_oklaba();
     let lightness = 0.98 * brightness;
-    let mut chroma = 1.15 * (4.0 * brightness * (1.0 - brightness)).powf(0.55).min(1.0);
+    let mut chroma = 0.95 * (4.0 * brightness * (1.0 - brightness)).powf(0.55).min(1.0);
     loop {
         let color = Color::from_oklaba(lightness, chroma * along_a, chroma * along_b, 1.0);
         let rgb = [color.r, color.g, color.b];
