@@ -45,12 +45,17 @@ def header(file, counts, totals, files, table, **more):
 
 
 def arepo():
-    """An AREPO snapshot in two files, gas in both, dark matter with a mass of the table in the second one only."""
+    """An AREPO snapshot in two files, gas in both, dark matter with a mass of the table and tracers in the second one only."""
     for number, (gas, dark) in enumerate([(40, 0), (24, 16)]):
         with h5py.File(f"arepo.{number}.hdf5", "w") as file:
-            header(file, [gas, dark, 0, 0, 0, 0], [64, 16, 0, 0, 0, 0], 2, [0, 0.25, 0, 0, 0, 0], Time=0.5, Redshift=1.0,
+            tracers = 5 * number
+            header(file, [gas, dark, 0, tracers, 0, 0], [64, 16, 0, 5, 0, 0], 2, [0, 0.25, 0, 0, 0, 0], Time=0.5, Redshift=1.0,
                    BoxSize=10.0, HubbleParam=0.7, UnitLength_in_cm=3.085678e21, UnitMass_in_g=1.989e43,
                    UnitVelocity_in_cm_per_s=1e5)
+            if tracers:
+                group = file.create_group("PartType3")
+                group["TracerID"] = np.arange(tracers, dtype=np.uint64)
+                group["ParentID"] = np.arange(tracers, dtype=np.uint64)
             for kind, count in ((0, gas), (1, dark)):
                 if count == 0:
                     continue

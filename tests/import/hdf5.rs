@@ -43,6 +43,7 @@ fn both_files_of_a_snapshot_open_under_either_name() {
         assert_eq!(unit(source.as_ref(), 0, "position"), "a kpc/h");
         assert_eq!(unit(source.as_ref(), 0, "mass"), "1e10 Msun/h");
         assert_eq!(source.description().redshift, Some(1.0));
+        assert!(source.description().notes.iter().any(|note| note.contains("tracers")));
     }
 }
 

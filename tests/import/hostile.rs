@@ -57,7 +57,7 @@ macro_rules! hostile {
             use super::*;
 
             proptest! {
-                #![proptest_config(ProptestConfig::with_cases(96))]
+                #![proptest_config(ProptestConfig::with_cases(256))]
 
                 #[test]
                 fn overwritten(mutations in mutations()) {

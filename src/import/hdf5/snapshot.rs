@@ -194,6 +194,11 @@ fn open_family(
     let mut count = 0u64;
     for file in files {
         let Some(group) = file.group(number)? else { continue };
+        if is_tracers(&group)? {
+            let note = format!("{name}: Monte Carlo tracers of AREPO have no positions of their own and are not read");
+            description.notes.push(note);
+            return Ok(None);
+        }
         let planned = match &mut plan {
             Some(planned) => planned,
             none => {
@@ -218,6 +223,13 @@ fn open_family(
         fields: plan.into_iter().map(|planned| planned.field).collect(),
     });
     Ok(info.map(|info| (info, FamilyData { fields: stored })))
+}
+
+/// Whether a group holds AREPO's Monte Carlo tracers, which belong to cells and have no coordinates.
+fn is_tracers(group: &H5Group) -> Result<bool, ImportError> {
+    let (_, datasets) = group.members()?;
+    let has = |name: &str| datasets.iter().any(|dataset| dataset == name);
+    Ok(has("TracerID") && has("ParentID") && !has("Coordinates"))
 }
 
 /// The number of particles that a file claims to have of a type: what its header says, else the rows of the positions.
