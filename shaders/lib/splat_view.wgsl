@@ -1,0 +1,76 @@
+// What a camera's splat passes share: the camera, the image pyramid's grids and the bins that particles are sorted
+// into. The Rust twin is `SplatUniform` in src/gpu/splat/layout.rs; a test compares the two layouts.
+#define_import_path deepfield::splat_view
+
+/// One level of the image pyramid. Cell `(i, j)` of level `l` covers the pixels from `(i - pad) 2^l` to
+/// `(i - pad + 1) 2^l`. Bin `(i, j)` covers cells `8 (i - margin)` to `8 (i - margin) + 7`, both relative to the first cell.
+struct Level {
+    width: u32,
+    height: u32,
+    pad: u32,
+    /// Index of the level's first cell in the pyramid.
+    first_cell: u32,
+    tiles_x: u32,
+    /// Number of tiles in all levels before this one.
+    first_tile: u32,
+    bins_x: u32,
+    bins_y: u32,
+    /// Index of the level's first bin.
+    first_bin: u32,
+    margin: u32,
+    /// Pixels per cell.
+    scale: f32,
+    unused: u32,
+}
+
+struct SplatView {
+    /// Camera axes in world coordinates.
+    right: vec4<f32>,
+    up: vec4<f32>,
+    forward: vec4<f32>,
+    /// Coefficients c_0 .. c_9 of the projected kernel F(u) = (1 - u)^2 sum c_k u^k, u = (s/h)^2.
+    profile: array<vec4<f32>, 3>,
+    /// The same for (1/2) laplacian F, by which F becomes its mean over a pixel.
+    laplacian: array<vec4<f32>, 3>,
+    /// Coefficients of the odd polynomials U_1 and U_2 with F ~ U_1'(x) U_1'(y) - U_2'(x) U_2'(y).
+    first: array<vec4<f32>, 2>,
+    second: array<vec4<f32>, 2>,
+    size: vec2<u32>,
+    /// Pixels per world unit (at depth 1 in perspective).
+    focal: f32,
+    near: f32,
+    /// 1: perspective, 0: orthographic.
+    perspective: u32,
+    /// Radius of every particle in pixels, or 0: smoothing lengths count.
+    fixed_radius: f32,
+    /// Variance of the kernel along an axis, for h = 1.
+    moment: f32,
+    /// Splats of at least this many cells are sampled.
+    sampled_radius: f32,
+    level_count: u32,
+    /// First of the bins for splats below the sampled radius; their grid is that of level 0.
+    small_bin: u32,
+    /// The bin for splats that can reach every tile.
+    everywhere_bin: u32,
+    /// Number of bins.
+    bin_count: u32,
+    levels: array<Level, 16>,
+}
+
+/// A particle in the picture, in two vectors:
+/// - `head.xy`: centre, pixels.
+/// - `head.zw`, `tail.x`: for sampled splats the quadratic form q^2 = head.z dx^2 + 2 head.w dx dy + tail.x dy^2 (see
+///   `oblique`); for small ones 1/radius along x, 1/radius along y, and the covariance of x and y; pixels.
+/// - `tail.yz`: factor of P and of P S.
+/// - `tail.w`: no pixel further from the centre is touched, pixels.
+struct Splat {
+    head: vec4<f32>,
+    tail: vec4<f32>,
+}
+
+/// 1 / |ray|^2 for the ray through a pixel position, where |ray| = 1 along the axis: turns a particle's quadratic
+/// form into the squared distance between the ray and the particle's centre (F12 4.9.1).
+fn oblique(view_size: vec2<u32>, focal: f32, perspective: u32, pixel: vec2<f32>) -> f32 {
+    let offset = (pixel - 0.5 * vec2<f32>(view_size)) / focal;
+    return select(1.0, 1.0 / (1.0 + dot(offset, offset)), perspective != 0u);
+}

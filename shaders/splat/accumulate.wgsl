@@ -1,0 +1,236 @@
+// Sums the splats of every tile of every pyramid level, without atomics: each invocation owns one column of eight cells
+// and walks over the bins whose splats may reach its tile.
+//
+// One workgroup for each 8 x 8 tile. Level 0 also takes the small splats. In: splats sorted by bin. Out: the pyramid's
+// cells, each written (first batch) or added to (further ones).
+//
+// With SUBGROUP (subgroups of exactly eight, as on a CPU driver) a workgroup is one subgroup: its lanes look at eight
+// splats at a time and then draw those that reach the tile one after the other. Without, each invocation looks at each
+// splat.
+#ifdef SUBGROUP
+enable subgroups;
+#endif
+#import deepfield::splat_view::{SplatView, Splat, oblique}
+#import deepfield::kernel::{Profile, box_profile, evaluate, cumulative, density}
+
+struct Pass {
+    /// 1: add to what is there; 0: overwrite.
+    add: u32,
+    level: u32,
+    unused_a: u32,
+    unused_b: u32,
+}
+
+@group(0) @binding(0) var<uniform> view: SplatView;
+@group(0) @binding(1) var<uniform> batch: Pass;
+@group(0) @binding(2) var<storage, read> splats: array<Splat>;
+@group(0) @binding(3) var<storage, read> order: array<u32>;
+@group(0) @binding(4) var<storage, read> starts: array<u32>;
+@group(0) @binding(5) var<storage, read_write> cells: array<vec2<f32>>;
+
+/// The sums of one column of eight cells: four rows in each vector.
+struct Column {
+    p_top: vec4<f32>,
+    p_bottom: vec4<f32>,
+    ps_top: vec4<f32>,
+    ps_bottom: vec4<f32>,
+}
+
+/// Where a column's cell centres lie, pixels, and the ray lengths there.
+struct Place {
+    x: f32,
+    y_top: vec4<f32>,
+    y_bottom: vec4<f32>,
+    oblique_top: vec4<f32>,
+    oblique_bottom: vec4<f32>,
+    /// The tile's middle and half its edge, pixels.
+    middle: vec2<f32>,
+    half_edge: f32,
+}
+
+const ROWS: vec4<f32> = vec4<f32>(0.0, 1.0, 2.0, 3.0);
+
+/// Adds a splat that is sampled at cell centres.
+fn add_sampled(column: ptr<function, Column>, place: Place, splat: Splat) {
+    let form = vec3(splat.head.zw, splat.tail.x);
+    let profile = box_profile(view.profile, view.laplacian, (form.x + form.z) / 24.0);
+    let dx = place.x - splat.head.x;
+    let xx = form.x * dx * dx;
+    let xy = 2.0 * form.y * dx;
+    let dy_top = place.y_top - splat.head.y;
+    let dy_bottom = place.y_bottom - splat.head.y;
+#ifdef PERSPECTIVE
+    let u_top = fma(dy_top, fma(dy_top, vec4(form.z), vec4(xy)), vec4(xx)) * place.oblique_top;
+    let u_bottom = fma(dy_bottom, fma(dy_bottom, vec4(form.z), vec4(xy)), vec4(xx)) * place.oblique_bottom;
+#else
+    let u_top = fma(dy_top * form.z, dy_top, vec4(xx));
+    let u_bottom = fma(dy_bottom * form.z, dy_bottom, vec4(xx));
+#endif
+    let f_top = evaluate(profile, u_top);
+    let f_bottom = evaluate(profile, u_bottom);
+    (*column).p_top = fma(f_top, vec4(splat.tail.y), (*column).p_top);
+    (*column).p_bottom = fma(f_bottom, vec4(splat.tail.y), (*column).p_bottom);
+    (*column).ps_top = fma(f_top, vec4(splat.tail.z), (*column).ps_top);
+    (*column).ps_bottom = fma(f_bottom, vec4(splat.tail.z), (*column).ps_bottom);
+}
+
+/// The integrals over the interval of one pixel around each of four positions.
+fn small_rows(dy: vec4<f32>, scale: f32) -> array<vec4<f32>, 3> {
+    var first: vec4<f32>;
+    var second: vec4<f32>;
+    var slope: vec4<f32>;
+    // Five edges bound four pixels.
+    let top = (dy.x - 0.5) * scale;
+    var first_before = cumulative(view.first, top);
+    var second_before = cumulative(view.second, top);
+#ifdef PERSPECTIVE
+    var slope_before = density(view.first, top);
+#endif
+    for (var i = 0; i < 4; i++) {
+        let edge = (dy.x + 0.5 + f32(i)) * scale;
+        let first_after = cumulative(view.first, edge);
+        let second_after = cumulative(view.second, edge);
+        first[i] = first_after - first_before;
+        second[i] = second_after - second_before;
+        first_before = first_after;
+        second_before = second_after;
+#ifdef PERSPECTIVE
+        let slope_after = density(view.first, edge);
+        slope[i] = slope_after - slope_before;
+        slope_before = slope_after;
+#endif
+    }
+    return array<vec4<f32>, 3>(first, second, slope * scale);
+}
+
+/// Adds a splat that is integrated over each pixel: a sum of products of functions of x and y, and for tilted ellipses
+/// the first order of their covariance.
+fn add_small(column: ptr<function, Column>, place: Place, splat: Splat) {
+    let left = (place.x - 0.5 - splat.head.x) * splat.head.z;
+    let right = (place.x + 0.5 - splat.head.x) * splat.head.z;
+    let first = cumulative(view.first, right) - cumulative(view.first, left);
+    let second = cumulative(view.second, right) - cumulative(view.second, left);
+    let top = small_rows(place.y_top - splat.head.y, splat.head.w);
+    let bottom = small_rows(place.y_bottom - splat.head.y, splat.head.w);
+    var f_top = first * top[0] - second * top[1];
+    var f_bottom = first * bottom[0] - second * bottom[1];
+#ifdef PERSPECTIVE
+    let slope = splat.tail.x * splat.head.z * (density(view.first, right) - density(view.first, left));
+    f_top = fma(vec4(slope), top[2], f_top);
+    f_bottom = fma(vec4(slope), bottom[2], f_bottom);
+#endif
+    (*column).p_top = fma(f_top, vec4(splat.tail.y), (*column).p_top);
+    (*column).p_bottom = fma(f_bottom, vec4(splat.tail.y), (*column).p_bottom);
+    (*column).ps_top = fma(f_top, vec4(splat.tail.z), (*column).ps_top);
+    (*column).ps_bottom = fma(f_bottom, vec4(splat.tail.z), (*column).ps_bottom);
+}
+
+/// Whether a splat touches the tile.
+fn touches(place: Place, splat: Splat) -> bool {
+    let outside = max(abs(splat.head.xy - place.middle) - place.half_edge, vec2(0.0));
+    return dot(outside, outside) < splat.tail.w * splat.tail.w;
+}
+
+/// Adds the splats at places `first` to `last - 1` of the order.
+fn add_range(column: ptr<function, Column>, place: Place, first: u32, last: u32, small: bool, lane: u32) {
+#ifdef SUBGROUP
+    for (var base = first; base < last; base += 8u) {
+        let at = base + lane;
+        let mine = splats[order[min(at, last - 1u)]];
+        var pending = subgroupBallot(at < last && touches(place, mine)).x;
+        loop {
+            if pending == 0u {
+                break;
+            }
+            let source = firstTrailingBit(pending);
+            pending &= pending - 1u;
+            let splat = Splat(subgroupShuffle(mine.head, source), subgroupShuffle(mine.tail, source));
+            if small {
+                add_small(column, place, splat);
+            } else {
+                add_sampled(column, place, splat);
+            }
+        }
+    }
+#else
+    for (var at = first; at < last; at++) {
+        let splat = splats[order[at]];
+        if touches(place, splat) {
+            if small {
+                add_small(column, place, splat);
+            } else {
+                add_sampled(column, place, splat);
+            }
+        }
+    }
+#endif
+}
+
+@compute @workgroup_size(8, #{TILES_PER_GROUP})
+fn main(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_id) local: vec3<u32>,
+) {
+    // Which tile of which level.
+    let tile = (group.y * groups.x + group.x) * #{TILES_PER_GROUP}u + local.y;
+    var level = view.level_count - 1u;
+    while level > 0u && view.levels[level].first_tile > tile {
+        level -= 1u;
+    }
+    let grid = view.levels[level];
+    let index = tile - grid.first_tile;
+    let tile_x = index % grid.tiles_x;
+    let tile_y = index / grid.tiles_x;
+    if tile_y * 8u >= grid.height {
+        return;
+    }
+
+    let cell = vec2(tile_x * 8u + local.x, tile_y * 8u);
+    let corner = (vec2<f32>(vec2(tile_x, tile_y) * 8u) - f32(grid.pad)) * grid.scale;
+    var place: Place;
+    place.x = corner.x + (f32(local.x) + 0.5) * grid.scale;
+    place.y_top = corner.y + (ROWS + 0.5) * grid.scale;
+    place.y_bottom = place.y_top + 4.0 * grid.scale;
+    for (var i = 0; i < 4; i++) {
+        place.oblique_top[i] = oblique(view.size, view.focal, view.perspective, vec2(place.x, place.y_top[i]));
+        place.oblique_bottom[i] = oblique(view.size, view.focal, view.perspective, vec2(place.x, place.y_bottom[i]));
+    }
+    place.middle = corner + 4.0 * grid.scale;
+    place.half_edge = 4.0 * grid.scale;
+
+    var column = Column(vec4(0.0), vec4(0.0), vec4(0.0), vec4(0.0));
+    // The bins of a row follow each other, so a row of neighbours is one range.
+    let reach = 2u * grid.margin;
+    for (var row = tile_y; row <= tile_y + reach; row++) {
+        let bin = grid.first_bin + row * grid.bins_x + tile_x;
+        add_range(&column, place, starts[bin], starts[bin + reach + 1u], false, local.x);
+    }
+    if level == view.level_count - 1u {
+        add_range(&column, place, starts[view.everywhere_bin], starts[view.everywhere_bin + 1u], false, local.x);
+    }
+    if level == 0u {
+        for (var row = tile_y; row <= tile_y + reach; row++) {
+            let bin = view.small_bin + row * grid.bins_x + tile_x;
+            add_range(&column, place, starts[bin], starts[bin + reach + 1u], true, local.x);
+        }
+    }
+
+    if cell.x >= grid.width {
+        return;
+    }
+    let first = grid.first_cell + cell.y * grid.width + cell.x;
+    for (var i = 0u; i < 8u; i++) {
+        if cell.y + i < grid.height {
+            var value = vec2(column.p_top[i & 3u], column.ps_top[i & 3u]);
+            if i >= 4u {
+                value = vec2(column.p_bottom[i & 3u], column.ps_bottom[i & 3u]);
+            }
+            let target_cell = first + i * grid.width;
+            if batch.add != 0u {
+                value += cells[target_cell];
+            }
+            cells[target_cell] = value;
+        }
+    }
+}

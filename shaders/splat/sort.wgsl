@@ -1,0 +1,65 @@
+// Sorts splats by bin: the bins' sizes become their first places (`scan`), then each splat's index goes to its place
+// (`scatter`). Splats that lie nowhere are left out.
+#import deepfield::splat_view::SplatView
+
+struct Place {
+    bin: u32,
+    rank: u32,
+}
+
+const NOWHERE: u32 = 0xffffffffu;
+const THREADS: u32 = 256u;
+
+@group(0) @binding(0) var<uniform> view: SplatView;
+@group(0) @binding(1) var<storage, read_write> starts: array<u32>;
+@group(0) @binding(2) var<storage, read> places: array<Place>;
+@group(0) @binding(3) var<storage, read_write> order: array<u32>;
+
+var<workgroup> partial: array<u32, THREADS>;
+
+// One workgroup. In: the number of splats in each bin. Out: the number of splats in the bins before it; one more entry
+// holds the total.
+@compute @workgroup_size(256)
+fn scan(@builtin(local_invocation_index) lane: u32) {
+    let share = (view.bin_count + THREADS - 1u) / THREADS;
+    let first = min(lane * share, view.bin_count);
+    let last = min(first + share, view.bin_count);
+    var sum = 0u;
+    for (var i = first; i < last; i++) {
+        sum += starts[i];
+    }
+    partial[lane] = sum;
+    // Inclusive sums over the threads by doubling steps.
+    for (var stride = 1u; stride < THREADS; stride *= 2u) {
+        workgroupBarrier();
+        let other = select(0u, partial[max(lane, stride) - stride], lane >= stride);
+        workgroupBarrier();
+        partial[lane] += other;
+    }
+    var place = partial[lane] - sum;
+    for (var i = first; i < last; i++) {
+        let count = starts[i];
+        starts[i] = place;
+        place += count;
+    }
+    if lane == THREADS - 1u {
+        starts[view.bin_count] = place;
+    }
+}
+
+// One invocation for each splat.
+@compute @workgroup_size(64)
+fn scatter(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let i = (group.y * groups.x + group.x) * 64u + lane;
+    if i >= arrayLength(&places) {
+        return;
+    }
+    let place = places[i];
+    if place.bin != NOWHERE {
+        order[starts[place.bin] + place.rank] = i;
+    }
+}

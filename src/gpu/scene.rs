@@ -1,0 +1,222 @@
+//! The main world's handle on what the renderer holds: nodes of particles, attribute tables, and their state.
+//!
+//! [`ParticleScene`] is one resource, inserted in both worlds as a cheap clone. The main world queues nodes and tables
+//! and asks what is resident; the render world takes from the queue under a byte budget a frame (see
+//! [`super::arena`]). What a camera draws of it is said by its [`super::SplatView`] component. Nothing here waits:
+//! every call takes a short lock.
+
+use bevy::prelude::Resource;
+use glam::DVec3;
+use std::collections::{HashMap, VecDeque};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+/// Names one node of one particle tree, or one batch of source particles. The caller chooses the numbers; they only
+/// have to differ.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct NodeId {
+    /// Which data source: one family of one open file.
+    pub source: u32,
+    /// The page, in the source.
+    pub page: u32,
+    /// The node, in the page.
+    pub node: u32,
+}
+
+/// Names an attribute table; see [`ParticleScene::insert_table`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct TableId(u32);
+
+/// What a code of a quantised particle stands for, in one mode: the codebook's entry with the mode's weight applied.
+#[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub struct TableEntry {
+    /// Smoothing length (support radius), world units.
+    pub smoothing_length: f32,
+    /// The weight `w` that is accumulated into `P`.
+    pub weight: f32,
+    /// The attribute `a`; `w a` is accumulated into `P S`.
+    pub attribute: f32,
+}
+
+/// One source particle at full precision.
+#[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub struct RawParticle {
+    /// Position relative to the payload's frame; see [`Payload::Camera`].
+    pub position: [f32; 3],
+    /// Smoothing length (support radius), world units.
+    pub smoothing_length: f32,
+    /// The weight `w` that is accumulated into `P`.
+    pub weight: f32,
+    /// The attribute `a`; `w a` is accumulated into `P S`.
+    pub attribute: f32,
+}
+
+/// The particles of one node.
+#[derive(Clone, Debug)]
+pub enum Payload {
+    /// Grid encoding: 10 bits a coordinate in steps of `size / 1024` (x in the lowest bits), decoded at the step's
+    /// centre; bits 30 and 31 are flags.
+    Grid {
+        /// Packed positions.
+        positions: Vec<u32>,
+        /// Index into the table, for each particle.
+        codes: Vec<u16>,
+    },
+    /// Leaf encoding: 21 bits a coordinate in steps of `size / 2^21` (x in the lowest bits), decoded at the step's
+    /// centre; bit 63 is a flag.
+    Leaf {
+        /// Packed positions.
+        positions: Vec<u64>,
+        /// Index into the table, for each particle.
+        codes: Vec<u16>,
+    },
+    /// Source particles relative to the node's `min`, in world axes.
+    World(Vec<RawParticle>),
+    /// Source particles in camera space (right, up, depth; computed in double precision): valid for one camera only.
+    Camera(Vec<RawParticle>),
+}
+
+impl Payload {
+    /// Number of particles.
+    pub fn len(&self) -> usize {
+        match self {
+            Payload::Grid { positions, .. } => positions.len(),
+            Payload::Leaf { positions, .. } => positions.len(),
+            Payload::World(particles) | Payload::Camera(particles) => particles.len(),
+        }
+    }
+
+    /// Whether it holds no particle.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+}
+
+/// A node on its way to the renderer.
+#[derive(Clone, Debug)]
+pub struct NodeUpload {
+    /// Its name.
+    pub id: NodeId,
+    /// The cell's lowest corner in world units (the origin of [`Payload::World`]).
+    pub min: DVec3,
+    /// The cell's edge length in world units; only the packed encodings use it.
+    pub size: f64,
+    /// Its particles.
+    pub payload: Payload,
+}
+
+/// Where a node stands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum NodeState {
+    /// Waiting for its turn to be uploaded.
+    Queued,
+    /// On the GPU: a camera may draw it.
+    Resident,
+    /// There was no room for it within the byte budget; remove something and insert it again.
+    Rejected,
+}
+
+/// Numbers for panels and tests.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct SceneStats {
+    /// Nodes on the GPU.
+    pub resident_nodes: usize,
+    /// Their bytes.
+    pub resident_bytes: u64,
+    /// Nodes that wait for upload.
+    pub queued_nodes: usize,
+    /// The arena's byte budget.
+    pub budget_bytes: u64,
+    /// The most that is uploaded in one frame, bytes (at least one node is, whatever its size).
+    pub upload_bytes_per_frame: u64,
+}
+
+/// What the render world has to carry out.
+#[derive(Debug)]
+pub(super) enum SceneCommand {
+    Insert(NodeUpload),
+    Remove(NodeId),
+    InsertTable(TableId, Vec<TableEntry>),
+    RemoveTable(TableId),
+}
+
+#[derive(Debug, Default)]
+pub(super) struct SceneState {
+    pub(super) queue: VecDeque<SceneCommand>,
+    pub(super) nodes: HashMap<NodeId, NodeState>,
+    pub(super) resident_bytes: u64,
+    pub(super) budget_bytes: u64,
+    pub(super) upload_bytes_per_frame: u64,
+    next_table: u32,
+}
+
+/// The particles that cameras may draw. Clones share one state.
+#[derive(Resource, Clone, Debug)]
+pub struct ParticleScene(Arc<Mutex<SceneState>>);
+
+impl ParticleScene {
+    /// An empty scene with a budget for resident particle data, and one for what is uploaded in a frame.
+    pub fn new(budget_bytes: u64, upload_bytes_per_frame: u64) -> ParticleScene {
+        ParticleScene(Arc::new(Mutex::new(SceneState { budget_bytes, upload_bytes_per_frame, ..SceneState::default() })))
+    }
+
+    pub(super) fn lock(&self) -> MutexGuard<'_, SceneState> {
+        // A panic elsewhere leaves a queue that is still consistent: every change below is one push or insert.
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Queues nodes for upload, in this order. A node that is queued or resident already is ignored.
+    pub fn insert_nodes(&self, nodes: impl IntoIterator<Item = NodeUpload>) {
+        let mut state = self.lock();
+        for node in nodes {
+            if matches!(state.nodes.get(&node.id), None | Some(NodeState::Rejected)) {
+                state.nodes.insert(node.id, NodeState::Queued);
+                state.queue.push_back(SceneCommand::Insert(node));
+            }
+        }
+    }
+
+    /// Frees nodes; they must not be in a [`super::SplatView`] from now on (they would be left out).
+    pub fn remove_nodes(&self, ids: impl IntoIterator<Item = NodeId>) {
+        let mut state = self.lock();
+        for id in ids {
+            if state.nodes.remove(&id).is_some() {
+                state.queue.push_back(SceneCommand::Remove(id));
+            }
+        }
+    }
+
+    /// Uploads a table of up to 65536 entries: what the codes of a node mean in one mode (one table for each level and
+    /// family of a file). Codes beyond its end draw its last entry.
+    pub fn insert_table(&self, entries: Vec<TableEntry>) -> TableId {
+        let mut state = self.lock();
+        let id = TableId(state.next_table);
+        state.next_table += 1;
+        state.queue.push_back(SceneCommand::InsertTable(id, entries));
+        id
+    }
+
+    /// Frees a table.
+    pub fn remove_table(&self, id: TableId) {
+        self.lock().queue.push_back(SceneCommand::RemoveTable(id));
+    }
+
+    /// Where a node stands; `None` if it was never inserted, or was removed.
+    pub fn node_state(&self, id: NodeId) -> Option<NodeState> {
+        self.lock().nodes.get(&id).copied()
+    }
+
+    /// Numbers for panels and tests.
+    pub fn stats(&self) -> SceneStats {
+        let state = self.lock();
+        let count = |wanted| state.nodes.values().filter(|&&node| node == wanted).count();
+        SceneStats {
+            resident_nodes: count(NodeState::Resident),
+            resident_bytes: state.resident_bytes,
+            queued_nodes: count(NodeState::Queued),
+            budget_bytes: state.budget_bytes,
+            upload_bytes_per_frame: state.upload_bytes_per_frame,
+        }
+    }
+}
