@@ -7,9 +7,6 @@
 // With SUBGROUP (subgroups of exactly eight, as on a CPU driver) a workgroup is one subgroup: its lanes look at eight
 // splats at a time and then draw those that reach the tile one after the other. Without, each invocation looks at each
 // splat.
-#ifdef SUBGROUP
-enable subgroups;
-#endif
 #import deepfield::splat_view::{SplatView, Splat, oblique}
 #import deepfield::kernel::{Profile, box_profile, evaluate, cumulative, density}
 

@@ -18,9 +18,10 @@ struct Node {
     table_length: u32,
     /// ENCODING_*.
     encoding: u32,
+    /// Factor on every weight.
+    weight_scale: f32,
     unused_a: u32,
     unused_b: u32,
-    unused_c: u32,
 }
 
 struct Block {
@@ -200,6 +201,7 @@ fn main(
         } else {
             particle = load_raw(node, block.first + i, node.encoding == ENCODING_WORLD);
         }
+        particle.weight *= node.weight_scale;
         let projected = project(particle);
         var rank = 0u;
         if projected.bin != NOWHERE {

@@ -5,6 +5,7 @@
 //! [`super::arena`]). What a camera draws of it is said by its [`super::SplatView`] component. Nothing here waits:
 //! every call takes a short lock.
 
+use crate::store::{Page, Positions};
 use bevy::prelude::Resource;
 use glam::DVec3;
 use std::collections::{HashMap, VecDeque};
@@ -52,19 +53,24 @@ pub struct RawParticle {
     pub attribute: f32,
 }
 
-/// The particles of one node.
+/// The particles of one node. Packed positions are those of [`crate::codec::coordinates`].
 #[derive(Clone, Debug)]
 pub enum Payload {
-    /// Grid encoding: 10 bits a coordinate in steps of `size / 1024` (x in the lowest bits), decoded at the step's
-    /// centre; bits 30 and 31 are flags.
+    /// A node of a page; shared, not copied.
+    Page {
+        /// The page.
+        page: Arc<Page>,
+        /// Index of the node in it.
+        node: u32,
+    },
+    /// Grid encoding.
     Grid {
         /// Packed positions.
         positions: Vec<u32>,
         /// Index into the table, for each particle.
         codes: Vec<u16>,
     },
-    /// Leaf encoding: 21 bits a coordinate in steps of `size / 2^21` (x in the lowest bits), decoded at the step's
-    /// centre; bit 63 is a flag.
+    /// Leaf encoding.
     Leaf {
         /// Packed positions.
         positions: Vec<u64>,
@@ -77,13 +83,41 @@ pub enum Payload {
     Camera(Vec<RawParticle>),
 }
 
+/// A payload as the words that the arena holds.
+pub(super) enum Words<'a> {
+    /// One word a particle, and codes.
+    Grid(&'a [u32], &'a [u16]),
+    /// Two words (low, high) a particle, and codes.
+    Leaf(&'a [u32], &'a [u16]),
+    /// Six words a particle, in world axes.
+    World(&'a [u32]),
+    /// Six words a particle, in camera space.
+    Camera(&'a [u32]),
+}
+
 impl Payload {
-    /// Number of particles.
-    pub fn len(&self) -> usize {
+    pub(super) fn words(&self) -> Words<'_> {
         match self {
-            Payload::Grid { positions, .. } => positions.len(),
-            Payload::Leaf { positions, .. } => positions.len(),
-            Payload::World(particles) | Payload::Camera(particles) => particles.len(),
+            Payload::Page { page, node } => {
+                let particles = page.particles(*node as usize);
+                match particles.positions {
+                    Positions::Grid(words) => Words::Grid(words, particles.codes),
+                    Positions::Leaf(words) => Words::Leaf(bytemuck::cast_slice(words), particles.codes),
+                }
+            }
+            Payload::Grid { positions, codes } => Words::Grid(positions, codes),
+            Payload::Leaf { positions, codes } => Words::Leaf(bytemuck::cast_slice(positions), codes),
+            Payload::World(particles) => Words::World(bytemuck::cast_slice(particles)),
+            Payload::Camera(particles) => Words::Camera(bytemuck::cast_slice(particles)),
+        }
+    }
+
+    /// Number of particles. Particles without a code, and codes without a position, do not count.
+    pub fn len(&self) -> usize {
+        match self.words() {
+            Words::Grid(positions, codes) => positions.len().min(codes.len()),
+            Words::Leaf(positions, codes) => (positions.len() / 2).min(codes.len()),
+            Words::World(words) | Words::Camera(words) => words.len() / RAW_WORDS,
         }
     }
 
@@ -92,6 +126,9 @@ impl Payload {
         self.len() == 0
     }
 }
+
+/// Words of a [`RawParticle`].
+pub(super) const RAW_WORDS: usize = size_of::<RawParticle>() / size_of::<u32>();
 
 /// A node on its way to the renderer.
 #[derive(Clone, Debug)]
@@ -210,7 +247,7 @@ impl ParticleScene {
     /// Numbers for panels and tests.
     pub fn stats(&self) -> SceneStats {
         let state = self.lock();
-        let count = |wanted| state.nodes.values().filter(|&&node| node == wanted).count();
+        let count = |wanted| state.nodes.values().filter(|node| **node == wanted).count();
         SceneStats {
             resident_nodes: count(NodeState::Resident),
             resident_bytes: state.resident_bytes,

@@ -2,18 +2,21 @@
 
 use super::scene::{NodeId, TableId};
 use crate::model::Kernel;
+use crate::raster::transfer::{Levels, Lut, Scale};
 use crate::view::View;
 use bevy::prelude::Component;
 use bevy::render::extract_component::ExtractComponent;
 use std::sync::Arc;
 
 /// One node in a camera's picture.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DrawItem {
     /// A resident node; others are left out.
     pub node: NodeId,
     /// What its codes mean; not used by raw particles.
     pub table: Option<TableId>,
+    /// Factor on every weight: a page node's `mass_scale` or `mass_density_scale`, else 1.
+    pub weight_scale: f32,
 }
 
 /// The shape that a particle has in the picture.
@@ -50,25 +53,21 @@ pub struct SplatView {
     pub footprint: Footprint,
     /// How they are accumulated.
     pub backend: Backend,
-    /// What is drawn.
+    /// What is drawn. Replace the list to change it: a picture is accumulated again when the list is another one.
     pub items: Arc<[DrawItem]>,
+    /// Accumulate in every frame, though nothing changed: for measurements.
+    pub always: bool,
 }
 
 /// The baked transfer function by which the accumulation becomes colour. A camera without it shows none.
 #[derive(Component, Clone, Debug, PartialEq, ExtractComponent)]
 pub struct Composite {
-    /// Colours, `width * height`, sRGB-encoded RGBA8: x runs with `P`, y with `S`.
-    pub texels: Arc<[[u8; 4]]>,
-    /// Texels along `P`.
-    pub width: u32,
-    /// Texels along `S`.
-    pub height: u32,
-    /// The values of `P` at the lower and upper end of the table.
-    pub p_range: [f32; 2],
-    /// Whether the table runs with `log P`.
-    pub p_log: bool,
-    /// The values of `S` at the lower and upper end of the table.
-    pub s_range: [f32; 2],
-    /// Whether the table runs with `log S`.
-    pub s_log: bool,
+    /// The table of colours.
+    pub lut: Arc<Lut>,
+    /// The ranges that it spans.
+    pub levels: Levels,
+    /// How `P` is placed in its range.
+    pub p_scale: Scale,
+    /// How `S` is placed in its range.
+    pub s_scale: Scale,
 }

@@ -1,0 +1,46 @@
+//! The shaders, embedded in the program so that an installed one needs no folder beside it.
+
+use bevy::asset::io::embedded::EmbeddedAssetRegistry;
+use bevy::prelude::*;
+use bevy::shader::Shader;
+use std::path::{Path, PathBuf};
+
+/// Every shader: its path under `shaders/` and its text.
+pub const SHADERS: &[(&str, &str)] = &[
+    ("lib/splat_view.wgsl", include_str!("../../shaders/lib/splat_view.wgsl")),
+    ("lib/kernel.wgsl", include_str!("../../shaders/lib/kernel.wgsl")),
+    ("splat/project.wgsl", include_str!("../../shaders/splat/project.wgsl")),
+    ("splat/sort.wgsl", include_str!("../../shaders/splat/sort.wgsl")),
+    ("splat/accumulate.wgsl", include_str!("../../shaders/splat/accumulate.wgsl")),
+    ("splat/reconstruct.wgsl", include_str!("../../shaders/splat/reconstruct.wgsl")),
+    ("composite/composite.wgsl", include_str!("../../shaders/composite/composite.wgsl")),
+];
+
+/// The shaders that others import; held, or the imports would never resolve.
+#[derive(Resource)]
+struct ShaderLibrary(#[expect(dead_code, reason = "kept alive only")] Vec<Handle<Shader>>);
+
+/// Embeds all shaders and loads those that others import.
+pub struct ShaderPlugin;
+
+impl Plugin for ShaderPlugin {
+    fn build(&self, app: &mut App) {
+        let registry = app.world_mut().resource_mut::<EmbeddedAssetRegistry>();
+        for (path, text) in SHADERS {
+            let full = Path::new(env!("CARGO_MANIFEST_DIR")).join("shaders").join(path);
+            registry.insert_asset(full, &PathBuf::from("deepfield").join(path), text.as_bytes());
+        }
+        let server = app.world().resource::<AssetServer>();
+        let library = SHADERS
+            .iter()
+            .filter(|(path, _)| path.starts_with("lib/"))
+            .map(|(path, _)| load(server, path))
+            .collect();
+        app.insert_resource(ShaderLibrary(library));
+    }
+}
+
+/// The handle of an embedded shader by its path under `shaders/`.
+pub fn load(server: &AssetServer, path: &str) -> Handle<Shader> {
+    server.load(format!("embedded://deepfield/{path}"))
+}

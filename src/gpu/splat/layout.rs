@@ -1,0 +1,278 @@
+//! What the splat shaders read: structures laid out as in WGSL, and the grids of cells, tiles and bins of a view.
+//!
+//! A test composes the shaders and compares every structure here with the one there.
+
+use super::profile::Profile;
+use crate::gpu::view::Footprint;
+use crate::model::Kernel;
+use crate::view::{Projection, View};
+use bytemuck::{Pod, Zeroable};
+
+/// Splats with a radius of at least this many cells are sampled; those of a smaller radius in pixels are integrated.
+/// A splat in level `l` has a radius from `SAMPLED_RADIUS` to twice that in cells of `2^l` pixels.
+pub const SAMPLED_RADIUS: f32 = 4.0;
+/// Edge of a tile and of a bin, cells.
+pub const TILE: u32 = 8;
+/// Most levels that a pyramid has.
+pub const MAX_LEVELS: usize = 16;
+/// Taps of the reconstruction filter, for each of its two phases.
+pub const RECONSTRUCTION_TAPS: u32 = 6;
+/// Cells that four finer cells are reconstructed from, along each axis.
+pub const RECONSTRUCTION_WINDOW: u32 = RECONSTRUCTION_TAPS + 2;
+/// Cells around the picture in every level but the finest, so that the filter finds all it needs. Even.
+pub const PAD: u32 = RECONSTRUCTION_TAPS;
+
+/// WGSL `Level`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Level {
+    /// Cells along x, padding included.
+    pub width: u32,
+    /// Cells along y, padding included.
+    pub height: u32,
+    /// Cells before the picture's first.
+    pub pad: u32,
+    /// Index of the first cell.
+    pub first_cell: u32,
+    /// Tiles along x.
+    pub tiles_x: u32,
+    /// Tiles in finer levels.
+    pub first_tile: u32,
+    /// Bins along x.
+    pub bins_x: u32,
+    /// Bins along y.
+    pub bins_y: u32,
+    /// Index of the first bin.
+    pub first_bin: u32,
+    /// Bins around the cells.
+    pub margin: u32,
+    /// Pixels per cell.
+    pub scale: f32,
+    /// Padding.
+    pub unused: u32,
+}
+
+/// WGSL `SplatView`.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct SplatUniform {
+    /// Camera axis to the right.
+    pub right: [f32; 4],
+    /// Camera axis to the top.
+    pub up: [f32; 4],
+    /// Camera axis along the line of sight.
+    pub forward: [f32; 4],
+    /// See [`Profile::profile`].
+    pub profile: [[f32; 4]; 3],
+    /// See [`Profile::laplacian`].
+    pub laplacian: [[f32; 4]; 3],
+    /// See [`Profile::first`].
+    pub first: [[f32; 4]; 2],
+    /// See [`Profile::second`].
+    pub second: [[f32; 4]; 2],
+    /// Picture size, pixels.
+    pub size: [u32; 2],
+    /// Pixels per world unit (at depth 1 in perspective).
+    pub focal: f32,
+    /// Particles at this depth or before it are dropped.
+    pub near: f32,
+    /// 1 for perspective.
+    pub perspective: u32,
+    /// Radius in pixels, or 0.
+    pub fixed_radius: f32,
+    /// See [`Profile::moment`].
+    pub moment: f32,
+    /// [`SAMPLED_RADIUS`].
+    pub sampled_radius: f32,
+    /// Number of levels.
+    pub level_count: u32,
+    /// First bin of the small splats.
+    pub small_bin: u32,
+    /// Bin of the splats that every tile of the last level looks at.
+    pub everywhere_bin: u32,
+    /// Number of bins.
+    pub bin_count: u32,
+    /// The levels, finest first.
+    pub levels: [Level; MAX_LEVELS],
+}
+
+/// WGSL `Node`.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Node {
+    /// Camera-space position of the node's lowest corner.
+    pub origin: [f32; 3],
+    /// World units per step of a packed coordinate.
+    pub step: f32,
+    /// First word of the positions, or of raw particles.
+    pub positions: u32,
+    /// First word of the codes.
+    pub codes: u32,
+    /// First entry of the table.
+    pub table: u32,
+    /// Entries of the table.
+    pub table_length: u32,
+    /// An [`Encoding`].
+    pub encoding: u32,
+    /// Factor on every weight.
+    pub weight_scale: f32,
+    /// Padding.
+    pub unused: [u32; 2],
+}
+
+/// WGSL `ENCODING_*`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+pub enum Encoding {
+    /// Grid positions.
+    Grid = 0,
+    /// Leaf positions.
+    Leaf = 1,
+    /// Raw particles in world axes.
+    World = 2,
+    /// Raw particles in camera space.
+    Camera = 3,
+}
+
+/// WGSL `Block`: particles of one node that one workgroup projects.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Block {
+    /// Index of the node.
+    pub node: u32,
+    /// First particle.
+    pub first: u32,
+    /// Number of particles.
+    pub count: u32,
+    /// Where the first one's splat goes.
+    pub splat: u32,
+}
+
+/// WGSL `Pass`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Pass {
+    /// 1: add to the cells; 0: overwrite them.
+    pub add: u32,
+    /// The coarser level of a reconstruction.
+    pub level: u32,
+    /// Padding.
+    pub unused: [u32; 2],
+}
+
+/// Bytes of WGSL `Splat`.
+pub const SPLAT_BYTES: u64 = 32;
+/// Bytes of WGSL `Place`.
+pub const PLACE_BYTES: u64 = 8;
+
+/// The uniform of a view, with its grids, and their sizes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Grids {
+    /// What the shaders read.
+    pub uniform: SplatUniform,
+    /// Cells of the whole pyramid.
+    pub cells: u32,
+    /// Tiles of the whole pyramid.
+    pub tiles: u32,
+}
+
+impl Grids {
+    /// Lays out the grids of a view.
+    pub fn new(view: &View, footprint: Footprint) -> Grids {
+        let focal = view.focal_pixels();
+        let perspective = matches!(view.projection, Projection::Perspective { .. });
+        let longest = f64::from(view.width.max(view.height));
+        // The last level still resolves a splat that fills the picture, or, in perspective, a right angle.
+        let coarsest = if perspective { longest.min(focal) } else { longest };
+        let doublings = (coarsest / (2.0 * f64::from(SAMPLED_RADIUS))).log2().floor();
+        let level_count = (doublings.max(0.0) as usize + 1).min(MAX_LEVELS);
+        let margin = if perspective {
+            // A sphere's picture at the corner is longer than wide by the secant of the angle off the axis.
+            let half_diagonal = 0.5 * f64::from(view.width).hypot(f64::from(view.height)) / focal;
+            (1.15 * half_diagonal.hypot(1.0)).ceil().clamp(1.0, 12.0) as u32
+        } else {
+            1
+        };
+
+        let (mut cells, mut tiles, mut bins) = (0, 0, 0);
+        let mut levels = [Level::default(); MAX_LEVELS];
+        let mut small_bin = 0;
+        for (l, level) in levels[..level_count].iter_mut().enumerate() {
+            let pad = if l == 0 { 0 } else { PAD };
+            let [width, height] = [view.width, view.height].map(|size| size.div_ceil(1 << l) + 2 * pad);
+            let [tiles_x, tiles_y] = [width, height].map(|size| size.div_ceil(TILE));
+            let [bins_x, bins_y] = [tiles_x, tiles_y].map(|tiles| tiles + 2 * margin);
+            *level = Level {
+                width,
+                height,
+                pad,
+                first_cell: cells,
+                tiles_x,
+                first_tile: tiles,
+                bins_x,
+                bins_y,
+                first_bin: bins,
+                margin,
+                scale: (1_u32 << l) as f32,
+                unused: 0,
+            };
+            cells += width * height;
+            tiles += tiles_x * tiles_y;
+            bins += bins_x * bins_y;
+            if l == 0 {
+                small_bin = bins;
+                bins += bins_x * bins_y;
+            }
+        }
+
+        let (kernel, fixed_radius) = match footprint {
+            Footprint::Kernel(kernel) => (kernel, 0.0),
+            Footprint::Pixels { radius } => (Kernel::CubicSpline, radius.clamp(0.01, MAX_PIXEL_RADIUS)),
+        };
+        let profile = Profile::of(kernel);
+        let axis = |axis: glam::DVec3| axis.as_vec3().extend(0.0).to_array();
+        let uniform = SplatUniform {
+            right: axis(view.right),
+            up: axis(view.up),
+            forward: axis(view.forward),
+            profile: profile.profile,
+            laplacian: profile.laplacian,
+            first: profile.first,
+            second: profile.second,
+            size: [view.width, view.height],
+            focal: focal as f32,
+            near: 0.0,
+            perspective: u32::from(perspective),
+            fixed_radius,
+            moment: profile.moment,
+            sampled_radius: SAMPLED_RADIUS,
+            level_count: level_count as u32,
+            small_bin,
+            everywhere_bin: bins,
+            bin_count: bins + 1,
+            levels,
+        };
+        Grids { uniform, cells, tiles }
+    }
+}
+
+/// Largest radius of splats of fixed size, pixels: they are always integrated, and must not reach beyond the next bin.
+pub const MAX_PIXEL_RADIUS: f32 = 7.0;
+
+/// What each cell of a reconstruction window gives to each of four finer cells: Lagrange interpolation at -1/4 and 1/4
+/// of a cell from the nearest one.
+pub fn reconstruction_weights() -> [[f32; 4]; RECONSTRUCTION_WINDOW as usize] {
+    let taps = RECONSTRUCTION_TAPS as i32;
+    let mut weights = [[0.0; 4]; RECONSTRUCTION_WINDOW as usize];
+    // The window's first cell lies at -taps / 2; finer cell k lies at k/2 - 1/4.
+    for k in 0..4 {
+        let at = 0.5 * f64::from(k) - 0.25;
+        let first = (at.floor() as i32) - taps / 2 + 1;
+        for i in first..first + taps {
+            let others = (first..first + taps).filter(|&j| j != i);
+            let weight: f64 = others.map(|j| (at - f64::from(j)) / f64::from(i - j)).product();
+            weights[(i + taps / 2) as usize][k as usize] = weight as f32;
+        }
+    }
+    weights
+}

@@ -1,0 +1,63 @@
+//! Splatting by compute: accumulates `P` and `P S` (F12 4.9) without blending and without atomics on floats.
+//!
+//! Passes, for each camera with a [`super::SplatView`]:
+//!
+//! 1. `project`: decode, project, cull; each splat finds its pyramid level by its radius, and its bin of 8 x 8 cells.
+//! 2. `scan`, `scatter`: splats in the order of their bins.
+//! 3. `accumulate`: every 8 x 8 tile of every level sums the splats of the bins around it, in registers. Splats below
+//!    [`layout::SAMPLED_RADIUS`] pixels are integrated over pixels (their weight is conserved exactly), larger ones are
+//!    sampled at the cell centres of their level, with the second-order correction from sample to pixel mean. So a
+//!    splat touches a bounded number of cells, whatever its size.
+//! 4. `reconstruct`: each level is interpolated and added to the next finer one, coarse to fine.
+//!
+//! Why bins instead of one atomic addition for each splat and cell: on a software driver an atomic addition costs about
+//! 20 ns, an evaluation in a vector of eight cells below 1 ns.
+
+pub mod layout;
+pub mod profile;
+
+mod pass;
+mod pipeline;
+mod prepare;
+
+pub use pass::accumulate_splats;
+pub use pipeline::SplatPipelines;
+pub use prepare::SplatBuffers;
+
+use super::arena::{Arena, update_arena};
+use super::scene::ParticleScene;
+use super::view::SplatView;
+use bevy::core_pipeline::core_3d::{main_opaque_pass_3d, main_transparent_pass_3d};
+use bevy::core_pipeline::{Core3d, Core3dSystems};
+use bevy::prelude::*;
+use bevy::render::extract_component::ExtractComponentPlugin;
+use bevy::render::{Render, RenderApp, RenderStartup, RenderSystems};
+
+/// Adds the splat passes. Needs a [`ParticleScene`] in the main world.
+pub struct SplatPlugin;
+
+impl Plugin for SplatPlugin {
+    fn build(&self, app: &mut App) {
+        app.add_plugins(ExtractComponentPlugin::<SplatView>::default());
+        let scene = app.world().get_resource::<ParticleScene>().cloned();
+        let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
+        if let Some(scene) = scene {
+            render_app.insert_resource(scene);
+        }
+        render_app
+            .init_resource::<Arena>()
+            .init_resource::<prepare::Scratch>()
+            .add_systems(RenderStartup, pipeline::init_splat_pipelines)
+            .add_systems(
+                Render,
+                (update_arena, prepare::prepare_splats).chain().in_set(RenderSystems::PrepareBindGroups),
+            )
+            .add_systems(
+                Core3d,
+                accumulate_splats
+                    .in_set(Core3dSystems::MainPass)
+                    .after(main_opaque_pass_3d)
+                    .before(main_transparent_pass_3d),
+            );
+    }
+}
