@@ -6,6 +6,8 @@
 pub mod app;
 pub mod codec;
 pub mod commands;
+#[cfg(feature = "viewer")]
+pub mod gpu;
 pub mod hierarchy;
 pub mod import;
 pub mod model;

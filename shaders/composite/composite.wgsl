@@ -15,6 +15,8 @@ struct Composite {
     origin: vec2<f32>,
 }
 
+const NO_ATTRIBUTE: u32 = 2u;
+
 @group(0) @binding(0) var<uniform> composite: Composite;
 @group(0) @binding(1) var<storage, read> cells: array<vec2<f32>>;
 @group(0) @binding(2) var<storage, read> lut: array<u32>;
@@ -49,8 +51,8 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
     var color = mix(texel(left, 0u), texel(min(left + 1u, last.x), 0u), u);
     if last.y > 0u {
         var along = 0.5;
-        if value.x > 0.0 {
-            along = place(value.y / value.x, composite.s_log != 0u, composite.s_map);
+        if value.x > 0.0 && composite.s_log != NO_ATTRIBUTE {
+            along = place(value.y / value.x, composite.s_log == 1u, composite.s_map);
         }
         let y = along * f32(last.y);
         let low = min(u32(y), last.y - 1u);

@@ -19,7 +19,6 @@ const PART_BYTES: usize = 8 << 20;
 const GRANULE: u64 = 16;
 
 /// Particles of one node in one chunk.
-#[derive(Debug)]
 pub struct Part {
     /// Which chunk.
     pub chunk: usize,
@@ -34,7 +33,6 @@ pub struct Part {
 }
 
 /// A node on the GPU.
-#[derive(Debug)]
 pub struct ResidentNode {
     /// Lowest corner, world units.
     pub min: DVec3,

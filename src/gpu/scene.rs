@@ -125,6 +125,16 @@ impl Payload {
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
+
+    /// Bytes that it takes on the GPU.
+    pub fn bytes(&self) -> u64 {
+        match self.words() {
+            Words::Grid(positions, codes) | Words::Leaf(positions, codes) => {
+                (size_of_val(positions) + size_of_val(codes).next_multiple_of(4)) as u64
+            }
+            Words::World(words) | Words::Camera(words) => size_of_val(words) as u64,
+        }
+    }
 }
 
 /// Words of a [`RawParticle`].

@@ -2,7 +2,7 @@
 
 use super::scene::{NodeId, TableId};
 use crate::model::Kernel;
-use crate::raster::transfer::{Levels, Lut, Scale};
+use crate::raster::transfer::{Levels, Lut, Scale, TransferFunction};
 use crate::view::View;
 use bevy::prelude::Component;
 use bevy::render::extract_component::ExtractComponent;
@@ -70,4 +70,21 @@ pub struct Composite {
     pub p_scale: Scale,
     /// How `S` is placed in its range.
     pub s_scale: Scale,
+    /// Whether `S` counts; else every hue is the middle one.
+    pub attribute: bool,
+}
+
+impl Composite {
+    /// The table of a transfer function with the ranges `levels`. Without an attribute every hue is the middle one, as
+    /// on the CPU.
+    pub fn new(transfer: &TransferFunction, levels: Levels, attribute: bool) -> Composite {
+        let hue = transfer.hue.unwrap_or_default();
+        Composite {
+            lut: Arc::new(transfer.bake_lut()),
+            levels,
+            p_scale: transfer.scale,
+            s_scale: hue.scale,
+            attribute,
+        }
+    }
 }

@@ -22,7 +22,7 @@ mod prepare;
 
 pub use pass::accumulate_splats;
 pub use pipeline::SplatPipelines;
-pub use prepare::SplatBuffers;
+pub use prepare::{SplatBuffers, prepare_splats};
 
 use super::arena::{Arena, update_arena};
 use super::scene::ParticleScene;

@@ -7,6 +7,7 @@ use bevy::prelude::*;
 use bevy::render::diagnostic::RecordDiagnostics;
 use bevy::render::render_resource::{ComputePassDescriptor, PipelineCache};
 use bevy::render::renderer::{RenderContext, ViewQuery};
+use std::sync::atomic::Ordering;
 
 /// Workgroups along x and y for `count` of them: one dimension holds at most 65535.
 fn groups(count: u32) -> (u32, u32) {
@@ -22,7 +23,10 @@ pub fn accumulate_splats(
     mut context: RenderContext,
 ) {
     let buffers = view.into_inner();
-    let Some(pipelines) = pipelines.filter(|_| buffers.dirty) else { return };
+    if buffers.accumulated.load(Ordering::Relaxed) && !buffers.always {
+        return;
+    }
+    let Some(pipelines) = pipelines else { return };
     let uniform = &buffers.grids.uniform;
     let get = |id| cache.get_compute_pipeline(id);
     let (Some(project), Some(scan), Some(scatter), Some(accumulate), Some(reconstruct)) = (
@@ -34,6 +38,7 @@ pub fn accumulate_splats(
     ) else {
         return;
     };
+    buffers.accumulated.store(true, Ordering::Relaxed);
     let diagnostics = context.diagnostic_recorder();
     let diagnostics = diagnostics.as_deref();
     let encoder = context.command_encoder();

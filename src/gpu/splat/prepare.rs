@@ -15,6 +15,7 @@ use bevy::render::render_resource::{
 use bevy::render::renderer::{RenderDevice, RenderQueue};
 use std::num::NonZeroU64;
 use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 /// Particles that one workgroup projects.
 const BLOCK: u32 = 1024;
@@ -57,8 +58,10 @@ pub struct SplatBuffers {
     pub accumulate: BindGroup,
     /// Bindings of `reconstruct`.
     pub reconstruct: BindGroup,
-    /// Whether this frame accumulates.
-    pub dirty: bool,
+    /// Whether every frame accumulates.
+    pub always: bool,
+    /// Set once the cells hold the picture.
+    pub accumulated: AtomicBool,
     uniform: Buffer,
     passes: Buffer,
     weights: Buffer,
@@ -189,7 +192,6 @@ pub fn prepare_splats(
     queue: Res<RenderQueue>,
 ) {
     let Some(pipelines) = pipelines else { return };
-    let ready = pipelines.ready(&cache);
     for (entity, view, mut before) in &mut cameras {
         let key = Key {
             view: view.view,
@@ -203,7 +205,7 @@ pub fn prepare_splats(
             && before.key.footprint == key.footprint
             && Arc::ptr_eq(&before.key.items, &key.items)
         {
-            before.dirty = view.always || before.dirty && !ready;
+            before.always = view.always;
             continue;
         }
         let buffers =
@@ -278,7 +280,9 @@ fn build(
     let most = u64::from(most);
     let mut scratch_buffer = |slot: fn(&mut Scratch) -> &mut Option<Buffer>, bytes, usage, label| {
         let slot = slot(scratch);
-        slot.insert(at_least(slot.take(), bytes, usage, label, device)).clone()
+        let buffer = at_least(slot.take(), bytes, usage, label, device);
+        *slot = Some(buffer.clone());
+        buffer
     };
     let splats = scratch_buffer(|s| &mut s.splats, most * SPLAT_BYTES, storage, "deepfield splats");
     let places = scratch_buffer(|s| &mut s.places, most * PLACE_BYTES, storage, "deepfield splat places");
@@ -361,7 +365,8 @@ fn build(
         batches,
         accumulate,
         reconstruct,
-        dirty: true,
+        always: view.always,
+        accumulated: AtomicBool::new(false),
         uniform,
         passes,
         weights,

@@ -36,6 +36,7 @@ impl Profile {
     }
 }
 
+#[allow(clippy::excessive_precision, reason = "fitted in double precision")]
 const CUBIC_SPLINE: Profile = Profile {
     profile: [
             [1.909686193e+00, -6.668011254e+00, 1.630538913e+01, -8.267063995e+01],
@@ -58,6 +59,7 @@ const CUBIC_SPLINE: Profile = Profile {
     moment: 7.500000031e-02,
 };
 
+#[allow(clippy::excessive_precision, reason = "fitted in double precision")]
 const POLY6: Profile = Profile {
     profile: [
             [1.432394097e+00, -2.148525088e+00, 5.349018227e-01, 1.208580169e-01],
