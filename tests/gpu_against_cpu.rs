@@ -31,8 +31,7 @@ struct Particles {
 /// Particles around the origin, with smoothing lengths from `h_min` to `h_max`, evenly in their logarithm.
 fn particles(n: usize, size: f64, h_min: f64, h_max: f64, seed: u64) -> Particles {
     let mut random = Random(seed);
-    let mut all =
-        Particles { positions: vec![], smoothing_length: vec![], weight: vec![], attribute: vec![] };
+    let mut all = Particles { positions: vec![], smoothing_length: vec![], weight: vec![], attribute: vec![] };
     for _ in 0..n {
         all.positions.push([0; 3].map(|_| size * (random.next() - 0.5)));
         all.smoothing_length.push((h_min * (h_max / h_min).powf(random.next())) as f32);

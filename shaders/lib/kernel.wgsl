@@ -14,8 +14,9 @@ fn box_profile(f: array<vec4<f32>, 3>, l: array<vec4<f32>, 3>, correction: f32) 
 }
 
 /// The profile at u = (s/h)^2, for four values of u; zero from u = 1 on.
-fn evaluate(p: Profile, u: vec4<f32>) -> vec4<f32> {
-    let t = max(1.0 - u, vec4(0.0));
+fn evaluate(p: Profile, square: vec4<f32>) -> vec4<f32> {
+    let u = min(square, vec4(1.0));
+    let t = 1.0 - u;
     var v = fma(u, vec4(p.c.y), vec4(p.c.x));
     v = fma(v, u, vec4(p.b.w));
     v = fma(v, u, vec4(p.b.z));
@@ -25,7 +26,6 @@ fn evaluate(p: Profile, u: vec4<f32>) -> vec4<f32> {
     v = fma(v, u, vec4(p.a.z));
     v = fma(v, u, vec4(p.a.y));
     v = fma(v, u, vec4(p.a.x));
-    // Beyond u = 1 the polynomial may be huge, and t is zero; u itself is bounded by the tiles that a splat reaches.
     return t * t * v;
 }
 

@@ -62,7 +62,7 @@ struct SplatView {
 /// - `head.zw`, `tail.x`: for sampled splats the quadratic form q^2 = head.z dx^2 + 2 head.w dx dy + tail.x dy^2 (see
 ///   `oblique`); for small ones 1/radius along x, 1/radius along y, and the covariance of x and y; pixels.
 /// - `tail.yz`: factor of P and of P S.
-/// - `tail.w`: no pixel further from the centre is touched, pixels.
+/// - `tail.w`: no pixel further from the centre than this is touched, pixels; negative if the eye is inside the kernel.
 struct Splat {
     head: vec4<f32>,
     tail: vec4<f32>,

@@ -45,10 +45,16 @@ struct Place {
     half_edge: f32,
 }
 
+/// Kinds of splats.
+const SAMPLED: u32 = 0u;
+const SMALL: u32 = 1u;
+const EVERYWHERE: u32 = 2u;
+
 const ROWS: vec4<f32> = vec4<f32>(0.0, 1.0, 2.0, 3.0);
 
-/// Adds a splat that is sampled at cell centres.
-fn add_sampled(column: ptr<function, Column>, place: Place, splat: Splat) {
+/// Adds a splat that is sampled at cell centres. Rays whose nearest point to the particle lies behind the eye do not see
+/// it unless the eye is inside it; only splats in the bin EVERYWHERE are near enough for that.
+fn add_sampled(column: ptr<function, Column>, place: Place, splat: Splat, kind: u32) {
     let form = vec3(splat.head.zw, splat.tail.x);
     let profile = box_profile(view.profile, view.laplacian, (form.x + form.z) / 24.0);
     let dx = place.x - splat.head.x;
@@ -57,8 +63,15 @@ fn add_sampled(column: ptr<function, Column>, place: Place, splat: Splat) {
     let dy_top = place.y_top - splat.head.y;
     let dy_bottom = place.y_bottom - splat.head.y;
 #ifdef PERSPECTIVE
-    let u_top = fma(dy_top, fma(dy_top, vec4(form.z), vec4(xy)), vec4(xx)) * place.oblique_top;
-    let u_bottom = fma(dy_bottom, fma(dy_bottom, vec4(form.z), vec4(xy)), vec4(xx)) * place.oblique_bottom;
+    var u_top = fma(dy_top, fma(dy_top, vec4(form.z), vec4(xy)), vec4(xx)) * place.oblique_top;
+    var u_bottom = fma(dy_bottom, fma(dy_bottom, vec4(form.z), vec4(xy)), vec4(xx)) * place.oblique_bottom;
+    if kind == EVERYWHERE && splat.tail.w > 0.0 {
+        let middle = 0.5 * vec2<f32>(view.size);
+        let along = (splat.head.xy - middle) / (view.focal * view.focal);
+        let across = 1.0 + along.x * (place.x - middle.x);
+        u_top = select(vec4(1.0), u_top, across + along.y * (place.y_top - middle.y) > vec4(0.0));
+        u_bottom = select(vec4(1.0), u_bottom, across + along.y * (place.y_bottom - middle.y) > vec4(0.0));
+    }
 #else
     let u_top = fma(dy_top * form.z, dy_top, vec4(xx));
     let u_bottom = fma(dy_bottom * form.z, dy_bottom, vec4(xx));
@@ -129,7 +142,7 @@ fn touches(place: Place, splat: Splat) -> bool {
 }
 
 /// Adds the splats at places `first` to `last - 1` of the order.
-fn add_range(column: ptr<function, Column>, place: Place, first: u32, last: u32, small: bool, lane: u32) {
+fn add_range(column: ptr<function, Column>, place: Place, first: u32, last: u32, kind: u32, lane: u32) {
 #ifdef SUBGROUP
     for (var base = first; base < last; base += 8u) {
         let at = base + lane;
@@ -142,10 +155,10 @@ fn add_range(column: ptr<function, Column>, place: Place, first: u32, last: u32,
             let source = firstTrailingBit(pending);
             pending &= pending - 1u;
             let splat = Splat(subgroupShuffle(mine.head, source), subgroupShuffle(mine.tail, source));
-            if small {
+            if kind == SMALL {
                 add_small(column, place, splat);
             } else {
-                add_sampled(column, place, splat);
+                add_sampled(column, place, splat, kind);
             }
         }
     }
@@ -153,10 +166,10 @@ fn add_range(column: ptr<function, Column>, place: Place, first: u32, last: u32,
     for (var at = first; at < last; at++) {
         let splat = splats[order[at]];
         if touches(place, splat) {
-            if small {
+            if kind == SMALL {
                 add_small(column, place, splat);
             } else {
-                add_sampled(column, place, splat);
+                add_sampled(column, place, splat, kind);
             }
         }
     }
@@ -201,15 +214,15 @@ fn main(
     let reach = 2u * grid.margin;
     for (var row = tile_y; row <= tile_y + reach; row++) {
         let bin = grid.first_bin + row * grid.bins_x + tile_x;
-        add_range(&column, place, starts[bin], starts[bin + reach + 1u], false, local.x);
+        add_range(&column, place, starts[bin], starts[bin + reach + 1u], SAMPLED, local.x);
     }
     if level == view.level_count - 1u {
-        add_range(&column, place, starts[view.everywhere_bin], starts[view.everywhere_bin + 1u], false, local.x);
+        add_range(&column, place, starts[view.everywhere_bin], starts[view.everywhere_bin + 1u], EVERYWHERE, local.x);
     }
     if level == 0u {
         for (var row = tile_y; row <= tile_y + reach; row++) {
             let bin = view.small_bin + row * grid.bins_x + tile_x;
-            add_range(&column, place, starts[bin], starts[bin + reach + 1u], true, local.x);
+            add_range(&column, place, starts[bin], starts[bin + reach + 1u], SMALL, local.x);
         }
     }
 

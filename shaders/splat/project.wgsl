@@ -36,7 +36,7 @@ struct Block {
 struct Entry {
     smoothing_length: f32,
     weight: f32,
-    attribute: f32,
+    quantity: f32,
 }
 
 struct Place {
@@ -63,7 +63,7 @@ struct Particle {
     position: vec3<f32>,
     smoothing_length: f32,
     weight: f32,
-    attribute: f32,
+    quantity: f32,
 }
 
 fn to_camera(local: vec3<f32>) -> vec3<f32> {
@@ -81,7 +81,7 @@ fn load_packed(node: Node, index: u32, leaf: bool) -> Particle {
     let word = words[node.codes + (index >> 1u)];
     let code = select(word & 0xffffu, word >> 16u, (index & 1u) == 1u);
     let entry = entries[node.table + min(code, node.table_length - 1u)];
-    return Particle(node.origin + to_camera(steps * node.step), entry.smoothing_length, entry.weight, entry.attribute);
+    return Particle(node.origin + to_camera(steps * node.step), entry.smoothing_length, entry.weight, entry.quantity);
 }
 
 fn load_raw(node: Node, index: u32, world: bool) -> Particle {
@@ -147,7 +147,7 @@ fn project(particle: Particle) -> Projected {
     // F = w / h^2 Phi(q^2); for discs of fixed size w per pixel.
     let inverse = 1.0 / h;
     let amplitude = particle.weight * select(inverse * inverse, 1.0 / (minor * minor), is_point);
-    let weight = vec2(amplitude, amplitude * particle.attribute);
+    let weight = vec2(amplitude, amplitude * particle.quantity);
     // q^2 = |p x d|^2 / (h^2 |ray|^2) for the step d from the centre's ray to the pixel's.
     let e = inverse * inverse / (view.focal * view.focal);
     let tilted = e * vec3(p.z * p.z + p.y * p.y, p.x * p.y, p.z * p.z + p.x * p.x);
@@ -156,7 +156,8 @@ fn project(particle: Particle) -> Projected {
 
     let ratio = minor / view.sampled_radius;
     var result: Projected;
-    result.splat = Splat(vec4(center, form.xy), vec4(form.z, weight, reach));
+    let signed_reach = select(reach, -reach, perspective && distance <= h);
+    result.splat = Splat(vec4(center, form.xy), vec4(form.z, weight, signed_reach));
     // Small splats: integrals over pixels need the ellipse at the centre itself.
     if ratio < 1.0 || is_point {
         let local = form * select(1.0, p.z * p.z / distance_squared, perspective && !is_point);

@@ -15,7 +15,7 @@ const THREADS: u32 = 256u;
 @group(0) @binding(2) var<storage, read> places: array<Place>;
 @group(0) @binding(3) var<storage, read_write> order: array<u32>;
 
-var<workgroup> partial: array<u32, THREADS>;
+var<workgroup> sums: array<u32, THREADS>;
 
 // One workgroup. In: the number of splats in each bin. Out: the number of splats in the bins before it; one more entry
 // holds the total.
@@ -28,15 +28,15 @@ fn scan(@builtin(local_invocation_index) lane: u32) {
     for (var i = first; i < last; i++) {
         sum += starts[i];
     }
-    partial[lane] = sum;
+    sums[lane] = sum;
     // Inclusive sums over the threads by doubling steps.
     for (var stride = 1u; stride < THREADS; stride *= 2u) {
         workgroupBarrier();
-        let other = select(0u, partial[max(lane, stride) - stride], lane >= stride);
+        let other = select(0u, sums[max(lane, stride) - stride], lane >= stride);
         workgroupBarrier();
-        partial[lane] += other;
+        sums[lane] += other;
     }
-    var place = partial[lane] - sum;
+    var place = sums[lane] - sum;
     for (var i = first; i < last; i++) {
         let count = starts[i];
         starts[i] = place;

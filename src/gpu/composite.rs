@@ -68,9 +68,7 @@ impl Plugin for CompositePlugin {
             .add_systems(RenderStartup, init_composite_pipeline)
             .add_systems(
                 Render,
-                prepare_composites
-                    .in_set(RenderSystems::PrepareBindGroups)
-                    .after(super::splat::prepare_splats),
+                prepare_composites.in_set(RenderSystems::PrepareBindGroups).after(super::splat::prepare_splats),
             )
             .add_systems(
                 Core3d,

@@ -205,7 +205,11 @@ pub struct ParticleScene(Arc<Mutex<SceneState>>);
 impl ParticleScene {
     /// An empty scene with a budget for resident particle data, and one for what is uploaded in a frame.
     pub fn new(budget_bytes: u64, upload_bytes_per_frame: u64) -> ParticleScene {
-        ParticleScene(Arc::new(Mutex::new(SceneState { budget_bytes, upload_bytes_per_frame, ..SceneState::default() })))
+        ParticleScene(Arc::new(Mutex::new(SceneState {
+            budget_bytes,
+            upload_bytes_per_frame,
+            ..SceneState::default()
+        })))
     }
 
     pub(super) fn lock(&self) -> MutexGuard<'_, SceneState> {

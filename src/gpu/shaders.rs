@@ -31,11 +31,8 @@ impl Plugin for ShaderPlugin {
             registry.insert_asset(full, &PathBuf::from("deepfield").join(path), text.as_bytes());
         }
         let server = app.world().resource::<AssetServer>();
-        let library = SHADERS
-            .iter()
-            .filter(|(path, _)| path.starts_with("lib/"))
-            .map(|(path, _)| load(server, path))
-            .collect();
+        let library =
+            SHADERS.iter().filter(|(path, _)| path.starts_with("lib/")).map(|(path, _)| load(server, path)).collect();
         app.insert_resource(ShaderLibrary(library));
     }
 }

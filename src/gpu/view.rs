@@ -79,12 +79,6 @@ impl Composite {
     /// on the CPU.
     pub fn new(transfer: &TransferFunction, levels: Levels, attribute: bool) -> Composite {
         let hue = transfer.hue.unwrap_or_default();
-        Composite {
-            lut: Arc::new(transfer.bake_lut()),
-            levels,
-            p_scale: transfer.scale,
-            s_scale: hue.scale,
-            attribute,
-        }
+        Composite { lut: Arc::new(transfer.bake_lut()), levels, p_scale: transfer.scale, s_scale: hue.scale, attribute }
     }
 }

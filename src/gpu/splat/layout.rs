@@ -16,7 +16,7 @@ pub const TILE: u32 = 8;
 /// Most levels that a pyramid has.
 pub const MAX_LEVELS: usize = 16;
 /// Taps of the reconstruction filter, for each of its two phases.
-pub const RECONSTRUCTION_TAPS: u32 = 6;
+pub const RECONSTRUCTION_TAPS: u32 = 8;
 /// Cells that four finer cells are reconstructed from, along each axis.
 pub const RECONSTRUCTION_WINDOW: u32 = RECONSTRUCTION_TAPS + 2;
 /// Cells around the picture in every level but the finest, so that the filter finds all it needs. Even.
@@ -259,19 +259,29 @@ impl Grids {
 /// Largest radius of splats of fixed size, pixels: they are always integrated, and must not reach beyond the next bin.
 pub const MAX_PIXEL_RADIUS: f32 = 7.0;
 
-/// What each cell of a reconstruction window gives to each of four finer cells: Lagrange interpolation at -1/4 and 1/4
-/// of a cell from the nearest one.
+/// Weights of the cells at -4 .. 3 for a value at -1/4 of a cell: the least-squares solution for the spectra of cubic
+/// splines with radii from [`SAMPLED_RADIUS`] to twice that, reproducing constants and ramps exactly. Its error is
+/// 6e-4 in L2 for each axis.
+const RECONSTRUCTION: [f32; RECONSTRUCTION_TAPS as usize] = [
+    -0.005_387_49,
+    0.028_831_85,
+    -0.091_422_73,
+    0.291_506_86,
+    0.875_815_42,
+    -0.128_552_04,
+    0.035_465_39,
+    -0.006_257_25,
+];
+
+/// What each cell of a reconstruction window gives to each of four finer cells.
 pub fn reconstruction_weights() -> [[f32; 4]; RECONSTRUCTION_WINDOW as usize] {
-    let taps = RECONSTRUCTION_TAPS as i32;
     let mut weights = [[0.0; 4]; RECONSTRUCTION_WINDOW as usize];
-    // The window's first cell lies at -taps / 2; finer cell k lies at k/2 - 1/4.
+    // The window's first cell lies at -4; finer cell k lies at k/2 - 1/4. Even ones lie a quarter before the cell k/2,
+    // odd ones a quarter behind it, which is the mirror image.
     for k in 0..4 {
-        let at = 0.5 * f64::from(k) - 0.25;
-        let first = (at.floor() as i32) - taps / 2 + 1;
-        for i in first..first + taps {
-            let others = (first..first + taps).filter(|&j| j != i);
-            let weight: f64 = others.map(|j| (at - f64::from(j)) / f64::from(i - j)).product();
-            weights[(i + taps / 2) as usize][k as usize] = weight as f32;
+        for (tap, &weight) in RECONSTRUCTION.iter().enumerate() {
+            let mirrored = RECONSTRUCTION_TAPS as usize - tap;
+            weights[if k % 2 == 0 { tap } else { mirrored } + k / 2][k] = weight;
         }
     }
     weights

@@ -193,12 +193,8 @@ pub fn prepare_splats(
 ) {
     let Some(pipelines) = pipelines else { return };
     for (entity, view, mut before) in &mut cameras {
-        let key = Key {
-            view: view.view,
-            footprint: view.footprint,
-            items: view.items.clone(),
-            generation: arena.generation,
-        };
+        let key =
+            Key { view: view.view, footprint: view.footprint, items: view.items.clone(), generation: arena.generation };
         if let Some(before) = &mut before
             && before.key.generation == key.generation
             && before.key.view == key.view
@@ -208,8 +204,7 @@ pub fn prepare_splats(
             before.always = view.always;
             continue;
         }
-        let buffers =
-            build(key, view, before.as_deref(), &arena, &mut scratch, &pipelines, &cache, (&device, &queue));
+        let buffers = build(key, view, before.as_deref(), &arena, &mut scratch, &pipelines, &cache, (&device, &queue));
         match before {
             Some(mut before) => *before = buffers,
             None => {
@@ -238,13 +233,8 @@ fn build(
     let most = list.batches.iter().map(|&(_, splats)| splats).max().unwrap_or(0).max(1);
 
     let kept = |buffer: fn(&SplatBuffers) -> &Buffer| before.map(|before| buffer(before).clone());
-    let uniform = at_least(
-        kept(|b| &b.uniform),
-        size_of_val(&grids.uniform) as u64,
-        uniforms,
-        "deepfield splat view",
-        device,
-    );
+    let uniform =
+        at_least(kept(|b| &b.uniform), size_of_val(&grids.uniform) as u64, uniforms, "deepfield splat view", device);
     queue.write_buffer(&uniform, 0, bytemuck::bytes_of(&grids.uniform));
     let passes = kept(|b| &b.passes).unwrap_or_else(|| {
         let count = super::layout::MAX_LEVELS as u64 + 1;
@@ -262,8 +252,7 @@ fn build(
         buffer
     });
     let node_bytes: &[u8] = bytemuck::cast_slice(&list.nodes);
-    let nodes =
-        at_least(kept(|b| &b.nodes), node_bytes.len().max(64) as u64, storage, "deepfield drawn nodes", device);
+    let nodes = at_least(kept(|b| &b.nodes), node_bytes.len().max(64) as u64, storage, "deepfield drawn nodes", device);
     queue.write_buffer(&nodes, 0, node_bytes);
     let block_bytes: &[u8] = bytemuck::cast_slice(&list.blocks);
     let blocks =
@@ -288,12 +277,8 @@ fn build(
     let places = scratch_buffer(|s| &mut s.places, most * PLACE_BYTES, storage, "deepfield splat places");
     let order = scratch_buffer(|s| &mut s.order, most * 4, storage, "deepfield splat order");
     let starts_bytes = u64::from(grids.uniform.bin_count + 1) * 4;
-    let starts = scratch_buffer(
-        |s| &mut s.starts,
-        starts_bytes,
-        storage | BufferUsages::COPY_SRC,
-        "deepfield splat bins",
-    );
+    let starts =
+        scratch_buffer(|s| &mut s.starts, starts_bytes, storage | BufferUsages::COPY_SRC, "deepfield splat bins");
 
     let view_binding = || uniform.as_entire_binding();
     let tables = arena.table_buffer().unwrap_or(&nodes);
