@@ -78,6 +78,11 @@ impl ColumnScaling {
         }
     }
 
+    /// The same mapping with all distances `weight` times as large: errors of the column count that much more.
+    pub fn weighted(self, weight: f32) -> ColumnScaling {
+        ColumnScaling { factor: self.factor * weight, ..self }
+    }
+
     /// The coordinate of a value.
     #[inline]
     pub fn map(&self, value: f32) -> f32 {

@@ -308,16 +308,30 @@ fn bounds_of(family: &Family) -> Bounds {
         .reduce(|| Bounds::EMPTY, Bounds::union)
 }
 
+/// How much an error counts to the quantiser, in octaves. A splat's brightness is `m rho / h^2`, so that an error of `h`
+/// counts twice. Attributes decide on hues only, the first one being the one that is shown by default: giving them less
+/// weight keeps the brightness right where a few codes serve many columns.
+const WEIGHTS: [f32; 3] = [1.0, 1.0, 2.0];
+const FIRST_ATTRIBUTE_WEIGHT: f32 = 0.5;
+const ATTRIBUTE_WEIGHT: f32 = 0.25;
+
 fn scaling(family: &Family, attributes: &[AttributeInfo]) -> Scaling {
+    let mut quantities =
+        [&family.mass, &family.density, &family.smoothing_length].map(|values| ColumnScaling::positive(values));
+    quantities.iter_mut().zip(WEIGHTS).for_each(|(scaling, weight)| *scaling = scaling.weighted(weight));
+    let weights = std::iter::once(FIRST_ATTRIBUTE_WEIGHT).chain(std::iter::repeat(ATTRIBUTE_WEIGHT));
     Scaling {
-        quantities: [&family.mass, &family.density, &family.smoothing_length].map(|v| ColumnScaling::positive(v)),
+        quantities,
         attributes: family
             .attributes
             .iter()
             .zip(attributes)
-            .map(|(attribute, info)| {
-                let linear = info.merge == AttributeMerge::Magnitude;
-                (ColumnScaling::attribute(&attribute.values, linear), info.merge)
+            .zip(weights)
+            .map(|((attribute, info), weight)| {
+                // Magnitudes are logarithms, and in `points` they are the brightness.
+                let is_magnitude = info.merge == AttributeMerge::Magnitude;
+                let scaling = ColumnScaling::attribute(&attribute.values, is_magnitude);
+                (scaling.weighted(if is_magnitude { 1.0 } else { weight }), info.merge)
             })
             .collect(),
     }
