@@ -262,16 +262,8 @@ pub const MAX_PIXEL_RADIUS: f32 = 7.0;
 /// Weights of the cells at -4 .. 3 for a value at -1/4 of a cell: the least-squares solution for the spectra of cubic
 /// splines with radii from [`SAMPLED_RADIUS`] to twice that, reproducing constants and ramps exactly. Its error is
 /// 6e-4 in L2 for each axis.
-const RECONSTRUCTION: [f32; RECONSTRUCTION_TAPS as usize] = [
-    -0.005_387_49,
-    0.028_831_85,
-    -0.091_422_73,
-    0.291_506_86,
-    0.875_815_4,
-    -0.128_552_04,
-    0.035_465_39,
-    -0.006_257_25,
-];
+const RECONSTRUCTION: [f32; RECONSTRUCTION_TAPS as usize] =
+    [-0.005_387_49, 0.028_831_85, -0.091_422_73, 0.291_506_86, 0.875_815_4, -0.128_552_04, 0.035_465_39, -0.006_257_25];
 
 /// What each cell of a reconstruction window gives to each of four finer cells.
 pub fn reconstruction_weights() -> [[f32; 4]; RECONSTRUCTION_WINDOW as usize] {
