@@ -265,3 +265,8 @@ fn use_the_window(arguments: &[&str]) {
 fn the_window_shows_turns_and_closes_on_the_processor() {
     use_the_window(&["--backend", "cpu"]);
 }
+
+#[test]
+fn the_window_shows_turns_and_closes_on_the_graphics_adapter() {
+    use_the_window(&["--backend", "compute"]);
+}

@@ -9,6 +9,7 @@ pub mod camera;
 pub mod cpu_backend;
 pub mod exposure;
 pub mod facts;
+pub mod gpu_backend;
 pub mod input;
 pub mod legend;
 pub mod look;
@@ -34,6 +35,7 @@ mod ui;
 pub use options::{AppError, OpenRequest, Opener, WindowOptions};
 pub use preset::{Backend, Preset};
 
+use crate::gpu::{DeepfieldRenderPlugins, ParticleScene};
 use bevy::camera::CameraUpdateSystems;
 use bevy::log::LogPlugin;
 use bevy::prelude::*;
@@ -92,7 +94,10 @@ impl Plugin for WindowApp {
             openings.start(request);
         }
         let settings = scene::Settings::new(&self.preset, self.options.mode.as_deref());
+        let budget = self.preset.residency.budget_mib << 20;
+        app.insert_resource(ParticleScene::new(budget, gpu_backend::UPLOAD_BYTES_PER_FRAME));
         app.add_plugins((
+            DeepfieldRenderPlugins,
             EguiPlugin::default(),
             CameraPlugin,
             pages::PagesPlugin,
@@ -109,6 +114,7 @@ impl Plugin for WindowApp {
         .init_resource::<messages::Messages>()
         .insert_resource(panel::Choices::of_program())
         .init_resource::<cpu_backend::CpuPicture>()
+        .init_resource::<gpu_backend::GpuTables>()
         .init_resource::<statistics::ActiveBackend>()
         .init_resource::<pick::DoubleClick>()
         .init_resource::<screenshot::Screenshots>()
@@ -116,7 +122,11 @@ impl Plugin for WindowApp {
         .init_resource::<statistics::FrameClock>()
         .init_resource::<statistics::Statistics>()
         .add_message::<open::Opened>()
-        .add_systems(Startup, picture::spawn_cameras)
+        .add_systems(
+            Startup,
+            (picture::spawn_cameras, bevy::ecs::schedule::ApplyDeferred, gpu_backend::choose_backend).chain(),
+        )
+        .add_observer(gpu_backend::free_slot)
         .add_systems(PreUpdate, (messages::advance_messages, statistics::tick_frame_clock, screenshot::report))
         .add_systems(
             Update,
@@ -127,6 +137,7 @@ impl Plugin for WindowApp {
                 look::follow_settings,
                 look::glide_levels,
                 shortcuts::run_shortcuts,
+                gpu_backend::choose_backend.run_if(resource_changed::<Preset>),
             )
                 .chain(),
         )
@@ -136,7 +147,11 @@ impl Plugin for WindowApp {
             (
                 picture::fit_picture.in_set(CameraSystems::Steer).before(CameraUpdateSystems),
                 pick::fly_to_pick.before(CameraSystems::Steer).after(EguiPostUpdateSet::ProcessOutput),
-                cpu_backend::draw_on_cpu.in_set(PageSystems::Serve).after(pages::evict),
+                gpu_backend::receive_copies.in_set(PageSystems::Arrive).after(pages::finish_loads),
+                (cpu_backend::draw_on_cpu, gpu_backend::upload_pages, gpu_backend::draw_on_gpu)
+                    .chain()
+                    .in_set(PageSystems::Serve)
+                    .after(pages::evict),
             ),
         )
         .add_systems(Last, status::write_status);

@@ -96,7 +96,8 @@ pub struct Streaming {
     /// Which pages are in memory.
     pub residency: Residency,
     entities: HashMap<PageId, Entity>,
-    generation: u32,
+    /// The [`Scene::generation`] of the file.
+    pub generation: u32,
     frame: u64,
     reported: HashSet<PageId>,
 }
@@ -173,6 +174,7 @@ pub fn follow_scene(
     streaming: Option<ResMut<Streaming>>,
     preset: Res<Preset>,
     mut selection: ResMut<ViewSelection>,
+    mut copies: ResMut<PageCopies>,
     pages: Query<Entity, With<PageKey>>,
 ) {
     let Some(scene) = scene else { return };
@@ -181,6 +183,9 @@ pub fn follow_scene(
         return;
     }
     pages.iter().for_each(|page| commands.entity(page).despawn());
+    if let Some(copies) = &mut copies.0 {
+        copies.clear();
+    }
     *selection = ViewSelection { revision: selection.revision + 1, ..default() };
     commands.insert_resource(Streaming::new(Arc::clone(&scene.file), budget, scene.generation));
 }
@@ -323,5 +328,171 @@ pub fn evict(mut commands: Commands, streaming: Option<ResMut<Streaming>>, mut c
         if let Some(copies) = &mut copies.bypass_change_detection().0 {
             copies.remove(&id);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::app::facts::Facts;
+    use crate::commands::build::{BuildOptions, build_source};
+    use crate::import::LoadOptions;
+    use bevy::math::DVec3;
+    use bevy::tasks::TaskPool;
+    use std::path::Path;
+
+    /// A page file of the demo dataset.
+    fn demo(folder: &Path) -> Arc<PageFile> {
+        let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/demo/lcdm64_z0.hdf5");
+        let output = folder.join("demo.df");
+        build_source(&source, &LoadOptions::default(), &BuildOptions::default(), &output, &()).unwrap();
+        Arc::new(PageFile::open(&output).unwrap())
+    }
+
+    /// The streaming systems around a camera that looks at all of `file`.
+    fn streaming_app(file: &Arc<PageFile>, budget_mib: u64) -> App {
+        IoTaskPool::get_or_init(TaskPool::default);
+        let bounds = file.metadata().bounds();
+        let mut preset = Preset::default();
+        preset.residency.budget_mib = budget_mib;
+        let mut settings = Settings::new(&preset, None);
+        settings.families = vec![true; file.metadata().families.len()];
+        let picture = Picture {
+            image: Handle::default(),
+            texture: bevy_egui::egui::TextureId::default(),
+            rect: Rect::new(0.0, 0.0, 960.0, 720.0),
+            scale: 1.0,
+        };
+        let mut app = App::new();
+        app.insert_resource(preset)
+            .insert_resource(settings)
+            .insert_resource(picture)
+            .insert_resource(Scene {
+                path: file.path().to_owned(),
+                file: Arc::clone(file),
+                bounds,
+                length_unit: String::new(),
+                facts: Facts::of(file.metadata()),
+                generation: 1,
+            })
+            .init_resource::<Messages>()
+            .init_resource::<Statistics>()
+            .init_resource::<DataDistance>()
+            .add_plugins(PagesPlugin);
+        app.world_mut().spawn((DataCamera, Viewpoint::around(bounds, 0.8, 960, 720).unwrap()));
+        app
+    }
+
+    /// Runs frames until the view is complete.
+    fn complete(app: &mut App) {
+        for _ in 0..2000 {
+            app.update();
+            if app.world().resource::<ViewSelection>().complete {
+                return;
+            }
+            std::thread::sleep(std::time::Duration::from_millis(2));
+        }
+        panic!("the view is not complete: {:?}", app.world().resource::<Statistics>());
+    }
+
+    fn pages(app: &mut App) -> usize {
+        app.world_mut().query::<&PageKey>().iter(app.world()).count()
+    }
+
+    #[test]
+    fn pages_become_entities_and_the_view_completes() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = demo(folder.path());
+        let mut app = streaming_app(&file, 1024);
+        app.update();
+        assert!(!app.world().resource::<ViewSelection>().complete, "the first frame waits for nothing");
+        complete(&mut app);
+        assert_eq!(app.world().resource::<Statistics>().particles, file.metadata().particles());
+        let resident = app.world().resource::<Streaming>().residency.statistics().resident;
+        assert_eq!(pages(&mut app), resident);
+        let mut described = app.world_mut().query::<(&PageStatus, &PageBounds, &PageDepth, &LastUse)>();
+        let bounds = file.metadata().bounds();
+        for (status, page, ..) in described.iter(app.world()) {
+            assert!(matches!(status, PageStatus::Resident(_)));
+            assert!(page.0.min.cmpge(bounds.min - 1e-3).all() && page.0.max.cmple(bounds.max + 1e-3).all());
+        }
+        assert!(app.world().resource::<DataDistance>().0.is_some_and(|distance| distance > 0.0));
+    }
+
+    #[test]
+    fn a_copy_that_is_not_there_is_drawn_by_nobody() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = demo(folder.path());
+        let mut app = streaming_app(&file, 1024);
+        app.world_mut().resource_mut::<PageCopies>().0 = Some(HashSet::new());
+        for _ in 0..200 {
+            app.update();
+            std::thread::sleep(std::time::Duration::from_millis(2));
+            if !app.world().resource::<ViewSelection>().wanted_copies.is_empty() {
+                break;
+            }
+        }
+        let selection = app.world().resource::<ViewSelection>().clone();
+        assert!(!selection.complete && selection.nodes.is_empty());
+        assert_eq!(selection.wanted_copies, [file.metadata().families[0].root_page]);
+        // As copies arrive, the picture refines down to the leaves.
+        for _ in 0..2000 {
+            let selection = app.world().resource::<ViewSelection>().clone();
+            if selection.complete {
+                break;
+            }
+            if let Some(copies) = &mut app.world_mut().resource_mut::<PageCopies>().0 {
+                copies.extend(selection.wanted_copies);
+            }
+            app.update();
+            std::thread::sleep(std::time::Duration::from_millis(2));
+        }
+        assert!(app.world().resource::<ViewSelection>().complete);
+    }
+
+    #[test]
+    fn another_file_starts_over() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = demo(folder.path());
+        let mut app = streaming_app(&file, 1024);
+        complete(&mut app);
+        let revision = app.world().resource::<ViewSelection>().revision;
+        app.world_mut().resource_mut::<Scene>().generation = 2;
+        app.update();
+        assert!(!app.world().resource::<ViewSelection>().complete);
+        complete(&mut app);
+        assert!(app.world().resource::<ViewSelection>().revision > revision);
+        let mut keys = app.world_mut().query::<&PageKey>();
+        assert!(keys.iter(app.world()).all(|key| key.generation == 2));
+    }
+
+    #[test]
+    fn hidden_families_are_not_drawn() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = demo(folder.path());
+        let mut app = streaming_app(&file, 1024);
+        complete(&mut app);
+        app.world_mut().resource_mut::<Settings>().families.fill(false);
+        app.update();
+        assert_eq!(app.world().resource::<Statistics>().particles, 0);
+        assert!(app.world().resource::<ViewSelection>().nodes.is_empty());
+    }
+
+    #[test]
+    fn the_particle_under_the_cursor_is_picked() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = demo(folder.path());
+        let mut app = streaming_app(&file, 1024);
+        complete(&mut app);
+        let selection = app.world().resource::<ViewSelection>().clone();
+        let view = selection.view.unwrap();
+        let pick = |cursor| crate::app::pick::pick(&view, file.metadata(), &selection.nodes, cursor);
+        let picked = pick([480.0, 360.0]).expect("the box is full of particles");
+        let pixel = view.to_pixels(view.to_camera(picked.position)).unwrap();
+        assert!((pixel[0] - 480.0).hypot(pixel[1] - 360.0) <= crate::app::pick::REACH + 1e-6);
+        assert!((picked.pixels - (pixel[0] - 480.0).hypot(pixel[1] - 360.0)).abs() < 1e-6);
+        let bounds = file.metadata().bounds();
+        assert!(picked.position.clamp(bounds.min - DVec3::ONE, bounds.max + DVec3::ONE) == picked.position);
+        assert!(pick([2.0, 2.0]).is_none(), "nothing is in the corner of a view of the whole box");
     }
 }

@@ -85,3 +85,55 @@ fn refusal(error: &bevy::asset::AssetLoadError) -> String {
         other => other.to_string(),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::Arc;
+    use std::time::{Duration, Instant};
+
+    /// Runs frames until a condition holds.
+    fn wait(app: &mut App, what: &str, condition: impl Fn(&World) -> bool) {
+        let start = Instant::now();
+        while !condition(app.world()) {
+            assert!(start.elapsed() < Duration::from_secs(60), "waited in vain for: {what}");
+            app.update();
+            std::thread::sleep(Duration::from_millis(5));
+        }
+    }
+
+    #[test]
+    fn a_changed_preset_is_applied_and_a_wrong_one_is_refused_with_its_place() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("desktop.ron");
+        std::fs::write(&file, "(drawing: (error_px: 2.0))").unwrap();
+        let mut app = App::new();
+        let source = AssetSourceBuilder::platform_default(&folder.path().to_string_lossy(), None);
+        app.register_asset_source("configs", source);
+        app.add_plugins((MinimalPlugins, AssetPlugin { watch_for_changes_override: Some(true), ..default() }))
+            .init_asset::<Preset>()
+            .init_asset_loader::<PresetLoader>()
+            .init_resource::<Messages>()
+            .insert_resource(Preset::default())
+            .insert_resource(Settings::new(&Preset::default(), None))
+            .add_systems(Update, apply_preset);
+        let handle = app.world().resource::<AssetServer>().load("configs://desktop.ron");
+        let options = WindowOptions::new(None, Arc::new(|_, _| Err("nothing is opened here".to_owned())));
+        app.insert_resource(PresetFile { handle, options });
+        let error_px = |world: &World| world.resource::<Settings>().error_px;
+        wait(&mut app, "the preset at the start", |world| error_px(world) == 2.0);
+
+        std::fs::write(&file, "(\n    drawing: (error_pixels: 3.0),\n)").unwrap();
+        let refused = |world: &World| {
+            let messages = world.resource::<Messages>();
+            messages
+                .all()
+                .any(|message| message.text.contains("desktop.ron:2:") && message.text.contains("error_pixels"))
+        };
+        wait(&mut app, "a message with file, line and field", refused);
+        assert_eq!(error_px(app.world()), 2.0, "the last good preset stays");
+
+        std::fs::write(&file, "(drawing: (error_px: 4.0))").unwrap();
+        wait(&mut app, "the corrected preset", |world| error_px(world) == 4.0);
+    }
+}

@@ -37,7 +37,10 @@ fn log_ticks(low: f64, high: f64) -> Vec<(f64, Option<String>)> {
             for factor in 2..10 {
                 let position = (f64::from(exponent) + f64::from(factor).log10() - a) / decades;
                 if (0.0..=1.0).contains(&position) {
-                    ticks.push((position, None));
+                    // One power of ten alone would not say where the others are.
+                    let labelled = decades < 2.2 && (factor == 2 || factor == 5);
+                    let value = || number::quantity(f64::from(factor) * 10f64.powi(exponent));
+                    ticks.push((position, labelled.then(value)));
                 }
             }
         }

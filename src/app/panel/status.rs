@@ -15,8 +15,8 @@ pub fn show(ui: &mut Ui, statistics: &Statistics, converged: Converged, clock: &
         return;
     }
     let (text, color) = match (converged.0, statistics.missing) {
-        (true, _) => (format!("converged,  {:.2} px", statistics.error_px), theme::GOOD),
-        (false, 0) => (format!("drawing,  {:.2} px", statistics.error_px), theme::ACCENT),
+        (true, _) => (format!("converged{}", error(statistics.error_px)), theme::GOOD),
+        (false, 0) => (format!("drawing{}", error(statistics.error_px)), theme::ACCENT),
         (false, missing) => (format!("{} nodes to come", number::count(missing as u64)), theme::ACCENT),
     };
     theme::fact_colored(ui, "Picture", text, color);
@@ -40,6 +40,15 @@ pub fn show(ui: &mut Ui, statistics: &Statistics, converged: Converged, clock: &
     let budget = statistics.budget_bytes.max(1);
     theme::fact(ui, "Memory", format!("{}  of  {}", number::bytes(statistics.bytes), number::bytes(budget)));
     theme::bar(ui, (statistics.bytes as f64 / budget as f64) as f32, theme::ACCENT);
+}
+
+/// The screen-space error in words; nothing where the eye is inside a node, which has no bound then.
+fn error(pixels: f64) -> String {
+    match pixels {
+        p if !p.is_finite() => String::new(),
+        p if p < 0.01 => ",  error < 0.01 px".to_owned(),
+        p => format!(",  error {p:.2} px"),
+    }
 }
 
 /// Draws the latest messages, the newest first.

@@ -90,7 +90,7 @@ pub fn panel_frame() -> egui::Frame {
 /// The frame of cards that lie over the picture.
 pub fn card_frame() -> egui::Frame {
     egui::Frame::NONE
-        .fill(PANEL.gamma_multiply(0.94))
+        .fill(PANEL)
         .stroke(Stroke::new(1.0, LINE))
         .corner_radius(CornerRadius::same(8))
         .inner_margin(Margin::symmetric(18, 14))

@@ -1,0 +1,252 @@
+//! Drawing with the GPU: pages are copied into the renderer's arena, and the data camera gets the list of nodes to
+//! splat and the transfer function to show them with.
+//!
+//! A page counts as there only when all its nodes have arrived in the arena, so a parent is drawn until then and never
+//! a hole.
+
+use super::cpu_backend::CpuPicture;
+use super::look::Look;
+use super::messages::Messages;
+use super::pages::{GpuSlot, PageCopies, PageKey, PageStatus, Streaming, ViewSelection};
+use super::picture::DataCamera;
+use super::preset::{Backend, Preset};
+use super::scene::Scene;
+use super::statistics::{ActiveBackend, Converged, Statistics};
+use crate::gpu::{self, Composite, DrawItem, NodeId, NodeState, NodeUpload, ParticleScene, Payload, SplatView};
+use crate::gpu::{TableEntry, TableId};
+use crate::modes::{CodeTable, Footprint};
+use crate::store::{Metadata, Page, PageId};
+use bevy::diagnostic::DiagnosticsStore;
+use bevy::prelude::*;
+use bevy::render::renderer::RenderAdapterInfo;
+use std::collections::HashSet;
+use std::sync::Arc;
+
+/// Bytes that may go to the GPU in one frame.
+pub const UPLOAD_BYTES_PER_FRAME: u64 = 24 << 20;
+
+/// What the renderer holds for the present look of the present file.
+#[derive(Resource, Default)]
+pub struct GpuTables {
+    /// The look that the tables belong to: generation of the file and revision of the depiction.
+    made_for: Option<(u32, u64)>,
+    /// One table for each family and codebook.
+    tables: Vec<Vec<TableId>>,
+    /// The selection that the camera draws.
+    drawn: Option<u64>,
+}
+
+/// The nodes of a page that hold particles.
+fn drawable_nodes(page: &Page) -> impl Iterator<Item = (u32, &crate::store::Node)> {
+    page.nodes.iter().enumerate().filter(|(_, node)| node.particles > 0).map(|(i, node)| (i as u32, node))
+}
+
+/// The renderer's name for a node of the present file.
+fn node_id(generation: u32, page: PageId, node: u32) -> NodeId {
+    NodeId { source: generation, page: page.0, node }
+}
+
+/// Follows the preset's choice of a backend.
+pub(super) fn choose_backend(
+    mut commands: Commands,
+    preset: Res<Preset>,
+    adapter: Option<Res<RenderAdapterInfo>>,
+    mut active: ResMut<ActiveBackend>,
+    mut copies: ResMut<PageCopies>,
+    mut statistics: ResMut<Statistics>,
+    mut tables: ResMut<GpuTables>,
+    mut cameras: Query<(Entity, &mut Camera), With<DataCamera>>,
+    slots: Query<Entity, With<GpuSlot>>,
+) {
+    let wanted = match preset.drawing.backend {
+        Backend::Cpu => ActiveBackend::Cpu,
+        Backend::Auto | Backend::Compute | Backend::Raster if adapter.is_some() => ActiveBackend::Gpu,
+        Backend::Auto | Backend::Compute | Backend::Raster => ActiveBackend::Cpu,
+    };
+    statistics.adapter = adapter.map_or_else(String::new, |info| format!("{} ({})", info.name, info.driver_info));
+    let uses_copies = wanted == ActiveBackend::Gpu;
+    if *active == wanted && copies.0.is_some() == uses_copies {
+        return;
+    }
+    *active = wanted;
+    copies.0 = uses_copies.then(HashSet::new);
+    *tables = GpuTables::default();
+    slots.iter().for_each(|page| {
+        commands.entity(page).remove::<GpuSlot>();
+    });
+    for (entity, mut camera) in &mut cameras {
+        camera.is_active = uses_copies;
+        commands.entity(entity).remove::<(SplatView, Composite)>();
+    }
+}
+
+/// Notes pages that have arrived in the arena.
+pub(super) fn receive_copies(
+    particles: Res<ParticleScene>,
+    mut copies: ResMut<PageCopies>,
+    mut messages: ResMut<Messages>,
+    mut pages: Query<(&PageKey, &PageStatus, &mut GpuSlot)>,
+) {
+    let Some(copies) = &mut copies.bypass_change_detection().0 else { return };
+    for (key, status, mut slot) in &mut pages {
+        let PageStatus::Resident(page) = status else { continue };
+        if *slot != GpuSlot::Queued {
+            continue;
+        }
+        let state = |node| particles.node_state(node_id(key.generation, key.id, node));
+        let mut states = drawable_nodes(page).map(|(node, _)| state(node)).collect::<Vec<_>>();
+        states.dedup();
+        if states.contains(&Some(NodeState::Rejected)) {
+            *slot = GpuSlot::Rejected;
+            messages.error("the graphics memory is full: a coarser picture is shown");
+        } else if states.iter().all(|state| *state == Some(NodeState::Resident)) {
+            *slot = GpuSlot::Resident;
+            copies.insert(key.id);
+        }
+    }
+}
+
+/// Queues the pages that the view misses in the arena.
+pub(super) fn upload_pages(
+    mut commands: Commands,
+    particles: Res<ParticleScene>,
+    streaming: Option<Res<Streaming>>,
+    selection: Res<ViewSelection>,
+    slots: Query<&GpuSlot>,
+) {
+    let Some(streaming) = streaming else { return };
+    let metadata = streaming.residency.file().metadata();
+    for &id in &selection.wanted_copies {
+        let (Some(entity), Some(page)) = (streaming.entity(id), streaming.residency.page(id)) else { continue };
+        let Some(family) = metadata.families.get(page.family as usize) else { continue };
+        if slots.contains(entity) {
+            continue;
+        }
+        particles.insert_nodes(drawable_nodes(page).map(|(index, node)| NodeUpload {
+            id: node_id(streaming.generation, id, index),
+            min: node.key.min(family.root),
+            size: node.key.size(family.root),
+            payload: Payload::Page { page: Arc::clone(page), node: index },
+        }));
+        commands.entity(entity).insert(GpuSlot::Queued);
+    }
+}
+
+/// Frees the arena's copy of a page whose entity goes, or which is no longer drawn by the GPU.
+pub(super) fn free_slot(
+    removed: On<Remove, GpuSlot>,
+    particles: Res<ParticleScene>,
+    pages: Query<(&PageKey, &PageStatus)>,
+) {
+    let Ok((key, PageStatus::Resident(page))) = pages.get(removed.entity) else { return };
+    particles.remove_nodes(drawable_nodes(page).map(|(node, _)| node_id(key.generation, key.id, node)));
+}
+
+/// The entries of a codebook's table.
+fn entries(table: &CodeTable) -> Vec<TableEntry> {
+    let attribute = |i: usize| table.attribute.as_ref().and_then(|values| values.get(i)).copied().unwrap_or(0.0);
+    let columns = table.smoothing_length.iter().zip(&table.weight).enumerate();
+    columns
+        .map(|(i, (&smoothing_length, &weight))| TableEntry { smoothing_length, weight, attribute: attribute(i) })
+        .collect()
+}
+
+/// Tables of every codebook for the present look.
+fn make_tables(particles: &ParticleScene, look: &Look, metadata: &Metadata) -> Vec<Vec<TableId>> {
+    let table = |family, codebook| particles.insert_table(entries(&look.depiction.table(family, codebook)));
+    metadata.families.iter().map(|family| family.codebooks.iter().map(|book| table(family, book)).collect()).collect()
+}
+
+/// Tells the data camera what to draw and how to show it.
+pub(super) fn draw_on_gpu(
+    mut commands: Commands,
+    active: Res<ActiveBackend>,
+    particles: Res<ParticleScene>,
+    scene: Option<Res<Scene>>,
+    look: Option<Res<Look>>,
+    selection: Res<ViewSelection>,
+    preset: Res<Preset>,
+    measured: Res<CpuPicture>,
+    diagnostics: Option<Res<DiagnosticsStore>>,
+    mut tables: ResMut<GpuTables>,
+    mut converged: ResMut<Converged>,
+    mut statistics: ResMut<Statistics>,
+    camera: Single<(Entity, Option<&Composite>), With<DataCamera>>,
+) {
+    if *active != ActiveBackend::Gpu {
+        return;
+    }
+    let backend = match preset.drawing.backend {
+        Backend::Raster => gpu::Backend::Raster,
+        Backend::Compute => gpu::Backend::Compute,
+        Backend::Auto | Backend::Cpu => gpu::Backend::Auto,
+    };
+    let name = if backend == gpu::Backend::Raster { "raster" } else { "compute" };
+    if statistics.backend != name {
+        statistics.backend = name.to_owned();
+    }
+    let (Some(scene), Some(look), Some(view)) = (scene, look, selection.view) else { return };
+    let (entity, composite) = camera.into_inner();
+    let metadata = scene.file.metadata();
+    let wanted = (scene.generation, look.depiction_revision);
+    if tables.made_for != Some(wanted) {
+        let old = std::mem::replace(&mut tables.tables, make_tables(&particles, &look, metadata));
+        old.into_iter().flatten().for_each(|table| particles.remove_table(table));
+        tables.made_for = Some(wanted);
+        tables.drawn = None;
+    }
+    if tables.drawn != Some(selection.revision) {
+        tables.drawn = Some(selection.revision);
+        let items: Vec<DrawItem> = selection
+            .nodes
+            .iter()
+            .filter_map(|drawn| {
+                let node = drawn.page.nodes.get(drawn.node.node as usize)?;
+                let table = *tables.tables.get(drawn.page.family as usize)?.get(usize::from(node.codebook))?;
+                Some(DrawItem {
+                    node: node_id(scene.generation, drawn.node.page, drawn.node.node),
+                    table: Some(table),
+                    weight_scale: look.depiction.node_scale(node),
+                })
+            })
+            .collect();
+        let footprint = match look.depiction.footprint() {
+            Footprint::Kernel => gpu::Footprint::Kernel(metadata.kernel),
+            Footprint::Pixels(radius) => gpu::Footprint::Pixels { radius },
+        };
+        commands.entity(entity).insert(SplatView { view, footprint, backend, items: items.into(), always: false });
+    }
+    let hue = look.transfer.hue.unwrap_or_default();
+    let shown = Composite {
+        lut: Arc::clone(&look.lut),
+        levels: look.levels,
+        p_scale: look.transfer.scale,
+        s_scale: hue.scale,
+        attribute: look.has_hue(),
+    };
+    let same = composite.is_some_and(|now| {
+        Arc::ptr_eq(&now.lut, &shown.lut)
+            && now.levels == shown.levels
+            && now.attribute == shown.attribute
+            && now.s_scale == shown.s_scale
+            && now.p_scale == shown.p_scale
+    });
+    if !same {
+        commands.entity(entity).insert(shown);
+    }
+    let times = diagnostics.as_deref().and_then(pass_times);
+    statistics.draw_ms = times;
+    // Passes are timed only once their shaders are there, so a first time means a first picture.
+    converged.0 = selection.complete && same && look.settled && times.is_some() && measured.is_current(&selection);
+}
+
+/// Milliseconds that all passes of the last picture took together; `None` before the first picture.
+fn pass_times(diagnostics: &DiagnosticsStore) -> Option<f64> {
+    let time = |pass: &str, kind: &str| {
+        let path = format!("render/{pass}/{kind}");
+        diagnostics.iter().find(|d| d.path().as_str() == path).and_then(|d| d.value())
+    };
+    let time = |pass: &str| time(pass, "elapsed_gpu").or_else(|| time(pass, "elapsed_cpu"));
+    time("accumulate")?;
+    Some(gpu::timing::PASSES.iter().filter_map(|pass| time(pass)).sum())
+}
