@@ -101,6 +101,13 @@ pub struct HeadlessStats {
 /// [`GpuError`]: no adapter, a shader that does not compile on it, too little memory.
 pub fn render_headless(request: HeadlessRequest) -> Result<HeadlessFrame, GpuError> {
     let mut renderer = Renderer::open(&request)?;
+    if request.backend == Backend::Raster {
+        return Err(GpuError::Unsupported {
+            adapter: renderer.adapter,
+            backend: "raster",
+            missing: "an implementation (the compute backend needs neither float atomics nor float blending)",
+        });
+    }
     renderer.complete()?;
     let (frame, passes) = renderer.measure(request.repeat)?;
     let (accumulation, splats) = renderer.accumulation(request.attribute)?;

@@ -34,12 +34,12 @@ pub enum Footprint {
 /// How particles are accumulated.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Backend {
-    /// Compute passes where the adapter can, else [`Backend::Raster`].
+    /// The fastest that the adapter can: compute passes.
     #[default]
     Auto,
-    /// Compute passes.
+    /// Compute passes. They need no optional feature of the adapter: no float atomics, no float blending.
     Compute,
-    /// Instanced, blended quads.
+    /// Instanced, blended quads; not implemented: [`super::render_headless`] refuses it, a window uses compute passes.
     Raster,
 }
 
