@@ -111,7 +111,7 @@ impl Clusters {
             let base = 1.0 + square;
             let density =
                 halo.share * 3.0 / (4.0 * PI * halo.scale * halo.scale * halo.scale) / (base * base * base.sqrt());
-            let dispersion = 4000.0 * (halo.share / (halo.scale * base.sqrt())).sqrt();
+            let dispersion = 900.0 * (halo.share / (halo.scale * base.sqrt())).sqrt();
             let position = std::array::from_fn(|k| halo.center[k] + radius * direction[k]);
             return (position, density + BACKGROUND, dispersion);
         }
