@@ -107,6 +107,19 @@ impl Desktop {
         Screen(image.reply().unwrap().data)
     }
 
+    /// Waits until the screen satisfies a condition: it follows the program's status a few frames later.
+    fn wait(&self, what: &str, condition: impl Fn(&Screen) -> bool) -> Screen {
+        let start = Instant::now();
+        loop {
+            let screen = self.screenshot();
+            if condition(&screen) {
+                return screen;
+            }
+            assert!(start.elapsed() < PATIENCE, "waited in vain for: {what}");
+            std::thread::sleep(Duration::from_millis(100));
+        }
+    }
+
     fn close(&self, window: Window) {
         let atom = |name: &[u8]| self.connection.intern_atom(false, name).unwrap().reply().unwrap().atom;
         let data = [atom(b"WM_DELETE_WINDOW"), x11rb::CURRENT_TIME, 0, 0, 0];
@@ -215,15 +228,13 @@ fn use_the_window(arguments: &[&str]) {
     assert_eq!((&first["panel"], &first["pages_failed"]), (&Value::from(true), &Value::from(0)));
     let left = first["picture"][0].as_f64().unwrap() as usize;
     let picture = left..usize::from(WIDTH);
-    // The status is written as the frame ends, the screen follows.
-    std::thread::sleep(Duration::from_millis(500));
 
-    let before = desktop.screenshot();
-    assert!(before.share(0..left, is_panel) > 0.6, "the panel is at the left");
+    let lit = |screen: &Screen| screen.share(picture.clone(), |pixel| pixel.iter().any(|&c| c > 40));
+    let before = desktop.wait("the panel at the left and data beside it", |screen| {
+        screen.share(0..left, is_panel) > 0.6 && lit(screen) > 0.05
+    });
     let text = before.share(0..left, |[r, g, b]| r > 120 && g > 120 && b > 120);
     assert!((0.005..0.3).contains(&text), "the panel has text on it: {text}");
-    let lit = before.share(picture.clone(), |pixel| pixel.iter().any(|&c| c > 40));
-    assert!(lit > 0.1, "the picture shows data: {lit}");
 
     // A drag turns the camera around its target and changes the picture.
     let (middle, height) = ((left as i16 + WIDTH as i16) / 2, HEIGHT as i16 / 2);
@@ -232,9 +243,7 @@ fn use_the_window(arguments: &[&str]) {
         status["eye"] != first["eye"] && status["converged"] == true
     });
     assert_eq!(turned["target"], first["target"], "a turn keeps the target");
-    std::thread::sleep(Duration::from_millis(500));
-    let after = desktop.screenshot();
-    assert!(after.difference(&before, picture) > 0.05, "the drag changed the picture");
+    desktop.wait("another picture after the drag", |screen| screen.difference(&before, picture.clone()) > 0.05);
 
     // A drag on the panel does not.
     desktop.drag([60, 700], [200, 640]);
@@ -250,8 +259,7 @@ fn use_the_window(arguments: &[&str]) {
     const F12: u32 = 0xffc9;
     desktop.press(TAB);
     program.wait("Tab hides the panel", |status| status["panel"] == false && status["picture"][0] == 0.0);
-    std::thread::sleep(Duration::from_millis(500));
-    assert!(desktop.screenshot().share(0..left, is_panel) < 0.5, "the picture takes the panel's place");
+    desktop.wait("the picture in the panel's place", |screen| screen.share(0..left, is_panel) < 0.5);
     desktop.press(F12);
     program.wait("F12 saves a picture", |status| status.to_string().contains("saved "));
     let saved = std::fs::read(folder.path().join("deepfield-0001.png")).unwrap();

@@ -181,9 +181,9 @@ pub(super) fn draw_on_gpu(
         Backend::Compute => gpu::Backend::Compute,
         Backend::Auto | Backend::Cpu => gpu::Backend::Auto,
     };
-    let name = if backend == gpu::Backend::Raster { "raster" } else { "compute" };
-    if statistics.backend != name {
-        statistics.backend = name.to_owned();
+    // Whatever was asked for, compute passes are what draws in a window.
+    if statistics.backend != "compute" {
+        statistics.backend = "compute".to_owned();
     }
     let (Some(scene), Some(look), Some(view)) = (scene, look, selection.view) else { return };
     let (entity, composite) = camera.into_inner();

@@ -26,7 +26,7 @@ pub enum Backend {
     Auto,
     /// Compute passes with float atomics.
     Compute,
-    /// Blended triangles.
+    /// Blended triangles; there are none yet, so a window draws with compute passes.
     Raster,
     /// The processor; needs no adapter features at all.
     Cpu,
