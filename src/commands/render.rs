@@ -157,6 +157,7 @@ struct Statistics<'a> {
 }
 
 /// What was drawn, and how.
+#[derive(Clone)]
 struct Picture {
     accumulation: Accumulation,
     attribute: Option<String>,
@@ -188,6 +189,9 @@ fn render(arguments: &Arguments) -> CommandResult {
         Some("exr") => true,
         _ => return Err(format!("{}: expected a name that ends in .png or .exr", arguments.output.display()).into()),
     };
+    if cfg!(not(feature = "viewer")) && matches!(arguments.backend, Some(Backend::Compute | Backend::Raster)) {
+        return Err("this deepfield was built without the feature `viewer`, so only --backend cpu draws".into());
+    }
     let mode = arguments.mode.unwrap_or(modes::MODES[0]);
     let picture = if arguments.exact { draw_exact(arguments, mode)? } else { draw_pages(arguments, mode)? };
     if is_exr {
@@ -229,6 +233,24 @@ fn draw_pages(arguments: &Arguments, mode: &'static Mode) -> Result<Picture, Box
     for (_, why) in scene.residency.failures() {
         eprintln!("deepfield: {why}; the picture is coarser there");
     }
+    let picture = Picture {
+        accumulation: Accumulation::default(),
+        attribute: depiction.attribute.as_ref().map(|coloring| coloring.name.clone()),
+        converged: selection.converged,
+        error_pixels: selection.error_pixels,
+        particles: selection.particles,
+        nodes: selection.nodes.len(),
+        backend: "cpu",
+        adapter: "cpu".into(),
+        milliseconds: BTreeMap::new(),
+    };
+    #[cfg(feature = "viewer")]
+    if let Some(backend) = gpu_backend(arguments.backend) {
+        let request = || modes::gpu::request_nodes(&view, &depiction, metadata, &selection.nodes, backend);
+        if let Some(picture) = draw_on_gpu(arguments, request, picture.clone(), &times)? {
+            return Ok(picture);
+        }
+    }
     let mut accumulation = Accumulation::default();
     for _ in 0..arguments.repeat {
         times.frame(|times| {
@@ -238,17 +260,43 @@ fn draw_pages(arguments: &Arguments, mode: &'static Mode) -> Result<Picture, Box
             drawn.map(|drawn| accumulation = drawn)
         })?;
     }
-    Ok(Picture {
-        accumulation,
-        attribute: depiction.attribute.map(|coloring| coloring.name),
-        converged: selection.converged,
-        error_pixels: selection.error_pixels,
-        particles: selection.particles,
-        nodes: selection.nodes.len(),
-        backend: "cpu",
-        adapter: "cpu".into(),
-        milliseconds: times.medians(),
-    })
+    Ok(Picture { accumulation, milliseconds: times.medians(), ..picture })
+}
+
+/// The techniques that draw, unless the CPU is asked for.
+#[cfg(feature = "viewer")]
+fn gpu_backend(backend: Option<Backend>) -> Option<crate::gpu::Backend> {
+    match backend {
+        Some(Backend::Cpu) => None,
+        Some(Backend::Compute) => Some(crate::gpu::Backend::Compute),
+        Some(Backend::Raster) => Some(crate::gpu::Backend::Raster),
+        None => Some(crate::gpu::Backend::Auto),
+    }
+}
+
+/// Draws with an adapter. `None` where there is none and the user did not ask for one, so that the CPU draws.
+#[cfg(feature = "viewer")]
+fn draw_on_gpu(
+    arguments: &Arguments,
+    request: impl FnOnce() -> crate::gpu::HeadlessRequest,
+    picture: Picture,
+    times: &Times,
+) -> Result<Option<Picture>, crate::gpu::GpuError> {
+    let request = crate::gpu::HeadlessRequest { repeat: arguments.repeat, ..request() };
+    match crate::gpu::render_headless(request) {
+        Ok(frame) => {
+            let mut milliseconds = times.clone().medians();
+            milliseconds.extend(frame.stats.passes.medians().map(|(pass, time)| (pass.to_owned(), time)));
+            milliseconds.insert("frame".to_owned(), frame.stats.frame);
+            let (backend, adapter) = (frame.stats.backend, frame.stats.adapter);
+            Ok(Some(Picture { accumulation: frame.accumulation, backend, adapter, milliseconds, ..picture }))
+        }
+        Err(error) if arguments.backend.is_none() => {
+            eprintln!("deepfield: {error}; drawing with the CPU instead");
+            Ok(None)
+        }
+        Err(error) => Err(error),
+    }
 }
 
 /// Draws every particle of the source; for a page file, of the source that it was built from.
@@ -272,6 +320,24 @@ fn draw_exact(arguments: &Arguments, mode: &'static Mode) -> Result<Picture, Box
         .map_err(|why| format!("{}: {why}", source.display()))?;
     let view = view(arguments, dataset.bounds())?;
     let families: Vec<&Family> = dataset.families.iter().collect();
+    let picture = Picture {
+        accumulation: Accumulation::default(),
+        attribute: depiction.attribute.as_ref().map(|coloring| coloring.name.clone()),
+        converged: true,
+        error_pixels: 0.0,
+        particles: dataset.len() as u64,
+        nodes: 0,
+        backend: "cpu",
+        adapter: "cpu".into(),
+        milliseconds: BTreeMap::new(),
+    };
+    #[cfg(feature = "viewer")]
+    if let Some(backend) = gpu_backend(arguments.backend) {
+        let request = || modes::gpu::request_particles(&view, &depiction, &dataset, &families, backend);
+        if let Some(picture) = draw_on_gpu(arguments, request, picture.clone(), &times)? {
+            return Ok(picture);
+        }
+    }
     let mut accumulation = Accumulation::default();
     for _ in 0..arguments.repeat {
         times.frame(|times| {
@@ -280,17 +346,7 @@ fn draw_exact(arguments: &Arguments, mode: &'static Mode) -> Result<Picture, Box
             drawn.map(|drawn| accumulation = drawn)
         })?;
     }
-    Ok(Picture {
-        accumulation,
-        attribute: depiction.attribute.map(|coloring| coloring.name),
-        converged: true,
-        error_pixels: 0.0,
-        particles: dataset.len() as u64,
-        nodes: 0,
-        backend: "cpu",
-        adapter: "cpu".into(),
-        milliseconds: times.medians(),
-    })
+    Ok(Picture { accumulation, milliseconds: times.medians(), ..picture })
 }
 
 /// The source itself, or the one that a page file was built from, if it is still there.
@@ -354,7 +410,7 @@ fn write_statistics(path: &Path, picture: &Picture, mode: &'static Mode) -> Comm
 }
 
 /// Wall-clock times of passes, over several repetitions.
-#[derive(Default)]
+#[derive(Clone, Default)]
 struct Times {
     samples: BTreeMap<String, Vec<f64>>,
 }

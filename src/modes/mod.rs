@@ -8,6 +8,8 @@ pub mod column_density;
 pub mod cpu;
 pub mod density_squared;
 pub mod depiction;
+#[cfg(feature = "viewer")]
+pub mod gpu;
 pub mod points;
 pub mod setting;
 
