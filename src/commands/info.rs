@@ -1,11 +1,11 @@
 //! `deepfield info`: what a source holds, as a table for people or as JSON for programs.
 
-use super::{CommandResult, page_file_info};
+use super::{CommandResult, cache, page_file_info};
 use crate::import::{FamilySummary, Statistic, Summary, summarize};
 use crate::store::PageFile;
 use std::fmt::Write as _;
-use std::io::{Read as _, Write as _};
-use std::path::{Path, PathBuf};
+use std::io::Write as _;
+use std::path::PathBuf;
 
 /// Prints what a source or page file holds: counts, fields, units, ranges; for a page file its levels and bytes too.
 #[derive(clap::Args, Debug)]
@@ -27,7 +27,8 @@ pub struct Arguments {
 /// error.
 pub fn run(arguments: &Arguments) -> CommandResult {
     let Arguments { path, json } = arguments;
-    let text = if is_page_file(path) {
+    // What cannot be read is left to the importer's message.
+    let text = if cache::is_page_file(path).unwrap_or(false) {
         let file = PageFile::open(path)?;
         if *json {
             serde_json::to_string_pretty(&page_file_info::json(&file))? + "\n"
@@ -40,13 +41,6 @@ pub fn run(arguments: &Arguments) -> CommandResult {
     };
     std::io::stdout().write_all(text.as_bytes())?;
     Ok(())
-}
-
-/// Whether the file says that it is a page file; what cannot be read is left to the importer's message.
-fn is_page_file(path: &Path) -> bool {
-    let mut head = Vec::new();
-    let read = std::fs::File::open(path).and_then(|file| file.take(16).read_to_end(&mut head));
-    read.is_ok() && PageFile::recognises(&head)
 }
 
 /// The human table.
