@@ -1,12 +1,13 @@
 //! A depiction drawn by the GPU techniques without a window: nodes of a page file, or source particles as they are.
 
 use super::{Depiction, Footprint};
+use crate::codec::Codebook;
 use crate::gpu::TableEntry;
 use crate::gpu::{
     self, Backend, DeviceOptions, HeadlessNode, HeadlessRequest, NodeId, NodeUpload, Payload, RawParticle,
 };
 use crate::model::{Dataset, Family, Kernel};
-use crate::store::{Codebook, FamilyMetadata, Metadata};
+use crate::store::{FamilyMetadata, Metadata};
 use crate::stream::SceneNode;
 use crate::view::View;
 use glam::DVec3;
