@@ -1,6 +1,7 @@
 //! `deepfield render`: a picture of a source or page file, without a window.
 
 use super::arguments::{PictureSize, positive, vector};
+use super::picture_config::PictureConfig;
 use super::progress_bar::TerminalProgress;
 use super::{CommandResult, cache};
 use crate::import::{AttributeChoice, LoadOptions, load};
@@ -19,7 +20,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 /// Renders a picture of a snapshot, catalogue or page file.
-#[derive(clap::Args, Debug)]
+#[derive(clap::Args, Clone, Debug)]
 #[command(after_help = "Examples:
   deepfield render snapshot_099.hdf5 -o box.png
   deepfield render galaxy.df -o disk.png --mode density-squared --attribute temperature --size 1920x1080
@@ -49,7 +50,7 @@ pub struct Arguments {
     /// The attribute that colours the picture.
     #[arg(long, value_name = "NAME")]
     pub attribute: Option<String>,
-    /// Settings in RON; options on the command line override them.
+    /// Settings in RON (see configs/picture.ron); options on the command line override them.
     #[arg(long, value_name = "FILE.ron")]
     pub config: Option<PathBuf>,
     /// Camera position in world units.
@@ -82,6 +83,12 @@ pub struct Arguments {
     /// Write statistics as JSON to a file, or to standard output for `-`.
     #[arg(long, value_name = "STATS.json")]
     pub json: Option<PathBuf>,
+    /// Settings of the mode.
+    #[arg(skip)]
+    pub settings: Settings,
+    /// From the accumulation to colours; the mode's own where it is `None`.
+    #[arg(skip)]
+    pub transfer: Option<TransferFunction>,
 }
 
 impl Arguments {
@@ -107,12 +114,15 @@ impl Arguments {
             repeat: 1,
             threads: None,
             json: None,
+            settings: Settings::default(),
+            transfer: None,
         }
     }
 }
 
 /// What draws.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, serde::Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Backend {
     /// Compute passes with float atomics.
     Compute,
@@ -175,6 +185,10 @@ struct Picture {
 /// # Errors
 /// When the source cannot be read, a setting does not fit the data, no adapter draws, or a file cannot be written.
 pub fn run(arguments: &Arguments) -> CommandResult {
+    let arguments = match &arguments.config {
+        Some(path) => &PictureConfig::read(path)?.complete(arguments),
+        None => arguments,
+    };
     match arguments.threads {
         Some(threads) => {
             rayon::ThreadPoolBuilder::new().num_threads(threads.into()).build()?.install(|| render(arguments))
@@ -198,7 +212,7 @@ fn render(arguments: &Arguments) -> CommandResult {
         output::write_exr(&arguments.output, &picture.accumulation)?;
     } else {
         let preset = mode.transfer[usize::from(picture.accumulation.has_attribute())];
-        let transfer = TransferFunction::preset(preset).unwrap_or_default();
+        let transfer = arguments.transfer.or(TransferFunction::preset(preset)).unwrap_or_default();
         output::write_png(&arguments.output, &composite::composite(&picture.accumulation, &transfer))?;
     }
     if let Some(raw) = &arguments.raw {
@@ -214,7 +228,7 @@ fn render(arguments: &Arguments) -> CommandResult {
 fn draw_pages(arguments: &Arguments, mode: &'static Mode) -> Result<Picture, Box<dyn std::error::Error + Send + Sync>> {
     let file = Arc::new(PageFile::open(&cache::page_file_of(&arguments.path, &TerminalProgress::new())?)?);
     let metadata = file.metadata();
-    let depiction = Depiction::of_pages(mode, Settings::default(), arguments.attribute.as_deref(), metadata)
+    let depiction = Depiction::of_pages(mode, arguments.settings.clone(), arguments.attribute.as_deref(), metadata)
         .map_err(|why| format!("{}: {why}", arguments.path.display()))?;
     // A still picture has no next frame to keep memory for, so nothing limits what it holds.
     let mut scene = Scene::new(Arc::clone(&file), u64::MAX);
@@ -316,7 +330,7 @@ fn draw_exact(arguments: &Arguments, mode: &'static Mode) -> Result<Picture, Box
     };
     let mut times = Times::default();
     let dataset: Dataset = times.measure("load", || load(&source, &options, &TerminalProgress::new()))?;
-    let depiction = Depiction::of_dataset(mode, Settings::default(), arguments.attribute.as_deref(), &dataset)
+    let depiction = Depiction::of_dataset(mode, arguments.settings.clone(), arguments.attribute.as_deref(), &dataset)
         .map_err(|why| format!("{}: {why}", source.display()))?;
     let view = view(arguments, dataset.bounds())?;
     let families: Vec<&Family> = dataset.families.iter().collect();

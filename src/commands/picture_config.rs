@@ -1,0 +1,179 @@
+//! What a picture looks like, as RON: the file that `render --config` reads.
+
+use super::arguments::PictureSize;
+use super::render::{Arguments, Backend};
+use crate::model::FamilyName;
+use crate::modes::{self, Settings};
+use crate::raster::transfer::TransferFunction;
+use glam::DVec3;
+use serde::Deserialize;
+use std::path::Path;
+use thiserror::Error;
+
+/// A picture's settings; what is left out keeps its default, and what the command line names overrides it.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct PictureConfig {
+    /// Visualization mode.
+    pub mode: Option<String>,
+    /// Settings of the mode that differ from their defaults.
+    pub settings: Settings,
+    /// The family to draw.
+    pub family: Option<FamilyName>,
+    /// The attribute that colours the picture.
+    pub attribute: Option<String>,
+    /// From the accumulation to colours.
+    pub transfer: Option<TransferFunction>,
+    /// Width and height, pixels.
+    pub size: Option<(u32, u32)>,
+    /// What draws.
+    pub backend: Option<Backend>,
+    /// Largest displacement of a particle on screen, pixels.
+    pub error_px: Option<f64>,
+    /// Where the camera stands.
+    pub camera: CameraConfig,
+}
+
+/// Where the camera stands, in world units.
+#[derive(Clone, Copy, Debug, Default, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct CameraConfig {
+    /// Position.
+    pub eye: Option<[f64; 3]>,
+    /// The point looked at.
+    pub target: Option<[f64; 3]>,
+    /// The direction that points up.
+    pub up: Option<[f64; 3]>,
+    /// Vertical field of view, degrees.
+    pub fov: Option<f64>,
+    /// Height of an orthographic picture.
+    pub ortho: Option<f64>,
+}
+
+/// A configuration that cannot be used, and where it is wrong.
+#[derive(Debug, Error)]
+pub enum ConfigError {
+    /// The file cannot be read.
+    #[error("{file}: {source}")]
+    Io {
+        /// The file.
+        file: String,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// Wrong RON, an unknown field, or a value of the wrong type.
+    #[error("{file}:{line}:{column}: {message}")]
+    Syntax {
+        /// The file.
+        file: String,
+        /// Line, from 1.
+        line: usize,
+        /// Column, from 1.
+        column: usize,
+        /// What is wrong, with the field's name.
+        message: String,
+    },
+    /// A value that makes no sense.
+    #[error("{file}: {message}")]
+    Value {
+        /// The file.
+        file: String,
+        /// The field, its value and what was expected.
+        message: String,
+    },
+}
+
+impl PictureConfig {
+    /// Reads a RON file.
+    ///
+    /// # Errors
+    /// [`ConfigError`] with the file, and with line and column where the text is wrong.
+    pub fn read(path: &Path) -> Result<PictureConfig, ConfigError> {
+        let file = path.display().to_string();
+        match std::fs::read_to_string(path) {
+            Ok(text) => PictureConfig::parse(&text, &file),
+            Err(source) => Err(ConfigError::Io { file, source }),
+        }
+    }
+
+    fn parse(text: &str, file: &str) -> Result<PictureConfig, ConfigError> {
+        let options = ron::Options::default().with_default_extension(ron::extensions::Extensions::IMPLICIT_SOME);
+        let config: PictureConfig = options.from_str(text).map_err(|error| ConfigError::Syntax {
+            file: file.to_owned(),
+            line: error.span.start.line,
+            column: error.span.start.col,
+            message: error.code.to_string(),
+        })?;
+        let wrong = |message: String| ConfigError::Value { file: file.to_owned(), message };
+        let mode = match &config.mode {
+            Some(name) => {
+                modes::find(name).ok_or_else(|| wrong(format!("mode is {name}, expected one of {}", modes::names())))?
+            }
+            None => modes::MODES[0],
+        };
+        config.settings.check(mode).map_err(|error| wrong(format!("settings: {error}")))?;
+        let numbers =
+            [("error_px", config.error_px), ("camera.fov", config.camera.fov), ("camera.ortho", config.camera.ortho)];
+        for (field, value) in numbers {
+            if let Some(value) = value.filter(|value| !(*value > 0.0 && value.is_finite())) {
+                return Err(wrong(format!("{field} is {value}, expected a number greater than 0")));
+            }
+        }
+        Ok(config)
+    }
+
+    /// The arguments, with this configuration where they say nothing.
+    pub fn complete(self, arguments: &Arguments) -> Arguments {
+        let camera = self.camera;
+        let has_projection = arguments.fov.is_some() || arguments.ortho.is_some();
+        let own = arguments.clone();
+        Arguments {
+            size: own.size.or(self.size.map(|(width, height)| PictureSize { width, height })),
+            backend: own.backend.or(self.backend),
+            mode: own.mode.or(self.mode.as_deref().and_then(modes::find)),
+            family: own.family.or(self.family),
+            attribute: own.attribute.or(self.attribute),
+            eye: own.eye.or(camera.eye.map(DVec3::from)),
+            target: own.target.or(camera.target.map(DVec3::from)),
+            up: own.up.or(camera.up.map(DVec3::from)),
+            fov: if has_projection { own.fov } else { camera.fov },
+            ortho: if has_projection { own.ortho } else { camera.ortho },
+            error_px: own.error_px.or(self.error_px),
+            settings: if own.mode.is_some() { Settings::default() } else { self.settings },
+            transfer: self.transfer,
+            ..own
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_example_is_read_and_the_command_line_overrides_it() {
+        let config = PictureConfig::parse(include_str!("../../configs/picture.ron"), "picture.ron").unwrap();
+        let mut arguments = Arguments::new("a".into(), "b.png".into());
+        arguments.error_px = Some(3.0);
+        arguments.fov = Some(20.0);
+        let complete = config.complete(&arguments);
+        assert_eq!(complete.mode.map(|mode| mode.name), Some("density-squared"));
+        assert_eq!((complete.error_px, complete.fov, complete.ortho), (Some(3.0), Some(20.0), None));
+        assert!(complete.transfer.is_some());
+    }
+
+    #[test]
+    fn mistakes_are_named_with_their_place() {
+        for (text, expected) in [
+            ("(\n  moed: \"points\",\n)", "p.ron:2:"),
+            ("(size: \"big\")", "p.ron:1:"),
+            ("(camera: (eye: (0.0, 0.0)))", "p.ron:1:"),
+            ("(mode: \"pionts\")", "mode is pionts, expected one of column-density"),
+            ("(mode: \"points\", settings: {\"radius\": 99.0})", "radius is 99, expected a number from"),
+            ("(error_px: -1.0)", "error_px is -1, expected a number greater than 0"),
+        ] {
+            let message = PictureConfig::parse(text, "p.ron").unwrap_err().to_string();
+            assert!(message.contains(expected), "{text}: {message}");
+        }
+    }
+}
