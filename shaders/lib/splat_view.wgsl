@@ -1,5 +1,6 @@
 // What a camera's splat passes share: the camera, the image pyramid's grids and the bins that particles are sorted
-// into. The Rust twin is `SplatUniform` in src/gpu/splat/layout.rs; a test compares the two layouts.
+// into. The Rust twin is `SplatUniform` in src/gpu/splat/layout.rs; a test in src/gpu/shaders/ compares the two
+// layouts.
 #define_import_path deepfield::splat_view
 
 /// One level of the image pyramid. Cell `(i, j)` of level `l` covers the pixels from `(i - pad) 2^l` to

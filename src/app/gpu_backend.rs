@@ -34,6 +34,8 @@ pub struct GpuTables {
     tables: Vec<Vec<TableId>>,
     /// The selection that the camera draws.
     drawn: Option<u64>,
+    /// The backend that was asked for last.
+    asked: Option<Backend>,
 }
 
 /// The nodes of a page that hold particles.
@@ -56,9 +58,15 @@ pub(super) fn choose_backend(
     mut statistics: ResMut<Statistics>,
     mut tables: ResMut<GpuTables>,
     mut cameras: Query<(Entity, &mut Camera), With<DataCamera>>,
+    mut messages: ResMut<Messages>,
     slots: Query<Entity, With<GpuSlot>>,
 ) {
-    let wanted = match preset.drawing.backend {
+    let asked = preset.drawing.backend;
+    if tables.asked.replace(asked) != Some(asked) && asked == Backend::Raster {
+        let used = if adapter.is_some() { "compute" } else { "cpu" };
+        messages.error(format!("there is no raster backend yet: the {used} backend draws"));
+    }
+    let wanted = match asked {
         Backend::Cpu => ActiveBackend::Cpu,
         Backend::Auto | Backend::Compute | Backend::Raster if adapter.is_some() => ActiveBackend::Gpu,
         Backend::Auto | Backend::Compute | Backend::Raster => ActiveBackend::Cpu,
@@ -70,7 +78,7 @@ pub(super) fn choose_backend(
     }
     *active = wanted;
     copies.0 = uses_copies.then(HashSet::new);
-    *tables = GpuTables::default();
+    *tables = GpuTables { asked: Some(asked), ..default() };
     slots.iter().for_each(|page| {
         commands.entity(page).remove::<GpuSlot>();
     });
@@ -165,7 +173,6 @@ pub(super) fn draw_on_gpu(
     scene: Option<Res<Scene>>,
     look: Option<Res<Look>>,
     selection: Res<ViewSelection>,
-    preset: Res<Preset>,
     measured: Res<CpuPicture>,
     diagnostics: Option<Res<DiagnosticsStore>>,
     mut tables: ResMut<GpuTables>,
@@ -176,11 +183,6 @@ pub(super) fn draw_on_gpu(
     if *active != ActiveBackend::Gpu {
         return;
     }
-    let backend = match preset.drawing.backend {
-        Backend::Raster => gpu::Backend::Raster,
-        Backend::Compute => gpu::Backend::Compute,
-        Backend::Auto | Backend::Cpu => gpu::Backend::Auto,
-    };
     // Whatever was asked for, compute passes are what draws in a window.
     if statistics.backend != "compute" {
         statistics.backend = "compute".to_owned();
@@ -210,6 +212,7 @@ pub(super) fn draw_on_gpu(
                 })
             })
             .collect();
+        let backend = gpu::Backend::Compute;
         let footprint = match look.depiction.footprint() {
             Footprint::Kernel => gpu::Footprint::Kernel(metadata.kernel),
             Footprint::Pixels(radius) => gpu::Footprint::Pixels { radius },
@@ -249,4 +252,30 @@ fn pass_times(diagnostics: &DiagnosticsStore) -> Option<f64> {
     let time = |pass: &str| time(pass, "elapsed_gpu").or_else(|| time(pass, "elapsed_cpu"));
     time("accumulate")?;
     Some(gpu::timing::PASSES.iter().filter_map(|pass| time(pass)).sum())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bevy::ecs::system::RunSystemOnce;
+
+    #[test]
+    fn a_backend_that_is_not_there_is_told_once() {
+        let mut world = World::new();
+        world.init_resource::<Preset>();
+        world.init_resource::<ActiveBackend>();
+        world.init_resource::<PageCopies>();
+        world.init_resource::<Statistics>();
+        world.init_resource::<GpuTables>();
+        world.init_resource::<Messages>();
+        let mut told = |backend| {
+            world.resource_mut::<Preset>().drawing.backend = backend;
+            world.run_system_once(choose_backend).unwrap();
+            world.resource::<Messages>().all().count()
+        };
+        let asked = [Backend::Auto, Backend::Raster, Backend::Raster, Backend::Compute, Backend::Raster];
+        assert_eq!(asked.map(&mut told), [0, 1, 1, 1, 2]);
+        let text = world.resource::<Messages>().all().next().unwrap().text.clone();
+        assert!(text.contains("no raster backend") && text.contains("cpu"), "{text}");
+    }
 }

@@ -24,9 +24,9 @@ pub enum Backend {
     /// The best that the adapter can do.
     #[default]
     Auto,
-    /// Compute passes with float atomics.
+    /// Compute passes.
     Compute,
-    /// Blended triangles; there are none yet, so a window draws with compute passes.
+    /// Blended triangles; there are none yet, so a window says so and draws with compute passes.
     Raster,
     /// The processor; needs no adapter features at all.
     Cpu,

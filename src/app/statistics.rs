@@ -5,7 +5,7 @@ use bevy::prelude::*;
 /// What the last picture was made of.
 #[derive(Resource, Clone, Debug, Default, PartialEq)]
 pub struct Statistics {
-    /// Which renderer draws: `compute`, `raster` or `cpu`.
+    /// Which renderer draws: `compute` or `cpu`.
     pub backend: String,
     /// The graphics adapter.
     pub adapter: String,

@@ -124,9 +124,9 @@ impl Arguments {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Backend {
-    /// Compute passes with float atomics.
+    /// Compute passes.
     Compute,
-    /// Blended triangles.
+    /// Blended triangles: not implemented, a window says so and uses compute passes.
     Raster,
     /// The processor.
     Cpu,

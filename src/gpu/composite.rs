@@ -23,7 +23,7 @@ use bevy::render::render_resource::{
 use bevy::render::renderer::{RenderContext, RenderDevice, RenderQueue, ViewQuery};
 use bevy::render::view::ViewTarget;
 use bevy::render::{Render, RenderApp, RenderStartup, RenderSystems};
-use bevy::shader::Shader;
+use bevy::shader::{Shader, ShaderDefVal};
 use bytemuck::{Pod, Zeroable};
 use std::num::NonZeroU64;
 
@@ -45,6 +45,11 @@ pub struct CompositeUniform {
     pub s_log: u32,
     /// Where the picture begins in the target, pixels.
     pub origin: [f32; 2],
+}
+
+/// Shader definitions for a target that holds encoded colours, or linear ones.
+pub(super) fn composite_defs(encoded: bool) -> Vec<ShaderDefVal> {
+    if encoded { vec![] } else { vec!["LINEAR_TARGET".into()] }
 }
 
 /// Factor and offset that place a value (or its base-2 logarithm) between the ends of a range.
@@ -186,7 +191,7 @@ impl CompositePipeline {
         *variants.entry(format).or_insert_with(|| {
             // Eight-bit formats that are not sRGB hold encoded colours, all others linear ones.
             let encoded = matches!(format, TextureFormat::Rgba8Unorm | TextureFormat::Bgra8Unorm);
-            let shader_defs = if encoded { vec![] } else { vec!["LINEAR_TARGET".into()] };
+            let shader_defs = composite_defs(encoded);
             cache.queue_render_pipeline(RenderPipelineDescriptor {
                 label: Some("deepfield composite".into()),
                 layout: vec![layout.clone()],

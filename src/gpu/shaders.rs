@@ -5,6 +5,9 @@ use bevy::prelude::*;
 use bevy::shader::Shader;
 use std::path::{Path, PathBuf};
 
+#[cfg(test)]
+mod tests;
+
 /// Every shader: its path under `shaders/` and its text.
 pub const SHADERS: &[(&str, &str)] = &[
     ("lib/splat_view.wgsl", include_str!("../../shaders/lib/splat_view.wgsl")),

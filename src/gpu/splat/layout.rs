@@ -1,6 +1,6 @@
 //! What the splat shaders read: structures laid out as in WGSL, and the grids of cells, tiles and bins of a view.
 //!
-//! A test composes the shaders and compares every structure here with the one there.
+//! `gpu::shaders`' tests compose the shaders and compare every structure here with the one there.
 
 use super::profile::Profile;
 use crate::gpu::view::Footprint;

@@ -17,7 +17,7 @@ pub mod layout;
 pub mod profile;
 
 mod pass;
-mod pipeline;
+pub(super) mod pipeline;
 mod prepare;
 
 pub use pass::accumulate_splats;

@@ -1,0 +1,346 @@
+//! Every shader, composed as Bevy composes it and validated by naga, for every set of definitions that a pipeline uses;
+//! and what it reads, compared with what the program writes. No graphics adapter is needed.
+
+use super::SHADERS;
+use crate::gpu::composite::{CompositeUniform, composite_defs};
+use crate::gpu::scene::{RAW_WORDS, TableEntry};
+use crate::gpu::splat::layout::{
+    Block, Encoding, Level, Node, PLACE_BYTES, Pass, RECONSTRUCTION_WINDOW, SPLAT_BYTES, SplatUniform,
+};
+use crate::gpu::splat::pipeline::{accumulate_defs, reconstruct_defs};
+use bevy::asset::{AssetId, uuid::Uuid};
+use bevy::shader::{Shader, ShaderCache, ShaderCacheError, ShaderCacheSource, ShaderDefVal};
+use std::collections::BTreeSet;
+use wgpu::naga::valid::{Capabilities, ValidationFlags, Validator};
+use wgpu::naga::{AddressSpace, Expression, Handle, Literal, Module, ScalarKind, Type, TypeInner};
+
+/// One way to build a shader: its path, its definitions, whether it needs subgroups, its entry points.
+struct Variant {
+    path: &'static str,
+    defs: Vec<ShaderDefVal>,
+    subgroup: bool,
+    entries: &'static [&'static str],
+}
+
+/// All that pipelines are made of.
+fn variants() -> Vec<Variant> {
+    let plain = |path, defs, entries| Variant { path, defs, subgroup: false, entries };
+    let mut all = vec![
+        plain("splat/project.wgsl", vec![], &["main"]),
+        plain("splat/sort.wgsl", vec![], &["scan", "scatter"]),
+        plain("splat/reconstruct.wgsl", reconstruct_defs(), &["main"]),
+    ];
+    for encoded in [false, true] {
+        all.push(plain("composite/composite.wgsl", composite_defs(encoded), &["vertex", "fragment"]));
+    }
+    for perspective in [false, true] {
+        for subgroup in [false, true] {
+            let defs = accumulate_defs(perspective, subgroup);
+            all.push(Variant { path: "splat/accumulate.wgsl", defs, subgroup, entries: &["main"] });
+        }
+    }
+    all
+}
+
+/// The module of a shader among `shaders` (paths and texts), validated with the least that it may rely on.
+fn compose(shaders: &[(&str, String)], variant: &Variant) -> Result<Module, String> {
+    let features = if variant.subgroup { wgpu::Features::SUBGROUP } else { wgpu::Features::empty() };
+    let mut cache = ShaderCache::new((), features, wgpu::DownlevelFlags::empty(), |(), source, _| match source {
+        ShaderCacheSource::Naga(module) => Ok(module),
+        _ => Err(ShaderCacheError::CreateShaderModule("not WGSL".to_owned())),
+    });
+    let mut wanted = None;
+    for (index, (path, text)) in shaders.iter().enumerate() {
+        let id = AssetId::<Shader>::Uuid { uuid: Uuid::from_u128(index as u128) };
+        cache.set_shader(id, Shader::from_wgsl(text.clone(), *path));
+        if *path == variant.path {
+            wanted = Some(id);
+        }
+    }
+    let id = wanted.ok_or_else(|| format!("no shader {}", variant.path))?;
+    let module = cache.get(0, id, &variant.defs).map_err(|error| match error {
+        ShaderCacheError::ProcessShaderError(error) => error.emit_to_string(&cache.composer),
+        error => error.to_string(),
+    })?;
+    let capabilities = if variant.subgroup { Capabilities::SUBGROUP } else { Capabilities::empty() };
+    let mut validator = Validator::new(ValidationFlags::all(), capabilities);
+    validator.validate(&module).map_err(|error| format!("{:?}", error.into_inner()))?;
+    for &entry in variant.entries {
+        if !module.entry_points.iter().any(|point| point.name == entry) {
+            return Err(format!("no entry point {entry}"));
+        }
+    }
+    Ok(Module::clone(&module))
+}
+
+/// The shaders of the program.
+fn texts() -> Vec<(&'static str, String)> {
+    SHADERS.iter().map(|&(path, text)| (path, text.to_owned())).collect()
+}
+
+/// Every variant's module.
+fn modules() -> Vec<(Variant, Module)> {
+    let texts = texts();
+    let build = |variant: Variant| match compose(&texts, &variant) {
+        Ok(module) => (variant, module),
+        Err(error) => panic!("{} with {:?}: {error}", variant.path, variant.defs),
+    };
+    variants().into_iter().map(build).collect()
+}
+
+#[test]
+fn every_variant_of_every_shader_is_valid() {
+    let built = modules();
+    let mut seen: BTreeSet<&str> = built.iter().map(|(variant, _)| variant.path).collect();
+    seen.extend(SHADERS.iter().map(|(path, _)| *path).filter(|path| path.starts_with("lib/")));
+    assert_eq!(seen, SHADERS.iter().map(|(path, _)| *path).collect(), "a shader that no variant builds");
+    for (variant, module) in &built {
+        let names: BTreeSet<&str> = module.entry_points.iter().map(|point| point.name.as_str()).collect();
+        assert_eq!(
+            names,
+            variant.entries.iter().copied().collect(),
+            "{}: an entry point that nothing uses",
+            variant.path
+        );
+    }
+}
+
+#[test]
+fn every_file_under_shaders_is_embedded() {
+    let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("shaders");
+    let mut found = BTreeSet::new();
+    let mut folders = vec![root.clone()];
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                folders.push(path);
+            } else {
+                found.insert(path.strip_prefix(&root).unwrap().to_str().unwrap().replace('\\', "/"));
+            }
+        }
+    }
+    assert_eq!(found, SHADERS.iter().map(|(path, _)| (*path).to_owned()).collect());
+}
+
+#[test]
+fn broken_shaders_are_found() {
+    let breaks: [(&str, &str, &str); 5] = [
+        ("splat/sort.wgsl", "var sum = 0u;", "var sum = 0u"),
+        ("splat/sort.wgsl", "sum += starts[i];", "sum += 1.0;"),
+        ("splat/accumulate.wgsl", "evaluate(profile, u_top)", "evaluate(u_top, profile)"),
+        ("lib/kernel.wgsl", "return v * t;", "return v * w;"),
+        ("lib/splat_view.wgsl", "deepfield::splat_view", "deepfield::elsewhere"),
+    ];
+    for (path, good, bad) in breaks {
+        let mut texts = texts();
+        let text = &mut texts.iter_mut().find(|(name, _)| *name == path).unwrap().1;
+        assert!(text.contains(good), "{path} has no {good:?}");
+        *text = text.replace(good, bad);
+        let broken = variants().iter().filter(|variant| compose(&texts, variant).is_err()).count();
+        assert!(broken > 0, "{bad:?} in {path} goes unnoticed");
+    }
+}
+
+/// A field's scalars, where it is made of one kind.
+trait Scalars {
+    const KIND: Option<ScalarKind>;
+}
+impl Scalars for f32 {
+    const KIND: Option<ScalarKind> = Some(ScalarKind::Float);
+}
+impl Scalars for u32 {
+    const KIND: Option<ScalarKind> = Some(ScalarKind::Uint);
+}
+impl Scalars for Level {
+    const KIND: Option<ScalarKind> = None;
+}
+impl<T: Scalars, const N: usize> Scalars for [T; N] {
+    const KIND: Option<ScalarKind> = T::KIND;
+}
+
+/// A member of a structure: name, offset, size, scalars.
+#[derive(Debug, PartialEq)]
+struct Member(String, usize, usize, Option<ScalarKind>);
+
+/// A structure as the program writes it: bytes and members.
+type Layout = (usize, Vec<Member>);
+
+/// The layout of a Rust structure; all fields must be named, in their order. `unused` ones may differ.
+macro_rules! layout {
+    ($type:ident { $($field:ident $(as $name:literal)?),* $(,)? }) => {{
+        fn field<S, F: Scalars>(_: fn(&S) -> &F) -> (usize, Option<ScalarKind>) {
+            (size_of::<F>(), F::KIND)
+        }
+        // Fails to compile where a field is missing.
+        let _ = |value: $type| { let $type { $($field: _),* } = value; };
+        let mut members = Vec::new();
+        $(
+            let (size, kind) = field(|value: &$type| &value.$field);
+            let name = [stringify!($field) $(, $name)?].last().copied().unwrap_or_default();
+            members.push(Member(name.to_owned(), std::mem::offset_of!($type, $field), size, kind));
+        )*
+        members.retain(|member| member.0 != "unused");
+        (size_of::<$type>(), members)
+    }};
+}
+
+/// The scalars that a WGSL type is made of, where they are of one kind.
+fn kind(module: &Module, ty: Handle<Type>) -> Option<ScalarKind> {
+    match module.types[ty].inner {
+        TypeInner::Scalar(scalar) | TypeInner::Vector { scalar, .. } | TypeInner::Atomic(scalar) => Some(scalar.kind),
+        TypeInner::Array { base, .. } => kind(module, base),
+        _ => None,
+    }
+}
+
+/// The layout of a WGSL structure; one member without a name for any other type.
+fn shader_layout(module: &Module, ty: Handle<Type>) -> Layout {
+    let size = |ty: Handle<Type>| module.types[ty].inner.size(module.to_ctx()) as usize;
+    let TypeInner::Struct { members, span } = &module.types[ty].inner else {
+        return (size(ty), vec![Member(String::new(), 0, size(ty), kind(module, ty))]);
+    };
+    let members = members.iter().map(|member| {
+        let name = member.name.clone().unwrap_or_default();
+        Member(name, member.offset as usize, size(member.ty), kind(module, member.ty))
+    });
+    (*span as usize, members.filter(|member| !member.0.starts_with("unused")).collect())
+}
+
+/// What a buffer holds: the type itself, or an element of a run-time sized array.
+fn element(module: &Module, ty: Handle<Type>) -> Handle<Type> {
+    match module.types[ty].inner {
+        TypeInner::Array { base, size: wgpu::naga::ArraySize::Dynamic, stride } => {
+            assert_eq!(stride, module.types[base].inner.size(module.to_ctx()), "a gap between elements");
+            base
+        }
+        _ => ty,
+    }
+}
+
+/// What the program writes into a buffer of that name; `None` if shaders alone write it.
+fn written(name: &str) -> Option<Layout> {
+    let plain = |size: usize, kind| (size, vec![Member(String::new(), 0, size, Some(kind))]);
+    Some(match name {
+        "view" => layout!(SplatUniform {
+            right,
+            up,
+            forward,
+            profile,
+            laplacian,
+            first,
+            second,
+            size,
+            focal,
+            near,
+            perspective,
+            fixed_radius,
+            moment,
+            sampled_radius,
+            level_count,
+            small_bin,
+            everywhere_bin,
+            bin_count,
+            levels,
+        }),
+        "nodes" => {
+            layout!(Node { origin, step, positions, codes, table, table_length, encoding, weight_scale, unused })
+        }
+        "blocks" => layout!(Block { node, first, count, splat }),
+        // `attribute` is a reserved word of WGSL.
+        "entries" => layout!(TableEntry { smoothing_length, weight, attribute as "quantity" }),
+        "batch" => layout!(Pass { add, level, unused }),
+        "composite" => layout!(CompositeUniform { size, lut_size, p_map, s_map, p_log, s_log, origin }),
+        "weights" => {
+            let size = RECONSTRUCTION_WINDOW as usize * 16;
+            (size, vec![Member("window".to_owned(), 0, size, Some(ScalarKind::Float))])
+        }
+        "words" | "lut" | "starts" | "counts" | "order" => plain(4, ScalarKind::Uint),
+        // Read back as pairs of P and P S.
+        "cells" => plain(8, ScalarKind::Float),
+        _ => return None,
+    })
+}
+
+#[test]
+fn buffers_are_laid_out_as_the_program_writes_them() {
+    let mut compared = BTreeSet::new();
+    for (variant, module) in modules() {
+        for (_, variable) in module.global_variables.iter() {
+            if !matches!(variable.space, AddressSpace::Uniform | AddressSpace::Storage { .. }) {
+                continue;
+            }
+            let name = variable.name.as_deref().unwrap_or_default();
+            let place = format!("{name} of {} with {:?}", variant.path, variant.defs);
+            let found = shader_layout(&module, element(&module, variable.ty));
+            match (written(name), name) {
+                (Some(expected), _) => assert_eq!(found, expected, "{place}"),
+                (None, "splats") => assert_eq!(found.0 as u64, SPLAT_BYTES, "{place}"),
+                (None, "places") => assert_eq!(found.0 as u64, PLACE_BYTES, "{place}"),
+                _ => panic!("unknown: {place}"),
+            }
+            compared.insert(name.to_owned());
+            if name == "view" {
+                let TypeInner::Struct { members, .. } = &module.types[variable.ty].inner else { panic!("{place}") };
+                let TypeInner::Array { base, stride, .. } = module.types[members.last().unwrap().ty].inner else {
+                    panic!("{place}: levels")
+                };
+                let expected = layout!(Level {
+                    width,
+                    height,
+                    pad,
+                    first_cell,
+                    tiles_x,
+                    first_tile,
+                    bins_x,
+                    bins_y,
+                    first_bin,
+                    margin,
+                    scale,
+                    unused,
+                });
+                assert_eq!(shader_layout(&module, base), expected, "{place}: levels");
+                assert_eq!(stride as usize, expected.0, "{place}: levels");
+            }
+        }
+    }
+    assert_eq!(compared.len(), 15, "{compared:?}");
+}
+
+#[test]
+fn another_layout_is_found() {
+    let breaks = [
+        ("table: u32,\n    table_length: u32,", "table_length: u32,\n    table: u32,"),
+        ("step: f32,", "step: u32,"),
+        ("origin: vec3<f32>,", "origin: vec4<f32>,"),
+        ("unused_b: u32,", "unused_b: u32,\n    unused_c: u32,"),
+    ];
+    for (good, bad) in breaks {
+        let text = &SHADERS.iter().find(|(path, _)| *path == "splat/project.wgsl").unwrap().1;
+        let start = text.find("struct Node {").unwrap();
+        let end = start + text[start..].find('}').unwrap();
+        assert!(text[start..end].contains(good), "no {good:?}");
+        let changed = text[start..end].replace(good, bad);
+        let module = wgpu::naga::front::wgsl::parse_str(&format!("{changed}}}")).unwrap();
+        let (node, _) = module.types.iter().find(|(_, ty)| ty.name.as_deref() == Some("Node")).unwrap();
+        assert_ne!(Some(shader_layout(&module, node)), written("nodes"), "{bad:?} goes unnoticed");
+    }
+}
+
+#[test]
+fn encodings_have_the_same_numbers() {
+    let (_, module) = modules().into_iter().find(|(variant, _)| variant.path == "splat/project.wgsl").unwrap();
+    let constant = |name: &str| {
+        let found = module.constants.iter().find(|(_, constant)| constant.name.as_deref() == Some(name));
+        match module.global_expressions[found.unwrap().1.init] {
+            Expression::Literal(Literal::U32(value)) => value,
+            ref other => panic!("{name} is {other:?}"),
+        }
+    };
+    assert_eq!(constant("ENCODING_GRID"), Encoding::Grid as u32);
+    assert_eq!(constant("ENCODING_LEAF"), Encoding::Leaf as u32);
+    assert_eq!(constant("ENCODING_WORLD"), Encoding::World as u32);
+    // Packed encodings come first, and what is none of these is in camera space.
+    assert!((Encoding::Camera as u32) > (Encoding::World as u32) && (Encoding::World as u32) > (Encoding::Leaf as u32));
+    assert_eq!(RAW_WORDS, 6, "`load_raw` reads six words a particle");
+}
