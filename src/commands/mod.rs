@@ -23,7 +23,7 @@ pub type CommandResult = Result<(), Box<dyn std::error::Error + Send + Sync>>;
 #[allow(missing_docs, reason = "the help text of a command is the documentation of its arguments")]
 pub enum Command {
     View(view::Arguments),
-    Render(render::Arguments),
+    Render(Box<render::Arguments>),
     Build(build::Arguments),
     Info(info::Arguments),
     Verify(verify::Arguments),
