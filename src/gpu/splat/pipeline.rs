@@ -12,7 +12,7 @@ use bevy::render::render_resource::{
     ComputePipelineDescriptor, PipelineCache, ShaderStages, WgpuFeatures,
 };
 use bevy::render::renderer::{RenderAdapterInfo, RenderDevice};
-use bevy::shader::{Shader, ShaderDefVal};
+use bevy::shader::{Shader, ShaderCacheError, ShaderDefVal};
 use std::num::NonZeroU64;
 
 /// Tiles that one workgroup of the accumulate pass fills, where it is not one subgroup.
@@ -49,9 +49,12 @@ impl SplatPipelines {
         [self.project, self.scan, self.scatter, self.reconstruct].into_iter().chain(self.accumulate)
     }
 
-    /// The first compile error among the pipelines, if any failed.
+    /// The first compile error among the pipelines, if any failed. A shader that is still being read is no error: Bevy
+    /// tries again.
     pub fn error(&self, cache: &PipelineCache) -> Option<String> {
+        use ShaderCacheError::{ShaderImportNotYetAvailable, ShaderNotLoaded};
         self.ids().find_map(|id| match cache.get_compute_pipeline_state(id) {
+            CachedPipelineState::Err(ShaderNotLoaded(_) | ShaderImportNotYetAvailable) => None,
             CachedPipelineState::Err(error) => Some(error.to_string()),
             _ => None,
         })
