@@ -1,4 +1,4 @@
-//! Carries out the keys of [`KEYS`](super::input::KEYS).
+//! Carries out the keys of [`KEYS`].
 
 use super::camera::{Anchor, DataDistance, Flight, Fly, Navigation, Viewpoint};
 use super::input::{Action, KEYS, PointerOwner};
