@@ -309,9 +309,9 @@ fn bounds_of(family: &Family) -> Bounds {
 }
 
 /// How much an error counts to the quantiser, in octaves. A splat's brightness is `m rho / h^2`, so that an error of `h`
-/// counts twice; the first attribute is the one that is shown by default, as hue, and the eye takes hues for half of the
-/// picture. Found by the mean colour error of F12 4.10.2 on a dark-matter box, where equal weights miss its bound; the
-/// other attributes are seen only when asked for.
+/// counts twice; the first attribute is the one that is shown by default, as hue, and its weight was tuned to the mean
+/// colour error of F12 4.10.2 on one dark-matter box, where equal weights miss the bound. The other attributes are seen
+/// only when asked for.
 const WEIGHTS: [f32; 3] = [1.0, 1.0, 2.0];
 const FIRST_ATTRIBUTE_WEIGHT: f32 = 2.0;
 const ATTRIBUTE_WEIGHT: f32 = 0.5;
