@@ -2,6 +2,8 @@
 
 pub mod build;
 pub mod splat;
+#[cfg(feature = "viewer")]
+pub mod splat_gpu;
 
 use super::CommandResult;
 use serde::Serialize;
@@ -25,6 +27,10 @@ pub struct Arguments {
     #[arg(long, value_name = "N,N,...", value_delimiter = ',', default_values_t = [1, 2],
           value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Vec<u16>,
+    /// What draws in `bench splat`.
+    #[arg(long, value_name = "NAME,...", value_delimiter = ',', default_values = ["cpu", "compute", "raster"],
+          value_parser = ["cpu", "compute", "raster"])]
+    pub backends: Vec<String>,
     /// Repetitions; the median counts.
     #[arg(long, value_name = "N", default_value_t = 7, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     pub repeat: u32,

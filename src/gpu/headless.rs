@@ -1,38 +1,14 @@
-//! Draws one view without a window: a Bevy application that is driven by hand until its picture is complete, then read
-//! back.
+//! Draws one view without a window, until its picture is complete, and reads it back.
 
-use super::DeepfieldRenderPlugins;
-use super::device::{DeviceOptions, GpuError, open};
-use super::readback::{read_buffer, read_texture};
-use super::scene::{NodeState, NodeUpload, ParticleScene, TableEntry};
-use super::splat::{SplatBuffers, SplatPipelines};
+use super::device::{DeviceOptions, GpuError};
+use super::renderer::HeadlessRenderer;
+use super::scene::{NodeUpload, TableEntry};
 use super::timing::{PassTimes, median};
-use super::view::{Backend, Composite, DrawItem, Footprint, SplatView};
+use super::view::{Backend, Footprint};
 use crate::raster::Accumulation;
 use crate::raster::composite::Image as Picture;
 use crate::raster::transfer::TransferFunction;
 use crate::view::View;
-use bevy::asset::RenderAssetUsages;
-use bevy::camera::RenderTarget;
-use bevy::core_pipeline::tonemapping::Tonemapping;
-use bevy::log::LogPlugin;
-use bevy::prelude::*;
-use bevy::render::pipelined_rendering::PipelinedRenderingPlugin;
-use bevy::render::render_asset::RenderAssets;
-use bevy::render::render_resource::{
-    Extent3d, PipelineCache, PollType, TextureDimension, TextureFormat, TextureUsages,
-};
-use bevy::render::renderer::RenderDevice;
-use bevy::render::texture::GpuImage;
-use bevy::render::{RenderApp, RenderPlugin};
-use bevy::window::ExitCondition;
-use bevy::winit::WinitPlugin;
-use std::sync::atomic::Ordering;
-use std::time::{Duration, Instant};
-
-/// Most frames and time that a picture may take to complete: shaders are compiled in it.
-const PATIENCE: Duration = Duration::from_secs(300);
-
 /// One node to draw.
 #[derive(Clone, Debug)]
 pub struct HeadlessNode {
@@ -100,245 +76,28 @@ pub struct HeadlessStats {
 /// # Errors
 /// [`GpuError`]: no adapter, a shader that does not compile on it, too little memory.
 pub fn render_headless(request: HeadlessRequest) -> Result<HeadlessFrame, GpuError> {
-    let mut renderer = Renderer::open(&request)?;
+    let mut renderer = HeadlessRenderer::open(&request)?;
     if request.backend == Backend::Raster {
         return Err(GpuError::Unsupported {
-            adapter: renderer.adapter,
+            adapter: renderer.adapter().to_owned(),
             backend: "raster",
             missing: "an implementation (the compute backend needs neither float atomics nor float blending)",
         });
     }
     renderer.complete()?;
-    let (frame, passes) = renderer.measure(request.repeat)?;
+    let (mut frames, passes) = renderer.measure(request.repeat)?;
     let (accumulation, splats) = renderer.accumulation(request.attribute)?;
     let picture = match &request.transfer {
         Some(transfer) => Some(renderer.colors(transfer, &accumulation)?),
         None => None,
     };
     let stats = HeadlessStats {
-        adapter: renderer.adapter,
+        adapter: renderer.adapter().to_owned(),
         backend: "compute",
-        particles: renderer.particles,
+        particles: renderer.particles(),
         splats,
         passes,
-        frame,
+        frame: median(&mut frames),
     };
     Ok(HeadlessFrame { accumulation, picture, stats })
-}
-
-/// The application that draws.
-struct Renderer {
-    app: App,
-    camera: Entity,
-    target: Handle<Image>,
-    adapter: String,
-    particles: u64,
-    size: UVec2,
-}
-
-impl Renderer {
-    fn open(request: &HeadlessRequest) -> Result<Renderer, GpuError> {
-        let gpu = open(&request.device)?;
-        let bytes: u64 = request.nodes.iter().map(|node| node.upload.payload.bytes()).sum();
-        // Fragments at the end of chunks are lost; twice the bytes always suffices.
-        let scene = ParticleScene::new((2 * bytes).max(64 << 20), u64::MAX);
-        let mut app = App::new();
-        app.add_plugins(
-            DefaultPlugins
-                .set(WindowPlugin {
-                    primary_window: None,
-                    exit_condition: ExitCondition::DontExit,
-                    ..WindowPlugin::default()
-                })
-                .set(RenderPlugin {
-                    render_creation: gpu.creation,
-                    synchronous_pipeline_compilation: true,
-                    ..RenderPlugin::default()
-                })
-                .disable::<WinitPlugin>()
-                .disable::<LogPlugin>()
-                .disable::<PipelinedRenderingPlugin>(),
-        );
-        app.insert_resource(scene.clone()).add_plugins(DeepfieldRenderPlugins);
-
-        let tables: Vec<_> = request.tables.iter().map(|table| scene.insert_table(table.clone())).collect();
-        let items = request
-            .nodes
-            .iter()
-            .map(|node| DrawItem {
-                node: node.upload.id,
-                table: node.table.and_then(|table| tables.get(table).copied()),
-                weight_scale: node.weight_scale,
-            })
-            .collect();
-        scene.insert_nodes(request.nodes.iter().map(|node| node.upload.clone()));
-
-        let size = UVec2::new(request.view.width, request.view.height);
-        let mut target = Image::new_uninit(
-            Extent3d { width: size.x, height: size.y, depth_or_array_layers: 1 },
-            TextureDimension::D2,
-            // Encoded colours: what the composite writes arrives unchanged.
-            TextureFormat::Rgba8Unorm,
-            RenderAssetUsages::RENDER_WORLD,
-        );
-        target.texture_descriptor.usage |=
-            TextureUsages::RENDER_ATTACHMENT | TextureUsages::COPY_SRC | TextureUsages::TEXTURE_BINDING;
-        let target = app.world_mut().resource_mut::<Assets<Image>>().add(target);
-        let camera = app
-            .world_mut()
-            .spawn((
-                Camera3d::default(),
-                Camera { clear_color: ClearColorConfig::Custom(Color::BLACK), ..Camera::default() },
-                RenderTarget::Image(target.clone().into()),
-                Msaa::Off,
-                Tonemapping::None,
-                SplatView {
-                    view: request.view,
-                    footprint: request.footprint,
-                    backend: request.backend,
-                    items,
-                    always: false,
-                },
-            ))
-            .id();
-        app.finish();
-        app.cleanup();
-        let mut renderer = Renderer { app, camera, target, adapter: gpu.adapter, particles: 0, size };
-        renderer.particles = request.nodes.iter().map(|node| node.upload.payload.len() as u64).sum();
-        renderer.upload(&scene, request, bytes)?;
-        Ok(renderer)
-    }
-
-    /// Draws one frame and waits for it.
-    fn frame(&mut self) -> Result<(), GpuError> {
-        self.app.update();
-        let waited = self.app.world().resource::<RenderDevice>().poll(PollType::wait_indefinitely());
-        if waited.is_err() || self.app.should_exit().is_some() {
-            return Err(GpuError::Failed(format!("{}x{} pixels on {}", self.size.x, self.size.y, self.adapter)));
-        }
-        Ok(())
-    }
-
-    /// Waits until all particles are on the GPU.
-    fn upload(&mut self, scene: &ParticleScene, request: &HeadlessRequest, needed: u64) -> Result<(), GpuError> {
-        loop {
-            self.frame()?;
-            let states = request.nodes.iter().map(|node| scene.node_state(node.upload.id));
-            let mut waiting = false;
-            for state in states {
-                match state {
-                    Some(NodeState::Rejected) => {
-                        return Err(GpuError::OutOfMemory { needed, budget: scene.stats().budget_bytes });
-                    }
-                    Some(NodeState::Queued) => waiting = true,
-                    _ => {}
-                }
-            }
-            if !waiting {
-                return Ok(());
-            }
-        }
-    }
-
-    fn render_world(&mut self) -> &mut World {
-        self.app.sub_app_mut(RenderApp).world_mut()
-    }
-
-    fn buffers(&mut self) -> Option<&SplatBuffers> {
-        let world = self.render_world();
-        let mut query = world.query::<&SplatBuffers>();
-        query.iter(world).next()
-    }
-
-    /// Draws frames until shaders are compiled and the picture is there.
-    fn complete(&mut self) -> Result<(), GpuError> {
-        let start = Instant::now();
-        loop {
-            self.frame()?;
-            if self.buffers().is_some_and(|buffers| buffers.accumulated.load(Ordering::Relaxed)) {
-                return Ok(());
-            }
-            let world = self.render_world();
-            let error = match (world.get_resource::<SplatPipelines>(), world.get_resource::<PipelineCache>()) {
-                (Some(pipelines), Some(cache)) => pipelines.error(cache),
-                _ => None,
-            };
-            if let Some(error) = error {
-                return Err(GpuError::Shader(error));
-            }
-            if start.elapsed() > PATIENCE {
-                return Err(GpuError::Shader("the shaders took too long to load".into()));
-            }
-            // Shader files are read on another thread.
-            std::thread::sleep(Duration::from_millis(1));
-        }
-    }
-
-    /// Median times of a complete frame, over `repeat` frames.
-    fn measure(&mut self, repeat: u32) -> Result<(f64, PassTimes), GpuError> {
-        self.view_mut(|view| view.always = true);
-        self.frame()?;
-        let mut frames = Vec::new();
-        let mut passes = PassTimes::default();
-        for _ in 0..repeat.max(1) {
-            let start = Instant::now();
-            self.frame()?;
-            frames.push(start.elapsed().as_secs_f64() * 1e3);
-            passes.collect(self.app.world());
-        }
-        // GPU times arrive some frames late.
-        for _ in 0..4 {
-            self.frame()?;
-            passes.collect(self.app.world());
-        }
-        self.view_mut(|view| view.always = false);
-        Ok((median(&mut frames), passes))
-    }
-
-    fn view_mut(&mut self, change: impl FnOnce(&mut SplatView)) {
-        if let Some(mut view) = self.app.world_mut().get_mut::<SplatView>(self.camera) {
-            change(&mut view);
-        }
-    }
-
-    /// Reads the accumulation and the number of splats back.
-    fn accumulation(&mut self, attribute: bool) -> Result<(Accumulation, u64), GpuError> {
-        let failed = || GpuError::Failed("(reading the picture back)".into());
-        let device = self.app.world().resource::<RenderDevice>().clone();
-        let queue = self.app.world().resource::<bevy::render::renderer::RenderQueue>().clone();
-        let pixels = u64::from(self.size.x) * u64::from(self.size.y);
-        let size = self.size;
-        let buffers = self.buffers().ok_or_else(failed)?;
-        let total = u64::from(buffers.grids.uniform.bin_count);
-        let cells = read_buffer(&device, &queue, &buffers.cells, 0, pixels * 8).ok_or_else(failed)?;
-        let counted = read_buffer(&device, &queue, &buffers.starts, total * 4, 4).ok_or_else(failed)?;
-        let cells: &[[f32; 2]] = bytemuck::cast_slice(&cells);
-        let mut accumulation = Accumulation::new(size.x, size.y, attribute);
-        for (p, cell) in accumulation.p.iter_mut().zip(cells) {
-            *p = cell[0];
-        }
-        for (ps, cell) in accumulation.ps.iter_mut().zip(cells) {
-            *ps = cell[1];
-        }
-        let splats = counted.first_chunk::<4>().map_or(0, |bytes| u32::from_le_bytes(*bytes));
-        Ok((accumulation, u64::from(splats)))
-    }
-
-    /// Colours the picture and reads it back.
-    fn colors(&mut self, transfer: &TransferFunction, accumulation: &Accumulation) -> Result<Picture, GpuError> {
-        let composite = Composite::new(transfer, transfer.levels(accumulation), accumulation.has_attribute());
-        self.app.world_mut().entity_mut(self.camera).insert(composite);
-        // The first frame compiles the pipeline.
-        for _ in 0..3 {
-            self.frame()?;
-        }
-        let failed = || GpuError::Failed("(reading the colours back)".into());
-        let device = self.app.world().resource::<RenderDevice>().clone();
-        let queue = self.app.world().resource::<bevy::render::renderer::RenderQueue>().clone();
-        let (target, size) = (self.target.clone(), self.size);
-        let images = self.render_world().resource::<RenderAssets<GpuImage>>();
-        let image = images.get(&target).ok_or_else(failed)?;
-        let rgba = read_texture(&device, &queue, &image.texture, size).ok_or_else(failed)?;
-        Ok(Picture { width: size.x, height: size.y, rgba })
-    }
 }

@@ -17,6 +17,7 @@ pub mod composite;
 pub mod device;
 pub mod headless;
 pub mod readback;
+pub mod renderer;
 pub mod scene;
 pub mod shaders;
 pub mod splat;
@@ -25,6 +26,7 @@ pub mod view;
 
 pub use device::{DeviceOptions, Gpu, GpuError, open};
 pub use headless::{HeadlessFrame, HeadlessNode, HeadlessRequest, HeadlessStats, render_headless};
+pub use renderer::HeadlessRenderer;
 pub use scene::{NodeId, NodeState, NodeUpload, ParticleScene, Payload, RawParticle, SceneStats, TableEntry, TableId};
 pub use view::{Backend, Composite, DrawItem, Footprint, SplatView};
 

@@ -43,6 +43,17 @@ pub enum Backend {
     Raster,
 }
 
+impl Backend {
+    /// The name by which users know it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Backend::Auto => "auto",
+            Backend::Compute => "compute",
+            Backend::Raster => "raster",
+        }
+    }
+}
+
 /// The picture of particles that a camera accumulates: `P` and `P S` for each pixel. The camera's target, or its
 /// viewport, must have `view.width` by `view.height` pixels. A camera without it draws no particles.
 #[derive(Component, Clone, Debug, ExtractComponent)]

@@ -8,6 +8,7 @@ use crate::synth::{bounds, clusters::Clusters, dataset};
 use crate::view::{Projection, View};
 use glam::DVec3;
 use serde::Serialize;
+use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 /// Error of anything that a contender may say.
@@ -18,9 +19,24 @@ pub trait Contender {
     /// Its name in the results: backend, adapter or threads.
     fn name(&self) -> String;
 
-    /// Draws column density, with the `S` channel or without, and says how long the drawing took, particles in memory
-    /// (or in the adapter's memory) to finished accumulation.
-    fn draw(&mut self, data: &Dataset, view: &View, attribute: bool) -> Result<(Accumulation, Duration), Failure>;
+    /// Draws column density `repeat` times, with the `S` channel or without, and says how long each drawing took,
+    /// particles in memory (or in the adapter's memory) to finished accumulation.
+    fn draw(&mut self, data: &Dataset, view: &View, attribute: bool, repeat: u32) -> Result<Drawn, Failure>;
+
+    /// Whether a picture without the `S` channel is less work.
+    fn has_single_channel(&self) -> bool {
+        true
+    }
+}
+
+/// What a contender drew.
+pub struct Drawn {
+    /// The picture.
+    pub picture: Accumulation,
+    /// The time of each drawing.
+    pub times: Vec<Duration>,
+    /// Median milliseconds of each pass, where there are passes.
+    pub passes: BTreeMap<String, f64>,
 }
 
 /// One line of the results.
@@ -42,6 +58,9 @@ pub struct Outcome {
     pub error_l2: f64,
     /// Relative deviation of the picture's integral from the exact one's.
     pub error_sum: f64,
+    /// Median milliseconds of each GPU pass.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub passes: BTreeMap<String, f64>,
 }
 
 /// The splats of a dataset's column density.
@@ -75,22 +94,36 @@ impl Contender for Cpu {
         format!("cpu, {} thread{}", self.threads, if self.threads == 1 { "" } else { "s" })
     }
 
-    fn draw(&mut self, data: &Dataset, view: &View, attribute: bool) -> Result<(Accumulation, Duration), Failure> {
+    fn draw(&mut self, data: &Dataset, view: &View, attribute: bool, repeat: u32) -> Result<Drawn, Failure> {
         let batches = splats(data, attribute)?;
         let options = RasterOptions { method: self.method, kernel: Kernel::CubicSpline };
         Ok(self.pool.install(|| {
-            let start = Instant::now();
-            let picture = draw(view, &batches, &options);
-            (picture, start.elapsed())
+            // The first run pays for tables and pages of memory.
+            let mut picture = draw(view, &batches, &options);
+            let times = (0..repeat).map(|_| {
+                let start = Instant::now();
+                picture = draw(view, &batches, &options);
+                start.elapsed()
+            });
+            Drawn { times: times.collect(), picture, passes: BTreeMap::new() }
         }))
     }
 }
 
-/// Everything that is measured; backends on an adapter add themselves here.
-fn contenders(threads: &[u16]) -> Result<Vec<Box<dyn Contender>>, Failure> {
+/// Everything that is measured.
+fn contenders(arguments: &Arguments) -> Result<Vec<Box<dyn Contender>>, Failure> {
     let mut all: Vec<Box<dyn Contender>> = Vec::new();
-    for &threads in threads {
-        all.push(Box::new(Cpu::new(threads, Method::Pyramid)?));
+    let wanted = |name: &str| arguments.backends.iter().any(|backend| backend == name);
+    if wanted("cpu") {
+        for &threads in &arguments.threads {
+            all.push(Box::new(Cpu::new(threads, Method::Pyramid)?));
+        }
+    }
+    #[cfg(feature = "viewer")]
+    for backend in [crate::gpu::Backend::Compute, crate::gpu::Backend::Raster] {
+        if wanted(backend.name()) {
+            all.push(Box::new(super::splat_gpu::Gpu::new(backend)));
+        }
     }
     Ok(all)
 }
@@ -101,10 +134,10 @@ fn contenders(threads: &[u16]) -> Result<Vec<Box<dyn Contender>>, Failure> {
 /// When a contender fails.
 pub fn measure(arguments: &Arguments) -> Result<Vec<Outcome>, Failure> {
     let mut outcomes = Vec::new();
-    let mut contenders = contenders(&arguments.threads)?;
+    let mut contenders = contenders(arguments)?;
     let available = std::thread::available_parallelism().map_or(1, |n| n.get() as u16);
     eprintln!(
-        "{:>10}  {:24} {:8} {:>9} {:>9} {:>7}  {:>8} {:>8} {:>8}",
+        "{:>10}  {:32} {:8} {:>9} {:>9} {:>7}  {:>8} {:>8} {:>8}",
         "particles", "backend", "channels", "median s", "fastest s", "M/s", "L1", "L2", "sum"
     );
     for &particles in &arguments.sizes {
@@ -114,19 +147,13 @@ pub fn measure(arguments: &Arguments) -> Result<Vec<Outcome>, Failure> {
         let eye = bounds.center() + DVec3::Z * bounds.size().z;
         let projection = Projection::Orthographic { height: bounds.size().y };
         let view = View::look_at(eye, bounds.center(), DVec3::Y, projection, arguments.pixels, arguments.pixels)?;
-        let (exact, _) = Cpu::new(available, Method::Exact)?.draw(&data, &view, false)?;
+        let exact = Cpu::new(available, Method::Exact)?.draw(&data, &view, false, 0)?.picture;
         for contender in &mut contenders {
             for attribute in [false, true] {
-                let mut times = Vec::new();
-                let mut picture = Accumulation::default();
-                // The first run pays for tables and pages of memory.
-                for repetition in 0..=arguments.repeat {
-                    let (drawn, time) = contender.draw(&data, &view, attribute)?;
-                    picture = drawn;
-                    if repetition > 0 {
-                        times.push(time);
-                    }
+                if !attribute && !contender.has_single_channel() {
+                    continue;
                 }
+                let Drawn { picture, times, passes } = contender.draw(&data, &view, attribute, arguments.repeat)?;
                 let seconds = Times::of(times);
                 let (error_l1, error_l2) = picture.error_against(&exact);
                 let outcome = Outcome {
@@ -138,9 +165,10 @@ pub fn measure(arguments: &Arguments) -> Result<Vec<Outcome>, Failure> {
                     error_l1,
                     error_l2,
                     error_sum: picture.sum() / exact.sum() - 1.0,
+                    passes,
                 };
                 eprintln!(
-                    "{:>10}  {:24} {:8} {:>9.4} {:>9.4} {:>7.2}  {:>8.1e} {:>8.1e} {:>8.1e}",
+                    "{:>10}  {:32} {:8} {:>9.4} {:>9.4} {:>7.2}  {:>8.1e} {:>8.1e} {:>8.1e}",
                     outcome.particles,
                     outcome.backend,
                     outcome.channels,
@@ -151,6 +179,10 @@ pub fn measure(arguments: &Arguments) -> Result<Vec<Outcome>, Failure> {
                     outcome.error_l2,
                     outcome.error_sum
                 );
+                if !outcome.passes.is_empty() {
+                    let passes = outcome.passes.iter().map(|(name, ms)| format!("{name} {ms:.1} ms"));
+                    eprintln!("{:>10}  {}", "", passes.collect::<Vec<_>>().join(", "));
+                }
                 outcomes.push(outcome);
             }
         }
