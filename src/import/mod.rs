@@ -17,6 +17,7 @@ mod source;
 mod summary;
 mod table;
 mod tipsy;
+mod units;
 
 pub use error::ImportError;
 pub use format::{FORMATS, Format, HEAD, open};

@@ -111,7 +111,19 @@ def gizmo():
                 group["Metallicity"] = RNG.uniform(0, 0.02, (count, 11))
 
 
+def units():
+    """Gas whose data sets name their units in words, lengths in two of them."""
+    with h5py.File("units.hdf5", "w") as file:
+        header(file, [3, 0, 0, 0, 0, 0], [3, 0, 0, 0, 0, 0], 1, [0] * 6, UnitLength_in_cm=3.085678e21)
+        group = file.create_group("PartType0")
+        for name, values, unit in (("Coordinates", np.arange(9.0).reshape(3, 3), "kpc"), ("SmoothingLength", [1e3, 2e3, 4e3], "ly"),
+                                   ("Temperature", [1.0, 2.0, 3.0], "hot"), ("Masses", [1.0, 2.0, 3.0], "")):
+            group[name] = np.array(values)
+            group[name].attrs["units"] = np.bytes_(unit)
+
+
 swift()
 arepo()
 eagle()
 gizmo()
+units()

@@ -1,5 +1,6 @@
 //! HDF5 snapshots of several codes: units, conventions, files.
 
+use crate::writers::file;
 use crate::{data, message, read_all};
 use deepfield::import::{AttributeChoice, FieldKind, LoadOptions, Smoothing, Source, load, open, summarize};
 use deepfield::model::FamilyName;
@@ -150,4 +151,43 @@ fn reads_outside_the_source_are_errors() {
     #[expect(clippy::reversed_empty_ranges, reason = "a range that runs backwards is what is tested")]
     let backwards = 3..1;
     assert!(source.read(0, position, backwards, &mut out).is_err());
+}
+
+/// `units.hdf5` with some of its bytes, all that are `from`, replaced.
+fn with_bytes(folder: &std::path::Path, from: &[u8], to: &[u8]) -> std::path::PathBuf {
+    let mut bytes = std::fs::read(data("units.hdf5")).unwrap();
+    let places: Vec<usize> = (0..bytes.len() - from.len()).filter(|at| bytes[*at..].starts_with(from)).collect();
+    assert!(!places.is_empty());
+    places.iter().for_each(|at| bytes[*at..at + from.len()].copy_from_slice(to));
+    file(folder, "changed.hdf5", &bytes)
+}
+
+#[test]
+fn units_in_words_are_those_of_the_values() {
+    let source = open(&data("units.hdf5")).unwrap();
+    assert_eq!(source.description().length_unit.to_string(), "kpc");
+    assert_eq!(
+        (unit(source.as_ref(), 0, "smoothing-length"), unit(source.as_ref(), 0, "temperature")),
+        ("kpc".into(), "hot".into())
+    );
+    let lengths = read_all(source.as_ref(), 0, "smoothing-length", 2);
+    assert!((lengths[0] / 0.306_601_394 - 1.0).abs() < 1e-8 && lengths[2] == 4.0 * lengths[0], "{lengths:?}");
+}
+
+#[test]
+fn units_of_positions_that_are_unknown_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    for (from, to, field, found) in
+        [(b"kpc", b"ell", "Coordinates/units", "\"ell\""), (b"ly\0", b"ko\0", "SmoothingLength/units", "\"ko\"")]
+    {
+        let path = with_bytes(folder.path(), from, to);
+        let text = message(&open(&path).err().unwrap(), &path);
+        assert!(text.contains(&format!("{field}: found {found}, expected a length: pc")), "{text}");
+    }
+    for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+        let path = with_bytes(folder.path(), &3.085678e21f64.to_le_bytes(), &f64::to_le_bytes(bad));
+        let text = message(&open(&path).err().unwrap(), &path);
+        assert!(text.contains("Header/UnitLength_in_cm: found"), "{text}");
+        assert!(text.contains("expected a positive number of centimetres"), "{text}");
+    }
 }

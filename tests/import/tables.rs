@@ -126,3 +126,75 @@ fn a_file_that_expands_beyond_any_table_is_refused() {
     let text = message(&open(&path).err().unwrap(), &path);
     assert!(text.contains("expands more than"), "{text}");
 }
+
+/// Positions and smoothing lengths of a table, or the error.
+fn table(text: &str) -> Result<(String, Vec<f64>), String> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = file(folder.path(), "table", text.as_bytes());
+    match open(&path) {
+        Ok(source) => Ok((source.description().length_unit.to_string(), read_all(source.as_ref(), 0, "position", 1))),
+        Err(error) => Err(message(&error, &path)),
+    }
+}
+
+fn assert_close(found: &[f64], expected: &[f64]) {
+    let scale = expected.iter().fold(0.0f64, |most, x| most.max(x.abs()));
+    let close = found.len() == expected.len() && found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-9 * scale);
+    assert!(close, "{found:?} {expected:?}");
+}
+
+#[test]
+fn units_that_say_where_things_are_must_be_known() {
+    let cases = [
+        ("x [furlong],y,z\n1,2,3\n", "unit of x: found \"furlong\", expected a length: pc, kpc"),
+        ("x [kpc],y [ells],z\n1,2,3\n", "unit of y: found \"ells\", expected a length"),
+        ("x [kpc],y [kpc/h],z\n1,2,3\n", "unit of y: found \"kpc/h\", expected one like kpc"),
+        ("x [kpc],y,z,h [deg]\n1,2,3,4\n", "unit of h: found \"deg\", expected a length"),
+        ("ra [gradian?],dec\n1,2\n", "unit of ra: found \"gradian?\", expected an angle: deg, h"),
+        ("ra,dec [kpc]\n1,2\n", "unit of dec: found \"kpc\", expected an angle"),
+        ("ra,dec,dist [furlong]\n1,2,3\n", "unit of dist: found \"furlong\", expected a length"),
+        ("ra,dec,parallax [pc]\n1,2,3\n", "unit of parallax: found \"pc\", expected an angle"),
+    ];
+    for (text, expected) in cases {
+        let found = table(text).unwrap_err();
+        assert!(found.contains(expected) && found.contains("table"), "{found}");
+    }
+}
+
+#[test]
+fn units_that_are_known_are_converted() {
+    assert_eq!(table("x [kpc],y [pc],z [Mpc]\n1,2000,3\n").unwrap(), ("kpc".into(), vec![1.0, 2.0, 3000.0]));
+    assert_eq!(table("x_kpc,y_kpc,z_kpc\n1,2,3\n").unwrap(), ("kpc".into(), vec![1.0, 2.0, 3.0]));
+    assert_eq!(table("x [code units],y,z\n1,2,3\n").unwrap(), ("code units".into(), vec![1.0, 2.0, 3.0]));
+    let expected = [0.0, 5.0, 0.0];
+    for header in ["ra [h],dec,dist [kpc]", "ra_h,dec (J2000),dist_kpc", "ra [hourangle],dec [rad],distance [kpc]"] {
+        let (unit, position) = table(&format!("{header}\n6,0,5\n")).unwrap();
+        assert_eq!(unit, "kpc");
+        assert_close(&position, &expected);
+    }
+    let quarter = std::f64::consts::FRAC_PI_2;
+    let (_, position) = table(&format!("ra [arcsec],dec [rad],dist\n0,{quarter},2\n")).unwrap();
+    assert_close(&position, &[0.0, 0.0, 2.0]);
+    for (header, value) in [("plx", 20.0), ("parallax [arcsec]", 0.02), ("parallax_mas", 20.0), ("plx [uas]", 2e4)] {
+        let (unit, position) = table(&format!("ra,dec,{header}\n0,0,{value}\n")).unwrap();
+        assert_eq!(unit, "pc");
+        assert_close(&position, &[50.0, 0.0, 0.0]);
+    }
+}
+
+#[test]
+fn smoothing_lengths_take_the_unit_of_positions_and_attributes_keep_theirs() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = file(folder.path(), "mixed", b"x [kpc],y,z,h [pc],temp [furlong],rho [stones/ell^3]\n1,2,3,500,6,7\n");
+    let source = open(&path).unwrap();
+    assert_close(&read_all(source.as_ref(), 0, "smoothing-length", 1), &[0.5]);
+    let unit = |name: &str| {
+        let info = &source.description().families[0];
+        info.fields[info.named(name).unwrap()].unit.to_string()
+    };
+    assert_eq!(
+        ["smoothing-length", "temperature", "density"].map(unit),
+        ["kpc", "furlong", "stones/ell^3"].map(str::to_string)
+    );
+    assert!(source.description().notes.iter().any(|note| note == "h is converted from pc to kpc"));
+}

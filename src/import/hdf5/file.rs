@@ -153,6 +153,16 @@ impl Attributes {
         guard(&self.path, &self.label, "numbers", read).ok()
     }
 
+    /// Whether there is an attribute of that name.
+    pub(super) fn has(&self, name: &str) -> bool {
+        self.find(name).is_some()
+    }
+
+    /// An error about an attribute.
+    pub(super) fn malformed(&self, name: &str, found: String, expected: &str) -> ImportError {
+        ImportError::malformed(&self.path, format!("{}/{name}", self.label), found, expected)
+    }
+
     /// The first number of an attribute.
     pub(super) fn number(&self, name: &str) -> Option<f64> {
         self.numbers(name)?.first().copied()

@@ -40,7 +40,7 @@ impl Header {
         let code = optional("Code")?;
 
         let mut units = System::default();
-        [&unit_group, &parameters, &header].into_iter().flatten().for_each(|group| units.learn(group));
+        [&unit_group, &parameters, &header].into_iter().flatten().try_for_each(|group| units.learn(group))?;
         let number = |name: &str| {
             let groups = [&header, &parameters].into_iter().flatten();
             groups.into_iter().find_map(|group| group.number(name))

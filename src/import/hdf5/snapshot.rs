@@ -3,7 +3,9 @@
 use super::file::{Column, H5, H5Group};
 use super::header::Header;
 use super::names::{self, Quantity};
+use super::units;
 use crate::import::multifile;
+use crate::import::units::conversion;
 use crate::import::{Description, FamilyInfo, Field, FieldKind, ImportError, Source};
 use crate::model::{FamilyName, Kernel, Unit};
 use std::ops::Range;
@@ -299,13 +301,17 @@ fn plan_family(
             let note = format!("SWIFT smoothing lengths are multiplied by {gamma} to give the support radius");
             description.notes.extend((!description.notes.contains(&note)).then_some(note));
         }
-        let unit = file.header.units.unit_of(&attributes, shaped);
+        let kind = shaped.map_or(FieldKind::Other, |quantity| quantity.kind);
+        let unit = match units::in_words(&attributes, kind)? {
+            Some(unit) => unit,
+            None => file.header.units.unit_of(&attributes, shaped),
+        };
         let field = Field {
             name: shaped.map_or(dataset.clone(), |quantity| quantity.name.into()),
             stored_as: dataset.clone(),
             unit,
             components: column.components,
-            kind: shaped.map_or(FieldKind::Other, |quantity| quantity.kind),
+            kind,
         };
         plan.push(Planned { dataset: Some(dataset.clone()), field, transform });
         let plain = |quantity: &Quantity| !best.iter().any(|(other, ..)| other.name == quantity.name);
@@ -334,8 +340,31 @@ fn plan_family(
         let field = Field { name: "mass".into(), stored_as, unit, components: 1, kind: FieldKind::Mass };
         plan.push(Planned { dataset: None, field, transform: Transform::None });
     }
+    one_unit_of_length(&file.h5.path, &mut plan, &mut description.notes);
     plan.sort_by_key(|planned| planned.field.kind);
     Ok(plan)
+}
+
+/// Brings smoothing lengths to the unit of the positions, where both are known and differ.
+fn one_unit_of_length(path: &Path, plan: &mut [Planned], notes: &mut Vec<String>) {
+    let position = plan.iter().find(|planned| planned.field.kind == FieldKind::Position);
+    let Some(to) = position.map(|planned| planned.field.unit.clone()).filter(|unit| !unit.is_unknown()) else { return };
+    for planned in plan.iter_mut().filter(|planned| planned.field.kind == FieldKind::SmoothingLength) {
+        let from = &planned.field.unit;
+        if *from == to || from.is_unknown() {
+            continue;
+        }
+        let Ok(factor) = conversion(path, &planned.field.stored_as, &from.0, &to.0) else {
+            notes.push(format!("{} has the unit {from}, positions {to}: taken for the same", planned.field.stored_as));
+            continue;
+        };
+        planned.field.unit = to.clone();
+        match &mut planned.transform {
+            Transform::None if factor != 1.0 => planned.transform = Transform::Times(factor),
+            Transform::Times(times) => *times *= factor,
+            _ => {}
+        }
+    }
 }
 
 impl Planned {

@@ -3,7 +3,30 @@
 
 use super::file::Attributes;
 use super::names::Quantity;
+use crate::import::units::{KNOWN_LENGTHS, Length, length};
+use crate::import::{FieldKind, ImportError};
 use crate::model::Unit;
+
+/// Attributes that hold the unit of length in centimetres.
+const LENGTHS: [&str; 3] = ["UnitLength_in_cm", "UnitLength_In_CGS", "Unit length in cgs (U_L)"];
+
+/// Attributes of a data set that name its unit in words.
+const WORDS: [&str; 4] = ["unit", "units", "Unit", "Units"];
+
+/// The unit that a data set names in words, where it does so. For positions and smoothing lengths it must be a length.
+///
+/// # Errors
+/// When a position or smoothing length has a unit that is not known.
+pub(super) fn in_words(attributes: &Attributes, kind: FieldKind) -> Result<Option<Unit>, ImportError> {
+    let stated = WORDS.into_iter().find_map(|name| Some((name, attributes.text(name)?)));
+    let Some((name, text)) = stated.filter(|(_, text)| !text.trim().is_empty()) else { return Ok(None) };
+    let is_length = matches!(kind, FieldKind::Position | FieldKind::SmoothingLength);
+    match length(&text) {
+        None if is_length => Err(attributes.malformed(name, format!("{text:?}"), KNOWN_LENGTHS)),
+        Some(Length::Code) if is_length => Ok(None),
+        _ => Ok(Some(Unit::new(text.trim()))),
+    }
+}
 
 /// The base units of a snapshot in cgs, as far as it says.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -22,14 +45,27 @@ pub(super) struct System {
 
 impl System {
     /// Takes over what a group's attributes say and is not known yet.
-    pub(super) fn learn(&mut self, attributes: &Attributes) {
-        let first = |names: &[&str]| names.iter().find_map(|name| attributes.number(name)).filter(|unit| *unit > 0.0);
+    ///
+    /// # Errors
+    /// When the unit of length is no positive number; other units are labels, which stay unknown then.
+    pub(super) fn learn(&mut self, attributes: &Attributes) -> Result<(), ImportError> {
+        let usable = |unit: &f64| *unit > 0.0 && unit.is_finite();
+        let first = |names: &[&str]| names.iter().find_map(|name| attributes.number(name)).filter(usable);
+        for name in LENGTHS.into_iter().filter(|name| attributes.has(name)) {
+            let number = attributes.number(name);
+            if !number.as_ref().is_some_and(usable) {
+                let found =
+                    number.map(|number| number.to_string()).or_else(|| attributes.text(name).map(|t| format!("{t:?}")));
+                let found = found.unwrap_or_else(|| "something else".into());
+                return Err(attributes.malformed(name, found, "a positive number of centimetres"));
+            }
+        }
         self.mass = self.mass.or_else(|| first(&["UnitMass_in_g", "UnitMass_In_CGS", "Unit mass in cgs (U_M)"]));
-        self.length =
-            self.length.or_else(|| first(&["UnitLength_in_cm", "UnitLength_In_CGS", "Unit length in cgs (U_L)"]));
+        self.length = self.length.or_else(|| first(&LENGTHS));
         let velocity = first(&["UnitVelocity_in_cm_per_s", "UnitVelocity_In_CGS"]);
         self.time = self.time.or_else(|| first(&["Unit time in cgs (U_t)"]));
         self.velocity = self.velocity.or(velocity).or_else(|| Some(self.length? / self.time?));
+        Ok(())
     }
 
     /// Forgets units of 1 cm, 1 g and 1 cm/s in a simulation that sets its own constant of gravity: its numbers have no

@@ -94,10 +94,8 @@ fn read(path: &Path, mut reader: Box<dyn std::io::BufRead>) -> Result<Vec<Column
         }
         return Ok(columns);
     }
-    let needed = |column: &Column| super::sky::is_needed(&column.key());
-    if let Some((column, (line, found))) =
-        columns.iter().zip(&text).filter_map(|(column, text)| Some((column, text.as_ref()?))).find(|(c, _)| needed(c))
-    {
+    let with_text = columns.iter().zip(&text).filter_map(|(column, text)| Some((column, text.as_ref()?)));
+    if let Some((column, (line, found))) = with_text.into_iter().find(|(column, _)| super::sky::is_needed(column)) {
         return Err(ImportError::malformed(path, format!("{} in line {line}", column.name), found, "a number"));
     }
     let numeric = columns.into_iter().zip(text).filter(|(_, text)| text.is_none());

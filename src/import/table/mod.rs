@@ -12,7 +12,7 @@ pub(super) use csv::Csv;
 pub(super) use geojson::GeoJson;
 pub(super) use kstars::KStars;
 
-use super::{Description, FamilyInfo, Field, FieldKind, ImportError, Source};
+use super::{Description, FamilyInfo, Field, FieldKind, ImportError, Source, units};
 use crate::model::{FamilyName, Kernel, Unit};
 use columns::Column;
 use std::ops::Range;
@@ -45,7 +45,7 @@ struct Catalogue {
 impl Catalogue {
     /// Finds positions and known quantities among the columns, which all have the same length.
     fn new(path: &Path, format: &str, bytes: u64, columns: Vec<Column>) -> Result<Catalogue, ImportError> {
-        let Some(positions) = sky::positions(&columns) else {
+        let Some(positions) = sky::positions(path, &columns)? else {
             let expected = "columns x, y, z, or ra, dec and possibly dist or parallax";
             return Err(ImportError::missing(path, "positions", expected));
         };
@@ -53,6 +53,7 @@ impl Catalogue {
         if count == 0 {
             return Err(ImportError::NoParticles { path: path.into(), field: "rows".into() });
         }
+        let axes: Vec<String> = positions.stored_as.split(',').map(str::to_owned).collect();
         let mut described = vec![Field {
             name: "position".into(),
             stored_as: positions.stored_as,
@@ -65,20 +66,29 @@ impl Catalogue {
             described.push(field);
             fields.push(values);
         }
-        let used = |key: &str| {
-            let velocity = ["vx", "vy", "vz"].contains(&key) && described.len() > 1;
-            velocity || (!positions.from_sky && ["x", "y", "z"].contains(&key))
+        let used = |column: &Column| {
+            let velocity = ["vx", "vy", "vz"].contains(&&*column.key()) && described.len() > 1;
+            velocity || (!positions.from_sky && axes.contains(&column.name))
         };
+        let mut notes: Vec<String> = positions.note.into_iter().collect();
         let holds_numbers = |column: &Column| column.values.iter().any(|value| value.is_finite());
-        let rest: Vec<Column> =
-            columns.into_iter().filter(|column| !used(&column.key()) && holds_numbers(column)).collect();
-        for column in rest {
+        let rest: Vec<Column> = columns.into_iter().filter(|column| !used(column) && holds_numbers(column)).collect();
+        for mut column in rest {
             let key = column.key();
             let free = |name: &str| !described.iter().any(|field: &Field| field.name == name);
             let standard = STANDARD.iter().find(|(names, name, ..)| names.contains(&key.as_str()) && free(name));
             let (name, kind, unit) =
                 standard.map_or((&*column.name, FieldKind::Other, ""), |(_, name, kind, unit)| (*name, *kind, *unit));
-            let unit = Unit::new(if column.unit.is_empty() { unit } else { &column.unit });
+            let mut unit = Unit::new(if column.unit.is_empty() { unit } else { &column.unit });
+            // Lengths of one table are compared: smoothing lengths take the unit of the positions.
+            if kind == FieldKind::SmoothingLength {
+                let factor = units::conversion(path, &column.name, &unit.0, &positions.unit.0)?;
+                if factor != 1.0 {
+                    column.values.iter_mut().for_each(|value| *value *= factor);
+                    notes.push(format!("{} is converted from {unit} to {}", column.name, positions.unit));
+                }
+                unit = positions.unit.clone();
+            }
             described.push(Field { name: name.into(), stored_as: column.name.clone(), unit, components: 1, kind });
             fields.push(column.values);
         }
@@ -96,7 +106,7 @@ impl Catalogue {
             time: None,
             redshift: None,
             box_size: None,
-            notes: positions.note.into_iter().collect(),
+            notes,
             families: vec![FamilyInfo { name, count, fields: described }],
         };
         Ok(Catalogue { description, fields })
