@@ -1,7 +1,10 @@
-// The projected smoothing kernel as polynomials. Coefficients come from src/gpu/splat/profile.rs.
+// The projected smoothing kernel as polynomials; coefficients come from src/gpu/splat/profile.rs.
+//
+// They are constants of the module, not uniforms: a software driver fetches a uniform for each lane, every time.
 #define_import_path deepfield::kernel
+#import deepfield::constants as constants
 
-/// Ten coefficients.
+/// Coefficients of the kernel's mean over a box.
 struct Profile {
     a: vec4<f32>,
     b: vec4<f32>,
@@ -9,8 +12,12 @@ struct Profile {
 }
 
 /// The coefficients of the kernel's mean over a box: F + (trace of the quadratic form) side^2 / 24 * (laplacian / 2).
-fn box_profile(f: array<vec4<f32>, 3>, l: array<vec4<f32>, 3>, correction: f32) -> Profile {
-    return Profile(f[0] + correction * l[0], f[1] + correction * l[1], f[2].xy + correction * l[2].xy);
+fn box_profile(correction: f32) -> Profile {
+    return Profile(
+        constants::PROFILE_A + correction * constants::LAPLACIAN_A,
+        constants::PROFILE_B + correction * constants::LAPLACIAN_B,
+        constants::PROFILE_C + correction * constants::LAPLACIAN_C,
+    );
 }
 
 /// The profile at u = (s/h)^2, for four values of u; zero from u = 1 on.
@@ -29,30 +36,42 @@ fn evaluate(p: Profile, square: vec4<f32>) -> vec4<f32> {
     return t * t * v;
 }
 
-/// The odd polynomial with coefficients p at x, constant beyond |x| = 1.
-fn cumulative(p: array<vec4<f32>, 2>, x: f32) -> f32 {
-    let t = clamp(x, -1.0, 1.0);
+/// The odd polynomial with coefficients `low` and `high` of x, x^3 .. x^15; constant beyond |x| = 1.
+fn odd(low: vec4<f32>, high: vec4<f32>, x: vec4<f32>) -> vec4<f32> {
+    let t = clamp(x, vec4(-1.0), vec4(1.0));
     let y = t * t;
-    var v = fma(p[1].w, y, p[1].z);
-    v = fma(v, y, p[1].y);
-    v = fma(v, y, p[1].x);
-    v = fma(v, y, p[0].w);
-    v = fma(v, y, p[0].z);
-    v = fma(v, y, p[0].y);
-    v = fma(v, y, p[0].x);
+    var v = fma(vec4(high.w), y, vec4(high.z));
+    v = fma(v, y, vec4(high.y));
+    v = fma(v, y, vec4(high.x));
+    v = fma(v, y, vec4(low.w));
+    v = fma(v, y, vec4(low.z));
+    v = fma(v, y, vec4(low.y));
+    v = fma(v, y, vec4(low.x));
     return v * t;
 }
 
-/// The derivative of `cumulative`.
-fn density(p: array<vec4<f32>, 2>, x: f32) -> f32 {
-    let t = clamp(x, -1.0, 1.0);
+/// U_1, whose differences are the first factor's integrals.
+fn first(x: vec4<f32>) -> vec4<f32> {
+    return odd(constants::FIRST_A, constants::FIRST_B, x);
+}
+
+/// U_2, whose differences are the second factor's integrals.
+fn second(x: vec4<f32>) -> vec4<f32> {
+    return odd(constants::SECOND_A, constants::SECOND_B, x);
+}
+
+/// The derivative of U_1.
+fn first_slope(x: vec4<f32>) -> vec4<f32> {
+    let low = constants::FIRST_A;
+    let high = constants::FIRST_B;
+    let t = clamp(x, vec4(-1.0), vec4(1.0));
     let y = t * t;
-    var v = fma(15.0 * p[1].w, y, 13.0 * p[1].z);
-    v = fma(v, y, 11.0 * p[1].y);
-    v = fma(v, y, 9.0 * p[1].x);
-    v = fma(v, y, 7.0 * p[0].w);
-    v = fma(v, y, 5.0 * p[0].z);
-    v = fma(v, y, 3.0 * p[0].y);
-    v = fma(v, y, p[0].x);
+    var v = fma(vec4(15.0 * high.w), y, vec4(13.0 * high.z));
+    v = fma(v, y, vec4(11.0 * high.y));
+    v = fma(v, y, vec4(9.0 * high.x));
+    v = fma(v, y, vec4(7.0 * low.w));
+    v = fma(v, y, vec4(5.0 * low.z));
+    v = fma(v, y, vec4(3.0 * low.y));
+    v = fma(v, y, vec4(low.x));
     return v;
 }

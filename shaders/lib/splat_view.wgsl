@@ -29,13 +29,7 @@ struct SplatView {
     right: vec4<f32>,
     up: vec4<f32>,
     forward: vec4<f32>,
-    /// Coefficients c_0 .. c_9 of the projected kernel F(u) = (1 - u)^2 sum c_k u^k, u = (s/h)^2.
-    profile: array<vec4<f32>, 3>,
-    /// The same for (1/2) laplacian F, by which F becomes its mean over a pixel.
-    laplacian: array<vec4<f32>, 3>,
-    /// Coefficients of the odd polynomials U_1 and U_2 with F ~ U_1'(x) U_1'(y) - U_2'(x) U_2'(y).
-    first: array<vec4<f32>, 2>,
-    second: array<vec4<f32>, 2>,
+    /// Picture size, pixels.
     size: vec2<u32>,
     /// Pixels per world unit (at depth 1 in perspective).
     focal: f32,
@@ -46,8 +40,7 @@ struct SplatView {
     fixed_radius: f32,
     /// Variance of the kernel along an axis, for h = 1.
     moment: f32,
-    /// Splats of at least this many cells are sampled.
-    sampled_radius: f32,
+    unused: u32,
     level_count: u32,
     /// First of the bins for splats below the sampled radius; their grid is that of level 0.
     small_bin: u32,
@@ -68,6 +61,12 @@ struct Splat {
     head: vec4<f32>,
     tail: vec4<f32>,
 }
+
+/// Kinds of splats.
+const SAMPLED: u32 = 0u;
+const SMALL: u32 = 1u;
+const EVERYWHERE: u32 = 2u;
+const INVISIBLE: u32 = 3u;
 
 /// 1 / |ray|^2 for the ray through a pixel position, where |ray| = 1 along the axis: turns a particle's quadratic
 /// form into the squared distance between the ray and the particle's centre (F12 4.9.1).

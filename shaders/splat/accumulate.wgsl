@@ -7,8 +7,8 @@
 // With SUBGROUP (subgroups of exactly eight, as on a CPU driver) a workgroup is one subgroup: its lanes look at eight
 // splats at a time and then draw those that reach the tile one after the other. Without, each invocation looks at each
 // splat.
-#import deepfield::splat_view::{SplatView, Splat, oblique}
-#import deepfield::kernel::{Profile, box_profile, evaluate, cumulative, density}
+#import deepfield::splat_view::{SplatView, Splat, oblique, SAMPLED, SMALL, EVERYWHERE}
+#import deepfield::kernel::{box_profile, evaluate, first, second, first_slope}
 
 struct Pass {
     /// 1: add to what is there; 0: overwrite.
@@ -21,9 +21,8 @@ struct Pass {
 @group(0) @binding(0) var<uniform> view: SplatView;
 @group(0) @binding(1) var<uniform> batch: Pass;
 @group(0) @binding(2) var<storage, read> splats: array<Splat>;
-@group(0) @binding(3) var<storage, read> order: array<u32>;
-@group(0) @binding(4) var<storage, read> starts: array<u32>;
-@group(0) @binding(5) var<storage, read_write> cells: array<vec2<f32>>;
+@group(0) @binding(3) var<storage, read> starts: array<u32>;
+@group(0) @binding(4) var<storage, read_write> cells: array<vec2<f32>>;
 
 /// The sums of one column of eight cells: four rows in each vector.
 struct Column {
@@ -40,15 +39,15 @@ struct Place {
     y_bottom: vec4<f32>,
     oblique_top: vec4<f32>,
     oblique_bottom: vec4<f32>,
+    /// Where the row with the invocation's number lies, pixels.
+    y_lane: f32,
+    /// The picture's middle, pixels, and the focal length.
+    axis: vec2<f32>,
+    focal: f32,
     /// The tile's middle and half its edge, pixels.
     middle: vec2<f32>,
     half_edge: f32,
 }
-
-/// Kinds of splats.
-const SAMPLED: u32 = 0u;
-const SMALL: u32 = 1u;
-const EVERYWHERE: u32 = 2u;
 
 const ROWS: vec4<f32> = vec4<f32>(0.0, 1.0, 2.0, 3.0);
 
@@ -56,7 +55,7 @@ const ROWS: vec4<f32> = vec4<f32>(0.0, 1.0, 2.0, 3.0);
 /// it unless the eye is inside it; only splats in the bin EVERYWHERE are near enough for that.
 fn add_sampled(column: ptr<function, Column>, place: Place, splat: Splat, kind: u32) {
     let form = vec3(splat.head.zw, splat.tail.x);
-    let profile = box_profile(view.profile, view.laplacian, (form.x + form.z) / 24.0);
+    let profile = box_profile((form.x + form.z) / 24.0);
     let dx = place.x - splat.head.x;
     let xx = form.x * dx * dx;
     let xy = 2.0 * form.y * dx;
@@ -66,11 +65,10 @@ fn add_sampled(column: ptr<function, Column>, place: Place, splat: Splat, kind: 
     var u_top = fma(dy_top, fma(dy_top, vec4(form.z), vec4(xy)), vec4(xx)) * place.oblique_top;
     var u_bottom = fma(dy_bottom, fma(dy_bottom, vec4(form.z), vec4(xy)), vec4(xx)) * place.oblique_bottom;
     if kind == EVERYWHERE && splat.tail.w > 0.0 {
-        let middle = 0.5 * vec2<f32>(view.size);
-        let along = (splat.head.xy - middle) / (view.focal * view.focal);
-        let across = 1.0 + along.x * (place.x - middle.x);
-        u_top = select(vec4(1.0), u_top, across + along.y * (place.y_top - middle.y) > vec4(0.0));
-        u_bottom = select(vec4(1.0), u_bottom, across + along.y * (place.y_bottom - middle.y) > vec4(0.0));
+        let along = (splat.head.xy - place.axis) / (place.focal * place.focal);
+        let across = 1.0 + along.x * (place.x - place.axis.x);
+        u_top = select(vec4(1.0), u_top, across + along.y * (place.y_top - place.axis.y) > vec4(0.0));
+        u_bottom = select(vec4(1.0), u_bottom, across + along.y * (place.y_bottom - place.axis.y) > vec4(0.0));
     }
 #else
     let u_top = fma(dy_top * form.z, dy_top, vec4(xx));
@@ -84,50 +82,62 @@ fn add_sampled(column: ptr<function, Column>, place: Place, splat: Splat, kind: 
     (*column).ps_bottom = fma(f_bottom, vec4(splat.tail.z), (*column).ps_bottom);
 }
 
-/// The integrals over the interval of one pixel around each of four positions.
-fn small_rows(dy: vec4<f32>, scale: f32) -> array<vec4<f32>, 3> {
-    var first: vec4<f32>;
-    var second: vec4<f32>;
-    var slope: vec4<f32>;
-    // Five edges bound four pixels.
-    let top = (dy.x - 0.5) * scale;
-    var first_before = cumulative(view.first, top);
-    var second_before = cumulative(view.second, top);
-#ifdef PERSPECTIVE
-    var slope_before = density(view.first, top);
-#endif
-    for (var i = 0; i < 4; i++) {
-        let edge = (dy.x + 0.5 + f32(i)) * scale;
-        let first_after = cumulative(view.first, edge);
-        let second_after = cumulative(view.second, edge);
-        first[i] = first_after - first_before;
-        second[i] = second_after - second_before;
-        first_before = first_after;
-        second_before = second_after;
-#ifdef PERSPECTIVE
-        let slope_after = density(view.first, edge);
-        slope[i] = slope_after - slope_before;
-        slope_before = slope_after;
-#endif
-    }
-    return array<vec4<f32>, 3>(first, second, slope * scale);
+/// A value for each of the eight rows.
+struct Rows {
+    top: vec4<f32>,
+    bottom: vec4<f32>,
 }
+
+#ifdef SUBGROUP
+/// Every row's value, from the invocation with the row's number.
+fn gather_rows(value: f32) -> Rows {
+    return Rows(
+        vec4(subgroupShuffle(value, 0u), subgroupShuffle(value, 1u), subgroupShuffle(value, 2u), subgroupShuffle(value, 3u)),
+        vec4(subgroupShuffle(value, 4u), subgroupShuffle(value, 5u), subgroupShuffle(value, 6u), subgroupShuffle(value, 7u)),
+    );
+}
+#endif
 
 /// Adds a splat that is integrated over each pixel: a sum of products of functions of x and y, and for tilted ellipses
 /// the first order of their covariance.
 fn add_small(column: ptr<function, Column>, place: Place, splat: Splat) {
-    let left = (place.x - 0.5 - splat.head.x) * splat.head.z;
-    let right = (place.x + 0.5 - splat.head.x) * splat.head.z;
-    let first = cumulative(view.first, right) - cumulative(view.first, left);
-    let second = cumulative(view.second, right) - cumulative(view.second, left);
-    let top = small_rows(place.y_top - splat.head.y, splat.head.w);
-    let bottom = small_rows(place.y_bottom - splat.head.y, splat.head.w);
-    var f_top = first * top[0] - second * top[1];
-    var f_bottom = first * bottom[0] - second * bottom[1];
+    let x = (place.x - splat.head.x + vec2(-0.5, 0.5)) * splat.head.z;
+    // Integrals over the column's width, and over the heights of the rows.
+#ifdef SUBGROUP
+    let y = (place.y_lane - splat.head.y + vec2(-0.5, 0.5)) * splat.head.w;
+    let edges = vec4(x, y);
+    let u = first(edges);
+    let v = second(edges);
+    let y_first = gather_rows(u.w - u.z);
+    let y_second = gather_rows(v.w - v.z);
+#else
+    let edges = vec4(x, x);
+    let u = first(edges);
+    let v = second(edges);
+    let low_top = (place.y_top - splat.head.y - 0.5) * splat.head.w;
+    let high_top = low_top + splat.head.w;
+    let low_bottom = low_top + 4.0 * splat.head.w;
+    let high_bottom = low_bottom + splat.head.w;
+    let y_first = Rows(first(high_top) - first(low_top), first(high_bottom) - first(low_bottom));
+    let y_second = Rows(second(high_top) - second(low_top), second(high_bottom) - second(low_bottom));
+#endif
+    let x_first = u.y - u.x;
+    let x_second = v.y - v.x;
+    var f_top = x_first * y_first.top - x_second * y_second.top;
+    var f_bottom = x_first * y_first.bottom - x_second * y_second.bottom;
 #ifdef PERSPECTIVE
-    let slope = splat.tail.x * splat.head.z * (density(view.first, right) - density(view.first, left));
-    f_top = fma(vec4(slope), top[2], f_top);
-    f_bottom = fma(vec4(slope), bottom[2], f_bottom);
+    let slope = first_slope(edges);
+    let x_slope = splat.tail.x * splat.head.z * splat.head.w * (slope.y - slope.x);
+#ifdef SUBGROUP
+    let y_slope = gather_rows(slope.w - slope.z);
+#else
+    let y_slope = Rows(
+        first_slope(high_top) - first_slope(low_top),
+        first_slope(high_bottom) - first_slope(low_bottom),
+    );
+#endif
+    f_top = fma(vec4(x_slope), y_slope.top, f_top);
+    f_bottom = fma(vec4(x_slope), y_slope.bottom, f_bottom);
 #endif
     (*column).p_top = fma(f_top, vec4(splat.tail.y), (*column).p_top);
     (*column).p_bottom = fma(f_bottom, vec4(splat.tail.y), (*column).p_bottom);
@@ -146,7 +156,7 @@ fn add_range(column: ptr<function, Column>, place: Place, first: u32, last: u32,
 #ifdef SUBGROUP
     for (var base = first; base < last; base += 8u) {
         let at = base + lane;
-        let mine = splats[order[min(at, last - 1u)]];
+        let mine = splats[min(at, last - 1u)];
         var pending = subgroupBallot(at < last && touches(place, mine)).x;
         loop {
             if pending == 0u {
@@ -164,7 +174,7 @@ fn add_range(column: ptr<function, Column>, place: Place, first: u32, last: u32,
     }
 #else
     for (var at = first; at < last; at++) {
-        let splat = splats[order[at]];
+        let splat = splats[at];
         if touches(place, splat) {
             if kind == SMALL {
                 add_small(column, place, splat);
@@ -206,6 +216,9 @@ fn main(
         place.oblique_top[i] = oblique(view.size, view.focal, view.perspective, vec2(place.x, place.y_top[i]));
         place.oblique_bottom[i] = oblique(view.size, view.focal, view.perspective, vec2(place.x, place.y_bottom[i]));
     }
+    place.y_lane = corner.y + (f32(local.x) + 0.5) * grid.scale;
+    place.axis = 0.5 * vec2<f32>(view.size);
+    place.focal = view.focal;
     place.middle = corner + 4.0 * grid.scale;
     place.half_edge = 4.0 * grid.scale;
 

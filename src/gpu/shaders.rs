@@ -1,23 +1,33 @@
 //! The shaders, embedded in the program so that an installed one needs no folder beside it.
 
+use super::splat::constants;
 use bevy::asset::io::embedded::EmbeddedAssetRegistry;
 use bevy::prelude::*;
 use bevy::shader::Shader;
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
 #[cfg(test)]
 mod tests;
 
-/// Every shader: its path under `shaders/` and its text.
+/// Every shader that is a file: its path under `shaders/` and its text.
 pub const SHADERS: &[(&str, &str)] = &[
     ("lib/splat_view.wgsl", include_str!("../../shaders/lib/splat_view.wgsl")),
+    ("lib/particle.wgsl", include_str!("../../shaders/lib/particle.wgsl")),
+    ("lib/projection.wgsl", include_str!("../../shaders/lib/projection.wgsl")),
     ("lib/kernel.wgsl", include_str!("../../shaders/lib/kernel.wgsl")),
     ("splat/project.wgsl", include_str!("../../shaders/splat/project.wgsl")),
-    ("splat/sort.wgsl", include_str!("../../shaders/splat/sort.wgsl")),
+    ("splat/scan.wgsl", include_str!("../../shaders/splat/scan.wgsl")),
     ("splat/accumulate.wgsl", include_str!("../../shaders/splat/accumulate.wgsl")),
     ("splat/reconstruct.wgsl", include_str!("../../shaders/splat/reconstruct.wgsl")),
     ("composite/composite.wgsl", include_str!("../../shaders/composite/composite.wgsl")),
 ];
+
+/// Every shader: those that are files, and the constants that Rust shares with them.
+pub fn sources() -> impl Iterator<Item = (&'static str, Cow<'static, str>)> {
+    let files = SHADERS.iter().map(|&(path, text)| (path, Cow::Borrowed(text)));
+    files.chain(std::iter::once((constants::PATH, Cow::Owned(constants::wgsl()))))
+}
 
 /// The shaders that others import; held, or the imports would never resolve.
 #[derive(Resource)]
@@ -29,13 +39,13 @@ pub struct ShaderPlugin;
 impl Plugin for ShaderPlugin {
     fn build(&self, app: &mut App) {
         let registry = app.world_mut().resource_mut::<EmbeddedAssetRegistry>();
-        for (path, text) in SHADERS {
+        for (path, text) in sources() {
             let full = Path::new(env!("CARGO_MANIFEST_DIR")).join("shaders").join(path);
-            registry.insert_asset(full, &PathBuf::from("deepfield").join(path), text.as_bytes());
+            registry.insert_asset(full, &PathBuf::from("deepfield").join(path), text.into_owned().into_bytes());
         }
         let server = app.world().resource::<AssetServer>();
         let library =
-            SHADERS.iter().filter(|(path, _)| path.starts_with("lib/")).map(|(path, _)| load(server, path)).collect();
+            sources().filter(|(path, _)| path.starts_with("lib/")).map(|(path, _)| load(server, path)).collect();
         app.insert_resource(ShaderLibrary(library));
     }
 }

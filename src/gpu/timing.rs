@@ -12,7 +12,7 @@ pub struct PassTimes {
 }
 
 /// The passes that are timed.
-pub const PASSES: &[&str] = &["project", "sort", "accumulate", "reconstruct", "composite"];
+pub const PASSES: &[&str] = &["project", "accumulate", "reconstruct", "composite"];
 
 impl PassTimes {
     /// Takes over what has been measured since the last call.

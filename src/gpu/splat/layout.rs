@@ -19,6 +19,8 @@ pub const MAX_LEVELS: usize = 16;
 pub const RECONSTRUCTION_TAPS: u32 = 8;
 /// Cells that four finer cells are reconstructed from, along each axis.
 pub const RECONSTRUCTION_WINDOW: u32 = RECONSTRUCTION_TAPS + 2;
+/// Cells of the finer level that one invocation of the reconstruction fills, along x and y.
+pub const RECONSTRUCTED: [u32; 2] = [4, 16];
 /// Cells around the picture in every level but the finest, so that the filter finds all it needs. Even.
 pub const PAD: u32 = RECONSTRUCTION_TAPS;
 
@@ -62,14 +64,6 @@ pub struct SplatUniform {
     pub up: [f32; 4],
     /// Camera axis along the line of sight.
     pub forward: [f32; 4],
-    /// See [`Profile::profile`].
-    pub profile: [[f32; 4]; 3],
-    /// See [`Profile::laplacian`].
-    pub laplacian: [[f32; 4]; 3],
-    /// See [`Profile::first`].
-    pub first: [[f32; 4]; 2],
-    /// See [`Profile::second`].
-    pub second: [[f32; 4]; 2],
     /// Picture size, pixels.
     pub size: [u32; 2],
     /// Pixels per world unit (at depth 1 in perspective).
@@ -82,8 +76,8 @@ pub struct SplatUniform {
     pub fixed_radius: f32,
     /// See [`Profile::moment`].
     pub moment: f32,
-    /// [`SAMPLED_RADIUS`].
-    pub sampled_radius: f32,
+    /// Padding.
+    pub unused: u32,
     /// Number of levels.
     pub level_count: u32,
     /// First bin of the small splats.
@@ -174,6 +168,8 @@ pub struct Grids {
     pub cells: u32,
     /// Tiles of the whole pyramid.
     pub tiles: u32,
+    /// The kernel that gives splats their shape.
+    pub kernel: Kernel,
 }
 
 impl Grids {
@@ -229,30 +225,25 @@ impl Grids {
             Footprint::Kernel(kernel) => (kernel, 0.0),
             Footprint::Pixels { radius } => (Kernel::CubicSpline, radius.clamp(0.01, MAX_PIXEL_RADIUS)),
         };
-        let profile = Profile::of(kernel);
         let axis = |axis: glam::DVec3| axis.as_vec3().extend(0.0).to_array();
         let uniform = SplatUniform {
             right: axis(view.right),
             up: axis(view.up),
             forward: axis(view.forward),
-            profile: profile.profile,
-            laplacian: profile.laplacian,
-            first: profile.first,
-            second: profile.second,
             size: [view.width, view.height],
             focal: focal as f32,
             near: 0.0,
             perspective: u32::from(perspective),
             fixed_radius,
-            moment: profile.moment,
-            sampled_radius: SAMPLED_RADIUS,
+            moment: Profile::of(kernel).moment,
+            unused: 0,
             level_count: level_count as u32,
             small_bin,
             everywhere_bin: bins,
             bin_count: bins + 1,
             levels,
         };
-        Grids { uniform, cells, tiles }
+        Grids { uniform, cells, tiles, kernel }
     }
 }
 
@@ -262,11 +253,11 @@ pub const MAX_PIXEL_RADIUS: f32 = 7.0;
 /// Weights of the cells at -4 .. 3 for a value at -1/4 of a cell: the least-squares solution for the spectra of cubic
 /// splines with radii from [`SAMPLED_RADIUS`] to twice that, reproducing constants and ramps exactly. Its error is
 /// 6e-4 in L2 for each axis.
-const RECONSTRUCTION: [f32; RECONSTRUCTION_TAPS as usize] =
+pub const RECONSTRUCTION: [f32; RECONSTRUCTION_TAPS as usize] =
     [-0.005_387_49, 0.028_831_85, -0.091_422_73, 0.291_506_86, 0.875_815_4, -0.128_552_04, 0.035_465_39, -0.006_257_25];
 
 /// What each cell of a reconstruction window gives to each of four finer cells.
-pub fn reconstruction_weights() -> [[f32; 4]; RECONSTRUCTION_WINDOW as usize] {
+pub fn reconstruction_window() -> [[f32; 4]; RECONSTRUCTION_WINDOW as usize] {
     let mut weights = [[0.0; 4]; RECONSTRUCTION_WINDOW as usize];
     // The window's first cell lies at -4; finer cell k lies at k/2 - 1/4. Even ones lie a quarter before the cell k/2,
     // odd ones a quarter behind it, which is the mirror image.

@@ -2,8 +2,8 @@
 //!
 //! Passes, for each camera with a [`super::SplatView`]:
 //!
-//! 1. `project`: decode, project, cull; each splat finds its pyramid level by its radius, and its bin of 8 x 8 cells.
-//! 2. `scan`, `scatter`: splats in the order of their bins.
+//! 1. `count`: decode, project, cull; each splat finds its pyramid level by its radius, and its bin of 8 x 8 cells.
+//! 2. `scan`, `place`: splats in the order of their bins.
 //! 3. `accumulate`: every 8 x 8 tile of every level sums the splats of the bins around it, in registers. Splats below
 //!    [`layout::SAMPLED_RADIUS`] pixels are integrated over pixels (their weight is conserved exactly), larger ones are
 //!    sampled at the cell centres of their level, with the second-order correction from sample to pixel mean. So a
@@ -13,6 +13,7 @@
 //! Why bins instead of one atomic addition for each splat and cell: on a software driver an atomic addition costs about
 //! 20 ns, an evaluation in a vector of eight cells below 1 ns.
 
+pub mod constants;
 pub mod layout;
 pub mod profile;
 

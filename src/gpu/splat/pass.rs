@@ -1,11 +1,11 @@
 //! Encodes the splat passes of one camera.
 
-use super::layout::TILE;
+use super::layout::RECONSTRUCTED;
 use super::pipeline::SplatPipelines;
-use super::prepare::SplatBuffers;
+use super::prepare::{Batch, SplatBuffers};
 use bevy::prelude::*;
 use bevy::render::diagnostic::RecordDiagnostics;
-use bevy::render::render_resource::{ComputePassDescriptor, PipelineCache};
+use bevy::render::render_resource::{ComputePass, ComputePassDescriptor, ComputePipeline, PipelineCache};
 use bevy::render::renderer::{RenderContext, ViewQuery};
 use std::sync::atomic::Ordering;
 
@@ -13,6 +13,19 @@ use std::sync::atomic::Ordering;
 fn groups(count: u32) -> (u32, u32) {
     const ROW: u32 = 32768;
     if count <= ROW { (count, 1) } else { (ROW, count.div_ceil(ROW)) }
+}
+
+/// Invocations of a workgroup of `reconstruct`, along each axis.
+const RECONSTRUCT_GROUP: u32 = 8;
+
+/// One workgroup for each block of particles.
+fn for_blocks(pass: &mut ComputePass<'_>, pipeline: &ComputePipeline, batch: &Batch) {
+    pass.set_pipeline(pipeline);
+    for (bindings, blocks) in &batch.project {
+        pass.set_bind_group(0, bindings, &[]);
+        let (x, y) = groups(*blocks);
+        pass.dispatch_workgroups(x, y, 1);
+    }
 }
 
 /// Accumulates `P` and `P S` of the camera's particles.
@@ -29,11 +42,11 @@ pub fn accumulate_splats(
     let Some(pipelines) = pipelines else { return };
     let uniform = &buffers.grids.uniform;
     let get = |id| cache.get_compute_pipeline(id);
-    let (Some(project), Some(scan), Some(scatter), Some(accumulate), Some(reconstruct)) = (
-        get(pipelines.project),
+    let (Some(count), Some(scan), Some(place), Some(accumulate), Some(reconstruct)) = (
+        get(pipelines.count),
         get(pipelines.scan),
-        get(pipelines.scatter),
-        get(pipelines.accumulate[usize::from(uniform.perspective != 0)]),
+        get(pipelines.place),
+        pipelines.accumulate(buffers.grids.kernel, uniform.perspective != 0).and_then(get),
         get(pipelines.reconstruct),
     ) else {
         return;
@@ -48,24 +61,11 @@ pub fn accumulate_splats(
         encoder.clear_buffer(&buffers.starts, 0, None);
         {
             let mut pass = encoder.begin_compute_pass(&descriptor);
-            pass.set_pipeline(project);
-            for (bindings, blocks) in &batch.project {
-                pass.set_bind_group(0, bindings, &[]);
-                let (x, y) = groups(*blocks);
-                pass.dispatch_workgroups(x, y, 1);
-            }
-        }
-        span.end(encoder);
-
-        let span = diagnostics.time_span(encoder, "sort");
-        {
-            let mut pass = encoder.begin_compute_pass(&descriptor);
-            pass.set_bind_group(0, &batch.sort, &[]);
+            for_blocks(&mut pass, count, batch);
             pass.set_pipeline(scan);
+            pass.set_bind_group(0, &buffers.scan, &[]);
             pass.dispatch_workgroups(1, 1, 1);
-            pass.set_pipeline(scatter);
-            let (x, y) = groups(batch.splats.div_ceil(64));
-            pass.dispatch_workgroups(x, y, 1);
+            for_blocks(&mut pass, place, batch);
         }
         span.end(encoder);
 
@@ -87,7 +87,8 @@ pub fn accumulate_splats(
         for level in (1..uniform.level_count).rev() {
             let finer = &uniform.levels[level as usize - 1];
             pass.set_bind_group(0, &buffers.reconstruct, &[SplatBuffers::pass_offset(false, level)]);
-            pass.dispatch_workgroups(finer.width.div_ceil(4 * TILE), finer.height.div_ceil(4 * TILE), 1);
+            let [x, y] = RECONSTRUCTED.map(|cells| cells * RECONSTRUCT_GROUP);
+            pass.dispatch_workgroups(finer.width.div_ceil(x), finer.height.div_ceil(y), 1);
         }
     }
     span.end(encoder);

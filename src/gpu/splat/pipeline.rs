@@ -1,8 +1,11 @@
 //! The compute pipelines of the splat passes.
 
-use super::layout::{Pass, RECONSTRUCTION_WINDOW, SplatUniform};
+use super::constants::kernel_defs;
+use super::layout::{Pass, SplatUniform};
 use crate::gpu::shaders;
+use crate::model::Kernel;
 use bevy::asset::AssetServer;
+use bevy::platform::collections::HashMap;
 use bevy::prelude::*;
 use bevy::render::render_resource::binding_types::{
     storage_buffer_read_only_sized, storage_buffer_sized, uniform_buffer_sized,
@@ -21,32 +24,33 @@ const TILES_PER_GROUP: u32 = 8;
 /// Layouts and pipelines.
 #[derive(Resource)]
 pub struct SplatPipelines {
-    /// Bindings of `project`.
+    /// Bindings of `count` and `place`.
     pub project_layout: BindGroupLayoutDescriptor,
-    /// Bindings of `scan` and `scatter`.
-    pub sort_layout: BindGroupLayoutDescriptor,
+    /// Bindings of `scan`.
+    pub scan_layout: BindGroupLayoutDescriptor,
     /// Bindings of `accumulate`.
     pub accumulate_layout: BindGroupLayoutDescriptor,
     /// Bindings of `reconstruct`.
     pub reconstruct_layout: BindGroupLayoutDescriptor,
     /// One workgroup a block.
-    pub project: CachedComputePipelineId,
+    pub count: CachedComputePipelineId,
     /// One workgroup.
     pub scan: CachedComputePipelineId,
-    /// One invocation a splat.
-    pub scatter: CachedComputePipelineId,
-    /// One workgroup for `tiles_per_group` tiles; orthographic and perspective.
-    pub accumulate: [CachedComputePipelineId; 2],
+    /// One workgroup a block.
+    pub place: CachedComputePipelineId,
+    /// See [`SplatPipelines::accumulate`].
+    accumulate: HashMap<(Kernel, bool), CachedComputePipelineId>,
+    accumulate_shader: Handle<Shader>,
     /// Tiles that a workgroup of `accumulate` fills.
     pub tiles_per_group: u32,
-    /// One workgroup for 32 x 32 finer cells.
+    /// One workgroup for 8 x 8 times [`super::layout::RECONSTRUCTED`] finer cells.
     pub reconstruct: CachedComputePipelineId,
 }
 
 impl SplatPipelines {
     /// Every pipeline.
     fn ids(&self) -> impl Iterator<Item = CachedComputePipelineId> {
-        [self.project, self.scan, self.scatter, self.reconstruct].into_iter().chain(self.accumulate)
+        [self.count, self.scan, self.place, self.reconstruct].into_iter().chain(self.accumulate.values().copied())
     }
 
     /// The first compile error among the pipelines, if any failed. A shader that is still being read is no error: Bevy
@@ -60,16 +64,33 @@ impl SplatPipelines {
         })
     }
 
-    /// Whether all are compiled.
-    pub fn ready(&self, cache: &PipelineCache) -> bool {
-        self.ids().all(|id| cache.get_compute_pipeline(id).is_some())
+    /// The pipeline of `accumulate` for a kernel and a projection, if it has been asked for: one workgroup for
+    /// `tiles_per_group` tiles.
+    pub fn accumulate(&self, kernel: Kernel, perspective: bool) -> Option<CachedComputePipelineId> {
+        self.accumulate.get(&(kernel, perspective)).copied()
+    }
+
+    /// Has the pipeline of `accumulate` compiled for a kernel and a projection.
+    pub fn ask_for(&mut self, kernel: Kernel, perspective: bool, cache: &PipelineCache) {
+        let subgroup = self.tiles_per_group == 1;
+        self.accumulate.entry((kernel, perspective)).or_insert_with(|| {
+            queue(
+                cache,
+                "deepfield accumulate",
+                &self.accumulate_layout,
+                &self.accumulate_shader,
+                "main",
+                accumulate_defs(kernel, perspective, subgroup),
+            )
+        });
     }
 }
 
 /// Shader definitions of the accumulate pass.
-pub fn accumulate_defs(perspective: bool, subgroup: bool) -> Vec<ShaderDefVal> {
+pub fn accumulate_defs(kernel: Kernel, perspective: bool, subgroup: bool) -> Vec<ShaderDefVal> {
     let tiles = if subgroup { 1 } else { TILES_PER_GROUP };
-    let mut defs = vec![ShaderDefVal::UInt("TILES_PER_GROUP".into(), tiles)];
+    let mut defs = kernel_defs(kernel);
+    defs.push(ShaderDefVal::UInt("TILES_PER_GROUP".into(), tiles));
     if perspective {
         defs.push("PERSPECTIVE".into());
     }
@@ -77,11 +98,6 @@ pub fn accumulate_defs(perspective: bool, subgroup: bool) -> Vec<ShaderDefVal> {
         defs.push("SUBGROUP".into());
     }
     defs
-}
-
-/// Shader definitions of the reconstruct pass.
-pub fn reconstruct_defs() -> Vec<ShaderDefVal> {
-    vec![ShaderDefVal::UInt("WINDOW".into(), RECONSTRUCTION_WINDOW)]
 }
 
 /// Creates the pipelines at start-up, and again after a lost device.
@@ -106,56 +122,56 @@ pub fn init_splat_pipelines(
             (view(), read(), read(), read(), read(), write(), write(), write()),
         ),
     );
-    let sort_layout = BindGroupLayoutDescriptor::new(
-        "deepfield sort",
-        &BindGroupLayoutEntries::sequential(compute, (view(), write(), read(), write())),
+    let scan_layout = BindGroupLayoutDescriptor::new(
+        "deepfield scan",
+        &BindGroupLayoutEntries::sequential(compute, (view(), write())),
     );
     let accumulate_layout = BindGroupLayoutDescriptor::new(
         "deepfield accumulate",
-        &BindGroupLayoutEntries::sequential(compute, (view(), pass(), read(), read(), read(), write())),
+        &BindGroupLayoutEntries::sequential(compute, (view(), pass(), read(), read(), write())),
     );
-    let weights = uniform(RECONSTRUCTION_WINDOW as usize * 16);
     let reconstruct_layout = BindGroupLayoutDescriptor::new(
         "deepfield reconstruct",
-        &BindGroupLayoutEntries::sequential(compute, (view(), pass(), weights, write())),
+        &BindGroupLayoutEntries::sequential(compute, (view(), pass(), write())),
     );
 
     // A CPU driver runs a subgroup as one vector: there the lanes share what they load.
     let subgroup = device.features().contains(WgpuFeatures::SUBGROUP)
         && adapter.subgroup_min_size == 8
         && adapter.subgroup_max_size == 8;
-    let queue = |label: &'static str,
-                 layout: &BindGroupLayoutDescriptor,
-                 shader: &Handle<Shader>,
-                 entry: &'static str,
-                 shader_defs: Vec<ShaderDefVal>| {
-        cache.queue_compute_pipeline(ComputePipelineDescriptor {
-            label: Some(label.into()),
-            layout: vec![layout.clone()],
-            shader: shader.clone(),
-            entry_point: Some(entry.into()),
-            shader_defs,
-            ..default()
-        })
-    };
     let project = shaders::load(&server, "splat/project.wgsl");
-    let sort = shaders::load(&server, "splat/sort.wgsl");
-    let accumulate = shaders::load(&server, "splat/accumulate.wgsl");
+    let scan = shaders::load(&server, "splat/scan.wgsl");
     let reconstruct = shaders::load(&server, "splat/reconstruct.wgsl");
     let pipelines = SplatPipelines {
-        project: queue("deepfield project", &project_layout, &project, "main", vec![]),
-        scan: queue("deepfield scan", &sort_layout, &sort, "scan", vec![]),
-        scatter: queue("deepfield scatter", &sort_layout, &sort, "scatter", vec![]),
-        accumulate: [false, true].map(|perspective| {
-            let defs = accumulate_defs(perspective, subgroup);
-            queue("deepfield accumulate", &accumulate_layout, &accumulate, "main", defs)
-        }),
-        reconstruct: queue("deepfield reconstruct", &reconstruct_layout, &reconstruct, "main", reconstruct_defs()),
+        count: queue(&cache, "deepfield count", &project_layout, &project, "count", vec![]),
+        scan: queue(&cache, "deepfield scan", &scan_layout, &scan, "main", vec![]),
+        place: queue(&cache, "deepfield place", &project_layout, &project, "place", vec![]),
+        accumulate: HashMap::default(),
+        accumulate_shader: shaders::load(&server, "splat/accumulate.wgsl"),
+        reconstruct: queue(&cache, "deepfield reconstruct", &reconstruct_layout, &reconstruct, "main", vec![]),
         tiles_per_group: if subgroup { 1 } else { TILES_PER_GROUP },
         project_layout,
-        sort_layout,
+        scan_layout,
         accumulate_layout,
         reconstruct_layout,
     };
     commands.insert_resource(pipelines);
+}
+
+fn queue(
+    cache: &PipelineCache,
+    label: &'static str,
+    layout: &BindGroupLayoutDescriptor,
+    shader: &Handle<Shader>,
+    entry: &'static str,
+    shader_defs: Vec<ShaderDefVal>,
+) -> CachedComputePipelineId {
+    cache.queue_compute_pipeline(ComputePipelineDescriptor {
+        label: Some(label.into()),
+        layout: vec![layout.clone()],
+        shader: shader.clone(),
+        entry_point: Some(entry.into()),
+        shader_defs,
+        ..default()
+    })
 }

@@ -3,7 +3,7 @@
 //! The CPU's work grows with the nodes in the picture (and one block for each [`BLOCK`] particles), not with particles.
 //! A picture whose camera, nodes and arena are what they were is not accumulated again.
 
-use super::layout::{Block, Grids, Node, PLACE_BYTES, Pass, SPLAT_BYTES, reconstruction_weights};
+use super::layout::{Block, Grids, Node, PLACE_BYTES, Pass, SPLAT_BYTES};
 use super::pipeline::SplatPipelines;
 use crate::gpu::arena::Arena;
 use crate::gpu::view::{DrawItem, Footprint, SplatView};
@@ -29,7 +29,6 @@ const ALIGNMENT: u64 = 256;
 pub struct Scratch {
     splats: Option<Buffer>,
     places: Option<Buffer>,
-    order: Option<Buffer>,
     starts: Option<Buffer>,
 }
 
@@ -37,10 +36,6 @@ pub struct Scratch {
 pub struct Batch {
     /// For each chunk: bindings and number of blocks.
     pub project: Vec<(BindGroup, u32)>,
-    /// Bindings of `scan` and `scatter`.
-    pub sort: BindGroup,
-    /// Number of splats.
-    pub splats: u32,
 }
 
 /// What the passes of one view need; on the render world's camera.
@@ -54,6 +49,8 @@ pub struct SplatBuffers {
     pub starts: Buffer,
     /// The batches, in order.
     pub batches: Vec<Batch>,
+    /// Bindings of `scan`.
+    pub scan: BindGroup,
     /// Bindings of `accumulate`.
     pub accumulate: BindGroup,
     /// Bindings of `reconstruct`.
@@ -64,7 +61,6 @@ pub struct SplatBuffers {
     pub accumulated: AtomicBool,
     uniform: Buffer,
     passes: Buffer,
-    weights: Buffer,
     nodes: Buffer,
     blocks: Buffer,
     key: Key,
@@ -186,12 +182,12 @@ pub fn prepare_splats(
     mut cameras: Query<(Entity, &SplatView, Option<&mut SplatBuffers>)>,
     arena: Res<Arena>,
     mut scratch: ResMut<Scratch>,
-    pipelines: Option<Res<SplatPipelines>>,
+    pipelines: Option<ResMut<SplatPipelines>>,
     cache: Res<PipelineCache>,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
 ) {
-    let Some(pipelines) = pipelines else { return };
+    let Some(mut pipelines) = pipelines else { return };
     for (entity, view, mut before) in &mut cameras {
         let key =
             Key { view: view.view, footprint: view.footprint, items: view.items.clone(), generation: arena.generation };
@@ -204,7 +200,8 @@ pub fn prepare_splats(
             before.always = view.always;
             continue;
         }
-        let buffers = build(key, view, before.as_deref(), &arena, &mut scratch, &pipelines, &cache, (&device, &queue));
+        let buffers =
+            build(key, view, before.as_deref(), &arena, &mut scratch, &mut pipelines, &cache, (&device, &queue));
         match before {
             Some(mut before) => *before = buffers,
             None => {
@@ -220,13 +217,14 @@ fn build(
     before: Option<&SplatBuffers>,
     arena: &Arena,
     scratch: &mut Scratch,
-    pipelines: &SplatPipelines,
+    pipelines: &mut SplatPipelines,
     cache: &PipelineCache,
     (device, queue): (&RenderDevice, &RenderQueue),
 ) -> SplatBuffers {
     let storage = BufferUsages::STORAGE | BufferUsages::COPY_DST;
     let uniforms = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
     let grids = Grids::new(&view.view, view.footprint);
+    pipelines.ask_for(grids.kernel, grids.uniform.perspective != 0, cache);
     let limit = device.limits().max_storage_buffer_binding_size;
     let capacity = MAX_BATCH.min(limit / (SPLAT_BYTES + SPLAT_BYTES / 4)).max(1) as u32;
     let list = DrawList::new(view, arena, capacity);
@@ -243,12 +241,6 @@ fn build(
             let pass = Pass { add: u32::from(index == 1), level: index.saturating_sub(1), unused: [0; 2] };
             queue.write_buffer(&buffer, u64::from(index) * ALIGNMENT, bytemuck::bytes_of(&pass));
         }
-        buffer
-    });
-    let weights = kept(|b| &b.weights).unwrap_or_else(|| {
-        let weights = reconstruction_weights();
-        let buffer = at_least(None, size_of_val(&weights) as u64, uniforms, "deepfield reconstruction", device);
-        queue.write_buffer(&buffer, 0, bytemuck::bytes_of(&weights));
         buffer
     });
     let node_bytes: &[u8] = bytemuck::cast_slice(&list.nodes);
@@ -275,7 +267,6 @@ fn build(
     };
     let splats = scratch_buffer(|s| &mut s.splats, most * SPLAT_BYTES, storage, "deepfield splats");
     let places = scratch_buffer(|s| &mut s.places, most * PLACE_BYTES, storage, "deepfield splat places");
-    let order = scratch_buffer(|s| &mut s.order, most * 4, storage, "deepfield splat order");
     let starts_bytes = u64::from(grids.uniform.bin_count + 1) * 4;
     let starts =
         scratch_buffer(|s| &mut s.starts, starts_bytes, storage | BufferUsages::COPY_SRC, "deepfield splat bins");
@@ -285,7 +276,7 @@ fn build(
     let batches = list
         .batches
         .iter()
-        .map(|(ranges, count)| Batch {
+        .map(|(ranges, _)| Batch {
             project: ranges
                 .iter()
                 .map(|&(chunk, first, count)| {
@@ -299,27 +290,21 @@ fn build(
                             slice(&blocks, bytes(first), bytes(count)),
                             arena.chunk(chunk).as_entire_binding(),
                             tables.as_entire_binding(),
-                            splats.as_entire_binding(),
                             places.as_entire_binding(),
                             starts.as_entire_binding(),
+                            splats.as_entire_binding(),
                         )),
                     );
                     (group, count as u32)
                 })
                 .collect(),
-            sort: device.create_bind_group(
-                "deepfield sort",
-                &cache.get_bind_group_layout(&pipelines.sort_layout),
-                &BindGroupEntries::sequential((
-                    view_binding(),
-                    starts.as_entire_binding(),
-                    slice(&places, 0, u64::from((*count).max(1)) * PLACE_BYTES),
-                    order.as_entire_binding(),
-                )),
-            ),
-            splats: *count,
         })
         .collect();
+    let scan = device.create_bind_group(
+        "deepfield scan",
+        &cache.get_bind_group_layout(&pipelines.scan_layout),
+        &BindGroupEntries::sequential((view_binding(), starts.as_entire_binding())),
+    );
     let pass_size = size_of::<Pass>() as u64;
     let accumulate = device.create_bind_group(
         "deepfield accumulate",
@@ -328,7 +313,6 @@ fn build(
             view_binding(),
             slice(&passes, 0, pass_size),
             splats.as_entire_binding(),
-            order.as_entire_binding(),
             starts.as_entire_binding(),
             cells.as_entire_binding(),
         )),
@@ -336,25 +320,20 @@ fn build(
     let reconstruct = device.create_bind_group(
         "deepfield reconstruct",
         &cache.get_bind_group_layout(&pipelines.reconstruct_layout),
-        &BindGroupEntries::sequential((
-            view_binding(),
-            slice(&passes, 0, pass_size),
-            slice(&weights, 0, size_of_val(&reconstruction_weights()) as u64),
-            cells.as_entire_binding(),
-        )),
+        &BindGroupEntries::sequential((view_binding(), slice(&passes, 0, pass_size), cells.as_entire_binding())),
     );
     SplatBuffers {
         grids,
         cells,
         starts,
         batches,
+        scan,
         accumulate,
         reconstruct,
         always: view.always,
         accumulated: AtomicBool::new(false),
         uniform,
         passes,
-        weights,
         nodes,
         blocks,
         key,

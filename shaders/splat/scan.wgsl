@@ -1,19 +1,10 @@
-// Sorts splats by bin: the bins' sizes become their first places (`scan`), then each splat's index goes to its place
-// (`scatter`). Splats that lie nowhere are left out.
+// The bins' sizes become their first places in the order of splats.
 #import deepfield::splat_view::SplatView
 
-struct Place {
-    bin: u32,
-    rank: u32,
-}
-
-const NOWHERE: u32 = 0xffffffffu;
 const THREADS: u32 = 256u;
 
 @group(0) @binding(0) var<uniform> view: SplatView;
 @group(0) @binding(1) var<storage, read_write> starts: array<u32>;
-@group(0) @binding(2) var<storage, read> places: array<Place>;
-@group(0) @binding(3) var<storage, read_write> order: array<u32>;
 
 var<workgroup> sums: array<u32, THREADS>;
 
@@ -44,22 +35,5 @@ fn scan(@builtin(local_invocation_index) lane: u32) {
     }
     if lane == THREADS - 1u {
         starts[view.bin_count] = place;
-    }
-}
-
-// One invocation for each splat.
-@compute @workgroup_size(64)
-fn scatter(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    let i = (group.y * groups.x + group.x) * 64u + lane;
-    if i >= arrayLength(&places) {
-        return;
-    }
-    let place = places[i];
-    if place.bin != NOWHERE {
-        order[starts[place.bin] + place.rank] = i;
     }
 }

@@ -1,0 +1,100 @@
+// The particles of a picture: nodes, blocks of particles, and how a packed or raw particle is read.
+//
+// Whoever imports this has bindings 0 to 4 of group 0 taken. The Rust twins are in src/gpu/splat/layout.rs.
+#define_import_path deepfield::particle
+#import deepfield::splat_view::SplatView
+
+struct Node {
+    /// Camera-space position of the node's lowest corner, relative to the eye; computed in double precision.
+    origin: vec3<f32>,
+    /// World units per step of a packed coordinate.
+    step: f32,
+    /// Index of the first word of positions or of raw particles.
+    positions: u32,
+    /// Index of the first word of codes, two in a word.
+    codes: u32,
+    /// First entry of the node's table and number of its entries.
+    table: u32,
+    table_length: u32,
+    /// ENCODING_*.
+    encoding: u32,
+    /// Factor on every weight.
+    weight_scale: f32,
+    unused_a: u32,
+    unused_b: u32,
+}
+
+struct Block {
+    node: u32,
+    /// First particle in the node.
+    first: u32,
+    count: u32,
+    /// Where the first one's splat goes.
+    splat: u32,
+}
+
+struct Entry {
+    smoothing_length: f32,
+    weight: f32,
+    quantity: f32,
+}
+
+struct Particle {
+    /// Camera space: right, up, depth.
+    position: vec3<f32>,
+    smoothing_length: f32,
+    weight: f32,
+    quantity: f32,
+}
+
+const ENCODING_GRID: u32 = 0u;
+const ENCODING_LEAF: u32 = 1u;
+const ENCODING_WORLD: u32 = 2u;
+
+@group(0) @binding(0) var<uniform> view: SplatView;
+@group(0) @binding(1) var<storage, read> nodes: array<Node>;
+@group(0) @binding(2) var<storage, read> blocks: array<Block>;
+@group(0) @binding(3) var<storage, read> words: array<u32>;
+@group(0) @binding(4) var<storage, read> entries: array<Entry>;
+
+/// The camera's axes: rows of the rotation from world to camera. To be read once, not for each particle.
+fn camera_axes() -> mat3x3<f32> {
+    return transpose(mat3x3(view.right.xyz, view.up.xyz, view.forward.xyz));
+}
+
+fn load_packed(axes: mat3x3<f32>, node: Node, index: u32, leaf: bool) -> Particle {
+    // A packed coordinate stands for its step's centre.
+    let stride = select(1u, 2u, leaf);
+    let low = words[node.positions + index * stride];
+    let high = words[node.positions + index * stride + stride - 1u];
+    let grid = vec3(low & 0x3ffu, (low >> 10u) & 0x3ffu, (low >> 20u) & 0x3ffu);
+    let fine = vec3(low & 0x1fffffu, (low >> 21u) | ((high & 0x3ffu) << 11u), (high >> 10u) & 0x1fffffu);
+    let steps = vec3<f32>(select(grid, fine, leaf)) + 0.5;
+    let word = words[node.codes + (index >> 1u)];
+    let code = select(word & 0xffffu, word >> 16u, (index & 1u) == 1u);
+    let entry = entries[node.table + min(code, node.table_length - 1u)];
+    return Particle(node.origin + axes * (steps * node.step), entry.smoothing_length, entry.weight, entry.quantity);
+}
+
+fn load_raw(axes: mat3x3<f32>, node: Node, index: u32, world: bool) -> Particle {
+    let at = node.positions + 6u * index;
+    let position = vec3(bitcast<f32>(words[at]), bitcast<f32>(words[at + 1u]), bitcast<f32>(words[at + 2u]));
+    return Particle(
+        select(position, node.origin + axes * position, world),
+        bitcast<f32>(words[at + 3u]),
+        bitcast<f32>(words[at + 4u]),
+        bitcast<f32>(words[at + 5u]),
+    );
+}
+
+/// Particle `index` of a node, whatever its encoding.
+fn load_particle(axes: mat3x3<f32>, node: Node, index: u32) -> Particle {
+    var particle: Particle;
+    if node.encoding <= ENCODING_LEAF {
+        particle = load_packed(axes, node, index, node.encoding == ENCODING_LEAF);
+    } else {
+        particle = load_raw(axes, node, index, node.encoding == ENCODING_WORLD);
+    }
+    particle.weight *= node.weight_scale;
+    return particle;
+}

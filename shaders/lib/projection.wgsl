@@ -1,0 +1,115 @@
+// From a particle in camera space to its splat: where it lies in the picture, its shape there, and the pyramid level that
+// it is drawn in (F12 4.9.1).
+#define_import_path deepfield::projection
+#import deepfield::constants::{SAMPLED_RADIUS, TILE}
+#import deepfield::particle::{view, Particle}
+#import deepfield::splat_view::{Splat, SAMPLED, SMALL, EVERYWHERE, INVISIBLE}
+
+/// What the projection needs of the view; to be read once, not for each particle.
+struct Camera {
+    size: vec2<f32>,
+    focal: f32,
+    near: f32,
+    perspective: bool,
+    fixed_radius: f32,
+    moment: f32,
+    level_count: u32,
+    /// Bins around each level's cells.
+    margin: u32,
+}
+
+fn camera() -> Camera {
+    return Camera(
+        vec2<f32>(view.size),
+        view.focal,
+        view.near,
+        view.perspective != 0u,
+        view.fixed_radius,
+        view.moment,
+        view.level_count,
+        view.levels[0].margin,
+    );
+}
+
+struct Projected {
+    splat: Splat,
+    /// The pyramid level that it is drawn in.
+    level: u32,
+    /// SAMPLED, SMALL, EVERYWHERE or INVISIBLE.
+    kind: u32,
+}
+
+/// A particle's splat, and where it is drawn.
+fn project(camera: Camera, particle: Particle) -> Projected {
+    let p = particle.position;
+    let perspective = camera.perspective;
+    let half_size = 0.5 * camera.size;
+    let in_front = p.z > camera.near;
+    let depth = select(1.0, max(p.z, camera.near), perspective);
+    let magnification = camera.focal / depth;
+    let center = half_size + vec2(p.x, -p.y) * magnification;
+
+    // The smoothing length, or the length that has the wanted radius in pixels on the axis.
+    let h = select(particle.smoothing_length, camera.fixed_radius / magnification, camera.fixed_radius > 0.0);
+    let minor = h * magnification;
+
+    // The cone of rays that touch the particle: theta off the axis, alpha its half opening (F12 figure 4.7).
+    let distance_squared = dot(p, p);
+    let distance = sqrt(distance_squared);
+    let sin_alpha = min(h / distance, 1.0);
+    let cos_alpha = sqrt(max(1.0 - sin_alpha * sin_alpha, 0.0));
+    let cos_theta = p.z / distance;
+    let sin_theta = sqrt(max(1.0 - cos_theta * cos_theta, 0.0));
+    let cos_edge = cos_theta * cos_alpha - sin_theta * sin_alpha;
+    // The far side of the cone meets the picture at tan(theta + alpha), or never.
+    let far_side = camera.focal * sin_alpha / (cos_theta * max(cos_edge, 1.0e-3));
+    let is_point = camera.fixed_radius > 0.0;
+    let reach = select(minor, far_side, perspective && !is_point);
+
+    // Outside one of the four sides of the frustum by more than h?
+    let slope = half_size / camera.focal;
+    let side = (abs(p.xy) - slope * p.z) * inverseSqrt(1.0 + slope * slope);
+    let outside_cone = any(side > vec2(h));
+    let outside_box = any(abs(center - half_size) > half_size + minor);
+    let visible = in_front && h > 0.0 && minor > 0.0 && !select(outside_box, outside_cone, perspective && !is_point);
+
+    // F = w / h^2 Phi(q^2); for discs of fixed size w per pixel.
+    let inverse = 1.0 / h;
+    let amplitude = particle.weight * select(inverse * inverse, 1.0 / (minor * minor), is_point);
+    let weight = vec2(amplitude, amplitude * particle.quantity);
+    // q^2 = |p x d|^2 / (h^2 |ray|^2) for the step d from the centre's ray to the pixel's.
+    let e = inverse * inverse / (camera.focal * camera.focal);
+    let tilted = e * vec3(p.z * p.z + p.y * p.y, p.x * p.y, p.z * p.z + p.x * p.x);
+    let straight = vec3(1.0 / (minor * minor), 0.0, 1.0 / (minor * minor));
+    let form = select(straight, tilted, perspective && !is_point);
+
+    let ratio = minor / SAMPLED_RADIUS;
+    var result: Projected;
+    let signed_reach = select(reach, -reach, perspective && distance <= h);
+    result.splat = Splat(vec4(center, form.xy), vec4(form.z, weight, signed_reach));
+    // Small splats: integrals over pixels need the ellipse at the centre itself.
+    if ratio < 1.0 || is_point {
+        let local = form * select(1.0, p.z * p.z / distance_squared, perspective && !is_point);
+        let determinant = local.x * local.z - local.y * local.y;
+        let spread = vec3(local.z, -local.y, local.x) / determinant;
+        let radius = sqrt(spread.xz);
+        let whole = weight * inverseSqrt(determinant);
+        result.splat.head = vec4(center, 1.0 / radius);
+        result.splat.tail = vec4(spread.y * camera.moment, whole, max(radius.x, radius.y) + 0.5);
+        result.level = 0u;
+        result.kind = SMALL;
+    } else {
+        let level = min(u32(log2(ratio)), camera.level_count);
+        result.level = min(level, camera.level_count - 1u);
+        // A splat that reaches further than its level's margin of bins, or belongs to a level above the last, is
+        // evaluated in the last level, by every tile of it.
+        let everywhere = level >= camera.level_count || cos_edge < 0.02 && perspective
+            || reach > f32(TILE * camera.margin) * exp2(f32(result.level));
+        result.kind = select(SAMPLED, EVERYWHERE, everywhere);
+        result.level = select(result.level, camera.level_count - 1u, everywhere);
+    }
+    if !visible {
+        result.kind = INVISIBLE;
+    }
+    return result;
+}
