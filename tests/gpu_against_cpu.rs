@@ -56,6 +56,7 @@ impl Particles {
                 smoothing_length: self.smoothing_length[i],
                 weight: self.weight[i],
                 attribute: self.attribute[i],
+                unused: [0.0; 2],
             })
             .collect();
         HeadlessNode {

@@ -13,6 +13,9 @@ struct Composite {
     s_log: u32,
     /// Where the picture begins in the target, pixels.
     origin: vec2<f32>,
+    /// Cells from a row of the picture to the next.
+    stride: u32,
+    unused: u32,
 }
 
 const NO_ATTRIBUTE: u32 = 2u;
@@ -43,7 +46,7 @@ fn texel(x: u32, y: u32) -> vec4<f32> {
 @fragment
 fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
     let pixel = min(vec2<u32>(position.xy - composite.origin), composite.size - 1u);
-    let value = cells[pixel.y * composite.size.x + pixel.x];
+    let value = cells[pixel.y * composite.stride + pixel.x];
     let last = composite.lut_size - 1u;
     let x = place(value.x, composite.p_log != 0u, composite.p_map) * f32(last.x);
     let left = min(u32(x), max(last.x, 1u) - 1u);

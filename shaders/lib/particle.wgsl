@@ -1,6 +1,6 @@
 // The particles of a picture: nodes, blocks of particles, and how a packed or raw particle is read.
 //
-// Whoever imports this has bindings 0 to 4 of group 0 taken. The Rust twins are in src/gpu/splat/layout.rs.
+// Whoever imports this has bindings 0 to 5 of group 0 taken. The Rust twins are in src/gpu/splat/layout.rs.
 #define_import_path deepfield::particle
 #import deepfield::splat_view::SplatView
 
@@ -33,12 +33,6 @@ struct Block {
     splat: u32,
 }
 
-struct Entry {
-    smoothing_length: f32,
-    weight: f32,
-    quantity: f32,
-}
-
 struct Particle {
     /// Camera space: right, up, depth.
     position: vec3<f32>,
@@ -54,8 +48,12 @@ const ENCODING_WORLD: u32 = 2u;
 @group(0) @binding(0) var<uniform> view: SplatView;
 @group(0) @binding(1) var<storage, read> nodes: array<Node>;
 @group(0) @binding(2) var<storage, read> blocks: array<Block>;
+/// The chunk with the particles, as words and as vectors: a software driver loads each lane's value in a loop, and one
+/// loop for four numbers costs little more than for one.
 @group(0) @binding(3) var<storage, read> words: array<u32>;
-@group(0) @binding(4) var<storage, read> entries: array<Entry>;
+@group(0) @binding(4) var<storage, read> vectors: array<vec4<f32>>;
+/// Attribute tables: smoothing length, weight and attribute of each entry.
+@group(0) @binding(5) var<storage, read> entries: array<vec4<f32>>;
 
 /// The camera's axes: rows of the rotation from world to camera. To be read once, not for each particle.
 fn camera_axes() -> mat3x3<f32> {
@@ -73,18 +71,14 @@ fn load_packed(axes: mat3x3<f32>, node: Node, index: u32, leaf: bool) -> Particl
     let word = words[node.codes + (index >> 1u)];
     let code = select(word & 0xffffu, word >> 16u, (index & 1u) == 1u);
     let entry = entries[node.table + min(code, node.table_length - 1u)];
-    return Particle(node.origin + axes * (steps * node.step), entry.smoothing_length, entry.weight, entry.quantity);
+    return Particle(node.origin + axes * (steps * node.step), entry.x, entry.y, entry.z);
 }
 
 fn load_raw(axes: mat3x3<f32>, node: Node, index: u32, world: bool) -> Particle {
-    let at = node.positions + 6u * index;
-    let position = vec3(bitcast<f32>(words[at]), bitcast<f32>(words[at + 1u]), bitcast<f32>(words[at + 2u]));
-    return Particle(
-        select(position, node.origin + axes * position, world),
-        bitcast<f32>(words[at + 3u]),
-        bitcast<f32>(words[at + 4u]),
-        bitcast<f32>(words[at + 5u]),
-    );
+    let at = (node.positions >> 2u) + 2u * index;
+    let first = vectors[at];
+    let second = vectors[at + 1u];
+    return Particle(select(first.xyz, node.origin + axes * first.xyz, world), first.w, second.x, second.y);
 }
 
 /// Particle `index` of a node, whatever its encoding.

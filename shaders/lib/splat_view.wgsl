@@ -21,7 +21,18 @@ struct Level {
     margin: u32,
     /// Pixels per cell.
     scale: f32,
-    unused: u32,
+    /// First row in the atlas of the blended technique.
+    atlas_row: u32,
+}
+
+/// What differs between the passes of a picture.
+struct Pass {
+    /// 1: add to what is there; 0: overwrite.
+    add: u32,
+    /// The coarser level of a reconstruction.
+    level: u32,
+    /// Where the coarser level begins in the texture that holds it.
+    source: vec2<u32>,
 }
 
 struct SplatView {
@@ -31,6 +42,8 @@ struct SplatView {
     forward: vec4<f32>,
     /// Picture size, pixels.
     size: vec2<u32>,
+    /// Size of the atlas that the blended technique draws all levels into.
+    atlas: vec2<u32>,
     /// Pixels per world unit (at depth 1 in perspective).
     focal: f32,
     near: f32,
@@ -40,7 +53,6 @@ struct SplatView {
     fixed_radius: f32,
     /// Variance of the kernel along an axis, for h = 1.
     moment: f32,
-    unused: u32,
     level_count: u32,
     /// First of the bins for splats below the sampled radius; their grid is that of level 0.
     small_bin: u32,
@@ -48,6 +60,9 @@ struct SplatView {
     everywhere_bin: u32,
     /// Number of bins.
     bin_count: u32,
+    unused_a: u32,
+    unused_b: u32,
+    unused_c: u32,
     levels: array<Level, 16>,
 }
 
@@ -60,6 +75,11 @@ struct SplatView {
 struct Splat {
     head: vec4<f32>,
     tail: vec4<f32>,
+}
+
+/// Where a level begins in the atlas: the finest on the left, the others in a column on the right of it.
+fn atlas_corner(finest: Level, level: u32, grid: Level) -> vec2<u32> {
+    return vec2(select(finest.width, 0u, level == 0u), grid.atlas_row);
 }
 
 /// Kinds of splats.

@@ -7,16 +7,8 @@
 // With SUBGROUP (subgroups of exactly eight, as on a CPU driver) a workgroup is one subgroup: its lanes look at eight
 // splats at a time and then draw those that reach the tile one after the other. Without, each invocation looks at each
 // splat.
-#import deepfield::splat_view::{SplatView, Splat, oblique, SAMPLED, SMALL, EVERYWHERE}
+#import deepfield::splat_view::{SplatView, Pass, Splat, oblique, SAMPLED, SMALL, EVERYWHERE}
 #import deepfield::kernel::{box_profile, evaluate, first, second, first_slope}
-
-struct Pass {
-    /// 1: add to what is there; 0: overwrite.
-    add: u32,
-    level: u32,
-    unused_a: u32,
-    unused_b: u32,
-}
 
 @group(0) @binding(0) var<uniform> view: SplatView;
 @group(0) @binding(1) var<uniform> batch: Pass;
@@ -55,7 +47,7 @@ const ROWS: vec4<f32> = vec4<f32>(0.0, 1.0, 2.0, 3.0);
 /// it unless the eye is inside it; only splats in the bin EVERYWHERE are near enough for that.
 fn add_sampled(column: ptr<function, Column>, place: Place, splat: Splat, kind: u32) {
     let form = vec3(splat.head.zw, splat.tail.x);
-    let profile = box_profile((form.x + form.z) / 24.0);
+    let profile = box_profile((form.x + form.z) * (1.0 / 24.0));
     let dx = place.x - splat.head.x;
     let xx = form.x * dx * dx;
     let xy = 2.0 * form.y * dx;

@@ -9,17 +9,13 @@
 #import deepfield::projection::{camera, project, Projected}
 #import deepfield::splat_view::{Splat, SMALL, EVERYWHERE, INVISIBLE}
 
-struct Place {
-    bin: u32,
-    rank: u32,
-}
-
 const NOWHERE: u32 = 0xffffffffu;
 
-@group(0) @binding(5) var<storage, read_write> places: array<Place>;
+/// For each particle its bin and its place there.
+@group(0) @binding(6) var<storage, read_write> places: array<vec2<u32>>;
 /// Number of splats in each bin; then, for `place`, in the bins before it.
-@group(0) @binding(6) var<storage, read_write> bins: array<atomic<u32>>;
-@group(0) @binding(7) var<storage, read_write> splats: array<Splat>;
+@group(0) @binding(7) var<storage, read_write> bins: array<atomic<u32>>;
+@group(0) @binding(8) var<storage, read_write> splats: array<Splat>;
 
 /// The bin of a splat; NOWHERE if it cannot reach the picture. The grid of the small splats' bins is like level 0.
 fn bin_of(projected: Projected) -> u32 {
@@ -56,7 +52,7 @@ fn count(
         if bin != NOWHERE {
             rank = atomicAdd(&bins[bin], 1u);
         }
-        places[block.splat + i] = Place(bin, rank);
+        places[block.splat + i] = vec2(bin, rank);
     }
 }
 
@@ -76,9 +72,9 @@ fn place(
     let camera = camera();
     for (var i = lane; i < block.count; i += 64u) {
         let place = places[block.splat + i];
-        if place.bin != NOWHERE {
+        if place.x != NOWHERE {
             let projected = project(camera, load_particle(axes, node, block.first + i));
-            splats[atomicLoad(&bins[place.bin]) + place.rank] = projected.splat;
+            splats[atomicLoad(&bins[place.x]) + place.y] = projected.splat;
         }
     }
 }

@@ -4,15 +4,7 @@
 // One invocation for each 4 x 16 cells of the finer level: it walks down over sixteen rows of the coarser one,
 // interpolates each along x once, and keeps the last nine. Loads are what this costs, 2.5 for each finer cell.
 #import deepfield::constants as constants
-#import deepfield::splat_view::SplatView
-
-struct Pass {
-    add: u32,
-    /// The coarser level.
-    level: u32,
-    unused_a: u32,
-    unused_b: u32,
-}
+#import deepfield::splat_view::{SplatView, Pass}
 
 @group(0) @binding(0) var<uniform> view: SplatView;
 @group(0) @binding(1) var<uniform> batch: Pass;

@@ -11,7 +11,7 @@ var<workgroup> sums: array<u32, THREADS>;
 // One workgroup. In: the number of splats in each bin. Out: the number of splats in the bins before it; one more entry
 // holds the total.
 @compute @workgroup_size(256)
-fn scan(@builtin(local_invocation_index) lane: u32) {
+fn main(@builtin(local_invocation_index) lane: u32) {
     let share = (view.bin_count + THREADS - 1u) / THREADS;
     let first = min(lane * share, view.bin_count);
     let last = min(first + share, view.bin_count);

@@ -13,12 +13,12 @@ use super::preset::{Backend, Preset};
 use super::scene::Scene;
 use super::statistics::{ActiveBackend, Converged, Statistics};
 use crate::gpu::{self, Composite, DrawItem, NodeId, NodeState, NodeUpload, ParticleScene, Payload, SplatView};
-use crate::gpu::{TableEntry, TableId};
+use crate::gpu::{Capabilities, TableEntry, TableId, Technique, Withheld};
 use crate::modes::{CodeTable, Footprint};
 use crate::store::{Metadata, Page, PageId};
 use bevy::diagnostic::DiagnosticsStore;
 use bevy::prelude::*;
-use bevy::render::renderer::RenderAdapterInfo;
+use bevy::render::renderer::{RenderAdapter, RenderAdapterInfo, RenderDevice};
 use std::collections::HashSet;
 use std::sync::Arc;
 
@@ -34,6 +34,8 @@ pub struct GpuTables {
     tables: Vec<Vec<TableId>>,
     /// The selection that the camera draws.
     drawn: Option<u64>,
+    /// How particles are accumulated; none if the processor does it.
+    technique: Option<Technique>,
     /// The backend that was asked for last.
     asked: Option<Backend>,
 }
@@ -52,7 +54,9 @@ fn node_id(generation: u32, page: PageId, node: u32) -> NodeId {
 pub(super) fn choose_backend(
     mut commands: Commands,
     preset: Res<Preset>,
-    adapter: Option<Res<RenderAdapterInfo>>,
+    device: Option<Res<RenderDevice>>,
+    adapter: Option<Res<RenderAdapter>>,
+    info: Option<Res<RenderAdapterInfo>>,
     mut active: ResMut<ActiveBackend>,
     mut copies: ResMut<PageCopies>,
     mut statistics: ResMut<Statistics>,
@@ -62,23 +66,41 @@ pub(super) fn choose_backend(
     slots: Query<Entity, With<GpuSlot>>,
 ) {
     let asked = preset.drawing.backend;
-    if tables.asked.replace(asked) != Some(asked) && asked == Backend::Raster {
-        let used = if adapter.is_some() { "compute" } else { "cpu" };
-        messages.error(format!("there is no raster backend yet: the {used} backend draws"));
-    }
     let wanted = match asked {
-        Backend::Cpu => ActiveBackend::Cpu,
-        Backend::Auto | Backend::Compute | Backend::Raster if adapter.is_some() => ActiveBackend::Gpu,
-        Backend::Auto | Backend::Compute | Backend::Raster => ActiveBackend::Cpu,
+        Backend::Cpu => None,
+        Backend::Auto => Some(gpu::Backend::Auto),
+        Backend::Compute => Some(gpu::Backend::Compute),
+        Backend::Raster => Some(gpu::Backend::Raster),
     };
-    statistics.adapter = adapter.map_or_else(String::new, |info| format!("{} ({})", info.name, info.driver_info));
+    let graphics = device.zip(adapter).zip(info);
+    let (found, refusal) = match (wanted, &graphics) {
+        (None, _) => (None, None),
+        (Some(wanted), Some(((device, adapter), info))) => {
+            let capabilities = Capabilities::of(device, adapter, info, Withheld::default());
+            let found = capabilities.technique(wanted);
+            (found.or_else(|_| capabilities.technique(gpu::Backend::Auto)).ok(), found.err())
+        }
+        (Some(_), None) => (None, Some("a working driver")),
+    };
+    if tables.asked.replace(asked) != Some(asked)
+        && let Some(missing) = refusal
+    {
+        let used = found.map_or("cpu", Technique::name);
+        messages.error(format!("{used} draws: the graphics adapter lacks {missing}"));
+    }
+    if tables.technique != found {
+        tables.technique = found;
+        tables.drawn = None;
+    }
+    statistics.adapter = graphics.map_or_else(String::new, |(_, info)| format!("{} ({})", info.name, info.driver_info));
+    let wanted = if found.is_some() { ActiveBackend::Gpu } else { ActiveBackend::Cpu };
     let uses_copies = wanted == ActiveBackend::Gpu;
     if *active == wanted && copies.0.is_some() == uses_copies {
         return;
     }
     *active = wanted;
     copies.0 = uses_copies.then(HashSet::new);
-    *tables = GpuTables { asked: Some(asked), ..default() };
+    *tables = GpuTables { asked: Some(asked), technique: found, ..default() };
     slots.iter().for_each(|page| {
         commands.entity(page).remove::<GpuSlot>();
     });
@@ -155,7 +177,12 @@ fn entries(table: &CodeTable) -> Vec<TableEntry> {
     let attribute = |i: usize| table.attribute.as_ref().and_then(|values| values.get(i)).copied().unwrap_or(0.0);
     let columns = table.smoothing_length.iter().zip(&table.weight).enumerate();
     columns
-        .map(|(i, (&smoothing_length, &weight))| TableEntry { smoothing_length, weight, attribute: attribute(i) })
+        .map(|(i, (&smoothing_length, &weight))| TableEntry {
+            smoothing_length,
+            weight,
+            attribute: attribute(i),
+            unused: 0.0,
+        })
         .collect()
 }
 
@@ -183,9 +210,9 @@ pub(super) fn draw_on_gpu(
     if *active != ActiveBackend::Gpu {
         return;
     }
-    // Whatever was asked for, compute passes are what draws in a window.
-    if statistics.backend != "compute" {
-        statistics.backend = "compute".to_owned();
+    let Some(technique) = tables.technique else { return };
+    if statistics.backend != technique.name() {
+        technique.name().clone_into(&mut statistics.backend);
     }
     let (Some(scene), Some(look), Some(view)) = (scene, look, selection.view) else { return };
     let (entity, composite) = camera.into_inner();
@@ -212,7 +239,10 @@ pub(super) fn draw_on_gpu(
                 })
             })
             .collect();
-        let backend = gpu::Backend::Compute;
+        let backend = match technique {
+            Technique::Compute => gpu::Backend::Compute,
+            Technique::Raster => gpu::Backend::Raster,
+        };
         let footprint = match look.depiction.footprint() {
             Footprint::Kernel => gpu::Footprint::Kernel(metadata.kernel),
             Footprint::Pixels(radius) => gpu::Footprint::Pixels { radius },
@@ -274,8 +304,9 @@ mod tests {
             world.resource::<Messages>().all().count()
         };
         let asked = [Backend::Auto, Backend::Raster, Backend::Raster, Backend::Compute, Backend::Raster];
-        assert_eq!(asked.map(&mut told), [0, 1, 1, 1, 2]);
+        // Without any adapter.
+        assert_eq!(asked.map(&mut told), [1, 2, 2, 3, 4]);
         let text = world.resource::<Messages>().all().next().unwrap().text.clone();
-        assert!(text.contains("no raster backend") && text.contains("cpu"), "{text}");
+        assert!(text.contains("cpu draws") && text.contains("lacks a working driver"), "{text}");
     }
 }

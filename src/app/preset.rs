@@ -26,7 +26,7 @@ pub enum Backend {
     Auto,
     /// Compute passes.
     Compute,
-    /// Blended triangles; there are none yet, so a window says so and draws with compute passes.
+    /// Blended quads, where the adapter can blend 32-bit floats.
     Raster,
     /// The processor; needs no adapter features at all.
     Cpu,

@@ -45,6 +45,10 @@ pub struct CompositeUniform {
     pub s_log: u32,
     /// Where the picture begins in the target, pixels.
     pub origin: [f32; 2],
+    /// Cells from a row of the picture to the next.
+    pub stride: u32,
+    /// Padding.
+    pub unused: u32,
 }
 
 /// Shader definitions for a target that holds encoded colours, or linear ones.
@@ -149,6 +153,8 @@ fn prepare_composites(
             p_log,
             s_log: if composite.attribute { s_log } else { 2 },
             origin: origin.as_vec2().to_array(),
+            stride: buffers.stride,
+            unused: 0,
         };
         let create = |bytes: &[u8], usage, label| {
             let descriptor = BufferInitDescriptor { label: Some(label), contents: bytes, usage };
@@ -171,7 +177,7 @@ fn prepare_composites(
             &cache.get_bind_group_layout(&pipeline.layout),
             &BindGroupEntries::sequential((
                 uniform_buffer.as_entire_binding(),
-                buffers.cells.as_entire_binding(),
+                buffers.shared.cells.as_entire_binding(),
                 lut.as_entire_binding(),
             )),
         );

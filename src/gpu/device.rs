@@ -3,6 +3,7 @@
 //! Bevy's own initialisation panics where no adapter is found; a program without a display should say instead what to
 //! install. `WGPU_ADAPTER_NAME`, `WGPU_BACKEND` and `WGPU_POWER_PREF` choose among several adapters.
 
+use super::capabilities::{Capabilities, Withheld};
 use bevy::render::renderer::{
     RenderAdapter, RenderAdapterInfo, RenderDevice, RenderInstance, RenderQueue, WgpuWrapper,
 };
@@ -57,8 +58,7 @@ pub enum GpuError {
 
 /// Features that are used where the adapter has them.
 fn optional_features() -> Features {
-    Features::SHADER_FLOAT32_ATOMIC
-        | Features::FLOAT32_BLENDABLE
+    Features::FLOAT32_BLENDABLE
         | Features::TIMESTAMP_QUERY
         | Features::TIMESTAMP_QUERY_INSIDE_ENCODERS
         | Features::SUBGROUP
@@ -69,6 +69,8 @@ fn optional_features() -> Features {
 pub struct DeviceOptions {
     /// Limits that the device must stay within, for tests of how work is split.
     pub constrained_limits: Option<Limits>,
+    /// What is not used though the adapter has it.
+    pub withheld: Withheld,
 }
 
 /// An open adapter.
@@ -77,6 +79,8 @@ pub struct Gpu {
     pub creation: RenderCreation,
     /// The adapter's name and driver.
     pub adapter: String,
+    /// What it can do.
+    pub capabilities: Capabilities,
 }
 
 /// Opens the adapter that the environment asks for, or the fastest one.
@@ -104,14 +108,18 @@ pub fn open(options: &DeviceOptions) -> Result<Gpu, GpuError> {
     };
     let (device, queue) = block_on(adapter.request_device(&descriptor))
         .map_err(|error| GpuError::NoDevice { adapter: name.clone(), message: error.to_string() })?;
+    let device = RenderDevice::from(device);
+    let adapter = RenderAdapter(Arc::new(WgpuWrapper::new(adapter)));
+    let info = RenderAdapterInfo(WgpuWrapper::new(info));
+    let capabilities = Capabilities::of(&device, &adapter, &info, options.withheld);
     let creation = RenderCreation::manual(
-        RenderDevice::from(device),
+        device,
         RenderQueue(Arc::new(WgpuWrapper::new(queue))),
-        RenderAdapterInfo(WgpuWrapper::new(info)),
-        RenderAdapter(Arc::new(WgpuWrapper::new(adapter))),
+        info,
+        adapter,
         RenderInstance(Arc::new(WgpuWrapper::new(instance))),
     );
-    Ok(Gpu { creation, adapter: name })
+    Ok(Gpu { creation, adapter: name, capabilities })
 }
 
 async fn find(instance: &Instance) -> Result<Adapter, GpuError> {

@@ -63,8 +63,8 @@ pub struct HeadlessStats {
     pub backend: &'static str,
     /// Particles that were looked at.
     pub particles: u64,
-    /// Splats that reach the picture.
-    pub splats: u64,
+    /// Splats that reach the picture, where the technique counts them.
+    pub splats: Option<u64>,
     /// Median milliseconds of each GPU pass, where the adapter can tell.
     pub passes: PassTimes,
     /// Median milliseconds from the start of a frame to the end of all its GPU work.
@@ -74,16 +74,9 @@ pub struct HeadlessStats {
 /// Draws one view.
 ///
 /// # Errors
-/// [`GpuError`]: no adapter, a shader that does not compile on it, too little memory.
+/// [`GpuError`]: no adapter, one that cannot carry the backend out, a shader that does not compile on it, too little memory.
 pub fn render_headless(request: HeadlessRequest) -> Result<HeadlessFrame, GpuError> {
     let mut renderer = HeadlessRenderer::open(&request)?;
-    if request.backend == Backend::Raster {
-        return Err(GpuError::Unsupported {
-            adapter: renderer.adapter().to_owned(),
-            backend: "raster",
-            missing: "an implementation (the compute backend needs neither float atomics nor float blending)",
-        });
-    }
     renderer.complete()?;
     let (mut frames, passes) = renderer.measure(request.repeat)?;
     let (accumulation, splats) = renderer.accumulation(request.attribute)?;
@@ -93,7 +86,7 @@ pub fn render_headless(request: HeadlessRequest) -> Result<HeadlessFrame, GpuErr
     };
     let stats = HeadlessStats {
         adapter: renderer.adapter().to_owned(),
-        backend: "compute",
+        backend: renderer.technique().name(),
         particles: renderer.particles(),
         splats,
         passes,

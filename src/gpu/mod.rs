@@ -13,6 +13,7 @@
 //! [`render_headless`] does all that for one picture without a window.
 
 pub mod arena;
+pub mod capabilities;
 pub mod composite;
 pub mod device;
 pub mod headless;
@@ -24,6 +25,7 @@ pub mod splat;
 pub mod timing;
 pub mod view;
 
+pub use capabilities::{Capabilities, Technique, Withheld};
 pub use device::{DeviceOptions, Gpu, GpuError, open};
 pub use headless::{HeadlessFrame, HeadlessNode, HeadlessRequest, HeadlessStats, render_headless};
 pub use renderer::HeadlessRenderer;

@@ -2,11 +2,12 @@
 //! draws them as often as asked.
 
 use super::DeepfieldRenderPlugins;
+use super::capabilities::Technique;
 use super::device::{GpuError, open};
 use super::headless::HeadlessRequest;
 use super::readback::{read_buffer, read_texture};
 use super::scene::{NodeState, ParticleScene};
-use super::splat::{SplatBuffers, SplatPipelines};
+use super::splat::{Bindings, SplatBuffers, SplatPipelines};
 use super::timing::PassTimes;
 use super::view::{Composite, DrawItem, SplatView};
 use crate::raster::Accumulation;
@@ -39,6 +40,7 @@ pub struct HeadlessRenderer {
     camera: Entity,
     target: Handle<Image>,
     adapter: String,
+    technique: Technique,
     particles: u64,
     size: UVec2,
 }
@@ -47,9 +49,14 @@ impl HeadlessRenderer {
     /// Opens the adapter and uploads the particles.
     ///
     /// # Errors
-    /// [`GpuError`]: no adapter, or too little memory.
+    /// [`GpuError`]: no adapter, one that cannot carry the backend out, or too little memory.
     pub fn open(request: &HeadlessRequest) -> Result<HeadlessRenderer, GpuError> {
         let gpu = open(&request.device)?;
+        let technique = gpu.capabilities.technique(request.backend).map_err(|missing| GpuError::Unsupported {
+            adapter: gpu.adapter.clone(),
+            backend: request.backend.name(),
+            missing,
+        })?;
         let bytes: u64 = request.nodes.iter().map(|node| node.upload.payload.bytes()).sum();
         // Fragments at the end of chunks are lost; twice the bytes always suffices.
         let scene = ParticleScene::new((2 * bytes).max(64 << 20), u64::MAX);
@@ -70,7 +77,7 @@ impl HeadlessRenderer {
                 .disable::<LogPlugin>()
                 .disable::<PipelinedRenderingPlugin>(),
         );
-        app.insert_resource(scene.clone()).add_plugins(DeepfieldRenderPlugins);
+        app.insert_resource(scene.clone()).insert_resource(request.device.withheld).add_plugins(DeepfieldRenderPlugins);
 
         let tables: Vec<_> = request.tables.iter().map(|table| scene.insert_table(table.clone())).collect();
         let items = request
@@ -114,7 +121,8 @@ impl HeadlessRenderer {
             .id();
         app.finish();
         app.cleanup();
-        let mut renderer = HeadlessRenderer { app, camera, target, adapter: gpu.adapter, particles: 0, size };
+        let mut renderer =
+            HeadlessRenderer { app, camera, target, adapter: gpu.adapter, technique, particles: 0, size };
         renderer.particles = request.nodes.iter().map(|node| node.upload.payload.len() as u64).sum();
         renderer.upload(&scene, request, bytes)?;
         Ok(renderer)
@@ -123,6 +131,11 @@ impl HeadlessRenderer {
     /// The adapter's name and driver.
     pub fn adapter(&self) -> &str {
         &self.adapter
+    }
+
+    /// The technique that draws.
+    pub fn technique(&self) -> Technique {
+        self.technique
     }
 
     /// Particles on the adapter.
@@ -232,30 +245,37 @@ impl HeadlessRenderer {
         }
     }
 
-    /// Reads the accumulation and the number of splats back.
+    /// Reads the accumulation back, and the number of splats where the technique counts them.
     ///
     /// # Errors
     /// [`GpuError::Failed`].
-    pub fn accumulation(&mut self, attribute: bool) -> Result<(Accumulation, u64), GpuError> {
+    pub fn accumulation(&mut self, attribute: bool) -> Result<(Accumulation, Option<u64>), GpuError> {
         let failed = || GpuError::Failed("(reading the picture back)".into());
         let device = self.app.world().resource::<RenderDevice>().clone();
         let queue = self.app.world().resource::<bevy::render::renderer::RenderQueue>().clone();
-        let pixels = u64::from(self.size.x) * u64::from(self.size.y);
         let size = self.size;
         let buffers = self.buffers().ok_or_else(failed)?;
-        let total = u64::from(buffers.grids.uniform.bin_count);
-        let cells = read_buffer(&device, &queue, &buffers.cells, 0, pixels * 8).ok_or_else(failed)?;
-        let counted = read_buffer(&device, &queue, &buffers.starts, total * 4, 4).ok_or_else(failed)?;
+        let (width, stride) = (size.x as usize, buffers.stride as usize);
+        let bytes = 8 * u64::from(buffers.stride) * u64::from(size.y);
+        let cells = read_buffer(&device, &queue, &buffers.shared.cells, 0, bytes).ok_or_else(failed)?;
+        let splats = match &buffers.bindings {
+            Bindings::Compute(bindings) => {
+                let behind_last = u64::from(buffers.grids.uniform.bin_count) * 4;
+                let counted = read_buffer(&device, &queue, &bindings.starts, behind_last, 4).ok_or_else(failed)?;
+                counted.first_chunk::<4>().map(|bytes| u64::from(u32::from_le_bytes(*bytes)))
+            }
+            Bindings::Raster(_) => None,
+        };
         let cells: &[[f32; 2]] = bytemuck::cast_slice(&cells);
+        let cells = cells.chunks(stride).flat_map(|row| &row[..width.min(row.len())]);
         let mut accumulation = Accumulation::new(size.x, size.y, attribute);
-        for (p, cell) in accumulation.p.iter_mut().zip(cells) {
-            *p = cell[0];
+        for (index, cell) in cells.enumerate() {
+            accumulation.p[index] = cell[0];
+            if let Some(ps) = accumulation.ps.get_mut(index) {
+                *ps = cell[1];
+            }
         }
-        for (ps, cell) in accumulation.ps.iter_mut().zip(cells) {
-            *ps = cell[1];
-        }
-        let splats = counted.first_chunk::<4>().map_or(0, |bytes| u32::from_le_bytes(*bytes));
-        Ok((accumulation, u64::from(splats)))
+        Ok((accumulation, splats))
     }
 
     /// Colours the picture and reads it back.

@@ -37,6 +37,8 @@ pub struct TableEntry {
     pub weight: f32,
     /// The attribute `a`; `w a` is accumulated into `P S`.
     pub attribute: f32,
+    /// Makes it four numbers.
+    pub unused: f32,
 }
 
 /// One source particle at full precision.
@@ -51,6 +53,8 @@ pub struct RawParticle {
     pub weight: f32,
     /// The attribute `a`; `w a` is accumulated into `P S`.
     pub attribute: f32,
+    /// Makes it eight numbers.
+    pub unused: [f32; 2],
 }
 
 /// The particles of one node. Packed positions are those of [`crate::codec::coordinates`].
@@ -89,9 +93,9 @@ pub(super) enum Words<'a> {
     Grid(&'a [u32], &'a [u16]),
     /// Two words (low, high) a particle, and codes.
     Leaf(&'a [u32], &'a [u16]),
-    /// Six words a particle, in world axes.
+    /// Eight words a particle, in world axes.
     World(&'a [u32]),
-    /// Six words a particle, in camera space.
+    /// Eight words a particle, in camera space.
     Camera(&'a [u32]),
 }
 

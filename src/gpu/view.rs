@@ -34,12 +34,12 @@ pub enum Footprint {
 /// How particles are accumulated.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Backend {
-    /// The fastest that the adapter can: compute passes.
+    /// What the adapter can: compute passes, else blended quads.
     #[default]
     Auto,
     /// Compute passes. They need no optional feature of the adapter: no float atomics, no float blending.
     Compute,
-    /// Instanced, blended quads; not implemented: [`super::render_headless`] refuses it, a window uses compute passes.
+    /// Instanced, blended quads. They need blending of 32-bit floats.
     Raster,
 }
 

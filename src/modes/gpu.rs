@@ -32,6 +32,7 @@ pub fn table(depiction: &Depiction, family: &FamilyMetadata, codebook: &Codebook
             smoothing_length: table.smoothing_length[i],
             weight: table.weight[i],
             attribute: table.attribute.as_ref().map_or(0.0, |attribute| attribute[i]),
+            unused: 0.0,
         })
         .collect()
 }
@@ -91,6 +92,7 @@ pub fn request_particles(
                     smoothing_length: family.smoothing_length[i],
                     weight: columns.weight[i],
                     attribute: columns.attribute.as_ref().map_or(0.0, |attribute| attribute[i]),
+                    unused: [0.0; 2],
                 }
             };
             let particles = positions.par_iter().enumerate().map(particle).collect();

@@ -3,9 +3,10 @@
 
 use super::{SHADERS, sources};
 use crate::gpu::composite::{CompositeUniform, composite_defs};
-use crate::gpu::scene::{RAW_WORDS, TableEntry};
+use crate::gpu::scene::{RAW_WORDS, RawParticle, TableEntry};
+use crate::gpu::splat::compute::pipeline::accumulate_defs;
 use crate::gpu::splat::layout::{Block, Encoding, Level, Node, PLACE_BYTES, Pass, SPLAT_BYTES, SplatUniform};
-use crate::gpu::splat::pipeline::accumulate_defs;
+use crate::gpu::splat::raster::pipeline::blend_defs;
 use crate::model::Kernel;
 use bevy::asset::{AssetId, uuid::Uuid};
 use bevy::shader::{Shader, ShaderCache, ShaderCacheError, ShaderCacheSource, ShaderDefVal};
@@ -28,11 +29,13 @@ fn variants() -> Vec<Variant> {
         plain("splat/project.wgsl", vec![], &["count", "place"]),
         plain("splat/scan.wgsl", vec![], &["main"]),
         plain("splat/reconstruct.wgsl", vec![], &["main"]),
+        plain("splat/upsample.wgsl", vec![], &["vertex", "along_x", "along_y"]),
     ];
     for encoded in [false, true] {
         all.push(plain("composite/composite.wgsl", composite_defs(encoded), &["vertex", "fragment"]));
     }
     for (kernel, perspective) in Kernel::ALL.into_iter().flat_map(|kernel| [(kernel, false), (kernel, true)]) {
+        all.push(plain("splat/blend.wgsl", blend_defs(kernel, perspective), &["vertex", "fragment"]));
         for subgroup in [false, true] {
             let defs = accumulate_defs(kernel, perspective, subgroup);
             all.push(Variant { path: "splat/accumulate.wgsl", defs, subgroup, entries: &["main"] });
@@ -167,7 +170,7 @@ type Layout = (usize, Vec<Member>);
 
 /// The layout of a Rust structure; all fields must be named, in their order. `unused` ones may differ.
 macro_rules! layout {
-    ($type:ident { $($field:ident $(as $name:literal)?),* $(,)? }) => {{
+    ($type:ident { $($field:ident),* $(,)? }) => {{
         fn field<S, F: Scalars>(_: fn(&S) -> &F) -> (usize, Option<ScalarKind>) {
             (size_of::<F>(), F::KIND)
         }
@@ -176,8 +179,7 @@ macro_rules! layout {
         let mut members = Vec::new();
         $(
             let (size, kind) = field(|value: &$type| &value.$field);
-            let name = [stringify!($field) $(, $name)?].last().copied().unwrap_or_default();
-            members.push(Member(name.to_owned(), std::mem::offset_of!($type, $field), size, kind));
+            members.push(Member(stringify!($field).to_owned(), std::mem::offset_of!($type, $field), size, kind));
         )*
         members.retain(|member| member.0 != "unused");
         (size_of::<$type>(), members)
@@ -231,26 +233,27 @@ fn written(name: &str) -> Option<Layout> {
             up,
             forward,
             size,
+            atlas,
             focal,
             near,
             perspective,
             fixed_radius,
             moment,
-            unused,
             level_count,
             small_bin,
             everywhere_bin,
             bin_count,
+            unused,
             levels,
         }),
         "nodes" => {
             layout!(Node { origin, step, positions, codes, table, table_length, encoding, weight_scale, unused })
         }
         "blocks" => layout!(Block { node, first, count, splat }),
-        // `attribute` is a reserved word of WGSL.
-        "entries" => layout!(TableEntry { smoothing_length, weight, attribute as "quantity" }),
-        "batch" => layout!(Pass { add, level, unused }),
-        "composite" => layout!(CompositeUniform { size, lut_size, p_map, s_map, p_log, s_log, origin }),
+        "entries" => plain(size_of::<TableEntry>(), ScalarKind::Float),
+        "vectors" => plain(size_of::<RawParticle>() / 2, ScalarKind::Float),
+        "batch" => layout!(Pass { add, level, source }),
+        "composite" => layout!(CompositeUniform { size, lut_size, p_map, s_map, p_log, s_log, origin, stride, unused }),
         "words" | "lut" | "starts" | "bins" => plain(4, ScalarKind::Uint),
         // Read back as pairs of P and P S.
         "cells" => plain(8, ScalarKind::Float),
@@ -293,14 +296,14 @@ fn buffers_are_laid_out_as_the_program_writes_them() {
                     first_bin,
                     margin,
                     scale,
-                    unused,
+                    atlas_row,
                 });
                 assert_eq!(shader_layout(&module, base), expected, "{place}: levels");
                 assert_eq!(stride as usize, expected.0, "{place}: levels");
             }
         }
     }
-    assert_eq!(compared.len(), 12, "{compared:?}");
+    assert_eq!(compared.len(), 13, "{compared:?}");
 }
 
 #[test]
@@ -339,5 +342,5 @@ fn encodings_have_the_same_numbers() {
     assert_eq!(constant("ENCODING_WORLD"), Encoding::World as u32);
     // Packed encodings come first, and what is none of these is in camera space.
     assert!((Encoding::Camera as u32) > (Encoding::World as u32) && (Encoding::World as u32) > (Encoding::Leaf as u32));
-    assert_eq!(RAW_WORDS, 6, "`load_raw` reads six words a particle");
+    assert_eq!(RAW_WORDS, 8, "`load_raw` reads two vectors a particle");
 }

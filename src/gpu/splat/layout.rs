@@ -11,6 +11,8 @@ use bytemuck::{Pod, Zeroable};
 /// Splats with a radius of at least this many cells are sampled; those of a smaller radius in pixels are integrated.
 /// A splat in level `l` has a radius from `SAMPLED_RADIUS` to twice that in cells of `2^l` pixels.
 pub const SAMPLED_RADIUS: f32 = 4.0;
+/// Most particles of a block.
+pub const BLOCK: u32 = 1024;
 /// Edge of a tile and of a bin, cells.
 pub const TILE: u32 = 8;
 /// Most levels that a pyramid has.
@@ -50,8 +52,8 @@ pub struct Level {
     pub margin: u32,
     /// Pixels per cell.
     pub scale: f32,
-    /// Padding.
-    pub unused: u32,
+    /// First row of the level in the atlas of the blended technique.
+    pub atlas_row: u32,
 }
 
 /// WGSL `SplatView`.
@@ -66,6 +68,8 @@ pub struct SplatUniform {
     pub forward: [f32; 4],
     /// Picture size, pixels.
     pub size: [u32; 2],
+    /// Size of a texture that holds all levels: the finest to the left, the others in a column to its right.
+    pub atlas: [u32; 2],
     /// Pixels per world unit (at depth 1 in perspective).
     pub focal: f32,
     /// Particles at this depth or before it are dropped.
@@ -76,8 +80,6 @@ pub struct SplatUniform {
     pub fixed_radius: f32,
     /// See [`Profile::moment`].
     pub moment: f32,
-    /// Padding.
-    pub unused: u32,
     /// Number of levels.
     pub level_count: u32,
     /// First bin of the small splats.
@@ -86,6 +88,8 @@ pub struct SplatUniform {
     pub everywhere_bin: u32,
     /// Number of bins.
     pub bin_count: u32,
+    /// Padding.
+    pub unused: [u32; 3],
     /// The levels, finest first.
     pub levels: [Level; MAX_LEVELS],
 }
@@ -150,8 +154,8 @@ pub struct Pass {
     pub add: u32,
     /// The coarser level of a reconstruction.
     pub level: u32,
-    /// Padding.
-    pub unused: [u32; 2],
+    /// Where the coarser level begins in the texture that holds it.
+    pub source: [u32; 2],
 }
 
 /// Bytes of WGSL `Splat`.
@@ -190,7 +194,7 @@ impl Grids {
             1
         };
 
-        let (mut cells, mut tiles, mut bins) = (0, 0, 0);
+        let (mut cells, mut tiles, mut bins, mut atlas_row) = (0, 0, 0, 0);
         let mut levels = [Level::default(); MAX_LEVELS];
         let mut small_bin = 0;
         for (l, level) in levels[..level_count].iter_mut().enumerate() {
@@ -210,8 +214,9 @@ impl Grids {
                 first_bin: bins,
                 margin,
                 scale: (1_u32 << l) as f32,
-                unused: 0,
+                atlas_row,
             };
+            atlas_row = if l == 0 { 0 } else { atlas_row + height };
             cells += width * height;
             tiles += tiles_x * tiles_y;
             bins += bins_x * bins_y;
@@ -221,6 +226,8 @@ impl Grids {
             }
         }
 
+        let widest = levels[1..level_count].iter().map(|level| level.width).max().unwrap_or(0);
+        let atlas = [view.width + widest, view.height.max(atlas_row)];
         let (kernel, fixed_radius) = match footprint {
             Footprint::Kernel(kernel) => (kernel, 0.0),
             Footprint::Pixels { radius } => (Kernel::CubicSpline, radius.clamp(0.01, MAX_PIXEL_RADIUS)),
@@ -231,16 +238,17 @@ impl Grids {
             up: axis(view.up),
             forward: axis(view.forward),
             size: [view.width, view.height],
+            atlas,
             focal: focal as f32,
             near: 0.0,
             perspective: u32::from(perspective),
             fixed_radius,
             moment: Profile::of(kernel).moment,
-            unused: 0,
             level_count: level_count as u32,
             small_bin,
             everywhere_bin: bins,
             bin_count: bins + 1,
+            unused: [0; 3],
             levels,
         };
         Grids { uniform, cells, tiles, kernel }

@@ -1,31 +1,43 @@
-//! Splatting by compute: accumulates `P` and `P S` (F12 4.9) without blending and without atomics on floats.
+//! Splatting: accumulates `P` and `P S` (F12 4.9) on an image pyramid, by one of two techniques.
 //!
-//! Passes, for each camera with a [`super::SplatView`]:
+//! Splats below [`layout::SAMPLED_RADIUS`] pixels are integrated over pixels (their weight is conserved exactly); larger
+//! ones are sampled at the cell centres of the pyramid level where their radius is one to two times that many cells, with
+//! the second-order correction from sample to pixel mean. So a splat touches a bounded number of cells, whatever its
+//! size. Then each level is interpolated and added to the next finer one, coarse to fine.
+//!
+//! [`compute`], for each camera with a [`super::SplatView`]:
 //!
 //! 1. `count`: decode, project, cull; each splat finds its pyramid level by its radius, and its bin of 8 x 8 cells.
 //! 2. `scan`, `place`: splats in the order of their bins.
-//! 3. `accumulate`: every 8 x 8 tile of every level sums the splats of the bins around it, in registers. Splats below
-//!    [`layout::SAMPLED_RADIUS`] pixels are integrated over pixels (their weight is conserved exactly), larger ones are
-//!    sampled at the cell centres of their level, with the second-order correction from sample to pixel mean. So a
-//!    splat touches a bounded number of cells, whatever its size.
-//! 4. `reconstruct`: each level is interpolated and added to the next finer one, coarse to fine.
+//! 3. `accumulate`: every 8 x 8 tile of every level sums the splats of the bins around it, in registers.
+//! 4. `reconstruct`: coarse to fine.
 //!
 //! Why bins instead of one atomic addition for each splat and cell: on a software driver an atomic addition costs about
 //! 20 ns, an evaluation in a vector of eight cells below 1 ns.
+//!
+//! [`raster`], for adapters without compute shaders:
+//!
+//! 1. `blend`: one quad for each splat, drawn into its level's part of an atlas with additive blending.
+//! 2. `upsample`: coarse to fine, along x and then along y.
 
+pub mod compute;
 pub mod constants;
 pub mod layout;
 pub mod profile;
+pub mod raster;
 
+mod draw_list;
 mod pass;
-pub(super) mod pipeline;
+mod pipelines;
 mod prepare;
+mod resources;
 
 pub use pass::accumulate_splats;
-pub use pipeline::SplatPipelines;
-pub use prepare::{SplatBuffers, prepare_splats};
+pub use pipelines::SplatPipelines;
+pub use prepare::{Bindings, SplatBuffers, prepare_splats};
 
 use super::arena::{Arena, update_arena};
+use super::capabilities::Withheld;
 use super::scene::ParticleScene;
 use super::view::SplatView;
 use bevy::core_pipeline::core_3d::{main_opaque_pass_3d, main_transparent_pass_3d};
@@ -41,14 +53,18 @@ impl Plugin for SplatPlugin {
     fn build(&self, app: &mut App) {
         app.add_plugins(ExtractComponentPlugin::<SplatView>::default());
         let scene = app.world().get_resource::<ParticleScene>().cloned();
+        let withheld = app.world().get_resource::<Withheld>().copied();
         let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
         if let Some(scene) = scene {
             render_app.insert_resource(scene);
         }
+        if let Some(withheld) = withheld {
+            render_app.insert_resource(withheld);
+        }
         render_app
             .init_resource::<Arena>()
-            .init_resource::<prepare::Scratch>()
-            .add_systems(RenderStartup, pipeline::init_splat_pipelines)
+            .init_resource::<compute::Scratch>()
+            .add_systems(RenderStartup, pipelines::init_splat_pipelines)
             .add_systems(
                 Render,
                 (update_arena, prepare::prepare_splats).chain().in_set(RenderSystems::PrepareBindGroups),

@@ -1,8 +1,8 @@
-//! The compute pipelines of the splat passes.
+//! Layouts and pipelines of the compute passes.
 
-use super::constants::kernel_defs;
-use super::layout::{Pass, SplatUniform};
 use crate::gpu::shaders;
+use crate::gpu::splat::constants::kernel_defs;
+use crate::gpu::splat::layout::{Pass, SplatUniform};
 use crate::model::Kernel;
 use bevy::asset::AssetServer;
 use bevy::platform::collections::HashMap;
@@ -11,19 +11,17 @@ use bevy::render::render_resource::binding_types::{
     storage_buffer_read_only_sized, storage_buffer_sized, uniform_buffer_sized,
 };
 use bevy::render::render_resource::{
-    BindGroupLayoutDescriptor, BindGroupLayoutEntries, CachedComputePipelineId, CachedPipelineState,
-    ComputePipelineDescriptor, PipelineCache, ShaderStages, WgpuFeatures,
+    BindGroupLayoutDescriptor, BindGroupLayoutEntries, CachedComputePipelineId, ComputePipelineDescriptor,
+    PipelineCache, ShaderStages,
 };
-use bevy::render::renderer::{RenderAdapterInfo, RenderDevice};
-use bevy::shader::{Shader, ShaderCacheError, ShaderDefVal};
+use bevy::shader::{Shader, ShaderDefVal};
 use std::num::NonZeroU64;
 
 /// Tiles that one workgroup of the accumulate pass fills, where it is not one subgroup.
 const TILES_PER_GROUP: u32 = 8;
 
 /// Layouts and pipelines.
-#[derive(Resource)]
-pub struct SplatPipelines {
+pub struct ComputePipelines {
     /// Bindings of `count` and `place`.
     pub project_layout: BindGroupLayoutDescriptor,
     /// Bindings of `scan`.
@@ -38,7 +36,7 @@ pub struct SplatPipelines {
     pub scan: CachedComputePipelineId,
     /// One workgroup a block.
     pub place: CachedComputePipelineId,
-    /// See [`SplatPipelines::accumulate`].
+    /// See [`ComputePipelines::accumulate`].
     accumulate: HashMap<(Kernel, bool), CachedComputePipelineId>,
     accumulate_shader: Handle<Shader>,
     /// Tiles that a workgroup of `accumulate` fills.
@@ -47,21 +45,10 @@ pub struct SplatPipelines {
     pub reconstruct: CachedComputePipelineId,
 }
 
-impl SplatPipelines {
-    /// Every pipeline.
-    fn ids(&self) -> impl Iterator<Item = CachedComputePipelineId> {
+impl ComputePipelines {
+    /// Every pipeline that has been asked for.
+    pub fn ids(&self) -> impl Iterator<Item = CachedComputePipelineId> {
         [self.count, self.scan, self.place, self.reconstruct].into_iter().chain(self.accumulate.values().copied())
-    }
-
-    /// The first compile error among the pipelines, if any failed. A shader that is still being read is no error: Bevy
-    /// tries again.
-    pub fn error(&self, cache: &PipelineCache) -> Option<String> {
-        use ShaderCacheError::{ShaderImportNotYetAvailable, ShaderNotLoaded};
-        self.ids().find_map(|id| match cache.get_compute_pipeline_state(id) {
-            CachedPipelineState::Err(ShaderNotLoaded(_) | ShaderImportNotYetAvailable) => None,
-            CachedPipelineState::Err(error) => Some(error.to_string()),
-            _ => None,
-        })
     }
 
     /// The pipeline of `accumulate` for a kernel and a projection, if it has been asked for: one workgroup for
@@ -100,14 +87,8 @@ pub fn accumulate_defs(kernel: Kernel, perspective: bool, subgroup: bool) -> Vec
     defs
 }
 
-/// Creates the pipelines at start-up, and again after a lost device.
-pub fn init_splat_pipelines(
-    mut commands: Commands,
-    server: Res<AssetServer>,
-    cache: Res<PipelineCache>,
-    device: Res<RenderDevice>,
-    adapter: Res<RenderAdapterInfo>,
-) {
+/// Creates layouts, and pipelines for all that every picture needs.
+pub fn create(server: &AssetServer, cache: &PipelineCache, vector_subgroups: bool) -> ComputePipelines {
     let uniform = |bytes: usize| uniform_buffer_sized(false, NonZeroU64::new(bytes as u64));
     let pass = || uniform_buffer_sized(true, NonZeroU64::new(size_of::<Pass>() as u64));
     let read = || storage_buffer_read_only_sized(false, None);
@@ -119,7 +100,7 @@ pub fn init_splat_pipelines(
         "deepfield project",
         &BindGroupLayoutEntries::sequential(
             compute,
-            (view(), read(), read(), read(), read(), write(), write(), write()),
+            (view(), read(), read(), read(), read(), read(), write(), write(), write()),
         ),
     );
     let scan_layout = BindGroupLayoutDescriptor::new(
@@ -135,27 +116,23 @@ pub fn init_splat_pipelines(
         &BindGroupLayoutEntries::sequential(compute, (view(), pass(), write())),
     );
 
-    // A CPU driver runs a subgroup as one vector: there the lanes share what they load.
-    let subgroup = device.features().contains(WgpuFeatures::SUBGROUP)
-        && adapter.subgroup_min_size == 8
-        && adapter.subgroup_max_size == 8;
-    let project = shaders::load(&server, "splat/project.wgsl");
-    let scan = shaders::load(&server, "splat/scan.wgsl");
-    let reconstruct = shaders::load(&server, "splat/reconstruct.wgsl");
-    let pipelines = SplatPipelines {
-        count: queue(&cache, "deepfield count", &project_layout, &project, "count", vec![]),
-        scan: queue(&cache, "deepfield scan", &scan_layout, &scan, "main", vec![]),
-        place: queue(&cache, "deepfield place", &project_layout, &project, "place", vec![]),
+    let project = shaders::load(server, "splat/project.wgsl");
+    let scan = shaders::load(server, "splat/scan.wgsl");
+    let reconstruct = shaders::load(server, "splat/reconstruct.wgsl");
+    ComputePipelines {
+        count: queue(cache, "deepfield count", &project_layout, &project, "count", vec![]),
+        scan: queue(cache, "deepfield scan", &scan_layout, &scan, "main", vec![]),
+        place: queue(cache, "deepfield place", &project_layout, &project, "place", vec![]),
         accumulate: HashMap::default(),
-        accumulate_shader: shaders::load(&server, "splat/accumulate.wgsl"),
-        reconstruct: queue(&cache, "deepfield reconstruct", &reconstruct_layout, &reconstruct, "main", vec![]),
-        tiles_per_group: if subgroup { 1 } else { TILES_PER_GROUP },
+        accumulate_shader: shaders::load(server, "splat/accumulate.wgsl"),
+        reconstruct: queue(cache, "deepfield reconstruct", &reconstruct_layout, &reconstruct, "main", vec![]),
+        // A CPU driver runs a subgroup as one vector: there the lanes share what they load.
+        tiles_per_group: if vector_subgroups { 1 } else { TILES_PER_GROUP },
         project_layout,
         scan_layout,
         accumulate_layout,
         reconstruct_layout,
-    };
-    commands.insert_resource(pipelines);
+    }
 }
 
 fn queue(
