@@ -1,15 +1,14 @@
 //! What every target does with its bytes.
 
 use deepfield::import::{FORMATS, LoadOptions, load_source, summarize_source};
+use deepfield::store::layout::PAGE_ENTRY_LEN;
+use deepfield::store::{PageFile, PageId, verify};
 use std::io::Write;
 
 /// Opens `bytes` as the format whose name begins with `format`, whatever they look like, and reads all of it. Errors are
 /// fine; panics, endless loops and runaway memory are what the fuzzer looks for.
 pub fn import(format: &str, bytes: &[u8]) {
-    let Ok(mut file) = tempfile::NamedTempFile::new() else { return };
-    if file.write_all(bytes).is_err() {
-        return;
-    }
+    let Some(file) = file(bytes) else { return };
     let formats = FORMATS.iter().filter(|candidate| candidate.name().starts_with(format));
     for source in formats.filter_map(|candidate| candidate.open(file.path()).ok()) {
         let summary = summarize_source(source.as_ref());
@@ -19,4 +18,67 @@ pub fn import(format: &str, bytes: &[u8]) {
             assert_eq!(loaded.len() as u64 + skipped, summary.particles);
         }
     }
+}
+
+/// Opens `bytes` as a page file, once as they are and once with every checksum made right (no mutation would get past
+/// those), reads every particle of every page and verifies the file.
+pub fn pages(bytes: &[u8]) {
+    let mut forged = bytes.to_vec();
+    forge(&mut forged);
+    for bytes in [bytes, &forged] {
+        let Some(file) = file(bytes) else { return };
+        let read = PageFile::open(file.path()).map(|pages| (0..pages.page_count()).all(|id| read(&pages, PageId(id))));
+        let verified = verify(file.path(), &());
+        assert!(verified.is_err() || read.is_ok_and(|all| all), "verified, but not readable");
+    }
+}
+
+/// Decodes every particle of a page, as drawing does.
+fn read(pages: &PageFile, id: PageId) -> bool {
+    let Ok(page) = pages.read_page(id) else { return false };
+    let family = &pages.metadata().families[page.family as usize];
+    for (index, node) in page.nodes.iter().enumerate() {
+        let particles = page.particles(index);
+        assert_eq!(particles.len(), node.particles as usize);
+        for particle in 0..particles.len() {
+            assert!(particles.fraction(particle).iter().all(|x| (0.0..1.0).contains(x)));
+            let code = usize::from(particles.codes[particle]);
+            let codebook = &family.codebooks[usize::from(node.codebook)];
+            let columns = [&codebook.mass, &codebook.density, &codebook.smoothing_length];
+            assert!(columns.into_iter().chain(&codebook.attributes).all(|column| code < column.len()));
+        }
+    }
+    true
+}
+
+/// Gives the header, the footer and every page inside the file the checksums that their bytes have.
+fn forge(bytes: &mut [u8]) {
+    let word = |bytes: &[u8], at: usize| {
+        bytes.get(at..at + 4).and_then(|word| word.try_into().ok()).map_or(0, |word| u32::from_le_bytes(word) as usize)
+    };
+    let footer = word(bytes, 24);
+    if bytes.len() < 64 || footer > bytes.len() {
+        return;
+    }
+    for entry in (0..word(bytes, 44)).map(|page| footer + page * PAGE_ENTRY_LEN) {
+        if entry + PAGE_ENTRY_LEN > bytes.len() {
+            break;
+        }
+        let (offset, len) = (word(bytes, entry), word(bytes, entry + 8));
+        if let Some(page) = offset.checked_add(len).and_then(|end| bytes.get(offset..end)) {
+            let crc = crc32c::crc32c(page);
+            bytes[entry + 20..entry + 24].copy_from_slice(&crc.to_le_bytes());
+        }
+    }
+    let crc = crc32c::crc32c(&bytes[footer..]);
+    bytes[40..44].copy_from_slice(&crc.to_le_bytes());
+    let crc = crc32c::crc32c(&bytes[..60]);
+    bytes[60..64].copy_from_slice(&crc.to_le_bytes());
+}
+
+/// A file of these bytes, gone when dropped.
+fn file(bytes: &[u8]) -> Option<tempfile::NamedTempFile> {
+    let mut file = tempfile::NamedTempFile::new().ok()?;
+    file.write_all(bytes).ok()?;
+    Some(file)
 }

@@ -1,0 +1,4 @@
+//! Page files.
+#![no_main]
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| deepfield_fuzz::pages(bytes));
