@@ -3,7 +3,7 @@
 use deepfield::codec::VqBits;
 use deepfield::commands::build::{BuildOptions, build};
 use deepfield::import::{LoadOptions, load};
-use deepfield::model::Dataset;
+use deepfield::model::{Bounds, Dataset};
 use deepfield::modes::{self, Depiction, Settings, cpu};
 use deepfield::raster::{Accumulation, Method};
 use deepfield::store::PageFile;
@@ -38,7 +38,12 @@ pub struct Built {
 
 /// Imports a source and builds it.
 pub fn built(source: &Path, vq_bits: VqBits) -> Built {
-    let dataset = load(source, &LoadOptions::default(), &()).unwrap();
+    built_from(source, &LoadOptions::default(), vq_bits)
+}
+
+/// Imports what `options` say of a source and builds it.
+pub fn built_from(source: &Path, options: &LoadOptions, vq_bits: VqBits) -> Built {
+    let dataset = load(source, options, &()).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("built.df");
     build(dataset.clone(), &BuildOptions::with_vq_bits(vq_bits), &path, &()).unwrap();
@@ -65,7 +70,23 @@ pub fn draw_source(dataset: &Dataset, mode: &str, view: &View, method: Method) -
 
 /// A perspective view of the middle of the data from `distance` (in sizes of its box) along `direction`.
 pub fn view_from(dataset: &Dataset, direction: DVec3, distance: f64, width: u32, height: u32) -> View {
-    let bounds = dataset.bounds();
+    view_of(dataset.bounds(), direction, distance, width, height)
+}
+
+/// The box between the 10 % and the 90 % quantile of all coordinates.
+pub fn core(dataset: &Dataset) -> Bounds {
+    let quantiles = |axis: usize| {
+        let mut values: Vec<f64> =
+            dataset.families.iter().flat_map(|family| &family.positions).map(|at| at[axis]).collect();
+        values.sort_by(f64::total_cmp);
+        [values[values.len() / 10], values[values.len() * 9 / 10]]
+    };
+    let [x, y, z] = [0, 1, 2].map(quantiles);
+    Bounds { min: DVec3::new(x[0], y[0], z[0]), max: DVec3::new(x[1], y[1], z[1]) }
+}
+
+/// [`view_from`] of a box.
+pub fn view_of(bounds: Bounds, direction: DVec3, distance: f64, width: u32, height: u32) -> View {
     let eye = bounds.center() + direction.normalize() * distance * bounds.size().max_element();
     let projection = Projection::Perspective { fov_y: 0.8 };
     View::look_at(eye, bounds.center(), DVec3::new(0.1, 1.0, 0.2), projection, width, height).unwrap()
