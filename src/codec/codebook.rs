@@ -3,7 +3,7 @@
 /// Which particles a codebook was trained on and codes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum CodebookScope {
-    /// The particles of every leaf of the family: the source's own particles.
+    /// The particles of leaves of the family, of all of them or of those that name the codebook: the source's own particles.
     Leaves,
     /// The drawn (merged) particles of the grid nodes at this depth.
     Depth(u8),

@@ -52,6 +52,12 @@ pub struct Scaling {
 }
 
 impl Scaling {
+    /// The mean coordinate of densities.
+    pub fn mean_density(&self, densities: &[f32]) -> f32 {
+        let sum: f64 = densities.iter().map(|density| f64::from(self.quantities[1].map(*density))).sum();
+        (sum / densities.len().max(1) as f64) as f32
+    }
+
     fn vector<const L: usize>(&self, from: &Quantities, i: usize) -> [f32; L] {
         let mut vector = [0.0; L];
         vector[0] = self.quantities[0].map(from.mass[i]);
@@ -64,30 +70,36 @@ impl Scaling {
     }
 }
 
-/// Training effort for a number of bits: vectors in the sample, and LBG's limits. The sample is large enough to give
+/// Vectors for each entry in the sample where several codebooks share the effort.
+const LEAST_SAMPLE: usize = 32;
+
+/// Training effort for a number of bits, and a number of codebooks that share it: vectors in the sample, and LBG's limits. The sample is large enough to give
 /// each code a few vectors, and bounded, so that training does not grow with the data.
-fn effort(bits: VqBits) -> (usize, LbgLimits) {
-    match bits {
+fn effort(bits: VqBits, books: usize) -> (usize, LbgLimits) {
+    let (sample, limits) = match bits {
         VqBits::Eight => (1 << 15, LbgLimits { k_max: 8, epsilon: 0.01 }),
         VqBits::Twelve => (1 << 17, LbgLimits { k_max: 3, epsilon: 0.02 }),
         VqBits::Sixteen => (1 << 18, LbgLimits { k_max: 1, epsilon: 0.05 }),
-    }
+    };
+    ((sample / books.max(1)).max(LEAST_SAMPLE * bits.entries()).min(sample), limits)
 }
 
 /// Trains a codebook on `batches` and codes them; returns one column of codes for each batch. The result depends on the
 /// batches only, not on the number of threads. A code's entry is computed from all particles that have it: the mean
 /// mass, the mass-weighted density, the smoothing length that keeps their `sum m / h^2` (central column density), and
-/// attributes as [`AttributeMerge`] says; so `sum m` and `sum m rho` over the batches are conserved.
+/// attributes as [`AttributeMerge`] says; so `sum m` and `sum m rho` over the batches are conserved. `books` is how many
+/// codebooks share the effort of training.
 pub fn quantize(
     batches: &[Quantities],
     scaling: &Scaling,
     bits: VqBits,
     scope: CodebookScope,
+    books: usize,
 ) -> (Codebook, Vec<Vec<u16>>) {
     if scaling.attributes.len() <= 1 {
-        quantize_in::<4>(batches, scaling, bits, scope)
+        quantize_in::<4>(batches, scaling, bits, scope, books)
     } else {
-        quantize_in::<8>(batches, scaling, bits, scope)
+        quantize_in::<8>(batches, scaling, bits, scope, books)
     }
 }
 
@@ -96,8 +108,9 @@ fn quantize_in<const L: usize>(
     scaling: &Scaling,
     bits: VqBits,
     scope: CodebookScope,
+    books: usize,
 ) -> (Codebook, Vec<Vec<u16>>) {
-    let (sample_len, limits) = effort(bits);
+    let (sample_len, limits) = effort(bits, books);
     let mut sample = sample::<L>(batches, scaling, sample_len);
     let quantizer = Quantizer::train(&mut sample, bits.entries(), limits);
     drop(sample);
@@ -364,7 +377,7 @@ mod tests {
 
         #[test]
         fn sums_are_conserved(columns in columns(1..1500, 2)) {
-            let (book, codes) = quantize(&columns.batches(100), &columns.scaling(), VqBits::Eight, CodebookScope::Leaves);
+            let (book, codes) = quantize(&columns.batches(100), &columns.scaling(), VqBits::Eight, CodebookScope::Leaves, 1);
             let codes: Vec<u16> = codes.concat();
             let sum = |value: &dyn Fn(usize) -> f64| (0..codes.len()).map(value).sum::<f64>();
             let entry = |i: usize| usize::from(codes[i]);
@@ -379,7 +392,7 @@ mod tests {
 
         #[test]
         fn as_many_codes_as_particles_are_exact(columns in columns(1..250, 1)) {
-            let (book, codes) = quantize(&columns.batches(64), &columns.scaling(), VqBits::Eight, CodebookScope::Leaves);
+            let (book, codes) = quantize(&columns.batches(64), &columns.scaling(), VqBits::Eight, CodebookScope::Leaves, 1);
             for (i, code) in codes.concat().into_iter().map(usize::from).enumerate() {
                 prop_assert_eq!(book.mass[code], columns.mass[i]);
                 prop_assert_eq!(book.density[code], columns.density[i]);
@@ -393,7 +406,7 @@ mod tests {
         fn threads_do_not_matter(columns in columns(500..3000, 3)) {
             let run = |threads| {
                 let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-                pool.install(|| quantize(&columns.batches(77), &columns.scaling(), VqBits::Eight, CodebookScope::Depth(2)))
+                pool.install(|| quantize(&columns.batches(77), &columns.scaling(), VqBits::Eight, CodebookScope::Depth(2), 1))
             };
             prop_assert_eq!(run(1), run(3));
         }

@@ -20,6 +20,7 @@
 //! lengths are fixed.
 
 mod block;
+mod leaf_books;
 mod level;
 mod level_info;
 mod merge;
@@ -31,9 +32,10 @@ pub use level_info::LevelInfo;
 
 use super::{AttributeInfo, NodeKey, RootCell};
 use crate::codec::quantize::MAX_ATTRIBUTES;
-use crate::codec::{AttributeMerge, Codebook, CodebookScope, ColumnScaling, Quantities, Scaling, VqBits, quantize};
+use crate::codec::{AttributeMerge, Codebook, CodebookScope, ColumnScaling, Scaling, VqBits, quantize};
 use crate::model::progress::Progress;
 use crate::model::{Bounds, Family, FamilyName, Unit};
+use leaf_books::LeafBooks;
 use rayon::prelude::*;
 use sorted::Sorted;
 use std::ops::Range;
@@ -180,7 +182,7 @@ pub struct Octree {
     pub attributes: Vec<AttributeInfo>,
     /// One for each depth; `bytes` are left to whoever stores the nodes.
     pub levels: Vec<LevelInfo>,
-    /// The codebooks: the leaves' first, then one for each depth that has grid nodes, the deepest first.
+    /// The codebooks: those of the leaves first (leaves of similar density share one), then one for each depth that has grid nodes, the deepest first.
     pub codebooks: Vec<Codebook>,
     /// The nodes of each depth, in Morton order.
     pub nodes: Vec<Vec<TreeNode>>,
@@ -203,11 +205,8 @@ impl Octree {
         let shapes = topology::split(&sorted.keys, options.leaf_capacity.max(1));
 
         progress.begin(&format!("coding {name}"), 0);
-        let batches = leaf_quantities(&sorted);
-        let (leaf_book, leaf_codes) = quantize(&batches, &scaling, options.vq_bits, CodebookScope::Leaves);
-        drop(batches);
-        let leaf_codes = leaf_codes.concat();
-        let mut codebooks = vec![leaf_book];
+        let mut leaf_books = LeafBooks::of(&sorted, &shapes, &scaling, options.vq_bits);
+        let mut codebooks = std::mem::take(&mut leaf_books.codebooks);
         progress.begin(&format!("merging {name}"), shapes.len() as u64);
         let context = level::Context { sorted: &sorted, root, options, rules: &rules };
         let mut nodes = Vec::with_capacity(shapes.len());
@@ -216,12 +215,12 @@ impl Octree {
         for (depth, shapes) in shapes.iter().enumerate().rev() {
             let mut works = level::build(&context, shapes, &below);
             works.par_iter_mut().filter(|work| work.node.encoding == Encoding::Leaf).for_each(|work| {
-                let codes = leaf_codes[work.node.sources.clone()].to_vec();
-                work.node.set_codes(codes, 0, &codebooks[0]);
+                let (codes, book) = leaf_books.leaf(work.node.sources.clone());
+                work.node.set_codes(codes, book, &codebooks[usize::from(book)]);
             });
             let drawn = level::drawn_quantities(&works);
             if !drawn.is_empty() {
-                let (book, codes) = quantize(&drawn, &scaling, options.vq_bits, CodebookScope::Depth(depth as u8));
+                let (book, codes) = quantize(&drawn, &scaling, options.vq_bits, CodebookScope::Depth(depth as u8), 1);
                 drop(drawn);
                 level::set_codes(&mut works, codes, codebooks.len() as u16, &book);
                 codebooks.push(book);
@@ -336,21 +335,4 @@ fn scaling(family: &Family, attributes: &[AttributeInfo]) -> Scaling {
             })
             .collect(),
     }
-}
-
-/// The source particles in runs of fixed length.
-fn leaf_quantities(sorted: &Sorted) -> Vec<Quantities<'_>> {
-    const RUN: usize = 1 << 15;
-    (0..sorted.len().div_ceil(RUN))
-        .map(|i| {
-            let range = i * RUN..((i + 1) * RUN).min(sorted.len());
-            Quantities {
-                mass: &sorted.columns.mass[range.clone()],
-                density: &sorted.columns.density[range.clone()],
-                smoothing_length: &sorted.columns.smoothing_length[range.clone()],
-                attributes: sorted.columns.attributes.iter().map(|values| &values[range.clone()]).collect(),
-                skipped: &[],
-            }
-        })
-        .collect()
 }
