@@ -295,3 +295,26 @@ fn stars_have_their_flux_at_any_distance() {
         }
     }
 }
+
+#[test]
+fn discs_of_any_size_have_their_flux_in_perspective() {
+    let mut cloud = Cloud::new(21, 400, [1.0; 3], [0.1, 0.2]);
+    cloud.positions.iter_mut().for_each(|position| position.iter_mut().for_each(|x| *x -= 0.5));
+    let eye = DVec3::new(1.3, 0.7, 2.0);
+    let projection = Projection::Perspective { fov_y: 0.8 };
+    let view = View::look_at(eye, DVec3::ZERO, DVec3::Y, projection, 480, 480).expect("a view");
+    for radius in [0.7, 2.5, 6.0, 29.0, 60.0] {
+        let splats = Splats::new(Positions::World(&cloud.positions), Extent::Pixels(radius), &cloud.weight, None);
+        let splats = splats.expect("columns");
+        let [exact, pyramid] = [Method::Exact, Method::Pyramid]
+            .map(|method| draw(&view, std::slice::from_ref(&splats), &options(method, Kernel::CubicSpline)));
+        let (l1, l2) = relative_error(&pyramid.p, &exact.p);
+        assert!(l1 < 1e-3 && l2 < 1e-3, "radius {radius}: L1 {l1}, L2 {l2}");
+        assert!(
+            (exact.sum() / cloud.total() - 1.0).abs() < 1e-3,
+            "radius {radius}: {} of {}",
+            exact.sum(),
+            cloud.total()
+        );
+    }
+}

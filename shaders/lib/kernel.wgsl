@@ -60,18 +60,22 @@ fn second(x: vec4<f32>) -> vec4<f32> {
     return odd(constants::SECOND_A, constants::SECOND_B, x);
 }
 
-/// The derivative of U_1.
-fn first_slope(x: vec4<f32>) -> vec4<f32> {
-    let low = constants::FIRST_A;
-    let high = constants::FIRST_B;
-    let t = clamp(x, vec4(-1.0), vec4(1.0));
-    let y = t * t;
-    var v = fma(vec4(15.0 * high.w), y, vec4(13.0 * high.z));
-    v = fma(v, y, vec4(11.0 * high.y));
-    v = fma(v, y, vec4(9.0 * high.x));
-    v = fma(v, y, vec4(7.0 * low.w));
-    v = fma(v, y, vec4(5.0 * low.z));
-    v = fma(v, y, vec4(3.0 * low.y));
+/// B, whose differences give the second order of a tilted ellipse.
+fn bend(x: vec4<f32>) -> vec4<f32> {
+    return odd(constants::BEND_A, constants::BEND_B, x);
+}
+
+/// V, whose differences give the first order of a tilted ellipse: an even polynomial, zero from |x| = 1 on.
+fn shear(x: vec4<f32>) -> vec4<f32> {
+    let low = constants::SHEAR_A;
+    let high = constants::SHEAR_B;
+    let y = min(x * x, vec4(1.0));
+    var v = fma(vec4(high.w), y, vec4(high.z));
+    v = fma(v, y, vec4(high.y));
+    v = fma(v, y, vec4(high.x));
+    v = fma(v, y, vec4(low.w));
+    v = fma(v, y, vec4(low.z));
+    v = fma(v, y, vec4(low.y));
     v = fma(v, y, vec4(low.x));
     return v;
 }

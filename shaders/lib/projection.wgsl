@@ -85,17 +85,21 @@ fn project(camera: Camera, particle: Particle) -> Projected {
 
     let ratio = minor / SAMPLED_RADIUS;
     var result: Projected;
-    let signed_reach = select(reach, -reach, perspective && distance <= h);
+    let signed_reach = select(reach, -reach, perspective && !is_point && distance <= h);
     result.splat = Splat(vec4(center, form.xy), vec4(form.z, weight, signed_reach));
     // Small splats: integrals over pixels need the ellipse at the centre itself.
-    if ratio < 1.0 || is_point {
+    if ratio < 1.0 {
         let local = form * select(1.0, p.z * p.z / distance_squared, perspective && !is_point);
         let determinant = local.x * local.z - local.y * local.y;
         let spread = vec3(local.z, -local.y, local.x) / determinant;
         let radius = sqrt(spread.xz);
         let whole = weight * inverseSqrt(determinant);
-        result.splat.head = vec4(center, 1.0 / radius);
-        result.splat.tail = vec4(spread.y * camera.moment, whole, max(radius.x, radius.y) + 0.5);
+        // The middle line is not the sphere's mean: outwards a pixel sees less of an angle. First order of that.
+        let tangent = (center - half_size) / camera.focal;
+        let mean = vec2(dot(spread.xy, tangent), dot(spread.yz, tangent))
+            * (4.0 * camera.moment / (camera.focal * (1.0 + dot(tangent, tangent))));
+        result.splat.head = vec4(select(center, center + mean, perspective && !is_point), 1.0 / radius);
+        result.splat.tail = vec4(spread.y / (radius.x * radius.y), whole, max(radius.x, radius.y) + 0.5);
         result.level = 0u;
         result.kind = SMALL;
     } else {
@@ -103,7 +107,7 @@ fn project(camera: Camera, particle: Particle) -> Projected {
         result.level = min(level, camera.level_count - 1u);
         // A splat that reaches further than its level's margin of bins, or belongs to a level above the last, is
         // evaluated in the last level, by every tile of it.
-        let everywhere = level >= camera.level_count || cos_edge < 0.02 && perspective
+        let everywhere = level >= camera.level_count || cos_edge < 0.02 && perspective && !is_point
             || reach > f32(TILE * camera.margin) * exp2(f32(result.level));
         result.kind = select(SAMPLED, EVERYWHERE, everywhere);
         result.level = select(result.level, camera.level_count - 1u, everywhere);

@@ -29,10 +29,15 @@ struct Level {
 struct Pass {
     /// 1: add to what is there; 0: overwrite.
     add: u32,
+    /// 1: further slices of crowded tiles; 0: every tile's first.
+    further: u32,
     /// The coarser level of a reconstruction.
     level: u32,
+    unused: u32,
     /// Where the coarser level begins in the texture that holds it.
     source: vec2<u32>,
+    unused_a: u32,
+    unused_b: u32,
 }
 
 struct SplatView {
@@ -51,8 +56,8 @@ struct SplatView {
     perspective: u32,
     /// Radius of every particle in pixels, or 0: smoothing lengths count.
     fixed_radius: f32,
-    /// Variance of the kernel along an axis, for h = 1.
-    moment: f32,
+    /// Most splats of a range of bins that one invocation sums.
+    slice: u32,
     level_count: u32,
     /// First of the bins for splats below the sampled radius; their grid is that of level 0.
     small_bin: u32,
@@ -60,16 +65,17 @@ struct SplatView {
     everywhere_bin: u32,
     /// Number of bins.
     bin_count: u32,
+    /// Variance of the kernel along an axis, for h = 1.
+    moment: f32,
     unused_a: u32,
     unused_b: u32,
-    unused_c: u32,
     levels: array<Level, 16>,
 }
 
 /// A particle in the picture, in two vectors:
 /// - `head.xy`: centre, pixels.
 /// - `head.zw`, `tail.x`: for sampled splats the quadratic form q^2 = head.z dx^2 + 2 head.w dx dy + tail.x dy^2 (see
-///   `oblique`); for small ones 1/radius along x, 1/radius along y, and the covariance of x and y; pixels.
+///   `oblique`); for small ones 1/radius along x and along y (1/pixel), and the correlation of x and y.
 /// - `tail.yz`: factor of P and of P S.
 /// - `tail.w`: no pixel further from the centre than this is touched, pixels; negative if the eye is inside the kernel.
 struct Splat {

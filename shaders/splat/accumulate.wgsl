@@ -4,17 +4,30 @@
 // One workgroup for each 8 x 8 tile. Level 0 also takes the small splats. In: splats sorted by bin. Out: the pyramid's
 // cells, each written (first batch) or added to (further ones).
 //
+// Crowded tiles are cut into slices of `view.slice` splats of each range of bins: a workgroup takes a tile's first slice
+// and lists the further ones, which a second dispatch sums into patches (slices.wgsl adds them to the cells). So no tile
+// keeps one workgroup busy while others idle; and a software driver ends an invocation's loops after 65535 rounds,
+// without a word.
+//
 // With SUBGROUP (subgroups of exactly eight, as on a CPU driver) a workgroup is one subgroup: its lanes look at eight
 // splats at a time and then draw those that reach the tile one after the other. Without, each invocation looks at each
 // splat.
 #import deepfield::splat_view::{SplatView, Pass, Splat, oblique, SAMPLED, SMALL, EVERYWHERE}
-#import deepfield::kernel::{box_profile, evaluate, first, second, first_slope}
+#import deepfield::kernel::{box_profile, evaluate, first, second, shear, bend}
 
 @group(0) @binding(0) var<uniform> view: SplatView;
 @group(0) @binding(1) var<uniform> batch: Pass;
 @group(0) @binding(2) var<storage, read> splats: array<Splat>;
 @group(0) @binding(3) var<storage, read> starts: array<u32>;
 @group(0) @binding(4) var<storage, read_write> cells: array<vec2<f32>>;
+/// Tile and number of each further slice of a crowded tile.
+@group(0) @binding(5) var<storage, read_write> slices: array<vec2<u32>>;
+/// For each tile the first of its further slices, and their number.
+@group(0) @binding(6) var<storage, read_write> tile_slices: array<vec2<u32>>;
+/// Number of further slices.
+@group(0) @binding(7) var<storage, read_write> slice_count: array<atomic<u32>>;
+/// The sums of further slices: eight rows of eight cells each.
+@group(0) @binding(8) var<storage, read_write> patches: array<vec2<f32>>;
 
 /// The sums of one column of eight cells: four rows in each vector.
 struct Column {
@@ -53,7 +66,7 @@ fn add_sampled(column: ptr<function, Column>, place: Place, splat: Splat, kind: 
     let xy = 2.0 * form.y * dx;
     let dy_top = place.y_top - splat.head.y;
     let dy_bottom = place.y_bottom - splat.head.y;
-#ifdef PERSPECTIVE
+#ifdef OBLIQUE
     var u_top = fma(dy_top, fma(dy_top, vec4(form.z), vec4(xy)), vec4(xx)) * place.oblique_top;
     var u_bottom = fma(dy_bottom, fma(dy_bottom, vec4(form.z), vec4(xy)), vec4(xx)) * place.oblique_bottom;
     if kind == EVERYWHERE && splat.tail.w > 0.0 {
@@ -91,7 +104,7 @@ fn gather_rows(value: f32) -> Rows {
 #endif
 
 /// Adds a splat that is integrated over each pixel: a sum of products of functions of x and y, and for tilted ellipses
-/// the first order of their covariance.
+/// the first two orders of their correlation.
 fn add_small(column: ptr<function, Column>, place: Place, splat: Splat) {
     let x = (place.x - splat.head.x + vec2(-0.5, 0.5)) * splat.head.z;
     // Integrals over the column's width, and over the heights of the rows.
@@ -117,19 +130,21 @@ fn add_small(column: ptr<function, Column>, place: Place, splat: Splat) {
     let x_second = v.y - v.x;
     var f_top = x_first * y_first.top - x_second * y_second.top;
     var f_bottom = x_first * y_first.bottom - x_second * y_second.bottom;
-#ifdef PERSPECTIVE
-    let slope = first_slope(edges);
-    let x_slope = splat.tail.x * splat.head.z * splat.head.w * (slope.y - slope.x);
+#ifdef OBLIQUE
+    let tilt = splat.tail.x;
+    let s = shear(edges);
+    let b = bend(edges);
+    let x_shear = tilt * (s.y - s.x);
+    let x_bend = 0.5 * tilt * tilt * (b.y - b.x);
 #ifdef SUBGROUP
-    let y_slope = gather_rows(slope.w - slope.z);
+    let y_shear = gather_rows(s.w - s.z);
+    let y_bend = gather_rows(b.w - b.z);
 #else
-    let y_slope = Rows(
-        first_slope(high_top) - first_slope(low_top),
-        first_slope(high_bottom) - first_slope(low_bottom),
-    );
+    let y_shear = Rows(shear(high_top) - shear(low_top), shear(high_bottom) - shear(low_bottom));
+    let y_bend = Rows(bend(high_top) - bend(low_top), bend(high_bottom) - bend(low_bottom));
 #endif
-    f_top = fma(vec4(x_slope), y_slope.top, f_top);
-    f_bottom = fma(vec4(x_slope), y_slope.bottom, f_bottom);
+    f_top = fma(vec4(x_shear), y_shear.top, fma(vec4(x_bend), y_bend.top, f_top));
+    f_bottom = fma(vec4(x_shear), y_shear.bottom, fma(vec4(x_bend), y_bend.bottom, f_bottom));
 #endif
     (*column).p_top = fma(f_top, vec4(splat.tail.y), (*column).p_top);
     (*column).p_bottom = fma(f_bottom, vec4(splat.tail.y), (*column).p_bottom);
@@ -141,6 +156,15 @@ fn add_small(column: ptr<function, Column>, place: Place, splat: Splat) {
 fn touches(place: Place, splat: Splat) -> bool {
     let outside = max(abs(splat.head.xy - place.middle) - place.half_edge, vec2(0.0));
     return dot(outside, outside) < splat.tail.w * splat.tail.w;
+}
+
+/// Adds a slice of the splats in bins `bin` to `behind - 1`; returns how many splats there are in all.
+fn add_bins(column: ptr<function, Column>, place: Place, bin: u32, behind: u32, slice: u32, kind: u32, lane: u32) -> u32 {
+    let begin = starts[bin];
+    let end = starts[behind];
+    let first = min(begin + slice * view.slice, end);
+    add_range(column, place, first, min(first + view.slice, end), kind, lane);
+    return end - begin;
 }
 
 /// Adds the splats at places `first` to `last - 1` of the order.
@@ -184,8 +208,17 @@ fn main(
     @builtin(num_workgroups) groups: vec3<u32>,
     @builtin(local_invocation_id) local: vec3<u32>,
 ) {
-    // Which tile of which level.
-    let tile = (group.y * groups.x + group.x) * #{TILES_PER_GROUP}u + local.y;
+    // Which slice of which tile of which level.
+    let item = (group.y * groups.x + group.x) * #{TILES_PER_GROUP}u + local.y;
+    var tile = item;
+    var slice = 0u;
+    if batch.further != 0u {
+        if item >= atomicLoad(&slice_count[0]) || item >= arrayLength(&slices) {
+            return;
+        }
+        tile = slices[item].x;
+        slice = slices[item].y;
+    }
     var level = view.level_count - 1u;
     while level > 0u && view.levels[level].first_tile > tile {
         level -= 1u;
@@ -217,20 +250,43 @@ fn main(
     var column = Column(vec4(0.0), vec4(0.0), vec4(0.0), vec4(0.0));
     // The bins of a row follow each other, so a row of neighbours is one range.
     let reach = 2u * grid.margin;
+    var longest = 0u;
     for (var row = tile_y; row <= tile_y + reach; row++) {
         let bin = grid.first_bin + row * grid.bins_x + tile_x;
-        add_range(&column, place, starts[bin], starts[bin + reach + 1u], SAMPLED, local.x);
+        longest = max(longest, add_bins(&column, place, bin, bin + reach + 1u, slice, SAMPLED, local.x));
     }
     if level == view.level_count - 1u {
-        add_range(&column, place, starts[view.everywhere_bin], starts[view.everywhere_bin + 1u], EVERYWHERE, local.x);
+        let bin = view.everywhere_bin;
+        longest = max(longest, add_bins(&column, place, bin, bin + 1u, slice, EVERYWHERE, local.x));
     }
     if level == 0u {
         for (var row = tile_y; row <= tile_y + reach; row++) {
             let bin = view.small_bin + row * grid.bins_x + tile_x;
-            add_range(&column, place, starts[bin], starts[bin + reach + 1u], SMALL, local.x);
+            longest = max(longest, add_bins(&column, place, bin, bin + reach + 1u, slice, SMALL, local.x));
         }
     }
 
+    if batch.further != 0u {
+        for (var i = 0u; i < 4u; i++) {
+            let at = item * 64u + i * 8u + local.x;
+            patches[at] = vec2(column.p_top[i], column.ps_top[i]);
+            patches[at + 32u] = vec2(column.p_bottom[i], column.ps_bottom[i]);
+        }
+        return;
+    }
+    if local.x == 0u {
+        let further = (max(longest, 1u) - 1u) / view.slice;
+        var begin = 0u;
+        if further > 0u {
+            begin = atomicAdd(&slice_count[0], further);
+        }
+        // The list holds all that there can be.
+        let room = min(further, arrayLength(&slices) - min(begin, arrayLength(&slices)));
+        tile_slices[tile] = vec2(begin, room);
+        for (var i = 0u; i < room; i++) {
+            slices[begin + i] = vec2(tile, i + 1u);
+        }
+    }
     if cell.x >= grid.width {
         return;
     }

@@ -2,7 +2,7 @@
 // compute shaders. The same projection and the same sums as by compute.
 //
 // One instance for each particle, BLOCK of them for each block; a quad holds the cells whose centres the splat reaches.
-#import deepfield::kernel::{box_profile, evaluate, first, second, first_slope}
+#import deepfield::kernel::{box_profile, evaluate, first, second, shear, bend}
 #import deepfield::particle::{view, nodes, blocks, camera_axes, load_particle}
 #import deepfield::projection::{camera, project}
 #import deepfield::splat_view::{Splat, oblique, atlas_corner, SMALL, EVERYWHERE, INVISIBLE}
@@ -50,7 +50,7 @@ fn vertex(@builtin(vertex_index) corner: u32, @builtin(instance_index) instance:
 fn sampled(splat: Splat, pixel: vec2<f32>, kind: u32) -> f32 {
     let d = pixel - splat.head.xy;
     var square = splat.head.z * d.x * d.x + 2.0 * splat.head.w * d.x * d.y + splat.tail.x * d.y * d.y;
-#ifdef PERSPECTIVE
+#ifdef OBLIQUE
     square *= oblique(view.size, view.focal, view.perspective, pixel);
     if kind == EVERYWHERE && splat.tail.w > 0.0 {
         let middle = 0.5 * vec2<f32>(view.size);
@@ -68,9 +68,11 @@ fn integrated(splat: Splat, pixel: vec2<f32>) -> f32 {
     let u = first(edges);
     let v = second(edges);
     var value = (u.y - u.x) * (u.w - u.z) - (v.y - v.x) * (v.w - v.z);
-#ifdef PERSPECTIVE
-    let slope = first_slope(edges);
-    value += splat.tail.x * splat.head.z * splat.head.w * (slope.y - slope.x) * (slope.w - slope.z);
+#ifdef OBLIQUE
+    let tilt = splat.tail.x;
+    let s = shear(edges);
+    let b = bend(edges);
+    value += tilt * ((s.y - s.x) * (s.w - s.z) + 0.5 * tilt * (b.y - b.x) * (b.w - b.z));
 #endif
     return value;
 }

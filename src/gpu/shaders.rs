@@ -19,6 +19,7 @@ pub const SHADERS: &[(&str, &str)] = &[
     ("splat/project.wgsl", include_str!("../../shaders/splat/project.wgsl")),
     ("splat/scan.wgsl", include_str!("../../shaders/splat/scan.wgsl")),
     ("splat/accumulate.wgsl", include_str!("../../shaders/splat/accumulate.wgsl")),
+    ("splat/slices.wgsl", include_str!("../../shaders/splat/slices.wgsl")),
     ("splat/blend.wgsl", include_str!("../../shaders/splat/blend.wgsl")),
     ("splat/upsample.wgsl", include_str!("../../shaders/splat/upsample.wgsl")),
     ("splat/reconstruct.wgsl", include_str!("../../shaders/splat/reconstruct.wgsl")),

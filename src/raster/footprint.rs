@@ -57,6 +57,8 @@ pub struct Row {
     pub offset: f64,
     /// `1 + v^2` of the row; infinite focal length: 1.
     pub depth: f64,
+    /// What a pixel along the row adds to the ray's slope; 0 for circles, which look the same wherever they are.
+    pub slope: f64,
     /// First and last x whose line of sight meets the particle in front of the eye, pixels.
     pub range: [f64; 2],
 }
@@ -185,7 +187,8 @@ impl Lens {
             Shape::Circle { center } => {
                 let curvature = 1.0 / (footprint.radius * footprint.radius);
                 let offset = (y - center[1]) * (y - center[1]) * curvature;
-                Row { curvature, middle: center[0], offset, depth: 1.0, range: [f64::NEG_INFINITY, f64::INFINITY] }
+                let range = [f64::NEG_INFINITY, f64::INFINITY];
+                Row { curvature, middle: center[0], offset, depth: 1.0, slope: 0.0, range }
             }
             Shape::Sphere { camera: c, h } => {
                 let v = (self.middle[1] - y) / self.focal;
@@ -210,6 +213,7 @@ impl Lens {
                     middle: self.middle[0] + self.focal * c.x * ahead / numerator,
                     offset: miss * miss * (1.0 + c.x * c.x / numerator) * scale,
                     depth: 1.0 + v * v,
+                    slope: self.ray()[1],
                     range,
                 }
             }
@@ -221,8 +225,7 @@ impl Lens {
         if x < row.range[0] || x > row.range[1] {
             return f64::INFINITY;
         }
-        let [middle, slope] = self.ray();
-        let u = (x - middle) * slope;
+        let u = (x - self.middle[0]) * row.slope;
         let along = x - row.middle;
         (row.curvature * along * along + row.offset) / (row.depth + u * u)
     }

@@ -255,10 +255,14 @@ impl TransferFunction {
         let p = match self.range {
             Range::Fixed(min, max) => self.scale.usable([min, max]),
             Range::Auto => {
-                let positive = picture.p.iter().copied().filter(|&p| p > 0.0);
-                let [quarter, max] = percentiles(positive, [0.25, 0.9995]);
+                let above = |least: f64| picture.p.iter().copied().filter(move |&p| f64::from(p) > least);
+                let [max] = percentiles(above(0.0), [0.9995]);
+                // The least that a scale begins with. What is fainter does not count below either: it is as much the
+                // interpolation's ringing as light.
+                let least = 1e-6 * max;
+                let [quarter] = percentiles(above(least), [0.25]);
                 // A little below the first quarter: the faint rims of kernels would waste most of the scale.
-                let min = (0.25 * quarter).max(1e-6 * max);
+                let min = (0.25 * quarter).max(least);
                 self.scale.usable([if self.scale == Scale::Log { min } else { 0.0 }, max])
             }
         };
@@ -301,7 +305,7 @@ impl TransferFunction {
 
 /// Values at two shares of the sorted finite values; zeros for none. At most a few hundred thousand values are looked
 /// at, evenly spread.
-fn percentiles(values: impl Iterator<Item = f32>, shares: [f64; 2]) -> [f64; 2] {
+fn percentiles<const N: usize>(values: impl Iterator<Item = f32>, shares: [f64; N]) -> [f64; N] {
     const ENOUGH: usize = 1 << 18;
     let mut sample: Vec<f32> = values.filter(|value| value.is_finite()).collect();
     if sample.len() > 2 * ENOUGH {
@@ -309,7 +313,7 @@ fn percentiles(values: impl Iterator<Item = f32>, shares: [f64; 2]) -> [f64; 2] 
         sample = sample.into_iter().step_by(step).collect();
     }
     if sample.is_empty() {
-        return [0.0; 2];
+        return [0.0; N];
     }
     shares.map(|share| {
         let rank = ((sample.len() - 1) as f64 * share).round() as usize;

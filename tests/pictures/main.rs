@@ -5,5 +5,7 @@
 mod color_error;
 mod conservation;
 mod golden;
+#[cfg(feature = "viewer")]
+mod gpu;
 mod guarantee;
 mod support;

@@ -4,15 +4,17 @@
 use super::{SHADERS, sources};
 use crate::gpu::composite::{CompositeUniform, composite_defs};
 use crate::gpu::scene::{RAW_WORDS, RawParticle, TableEntry};
-use crate::gpu::splat::compute::pipeline::accumulate_defs;
-use crate::gpu::splat::layout::{Block, Encoding, Level, Node, PLACE_BYTES, Pass, SPLAT_BYTES, SplatUniform};
+use crate::gpu::splat::compute::pipeline::{accumulate_defs, slices_defs};
+use crate::gpu::splat::layout::{
+    Block, Encoding, Level, Node, PATCH_BYTES, PLACE_BYTES, Pass, SPLAT_BYTES, SplatUniform,
+};
 use crate::gpu::splat::raster::pipeline::blend_defs;
 use crate::model::Kernel;
 use bevy::asset::{AssetId, uuid::Uuid};
 use bevy::shader::{Shader, ShaderCache, ShaderCacheError, ShaderCacheSource, ShaderDefVal};
 use std::collections::BTreeSet;
 use wgpu::naga::valid::{Capabilities, ValidationFlags, Validator};
-use wgpu::naga::{AddressSpace, Expression, Handle, Literal, Module, ScalarKind, Type, TypeInner};
+use wgpu::naga::{AddressSpace, Handle, Module, ScalarKind, Type, TypeInner};
 
 /// One way to build a shader: its path, its definitions, whether it needs subgroups, its entry points.
 struct Variant {
@@ -31,6 +33,9 @@ fn variants() -> Vec<Variant> {
         plain("splat/reconstruct.wgsl", vec![], &["main"]),
         plain("splat/upsample.wgsl", vec![], &["vertex", "along_x", "along_y"]),
     ];
+    for subgroup in [false, true] {
+        all.push(plain("splat/slices.wgsl", slices_defs(subgroup), &["finish", "merge"]));
+    }
     for encoded in [false, true] {
         all.push(plain("composite/composite.wgsl", composite_defs(encoded), &["vertex", "fragment"]));
     }
@@ -181,7 +186,7 @@ macro_rules! layout {
             let (size, kind) = field(|value: &$type| &value.$field);
             members.push(Member(stringify!($field).to_owned(), std::mem::offset_of!($type, $field), size, kind));
         )*
-        members.retain(|member| member.0 != "unused");
+        members.retain(|member| !member.0.starts_with("unused"));
         (size_of::<$type>(), members)
     }};
 }
@@ -238,11 +243,12 @@ fn written(name: &str) -> Option<Layout> {
             near,
             perspective,
             fixed_radius,
-            moment,
+            slice,
             level_count,
             small_bin,
             everywhere_bin,
             bin_count,
+            moment,
             unused,
             levels,
         }),
@@ -252,9 +258,9 @@ fn written(name: &str) -> Option<Layout> {
         "blocks" => layout!(Block { node, first, count, splat }),
         "entries" => plain(size_of::<TableEntry>(), ScalarKind::Float),
         "vectors" => plain(size_of::<RawParticle>() / 2, ScalarKind::Float),
-        "batch" => layout!(Pass { add, level, source }),
+        "batch" => layout!(Pass { add, further, level, unused, source, unused_end }),
         "composite" => layout!(CompositeUniform { size, lut_size, p_map, s_map, p_log, s_log, origin, stride, unused }),
-        "words" | "lut" | "starts" | "bins" => plain(4, ScalarKind::Uint),
+        "words" | "lut" | "starts" | "bins" | "slice_count" | "dispatch" => plain(4, ScalarKind::Uint),
         // Read back as pairs of P and P S.
         "cells" => plain(8, ScalarKind::Float),
         _ => return None,
@@ -275,6 +281,8 @@ fn buffers_are_laid_out_as_the_program_writes_them() {
             match (written(name), name) {
                 (Some(expected), _) => assert_eq!(found, expected, "{place}"),
                 (None, "splats") => assert_eq!(found.0 as u64, SPLAT_BYTES, "{place}"),
+                (None, "slices" | "tile_slices") => assert_eq!(found.0, 8, "{place}"),
+                (None, "patches") => assert_eq!(64 * found.0 as u64, PATCH_BYTES, "{place}"),
                 (None, "places") => assert_eq!(found.0 as u64, PLACE_BYTES, "{place}"),
                 _ => panic!("unknown: {place}"),
             }
@@ -303,7 +311,7 @@ fn buffers_are_laid_out_as_the_program_writes_them() {
             }
         }
     }
-    assert_eq!(compared.len(), 13, "{compared:?}");
+    assert_eq!(compared.len(), 19, "{compared:?}");
 }
 
 #[test]
@@ -328,14 +336,10 @@ fn another_layout_is_found() {
 
 #[test]
 fn encodings_have_the_same_numbers() {
-    let (_, module) = modules().into_iter().find(|(variant, _)| variant.path == "splat/project.wgsl").unwrap();
+    let text = &SHADERS.iter().find(|(path, _)| *path == "lib/particle.wgsl").unwrap().1;
     let constant = |name: &str| {
-        let found =
-            module.constants.iter().find(|(_, constant)| constant.name.as_deref().map(plain_name) == Some(name));
-        match module.global_expressions[found.unwrap().1.init] {
-            Expression::Literal(Literal::U32(value)) => value,
-            ref other => panic!("{name} is {other:?}"),
-        }
+        let (_, rest) = text.split_once(&format!("const {name}: u32 = ")).unwrap();
+        rest.split_once('u').unwrap().0.parse::<u32>().unwrap()
     };
     assert_eq!(constant("ENCODING_GRID"), Encoding::Grid as u32);
     assert_eq!(constant("ENCODING_LEAF"), Encoding::Leaf as u32);

@@ -51,7 +51,8 @@ fn profile(text: &mut String, profile: &Profile) {
         line(text, &format!("{name}_B"), &rows[1]);
         line(text, &format!("{name}_C"), &rows[2][..2]);
     }
-    for (name, rows) in [("FIRST", &profile.first), ("SECOND", &profile.second)] {
+    let small = [&profile.first, &profile.second, &profile.shear, &profile.bend];
+    for (name, rows) in ["FIRST", "SECOND", "SHEAR", "BEND"].into_iter().zip(small) {
         line(text, &format!("{name}_A"), &rows[0]);
         line(text, &format!("{name}_B"), &rows[1]);
     }

@@ -78,8 +78,8 @@ pub struct SplatUniform {
     pub perspective: u32,
     /// Radius in pixels, or 0.
     pub fixed_radius: f32,
-    /// See [`Profile::moment`].
-    pub moment: f32,
+    /// Most splats of a range of bins that one invocation sums.
+    pub slice: u32,
     /// Number of levels.
     pub level_count: u32,
     /// First bin of the small splats.
@@ -88,8 +88,10 @@ pub struct SplatUniform {
     pub everywhere_bin: u32,
     /// Number of bins.
     pub bin_count: u32,
+    /// See [`Profile::moment`].
+    pub moment: f32,
     /// Padding.
-    pub unused: [u32; 3],
+    pub unused: [u32; 2],
     /// The levels, finest first.
     pub levels: [Level; MAX_LEVELS],
 }
@@ -147,17 +149,27 @@ pub struct Block {
 }
 
 /// WGSL `Pass`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Pass {
     /// 1: add to the cells; 0: overwrite them.
     pub add: u32,
+    /// 1: further slices of crowded tiles; 0: every tile's first.
+    pub further: u32,
     /// The coarser level of a reconstruction.
     pub level: u32,
+    /// Padding.
+    pub unused: u32,
     /// Where the coarser level begins in the texture that holds it.
     pub source: [u32; 2],
+    /// Padding.
+    pub unused_end: [u32; 2],
 }
 
+/// Most further slices of a picture: workgroups along one dimension.
+const MAX_SLICES: u64 = 65535;
+/// Bytes of a further slice's sums.
+pub const PATCH_BYTES: u64 = (TILE * TILE) as u64 * 8;
 /// Bytes of WGSL `Splat`.
 pub const SPLAT_BYTES: u64 = 32;
 /// Bytes of WGSL `Place`.
@@ -174,9 +186,20 @@ pub struct Grids {
     pub tiles: u32,
     /// The kernel that gives splats their shape.
     pub kernel: Kernel,
+    /// Whether splats are spheres seen in perspective, whose pictures are longer than wide off the axis.
+    pub oblique: bool,
 }
 
 impl Grids {
+    /// The most slices beyond the first of every tile that `splats` can make: each splat is in ranges of
+    /// `(2 margin + 1)^2` tiles, or of all tiles of the last level.
+    pub fn most_slices(&self, splats: u64) -> u64 {
+        let levels = &self.uniform.levels[..self.uniform.level_count as usize];
+        let around = levels.iter().map(|level| u64::from(2 * level.margin + 1).pow(2)).max().unwrap_or(0);
+        let last = levels.last().map_or(0, |level| u64::from(self.tiles - level.first_tile));
+        (splats / u64::from(self.uniform.slice) * around.max(last)).clamp(1, MAX_SLICES)
+    }
+
     /// Lays out the grids of a view.
     pub fn new(view: &View, footprint: Footprint) -> Grids {
         let focal = view.focal_pixels();
@@ -230,7 +253,7 @@ impl Grids {
         let atlas = [view.width + widest, view.height.max(atlas_row)];
         let (kernel, fixed_radius) = match footprint {
             Footprint::Kernel(kernel) => (kernel, 0.0),
-            Footprint::Pixels { radius } => (Kernel::CubicSpline, radius.clamp(0.01, MAX_PIXEL_RADIUS)),
+            Footprint::Pixels { radius } => (Kernel::CubicSpline, radius.max(0.01)),
         };
         let axis = |axis: glam::DVec3| axis.as_vec3().extend(0.0).to_array();
         let uniform = SplatUniform {
@@ -243,26 +266,30 @@ impl Grids {
             near: 0.0,
             perspective: u32::from(perspective),
             fixed_radius,
-            moment: Profile::of(kernel).moment,
+            slice: slice(margin),
             level_count: level_count as u32,
             small_bin,
             everywhere_bin: bins,
             bin_count: bins + 1,
-            unused: [0; 3],
+            moment: Profile::of(kernel).moment,
+            unused: [0; 2],
             levels,
         };
-        Grids { uniform, cells, tiles, kernel }
+        Grids { uniform, cells, tiles, kernel, oblique: perspective && fixed_radius == 0.0 }
     }
 }
-
-/// Largest radius of splats of fixed size, pixels: they are always integrated, and must not reach beyond the next bin.
-pub const MAX_PIXEL_RADIUS: f32 = 7.0;
 
 /// Weights of the cells at -4 .. 3 for a value at -1/4 of a cell: the least-squares solution for the spectra of cubic
 /// splines with radii from [`SAMPLED_RADIUS`] to twice that, reproducing constants and ramps exactly. Its error is
 /// 6e-4 in L2 for each axis.
 pub const RECONSTRUCTION: [f32; RECONSTRUCTION_TAPS as usize] =
     [-0.005_387_49, 0.028_831_85, -0.091_422_73, 0.291_506_86, 0.875_815_4, -0.128_552_04, 0.035_465_39, -0.006_257_25];
+
+/// Splats of a range of bins that one invocation sums. A tile looks at `2 (2 margin + 1) + 1` ranges, each with a round
+/// of a loop for each splat and one for every eight; a software driver's limit for all loops together is 65535.
+fn slice(margin: u32) -> u32 {
+    (48_000 / (2 * (2 * margin + 1) + 1)).min(4096)
+}
 
 /// What each cell of a reconstruction window gives to each of four finer cells.
 pub fn reconstruction_window() -> [[f32; 4]; RECONSTRUCTION_WINDOW as usize] {

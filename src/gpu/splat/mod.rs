@@ -9,7 +9,8 @@
 //!
 //! 1. `count`: decode, project, cull; each splat finds its pyramid level by its radius, and its bin of 8 x 8 cells.
 //! 2. `scan`, `place`: splats in the order of their bins.
-//! 3. `accumulate`: every 8 x 8 tile of every level sums the splats of the bins around it, in registers.
+//! 3. `accumulate`: every 8 x 8 tile of every level sums the splats of the bins around it, in registers; where there are
+//!    very many, further workgroups sum slices of them, and `merge` adds those.
 //! 4. `reconstruct`: coarse to fine.
 //!
 //! Why bins instead of one atomic addition for each splat and cell: on a software driver an atomic addition costs about

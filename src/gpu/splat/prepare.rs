@@ -176,19 +176,18 @@ fn build(
     let cells = at_least(kept(|b| &b.cells), u64::from(cells) * 8, usage, "deepfield picture", device);
     let shared = Shared { cells, uniform, nodes, blocks };
 
-    let (kernel, perspective) = (grids.kernel, grids.uniform.perspective != 0);
     let before = before.map(|before| &before.bindings);
     let bindings = match key.technique {
         Technique::Compute => {
             let pipelines = pipelines.compute.as_mut()?;
-            pipelines.ask_for(kernel, perspective, cache);
+            pipelines.ask_for(grids.kernel, grids.oblique, cache);
             let before = before.and_then(Bindings::compute);
             let gpu = (device, queue);
             Bindings::Compute(compute::bind(&shared, &grids, &list, before, scratch, arena, pipelines, cache, gpu))
         }
         Technique::Raster => {
             let pipelines = pipelines.raster.as_mut()?;
-            pipelines.ask_for(kernel, perspective, cache);
+            pipelines.ask_for(grids.kernel, grids.oblique, cache);
             let before = before.and_then(Bindings::raster);
             let gpu = (device, queue);
             Bindings::Raster(raster::bind(&shared, &grids, &list, before, arena, pipelines, cache, gpu))

@@ -3,7 +3,7 @@
 use super::pipeline::ComputePipelines;
 use crate::gpu::arena::Arena;
 use crate::gpu::splat::draw_list::DrawList;
-use crate::gpu::splat::layout::{Grids, MAX_LEVELS, PLACE_BYTES, Pass, SPLAT_BYTES};
+use crate::gpu::splat::layout::{Grids, MAX_LEVELS, PATCH_BYTES, PLACE_BYTES, Pass, SPLAT_BYTES};
 use crate::gpu::splat::prepare::Shared;
 use crate::gpu::splat::resources::{ALIGNMENT, at_least, slice};
 use bevy::prelude::*;
@@ -13,11 +13,19 @@ use bevy::render::renderer::{RenderDevice, RenderQueue};
 /// Most splats that are sorted at a time.
 pub const MAX_BATCH: u64 = 1 << 22;
 
+/// Bytes for each tile: its first further slice and their number.
+const TILE_SLICES_BYTES: u64 = 8;
+
 /// Buffers that all views share, since their passes run one after the other.
 #[derive(Resource, Default)]
 pub struct Scratch {
     splats: Option<Buffer>,
     places: Option<Buffer>,
+    slices: Option<Buffer>,
+    tile_slices: Option<Buffer>,
+    slice_count: Option<Buffer>,
+    dispatch: Option<Buffer>,
+    patches: Option<Buffer>,
     starts: Option<Buffer>,
 }
 
@@ -29,17 +37,28 @@ pub struct ComputeBindings {
     pub scan: BindGroup,
     /// Bindings of `accumulate`.
     pub accumulate: BindGroup,
+    /// Bindings of `finish` and `merge`.
+    pub slices: BindGroup,
     /// Bindings of `reconstruct`.
     pub reconstruct: BindGroup,
     /// Splat counts, then first places, of the bins; behind the last bin the number of splats.
     pub starts: Buffer,
+    /// Number of further slices of crowded tiles.
+    pub slice_count: Buffer,
+    /// Workgroups that sum them.
+    pub dispatch: Buffer,
     passes: Buffer,
 }
 
 impl ComputeBindings {
-    /// Offset of a pass's parameters: `add` for further batches, or the coarser level of a reconstruction.
-    pub fn pass_offset(add: bool, level: u32) -> u32 {
-        (if add { 1 } else { level + 1 }) * ALIGNMENT as u32
+    /// Offset of the parameters of `accumulate`: whether it adds, and whether it sums further slices.
+    pub fn sum(add: bool, further: bool) -> u32 {
+        (u32::from(add) + 2 * u32::from(further)) * ALIGNMENT as u32
+    }
+
+    /// Offset of the parameters of `reconstruct` for a coarser level.
+    pub fn reconstruction(level: u32) -> u32 {
+        (level + 4) * ALIGNMENT as u32
     }
 }
 
@@ -59,11 +78,17 @@ pub fn bind(
     let passes = before.map_or_else(
         || {
             let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
-            let count = MAX_LEVELS as u64 + 1;
-            let buffer = at_least(None, count * ALIGNMENT, usage, "deepfield splat passes", device);
-            for index in 0..count as u32 {
-                let pass = Pass { add: u32::from(index == 1), level: index.saturating_sub(1), source: [0; 2] };
-                queue.write_buffer(&buffer, u64::from(index) * ALIGNMENT, bytemuck::bytes_of(&pass));
+            let bytes = u64::from(ComputeBindings::reconstruction(MAX_LEVELS as u32));
+            let buffer = at_least(None, bytes, usage, "deepfield splat passes", device);
+            let write = |offset: u32, pass: Pass| {
+                queue.write_buffer(&buffer, offset.into(), bytemuck::bytes_of(&pass));
+            };
+            for (add, further) in [(false, false), (true, false), (false, true)] {
+                let pass = Pass { add: add.into(), further: further.into(), ..Pass::default() };
+                write(ComputeBindings::sum(add, further), pass);
+            }
+            for level in 0..MAX_LEVELS as u32 {
+                write(ComputeBindings::reconstruction(level), Pass { level, ..Pass::default() });
             }
             buffer
         },
@@ -78,6 +103,18 @@ pub fn bind(
     };
     let splats = scratch_buffer(|s| &mut s.splats, most * SPLAT_BYTES, storage, "deepfield splats");
     let places = scratch_buffer(|s| &mut s.places, most * PLACE_BYTES, storage, "deepfield splat places");
+    let most_slices = grids.most_slices(most);
+    let slices = scratch_buffer(|s| &mut s.slices, most_slices * 8, storage, "deepfield slices");
+    let patches = scratch_buffer(|s| &mut s.patches, most_slices * PATCH_BYTES, storage, "deepfield patches");
+    let tile_slices = scratch_buffer(
+        |s| &mut s.tile_slices,
+        u64::from(grids.tiles) * TILE_SLICES_BYTES,
+        storage,
+        "deepfield slices of tiles",
+    );
+    let slice_count = scratch_buffer(|s| &mut s.slice_count, 4, storage, "deepfield number of slices");
+    let indirect = storage | BufferUsages::INDIRECT;
+    let dispatch = scratch_buffer(|s| &mut s.dispatch, 12, indirect, "deepfield dispatch of slices");
     let starts_bytes = u64::from(grids.uniform.bin_count + 1) * 4;
     let starts =
         scratch_buffer(|s| &mut s.starts, starts_bytes, storage | BufferUsages::COPY_SRC, "deepfield splat bins");
@@ -107,6 +144,8 @@ pub fn bind(
         groups.collect()
     });
     let pass_size = size_of::<Pass>() as u64;
+    // As long as there are tiles: `merge` asks for it.
+    let tiles = || slice(&tile_slices, 0, u64::from(grids.tiles) * TILE_SLICES_BYTES);
     ComputeBindings {
         batches: batches.collect(),
         scan: device.create_bind_group(
@@ -123,6 +162,22 @@ pub fn bind(
                 splats.as_entire_binding(),
                 starts.as_entire_binding(),
                 shared.cells.as_entire_binding(),
+                slices.as_entire_binding(),
+                tiles(),
+                slice_count.as_entire_binding(),
+                patches.as_entire_binding(),
+            )),
+        ),
+        slices: device.create_bind_group(
+            "deepfield slices",
+            &cache.get_bind_group_layout(&pipelines.slices_layout),
+            &BindGroupEntries::sequential((
+                view(),
+                slice_count.as_entire_binding(),
+                dispatch.as_entire_binding(),
+                tiles(),
+                patches.as_entire_binding(),
+                shared.cells.as_entire_binding(),
             )),
         ),
         reconstruct: device.create_bind_group(
@@ -131,6 +186,8 @@ pub fn bind(
             &BindGroupEntries::sequential((view(), slice(&passes, 0, pass_size), shared.cells.as_entire_binding())),
         ),
         starts,
+        slice_count,
+        dispatch,
         passes,
     }
 }

@@ -36,11 +36,13 @@ pub fn encode(
 ) -> bool {
     let uniform = &buffers.grids.uniform;
     let get = |id| cache.get_compute_pipeline(id);
-    let (Some(count), Some(scan), Some(place), Some(accumulate), Some(reconstruct)) = (
+    let (Some(count), Some(scan), Some(place), Some(accumulate), Some(finish), Some(merge), Some(reconstruct)) = (
         get(pipelines.count),
         get(pipelines.scan),
         get(pipelines.place),
-        pipelines.accumulate(buffers.grids.kernel, uniform.perspective != 0).and_then(get),
+        pipelines.accumulate(buffers.grids.kernel, buffers.grids.oblique).and_then(get),
+        get(pipelines.finish),
+        get(pipelines.merge),
         get(pipelines.reconstruct),
     ) else {
         return false;
@@ -52,6 +54,7 @@ pub fn encode(
     for (index, batch) in bindings.batches.iter().enumerate() {
         let span = diagnostics.time_span(encoder, "project");
         encoder.clear_buffer(&bindings.starts, 0, None);
+        encoder.clear_buffer(&bindings.slice_count, 0, None);
         {
             let mut pass = encoder.begin_compute_pass(&descriptor);
             for_blocks(&mut pass, count, batch);
@@ -66,9 +69,22 @@ pub fn encode(
         {
             let mut pass = encoder.begin_compute_pass(&descriptor);
             pass.set_pipeline(accumulate);
-            let offset = if index == 0 { 0 } else { ComputeBindings::pass_offset(true, 0) };
-            pass.set_bind_group(0, &bindings.accumulate, &[offset]);
+            pass.set_bind_group(0, &bindings.accumulate, &[ComputeBindings::sum(index > 0, false)]);
             let (x, y) = groups(buffers.grids.tiles.div_ceil(pipelines.tiles_per_group));
+            pass.dispatch_workgroups(x, y, 1);
+            pass.set_pipeline(finish);
+            pass.set_bind_group(0, &bindings.slices, &[]);
+            pass.dispatch_workgroups(1, 1, 1);
+        }
+        {
+            // A pass of its own: the same buffer held the dispatch's size as storage.
+            let mut pass = encoder.begin_compute_pass(&descriptor);
+            pass.set_pipeline(accumulate);
+            pass.set_bind_group(0, &bindings.accumulate, &[ComputeBindings::sum(false, true)]);
+            pass.dispatch_workgroups_indirect(&bindings.dispatch, 0);
+            pass.set_pipeline(merge);
+            pass.set_bind_group(0, &bindings.slices, &[]);
+            let (x, y) = groups(buffers.grids.tiles.div_ceil(8));
             pass.dispatch_workgroups(x, y, 1);
         }
         span.end(encoder);
@@ -79,7 +95,7 @@ pub fn encode(
         pass.set_pipeline(reconstruct);
         for level in (1..uniform.level_count).rev() {
             let finer = &uniform.levels[level as usize - 1];
-            pass.set_bind_group(0, &bindings.reconstruct, &[ComputeBindings::pass_offset(false, level)]);
+            pass.set_bind_group(0, &bindings.reconstruct, &[ComputeBindings::reconstruction(level)]);
             let [x, y] = RECONSTRUCTED.map(|cells| cells * RECONSTRUCT_GROUP);
             pass.dispatch_workgroups(finer.width.div_ceil(x), finer.height.div_ceil(y), 1);
         }

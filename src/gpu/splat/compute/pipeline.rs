@@ -28,6 +28,8 @@ pub struct ComputePipelines {
     pub scan_layout: BindGroupLayoutDescriptor,
     /// Bindings of `accumulate`.
     pub accumulate_layout: BindGroupLayoutDescriptor,
+    /// Bindings of `finish` and `merge`.
+    pub slices_layout: BindGroupLayoutDescriptor,
     /// Bindings of `reconstruct`.
     pub reconstruct_layout: BindGroupLayoutDescriptor,
     /// One workgroup a block.
@@ -41,6 +43,10 @@ pub struct ComputePipelines {
     accumulate_shader: Handle<Shader>,
     /// Tiles that a workgroup of `accumulate` fills.
     pub tiles_per_group: u32,
+    /// One invocation.
+    pub finish: CachedComputePipelineId,
+    /// One workgroup for eight tiles.
+    pub merge: CachedComputePipelineId,
     /// One workgroup for 8 x 8 times [`super::layout::RECONSTRUCTED`] finer cells.
     pub reconstruct: CachedComputePipelineId,
 }
@@ -48,43 +54,55 @@ pub struct ComputePipelines {
 impl ComputePipelines {
     /// Every pipeline that has been asked for.
     pub fn ids(&self) -> impl Iterator<Item = CachedComputePipelineId> {
-        [self.count, self.scan, self.place, self.reconstruct].into_iter().chain(self.accumulate.values().copied())
+        [self.count, self.scan, self.place, self.finish, self.merge, self.reconstruct]
+            .into_iter()
+            .chain(self.accumulate.values().copied())
     }
 
     /// The pipeline of `accumulate` for a kernel and a projection, if it has been asked for: one workgroup for
     /// `tiles_per_group` tiles.
-    pub fn accumulate(&self, kernel: Kernel, perspective: bool) -> Option<CachedComputePipelineId> {
-        self.accumulate.get(&(kernel, perspective)).copied()
+    pub fn accumulate(&self, kernel: Kernel, oblique: bool) -> Option<CachedComputePipelineId> {
+        self.accumulate.get(&(kernel, oblique)).copied()
     }
 
     /// Has the pipeline of `accumulate` compiled for a kernel and a projection.
-    pub fn ask_for(&mut self, kernel: Kernel, perspective: bool, cache: &PipelineCache) {
+    pub fn ask_for(&mut self, kernel: Kernel, oblique: bool, cache: &PipelineCache) {
         let subgroup = self.tiles_per_group == 1;
-        self.accumulate.entry((kernel, perspective)).or_insert_with(|| {
+        self.accumulate.entry((kernel, oblique)).or_insert_with(|| {
             queue(
                 cache,
                 "deepfield accumulate",
                 &self.accumulate_layout,
                 &self.accumulate_shader,
                 "main",
-                accumulate_defs(kernel, perspective, subgroup),
+                accumulate_defs(kernel, oblique, subgroup),
             )
         });
     }
 }
 
 /// Shader definitions of the accumulate pass.
-pub fn accumulate_defs(kernel: Kernel, perspective: bool, subgroup: bool) -> Vec<ShaderDefVal> {
-    let tiles = if subgroup { 1 } else { TILES_PER_GROUP };
+pub fn accumulate_defs(kernel: Kernel, oblique: bool, subgroup: bool) -> Vec<ShaderDefVal> {
     let mut defs = kernel_defs(kernel);
-    defs.push(ShaderDefVal::UInt("TILES_PER_GROUP".into(), tiles));
-    if perspective {
-        defs.push("PERSPECTIVE".into());
+    defs.extend(slices_defs(subgroup));
+    if oblique {
+        defs.push("OBLIQUE".into());
     }
     if subgroup {
         defs.push("SUBGROUP".into());
     }
     defs
+}
+
+/// Shader definitions of the passes that follow the accumulate pass.
+pub fn slices_defs(subgroup: bool) -> Vec<ShaderDefVal> {
+    vec![ShaderDefVal::UInt("TILES_PER_GROUP".into(), tiles_per_group(subgroup))]
+}
+
+/// Tiles that a workgroup of the accumulate pass fills. A CPU driver runs a subgroup as one vector: there the lanes share
+/// what they load.
+fn tiles_per_group(subgroup: bool) -> u32 {
+    if subgroup { 1 } else { TILES_PER_GROUP }
 }
 
 /// Creates layouts, and pipelines for all that every picture needs.
@@ -109,7 +127,14 @@ pub fn create(server: &AssetServer, cache: &PipelineCache, vector_subgroups: boo
     );
     let accumulate_layout = BindGroupLayoutDescriptor::new(
         "deepfield accumulate",
-        &BindGroupLayoutEntries::sequential(compute, (view(), pass(), read(), read(), write())),
+        &BindGroupLayoutEntries::sequential(
+            compute,
+            (view(), pass(), read(), read(), write(), write(), write(), write(), write()),
+        ),
+    );
+    let slices_layout = BindGroupLayoutDescriptor::new(
+        "deepfield slices",
+        &BindGroupLayoutEntries::sequential(compute, (view(), read(), write(), read(), read(), write())),
     );
     let reconstruct_layout = BindGroupLayoutDescriptor::new(
         "deepfield reconstruct",
@@ -118,19 +143,23 @@ pub fn create(server: &AssetServer, cache: &PipelineCache, vector_subgroups: boo
 
     let project = shaders::load(server, "splat/project.wgsl");
     let scan = shaders::load(server, "splat/scan.wgsl");
+    let slices = shaders::load(server, "splat/slices.wgsl");
     let reconstruct = shaders::load(server, "splat/reconstruct.wgsl");
+    let tiles = slices_defs(vector_subgroups);
     ComputePipelines {
         count: queue(cache, "deepfield count", &project_layout, &project, "count", vec![]),
         scan: queue(cache, "deepfield scan", &scan_layout, &scan, "main", vec![]),
         place: queue(cache, "deepfield place", &project_layout, &project, "place", vec![]),
         accumulate: HashMap::default(),
         accumulate_shader: shaders::load(server, "splat/accumulate.wgsl"),
+        finish: queue(cache, "deepfield finish", &slices_layout, &slices, "finish", tiles.clone()),
+        merge: queue(cache, "deepfield merge", &slices_layout, &slices, "merge", tiles),
         reconstruct: queue(cache, "deepfield reconstruct", &reconstruct_layout, &reconstruct, "main", vec![]),
-        // A CPU driver runs a subgroup as one vector: there the lanes share what they load.
-        tiles_per_group: if vector_subgroups { 1 } else { TILES_PER_GROUP },
+        tiles_per_group: tiles_per_group(vector_subgroups),
         project_layout,
         scan_layout,
         accumulate_layout,
+        slices_layout,
         reconstruct_layout,
     }
 }

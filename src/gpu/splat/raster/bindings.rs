@@ -85,7 +85,7 @@ pub fn bind(
             Some(coarser) => (&coarser.along_y, [0, 0]),
             None => (&atlas, [levels[0].width, levels[index + 1].atlas_row]),
         };
-        let pass = Pass { add: 0, level: index as u32 + 1, source: corner };
+        let pass = Pass { level: index as u32 + 1, source: corner, ..Pass::default() };
         queue.write_buffer(&passes, index as u64 * ALIGNMENT, bytemuck::bytes_of(&pass));
         [source, &target.along_x].map(|source| {
             device.create_bind_group(

@@ -41,8 +41,8 @@ impl RasterPipelines {
 
     /// The pipeline of `blend` for a kernel and a projection, if it has been asked for: a strip of four vertices for
     /// each particle.
-    pub fn blend(&self, kernel: Kernel, perspective: bool) -> Option<CachedRenderPipelineId> {
-        self.blend.get(&(kernel, perspective)).copied()
+    pub fn blend(&self, kernel: Kernel, oblique: bool) -> Option<CachedRenderPipelineId> {
+        self.blend.get(&(kernel, oblique)).copied()
     }
 
     /// The pipelines of `upsample`, along x and along y, if they have been asked for: one triangle.
@@ -51,10 +51,10 @@ impl RasterPipelines {
     }
 
     /// Has the pipelines for a kernel and a projection compiled.
-    pub fn ask_for(&mut self, kernel: Kernel, perspective: bool, cache: &PipelineCache) {
+    pub fn ask_for(&mut self, kernel: Kernel, oblique: bool, cache: &PipelineCache) {
         let RasterPipelines { blend_layout, upsample_layout, blend_shader, upsample_shader, blend, upsample } = self;
-        blend.entry((kernel, perspective)).or_insert_with(|| {
-            let defs = blend_defs(kernel, perspective);
+        blend.entry((kernel, oblique)).or_insert_with(|| {
+            let defs = blend_defs(kernel, oblique);
             let target = Some(BlendState { color: ADD, alpha: ADD });
             queue(cache, "deepfield blend", blend_layout, blend_shader, "fragment", defs, target)
         });
@@ -66,11 +66,11 @@ impl RasterPipelines {
 }
 
 /// Shader definitions of the blend pass.
-pub fn blend_defs(kernel: Kernel, perspective: bool) -> Vec<ShaderDefVal> {
+pub fn blend_defs(kernel: Kernel, oblique: bool) -> Vec<ShaderDefVal> {
     let mut defs = kernel_defs(kernel);
     defs.push(ShaderDefVal::UInt("BLOCK".into(), BLOCK));
-    if perspective {
-        defs.push("PERSPECTIVE".into());
+    if oblique {
+        defs.push("OBLIQUE".into());
     }
     defs
 }
