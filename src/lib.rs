@@ -4,6 +4,7 @@
 
 #[cfg(feature = "viewer")]
 pub mod app;
+pub mod build;
 pub mod codec;
 pub mod commands;
 #[cfg(feature = "viewer")]

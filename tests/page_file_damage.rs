@@ -2,8 +2,8 @@
 
 #![allow(clippy::unwrap_used, reason = "a failed helper fails its test")]
 
+use deepfield::build::{BuildOptions, build};
 use deepfield::codec::VqBits;
-use deepfield::commands::build::{BuildOptions, build};
 use deepfield::hierarchy::OctreeOptions;
 use deepfield::model::{Attribute, Dataset, Family, FamilyName, Kernel, Provenance, Unit};
 use deepfield::store::layout::{ALIGNMENT, HEADER_LEN, PAGE_ENTRY_LEN};

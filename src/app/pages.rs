@@ -335,7 +335,7 @@ pub fn evict(mut commands: Commands, streaming: Option<ResMut<Streaming>>, mut c
 mod tests {
     use super::*;
     use crate::app::facts::Facts;
-    use crate::commands::build::{BuildOptions, build_source};
+    use crate::build::{BuildOptions, build_source};
     use crate::import::LoadOptions;
     use bevy::math::DVec3;
     use bevy::tasks::TaskPool;

@@ -5,6 +5,7 @@
 //! folder `configs` (beside the manifest under cargo, else beside the executable or in `BEVY_ASSET_ROOT`), the file
 //! there wins. Unknown fields and wrong values are refused with file, line and column; the last good preset stays.
 
+use crate::model::ron_file::{self, RonError};
 use bevy::asset::{AssetLoader, LoadContext, io::Reader};
 use bevy::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -159,41 +160,12 @@ pub struct Preset {
     pub panel: PanelPreset,
 }
 
-/// Why a preset is refused.
+/// Why there is no preset.
 #[derive(Debug, Error)]
 pub enum PresetError {
-    /// The file cannot be read.
-    #[error("{file}: {source}")]
-    Io {
-        /// Which file.
-        file: String,
-        /// The cause.
-        source: std::io::Error,
-    },
-    /// Not RON, an unknown field, or a value of the wrong type.
-    #[error("{file}:{line}:{column}: {message}")]
-    Syntax {
-        /// Which file.
-        file: String,
-        /// Line, from 1.
-        line: usize,
-        /// Column, from 1.
-        column: usize,
-        /// What is wrong there.
-        message: String,
-    },
-    /// A number that makes no sense.
-    #[error("{file}: {field} is {value}, expected {expected}")]
-    Range {
-        /// Which file.
-        file: String,
-        /// The field's path.
-        field: &'static str,
-        /// Its value.
-        value: f64,
-        /// What it may be.
-        expected: &'static str,
-    },
+    /// The preset's text is refused.
+    #[error(transparent)]
+    Ron(#[from] RonError),
     /// No preset of that name.
     #[error("no preset named {0}: expected desktop, laptop or headless")]
     Unknown(String),
@@ -203,25 +175,20 @@ impl Preset {
     /// The embedded preset of that name.
     pub fn embedded(name: &str) -> Result<Preset, PresetError> {
         match EMBEDDED.iter().find(|(known, _)| *known == name) {
-            Some((name, text)) => Preset::parse(&format!("{name}.ron"), text),
+            Some((name, text)) => Ok(Preset::parse(&format!("{name}.ron"), text)?),
             None => Err(PresetError::Unknown(name.to_owned())),
         }
     }
 
     /// Reads RON text; `file` is what errors call it.
-    pub fn parse(file: &str, text: &str) -> Result<Preset, PresetError> {
-        let preset: Preset = ron::from_str(text).map_err(|error| PresetError::Syntax {
-            file: file.to_owned(),
-            line: error.span.start.line,
-            column: error.span.start.col,
-            message: error.code.to_string(),
-        })?;
+    pub fn parse(file: &str, text: &str) -> Result<Preset, RonError> {
+        let preset: Preset = ron_file::parse(file, text)?;
         preset.check(file)?;
         Ok(preset)
     }
 
     /// Checks every number against its range.
-    fn check(&self, file: &str) -> Result<(), PresetError> {
+    fn check(&self, file: &str) -> Result<(), RonError> {
         let Preset { window, residency, drawing, camera, panel } = self;
         let checks = [
             ("window.width", f64::from(window.width), 320.0, 16384.0, "320 to 16384"),
@@ -240,7 +207,7 @@ impl Preset {
         ];
         for (field, value, least, most, expected) in checks {
             if !(least..=most).contains(&value) {
-                return Err(PresetError::Range { file: file.to_owned(), field, value, expected });
+                return Err(RonError::value(file, field, value, expected));
             }
         }
         Ok(())
@@ -254,17 +221,17 @@ pub struct PresetLoader;
 impl AssetLoader for PresetLoader {
     type Asset = Preset;
     type Settings = ();
-    type Error = PresetError;
+    type Error = RonError;
 
     async fn load(
         &self,
         reader: &mut dyn Reader,
         _settings: &(),
         load_context: &mut LoadContext<'_>,
-    ) -> Result<Preset, PresetError> {
+    ) -> Result<Preset, RonError> {
         let file = load_context.path().to_string();
         let mut bytes = Vec::new();
-        reader.read_to_end(&mut bytes).await.map_err(|source| PresetError::Io { file: file.clone(), source })?;
+        reader.read_to_end(&mut bytes).await.map_err(|source| RonError::Io { file: file.clone(), source })?;
         Preset::parse(&file, &String::from_utf8_lossy(&bytes))
     }
 

@@ -1,7 +1,8 @@
 //! Page files of sources that were opened directly: built once into the user's cache folder, found again as long as
-//! the source does not change.
+//! the source does not change. The folder has a budget, and what was opened longest ago goes first.
 
-use super::build::{BuildOptions, build_source};
+use super::arguments::bytes;
+use crate::build::{BuildOptions, build_source};
 use crate::import::LoadOptions;
 use crate::model::Progress;
 use crate::store::PageFile;
@@ -9,7 +10,7 @@ use etcetera::BaseStrategy;
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::io::Read;
 use std::path::{Path, PathBuf};
-use std::time::UNIX_EPOCH;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 /// A folder below deepfield's part of the user's cache (`$XDG_CACHE_HOME/deepfield` and its equivalents), created if
 /// needed.
@@ -44,11 +45,129 @@ pub fn page_file_of(path: &Path, progress: &dyn Progress) -> Result<PathBuf, Box
     if is_page_file(path)? {
         return Ok(path.to_owned());
     }
-    let cached = folder("pages")?.join(cached_name(path)?);
-    if PageFile::open(&cached).is_err() {
-        build_source(path, &LoadOptions::default(), &BuildOptions::default(), &cached, progress)?;
+    let folder = folder("pages")?;
+    let cached = folder.join(cached_name(path)?);
+    if PageFile::open(&cached).is_ok() {
+        mark_as_used(&cached);
+        return Ok(cached);
+    }
+    let stated = std::env::var(BUDGET_VARIABLE).ok();
+    let stated = stated.map(|text| bytes(&text).map_err(|error| format!("{BUDGET_VARIABLE} is {text:?}: {error}")));
+    let stated = stated.transpose()?;
+    build_source(path, &LoadOptions::default(), &BuildOptions::default(), &cached, progress)?;
+    let budget = stated.unwrap_or_else(|| default_budget(&folder));
+    if let Some(removed) = prune(&folder, budget, &cached)? {
+        eprintln!("deepfield: {removed}");
     }
     Ok(cached)
+}
+
+/// The environment variable that sets the cache's budget.
+pub const BUDGET_VARIABLE: &str = "DEEPFIELD_CACHE";
+
+/// The cache's budget unless set: this, or a fifth of what it has and the disk has left, if that is less.
+const MOST_BYTES: u64 = 50_000_000_000;
+
+/// A build's unfinished file that has not grown for so long belongs to a program that is gone.
+const ABANDONED: Duration = Duration::from_secs(24 * 3600);
+
+/// What [`prune`] has removed.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Removed {
+    /// How many files.
+    pub files: usize,
+    /// Their bytes.
+    pub bytes: u64,
+    /// The budget.
+    pub budget: u64,
+    /// The folder.
+    pub folder: PathBuf,
+}
+
+impl std::fmt::Display for Removed {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let gb = |bytes: u64| bytes as f64 / 1e9;
+        let (files, folder) = (self.files, self.folder.display());
+        let plural = if files == 1 { "" } else { "s" };
+        write!(f, "removed {files} page file{plural} of {:.2} GB, unused for longest, from {folder}", gb(self.bytes))?;
+        write!(f, ", which may hold {:.2} GB ({BUDGET_VARIABLE})", gb(self.budget))
+    }
+}
+
+/// Notes that a page file was used. Nothing depends on whether that works but the order of removal.
+fn mark_as_used(file: &Path) {
+    if let Ok(file) = std::fs::File::options().append(true).open(file) {
+        let _ = file.set_modified(SystemTime::now());
+    }
+}
+
+/// A file in the cache folder.
+struct Cached {
+    used: SystemTime,
+    path: PathBuf,
+    bytes: u64,
+}
+
+/// The page files in a folder, finished and unfinished.
+fn page_files(folder: &Path) -> Result<Vec<Cached>, std::io::Error> {
+    let name = |error: std::io::Error| std::io::Error::new(error.kind(), format!("{}: {error}", folder.display()));
+    let mut files = Vec::new();
+    for entry in std::fs::read_dir(folder).map_err(name)? {
+        let entry = entry.map_err(name)?;
+        // Another program may be removing files too.
+        let Ok(about) = entry.metadata() else { continue };
+        let is_ours = entry.file_name().to_string_lossy().contains(".df");
+        if about.is_file() && is_ours {
+            let used = about.modified().unwrap_or(UNIX_EPOCH);
+            files.push(Cached { used, path: entry.path(), bytes: about.len() });
+        }
+    }
+    Ok(files)
+}
+
+/// The budget of a folder unless one is set.
+fn default_budget(folder: &Path) -> u64 {
+    let held: u64 = page_files(folder).unwrap_or_default().iter().map(|file| file.bytes).sum();
+    free_bytes(folder).map_or(MOST_BYTES, |free| (free.saturating_add(held) / 5).min(MOST_BYTES))
+}
+
+/// What the disk of a folder has left for this user, where the system says so.
+fn free_bytes(folder: &Path) -> Option<u64> {
+    #[cfg(unix)]
+    return rustix::fs::statvfs(folder).ok().map(|about| about.f_bavail.saturating_mul(about.f_frsize));
+    #[cfg(not(unix))]
+    {
+        let _ = folder;
+        None
+    }
+}
+
+/// Removes page files that were used longest ago until the folder holds at most `budget` bytes, never `keep`; and what
+/// builds that were cut off have left. `None` if no page file had to go.
+///
+/// # Errors
+/// When the folder cannot be read.
+pub fn prune(folder: &Path, budget: u64, keep: &Path) -> Result<Option<Removed>, std::io::Error> {
+    let is_finished = |file: &Cached| file.path.extension().is_some_and(|extension| extension == "df");
+    let (mut finished, unfinished): (Vec<Cached>, Vec<Cached>) = page_files(folder)?.into_iter().partition(is_finished);
+    for file in unfinished.iter().filter(|file| file.used.elapsed().is_ok_and(|age| age > ABANDONED)) {
+        // Whoever else removed it did what was wanted.
+        let _ = std::fs::remove_file(&file.path);
+    }
+    finished.sort_by(|a, b| a.used.cmp(&b.used).then_with(|| a.path.cmp(&b.path)));
+    let mut held: u64 = finished.iter().map(|file| file.bytes).sum();
+    let mut removed = Removed { files: 0, bytes: 0, budget, folder: folder.to_owned() };
+    for file in finished.iter().filter(|file| file.path != keep) {
+        if held <= budget {
+            break;
+        }
+        if std::fs::remove_file(&file.path).is_ok() {
+            held -= file.bytes;
+            removed.files += 1;
+            removed.bytes += file.bytes;
+        }
+    }
+    Ok((removed.files > 0).then_some(removed))
 }
 
 /// A file name that changes when the source's path, length or time of change does, or the page file's version.
@@ -61,4 +180,59 @@ fn cached_name(path: &Path) -> Result<String, std::io::Error> {
     (&path, about.len(), changed, crate::store::layout::VERSION).hash(&mut hasher);
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
     Ok(format!("{stem}-{:016x}.df", hasher.finish()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A file of so many bytes, used so many seconds ago.
+    fn file(folder: &Path, name: &str, bytes: usize, seconds: u64) -> PathBuf {
+        let path = folder.join(name);
+        std::fs::write(&path, vec![0; bytes]).unwrap();
+        let used = SystemTime::now() - Duration::from_secs(seconds);
+        std::fs::File::options().append(true).open(&path).unwrap().set_modified(used).unwrap();
+        path
+    }
+
+    fn names(folder: &Path) -> Vec<String> {
+        let entries = std::fs::read_dir(folder).unwrap();
+        let mut names: Vec<String> =
+            entries.map(|entry| entry.unwrap().file_name().to_string_lossy().into_owned()).collect();
+        names.sort();
+        names
+    }
+
+    #[test]
+    fn what_was_used_longest_ago_goes_first_and_never_what_was_just_made() {
+        let folder = tempfile::tempdir().unwrap();
+        let folder = folder.path();
+        let made = file(folder, "made.df", 100, 5000);
+        file(folder, "older.df", 30, 3000);
+        let used = file(folder, "old.df", 40, 4000);
+        file(folder, "new.df", 50, 10);
+        file(folder, "notes.txt", 1000, 9000);
+        file(folder, "cut-off.df.tmp1", 1000, 100_000);
+        file(folder, "growing.df.tmp2", 1000, 5);
+        mark_as_used(&used);
+        assert_eq!(prune(folder, 220, &made).unwrap(), None);
+        assert_eq!(names(folder), ["growing.df.tmp2", "made.df", "new.df", "notes.txt", "old.df", "older.df"]);
+        let removed = prune(folder, 150, &made).unwrap().unwrap();
+        assert_eq!((removed.files, removed.bytes), (2, 80));
+        assert_eq!(names(folder), ["growing.df.tmp2", "made.df", "notes.txt", "old.df"]);
+        let text = removed.to_string();
+        assert!(text.starts_with("removed 2 page files of") && !text.contains('\n') && text.contains(BUDGET_VARIABLE));
+        // One file may be larger than the budget: it was just asked for.
+        assert_eq!(prune(folder, 1, &made).unwrap().unwrap().files, 1);
+        assert_eq!(names(folder), ["growing.df.tmp2", "made.df", "notes.txt"]);
+        assert!(prune(&folder.join("absent"), 1, &made).unwrap_err().to_string().contains("absent"));
+    }
+
+    #[test]
+    fn the_default_budget_leaves_most_of_the_disk_free() {
+        let folder = tempfile::tempdir().unwrap();
+        let budget = default_budget(folder.path());
+        assert!(budget <= MOST_BYTES);
+        assert!(free_bytes(folder.path()).is_none_or(|free| budget <= free / 4));
+    }
 }

@@ -3,12 +3,13 @@
 use super::arguments::PictureSize;
 use super::render::{Arguments, Backend};
 use crate::model::FamilyName;
+use crate::model::ron_file::{self, RonError};
+use crate::modes::setting::SettingError;
 use crate::modes::{self, Settings};
 use crate::raster::transfer::TransferFunction;
 use glam::DVec3;
 use serde::Deserialize;
 use std::path::Path;
-use thiserror::Error;
 
 /// A picture's settings; what is left out keeps its default, and what the command line names overrides it.
 #[derive(Clone, Debug, Default, Deserialize)]
@@ -50,76 +51,39 @@ pub struct CameraConfig {
     pub ortho: Option<f64>,
 }
 
-/// A configuration that cannot be used, and where it is wrong.
-#[derive(Debug, Error)]
-pub enum ConfigError {
-    /// The file cannot be read.
-    #[error("{file}: {source}")]
-    Io {
-        /// The file.
-        file: String,
-        /// What the system says.
-        source: std::io::Error,
-    },
-    /// Wrong RON, an unknown field, or a value of the wrong type.
-    #[error("{file}:{line}:{column}: {message}")]
-    Syntax {
-        /// The file.
-        file: String,
-        /// Line, from 1.
-        line: usize,
-        /// Column, from 1.
-        column: usize,
-        /// What is wrong, with the field's name.
-        message: String,
-    },
-    /// A value that makes no sense.
-    #[error("{file}: {message}")]
-    Value {
-        /// The file.
-        file: String,
-        /// The field, its value and what was expected.
-        message: String,
-    },
-}
-
 impl PictureConfig {
     /// Reads a RON file.
     ///
     /// # Errors
-    /// [`ConfigError`] with the file, and with line and column where the text is wrong.
-    pub fn read(path: &Path) -> Result<PictureConfig, ConfigError> {
-        let file = path.display().to_string();
-        match std::fs::read_to_string(path) {
-            Ok(text) => PictureConfig::parse(&text, &file),
-            Err(source) => Err(ConfigError::Io { file, source }),
-        }
+    /// [`RonError`] with the file, and with line, column and field where the text is wrong.
+    pub fn read(path: &Path) -> Result<PictureConfig, RonError> {
+        ron_file::read::<PictureConfig>(path)?.checked(&path.display().to_string())
     }
 
-    fn parse(text: &str, file: &str) -> Result<PictureConfig, ConfigError> {
-        let options = ron::Options::default().with_default_extension(ron::extensions::Extensions::IMPLICIT_SOME);
-        let config: PictureConfig = options.from_str(text).map_err(|error| ConfigError::Syntax {
-            file: file.to_owned(),
-            line: error.span.start.line,
-            column: error.span.start.col,
-            message: error.code.to_string(),
-        })?;
-        let wrong = |message: String| ConfigError::Value { file: file.to_owned(), message };
-        let mode = match &config.mode {
-            Some(name) => {
-                modes::find(name).ok_or_else(|| wrong(format!("mode is {name}, expected one of {}", modes::names())))?
-            }
+    /// The configuration, if all its values make sense.
+    fn checked(self, file: &str) -> Result<PictureConfig, RonError> {
+        let mode = match &self.mode {
+            Some(name) => modes::find(name)
+                .ok_or_else(|| RonError::value(file, "mode", name, format!("one of {}", modes::names())))?,
             None => modes::MODES[0],
         };
-        config.settings.check(mode).map_err(|error| wrong(format!("settings: {error}")))?;
+        self.settings.check(mode).map_err(|error| match error {
+            SettingError::Unknown { name, expected, .. } => {
+                let expected = format!("a setting of {}: {expected}", mode.name);
+                RonError::value(file, "a name in settings", name, expected)
+            }
+            SettingError::Value { name, found, expected } => {
+                RonError::value(file, &format!("settings.{name}"), found, expected)
+            }
+        })?;
         let numbers =
-            [("error_px", config.error_px), ("camera.fov", config.camera.fov), ("camera.ortho", config.camera.ortho)];
+            [("error_px", self.error_px), ("camera.fov", self.camera.fov), ("camera.ortho", self.camera.ortho)];
         for (field, value) in numbers {
             if let Some(value) = value.filter(|value| !(*value > 0.0 && value.is_finite())) {
-                return Err(wrong(format!("{field} is {value}, expected a number greater than 0")));
+                return Err(RonError::value(file, field, value, "a number greater than 0"));
             }
         }
-        Ok(config)
+        Ok(self)
     }
 
     /// The arguments, with this configuration where they say nothing.
@@ -150,9 +114,13 @@ impl PictureConfig {
 mod tests {
     use super::*;
 
+    fn parse(text: &str, file: &str) -> Result<PictureConfig, RonError> {
+        ron_file::parse::<PictureConfig>(file, text)?.checked(file)
+    }
+
     #[test]
     fn the_example_is_read_and_the_command_line_overrides_it() {
-        let config = PictureConfig::parse(include_str!("../../configs/picture.ron"), "picture.ron").unwrap();
+        let config = parse(include_str!("../../configs/picture.ron"), "picture.ron").unwrap();
         let mut arguments = Arguments::new("a".into(), "b.png".into());
         arguments.error_px = Some(3.0);
         arguments.fov = Some(20.0);
@@ -166,13 +134,14 @@ mod tests {
     fn mistakes_are_named_with_their_place() {
         for (text, expected) in [
             ("(\n  moed: \"points\",\n)", "p.ron:2:"),
-            ("(size: \"big\")", "p.ron:1:"),
+            ("(size: \"big\")", "size: "),
+            ("(mode: \"points\", settings: {\"radios\": 9.0})", "radios, expected a setting of points: radius"),
             ("(camera: (eye: (0.0, 0.0)))", "p.ron:1:"),
             ("(mode: \"pionts\")", "mode is pionts, expected one of column-density"),
             ("(mode: \"points\", settings: {\"radius\": 99.0})", "radius is 99, expected a number from"),
             ("(error_px: -1.0)", "error_px is -1, expected a number greater than 0"),
         ] {
-            let message = PictureConfig::parse(text, "p.ron").unwrap_err().to_string();
+            let message = parse(text, "p.ron").unwrap_err().to_string();
             assert!(message.contains(expected), "{text}: {message}");
         }
     }

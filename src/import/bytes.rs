@@ -1,6 +1,7 @@
 //! Files read by byte range, and numbers in either byte order.
 
 use super::ImportError;
+use std::cell::RefCell;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
@@ -34,6 +35,26 @@ impl RangeFile {
         self.read_exact_at(offset, out).map_err(|source| ImportError::io(&self.path, field, source))
     }
 
+    /// Decodes the records of a block from byte `offset` on into `out`, `records.components` numbers for each; `field` names what
+    /// is there.
+    pub(super) fn decode(
+        &self,
+        offset: u64,
+        records: Records,
+        out: &mut [f64],
+        field: &str,
+    ) -> Result<(), ImportError> {
+        let count = out.len() / records.components.max(1);
+        RAW.with_borrow_mut(|raw| {
+            raw.resize(count * records.stride, 0);
+            self.read(offset, raw, field)?;
+            if let Some(from_column) = raw.get(records.column..) {
+                records.number.decode(records.order, from_column, records.stride, records.components, out);
+            }
+            Ok(())
+        })
+    }
+
     #[cfg(unix)]
     fn read_exact_at(&self, offset: u64, out: &mut [u8]) -> std::io::Result<()> {
         std::os::unix::fs::FileExt::read_exact_at(&self.file, out, offset)
@@ -51,6 +72,26 @@ impl RangeFile {
         }
         Ok(())
     }
+}
+
+thread_local! {
+    /// Bytes on their way from a file, one buffer per thread.
+    static RAW: RefCell<Vec<u8>> = const { RefCell::new(Vec::new()) };
+}
+
+/// Numbers that stand at the same place of every record of a block.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Records {
+    /// How each is stored.
+    pub number: Number,
+    /// The order of its bytes.
+    pub order: Order,
+    /// Bytes of a record.
+    pub stride: usize,
+    /// First byte of the numbers in a record.
+    pub column: usize,
+    /// How many numbers follow each other there.
+    pub components: usize,
 }
 
 /// The order of the bytes of a number.

@@ -3,7 +3,7 @@
 use super::ImportError;
 use crate::model::{FamilyName, Kernel, Unit};
 use std::ops::Range;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// What a field is to the import. Everything else about it is its name and unit. Fields are listed in this order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -94,6 +94,24 @@ pub struct Description {
 }
 
 impl Description {
+    /// One file without units, time or particles yet, with the cubic spline as its kernel.
+    pub fn unitless(path: &Path, format: &str, bytes: u64) -> Description {
+        Description {
+            path: path.into(),
+            format: format.into(),
+            bytes,
+            files: 1,
+            length_unit: Unit::default(),
+            mass_unit: Unit::default(),
+            kernel: Kernel::CubicSpline,
+            time: None,
+            redshift: None,
+            box_size: None,
+            notes: Vec::new(),
+            families: Vec::new(),
+        }
+    }
+
     /// Number of particles in all families.
     pub fn particles(&self) -> u64 {
         self.families.iter().map(|family| family.count).sum()

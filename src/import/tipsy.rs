@@ -6,11 +6,10 @@
 //! softening there instead; a value that is the same for every gas particle is taken for that and not for a smoothing
 //! length. A gas density that is the same for every particle is taken for the placeholder of initial conditions.
 
-use super::bytes::{Number, Order, RangeFile};
+use super::bytes::{Number, Order, RangeFile, Records};
 use super::check::chunks;
 use super::{Description, FamilyInfo, Field, FieldKind, Format, ImportError, Source};
-use crate::model::{FamilyName, Kernel, Unit};
-use std::cell::RefCell;
+use crate::model::{FamilyName, Unit};
 use std::ops::Range;
 use std::path::Path;
 
@@ -129,20 +128,8 @@ impl Snapshot {
                 format!("{} or {} bytes for {gas} gas, {dark} dark and {stars} star particles", body + 28, body + 32);
             ImportError::malformed(path, "file length", found, expected)
         })?;
-        let mut description = Description {
-            path: path.into(),
-            format: "tipsy".into(),
-            bytes: file.length,
-            files: 1,
-            length_unit: Unit::default(),
-            mass_unit: Unit::default(),
-            kernel: Kernel::CubicSpline,
-            time: Some(header.time),
-            redshift: None,
-            box_size: None,
-            notes: Vec::new(),
-            families: Vec::new(),
-        };
+        let mut description =
+            Description { time: Some(header.time), ..Description::unitless(path, "tipsy", file.length) };
         let mut families = Vec::new();
         let mut offset = start;
         for (count, (name, layout)) in header.counts.into_iter().zip(FAMILIES) {
@@ -210,11 +197,6 @@ impl Snapshot {
     }
 }
 
-thread_local! {
-    /// Bytes on their way from the file, one buffer per thread.
-    static RAW: RefCell<Vec<u8>> = const { RefCell::new(Vec::new()) };
-}
-
 impl Source for Snapshot {
     fn description(&self) -> &Description {
         &self.description
@@ -225,14 +207,8 @@ impl Source for Snapshot {
         let extent = &self.families[family];
         let stride = record(extent.layout);
         let (column, factor) = extent.columns[field];
-        RAW.with_borrow_mut(|raw| {
-            raw.resize((range.end - range.start) as usize * stride, 0);
-            self.file.read(extent.offset + range.start * stride as u64, raw, &info.stored_as)?;
-            if let Some(from_column) = raw.get(column..) {
-                Number::F32.decode(self.order, from_column, stride, info.components, out);
-            }
-            Ok::<(), ImportError>(())
-        })?;
+        let records = Records { number: Number::F32, order: self.order, stride, column, components: info.components };
+        self.file.decode(extent.offset + range.start * stride as u64, records, out, &info.stored_as)?;
         if factor != 1.0 {
             out.iter_mut().for_each(|value| *value *= factor);
         }

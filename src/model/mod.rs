@@ -1,10 +1,11 @@
 //! What the data is, before anything is done with it: particles by family, their attributes with units, bounds and
-//! SPH kernels. This room knows no file format, no hierarchy and no picture.
+//! SPH kernels; and how settings are read. This room knows no file format, no hierarchy and no picture.
 
 pub mod bounds;
 pub mod kernel;
 pub mod particles;
 pub mod progress;
+pub mod ron_file;
 pub mod units;
 
 pub use bounds::Bounds;

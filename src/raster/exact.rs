@@ -50,14 +50,41 @@ impl Canvas {
         Canvas { stride, p: vec![0.0; stride * rows], ps: vec![0.0; if attribute { stride * rows } else { 0 }] }
     }
 
-    /// Calls `draw(first row, P rows, P S rows)` for each band of rows, in parallel.
-    pub(super) fn bands(&mut self, draw: impl Fn(usize, &mut [f64], &mut [f64]) + Sync) {
-        let size = BAND * self.stride;
+    /// Calls `draw` for each band of rows, in parallel.
+    pub(super) fn bands(&mut self, draw: impl Fn(Band<'_>) + Sync) {
+        let stride = self.stride;
+        let size = BAND * stride;
+        let band = |number: usize, p, ps| Band { stride, first: number * BAND, p, ps };
         if self.ps.is_empty() {
-            self.p.par_chunks_mut(size).enumerate().for_each(|(band, p)| draw(band * BAND, p, &mut []));
+            self.p.par_chunks_mut(size).enumerate().for_each(|(number, p)| draw(band(number, p, &mut [])));
         } else {
             let bands = self.p.par_chunks_mut(size).zip(self.ps.par_chunks_mut(size));
-            bands.enumerate().for_each(|(band, (p, ps))| draw(band * BAND, p, ps));
+            bands.enumerate().for_each(|(number, (p, ps))| draw(band(number, p, ps)));
+        }
+    }
+}
+
+/// Some rows of a canvas.
+pub(super) struct Band<'a> {
+    stride: usize,
+    /// The first row's number in the canvas.
+    first: usize,
+    p: &'a mut [f64],
+    ps: &'a mut [f64],
+}
+
+impl Band<'_> {
+    fn rows(&self) -> usize {
+        self.p.len() / self.stride
+    }
+
+    /// Adds a splat's share of a cell: `f` in units of its amplitudes.
+    #[inline(always)]
+    fn add(&mut self, row: usize, column: usize, splat: &Footprint, f: f64) {
+        let at = row * self.stride + column;
+        self.p[at] += splat.amplitude * f;
+        if !self.ps.is_empty() {
+            self.ps[at] += splat.amplitude_s * f;
         }
     }
 }
@@ -79,16 +106,12 @@ pub fn draw(view: &View, batches: &[Splats<'_>], kernel: Kernel) -> Accumulation
                 .collect();
             let (large, small): (Vec<Footprint>, Vec<Footprint>) =
                 footprints.into_iter().partition(|footprint| footprint.radius >= SAMPLED_RADIUS);
-            samples.bands(|first, p, ps| {
-                for footprint in &large {
-                    sample(&lens, line, footprint, width + 2 * HALO, first, p, ps);
-                }
-            });
-            area.bands(|first, p, ps| {
+            samples.bands(|mut band| large.iter().for_each(|footprint| sample(&lens, line, footprint, &mut band)));
+            area.bands(|mut band| {
                 for footprint in &small {
                     match footprint.shape {
-                        Shape::Circle { center } => corners(cumulative, footprint, center, width, first, p, ps),
-                        Shape::Sphere { .. } => subsample(&lens, line, footprint, width, first, p, ps),
+                        Shape::Circle { center } => corners(cumulative, footprint, center, &mut band),
+                        Shape::Sphere { .. } => subsample(&lens, line, footprint, &mut band),
                     }
                 }
             });
@@ -129,41 +152,23 @@ fn cells(from: f64, to: f64, first: i64, count: usize) -> std::ops::Range<usize>
 }
 
 /// Samples a large footprint at the pixel centres of a band of the canvas with its halo.
-fn sample(
-    lens: &Lens,
-    line: &LineTable,
-    splat: &Footprint,
-    stride: usize,
-    first: usize,
-    p: &mut [f64],
-    ps: &mut [f64],
-) {
-    let origin = first as i64 - HALO as i64;
-    let columns = cells(splat.min[0], splat.max[0], -(HALO as i64), stride);
-    for j in cells(splat.min[1], splat.max[1], origin, p.len() / stride) {
+fn sample(lens: &Lens, line: &LineTable, splat: &Footprint, band: &mut Band<'_>) {
+    let origin = band.first as i64 - HALO as i64;
+    let columns = cells(splat.min[0], splat.max[0], -(HALO as i64), band.stride);
+    for j in cells(splat.min[1], splat.max[1], origin, band.rows()) {
         let row = lens.row(splat, (origin + j as i64) as f64 + 0.5);
         for i in columns.clone() {
             let f = line.at_square(lens.square(&row, i as f64 - HALO as f64 + 0.5));
-            p[j * stride + i] += splat.amplitude * f;
-            if !ps.is_empty() {
-                ps[j * stride + i] += splat.amplitude_s * f;
-            }
+            band.add(j, i, splat, f);
         }
     }
 }
 
 /// Adds the exact integral of a circle over each pixel of a band.
-fn corners(
-    table: &CumulativeTable,
-    splat: &Footprint,
-    center: [f64; 2],
-    stride: usize,
-    first: usize,
-    p: &mut [f64],
-    ps: &mut [f64],
-) {
-    let columns = cells(splat.min[0], splat.max[0], 0, stride);
-    let rows = cells(splat.min[1], splat.max[1], first as i64, p.len() / stride);
+fn corners(table: &CumulativeTable, splat: &Footprint, center: [f64; 2], band: &mut Band<'_>) {
+    let first = band.first;
+    let columns = cells(splat.min[0], splat.max[0], 0, band.stride);
+    let rows = cells(splat.min[1], splat.max[1], first as i64, band.rows());
     if columns.is_empty() || rows.is_empty() {
         return;
     }
@@ -176,40 +181,20 @@ fn corners(
         let below = edge(unit(first + j + 1, 1));
         for (k, i) in columns.clone().enumerate() {
             let share = area * ((below[k + 1] - below[k]) - (above[k + 1] - above[k]));
-            p[j * stride + i] += splat.amplitude * share;
-            if !ps.is_empty() {
-                ps[j * stride + i] += splat.amplitude_s * share;
-            }
+            band.add(j, i, splat, share);
         }
         above = below;
     }
 }
 
-/// Adds the means of a fine grid of samples over each pixel of a band: rows `first` and following of a picture
-/// `stride` pixels wide.
-pub(super) fn subsample(
-    lens: &Lens,
-    line: &LineTable,
-    splat: &Footprint,
-    stride: usize,
-    first: usize,
-    p: &mut [f64],
-    ps: &mut [f64],
-) {
+/// Adds the means of a fine grid of samples over each pixel of a band of a picture.
+pub(super) fn subsample(lens: &Lens, line: &LineTable, splat: &Footprint, band: &mut Band<'_>) {
+    let (stride, first) = (band.stride, band.first);
     let mut splat = *splat;
     let power = ((SAMPLED_RADIUS / splat.radius).log2().ceil().max(1.0) as u32).min(FINEST);
     let fine = f64::from(1u32 << power);
     let smallest = SAMPLED_RADIUS / fine;
-    if let (true, Shape::Sphere { camera, h }) = (splat.radius < smallest, splat.shape) {
-        let grow = smallest / splat.radius;
-        splat.shape = Shape::Sphere { camera, h: h * grow };
-        splat.amplitude /= grow * grow;
-        splat.amplitude_s /= grow * grow;
-        for k in 0..2 {
-            let (middle, half) = (0.5 * (splat.min[k] + splat.max[k]), 0.5 * (splat.max[k] - splat.min[k]));
-            (splat.min[k], splat.max[k]) = (middle - half * grow, middle + half * grow);
-        }
-    }
+    splat.grow_to(smallest);
     // What a sample gives to the pixel before its own, its own, and the one after, by its place within the pixel.
     let count = 1usize << power;
     let share = |place: usize| -> [f64; 3] {
@@ -220,7 +205,7 @@ pub(super) fn subsample(
         }
         shares
     };
-    let rows = p.len() / stride;
+    let rows = band.rows();
     // Samples from the pixel before the band to the pixel after it, since samples give to their neighbours.
     let columns = cells(splat.min[0] * fine, splat.max[0] * fine, -(count as i64), (stride + 2) * count);
     let first_pixel = columns.start / count;
@@ -248,10 +233,7 @@ pub(super) fn subsample(
             for (k, sum) in sums.iter().enumerate() {
                 let x = (first_pixel + k).wrapping_sub(2);
                 if x < stride {
-                    p[y * stride + x] += splat.amplitude * share * sum;
-                    if !ps.is_empty() {
-                        ps[y * stride + x] += splat.amplitude_s * share * sum;
-                    }
+                    band.add(y, x, &splat, share * sum);
                 }
             }
         }

@@ -177,11 +177,7 @@ fn finish(
     if !long.is_empty() {
         let line = LineTable::of(kernel);
         let mut canvas = exact::Canvas::new(width, view.height as usize, attribute);
-        canvas.bands(|first, p, ps| {
-            for footprint in &long {
-                exact::subsample(lens, line, footprint, width, first, p, ps);
-            }
-        });
+        canvas.bands(|mut band| long.iter().for_each(|footprint| exact::subsample(lens, line, footprint, &mut band)));
         for (sum, value) in picture.p.iter_mut().zip(canvas.p).chain(picture.ps.iter_mut().zip(canvas.ps)) {
             *sum += value as f32;
         }

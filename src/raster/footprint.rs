@@ -29,6 +29,24 @@ pub struct Footprint {
     pub shape: Shape,
 }
 
+impl Footprint {
+    /// Lets a sphere grow to the smallest radius that a grid of samples resolves, with the same flux; the factor on its
+    /// amplitudes.
+    pub fn grow_to(&mut self, smallest: f64) -> f64 {
+        let grow = smallest / self.radius;
+        let (true, Shape::Sphere { camera, h }) = (grow > 1.0, self.shape) else { return 1.0 };
+        let share = 1.0 / (grow * grow);
+        self.shape = Shape::Sphere { camera, h: h * grow };
+        self.amplitude *= share;
+        self.amplitude_s *= share;
+        for k in 0..2 {
+            let (middle, half) = (0.5 * (self.min[k] + self.max[k]), 0.5 * (self.max[k] - self.min[k]));
+            (self.min[k], self.max[k]) = (middle - half * grow, middle + half * grow);
+        }
+        share
+    }
+}
+
 /// How the impact parameter depends on the pixel.
 #[derive(Clone, Copy, Debug)]
 pub enum Shape {

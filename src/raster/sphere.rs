@@ -1,7 +1,7 @@
 //! Spheres in a perspective view: samples of the exact line-of-sight integral along rows of cells.
 
 use super::exact::AREA_FILTER;
-use super::footprint::{Footprint, Lens, Shape};
+use super::footprint::{Footprint, Lens};
 use super::lanes::{self, Canvas};
 use super::profile::Profile;
 use super::tiles::{Record, SIDE};
@@ -78,17 +78,8 @@ pub fn subsampled<S: Simd>(
     let power = ((SAMPLES / splat.radius).log2().ceil().max(1.0) as u32).min(FINEST);
     let count = 1usize << power;
     let fine = count as f64;
-    let (mut amplitude, mut amplitude_s) = (record.amplitude, record.amplitude_s);
-    let grow = SAMPLES / fine / splat.radius;
-    if let (true, Shape::Sphere { camera, h }) = (grow > 1.0, splat.shape) {
-        splat.shape = Shape::Sphere { camera, h: h * grow };
-        amplitude /= (grow * grow) as f32;
-        amplitude_s /= (grow * grow) as f32;
-        for k in 0..2 {
-            let (middle, half) = (0.5 * (splat.min[k] + splat.max[k]), 0.5 * (splat.max[k] - splat.min[k]));
-            (splat.min[k], splat.max[k]) = (middle - half * grow, middle + half * grow);
-        }
-    }
+    let share = splat.grow_to(SAMPLES / fine) as f32;
+    let (amplitude, amplitude_s) = (share * record.amplitude, share * record.amplitude_s);
     // Samples inside the buffer, counted from its corner.
     let span = |k: usize, cells: usize| {
         // Casts saturate.

@@ -2,10 +2,9 @@
 
 use super::Accumulation;
 use super::colormap::{ColorMap, Rgb};
+use crate::model::ron_file::{self, RonError};
 use colorgrad::Color;
 use serde::{Deserialize, Serialize};
-use std::path::Path;
-use thiserror::Error;
 
 /// How a value is placed between the ends of its range.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -147,31 +146,6 @@ fn positive<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<f32, D:
     Err(serde::de::Error::custom(format!("gamma is {value}, expected a positive number")))
 }
 
-/// A transfer function that cannot be read, and where.
-#[derive(Debug, Error)]
-pub enum TransferError {
-    /// The file cannot be read.
-    #[error("{file}: {source}")]
-    Io {
-        /// The file.
-        file: String,
-        /// What the system says.
-        source: std::io::Error,
-    },
-    /// Wrong RON, an unknown field, or a value out of range.
-    #[error("{file}:{line}:{column}: {message}")]
-    Syntax {
-        /// The file.
-        file: String,
-        /// Line, from 1.
-        line: usize,
-        /// Column, from 1.
-        column: usize,
-        /// What is wrong, with the field's name.
-        message: String,
-    },
-}
-
 /// The ranges in use for one picture, with [`Range::Auto`] replaced by numbers. `min < max`, both positive on a
 /// logarithmic scale.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -209,26 +183,9 @@ impl TransferFunction {
     /// Reads RON; `file` is what messages call it.
     ///
     /// # Errors
-    /// [`TransferError::Syntax`] with line and column.
-    pub fn parse(text: &str, file: &str) -> Result<TransferFunction, TransferError> {
-        ron::from_str(text).map_err(|error| TransferError::Syntax {
-            file: file.to_owned(),
-            line: error.span.start.line,
-            column: error.span.start.col,
-            message: error.code.to_string(),
-        })
-    }
-
-    /// Reads a RON file.
-    ///
-    /// # Errors
-    /// [`TransferError`] with the file named.
-    pub fn read(path: &Path) -> Result<TransferFunction, TransferError> {
-        let file = path.display().to_string();
-        match std::fs::read_to_string(path) {
-            Ok(text) => TransferFunction::parse(&text, &file),
-            Err(source) => Err(TransferError::Io { file, source }),
-        }
+    /// [`RonError::Syntax`] with line and column.
+    pub fn parse(text: &str, file: &str) -> Result<TransferFunction, RonError> {
+        ron_file::parse(file, text)
     }
 
     /// RON that reads back as this transfer function.

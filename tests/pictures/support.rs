@@ -1,7 +1,7 @@
 //! Page files built for the tests, and what the tests draw from them.
 
+use deepfield::build::{BuildOptions, build};
 use deepfield::codec::VqBits;
-use deepfield::commands::build::{BuildOptions, build};
 use deepfield::import::{LoadOptions, load};
 use deepfield::model::{Bounds, Dataset};
 use deepfield::modes::{self, Depiction, Settings, cpu};

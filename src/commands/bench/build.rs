@@ -2,8 +2,8 @@
 
 use super::splat::Failure;
 use super::{Arguments, Times};
+use crate::build::{BuildOptions, build};
 use crate::codec::VqBits;
-use crate::commands::build::{BuildOptions, build};
 use crate::import::{DEFAULT_NEIGHBOURS, LoadOptions, Smoothing, load};
 use crate::synth::{clusters::Clusters, gadget};
 use serde::Serialize;

@@ -97,7 +97,11 @@ pub enum Encoding {
     Leaf,
 }
 
-/// A node of a finished tree; see [`crate::store::Node`] for the fields they share.
+/// A node of a finished tree, with its particles. [`crate::store::Node`] shares most fields and is a type of its own on purpose:
+/// that one is what a reader knows of a node (children by page, particles elsewhere in the page, a count of sources), this
+/// one is what a build has of it before there are pages (children by index, the packed particles, the range of the sorted
+/// source). The hierarchy knows nothing of pages, and a reader must not depend on how trees are built; `store::paging` is
+/// the one place that turns this into that.
 #[derive(Clone, Debug)]
 pub struct TreeNode {
     /// Its cell.

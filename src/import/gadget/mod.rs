@@ -4,12 +4,11 @@ mod blocks;
 mod header;
 mod records;
 
-use super::bytes::{Order, RangeFile};
+use super::bytes::{Order, RangeFile, Records};
 use super::{Description, FamilyInfo, Field, FieldKind, Format, ImportError, Source, multifile};
-use crate::model::{FamilyName, Kernel, Unit};
+use crate::model::{FamilyName, Unit};
 use blocks::Block;
 use header::{Header, Types};
-use std::cell::RefCell;
 use std::ops::Range;
 use std::path::Path;
 
@@ -155,18 +154,13 @@ impl Snapshot {
         let header = &files[0].header;
         let positive = |value: f64| (value > 0.0 && value.is_finite()).then_some(value);
         let description = Description {
-            path: path.into(),
-            format: "gadget".into(),
-            bytes: files.iter().map(|file| file.file.length).sum(),
-            files: files.len(),
-            length_unit: Unit::default(),
-            mass_unit: Unit::default(),
-            kernel: Kernel::CubicSpline,
             time: Some(header.time).filter(|time| time.is_finite()),
             redshift: Some(header.redshift).filter(|redshift| redshift.is_finite()),
             box_size: positive(header.box_size),
             notes,
             families,
+            files: files.len(),
+            ..Description::unitless(path, "gadget", files.iter().map(|file| file.file.length).sum())
         };
         Ok(Snapshot { description, files, stored })
     }
@@ -193,11 +187,6 @@ fn store(files: &[SnapshotFile], field: &Field, kind: usize) -> Result<Stored, I
     Ok(Stored { parts })
 }
 
-thread_local! {
-    /// Bytes on their way from a file, one buffer per thread.
-    static RAW: RefCell<Vec<u8>> = const { RefCell::new(Vec::new()) };
-}
-
 impl Source for Snapshot {
     fn description(&self) -> &Description {
         &self.description
@@ -216,12 +205,9 @@ impl Source for Snapshot {
                     let file = &self.files[part.file];
                     let block = &file.blocks[block];
                     let stride = block.components * block.number.size();
-                    RAW.with_borrow_mut(|raw| {
-                        raw.resize(values * block.number.size(), 0);
-                        file.file.read(offset + rows.start * stride as u64, raw, &block.label)?;
-                        block.number.decode(file.order, raw, stride, block.components, out);
-                        Ok::<(), ImportError>(())
-                    })?;
+                    let Block { number, components, .. } = *block;
+                    let records = Records { number, order: file.order, stride, column: 0, components };
+                    file.file.decode(offset + rows.start * stride as u64, records, out, &block.label)?;
                 }
             }
             Ok(())

@@ -7,7 +7,7 @@ use super::units;
 use crate::import::multifile;
 use crate::import::units::conversion;
 use crate::import::{Description, FamilyInfo, Field, FieldKind, ImportError, Source};
-use crate::model::{FamilyName, Kernel, Unit};
+use crate::model::{FamilyName, Unit};
 use std::ops::Range;
 use std::path::Path;
 
@@ -170,18 +170,11 @@ fn describe(path: &Path, files: &[File]) -> Description {
         (None, _) => "hdf5",
     };
     Description {
-        path: path.into(),
-        format: format.into(),
-        bytes: files.iter().map(|file| file.h5.bytes).sum(),
         files: files.len(),
-        length_unit: Unit::default(),
-        mass_unit: Unit::default(),
-        kernel: Kernel::CubicSpline,
         time: header.time,
         redshift: header.redshift,
         box_size: header.box_size,
-        notes: Vec::new(),
-        families: Vec::new(),
+        ..Description::unitless(path, format, files.iter().map(|file| file.h5.bytes).sum())
     }
 }
 

@@ -13,7 +13,7 @@ pub(super) use geojson::GeoJson;
 pub(super) use kstars::KStars;
 
 use super::{Description, FamilyInfo, Field, FieldKind, ImportError, Source, units};
-use crate::model::{FamilyName, Kernel, Unit};
+use crate::model::{FamilyName, Unit};
 use columns::Column;
 use std::ops::Range;
 use std::path::Path;
@@ -96,18 +96,11 @@ impl Catalogue {
         let mass_unit = described.iter().find(|field| field.kind == FieldKind::Mass).map(|field| field.unit.clone());
         let name = if stars { FamilyName::Stars } else { FamilyName::Dark };
         let description = Description {
-            path: path.into(),
-            format: format.into(),
-            bytes,
-            files: 1,
             length_unit: positions.unit,
             mass_unit: mass_unit.unwrap_or_default(),
-            kernel: Kernel::CubicSpline,
-            time: None,
-            redshift: None,
-            box_size: None,
             notes,
             families: vec![FamilyInfo { name, count, fields: described }],
+            ..Description::unitless(path, format, bytes)
         };
         Ok(Catalogue { description, fields })
     }
