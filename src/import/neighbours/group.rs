@@ -17,7 +17,7 @@ const MOST_LEAVES: usize = 1 << 11;
 /// Bound on the error of a distance in single precision, as a share of the largest coordinate.
 const ROUNDING: f32 = 1e-6;
 
-/// Distances in the unit box below which single precision is not used, as their squares underflow.
+/// Distances, as a share of the box around all particles, below which single precision is not used, as their squares underflow.
 const SMALL: f64 = 1e-15;
 
 /// By how much the first ball that is tried is larger than that of the nearest entry before.

@@ -1,4 +1,4 @@
-//! A k-d tree with tight boxes around its nodes, over positions scaled to a unit box.
+//! A k-d tree with tight boxes around its nodes, over positions in units of about the box around them.
 
 use super::group::Block;
 use glam::DVec3;
@@ -33,7 +33,7 @@ pub(super) struct Node {
 impl Node {
     /// The middle of its box.
     pub(super) fn center(&self) -> DVec3 {
-        0.5 * (self.bounds.min + self.bounds.max)
+        0.5 * self.bounds.min + 0.5 * self.bounds.max
     }
 }
 
