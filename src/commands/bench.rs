@@ -1,6 +1,7 @@
 //! `deepfield bench`: the numbers of docs/results.md, again, on this machine.
 
 pub mod build;
+pub mod frame;
 pub mod splat;
 #[cfg(feature = "viewer")]
 pub mod splat_gpu;
@@ -16,8 +17,9 @@ use std::time::Duration;
   deepfield bench splat
   deepfield bench build --sizes 1000000 --json build.json")]
 pub struct Arguments {
-    /// What to measure: splat (drawing) or build (import and build).
-    #[arg(value_parser = ["splat", "build"])]
+    /// What to measure: splat (drawing of particles as they are), frame (converged level of detail) or build (import and
+    /// build).
+    #[arg(value_parser = ["splat", "frame", "build"])]
     pub suite: String,
     /// Numbers of particles.
     #[arg(long, value_name = "N,N,...", value_delimiter = ',', default_values_t = [200_000, 1_000_000, 4_000_000],
@@ -27,7 +29,7 @@ pub struct Arguments {
     #[arg(long, value_name = "N,N,...", value_delimiter = ',', default_values_t = [1, 2],
           value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Vec<u16>,
-    /// What draws in `bench splat`.
+    /// What draws in `bench splat` and `bench frame`.
     #[arg(long, value_name = "NAME,...", value_delimiter = ',', default_values = ["cpu", "compute", "raster"],
           value_parser = ["cpu", "compute", "raster"])]
     pub backends: Vec<String>,
@@ -69,6 +71,7 @@ impl Times {
 /// When a file cannot be written or a backend fails.
 pub fn run(arguments: &Arguments) -> CommandResult {
     let text = match arguments.suite.as_str() {
+        "frame" => serde_json::to_string_pretty(&frame::measure(arguments)?)?,
         "build" => serde_json::to_string_pretty(&build::measure(arguments)?)?,
         _ => serde_json::to_string_pretty(&splat::measure(arguments)?)?,
     };

@@ -75,6 +75,11 @@ pub fn splats(data: &Dataset, attribute: bool) -> Result<Vec<Splats<'_>>, Failur
         .collect()
 }
 
+/// The CPU renderer's name in the results.
+pub fn cpu_name(threads: u16) -> String {
+    format!("cpu, {threads} thread{}", if threads == 1 { "" } else { "s" })
+}
+
 /// The CPU renderer on a number of threads.
 struct Cpu {
     threads: u16,
@@ -91,7 +96,7 @@ impl Cpu {
 
 impl Contender for Cpu {
     fn name(&self) -> String {
-        format!("cpu, {} thread{}", self.threads, if self.threads == 1 { "" } else { "s" })
+        cpu_name(self.threads)
     }
 
     fn draw(&mut self, data: &Dataset, view: &View, attribute: bool, repeat: u32) -> Result<Drawn, Failure> {

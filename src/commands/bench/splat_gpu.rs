@@ -1,7 +1,7 @@
 //! The GPU backends as contenders of `bench splat`.
 
 use super::splat::{Contender, Drawn, Failure};
-use crate::gpu::{Backend, HeadlessRenderer};
+use crate::gpu::{Backend, HeadlessRenderer, HeadlessRequest};
 use crate::model::Dataset;
 use crate::modes::{Depiction, Settings, column_density, gpu::request_particles};
 use crate::view::View;
@@ -10,21 +10,38 @@ use std::time::Duration;
 /// One backend on the adapter that the environment asks for, or the fastest.
 pub struct Gpu {
     backend: Backend,
-    adapter: String,
+    name: String,
 }
 
 impl Gpu {
     /// A backend; the adapter is opened for each picture.
     pub fn new(backend: Backend) -> Gpu {
-        Gpu { backend, adapter: String::new() }
+        Gpu { backend, name: String::new() }
     }
+}
+
+/// Draws a request `repeat` times; also says backend and adapter.
+///
+/// # Errors
+/// [`crate::gpu::GpuError`], boxed.
+pub fn draw(request: &HeadlessRequest, repeat: u32) -> Result<(String, Drawn), Failure> {
+    let mut renderer = HeadlessRenderer::open(request)?;
+    renderer.complete()?;
+    let (times, passes) = renderer.measure(repeat)?;
+    let (picture, _) = renderer.accumulation(request.attribute)?;
+    // What stands in brackets is the driver's version.
+    let adapter = renderer.adapter().split(" (").next().unwrap_or_default();
+    let drawn = Drawn {
+        picture,
+        times: times.into_iter().map(|milliseconds| Duration::from_secs_f64(milliseconds / 1e3)).collect(),
+        passes: passes.medians().map(|(name, time)| (name.to_owned(), time)).collect(),
+    };
+    Ok((format!("{}, {adapter}", renderer.technique().name()), drawn))
 }
 
 impl Contender for Gpu {
     fn name(&self) -> String {
-        // What stands in brackets is the driver's version.
-        let adapter = self.adapter.split(" (").next().unwrap_or_default();
-        format!("{}, {adapter}", self.backend.name())
+        self.name.clone()
     }
 
     fn draw(&mut self, data: &Dataset, view: &View, _: bool, repeat: u32) -> Result<Drawn, Failure> {
@@ -32,16 +49,9 @@ impl Contender for Gpu {
         let depiction = Depiction::of_dataset(mode, Settings::default(), None, data)?;
         let families: Vec<_> = data.families.iter().collect();
         let request = request_particles(view, &depiction, data, &families, self.backend);
-        let mut renderer = HeadlessRenderer::open(&request)?;
-        renderer.adapter().clone_into(&mut self.adapter);
-        renderer.complete()?;
-        let (times, passes) = renderer.measure(repeat)?;
-        let (picture, _) = renderer.accumulation(true)?;
-        Ok(Drawn {
-            picture,
-            times: times.into_iter().map(|milliseconds| Duration::from_secs_f64(milliseconds / 1e3)).collect(),
-            passes: passes.medians().map(|(name, time)| (name.to_owned(), time)).collect(),
-        })
+        let (name, drawn) = draw(&request, repeat)?;
+        self.name = name;
+        Ok(drawn)
     }
 
     /// Both channels are accumulated together, always.
