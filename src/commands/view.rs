@@ -64,9 +64,16 @@ pub fn run(arguments: &Arguments) -> CommandResult {
 /// As [`run`].
 pub fn show(path: &Path, settings: &Settings) -> CommandResult {
     #[cfg(feature = "viewer")]
-    if has_display() {
-        return window(path, settings);
-    }
+    let reason = if has_display() {
+        match crate::gpu::device::probe() {
+            Ok(()) => return window(path, settings),
+            Err(error) => format!("No window: {error}"),
+        }
+    } else {
+        "No display".to_owned()
+    };
+    #[cfg(not(feature = "viewer"))]
+    let reason = "Built without the feature `viewer`";
     let name = path.file_stem().unwrap_or_default().to_string_lossy();
     let output = settings.picture.clone().unwrap_or_else(|| PathBuf::from(format!("{name}.png")));
     render::run(&render::Arguments {
@@ -76,7 +83,7 @@ pub fn show(path: &Path, settings: &Settings) -> CommandResult {
         error_px: settings.error_px,
         ..render::Arguments::new(path.to_owned(), output.clone())
     })?;
-    println!("No display, so the picture is in {}", output.display());
+    println!("{reason}: the picture is in {}", output.display());
     Ok(())
 }
 

@@ -122,6 +122,14 @@ pub fn open(options: &DeviceOptions) -> Result<Gpu, GpuError> {
     Ok(Gpu { creation, adapter: name, capabilities })
 }
 
+/// Whether there is an adapter that a window could use; Bevy panics without one.
+///
+/// # Errors
+/// [`GpuError::NoAdapter`].
+pub fn probe() -> Result<(), GpuError> {
+    block_on(find(&Instance::default())).map(drop)
+}
+
 async fn find(instance: &Instance) -> Result<Adapter, GpuError> {
     if let Ok(wanted) = std::env::var("WGPU_ADAPTER_NAME") {
         let wanted = wanted.to_lowercase();
