@@ -239,7 +239,8 @@ mod tests {
                 found += distance(vector, &quantizer.words[quantizer.code(vector) as usize]);
                 nearest += quantizer.words.iter().map(|word| distance(vector, word)).fold(f32::INFINITY, f32::min);
             }
-            prop_assert!(found <= 1.05 * nearest, "{} against {}", found, nearest);
+            // About 1 in 10 000 random samples exceeds 1.035; of some 200 000 one has exceeded 1.05.
+            prop_assert!(found <= 1.1 * nearest, "{} against {}", found, nearest);
         }
 
         #[test]
