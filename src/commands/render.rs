@@ -277,14 +277,18 @@ fn draw_pages(arguments: &Arguments, mode: &'static Mode) -> Result<Picture, Box
     Ok(Picture { accumulation, milliseconds: times.medians(), ..picture })
 }
 
-/// The techniques that draw, unless the CPU is asked for.
+/// The techniques that draw, unless the CPU is asked for, or does the same faster.
 #[cfg(feature = "viewer")]
 fn gpu_backend(backend: Option<Backend>) -> Option<crate::gpu::Backend> {
     match backend {
         Some(Backend::Cpu) => None,
         Some(Backend::Compute) => Some(crate::gpu::Backend::Compute),
         Some(Backend::Raster) => Some(crate::gpu::Backend::Raster),
-        None => Some(crate::gpu::Backend::Auto),
+        // A driver without a graphics card draws on the processor too, and slower than our own renderer.
+        None => match crate::gpu::device::probe() {
+            Ok(wgpu::DeviceType::Cpu) | Err(_) => None,
+            Ok(_) => Some(crate::gpu::Backend::Auto),
+        },
     }
 }
 

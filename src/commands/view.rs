@@ -66,7 +66,7 @@ pub fn show(path: &Path, settings: &Settings) -> CommandResult {
     #[cfg(feature = "viewer")]
     let reason = if has_display() {
         match crate::gpu::device::probe() {
-            Ok(()) => return window(path, settings),
+            Ok(_) => return window(path, settings),
             Err(error) => format!("No window: {error}"),
         }
     } else {

@@ -11,7 +11,9 @@ use bevy::render::settings::RenderCreation;
 use bevy::tasks::block_on;
 use std::sync::Arc;
 use thiserror::Error;
-use wgpu::{Adapter, Backends, DeviceDescriptor, ExperimentalFeatures, Features, Instance, Limits, PowerPreference};
+use wgpu::{
+    Adapter, Backends, DeviceDescriptor, DeviceType, ExperimentalFeatures, Features, Instance, Limits, PowerPreference,
+};
 
 /// What can go wrong with a GPU.
 #[derive(Debug, Error)]
@@ -122,12 +124,12 @@ pub fn open(options: &DeviceOptions) -> Result<Gpu, GpuError> {
     Ok(Gpu { creation, adapter: name, capabilities })
 }
 
-/// Whether there is an adapter that a window could use; Bevy panics without one.
+/// The kind of the adapter that would be opened. Bevy panics where there is none.
 ///
 /// # Errors
 /// [`GpuError::NoAdapter`].
-pub fn probe() -> Result<(), GpuError> {
-    block_on(find(&Instance::default())).map(drop)
+pub fn probe() -> Result<DeviceType, GpuError> {
+    block_on(find(&Instance::default())).map(|adapter| adapter.get_info().device_type)
 }
 
 async fn find(instance: &Instance) -> Result<Adapter, GpuError> {
