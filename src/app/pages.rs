@@ -10,6 +10,7 @@
 //! ([`PageCopies`]); until then its parent is drawn.
 
 use super::camera::{CameraSystems, DataDistance, Viewpoint, distance_to_boxes};
+use super::look::Look;
 use super::messages::Messages;
 use super::picture::{DataCamera, Picture};
 use super::preset::Preset;
@@ -227,6 +228,7 @@ pub fn traverse(
     settings: Res<Settings>,
     picture: Res<Picture>,
     copies: Res<PageCopies>,
+    look: Option<Res<Look>>,
     mut selection: ResMut<ViewSelection>,
     mut statistics: ResMut<Statistics>,
     mut distance: ResMut<DataDistance>,
@@ -250,7 +252,8 @@ pub fn traverse(
         .map(|(family, _)| NodeRef { page: family.root_page, node: 0 })
         .collect();
     let tree = Drawable { residency: &streaming.residency, copies: copies.0.as_ref() };
-    let chosen = select(&view, settings.error_px, &tree, &roots);
+    let seen = look.map_or(view, |look| look.depiction.selection_view(&view));
+    let chosen = select(&seen, settings.error_px, &tree, &roots);
     streaming.residency.touch(chosen.visited.iter().copied());
     let (to_copy, to_read): (Vec<NodeRef>, Vec<NodeRef>) =
         chosen.missing.iter().map(|missing| missing.id).partition(|id| streaming.residency.page(id.page).is_some());

@@ -241,9 +241,10 @@ fn draw_pages(arguments: &Arguments, mode: &'static Mode) -> Result<Picture, Box
         }
     };
     let view = view(arguments, bounds)?;
+    let seen = depiction.selection_view(&view);
     let tau = arguments.error_px.unwrap_or(0.8);
     let mut times = Times::default();
-    let selection = times.measure("load", || scene.converge_blocking(&view, tau))?;
+    let selection = times.measure("load", || scene.converge_blocking(&seen, tau))?;
     for (_, why) in scene.residency.failures() {
         eprintln!("deepfield: {why}; the picture is coarser there");
     }
@@ -268,7 +269,7 @@ fn draw_pages(arguments: &Arguments, mode: &'static Mode) -> Result<Picture, Box
     let mut accumulation = Accumulation::default();
     for _ in 0..arguments.repeat {
         times.frame(|times| {
-            let selection = times.measure("select", || scene.select(&view, tau));
+            let selection = times.measure("select", || scene.select(&seen, tau));
             let nodes = times.measure("decode", || cpu::decode(&depiction, metadata, &selection.nodes));
             let drawn = times.measure("draw", || cpu::draw_nodes(&view, &depiction, metadata, &nodes, Method::Pyramid));
             drawn.map(|drawn| accumulation = drawn)

@@ -4,6 +4,7 @@ use super::{Columns, Conserved, Footprint, Mode, Settings};
 use crate::codec::Codebook;
 use crate::model::{Dataset, Family};
 use crate::store::{FamilyMetadata, Metadata, Node};
+use crate::view::View;
 
 /// A mode, its settings and the attribute that colours the picture.
 #[derive(Clone)]
@@ -120,6 +121,15 @@ impl Depiction {
     /// How far a particle reaches in the picture.
     pub fn footprint(&self) -> Footprint {
         (self.mode.footprint)(&self.settings)
+    }
+
+    /// The view by which nodes are selected: what lies just outside the picture reaches into it by a disc's radius.
+    /// (How far smoothing lengths reach, nodes know themselves.)
+    pub fn selection_view(&self, view: &View) -> View {
+        match self.footprint() {
+            Footprint::Kernel => *view,
+            Footprint::Pixels(radius) => view.padded(radius.ceil() as u32),
+        }
     }
 
     /// What the codes of a codebook of `family` stand for.

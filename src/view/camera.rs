@@ -105,6 +105,19 @@ impl View {
         Ok(View { eye, right, up: right.cross(forward), forward, projection, width, height })
     }
 
+    /// The same camera with a picture that is `pixels` larger on every side.
+    pub fn padded(&self, pixels: u32) -> View {
+        let [width, height] = [self.width, self.height].map(|size| size.saturating_add(2 * pixels));
+        let growth = f64::from(height) / f64::from(self.height);
+        let projection = match self.projection {
+            Projection::Perspective { fov_y } => {
+                Projection::Perspective { fov_y: 2.0 * (growth * (0.5 * fov_y).tan()).atan() }
+            }
+            Projection::Orthographic { height } => Projection::Orthographic { height: height * growth },
+        };
+        View { projection, width, height, ..*self }
+    }
+
     /// A view of the whole box from a little above its front, as near as the picture's edges allow.
     pub fn around(bounds: Bounds, fov_y: f64, width: u32, height: u32) -> Result<View, ViewError> {
         const DIRECTION: DVec3 = DVec3::new(0.35, 0.3, 1.0);
@@ -158,6 +171,19 @@ impl View {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_padded_picture_holds_the_picture() {
+        for projection in [Projection::Perspective { fov_y: 0.9 }, Projection::Orthographic { height: 7.0 }] {
+            let view = View::look_at(DVec3::new(1.0, 2.0, 9.0), DVec3::ZERO, DVec3::Y, projection, 40, 30).unwrap();
+            let padded = view.padded(5);
+            assert_eq!((padded.width, padded.height), (50, 40));
+            for point in [DVec3::ZERO, DVec3::new(1.0, -2.0, 0.5)] {
+                let [at, moved] = [view, padded].map(|view| view.to_pixels(view.to_camera(point)).unwrap());
+                assert!((0..2).all(|k| (moved[k] - at[k] - 5.0).abs() < 1e-9), "{projection:?}: {at:?} {moved:?}");
+            }
+        }
+    }
 
     #[test]
     fn a_view_around_a_box_holds_it_and_wastes_little() {

@@ -3,9 +3,12 @@
 use crate::support::{built, demo, draw_pages, draw_source, in_reference_data, in_repository};
 use deepfield::codec::VqBits;
 use deepfield::model::Dataset;
+use deepfield::modes::{self, Depiction, SettingValue, Settings, cpu};
 use deepfield::raster::Method;
+use deepfield::stream::Scene;
 use deepfield::view::{Projection, View};
 use glam::DVec3;
+use std::collections::BTreeMap;
 use std::path::Path;
 
 /// A view along z that holds everything, kernels included; and the area of a pixel.
@@ -61,4 +64,27 @@ fn reference_snapshots_keep_their_mass() {
     ] {
         check(&in_reference_data(name), 256, true);
     }
+}
+
+#[test]
+fn discs_reach_into_the_picture_from_outside() {
+    let built = built(&demo(), VqBits::Sixteen);
+    let metadata = built.file.metadata();
+    let settings = Settings(BTreeMap::from([("radius".to_owned(), SettingValue::Number(30.0))]));
+    let mode = modes::find("points").unwrap();
+    let depiction = Depiction::of_pages(mode, settings, None, metadata).unwrap();
+    // Narrow: most discs that touch it have their stars outside.
+    let bounds = built.dataset.bounds();
+    let projection = Projection::Perspective { fov_y: 0.02 };
+    let eye = bounds.center() + DVec3::new(0.1, 0.2, 2.0) * bounds.size();
+    let view = View::look_at(eye, bounds.center(), DVec3::Y, projection, 24, 16).unwrap();
+    let selection = Scene::new(built.file.clone(), u64::MAX);
+    let draw = |seen: &View, mut scene: Scene| {
+        let nodes = cpu::decode(&depiction, metadata, &scene.converge_blocking(seen, 0.1).unwrap().nodes);
+        cpu::draw_nodes(&view, &depiction, metadata, &nodes, Method::Pyramid).unwrap().sum()
+    };
+    let found = draw(&depiction.selection_view(&view), selection);
+    // With all that there is.
+    let whole = draw(&view.padded(4000), Scene::new(built.file.clone(), u64::MAX));
+    assert!((found / whole - 1.0).abs() < 1e-3, "{found} of {whole}");
 }
