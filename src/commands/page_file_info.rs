@@ -167,10 +167,18 @@ fn write_family(text: &mut String, family: &FamilyMetadata) -> std::fmt::Result 
         )?;
     }
     writeln!(text, "  relative error of vector quantisation, average / maximum:")?;
-    for codebook in &family.codebooks {
-        write!(text, "  {:>9} {:>6} entries", scope(codebook), codebook.len())?;
-        for (name, error) in error_names(family).zip(&codebook.errors) {
-            write!(text, "  {name} {:.2} % / {:.1} %", 100.0 * error.mean, 100.0 * error.max)?;
+    // The leaves may share several codebooks: one line for all.
+    for codebooks in family.codebooks.chunk_by(|a, b| a.scope == b.scope) {
+        let Some(first) = codebooks.first() else { continue };
+        let entries: usize = codebooks.iter().map(Codebook::len).sum();
+        write!(text, "  {:>9} {entries:>6} entries", scope(first))?;
+        let particles: u64 = codebooks.iter().map(|codebook| codebook.particles).sum();
+        for (index, name) in error_names(family).enumerate() {
+            let errors =
+                || codebooks.iter().filter_map(|codebook| Some((codebook.particles, codebook.errors.get(index)?)));
+            let sum: f64 = errors().map(|(particles, error)| particles as f64 * error.mean).sum();
+            let max = errors().map(|(_, error)| error.max).fold(0.0, f64::max);
+            write!(text, "  {name} {:.2} % / {:.1} %", 100.0 * sum / particles.max(1) as f64, 100.0 * max)?;
         }
         writeln!(text)?;
     }
