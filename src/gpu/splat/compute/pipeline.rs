@@ -47,7 +47,7 @@ pub struct ComputePipelines {
     pub finish: CachedComputePipelineId,
     /// One workgroup for eight tiles.
     pub merge: CachedComputePipelineId,
-    /// One workgroup for 8 x 8 times [`super::layout::RECONSTRUCTED`] finer cells.
+    /// One workgroup for 8 x 8 times [`crate::gpu::splat::layout::RECONSTRUCTED`] finer cells.
     pub reconstruct: CachedComputePipelineId,
 }
 
