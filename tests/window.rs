@@ -72,23 +72,32 @@ impl Desktop {
     }
 
     fn drag(&self, from: [i16; 2], to: [i16; 2]) {
+        self.drag_with(1, from, to);
+    }
+
+    fn drag_with(&self, button: u8, from: [i16; 2], to: [i16; 2]) {
         self.fake_input(6, 0, from);
-        self.fake_input(4, 1, [0; 2]);
+        self.fake_input(4, button, [0; 2]);
         for step in 1..=12 {
             let at = |axis: usize| from[axis] + (to[axis] - from[axis]) * step / 12;
             self.fake_input(6, 0, [at(0), at(1)]);
         }
-        self.fake_input(5, 1, [0; 2]);
+        self.fake_input(5, button, [0; 2]);
     }
 
-    /// Presses the key of an X keysym.
-    fn press(&self, keysym: u32) {
+    /// The keyboard's code for an X keysym.
+    fn keycode(&self, keysym: u32) -> u8 {
         let setup = self.connection.setup();
         let (first, last) = (setup.min_keycode, setup.max_keycode);
         let map = self.connection.get_keyboard_mapping(first, last - first + 1).unwrap().reply().unwrap();
         let columns = usize::from(map.keysyms_per_keycode);
         let place = map.keysyms.iter().position(|&symbol| symbol == keysym).expect("the key is on the keyboard");
-        let keycode = first + (place / columns) as u8;
+        first + (place / columns) as u8
+    }
+
+    /// Presses the key of an X keysym.
+    fn press(&self, keysym: u32) {
+        let keycode = self.keycode(keysym);
         self.fake_input(2, keycode, [0; 2]);
         self.fake_input(3, keycode, [0; 2]);
     }
@@ -100,6 +109,13 @@ impl Desktop {
             let geometry = self.connection.get_geometry(window).ok().and_then(|cookie| cookie.reply().ok());
             geometry.is_some_and(|geometry| geometry.width == WIDTH && geometry.height == HEIGHT)
         })
+    }
+
+    /// Gives the window the keyboard, which nobody else does without a window manager.
+    fn focus(&self, window: Window) {
+        self.connection.set_input_focus(InputFocus::PARENT, window, x11rb::CURRENT_TIME).unwrap();
+        self.connection.flush().unwrap();
+        std::thread::sleep(Duration::from_millis(300));
     }
 
     fn screenshot(&self) -> Screen {
@@ -254,11 +270,8 @@ fn use_the_window(arguments: &[&str]) {
     std::thread::sleep(Duration::from_millis(500));
     assert_eq!(program.status()["eye"], turned["eye"], "a drag on the panel moves no camera");
 
-    // Without a window manager nobody gives the window the keyboard.
     let window = desktop.window().expect("a window of the size that was asked for");
-    desktop.connection.set_input_focus(InputFocus::PARENT, window, x11rb::CURRENT_TIME).unwrap();
-    desktop.connection.flush().unwrap();
-    std::thread::sleep(Duration::from_millis(300));
+    desktop.focus(window);
     const TAB: u32 = 0xff09;
     const F12: u32 = 0xffc9;
     desktop.press(TAB);
@@ -281,4 +294,85 @@ fn the_window_shows_turns_and_closes_on_the_processor() {
 #[test]
 fn the_window_shows_turns_and_closes_on_the_graphics_adapter() {
     use_the_window(&["--backend", "compute"]);
+}
+
+fn point(status: &Value, name: &str) -> [f64; 3] {
+    [0, 1, 2].map(|axis| status[name][axis].as_f64().unwrap())
+}
+
+fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt()
+}
+
+/// Repeats an input until the status shows its effect: a frame may take longer than a gesture, which is then lost.
+fn repeat(program: &Program, what: &str, act: impl Fn(), seen: impl Fn(&Value) -> bool) -> Value {
+    let start = Instant::now();
+    loop {
+        let status = program.status();
+        if status["eye"].is_array() && seen(&status) {
+            return status;
+        }
+        assert!(start.elapsed() < PATIENCE, "{what} in vain; status: {status:#}");
+        act();
+        std::thread::sleep(Duration::from_millis(700));
+    }
+}
+
+#[test]
+fn wheel_right_drag_flying_and_help() {
+    let folder = tempfile::tempdir().unwrap();
+    let desktop = Desktop::start();
+    let mut program = Program::start(&desktop, folder.path(), &["--backend", "cpu"]);
+    let first = program.wait("a converged picture", |status| status["converged"] == true);
+    let left = first["picture"][0].as_f64().unwrap() as i16;
+    let middle = [(left + WIDTH as i16) / 2, HEIGHT as i16 / 2];
+    let range = |status: &Value| distance(point(status, "eye"), point(status, "target"));
+
+    // The wheel upwards (button 4) comes nearer to the same target, downwards goes away again.
+    desktop.fake_input(6, 0, middle);
+    let turn = |button: u8| {
+        desktop.fake_input(4, button, [0; 2]);
+        desktop.fake_input(5, button, [0; 2]);
+    };
+    let near = repeat(&program, "the wheel zooms in", || turn(4), |status| range(status) < 0.9 * range(&first));
+    assert_eq!(near["target"], first["target"], "a zoom keeps the target");
+    let near = range(&near);
+    repeat(&program, "the wheel zooms out", || turn(5), |status| range(status) > near * 1.05);
+
+    // The right button shifts the target and keeps the direction.
+    let shift = || desktop.drag_with(3, middle, [middle[0] + 160, middle[1] - 60]);
+    let moved = |status: &Value| distance(point(status, "target"), point(&first, "target"));
+    let shifted = repeat(&program, "a right drag shifts", shift, |status| moved(status) > 0.01 * range(&first));
+    let direction = |status: &Value| {
+        let (eye, target, range) = (point(status, "eye"), point(status, "target"), range(status));
+        [0, 1, 2].map(|axis| (eye[axis] - target[axis]) / range)
+    };
+    assert!(distance(direction(&shifted), direction(&first)) < 1e-3, "a shift does not turn: {shifted:#}");
+
+    // F flies, and W moves forward as long as it is held.
+    let window = desktop.window().expect("a window of the size that was asked for");
+    desktop.focus(window);
+    desktop.press(u32::from('f'));
+    let flying = program.wait("F flies", |status| status["flying"] == true);
+    let forward = desktop.keycode(u32::from('w'));
+    desktop.fake_input(2, forward, [0; 2]);
+    let flown = |status: &Value| distance(point(status, "eye"), point(&flying, "eye"));
+    let there = program.wait("W moves the camera", |status| flown(status) > 0.02 * range(&flying));
+    desktop.fake_input(3, forward, [0; 2]);
+    let ahead: f64 =
+        (0..3).map(|axis| -(point(&there, "eye")[axis] - point(&flying, "eye")[axis]) * direction(&flying)[axis]).sum();
+    assert!(ahead > 0.9 * flown(&there), "W moves forward: {ahead} of {}", flown(&there));
+
+    // F1 shows the help page; Escape leaves it, then flying.
+    const F1: u32 = 0xffbe;
+    const ESCAPE: u32 = 0xff1b;
+    desktop.press(F1);
+    program.wait("F1 shows the help page", |status| status["help"] == true);
+    desktop.press(ESCAPE);
+    program.wait("Escape leaves the help page", |status| status["help"] == false && status["flying"] == true);
+    desktop.press(ESCAPE);
+    program.wait("Escape leaves flying", |status| status["flying"] == false);
+
+    desktop.close(window);
+    assert_eq!(program.exit_code(), Some(0));
 }

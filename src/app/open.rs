@@ -3,8 +3,10 @@
 
 use super::messages::Messages;
 use super::options::{OpenRequest, Opener};
+use crate::model::Bounds;
 use crate::model::progress::Progress;
 use crate::store::PageFile;
+use crate::stream::first_frame;
 use bevy::prelude::*;
 use bevy::tasks::{AsyncComputeTaskPool, Task, futures::check_ready};
 use std::path::{Path, PathBuf};
@@ -53,7 +55,7 @@ pub struct Openings {
 struct Opening {
     path: PathBuf,
     progress: Arc<SharedProgress>,
-    task: Task<Result<PageFile, String>>,
+    task: Task<Result<(PageFile, Bounds), String>>,
 }
 
 /// A file has arrived.
@@ -63,6 +65,8 @@ pub struct Opened {
     pub path: PathBuf,
     /// The page file made of it.
     pub file: Arc<PageFile>,
+    /// The box to look at first.
+    pub frame: Bounds,
 }
 
 impl Openings {
@@ -78,7 +82,10 @@ impl Openings {
         let (opener, path, shared) = (Arc::clone(&self.opener), request.path.clone(), Arc::clone(&progress));
         let task = AsyncComputeTaskPool::get().spawn(async move {
             let file = opener(&request, shared.as_ref())?;
-            PageFile::open(&file).map_err(|error| error.to_string())
+            let file = PageFile::open(&file).map_err(|error| error.to_string())?;
+            let families: Vec<u32> = (0..file.metadata().families.len() as u32).collect();
+            let frame = first_frame(&file, &families);
+            Ok((file, frame))
         });
         self.current = Some(Opening { path, progress, task });
     }
@@ -111,9 +118,42 @@ pub(super) fn finish_opening(
     let path = std::mem::take(&mut opening.path);
     openings.current = None;
     match result {
-        Ok(file) => {
-            opened.write(Opened { path, file: Arc::new(file) });
+        Ok((file, frame)) => {
+            opened.write(Opened { path, file: Arc::new(file), frame });
         }
         Err(error) => messages.error(error),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bevy::tasks::TaskPool;
+    use std::time::{Duration, Instant};
+
+    #[test]
+    fn a_dropped_file_is_opened_and_a_failure_is_reported() {
+        AsyncComputeTaskPool::get_or_init(TaskPool::new);
+        let opener: Opener = Arc::new(|request, _| Err(format!("{}: not readable", request.path.display())));
+        let mut app = App::new();
+        app.add_message::<FileDragAndDrop>()
+            .add_message::<Opened>()
+            .insert_resource(Openings::new(opener))
+            .init_resource::<Messages>()
+            .add_systems(Update, (open_dropped_files, finish_opening).chain());
+        let window = app.world_mut().spawn_empty().id();
+        app.world_mut().write_message(FileDragAndDrop::HoveredFile { window, path_buf: "dragged.hdf5".into() });
+        app.update();
+        assert!(app.world().resource::<Openings>().current.is_none(), "a file that only hovers is not opened");
+        app.world_mut().write_message(FileDragAndDrop::DroppedFile { window, path_buf: "dropped.hdf5".into() });
+        let start = Instant::now();
+        while app.world().resource::<Messages>().all().next().is_none() {
+            assert!(start.elapsed() < Duration::from_secs(60), "nothing is reported");
+            app.update();
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        let messages: Vec<String> =
+            app.world().resource::<Messages>().all().map(|message| message.text.clone()).collect();
+        assert_eq!(messages, ["dropped.hdf5: not readable"]);
     }
 }

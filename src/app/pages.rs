@@ -374,6 +374,7 @@ mod tests {
                 path: file.path().to_owned(),
                 file: Arc::clone(file),
                 bounds,
+                frame: bounds,
                 length_unit: String::new(),
                 facts: Facts::of(file.metadata()),
                 generation: 1,

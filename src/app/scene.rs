@@ -25,6 +25,8 @@ pub struct Scene {
     pub file: Arc<PageFile>,
     /// The box around all families, world units.
     pub bounds: Bounds,
+    /// The box that the first picture shows: without far outliers.
+    pub frame: Bounds,
     /// Unit of positions.
     pub length_unit: String,
     /// What the panel says about it.
@@ -106,11 +108,11 @@ pub(super) fn adopt_opened(
     mut messages: ResMut<Messages>,
     camera: Single<(Entity, &mut Viewpoint, &mut Anchor, &mut PanOrbitCamera), With<DataCamera>>,
 ) {
-    let Some(Opened { path, file }) = opened.read().last().cloned() else { return };
+    let Some(Opened { path, file, frame }) = opened.read().last().cloned() else { return };
     let metadata = file.metadata();
     let bounds = metadata.bounds();
     let (entity, mut viewpoint, mut anchor, mut orbit) = camera.into_inner();
-    match home(bounds, viewpoint.fov_y, &picture) {
+    match home(frame, viewpoint.fov_y, &picture) {
         Ok(home) => {
             *viewpoint = home;
             *anchor = Anchor::adopt(&home, &mut orbit);
@@ -133,7 +135,7 @@ pub(super) fn adopt_opened(
     messages.info(format!("opened {}", path.display()));
     let generation = scene.map_or(0, |scene| scene.generation) + 1;
     let length_unit = metadata.length_unit.to_string();
-    commands.insert_resource(Scene { path, file: Arc::clone(&file), bounds, length_unit, facts, generation });
+    commands.insert_resource(Scene { path, file: Arc::clone(&file), bounds, frame, length_unit, facts, generation });
 }
 
 /// The attributes of all families, each once: first those that only some have, then the quantities that all have.

@@ -62,7 +62,7 @@ pub(super) fn run_shortcuts(
             }
             Action::Home => {
                 let Some(scene) = &scene else { continue };
-                match home(scene.bounds, viewpoint.fov_y, &picture) {
+                match home(scene.frame, viewpoint.fov_y, &picture) {
                     Ok(target) => {
                         *navigation = Navigation::Orbit;
                         let flight = Flight::to_viewpoint(*viewpoint, target, preset.camera.flight_secs);

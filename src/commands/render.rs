@@ -10,8 +10,8 @@ use crate::modes::{self, Depiction, Mode, Settings, cpu};
 use crate::raster::transfer::TransferFunction;
 use crate::raster::{Accumulation, Method, composite, output};
 use crate::store::PageFile;
-use crate::stream::Scene;
-use crate::view::{Projection, View};
+use crate::stream::{Scene, first_frame};
+use crate::view::{Projection, View, frame};
 use glam::DVec3;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -56,7 +56,7 @@ pub struct Arguments {
     /// Camera position in world units.
     #[arg(long, value_name = "X,Y,Z", value_parser = vector, allow_hyphen_values = true)]
     pub eye: Option<DVec3>,
-    /// The point looked at [default: the middle of the data].
+    /// The point looked at [default: the middle of the data, outliers left out].
     #[arg(long, value_name = "X,Y,Z", value_parser = vector, allow_hyphen_values = true)]
     pub target: Option<DVec3>,
     /// The direction that points up in the picture [default: 0,1,0].
@@ -232,15 +232,11 @@ fn draw_pages(arguments: &Arguments, mode: &'static Mode) -> Result<Picture, Box
         .map_err(|why| format!("{}: {why}", arguments.path.display()))?;
     // A still picture has no next frame to keep memory for, so nothing limits what it holds.
     let mut scene = Scene::new(Arc::clone(&file), u64::MAX);
-    let bounds = match arguments.family {
-        None => metadata.bounds(),
-        Some(name) => {
-            let (index, family) = metadata.family(name).ok_or_else(|| no_family(&arguments.path, name))?;
-            scene.families = vec![index];
-            family.bounds
-        }
-    };
-    let view = view(arguments, bounds)?;
+    if let Some(name) = arguments.family {
+        let (index, _) = metadata.family(name).ok_or_else(|| no_family(&arguments.path, name))?;
+        scene.families = vec![index];
+    }
+    let view = view(arguments, first_frame(&file, &scene.families))?;
     let seen = depiction.selection_view(&view);
     let tau = arguments.error_px.unwrap_or(0.8);
     let mut times = Times::default();
@@ -337,8 +333,11 @@ fn draw_exact(arguments: &Arguments, mode: &'static Mode) -> Result<Picture, Box
     let dataset: Dataset = times.measure("load", || load(&source, &options, &TerminalProgress::new()))?;
     let depiction = Depiction::of_dataset(mode, arguments.settings.clone(), arguments.attribute.as_deref(), &dataset)
         .map_err(|why| format!("{}: {why}", source.display()))?;
-    let view = view(arguments, dataset.bounds())?;
     let families: Vec<&Family> = dataset.families.iter().collect();
+    let positions = families.iter().flat_map(|family| &family.positions);
+    let samples: Vec<(DVec3, f64)> = positions.map(|&position| (DVec3::from_array(position), 1.0)).collect();
+    let view = view(arguments, frame::frame(dataset.bounds(), &samples))?;
+    drop(samples);
     let picture = Picture {
         accumulation: Accumulation::default(),
         attribute: depiction.attribute.as_ref().map(|coloring| coloring.name.clone()),

@@ -4,8 +4,10 @@
 //!
 //! Prefetching (F12 4.8.2) will enter as further, less urgent calls of [`Residency::request`].
 
+pub mod frame;
 pub mod residency;
 pub mod scene;
 
+pub use frame::first_frame;
 pub use residency::{PageState, Residency, ResidencyStatistics};
 pub use scene::{Scene, SceneNode, SceneSelection};

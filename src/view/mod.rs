@@ -3,6 +3,7 @@
 
 pub mod camera;
 pub mod error;
+pub mod frame;
 pub mod frustum;
 pub mod selection;
 

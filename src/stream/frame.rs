@@ -1,0 +1,61 @@
+//! What the first picture of a page file shows, found from the nodes that stand for most particles.
+
+use crate::model::Bounds;
+use crate::store::{Node, NodeRef, Page, PageFile, PageId};
+use crate::view::frame;
+use glam::DVec3;
+use std::collections::{BinaryHeap, HashMap};
+use std::sync::Arc;
+
+/// Nodes that are opened at most: enough to hold every particle of a file of some hundred thousand, and a fraction of
+/// a second of reading for any other.
+const NODES: usize = 128;
+
+/// The box to look at first: around `families` (indices in the metadata), without far outliers (see
+/// [`crate::view::frame`]). Pages that cannot be read are left out here; drawing reports them.
+pub fn first_frame(file: &PageFile, families: &[u32]) -> Bounds {
+    let metadata = file.metadata();
+    let families = || families.iter().filter_map(|&index| metadata.families.get(index as usize));
+    let full = families().fold(Bounds::EMPTY, |bounds, family| bounds.union(family.bounds));
+    let mut pages = Pages { file, read: HashMap::new() };
+    // The heaviest node is replaced by its children, until only leaves are left or enough nodes are open: what stays
+    // merged is then light.
+    let mut open: BinaryHeap<(u64, NodeRef)> =
+        families().map(|family| (family.count, NodeRef { page: family.root_page, node: 0 })).collect();
+    let mut samples = Vec::new();
+    let mut opened = 0;
+    while let Some((_, at)) = open.pop() {
+        let Some((page, node)) = pages.node(at) else { continue };
+        opened += 1;
+        let can_open = opened + open.len() < NODES;
+        // A relay holds no particles itself; a damaged file could be all relays.
+        if !node.is_leaf() && (can_open || node.particles == 0 && opened < 4 * NODES) {
+            for child in node.children.into_iter().flatten() {
+                open.extend(pages.node(child).map(|(_, node)| (node.source_particles, child)));
+            }
+            continue;
+        }
+        let Some(family) = metadata.families.get(page.family as usize) else { continue };
+        let particles = page.particles(at.node as usize);
+        let weight = node.source_particles as f64 / particles.len().max(1) as f64;
+        let place = |i| (node.key.position(family.root, particles.fraction(i)), weight);
+        samples.extend((0..particles.len()).map(place).filter(|(position, _): &(DVec3, f64)| position.is_finite()));
+    }
+    frame::frame(full, &samples)
+}
+
+/// The pages of a file that have been read.
+struct Pages<'a> {
+    file: &'a PageFile,
+    read: HashMap<PageId, Option<Arc<Page>>>,
+}
+
+impl Pages<'_> {
+    /// A node and its page, if that can be read.
+    fn node(&mut self, at: NodeRef) -> Option<(Arc<Page>, Node)> {
+        let page = self.read.entry(at.page).or_insert_with(|| self.file.read_page(at.page).ok().map(Arc::new));
+        let page = Arc::clone(page.as_ref()?);
+        let node = page.nodes.get(at.node as usize)?.clone();
+        Some((page, node))
+    }
+}
