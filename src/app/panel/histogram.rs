@@ -109,7 +109,7 @@ pub fn range_editor(
     range: [f64; 2],
     color: impl Fn(f32) -> egui::Color32,
 ) -> Option<RangeEdit> {
-    let (rect, _) = ui.allocate_exact_size(vec2(ui.available_width(), 44.0), Sense::hover());
+    let (rect, _) = ui.allocate_exact_size(vec2(ui.available_width(), 36.0), Sense::hover());
     let id = ui.id().with(id);
     let response = ui.interact(rect, id, Sense::click_and_drag());
     let painter = ui.painter().with_clip_rect(rect.expand(8.0));

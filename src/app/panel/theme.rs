@@ -31,7 +31,7 @@ pub const BODY: f32 = 13.0;
 /// Size of small text.
 pub const SMALL: f32 = 11.0;
 /// Height of a row.
-pub const ROW: f32 = 17.0;
+pub const ROW: f32 = 16.0;
 
 /// Gives egui the look of this program.
 pub fn apply(ctx: &egui::Context) {
@@ -45,7 +45,7 @@ pub fn apply(ctx: &egui::Context) {
             (TextStyle::Monospace, FontId::new(12.0, FontFamily::Monospace)),
         ]
         .into();
-        style.spacing.item_spacing = vec2(8.0, 2.5);
+        style.spacing.item_spacing = vec2(8.0, 1.0);
         style.spacing.interact_size = vec2(28.0, ROW + 2.0);
         style.spacing.button_padding = vec2(8.0, 2.0);
         style.spacing.slider_rail_height = 4.0;
