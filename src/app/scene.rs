@@ -52,6 +52,8 @@ pub enum AttributeChoice {
 pub struct Settings {
     /// The mode.
     pub mode: &'static Mode,
+    /// Whether the user chose the mode; else each file begins with its usual one.
+    pub mode_chosen: bool,
     /// Its settings.
     pub mode_settings: modes::Settings,
     /// The attribute that gives the hue.
@@ -80,6 +82,7 @@ impl Settings {
     pub fn new(preset: &Preset, mode: Option<&str>) -> Settings {
         Settings {
             mode: mode.and_then(modes::find).unwrap_or(modes::MODES[0]),
+            mode_chosen: mode.is_some(),
             mode_settings: modes::Settings::default(),
             attribute: AttributeChoice::Automatic,
             transfer: TransferFunction::default(),
@@ -88,8 +91,13 @@ impl Settings {
         }
     }
 
-    /// Changes the mode; its settings begin with their defaults.
+    /// Changes the mode as the user wants it; its settings begin with their defaults.
     pub fn choose_mode(&mut self, mode: &'static Mode) {
+        self.mode_chosen = true;
+        self.change_mode(mode);
+    }
+
+    fn change_mode(&mut self, mode: &'static Mode) {
         if !std::ptr::eq(self.mode, mode) {
             self.mode = mode;
             self.mode_settings = modes::Settings::default();
@@ -125,6 +133,9 @@ pub(super) fn adopt_opened(
         && !choices.attributes.contains(name)
     {
         settings.attribute = AttributeChoice::Automatic;
+    }
+    if !settings.mode_chosen {
+        settings.change_mode(modes::usual(choices.attributes.iter().map(String::as_str)));
     }
     settings.families = vec![true; metadata.families.len()];
     settings.transfer.range = Range::Auto;

@@ -41,7 +41,7 @@ pub struct Arguments {
     /// What draws: compute or raster (a Vulkan, Metal or DX12 adapter), or cpu [default: the best there is].
     #[arg(long)]
     pub backend: Option<Backend>,
-    /// Visualization mode; `deepfield modes` lists them [default: column-density].
+    /// Visualization mode; `deepfield modes` lists them [default: points for data with magnitudes, else column-density].
     #[arg(long, value_name = "NAME", value_parser = mode_name)]
     pub mode: Option<&'static Mode>,
     /// The family to draw: gas, dark, type2, type3, stars or black-holes; all without it.
@@ -170,6 +170,7 @@ struct Statistics<'a> {
 #[derive(Clone)]
 struct Picture {
     accumulation: Accumulation,
+    mode: &'static Mode,
     attribute: Option<String>,
     converged: bool,
     error_pixels: f64,
@@ -206,12 +207,11 @@ fn render(arguments: &Arguments) -> CommandResult {
     if cfg!(not(feature = "viewer")) && matches!(arguments.backend, Some(Backend::Compute | Backend::Raster)) {
         return Err("this deepfield was built without the feature `viewer`, so only --backend cpu draws".into());
     }
-    let mode = arguments.mode.unwrap_or(modes::MODES[0]);
-    let picture = if arguments.exact { draw_exact(arguments, mode)? } else { draw_pages(arguments, mode)? };
+    let picture = if arguments.exact { draw_exact(arguments)? } else { draw_pages(arguments)? };
     if is_exr {
         output::write_exr(&arguments.output, &picture.accumulation)?;
     } else {
-        let preset = mode.transfer[usize::from(picture.accumulation.has_attribute())];
+        let preset = picture.mode.transfer[usize::from(picture.accumulation.has_attribute())];
         let transfer = arguments.transfer.or(TransferFunction::preset(preset)).unwrap_or_default();
         output::write_png(&arguments.output, &composite::composite(&picture.accumulation, &transfer))?;
     }
@@ -219,15 +219,17 @@ fn render(arguments: &Arguments) -> CommandResult {
         output::write_npy(raw, &picture.accumulation)?;
     }
     if let Some(json) = &arguments.json {
-        write_statistics(json, &picture, mode)?;
+        write_statistics(json, &picture)?;
     }
     Ok(())
 }
 
 /// Draws the selected nodes of a page file, built from the source first where that is needed.
-fn draw_pages(arguments: &Arguments, mode: &'static Mode) -> Result<Picture, Box<dyn std::error::Error + Send + Sync>> {
+fn draw_pages(arguments: &Arguments) -> Result<Picture, Box<dyn std::error::Error + Send + Sync>> {
     let file = Arc::new(PageFile::open(&cache::page_file_of(&arguments.path, &TerminalProgress::new())?)?);
     let metadata = file.metadata();
+    let fields = metadata.families.iter().flat_map(|family| &family.attributes).map(|field| field.name.as_str());
+    let mode = arguments.mode.unwrap_or_else(|| modes::usual(fields));
     let depiction = Depiction::of_pages(mode, arguments.settings.clone(), arguments.attribute.as_deref(), metadata)
         .map_err(|why| format!("{}: {why}", arguments.path.display()))?;
     // A still picture has no next frame to keep memory for, so nothing limits what it holds.
@@ -246,6 +248,7 @@ fn draw_pages(arguments: &Arguments, mode: &'static Mode) -> Result<Picture, Box
     }
     let picture = Picture {
         accumulation: Accumulation::default(),
+        mode,
         attribute: depiction.attribute.as_ref().map(|coloring| coloring.name.clone()),
         converged: selection.converged,
         error_pixels: selection.error_pixels,
@@ -315,9 +318,13 @@ fn draw_on_gpu(
 }
 
 /// Draws every particle of the source; for a page file, of the source that it was built from.
-fn draw_exact(arguments: &Arguments, mode: &'static Mode) -> Result<Picture, Box<dyn std::error::Error + Send + Sync>> {
+fn draw_exact(arguments: &Arguments) -> Result<Picture, Box<dyn std::error::Error + Send + Sync>> {
     let source = source_of(&arguments.path)?;
-    let attributes = arguments.attribute.iter().map(String::as_str).chain(mode.weight_attributes.iter().copied());
+    let attributes = arguments
+        .attribute
+        .iter()
+        .map(String::as_str)
+        .chain(arguments.mode.iter().flat_map(|mode| mode.weight_attributes).copied());
     let own = ["mass", "density", "smoothing-length"];
     let named: Vec<String> = attributes.filter(|name| !own.contains(name)).map(str::to_owned).collect();
     let options = LoadOptions {
@@ -331,6 +338,8 @@ fn draw_exact(arguments: &Arguments, mode: &'static Mode) -> Result<Picture, Box
     };
     let mut times = Times::default();
     let dataset: Dataset = times.measure("load", || load(&source, &options, &TerminalProgress::new()))?;
+    let fields = dataset.families.iter().flat_map(|family| &family.attributes).map(|field| field.name.as_str());
+    let mode = arguments.mode.unwrap_or_else(|| modes::usual(fields));
     let depiction = Depiction::of_dataset(mode, arguments.settings.clone(), arguments.attribute.as_deref(), &dataset)
         .map_err(|why| format!("{}: {why}", source.display()))?;
     let families: Vec<&Family> = dataset.families.iter().collect();
@@ -340,6 +349,7 @@ fn draw_exact(arguments: &Arguments, mode: &'static Mode) -> Result<Picture, Box
     drop(samples);
     let picture = Picture {
         accumulation: Accumulation::default(),
+        mode,
         attribute: depiction.attribute.as_ref().map(|coloring| coloring.name.clone()),
         converged: true,
         error_pixels: 0.0,
@@ -403,7 +413,7 @@ fn view(arguments: &Arguments, bounds: Bounds) -> Result<View, crate::view::View
 }
 
 /// Writes the statistics to a file, or to standard output for `-`.
-fn write_statistics(path: &Path, picture: &Picture, mode: &'static Mode) -> CommandResult {
+fn write_statistics(path: &Path, picture: &Picture) -> CommandResult {
     let statistics = Statistics {
         converged: picture.converged,
         error_px: picture.error_pixels,
@@ -411,7 +421,7 @@ fn write_statistics(path: &Path, picture: &Picture, mode: &'static Mode) -> Comm
         nodes_drawn: picture.nodes,
         backend: picture.backend,
         adapter: &picture.adapter,
-        mode: mode.name,
+        mode: picture.mode.name,
         attribute: picture.attribute.as_deref(),
         width: picture.accumulation.width,
         height: picture.accumulation.height,

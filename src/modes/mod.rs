@@ -111,6 +111,14 @@ pub fn find(name: &str) -> Option<&'static Mode> {
     MODES.iter().copied().find(|mode| mode.name == name)
 }
 
+/// The mode to begin with for data that has these fields: the one whose weight is made of fields that the data has
+/// (`points` for magnitudes), else the first.
+pub fn usual<'a>(fields: impl Iterator<Item = &'a str> + Clone) -> &'static Mode {
+    let has = |wanted: &&str| fields.clone().any(|field| field == *wanted);
+    let fits = |mode: &&Mode| !mode.weight_attributes.is_empty() && mode.weight_attributes.iter().all(has);
+    MODES.iter().copied().find(|mode| fits(mode)).unwrap_or(MODES[0])
+}
+
 /// The names of all modes, for messages.
 pub fn names() -> String {
     MODES.map(|mode| mode.name).join(", ")
@@ -119,6 +127,13 @@ pub fn names() -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn catalogues_begin_as_points() {
+        assert_eq!(usual(["speed", "magnitude"].into_iter()).name, "points");
+        assert_eq!(usual(["speed", "temperature"].into_iter()).name, "column-density");
+        assert_eq!(usual(std::iter::empty()).name, "column-density");
+    }
     use crate::raster::transfer::TransferFunction;
 
     #[test]
