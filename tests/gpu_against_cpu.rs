@@ -171,8 +171,8 @@ fn pictures_of_every_size() {
         let cpu = particles.cpu(&view, CUBIC_SPLINE);
         for backend in BACKENDS {
             let gpu = particles.gpu(&view, CUBIC_SPLINE, backend);
-            // Splats end at the last level where the picture is smaller than they are.
-            assert_same(&format!("{width}x{height}, {}", backend.name()), &gpu, &cpu, 4e-3);
+            // In a few pixels the errors of the splats do not average out: 1.9e-3 in a single one.
+            assert_same(&format!("{width}x{height}, {}", backend.name()), &gpu, &cpu, 2.2e-3);
         }
     }
 }
@@ -225,7 +225,7 @@ fn crowded_tiles_lose_nothing() {
             let mut request = particles.request(&view, CUBIC_SPLINE, Backend::Compute);
             request.device.withheld.subgroup = subgroup;
             let gpu = render_headless(request).unwrap();
-            assert_same(&format!("h from {h_min}, no subgroups {subgroup}"), &gpu, &cpu, 2e-3);
+            assert_same(&format!("h from {h_min}, no subgroups {subgroup}"), &gpu, &cpu, 1e-3);
         }
     }
 }
