@@ -36,17 +36,21 @@ fn evaluate(p: Profile, square: vec4<f32>) -> vec4<f32> {
     return t * t * v;
 }
 
-/// The odd polynomial with coefficients `low` and `high` of x, x^3 .. x^15; constant beyond |x| = 1.
-fn odd(low: vec4<f32>, high: vec4<f32>, x: vec4<f32>) -> vec4<f32> {
-    let t = clamp(x, vec4(-1.0), vec4(1.0));
-    let y = t * t;
+/// The polynomial with coefficients `low` and `high` of 1, y .. y^7.
+fn polynomial(low: vec4<f32>, high: vec4<f32>, y: vec4<f32>) -> vec4<f32> {
     var v = fma(vec4(high.w), y, vec4(high.z));
     v = fma(v, y, vec4(high.y));
     v = fma(v, y, vec4(high.x));
     v = fma(v, y, vec4(low.w));
     v = fma(v, y, vec4(low.z));
     v = fma(v, y, vec4(low.y));
-    v = fma(v, y, vec4(low.x));
+    return fma(v, y, vec4(low.x));
+}
+
+/// The odd polynomial with coefficients `low` and `high` of x, x^3 .. x^15; constant beyond |x| = 1.
+fn odd(low: vec4<f32>, high: vec4<f32>, x: vec4<f32>) -> vec4<f32> {
+    let t = clamp(x, vec4(-1.0), vec4(1.0));
+    let v = polynomial(low, high, t * t);
     return v * t;
 }
 
@@ -67,15 +71,5 @@ fn bend(x: vec4<f32>) -> vec4<f32> {
 
 /// V, whose differences give the first order of a tilted ellipse: an even polynomial, zero from |x| = 1 on.
 fn shear(x: vec4<f32>) -> vec4<f32> {
-    let low = constants::SHEAR_A;
-    let high = constants::SHEAR_B;
-    let y = min(x * x, vec4(1.0));
-    var v = fma(vec4(high.w), y, vec4(high.z));
-    v = fma(v, y, vec4(high.y));
-    v = fma(v, y, vec4(high.x));
-    v = fma(v, y, vec4(low.w));
-    v = fma(v, y, vec4(low.z));
-    v = fma(v, y, vec4(low.y));
-    v = fma(v, y, vec4(low.x));
-    return v;
+    return polynomial(constants::SHEAR_A, constants::SHEAR_B, min(x * x, vec4(1.0)));
 }

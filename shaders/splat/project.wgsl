@@ -5,7 +5,7 @@
 // the bin; `place` projects again and writes each splat to its place in the order, which costs less than to keep the
 // splats in between.
 #import deepfield::constants::TILE
-#import deepfield::particle::{view, nodes, blocks, camera_axes, load_particle}
+#import deepfield::particle::{view, nodes, blocks, Block, camera_axes, load_particle}
 #import deepfield::projection::{camera, project, Projected}
 #import deepfield::splat_view::{Splat, SMALL, EVERYWHERE, INVISIBLE}
 
@@ -32,17 +32,23 @@ fn bin_of(projected: Projected) -> u32 {
     return select(found, NOWHERE, projected.kind == INVISIBLE);
 }
 
+/// A workgroup's block; an empty one beyond the last.
+fn block_of(group: vec3<u32>, groups: vec3<u32>) -> Block {
+    let at = group.y * groups.x + group.x;
+    var block = Block(0u, 0u, 0u, 0u);
+    if at < arrayLength(&blocks) {
+        block = blocks[at];
+    }
+    return block;
+}
+
 @compute @workgroup_size(64)
 fn count(
     @builtin(workgroup_id) group: vec3<u32>,
     @builtin(num_workgroups) groups: vec3<u32>,
     @builtin(local_invocation_index) lane: u32,
 ) {
-    let at = group.y * groups.x + group.x;
-    if at >= arrayLength(&blocks) {
-        return;
-    }
-    let block = blocks[at];
+    let block = block_of(group, groups);
     let node = nodes[block.node];
     let axes = camera_axes();
     let camera = camera();
@@ -62,11 +68,7 @@ fn place(
     @builtin(num_workgroups) groups: vec3<u32>,
     @builtin(local_invocation_index) lane: u32,
 ) {
-    let at = group.y * groups.x + group.x;
-    if at >= arrayLength(&blocks) {
-        return;
-    }
-    let block = blocks[at];
+    let block = block_of(group, groups);
     let node = nodes[block.node];
     let axes = camera_axes();
     let camera = camera();
