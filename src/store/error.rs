@@ -1,5 +1,6 @@
 //! What can be wrong with a page file.
 
+use super::disk::Change;
 use std::path::{Path, PathBuf};
 
 /// An error of the page file's reader, writer or verifier; it names the file and what was expected where.
@@ -43,6 +44,26 @@ pub enum StoreError {
         /// What was expected there.
         expected: String,
     },
+    /// The operating system refused to read a page.
+    #[error("{path}: page {page}: cannot be read: {source}")]
+    Page {
+        /// The file.
+        path: PathBuf,
+        /// The page.
+        page: u32,
+        /// The system's answer.
+        source: std::io::Error,
+    },
+    /// A page of a file that is no longer what was opened.
+    #[error("{path}: page {page}: {change}")]
+    Changed {
+        /// The file.
+        path: PathBuf,
+        /// The page that was to be read.
+        page: u32,
+        /// What has become of the file.
+        change: Change,
+    },
     /// The data cannot be written as a page file.
     #[error("{path}: cannot be written: {reason}")]
     Unwritable {
@@ -51,6 +72,19 @@ pub enum StoreError {
         /// Why.
         reason: String,
     },
+}
+
+impl StoreError {
+    /// Whether the same read may succeed later: an error of the disk or the network, not one of the file's content.
+    pub fn may_pass(&self) -> bool {
+        use std::io::ErrorKind::{InvalidInput, NotFound, PermissionDenied, UnexpectedEof, Unsupported};
+        match self {
+            StoreError::Io { source, .. } | StoreError::Page { source, .. } => {
+                !matches!(source.kind(), UnexpectedEof | NotFound | PermissionDenied | InvalidInput | Unsupported)
+            }
+            _ => false,
+        }
+    }
 }
 
 /// A broken promise, before the file it is in is known.

@@ -4,6 +4,7 @@
 //! mapped: a page is copied and checked once as it is loaded anyway, a file that is truncated while it is open gives an
 //! error instead of a signal, and it needs no `unsafe`. The operating system's page cache serves repeated reads.
 
+pub mod disk;
 pub mod error;
 pub mod layout;
 pub mod metadata;
@@ -16,9 +17,10 @@ pub mod writer;
 mod footer;
 mod wire;
 
+pub use disk::{Change, Disk, LocalFile};
 pub use error::StoreError;
 pub use metadata::{AttributeInfo, AttributeMerge, FamilyMetadata, Histogram, LevelInfo, Metadata};
 pub use page::{Encoding, Node, NodeParticles, NodeRef, Page, PageId, Positions};
-pub use reader::PageFile;
+pub use reader::{PageBytes, PageFile};
 pub use verify::{Verified, verify};
 pub use writer::PageFileWriter;

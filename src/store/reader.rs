@@ -1,20 +1,29 @@
 //! Opening a page file and reading its pages.
 
+use super::disk::{Change, Disk, LocalFile};
 use super::error::StoreError;
 use super::footer;
 use super::layout::{ALIGNMENT, HEADER_LEN, Header, HeaderError, PAGE_HEADER_LEN, PageEntry, VERSION};
 use super::metadata::Metadata;
 use super::page::{Page, PageId};
-use std::fs::File;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// The bytes of a page as they came from the disk, unchecked.
+#[derive(Debug)]
+pub struct PageBytes {
+    page: PageId,
+    words: Vec<u64>,
+}
 
 /// An open page file. Cheap to share in an `Arc`: reads are positioned and take no lock. It holds the footer (24 bytes
 /// for each page of about 3 MB, attribute tables and codebooks), never pages.
 #[derive(Debug)]
 pub struct PageFile {
     path: PathBuf,
-    file: File,
+    disk: Arc<dyn Disk>,
     header: Header,
+    head: Vec<u8>,
     metadata: Metadata,
     table: Vec<PageEntry>,
 }
@@ -22,17 +31,19 @@ pub struct PageFile {
 impl PageFile {
     /// Opens the file and checks header, footer and page table. Pages are checked as they are read.
     pub fn open(path: &Path) -> Result<PageFile, StoreError> {
+        let opened = LocalFile::open(path);
+        let opened = opened.map_err(|source| StoreError::Io { path: path.to_path_buf(), action: "open", source })?;
+        let not_a_file = || StoreError::NotAPageFile { path: path.to_path_buf(), expected: "a regular file" };
+        PageFile::open_on(path, Arc::new(opened.ok_or_else(not_a_file)?))
+    }
+
+    /// The same for bytes that lie anywhere; `path` is what messages call them.
+    pub fn open_on(path: &Path, disk: Arc<dyn Disk>) -> Result<PageFile, StoreError> {
         let io = |action| move |source| StoreError::Io { path: path.to_path_buf(), action, source };
-        let file = File::open(path).map_err(io("open"))?;
-        let about = file.metadata().map_err(io("look at"))?;
-        if !about.is_file() {
-            return Err(StoreError::NotAPageFile { path: path.to_path_buf(), expected: "a regular file" });
-        }
-        let real_len = about.len();
-        let mut head = [0; HEADER_LEN];
-        let head_len = (HEADER_LEN as u64).min(real_len) as usize;
-        read_exact_at(&file, &mut head[..head_len], 0).map_err(io("read the header"))?;
-        let header = Header::decode(&head[..head_len], real_len).map_err(|error| match error {
+        let real_len = disk.size().map_err(io("look at"))?;
+        let mut head = vec![0; (HEADER_LEN as u64).min(real_len) as usize];
+        disk.read_exact_at(&mut head, 0).map_err(io("read the header"))?;
+        let header = Header::decode(&head, real_len).map_err(|error| match error {
             HeaderError::NotAPageFile(expected) => StoreError::NotAPageFile { path: path.to_path_buf(), expected },
             HeaderError::Version(found) => StoreError::Version { path: path.to_path_buf(), found, supported: VERSION },
             HeaderError::Damaged(damage) => damage.in_file(path),
@@ -44,12 +55,12 @@ impl PageFile {
         };
         let mut bytes =
             vec![0; usize::try_from(header.footer_len).map_err(|_| damaged("header", "a footer that fits in memory"))?];
-        read_exact_at(&file, &mut bytes, header.footer_offset).map_err(io("read the footer"))?;
+        disk.read_exact_at(&mut bytes, header.footer_offset).map_err(io("read the footer"))?;
         if crc32c::crc32c(&bytes) != header.footer_crc {
             return Err(damaged("footer", "its checksum"));
         }
         let (metadata, table) = footer::decode(&bytes, header.pages).map_err(|damage| damage.in_file(path))?;
-        let page_file = PageFile { path: path.to_path_buf(), file, header, metadata, table };
+        let page_file = PageFile { path: path.to_path_buf(), disk, header, head, metadata, table };
         page_file.check_table().map_err(|(place, expected)| damaged(&place, expected))?;
         Ok(page_file)
     }
@@ -84,22 +95,67 @@ impl PageFile {
         self.table.get(page.0 as usize).map_or(0, |entry| u64::from(entry.len))
     }
 
+    /// Largest [`PageFile::page_bytes`] of all pages.
+    pub fn largest_page_bytes(&self) -> u64 {
+        self.table.iter().map(|entry| u64::from(entry.len)).max().unwrap_or(0)
+    }
+
     /// Reads a page: checks its checksum, its structure, every code and every child reference.
+    ///
+    /// # Errors
+    /// [`StoreError::Changed`] where the file is not what it was when it was opened, else what is wrong with the page.
     pub fn read_page(&self, page: PageId) -> Result<Page, StoreError> {
-        let damaged = |expected: &str| StoreError::Damaged {
-            path: self.path.clone(),
-            place: format!("page {}", page.0),
-            expected: expected.into(),
-        };
-        let entry = self.table.get(page.0 as usize).ok_or_else(|| damaged("to exist"))?;
+        self.decode_page(self.fetch_page(page)?)
+    }
+
+    /// Reads a page's bytes and nothing more: the part of [`PageFile::read_page`] that waits for the disk.
+    ///
+    /// # Errors
+    /// As [`PageFile::read_page`].
+    pub fn fetch_page(&self, page: PageId) -> Result<PageBytes, StoreError> {
+        let entry = self.table.get(page.0 as usize).ok_or_else(|| self.damaged(page, "to exist"))?;
         // The length was checked against the file when it was opened.
         let mut words = vec![0_u64; entry.len as usize / 8];
-        read_exact_at(&self.file, bytemuck::cast_slice_mut(&mut words), entry.offset)
-            .map_err(|source| StoreError::Io { path: self.path.clone(), action: "read a page", source })?;
+        self.disk
+            .read_exact_at(bytemuck::cast_slice_mut(&mut words), entry.offset)
+            .map_err(|source| StoreError::Page { path: self.path.clone(), page: page.0, source })
+            .map_err(|error| self.explained(page, error))?;
+        Ok(PageBytes { page, words })
+    }
+
+    /// Checks and decodes a page's bytes: the part of [`PageFile::read_page`] that works the processor.
+    ///
+    /// # Errors
+    /// As [`PageFile::read_page`].
+    pub fn decode_page(&self, bytes: PageBytes) -> Result<Page, StoreError> {
+        let PageBytes { page, words } = bytes;
+        let entry = self.table.get(page.0 as usize).ok_or_else(|| self.damaged(page, "to exist"))?;
         if crc32c::crc32c(bytemuck::cast_slice(&words)) != entry.crc {
-            return Err(damaged("its checksum"));
+            return Err(self.explained(page, self.damaged(page, "its checksum")));
         }
         Page::parse(page, words, &self.metadata, &self.table).map_err(|damage| damage.in_file(&self.path))
+    }
+
+    /// What has become of the file since it was opened; asks the disk, so it may wait.
+    pub fn change(&self) -> Option<Change> {
+        self.disk.change().or_else(|| {
+            // The header holds the footer's checksum, and the footer those of all pages.
+            let mut head = vec![0; self.head.len()];
+            self.disk.read_exact_at(&mut head, 0).ok()?;
+            (head != self.head).then_some(Change::Rewritten)
+        })
+    }
+
+    fn damaged(&self, page: PageId, expected: &str) -> StoreError {
+        StoreError::Damaged { path: self.path.clone(), place: format!("page {}", page.0), expected: expected.into() }
+    }
+
+    /// The error itself, unless something has happened to the file that explains it.
+    fn explained(&self, page: PageId, error: StoreError) -> StoreError {
+        match self.change() {
+            Some(change) => StoreError::Changed { path: self.path.clone(), page: page.0, change },
+            None => error,
+        }
     }
 
     /// Pages must follow one another from the header to the footer, each at the next aligned place.
@@ -135,7 +191,7 @@ impl PageFile {
     /// Bytes `[start, end)` of the file, for the verifier's look at the padding.
     pub(super) fn raw(&self, start: u64, end: u64) -> Result<Vec<u8>, StoreError> {
         let mut bytes = vec![0; end.saturating_sub(start) as usize];
-        read_exact_at(&self.file, &mut bytes, start).map_err(|source| StoreError::Io {
+        self.disk.read_exact_at(&mut bytes, start).map_err(|source| StoreError::Io {
             path: self.path.clone(),
             action: "read",
             source,
@@ -152,25 +208,4 @@ impl PageFile {
     pub(super) fn footer_offset(&self) -> u64 {
         self.header.footer_offset
     }
-}
-
-/// Fills `buffer` from `offset` without moving a shared cursor.
-#[cfg(unix)]
-fn read_exact_at(file: &File, buffer: &mut [u8], offset: u64) -> std::io::Result<()> {
-    std::os::unix::fs::FileExt::read_exact_at(file, buffer, offset)
-}
-
-/// Fills `buffer` from `offset`; every read names its place, so the cursor that Windows moves does not matter.
-#[cfg(windows)]
-fn read_exact_at(file: &File, mut buffer: &mut [u8], mut offset: u64) -> std::io::Result<()> {
-    while !buffer.is_empty() {
-        match std::os::windows::fs::FileExt::seek_read(file, buffer, offset)? {
-            0 => return Err(std::io::ErrorKind::UnexpectedEof.into()),
-            read => {
-                buffer = &mut buffer[read..];
-                offset += read as u64;
-            }
-        }
-    }
-    Ok(())
 }
