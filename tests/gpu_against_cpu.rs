@@ -54,7 +54,7 @@ impl Particles {
         };
         let splats =
             Splats::new(Positions::World(&self.positions), extent, &self.weight, Some(&self.attribute)).unwrap();
-        draw(view, &[splats], &RasterOptions { method: Method::Exact, kernel })
+        draw(view, &[splats], &RasterOptions { method: Method::Exact, kernel, ..RasterOptions::default() })
     }
 
     /// What a GPU draws of it, as one node of raw particles.

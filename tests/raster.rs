@@ -15,7 +15,7 @@ fn uniform(random: &mut Pcg64Mcg) -> f64 {
 }
 
 fn options(method: Method, kernel: Kernel) -> RasterOptions {
-    RasterOptions { method, kernel }
+    RasterOptions { method, kernel, ..RasterOptions::default() }
 }
 
 /// Looks along -z onto the rectangle from the origin to the picture's size, one unit a pixel, y upwards.

@@ -100,7 +100,7 @@ impl Settings {
     fn change_mode(&mut self, mode: &'static Mode) {
         if !std::ptr::eq(self.mode, mode) {
             self.mode = mode;
-            self.mode_settings = modes::Settings::default();
+            self.mode_settings = self.mode_settings.common();
         }
     }
 }

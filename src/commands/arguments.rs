@@ -45,6 +45,14 @@ pub fn positive(text: &str) -> Result<f64, String> {
         .ok_or_else(|| "expected a number greater than 0".into())
 }
 
+/// Zero or a number greater than it.
+pub fn not_negative(text: &str) -> Result<f64, String> {
+    text.parse()
+        .ok()
+        .filter(|&value: &f64| value >= 0.0 && value.is_finite())
+        .ok_or_else(|| "expected 0 or a number greater than 0".into())
+}
+
 /// An amount of memory in bytes: `2GiB`, `512MiB`, `1.5GB`, `1000000`.
 pub fn bytes(text: &str) -> Result<u64, String> {
     let digits = text.find(|c: char| c.is_ascii_alphabetic()).unwrap_or(text.len());
@@ -89,5 +97,6 @@ mod tests {
             assert!(bytes(wrong).is_err(), "{wrong}");
         }
         assert!(positive("0.8").is_ok() && positive("0").is_err() && positive("inf").is_err());
+        assert!(not_negative("0").is_ok() && not_negative("-1").is_err() && not_negative("nan").is_err());
     }
 }

@@ -21,7 +21,7 @@ pub fn run(_: &Arguments) -> CommandResult {
         if !mode.usual_attributes.is_empty() {
             writeln!(out, "    coloured by the first there is of: {}", mode.usual_attributes.join(", "))?;
         }
-        for setting in mode.settings {
+        for setting in mode.all_settings() {
             let unit = if setting.unit.is_empty() { String::new() } else { format!(" {}", setting.unit) };
             let default = match setting.default() {
                 crate::modes::SettingValue::Flag(flag) => flag.to_string(),

@@ -103,7 +103,12 @@ impl PictureConfig {
             fov: if has_projection { own.fov } else { camera.fov },
             ortho: if has_projection { own.ortho } else { camera.ortho },
             error_px: own.error_px.or(self.error_px),
-            settings: if own.mode.is_some() { Settings::default() } else { self.settings },
+            settings: {
+                // The mode's own settings go with the mode that the file names.
+                let mut settings = if own.mode.is_some() { self.settings.common() } else { self.settings };
+                settings.0.extend(own.settings.0.clone());
+                settings
+            },
             transfer: self.transfer,
             ..own
         }

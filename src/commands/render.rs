@@ -1,12 +1,12 @@
 //! `deepfield render`: a picture of a source or page file, without a window.
 
-use super::arguments::{PictureSize, positive, vector};
+use super::arguments::{PictureSize, not_negative, positive, vector};
 use super::picture_config::PictureConfig;
 use super::progress_bar::TerminalProgress;
 use super::{CommandResult, cache};
 use crate::import::{AttributeChoice, LoadOptions, load};
 use crate::model::{Bounds, Dataset, Family, FamilyName};
-use crate::modes::{self, Depiction, Mode, Settings, cpu};
+use crate::modes::{self, Depiction, Economy, Mode, Plan, SettingKind, SettingValue, Settings, cpu, economy, pilot};
 use crate::raster::transfer::TransferFunction;
 use crate::raster::{Accumulation, Method, composite, output};
 use crate::store::PageFile;
@@ -74,6 +74,15 @@ pub struct Arguments {
     /// Draw every source particle at full precision: no level of detail, no quantisation.
     #[arg(long, conflicts_with = "error_px")]
     pub exact: bool,
+    /// Drop particles fainter than 1/N of the darkest colour's P, with their light; 0: none [default: 0].
+    #[arg(long, value_name = "N", value_parser = not_negative)]
+    pub presence: Option<f64>,
+    /// Draw a weighted sample of the particles whose mean colour error stays below E of 255; 0: all of them [default: 0].
+    #[arg(long, value_name = "E", value_parser = not_negative)]
+    pub thinning: Option<f64>,
+    /// Do not drop particles outside the view one by one: to measure what that saves.
+    #[arg(long)]
+    pub no_culling: bool,
     /// Draw so many times and report median times.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     pub repeat: u32,
@@ -111,12 +120,30 @@ impl Arguments {
             ortho: None,
             error_px: None,
             exact: false,
+            presence: None,
+            thinning: None,
+            no_culling: false,
             repeat: 1,
             threads: None,
             json: None,
             settings: Settings::default(),
             transfer: None,
         }
+    }
+
+    /// The same, with the options about what may be left out among the settings.
+    fn with_economy(mut self) -> Arguments {
+        for (setting, value) in [(&economy::PRESENCE, self.presence), (&economy::THINNING, self.thinning)] {
+            if let SettingKind::Number { min, max, .. } = setting.kind
+                && let Some(value) = value
+            {
+                self.settings.set(setting, SettingValue::Number(value.clamp(min, max)));
+            }
+        }
+        if self.no_culling {
+            self.settings.set(&economy::CULLING, SettingValue::Flag(false));
+        }
+        self
     }
 }
 
@@ -162,8 +189,28 @@ struct Statistics<'a> {
     attribute: Option<&'a str>,
     width: u32,
     height: u32,
+    /// What was left out, and how that was decided.
+    economy: &'a LeftOut,
     sum: f64,
     milliseconds: &'a BTreeMap<String, f64>,
+}
+
+/// What a picture left out of what was selected. Counts that the backend does not have are `null`.
+#[derive(Clone, Debug, Default, Serialize)]
+struct LeftOut {
+    culling: bool,
+    presence: f64,
+    thinning: f64,
+    /// The least `P` that a particle had to add to some pixel.
+    faintest: f32,
+    /// Particles for which others stand that count more.
+    thinned: Option<u64>,
+    /// Particles dropped by presence acceleration, with their light.
+    faint: Option<u64>,
+    /// Particles that no pixel sees.
+    outside: Option<u64>,
+    /// Splats that reach the picture.
+    splats: Option<u64>,
 }
 
 /// What was drawn, and how.
@@ -178,6 +225,7 @@ struct Picture {
     nodes: usize,
     backend: &'static str,
     adapter: String,
+    economy: LeftOut,
     milliseconds: BTreeMap<String, f64>,
 }
 
@@ -187,9 +235,11 @@ struct Picture {
 /// When the source cannot be read, a setting does not fit the data, no adapter draws, or a file cannot be written.
 pub fn run(arguments: &Arguments) -> CommandResult {
     let arguments = match &arguments.config {
-        Some(path) => &PictureConfig::read(path)?.complete(arguments),
-        None => arguments,
-    };
+        Some(path) => PictureConfig::read(path)?.complete(arguments),
+        None => arguments.clone(),
+    }
+    .with_economy();
+    let arguments = &arguments;
     match arguments.threads {
         Some(threads) => {
             rayon::ThreadPoolBuilder::new().num_threads(threads.into()).build()?.install(|| render(arguments))
@@ -211,8 +261,7 @@ fn render(arguments: &Arguments) -> CommandResult {
     if is_exr {
         output::write_exr(&arguments.output, &picture.accumulation)?;
     } else {
-        let preset = picture.mode.transfer[usize::from(picture.accumulation.has_attribute())];
-        let transfer = arguments.transfer.or(TransferFunction::preset(preset)).unwrap_or_default();
+        let transfer = transfer(arguments, picture.mode, picture.accumulation.has_attribute());
         output::write_png(&arguments.output, &composite::composite(&picture.accumulation, &transfer))?;
     }
     if let Some(raw) = &arguments.raw {
@@ -222,6 +271,23 @@ fn render(arguments: &Arguments) -> CommandResult {
         write_statistics(json, &picture)?;
     }
     Ok(())
+}
+
+impl LeftOut {
+    fn new(economy: &Economy, plan: &Plan) -> LeftOut {
+        LeftOut {
+            culling: plan.culling,
+            presence: economy.presence,
+            thinning: economy.thinning,
+            faintest: plan.faintest,
+            ..LeftOut::default()
+        }
+    }
+}
+
+/// The transfer function that colours a picture.
+fn transfer(arguments: &Arguments, mode: &Mode, has_attribute: bool) -> TransferFunction {
+    arguments.transfer.or(TransferFunction::preset(mode.transfer[usize::from(has_attribute)])).unwrap_or_default()
 }
 
 /// Draws the selected nodes of a page file, built from the source first where that is needed.
@@ -246,10 +312,17 @@ fn draw_pages(arguments: &Arguments) -> Result<Picture, Box<dyn std::error::Erro
     for (_, why) in scene.residency.failures() {
         eprintln!("deepfield: {why}; the picture is coarser there");
     }
+    // Numbers are conserved unless the user wants it otherwise.
+    let is_raw = arguments.raw.is_some() || arguments.output.extension().is_some_and(|extension| extension == "exr");
+    let economy = if is_raw { arguments.settings.raw_economy() } else { arguments.settings.economy() };
+    let transfer = transfer(arguments, mode, depiction.attribute.is_some());
+    let plan = times
+        .measure("plan", || pilot::plan(&view, &depiction, metadata, &selection.nodes, &economy, &transfer, None))?;
     let picture = Picture {
         accumulation: Accumulation::default(),
         mode,
         attribute: depiction.attribute.as_ref().map(|coloring| coloring.name.clone()),
+        economy: LeftOut::new(&economy, &plan),
         converged: selection.converged,
         error_pixels: selection.error_pixels,
         particles: selection.particles,
@@ -266,15 +339,24 @@ fn draw_pages(arguments: &Arguments) -> Result<Picture, Box<dyn std::error::Erro
         }
     }
     let mut accumulation = Accumulation::default();
+    let mut left_out = picture.economy.clone();
     for _ in 0..arguments.repeat {
         times.frame(|times| {
             let selection = times.measure("select", || scene.select(&seen, tau));
-            let nodes = times.measure("decode", || cpu::decode(&depiction, metadata, &selection.nodes));
-            let drawn = times.measure("draw", || cpu::draw_nodes(&view, &depiction, metadata, &nodes, Method::Pyramid));
-            drawn.map(|drawn| accumulation = drawn)
+            let nodes =
+                times.measure("decode", || cpu::decode_planned(&view, &depiction, metadata, &selection.nodes, &plan));
+            let method = Method::Pyramid;
+            let (drawn, counts) =
+                times.measure("draw", || cpu::draw_planned(&view, &depiction, metadata, &nodes, method, &plan))?;
+            let kept: u64 = nodes.iter().map(|node| node.len() as u64).sum();
+            left_out.thinned = Some(selection.particles - kept);
+            (left_out.faint, left_out.outside) = (Some(counts.faint), Some(counts.outside));
+            left_out.splats = Some(counts.drawn);
+            accumulation = drawn;
+            Ok::<_, crate::raster::RasterError>(())
         })?;
     }
-    Ok(Picture { accumulation, milliseconds: times.medians(), ..picture })
+    Ok(Picture { accumulation, economy: left_out, milliseconds: times.medians(), ..picture })
 }
 
 /// The techniques that draw, unless the CPU is asked for, or does the same faster.
@@ -351,6 +433,7 @@ fn draw_exact(arguments: &Arguments) -> Result<Picture, Box<dyn std::error::Erro
         accumulation: Accumulation::default(),
         mode,
         attribute: depiction.attribute.as_ref().map(|coloring| coloring.name.clone()),
+        economy: LeftOut::new(&Economy::NONE, &Plan::default()),
         converged: true,
         error_pixels: 0.0,
         particles: dataset.len() as u64,
@@ -425,6 +508,7 @@ fn write_statistics(path: &Path, picture: &Picture) -> CommandResult {
         attribute: picture.attribute.as_deref(),
         width: picture.accumulation.width,
         height: picture.accumulation.height,
+        economy: &picture.economy,
         sum: picture.accumulation.sum(),
         milliseconds: &picture.milliseconds,
     };

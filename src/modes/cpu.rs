@@ -1,8 +1,11 @@
 //! A depiction drawn by the CPU renderer: nodes of a page file, or source particles as they are.
 
-use super::{CodeTable, Depiction, Footprint};
+use super::{CodeTable, Depiction, Footprint, Plan};
 use crate::model::{Dataset, Family};
-use crate::raster::{Accumulation, Extent, Method, Positions, RasterError, RasterOptions, Splats, draw};
+use crate::raster::sample::Sample;
+use crate::raster::{
+    Accumulation, Counts, Extent, Method, Positions, RasterError, RasterOptions, Splats, draw, draw_counted,
+};
 use crate::store::{Metadata, Node, Page};
 use crate::stream::SceneNode;
 use crate::view::View;
@@ -20,13 +23,35 @@ pub struct DecodedNode {
 }
 
 impl DecodedNode {
-    /// Decodes one node with the table of its codebook.
-    fn new(depiction: &Depiction, metadata: &Metadata, page: &Page, index: usize, table: &CodeTable) -> DecodedNode {
+    /// Decodes what is drawn of one node, with the table of its codebook.
+    fn new(
+        depiction: &Depiction,
+        metadata: &Metadata,
+        page: &Page,
+        index: usize,
+        table: &CodeTable,
+        sample: Sample,
+    ) -> DecodedNode {
         let family = &metadata.families[page.family as usize];
         let node: &Node = &page.nodes[index];
         let particles = page.particles(index);
         let size = node.key.size(family.root) as f32;
         let scale = depiction.node_scale(node);
+        if !sample.is_all() {
+            let mut out = DecodedNode { origin: node.key.min(family.root), ..DecodedNode::default() };
+            out.attribute = table.attribute.as_ref().map(|_| Vec::new());
+            let code = |i: u32| usize::from(particles.codes[i as usize]);
+            let importance = |i: u32| table.importance[code(i)];
+            sample.each(particles.len() as u32, importance, |i, factor| {
+                out.offsets.push(particles.fraction(i as usize).map(|x| x * size));
+                out.smoothing_length.push(table.smoothing_length[code(i)]);
+                out.weight.push(factor * (scale * table.weight[code(i)]));
+                if let (Some(out), Some(column)) = (&mut out.attribute, &table.attribute) {
+                    out.push(column[code(i)]);
+                }
+            });
+            return out;
+        }
         let at = |column: &[f32]| particles.codes.iter().map(|&code| column[usize::from(code)]).collect();
         DecodedNode {
             origin: node.key.min(family.root),
@@ -38,12 +63,71 @@ impl DecodedNode {
     }
 }
 
-/// Decodes the selected nodes, in parallel.
+impl DecodedNode {
+    /// Number of particles that are drawn.
+    pub fn len(&self) -> usize {
+        self.weight.len()
+    }
+
+    /// Weights, the sample's factor included.
+    pub(super) fn weight(&self) -> &[f32] {
+        &self.weight
+    }
+
+    /// Smoothing lengths, world units.
+    pub(super) fn smoothing_length(&self) -> &[f32] {
+        &self.smoothing_length
+    }
+
+    /// The attribute; empty if there is none.
+    pub(super) fn attribute(&self) -> &[f32] {
+        self.attribute.as_deref().unwrap_or_default()
+    }
+
+    /// Replaces the attribute; it has one value for each particle.
+    pub(super) fn set_attribute(&mut self, attribute: Vec<f32>) {
+        self.attribute = Some(attribute);
+    }
+
+    /// Whether nothing is drawn.
+    pub fn is_empty(&self) -> bool {
+        self.weight.is_empty()
+    }
+}
+
+/// Decodes all particles of the selected nodes, in parallel.
 pub fn decode(depiction: &Depiction, metadata: &Metadata, nodes: &[SceneNode]) -> Vec<DecodedNode> {
+    decode_some(depiction, metadata, nodes, |table| table, |_, _| Sample::ALL)
+}
+
+/// Decodes what `plan` draws of the selected nodes, in parallel.
+pub fn decode_planned(
+    view: &View,
+    depiction: &Depiction,
+    metadata: &Metadata,
+    nodes: &[SceneNode],
+    plan: &Plan,
+) -> Vec<DecodedNode> {
+    let sample = |drawn: &SceneNode, table: &CodeTable| {
+        let family = &metadata.families[drawn.page.family as usize];
+        plan.sample(view, depiction, family, &drawn.page.nodes[drawn.node.node as usize], table)
+    };
+    decode_some(depiction, metadata, nodes, |table| table, sample)
+}
+
+/// Decodes the samples of the selected nodes that `sample` gives for the table of a node's codebook, in parallel, with
+/// tables as `change` makes them.
+pub(super) fn decode_some(
+    depiction: &Depiction,
+    metadata: &Metadata,
+    nodes: &[SceneNode],
+    change: impl Fn(CodeTable) -> CodeTable,
+    sample: impl Fn(&SceneNode, &CodeTable) -> Sample + Sync,
+) -> Vec<DecodedNode> {
     let tables: Vec<Vec<CodeTable>> = metadata
         .families
         .iter()
-        .map(|family| family.codebooks.iter().map(|codebook| depiction.table(family, codebook)).collect())
+        .map(|family| family.codebooks.iter().map(|codebook| change(depiction.table(family, codebook))).collect())
         .collect();
     nodes
         .par_iter()
@@ -51,7 +135,7 @@ pub fn decode(depiction: &Depiction, metadata: &Metadata, nodes: &[SceneNode]) -
             let index = drawn.node.node as usize;
             let codebook = usize::from(drawn.page.nodes[index].codebook);
             let table = &tables[drawn.page.family as usize][codebook];
-            DecodedNode::new(depiction, metadata, &drawn.page, index, table)
+            DecodedNode::new(depiction, metadata, &drawn.page, index, table, sample(drawn, table))
         })
         .collect()
 }
@@ -67,6 +151,21 @@ pub fn draw_nodes(
     nodes: &[DecodedNode],
     method: Method,
 ) -> Result<Accumulation, RasterError> {
+    draw_planned(view, depiction, metadata, nodes, method, &Plan::default()).map(|drawn| drawn.0)
+}
+
+/// Draws decoded nodes with a plan's culling and presence acceleration, and says what became of the particles.
+///
+/// # Errors
+/// [`RasterError`] as [`Splats::new`].
+pub fn draw_planned(
+    view: &View,
+    depiction: &Depiction,
+    metadata: &Metadata,
+    nodes: &[DecodedNode],
+    method: Method,
+    plan: &Plan,
+) -> Result<(Accumulation, Counts), RasterError> {
     let footprint = depiction.footprint();
     let batches = nodes
         .iter()
@@ -79,7 +178,8 @@ pub fn draw_nodes(
             )
         })
         .collect::<Result<Vec<_>, _>>()?;
-    Ok(draw(view, &batches, &RasterOptions { method, kernel: metadata.kernel }))
+    let Plan { culling, faintest, .. } = *plan;
+    Ok(draw_counted(view, &batches, &RasterOptions { method, kernel: metadata.kernel, culling, faintest }))
 }
 
 /// Draws source particles at their full precision.
@@ -107,7 +207,7 @@ pub fn draw_particles(
             )
         })
         .collect::<Result<Vec<_>, _>>()?;
-    Ok(draw(view, &batches, &RasterOptions { method, kernel: dataset.kernel }))
+    Ok(draw(view, &batches, &RasterOptions { method, kernel: dataset.kernel, ..RasterOptions::default() }))
 }
 
 fn extent(footprint: Footprint, smoothing_length: &[f32]) -> Extent<'_> {

@@ -1,6 +1,6 @@
 //! A mode as the user has set it, applied to data: weights and attributes of source particles and of codebook entries.
 
-use super::{Columns, Conserved, Footprint, Mode, Settings};
+use super::{Columns, Conserved, Footprint, Mode, Settings, economy};
 use crate::codec::Codebook;
 use crate::model::{Dataset, Family};
 use crate::store::{FamilyMetadata, Metadata, Node};
@@ -35,6 +35,10 @@ pub struct CodeTable {
     pub weight: Vec<f32>,
     /// Attribute `a`, if the picture has colour.
     pub attribute: Option<Vec<f32>>,
+    /// How much a particle's absence would show; see [`economy::importance`].
+    pub importance: Vec<f32>,
+    /// The largest of them.
+    pub most_important: f32,
 }
 
 /// Weights and attributes of a family's source particles.
@@ -147,7 +151,10 @@ impl Depiction {
             attributes: &attributes,
         };
         let SourceColumns { weight, attribute } = self.columns(&columns);
-        CodeTable { smoothing_length: codebook.smoothing_length.clone(), weight, attribute }
+        let pairs = codebook.mass.iter().zip(&codebook.smoothing_length);
+        let importance: Vec<f32> = pairs.map(|(&m, &h)| economy::importance(m, h)).collect();
+        let most_important = importance.iter().copied().fold(0.0, f32::max);
+        CodeTable { smoothing_length: codebook.smoothing_length.clone(), weight, attribute, importance, most_important }
     }
 
     /// The factor on the decoded weights of `node` that makes them add up to what the node stands for.

@@ -8,12 +8,15 @@ pub mod column_density;
 pub mod cpu;
 pub mod density_squared;
 pub mod depiction;
+pub mod economy;
 #[cfg(feature = "viewer")]
 pub mod gpu;
+pub mod pilot;
 pub mod points;
 pub mod setting;
 
 pub use depiction::{CodeTable, Coloring, Depiction, SourceColumns};
+pub use economy::{Economy, Plan};
 pub use setting::{Setting, SettingError, SettingKind, SettingValue, Settings};
 
 use crate::model::Unit;
@@ -100,6 +103,11 @@ impl std::fmt::Debug for Mode {
 }
 
 impl Mode {
+    /// Its settings, then those that every mode has.
+    pub fn all_settings(&self) -> impl Iterator<Item = &'static Setting> + use<> {
+        self.settings.iter().chain(economy::COMMON)
+    }
+
     /// The attribute that colours the picture: `wanted` if named, else the first usual one among `available`.
     pub fn attribute<'a>(&self, wanted: Option<&'a str>, available: &[&str]) -> Option<&'a str> {
         wanted.or_else(|| self.usual_attributes.iter().copied().find(|usual| available.contains(usual)))
@@ -141,7 +149,7 @@ mod tests {
         for (i, mode) in MODES.iter().enumerate() {
             assert!(MODES[..i].iter().all(|other| other.name != mode.name));
             assert!(std::ptr::eq(find(mode.name).unwrap(), *mode));
-            for setting in mode.settings {
+            for setting in mode.all_settings() {
                 setting.check(&setting.default()).unwrap();
             }
         }

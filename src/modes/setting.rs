@@ -125,11 +125,11 @@ impl Settings {
     /// [`SettingError`] for the first that it has not or does not take.
     pub fn check(&self, mode: &super::Mode) -> Result<(), SettingError> {
         for (name, value) in &self.0 {
-            match mode.settings.iter().find(|setting| setting.name == name) {
+            match mode.all_settings().find(|setting| setting.name == name) {
                 Some(setting) => setting.check(value)?,
                 None => {
-                    let names: Vec<&str> = mode.settings.iter().map(|setting| setting.name).collect();
-                    let expected = if names.is_empty() { "none".into() } else { names.join(", ") };
+                    let names: Vec<&str> = mode.all_settings().map(|setting| setting.name).collect();
+                    let expected = names.join(", ");
                     return Err(SettingError::Unknown { mode: mode.name, name: name.clone(), expected });
                 }
             }
@@ -141,6 +141,7 @@ impl Settings {
     pub fn number(&self, setting: &Setting) -> f64 {
         match (self.0.get(setting.name), setting.kind) {
             (Some(SettingValue::Number(number)), SettingKind::Number { min, max, .. }) => number.clamp(min, max),
+            (Some(SettingValue::Flag(flag)), SettingKind::Flag { .. }) => f64::from(u8::from(*flag)),
             (_, SettingKind::Number { default, .. }) => default,
             (_, SettingKind::Flag { default }) => f64::from(u8::from(default)),
         }
@@ -160,7 +161,7 @@ mod tests {
         for (wrong, part) in [
             (r#"{"radius": 1e9}"#, "radius is 1000000000, expected a number from"),
             (r#"{"radius": true}"#, "radius is true, expected a number from"),
-            (r#"{"radios": 1.0}"#, "points has no setting radios, expected radius"),
+            (r#"{"radios": 1.0}"#, "points has no setting radios, expected radius, culling, "),
         ] {
             let settings: Settings = ron::from_str(wrong).unwrap();
             let message = settings.check(&points::MODE).unwrap_err().to_string();

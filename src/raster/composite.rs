@@ -40,6 +40,19 @@ pub fn composite_at(picture: &Accumulation, function: &TransferFunction, levels:
     }
 }
 
+/// Euclidean distance in RGB, 255 being full intensity (F12 4.10.2).
+pub fn color_distance(a: [u8; 4], b: [u8; 4]) -> f64 {
+    let square = |k: usize| (f64::from(a[k]) - f64::from(b[k])).powi(2);
+    (square(0) + square(1) + square(2)).sqrt()
+}
+
+/// Mean and largest [`color_distance`] of the pixels of two pictures of the same size.
+pub fn color_error(a: &Image, b: &Image) -> (f64, f64) {
+    let distances = a.rgba.iter().zip(&b.rgba).map(|(&a, &b)| color_distance(a, b));
+    let (sum, largest) = distances.fold((0.0, 0.0_f64), |(sum, largest), d| (sum + d, largest.max(d)));
+    (sum / a.rgba.len().max(1) as f64, largest)
+}
+
 /// Where `s` lies in the hue's range.
 fn hue_place(hue: &Hue, s: f32, levels: &Levels) -> f32 {
     hue.scale.place(s, levels.s)

@@ -13,8 +13,7 @@
 
 use super::footprint::{Footprint, Lens, Shape};
 use super::table::{CumulativeTable, LineTable};
-use super::{Accumulation, Splats};
-use crate::model::Kernel;
+use super::{Accumulation, Counts, RasterOptions, Splats};
 use crate::view::View;
 use rayon::prelude::*;
 
@@ -90,7 +89,9 @@ impl Band<'_> {
 }
 
 /// Draws all batches; see [`super::draw`].
-pub fn draw(view: &View, batches: &[Splats<'_>], kernel: Kernel) -> Accumulation {
+pub fn draw(view: &View, batches: &[Splats<'_>], options: &RasterOptions) -> (Accumulation, Counts) {
+    let kernel = options.kernel;
+    let mut counts = Counts::default();
     let attribute = batches.iter().any(|batch| batch.attribute().is_some());
     let (width, height) = (view.width as usize, view.height as usize);
     let lens = Lens::new(view);
@@ -100,10 +101,16 @@ pub fn draw(view: &View, batches: &[Splats<'_>], kernel: Kernel) -> Accumulation
     for batch in batches {
         for start in (0..batch.len()).step_by(BATCH) {
             let end = batch.len().min(start + BATCH);
-            let footprints: Vec<Footprint> = (start..end)
-                .into_par_iter()
-                .filter_map(|index| lens.footprint(batch, index).filter(|footprint| lens.sees(footprint, HALO as f64)))
-                .collect();
+            let mut footprints: Vec<Footprint> =
+                (start..end).into_par_iter().filter_map(|index| lens.footprint(batch, index)).collect();
+            let all = footprints.len();
+            footprints.retain(|footprint| lens.sees(footprint, HALO as f64));
+            let seen = footprints.len();
+            if options.faintest > 0.0 {
+                footprints.retain(|footprint| lens.presence(footprint, kernel) >= f64::from(options.faintest));
+            }
+            let drawn = footprints.len();
+            counts += Counts { drawn: drawn as u64, outside: (all - seen) as u64, faint: (seen - drawn) as u64 };
             let (large, small): (Vec<Footprint>, Vec<Footprint>) =
                 footprints.into_iter().partition(|footprint| footprint.radius >= SAMPLED_RADIUS);
             samples.bands(|mut band| large.iter().for_each(|footprint| sample(&lens, line, footprint, &mut band)));
@@ -120,7 +127,7 @@ pub fn draw(view: &View, batches: &[Splats<'_>], kernel: Kernel) -> Accumulation
     let mut picture = Accumulation::new(view.width, view.height, attribute);
     picture.p = finish(&area.p, &samples.p, width);
     picture.ps = finish(&area.ps, &samples.ps, width);
-    picture
+    (picture, counts)
 }
 
 /// Adds the area means of the samples to the area means that are there. Empty channels stay empty.

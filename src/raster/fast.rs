@@ -11,7 +11,7 @@ use super::profile::Profiles;
 use super::pyramid::{self, LevelImage, PADDING};
 use super::table::LineTable;
 use super::tiles::{self, Layer, Record, SIDE, STRIDE, Sorted};
-use super::{Extent, Splats};
+use super::{Counts, Extent, RasterOptions, Splats};
 use super::{small, sphere};
 use crate::model::Kernel;
 use crate::view::{Projection, View};
@@ -43,7 +43,9 @@ impl Tile {
 }
 
 /// Draws all batches; see [`super::draw`].
-pub fn draw(view: &View, batches: &[Splats<'_>], kernel: Kernel) -> Accumulation {
+pub fn draw(view: &View, batches: &[Splats<'_>], options: &RasterOptions) -> (Accumulation, Counts) {
+    let kernel = options.kernel;
+    let mut counts = Counts::default();
     let attribute = batches.iter().any(|batch| batch.attribute().is_some());
     let lens = Lens::new(view);
     let layers = tiles::layers(view);
@@ -59,33 +61,32 @@ pub fn draw(view: &View, batches: &[Splats<'_>], kernel: Kernel) -> Accumulation
             let sorted: Vec<Sorted> = (start..end)
                 .into_par_iter()
                 .step_by(CHUNK)
-                .map(|from| tiles::sort(&lens, profiles, &layers, batch, from..end.min(from + CHUNK)))
+                .map(|from| tiles::sort(&lens, profiles, &layers, batch, from..end.min(from + CHUNK), options))
                 .collect();
             wide.extend(sorted.iter().flat_map(|chunk| &chunk.wide));
+            sorted.iter().for_each(|chunk| counts += chunk.counts);
             layers.iter().enumerate().for_each(|(number, layer)| {
                 let tiles = layer.first..layer.first + layer.tiles[0] * layer.tiles[1];
-                drawn[tiles.clone()].par_iter_mut().zip(tiles).for_each(|(out, tile)| {
-                    let paint = |records: &[&[Record]], out: &mut Tile| {
-                        out.prepare(attribute);
-                        let job = Job {
-                            lens: &lens,
-                            layer,
-                            profiles,
-                            kernel,
-                            small: number == 0,
-                            spheres,
-                            tile,
-                            records,
-                            out,
-                        };
-                        arch.dispatch(job);
-                    };
-                    draw_tile(&sorted, tile, out, paint);
-                });
+                let paint = |tile: usize, records: &[&[Record]], out: &mut Tile| {
+                    out.prepare(attribute);
+                    let small = number == 0;
+                    arch.dispatch(Job { lens: &lens, layer, profiles, kernel, small, spheres, tile, records, out });
+                };
+                drawn[tiles.clone()]
+                    .par_iter_mut()
+                    .zip(tiles.clone())
+                    .for_each(|(out, tile)| draw_tile(&sorted, tile, out, |records, out| paint(tile, records, out)));
+                if !options.culling {
+                    sorted.par_iter().for_each(|chunk| {
+                        let mut nowhere = Tile::default();
+                        let outside = chunk.outside.iter().filter(|(tile, _)| tiles.contains(tile));
+                        outside.for_each(|(tile, record)| paint(*tile, &[std::slice::from_ref(record)], &mut nowhere));
+                    });
+                }
             });
         }
     }
-    finish(view, &lens, kernel, &layers, &drawn, &wide, attribute)
+    (finish(view, &lens, kernel, &layers, &drawn, &wide, attribute), counts)
 }
 
 /// Draws a tile's records, in several tasks when there are many.

@@ -9,6 +9,7 @@
 //! covered region is the exact ellipse.
 
 use super::{Extent, Splats};
+use crate::model::Kernel;
 use crate::view::{Projection, View};
 use glam::DVec3;
 
@@ -154,6 +155,16 @@ impl Lens {
     /// The tangent of the angle between the view's axis and a point of the picture (pixels), as a vector.
     pub fn slope(&self, point: [f64; 2]) -> [f64; 2] {
         [0, 1].map(|k| (point[k] - self.middle[k]) * self.ray()[1])
+    }
+
+    /// The most that a particle adds to `P` of any pixel (F12 4.7.3, `P_i`): its peak, or where it is smaller than a pixel,
+    /// all of it in one.
+    pub fn presence(&self, footprint: &Footprint, kernel: Kernel) -> f64 {
+        let whole = match footprint.shape {
+            Shape::Circle { .. } => footprint.radius * footprint.radius,
+            Shape::Sphere { camera, h } => (h * self.focal / camera.z).powi(2),
+        };
+        footprint.amplitude * whole.min(kernel.projected(0.0))
     }
 
     /// Whether a footprint reaches into the picture grown by `margin` pixels on each side.

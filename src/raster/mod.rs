@@ -20,6 +20,7 @@ pub mod composite;
 pub mod footprint;
 pub mod output;
 pub mod pyramid;
+pub mod sample;
 pub mod splats;
 pub mod table;
 pub mod transfer;
@@ -53,12 +54,43 @@ pub enum Method {
 }
 
 /// Settings of [`draw`].
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RasterOptions {
     /// Exact or fast.
     pub method: Method,
     /// The kernel that the smoothing lengths belong to.
     pub kernel: Kernel,
+    /// Whether particles that no pixel sees are dropped at once; the picture is the same without, which the exact method
+    /// does not know.
+    pub culling: bool,
+    /// Particles that add less than this to every pixel's `P` are dropped; 0: none.
+    pub faintest: f32,
+}
+
+impl Default for RasterOptions {
+    fn default() -> RasterOptions {
+        RasterOptions { method: Method::default(), kernel: Kernel::default(), culling: true, faintest: 0.0 }
+    }
+}
+
+/// What became of the particles that [`draw`] was given. Those that are not finite, have no extent, or lie behind the eye
+/// are in none of the numbers.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counts {
+    /// Reach into the picture, or its surroundings where a coarse level has cells.
+    pub drawn: u64,
+    /// In front of the eye, but seen by no pixel.
+    pub outside: u64,
+    /// Dropped because of [`RasterOptions::faintest`].
+    pub faint: u64,
+}
+
+impl std::ops::AddAssign for Counts {
+    fn add_assign(&mut self, other: Counts) {
+        self.drawn += other.drawn;
+        self.outside += other.outside;
+        self.faint += other.faint;
+    }
 }
 
 /// Draws all batches into one picture of the view's size, on the threads of the current rayon pool. The result does not
@@ -66,8 +98,13 @@ pub struct RasterOptions {
 ///
 /// `P S` is accumulated when any batch has an attribute; batches without one then count with attribute 0.
 pub fn draw(view: &View, batches: &[Splats<'_>], options: &RasterOptions) -> Accumulation {
+    draw_counted(view, batches, options).0
+}
+
+/// As [`draw`], and says what became of the particles.
+pub fn draw_counted(view: &View, batches: &[Splats<'_>], options: &RasterOptions) -> (Accumulation, Counts) {
     match options.method {
-        Method::Exact => exact::draw(view, batches, options.kernel),
-        Method::Pyramid => fast::draw(view, batches, options.kernel),
+        Method::Exact => exact::draw(view, batches, options),
+        Method::Pyramid => fast::draw(view, batches, options),
     }
 }

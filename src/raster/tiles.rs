@@ -8,7 +8,7 @@ use super::footprint::{Footprint, Lens, Shape};
 use super::lanes::{Circle, SLACK, WIDEST};
 use super::profile::Profiles;
 use super::pyramid::{self, LevelImage, PADDING, SMALLEST_RADIUS};
-use super::{Splats, small};
+use super::{Counts, RasterOptions, Splats, small};
 use crate::view::View;
 use rayon::prelude::*;
 
@@ -135,6 +135,10 @@ pub struct Sorted {
     starts: Vec<u32>,
     /// Splats that reach beyond a tile's buffer, with their layer.
     pub wide: Vec<(usize, Footprint)>,
+    /// Splats outside the picture with the number of the nearest tile; none when they are culled.
+    pub outside: Vec<(usize, Record)>,
+    /// What became of the particles.
+    pub counts: Counts,
 }
 
 impl Sorted {
@@ -151,16 +155,24 @@ pub fn sort(
     layers: &[Layer],
     splats: &Splats<'_>,
     range: std::ops::Range<usize>,
+    options: &RasterOptions,
 ) -> Sorted {
     let tiles = layers.last().map_or(0, |layer| layer.first + layer.tiles[0] * layer.tiles[1]);
     let mut starts = vec![0u32; tiles + 1];
     let mut placed: Vec<(u32, Record)> = Vec::with_capacity(range.len());
-    let mut wide = Vec::new();
+    let (mut wide, mut outside, mut counts) = (Vec::new(), Vec::new(), Counts::default());
     for index in range {
         let Some(footprint) = lens.footprint(splats, index) else { continue };
         // A level's padding is at most twice the radius of the splats on it.
         let small = footprint.radius < SMALLEST_RADIUS;
-        if !lens.sees(&footprint, if small { 1.0 } else { 2.0 * footprint.radius }) {
+        let seen = lens.sees(&footprint, if small { 1.0 } else { 2.0 * footprint.radius });
+        if seen && options.faintest > 0.0 && lens.presence(&footprint, options.kernel) < f64::from(options.faintest) {
+            counts.faint += 1;
+            continue;
+        }
+        counts.drawn += u64::from(seen);
+        counts.outside += u64::from(!seen);
+        if !seen && options.culling {
             continue;
         }
         let layer = if small { 0 } else { 1 + pyramid::level_of(footprint.radius, layers.len() - 2) };
@@ -168,6 +180,9 @@ pub fn sort(
         let footprints = if circles[0].is_some() { circles } else { [Some(footprint), None] };
         for footprint in footprints.into_iter().flatten() {
             match place(&layers[layer], &footprint) {
+                // It has been through everything that a splat goes through; none of its tile's cells is in its reach.
+                Some(placed) if !seen => outside.push(placed),
+                None if !seen => {}
                 Some((tile, record)) => {
                     starts[tile] += 1;
                     placed.push((tile as u32, record));
@@ -188,7 +203,7 @@ pub fn sort(
         records[*slot as usize] = record;
         *slot += 1;
     }
-    Sorted { records, starts, wide }
+    Sorted { records, starts, wide, outside, counts }
 }
 
 /// The tile of a footprint and its record; `None` when it does not fit into the tile's buffer.

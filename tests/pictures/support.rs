@@ -43,7 +43,11 @@ pub fn built(source: &Path, vq_bits: VqBits) -> Built {
 
 /// Imports what `options` say of a source and builds it.
 pub fn built_from(source: &Path, options: &LoadOptions, vq_bits: VqBits) -> Built {
-    let dataset = load(source, options, &()).unwrap();
+    built_from_dataset(load(source, options, &()).unwrap(), vq_bits)
+}
+
+/// Builds a dataset.
+pub fn built_from_dataset(dataset: Dataset, vq_bits: VqBits) -> Built {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("built.df");
     build(dataset.clone(), &BuildOptions::with_vq_bits(vq_bits), &path, &()).unwrap();

@@ -52,7 +52,7 @@ pub fn show(
             }
         }
     });
-    for setting in settings.mode.settings {
+    for setting in settings.mode.all_settings() {
         mode_setting(ui, setting, settings);
     }
     attribute_combo(ui, look, choices, settings);

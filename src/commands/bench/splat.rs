@@ -101,7 +101,7 @@ impl Contender for Cpu {
 
     fn draw(&mut self, data: &Dataset, view: &View, attribute: bool, repeat: u32) -> Result<Drawn, Failure> {
         let batches = splats(data, attribute)?;
-        let options = RasterOptions { method: self.method, kernel: Kernel::CubicSpline };
+        let options = RasterOptions { method: self.method, kernel: Kernel::CubicSpline, ..RasterOptions::default() };
         Ok(self.pool.install(|| {
             // The first run pays for tables and pages of memory.
             let mut picture = draw(view, &batches, &options);
