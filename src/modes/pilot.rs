@@ -62,7 +62,7 @@ pub fn plan(
     let levels = levels.unwrap_or_else(|| transfer.levels(&Accumulation { ps: Vec::new(), ..picture }));
     plan.faintest = faintest(economy, &levels);
     if thins {
-        let curve = Curve::new(transfer, levels);
+        let curve = Curve::new(transfer, levels, depiction.attribute.is_some());
         plan.keep = pilot.solve(economy.thinning, &curve)?;
     }
     Ok(plan)
@@ -163,13 +163,18 @@ struct Curve {
     range: [f64; 2],
     /// Length of the way to evenly spaced brightnesses, of 255.
     lengths: Vec<f64>,
+    /// Length of the way from the lowest hue to the highest at those brightnesses; empty without hue.
+    hues: Vec<f64>,
 }
+
+/// Standard deviation of the attribute among the particles along a line of sight, of the range of hues, as it is assumed.
+const HUE_SPREAD: f64 = 0.25;
 
 impl Curve {
     /// Pieces of the table that are taken as straight: long enough that its rounding to bytes does not add to them.
     const PIECES: usize = 32;
 
-    fn new(transfer: &TransferFunction, levels: Levels) -> Curve {
+    fn new(transfer: &TransferFunction, levels: Levels, attribute: bool) -> Curve {
         let lut = transfer.bake_lut();
         let row = (lut.height / 2 * lut.width) as usize;
         let color = |i: usize| lut.rgba[row + i * (lut.width as usize - 1) / Curve::PIECES];
@@ -177,21 +182,34 @@ impl Curve {
         for i in 0..Curve::PIECES {
             lengths.push(lengths[i] + color_distance(color(i), color(i + 1)));
         }
-        Curve { scale: transfer.scale, range: levels.p, lengths }
+        let mut hues = Vec::new();
+        if attribute && lut.height > 1 {
+            hues.extend((0..=Curve::PIECES).map(|i| {
+                let column = i * (lut.width as usize - 1) / Curve::PIECES;
+                let color = |row: usize| lut.rgba[row * lut.width as usize + column];
+                let rows = lut.height as usize - 1;
+                (0..8).map(|k| color_distance(color(k * rows / 8), color((k + 1) * rows / 8))).sum::<f64>()
+            }));
+        }
+        Curve { scale: transfer.scale, range: levels.p, lengths, hues }
     }
 
-    fn at(&self, p: f64) -> f64 {
+    fn at(&self, p: f64, of: &[f64]) -> f64 {
         let place = f64::from(self.scale.place(p as f32, self.range)) * Curve::PIECES as f64;
         let index = (place as usize).min(Curve::PIECES - 1);
-        self.lengths[index] + (place - index as f64) * (self.lengths[index + 1] - self.lengths[index])
+        of[index] + (place - index as f64) * (of[index + 1] - of[index])
     }
 
     /// The mean colour error that the variance in a picture's attribute channel stands for.
     fn error(&self, picture: &Accumulation) -> f64 {
         let error = |(&p, &v): (&f32, &f32)| {
             let (p, sigma) = (f64::from(p), f64::from(v.max(0.0)).sqrt());
-            // Below the least value that is drawn, colours do not change any more.
-            0.5 * (self.at(p + sigma) - self.at(p - sigma))
+            let brightness = 0.5 * (self.at(p + sigma, &self.lengths) - self.at(p - sigma, &self.lengths));
+            if self.hues.is_empty() || p <= 0.0 {
+                return brightness;
+            }
+            // S is a mean over the particles that P is the sum of.
+            brightness.hypot(HUE_SPREAD * self.at(p, &self.hues) * (sigma / p).min(1.0))
         };
         let sum: f64 = picture.p.iter().zip(&picture.ps).map(error).sum();
         ERROR_OF_SIGMA * sum / picture.p.len().max(1) as f64
