@@ -53,6 +53,16 @@ pub fn not_negative(text: &str) -> Result<f64, String> {
         .ok_or_else(|| "expected 0 or a number greater than 0".into())
 }
 
+/// A whole number greater than zero: `1000000`, `1e9`, `2.5e6`.
+pub fn count(text: &str) -> Result<u64, String> {
+    // Whole numbers beyond 2^53 are exact only as such.
+    let number = text.parse().ok().or_else(|| {
+        let value: f64 = text.parse().ok()?;
+        (value.fract() == 0.0 && (1.0..2f64.powi(63)).contains(&value)).then_some(value as u64)
+    });
+    number.filter(|&number| number > 0).ok_or_else(|| "expected a whole number such as 1000000 or 1e9".into())
+}
+
 /// An amount of memory in bytes: `2GiB`, `512MiB`, `1.5GB`, `1000000`.
 pub fn bytes(text: &str) -> Result<u64, String> {
     let digits = text.find(|c: char| c.is_ascii_alphabetic()).unwrap_or(text.len());
@@ -95,6 +105,10 @@ mod tests {
         assert_eq!(bytes("1.5 MB"), Ok(1_500_000));
         for wrong in ["", "GiB", "-1GiB", "2 apples", "0"] {
             assert!(bytes(wrong).is_err(), "{wrong}");
+        }
+        assert_eq!([count("17"), count("1e9"), count("2.5e6")], [Ok(17), Ok(1_000_000_000), Ok(2_500_000)]);
+        for wrong in ["", "0", "-1", "1.5", "1e-3", "1e30", "nan", "many"] {
+            assert!(count(wrong).is_err(), "{wrong}");
         }
         assert!(positive("0.8").is_ok() && positive("0").is_err() && positive("inf").is_err());
         assert!(not_negative("0").is_ok() && not_negative("-1").is_err() && not_negative("nan").is_err());

@@ -1,46 +1,86 @@
 //! `deepfield synth`: seeded synthetic snapshots.
 
 use super::CommandResult;
+use super::arguments::{count, positive};
 use super::progress_bar::TerminalProgress;
-use crate::synth::{clusters::Clusters, gadget};
-use std::io::Write;
+use crate::synth::cosmology::{Cosmology, DEFAULT_EDGE};
+use crate::synth::merger::Merger;
+use crate::synth::{Generator, clusters::Clusters, files, gadget};
 use std::path::PathBuf;
 
-/// Writes a seeded synthetic snapshot: the same bytes on any machine.
+/// What can be made.
+#[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// Dark matter of a Lambda-CDM universe today: a web, and halos in it with half of the particles
+    Cosmology,
+    /// Gas of two merging white dwarfs in a wide, thin envelope; smoothing lengths differ 1400-fold
+    Merger,
+    /// Gas in haloes, filaments and a thin background, quickly made
+    Clusters,
+}
+
+/// Writes a seeded synthetic snapshot, of any size and the same on any machine, as Gadget binary files (format 2).
+///
+/// Above 357 million particles the snapshot is in several files, FILE.0, FILE.1, ...; open any one of them. Particles
+/// are written as they are made, so that memory does not grow with their number (below 800 MB for cosmology).
 #[derive(clap::Args, Debug)]
-#[command(after_help = "Example:
-  deepfield synth clusters -n 1000000 -o clusters.gadget2")]
+#[command(after_help = "Examples:
+  deepfield synth cosmology -n 1e9 -o universe.gadget2         44 GB
+  deepfield synth cosmology -n 1e7 --box 50 --seed 7 -o small.gadget2
+  deepfield synth merger -n 2e6 -o merger.gadget2")]
 pub struct Arguments {
-    /// What to make: `clusters`, gas in haloes, filaments and a thin background, with SPH smoothing lengths.
-    #[arg(value_parser = ["clusters"])]
-    pub kind: String,
-    /// Number of particles.
-    #[arg(short = 'n', long = "particles", value_name = "N", value_parser = clap::value_parser!(u64).range(1..=gadget::MOST))]
+    /// What to make.
+    pub kind: Kind,
+    /// Number of particles, such as 1000000 or 1e9.
+    #[arg(short = 'n', long = "particles", value_name = "N", value_parser = count)]
     pub particles: u64,
-    /// The file to write: Gadget binary, format 2.
-    #[arg(short, long, value_name = "FILE")]
+    /// The file to write: Gadget binary, format 2, whatever its name.
+    #[arg(short, long, value_name = "FILE", value_parser = output)]
     pub output: PathBuf,
     /// Another seed makes another universe.
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
+    /// Edge of the box of a cosmology, Mpc/h [default: 100].
+    #[arg(long = "box", value_name = "MPC", value_parser = edge)]
+    pub edge: Option<f64>,
+    /// Most particles in one file.
+    #[arg(long, value_name = "N", value_parser = count, default_value_t = gadget::MOST)]
+    pub per_file: u64,
+}
+
+/// A path that does not promise another format.
+fn output(text: &str) -> Result<PathBuf, String> {
+    let path = PathBuf::from(text);
+    let extension = path.extension().map(|end| end.to_string_lossy().to_lowercase()).unwrap_or_default();
+    if ["hdf5", "h5", "hdf"].contains(&extension.as_str()) {
+        return Err("only Gadget's binary format is written, not HDF5; expected a name such as FILE.gadget2".into());
+    }
+    Ok(path)
+}
+
+/// An edge whose lengths and densities stay within single precision.
+fn edge(text: &str) -> Result<f64, String> {
+    positive(text)
+        .ok()
+        .filter(|edge| (1.0..=10_000.0).contains(edge))
+        .ok_or_else(|| "expected an edge from 1 to 10000 Mpc/h".into())
 }
 
 /// Writes the snapshot; nothing is left behind on failure.
 ///
 /// # Errors
-/// When the file cannot be written; the message names it.
+/// When a file cannot be written; the message names it.
 pub fn run(arguments: &Arguments) -> CommandResult {
-    let name = |error: std::io::Error| format!("{}: {error}", arguments.output.display());
-    let folder = match arguments.output.parent() {
-        Some(folder) if !folder.as_os_str().is_empty() => folder,
-        _ => std::path::Path::new("."),
+    let (seed, particles) = (arguments.seed, arguments.particles);
+    if arguments.edge.is_some() && arguments.kind != Kind::Cosmology {
+        return Err("--box: only a cosmology has a box to choose".into());
+    }
+    let progress = TerminalProgress::new();
+    let generator: Box<dyn Generator> = match arguments.kind {
+        Kind::Cosmology => Box::new(Cosmology::new(seed, particles, arguments.edge.unwrap_or(DEFAULT_EDGE), &progress)),
+        Kind::Merger => Box::new(Merger::new(seed, particles)),
+        Kind::Clusters => Box::new(Clusters::new(seed, particles)),
     };
-    let file = tempfile::NamedTempFile::new_in(folder).map_err(name)?;
-    let mut out = std::io::BufWriter::with_capacity(1 << 20, file);
-    let generator = Clusters::new(arguments.seed, arguments.particles);
-    gadget::write(&generator, &mut out, &TerminalProgress::new()).map_err(name)?;
-    out.flush().map_err(name)?;
-    let file = out.into_inner().map_err(|error| name(error.into_error()))?;
-    file.persist(&arguments.output).map_err(|error| name(error.error))?;
+    files::write(generator.as_ref(), &arguments.output, arguments.per_file, &progress)?;
     Ok(())
 }

@@ -2,7 +2,8 @@
 //! between them, and a thin background. Smoothing lengths follow the local density as in SPH with 64 neighbours.
 
 use super::random::{Random, cbrt};
-use super::{CHUNK, Chunk, Generator};
+use super::{CHUNK, Chunk, Generator, Scalar};
+use crate::model::{Bounds, FamilyName};
 use std::f64::consts::PI;
 
 /// Share of the particles in the background.
@@ -152,28 +153,37 @@ impl Generator for Clusters {
         self.count
     }
 
-    fn box_size(&self) -> f64 {
-        BOX
+    fn family(&self) -> FamilyName {
+        FamilyName::Gas
+    }
+
+    fn bounds(&self) -> Bounds {
+        Bounds { min: glam::DVec3::ZERO, max: glam::DVec3::splat(BOX) }
     }
 
     fn particle_mass(&self) -> f64 {
         TOTAL_MASS / self.count.max(1) as f64
     }
 
+    fn scalars(&self) -> &'static [Scalar] {
+        &[Scalar { label: "U   ", name: "internal-energy", unit: "(km/s)^2" }]
+    }
+
     fn chunk(&self, index: u64) -> Chunk {
+        let count = self.count.saturating_sub(index * CHUNK).min(CHUNK);
         let mut random = Random::new(self.seed, index);
-        let mut chunk = Chunk::default();
+        let mut chunk = Chunk::with_capacity(count as usize, 1);
         let mean_density = TOTAL_MASS / (BOX * BOX * BOX);
-        let count = self.count as f64;
-        for _ in 0..self.count.saturating_sub(index * CHUNK).min(CHUNK) {
+        let all = self.count as f64;
+        for _ in 0..count {
             let (position, density, dispersion) = self.particle(&mut random);
             // Rounding may reach the box's edge, which is its beginning.
             let place = |x: f64| (wrap(x) * BOX) as f32;
             chunk.positions.push(position.map(|x| if place(x) < BOX as f32 { place(x) } else { 0.0 }));
             chunk.velocities.push(std::array::from_fn(|_| (dispersion * random.normal()) as f32));
-            chunk.internal_energy.push((1.5 * dispersion * dispersion * (0.7 + 0.6 * random.uniform())) as f32);
+            chunk.scalars[0].push((1.5 * dispersion * dispersion * (0.7 + 0.6 * random.uniform())) as f32);
             chunk.density.push((density * mean_density) as f32);
-            let h = cbrt(3.0 * NEIGHBOURS / (4.0 * PI * density * count)) * BOX;
+            let h = cbrt(3.0 * NEIGHBOURS / (4.0 * PI * density * all)) * BOX;
             // SPH smoothing lengths scatter a little.
             chunk.smoothing_length.push((h * (0.95 + 0.1 * random.uniform())) as f32);
         }

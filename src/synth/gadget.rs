@@ -1,9 +1,11 @@
 //! Writes generated particles as a Gadget binary snapshot, format 2, little-endian.
 
 use super::{CHUNK, Chunk, Generator};
+use crate::model::FamilyName;
 use crate::model::progress::Progress;
 use rayon::prelude::*;
-use std::io::Write;
+use std::io::{Seek, SeekFrom, Write};
+use std::ops::Range;
 
 /// Most particles that one file can hold: the block of positions must stay below 4 GiB.
 pub const MOST: u64 = (u32::MAX as u64 - 256) / 12;
@@ -11,98 +13,169 @@ pub const MOST: u64 = (u32::MAX as u64 - 256) / 12;
 /// Chunks that are generated at a time.
 const WINDOW: u64 = 16;
 
-/// Writes a snapshot with the blocks HEAD, POS, VEL, ID, U, RHO and HSML; the mass is in the header.
+/// Which particles of a snapshot a file holds.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Part {
+    /// The particles.
+    pub particles: Range<u64>,
+    /// Number of files of the snapshot.
+    pub files: u32,
+}
+
+/// A column of a file: its label, the bytes for each particle, and how a chunk's part of it is encoded.
+struct Column {
+    label: &'static str,
+    size: u64,
+    encode: Box<dyn Fn(&Chunk, Range<usize>, u64) -> Vec<u8> + Sync>,
+}
+
+/// Writes a snapshot in one file.
 ///
 /// # Errors
-/// Those of `out`, and `InvalidInput` for more than [`MOST`] particles.
-pub fn write(generator: &dyn Generator, out: &mut dyn Write, progress: &dyn Progress) -> std::io::Result<()> {
-    let count = generator.len();
-    if count == 0 || count > MOST {
+/// Those of [`write_part`].
+pub fn write(
+    generator: &dyn Generator,
+    out: &mut (impl Write + Seek + Send),
+    progress: &dyn Progress,
+) -> std::io::Result<()> {
+    progress.begin("writing particles", generator.len());
+    write_part(generator, &Part { particles: 0..generator.len(), files: 1 }, out, progress)
+}
+
+/// Writes one file of a snapshot, with the blocks HEAD, POS, VEL, ID, the scalars of the generator, RHO and HSML; the mass
+/// is in the header. Every particle is generated once; its values go to their places in all blocks.
+///
+/// # Errors
+/// Those of `out`, and `InvalidInput` for no particles or more than [`MOST`].
+pub fn write_part(
+    generator: &dyn Generator,
+    part: &Part,
+    out: &mut (impl Write + Seek + Send),
+    progress: &dyn Progress,
+) -> std::io::Result<()> {
+    let Range { start, end } = part.particles;
+    let count = end.saturating_sub(start);
+    if count == 0 || count > MOST || end > generator.len() {
         let message = format!("{count} particles, expected 1 to {MOST} in one Gadget file");
         return Err(std::io::Error::new(std::io::ErrorKind::InvalidInput, message));
     }
-    progress.begin("writing particles", 6 * count);
-    block(out, "HEAD", 256, |out| out.write_all(&header(generator)))?;
-    let vectors = |of: fn(&Chunk) -> &Vec<[f32; 3]>| move |chunk: &Chunk, _: u64| bytes(of(chunk).as_flattened());
-    let scalars = |of: fn(&Chunk) -> &Vec<f32>| move |chunk: &Chunk, _: u64| bytes(of(chunk));
-    let ids = |chunk: &Chunk, first: u64| -> Vec<u8> {
-        (0..chunk.positions.len() as u64).flat_map(|i| ((first + i + 1) as u32).to_le_bytes()).collect()
+    let header = header(generator, part);
+    frame(out, 0, "HEAD", header.len() as u64)?;
+    out.seek(SeekFrom::Start(20))?;
+    out.write_all(&header)?;
+    let columns = columns(generator);
+    let mut at = 24 + header.len() as u64;
+    let mut starts = Vec::with_capacity(columns.len());
+    for column in &columns {
+        frame(out, at, column.label, count * column.size)?;
+        starts.push(at + 20);
+        at += count * column.size + 24;
+    }
+    let encode = |window: Range<u64>| -> Vec<(u64, Vec<Vec<u8>>)> {
+        let of_chunk = |index: u64| {
+            let first = index * CHUNK;
+            let (from, to) = (start.max(first), end.min(first + CHUNK));
+            let chunk = generator.chunk(index);
+            let rows = (from - first) as usize..(to - first) as usize;
+            (from - start, columns.iter().map(|column| (column.encode)(&chunk, rows.clone(), from)).collect())
+        };
+        window.into_par_iter().map(of_chunk).collect()
     };
-    column(generator, out, progress, "POS ", 12, &vectors(|chunk| &chunk.positions))?;
-    column(generator, out, progress, "VEL ", 12, &vectors(|chunk| &chunk.velocities))?;
-    column(generator, out, progress, "ID  ", 4, &ids)?;
-    column(generator, out, progress, "U   ", 4, &scalars(|chunk| &chunk.internal_energy))?;
-    column(generator, out, progress, "RHO ", 4, &scalars(|chunk| &chunk.density))?;
-    column(generator, out, progress, "HSML", 4, &scalars(|chunk| &chunk.smoothing_length))
-}
-
-fn bytes(values: &[f32]) -> Vec<u8> {
-    values.iter().flat_map(|value| value.to_le_bytes()).collect()
-}
-
-/// One block of format 2: its name and length as a small record, then the data between two length markers.
-fn block(
-    out: &mut dyn Write,
-    name: &str,
-    length: u32,
-    data: impl FnOnce(&mut dyn Write) -> std::io::Result<()>,
-) -> std::io::Result<()> {
-    for value in [8u32.to_le_bytes(), name.as_bytes().try_into().unwrap_or(*b"    ")] {
-        out.write_all(&value)?;
+    let chunks = start / CHUNK..end.div_ceil(CHUNK);
+    let window = |from: u64| from..chunks.end.min(from + WINDOW);
+    let mut ready = encode(window(chunks.start));
+    let mut next = window(chunks.start).end;
+    while !ready.is_empty() {
+        // The next window is generated while this one is written.
+        let write = || -> std::io::Result<()> {
+            for (row, encoded) in &ready {
+                for ((bytes, column), start) in encoded.iter().zip(&columns).zip(&starts) {
+                    out.seek(SeekFrom::Start(start + row * column.size))?;
+                    out.write_all(bytes)?;
+                }
+                progress.advance(encoded[0].len() as u64 / columns[0].size);
+            }
+            Ok(())
+        };
+        let (written, following) = rayon::join(write, || encode(window(next)));
+        written?;
+        next = window(next).end;
+        ready = following;
     }
+    Ok(())
+}
+
+/// The columns of every file of a generator.
+fn columns(generator: &dyn Generator) -> Vec<Column> {
+    fn floats(values: &[f32]) -> Vec<u8> {
+        let mut bytes = Vec::with_capacity(4 * values.len());
+        values.iter().for_each(|value| bytes.extend_from_slice(&value.to_le_bytes()));
+        bytes
+    }
+    let wide = generator.len() > u64::from(u32::MAX);
+    let ids = move |_: &Chunk, rows: Range<usize>, first: u64| -> Vec<u8> {
+        let ids = first + 1..first + 1 + rows.len() as u64;
+        if wide {
+            ids.flat_map(u64::to_le_bytes).collect()
+        } else {
+            ids.flat_map(|id| (id as u32).to_le_bytes()).collect()
+        }
+    };
+    let scalar = |index: usize| move |chunk: &Chunk, rows: Range<usize>, _: u64| floats(&chunk.scalars[index][rows]);
+    let mut columns = vec![
+        Column { label: "POS ", size: 12, encode: Box::new(|c, rows, _| floats(c.positions[rows].as_flattened())) },
+        Column { label: "VEL ", size: 12, encode: Box::new(|c, rows, _| floats(c.velocities[rows].as_flattened())) },
+        Column { label: "ID  ", size: if wide { 8 } else { 4 }, encode: Box::new(ids) },
+    ];
+    let scalars = generator.scalars().iter().enumerate();
+    columns.extend(scalars.map(|(i, about)| Column { label: about.label, size: 4, encode: Box::new(scalar(i)) }));
+    columns.push(Column { label: "RHO ", size: 4, encode: Box::new(|c, rows, _| floats(&c.density[rows])) });
+    columns.push(Column { label: "HSML", size: 4, encode: Box::new(|c, rows, _| floats(&c.smoothing_length[rows])) });
+    columns
+}
+
+/// What stands around a block's data: a record with its name and the length of the whole, then the data between two
+/// length markers. 20 bytes before the data, 4 after.
+fn frame(out: &mut (impl Write + Seek + Send), at: u64, label: &str, length: u64) -> std::io::Result<()> {
+    // Below 4 GiB: `write_part` has checked the count.
+    let length = length as u32;
+    let mut before = Vec::with_capacity(20);
+    before.extend(8u32.to_le_bytes());
+    before.extend(label.as_bytes());
     for value in [length.wrapping_add(8), 8, length] {
-        out.write_all(&value.to_le_bytes())?;
+        before.extend(value.to_le_bytes());
     }
-    data(out)?;
+    out.seek(SeekFrom::Start(at))?;
+    out.write_all(&before)?;
+    out.seek(SeekFrom::Start(at + 20 + u64::from(length)))?;
     out.write_all(&length.to_le_bytes())
 }
 
-/// A block with one value of `size` bytes for each particle; `encode` gets a chunk and the index of its first particle.
-fn column(
-    generator: &dyn Generator,
-    out: &mut dyn Write,
-    progress: &dyn Progress,
-    name: &str,
-    size: u64,
-    encode: &(dyn Fn(&Chunk, u64) -> Vec<u8> + Sync),
-) -> std::io::Result<()> {
-    // At most 4 GiB: `write` has checked the count.
-    block(out, name, (generator.len() * size) as u32, |out| {
-        let chunks = generator.len().div_ceil(CHUNK);
-        for start in (0..chunks).step_by(WINDOW as usize) {
-            let window = start..chunks.min(start + WINDOW);
-            let parts: Vec<Vec<u8>> =
-                window.into_par_iter().map(|index| encode(&generator.chunk(index), index * CHUNK)).collect();
-            for part in parts {
-                out.write_all(&part)?;
-                progress.advance(part.len() as u64 / size);
-            }
-        }
-        Ok(())
-    })
-}
-
 /// Gadget's header: 256 bytes.
-fn header(generator: &dyn Generator) -> Vec<u8> {
+fn header(generator: &dyn Generator, part: &Part) -> Vec<u8> {
+    let kind = FamilyName::ALL.iter().position(|name| *name == generator.family()).unwrap_or(0);
     let mut header = Vec::with_capacity(256);
-    // Counts by type in this file, masses by type, time, redshift, two flags.
-    let counts = |header: &mut Vec<u8>| {
-        header.extend((generator.len() as u32).to_le_bytes());
-        header.extend([0; 20]);
+    let counts = |header: &mut Vec<u8>, count: u32| {
+        (0..6).for_each(|other| header.extend(if other == kind { count } else { 0 }.to_le_bytes()));
     };
-    counts(&mut header);
-    header.extend(generator.particle_mass().to_le_bytes());
-    header.extend([0; 40]);
+    // Counts by type in this file, masses by type, time, redshift, two flags.
+    counts(&mut header, (part.particles.end - part.particles.start) as u32);
+    (0..6).for_each(|other| {
+        header.extend(if other == kind { generator.particle_mass() } else { 0.0 }.to_le_bytes());
+    });
     header.extend(1f64.to_le_bytes());
     header.extend(0f64.to_le_bytes());
     header.extend([0; 8]);
-    // Counts in all files, a flag, number of files, box, cosmology.
-    counts(&mut header);
+    // Counts in all files, a flag, number of files, box, cosmology, two flags, upper halves of the counts.
+    counts(&mut header, generator.len() as u32);
     header.extend([0; 4]);
-    header.extend(1u32.to_le_bytes());
-    for value in [generator.box_size(), 0.3, 0.7, 0.7] {
+    header.extend(part.files.to_le_bytes());
+    let box_size = if generator.periodic() { generator.bounds().size().x } else { 0.0 };
+    for value in [box_size, 0.3, 0.7, 0.7] {
         header.extend(value.to_le_bytes());
     }
+    header.extend([0; 8]);
+    counts(&mut header, (generator.len() >> 32) as u32);
     header.resize(256, 0);
     header
 }

@@ -1,11 +1,16 @@
 //! Seeded synthetic snapshots of any size, for benchmarks and tests.
 //!
 //! Every particle follows from the seed and its index alone, by integer arithmetic, the four basic operations and
-//! square roots, which IEEE 754 defines to the last bit: the same bytes on any machine, for any number of threads.
+//! square roots, which IEEE 754 defines to the last bit, and by functions of the crate `libm`, which are made of these:
+//! the same bytes on any machine, for any number of threads.
 
 pub mod clusters;
+pub mod cosmology;
+pub mod fft;
+pub mod files;
 pub mod gadget;
-mod random;
+pub mod merger;
+pub mod random;
 
 use crate::model::{Attribute, Bounds, Dataset, Family, FamilyName, Kernel, Provenance, Unit};
 use rayon::prelude::*;
@@ -16,19 +21,43 @@ pub const CHUNK: u64 = 1 << 16;
 /// Particles of one chunk, structure of arrays.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Chunk {
-    /// Positions within the box.
+    /// Positions; within the box where there is one.
     pub positions: Vec<[f32; 3]>,
     /// Velocities, km/s.
     pub velocities: Vec<[f32; 3]>,
-    /// Internal energies per mass, (km/s)^2.
-    pub internal_energy: Vec<f32>,
     /// Mass densities.
     pub density: Vec<f32>,
     /// Smoothing lengths: the kernel's support radius.
     pub smoothing_length: Vec<f32>,
+    /// The further scalars, in the order of [`Generator::scalars`].
+    pub scalars: Vec<Vec<f32>>,
 }
 
-/// A way to make particles.
+impl Chunk {
+    /// An empty chunk with room for `count` particles with `scalars` further scalars.
+    pub fn with_capacity(count: usize, scalars: usize) -> Chunk {
+        Chunk {
+            positions: Vec::with_capacity(count),
+            velocities: Vec::with_capacity(count),
+            density: Vec::with_capacity(count),
+            smoothing_length: Vec::with_capacity(count),
+            scalars: (0..scalars).map(|_| Vec::with_capacity(count)).collect(),
+        }
+    }
+}
+
+/// A scalar of every particle beyond density and smoothing length.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Scalar {
+    /// Label of its block in a Gadget file, four characters.
+    pub label: &'static str,
+    /// Standard name, as an import gives it.
+    pub name: &'static str,
+    /// Unit.
+    pub unit: &'static str,
+}
+
+/// A way to make particles of one family.
 pub trait Generator: Sync {
     /// Number of particles.
     fn len(&self) -> u64;
@@ -38,50 +67,66 @@ pub trait Generator: Sync {
         self.len() == 0
     }
 
-    /// Edge of the periodic box, kpc/h.
-    fn box_size(&self) -> f64;
+    /// The family.
+    fn family(&self) -> FamilyName;
 
-    /// Mass of each particle, 1e10 Msun/h.
+    /// A box around all particles, in [`Generator::length_unit`].
+    fn bounds(&self) -> Bounds;
+
+    /// Whether the bounds are a periodic box that begins at the origin.
+    fn periodic(&self) -> bool {
+        true
+    }
+
+    /// Unit of lengths.
+    fn length_unit(&self) -> &'static str {
+        "kpc/h"
+    }
+
+    /// Unit of masses.
+    fn mass_unit(&self) -> &'static str {
+        "1e10 Msun/h"
+    }
+
+    /// Mass of each particle.
     fn particle_mass(&self) -> f64;
+
+    /// The further scalars of a chunk.
+    fn scalars(&self) -> &'static [Scalar];
 
     /// The particles from `index * CHUNK` on, at most [`CHUNK`] of them.
     fn chunk(&self, index: u64) -> Chunk;
 }
 
-/// All particles of a generator in memory, as a gas family. Positions and values are those that a file would have.
+/// All particles of a generator in memory. Positions and values are those that a file would have.
 pub fn dataset(generator: &dyn Generator) -> Dataset {
     let chunks: Vec<Chunk> = (0..generator.len().div_ceil(CHUNK)).into_par_iter().map(|i| generator.chunk(i)).collect();
-    let column = |of: fn(&Chunk) -> &Vec<f32>| chunks.iter().flat_map(|chunk| of(chunk).iter().copied()).collect();
+    let column = |of: &dyn Fn(&Chunk) -> &Vec<f32>| chunks.iter().flat_map(|chunk| of(chunk).iter().copied()).collect();
     let positions: Vec<[f64; 3]> =
         chunks.iter().flat_map(|chunk| &chunk.positions).map(|position| position.map(f64::from)).collect();
-    let internal_energy = Attribute {
-        name: "internal-energy".into(),
-        unit: Unit::new("(km/s)^2"),
-        values: column(|chunk| &chunk.internal_energy),
-    };
+    let attributes = generator.scalars().iter().enumerate().map(|(index, scalar)| Attribute {
+        name: scalar.name.into(),
+        unit: Unit::new(scalar.unit),
+        values: column(&|chunk| &chunk.scalars[index]),
+    });
     let family = Family {
-        name: FamilyName::Gas,
+        name: generator.family(),
         mass: vec![generator.particle_mass() as f32; positions.len()],
         positions,
-        smoothing_length: column(|chunk| &chunk.smoothing_length),
-        density: column(|chunk| &chunk.density),
-        attributes: vec![internal_energy],
+        smoothing_length: column(&|chunk| &chunk.smoothing_length),
+        density: column(&|chunk| &chunk.density),
+        attributes: attributes.collect(),
     };
     Dataset {
         families: vec![family],
-        length_unit: Unit::new("kpc/h"),
-        mass_unit: Unit::new("1e10 Msun/h"),
+        length_unit: Unit::new(generator.length_unit()),
+        mass_unit: Unit::new(generator.mass_unit()),
         kernel: Kernel::CubicSpline,
         skipped: Vec::new(),
         provenance: Provenance {
             format: "synthetic".into(),
-            box_size: Some(generator.box_size()),
+            box_size: generator.periodic().then(|| generator.bounds().size().x),
             ..Provenance::default()
         },
     }
-}
-
-/// The whole periodic box of a generator.
-pub fn bounds(generator: &dyn Generator) -> Bounds {
-    Bounds { min: glam::DVec3::ZERO, max: glam::DVec3::splat(generator.box_size()) }
 }

@@ -33,6 +33,14 @@ impl Random {
         (0..12).map(|_| self.uniform()).sum::<f64>() - 6.0
     }
 
+    /// Nearly as close to normal with unit variance, and quicker: the sum of eight uniform numbers of 16 bits.
+    pub fn quick_normal(&mut self) -> f64 {
+        let lanes = |bits: u64| (bits & 0xffff) + (bits >> 16 & 0xffff) + (bits >> 32 & 0xffff) + (bits >> 48);
+        let sum = lanes(self.0.next_u64()) + lanes(self.0.next_u64());
+        // Eight numbers with a variance of 1/12 each; the square root of 12/8.
+        (sum as f64 / 65536.0 - 4.0 + 8.0 / 131_072.0) * 1.224_744_871_391_589
+    }
+
     /// Uniform on the unit sphere.
     pub fn direction(&mut self) -> [f64; 3] {
         loop {
@@ -72,7 +80,11 @@ mod tests {
         assert_eq!(take(1, 2), take(1, 2));
         assert_ne!(take(1, 2), take(2, 1));
         let mut random = Random::new(0, 0);
-        let mean = (0..20_000).map(|_| random.normal().powi(2)).sum::<f64>() / 20_000.0;
-        assert!((mean - 1.0).abs() < 0.05, "{mean}");
+        for normal in [Random::normal, Random::quick_normal] {
+            let numbers: Vec<f64> = (0..20_000).map(|_| normal(&mut random)).collect();
+            let mean = numbers.iter().sum::<f64>() / 20_000.0;
+            let square = numbers.iter().map(|x| x * x).sum::<f64>() / 20_000.0;
+            assert!(mean.abs() < 0.03 && (square - 1.0).abs() < 0.05, "{mean} {square}");
+        }
     }
 }

@@ -8,7 +8,7 @@ use crate::modes::{Depiction, Settings, column_density, cpu};
 use crate::raster::Method;
 use crate::store::PageFile;
 use crate::stream::{Scene, SceneNode};
-use crate::synth::{bounds, clusters::Clusters, dataset};
+use crate::synth::{Generator, clusters::Clusters, dataset};
 use crate::view::{Projection, View};
 use glam::DVec3;
 use serde::Serialize;
@@ -46,7 +46,7 @@ pub fn measure(arguments: &Arguments) -> Result<Vec<Outcome>, Failure> {
         let generator = Clusters::new(arguments.seed, particles);
         build(dataset(&generator), &BuildOptions::with_vq_bits(VqBits::default()), &path, &())?;
         let file = Arc::new(PageFile::open(&path)?);
-        let bounds = bounds(&generator);
+        let bounds = generator.bounds();
         let (center, size) = (bounds.center(), bounds.size());
         let pixels = arguments.pixels;
         let whole = Projection::Orthographic { height: size.y };

@@ -4,7 +4,7 @@
 use super::{Arguments, Times};
 use crate::model::{Dataset, Kernel};
 use crate::raster::{Accumulation, Extent, Method, Positions, RasterOptions, Splats, draw};
-use crate::synth::{bounds, clusters::Clusters, dataset};
+use crate::synth::{Generator, clusters::Clusters, dataset};
 use crate::view::{Projection, View};
 use glam::DVec3;
 use serde::Serialize;
@@ -148,7 +148,7 @@ pub fn measure(arguments: &Arguments) -> Result<Vec<Outcome>, Failure> {
     for &particles in &arguments.sizes {
         let generator = Clusters::new(arguments.seed, particles);
         let data = dataset(&generator);
-        let bounds = bounds(&generator);
+        let bounds = generator.bounds();
         let eye = bounds.center() + DVec3::Z * bounds.size().z;
         let projection = Projection::Orthographic { height: bounds.size().y };
         let view = View::look_at(eye, bounds.center(), DVec3::Y, projection, arguments.pixels, arguments.pixels)?;

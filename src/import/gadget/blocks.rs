@@ -46,6 +46,7 @@ const KNOWN: &[Known] = &[
     known("TSTP", "time-step", FieldKind::Other, 1, Some(Types::ALL)),
     known("TEMP", "temperature", FieldKind::Other, 1, Some(Types::GAS)),
     known("PRES", "pressure", FieldKind::Other, 1, Some(Types::GAS)),
+    known("VELD", "velocity-dispersion", FieldKind::Other, 1, Some(Types::DARK)),
     known("BFLD", "magnetic-field", FieldKind::Other, 3, Some(Types::GAS)),
 ];
 
