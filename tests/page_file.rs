@@ -134,6 +134,7 @@ proptest! {
         let folder = tempfile::tempdir().unwrap();
         let mut options = small_leaves(VqBits::Sixteen, capacity);
         options.octree.thinning_budget = 0.0;
+        options.octree.exact_positions = seed % 2 == 0;
         let (path, _) = build_in(&folder, vec![family.clone()], &options);
         let tree = Tree::read(&path);
         let root = tree.metadata.families[0].root;
@@ -156,9 +157,19 @@ proptest! {
                 .map(|s| drawn.iter().map(|(p, _)| s.distance(*p)).fold(f64::INFINITY, f64::min))
                 .fold(0.0, f64::max);
             prop_assert!(farthest <= node.delta * (1.0 + 1e-9), "{} > {}", farthest, node.delta);
-            // Sources and their drawn particle share a cell, so nothing measured can be farther than its diagonal.
-            let bins = if node.encoding == Encoding::Leaf { 2_f64.powi(22) } else { 256.0 };
-            prop_assert!(node.delta <= 3.0_f64.sqrt() * node.key.size(root) / bins * (1.0 + 1e-6) + 1e-12 * root.size);
+            // Sources and their drawn particle share a cell, so nothing can be farther than its diagonal; those of leaves are
+            // rounded to a fraction of their smoothing lengths, if at all.
+            let mut step = node.key.size(root) / if node.encoding == Encoding::Leaf { 2_f64.powi(21) } else { 128.0 };
+            if node.encoding == Encoding::Leaf && !options.octree.exact_positions {
+                step = step.max(f64::from(node.smoothing_length_max) / 512.0);
+                for (source, h) in family.positions.iter().zip(&family.smoothing_length) {
+                    let source = DVec3::from_array(*source);
+                    let nearest = || drawn.iter().map(|(p, _)| source.distance(*p)).fold(f64::INFINITY, f64::min);
+                    let limit = (f64::from(*h) / 590.0).max(node.key.size(root) / 2_f64.powi(20));
+                    prop_assert!(!inside(&source) || nearest() <= limit);
+                }
+            }
+            prop_assert!(node.delta <= 3.0_f64.sqrt() / 2.0 * step * (1.0 + 1e-6) + 1e-12 * root.size);
             let book = tree.codebook(at);
             prop_assert!(drawn.iter().all(|&(_, code)| book.smoothing_length[code] <= node.smoothing_length_max));
         }
@@ -324,7 +335,9 @@ fn degenerate_particles_build() {
             attributes: vec![Attribute { name: "x".into(), unit: Unit::default(), values: column(values, count) }],
             positions: positions.clone(),
         };
-        let (path, metadata) = build_in(&folder, vec![family], &small_leaves(VqBits::Eight, 20));
+        let mut options = small_leaves(VqBits::Eight, 20);
+        options.octree.exact_positions = true;
+        let (path, metadata) = build_in(&folder, vec![family], &options);
         let tree = Tree::read(&path);
         assert_eq!(metadata.particles(), count as u64, "{what}");
         let root = metadata.families[0].root;

@@ -1,14 +1,31 @@
 //! From particles to a page file: chooses families and attributes, builds a tree of each family and writes it.
+//!
+//! A family is read twice: once to look through it ([`survey`]), once to send each particle to its bucket ([`partition`]). The
+//! buckets are built one by one ([`tree`]), the nodes coded ([`coding`]) and written. Whatever has to be kept in between is kept
+//! in memory as far as [`BuildOptions::memory`] allows, and in temporary files beyond ([`spill`]); the output is the same.
 
-use crate::codec::VqBits;
+mod coding;
+mod memory;
+mod partition;
+mod spill;
+mod survey;
+mod tree;
+
 use crate::codec::quantize::MAX_ATTRIBUTES;
-use crate::hierarchy::{AttributeInfo, Octree, OctreeError, OctreeOptions};
-use crate::import::{LoadOptions, load};
+use crate::codec::{AttributeMerge, VqBits};
+use crate::hierarchy::octree::{Context, Plan};
+use crate::hierarchy::{AttributeInfo, LevelInfo, OctreeOptions};
+use crate::import::{DensityLacking, ImportError, LoadOptions, SourceStream, load_source, open, streams};
 use crate::model::progress::Progress;
-use crate::model::{Dataset, Family, FamilyName, Unit};
+use crate::model::{Dataset, Family, FamilyName, FamilyStream, ParticleStream, StreamError, Unit};
 use crate::store::paging::write_tree;
+use crate::store::temporary::{clean, folder_of};
 use crate::store::{FamilyMetadata, Metadata, PageFileWriter, StoreError};
+use memory::Memory;
+use partition::Partition;
+use spill::Spill;
 use std::path::{Path, PathBuf};
+use survey::Survey;
 
 /// Attributes that are kept when the user names none: at most this many of [`PREFERRED`] and then of the others.
 pub const DEFAULT_ATTRIBUTES: usize = 4;
@@ -27,20 +44,6 @@ const PREFERRED: [&str; 10] = [
     "potential",
 ];
 
-/// Imports `source` and builds `out` from it.
-///
-/// # Errors
-/// When the source cannot be read or the page file not be written.
-pub fn build_source(
-    source: &Path,
-    load_options: &LoadOptions,
-    options: &BuildOptions,
-    out: &Path,
-    progress: &dyn Progress,
-) -> Result<Built, Box<dyn std::error::Error + Send + Sync>> {
-    Ok(build(load(source, load_options, progress)?, options, out, progress)?)
-}
-
 /// What to build, and with what.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct BuildOptions {
@@ -50,8 +53,10 @@ pub struct BuildOptions {
     pub attributes: Option<Vec<String>>,
     /// How the trees are built.
     pub octree: OctreeOptions,
-    /// Bytes of memory that the build may take beside the dataset; `None`: as much as it needs.
+    /// Bytes of memory that the build may take; `None`: half of what the machine has free.
     pub memory: Option<u64>,
+    /// Folder for temporary files; `None`: that of the output.
+    pub temporary: Option<PathBuf>,
     /// Threads; `None`: as many as the machine has. The file is the same for any number.
     pub threads: Option<usize>,
 }
@@ -70,6 +75,8 @@ pub struct Built {
     pub metadata: Metadata,
     /// Length of the file.
     pub bytes: u64,
+    /// Most bytes that temporary files took.
+    pub temporary_bytes: u64,
 }
 
 /// Why nothing was built.
@@ -78,13 +85,21 @@ pub enum BuildError {
     /// The page file could not be written.
     #[error(transparent)]
     Store(#[from] StoreError),
-    /// The source's columns break a promise.
-    #[error("{path}: {error}")]
-    Source {
-        /// The source.
-        path: PathBuf,
-        /// What is wrong.
-        error: OctreeError,
+    /// The source could not be read.
+    #[error(transparent)]
+    Import(#[from] ImportError),
+    /// The particles could not be read.
+    #[error(transparent)]
+    Stream(StreamError),
+    /// A column breaks its promise.
+    #[error("{family}: {field}: expected {expected}")]
+    Column {
+        /// The family.
+        family: FamilyName,
+        /// The field that is wrong.
+        field: String,
+        /// What it should be.
+        expected: &'static str,
     },
     /// The source has no such family or attribute, or no particle.
     #[error("{path}: {what}")]
@@ -95,14 +110,39 @@ pub enum BuildError {
         what: String,
     },
     /// The build needs more memory than it may take.
-    #[error("{path}: building needs about {needed} MiB beside the particles, more than the {allowed} MiB of --memory")]
+    #[error("{path}: {what} takes about {needed} MiB of memory, more than the {allowed} MiB that the build may take")]
     Memory {
-        /// The source.
+        /// The output.
         path: PathBuf,
+        /// What needs it.
+        what: String,
         /// Mebibytes needed.
         needed: u64,
         /// Mebibytes allowed.
         allowed: u64,
+    },
+    /// Temporary files would fill the disk.
+    #[error(
+        "{folder}: building {path} takes about {needed} MiB there for a while, and the disk has {free} MiB left; another folder can be \
+         named with --temporary"
+    )]
+    Space {
+        /// The output.
+        path: PathBuf,
+        /// The folder of temporary files.
+        folder: PathBuf,
+        /// Mebibytes needed.
+        needed: u64,
+        /// Mebibytes free.
+        free: u64,
+    },
+    /// A temporary file could not be written or read.
+    #[error("{folder}: temporary file: {source}")]
+    Temporary {
+        /// Its folder.
+        folder: PathBuf,
+        /// The system's answer.
+        source: std::io::Error,
     },
     /// The thread pool could not be started.
     #[error("starting {threads} threads: {reason}")]
@@ -114,59 +154,207 @@ pub enum BuildError {
     },
 }
 
-/// Builds the page file `out` from `dataset`, whose columns are freed as they are used. On failure nothing is left
-/// behind, and a file that was there before stays as it was.
+impl BuildError {
+    fn temporary(spill: &Spill, source: std::io::Error) -> BuildError {
+        BuildError::Temporary { folder: spill.folder().to_owned(), source }
+    }
+}
+
+impl From<StreamError> for BuildError {
+    fn from(error: StreamError) -> BuildError {
+        match error.downcast::<ImportError>() {
+            Ok(import) => BuildError::Import(*import),
+            Err(other) => BuildError::Stream(other),
+        }
+    }
+}
+
+/// Builds the page file `out` from the source at `path`. What has smoothing lengths and densities is streamed; what has not is
+/// loaded, since they are estimated from neighbours.
+///
+/// # Errors
+/// When the source cannot be read or the page file not be written. Nothing is left behind then, and a file that was there before
+/// stays as it was.
+pub fn build_source(
+    path: &Path,
+    load_options: &LoadOptions,
+    options: &BuildOptions,
+    out: &Path,
+    progress: &dyn Progress,
+) -> Result<Built, BuildError> {
+    in_pool(options, || {
+        let source = open(path)?;
+        let choose = |names: &[&str]| chosen(names, options);
+        if let Some(streams) = streams(source.as_ref(), load_options, &choose)? {
+            let mut build = Build::new(options, out, progress)?;
+            let mut lacking = false;
+            for stream in &streams.families {
+                match build.family(stream) {
+                    Err(BuildError::Stream(error)) if error.is::<DensityLacking>() => {
+                        lacking = true;
+                        break;
+                    }
+                    other => other?,
+                }
+            }
+            if !lacking {
+                let about = Dataset { skipped: SourceStream::skipped(&streams.families), ..streams.about };
+                return build.finish(about);
+            }
+        }
+        memory::check_load(source.description(), options, out)?;
+        build_here(load_source(source.as_ref(), load_options, progress)?, options, out, progress)
+    })
+}
+
+/// Builds the page file `out` from `dataset`, whose families are freed as they are used.
+///
+/// # Errors
+/// When a column breaks its promise or the page file cannot be written. Nothing is left behind then, and a file that was there
+/// before stays as it was.
 pub fn build(
     dataset: Dataset,
     options: &BuildOptions,
     out: &Path,
     progress: &dyn Progress,
 ) -> Result<Built, BuildError> {
+    in_pool(options, || build_here(dataset, options, out, progress))
+}
+
+fn in_pool<R: Send>(
+    options: &BuildOptions,
+    work: impl FnOnce() -> Result<R, BuildError> + Send,
+) -> Result<R, BuildError> {
     match options.threads {
-        None => build_here(dataset, options, out, progress),
-        Some(threads) => rayon::ThreadPoolBuilder::new()
-            .num_threads(threads)
-            .build()
-            .map_err(|error| BuildError::Threads { threads, reason: error.to_string() })?
-            .install(|| build_here(dataset, options, out, progress)),
+        None => work(),
+        Some(threads) => pool(threads)?.install(work),
     }
 }
 
+fn pool(threads: usize) -> Result<rayon::ThreadPool, BuildError> {
+    rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .build()
+        .map_err(|error| BuildError::Threads { threads, reason: error.to_string() })
+}
+
 fn build_here(
-    dataset: Dataset,
+    mut dataset: Dataset,
     options: &BuildOptions,
     out: &Path,
     progress: &dyn Progress,
 ) -> Result<Built, BuildError> {
-    let path = dataset.provenance.path.clone();
-    let families = selected_families(dataset.families, options, &path)?;
-    if let Some(allowed) = options.memory {
-        let needed = families.iter().map(memory_needed).max().unwrap_or(0);
-        if needed > allowed {
-            return Err(BuildError::Memory { path, needed: needed.div_ceil(1 << 20), allowed: allowed >> 20 });
+    let families = std::mem::take(&mut dataset.families);
+    let families = selected_families(families, options, &dataset.provenance.path)?;
+    let mut build = Build::new(options, out, progress)?;
+    for family in families {
+        let count = family.positions.len();
+        let columns =
+            [("mass", &family.mass), ("density", &family.density), ("smoothing-length", &family.smoothing_length)];
+        let attributes = family.attributes.iter().map(|attribute| (attribute.name.as_str(), &attribute.values));
+        if let Some((field, _)) = columns.into_iter().chain(attributes).find(|(_, values)| values.len() != count) {
+            return Err(survey::column_error(family.name, field, "a value for each particle"));
         }
+        build.family(&FamilyStream::new(&family))?;
     }
-    let mut writer = PageFileWriter::create(out)?;
-    let mut built: Vec<FamilyMetadata> = Vec::with_capacity(families.len());
-    let vq_bits = options.octree.vq_bits;
-    for (number, family) in families.into_iter().enumerate() {
-        let tree = Octree::build(family, &options.octree, progress)
-            .map_err(|error| BuildError::Source { path: path.clone(), error })?;
-        let mut metadata = write_tree(&mut writer, number as u32, &tree, vq_bits, progress)?;
-        set_units(&mut metadata.quantities, &dataset.mass_unit, &dataset.length_unit);
-        built.push(metadata);
+    build.finish(dataset)
+}
+
+/// A page file that is being built, family by family.
+struct Build<'a> {
+    options: &'a BuildOptions,
+    out: &'a Path,
+    progress: &'a dyn Progress,
+    writer: PageFileWriter,
+    families: Vec<FamilyMetadata>,
+    temporary_bytes: u64,
+}
+
+impl<'a> Build<'a> {
+    fn new(options: &'a BuildOptions, out: &'a Path, progress: &'a dyn Progress) -> Result<Build<'a>, BuildError> {
+        // What killed runs have left goes first: it may be what fills the disk.
+        for folder in std::iter::once(folder_of(out)).chain(options.temporary.as_deref()) {
+            clean(out, folder);
+        }
+        let writer = PageFileWriter::create(out)?;
+        Ok(Build { options, out, progress, writer, families: Vec::new(), temporary_bytes: 0 })
     }
-    let metadata = Metadata {
-        length_unit: dataset.length_unit,
-        mass_unit: dataset.mass_unit,
-        kernel: dataset.kernel,
-        vq_bits,
-        provenance: dataset.provenance,
-        skipped: dataset.skipped,
-        families: built,
-    };
-    let bytes = writer.finish(&metadata)?;
-    Ok(Built { metadata, bytes })
+
+    fn family(&mut self, stream: &dyn ParticleStream) -> Result<(), BuildError> {
+        let Build { options, out, progress, .. } = *self;
+        let octree = &options.octree;
+        let mut survey = Survey::of(stream, progress)?;
+        if survey.count == 0 {
+            return Ok(());
+        }
+        let root = survey.root(octree);
+        let most = octree.bucket_size(survey.count);
+        let plan = Plan::new(&survey.keys(root), survey.weight, most);
+        let attributes = stream.attributes();
+        let memory = Memory::plan(options, out, survey.count, attributes.len(), most, plan.len())?;
+        let scaling = survey.scaling(attributes.iter().map(|(name, _)| name.as_str()));
+        let rules: Vec<_> = scaling.attributes.iter().map(|(_, merge)| *merge).collect();
+        // What has magnitudes is seen as points of light, and its smoothing lengths say nothing of how near one comes.
+        let has_magnitudes = rules.contains(&AttributeMerge::Magnitude);
+        let octree = OctreeOptions { exact_positions: octree.exact_positions || has_magnitudes, ..*octree };
+        let context = Context { root, options: &octree, rules: &rules };
+
+        let particles = Spill::new(out, &memory.folder, memory.particles);
+        let (partition, histograms) = Partition::of(stream, &survey.ranges, &plan, root, particles, progress)?;
+        let largest = (0..plan.len()).map(|bucket| partition.len(bucket)).max().unwrap_or(0);
+        let workers = memory.workers(largest, out)?;
+        let nodes = Spill::new(out, &memory.folder, memory.nodes);
+        let before = partition.on_disk();
+        let tree = tree::grow(&context, stream.family(), &plan, partition, &nodes, workers, progress)?;
+        let coded = tree::code(stream.family(), tree, &scaling, nodes, octree.vq_bits, progress)?;
+        self.temporary_bytes = self.temporary_bytes.max(before + coded.on_disk());
+
+        let sections = |depth, index| coded.sections(depth, index, octree.vq_bits).map_err(|error| coded.failed(error));
+        let number = self.families.len() as u32;
+        let (root_page, bytes) = write_tree(&mut self.writer, number, &coded.nodes, sections, progress)?;
+        let describe = |k: usize, name: &str, unit: &Unit| {
+            AttributeInfo::new(name, unit, &survey.ranges[k], histograms[k].clone())
+        };
+        let unit = Unit::default();
+        let quantities =
+            [describe(0, "mass", &unit), describe(1, "density", &unit), describe(2, "smoothing-length", &unit)];
+        let top = &coded.nodes[0][0].node;
+        self.families.push(FamilyMetadata {
+            name: stream.family(),
+            count: survey.count,
+            mass: top.mass,
+            mass_density: top.mass_density,
+            bounds: survey.bounds,
+            root,
+            root_page,
+            quantities,
+            attributes: (3..).zip(attributes).map(|(k, (name, unit))| describe(k, name, unit)).collect(),
+            levels: coded.levels.iter().zip(bytes).map(|(level, bytes)| LevelInfo { bytes, ..*level }).collect(),
+            codebooks: coded.codebooks,
+        });
+        Ok(())
+    }
+
+    /// Writes the footer.
+    fn finish(self, about: Dataset) -> Result<Built, BuildError> {
+        let mut families = self.families;
+        if families.is_empty() {
+            let field = "particles that can be drawn".into();
+            return Err(ImportError::NoParticles { path: about.provenance.path, field }.into());
+        }
+        families.iter_mut().for_each(|family| set_units(&mut family.quantities, &about.mass_unit, &about.length_unit));
+        let metadata = Metadata {
+            length_unit: about.length_unit,
+            mass_unit: about.mass_unit,
+            kernel: about.kernel,
+            vq_bits: self.options.octree.vq_bits,
+            provenance: about.provenance,
+            skipped: about.skipped,
+            families,
+        };
+        let bytes = self.writer.finish(&metadata)?;
+        Ok(Built { metadata, bytes, temporary_bytes: self.temporary_bytes })
+    }
 }
 
 /// Keeps the families and attributes that were asked for.
@@ -204,24 +392,27 @@ fn selected_families(
         }
     }
     for family in &mut families {
-        let rank = |name: &str| match &options.attributes {
-            Some(wanted) => wanted.iter().position(|wanted| wanted == name),
-            None => Some(PREFERRED.iter().position(|&preferred| preferred == name).unwrap_or(PREFERRED.len())),
-        };
-        family.attributes.retain(|attribute| rank(&attribute.name).is_some());
-        family.attributes.sort_by_key(|attribute| rank(&attribute.name));
-        if options.attributes.is_none() {
-            family.attributes.truncate(DEFAULT_ATTRIBUTES);
-        }
+        let names: Vec<&str> = family.attributes.iter().map(|attribute| attribute.name.as_str()).collect();
+        let order = chosen(&names, options);
+        let mut attributes: Vec<_> = std::mem::take(&mut family.attributes).into_iter().map(Some).collect();
+        family.attributes = order.into_iter().filter_map(|index| attributes[index].take()).collect();
     }
     Ok(families)
 }
 
-/// Bytes that building a family takes at most beside its columns, roughly: keys and order while sorting, then the merged
-/// particles of two depths and their codes.
-fn memory_needed(family: &Family) -> u64 {
-    let particle = 60 + 8 * family.attributes.len() as u64;
-    family.len() as u64 * (16 + 2 * particle)
+/// Which of a family's attributes are kept, by index, in order.
+fn chosen(names: &[&str], options: &BuildOptions) -> Vec<usize> {
+    let rank = |name: &str| match &options.attributes {
+        Some(wanted) => wanted.iter().position(|wanted| wanted == name),
+        None => Some(PREFERRED.iter().position(|&preferred| preferred == name).unwrap_or(PREFERRED.len())),
+    };
+    let mut order: Vec<(usize, usize)> =
+        names.iter().enumerate().filter_map(|(index, name)| Some((rank(name)?, index))).collect();
+    order.sort_unstable();
+    if options.attributes.is_none() {
+        order.truncate(DEFAULT_ATTRIBUTES);
+    }
+    order.into_iter().map(|(_, index)| index).collect()
 }
 
 fn set_units(quantities: &mut [AttributeInfo; 3], mass: &Unit, length: &Unit) {

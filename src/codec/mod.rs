@@ -6,6 +6,7 @@ pub mod codebook;
 pub mod coordinates;
 pub mod morton;
 pub mod packing;
+pub mod positions;
 pub mod quantize;
 pub mod quantizer;
 pub mod scaling;
@@ -14,5 +15,5 @@ mod pca_split;
 
 pub use codebook::{Codebook, CodebookScope, QuantityError};
 pub use packing::VqBits;
-pub use quantize::{Quantities, Scaling, quantize};
+pub use quantize::{BatchInfo, Batches, Coded, Quantities, Quantized, Scaling, quantize};
 pub use scaling::{AttributeMerge, ColumnScaling};

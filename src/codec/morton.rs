@@ -10,7 +10,7 @@ pub fn encode([x, y, z]: [u32; 3]) -> u64 {
 
 /// The cell of a key.
 pub fn decode(key: u64) -> [u32; 3] {
-    [compact(key), compact(key >> 1), compact(key >> 2)]
+    [compact(key) as u32, compact(key >> 1) as u32, compact(key >> 2) as u32]
 }
 
 fn spread(v: u32) -> u64 {
@@ -22,14 +22,15 @@ fn spread(v: u32) -> u64 {
     (v | v << 2) & 0x1249_2492_4924_9249
 }
 
-fn compact(v: u64) -> u32 {
+/// The coordinate in every third bit of a key, from the lowest on.
+#[inline(always)]
+pub(super) fn compact(v: u64) -> u64 {
     let mut v = v & 0x1249_2492_4924_9249;
     v = (v | v >> 2) & 0x10c3_0c30_c30c_30c3;
     v = (v | v >> 4) & 0x100f_00f0_0f00_f00f;
     v = (v | v >> 8) & 0x001f_0000_ff00_00ff;
     v = (v | v >> 16) & 0x001f_0000_0000_ffff;
-    v = (v | v >> 32) & 0x1f_ffff;
-    v as u32
+    (v | v >> 32) & 0x1f_ffff
 }
 
 #[cfg(test)]

@@ -5,13 +5,14 @@ use super::packing::VqBits;
 use super::quantizer::{LbgLimits, Quantizer};
 use super::scaling::{AttributeMerge, ColumnScaling};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// The largest number of attributes beside mass, density and smoothing length: the quantiser's space has 8 dimensions.
 pub const MAX_ATTRIBUTES: usize = 5;
 /// Sums are taken over this many parts of the data, whatever the number of threads.
 const PARTS: usize = 16;
 
-/// Quantities of a run of particles. All slices have the same length, but `skipped` may be empty: none is skipped.
+/// Quantities of a run of particles. All slices have the same length.
 #[derive(Clone, Debug)]
 pub struct Quantities<'a> {
     /// Masses.
@@ -22,8 +23,6 @@ pub struct Quantities<'a> {
     pub smoothing_length: &'a [f32],
     /// Attributes, in the family's order.
     pub attributes: Vec<&'a [f32]>,
-    /// Particles that get a code but count for nothing.
-    pub skipped: &'a [bool],
 }
 
 impl Quantities<'_> {
@@ -36,10 +35,90 @@ impl Quantities<'_> {
     pub fn is_empty(&self) -> bool {
         self.mass.is_empty()
     }
+}
 
-    fn counts(&self, i: usize) -> bool {
-        self.skipped.is_empty() || !self.skipped[i]
+/// What is known of a batch of particles without reading it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct BatchInfo {
+    /// Number of particles.
+    pub particles: usize,
+    /// Sum of their masses.
+    pub mass: f64,
+    /// Sum of their `m rho`.
+    pub mass_density: f64,
+}
+
+impl BatchInfo {
+    /// Looks through a batch.
+    pub fn of(quantities: &Quantities) -> BatchInfo {
+        let mut info = BatchInfo { particles: quantities.len(), ..BatchInfo::default() };
+        for (&mass, &density) in quantities.mass.iter().zip(quantities.density) {
+            info.mass += f64::from(mass);
+            info.mass_density += f64::from(mass) * f64::from(density);
+        }
+        info
     }
+}
+
+/// Particles that are read batch by batch, more often than once, from wherever they are kept; and a place to keep their codes.
+pub trait Batches: Sync {
+    /// Why something could not be read or kept.
+    type Error: Send;
+    /// Codes that were put somewhere.
+    type Kept: Send + Sync;
+
+    /// Number of batches.
+    fn len(&self) -> usize;
+
+    /// Whether there is none.
+    fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// What is known of a batch.
+    fn info(&self, batch: usize) -> BatchInfo;
+
+    /// Reads a batch.
+    ///
+    /// # Errors
+    /// When it cannot be read.
+    fn with<R>(&self, batch: usize, read: impl FnOnce(&Quantities) -> R) -> Result<R, Self::Error>;
+
+    /// Keeps a batch's codes.
+    ///
+    /// # Errors
+    /// When they cannot be kept.
+    fn keep(&self, codes: Vec<u16>) -> Result<Self::Kept, Self::Error>;
+
+    /// Gives kept codes back.
+    ///
+    /// # Errors
+    /// When they cannot be read.
+    fn codes(&self, kept: &Self::Kept) -> Result<Vec<u16>, Self::Error>;
+}
+
+/// A coded batch.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Coded<Kept> {
+    /// Its codes, still to be renumbered by [`Quantized::numbers`].
+    pub codes: Kept,
+    /// Sum of the decoded masses.
+    pub mass: f64,
+    /// Sum of the decoded `m rho`.
+    pub mass_density: f64,
+    /// Largest decoded smoothing length.
+    pub smoothing_length_max: f32,
+}
+
+/// A codebook and what it codes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Quantized<Kept> {
+    /// The codebook.
+    pub codebook: Codebook,
+    /// The entry of each kept code.
+    pub numbers: Vec<u16>,
+    /// The batches, in order.
+    pub batches: Vec<Coded<Kept>>,
 }
 
 /// How the columns of a family are scaled and merged; the same for all its codebooks.
@@ -84,81 +163,91 @@ fn effort(bits: VqBits, books: usize) -> (usize, LbgLimits) {
     ((sample / books.max(1)).max(LEAST_SAMPLE * bits.entries()).min(sample), limits)
 }
 
-/// Trains a codebook on `batches` and codes them; returns one column of codes for each batch. The result depends on the
-/// batches only, not on the number of threads. A code's entry is computed from all particles that have it: the mean
-/// mass, the mass-weighted density, the smoothing length that keeps their `sum m / h^2` (central column density), and
-/// attributes as [`AttributeMerge`] says; so `sum m` and `sum m rho` over the batches are conserved. `books` is how many
-/// codebooks share the effort of training.
-pub fn quantize(
-    batches: &[Quantities],
+/// Trains a codebook on `batches` and codes them. The result depends on the batches only, not on the number of threads. A
+/// code's entry is computed from all particles that have it: the mean mass, the mass-weighted density, the smoothing length that
+/// keeps their `sum m / h^2` (central column density), and attributes as [`AttributeMerge`] says; so `sum m` and `sum m rho` over
+/// the batches are conserved. `books` is how many codebooks share the effort of training.
+///
+/// # Errors
+/// Those of the batches.
+pub fn quantize<B: Batches>(
+    batches: &B,
     scaling: &Scaling,
     bits: VqBits,
     scope: CodebookScope,
     books: usize,
-) -> (Codebook, Vec<Vec<u16>>) {
+) -> Result<Quantized<B::Kept>, B::Error> {
     if scaling.attributes.len() <= 1 {
-        quantize_in::<4>(batches, scaling, bits, scope, books)
+        quantize_in::<4, B>(batches, scaling, bits, scope, books)
     } else {
-        quantize_in::<8>(batches, scaling, bits, scope, books)
+        quantize_in::<8, B>(batches, scaling, bits, scope, books)
     }
 }
 
-fn quantize_in<const L: usize>(
-    batches: &[Quantities],
+fn quantize_in<const L: usize, B: Batches>(
+    batches: &B,
     scaling: &Scaling,
     bits: VqBits,
     scope: CodebookScope,
     books: usize,
-) -> (Codebook, Vec<Vec<u16>>) {
+) -> Result<Quantized<B::Kept>, B::Error> {
     let (sample_len, limits) = effort(bits, books);
-    let mut sample = sample::<L>(batches, scaling, sample_len);
+    let mut sample = sample::<L, B>(batches, scaling, sample_len)?;
     let quantizer = Quantizer::train(&mut sample, bits.entries(), limits);
     drop(sample);
     let parts = parts(batches);
     let columns = 4 + scaling.attributes.len();
-    let mut coded: Vec<(Vec<Vec<u16>>, Sums)> = parts
+    let coded: Vec<(Vec<B::Kept>, Sums)> = parts
         .par_iter()
         .map(|part| {
             let mut sums = Sums::new(quantizer.len(), columns);
-            let codes = part
-                .iter()
-                .map(|batch| {
-                    (0..batch.len())
-                        .map(|i| {
-                            let code = quantizer.code(&scaling.vector(batch, i)) as usize;
-                            if batch.counts(i) {
-                                sums.add(code, batch, i, scaling);
-                            }
-                            code as u16
-                        })
-                        .collect()
-                })
-                .collect();
-            (codes, sums)
+            let code = |batch: usize| {
+                let codes = batches.with(batch, |batch| {
+                    let code = |i| {
+                        let code = quantizer.code(&scaling.vector(batch, i)) as usize;
+                        sums.add(code, batch, i, scaling);
+                        code as u16
+                    };
+                    (0..batch.len()).map(code).collect()
+                })?;
+                batches.keep(codes)
+            };
+            let kept: Result<Vec<_>, _> = part.clone().map(code).collect();
+            kept.map(|kept| (kept, sums))
         })
-        .collect();
+        .collect::<Result<_, _>>()?;
     let mut totals = Sums::new(quantizer.len(), columns);
     for (_, sums) in &coded {
         totals.merge(sums);
     }
-    let (mut codebook, renumbered) = totals.codebook(scaling, scope);
-    coded.par_iter_mut().flat_map_iter(|(codes, _)| codes.iter_mut().flatten()).for_each(|code| {
-        *code = renumbered[usize::from(*code)];
-    });
-    codebook.errors = errors(&parts, &coded, scaling, &codebook);
-    (codebook, coded.into_iter().flat_map(|(codes, _)| codes).collect())
+    let (mut codebook, numbers) = totals.codebook(scaling, scope);
+    let settled: Vec<(Vec<Coded<B::Kept>>, Vec<QuantityError>)> = parts
+        .par_iter()
+        .zip(coded)
+        .map(|(part, (kept, _))| settle(batches, part.clone().zip(kept), scaling, &codebook, &numbers))
+        .collect::<Result<_, _>>()?;
+    codebook.errors = (0..columns - 1)
+        .map(|k| {
+            let all = || settled.iter().map(|(_, errors)| errors[k]);
+            let sum: f64 = all().map(|error| error.mean).sum();
+            let max = all().fold(0.0, |max: f64, error| max.max(error.max));
+            QuantityError { mean: sum / codebook.particles.max(1) as f64, max }
+        })
+        .collect();
+    Ok(Quantized { codebook, numbers, batches: settled.into_iter().flat_map(|(coded, _)| coded).collect() })
 }
 
 /// Contiguous runs of batches of about the same number of particles.
-fn parts<'a, 'b>(batches: &'a [Quantities<'b>]) -> Vec<&'a [Quantities<'b>]> {
-    let total: usize = batches.iter().map(Quantities::len).sum();
+fn parts<B: Batches>(batches: &B) -> Vec<Range<usize>> {
+    let particles = |batch: usize| batches.info(batch).particles;
+    let total: usize = (0..batches.len()).map(particles).sum();
     let goal = total.div_ceil(PARTS).max(1);
     let mut parts = Vec::with_capacity(PARTS);
     let (mut first, mut len) = (0, 0);
-    for (i, batch) in batches.iter().enumerate() {
-        len += batch.len();
+    for i in 0..batches.len() {
+        len += particles(i);
         if len >= goal || i + 1 == batches.len() {
-            parts.push(&batches[first..=i]);
+            parts.push(first..i + 1);
             (first, len) = (i + 1, 0);
         }
     }
@@ -168,47 +257,85 @@ fn parts<'a, 'b>(batches: &'a [Quantities<'b>]) -> Vec<&'a [Quantities<'b>]> {
 /// About `len` vectors for training (all of them if there are no more). Half of the sample is spread evenly over the
 /// particles, half over their shares of `sum m` and `sum m rho`: what dominates the picture gets its codes even if it is
 /// rare. Without that, one bright outlier can end in a cluster of faint particles, whose mean it then is.
-fn sample<const L: usize>(batches: &[Quantities], scaling: &Scaling, len: usize) -> Vec<[f32; L]> {
-    let total: usize = batches.iter().map(Quantities::len).sum();
-    let everything = total <= len;
-    let shares = |batch: &Quantities, i: usize| {
-        let mass = f64::from(batch.mass[i]);
-        [mass, mass * f64::from(batch.density[i])]
-    };
-    let add = |a: [f64; 2], b: [f64; 2]| [a[0] + b[0], a[1] + b[1]];
-    let sums: Vec<[f64; 2]> =
-        batches.par_iter().map(|batch| (0..batch.len()).map(|i| shares(batch, i)).fold([0.0; 2], add)).collect();
-    let by_count = 0.5 * len as f64 / total.max(1) as f64;
-    let by_share = sums
-        .iter()
-        .copied()
-        .fold([0.0; 2], add)
-        .map(|all| if all > 0.0 && all.is_finite() { 0.25 * len as f64 / all } else { 0.0 });
-    let weight = |[mass, presence]: [f64; 2]| mass * by_share[0] + presence * by_share[1];
+fn sample<const L: usize, B: Batches>(batches: &B, scaling: &Scaling, len: usize) -> Result<Vec<[f32; L]>, B::Error> {
+    let infos: Vec<BatchInfo> = (0..batches.len()).map(|batch| batches.info(batch)).collect();
+    let all = infos.iter().fold(BatchInfo::default(), |sum, info| BatchInfo {
+        particles: sum.particles + info.particles,
+        mass: sum.mass + info.mass,
+        mass_density: sum.mass_density + info.mass_density,
+    });
+    let everything = all.particles <= len;
+    let by_count = 0.5 * len as f64 / all.particles.max(1) as f64;
+    let share = |all: f64| if all > 0.0 && all.is_finite() { 0.25 * len as f64 / all } else { 0.0 };
+    let (by_mass, by_presence) = (share(all.mass), share(all.mass_density));
     // Where each batch starts in the running sum that decides which particles are taken.
-    let starts: Vec<f64> = batches
+    let starts: Vec<f64> = infos
         .iter()
-        .zip(&sums)
-        .scan(0.0, |at, (batch, &sum)| {
+        .scan(0.0, |at, info| {
             let start = *at;
-            *at += batch.len() as f64 * by_count + weight(sum);
+            *at += info.particles as f64 * by_count + info.mass * by_mass + info.mass_density * by_presence;
             Some(start)
         })
         .collect();
-    let parts: Vec<Vec<[f32; L]>> = batches
-        .par_iter()
-        .zip(starts)
+    let parts: Vec<Vec<[f32; L]>> = starts
+        .into_par_iter()
+        .enumerate()
         .map(|(batch, start)| {
-            let mut at = start;
-            let taken = (0..batch.len()).filter(|&i| {
-                let before = at.floor();
-                at += by_count + weight(shares(batch, i));
-                batch.counts(i) && (everything || at.floor() > before)
-            });
-            taken.map(|i| scaling.vector(batch, i)).collect()
+            batches.with(batch, |batch| {
+                let mut at = start;
+                let taken = (0..batch.len()).filter(|&i| {
+                    let before = at.floor();
+                    let mass = f64::from(batch.mass[i]);
+                    at += by_count + mass * by_mass + mass * f64::from(batch.density[i]) * by_presence;
+                    everything || at.floor() > before
+                });
+                taken.map(|i| scaling.vector(batch, i)).collect()
+            })
         })
-        .collect();
-    parts.concat()
+        .collect::<Result<_, _>>()?;
+    Ok(parts.concat())
+}
+
+/// What the batches of a part decode to, and the sum and the maximum of each quantity's errors.
+fn settle<B: Batches>(
+    batches: &B,
+    part: impl Iterator<Item = (usize, B::Kept)>,
+    scaling: &Scaling,
+    codebook: &Codebook,
+    numbers: &[u16],
+) -> Result<(Vec<Coded<B::Kept>>, Vec<QuantityError>), B::Error> {
+    let mut errors = vec![QuantityError::default(); 3 + scaling.attributes.len()];
+    let coded = part.map(|(batch, kept)| {
+        let codes = batches.codes(&kept)?;
+        let entry = |code: &u16| usize::from(numbers[usize::from(*code)]);
+        let mut coded = Coded { codes: kept, mass: 0.0, mass_density: 0.0, smoothing_length_max: 0.0 };
+        for entry in codes.iter().map(entry) {
+            let mass = f64::from(codebook.mass[entry]);
+            coded.mass += mass;
+            coded.mass_density += mass * f64::from(codebook.density[entry]);
+            coded.smoothing_length_max = coded.smoothing_length_max.max(codebook.smoothing_length[entry]);
+        }
+        batches.with(batch, |batch| {
+            let mut measure = |k: usize, scaling: &ColumnScaling, values: &[f32], entries: &[f32]| {
+                let QuantityError { mean: mut sum, mut max } = errors[k];
+                for (&value, code) in values.iter().zip(&codes) {
+                    let error = scaling.error(value, entries[entry(code)]);
+                    sum += error;
+                    max = max.max(error);
+                }
+                errors[k] = QuantityError { mean: sum, max };
+            };
+            measure(0, &scaling.quantities[0], batch.mass, &codebook.mass);
+            measure(1, &scaling.quantities[1], batch.density, &codebook.density);
+            measure(2, &scaling.quantities[2], batch.smoothing_length, &codebook.smoothing_length);
+            for (k, (scaling, _)) in scaling.attributes.iter().enumerate() {
+                measure(3 + k, scaling, batch.attributes[k], &codebook.attributes[k]);
+            }
+        })?;
+        Ok(coded)
+    });
+    let coded = coded.collect::<Result<_, _>>()?;
+    Ok((coded, errors))
 }
 
 /// For each code: number of particles, then sums of `m`, `m rho`, `m / h^2`, weights, and weighted attributes.
@@ -245,8 +372,7 @@ impl Sums {
         self.values.iter_mut().zip(&other.values).for_each(|(a, b)| *a += b);
     }
 
-    /// The codebook of the codes in use, and the new number of each code. Codes that only skipped particles have get
-    /// number 0; nobody decodes them.
+    /// The codebook of the codes in use, and the new number of each code; 0 for one that is not in use.
     fn codebook(&self, scaling: &Scaling, scope: CodebookScope) -> (Codebook, Vec<u16>) {
         let used: Vec<usize> = (0..self.counts.len()).filter(|&code| self.counts[code] > 0).collect();
         let mut renumbered = vec![0; self.counts.len()];
@@ -279,50 +405,6 @@ fn single(value: f64) -> f32 {
     (value as f32).clamp(f32::MIN, f32::MAX)
 }
 
-/// Mean and maximum error of each quantity over all particles that count.
-fn errors(
-    parts: &[&[Quantities]],
-    coded: &[(Vec<Vec<u16>>, Sums)],
-    scaling: &Scaling,
-    codebook: &Codebook,
-) -> Vec<QuantityError> {
-    let columns = 3 + scaling.attributes.len();
-    let measured: Vec<Vec<(f64, f64)>> = parts
-        .par_iter()
-        .zip(coded)
-        .map(|(part, (codes, _))| {
-            let mut errors = vec![(0.0, 0.0_f64); columns];
-            for (batch, codes) in part.iter().zip(codes) {
-                let mut measure = |k: usize, scaling: &ColumnScaling, values: &[f32], entries: &[f32]| {
-                    let (mut sum, mut max) = errors[k];
-                    for (i, (&value, &code)) in values.iter().zip(codes).enumerate() {
-                        if batch.counts(i) {
-                            let error = scaling.error(value, entries[usize::from(code)]);
-                            sum += error;
-                            max = max.max(error);
-                        }
-                    }
-                    errors[k] = (sum, max);
-                };
-                measure(0, &scaling.quantities[0], batch.mass, &codebook.mass);
-                measure(1, &scaling.quantities[1], batch.density, &codebook.density);
-                measure(2, &scaling.quantities[2], batch.smoothing_length, &codebook.smoothing_length);
-                for (k, (scaling, _)) in scaling.attributes.iter().enumerate() {
-                    measure(3 + k, scaling, batch.attributes[k], &codebook.attributes[k]);
-                }
-            }
-            errors
-        })
-        .collect();
-    (0..columns)
-        .map(|k| {
-            let sum: f64 = measured.iter().map(|errors| errors[k].0).sum();
-            let max = measured.iter().fold(0.0, |max: f64, errors| max.max(errors[k].1));
-            QuantityError { mean: sum / codebook.particles.max(1) as f64, max }
-        })
-        .collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -343,7 +425,10 @@ mod tests {
                 attributes: self
                     .attributes
                     .iter()
-                    .map(|v| (ColumnScaling::attribute(v, false), AttributeMerge::Mean))
+                    .map(|v| {
+                        let range = v.iter().fold((v[0], v[0]), |(low, high), &v| (v.min(low), v.max(high)));
+                        (ColumnScaling::attribute(v, range, false), AttributeMerge::Mean)
+                    })
                     .collect(),
             }
         }
@@ -356,10 +441,44 @@ mod tests {
                     density: &self.density[range(i)],
                     smoothing_length: &self.smoothing_length[range(i)],
                     attributes: self.attributes.iter().map(|v| &v[range(i)]).collect(),
-                    skipped: &[],
                 })
                 .collect()
         }
+    }
+
+    struct InMemory<'a>(Vec<Quantities<'a>>);
+
+    impl Batches for InMemory<'_> {
+        type Error = std::convert::Infallible;
+        type Kept = Vec<u16>;
+
+        fn len(&self) -> usize {
+            self.0.len()
+        }
+
+        fn info(&self, batch: usize) -> BatchInfo {
+            BatchInfo::of(&self.0[batch])
+        }
+
+        fn with<R>(&self, batch: usize, read: impl FnOnce(&Quantities) -> R) -> Result<R, Self::Error> {
+            Ok(read(&self.0[batch]))
+        }
+
+        fn keep(&self, codes: Vec<u16>) -> Result<Vec<u16>, Self::Error> {
+            Ok(codes)
+        }
+
+        fn codes(&self, kept: &Vec<u16>) -> Result<Vec<u16>, Self::Error> {
+            Ok(kept.clone())
+        }
+    }
+
+    fn run(columns: &Columns, len: usize) -> (Codebook, Vec<Vec<u16>>, Vec<Coded<Vec<u16>>>) {
+        let batches = InMemory(columns.batches(len));
+        let Ok(done) = quantize(&batches, &columns.scaling(), VqBits::Eight, CodebookScope::Leaves, 1);
+        let number = |code: &u16| done.numbers[usize::from(*code)];
+        let codes = done.batches.iter().map(|coded| coded.codes.iter().map(number).collect()).collect();
+        (done.codebook, codes, done.batches)
     }
 
     fn columns(count: std::ops::Range<usize>, attributes: usize) -> impl Strategy<Value = Columns> {
@@ -377,13 +496,15 @@ mod tests {
 
         #[test]
         fn sums_are_conserved(columns in columns(1..1500, 2)) {
-            let (book, codes) = quantize(&columns.batches(100), &columns.scaling(), VqBits::Eight, CodebookScope::Leaves, 1);
+            let (book, codes, coded) = run(&columns, 100);
             let codes: Vec<u16> = codes.concat();
             let sum = |value: &dyn Fn(usize) -> f64| (0..codes.len()).map(value).sum::<f64>();
             let entry = |i: usize| usize::from(codes[i]);
             let mass = sum(&|i| f64::from(columns.mass[i]));
             let decoded = sum(&|i| f64::from(book.mass[entry(i)]));
             prop_assert!((mass - decoded).abs() <= 1e-6 * mass);
+            let told: f64 = coded.iter().map(|coded| coded.mass).sum();
+            prop_assert!((told - decoded).abs() <= 1e-9 * mass);
             let presence = sum(&|i| f64::from(columns.mass[i]) * f64::from(columns.density[i]));
             let decoded = sum(&|i| f64::from(book.mass[entry(i)]) * f64::from(book.density[entry(i)]));
             prop_assert!((presence - decoded).abs() <= 1e-6 * presence);
@@ -392,7 +513,7 @@ mod tests {
 
         #[test]
         fn as_many_codes_as_particles_are_exact(columns in columns(1..250, 1)) {
-            let (book, codes) = quantize(&columns.batches(64), &columns.scaling(), VqBits::Eight, CodebookScope::Leaves, 1);
+            let (book, codes, _) = run(&columns, 64);
             for (i, code) in codes.concat().into_iter().map(usize::from).enumerate() {
                 prop_assert_eq!(book.mass[code], columns.mass[i]);
                 prop_assert_eq!(book.density[code], columns.density[i]);
@@ -404,11 +525,11 @@ mod tests {
 
         #[test]
         fn threads_do_not_matter(columns in columns(500..3000, 3)) {
-            let run = |threads| {
+            let in_pool = |threads| {
                 let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-                pool.install(|| quantize(&columns.batches(77), &columns.scaling(), VqBits::Eight, CodebookScope::Depth(2), 1))
+                pool.install(|| run(&columns, 77))
             };
-            prop_assert_eq!(run(1), run(3));
+            prop_assert_eq!(in_pool(1), in_pool(3));
         }
     }
 }

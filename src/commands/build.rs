@@ -14,7 +14,8 @@ use std::path::PathBuf;
 #[command(after_help = "Examples:
   deepfield build snapshot_099.hdf5 -o galaxy.df
   deepfield build snap_099.0 -o gas.df --family gas --attributes temperature,metallicity --vq-bits 16
-  deepfield build positions.hdf5 -o halo.df --smoothing knn:64")]
+  deepfield build positions.hdf5 -o halo.df --smoothing knn:64
+  deepfield build huge.0.hdf5 -o /data/huge.df --memory 2GiB --temporary /scratch")]
 pub struct Arguments {
     /// The source; any file of a snapshot in several files.
     pub source: PathBuf,
@@ -36,9 +37,15 @@ pub struct Arguments {
     /// Bits of a codebook index: 8, 12 or 16. More bits are more exact and take more space.
     #[arg(long, value_name = "BITS", default_value = "8")]
     pub vq_bits: VqBits,
-    /// Memory that the build may take beside the particles, such as 2GiB [default: what it needs].
+    /// Keep positions to 21 bits of a leaf's edge instead of rounding them to 1/512 of the smoothing length; takes more space.
+    #[arg(long)]
+    pub exact_positions: bool,
+    /// Memory that the build may take, such as 2GiB [default: half of what is free]; temporary files hold the rest.
     #[arg(long, value_name = "BYTES", value_parser = bytes)]
     pub memory: Option<u64>,
+    /// Folder for temporary files [default: that of the output].
+    #[arg(long, value_name = "FOLDER")]
+    pub temporary: Option<PathBuf>,
     /// Threads [default: all]. The file is the same for any number.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
@@ -61,22 +68,21 @@ fn smoothing(text: &str) -> Result<Smoothing, String> {
 /// # Errors
 /// When the source cannot be read or the page file not be written.
 pub fn run(arguments: &Arguments) -> CommandResult {
-    let options = BuildOptions {
+    let mut options = BuildOptions {
         attributes: arguments.attributes.clone(),
         memory: arguments.memory,
+        temporary: arguments.temporary.clone(),
+        threads: arguments.threads.map(usize::from),
         ..BuildOptions::with_vq_bits(arguments.vq_bits)
     };
+    options.octree.exact_positions = arguments.exact_positions;
     let load_options = LoadOptions {
         families: arguments.family.clone(),
         attributes: arguments.attributes.clone().map_or(AttributeChoice::Usual, AttributeChoice::Named),
         smoothing: arguments.smoothing.clone(),
     };
     let progress = TerminalProgress::new();
-    let work = || build_source(&arguments.source, &load_options, &options, &arguments.output, &progress);
-    let built = match arguments.threads {
-        Some(threads) => rayon::ThreadPoolBuilder::new().num_threads(threads.into()).build()?.install(work),
-        None => work(),
-    }?;
+    let built = build_source(&arguments.source, &load_options, &options, &arguments.output, &progress)?;
     for Skipped { reason, count } in &built.metadata.skipped {
         eprintln!("left out {count} particles: {reason}");
     }

@@ -6,6 +6,7 @@ use crate::build::{BuildOptions, build_source};
 use crate::import::LoadOptions;
 use crate::model::Progress;
 use crate::store::PageFile;
+use crate::store::temporary::free_bytes;
 use etcetera::BaseStrategy;
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::io::Read;
@@ -129,17 +130,6 @@ fn page_files(folder: &Path) -> Result<Vec<Cached>, std::io::Error> {
 fn default_budget(folder: &Path) -> u64 {
     let held: u64 = page_files(folder).unwrap_or_default().iter().map(|file| file.bytes).sum();
     free_bytes(folder).map_or(MOST_BYTES, |free| (free.saturating_add(held) / 5).min(MOST_BYTES))
-}
-
-/// What the disk of a folder has left for this user, where the system says so.
-fn free_bytes(folder: &Path) -> Option<u64> {
-    #[cfg(unix)]
-    return rustix::fs::statvfs(folder).ok().map(|about| about.f_bavail.saturating_mul(about.f_frsize));
-    #[cfg(not(unix))]
-    {
-        let _ = folder;
-        None
-    }
 }
 
 /// Removes page files that were used longest ago until the folder holds at most `budget` bytes, never `keep`; and what

@@ -2,13 +2,9 @@
 
 use crate::codec::AttributeMerge;
 use crate::model::Unit;
-use rayon::prelude::*;
 
 /// Bins of a histogram.
 const BINS: usize = 64;
-/// Values are summed in runs of this length, whatever the number of threads.
-const RUN: usize = 1 << 16;
-
 /// One quantity of a family, over its source particles.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AttributeInfo {
@@ -43,66 +39,119 @@ pub struct Histogram {
     pub counts: Vec<u64>,
 }
 
+/// Extremes and sum of a column, of its finite values.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Range {
+    /// Smallest value; infinite where there is none.
+    pub min: f64,
+    /// Largest value.
+    pub max: f64,
+    /// Values that are not finite.
+    pub missing: u64,
+    sum: f64,
+    count: u64,
+}
+
+impl Range {
+    /// Of no values.
+    pub const EMPTY: Range = Range { min: f64::INFINITY, max: f64::NEG_INFINITY, missing: 0, sum: 0.0, count: 0 };
+
+    /// Looks through a run of values.
+    pub fn of(values: &[f32]) -> Range {
+        let mut range = Range::EMPTY;
+        let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
+        for &value in values.iter().filter(|value| value.is_finite()) {
+            (low, high) = (low.min(value), high.max(value));
+            range.sum += f64::from(value);
+            range.count += 1;
+        }
+        Range { min: low.into(), max: high.into(), missing: values.len() as u64 - range.count, ..range }
+    }
+
+    /// With the values of another run; the order matters to the last bit of the mean.
+    pub fn with(self, next: Range) -> Range {
+        Range {
+            min: self.min.min(next.min),
+            max: self.max.max(next.max),
+            missing: self.missing + next.missing,
+            sum: self.sum + next.sum,
+            count: self.count + next.count,
+        }
+    }
+
+    /// The mean; 0 where there is no value.
+    pub fn mean(&self) -> f64 {
+        if self.count == 0 { 0.0 } else { self.sum / self.count as f64 }
+    }
+
+    /// Smallest and largest value; 0 where there is none.
+    fn ends(&self) -> (f64, f64) {
+        if self.count == 0 { (0.0, 0.0) } else { (self.min, self.max) }
+    }
+}
+
+/// Puts the mean in the place of values that are not finite.
+pub fn missing_replaced(values: &mut [f32], mean: f32) {
+    values.iter_mut().filter(|value| !value.is_finite()).for_each(|value| *value = mean);
+}
+
 impl AttributeInfo {
-    /// Looks through a column.
-    pub fn of(name: &str, unit: &Unit, values: &[f32]) -> AttributeInfo {
-        let runs: Vec<_> = values
-            .par_chunks(RUN)
-            .map(|run| {
-                let (mut low, mut high, mut sum, mut count) = (f32::INFINITY, f32::NEG_INFINITY, 0.0, 0_u64);
-                for &value in run.iter().filter(|value| value.is_finite()) {
-                    (low, high) = (low.min(value), high.max(value));
-                    sum += f64::from(value);
-                    count += 1;
-                }
-                (low, high, sum, count)
-            })
-            .collect();
-        let (low, high, sum, count) = runs
-            .into_iter()
-            .fold((f32::INFINITY, f32::NEG_INFINITY, 0.0, 0), |(low, high, sum, count), (l, h, s, c)| {
-                (low.min(l), high.max(h), sum + s, count + c)
-            });
-        let (low, high) = if count == 0 { (0.0, 0.0) } else { (f64::from(low), f64::from(high)) };
+    /// Describes a column.
+    pub fn new(name: &str, unit: &Unit, range: &Range, histogram: Histogram) -> AttributeInfo {
+        let (min, max) = range.ends();
         AttributeInfo {
             name: name.to_owned(),
             unit: unit.clone(),
-            min: low,
-            max: high,
-            mean: if count == 0 { 0.0 } else { sum / count as f64 },
-            missing: values.len() as u64 - count,
+            min,
+            max,
+            mean: range.mean(),
+            missing: range.missing,
             merge: AttributeMerge::of(name),
-            histogram: Histogram::of(values, low, high),
+            histogram,
         }
     }
 }
 
-impl Histogram {
-    /// Counts the finite values; `low` and `high` are their extremes.
-    fn of(values: &[f32], low: f64, high: f64) -> Histogram {
-        let logarithmic = low > 0.0 && high > 10.0 * low;
+/// The bins of a histogram that is being counted.
+#[derive(Clone, Debug)]
+pub struct HistogramBins {
+    logarithmic: bool,
+    min: f64,
+    max: f64,
+    start: f64,
+    factor: f64,
+    /// Where the mean falls that stands for missing values.
+    mean: usize,
+}
+
+impl HistogramBins {
+    /// The bins for a column.
+    pub fn of(range: &Range) -> HistogramBins {
+        let (min, max) = range.ends();
+        let logarithmic = min > 0.0 && max > 10.0 * min;
         let coordinate = |value: f64| if logarithmic { value.log2() } else { value };
-        let (start, end) = (coordinate(low), coordinate(high));
+        let (start, end) = (coordinate(min), coordinate(max));
         let factor = if end > start { BINS as f64 / (end - start) } else { 0.0 };
-        let counts = values
-            .par_chunks(RUN)
-            .map(|run| {
-                let mut counts = vec![0_u64; BINS];
-                for &value in run.iter().filter(|value| value.is_finite()) {
-                    let x =
-                        if logarithmic { f64::from(crate::codec::scaling::fast_log2(value)) } else { f64::from(value) };
-                    counts[(((x - start) * factor) as usize).min(BINS - 1)] += 1;
-                }
-                counts
-            })
-            .reduce(
-                || vec![0; BINS],
-                |mut a, b| {
-                    a.iter_mut().zip(b).for_each(|(a, b)| *a += b);
-                    a
-                },
-            );
-        Histogram { logarithmic, min: low, max: high, counts }
+        let bins = HistogramBins { logarithmic, min, max, start, factor, mean: 0 };
+        HistogramBins { mean: bins.bin(range.mean() as f32), ..bins }
+    }
+
+    /// Counts finite values.
+    pub fn count(&self, values: &[f32]) -> Vec<u64> {
+        let mut counts = vec![0_u64; BINS];
+        values.iter().for_each(|&value| counts[self.bin(value)] += 1);
+        counts
+    }
+
+    fn bin(&self, value: f32) -> usize {
+        let x = if self.logarithmic { f64::from(crate::codec::scaling::fast_log2(value)) } else { f64::from(value) };
+        (((x - self.start) * self.factor) as usize).min(BINS - 1)
+    }
+
+    /// The histogram, without the means that stand for `missing` values.
+    pub fn finish(self, mut counts: Vec<u64>, missing: u64) -> Histogram {
+        counts[self.mean] = counts[self.mean].saturating_sub(missing);
+        Histogram { logarithmic: self.logarithmic, min: self.min, max: self.max, counts }
     }
 }
 
@@ -110,14 +159,24 @@ impl Histogram {
 mod tests {
     use super::*;
 
+    fn describe(values: &[f32]) -> AttributeInfo {
+        let range = Range::of(values);
+        let bins = HistogramBins::of(&range);
+        let mut values = values.to_vec();
+        missing_replaced(&mut values, range.mean() as f32);
+        let counts = bins.count(&values);
+        AttributeInfo::new("temperature", &Unit::new("K"), &range, bins.finish(counts, range.missing))
+    }
+
     #[test]
     fn columns_are_described() {
-        let info = AttributeInfo::of("temperature", &Unit::new("K"), &[1.0, f32::NAN, 3.0, 8.0, 1000.0]);
+        let info = describe(&[1.0, f32::NAN, 3.0, 8.0, 1000.0]);
         assert_eq!((info.min, info.max, info.mean, info.missing), (1.0, 1000.0, 253.0, 1));
         assert!(info.histogram.logarithmic);
         assert_eq!(info.histogram.counts.iter().sum::<u64>(), 4);
         assert_eq!((info.histogram.counts[0], info.histogram.counts[63]), (1, 1));
-        let empty = AttributeInfo::of("x", &Unit::default(), &[f32::NAN]);
+        let empty = describe(&[f32::NAN]);
         assert_eq!((empty.min, empty.max, empty.mean, empty.missing), (0.0, 0.0, 0.0, 1));
+        assert_eq!(empty.histogram.counts.iter().sum::<u64>(), 0);
     }
 }

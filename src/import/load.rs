@@ -89,12 +89,17 @@ pub fn load_source(
     if families.is_empty() {
         return Err(ImportError::NoParticles { path: about.path.clone(), field: "particles that can be drawn".into() });
     }
-    Ok(Dataset {
-        families,
+    Ok(Dataset { families, skipped: left_out.into_skipped(), ..about_dataset(about, notes) })
+}
+
+/// What a source says of all its particles.
+pub(super) fn about_dataset(about: &Description, notes: Vec<String>) -> Dataset {
+    Dataset {
+        families: Vec::new(),
         length_unit: about.length_unit.clone(),
         mass_unit: about.mass_unit.clone(),
         kernel: about.kernel,
-        skipped: left_out.into_skipped(),
+        skipped: Vec::new(),
         provenance: Provenance {
             path: about.path.clone(),
             format: about.format.clone(),
@@ -104,11 +109,11 @@ pub fn load_source(
             box_size: about.box_size,
             notes,
         },
-    })
+    }
 }
 
 /// Every family and attribute that was asked for by name is there.
-fn check_families(about: &Description, options: &LoadOptions) -> Result<(), ImportError> {
+pub(super) fn check_families(about: &Description, options: &LoadOptions) -> Result<(), ImportError> {
     for wanted in &options.families {
         if !about.families.iter().any(|family| family.name == *wanted) {
             let names: Vec<&str> = about.families.iter().map(|family| family.name.as_str()).collect();

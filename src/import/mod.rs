@@ -1,7 +1,8 @@
 //! From somebody else's file to particles: one file (or folder) per format behind one trait. Nothing outside this room
 //! knows a format.
 //!
-//! [`open`] gives a [`Source`] that reads in bounded ranges, [`summarize`] what `info` prints, [`load`] particles in memory.
+//! [`open`] gives a [`Source`] that reads in bounded ranges, [`summarize`] what `info` prints, [`load`] particles in memory,
+//! [`streams()`] particles in chunks.
 
 mod attributes;
 mod bytes;
@@ -14,6 +15,7 @@ mod load;
 mod multifile;
 mod neighbours;
 mod source;
+mod stream;
 mod summary;
 mod table;
 mod tipsy;
@@ -23,4 +25,5 @@ pub use error::ImportError;
 pub use format::{FORMATS, Format, HEAD, open};
 pub use load::{AttributeChoice, DEFAULT_NEIGHBOURS, LoadOptions, Smoothing, load, load_source};
 pub use source::{Description, FamilyInfo, Field, FieldKind, Source};
+pub use stream::{DensityLacking, SourceStream, Streams, streams};
 pub use summary::{FamilySummary, FieldSummary, Statistic, Summary, summarize, summarize_source};

@@ -6,10 +6,12 @@ pub mod kernel;
 pub mod particles;
 pub mod progress;
 pub mod ron_file;
+pub mod stream;
 pub mod units;
 
 pub use bounds::Bounds;
 pub use kernel::Kernel;
 pub use particles::{Attribute, Dataset, Family, FamilyName, Provenance, Skipped};
 pub use progress::Progress;
+pub use stream::{Chunk, FamilyStream, ParticleStream, StreamError};
 pub use units::Unit;

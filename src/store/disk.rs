@@ -4,6 +4,7 @@
 //! A file that is open may be deleted, replaced, rewritten or cut short by somebody else. Reads of it then end with an
 //! error or break a checksum; [`Disk::change`] finds out why.
 
+use super::positioned;
 use std::fmt;
 use std::fs::{File, Metadata};
 use std::io;
@@ -81,26 +82,8 @@ impl LocalFile {
 }
 
 impl Disk for LocalFile {
-    #[cfg(unix)]
     fn read_exact_at(&self, buffer: &mut [u8], offset: u64) -> io::Result<()> {
-        std::os::unix::fs::FileExt::read_exact_at(&self.file, buffer, offset)
-    }
-
-    // Every read names its place, so the cursor that Windows moves does not matter.
-    #[cfg(windows)]
-    fn read_exact_at(&self, mut buffer: &mut [u8], mut offset: u64) -> io::Result<()> {
-        while !buffer.is_empty() {
-            match std::os::windows::fs::FileExt::seek_read(&self.file, buffer, offset) {
-                Ok(0) => return Err(io::ErrorKind::UnexpectedEof.into()),
-                Ok(read) => {
-                    buffer = &mut buffer[read..];
-                    offset += read as u64;
-                }
-                Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
-                Err(error) => return Err(error),
-            }
-        }
-        Ok(())
+        positioned::read_exact_at(&self.file, buffer, offset)
     }
 
     fn size(&self) -> io::Result<u64> {

@@ -11,7 +11,7 @@ use glam::DVec3;
 /// First bytes of the file. The high bit and the CR LF, SUB, LF sequence break visibly when the file is sent as text.
 pub const MAGIC: [u8; 8] = *b"\x89DFP\r\n\x1a\n";
 /// Version of the format that this program writes and reads.
-pub const VERSION: u32 = 1;
+pub const VERSION: u32 = 2;
 /// Pages and the footer start at multiples of this; the header takes one such block.
 pub const ALIGNMENT: u64 = 4096;
 /// Bytes of the header that hold something; the rest of its block is zero.

@@ -3,7 +3,8 @@
 use super::error::Damage;
 use super::layout::{NODE_RECORD_LEN, NodeRecord, PAGE_HEADER_LEN, PAGE_MAGIC, PageEntry, SECTION_ALIGNMENT, u32_at};
 use super::metadata::Metadata;
-use crate::codec::coordinates::{GRID_POINT, LEAF_POINT, unpack_grid, unpack_leaf};
+use crate::codec::coordinates::{GRID_POINT, LEAF_BITS, LEAF_POINT, unpack_grid, unpack_leaf};
+use crate::codec::positions::{decode_grid, decode_leaf, leaf_rounding};
 pub use crate::hierarchy::Encoding;
 use crate::hierarchy::NodeKey;
 use crate::model::Bounds;
@@ -102,6 +103,15 @@ impl<'a> NodeParticles<'a> {
         }
     }
 
+    /// How far at most each coordinate of particle `i` of a leaf is from its source's, as a fraction of the cell's edge (up to
+    /// rounding of doubles); 1 for merged particles.
+    pub fn rounding(&self, i: usize) -> f64 {
+        match self.positions {
+            Positions::Grid(_) => 1.0,
+            Positions::Leaf(words) => leaf_rounding(words[i]) / f64::from(1 << LEAF_BITS),
+        }
+    }
+
     /// Whether particle `i` is a point.
     pub fn is_point(&self, i: usize) -> bool {
         match self.positions {
@@ -110,8 +120,8 @@ impl<'a> NodeParticles<'a> {
         }
     }
 
-    /// The positions as little-endian words, ready for upload: one for each grid particle, two (low, high) for each
-    /// leaf particle.
+    /// The positions as 32-bit words, ready for upload: one for each grid particle, two (low, high on little-endian machines)
+    /// for each leaf particle.
     pub fn words(&self) -> &'a [u32] {
         match self.positions {
             Positions::Grid(words) => words,
@@ -133,6 +143,8 @@ pub struct Page {
     positions: Vec<Range<usize>>,
     codes: Vec<u16>,
     code_ranges: Vec<Range<usize>>,
+    /// Bytes of each node's record and sections on the disk.
+    sizes: Vec<u64>,
 }
 
 impl Page {
@@ -150,16 +162,20 @@ impl Page {
         }
     }
 
+    /// Bytes that the record and the sections of node `node` take on the disk, alignment included. Panics if there is no such node.
+    pub fn node_bytes(&self, node: usize) -> u64 {
+        self.sizes[node]
+    }
+
     /// Bytes of memory that the page holds.
     pub fn memory(&self) -> u64 {
         (size_of_val(&*self.words) + size_of_val(&*self.codes) + self.nodes.len() * size_of::<Node>()) as u64
     }
 
-    /// Reads and checks the bytes of a page, whose checksum has been found right. `words` are the page's bytes as
-    /// little-endian 64-bit words in native order; `table` tells the number of nodes of any page.
-    pub(super) fn parse(id: PageId, words: Vec<u64>, metadata: &Metadata, table: &[PageEntry]) -> Result<Page, Damage> {
+    /// Reads and checks the bytes of a page, whose checksum has been found right; `table` tells the
+    /// number of nodes of any page.
+    pub(super) fn parse(id: PageId, bytes: &[u8], metadata: &Metadata, table: &[PageEntry]) -> Result<Page, Damage> {
         let entry = table[id.0 as usize];
-        let bytes: &[u8] = bytemuck::cast_slice(&words);
         let here = || format!("page {}", id.0);
         let header_matches = bytes.len() >= PAGE_HEADER_LEN
             && bytes[..4] == PAGE_MAGIC
@@ -185,6 +201,7 @@ impl Page {
             positions: Vec::with_capacity(entry.nodes as usize),
             codes: Vec::new(),
             code_ranges: Vec::with_capacity(entry.nodes as usize),
+            sizes: Vec::with_capacity(entry.nodes as usize),
         };
         // Sections follow the records in order, each aligned, without gaps but the alignment's zeros.
         let mut at = records_end;
@@ -193,16 +210,35 @@ impl Page {
             let Ok(record) = record.try_into() else { continue };
             let NodeRecord { node, positions, codes } = NodeRecord::decode(record, here)?;
             let count = node.particles as usize;
-            let width = if node.encoding == Encoding::Leaf { 8 } else { 4 };
-            let positions_end = section(bytes, &mut at, positions, count.checked_mul(width))
+            let start = at;
+            // A code takes at least a byte, so that the page's length bounds what its particles take in memory.
+            let packed = metadata.vq_bits.packed_len(count).filter(|&len| len <= bytes.len());
+            let (Some(packed), true) = (packed, node.points <= node.particles && positions as usize == at) else {
+                let expected = "positions after the section before, room for its codes, and at most as many points";
+                return Err(Damage::new(here(), expected));
+            };
+            let first_word = page.words.len();
+            page.words.resize(first_word + if node.encoding == Encoding::Leaf { count } else { count.div_ceil(2) }, 0);
+            let words = &mut page.words[first_word..];
+            let from = bytes.get(positions as usize..).unwrap_or_default();
+            let points = node.points as usize;
+            let len = match node.encoding {
+                Encoding::Leaf => decode_leaf(from, points, words),
+                // An odd number of grid words leaves half of the last 64-bit word over.
+                Encoding::Grid | Encoding::Relay => {
+                    decode_grid(from, points, &mut bytemuck::cast_slice_mut(words)[..count])
+                }
+            }
+            .map_err(|expected| Damage::new(here(), expected))?;
+            section(bytes, &mut at, positions, len)
                 .ok_or_else(|| Damage::new(here(), "positions inside the page, after the section before"))?;
-            let codes_end = section(bytes, &mut at, codes, metadata.vq_bits.packed_len(count))
+            let codes_end = section(bytes, &mut at, codes, packed)
                 .ok_or_else(|| Damage::new(here(), "codes inside the page, after its positions"))?;
             let first_code = page.codes.len();
             metadata.vq_bits.unpack(&bytes[codes as usize..codes_end], count, &mut page.codes);
-            let word = size_of::<u64>();
-            page.positions.push(positions as usize / word..positions_end.div_ceil(word));
+            page.positions.push(first_word..page.words.len());
             page.code_ranges.push(first_code..page.codes.len());
+            page.sizes.push((NODE_RECORD_LEN + at - start) as u64);
             check_node(&node, family, &page.codes[first_code..], (id, i as u32), table)
                 .map_err(|expected| Damage::new(here(), expected))?;
             page.nodes.push(node);
@@ -211,15 +247,14 @@ impl Page {
             return Err(Damage::new(here(), "an end right after the last section"));
         }
         check_family_links(&page).map_err(|(i, expected)| Damage::new(format!("page {}, node {i}", id.0), expected))?;
-        page.words = if cfg!(target_endian = "big") { big_endian_words(&page, words) } else { words };
         Ok(page)
     }
 }
 
 /// Advances over a section of `len` bytes that must start at `offset`, the aligned place `at`; returns its end. The
 /// zeros that align the next section belong to it.
-fn section(bytes: &[u8], at: &mut usize, offset: u32, len: Option<usize>) -> Option<usize> {
-    let end = at.checked_add(len?)?;
+fn section(bytes: &[u8], at: &mut usize, offset: u32, len: usize) -> Option<usize> {
+    let end = at.checked_add(len)?;
     let aligned = end.checked_next_multiple_of(SECTION_ALIGNMENT)?;
     let in_place = offset as usize == *at && aligned <= bytes.len();
     if !in_place || bytes[end..aligned].iter().any(|&byte| byte != 0) {
@@ -290,18 +325,4 @@ fn check_family_links(page: &Page) -> Result<(), (usize, String)> {
         }
     }
     Ok(())
-}
-
-/// On big-endian machines the sections are swapped to native order, 32-bit words for grids and 64-bit words for leaves.
-fn big_endian_words(page: &Page, mut words: Vec<u64>) -> Vec<u64> {
-    for (node, range) in page.nodes.iter().zip(&page.positions) {
-        match node.encoding {
-            Encoding::Leaf => words[range.clone()].iter_mut().for_each(|word| *word = word.swap_bytes()),
-            Encoding::Grid | Encoding::Relay => {
-                let halves: &mut [u32] = bytemuck::cast_slice_mut(&mut words[range.clone()]);
-                halves.iter_mut().for_each(|word| *word = word.swap_bytes());
-            }
-        }
-    }
-    words
 }

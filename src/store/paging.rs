@@ -6,20 +6,40 @@
 //! several.
 
 use super::error::StoreError;
-use super::metadata::FamilyMetadata;
-use super::page::{Node, NodeRef, PageId, Positions};
+use super::page::{Node, NodeRef, PageId};
 use super::writer::{PageFileWriter, PageNode, encode_page, node_bytes};
-use crate::codec::VqBits;
-use crate::hierarchy::octree::TreeNode;
-use crate::hierarchy::{Encoding, Octree};
 use crate::model::progress::Progress;
 use rayon::prelude::*;
 use std::collections::VecDeque;
 
 /// Bytes that a page aims at (F12 4.8.1); only a page of a single node may be longer.
 pub const PAGE_BYTES: usize = 3 << 20;
-/// Pages that are encoded at a time: memory for them is needed beside the tree.
-const BATCH: usize = 16;
+
+/// A node of a tree that is to be written.
+#[derive(Clone, Debug)]
+pub struct PlannedNode {
+    /// The node, without its children.
+    pub node: Node,
+    /// Its children: indices into the nodes of the next depth.
+    pub children: [Option<usize>; 8],
+    /// Bytes of its positions and of its codes.
+    pub sections: (usize, usize),
+}
+
+impl PlannedNode {
+    fn bytes(&self) -> usize {
+        node_bytes(self.sections.0, self.sections.1)
+    }
+}
+
+/// The particles of a node as they are stored.
+#[derive(Clone, Debug, Default)]
+pub struct Sections {
+    /// Encoded positions ([`crate::codec::positions`]).
+    pub positions: Vec<u8>,
+    /// Packed codes.
+    pub codes: Vec<u8>,
+}
 
 /// A node of the tree: depth and index.
 type Place = (usize, usize);
@@ -31,11 +51,8 @@ struct Group {
 }
 
 /// The nodes of each page, in order. Parents come before children.
-fn plan(nodes: &[Vec<TreeNode>], vq_bits: VqBits) -> Vec<Vec<Place>> {
-    let bytes = |&(depth, index): &Place| {
-        let node = &nodes[depth][index];
-        node_bytes(node.encoding, node.particles as usize, vq_bits)
-    };
+fn plan(nodes: &[Vec<PlannedNode>]) -> Vec<Vec<Place>> {
+    let bytes = |&(depth, index): &Place| nodes[depth][index].bytes();
     let children = |(depth, index): Place| -> Vec<Place> {
         nodes[depth][index].children.iter().flatten().map(|&child| (depth + 1, child)).collect()
     };
@@ -90,102 +107,62 @@ fn plan(nodes: &[Vec<TreeNode>], vq_bits: VqBits) -> Vec<Vec<Place>> {
     pages
 }
 
-/// Appends a tree's pages to a file and returns what its footer says about the family, number `family`.
-pub fn write_tree(
+/// Appends a tree's pages to a file; returns the page of its root and the bytes of each depth's nodes. `sections` gives the
+/// particles of the node of a depth and index.
+///
+/// # Errors
+/// When the file cannot be written; those of `sections`.
+pub fn write_tree<E: From<StoreError> + Send>(
     writer: &mut PageFileWriter,
     family: u32,
-    tree: &Octree,
-    vq_bits: VqBits,
+    nodes: &[Vec<PlannedNode>],
+    sections: impl Fn(usize, usize) -> Result<Sections, E> + Sync,
     progress: &dyn Progress,
-) -> Result<FamilyMetadata, StoreError> {
-    let pages = plan(&tree.nodes, vq_bits);
-    progress.begin(&format!("writing {}", tree.name), pages.len() as u64);
+) -> Result<(PageId, Vec<u64>), E> {
+    let pages = plan(nodes);
+    progress.begin("writing pages", pages.len() as u64);
     let first = writer.page_count();
     let mut places: Vec<Vec<NodeRef>> =
-        tree.nodes.iter().map(|level| vec![NodeRef { page: PageId(first), node: 0 }; level.len()]).collect();
+        nodes.iter().map(|level| vec![NodeRef { page: PageId(first), node: 0 }; level.len()]).collect();
     for (number, page) in pages.iter().enumerate() {
         for (i, &(depth, index)) in page.iter().enumerate() {
             places[depth][index] = NodeRef { page: PageId(first + number as u32), node: i as u32 };
         }
     }
-    let mut levels = tree.levels.clone();
-    for (level, nodes) in levels.iter_mut().zip(&tree.nodes) {
-        level.bytes = nodes.iter().map(|node| node_bytes(node.encoding, node.particles as usize, vq_bits) as u64).sum();
-    }
-    for (batch, numbers) in pages.chunks(BATCH).zip((first..).step_by(BATCH)) {
+    // Some pages at a time: memory for them is needed.
+    let together = 2 * rayon::current_num_threads();
+    for (batch, numbers) in pages.chunks(together).zip((first..).step_by(together)) {
         let encoded: Vec<Option<Vec<u8>>> = batch
             .par_iter()
             .zip(numbers..numbers + batch.len() as u32)
-            .map(|(page, number)| encode(tree, page, PageId(number), family, &places, vq_bits))
-            .collect();
+            .map(|(page, number)| encode(nodes, page, PageId(number), family, &places, &sections))
+            .collect::<Result<_, E>>()?;
         for (page, bytes) in batch.iter().zip(encoded) {
             let bytes = bytes.ok_or_else(|| writer.unwritable("a page would be longer than 4 GiB"))?;
             writer.append(family, page.len() as u32, &bytes)?;
             progress.advance(1);
         }
     }
-    Ok(FamilyMetadata {
-        name: tree.name,
-        count: tree.count,
-        mass: tree.mass,
-        mass_density: tree.mass_density,
-        bounds: tree.bounds,
-        root: tree.root,
-        root_page: PageId(first),
-        quantities: tree.quantities.clone(),
-        attributes: tree.attributes.clone(),
-        levels,
-        codebooks: tree.codebooks.clone(),
-    })
+    let bytes = nodes.iter().map(|level| level.iter().map(|node| node.bytes() as u64).sum());
+    Ok((PageId(first), bytes.collect()))
 }
 
-fn encode(
-    tree: &Octree,
+fn encode<E>(
+    nodes: &[Vec<PlannedNode>],
     page: &[Place],
     id: PageId,
     family: u32,
     places: &[Vec<NodeRef>],
-    vq_bits: VqBits,
-) -> Option<Vec<u8>> {
-    let nodes: Vec<(Node, Vec<u64>)> = page
-        .iter()
-        .map(|&(depth, index)| {
-            let node = &tree.nodes[depth][index];
-            let words = if node.encoding == Encoding::Leaf { tree.leaf_words(node) } else { Vec::new() };
-            (record(node, places.get(depth + 1).map_or(&[], Vec::as_slice)), words)
-        })
-        .collect();
-    let nodes: Vec<PageNode> = page
-        .iter()
-        .zip(&nodes)
-        .map(|(&(depth, index), (node, words))| {
-            let tree_node = &tree.nodes[depth][index];
-            let positions = match node.encoding {
-                Encoding::Leaf => Positions::Leaf(words),
-                Encoding::Grid | Encoding::Relay => Positions::Grid(&tree_node.words),
-            };
-            PageNode { node, positions, codes: &tree_node.codes }
-        })
-        .collect();
-    encode_page(id, family, &nodes, vq_bits)
-}
-
-/// The node as it is stored; `below` are the places of the next depth's nodes.
-fn record(node: &TreeNode, below: &[NodeRef]) -> Node {
-    Node {
-        key: node.key,
-        encoding: node.encoding,
-        codebook: node.codebook,
-        particles: node.particles,
-        points: node.points,
-        source_particles: node.source_particles(),
-        delta: node.delta,
-        bounds: node.bounds,
-        smoothing_length_max: node.smoothing_length_max,
-        mass: node.mass,
-        mass_density: node.mass_density,
-        mass_scale: node.mass_scale,
-        mass_density_scale: node.mass_density_scale,
-        children: node.children.map(|child| child.map(|child| below[child])),
-    }
+    sections: impl Fn(usize, usize) -> Result<Sections, E>,
+) -> Result<Option<Vec<u8>>, E> {
+    let records = page.iter().map(|&(depth, index)| {
+        let planned = &nodes[depth][index];
+        let below = places.get(depth + 1).map_or(&[][..], Vec::as_slice);
+        let node =
+            Node { children: planned.children.map(|child| child.map(|child| below[child])), ..planned.node.clone() };
+        Ok((node, sections(depth, index)?))
+    });
+    let records: Vec<(Node, Sections)> = records.collect::<Result<_, E>>()?;
+    let page: Vec<PageNode> = records.iter().map(|(node, sections)| PageNode { node, sections }).collect();
+    Ok(encode_page(id, family, &page))
 }

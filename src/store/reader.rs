@@ -13,7 +13,7 @@ use std::sync::Arc;
 #[derive(Debug)]
 pub struct PageBytes {
     page: PageId,
-    words: Vec<u64>,
+    bytes: Vec<u8>,
 }
 
 /// An open page file. Cheap to share in an `Arc`: reads are positioned and take no lock. It holds the footer (24 bytes
@@ -115,12 +115,12 @@ impl PageFile {
     pub fn fetch_page(&self, page: PageId) -> Result<PageBytes, StoreError> {
         let entry = self.table.get(page.0 as usize).ok_or_else(|| self.damaged(page, "to exist"))?;
         // The length was checked against the file when it was opened.
-        let mut words = vec![0_u64; entry.len as usize / 8];
+        let mut bytes = vec![0; entry.len as usize];
         self.disk
-            .read_exact_at(bytemuck::cast_slice_mut(&mut words), entry.offset)
+            .read_exact_at(&mut bytes, entry.offset)
             .map_err(|source| StoreError::Page { path: self.path.clone(), page: page.0, source })
             .map_err(|error| self.explained(page, error))?;
-        Ok(PageBytes { page, words })
+        Ok(PageBytes { page, bytes })
     }
 
     /// Checks and decodes a page's bytes: the part of [`PageFile::read_page`] that works the processor.
@@ -128,12 +128,12 @@ impl PageFile {
     /// # Errors
     /// As [`PageFile::read_page`].
     pub fn decode_page(&self, bytes: PageBytes) -> Result<Page, StoreError> {
-        let PageBytes { page, words } = bytes;
+        let PageBytes { page, bytes } = bytes;
         let entry = self.table.get(page.0 as usize).ok_or_else(|| self.damaged(page, "to exist"))?;
-        if crc32c::crc32c(bytemuck::cast_slice(&words)) != entry.crc {
+        if crc32c::crc32c(&bytes) != entry.crc {
             return Err(self.explained(page, self.damaged(page, "its checksum")));
         }
-        Page::parse(page, words, &self.metadata, &self.table).map_err(|damage| damage.in_file(&self.path))
+        Page::parse(page, &bytes, &self.metadata, &self.table).map_err(|damage| damage.in_file(&self.path))
     }
 
     /// What has become of the file since it was opened; asks the disk, so it may wait.

@@ -9,8 +9,6 @@ use super::layout::{ALIGNMENT, HEADER_LEN};
 use super::metadata::{FamilyMetadata, LevelInfo};
 use super::page::{Encoding, Node, NodeRef, Page, PageId};
 use super::reader::PageFile;
-use super::writer::node_bytes;
-use crate::codec::VqBits;
 use crate::hierarchy::NodeKey;
 use crate::model::progress::Progress;
 use std::collections::HashMap;
@@ -107,7 +105,7 @@ impl Verifier<'_> {
                 _ => return Err(here("to be the root, or the child of one earlier node in its parent's octant")),
             }
             check_particles(page, i, node).map_err(here)?;
-            self.count(page.family as usize, node, family, self.file.metadata().vq_bits).map_err(here)?;
+            self.count(page, i, family).map_err(here)?;
             let mut children = 0;
             for (octant, child) in node.children.iter().enumerate() {
                 let Some(child) = *child else { continue };
@@ -141,14 +139,11 @@ impl Verifier<'_> {
         Ok(())
     }
 
-    fn count(
-        &mut self,
-        family: usize,
-        node: &Node,
-        metadata: &FamilyMetadata,
-        vq_bits: VqBits,
-    ) -> Result<(), &'static str> {
-        let level = self.levels[family].get_mut(usize::from(node.key.depth)).ok_or("a depth that the footer lists")?;
+    fn count(&mut self, page: &Page, index: usize, metadata: &FamilyMetadata) -> Result<(), &'static str> {
+        let node = &page.nodes[index];
+        let level = self.levels[page.family as usize]
+            .get_mut(usize::from(node.key.depth))
+            .ok_or("a depth that the footer lists")?;
         let particles = u64::from(node.particles);
         match node.encoding {
             Encoding::Relay => level.relay_nodes += 1,
@@ -163,7 +158,7 @@ impl Verifier<'_> {
                 self.done.particles += particles;
             }
         }
-        level.bytes += node_bytes(node.encoding, node.particles as usize, vq_bits) as u64;
+        level.bytes += page.node_bytes(index);
         let cell = node.key.bounds(metadata.root);
         // Rounding in the cell's corners is far below its size.
         let slack =

@@ -112,21 +112,32 @@ impl Scene {
     }
 }
 
+/// A particle that is displaced by less than this share of its kernel's radius is in its place however large it is drawn: what
+/// that changes in the picture is far below what the quantised smoothing lengths do.
+const KERNEL_SHARE: f64 = 1.0 / 128.0;
+
 /// Screen-space error of a leaf, particle by particle: a bound over its whole box is infinite where the box reaches the
-/// eye's plane, although its particles do not. Particles nearer to that plane than the leaf's `delta` are left out.
+/// eye's plane, although its particles do not. Particles nearer to that plane than they may be displaced are left out, and so are
+/// those that are stored to [`KERNEL_SHARE`] of their kernels.
 fn leaf_error_pixels(view: &View, metadata: &Metadata, page: &Page, index: usize) -> f64 {
     let node = &page.nodes[index];
     let Some(family) = metadata.families.get(page.family as usize) else { return f64::INFINITY };
     let particles = page.particles(index);
+    let smoothing_lengths = family.codebooks.get(usize::from(node.codebook)).map(|book| &book.smoothing_length[..]);
+    let smoothing_length =
+        |code: u16| smoothing_lengths.and_then(|all| all.get(usize::from(code))).copied().unwrap_or(0.0);
     (0..particles.len())
         .map(|i| {
             let position = node.key.position(family.root, particles.fraction(i));
-            if view.to_camera(position).z <= node.delta {
+            // Particles with small kernels are stored more exactly than the node's least exact ones.
+            let delta = node.delta.min(1.001 * 3.0_f64.sqrt() * particles.rounding(i) * node.key.size(family.root));
+            let h = f64::from(smoothing_length(particles.codes[i]));
+            if view.to_camera(position).z <= delta || delta <= KERNEL_SHARE * h {
                 return 0.0;
             }
-            let bounds = Bounds { min: position - node.delta, max: position + node.delta };
+            let bounds = Bounds { min: position - delta, max: position + delta };
             let extent = Extent { bounds, margin: 0.0 };
-            let error = if view.sees(&extent) { view.error_pixels(&extent, node.delta) } else { 0.0 };
+            let error = if view.sees(&extent) { view.error_pixels(&extent, delta) } else { 0.0 };
             if error.is_finite() { error } else { 0.0 }
         })
         .fold(0.0, f64::max)

@@ -1,5 +1,5 @@
 //! The guarantee of F12 4.7.2: in a converged picture, every source particle in view is drawn at most `tau` pixels from
-//! its place.
+//! its place, or at most 1/590 of its smoothing length where that is more.
 
 use crate::support::{Built, built, demo, in_reference_data, in_repository};
 use deepfield::codec::VqBits;
@@ -42,23 +42,28 @@ fn displaced(built: &Built, view: &View, tau: f64) -> (usize, usize, u64) {
     let selection = scene.converge_blocking(view, tau).unwrap();
     assert!(selection.converged && selection.error_pixels <= tau, "{}", selection.error_pixels);
     let mut drawn = Drawn { cell: 2.0 * tau, cells: HashMap::new() };
+    let mut places = Vec::new();
     for node in &selection.nodes {
         let index = node.node.node as usize;
         let root = file.metadata().families[node.page.family as usize].root;
         let particles = node.page.particles(index);
         for i in 0..particles.len() {
             let world = node.page.nodes[index].key.position(root, particles.fraction(i));
+            places.push(world);
             if let Some(at) = view.to_pixels(view.to_camera(world)).filter(|&at| in_picture(view, at, 2.0 * tau)) {
                 drawn.cells.entry(drawn.key(at)).or_default().push(at);
             }
         }
     }
     let (mut displaced, mut seen) = (0, 0);
-    for position in positions(&built.dataset) {
+    let lengths = built.dataset.families.iter().flat_map(|family| &family.smoothing_length);
+    for (position, &h) in positions(&built.dataset).zip(lengths) {
         let camera = view.to_camera(position);
         let Some(at) = view.to_pixels(camera).filter(|_| camera.z > 0.0) else { continue };
         if in_picture(view, at, 0.0) {
-            displaced += usize::from(!drawn.has_near(at));
+            let limit = f64::from(h) / 590.0;
+            let is_drawn = drawn.has_near(at) || places.iter().any(|place| place.distance(position) <= limit);
+            displaced += usize::from(!is_drawn);
             seen += 1;
         }
     }

@@ -1,28 +1,49 @@
-//! Runs of merged particles between two depths of the build.
+//! Runs of particles between two depths of the build.
 
 use super::sorted::{Columns, Sorted};
 use std::ops::Range;
 
-/// Merged particles that stand for a contiguous range of the sorted source particles, in Morton order. A node's
-/// particles are a sequence of blocks, so that a large node is merged in parallel.
+/// Merged particles that stand for the source particles of a run of whole cells, in Morton order of their cells.
 #[derive(Debug, Default)]
 pub(super) struct Block {
-    /// The source particles.
-    pub sources: Range<usize>,
     /// Morton key of each merged particle's first source particle: it has the cell of the merged one at the depth of
     /// merging and above.
     pub keys: Vec<u64>,
     /// True (not quantised) positions, fractions of the root cell.
     pub units: Vec<[f64; 3]>,
+    /// The box around the source particles of each, fractions of the root cell.
+    pub boxes: Vec<Box3>,
     pub columns: Columns,
     /// Packed positions at the depth of merging.
     pub words: Vec<u32>,
-    /// For each source particle, the index of the merged particle that stands for it.
-    pub owners: Vec<u32>,
-    /// Particles left out of the node by presence thinning; empty if there is none.
-    pub skipped: Vec<bool>,
-    /// Largest squared distance between a source particle and its decoded merged one, in root fractions.
+    /// Largest squared distance that a source particle can have from its decoded merged one, in root fractions.
     pub delta_squared: f64,
+}
+
+/// A box: smallest and largest coordinates.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Box3 {
+    pub low: [f64; 3],
+    pub high: [f64; 3],
+}
+
+impl Box3 {
+    /// A single place.
+    pub fn of(unit: [f64; 3]) -> Box3 {
+        Box3 { low: unit, high: unit }
+    }
+
+    pub fn union(self, other: Box3) -> Box3 {
+        Box3 {
+            low: std::array::from_fn(|axis| self.low[axis].min(other.low[axis])),
+            high: std::array::from_fn(|axis| self.high[axis].max(other.high[axis])),
+        }
+    }
+
+    /// Squared distance of the farthest corner from `place`.
+    pub fn reach_squared(&self, place: [f64; 3]) -> f64 {
+        (0..3).map(|axis| (place[axis] - self.low[axis]).max(self.high[axis] - place[axis]).powi(2)).sum()
+    }
 }
 
 impl Block {
@@ -31,46 +52,40 @@ impl Block {
         self.keys.len()
     }
 
-    /// Whether particle `i` is left out of the node.
-    pub fn is_skipped(&self, i: usize) -> bool {
-        !self.skipped.is_empty() && self.skipped[i]
-    }
-
-    /// Number of particles left out.
-    pub fn skipped_count(&self) -> usize {
-        self.skipped.iter().filter(|&&skipped| skipped).count()
+    /// Adds the particles of the run of cells that comes next.
+    pub fn append(&mut self, next: Block) {
+        self.keys.extend(next.keys);
+        self.units.extend(next.units);
+        self.boxes.extend(next.boxes);
+        self.words.extend(next.words);
+        self.columns.iter_mut().zip(next.columns.iter()).for_each(|(own, next)| own.extend(next));
+        self.delta_squared = self.delta_squared.max(next.delta_squared);
     }
 }
 
-/// What is merged: source particles of a leaf, or a block of a node below.
-#[derive(Clone, Copy, Debug)]
-pub(super) enum Piece<'a> {
-    Sources(usize, usize),
-    Block(&'a Block),
+/// What is merged: source particles of a leaf, or what was merged a depth below.
+#[derive(Debug)]
+pub(super) enum Content {
+    Sources(Range<usize>),
+    Block(Block),
 }
 
-impl<'a> Piece<'a> {
-    /// The source particles that the piece stands for.
-    pub fn sources(&self) -> Range<usize> {
-        match self {
-            Piece::Sources(start, end) => *start..*end,
-            Piece::Block(block) => block.sources.clone(),
-        }
-    }
-
+impl Content {
     /// Number of particles to merge.
     pub fn len(&self) -> usize {
         match self {
-            Piece::Sources(start, end) => end - start,
-            Piece::Block(block) => block.len(),
+            Content::Sources(range) => range.len(),
+            Content::Block(block) => block.len(),
         }
     }
 
-    /// The columns of the particles to merge.
-    pub fn view(&self, sorted: &'a Sorted) -> View<'a> {
+    /// The columns of the particles to merge; `sorted` are the source particles.
+    pub fn view<'a>(&'a self, sorted: &'a Sorted) -> View<'a> {
         match self {
-            Piece::Sources(start, end) => View::new(&sorted.keys, &sorted.units, &sorted.columns, *start..*end),
-            Piece::Block(block) => View::new(&block.keys, &block.units, &block.columns, 0..block.len()),
+            Content::Sources(range) => View::of(&sorted.keys, &sorted.units, None, &sorted.columns, range.clone()),
+            Content::Block(block) => {
+                View::of(&block.keys, &block.units, Some(&block.boxes), &block.columns, 0..block.len())
+            }
         }
     }
 }
@@ -79,6 +94,7 @@ impl<'a> Piece<'a> {
 pub(super) struct View<'a> {
     pub keys: &'a [u64],
     pub units: &'a [[f64; 3]],
+    boxes: Option<&'a [Box3]>,
     pub mass: &'a [f32],
     pub density: &'a [f32],
     pub smoothing_length: &'a [f32],
@@ -86,14 +102,26 @@ pub(super) struct View<'a> {
 }
 
 impl<'a> View<'a> {
-    fn new(keys: &'a [u64], units: &'a [[f64; 3]], columns: &'a Columns, range: Range<usize>) -> View<'a> {
+    fn of(
+        keys: &'a [u64],
+        units: &'a [[f64; 3]],
+        boxes: Option<&'a [Box3]>,
+        columns: &'a Columns,
+        range: Range<usize>,
+    ) -> View<'a> {
         View {
             keys: &keys[range.clone()],
             units: &units[range.clone()],
+            boxes: boxes.map(|boxes| &boxes[range.clone()]),
             mass: &columns.mass[range.clone()],
             density: &columns.density[range.clone()],
             smoothing_length: &columns.smoothing_length[range.clone()],
             attributes: columns.attributes.iter().map(|column| &column[range.clone()]).collect(),
         }
+    }
+
+    /// The box around the source particles of particle `i`.
+    pub fn box_of(&self, i: usize) -> Box3 {
+        self.boxes.map_or_else(|| Box3::of(self.units[i]), |boxes| boxes[i])
     }
 }

@@ -5,7 +5,8 @@
 //! of the masses, the mass-weighted mean position, smoothing length and density (so that `sum m rho` is kept, F12 4.1),
 //! and attributes weighted with `m rho` (F12 4.2). Its position is quantised to a quarter of the cell along each axis.
 
-use super::block::{Block, Piece, View};
+use super::Context;
+use super::block::{Block, Box3, Content, View};
 use super::sorted::{Columns, Sorted};
 use crate::codec::AttributeMerge;
 use crate::codec::coordinates::{CELL_BITS, GRID_BITS, GRID_POINT, pack_grid};
@@ -24,76 +25,44 @@ pub(super) struct Merger<'a> {
     pub rules: &'a [AttributeMerge],
 }
 
-impl Merger<'_> {
+impl<'a> Merger<'a> {
+    /// What merges the particles of a node.
+    pub fn new(context: &Context<'a>, key: NodeKey) -> Merger<'a> {
+        Merger { key, root: context.root, fusion: context.options.fusion, rules: context.rules }
+    }
+
     /// Edge of a cell, world units.
     fn cell_size(&self) -> f64 {
         self.key.size(self.root) * (-f64::from(CELL_BITS)).exp2()
     }
 
-    /// Merges consecutive pieces, none of which shares a cell with another, into one block.
-    pub fn merge(&self, pieces: &[Piece], sorted: &Sorted) -> Block {
-        let sources = match (pieces.first(), pieces.last()) {
-            (Some(first), Some(last)) => first.sources().start..last.sources().end,
-            _ => 0..0,
-        };
-        let len: usize = pieces.iter().map(Piece::len).sum();
-        let column = || Vec::with_capacity(len);
+    /// Merges what lies in neighbouring runs of cells into one block. Runs that share a merging cell must come as one content.
+    pub fn merge(&self, contents: &[Content], sorted: &Sorted) -> Block {
+        let len: usize = contents.iter().map(Content::len).sum();
         let mut out = Block {
-            owners: Vec::with_capacity(sources.len()),
-            sources,
             keys: Vec::with_capacity(len),
             units: Vec::with_capacity(len),
-            columns: Columns {
-                mass: column(),
-                density: column(),
-                smoothing_length: column(),
-                attributes: self.rules.iter().map(|_| column()).collect(),
-            },
+            boxes: Vec::with_capacity(len),
+            columns: Columns::with_capacity(self.rules.len(), len),
             words: Vec::with_capacity(len),
-            ..Block::default()
+            delta_squared: 0.0,
         };
-        let mut decoded = Vec::with_capacity(len);
-        let mut target = Vec::new();
         let mut scratch = Vec::new();
-        for piece in pieces {
-            self.merge_piece(&piece.view(sorted), &mut out, &mut decoded, &mut target, &mut scratch);
-            let sources = piece.sources();
-            let mut own = |i: usize, owner: u32| {
-                let (p, drawn): ([f64; 3], [f64; 3]) = (sorted.units[i], decoded[owner as usize]);
-                let d = [p[0] - drawn[0], p[1] - drawn[1], p[2] - drawn[2]];
-                out.delta_squared = out.delta_squared.max(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
-                out.owners.push(owner);
-            };
-            match piece {
-                Piece::Sources(..) => sources.zip(&target).for_each(|(i, &owner)| own(i, owner)),
-                Piece::Block(block) => {
-                    sources.zip(&block.owners).for_each(|(i, &owner)| own(i, target[owner as usize]));
-                }
-            }
+        for content in contents {
+            self.merge_view(&content.view(sorted), &mut out, &mut scratch);
         }
         out
     }
 
-    /// Merges one piece; `target[i]` becomes the index of the particle that `i` is merged into.
-    fn merge_piece(
-        &self,
-        from: &View,
-        out: &mut Block,
-        decoded: &mut Vec<[f64; 3]>,
-        target: &mut Vec<u32>,
-        scratch: &mut Vec<u32>,
-    ) {
+    fn merge_view(&self, from: &View, out: &mut Block, scratch: &mut Vec<u32>) {
         let shift = 3 * (MORTON_BITS - CELL_BITS - u32::from(self.key.depth));
         let q = self.cell_size();
-        target.clear();
-        target.resize(from.keys.len(), 0);
         let mut start = 0;
         while start < from.keys.len() {
             let cell = from.keys[start] >> shift;
             let len = from.keys[start..].iter().take_while(|&&key| key >> shift == cell).count();
             if len == 1 {
-                target[start] = out.len() as u32;
-                self.push_single(from, start, q, out, decoded);
+                self.push_single(from, start, q, out);
             } else {
                 // Smallest first: the points come first, and sprites to be merged are neighbours.
                 scratch.clear();
@@ -106,11 +75,10 @@ impl Merger<'_> {
                     let limit = if smallest <= q { q } else { smallest + self.fusion * q };
                     let size = rest.iter().take_while(|&&i| f64::from(h(i)) <= limit).count();
                     let (group, after) = rest.split_at(size);
-                    group.iter().for_each(|&i| target[i as usize] = out.len() as u32);
                     if let [one] = group {
-                        self.push_single(from, *one as usize, q, out, decoded);
+                        self.push_single(from, *one as usize, q, out);
                     } else {
-                        self.push_group(from, group, q, out, decoded);
+                        self.push_group(from, group, q, out);
                     }
                     rest = after;
                 }
@@ -119,17 +87,17 @@ impl Merger<'_> {
         }
     }
 
-    fn push_single(&self, from: &View, i: usize, q: f64, out: &mut Block, decoded: &mut Vec<[f64; 3]>) {
+    fn push_single(&self, from: &View, i: usize, q: f64, out: &mut Block) {
         let columns = &mut out.columns;
         columns.mass.push(from.mass[i]);
         columns.density.push(from.density[i]);
         columns.smoothing_length.push(from.smoothing_length[i]);
         columns.attributes.iter_mut().zip(&from.attributes).for_each(|(out, values)| out.push(values[i]));
         let point = f64::from(from.smoothing_length[i]) <= q;
-        self.push_position(from.keys[i], from.units[i], point, out, decoded);
+        self.push_position(from.keys[i], from.units[i], from.box_of(i), point, out);
     }
 
-    fn push_group(&self, from: &View, group: &[u32], q: f64, out: &mut Block, decoded: &mut Vec<[f64; 3]>) {
+    fn push_group(&self, from: &View, group: &[u32], q: f64, out: &mut Block) {
         let (mut mass, mut presence, mut smoothing, mut position) = (0.0, 0.0, 0.0, [0.0; 3]);
         for &i in group {
             let i = i as usize;
@@ -159,11 +127,12 @@ impl Merger<'_> {
         }
         let first = group[0] as usize;
         let point = f64::from(h) <= q;
-        self.push_position(from.keys[first], position.map(|x| x / mass), point, out, decoded);
+        let around = group.iter().map(|&i| from.box_of(i as usize)).reduce(Box3::union).unwrap_or_default();
+        self.push_position(from.keys[first], position.map(|x| x / mass), around, point, out);
     }
 
     /// Stores a position and its packed form, in the cell of `key`: rounding must not move a centroid to the next one.
-    fn push_position(&self, key: u64, unit: [f64; 3], point: bool, out: &mut Block, decoded: &mut Vec<[f64; 3]>) {
+    fn push_position(&self, key: u64, unit: [f64; 3], around: Box3, point: bool, out: &mut Block) {
         let depth = u32::from(self.key.depth);
         let bins = f64::from(1_u32 << (depth + GRID_BITS));
         let cell = morton::decode(key >> (3 * (MORTON_BITS - CELL_BITS - depth)));
@@ -177,7 +146,8 @@ impl Merger<'_> {
         out.keys.push(key);
         out.units.push(unit);
         out.words.push(pack_grid(bin, point));
-        decoded.push(center);
+        out.boxes.push(around);
+        out.delta_squared = out.delta_squared.max(around.reach_squared(center));
     }
 }
 

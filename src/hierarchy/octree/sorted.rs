@@ -1,74 +1,178 @@
-//! A family's particles in Morton order.
+//! Particles of a bucket in Morton order.
 
-use super::OctreeError;
 use crate::codec::morton::{self, MORTON_BITS};
 use crate::hierarchy::RootCell;
-use crate::model::{Bounds, Family};
 use glam::DVec3;
-use rayon::prelude::*;
+
+/// Bits per coordinate of a [`Place`]: finer than the 35 that the deepest leaf resolves.
+const PLACE_BITS: u32 = 2 * MORTON_BITS;
+
+/// A position as a fraction of the root cell with 42 bits a coordinate: a Morton key, and one of 2^-21 of the key's cell. In the
+/// order of pairs, places are in Morton order. What it loses is at most `2^-43` of the root cell along each axis.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Place {
+    /// The Morton key over the root cell.
+    pub key: u64,
+    /// The Morton key inside the cell of `key`.
+    pub rest: u64,
+}
+
+impl Place {
+    /// The place of a position; one outside the root cell goes to the nearest place in it.
+    pub fn of(position: [f64; 3], root: RootCell) -> Place {
+        let unit = (DVec3::from_array(position) - root.min) / root.size;
+        // The saturating cast takes care of what rounding puts outside.
+        let fixed = unit.to_array().map(|x| ((x * (1_u64 << PLACE_BITS) as f64) as u64).min((1 << PLACE_BITS) - 1));
+        Place {
+            key: morton::encode(fixed.map(|v| (v >> MORTON_BITS) as u32)),
+            rest: morton::encode(fixed.map(|v| (v & ((1 << MORTON_BITS) - 1)) as u32)),
+        }
+    }
+
+    /// The position as fractions of the root cell, each in `(0, 1)`; exact in doubles.
+    pub fn unit(self) -> [f64; 3] {
+        let (high, low) = (morton::decode(self.key), morton::decode(self.rest));
+        std::array::from_fn(|axis| {
+            let fixed = u64::from(high[axis]) << MORTON_BITS | u64::from(low[axis]);
+            (fixed as f64 + 0.5) / (1_u64 << PLACE_BITS) as f64
+        })
+    }
+}
 
 /// Quantities of many particles, one column each.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Columns {
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Columns {
+    /// Masses.
     pub mass: Vec<f32>,
+    /// Densities.
     pub density: Vec<f32>,
+    /// Smoothing lengths.
     pub smoothing_length: Vec<f32>,
+    /// Attributes, in the family's order.
     pub attributes: Vec<Vec<f32>>,
 }
 
-/// The source particles, sorted by Morton key (and input order where keys are equal).
+impl Columns {
+    /// No particles yet, room for `capacity`.
+    pub fn with_capacity(attributes: usize, capacity: usize) -> Columns {
+        let column = || Vec::with_capacity(capacity);
+        Columns {
+            mass: column(),
+            density: column(),
+            smoothing_length: column(),
+            attributes: (0..attributes).map(|_| column()).collect(),
+        }
+    }
+
+    /// Number of particles.
+    pub fn len(&self) -> usize {
+        self.mass.len()
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.mass.is_empty()
+    }
+
+    /// All columns: mass, density, smoothing length, attributes.
+    pub fn iter(&self) -> impl Iterator<Item = &Vec<f32>> {
+        [&self.mass, &self.density, &self.smoothing_length].into_iter().chain(&self.attributes)
+    }
+
+    /// The same, to write.
+    pub fn iter_mut(&mut self) -> impl Iterator<Item = &mut Vec<f32>> {
+        [&mut self.mass, &mut self.density, &mut self.smoothing_length].into_iter().chain(&mut self.attributes)
+    }
+
+    /// A run of the particles.
+    pub fn slice(&self, range: std::ops::Range<usize>) -> Columns {
+        let slice = |column: &Vec<f32>| column[range.clone()].to_vec();
+        Columns {
+            mass: slice(&self.mass),
+            density: slice(&self.density),
+            smoothing_length: slice(&self.smoothing_length),
+            attributes: self.attributes.iter().map(slice).collect(),
+        }
+    }
+
+    /// The particles with these indices.
+    pub fn gather(&self, order: &[u32]) -> Columns {
+        let gather = |column: &Vec<f32>| order.iter().map(|&i| column[i as usize]).collect();
+        Columns {
+            mass: gather(&self.mass),
+            density: gather(&self.density),
+            smoothing_length: gather(&self.smoothing_length),
+            attributes: self.attributes.iter().map(gather).collect(),
+        }
+    }
+}
+
+/// The particles of a bucket, in Morton order.
 #[derive(Debug)]
 pub(super) struct Sorted {
     /// Keys over the root cell.
     pub keys: Vec<u64>,
-    /// Positions as fractions of the root cell, each in `[0, 1)`.
+    /// Positions as fractions of the root cell.
     pub units: Vec<[f64; 3]>,
     pub columns: Columns,
 }
 
 impl Sorted {
-    /// Sorts a family, column by column, freeing each as it goes.
-    pub fn new(family: Family, root: RootCell) -> Result<Sorted, OctreeError> {
-        let count = family.positions.len();
-        if u32::try_from(count).is_err() {
-            return Err(OctreeError::new(family.name, "count", "at most 4294967295 particles in one family"));
+    /// Sorts particles by place, those of one place by their quantities: the order in which they came does not matter.
+    pub fn new(places: Vec<Place>, columns: Columns) -> Sorted {
+        let mut order: Vec<(Place, u32)> = places.into_iter().zip(0..).collect();
+        let tie = |a: u32, b: u32| {
+            let differ = |column: &Vec<f32>| column[a as usize].total_cmp(&column[b as usize]);
+            columns.iter().map(differ).find(|order| order.is_ne()).unwrap_or(std::cmp::Ordering::Equal)
+        };
+        order.sort_unstable_by(|a, b| a.0.cmp(&b.0).then_with(|| tie(a.1, b.1)));
+        let keys = order.iter().map(|(place, _)| place.key).collect();
+        let units = order.iter().map(|(place, _)| place.unit()).collect();
+        let order: Vec<u32> = order.into_iter().map(|(_, i)| i).collect();
+        Sorted { keys, units, columns: columns.gather(&order) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn places_are_near_and_in_morton_order(a in prop::array::uniform3(-5.0..5.0_f64), b in prop::array::uniform3(-5.0..5.0_f64)) {
+            let root = RootCell { min: DVec3::splat(-5.0), size: 10.0 };
+            let (pa, pb) = (Place::of(a, root), Place::of(b, root));
+            for axis in 0..3 {
+                let back = root.min[axis] + pa.unit()[axis] * root.size;
+                prop_assert!((back - a[axis]).abs() <= root.size * 2.0_f64.powi(-42));
+            }
+            if pa.key != pb.key {
+                prop_assert_eq!(pa < pb, pa.key < pb.key);
+            }
         }
-        let unit = |position: &[f64; 3]| {
-            // The largest double below 1 keeps what rounding puts on the far side inside.
-            ((DVec3::from_array(*position) - root.min) / root.size)
-                .clamp(DVec3::ZERO, DVec3::splat(1.0 - f64::EPSILON / 2.0))
-        };
-        let mut order: Vec<(u64, u32)> = family
-            .positions
-            .par_iter()
-            .enumerate()
-            .map(|(i, position)| {
-                let cell = unit(position) * f64::from(1 << MORTON_BITS);
-                (morton::encode(cell.to_array().map(|v| v as u32)), i as u32)
-            })
-            .collect();
-        order.par_sort_unstable();
-        let keys = order.par_iter().map(|&(key, _)| key).collect();
-        let order: Vec<u32> = order.par_iter().map(|&(_, i)| i).collect();
-        let units = order.par_iter().map(|&i| unit(&family.positions[i as usize]).to_array()).collect();
-        drop(family.positions);
-        let gather = |column: Vec<f32>| order.par_iter().map(|&i| column[i as usize]).collect();
-        let columns = Columns {
-            mass: gather(family.mass),
-            density: gather(family.density),
-            smoothing_length: gather(family.smoothing_length),
-            attributes: family.attributes.into_iter().map(|attribute| gather(attribute.values)).collect(),
-        };
-        Ok(Sorted { keys, units, columns })
-    }
 
-    /// Number of particles.
-    pub fn len(&self) -> usize {
-        self.keys.len()
-    }
-
-    /// The box around the positions of a range, in root fractions.
-    pub fn bounds(&self, range: std::ops::Range<usize>) -> Bounds {
-        Bounds::of(self.units[range].iter().copied())
+        #[test]
+        fn the_order_of_arrival_does_not_matter(
+            particles in prop::collection::vec((0..4_u64, 0..3_u64, 0..3_u8, 0..3_u8), 1..60), seed: u64,
+        ) {
+            let sort = |particles: &[(u64, u64, u8, u8)]| {
+                let places = particles.iter().map(|p| Place { key: p.0, rest: p.1 }).collect();
+                let column = |value: &dyn Fn(&(u64, u64, u8, u8)) -> u8| particles.iter().map(|p| f32::from(value(p))).collect::<Vec<_>>();
+                let columns = Columns {
+                    mass: column(&|p| p.2),
+                    density: column(&|_| 1),
+                    smoothing_length: column(&|p| p.3),
+                    attributes: vec![column(&|p| p.2 + p.3)],
+                };
+                let sorted = Sorted::new(places, columns);
+                (sorted.keys, sorted.units, sorted.columns)
+            };
+            let mut shuffled = particles.clone();
+            for i in (1..shuffled.len()).rev() {
+                shuffled.swap(i, (seed.rotate_left(i as u32) % (i as u64 + 1)) as usize);
+            }
+            prop_assert_eq!(sort(&particles), sort(&shuffled));
+        }
     }
 }

@@ -1,0 +1,121 @@
+//! How much memory each part of a build may take.
+
+use super::partition::particle_bytes;
+use super::{BuildError, BuildOptions};
+use crate::import::{Description, FieldKind};
+use crate::store::temporary::{folder_of, free_bytes};
+use std::path::{Path, PathBuf};
+
+/// Memory of the program itself: code, buffers of the threads, tables of nodes.
+const BASE: u64 = 96 << 20;
+/// What a machine is taken to have free that does not say.
+const UNKNOWN: u64 = 4 << 30;
+/// Bytes that building a bucket takes for each of its particles, beside its attributes: sorted, and merged at two depths.
+const BUCKET_PARTICLE: u64 = 360;
+/// The same for each attribute.
+const BUCKET_ATTRIBUTE: u64 = 24;
+/// Particles that all nodes of a tree draw, for each source particle, at most about.
+const NODE_PARTICLES: f64 = 2.4;
+
+/// The shares of a build's memory, bytes.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Memory {
+    /// Folder of temporary files.
+    pub folder: PathBuf,
+    /// For the particles of buckets; what exceeds it goes to the disk.
+    pub particles: u64,
+    /// For the particles of nodes.
+    pub nodes: u64,
+    /// For buckets while they are built.
+    buckets: u64,
+    /// For one particle of them.
+    bucket_particle: u64,
+    allowed: u64,
+}
+
+impl Memory {
+    /// Shares the memory out for a family of `count` particles in `buckets` buckets of about `most`, and checks that the disk has
+    /// room for what memory has not.
+    pub fn plan(
+        options: &BuildOptions,
+        out: &Path,
+        count: u64,
+        attributes: usize,
+        most: usize,
+        buckets: usize,
+    ) -> Result<Memory, BuildError> {
+        let allowed = options.memory.unwrap_or_else(default_memory);
+        let folder = options.temporary.clone().unwrap_or_else(|| folder_of(out).to_owned());
+        let particle = particle_bytes(attributes);
+        let bucket_particle = BUCKET_PARTICLE + BUCKET_ATTRIBUTE * attributes as u64;
+        let bucket = bucket_particle * (most as u64).min(count);
+        // Particles that wait for company in each bucket: half of a run on average.
+        let waiting = 1024 * particle * buckets as u64;
+        let fixed = BASE.min(allowed / 4) + waiting.min(count * particle);
+        let rest = allowed.saturating_sub(fixed);
+        let workers = (rayon::current_num_threads() as u64).min((rest / 2) / bucket.max(1)).max(1);
+        let building = (workers * bucket).min(rest);
+        // A fifth is left to the allocator's gaps.
+        let room = (rest - building) / 5 * 4;
+        let for_particles = count * particle;
+        let for_nodes = (count as f64 * NODE_PARTICLES * (4.0 * (3 + attributes) as f64 + 5.0)) as u64;
+        let share = |needed: u64| (room as f64 * needed as f64 / (for_particles + for_nodes).max(1) as f64) as u64;
+        let (particles, nodes) = (share(for_particles), share(for_nodes));
+        let on_disk = for_particles.saturating_sub(particles) + for_nodes.saturating_sub(nodes);
+        // The output itself comes on top, at most a dozen bytes for each particle.
+        if let Some(free) = free_bytes(&folder)
+            && on_disk > 0
+            && on_disk + 12 * count > free
+        {
+            return Err(BuildError::Space {
+                path: out.to_owned(),
+                folder,
+                needed: (on_disk + 12 * count).div_ceil(1 << 20),
+                free: free >> 20,
+            });
+        }
+        Ok(Memory { folder, particles, nodes, buckets: rest, bucket_particle, allowed })
+    }
+
+    /// How many buckets may be built at a time, the largest of which has so many particles.
+    pub fn workers(&self, largest: usize, out: &Path) -> Result<usize, BuildError> {
+        let needed = self.bucket_particle * largest as u64;
+        if needed > self.buckets {
+            return Err(BuildError::Memory {
+                path: out.to_owned(),
+                what: format!("one cell with {largest} particles"),
+                needed: needed.div_ceil(1 << 20),
+                allowed: self.allowed >> 20,
+            });
+        }
+        Ok(((self.buckets / 2) / needed.max(1)).clamp(1, rayon::current_num_threads() as u64) as usize)
+    }
+}
+
+/// Refuses to load what does not fit, where neighbours have to be found.
+pub(super) fn check_load(about: &Description, options: &BuildOptions, out: &Path) -> Result<(), BuildError> {
+    let Some(allowed) = options.memory else { return Ok(()) };
+    let bytes = |info: &crate::import::FamilyInfo| {
+        let has = |kind| info.find(kind).is_some();
+        let search = if has(FieldKind::SmoothingLength) && has(FieldKind::Density) { 0 } else { 96 };
+        info.count * (24 + 12 + 20 + search)
+    };
+    let needed: u64 = about.families.iter().map(bytes).sum();
+    if needed > allowed {
+        return Err(BuildError::Memory {
+            path: out.to_owned(),
+            what: "estimating smoothing lengths and densities from neighbours".into(),
+            needed: needed.div_ceil(1 << 20),
+            allowed: allowed >> 20,
+        });
+    }
+    Ok(())
+}
+
+/// Half of what the machine has free.
+fn default_memory() -> u64 {
+    let text = std::fs::read_to_string("/proc/meminfo").unwrap_or_default();
+    let available = text.lines().find_map(|line| line.strip_prefix("MemAvailable:"));
+    let kibibytes = available.and_then(|text| text.trim().trim_end_matches("kB").trim().parse::<u64>().ok());
+    kibibytes.map_or(UNKNOWN, |kibibytes| kibibytes.saturating_mul(1024)) / 2
+}

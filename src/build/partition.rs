@@ -1,0 +1,162 @@
+//! The second pass over a family: every particle goes to the bucket that its Morton key says, and into the histograms.
+
+use super::BuildError;
+use super::spill::{Blob, Spill};
+use crate::hierarchy::attribute_info::{HistogramBins, Range, missing_replaced};
+use crate::hierarchy::octree::{Columns, Place, Plan};
+use crate::hierarchy::{Histogram, RootCell};
+use crate::model::progress::Progress;
+use crate::model::{Chunk, ParticleStream};
+use rayon::prelude::*;
+use std::sync::Mutex;
+
+/// Particles of a bucket that are put away together.
+const RUN: usize = 1024;
+
+/// The particles of all buckets.
+pub(super) struct Partition {
+    spill: Spill,
+    attributes: usize,
+    buckets: Vec<Bucket>,
+}
+
+/// One bucket: runs that have been put away, and the particles that still wait for enough company.
+#[derive(Default)]
+struct Bucket {
+    runs: Vec<Blob>,
+    places: Vec<Place>,
+    columns: Columns,
+}
+
+/// Bytes that a particle with so many attributes takes in a partition.
+pub(super) fn particle_bytes(attributes: usize) -> u64 {
+    (size_of::<Place>() + size_of::<f32>() * (3 + attributes)) as u64
+}
+
+impl Partition {
+    /// Reads the whole family.
+    ///
+    /// # Errors
+    /// When it cannot be read, or its particles not be put away.
+    pub fn of(
+        stream: &dyn ParticleStream,
+        ranges: &[Range],
+        plan: &Plan,
+        root: RootCell,
+        spill: Spill,
+        progress: &dyn Progress,
+    ) -> Result<(Partition, Vec<Histogram>), BuildError> {
+        let attributes = stream.attributes().len();
+        progress.begin(&format!("sorting {}", stream.family()), stream.particles());
+        let empty = || Bucket { columns: Columns::with_capacity(attributes, 0), ..Bucket::default() };
+        let buckets: Vec<Mutex<Bucket>> = (0..plan.len()).map(|_| Mutex::new(empty())).collect();
+        let bins: Vec<HistogramBins> = ranges.iter().map(HistogramBins::of).collect();
+        let counts = (0..stream.chunks())
+            .into_par_iter()
+            .map_init(Chunk::default, |chunk, number| {
+                stream.read(number, chunk)?;
+                for (values, range) in chunk.attributes.iter_mut().zip(&ranges[3..]) {
+                    missing_replaced(values, range.mean() as f32);
+                }
+                let quantities = [&chunk.mass, &chunk.density, &chunk.smoothing_length];
+                let columns: Vec<&Vec<f32>> = quantities.into_iter().chain(&chunk.attributes).collect();
+                let counts: Vec<Vec<u64>> =
+                    columns.iter().zip(&bins).map(|(column, bins)| bins.count(column)).collect();
+                distribute(chunk, &columns, plan, root, &buckets, &spill)?;
+                progress.advance(chunk.positions.len() as u64);
+                Ok(counts)
+            })
+            .try_reduce_with(|mut all, more| {
+                all.iter_mut().flatten().zip(more.iter().flatten()).for_each(|(all, more)| *all += more);
+                Ok::<_, BuildError>(all)
+            })
+            .unwrap_or_else(|| Ok(bins.iter().map(|bins| bins.count(&[])).collect()))?;
+        // What was replaced for a missing value is no value of the source.
+        let histograms = bins.into_iter().zip(counts).zip(ranges);
+        let histograms = histograms.map(|((bins, counts), range)| bins.finish(counts, range.missing)).collect();
+        let buckets =
+            buckets.into_iter().map(|bucket| bucket.into_inner().unwrap_or_else(|e| e.into_inner())).collect();
+        Ok((Partition { spill, attributes, buckets }, histograms))
+    }
+
+    /// Number of particles in a bucket.
+    pub fn len(&self, bucket: usize) -> usize {
+        self.buckets[bucket].runs.len() * RUN + self.buckets[bucket].places.len()
+    }
+
+    /// Bytes in the temporary file.
+    pub fn on_disk(&self) -> u64 {
+        self.spill.on_disk()
+    }
+
+    /// The particles of a bucket, in no particular order.
+    ///
+    /// # Errors
+    /// When they cannot be read back.
+    pub fn read(&self, bucket: usize) -> Result<(Vec<Place>, Columns), BuildError> {
+        let Bucket { runs, places: waiting, columns: rest } = &self.buckets[bucket];
+        let len = self.len(bucket);
+        let mut places = Vec::with_capacity(len);
+        let mut columns = Columns::with_capacity(self.attributes, len);
+        for run in runs {
+            let bytes = self.spill.get(run).map_err(|error| BuildError::temporary(&self.spill, error))?;
+            let (keys, values) = bytes.split_at(RUN * size_of::<Place>());
+            let (keys, rests) = keys.split_at(RUN * size_of::<u64>());
+            let pairs = bytemuck::cast_slice(keys).iter().zip(bytemuck::cast_slice(rests));
+            places.extend(pairs.map(|(&key, &rest)| Place { key, rest }));
+            let values = values.chunks_exact(RUN * size_of::<f32>());
+            columns
+                .iter_mut()
+                .zip(values)
+                .for_each(|(column, values)| column.extend_from_slice(bytemuck::cast_slice(values)));
+        }
+        places.extend(waiting);
+        columns.iter_mut().zip(rest.iter()).for_each(|(column, rest)| column.extend(rest));
+        Ok((places, columns))
+    }
+}
+
+/// Sends the particles of a chunk to their buckets.
+fn distribute(
+    chunk: &Chunk,
+    columns: &[&Vec<f32>],
+    plan: &Plan,
+    root: RootCell,
+    buckets: &[Mutex<Bucket>],
+    spill: &Spill,
+) -> Result<(), BuildError> {
+    let places: Vec<Place> = chunk.positions.iter().map(|&position| Place::of(position, root)).collect();
+    let mut order: Vec<(u32, u32)> =
+        places.iter().zip(0..).map(|(place, i)| (plan.bucket(place.key) as u32, i)).collect();
+    order.sort_unstable();
+    for run in order.chunk_by(|a, b| a.0 == b.0) {
+        let mut bucket = buckets[run[0].0 as usize].lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+        let mut rest = run;
+        while !rest.is_empty() {
+            let (now, after) = rest.split_at(rest.len().min(RUN - bucket.places.len()));
+            bucket.places.extend(now.iter().map(|&(_, i)| places[i as usize]));
+            for (own, column) in bucket.columns.iter_mut().zip(columns) {
+                own.extend(now.iter().map(|&(_, i)| column[i as usize]));
+            }
+            rest = after;
+            if bucket.places.len() == RUN {
+                bucket.put_away(spill)?;
+            }
+        }
+    }
+    Ok(())
+}
+
+impl Bucket {
+    fn put_away(&mut self, spill: &Spill) -> Result<(), BuildError> {
+        let keys: Vec<u64> = self.places.iter().map(|place| place.key).collect();
+        let rests: Vec<u64> = self.places.iter().map(|place| place.rest).collect();
+        let mut parts: Vec<&[u8]> = vec![bytemuck::cast_slice(&keys), bytemuck::cast_slice(&rests)];
+        parts.extend(self.columns.iter().map(|column| bytemuck::cast_slice::<f32, u8>(column)));
+        let blob = spill.put(&parts).map_err(|error| BuildError::temporary(spill, error))?;
+        self.runs.push(blob);
+        self.places.clear();
+        self.columns.iter_mut().for_each(Vec::clear);
+        Ok(())
+    }
+}

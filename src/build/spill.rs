@@ -1,0 +1,169 @@
+//! Where a build keeps what it will need again: in memory while there is room, in a temporary file beyond.
+//!
+//! Which of the two does not change what is read back, so the output does not depend on the memory that a build may take.
+
+use crate::store::positioned::{read_exact_at, write_all_at};
+use crate::store::temporary::Temporary;
+use std::borrow::Cow;
+use std::fs::File;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Mutex, OnceLock};
+
+/// A place for many blobs of bytes, written and read by several threads.
+#[derive(Debug)]
+pub struct Spill {
+    output: PathBuf,
+    folder: PathBuf,
+    room: AtomicU64,
+    /// Held while the file is created.
+    creation: Mutex<()>,
+    file: OnceLock<Temporary>,
+    end: AtomicU64,
+}
+
+/// What [`Spill::put`] has put away.
+#[derive(Debug)]
+pub struct Blob {
+    len: u64,
+    place: Place,
+}
+
+#[derive(Debug)]
+enum Place {
+    Memory(Vec<u64>),
+    Disk(u64),
+}
+
+impl Blob {
+    /// Number of bytes.
+    pub fn len(&self) -> usize {
+        self.len as usize
+    }
+}
+
+/// Bytes that were put away; aligned for any number.
+pub struct Bytes<'a> {
+    len: usize,
+    words: Cow<'a, [u64]>,
+}
+
+impl std::ops::Deref for Bytes<'_> {
+    type Target = [u8];
+
+    fn deref(&self) -> &[u8] {
+        &bytemuck::cast_slice(&self.words)[..self.len]
+    }
+}
+
+impl Spill {
+    /// Keeps up to `room` bytes in memory, and the rest in a temporary file in `folder` that helps to write `output`.
+    pub fn new(output: &Path, folder: &Path, room: u64) -> Spill {
+        Spill {
+            output: output.to_owned(),
+            folder: folder.to_owned(),
+            room: AtomicU64::new(room),
+            creation: Mutex::new(()),
+            file: OnceLock::new(),
+            end: AtomicU64::new(0),
+        }
+    }
+
+    /// Folder of the temporary file.
+    pub fn folder(&self) -> &Path {
+        &self.folder
+    }
+
+    /// Bytes in the temporary file.
+    pub fn on_disk(&self) -> u64 {
+        self.end.load(Ordering::Relaxed)
+    }
+
+    /// Puts the parts away, one after the other.
+    ///
+    /// # Errors
+    /// When the disk takes no more.
+    pub fn put(&self, parts: &[&[u8]]) -> io::Result<Blob> {
+        let len: usize = parts.iter().map(|part| part.len()).sum();
+        let bytes = len.next_multiple_of(8) as u64;
+        let mut words = vec![0_u64; len.div_ceil(8)];
+        let mut at = 0;
+        for part in parts {
+            bytemuck::cast_slice_mut(&mut words)[at..at + part.len()].copy_from_slice(part);
+            at += part.len();
+        }
+        let take = |room: u64| room.checked_sub(bytes);
+        if self.room.fetch_update(Ordering::Relaxed, Ordering::Relaxed, take).is_ok() {
+            return Ok(Blob { len: len as u64, place: Place::Memory(words) });
+        }
+        let offset = self.end.fetch_add(bytes, Ordering::Relaxed);
+        write_all_at(self.file()?, bytemuck::cast_slice(&words), offset)?;
+        Ok(Blob { len: len as u64, place: Place::Disk(offset) })
+    }
+
+    /// Gives a blob of this spill back.
+    ///
+    /// # Errors
+    /// When the disk does not.
+    pub fn get<'a>(&self, blob: &'a Blob) -> io::Result<Bytes<'a>> {
+        let words = match &blob.place {
+            Place::Memory(words) => Cow::Borrowed(&words[..]),
+            Place::Disk(offset) => {
+                let mut words = vec![0_u64; blob.len().div_ceil(8)];
+                read_exact_at(self.file()?, bytemuck::cast_slice_mut(&mut words), *offset)?;
+                Cow::Owned(words)
+            }
+        };
+        Ok(Bytes { len: blob.len(), words })
+    }
+
+    /// Forgets a blob; its memory is free for others.
+    pub fn forget(&self, blob: Blob) {
+        if let Place::Memory(words) = blob.place {
+            self.room.fetch_add(8 * words.len() as u64, Ordering::Relaxed);
+        }
+    }
+
+    fn file(&self) -> io::Result<&File> {
+        if self.file.get().is_none() {
+            // A poisoned lock protects nothing here.
+            let _creating = self.creation.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+            if self.file.get().is_none() {
+                let _ = self.file.set(Temporary::create(&self.output, Some(&self.folder))?);
+            }
+        }
+        self.file.get().map(Temporary::file).ok_or_else(|| io::Error::other("no temporary file"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rayon::prelude::*;
+
+    #[test]
+    fn what_is_put_away_comes_back_from_memory_and_disk() {
+        let folder = tempfile::tempdir().unwrap();
+        let spill = Spill::new(&folder.path().join("out"), folder.path(), 1000);
+        let content = |i: usize| (0..i).map(|k| (k * i) as u8).collect::<Vec<u8>>();
+        let blobs: Vec<Blob> = (0..200_usize)
+            .into_par_iter()
+            .map(|i| {
+                let bytes = content(i);
+                let (a, b) = bytes.split_at(i / 3);
+                spill.put(&[a, b]).unwrap()
+            })
+            .collect();
+        assert!(spill.on_disk() > 10_000);
+        for (i, blob) in blobs.iter().enumerate() {
+            assert_eq!(*spill.get(blob).unwrap(), content(i));
+        }
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+        let room = spill.room.load(Ordering::Relaxed);
+        blobs.into_iter().for_each(|blob| spill.forget(blob));
+        assert!(room < 200 && spill.room.load(Ordering::Relaxed) == 1000);
+        drop(spill);
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+    }
+}

@@ -1,0 +1,280 @@
+//! A family's tree, from its buckets to coded nodes.
+
+use super::BuildError;
+use super::coding::{self, Batch};
+use super::partition::Partition;
+use super::spill::{Blob, Spill};
+use crate::codec::positions::{encode_grid, encode_leaf};
+use crate::codec::{BatchInfo, Codebook, Quantities, Scaling};
+use crate::hierarchy::octree::{
+    Columns, Context, Open, Piece, Plan, Tree, TreeNode, Words, assemble, build_bucket, join,
+};
+use crate::hierarchy::{Encoding, LevelInfo};
+use crate::model::FamilyName;
+use crate::model::progress::Progress;
+use crate::store::Node;
+use crate::store::paging::{PlannedNode, Sections};
+use rayon::prelude::*;
+
+/// The particles of a piece, put away.
+#[derive(Debug)]
+pub(super) struct Kept {
+    positions: Positions,
+    batch: Batch,
+}
+
+#[derive(Debug)]
+enum Positions {
+    /// A section as it will be stored.
+    Encoded(Blob),
+    /// Grid words of a part of a node.
+    Words(Blob),
+}
+
+/// A coded tree that only has to be written.
+pub(super) struct CodedTree {
+    spill: Spill,
+    /// The nodes, without the places of their children.
+    pub nodes: Vec<Vec<PlannedNode>>,
+    sections: Vec<Vec<NodeSections>>,
+    /// Entry of each code, for each codebook.
+    numbers: Vec<Vec<u16>>,
+    /// The codebooks.
+    pub codebooks: Vec<Codebook>,
+    /// One for each depth, without bytes.
+    pub levels: Vec<LevelInfo>,
+}
+
+/// Where the sections of a node are.
+#[derive(Debug, Default)]
+struct NodeSections {
+    positions: Option<Blob>,
+    codes: Vec<(Blob, usize)>,
+}
+
+/// Builds the pieces of all buckets, at most `workers` at a time, and puts them together.
+///
+/// # Errors
+/// When something cannot be put away or read back.
+pub(super) fn grow(
+    context: &Context,
+    family: FamilyName,
+    plan: &Plan,
+    partition: Partition,
+    spill: &Spill,
+    workers: usize,
+    progress: &dyn Progress,
+) -> Result<Tree<Kept>, BuildError> {
+    progress.begin(&format!("merging {family}"), plan.len() as u64);
+    let keep = |piece: Piece<Words>| {
+        piece.map(|words| Kept::put(words, spill).map_err(|error| BuildError::temporary(spill, error)))
+    };
+    let one = |bucket: usize| -> Result<(Vec<Piece<Kept>>, Option<Open>), BuildError> {
+        let (places, columns) = partition.read(bucket)?;
+        let mut pieces = Vec::new();
+        let open = build_bucket(context, plan, bucket, places, columns, &mut |piece| {
+            pieces.push(keep(piece)?);
+            Ok::<_, BuildError>(())
+        })?;
+        progress.advance(1);
+        Ok((pieces, open))
+    };
+    let all = || (0..plan.len()).into_par_iter().with_max_len(1).map(one).collect::<Result<Vec<_>, _>>();
+    let built = if workers < rayon::current_num_threads() { super::pool(workers)?.install(all) } else { all() }?;
+    drop(partition);
+    let (mut pieces, mut open) = (Vec::new(), Vec::new());
+    for (more, left) in built {
+        pieces.extend(more);
+        open.extend(left);
+    }
+    join(context, open, &mut |piece| {
+        pieces.push(keep(piece)?);
+        Ok::<_, BuildError>(())
+    })?;
+    // A stream without particles was refused before.
+    assemble(pieces, context.root, context.options)
+        .ok_or_else(|| super::survey::column_error(family, "count", "at least one particle"))
+}
+
+/// Codes a tree.
+///
+/// # Errors
+/// When something cannot be put away or read back.
+pub(super) fn code(
+    family: FamilyName,
+    tree: Tree<Kept>,
+    scaling: &Scaling,
+    spill: Spill,
+    vq_bits: crate::codec::VqBits,
+    progress: &dyn Progress,
+) -> Result<CodedTree, BuildError> {
+    let failed = |error| BuildError::temporary(&spill, error);
+    progress.begin(&format!("coding {family}"), tree.nodes.len() as u64 + 1);
+    let Tree { nodes, levels } = tree;
+    // Positions become sections; batches are listed by what shares a codebook.
+    let mut sections: Vec<Vec<NodeSections>> = Vec::with_capacity(nodes.len());
+    let mut batches: Vec<Vec<Vec<Batch>>> = Vec::with_capacity(nodes.len());
+    let mut drafts: Vec<Vec<TreeNode<()>>> = Vec::with_capacity(nodes.len());
+    for level in nodes {
+        let level: Vec<_> =
+            level.into_par_iter().map(|node| split(node, &spill)).collect::<Result<_, _>>().map_err(failed)?;
+        let (mut own_drafts, mut own_sections, mut own_batches) = (Vec::new(), Vec::new(), Vec::new());
+        for (draft, positions, batches) in level {
+            own_drafts.push(draft);
+            own_sections.push(NodeSections { positions, codes: Vec::new() });
+            own_batches.push(batches);
+        }
+        drafts.push(own_drafts);
+        sections.push(own_sections);
+        batches.push(own_batches);
+    }
+    let coded = coding::code(&drafts, batches, scaling, &spill, vq_bits, progress).map_err(failed)?;
+    let mut planned: Vec<Vec<PlannedNode>> = Vec::with_capacity(drafts.len());
+    for (depth, (level, coded)) in drafts.into_iter().zip(coded.nodes).enumerate().rev() {
+        let mut own = Vec::with_capacity(level.len());
+        for (index, (draft, coded)) in level.into_iter().zip(coded).enumerate() {
+            let below = planned.last().map_or(&[][..], |level: &Vec<PlannedNode>| level);
+            let children = draft.children.iter().flatten().filter_map(|&child| below.get(child));
+            let smoothing_length_max = children
+                .map(|child| child.node.smoothing_length_max)
+                .fold(draft.smoothing_length_max.max(coded.smoothing_length_max), f32::max);
+            let positions = sections[depth][index].positions.as_ref().map_or(0, Blob::len);
+            let codes = vq_bits.packed_len(draft.particles as usize).unwrap_or(0);
+            own.push(PlannedNode {
+                sections: (positions, codes),
+                children: draft.children,
+                node: Node {
+                    key: draft.key,
+                    encoding: draft.encoding,
+                    codebook: coded.codebook,
+                    // Nodes with more are relays, and leaves with more were refused.
+                    particles: draft.particles as u32,
+                    points: draft.points as u32,
+                    source_particles: draft.source_particles,
+                    delta: draft.delta,
+                    bounds: draft.bounds,
+                    smoothing_length_max,
+                    mass: draft.mass,
+                    mass_density: draft.mass_density,
+                    mass_scale: scale(draft.mass, coded.mass),
+                    mass_density_scale: scale(draft.mass_density, coded.mass_density),
+                    children: [None; 8],
+                },
+            });
+            sections[depth][index].codes = coded.codes;
+        }
+        planned.push(own);
+    }
+    planned.reverse();
+    Ok(CodedTree { spill, nodes: planned, sections, numbers: coded.numbers, codebooks: coded.codebooks, levels })
+}
+
+/// The factor that turns `decoded` into `real`; 1 where rounding leaves nothing to scale.
+fn scale(real: f64, decoded: f64) -> f32 {
+    let factor = (real / decoded) as f32;
+    if factor.is_finite() && factor > 0.0 { factor } else { 1.0 }
+}
+
+/// A node without its particles, its section of positions, and its batches.
+fn split(node: TreeNode<Kept>, spill: &Spill) -> std::io::Result<(TreeNode<()>, Option<Blob>, Vec<Batch>)> {
+    let TreeNode { key, encoding, particles, points, source_particles, delta, bounds, .. } = node;
+    let TreeNode { smoothing_length_max, mass, mass_density, children, data, .. } = node;
+    let mut positions = None;
+    let mut words: Vec<u32> = Vec::new();
+    let mut batches = Vec::with_capacity(data.len());
+    for kept in data {
+        match kept.positions {
+            Positions::Encoded(blob) => positions = Some(blob),
+            Positions::Words(blob) => {
+                words.extend_from_slice(bytemuck::cast_slice(&spill.get(&blob)?));
+                spill.forget(blob);
+            }
+        }
+        batches.push(kept.batch);
+    }
+    if !words.is_empty() {
+        let mut section = Vec::with_capacity(3 * words.len());
+        encode_grid(&words, &mut section);
+        positions = Some(spill.put(&[&section])?);
+    }
+    let draft = TreeNode {
+        key,
+        encoding,
+        particles,
+        points,
+        source_particles,
+        delta,
+        bounds,
+        smoothing_length_max,
+        mass,
+        mass_density,
+        children,
+        data: Vec::new(),
+    };
+    Ok((draft, positions, batches))
+}
+
+impl Kept {
+    fn put(words: Words, spill: &Spill) -> std::io::Result<Kept> {
+        let mut section = Vec::new();
+        let (positions, columns, whole) = match &words {
+            Words::Leaf(words, columns) => {
+                encode_leaf(words, &mut section);
+                (&section[..], columns, true)
+            }
+            Words::Grid(words, columns, true) => {
+                encode_grid(words, &mut section);
+                (&section[..], columns, true)
+            }
+            Words::Grid(words, columns, false) => (bytemuck::cast_slice(words), columns, false),
+        };
+        let blob = spill.put(&[positions])?;
+        let positions = if whole { Positions::Encoded(blob) } else { Positions::Words(blob) };
+        let quantities: Vec<&[u8]> = columns.iter().map(|column| bytemuck::cast_slice::<f32, u8>(column)).collect();
+        let info = BatchInfo::of(&borrowed(columns));
+        Ok(Kept { positions, batch: Batch { quantities: spill.put(&quantities)?, info } })
+    }
+}
+
+/// Columns as the quantiser takes them.
+fn borrowed(columns: &Columns) -> Quantities<'_> {
+    Quantities {
+        mass: &columns.mass,
+        density: &columns.density,
+        smoothing_length: &columns.smoothing_length,
+        attributes: columns.attributes.iter().map(Vec::as_slice).collect(),
+    }
+}
+
+impl CodedTree {
+    /// The sections of a node, as they are stored.
+    ///
+    /// # Errors
+    /// When they cannot be read back.
+    pub fn sections(&self, depth: usize, index: usize, vq_bits: crate::codec::VqBits) -> std::io::Result<Sections> {
+        let NodeSections { positions, codes } = &self.sections[depth][index];
+        let node = &self.nodes[depth][index].node;
+        let positions = positions.as_ref().map(|blob| self.spill.get(blob)).transpose()?;
+        let mut own = Vec::with_capacity(node.particles as usize);
+        for (blob, count) in codes {
+            vq_bits.unpack(&self.spill.get(blob)?, *count, &mut own);
+        }
+        if node.encoding != Encoding::Relay {
+            let numbers = &self.numbers[usize::from(node.codebook)];
+            own.iter_mut().for_each(|code| *code = numbers[usize::from(*code)]);
+        }
+        let mut packed = Vec::with_capacity(vq_bits.packed_len(own.len()).unwrap_or(0));
+        vq_bits.pack(&own, &mut packed);
+        Ok(Sections { positions: positions.map_or_else(Vec::new, |bytes| bytes.to_vec()), codes: packed })
+    }
+
+    /// What could not be read or put away.
+    pub fn failed(&self, error: std::io::Error) -> BuildError {
+        BuildError::temporary(&self.spill, error)
+    }
+
+    /// Bytes in the temporary file.
+    pub fn on_disk(&self) -> u64 {
+        self.spill.on_disk()
+    }
+}

@@ -1,0 +1,174 @@
+//! How a family is cut into buckets that are built one by one: runs of whole cells in Morton order.
+//!
+//! The cut depends on the data alone (on a sample of it), never on memory or threads, so that neither changes the tree. A
+//! bucket ends where a cell ends; merging at depth `d` works in cells of depth `d + 8`, so a bucket whose ends are those of
+//! cells of depth at most 8 can be merged up to the root by itself. Where more particles than a bucket should hold lie in one
+//! cell of depth 8 (a zoom simulation in its box), buckets are cut inside of it, and the last merging steps join them
+//! ([`super::joint`]).
+
+use crate::codec::coordinates::CELL_BITS;
+use crate::codec::morton::MORTON_BITS;
+use crate::hierarchy::cell::MAX_DEPTH;
+use std::ops::Range;
+
+/// First key behind all others.
+const END: u64 = 1 << (3 * MORTON_BITS);
+
+/// Where one bucket ends and the next begins.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Plan {
+    /// First key of each unit (a cell that is not cut), in order; the first is 0.
+    units: Vec<u64>,
+    /// Index of each bucket's first unit.
+    buckets: Vec<usize>,
+}
+
+impl Plan {
+    /// Cuts cells until none holds more than `most` particles, each key of the sorted `sample` standing for `weight` of them,
+    /// and gathers neighbouring cells in buckets of about that size.
+    pub fn new(sample: &[u64], weight: f64, most: usize) -> Plan {
+        let most = ((most.max(1) as f64 / weight.max(1.0)) as usize).max(1);
+        let mut cut = Cut { sample, most, units: Vec::new() };
+        cut.cell(0, 0, 0..sample.len());
+        let mut plan = Plan { units: Vec::with_capacity(cut.units.len()), buckets: Vec::new() };
+        let (mut held, mut group) = (0, None);
+        for (number, unit) in cut.units.iter().enumerate() {
+            // Units below depth 8 share a bucket only with others of their cell of that depth.
+            let shift = 3 * (MORTON_BITS - CELL_BITS);
+            let own = (u32::from(unit.depth) > CELL_BITS).then_some(unit.start >> shift);
+            if number == 0 || own != group || held + unit.particles > most {
+                plan.buckets.push(number);
+                held = 0;
+            }
+            group = own;
+            held += unit.particles;
+            plan.units.push(unit.start);
+        }
+        plan
+    }
+
+    /// Number of buckets, at least 1.
+    pub fn len(&self) -> usize {
+        self.buckets.len()
+    }
+
+    /// Never true.
+    pub fn is_empty(&self) -> bool {
+        self.buckets.is_empty()
+    }
+
+    /// The bucket of a key.
+    pub fn bucket(&self, key: u64) -> usize {
+        let unit = self.units.partition_point(|&start| start <= key) - 1;
+        self.buckets.partition_point(|&first| first <= unit) - 1
+    }
+
+    /// The keys of a bucket.
+    pub(super) fn keys(&self, bucket: usize) -> Range<u64> {
+        let start = |bucket: usize| self.buckets.get(bucket).map_or(END, |&unit| self.units[unit]);
+        start(bucket)..start(bucket + 1)
+    }
+
+    /// Whether a cell was cut in making the plan: then it is an inner node, however many particles it has.
+    pub(super) fn is_cut(&self, depth: u8, first: u64) -> bool {
+        let end = first + cell_keys(depth);
+        let next = self.units.partition_point(|&start| start <= first);
+        self.units.get(next).is_some_and(|&start| start < end)
+    }
+
+    /// The smallest depth at which a bucket can be merged by itself.
+    pub(super) fn closed_depth(&self, bucket: usize) -> u8 {
+        let keys = self.keys(bucket);
+        let cut = |key: u64| if key == 0 || key == END { 0 } else { boundary_depth(key - 1, key) };
+        cut(keys.start).max(cut(keys.end)).saturating_sub(CELL_BITS) as u8
+    }
+}
+
+/// Keys in a cell.
+pub(super) fn cell_keys(depth: u8) -> u64 {
+    1 << (3 * (MORTON_BITS - u32::from(depth)))
+}
+
+/// The depth of the coarsest cells that separate two neighbouring keys; more than [`MORTON_BITS`] if they are equal.
+fn boundary_depth(a: u64, b: u64) -> u32 {
+    // A key has 63 bits, so the first triple of bits starts one below the top.
+    ((a ^ b) << 1).leading_zeros() / 3 + 1
+}
+
+struct Unit {
+    start: u64,
+    depth: u8,
+    particles: usize,
+}
+
+struct Cut<'a> {
+    sample: &'a [u64],
+    most: usize,
+    units: Vec<Unit>,
+}
+
+impl Cut<'_> {
+    fn cell(&mut self, depth: u8, start: u64, range: Range<usize>) {
+        if range.len() <= self.most || depth == MAX_DEPTH {
+            self.units.push(Unit { start, depth, particles: range.len() });
+            return;
+        }
+        let size = cell_keys(depth + 1);
+        let mut from = range.start;
+        for octant in 0..8 {
+            let end = start + (octant + 1) * size;
+            let to = from + self.sample[from..range.end].partition_point(|&key| key < end);
+            self.cell(depth + 1, end - size, from..to);
+            from = to;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn buckets_cover_all_keys_and_hold_few(
+            mut keys in prop::collection::vec(prop_oneof![0..END, (END / 3)..(END / 3 + (1 << 30))], 1..600),
+            most in 1..50_usize,
+        ) {
+            keys.sort_unstable();
+            let plan = Plan::new(&keys, 1.0, most);
+            let mut counts = vec![0; plan.len()];
+            for &key in &keys {
+                let bucket = plan.bucket(key);
+                prop_assert!(plan.keys(bucket).contains(&key));
+                counts[bucket] += 1;
+            }
+            let mut end = 0;
+            for (bucket, count) in counts.iter().enumerate() {
+                let range = plan.keys(bucket);
+                prop_assert_eq!(range.start, end);
+                end = range.end;
+                // More only where cells of the largest depth hold more.
+                prop_assert!(*count <= most || range.end - range.start <= cell_keys(MAX_DEPTH));
+                let depth = plan.closed_depth(bucket);
+                if depth > 0 {
+                    // Such a bucket lies in one cell of depth 8.
+                    let cell = |key: u64| key >> (3 * (MORTON_BITS - CELL_BITS));
+                    prop_assert_eq!(cell(range.start), cell(range.end - 1));
+                }
+            }
+            prop_assert_eq!(end, END);
+        }
+
+        #[test]
+        fn boundaries_are_where_digits_differ(a in 0..END, b in 0..END) {
+            let depth = boundary_depth(a, b);
+            if depth <= MORTON_BITS {
+                prop_assert_eq!(a >> (3 * (MORTON_BITS - depth + 1)), b >> (3 * (MORTON_BITS - depth + 1)));
+                prop_assert_ne!(a >> (3 * (MORTON_BITS - depth)), b >> (3 * (MORTON_BITS - depth)));
+            } else {
+                prop_assert_eq!(a, b);
+            }
+        }
+    }
+}

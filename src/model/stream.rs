@@ -1,0 +1,91 @@
+//! Particles of a family in chunks, wherever they come from: what a build reads that does not fit in memory.
+
+use super::{Family, FamilyName, Unit};
+
+/// Why particles could not be read.
+pub type StreamError = Box<dyn std::error::Error + Send + Sync>;
+
+/// A run of particles: one column for each quantity, all of the same length. See [`Family`] for what they mean.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Chunk {
+    /// World positions.
+    pub positions: Vec<[f64; 3]>,
+    /// Masses.
+    pub mass: Vec<f32>,
+    /// Densities.
+    pub density: Vec<f32>,
+    /// Smoothing lengths.
+    pub smoothing_length: Vec<f32>,
+    /// The attributes, in the stream's order.
+    pub attributes: Vec<Vec<f32>>,
+}
+
+/// A family that is read more often than once, by several threads, in chunks that are the same each time.
+pub trait ParticleStream: Sync {
+    /// Which family.
+    fn family(&self) -> FamilyName;
+
+    /// Name and unit of each attribute.
+    fn attributes(&self) -> &[(String, Unit)];
+
+    /// Number of particles at most.
+    fn particles(&self) -> u64;
+
+    /// Number of chunks.
+    fn chunks(&self) -> usize;
+
+    /// Reads a chunk, replacing what `into` holds.
+    ///
+    /// # Errors
+    /// When the source cannot be read or breaks a promise.
+    fn read(&self, chunk: usize, into: &mut Chunk) -> Result<(), StreamError>;
+}
+
+/// Particles of a chunk of a family in memory.
+const CHUNK: usize = 1 << 16;
+
+/// A family in memory as a stream.
+#[derive(Debug)]
+pub struct FamilyStream<'a> {
+    family: &'a Family,
+    attributes: Vec<(String, Unit)>,
+}
+
+impl<'a> FamilyStream<'a> {
+    /// Streams a family whose columns have one length.
+    pub fn new(family: &'a Family) -> FamilyStream<'a> {
+        let about = family.attributes.iter().map(|attribute| (attribute.name.clone(), attribute.unit.clone()));
+        FamilyStream { family, attributes: about.collect() }
+    }
+}
+
+impl ParticleStream for FamilyStream<'_> {
+    fn family(&self) -> FamilyName {
+        self.family.name
+    }
+
+    fn attributes(&self) -> &[(String, Unit)] {
+        &self.attributes
+    }
+
+    fn particles(&self) -> u64 {
+        self.family.len() as u64
+    }
+
+    fn chunks(&self) -> usize {
+        self.family.len().div_ceil(CHUNK)
+    }
+
+    fn read(&self, chunk: usize, into: &mut Chunk) -> Result<(), StreamError> {
+        let range = chunk * CHUNK..((chunk + 1) * CHUNK).min(self.family.len());
+        let column = |values: &Vec<f32>| values[range.clone()].to_vec();
+        *into = Chunk {
+            positions: self.family.positions[range.clone()].to_vec(),
+            mass: column(&self.family.mass),
+            density: column(&self.family.density),
+            smoothing_length: column(&self.family.smoothing_length),
+            attributes: self.family.attributes.iter().map(|attribute| column(&attribute.values)).collect(),
+        };
+        Ok(())
+    }
+}
