@@ -1,8 +1,9 @@
 //! Builds of what does not fit in the memory they may take: the same bytes for any memory and any number of threads, peak memory,
 //! builds killed at any moment, and disks that take no more.
 
-use deepfield::build::{BuildOptions, build};
+use deepfield::build::{BuildOptions, build, build_source};
 use deepfield::hierarchy::OctreeOptions;
+use deepfield::import::{LoadOptions, Smoothing, load};
 use deepfield::model::{Attribute, Dataset, Family, FamilyName, Kernel, Provenance, Unit};
 use deepfield::store::verify;
 use std::path::{Path, PathBuf};
@@ -199,4 +200,33 @@ fn a_build_stays_within_its_memory() {
     assert!(done.success());
     assert!(temporary > allowed / 2, "{temporary} bytes of temporary files: nothing was put to the test");
     assert!(peak > 0 && peak <= allowed, "{peak} bytes at the peak, {allowed} allowed");
+}
+
+/// Smoothing lengths and densities found bucket by bucket are those of a search among all particles.
+#[test]
+fn estimates_do_not_depend_on_buckets() {
+    let folder = tempfile::tempdir().unwrap();
+    let source = snapshot(&folder, 30_000);
+    let out = folder.path().join("out.df");
+    for (k, bucket_particles) in [(32, 700), (5, 90), (200, 150)] {
+        let load_options = LoadOptions { smoothing: Smoothing::Knn(k), ..LoadOptions::default() };
+        let whole = load(&source, &load_options, &()).unwrap();
+        let octree = OctreeOptions { bucket_particles: Some(bucket_particles), ..OctreeOptions::default() };
+        let options = BuildOptions { octree, ..BuildOptions::default() };
+        let built = build_source(&source, &load_options, &options, &out, &()).unwrap();
+        verify(&out, &()).unwrap();
+        let [_, density, smoothing_length] = &built.metadata.families[0].quantities;
+        for (info, values) in
+            [(density, &whole.families[0].density), (smoothing_length, &whole.families[0].smoothing_length)]
+        {
+            let min = values.iter().fold(f32::INFINITY, |least, &v| least.min(v));
+            let max = values.iter().fold(0.0, |most: f32, &v| most.max(v));
+            let mean = values.iter().map(|&v| f64::from(v)).sum::<f64>() / values.len() as f64;
+            for (found, expected) in [(info.min, f64::from(min)), (info.max, f64::from(max)), (info.mean, mean)] {
+                assert!((found / expected - 1.0).abs() < 1e-5, "{} of {k}: {found}, expected {expected}", info.name);
+            }
+            assert_eq!(info.histogram.counts.iter().sum::<u64>(), 30_000);
+        }
+        assert_eq!(built.metadata.provenance.notes, whole.provenance.notes);
+    }
 }

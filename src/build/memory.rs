@@ -2,7 +2,6 @@
 
 use super::partition::particle_bytes;
 use super::{BuildError, BuildOptions};
-use crate::import::{Description, FieldKind};
 use crate::store::temporary::{folder_of, free_bytes};
 use std::path::{Path, PathBuf};
 
@@ -90,26 +89,6 @@ impl Memory {
         }
         Ok(((self.buckets / 2) / needed.max(1)).clamp(1, rayon::current_num_threads() as u64) as usize)
     }
-}
-
-/// Refuses to load what does not fit, where neighbours have to be found.
-pub(super) fn check_load(about: &Description, options: &BuildOptions, out: &Path) -> Result<(), BuildError> {
-    let Some(allowed) = options.memory else { return Ok(()) };
-    let bytes = |info: &crate::import::FamilyInfo| {
-        let has = |kind| info.find(kind).is_some();
-        let search = if has(FieldKind::SmoothingLength) && has(FieldKind::Density) { 0 } else { 96 };
-        info.count * (24 + 12 + 20 + search)
-    };
-    let needed: u64 = about.families.iter().map(bytes).sum();
-    if needed > allowed {
-        return Err(BuildError::Memory {
-            path: out.to_owned(),
-            what: "estimating smoothing lengths and densities from neighbours".into(),
-            needed: needed.div_ceil(1 << 20),
-            allowed: allowed >> 20,
-        });
-    }
-    Ok(())
 }
 
 /// Half of what the machine has free.

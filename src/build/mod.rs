@@ -5,6 +5,7 @@
 //! in memory as far as [`BuildOptions::memory`] allows, and in temporary files beyond ([`spill`]); the output is the same.
 
 mod coding;
+mod estimates;
 mod memory;
 mod partition;
 mod spill;
@@ -15,7 +16,7 @@ use crate::codec::quantize::MAX_ATTRIBUTES;
 use crate::codec::{AttributeMerge, VqBits};
 use crate::hierarchy::octree::{Context, Plan};
 use crate::hierarchy::{AttributeInfo, LevelInfo, OctreeOptions};
-use crate::import::{DensityLacking, ImportError, LoadOptions, SourceStream, load_source, open, streams};
+use crate::import::{ImportError, LoadOptions, SourceStream, open, streams};
 use crate::model::progress::Progress;
 use crate::model::{Dataset, Family, FamilyName, FamilyStream, ParticleStream, StreamError, Unit};
 use crate::store::paging::write_tree;
@@ -169,8 +170,7 @@ impl From<StreamError> for BuildError {
     }
 }
 
-/// Builds the page file `out` from the source at `path`. What has smoothing lengths and densities is streamed; what has not is
-/// loaded, since they are estimated from neighbours.
+/// Builds the page file `out` from the source at `path`, which is streamed: it may be larger than memory.
 ///
 /// # Errors
 /// When the source cannot be read or the page file not be written. Nothing is left behind then, and a file that was there before
@@ -185,25 +185,12 @@ pub fn build_source(
     in_pool(options, || {
         let source = open(path)?;
         let choose = |names: &[&str]| chosen(names, options);
-        if let Some(streams) = streams(source.as_ref(), load_options, &choose)? {
-            let mut build = Build::new(options, out, progress)?;
-            let mut lacking = false;
-            for stream in &streams.families {
-                match build.family(stream) {
-                    Err(BuildError::Stream(error)) if error.is::<DensityLacking>() => {
-                        lacking = true;
-                        break;
-                    }
-                    other => other?,
-                }
-            }
-            if !lacking {
-                let about = Dataset { skipped: SourceStream::skipped(&streams.families), ..streams.about };
-                return build.finish(about);
-            }
+        let streams = streams(source.as_ref(), load_options, &choose)?;
+        let mut build = Build::new(options, out, progress)?;
+        for stream in &streams.families {
+            build.family(stream)?;
         }
-        memory::check_load(source.description(), options, out)?;
-        build_here(load_source(source.as_ref(), load_options, progress)?, options, out, progress)
+        build.finish(Dataset { skipped: SourceStream::skipped(&streams.families), ..streams.about })
     })
 }
 
@@ -267,6 +254,7 @@ struct Build<'a> {
     progress: &'a dyn Progress,
     writer: PageFileWriter,
     families: Vec<FamilyMetadata>,
+    notes: Vec<String>,
     temporary_bytes: u64,
 }
 
@@ -277,7 +265,7 @@ impl<'a> Build<'a> {
             clean(out, folder);
         }
         let writer = PageFileWriter::create(out)?;
-        Ok(Build { options, out, progress, writer, families: Vec::new(), temporary_bytes: 0 })
+        Ok(Build { options, out, progress, writer, families: Vec::new(), notes: Vec::new(), temporary_bytes: 0 })
     }
 
     fn family(&mut self, stream: &dyn ParticleStream) -> Result<(), BuildError> {
@@ -292,6 +280,21 @@ impl<'a> Build<'a> {
         let plan = Plan::new(&survey.keys(root), survey.weight, most);
         let attributes = stream.attributes();
         let memory = Memory::plan(options, out, survey.count, attributes.len(), most, plan.len())?;
+
+        let particles = Spill::new(out, &memory.folder, memory.particles);
+        let (mut partition, mut histograms) = Partition::of(stream, &survey.ranges, &plan, root, particles, progress)?;
+        if let Some(k) = stream.neighbours().filter(|_| survey.is_lacking()) {
+            let lacking = survey.ranges[1].missing;
+            if lacking > 0 && lacking < survey.count {
+                let family = stream.family();
+                self.notes
+                    .push(format!("{family}: {lacking} densities are not positive and are replaced by estimates"));
+            }
+            let block = octree.bucket_particles.map(|particles| 8 * particles);
+            let found = estimates::estimate(&mut partition, k, root, block, progress)?;
+            survey.estimated(found.ranges, found.samples);
+            histograms.splice(1..3, found.histograms);
+        }
         let scaling = survey.scaling(attributes.iter().map(|(name, _)| name.as_str()));
         let rules: Vec<_> = scaling.attributes.iter().map(|(_, merge)| *merge).collect();
         // What has magnitudes is seen as points of light, and its smoothing lengths say nothing of how near one comes.
@@ -299,8 +302,6 @@ impl<'a> Build<'a> {
         let octree = OctreeOptions { exact_positions: octree.exact_positions || has_magnitudes, ..*octree };
         let context = Context { root, options: &octree, rules: &rules };
 
-        let particles = Spill::new(out, &memory.folder, memory.particles);
-        let (partition, histograms) = Partition::of(stream, &survey.ranges, &plan, root, particles, progress)?;
         let largest = (0..plan.len()).map(|bucket| partition.len(bucket)).max().unwrap_or(0);
         let workers = memory.workers(largest, out)?;
         let nodes = Spill::new(out, &memory.folder, memory.nodes);
@@ -343,12 +344,14 @@ impl<'a> Build<'a> {
             return Err(ImportError::NoParticles { path: about.provenance.path, field }.into());
         }
         families.iter_mut().for_each(|family| set_units(&mut family.quantities, &about.mass_unit, &about.length_unit));
+        let mut provenance = about.provenance;
+        provenance.notes.extend(self.notes);
         let metadata = Metadata {
             length_unit: about.length_unit,
             mass_unit: about.mass_unit,
             kernel: about.kernel,
             vq_bits: self.options.octree.vq_bits,
-            provenance: about.provenance,
+            provenance,
             skipped: about.skipped,
             families,
         };

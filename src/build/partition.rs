@@ -26,6 +26,10 @@ struct Bucket {
     runs: Vec<Blob>,
     places: Vec<Place>,
     columns: Columns,
+    /// Smallest and largest coordinates, fractions of the root cell.
+    extent: Option<([f64; 3], [f64; 3])>,
+    /// Densities, then smoothing lengths, in the order of reading, where they had to be estimated.
+    estimates: Option<Blob>,
 }
 
 /// Bytes that a particle with so many attributes takes in a partition.
@@ -79,6 +83,31 @@ impl Partition {
         Ok((Partition { spill, attributes, buckets }, histograms))
     }
 
+    /// Number of buckets.
+    pub fn buckets(&self) -> usize {
+        self.buckets.len()
+    }
+
+    /// Number of particles.
+    pub fn particles(&self) -> usize {
+        (0..self.buckets()).map(|bucket| self.len(bucket)).sum()
+    }
+
+    /// Smallest and largest coordinates of a bucket's particles, fractions of the root cell; `None` if it is empty.
+    pub fn extent(&self, bucket: usize) -> Option<([f64; 3], [f64; 3])> {
+        self.buckets[bucket].extent
+    }
+
+    /// Replaces densities and smoothing lengths of a bucket, in the order of reading.
+    ///
+    /// # Errors
+    /// When they cannot be put away.
+    pub fn put_estimates(&mut self, bucket: usize, density: &[f32], lengths: &[f32]) -> Result<(), BuildError> {
+        let blob = self.spill.put(&[bytemuck::cast_slice(density), bytemuck::cast_slice(lengths)]);
+        self.buckets[bucket].estimates = Some(blob.map_err(|error| BuildError::temporary(&self.spill, error))?);
+        Ok(())
+    }
+
     /// Number of particles in a bucket.
     pub fn len(&self, bucket: usize) -> usize {
         self.buckets[bucket].runs.len() * RUN + self.buckets[bucket].places.len()
@@ -94,7 +123,7 @@ impl Partition {
     /// # Errors
     /// When they cannot be read back.
     pub fn read(&self, bucket: usize) -> Result<(Vec<Place>, Columns), BuildError> {
-        let Bucket { runs, places: waiting, columns: rest } = &self.buckets[bucket];
+        let Bucket { runs, places: waiting, columns: rest, estimates, .. } = &self.buckets[bucket];
         let len = self.len(bucket);
         let mut places = Vec::with_capacity(len);
         let mut columns = Columns::with_capacity(self.attributes, len);
@@ -112,6 +141,12 @@ impl Partition {
         }
         places.extend(waiting);
         columns.iter_mut().zip(rest.iter()).for_each(|(column, rest)| column.extend(rest));
+        if let Some(estimates) = estimates {
+            let bytes = self.spill.get(estimates).map_err(|error| BuildError::temporary(&self.spill, error))?;
+            let (density, lengths) = bytes.split_at(len * size_of::<f32>());
+            columns.density.copy_from_slice(bytemuck::cast_slice(density));
+            columns.smoothing_length.copy_from_slice(bytemuck::cast_slice(lengths));
+        }
         Ok((places, columns))
     }
 }
@@ -134,7 +169,13 @@ fn distribute(
         let mut rest = run;
         while !rest.is_empty() {
             let (now, after) = rest.split_at(rest.len().min(RUN - bucket.places.len()));
-            bucket.places.extend(now.iter().map(|&(_, i)| places[i as usize]));
+            for place in now.iter().map(|&(_, i)| places[i as usize]) {
+                let at = place.unit();
+                let (low, high) = bucket.extent.get_or_insert((at, at));
+                low.iter_mut().zip(at).for_each(|(low, x)| *low = low.min(x));
+                high.iter_mut().zip(at).for_each(|(high, x)| *high = high.max(x));
+                bucket.places.push(place);
+            }
             for (own, column) in bucket.columns.iter_mut().zip(columns) {
                 own.extend(now.iter().map(|&(_, i)| column[i as usize]));
             }

@@ -92,7 +92,20 @@ impl Survey {
 
     /// The root cell.
     pub fn root(&self, options: &OctreeOptions) -> RootCell {
-        options.root_cell(self.count, self.bounds, 2.0 * self.ranges[2].max)
+        let smoothing_length = self.ranges[2].max;
+        // Without smoothing lengths there is no length that matters but the extent of the positions.
+        options.root_cell(self.count, self.bounds, if smoothing_length > 0.0 { 2.0 * smoothing_length } else { 1.0 })
+    }
+
+    /// Whether densities or smoothing lengths have to be estimated.
+    pub fn is_lacking(&self) -> bool {
+        self.ranges[1..3].iter().any(|range| range.missing > 0)
+    }
+
+    /// Takes note of estimated densities and smoothing lengths.
+    pub fn estimated(&mut self, ranges: [Range; 2], [density, smoothing_length]: [Vec<f32>; 2]) {
+        self.ranges[1..3].copy_from_slice(&ranges);
+        (self.columns.density, self.columns.smoothing_length) = (density, smoothing_length);
     }
 
     /// Morton keys of the sample, sorted.
@@ -141,9 +154,15 @@ const ATTRIBUTE_WEIGHT: f32 = 0.5;
 fn check(stream: &dyn ParticleStream, chunk: &Chunk) -> Result<(), BuildError> {
     let count = chunk.positions.len();
     let error = |field: &str, expected: &'static str| column_error(stream.family(), field, expected);
-    let columns = [("mass", &chunk.mass), ("density", &chunk.density), ("smoothing-length", &chunk.smoothing_length)];
-    for (field, values) in columns {
-        if values.len() != count || !values.iter().all(|&v| v > 0.0 && v.is_finite()) {
+    let may_lack = stream.neighbours().is_some();
+    let columns = [
+        ("mass", &chunk.mass, false),
+        ("density", &chunk.density, may_lack),
+        ("smoothing-length", &chunk.smoothing_length, may_lack),
+    ];
+    for (field, values, may_lack) in columns {
+        let is_sound = |v: f32| v > 0.0 && v.is_finite() || may_lack && v.is_nan();
+        if values.len() != count || !values.iter().all(|&v| is_sound(v)) {
             return Err(error(field, "a positive value for each particle"));
         }
     }

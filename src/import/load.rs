@@ -132,6 +132,17 @@ pub(super) fn check_families(about: &Description, options: &LoadOptions) -> Resu
     Ok(())
 }
 
+/// The field that [`Smoothing::Field`] names: scalar, of this family.
+pub(super) fn smoothing_field(about: &Description, info: &FamilyInfo, name: &str) -> Result<usize, ImportError> {
+    let scalar = |index: &usize| info.fields[*index].components == 1;
+    info.named(name).filter(scalar).ok_or_else(|| {
+        let fields = info.fields.iter().filter(|field| field.components == 1);
+        let names: Vec<&str> = fields.map(|field| field.name.as_str()).collect();
+        let expected = format!("a scalar field of {}: {}", info.name, names.join(", "));
+        ImportError::missing(&about.path, format!("smoothing length {name}"), expected)
+    })
+}
+
 /// Loads one family.
 struct FamilyLoader<'a> {
     source: &'a dyn Source,
@@ -161,7 +172,7 @@ impl FamilyLoader<'_> {
         let wanted = match smoothing {
             Smoothing::Auto => self.info.find(FieldKind::SmoothingLength),
             Smoothing::Knn(_) => None,
-            Smoothing::Field(field) => Some(self.smoothing_field(field)?),
+            Smoothing::Field(field) => Some(smoothing_field(self.about, self.info, field)?),
         };
         let mut lengths = self.optional(wanted)?;
         if lengths.as_ref().is_some_and(|lengths| !lengths.iter().any(|h| *h > 0.0)) {
@@ -196,17 +207,6 @@ impl FamilyLoader<'_> {
         let (smoothing_length, density) =
             complete(name, &positions, &mass, lengths, density, neighbours, notes, self.progress);
         Ok(Family { name, positions, mass, smoothing_length, density, attributes })
-    }
-
-    /// The field that [`Smoothing::Field`] names: scalar, of this family.
-    fn smoothing_field(&self, name: &str) -> Result<usize, ImportError> {
-        let scalar = |index: &usize| self.info.fields[*index].components == 1;
-        self.info.named(name).filter(scalar).ok_or_else(|| {
-            let fields = self.info.fields.iter().filter(|field| field.components == 1);
-            let names: Vec<&str> = fields.map(|field| field.name.as_str()).collect();
-            let expected = format!("a scalar field of {}: {}", self.info.name, names.join(", "));
-            ImportError::missing(&self.about.path, format!("smoothing length {name}"), expected)
-        })
     }
 
     fn positions(&self) -> Result<Vec<[f64; 3]>, ImportError> {
@@ -279,7 +279,7 @@ fn complete(
                 notes.extend(density.is_none().then(|| format!("{name}: density from mass and smoothing length")));
                 progress.begin(&format!("density of {name}"), positions.len() as u64);
                 let tree = Neighbours::of(positions);
-                let sums = tree.map_or_else(Vec::new, |tree| tree.density(&lengths, mass, progress));
+                let sums = tree.map_or_else(Vec::new, |tree| tree.density(&lengths, mass, None, progress));
                 stated(density, sums.into_iter().map(positive).collect())
             }
         };
@@ -289,7 +289,7 @@ fn complete(
     notes.extend(density.is_none().then(|| format!("{name}: density from mass and that smoothing length")));
     progress.begin(&format!("neighbours of {name}"), positions.len() as u64);
     let tree = Neighbours::of(positions);
-    let estimates = tree.map_or_else(Vec::new, |tree| tree.estimate(neighbours, mass, progress));
+    let estimates = tree.map_or_else(Vec::new, |tree| tree.estimate(neighbours, mass, None, progress));
     let lengths = estimates.iter().map(|estimate| positive(estimate.smoothing_length)).collect();
     let sums = estimates.iter().map(|estimate| positive(estimate.density)).collect();
     (lengths, stated(density, sums))

@@ -2,8 +2,8 @@
 
 use super::attributes::{self, Planned};
 use super::check::{CHUNK_LENGTH, Flaws, LeftOut, chunks};
-use super::load::{about_dataset, check_families};
-use super::{FamilyInfo, FieldKind, ImportError, LoadOptions, Smoothing, Source};
+use super::load::{about_dataset, check_families, smoothing_field};
+use super::{DEFAULT_NEIGHBOURS, FamilyInfo, FieldKind, ImportError, LoadOptions, Smoothing, Source};
 use crate::model::{Chunk, Dataset, FamilyName, ParticleStream, Skipped, StreamError, Unit};
 use std::ops::Range;
 use std::sync::Mutex;
@@ -17,13 +17,7 @@ pub struct Streams<'a> {
     pub families: Vec<SourceStream<'a>>,
 }
 
-/// A density that has to be estimated, which takes all neighbours of a particle: the source must be loaded instead.
-#[derive(Clone, Copy, Debug, thiserror::Error)]
-#[error("some densities are not positive")]
-pub struct DensityLacking;
-
-/// The streams of the chosen families, with those of the attributes that `choose` names by index; `None` where smoothing lengths
-/// or densities have to be estimated first, which only [`super::load`] does.
+/// The streams of the chosen families, with those of the attributes that `choose` names by index.
 ///
 /// # Errors
 /// When the source cannot be read, or lacks a family or attribute that was asked for.
@@ -31,7 +25,7 @@ pub fn streams<'a>(
     source: &'a dyn Source,
     options: &LoadOptions,
     choose: &dyn Fn(&[&str]) -> Vec<usize>,
-) -> Result<Option<Streams<'a>>, ImportError> {
+) -> Result<Streams<'a>, ImportError> {
     let about = source.description();
     check_families(about, options)?;
     let mut notes = about.notes.clone();
@@ -40,23 +34,35 @@ pub fn streams<'a>(
         if !options.families.is_empty() && !options.families.contains(&info.name) {
             continue;
         }
-        let smoothing_length = match &options.smoothing {
-            Smoothing::Auto => info.find(FieldKind::SmoothingLength),
-            Smoothing::Field(name) => info.named(name).filter(|&field| info.fields[field].components == 1),
-            Smoothing::Knn(_) => None,
+        let Some(position) = info.find(FieldKind::Position) else {
+            return Err(ImportError::missing(&about.path, format!("positions of {}", info.name), "coordinates"));
         };
-        let (Some(position), Some(smoothing_length), Some(density)) =
-            (info.find(FieldKind::Position), smoothing_length, info.find(FieldKind::Density))
-        else {
-            return Ok(None);
+        let (smoothing_length, neighbours) = match &options.smoothing {
+            Smoothing::Auto => (info.find(FieldKind::SmoothingLength), DEFAULT_NEIGHBOURS),
+            Smoothing::Field(name) => (Some(smoothing_field(about, info, name)?), DEFAULT_NEIGHBOURS),
+            Smoothing::Knn(k) => (None, *k),
         };
+        let stated =
+            smoothing_length.map(|field| Ok((field, any_positive(source, index, info, field)?))).transpose()?;
+        if matches!(stated, Some((_, false))) {
+            notes.push(format!("{}: no smoothing length is positive, so they are estimated", info.name));
+        }
+        let smoothing_length = stated.filter(|(_, any)| *any).map(|(field, _)| field);
+        let density = info.find(FieldKind::Density);
+        match (smoothing_length, density) {
+            (None, _) => {
+                notes.push(format!("{}: smoothing length is the distance to neighbour {neighbours}", info.name));
+                notes.extend(
+                    density.is_none().then(|| format!("{}: density from mass and that smoothing length", info.name)),
+                );
+            }
+            (Some(_), None) => notes.push(format!("{}: density from mass and smoothing length", info.name)),
+            (Some(_), Some(_)) => {}
+        }
         let mass = info.find(FieldKind::Mass).map(|mass| Ok((mass, any_positive(source, index, info, mass)?)));
         let mass = mass.transpose()?.filter(|(_, any)| *any).map(|(mass, _)| mass);
         if mass.is_none() {
             notes.push(format!("{}: no masses, each particle counts 1", info.name));
-        }
-        if !any_positive(source, index, info, smoothing_length)? {
-            return Ok(None);
         }
         let planned = attributes::plan(about, info, &options.attributes);
         let names: Vec<&str> = planned.iter().map(|planned| planned.name.as_str()).collect();
@@ -69,13 +75,14 @@ pub fn streams<'a>(
             mass,
             smoothing_length,
             density,
+            neighbours,
             attributes: planned.iter().map(|planned| (planned.name.clone(), planned.unit.clone())).collect(),
             planned,
             counted: chunks(info.count).iter().map(|_| AtomicBool::new(false)).collect(),
             left_out: Mutex::new(LeftOut::default()),
         });
     }
-    Ok(Some(Streams { about: about_dataset(about, notes), families }))
+    Ok(Streams { about: about_dataset(about, notes), families })
 }
 
 /// Whether a scalar field has a positive value; reads until it finds one.
@@ -98,8 +105,9 @@ pub struct SourceStream<'a> {
     info: &'a FamilyInfo,
     position: usize,
     mass: Option<usize>,
-    smoothing_length: usize,
-    density: usize,
+    smoothing_length: Option<usize>,
+    density: Option<usize>,
+    neighbours: usize,
     planned: Vec<Planned>,
     attributes: Vec<(String, Unit)>,
     /// Chunks that have been read once, so that what is left out is counted once.
@@ -148,6 +156,10 @@ impl ParticleStream for SourceStream<'_> {
         self.counted.len()
     }
 
+    fn neighbours(&self) -> Option<usize> {
+        Some(self.neighbours)
+    }
+
     fn read(&self, number: usize, into: &mut Chunk) -> Result<(), StreamError> {
         let start = (number * CHUNK_LENGTH) as u64;
         let range = start..self.info.count.min(start + CHUNK_LENGTH as u64);
@@ -156,19 +168,23 @@ impl ParticleStream for SourceStream<'_> {
         let scalar = attributes::Part::Component(0);
         let mut positions = vec![[0.0; 3]; len];
         self.source.read(self.family, self.position, range.clone(), positions.as_flattened_mut())?;
-        let mass = self.mass.map(|mass| self.column(mass, scalar, &range, &mut buffer)).transpose()?;
-        let smoothing_length = self.column(self.smoothing_length, scalar, &range, &mut buffer)?;
-        let density = self.column(self.density, scalar, &range, &mut buffer)?;
+        let mut optional =
+            |field: Option<usize>| field.map(|field| self.column(field, scalar, &range, &mut buffer)).transpose();
+        let (mass, smoothing_length, density) =
+            (optional(self.mass)?, optional(self.smoothing_length)?, optional(self.density)?);
+        let has_smoothing_length = smoothing_length.is_some();
         let attributes =
             self.planned.iter().map(|planned| self.column(planned.field, planned.part, &range, &mut buffer));
         *into = Chunk {
             positions,
             mass: mass.unwrap_or_else(|| vec![1.0; len]),
-            smoothing_length,
-            density,
+            smoothing_length: smoothing_length.unwrap_or_else(|| vec![f32::NAN; len]),
+            density: density.unwrap_or_else(|| vec![f32::NAN; len]),
             attributes: attributes.collect::<Result<_, _>>()?,
         };
-        let flaws = |i: usize| Flaws::of(into.positions[i], Some(into.mass[i]), Some(into.smoothing_length[i]));
+        let flaws = |i: usize| {
+            Flaws::of(into.positions[i], Some(into.mass[i]), has_smoothing_length.then(|| into.smoothing_length[i]))
+        };
         let keep: Vec<bool> = (0..len).map(|i| flaws(i).none()).collect();
         let first = !self.counted[number].swap(true, Ordering::Relaxed);
         if keep.contains(&false) {
@@ -184,9 +200,7 @@ impl ParticleStream for SourceStream<'_> {
                 column.retain(|_| flags.next().copied().unwrap_or(false));
             }
         }
-        if into.density.iter().any(|&rho| !(rho > 0.0 && rho.is_finite())) {
-            return Err(DensityLacking.into());
-        }
+        into.density.iter_mut().filter(|rho| !(**rho > 0.0 && rho.is_finite())).for_each(|rho| *rho = f32::NAN);
         Ok(())
     }
 }

@@ -17,6 +17,9 @@ impl Bounds {
     /// The box that holds nothing: the neutral element of [`Bounds::union`].
     pub const EMPTY: Bounds = Bounds { min: DVec3::INFINITY, max: DVec3::NEG_INFINITY };
 
+    /// The box that holds everything.
+    pub const EVERYTHING: Bounds = Bounds { min: DVec3::NEG_INFINITY, max: DVec3::INFINITY };
+
     /// The box around `points`; [`Bounds::EMPTY`] for none.
     pub fn of(points: impl IntoIterator<Item = [f64; 3]>) -> Bounds {
         points.into_iter().fold(Bounds::EMPTY, |bounds, point| bounds.with(DVec3::from_array(point)))
@@ -35,6 +38,11 @@ impl Bounds {
     /// Whether the box holds no point at all.
     pub fn is_empty(&self) -> bool {
         self.min.cmpgt(self.max).any()
+    }
+
+    /// Whether `point` lies in the box or on its surface.
+    pub fn contains(&self, point: DVec3) -> bool {
+        point.cmpge(self.min).all() && point.cmple(self.max).all()
     }
 
     /// The middle of the box; the origin for an empty one.

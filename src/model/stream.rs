@@ -34,6 +34,12 @@ pub trait ParticleStream: Sync {
     /// Number of chunks.
     fn chunks(&self) -> usize;
 
+    /// Where densities and smoothing lengths may be `NaN`, because the source does not say: of how many neighbours they are to be
+    /// estimated.
+    fn neighbours(&self) -> Option<usize> {
+        None
+    }
+
     /// Reads a chunk, replacing what `into` holds.
     ///
     /// # Errors

@@ -19,7 +19,7 @@ const MOST_NEIGHBOURS: usize = 512;
 
 /// A k-d tree over the places of particles, in units of about the size of the box around them, so that no squared distance
 /// overflows.
-pub(super) struct Neighbours {
+pub(crate) struct Neighbours {
     tree: Tree,
     /// Length of the scaled unit.
     scale: f64,
@@ -27,7 +27,7 @@ pub(super) struct Neighbours {
 
 /// What the neighbours of one particle tell.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Estimate {
+pub(crate) struct Estimate {
     /// Distance to the K-th nearest neighbour, or to the nearest one elsewhere where K share the particle's own place; 1
     /// where all particles of the family share one place. Positive.
     pub smoothing_length: f64,
@@ -37,7 +37,7 @@ pub(super) struct Estimate {
 
 impl Neighbours {
     /// Builds the tree over finite positions. `None` for none at all, or 2^32 and more.
-    pub(super) fn of(positions: &[[f64; 3]]) -> Option<Neighbours> {
+    pub(crate) fn of(positions: &[[f64; 3]]) -> Option<Neighbours> {
         u32::try_from(positions.len()).ok().filter(|count| *count > 0)?;
         let bounds = Bounds::of(positions.iter().copied());
         // Halves first: the difference of two huge coordinates may overflow, that of their halves cannot.
@@ -59,12 +59,19 @@ impl Neighbours {
     }
 
     /// For every particle the distance to its `k`-th nearest neighbour and the density that follows (the particle counts as
-    /// its own neighbour in the density, not in `k`). `mass` has one entry per particle.
-    pub(super) fn estimate(&self, k: usize, mass: &[f32], progress: &dyn Progress) -> Vec<Estimate> {
+    /// its own neighbour in the density, not in `k`). `mass` has one entry per particle, and so has `wanted_particles`: where it is false,
+    /// the result may be anything.
+    pub(crate) fn estimate(
+        &self,
+        k: usize,
+        mass: &[f32],
+        wanted_particles: Option<&[bool]>,
+        progress: &dyn Progress,
+    ) -> Vec<Estimate> {
         let masses = self.masses(mass);
         let entries = self.tree.at.len();
         let wanted = k.clamp(1, entries.max(2) - 1).saturating_add(1).min(entries);
-        self.for_each_leaf(progress, |group, leaf, out: &mut Vec<Estimate>| {
+        self.for_each_leaf(wanted_particles, progress, |group, leaf, out: &mut Vec<Estimate>| {
             // The entries of a leaf come in any order.
             let node = self.tree.nodes[self.tree.leaves[leaf as usize] as usize];
             let [first, end] = [node.start, node.end].map(|entry| self.tree.starts[entry as usize] as usize);
@@ -113,8 +120,14 @@ impl Neighbours {
         Estimate { smoothing_length, density: sum / smoothing_length.powi(3) }
     }
 
-    /// For every particle `sum_j m_j W(r_ij, h_i)` with its given `h`.
-    pub(super) fn density(&self, h: &[f32], mass: &[f32], progress: &dyn Progress) -> Vec<f64> {
+    /// For every particle `sum_j m_j W(r_ij, h_i)` with its given `h`; `wanted` as in [`Neighbours::estimate`].
+    pub(crate) fn density(
+        &self,
+        h: &[f32],
+        mass: &[f32],
+        wanted: Option<&[bool]>,
+        progress: &dyn Progress,
+    ) -> Vec<f64> {
         let masses = self.masses(mass);
         let density = |entry: u32, support: f64, near: &mut Vec<Near>| {
             let scaled = support / self.scale;
@@ -127,7 +140,7 @@ impl Neighbours {
             let sum: f64 = near.iter().map(|other| masses[other.entry as usize] * weight(other.squared, scaled)).sum();
             sum / support.powi(3)
         };
-        self.for_each_leaf(progress, |_, leaf, out: &mut Vec<f64>| {
+        self.for_each_leaf(wanted, progress, |_, leaf, out: &mut Vec<f64>| {
             let mut near = Vec::new();
             let node = self.tree.nodes[self.tree.leaves[leaf as usize] as usize];
             for entry in node.start..node.end {
@@ -144,9 +157,10 @@ impl Neighbours {
     }
 
     /// Calls `work` for every leaf, neighbours in space after each other; it appends a result for each particle of the leaf.
-    /// Returns the results by particle.
+    /// Returns the results by particle; leaves without a wanted one are left out.
     fn for_each_leaf<T: Send + Copy + Default>(
         &self,
+        wanted: Option<&[bool]>,
         progress: &dyn Progress,
         work: impl Fn(&mut Group, u32, &mut Vec<T>) + Sync,
     ) -> Vec<T> {
@@ -156,7 +170,16 @@ impl Neighbours {
             .into_par_iter()
             .map_init(Group::default, |group, start| {
                 let mut results = Vec::with_capacity(BLOCK * LEAF);
-                (start..leaves.min(start + BLOCK as u32)).for_each(|leaf| work(group, leaf, &mut results));
+                for leaf in start..leaves.min(start + BLOCK as u32) {
+                    let node = self.tree.nodes[self.tree.leaves[leaf as usize] as usize];
+                    let [first, end] = [node.start, node.end].map(|entry| self.tree.starts[entry as usize] as usize);
+                    let is_wanted = |particle: &u32| wanted.is_none_or(|wanted| wanted[*particle as usize]);
+                    if self.tree.particles[first..end].iter().any(is_wanted) {
+                        work(group, leaf, &mut results);
+                    } else {
+                        results.resize(results.len() + end - first, T::default());
+                    }
+                }
                 progress.advance(results.len() as u64);
                 results
             })
@@ -205,14 +228,14 @@ mod tests {
             let positions: Vec<[f64; 3]> = grid.iter().map(place).collect();
             let mass: Vec<f32> = (0..positions.len()).map(|index| 1.0 + (index % 3) as f32).collect();
             let tree = Neighbours::of(&positions).unwrap();
-            let estimates = tree.estimate(k, &mass, &());
+            let estimates = tree.estimate(k, &mass, None, &());
             for (index, estimate) in estimates.iter().enumerate() {
                 let h = brute_force(&positions, index, k);
                 prop_assert!((estimate.smoothing_length - h).abs() <= 1e-9 * scale, "{} {}", estimate.smoothing_length, h);
             }
             let lengths: Vec<f32> = estimates.iter().map(|estimate| estimate.smoothing_length as f32).collect();
             prop_assume!(positions.len() < MOST_NEIGHBOURS);
-            for (index, density) in tree.density(&lengths, &mass, &()).iter().enumerate() {
+            for (index, density) in tree.density(&lengths, &mass, None, &()).iter().enumerate() {
                 let h = lengths[index] as f64;
                 prop_assume!(h > 0.0);
                 let sum: f64 = positions.iter().zip(&mass).map(|(at, mass)| {
@@ -242,7 +265,7 @@ mod tests {
             };
             let positions: Vec<[f64; 3]> = clumps.iter().flat_map(clump).collect();
             let mass: Vec<f32> = (0..positions.len()).map(|index| 1.0 + (index % 3) as f32).collect();
-            let estimates = Neighbours::of(&positions).unwrap().estimate(k, &mass, &());
+            let estimates = Neighbours::of(&positions).unwrap().estimate(k, &mass, None, &());
             for (index, estimate) in estimates.iter().enumerate() {
                 let h = brute_force(&positions, index, k);
                 prop_assert!((estimate.smoothing_length - h).abs() <= 1e-12 * h, "{estimate:?} {h}");
@@ -255,7 +278,7 @@ mod tests {
         let lattice = (0..4096).map(|i: u32| [i % 16, i / 16 % 16, i / 256].map(f64::from)).collect::<Vec<_>>();
         let line = (0..4096).map(|i: u32| [1e6, -3.0, f64::from(i).powi(2)]).collect::<Vec<_>>();
         for positions in [lattice, line] {
-            let estimates = Neighbours::of(&positions).unwrap().estimate(32, &vec![1.0; positions.len()], &());
+            let estimates = Neighbours::of(&positions).unwrap().estimate(32, &vec![1.0; positions.len()], None, &());
             for index in (0..positions.len()).step_by(37) {
                 let h = brute_force(&positions, index, 32);
                 assert!((estimates[index].smoothing_length / h - 1.0).abs() < 1e-9);
@@ -281,13 +304,13 @@ mod tests {
         let mut positions = vec![[1.0, 2.0, 3.0]; 5000];
         positions.extend([[1.0, 2.0, 4.0], [1.0, 2.0, 6.0]]);
         let tree = Neighbours::of(&positions).unwrap();
-        let estimates = tree.estimate(32, &vec![1.0; positions.len()], &());
+        let estimates = tree.estimate(32, &vec![1.0; positions.len()], None, &());
         let lengths: Vec<f64> = [0, 4999, 5000, 5001].map(|index: usize| estimates[index].smoothing_length).to_vec();
         assert_eq!(lengths, [1.0, 1.0, 1.0, 3.0]);
         let center = Kernel::CubicSpline.value(0.0) * 5000.0;
         assert!((estimates[0].density / center - 1.0).abs() < 1e-12);
         let tree = Neighbours::of(&positions[..5000]).unwrap();
-        assert_eq!(tree.estimate(32, &vec![1.0; 5000], &())[7].smoothing_length, 1.0);
+        assert_eq!(tree.estimate(32, &vec![1.0; 5000], None, &())[7].smoothing_length, 1.0);
         assert!(Neighbours::of(&[]).is_none());
     }
 }

@@ -1,0 +1,317 @@
+//! Smoothing lengths and densities that a source lacks, from the neighbours of each particle, some buckets at a time.
+//!
+//! The neighbours of a bucket's particles may lie in other buckets. A block of buckets is searched together with what lies around it
+//! in others; where the distance to a particle's k-th neighbour turns out to reach beyond that, everything inside that distance is
+//! gathered and the particle searched for again. So the result is that of a search among all particles.
+
+use super::BuildError;
+use super::partition::Partition;
+use crate::hierarchy::attribute_info::{HistogramBins, Range};
+use crate::hierarchy::octree::Place;
+use crate::hierarchy::{Histogram, RootCell};
+use crate::import::neighbours::Neighbours;
+use crate::model::Bounds;
+use crate::model::progress::Progress;
+use glam::DVec3;
+use rayon::prelude::*;
+
+/// Particles of a block, about.
+const BLOCK: usize = 1 << 20;
+/// How far around a block is looked at first, in distances to the k-th neighbour if the block were filled evenly.
+const MARGIN: f64 = 2.5;
+/// Cells along each axis of the grid that says where the balls of some particles reach.
+const CELLS: usize = 96;
+/// Values of each column in the sample of a bucket at most, for the quantiser's scaling.
+const SAMPLE: usize = 1 << 10;
+
+/// What is known of the estimated columns: density, then smoothing length.
+pub(super) struct Estimated {
+    /// Extremes and means.
+    pub ranges: [Range; 2],
+    /// Histograms.
+    pub histograms: [Histogram; 2],
+    /// A sample of each.
+    pub samples: [Vec<f32>; 2],
+}
+
+/// Particles with world positions relative to the root cell's corner.
+#[derive(Default)]
+struct Particles {
+    positions: Vec<[f64; 3]>,
+    mass: Vec<f32>,
+}
+
+/// Fills in the densities and smoothing lengths of a partition that are not positive, from `k` neighbours.
+///
+/// # Errors
+/// When particles cannot be read back, or what was found not be put away.
+pub(super) fn estimate(
+    partition: &mut Partition,
+    k: usize,
+    root: RootCell,
+    block: Option<usize>,
+    progress: &dyn Progress,
+) -> Result<Estimated, BuildError> {
+    let lens: Vec<usize> = (0..partition.buckets()).map(|bucket| partition.len(bucket)).collect();
+    progress.begin("finding neighbours", lens.iter().sum::<usize>() as u64);
+    let mut ranges = [Range::EMPTY; 2];
+    let mut samples = [Vec::new(), Vec::new()];
+    let mut first = 0;
+    while first < lens.len() {
+        let mut held = lens[first];
+        let mut end = first + 1;
+        while end < lens.len() && held + lens[end] <= block.unwrap_or(BLOCK) {
+            held += lens[end];
+            end += 1;
+        }
+        for (bucket, [density, smoothing_length]) in
+            (first..end).zip(of_block(partition, first..end, k, root, progress)?)
+        {
+            for (column, values) in [&density, &smoothing_length].into_iter().enumerate() {
+                ranges[column] = ranges[column].with(Range::of(values));
+                samples[column].extend(values.iter().step_by(values.len().div_ceil(SAMPLE).max(1)));
+            }
+            partition.put_estimates(bucket, &density, &smoothing_length)?;
+        }
+        first = end;
+    }
+    let bins = ranges.each_ref().map(HistogramBins::of);
+    let counts: Vec<[Vec<u64>; 2]> = (0..lens.len())
+        .into_par_iter()
+        .map(|bucket| {
+            let (_, columns) = partition.read(bucket)?;
+            Ok([bins[0].count(&columns.density), bins[1].count(&columns.smoothing_length)])
+        })
+        .collect::<Result<_, BuildError>>()?;
+    let [density, smoothing_length] = bins;
+    let total = |column: usize| {
+        let none = vec![0; counts.first().map_or(0, |counts| counts[column].len())];
+        counts.iter().fold(none, |sum, counts| sum.iter().zip(&counts[column]).map(|(a, b)| a + b).collect())
+    };
+    let histograms = [density.finish(total(0), 0), smoothing_length.finish(total(1), 0)];
+    Ok(Estimated { ranges, histograms, samples })
+}
+
+/// Densities and smoothing lengths of the particles of some buckets, in the order in which they are read.
+fn of_block(
+    partition: &Partition,
+    buckets: std::ops::Range<usize>,
+    k: usize,
+    root: RootCell,
+    progress: &dyn Progress,
+) -> Result<Vec<[Vec<f32>; 2]>, BuildError> {
+    let mut own: Vec<(Place, f32, f32, f32, u32)> = Vec::new();
+    let mut lens = Vec::with_capacity(buckets.len());
+    for bucket in buckets.clone() {
+        let (places, columns) = partition.read(bucket)?;
+        lens.push(places.len());
+        let rows = places.iter().zip(&columns.mass).zip(&columns.density).zip(&columns.smoothing_length);
+        let start = own.len() as u32;
+        own.extend(rows.zip(start..).map(|((((&place, &mass), &rho), &h), i)| (place, mass, rho, h, i)));
+    }
+    // In an order that does not depend on that of reading, to the last bit of a sum.
+    own.par_sort_unstable_by(|a, b| {
+        a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)).then(a.2.total_cmp(&b.2)).then(a.3.total_cmp(&b.3))
+    });
+    let is_usable = |value: f32| value > 0.0 && value.is_finite();
+    let search = Search {
+        partition,
+        buckets,
+        root,
+        own: Particles {
+            positions: own.iter().map(|(place, ..)| position(*place, root)).collect(),
+            mass: own.iter().map(|&(_, mass, ..)| mass).collect(),
+        },
+    };
+    let mut density: Vec<f32> = own.iter().map(|&(_, _, rho, ..)| rho).collect();
+    let mut smoothing_length: Vec<f32> = own.iter().map(|&(_, _, _, h, _)| h).collect();
+    let wanted: Vec<bool> = smoothing_length.iter().map(|&h| !is_usable(h)).collect();
+    if wanted.contains(&true) {
+        search.nearest(k, &wanted, &mut smoothing_length, &mut density)?;
+    }
+    let wanted: Vec<bool> = density.iter().map(|&rho| !is_usable(rho)).collect();
+    if wanted.contains(&true) {
+        search.density(&wanted, &smoothing_length, &mut density)?;
+    }
+    progress.advance(own.len() as u64);
+    let mut columns = [vec![0.0; own.len()], vec![0.0; own.len()]];
+    for ((&(.., i), rho), h) in own.iter().zip(density).zip(smoothing_length) {
+        columns[0][i as usize] = rho;
+        columns[1][i as usize] = h;
+    }
+    let mut at = 0;
+    Ok(lens
+        .into_iter()
+        .map(|len| {
+            at += len;
+            columns.each_ref().map(|column| column[at - len..at].to_vec())
+        })
+        .collect())
+}
+
+/// A place in world units from the root cell's corner: the same number whichever block it is read for.
+fn position(place: Place, root: RootCell) -> [f64; 3] {
+    place.unit().map(|x| x * root.size)
+}
+
+/// A block and where its neighbours are.
+struct Search<'a> {
+    partition: &'a Partition,
+    buckets: std::ops::Range<usize>,
+    root: RootCell,
+    own: Particles,
+}
+
+impl Search<'_> {
+    /// Smoothing lengths, and densities where there are none, of the wanted particles.
+    fn nearest(&self, k: usize, wanted: &[bool], lengths: &mut [f32], density: &mut [f32]) -> Result<(), BuildError> {
+        let count = self.own.positions.len();
+        let bounds = Bounds::of(self.own.positions.iter().copied());
+        let size = bounds.size().max(DVec3::splat(1e-6 * bounds.size().max_element()));
+        let margin = MARGIN * (k as f64 * size.x * size.y * size.z / (4.18 * count as f64)).cbrt();
+        let covered = Bounds { min: bounds.min - margin, max: bounds.max + margin };
+        let around = self.others(|place| covered.contains(place.into()), covered)?;
+        let everything = count + around.positions.len() == self.partition.particles();
+        let mut left: Vec<bool> = wanted.to_vec();
+        let mut radii = vec![0.0; count];
+        self.search(k, around, wanted, |i, h, rho| {
+            let at = DVec3::from_array(self.own.positions[i]);
+            let inside = (at - covered.min).min_element().min((covered.max - at).min_element());
+            radii[i] = h;
+            if everything || h <= inside {
+                left[i] = false;
+                (lengths[i], density[i]) = (positive(h), stated(density[i], rho));
+            }
+        });
+        if !left.contains(&true) {
+            return Ok(());
+        }
+        // The true distance is at most what was found, unless there were too few particles to find that many.
+        let enough = count > k && bounds.size().max_element() > 0.0;
+        let reach = Reach::of(
+            self.own.positions.iter().zip(&radii).zip(&left).filter(|(_, left)| **left).map(|(ball, _)| ball),
+        );
+        let around = self
+            .others(|place| !enough || reach.contains(place), if enough { reach.bounds } else { Bounds::EVERYTHING })?;
+        let wanted = left.clone();
+        self.search(k, around, &wanted, |i, h, rho| {
+            (lengths[i], density[i]) = (positive(h), stated(density[i], rho));
+        });
+        Ok(())
+    }
+
+    /// Densities of the wanted particles within their smoothing lengths.
+    fn density(&self, wanted: &[bool], lengths: &[f32], density: &mut [f32]) -> Result<(), BuildError> {
+        let radii: Vec<f64> = lengths.iter().map(|&h| f64::from(h)).collect();
+        let balls =
+            self.own.positions.iter().zip(&radii).zip(wanted).filter(|(_, wanted)| **wanted).map(|(ball, _)| ball);
+        let reach = Reach::of(balls);
+        let around = self.others(|place| reach.contains(place), reach.bounds)?;
+        let (positions, mass, count) = self.with(around);
+        let mut all: Vec<f32> = lengths.to_vec();
+        all.resize(positions.len(), 0.0);
+        let mut all_wanted = wanted.to_vec();
+        all_wanted.resize(positions.len(), false);
+        if let Some(tree) = Neighbours::of(&positions) {
+            let sums = tree.density(&all, &mass, Some(&all_wanted), &());
+            for (i, sum) in sums.into_iter().take(count).enumerate().filter(|(i, _)| wanted[*i]) {
+                density[i] = positive(sum);
+            }
+        }
+        Ok(())
+    }
+
+    fn search(&self, k: usize, around: Particles, wanted: &[bool], mut found: impl FnMut(usize, f64, f64)) {
+        let (positions, mass, count) = self.with(around);
+        let mut all_wanted = wanted.to_vec();
+        all_wanted.resize(positions.len(), false);
+        if let Some(tree) = Neighbours::of(&positions) {
+            let estimates = tree.estimate(k, &mass, Some(&all_wanted), &());
+            for (i, estimate) in estimates.into_iter().take(count).enumerate().filter(|(i, _)| wanted[*i]) {
+                found(i, estimate.smoothing_length, estimate.density);
+            }
+        }
+    }
+
+    /// The own particles, then others; and the number of the own ones.
+    fn with(&self, around: Particles) -> (Vec<[f64; 3]>, Vec<f32>, usize) {
+        let positions = [&self.own.positions[..], &around.positions].concat();
+        let mass = [&self.own.mass[..], &around.mass].concat();
+        (positions, mass, self.own.positions.len())
+    }
+
+    /// The particles of other buckets for which `is_near` holds; all of those lie in `bounds`.
+    fn others(&self, is_near: impl Fn([f64; 3]) -> bool + Sync, bounds: Bounds) -> Result<Particles, BuildError> {
+        let reaches = |bucket: &usize| {
+            let Some((low, high)) = self.partition.extent(*bucket) else { return false };
+            let (low, high) = (DVec3::from_array(low) * self.root.size, DVec3::from_array(high) * self.root.size);
+            !self.buckets.contains(bucket) && low.cmple(bounds.max).all() && bounds.min.cmple(high).all()
+        };
+        let parts: Vec<Vec<(Place, f32)>> = (0..self.partition.buckets())
+            .into_par_iter()
+            .filter(reaches)
+            .map(|bucket| {
+                let (places, columns) = self.partition.read(bucket)?;
+                let near =
+                    places.into_iter().zip(columns.mass).filter(|(place, _)| is_near(position(*place, self.root)));
+                let mut near: Vec<(Place, f32)> = near.collect();
+                near.sort_unstable_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
+                Ok(near)
+            })
+            .collect::<Result<_, BuildError>>()?;
+        let (positions, mass) =
+            parts.into_iter().flatten().map(|(place, mass)| (position(place, self.root), mass)).unzip();
+        Ok(Particles { positions, mass })
+    }
+}
+
+/// A density that the source states, or the estimate.
+fn stated(density: f32, estimate: f64) -> f32 {
+    if density > 0.0 && density.is_finite() { density } else { positive(estimate) }
+}
+
+/// The nearest positive finite `f32`.
+fn positive(value: f64) -> f32 {
+    (value as f32).clamp(f32::MIN_POSITIVE, f32::MAX)
+}
+
+/// Where the balls of some particles reach, on a coarse grid: never less than they do.
+struct Reach {
+    bounds: Bounds,
+    step: DVec3,
+    cells: Vec<bool>,
+}
+
+impl Reach {
+    fn of<'a>(balls: impl Iterator<Item = (&'a [f64; 3], &'a f64)> + Clone) -> Reach {
+        let around = |(at, radius): (&[f64; 3], &f64)| {
+            let (at, radius) = (DVec3::from_array(*at), radius * (1.0 + 1e-9));
+            Bounds { min: at - radius, max: at + radius }
+        };
+        let bounds = balls.clone().map(around).fold(Bounds::EMPTY, Bounds::union);
+        let step = (bounds.size() / CELLS as f64).max(DVec3::splat(f64::MIN_POSITIVE));
+        let mut reach = Reach { bounds, step, cells: vec![false; CELLS * CELLS * CELLS] };
+        for ball in balls {
+            let ball = around(ball);
+            let (low, high) = (reach.cell(ball.min), reach.cell(ball.max));
+            for z in low[2]..=high[2] {
+                for y in low[1]..=high[1] {
+                    let row = (z * CELLS + y) * CELLS;
+                    reach.cells[row + low[0]..=row + high[0]].fill(true);
+                }
+            }
+        }
+        reach
+    }
+
+    fn cell(&self, at: DVec3) -> [usize; 3] {
+        // The saturating cast puts what rounding leaves outside into the first and last cells.
+        ((at - self.bounds.min) / self.step).to_array().map(|x| (x as usize).min(CELLS - 1))
+    }
+
+    fn contains(&self, at: [f64; 3]) -> bool {
+        let at = DVec3::from_array(at);
+        let [x, y, z] = self.cell(at);
+        self.bounds.contains(at) && self.cells[(z * CELLS + y) * CELLS + x]
+    }
+}
