@@ -293,7 +293,7 @@ mod tests {
         let loaded = load(&path, &LoadOptions::default(), &()).unwrap();
         let gas = &loaded.families[0];
         let tree = Neighbours::of(&gas.positions).unwrap();
-        let density = tree.density(&gas.smoothing_length, &gas.mass, &());
+        let density = tree.density(&gas.smoothing_length, &gas.mass, None, &());
         for (own, written) in density.iter().zip(&gas.density) {
             assert!((own / *written as f64 - 1.0).abs() < 2e-6, "{own} {written}");
         }
