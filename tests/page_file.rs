@@ -165,7 +165,7 @@ proptest! {
                 for (source, h) in family.positions.iter().zip(&family.smoothing_length) {
                     let source = DVec3::from_array(*source);
                     let nearest = || drawn.iter().map(|(p, _)| source.distance(*p)).fold(f64::INFINITY, f64::min);
-                    let limit = (f64::from(*h) / 590.0).max(node.key.size(root) / 2_f64.powi(20));
+                    let limit = f64::from(*h) / 590.0 + node.key.size(root) / 2_f64.powi(21);
                     prop_assert!(!inside(&source) || nearest() <= limit);
                 }
             }

@@ -25,6 +25,8 @@ pub(super) struct Memory {
     pub particles: u64,
     /// For the particles of nodes.
     pub nodes: u64,
+    /// Bytes of temporary files, at most about.
+    pub on_disk: u64,
     /// For buckets while they are built.
     buckets: u64,
     /// For one particle of them.
@@ -73,7 +75,7 @@ impl Memory {
                 free: free >> 20,
             });
         }
-        Ok(Memory { folder, particles, nodes, buckets: rest, bucket_particle, allowed })
+        Ok(Memory { folder, particles, nodes, on_disk, buckets: rest, bucket_particle, allowed })
     }
 
     /// How many buckets may be built at a time, the largest of which has so many particles.

@@ -281,6 +281,10 @@ impl<'a> Build<'a> {
         let attributes = stream.attributes();
         let memory = Memory::plan(options, out, survey.count, attributes.len(), most, plan.len())?;
 
+        if memory.on_disk > 0 {
+            let (family, size) = (stream.family(), memory.on_disk.div_ceil(1 << 20));
+            progress.say(&format!("{family}: up to {size} MiB of temporary files in {}", memory.folder.display()));
+        }
         let particles = Spill::new(out, &memory.folder, memory.particles);
         let (mut partition, mut histograms) = Partition::of(stream, &survey.ranges, &plan, root, particles, progress)?;
         if let Some(k) = stream.neighbours().filter(|_| survey.is_lacking()) {

@@ -2,6 +2,7 @@
 
 pub mod build;
 pub mod frame;
+pub mod pages;
 pub mod splat;
 #[cfg(feature = "viewer")]
 pub mod splat_gpu;
@@ -17,9 +18,9 @@ use std::time::Duration;
   deepfield bench splat
   deepfield bench build --sizes 1000000 --json build.json")]
 pub struct Arguments {
-    /// What to measure: splat (drawing of particles as they are), frame (converged level of detail) or build (import and
-    /// build).
-    #[arg(value_parser = ["splat", "frame", "build"])]
+    /// What to measure: splat (drawing of particles as they are), frame (converged level of detail) build (from a source to a
+    /// page file) or pages (reading and decoding).
+    #[arg(value_parser = ["splat", "frame", "build", "pages"])]
     pub suite: String,
     /// Numbers of particles.
     #[arg(long, value_name = "N,N,...", value_delimiter = ',', default_values_t = [200_000, 1_000_000, 4_000_000],
@@ -33,6 +34,9 @@ pub struct Arguments {
     #[arg(long, value_name = "NAME,...", value_delimiter = ',', default_values = ["cpu", "compute", "raster"],
           value_parser = ["cpu", "compute", "raster"])]
     pub backends: Vec<String>,
+    /// Memory that builds may take, such as 2GiB [default: half of what is free].
+    #[arg(long, value_name = "BYTES", value_parser = super::arguments::bytes)]
+    pub memory: Option<u64>,
     /// Repetitions; the median counts.
     #[arg(long, value_name = "N", default_value_t = 7, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     pub repeat: u32,
@@ -73,6 +77,7 @@ pub fn run(arguments: &Arguments) -> CommandResult {
     let text = match arguments.suite.as_str() {
         "frame" => serde_json::to_string_pretty(&frame::measure(arguments)?)?,
         "build" => serde_json::to_string_pretty(&build::measure(arguments)?)?,
+        "pages" => serde_json::to_string_pretty(&pages::measure(arguments)?)?,
         _ => serde_json::to_string_pretty(&splat::measure(arguments)?)?,
     };
     match &arguments.json {

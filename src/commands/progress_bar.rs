@@ -42,6 +42,11 @@ impl Progress for TerminalProgress {
     fn advance(&self, n: u64) {
         self.bar.inc(n);
     }
+
+    fn say(&self, line: &str) {
+        // The bar must not be drawn while the line is written.
+        self.bar.suspend(|| eprintln!("{line}"));
+    }
 }
 
 impl Drop for TerminalProgress {

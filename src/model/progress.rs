@@ -7,6 +7,9 @@ pub trait Progress: Sync {
 
     /// `n` further steps of the current stage are done.
     fn advance(&self, n: u64);
+
+    /// A line that whoever started the work should read even if nobody watches the progress.
+    fn say(&self, _line: &str) {}
 }
 
 /// Nobody listens.

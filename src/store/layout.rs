@@ -23,7 +23,7 @@ pub const PAGE_HEADER_LEN: usize = 32;
 /// Bytes of a node record.
 pub const NODE_RECORD_LEN: usize = 192;
 /// Bytes of an entry of the page table.
-pub const PAGE_ENTRY_LEN: usize = 24;
+pub const PAGE_ENTRY_LEN: usize = 28;
 /// Page number that means "no child".
 pub const NO_PAGE: u32 = u32::MAX;
 /// Position and code sections start at multiples of this inside a page.
@@ -125,6 +125,14 @@ pub struct PageEntry {
     pub family: u32,
     /// CRC-32C of all its bytes.
     pub crc: u32,
+    /// Bytes that its particles take in memory: [`particles_memory`] of each node.
+    pub memory: u32,
+}
+
+/// Bytes that the particles of a node take in memory: a word and a code for each.
+pub fn particles_memory(encoding: Encoding, particles: u32) -> u64 {
+    let word = if encoding == Encoding::Leaf { size_of::<u64>() } else { size_of::<u32>() };
+    u64::from(particles) * (word + size_of::<u16>()) as u64
 }
 
 impl PageEntry {
@@ -136,6 +144,7 @@ impl PageEntry {
         out[12..16].copy_from_slice(&self.nodes.to_le_bytes());
         out[16..20].copy_from_slice(&self.family.to_le_bytes());
         out[20..24].copy_from_slice(&self.crc.to_le_bytes());
+        out[24..28].copy_from_slice(&self.memory.to_le_bytes());
         out
     }
 
@@ -147,6 +156,7 @@ impl PageEntry {
             nodes: u32_at(bytes, 12),
             family: u32_at(bytes, 16),
             crc: u32_at(bytes, 20),
+            memory: u32_at(bytes, 24),
         }
     }
 }
@@ -312,12 +322,12 @@ mod tests {
         assert_eq!(field("pages"), 55_u32.to_le_bytes());
         assert_eq!(field("header_crc"), crc32c::crc32c(&bytes[..60]).to_le_bytes());
 
-        let entry = PageEntry { offset: 1 << 50, len: 2, nodes: 3, family: 4, crc: 5 };
+        let entry = PageEntry { offset: 1 << 50, len: 2, nodes: 3, family: 4, crc: 5, memory: 6 };
         let bytes = entry.encode();
         assert_eq!(PageEntry::decode(&bytes), entry);
         let field = fields("Page table", &bytes);
         assert_eq!(field("offset"), (1_u64 << 50).to_le_bytes());
-        for (name, value) in [("len", 2_u32), ("nodes", 3), ("family", 4), ("crc", 5)] {
+        for (name, value) in [("len", 2_u32), ("nodes", 3), ("family", 4), ("crc", 5), ("memory", 6)] {
             assert_eq!(field(name), value.to_le_bytes());
         }
 

@@ -1,7 +1,9 @@
 //! A page in memory: node records and the packed particles of each node.
 
 use super::error::Damage;
-use super::layout::{NODE_RECORD_LEN, NodeRecord, PAGE_HEADER_LEN, PAGE_MAGIC, PageEntry, SECTION_ALIGNMENT, u32_at};
+use super::layout::{
+    NODE_RECORD_LEN, NodeRecord, PAGE_HEADER_LEN, PAGE_MAGIC, PageEntry, SECTION_ALIGNMENT, particles_memory, u32_at,
+};
 use super::metadata::Metadata;
 use crate::codec::coordinates::{GRID_POINT, LEAF_BITS, LEAF_POINT, unpack_grid, unpack_leaf};
 use crate::codec::positions::{decode_grid, decode_leaf, leaf_rounding};
@@ -167,9 +169,10 @@ impl Page {
         self.sizes[node]
     }
 
-    /// Bytes of memory that the page holds.
+    /// Bytes of memory that the page holds: [`super::PageFile::page_memory`].
     pub fn memory(&self) -> u64 {
-        (size_of_val(&*self.words) + size_of_val(&*self.codes) + self.nodes.len() * size_of::<Node>()) as u64
+        let particles = self.nodes.iter().map(|node| particles_memory(node.encoding, node.particles)).sum::<u64>();
+        particles + (self.nodes.len() * size_of::<Node>()) as u64
     }
 
     /// Reads and checks the bytes of a page, whose checksum has been found right; `table` tells the
@@ -245,6 +248,10 @@ impl Page {
         }
         if at != bytes.len() {
             return Err(Damage::new(here(), "an end right after the last section"));
+        }
+        let memory = |node: &Node| particles_memory(node.encoding, node.particles);
+        if page.nodes.iter().map(memory).sum::<u64>() != u64::from(entry.memory) {
+            return Err(Damage::new(here(), "particles that take the memory that the page table tells"));
         }
         check_family_links(&page).map_err(|(i, expected)| Damage::new(format!("page {}, node {i}", id.0), expected))?;
         Ok(page)

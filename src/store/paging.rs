@@ -6,6 +6,7 @@
 //! several.
 
 use super::error::StoreError;
+use super::layout::particles_memory;
 use super::page::{Node, NodeRef, PageId};
 use super::writer::{PageFileWriter, PageNode, encode_page, node_bytes};
 use crate::model::progress::Progress;
@@ -139,7 +140,9 @@ pub fn write_tree<E: From<StoreError> + Send>(
             .collect::<Result<_, E>>()?;
         for (page, bytes) in batch.iter().zip(encoded) {
             let bytes = bytes.ok_or_else(|| writer.unwritable("a page would be longer than 4 GiB"))?;
-            writer.append(family, page.len() as u32, &bytes)?;
+            let node = |&(depth, index): &Place| &nodes[depth][index].node;
+            let memory = page.iter().map(node).map(|node| particles_memory(node.encoding, node.particles)).sum();
+            writer.append(family, page.len() as u32, memory, &bytes)?;
             progress.advance(1);
         }
     }

@@ -5,7 +5,7 @@ use super::error::StoreError;
 use super::footer;
 use super::layout::{ALIGNMENT, HEADER_LEN, Header, HeaderError, PAGE_HEADER_LEN, PageEntry, VERSION};
 use super::metadata::Metadata;
-use super::page::{Page, PageId};
+use super::page::{Node, Page, PageId};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -16,7 +16,7 @@ pub struct PageBytes {
     bytes: Vec<u8>,
 }
 
-/// An open page file. Cheap to share in an `Arc`: reads are positioned and take no lock. It holds the footer (24 bytes
+/// An open page file. Cheap to share in an `Arc`: reads are positioned and take no lock. It holds the footer (28 bytes
 /// for each page of about 3 MB, attribute tables and codebooks), never pages.
 #[derive(Debug)]
 pub struct PageFile {
@@ -93,6 +93,12 @@ impl PageFile {
     /// Bytes that reading the page takes from the disk; 0 for a page that does not exist.
     pub fn page_bytes(&self, page: PageId) -> u64 {
         self.table.get(page.0 as usize).map_or(0, |entry| u64::from(entry.len))
+    }
+
+    /// Bytes that the page takes in memory; 0 for a page that does not exist.
+    pub fn page_memory(&self, page: PageId) -> u64 {
+        let of = |entry: &PageEntry| u64::from(entry.memory) + u64::from(entry.nodes) * size_of::<Node>() as u64;
+        self.table.get(page.0 as usize).map_or(0, of)
     }
 
     /// Largest [`PageFile::page_bytes`] of all pages.

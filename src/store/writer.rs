@@ -71,11 +71,14 @@ impl PageFileWriter {
         Ok(writer)
     }
 
-    /// Appends page number `self.page_count()`, encoded by [`encode_page`] with that number.
-    pub fn append(&mut self, family: u32, nodes: u32, page: &[u8]) -> Result<PageId, StoreError> {
+    /// Appends page number `self.page_count()`, encoded by [`encode_page`] with that number; its particles take `memory` bytes
+    /// when they are decoded.
+    pub fn append(&mut self, family: u32, nodes: u32, memory: u64, page: &[u8]) -> Result<PageId, StoreError> {
         let id = PageId(self.table.len() as u32);
         let len = u32::try_from(page.len()).map_err(|_| self.unwritable("a page would be longer than 4 GiB"))?;
-        self.table.push(PageEntry { offset: self.end, len, nodes, family, crc: crc32c::crc32c(page) });
+        let memory =
+            u32::try_from(memory).map_err(|_| self.unwritable("a page would take more than 4 GiB of memory"))?;
+        self.table.push(PageEntry { offset: self.end, len, nodes, family, crc: crc32c::crc32c(page), memory });
         self.put(page)?;
         Ok(id)
     }

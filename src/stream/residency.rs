@@ -132,7 +132,7 @@ impl Residency {
             return None;
         }
         let page = *self.queue.front()?;
-        let bytes = self.file.page_bytes(page);
+        let bytes = self.file.page_memory(page);
         let is_root = self.file.metadata().families.iter().any(|family| family.root_page == page);
         while self.resident_bytes + self.loading_bytes + bytes > self.budget && self.evict_one() {}
         if self.resident_bytes + self.loading_bytes + bytes > self.budget && !is_root {
@@ -149,7 +149,7 @@ impl Residency {
     /// A read of `id` that [`Residency::next_to_load`] asked for has ended.
     pub fn loaded(&mut self, id: PageId, outcome: Result<Page, StoreError>) {
         self.loading = self.loading.saturating_sub(1);
-        self.loading_bytes = self.loading_bytes.saturating_sub(self.file.page_bytes(id));
+        self.loading_bytes = self.loading_bytes.saturating_sub(self.file.page_memory(id));
         match outcome {
             Ok(page) => {
                 self.resident_bytes += page.memory();

@@ -1,13 +1,13 @@
-//! Import and build speed on a generated Gadget snapshot.
+//! Build speed on a generated Gadget snapshot: from the source to a page file.
 
 use super::splat::Failure;
 use super::{Arguments, Times};
-use crate::build::{BuildOptions, build};
-use crate::codec::VqBits;
-use crate::import::{DEFAULT_NEIGHBOURS, LoadOptions, Smoothing, load};
+use crate::build::{BuildOptions, Built, build_source};
+use crate::import::{DEFAULT_NEIGHBOURS, LoadOptions, Smoothing};
 use crate::synth::{clusters::Clusters, gadget};
 use serde::Serialize;
 use std::io::Write;
+use std::path::Path;
 use std::time::{Duration, Instant};
 
 /// One line of the results.
@@ -17,18 +17,18 @@ pub struct Outcome {
     pub particles: u64,
     /// Threads.
     pub threads: u16,
-    /// Seconds to bring the snapshot into memory (from the system's file cache).
-    pub import: Times,
-    /// Seconds to bring it into memory with smoothing lengths from 32 neighbours in place of its own.
-    pub neighbours: Times,
-    /// Seconds to build and write the page file from memory.
+    /// Seconds from the snapshot (in the system's file cache) to the page file.
     pub build: Times,
-    /// Million particles per second, import and build together.
+    /// The same with smoothing lengths from 32 neighbours in place of the source's own.
+    pub neighbours: Times,
+    /// Million particles per second.
     pub million_per_second: f64,
     /// The same where smoothing lengths come from neighbours.
     pub million_per_second_neighbours: f64,
     /// Size of the page file divided by the particles.
     pub bytes_per_particle: f64,
+    /// Most bytes of temporary files.
+    pub temporary_bytes: u64,
 }
 
 /// Measures all sizes on all numbers of threads and prints a table to standard error.
@@ -39,8 +39,8 @@ pub fn measure(arguments: &Arguments) -> Result<Vec<Outcome>, Failure> {
     let folder = tempfile::tempdir()?;
     let mut outcomes = Vec::new();
     eprintln!(
-        "{:>10} {:>8} {:>9} {:>9} {:>7} {:>9} {:>7} {:>7}",
-        "particles", "threads", "import s", "build s", "M/s", "with knn", "M/s", "bytes"
+        "{:>10} {:>8} {:>9} {:>7} {:>9} {:>7} {:>7} {:>9}",
+        "particles", "threads", "build s", "M/s", "with knn", "M/s", "bytes", "temp MiB"
     );
     for &particles in &arguments.sizes {
         let source = folder.path().join("snapshot");
@@ -48,54 +48,50 @@ pub fn measure(arguments: &Arguments) -> Result<Vec<Outcome>, Failure> {
         gadget::write(&Clusters::new(arguments.seed, particles), &mut out, &())?;
         out.flush()?;
         for &threads in &arguments.threads {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(usize::from(threads)).build()?;
-            let (mut imports, mut searches, mut builds, mut bytes) = (Vec::new(), Vec::new(), Vec::new(), 0);
+            let run = |smoothing: Smoothing| {
+                once(&source, &folder.path().join("out.df"), smoothing, arguments.memory, threads.into())
+            };
+            let (mut builds, mut searches, mut bytes, mut temporary_bytes) = (Vec::new(), Vec::new(), 0, 0);
             for _ in 0..arguments.repeat {
-                let once = pool.install(|| once(&source, &folder.path().join("out.df")))?;
-                imports.push(once.import);
-                searches.push(once.neighbours);
-                builds.push(once.build);
-                bytes = once.bytes;
+                let (seconds, built) = run(Smoothing::Auto)?;
+                builds.push(seconds);
+                (bytes, temporary_bytes) = (built.bytes, built.temporary_bytes);
+                searches.push(run(Smoothing::Knn(DEFAULT_NEIGHBOURS))?.0);
             }
-            let (import, neighbours, build) = (Times::of(imports), Times::of(searches), Times::of(builds));
-            let speed = |import: &Times| particles as f64 / (import.median + build.median) / 1e6;
-            let (million_per_second, million_per_second_neighbours) = (speed(&import), speed(&neighbours));
+            let (build, neighbours) = (Times::of(builds), Times::of(searches));
+            let speed = |times: &Times| particles as f64 / times.median / 1e6;
+            let (million_per_second, million_per_second_neighbours) = (speed(&build), speed(&neighbours));
             let bytes_per_particle = bytes as f64 / particles as f64;
             eprintln!(
-                "{particles:>10} {threads:>8} {:>9.3} {:>9.3} {million_per_second:>7.2} {:>9.3} {:>7.2} {:>7.1}",
-                import.median, build.median, neighbours.median, million_per_second_neighbours, bytes_per_particle
+                "{particles:>10} {threads:>8} {:>9.3} {million_per_second:>7.2} {:>9.3} {million_per_second_neighbours:>7.2} {bytes_per_particle:>7.2} {:>9}",
+                build.median,
+                neighbours.median,
+                temporary_bytes >> 20
             );
             outcomes.push(Outcome {
                 particles,
                 threads,
-                import,
-                neighbours,
                 build,
+                neighbours,
                 million_per_second,
                 million_per_second_neighbours,
                 bytes_per_particle,
+                temporary_bytes,
             });
         }
     }
     Ok(outcomes)
 }
 
-/// One run.
-struct Once {
-    import: Duration,
-    neighbours: Duration,
-    build: Duration,
-    bytes: u64,
-}
-
-fn once(source: &std::path::Path, out: &std::path::Path) -> Result<Once, Failure> {
+fn once(
+    source: &Path,
+    out: &Path,
+    smoothing: Smoothing,
+    memory: Option<u64>,
+    threads: usize,
+) -> Result<(Duration, Built), Failure> {
+    let options = BuildOptions { memory, threads: Some(threads), ..BuildOptions::default() };
     let start = Instant::now();
-    let smoothing = Smoothing::Knn(DEFAULT_NEIGHBOURS);
-    drop(load(source, &LoadOptions { smoothing, ..LoadOptions::default() }, &())?);
-    let neighbours = start.elapsed();
-    let start = Instant::now();
-    let data = load(source, &LoadOptions::default(), &())?;
-    let import = start.elapsed();
-    let built = build(data, &BuildOptions::with_vq_bits(VqBits::default()), out, &())?;
-    Ok(Once { import, neighbours, build: start.elapsed() - import, bytes: built.bytes })
+    let built = build_source(source, &LoadOptions { smoothing, ..LoadOptions::default() }, &options, out, &())?;
+    Ok((start.elapsed(), built))
 }
