@@ -1,6 +1,8 @@
 //! Builds of what does not fit in the memory they may take: the same bytes for any memory and any number of threads, peak memory,
 //! builds killed at any moment, and disks that take no more.
 
+#![allow(clippy::unwrap_used, reason = "a failed helper fails its test")]
+
 use deepfield::build::{BuildOptions, build, build_source};
 use deepfield::hierarchy::OctreeOptions;
 use deepfield::import::{LoadOptions, Smoothing, load};

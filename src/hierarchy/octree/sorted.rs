@@ -143,10 +143,8 @@ mod tests {
         fn places_are_near_and_in_morton_order(a in prop::array::uniform3(-5.0..5.0_f64), b in prop::array::uniform3(-5.0..5.0_f64)) {
             let root = RootCell { min: DVec3::splat(-5.0), size: 10.0 };
             let (pa, pb) = (Place::of(a, root), Place::of(b, root));
-            for axis in 0..3 {
-                let back = root.min[axis] + pa.unit()[axis] * root.size;
-                prop_assert!((back - a[axis]).abs() <= root.size * 2.0_f64.powi(-42));
-            }
+            let back = root.min + DVec3::from_array(pa.unit()) * root.size;
+            prop_assert!((back - DVec3::from_array(a)).abs().max_element() <= root.size * 2.0_f64.powi(-42));
             if pa.key != pb.key {
                 prop_assert_eq!(pa < pb, pa.key < pb.key);
             }
