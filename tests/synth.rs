@@ -86,7 +86,7 @@ fn bytes_depend_on_nothing_but_the_arguments() {
 }
 
 /// Checksums of a small box, merger and clusters: whatever machine makes other bytes than these breaks the promise.
-const KNOWN: [u32; 3] = [0x87c8_554b, 0xcc1f_603b, 0xb02b_08a1];
+const KNOWN: [u32; 3] = [0x5d6d_a894, 0xcc1f_603b, 0xb02b_08a1];
 
 #[test]
 fn snapshots_in_several_files_are_the_same_particles() {

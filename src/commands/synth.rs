@@ -11,7 +11,7 @@ use std::path::PathBuf;
 /// What can be made.
 #[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// Dark matter of a Lambda-CDM universe today: a web, and halos in it with half of the particles
+    /// Dark matter of a Lambda-CDM universe today: a web, and in it haloes with nearly half of the particles
     Cosmology,
     /// Gas of two merging white dwarfs in a wide, thin envelope; smoothing lengths differ 1400-fold
     Merger,
@@ -22,10 +22,10 @@ pub enum Kind {
 /// Writes a seeded synthetic snapshot, of any size and the same on any machine, as Gadget binary files (format 2).
 ///
 /// Above 357 million particles the snapshot is in several files, FILE.0, FILE.1, ...; open any one of them. Particles
-/// are written as they are made, so that memory does not grow with their number (below 800 MB for cosmology).
+/// are written as they are made, so that memory does not grow with their number (below 700 MB for cosmology).
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Examples:
-  deepfield synth cosmology -n 1e9 -o universe.gadget2         44 GB
+  deepfield synth cosmology -n 1e9 -o universe.gadget2         40 GB
   deepfield synth cosmology -n 1e7 --box 50 --seed 7 -o small.gadget2
   deepfield synth merger -n 2e6 -o merger.gadget2")]
 pub struct Arguments {
@@ -73,7 +73,8 @@ fn edge(text: &str) -> Result<f64, String> {
 pub fn run(arguments: &Arguments) -> CommandResult {
     let (seed, particles) = (arguments.seed, arguments.particles);
     if arguments.edge.is_some() && arguments.kind != Kind::Cosmology {
-        return Err("--box: only a cosmology has a box to choose".into());
+        let message = "--box: only a cosmology has a box to choose\n";
+        clap::Error::raw(clap::error::ErrorKind::ArgumentConflict, message).exit();
     }
     let progress = TerminalProgress::new();
     let generator: Box<dyn Generator> = match arguments.kind {

@@ -68,7 +68,7 @@ pub fn write(
     let mut written: Vec<(NamedTempFile, PathBuf)> = Vec::with_capacity(parts.len());
     for (name, part) in parts {
         let mut file = readable().tempfile_in(folder).map_err(|error| fail(&name, error))?;
-        write_part(generator, &part, &mut file, progress).map_err(|error| fail(&name, error))?;
+        write_part(generator, &part, file.as_file_mut(), progress).map_err(|error| fail(&name, error))?;
         written.push((file, name));
     }
     let mut names = Vec::with_capacity(written.len());

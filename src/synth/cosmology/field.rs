@@ -15,8 +15,8 @@ use std::f64::consts::PI;
 const COLLAPSE_SCALE: f64 = 3.0;
 /// Smoothing of the density that collapses, Mpc/h.
 const SMOOTHING: f64 = 0.5;
-/// Smoothings of the density in which haloes are looked for, Mpc/h; the heaviest first.
-pub const PEAK_SCALES: [f64; 3] = [4.0, 2.0, 1.0];
+/// Smoothing of the density in which the heaviest haloes are looked for, Mpc/h.
+pub const PEAK_SCALE: f64 = 4.0;
 
 /// The box after its linear density has moved it.
 pub struct Field {
@@ -28,8 +28,8 @@ pub struct Field {
     pub displacement: Vec<[f32; 3]>,
     /// Linear density contrast, smoothed a little.
     pub contrast: Vec<f32>,
-    /// For each of [`PEAK_SCALES`]: local maxima of the smoothed contrast, highest first.
-    pub peaks: Vec<Vec<u32>>,
+    /// Local maxima of the contrast at [`PEAK_SCALE`], highest first.
+    pub peaks: Vec<u32>,
 }
 
 /// Half of the Fourier transform of a real field: `kx >= 0`.
@@ -46,21 +46,10 @@ impl Field {
         let mut cube = ComplexCube::new(size);
         let smooth = |k2: f64, scale: f64| libm::exp(-0.5 * k2 * scale * scale) as f32;
         // Two real fields in one transform: the second times i.
-        let pair = |[re, im]: [f32; 2], a: f32, b: f32| [a * re - b * im, a * im + b * re];
-        spectrum.fill(
-            &mut cube,
-            |k2| [smooth(k2, PEAK_SCALES[1]), smooth(k2, PEAK_SCALES[2])],
-            |h, _, f| pair(h, f[0], f[1]),
-        );
+        let smoothings = |k2: f64| [smooth(k2, SMOOTHING), smooth(k2, PEAK_SCALE)];
+        spectrum.fill(&mut cube, smoothings, |[re, im], _, [a, b]| [a * re - b * im, a * im + b * re]);
         cube.transform(Direction::Inverse);
-        let mut peaks = vec![Vec::new(), maxima(size, &cube.re), maxima(size, &cube.im)];
-        spectrum.fill(
-            &mut cube,
-            |k2| [smooth(k2, SMOOTHING), smooth(k2, PEAK_SCALES[0])],
-            |h, _, f| pair(h, f[0], f[1]),
-        );
-        cube.transform(Direction::Inverse);
-        peaks[0] = maxima(size, &cube.im);
+        let peaks = maxima(size, &cube.im);
         let contrast = cube.re.clone();
         cube.re.par_iter_mut().for_each(|value| *value = collapse(*value));
         cube.im.par_iter_mut().for_each(|value| *value = 0.0);
@@ -339,9 +328,7 @@ mod tests {
     #[test]
     fn peaks_are_maxima_in_order() {
         let field = Field::new(1, 32, 100.0, &Power::new());
-        for peaks in &field.peaks {
-            assert!(!peaks.is_empty());
-        }
+        assert!(!field.peaks.is_empty());
         let mut values = vec![0.0; 16 * 16 * 16];
         values[0] = 2.0;
         values[(8 * 16 + 15) * 16 + 3] = 3.0;

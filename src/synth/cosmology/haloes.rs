@@ -1,16 +1,17 @@
-//! Which haloes there are and where: masses from the mass function, places at the peaks of the linear density before it
-//! moved, so that they end up in the knots and filaments of the web.
+//! Which haloes there are and where: masses from the mass function; places before the box moved at the peaks of the linear
+//! density for the heaviest, and where the box will be compressed for the others, so that they end up in the knots and
+//! filaments of the web.
 
-use super::field::{Field, PEAK_SCALES};
+use super::field::{Field, PEAK_SCALE};
 use super::nfw::{Nfw, Profile, concentration};
 use super::power::{MEAN_DENSITY, MassFunction, Power, lagrangian_radius};
 use crate::synth::random::Random;
 use rayon::prelude::*;
 
-/// Share of the particles in haloes, as far as the box can hold them: what the mass function has above 1e9 Msun/h.
-pub const SHARE: f64 = 0.5;
+/// Share of the particles in haloes, as far as the box can hold them: about what the mass function has above 1e10 Msun/h.
+pub const SHARE: f64 = 0.45;
 /// Particles of the smallest halo.
-const LEAST: f64 = 20.0;
+const LEAST: f64 = 16.0;
 /// Most haloes; in larger data the smallest are heavier. It bounds the memory.
 const MOST: f64 = 1_000_000.0;
 /// A halo with this many particles has satellites.
@@ -159,12 +160,9 @@ impl Claims<'_> {
         let cell = self.field.cell();
         let mut places: Vec<[f64; 3]> = Vec::with_capacity(masses.len());
         let mut next = 0;
-        for (level, &scale) in PEAK_SCALES.iter().enumerate() {
-            if scale < 0.8 * cell {
-                break;
-            }
-            let until = masses.partition_point(|&mass| lagrangian_radius(mass) >= 1.5 * scale);
-            let mut peaks = self.field.peaks[level].iter();
+        if PEAK_SCALE >= 0.8 * cell {
+            let until = masses.partition_point(|&mass| lagrangian_radius(mass) >= 1.5 * PEAK_SCALE);
+            let mut peaks = self.field.peaks.iter();
             while next < until {
                 // The next peak that no halo has claimed yet.
                 let Some(&peak) = peaks.find(|&&peak| self.remaining[peak as usize] > UNCLAIMED / 2) else { break };
@@ -172,16 +170,19 @@ impl Claims<'_> {
                 self.claim(peak as usize, masses[next]);
                 next += 1;
             }
-            if next < until {
-                break;
-            }
         }
         let mut cells = self.dense_cells(seed, masses.len() - next);
         let mut random = Random::new(seed, u64::MAX - 1);
         for (index, &mass) in masses[next..].iter().enumerate() {
-            let last = cells.len() - index;
-            let choice = index + ((random.uniform() * last as f64) as usize).min(last - 1);
-            cells.swap(index, choice);
+            // A few tries for one that no other halo has claimed.
+            for _ in 0..8 {
+                let last = cells.len() - index;
+                let choice = index + ((random.uniform() * last as f64) as usize).min(last - 1);
+                cells.swap(index, choice);
+                if self.remaining[cells[index] as usize] > UNCLAIMED / 2 {
+                    break;
+                }
+            }
             let chosen = cells[index] as usize;
             let corner = self.field.corner(chosen);
             places.push(corner.map(|x| (x as f64 + random.uniform() - 0.5) * cell));
@@ -194,7 +195,9 @@ impl Claims<'_> {
     fn dense_cells(&self, seed: u64, count: usize) -> Vec<u32> {
         let size = self.field.size;
         let weight = |at: usize| -> f64 {
-            f64::from(self.remaining[at]) * f64::from(self.field.compression(at).clamp(0.02, 20.0)) + 1e-6
+            let compression = f64::from(self.field.compression(at).clamp(0.02, 10.0));
+            let bias = f64::from(libm::expf(0.5 * self.field.contrast[at].clamp(-4.0, 4.0)));
+            f64::from(self.remaining[at]) * compression * compression * bias + 1e-6
         };
         let rows: Vec<f64> =
             (0..size * size).into_par_iter().map(|row| (0..size).map(|x| weight(row * size + x)).sum()).collect();

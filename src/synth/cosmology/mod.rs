@@ -1,5 +1,5 @@
 //! A box of dark matter like those of cosmological simulations today: a web that the linear density of a Lambda-CDM
-//! universe has made, and haloes in its knots and filaments, which hold half of the particles.
+//! universe has made, and haloes in its knots and filaments, which hold nearly half of the particles.
 //!
 //! Particles in haloes come first, in the order of the haloes' masses, as Gadget-4 and AREPO write them; the others follow
 //! in the order of where they were before they moved. The memory needed does not depend on the number of particles:
