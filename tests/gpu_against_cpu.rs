@@ -8,6 +8,7 @@ use deepfield::gpu::{
     Payload, RawParticle, TableEntry, Withheld, render_headless,
 };
 use deepfield::model::Kernel;
+use deepfield::raster::sample::Sample;
 use deepfield::raster::{Accumulation, Extent, Method, Positions, RasterOptions, Splats, draw};
 use deepfield::view::{Projection, View};
 use glam::DVec3;
@@ -79,7 +80,7 @@ impl Particles {
 fn node(min: DVec3, size: f64, payload: Payload) -> HeadlessNode {
     let table = matches!(payload, Payload::Grid { .. } | Payload::Leaf { .. }).then_some(0);
     let upload = NodeUpload { id: NodeId { source: 0, page: 0, node: 0 }, min, size, payload };
-    HeadlessNode { upload, table, weight_scale: 1.0 }
+    HeadlessNode { upload, table, weight_scale: 1.0, sample: Sample::ALL }
 }
 
 fn request(
@@ -93,6 +94,8 @@ fn request(
         view: *view,
         footprint,
         backend,
+        culling: true,
+        faintest: 0.0,
         nodes,
         tables,
         attribute: true,
@@ -244,7 +247,7 @@ impl Packed {
             smoothing_length: (0.002 * 100_f64.powf(random.next())) as f32,
             weight: (0.5 + random.next()) as f32,
             attribute: (100.0 * random.next()) as f32,
-            unused: 0.0,
+            importance: 1.0,
         };
         Packed {
             table: (0..100).map(|_| entry(&mut random)).collect(),

@@ -3,6 +3,7 @@
 // Whoever imports this has bindings 0 to 5 of group 0 taken. The Rust twins are in src/gpu/splat/layout.rs.
 #define_import_path deepfield::particle
 #import deepfield::splat_view::SplatView
+#import deepfield::sample::{GROUP, tosses, lane_of, sample_factor}
 
 struct Node {
     /// Camera-space position of the node's lowest corner, relative to the eye; computed in double precision.
@@ -20,23 +21,33 @@ struct Node {
     encoding: u32,
     /// Factor on every weight.
     weight_scale: f32,
+    /// Number of particles.
+    count: u32,
+    /// The sample that is drawn; see sample.wgsl.
+    seed: u32,
+    /// A particle of importance q is drawn with probability q scale.
+    scale: f32,
+    /// Particles with this rank or a higher one are not drawn; 0: all are drawn.
+    ranks: u32,
     unused_a: u32,
     unused_b: u32,
+    unused_c: u32,
 }
 
 struct Block {
     node: u32,
-    /// First particle in the node.
+    /// First candidate in the node.
     first: u32,
     count: u32,
-    /// Where the first one's splat goes.
-    splat: u32,
+    /// Where its places begin: their number, then one for each of the `count`.
+    place: u32,
 }
 
 struct Particle {
     /// Camera space: right, up, depth.
     position: vec3<f32>,
     smoothing_length: f32,
+    /// 0: not drawn.
     weight: f32,
     quantity: f32,
 }
@@ -52,7 +63,7 @@ const ENCODING_WORLD: u32 = 2u;
 /// loop for four numbers costs little more than for one.
 @group(0) @binding(3) var<storage, read> words: array<u32>;
 @group(0) @binding(4) var<storage, read> vectors: array<vec4<f32>>;
-/// Attribute tables: smoothing length, weight and attribute of each entry.
+/// Attribute tables: smoothing length, weight, attribute and importance of each entry.
 @group(0) @binding(5) var<storage, read> entries: array<vec4<f32>>;
 
 /// The camera's axes: rows of the rotation from world to camera. To be read once, not for each particle.
@@ -62,16 +73,23 @@ fn camera_axes() -> mat3x3<f32> {
 
 fn load_packed(axes: mat3x3<f32>, node: Node, index: u32, leaf: bool) -> Particle {
     // A packed coordinate stands for its step's centre.
+    let word = words[node.codes + (index >> 1u)];
+    let code = select(word & 0xffffu, word >> 16u, (index & 1u) == 1u);
+    let entry = entries[node.table + min(code, node.table_length - 1u)];
+    var factor = 1.0;
+    if node.ranks != 0u {
+        factor = sample_factor(node.seed, node.scale, index, entry.w);
+        if factor == 0.0 {
+            return Particle(vec3(0.0), 0.0, 0.0, 0.0);
+        }
+    }
     let stride = select(1u, 2u, leaf);
     let low = words[node.positions + index * stride];
     let high = words[node.positions + index * stride + stride - 1u];
     let grid = vec3(low & 0x3ffu, (low >> 10u) & 0x3ffu, (low >> 20u) & 0x3ffu);
     let fine = vec3(low & 0x1fffffu, (low >> 21u) | ((high & 0x3ffu) << 11u), (high >> 10u) & 0x1fffffu);
     let steps = vec3<f32>(select(grid, fine, leaf)) + 0.5;
-    let word = words[node.codes + (index >> 1u)];
-    let code = select(word & 0xffffu, word >> 16u, (index & 1u) == 1u);
-    let entry = entries[node.table + min(code, node.table_length - 1u)];
-    return Particle(node.origin + axes * (steps * node.step), entry.x, entry.y, entry.z);
+    return Particle(node.origin + axes * (steps * node.step), entry.x, entry.y * factor, entry.z);
 }
 
 fn load_raw(axes: mat3x3<f32>, node: Node, index: u32, world: bool) -> Particle {
@@ -81,9 +99,18 @@ fn load_raw(axes: mat3x3<f32>, node: Node, index: u32, world: bool) -> Particle 
     return Particle(select(first.xyz, node.origin + axes * first.xyz, world), first.w, second.x, second.y);
 }
 
-/// Particle `index` of a node, whatever its encoding.
-fn load_particle(axes: mat3x3<f32>, node: Node, index: u32) -> Particle {
-    var particle: Particle;
+/// Candidate `number` of a node, whatever its encoding: its particles in order, or where ranks are left out, those of the
+/// other ranks, group by group.
+fn load_particle(axes: mat3x3<f32>, node: Node, number: u32) -> Particle {
+    var index = number;
+    if node.ranks != 0u && node.ranks < GROUP {
+        let group = number / node.ranks;
+        index = group * GROUP + lane_of(tosses(node.seed + group), number % node.ranks);
+    }
+    var particle = Particle(vec3(0.0), 0.0, 0.0, 0.0);
+    if index >= node.count {
+        return particle;
+    }
     if node.encoding <= ENCODING_LEAF {
         particle = load_packed(axes, node, index, node.encoding == ENCODING_LEAF);
     } else {

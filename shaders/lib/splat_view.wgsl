@@ -67,8 +67,15 @@ struct SplatView {
     bin_count: u32,
     /// Variance of the kernel along an axis, for h = 1.
     moment: f32,
+    /// Particles that add less than this to every pixel are dropped; 0: none.
+    faintest: f32,
+    /// The projected kernel's value in its middle, for h = 1.
+    peak: f32,
+    /// 1: particles outside the picture are dropped; 0: they are sorted into a bin that no tile looks at.
+    culling: u32,
     unused_a: u32,
     unused_b: u32,
+    unused_c: u32,
     levels: array<Level, 16>,
 }
 
@@ -92,7 +99,10 @@ fn atlas_corner(finest: Level, level: u32, grid: Level) -> vec2<u32> {
 const SAMPLED: u32 = 0u;
 const SMALL: u32 = 1u;
 const EVERYWHERE: u32 = 2u;
+/// Seen by no pixel.
 const INVISIBLE: u32 = 3u;
+/// Not to be drawn.
+const DROPPED: u32 = 4u;
 
 /// 1 / |ray|^2 for the ray through a pixel position, where |ray| = 1 along the axis: turns a particle's quadratic
 /// form into the squared distance between the ray and the particle's centre (F12 4.9.1).

@@ -5,7 +5,7 @@
 #import deepfield::kernel::{box_profile, evaluate, first, second, shear, bend}
 #import deepfield::particle::{view, nodes, blocks, camera_axes, load_particle}
 #import deepfield::projection::{camera, project}
-#import deepfield::splat_view::{Splat, oblique, atlas_corner, SMALL, EVERYWHERE, INVISIBLE}
+#import deepfield::splat_view::{Splat, oblique, atlas_corner, SMALL, EVERYWHERE, INVISIBLE, DROPPED}
 
 struct Quad {
     @builtin(position) position: vec4<f32>,
@@ -19,7 +19,10 @@ struct Quad {
 @vertex
 fn vertex(@builtin(vertex_index) corner: u32, @builtin(instance_index) instance: u32) -> Quad {
     let block = blocks[instance / #{BLOCK}u];
-    let particle = load_particle(camera_axes(), nodes[block.node], block.first + instance % #{BLOCK}u);
+    let number = instance % #{BLOCK}u;
+    // A block may have fewer than there are instances for.
+    var particle = load_particle(camera_axes(), nodes[block.node], block.first + number);
+    particle.weight = select(0.0, particle.weight, number < block.count);
     let projected = project(camera(), particle);
     let splat = projected.splat;
     let grid = view.levels[projected.level];
@@ -37,8 +40,11 @@ fn vertex(@builtin(vertex_index) corner: u32, @builtin(instance_index) instance:
     let begin = vec2<f32>(atlas_corner(view.levels[0], projected.level, grid));
     let clip = (begin + at) / atlas_size * vec2(2.0, -2.0) + vec2(-1.0, 1.0);
     var quad: Quad;
-    // All four corners in one place draw nothing.
-    quad.position = select(vec4(clip, 0.0, 1.0), vec4(0.0, 0.0, 0.0, 1.0), projected.kind == INVISIBLE);
+    // All four corners in one place draw nothing. What is not culled is left to the clipper.
+    let is_culled = projected.kind == INVISIBLE && view.culling != 0u;
+    let shift = select(0.0, 4.0, projected.kind == INVISIBLE);
+    let is_dropped = is_culled || projected.kind == DROPPED;
+    quad.position = select(vec4(clip.x + shift, clip.y, 0.0, 1.0), vec4(0.0, 0.0, 0.0, 1.0), is_dropped);
     quad.head = splat.head;
     quad.tail = splat.tail;
     quad.place = vec3(-(begin + f32(grid.pad)) * grid.scale, grid.scale);

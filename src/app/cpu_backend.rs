@@ -11,7 +11,7 @@ use super::pages::ViewSelection;
 use super::picture::Picture;
 use super::scene::Scene;
 use super::statistics::{ActiveBackend, Converged, Statistics};
-use crate::modes::{Depiction, Footprint, cpu};
+use crate::modes::{Depiction, Footprint, Plan, cpu, pilot};
 use crate::raster::composite::composite_at;
 use crate::raster::transfer::{Levels, TransferFunction};
 use crate::raster::{Accumulation, Method};
@@ -46,6 +46,7 @@ struct Drawn {
 /// What a background task hands back.
 struct Done {
     drawn: Drawn,
+    plan: Plan,
     exposure: Exposure,
     /// The picture in colours, and what they were made with.
     colors: Option<(crate::raster::composite::Image, Levels, TransferFunction)>,
@@ -56,6 +57,7 @@ struct Done {
 pub struct CpuPicture {
     task: Option<Task<Result<Done, String>>>,
     drawn: Option<Drawn>,
+    plan: Plan,
     colored: Option<(DrawKey, Levels, TransferFunction)>,
     /// Time that the full picture takes, milliseconds, as far as is known.
     full_ms: f64,
@@ -64,6 +66,11 @@ pub struct CpuPicture {
 }
 
 impl CpuPicture {
+    /// What the last picture left out: what the next one may leave out too.
+    pub fn plan(&self) -> Plan {
+        self.plan
+    }
+
     /// Whether the present selection has been drawn or measured.
     pub fn is_current(&self, selection: &ViewSelection) -> bool {
         self.drawn.as_ref().is_some_and(|drawn| drawn.key.selection == selection.revision)
@@ -96,11 +103,26 @@ fn drawing_size(full: UVec2, moving: bool, full_ms: f64, backend: ActiveBackend,
     (full / shrink).max(UVec2::ONE)
 }
 
-/// Draws the selected nodes; blocks for as long as it takes.
-fn draw(file: &PageFile, depiction: &Depiction, nodes: &[SceneNode], view: &View) -> Result<Accumulation, String> {
+/// Draws the selected nodes with `size` pixels, and says what was left out; blocks for as long as it takes.
+fn draw(
+    file: &PageFile,
+    depiction: &Depiction,
+    nodes: &[SceneNode],
+    view: &View,
+    size: UVec2,
+    transfer: &TransferFunction,
+    levels: Option<Levels>,
+) -> Result<(Accumulation, Plan), String> {
     let metadata = file.metadata();
-    let decoded = cpu::decode(depiction, metadata, nodes);
-    cpu::draw_nodes(view, depiction, metadata, &decoded, Method::Pyramid).map_err(|error| error.to_string())
+    // What may be left out is decided for the whole picture, also where this one has fewer pixels.
+    let economy = depiction.settings.economy();
+    let drawn = pilot::plan(view, depiction, metadata, nodes, &economy, transfer, levels).and_then(|plan| {
+        let decoded = cpu::decode_planned(view, depiction, metadata, nodes, &plan);
+        let view = View { width: size.x, height: size.y, ..*view };
+        let drawn = cpu::draw_planned(&view, depiction, metadata, &decoded, Method::Pyramid, &plan)?;
+        Ok((drawn.0, plan))
+    });
+    drawn.map_err(|error| error.to_string())
 }
 
 /// Takes in what has been drawn, and starts to draw what is wanted now.
@@ -164,19 +186,20 @@ pub(super) fn draw_on_cpu(
     let reused = drawn.cloned();
     let (file, depiction, nodes) = (Arc::clone(&scene.file), look.depiction.clone(), Arc::clone(&selection.nodes));
     let (transfer, levels, paint) = (look.transfer, look.levels, *backend == ActiveBackend::Cpu);
-    let view = View { width: size.x, height: size.y, ..view };
+    let (known, old_plan) = (look.settled.then_some(look.levels), cpu.plan);
     cpu.task = Some(AsyncComputeTaskPool::get().spawn(async move {
-        let drawn = match reused {
-            Some(drawn) => drawn,
+        let (drawn, plan) = match reused {
+            Some(drawn) => (drawn, old_plan),
             None => {
                 let start = Instant::now();
-                let picture = Arc::new(draw(&file, &depiction, &nodes, &view)?);
-                Drawn { key, picture, milliseconds: 1000.0 * start.elapsed().as_secs_f64() }
+                let (picture, plan) = draw(&file, &depiction, &nodes, &view, size, &transfer, known)?;
+                let picture = Arc::new(picture);
+                (Drawn { key, picture, milliseconds: 1000.0 * start.elapsed().as_secs_f64() }, plan)
             }
         };
         let exposure = Exposure::of(&drawn.picture, &transfer);
         let colors = paint.then(|| (composite_at(&drawn.picture, &transfer, &levels), levels, transfer));
-        Ok(Done { drawn, exposure, colors })
+        Ok(Done { drawn, plan, exposure, colors })
     }));
 }
 
@@ -204,6 +227,7 @@ fn take_in(
             cpu.full_ms = done.drawn.milliseconds * pixels(picture.size()) / pixels(done.drawn.key.size);
         }
     }
+    cpu.plan = done.plan;
     cpu.drawn = Some(done.drawn);
 }
 

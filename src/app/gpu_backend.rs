@@ -13,8 +13,8 @@ use super::preset::{Backend, Preset};
 use super::scene::Scene;
 use super::statistics::{ActiveBackend, Converged, Statistics};
 use crate::gpu::{self, Composite, DrawItem, NodeId, NodeState, NodeUpload, ParticleScene, Payload, SplatView};
-use crate::gpu::{Capabilities, TableEntry, TableId, Technique, Withheld};
-use crate::modes::{CodeTable, Footprint};
+use crate::gpu::{Capabilities, TableId, Technique, Withheld};
+use crate::modes::{self, Footprint, Plan};
 use crate::store::{Metadata, Page, PageId};
 use bevy::diagnostic::DiagnosticsStore;
 use bevy::prelude::*;
@@ -30,10 +30,10 @@ pub const UPLOAD_BYTES_PER_FRAME: u64 = 24 << 20;
 pub struct GpuTables {
     /// The look that the tables belong to: generation of the file and revision of the depiction.
     made_for: Option<(u32, u64)>,
-    /// One table for each family and codebook.
-    tables: Vec<Vec<TableId>>,
-    /// The selection that the camera draws.
-    drawn: Option<u64>,
+    /// One table for each family and codebook, and its largest importance.
+    tables: Vec<Vec<(TableId, f32)>>,
+    /// The selection that the camera draws, and what is left out of it.
+    drawn: Option<(u64, Plan)>,
     /// How particles are accumulated; none if the processor does it.
     technique: Option<Technique>,
     /// The backend that was asked for last.
@@ -172,23 +172,12 @@ pub(super) fn free_slot(
     particles.remove_nodes(drawable_nodes(page).map(|(node, _)| node_id(key.generation, key.id, node)));
 }
 
-/// The entries of a codebook's table.
-fn entries(table: &CodeTable) -> Vec<TableEntry> {
-    let attribute = |i: usize| table.attribute.as_ref().and_then(|values| values.get(i)).copied().unwrap_or(0.0);
-    let columns = table.smoothing_length.iter().zip(&table.weight).enumerate();
-    columns
-        .map(|(i, (&smoothing_length, &weight))| TableEntry {
-            smoothing_length,
-            weight,
-            attribute: attribute(i),
-            unused: 0.0,
-        })
-        .collect()
-}
-
 /// Tables of every codebook for the present look.
-fn make_tables(particles: &ParticleScene, look: &Look, metadata: &Metadata) -> Vec<Vec<TableId>> {
-    let table = |family, codebook| particles.insert_table(entries(&look.depiction.table(family, codebook)));
+fn make_tables(particles: &ParticleScene, look: &Look, metadata: &Metadata) -> Vec<Vec<(TableId, f32)>> {
+    let table = |family, codebook| {
+        let table = look.depiction.table(family, codebook);
+        (particles.insert_table(modes::gpu::entries(&table)), table.most_important)
+    };
     metadata.families.iter().map(|family| family.codebooks.iter().map(|book| table(family, book)).collect()).collect()
 }
 
@@ -220,22 +209,26 @@ pub(super) fn draw_on_gpu(
     let wanted = (scene.generation, look.depiction_revision);
     if tables.made_for != Some(wanted) {
         let old = std::mem::replace(&mut tables.tables, make_tables(&particles, &look, metadata));
-        old.into_iter().flatten().for_each(|table| particles.remove_table(table));
+        old.into_iter().flatten().for_each(|(table, _)| particles.remove_table(table));
         tables.made_for = Some(wanted);
         tables.drawn = None;
     }
-    if tables.drawn != Some(selection.revision) {
-        tables.drawn = Some(selection.revision);
+    let plan = measured.plan();
+    if tables.drawn != Some((selection.revision, plan)) {
+        tables.drawn = Some((selection.revision, plan));
         let items: Vec<DrawItem> = selection
             .nodes
             .iter()
             .filter_map(|drawn| {
                 let node = drawn.page.nodes.get(drawn.node.node as usize)?;
-                let table = *tables.tables.get(drawn.page.family as usize)?.get(usize::from(node.codebook))?;
+                let family = metadata.families.get(drawn.page.family as usize)?;
+                let tables = tables.tables.get(drawn.page.family as usize)?;
+                let (table, most_important) = *tables.get(usize::from(node.codebook))?;
                 Some(DrawItem {
                     node: node_id(scene.generation, drawn.node.page, drawn.node.node),
                     table: Some(table),
                     weight_scale: look.depiction.node_scale(node),
+                    sample: plan.sample(&view, &look.depiction, family, node, most_important),
                 })
             })
             .collect();
@@ -247,7 +240,9 @@ pub(super) fn draw_on_gpu(
             Footprint::Kernel => gpu::Footprint::Kernel(metadata.kernel),
             Footprint::Pixels(radius) => gpu::Footprint::Pixels { radius },
         };
-        commands.entity(entity).insert(SplatView { view, footprint, backend, items: items.into(), always: false });
+        let (culling, faintest, items) = (plan.culling, plan.faintest, items.into());
+        let shown = SplatView { view, footprint, backend, culling, faintest, items, always: false };
+        commands.entity(entity).insert(shown);
     }
     let hue = look.transfer.hue.unwrap_or_default();
     let shown = Composite {

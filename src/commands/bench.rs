@@ -3,6 +3,7 @@
 pub mod build;
 pub mod frame;
 pub mod pages;
+pub mod presence;
 pub mod splat;
 #[cfg(feature = "viewer")]
 pub mod splat_gpu;
@@ -16,12 +17,15 @@ use std::time::Duration;
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Examples:
   deepfield bench splat
+  deepfield bench presence snapshot.df --repeat 3 --csv presence.csv
   deepfield bench build --sizes 1000000 --json build.json")]
 pub struct Arguments {
-    /// What to measure: splat (drawing of particles as they are), frame (converged level of detail) build (from a source to a
-    /// page file) or pages (reading and decoding).
-    #[arg(value_parser = ["splat", "frame", "build", "pages"])]
+    /// What to measure: splat (drawing of particles as they are), frame (converged level of detail), presence (what
+    /// leaving particles out costs and saves), build (from a source to a page file) or pages (reading and decoding).
+    #[arg(value_parser = ["splat", "frame", "presence", "build", "pages"])]
     pub suite: String,
+    /// What `bench presence` draws: a source or page file [default: generated clusters of the first of --sizes].
+    pub path: Option<PathBuf>,
     /// Numbers of particles.
     #[arg(long, value_name = "N,N,...", value_delimiter = ',', default_values_t = [200_000, 1_000_000, 4_000_000],
           value_parser = clap::value_parser!(u64).range(1..=crate::synth::gadget::MOST))]
@@ -43,6 +47,12 @@ pub struct Arguments {
     /// Width and height of the picture, pixels.
     #[arg(long, value_name = "PIXELS", default_value_t = 1024, value_parser = clap::value_parser!(u32).range(1..=16384))]
     pub pixels: u32,
+    /// Mean colour error, of 255, below which `bench presence` looks for the largest speed-up.
+    #[arg(long, value_name = "E", default_value_t = 0.5, value_parser = super::arguments::positive)]
+    pub limit: f64,
+    /// Also write the pictures' numbers of `bench presence` as CSV.
+    #[arg(long, value_name = "OUT.csv")]
+    pub csv: Option<PathBuf>,
     /// Seed of the generated particles.
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
@@ -76,6 +86,7 @@ impl Times {
 pub fn run(arguments: &Arguments) -> CommandResult {
     let text = match arguments.suite.as_str() {
         "frame" => serde_json::to_string_pretty(&frame::measure(arguments)?)?,
+        "presence" => serde_json::to_string_pretty(&presence::measure(arguments)?)?,
         "build" => serde_json::to_string_pretty(&build::measure(arguments)?)?,
         "pages" => serde_json::to_string_pretty(&pages::measure(arguments)?)?,
         _ => serde_json::to_string_pretty(&splat::measure(arguments)?)?,

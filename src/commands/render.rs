@@ -80,6 +80,9 @@ pub struct Arguments {
     /// Draw a weighted sample of the particles whose mean colour error stays below E of 255; 0: all of them [default: 0].
     #[arg(long, value_name = "E", value_parser = not_negative)]
     pub thinning: Option<f64>,
+    /// Also save a picture of how many splats lie over each pixel: 0 black, 500 magenta, 3000 red.
+    #[arg(long, value_name = "FILE.png", conflicts_with = "exact")]
+    pub overdraw: Option<PathBuf>,
     /// Do not drop particles outside the view one by one: to measure what that saves.
     #[arg(long)]
     pub no_culling: bool,
@@ -122,6 +125,7 @@ impl Arguments {
             exact: false,
             presence: None,
             thinning: None,
+            overdraw: None,
             no_culling: false,
             repeat: 1,
             threads: None,
@@ -211,6 +215,8 @@ struct LeftOut {
     outside: Option<u64>,
     /// Splats that reach the picture.
     splats: Option<u64>,
+    /// Splats over a pixel, where an overdraw picture was asked for: mean and maximum.
+    overdraw: Option<(f64, u32)>,
 }
 
 /// What was drawn, and how.
@@ -318,11 +324,18 @@ fn draw_pages(arguments: &Arguments) -> Result<Picture, Box<dyn std::error::Erro
     let transfer = transfer(arguments, mode, depiction.attribute.is_some());
     let plan = times
         .measure("plan", || pilot::plan(&view, &depiction, metadata, &selection.nodes, &economy, &transfer, None))?;
+    let mut left_out = LeftOut::new(&economy, &plan);
+    if let Some(path) = &arguments.overdraw {
+        let nodes = cpu::decode_planned(&view, &depiction, metadata, &selection.nodes, &plan);
+        let overdraw = cpu::overdraw_of(&view, &depiction, metadata, &nodes, &plan)?;
+        output::write_png(path, &overdraw.image())?;
+        left_out.overdraw = Some((overdraw.mean(), overdraw.max()));
+    }
     let picture = Picture {
         accumulation: Accumulation::default(),
         mode,
         attribute: depiction.attribute.as_ref().map(|coloring| coloring.name.clone()),
-        economy: LeftOut::new(&economy, &plan),
+        economy: left_out.clone(),
         converged: selection.converged,
         error_pixels: selection.error_pixels,
         particles: selection.particles,
@@ -333,13 +346,12 @@ fn draw_pages(arguments: &Arguments) -> Result<Picture, Box<dyn std::error::Erro
     };
     #[cfg(feature = "viewer")]
     if let Some(backend) = gpu_backend(arguments.backend) {
-        let request = || modes::gpu::request_nodes(&view, &depiction, metadata, &selection.nodes, backend);
+        let request = || modes::gpu::request_nodes(&view, &depiction, metadata, &selection.nodes, &plan, backend);
         if let Some(picture) = draw_on_gpu(arguments, request, picture.clone(), &times)? {
             return Ok(picture);
         }
     }
     let mut accumulation = Accumulation::default();
-    let mut left_out = picture.economy.clone();
     for _ in 0..arguments.repeat {
         times.frame(|times| {
             let selection = times.measure("select", || scene.select(&seen, tau));

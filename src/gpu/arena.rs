@@ -6,6 +6,7 @@
 
 use super::scene::{NodeId, NodeState, ParticleScene, Payload, RAW_WORDS, SceneCommand, TableEntry, TableId, Words};
 use super::splat::layout::Encoding;
+use crate::raster::sample::GROUP;
 use bevy::prelude::*;
 use bevy::render::render_resource::{Buffer, BufferDescriptor, BufferUsages};
 use bevy::render::renderer::{RenderDevice, RenderQueue};
@@ -146,8 +147,9 @@ impl Arena {
             Encoding::World | Encoding::Camera => 0.0,
         };
         let coded = !codes.is_empty();
-        // An even number of particles, so that two codes share a word inside a part only.
-        let per_part = (PART_BYTES.min(self.chunk_bytes as usize / 2) / (4 * stride + 2)) & !1;
+        // Whole groups of particles, so that samples know them by their numbers in the part; two codes share a word.
+        let group = GROUP as usize;
+        let per_part = (PART_BYTES.min(self.chunk_bytes as usize / 2) / (4 * stride + 2) / group * group).max(group);
         let count = payload.len();
         let mut node = ResidentNode { min, step, encoding, parts: Vec::with_capacity(count.div_ceil(per_part)) };
         let mut total = 0;

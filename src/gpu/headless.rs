@@ -7,6 +7,7 @@ use super::timing::{PassTimes, median};
 use super::view::{Backend, Footprint};
 use crate::raster::Accumulation;
 use crate::raster::composite::Image as Picture;
+use crate::raster::sample::Sample;
 use crate::raster::transfer::TransferFunction;
 use crate::view::View;
 /// One node to draw.
@@ -18,6 +19,8 @@ pub struct HeadlessNode {
     pub table: Option<usize>,
     /// Factor on every weight.
     pub weight_scale: f32,
+    /// Which of its particles are drawn.
+    pub sample: Sample,
 }
 
 /// What to draw, and how.
@@ -29,6 +32,10 @@ pub struct HeadlessRequest {
     pub footprint: Footprint,
     /// How they are accumulated.
     pub backend: Backend,
+    /// Whether particles outside the picture are dropped at once.
+    pub culling: bool,
+    /// Particles that add less than this to every pixel's `P` are dropped; 0: none.
+    pub faintest: f32,
     /// The particles.
     pub nodes: Vec<HeadlessNode>,
     /// Attribute tables of packed nodes.

@@ -87,6 +87,7 @@ impl HeadlessRenderer {
                 node: node.upload.id,
                 table: node.table.and_then(|table| tables.get(table).copied()),
                 weight_scale: node.weight_scale,
+                sample: node.sample,
             })
             .collect();
         scene.insert_nodes(request.nodes.iter().map(|node| node.upload.clone()));
@@ -114,6 +115,8 @@ impl HeadlessRenderer {
                     view: request.view,
                     footprint: request.footprint,
                     backend: request.backend,
+                    culling: request.culling,
+                    faintest: request.faintest,
                     items,
                     always: false,
                 },
@@ -260,8 +263,9 @@ impl HeadlessRenderer {
         let cells = read_buffer(&device, &queue, &buffers.shared.cells, 0, bytes).ok_or_else(failed)?;
         let splats = match &buffers.bindings {
             Bindings::Compute(bindings) => {
-                let behind_last = u64::from(buffers.grids.uniform.bin_count) * 4;
-                let counted = read_buffer(&device, &queue, &bindings.starts, behind_last, 4).ok_or_else(failed)?;
+                // What is outside comes last and is not counted.
+                let outside = u64::from(buffers.grids.uniform.bin_count - 1) * 4;
+                let counted = read_buffer(&device, &queue, &bindings.starts, outside, 4).ok_or_else(failed)?;
                 counted.first_chunk::<4>().map(|bytes| u64::from(u32::from_le_bytes(*bytes)))
             }
             Bindings::Raster(_) => None,

@@ -37,8 +37,8 @@ pub struct TableEntry {
     pub weight: f32,
     /// The attribute `a`; `w a` is accumulated into `P S`.
     pub attribute: f32,
-    /// Makes it four numbers.
-    pub unused: f32,
+    /// How much a particle's absence would show; see [`crate::raster::sample`].
+    pub importance: f32,
 }
 
 /// One source particle at full precision.

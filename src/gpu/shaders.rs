@@ -13,6 +13,7 @@ mod tests;
 /// Every shader that is a file: its path under `shaders/` and its text.
 pub const SHADERS: &[(&str, &str)] = &[
     ("lib/splat_view.wgsl", include_str!("../../shaders/lib/splat_view.wgsl")),
+    ("lib/sample.wgsl", include_str!("../../shaders/lib/sample.wgsl")),
     ("lib/particle.wgsl", include_str!("../../shaders/lib/particle.wgsl")),
     ("lib/projection.wgsl", include_str!("../../shaders/lib/projection.wgsl")),
     ("lib/kernel.wgsl", include_str!("../../shaders/lib/kernel.wgsl")),

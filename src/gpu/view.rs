@@ -2,6 +2,7 @@
 
 use super::scene::{NodeId, TableId};
 use crate::model::Kernel;
+use crate::raster::sample::Sample;
 use crate::raster::transfer::{Levels, Lut, Scale, TransferFunction};
 use crate::view::View;
 use bevy::prelude::Component;
@@ -17,6 +18,8 @@ pub struct DrawItem {
     pub table: Option<TableId>,
     /// Factor on every weight: a page node's `mass_scale` or `mass_density_scale`, else 1.
     pub weight_scale: f32,
+    /// Which of its particles are drawn; raw particles all are.
+    pub sample: Sample,
 }
 
 /// The shape that a particle has in the picture.
@@ -64,6 +67,10 @@ pub struct SplatView {
     pub footprint: Footprint,
     /// How they are accumulated.
     pub backend: Backend,
+    /// Whether particles outside the picture are dropped at once. The picture is the same without; for measurements.
+    pub culling: bool,
+    /// Particles that add less than this to every pixel's `P` are dropped; 0: none.
+    pub faintest: f32,
     /// What is drawn. Replace the list to change it: a picture is accumulated again when the list is another one.
     pub items: Arc<[DrawItem]>,
     /// Accumulate in every frame, though nothing changed: for measurements.

@@ -2,6 +2,7 @@
 
 use super::{CodeTable, Depiction, Footprint, Plan};
 use crate::model::{Dataset, Family};
+use crate::raster::overdraw::{Overdraw, overdraw};
 use crate::raster::sample::Sample;
 use crate::raster::{
     Accumulation, Counts, Extent, Method, Positions, RasterError, RasterOptions, Splats, draw, draw_counted,
@@ -110,7 +111,7 @@ pub fn decode_planned(
 ) -> Vec<DecodedNode> {
     let sample = |drawn: &SceneNode, table: &CodeTable| {
         let family = &metadata.families[drawn.page.family as usize];
-        plan.sample(view, depiction, family, &drawn.page.nodes[drawn.node.node as usize], table)
+        plan.sample(view, depiction, family, &drawn.page.nodes[drawn.node.node as usize], table.most_important)
     };
     decode_some(depiction, metadata, nodes, |table| table, sample)
 }
@@ -166,8 +167,32 @@ pub fn draw_planned(
     method: Method,
     plan: &Plan,
 ) -> Result<(Accumulation, Counts), RasterError> {
+    let batches = batches(depiction, nodes)?;
+    Ok(draw_counted(view, &batches, &options(metadata, method, plan)))
+}
+
+/// How many of the splats lie over each pixel.
+///
+/// # Errors
+/// [`RasterError`] as [`Splats::new`].
+pub fn overdraw_of(
+    view: &View,
+    depiction: &Depiction,
+    metadata: &Metadata,
+    nodes: &[DecodedNode],
+    plan: &Plan,
+) -> Result<Overdraw, RasterError> {
+    Ok(overdraw(view, &batches(depiction, nodes)?, &options(metadata, Method::Pyramid, plan)))
+}
+
+fn options(metadata: &Metadata, method: Method, plan: &Plan) -> RasterOptions {
+    RasterOptions { method, kernel: metadata.kernel, culling: plan.culling, faintest: plan.faintest }
+}
+
+/// The splats of decoded nodes.
+fn batches<'a>(depiction: &Depiction, nodes: &'a [DecodedNode]) -> Result<Vec<Splats<'a>>, RasterError> {
     let footprint = depiction.footprint();
-    let batches = nodes
+    nodes
         .iter()
         .map(|node| {
             Splats::new(
@@ -177,9 +202,7 @@ pub fn draw_planned(
                 node.attribute.as_deref(),
             )
         })
-        .collect::<Result<Vec<_>, _>>()?;
-    let Plan { culling, faintest, .. } = *plan;
-    Ok(draw_counted(view, &batches, &RasterOptions { method, kernel: metadata.kernel, culling, faintest }))
+        .collect()
 }
 
 /// Draws source particles at their full precision.

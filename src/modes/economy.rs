@@ -8,7 +8,7 @@
 //!   `min(1, c (m / m_mean) (h in pixels)^(3/4))`: small splats disturb few pixels, and one that stands for many source
 //!   particles is worth as much as they. `c` follows from a budget for the colour error; see [`super::pilot`].
 
-use super::{CodeTable, Conserved, Depiction, Footprint, Setting, SettingKind, SettingValue, Settings};
+use super::{Conserved, Depiction, Footprint, Setting, SettingKind, SettingValue, Settings};
 use crate::raster::sample::Sample;
 use crate::store::{FamilyMetadata, Node};
 use crate::view::{Projection, View};
@@ -118,14 +118,14 @@ impl Plan {
         self.faintest <= 0.0 && self.keep == f32::INFINITY
     }
 
-    /// The particles of `node` that are drawn in `view`.
+    /// The particles of `node` that are drawn in `view`; `most_important` is that of its codebook's table.
     pub fn sample(
         &self,
         view: &View,
         depiction: &Depiction,
         family: &FamilyMetadata,
         node: &Node,
-        table: &CodeTable,
+        most_important: f32,
     ) -> Sample {
         let mean = family.mass / family.count.max(1) as f64;
         if self.keep == f32::INFINITY || !can_thin(depiction) || !(mean > 0.0 && mean.is_finite()) {
@@ -144,7 +144,7 @@ impl Plan {
             }
         };
         let scale = f64::from(self.keep) * magnification.powf(0.75) / mean;
-        Sample::new(node.key, scale as f32, table.most_important)
+        Sample::new(node.key, scale as f32, most_important)
     }
 }
 

@@ -1,12 +1,13 @@
 //! A depiction drawn by the GPU techniques without a window: nodes of a page file, or source particles as they are.
 
-use super::{Depiction, Footprint};
+use super::{CodeTable, Depiction, Footprint, Plan};
 use crate::codec::Codebook;
 use crate::gpu::TableEntry;
 use crate::gpu::{
     self, Backend, DeviceOptions, HeadlessNode, HeadlessRequest, NodeId, NodeUpload, Payload, RawParticle,
 };
 use crate::model::{Dataset, Family, Kernel};
+use crate::raster::sample::Sample;
 use crate::store::{FamilyMetadata, Metadata};
 use crate::stream::SceneNode;
 use crate::view::View;
@@ -26,13 +27,17 @@ pub fn footprint(depiction: &Depiction, kernel: Kernel) -> gpu::Footprint {
 
 /// The renderer's table of one codebook.
 pub fn table(depiction: &Depiction, family: &FamilyMetadata, codebook: &Codebook) -> Vec<TableEntry> {
-    let table = depiction.table(family, codebook);
+    entries(&depiction.table(family, codebook))
+}
+
+/// The renderer's form of a table.
+pub fn entries(table: &CodeTable) -> Vec<TableEntry> {
     (0..table.weight.len())
         .map(|i| TableEntry {
             smoothing_length: table.smoothing_length[i],
             weight: table.weight[i],
             attribute: table.attribute.as_ref().map_or(0.0, |attribute| attribute[i]),
-            unused: 0.0,
+            importance: table.importance[i],
         })
         .collect()
 }
@@ -43,13 +48,14 @@ pub fn request_nodes(
     depiction: &Depiction,
     metadata: &Metadata,
     nodes: &[SceneNode],
+    plan: &Plan,
     backend: Backend,
 ) -> HeadlessRequest {
     let mut tables = Vec::new();
     let mut first_table = Vec::with_capacity(metadata.families.len());
     for family in &metadata.families {
         first_table.push(tables.len());
-        tables.extend(family.codebooks.iter().map(|codebook| table(depiction, family, codebook)));
+        tables.extend(family.codebooks.iter().map(|codebook| depiction.table(family, codebook)));
     }
     let nodes = nodes
         .iter()
@@ -57,6 +63,7 @@ pub fn request_nodes(
             let index = drawn.node.node;
             let node = &drawn.page.nodes[index as usize];
             let family = &metadata.families[drawn.page.family as usize];
+            let table = first_table[drawn.page.family as usize] + usize::from(node.codebook);
             HeadlessNode {
                 upload: NodeUpload {
                     id: NodeId { source: drawn.page.family, page: drawn.node.page.0, node: index },
@@ -64,12 +71,18 @@ pub fn request_nodes(
                     size: node.key.size(family.root),
                     payload: Payload::Page { page: drawn.page.clone(), node: index },
                 },
-                table: Some(first_table[drawn.page.family as usize] + usize::from(node.codebook)),
+                table: Some(table),
                 weight_scale: depiction.node_scale(node),
+                sample: plan.sample(view, depiction, family, node, tables[table].most_important),
             }
         })
         .collect();
-    request(view, depiction, metadata.kernel, nodes, tables, backend)
+    let tables = tables.iter().map(entries).collect();
+    HeadlessRequest {
+        culling: plan.culling,
+        faintest: plan.faintest,
+        ..request(view, depiction, metadata.kernel, nodes, tables, backend)
+    }
 }
 
 /// A request for source particles; their places are found in double precision, relative to the camera.
@@ -105,6 +118,7 @@ pub fn request_particles(
                 },
                 table: None,
                 weight_scale: 1.0,
+                sample: Sample::ALL,
             });
         }
     }
@@ -123,6 +137,8 @@ fn request(
         view: *view,
         footprint: footprint(depiction, kernel),
         backend,
+        culling: true,
+        faintest: 0.0,
         nodes,
         tables,
         attribute: depiction.attribute.is_some(),

@@ -168,7 +168,7 @@ struct Curve {
 }
 
 /// Standard deviation of the attribute among the particles along a line of sight, of the range of hues, as it is assumed.
-const HUE_SPREAD: f64 = 0.25;
+const HUE_SPREAD: f64 = 0.1;
 
 impl Curve {
     /// Pieces of the table that are taken as straight: long enough that its rounding to bytes does not add to them.

@@ -19,6 +19,7 @@ pub mod colormap;
 pub mod composite;
 pub mod footprint;
 pub mod output;
+pub mod overdraw;
 pub mod pyramid;
 pub mod sample;
 pub mod splats;

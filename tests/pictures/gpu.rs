@@ -1,17 +1,17 @@
 //! Page files on the GPU techniques: the same selection, the same picture and the same colours as on the CPU.
 
 use crate::golden;
-use crate::support::{built, demo, view_from};
+use crate::support::{Built, built, demo, view_from};
 use deepfield::codec::VqBits;
 use deepfield::gpu::{Backend, HeadlessFrame, HeadlessRequest, render_headless};
 use deepfield::modes::gpu::request_nodes;
-use deepfield::modes::{self, Depiction, Settings, cpu};
+use deepfield::modes::{self, Depiction, Plan, Settings, cpu};
 use deepfield::raster::accumulation::relative_error;
 use deepfield::raster::composite::composite;
 use deepfield::raster::transfer::TransferFunction;
-use deepfield::raster::{Accumulation, Method};
+use deepfield::raster::{Accumulation, Counts, Method};
 use deepfield::store::PageFile;
-use deepfield::stream::Scene;
+use deepfield::stream::{Scene, SceneNode};
 use deepfield::view::View;
 use glam::DVec3;
 use std::sync::Arc;
@@ -27,7 +27,7 @@ fn draw_both(file: &Arc<PageFile>, mode: &str, view: &View, backend: Backend) ->
     let nodes = cpu::decode(&depiction, metadata, &selection.nodes);
     let cpu = cpu::draw_nodes(view, &depiction, metadata, &nodes, Method::Pyramid).unwrap();
     let transfer = TransferFunction::preset(mode.transfer[usize::from(cpu.has_attribute())]);
-    let request = request_nodes(view, &depiction, metadata, &selection.nodes, backend);
+    let request = request_nodes(view, &depiction, metadata, &selection.nodes, &Plan::default(), backend);
     (cpu, render_headless(HeadlessRequest { transfer, ..request }).unwrap())
 }
 
@@ -71,5 +71,81 @@ fn colors_are_the_cpus() {
         let difference =
             expected.rgba.as_flattened().iter().zip(found.rgba.as_flattened()).map(|(a, b)| a.abs_diff(*b));
         assert!(difference.max().unwrap() <= 1, "{mode}");
+    }
+}
+
+/// A page file in a view, drawn with plans.
+struct Shot {
+    built: Built,
+    view: View,
+    depiction: Depiction,
+    nodes: Vec<SceneNode>,
+}
+
+impl Shot {
+    fn new(distance: f64) -> Shot {
+        let built = built(&demo(), VqBits::Eight);
+        let view = view_from(&built.dataset, DVec3::new(-0.7, 0.2, 0.4), distance, 160, 120);
+        let metadata = built.file.metadata();
+        let depiction = Depiction::of_pages(modes::MODES[0], Settings::default(), None, metadata).unwrap();
+        let nodes = Scene::new(Arc::clone(&built.file), u64::MAX).converge_blocking(&view, 0.8).unwrap().nodes;
+        Shot { built, view, depiction, nodes }
+    }
+
+    fn cpu(&self, plan: &Plan) -> (Accumulation, Counts) {
+        let metadata = self.built.file.metadata();
+        let nodes = cpu::decode_planned(&self.view, &self.depiction, metadata, &self.nodes, plan);
+        cpu::draw_planned(&self.view, &self.depiction, metadata, &nodes, Method::Pyramid, plan).unwrap()
+    }
+
+    fn gpu(&self, plan: &Plan, backend: Backend) -> HeadlessFrame {
+        let metadata = self.built.file.metadata();
+        render_headless(request_nodes(&self.view, &self.depiction, metadata, &self.nodes, plan, backend)).unwrap()
+    }
+}
+
+#[test]
+fn thinned_pictures_keep_the_particles_that_the_cpu_keeps() {
+    // Some particles of every rank are kept, and only few ranks are looked at.
+    for (distance, keep, backends) in [(1.5, 0.1, &BACKENDS[..]), (1.5, 1e-3, &BACKENDS[..1])] {
+        let shot = Shot::new(distance);
+        let plan = Plan { keep, ..Plan::default() };
+        let ((all, of), (cpu, counts)) = (shot.cpu(&Plan::default()), shot.cpu(&plan));
+        assert!(relative_error(&cpu.p, &all.p).1 > 1e-2 && counts.drawn < of.drawn * 9 / 10, "{counts:?} of {of:?}");
+        for &backend in backends {
+            let gpu = shot.gpu(&plan, backend);
+            let (l1, l2) = relative_error(&gpu.accumulation.p, &cpu.p);
+            println!("keep {keep}, {}: L1 {l1}, L2 {l2}, {counts:?} {:?}", backend.name(), gpu.stats.splats);
+            // A single particle kept by one of them only would be more.
+            assert!(l1 < 1e-3 && l2 < 1e-3, "keep {keep}, {}: L1 {l1}, L2 {l2}", backend.name());
+            if let Some(splats) = gpu.stats.splats {
+                assert_eq!(splats, counts.drawn, "the demo lies in the picture as a whole");
+            }
+        }
+    }
+}
+
+#[test]
+fn faint_particles_are_dropped_as_on_the_cpu() {
+    let shot = Shot::new(0.8);
+    let brightest = shot.cpu(&Plan::default()).0.p.iter().copied().fold(0.0, f32::max);
+    let plan = Plan { faintest: 3e-4 * brightest, ..Plan::default() };
+    let (cpu, counts) = shot.cpu(&plan);
+    assert!(counts.faint > 1000 && counts.drawn > 1000, "{counts:?}");
+    for backend in BACKENDS {
+        let (_, l2) = relative_error(&shot.gpu(&plan, backend).accumulation.p, &cpu.p);
+        // Particles right at the limit may differ by rounding.
+        assert!(l2 < 2e-3, "{}: L2 {l2}", backend.name());
+    }
+}
+
+#[test]
+fn culling_changes_nothing_but_rounding() {
+    let shot = Shot::new(0.15);
+    for backend in BACKENDS {
+        let with = shot.gpu(&Plan::default(), backend);
+        let without = shot.gpu(&Plan { culling: false, ..Plan::default() }, backend);
+        let (_, l2) = relative_error(&without.accumulation.p, &with.accumulation.p);
+        assert!(l2 < 1e-5 && with.stats.splats == without.stats.splats, "{}: {l2}", backend.name());
     }
 }

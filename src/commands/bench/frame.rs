@@ -96,8 +96,14 @@ impl Frame<'_> {
         for backend in [crate::gpu::Backend::Compute, crate::gpu::Backend::Raster] {
             if wanted(backend.name()) {
                 let metadata = self.file.metadata();
-                let request =
-                    crate::modes::gpu::request_nodes(&self.view, self.depiction, metadata, self.nodes, backend);
+                let request = crate::modes::gpu::request_nodes(
+                    &self.view,
+                    self.depiction,
+                    metadata,
+                    self.nodes,
+                    &crate::modes::Plan::default(),
+                    backend,
+                );
                 let (name, drawn) = super::splat_gpu::draw(&request, self.repeat)?;
                 all.push((name, drawn.times));
             }

@@ -249,13 +249,30 @@ fn written(name: &str) -> Option<Layout> {
             everywhere_bin,
             bin_count,
             moment,
+            faintest,
+            peak,
+            culling,
             unused,
             levels,
         }),
         "nodes" => {
-            layout!(Node { origin, step, positions, codes, table, table_length, encoding, weight_scale, unused })
+            layout!(Node {
+                origin,
+                step,
+                positions,
+                codes,
+                table,
+                table_length,
+                encoding,
+                weight_scale,
+                count,
+                seed,
+                scale,
+                ranks,
+                unused
+            })
         }
-        "blocks" => layout!(Block { node, first, count, splat }),
+        "blocks" => layout!(Block { node, first, count, place }),
         "entries" => plain(size_of::<TableEntry>(), ScalarKind::Float),
         "vectors" => plain(size_of::<RawParticle>() / 2, ScalarKind::Float),
         "batch" => layout!(Pass { add, further, level, unused, source, unused_end }),
@@ -320,7 +337,7 @@ fn another_layout_is_found() {
         ("table: u32,\n    table_length: u32,", "table_length: u32,\n    table: u32,"),
         ("step: f32,", "step: u32,"),
         ("origin: vec3<f32>,", "origin: vec4<f32>,"),
-        ("unused_b: u32,", "unused_b: u32,\n    unused_c: u32,"),
+        ("unused_c: u32,", "unused_c: u32,\n    unused_d: vec4<u32>,"),
     ];
     for (good, bad) in breaks {
         let text = &SHADERS.iter().find(|(path, _)| *path == "lib/particle.wgsl").unwrap().1;

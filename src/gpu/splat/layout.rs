@@ -90,8 +90,14 @@ pub struct SplatUniform {
     pub bin_count: u32,
     /// See [`Profile::moment`].
     pub moment: f32,
+    /// Particles that add less than this to every pixel are dropped.
+    pub faintest: f32,
+    /// The projected kernel in its middle.
+    pub peak: f32,
+    /// Whether particles outside the picture are dropped.
+    pub culling: u32,
     /// Padding.
-    pub unused: [u32; 2],
+    pub unused: [u32; 3],
     /// The levels, finest first.
     pub levels: [Level; MAX_LEVELS],
 }
@@ -116,8 +122,16 @@ pub struct Node {
     pub encoding: u32,
     /// Factor on every weight.
     pub weight_scale: f32,
+    /// Number of particles.
+    pub count: u32,
+    /// See [`crate::raster::sample::Sample`].
+    pub seed: u32,
+    /// See [`crate::raster::sample::Sample`].
+    pub scale: f32,
+    /// See [`crate::raster::sample::Sample`]; 0: all particles are drawn.
+    pub ranks: u32,
     /// Padding.
-    pub unused: [u32; 2],
+    pub unused: [u32; 3],
 }
 
 /// WGSL `ENCODING_*`.
@@ -140,12 +154,12 @@ pub enum Encoding {
 pub struct Block {
     /// Index of the node.
     pub node: u32,
-    /// First particle.
+    /// First candidate.
     pub first: u32,
-    /// Number of particles.
+    /// Number of candidates.
     pub count: u32,
-    /// Where the first one's splat goes.
-    pub splat: u32,
+    /// Where its places begin.
+    pub place: u32,
 }
 
 /// WGSL `Pass`.
@@ -201,7 +215,7 @@ impl Grids {
     }
 
     /// Lays out the grids of a view.
-    pub fn new(view: &View, footprint: Footprint) -> Grids {
+    pub fn new(view: &View, footprint: Footprint, culling: bool, faintest: f32) -> Grids {
         let focal = view.focal_pixels();
         let perspective = matches!(view.projection, Projection::Perspective { .. });
         let longest = f64::from(view.width.max(view.height));
@@ -270,9 +284,13 @@ impl Grids {
             level_count: level_count as u32,
             small_bin,
             everywhere_bin: bins,
-            bin_count: bins + 1,
+            // The last one is for what is outside the picture.
+            bin_count: bins + 2,
             moment: Profile::of(kernel).moment,
-            unused: [0; 2],
+            faintest,
+            peak: kernel.projected(0.0) as f32,
+            culling: u32::from(culling),
+            unused: [0; 3],
             levels,
         };
         Grids { uniform, cells, tiles, kernel, oblique: perspective && fixed_radius == 0.0 }

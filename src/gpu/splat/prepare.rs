@@ -78,6 +78,8 @@ pub struct SplatBuffers {
 struct Key {
     view: View,
     footprint: Footprint,
+    culling: bool,
+    faintest: f32,
     technique: Technique,
     items: Arc<[DrawItem]>,
     generation: u64,
@@ -89,6 +91,8 @@ impl Key {
         self.generation == other.generation
             && self.view == other.view
             && self.footprint == other.footprint
+            && self.culling == other.culling
+            && self.faintest == other.faintest
             && self.technique == other.technique
             && Arc::ptr_eq(&self.items, &other.items)
     }
@@ -112,6 +116,8 @@ pub fn prepare_splats(
         let key = Key {
             view: view.view,
             footprint: view.footprint,
+            culling: view.culling,
+            faintest: view.faintest,
             technique,
             items: view.items.clone(),
             generation: arena.generation,
@@ -147,7 +153,7 @@ fn build(
 ) -> Option<SplatBuffers> {
     let storage = BufferUsages::STORAGE | BufferUsages::COPY_DST;
     let uniforms = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
-    let grids = Grids::new(&view.view, view.footprint);
+    let grids = Grids::new(&view.view, view.footprint, view.culling, view.faintest);
     let (stride, cells, capacity) = match key.technique {
         Technique::Compute => {
             let limit = device.limits().max_storage_buffer_binding_size;

@@ -2,7 +2,7 @@
 
 use super::pipeline::ComputePipelines;
 use crate::gpu::arena::Arena;
-use crate::gpu::splat::draw_list::DrawList;
+use crate::gpu::splat::draw_list::{DrawBatch, DrawList};
 use crate::gpu::splat::layout::{Grids, MAX_LEVELS, PATCH_BYTES, PLACE_BYTES, Pass, SPLAT_BYTES};
 use crate::gpu::splat::prepare::Shared;
 use crate::gpu::splat::resources::{ALIGNMENT, at_least, slice};
@@ -10,7 +10,7 @@ use bevy::prelude::*;
 use bevy::render::render_resource::{BindGroup, BindGroupEntries, Buffer, BufferUsages, PipelineCache};
 use bevy::render::renderer::{RenderDevice, RenderQueue};
 
-/// Most splats that are sorted at a time.
+/// Most splats that are sorted at a time; `PLACE_BITS` in project.wgsl.
 pub const MAX_BATCH: u64 = 1 << 22;
 
 /// Bytes for each tile: its first further slice and their number.
@@ -94,7 +94,9 @@ pub fn bind(
         },
         |before| before.passes.clone(),
     );
-    let most = list.batches.iter().map(|batch| u64::from(batch.particles)).max().unwrap_or(0).max(1);
+    let most_of = |number: fn(&DrawBatch) -> u32| list.batches.iter().map(number).max().unwrap_or(0).max(1);
+    let most = u64::from(most_of(|batch| batch.particles));
+    let most_places = u64::from(most_of(|batch| batch.places));
     let mut scratch_buffer = |slot: fn(&mut Scratch) -> &mut Option<Buffer>, bytes, usage, label| {
         let slot = slot(scratch);
         let buffer = at_least(slot.take(), bytes, usage, label, device);
@@ -102,7 +104,7 @@ pub fn bind(
         buffer
     };
     let splats = scratch_buffer(|s| &mut s.splats, most * SPLAT_BYTES, storage, "deepfield splats");
-    let places = scratch_buffer(|s| &mut s.places, most * PLACE_BYTES, storage, "deepfield splat places");
+    let places = scratch_buffer(|s| &mut s.places, most_places * PLACE_BYTES, storage, "deepfield splat places");
     let most_slices = grids.most_slices(most);
     let slices = scratch_buffer(|s| &mut s.slices, most_slices * 8, storage, "deepfield slices");
     let patches = scratch_buffer(|s| &mut s.patches, most_slices * PATCH_BYTES, storage, "deepfield patches");
