@@ -31,7 +31,6 @@ struct Node {
     ranks: u32,
     unused_a: u32,
     unused_b: u32,
-    unused_c: u32,
 }
 
 struct Block {

@@ -60,6 +60,11 @@ fn count(
     @builtin(num_workgroups) groups: vec3<u32>,
     @builtin(local_invocation_index) lane: u32,
 ) {
+    // Bevy's pipelines do not ask for zeros in a workgroup's memory.
+    if lane == 0u {
+        atomicStore(&live, 0u);
+    }
+    workgroupBarrier();
     let block = block_of(group, groups);
     let node = nodes[block.node];
     let axes = camera_axes();

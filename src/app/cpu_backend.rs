@@ -103,20 +103,25 @@ fn drawing_size(full: UVec2, moving: bool, full_ms: f64, backend: ActiveBackend,
     (full / shrink).max(UVec2::ONE)
 }
 
-/// Draws the selected nodes with `size` pixels, and says what was left out; blocks for as long as it takes.
+/// Draws the selected nodes with `size` pixels, and says what was left out: what `plan` says, or what is found to be within
+/// the settings; blocks for as long as it takes.
 fn draw(
     file: &PageFile,
     depiction: &Depiction,
     nodes: &[SceneNode],
     view: &View,
     size: UVec2,
-    transfer: &TransferFunction,
-    levels: Option<Levels>,
+    plan: Option<Plan>,
+    (transfer, levels): (&TransferFunction, Option<Levels>),
 ) -> Result<(Accumulation, Plan), String> {
     let metadata = file.metadata();
     // What may be left out is decided for the whole picture, also where this one has fewer pixels.
     let economy = depiction.settings.economy();
-    let drawn = pilot::plan(view, depiction, metadata, nodes, &economy, transfer, levels).and_then(|plan| {
+    let plan = match plan {
+        Some(plan) => Ok(plan),
+        None => pilot::plan(view, depiction, metadata, nodes, &economy, transfer, levels),
+    };
+    let drawn = plan.and_then(|plan| {
         let decoded = cpu::decode_planned(view, depiction, metadata, nodes, &plan);
         let view = View { width: size.x, height: size.y, ..*view };
         let drawn = cpu::draw_planned(&view, depiction, metadata, &decoded, Method::Pyramid, &plan)?;
@@ -187,12 +192,14 @@ pub(super) fn draw_on_cpu(
     let (file, depiction, nodes) = (Arc::clone(&scene.file), look.depiction.clone(), Arc::clone(&selection.nodes));
     let (transfer, levels, paint) = (look.transfer, look.levels, *backend == ActiveBackend::Cpu);
     let (known, old_plan) = (look.settled.then_some(look.levels), cpu.plan);
+    // Finding a plan takes longer than there is between two pictures of a motion.
+    let kept_plan = (moving && *backend == ActiveBackend::Cpu).then_some(old_plan);
     cpu.task = Some(AsyncComputeTaskPool::get().spawn(async move {
         let (drawn, plan) = match reused {
             Some(drawn) => (drawn, old_plan),
             None => {
                 let start = Instant::now();
-                let (picture, plan) = draw(&file, &depiction, &nodes, &view, size, &transfer, known)?;
+                let (picture, plan) = draw(&file, &depiction, &nodes, &view, size, kept_plan, (&transfer, known))?;
                 let picture = Arc::new(picture);
                 (Drawn { key, picture, milliseconds: 1000.0 * start.elapsed().as_secs_f64() }, plan)
             }

@@ -6,6 +6,7 @@
 //! there wins. Unknown fields and wrong values are refused with file, line and column; the last good preset stays.
 
 use crate::model::ron_file::{self, RonError};
+use crate::modes::Settings;
 use bevy::asset::{AssetLoader, LoadContext, io::Reader};
 use bevy::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -87,11 +88,16 @@ pub struct DrawingPreset {
     pub backend: Backend,
     /// The screen-space error `tau`, pixels.
     pub error_px: f64,
+    /// The setting `presence` of every mode: see `deepfield modes`.
+    pub presence: f64,
+    /// The setting `thinning` of every mode: see `deepfield modes`.
+    pub thinning: f64,
 }
 
 impl Default for DrawingPreset {
     fn default() -> Self {
-        Self { backend: Backend::Auto, error_px: 0.8 }
+        let economy = Settings::default().economy();
+        Self { backend: Backend::Auto, error_px: 0.8, presence: economy.presence, thinning: economy.thinning }
     }
 }
 
@@ -196,6 +202,8 @@ impl Preset {
             ("residency.budget_mib", residency.budget_mib as f64, 16.0, 1.0e9, "16 or more"),
             ("residency.requests", residency.requests as f64, 1.0, 4096.0, "1 to 4096"),
             ("drawing.error_px", drawing.error_px, 0.05, 64.0, "0.05 to 64"),
+            ("drawing.presence", drawing.presence, 0.0, 1.0e9, "0 to 1e9"),
+            ("drawing.thinning", drawing.thinning, 0.0, 32.0, "0 to 32"),
             ("camera.field_of_view_deg", camera.field_of_view_deg, 1.0, 150.0, "1 to 150"),
             ("camera.orbit_sensitivity", f64::from(camera.orbit_sensitivity), 0.01, 100.0, "0.01 to 100"),
             ("camera.smoothness", f64::from(camera.smoothness), 0.0, 0.95, "0 to 0.95"),

@@ -3,7 +3,7 @@
 use super::messages::Messages;
 use super::options::WindowOptions;
 use super::preset::{Preset, PresetLoader};
-use super::scene::Settings;
+use super::scene::{Settings, economy_of};
 use bevy::asset::io::AssetSourceBuilder;
 use bevy::asset::{AssetLoadFailedEvent, io::file::FileAssetReader};
 use bevy::prelude::*;
@@ -72,6 +72,10 @@ fn apply_preset(
     file.options.override_preset(&mut loaded);
     if loaded.drawing.error_px != preset.drawing.error_px {
         settings.error_px = loaded.drawing.error_px;
+    }
+    let economy = economy_of(&loaded);
+    if economy != economy_of(&preset) {
+        settings.mode_settings.0.extend(economy.0);
     }
     if preset.set_if_neq(loaded) {
         messages.info(format!("preset {} loaded", file.options.preset));

@@ -8,7 +8,8 @@ use super::panel::Choices;
 use super::picture::{DataCamera, Picture};
 use super::preset::Preset;
 use crate::model::Bounds;
-use crate::modes::{self, Mode};
+use crate::modes::economy::{PRESENCE, THINNING};
+use crate::modes::{self, Mode, SettingValue};
 use crate::raster::transfer::{Range, TransferFunction};
 use crate::store::{Metadata, PageFile};
 use bevy::prelude::*;
@@ -83,7 +84,7 @@ impl Settings {
         Settings {
             mode: mode.and_then(modes::find).unwrap_or(modes::MODES[0]),
             mode_chosen: mode.is_some(),
-            mode_settings: modes::Settings::default(),
+            mode_settings: economy_of(preset),
             attribute: AttributeChoice::Automatic,
             transfer: TransferFunction::default(),
             error_px: preset.drawing.error_px,
@@ -103,6 +104,16 @@ impl Settings {
             self.mode_settings = self.mode_settings.common();
         }
     }
+}
+
+/// The settings of every mode that a preset sets.
+pub(super) fn economy_of(preset: &Preset) -> modes::Settings {
+    let mut settings = modes::Settings::default();
+    let drawing = &preset.drawing;
+    for (setting, value) in [(&PRESENCE, drawing.presence), (&THINNING, drawing.thinning)] {
+        settings.set(setting, SettingValue::Number(value));
+    }
+    settings
 }
 
 /// Makes a file that has arrived the open one, with the camera around all of it.

@@ -47,6 +47,9 @@ pub struct Arguments {
     /// Width and height of the picture, pixels.
     #[arg(long, value_name = "PIXELS", default_value_t = 1024, value_parser = clap::value_parser!(u32).range(1..=16384))]
     pub pixels: u32,
+    /// Budget of thinning in `bench frame`, of 255.
+    #[arg(long, value_name = "E", default_value_t = 0.0, value_parser = super::arguments::not_negative)]
+    pub thinning: f64,
     /// Mean colour error, of 255, below which `bench presence` looks for the largest speed-up.
     #[arg(long, value_name = "E", default_value_t = 0.5, value_parser = super::arguments::positive)]
     pub limit: f64,

@@ -318,9 +318,7 @@ fn draw_pages(arguments: &Arguments) -> Result<Picture, Box<dyn std::error::Erro
     for (_, why) in scene.residency.failures() {
         eprintln!("deepfield: {why}; the picture is coarser there");
     }
-    // Numbers are conserved unless the user wants it otherwise.
-    let is_raw = arguments.raw.is_some() || arguments.output.extension().is_some_and(|extension| extension == "exr");
-    let economy = if is_raw { arguments.settings.raw_economy() } else { arguments.settings.economy() };
+    let economy = arguments.settings.file_economy();
     let transfer = transfer(arguments, mode, depiction.attribute.is_some());
     let plan = times
         .measure("plan", || pilot::plan(&view, &depiction, metadata, &selection.nodes, &economy, &transfer, None))?;

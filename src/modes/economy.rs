@@ -33,8 +33,8 @@ pub static PRESENCE: Setting = Setting {
 pub static THINNING: Setting = Setting {
     name: "thinning",
     unit: "of 255",
-    kind: SettingKind::Number { min: 0.0, max: 32.0, default: 0.0 },
-    help: "mean colour error that drawing a weighted sample of the particles may cause; 0: all are drawn",
+    kind: SettingKind::Number { min: 0.0, max: 32.0, default: 1.0 },
+    help: "mean colour error that drawing a weighted sample of the particles may cause; 0: all are drawn (as in files unless set)",
 };
 
 /// The settings that every mode has.
@@ -52,7 +52,7 @@ pub struct Economy {
 }
 
 impl Economy {
-    /// Nothing that is seen is left out: for pictures whose numbers count.
+    /// Nothing that is seen is left out.
     pub const NONE: Economy = Economy { culling: true, presence: 0.0, thinning: 0.0 };
 
     /// Whether it needs to know the picture's range of `P`.
@@ -62,7 +62,7 @@ impl Economy {
 }
 
 impl Settings {
-    /// What a picture in colours may leave undrawn.
+    /// What the window's picture may leave undrawn.
     pub fn economy(&self) -> Economy {
         Economy {
             culling: self.number(&CULLING) != 0.0,
@@ -71,8 +71,8 @@ impl Settings {
         }
     }
 
-    /// What a picture may leave undrawn whose numbers count: nothing that is seen, unless it was set.
-    pub fn raw_economy(&self) -> Economy {
+    /// What a picture that goes into a file may leave undrawn: nothing that is seen, unless it was set.
+    pub fn file_economy(&self) -> Economy {
         let set = |setting: &Setting| self.0.contains_key(setting.name);
         let economy = self.economy();
         Economy {
@@ -163,11 +163,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_that_count_leave_nothing_out_unless_asked() {
+    fn files_leave_nothing_out_unless_asked() {
         let mut settings = Settings::default();
-        assert_eq!(settings.raw_economy(), Economy::NONE);
+        assert_eq!(settings.file_economy(), Economy::NONE);
         settings.set(&THINNING, SettingValue::Number(2.0));
-        assert_eq!(settings.raw_economy().thinning, 2.0);
+        assert_eq!(settings.file_economy().thinning, 2.0);
         assert_eq!(settings.common(), settings);
         settings.0.insert("radius".into(), SettingValue::Number(1.0));
         assert_eq!(settings.common().0.len(), 1);

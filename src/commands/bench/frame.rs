@@ -4,8 +4,9 @@ use super::splat::Failure;
 use super::{Arguments, Times};
 use crate::build::{BuildOptions, build};
 use crate::codec::VqBits;
-use crate::modes::{Depiction, Settings, column_density, cpu};
+use crate::modes::{Depiction, Economy, Plan, Settings, column_density, cpu, pilot};
 use crate::raster::Method;
+use crate::raster::transfer::TransferFunction;
 use crate::store::PageFile;
 use crate::stream::{Scene, SceneNode};
 use crate::synth::{Generator, clusters::Clusters, dataset};
@@ -27,7 +28,7 @@ pub struct Outcome {
     pub view: &'static str,
     /// Who draws.
     pub backend: String,
-    /// Number of particles in the picture's nodes.
+    /// Number of particles that are drawn of the picture's nodes.
     pub drawn: u64,
     /// Seconds for one picture of nodes that are in memory, or in the adapter's memory.
     pub seconds: Times,
@@ -58,8 +59,15 @@ pub fn measure(arguments: &Arguments) -> Result<Vec<Outcome>, Failure> {
         let depiction = Depiction::of_pages(&column_density::MODE, Settings::default(), None, file.metadata())?;
         for (name, view) in views {
             let nodes = Scene::new(Arc::clone(&file), u64::MAX).converge_blocking(&view, ERROR_PX)?.nodes;
-            let drawn = nodes.iter().map(|node| u64::from(node.page.nodes[node.node.node as usize].particles)).sum();
-            let frame = Frame { file: &file, view, depiction: &depiction, nodes: &nodes, repeat: arguments.repeat };
+            let economy = Economy { thinning: arguments.thinning, ..Economy::NONE };
+            let transfer = TransferFunction::preset(depiction.mode.transfer[0]).unwrap_or_default();
+            // A window finds it beside its frames.
+            let plan = pilot::plan(&view, &depiction, file.metadata(), &nodes, &economy, &transfer, None)?;
+            let kept = cpu::decode_planned(&view, &depiction, file.metadata(), &nodes, &plan);
+            let drawn = kept.iter().map(|node| node.len() as u64).sum();
+            drop(kept);
+            let frame =
+                Frame { plan, file: &file, view, depiction: &depiction, nodes: &nodes, repeat: arguments.repeat };
             for (backend, times) in frame.draw(arguments)? {
                 let seconds = Times::of(times);
                 eprintln!(
@@ -75,6 +83,7 @@ pub fn measure(arguments: &Arguments) -> Result<Vec<Outcome>, Failure> {
 
 /// A frame that is drawn by all backends.
 struct Frame<'a> {
+    plan: Plan,
     file: &'a PageFile,
     view: View,
     depiction: &'a Depiction,
@@ -101,7 +110,7 @@ impl Frame<'_> {
                     self.depiction,
                     metadata,
                     self.nodes,
-                    &crate::modes::Plan::default(),
+                    &self.plan,
                     backend,
                 );
                 let (name, drawn) = super::splat_gpu::draw(&request, self.repeat)?;
@@ -117,8 +126,8 @@ impl Frame<'_> {
         for repetition in 0..=self.repeat {
             let start = Instant::now();
             let metadata = self.file.metadata();
-            let nodes = cpu::decode(self.depiction, metadata, self.nodes);
-            cpu::draw_nodes(&self.view, self.depiction, metadata, &nodes, Method::Pyramid)?;
+            let nodes = cpu::decode_planned(&self.view, self.depiction, metadata, self.nodes, &self.plan);
+            cpu::draw_planned(&self.view, self.depiction, metadata, &nodes, Method::Pyramid, &self.plan)?;
             // The first run pays for tables and pages of memory.
             if repetition > 0 {
                 times.push(start.elapsed());

@@ -337,7 +337,7 @@ fn another_layout_is_found() {
         ("table: u32,\n    table_length: u32,", "table_length: u32,\n    table: u32,"),
         ("step: f32,", "step: u32,"),
         ("origin: vec3<f32>,", "origin: vec4<f32>,"),
-        ("unused_c: u32,", "unused_c: u32,\n    unused_d: vec4<u32>,"),
+        ("unused_b: u32,", "unused_b: u32,\n    unused_c: u32,"),
     ];
     for (good, bad) in breaks {
         let text = &SHADERS.iter().find(|(path, _)| *path == "lib/particle.wgsl").unwrap().1;

@@ -83,7 +83,7 @@ impl DrawList {
                     seed: sample.seed,
                     scale: if sample.is_all() { 0.0 } else { sample.scale },
                     ranks: if sample.is_all() { 0 } else { sample.ranks },
-                    unused: [0; 3],
+                    unused: [0; 2],
                 });
             }
         }

@@ -131,7 +131,7 @@ pub struct Node {
     /// See [`crate::raster::sample::Sample`]; 0: all particles are drawn.
     pub ranks: u32,
     /// Padding.
-    pub unused: [u32; 3],
+    pub unused: [u32; 2],
 }
 
 /// WGSL `ENCODING_*`.
