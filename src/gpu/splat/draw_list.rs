@@ -1,7 +1,7 @@
 //! What a picture draws: nodes, and their particles in blocks.
 //!
 //! The CPU's work grows with the nodes in the picture, and one block of 16 bytes for each [`BLOCK`] particles that are drawn
-//! of them: 2 ns a block, so that a hundred million particles cost a quarter of a millisecond (`blocks_are_cheap`).
+//! of them: a hundred million particles cost about a millisecond (`blocks_are_cheap` prints it).
 
 use super::layout::{BLOCK, Block, Node};
 use super::resources::ALIGNMENT;
