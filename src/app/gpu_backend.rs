@@ -12,18 +12,15 @@ use super::picture::DataCamera;
 use super::preset::{Backend, Preset};
 use super::scene::Scene;
 use super::statistics::{ActiveBackend, Converged, Statistics};
-use crate::gpu::{self, Composite, DrawItem, NodeId, NodeState, NodeUpload, ParticleScene, Payload, SplatView};
+use crate::gpu::page_copies::{self, CopyState, node_id};
+use crate::gpu::{self, Composite, DrawItem, ParticleScene, SplatView};
 use crate::gpu::{Capabilities, TableId, Technique, Withheld};
 use crate::modes::{self, Footprint, Plan};
-use crate::store::{Metadata, Page, PageId};
+use crate::store::Metadata;
 use bevy::diagnostic::DiagnosticsStore;
 use bevy::prelude::*;
 use bevy::render::renderer::{RenderAdapter, RenderAdapterInfo, RenderDevice};
-use std::collections::HashSet;
 use std::sync::Arc;
-
-/// Bytes that may go to the GPU in one frame.
-pub const UPLOAD_BYTES_PER_FRAME: u64 = 24 << 20;
 
 /// What the renderer holds for the present look of the present file.
 #[derive(Resource, Default)]
@@ -38,16 +35,8 @@ pub struct GpuTables {
     technique: Option<Technique>,
     /// The backend that was asked for last.
     asked: Option<Backend>,
-}
-
-/// The nodes of a page that hold particles.
-fn drawable_nodes(page: &Page) -> impl Iterator<Item = (u32, &crate::store::Node)> {
-    page.nodes.iter().enumerate().filter(|(_, node)| node.particles > 0).map(|(i, node)| (i as u32, node))
-}
-
-/// The renderer's name for a node of the present file.
-fn node_id(generation: u32, page: PageId, node: u32) -> NodeId {
-    NodeId { source: generation, page: page.0, node }
+    /// The file for which it was told that the graphics memory is full.
+    told_full: Option<u32>,
 }
 
 /// Follows the preset's choice of a backend.
@@ -95,11 +84,11 @@ pub(super) fn choose_backend(
     statistics.adapter = graphics.map_or_else(String::new, |(_, info)| format!("{} ({})", info.name, info.driver_info));
     let wanted = if found.is_some() { ActiveBackend::Gpu } else { ActiveBackend::Cpu };
     let uses_copies = wanted == ActiveBackend::Gpu;
-    if *active == wanted && copies.0.is_some() == uses_copies {
+    if *active == wanted && copies.0 == uses_copies {
         return;
     }
     *active = wanted;
-    copies.0 = uses_copies.then(HashSet::new);
+    copies.0 = uses_copies;
     *tables = GpuTables { asked: Some(asked), technique: found, ..default() };
     slots.iter().for_each(|page| {
         commands.entity(page).remove::<GpuSlot>();
@@ -110,55 +99,71 @@ pub(super) fn choose_backend(
     }
 }
 
+/// Gives the arena the preset's budgets.
+pub(super) fn follow_budgets(preset: Res<Preset>, particles: Res<ParticleScene>) {
+    let residency = &preset.residency;
+    particles.set_budgets(residency.gpu_budget_mib << 20, residency.upload_mib << 20);
+}
+
 /// Notes pages that have arrived in the arena.
 pub(super) fn receive_copies(
+    mut commands: Commands,
     particles: Res<ParticleScene>,
-    mut copies: ResMut<PageCopies>,
-    mut messages: ResMut<Messages>,
+    streaming: Option<ResMut<Streaming>>,
     mut pages: Query<(&PageKey, &PageStatus, &mut GpuSlot)>,
 ) {
-    let Some(copies) = &mut copies.bypass_change_detection().0 else { return };
-    for (key, status, mut slot) in &mut pages {
-        let PageStatus::Resident(page) = status else { continue };
-        if *slot != GpuSlot::Queued {
-            continue;
-        }
-        let state = |node| particles.node_state(node_id(key.generation, key.id, node));
-        let mut states = drawable_nodes(page).map(|(node, _)| state(node)).collect::<Vec<_>>();
-        states.dedup();
-        if states.contains(&Some(NodeState::Rejected)) {
-            *slot = GpuSlot::Rejected;
-            messages.error("the graphics memory is full: a coarser picture is shown");
-        } else if states.iter().all(|state| *state == Some(NodeState::Resident)) {
-            *slot = GpuSlot::Resident;
-            copies.insert(key.id);
+    let Some(mut streaming) = streaming else { return };
+    let Some(copies) = streaming.streamer.copies.as_ref() else { return };
+    let waiting: Vec<_> = copies.on_their_way().collect();
+    for id in waiting {
+        let Some(entity) = streaming.entity(id) else { continue };
+        let Ok((key, PageStatus::Resident(page), mut slot)) = pages.get_mut(entity) else { continue };
+        let state = page_copies::state(&particles, key.generation, page);
+        let Some(copies) = streaming.streamer.copies.as_mut() else { return };
+        match state {
+            CopyState::Waiting => {}
+            CopyState::Complete => {
+                *slot = GpuSlot::Resident;
+                copies.arrived(id);
+            }
+            CopyState::Rejected => {
+                copies.rejected(id);
+                commands.entity(entity).remove::<GpuSlot>();
+            }
         }
     }
 }
 
-/// Queues the pages that the view misses in the arena.
+/// Frees the copies that have to make room, and queues those that the view misses or will.
 pub(super) fn upload_pages(
     mut commands: Commands,
     particles: Res<ParticleScene>,
-    streaming: Option<Res<Streaming>>,
-    selection: Res<ViewSelection>,
-    slots: Query<&GpuSlot>,
+    streaming: Option<ResMut<Streaming>>,
+    mut tables: ResMut<GpuTables>,
+    mut messages: ResMut<Messages>,
 ) {
-    let Some(streaming) = streaming else { return };
-    let metadata = streaming.residency.file().metadata();
-    for &id in &selection.wanted_copies {
-        let (Some(entity), Some(page)) = (streaming.entity(id), streaming.residency.page(id)) else { continue };
-        let Some(family) = metadata.families.get(page.family as usize) else { continue };
-        if slots.contains(entity) {
-            continue;
+    let Some(mut streaming) = streaming else { return };
+    let generation = streaming.generation;
+    let plan = streaming.streamer.plan_copies();
+    for (id, nodes) in plan.remove {
+        // At once, so that what follows finds the room.
+        page_copies::remove(&particles, generation, id, nodes);
+        if let Some(entity) = streaming.entity(id) {
+            commands.entity(entity).remove::<GpuSlot>();
         }
-        particles.insert_nodes(drawable_nodes(page).map(|(index, node)| NodeUpload {
-            id: node_id(streaming.generation, id, index),
-            min: node.key.min(family.root),
-            size: node.key.size(family.root),
-            payload: Payload::Page { page: Arc::clone(page), node: index },
-        }));
+    }
+    let residency = &streaming.streamer.residency;
+    let metadata = residency.file().metadata();
+    for id in plan.insert {
+        let (Some(entity), Some(page)) = (streaming.entity(id), residency.page(id)) else { continue };
+        let Some(family) = metadata.families.get(page.family as usize) else { continue };
+        page_copies::insert(&particles, generation, family, page);
         commands.entity(entity).insert(GpuSlot::Queued);
+    }
+    if streaming.streamer.copies.as_ref().is_some_and(|copies| copies.is_full())
+        && tables.told_full.replace(generation) != Some(generation)
+    {
+        messages.error("the graphics memory is full (residency.gpu_budget_mib): a coarser picture is shown");
     }
 }
 
@@ -169,7 +174,7 @@ pub(super) fn free_slot(
     pages: Query<(&PageKey, &PageStatus)>,
 ) {
     let Ok((key, PageStatus::Resident(page))) = pages.get(removed.entity) else { return };
-    particles.remove_nodes(drawable_nodes(page).map(|(node, _)| node_id(key.generation, key.id, node)));
+    page_copies::remove(&particles, key.generation, key.id, page.nodes.len() as u32);
 }
 
 /// Tables of every codebook for the present look.

@@ -94,8 +94,8 @@ impl Plugin for WindowApp {
             openings.start(request);
         }
         let settings = scene::Settings::new(&self.preset, self.options.mode.as_deref());
-        let budget = self.preset.residency.budget_mib << 20;
-        app.insert_resource(ParticleScene::new(budget, gpu_backend::UPLOAD_BYTES_PER_FRAME));
+        let residency = &self.preset.residency;
+        app.insert_resource(ParticleScene::new(residency.gpu_budget_mib << 20, residency.upload_mib << 20));
         app.add_plugins((
             DeepfieldRenderPlugins,
             EguiPlugin::default(),
@@ -137,7 +137,7 @@ impl Plugin for WindowApp {
                 look::follow_settings,
                 look::glide_levels,
                 shortcuts::run_shortcuts,
-                gpu_backend::choose_backend.run_if(resource_changed::<Preset>),
+                (gpu_backend::follow_budgets, gpu_backend::choose_backend).run_if(resource_changed::<Preset>),
             )
                 .chain(),
         )

@@ -8,9 +8,9 @@ use crate::model::progress::Progress;
 use crate::store::PageFile;
 use crate::stream::first_frame;
 use bevy::prelude::*;
-use bevy::tasks::{AsyncComputeTaskPool, Task, futures::check_ready};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// How far a background task has come; shared between its threads and the window.
@@ -55,7 +55,7 @@ pub struct Openings {
 struct Opening {
     path: PathBuf,
     progress: Arc<SharedProgress>,
-    task: Task<Result<(PageFile, Bounds), String>>,
+    outcome: Mutex<Receiver<Result<(PageFile, Bounds), String>>>,
 }
 
 /// A file has arrived.
@@ -80,14 +80,22 @@ impl Openings {
         let progress = Arc::new(SharedProgress::default());
         progress.begin("reading", 0);
         let (opener, path, shared) = (Arc::clone(&self.opener), request.path.clone(), Arc::clone(&progress));
-        let task = AsyncComputeTaskPool::get().spawn(async move {
+        let (send, outcome) = channel();
+        // A thread of its own: a disk that does not answer must not take one from a pool that draws.
+        let open = move || {
             let file = opener(&request, shared.as_ref())?;
             let file = PageFile::open(&file).map_err(|error| error.to_string())?;
             let families: Vec<u32> = (0..file.metadata().families.len() as u32).collect();
             let frame = first_frame(&file, &families);
             Ok((file, frame))
-        });
-        self.current = Some(Opening { path, progress, task });
+        };
+        let failed = send.clone();
+        // Nobody listens any more where another file was opened meanwhile.
+        let thread = std::thread::Builder::new().name("deepfield open".into()).spawn(move || drop(send.send(open())));
+        if let Err(error) = thread {
+            drop(failed.send(Err(format!("{}: no thread can be started: {error}", path.display()))));
+        }
+        self.current = Some(Opening { path, progress, outcome: Mutex::new(outcome) });
     }
 
     /// What is being opened: its path, the stage and the share of the stage that is done.
@@ -114,8 +122,16 @@ pub(super) fn finish_opening(
     mut opened: MessageWriter<Opened>,
 ) {
     let Some(opening) = openings.bypass_change_detection().current.as_mut() else { return };
-    let Some(result) = check_ready(&mut opening.task) else { return };
+    let outcome = opening.outcome.get_mut().unwrap_or_else(PoisonError::into_inner).try_recv();
     let path = std::mem::take(&mut opening.path);
+    let result = match outcome {
+        Ok(result) => result,
+        Err(TryRecvError::Disconnected) => Err(format!("{}: opening it has failed", path.display())),
+        Err(TryRecvError::Empty) => {
+            opening.path = path;
+            return;
+        }
+    };
     openings.current = None;
     match result {
         Ok((file, frame)) => {
@@ -128,12 +144,10 @@ pub(super) fn finish_opening(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use bevy::tasks::TaskPool;
     use std::time::{Duration, Instant};
 
     #[test]
     fn a_dropped_file_is_opened_and_a_failure_is_reported() {
-        AsyncComputeTaskPool::get_or_init(TaskPool::new);
         let opener: Opener = Arc::new(|request, _| Err(format!("{}: not readable", request.path.display())));
         let mut app = App::new();
         app.add_message::<FileDragAndDrop>()

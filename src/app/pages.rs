@@ -3,8 +3,9 @@
 //!
 //! A frame, after the camera has settled: reads that have ended are taken in ([`finish_loads`]); the tree is traversed
 //! top-down and the nodes to draw are chosen, with a parent standing in for what is not there ([`traverse`]); pages that
-//! are missed are read on background tasks, the most missed first, and the least recently used ones make room within
-//! the budget ([`start_loads`]). The frame never waits for the disk.
+//! are missed are read on threads of their own, the most missed first, then those that the camera comes near to, and
+//! the least recently used ones make room within the budget ([`start_loads`]). The frame never waits for the disk. All
+//! of that is [`crate::stream::Streamer`]'s work; here it becomes entities.
 //!
 //! Where a renderer keeps copies of pages (the GPU's arena), a page counts as there only when its copy is
 //! ([`PageCopies`]); until then its parent is drawn.
@@ -13,16 +14,15 @@ use super::camera::{CameraSystems, DataDistance, Viewpoint, distance_to_boxes};
 use super::look::Look;
 use super::messages::Messages;
 use super::picture::{DataCamera, Picture};
-use super::preset::Preset;
+use super::preset::{Preset, ResidencyPreset};
 use super::scene::{Scene, Settings};
 use super::statistics::Statistics;
 use crate::model::Bounds;
-use crate::store::{NodeRef, Page, PageFile, PageId, StoreError};
-use crate::stream::{Residency, SceneNode};
-use crate::view::{NodeInfo, NodeTree, View, select};
+use crate::store::{Page, PageId};
+use crate::stream::{PageState, SceneNode, Streamer};
+use crate::view::View;
 use bevy::prelude::*;
-use bevy::tasks::{IoTaskPool, Task, futures::check_ready};
-use std::collections::{HashMap, HashSet};
+use std::collections::HashMap;
 use std::sync::Arc;
 
 /// Which page an entity is.
@@ -37,7 +37,7 @@ pub struct PageKey {
 /// Where a page stands.
 #[derive(Component, Clone, Debug)]
 pub enum PageStatus {
-    /// A background task reads it.
+    /// It is being read.
     Loading,
     /// In memory.
     Resident(Arc<Page>),
@@ -57,10 +57,6 @@ pub struct PageDepth(pub u8);
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LastUse(pub u64);
 
-/// A read under way.
-#[derive(Component)]
-pub struct PageRead(Task<Result<Page, StoreError>>);
-
 /// Where a renderer's copy of a page stands; only while a renderer keeps copies.
 #[derive(Component, Clone, Copy, Debug, PartialEq, Eq)]
 pub enum GpuSlot {
@@ -68,13 +64,11 @@ pub enum GpuSlot {
     Queued,
     /// There: the page may be drawn.
     Resident,
-    /// There is no room for it.
-    Rejected,
 }
 
-/// Which pages a renderer has copies of. `None`: the renderer draws from main memory and every resident page counts.
-#[derive(Resource, Clone, Debug, Default)]
-pub struct PageCopies(pub Option<HashSet<PageId>>);
+/// Whether the renderer draws from copies of pages; if not, it draws from main memory and every resident page counts.
+#[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct PageCopies(pub bool);
 
 /// What the view draws in this frame.
 #[derive(Resource, Clone, Debug, Default)]
@@ -83,8 +77,6 @@ pub struct ViewSelection {
     pub view: Option<View>,
     /// The nodes; none is an ancestor of another.
     pub nodes: Arc<[SceneNode]>,
-    /// Resident pages that the renderer lacks a copy of, the most missed first.
-    pub wanted_copies: Vec<PageId>,
     /// Whether everything that the view needs at its error bound is there.
     pub complete: bool,
     /// Counts up whenever the nodes or the view change.
@@ -94,44 +86,34 @@ pub struct ViewSelection {
 /// The open file's pages.
 #[derive(Resource)]
 pub struct Streaming {
-    /// Which pages are in memory.
-    pub residency: Residency,
+    /// Which pages are in memory, and what is done about the others.
+    pub streamer: Streamer,
     entities: HashMap<PageId, Entity>,
     /// The [`Scene::generation`] of the file.
     pub generation: u32,
+    preset: ResidencyPreset,
     frame: u64,
-    reported: HashSet<PageId>,
+    told_memory: bool,
 }
 
 impl Streaming {
-    /// Nothing of `file` is resident yet.
-    pub fn new(file: Arc<PageFile>, budget_bytes: u64, generation: u32) -> Streaming {
+    /// Nothing of the scene's file is resident yet.
+    pub fn new(scene: &Scene, preset: &ResidencyPreset, copies: bool) -> Streaming {
+        let mut streamer = Streamer::new(Arc::clone(&scene.file), preset.stream_options());
+        streamer.keep_copies(copies.then(|| preset.copy_options()));
         Streaming {
-            residency: Residency::new(file, budget_bytes),
+            streamer,
             entities: HashMap::new(),
-            generation,
+            generation: scene.generation,
+            preset: preset.clone(),
             frame: 0,
-            reported: HashSet::new(),
+            told_memory: false,
         }
     }
 
     /// The entity of a page that is loading, resident or failed.
     pub fn entity(&self, page: PageId) -> Option<Entity> {
         self.entities.get(&page).copied()
-    }
-}
-
-/// What may be drawn: resident, and copied where the renderer needs copies.
-struct Drawable<'a> {
-    residency: &'a Residency,
-    copies: Option<&'a HashSet<PageId>>,
-}
-
-impl NodeTree for Drawable<'_> {
-    type Id = NodeRef;
-
-    fn node(&self, id: NodeRef) -> Option<NodeInfo<NodeRef>> {
-        self.copies.is_none_or(|copies| copies.contains(&id.page)).then(|| self.residency.node(id))?
     }
 }
 
@@ -168,57 +150,63 @@ impl Plugin for PagesPlugin {
     }
 }
 
-/// Starts over when another file was opened, or when the budget has changed.
+/// Starts over when another file was opened, or when the preset's budgets have changed.
 pub fn follow_scene(
     mut commands: Commands,
     scene: Option<Res<Scene>>,
     streaming: Option<ResMut<Streaming>>,
     preset: Res<Preset>,
     mut selection: ResMut<ViewSelection>,
-    mut copies: ResMut<PageCopies>,
+    copies: Res<PageCopies>,
     pages: Query<Entity, With<PageKey>>,
 ) {
     let Some(scene) = scene else { return };
-    let budget = preset.residency.budget_mib << 20;
-    if streaming.is_some_and(|s| s.generation == scene.generation && s.residency.statistics().budget == budget) {
+    if let Some(mut streaming) = streaming
+        && streaming.generation == scene.generation
+        && streaming.preset == preset.residency
+    {
+        // Another renderer begins without copies.
+        if streaming.streamer.copies.is_some() != copies.0 {
+            let options = streaming.preset.copy_options();
+            streaming.streamer.keep_copies(copies.0.then_some(options));
+        }
         return;
     }
     pages.iter().for_each(|page| commands.entity(page).despawn());
-    if let Some(copies) = &mut copies.0 {
-        copies.clear();
-    }
     *selection = ViewSelection { revision: selection.revision + 1, ..default() };
-    commands.insert_resource(Streaming::new(Arc::clone(&scene.file), budget, scene.generation));
+    commands.insert_resource(Streaming::new(&scene, &preset.residency, copies.0));
 }
 
-/// Takes in pages that background tasks have read.
+/// Takes in pages that have been read.
 pub fn finish_loads(
     mut commands: Commands,
     streaming: Option<ResMut<Streaming>>,
     mut messages: ResMut<Messages>,
-    mut reads: Query<(Entity, &PageKey, &mut PageRead, &mut PageStatus)>,
+    mut pages: Query<&mut PageStatus>,
 ) {
     let Some(mut streaming) = streaming else { return };
-    for (entity, &PageKey { id, .. }, mut read, mut status) in &mut reads {
-        // A read of a file that is no longer open is dropped with its entity.
-        if streaming.entity(id) != Some(entity) {
-            continue;
+    let arrivals = streaming.streamer.arrive();
+    arrivals.messages.into_iter().for_each(|message| messages.error(message));
+    for id in arrivals.pages {
+        let Some(entity) = streaming.entity(id) else { continue };
+        let Ok(mut status) = pages.get_mut(entity) else { continue };
+        match streaming.streamer.residency.state(id) {
+            Some(PageState::Resident(page)) => {
+                let bounds = page.nodes.iter().fold(Bounds::EMPTY, |bounds, node| bounds.union(node.bounds));
+                let depth = page.nodes.iter().map(|node| node.key.depth).min().unwrap_or(0);
+                *status = PageStatus::Resident(Arc::clone(page));
+                commands.entity(entity).insert((PageBounds(bounds), PageDepth(depth)));
+            }
+            Some(PageState::Failed(failure)) => *status = PageStatus::Failed(failure.why.clone()),
+            // Without room, it is evicted at once.
+            Some(PageState::Loading) | None => {}
         }
-        let Some(outcome) = check_ready(&mut read.0) else { continue };
-        commands.entity(entity).remove::<PageRead>();
-        if let Err(error) = &outcome
-            && streaming.reported.insert(id)
-        {
-            messages.error(error.to_string());
-            *status = PageStatus::Failed(error.to_string());
-        }
-        streaming.residency.loaded(id, outcome);
-        if let Some(page) = streaming.residency.page(id) {
-            let bounds = page.nodes.iter().fold(Bounds::EMPTY, |bounds, node| bounds.union(node.bounds));
-            let depth = page.nodes.iter().map(|node| node.key.depth).min().unwrap_or(0);
-            *status = PageStatus::Resident(Arc::clone(page));
-            commands.entity(entity).insert((PageBounds(bounds), PageDepth(depth)));
-        }
+    }
+    if streaming.streamer.residency.statistics().over_budget && !streaming.told_memory {
+        streaming.told_memory = true;
+        let budget = streaming.preset.budget_mib;
+        messages
+            .error(format!("the view needs more than the {budget} MiB of residency.budget_mib: it is shown coarser"));
     }
 }
 
@@ -227,7 +215,6 @@ pub fn traverse(
     streaming: Option<ResMut<Streaming>>,
     settings: Res<Settings>,
     picture: Res<Picture>,
-    copies: Res<PageCopies>,
     look: Option<Res<Look>>,
     mut selection: ResMut<ViewSelection>,
     mut statistics: ResMut<Statistics>,
@@ -240,31 +227,15 @@ pub fn traverse(
     let Ok(view) = camera.view(size.x, size.y) else { return };
     let streaming = &mut *streaming;
     streaming.frame += 1;
-    streaming.residency.begin_frame();
-    let roots: Vec<NodeRef> = streaming
-        .residency
-        .file()
-        .metadata()
-        .families
-        .iter()
-        .zip(&settings.families)
-        .filter(|(_, visible)| **visible)
-        .map(|(family, _)| NodeRef { page: family.root_page, node: 0 })
-        .collect();
-    let tree = Drawable { residency: &streaming.residency, copies: copies.0.as_ref() };
+    let families = settings.families.iter().enumerate().filter(|(_, visible)| **visible);
+    let roots = streaming.streamer.roots(families.map(|(index, _)| index as u32));
     let seen = look.map_or(view, |look| look.depiction.selection_view(&view));
-    let chosen = select(&seen, settings.error_px, &tree, &roots);
-    streaming.residency.touch(chosen.visited.iter().copied());
-    let (to_copy, to_read): (Vec<NodeRef>, Vec<NodeRef>) =
-        chosen.missing.iter().map(|missing| missing.id).partition(|id| streaming.residency.page(id.page).is_some());
-    // What waits for its copy is in use as much as what is drawn.
-    streaming.residency.touch(to_copy.iter().copied());
-    streaming.residency.request(to_read);
+    let chosen = streaming.streamer.select(&seen, settings.error_px, &roots);
     let nodes: Vec<SceneNode> = chosen
         .draw
         .iter()
         .filter_map(|drawn| {
-            let page = Arc::clone(streaming.residency.page(drawn.id.page)?);
+            let page = Arc::clone(streaming.streamer.residency.page(drawn.id.page)?);
             Some(SceneNode { page, node: drawn.id, error_pixels: drawn.error_pixels })
         })
         .collect();
@@ -279,12 +250,6 @@ pub fn traverse(
     statistics.nodes = nodes.len();
     statistics.error_px = chosen.error_pixels();
     statistics.missing = chosen.missing.len();
-    let mut wanted: Vec<PageId> = Vec::new();
-    for id in to_copy {
-        if !wanted.contains(&id.page) {
-            wanted.push(id.page);
-        }
-    }
     let same = selection.view == Some(view)
         && selection.nodes.len() == nodes.len()
         && selection.nodes.iter().zip(&nodes).all(|(old, new)| old.node == new.node);
@@ -293,7 +258,6 @@ pub fn traverse(
         selection.view = Some(view);
         selection.nodes = nodes.into();
     }
-    selection.wanted_copies = wanted;
     selection.complete = chosen.is_converged();
 }
 
@@ -301,35 +265,34 @@ pub fn traverse(
 pub fn start_loads(
     mut commands: Commands,
     streaming: Option<ResMut<Streaming>>,
-    preset: Res<Preset>,
     mut statistics: ResMut<Statistics>,
+    mut pages: Query<&mut PageStatus>,
 ) {
     let Some(mut streaming) = streaming else { return };
-    while let Some(id) = streaming.residency.next_to_load(preset.residency.requests) {
-        let file = Arc::clone(streaming.residency.file());
-        let read = IoTaskPool::get().spawn(async move { file.read_page(id) });
+    for id in streaming.streamer.serve() {
+        // A page that has failed is tried again.
+        if let Some(mut status) = streaming.entity(id).and_then(|entity| pages.get_mut(entity).ok()) {
+            *status = PageStatus::Loading;
+            continue;
+        }
         let key = PageKey { id, generation: streaming.generation };
-        let page = (key, PageStatus::Loading, LastUse(streaming.frame), PageRead(read));
-        let entity = commands.spawn(page).id();
+        let entity = commands.spawn((key, PageStatus::Loading, LastUse(streaming.frame))).id();
         streaming.entities.insert(id, entity);
     }
-    let residency = streaming.residency.statistics();
+    let residency = streaming.streamer.residency.statistics();
     statistics.pages_resident = residency.resident;
-    statistics.pages_loading = residency.loading + residency.queued;
+    statistics.pages_loading = residency.loading + residency.stalled + residency.queued;
     statistics.pages_failed = residency.failed;
     statistics.bytes = residency.bytes;
     statistics.budget_bytes = residency.budget;
 }
 
 /// Removes the entities of pages that had to make room.
-pub fn evict(mut commands: Commands, streaming: Option<ResMut<Streaming>>, mut copies: ResMut<PageCopies>) {
+pub fn evict(mut commands: Commands, streaming: Option<ResMut<Streaming>>) {
     let Some(mut streaming) = streaming else { return };
-    for id in streaming.residency.take_evicted() {
+    for id in streaming.streamer.take_evicted() {
         if let Some(entity) = streaming.entities.remove(&id) {
             commands.entity(entity).despawn();
-        }
-        if let Some(copies) = &mut copies.bypass_change_detection().0 {
-            copies.remove(&id);
         }
     }
 }
@@ -340,8 +303,8 @@ mod tests {
     use crate::app::facts::Facts;
     use crate::build::{BuildOptions, build_source};
     use crate::import::LoadOptions;
+    use crate::store::PageFile;
     use bevy::math::DVec3;
-    use bevy::tasks::TaskPool;
     use std::path::Path;
 
     /// A page file of the demo dataset.
@@ -354,7 +317,6 @@ mod tests {
 
     /// The streaming systems around a camera that looks at all of `file`.
     fn streaming_app(file: &Arc<PageFile>, budget_mib: u64) -> App {
-        IoTaskPool::get_or_init(TaskPool::default);
         let bounds = file.metadata().bounds();
         let mut preset = Preset::default();
         preset.residency.budget_mib = budget_mib;
@@ -412,7 +374,7 @@ mod tests {
         assert!(!app.world().resource::<ViewSelection>().complete, "the first frame waits for nothing");
         complete(&mut app);
         assert_eq!(app.world().resource::<Statistics>().particles, file.metadata().particles());
-        let resident = app.world().resource::<Streaming>().residency.statistics().resident;
+        let resident = app.world().resource::<Streaming>().streamer.residency.statistics().resident;
         assert_eq!(pages(&mut app), resident);
         let mut described = app.world_mut().query::<(&PageStatus, &PageBounds, &PageDepth, &LastUse)>();
         let bounds = file.metadata().bounds();
@@ -428,26 +390,27 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let file = demo(folder.path());
         let mut app = streaming_app(&file, 1024);
-        app.world_mut().resource_mut::<PageCopies>().0 = Some(HashSet::new());
+        app.world_mut().resource_mut::<PageCopies>().0 = true;
+        let root = file.metadata().families[0].root_page;
         for _ in 0..200 {
             app.update();
             std::thread::sleep(std::time::Duration::from_millis(2));
-            if !app.world().resource::<ViewSelection>().wanted_copies.is_empty() {
+            if app.world().resource::<Streaming>().streamer.uncopied() == [root] {
                 break;
             }
         }
         let selection = app.world().resource::<ViewSelection>().clone();
         assert!(!selection.complete && selection.nodes.is_empty());
-        assert_eq!(selection.wanted_copies, [file.metadata().families[0].root_page]);
+        assert_eq!(app.world().resource::<Streaming>().streamer.uncopied(), [root]);
         // As copies arrive, the picture refines down to the leaves.
         for _ in 0..2000 {
-            let selection = app.world().resource::<ViewSelection>().clone();
-            if selection.complete {
+            if app.world().resource::<ViewSelection>().complete {
                 break;
             }
-            if let Some(copies) = &mut app.world_mut().resource_mut::<PageCopies>().0 {
-                copies.extend(selection.wanted_copies);
-            }
+            let streamer = &mut app.world_mut().resource_mut::<Streaming>().streamer;
+            let plan = streamer.plan_copies();
+            let copies = streamer.copies.as_mut().unwrap();
+            plan.insert.into_iter().for_each(|page| copies.arrived(page));
             app.update();
             std::thread::sleep(std::time::Duration::from_millis(2));
         }

@@ -7,9 +7,11 @@
 
 use crate::model::ron_file::{self, RonError};
 use crate::modes::Settings;
+use crate::stream::{CopyOptions, StreamOptions};
 use bevy::asset::{AssetLoader, LoadContext, io::Reader};
 use bevy::prelude::*;
 use serde::{Deserialize, Serialize};
+use std::time::Duration;
 use thiserror::Error;
 
 /// The presets that the program knows by name, with their embedded text.
@@ -64,19 +66,46 @@ impl Default for WindowPreset {
     }
 }
 
-/// How much of the page file may be in memory.
+/// How much of the page file may be in memory, and how it gets there.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Reflect)]
 #[serde(default, deny_unknown_fields)]
 pub struct ResidencyPreset {
-    /// Pages in memory at most, MiB.
+    /// Pages in main memory at most, MiB. What was used longest ago makes room.
     pub budget_mib: u64,
+    /// Copies of pages in the graphics adapter's memory at most, MiB.
+    pub gpu_budget_mib: u64,
+    /// Copied to the graphics adapter in one frame at most, MiB.
+    pub upload_mib: u64,
     /// Pages that may be loading at a time.
     pub requests: usize,
+    /// Time without an answer after which a read is told and left to itself, seconds.
+    pub stall_secs: f64,
+    /// Whether pages are read before the camera needs them.
+    pub prefetch: bool,
 }
 
 impl Default for ResidencyPreset {
     fn default() -> Self {
-        Self { budget_mib: 2048, requests: 8 }
+        Self { budget_mib: 2048, gpu_budget_mib: 1024, upload_mib: 24, requests: 8, stall_secs: 5.0, prefetch: true }
+    }
+}
+
+impl ResidencyPreset {
+    /// How the open file is streamed.
+    pub fn stream_options(&self) -> StreamOptions {
+        StreamOptions {
+            budget: self.budget_mib << 20,
+            in_flight: self.requests,
+            stall: Duration::from_secs_f64(self.stall_secs),
+            prefetch: self.prefetch,
+        }
+    }
+
+    /// How copies in the graphics adapter's memory are kept. A part of its budget is left for gaps between them, and
+    /// two frames' worth of copies are on their way while one is being made.
+    pub fn copy_options(&self) -> CopyOptions {
+        let budget = self.gpu_budget_mib << 20;
+        CopyOptions { budget: budget - budget / 8, on_their_way: 2 * (self.upload_mib << 20) }
     }
 }
 
@@ -200,6 +229,9 @@ impl Preset {
             ("window.width", f64::from(window.width), 320.0, 16384.0, "320 to 16384"),
             ("window.height", f64::from(window.height), 240.0, 16384.0, "240 to 16384"),
             ("residency.budget_mib", residency.budget_mib as f64, 16.0, 1.0e9, "16 or more"),
+            ("residency.gpu_budget_mib", residency.gpu_budget_mib as f64, 64.0, 1.0e9, "64 or more"),
+            ("residency.upload_mib", residency.upload_mib as f64, 1.0, 65536.0, "1 to 65536"),
+            ("residency.stall_secs", residency.stall_secs, 0.1, 3600.0, "0.1 to 3600"),
             ("residency.requests", residency.requests as f64, 1.0, 4096.0, "1 to 4096"),
             ("drawing.error_px", drawing.error_px, 0.05, 64.0, "0.05 to 64"),
             ("drawing.presence", drawing.presence, 0.0, 1.0e9, "0 to 1e9"),

@@ -314,10 +314,8 @@ fn draw_pages(arguments: &Arguments) -> Result<Picture, Box<dyn std::error::Erro
     let seen = depiction.selection_view(&view);
     let tau = arguments.error_px.unwrap_or(0.8);
     let mut times = Times::default();
-    let selection = times.measure("load", || scene.converge_blocking(&seen, tau))?;
-    for (_, why) in scene.residency.failures() {
-        eprintln!("deepfield: {why}; the picture is coarser there");
-    }
+    let mut tell = |message| eprintln!("deepfield: {message}");
+    let selection = times.measure("load", || scene.converge(&seen, tau, &mut tell))?;
     let economy = arguments.settings.file_economy();
     let transfer = transfer(arguments, mode, depiction.attribute.is_some());
     let plan = times

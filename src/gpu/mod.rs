@@ -17,6 +17,7 @@ pub mod capabilities;
 pub mod composite;
 pub mod device;
 pub mod headless;
+pub mod page_copies;
 pub mod readback;
 pub mod renderer;
 pub mod scene;

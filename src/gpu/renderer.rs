@@ -146,8 +146,21 @@ impl HeadlessRenderer {
         self.particles
     }
 
+    /// The particles that may be drawn.
+    pub fn scene(&self) -> &ParticleScene {
+        self.app.world().resource::<ParticleScene>()
+    }
+
+    /// Draws something else from now on.
+    pub fn show(&mut self, view: SplatView) {
+        self.app.world_mut().entity_mut(self.camera).insert(view);
+    }
+
     /// Draws one frame and waits for it.
-    fn frame(&mut self) -> Result<(), GpuError> {
+    ///
+    /// # Errors
+    /// [`GpuError::Failed`].
+    pub fn frame(&mut self) -> Result<(), GpuError> {
         self.app.update();
         let waited = self.app.world().resource::<RenderDevice>().poll(PollType::wait_indefinitely());
         if waited.is_err() || self.app.should_exit().is_some() {

@@ -216,6 +216,12 @@ impl ParticleScene {
         })))
     }
 
+    /// Changes both budgets; what is resident stays.
+    pub fn set_budgets(&self, budget_bytes: u64, upload_bytes_per_frame: u64) {
+        let mut state = self.lock();
+        (state.budget_bytes, state.upload_bytes_per_frame) = (budget_bytes, upload_bytes_per_frame);
+    }
+
     pub(super) fn lock(&self) -> MutexGuard<'_, SceneState> {
         // A panic elsewhere leaves a queue that is still consistent: every change below is one push or insert.
         self.0.lock().unwrap_or_else(PoisonError::into_inner)

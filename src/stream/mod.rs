@@ -1,13 +1,23 @@
-//! Which pages are in memory: loading on request, keeping what was used last, forgetting the rest within a budget.
-//! Nothing here waits for a disk; who loads pages, and on which threads, is the caller's business ([`Scene::converge_blocking`]
-//! serves those that may wait).
+//! Which pages are in memory: reading what a view misses and will miss soon, keeping what was used last, forgetting the
+//! rest within a budget, and doing without what cannot be read.
 //!
-//! Prefetching (F12 4.8.2) will enter as further, less urgent calls of [`Residency::request`].
+//! [`Streamer`] is a frame's view of all that, and never waits; [`Scene`] serves single pictures, which may.
 
+pub mod ahead;
+pub mod copies;
 pub mod frame;
+pub mod loader;
+pub mod pace;
 pub mod residency;
 pub mod scene;
+pub mod streamer;
 
+mod recency;
+mod report;
+
+pub use ahead::Ahead;
+pub use copies::{Copies, CopyOptions, CopyPlan};
 pub use frame::first_frame;
-pub use residency::{PageState, Residency, ResidencyStatistics};
+pub use residency::{Failure, PageState, Residency, ResidencyStatistics};
 pub use scene::{Scene, SceneNode, SceneSelection};
+pub use streamer::{Arrivals, StreamOptions, Streamer};

@@ -1,11 +1,13 @@
-//! The pages of one file that are in memory, within a budget: least recently used pages go first, pages of the
-//! current frame never.
+//! The pages of one file that are in memory, within a budget: which to read next, which to forget, and what to do about
+//! those that cannot be read.
 
+use super::ahead::Ahead;
+use super::recency::{Demand, Recency};
 use crate::store::{NodeRef, Page, PageFile, PageId, StoreError};
 use crate::view::{Extent, NodeInfo, NodeTree};
-use lru::LruCache;
-use std::collections::{HashMap, VecDeque};
+use std::collections::{HashMap, HashSet, VecDeque};
 use std::sync::Arc;
+use std::time::Duration;
 
 /// Where a page stands.
 #[derive(Clone, Debug)]
@@ -14,8 +16,29 @@ pub enum PageState {
     Loading,
     /// In memory.
     Resident(Arc<Page>),
-    /// It could not be read; the text says why. It is not tried again.
-    Failed(String),
+    /// It could not be read.
+    Failed(Failure),
+}
+
+/// A page that could not be read.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Failure {
+    /// Why; names the file and the page.
+    pub why: String,
+    /// Whether it is told: nothing helps, or several attempts have failed.
+    pub given_up: bool,
+    /// When to try again (the clock of [`Residency::begin_frame`]); `None`: never, since it is not the disk's fault.
+    pub retry_at: Option<Duration>,
+}
+
+/// Attempts at a page before a disk's errors are told; the first ones follow one another after [`backoff`].
+const ATTEMPTS: u32 = 4;
+/// Reads without an answer at most; while there are so many, no more are begun.
+const MOST_STALLED: usize = 32;
+
+/// How long to leave the disk alone after so many failed attempts at a page: 0.1 s, 0.4 s, 1.6 s, ... up to 30 s.
+fn backoff(attempts: u32) -> Duration {
+    Duration::from_millis(100 * 4_u64.pow(attempts.saturating_sub(1).min(8))).min(Duration::from_secs(30))
 }
 
 /// Counts for a status display.
@@ -27,7 +50,9 @@ pub struct ResidencyStatistics {
     pub resident: usize,
     /// Pages being read.
     pub loading: usize,
-    /// Pages asked for, not being read yet.
+    /// Reads that have not been answered for long.
+    pub stalled: usize,
+    /// Pages that the view misses and that are not being read yet.
     pub queued: usize,
     /// Pages that could not be read.
     pub failed: usize,
@@ -39,21 +64,33 @@ pub struct ResidencyStatistics {
     pub over_budget: bool,
 }
 
-/// The pages of one file that are in memory. A frame is: [`Residency::begin_frame`], selection through the
-/// [`NodeTree`] implementation, [`Residency::touch`] for what it visited, [`Residency::request`] for what it missed;
-/// then [`Residency::next_to_load`] and [`Residency::loaded`] as reads begin and end, at any time.
+/// A read under way.
+#[derive(Clone, Copy, Debug)]
+struct Load {
+    bytes: u64,
+    demand: Demand,
+}
+
+/// The pages of one file that are in memory. A frame is: [`Residency::begin_frame`]; [`Residency::anticipate`] now and
+/// then; selection through the [`NodeTree`] implementation; [`Residency::touch`] for what it visited and
+/// [`Residency::request`] for what it missed; then [`Residency::next_to_load`] and [`Residency::loaded`] as reads begin
+/// and end, at any time.
 pub struct Residency {
     file: Arc<PageFile>,
     states: HashMap<PageId, PageState>,
-    /// Resident pages with the frame of their last use, the least recently used last.
-    recency: LruCache<PageId, u64>,
-    queue: VecDeque<PageId>,
-    evicted: Vec<PageId>,
-    frame: u64,
-    budget: u64,
-    resident_bytes: u64,
-    loading: usize,
+    recency: Recency,
+    /// What the frame misses, and what later frames will.
+    missed: VecDeque<PageId>,
+    ahead: VecDeque<(PageId, f64)>,
+    loading: HashMap<PageId, Load>,
     loading_bytes: u64,
+    stalled: HashSet<PageId>,
+    attempts: HashMap<PageId, u32>,
+    told: HashSet<PageId>,
+    to_tell: Vec<(PageId, String)>,
+    evicted: Vec<(PageId, Option<Arc<Page>>)>,
+    now: Duration,
+    budget: u64,
     over_budget: bool,
 }
 
@@ -64,14 +101,18 @@ impl Residency {
         Residency {
             file,
             states: HashMap::new(),
-            recency: LruCache::unbounded(),
-            queue: VecDeque::new(),
-            evicted: Vec::new(),
-            frame: 0,
-            budget,
-            resident_bytes: 0,
-            loading: 0,
+            recency: Recency::new(),
+            missed: VecDeque::new(),
+            ahead: VecDeque::new(),
+            loading: HashMap::new(),
             loading_bytes: 0,
+            stalled: HashSet::new(),
+            attempts: HashMap::new(),
+            told: HashSet::new(),
+            to_tell: Vec::new(),
+            evicted: Vec::new(),
+            now: Duration::ZERO,
+            budget,
             over_budget: false,
         }
     }
@@ -94,9 +135,11 @@ impl Residency {
         self.states.get(&id)
     }
 
-    /// A new frame begins: pages are free to be evicted until [`Residency::touch`] is called for them.
-    pub fn begin_frame(&mut self) {
-        self.frame += 1;
+    /// A new frame begins, at a time since any fixed one: pages are free to be evicted until [`Residency::touch`] is
+    /// called for them.
+    pub fn begin_frame(&mut self, now: Duration) {
+        self.now = self.now.max(now);
+        self.recency.begin_frame();
         self.over_budget = false;
     }
 
@@ -105,74 +148,138 @@ impl Residency {
         let mut last = None;
         for page in nodes.into_iter().map(|node| node.page) {
             // Selection walks page by page, so most repetitions are neighbours.
-            if last.replace(page) != Some(page)
-                && let Some(frame) = self.recency.get_mut(&page)
-            {
-                *frame = self.frame;
+            if last.replace(page) != Some(page) {
+                self.recency.touch(page);
             }
         }
     }
 
-    /// Asks for these nodes' pages, the most urgent first; what an earlier call asked for and nobody reads yet is
+    /// Asks for these nodes' pages, the most missed first; what an earlier call asked for and nobody reads yet is
     /// forgotten.
     pub fn request(&mut self, nodes: impl IntoIterator<Item = NodeRef>) {
-        self.queue.clear();
-        let mut asked = std::collections::HashSet::new();
+        self.missed.clear();
+        let mut asked = HashSet::new();
         for page in nodes.into_iter().map(|node| node.page) {
-            if !self.states.contains_key(&page) && asked.insert(page) {
-                self.queue.push_back(page);
+            if self.may_load(page) && asked.insert(page) {
+                self.missed.push_back(page);
             }
         }
     }
 
-    /// The next page to read, marked as loading, unless `in_flight` pages are being read already, nothing is asked
-    /// for, or the pages of this frame fill the budget. Makes room by evicting pages that this frame does not use.
+    /// What the prefetching sphere holds now. Its missing pages are read once nothing is missed, and go into memory
+    /// that is free, that holds pages outside the sphere, or less urgent ones of it; never pages of the current frame.
+    /// To be called before the frame's [`Residency::touch`].
+    pub fn anticipate(&mut self, ahead: &Ahead) {
+        self.recency.anticipate(&ahead.resident, 0.1 * ahead.distance);
+        self.ahead = ahead.missing.iter().copied().filter(|(page, _)| self.may_load(*page)).collect();
+    }
+
+    /// The next page to read, marked as loading, unless `in_flight` pages are being read already (half of that for
+    /// pages that nothing misses yet), nothing is asked for, or the budget is full of what is needed more. Makes room.
     pub fn next_to_load(&mut self, in_flight: usize) -> Option<PageId> {
-        if self.loading >= in_flight {
+        if self.loading.len() >= in_flight || self.stalled.len() >= MOST_STALLED {
             return None;
         }
-        let page = *self.queue.front()?;
-        let bytes = self.file.page_memory(page);
-        let is_root = self.file.metadata().families.iter().any(|family| family.root_page == page);
-        while self.resident_bytes + self.loading_bytes + bytes > self.budget && self.evict_one() {}
-        if self.resident_bytes + self.loading_bytes + bytes > self.budget && !is_root {
-            self.over_budget = true;
+        while let Some(&page) = self.missed.front() {
+            if self.may_load(page) {
+                let is_root = self.file.metadata().families.iter().any(|family| family.root_page == page);
+                if !self.make_room(self.file.page_memory(page), Demand::Miss) && !is_root {
+                    self.over_budget = true;
+                    return None;
+                }
+                self.missed.pop_front();
+                return Some(self.begin(page, Demand::Miss));
+            }
+            self.missed.pop_front();
+        }
+        if self.loading.len() >= in_flight.div_ceil(2) {
             return None;
         }
-        self.queue.pop_front();
-        self.states.insert(page, PageState::Loading);
-        self.loading += 1;
-        self.loading_bytes += bytes;
-        Some(page)
+        while let Some((page, travel)) = self.ahead.pop_front() {
+            if self.may_load(page) {
+                let demand = Demand::Ahead(travel);
+                if !self.make_room(self.file.page_memory(page), demand) {
+                    self.ahead.clear();
+                    return None;
+                }
+                return Some(self.begin(page, demand));
+            }
+        }
+        None
     }
 
     /// A read of `id` that [`Residency::next_to_load`] asked for has ended.
     pub fn loaded(&mut self, id: PageId, outcome: Result<Page, StoreError>) {
-        self.loading = self.loading.saturating_sub(1);
-        self.loading_bytes = self.loading_bytes.saturating_sub(self.file.page_memory(id));
+        self.stalled.remove(&id);
+        let load = self.loading.remove(&id);
+        self.loading_bytes -= load.map_or(0, |load| load.bytes);
+        let demand = load.map_or(Demand::Miss, |load| load.demand);
         match outcome {
             Ok(page) => {
-                self.resident_bytes += page.memory();
-                self.recency.put(id, self.frame);
+                self.attempts.remove(&id);
+                self.told.remove(&id);
+                let bytes = page.memory();
+                let is_root = self.file.metadata().families.iter().any(|family| family.root_page == id);
+                // It may be larger than was expected.
+                if !self.make_room(bytes, demand) && !is_root {
+                    self.over_budget |= demand == Demand::Miss;
+                    self.states.remove(&id);
+                    self.evicted.push((id, Some(Arc::new(page))));
+                    return;
+                }
+                self.recency.insert(id, bytes, demand);
                 self.states.insert(id, PageState::Resident(Arc::new(page)));
             }
             Err(error) => {
-                self.states.insert(id, PageState::Failed(error.to_string()));
+                let attempts = self.attempts.entry(id).or_default();
+                *attempts += 1;
+                let failure = Failure {
+                    why: error.to_string(),
+                    given_up: !error.may_pass() || *attempts >= ATTEMPTS,
+                    retry_at: error.may_pass().then(|| self.now + backoff(*attempts)),
+                };
+                if failure.given_up && self.told.insert(id) {
+                    self.to_tell.push((id, failure.why.clone()));
+                }
+                self.states.insert(id, PageState::Failed(failure));
             }
         }
     }
 
-    /// Pages evicted since the last call, for whoever holds copies of them.
-    pub fn take_evicted(&mut self) -> Vec<PageId> {
+    /// The read of a page that is loading gets no answer. It may still come; until then its place is free for others.
+    pub fn stalled(&mut self, id: PageId) {
+        if let Some(load) = self.loading.remove(&id) {
+            self.loading_bytes -= load.bytes;
+            self.stalled.insert(id);
+        }
+    }
+
+    /// Pages evicted since the last call, for whoever holds copies of them. Those that were read but found no room are
+    /// among them.
+    pub fn take_evicted(&mut self) -> Vec<(PageId, Option<Arc<Page>>)> {
         std::mem::take(&mut self.evicted)
     }
 
-    /// Why pages could not be read.
+    /// Pages given up since the last call, and why.
+    pub fn take_failures(&mut self) -> Vec<(PageId, String)> {
+        std::mem::take(&mut self.to_tell)
+    }
+
+    /// Why pages could not be read, those that are still being tried left out.
     pub fn failures(&self) -> impl Iterator<Item = (PageId, &str)> {
         self.states.iter().filter_map(|(&id, state)| match state {
-            PageState::Failed(why) => Some((id, why.as_str())),
+            PageState::Failed(failure) if failure.given_up => Some((id, failure.why.as_str())),
             _ => None,
         })
+    }
+
+    /// When to try one of these pages again that has failed and is not given up.
+    pub fn next_retry(&self, pages: impl IntoIterator<Item = PageId>) -> Option<Duration> {
+        let retry = |page| match self.states.get(&page) {
+            Some(PageState::Failed(failure)) if !failure.given_up => failure.retry_at,
+            _ => None,
+        };
+        pages.into_iter().filter_map(retry).min()
     }
 
     /// Counts for a status display.
@@ -180,28 +287,44 @@ impl Residency {
         ResidencyStatistics {
             pages: self.file.page_count(),
             resident: self.recency.len(),
-            loading: self.loading,
-            queued: self.queue.len(),
+            loading: self.loading.len(),
+            stalled: self.stalled.len(),
+            queued: self.missed.len(),
             failed: self.failures().count(),
-            bytes: self.resident_bytes,
+            bytes: self.recency.bytes(),
             budget: self.budget,
             over_budget: self.over_budget,
         }
     }
 
-    /// Forgets the least recently used page that this frame does not use; false if there is none.
-    fn evict_one(&mut self) -> bool {
-        match self.recency.peek_lru() {
-            Some((&id, &frame)) if frame < self.frame => {
-                self.recency.pop(&id);
-                if let Some(PageState::Resident(page)) = self.states.remove(&id) {
-                    self.resident_bytes = self.resident_bytes.saturating_sub(page.memory());
-                }
-                self.evicted.push(id);
-                true
-            }
-            _ => false,
+    /// Whether a page is neither in memory nor on its way nor to be left alone.
+    fn may_load(&self, page: PageId) -> bool {
+        match self.states.get(&page) {
+            None => true,
+            Some(PageState::Failed(failure)) => failure.retry_at.is_some_and(|at| at <= self.now),
+            Some(_) => false,
         }
+    }
+
+    fn begin(&mut self, page: PageId, demand: Demand) -> PageId {
+        let bytes = self.file.page_memory(page);
+        self.states.insert(page, PageState::Loading);
+        self.loading.insert(page, Load { bytes, demand });
+        self.loading_bytes += bytes;
+        page
+    }
+
+    /// Evicts until there is room for so many bytes more; false where that needs pages that have to stay.
+    fn make_room(&mut self, bytes: u64, demand: Demand) -> bool {
+        while self.recency.bytes() + self.loading_bytes + bytes > self.budget {
+            let Some(page) = self.recency.evict(demand) else { return false };
+            let held = match self.states.remove(&page) {
+                Some(PageState::Resident(held)) => Some(held),
+                _ => None,
+            };
+            self.evicted.push((page, held));
+        }
+        true
     }
 }
 

@@ -1,16 +1,16 @@
 //! What one view draws of a page file: the chosen families, selected at an error bound from what is resident.
 
-use super::Residency;
+use super::{PageState, StreamOptions, Streamer};
 use crate::model::Bounds;
 use crate::store::{Metadata, NodeRef, Page, PageFile, StoreError};
-use crate::view::{Extent, View, select};
-use rayon::prelude::*;
+use crate::view::{Extent, Selection, View};
 use std::sync::Arc;
+use std::time::Duration;
 
 /// A page file and the families of it that are drawn.
 pub struct Scene {
-    /// The file's pages in memory.
-    pub residency: Residency,
+    /// The file's pages.
+    pub streamer: Streamer,
     /// Indices of the drawn families in the file's metadata.
     pub families: Vec<u32>,
 }
@@ -41,33 +41,19 @@ pub struct SceneSelection {
     pub particles: u64,
 }
 
-impl Scene {
-    /// Draws all families of `file`; resident pages may take `budget` bytes.
-    pub fn new(file: Arc<PageFile>, budget: u64) -> Scene {
-        let families = (0..file.metadata().families.len() as u32).collect();
-        Scene { residency: Residency::new(file, budget), families }
-    }
+/// Time without an answer after which a single picture does without a page.
+const STALL: Duration = Duration::from_secs(20);
 
-    /// Starts a frame: selects what `view` draws with an error of at most `tau` pixels, marks its pages as used and
-    /// asks for those that are missing.
-    pub fn select(&mut self, view: &View, tau: f64) -> SceneSelection {
-        self.residency.begin_frame();
-        let file = Arc::clone(self.residency.file());
-        let metadata = file.metadata();
-        let roots: Vec<NodeRef> = self
-            .families
-            .iter()
-            .filter_map(|&family| metadata.families.get(family as usize))
-            .map(|family| NodeRef { page: family.root_page, node: 0 })
-            .collect();
-        let selection = select(view, tau, &self.residency, &roots);
-        self.residency.touch(selection.visited.iter().copied());
-        self.residency.request(selection.missing.iter().map(|missing| missing.id));
+impl SceneSelection {
+    /// A selection with the pages that hold its nodes.
+    pub fn of(streamer: &Streamer, view: &View, tau: f64, selection: &Selection<NodeRef>) -> SceneSelection {
+        let residency = &streamer.residency;
+        let metadata = residency.file().metadata();
         let nodes: Vec<SceneNode> = selection
             .draw
             .iter()
             .filter_map(|drawn| {
-                let page = Arc::clone(self.residency.page(drawn.id.page)?);
+                let page = Arc::clone(residency.page(drawn.id.page)?);
                 let error_pixels = match page.nodes.get(drawn.id.node as usize)? {
                     node if node.is_leaf() && drawn.error_pixels > tau => {
                         leaf_error_pixels(view, metadata, &page, drawn.id.node as usize)
@@ -85,30 +71,77 @@ impl Scene {
             particles: selection.particles(),
         }
     }
+}
+
+impl Scene {
+    /// Draws all families of `file`; resident pages may take `budget` bytes.
+    pub fn new(file: Arc<PageFile>, budget: u64) -> Scene {
+        Scene::with_options(file, StreamOptions { budget, in_flight: 16, stall: STALL, prefetch: false })
+    }
+
+    /// The same with all options.
+    pub fn with_options(file: Arc<PageFile>, options: StreamOptions) -> Scene {
+        let families = (0..file.metadata().families.len() as u32).collect();
+        Scene { streamer: Streamer::new(file, options), families }
+    }
+
+    /// Starts a frame: selects what `view` draws with an error of at most `tau` pixels from what is in memory.
+    pub fn select(&mut self, view: &View, tau: f64) -> SceneSelection {
+        let roots = self.streamer.roots(self.families.iter().copied());
+        let selection = self.streamer.select(view, tau, &roots);
+        SceneSelection::of(&self.streamer, view, tau, &selection)
+    }
 
     /// Selects and loads, waiting for the disk, until the view is converged or nothing more can be had: pages that
-    /// cannot be read, or a budget that the view exceeds, leave `converged` false.
+    /// cannot be read, a disk that does not answer, or a budget that the view exceeds, leave `converged` false. What
+    /// there is to tell about that is handed to `tell`, a sentence at a time.
     ///
     /// # Errors
     /// [`StoreError`] if a root page cannot be read, since then nothing can be drawn.
-    pub fn converge_blocking(&mut self, view: &View, tau: f64) -> Result<SceneSelection, StoreError> {
-        const IN_FLIGHT: usize = 16;
+    pub fn converge(
+        &mut self,
+        view: &View,
+        tau: f64,
+        tell: &mut dyn FnMut(String),
+    ) -> Result<SceneSelection, StoreError> {
+        let roots = self.streamer.roots(self.families.iter().copied());
         loop {
-            let selection = self.select(view, tau);
-            let pages: Vec<_> = std::iter::from_fn(|| self.residency.next_to_load(IN_FLIGHT)).collect();
-            if pages.is_empty() {
-                return Ok(selection);
+            let selection = self.streamer.select(view, tau, &roots);
+            self.streamer.serve();
+            self.streamer.take_evicted();
+            if !self.streamer.is_busy() {
+                for root in &roots {
+                    match self.streamer.residency.state(root.page) {
+                        Some(PageState::Resident(_)) => {}
+                        // Read once more, for the error itself.
+                        Some(PageState::Failed(_)) => drop(self.streamer.residency.file().read_page(root.page)?),
+                        _ => {
+                            let path = self.streamer.residency.file().path().to_path_buf();
+                            let source = std::io::Error::from(std::io::ErrorKind::TimedOut);
+                            return Err(StoreError::Page { path, page: root.page.0, source });
+                        }
+                    }
+                }
+                return Ok(SceneSelection::of(&self.streamer, view, tau, &selection));
             }
-            let file = Arc::clone(self.residency.file());
-            let read: Vec<_> = pages.par_iter().map(|&page| (page, file.read_page(page))).collect();
-            for (page, outcome) in read {
-                let is_root = file.metadata().families.iter().any(|family| family.root_page == page);
-                match outcome {
-                    Err(error) if is_root => return Err(error),
-                    outcome => self.residency.loaded(page, outcome),
+            loop {
+                // Short waits, since a read that stalls ends none of them.
+                self.streamer.wait(Duration::from_millis(100));
+                let arrivals = self.streamer.arrive();
+                arrivals.messages.into_iter().for_each(&mut *tell);
+                if !arrivals.pages.is_empty() || self.streamer.is_retry_due() || !self.streamer.is_busy() {
+                    break;
                 }
             }
         }
+    }
+
+    /// [`Scene::converge`] for callers who look at `converged` alone.
+    ///
+    /// # Errors
+    /// As [`Scene::converge`].
+    pub fn converge_blocking(&mut self, view: &View, tau: f64) -> Result<SceneSelection, StoreError> {
+        self.converge(view, tau, &mut |_| {})
     }
 }
 

@@ -50,6 +50,17 @@ impl View {
         })
     }
 
+    /// How far the box with its margin is from the lines of sight of an orthographic view, along the furthest of its
+    /// sides; 0 for what it sees.
+    pub(super) fn distance_to_sight(&self, extent: &Extent) -> f64 {
+        let center = self.to_camera(extent.bounds.center());
+        let half = |side: u32| 0.5 * f64::from(side) / self.focal_pixels();
+        let across = center.x.abs() - half(self.width) - extent.half_extent_along(self.right);
+        let along = center.y.abs() - half(self.height) - extent.half_extent_along(self.up);
+        let behind = -center.z - extent.half_extent_along(self.forward);
+        (across.max(along).max(behind) - extent.margin).max(0.0)
+    }
+
     /// Smallest depth of a point of the box (without its margin), world units; negative behind the eye.
     pub fn nearest_depth(&self, extent: &Extent) -> f64 {
         self.to_camera(extent.bounds.center()).z - extent.half_extent_along(self.forward)

@@ -6,6 +6,7 @@ pub mod error;
 pub mod frame;
 pub mod frustum;
 pub mod selection;
+pub mod travel;
 
 pub use camera::{Projection, View, ViewError};
 pub use frustum::Extent;

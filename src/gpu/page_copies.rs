@@ -1,0 +1,58 @@
+//! Copies of whole pages in the renderer's arena: how the nodes of a page are named there, put in, looked after and
+//! taken out.
+
+use super::scene::{NodeId, NodeState, NodeUpload, ParticleScene, Payload};
+use crate::store::{FamilyMetadata, Page, PageId};
+use std::sync::Arc;
+
+/// Where the copy of a page stands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CopyState {
+    /// Some of its nodes wait for their turn.
+    Waiting,
+    /// All of it is there.
+    Complete,
+    /// There was no room for all of it.
+    Rejected,
+}
+
+/// The renderer's name for a node of a page; `source` tells open files apart.
+pub fn node_id(source: u32, page: PageId, node: u32) -> NodeId {
+    NodeId { source, page: page.0, node }
+}
+
+/// The nodes of a page that hold particles.
+fn drawable(page: &Page) -> impl Iterator<Item = u32> {
+    page.nodes.iter().enumerate().filter(|(_, node)| node.particles > 0).map(|(index, _)| index as u32)
+}
+
+/// Queues a page of `family` for upload.
+pub fn insert(scene: &ParticleScene, source: u32, family: &FamilyMetadata, page: &Arc<Page>) {
+    scene.insert_nodes(drawable(page).map(|index| {
+        let key = page.nodes[index as usize].key;
+        NodeUpload {
+            id: node_id(source, page.id, index),
+            min: key.min(family.root),
+            size: key.size(family.root),
+            payload: Payload::Page { page: Arc::clone(page), node: index },
+        }
+    }));
+}
+
+/// Where the copy of a page that was put in stands.
+pub fn state(scene: &ParticleScene, source: u32, page: &Page) -> CopyState {
+    let mut state = CopyState::Complete;
+    for index in drawable(page) {
+        match scene.node_state(node_id(source, page.id, index)) {
+            Some(NodeState::Resident) => {}
+            Some(NodeState::Rejected) => return CopyState::Rejected,
+            Some(NodeState::Queued) | None => state = CopyState::Waiting,
+        }
+    }
+    state
+}
+
+/// Frees the copy of a page with so many nodes.
+pub fn remove(scene: &ParticleScene, source: u32, page: PageId, nodes: u32) {
+    scene.remove_nodes((0..nodes).map(|node| node_id(source, page, node)));
+}

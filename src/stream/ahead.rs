@@ -1,0 +1,49 @@
+//! What the camera will need soon: the prefetching sphere (F12 4.8.2), walked over what is resident.
+
+use super::Residency;
+use crate::store::{NodeRef, PageId};
+use crate::view::{NodeTree, View};
+use std::collections::HashMap;
+
+/// The pages within the sphere, each with the way that the camera has to move until it needs them (world units).
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Ahead {
+    /// Pages in memory, the least urgent first.
+    pub resident: Vec<(PageId, f64)>,
+    /// Pages that are not, the most urgent first.
+    pub missing: Vec<(PageId, f64)>,
+    /// The sphere's radius beyond `d_min`: `d_prefetch`, world units.
+    pub distance: f64,
+}
+
+/// Pages that are asked for ahead of time at once: more would be outdated before their turn comes.
+const MOST_MISSING: usize = 256;
+
+/// Everything below `roots` that may be needed refined at an error of `tau` pixels after a turn by any angle and a move
+/// by `distance`.
+pub fn ahead(view: &View, tau: f64, distance: f64, residency: &Residency, roots: &[NodeRef]) -> Ahead {
+    let mut travels: HashMap<PageId, f64> = HashMap::new();
+    let mut open = Vec::with_capacity(64);
+    for root in roots {
+        travels.insert(root.page, f64::NEG_INFINITY);
+        open.push(*root);
+    }
+    while let Some(id) = open.pop() {
+        let Some(info) = residency.node(id) else { continue };
+        let travel = view.travel(&info.extent, info.delta, tau);
+        if travel > distance {
+            continue;
+        }
+        for child in info.children.into_iter().flatten() {
+            let least = travels.entry(child.page).or_insert(travel);
+            *least = least.min(travel);
+            open.push(child);
+        }
+    }
+    let (mut resident, mut missing): (Vec<_>, Vec<_>) =
+        travels.into_iter().partition(|(page, _)| residency.page(*page).is_some());
+    resident.sort_unstable_by(|a, b| b.1.total_cmp(&a.1).then_with(|| b.0.cmp(&a.0)));
+    missing.sort_unstable_by(|a, b| a.1.total_cmp(&b.1).then_with(|| a.0.cmp(&b.0)));
+    missing.truncate(MOST_MISSING);
+    Ahead { resident, missing, distance }
+}

@@ -1,0 +1,79 @@
+//! What is told about pages that cannot be read: the first ones one by one, and not a flood of them.
+
+use crate::store::{Change, PageId};
+use std::path::Path;
+use std::time::Duration;
+
+/// Pages of a file that are told one by one.
+const TOLD: usize = 3;
+
+/// What has been told about a file, and what is to be told.
+#[derive(Debug, Default)]
+pub(super) struct Report {
+    failed: usize,
+    change: Option<Change>,
+    is_stalled: bool,
+    messages: Vec<String>,
+}
+
+impl Report {
+    /// What is to be told since the last call, one sentence each.
+    pub fn take(&mut self) -> Vec<String> {
+        std::mem::take(&mut self.messages)
+    }
+
+    /// A page was given up; `why` names file and page.
+    pub fn failed(&mut self, path: &Path, why: &str) {
+        self.failed += 1;
+        if self.failed <= TOLD {
+            self.messages.push(format!("{why}; the picture is coarser there"));
+        } else if self.failed == TOLD + 1 {
+            let path = path.display();
+            self.messages.push(format!("{path}: more pages cannot be read; the picture is coarser there"));
+        }
+    }
+
+    /// A page could be read, but something has become of the file.
+    pub fn changed(&mut self, path: &Path, change: Change) {
+        if self.change.replace(change) != Some(change) && self.failed == 0 {
+            self.messages
+                .push(format!("{}: {change}; what was open is shown as far as it can be read", path.display()));
+        }
+    }
+
+    /// A read has been without an answer for so long.
+    pub fn stalled(&mut self, path: &Path, page: PageId, age: Duration) {
+        if !std::mem::replace(&mut self.is_stalled, true) {
+            let (path, page, seconds) = (path.display(), page.0, age.as_secs_f64());
+            self.messages.push(format!(
+                "{path}: page {page}: the disk has not answered for {seconds:.1} s; the picture is coarser there until it does"
+            ));
+        }
+    }
+
+    /// No read is without an answer any more.
+    pub fn answered(&mut self, path: &Path) {
+        if std::mem::replace(&mut self.is_stalled, false) {
+            self.messages.push(format!("{}: the disk answers again", path.display()));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_first_pages_are_told_and_then_that_there_are_more() {
+        let (mut report, path) = (Report::default(), Path::new("a.df"));
+        (0..100).for_each(|page| report.failed(path, &format!("a.df: page {page}: its checksum")));
+        let told = report.take();
+        assert_eq!(told.len(), TOLD + 1);
+        assert!(told[0].contains("page 0") && told[TOLD].contains("more pages"));
+        (0..9).for_each(|page| report.stalled(path, PageId(page), Duration::from_secs(5)));
+        report.answered(path);
+        report.answered(path);
+        let told = report.take();
+        assert!(told.len() == 2 && told[0].contains("page 0: the disk has not answered for 5.0 s"), "{told:?}");
+    }
+}

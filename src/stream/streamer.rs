@@ -1,0 +1,260 @@
+//! A file's pages as a view needs them: selection, prefetching, reading and forgetting, a frame at a time. The window,
+//! `bench flight` and whoever draws single pictures all stream through this.
+//!
+//! A frame is: [`Streamer::arrive`] takes in what has been read; [`Streamer::select`] chooses what to draw from what
+//! is there and notes what is missing; [`Streamer::serve`] begins to read that; [`Streamer::take_evicted`] and
+//! [`Streamer::plan_copies`] tell what goes and what the renderer has to copy. None of them waits for a disk, and pages
+//! are decoded and given back on other threads.
+
+use super::ahead::{Ahead, ahead};
+use super::copies::{Copies, CopyOptions, CopyPlan};
+use super::loader::Loader;
+use super::pace::Pace;
+use super::report::Report;
+use super::{PageState, Residency};
+use crate::store::{NodeRef, Page, PageFile, PageId};
+use crate::view::{NodeInfo, NodeTree, Selection, View, select};
+use std::collections::HashSet;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// How a file is streamed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StreamOptions {
+    /// Memory that pages may take, bytes.
+    pub budget: u64,
+    /// Pages that are read at a time.
+    pub in_flight: usize,
+    /// Time without an answer after which a read counts as stalled.
+    pub stall: Duration,
+    /// Whether pages are read before they are needed.
+    pub prefetch: bool,
+}
+
+impl Default for StreamOptions {
+    fn default() -> StreamOptions {
+        StreamOptions { budget: 2 << 30, in_flight: 8, stall: Duration::from_secs(5), prefetch: true }
+    }
+}
+
+/// Time between two walks through the prefetching sphere at least.
+const WALK: Duration = Duration::from_millis(50);
+
+/// What [`Streamer::arrive`] has found.
+#[derive(Clone, Debug, Default)]
+pub struct Arrivals {
+    /// Pages whose reads have ended, well or badly.
+    pub pages: Vec<PageId>,
+    /// Bytes that were read from the disk.
+    pub bytes: u64,
+    /// What is to be told, a sentence each.
+    pub messages: Vec<String>,
+}
+
+/// The pages of one file, streamed.
+pub struct Streamer {
+    /// Which pages are in memory.
+    pub residency: Residency,
+    /// Which of them a renderer has copies of; `None`: it draws from main memory, and every resident page counts.
+    pub copies: Option<Copies>,
+    loader: Loader,
+    options: StreamOptions,
+    pace: Pace,
+    report: Report,
+    start: Instant,
+    /// When the prefetching sphere was walked through last, and what was found.
+    walked: Option<Duration>,
+    ahead: Ahead,
+    /// The pages that the last selection lacked.
+    missing: Vec<PageId>,
+    /// The pages in memory of which it lacked copies, the most missed first.
+    uncopied: Vec<PageId>,
+    /// Pages that others still hold on to.
+    discarded: Vec<Arc<Page>>,
+}
+
+impl Streamer {
+    /// Nothing of `file` is in memory yet.
+    pub fn new(file: Arc<PageFile>, options: StreamOptions) -> Streamer {
+        Streamer {
+            residency: Residency::new(Arc::clone(&file), options.budget),
+            copies: None,
+            loader: Loader::new(file, options.in_flight, options.stall),
+            options,
+            pace: Pace::default(),
+            report: Report::default(),
+            start: Instant::now(),
+            walked: None,
+            ahead: Ahead::default(),
+            missing: Vec::new(),
+            uncopied: Vec::new(),
+            discarded: Vec::new(),
+        }
+    }
+
+    /// How the file is streamed.
+    pub fn options(&self) -> &StreamOptions {
+        &self.options
+    }
+
+    /// The first nodes of these families (indices in the file's metadata).
+    pub fn roots(&self, families: impl IntoIterator<Item = u32>) -> Vec<NodeRef> {
+        let all = &self.residency.file().metadata().families;
+        let roots = families.into_iter().filter_map(|family| all.get(family as usize));
+        roots.map(|family| NodeRef { page: family.root_page, node: 0 }).collect()
+    }
+
+    /// Takes in the pages that have been read.
+    pub fn arrive(&mut self) -> Arrivals {
+        let path = self.residency.file().path().to_path_buf();
+        let mut arrivals = Arrivals::default();
+        for loaded in self.loader.take_done() {
+            arrivals.pages.push(loaded.page);
+            if loaded.outcome.is_ok() {
+                arrivals.bytes += loaded.bytes;
+                self.pace.loaded(loaded.bytes, loaded.took);
+                if let Some(change) = loaded.change {
+                    self.report.changed(&path, change);
+                }
+            }
+            self.residency.loaded(loaded.page, loaded.outcome);
+        }
+        for (page, age) in self.loader.take_stalled() {
+            self.residency.stalled(page);
+            self.report.stalled(&path, page, age);
+        }
+        if !arrivals.pages.is_empty() && self.residency.statistics().stalled == 0 {
+            self.report.answered(&path);
+        }
+        for (_, why) in self.residency.take_failures() {
+            self.report.failed(&path, &why);
+        }
+        arrivals.messages = self.report.take();
+        arrivals
+    }
+
+    /// From now on the renderer draws from copies, of which it has none, or from main memory.
+    pub fn keep_copies(&mut self, options: Option<CopyOptions>) {
+        self.copies = options.map(Copies::new);
+    }
+
+    /// Starts a frame: chooses what `view` draws below `roots` with an error of at most `tau` pixels, and notes what it
+    /// lacks.
+    pub fn select(&mut self, view: &View, tau: f64, roots: &[NodeRef]) -> Selection<NodeRef> {
+        let now = self.start.elapsed();
+        self.residency.begin_frame(now);
+        if let Some(copies) = &mut self.copies {
+            copies.begin_frame();
+        }
+        self.pace.moved(view.eye, now);
+        if self.options.prefetch && self.walked.is_none_or(|then| now >= then + WALK) {
+            self.walked = Some(now);
+            let distance = self.prefetch_distance();
+            self.ahead = ahead(view, tau, distance, &self.residency, roots);
+            self.residency.anticipate(&self.ahead);
+            if let Some(copies) = &mut self.copies {
+                copies.anticipate(&self.ahead);
+            }
+        }
+        let selection =
+            select(view, tau, &Drawable { residency: &self.residency, copies: self.copies.as_ref() }, roots);
+        let (to_copy, to_read): (Vec<NodeRef>, Vec<NodeRef>) =
+            selection.missing.iter().map(|missing| missing.id).partition(|id| self.residency.page(id.page).is_some());
+        // What waits for its copy is in use as much as what is drawn.
+        self.residency.touch(selection.visited.iter().chain(&to_copy).copied());
+        if let Some(copies) = &mut self.copies {
+            copies.touch(selection.visited.iter().chain(&to_copy).map(|id| id.page));
+        }
+        self.missing = to_read.iter().map(|id| id.page).collect();
+        self.residency.request(to_read);
+        let mut seen = HashSet::new();
+        self.uncopied = to_copy.iter().map(|id| id.page).filter(|page| seen.insert(*page)).collect();
+        selection
+    }
+
+    /// Begins to read what is missing. The pages that are being read from now on.
+    pub fn serve(&mut self) -> Vec<PageId> {
+        let started: Vec<PageId> = std::iter::from_fn(|| self.residency.next_to_load(self.options.in_flight)).collect();
+        started.iter().for_each(|&page| self.loader.start(page));
+        // Pages go on the loader's threads, as soon as nobody else would have to free their memory.
+        for page in self.discarded.extract_if(.., |page| Arc::strong_count(page) == 1) {
+            self.loader.discard(page);
+        }
+        started
+    }
+
+    /// Pages that had to make room since the last call.
+    pub fn take_evicted(&mut self) -> Vec<PageId> {
+        let mut evicted = Vec::new();
+        for (page, held) in self.residency.take_evicted() {
+            self.discarded.extend(held);
+            if let Some(copies) = &mut self.copies {
+                copies.remove(page);
+            }
+            evicted.push(page);
+        }
+        evicted
+    }
+
+    /// What is to be copied and removed in this frame; nothing where the renderer needs no copies. To be called after
+    /// [`Streamer::take_evicted`].
+    pub fn plan_copies(&mut self) -> CopyPlan {
+        let Some(copies) = &mut self.copies else { return CopyPlan::default() };
+        let residency = &self.residency;
+        copies.plan(&self.uncopied, &self.ahead.resident, |id| residency.page(id).map(|page| &**page))
+    }
+
+    /// Pages in memory of which the last selection lacked copies, the most missed first.
+    pub fn uncopied(&self) -> &[PageId] {
+        &self.uncopied
+    }
+
+    /// The pages that the prefetching sphere held when it was walked through last.
+    pub fn ahead(&self) -> &Ahead {
+        &self.ahead
+    }
+
+    /// `d_prefetch` now, world units.
+    pub fn prefetch_distance(&self) -> f64 {
+        self.pace.prefetch_distance(self.residency.file().largest_page_bytes())
+    }
+
+    /// Whether anything may still come for the last selection: pages are being read, or will be tried again soon.
+    pub fn is_busy(&self) -> bool {
+        self.residency.statistics().loading > 0 || self.next_retry().is_some()
+    }
+
+    /// Whether a page that the last selection lacks may be tried again now.
+    pub fn is_retry_due(&self) -> bool {
+        self.next_retry().is_some_and(|at| at <= self.start.elapsed())
+    }
+
+    fn next_retry(&self) -> Option<Duration> {
+        self.residency.next_retry(self.missing.iter().copied())
+    }
+
+    /// Waits until a page has been read or may be tried again, or for so long: for callers that draw no frames meanwhile.
+    pub fn wait(&self, longest: Duration) {
+        let retry = self.next_retry().map_or(longest, |at| at.saturating_sub(self.start.elapsed()));
+        self.loader.wait(longest.min(retry));
+    }
+
+    /// Whether a page is given up.
+    pub fn is_failed(&self, page: PageId) -> bool {
+        matches!(self.residency.state(page), Some(PageState::Failed(failure)) if failure.given_up)
+    }
+}
+
+/// What may be drawn: resident, and copied where the renderer needs copies.
+struct Drawable<'a> {
+    residency: &'a Residency,
+    copies: Option<&'a Copies>,
+}
+
+impl NodeTree for Drawable<'_> {
+    type Id = NodeRef;
+
+    fn node(&self, id: NodeRef) -> Option<NodeInfo<NodeRef>> {
+        self.copies.is_none_or(|copies| copies.has(id.page)).then(|| self.residency.node(id))?
+    }
+}
