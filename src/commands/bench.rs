@@ -1,6 +1,7 @@
 //! `deepfield bench`: the numbers of docs/results.md, again, on this machine.
 
 pub mod build;
+pub mod flight;
 pub mod frame;
 pub mod pages;
 pub mod presence;
@@ -18,13 +19,17 @@ use std::time::Duration;
 #[command(after_help = "Examples:
   deepfield bench splat
   deepfield bench presence snapshot.df --repeat 3 --csv presence.csv
-  deepfield bench build --sizes 1000000 --json build.json")]
+  deepfield bench build --sizes 1000000 --json build.json
+  deepfield bench flight cosmology.df --backends compute --duration 60 --output flight
+  deepfield bench flight --sizes 1000000 --backends cpu --duration 10 --ablations --sweep")]
 pub struct Arguments {
     /// What to measure: splat (drawing of particles as they are), frame (converged level of detail), presence (what
-    /// leaving particles out costs and saves), build (from a source to a page file) or pages (reading and decoding).
-    #[arg(value_parser = ["splat", "frame", "presence", "build", "pages"])]
+    /// leaving particles out costs and saves), build (from a source to a page file), pages (reading and decoding) or
+    /// flight (a flight through a page file that streams in).
+    #[arg(value_parser = ["splat", "frame", "presence", "build", "pages", "flight"])]
     pub suite: String,
-    /// What `bench presence` draws: a source or page file [default: generated clusters of the first of --sizes].
+    /// What `bench presence` draws and `bench flight` flies through: a source or page file [default: generated clusters of
+    /// the sizes, the first one for `bench presence`].
     pub path: Option<PathBuf>,
     /// Numbers of particles.
     #[arg(long, value_name = "N,N,...", value_delimiter = ',', default_values_t = [200_000, 1_000_000, 4_000_000],
@@ -34,7 +39,7 @@ pub struct Arguments {
     #[arg(long, value_name = "N,N,...", value_delimiter = ',', default_values_t = [1, 2],
           value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Vec<u16>,
-    /// What draws in `bench splat` and `bench frame`.
+    /// What draws in `bench splat`, `bench frame` and `bench flight`.
     #[arg(long, value_name = "NAME,...", value_delimiter = ',', default_values = ["cpu", "compute", "raster"],
           value_parser = ["cpu", "compute", "raster"])]
     pub backends: Vec<String>,
@@ -62,6 +67,9 @@ pub struct Arguments {
     /// Also write the results here; `-` is standard output.
     #[arg(long, value_name = "OUT")]
     pub json: Option<PathBuf>,
+    /// What `bench flight` is like.
+    #[command(flatten)]
+    pub flight: flight::Options,
 }
 
 /// The times of several repetitions, seconds.
@@ -90,6 +98,7 @@ pub fn run(arguments: &Arguments) -> CommandResult {
     let text = match arguments.suite.as_str() {
         "frame" => serde_json::to_string_pretty(&frame::measure(arguments)?)?,
         "presence" => serde_json::to_string_pretty(&presence::measure(arguments)?)?,
+        "flight" => serde_json::to_string_pretty(&flight::measure(arguments)?)?,
         "build" => serde_json::to_string_pretty(&build::measure(arguments)?)?,
         "pages" => serde_json::to_string_pretty(&pages::measure(arguments)?)?,
         _ => serde_json::to_string_pretty(&splat::measure(arguments)?)?,

@@ -2,7 +2,7 @@
 //! draw what streaming has brought, as the window does.
 
 use super::super::splat::Failure;
-use crate::modes::{Depiction, cpu};
+use crate::modes::{Depiction, Plan, cpu};
 use crate::raster::{Accumulation, Method};
 use crate::store::PageFile;
 use crate::stream::{CopyOptions, SceneNode, Streamer};
@@ -23,11 +23,11 @@ pub trait Canvas {
     /// Begins to copy what the frame misses, after its selection.
     fn copy(&mut self, _streamer: &mut Streamer) {}
 
-    /// Draws the nodes, to the end.
+    /// Draws what a plan leaves of the nodes, to the end.
     ///
     /// # Errors
     /// What the backend reports.
-    fn draw(&mut self, view: &View, nodes: &[SceneNode]) -> Result<(), Failure>;
+    fn draw(&mut self, view: &View, nodes: &[SceneNode], plan: &Plan) -> Result<(), Failure>;
 
     /// The last picture, before colours.
     ///
@@ -59,10 +59,10 @@ impl Canvas for CpuCanvas {
         None
     }
 
-    fn draw(&mut self, view: &View, nodes: &[SceneNode]) -> Result<(), Failure> {
+    fn draw(&mut self, view: &View, nodes: &[SceneNode], plan: &Plan) -> Result<(), Failure> {
         let metadata = self.file.metadata();
-        let decoded = cpu::decode(&self.depiction, metadata, nodes);
-        self.picture = cpu::draw_nodes(view, &self.depiction, metadata, &decoded, Method::Pyramid)?;
+        let decoded = cpu::decode_planned(view, &self.depiction, metadata, nodes, plan);
+        self.picture = cpu::draw_planned(view, &self.depiction, metadata, &decoded, Method::Pyramid, plan)?.0;
         Ok(())
     }
 
@@ -162,7 +162,7 @@ mod gpu {
             }
         }
 
-        fn draw(&mut self, view: &View, nodes: &[SceneNode]) -> Result<(), Failure> {
+        fn draw(&mut self, view: &View, nodes: &[SceneNode], _plan: &Plan) -> Result<(), Failure> {
             let items: Vec<DrawItem> = nodes
                 .iter()
                 .filter_map(|drawn| {

@@ -4,7 +4,7 @@ use super::super::splat::Failure;
 use super::canvas::Canvas;
 use super::path::Flight;
 use super::series::Frame;
-use crate::modes::Depiction;
+use crate::modes::{Depiction, Plan};
 use crate::raster::Accumulation;
 use crate::store::PageFile;
 use crate::stream::{Scene, SceneSelection, StreamOptions, Streamer};
@@ -24,6 +24,8 @@ pub struct Engine<'a> {
     pub size: (u32, u32),
     /// How pages are streamed.
     pub options: StreamOptions,
+    /// What pictures leave undrawn.
+    pub plan: Plan,
     /// Who draws.
     pub canvas: &'a mut dyn Canvas,
     /// What there is to tell about pages that cannot be read.
@@ -69,7 +71,7 @@ impl Engine<'_> {
         self.canvas.copy(streamer);
         let selection = SceneSelection::of(streamer, view, self.tau, &chosen);
         let streamed = start.elapsed();
-        self.canvas.draw(view, &selection.nodes)?;
+        self.canvas.draw(view, &selection.nodes, &self.plan)?;
         let frame = Frame {
             seconds: 0.0,
             frame_ms: 1e3 * start.elapsed().as_secs_f64(),
@@ -119,13 +121,7 @@ impl Engine<'_> {
     ///
     /// # Errors
     /// What the canvas reports.
-    pub fn fly(
-        &mut self,
-        streamer: &mut Streamer,
-        flight: &Flight,
-        from: f64,
-        to: f64,
-    ) -> Result<Vec<Frame>, Failure> {
+    pub fn fly(&mut self, streamer: &mut Streamer, flight: &Flight, from: f64, to: f64) -> Result<Vec<Frame>, Failure> {
         let mut frames = Vec::new();
         let start = Instant::now();
         loop {

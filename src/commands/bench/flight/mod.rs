@@ -13,7 +13,7 @@ use crate::build::{BuildOptions, build};
 use crate::commands::arguments::{PictureSize, bytes, positive};
 use crate::commands::cache;
 use crate::commands::progress_bar::TerminalProgress;
-use crate::modes::{self, Depiction, Mode, Settings};
+use crate::modes::{Depiction, Mode, Plan, Settings};
 use crate::raster::transfer::TransferFunction;
 use crate::raster::{composite, output};
 use crate::store::PageFile;
@@ -228,6 +228,7 @@ fn with_canvas<T>(
         size: (width, height),
         options: streaming,
         canvas: &mut *canvas,
+        plan: Plan::default(),
         messages: Vec::new(),
     };
     // A program that runs has opened its adapter before it opens a file.
@@ -290,10 +291,8 @@ fn fly(engine: &mut Engine, options: &Options, opened: &Opened, backend: &str) -
             sweep.push((size.0, size.1, once(engine, options)?));
         }
         engine.size = usual;
-        let points: Vec<_> = sweep
-            .iter()
-            .map(|(w, h, s)| ((*w, *h), s.frames_per_second, s.frames_per_second_deviation))
-            .collect();
+        let points: Vec<_> =
+            sweep.iter().map(|(w, h, s)| ((*w, *h), s.frames_per_second, s.frames_per_second_deviation)).collect();
         write(&format!("sweep-{backend}.svg"), plot::sweep(&points)?.as_bytes())?;
     }
     let (name, adapter) = engine.canvas.name();
