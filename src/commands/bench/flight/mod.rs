@@ -276,7 +276,7 @@ fn fly(engine: &mut Engine, options: &Options, opened: &Opened, backend: &str) -
     engine.converge(&mut streamer, &flight.view(0.0, engine.size.0, engine.size.1)?)?;
     let frames = engine.fly(&mut streamer, &flight, 0.0, flight.seconds)?;
     write(&format!("flight-{backend}.csv"), series::csv(&frames).as_bytes())?;
-    write(&format!("flight-{backend}.svg"), plot::flight(&frames)?.as_bytes())?;
+    write(&format!("flight-{backend}.svg"), plot::flight(&frames).as_bytes())?;
     drop(streamer);
     let mut checks = Vec::new();
     for station in 0..options.check {
@@ -293,7 +293,7 @@ fn fly(engine: &mut Engine, options: &Options, opened: &Opened, backend: &str) -
         engine.size = usual;
         let points: Vec<_> =
             sweep.iter().map(|(w, h, s)| ((*w, *h), s.frames_per_second, s.frames_per_second_deviation)).collect();
-        write(&format!("sweep-{backend}.svg"), plot::sweep(&points)?.as_bytes())?;
+        write(&format!("sweep-{backend}.svg"), plot::sweep(&points).as_bytes())?;
     }
     let (name, adapter) = engine.canvas.name();
     Ok(Outcome {
