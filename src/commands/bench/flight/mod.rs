@@ -52,7 +52,7 @@ pub struct Options {
     pub mode: &'static Mode,
     /// Pages in main memory at most.
     #[arg(long, value_name = "BYTES", default_value = "2GiB", value_parser = bytes)]
-    pub memory: u64,
+    pub main_memory: u64,
     /// Copies of pages in the adapter's memory at most.
     #[arg(long, value_name = "BYTES", default_value = "1GiB", value_parser = bytes)]
     pub gpu_memory: u64,
@@ -216,7 +216,7 @@ fn with_canvas<T>(
         _ => on_gpu(backend, &file, &depiction, &view, copies)?,
     };
     let streaming = StreamOptions {
-        budget: options.memory,
+        budget: options.main_memory,
         in_flight: usize::from(options.requests),
         stall: Duration::from_secs(5),
         prefetch: true,
