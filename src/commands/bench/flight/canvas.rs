@@ -79,7 +79,7 @@ mod gpu {
     use super::*;
     use crate::gpu::page_copies::{self, CopyState, node_id};
     use crate::gpu::{Backend, DrawItem, Footprint, HeadlessRenderer, ParticleScene, SplatView, TableId};
-    use crate::modes::gpu::{footprint, request_nodes, table};
+    use crate::modes::gpu::{entries, footprint, request_nodes};
 
     /// The GPU techniques, without a window.
     pub struct GpuCanvas {
@@ -89,7 +89,7 @@ mod gpu {
         footprint: Footprint,
         renderer: HeadlessRenderer,
         scene: ParticleScene,
-        tables: Vec<Vec<TableId>>,
+        tables: Vec<Vec<(TableId, f32)>>,
         options: CopyOptions,
     }
 
@@ -109,7 +109,8 @@ mod gpu {
             options: CopyOptions,
         ) -> Result<GpuCanvas, Failure> {
             let metadata = file.metadata();
-            let mut renderer = HeadlessRenderer::open(&request_nodes(view, &depiction, metadata, &[], backend))?;
+            let mut renderer =
+                HeadlessRenderer::open(&request_nodes(view, &depiction, metadata, &[], &Plan::default(), backend))?;
             let scene = renderer.scene().clone();
             // Room for gaps between copies, as the window leaves it.
             scene.set_budgets(options.budget + options.budget / 7, options.on_their_way / 2);
@@ -117,7 +118,10 @@ mod gpu {
                 .families
                 .iter()
                 .map(|family| {
-                    let one = |book| scene.insert_table(table(&depiction, family, book));
+                    let one = |book| {
+                        let table = depiction.table(family, book);
+                        (scene.insert_table(entries(&table)), table.most_important)
+                    };
                     family.codebooks.iter().map(one).collect()
                 })
                 .collect();
@@ -162,21 +166,27 @@ mod gpu {
             }
         }
 
-        fn draw(&mut self, view: &View, nodes: &[SceneNode], _plan: &Plan) -> Result<(), Failure> {
+        fn draw(&mut self, view: &View, nodes: &[SceneNode], plan: &Plan) -> Result<(), Failure> {
+            let metadata = self.file.metadata();
             let items: Vec<DrawItem> = nodes
                 .iter()
                 .filter_map(|drawn| {
                     let node = drawn.page.nodes.get(drawn.node.node as usize)?;
-                    let table = *self.tables.get(drawn.page.family as usize)?.get(usize::from(node.codebook))?;
+                    let tables = self.tables.get(drawn.page.family as usize)?;
+                    let (table, most_important) = *tables.get(usize::from(node.codebook))?;
+                    let family = metadata.families.get(drawn.page.family as usize)?;
                     Some(DrawItem {
                         node: node_id(SOURCE, drawn.node.page, drawn.node.node),
                         table: Some(table),
                         weight_scale: self.depiction.node_scale(node),
+                        sample: plan.sample(view, &self.depiction, family, node, most_important),
                     })
                 })
                 .collect();
             let (view, footprint, backend) = (*view, self.footprint, self.backend);
-            self.renderer.show(SplatView { view, footprint, backend, items: items.into(), always: true });
+            let Plan { culling, faintest, .. } = *plan;
+            let items = items.into();
+            self.renderer.show(SplatView { view, footprint, backend, culling, faintest, items, always: true });
             self.renderer.frame()?;
             Ok(())
         }

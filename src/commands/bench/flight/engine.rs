@@ -4,8 +4,9 @@ use super::super::splat::Failure;
 use super::canvas::Canvas;
 use super::path::Flight;
 use super::series::Frame;
-use crate::modes::{Depiction, Plan};
+use crate::modes::{Depiction, Economy, Plan, pilot};
 use crate::raster::Accumulation;
+use crate::raster::transfer::TransferFunction;
 use crate::store::PageFile;
 use crate::stream::{Scene, SceneSelection, StreamOptions, Streamer};
 use crate::view::View;
@@ -24,7 +25,9 @@ pub struct Engine<'a> {
     pub size: (u32, u32),
     /// How pages are streamed.
     pub options: StreamOptions,
-    /// What pictures leave undrawn.
+    /// What pictures may leave undrawn, and what that comes to; see [`Engine::prepare`].
+    pub economy: Economy,
+    /// See `economy`.
     pub plan: Plan,
     /// Who draws.
     pub canvas: &'a mut dyn Canvas,
@@ -88,6 +91,22 @@ impl Engine<'_> {
             prefetch_distance: streamer.prefetch_distance(),
         };
         Ok((frame, selection))
+    }
+
+    /// Converges the view that a flight begins with, and finds there what its pictures leave undrawn.
+    ///
+    /// # Errors
+    /// What the canvas reports.
+    pub fn prepare(&mut self, streamer: &mut Streamer, view: &View) -> Result<(), Failure> {
+        self.plan = Plan::default();
+        self.converge(streamer, view)?;
+        let (_, selection) = self.frame(streamer, view)?;
+        let preset = self.depiction.mode.transfer[usize::from(self.depiction.attribute.is_some())];
+        let transfer = TransferFunction::preset(preset).unwrap_or_default();
+        let metadata = self.file.metadata();
+        let (depiction, economy) = (&self.depiction, &self.economy);
+        self.plan = pilot::plan(view, depiction, metadata, &selection.nodes, economy, &transfer, None)?;
+        Ok(())
     }
 
     /// Draws frames of a view that rests until everything is there.

@@ -10,10 +10,10 @@ pub mod series;
 
 use super::splat::Failure;
 use crate::build::{BuildOptions, build};
-use crate::commands::arguments::{PictureSize, bytes, positive};
+use crate::commands::arguments::{PictureSize, bytes, not_negative, positive};
 use crate::commands::cache;
 use crate::commands::progress_bar::TerminalProgress;
-use crate::modes::{Depiction, Mode, Plan, Settings};
+use crate::modes::{Depiction, Economy, Mode, Plan, Settings};
 use crate::raster::transfer::TransferFunction;
 use crate::raster::{composite, output};
 use crate::store::PageFile;
@@ -33,8 +33,6 @@ use std::time::{Duration, Instant};
 #[derive(clap::Args, Clone, Debug)]
 #[command(next_help_heading = "Options of `bench flight`")]
 pub struct Options {
-    /// Page file or source to fly through [default: generated particles, as many as --sizes says].
-    pub path: Option<PathBuf>,
     /// How long to fly, seconds; the middle of the flight is the middle of the data.
     #[arg(long, value_name = "SECS", default_value_t = 175.0, value_parser = positive)]
     pub duration: f64,
@@ -62,7 +60,14 @@ pub struct Options {
     /// Pages that are read at a time.
     #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u16).range(1..=4096))]
     pub requests: u16,
-    /// Also fly without prefetching, and without thinning where the data can be built anew.
+    /// Particles fainter than 1/n of the darkest colour are dropped as they are drawn; 0: none.
+    #[arg(long, value_name = "N", default_value_t = 100.0, value_parser = not_negative)]
+    pub presence: f64,
+    /// Mean colour error, of 255, that drawing a weighted sample of the particles may cause; 0: all are drawn.
+    #[arg(long, value_name = "E", default_value_t = 1.0, value_parser = not_negative)]
+    pub sampling: f64,
+    /// Also fly without each of what saves work: particles that are merged or left out of coarse levels (where the data is
+    /// generated), presence acceleration, culling of single particles, samples, prefetching.
     #[arg(long)]
     pub ablations: bool,
     /// Also fly with pictures of other sizes.
@@ -129,10 +134,10 @@ pub struct Check {
 pub fn measure(arguments: &super::Arguments) -> Result<Vec<Outcome>, Failure> {
     let options = &arguments.flight;
     std::fs::create_dir_all(&options.output).map_err(|error| format!("{}: {error}", options.output.display()))?;
-    let sizes = if options.path.is_some() { &arguments.sizes[..1] } else { &arguments.sizes[..] };
+    let sizes = if arguments.path.is_some() { &arguments.sizes[..1] } else { &arguments.sizes[..] };
     let mut outcomes = Vec::new();
     for &particles in sizes {
-        let path = match &options.path {
+        let path = match &arguments.path {
             Some(path) => cache::page_file_of(path, &TerminalProgress::new())?,
             None => generated(arguments.seed, particles, true)?,
         };
@@ -140,10 +145,7 @@ pub fn measure(arguments: &super::Arguments) -> Result<Vec<Outcome>, Failure> {
             let outcome = with_canvas(backend, &path, options, |engine, opened| {
                 let mut outcome = fly(engine, options, opened, backend)?;
                 if options.ablations {
-                    let streaming = StreamOptions { prefetch: false, ..engine.options };
-                    let usual = std::mem::replace(&mut engine.options, streaming);
-                    outcome.ablations.push(("without prefetching".into(), once(engine, options)?));
-                    engine.options = usual;
+                    ablate(engine, options, &mut outcome.ablations)?;
                 }
                 Ok(outcome)
             });
@@ -156,7 +158,7 @@ pub fn measure(arguments: &super::Arguments) -> Result<Vec<Outcome>, Failure> {
                 }
                 Err(error) => return Err(error),
             };
-            if options.ablations && options.path.is_none() {
+            if options.ablations && arguments.path.is_none() {
                 let path = generated(arguments.seed, particles, false)?;
                 let summary = with_canvas(backend, &path, options, |engine, _| once(engine, options))?;
                 outcome.ablations.push(("without thinning".into(), summary));
@@ -228,6 +230,7 @@ fn with_canvas<T>(
         size: (width, height),
         options: streaming,
         canvas: &mut *canvas,
+        economy: Economy { culling: true, presence: options.presence, thinning: options.sampling },
         plan: Plan::default(),
         messages: Vec::new(),
     };
@@ -273,7 +276,7 @@ fn fly(engine: &mut Engine, options: &Options, opened: &Opened, backend: &str) -
         output::write_atomically(&path, text).map_err(|error| -> Failure { error.to_string().into() })
     };
     let mut streamer = engine.streamer();
-    engine.converge(&mut streamer, &flight.view(0.0, engine.size.0, engine.size.1)?)?;
+    engine.prepare(&mut streamer, &flight.view(0.0, engine.size.0, engine.size.1)?)?;
     let frames = engine.fly(&mut streamer, &flight, 0.0, flight.seconds)?;
     write(&format!("flight-{backend}.csv"), series::csv(&frames).as_bytes())?;
     write(&format!("flight-{backend}.svg"), plot::flight(&frames).as_bytes())?;
@@ -313,6 +316,26 @@ fn fly(engine: &mut Engine, options: &Options, opened: &Opened, backend: &str) -
     })
 }
 
+/// Flies without each saving in turn.
+fn ablate(engine: &mut Engine, options: &Options, flights: &mut Vec<(String, Summary)>) -> Result<(), Failure> {
+    let usual = engine.economy;
+    let without = [
+        ("without presence acceleration", Economy { presence: 0.0, ..usual }),
+        ("without culling of particles", Economy { culling: false, ..usual }),
+        ("without samples", Economy { thinning: 0.0, ..usual }),
+        ("without any of these", Economy { culling: false, presence: 0.0, thinning: 0.0 }),
+    ];
+    for (name, economy) in without {
+        engine.economy = economy;
+        flights.push((name.into(), once(engine, options)?));
+    }
+    engine.economy = usual;
+    let streaming = std::mem::replace(&mut engine.options.prefetch, false);
+    flights.push(("without prefetching".into(), once(engine, options)?));
+    engine.options.prefetch = streaming;
+    Ok(())
+}
+
 /// One more flight, from a converged first picture.
 fn once(engine: &mut Engine, options: &Options) -> Result<Summary, Failure> {
     let file = Arc::clone(&engine.file);
@@ -320,7 +343,7 @@ fn once(engine: &mut Engine, options: &Options) -> Result<Summary, Failure> {
     let frame = first_frame(&file, &families);
     let flight = Flight::through(frame, options.velocity, options.duration, 45_f64.to_radians());
     let mut streamer = engine.streamer();
-    engine.converge(&mut streamer, &flight.view(0.0, engine.size.0, engine.size.1)?)?;
+    engine.prepare(&mut streamer, &flight.view(0.0, engine.size.0, engine.size.1)?)?;
     Ok(Summary::of(&engine.fly(&mut streamer, &flight, 0.0, flight.seconds)?))
 }
 
