@@ -200,7 +200,7 @@ fn a_build_stays_within_its_memory() {
         std::thread::sleep(Duration::from_millis(5));
     };
     assert!(done.success());
-    assert!(temporary > allowed / 2, "{temporary} bytes of temporary files: nothing was put to the test");
+    assert!(temporary > allowed / 4, "{temporary} bytes of temporary files: nothing was put to the test");
     assert!(peak > 0 && peak <= allowed, "{peak} bytes at the peak, {allowed} allowed");
 }
 

@@ -82,7 +82,7 @@ impl Default for OctreeOptions {
             leaf_capacity: 16384,
             fusion: 0.25,
             thinning_budget: 5e-4,
-            relay_fraction: 0.75,
+            relay_fraction: 0.65,
             bucket_particles: None,
             exact_positions: false,
             root_particles: 1 << 22,
