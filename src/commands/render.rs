@@ -397,7 +397,8 @@ fn draw_on_gpu(
             milliseconds.extend(frame.stats.passes.medians().map(|(pass, time)| (pass.to_owned(), time)));
             milliseconds.insert("frame".to_owned(), frame.stats.frame);
             let (backend, adapter) = (frame.stats.backend, frame.stats.adapter);
-            Ok(Some(Picture { accumulation: frame.accumulation, backend, adapter, milliseconds, ..picture }))
+            let economy = LeftOut { splats: frame.stats.splats, ..picture.economy.clone() };
+            Ok(Some(Picture { accumulation: frame.accumulation, economy, backend, adapter, milliseconds, ..picture }))
         }
         Err(error) if arguments.backend.is_none() => {
             eprintln!("deepfield: {error}; drawing with the CPU instead");

@@ -85,7 +85,7 @@ fn nothing_is_left_out_unless_asked_for() {
     assert_eq!(shot.plan(Economy::NONE), Plan::default());
     let mut settings = Settings::default();
     settings.set(&economy::PRESENCE, SettingValue::Number(0.0));
-    assert_eq!(shot.plan(settings.economy()), Plan::default());
+    assert_eq!(shot.plan(settings.file_economy()), Plan::default());
     let (all, counts, kept) = shot.draw(&Plan::default());
     assert_eq!((counts.faint, kept), (0, shot.selection.particles));
     // Few enough that no pixel can notice, and then what the picture is made of.

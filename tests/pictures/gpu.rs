@@ -107,7 +107,7 @@ impl Shot {
 #[test]
 fn thinned_pictures_keep_the_particles_that_the_cpu_keeps() {
     // Some particles of every rank are kept, and only few ranks are looked at.
-    for (distance, keep, backends) in [(1.5, 0.1, &BACKENDS[..]), (1.5, 1e-3, &BACKENDS[..1])] {
+    for (distance, keep, backends, limit) in [(1.5, 0.1, &BACKENDS[..], 1e-3), (4.0, 0.01, &BACKENDS[..1], 4e-3)] {
         let shot = Shot::new(distance);
         let plan = Plan { keep, ..Plan::default() };
         let ((all, of), (cpu, counts)) = (shot.cpu(&Plan::default()), shot.cpu(&plan));
@@ -116,11 +116,12 @@ fn thinned_pictures_keep_the_particles_that_the_cpu_keeps() {
             let gpu = shot.gpu(&plan, backend);
             let (l1, l2) = relative_error(&gpu.accumulation.p, &cpu.p);
             println!("keep {keep}, {}: L1 {l1}, L2 {l2}, {counts:?} {:?}", backend.name(), gpu.stats.splats);
-            // A single particle kept by one of them only would be more.
-            assert!(l1 < 1e-3 && l2 < 1e-3, "keep {keep}, {}: L1 {l1}, L2 {l2}", backend.name());
+            // The errors of few splats do not average out.
+            assert!(l1 < limit && l2 < limit, "keep {keep}, {}: L1 {l1}, L2 {l2}", backend.name());
             if let Some(splats) = gpu.stats.splats {
-                // They differ in how far outside the picture a small splat is still sorted.
-                assert!(splats.abs_diff(counts.drawn) <= counts.drawn / 50, "{splats} of {counts:?}");
+                // They differ in how far outside the picture a small splat is still sorted; from afar all are in it.
+                let differ = if distance > 3.0 { 0 } else { counts.drawn / 50 };
+                assert!(splats.abs_diff(counts.drawn) <= differ, "{splats} of {counts:?}");
             }
         }
     }

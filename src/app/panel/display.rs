@@ -101,7 +101,9 @@ fn mode_setting(ui: &mut Ui, setting: &Setting, settings: &mut Settings) {
             let mut value = values.number(setting);
             ui.label(RichText::new(format!("{value:.1} {}", setting.unit)).color(theme::TEXT));
             ui.spacing_mut().slider_width = (ui.available_width() - 8.0).max(40.0);
-            if ui.add(Slider::new(&mut value, min..=max).show_value(false)).changed() {
+            // Many decades have their small values on the slider too.
+            let slider = Slider::new(&mut value, min..=max).logarithmic(max > 1000.0).show_value(false);
+            if ui.add(slider).changed() {
                 values.0.insert(setting.name.to_owned(), SettingValue::Number(value));
             }
         }
