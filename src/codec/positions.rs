@@ -30,7 +30,8 @@ trait Word: Copy + Default {
     fn key(self) -> u64;
     fn of_key(key: u64) -> Self;
     fn is_point(self) -> bool;
-    fn set_point(&mut self);
+    /// Sets the point flag if `flag` is 1; it must be 0 or 1.
+    fn mark(&mut self, flag: u8);
 }
 
 impl Word for u32 {
@@ -52,8 +53,9 @@ impl Word for u32 {
         self & GRID_POINT != 0
     }
 
-    fn set_point(&mut self) {
-        *self |= GRID_POINT;
+    #[inline(always)]
+    fn mark(&mut self, flag: u8) {
+        *self |= u32::from(flag) << GRID_POINT.trailing_zeros();
     }
 }
 
@@ -76,8 +78,9 @@ impl Word for u64 {
         self & LEAF_POINT != 0
     }
 
-    fn set_point(&mut self) {
-        *self |= LEAF_POINT;
+    #[inline(always)]
+    fn mark(&mut self, flag: u8) {
+        *self |= u64::from(flag) << LEAF_POINT.trailing_zeros();
     }
 }
 
@@ -215,15 +218,14 @@ fn decode<W: Word>(bytes: &[u8], points: usize, words: &mut [W]) -> Result<usize
         }
     });
     if points == words.len() {
-        words.iter_mut().for_each(Word::set_point);
+        words.iter_mut().for_each(|word| word.mark(1));
     } else if points != 0 {
         let flags = bytes.get(end..end + words.len().div_ceil(8)).ok_or("room for its point flags")?;
         end += flags.len();
         for (words, flags) in words.chunks_mut(8).zip(flags) {
-            let set = words.iter_mut().enumerate().filter(|(bit, _)| flags >> bit & 1 != 0);
-            set.for_each(|(_, word)| word.set_point());
+            words.iter_mut().enumerate().for_each(|(bit, word)| word.mark(flags >> bit & 1));
         }
-        if words.iter().filter(|word| word.is_point()).count() != points {
+        if flags.iter().map(|byte| byte.count_ones() as usize).sum::<usize>() != points {
             return Err("as many point flags as points");
         }
     }

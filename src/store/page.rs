@@ -196,13 +196,18 @@ impl Page {
             .filter(|&end| end <= bytes.len())
             .ok_or_else(|| Damage::new(here(), "room for its node records"))?;
 
+        // A particle takes at least a byte of the page, for its code, and at most ten in memory.
+        let memory = entry.memory as usize;
+        if memory / 10 > bytes.len() {
+            return Err(Damage::new(here(), "room for the particles that the page table tells"));
+        }
         let mut page = Page {
             id,
             family: entry.family,
             nodes: Vec::with_capacity(entry.nodes as usize),
-            words: Vec::new(),
+            words: Vec::with_capacity(memory / 8 + entry.nodes as usize),
             positions: Vec::with_capacity(entry.nodes as usize),
-            codes: Vec::new(),
+            codes: Vec::with_capacity(memory / 6),
             code_ranges: Vec::with_capacity(entry.nodes as usize),
             sizes: Vec::with_capacity(entry.nodes as usize),
         };
