@@ -122,7 +122,8 @@ impl Engine<'_> {
             if first_picture.is_none() && !selection.nodes.is_empty() {
                 first_picture = Some(seconds);
             }
-            let is_stuck = !streamer.is_busy() && streamer.uncopied().is_empty();
+            let is_full = streamer.copies.as_ref().is_some_and(|copies| copies.is_full());
+            let is_stuck = !streamer.is_busy() && (streamer.uncopied().is_empty() || is_full);
             if frame.converged || is_stuck || start.elapsed() > PATIENCE {
                 return Ok(Station {
                     first_picture: first_picture.unwrap_or(seconds),
