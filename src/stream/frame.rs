@@ -11,13 +11,19 @@ use std::sync::Arc;
 /// a second of reading for any other.
 const NODES: usize = 128;
 
+/// Pages that are read at most beside those of the roots, bytes in memory: the first picture of a large file waits for them.
+const READ: u64 = 12 << 20;
+
+/// Particles of one node that are looked at, about.
+const SAMPLES: usize = 1 << 13;
+
 /// The box to look at first: around `families` (indices in the metadata), without far outliers (see
 /// [`crate::view::frame`]). Pages that cannot be read are left out here; drawing reports them.
 pub fn first_frame(file: &PageFile, families: &[u32]) -> Bounds {
     let metadata = file.metadata();
     let families = || families.iter().filter_map(|&index| metadata.families.get(index as usize));
     let full = families().fold(Bounds::EMPTY, |bounds, family| bounds.union(family.bounds));
-    let mut pages = Pages { file, read: HashMap::new() };
+    let mut pages = Pages { file, read: HashMap::new(), left: READ };
     // The heaviest node is replaced by its children, until only leaves are left or enough nodes are open: what stays
     // merged is then light.
     let mut open: BinaryHeap<(u64, NodeRef)> =
@@ -27,9 +33,9 @@ pub fn first_frame(file: &PageFile, families: &[u32]) -> Bounds {
     while let Some((_, at)) = open.pop() {
         let Some((page, node)) = pages.node(at) else { continue };
         opened += 1;
-        let can_open = opened + open.len() < NODES;
+        let can_open = opened + open.len() < NODES && pages.affords(&node);
         // A relay holds no particles itself; a damaged file could be all relays.
-        if !node.is_leaf() && (can_open || node.particles == 0 && opened < 4 * NODES) {
+        if !node.is_leaf() && (can_open || node.particles == 0 && opened < 4 * NODES && pages.affords(&node)) {
             for child in node.children.into_iter().flatten() {
                 open.extend(pages.node(child).map(|(_, node)| (node.source_particles, child)));
             }
@@ -37,9 +43,14 @@ pub fn first_frame(file: &PageFile, families: &[u32]) -> Bounds {
         }
         let Some(family) = metadata.families.get(page.family as usize) else { continue };
         let particles = page.particles(at.node as usize);
-        let weight = node.source_particles as f64 / particles.len().max(1) as f64;
+        let stride = particles.len().div_ceil(SAMPLES).max(1);
+        let taken = particles.len().div_ceil(stride);
+        let weight = node.source_particles as f64 / taken.max(1) as f64;
         let place = |i| (node.key.position(family.root, particles.fraction(i)), weight);
-        samples.extend((0..particles.len()).map(place).filter(|(position, _): &(DVec3, f64)| position.is_finite()));
+        let places = (0..particles.len()).step_by(stride).map(place);
+        // A relay that is not opened counts as a whole.
+        let whole = (taken == 0).then(|| (node.bounds.center(), node.source_particles as f64));
+        samples.extend(places.chain(whole).filter(|(position, _): &(DVec3, f64)| position.is_finite()));
     }
     frame::frame(full, &samples)
 }
@@ -48,11 +59,24 @@ pub fn first_frame(file: &PageFile, families: &[u32]) -> Bounds {
 struct Pages<'a> {
     file: &'a PageFile,
     read: HashMap<PageId, Option<Arc<Page>>>,
+    /// Bytes that may still be read.
+    left: u64,
 }
 
 impl Pages<'_> {
+    /// Whether the pages of a node's children may be read.
+    fn affords(&self, node: &Node) -> bool {
+        let mut wanted: Vec<PageId> = node.children.iter().flatten().map(|child| child.page).collect();
+        wanted.dedup();
+        wanted.retain(|page| !self.read.contains_key(page));
+        wanted.into_iter().map(|page| self.file.page_memory(page)).sum::<u64>() <= self.left
+    }
+
     /// A node and its page, if that can be read.
     fn node(&mut self, at: NodeRef) -> Option<(Arc<Page>, Node)> {
+        if !self.read.contains_key(&at.page) {
+            self.left = self.left.saturating_sub(self.file.page_memory(at.page));
+        }
         let page = self.read.entry(at.page).or_insert_with(|| self.file.read_page(at.page).ok().map(Arc::new));
         let page = Arc::clone(page.as_ref()?);
         let node = page.nodes.get(at.node as usize)?.clone();

@@ -85,7 +85,7 @@ impl Default for OctreeOptions {
             relay_fraction: 0.65,
             bucket_particles: None,
             exact_positions: false,
-            root_particles: 1 << 22,
+            root_particles: 1 << 19,
         }
     }
 }
