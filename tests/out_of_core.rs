@@ -217,6 +217,12 @@ fn estimates_do_not_depend_on_buckets() {
         let options = BuildOptions { octree, ..BuildOptions::default() };
         let built = build_source(&source, &load_options, &options, &out, &()).unwrap();
         verify(&out, &()).unwrap();
+        let bytes = std::fs::read(&out).unwrap();
+        for threads in [1, 3] {
+            let options = BuildOptions { threads: Some(threads), ..options.clone() };
+            build_source(&source, &load_options, &options, &out, &()).unwrap();
+            assert!(std::fs::read(&out).unwrap() == bytes, "{threads} threads");
+        }
         let [_, density, smoothing_length] = &built.metadata.families[0].quantities;
         for (info, values) in
             [(density, &whole.families[0].density), (smoothing_length, &whole.families[0].smoothing_length)]

@@ -64,13 +64,12 @@ pub(super) fn estimate(
             held += lens[end];
             end += 1;
         }
-        for (bucket, [density, smoothing_length]) in
-            (first..end).zip(of_block(partition, first..end, k, root, progress)?)
-        {
-            for (column, values) in [&density, &smoothing_length].into_iter().enumerate() {
-                ranges[column] = ranges[column].with(Range::of(values));
-                samples[column].extend(values.iter().step_by(values.len().div_ceil(SAMPLE).max(1)));
-            }
+        let found = of_block(partition, first..end, k, root, progress)?;
+        for (column, values) in found.sorted.iter().enumerate() {
+            ranges[column] = ranges[column].with(Range::of(values));
+            samples[column].extend(values.iter().step_by(values.len().div_ceil(SAMPLE * (end - first)).max(1)));
+        }
+        for (bucket, [density, smoothing_length]) in (first..end).zip(found.buckets) {
             partition.put_estimates(bucket, &density, &smoothing_length)?;
         }
         first = end;
@@ -92,14 +91,22 @@ pub(super) fn estimate(
     Ok(Estimated { ranges, histograms, samples })
 }
 
-/// Densities and smoothing lengths of the particles of some buckets, in the order in which they are read.
+/// Densities and smoothing lengths of the particles of some buckets.
+struct Found {
+    /// In an order that depends on the particles alone, for sums and samples.
+    sorted: [Vec<f32>; 2],
+    /// Of each bucket, in the order in which its particles are read.
+    buckets: Vec<[Vec<f32>; 2]>,
+}
+
+/// Finds densities and smoothing lengths of the particles of some buckets.
 fn of_block(
     partition: &Partition,
     buckets: std::ops::Range<usize>,
     k: usize,
     root: RootCell,
     progress: &dyn Progress,
-) -> Result<Vec<[Vec<f32>; 2]>, BuildError> {
+) -> Result<Found, BuildError> {
     let mut own: Vec<(Place, f32, f32, f32, u32)> = Vec::new();
     let mut lens = Vec::with_capacity(buckets.len());
     for bucket in buckets.clone() {
@@ -135,18 +142,16 @@ fn of_block(
     }
     progress.advance(own.len() as u64);
     let mut columns = [vec![0.0; own.len()], vec![0.0; own.len()]];
-    for ((&(.., i), rho), h) in own.iter().zip(density).zip(smoothing_length) {
+    for ((&(.., i), &rho), &h) in own.iter().zip(&density).zip(&smoothing_length) {
         columns[0][i as usize] = rho;
         columns[1][i as usize] = h;
     }
     let mut at = 0;
-    Ok(lens
-        .into_iter()
-        .map(|len| {
-            at += len;
-            columns.each_ref().map(|column| column[at - len..at].to_vec())
-        })
-        .collect())
+    let of_bucket = |len: usize| {
+        at += len;
+        columns.each_ref().map(|column| column[at - len..at].to_vec())
+    };
+    Ok(Found { buckets: lens.into_iter().map(of_bucket).collect(), sorted: [density, smoothing_length] })
 }
 
 /// A place in world units from the root cell's corner: the same number whichever block it is read for.
