@@ -2,7 +2,7 @@
 //!
 //! Which of the two does not change what is read back, so the output does not depend on the memory that a build may take.
 
-use crate::store::positioned::{read_exact_at, write_all_at};
+use crate::model::positioned::{read_exact_at, write_all_at};
 use crate::store::temporary::Temporary;
 use std::borrow::Cow;
 use std::fs::File;

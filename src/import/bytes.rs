@@ -1,6 +1,7 @@
 //! Files read by byte range, and numbers in either byte order.
 
 use super::ImportError;
+use crate::model::positioned::read_exact_at;
 use std::cell::RefCell;
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -32,7 +33,7 @@ impl RangeFile {
             let expected = format!("{} bytes from byte {offset} on", out.len());
             return Err(ImportError::malformed(&self.path, field, found, expected));
         }
-        self.read_exact_at(offset, out).map_err(|source| ImportError::io(&self.path, field, source))
+        read_exact_at(&self.file, out, offset).map_err(|source| ImportError::io(&self.path, field, source))
     }
 
     /// Decodes the records of a block from byte `offset` on into `out`, `records.components` numbers for each; `field` names what
@@ -53,24 +54,6 @@ impl RangeFile {
             }
             Ok(())
         })
-    }
-
-    #[cfg(unix)]
-    fn read_exact_at(&self, offset: u64, out: &mut [u8]) -> std::io::Result<()> {
-        std::os::unix::fs::FileExt::read_exact_at(&self.file, out, offset)
-    }
-
-    #[cfg(windows)]
-    fn read_exact_at(&self, mut offset: u64, mut out: &mut [u8]) -> std::io::Result<()> {
-        while !out.is_empty() {
-            let read = std::os::windows::fs::FileExt::seek_read(&self.file, out, offset)?;
-            if read == 0 {
-                return Err(std::io::ErrorKind::UnexpectedEof.into());
-            }
-            offset += read as u64;
-            out = &mut out[read..];
-        }
-        Ok(())
     }
 }
 

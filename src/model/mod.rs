@@ -1,9 +1,10 @@
 //! What the data is, before anything is done with it: particles by family, their attributes with units, bounds and
-//! SPH kernels; and how settings are read. This room knows no file format, no hierarchy and no picture.
+//! SPH kernels; and how settings and parts of files are read. This room knows no file format, no hierarchy and no picture.
 
 pub mod bounds;
 pub mod kernel;
 pub mod particles;
+pub mod positioned;
 pub mod progress;
 pub mod ron_file;
 pub mod stream;

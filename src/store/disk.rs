@@ -4,7 +4,7 @@
 //! A file that is open may be deleted, replaced, rewritten or cut short by somebody else. Reads of it then end with an
 //! error or break a checksum; [`Disk::change`] finds out why.
 
-use super::positioned;
+use crate::model::positioned;
 use std::fmt;
 use std::fs::{File, Metadata};
 use std::io;

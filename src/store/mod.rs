@@ -10,7 +10,6 @@ pub mod layout;
 pub mod metadata;
 pub mod page;
 pub mod paging;
-pub mod positioned;
 pub mod reader;
 pub mod temporary;
 pub mod verify;
