@@ -1,16 +1,18 @@
 //! Drawing with the processor, on background tasks: the whole picture for the `cpu` backend, and for every backend the
 //! measurement of how bright the view is.
 //!
-//! While the view moves, pictures are drawn with fewer pixels, as many as keep the motion fluent; when it rests, the
-//! full picture follows.
+//! While the view moves, as large a sample of the particles is drawn as the preset's time for a picture allows, with half as
+//! many pixels a side where that is not all of them; when the view rests, the full picture follows.
 
 use super::exposure::Exposure;
 use super::look::Look;
 use super::messages::Messages;
 use super::pages::ViewSelection;
 use super::picture::Picture;
+use super::preset::Preset;
 use super::scene::Scene;
 use super::statistics::{ActiveBackend, Converged, Statistics};
+use crate::modes::governor::{Governor, Workload, most_important};
 use crate::modes::{Depiction, Footprint, Plan, cpu, pilot};
 use crate::raster::composite::composite_at;
 use crate::raster::transfer::{Levels, TransferFunction};
@@ -46,7 +48,11 @@ struct Drawn {
 /// What a background task hands back.
 struct Done {
     drawn: Drawn,
+    /// What the settings leave out, whatever time there was.
     plan: Plan,
+    /// Particles that were looked at, if it was drawn anew; and whether that is not all that the plan would.
+    looked_at: Option<u64>,
+    cut: bool,
     exposure: Exposure,
     /// The picture in colours, and what they were made with.
     colors: Option<(crate::raster::composite::Image, Levels, TransferFunction)>,
@@ -59,8 +65,7 @@ pub struct CpuPicture {
     drawn: Option<Drawn>,
     plan: Plan,
     colored: Option<(DrawKey, Levels, TransferFunction)>,
-    /// Time that the full picture takes, milliseconds, as far as is known.
-    full_ms: f64,
+    governor: Governor,
     moved: Option<(u64, Instant)>,
     measured: Option<Instant>,
 }
@@ -71,14 +76,17 @@ impl CpuPicture {
         self.plan
     }
 
+    /// Whether the view or its nodes have changed a moment ago.
+    pub fn is_moving(&self) -> bool {
+        self.moved.is_some_and(|(_, since)| since.elapsed().as_millis() < REST_MS)
+    }
+
     /// Whether the present selection has been drawn or measured.
     pub fn is_current(&self, selection: &ViewSelection) -> bool {
         self.drawn.as_ref().is_some_and(|drawn| drawn.key.selection == selection.revision)
     }
 }
 
-/// Time within which a picture should be drawn while the view moves, milliseconds.
-const FLUENT_MS: f64 = 60.0;
 /// How long the view must rest before the full picture is drawn, milliseconds.
 const REST_MS: u128 = 120;
 /// Least time between two measurements of a view that moves and that the GPU draws, milliseconds.
@@ -86,34 +94,30 @@ const MEASURE_MS: u128 = 300;
 /// Longest side of the picture that is drawn only to measure the exposure, pixels.
 const SKETCH: u32 = 320;
 
-/// By how much the picture's sides shrink while the view moves.
-fn divisor(full_ms: f64) -> u32 {
-    ((full_ms / FLUENT_MS).sqrt().ceil() as u32).clamp(1, 4)
-}
-
-/// The size of the picture to draw now.
-fn drawing_size(full: UVec2, moving: bool, full_ms: f64, backend: ActiveBackend, fixed_discs: bool) -> UVec2 {
+/// The size of the picture to draw now; `strained`: there is no time for all particles.
+fn drawing_size(full: UVec2, strained: bool, backend: ActiveBackend, fixed_discs: bool) -> UVec2 {
     let shrink = match backend {
         // Discs of a fixed number of pixels would cover another share of a smaller picture.
         _ if fixed_discs => 1,
-        ActiveBackend::Cpu if moving => divisor(full_ms),
+        ActiveBackend::Cpu if strained => 2,
         ActiveBackend::Cpu => 1,
         ActiveBackend::Gpu => full.max_element().div_ceil(SKETCH).max(1),
     };
     (full / shrink).max(UVec2::ONE)
 }
 
-/// Draws the selected nodes with `size` pixels, and says what was left out: what `plan` says, or what is found to be within
-/// the settings; blocks for as long as it takes.
+/// Draws the selected nodes with `size` pixels; blocks for as long as it takes. What is left out is what `plan` says, or what
+/// is found to be within the settings, which is handed back; and then as much as a sample of `limit` particles needs. Also
+/// says how many were looked at.
 fn draw(
     file: &PageFile,
     depiction: &Depiction,
     nodes: &[SceneNode],
     view: &View,
     size: UVec2,
-    plan: Option<Plan>,
+    (plan, limit): (Option<Plan>, u64),
     (transfer, levels): (&TransferFunction, Option<Levels>),
-) -> Result<(Accumulation, Plan), String> {
+) -> Result<(Accumulation, Plan, (u64, bool)), String> {
     let metadata = file.metadata();
     // What may be left out is decided for the whole picture, also where this one has fewer pixels.
     let economy = depiction.settings.economy();
@@ -122,10 +126,12 @@ fn draw(
         None => pilot::plan(view, depiction, metadata, nodes, &economy, transfer, levels),
     };
     let drawn = plan.and_then(|plan| {
-        let decoded = cpu::decode_planned(view, depiction, metadata, nodes, &plan);
+        let workload = Workload::new(view, depiction, metadata, nodes, &most_important(depiction, metadata));
+        let (fitting, looked_at) = workload.within(limit, plan);
+        let decoded = cpu::decode_planned(view, depiction, metadata, nodes, &fitting);
         let view = View { width: size.x, height: size.y, ..*view };
-        let drawn = cpu::draw_planned(&view, depiction, metadata, &decoded, Method::Pyramid, &plan)?;
-        Ok((drawn.0, plan))
+        let drawn = cpu::draw_planned(&view, depiction, metadata, &decoded, Method::Pyramid, &fitting)?;
+        Ok((drawn.0, plan, (looked_at, fitting != plan)))
     });
     drawn.map_err(|error| error.to_string())
 }
@@ -137,7 +143,7 @@ pub(super) fn draw_on_cpu(
     scene: Option<Res<Scene>>,
     selection: Res<ViewSelection>,
     look: Option<Res<Look>>,
-    picture: Res<Picture>,
+    (picture, preset): (Res<Picture>, Res<Preset>),
     mut images: ResMut<Assets<Image>>,
     mut exposure: ResMut<Exposure>,
     mut statistics: ResMut<Statistics>,
@@ -162,10 +168,14 @@ pub(super) fn draw_on_cpu(
             Err(error) => messages.error(error),
         }
     }
-    let moving = cpu.moved.is_some_and(|(_, since)| since.elapsed().as_millis() < REST_MS);
+    let moving = cpu.is_moving();
     let fixed_discs = matches!(look.depiction.footprint(), Footprint::Pixels(_));
     let full = picture.size();
-    let size = drawing_size(full, moving, cpu.full_ms, *backend, fixed_discs);
+    let limit = match preset.drawing.frame_ms {
+        frame_ms if frame_ms > 0.0 && moving && *backend == ActiveBackend::Cpu => cpu.governor.limit(frame_ms),
+        _ => u64::MAX,
+    };
+    let size = drawing_size(full, statistics.particles > limit, *backend, fixed_discs);
     let key = DrawKey {
         selection: selection.revision,
         depiction: look.depiction_revision,
@@ -195,18 +205,21 @@ pub(super) fn draw_on_cpu(
     // Finding a plan takes longer than there is between two pictures of a motion.
     let kept_plan = (moving && *backend == ActiveBackend::Cpu).then_some(old_plan);
     cpu.task = Some(AsyncComputeTaskPool::get().spawn(async move {
-        let (drawn, plan) = match reused {
-            Some(drawn) => (drawn, old_plan),
+        let (drawn, plan, looked_at, cut) = match reused {
+            Some(drawn) => (drawn, old_plan, None, false),
             None => {
                 let start = Instant::now();
-                let (picture, plan) = draw(&file, &depiction, &nodes, &view, size, kept_plan, (&transfer, known))?;
+                let plan = (kept_plan, limit);
+                let (picture, plan, (looked_at, cut)) =
+                    draw(&file, &depiction, &nodes, &view, size, plan, (&transfer, known))?;
                 let picture = Arc::new(picture);
-                (Drawn { key, picture, milliseconds: 1000.0 * start.elapsed().as_secs_f64() }, plan)
+                let milliseconds = 1000.0 * start.elapsed().as_secs_f64();
+                (Drawn { key, picture, milliseconds }, plan, Some(looked_at), cut)
             }
         };
         let exposure = Exposure::of(&drawn.picture, &transfer);
         let colors = paint.then(|| (composite_at(&drawn.picture, &transfer, &levels), levels, transfer));
-        Ok(Done { drawn, plan, exposure, colors })
+        Ok(Done { drawn, plan, looked_at, cut, exposure, colors })
     }));
 }
 
@@ -228,10 +241,10 @@ fn take_in(
             warn!("the picture's image is gone");
         }
         cpu.colored = Some((done.drawn.key, levels, transfer));
-        if cpu.drawn.as_ref().is_none_or(|drawn| drawn.key != done.drawn.key) {
+        if let Some(looked_at) = done.looked_at {
             statistics.draw_ms = Some(done.drawn.milliseconds);
-            let pixels = |size: UVec2| f64::from(size.x) * f64::from(size.y);
-            cpu.full_ms = done.drawn.milliseconds * pixels(picture.size()) / pixels(done.drawn.key.size);
+            statistics.sampled = done.cut.then_some(looked_at);
+            cpu.governor.drew(looked_at, done.drawn.milliseconds);
         }
     }
     cpu.plan = done.plan;
@@ -253,15 +266,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn motion_costs_pixels_and_rest_brings_them_back() {
+    fn strain_costs_pixels_and_rest_brings_them_back() {
         let full = UVec2::new(1000, 600);
-        let size = |moving, ms| drawing_size(full, moving, ms, ActiveBackend::Cpu, false);
-        assert_eq!(size(false, 900.0), full);
-        assert_eq!(size(true, 20.0), full);
-        assert_eq!(size(true, 200.0), full / 2);
-        assert_eq!(size(true, 1.0e6), full / 4);
-        assert_eq!(drawing_size(full, true, 900.0, ActiveBackend::Cpu, true), full);
-        let sketch = drawing_size(full, false, 0.0, ActiveBackend::Gpu, false);
+        assert_eq!(drawing_size(full, false, ActiveBackend::Cpu, false), full);
+        assert_eq!(drawing_size(full, true, ActiveBackend::Cpu, false), full / 2);
+        assert_eq!(drawing_size(full, true, ActiveBackend::Cpu, true), full);
+        let sketch = drawing_size(full, false, ActiveBackend::Gpu, false);
         assert!(sketch.max_element() <= SKETCH);
     }
 }

@@ -15,12 +15,14 @@ use super::statistics::{ActiveBackend, Converged, Statistics};
 use crate::gpu::page_copies::{self, CopyState, node_id};
 use crate::gpu::{self, Composite, DrawItem, ParticleScene, SplatView};
 use crate::gpu::{Capabilities, TableId, Technique, Withheld};
+use crate::modes::governor::{Governor, Workload};
 use crate::modes::{self, Footprint, Plan};
 use crate::store::Metadata;
 use bevy::diagnostic::DiagnosticsStore;
 use bevy::prelude::*;
 use bevy::render::renderer::{RenderAdapter, RenderAdapterInfo, RenderDevice};
 use std::sync::Arc;
+use std::time::Instant;
 
 /// What the renderer holds for the present look of the present file.
 #[derive(Resource, Default)]
@@ -29,8 +31,12 @@ pub struct GpuTables {
     made_for: Option<(u32, u64)>,
     /// One table for each family and codebook, and its largest importance.
     tables: Vec<Vec<(TableId, f32)>>,
-    /// The selection that the camera draws, and what is left out of it.
-    drawn: Option<(u64, Plan)>,
+    /// The selection that the camera draws, what the settings leave out of it, and whether it moves.
+    drawn: Option<(u64, Plan, bool)>,
+    governor: Governor,
+    /// Particles that the last pictures looked at, and when the last one was changed.
+    looked_at: [u64; 3],
+    changed: Option<Instant>,
     /// How particles are accumulated; none if the processor does it.
     technique: Option<Technique>,
     /// The backend that was asked for last.
@@ -194,7 +200,7 @@ pub(super) fn draw_on_gpu(
     scene: Option<Res<Scene>>,
     look: Option<Res<Look>>,
     selection: Res<ViewSelection>,
-    measured: Res<CpuPicture>,
+    (measured, preset): (Res<CpuPicture>, Res<Preset>),
     diagnostics: Option<Res<DiagnosticsStore>>,
     mut tables: ResMut<GpuTables>,
     mut converged: ResMut<Converged>,
@@ -218,9 +224,18 @@ pub(super) fn draw_on_gpu(
         tables.made_for = Some(wanted);
         tables.drawn = None;
     }
-    let plan = measured.plan();
-    if tables.drawn != Some((selection.revision, plan)) {
-        tables.drawn = Some((selection.revision, plan));
+    let frame_ms = preset.drawing.frame_ms;
+    let (usual, moving) = (measured.plan(), measured.is_moving() && frame_ms > 0.0);
+    if tables.drawn != Some((selection.revision, usual, moving)) {
+        tables.drawn = Some((selection.revision, usual, moving));
+        let limit = if moving { tables.governor.limit(frame_ms) } else { u64::MAX };
+        let important: Vec<Vec<f32>> =
+            tables.tables.iter().map(|books| books.iter().map(|table| table.1).collect()).collect();
+        let workload = Workload::new(&view, &look.depiction, metadata, &selection.nodes, &important);
+        let (plan, looked_at) = workload.within(limit, usual);
+        statistics.sampled = (plan != usual).then_some(looked_at);
+        tables.looked_at = [looked_at, tables.looked_at[0], tables.looked_at[1]];
+        tables.changed = Some(Instant::now());
         let items: Vec<DrawItem> = selection
             .nodes
             .iter()
@@ -268,20 +283,31 @@ pub(super) fn draw_on_gpu(
         commands.entity(entity).insert(shown);
     }
     let times = diagnostics.as_deref().and_then(pass_times);
-    statistics.draw_ms = times;
+    statistics.draw_ms = times.map(|times| times.0);
+    // Times come a picture or two late: while the last samples differ much, nobody knows which one a time belongs to.
+    let [looked_at, ..] = tables.looked_at;
+    let [most, least] = [tables.looked_at.iter().max(), tables.looked_at.iter().min()];
+    if let Some((milliseconds, at)) = times
+        && tables.changed.is_some_and(|changed| at > changed)
+        && most.zip(least).is_some_and(|(&most, &least)| most <= 2 * least)
+    {
+        tables.governor.drew(looked_at, milliseconds);
+        tables.changed = None;
+    }
     // Passes are timed only once their shaders are there, so a first time means a first picture.
-    converged.0 = selection.complete && same && look.settled && times.is_some() && measured.is_current(&selection);
+    converged.0 =
+        selection.complete && !moving && same && look.settled && times.is_some() && measured.is_current(&selection);
 }
 
-/// Milliseconds that all passes of the last picture took together; `None` before the first picture.
-fn pass_times(diagnostics: &DiagnosticsStore) -> Option<f64> {
+/// Milliseconds that all passes of the last picture took together, and when that was known; `None` before the first picture.
+fn pass_times(diagnostics: &DiagnosticsStore) -> Option<(f64, Instant)> {
     let time = |pass: &str, kind: &str| {
         let path = format!("render/{pass}/{kind}");
-        diagnostics.iter().find(|d| d.path().as_str() == path).and_then(|d| d.value())
+        diagnostics.iter().find(|d| d.path().as_str() == path).and_then(|d| d.measurement())
     };
     let time = |pass: &str| time(pass, "elapsed_gpu").or_else(|| time(pass, "elapsed_cpu"));
-    time("accumulate")?;
-    Some(gpu::timing::PASSES.iter().filter_map(|pass| time(pass)).sum())
+    let known = time("accumulate")?.time;
+    Some((gpu::timing::PASSES.iter().filter_map(|pass| time(pass)).map(|time| time.value).sum(), known))
 }
 
 #[cfg(test)]

@@ -117,6 +117,9 @@ pub struct DrawingPreset {
     pub backend: Backend,
     /// The screen-space error `tau`, pixels.
     pub error_px: f64,
+    /// Milliseconds that a picture may take to draw while the view moves or pages come in: a sample of the particles is drawn
+    /// then, as large as that allows, and all when the view rests. 0: always all.
+    pub frame_ms: f64,
     /// The setting `presence` of every mode: see `deepfield modes`.
     pub presence: f64,
     /// The setting `thinning` of every mode: see `deepfield modes`.
@@ -126,7 +129,13 @@ pub struct DrawingPreset {
 impl Default for DrawingPreset {
     fn default() -> Self {
         let economy = Settings::default().economy();
-        Self { backend: Backend::Auto, error_px: 0.8, presence: economy.presence, thinning: economy.thinning }
+        Self {
+            backend: Backend::Auto,
+            error_px: 0.8,
+            frame_ms: 40.0,
+            presence: economy.presence,
+            thinning: economy.thinning,
+        }
     }
 }
 
@@ -234,6 +243,7 @@ impl Preset {
             ("residency.stall_secs", residency.stall_secs, 0.1, 3600.0, "0.1 to 3600"),
             ("residency.requests", residency.requests as f64, 1.0, 4096.0, "1 to 4096"),
             ("drawing.error_px", drawing.error_px, 0.05, 64.0, "0.05 to 64"),
+            ("drawing.frame_ms", drawing.frame_ms, 0.0, 10_000.0, "0 to 10000"),
             ("drawing.presence", drawing.presence, 0.0, 1.0e9, "0 to 1e9"),
             ("drawing.thinning", drawing.thinning, 0.0, 32.0, "0 to 32"),
             ("camera.field_of_view_deg", camera.field_of_view_deg, 1.0, 150.0, "1 to 150"),

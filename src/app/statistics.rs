@@ -11,6 +11,8 @@ pub struct Statistics {
     pub adapter: String,
     /// Particles drawn.
     pub particles: u64,
+    /// Particles that the sample of a picture in motion looks at; none where all are drawn.
+    pub sampled: Option<u64>,
     /// Nodes drawn.
     pub nodes: usize,
     /// Largest screen-space error of what is drawn, pixels.

@@ -28,8 +28,8 @@ pub struct Arguments {
     /// flight (a flight through a page file that streams in).
     #[arg(value_parser = ["splat", "frame", "presence", "build", "pages", "flight"])]
     pub suite: String,
-    /// What `bench presence` draws and `bench flight` flies through: a source or page file [default: generated clusters of
-    /// the sizes, the first one for `bench presence`].
+    /// What `bench presence` draws and `bench flight` flies through: a source or page file [default: generated: clusters
+    /// of the first of the sizes for `bench presence`, cosmologies of all sizes for `bench flight`].
     pub path: Option<PathBuf>,
     /// Numbers of particles.
     #[arg(long, value_name = "N,N,...", value_delimiter = ',', default_values_t = [200_000, 1_000_000, 4_000_000],

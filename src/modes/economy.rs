@@ -127,25 +127,33 @@ impl Plan {
         node: &Node,
         most_important: f32,
     ) -> Sample {
-        let mean = family.mass / family.count.max(1) as f64;
-        if self.keep == f32::INFINITY || !can_thin(depiction) || !(mean > 0.0 && mean.is_finite()) {
-            return Sample::ALL;
+        match (self.keep < f32::INFINITY).then(|| sampling_scale(view, depiction, family, node)).flatten() {
+            Some(scale) => Sample::new(node.key, (f64::from(self.keep) * scale) as f32, most_important),
+            None => Sample::ALL,
         }
-        let magnification = match view.projection {
-            Projection::Orthographic { .. } => view.focal_pixels(),
-            Projection::Perspective { .. } => {
-                // Splats of one node differ in size; near the eye all are large, and all are kept.
-                let bounds = node.key.bounds(family.root);
-                let [middle, half] = [view.to_camera(bounds.center()).z, 0.5 * bounds.size().length()];
-                if middle <= half {
-                    return Sample::ALL;
-                }
-                view.focal_pixels() / middle
-            }
-        };
-        let scale = f64::from(self.keep) * magnification.powf(0.75) / mean;
-        Sample::new(node.key, scale as f32, most_important)
     }
+}
+
+/// The factor on `c` and a particle's importance that gives its probability, `(h in pixels)^(3/4) / h^(3/4) / m_mean`; none
+/// where all particles of `node` are drawn whatever `c` is.
+pub(super) fn sampling_scale(view: &View, depiction: &Depiction, family: &FamilyMetadata, node: &Node) -> Option<f64> {
+    let mean = family.mass / family.count.max(1) as f64;
+    if !(can_thin(depiction) && mean > 0.0 && mean.is_finite()) {
+        return None;
+    }
+    let magnification = match view.projection {
+        Projection::Orthographic { .. } => view.focal_pixels(),
+        Projection::Perspective { .. } => {
+            // Splats of one node differ in size; near the eye all are large, and all are kept.
+            let bounds = node.key.bounds(family.root);
+            let [middle, half] = [view.to_camera(bounds.center()).z, 0.5 * bounds.size().length()];
+            if middle <= half {
+                return None;
+            }
+            view.focal_pixels() / middle
+        }
+    };
+    Some(magnification.powf(0.75) / mean)
 }
 
 /// Whether a mode's pictures can be thinned: discs of fixed size all count the same, whatever their distance.

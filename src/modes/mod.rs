@@ -9,6 +9,7 @@ pub mod cpu;
 pub mod density_squared;
 pub mod depiction;
 pub mod economy;
+pub mod governor;
 #[cfg(feature = "viewer")]
 pub mod gpu;
 pub mod pilot;

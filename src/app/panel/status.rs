@@ -24,7 +24,11 @@ pub fn show(ui: &mut Ui, statistics: &Statistics, converged: Converged, clock: &
     let share = if needed == 0 { 1.0 } else { statistics.nodes as f32 / needed as f32 };
     theme::bar(ui, if converged.0 { 1.0 } else { share.min(0.99) }, color);
     ui.add_space(2.0);
-    theme::fact(ui, "Particles drawn", number::count(statistics.particles));
+    let particles = match statistics.sampled {
+        Some(sampled) => format!("{}  of  {}", number::count(sampled), number::count(statistics.particles)),
+        None => number::count(statistics.particles),
+    };
+    theme::fact(ui, "Particles drawn", particles);
     theme::fact(ui, "Nodes drawn", number::count(statistics.nodes as u64));
     if let Some(milliseconds) = statistics.draw_ms {
         theme::fact(ui, "Drawn in", format!("{milliseconds:.1} ms"));

@@ -4,6 +4,7 @@ use super::super::splat::Failure;
 use super::canvas::Canvas;
 use super::path::Flight;
 use super::series::Frame;
+use crate::modes::governor::{self, Governor, Workload};
 use crate::modes::{Depiction, Economy, Plan, pilot};
 use crate::raster::Accumulation;
 use crate::raster::transfer::TransferFunction;
@@ -29,6 +30,10 @@ pub struct Engine<'a> {
     pub economy: Economy,
     /// See `economy`.
     pub plan: Plan,
+    /// Milliseconds that a frame of a flight may take to draw; none: as long as it needs.
+    pub frame_ms: Option<f64>,
+    /// What drawing has cost so far.
+    pub governor: Governor,
     /// Who draws.
     pub canvas: &'a mut dyn Canvas,
     /// What there is to tell about pages that cannot be read.
@@ -43,10 +48,14 @@ pub struct Station {
     pub converged: Option<f64>,
     /// The picture.
     pub picture: Accumulation,
+    /// What it shows.
+    pub selection: SceneSelection,
 }
 
 /// Time after which a view that does not converge is taken as it is.
 const PATIENCE: Duration = Duration::from_secs(120);
+/// Milliseconds that a picture on the way to the converged one may take, as the window's pictures may.
+const ON_THE_WAY_MS: f64 = 50.0;
 
 impl Engine<'_> {
     /// Nothing is in memory yet.
@@ -56,11 +65,16 @@ impl Engine<'_> {
         streamer
     }
 
-    /// Streams and draws one frame; never waits for a page.
+    /// Streams and draws one frame, as much of it as `frame_ms` allows; never waits for a page.
     ///
     /// # Errors
     /// What the canvas reports.
-    pub fn frame(&mut self, streamer: &mut Streamer, view: &View) -> Result<(Frame, SceneSelection), Failure> {
+    fn frame(
+        &mut self,
+        streamer: &mut Streamer,
+        view: &View,
+        frame_ms: Option<f64>,
+    ) -> Result<(Frame, SceneSelection), Failure> {
         let start = Instant::now();
         let arrivals = streamer.arrive();
         self.messages.extend(arrivals.messages);
@@ -73,8 +87,10 @@ impl Engine<'_> {
         streamer.take_evicted();
         self.canvas.copy(streamer);
         let selection = SceneSelection::of(streamer, view, self.tau, &chosen);
+        let (plan, looked_at) = self.governed(view, &selection, frame_ms);
         let streamed = start.elapsed();
-        self.canvas.draw(view, &selection.nodes, &self.plan)?;
+        self.canvas.draw(view, &selection.nodes, &plan)?;
+        self.governor.drew(looked_at, 1e3 * (start.elapsed() - streamed).as_secs_f64());
         let frame = Frame {
             seconds: 0.0,
             frame_ms: 1e3 * start.elapsed().as_secs_f64(),
@@ -84,6 +100,7 @@ impl Engine<'_> {
             gpu_bytes: streamer.copies.as_ref().map_or(0, |copies| copies.bytes()),
             upload_bytes: copied,
             particles: selection.particles,
+            looked_at,
             nodes: selection.nodes.len() as u64,
             missing: selection.missing as u64,
             converged: selection.converged,
@@ -93,14 +110,22 @@ impl Engine<'_> {
         Ok((frame, selection))
     }
 
+    /// What of a selection is drawn in so many milliseconds, and how many particles are looked at for that.
+    pub fn governed(&self, view: &View, selection: &SceneSelection, frame_ms: Option<f64>) -> (Plan, u64) {
+        let metadata = self.file.metadata();
+        let important = governor::most_important(&self.depiction, metadata);
+        let workload = Workload::new(view, &self.depiction, metadata, &selection.nodes, &important);
+        let limit = frame_ms.map_or(u64::MAX, |frame_ms| self.governor.limit(frame_ms));
+        workload.within(limit, self.plan)
+    }
+
     /// Converges the view that a flight begins with, and finds there what its pictures leave undrawn.
     ///
     /// # Errors
     /// What the canvas reports.
     pub fn prepare(&mut self, streamer: &mut Streamer, view: &View) -> Result<(), Failure> {
         self.plan = Plan::default();
-        self.converge(streamer, view)?;
-        let (_, selection) = self.frame(streamer, view)?;
+        let selection = self.converge(streamer, view)?.selection;
         let preset = self.depiction.mode.transfer[usize::from(self.depiction.attribute.is_some())];
         let transfer = TransferFunction::preset(preset).unwrap_or_default();
         let metadata = self.file.metadata();
@@ -109,7 +134,8 @@ impl Engine<'_> {
         Ok(())
     }
 
-    /// Draws frames of a view that rests until everything is there.
+    /// Draws frames of a view that rests until everything is there: small samples on the way, as the window does, and
+    /// the whole picture at the end.
     ///
     /// # Errors
     /// What the canvas reports.
@@ -117,18 +143,20 @@ impl Engine<'_> {
         let start = Instant::now();
         let mut first_picture = None;
         loop {
-            let (frame, selection) = self.frame(streamer, view)?;
-            let seconds = start.elapsed().as_secs_f64();
+            let (frame, selection) = self.frame(streamer, view, Some(ON_THE_WAY_MS))?;
             if first_picture.is_none() && !selection.nodes.is_empty() {
-                first_picture = Some(seconds);
+                first_picture = Some(start.elapsed().as_secs_f64());
             }
             let is_full = streamer.copies.as_ref().is_some_and(|copies| copies.is_full());
             let is_stuck = !streamer.is_busy() && (streamer.uncopied().is_empty() || is_full);
             if frame.converged || is_stuck || start.elapsed() > PATIENCE {
+                let (frame, selection) = self.frame(streamer, view, None)?;
+                let seconds = start.elapsed().as_secs_f64();
                 return Ok(Station {
                     first_picture: first_picture.unwrap_or(seconds),
                     converged: frame.converged.then_some(seconds),
                     picture: self.canvas.picture()?,
+                    selection,
                 });
             }
             if selection.nodes.is_empty() {
@@ -150,7 +178,7 @@ impl Engine<'_> {
                 return Ok(frames);
             }
             let view = flight.view(seconds, self.size.0, self.size.1)?;
-            let (frame, _) = self.frame(streamer, &view)?;
+            let (frame, _) = self.frame(streamer, &view, self.frame_ms)?;
             frames.push(Frame { seconds, ..frame });
         }
     }

@@ -3,24 +3,29 @@
 //! has streamed in is the one that was waited for.
 
 pub mod canvas;
+pub mod check;
 pub mod engine;
 pub mod path;
 pub mod plot;
 pub mod series;
 
 use super::splat::Failure;
-use crate::build::{BuildOptions, build};
+use crate::build::{BuildOptions, build_source};
 use crate::commands::arguments::{PictureSize, bytes, not_negative, positive};
 use crate::commands::cache;
 use crate::commands::progress_bar::TerminalProgress;
+use crate::import::LoadOptions;
+use crate::modes::governor::Governor;
 use crate::modes::{Depiction, Economy, Mode, Plan, Settings};
-use crate::raster::transfer::TransferFunction;
-use crate::raster::{composite, output};
+use crate::raster::output;
 use crate::store::PageFile;
 use crate::stream::{CopyOptions, StreamOptions, first_frame};
-use crate::synth::{clusters::Clusters, dataset};
+use crate::synth::cosmology::{Cosmology, DEFAULT_EDGE};
+use crate::synth::files;
+use crate::synth::gadget::MOST;
 use crate::view::View;
 use canvas::{Canvas, CpuCanvas};
+use check::{Check, check};
 use engine::Engine;
 use path::Flight;
 use serde::Serialize;
@@ -66,6 +71,9 @@ pub struct Options {
     /// Mean colour error, of 255, that drawing a weighted sample of the particles may cause; 0: all are drawn.
     #[arg(long, value_name = "E", default_value_t = 1.0, value_parser = not_negative)]
     pub sampling: f64,
+    /// Milliseconds that a frame may take to draw: the sample becomes as small as that needs; 0: no limit.
+    #[arg(long, value_name = "MS", default_value_t = 0.0, value_parser = not_negative)]
+    pub frame_ms: f64,
     /// Also fly without each of what saves work: particles that are merged or left out of coarse levels (where the data is
     /// generated), presence acceleration, culling of single particles, samples, prefetching.
     #[arg(long)]
@@ -116,17 +124,6 @@ pub struct Outcome {
     pub messages: Vec<String>,
 }
 
-/// A comparison of pictures.
-#[derive(Clone, Copy, Debug, Serialize)]
-pub struct Check {
-    /// Seconds of the flight.
-    pub seconds: f64,
-    /// Whether both pictures converged.
-    pub converged: bool,
-    /// Largest difference of a pixel, relative to the brightest one.
-    pub difference: f64,
-}
-
 /// Flies with all backends and writes what came of it.
 ///
 /// # Errors
@@ -170,19 +167,25 @@ pub fn measure(arguments: &super::Arguments) -> Result<Vec<Outcome>, Failure> {
     Ok(outcomes)
 }
 
-/// A generated page file, built once.
+/// The page file of a generated cosmology, made once. Its snapshot lies beside it only as long as it is built from.
 fn generated(seed: u64, particles: u64, thinning: bool) -> Result<PathBuf, Failure> {
     let folder = cache::folder("bench")?;
     let version = crate::store::layout::VERSION;
     let kind = if thinning { "" } else { "-unthinned" };
-    let path = folder.join(format!("clusters-{particles}-{seed}{kind}-v{version}.df"));
+    let path = folder.join(format!("cosmology-{particles}-{seed}{kind}-v{version}.df"));
     if PageFile::open(&path).is_err() {
         let mut options = BuildOptions::default();
         if !thinning {
             options.octree.thinning_budget = 0.0;
         }
         eprintln!("building {}", path.display());
-        build(dataset(&Clusters::new(seed, particles)), &options, &path, &TerminalProgress::new())?;
+        let snapshots = tempfile::tempdir_in(&folder)?;
+        let snapshot = snapshots.path().join("cosmology.gadget2");
+        let progress = TerminalProgress::new();
+        let universe = Cosmology::new(seed, particles, DEFAULT_EDGE, &progress);
+        let files = files::write(&universe, &snapshot, MOST, &progress)?;
+        let first = files.first().ok_or("no snapshot was written")?;
+        build_source(first, &LoadOptions::default(), &options, &path, &progress)?;
     }
     Ok(path)
 }
@@ -232,6 +235,8 @@ fn with_canvas<T>(
         canvas: &mut *canvas,
         economy: Economy { culling: true, presence: options.presence, thinning: options.sampling },
         plan: Plan::default(),
+        frame_ms: (options.frame_ms > 0.0).then_some(options.frame_ms),
+        governor: Governor::default(),
         messages: Vec::new(),
     };
     // A program that runs has opened its adapter before it opens a file.
@@ -347,35 +352,6 @@ fn once(engine: &mut Engine, options: &Options) -> Result<Summary, Failure> {
     Ok(Summary::of(&engine.fly(&mut streamer, &flight, 0.0, flight.seconds)?))
 }
 
-/// Flies for some seconds, halts, and compares what has converged with what was waited for.
-fn check(
-    engine: &mut Engine,
-    options: &Options,
-    flight: &Flight,
-    seconds: f64,
-    backend: &str,
-) -> Result<Check, Failure> {
-    /// Seconds of flight before the halt.
-    const RUN_UP: f64 = 2.0;
-    let mut streamer = engine.streamer();
-    engine.fly(&mut streamer, flight, (seconds - RUN_UP).max(0.0), seconds)?;
-    let view = flight.view(seconds, engine.size.0, engine.size.1)?;
-    let streamed = engine.converge(&mut streamer, &view)?;
-    drop(streamer);
-    let waited = engine.waited(&view)?;
-    let brightest = waited.p.iter().copied().fold(0.0_f32, f32::max);
-    let differences = streamed.picture.p.iter().zip(&waited.p).map(|(a, b)| f64::from((a - b).abs()));
-    let preset = options.mode.transfer[usize::from(waited.has_attribute())];
-    let transfer = TransferFunction::preset(preset).unwrap_or_default();
-    let name = options.output.join(format!("flight-{backend}-{seconds:.0}s.png"));
-    output::write_png(&name, &composite::composite(&streamed.picture, &transfer))?;
-    Ok(Check {
-        seconds,
-        converged: streamed.converged.is_some(),
-        difference: differences.fold(0.0, f64::max) / f64::from(brightest.max(f32::MIN_POSITIVE)),
-    })
-}
-
 /// Prints what came of a flight to standard error.
 fn print(outcome: &Outcome) {
     let Outcome { particles, backend, adapter, flight, .. } = outcome;
@@ -388,19 +364,24 @@ fn print(outcome: &Outcome) {
     outcome.sweep.iter().for_each(|(width, height, summary)| line(&format!("{width}x{height}"), summary));
     for check in &outcome.checks {
         let state = if check.converged { "" } else { " (not converged)" };
-        eprintln!("  at {:.1} s streamed and waited differ by {:.1e}{state}", check.seconds, check.difference);
+        eprintln!(
+            "  at {:.1} s streamed and waited differ by {:.1e}{state}; the sample's colour error is {:.2} of 255, with {:.1} \
+             splats over a pixel instead of {:.1}",
+            check.seconds, check.difference, check.color_error, check.overdraw[0].0, check.overdraw[1].0
+        );
     }
     outcome.messages.iter().for_each(|message| eprintln!("  {message}"));
 }
 
 fn line(name: &str, summary: &Summary) {
     eprintln!(
-        "  {name}: {:.1} frames/s, frame {:.1} ms (50 %) {:.1} ms (99 %), {:.1} M particles/frame, {:.0} M/s, memory {:.0} \
+        "  {name}: {:.1} frames/s, frame {:.1} ms (50 %) {:.1} ms (99 %), {:.1} M particles/frame (looked at {:.0} %), {:.0} M/s, memory {:.0} \
          MiB, disk {:.1} MB/s, GPU {:.0} MiB, upload {:.1} MB/s, not converged {:.1} % (worst {:.2} px)",
         summary.frames_per_second,
         summary.frame_ms_p50,
         summary.frame_ms_p99,
         summary.million_particles,
+        100.0 * summary.sampled,
         summary.million_particles_per_second,
         summary.main_mib,
         summary.disk_mb_per_s,
