@@ -296,6 +296,41 @@ fn the_window_shows_turns_and_closes_on_the_graphics_adapter() {
     use_the_window(&["--backend", "compute"]);
 }
 
+/// Flies with a frame time that no machine keeps for all particles.
+fn sample_in_motion(backend: &str) {
+    let folder = tempfile::tempdir().unwrap();
+    let desktop = Desktop::start();
+    let mut program = Program::start(&desktop, folder.path(), &["--backend", backend, "--frame-ms", "0.5"]);
+    let first = program.wait("a converged picture", |status| status["converged"] == true);
+    assert_eq!(first["sampled"], Value::Null, "all is drawn at rest: {first:#}");
+    let window = desktop.window().expect("a window of the size that was asked for");
+    desktop.focus(window);
+    desktop.press(u32::from('f'));
+    program.wait("F flies", |status| status["flying"] == true);
+    let forward = desktop.keycode(u32::from('w'));
+    desktop.fake_input(2, forward, [0; 2]);
+    let moving = program.wait("a sample while W is held", |status| status["sampled"].is_u64());
+    assert!(
+        moving["sampled"].as_u64() < moving["particles_drawn"].as_u64() && moving["converged"] == false,
+        "{moving:#}"
+    );
+    desktop.fake_input(3, forward, [0; 2]);
+    let rest = program.wait("all particles at rest", |status| status["converged"] == true);
+    assert_eq!(rest["sampled"], Value::Null, "all is drawn at rest: {rest:#}");
+    desktop.close(window);
+    assert_eq!(program.exit_code(), Some(0));
+}
+
+#[test]
+fn motion_is_drawn_with_a_sample_on_the_processor() {
+    sample_in_motion("cpu");
+}
+
+#[test]
+fn motion_is_drawn_with_a_sample_on_the_graphics_adapter() {
+    sample_in_motion("compute");
+}
+
 fn point(status: &Value, name: &str) -> [f64; 3] {
     [0, 1, 2].map(|axis| status[name][axis].as_f64().unwrap())
 }

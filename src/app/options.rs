@@ -32,6 +32,8 @@ pub struct WindowOptions {
     pub backend: Option<Backend>,
     /// The screen-space error in pixels; the preset's where it is `None`.
     pub error_px: Option<f64>,
+    /// Milliseconds that a picture in motion may take; the preset's where it is `None`.
+    pub frame_ms: Option<f64>,
     /// The mode to begin with; chosen by the data where it is `None`.
     pub mode: Option<String>,
     /// A file that is rewritten with the window's state as JSON whenever it changes (for scripts and tests).
@@ -48,6 +50,7 @@ impl WindowOptions {
             preset: "desktop".to_owned(),
             backend: None,
             error_px: None,
+            frame_ms: None,
             mode: None,
             status: None,
         }
@@ -71,6 +74,9 @@ impl WindowOptions {
         }
         if let Some(error_px) = self.error_px {
             preset.drawing.error_px = error_px;
+        }
+        if let Some(frame_ms) = self.frame_ms {
+            preset.drawing.frame_ms = frame_ms;
         }
     }
 }

@@ -37,6 +37,10 @@ pub struct Settings {
     /// Largest displacement of a particle on screen, pixels [default: 0.8].
     #[arg(long, value_name = "TAU", value_parser = super::arguments::positive)]
     pub error_px: Option<f64>,
+    /// Milliseconds that a picture may take to draw while the view moves: a sample of the particles is drawn then, and all of
+    /// them when it rests; 0: always all [default: the preset's].
+    #[arg(long, value_name = "MS", value_parser = frame_ms)]
+    pub frame_ms: Option<f64>,
     /// Preset: desktop, laptop or headless.
     #[arg(long, value_name = "NAME", default_value = "desktop")]
     pub preset: String,
@@ -46,6 +50,13 @@ pub struct Settings {
     /// Where the picture goes when there is no display [default: the source's name with .png].
     #[arg(long, value_name = "FILE.png")]
     pub picture: Option<PathBuf>,
+}
+
+/// Milliseconds that the preset's field takes, too.
+fn frame_ms(text: &str) -> Result<f64, String> {
+    let most = 10_000.0;
+    let value = super::arguments::not_negative(text)?;
+    if value <= most { Ok(value) } else { Err(format!("expected milliseconds from 0 to {most}")) }
 }
 
 /// Opens the window, or renders.
@@ -110,6 +121,7 @@ fn window(path: &Path, settings: &Settings) -> CommandResult {
         render::Backend::Cpu => Backend::Cpu,
     });
     options.error_px = settings.error_px;
+    options.frame_ms = settings.frame_ms;
     options.mode = settings.mode.map(|mode| mode.name.to_owned());
     options.status = settings.status.clone();
     Ok(run_window(options)?)

@@ -74,6 +74,35 @@ fn colors_are_the_cpus() {
     }
 }
 
+#[test]
+fn page_files_are_drawn_where_buffers_are_small() {
+    let built = built(&demo(), VqBits::Eight);
+    let view = view_from(&built.dataset, DVec3::new(-0.7, 0.2, 0.4), 1.5, 160, 120);
+    let metadata = built.file.metadata();
+    let depiction = Depiction::of_pages(modes::MODES[0], Settings::default(), None, metadata).unwrap();
+    let nodes = Scene::new(Arc::clone(&built.file), u64::MAX).converge_blocking(&view, 0.8).unwrap().nodes;
+    let decoded = cpu::decode(&depiction, metadata, &nodes);
+    let cpu = cpu::draw_nodes(&view, &depiction, metadata, &decoded, Method::Pyramid).unwrap();
+    let limit = 1 << 19;
+    let bytes: u64 = nodes.iter().map(particle_bytes).sum();
+    assert!(bytes > 3 * limit, "{bytes} bytes of particles fit few buffers");
+    for backend in BACKENDS {
+        let mut request = request_nodes(&view, &depiction, metadata, &nodes, &Plan::default(), backend);
+        let limits =
+            wgpu::Limits { max_storage_buffer_binding_size: limit, max_buffer_size: limit, ..wgpu::Limits::default() };
+        request.device.constrained_limits = Some(limits);
+        let gpu = render_headless(request).unwrap();
+        let (l1, l2) = relative_error(&gpu.accumulation.p, &cpu.p);
+        assert!(l1 < 1e-3 && l2 < 1e-3, "{}: L1 {l1}, L2 {l2}", backend.name());
+    }
+}
+
+/// Bytes of a node's particles on the adapter: positions of eight bytes in leaves, of four elsewhere, and codes of two.
+fn particle_bytes(drawn: &SceneNode) -> u64 {
+    let node = &drawn.page.nodes[drawn.node.node as usize];
+    u64::from(node.particles) * if node.is_leaf() { 10 } else { 6 }
+}
+
 /// A page file in a view, drawn with plans.
 struct Shot {
     built: Built,
