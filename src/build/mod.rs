@@ -286,8 +286,10 @@ impl<'a> Build<'a> {
             progress.say(&format!("{family}: up to {size} MiB of temporary files in {}", memory.folder.display()));
         }
         let particles = Spill::new(out, &memory.folder, memory.particles);
-        let (mut partition, mut histograms) = Partition::of(stream, &survey.ranges, &plan, root, particles, progress)?;
-        if let Some(k) = stream.neighbours().filter(|_| survey.is_lacking()) {
+        let neighbours = stream.neighbours().filter(|_| survey.is_lacking());
+        let (mut partition, mut histograms) =
+            Partition::of(stream, &survey.ranges, &plan, root, neighbours.is_some(), particles, progress)?;
+        if let Some(k) = neighbours {
             let lacking = survey.ranges[1].missing;
             if lacking > 0 && lacking < survey.count {
                 let family = stream.family();

@@ -38,7 +38,7 @@ pub(super) fn particle_bytes(attributes: usize) -> u64 {
 }
 
 impl Partition {
-    /// Reads the whole family.
+    /// Reads the whole family; `extents` says whether [`Partition::extent`] will be asked for.
     ///
     /// # Errors
     /// When it cannot be read, or its particles not be put away.
@@ -47,6 +47,7 @@ impl Partition {
         ranges: &[Range],
         plan: &Plan,
         root: RootCell,
+        extents: bool,
         spill: Spill,
         progress: &dyn Progress,
     ) -> Result<(Partition, Vec<Histogram>), BuildError> {
@@ -57,7 +58,7 @@ impl Partition {
         let bins: Vec<HistogramBins> = ranges.iter().map(HistogramBins::of).collect();
         let counts = (0..stream.chunks())
             .into_par_iter()
-            .map_init(Chunk::default, |chunk, number| {
+            .map_init(Default::default, |(chunk, scratch): &mut (Chunk, Scratch), number| {
                 stream.read(number, chunk)?;
                 for (values, range) in chunk.attributes.iter_mut().zip(&ranges[3..]) {
                     missing_replaced(values, range.mean() as f32);
@@ -66,7 +67,8 @@ impl Partition {
                 let columns: Vec<&Vec<f32>> = quantities.into_iter().chain(&chunk.attributes).collect();
                 let counts: Vec<Vec<u64>> =
                     columns.iter().zip(&bins).map(|(column, bins)| bins.count(column)).collect();
-                distribute(chunk, &columns, plan, root, &buckets, &spill)?;
+                let to = Buckets { plan, root, extents, buckets: &buckets, spill: &spill };
+                to.distribute(&chunk.positions, &columns, scratch)?;
                 progress.advance(chunk.positions.len() as u64);
                 Ok(counts)
             })
@@ -151,44 +153,87 @@ impl Partition {
     }
 }
 
-/// Sends the particles of a chunk to their buckets.
-fn distribute(
-    chunk: &Chunk,
-    columns: &[&Vec<f32>],
-    plan: &Plan,
+/// Memory for distributing chunks.
+#[derive(Default)]
+struct Scratch {
+    places: Vec<Place>,
+    /// Bucket of each particle.
+    buckets: Vec<u32>,
+    /// Where each bucket's particles end in `order`.
+    ends: Vec<u32>,
+    /// Particles by bucket.
+    order: Vec<u32>,
+}
+
+/// Where particles go.
+struct Buckets<'a> {
+    plan: &'a Plan,
     root: RootCell,
-    buckets: &[Mutex<Bucket>],
-    spill: &Spill,
-) -> Result<(), BuildError> {
-    let places: Vec<Place> = chunk.positions.iter().map(|&position| Place::of(position, root)).collect();
-    let mut order: Vec<(u32, u32)> =
-        places.iter().zip(0..).map(|(place, i)| (plan.bucket(place.key) as u32, i)).collect();
-    order.sort_unstable();
-    for run in order.chunk_by(|a, b| a.0 == b.0) {
-        let mut bucket = buckets[run[0].0 as usize].lock().unwrap_or_else(|poisoned| poisoned.into_inner());
-        let mut rest = run;
-        while !rest.is_empty() {
-            let (now, after) = rest.split_at(rest.len().min(RUN - bucket.places.len()));
-            for place in now.iter().map(|&(_, i)| places[i as usize]) {
-                let at = place.unit();
-                let (low, high) = bucket.extent.get_or_insert((at, at));
-                low.iter_mut().zip(at).for_each(|(low, x)| *low = low.min(x));
-                high.iter_mut().zip(at).for_each(|(high, x)| *high = high.max(x));
-                bucket.places.push(place);
+    extents: bool,
+    buckets: &'a [Mutex<Bucket>],
+    spill: &'a Spill,
+}
+
+impl Buckets<'_> {
+    /// Sends the particles of a chunk to their buckets.
+    fn distribute(
+        &self,
+        positions: &[[f64; 3]],
+        columns: &[&Vec<f32>],
+        scratch: &mut Scratch,
+    ) -> Result<(), BuildError> {
+        let Scratch { places, buckets, ends, order } = scratch;
+        places.clear();
+        places.extend(positions.iter().map(|&position| Place::of(position, self.root)));
+        buckets.clear();
+        buckets.extend(places.iter().map(|place| self.plan.bucket(place.key) as u32));
+        ends.clear();
+        ends.resize(self.buckets.len(), 0);
+        buckets.iter().for_each(|&bucket| ends[bucket as usize] += 1);
+        let mut end = 0;
+        for count in &mut *ends {
+            end += std::mem::replace(count, end);
+        }
+        order.resize(places.len(), 0);
+        for (&bucket, i) in buckets.iter().zip(0..) {
+            let end = &mut ends[bucket as usize];
+            order[*end as usize] = i;
+            *end += 1;
+        }
+        let mut start = 0;
+        for (bucket, &end) in self.buckets.iter().zip(&*ends).filter(|(_, end)| **end > 0) {
+            let mut rest = &order[start as usize..end as usize];
+            start = end;
+            if rest.is_empty() {
+                continue;
             }
-            for (own, column) in bucket.columns.iter_mut().zip(columns) {
-                own.extend(now.iter().map(|&(_, i)| column[i as usize]));
-            }
-            rest = after;
-            if bucket.places.len() == RUN {
-                bucket.put_away(spill)?;
+            let mut bucket = bucket.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+            while !rest.is_empty() {
+                let (now, after) = rest.split_at(rest.len().min(RUN - bucket.places.len()));
+                bucket.places.extend(now.iter().map(|&i| places[i as usize]));
+                for (own, column) in bucket.columns.iter_mut().zip(columns) {
+                    own.extend(now.iter().map(|&i| column[i as usize]));
+                }
+                if self.extents {
+                    now.iter().for_each(|&i| bucket.reach(places[i as usize].unit()));
+                }
+                rest = after;
+                if bucket.places.len() == RUN {
+                    bucket.put_away(self.spill)?;
+                }
             }
         }
+        Ok(())
     }
-    Ok(())
 }
 
 impl Bucket {
+    fn reach(&mut self, at: [f64; 3]) {
+        let (low, high) = self.extent.get_or_insert((at, at));
+        low.iter_mut().zip(at).for_each(|(low, x)| *low = low.min(x));
+        high.iter_mut().zip(at).for_each(|(high, x)| *high = high.max(x));
+    }
+
     fn put_away(&mut self, spill: &Spill) -> Result<(), BuildError> {
         let keys: Vec<u64> = self.places.iter().map(|place| place.key).collect();
         let rests: Vec<u64> = self.places.iter().map(|place| place.rest).collect();

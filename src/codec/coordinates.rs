@@ -27,6 +27,7 @@ const GRID_MASK: u32 = (1 << GRID_BITS) - 1;
 const LEAF_MASK: u64 = (1 << LEAF_BITS) - 1;
 
 /// Packs bin numbers (each below `2^10`) and the point flag into a grid word.
+#[inline]
 pub fn pack_grid([x, y, z]: [u32; 3], point: bool) -> u32 {
     (x & GRID_MASK)
         | (y & GRID_MASK) << GRID_BITS
@@ -41,6 +42,7 @@ pub fn unpack_grid(word: u32) -> [f32; 3] {
 }
 
 /// Packs bin numbers (each below `2^21`) and the point flag into a leaf word.
+#[inline]
 pub fn pack_leaf([x, y, z]: [u32; 3], point: bool) -> u64 {
     (u64::from(x) & LEAF_MASK)
         | (u64::from(y) & LEAF_MASK) << LEAF_BITS
@@ -49,12 +51,14 @@ pub fn pack_leaf([x, y, z]: [u32; 3], point: bool) -> u64 {
 }
 
 /// Position of a leaf word in its cell, each coordinate in `(0, 1)`.
+#[inline]
 pub fn unpack_leaf(word: u64) -> [f32; 3] {
     const STEP: f32 = 1.0 / (1 << LEAF_BITS) as f32;
     [0, LEAF_BITS, 2 * LEAF_BITS].map(|shift| ((word >> shift & LEAF_MASK) as f32 + 0.5) * STEP)
 }
 
 /// The bin, of `2^bits`, that holds `fraction` of a cell's edge; what lies outside `[0, 1)` goes to the nearest bin.
+#[inline]
 pub fn bin(fraction: f64, bits: u32) -> u32 {
     let bins = 1_u32 << bits;
     // `as` saturates: negative and NaN become 0.

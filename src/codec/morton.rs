@@ -4,15 +4,18 @@
 pub const MORTON_BITS: u32 = 21;
 
 /// The key of a cell.
+#[inline]
 pub fn encode([x, y, z]: [u32; 3]) -> u64 {
     spread(x) | spread(y) << 1 | spread(z) << 2
 }
 
 /// The cell of a key.
+#[inline]
 pub fn decode(key: u64) -> [u32; 3] {
     [compact(key) as u32, compact(key >> 1) as u32, compact(key >> 2) as u32]
 }
 
+#[inline(always)]
 fn spread(v: u32) -> u64 {
     let mut v = u64::from(v) & 0x1f_ffff;
     v = (v | v << 32) & 0x001f_0000_0000_ffff;

@@ -18,7 +18,7 @@ pub(super) struct Plane<const L: usize> {
 
 impl<const L: usize> Plane<L> {
     /// Signed distance of `vector` to the plane.
-    #[inline]
+    #[inline(always)]
     pub fn side(&self, vector: &[f32; L]) -> f32 {
         let mut products = [0.0; L];
         for i in 0..L {
@@ -29,7 +29,7 @@ impl<const L: usize> Plane<L> {
 }
 
 /// Sum of the coordinates, pairwise: the halves are added as vectors.
-#[inline]
+#[inline(always)]
 pub(super) fn sum<const L: usize>(v: &[f32; L]) -> f32 {
     let mut v = *v;
     let mut len = L;

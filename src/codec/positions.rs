@@ -95,6 +95,7 @@ fn compact10(v: u32) -> u32 {
 }
 
 /// The Morton key of a grid word inside its node.
+#[inline]
 pub fn grid_key(word: u32) -> u64 {
     word.key()
 }
@@ -105,6 +106,7 @@ pub fn leaf_key(word: u64) -> u64 {
 }
 
 /// A leaf word rounded to the centre of its cell `levels` (at most 20) levels up; keeps the point flag.
+#[inline]
 pub fn coarsen_leaf(word: u64, levels: u32) -> u64 {
     if levels == 0 {
         return word;

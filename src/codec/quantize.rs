@@ -11,6 +11,8 @@ use std::ops::Range;
 pub const MAX_ATTRIBUTES: usize = 5;
 /// Sums are taken over this many parts of the data, whatever the number of threads.
 const PARTS: usize = 16;
+/// Particles whose vectors are made together.
+const RUN: usize = 256;
 
 /// Quantities of a run of particles. All slices have the same length.
 #[derive(Clone, Debug)]
@@ -133,8 +135,28 @@ pub struct Scaling {
 impl Scaling {
     /// The mean coordinate of densities.
     pub fn mean_density(&self, densities: &[f32]) -> f32 {
-        let sum: f64 = densities.iter().map(|density| f64::from(self.quantities[1].map(*density))).sum();
+        let mut mapped = [0.0; RUN];
+        let mut sum = 0.0;
+        for densities in densities.chunks(RUN) {
+            self.quantities[1].map_all(densities, &mut mapped);
+            sum = mapped[..densities.len()].iter().fold(sum, |sum, &v| sum + f64::from(v));
+        }
         (sum / densities.len().max(1) as f64) as f32
+    }
+
+    /// The vectors of a run of at most [`RUN`] particles.
+    fn vectors<const L: usize>(&self, from: &Quantities, run: Range<usize>, out: &mut [[f32; L]; RUN]) {
+        let mut mapped = [0.0; RUN];
+        let mut put = |axis: usize, scaling: &ColumnScaling, column: &[f32]| {
+            scaling.map_all(&column[run.clone()], &mut mapped);
+            out.iter_mut().zip(&mapped).take(run.len()).for_each(|(vector, &v)| vector[axis] = v);
+        };
+        put(0, &self.quantities[0], from.mass);
+        put(1, &self.quantities[1], from.density);
+        put(2, &self.quantities[2], from.smoothing_length);
+        for (axis, ((scaling, _), column)) in (3..L).zip(self.attributes.iter().zip(&from.attributes)) {
+            put(axis, scaling, column);
+        }
     }
 
     fn vector<const L: usize>(&self, from: &Quantities, i: usize) -> [f32; L] {
@@ -201,14 +223,19 @@ fn quantize_in<const L: usize, B: Batches>(
         .par_iter()
         .map(|part| {
             let mut sums = Sums::new(quantizer.len(), columns);
+            let (mut vectors, mut codes) = ([[0.0; L]; RUN], [0; RUN]);
             let code = |batch: usize| {
                 let codes = batches.with(batch, |batch| {
-                    let code = |i| {
-                        let code = quantizer.code(&scaling.vector(batch, i)) as usize;
-                        sums.add(code, batch, i, scaling);
-                        code as u16
-                    };
-                    (0..batch.len()).map(code).collect()
+                    let mut all = Vec::with_capacity(batch.len());
+                    for first in (0..batch.len()).step_by(RUN) {
+                        let run = first..batch.len().min(first + RUN);
+                        let codes = &mut codes[..run.len()];
+                        scaling.vectors(batch, run.clone(), &mut vectors);
+                        quantizer.codes(&vectors[..run.len()], codes);
+                        run.zip(&*codes).for_each(|(i, &code)| sums.add(code as usize, batch, i, scaling));
+                        all.extend(codes.iter().map(|&code| code as u16));
+                    }
+                    all
                 })?;
                 batches.keep(codes)
             };

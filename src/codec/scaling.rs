@@ -96,6 +96,16 @@ impl ColumnScaling {
             }
     }
 
+    /// The coordinates of a run of values.
+    pub fn map_all(&self, values: &[f32], out: &mut [f32]) {
+        // A loop for each mapping, so that each is one for SIMD lanes.
+        let out = out.iter_mut().zip(values);
+        match self.mapping {
+            Mapping::Log2 => out.for_each(|(out, &value)| *out = self.factor * fast_log2(value)),
+            Mapping::Linear | Mapping::Asinh { .. } => out.for_each(|(out, &value)| *out = self.map(value)),
+        }
+    }
+
     /// Error of decoding `value` as `decoded`, relative as [`ColumnScaling::error_scale`] says.
     #[inline]
     pub fn error(&self, value: f32, decoded: f32) -> f64 {

@@ -138,14 +138,23 @@ impl HistogramBins {
 
     /// Counts finite values.
     pub fn count(&self, values: &[f32]) -> Vec<u64> {
-        let mut counts = vec![0_u64; BINS];
-        values.iter().for_each(|&value| counts[self.bin(value)] += 1);
-        counts
+        // Columns have long runs of one value: with several counters of a bin, additions need not wait for each other.
+        let mut counts = [[0_u64; BINS]; 4];
+        for values in values.chunks(BINS) {
+            let mut bins = [0_u8; BINS];
+            bins.iter_mut().zip(values).for_each(|(bin, &value)| *bin = self.bin(value) as u8);
+            for (i, &bin) in bins[..values.len()].iter().enumerate() {
+                counts[i % 4][usize::from(bin) % BINS] += 1;
+            }
+        }
+        (0..BINS).map(|bin| counts.iter().map(|counts| counts[bin]).sum()).collect()
     }
 
+    #[inline(always)]
     fn bin(&self, value: f32) -> usize {
         let x = if self.logarithmic { f64::from(crate::codec::scaling::fast_log2(value)) } else { f64::from(value) };
-        (((x - self.start) * self.factor) as usize).min(BINS - 1)
+        // The cast saturates.
+        (((x - self.start) * self.factor) as i32).clamp(0, BINS as i32 - 1) as usize
     }
 
     /// The histogram, without the means that stand for `missing` values.

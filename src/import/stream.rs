@@ -5,6 +5,7 @@ use super::check::{CHUNK_LENGTH, Flaws, LeftOut, chunks};
 use super::load::{about_dataset, check_families, smoothing_field};
 use super::{DEFAULT_NEIGHBOURS, FamilyInfo, FieldKind, ImportError, LoadOptions, Smoothing, Source};
 use crate::model::{Chunk, Dataset, FamilyName, ParticleStream, Skipped, StreamError, Unit};
+use std::cell::RefCell;
 use std::ops::Range;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -130,13 +131,23 @@ impl SourceStream<'_> {
         field: usize,
         part: attributes::Part,
         range: &Range<u64>,
-        buffer: &mut Vec<f64>,
-    ) -> Result<Vec<f32>, ImportError> {
+        out: &mut Vec<f32>,
+    ) -> Result<(), ImportError> {
         let components = self.info.fields[field].components;
+        // Taken, not borrowed: reading may let other work run on this thread.
+        let mut buffer = BUFFER.take();
         buffer.resize((range.end - range.start) as usize * components, 0.0);
-        self.source.read(self.family, field, range.clone(), buffer)?;
-        Ok(buffer.chunks_exact(components).map(|values| part.of(values)).collect())
+        self.source.read(self.family, field, range.clone(), &mut buffer)?;
+        out.clear();
+        out.extend(buffer.chunks_exact(components).map(|values| part.of(values)));
+        BUFFER.set(buffer);
+        Ok(())
     }
+}
+
+thread_local! {
+    /// Values on their way from the source, one buffer per thread.
+    static BUFFER: RefCell<Vec<f64>> = const { RefCell::new(Vec::new()) };
 }
 
 impl ParticleStream for SourceStream<'_> {
@@ -164,24 +175,25 @@ impl ParticleStream for SourceStream<'_> {
         let start = (number * CHUNK_LENGTH) as u64;
         let range = start..self.info.count.min(start + CHUNK_LENGTH as u64);
         let len = (range.end - range.start) as usize;
-        let mut buffer = Vec::new();
+        into.positions.resize(len, [0.0; 3]);
+        self.source.read(self.family, self.position, range.clone(), into.positions.as_flattened_mut())?;
         let scalar = attributes::Part::Component(0);
-        let mut positions = vec![[0.0; 3]; len];
-        self.source.read(self.family, self.position, range.clone(), positions.as_flattened_mut())?;
-        let mut optional =
-            |field: Option<usize>| field.map(|field| self.column(field, scalar, &range, &mut buffer)).transpose();
-        let (mass, smoothing_length, density) =
-            (optional(self.mass)?, optional(self.smoothing_length)?, optional(self.density)?);
-        let has_smoothing_length = smoothing_length.is_some();
-        let attributes =
-            self.planned.iter().map(|planned| self.column(planned.field, planned.part, &range, &mut buffer));
-        *into = Chunk {
-            positions,
-            mass: mass.unwrap_or_else(|| vec![1.0; len]),
-            smoothing_length: smoothing_length.unwrap_or_else(|| vec![f32::NAN; len]),
-            density: density.unwrap_or_else(|| vec![f32::NAN; len]),
-            attributes: attributes.collect::<Result<_, _>>()?,
+        let optional = |field: Option<usize>, otherwise: f32, out: &mut Vec<f32>| match field {
+            Some(field) => self.column(field, scalar, &range, out),
+            None => {
+                out.clear();
+                out.resize(len, otherwise);
+                Ok(())
+            }
         };
+        optional(self.mass, 1.0, &mut into.mass)?;
+        optional(self.smoothing_length, f32::NAN, &mut into.smoothing_length)?;
+        optional(self.density, f32::NAN, &mut into.density)?;
+        let has_smoothing_length = self.smoothing_length.is_some();
+        into.attributes.resize_with(self.planned.len(), Vec::new);
+        for (planned, out) in self.planned.iter().zip(&mut into.attributes) {
+            self.column(planned.field, planned.part, &range, out)?;
+        }
         let flaws = |i: usize| {
             Flaws::of(into.positions[i], Some(into.mass[i]), has_smoothing_length.then(|| into.smoothing_length[i]))
         };

@@ -29,10 +29,12 @@ pub(super) struct Box3 {
 
 impl Box3 {
     /// A single place.
+    #[inline]
     pub fn of(unit: [f64; 3]) -> Box3 {
         Box3 { low: unit, high: unit }
     }
 
+    #[inline]
     pub fn union(self, other: Box3) -> Box3 {
         Box3 {
             low: std::array::from_fn(|axis| self.low[axis].min(other.low[axis])),
@@ -41,6 +43,7 @@ impl Box3 {
     }
 
     /// Squared distance of the farthest corner from `place`.
+    #[inline]
     pub fn reach_squared(&self, place: [f64; 3]) -> f64 {
         (0..3).map(|axis| (place[axis] - self.low[axis]).max(self.high[axis] - place[axis]).powi(2)).sum()
     }
@@ -121,6 +124,7 @@ impl<'a> View<'a> {
     }
 
     /// The box around the source particles of particle `i`.
+    #[inline]
     pub fn box_of(&self, i: usize) -> Box3 {
         self.boxes.map_or_else(|| Box3::of(self.units[i]), |boxes| boxes[i])
     }

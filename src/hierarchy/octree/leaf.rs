@@ -19,6 +19,8 @@ pub(super) fn leaf(context: &Context, sorted: &Sorted, key: NodeKey, range: Rang
     let columns = sorted.columns.slice(range.clone());
     let units = &sorted.units[range.clone()];
     let cells = f64::from(key.depth).exp2();
+    // A power of two has an exact reciprocal.
+    let step = 1.0 / cells;
     let quantum = key.size(context.root) / f64::from(1 << LEAF_BITS);
     let cell = [key.x, key.y, key.z].map(f64::from);
     let mut words = Vec::with_capacity(range.len());
@@ -32,7 +34,7 @@ pub(super) fn leaf(context: &Context, sorted: &Sorted, key: NodeKey, range: Rang
             let bins = std::array::from_fn(|axis| bin(unit[axis] * cells - cell[axis], LEAF_BITS));
             let word = coarsen_leaf(pack_leaf(bins, f64::from(h) <= quantum), levels);
             let fraction = unpack_leaf(word);
-            let decoded: [f64; 3] = std::array::from_fn(|axis| (cell[axis] + f64::from(fraction[axis])) / cells);
+            let decoded: [f64; 3] = std::array::from_fn(|axis| (cell[axis] + f64::from(fraction[axis])) * step);
             let distance: f64 = (0..3).map(|axis| (decoded[axis] - unit[axis]).powi(2)).sum();
             delta_squared = delta_squared.max(distance);
             bounds = bounds.with(decoded.into());

@@ -87,6 +87,7 @@ impl<'a> Merger<'a> {
         }
     }
 
+    #[inline]
     fn push_single(&self, from: &View, i: usize, q: f64, out: &mut Block) {
         let columns = &mut out.columns;
         columns.mass.push(from.mass[i]);
@@ -132,16 +133,19 @@ impl<'a> Merger<'a> {
     }
 
     /// Stores a position and its packed form, in the cell of `key`: rounding must not move a centroid to the next one.
+    #[inline]
     fn push_position(&self, key: u64, unit: [f64; 3], around: Box3, point: bool, out: &mut Block) {
         let depth = u32::from(self.key.depth);
         let bins = f64::from(1_u32 << (depth + GRID_BITS));
+        // A power of two has an exact reciprocal.
+        let step = 1.0 / bins;
         let cell = morton::decode(key >> (3 * (MORTON_BITS - CELL_BITS - depth)));
         let mut bin = [0_u32; 3];
         let mut center = [0.0; 3];
         for axis in 0..3 {
             let first = cell[axis] << (GRID_BITS - CELL_BITS);
             bin[axis] = ((unit[axis] * bins) as u32).clamp(first, first + (1 << (GRID_BITS - CELL_BITS)) - 1);
-            center[axis] = (f64::from(bin[axis]) + 0.5) / bins;
+            center[axis] = (f64::from(bin[axis]) + 0.5) * step;
         }
         out.keys.push(key);
         out.units.push(unit);

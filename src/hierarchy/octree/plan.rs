@@ -19,9 +19,14 @@ const END: u64 = 1 << (3 * MORTON_BITS);
 pub struct Plan {
     /// First key of each unit (a cell that is not cut), in order; the first is 0.
     units: Vec<u64>,
-    /// Index of each bucket's first unit.
-    buckets: Vec<usize>,
+    /// First key of each bucket, in order.
+    starts: Vec<u64>,
+    /// The bucket of the first key with each value of the highest [`TABLE_BITS`] bits, and the last bucket.
+    table: Vec<u32>,
 }
+
+/// Bits of a key that are looked up to find its bucket.
+const TABLE_BITS: u32 = 15;
 
 impl Plan {
     /// Cuts cells until none holds more than `most` particles, each key of the sorted `sample` standing for `weight` of them,
@@ -30,42 +35,47 @@ impl Plan {
         let most = ((most.max(1) as f64 / weight.max(1.0)) as usize).max(1);
         let mut cut = Cut { sample, most, units: Vec::new() };
         cut.cell(0, 0, 0..sample.len());
-        let mut plan = Plan { units: Vec::with_capacity(cut.units.len()), buckets: Vec::new() };
+        let mut plan = Plan { units: Vec::with_capacity(cut.units.len()), starts: Vec::new(), table: Vec::new() };
         let (mut held, mut group) = (0, None);
         for (number, unit) in cut.units.iter().enumerate() {
             // Units below depth 8 share a bucket only with others of their cell of that depth.
             let shift = 3 * (MORTON_BITS - CELL_BITS);
             let own = (u32::from(unit.depth) > CELL_BITS).then_some(unit.start >> shift);
             if number == 0 || own != group || held + unit.particles > most {
-                plan.buckets.push(number);
+                plan.starts.push(unit.start);
                 held = 0;
             }
             group = own;
             held += unit.particles;
             plan.units.push(unit.start);
         }
+        let keys = (0..1_u64 << TABLE_BITS).map(|top| top << (3 * MORTON_BITS - TABLE_BITS));
+        plan.table = keys.map(|key| plan.starts.partition_point(|&start| start <= key) as u32 - 1).collect();
+        plan.table.push(plan.starts.len() as u32 - 1);
         plan
     }
 
     /// Number of buckets, at least 1.
     pub fn len(&self) -> usize {
-        self.buckets.len()
+        self.starts.len()
     }
 
     /// Never true.
     pub fn is_empty(&self) -> bool {
-        self.buckets.is_empty()
+        self.starts.is_empty()
     }
 
     /// The bucket of a key.
+    #[inline]
     pub fn bucket(&self, key: u64) -> usize {
-        let unit = self.units.partition_point(|&start| start <= key) - 1;
-        self.buckets.partition_point(|&first| first <= unit) - 1
+        let top = (key >> (3 * MORTON_BITS - TABLE_BITS)) as usize;
+        let (first, last) = (self.table[top] as usize, self.table[top + 1] as usize);
+        if first == last { first } else { first + self.starts[first + 1..=last].partition_point(|&start| start <= key) }
     }
 
     /// The keys of a bucket.
     pub(super) fn keys(&self, bucket: usize) -> Range<u64> {
-        let start = |bucket: usize| self.buckets.get(bucket).map_or(END, |&unit| self.units[unit]);
+        let start = |bucket: usize| self.starts.get(bucket).copied().unwrap_or(END);
         start(bucket)..start(bucket + 1)
     }
 

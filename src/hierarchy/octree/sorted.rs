@@ -19,10 +19,12 @@ pub struct Place {
 
 impl Place {
     /// The place of a position; one outside the root cell goes to the nearest place in it.
+    #[inline]
     pub fn of(position: [f64; 3], root: RootCell) -> Place {
         let unit = (DVec3::from_array(position) - root.min) / root.size;
         // The saturating cast takes care of what rounding puts outside.
-        let fixed = unit.to_array().map(|x| ((x * (1_u64 << PLACE_BITS) as f64) as u64).min((1 << PLACE_BITS) - 1));
+        let fixed =
+            unit.to_array().map(|x| ((x * (1_u64 << PLACE_BITS) as f64) as i64).clamp(0, (1 << PLACE_BITS) - 1));
         Place {
             key: morton::encode(fixed.map(|v| (v >> MORTON_BITS) as u32)),
             rest: morton::encode(fixed.map(|v| (v & ((1 << MORTON_BITS) - 1)) as u32)),
@@ -30,11 +32,12 @@ impl Place {
     }
 
     /// The position as fractions of the root cell, each in `(0, 1)`; exact in doubles.
+    #[inline]
     pub fn unit(self) -> [f64; 3] {
         let (high, low) = (morton::decode(self.key), morton::decode(self.rest));
         std::array::from_fn(|axis| {
             let fixed = u64::from(high[axis]) << MORTON_BITS | u64::from(low[axis]);
-            (fixed as f64 + 0.5) / (1_u64 << PLACE_BITS) as f64
+            (fixed as i64 as f64 + 0.5) * (1.0 / (1_u64 << PLACE_BITS) as f64)
         })
     }
 }
@@ -120,17 +123,52 @@ pub(super) struct Sorted {
 impl Sorted {
     /// Sorts particles by place, those of one place by their quantities: the order in which they came does not matter.
     pub fn new(places: Vec<Place>, columns: Columns) -> Sorted {
-        let mut order: Vec<(Place, u32)> = places.into_iter().zip(0..).collect();
         let tie = |a: u32, b: u32| {
             let differ = |column: &Vec<f32>| column[a as usize].total_cmp(&column[b as usize]);
             columns.iter().map(differ).find(|order| order.is_ne()).unwrap_or(std::cmp::Ordering::Equal)
         };
-        order.sort_unstable_by(|a, b| a.0.cmp(&b.0).then_with(|| tie(a.1, b.1)));
-        let keys = order.iter().map(|(place, _)| place.key).collect();
-        let units = order.iter().map(|(place, _)| place.unit()).collect();
-        let order: Vec<u32> = order.into_iter().map(|(_, i)| i).collect();
+        let order = order_of(&places, tie);
+        let keys = order.iter().map(|&i| places[i as usize].key).collect();
+        let units = order.iter().map(|&i| places[i as usize].unit()).collect();
+        drop(places);
         Sorted { keys, units, columns: columns.gather(&order) }
     }
+}
+
+/// Bits by which places are sorted at a time.
+const DIGIT: u32 = 8;
+/// Bits that are sorted digit by digit; the few places that agree in them are compared.
+const DIGITS: u32 = 32;
+
+/// The order of places; `tie` orders those of one place by index.
+fn order_of(places: &[Place], tie: impl Fn(u32, u32) -> std::cmp::Ordering) -> Vec<u32> {
+    let (all, any) = places.iter().fold((u64::MAX, 0), |(all, any), place| (all & place.key, any | place.key));
+    // The highest bits in which keys differ, as far as they fit beside an index.
+    let shift = (u64::BITS - (all ^ any).leading_zeros()).saturating_sub(DIGITS);
+    let low = (1_u64 << DIGITS) - 1;
+    let mut order: Vec<u64> =
+        places.iter().zip(0..).map(|(place, i)| (place.key >> shift & low) << DIGITS | i).collect();
+    let mut sorted = vec![0; order.len()];
+    for digit in 0..DIGITS / DIGIT {
+        let digit_of = |entry: u64| (entry >> (DIGITS + DIGIT * digit)) as usize & ((1 << DIGIT) - 1);
+        let mut starts = [0_usize; 1 << DIGIT];
+        order.iter().for_each(|&entry| starts[digit_of(entry)] += 1);
+        let mut end = 0;
+        for start in &mut starts {
+            end += std::mem::replace(start, end);
+        }
+        for &entry in &order {
+            let start = &mut starts[digit_of(entry)];
+            sorted[*start] = entry;
+            *start += 1;
+        }
+        std::mem::swap(&mut order, &mut sorted);
+    }
+    for run in order.chunk_by_mut(|a, b| a >> DIGITS == b >> DIGITS).filter(|run| run.len() > 1) {
+        let place = |entry: u64| places[(entry & low) as usize];
+        run.sort_unstable_by(|&a, &b| place(a).cmp(&place(b)).then_with(|| tie(a as u32, b as u32)));
+    }
+    order.into_iter().map(|entry| entry as u32).collect()
 }
 
 #[cfg(test)]
@@ -139,6 +177,17 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
+        #[test]
+        fn places_are_sorted_like_pairs(
+            pairs in prop::collection::vec((prop_oneof![0..1_u64 << 63, 7 << 40..(7_u64 << 40) + 300], 0..1_u64 << 63), 1..300),
+        ) {
+            let places: Vec<Place> = pairs.iter().map(|&(key, rest)| Place { key, rest }).collect();
+            let mut expected: Vec<(Place, u32)> = places.iter().copied().zip(0..).collect();
+            expected.sort_unstable();
+            let order = order_of(&places, |a, b| a.cmp(&b));
+            prop_assert_eq!(order, expected.into_iter().map(|(_, i)| i).collect::<Vec<_>>());
+        }
+
         #[test]
         fn places_are_near_and_in_morton_order(a in prop::array::uniform3(-5.0..5.0_f64), b in prop::array::uniform3(-5.0..5.0_f64)) {
             let root = RootCell { min: DVec3::splat(-5.0), size: 10.0 };
