@@ -218,10 +218,11 @@ fn estimates_do_not_depend_on_buckets() {
         let built = build_source(&source, &load_options, &options, &out, &()).unwrap();
         verify(&out, &()).unwrap();
         let bytes = std::fs::read(&out).unwrap();
-        for threads in [1, 3] {
-            let options = BuildOptions { threads: Some(threads), ..options.clone() };
+        // One block, several, and one for each bucket.
+        for (threads, memory) in [(1, 1 << 30), (3, 12 << 20), (1, 5 << 20), (3, 2 << 20)] {
+            let options = BuildOptions { threads: Some(threads), memory: Some(memory), ..options.clone() };
             build_source(&source, &load_options, &options, &out, &()).unwrap();
-            assert!(std::fs::read(&out).unwrap() == bytes, "{threads} threads");
+            assert!(std::fs::read(&out).unwrap() == bytes, "{threads} threads, {memory} bytes of memory");
         }
         let [_, density, smoothing_length] = &built.metadata.families[0].quantities;
         for (info, values) in

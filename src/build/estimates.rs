@@ -2,12 +2,13 @@
 //!
 //! The neighbours of a bucket's particles may lie in other buckets. A block of buckets is searched together with what lies around it
 //! in others; where the distance to a particle's k-th neighbour turns out to reach beyond that, everything inside that distance is
-//! gathered and the particle searched for again. So the result is that of a search among all particles.
+//! gathered and the particle searched for again. So the result is that of a search among all particles, to the last bit: the more memory
+//! there is, the larger are the blocks.
 
 use super::BuildError;
 use super::partition::Partition;
 use crate::hierarchy::attribute_info::{HistogramBins, Range};
-use crate::hierarchy::octree::Place;
+use crate::hierarchy::octree::{Columns, Place};
 use crate::hierarchy::{Histogram, RootCell};
 use crate::import::neighbours::Neighbours;
 use crate::model::Bounds;
@@ -15,8 +16,6 @@ use crate::model::progress::Progress;
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// Particles of a block, about.
-const BLOCK: usize = 1 << 20;
 /// How far around a block is looked at first, in distances to the k-th neighbour if the block were filled evenly.
 const MARGIN: f64 = 2.5;
 /// Cells along each axis of the grid that says where the balls of some particles reach.
@@ -41,7 +40,8 @@ struct Particles {
     mass: Vec<f32>,
 }
 
-/// Fills in the densities and smoothing lengths of a partition that are not positive, from `k` neighbours.
+/// Fills in the densities and smoothing lengths of a partition that are not positive, from `k` neighbours, for buckets of about
+/// `block` particles at a time; what is found does not depend on that number.
 ///
 /// # Errors
 /// When particles cannot be read back, or what was found not be put away.
@@ -49,7 +49,7 @@ pub(super) fn estimate(
     partition: &mut Partition,
     k: usize,
     root: RootCell,
-    block: Option<usize>,
+    block: usize,
     progress: &dyn Progress,
 ) -> Result<Estimated, BuildError> {
     let lens: Vec<usize> = (0..partition.buckets()).map(|bucket| partition.len(bucket)).collect();
@@ -60,16 +60,16 @@ pub(super) fn estimate(
     while first < lens.len() {
         let mut held = lens[first];
         let mut end = first + 1;
-        while end < lens.len() && held + lens[end] <= block.unwrap_or(BLOCK) {
+        while end < lens.len() && held + lens[end] <= block {
             held += lens[end];
             end += 1;
         }
-        let found = of_block(partition, first..end, k, root, progress)?;
-        for (column, values) in found.sorted.iter().enumerate() {
-            ranges[column] = ranges[column].with(Range::of(values));
-            samples[column].extend(values.iter().step_by(values.len().div_ceil(SAMPLE * (end - first)).max(1)));
-        }
-        for (bucket, [density, smoothing_length]) in (first..end).zip(found.buckets) {
+        for (bucket, found) in (first..end).zip(of_block(partition, first..end, k, root, progress)?) {
+            for (column, values) in found.sorted.iter().enumerate() {
+                ranges[column] = ranges[column].with(Range::of(values));
+                samples[column].extend(values.iter().step_by(values.len().div_ceil(SAMPLE).max(1)));
+            }
+            let [density, smoothing_length] = found.read;
             partition.put_estimates(bucket, &density, &smoothing_length)?;
         }
         first = end;
@@ -91,12 +91,12 @@ pub(super) fn estimate(
     Ok(Estimated { ranges, histograms, samples })
 }
 
-/// Densities and smoothing lengths of the particles of some buckets.
+/// Densities and smoothing lengths of the particles of a bucket.
 struct Found {
     /// In an order that depends on the particles alone, for sums and samples.
     sorted: [Vec<f32>; 2],
-    /// Of each bucket, in the order in which its particles are read.
-    buckets: Vec<[Vec<f32>; 2]>,
+    /// In the order in which they are read.
+    read: [Vec<f32>; 2],
 }
 
 /// Finds densities and smoothing lengths of the particles of some buckets.
@@ -106,32 +106,29 @@ fn of_block(
     k: usize,
     root: RootCell,
     progress: &dyn Progress,
-) -> Result<Found, BuildError> {
-    let mut own: Vec<(Place, f32, f32, f32, u32)> = Vec::new();
-    let mut lens = Vec::with_capacity(buckets.len());
-    for bucket in buckets.clone() {
-        let (places, columns) = partition.read(bucket)?;
-        lens.push(places.len());
-        let rows = places.iter().zip(&columns.mass).zip(&columns.density).zip(&columns.smoothing_length);
-        let start = own.len() as u32;
-        own.extend(rows.zip(start..).map(|((((&place, &mass), &rho), &h), i)| (place, mass, rho, h, i)));
-    }
-    // In an order that does not depend on that of reading, to the last bit of a sum.
-    own.par_sort_unstable_by(|a, b| {
-        a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)).then(a.2.total_cmp(&b.2)).then(a.3.total_cmp(&b.3))
-    });
+) -> Result<Vec<Found>, BuildError> {
+    let parts: Vec<(Vec<u32>, Vec<[f64; 3]>, Columns)> = buckets
+        .clone()
+        .into_par_iter()
+        .map(|bucket| {
+            let (places, columns) = partition.read(bucket)?;
+            let order = columns.order(&places);
+            let positions = order.iter().map(|&i| position(places[i as usize], root)).collect();
+            let columns = columns.gather(&order);
+            Ok((order, positions, columns))
+        })
+        .collect::<Result<_, BuildError>>()?;
     let is_usable = |value: f32| value > 0.0 && value.is_finite();
-    let search = Search {
-        partition,
-        buckets,
-        root,
-        own: Particles {
-            positions: own.iter().map(|(place, ..)| position(*place, root)).collect(),
-            mass: own.iter().map(|&(_, mass, ..)| mass).collect(),
-        },
-    };
-    let mut density: Vec<f32> = own.iter().map(|&(_, _, rho, ..)| rho).collect();
-    let mut smoothing_length: Vec<f32> = own.iter().map(|&(_, _, _, h, _)| h).collect();
+    let mut own = Particles::default();
+    let (mut orders, mut density, mut smoothing_length) = (Vec::new(), Vec::new(), Vec::new());
+    for (order, positions, columns) in parts {
+        own.positions.extend(positions);
+        own.mass.extend(columns.mass);
+        density.extend(columns.density);
+        smoothing_length.extend(columns.smoothing_length);
+        orders.push(order);
+    }
+    let search = Search { partition, buckets, root, own };
     let wanted: Vec<bool> = smoothing_length.iter().map(|&h| !is_usable(h)).collect();
     if wanted.contains(&true) {
         search.nearest(k, &wanted, &mut smoothing_length, &mut density)?;
@@ -140,18 +137,20 @@ fn of_block(
     if wanted.contains(&true) {
         search.density(&wanted, &smoothing_length, &mut density)?;
     }
-    progress.advance(own.len() as u64);
-    let mut columns = [vec![0.0; own.len()], vec![0.0; own.len()]];
-    for ((&(.., i), &rho), &h) in own.iter().zip(&density).zip(&smoothing_length) {
-        columns[0][i as usize] = rho;
-        columns[1][i as usize] = h;
-    }
+    progress.advance(density.len() as u64);
     let mut at = 0;
-    let of_bucket = |len: usize| {
-        at += len;
-        columns.each_ref().map(|column| column[at - len..at].to_vec())
+    let of_bucket = |order: Vec<u32>| {
+        let run = at..at + order.len();
+        at = run.end;
+        let sorted = [density[run.clone()].to_vec(), smoothing_length[run].to_vec()];
+        let read = sorted.each_ref().map(|sorted| {
+            let mut read = vec![0.0; order.len()];
+            order.iter().zip(sorted).for_each(|(&i, &value)| read[i as usize] = value);
+            read
+        });
+        Found { sorted, read }
     };
-    Ok(Found { buckets: lens.into_iter().map(of_bucket).collect(), sorted: [density, smoothing_length] })
+    Ok(orders.into_iter().map(of_bucket).collect())
 }
 
 /// A place in world units from the root cell's corner: the same number whichever block it is read for.
@@ -178,17 +177,21 @@ impl Search<'_> {
         let around = self.others(|place| covered.contains(place.into()), covered)?;
         let everything = count + around.positions.len() == self.partition.particles();
         let mut left: Vec<bool> = wanted.to_vec();
-        let mut radii = vec![0.0; count];
-        self.search(k, around, wanted, |i, h, rho| {
+        let mut radii = vec![0.0; if everything { 0 } else { count }];
+        search(k, &self.own, around, wanted, |i, h, rho| {
+            if everything {
+                (lengths[i], density[i]) = (positive(h), stated(density[i], rho));
+                return;
+            }
             let at = DVec3::from_array(self.own.positions[i]);
             let inside = (at - covered.min).min_element().min((covered.max - at).min_element());
             radii[i] = h;
-            if everything || h <= inside {
+            if h <= inside {
                 left[i] = false;
                 (lengths[i], density[i]) = (positive(h), stated(density[i], rho));
             }
         });
-        if !left.contains(&true) {
+        if everything || !left.contains(&true) {
             return Ok(());
         }
         // The true distance is at most what was found, unless there were too few particles to find that many.
@@ -196,10 +199,17 @@ impl Search<'_> {
         let reach = Reach::of(
             self.own.positions.iter().zip(&radii).zip(&left).filter(|(_, left)| **left).map(|(ball, _)| ball),
         );
-        let around = self
-            .others(|place| !enough || reach.contains(place), if enough { reach.bounds } else { Bounds::EVERYTHING })?;
-        let wanted = left.clone();
-        self.search(k, around, &wanted, |i, h, rho| {
+        let is_near = |place: [f64; 3]| !enough || reach.contains(place);
+        let around = self.others(is_near, if enough { reach.bounds } else { Bounds::EVERYTHING })?;
+        // Only what the balls of those that are left reach is searched.
+        let near: Vec<usize> = (0..count).filter(|&i| left[i] || is_near(self.own.positions[i])).collect();
+        let own = Particles {
+            positions: near.iter().map(|&i| self.own.positions[i]).collect(),
+            mass: near.iter().map(|&i| self.own.mass[i]).collect(),
+        };
+        let wanted: Vec<bool> = near.iter().map(|&i| left[i]).collect();
+        search(k, &own, around, &wanted, |i, h, rho| {
+            let i = near[i];
             (lengths[i], density[i]) = (positive(h), stated(density[i], rho));
         });
         Ok(())
@@ -212,7 +222,7 @@ impl Search<'_> {
             self.own.positions.iter().zip(&radii).zip(wanted).filter(|(_, wanted)| **wanted).map(|(ball, _)| ball);
         let reach = Reach::of(balls);
         let around = self.others(|place| reach.contains(place), reach.bounds)?;
-        let (positions, mass, count) = self.with(around);
+        let (positions, mass, count) = joined(&self.own, around);
         let mut all: Vec<f32> = lengths.to_vec();
         all.resize(positions.len(), 0.0);
         let mut all_wanted = wanted.to_vec();
@@ -226,25 +236,6 @@ impl Search<'_> {
         Ok(())
     }
 
-    fn search(&self, k: usize, around: Particles, wanted: &[bool], mut found: impl FnMut(usize, f64, f64)) {
-        let (positions, mass, count) = self.with(around);
-        let mut all_wanted = wanted.to_vec();
-        all_wanted.resize(positions.len(), false);
-        if let Some(tree) = Neighbours::of(&positions) {
-            let estimates = tree.estimate(k, &mass, Some(&all_wanted), &());
-            for (i, estimate) in estimates.into_iter().take(count).enumerate().filter(|(i, _)| wanted[*i]) {
-                found(i, estimate.smoothing_length, estimate.density);
-            }
-        }
-    }
-
-    /// The own particles, then others; and the number of the own ones.
-    fn with(&self, around: Particles) -> (Vec<[f64; 3]>, Vec<f32>, usize) {
-        let positions = [&self.own.positions[..], &around.positions].concat();
-        let mass = [&self.own.mass[..], &around.mass].concat();
-        (positions, mass, self.own.positions.len())
-    }
-
     /// The particles of other buckets for which `is_near` holds; all of those lie in `bounds`.
     fn others(&self, is_near: impl Fn([f64; 3]) -> bool + Sync, bounds: Bounds) -> Result<Particles, BuildError> {
         let reaches = |bucket: &usize| {
@@ -252,22 +243,39 @@ impl Search<'_> {
             let (low, high) = (DVec3::from_array(low) * self.root.size, DVec3::from_array(high) * self.root.size);
             !self.buckets.contains(bucket) && low.cmple(bounds.max).all() && bounds.min.cmple(high).all()
         };
-        let parts: Vec<Vec<(Place, f32)>> = (0..self.partition.buckets())
+        let parts: Vec<Vec<([f64; 3], f32)>> = (0..self.partition.buckets())
             .into_par_iter()
             .filter(reaches)
             .map(|bucket| {
-                let (places, columns) = self.partition.read(bucket)?;
-                let near =
-                    places.into_iter().zip(columns.mass).filter(|(place, _)| is_near(position(*place, self.root)));
-                let mut near: Vec<(Place, f32)> = near.collect();
-                near.sort_unstable_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
-                Ok(near)
+                let (places, masses) = self.partition.read_masses(bucket)?;
+                let positions = places.into_iter().map(|place| position(place, self.root));
+                Ok(positions.zip(masses).filter(|(place, _)| is_near(*place)).collect())
             })
             .collect::<Result<_, BuildError>>()?;
-        let (positions, mass) =
-            parts.into_iter().flatten().map(|(place, mass)| (position(place, self.root), mass)).unzip();
+        let (positions, mass) = parts.into_iter().flatten().unzip();
         Ok(Particles { positions, mass })
     }
+}
+
+/// Calls `found` with distance to the `k`-th neighbour and density of every wanted particle of `own`, among those and others.
+fn search(k: usize, own: &Particles, around: Particles, wanted: &[bool], mut found: impl FnMut(usize, f64, f64)) {
+    let (positions, mass, count) = joined(own, around);
+    let mut all_wanted = wanted.to_vec();
+    all_wanted.resize(positions.len(), false);
+    if let Some(tree) = Neighbours::of(&positions) {
+        drop(positions);
+        let estimates = tree.estimate(k, &mass, Some(&all_wanted), &());
+        for (i, estimate) in estimates.into_iter().take(count).enumerate().filter(|(i, _)| wanted[*i]) {
+            found(i, estimate.smoothing_length, estimate.density);
+        }
+    }
+}
+
+/// Some particles, then others; and the number of the former.
+fn joined(own: &Particles, around: Particles) -> (Vec<[f64; 3]>, Vec<f32>, usize) {
+    let positions = [&own.positions[..], &around.positions].concat();
+    let mass = [&own.mass[..], &around.mass].concat();
+    (positions, mass, own.positions.len())
 }
 
 /// A density that the source states, or the estimate.

@@ -13,6 +13,8 @@ const UNKNOWN: u64 = 4 << 30;
 const BUCKET_PARTICLE: u64 = 360;
 /// The same for each attribute.
 const BUCKET_ATTRIBUTE: u64 = 24;
+/// Bytes that finding neighbours takes for each particle that is searched for at a time, with those around.
+const NEIGHBOUR_PARTICLE: u64 = 480;
 /// Particles that all nodes of a tree draw, for each source particle, at most about.
 const NODE_PARTICLES: f64 = 2.4;
 
@@ -76,6 +78,11 @@ impl Memory {
             });
         }
         Ok(Memory { folder, particles, nodes, on_disk, buckets: rest, bucket_particle, allowed })
+    }
+
+    /// Particles whose neighbours may be found at a time: in the memory that nodes and buckets take later.
+    pub fn neighbour_block(&self) -> usize {
+        ((self.nodes + self.buckets / 4) / NEIGHBOUR_PARTICLE) as usize
     }
 
     /// How many buckets may be built at a time, the largest of which has so many particles.

@@ -296,8 +296,7 @@ impl<'a> Build<'a> {
                 self.notes
                     .push(format!("{family}: {lacking} densities are not positive and are replaced by estimates"));
             }
-            let block = octree.bucket_particles.map(|particles| 8 * particles);
-            let found = estimates::estimate(&mut partition, k, root, block, progress)?;
+            let found = estimates::estimate(&mut partition, k, root, memory.neighbour_block(), progress)?;
             survey.estimated(found.ranges, found.samples);
             histograms.splice(1..3, found.histograms);
         }

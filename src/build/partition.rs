@@ -125,10 +125,25 @@ impl Partition {
     /// # Errors
     /// When they cannot be read back.
     pub fn read(&self, bucket: usize) -> Result<(Vec<Place>, Columns), BuildError> {
+        self.read_columns(bucket, 3 + self.attributes)
+    }
+
+    /// Places and masses of the particles of a bucket, in the same order.
+    ///
+    /// # Errors
+    /// When they cannot be read back.
+    pub fn read_masses(&self, bucket: usize) -> Result<(Vec<Place>, Vec<f32>), BuildError> {
+        let (places, columns) = self.read_columns(bucket, 1)?;
+        Ok((places, columns.mass))
+    }
+
+    /// The first `wanted` columns of a bucket; the others stay empty.
+    fn read_columns(&self, bucket: usize, wanted: usize) -> Result<(Vec<Place>, Columns), BuildError> {
         let Bucket { runs, places: waiting, columns: rest, estimates, .. } = &self.buckets[bucket];
         let len = self.len(bucket);
         let mut places = Vec::with_capacity(len);
-        let mut columns = Columns::with_capacity(self.attributes, len);
+        let mut columns = Columns::with_capacity(self.attributes, 0);
+        columns.iter_mut().take(wanted).for_each(|column| column.reserve_exact(len));
         for run in runs {
             let bytes = self.spill.get(run).map_err(|error| BuildError::temporary(&self.spill, error))?;
             let (keys, values) = bytes.split_at(RUN * size_of::<Place>());
@@ -139,11 +154,12 @@ impl Partition {
             columns
                 .iter_mut()
                 .zip(values)
+                .take(wanted)
                 .for_each(|(column, values)| column.extend_from_slice(bytemuck::cast_slice(values)));
         }
         places.extend(waiting);
-        columns.iter_mut().zip(rest.iter()).for_each(|(column, rest)| column.extend(rest));
-        if let Some(estimates) = estimates {
+        columns.iter_mut().zip(rest.iter()).take(wanted).for_each(|(column, rest)| column.extend(rest));
+        if let Some(estimates) = estimates.as_ref().filter(|_| wanted >= 3) {
             let bytes = self.spill.get(estimates).map_err(|error| BuildError::temporary(&self.spill, error))?;
             let (density, lengths) = bytes.split_at(len * size_of::<f32>());
             columns.density.copy_from_slice(bytemuck::cast_slice(density));

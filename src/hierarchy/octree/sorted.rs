@@ -87,6 +87,15 @@ impl Columns {
         [&mut self.mass, &mut self.density, &mut self.smoothing_length].into_iter().chain(&mut self.attributes)
     }
 
+    /// The order of particles at these places: by place, and those of one place by their quantities, so that the order in
+    /// which they come does not matter.
+    pub fn order(&self, places: &[Place]) -> Vec<u32> {
+        order_of(places, |a, b| {
+            let differ = |column: &Vec<f32>| column[a as usize].total_cmp(&column[b as usize]);
+            self.iter().map(differ).find(|order| order.is_ne()).unwrap_or(std::cmp::Ordering::Equal)
+        })
+    }
+
     /// A run of the particles.
     pub fn slice(&self, range: std::ops::Range<usize>) -> Columns {
         let slice = |column: &Vec<f32>| column[range.clone()].to_vec();
@@ -123,11 +132,7 @@ pub(super) struct Sorted {
 impl Sorted {
     /// Sorts particles by place, those of one place by their quantities: the order in which they came does not matter.
     pub fn new(places: Vec<Place>, columns: Columns) -> Sorted {
-        let tie = |a: u32, b: u32| {
-            let differ = |column: &Vec<f32>| column[a as usize].total_cmp(&column[b as usize]);
-            columns.iter().map(differ).find(|order| order.is_ne()).unwrap_or(std::cmp::Ordering::Equal)
-        };
-        let order = order_of(&places, tie);
+        let order = columns.order(&places);
         let keys = order.iter().map(|&i| places[i as usize].key).collect();
         let units = order.iter().map(|&i| places[i as usize].unit()).collect();
         drop(places);

@@ -115,7 +115,7 @@ impl Neighbours {
     }
 
     fn estimate_from(&self, near: &[Near], h: f64, masses: &[f64]) -> Estimate {
-        let sum: f64 = near.iter().map(|other| masses[other.entry as usize] * weight(other.squared, h)).sum();
+        let sum = sum(near, masses, |squared| weight(squared, h));
         let smoothing_length = h * self.scale;
         Estimate { smoothing_length, density: sum / smoothing_length.powi(3) }
     }
@@ -134,11 +134,9 @@ impl Neighbours {
             self.tree.nearest(self.tree.at[entry as usize], MOST_NEIGHBOURS, scaled * scaled, near);
             if near.len() == MOST_NEIGHBOURS {
                 let radius = near.iter().map(|near| near.squared).fold(0.0, f64::max).sqrt() * self.scale;
-                let inside: f64 = near.iter().map(|other| masses[other.entry as usize]).sum();
-                return inside / (4.0 / 3.0 * PI * radius.powi(3));
+                return sum(near, &masses, |_| 1.0) / (4.0 / 3.0 * PI * radius.powi(3));
             }
-            let sum: f64 = near.iter().map(|other| masses[other.entry as usize] * weight(other.squared, scaled)).sum();
-            sum / support.powi(3)
+            sum(near, &masses, |squared| weight(squared, scaled)) / support.powi(3)
         };
         self.for_each_leaf(wanted, progress, |_, leaf, out: &mut Vec<f64>| {
             let mut near = Vec::new();
@@ -190,6 +188,24 @@ impl Neighbours {
         }
         all
     }
+}
+
+/// Sum of masses with weights of at most 8, the same to the last bit in whatever order the entries come: it is counted in units
+/// of 2^-50 of the largest mass.
+#[inline(always)]
+fn sum(near: &[Near], masses: &[f64], weight: impl Fn(f64) -> f64) -> f64 {
+    const BITS: u64 = 50;
+    const BIAS: u64 = 1023;
+    let largest = near.iter().map(|other| masses[other.entry as usize]).fold(0.0, f64::max);
+    // Masses are sums of singles, so that both powers of two are normal numbers.
+    let exponent = largest.to_bits() >> 52;
+    if largest <= 0.0 || exponent <= BIAS - 512 || exponent >= BIAS + 512 {
+        return 0.0;
+    }
+    let per_unit = f64::from_bits((2 * BIAS + BITS - exponent) << 52);
+    let unit = f64::from_bits((exponent - BITS) << 52);
+    let units = |other: &Near| (masses[other.entry as usize] * weight(other.squared) * per_unit) as i64;
+    near.iter().map(|other| i128::from(units(other))).sum::<i128>() as f64 * unit
 }
 
 /// `h^3 W` of the cubic spline at a squared distance, without a branch.
