@@ -13,9 +13,11 @@ use super::preset::Preset;
 use super::scene::Scene;
 use super::statistics::{ActiveBackend, Converged, Statistics};
 use crate::modes::governor::{Governor, Workload, most_important};
+use crate::modes::paint::{Subject, paint_nodes};
 use crate::modes::{Depiction, Footprint, Plan, cpu, pilot};
 use crate::raster::composite::composite_at;
 use crate::raster::transfer::{Levels, TransferFunction};
+use crate::raster::volume::VolumeTransfer;
 use crate::raster::{Accumulation, Method};
 use crate::store::PageFile;
 use crate::stream::SceneNode;
@@ -42,7 +44,16 @@ struct DrawKey {
 struct Drawn {
     key: DrawKey,
     picture: Arc<Accumulation>,
+    /// For modes that draw colours: these, and the settings they were drawn with.
+    painted: Option<Arc<PaintedPicture>>,
     milliseconds: f64,
+}
+
+/// A picture in colours, and what they mean.
+struct PaintedPicture {
+    image: crate::raster::composite::Image,
+    levels: Levels,
+    transfer: TransferFunction,
 }
 
 /// What a background task hands back.
@@ -136,6 +147,30 @@ fn draw(
     drawn.map_err(|error| error.to_string())
 }
 
+/// Draws the selected nodes in the colours of a mode that has no splats; blocks for as long as it takes.
+fn paint(
+    file: &PageFile,
+    depiction: &Depiction,
+    nodes: &[SceneNode],
+    view: &View,
+    diameter: f64,
+    transfer: &TransferFunction,
+) -> Result<PaintedPicture, String> {
+    let metadata = file.metadata();
+    let decoded = cpu::decode(depiction, metadata, nodes);
+    // The panel edits colours and ranges for every mode alike.
+    let volume = VolumeTransfer {
+        color_map: transfer.color_map,
+        range: transfer.range,
+        hue: transfer.hue,
+        ..VolumeTransfer::usual(depiction.attribute.is_some())
+    };
+    let subject = Subject { transfer: Some(&volume), diameter };
+    let painted = paint_nodes(view, depiction, metadata, &decoded, &subject).map_err(|error| error.to_string())?;
+    let levels = Levels { p: painted.levels.density, s: painted.levels.attribute };
+    Ok(PaintedPicture { image: painted.colors.image(), levels, transfer: *transfer })
+}
+
 /// Takes in what has been drawn, and starts to draw what is wanted now.
 pub(super) fn draw_on_cpu(
     mut cpu: ResMut<CpuPicture>,
@@ -198,15 +233,24 @@ pub(super) fn draw_on_cpu(
         return;
     }
     cpu.measured = Some(Instant::now());
-    let reused = drawn.cloned();
+    let drawn_with = |drawn: &&Drawn| drawn.painted.as_ref().is_none_or(|painted| painted.transfer == look.transfer);
+    let reused = drawn.filter(drawn_with).cloned();
+    let diameter = scene.frame.size().length();
     let (file, depiction, nodes) = (Arc::clone(&scene.file), look.depiction.clone(), Arc::clone(&selection.nodes));
-    let (transfer, levels, paint) = (look.transfer, look.levels, *backend == ActiveBackend::Cpu);
+    let (transfer, levels, on_cpu) = (look.transfer, look.levels, *backend == ActiveBackend::Cpu);
     let (known, old_plan) = (look.settled.then_some(look.levels), cpu.plan);
     // Finding a plan takes longer than there is between two pictures of a motion.
     let kept_plan = (moving && *backend == ActiveBackend::Cpu).then_some(old_plan);
     cpu.task = Some(AsyncComputeTaskPool::get().spawn(async move {
         let (drawn, plan, looked_at, cut) = match reused {
             Some(drawn) => (drawn, old_plan, None, false),
+            None if depiction.mode.painter().is_some() => {
+                let start = Instant::now();
+                let view = View { width: size.x, height: size.y, ..view };
+                let painted = Some(Arc::new(paint(&file, &depiction, &nodes, &view, diameter, &transfer)?));
+                let milliseconds = 1000.0 * start.elapsed().as_secs_f64();
+                (Drawn { key, picture: Arc::default(), painted, milliseconds }, old_plan, None, false)
+            }
             None => {
                 let start = Instant::now();
                 let plan = (kept_plan, limit);
@@ -214,11 +258,19 @@ pub(super) fn draw_on_cpu(
                     draw(&file, &depiction, &nodes, &view, size, plan, (&transfer, known))?;
                 let picture = Arc::new(picture);
                 let milliseconds = 1000.0 * start.elapsed().as_secs_f64();
-                (Drawn { key, picture, milliseconds }, plan, Some(looked_at), cut)
+                (Drawn { key, picture, painted: None, milliseconds }, plan, Some(looked_at), cut)
             }
         };
-        let exposure = Exposure::of(&drawn.picture, &transfer);
-        let colors = paint.then(|| (composite_at(&drawn.picture, &transfer, &levels), levels, transfer));
+        let (exposure, colors) = match &drawn.painted {
+            Some(painted) => {
+                let exposure = Exposure { levels: Some(painted.levels), ..Exposure::default() };
+                (exposure, on_cpu.then(|| (painted.image.clone(), levels, transfer)))
+            }
+            None => {
+                let colors = on_cpu.then(|| (composite_at(&drawn.picture, &transfer, &levels), levels, transfer));
+                (Exposure::of(&drawn.picture, &transfer), colors)
+            }
+        };
         Ok(Done { drawn, plan, looked_at, cut, exposure, colors })
     }));
 }

@@ -10,7 +10,7 @@ use super::messages::Messages;
 use super::pages::{GpuSlot, PageCopies, PageKey, PageStatus, Streaming, ViewSelection};
 use super::picture::DataCamera;
 use super::preset::{Backend, Preset};
-use super::scene::Scene;
+use super::scene::{Scene, Settings};
 use super::statistics::{ActiveBackend, Converged, Statistics};
 use crate::gpu::page_copies::{self, CopyState, node_id};
 use crate::gpu::{self, Composite, DrawItem, ParticleScene, SplatView};
@@ -45,10 +45,17 @@ pub struct GpuTables {
     told_full: Option<u32>,
 }
 
-/// Follows the preset's choice of a backend.
+/// Whether modes that only the processor draws have come or gone.
+pub(super) fn technique_changed(settings: Res<Settings>, mut was_painted: Local<bool>) -> bool {
+    let painted = settings.mode.painter().is_some();
+    std::mem::replace(&mut *was_painted, painted) != painted
+}
+
+/// Follows the preset's choice of a backend, and the processor's modes.
 pub(super) fn choose_backend(
     mut commands: Commands,
     preset: Res<Preset>,
+    settings: Option<Res<Settings>>,
     device: Option<Res<RenderDevice>>,
     adapter: Option<Res<RenderAdapter>>,
     info: Option<Res<RenderAdapterInfo>>,
@@ -61,7 +68,9 @@ pub(super) fn choose_backend(
     slots: Query<Entity, With<GpuSlot>>,
 ) {
     let asked = preset.drawing.backend;
+    let painted = settings.map(|settings| settings.mode).filter(|mode| mode.painter().is_some());
     let wanted = match asked {
+        _ if painted.is_some() => None,
         Backend::Cpu => None,
         Backend::Auto => Some(gpu::Backend::Auto),
         Backend::Compute => Some(gpu::Backend::Compute),
@@ -92,6 +101,9 @@ pub(super) fn choose_backend(
     let uses_copies = wanted == ActiveBackend::Gpu;
     if *active == wanted && copies.0 == uses_copies {
         return;
+    }
+    if let Some(mode) = painted {
+        messages.info(format!("the processor draws {}", mode.name));
     }
     *active = wanted;
     copies.0 = uses_copies;

@@ -137,7 +137,8 @@ impl Plugin for WindowApp {
                 look::follow_settings,
                 look::glide_levels,
                 shortcuts::run_shortcuts,
-                (gpu_backend::follow_budgets, gpu_backend::choose_backend).run_if(resource_changed::<Preset>),
+                gpu_backend::follow_budgets.run_if(resource_changed::<Preset>),
+                gpu_backend::choose_backend.run_if(resource_changed::<Preset>.or_else(gpu_backend::technique_changed)),
             )
                 .chain(),
         )

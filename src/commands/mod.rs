@@ -8,6 +8,7 @@ pub mod demo;
 pub mod info;
 pub mod modes;
 pub mod page_file_info;
+pub mod paint;
 pub mod picture_config;
 pub mod progress_bar;
 pub mod render;

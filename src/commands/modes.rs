@@ -1,7 +1,7 @@
 //! `deepfield modes`: the registered visualization modes and their settings.
 
 use super::CommandResult;
-use crate::modes::MODES;
+use crate::modes::{MODES, SettingValue};
 use std::io::Write;
 
 /// Lists the visualization modes and their settings.
@@ -24,8 +24,8 @@ pub fn run(_: &Arguments) -> CommandResult {
         for setting in mode.all_settings() {
             let unit = if setting.unit.is_empty() { String::new() } else { format!(" {}", setting.unit) };
             let default = match setting.default() {
-                crate::modes::SettingValue::Flag(flag) => flag.to_string(),
-                crate::modes::SettingValue::Number(number) => number.to_string(),
+                SettingValue::Numbers(_) => "automatic".to_owned(),
+                value => value.to_string(),
             };
             writeln!(out, "    {:16} {} ({}{unit}, default {default})", setting.name, setting.help, setting.range())?;
         }

@@ -7,6 +7,7 @@ use crate::model::ron_file::{self, RonError};
 use crate::modes::setting::SettingError;
 use crate::modes::{self, Settings};
 use crate::raster::transfer::TransferFunction;
+use crate::raster::volume::VolumeTransfer;
 use glam::DVec3;
 use serde::Deserialize;
 use std::path::Path;
@@ -25,6 +26,8 @@ pub struct PictureConfig {
     pub attribute: Option<String>,
     /// From the accumulation to colours.
     pub transfer: Option<TransferFunction>,
+    /// What volumes emit and absorb, for the modes that draw them.
+    pub volume: Option<VolumeTransfer>,
     /// Width and height, pixels.
     pub size: Option<(u32, u32)>,
     /// What draws.
@@ -110,6 +113,7 @@ impl PictureConfig {
                 settings
             },
             transfer: self.transfer,
+            volume: self.volume,
             ..own
         }
     }
@@ -136,6 +140,13 @@ mod tests {
     }
 
     #[test]
+    fn the_example_of_a_volume_is_read() {
+        let config = parse(include_str!("../../configs/volume.ron"), "volume.ron").unwrap();
+        let complete = config.complete(&Arguments::new("a".into(), "b.png".into()));
+        assert!(complete.volume.is_some() && complete.mode.is_some_and(|mode| mode.painter().is_some()));
+    }
+
+    #[test]
     fn mistakes_are_named_with_their_place() {
         for (text, expected) in [
             ("(\n  moed: \"points\",\n)", "p.ron:2:"),
@@ -144,6 +155,14 @@ mod tests {
             ("(camera: (eye: (0.0, 0.0)))", "p.ron:1:"),
             ("(mode: \"pionts\")", "mode is pionts, expected one of column-density"),
             ("(mode: \"points\", settings: {\"radius\": 99.0})", "radius is 99, expected a number from"),
+            (
+                "(volume: (opacity: [(0.5, 0.1), (0.2, 0.4)], brightness: [(0.0, 1.0)]))",
+                "p.ron:1:43: opacity: points are not sorted: 0.5 comes before 0.2",
+            ),
+            (
+                "(mode: \"isosurface\", settings: {\"kernel\": \"gauss\"})",
+                "settings.kernel is gauss, expected one of data",
+            ),
             ("(error_px: -1.0)", "error_px is -1, expected a number greater than 0"),
         ] {
             let message = parse(text, "p.ron").unwrap_err().to_string();

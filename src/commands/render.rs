@@ -8,6 +8,7 @@ use crate::import::{AttributeChoice, LoadOptions, load};
 use crate::model::{Bounds, Dataset, Family, FamilyName};
 use crate::modes::{self, Depiction, Economy, Mode, Plan, SettingKind, SettingValue, Settings, cpu, economy, pilot};
 use crate::raster::transfer::TransferFunction;
+use crate::raster::volume::VolumeTransfer;
 use crate::raster::{Accumulation, Method, composite, output};
 use crate::store::PageFile;
 use crate::stream::{Scene, first_frame};
@@ -17,7 +18,7 @@ use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// Renders a picture of a snapshot, catalogue or page file.
 #[derive(clap::Args, Clone, Debug)]
@@ -25,14 +26,15 @@ use std::time::Instant;
   deepfield render snapshot_099.hdf5 -o box.png
   deepfield render galaxy.df -o disk.png --mode density-squared --attribute temperature --size 1920x1080
   deepfield render galaxy.df -o disk.exr --raw column.npy --mode column-density --eye 0,0,50 --target 0,0,0 --ortho 40
-  deepfield render galaxy.df -o disk.png --backend cpu --error-px 0.5 --json -")]
+  deepfield render galaxy.df -o disk.png --backend cpu --error-px 0.5 --json -
+  deepfield render merger.hdf5 -o stars.png --family gas --mode volume-isosurface --exact")]
 pub struct Arguments {
     /// The source or page file.
     pub path: PathBuf,
     /// Where the picture goes: .png (colours) or .exr (the raw channels P and S).
     #[arg(short, long, value_name = "FILE")]
     pub output: PathBuf,
-    /// Also save the raw accumulation P as a float32 NumPy array, row 0 at the top.
+    /// Also save the raw accumulation P as a float32 NumPy array, row 0 at the top; for volumes premultiplied linear RGBA.
     #[arg(long, value_name = "FILE.npy")]
     pub raw: Option<PathBuf>,
     /// Picture size in pixels [default: 1200x800].
@@ -101,6 +103,9 @@ pub struct Arguments {
     /// From the accumulation to colours; the mode's own where it is `None`.
     #[arg(skip)]
     pub transfer: Option<TransferFunction>,
+    /// What volumes emit and absorb; the mode's own where it is `None`.
+    #[arg(skip)]
+    pub volume: Option<VolumeTransfer>,
 }
 
 impl Arguments {
@@ -132,6 +137,7 @@ impl Arguments {
             json: None,
             settings: Settings::default(),
             transfer: None,
+            volume: None,
         }
     }
 
@@ -260,6 +266,9 @@ fn render(arguments: &Arguments) -> CommandResult {
         Some("exr") => true,
         _ => return Err(format!("{}: expected a name that ends in .png or .exr", arguments.output.display()).into()),
     };
+    if let Some(mode) = arguments.mode.filter(|mode| mode.painter().is_some()) {
+        return super::paint::render(arguments, mode, is_exr);
+    }
     if cfg!(not(feature = "viewer")) && matches!(arguments.backend, Some(Backend::Compute | Backend::Raster)) {
         return Err("this deepfield was built without the feature `viewer`, so only --backend cpu draws".into());
     }
@@ -408,8 +417,10 @@ fn draw_on_gpu(
     }
 }
 
-/// Draws every particle of the source; for a page file, of the source that it was built from.
-fn draw_exact(arguments: &Arguments) -> Result<Picture, Box<dyn std::error::Error + Send + Sync>> {
+/// The particles that an exact picture draws: those of the source, or of the one that a page file was built from.
+pub(super) fn load_exact(
+    arguments: &Arguments,
+) -> Result<(PathBuf, Dataset), Box<dyn std::error::Error + Send + Sync>> {
     let source = source_of(&arguments.path)?;
     let attributes = arguments
         .attribute
@@ -427,8 +438,14 @@ fn draw_exact(arguments: &Arguments) -> Result<Picture, Box<dyn std::error::Erro
         },
         ..LoadOptions::default()
     };
+    let dataset = load(&source, &options, &TerminalProgress::new())?;
+    Ok((source, dataset))
+}
+
+/// Draws every particle of the source; for a page file, of the source that it was built from.
+fn draw_exact(arguments: &Arguments) -> Result<Picture, Box<dyn std::error::Error + Send + Sync>> {
     let mut times = Times::default();
-    let dataset: Dataset = times.measure("load", || load(&source, &options, &TerminalProgress::new()))?;
+    let (source, dataset) = times.measure("load", || load_exact(arguments))?;
     let fields = dataset.families.iter().flat_map(|family| &family.attributes).map(|field| field.name.as_str());
     let mode = arguments.mode.unwrap_or_else(|| modes::usual(fields));
     let depiction = Depiction::of_dataset(mode, arguments.settings.clone(), arguments.attribute.as_deref(), &dataset)
@@ -486,12 +503,12 @@ fn source_of(path: &Path) -> Result<PathBuf, Box<dyn std::error::Error + Send + 
     }
 }
 
-fn no_family(path: &Path, name: FamilyName) -> String {
+pub(super) fn no_family(path: &Path, name: FamilyName) -> String {
     format!("{}: no particles of family {name}", path.display())
 }
 
 /// The camera that the arguments describe; around `bounds` where they say nothing.
-fn view(arguments: &Arguments, bounds: Bounds) -> Result<View, crate::view::ViewError> {
+pub(super) fn view(arguments: &Arguments, bounds: Bounds) -> Result<View, crate::view::ViewError> {
     let PictureSize { width, height } = arguments.size.unwrap_or(PictureSize { width: 1200, height: 800 });
     let fov_y = arguments.fov.unwrap_or(45.0).to_radians();
     let around = View::around(bounds, fov_y, width, height)?;
@@ -521,7 +538,12 @@ fn write_statistics(path: &Path, picture: &Picture) -> CommandResult {
         sum: picture.accumulation.sum(),
         milliseconds: &picture.milliseconds,
     };
-    let text = serde_json::to_string_pretty(&statistics)? + "\n";
+    write_json(path, &statistics)
+}
+
+/// Writes statistics of any kind to a file, or to standard output for `-`.
+pub(super) fn write_json(path: &Path, statistics: &impl Serialize) -> CommandResult {
+    let text = serde_json::to_string_pretty(statistics)? + "\n";
     if path == Path::new("-") {
         print!("{text}");
     } else {
@@ -532,21 +554,26 @@ fn write_statistics(path: &Path, picture: &Picture) -> CommandResult {
 
 /// Wall-clock times of passes, over several repetitions.
 #[derive(Clone, Default)]
-struct Times {
+pub(super) struct Times {
     samples: BTreeMap<String, Vec<f64>>,
 }
 
 impl Times {
     /// Runs and times one pass.
-    fn measure<T>(&mut self, pass: &str, work: impl FnOnce() -> T) -> T {
+    pub(super) fn measure<T>(&mut self, pass: &str, work: impl FnOnce() -> T) -> T {
         let start = Instant::now();
         let result = work();
         self.samples.entry(pass.to_owned()).or_default().push(1e3 * start.elapsed().as_secs_f64());
         result
     }
 
+    /// Takes in a time that was measured elsewhere.
+    pub(super) fn note(&mut self, pass: &str, time: Duration) {
+        self.samples.entry(pass.to_owned()).or_default().push(1e3 * time.as_secs_f64());
+    }
+
     /// Runs and times a frame that consists of passes.
-    fn frame<T>(&mut self, work: impl FnOnce(&mut Times) -> T) -> T {
+    pub(super) fn frame<T>(&mut self, work: impl FnOnce(&mut Times) -> T) -> T {
         let start = Instant::now();
         let result = work(self);
         self.samples.entry("frame".to_owned()).or_default().push(1e3 * start.elapsed().as_secs_f64());
@@ -554,7 +581,7 @@ impl Times {
     }
 
     /// The median of each pass, milliseconds.
-    fn medians(self) -> BTreeMap<String, f64> {
+    pub(super) fn medians(self) -> BTreeMap<String, f64> {
         let median = |mut samples: Vec<f64>| {
             samples.sort_by(f64::total_cmp);
             samples[samples.len() / 2]

@@ -1,6 +1,6 @@
 //! `column-density`: the mass along each line of sight per area.
 
-use super::{Conserved, Footprint, Mode};
+use super::{Conserved, Footprint, Mode, Technique};
 use crate::model::Unit;
 
 /// `P` is the integral of the density along the line of sight: weight `m`.
@@ -8,6 +8,7 @@ pub static MODE: Mode = Mode {
     name: "column-density",
     help: "mass along the line of sight per area, in the data's units; coloured by an attribute if one is named",
     settings: &[],
+    technique: Technique::Splats,
     quantity: "column density",
     unit: |mass, length| match mass.is_unknown() || length.is_unknown() {
         true => Unit::default(),

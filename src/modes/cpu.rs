@@ -190,7 +190,7 @@ fn options(metadata: &Metadata, method: Method, plan: &Plan) -> RasterOptions {
 }
 
 /// The splats of decoded nodes.
-fn batches<'a>(depiction: &Depiction, nodes: &'a [DecodedNode]) -> Result<Vec<Splats<'a>>, RasterError> {
+pub(super) fn batches<'a>(depiction: &Depiction, nodes: &'a [DecodedNode]) -> Result<Vec<Splats<'a>>, RasterError> {
     let footprint = depiction.footprint();
     nodes
         .iter()

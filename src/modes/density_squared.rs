@@ -1,6 +1,6 @@
 //! `density-squared`: the emission model of F12 4.5, dense regions bright, coloured by velocity dispersion.
 
-use super::{Conserved, Footprint, Mode};
+use super::{Conserved, Footprint, Mode, Technique};
 use crate::model::Unit;
 
 /// `P` is the integral of the squared density along the line of sight (F12 4.1) and `S` the attribute averaged with
@@ -10,6 +10,7 @@ pub static MODE: Mode = Mode {
     name: "density-squared",
     help: "squared density along the line of sight (logarithmic brightness), coloured by the attribute averaged with it",
     settings: &[],
+    technique: Technique::Splats,
     quantity: "squared density along the line of sight",
     unit: |mass, length| match mass.is_unknown() || length.is_unknown() {
         true => Unit::default(),

@@ -91,7 +91,7 @@ impl Settings {
     pub fn common(&self) -> Settings {
         let is_common = |name: &str| COMMON.iter().any(|setting| setting.name == name);
         let own = self.0.iter().filter(|(name, _)| is_common(name));
-        Settings(own.map(|(name, value)| (name.clone(), *value)).collect())
+        Settings(own.map(|(name, value)| (name.clone(), value.clone())).collect())
     }
 }
 

@@ -12,18 +12,31 @@ pub mod economy;
 pub mod governor;
 #[cfg(feature = "viewer")]
 pub mod gpu;
+pub mod grid;
+pub mod isosurface;
+pub mod paint;
 pub mod pilot;
 pub mod points;
 pub mod setting;
+pub mod volume;
+pub mod volume_isosurface;
 
 pub use depiction::{CodeTable, Coloring, Depiction, SourceColumns};
 pub use economy::{Economy, Plan};
+pub use paint::{Painted, Painter, Painting};
 pub use setting::{Setting, SettingError, SettingKind, SettingValue, Settings};
 
 use crate::model::Unit;
 
 /// Every registered mode; the first is the default.
-pub static MODES: [&Mode; 3] = [&column_density::MODE, &density_squared::MODE, &points::MODE];
+pub static MODES: [&Mode; 6] = [
+    &column_density::MODE,
+    &density_squared::MODE,
+    &points::MODE,
+    &volume::MODE,
+    &isosurface::MODE,
+    &volume_isosurface::MODE,
+];
 
 /// The description of a mode.
 pub struct Mode {
@@ -33,6 +46,8 @@ pub struct Mode {
     pub help: &'static str,
     /// Its settings.
     pub settings: &'static [Setting],
+    /// How it is drawn.
+    pub technique: Technique,
     /// What `P` is called in a legend.
     pub quantity: &'static str,
     /// The unit of `P`, from those of mass and length.
@@ -50,6 +65,16 @@ pub struct Mode {
     pub footprint: fn(&Settings) -> Footprint,
     /// Name of the transfer function to begin with, in `assets/transfer/`: without colour channel, and with one.
     pub transfer: [&'static str; 2],
+}
+
+/// How a mode is drawn. What draws asks for the technique and never for the mode.
+#[derive(Clone, Copy)]
+pub enum Technique {
+    /// Splats are accumulated to `P` and `S`, in any order, and coloured by a transfer function; every backend can.
+    Splats,
+    /// Colours come from the particles straight, in their order along each line of sight; the processor draws them with
+    /// this.
+    Colors(Painter),
 }
 
 /// How far a particle reaches in the picture.
@@ -104,9 +129,18 @@ impl std::fmt::Debug for Mode {
 }
 
 impl Mode {
-    /// Its settings, then those that every mode has.
+    /// Its settings, then those that every mode of splats has.
     pub fn all_settings(&self) -> impl Iterator<Item = &'static Setting> + use<> {
-        self.settings.iter().chain(economy::COMMON)
+        let common: &[&Setting] = if self.painter().is_some() { &[] } else { &economy::COMMON };
+        self.settings.iter().chain(common.iter().copied())
+    }
+
+    /// What draws its colours, for modes that are not made of splats. Only the processor draws these.
+    pub fn painter(&self) -> Option<Painter> {
+        match self.technique {
+            Technique::Splats => None,
+            Technique::Colors(painter) => Some(painter),
+        }
     }
 
     /// The attribute that colours the picture: `wanted` if named, else the first usual one among `available`.

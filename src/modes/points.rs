@@ -1,6 +1,6 @@
 //! `points`: stars as small discs, as bright as they shine, in the colour of their colour index.
 
-use super::{Conserved, Footprint, Mode, Setting, SettingKind};
+use super::{Conserved, Footprint, Mode, Setting, SettingKind, Technique};
 use crate::model::Unit;
 
 /// Radius of a star's disc.
@@ -17,6 +17,7 @@ pub static MODE: Mode = Mode {
     name: "points",
     help: "stars as discs of fixed size, as bright as their magnitude says, coloured by their colour index",
     settings: &[RADIUS],
+    technique: Technique::Splats,
     quantity: "flux",
     unit: |_, _| Unit::default(),
     weight: |columns| match columns.named("magnitude") {

@@ -35,16 +35,63 @@ pub enum SettingKind {
         /// Value unless set.
         default: bool,
     },
+    /// One of some names.
+    Choice {
+        /// The names; the first is the value unless set.
+        options: &'static [&'static str],
+    },
+    /// A list of numbers, each within a range, both ends included; empty unless set.
+    Numbers {
+        /// Smallest value of each.
+        min: f64,
+        /// Largest value of each.
+        max: f64,
+        /// Most numbers.
+        most: usize,
+    },
+    /// A list of colours, written as `#rrggbb`; empty unless set.
+    Colors {
+        /// Most colours.
+        most: usize,
+    },
 }
 
 /// A value as RON gives it.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum SettingValue {
     /// On or off.
     Flag(bool),
     /// A number.
     Number(f64),
+    /// A name.
+    Name(String),
+    /// A list of numbers; an empty list of anything.
+    Numbers(Vec<f64>),
+    /// A list of names.
+    Names(Vec<String>),
+}
+
+impl std::fmt::Display for SettingValue {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            SettingValue::Flag(flag) => flag.fmt(f),
+            SettingValue::Number(number) => number.fmt(f),
+            SettingValue::Name(name) => name.fmt(f),
+            SettingValue::Numbers(numbers) => {
+                let texts: Vec<String> = numbers.iter().map(f64::to_string).collect();
+                write!(f, "[{}]", texts.join(", "))
+            }
+            SettingValue::Names(names) => write!(f, "[{}]", names.join(", ")),
+        }
+    }
+}
+
+/// The components of a colour written as `#rrggbb`, gamma-encoded sRGB.
+pub fn parse_color(text: &str) -> Option<[f32; 3]> {
+    let digits = text.strip_prefix('#').filter(|digits| digits.len() == 6 && digits.is_ascii())?;
+    let byte = |at: usize| u8::from_str_radix(&digits[at..at + 2], 16).ok();
+    Some([byte(0)?, byte(2)?, byte(4)?].map(|byte| f32::from(byte) / 255.0))
 }
 
 /// A setting that does not exist or a value that it does not take.
@@ -78,6 +125,8 @@ impl Setting {
         match self.kind {
             SettingKind::Number { default, .. } => SettingValue::Number(default),
             SettingKind::Flag { default } => SettingValue::Flag(default),
+            SettingKind::Choice { options } => SettingValue::Name(options.first().copied().unwrap_or_default().into()),
+            SettingKind::Numbers { .. } | SettingKind::Colors { .. } => SettingValue::Numbers(Vec::new()),
         }
     }
 
@@ -86,6 +135,9 @@ impl Setting {
         match self.kind {
             SettingKind::Number { min, max, .. } => format!("a number from {min} to {max}"),
             SettingKind::Flag { .. } => "true or false".into(),
+            SettingKind::Choice { options } => format!("one of {}", options.join(", ")),
+            SettingKind::Numbers { min, max, most } => format!("a list of up to {most} numbers from {min} to {max}"),
+            SettingKind::Colors { most } => format!("a list of up to {most} colours like \"#ff8000\""),
         }
     }
 
@@ -97,18 +149,19 @@ impl Setting {
         let takes = match (self.kind, value) {
             (SettingKind::Number { min, max, .. }, SettingValue::Number(number)) => (min..=max).contains(number),
             (SettingKind::Flag { .. }, SettingValue::Flag(_)) => true,
+            (SettingKind::Choice { options }, SettingValue::Name(name)) => options.contains(&name.as_str()),
+            (SettingKind::Numbers { min, max, most }, SettingValue::Numbers(numbers)) => {
+                numbers.len() <= most && numbers.iter().all(|number| (min..=max).contains(number))
+            }
+            (SettingKind::Colors { .. }, SettingValue::Numbers(none)) => none.is_empty(),
+            (SettingKind::Colors { most }, SettingValue::Names(names)) => {
+                names.len() <= most && names.iter().all(|name| parse_color(name).is_some())
+            }
             _ => false,
         };
         match takes {
             true => Ok(()),
-            false => Err(SettingError::Value {
-                name: self.name,
-                found: match value {
-                    SettingValue::Flag(flag) => flag.to_string(),
-                    SettingValue::Number(number) => number.to_string(),
-                },
-                expected: self.range(),
-            }),
+            false => Err(SettingError::Value { name: self.name, found: value.to_string(), expected: self.range() }),
         }
     }
 }
@@ -144,6 +197,39 @@ impl Settings {
             (Some(SettingValue::Flag(flag)), SettingKind::Flag { .. }) => f64::from(u8::from(*flag)),
             (_, SettingKind::Number { default, .. }) => default,
             (_, SettingKind::Flag { default }) => f64::from(u8::from(default)),
+            _ => 0.0,
+        }
+    }
+
+    /// Whether `setting` is on here.
+    pub fn flag(&self, setting: &Setting) -> bool {
+        self.number(setting) != 0.0
+    }
+
+    /// The name that `setting` has here, or its default.
+    pub fn name(&self, setting: &Setting) -> String {
+        match self.0.get(setting.name).filter(|value| setting.check(value).is_ok()) {
+            Some(SettingValue::Name(name)) => name.clone(),
+            _ => match setting.default() {
+                SettingValue::Name(name) => name,
+                _ => String::new(),
+            },
+        }
+    }
+
+    /// The numbers that `setting` has here; none unless set.
+    pub fn numbers(&self, setting: &Setting) -> &[f64] {
+        match self.0.get(setting.name).filter(|value| setting.check(value).is_ok()) {
+            Some(SettingValue::Numbers(numbers)) => numbers,
+            _ => &[],
+        }
+    }
+
+    /// The colours that `setting` has here, gamma-encoded; none unless set.
+    pub fn colors(&self, setting: &Setting) -> Vec<[f32; 3]> {
+        match self.0.get(setting.name).filter(|value| setting.check(value).is_ok()) {
+            Some(SettingValue::Names(names)) => names.iter().filter_map(|name| parse_color(name)).collect(),
+            _ => Vec::new(),
         }
     }
 }
@@ -167,5 +253,28 @@ mod tests {
             let message = settings.check(&points::MODE).unwrap_err().to_string();
             assert!(message.starts_with(part), "{message}");
         }
+    }
+
+    #[test]
+    fn lists_and_names_are_checked_too() {
+        use crate::modes::isosurface;
+        let check = |text: &str| {
+            let settings: Settings = ron::from_str(text).unwrap();
+            settings.check(&isosurface::MODE).map_err(|error| error.to_string())
+        };
+        check(r##"{"isovalues": [0.1, 3.0], "iso-colors": ["#ff8000", "#00Ff00"], "kernel": "poly6"}"##).unwrap();
+        check(r#"{"isovalues": [], "iso-colors": []}"#).unwrap();
+        for (wrong, part) in [
+            (r#"{"isovalues": [-1.0]}"#, "isovalues is [-1], expected a list of up to 8 numbers from"),
+            (r#"{"isovalues": 3.0}"#, "isovalues is 3, expected a list"),
+            (r##"{"iso-colors": ["red"]}"##, "iso-colors is [red], expected a list of up to 8 colours"),
+            (r#"{"kernel": "gauss"}"#, "kernel is gauss, expected one of data, cubic-spline, poly6"),
+            (r#"{"presence": 2.0}"#, "isosurface has no setting presence"),
+        ] {
+            let message = check(wrong).unwrap_err();
+            assert!(message.starts_with(part), "{message}");
+        }
+        assert_eq!(parse_color("#ff0080"), Some([1.0, 0.0, 128.0 / 255.0]));
+        assert_eq!(parse_color("#ff008"), None);
     }
 }

@@ -25,6 +25,7 @@ pub mod sample;
 pub mod splats;
 pub mod table;
 pub mod transfer;
+pub mod volume;
 
 mod exact;
 mod fast;

@@ -3,6 +3,7 @@
 
 use super::Accumulation;
 use super::composite::Image;
+use super::volume::Colors;
 use exr::prelude::{AnyChannel, AnyChannels, Encoding, FlatSamples, Layer, LayerAttributes, WritableImage};
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -68,21 +69,52 @@ pub fn write_exr(path: &Path, picture: &Accumulation) -> Result<(), OutputError>
     write_atomically(path, bytes.get_ref())
 }
 
+/// Writes premultiplied colours in linear light as 32-bit floats, channels `R`, `G`, `B` and `A`.
+///
+/// # Errors
+/// [`OutputError`] with the file named.
+pub fn write_exr_colors(path: &Path, colors: &Colors) -> Result<(), OutputError> {
+    let channel = |(k, name): (usize, &'static str)| {
+        AnyChannel::new(name, FlatSamples::F32(colors.rgba.iter().map(|pixel| pixel[k]).collect()))
+    };
+    let layer = Layer::new(
+        (colors.width as usize, colors.height as usize),
+        LayerAttributes::named("colors"),
+        Encoding::FAST_LOSSLESS,
+        AnyChannels::sort(["R", "G", "B", "A"].into_iter().enumerate().map(channel).collect()),
+    );
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    exr::prelude::Image::from_layer(layer).write().to_buffered(&mut bytes).map_err(encode(path))?;
+    write_atomically(path, bytes.get_ref())
+}
+
+/// Writes premultiplied colours in linear light as a float32 NumPy array of shape (height, width, 4), row 0 at the top.
+///
+/// # Errors
+/// [`OutputError`] with the file named.
+pub fn write_npy_colors(path: &Path, colors: &Colors) -> Result<(), OutputError> {
+    let shape = [u64::from(colors.height), u64::from(colors.width), 4];
+    write_array(path, &shape, colors.rgba.as_flattened())
+}
+
 /// Writes `P` as a float32 NumPy array of shape (height, width), row 0 at the top.
 ///
 /// # Errors
 /// [`OutputError`] with the file named.
 pub fn write_npy(path: &Path, picture: &Accumulation) -> Result<(), OutputError> {
+    write_array(path, &[u64::from(picture.height), u64::from(picture.width)], &picture.p)
+}
+
+fn write_array(path: &Path, shape: &[u64], values: &[f32]) -> Result<(), OutputError> {
     use npyz::WriterBuilder;
     write_with(path, |out| {
-        let shape = [u64::from(picture.height), u64::from(picture.width)];
         let mut writer = npyz::WriteOptions::<f32>::new()
             .default_dtype()
-            .shape(&shape)
+            .shape(shape)
             .writer(out)
             .begin_nd()
             .map_err(encode(path))?;
-        writer.extend(picture.p.iter().copied()).map_err(encode(path))?;
+        writer.extend(values.iter().copied()).map_err(encode(path))?;
         writer.finish().map_err(encode(path))
     })
 }

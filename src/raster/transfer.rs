@@ -31,7 +31,7 @@ impl Scale {
     }
 
     /// A range that [`Scale::place`] can work with: ascending, and positive on a logarithmic scale.
-    fn usable(self, [min, max]: [f64; 2]) -> [f64; 2] {
+    pub fn usable(self, [min, max]: [f64; 2]) -> [f64; 2] {
         match self {
             Scale::Log if max <= 0.0 => [1e-6, 1.0],
             Scale::Log if min <= 0.0 => [1e-6 * max, max],

@@ -5,9 +5,11 @@ pub mod camera;
 pub mod error;
 pub mod frame;
 pub mod frustum;
+pub mod perspective_grid;
 pub mod selection;
 pub mod travel;
 
 pub use camera::{Projection, View, ViewError};
 pub use frustum::Extent;
+pub use perspective_grid::PerspectiveGrid;
 pub use selection::{Drawn, Missing, NodeInfo, NodeTree, Selection, select};

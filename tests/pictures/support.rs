@@ -4,7 +4,9 @@ use deepfield::build::{BuildOptions, build};
 use deepfield::codec::VqBits;
 use deepfield::import::{LoadOptions, load};
 use deepfield::model::{Bounds, Dataset};
+use deepfield::modes::paint::{Subject, paint_nodes};
 use deepfield::modes::{self, Depiction, Settings, cpu};
+use deepfield::raster::composite::Image;
 use deepfield::raster::{Accumulation, Method};
 use deepfield::store::PageFile;
 use deepfield::stream::Scene;
@@ -63,6 +65,16 @@ pub fn draw_pages(file: &Arc<PageFile>, mode: &str, view: &View, tau: f64) -> Ac
     assert!(selection.converged);
     let nodes = cpu::decode(&depiction, metadata, &selection.nodes);
     cpu::draw_nodes(view, &depiction, metadata, &nodes, Method::Pyramid).unwrap()
+}
+
+/// The colours of the page file at `tau`, of a mode that draws colours.
+pub fn paint_pages(file: &Arc<PageFile>, mode: &str, view: &View, tau: f64) -> Image {
+    let metadata = file.metadata();
+    let depiction = Depiction::of_pages(modes::find(mode).unwrap(), Settings::default(), None, metadata).unwrap();
+    let selection = Scene::new(Arc::clone(file), u64::MAX).converge_blocking(view, tau).unwrap();
+    let nodes = cpu::decode(&depiction, metadata, &selection.nodes);
+    let subject = Subject { transfer: None, diameter: metadata.bounds().size().length() };
+    paint_nodes(view, &depiction, metadata, &nodes, &subject).unwrap().colors.image()
 }
 
 /// The picture of the source particles, by the CPU renderer.

@@ -6,12 +6,12 @@ use crate::app::exposure::Exposure;
 use crate::app::legend::Legend;
 use crate::app::look::Look;
 use crate::app::scene::{AttributeChoice, Settings};
-use crate::modes::{MODES, Setting, SettingKind, SettingValue};
+use crate::modes::{self, MODES, Setting, SettingKind, SettingValue};
 use crate::raster::colormap::ColorMap;
 use crate::raster::transfer::Range;
 use crate::store::Metadata;
 use bevy::prelude::Resource;
-use bevy_egui::egui::{self, Color32, ComboBox, RichText, Slider, Ui, vec2};
+use bevy_egui::egui::{self, Color32, ComboBox, RichText, Slider, TextEdit, Ui, vec2};
 
 /// What the combo boxes offer beyond the modes.
 #[derive(Resource, Clone, Debug, Default)]
@@ -113,8 +113,49 @@ fn mode_setting(ui: &mut Ui, setting: &Setting, settings: &mut Settings) {
                 values.0.insert(setting.name.to_owned(), SettingValue::Flag(value));
             }
         }
+        SettingKind::Choice { options } => {
+            let current = values.name(setting);
+            ComboBox::from_id_salt(setting.name).width(186.0).selected_text(&current).show_ui(ui, |ui| {
+                for &option in options {
+                    if ui.selectable_label(current == option, option).clicked() {
+                        values.0.insert(setting.name.to_owned(), SettingValue::Name(option.to_owned()));
+                    }
+                }
+            });
+        }
+        SettingKind::Numbers { .. } | SettingKind::Colors { .. } => list_setting(ui, setting, values),
     });
     response.on_hover_text(setting.help);
+}
+
+/// A list as text with commas; taken over when the field is left and the list is right.
+fn list_setting(ui: &mut Ui, setting: &Setting, values: &mut modes::Settings) {
+    let id = ui.id().with(setting.name);
+    let set = values.0.get(setting.name).map(|value| value.to_string().trim_matches(['[', ']']).to_owned());
+    let typed = ui.data(|data| data.get_temp::<String>(id));
+    let mut text = typed.or(set).unwrap_or_default();
+    let response = ui.add(TextEdit::singleline(&mut text).hint_text("automatic").desired_width(186.0));
+    if response.lost_focus() {
+        if let Some(value) = parse_list(setting, &text) {
+            values.0.insert(setting.name.to_owned(), value);
+        }
+        ui.data_mut(|data| data.remove::<String>(id));
+    } else if response.has_focus() {
+        ui.data_mut(|data| data.insert_temp(id, text));
+    }
+}
+
+/// The list that a text with commas says, if the setting takes it.
+fn parse_list(setting: &Setting, text: &str) -> Option<SettingValue> {
+    let items: Vec<&str> = text.split(',').map(str::trim).filter(|item| !item.is_empty()).collect();
+    let value = match setting.kind {
+        SettingKind::Numbers { .. } => {
+            SettingValue::Numbers(items.iter().map(|item| item.parse()).collect::<Result<_, _>>().ok()?)
+        }
+        _ if items.is_empty() => SettingValue::Numbers(Vec::new()),
+        _ => SettingValue::Names(items.into_iter().map(str::to_owned).collect()),
+    };
+    setting.check(&value).is_ok().then_some(value)
 }
 
 /// Which attribute gives the hue.
@@ -193,4 +234,20 @@ fn range(
         Some(RangeEdit::Set(_)) | None => {}
     }
     range_labels(ui, shown, unit);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::modes::grid::{ISO_COLORS, ISOVALUES};
+
+    #[test]
+    fn lists_are_read_from_text() {
+        assert_eq!(parse_list(&ISOVALUES, " 0.5, 3e2 ,"), Some(SettingValue::Numbers(vec![0.5, 300.0])));
+        assert_eq!(parse_list(&ISOVALUES, ""), Some(SettingValue::Numbers(Vec::new())));
+        assert_eq!(parse_list(&ISOVALUES, "1, x"), None);
+        assert_eq!(parse_list(&ISOVALUES, "-1"), None);
+        assert_eq!(parse_list(&ISO_COLORS, "#ff0000"), Some(SettingValue::Names(vec!["#ff0000".into()])));
+        assert_eq!(parse_list(&ISO_COLORS, "red"), None);
+    }
 }

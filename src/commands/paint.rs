@@ -1,0 +1,221 @@
+//! `deepfield render` for the modes that draw colours straight from particles.
+
+use super::render::{Arguments, Backend, Times, load_exact, no_family, view, write_json};
+use super::{CommandResult, cache, progress_bar::TerminalProgress};
+use crate::model::{Bounds, Family};
+use crate::modes::paint::{Subject, paint_nodes, paint_particles};
+use crate::modes::{Depiction, Mode, Painted, cpu};
+use crate::raster::output;
+use crate::raster::volume::VolumeError;
+use crate::store::PageFile;
+use crate::stream::{Scene, first_frame};
+use crate::view::frame;
+use glam::DVec3;
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// Statistics of a run, as `--json` writes them.
+#[derive(Debug, Serialize)]
+struct Statistics<'a> {
+    converged: bool,
+    error_px: f64,
+    particles_drawn: u64,
+    nodes_drawn: usize,
+    backend: &'static str,
+    adapter: &'static str,
+    mode: &'static str,
+    attribute: Option<&'a str>,
+    width: u32,
+    height: u32,
+    grid: Grid,
+    ranges: Ranges<'a>,
+    milliseconds: &'a BTreeMap<String, f64>,
+}
+
+/// What the grid was, and what was done in it.
+#[derive(Debug, Serialize)]
+struct Grid {
+    size: [u32; 3],
+    near: f64,
+    far: f64,
+    slabs: usize,
+    particles: u64,
+    raised: u64,
+    pairs: u64,
+    bricks: u64,
+    hidden: u64,
+    samples: u64,
+    crossings: u64,
+}
+
+/// The ranges in use.
+#[derive(Debug, Serialize)]
+struct Ranges<'a> {
+    density: [f64; 2],
+    attribute: [f64; 2],
+    unit_length: f64,
+    isovalues: &'a [f64],
+}
+
+/// What was painted, and from what.
+struct Outcome {
+    painted: Painted,
+    attribute: Option<String>,
+    converged: bool,
+    error_pixels: f64,
+    particles: u64,
+    nodes: usize,
+}
+
+/// Renders the picture and writes it.
+///
+/// # Errors
+/// When the source cannot be read, a setting does not fit the data, or a file cannot be written.
+pub(super) fn render(arguments: &Arguments, mode: &'static Mode, is_exr: bool) -> CommandResult {
+    if matches!(arguments.backend, Some(Backend::Compute | Backend::Raster)) {
+        return Err(format!("--backend: only cpu draws the mode {}", mode.name).into());
+    }
+    if arguments.overdraw.is_some() {
+        return Err(format!("--overdraw: the mode {} has no splats", mode.name).into());
+    }
+    arguments.settings.check(mode)?;
+    let mut times = Times::default();
+    let outcome = match arguments.exact {
+        true => paint_exact(arguments, mode, &mut times)?,
+        false => paint_pages(arguments, mode, &mut times)?,
+    };
+    let Outcome { painted, .. } = &outcome;
+    match is_exr {
+        true => output::write_exr_colors(&arguments.output, &painted.colors)?,
+        false => output::write_png(&arguments.output, &painted.colors.image())?,
+    }
+    if let Some(raw) = &arguments.raw {
+        output::write_npy_colors(raw, &painted.colors)?;
+    }
+    if let Some(json) = &arguments.json {
+        write_json(json, &statistics(&outcome, mode, &times.medians()))?;
+    }
+    Ok(())
+}
+
+fn paint_pages(
+    arguments: &Arguments,
+    mode: &'static Mode,
+    times: &mut Times,
+) -> Result<Outcome, Box<dyn std::error::Error + Send + Sync>> {
+    let path = &arguments.path;
+    let file = Arc::new(PageFile::open(&cache::page_file_of(path, &TerminalProgress::new())?)?);
+    let metadata = file.metadata();
+    let depiction = Depiction::of_pages(mode, arguments.settings.clone(), arguments.attribute.as_deref(), metadata)
+        .map_err(|why| format!("{}: {why}", path.display()))?;
+    // A still picture has no next frame to keep memory for, so nothing limits what it holds.
+    let mut scene = Scene::new(Arc::clone(&file), u64::MAX);
+    if let Some(name) = arguments.family {
+        let (index, _) = metadata.family(name).ok_or_else(|| no_family(path, name))?;
+        scene.families = vec![index];
+    }
+    let framed = first_frame(&file, &scene.families);
+    let view = view(arguments, framed)?;
+    let tau = arguments.error_px.unwrap_or(0.8);
+    let mut tell = |message| eprintln!("deepfield: {message}");
+    let selection = times.measure("load", || scene.converge(&view, tau, &mut tell))?;
+    let mut painted = None;
+    for _ in 0..arguments.repeat {
+        painted = Some(times.frame(|times| {
+            let selection = times.measure("select", || scene.select(&view, tau));
+            let nodes = times.measure("decode", || cpu::decode(&depiction, metadata, &selection.nodes));
+            measured(arguments, framed, times, |subject| paint_nodes(&view, &depiction, metadata, &nodes, subject))
+        })?);
+    }
+    Ok(Outcome {
+        painted: painted.ok_or("nothing was drawn")?,
+        attribute: depiction.attribute.map(|coloring| coloring.name),
+        converged: selection.converged,
+        error_pixels: selection.error_pixels,
+        particles: selection.particles,
+        nodes: selection.nodes.len(),
+    })
+}
+
+fn paint_exact(
+    arguments: &Arguments,
+    mode: &'static Mode,
+    times: &mut Times,
+) -> Result<Outcome, Box<dyn std::error::Error + Send + Sync>> {
+    let (source, dataset) = times.measure("load", || load_exact(arguments))?;
+    let depiction = Depiction::of_dataset(mode, arguments.settings.clone(), arguments.attribute.as_deref(), &dataset)
+        .map_err(|why| format!("{}: {why}", source.display()))?;
+    let families: Vec<&Family> = dataset.families.iter().collect();
+    let positions = families.iter().flat_map(|family| &family.positions);
+    let samples: Vec<(DVec3, f64)> = positions.map(|&position| (DVec3::from_array(position), 1.0)).collect();
+    let framed = frame::frame(dataset.bounds(), &samples);
+    let view = view(arguments, framed)?;
+    drop(samples);
+    let mut painted = None;
+    for _ in 0..arguments.repeat {
+        painted = Some(times.frame(|times| {
+            measured(arguments, framed, times, |subject| {
+                paint_particles(&view, &depiction, &dataset, &families, subject)
+            })
+        })?);
+    }
+    Ok(Outcome {
+        painted: painted.ok_or("nothing was drawn")?,
+        attribute: depiction.attribute.map(|coloring| coloring.name),
+        converged: true,
+        error_pixels: 0.0,
+        particles: dataset.len() as u64,
+        nodes: 0,
+    })
+}
+
+/// Paints, and notes how long the parts took.
+fn measured(
+    arguments: &Arguments,
+    framed: Bounds,
+    times: &mut Times,
+    paint: impl FnOnce(&Subject<'_>) -> Result<Painted, VolumeError>,
+) -> Result<Painted, VolumeError> {
+    let subject = Subject { transfer: arguments.volume.as_ref(), diameter: framed.size().length() };
+    let painted = times.measure("draw", || paint(&subject))?;
+    times.note("resample", painted.report.resampling);
+    times.note("render", painted.report.rendering);
+    Ok(painted)
+}
+
+fn statistics<'a>(outcome: &'a Outcome, mode: &Mode, milliseconds: &'a BTreeMap<String, f64>) -> Statistics<'a> {
+    let Painted { colors, report, levels, isovalues } = &outcome.painted;
+    Statistics {
+        converged: outcome.converged,
+        error_px: outcome.error_pixels,
+        particles_drawn: outcome.particles,
+        nodes_drawn: outcome.nodes,
+        backend: "cpu",
+        adapter: "cpu",
+        mode: mode.name,
+        attribute: outcome.attribute.as_deref(),
+        width: colors.width,
+        height: colors.height,
+        grid: Grid {
+            size: report.grid,
+            near: report.planes[0],
+            far: report.planes[1],
+            slabs: report.slabs,
+            particles: report.particles,
+            raised: report.raised,
+            pairs: report.pairs,
+            bricks: report.bricks,
+            hidden: report.hidden,
+            samples: report.samples,
+            crossings: report.crossings,
+        },
+        ranges: Ranges {
+            density: levels.density,
+            attribute: levels.attribute,
+            unit_length: levels.unit_length,
+            isovalues,
+        },
+        milliseconds,
+    }
+}

@@ -1,0 +1,286 @@
+//! What the modes of the perspective grid (F12 chapter 5) share: their settings, and how these become a picture.
+
+use super::{Columns, Painted, Painting, Setting, SettingKind, Settings};
+use crate::model::{Kernel, Unit};
+use crate::raster::colormap::ColorMap;
+use crate::raster::transfer::Range;
+use crate::raster::volume::classify::{UnitLength, to_linear};
+use crate::raster::volume::particles::SMALLEST;
+use crate::raster::volume::{
+    self, Classifier, Light, Scenery, Surface, VolumeError, VolumeLevels, VolumeOptions, VolumeTransfer, range,
+};
+use crate::view::perspective_grid::GridOptions;
+
+/// Cells per pixel.
+pub static RESOLUTION: Setting = Setting {
+    name: "resolution",
+    unit: "cells/px",
+    kind: SettingKind::Number { min: 0.1, max: 2.0, default: 1.0 },
+    help: "resolution of the grid: 1 is that of the picture; 0.5 costs an eighth of the cells",
+};
+/// Whether slices are as dense on the edges as in the middle.
+pub static LAMBDA: Setting = Setting {
+    name: "lambda",
+    unit: "",
+    kind: SettingKind::Flag { default: true },
+    help: "slices are so dense that rays at the picture's corners are sampled as finely as the middle one (F12 5.4)",
+};
+/// Memory for the cells of a slab.
+pub static SLAB_MEMORY: Setting = Setting {
+    name: "slab-memory",
+    unit: "MiB",
+    kind: SettingKind::Number { min: 1.0, max: 65_536.0, default: 256.0 },
+    help: "memory for the part of the grid that is resampled at once; decides how thick slabs are, not what is seen",
+};
+/// Depth of the near plane.
+pub static NEAR: Setting = Setting {
+    name: "near",
+    unit: "",
+    kind: SettingKind::Number { min: 0.0, max: 1e30, default: 0.0 },
+    help: "depth where the volume begins, in the data's length unit; 0: in front of the data",
+};
+/// Depth of the far plane.
+pub static FAR: Setting = Setting {
+    name: "far",
+    unit: "",
+    kind: SettingKind::Number { min: 0.0, max: 1e30, default: 0.0 },
+    help: "depth where the volume ends, in the data's length unit; 0: behind the data",
+};
+/// Opacity at which rays end.
+pub static TERMINATION: Setting = Setting {
+    name: "termination",
+    unit: "",
+    kind: SettingKind::Number { min: 0.5, max: 1.0, default: 0.999 },
+    help: "rays end when they are as opaque",
+};
+/// Whether hidden bricks are left out.
+pub static OCCLUSION: Setting = Setting {
+    name: "occlusion",
+    unit: "",
+    kind: SettingKind::Flag { default: true },
+    help: "what lies behind opaque pixels is not resampled; off only to measure what that saves",
+};
+/// Least size of particles.
+pub static SMALLEST_CELLS: Setting = Setting {
+    name: "smallest",
+    unit: "cells",
+    kind: SettingKind::Number { min: 0.0, max: 8.0, default: SMALLEST },
+    help: "least smoothing length: smaller particles are enlarged to it, with their mass (F12 5.5); 0: none",
+};
+/// The kernel.
+pub static KERNEL: Setting = Setting {
+    name: "kernel",
+    unit: "",
+    kind: SettingKind::Choice { options: &["data", "cubic-spline", "poly6"] },
+    help: "the kernel that densities are summed with: the data's own, or another",
+};
+/// Factor on the extinction.
+pub static OPACITY: Setting = Setting {
+    name: "opacity",
+    unit: "",
+    kind: SettingKind::Number { min: 0.001, max: 2000.0, default: 1.0 },
+    help: "how opaque the volume is: 2 is twice as much matter",
+};
+/// Densities of the surfaces.
+pub static ISOVALUES: Setting = Setting {
+    name: "isovalues",
+    unit: "",
+    kind: SettingKind::Numbers { min: 0.0, max: 1e38, most: volume::surface::MOST_SURFACES },
+    help: "densities of the isosurfaces, in the data's units; without any they are chosen from the data",
+};
+/// Their opacities.
+pub static ISO_OPACITIES: Setting = Setting {
+    name: "iso-opacities",
+    unit: "",
+    kind: SettingKind::Numbers { min: 0.0, max: 1.0, most: volume::surface::MOST_SURFACES },
+    help: "opacity of each isosurface; without any the densest is opaque and the others are not",
+};
+/// Their colours.
+pub static ISO_COLORS: Setting = Setting {
+    name: "iso-colors",
+    unit: "",
+    kind: SettingKind::Colors { most: volume::surface::MOST_SURFACES },
+    help: "colour of each isosurface; without any the attribute's, or the colour map's at its density",
+};
+/// Whether surfaces are lit.
+pub static LIGHTING: Setting = Setting {
+    name: "lighting",
+    unit: "",
+    kind: SettingKind::Flag { default: true },
+    help: "isosurfaces are lit by a lamp at the eye",
+};
+/// Light from everywhere.
+pub static AMBIENT: Setting = Setting {
+    name: "ambient",
+    unit: "",
+    kind: SettingKind::Number { min: 0.0, max: 1.0, default: 0.12 },
+    help: "share of a surface's colour that is seen without light",
+};
+/// The highlight.
+pub static SPECULAR: Setting = Setting {
+    name: "specular",
+    unit: "",
+    kind: SettingKind::Number { min: 0.0, max: 1.0, default: 0.15 },
+    help: "strength of the highlight on surfaces that face the eye",
+};
+/// The highlight's exponent.
+pub static SHININESS: Setting = Setting {
+    name: "shininess",
+    unit: "",
+    kind: SettingKind::Number { min: 1.0, max: 500.0, default: 40.0 },
+    help: "how narrow the highlight is",
+};
+
+/// What is drawn of the grid.
+#[derive(Clone, Copy, Debug)]
+pub struct Layers {
+    /// The volume itself.
+    pub volume: bool,
+    /// Isosurfaces: places in the logarithmic range of densities where they are unless set, and their opacities.
+    pub surfaces: &'static [(f32, f32)],
+}
+
+/// The unit of densities.
+pub fn density_unit(mass: &Unit, length: &Unit) -> Unit {
+    match mass.is_unknown() || length.is_unknown() {
+        true => Unit::default(),
+        false => Unit::new(format!("{mass} / ({length})^3")),
+    }
+}
+
+/// Masses: what densities are sums of.
+pub fn masses(columns: &Columns<'_>) -> Vec<f32> {
+    columns.mass.to_vec()
+}
+
+/// Draws the layers of a mode.
+///
+/// # Errors
+/// [`VolumeError`] for settings that do not fit the data or each other, and when nothing is in view.
+pub fn paint(painting: &Painting<'_>, layers: Layers) -> Result<Painted, VolumeError> {
+    let settings = painting.settings;
+    let options = options(painting)?;
+    let attribute = painting.batches.iter().any(|batch| batch.attribute().is_some());
+    let usual;
+    let transfer = match painting.transfer {
+        Some(transfer) => transfer,
+        None => {
+            usual = VolumeTransfer::usual(attribute);
+            &usual
+        }
+    };
+    let isovalues = settings.numbers(&ISOVALUES);
+    let possible = |value: f64| value > 0.0 && value <= painting.densest;
+    if let Some((index, &value)) = isovalues.iter().enumerate().find(|(_, value)| !possible(**value)) {
+        return Err(VolumeError::IsoValue { index, value, largest: painting.densest });
+    }
+    let levels = levels(painting, transfer, &options)?;
+    let classifier = Classifier::new(transfer, levels, attribute);
+    let place_to_density = |place: f32| {
+        let [min, max] = levels.density;
+        min * (max / min).powf(f64::from(place))
+    };
+    let chosen: Vec<f64> = match isovalues {
+        _ if layers.surfaces.is_empty() => Vec::new(),
+        [] => layers.surfaces.iter().map(|&(place, _)| place_to_density(place)).collect(),
+        set => set.to_vec(),
+    };
+    let surfaces = surfaces(settings, &chosen, &levels, &layers, transfer.color_map, classifier.has_hues())?;
+    let light = settings.flag(&LIGHTING).then(|| Light {
+        ambient: settings.number(&AMBIENT) as f32,
+        specular: settings.number(&SPECULAR) as f32,
+        shininess: settings.number(&SHININESS) as f32,
+    });
+    let termination = settings.number(&TERMINATION) as f32;
+    let scenery = Scenery { classifier, volume: layers.volume, surfaces, light, termination };
+    let (colors, report) = volume::draw(painting.view, painting.batches, &scenery, &options)?;
+    Ok(Painted { colors, report, levels, isovalues: chosen })
+}
+
+fn options(painting: &Painting<'_>) -> Result<VolumeOptions, VolumeError> {
+    let settings = painting.settings;
+    let plane = |setting: &Setting| Some(settings.number(setting)).filter(|&depth| depth > 0.0);
+    let kernel = match settings.name(&KERNEL).as_str() {
+        "cubic-spline" => Kernel::CubicSpline,
+        "poly6" => Kernel::Poly6,
+        _ => painting.kernel,
+    };
+    Ok(VolumeOptions {
+        grid: GridOptions { resolution: settings.number(&RESOLUTION), lambda: settings.flag(&LAMBDA) },
+        near: plane(&NEAR),
+        far: plane(&FAR),
+        memory: (settings.number(&SLAB_MEMORY) * f64::from(1 << 20)) as u64,
+        smallest: settings.number(&SMALLEST_CELLS),
+        occlusion: settings.flag(&OCCLUSION),
+        kernel,
+    })
+}
+
+/// Numbers for the ranges that are automatic.
+fn levels(
+    painting: &Painting<'_>,
+    transfer: &VolumeTransfer,
+    options: &VolumeOptions,
+) -> Result<VolumeLevels, VolumeError> {
+    let hue = transfer.hue.unwrap_or_default();
+    let needs = transfer.range == Range::Auto || hue.range == Range::Auto;
+    let measured = match needs {
+        true => Some(range::measure(painting.view, painting.batches, options.kernel, options.near, options.far)?),
+        false => None,
+    };
+    let fixed = |range: Range, measured: Option<[f64; 2]>| match range {
+        Range::Fixed(min, max) => [min, max],
+        Range::Auto => measured.unwrap_or([0.0, 1.0]),
+    };
+    let density = fixed(transfer.range, measured.map(|range| range.density));
+    if !(density[0] > 0.0 && density[0] < density[1]) {
+        return Err(VolumeError::Setting {
+            field: "range",
+            found: format!("from {} to {}", density[0], density[1]),
+            expected: "two positive densities in ascending order".into(),
+        });
+    }
+    let unit = match transfer.unit_length {
+        UnitLength::Auto => 0.01 * painting.diameter,
+        UnitLength::Fixed(length) => length,
+    };
+    let attribute = hue.scale.usable(fixed(hue.range, measured.map(|range| range.attribute)));
+    let unit_length = unit.max(1e-30) / painting.settings.number(&OPACITY);
+    Ok(VolumeLevels { density, attribute, unit_length })
+}
+
+fn surfaces(
+    settings: &Settings,
+    isovalues: &[f64],
+    levels: &VolumeLevels,
+    layers: &Layers,
+    map: ColorMap,
+    hues: bool,
+) -> Result<Vec<Surface>, VolumeError> {
+    let (opacities, colors) = (settings.numbers(&ISO_OPACITIES), settings.colors(&ISO_COLORS));
+    for (field, found) in [("iso-opacities", opacities.len()), ("iso-colors", colors.len())] {
+        if found > 0 && found != isovalues.len() {
+            let expected = format!("as many as isovalues, {}", isovalues.len());
+            return Err(VolumeError::Setting { field, found: format!("a list of {found}"), expected });
+        }
+    }
+    let densest = isovalues.iter().copied().fold(0.0, f64::max);
+    let [min, max] = levels.density;
+    let gradient = map.sample(256);
+    let surface = |(index, &value): (usize, &f64)| {
+        let usual = match layers.surfaces.get(index).filter(|_| settings.numbers(&ISOVALUES).is_empty()) {
+            Some(&(_, opacity)) => opacity,
+            None if value >= densest => 1.0,
+            None => 0.3,
+        };
+        let place = ((value / min).ln() / (max / min).ln()).clamp(0.0, 1.0);
+        // The map's dark end is no colour for a surface.
+        let mapped = gradient[(55.0 + 200.0 * place).round() as usize].map(to_linear);
+        Surface {
+            value: value as f32,
+            color: colors.get(index).map(|color| color.map(to_linear)).or((!hues).then_some(mapped)),
+            opacity: opacities.get(index).map_or(usual, |&opacity| opacity as f32),
+        }
+    };
+    Ok(isovalues.iter().enumerate().map(surface).collect())
+}

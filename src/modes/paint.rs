@@ -1,0 +1,111 @@
+//! Modes that draw colours straight from particles: what they are given, and what they give.
+
+use super::{Depiction, Settings};
+use crate::model::{Dataset, Family, Kernel};
+use crate::modes::cpu::{DecodedNode, batches};
+use crate::raster::volume::{Colors, VolumeError, VolumeLevels, VolumeReport, VolumeTransfer};
+use crate::raster::{Extent, Positions, Splats};
+use crate::store::Metadata;
+use crate::view::View;
+
+/// Draws a mode's colours with the processor.
+pub type Painter = fn(&Painting<'_>) -> Result<Painted, VolumeError>;
+
+/// What is to be drawn, and how.
+pub struct Painting<'a> {
+    /// The camera.
+    pub view: &'a View,
+    /// The particles: weights are masses.
+    pub batches: &'a [Splats<'a>],
+    /// The kernel that the smoothing lengths belong to.
+    pub kernel: Kernel,
+    /// The mode's settings.
+    pub settings: &'a Settings,
+    /// What volumes emit and absorb; the mode's own where it is `None`.
+    pub transfer: Option<&'a VolumeTransfer>,
+    /// The data's diameter, world units.
+    pub diameter: f64,
+    /// The data's largest density.
+    pub densest: f64,
+}
+
+/// A picture in colours.
+#[derive(Clone, Debug)]
+pub struct Painted {
+    /// The colours.
+    pub colors: Colors,
+    /// What drawing took.
+    pub report: VolumeReport,
+    /// The ranges that were used.
+    pub levels: VolumeLevels,
+    /// The isosurfaces' densities.
+    pub isovalues: Vec<f64>,
+}
+
+/// What the pictures of a dataset share.
+#[derive(Clone, Copy, Debug)]
+pub struct Subject<'a> {
+    /// What volumes emit and absorb; the mode's own where it is `None`.
+    pub transfer: Option<&'a VolumeTransfer>,
+    /// The data's diameter without far outliers, world units.
+    pub diameter: f64,
+}
+
+/// Paints decoded nodes of a page file.
+///
+/// # Errors
+/// [`VolumeError`] for settings that do not fit, or a mode that is made of splats.
+pub fn paint_nodes(
+    view: &View,
+    depiction: &Depiction,
+    metadata: &Metadata,
+    nodes: &[DecodedNode],
+    subject: &Subject<'_>,
+) -> Result<Painted, VolumeError> {
+    let batches = batches(depiction, nodes)?;
+    let densest = metadata.families.iter().map(|family| family.quantities[1].max).fold(0.0, f64::max);
+    paint(view, depiction, &batches, metadata.kernel, densest, subject)
+}
+
+/// Paints source particles at their full precision.
+///
+/// # Errors
+/// As [`paint_nodes`].
+pub fn paint_particles(
+    view: &View,
+    depiction: &Depiction,
+    dataset: &Dataset,
+    families: &[&Family],
+    subject: &Subject<'_>,
+) -> Result<Painted, VolumeError> {
+    let columns: Vec<_> = families.iter().map(|family| depiction.source_columns(family)).collect();
+    let batches = families
+        .iter()
+        .zip(&columns)
+        .map(|(family, columns)| {
+            let extent = Extent::World(&family.smoothing_length);
+            Splats::new(Positions::World(&family.positions), extent, &columns.weight, columns.attribute.as_deref())
+        })
+        .collect::<Result<Vec<_>, _>>()?;
+    let densities = families.iter().flat_map(|family| &family.density);
+    let densest = densities.copied().filter(|density| density.is_finite()).fold(0.0, f32::max);
+    paint(view, depiction, &batches, dataset.kernel, f64::from(densest), subject)
+}
+
+fn paint(
+    view: &View,
+    depiction: &Depiction,
+    batches: &[Splats<'_>],
+    kernel: Kernel,
+    densest: f64,
+    &Subject { transfer, diameter }: &Subject<'_>,
+) -> Result<Painted, VolumeError> {
+    let Some(painter) = depiction.mode.painter() else {
+        return Err(VolumeError::Setting {
+            field: "mode",
+            found: depiction.mode.name.into(),
+            expected: "a mode that draws colours straight from particles".into(),
+        });
+    };
+    painter(&Painting { view, batches, kernel, settings: &depiction.settings, transfer, diameter, densest })
+}

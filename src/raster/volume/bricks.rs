@@ -1,0 +1,139 @@
+//! The resampled field of a slab: bricks of `16^3` cells, those alone that hold something.
+//!
+//! Stored cells reach [`BORDER`] cells beyond the picture on every side, for gradients and interpolation at its edge:
+//! stored column `c` is column `c - BORDER` of the grid.
+
+use super::particles::Particle;
+use crate::view::PerspectiveGrid;
+
+/// Cells along a brick's side, and slices of a layer of bricks.
+pub const BRICK: usize = 16;
+/// Cells of a brick.
+pub const CELLS: usize = BRICK * BRICK * BRICK;
+/// Cells stored beyond the picture's edge.
+pub const BORDER: usize = 2;
+
+/// One brick; cell `(x, y, z)` is at `(16 z + y) 16 + x`.
+#[derive(Clone, Debug)]
+pub struct Brick {
+    /// `rho = sum m W`, mass per volume.
+    pub density: Box<[f32]>,
+    /// `sum m A W`; empty without attribute.
+    pub weighted: Box<[f32]>,
+    /// The largest density.
+    pub densest: f32,
+}
+
+/// Bricks at the same depth, row by row; `None` where nothing is.
+pub type Layer = Vec<Option<Brick>>;
+
+/// How a grid is cut into bricks.
+#[derive(Clone, Debug)]
+pub struct Masonry {
+    /// Bricks in a row, in a column, and layers.
+    pub bricks: [usize; 3],
+    /// Grid coordinates of the middle line of sight, in stored cells.
+    pub middle: [f32; 2],
+    /// Depth of each slice's centre, to the end of the last layer.
+    pub depth: Vec<f32>,
+    /// One over the width of a cell at that depth.
+    pub per_cell: Vec<f32>,
+    /// Width of a cell at that depth.
+    pub spacing: Vec<f32>,
+    /// Distance from a slice's front to its back, on the middle ray.
+    pub thickness: Vec<f32>,
+    /// Slices of the grid.
+    pub slices: usize,
+    /// Whether lines of sight diverge.
+    pub perspective: bool,
+}
+
+impl Masonry {
+    /// The bricks of a grid.
+    pub fn new(grid: &PerspectiveGrid) -> Masonry {
+        let [k, l, m] = grid.size.map(|size| size as usize);
+        let layers = m.div_ceil(BRICK);
+        let depths: Vec<f64> = (0..layers * BRICK).map(|slice| grid.depth(slice as f64 + 0.5)).collect();
+        let edge = |slice: usize| grid.depth(slice as f64);
+        Masonry {
+            bricks: [(k + 2 * BORDER).div_ceil(BRICK), (l + 2 * BORDER).div_ceil(BRICK), layers],
+            middle: grid.middle.map(|middle| (middle + BORDER as f64) as f32),
+            per_cell: depths.iter().map(|&depth| (1.0 / grid.spacing(depth)) as f32).collect(),
+            spacing: depths.iter().map(|&depth| grid.spacing(depth) as f32).collect(),
+            thickness: (0..depths.len()).map(|slice| (edge(slice + 1) - edge(slice)) as f32).collect(),
+            depth: depths.iter().map(|&depth| depth as f32).collect(),
+            slices: m,
+            perspective: grid.perspective,
+        }
+    }
+
+    /// Number of bricks in a layer.
+    pub fn of_layer(&self) -> usize {
+        self.bricks[0] * self.bricks[1]
+    }
+
+    /// The bricks of a layer that a particle's support may reach: first and last column and row. `None` for none.
+    pub fn reached(&self, particle: &Particle, layer: usize) -> Option<[[usize; 2]; 2]> {
+        let [x, y, z, h] = particle.place;
+        let slices = layer * BRICK..(layer + 1) * BRICK;
+        let (first, last) = (self.depth[slices.start], self.depth[slices.end - 1]);
+        let away = (first - z).max(z - last).max(0.0);
+        let square = h * h - away * away;
+        if square <= 0.0 {
+            return None;
+        }
+        let radius = square.sqrt();
+        // One over the cell's width at both ends of the particle within the layer, the wider end of which counts.
+        let ends = match self.perspective {
+            true => {
+                let per_depth = self.per_cell[slices.start] * first;
+                [per_depth / first.max(z - h), per_depth / last.min(z + h)]
+            }
+            false => [self.per_cell[slices.start]; 2],
+        };
+        let span = |center: f32, middle: f32, bricks: usize| {
+            let [low, high] = [center - radius, center + radius];
+            let low = middle + (low * ends[0]).min(low * ends[1]) - 0.51;
+            let high = middle + (high * ends[0]).max(high * ends[1]) - 0.49;
+            // Casts saturate.
+            let [from, to] = [low.ceil().max(0.0) as usize / BRICK, high.floor() as usize / BRICK];
+            (high >= 0.0 && from < bricks && from <= to).then_some([from, to.min(bricks - 1)])
+        };
+        Some([span(x, self.middle[0], self.bricks[0])?, span(-y, self.middle[1], self.bricks[1])?])
+    }
+}
+
+/// Consecutive layers of a grid.
+#[derive(Clone, Debug, Default)]
+pub struct Slab {
+    /// Number of the first layer.
+    pub first: usize,
+    /// The layers.
+    pub layers: Vec<Layer>,
+}
+
+impl Slab {
+    /// The brick in a column and row of bricks and a layer; `None` where nothing is or what is not in this slab.
+    pub fn brick(&self, column: usize, row: usize, layer: usize, masonry: &Masonry) -> Option<&Brick> {
+        let layer = self.layers.get(layer.checked_sub(self.first)?)?;
+        if column >= masonry.bricks[0] || row >= masonry.bricks[1] {
+            return None;
+        }
+        layer[row * masonry.bricks[0] + column].as_ref()
+    }
+
+    /// Density and `sum m A W` of a cell of the grid; 0 where nothing is.
+    pub fn at(&self, [i, j, k]: [usize; 3], masonry: &Masonry) -> [f32; 2] {
+        let [x, y] = [i + BORDER, j + BORDER];
+        self.brick(x / BRICK, y / BRICK, k / BRICK, masonry).map_or([0.0; 2], |brick| {
+            let cell = (k % BRICK * BRICK + y % BRICK) * BRICK + x % BRICK;
+            [brick.density[cell], brick.weighted.get(cell).copied().unwrap_or(0.0)]
+        })
+    }
+
+    /// Only the last layer, for the next slab.
+    pub fn into_last(mut self) -> Slab {
+        let first = self.first + self.layers.len().saturating_sub(1);
+        Slab { first, layers: self.layers.pop().into_iter().collect() }
+    }
+}

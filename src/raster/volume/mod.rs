@@ -1,0 +1,249 @@
+//! Volumes and isosurfaces straight from particles (F12 chapter 5), by the processor: the reference for the same on a GPU.
+//!
+//! Particles are projected once ([`particles`]). Slab by slab, from front to back, those that reach it are resampled to the
+//! perspective grid ([`resample`]), and all rays go through it ([`raycast`]); where they have become opaque, later
+//! slabs are left out ([`occlusion`]). Nothing is kept but the slab and what the rays have gathered.
+
+pub mod bricks;
+pub mod classify;
+pub mod exact;
+pub mod occlusion;
+pub mod particles;
+pub mod range;
+pub mod raycast;
+pub mod resample;
+pub mod surface;
+
+mod block;
+#[cfg(test)]
+mod tests;
+
+pub use classify::{Classifier, VolumeLevels, VolumeTransfer};
+pub use range::FieldRange;
+pub use raycast::Scenery;
+pub use surface::{Light, Surface};
+
+use super::Splats;
+use super::composite::Image;
+use crate::model::Kernel;
+use crate::view::perspective_grid::{GridError, GridOptions, planes};
+use crate::view::{PerspectiveGrid, Projection, View};
+use bricks::{BRICK, Masonry, Slab};
+use occlusion::OpacityPyramid;
+use particles::{Projected, Taken};
+use raycast::Rays;
+use rayon::prelude::*;
+use std::time::{Duration, Instant};
+use thiserror::Error;
+
+/// A volume that cannot be drawn, and which setting to change.
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum VolumeError {
+    /// The grid cannot be made.
+    #[error(transparent)]
+    Grid(#[from] GridError),
+    /// A surface that cannot be there.
+    #[error(
+        "isovalues[{index}] is {value}, expected a density greater than 0 and at most the data's largest, {largest}"
+    )]
+    IsoValue {
+        /// Which of the values.
+        index: usize,
+        /// The value.
+        value: f64,
+        /// The largest density of the data.
+        largest: f64,
+    },
+    /// More surfaces than are drawn at once.
+    #[error("isovalues has {found} values, expected at most {}", surface::MOST_SURFACES)]
+    TooManySurfaces {
+        /// How many were asked for.
+        found: usize,
+    },
+    /// A setting that does not fit the data or the mode.
+    #[error("{field} is {found}, expected {expected}")]
+    Setting {
+        /// The setting.
+        field: &'static str,
+        /// Its value.
+        found: String,
+        /// What it may be.
+        expected: String,
+    },
+    /// Columns that do not fit together.
+    #[error(transparent)]
+    Columns(#[from] super::RasterError),
+}
+
+/// How a volume is sampled.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct VolumeOptions {
+    /// Cells per pixel, and whether slices are as dense on the frustum's edges.
+    pub grid: GridOptions,
+    /// Depth of the near plane; around the data without.
+    pub near: Option<f64>,
+    /// Depth of the far plane; around the data without.
+    pub far: Option<f64>,
+    /// Memory that a slab's cells may take, bytes (one layer of bricks is always held).
+    pub memory: u64,
+    /// Least smoothing length in cells, see [`particles`]; 0 leaves particles as they are.
+    pub smallest: f64,
+    /// Whether what lies behind opaque pixels is left out.
+    pub occlusion: bool,
+    /// The kernel that the smoothing lengths belong to.
+    pub kernel: Kernel,
+}
+
+impl Default for VolumeOptions {
+    fn default() -> VolumeOptions {
+        VolumeOptions {
+            grid: GridOptions::default(),
+            near: None,
+            far: None,
+            memory: 256 << 20,
+            smallest: particles::SMALLEST,
+            occlusion: true,
+            kernel: Kernel::default(),
+        }
+    }
+}
+
+/// Colours of a picture: linear light, premultiplied with their opacity, row 0 at the top.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Colors {
+    /// Width, pixels.
+    pub width: u32,
+    /// Height, pixels.
+    pub height: u32,
+    /// Red, green, blue and opacity of each pixel.
+    pub rgba: Vec<[f32; 4]>,
+}
+
+impl Colors {
+    /// The picture before black, gamma-encoded.
+    pub fn image(&self) -> Image {
+        let byte = |light: f32| (255.0 * classify::to_encoded(light.clamp(0.0, 1.0))).round() as u8;
+        let rgba = self.rgba.par_iter().map(|&[r, g, b, _]| [byte(r), byte(g), byte(b), 255]).collect();
+        Image { width: self.width, height: self.height, rgba }
+    }
+}
+
+/// What drawing a volume took.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct VolumeReport {
+    /// Columns, rows and slices of the grid.
+    pub grid: [u32; 3],
+    /// Depth of the near and the far plane.
+    pub planes: [f64; 2],
+    /// Number of slabs.
+    pub slabs: usize,
+    /// Particles that reach into the picture.
+    pub particles: u64,
+    /// Of those, how many were raised to the grid's size.
+    pub raised: u64,
+    /// Pairs of a brick and a particle in it.
+    pub pairs: u64,
+    /// Bricks that hold something.
+    pub bricks: u64,
+    /// Visible samples.
+    pub samples: u64,
+    /// Crossings of surfaces.
+    pub crossings: u64,
+    /// Columns of bricks that were left out of a slab because they lie behind opaque pixels, over all slabs.
+    pub hidden: u64,
+    /// Time for projecting and resampling.
+    pub resampling: Duration,
+    /// Time for casting rays.
+    pub rendering: Duration,
+}
+
+/// The particles of a view and the grid for them.
+pub struct Prepared {
+    /// The grid.
+    pub grid: PerspectiveGrid,
+    /// Its bricks.
+    pub masonry: Masonry,
+    /// The particles.
+    pub particles: Projected,
+}
+
+/// Projects batches and lays the grid around what is in view.
+///
+/// # Errors
+/// [`VolumeError::Grid`] when nothing is in view or the grid makes no sense.
+pub fn prepare(view: &View, batches: &[Splats<'_>], options: &VolumeOptions) -> Result<Prepared, VolumeError> {
+    if let (Some(near), Some(far)) = (options.near, options.far)
+        && near >= far
+    {
+        return Err(GridError::NearBehindFar { near, far }.into());
+    }
+    let sigma = PerspectiveGrid::sigma_of(view, options.grid.resolution);
+    let particles = particles::project(view, batches, &Taken { sigma, smallest: options.smallest, stride: 1 });
+    let perspective = matches!(view.projection, Projection::Perspective { .. });
+    let depths = planes(particles.depths, options.near, options.far, perspective)?;
+    let grid = PerspectiveGrid::new(view, depths, &options.grid)?;
+    Ok(Prepared { masonry: Masonry::new(&grid), grid, particles })
+}
+
+/// Draws what `scenery` says of batches. The result does not depend on the number of threads.
+///
+/// # Errors
+/// [`VolumeError`] as [`prepare`].
+pub fn draw(
+    view: &View,
+    batches: &[Splats<'_>],
+    scenery: &Scenery,
+    options: &VolumeOptions,
+) -> Result<(Colors, VolumeReport), VolumeError> {
+    let start = Instant::now();
+    let Prepared { grid, masonry, particles } = prepare(view, batches, options)?;
+    let mut report = VolumeReport {
+        grid: grid.size,
+        planes: [grid.near, grid.far],
+        particles: particles.len(),
+        raised: particles.raised,
+        resampling: start.elapsed(),
+        ..VolumeReport::default()
+    };
+    let cell_bytes = 4 * (1 + u64::from(particles.attribute));
+    let slabs = grid.slabs(options.memory, cell_bytes, BRICK as u32);
+    report.slabs = slabs.len();
+    let mut rays = Rays::new(&grid, &masonry, view.width, view.height);
+    let (mut kept, mut hidden) = (Slab::default(), Vec::new());
+    for slab in slabs {
+        let start = Instant::now();
+        let layers = slab.slices.start as usize / BRICK..(slab.slices.end as usize).div_ceil(BRICK);
+        let (resampled, work) = resample::resample(&masonry, &particles, options.kernel, layers.clone(), &hidden);
+        report.pairs += work.pairs;
+        report.bricks += work.bricks;
+        report.resampling += start.elapsed();
+        let start = Instant::now();
+        let first = if kept.layers.is_empty() { layers.start } else { kept.first };
+        let mut held = Slab { first, layers: kept.layers };
+        held.layers.extend(resampled);
+        let effort = rays.advance(&grid, &masonry, &held, slab.steps, scenery);
+        report.samples += effort.samples;
+        report.crossings += effort.crossings;
+        kept = held.into_last();
+        if options.occlusion {
+            hidden = hidden_columns(&rays, &masonry, view, scenery.termination);
+            report.hidden += hidden.iter().filter(|hidden| **hidden).count() as u64;
+        }
+        report.rendering += start.elapsed();
+        if !hidden.is_empty() && hidden.iter().all(|hidden| *hidden) {
+            break;
+        }
+    }
+    let rgba = rays.picture(|ray| [ray.color[0], ray.color[1], ray.color[2], ray.alpha]);
+    Ok((Colors { width: view.width, height: view.height, rgba }, report))
+}
+
+/// The columns of bricks that no ray reads any more.
+fn hidden_columns(rays: &Rays, masonry: &Masonry, view: &View, termination: f32) -> Vec<bool> {
+    let opaque = rays.picture(|ray| ray.alpha >= termination);
+    let pyramid = OpacityPyramid::new(view.width as usize, view.height as usize, opaque);
+    let [columns, rows, _] = masonry.bricks;
+    let spans = |count: usize, axis: usize| -> Vec<[i64; 2]> { (0..count).map(|i| rays.readers(i, axis)).collect() };
+    let (across, down) = (spans(columns, 0), spans(rows, 1));
+    (0..masonry.of_layer()).map(|index| pyramid.hides(across[index % columns], down[index / columns])).collect()
+}

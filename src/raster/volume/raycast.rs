@@ -1,0 +1,320 @@
+//! Ray casting through the slabs, front to back (F12 5.6): emission and absorption with post-classification, isosurfaces, or
+//! both.
+//!
+//! A sample stands for its whole cell along the ray: the opacity of one unit length becomes that of the distance through the
+//! cell (F12 3.5.3). A surface that is crossed within a step divides the cells on both sides of it. What a ray has gathered
+//! is carried from slab to slab, so that slabs change nothing.
+
+use super::block::{BEFORE, Block, FRONT, Place, SIDE};
+use super::bricks::{BORDER, BRICK, Masonry, Slab};
+use super::classify::Classifier;
+use super::surface::{Crossings, Light, Surface, gradient};
+use crate::view::PerspectiveGrid;
+use rayon::prelude::*;
+
+/// What is drawn of the field.
+#[derive(Clone, Debug)]
+pub struct Scenery {
+    /// Colours of attributes on surfaces; and what the volume emits and absorbs, if `volume`.
+    pub classifier: Classifier,
+    /// Whether the volume itself is drawn.
+    pub volume: bool,
+    /// The isosurfaces.
+    pub surfaces: Vec<Surface>,
+    /// How surfaces are lit; plain colours without.
+    pub light: Option<Light>,
+    /// Rays that are as opaque end.
+    pub termination: f32,
+}
+
+impl Scenery {
+    /// Densities up to this show nothing.
+    pub fn least(&self) -> f32 {
+        let volume = if self.volume { self.classifier.least() } else { f32::INFINITY };
+        // A surface lies where its value is reached.
+        self.surfaces.iter().map(|surface| surface.value * (1.0 - 1e-6)).fold(volume, f32::min)
+    }
+}
+
+/// A pixel's ray.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Ray {
+    /// Light gathered, linear, premultiplied.
+    pub color: [f32; 3],
+    /// Opacity gathered.
+    pub alpha: f32,
+    /// Share of the present cell that has been drawn.
+    done: f32,
+}
+
+impl Ray {
+    /// What is behind, seen through what is here.
+    #[inline]
+    fn under(&mut self, color: [f32; 3], alpha: f32) {
+        let share = (1.0 - self.alpha) * alpha;
+        for (sum, color) in self.color.iter_mut().zip(color) {
+            *sum += share * color;
+        }
+        self.alpha += share;
+    }
+}
+
+/// The rays through one column of bricks.
+#[derive(Clone, Debug)]
+pub struct Tile {
+    /// First and last-but-one pixel column.
+    pub columns: [usize; 2],
+    /// First and last-but-one pixel row.
+    pub rows: [usize; 2],
+    /// The rays, row by row.
+    pub rays: Vec<Ray>,
+}
+
+/// Work done by rays.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Effort {
+    /// Samples that were visible.
+    pub samples: u64,
+    /// Crossings of surfaces.
+    pub crossings: u64,
+}
+
+/// All rays of a picture.
+#[derive(Clone, Debug)]
+pub struct Rays {
+    /// One tile for each column of bricks, row by row.
+    pub tiles: Vec<Tile>,
+    width: usize,
+    height: usize,
+    /// For each pixel column and row the stored cell in front of it, and the share of the way to the next.
+    places: [Vec<(usize, f32)>; 2],
+}
+
+impl Rays {
+    /// The rays of a picture before anything is drawn.
+    pub fn new(grid: &PerspectiveGrid, masonry: &Masonry, width: u32, height: u32) -> Rays {
+        let place = |pixel: u32| {
+            let at = (f64::from(pixel) + 0.5) / grid.cell + BORDER as f64 - 0.5;
+            // At full resolution pixels are cells; rounding must not make a thousandth of a cell of that.
+            let at = if (at - at.round()).abs() < 1e-6 { at.round() } else { at };
+            (at.floor() as usize, (at - at.floor()) as f32)
+        };
+        let places = [width, height].map(|size| (0..size).map(place).collect::<Vec<_>>());
+        let ranges = |axis: usize| -> Vec<[usize; 2]> {
+            let from = |brick: usize| places[axis].partition_point(|(cell, _)| *cell < brick * BRICK);
+            (0..masonry.bricks[axis]).map(|brick| [from(brick), from(brick + 1)]).collect()
+        };
+        let (columns, rows) = (ranges(0), ranges(1));
+        let tiles = rows.iter().flat_map(|&rows| {
+            columns.iter().map(move |&columns| Tile {
+                columns,
+                rows,
+                rays: vec![Ray::default(); (columns[1] - columns[0]) * (rows[1] - rows[0])],
+            })
+        });
+        Rays { tiles: tiles.collect(), width: width as usize, height: height as usize, places }
+    }
+
+    /// Draws the steps of one slab.
+    pub fn advance(
+        &mut self,
+        grid: &PerspectiveGrid,
+        masonry: &Masonry,
+        slab: &Slab,
+        steps: std::ops::Range<u32>,
+        scenery: &Scenery,
+    ) -> Effort {
+        let Rays { tiles, places, .. } = self;
+        let steps = steps.start as usize..steps.end as usize;
+        let least = scenery.least();
+        let work = |(index, tile): (usize, &mut Tile)| {
+            let at = [index % masonry.bricks[0], index / masonry.bricks[0]];
+            let mut effort = Effort::default();
+            if tile.rays.iter().all(|ray| ray.alpha >= scenery.termination) {
+                return effort;
+            }
+            let mut block = Block::default();
+            let mut step = steps.start;
+            while step < steps.end {
+                // The layer of the slice after the step, for a gradient's sake; the last layer's steps go to the end.
+                let layer = ((step + 1) / BRICK).min(masonry.bricks[2] - 1);
+                let end =
+                    if layer + 1 == masonry.bricks[2] { steps.end } else { ((layer + 1) * BRICK - 1).min(steps.end) };
+                if block.fill(slab, masonry, [at[0], at[1], layer], least) {
+                    let march = March { grid, masonry, block: &block, layer, steps: step..end, scenery, places };
+                    march.tile(at, tile, &mut effort);
+                } else {
+                    tile.rays.iter_mut().for_each(|ray| ray.done = 0.0);
+                }
+                step = end;
+            }
+            effort
+        };
+        let efforts: Vec<Effort> = tiles.par_iter_mut().enumerate().map(work).collect();
+        efforts.iter().fold(Effort::default(), |sum, effort| Effort {
+            samples: sum.samples + effort.samples,
+            crossings: sum.crossings + effort.crossings,
+        })
+    }
+
+    /// For each pixel, row by row, something of its ray.
+    pub fn picture<T: Copy + Default>(&self, of: impl Fn(&Ray) -> T) -> Vec<T> {
+        let mut out = vec![T::default(); self.width * self.height];
+        for tile in &self.tiles {
+            let width = tile.columns[1] - tile.columns[0];
+            for (row, rays) in (tile.rows[0]..tile.rows[1]).zip(tile.rays.chunks(width.max(1))) {
+                let start = row * self.width + tile.columns[0];
+                for (out, ray) in out[start..start + width].iter_mut().zip(rays) {
+                    *out = of(ray);
+                }
+            }
+        }
+        out
+    }
+
+    /// Pixels, first and last, whose rays read cells of a brick's column (0) or row (1).
+    pub fn readers(&self, brick: usize, axis: usize) -> [i64; 2] {
+        let places = &self.places[axis];
+        let from = places.partition_point(|(cell, _)| cell + 2 < brick * BRICK);
+        let to = places.partition_point(|(cell, _)| *cell < (brick + 1) * BRICK + 1);
+        [from as i64, to as i64 - 1]
+    }
+}
+
+/// Some steps of the rays of a tile, within one block.
+struct March<'a> {
+    grid: &'a PerspectiveGrid,
+    masonry: &'a Masonry,
+    block: &'a Block,
+    layer: usize,
+    steps: std::ops::Range<usize>,
+    scenery: &'a Scenery,
+    places: &'a [Vec<(usize, f32)>; 2],
+}
+
+impl March<'_> {
+    fn tile(&self, [column, row]: [usize; 2], tile: &mut Tile, effort: &mut Effort) {
+        let mut rays = tile.rays.iter_mut();
+        for y in tile.rows[0]..tile.rows[1] {
+            let (cell_y, share_y) = self.places[1][y];
+            for x in tile.columns[0]..tile.columns[1] {
+                let Some(ray) = rays.next() else { return };
+                if ray.alpha >= self.scenery.termination {
+                    continue;
+                }
+                let (cell_x, share_x) = self.places[0][x];
+                let place = Place {
+                    x: cell_x - column * BRICK + BEFORE,
+                    y: cell_y - row * BRICK + BEFORE,
+                    shares: [share_x, share_y],
+                };
+                let grid_place = [(x as f64 + 0.5) / self.grid.cell, (y as f64 + 0.5) / self.grid.cell];
+                self.ray(ray, &place, grid_place, effort);
+            }
+        }
+    }
+
+    /// The block's slice for a slice of the grid.
+    #[inline]
+    fn local(&self, slice: usize) -> usize {
+        slice + FRONT - self.layer * BRICK
+    }
+
+    #[inline]
+    fn ray(&self, ray: &mut Ray, place: &Place, at: [f64; 2], effort: &mut Effort) {
+        let slices = self.masonry.slices;
+        let secant = self.grid.secant(at) as f32;
+        let least = self.scenery.least();
+        let mut before = match self.steps.start {
+            0 => [0.0; 2],
+            step => self.block.sample(place, self.local(step - 1)),
+        };
+        for step in self.steps.clone() {
+            let now = if step < slices { self.block.sample(place, self.local(step)) } else { [0.0; 2] };
+            if step == 0 || (before[0] <= least && now[0] <= least) {
+                ray.done = 0.0;
+                before = now;
+                continue;
+            }
+            let crossings = if step < slices && !self.scenery.surfaces.is_empty() {
+                let z = self.local(step);
+                let (first, last) =
+                    (self.block.density(place, z - 2), self.block.density(place, (z + 1).min(SIDE - 1)));
+                Some(Crossings::find([first, before[0], now[0], last], &self.scenery.surfaces))
+            } else {
+                None
+            };
+            let mut next_done = 0.0;
+            if let Some(crossings) = crossings.filter(|crossings| !crossings.is_empty()) {
+                for crossing in crossings.iter() {
+                    effort.crossings += 1;
+                    let until = (0.5 + crossing.at).min(1.0);
+                    self.through(ray, step - 1, before, until - ray.done, secant, effort);
+                    ray.done = until;
+                    let beyond = (crossing.at - 0.5).max(0.0);
+                    if beyond > next_done {
+                        self.through(ray, step, now, beyond - next_done, secant, effort);
+                        next_done = beyond;
+                    }
+                    self.surface(ray, place, at, step, crossing.at, crossing.surface, [before, now]);
+                }
+            }
+            self.through(ray, step - 1, before, 1.0 - ray.done, secant, effort);
+            ray.done = next_done;
+            if ray.alpha >= self.scenery.termination {
+                return;
+            }
+            before = now;
+        }
+    }
+
+    /// Passes a share of a cell.
+    #[inline]
+    fn through(
+        &self,
+        ray: &mut Ray,
+        slice: usize,
+        [density, weighted]: [f32; 2],
+        share: f32,
+        secant: f32,
+        effort: &mut Effort,
+    ) {
+        if !self.scenery.volume || density <= self.scenery.classifier.least() || share <= 0.0 {
+            return;
+        }
+        effort.samples += 1;
+        let matter = self.scenery.classifier.matter(density, weighted);
+        let distance = self.masonry.thickness[slice] * secant * share;
+        ray.under(matter.color, 1.0 - (-matter.extinction * distance).exp());
+    }
+
+    /// Meets a surface.
+    fn surface(
+        &self,
+        ray: &mut Ray,
+        place: &Place,
+        at: [f64; 2],
+        step: usize,
+        share: f32,
+        surface: usize,
+        [before, now]: [[f32; 2]; 2],
+    ) {
+        let surface = &self.scenery.surfaces[surface];
+        let mut color = surface.color.unwrap_or_else(|| {
+            let [density, weighted] = [0, 1].map(|k| before[k] + share * (now[k] - before[k]));
+            self.scenery.classifier.tinted(weighted / density, 0.72)
+        });
+        if let Some(light) = &self.scenery.light {
+            let middle = [0, 1].map(|axis| (at[axis] - self.grid.middle[axis]) as f32);
+            let [x, y, z] = gradient(self.block, self.masonry, place, middle, step, self.local(step), share);
+            let length = (x * x + y * y + z * z).sqrt();
+            let ray = match self.grid.perspective {
+                true => [middle[0] * self.grid.sigma as f32, -middle[1] * self.grid.sigma as f32, 1.0],
+                false => [0.0, 0.0, 1.0],
+            };
+            let along = (x * ray[0] + y * ray[1] + z * ray[2]) / ray.iter().map(|c| c * c).sum::<f32>().sqrt();
+            color = light.shade(color, if length > 0.0 { along / length } else { 1.0 });
+        }
+        ray.under(color, surface.opacity);
+    }
+}

@@ -1,0 +1,241 @@
+//! Resampling (F12 5.5): particles are binned to the bricks of a slab, and each brick gathers its own, in SIMD lanes.
+//!
+//! Every cell holds `sum m W(|r - r_j|, h_j)` at its centre, and `sum m A W` where there is an attribute. A brick is filled by
+//! one task in the order of the particles, so the field is the same to the last bit for any number of threads.
+
+use super::bricks::{BRICK, Brick, CELLS, Layer, Masonry};
+use super::particles::{Particle, Projected};
+use crate::model::Kernel;
+use pulp::{Arch, Simd, WithSimd};
+use rayon::prelude::*;
+use std::f32::consts::PI;
+
+/// What a slab's resampling took.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Work {
+    /// Pairs of a brick and a particle that reaches it.
+    pub pairs: u64,
+    /// Bricks that hold something.
+    pub bricks: u64,
+}
+
+/// Resamples `layers` of the grid. Bricks of columns that are `hidden` (one flag for each, row by row; none for an empty
+/// slice) are left out.
+pub fn resample(
+    masonry: &Masonry,
+    particles: &Projected,
+    kernel: Kernel,
+    layers: std::ops::Range<usize>,
+    hidden: &[bool],
+) -> (Vec<Layer>, Work) {
+    let bins: Vec<Bins> =
+        particles.chunks.par_iter().map(|chunk| Bins::new(masonry, chunk, layers.clone(), hidden)).collect();
+    let arch = Arch::new();
+    let gather = |index: usize| {
+        if bins.iter().all(|bins| bins.of(index).is_empty()) {
+            return None;
+        }
+        let values = || vec![0.0f32; CELLS].into_boxed_slice();
+        let weighted = if particles.attribute { values() } else { Box::default() };
+        let mut brick = Brick { density: values(), weighted, densest: 0.0 };
+        let (layer, place) = (layers.start + index / masonry.of_layer(), index % masonry.of_layer());
+        let corner = [place % masonry.bricks[0], place / masonry.bricks[0], layer].map(|brick| brick * BRICK);
+        arch.dispatch(Gather { masonry, corner, kernel, particles, bins: &bins, index, brick: &mut brick });
+        brick.densest = brick.density.iter().copied().fold(0.0, f32::max);
+        (brick.densest > 0.0).then_some(brick)
+    };
+    let bricks = layers.len() * masonry.of_layer();
+    let mut all: Vec<Option<Brick>> = (0..bricks).into_par_iter().map(gather).collect();
+    let work = Work {
+        pairs: bins.iter().map(|bins| bins.indices.len() as u64).sum(),
+        bricks: all.iter().flatten().count() as u64,
+    };
+    let mut out = Vec::with_capacity(layers.len());
+    while !all.is_empty() {
+        let rest = all.split_off(masonry.of_layer().min(all.len()));
+        out.push(std::mem::replace(&mut all, rest));
+    }
+    (out, work)
+}
+
+/// Particles of one chunk by the bricks that they reach.
+struct Bins {
+    /// Where each brick's indices start, and the end; empty when no particle reaches the slab.
+    starts: Vec<u32>,
+    indices: Vec<u32>,
+}
+
+impl Bins {
+    fn new(masonry: &Masonry, chunk: &[Particle], layers: std::ops::Range<usize>, hidden: &[bool]) -> Bins {
+        let nearest = masonry.depth[layers.start * BRICK];
+        let farthest = masonry.depth[layers.end * BRICK - 1];
+        let mut pairs: Vec<(u32, u32)> = Vec::new();
+        for (index, particle) in chunk.iter().enumerate() {
+            let [_, _, z, h] = particle.place;
+            if z - h > farthest || z + h < nearest {
+                continue;
+            }
+            for layer in layers.clone() {
+                let Some([columns, rows]) = masonry.reached(particle, layer) else { continue };
+                for row in rows[0]..=rows[1] {
+                    for column in columns[0]..=columns[1] {
+                        let place = row * masonry.bricks[0] + column;
+                        if hidden.get(place) != Some(&true) {
+                            let brick = (layer - layers.start) * masonry.of_layer() + place;
+                            pairs.push((brick as u32, index as u32));
+                        }
+                    }
+                }
+            }
+        }
+        if pairs.is_empty() {
+            return Bins { starts: Vec::new(), indices: Vec::new() };
+        }
+        let mut starts = vec![0u32; layers.len() * masonry.of_layer() + 1];
+        pairs.iter().for_each(|(brick, _)| starts[*brick as usize] += 1);
+        let mut next = 0;
+        for start in &mut starts {
+            next += std::mem::replace(start, next);
+        }
+        let mut cursor = starts.clone();
+        let mut indices = vec![0; pairs.len()];
+        for (brick, index) in pairs {
+            let slot = &mut cursor[brick as usize];
+            indices[*slot as usize] = index;
+            *slot += 1;
+        }
+        Bins { starts, indices }
+    }
+
+    /// The particles of a brick.
+    fn of(&self, brick: usize) -> &[u32] {
+        match self.starts.get(brick..brick + 2) {
+            Some(&[from, to]) => &self.indices[from as usize..to as usize],
+            _ => &[],
+        }
+    }
+}
+
+/// One brick on its way to be filled.
+struct Gather<'a> {
+    masonry: &'a Masonry,
+    /// Stored column, stored row and slice of its first cell.
+    corner: [usize; 3],
+    kernel: Kernel,
+    particles: &'a Projected,
+    bins: &'a [Bins],
+    index: usize,
+    brick: &'a mut Brick,
+}
+
+impl WithSimd for Gather<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        match self.kernel {
+            Kernel::CubicSpline => self.fill::<S, true>(simd),
+            Kernel::Poly6 => self.fill::<S, false>(simd),
+        }
+    }
+}
+
+impl Gather<'_> {
+    #[inline(always)]
+    fn fill<S: Simd, const SPLINE: bool>(self, simd: S) {
+        for (bins, chunk) in self.bins.iter().zip(&self.particles.chunks) {
+            for &index in bins.of(self.index) {
+                add::<S, SPLINE>(simd, self.masonry, self.corner, &chunk[index as usize], self.brick);
+            }
+        }
+    }
+}
+
+/// `0.5, 1.5, 2.5, ...` over a row of a brick.
+const CENTERS: [f32; BRICK] = {
+    let mut centers = [0.0; BRICK];
+    let mut i = 0;
+    while i < BRICK {
+        centers[i] = i as f32 + 0.5;
+        i += 1;
+    }
+    centers
+};
+
+/// Adds a particle to the cells of a brick that its support reaches.
+#[inline(always)]
+fn add<S: Simd, const SPLINE: bool>(
+    simd: S,
+    masonry: &Masonry,
+    corner: [usize; 3],
+    particle: &Particle,
+    brick: &mut Brick,
+) {
+    let [x, y, z, h] = particle.place;
+    let cube = h * h * h;
+    // The kernel's leading factor; what is left of it is written out below.
+    let factor = if SPLINE { 8.0 / PI } else { 315.0 / (64.0 * PI) } / cube;
+    let amplitude = simd.splat_f32s(particle.mass * factor);
+    let amplitude_s = simd.splat_f32s(particle.weighted * factor);
+    let depths = &masonry.depth[corner[2]..corner[2] + BRICK];
+    let from = depths.partition_point(|&depth| depth <= z - h);
+    let per_square = 1.0 / (h * h);
+    let [zero, half, one] = [0.0, 0.5, 1.0].map(|value| simd.splat_f32s(value));
+    let (lanes, _) = S::as_simd_f32s(&CENTERS);
+    for (slice, &depth) in depths.iter().enumerate().skip(from) {
+        let away = depth - z;
+        let square = h * h - away * away;
+        if square <= 0.0 {
+            break;
+        }
+        let per_cell = masonry.per_cell[corner[2] + slice];
+        let spacing = masonry.spacing[corner[2] + slice];
+        let radius = square.sqrt() * per_cell;
+        // The particle's place in the cells of this slice of the brick.
+        let column = x * per_cell + masonry.middle[0] - corner[0] as f32;
+        let row = masonry.middle[1] - y * per_cell - corner[1] as f32;
+        let range = |center: f32| {
+            // Casts saturate: below zero becomes 0.
+            let first = (center - radius + 0.5) as usize;
+            (first, ((center + radius + 0.5).max(0.0) as usize).min(BRICK))
+        };
+        let ((left, right), (top, bottom)) = (range(column), range(row));
+        if left >= right || top >= bottom {
+            continue;
+        }
+        let scale = spacing * spacing * per_square;
+        let base = away * away * per_square;
+        let vectors = left / S::F32_LANES..right.div_ceil(S::F32_LANES);
+        let (scales, shift) = (simd.splat_f32s(scale), simd.splat_f32s(-column));
+        for j in top..bottom {
+            let dy = j as f32 + 0.5 - row;
+            let rest = simd.splat_f32s(base + dy * dy * scale);
+            let start = (slice * BRICK + j) * BRICK;
+            let (density, _) = S::as_mut_simd_f32s(&mut brick.density[start..start + BRICK]);
+            let mut weighted: &mut [S::f32s] = &mut [];
+            if !brick.weighted.is_empty() {
+                (weighted, _) = S::as_mut_simd_f32s(&mut brick.weighted[start..start + BRICK]);
+            }
+            for v in vectors.clone() {
+                let dx = simd.add_f32s(lanes[v], shift);
+                let q2 = simd.mul_add_e_f32s(simd.mul_f32s(dx, dx), scales, rest);
+                let value = if SPLINE {
+                    // 2 (1 - q)^3 - 8 (1/2 - q)^3, each where it is positive.
+                    let q = simd.sqrt_f32s(q2);
+                    let a = simd.max_f32s(simd.sub_f32s(one, q), zero);
+                    let b = simd.max_f32s(simd.sub_f32s(half, q), zero);
+                    let a3 = simd.mul_f32s(simd.mul_f32s(a, a), simd.add_f32s(a, a));
+                    let b3 = simd.mul_f32s(simd.mul_f32s(b, b), b);
+                    simd.mul_add_e_f32s(b3, simd.splat_f32s(-8.0), a3)
+                } else {
+                    let t = simd.max_f32s(simd.sub_f32s(one, q2), zero);
+                    simd.mul_f32s(simd.mul_f32s(t, t), t)
+                };
+                density[v] = simd.mul_add_e_f32s(amplitude, value, density[v]);
+                if let Some(out) = weighted.get_mut(v) {
+                    *out = simd.mul_add_e_f32s(amplitude_s, value, *out);
+                }
+            }
+        }
+    }
+}
