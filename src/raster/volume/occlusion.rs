@@ -40,7 +40,7 @@ impl OpacityPyramid {
     }
 
     /// Whether all pixels of columns `x[0]..=x[1]` and rows `y[0]..=y[1]` are opaque, as far as they are in the picture; looks
-    /// at the level where these are two by two flags or fewer, so may be false where each pixel would say true.
+    /// at the level where these are four by four flags or fewer, so may be false where each pixel would say true.
     pub fn hides(&self, x: [i64; 2], y: [i64; 2]) -> bool {
         let size = [self.levels[0].width as i64, self.levels[0].height as i64];
         let clip = |[from, to]: [i64; 2], size: i64| [from.max(0), to.min(size - 1)];
@@ -49,7 +49,7 @@ impl OpacityPyramid {
             return true;
         }
         let shift = (0..self.levels.len() - 1)
-            .find(|shift| (right >> shift) - (left >> shift) < 2 && (bottom >> shift) - (top >> shift) < 2);
+            .find(|shift| (right >> shift) - (left >> shift) < 4 && (bottom >> shift) - (top >> shift) < 4);
         let shift = shift.unwrap_or(self.levels.len() - 1);
         let level = &self.levels[shift];
         let columns = (left >> shift) as usize..=(right >> shift) as usize;
