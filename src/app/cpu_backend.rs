@@ -79,6 +79,9 @@ pub struct CpuPicture {
     governor: Governor,
     moved: Option<(u64, Instant)>,
     measured: Option<Instant>,
+    /// What the task draws, and what could not be drawn.
+    tried: Option<(DrawKey, TransferFunction)>,
+    failed: Option<(DrawKey, TransferFunction)>,
 }
 
 impl CpuPicture {
@@ -200,7 +203,10 @@ pub(super) fn draw_on_cpu(
         cpu.task = None;
         match outcome {
             Ok(done) => take_in(cpu, done, *backend, &picture, &mut images, &mut exposure, &mut statistics),
-            Err(error) => messages.error(error),
+            Err(error) => {
+                cpu.failed = cpu.tried;
+                messages.error(error);
+            }
         }
     }
     let moving = cpu.is_moving();
@@ -210,13 +216,19 @@ pub(super) fn draw_on_cpu(
         frame_ms if frame_ms > 0.0 && moving && *backend == ActiveBackend::Cpu => cpu.governor.limit(frame_ms),
         _ => u64::MAX,
     };
-    let size = drawing_size(full, statistics.particles > limit, *backend, fixed_discs);
+    let painted = look.depiction.mode.painter().is_some();
+    let size = match painted && moving {
+        // A volume has as many cells as the cube of that.
+        true => (full / 4).max(UVec2::ONE),
+        false => drawing_size(full, statistics.particles > limit, *backend, fixed_discs),
+    };
     let key = DrawKey {
         selection: selection.revision,
         depiction: look.depiction_revision,
         generation: scene.generation,
         size,
     };
+    let trial = (key, look.transfer);
     let drawn = cpu.drawn.as_ref().filter(|drawn| drawn.key == key);
     let colored = cpu.colored.as_ref() == Some(&(key, look.levels, look.transfer));
     let current = drawn.is_some() && (*backend == ActiveBackend::Gpu || colored);
@@ -227,12 +239,17 @@ pub(super) fn draw_on_cpu(
     if cpu.task.is_some() || (current && look.settled && !look.is_changed()) {
         return;
     }
+    // What could not be drawn once cannot be drawn again either.
+    if cpu.failed == Some(trial) {
+        return;
+    }
     // A measurement is a courtesy: it must not take the processor from what draws.
     let paced = cpu.measured.is_none_or(|since| since.elapsed().as_millis() > MEASURE_MS);
     if *backend == ActiveBackend::Gpu && moving && !paced {
         return;
     }
     cpu.measured = Some(Instant::now());
+    cpu.tried = Some(trial);
     let drawn_with = |drawn: &&Drawn| drawn.painted.as_ref().is_none_or(|painted| painted.transfer == look.transfer);
     let reused = drawn.filter(drawn_with).cloned();
     let diameter = scene.frame.size().length();
@@ -244,7 +261,7 @@ pub(super) fn draw_on_cpu(
     cpu.task = Some(AsyncComputeTaskPool::get().spawn(async move {
         let (drawn, plan, looked_at, cut) = match reused {
             Some(drawn) => (drawn, old_plan, None, false),
-            None if depiction.mode.painter().is_some() => {
+            None if painted => {
                 let start = Instant::now();
                 let view = View { width: size.x, height: size.y, ..view };
                 let painted = Some(Arc::new(paint(&file, &depiction, &nodes, &view, diameter, &transfer)?));
@@ -298,6 +315,9 @@ fn take_in(
             statistics.sampled = done.cut.then_some(looked_at);
             cpu.governor.drew(looked_at, done.drawn.milliseconds);
         }
+    }
+    if done.drawn.painted.is_some() {
+        statistics.draw_ms = Some(done.drawn.milliseconds);
     }
     cpu.plan = done.plan;
     cpu.drawn = Some(done.drawn);
