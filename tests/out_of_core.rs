@@ -174,34 +174,49 @@ fn a_full_disk_is_said_in_one_line_and_the_old_file_stays() {
     }
 }
 
-/// Peak resident size of a build, as Linux counts it.
+/// Peak resident size of a build, as Linux counts it, and the temporary files that it says it will take at most.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_build_stays_within_its_memory() {
     let folder = tempfile::tempdir().unwrap();
     let source = snapshot(&folder, 2_000_000);
-    let out = folder.path().join("out.df");
-    let allowed = 160_u64 << 20;
-    let mut child = build_command(&source, &out, "160MiB").spawn().unwrap();
-    let status = PathBuf::from(format!("/proc/{}/status", child.id()));
-    let (mut peak, mut temporary) = (0, 0);
-    let done = loop {
-        let text = std::fs::read_to_string(&status).unwrap_or_default();
-        let line = text.lines().find_map(|line| line.strip_prefix("VmHWM:"));
-        let kibibytes = line.and_then(|line| line.trim().trim_end_matches("kB").trim().parse::<u64>().ok());
-        peak = peak.max(kibibytes.unwrap_or(0) * 1024);
-        let files = std::fs::read_dir(folder.path()).unwrap().flatten();
-        let is_temporary = |entry: &std::fs::DirEntry| entry.file_name().to_string_lossy().contains(".tmp");
-        let bytes = files.filter(is_temporary).filter_map(|entry| entry.metadata().ok()).map(|about| about.len()).sum();
-        temporary = temporary.max(bytes);
-        if let Some(done) = child.try_wait().unwrap() {
-            break done;
+    // Neighbours are found for a whole bucket at least, with what lies around it.
+    for (smoothing, mebibytes) in [("auto", 160_u64), ("knn:32", 320)] {
+        let results = tempfile::tempdir().unwrap();
+        let out = results.path().join("out.df");
+        let allowed = mebibytes << 20;
+        let mut command = build_command(&source, &out, &format!("{mebibytes}MiB"));
+        let mut child = command.args(["--smoothing", smoothing]).stderr(Stdio::piped()).spawn().unwrap();
+        let status = PathBuf::from(format!("/proc/{}/status", child.id()));
+        let (mut peak, mut temporary) = (0, 0);
+        let done = loop {
+            let text = std::fs::read_to_string(&status).unwrap_or_default();
+            let line = text.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+            let kibibytes = line.and_then(|line| line.trim().trim_end_matches("kB").trim().parse::<u64>().ok());
+            peak = peak.max(kibibytes.unwrap_or(0) * 1024);
+            let files = std::fs::read_dir(results.path()).unwrap().flatten();
+            let is_temporary = |entry: &std::fs::DirEntry| entry.file_name().to_string_lossy().contains(".tmp");
+            let files = files.filter(is_temporary).filter_map(|entry| entry.metadata().ok());
+            temporary = temporary.max(files.map(|about| about.len()).sum());
+            if let Some(done) = child.try_wait().unwrap() {
+                break done;
+            }
+            std::thread::sleep(Duration::from_millis(5));
+        };
+        assert!(done.success());
+        assert!(peak > 0 && peak <= allowed, "{smoothing}: {peak} bytes at the peak, {allowed} allowed");
+        if smoothing != "auto" {
+            continue;
         }
-        std::thread::sleep(Duration::from_millis(5));
-    };
-    assert!(done.success());
-    assert!(temporary > allowed / 4, "{temporary} bytes of temporary files: nothing was put to the test");
-    assert!(peak > 0 && peak <= allowed, "{peak} bytes at the peak, {allowed} allowed");
+        let said = std::io::read_to_string(child.stderr.take().unwrap()).unwrap();
+        let announced = said.split("up to ").nth(1).and_then(|rest| rest.split(" MiB").next()).unwrap();
+        let announced = announced.parse::<u64>().unwrap() << 20;
+        // The output grows under a temporary name too, after the particles' file is gone.
+        let written = std::fs::metadata(&out).unwrap().len();
+        assert!(temporary <= announced + written, "{temporary} bytes of temporary files, {announced} announced");
+        assert!(temporary > announced / 2, "{temporary} bytes of temporary files, {announced} announced");
+        assert!(peak > allowed / 2, "{peak} bytes at the peak, {allowed} allowed: too little was asked of it");
+    }
 }
 
 /// Smoothing lengths and densities found bucket by bucket are those of a search among all particles.

@@ -1,12 +1,13 @@
 //! Smoothing lengths and densities that a source lacks, from the neighbours of each particle, some buckets at a time.
 //!
-//! The neighbours of a bucket's particles may lie in other buckets. A block of buckets is searched together with what lies around it
-//! in others; where the distance to a particle's k-th neighbour turns out to reach beyond that, everything inside that distance is
+//! The neighbours of a bucket's particles may lie in other buckets. A block of buckets is searched together with what lies around its
+//! cells in others; where the distance to a particle's k-th neighbour turns out to reach beyond that, everything inside that distance is
 //! gathered and the particle searched for again. So the result is that of a search among all particles, to the last bit: the more memory
 //! there is, the larger are the blocks.
 
 use super::BuildError;
 use super::partition::Partition;
+use crate::codec::morton::{self, MORTON_BITS};
 use crate::hierarchy::attribute_info::{HistogramBins, Range};
 use crate::hierarchy::octree::{Columns, Place};
 use crate::hierarchy::{Histogram, RootCell};
@@ -16,10 +17,10 @@ use crate::model::progress::Progress;
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// How far around a block is looked at first, in distances to the k-th neighbour if the block were filled evenly.
-const MARGIN: f64 = 2.5;
+/// How far around each cell of a block is looked at first, in distances to the k-th neighbour if the cell were filled evenly.
+const MARGIN: f64 = 1.3;
 /// Cells along each axis of the grid that says where the balls of some particles reach.
-const CELLS: usize = 96;
+const CELLS: usize = 128;
 /// Values of each column in the sample of a bucket at most, for the quantiser's scaling.
 const SAMPLE: usize = 1 << 10;
 
@@ -107,28 +108,31 @@ fn of_block(
     root: RootCell,
     progress: &dyn Progress,
 ) -> Result<Vec<Found>, BuildError> {
-    let parts: Vec<(Vec<u32>, Vec<[f64; 3]>, Columns)> = buckets
+    let parts: Vec<(Vec<u32>, Vec<u64>, Vec<[f64; 3]>, Columns)> = buckets
         .clone()
         .into_par_iter()
         .map(|bucket| {
             let (places, columns) = partition.read(bucket)?;
             let order = columns.order(&places);
+            let keys = order.iter().map(|&i| places[i as usize].key).collect();
             let positions = order.iter().map(|&i| position(places[i as usize], root)).collect();
             let columns = columns.gather(&order);
-            Ok((order, positions, columns))
+            Ok((order, keys, positions, columns))
         })
         .collect::<Result<_, BuildError>>()?;
     let is_usable = |value: f32| value > 0.0 && value.is_finite();
     let mut own = Particles::default();
     let (mut orders, mut density, mut smoothing_length) = (Vec::new(), Vec::new(), Vec::new());
-    for (order, positions, columns) in parts {
+    let mut keys = Vec::new();
+    for (order, own_keys, positions, columns) in parts {
+        keys.extend(own_keys);
         own.positions.extend(positions);
         own.mass.extend(columns.mass);
         density.extend(columns.density);
         smoothing_length.extend(columns.smoothing_length);
         orders.push(order);
     }
-    let search = Search { partition, buckets, root, own };
+    let search = Search { partition, buckets, root, keys, own };
     let wanted: Vec<bool> = smoothing_length.iter().map(|&h| !is_usable(h)).collect();
     if wanted.contains(&true) {
         search.nearest(k, &wanted, &mut smoothing_length, &mut density)?;
@@ -163,6 +167,8 @@ struct Search<'a> {
     partition: &'a Partition,
     buckets: std::ops::Range<usize>,
     root: RootCell,
+    /// Morton keys of the own particles, in order.
+    keys: Vec<u64>,
     own: Particles,
 }
 
@@ -170,11 +176,8 @@ impl Search<'_> {
     /// Smoothing lengths, and densities where there are none, of the wanted particles.
     fn nearest(&self, k: usize, wanted: &[bool], lengths: &mut [f32], density: &mut [f32]) -> Result<(), BuildError> {
         let count = self.own.positions.len();
-        let bounds = Bounds::of(self.own.positions.iter().copied());
-        let size = bounds.size().max(DVec3::splat(1e-6 * bounds.size().max_element()));
-        let margin = MARGIN * (k as f64 * size.x * size.y * size.z / (4.18 * count as f64)).cbrt();
-        let covered = Bounds { min: bounds.min - margin, max: bounds.max + margin };
-        let around = self.others(|place| covered.contains(place.into()), covered)?;
+        let covered = Reach::of(&self.cells(k));
+        let around = self.others(|place| covered.contains(place), covered.bounds)?;
         let everything = count + around.positions.len() == self.partition.particles();
         let mut left: Vec<bool> = wanted.to_vec();
         let mut radii = vec![0.0; if everything { 0 } else { count }];
@@ -183,10 +186,8 @@ impl Search<'_> {
                 (lengths[i], density[i]) = (positive(h), stated(density[i], rho));
                 return;
             }
-            let at = DVec3::from_array(self.own.positions[i]);
-            let inside = (at - covered.min).min_element().min((covered.max - at).min_element());
             radii[i] = h;
-            if h <= inside {
+            if covered.covers(self.own.positions[i], h) {
                 left[i] = false;
                 (lengths[i], density[i]) = (positive(h), stated(density[i], rho));
             }
@@ -195,10 +196,10 @@ impl Search<'_> {
             return Ok(());
         }
         // The true distance is at most what was found, unless there were too few particles to find that many.
-        let enough = count > k && bounds.size().max_element() > 0.0;
-        let reach = Reach::of(
-            self.own.positions.iter().zip(&radii).zip(&left).filter(|(_, left)| **left).map(|(ball, _)| ball),
-        );
+        let extent = self.own.positions.iter().copied();
+        let enough = count > k && Bounds::of(extent).size().max_element() > 0.0;
+        let balls = self.own.positions.iter().zip(&radii).zip(&left).filter(|(_, left)| **left);
+        let reach = Reach::of(&balls.map(|((at, radius), _)| around_ball(*at, *radius)).collect::<Vec<_>>());
         let is_near = |place: [f64; 3]| !enough || reach.contains(place);
         let around = self.others(is_near, if enough { reach.bounds } else { Bounds::EVERYTHING })?;
         // Only what the balls of those that are left reach is searched.
@@ -218,9 +219,8 @@ impl Search<'_> {
     /// Densities of the wanted particles within their smoothing lengths.
     fn density(&self, wanted: &[bool], lengths: &[f32], density: &mut [f32]) -> Result<(), BuildError> {
         let radii: Vec<f64> = lengths.iter().map(|&h| f64::from(h)).collect();
-        let balls =
-            self.own.positions.iter().zip(&radii).zip(wanted).filter(|(_, wanted)| **wanted).map(|(ball, _)| ball);
-        let reach = Reach::of(balls);
+        let balls = self.own.positions.iter().zip(&radii).zip(wanted).filter(|(_, wanted)| **wanted);
+        let reach = Reach::of(&balls.map(|((at, radius), _)| around_ball(*at, *radius)).collect::<Vec<_>>());
         let around = self.others(|place| reach.contains(place), reach.bounds)?;
         let (positions, mass, count) = joined(&self.own, around);
         let mut all: Vec<f32> = lengths.to_vec();
@@ -234,6 +234,32 @@ impl Search<'_> {
             }
         }
         Ok(())
+    }
+
+    /// Boxes in which most of the neighbours of the own particles lie: around cells with a few times `k` of them at most.
+    fn cells(&self, k: usize) -> Vec<Bounds> {
+        let most = 2 * k.max(8);
+        let mut boxes = Vec::new();
+        let mut waiting = vec![(0, 0..self.keys.len())];
+        while let Some((depth, range)) = waiting.pop() {
+            let bits = 3 * (MORTON_BITS - depth);
+            if range.len() > most && depth < MORTON_BITS {
+                let mut from = range.start;
+                while from < range.end {
+                    let octant = self.keys[from] >> (bits - 3);
+                    let to = from + self.keys[from..range.end].partition_point(|&key| key >> (bits - 3) <= octant);
+                    waiting.push((depth + 1, from..to));
+                    from = to;
+                }
+            } else if !range.is_empty() {
+                let size = self.root.size * (-f64::from(depth)).exp2();
+                let corner = morton::decode(self.keys[range.start] >> bits).map(f64::from);
+                let min = DVec3::from_array(corner) * size;
+                let margin = MARGIN * size * (k as f64 / (4.18 * range.len() as f64)).cbrt();
+                boxes.push(Bounds { min: min - margin, max: min + size + margin });
+            }
+        }
+        boxes
     }
 
     /// The particles of other buckets for which `is_near` holds; all of those lie in `bounds`.
@@ -288,7 +314,13 @@ fn positive(value: f64) -> f32 {
     (value as f32).clamp(f32::MIN_POSITIVE, f32::MAX)
 }
 
-/// Where the balls of some particles reach, on a coarse grid: never less than they do.
+/// The box around a ball.
+fn around_ball(at: [f64; 3], radius: f64) -> Bounds {
+    let (at, radius) = (DVec3::from_array(at), radius * (1.0 + 1e-9));
+    Bounds { min: at - radius, max: at + radius }
+}
+
+/// Where some boxes reach, on a coarse grid: never less than they do.
 struct Reach {
     bounds: Bounds,
     step: DVec3,
@@ -296,25 +328,30 @@ struct Reach {
 }
 
 impl Reach {
-    fn of<'a>(balls: impl Iterator<Item = (&'a [f64; 3], &'a f64)> + Clone) -> Reach {
-        let around = |(at, radius): (&[f64; 3], &f64)| {
-            let (at, radius) = (DVec3::from_array(*at), radius * (1.0 + 1e-9));
-            Bounds { min: at - radius, max: at + radius }
-        };
-        let bounds = balls.clone().map(around).fold(Bounds::EMPTY, Bounds::union);
+    fn of(boxes: &[Bounds]) -> Reach {
+        let bounds = boxes.iter().copied().fold(Bounds::EMPTY, Bounds::union);
         let step = (bounds.size() / CELLS as f64).max(DVec3::splat(f64::MIN_POSITIVE));
         let mut reach = Reach { bounds, step, cells: vec![false; CELLS * CELLS * CELLS] };
-        for ball in balls {
-            let ball = around(ball);
-            let (low, high) = (reach.cell(ball.min), reach.cell(ball.max));
-            for z in low[2]..=high[2] {
-                for y in low[1]..=high[1] {
-                    let row = (z * CELLS + y) * CELLS;
-                    reach.cells[row + low[0]..=row + high[0]].fill(true);
-                }
+        for own in boxes {
+            for row in reach.rows(own) {
+                reach.cells[row].fill(true);
             }
         }
         reach
+    }
+
+    /// The cells that a box inside of the bounds meets, in runs.
+    fn rows(&self, own: &Bounds) -> impl Iterator<Item = std::ops::RangeInclusive<usize>> + use<> {
+        let (low, high) = (self.cell(own.min), self.cell(own.max));
+        let rows = (low[2]..=high[2]).flat_map(move |z| (low[1]..=high[1]).map(move |y| (z * CELLS + y) * CELLS));
+        rows.map(move |row| row + low[0]..=row + high[0])
+    }
+
+    /// Whether all of a ball is where the boxes reach.
+    fn covers(&self, at: [f64; 3], radius: f64) -> bool {
+        let ball = around_ball(at, radius);
+        let is_inside = ball.min.cmpge(self.bounds.min).all() && ball.max.cmple(self.bounds.max).all();
+        is_inside && self.rows(&ball).all(|row| self.cells[row].iter().all(|&cell| cell))
     }
 
     fn cell(&self, at: DVec3) -> [usize; 3] {
