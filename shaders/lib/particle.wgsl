@@ -29,8 +29,10 @@ struct Node {
     scale: f32,
     /// Particles with this rank or a higher one are not drawn; 0: all are drawn.
     ranks: u32,
-    unused_a: u32,
-    unused_b: u32,
+    /// 1: every particle has importance 1.
+    even: u32,
+    /// Factor on smoothing lengths.
+    growth: f32,
 }
 
 struct Block {
@@ -77,7 +79,7 @@ fn load_packed(axes: mat3x3<f32>, node: Node, index: u32, leaf: bool) -> Particl
     let entry = entries[node.table + min(code, node.table_length - 1u)];
     var factor = 1.0;
     if node.ranks != 0u {
-        factor = sample_factor(node.seed, node.scale, index, entry.w);
+        factor = sample_factor(node.seed, node.scale, index, select(entry.w, 1.0, node.even == 1u));
         if factor == 0.0 {
             return Particle(vec3(0.0), 0.0, 0.0, 0.0);
         }
@@ -88,7 +90,7 @@ fn load_packed(axes: mat3x3<f32>, node: Node, index: u32, leaf: bool) -> Particl
     let grid = vec3(low & 0x3ffu, (low >> 10u) & 0x3ffu, (low >> 20u) & 0x3ffu);
     let fine = vec3(low & 0x1fffffu, (low >> 21u) | ((high & 0x3ffu) << 11u), (high >> 10u) & 0x1fffffu);
     let steps = vec3<f32>(select(grid, fine, leaf)) + 0.5;
-    return Particle(node.origin + axes * (steps * node.step), entry.x, entry.y * factor, entry.z);
+    return Particle(node.origin + axes * (steps * node.step), entry.x * node.growth, entry.y * factor, entry.z);
 }
 
 fn load_raw(axes: mat3x3<f32>, node: Node, index: u32, world: bool) -> Particle {

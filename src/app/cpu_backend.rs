@@ -12,7 +12,7 @@ use super::picture::Picture;
 use super::preset::Preset;
 use super::scene::Scene;
 use super::statistics::{ActiveBackend, Converged, Statistics};
-use crate::modes::governor::{Governor, Workload, most_important};
+use crate::modes::governor::{self, Governor};
 use crate::modes::paint::{Subject, paint_nodes};
 use crate::modes::{Depiction, Footprint, Plan, cpu, pilot};
 use crate::raster::composite::composite_at;
@@ -140,8 +140,8 @@ fn draw(
         None => pilot::plan(view, depiction, metadata, nodes, &economy, transfer, levels),
     };
     let drawn = plan.and_then(|plan| {
-        let workload = Workload::new(view, depiction, metadata, nodes, &most_important(depiction, metadata));
-        let (fitting, looked_at) = workload.within(limit, plan);
+        let important = governor::most_important(depiction, metadata);
+        let (fitting, looked_at) = governor::within(limit, plan, view, depiction, metadata, nodes, &important);
         let decoded = cpu::decode_planned(view, depiction, metadata, nodes, &fitting);
         let view = View { width: size.x, height: size.y, ..*view };
         let drawn = cpu::draw_planned(&view, depiction, metadata, &decoded, Method::Pyramid, &fitting)?;

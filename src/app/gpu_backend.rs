@@ -15,7 +15,7 @@ use super::statistics::{ActiveBackend, Converged, Statistics};
 use crate::gpu::page_copies::{self, CopyState, node_id};
 use crate::gpu::{self, Composite, DrawItem, ParticleScene, SplatView};
 use crate::gpu::{Capabilities, TableId, Technique, Withheld};
-use crate::modes::governor::{Governor, Workload};
+use crate::modes::governor::{self, Governor};
 use crate::modes::{self, Footprint, Plan};
 use crate::store::Metadata;
 use bevy::diagnostic::DiagnosticsStore;
@@ -243,8 +243,8 @@ pub(super) fn draw_on_gpu(
         let limit = if moving { tables.governor.limit(frame_ms) } else { u64::MAX };
         let important: Vec<Vec<f32>> =
             tables.tables.iter().map(|books| books.iter().map(|table| table.1).collect()).collect();
-        let workload = Workload::new(&view, &look.depiction, metadata, &selection.nodes, &important);
-        let (plan, looked_at) = workload.within(limit, usual);
+        let (plan, looked_at) =
+            governor::within(limit, usual, &view, &look.depiction, metadata, &selection.nodes, &important);
         statistics.sampled = (plan != usual).then_some(looked_at);
         tables.looked_at = [looked_at, tables.looked_at[0], tables.looked_at[1]];
         tables.changed = Some(Instant::now());

@@ -45,7 +45,7 @@ impl DecodedNode {
             let importance = |i: u32| table.importance[code(i)];
             sample.each(particles.len() as u32, importance, |i, factor| {
                 out.offsets.push(particles.fraction(i as usize).map(|x| x * size));
-                out.smoothing_length.push(table.smoothing_length[code(i)]);
+                out.smoothing_length.push(sample.growth * table.smoothing_length[code(i)]);
                 out.weight.push(factor * (scale * table.weight[code(i)]));
                 if let (Some(out), Some(column)) = (&mut out.attribute, &table.attribute) {
                     out.push(column[code(i)]);

@@ -9,6 +9,7 @@
 //!   particles is worth as much as they. `c` follows from a budget for the colour error; see [`super::pilot`].
 
 use super::{Conserved, Depiction, Footprint, Setting, SettingKind, SettingValue, Settings};
+use crate::model::Bounds;
 use crate::raster::sample::Sample;
 use crate::store::{FamilyMetadata, Node};
 use crate::view::{Projection, View};
@@ -104,18 +105,21 @@ pub struct Plan {
     pub faintest: f32,
     /// The `c` of thinning; infinite: all particles are drawn.
     pub keep: f32,
+    /// Below 1: this share of the particles of every node is drawn instead, each as likely as any other; see
+    /// [`super::governor`].
+    pub share: f32,
 }
 
 impl Default for Plan {
     fn default() -> Plan {
-        Plan { culling: true, faintest: 0.0, keep: f32::INFINITY }
+        Plan { culling: true, faintest: 0.0, keep: f32::INFINITY, share: 1.0 }
     }
 }
 
 impl Plan {
     /// Whether every particle in view is drawn.
     pub fn is_complete(&self) -> bool {
-        self.faintest <= 0.0 && self.keep == f32::INFINITY
+        self.faintest <= 0.0 && self.keep == f32::INFINITY && self.share >= 1.0
     }
 
     /// The particles of `node` that are drawn in `view`; `most_important` is that of its codebook's table.
@@ -127,6 +131,9 @@ impl Plan {
         node: &Node,
         most_important: f32,
     ) -> Sample {
+        if self.share < 1.0 {
+            return Sample::even(node.key, self.share);
+        }
         match (self.keep < f32::INFINITY).then(|| sampling_scale(view, depiction, family, node)).flatten() {
             Some(scale) => Sample::new(node.key, (f64::from(self.keep) * scale) as f32, most_important),
             None => Sample::ALL,
@@ -136,24 +143,23 @@ impl Plan {
 
 /// The factor on `c` and a particle's importance that gives its probability, `(h in pixels)^(3/4) / h^(3/4) / m_mean`; none
 /// where all particles of `node` are drawn whatever `c` is.
-pub(super) fn sampling_scale(view: &View, depiction: &Depiction, family: &FamilyMetadata, node: &Node) -> Option<f64> {
+fn sampling_scale(view: &View, depiction: &Depiction, family: &FamilyMetadata, node: &Node) -> Option<f64> {
     let mean = family.mass / family.count.max(1) as f64;
     if !(can_thin(depiction) && mean > 0.0 && mean.is_finite()) {
         return None;
     }
-    let magnification = match view.projection {
+    Some(magnification(view, node.key.bounds(family.root)).powf(0.75) / mean)
+}
+
+/// Pixels that a world unit takes in the middle of a cell; in a cell that the eye is in or beside, at its usual distance.
+pub(super) fn magnification(view: &View, cell: Bounds) -> f64 {
+    match view.projection {
         Projection::Orthographic { .. } => view.focal_pixels(),
         Projection::Perspective { .. } => {
-            // Splats of one node differ in size; near the eye all are large, and all are kept.
-            let bounds = node.key.bounds(family.root);
-            let [middle, half] = [view.to_camera(bounds.center()).z, 0.5 * bounds.size().length()];
-            if middle <= half {
-                return None;
-            }
-            view.focal_pixels() / middle
+            let [middle, half] = [view.to_camera(cell.center()).z, 0.5 * cell.size().length()];
+            view.focal_pixels() / middle.max(half).max(1e-30)
         }
-    };
-    Some(magnification.powf(0.75) / mean)
+    }
 }
 
 /// Whether a mode's pictures can be thinned: discs of fixed size all count the same, whatever their distance.

@@ -2,14 +2,13 @@
 //!
 //! What drawing costs is proportional to the particles that are looked at, with a factor that depends on the machine, the
 //! mode and the view. The governor measures it picture by picture; the sample is then the largest that fits, found
-//! from the nodes alone, so that its cost does not depend on how many particles they hold. The sample is that of
-//! thinning ([`super::economy`]): no light is lost on average, and larger samples contain the smaller ones, so that a
+//! from the nodes alone, so that its cost does not depend on how many particles they hold. The sample is even
+//! ([`crate::raster::sample`]): no light is lost on average, and larger samples contain the smaller ones, so that a
 //! picture that comes to rest gains particles and none moves.
 
-use super::economy::{Plan, sampling_scale};
+use super::economy::Plan;
 use super::{CodeTable, Depiction};
-use crate::hierarchy::NodeKey;
-use crate::raster::sample::Sample;
+use crate::raster::sample::GROUP;
 use crate::store::Metadata;
 use crate::stream::SceneNode;
 use crate::view::View;
@@ -45,74 +44,45 @@ impl Governor {
     }
 }
 
-/// How many particles of a selection a sample looks at.
-pub struct Workload {
-    nodes: Vec<Part>,
+/// `plan`, or where that looks at more than `limit` particles, the largest even sample that does not; and how many particles
+/// are looked at. `most_important` has for each family and codebook that of its table.
+pub fn within(
+    limit: u64,
+    plan: Plan,
+    view: &View,
+    depiction: &Depiction,
+    metadata: &Metadata,
+    nodes: &[SceneNode],
+    most_important: &[Vec<f32>],
+) -> (Plan, u64) {
+    let part = |drawn: &SceneNode| {
+        let family = drawn.page.family as usize;
+        let node = drawn.page.nodes.get(drawn.node.node as usize)?;
+        let most_important = *most_important.get(family)?.get(usize::from(node.codebook))?;
+        let sample = plan.sample(view, depiction, metadata.families.get(family)?, node, most_important);
+        Some((u64::from(sample.candidates(node.particles)), node.particles))
+    };
+    let parts: Vec<(u64, u32)> = nodes.iter().filter_map(part).collect();
+    let usual: u64 = parts.iter().map(|part| part.0).sum();
+    if usual <= limit {
+        return (plan, usual);
+    }
+    let (share, looked_at) = share_within(limit, parts.iter().map(|part| part.1));
+    (Plan { share, ..plan }, looked_at)
 }
 
-/// One node's part of a workload.
-struct Part {
-    key: NodeKey,
-    particles: u32,
-    most_important: f32,
-    /// See [`sampling_scale`].
-    scale: Option<f64>,
-}
-
-impl Workload {
-    /// The workload of `nodes` in `view`. `most_important` has for each family and codebook that of its table.
-    pub fn new(
-        view: &View,
-        depiction: &Depiction,
-        metadata: &Metadata,
-        nodes: &[SceneNode],
-        most_important: &[Vec<f32>],
-    ) -> Workload {
-        let part = |drawn: &SceneNode| {
-            let family = drawn.page.family as usize;
-            let node = drawn.page.nodes.get(drawn.node.node as usize)?;
-            Some(Part {
-                key: node.key,
-                particles: node.particles,
-                most_important: *most_important.get(family)?.get(usize::from(node.codebook))?,
-                scale: sampling_scale(view, depiction, metadata.families.get(family)?, node),
-            })
-        };
-        Workload { nodes: nodes.iter().filter_map(part).collect() }
+/// The largest share of nodes with so many particles that looks at no more than `limit` of them, and at how many it does. One
+/// of each group is looked at for any share.
+fn share_within(limit: u64, particles: impl Iterator<Item = u32>) -> (f32, u64) {
+    let (groups, all) = particles
+        .fold((0, 0), |(groups, all), count| (groups + u64::from(count.div_ceil(GROUP)), all + u64::from(count)));
+    if all <= limit {
+        return (1.0, all);
     }
-
-    /// The number of particles in all nodes.
-    pub fn particles(&self) -> u64 {
-        self.nodes.iter().map(|part| u64::from(part.particles)).sum()
-    }
-
-    /// The number of particles that a sample with the factor `c` looks at.
-    pub fn candidates(&self, c: f32) -> u64 {
-        let of = |part: &Part| match part.scale {
-            Some(scale) if c < f32::INFINITY => {
-                let sample = Sample::new(part.key, (f64::from(c) * scale) as f32, part.most_important);
-                u64::from(sample.candidates(part.particles))
-            }
-            _ => u64::from(part.particles),
-        };
-        self.nodes.iter().map(of).sum()
-    }
-
-    /// `plan` with a sample that looks at no more than `limit` particles, or at the fewest there can be, and how many
-    /// it looks at.
-    pub fn within(&self, limit: u64, plan: Plan) -> (Plan, u64) {
-        let all = self.candidates(plan.keep);
-        if all <= limit {
-            return (plan, all);
-        }
-        // Bisection of the logarithm: larger factors look at more.
-        let (mut low, mut high) = (-40.0_f32, plan.keep.log2().min(16.0));
-        for _ in 0..14 {
-            let middle = 0.5 * (low + high);
-            if self.candidates(middle.exp2()) > limit { high = middle } else { low = middle }
-        }
-        let keep = low.exp2();
-        (Plan { keep, ..plan }, self.candidates(keep))
+    match limit / groups {
+        // Not even one of each group is kept.
+        0 => (limit as f32 / all as f32, groups),
+        ranks => (ranks.min(u64::from(GROUP) - 1) as f32 / GROUP as f32, ranks * groups),
     }
 }
 
@@ -126,42 +96,26 @@ pub fn most_important(depiction: &Depiction, metadata: &Metadata) -> Vec<Vec<f32
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::hierarchy::NodeKey;
+    use crate::raster::sample::Sample;
     use proptest::prelude::*;
-
-    fn workload(parts: &[(u32, f32, bool)]) -> Workload {
-        let part = |(i, &(particles, scale, thins)): (usize, &(u32, f32, bool))| Part {
-            key: NodeKey { depth: 14, x: i as u32, y: 3, z: 5 },
-            particles,
-            most_important: 2.0,
-            scale: thins.then_some(f64::from(scale)),
-        };
-        Workload { nodes: parts.iter().enumerate().map(part).collect() }
-    }
 
     proptest! {
         #[test]
         fn samples_stay_within_the_limit_and_use_it(
-            parts in prop::collection::vec((1..200_000_u32, 0.01..10.0_f32, prop::bool::weighted(0.9)), 1..40),
-            share in 0.0..1.2_f64,
+            counts in prop::collection::vec(1..200_000_u32, 1..40),
+            limit_share in 0.0..1.2_f64,
         ) {
-            let workload = workload(&parts);
-            let all = workload.particles();
-            prop_assert_eq!(workload.candidates(f32::INFINITY), all);
-            let limit = (share * all as f64) as u64;
-            let (plan, looked_at) = workload.within(limit, Plan::default());
-            prop_assert_eq!(looked_at, workload.candidates(plan.keep));
-            let least = workload.candidates(0.0);
-            prop_assert!(looked_at <= limit.max(least), "{looked_at} of {limit}, at least {least}");
-            if limit >= all {
-                prop_assert_eq!(plan, Plan::default());
-            } else if limit > least {
-                // One rank more in every node would be too much: the limit is used up to that.
-                let rank: u64 = parts.iter().map(|part| u64::from(part.0.div_ceil(64))).sum();
-                prop_assert!(looked_at + rank >= limit.min(workload.candidates(60_000.0)), "{looked_at} of {limit}");
-            }
-            // A plan that leaves out more already stays as it is.
-            let thin = Plan { keep: 1e-9, ..Plan::default() };
-            prop_assert_eq!(workload.within(least.max(limit), thin).0, thin);
+            let all: u64 = counts.iter().map(|&count| u64::from(count)).sum();
+            let groups: u64 = counts.iter().map(|count| u64::from(count.div_ceil(GROUP))).sum();
+            let limit = (limit_share * all as f64) as u64;
+            let (share, looked_at) = share_within(limit, counts.iter().copied());
+            let sample = |i: usize| Sample::even(NodeKey { depth: 14, x: i as u32, y: 3, z: 5 }, share);
+            let found: u64 = counts.iter().enumerate().map(|(i, &n)| u64::from(sample(i).candidates(n))).sum();
+            prop_assert_eq!(looked_at, found);
+            prop_assert!(looked_at <= limit.max(groups), "{looked_at} of {limit}, {groups} groups");
+            prop_assert!(looked_at + groups > limit.min(all), "{looked_at} of {limit}: one rank more would fit");
+            prop_assert!(share >= 1.0 || f64::from(share) <= limit_share + 1e-6);
         }
 
         #[test]

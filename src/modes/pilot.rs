@@ -14,7 +14,7 @@
 //! with `F_i^2` spread as `F_i` is. A few tries find the `c` whose predicted error is the budget. The cost does not depend on
 //! how many particles the picture has.
 
-use super::economy::{Economy, Plan, can_thin};
+use super::economy::{Economy, Plan, can_thin, magnification};
 use super::{CodeTable, Depiction, cpu};
 use crate::model::Kernel;
 use crate::raster::composite::color_distance;
@@ -23,7 +23,7 @@ use crate::raster::transfer::{Levels, Scale, TransferFunction};
 use crate::raster::{Accumulation, Method, RasterError};
 use crate::store::Metadata;
 use crate::stream::SceneNode;
-use crate::view::{Projection, View};
+use crate::view::View;
 
 /// Particles that the pilot draws, about.
 const PARTICLES: f64 = 60_000.0;
@@ -88,29 +88,19 @@ impl<'a> Pilot<'a> {
             nodes.iter().map(|node| u64::from(node.page.nodes[node.node.node as usize].particles)).sum();
         let share = (PARTICLES / particles.max(1) as f64).min(1.0) as f32;
         let square = mean_square(metadata.kernel);
-        let focal = view.focal_pixels();
         // Each is as likely to be drawn as any other, and has its importance as attribute.
-        let even = |table: CodeTable| CodeTable {
-            importance: vec![1.0; table.weight.len()],
-            most_important: 1.0,
-            attribute: Some(table.importance),
-            ..table
-        };
+        let even = |table: CodeTable| CodeTable { attribute: Some(table.importance.clone()), ..table };
         let sample = |drawn: &SceneNode, _: &CodeTable| {
             let key = drawn.page.nodes[drawn.node.node as usize].key;
-            if share < 1.0 { Sample::new(key, share, 1.0) } else { Sample::ALL }
+            // Their kernels stay as they are: what their absence would do is what is measured.
+            if share < 1.0 { Sample { growth: 1.0, ..Sample::even(key, share) } } else { Sample::ALL }
         };
         let decoded = cpu::decode_some(depiction, metadata, nodes, even, sample);
         let mut columns = Vec::with_capacity(decoded.len());
         for (drawn, node) in nodes.iter().zip(&decoded) {
             let family = &metadata.families[drawn.page.family as usize];
             let cell = drawn.page.nodes[drawn.node.node as usize].key.bounds(family.root);
-            let magnification = match view.projection {
-                Projection::Orthographic { .. } => focal,
-                Projection::Perspective { .. } => {
-                    focal / view.to_camera(cell.center()).z.max(0.5 * cell.size().length()).max(1e-30)
-                }
-            };
+            let magnification = magnification(view, cell);
             let mean = family.mass / family.count.max(1) as f64;
             let factor = (magnification.powf(0.75) / mean) as f32;
             let pairs = || node.weight().iter().zip(node.smoothing_length());

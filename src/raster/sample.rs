@@ -11,6 +11,9 @@
 //! - what is kept at a smaller `p` is a part of what is kept at a larger one, so that pictures do not flicker,
 //! - tosses depend on the node's cell and the particle's number alone.
 //!
+//! A sample that is drawn only for want of time is even: every particle is as likely as any other, so that no more are looked
+//! at than are drawn, and kernels grow to fill the gaps ([`Sample::even`]).
+//!
 //! The shaders' twin is `shaders/lib/sample.wgsl`. Both compare 24-bit integers with one product of singles, which has the
 //! same value on every machine.
 
@@ -30,6 +33,10 @@ pub struct Sample {
     pub scale: f32,
     /// No particle with this rank or a higher one is kept; at most [`GROUP`].
     pub ranks: u32,
+    /// Whether importance does not count: every particle is kept with probability `scale`.
+    pub even: bool,
+    /// Factor on the smoothing lengths.
+    pub growth: f32,
 }
 
 impl Default for Sample {
@@ -40,7 +47,7 @@ impl Default for Sample {
 
 impl Sample {
     /// Every particle.
-    pub const ALL: Sample = Sample { seed: 0, scale: f32::INFINITY, ranks: GROUP };
+    pub const ALL: Sample = Sample { seed: 0, scale: f32::INFINITY, ranks: GROUP, even: false, growth: 1.0 };
 
     /// Particles with probability `importance * scale`, where no particle's importance is above `most`.
     pub fn new(key: NodeKey, scale: f32, most: f32) -> Sample {
@@ -48,9 +55,20 @@ impl Sample {
         if !(scale.is_finite() && least.is_finite()) {
             return Sample::ALL;
         }
-        let seed = [key.x, key.y, key.z].into_iter().fold(u32::from(key.depth), |seed, x| mix(seed ^ x.rotate_left(9)));
         // One rank more than is expected: rounding must not cut off what the test below keeps.
-        Sample { seed, scale: scale.max(0.0), ranks: (least as u32).saturating_add(1).clamp(1, GROUP) }
+        let ranks = (least as u32).saturating_add(1).clamp(1, GROUP);
+        Sample { seed: seed(key), scale: scale.max(0.0), ranks, ..Sample::ALL }
+    }
+
+    /// A share of the particles, each as likely as any other. Their kernels are [`growth`] times as large.
+    pub fn even(key: NodeKey, share: f32) -> Sample {
+        if share.is_nan() || share >= 1.0 {
+            return Sample::ALL;
+        }
+        let scale = share.max(0.0);
+        // Exact: products with powers of two are.
+        let ranks = ((scale * GROUP as f32).ceil() as u32).clamp(1, GROUP);
+        Sample { seed: seed(key), scale, ranks, even: true, growth: growth(scale) }
     }
 
     /// Whether every particle is drawn.
@@ -74,7 +92,7 @@ impl Sample {
     /// The factor on the weight of particle `index` of this importance; `None` if it is not drawn.
     #[inline]
     pub fn factor(&self, index: u32, importance: f32) -> Option<f32> {
-        let p = importance * self.scale;
+        let p = if self.even { self.scale } else { importance * self.scale };
         if p >= 1.0 {
             return Some(1.0);
         }
@@ -115,6 +133,18 @@ impl Sample {
         let rank = Tosses::new(group).rank(index % GROUP);
         (rank << 18) | (mix(group ^ (index % GROUP + 1).wrapping_mul(0x9e37_79b9)) >> 14)
     }
+}
+
+/// Factor on the smoothing lengths of an even sample: `share^(-1/5)`, at most 4. Kernels that grow blur what fewer of them
+/// would leave as noise; `share^(-1/3)` would keep the number of kernels over a point, and costs dense places more colour than
+/// the noise does (docs/results.md).
+fn growth(share: f32) -> f32 {
+    libm::powf(share.max(1e-6), -0.2).min(4.0)
+}
+
+/// Tosses for the node in this cell.
+fn seed(key: NodeKey) -> u32 {
+    [key.x, key.y, key.z].into_iter().fold(u32::from(key.depth), |seed, x| mix(seed ^ x.rotate_left(9)))
 }
 
 /// The coins of one group: one for each inner node of a binary tree over its particles, in the order of a heap.
@@ -218,6 +248,33 @@ mod tests {
             let bound = 5.0 * ((1.0 / p - 1.0) / f64::from(nodes)).sqrt();
             assert!((mean - 1.0).abs() <= bound + 1e-6, "{index}: {mean}, p {p}");
         }
+    }
+
+    #[test]
+    fn even_samples_look_at_what_they_keep_and_are_parts_of_larger_ones() {
+        for count in [64, 6400, 6401] {
+            let mut last = Vec::new();
+            for share in (1..=128).map(|part| part as f32 / 128.0) {
+                let sample = Sample::even(key(7), share);
+                let now = kept(sample, count, |_| f32::NAN);
+                let ranks = share * GROUP as f32;
+                if ranks.fract() == 0.0 && count.is_multiple_of(GROUP) {
+                    assert_eq!(sample.candidates(count), now.len() as u32, "whole ranks: {share}");
+                }
+                assert!(now.iter().all(|&(_, factor)| factor == 1.0 / share));
+                let mean = f64::from(count) * f64::from(share);
+                let kept = now.len() as f64;
+                assert!((kept - mean).abs() <= 4.0 * (mean + 1.0).sqrt(), "{kept} of {count} for {share}");
+                let has = |index: u32| now.binary_search_by_key(&index, |kept| kept.0).is_ok();
+                assert!(last.iter().all(|&(index, _): &(u32, f32)| has(index)));
+                last = now;
+            }
+            assert_eq!(last.len() as u32, count);
+        }
+        assert_eq!(Sample::even(key(7), f32::NAN), Sample::ALL);
+        assert_eq!(Sample::even(key(7), 0.5).growth, 2_f32.powf(0.2));
+        assert_eq!(Sample::even(key(7), 0.0).growth, 4.0);
+        assert_eq!(kept(Sample::even(key(7), 0.0), 640, |_| 1.0), []);
     }
 
     #[test]

@@ -136,17 +136,22 @@ impl Shot {
 #[test]
 fn thinned_pictures_keep_the_particles_that_the_cpu_keeps() {
     // Some particles of every rank are kept, and only few ranks are looked at.
-    for (distance, keep, backends, limit) in [(1.5, 0.1, &BACKENDS[..], 1e-3), (4.0, 0.01, &BACKENDS[..1], 4e-3)] {
+    let importance = |keep| Plan { keep, ..Plan::default() };
+    let even = Plan { share: 0.2, ..Plan::default() };
+    for (distance, plan, backends, limit) in [
+        (1.5, importance(0.1), &BACKENDS[..], 1e-3),
+        (4.0, importance(0.01), &BACKENDS[..1], 4e-3),
+        (1.5, even, &BACKENDS[..], 1e-3),
+    ] {
         let shot = Shot::new(distance);
-        let plan = Plan { keep, ..Plan::default() };
         let ((all, of), (cpu, counts)) = (shot.cpu(&Plan::default()), shot.cpu(&plan));
         assert!(relative_error(&cpu.p, &all.p).1 > 1e-2 && counts.drawn < of.drawn * 9 / 10, "{counts:?} of {of:?}");
         for &backend in backends {
             let gpu = shot.gpu(&plan, backend);
             let (l1, l2) = relative_error(&gpu.accumulation.p, &cpu.p);
-            println!("keep {keep}, {}: L1 {l1}, L2 {l2}, {counts:?} {:?}", backend.name(), gpu.stats.splats);
+            println!("{plan:?}, {}: L1 {l1}, L2 {l2}, {counts:?} {:?}", backend.name(), gpu.stats.splats);
             // The errors of few splats do not average out.
-            assert!(l1 < limit && l2 < limit, "keep {keep}, {}: L1 {l1}, L2 {l2}", backend.name());
+            assert!(l1 < limit && l2 < limit, "{plan:?}, {}: L1 {l1}, L2 {l2}", backend.name());
             if let Some(splats) = gpu.stats.splats {
                 // They differ in how far outside the picture a small splat is still sorted; from afar all are in it.
                 let differ = if distance > 3.0 { 0 } else { counts.drawn / 50 };

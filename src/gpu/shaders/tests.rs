@@ -269,7 +269,8 @@ fn written(name: &str) -> Option<Layout> {
                 seed,
                 scale,
                 ranks,
-                unused
+                even,
+                growth
             })
         }
         "blocks" => layout!(Block { node, first, count, place }),
@@ -337,7 +338,7 @@ fn another_layout_is_found() {
         ("table: u32,\n    table_length: u32,", "table_length: u32,\n    table: u32,"),
         ("step: f32,", "step: u32,"),
         ("origin: vec3<f32>,", "origin: vec4<f32>,"),
-        ("unused_b: u32,", "unused_b: u32,\n    unused_c: u32,"),
+        ("even: u32,", "even: u32,\n    unused: u32,"),
     ];
     for (good, bad) in breaks {
         let text = &SHADERS.iter().find(|(path, _)| *path == "lib/particle.wgsl").unwrap().1;

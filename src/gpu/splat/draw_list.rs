@@ -83,7 +83,8 @@ impl DrawList {
                     seed: sample.seed,
                     scale: if sample.is_all() { 0.0 } else { sample.scale },
                     ranks: if sample.is_all() { 0 } else { sample.ranks },
-                    unused: [0; 2],
+                    even: sample.even.into(),
+                    growth: sample.growth,
                 });
             }
         }

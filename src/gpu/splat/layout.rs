@@ -130,8 +130,10 @@ pub struct Node {
     pub scale: f32,
     /// See [`crate::raster::sample::Sample`]; 0: all particles are drawn.
     pub ranks: u32,
-    /// Padding.
-    pub unused: [u32; 2],
+    /// See [`crate::raster::sample::Sample`]; 1: true.
+    pub even: u32,
+    /// See [`crate::raster::sample::Sample`].
+    pub growth: f32,
 }
 
 /// WGSL `ENCODING_*`.

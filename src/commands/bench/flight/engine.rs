@@ -4,7 +4,7 @@ use super::super::splat::Failure;
 use super::canvas::Canvas;
 use super::path::Flight;
 use super::series::Frame;
-use crate::modes::governor::{self, Governor, Workload};
+use crate::modes::governor::{self, Governor};
 use crate::modes::{Depiction, Economy, Plan, pilot};
 use crate::raster::Accumulation;
 use crate::raster::transfer::TransferFunction;
@@ -114,9 +114,8 @@ impl Engine<'_> {
     pub fn governed(&self, view: &View, selection: &SceneSelection, frame_ms: Option<f64>) -> (Plan, u64) {
         let metadata = self.file.metadata();
         let important = governor::most_important(&self.depiction, metadata);
-        let workload = Workload::new(view, &self.depiction, metadata, &selection.nodes, &important);
         let limit = frame_ms.map_or(u64::MAX, |frame_ms| self.governor.limit(frame_ms));
-        workload.within(limit, self.plan)
+        governor::within(limit, self.plan, view, &self.depiction, metadata, &selection.nodes, &important)
     }
 
     /// Converges the view that a flight begins with, and finds there what its pictures leave undrawn.
