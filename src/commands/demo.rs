@@ -25,7 +25,7 @@ fn snapshot() -> Result<PathBuf, std::io::Error> {
     if std::fs::metadata(&path).is_ok_and(|about| about.len() == SNAPSHOT.len() as u64) {
         return Ok(path);
     }
-    let mut file = tempfile::NamedTempFile::new_in(&folder)?;
+    let mut file = crate::model::new_file::builder().tempfile_in(&folder)?;
     file.write_all(SNAPSHOT)?;
     file.persist(&path).map_err(|error| error.error)?;
     Ok(path)

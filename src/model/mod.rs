@@ -3,6 +3,7 @@
 
 pub mod bounds;
 pub mod kernel;
+pub mod new_file;
 pub mod particles;
 pub mod positioned;
 pub mod progress;

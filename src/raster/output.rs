@@ -4,6 +4,7 @@
 use super::Accumulation;
 use super::composite::Image;
 use super::volume::Colors;
+use crate::model::new_file;
 use exr::prelude::{AnyChannel, AnyChannels, Encoding, FlatSamples, Layer, LayerAttributes, WritableImage};
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -133,11 +134,7 @@ fn write_with(
 ) -> Result<(), OutputError> {
     let io = |source| OutputError::Io { path: path.to_owned(), source };
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let mut builder = tempfile::Builder::new();
-    // A picture is as readable as other files of its owner, not private as temporary files are.
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o644));
-    let mut file = builder.prefix(".deepfield-").tempfile_in(folder).map_err(io)?;
+    let mut file = new_file::builder().prefix(".deepfield-").tempfile_in(folder).map_err(io)?;
     let mut out = BufWriter::new(file.as_file_mut());
     content(&mut out)?;
     out.flush().map_err(io)?;

@@ -1,6 +1,7 @@
 //! Temporary files: beside what they help to write, locked while their run lives, so that the next run can tell and remove those
 //! that a killed one has left.
 
+use crate::model::new_file;
 use std::fs::{File, OpenOptions};
 use std::io;
 use std::path::{Path, PathBuf};
@@ -24,7 +25,7 @@ impl Temporary {
         let folder = folder.unwrap_or_else(|| folder_of(output));
         let mut prefix = output.file_name().unwrap_or_default().to_os_string();
         prefix.push(MARK);
-        let (file, path) = tempfile::Builder::new().prefix(&prefix).suffix("").tempfile_in(folder)?.keep()?;
+        let (file, path) = new_file::builder().prefix(&prefix).suffix("").tempfile_in(folder)?.keep()?;
         let temporary = Temporary { path, file };
         // Where files cannot be locked, nobody will remove this one by mistake either: the next run cannot lock it.
         let _ = temporary.file.try_lock();

@@ -3,6 +3,7 @@
 
 use super::Generator;
 use super::gadget::{MOST, Part, write_part};
+use crate::model::new_file;
 use crate::model::progress::Progress;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
@@ -67,7 +68,7 @@ pub fn write(
     progress.begin("writing particles", generator.len());
     let mut written: Vec<(NamedTempFile, PathBuf)> = Vec::with_capacity(parts.len());
     for (name, part) in parts {
-        let mut file = readable().tempfile_in(folder).map_err(|error| fail(&name, error))?;
+        let mut file = new_file::builder().tempfile_in(folder).map_err(|error| fail(&name, error))?;
         write_part(generator, &part, file.as_file_mut(), progress).map_err(|error| fail(&name, error))?;
         written.push((file, name));
     }
@@ -77,14 +78,6 @@ pub fn write(
         names.push(name);
     }
     Ok(names)
-}
-
-/// Temporary files that whoever may read other new files may read too.
-fn readable() -> tempfile::Builder<'static, 'static> {
-    let mut builder = tempfile::Builder::new();
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    builder
 }
 
 #[cfg(test)]

@@ -1,0 +1,24 @@
+//! Files that are written under another name first: as readable as any other new file, not private as temporary files are.
+
+/// A builder of such files: the process's mask decides who may read them.
+pub fn builder() -> tempfile::Builder<'static, 'static> {
+    #[cfg_attr(not(unix), allow(unused_mut, reason = "only Unix has permissions to set"))]
+    let mut builder = tempfile::Builder::new();
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+    builder
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use std::os::unix::fs::PermissionsExt;
+
+    #[test]
+    fn new_files_are_as_readable_as_others() {
+        let folder = tempfile::tempdir().unwrap();
+        let plain = std::fs::File::create(folder.path().join("plain")).unwrap();
+        let file = super::builder().tempfile_in(&folder).unwrap();
+        let mode = |file: &std::fs::File| file.metadata().unwrap().permissions().mode();
+        assert_eq!(mode(file.as_file()), mode(&plain));
+    }
+}
