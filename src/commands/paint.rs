@@ -79,7 +79,9 @@ pub(super) fn render(arguments: &Arguments, mode: &'static Mode, is_exr: bool) -
     if arguments.overdraw.is_some() {
         return Err(format!("--overdraw: the mode {} has no splats", mode.name).into());
     }
-    arguments.settings.check(mode)?;
+    // Settings come from the file that the user wrote, if there is one.
+    let named = arguments.config.as_ref().unwrap_or(&arguments.path).display();
+    arguments.settings.check(mode).map_err(|error| format!("{named}: {error}"))?;
     let mut times = Times::default();
     let outcome = match arguments.exact {
         true => paint_exact(arguments, mode, &mut times)?,
@@ -176,9 +178,12 @@ fn measured(
     framed: Bounds,
     times: &mut Times,
     paint: impl FnOnce(&Subject<'_>) -> Result<Painted, VolumeError>,
-) -> Result<Painted, VolumeError> {
+) -> Result<Painted, String> {
     let subject = Subject { transfer: arguments.volume.as_ref(), diameter: framed.size().length() };
-    let painted = times.measure("draw", || paint(&subject))?;
+    let painted = times.measure("draw", || paint(&subject)).map_err(|error| {
+        let named = arguments.config.as_ref().unwrap_or(&arguments.path).display();
+        format!("{named}: {error}")
+    })?;
     times.note("resample", painted.report.resampling);
     times.note("render", painted.report.rendering);
     Ok(painted)

@@ -87,6 +87,11 @@ impl std::fmt::Display for SettingValue {
     }
 }
 
+/// A number that may have many digits.
+fn brief(number: f64) -> String {
+    if number.abs() >= 1e6 { format!("{number:e}") } else { number.to_string() }
+}
+
 /// The components of a colour written as `#rrggbb`, gamma-encoded sRGB.
 pub fn parse_color(text: &str) -> Option<[f32; 3]> {
     let digits = text.strip_prefix('#').filter(|digits| digits.len() == 6 && digits.is_ascii())?;
@@ -133,10 +138,12 @@ impl Setting {
     /// What values it takes, in words.
     pub fn range(&self) -> String {
         match self.kind {
-            SettingKind::Number { min, max, .. } => format!("a number from {min} to {max}"),
+            SettingKind::Number { min, max, .. } => format!("a number from {} to {}", brief(min), brief(max)),
             SettingKind::Flag { .. } => "true or false".into(),
             SettingKind::Choice { options } => format!("one of {}", options.join(", ")),
-            SettingKind::Numbers { min, max, most } => format!("a list of up to {most} numbers from {min} to {max}"),
+            SettingKind::Numbers { min, max, most } => {
+                format!("a list of up to {most} numbers from {} to {}", brief(min), brief(max))
+            }
             SettingKind::Colors { most } => format!("a list of up to {most} colours like \"#ff8000\""),
         }
     }
