@@ -61,8 +61,8 @@ struct Done {
     drawn: Drawn,
     /// What the settings leave out, whatever time there was.
     plan: Plan,
-    /// Particles that were looked at, if it was drawn anew; and whether that is not all that the plan would.
-    looked_at: Option<u64>,
+    /// How many particles it took, if it was drawn anew; and whether that is not all that the plan would.
+    taken: Option<u64>,
     cut: bool,
     exposure: Exposure,
     /// The picture in colours, and what they were made with.
@@ -122,7 +122,7 @@ fn drawing_size(full: UVec2, strained: bool, backend: ActiveBackend, fixed_discs
 
 /// Draws the selected nodes with `size` pixels; blocks for as long as it takes. What is left out is what `plan` says, or what
 /// is found to be within the settings, which is handed back; and then as much as a sample of `limit` particles needs. Also
-/// says how many were looked at.
+/// says how many it took.
 fn draw(
     file: &PageFile,
     depiction: &Depiction,
@@ -141,11 +141,11 @@ fn draw(
     };
     let drawn = plan.and_then(|plan| {
         let important = governor::most_important(depiction, metadata);
-        let (fitting, looked_at) = governor::within(limit, plan, view, depiction, metadata, nodes, &important);
+        let (fitting, taken) = governor::within(limit, plan, view, depiction, metadata, nodes, &important);
         let decoded = cpu::decode_planned(view, depiction, metadata, nodes, &fitting);
         let view = View { width: size.x, height: size.y, ..*view };
         let drawn = cpu::draw_planned(&view, depiction, metadata, &decoded, Method::Pyramid, &fitting)?;
-        Ok((drawn.0, plan, (looked_at, fitting != plan)))
+        Ok((drawn.0, plan, (taken, fitting != plan)))
     });
     drawn.map_err(|error| error.to_string())
 }
@@ -259,7 +259,7 @@ pub(super) fn draw_on_cpu(
     // Finding a plan takes longer than there is between two pictures of a motion.
     let kept_plan = (moving && *backend == ActiveBackend::Cpu).then_some(old_plan);
     cpu.task = Some(AsyncComputeTaskPool::get().spawn(async move {
-        let (drawn, plan, looked_at, cut) = match reused {
+        let (drawn, plan, taken, cut) = match reused {
             Some(drawn) => (drawn, old_plan, None, false),
             None if painted => {
                 let start = Instant::now();
@@ -271,11 +271,11 @@ pub(super) fn draw_on_cpu(
             None => {
                 let start = Instant::now();
                 let plan = (kept_plan, limit);
-                let (picture, plan, (looked_at, cut)) =
+                let (picture, plan, (taken, cut)) =
                     draw(&file, &depiction, &nodes, &view, size, plan, (&transfer, known))?;
                 let picture = Arc::new(picture);
                 let milliseconds = 1000.0 * start.elapsed().as_secs_f64();
-                (Drawn { key, picture, painted: None, milliseconds }, plan, Some(looked_at), cut)
+                (Drawn { key, picture, painted: None, milliseconds }, plan, Some(taken), cut)
             }
         };
         let (exposure, colors) = match &drawn.painted {
@@ -288,7 +288,7 @@ pub(super) fn draw_on_cpu(
                 (Exposure::of(&drawn.picture, &transfer), colors)
             }
         };
-        Ok(Done { drawn, plan, looked_at, cut, exposure, colors })
+        Ok(Done { drawn, plan, taken, cut, exposure, colors })
     }));
 }
 
@@ -310,10 +310,10 @@ fn take_in(
             warn!("the picture's image is gone");
         }
         cpu.colored = Some((done.drawn.key, levels, transfer));
-        if let Some(looked_at) = done.looked_at {
+        if let Some(taken) = done.taken {
             statistics.draw_ms = Some(done.drawn.milliseconds);
-            statistics.sampled = done.cut.then_some(looked_at);
-            cpu.governor.drew(looked_at, done.drawn.milliseconds);
+            statistics.sampled = done.cut.then_some(taken);
+            cpu.governor.drew(taken, done.drawn.milliseconds);
         }
     }
     if done.drawn.painted.is_some() {

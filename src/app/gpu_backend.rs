@@ -34,8 +34,8 @@ pub struct GpuTables {
     /// The selection that the camera draws, what the settings leave out of it, and whether it moves.
     drawn: Option<(u64, Plan, bool)>,
     governor: Governor,
-    /// Particles that the last pictures looked at, and when the last one was changed.
-    looked_at: [u64; 3],
+    /// Particles that the last pictures took, and when the last one was changed.
+    taken: [u64; 3],
     changed: Option<Instant>,
     /// How particles are accumulated; none if the processor does it.
     technique: Option<Technique>,
@@ -243,10 +243,10 @@ pub(super) fn draw_on_gpu(
         let limit = if moving { tables.governor.limit(frame_ms) } else { u64::MAX };
         let important: Vec<Vec<f32>> =
             tables.tables.iter().map(|books| books.iter().map(|table| table.1).collect()).collect();
-        let (plan, looked_at) =
+        let (plan, taken) =
             governor::within(limit, usual, &view, &look.depiction, metadata, &selection.nodes, &important);
-        statistics.sampled = (plan != usual).then_some(looked_at);
-        tables.looked_at = [looked_at, tables.looked_at[0], tables.looked_at[1]];
+        statistics.sampled = (plan != usual).then_some(taken);
+        tables.taken = [taken, tables.taken[0], tables.taken[1]];
         tables.changed = Some(Instant::now());
         let items: Vec<DrawItem> = selection
             .nodes
@@ -297,13 +297,13 @@ pub(super) fn draw_on_gpu(
     let times = diagnostics.as_deref().and_then(pass_times);
     statistics.draw_ms = times.map(|times| times.0);
     // Times come a picture or two late: while the last samples differ much, nobody knows which one a time belongs to.
-    let [looked_at, ..] = tables.looked_at;
-    let [most, least] = [tables.looked_at.iter().max(), tables.looked_at.iter().min()];
+    let [taken, ..] = tables.taken;
+    let [most, least] = [tables.taken.iter().max(), tables.taken.iter().min()];
     if let Some((milliseconds, at)) = times
         && tables.changed.is_some_and(|changed| at > changed)
         && most.zip(least).is_some_and(|(&most, &least)| most <= 2 * least)
     {
-        tables.governor.drew(looked_at, milliseconds);
+        tables.governor.drew(taken, milliseconds);
         tables.changed = None;
     }
     // Passes are timed only once their shaders are there, so a first time means a first picture.

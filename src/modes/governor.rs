@@ -1,6 +1,6 @@
 //! A steady frame rate: how large a sample of a view's particles can be drawn in the time that a frame has.
 //!
-//! What drawing costs is proportional to the particles that are looked at, with a factor that depends on the machine, the
+//! What drawing costs is about proportional to the particles that are drawn, with a factor that depends on the machine, the
 //! mode and the view. The governor measures it picture by picture; the sample is then the largest that fits, found
 //! from the nodes alone, so that its cost does not depend on how many particles they hold. The sample is even
 //! ([`crate::raster::sample`]): no light is lost on average, and larger samples contain the smaller ones, so that a
@@ -8,7 +8,6 @@
 
 use super::economy::Plan;
 use super::{CodeTable, Depiction};
-use crate::raster::sample::GROUP;
 use crate::store::Metadata;
 use crate::stream::SceneNode;
 use crate::view::View;
@@ -16,7 +15,7 @@ use crate::view::View;
 /// How much drawing costs, from the pictures drawn so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Governor {
-    /// Milliseconds for each particle that is looked at, smoothed; none before the first picture.
+    /// Milliseconds for each particle, smoothed; none before the first picture.
     milliseconds: Option<f64>,
 }
 
@@ -28,12 +27,12 @@ const LEAST: u64 = 20_000;
 const WEIGHT: f64 = 0.5;
 
 impl Governor {
-    /// How many particles a picture may look at to be drawn in so many milliseconds.
+    /// How many particles a picture may have to be drawn in so many milliseconds.
     pub fn limit(&self, frame_ms: f64) -> u64 {
         self.milliseconds.map_or(FIRST, |each| ((frame_ms / each) as u64).max(LEAST))
     }
 
-    /// A picture that looked at so many particles has taken so long.
+    /// A picture of so many particles has taken so long.
     pub fn drew(&mut self, particles: u64, milliseconds: f64) {
         // A nearly empty picture says what a frame costs, not what a particle does.
         if particles < LEAST || !(milliseconds > 0.0 && milliseconds.is_finite()) {
@@ -44,8 +43,11 @@ impl Governor {
     }
 }
 
-/// `plan`, or where that looks at more than `limit` particles, the largest even sample that does not; and how many particles
-/// are looked at. `most_important` has for each family and codebook that of its table.
+/// `plan`, or where that looks at more than `limit` particles, an even sample of as many as `limit`; and how many that
+/// are. `most_important` has for each family and codebook that of its table.
+///
+/// Of an even sample what counts is what is drawn, not what is looked at: one particle of each group is looked at however small
+/// the share, but told from its number alone, while the fewer are drawn the larger their kernels.
 pub fn within(
     limit: u64,
     plan: Plan,
@@ -60,30 +62,14 @@ pub fn within(
         let node = drawn.page.nodes.get(drawn.node.node as usize)?;
         let most_important = *most_important.get(family)?.get(usize::from(node.codebook))?;
         let sample = plan.sample(view, depiction, metadata.families.get(family)?, node, most_important);
-        Some((u64::from(sample.candidates(node.particles)), node.particles))
+        Some((u64::from(sample.candidates(node.particles)), u64::from(node.particles)))
     };
-    let parts: Vec<(u64, u32)> = nodes.iter().filter_map(part).collect();
-    let usual: u64 = parts.iter().map(|part| part.0).sum();
+    let (usual, all) = nodes.iter().filter_map(part).fold((0, 0), |(usual, all), part| (usual + part.0, all + part.1));
     if usual <= limit {
         return (plan, usual);
     }
-    let (share, looked_at) = share_within(limit, parts.iter().map(|part| part.1));
-    (Plan { share, ..plan }, looked_at)
-}
-
-/// The largest share of nodes with so many particles that looks at no more than `limit` of them, and at how many it does. One
-/// of each group is looked at for any share.
-fn share_within(limit: u64, particles: impl Iterator<Item = u32>) -> (f32, u64) {
-    let (groups, all) = particles
-        .fold((0, 0), |(groups, all), count| (groups + u64::from(count.div_ceil(GROUP)), all + u64::from(count)));
-    if all <= limit {
-        return (1.0, all);
-    }
-    match limit / groups {
-        // Not even one of each group is kept.
-        0 => (limit as f32 / all as f32, groups),
-        ranks => (ranks.min(u64::from(GROUP) - 1) as f32 / GROUP as f32, ranks * groups),
-    }
+    // Not above 1: a plan looks at no more than there are.
+    (Plan { share: (limit as f64 / all as f64) as f32, ..plan }, limit)
 }
 
 /// For each family and codebook the largest importance in its table.
@@ -96,28 +82,9 @@ pub fn most_important(depiction: &Depiction, metadata: &Metadata) -> Vec<Vec<f32
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::hierarchy::NodeKey;
-    use crate::raster::sample::Sample;
     use proptest::prelude::*;
 
     proptest! {
-        #[test]
-        fn samples_stay_within_the_limit_and_use_it(
-            counts in prop::collection::vec(1..200_000_u32, 1..40),
-            limit_share in 0.0..1.2_f64,
-        ) {
-            let all: u64 = counts.iter().map(|&count| u64::from(count)).sum();
-            let groups: u64 = counts.iter().map(|count| u64::from(count.div_ceil(GROUP))).sum();
-            let limit = (limit_share * all as f64) as u64;
-            let (share, looked_at) = share_within(limit, counts.iter().copied());
-            let sample = |i: usize| Sample::even(NodeKey { depth: 14, x: i as u32, y: 3, z: 5 }, share);
-            let found: u64 = counts.iter().enumerate().map(|(i, &n)| u64::from(sample(i).candidates(n))).sum();
-            prop_assert_eq!(looked_at, found);
-            prop_assert!(looked_at <= limit.max(groups), "{looked_at} of {limit}, {groups} groups");
-            prop_assert!(looked_at + groups > limit.min(all), "{looked_at} of {limit}: one rank more would fit");
-            prop_assert!(share >= 1.0 || f64::from(share) <= limit_share + 1e-6);
-        }
-
         #[test]
         fn the_limit_follows_what_pictures_cost(each_us in 0.01..50.0_f64, then_us in 0.01..50.0_f64, target in 5.0..200.0_f64) {
             let mut governor = Governor::default();

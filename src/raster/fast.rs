@@ -10,7 +10,7 @@ use super::lanes::{self, Canvas};
 use super::profile::Profiles;
 use super::pyramid::{self, LevelImage, PADDING};
 use super::table::LineTable;
-use super::tiles::{self, Layer, Record, SIDE, STRIDE, Sorted};
+use super::tiles::{self, Layer, Piece, Record, SIDE, STRIDE, Sorted};
 use super::{Counts, Extent, RasterOptions, Splats};
 use super::{small, sphere};
 use crate::model::Kernel;
@@ -19,7 +19,7 @@ use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
 /// Particles sorted at a time by one task.
-const CHUNK: usize = 1 << 15;
+const CHUNK: usize = 1 << 13;
 /// Particles between two rounds of drawing; bounds the memory for sorted particles.
 const ROUND: usize = 1 << 21;
 /// Splats of a tile drawn by one task; more are divided among several.
@@ -54,39 +54,73 @@ pub fn draw(view: &View, batches: &[Splats<'_>], options: &RasterOptions) -> (Ac
     let mut drawn: Vec<Tile> = vec![Tile::default(); count];
     let mut wide: Vec<(usize, Footprint)> = Vec::new();
     let arch = Arch::new();
-    for batch in batches {
-        let spheres = matches!((batch.extent(), view.projection), (Extent::World(_), Projection::Perspective { .. }));
-        for start in (0..batch.len()).step_by(ROUND) {
-            let end = batch.len().min(start + ROUND);
-            let sorted: Vec<Sorted> = (start..end)
-                .into_par_iter()
-                .step_by(CHUNK)
-                .map(|from| tiles::sort(&lens, profiles, &layers, batch, from..end.min(from + CHUNK), options))
-                .collect();
-            wide.extend(sorted.iter().flat_map(|chunk| &chunk.wide));
-            sorted.iter().for_each(|chunk| counts += chunk.counts);
-            layers.iter().enumerate().for_each(|(number, layer)| {
-                let tiles = layer.first..layer.first + layer.tiles[0] * layer.tiles[1];
-                let paint = |tile: usize, records: &[&[Record]], out: &mut Tile| {
-                    out.prepare(attribute);
-                    let small = number == 0;
-                    arch.dispatch(Job { lens: &lens, layer, profiles, kernel, small, spheres, tile, records, out });
-                };
-                drawn[tiles.clone()]
-                    .par_iter_mut()
-                    .zip(tiles.clone())
-                    .for_each(|(out, tile)| draw_tile(&sorted, tile, out, |records, out| paint(tile, records, out)));
-                if !options.culling {
-                    sorted.par_iter().for_each(|chunk| {
-                        let mut nowhere = Tile::default();
-                        let outside = chunk.outside.iter().filter(|(tile, _)| tiles.contains(tile));
-                        outside.for_each(|(tile, record)| paint(*tile, &[std::slice::from_ref(record)], &mut nowhere));
-                    });
-                }
-            });
-        }
+    let is_sphere = |batch: &Splats<'_>| {
+        matches!((batch.extent(), view.projection), (Extent::World(_), Projection::Perspective { .. }))
+    };
+    for Round { spheres, tasks } in rounds(batches, is_sphere) {
+        let sorted: Vec<Sorted> =
+            tasks.par_iter().map(|pieces| tiles::sort(&lens, profiles, &layers, pieces, options)).collect();
+        wide.extend(sorted.iter().flat_map(|chunk| &chunk.wide));
+        sorted.iter().for_each(|chunk| counts += chunk.counts);
+        layers.iter().enumerate().for_each(|(number, layer)| {
+            let tiles = layer.first..layer.first + layer.tiles[0] * layer.tiles[1];
+            let paint = |tile: usize, records: &[&[Record]], out: &mut Tile| {
+                out.prepare(attribute);
+                let small = number == 0;
+                arch.dispatch(Job { lens: &lens, layer, profiles, kernel, small, spheres, tile, records, out });
+            };
+            drawn[tiles.clone()]
+                .par_iter_mut()
+                .zip(tiles.clone())
+                .for_each(|(out, tile)| draw_tile(&sorted, tile, out, |records, out| paint(tile, records, out)));
+            if !options.culling {
+                sorted.par_iter().for_each(|chunk| {
+                    let mut nowhere = Tile::default();
+                    let outside = chunk.outside.iter().filter(|(tile, _)| tiles.contains(tile));
+                    outside.for_each(|(tile, record)| paint(*tile, &[std::slice::from_ref(record)], &mut nowhere));
+                });
+            }
+        });
     }
     (finish(view, &lens, kernel, &layers, &drawn, &wide, attribute), counts)
+}
+
+/// What is sorted together and then drawn together.
+struct Round<'a> {
+    /// Whether splats are projected spheres.
+    spheres: bool,
+    /// What each task sorts.
+    tasks: Vec<Vec<Piece<'a>>>,
+}
+
+/// Cuts batches into tasks of [`CHUNK`] particles and those into rounds of [`ROUND`]. Small batches share a task: a page file's
+/// view may have thousands of nodes, of which a sample keeps a few particles each.
+fn rounds<'a>(batches: &'a [Splats<'a>], is_sphere: impl Fn(&Splats<'_>) -> bool) -> Vec<Round<'a>> {
+    let mut rounds: Vec<Round<'a>> = Vec::new();
+    let (mut in_task, mut in_round) = (CHUNK, ROUND);
+    for batch in batches {
+        let spheres = is_sphere(batch);
+        let mut start = 0;
+        while start < batch.len() {
+            if in_round >= ROUND || rounds.last().is_none_or(|round| round.spheres != spheres) {
+                rounds.push(Round { spheres, tasks: Vec::new() });
+                (in_task, in_round) = (CHUNK, 0);
+            }
+            let Some(round) = rounds.last_mut() else { break };
+            if in_task >= CHUNK {
+                round.tasks.push(Vec::new());
+                in_task = 0;
+            }
+            let taken = (batch.len() - start).min(CHUNK - in_task);
+            if let Some(task) = round.tasks.last_mut() {
+                task.push((batch, start..start + taken));
+            }
+            start += taken;
+            in_task += taken;
+            in_round += taken;
+        }
+    }
+    rounds
 }
 
 /// Draws a tile's records, in several tasks when there are many.

@@ -11,6 +11,7 @@ use super::pyramid::{self, LevelImage, PADDING, SMALLEST_RADIUS};
 use super::{Counts, RasterOptions, Splats, small};
 use crate::view::View;
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Cells along a tile's side.
 pub const TILE: usize = 128;
@@ -148,20 +149,22 @@ impl Sorted {
     }
 }
 
-/// Projects particles `range` of a batch and sorts them by tile.
+/// Some consecutive particles of a batch.
+pub type Piece<'a> = (&'a Splats<'a>, Range<usize>);
+
+/// Projects the particles of some pieces and sorts them by tile.
 pub fn sort(
     lens: &Lens,
     profiles: &Profiles,
     layers: &[Layer],
-    splats: &Splats<'_>,
-    range: std::ops::Range<usize>,
+    pieces: &[Piece<'_>],
     options: &RasterOptions,
 ) -> Sorted {
     let tiles = layers.last().map_or(0, |layer| layer.first + layer.tiles[0] * layer.tiles[1]);
     let mut starts = vec![0u32; tiles + 1];
-    let mut placed: Vec<(u32, Record)> = Vec::with_capacity(range.len());
+    let mut placed: Vec<(u32, Record)> = Vec::with_capacity(pieces.iter().map(|piece| piece.1.len()).sum());
     let (mut wide, mut outside, mut counts) = (Vec::new(), Vec::new(), Counts::default());
-    for index in range {
+    for (splats, index) in pieces.iter().flat_map(|(splats, range)| range.clone().map(move |index| (splats, index))) {
         let Some(footprint) = lens.footprint(splats, index) else { continue };
         // A level's padding is at most twice the radius of the splats on it.
         let small = footprint.radius < SMALLEST_RADIUS;

@@ -2,9 +2,10 @@
 //! first, so that no half snapshot ever has the final one.
 
 use super::Generator;
-use super::gadget::{MOST, Part, write_part};
+use super::gadget::{MOST, Part, bytes, write_part};
 use crate::model::new_file;
 use crate::model::progress::Progress;
+use crate::store::temporary::free_bytes;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use tempfile::NamedTempFile;
@@ -42,7 +43,7 @@ pub fn parts(path: &Path, count: u64, per_file: u64) -> Vec<(PathBuf, Part)> {
 /// Writes a snapshot, at most `per_file` particles in a file; the names of its files. Nothing is left behind on failure.
 ///
 /// # Errors
-/// [`WriteError`] names the file and the cause.
+/// [`WriteError`] names the file and the cause; before anything is written where the disk has too little room.
 pub fn write(
     generator: &dyn Generator,
     path: &Path,
@@ -65,6 +66,14 @@ pub fn write(
         Some(folder) if !folder.as_os_str().is_empty() => folder,
         _ => Path::new("."),
     };
+    let needed = bytes(generator, generator.len());
+    if let Some(free) = free_bytes(folder)
+        && needed > free
+    {
+        let message =
+            format!("takes {} MiB, and the disk has {} MiB left; fewer particles fit (-n)", needed >> 20, free >> 20);
+        return Err(fail(path, std::io::Error::new(ErrorKind::StorageFull, message)));
+    }
     progress.begin("writing particles", generator.len());
     let mut written: Vec<(NamedTempFile, PathBuf)> = Vec::with_capacity(parts.len());
     for (name, part) in parts {
@@ -83,6 +92,18 @@ pub fn write(
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_snapshot_that_does_not_fit_is_not_begun() {
+        let folder = tempfile::tempdir().unwrap();
+        if free_bytes(folder.path()).is_none() {
+            return;
+        }
+        let generator = crate::synth::clusters::Clusters::new(1, 1_000_000_000_000);
+        let error = write(&generator, &folder.path().join("huge"), MOST, &()).unwrap_err().to_string();
+        assert!(error.contains("huge: takes 4") && error.contains("MiB left"), "{error}");
+        assert_eq!(std::fs::read_dir(&folder).unwrap().count(), 0);
+    }
 
     #[test]
     fn parts_cover_all_particles() {

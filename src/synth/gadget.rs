@@ -105,6 +105,11 @@ pub fn write_part(
     Ok(())
 }
 
+/// Bytes that a snapshot of so many particles takes, headers left out.
+pub fn bytes(generator: &dyn Generator, particles: u64) -> u64 {
+    columns(generator).iter().map(|column| column.size).sum::<u64>().saturating_mul(particles)
+}
+
 /// The columns of every file of a generator.
 fn columns(generator: &dyn Generator) -> Vec<Column> {
     fn floats(values: &[f32]) -> Vec<u8> {

@@ -52,17 +52,30 @@ impl Masonry {
     /// The bricks of a grid.
     pub fn new(grid: &PerspectiveGrid) -> Masonry {
         let [k, l, m] = grid.size.map(|size| size as usize);
-        let layers = m.div_ceil(BRICK);
-        let depths: Vec<f64> = (0..layers * BRICK).map(|slice| grid.depth(slice as f64 + 0.5)).collect();
-        let edge = |slice: usize| grid.depth(slice as f64);
+        let bricks = [(k + 2 * BORDER).div_ceil(BRICK), (l + 2 * BORDER).div_ceil(BRICK), m.div_ceil(BRICK)];
+        let middle = grid.middle.map(|middle| (middle + BORDER as f64) as f32);
+        Masonry { slices: m, ..Masonry::with(grid, bricks, middle, 1.0, |slice| slice) }
+    }
+
+    /// Bricks of cells that are `scale` times as wide as the grid's; `place` gives the grid's `z'` of theirs.
+    pub fn with(
+        grid: &PerspectiveGrid,
+        bricks: [usize; 3],
+        middle: [f32; 2],
+        scale: f64,
+        place: impl Fn(f64) -> f64,
+    ) -> Masonry {
+        let slices = bricks[2] * BRICK;
+        let edge = |slice: usize| grid.depth(place(slice as f64));
+        let depths: Vec<f64> = (0..slices).map(|slice| grid.depth(place(slice as f64 + 0.5))).collect();
         Masonry {
-            bricks: [(k + 2 * BORDER).div_ceil(BRICK), (l + 2 * BORDER).div_ceil(BRICK), layers],
-            middle: grid.middle.map(|middle| (middle + BORDER as f64) as f32),
-            per_cell: depths.iter().map(|&depth| (1.0 / grid.spacing(depth)) as f32).collect(),
-            spacing: depths.iter().map(|&depth| grid.spacing(depth) as f32).collect(),
-            thickness: (0..depths.len()).map(|slice| (edge(slice + 1) - edge(slice)) as f32).collect(),
+            bricks,
+            middle,
+            per_cell: depths.iter().map(|&depth| (1.0 / (scale * grid.spacing(depth))) as f32).collect(),
+            spacing: depths.iter().map(|&depth| (scale * grid.spacing(depth)) as f32).collect(),
+            thickness: (0..slices).map(|slice| (edge(slice + 1) - edge(slice)) as f32).collect(),
             depth: depths.iter().map(|&depth| depth as f32).collect(),
-            slices: m,
+            slices,
             perspective: grid.perspective,
         }
     }

@@ -6,6 +6,7 @@
 
 pub mod bricks;
 pub mod classify;
+pub mod coarse;
 pub mod exact;
 pub mod occlusion;
 pub mod particles;
@@ -30,7 +31,7 @@ use crate::view::perspective_grid::{GridError, GridOptions, planes};
 use crate::view::{PerspectiveGrid, Projection, View};
 use bricks::{BRICK, Masonry, Slab};
 use occlusion::OpacityPyramid;
-use particles::{Projected, Taken};
+use particles::{Particle, Projected, Taken};
 use raycast::Rays;
 use rayon::prelude::*;
 use std::time::{Duration, Instant};
@@ -161,10 +162,29 @@ pub struct VolumeReport {
 pub struct Prepared {
     /// The grid.
     pub grid: PerspectiveGrid,
-    /// Its bricks.
-    pub masonry: Masonry,
+    /// Its bricks, and those of the coarser grids for wide particles ([`coarse`]); never empty.
+    pub levels: Vec<Masonry>,
     /// The particles.
     pub particles: Projected,
+}
+
+impl Prepared {
+    /// These particles, to be resampled on this grid.
+    pub fn new(grid: PerspectiveGrid, particles: Projected) -> Prepared {
+        let widest = particles.chunks.par_iter().flatten().map(|particle| coarse::cells_of(particle, &grid));
+        let widest = widest.reduce(|| 0.0, f32::max);
+        Prepared { levels: coarse::masonries(&grid, widest), grid, particles }
+    }
+
+    /// The bricks of the grid.
+    pub fn masonry(&self) -> &Masonry {
+        &self.levels[0]
+    }
+
+    /// The level that a particle is resampled on.
+    pub fn level_of(&self, particle: &Particle) -> usize {
+        coarse::level_of(particle, &self.grid, self.levels.len())
+    }
 }
 
 /// Projects batches and lays the grid around what is in view.
@@ -182,7 +202,7 @@ pub fn prepare(view: &View, batches: &[Splats<'_>], options: &VolumeOptions) -> 
     let perspective = matches!(view.projection, Projection::Perspective { .. });
     let depths = planes(particles.depths, options.near, options.far, perspective)?;
     let grid = PerspectiveGrid::new(view, depths, &options.grid)?;
-    Ok(Prepared { masonry: Masonry::new(&grid), grid, particles })
+    Ok(Prepared::new(grid, particles))
 }
 
 /// Draws what `scenery` says of batches. The result does not depend on the number of threads.
@@ -196,7 +216,8 @@ pub fn draw(
     options: &VolumeOptions,
 ) -> Result<(Colors, VolumeReport), VolumeError> {
     let start = Instant::now();
-    let Prepared { grid, masonry, particles } = prepare(view, batches, options)?;
+    let prepared = prepare(view, batches, options)?;
+    let (grid, masonry, particles) = (&prepared.grid, prepared.masonry(), &prepared.particles);
     let mut report = VolumeReport {
         grid: grid.size,
         planes: [grid.near, grid.far],
@@ -208,12 +229,12 @@ pub fn draw(
     let cell_bytes = 4 * (1 + u64::from(particles.attribute));
     let slabs = grid.slabs(options.memory, cell_bytes, BRICK as u32);
     report.slabs = slabs.len();
-    let mut rays = Rays::new(&grid, &masonry, view.width, view.height);
+    let mut rays = Rays::new(grid, masonry, view.width, view.height);
     let (mut kept, mut hidden) = (Slab::default(), Vec::new());
     for slab in slabs {
         let start = Instant::now();
         let layers = slab.slices.start as usize / BRICK..(slab.slices.end as usize).div_ceil(BRICK);
-        let (resampled, work) = resample::resample(&masonry, &particles, options.kernel, layers.clone(), &hidden);
+        let (resampled, work) = resample::resample(&prepared, options.kernel, layers.clone(), &hidden);
         report.pairs += work.pairs;
         report.bricks += work.bricks;
         report.resampling += start.elapsed();
@@ -221,12 +242,12 @@ pub fn draw(
         let first = if kept.layers.is_empty() { layers.start } else { kept.first };
         let mut held = Slab { first, layers: kept.layers };
         held.layers.extend(resampled);
-        let effort = rays.advance(&grid, &masonry, &held, slab.steps, scenery);
+        let effort = rays.advance(grid, masonry, &held, slab.steps, scenery);
         report.samples += effort.samples;
         report.crossings += effort.crossings;
         kept = held.into_last();
         if options.occlusion {
-            hidden = hidden_columns(&rays, &masonry, view, scenery.termination);
+            hidden = hidden_columns(&rays, masonry, view, scenery.termination);
             report.hidden += hidden.iter().filter(|hidden| **hidden).count() as u64;
         }
         report.rendering += start.elapsed();

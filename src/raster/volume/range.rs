@@ -1,10 +1,10 @@
 //! Automatic ranges of a volume: percentiles of the field as a sketch shows it, resampled with few cells and, where there are
 //! many, a part of the particles.
 
-use super::VolumeError;
-use super::bricks::{BRICK, Masonry};
+use super::bricks::BRICK;
 use super::particles::{SMALLEST, Taken, project};
 use super::resample::resample;
+use super::{Prepared, VolumeError};
 use crate::model::Kernel;
 use crate::raster::Splats;
 use crate::view::perspective_grid::{GridOptions, planes};
@@ -45,12 +45,13 @@ pub fn measure(
     let perspective = matches!(view.projection, Projection::Perspective { .. });
     let depths = planes(projected.depths, near, far, perspective)?;
     let grid = PerspectiveGrid::new(&view, depths, &GridOptions { resolution: 1.0, lambda: false })?;
-    let masonry = Masonry::new(&grid);
+    let prepared = Prepared::new(grid, projected);
+    let masonry = prepared.masonry();
     let (mut densities, mut attributes) = (Histogram::default(), Histogram::default());
     // A few layers at a time: the depth of an outlier may be great.
     for first in (0..masonry.bricks[2]).step_by(8) {
         let layers = first..(first + 8).min(masonry.bricks[2]);
-        let (layers, _) = resample(&masonry, &projected, kernel, layers, &[]);
+        let (layers, _) = resample(&prepared, kernel, layers, &[]);
         for (layer, bricks) in layers.iter().enumerate() {
             for brick in bricks.iter().flatten() {
                 for (index, &density) in brick.density.iter().enumerate().filter(|(_, density)| **density > 0.0) {

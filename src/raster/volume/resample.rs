@@ -1,14 +1,18 @@
 //! Resampling (F12 5.5): particles are binned to the bricks of a slab, and each brick gathers its own, in SIMD lanes.
 //!
-//! Every cell holds `sum m W(|r - r_j|, h_j)` at its centre, and `sum m A W` where there is an attribute. A brick is filled by
-//! one task in the order of the particles, so the field is the same to the last bit for any number of threads.
+//! Every cell holds `sum m W(|r - r_j|, h_j)` at its centre, and `sum m A W` where there is an attribute; what wide particles add is
+//! interpolated from coarser grids ([`coarse`]). A brick is filled by one task in the order of the particles, so the field is the
+//! same to the last bit for any number of threads.
 
+use super::Prepared;
 use super::bricks::{BRICK, Brick, CELLS, Layer, Masonry};
+use super::coarse::{self, Scratch};
 use super::particles::{Particle, Projected};
 use crate::model::Kernel;
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 use std::f32::consts::PI;
+use std::ops::Range;
 
 /// What a slab's resampling took.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -21,41 +25,75 @@ pub struct Work {
 
 /// Resamples `layers` of the grid. Bricks of columns that are `hidden` (one flag for each, row by row; none for an empty
 /// slice) are left out.
-pub fn resample(
-    masonry: &Masonry,
-    particles: &Projected,
-    kernel: Kernel,
-    layers: std::ops::Range<usize>,
-    hidden: &[bool],
-) -> (Vec<Layer>, Work) {
-    let bins: Vec<Bins> =
-        particles.chunks.par_iter().map(|chunk| Bins::new(masonry, chunk, layers.clone(), hidden)).collect();
-    let arch = Arch::new();
-    let gather = |index: usize| {
-        if bins.iter().all(|bins| bins.of(index).is_empty()) {
-            return None;
-        }
-        let values = || vec![0.0f32; CELLS].into_boxed_slice();
-        let weighted = if particles.attribute { values() } else { Box::default() };
-        let mut brick = Brick { density: values(), weighted, densest: 0.0 };
-        let (layer, place) = (layers.start + index / masonry.of_layer(), index % masonry.of_layer());
-        let corner = [place % masonry.bricks[0], place / masonry.bricks[0], layer].map(|brick| brick * BRICK);
-        arch.dispatch(Gather { masonry, corner, kernel, particles, bins: &bins, index, brick: &mut brick });
-        brick.densest = brick.density.iter().copied().fold(0.0, f32::max);
-        (brick.densest > 0.0).then_some(brick)
-    };
-    let bricks = layers.len() * masonry.of_layer();
-    let mut all: Vec<Option<Brick>> = (0..bricks).into_par_iter().map(gather).collect();
-    let work = Work {
-        pairs: bins.iter().map(|bins| bins.indices.len() as u64).sum(),
-        bricks: all.iter().flatten().count() as u64,
-    };
+pub fn resample(prepared: &Prepared, kernel: Kernel, layers: Range<usize>, hidden: &[bool]) -> (Vec<Layer>, Work) {
+    let mut work = Work::default();
+    let (mut all, masonry) = (fill(prepared, 0, kernel, layers.clone(), hidden, &mut work), &prepared.levels[0]);
+    work.bricks = all.iter().flatten().count() as u64;
     let mut out = Vec::with_capacity(layers.len());
     while !all.is_empty() {
         let rest = all.split_off(masonry.of_layer().min(all.len()));
         out.push(std::mem::replace(&mut all, rest));
     }
     (out, work)
+}
+
+/// The bricks of some layers of a level: its own particles, and the field of the coarser levels.
+fn fill(
+    prepared: &Prepared,
+    level: usize,
+    kernel: Kernel,
+    layers: Range<usize>,
+    hidden: &[bool],
+    work: &mut Work,
+) -> Vec<Option<Brick>> {
+    let Prepared { levels, particles, .. } = prepared;
+    let masonry = &levels[level];
+    let coarser = levels.get(level + 1).map(|coarser| {
+        let layers = coarse::layers_read_by(&layers);
+        let hidden = coarse::hidden_by(hidden, masonry, coarser);
+        (coarser, layers.start, fill(prepared, level + 1, kernel, layers, &hidden, work))
+    });
+    let own = |particle: &Particle| levels.len() == 1 || prepared.level_of(particle) == level;
+    let bins: Vec<Bins> =
+        (particles.chunks.par_iter()).map(|chunk| Bins::new(masonry, chunk, own, layers.clone(), hidden)).collect();
+    work.pairs += bins.iter().map(|bins| bins.indices.len() as u64).sum::<u64>();
+    let arch = Arch::new();
+    let gather = |scratch: &mut Scratch, index: usize| {
+        let (layer, place) = (layers.start + index / masonry.of_layer(), index % masonry.of_layer());
+        if hidden.get(place) == Some(&true) {
+            return None;
+        }
+        let at = [place % masonry.bricks[0], place / masonry.bricks[0], layer];
+        let smooth = coarser.as_ref().map(|(coarser, first, bricks)| {
+            move |[column, row, layer]: [usize; 3]| {
+                bricks[(layer - first) * coarser.of_layer() + row * coarser.bricks[0] + column].as_ref()
+            }
+        });
+        let under = smooth.filter(|brick| coarse::around(at).any(|at| brick(at).is_some()));
+        if under.is_none() && bins.iter().all(|bins| bins.of(index).is_empty()) {
+            return None;
+        }
+        let values = || vec![0.0f32; CELLS].into_boxed_slice();
+        let weighted = if particles.attribute { values() } else { Box::default() };
+        let mut brick = Brick { density: values(), weighted, densest: 0.0 };
+        let corner = at.map(|brick| brick * BRICK);
+        arch.dispatch(Gather { masonry, corner, kernel, particles, bins: &bins, index, brick: &mut brick });
+        if let Some(under) = under {
+            let density = |at| under(at).map(|brick: &Brick| &brick.density[..]);
+            arch.dispatch(|| coarse::add_interpolated(at, density, scratch, &mut brick.density));
+            if particles.attribute {
+                let weighted = |at| under(at).map(|brick: &Brick| &brick.weighted[..]);
+                arch.dispatch(|| coarse::add_interpolated(at, weighted, scratch, &mut brick.weighted));
+            }
+            if level == 0 {
+                // Cubics overshoot by a little where the field ends; a density is not negative.
+                brick.density.iter_mut().for_each(|density| *density = density.max(0.0));
+            }
+        }
+        brick.densest = brick.density.iter().copied().fold(0.0, f32::max);
+        (brick.densest > 0.0).then_some(brick)
+    };
+    (0..layers.len() * masonry.of_layer()).into_par_iter().map_init(Scratch::default, gather).collect()
 }
 
 /// Particles of one chunk by the bricks that they reach.
@@ -66,13 +104,19 @@ struct Bins {
 }
 
 impl Bins {
-    fn new(masonry: &Masonry, chunk: &[Particle], layers: std::ops::Range<usize>, hidden: &[bool]) -> Bins {
+    fn new(
+        masonry: &Masonry,
+        chunk: &[Particle],
+        own: impl Fn(&Particle) -> bool,
+        layers: Range<usize>,
+        hidden: &[bool],
+    ) -> Bins {
         let nearest = masonry.depth[layers.start * BRICK];
         let farthest = masonry.depth[layers.end * BRICK - 1];
         let mut pairs: Vec<(u32, u32)> = Vec::new();
         for (index, particle) in chunk.iter().enumerate() {
             let [_, _, z, h] = particle.place;
-            if z - h > farthest || z + h < nearest {
+            if z - h > farthest || z + h < nearest || !own(particle) {
                 continue;
             }
             for layer in layers.clone() {

@@ -73,8 +73,8 @@ fn perspective(eye: DVec3, width: u32, height: u32) -> View {
 /// The whole grid in one slab.
 fn resampled(view: &View, cloud: &Cloud, options: &VolumeOptions) -> (Prepared, Slab) {
     let prepared = prepare(view, &[cloud.batch()], options).unwrap();
-    let Prepared { masonry, particles, .. } = &prepared;
-    let (layers, _) = resample::resample(masonry, particles, options.kernel, 0..masonry.bricks[2], &[]);
+    let layers = 0..prepared.masonry().bricks[2];
+    let (layers, _) = resample::resample(&prepared, options.kernel, layers, &[]);
     (prepared, Slab { first: 0, layers })
 }
 
@@ -96,7 +96,7 @@ struct Errors {
 /// Looks at every `stride`-th cell that holds something.
 fn compare(view: &View, cloud: &Cloud, options: &VolumeOptions, stride: usize) -> Errors {
     let (prepared, slab) = resampled(view, cloud, options);
-    let Prepared { grid, masonry, .. } = &prepared;
+    let (grid, masonry) = (&prepared.grid, prepared.masonry());
     let field = ExactField::new(&[cloud.batch()], options.kernel);
     let [k, l, m] = grid.size.map(|size| size as usize);
     let (mut squares, mut norms) = ([0.0f64; 3], [0.0f64; 3]);
@@ -171,6 +171,29 @@ fn the_field_is_the_exact_sum_on_a_merger() {
 }
 
 #[test]
+fn wide_particles_are_interpolated_within_the_tolerance() {
+    // Kernels from one to four hundred cells, seen from outside and from within.
+    let mut random = Random::new(11, 0);
+    let mut cloud = Cloud::default();
+    for _ in 0..600 {
+        let place = [0; 3].map(|_| 2.0 * random.normal());
+        let h = 0.05 * 60f64.powf(random.uniform());
+        cloud.push(place, h as f32, (h * h) as f32, random.uniform() as f32);
+    }
+    for kernel in Kernel::ALL {
+        for eye in [DVec3::new(1.0, 2.0, 9.0), DVec3::new(0.3, 0.1, 1.0)] {
+            let view = perspective(eye, 160, 120);
+            let options = VolumeOptions { kernel, near: Some(0.1), far: Some(16.0), ..EXACTLY };
+            let errors = compare(&view, &cloud, &options, 4999);
+            println!("{kernel:?} from {eye}: {errors:?}");
+            assert!(errors.samples > 1000 && errors.density < 3e-4 && errors.weighted < 3e-4, "{errors:?}");
+            let prepared = prepare(&view, &[cloud.batch()], &options).unwrap();
+            assert!(prepared.levels.len() > 2, "{}", prepared.levels.len());
+        }
+    }
+}
+
+#[test]
 fn half_and_third_resolutions_sample_the_same_field() {
     let cloud = merger(5_000);
     for resolution in [0.5, 1.0 / 3.0] {
@@ -205,7 +228,7 @@ fn one_particle_is_its_kernel() {
     let (mut mass, mut cells) = (0.0, 0);
     for index in 0..k * l * m {
         let cell = [index % k, index / k % l, index / k / l];
-        let [density, weighted] = slab.at(cell.map(|c| c as usize), &prepared.masonry).map(f64::from);
+        let [density, weighted] = slab.at(cell.map(|c| c as usize), prepared.masonry()).map(f64::from);
         let center = prepared.grid.center(cell);
         let away = (world(&view, center) - DVec3::new(0.1, -0.2, 0.3)).length();
         let expected = 2.0 * Kernel::CubicSpline.value(away / 0.5) / 0.125;
@@ -229,7 +252,7 @@ fn particles_below_the_grid_keep_their_mass() {
         let (prepared, slab) = resampled(&view, &cloud, &options);
         let [k, l, m] = prepared.grid.size.map(|size| size as usize);
         assert_eq!(prepared.particles.raised, 1);
-        let cells = (0..k * l * m).map(|i| slab.at([i % k, i / k % l, i / k / l], &prepared.masonry)[0]);
+        let cells = (0..k * l * m).map(|i| slab.at([i % k, i / k % l, i / k / l], prepared.masonry())[0]);
         let mass: f64 = cells.map(f64::from).sum::<f64>() * 0.05f64.powi(3);
         assert!((mass / 3.0 - 1.0).abs() < 0.015, "{mass}");
         // Left as it is, it falls between the cells.
@@ -249,7 +272,7 @@ fn a_uniform_lattice_has_its_density_everywhere() {
         let cell = [index % k, index / k % l, index / k / l];
         let at = world(&view, prepared.grid.center(cell));
         if at.abs().max_element() < 0.75 {
-            let [density, weighted] = slab.at(cell.map(|c| c as usize), &prepared.masonry).map(f64::from);
+            let [density, weighted] = slab.at(cell.map(|c| c as usize), prepared.masonry()).map(f64::from);
             assert!((density - 1.0).abs() < 0.01, "{density} at {at}");
             // The mean of a linear attribute is that attribute.
             assert!((weighted / density - at.x).abs() < 0.02, "{} at {at}", weighted / density);
@@ -312,7 +335,12 @@ fn merger_scene() -> (Cloud, View, Scenery) {
     let surfaces =
         vec![surface(1e-6, 0.3, Some([0.9, 0.3, 0.1])), surface(1e-5, 0.5, None), surface(1e-4, 0.9, Some([1.0; 3]))];
     let scenery = scenery(RAMP, [1e-8, 1e-3], 4.0, surfaces);
-    (merger(20_000), perspective(DVec3::new(60.0, 40.0, 90.0), 120, 80), scenery)
+    let mut cloud = merger(20_000);
+    // And a few that coarser grids take.
+    for at in [-20.0, 0.0, 25.0] {
+        cloud.push([at, 0.5 * at, 10.0], 60.0, 0.05, 0.4);
+    }
+    (cloud, perspective(DVec3::new(60.0, 40.0, 90.0), 120, 80), scenery)
 }
 
 #[test]

@@ -87,10 +87,10 @@ impl Engine<'_> {
         streamer.take_evicted();
         self.canvas.copy(streamer);
         let selection = SceneSelection::of(streamer, view, self.tau, &chosen);
-        let (plan, looked_at) = self.governed(view, &selection, frame_ms);
+        let (plan, taken) = self.governed(view, &selection, frame_ms);
         let streamed = start.elapsed();
         self.canvas.draw(view, &selection.nodes, &plan)?;
-        self.governor.drew(looked_at, 1e3 * (start.elapsed() - streamed).as_secs_f64());
+        self.governor.drew(taken, 1e3 * (start.elapsed() - streamed).as_secs_f64());
         let frame = Frame {
             seconds: 0.0,
             frame_ms: 1e3 * start.elapsed().as_secs_f64(),
@@ -100,7 +100,7 @@ impl Engine<'_> {
             gpu_bytes: streamer.copies.as_ref().map_or(0, |copies| copies.bytes()),
             upload_bytes: copied,
             particles: selection.particles,
-            looked_at,
+            taken,
             nodes: selection.nodes.len() as u64,
             missing: selection.missing as u64,
             converged: selection.converged,
@@ -110,7 +110,7 @@ impl Engine<'_> {
         Ok((frame, selection))
     }
 
-    /// What of a selection is drawn in so many milliseconds, and how many particles are looked at for that.
+    /// What of a selection is drawn in so many milliseconds, and how many particles that takes (see [`governor::within`]).
     pub fn governed(&self, view: &View, selection: &SceneSelection, frame_ms: Option<f64>) -> (Plan, u64) {
         let metadata = self.file.metadata();
         let important = governor::most_important(&self.depiction, metadata);

@@ -375,7 +375,7 @@ fn print(outcome: &Outcome) {
 
 fn line(name: &str, summary: &Summary) {
     eprintln!(
-        "  {name}: {:.1} frames/s, frame {:.1} ms (50 %) {:.1} ms (99 %), {:.1} M particles/frame (looked at {:.0} %), {:.0} M/s, memory {:.0} \
+        "  {name}: {:.1} frames/s, frame {:.1} ms (50 %) {:.1} ms (99 %), {:.1} M particles/frame (samples of {:.0} %), {:.0} M/s, memory {:.0} \
          MiB, disk {:.1} MB/s, GPU {:.0} MiB, upload {:.1} MB/s, not converged {:.1} % (worst {:.2} px)",
         summary.frames_per_second,
         summary.frame_ms_p50,

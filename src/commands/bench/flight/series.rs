@@ -22,8 +22,8 @@ pub struct Frame {
     pub upload_bytes: u64,
     /// Particles in the drawn nodes.
     pub particles: u64,
-    /// Those of them that the sample looks at, of which not all are drawn.
-    pub looked_at: u64,
+    /// Those of them that the sample takes, see [`crate::modes::governor::within`].
+    pub taken: u64,
     /// Drawn nodes.
     pub nodes: u64,
     /// Nodes that the frame lacked.
@@ -85,7 +85,7 @@ pub fn csv(frames: &[Frame]) -> String {
     let series = series(frames);
     let mut text = String::from(
         "seconds,main_bytes,disk_bytes_per_s,gpu_bytes,upload_bytes_per_s,frames_per_s,particles_per_s,particles,\
-         looked_at,frame_ms,streaming_ms,nodes,missing,converged,error_px,prefetch_distance\n",
+         taken,frame_ms,streaming_ms,nodes,missing,converged,error_px,prefetch_distance\n",
     );
     for (i, f) in frames.iter().enumerate() {
         let rate = |index: usize, factor: f64| series[index].values[i] * factor;
@@ -101,7 +101,7 @@ pub fn csv(frames: &[Frame]) -> String {
             rate(4, 1.0),
             rate(5, 1e6),
             f.particles,
-            f.looked_at,
+            f.taken,
             f.frame_ms,
             f.streaming_ms,
             f.nodes,
@@ -151,7 +151,7 @@ pub struct Summary {
     pub million_particles_per_second: f64,
     /// Median over the frames, millions.
     pub million_particles: f64,
-    /// Particles that samples looked at, as a share of those in the drawn nodes: the median over the frames.
+    /// Particles that samples took, as a share of those in the drawn nodes: the median over the frames.
     pub sampled: f64,
 }
 
@@ -193,7 +193,7 @@ impl Summary {
             upload_mb_per_s_most: most(3),
             million_particles_per_second: per_second(|frame| frame.particles as f64 / 1e6),
             million_particles: median(6),
-            sampled: quantile(frames.iter().map(|frame| frame.looked_at as f64 / frame.particles.max(1) as f64), 0.5),
+            sampled: quantile(frames.iter().map(|frame| frame.taken as f64 / frame.particles.max(1) as f64), 0.5),
         }
     }
 }
