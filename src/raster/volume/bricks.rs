@@ -144,9 +144,11 @@ impl Slab {
         })
     }
 
-    /// Only the last layer, for the next slab.
-    pub fn into_last(mut self) -> Slab {
+    /// Only the last layer, for the next slab; the others go to `done`.
+    pub fn split_last(mut self, done: impl FnOnce(Vec<Layer>)) -> Slab {
         let first = self.first + self.layers.len().saturating_sub(1);
-        Slab { first, layers: self.layers.pop().into_iter().collect() }
+        let last = self.layers.pop();
+        done(self.layers);
+        Slab { first, layers: last.into_iter().collect() }
     }
 }

@@ -34,6 +34,7 @@ use occlusion::OpacityPyramid;
 use particles::{Particle, Projected, Taken};
 use raycast::Rays;
 use rayon::prelude::*;
+use resample::Resampler;
 use std::time::{Duration, Instant};
 use thiserror::Error;
 
@@ -231,10 +232,11 @@ pub fn draw(
     report.slabs = slabs.len();
     let mut rays = Rays::new(grid, masonry, view.width, view.height);
     let (mut kept, mut hidden) = (Slab::default(), Vec::new());
+    let mut resampler = Resampler::new(&prepared, options.kernel);
     for slab in slabs {
         let start = Instant::now();
         let layers = slab.slices.start as usize / BRICK..(slab.slices.end as usize).div_ceil(BRICK);
-        let (resampled, work) = resample::resample(&prepared, options.kernel, layers.clone(), &hidden);
+        let (resampled, work) = resampler.resample(layers.clone(), &hidden);
         report.pairs += work.pairs;
         report.bricks += work.bricks;
         report.resampling += start.elapsed();
@@ -245,7 +247,7 @@ pub fn draw(
         let effort = rays.advance(grid, masonry, &held, slab.steps, scenery);
         report.samples += effort.samples;
         report.crossings += effort.crossings;
-        kept = held.into_last();
+        kept = held.split_last(|layers| resampler.recycle(layers));
         if options.occlusion {
             hidden = hidden_columns(&rays, masonry, view, scenery.termination);
             report.hidden += hidden.iter().filter(|hidden| **hidden).count() as u64;

@@ -3,7 +3,7 @@
 
 use super::bricks::BRICK;
 use super::particles::{SMALLEST, Taken, project};
-use super::resample::resample;
+use super::resample::Resampler;
 use super::{Prepared, VolumeError};
 use crate::model::Kernel;
 use crate::raster::Splats;
@@ -48,10 +48,11 @@ pub fn measure(
     let prepared = Prepared::new(grid, projected);
     let masonry = prepared.masonry();
     let (mut densities, mut attributes) = (Histogram::default(), Histogram::default());
+    let mut resampler = Resampler::new(&prepared, kernel);
     // A few layers at a time: the depth of an outlier may be great.
     for first in (0..masonry.bricks[2]).step_by(8) {
         let layers = first..(first + 8).min(masonry.bricks[2]);
-        let (layers, _) = resample(&prepared, kernel, layers, &[]);
+        let (layers, _) = resampler.resample(layers, &[]);
         for (layer, bricks) in layers.iter().enumerate() {
             for brick in bricks.iter().flatten() {
                 for (index, &density) in brick.density.iter().enumerate().filter(|(_, density)| **density > 0.0) {
@@ -64,6 +65,7 @@ pub fn measure(
                 }
             }
         }
+        resampler.recycle(layers);
     }
     let [low, high] =
         densities.percentiles([0.03, 0.995]).ok_or(crate::view::perspective_grid::GridError::NothingInView)?;

@@ -5,7 +5,7 @@
 //! same to the last bit for any number of threads.
 
 use super::Prepared;
-use super::bricks::{BRICK, Brick, CELLS, Layer, Masonry};
+use super::bricks::{BRICK, Brick, CELLS, Layer, Masonry, Slab};
 use super::coarse::{self, Scratch};
 use super::particles::{Particle, Projected};
 use crate::model::Kernel;
@@ -13,6 +13,7 @@ use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 use std::f32::consts::PI;
 use std::ops::Range;
+use std::sync::{Mutex, PoisonError};
 
 /// What a slab's resampling took.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -23,77 +24,121 @@ pub struct Work {
     pub bricks: u64,
 }
 
-/// Resamples `layers` of the grid. Bricks of columns that are `hidden` (one flag for each, row by row; none for an empty
-/// slice) are left out.
-pub fn resample(prepared: &Prepared, kernel: Kernel, layers: Range<usize>, hidden: &[bool]) -> (Vec<Layer>, Work) {
-    let mut work = Work::default();
-    let (mut all, masonry) = (fill(prepared, 0, kernel, layers.clone(), hidden, &mut work), &prepared.levels[0]);
-    work.bricks = all.iter().flatten().count() as u64;
-    let mut out = Vec::with_capacity(layers.len());
-    while !all.is_empty() {
-        let rest = all.split_off(masonry.of_layer().min(all.len()));
-        out.push(std::mem::replace(&mut all, rest));
-    }
-    (out, work)
+/// Resamples a grid from front to back. Coarser layers that more than one slab reads, and the memory of bricks, are kept.
+pub struct Resampler<'a> {
+    prepared: &'a Prepared,
+    kernel: Kernel,
+    /// Layers of each coarser level, for those before it.
+    held: Vec<Slab>,
+    /// The cells of bricks that were done with.
+    spare: Mutex<Vec<Box<[f32]>>>,
 }
 
-/// The bricks of some layers of a level: its own particles, and the field of the coarser levels.
-fn fill(
-    prepared: &Prepared,
-    level: usize,
-    kernel: Kernel,
-    layers: Range<usize>,
-    hidden: &[bool],
-    work: &mut Work,
-) -> Vec<Option<Brick>> {
-    let Prepared { levels, particles, .. } = prepared;
-    let masonry = &levels[level];
-    let coarser = levels.get(level + 1).map(|coarser| {
-        let layers = coarse::layers_read_by(&layers);
-        let hidden = coarse::hidden_by(hidden, masonry, coarser);
-        (coarser, layers.start, fill(prepared, level + 1, kernel, layers, &hidden, work))
-    });
-    let own = |particle: &Particle| levels.len() == 1 || prepared.level_of(particle) == level;
-    let bins: Vec<Bins> =
-        (particles.chunks.par_iter()).map(|chunk| Bins::new(masonry, chunk, own, layers.clone(), hidden)).collect();
-    work.pairs += bins.iter().map(|bins| bins.indices.len() as u64).sum::<u64>();
-    let arch = Arch::new();
-    let gather = |scratch: &mut Scratch, index: usize| {
-        let (layer, place) = (layers.start + index / masonry.of_layer(), index % masonry.of_layer());
-        if hidden.get(place) == Some(&true) {
-            return None;
+impl<'a> Resampler<'a> {
+    /// Nothing is resampled yet.
+    pub fn new(prepared: &'a Prepared, kernel: Kernel) -> Resampler<'a> {
+        let held = vec![Slab::default(); prepared.levels.len()];
+        Resampler { prepared, kernel, held, spare: Mutex::default() }
+    }
+
+    /// Resamples `layers` of the grid, fastest if they follow those of the last call. Bricks of columns that are `hidden` (one
+    /// flag for each, row by row; none for an empty slice) are left out; they have to stay hidden.
+    pub fn resample(&mut self, layers: Range<usize>, hidden: &[bool]) -> (Vec<Layer>, Work) {
+        let mut work = Work::default();
+        let layers = self.advance(0, layers, hidden, &mut work);
+        work.bricks = layers.iter().flatten().flatten().count() as u64;
+        (layers, work)
+    }
+
+    /// Takes the memory of layers that are not needed any more.
+    pub fn recycle(&mut self, layers: impl IntoIterator<Item = Layer>) {
+        let spare = self.spare.get_mut().unwrap_or_else(PoisonError::into_inner);
+        for brick in layers.into_iter().flatten().flatten() {
+            spare.extend([brick.density, brick.weighted].into_iter().filter(|cells| !cells.is_empty()));
         }
-        let at = [place % masonry.bricks[0], place / masonry.bricks[0], layer];
-        let smooth = coarser.as_ref().map(|(coarser, first, bricks)| {
-            move |[column, row, layer]: [usize; 3]| {
-                bricks[(layer - first) * coarser.of_layer() + row * coarser.bricks[0] + column].as_ref()
+    }
+
+    /// Resamples layers of a level, after what they need of the next.
+    fn advance(&mut self, level: usize, layers: Range<usize>, hidden: &[bool], work: &mut Work) -> Vec<Layer> {
+        let levels = &self.prepared.levels;
+        if let Some(coarser) = levels.get(level + 1) {
+            let wanted = coarse::layers_read_by(&layers);
+            let Slab { first, layers: mut held } = std::mem::take(&mut self.held[level + 1]);
+            // What lies before is not read any more, and what is read lies in the order of the slabs.
+            let done = wanted.start.checked_sub(first).map_or(held.len(), |before| before.min(held.len()));
+            self.recycle(held.drain(..done));
+            let missing = wanted.start + held.len()..wanted.end;
+            if !missing.is_empty() {
+                let hidden = coarse::hidden_by(hidden, &levels[level], coarser);
+                held.extend(self.advance(level + 1, missing, &hidden, work));
             }
-        });
-        let under = smooth.filter(|brick| coarse::around(at).any(|at| brick(at).is_some()));
-        if under.is_none() && bins.iter().all(|bins| bins.of(index).is_empty()) {
-            return None;
+            self.held[level + 1] = Slab { first: wanted.start, layers: held };
         }
-        let values = || vec![0.0f32; CELLS].into_boxed_slice();
-        let weighted = if particles.attribute { values() } else { Box::default() };
-        let mut brick = Brick { density: values(), weighted, densest: 0.0 };
-        let corner = at.map(|brick| brick * BRICK);
-        arch.dispatch(Gather { masonry, corner, kernel, particles, bins: &bins, index, brick: &mut brick });
-        if let Some(under) = under {
-            let density = |at| under(at).map(|brick: &Brick| &brick.density[..]);
-            arch.dispatch(|| coarse::add_interpolated(at, density, scratch, &mut brick.density));
-            if particles.attribute {
-                let weighted = |at| under(at).map(|brick: &Brick| &brick.weighted[..]);
-                arch.dispatch(|| coarse::add_interpolated(at, weighted, scratch, &mut brick.weighted));
+        self.fill(level, layers, hidden, work)
+    }
+
+    /// The bricks of some layers of a level: its own particles, and the field of the coarser levels.
+    fn fill(&self, level: usize, layers: Range<usize>, hidden: &[bool], work: &mut Work) -> Vec<Layer> {
+        let Prepared { levels, particles, .. } = self.prepared;
+        let masonry = &levels[level];
+        let own = |particle: &Particle| levels.len() == 1 || self.prepared.level_of(particle) == level;
+        let bins: Vec<Bins> =
+            particles.chunks.par_iter().map(|chunk| Bins::new(masonry, chunk, own, layers.clone(), hidden)).collect();
+        work.pairs += bins.iter().map(|bins| bins.indices.len() as u64).sum::<u64>();
+        let coarser = levels.get(level + 1).map(|coarser| (coarser, &self.held[level + 1]));
+        let arch = Arch::new();
+        let gather = |scratch: &mut Scratch, index: usize| {
+            let (layer, place) = (layers.start + index / masonry.of_layer(), index % masonry.of_layer());
+            if hidden.get(place) == Some(&true) {
+                return None;
             }
-            if level == 0 {
-                // Cubics overshoot by a little where the field ends; a density is not negative.
-                brick.density.iter_mut().for_each(|density| *density = density.max(0.0));
+            let at = [place % masonry.bricks[0], place / masonry.bricks[0], layer];
+            let smooth = coarser
+                .map(|(masonry, slab)| move |[column, row, layer]: [usize; 3]| slab.brick(column, row, layer, masonry));
+            let under = smooth.filter(|brick| coarse::around(at).any(|at| brick(at).is_some()));
+            if under.is_none() && bins.iter().all(|bins| bins.of(index).is_empty()) {
+                return None;
             }
+            let weighted = if particles.attribute { self.cells() } else { Box::default() };
+            let mut brick = Brick { density: self.cells(), weighted, densest: 0.0 };
+            let (corner, kernel) = (at.map(|brick| brick * BRICK), self.kernel);
+            arch.dispatch(Gather { masonry, corner, kernel, particles, bins: &bins, index, brick: &mut brick });
+            if let Some(under) = under {
+                let density = |at| under(at).map(|brick: &Brick| &brick.density[..]);
+                arch.dispatch(|| coarse::add_interpolated(at, density, scratch, &mut brick.density));
+                if particles.attribute {
+                    let weighted = |at| under(at).map(|brick: &Brick| &brick.weighted[..]);
+                    arch.dispatch(|| coarse::add_interpolated(at, weighted, scratch, &mut brick.weighted));
+                }
+                if level == 0 {
+                    // Cubics overshoot by a little where the field ends; a density is not negative.
+                    brick.density.iter_mut().for_each(|density| *density = density.max(0.0));
+                }
+            }
+            brick.densest = brick.density.iter().copied().fold(0.0, f32::max);
+            (brick.densest > 0.0).then_some(brick)
+        };
+        let bricks = (0..layers.len() * masonry.of_layer()).into_par_iter().map_init(Scratch::default, gather);
+        let mut all: Vec<Option<Brick>> = bricks.collect();
+        let mut out = Vec::with_capacity(layers.len());
+        while !all.is_empty() {
+            let rest = all.split_off(masonry.of_layer().min(all.len()));
+            out.push(std::mem::replace(&mut all, rest));
         }
-        brick.densest = brick.density.iter().copied().fold(0.0, f32::max);
-        (brick.densest > 0.0).then_some(brick)
-    };
-    (0..layers.len() * masonry.of_layer()).into_par_iter().map_init(Scratch::default, gather).collect()
+        out
+    }
+
+    /// Cells of 0. New memory costs more than clearing old: the system hands it out page by page.
+    fn cells(&self) -> Box<[f32]> {
+        let spare = self.spare.lock().unwrap_or_else(PoisonError::into_inner).pop();
+        match spare {
+            Some(mut cells) => {
+                cells.fill(0.0);
+                cells
+            }
+            None => vec![0.0; CELLS].into_boxed_slice(),
+        }
+    }
 }
 
 /// Particles of one chunk by the bricks that they reach.

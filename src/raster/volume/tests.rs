@@ -74,7 +74,7 @@ fn perspective(eye: DVec3, width: u32, height: u32) -> View {
 fn resampled(view: &View, cloud: &Cloud, options: &VolumeOptions) -> (Prepared, Slab) {
     let prepared = prepare(view, &[cloud.batch()], options).unwrap();
     let layers = 0..prepared.masonry().bricks[2];
-    let (layers, _) = resample::resample(&prepared, options.kernel, layers, &[]);
+    let (layers, _) = Resampler::new(&prepared, options.kernel).resample(layers, &[]);
     (prepared, Slab { first: 0, layers })
 }
 
