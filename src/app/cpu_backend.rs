@@ -12,12 +12,13 @@ use super::picture::Picture;
 use super::preset::Preset;
 use super::scene::Scene;
 use super::statistics::{ActiveBackend, Converged, Statistics};
+use super::volume_caster::VolumeCaster;
 use crate::modes::governor::{self, Governor};
 use crate::modes::paint::{Subject, paint_nodes};
 use crate::modes::{Depiction, Footprint, Plan, cpu, pilot};
 use crate::raster::composite::composite_at;
 use crate::raster::transfer::{Levels, TransferFunction};
-use crate::raster::volume::VolumeTransfer;
+use crate::raster::volume::{Caster, Processor, VolumeError, VolumeTransfer};
 use crate::raster::{Accumulation, Method};
 use crate::store::PageFile;
 use crate::stream::SceneNode;
@@ -54,6 +55,8 @@ struct PaintedPicture {
     image: crate::raster::composite::Image,
     levels: Levels,
     transfer: TransferFunction,
+    /// Why not the adapter but the processor has drawn it.
+    trouble: Option<String>,
 }
 
 /// What a background task hands back.
@@ -105,6 +108,8 @@ impl CpuPicture {
 const REST_MS: u128 = 120;
 /// Least time between two measurements of a view that moves and that the GPU draws, milliseconds.
 const MEASURE_MS: u128 = 300;
+/// Time that a volume's picture in motion may take where the preset says none, milliseconds.
+const MOVING_MS: f64 = 50.0;
 /// Longest side of the picture that is drawn only to measure the exposure, pixels.
 const SKETCH: u32 = 320;
 
@@ -118,6 +123,18 @@ fn drawing_size(full: UVec2, strained: bool, backend: ActiveBackend, fixed_discs
         ActiveBackend::Gpu => full.max_element().div_ceil(SKETCH).max(1),
     };
     (full / shrink).max(UVec2::ONE)
+}
+
+/// The size of a volume's picture in motion, from the size and milliseconds of the last one: a volume has as many cells as
+/// the cube of a side. A quarter at least.
+fn moving_size(full: UVec2, last: Option<(UVec2, f64)>, budget: f64) -> UVec2 {
+    let shrink = last.map_or(4.0, |(size, milliseconds)| {
+        let sides = f64::from(full.max_element()) / f64::from(size.max_element().max(1));
+        (milliseconds / budget).cbrt() * sides
+    });
+    // In quarters of a step, so that times that differ a little do not make another picture.
+    let shrink = ((4.0 * shrink).ceil() / 4.0).clamp(1.0, 4.0);
+    (full.as_dvec2() / shrink).as_uvec2().max(UVec2::ONE)
 }
 
 /// Draws the selected nodes with `size` pixels; blocks for as long as it takes. What is left out is what `plan` says, or what
@@ -158,6 +175,7 @@ fn paint(
     view: &View,
     diameter: f64,
     transfer: &TransferFunction,
+    caster: &dyn Caster,
 ) -> Result<PaintedPicture, String> {
     let metadata = file.metadata();
     let decoded = cpu::decode(depiction, metadata, nodes);
@@ -168,10 +186,17 @@ fn paint(
         hue: transfer.hue,
         ..VolumeTransfer::usual(depiction.attribute.is_some())
     };
-    let subject = Subject { transfer: Some(&volume), diameter };
-    let painted = paint_nodes(view, depiction, metadata, &decoded, &subject).map_err(|error| error.to_string())?;
+    let with = |caster| {
+        let subject = Subject { transfer: Some(&volume), diameter, caster };
+        paint_nodes(view, depiction, metadata, &decoded, &subject)
+    };
+    let (painted, trouble) = match with(caster) {
+        Err(VolumeError::Device(why)) => (with(&Processor), Some(why)),
+        painted => (painted, None),
+    };
+    let painted = painted.map_err(|error| error.to_string())?;
     let levels = Levels { p: painted.levels.density, s: painted.levels.attribute };
-    Ok(PaintedPicture { image: painted.colors.image(), levels, transfer: *transfer })
+    Ok(PaintedPicture { image: painted.colors.image(), levels, transfer: *transfer, trouble })
 }
 
 /// Takes in what has been drawn, and starts to draw what is wanted now.
@@ -186,11 +211,13 @@ pub(super) fn draw_on_cpu(
     mut exposure: ResMut<Exposure>,
     mut statistics: ResMut<Statistics>,
     mut converged: ResMut<Converged>,
-    mut messages: ResMut<Messages>,
+    (mut messages, mut caster): (ResMut<Messages>, ResMut<VolumeCaster>),
 ) {
     let cpu = &mut *cpu;
-    if *backend == ActiveBackend::Cpu && statistics.backend != "cpu" {
-        statistics.backend = "cpu".to_owned();
+    let cast = look.as_ref().is_some_and(|look| look.depiction.mode.is_cast()) && caster.is_on_adapter();
+    let name = if cast { "compute" } else { "cpu" };
+    if *backend == ActiveBackend::Cpu && statistics.backend != name {
+        statistics.backend = name.to_owned();
     }
     let (Some(scene), Some(look), Some(view)) = (scene, look, selection.view) else {
         cpu.task = None;
@@ -202,7 +229,13 @@ pub(super) fn draw_on_cpu(
     if let Some(outcome) = cpu.task.as_mut().and_then(check_ready) {
         cpu.task = None;
         match outcome {
-            Ok(done) => take_in(cpu, done, *backend, &picture, &mut images, &mut exposure, &mut statistics),
+            Ok(done) => {
+                if let Some(trouble) = done.drawn.painted.as_ref().and_then(|painted| painted.trouble.clone()) {
+                    messages.error(format!("{trouble}; the processor draws instead"));
+                    caster.give_up();
+                }
+                take_in(cpu, done, *backend, &picture, &mut images, &mut exposure, &mut statistics);
+            }
             Err(error) => {
                 cpu.failed = cpu.tried;
                 messages.error(error);
@@ -218,8 +251,11 @@ pub(super) fn draw_on_cpu(
     };
     let painted = look.depiction.mode.painter().is_some();
     let size = match painted && moving {
-        // A volume has as many cells as the cube of that.
-        true => (full / 4).max(UVec2::ONE),
+        true => {
+            let budget = if preset.drawing.frame_ms > 0.0 { preset.drawing.frame_ms } else { MOVING_MS };
+            let last = cpu.drawn.as_ref().filter(|drawn| drawn.painted.is_some());
+            moving_size(full, last.map(|drawn| (drawn.key.size, drawn.milliseconds)), budget)
+        }
         false => drawing_size(full, statistics.particles > limit, *backend, fixed_discs),
     };
     let key = DrawKey {
@@ -258,13 +294,14 @@ pub(super) fn draw_on_cpu(
     let (known, old_plan) = (look.settled.then_some(look.levels), cpu.plan);
     // Finding a plan takes longer than there is between two pictures of a motion.
     let kept_plan = (moving && *backend == ActiveBackend::Cpu).then_some(old_plan);
+    let caster = caster.caster();
     cpu.task = Some(AsyncComputeTaskPool::get().spawn(async move {
         let (drawn, plan, taken, cut) = match reused {
             Some(drawn) => (drawn, old_plan, None, false),
             None if painted => {
                 let start = Instant::now();
                 let view = View { width: size.x, height: size.y, ..view };
-                let painted = Some(Arc::new(paint(&file, &depiction, &nodes, &view, diameter, &transfer)?));
+                let painted = Some(Arc::new(paint(&file, &depiction, &nodes, &view, diameter, &transfer, &*caster)?));
                 let milliseconds = 1000.0 * start.elapsed().as_secs_f64();
                 (Drawn { key, picture: Arc::default(), painted, milliseconds }, old_plan, None, false)
             }
@@ -336,6 +373,16 @@ fn to_image(colors: crate::raster::composite::Image) -> Image {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn volumes_in_motion_are_as_large_as_there_is_time_for() {
+        let full = UVec2::new(1000, 600);
+        assert_eq!(moving_size(full, None, 50.0), full / 4);
+        assert_eq!(moving_size(full, Some((full, 40.0)), 50.0), full);
+        assert_eq!(moving_size(full, Some((full, 400.0)), 50.0), full / 2);
+        assert_eq!(moving_size(full, Some((full / 2, 50.0)), 50.0), full / 2);
+        assert_eq!(moving_size(full, Some((full / 4, 1e6)), 50.0), full / 4);
+    }
 
     #[test]
     fn strain_costs_pixels_and_rest_brings_them_back() {

@@ -12,6 +12,7 @@ use super::picture::DataCamera;
 use super::preset::{Backend, Preset};
 use super::scene::{Scene, Settings};
 use super::statistics::{ActiveBackend, Converged, Statistics};
+use super::volume_caster::VolumeCaster;
 use crate::gpu::page_copies::{self, CopyState, node_id};
 use crate::gpu::{self, Composite, DrawItem, ParticleScene, SplatView};
 use crate::gpu::{Capabilities, TableId, Technique, Withheld};
@@ -65,6 +66,7 @@ pub(super) fn choose_backend(
     mut tables: ResMut<GpuTables>,
     mut cameras: Query<(Entity, &mut Camera), With<DataCamera>>,
     mut messages: ResMut<Messages>,
+    caster: Res<VolumeCaster>,
     slots: Query<Entity, With<GpuSlot>>,
 ) {
     let asked = preset.drawing.backend;
@@ -102,7 +104,7 @@ pub(super) fn choose_backend(
     if *active == wanted && copies.0 == uses_copies {
         return;
     }
-    if let Some(mode) = painted {
+    if let Some(mode) = painted.filter(|mode| !(mode.is_cast() && caster.is_on_adapter())) {
         messages.info(format!("the processor draws {}", mode.name));
     }
     *active = wanted;
@@ -336,6 +338,7 @@ mod tests {
         world.init_resource::<Statistics>();
         world.init_resource::<GpuTables>();
         world.init_resource::<Messages>();
+        world.init_resource::<VolumeCaster>();
         let mut told = |backend| {
             world.resource_mut::<Preset>().drawing.backend = backend;
             world.run_system_once(choose_backend).unwrap();

@@ -31,6 +31,7 @@ pub mod statistics;
 mod preset_assets;
 mod status;
 mod ui;
+mod volume_caster;
 
 pub use options::{AppError, OpenRequest, Opener, WindowOptions};
 pub use preset::{Backend, Preset};
@@ -115,6 +116,7 @@ impl Plugin for WindowApp {
         .insert_resource(panel::Choices::of_program())
         .init_resource::<cpu_backend::CpuPicture>()
         .init_resource::<gpu_backend::GpuTables>()
+        .init_resource::<volume_caster::VolumeCaster>()
         .init_resource::<statistics::ActiveBackend>()
         .init_resource::<pick::DoubleClick>()
         .init_resource::<screenshot::Screenshots>()
@@ -124,7 +126,13 @@ impl Plugin for WindowApp {
         .add_message::<open::Opened>()
         .add_systems(
             Startup,
-            (picture::spawn_cameras, bevy::ecs::schedule::ApplyDeferred, gpu_backend::choose_backend).chain(),
+            (
+                volume_caster::choose_caster,
+                picture::spawn_cameras,
+                bevy::ecs::schedule::ApplyDeferred,
+                gpu_backend::choose_backend,
+            )
+                .chain(),
         )
         .add_observer(gpu_backend::free_slot)
         .add_systems(PreUpdate, (messages::advance_messages, statistics::tick_frame_clock, screenshot::report))
@@ -138,6 +146,7 @@ impl Plugin for WindowApp {
                 look::glide_levels,
                 shortcuts::run_shortcuts,
                 gpu_backend::follow_budgets.run_if(resource_changed::<Preset>),
+                volume_caster::choose_caster.run_if(resource_changed::<Preset>),
                 gpu_backend::choose_backend.run_if(resource_changed::<Preset>.or_else(gpu_backend::technique_changed)),
             )
                 .chain(),

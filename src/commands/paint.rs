@@ -6,7 +6,7 @@ use crate::model::{Bounds, Family};
 use crate::modes::paint::{Subject, paint_nodes, paint_particles};
 use crate::modes::{Depiction, Mode, Painted, cpu};
 use crate::raster::output;
-use crate::raster::volume::VolumeError;
+use crate::raster::volume::{Caster, Processor, VolumeError};
 use crate::store::PageFile;
 use crate::stream::{Scene, first_frame};
 use crate::view::frame;
@@ -22,8 +22,8 @@ struct Statistics<'a> {
     error_px: f64,
     particles_drawn: u64,
     nodes_drawn: usize,
-    backend: &'static str,
-    adapter: &'static str,
+    backend: &'a str,
+    adapter: &'a str,
     mode: &'static str,
     attribute: Option<&'a str>,
     width: u32,
@@ -45,8 +45,10 @@ struct Grid {
     pairs: u64,
     bricks: u64,
     hidden: u64,
-    samples: u64,
-    crossings: u64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    samples: Option<u64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    crossings: Option<u64>,
 }
 
 /// The ranges in use.
@@ -73,19 +75,17 @@ struct Outcome {
 /// # Errors
 /// When the source cannot be read, a setting does not fit the data, or a file cannot be written.
 pub(super) fn render(arguments: &Arguments, mode: &'static Mode, is_exr: bool) -> CommandResult {
-    if matches!(arguments.backend, Some(Backend::Compute | Backend::Raster)) {
-        return Err(format!("--backend: only cpu draws the mode {}", mode.name).into());
-    }
     if arguments.overdraw.is_some() {
         return Err(format!("--overdraw: the mode {} has no splats", mode.name).into());
     }
     // Settings come from the file that the user wrote, if there is one.
     let named = arguments.config.as_ref().unwrap_or(&arguments.path).display();
     arguments.settings.check(mode).map_err(|error| format!("{named}: {error}"))?;
+    let caster = &*caster(arguments, mode)?;
     let mut times = Times::default();
     let outcome = match arguments.exact {
-        true => paint_exact(arguments, mode, &mut times)?,
-        false => paint_pages(arguments, mode, &mut times)?,
+        true => paint_exact(arguments, mode, caster, &mut times)?,
+        false => paint_pages(arguments, mode, caster, &mut times)?,
     };
     let Outcome { painted, .. } = &outcome;
     match is_exr {
@@ -96,14 +96,37 @@ pub(super) fn render(arguments: &Arguments, mode: &'static Mode, is_exr: bool) -
         output::write_npy_colors(raw, &painted.colors)?;
     }
     if let Some(json) = &arguments.json {
-        write_json(json, &statistics(&outcome, mode, &times.medians()))?;
+        write_json(json, &statistics(&outcome, mode, caster.name(), &times.medians()))?;
     }
     Ok(())
+}
+
+/// What draws: the processor, unless an adapter is asked for, or there is one with a graphics card.
+fn caster(arguments: &Arguments, mode: &Mode) -> Result<Box<dyn Caster>, Box<dyn std::error::Error + Send + Sync>> {
+    let only = |names: &str| format!("--backend: only {names} the mode {}", mode.name);
+    match arguments.backend {
+        Some(Backend::Raster) if mode.is_cast() => return Err(only("compute and cpu draw").into()),
+        Some(Backend::Compute | Backend::Raster) if !mode.is_cast() => return Err(only("cpu draws").into()),
+        #[cfg(not(feature = "viewer"))]
+        Some(Backend::Compute) => return Err(super::render::ONLY_CPU.into()),
+        #[cfg(feature = "viewer")]
+        Some(Backend::Compute) => return Ok(Box::new(crate::gpu::VolumeRenderer::open(&Default::default())?)),
+        #[cfg(feature = "viewer")]
+        None if mode.is_cast() && super::render::has_graphics_card() => {
+            match crate::gpu::VolumeRenderer::open(&Default::default()) {
+                Ok(renderer) => return Ok(Box::new(renderer)),
+                Err(error) => eprintln!("deepfield: {error}; drawing with the CPU instead"),
+            }
+        }
+        _ => {}
+    }
+    Ok(Box::new(Processor))
 }
 
 fn paint_pages(
     arguments: &Arguments,
     mode: &'static Mode,
+    caster: &dyn Caster,
     times: &mut Times,
 ) -> Result<Outcome, Box<dyn std::error::Error + Send + Sync>> {
     let path = &arguments.path;
@@ -127,7 +150,8 @@ fn paint_pages(
         painted = Some(times.frame(|times| {
             let selection = times.measure("select", || scene.select(&view, tau));
             let nodes = times.measure("decode", || cpu::decode(&depiction, metadata, &selection.nodes));
-            measured(arguments, framed, times, |subject| paint_nodes(&view, &depiction, metadata, &nodes, subject))
+            let paint = |subject: &Subject<'_>| paint_nodes(&view, &depiction, metadata, &nodes, subject);
+            measured(arguments, framed, caster, times, paint)
         })?);
     }
     Ok(Outcome {
@@ -143,6 +167,7 @@ fn paint_pages(
 fn paint_exact(
     arguments: &Arguments,
     mode: &'static Mode,
+    caster: &dyn Caster,
     times: &mut Times,
 ) -> Result<Outcome, Box<dyn std::error::Error + Send + Sync>> {
     let (source, dataset) = times.measure("load", || load_exact(arguments))?;
@@ -157,9 +182,8 @@ fn paint_exact(
     let mut painted = None;
     for _ in 0..arguments.repeat {
         painted = Some(times.frame(|times| {
-            measured(arguments, framed, times, |subject| {
-                paint_particles(&view, &depiction, &dataset, &families, subject)
-            })
+            let paint = |subject: &Subject<'_>| paint_particles(&view, &depiction, &dataset, &families, subject);
+            measured(arguments, framed, caster, times, paint)
         })?);
     }
     Ok(Outcome {
@@ -176,10 +200,11 @@ fn paint_exact(
 fn measured(
     arguments: &Arguments,
     framed: Bounds,
+    caster: &dyn Caster,
     times: &mut Times,
     paint: impl FnOnce(&Subject<'_>) -> Result<Painted, VolumeError>,
 ) -> Result<Painted, String> {
-    let subject = Subject { transfer: arguments.volume.as_ref(), diameter: framed.size().length() };
+    let subject = Subject { transfer: arguments.volume.as_ref(), diameter: framed.size().length(), caster };
     let painted = times.measure("draw", || paint(&subject)).map_err(|error| {
         let named = arguments.config.as_ref().unwrap_or(&arguments.path).display();
         format!("{named}: {error}")
@@ -189,15 +214,20 @@ fn measured(
     Ok(painted)
 }
 
-fn statistics<'a>(outcome: &'a Outcome, mode: &Mode, milliseconds: &'a BTreeMap<String, f64>) -> Statistics<'a> {
+fn statistics<'a>(
+    outcome: &'a Outcome,
+    mode: &Mode,
+    [backend, adapter]: [&'a str; 2],
+    milliseconds: &'a BTreeMap<String, f64>,
+) -> Statistics<'a> {
     let Painted { colors, report, levels, isovalues } = &outcome.painted;
     Statistics {
         converged: outcome.converged,
         error_px: outcome.error_pixels,
         particles_drawn: outcome.particles,
         nodes_drawn: outcome.nodes,
-        backend: "cpu",
-        adapter: "cpu",
+        backend,
+        adapter,
         mode: mode.name,
         attribute: outcome.attribute.as_deref(),
         width: colors.width,

@@ -169,6 +169,9 @@ pub enum Backend {
     Cpu,
 }
 
+/// Why an adapter does not draw in a program without the viewer.
+pub(super) const ONLY_CPU: &str = "this deepfield was built without the feature `viewer`, so only --backend cpu draws";
+
 /// The mode of that name.
 ///
 /// # Errors
@@ -270,7 +273,7 @@ fn render(arguments: &Arguments) -> CommandResult {
         return super::paint::render(arguments, mode, is_exr);
     }
     if cfg!(not(feature = "viewer")) && matches!(arguments.backend, Some(Backend::Compute | Backend::Raster)) {
-        return Err("this deepfield was built without the feature `viewer`, so only --backend cpu draws".into());
+        return Err(ONLY_CPU.into());
     }
     let picture = if arguments.exact { draw_exact(arguments)? } else { draw_pages(arguments)? };
     if is_exr {
@@ -384,11 +387,14 @@ fn gpu_backend(backend: Option<Backend>) -> Option<crate::gpu::Backend> {
         Some(Backend::Compute) => Some(crate::gpu::Backend::Compute),
         Some(Backend::Raster) => Some(crate::gpu::Backend::Raster),
         // A driver without a graphics card draws on the processor too, and slower than our own renderer.
-        None => match crate::gpu::device::probe() {
-            Ok(wgpu::DeviceType::Cpu) | Err(_) => None,
-            Ok(_) => Some(crate::gpu::Backend::Auto),
-        },
+        None => has_graphics_card().then_some(crate::gpu::Backend::Auto),
     }
+}
+
+/// Whether there is an adapter that is not the processor.
+#[cfg(feature = "viewer")]
+pub(super) fn has_graphics_card() -> bool {
+    !matches!(crate::gpu::device::probe(), Ok(wgpu::DeviceType::Cpu) | Err(_))
 }
 
 /// Draws with an adapter. `None` where there is none and the user did not ask for one, so that the CPU draws.

@@ -48,6 +48,9 @@ pub enum GpuError {
     /// The driver reported an error while drawing; it is in the log.
     #[error("the graphics driver failed while drawing {0}")]
     Failed(String),
+    /// Not even the smallest part of a volume fits.
+    #[error("the graphics memory is too small for a part of the volume ({0})")]
+    NoRoom(String),
     /// Particle data larger than what the adapter can hold.
     #[error("{needed} bytes of particles exceed the adapter's memory budget of {budget} bytes")]
     OutOfMemory {
@@ -83,6 +86,12 @@ pub struct Gpu {
     pub adapter: String,
     /// What it can do.
     pub capabilities: Capabilities,
+    /// What creates buffers and pipelines.
+    pub device: RenderDevice,
+    /// What takes commands.
+    pub queue: RenderQueue,
+    /// The adapter itself.
+    pub handle: RenderAdapter,
 }
 
 /// Opens the adapter that the environment asks for, or the fastest one.
@@ -114,14 +123,15 @@ pub fn open(options: &DeviceOptions) -> Result<Gpu, GpuError> {
     let adapter = RenderAdapter(Arc::new(WgpuWrapper::new(adapter)));
     let info = RenderAdapterInfo(WgpuWrapper::new(info));
     let capabilities = Capabilities::of(&device, &adapter, &info, options.withheld);
+    let queue = RenderQueue(Arc::new(WgpuWrapper::new(queue)));
     let creation = RenderCreation::manual(
-        device,
-        RenderQueue(Arc::new(WgpuWrapper::new(queue))),
+        device.clone(),
+        queue.clone(),
         info,
-        adapter,
+        adapter.clone(),
         RenderInstance(Arc::new(WgpuWrapper::new(instance))),
     );
-    Ok(Gpu { creation, adapter: name, capabilities })
+    Ok(Gpu { creation, adapter: name, capabilities, device, queue, handle: adapter })
 }
 
 /// The kind of the adapter that would be opened. Bevy panics where there is none.

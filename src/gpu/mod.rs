@@ -25,6 +25,7 @@ pub mod shaders;
 pub mod splat;
 pub mod timing;
 pub mod view;
+pub mod volume;
 
 pub use capabilities::{Capabilities, Technique, Withheld};
 pub use device::{DeviceOptions, Gpu, GpuError, open};
@@ -32,6 +33,7 @@ pub use headless::{HeadlessFrame, HeadlessNode, HeadlessRequest, HeadlessStats, 
 pub use renderer::HeadlessRenderer;
 pub use scene::{NodeId, NodeState, NodeUpload, ParticleScene, Payload, RawParticle, SceneStats, TableEntry, TableId};
 pub use view::{Backend, Composite, DrawItem, Footprint, SplatView};
+pub use volume::VolumeRenderer;
 
 use bevy::app::{PluginGroup, PluginGroupBuilder};
 use bevy::render::diagnostic::RenderDiagnosticsPlugin;

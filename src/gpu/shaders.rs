@@ -1,6 +1,7 @@
 //! The shaders, embedded in the program so that an installed one needs no folder beside it.
 
 use super::splat::constants;
+use super::volume;
 use bevy::asset::io::embedded::EmbeddedAssetRegistry;
 use bevy::prelude::*;
 use bevy::shader::Shader;
@@ -24,13 +25,23 @@ pub const SHADERS: &[(&str, &str)] = &[
     ("splat/blend.wgsl", include_str!("../../shaders/splat/blend.wgsl")),
     ("splat/upsample.wgsl", include_str!("../../shaders/splat/upsample.wgsl")),
     ("splat/reconstruct.wgsl", include_str!("../../shaders/splat/reconstruct.wgsl")),
+    ("lib/volume_view.wgsl", include_str!("../../shaders/lib/volume_view.wgsl")),
+    ("lib/prefix.wgsl", include_str!("../../shaders/lib/prefix.wgsl")),
+    ("volume/bin.wgsl", include_str!("../../shaders/volume/bin.wgsl")),
+    ("volume/scan.wgsl", include_str!("../../shaders/volume/scan.wgsl")),
+    ("volume/sort.wgsl", include_str!("../../shaders/volume/sort.wgsl")),
+    ("volume/plan.wgsl", include_str!("../../shaders/volume/plan.wgsl")),
+    ("volume/gather.wgsl", include_str!("../../shaders/volume/gather.wgsl")),
+    ("volume/occlusion.wgsl", include_str!("../../shaders/volume/occlusion.wgsl")),
+    ("volume/raycast.wgsl", include_str!("../../shaders/volume/raycast.wgsl")),
     ("composite/composite.wgsl", include_str!("../../shaders/composite/composite.wgsl")),
 ];
 
 /// Every shader: those that are files, and the constants that Rust shares with them.
 pub fn sources() -> impl Iterator<Item = (&'static str, Cow<'static, str>)> {
     let files = SHADERS.iter().map(|&(path, text)| (path, Cow::Borrowed(text)));
-    files.chain(std::iter::once((constants::PATH, Cow::Owned(constants::wgsl()))))
+    let volume = (volume::constants::PATH, Cow::Owned(volume::constants::wgsl()));
+    files.chain([(constants::PATH, Cow::Owned(constants::wgsl())), volume])
 }
 
 /// The shaders that others import; held, or the imports would never resolve.

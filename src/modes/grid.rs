@@ -193,7 +193,7 @@ pub fn paint(painting: &Painting<'_>, layers: Layers) -> Result<Painted, VolumeE
     });
     let termination = settings.number(&TERMINATION) as f32;
     let scenery = Scenery { classifier, volume: layers.volume, surfaces, light, termination };
-    let (colors, report) = volume::draw(painting.view, painting.batches, &scenery, &options)?;
+    let (colors, report) = volume::draw(painting.view, painting.batches, &scenery, &options, painting.caster)?;
     Ok(Painted { colors, report, levels, isovalues: chosen })
 }
 

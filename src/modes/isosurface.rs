@@ -26,7 +26,7 @@ pub static MODE: Mode = Mode {
     name: "isosurface",
     help: "surfaces of equal density, lit from the eye; coloured by their density or by an attribute",
     settings: SETTINGS,
-    technique: Technique::Colors(|painting| {
+    technique: Technique::Grid(|painting| {
         grid::paint(painting, grid::Layers { volume: false, surfaces: &[(0.3, 0.22), (0.62, 0.4), (0.9, 1.0)] })
     }),
     quantity: "density",

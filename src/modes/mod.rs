@@ -75,6 +75,9 @@ pub enum Technique {
     /// Colours come from the particles straight, in their order along each line of sight; the processor draws them with
     /// this.
     Colors(Painter),
+    /// The same through the perspective grid, which the processor or an adapter resamples and casts rays through:
+    /// [`Painting::caster`].
+    Grid(Painter),
 }
 
 /// How far a particle reaches in the picture.
@@ -135,12 +138,17 @@ impl Mode {
         self.settings.iter().chain(common.iter().copied())
     }
 
-    /// What draws its colours, for modes that are not made of splats. Only the processor draws these.
+    /// What draws its colours, for modes that are not made of splats.
     pub fn painter(&self) -> Option<Painter> {
         match self.technique {
             Technique::Splats => None,
-            Technique::Colors(painter) => Some(painter),
+            Technique::Colors(painter) | Technique::Grid(painter) => Some(painter),
         }
+    }
+
+    /// Whether an adapter can draw its colours.
+    pub fn is_cast(&self) -> bool {
+        matches!(self.technique, Technique::Grid(_))
     }
 
     /// The attribute that colours the picture: `wanted` if named, else the first usual one among `available`.

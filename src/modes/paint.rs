@@ -3,12 +3,12 @@
 use super::{Depiction, Settings};
 use crate::model::{Dataset, Family, Kernel};
 use crate::modes::cpu::{DecodedNode, batches};
-use crate::raster::volume::{Colors, VolumeError, VolumeLevels, VolumeReport, VolumeTransfer};
+use crate::raster::volume::{Caster, Colors, VolumeError, VolumeLevels, VolumeReport, VolumeTransfer};
 use crate::raster::{Extent, Positions, Splats};
 use crate::store::Metadata;
 use crate::view::View;
 
-/// Draws a mode's colours with the processor.
+/// Draws a mode's colours.
 pub type Painter = fn(&Painting<'_>) -> Result<Painted, VolumeError>;
 
 /// What is to be drawn, and how.
@@ -27,6 +27,8 @@ pub struct Painting<'a> {
     pub diameter: f64,
     /// The data's largest density.
     pub densest: f64,
+    /// What draws modes of the perspective grid.
+    pub caster: &'a dyn Caster,
 }
 
 /// A picture in colours.
@@ -49,6 +51,8 @@ pub struct Subject<'a> {
     pub transfer: Option<&'a VolumeTransfer>,
     /// The data's diameter without far outliers, world units.
     pub diameter: f64,
+    /// What draws modes of the perspective grid.
+    pub caster: &'a dyn Caster,
 }
 
 /// Paints decoded nodes of a page file.
@@ -98,7 +102,7 @@ fn paint(
     batches: &[Splats<'_>],
     kernel: Kernel,
     densest: f64,
-    &Subject { transfer, diameter }: &Subject<'_>,
+    &Subject { transfer, diameter, caster }: &Subject<'_>,
 ) -> Result<Painted, VolumeError> {
     let Some(painter) = depiction.mode.painter() else {
         return Err(VolumeError::Setting {
@@ -107,5 +111,5 @@ fn paint(
             expected: "a mode that draws colours straight from particles".into(),
         });
     };
-    painter(&Painting { view, batches, kernel, settings: &depiction.settings, transfer, diameter, densest })
+    painter(&Painting { view, batches, kernel, settings: &depiction.settings, transfer, diameter, densest, caster })
 }

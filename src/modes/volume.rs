@@ -20,7 +20,7 @@ pub static MODE: Mode = Mode {
     name: "volume",
     help: "a volume that emits and absorbs light along each ray: dense gas bright and opaque; hue from an attribute",
     settings: SETTINGS,
-    technique: Technique::Colors(|painting| grid::paint(painting, grid::Layers { volume: true, surfaces: &[] })),
+    technique: Technique::Grid(|painting| grid::paint(painting, grid::Layers { volume: true, surfaces: &[] })),
     quantity: "density",
     unit: grid::density_unit,
     weight: grid::masses,

@@ -27,7 +27,7 @@ pub static MODE: Mode = Mode {
     name: "volume-isosurface",
     help: "surfaces of equal density within a volume that emits and absorbs light",
     settings: SETTINGS,
-    technique: Technique::Colors(|painting| {
+    technique: Technique::Grid(|painting| {
         grid::paint(painting, grid::Layers { volume: true, surfaces: &[(0.55, 0.25), (0.9, 0.9)] })
     }),
     quantity: "density",

@@ -10,3 +10,5 @@ mod golden;
 mod gpu;
 mod guarantee;
 mod support;
+#[cfg(feature = "viewer")]
+mod volume_gpu;

@@ -7,6 +7,7 @@ use deepfield::model::{Bounds, Dataset};
 use deepfield::modes::paint::{Subject, paint_nodes};
 use deepfield::modes::{self, Depiction, Settings, cpu};
 use deepfield::raster::composite::Image;
+use deepfield::raster::volume::Processor;
 use deepfield::raster::{Accumulation, Method};
 use deepfield::store::PageFile;
 use deepfield::stream::Scene;
@@ -73,7 +74,7 @@ pub fn paint_pages(file: &Arc<PageFile>, mode: &str, view: &View, tau: f64) -> I
     let depiction = Depiction::of_pages(modes::find(mode).unwrap(), Settings::default(), None, metadata).unwrap();
     let selection = Scene::new(Arc::clone(file), u64::MAX).converge_blocking(view, tau).unwrap();
     let nodes = cpu::decode(&depiction, metadata, &selection.nodes);
-    let subject = Subject { transfer: None, diameter: metadata.bounds().size().length() };
+    let subject = Subject { transfer: None, diameter: metadata.bounds().size().length(), caster: &Processor };
     paint_nodes(view, &depiction, metadata, &nodes, &subject).unwrap().colors.image()
 }
 

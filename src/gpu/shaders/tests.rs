@@ -9,6 +9,8 @@ use crate::gpu::splat::layout::{
     Block, Encoding, Level, Node, PATCH_BYTES, PLACE_BYTES, Pass, SPLAT_BYTES, SplatUniform,
 };
 use crate::gpu::splat::raster::pipeline::blend_defs;
+use crate::gpu::volume::layout::{Portion, Turn, VolumeUniform};
+use crate::gpu::volume::programs::{self as volume, Kind, Step};
 use crate::model::Kernel;
 use bevy::asset::{AssetId, uuid::Uuid};
 use bevy::shader::{Shader, ShaderCache, ShaderCacheError, ShaderCacheSource, ShaderDefVal};
@@ -21,29 +23,46 @@ struct Variant {
     path: &'static str,
     defs: Vec<ShaderDefVal>,
     subgroup: bool,
-    entries: &'static [&'static str],
+    entries: Vec<&'static str>,
+}
+
+/// The entry points of a volume shader.
+fn entries_of(kind: Kind) -> Vec<&'static str> {
+    Step::ALL.into_iter().filter(|step| step.kind() == kind).map(Step::entry).collect()
 }
 
 /// All that pipelines are made of.
 fn variants() -> Vec<Variant> {
-    let plain = |path, defs, entries| Variant { path, defs, subgroup: false, entries };
+    let plain = |path, defs, entries: Vec<&'static str>| Variant { path, defs, subgroup: false, entries };
     let mut all = vec![
-        plain("splat/project.wgsl", vec![], &["count", "place"]),
-        plain("splat/scan.wgsl", vec![], &["main"]),
-        plain("splat/reconstruct.wgsl", vec![], &["main"]),
-        plain("splat/upsample.wgsl", vec![], &["vertex", "along_x", "along_y"]),
+        plain("splat/project.wgsl", vec![], vec!["count", "place"]),
+        plain("splat/scan.wgsl", vec![], vec!["main"]),
+        plain("splat/reconstruct.wgsl", vec![], vec!["main"]),
+        plain("splat/upsample.wgsl", vec![], vec!["vertex", "along_x", "along_y"]),
     ];
     for subgroup in [false, true] {
-        all.push(plain("splat/slices.wgsl", slices_defs(subgroup), &["finish", "merge"]));
+        all.push(plain("splat/slices.wgsl", slices_defs(subgroup), vec!["finish", "merge"]));
     }
     for encoded in [false, true] {
-        all.push(plain("composite/composite.wgsl", composite_defs(encoded), &["vertex", "fragment"]));
+        all.push(plain("composite/composite.wgsl", composite_defs(encoded), vec!["vertex", "fragment"]));
+    }
+    for kind in Kind::ALL {
+        let mut built = Vec::new();
+        for index in 0..8 {
+            let variant =
+                volume::Variant { kernel: Kernel::ALL[index & 1], attribute: index & 2 > 0, surfaces: index & 4 > 0 };
+            let defs = kind.defs(variant);
+            if !built.contains(&defs) {
+                all.push(plain(kind.shader(), defs.clone(), entries_of(kind)));
+                built.push(defs);
+            }
+        }
     }
     for (kernel, perspective) in Kernel::ALL.into_iter().flat_map(|kernel| [(kernel, false), (kernel, true)]) {
-        all.push(plain("splat/blend.wgsl", blend_defs(kernel, perspective), &["vertex", "fragment"]));
+        all.push(plain("splat/blend.wgsl", blend_defs(kernel, perspective), vec!["vertex", "fragment"]));
         for subgroup in [false, true] {
             let defs = accumulate_defs(kernel, perspective, subgroup);
-            all.push(Variant { path: "splat/accumulate.wgsl", defs, subgroup, entries: &["main"] });
+            all.push(Variant { path: "splat/accumulate.wgsl", defs, subgroup, entries: vec!["main"] });
         }
     }
     all
@@ -72,7 +91,7 @@ fn compose(shaders: &[(&str, String)], variant: &Variant) -> Result<Module, Stri
     let capabilities = if variant.subgroup { Capabilities::SUBGROUP } else { Capabilities::empty() };
     let mut validator = Validator::new(ValidationFlags::all(), capabilities);
     validator.validate(&module).map_err(|error| format!("{:?}", error.into_inner()))?;
-    for &entry in variant.entries {
+    for &entry in &variant.entries {
         if !module.entry_points.iter().any(|point| point.name == entry) {
             return Err(format!("no entry point {entry}"));
         }
@@ -230,7 +249,8 @@ fn plain_name(name: &str) -> &str {
 }
 
 /// What the program writes into a buffer of that name; `None` if shaders alone write it.
-fn written(name: &str) -> Option<Layout> {
+fn written(path: &str, name: &str) -> Option<Layout> {
+    let volume = path.starts_with("volume/");
     let plain = |size: usize, kind| (size, vec![Member(String::new(), 0, size, Some(kind))]);
     Some(match name {
         "view" => layout!(SplatUniform {
@@ -278,6 +298,57 @@ fn written(name: &str) -> Option<Layout> {
         "vectors" => plain(size_of::<RawParticle>() / 2, ScalarKind::Float),
         "batch" => layout!(Pass { add, further, level, unused, source, unused_end }),
         "composite" => layout!(CompositeUniform { size, lut_size, p_map, s_map, p_log, s_log, origin, stride, unused }),
+        "volume" => layout!(VolumeUniform {
+            window,
+            middle,
+            attribute_map,
+            ring,
+            slices,
+            last_layer,
+            level_count,
+            bin_count,
+            perspective,
+            surface_count,
+            sigma,
+            near,
+            slice_rate,
+            least,
+            faintest,
+            termination,
+            first_entry,
+            last_entry,
+            hues,
+            attribute_log,
+            lit,
+            ambient,
+            specular,
+            shininess,
+            unused,
+            levels,
+            surfaces,
+            colors,
+        }),
+        "portion" => layout!(Portion {
+            origin,
+            first_pixel,
+            behind_pixel,
+            rows,
+            brick_rows,
+            first_layer,
+            layers,
+            first_step,
+            behind_step,
+            candidates,
+            opening,
+            nearest,
+            farthest,
+        }),
+        "turn" => layout!(Turn { number, unused }),
+        "spots" | "depths" | "rays" => plain(16, ScalarKind::Float),
+        "amounts" => plain(8, ScalarKind::Float),
+        "places" if volume => plain(8, ScalarKind::Uint),
+        "readers" => plain(8, ScalarKind::Sint),
+        "table" if path == "volume/raycast.wgsl" => plain(16, ScalarKind::Float),
         "words" | "lut" | "starts" | "bins" | "slice_count" | "dispatch" => plain(4, ScalarKind::Uint),
         // Read back as pairs of P and P S.
         "cells" => plain(8, ScalarKind::Float),
@@ -296,12 +367,13 @@ fn buffers_are_laid_out_as_the_program_writes_them() {
             let name = plain_name(variable.name.as_deref().unwrap_or_default());
             let place = format!("{name} of {} with {:?}", variant.path, variant.defs);
             let found = shader_layout(&module, element(&module, variable.ty));
-            match (written(name), name) {
+            match (written(variant.path, name), name) {
                 (Some(expected), _) => assert_eq!(found, expected, "{place}"),
                 (None, "splats") => assert_eq!(found.0 as u64, SPLAT_BYTES, "{place}"),
                 (None, "slices" | "tile_slices") => assert_eq!(found.0, 8, "{place}"),
                 (None, "patches") => assert_eq!(64 * found.0 as u64, PATCH_BYTES, "{place}"),
                 (None, "places") => assert_eq!(found.0 as u64, PLACE_BYTES, "{place}"),
+                (None, _) if variant.path.starts_with("volume/") => assert_eq!(found.0, 4, "{place}"),
                 _ => panic!("unknown: {place}"),
             }
             compared.insert(name.to_owned());
@@ -329,7 +401,7 @@ fn buffers_are_laid_out_as_the_program_writes_them() {
             }
         }
     }
-    assert_eq!(compared.len(), 19, "{compared:?}");
+    assert_eq!(compared.len(), 43, "{compared:?}");
 }
 
 #[test]
@@ -348,7 +420,11 @@ fn another_layout_is_found() {
         let changed = text[start..end].replace(good, bad);
         let module = wgpu::naga::front::wgsl::parse_str(&format!("{changed}}}")).unwrap();
         let (node, _) = module.types.iter().find(|(_, ty)| ty.name.as_deref() == Some("Node")).unwrap();
-        assert_ne!(Some(shader_layout(&module, node)), written("nodes"), "{bad:?} goes unnoticed");
+        assert_ne!(
+            Some(shader_layout(&module, node)),
+            written("splat/project.wgsl", "nodes"),
+            "{bad:?} goes unnoticed"
+        );
     }
 }
 

@@ -5,7 +5,7 @@
 //! the attribute's hue and the density's brightness.
 
 use super::super::colormap::ColorMap;
-use super::super::transfer::{Hue, Range, TransferFunction};
+use super::super::transfer::{Hue, Range, Scale, TransferFunction};
 use crate::model::ron_file::{self, RonError};
 use serde::{Deserialize, Serialize};
 
@@ -183,11 +183,11 @@ pub struct Matter {
 }
 
 /// Bits of a float's mantissa that a table does not see: 64 entries an octave, with linear interpolation between them.
-const HIDDEN_BITS: u32 = 17;
+pub const HIDDEN_BITS: u32 = 17;
 /// Hues of a table.
-const HUES: usize = 64;
+pub const HUES: usize = 64;
 /// Brightnesses of a table of hues.
-const BRIGHTNESSES: usize = 256;
+pub const BRIGHTNESSES: usize = 256;
 /// Opacities are below this, so that the extinction is finite.
 const MOST_OPAQUE: f32 = 1.0 - 1e-6;
 
@@ -203,6 +203,21 @@ pub struct Classifier {
     hue: Hue,
     levels: VolumeLevels,
     least: f32,
+}
+
+/// What a [`Classifier`] looks up.
+#[derive(Clone, Copy, Debug)]
+pub struct Tables<'a> {
+    /// The leading bits of the first entry's density.
+    pub first: u32,
+    /// Extinction and colour of each density; or its brightness in place of the colour where there are hues.
+    pub densities: &'a [[f32; 4]],
+    /// [`BRIGHTNESSES`] colours of each of [`HUES`] hues, from dark to bright; empty without hues.
+    pub hues: &'a [[f32; 3]],
+    /// How an attribute is placed among the hues.
+    pub scale: Scale,
+    /// Attribute at the ends of the hues.
+    pub attribute: [f64; 2],
 }
 
 /// Light from gamma-encoded sRGB.
@@ -293,6 +308,17 @@ impl Classifier {
         let row = (place * (HUES - 1) as f32).round() as usize * BRIGHTNESSES;
         let column = (brightness * (BRIGHTNESSES - 1) as f32).round() as usize;
         self.hues.get(row + column.min(BRIGHTNESSES - 1)).copied().unwrap_or([1.0; 3])
+    }
+
+    /// The tables, for those who look things up elsewhere.
+    pub fn tables(&self) -> Tables<'_> {
+        Tables {
+            first: self.first,
+            densities: &self.table,
+            hues: &self.hues,
+            scale: self.hue.scale,
+            attribute: self.levels.attribute,
+        }
     }
 
     /// Whether colours follow an attribute.

@@ -72,6 +72,9 @@ pub enum VolumeError {
         /// What it may be.
         expected: String,
     },
+    /// An adapter that cannot draw it.
+    #[error("{0}")]
+    Device(String),
     /// Columns that do not fit together.
     #[error(transparent)]
     Columns(#[from] super::RasterError),
@@ -147,10 +150,10 @@ pub struct VolumeReport {
     pub pairs: u64,
     /// Bricks that hold something.
     pub bricks: u64,
-    /// Visible samples.
-    pub samples: u64,
-    /// Crossings of surfaces.
-    pub crossings: u64,
+    /// Visible samples, where they are counted.
+    pub samples: Option<u64>,
+    /// Crossings of surfaces, where they are counted.
+    pub crossings: Option<u64>,
     /// Columns of bricks that were left out of a slab because they lie behind opaque pixels, over all slabs.
     pub hidden: u64,
     /// Time for projecting and resampling.
@@ -206,59 +209,101 @@ pub fn prepare(view: &View, batches: &[Splats<'_>], options: &VolumeOptions) -> 
     Ok(Prepared::new(grid, particles))
 }
 
-/// Draws what `scenery` says of batches. The result does not depend on the number of threads.
+/// What resamples the particles of a view and casts rays through them: [`Processor`], or an adapter.
+pub trait Caster: std::fmt::Debug + Send + Sync {
+    /// Draws what `scenery` says of `prepared`, and adds to the report what that took.
+    ///
+    /// # Errors
+    /// [`VolumeError::Device`] when an adapter fails.
+    fn cast(
+        &self,
+        view: &View,
+        prepared: &Prepared,
+        scenery: &Scenery,
+        options: &VolumeOptions,
+        report: &mut VolumeReport,
+    ) -> Result<Colors, VolumeError>;
+
+    /// The backend's and the adapter's name.
+    fn name(&self) -> [&str; 2];
+}
+
+/// The CPU renderer. Its pictures do not depend on the number of threads.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Processor;
+
+/// Draws what `scenery` says of batches.
 ///
 /// # Errors
-/// [`VolumeError`] as [`prepare`].
+/// [`VolumeError`] as [`prepare`] and [`Caster::cast`].
 pub fn draw(
     view: &View,
     batches: &[Splats<'_>],
     scenery: &Scenery,
     options: &VolumeOptions,
+    caster: &dyn Caster,
 ) -> Result<(Colors, VolumeReport), VolumeError> {
     let start = Instant::now();
     let prepared = prepare(view, batches, options)?;
-    let (grid, masonry, particles) = (&prepared.grid, prepared.masonry(), &prepared.particles);
     let mut report = VolumeReport {
-        grid: grid.size,
-        planes: [grid.near, grid.far],
-        particles: particles.len(),
-        raised: particles.raised,
+        grid: prepared.grid.size,
+        planes: [prepared.grid.near, prepared.grid.far],
+        particles: prepared.particles.len(),
+        raised: prepared.particles.raised,
         resampling: start.elapsed(),
         ..VolumeReport::default()
     };
-    let cell_bytes = 4 * (1 + u64::from(particles.attribute));
-    let slabs = grid.slabs(options.memory, cell_bytes, BRICK as u32);
-    report.slabs = slabs.len();
-    let mut rays = Rays::new(grid, masonry, view.width, view.height);
-    let (mut kept, mut hidden) = (Slab::default(), Vec::new());
-    let mut resampler = Resampler::new(&prepared, options.kernel);
-    for slab in slabs {
-        let start = Instant::now();
-        let layers = slab.slices.start as usize / BRICK..(slab.slices.end as usize).div_ceil(BRICK);
-        let (resampled, work) = resampler.resample(layers.clone(), &hidden);
-        report.pairs += work.pairs;
-        report.bricks += work.bricks;
-        report.resampling += start.elapsed();
-        let start = Instant::now();
-        let first = if kept.layers.is_empty() { layers.start } else { kept.first };
-        let mut held = Slab { first, layers: kept.layers };
-        held.layers.extend(resampled);
-        let effort = rays.advance(grid, masonry, &held, slab.steps, scenery);
-        report.samples += effort.samples;
-        report.crossings += effort.crossings;
-        kept = held.split_last(|layers| resampler.recycle(layers));
-        if options.occlusion {
-            hidden = hidden_columns(&rays, masonry, view, scenery.termination);
-            report.hidden += hidden.iter().filter(|hidden| **hidden).count() as u64;
+    let colors = caster.cast(view, &prepared, scenery, options, &mut report)?;
+    Ok((colors, report))
+}
+
+impl Caster for Processor {
+    fn cast(
+        &self,
+        view: &View,
+        prepared: &Prepared,
+        scenery: &Scenery,
+        options: &VolumeOptions,
+        report: &mut VolumeReport,
+    ) -> Result<Colors, VolumeError> {
+        let (grid, masonry, particles) = (&prepared.grid, prepared.masonry(), &prepared.particles);
+        let cell_bytes = 4 * (1 + u64::from(particles.attribute));
+        let slabs = grid.slabs(options.memory, cell_bytes, BRICK as u32);
+        report.slabs = slabs.len();
+        let mut rays = Rays::new(grid, masonry, view.width, view.height);
+        let (mut kept, mut hidden) = (Slab::default(), Vec::new());
+        let mut resampler = Resampler::new(prepared, options.kernel);
+        for slab in slabs {
+            let start = Instant::now();
+            let layers = slab.slices.start as usize / BRICK..(slab.slices.end as usize).div_ceil(BRICK);
+            let (resampled, work) = resampler.resample(layers.clone(), &hidden);
+            report.pairs += work.pairs;
+            report.bricks += work.bricks;
+            report.resampling += start.elapsed();
+            let start = Instant::now();
+            let first = if kept.layers.is_empty() { layers.start } else { kept.first };
+            let mut held = Slab { first, layers: kept.layers };
+            held.layers.extend(resampled);
+            let effort = rays.advance(grid, masonry, &held, slab.steps, scenery);
+            *report.samples.get_or_insert(0) += effort.samples;
+            *report.crossings.get_or_insert(0) += effort.crossings;
+            kept = held.split_last(|layers| resampler.recycle(layers));
+            if options.occlusion {
+                hidden = hidden_columns(&rays, masonry, view, scenery.termination);
+                report.hidden += hidden.iter().filter(|hidden| **hidden).count() as u64;
+            }
+            report.rendering += start.elapsed();
+            if !hidden.is_empty() && hidden.iter().all(|hidden| *hidden) {
+                break;
+            }
         }
-        report.rendering += start.elapsed();
-        if !hidden.is_empty() && hidden.iter().all(|hidden| *hidden) {
-            break;
-        }
+        let rgba = rays.picture(|ray| [ray.color[0], ray.color[1], ray.color[2], ray.alpha]);
+        Ok(Colors { width: view.width, height: view.height, rgba })
     }
-    let rgba = rays.picture(|ray| [ray.color[0], ray.color[1], ray.color[2], ray.alpha]);
-    Ok((Colors { width: view.width, height: view.height, rgba }, report))
+
+    fn name(&self) -> [&str; 2] {
+        ["cpu"; 2]
+    }
 }
 
 /// The columns of bricks that no ray reads any more.

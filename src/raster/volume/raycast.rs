@@ -12,6 +12,9 @@ use super::surface::{Crossings, Light, Surface, gradient};
 use crate::view::PerspectiveGrid;
 use rayon::prelude::*;
 
+/// Brightness of a surface whose hue follows an attribute.
+pub const SURFACE_BRIGHTNESS: f32 = 0.72;
+
 /// What is drawn of the field.
 #[derive(Clone, Debug)]
 pub struct Scenery {
@@ -93,13 +96,7 @@ pub struct Rays {
 impl Rays {
     /// The rays of a picture before anything is drawn.
     pub fn new(grid: &PerspectiveGrid, masonry: &Masonry, width: u32, height: u32) -> Rays {
-        let place = |pixel: u32| {
-            let at = (f64::from(pixel) + 0.5) / grid.cell + BORDER as f64 - 0.5;
-            // At full resolution pixels are cells; rounding must not make a thousandth of a cell of that.
-            let at = if (at - at.round()).abs() < 1e-6 { at.round() } else { at };
-            (at.floor() as usize, (at - at.floor()) as f32)
-        };
-        let places = [width, height].map(|size| (0..size).map(place).collect::<Vec<_>>());
+        let places = [width, height].map(|size| places(grid, size));
         let ranges = |axis: usize| -> Vec<[usize; 2]> {
             let from = |brick: usize| places[axis].partition_point(|(cell, _)| *cell < brick * BRICK);
             (0..masonry.bricks[axis]).map(|brick| [from(brick), from(brick + 1)]).collect()
@@ -174,11 +171,27 @@ impl Rays {
 
     /// Pixels, first and last, whose rays read cells of a brick's column (0) or row (1).
     pub fn readers(&self, brick: usize, axis: usize) -> [i64; 2] {
-        let places = &self.places[axis];
-        let from = places.partition_point(|(cell, _)| cell + 2 < brick * BRICK);
-        let to = places.partition_point(|(cell, _)| *cell < (brick + 1) * BRICK + 1);
-        [from as i64, to as i64 - 1]
+        readers(&self.places[axis], brick * BRICK..(brick + 1) * BRICK)
     }
+}
+
+/// For each of `pixels` columns or rows the stored cell before its rays, and the share of the way to the next.
+pub fn places(grid: &PerspectiveGrid, pixels: u32) -> Vec<(usize, f32)> {
+    let place = |pixel: u32| {
+        let at = (f64::from(pixel) + 0.5) / grid.cell + BORDER as f64 - 0.5;
+        // At full resolution pixels are cells; rounding must not make a thousandth of a cell of that.
+        let at = if (at - at.round()).abs() < 1e-6 { at.round() } else { at };
+        (at.floor() as usize, (at - at.floor()) as f32)
+    };
+    (0..pixels).map(place).collect()
+}
+
+/// Pixels, first and last, whose rays read stored cells of a range: those around them for interpolation and gradients
+/// too.
+pub fn readers(places: &[(usize, f32)], cells: std::ops::Range<usize>) -> [i64; 2] {
+    let from = places.partition_point(|(cell, _)| cell + 2 < cells.start);
+    let to = places.partition_point(|(cell, _)| *cell < cells.end + 1);
+    [from as i64, to as i64 - 1]
 }
 
 /// Some steps of the rays of a tile, within one block.
@@ -302,7 +315,7 @@ impl March<'_> {
         let surface = &self.scenery.surfaces[surface];
         let mut color = surface.color.unwrap_or_else(|| {
             let [density, weighted] = [0, 1].map(|k| before[k] + share * (now[k] - before[k]));
-            self.scenery.classifier.tinted(weighted / density, 0.72)
+            self.scenery.classifier.tinted(weighted / density, SURFACE_BRIGHTNESS)
         });
         if let Some(light) = &self.scenery.light {
             let middle = [0, 1].map(|axis| (at[axis] - self.grid.middle[axis]) as f32);

@@ -1,0 +1,97 @@
+// What the passes of a volume share: the grid, its bricks and bins, and what is shown of the field. The Rust twins are
+// `VolumeUniform`, `Portion` and `Turn` in src/gpu/volume/layout.rs; a test in src/gpu/shaders/ compares the layouts.
+#define_import_path deepfield::volume_view
+
+/// Stored cells reach two cells beyond the picture on every side: stored column `c` is column `c - 2` of the grid. Bricks
+/// are 8 x 8 x 8 stored cells; a layer is all bricks of 8 slices.
+struct VolumeView {
+    /// Bricks along x and y of the window: the part of the picture that is drawn at once.
+    window: vec2<u32>,
+    /// The middle line of sight, stored cells.
+    middle: vec2<f32>,
+    /// Factor and offset from an attribute, or its base-2 logarithm, to its place among the hues.
+    attribute_map: vec2<f32>,
+    /// Layers that are held.
+    ring: u32,
+    /// Slices of the grid.
+    slices: u32,
+    /// The last layer.
+    last_layer: u32,
+    /// Levels of bins.
+    level_count: u32,
+    /// Bins of all levels.
+    bin_count: u32,
+    /// 1: perspective.
+    perspective: u32,
+    /// Surfaces in use.
+    surface_count: u32,
+    /// Width of a cell at depth 1 (perspective) or everywhere.
+    sigma: f32,
+    /// Depth of the near plane.
+    near: f32,
+    /// Slices for a factor of e in depth (perspective) or a unit of depth.
+    slice_rate: f32,
+    /// Densities up to this show nothing.
+    least: f32,
+    /// Densities up to this do not show in the volume.
+    faintest: f32,
+    /// Rays that are as opaque end.
+    termination: f32,
+    /// Leading bits of the density of the table's first entry.
+    first_entry: u32,
+    /// Number of intervals of the table less one.
+    last_entry: u32,
+    /// Index of the first hue in the table; 0: none.
+    hues: u32,
+    /// 1: hues follow the attribute's logarithm.
+    attribute_log: u32,
+    /// 1: surfaces are lit.
+    lit: u32,
+    ambient: f32,
+    specular: f32,
+    shininess: f32,
+    /// For each level of bins: its first bin, and its bins along x, y and z. A bin of level `l` is `2^l` bricks wide.
+    levels: array<vec4<u32>, 14>,
+    /// For each surface its density, its opacity, and 1 where its colour is set.
+    surfaces: array<vec4<f32>, 8>,
+    /// Their colours, linear light.
+    colors: array<vec4<f32>, 8>,
+}
+
+/// One slab of one window, and one batch of particles.
+struct Portion {
+    /// The window's first brick.
+    origin: vec2<u32>,
+    /// The pixels that the window draws: first, and behind the last.
+    first_pixel: vec2<u32>,
+    behind_pixel: vec2<u32>,
+    /// Where the windows' rows begin in the lists of pixels' and bricks' places.
+    rows: u32,
+    brick_rows: u32,
+    /// First layer of the slab, and their number.
+    first_layer: u32,
+    layers: u32,
+    /// First step, and behind the last.
+    first_step: u32,
+    behind_step: u32,
+    /// Particles of the batch.
+    candidates: u32,
+    /// 1: the first batch of the slab.
+    opening: u32,
+    /// Depths of the centres of the slab's first and last slice.
+    nearest: f32,
+    farthest: f32,
+}
+
+/// Which part of crowded bricks is gathered, or which digit is sorted by.
+struct Turn {
+    number: u32,
+    unused_a: u32,
+    unused_b: u32,
+    unused_c: u32,
+}
+
+/// The number of a workgroup, of those that a dispatch spreads over two dimensions: one holds at most 65535.
+fn number_of(group: vec3<u32>, groups: vec3<u32>) -> u32 {
+    return group.y * groups.x + group.x;
+}

@@ -1,0 +1,224 @@
+// Resampling (F12 5.5): every brick gathers its own particles, so nothing is added by two invocations and no atomics on
+// floats are needed. Each cell holds `sum m W(|r - r_j|, h_j)` at its centre, and `sum m A W` where there is an attribute.
+//
+// One workgroup of 64 invocations for each brick of 8 x 8 x 8 cells. An invocation owns one column of eight cells along z, in
+// registers: what is computed of a particle once serves eight cells, and a row of the brick is written in one go. The
+// particles come 64 at a time through the workgroup's memory: one indirect read for the 64 cells' columns together, and a
+// test against the brick that turns down most of what the coarse bins hold. What is left of the 64 moves up, in its
+// order: a software driver goes through a loop's body for all that it counts, whatever is skipped in it.
+//
+// Crowded bricks take several turns: a software driver ends an invocation's loops after 65535 rounds, without a word.
+#import deepfield::volume_view::{VolumeView, Portion, Turn, number_of}
+#import deepfield::volume_constants::{BRICK, CELLS, HEADER, TURN}
+
+@group(0) @binding(0) var<uniform> volume: VolumeView;
+@group(0) @binding(1) var<uniform> portion: Portion;
+@group(0) @binding(2) var<uniform> turn: Turn;
+@group(0) @binding(3) var<storage, read> spots: array<vec4<f32>>;
+/// Mass, and mass times attribute, with the kernel's factor over h^3.
+@group(0) @binding(4) var<storage, read> amounts: array<vec2<f32>>;
+/// Where each bin's particles begin.
+@group(0) @binding(5) var<storage, read> bins: array<u32>;
+/// The particles, bin by bin.
+@group(0) @binding(6) var<storage, read> particles: array<u32>;
+@group(0) @binding(7) var<storage, read> items: array<u32>;
+/// Depth, spacing, cells per length and thickness of each slice.
+@group(0) @binding(8) var<storage, read> depths: array<vec4<f32>>;
+/// The cells of each brick, slice by slice: its densities, then `sum m A W` where there is an attribute.
+@group(0) @binding(9) var<storage, read_write> field: array<f32>;
+@group(0) @binding(10) var<storage, read_write> densest: array<f32>;
+
+/// Camera coordinates and 1 / h^2.
+var<workgroup> staged_spots: array<vec4<f32>, 64>;
+var<workgroup> staged_amounts: array<vec2<f32>, 64>;
+/// One bit for each of 64 particles: it reaches the brick.
+var<workgroup> reached: array<atomic<u32>, 2>;
+var<workgroup> largest: array<f32, 64>;
+
+/// The kernel at four squared distances in units of h, without its leading factor; 0 from 1 on.
+fn kernel(q2: vec4<f32>) -> vec4<f32> {
+#ifdef POLY6
+    let t = max(1.0 - q2, vec4(0.0));
+    return t * t * t;
+#else
+    // 2 (1 - q)^3 - 8 (1/2 - q)^3, each where it is positive.
+    let q = sqrt(q2);
+    let a = max(1.0 - q, vec4(0.0));
+    let b = max(0.5 - q, vec4(0.0));
+    return fma(a * a, a + a, -8.0 * (b * b * b));
+#endif
+}
+
+/// Writes four cells of a column, added to what other particles gave.
+fn write_column(at: u32, values: vec4<f32>, add: bool) -> f32 {
+    var sum = values;
+    for (var i = 0u; i < 4u; i++) {
+        if add {
+            sum[i] += field[at + 64u * i];
+        }
+        field[at + 64u * i] = sum[i];
+    }
+    return max(max(sum.x, sum.y), max(sum.z, sum.w));
+}
+
+@compute @workgroup_size(64)
+fn gather(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let at = number_of(group, groups);
+    let later = turn.number > 0u;
+    let listed = select(items[0], items[1], later);
+    if at >= listed {
+        return;
+    }
+    let grid = volume.levels[0];
+    let brick = items[HEADER + select(0u, grid.y * grid.z * grid.w, later) + at];
+    let columns = grid.y * grid.z;
+    let place = vec3(brick % grid.y, brick / grid.y % grid.z, brick / columns);
+    let layer = portion.first_layer + place.z;
+    let corner = vec3(portion.origin + place.xy, layer) * BRICK;
+
+    // Where the column's cells lie, in camera space.
+    var near_depth: vec4<f32>;
+    var far_depth: vec4<f32>;
+    var near_spacing: vec4<f32>;
+    var far_spacing: vec4<f32>;
+    for (var i = 0u; i < 4u; i++) {
+        let front = depths[corner.z + i];
+        let back = depths[corner.z + 4u + i];
+        near_depth[i] = front.x;
+        near_spacing[i] = front.y;
+        far_depth[i] = back.x;
+        far_spacing[i] = back.y;
+    }
+    let cell = vec2<f32>(corner.xy) + vec2(f32(lane % BRICK), f32(lane / BRICK)) + 0.5;
+    let offset = (cell - volume.middle) * vec2(1.0, -1.0);
+    let near_x = offset.x * near_spacing;
+    let near_y = offset.y * near_spacing;
+    let far_x = offset.x * far_spacing;
+    let far_y = offset.y * far_spacing;
+
+    // The box around all of the brick's cell centres.
+    let low_cell = (vec2<f32>(corner.xy) + 0.5 - volume.middle) * vec2(1.0, -1.0);
+    let high_cell = low_cell + vec2(7.0, -7.0);
+    let spacings = vec2(near_spacing.x, far_spacing.w);
+    let left = min(low_cell.x * spacings.x, low_cell.x * spacings.y);
+    let right = max(high_cell.x * spacings.x, high_cell.x * spacings.y);
+    let top = max(low_cell.y * spacings.x, low_cell.y * spacings.y);
+    let bottom = min(high_cell.y * spacings.x, high_cell.y * spacings.y);
+    let box_low = vec3(left, bottom, near_depth.x);
+    let box_high = vec3(right, top, far_depth.w);
+
+    var near_density = vec4(0.0);
+    var far_density = vec4(0.0);
+#ifdef ATTRIBUTE
+    var near_weighted = vec4(0.0);
+    var far_weighted = vec4(0.0);
+#endif
+    // Turn 0 takes the first candidates of all levels together, turn 1 the next, ...
+    var before = turn.number * TURN;
+    var left_over = TURN;
+    let level_count = volume.level_count;
+    for (var level = 0u; level < level_count; level++) {
+        let bin_grid = volume.levels[level];
+        let bin_place = place >> vec3(level);
+        let bin = bin_grid.x + (bin_place.z * bin_grid.z + bin_place.y) * bin_grid.y + bin_place.x;
+        var begin = bins[bin];
+        let end = bins[bin + 1u];
+        let passed = min(before, end - begin);
+        begin += passed;
+        before -= passed;
+        let taken = min(left_over, end - begin);
+        left_over -= taken;
+        let behind = begin + taken;
+        for (var base = begin; base < behind; base += 64u) {
+            workgroupBarrier();
+            if lane < 2u {
+                atomicStore(&reached[lane], 0u);
+            }
+            workgroupBarrier();
+            var spot = vec4(0.0);
+            var amount = vec2(0.0);
+            var reaches = false;
+            if base + lane < behind {
+                let particle = particles[base + lane];
+                spot = spots[particle];
+                amount = amounts[particle];
+                let away = max(max(box_low - spot.xyz, spot.xyz - box_high), vec3(0.0));
+                let square = spot.w * spot.w;
+                // The box is exact but for rounding: a thousandth more.
+                reaches = dot(away, away) < 1.001 * square;
+                spot.w = 1.0 / square;
+            }
+            if reaches {
+                atomicOr(&reached[lane >> 5u], 1u << (lane & 31u));
+            }
+            workgroupBarrier();
+            let low = atomicLoad(&reached[0]);
+            let high = atomicLoad(&reached[1]);
+            if reaches {
+                let below = (1u << (lane & 31u)) - 1u;
+                var rank = countOneBits(low & below);
+                if lane >= 32u {
+                    rank = countOneBits(low) + countOneBits(high & below);
+                }
+                staged_spots[rank] = spot;
+                staged_amounts[rank] = amount;
+            }
+            workgroupBarrier();
+            let staged = countOneBits(low) + countOneBits(high);
+            for (var i = 0u; i < staged; i++) {
+                let spot = staged_spots[i];
+                let amount = staged_amounts[i];
+                // The half of the column that the particle does not reach is passed over: for the many small ones that
+                // is most of the brick.
+                let x = near_x - spot.x;
+                let y = near_y - spot.y;
+                let z = near_depth - spot.z;
+                let q2 = fma(x, x, fma(y, y, z * z)) * spot.w;
+                if any(q2 < vec4(1.0)) {
+                    let value = kernel(q2);
+                    near_density = fma(vec4(amount.x), value, near_density);
+#ifdef ATTRIBUTE
+                    near_weighted = fma(vec4(amount.y), value, near_weighted);
+#endif
+                }
+                let u = far_x - spot.x;
+                let v = far_y - spot.y;
+                let w = far_depth - spot.z;
+                let r2 = fma(u, u, fma(v, v, w * w)) * spot.w;
+                if any(r2 < vec4(1.0)) {
+                    let value = kernel(r2);
+                    far_density = fma(vec4(amount.x), value, far_density);
+#ifdef ATTRIBUTE
+                    far_weighted = fma(vec4(amount.y), value, far_weighted);
+#endif
+                }
+            }
+        }
+    }
+
+    let held = layer % volume.ring * columns + brick % columns;
+    // What an earlier batch or turn has written.
+    let add = densest[held] > 0.0;
+#ifdef ATTRIBUTE
+    let first = held * 2u * CELLS + lane;
+    let near_weighted_largest = write_column(first + CELLS, near_weighted, add);
+    let far_weighted_largest = write_column(first + CELLS + 256u, far_weighted, add);
+#else
+    let first = held * CELLS + lane;
+#endif
+    let near_largest = write_column(first, near_density, add);
+    largest[lane] = max(near_largest, write_column(first + 256u, far_density, add));
+    for (var stride = 32u; stride > 0u; stride /= 2u) {
+        workgroupBarrier();
+        if lane < stride {
+            largest[lane] = max(largest[lane], largest[lane + stride]);
+        }
+    }
+    if lane == 0u {
+        densest[held] = largest[0];
+    }
+}

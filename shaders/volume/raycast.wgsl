@@ -1,0 +1,387 @@
+// Ray casting through one slab, front to back (F12 5.6): emission and absorption with post-classification, isosurfaces, or
+// both; step for step what src/raster/volume/raycast.rs does, whose comments say why.
+//
+// One invocation for each pixel, whose state is carried from slab to slab in `rays` and `progress`.
+#import deepfield::volume_view::{VolumeView, Portion}
+#import deepfield::volume_constants::{
+    BRICK, BRICK_SHIFT, BRIGHTNESSES, CELLS, HIDDEN_BITS, HUES, SURFACE_BRIGHTNESS,
+}
+
+@group(0) @binding(0) var<uniform> volume: VolumeView;
+@group(0) @binding(1) var<uniform> portion: Portion;
+/// Depth, spacing, cells per length and thickness of each slice.
+@group(0) @binding(2) var<storage, read> depths: array<vec4<f32>>;
+@group(0) @binding(3) var<storage, read> field: array<f32>;
+@group(0) @binding(4) var<storage, read> densest: array<f32>;
+@group(0) @binding(5) var<storage, read> reach: array<f32>;
+/// Extinction and colour of each density, or its brightness in place of the colour where there are hues; then the hues,
+/// each from dark to bright.
+@group(0) @binding(6) var<storage, read> table: array<vec4<f32>>;
+/// Light gathered, linear, premultiplied, and opacity.
+@group(0) @binding(7) var<storage, read_write> rays: array<vec4<f32>>;
+/// Share of the present cell that has been drawn.
+@group(0) @binding(8) var<storage, read_write> progress: array<f32>;
+/// For each column of pixels, then for each row, the stored cell before its rays, and the bits of the share of the way to
+/// the next one.
+@group(0) @binding(9) var<storage, read> places: array<vec2<u32>>;
+
+const NO_CROSSING: f32 = 2.0;
+const LANES: vec4<u32> = vec4<u32>(0u, 1u, 2u, 3u);
+
+/// What every sample asks for: a software driver fetches uniforms for each lane, every time.
+struct Lookup {
+    first_entry: u32,
+    last_entry: u32,
+    hues: u32,
+    attribute_log: bool,
+    attribute_map: vec2<f32>,
+}
+var<private> lookup: Lookup;
+
+struct Ray {
+    color: vec3<f32>,
+    alpha: f32,
+    done: f32,
+}
+
+/// Where a ray reads the field: a layer and the one in front of it, in the ring of layers that are held.
+struct Place {
+    /// The stored cell before the ray, and the shares of the way to the next column and row.
+    cell: vec2<u32>,
+    shares: vec2<f32>,
+    /// The window's first brick, and its size.
+    origin: vec2<u32>,
+    window: vec2<u32>,
+    layer: u32,
+    /// First brick that is held of the layer and the one in front.
+    here: u32,
+    front: u32,
+    last_slice: u32,
+}
+
+/// Density and `sum m A W` of a stored cell.
+fn cell_at(place: Place, cell: vec2<u32>, slice: u32) -> vec2<f32> {
+    let brick = (cell >> vec2(BRICK_SHIFT)) - place.origin;
+    let held = select(place.front, place.here, (slice >> BRICK_SHIFT) == place.layer)
+        + brick.y * place.window.x + brick.x;
+    // Bricks that hold nothing are not written, and those outside the window do not exist.
+    if any(brick >= place.window) || densest[held] <= 0.0 {
+        return vec2(0.0);
+    }
+    let inside = vec3(cell, slice) & vec3(BRICK - 1u);
+    let within = (((inside.z << BRICK_SHIFT) | inside.y) << BRICK_SHIFT) | inside.x;
+#ifdef ATTRIBUTE
+    let at = held * 2u * CELLS + within;
+    return vec2(field[at], field[at + CELLS]);
+#else
+    return vec2(field[held * CELLS + within], 0.0);
+#endif
+}
+
+/// Density and `sum m A W` before the ray, moved by whole cells: bilinear. Slices beyond the grid's ends repeat the last one.
+fn sample(place: Place, moved: vec2<i32>, slice: i32) -> vec2<f32> {
+    let z = min(u32(max(slice, 0)), place.last_slice);
+    let cell = vec2<u32>(vec2<i32>(place.cell) + moved);
+    let a = cell_at(place, cell, z);
+    if all(place.shares == vec2(0.0)) {
+        return a;
+    }
+    let b = cell_at(place, cell + vec2(1u, 0u), z);
+    let c = cell_at(place, cell + vec2(0u, 1u), z);
+    let d = cell_at(place, cell + vec2(1u, 1u), z);
+    let u = place.shares.x;
+    let v = place.shares.y;
+    return (a + u * (b - a)) * (1.0 - v) + (c + u * (d - c)) * v;
+}
+
+/// What is behind, seen through what is here.
+fn under(ray: ptr<function, Ray>, color: vec3<f32>, alpha: f32) {
+    let share = (1.0 - (*ray).alpha) * alpha;
+    (*ray).color += share * color;
+    (*ray).alpha += share;
+}
+
+/// The colour of an attribute's value at a brightness.
+fn tinted(quantity: f32, brightness: f32) -> vec3<f32> {
+    if lookup.hues == 0u {
+        return vec3(1.0);
+    }
+    var value = quantity;
+    var known = true;
+    if lookup.attribute_log {
+        known = quantity > 0.0;
+        value = log2(max(quantity, 1.0e-37));
+    }
+    let at = select(0.0, clamp(fma(value, lookup.attribute_map.x, lookup.attribute_map.y), 0.0, 1.0), known);
+    let row = u32(floor(at * f32(HUES - 1u) + 0.5)) * BRIGHTNESSES;
+    let column = min(u32(floor(max(brightness, 0.0) * f32(BRIGHTNESSES - 1u) + 0.5)), BRIGHTNESSES - 1u);
+    return table[lookup.hues + row + column].rgb;
+}
+
+/// Passes a share of a cell.
+fn through(ray: ptr<function, Ray>, slice: u32, value: vec2<f32>, share: f32, secant: f32, faintest: f32) {
+    if value.x <= faintest || share <= 0.0 {
+        return;
+    }
+    let bits = bitcast<u32>(value.x);
+    let entry = bits >> HIDDEN_BITS;
+    let first = lookup.first_entry;
+    let last = lookup.last_entry;
+    var at = 0u;
+    var between = 0.0;
+    if entry >= first {
+        at = entry - first;
+        between = f32(bits & ((1u << HIDDEN_BITS) - 1u)) * (1.0 / f32(1u << HIDDEN_BITS));
+        if at > last {
+            at = last;
+            between = 1.0;
+        }
+    }
+    let low = table[at];
+    let matter = low + between * (table[at + 1u] - low);
+    if matter.x <= 0.0 {
+        return;
+    }
+    var color = matter.yzw;
+#ifdef ATTRIBUTE
+    if lookup.hues != 0u {
+        color = tinted(value.y / value.x, matter.y);
+    }
+#endif
+    let passed = depths[slice].w * secant * share;
+    under(ray, color, 1.0 - exp(-matter.x * passed));
+}
+
+#ifdef SURFACES
+/// The cubic through the middle two of four samples, with central differences as tangents.
+fn cubic(samples: vec4<f32>, t: vec4<f32>) -> vec4<f32> {
+    let start = 0.5 * (samples.z - samples.x);
+    let end = 0.5 * (samples.w - samples.y);
+    let t2 = t * t;
+    let t3 = t2 * t;
+    return (2.0 * t3 - 3.0 * t2 + 1.0) * samples.y + (t3 - 2.0 * t2 + t) * start
+        + (3.0 * t2 - 2.0 * t3) * samples.z + (t3 - t2) * end;
+}
+
+/// Where the cubic has four values; meant for those that lie between the middle two samples.
+fn refine(samples: vec4<f32>, value: vec4<f32>) -> vec4<f32> {
+    var low = vec4(0.0);
+    var high = vec4(1.0);
+    var at_low = samples.y - value;
+    var at_high = samples.z - value;
+    // False position, with the bisection's guarantee: the sign changes between the ends.
+    for (var turn = 0; turn < 6; turn++) {
+        var middle = clamp(low + (high - low) * at_low / (at_low - at_high), low, high);
+        if turn % 3 == 2 {
+            middle = 0.5 * (low + high);
+        }
+        let at_middle = cubic(samples, middle) - value;
+        let same = (at_middle < vec4(0.0)) == (at_low < vec4(0.0));
+        low = select(low, middle, same);
+        at_low = select(at_low, at_middle, same);
+        high = select(middle, high, same);
+        at_high = select(at_middle, at_high, same);
+    }
+    let found = low + (high - low) * at_low / (at_low - at_high);
+    // Where the ends are equal the quotient is nothing.
+    return clamp(select(0.5 * (low + high), found, at_low != at_high), vec4(0.0), vec4(1.0));
+}
+
+fn depth_of(place: Place, slice: i32) -> vec2<f32> {
+    return depths[min(u32(max(slice, 0)), place.last_slice)].xy;
+}
+
+fn difference(low: f32, high: f32, distance: f32) -> f32 {
+    return select(0.0, (high - low) / max(distance, 1.0e-37), distance > 0.0);
+}
+
+/// The gradient of the density in camera axes at a share of a step: differences between neighbours in the grid, brought to
+/// camera space by the chain rule (F12 5.6).
+fn gradient(place: Place, middle: vec2<f32>, step: i32, at: f32) -> vec3<f32> {
+    let left = mix(sample(place, vec2(-1, 0), step - 1).x, sample(place, vec2(-1, 0), step).x, at);
+    let right = mix(sample(place, vec2(1, 0), step - 1).x, sample(place, vec2(1, 0), step).x, at);
+    let above = mix(sample(place, vec2(0, -1), step - 1).x, sample(place, vec2(0, -1), step).x, at);
+    let below = mix(sample(place, vec2(0, 1), step - 1).x, sample(place, vec2(0, 1), step).x, at);
+    let along = 0.5 * vec2(right - left, below - above);
+    let before = sample(place, vec2(0, 0), step - 2).x;
+    let front = sample(place, vec2(0, 0), step - 1).x;
+    let back = sample(place, vec2(0, 0), step).x;
+    let behind = sample(place, vec2(0, 0), step + 1).x;
+    let near_slice = depth_of(place, step - 1);
+    let far_slice = depth_of(place, step);
+    let start = difference(before, back, far_slice.x - depth_of(place, step - 2).x);
+    let end = difference(front, behind, depth_of(place, step + 1).x - near_slice.x);
+    let along_z = start + at * (end - start);
+    let here = mix(near_slice, far_slice, at);
+    let shear = select(0.0, dot(middle, along) / here.x, volume.perspective != 0u);
+    // Rows go down, y goes up.
+    return vec3(along.x / here.y, -along.y / here.y, along_z - shear);
+}
+
+/// Meets a surface at a share of a step.
+fn meet(
+    ray: ptr<function, Ray>,
+    place: Place,
+    middle: vec2<f32>,
+    step: u32,
+    at: f32,
+    index: u32,
+    before: vec2<f32>,
+    now: vec2<f32>,
+) {
+    let surface = volume.surfaces[index];
+    var color = volume.colors[index].rgb;
+    if surface.z == 0.0 {
+        let value = before + at * (now - before);
+        color = tinted(value.y / value.x, SURFACE_BRIGHTNESS);
+    }
+    if volume.lit != 0u {
+        let slope = gradient(place, middle, i32(step), at);
+        let length_squared = dot(slope, slope);
+        let sigma = select(0.0, volume.sigma, volume.perspective != 0u);
+        let direction = normalize(vec3(middle.x * sigma, -middle.y * sigma, 1.0));
+        var cosine = 1.0;
+        if length_squared > 0.0 {
+            cosine = min(abs(dot(slope, direction)) * inverseSqrt(length_squared), 1.0);
+        }
+        let highlight = volume.specular * pow(cosine, volume.shininess);
+        color = color * (volume.ambient + (1.0 - volume.ambient) * cosine) + highlight;
+    }
+    under(ray, color, surface.y);
+}
+#endif
+
+@compute @workgroup_size(8, 8)
+fn cast_rays(@builtin(global_invocation_id) invocation: vec3<u32>) {
+    let pixel = invocation.xy + portion.first_pixel;
+    if any(pixel >= portion.behind_pixel) {
+        return;
+    }
+    let index = invocation.y * (portion.behind_pixel.x - portion.first_pixel.x) + invocation.x;
+    lookup = Lookup(
+        volume.first_entry, volume.last_entry, volume.hues, volume.attribute_log != 0u, volume.attribute_map,
+    );
+    let column_place = places[pixel.x];
+    let row_place = places[portion.rows + pixel.y];
+    var place: Place;
+    place.cell = vec2(column_place.x, row_place.x);
+    place.shares = bitcast<vec2<f32>>(vec2(column_place.y, row_place.y));
+    place.origin = portion.origin;
+    place.window = volume.window;
+    place.last_slice = volume.slices - 1u;
+    let brick = place.cell >> vec2(BRICK_SHIFT);
+    let gathered = rays[index];
+    let termination = volume.termination;
+    if gathered.w >= termination {
+        return;
+    }
+    var ray = Ray(gathered.rgb, gathered.w, progress[index]);
+
+    let column = (brick.y - place.origin.y) * place.window.x + brick.x - place.origin.x;
+    let columns = place.window.x * place.window.y;
+    let middle = vec2<f32>(place.cell) + place.shares + 0.5 - volume.middle;
+    let sigma = select(0.0, volume.sigma, volume.perspective != 0u);
+    let secant = sqrt(1.0 + sigma * sigma * dot(middle, middle));
+    let slices = volume.slices;
+    let ring = volume.ring;
+    let last_layer = volume.last_layer;
+    let least = volume.least;
+    let faintest = volume.faintest;
+    let behind = portion.behind_step;
+#ifdef SURFACES
+    var low_values = vec4(3.0e38);
+    var high_values = vec4(3.0e38);
+    for (var i = 0u; i < 4u; i++) {
+        if i < volume.surface_count {
+            low_values[i] = volume.surfaces[i].x;
+        }
+        if i + 4u < volume.surface_count {
+            high_values[i] = volume.surfaces[i + 4u].x;
+        }
+    }
+#endif
+
+    var step = portion.first_step;
+    var before = vec2(0.0);
+    var known = false;
+    while step < behind && ray.alpha < termination {
+        // The layer of the slice after the step, for a gradient's sake; the last layer's steps go to the end.
+        let layer = min((step + 1u) >> BRICK_SHIFT, last_layer);
+        let end = select(behind, min(behind, (layer << BRICK_SHIFT) + BRICK - 1u), layer < last_layer);
+        place.layer = layer;
+        place.here = layer % ring * columns;
+        place.front = (layer + ring - 1u) % ring * columns;
+        if reach[place.here + column] <= least {
+            ray.done = 0.0;
+            step = end;
+            known = false;
+            continue;
+        }
+        if !known && step > 0u {
+            before = sample(place, vec2(0), i32(step) - 1);
+        }
+        known = true;
+        for (; step < end; step++) {
+            var now = vec2(0.0);
+            if step < slices {
+                now = sample(place, vec2(0), i32(step));
+            }
+            if step == 0u || (before.x <= least && now.x <= least) {
+                ray.done = 0.0;
+                before = now;
+                continue;
+            }
+            var next_done = 0.0;
+#ifdef SURFACES
+            let low_crossed = (vec4(before.x) < low_values) != (vec4(now.x) < low_values);
+            let high_crossed = (vec4(before.x) < high_values) != (vec4(now.x) < high_values);
+            if step < slices && (any(low_crossed) || any(high_crossed)) {
+                let first = sample(place, vec2(0), i32(step) - 2).x;
+                let last = sample(place, vec2(0), i32(step) + 1).x;
+                let samples = vec4(first, before.x, now.x, last);
+                var low_at = select(vec4(NO_CROSSING), refine(samples, low_values), low_crossed);
+                var high_at = select(vec4(NO_CROSSING), refine(samples, high_values), high_crossed);
+                for (var n = 0u; n < 8u; n++) {
+                    // The nearest that is left; of equal ones the first.
+                    var share = NO_CROSSING;
+                    var surface = 0u;
+                    for (var i = 0u; i < 4u; i++) {
+                        if low_at[i] < share {
+                            share = low_at[i];
+                            surface = i;
+                        }
+                    }
+                    for (var i = 0u; i < 4u; i++) {
+                        if high_at[i] < share {
+                            share = high_at[i];
+                            surface = i + 4u;
+                        }
+                    }
+                    if share == NO_CROSSING {
+                        break;
+                    }
+                    low_at = select(low_at, vec4(NO_CROSSING), LANES == vec4(surface));
+                    high_at = select(high_at, vec4(NO_CROSSING), LANES + 4u == vec4(surface));
+                    let until = min(0.5 + share, 1.0);
+                    through(&ray, step - 1u, before, until - ray.done, secant, faintest);
+                    ray.done = until;
+                    let beyond = max(share - 0.5, 0.0);
+                    if beyond > next_done {
+                        through(&ray, step, now, beyond - next_done, secant, faintest);
+                        next_done = beyond;
+                    }
+                    meet(&ray, place, middle, step, share, surface, before, now);
+                }
+            }
+#endif
+            through(&ray, step - 1u, before, 1.0 - ray.done, secant, faintest);
+            ray.done = next_done;
+            before = now;
+            if ray.alpha >= termination {
+                break;
+            }
+        }
+    }
+    rays[index] = vec4(ray.color, ray.alpha);
+    progress[index] = ray.done;
+}
