@@ -17,6 +17,8 @@ pub const CELLS: u32 = BRICK * BRICK * BRICK;
 pub const HEADER: u32 = 4;
 /// Particles that a brick gathers in one turn: a software driver ends an invocation's loops after 65535 rounds.
 pub const TURN: u32 = 1 << 15;
+/// Most levels of bins: the last one's bins are 2^13 bricks wide.
+pub const MOST_LEVELS: usize = 14;
 /// Particles of a workgroup that bins them.
 pub const BIN_GROUP: u32 = 256;
 /// Bins of a workgroup that sums them.

@@ -2,7 +2,7 @@
 
 use super::constants::{BIN_GROUP, BRICK, SCAN_GROUP};
 use super::cut::Cut;
-use super::inputs::{ALL_BRICKS, ALL_PAIRS, Batch, CROWDED, Inputs, Pane, SORT_GROUPS, offset};
+use super::inputs::{ALL_BRICKS, ALL_PAIRS, Batch, CROWDED, Inputs, Pane, SORT_GROUPS, offset, strided};
 use super::layout::Portion;
 use super::programs::{Programs, Step, Variant};
 use super::store::Store;
@@ -127,14 +127,9 @@ impl Picture<'_> {
                 farthest: masonry.depth[((first_layer + layers) * BRICK - 1) as usize],
             }
         };
-        let mut portions = Vec::with_capacity(panes.len() * cut.slabs.len() * batch_count);
-        for pane in &panes {
-            for slab in 0..cut.slabs.len() {
-                portions.extend((0..batch_count).map(|batch| portion(pane, slab, batch)));
-            }
-        }
         let largest = panes.iter().map(Pane::len).max().unwrap_or(0);
-        let inputs = self.inputs(programs, store, room, &cut, &portions, (largest, &places, &readers));
+        let inputs =
+            self.inputs(programs, store, room, &cut, cut.slabs.len() * batch_count, (largest, &places, &readers));
         let timer = Timer::new(self.device, self.queue, batch_count as u32 + 1);
         let scene = Slabs { picture: self, pipelines: &pipelines, cut: &cut, inputs: &inputs, timer: timer.as_ref() };
 
@@ -145,11 +140,12 @@ impl Picture<'_> {
         let mut report = VolumeReport { slabs: cut.slabs.len() * panes.len(), ..VolumeReport::default() };
         let width = self.view.width as usize;
         let mut rgba = vec![[0.0; 4]; width * self.view.height as usize];
-        let mut drawn = portions.chunks(batch_count).enumerate();
         for pane in &panes {
+            let slabs = (0..cut.slabs.len()).flat_map(|slab| (0..batch_count).map(move |batch| (slab, batch)));
+            let portions: Vec<Portion> = slabs.map(|(slab, batch)| portion(pane, slab, batch)).collect();
+            self.queue.write_buffer(&inputs.portions.buffer, 0, &strided(portions.iter().copied()));
             scene.begin();
-            let slabs: Vec<_> = drawn.by_ref().take(cut.slabs.len()).collect();
-            for (slab, portions) in slabs {
+            for (slab, portions) in portions.chunks(batch_count).enumerate() {
                 let hidden = scene.slab(slab * batch_count, portions, pane, &mut report)?;
                 report.hidden += u64::from(hidden);
                 if hidden == cut.columns() {

@@ -38,6 +38,8 @@ pub struct Batch {
 pub struct Inputs {
     /// What all passes read.
     pub uniform: VolumeUniform,
+    /// What those of one slab and batch read, for a window.
+    pub portions: Held,
     /// The batches, one at least.
     pub batches: Vec<Batch>,
     /// Digits that pairs are sorted by.
@@ -80,7 +82,7 @@ pub fn offset(entry: usize) -> u32 {
 }
 
 /// Uniforms, each at its offset.
-fn strided<T: bytemuck::Pod>(entries: impl IntoIterator<Item = T>) -> Vec<u8> {
+pub fn strided<T: bytemuck::Pod>(entries: impl IntoIterator<Item = T>) -> Vec<u8> {
     let mut bytes = Vec::new();
     for entry in entries {
         bytes.extend_from_slice(bytemuck::bytes_of(&entry));
@@ -136,14 +138,14 @@ impl Picture<'_> {
         (panes, layout::places(&places[0], &places[1]), readers)
     }
 
-    /// Uploads what the passes read, and makes room for what they write.
+    /// Uploads what the passes read but for portions, and makes room for these and for what they write.
     pub fn inputs(
         &self,
         programs: &Programs,
         store: &mut Store,
         room: &Room,
         cut: &Cut,
-        portions: &[Portion],
+        portions: usize,
         (largest_pane, places, readers): (u64, &[[u32; 2]], &[[i32; 2]]),
     ) -> Inputs {
         let (device, queue) = (self.device, self.queue);
@@ -157,7 +159,6 @@ impl Picture<'_> {
 
         let mut put = |name, bytes: &[u8]| store.holding(device, queue, name, 0, bytes);
         let view = put("deepfield volume", bytemuck::bytes_of(&uniform));
-        let portions = put("deepfield volume portions", &strided(portions.iter().copied()));
         let turn_list = put("deepfield volume turns", &strided((0..turns.max(digits)).map(turn)));
         let depths = put("deepfield volume depths", bytemuck::cast_slice(&layout::depths(self.prepared.masonry())));
         let table = put("deepfield volume table", bytemuck::cast_slice(&layout::table(self.scenery)));
@@ -165,6 +166,7 @@ impl Picture<'_> {
         let readers = put("deepfield volume readers", bytemuck::cast_slice(readers));
 
         let mut make = |name, index, bytes| store.room(device, name, index, bytes);
+        let portions = make("deepfield volume portions", 0, (portions * STRIDE) as u64);
         let pairs = MOST_BINS * batch_size;
         let bins = make("deepfield volume bins", 0, 4 * (u64::from(uniform.bin_count) + 1));
         let parts = (u64::from(uniform.bin_count) + 1).div_ceil(u64::from(SCAN_GROUP));
@@ -294,6 +296,7 @@ impl Picture<'_> {
             .collect();
         Inputs {
             uniform,
+            portions: portions.clone(),
             batches,
             digits,
             turns,

@@ -2,7 +2,7 @@
 //!
 //! `gpu::shaders`' tests compose the shaders and compare every structure here with the one there.
 
-use super::constants::BRICK;
+use super::constants::{BRICK, MOST_LEVELS};
 use super::cut::Cut;
 use crate::model::Kernel;
 use crate::raster::transfer::Scale;
@@ -14,8 +14,6 @@ use crate::view::PerspectiveGrid;
 use bytemuck::{Pod, Zeroable};
 use std::f32::consts::PI;
 
-/// Most levels of bins: the last one's bins are 2^13 bricks wide.
-pub const MAX_LEVELS: usize = 14;
 /// Bins that a particle may be in.
 pub const MOST_BINS: u64 = 8;
 
@@ -74,7 +72,7 @@ pub struct VolumeUniform {
     /// Padding.
     pub unused: u32,
     /// First bin, and bins along x, y and z, of each level.
-    pub levels: [[u32; 4]; MAX_LEVELS],
+    pub levels: [[u32; 4]; MOST_LEVELS],
     /// Density, opacity, and 1 for a colour that is set.
     pub surfaces: [[f32; 4]; MOST_SURFACES],
     /// Colours of the surfaces.
@@ -125,8 +123,8 @@ pub struct Turn {
 
 /// The levels of bins over a slab of a window: first bin, and bins along x, y and z, each; their number; and the number of
 /// bins. The last level is so coarse that any particle touches at most two of its bins along each axis.
-pub fn levels(bricks: [u32; 3]) -> ([[u32; 4]; MAX_LEVELS], u32, u32) {
-    let mut levels = [[0; 4]; MAX_LEVELS];
+pub fn levels(bricks: [u32; 3]) -> ([[u32; 4]; MOST_LEVELS], u32, u32) {
+    let mut levels = [[0; 4]; MOST_LEVELS];
     let (mut bins, mut count) = (0, 0);
     for (level, out) in levels.iter_mut().enumerate() {
         let [x, y, z] = bricks.map(|bricks| ((bricks.max(1) - 1) >> level) + 1);
