@@ -331,6 +331,28 @@ fn motion_is_drawn_with_a_sample_on_the_graphics_adapter() {
     sample_in_motion("compute");
 }
 
+#[test]
+fn particles_that_another_system_moves_are_drawn_state_by_state() {
+    for mode in ["column-density", "volume"] {
+        let folder = tempfile::tempdir().unwrap();
+        let desktop = Desktop::start();
+        let arguments = ["--backend", "cpu", "--simulate", "--mode", mode, "--frame-ms", "200"];
+        let mut program = Program::start(&desktop, folder.path(), &arguments);
+        let state = |status: &Value| status["live"].as_u64().unwrap_or(0);
+        let first = program.wait("a state of the simulation", |status| state(status) > 0);
+        let left = first["picture"][0].as_f64().unwrap() as usize;
+        let picture = left..usize::from(WIDTH);
+        let lit = |screen: &Screen| screen.share(picture.clone(), |pixel| pixel.iter().any(|&c| c > 40));
+        let before = desktop.wait("particles in the picture", |screen| lit(screen) > 0.05);
+        let later = program.wait("a later state", |status| state(status) > state(&first) + 10);
+        desktop.wait("that they move", |screen| screen.difference(&before, picture.clone()) > 0.02);
+        assert_eq!(later["eye"], first["eye"], "{later:#}");
+        assert_eq!(later["converged"], false, "what moves has no last picture: {later:#}");
+        desktop.close(desktop.window().expect("a window of the size that was asked for"));
+        assert_eq!(program.exit_code(), Some(0));
+    }
+}
+
 fn point(status: &Value, name: &str) -> [f64; 3] {
     [0, 1, 2].map(|axis| status[name][axis].as_f64().unwrap())
 }

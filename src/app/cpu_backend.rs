@@ -5,16 +5,18 @@
 //! many pixels a side where that is not all of them; when the view rests, the full picture follows.
 
 use super::exposure::Exposure;
+use super::live::LiveParticles;
 use super::look::Look;
 use super::messages::Messages;
 use super::pages::ViewSelection;
 use super::picture::Picture;
 use super::preset::Preset;
-use super::scene::Scene;
+use super::scene::{Scene, Settings};
 use super::statistics::{ActiveBackend, Converged, Statistics};
 use super::volume_caster::VolumeCaster;
+use crate::model::{Dataset, Family, FamilyName};
 use crate::modes::governor::{self, Governor};
-use crate::modes::paint::{Subject, paint_nodes};
+use crate::modes::paint::{Subject, paint_nodes, paint_particles};
 use crate::modes::{Depiction, Footprint, Plan, cpu, pilot};
 use crate::raster::composite::composite_at;
 use crate::raster::transfer::{Levels, TransferFunction};
@@ -35,6 +37,8 @@ use std::time::Instant;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct DrawKey {
     selection: u64,
+    /// The state of live particles.
+    live: u64,
     depiction: u64,
     generation: u32,
     size: UVec2,
@@ -80,7 +84,7 @@ pub struct CpuPicture {
     plan: Plan,
     colored: Option<(DrawKey, Levels, TransferFunction)>,
     governor: Governor,
-    moved: Option<(u64, Instant)>,
+    moved: Option<([u64; 2], Instant)>,
     measured: Option<Instant>,
     /// What the task draws, and what could not be drawn.
     tried: Option<(DrawKey, TransferFunction)>,
@@ -137,19 +141,42 @@ fn moving_size(full: UVec2, last: Option<(UVec2, f64)>, budget: f64) -> UVec2 {
     (full.as_dvec2() / shrink).as_uvec2().max(UVec2::ONE)
 }
 
-/// Draws the selected nodes with `size` pixels; blocks for as long as it takes. What is left out is what `plan` says, or what
+/// Whose particles are drawn.
+enum Source {
+    /// Nodes of the open file.
+    Nodes(Arc<[SceneNode]>),
+    /// Particles that another system hands over, and the families that are shown.
+    Live(Arc<Dataset>, Vec<FamilyName>),
+}
+
+/// The families of live particles that are shown.
+fn shown<'a>(dataset: &'a Dataset, families: &[FamilyName]) -> Vec<&'a Family> {
+    dataset.families.iter().filter(|family| families.contains(&family.name)).collect()
+}
+
+/// Draws the source with `size` pixels; blocks for as long as it takes. What is left out is what `plan` says, or what
 /// is found to be within the settings, which is handed back; and then as much as a sample of `limit` particles needs. Also
 /// says how many it took.
 fn draw(
     file: &PageFile,
     depiction: &Depiction,
-    nodes: &[SceneNode],
+    source: &Source,
     view: &View,
     size: UVec2,
     (plan, limit): (Option<Plan>, u64),
     (transfer, levels): (&TransferFunction, Option<Levels>),
 ) -> Result<(Accumulation, Plan, (u64, bool)), String> {
     let metadata = file.metadata();
+    let nodes = match source {
+        Source::Nodes(nodes) => nodes,
+        Source::Live(dataset, families) => {
+            let view = View { width: size.x, height: size.y, ..*view };
+            let families = shown(dataset, families);
+            let drawn = cpu::draw_particles(&view, depiction, dataset, &families, Method::Pyramid);
+            let taken = families.iter().map(|family| family.len() as u64).sum();
+            return drawn.map(|drawn| (drawn, Plan::default(), (taken, false))).map_err(|error| error.to_string());
+        }
+    };
     // What may be left out is decided for the whole picture, also where this one has fewer pixels.
     let economy = depiction.settings.economy();
     let plan = match plan {
@@ -167,18 +194,21 @@ fn draw(
     drawn.map_err(|error| error.to_string())
 }
 
-/// Draws the selected nodes in the colours of a mode that has no splats; blocks for as long as it takes.
+/// Draws the source in the colours of a mode that has no splats; blocks for as long as it takes.
 fn paint(
     file: &PageFile,
     depiction: &Depiction,
-    nodes: &[SceneNode],
+    source: &Source,
     view: &View,
     diameter: f64,
     transfer: &TransferFunction,
     caster: &dyn Caster,
 ) -> Result<PaintedPicture, String> {
     let metadata = file.metadata();
-    let decoded = cpu::decode(depiction, metadata, nodes);
+    let decoded = match source {
+        Source::Nodes(nodes) => cpu::decode(depiction, metadata, nodes),
+        Source::Live(..) => Vec::new(),
+    };
     // The panel edits colours and ranges for every mode alike.
     let volume = VolumeTransfer {
         color_map: transfer.color_map,
@@ -188,7 +218,12 @@ fn paint(
     };
     let with = |caster| {
         let subject = Subject { transfer: Some(&volume), diameter, caster };
-        paint_nodes(view, depiction, metadata, &decoded, &subject)
+        match source {
+            Source::Nodes(_) => paint_nodes(view, depiction, metadata, &decoded, &subject),
+            Source::Live(dataset, families) => {
+                paint_particles(view, depiction, dataset, &shown(dataset, families), &subject)
+            }
+        }
     };
     let (painted, trouble) = match with(caster) {
         Err(VolumeError::Device(why)) => (with(&Processor), Some(why)),
@@ -212,6 +247,7 @@ pub(super) fn draw_on_cpu(
     mut statistics: ResMut<Statistics>,
     mut converged: ResMut<Converged>,
     (mut messages, mut caster): (ResMut<Messages>, ResMut<VolumeCaster>),
+    (live, settings): (Res<LiveParticles>, Res<Settings>),
 ) {
     let cpu = &mut *cpu;
     let cast = look.as_ref().is_some_and(|look| look.depiction.mode.is_cast()) && caster.is_on_adapter();
@@ -223,8 +259,9 @@ pub(super) fn draw_on_cpu(
         cpu.task = None;
         return;
     };
-    if cpu.moved.is_none_or(|(revision, _)| revision != selection.revision) {
-        cpu.moved = Some((selection.revision, Instant::now()));
+    let revisions = [selection.revision, live.state()];
+    if cpu.moved.is_none_or(|(before, _)| before != revisions) {
+        cpu.moved = Some((revisions, Instant::now()));
     }
     if let Some(outcome) = cpu.task.as_mut().and_then(check_ready) {
         cpu.task = None;
@@ -234,13 +271,18 @@ pub(super) fn draw_on_cpu(
                     messages.error(format!("{trouble}; the processor draws instead"));
                     caster.give_up();
                 }
+                let state = done.drawn.key.live;
                 take_in(cpu, done, *backend, &picture, &mut images, &mut exposure, &mut statistics);
+                statistics.live = live.particles().map(|_| state);
             }
             Err(error) => {
                 cpu.failed = cpu.tried;
                 messages.error(error);
             }
         }
+    }
+    if statistics.live.is_some() && live.particles().is_none() {
+        statistics.live = None;
     }
     let moving = cpu.is_moving();
     let fixed_discs = matches!(look.depiction.footprint(), Footprint::Pixels(_));
@@ -260,6 +302,7 @@ pub(super) fn draw_on_cpu(
     };
     let key = DrawKey {
         selection: selection.revision,
+        live: live.state(),
         depiction: look.depiction_revision,
         generation: scene.generation,
         size,
@@ -289,7 +332,15 @@ pub(super) fn draw_on_cpu(
     let drawn_with = |drawn: &&Drawn| drawn.painted.as_ref().is_none_or(|painted| painted.transfer == look.transfer);
     let reused = drawn.filter(drawn_with).cloned();
     let diameter = scene.frame.size().length();
-    let (file, depiction, nodes) = (Arc::clone(&scene.file), look.depiction.clone(), Arc::clone(&selection.nodes));
+    let (file, depiction) = (Arc::clone(&scene.file), look.depiction.clone());
+    let source = match live.particles() {
+        Some(particles) => {
+            let families = scene.file.metadata().families.iter().zip(&settings.families);
+            let shown = families.filter(|(_, shown)| **shown).map(|(family, _)| family.name).collect();
+            Source::Live(Arc::clone(particles), shown)
+        }
+        None => Source::Nodes(Arc::clone(&selection.nodes)),
+    };
     let (transfer, levels, on_cpu) = (look.transfer, look.levels, *backend == ActiveBackend::Cpu);
     let (known, old_plan) = (look.settled.then_some(look.levels), cpu.plan);
     // Finding a plan takes longer than there is between two pictures of a motion.
@@ -301,7 +352,7 @@ pub(super) fn draw_on_cpu(
             None if painted => {
                 let start = Instant::now();
                 let view = View { width: size.x, height: size.y, ..view };
-                let painted = Some(Arc::new(paint(&file, &depiction, &nodes, &view, diameter, &transfer, &*caster)?));
+                let painted = Some(Arc::new(paint(&file, &depiction, &source, &view, diameter, &transfer, &*caster)?));
                 let milliseconds = 1000.0 * start.elapsed().as_secs_f64();
                 (Drawn { key, picture: Arc::default(), painted, milliseconds }, old_plan, None, false)
             }
@@ -309,7 +360,7 @@ pub(super) fn draw_on_cpu(
                 let start = Instant::now();
                 let plan = (kept_plan, limit);
                 let (picture, plan, (taken, cut)) =
-                    draw(&file, &depiction, &nodes, &view, size, plan, (&transfer, known))?;
+                    draw(&file, &depiction, &source, &view, size, plan, (&transfer, known))?;
                 let picture = Arc::new(picture);
                 let milliseconds = 1000.0 * start.elapsed().as_secs_f64();
                 (Drawn { key, picture, painted: None, milliseconds }, plan, Some(taken), cut)

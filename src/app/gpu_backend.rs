@@ -5,6 +5,7 @@
 //! a hole.
 
 use super::cpu_backend::CpuPicture;
+use super::live::LiveParticles;
 use super::look::Look;
 use super::messages::Messages;
 use super::pages::{GpuSlot, PageCopies, PageKey, PageStatus, Streaming, ViewSelection};
@@ -66,13 +67,14 @@ pub(super) fn choose_backend(
     mut tables: ResMut<GpuTables>,
     mut cameras: Query<(Entity, &mut Camera), With<DataCamera>>,
     mut messages: ResMut<Messages>,
-    caster: Res<VolumeCaster>,
+    (caster, live): (Res<VolumeCaster>, Res<LiveParticles>),
     slots: Query<Entity, With<GpuSlot>>,
 ) {
     let asked = preset.drawing.backend;
     let painted = settings.map(|settings| settings.mode).filter(|mode| mode.painter().is_some());
     let wanted = match asked {
-        _ if painted.is_some() => None,
+        // What changes every frame has no pages to copy.
+        _ if painted.is_some() || live.particles().is_some() => None,
         Backend::Cpu => None,
         Backend::Auto => Some(gpu::Backend::Auto),
         Backend::Compute => Some(gpu::Backend::Compute),
@@ -339,6 +341,7 @@ mod tests {
         world.init_resource::<GpuTables>();
         world.init_resource::<Messages>();
         world.init_resource::<VolumeCaster>();
+        world.init_resource::<LiveParticles>();
         let mut told = |backend| {
             world.resource_mut::<Preset>().drawing.backend = backend;
             world.run_system_once(choose_backend).unwrap();

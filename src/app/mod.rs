@@ -12,6 +12,7 @@ pub mod facts;
 pub mod gpu_backend;
 pub mod input;
 pub mod legend;
+pub mod live;
 pub mod look;
 pub mod messages;
 pub mod number;
@@ -33,7 +34,8 @@ mod status;
 mod ui;
 mod volume_caster;
 
-pub use options::{AppError, OpenRequest, Opener, WindowOptions};
+pub use live::LiveParticles;
+pub use options::{AppError, Extension, OpenRequest, Opener, WindowOptions};
 pub use preset::{Backend, Preset};
 
 use crate::gpu::{DeepfieldRenderPlugins, ParticleScene};
@@ -64,7 +66,11 @@ pub fn run_window(options: WindowOptions) -> Result<(), AppError> {
             .set(WindowPlugin { primary_window: Some(primary_window(&preset)), ..default() })
             .set(LogPlugin { filter: "warn,deepfield=info,wgpu_hal=error".to_owned(), ..default() }),
     );
+    let extension = options.extension.clone();
     app.add_plugins(WindowApp { options, preset });
+    if let Some(extend) = extension {
+        extend(&mut app);
+    }
     match app.run() {
         AppExit::Success => Ok(()),
         AppExit::Error(_) => Err(AppError::Failed),
@@ -115,6 +121,7 @@ impl Plugin for WindowApp {
         .init_resource::<messages::Messages>()
         .insert_resource(panel::Choices::of_program())
         .init_resource::<cpu_backend::CpuPicture>()
+        .init_resource::<live::LiveParticles>()
         .init_resource::<gpu_backend::GpuTables>()
         .init_resource::<volume_caster::VolumeCaster>()
         .init_resource::<statistics::ActiveBackend>()
@@ -147,7 +154,9 @@ impl Plugin for WindowApp {
                 shortcuts::run_shortcuts,
                 gpu_backend::follow_budgets.run_if(resource_changed::<Preset>),
                 volume_caster::choose_caster.run_if(resource_changed::<Preset>),
-                gpu_backend::choose_backend.run_if(resource_changed::<Preset>.or_else(gpu_backend::technique_changed)),
+                gpu_backend::choose_backend.run_if(
+                    resource_changed::<Preset>.or_else(gpu_backend::technique_changed).or_else(live::came_or_went),
+                ),
             )
                 .chain(),
         )

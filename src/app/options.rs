@@ -2,6 +2,7 @@
 
 use super::preset::{Backend, Preset, PresetError};
 use crate::model::progress::Progress;
+use bevy::prelude::App;
 use std::path::PathBuf;
 use std::sync::Arc;
 use thiserror::Error;
@@ -9,6 +10,9 @@ use thiserror::Error;
 /// Turns something that a user named (a snapshot, a catalogue, a page file) into a page file and returns its path. Runs
 /// on a background thread; the error is one line that names the file and the cause.
 pub type Opener = Arc<dyn Fn(&OpenRequest, &dyn Progress) -> Result<PathBuf, String> + Send + Sync>;
+
+/// Adds a caller's own plugins and systems to the window, after all others.
+pub type Extension = Arc<dyn Fn(&mut App) + Send + Sync>;
 
 /// What to open.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -38,6 +42,8 @@ pub struct WindowOptions {
     pub mode: Option<String>,
     /// A file that is rewritten with the window's state as JSON whenever it changes (for scripts and tests).
     pub status: Option<PathBuf>,
+    /// The caller's plugins and systems.
+    pub extension: Option<Extension>,
 }
 
 impl WindowOptions {
@@ -53,6 +59,7 @@ impl WindowOptions {
             frame_ms: None,
             mode: None,
             status: None,
+            extension: None,
         }
     }
 

@@ -13,6 +13,8 @@ pub struct Statistics {
     pub particles: u64,
     /// Particles that the sample of a picture in motion looks at; none where all are drawn.
     pub sampled: Option<u64>,
+    /// Which state of [`super::live::LiveParticles`] the picture shows; none where it shows the file.
+    pub live: Option<u64>,
     /// Nodes drawn.
     pub nodes: usize,
     /// Largest screen-space error of what is drawn, pixels.

@@ -12,7 +12,8 @@ use std::path::{Path, PathBuf};
 #[command(after_help = "Examples:
   deepfield view snapshot_099.hdf5
   deepfield view snapdir_099/snap_099.0.hdf5       any file of a snapshot in several files
-  deepfield view hipparcos.csv --mode points")]
+  deepfield view hipparcos.csv --mode points
+  deepfield view snapshot_099.hdf5 --simulate --mode volume   particles that move, straight from memory")]
 pub struct Arguments {
     /// The source or page file.
     #[arg(required = true)]
@@ -41,6 +42,10 @@ pub struct Settings {
     /// them when it rests; 0: always all [default: the preset's].
     #[arg(long, value_name = "MS", value_parser = frame_ms)]
     pub frame_ms: Option<f64>,
+    /// Lets the particles move while they are shown: as test particles in the field of their mean density, drawn straight from
+    /// memory. A small example of how a simulation that runs is shown (docs/prototyping.md).
+    #[arg(long)]
+    pub simulate: bool,
     /// Preset: desktop, laptop or headless.
     #[arg(long, value_name = "NAME", default_value = "desktop")]
     pub preset: String,
@@ -65,7 +70,10 @@ fn frame_ms(text: &str) -> Result<f64, String> {
 /// When the source cannot be opened or drawing fails.
 pub fn run(arguments: &Arguments) -> CommandResult {
     // Found out here, a missing file is an error on the command line rather than a message in an empty window.
-    super::cache::is_page_file(&arguments.path)?;
+    if super::cache::is_page_file(&arguments.path)? && arguments.settings.simulate {
+        let message = format!("{}: --simulate takes a snapshot, this is a page file", arguments.path.display());
+        return Err(message.into());
+    }
     show(&arguments.path, &arguments.settings)
 }
 
@@ -107,6 +115,7 @@ fn has_display() -> bool {
 
 #[cfg(feature = "viewer")]
 fn window(path: &Path, settings: &Settings) -> CommandResult {
+    use crate::app::live::orbits::{Orbits, OrbitsPlugin};
     use crate::app::{Backend, OpenRequest, WindowOptions, run_window};
     use std::sync::Arc;
     let opener = Arc::new(|request: &OpenRequest, progress: &dyn crate::model::Progress| {
@@ -124,5 +133,13 @@ fn window(path: &Path, settings: &Settings) -> CommandResult {
     options.frame_ms = settings.frame_ms;
     options.mode = settings.mode.map(|mode| mode.name.to_owned());
     options.status = settings.status.clone();
+    if settings.simulate {
+        let progress = super::progress_bar::TerminalProgress::new();
+        let dataset = crate::import::load(path, &crate::import::LoadOptions::default(), &progress)?;
+        let orbits = Orbits::new(dataset);
+        options.extension = Some(Arc::new(move |app: &mut bevy::prelude::App| {
+            app.add_plugins(OrbitsPlugin(orbits.clone()));
+        }));
+    }
     Ok(run_window(options)?)
 }
