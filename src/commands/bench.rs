@@ -1,6 +1,7 @@
 //! `deepfield bench`: the numbers of docs/results.md, again, on this machine.
 
 pub mod build;
+pub mod compare;
 pub mod flight;
 pub mod frame;
 pub mod pages;
@@ -20,16 +21,18 @@ use std::time::Duration;
   deepfield bench splat
   deepfield bench presence snapshot.df --repeat 3 --csv presence.csv
   deepfield bench build --sizes 1000000 --json build.json
+  deepfield bench compare merger.hdf5 --family gas --size 900x600 --repeat 3 --output compare
   deepfield bench flight cosmology.df --backends compute --duration 60 --output flight
   deepfield bench flight --sizes 1000000 --backends cpu --duration 10 --ablations --sweep")]
 pub struct Arguments {
     /// What to measure: splat (drawing of particles as they are), frame (converged level of detail), presence (what
     /// leaving particles out costs and saves), build (from a source to a page file), pages (reading and decoding) or
-    /// flight (a flight through a page file that streams in).
-    #[arg(value_parser = ["splat", "frame", "presence", "build", "pages", "flight"])]
+    /// flight (a flight through a page file that streams in), or compare (every way to draw a volume or a surface).
+    #[arg(value_parser = ["splat", "frame", "presence", "build", "pages", "flight", "compare"])]
     pub suite: String,
-    /// What `bench presence` draws and `bench flight` flies through: a source or page file [default: generated: clusters
-    /// of the first of the sizes for `bench presence`, cosmologies of all sizes for `bench flight`].
+    /// What `bench presence` and `bench compare` draw and `bench flight` flies through: a source or page file [default:
+    /// generated: clusters of the first of the sizes for `bench presence`, a merger for `bench compare`, cosmologies of all sizes
+    /// for `bench flight`].
     pub path: Option<PathBuf>,
     /// Numbers of particles.
     #[arg(long, value_name = "N,N,...", value_delimiter = ',', default_values_t = [200_000, 1_000_000, 4_000_000],
@@ -70,6 +73,9 @@ pub struct Arguments {
     /// What `bench flight` is like.
     #[command(flatten)]
     pub flight: flight::Options,
+    /// What `bench compare` draws.
+    #[command(flatten)]
+    pub compare: compare::Options,
 }
 
 /// The times of several repetitions, seconds.
@@ -99,6 +105,7 @@ pub fn run(arguments: &Arguments) -> CommandResult {
         "frame" => serde_json::to_string_pretty(&frame::measure(arguments)?)?,
         "presence" => serde_json::to_string_pretty(&presence::measure(arguments)?)?,
         "flight" => serde_json::to_string_pretty(&flight::measure(arguments)?)?,
+        "compare" => serde_json::to_string_pretty(&compare::measure(arguments)?)?,
         "build" => serde_json::to_string_pretty(&build::measure(arguments)?)?,
         "pages" => serde_json::to_string_pretty(&pages::measure(arguments)?)?,
         _ => serde_json::to_string_pretty(&splat::measure(arguments)?)?,

@@ -12,6 +12,7 @@ pub mod paint;
 pub mod picture_config;
 pub mod progress_bar;
 pub mod render;
+pub mod statistics;
 pub mod synth;
 pub mod verify;
 pub mod view;
@@ -29,7 +30,7 @@ pub enum Command {
     Info(info::Arguments),
     Verify(verify::Arguments),
     Synth(synth::Arguments),
-    Bench(bench::Arguments),
+    Bench(Box<bench::Arguments>),
     Modes(modes::Arguments),
 }
 

@@ -1,6 +1,7 @@
 //! `deepfield render` for the modes that draw colours straight from particles.
 
-use super::render::{Arguments, Backend, Times, load_exact, no_family, view, write_json};
+use super::render::{Arguments, Backend, load_exact, no_family, view};
+use super::statistics::{Shown, Times, write_json};
 use super::{CommandResult, cache, progress_bar::TerminalProgress};
 use crate::model::{Bounds, Family};
 use crate::modes::paint::{Subject, paint_nodes, paint_particles};
@@ -18,16 +19,8 @@ use std::sync::Arc;
 /// Statistics of a run, as `--json` writes them.
 #[derive(Debug, Serialize)]
 struct Statistics<'a> {
-    converged: bool,
-    error_px: f64,
-    particles_drawn: u64,
-    nodes_drawn: usize,
-    backend: &'a str,
-    adapter: &'a str,
-    mode: &'static str,
-    attribute: Option<&'a str>,
-    width: u32,
-    height: u32,
+    #[serde(flatten)]
+    shown: Shown<'a>,
     grid: Grid,
     ranges: Ranges<'a>,
     milliseconds: &'a BTreeMap<String, f64>,
@@ -49,6 +42,8 @@ struct Grid {
     samples: Option<u64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     crossings: Option<u64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    memory_bytes: Option<u64>,
 }
 
 /// The ranges in use.
@@ -222,16 +217,18 @@ fn statistics<'a>(
 ) -> Statistics<'a> {
     let Painted { colors, report, levels, isovalues } = &outcome.painted;
     Statistics {
-        converged: outcome.converged,
-        error_px: outcome.error_pixels,
-        particles_drawn: outcome.particles,
-        nodes_drawn: outcome.nodes,
-        backend,
-        adapter,
-        mode: mode.name,
-        attribute: outcome.attribute.as_deref(),
-        width: colors.width,
-        height: colors.height,
+        shown: Shown {
+            converged: outcome.converged,
+            error_px: outcome.error_pixels,
+            particles_drawn: outcome.particles,
+            nodes_drawn: outcome.nodes,
+            backend,
+            adapter,
+            mode: mode.name,
+            attribute: outcome.attribute.as_deref(),
+            width: colors.width,
+            height: colors.height,
+        },
         grid: Grid {
             size: report.grid,
             near: report.planes[0],
@@ -244,6 +241,7 @@ fn statistics<'a>(
             hidden: report.hidden,
             samples: report.samples,
             crossings: report.crossings,
+            memory_bytes: report.memory,
         },
         ranges: Ranges {
             density: levels.density,

@@ -3,6 +3,7 @@
 use super::arguments::{PictureSize, not_negative, positive, vector};
 use super::picture_config::PictureConfig;
 use super::progress_bar::TerminalProgress;
+use super::statistics::{Shown, Times, write_json};
 use super::{CommandResult, cache};
 use crate::import::{AttributeChoice, LoadOptions, load};
 use crate::model::{Bounds, Dataset, Family, FamilyName};
@@ -18,7 +19,6 @@ use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::{Duration, Instant};
 
 /// Renders a picture of a snapshot, catalogue or page file.
 #[derive(clap::Args, Clone, Debug)]
@@ -192,16 +192,8 @@ pub fn family_name(text: &str) -> Result<FamilyName, String> {
 /// Statistics of a run, as `--json` writes them.
 #[derive(Debug, Serialize)]
 struct Statistics<'a> {
-    converged: bool,
-    error_px: f64,
-    particles_drawn: u64,
-    nodes_drawn: usize,
-    backend: &'static str,
-    adapter: &'a str,
-    mode: &'static str,
-    attribute: Option<&'a str>,
-    width: u32,
-    height: u32,
+    #[serde(flatten)]
+    shown: Shown<'a>,
     /// What was left out, and how that was decided.
     economy: &'a LeftOut,
     sum: f64,
@@ -530,68 +522,21 @@ pub(super) fn view(arguments: &Arguments, bounds: Bounds) -> Result<View, crate:
 /// Writes the statistics to a file, or to standard output for `-`.
 fn write_statistics(path: &Path, picture: &Picture) -> CommandResult {
     let statistics = Statistics {
-        converged: picture.converged,
-        error_px: picture.error_pixels,
-        particles_drawn: picture.particles,
-        nodes_drawn: picture.nodes,
-        backend: picture.backend,
-        adapter: &picture.adapter,
-        mode: picture.mode.name,
-        attribute: picture.attribute.as_deref(),
-        width: picture.accumulation.width,
-        height: picture.accumulation.height,
+        shown: Shown {
+            converged: picture.converged,
+            error_px: picture.error_pixels,
+            particles_drawn: picture.particles,
+            nodes_drawn: picture.nodes,
+            backend: picture.backend,
+            adapter: &picture.adapter,
+            mode: picture.mode.name,
+            attribute: picture.attribute.as_deref(),
+            width: picture.accumulation.width,
+            height: picture.accumulation.height,
+        },
         economy: &picture.economy,
         sum: picture.accumulation.sum(),
         milliseconds: &picture.milliseconds,
     };
     write_json(path, &statistics)
-}
-
-/// Writes statistics of any kind to a file, or to standard output for `-`.
-pub(super) fn write_json(path: &Path, statistics: &impl Serialize) -> CommandResult {
-    let text = serde_json::to_string_pretty(statistics)? + "\n";
-    if path == Path::new("-") {
-        print!("{text}");
-    } else {
-        output::write_atomically(path, text.as_bytes())?;
-    }
-    Ok(())
-}
-
-/// Wall-clock times of passes, over several repetitions.
-#[derive(Clone, Default)]
-pub(super) struct Times {
-    samples: BTreeMap<String, Vec<f64>>,
-}
-
-impl Times {
-    /// Runs and times one pass.
-    pub(super) fn measure<T>(&mut self, pass: &str, work: impl FnOnce() -> T) -> T {
-        let start = Instant::now();
-        let result = work();
-        self.samples.entry(pass.to_owned()).or_default().push(1e3 * start.elapsed().as_secs_f64());
-        result
-    }
-
-    /// Takes in a time that was measured elsewhere.
-    pub(super) fn note(&mut self, pass: &str, time: Duration) {
-        self.samples.entry(pass.to_owned()).or_default().push(1e3 * time.as_secs_f64());
-    }
-
-    /// Runs and times a frame that consists of passes.
-    pub(super) fn frame<T>(&mut self, work: impl FnOnce(&mut Times) -> T) -> T {
-        let start = Instant::now();
-        let result = work(self);
-        self.samples.entry("frame".to_owned()).or_default().push(1e3 * start.elapsed().as_secs_f64());
-        result
-    }
-
-    /// The median of each pass, milliseconds.
-    pub(super) fn medians(self) -> BTreeMap<String, f64> {
-        let median = |mut samples: Vec<f64>| {
-            samples.sort_by(f64::total_cmp);
-            samples[samples.len() / 2]
-        };
-        self.samples.into_iter().map(|(pass, samples)| (pass, median(samples))).collect()
-    }
 }

@@ -18,6 +18,7 @@ pub static MODE: Mode = Mode {
     conserves: Conserved::Mass,
     usual_attributes: &[],
     weight_attributes: &[],
+    densities: false,
     footprint: |_| Footprint::Kernel,
     transfer: ["density", "density-hue"],
 };

@@ -21,6 +21,7 @@ pub struct DecodedNode {
     smoothing_length: Vec<f32>,
     weight: Vec<f32>,
     attribute: Option<Vec<f32>>,
+    density: Option<Vec<f32>>,
 }
 
 impl DecodedNode {
@@ -41,14 +42,18 @@ impl DecodedNode {
         if !sample.is_all() {
             let mut out = DecodedNode { origin: node.key.min(family.root), ..DecodedNode::default() };
             out.attribute = table.attribute.as_ref().map(|_| Vec::new());
+            out.density = table.density.as_ref().map(|_| Vec::new());
             let code = |i: u32| usize::from(particles.codes[i as usize]);
             let importance = |i: u32| table.importance[code(i)];
             sample.each(particles.len() as u32, importance, |i, factor| {
                 out.offsets.push(particles.fraction(i as usize).map(|x| x * size));
                 out.smoothing_length.push(sample.growth * table.smoothing_length[code(i)]);
                 out.weight.push(factor * (scale * table.weight[code(i)]));
-                if let (Some(out), Some(column)) = (&mut out.attribute, &table.attribute) {
-                    out.push(column[code(i)]);
+                let optional = [(&mut out.attribute, &table.attribute), (&mut out.density, &table.density)];
+                for (out, column) in optional {
+                    if let (Some(out), Some(column)) = (out, column) {
+                        out.push(column[code(i)]);
+                    }
                 }
             });
             return out;
@@ -60,6 +65,7 @@ impl DecodedNode {
             smoothing_length: at(&table.smoothing_length),
             weight: particles.codes.iter().map(|&code| scale * table.weight[usize::from(code)]).collect(),
             attribute: table.attribute.as_deref().map(at),
+            density: table.density.as_deref().map(at),
         }
     }
 }
@@ -200,7 +206,8 @@ pub(super) fn batches<'a>(depiction: &Depiction, nodes: &'a [DecodedNode]) -> Re
                 extent(footprint, &node.smoothing_length),
                 &node.weight,
                 node.attribute.as_deref(),
-            )
+            )?
+            .with_density(node.density.as_deref())
         })
         .collect()
 }

@@ -20,6 +20,7 @@ pub static MODE: Mode = Mode {
     conserves: Conserved::MassDensity,
     usual_attributes: &["velocity-dispersion", "temperature", "internal-energy", "speed"],
     weight_attributes: &[],
+    densities: false,
     footprint: |_| Footprint::Kernel,
     transfer: ["density", "density-hue"],
 };

@@ -35,6 +35,8 @@ pub struct CodeTable {
     pub weight: Vec<f32>,
     /// Attribute `a`, if the picture has colour.
     pub attribute: Option<Vec<f32>>,
+    /// The particles' own densities, if the mode draws with them.
+    pub density: Option<Vec<f32>>,
     /// How much a particle's absence would show; see [`economy::importance`].
     pub importance: Vec<f32>,
     /// The largest of them.
@@ -48,6 +50,8 @@ pub struct SourceColumns {
     pub weight: Vec<f32>,
     /// Attribute `a` of each particle, if the picture has colour.
     pub attribute: Option<Vec<f32>>,
+    /// The particles' own densities, if the mode draws with them.
+    pub density: Option<Vec<f32>>,
 }
 
 impl Depiction {
@@ -150,11 +154,12 @@ impl Depiction {
             smoothing_length: &codebook.smoothing_length,
             attributes: &attributes,
         };
-        let SourceColumns { weight, attribute } = self.columns(&columns);
+        let SourceColumns { weight, attribute, density } = self.columns(&columns);
         let pairs = codebook.mass.iter().zip(&codebook.smoothing_length);
         let importance: Vec<f32> = pairs.map(|(&m, &h)| economy::importance(m, h)).collect();
         let most_important = importance.iter().copied().fold(0.0, f32::max);
-        CodeTable { smoothing_length: codebook.smoothing_length.clone(), weight, attribute, importance, most_important }
+        let smoothing_length = codebook.smoothing_length.clone();
+        CodeTable { smoothing_length, weight, attribute, density, importance, most_important }
     }
 
     /// The factor on the decoded weights of `node` that makes them add up to what the node stands for.
@@ -184,6 +189,6 @@ impl Depiction {
             Some(values) => values.iter().map(|&a| if a.is_finite() { a } else { coloring.fallback }).collect(),
             None => vec![coloring.fallback; weight.len()],
         });
-        SourceColumns { weight, attribute }
+        SourceColumns { weight, attribute, density: self.mode.densities.then(|| columns.density.to_vec()) }
     }
 }

@@ -2,7 +2,6 @@
 
 use super::{Columns, Painted, Painting, Setting, SettingKind, Settings};
 use crate::model::{Kernel, Unit};
-use crate::raster::colormap::ColorMap;
 use crate::raster::transfer::Range;
 use crate::raster::volume::classify::{UnitLength, to_linear};
 use crate::raster::volume::particles::SMALLEST;
@@ -131,13 +130,31 @@ pub static SHININESS: Setting = Setting {
     help: "how narrow the highlight is",
 };
 
-/// What is drawn of the grid.
+/// Where a volume begins and ends, where rays end, and what is summed: every mode that draws a volume has these.
+pub static COMMON: &[&Setting] = &[&NEAR, &FAR, &TERMINATION, &SMALLEST_CELLS, &KERNEL];
+/// How the perspective grid is laid and held.
+pub static GRID: &[&Setting] = &[&RESOLUTION, &LAMBDA, &SLAB_MEMORY, &OCCLUSION];
+/// The isosurfaces.
+pub static SURFACES: &[&Setting] = &[&ISOVALUES, &ISO_OPACITIES, &ISO_COLORS];
+/// The light on surfaces.
+pub static LIGHT: &[&Setting] = &[&LIGHTING, &AMBIENT, &SPECULAR, &SHININESS];
+
+/// What is drawn of a volume.
 #[derive(Clone, Copy, Debug)]
 pub struct Layers {
     /// The volume itself.
     pub volume: bool,
     /// Isosurfaces: places in the logarithmic range of densities where they are unless set, and their opacities.
     pub surfaces: &'static [(f32, f32)],
+}
+
+impl Layers {
+    /// The volume alone.
+    pub const VOLUME: Layers = Layers { volume: true, surfaces: &[] };
+    /// Surfaces alone.
+    pub const SURFACES: Layers = Layers { volume: false, surfaces: &[(0.3, 0.22), (0.62, 0.4), (0.9, 1.0)] };
+    /// Surfaces in the volume.
+    pub const BOTH: Layers = Layers { volume: true, surfaces: &[(0.55, 0.25), (0.9, 0.9)] };
 }
 
 /// The unit of densities.
@@ -153,51 +170,121 @@ pub fn masses(columns: &Columns<'_>) -> Vec<f32> {
     columns.mass.to_vec()
 }
 
+/// What every picture of a volume is made with.
+pub struct Look {
+    /// How the field is sampled.
+    pub options: VolumeOptions,
+    /// The transfer function in use.
+    pub transfer: VolumeTransfer,
+    /// Numbers for its ranges.
+    pub levels: VolumeLevels,
+    /// Its tables for these ranges.
+    pub classifier: Classifier,
+}
+
+impl Look {
+    /// What the settings and the transfer function come to for the particles in view.
+    ///
+    /// # Errors
+    /// [`VolumeError`] for settings that do not fit the data or each other, and when nothing is in view.
+    pub fn new(painting: &Painting<'_>) -> Result<Look, VolumeError> {
+        let options = options(painting);
+        let attribute = painting.batches.iter().any(|batch| batch.attribute().is_some());
+        let transfer = painting.transfer.cloned().unwrap_or_else(|| VolumeTransfer::usual(attribute));
+        let levels = levels(painting, &transfer, &options)?;
+        let classifier = Classifier::new(&transfer, levels, attribute);
+        Ok(Look { options, transfer, levels, classifier })
+    }
+
+    /// The density at a place of the range, 0 to 1.
+    pub fn density_at(&self, place: f32) -> f64 {
+        let [min, max] = self.levels.density;
+        min * (max / min).powf(f64::from(place))
+    }
+
+    /// The colour map's colour of a surface at a density, linear light. The map's dark end is no colour for a surface.
+    pub fn surface_color(&self, gradient: &[[f32; 3]], density: f64) -> [f32; 3] {
+        let [min, max] = self.levels.density;
+        let place = ((density / min).ln() / (max / min).ln()).clamp(0.0, 1.0);
+        let index = (55.0 + 200.0 * place) / 255.0 * gradient.len().saturating_sub(1) as f64;
+        gradient.get(index.round() as usize).map_or([1.0; 3], |color| color.map(to_linear))
+    }
+
+    /// What is drawn, and the isosurfaces' densities.
+    ///
+    /// # Errors
+    /// [`VolumeError`] for surfaces that cannot be there, and lists that do not fit each other.
+    pub fn scenery(&self, painting: &Painting<'_>, layers: Layers) -> Result<(Scenery, Vec<f64>), VolumeError> {
+        let settings = painting.settings;
+        let isovalues = settings.numbers(&ISOVALUES);
+        let possible = |value: f64| value > 0.0 && value <= painting.densest;
+        if let Some((index, &value)) = isovalues.iter().enumerate().find(|(_, value)| !possible(**value)) {
+            return Err(VolumeError::IsoValue { index, value, largest: painting.densest });
+        }
+        let chosen: Vec<f64> = match isovalues {
+            _ if layers.surfaces.is_empty() => Vec::new(),
+            [] => layers.surfaces.iter().map(|&(place, _)| self.density_at(place)).collect(),
+            set => set.to_vec(),
+        };
+        let scenery = Scenery {
+            classifier: self.classifier.clone(),
+            volume: layers.volume,
+            surfaces: self.surfaces(settings, &chosen, &layers)?,
+            light: light(settings),
+            termination: settings.number(&TERMINATION) as f32,
+        };
+        Ok((scenery, chosen))
+    }
+
+    fn surfaces(&self, settings: &Settings, isovalues: &[f64], layers: &Layers) -> Result<Vec<Surface>, VolumeError> {
+        let (opacities, colors) = (settings.numbers(&ISO_OPACITIES), settings.colors(&ISO_COLORS));
+        for (field, found) in [("iso-opacities", opacities.len()), ("iso-colors", colors.len())] {
+            if found > 0 && found != isovalues.len() {
+                let expected = format!("as many as isovalues, {}", isovalues.len());
+                return Err(VolumeError::Setting { field, found: format!("a list of {found}"), expected });
+            }
+        }
+        let densest = isovalues.iter().copied().fold(0.0, f64::max);
+        let gradient = self.transfer.color_map.sample(256);
+        let hues = self.classifier.has_hues();
+        let surface = |(index, &value): (usize, &f64)| {
+            let usual = match layers.surfaces.get(index).filter(|_| settings.numbers(&ISOVALUES).is_empty()) {
+                Some(&(_, opacity)) => opacity,
+                None if value >= densest => 1.0,
+                None => 0.3,
+            };
+            let mapped = self.surface_color(&gradient, value);
+            Surface {
+                value: value as f32,
+                color: colors.get(index).map(|color| color.map(to_linear)).or((!hues).then_some(mapped)),
+                opacity: opacities.get(index).map_or(usual, |&opacity| opacity as f32),
+            }
+        };
+        Ok(isovalues.iter().enumerate().map(surface).collect())
+    }
+}
+
+/// The light on surfaces; `None` where they are not lit.
+pub fn light(settings: &Settings) -> Option<Light> {
+    settings.flag(&LIGHTING).then(|| Light {
+        ambient: settings.number(&AMBIENT) as f32,
+        specular: settings.number(&SPECULAR) as f32,
+        shininess: settings.number(&SHININESS) as f32,
+    })
+}
+
 /// Draws the layers of a mode.
 ///
 /// # Errors
 /// [`VolumeError`] for settings that do not fit the data or each other, and when nothing is in view.
 pub fn paint(painting: &Painting<'_>, layers: Layers) -> Result<Painted, VolumeError> {
-    let settings = painting.settings;
-    let options = options(painting)?;
-    let attribute = painting.batches.iter().any(|batch| batch.attribute().is_some());
-    let usual;
-    let transfer = match painting.transfer {
-        Some(transfer) => transfer,
-        None => {
-            usual = VolumeTransfer::usual(attribute);
-            &usual
-        }
-    };
-    let isovalues = settings.numbers(&ISOVALUES);
-    let possible = |value: f64| value > 0.0 && value <= painting.densest;
-    if let Some((index, &value)) = isovalues.iter().enumerate().find(|(_, value)| !possible(**value)) {
-        return Err(VolumeError::IsoValue { index, value, largest: painting.densest });
-    }
-    let levels = levels(painting, transfer, &options)?;
-    let classifier = Classifier::new(transfer, levels, attribute);
-    let place_to_density = |place: f32| {
-        let [min, max] = levels.density;
-        min * (max / min).powf(f64::from(place))
-    };
-    let chosen: Vec<f64> = match isovalues {
-        _ if layers.surfaces.is_empty() => Vec::new(),
-        [] => layers.surfaces.iter().map(|&(place, _)| place_to_density(place)).collect(),
-        set => set.to_vec(),
-    };
-    let surfaces = surfaces(settings, &chosen, &levels, &layers, transfer.color_map, classifier.has_hues())?;
-    let light = settings.flag(&LIGHTING).then(|| Light {
-        ambient: settings.number(&AMBIENT) as f32,
-        specular: settings.number(&SPECULAR) as f32,
-        shininess: settings.number(&SHININESS) as f32,
-    });
-    let termination = settings.number(&TERMINATION) as f32;
-    let scenery = Scenery { classifier, volume: layers.volume, surfaces, light, termination };
-    let (colors, report) = volume::draw(painting.view, painting.batches, &scenery, &options, painting.caster)?;
-    Ok(Painted { colors, report, levels, isovalues: chosen })
+    let look = Look::new(painting)?;
+    let (scenery, isovalues) = look.scenery(painting, layers)?;
+    let (colors, report) = volume::draw(painting.view, painting.batches, &scenery, &look.options, painting.caster)?;
+    Ok(Painted { colors, report, levels: look.levels, isovalues })
 }
 
-fn options(painting: &Painting<'_>) -> Result<VolumeOptions, VolumeError> {
+fn options(painting: &Painting<'_>) -> VolumeOptions {
     let settings = painting.settings;
     let plane = |setting: &Setting| Some(settings.number(setting)).filter(|&depth| depth > 0.0);
     let kernel = match settings.name(&KERNEL).as_str() {
@@ -205,7 +292,7 @@ fn options(painting: &Painting<'_>) -> Result<VolumeOptions, VolumeError> {
         "poly6" => Kernel::Poly6,
         _ => painting.kernel,
     };
-    Ok(VolumeOptions {
+    VolumeOptions {
         grid: GridOptions { resolution: settings.number(&RESOLUTION), lambda: settings.flag(&LAMBDA) },
         near: plane(&NEAR),
         far: plane(&FAR),
@@ -213,7 +300,7 @@ fn options(painting: &Painting<'_>) -> Result<VolumeOptions, VolumeError> {
         smallest: settings.number(&SMALLEST_CELLS),
         occlusion: settings.flag(&OCCLUSION),
         kernel,
-    })
+    }
 }
 
 /// Numbers for the ranges that are automatic.
@@ -247,40 +334,4 @@ fn levels(
     let attribute = hue.scale.usable(fixed(hue.range, measured.map(|range| range.attribute)));
     let unit_length = unit.max(1e-30) / painting.settings.number(&OPACITY);
     Ok(VolumeLevels { density, attribute, unit_length })
-}
-
-fn surfaces(
-    settings: &Settings,
-    isovalues: &[f64],
-    levels: &VolumeLevels,
-    layers: &Layers,
-    map: ColorMap,
-    hues: bool,
-) -> Result<Vec<Surface>, VolumeError> {
-    let (opacities, colors) = (settings.numbers(&ISO_OPACITIES), settings.colors(&ISO_COLORS));
-    for (field, found) in [("iso-opacities", opacities.len()), ("iso-colors", colors.len())] {
-        if found > 0 && found != isovalues.len() {
-            let expected = format!("as many as isovalues, {}", isovalues.len());
-            return Err(VolumeError::Setting { field, found: format!("a list of {found}"), expected });
-        }
-    }
-    let densest = isovalues.iter().copied().fold(0.0, f64::max);
-    let [min, max] = levels.density;
-    let gradient = map.sample(256);
-    let surface = |(index, &value): (usize, &f64)| {
-        let usual = match layers.surfaces.get(index).filter(|_| settings.numbers(&ISOVALUES).is_empty()) {
-            Some(&(_, opacity)) => opacity,
-            None if value >= densest => 1.0,
-            None => 0.3,
-        };
-        let place = ((value / min).ln() / (max / min).ln()).clamp(0.0, 1.0);
-        // The map's dark end is no colour for a surface.
-        let mapped = gradient[(55.0 + 200.0 * place).round() as usize].map(to_linear);
-        Surface {
-            value: value as f32,
-            color: colors.get(index).map(|color| color.map(to_linear)).or((!hues).then_some(mapped)),
-            opacity: opacities.get(index).map_or(usual, |&opacity| opacity as f32),
-        }
-    };
-    Ok(isovalues.iter().enumerate().map(surface).collect())
 }

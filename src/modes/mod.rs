@@ -4,6 +4,7 @@
 //!
 //! A new mode is a file here and a line in [`MODES`].
 
+pub mod cartesian;
 pub mod column_density;
 pub mod cpu;
 pub mod density_squared;
@@ -14,10 +15,13 @@ pub mod governor;
 pub mod gpu;
 pub mod grid;
 pub mod isosurface;
+pub mod layered;
 pub mod paint;
 pub mod pilot;
 pub mod points;
 pub mod setting;
+pub mod sorted_splats;
+pub mod spheres;
 pub mod volume;
 pub mod volume_isosurface;
 
@@ -29,13 +33,17 @@ pub use setting::{Setting, SettingError, SettingKind, SettingValue, Settings};
 use crate::model::Unit;
 
 /// Every registered mode; the first is the default.
-pub static MODES: [&Mode; 6] = [
+pub static MODES: [&Mode; 10] = [
     &column_density::MODE,
     &density_squared::MODE,
     &points::MODE,
     &volume::MODE,
     &isosurface::MODE,
     &volume_isosurface::MODE,
+    &layered::MODE,
+    &sorted_splats::MODE,
+    &spheres::MODE,
+    &cartesian::MODE,
 ];
 
 /// The description of a mode.
@@ -44,8 +52,8 @@ pub struct Mode {
     pub name: &'static str,
     /// What it shows, a sentence.
     pub help: &'static str,
-    /// Its settings.
-    pub settings: &'static [Setting],
+    /// Its settings, in groups that modes share.
+    pub settings: &'static [&'static [&'static Setting]],
     /// How it is drawn.
     pub technique: Technique,
     /// What `P` is called in a legend.
@@ -61,6 +69,8 @@ pub struct Mode {
     pub usual_attributes: &'static [&'static str],
     /// Attributes that the weight itself uses.
     pub weight_attributes: &'static [&'static str],
+    /// Whether each particle's own density is drawn with, beside its weight.
+    pub densities: bool,
     /// The shape of a particle in the picture.
     pub footprint: fn(&Settings) -> Footprint,
     /// Name of the transfer function to begin with, in `assets/transfer/`: without colour channel, and with one.
@@ -135,7 +145,7 @@ impl Mode {
     /// Its settings, then those that every mode of splats has.
     pub fn all_settings(&self) -> impl Iterator<Item = &'static Setting> + use<> {
         let common: &[&Setting] = if self.painter().is_some() { &[] } else { &economy::COMMON };
-        self.settings.iter().chain(common.iter().copied())
+        self.settings.iter().copied().flatten().chain(common).copied()
     }
 
     /// What draws its colours, for modes that are not made of splats.

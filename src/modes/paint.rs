@@ -88,7 +88,8 @@ pub fn paint_particles(
         .zip(&columns)
         .map(|(family, columns)| {
             let extent = Extent::World(&family.smoothing_length);
-            Splats::new(Positions::World(&family.positions), extent, &columns.weight, columns.attribute.as_deref())
+            Splats::new(Positions::World(&family.positions), extent, &columns.weight, columns.attribute.as_deref())?
+                .with_density(columns.density.as_deref())
         })
         .collect::<Result<Vec<_>, _>>()?;
     let densities = families.iter().flat_map(|family| &family.density);

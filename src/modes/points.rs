@@ -16,7 +16,7 @@ pub static RADIUS: Setting = Setting {
 pub static MODE: Mode = Mode {
     name: "points",
     help: "stars as discs of fixed size, as bright as their magnitude says, coloured by their colour index",
-    settings: &[RADIUS],
+    settings: &[&[&RADIUS]],
     technique: Technique::Splats,
     quantity: "flux",
     unit: |_, _| Unit::default(),
@@ -27,6 +27,7 @@ pub static MODE: Mode = Mode {
     conserves: Conserved::Neither,
     usual_attributes: &["color-index", "temperature", "speed"],
     weight_attributes: &["magnitude"],
+    densities: false,
     footprint: |settings| Footprint::Pixels(settings.number(&RADIUS) as f32),
     transfer: ["density", "stars"],
 };

@@ -173,6 +173,28 @@ impl Lens {
         (0..2).all(|k| footprint.max[k] > -margin && footprint.min[k] < size[k] + margin)
     }
 
+    /// The footprint of a particle of weight 1 with its centre in camera space and its smoothing length in world units, in any
+    /// projection; `None` when it cannot be drawn.
+    pub fn at(&self, camera: DVec3, h: f64) -> Option<Footprint> {
+        match self.view.projection {
+            Projection::Perspective { .. } if camera.z > 0.0 => self.sphere(camera, h, 1.0, 0.0),
+            Projection::Perspective { .. } => None,
+            Projection::Orthographic { .. } => {
+                let center = self.view.to_pixels(camera)?;
+                let radius = h * self.focal;
+                let (min, max) = (center.map(|x| x - radius), center.map(|x| x + radius));
+                (radius > 0.0 && radius.is_finite()).then(|| Footprint {
+                    min,
+                    max,
+                    radius,
+                    amplitude: 1.0 / (h * h),
+                    amplitude_s: 0.0,
+                    shape: Shape::Circle { center },
+                })
+            }
+        }
+    }
+
     /// The footprint of a sphere in a perspective view, with its centre in camera space.
     pub fn sphere(&self, camera: DVec3, h: f64, weight: f64, weight_s: f64) -> Option<Footprint> {
         if !(h > 0.0 && h.is_finite() && camera.is_finite()) {

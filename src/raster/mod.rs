@@ -15,13 +15,19 @@
 //! part behind the eye too.
 
 pub mod accumulation;
+pub mod cartesian;
 pub mod colormap;
 pub mod composite;
 pub mod footprint;
+pub mod layered;
 pub mod output;
 pub mod overdraw;
 pub mod pyramid;
 pub mod sample;
+pub mod screen_spheres;
+pub mod screen_tiles;
+pub mod sheet;
+pub mod sorted;
 pub mod splats;
 pub mod table;
 pub mod transfer;

@@ -73,6 +73,7 @@ pub struct Splats<'a> {
     extent: Extent<'a>,
     weight: &'a [f32],
     attribute: Option<&'a [f32]>,
+    density: Option<&'a [f32]>,
 }
 
 impl<'a> Splats<'a> {
@@ -98,7 +99,18 @@ impl<'a> Splats<'a> {
         if let Some(attribute) = attribute {
             check("attribute", attribute.len())?;
         }
-        Ok(Splats { positions, extent, weight, attribute })
+        Ok(Splats { positions, extent, weight, attribute, density: None })
+    }
+
+    /// The same with each particle's own density, for what is classified particle by particle.
+    ///
+    /// # Errors
+    /// [`RasterError::Length`] when the column's length differs from the number of positions.
+    pub fn with_density(self, density: Option<&'a [f32]>) -> Result<Splats<'a>, RasterError> {
+        match density.map_or(self.len(), <[f32]>::len) {
+            found if found == self.len() => Ok(Splats { density, ..self }),
+            found => Err(RasterError::Length { column: "density", found, expected: self.len() }),
+        }
     }
 
     /// Number of particles.
@@ -124,6 +136,11 @@ impl<'a> Splats<'a> {
     /// Weights `w`.
     pub fn weight(&self) -> &'a [f32] {
         self.weight
+    }
+
+    /// Densities of the particles themselves, where something is classified particle by particle.
+    pub fn density(&self) -> Option<&'a [f32]> {
+        self.density
     }
 
     /// Attributes `a`, when the `S` channel is wanted.

@@ -144,6 +144,12 @@ impl Slab {
         })
     }
 
+    /// Memory of the cells that are held.
+    pub fn bytes(&self) -> u64 {
+        let cells = |brick: &Brick| brick.density.len() + brick.weighted.len();
+        4 * self.layers.iter().flatten().flatten().map(|brick| cells(brick) as u64).sum::<u64>()
+    }
+
     /// Only the last layer, for the next slab; the others go to `done`.
     pub fn split_last(mut self, done: impl FnOnce(Vec<Layer>)) -> Slab {
         let first = self.first + self.layers.len().saturating_sub(1);

@@ -17,7 +17,7 @@ pub mod surface;
 
 mod block;
 #[cfg(test)]
-mod tests;
+pub(in crate::raster) mod tests;
 
 pub use classify::{Classifier, VolumeLevels, VolumeTransfer};
 pub use range::FieldRange;
@@ -156,6 +156,8 @@ pub struct VolumeReport {
     pub crossings: Option<u64>,
     /// Columns of bricks that were left out of a slab because they lie behind opaque pixels, over all slabs.
     pub hidden: u64,
+    /// Most memory held at once by particles, the field and the rays, bytes, where it is counted.
+    pub memory: Option<u64>,
     /// Time for projecting and resampling.
     pub resampling: Duration,
     /// Time for casting rays.
@@ -284,6 +286,8 @@ impl Caster for Processor {
             let first = if kept.layers.is_empty() { layers.start } else { kept.first };
             let mut held = Slab { first, layers: kept.layers };
             held.layers.extend(resampled);
+            let held_now = particles.bytes() + held.bytes() + rays.bytes();
+            report.memory = report.memory.max(Some(held_now));
             let effort = rays.advance(grid, masonry, &held, slab.steps, scenery);
             *report.samples.get_or_insert(0) += effort.samples;
             *report.crossings.get_or_insert(0) += effort.crossings;

@@ -32,6 +32,8 @@ pub struct Particle {
 pub struct Projected {
     /// In the order of the batches.
     pub chunks: Vec<Vec<Particle>>,
+    /// The particles' own densities, one for each in `chunks`, where every batch has them; less for those that were raised.
+    pub densities: Vec<Vec<f32>>,
     /// Least and largest depth that a particle in the picture reaches.
     pub depths: Option<[f64; 2]>,
     /// Particles whose size was raised.
@@ -44,6 +46,12 @@ impl Projected {
     /// Number of particles that reach into the picture.
     pub fn len(&self) -> u64 {
         self.chunks.iter().map(|chunk| chunk.len() as u64).sum()
+    }
+
+    /// Memory that they take.
+    pub fn bytes(&self) -> u64 {
+        let of_density = if self.densities.is_empty() { 0 } else { size_of::<f32>() };
+        self.len() * (size_of::<Particle>() + of_density) as u64
     }
 
     /// Whether none does.
@@ -78,23 +86,34 @@ pub fn project(view: &View, batches: &[Splats<'_>], taken: &Taken) -> Projected 
             let [near, far] = all.depths.unwrap_or(part.depths);
             all.depths = Some([near.min(part.depths[0]), far.max(part.depths[1])]);
             // Nodes of a page file may hold few particles each; short chunks would cost more than they hold.
-            match all.chunks.last_mut() {
-                Some(last) if last.len() + part.particles.len() <= CHUNK => last.extend(part.particles),
-                _ => all.chunks.push(part.particles),
+            match (all.chunks.last_mut(), all.densities.last_mut()) {
+                (Some(last), Some(densities)) if last.len() + part.particles.len() <= CHUNK => {
+                    last.extend(part.particles);
+                    densities.extend(part.densities);
+                }
+                _ => {
+                    all.chunks.push(part.particles);
+                    all.densities.push(part.densities);
+                }
             }
         }
+    }
+    if !batches.iter().all(|batch| batch.density().is_some()) {
+        all.densities.clear();
     }
     all
 }
 
 struct Part {
     particles: Vec<Particle>,
+    densities: Vec<f32>,
     depths: [f64; 2],
     raised: u64,
 }
 
 fn part(view: &View, batch: &Splats<'_>, start: usize, taken: &Taken) -> Part {
-    let mut part = Part { particles: Vec::new(), depths: [f64::INFINITY, f64::NEG_INFINITY], raised: 0 };
+    let mut part =
+        Part { particles: Vec::new(), densities: Vec::new(), depths: [f64::INFINITY, f64::NEG_INFINITY], raised: 0 };
     let Extent::World(lengths) = batch.extent() else { return part };
     let perspective = matches!(view.projection, Projection::Perspective { .. });
     let half = [view.width, view.height].map(|pixels| 0.5 * f64::from(pixels) / view.focal_pixels());
@@ -111,7 +130,7 @@ fn part(view: &View, batch: &Splats<'_>, start: usize, taken: &Taken) -> Part {
             continue;
         }
         let least = taken.smallest * taken.sigma * if perspective { place.z.max(0.0) } else { 1.0 };
-        let raised = h < least;
+        let (raised, own) = (h < least, h);
         h = h.max(least);
         let beyond = |axis: usize| {
             let edge = if perspective { half[axis] * place.z } else { half[axis] };
@@ -125,6 +144,9 @@ fn part(view: &View, batch: &Splats<'_>, start: usize, taken: &Taken) -> Part {
         part.depths = [part.depths[0].min(nearest), part.depths[1].max(place.z + h)];
         let [x, y, z] = place.as_vec3().to_array();
         part.particles.push(Particle { place: [x, y, z, h as f32], mass, weighted });
+        if let Some(densities) = batch.density() {
+            part.densities.push(densities[i] * (own / h).powi(3) as f32);
+        }
     }
     part
 }

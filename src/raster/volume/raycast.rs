@@ -53,7 +53,7 @@ pub struct Ray {
 impl Ray {
     /// What is behind, seen through what is here.
     #[inline]
-    fn under(&mut self, color: [f32; 3], alpha: f32) {
+    pub fn under(&mut self, color: [f32; 3], alpha: f32) {
         let share = (1.0 - self.alpha) * alpha;
         for (sum, color) in self.color.iter_mut().zip(color) {
             *sum += share * color;
@@ -110,6 +110,11 @@ impl Rays {
             })
         });
         Rays { tiles: tiles.collect(), width: width as usize, height: height as usize, places }
+    }
+
+    /// Memory that they take.
+    pub fn bytes(&self) -> u64 {
+        (self.width * self.height * size_of::<Ray>()) as u64
     }
 
     /// Draws the steps of one slab.

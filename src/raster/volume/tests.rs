@@ -15,15 +15,15 @@ use glam::DVec3;
 
 /// Columns of particles that own their values.
 #[derive(Clone, Default)]
-struct Cloud {
-    positions: Vec<[f64; 3]>,
-    h: Vec<f32>,
-    mass: Vec<f32>,
-    attribute: Vec<f32>,
+pub(in crate::raster) struct Cloud {
+    pub positions: Vec<[f64; 3]>,
+    pub h: Vec<f32>,
+    pub mass: Vec<f32>,
+    pub attribute: Vec<f32>,
 }
 
 impl Cloud {
-    fn push(&mut self, position: [f64; 3], h: f32, mass: f32, attribute: f32) {
+    pub fn push(&mut self, position: [f64; 3], h: f32, mass: f32, attribute: f32) {
         self.positions.push(position);
         self.h.push(h);
         self.mass.push(mass);
@@ -39,13 +39,13 @@ impl Cloud {
         }
     }
 
-    fn batch(&self) -> Splats<'_> {
+    pub fn batch(&self) -> Splats<'_> {
         Splats::new(Positions::World(&self.positions), Extent::World(&self.h), &self.mass, Some(&self.attribute))
             .unwrap()
     }
 
     /// A lattice of `count^3` particles in a cube of this width around the origin, with mass density 1.
-    fn lattice(count: i32, width: f64) -> Cloud {
+    pub fn lattice(count: i32, width: f64) -> Cloud {
         let spacing = width / f64::from(count);
         let mut cloud = Cloud::default();
         for index in 0..count.pow(3) {
@@ -57,7 +57,7 @@ impl Cloud {
     }
 }
 
-fn draw(
+pub(in crate::raster) fn draw(
     view: &View,
     batches: &[Splats<'_>],
     scenery: &Scenery,
@@ -66,16 +66,16 @@ fn draw(
     super::draw(view, batches, scenery, options, &Processor)
 }
 
-fn merger(count: u64) -> Cloud {
+pub(in crate::raster) fn merger(count: u64) -> Cloud {
     let dataset: Dataset = crate::synth::dataset(&Merger::new(3, count));
     Cloud::of(&dataset.families[0], "internal-energy")
 }
 
-fn look(eye: DVec3, projection: Projection, width: u32, height: u32) -> View {
+pub(in crate::raster) fn look(eye: DVec3, projection: Projection, width: u32, height: u32) -> View {
     View::look_at(eye, DVec3::ZERO, DVec3::new(0.1, 1.0, 0.0), projection, width, height).unwrap()
 }
 
-fn perspective(eye: DVec3, width: u32, height: u32) -> View {
+pub(in crate::raster) fn perspective(eye: DVec3, width: u32, height: u32) -> View {
     look(eye, Projection::Perspective { fov_y: 0.8 }, width, height)
 }
 
@@ -291,7 +291,12 @@ fn a_uniform_lattice_has_its_density_everywhere() {
     assert!(inside > 5000);
 }
 
-fn scenery(transfer: &str, density: [f64; 2], unit_length: f64, surfaces: Vec<Surface>) -> Scenery {
+pub(in crate::raster) fn scenery(
+    transfer: &str,
+    density: [f64; 2],
+    unit_length: f64,
+    surfaces: Vec<Surface>,
+) -> Scenery {
     let transfer = VolumeTransfer::parse(transfer, "test").unwrap();
     let levels = VolumeLevels { density, attribute: [-1.0, 1.0], unit_length };
     Scenery {
@@ -303,7 +308,7 @@ fn scenery(transfer: &str, density: [f64; 2], unit_length: f64, surfaces: Vec<Su
     }
 }
 
-const RAMP: &str = "(opacity: [(0.0, 0.0), (1.0, 0.4)], brightness: [(0.0, 0.1), (1.0, 1.0)])";
+pub(in crate::raster) const RAMP: &str = "(opacity: [(0.0, 0.0), (1.0, 0.4)], brightness: [(0.0, 0.1), (1.0, 1.0)])";
 
 #[test]
 fn opacity_of_a_homogeneous_slab_does_not_depend_on_sampling() {
@@ -334,7 +339,7 @@ fn opacity_of_a_homogeneous_slab_does_not_depend_on_sampling() {
     }
 }
 
-fn difference(a: &Colors, b: &Colors) -> f32 {
+pub(in crate::raster) fn difference(a: &Colors, b: &Colors) -> f32 {
     let pairs = a.rgba.as_flattened().iter().zip(b.rgba.as_flattened());
     pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
 }

@@ -55,7 +55,7 @@ pub fn check(
     let governed = engine.governed(&view, &streamed.selection, engine.frame_ms).0;
     let everything = Plan { culling: engine.plan.culling, ..Plan::default() };
     let plans = [(governed, ""), (everything, "-whole")];
-    let name = |what: &str, kind: &str| options.output.join(format!("{what}-{backend}-{seconds:.0}s{kind}.png"));
+    let name = |what: &str, kind: &str| options.folder().join(format!("{what}-{backend}-{seconds:.0}s{kind}.png"));
     let nodes = &streamed.selection.nodes;
     let metadata = engine.file.metadata();
     let mut overdraw = [(0.0, 0); 2];

@@ -44,9 +44,9 @@ pub struct Options {
     /// Longest sides of the data's box that are flown in a second: 12.76 of 2230 million light years in F12.
     #[arg(long, value_name = "SIDES", default_value_t = 12.76 / 2230.0, value_parser = positive)]
     pub velocity: f64,
-    /// Picture size in pixels.
-    #[arg(long, value_name = "WxH", default_value = "1200x800")]
-    pub size: PictureSize,
+    /// Picture size in pixels [default: 1200x800 for `bench flight`, 600x400 for `bench compare`].
+    #[arg(long, value_name = "WxH")]
+    pub size: Option<PictureSize>,
     /// Largest displacement of a particle on screen, pixels.
     #[arg(long, value_name = "TAU", default_value_t = 0.8, value_parser = positive)]
     pub error_px: f64,
@@ -84,9 +84,16 @@ pub struct Options {
     /// Compare pictures that streamed in with pictures that were waited for, at so many places of the way.
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u16).range(0..=1000))]
     pub check: u16,
-    /// Folder for flight.csv, flight.svg, flight.png and the like.
-    #[arg(long, value_name = "FOLDER", default_value = "flight")]
-    pub output: PathBuf,
+    /// Folder for flight.csv, flight.svg, flight.png and the like, or compare.csv and the pictures [default: flight, compare].
+    #[arg(long, value_name = "FOLDER")]
+    pub output: Option<PathBuf>,
+}
+
+impl Options {
+    /// The folder that a flight writes to.
+    fn folder(&self) -> &Path {
+        self.output.as_deref().unwrap_or(Path::new("flight"))
+    }
 }
 
 /// Sizes of the viewport sweep.
@@ -130,7 +137,8 @@ pub struct Outcome {
 /// When a file cannot be built, read or written, or a backend fails.
 pub fn measure(arguments: &super::Arguments) -> Result<Vec<Outcome>, Failure> {
     let options = &arguments.flight;
-    std::fs::create_dir_all(&options.output).map_err(|error| format!("{}: {error}", options.output.display()))?;
+    let folder = options.folder();
+    std::fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
     let sizes = if arguments.path.is_some() { &arguments.sizes[..1] } else { &arguments.sizes[..] };
     let mut outcomes = Vec::new();
     for &particles in sizes {
@@ -209,7 +217,7 @@ fn with_canvas<T>(
     let metadata = file.metadata();
     let families: Vec<u32> = (0..metadata.families.len() as u32).collect();
     let frame = first_frame(&file, &families);
-    let PictureSize { width, height } = options.size;
+    let PictureSize { width, height } = options.size.unwrap_or(PictureSize { width: 1200, height: 800 });
     let fov_y = 45_f64.to_radians();
     let view = View::around(frame, fov_y, width, height)?;
     let flight = Flight::through(frame, options.velocity, options.duration, fov_y);
@@ -277,7 +285,7 @@ fn fly(engine: &mut Engine, options: &Options, opened: &Opened, backend: &str) -
     };
     let flight = opened.flight;
     let write = |name: &str, text: &[u8]| {
-        let path = options.output.join(name);
+        let path = options.folder().join(name);
         output::write_atomically(&path, text).map_err(|error| -> Failure { error.to_string().into() })
     };
     let mut streamer = engine.streamer();
