@@ -179,12 +179,16 @@ struct Program {
 
 impl Program {
     fn start(desktop: &Desktop, folder: &Path, arguments: &[&str]) -> Program {
+        Program::with_size(desktop, folder, [WIDTH, HEIGHT], arguments)
+    }
+
+    fn with_size(desktop: &Desktop, folder: &Path, [width, height]: [u16; 2], arguments: &[&str]) -> Program {
         let status = folder.join("status.json");
         let demo = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/demo/lcdm64_z0.hdf5");
         let process = Command::new(env!("CARGO_BIN_EXE_deepfield"))
             .arg("view")
             .arg(demo)
-            .args(["--size", &format!("{WIDTH}x{HEIGHT}"), "--status"])
+            .args(["--size", &format!("{width}x{height}"), "--status"])
             .arg(&status)
             .args(arguments)
             .env("DISPLAY", &desktop.display)
@@ -294,6 +298,20 @@ fn the_window_shows_turns_and_closes_on_the_processor() {
 #[test]
 fn the_window_shows_turns_and_closes_on_the_graphics_adapter() {
     use_the_window(&["--backend", "compute"]);
+}
+
+#[test]
+fn volumes_are_drawn_by_compute_passes() {
+    let folder = tempfile::tempdir().unwrap();
+    let desktop = Desktop::start();
+    let arguments = ["--mode", "volume", "--backend", "compute"];
+    let mut program = Program::with_size(&desktop, folder.path(), [640, 240], &arguments);
+    let status = program.wait("a converged picture", |status| status["converged"] == true);
+    assert_eq!(status["backend"], "compute", "{status:#}");
+    let left = status["picture"][0].as_f64().unwrap() as usize;
+    let lit = |screen: &Screen| screen.share(left..640, |pixel| pixel.iter().any(|&c| c > 40));
+    // The window is a third of the screen's height.
+    desktop.wait("a volume", |screen| lit(screen) > 0.01);
 }
 
 /// Flies with a frame time that no machine keeps for all particles.

@@ -7,6 +7,10 @@
 // test against the brick that turns down most of what the coarse bins hold. What is left of the 64 moves up, in its
 // order: a software driver goes through a loop's body for all that it counts, whatever is skipped in it.
 //
+// With SUBGROUP (subgroups of exactly eight, as on a CPU driver) a workgroup is one subgroup, and a brick has four parts
+// of two rows each: a lane owns two columns. Lanes look at eight particles at a time and then add those that reach the
+// part one after the other. What is read of memory is most of the work there, and this reads least.
+//
 // Crowded bricks take several turns: a software driver ends an invocation's loops after 65535 rounds, without a word.
 #import deepfield::volume_view::{VolumeView, Portion, Turn, number_of}
 #import deepfield::volume_constants::{BRICK, CELLS, HEADER, TURN}
@@ -26,14 +30,17 @@
 @group(0) @binding(8) var<storage, read> depths: array<vec4<f32>>;
 /// The cells of each brick, slice by slice: its densities, then `sum m A W` where there is an attribute.
 @group(0) @binding(9) var<storage, read_write> field: array<f32>;
+/// The largest density of each part of each brick.
 @group(0) @binding(10) var<storage, read_write> densest: array<f32>;
 
+#ifndef SUBGROUP
 /// Camera coordinates and 1 / h^2.
 var<workgroup> staged_spots: array<vec4<f32>, 64>;
 var<workgroup> staged_amounts: array<vec2<f32>, 64>;
 /// One bit for each of 64 particles: it reaches the brick.
 var<workgroup> reached: array<atomic<u32>, 2>;
 var<workgroup> largest: array<f32, 64>;
+#endif
 
 /// The kernel at four squared distances in units of h, without its leading factor; 0 from 1 on.
 fn kernel(q2: vec4<f32>) -> vec4<f32> {
@@ -61,6 +68,159 @@ fn write_column(at: u32, values: vec4<f32>, add: bool) -> f32 {
     return max(max(sum.x, sum.y), max(sum.z, sum.w));
 }
 
+#ifdef SUBGROUP
+@compute @workgroup_size(8)
+fn gather(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let item = number_of(group, groups);
+    let at = item / #{PARTS}u;
+    let part = item % #{PARTS}u;
+    let later = turn.number > 0u;
+    let listed = select(items[0], items[1], later);
+    if at >= listed {
+        return;
+    }
+    let grid = volume.levels[0];
+    let brick = items[HEADER + select(0u, grid.y * grid.z * grid.w, later) + at];
+    let columns = grid.y * grid.z;
+    let place = vec3(brick % grid.y, brick / grid.y % grid.z, brick / columns);
+    let layer = portion.first_layer + place.z;
+    let corner = vec3(portion.origin + place.xy, layer) * BRICK;
+
+    // Where the columns' cells lie, in camera space.
+    var near_depth: vec4<f32>;
+    var far_depth: vec4<f32>;
+    var near_spacing: vec4<f32>;
+    var far_spacing: vec4<f32>;
+    for (var i = 0u; i < 4u; i++) {
+        let front = depths[corner.z + i];
+        let back = depths[corner.z + 4u + i];
+        near_depth[i] = front.x;
+        near_spacing[i] = front.y;
+        far_depth[i] = back.x;
+        far_spacing[i] = back.y;
+    }
+    let low_cell = (vec2(f32(corner.x), f32(corner.y + 2u * part)) + 0.5 - volume.middle) * vec2(1.0, -1.0);
+    let near_x = (low_cell.x + f32(lane)) * near_spacing;
+    let far_x = (low_cell.x + f32(lane)) * far_spacing;
+    let near_upper = low_cell.y * near_spacing;
+    let far_upper = low_cell.y * far_spacing;
+    let near_lower = (low_cell.y - 1.0) * near_spacing;
+    let far_lower = (low_cell.y - 1.0) * far_spacing;
+
+    // The box around all of the part's cell centres.
+    let spacings = vec2(near_spacing.x, far_spacing.w);
+    let left = low_cell.x * spacings;
+    let right = (low_cell.x + 7.0) * spacings;
+    let upper = low_cell.y * spacings;
+    let lower = (low_cell.y - 1.0) * spacings;
+    let box_low = vec3(min(left.x, left.y), min(lower.x, lower.y), near_depth.x);
+    let box_high = vec3(max(right.x, right.y), max(upper.x, upper.y), far_depth.w);
+
+    var near_upper_density = vec4(0.0);
+    var far_upper_density = vec4(0.0);
+    var near_lower_density = vec4(0.0);
+    var far_lower_density = vec4(0.0);
+#ifdef ATTRIBUTE
+    var near_upper_weighted = vec4(0.0);
+    var far_upper_weighted = vec4(0.0);
+    var near_lower_weighted = vec4(0.0);
+    var far_lower_weighted = vec4(0.0);
+#endif
+    // Turn 0 takes the first candidates of all levels together, turn 1 the next, ...
+    var before = turn.number * TURN;
+    var left_over = TURN;
+    let level_count = volume.level_count;
+    for (var level = 0u; level < level_count; level++) {
+        let bin_grid = volume.levels[level];
+        let bin_place = place >> vec3(level);
+        let bin = bin_grid.x + (bin_place.z * bin_grid.z + bin_place.y) * bin_grid.y + bin_place.x;
+        var begin = bins[bin];
+        let end = bins[bin + 1u];
+        let passed = min(before, end - begin);
+        begin += passed;
+        before -= passed;
+        let taken = min(left_over, end - begin);
+        left_over -= taken;
+        let behind = begin + taken;
+        for (var base = begin; base < behind; base += 8u) {
+            let particle = particles[min(base + lane, behind - 1u)];
+            var mine = spots[particle];
+            let amounts_of_mine = amounts[particle];
+            let away = max(max(box_low - mine.xyz, mine.xyz - box_high), vec3(0.0));
+            let square = mine.w * mine.w;
+            // The box is exact but for rounding: a thousandth more.
+            let reaches = base + lane < behind && dot(away, away) < 1.001 * square;
+            mine.w = 1.0 / square;
+            var pending = subgroupBallot(reaches).x;
+            if pending == 0u {
+                continue;
+            }
+            loop {
+                let source = firstTrailingBit(pending);
+                pending &= pending - 1u;
+                let spot = subgroupShuffle(mine, source);
+                let amount = subgroupShuffle(amounts_of_mine, source);
+                let near_offset = near_x - spot.x;
+                let far_offset = far_x - spot.x;
+                let near_away = near_depth - spot.z;
+                let far_away = far_depth - spot.z;
+                let near_rest = fma(near_offset, near_offset, near_away * near_away);
+                let far_rest = fma(far_offset, far_offset, far_away * far_away);
+                let a = near_upper - spot.y;
+                let b = far_upper - spot.y;
+                let c = near_lower - spot.y;
+                let d = far_lower - spot.y;
+                let near_upper_value = kernel(fma(a, a, near_rest) * spot.w);
+                let far_upper_value = kernel(fma(b, b, far_rest) * spot.w);
+                let near_lower_value = kernel(fma(c, c, near_rest) * spot.w);
+                let far_lower_value = kernel(fma(d, d, far_rest) * spot.w);
+                near_upper_density = fma(vec4(amount.x), near_upper_value, near_upper_density);
+                far_upper_density = fma(vec4(amount.x), far_upper_value, far_upper_density);
+                near_lower_density = fma(vec4(amount.x), near_lower_value, near_lower_density);
+                far_lower_density = fma(vec4(amount.x), far_lower_value, far_lower_density);
+#ifdef ATTRIBUTE
+                near_upper_weighted = fma(vec4(amount.y), near_upper_value, near_upper_weighted);
+                far_upper_weighted = fma(vec4(amount.y), far_upper_value, far_upper_weighted);
+                near_lower_weighted = fma(vec4(amount.y), near_lower_value, near_lower_weighted);
+                far_lower_weighted = fma(vec4(amount.y), far_lower_value, far_lower_weighted);
+#endif
+                continuing {
+                    break if pending == 0u;
+                }
+            }
+        }
+    }
+
+    let held = layer % volume.ring * columns + brick % columns;
+    // What an earlier batch or turn has written.
+    let add = densest[held * #{PARTS}u + part] > 0.0;
+    let column = 2u * part * BRICK + lane;
+#ifdef ATTRIBUTE
+    let first = held * 2u * CELLS + column;
+    let upper_weighted = first + CELLS;
+    let a = write_column(upper_weighted, near_upper_weighted, add);
+    let b = write_column(upper_weighted + 256u, far_upper_weighted, add);
+    let c = write_column(upper_weighted + BRICK, near_lower_weighted, add);
+    let d = write_column(upper_weighted + BRICK + 256u, far_lower_weighted, add);
+#else
+    let first = held * CELLS + column;
+#endif
+    let largest_upper =
+        max(write_column(first, near_upper_density, add), write_column(first + 256u, far_upper_density, add));
+    let largest_lower = max(
+        write_column(first + BRICK, near_lower_density, add),
+        write_column(first + BRICK + 256u, far_lower_density, add),
+    );
+    let most = subgroupMax(max(largest_upper, largest_lower));
+    if lane == 0u {
+        densest[held * #{PARTS}u + part] = most;
+    }
+}
+#else
 @compute @workgroup_size(64)
 fn gather(
     @builtin(workgroup_id) group: vec3<u32>,
@@ -222,3 +382,4 @@ fn gather(
         densest[held] = largest[0];
     }
 }
+#endif

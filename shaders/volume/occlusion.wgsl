@@ -37,7 +37,9 @@ fn find_reach(
         let first = z % volume.ring * columns;
         for (var v = max(y, 1u) - 1u; v <= min(y + 1u, window.y - 1u); v++) {
             for (var u = max(x, 1u) - 1u; u <= min(x + 1u, window.x - 1u); u++) {
-                found = max(found, densest[first + v * window.x + u]);
+                for (var part = 0u; part < #{PARTS}u; part++) {
+                    found = max(found, densest[(first + v * window.x + u) * #{PARTS}u + part]);
+                }
             }
         }
     }

@@ -8,7 +8,7 @@
 /// Where each bin's particles begin.
 @group(0) @binding(2) var<storage, read> bins: array<u32>;
 @group(0) @binding(3) var<storage, read> hidden: array<u32>;
-/// The largest density of each brick that is held.
+/// The largest density of each part of each brick that is held; gather.wgsl says what parts are.
 @group(0) @binding(4) var<storage, read_write> densest: array<f32>;
 /// Number of bricks and of crowded ones; then the bricks, then the crowded ones. Their order does not matter.
 @group(0) @binding(5) var<storage, read_write> items: array<atomic<u32>>;
@@ -29,7 +29,10 @@ fn plan(
     }
     let place = vec3(brick % volume.window.x, brick / volume.window.x % volume.window.y, brick / columns);
     if portion.opening != 0u {
-        densest[(portion.first_layer + place.z) % volume.ring * columns + brick % columns] = 0.0;
+        let held = (portion.first_layer + place.z) % volume.ring * columns + brick % columns;
+        for (var part = 0u; part < #{PARTS}u; part++) {
+            densest[held * #{PARTS}u + part] = 0.0;
+        }
     }
     if hidden[brick % columns] != 0u {
         return;
@@ -56,7 +59,7 @@ fn plan(
 @compute @workgroup_size(1)
 fn dispatch_bricks() {
     for (var list = 0u; list < 2u; list++) {
-        let number = atomicLoad(&items[list]);
+        let number = atomicLoad(&items[list]) * #{PARTS}u;
         // One dimension holds at most 65535.
         dispatch[3u * list] = min(number, 32768u);
         dispatch[3u * list + 1u] = (number + 32767u) / 32768u;

@@ -64,11 +64,11 @@ fn cell_at(place: Place, cell: vec2<u32>, slice: u32) -> vec2<f32> {
     let brick = (cell >> vec2(BRICK_SHIFT)) - place.origin;
     let held = select(place.front, place.here, (slice >> BRICK_SHIFT) == place.layer)
         + brick.y * place.window.x + brick.x;
-    // Bricks that hold nothing are not written, and those outside the window do not exist.
-    if any(brick >= place.window) || densest[held] <= 0.0 {
+    let inside = vec3(cell, slice) & vec3(BRICK - 1u);
+    // Parts that hold nothing are not written, and bricks outside the window do not exist.
+    if any(brick >= place.window) || densest[held * #{PARTS}u + inside.y * #{PARTS}u / BRICK] <= 0.0 {
         return vec2(0.0);
     }
-    let inside = vec3(cell, slice) & vec3(BRICK - 1u);
     let within = (((inside.z << BRICK_SHIFT) | inside.y) << BRICK_SHIFT) | inside.x;
 #ifdef ATTRIBUTE
     let at = held * 2u * CELLS + within;

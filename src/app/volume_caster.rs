@@ -61,14 +61,17 @@ pub(super) fn choose_caster(
     mut caster: ResMut<VolumeCaster>,
 ) {
     let graphics = device.zip(queue).zip(adapter).zip(info);
-    let wanted = graphics.filter(|(((device, _), adapter), info)| {
-        let capabilities = Capabilities::of(device, adapter, info, Withheld::default());
+    let able = graphics.map(|(((device, queue), adapter), info)| {
+        let capabilities = Capabilities::of(&device, &adapter, &info, Withheld::default());
+        (device, queue, adapter, info, capabilities)
+    });
+    let wanted = able.filter(|(.., info, capabilities)| {
         wants_adapter(preset.drawing.backend, capabilities.compute, info.device_type)
     });
     match wanted {
-        Some((((device, queue), adapter), info)) if !caster.on_adapter && !caster.gave_up => {
+        Some((device, queue, adapter, info, capabilities)) if !caster.on_adapter && !caster.gave_up => {
             let name = format!("{} ({})", info.name, info.driver_info);
-            let renderer = VolumeRenderer::new(device.clone(), queue.clone(), &adapter, name);
+            let renderer = VolumeRenderer::new(device.clone(), queue.clone(), &adapter, name, &capabilities);
             *caster = VolumeCaster { caster: Arc::new(renderer), on_adapter: true, gave_up: false };
         }
         None if caster.on_adapter => *caster = VolumeCaster::default(),

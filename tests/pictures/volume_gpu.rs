@@ -2,7 +2,7 @@
 
 use crate::support::{built, demo, view_from};
 use deepfield::codec::VqBits;
-use deepfield::gpu::{DeviceOptions, VolumeRenderer};
+use deepfield::gpu::{DeviceOptions, VolumeRenderer, Withheld};
 use deepfield::model::Kernel;
 use deepfield::modes::paint::{Subject, paint_nodes};
 use deepfield::modes::{self, Depiction, Settings, cpu};
@@ -183,6 +183,11 @@ fn volumes_are_the_cpus() {
         let view = near([25.0, 18.0, 40.0], 150, 101);
         compare(&renderer, &view, &merger, &merger.volume(), &options, &format!("merger at resolution {resolution}"));
     }
+    // As adapters draw that are not the processor in disguise.
+    let withheld = Withheld { subgroup: true, ..Withheld::default() };
+    let other = VolumeRenderer::open(&DeviceOptions { withheld, ..DeviceOptions::default() }).unwrap();
+    let view = near([25.0, 18.0, 40.0], 90, 70);
+    compare(&other, &view, &merger, &merger.volume(), &options, "merger without subgroups");
     // Some particles are larger than the picture, and the eye is within them.
     let options = VolumeOptions { near: Some(2.0), far: Some(60.0), ..options };
     compare(&renderer, &near([6.0, 4.0, 9.0], 80, 60), &merger, &merger.volume(), &options, "within the merger");

@@ -48,12 +48,17 @@ fn variants() -> Vec<Variant> {
     }
     for kind in Kind::ALL {
         let mut built = Vec::new();
-        for index in 0..8 {
-            let variant =
-                volume::Variant { kernel: Kernel::ALL[index & 1], attribute: index & 2 > 0, surfaces: index & 4 > 0 };
+        for index in 0..16 {
+            let variant = volume::Variant {
+                kernel: Kernel::ALL[index & 1],
+                attribute: index & 2 > 0,
+                surfaces: index & 4 > 0,
+                vectors: index & 8 > 0,
+            };
             let defs = kind.defs(variant);
             if !built.contains(&defs) {
-                all.push(plain(kind.shader(), defs.clone(), entries_of(kind)));
+                let subgroup = variant.vectors && kind == Kind::Gather;
+                all.push(Variant { path: kind.shader(), defs: defs.clone(), subgroup, entries: entries_of(kind) });
                 built.push(defs);
             }
         }

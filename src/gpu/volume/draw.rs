@@ -51,6 +51,8 @@ pub struct Picture<'a> {
     pub scenery: &'a Scenery,
     /// How.
     pub options: &'a VolumeOptions,
+    /// Whether subgroups have exactly eight lanes.
+    pub vectors: bool,
 }
 
 /// Workgroups along x, y and z for `count` of them: one dimension holds at most 65535.
@@ -97,11 +99,7 @@ impl Picture<'_> {
     ) -> Result<(Colors, VolumeReport), GpuError> {
         let Prepared { grid, particles, .. } = self.prepared;
         let masonry = self.prepared.masonry();
-        let pipelines = programs.get(Variant {
-            kernel: self.options.kernel,
-            attribute: particles.attribute,
-            surfaces: !self.scenery.surfaces.is_empty(),
-        })?;
+        let pipelines = programs.get(self.variant())?;
         let cut = Cut::new(grid, particles.attribute, room.memory, room.limit)
             .ok_or_else(|| GpuError::NoRoom(format!("{} bytes for a buffer", room.limit)))?;
         let (panes, places, readers) = self.panes(&cut);
@@ -164,6 +162,16 @@ impl Picture<'_> {
         report.pairs = number(self.read(&inputs.work.buffer, ALL_PAIRS, 4)?);
         report.bricks = number(self.read(&inputs.dispatch.buffer, ALL_BRICKS, 4)?);
         Ok((Colors { width: self.view.width, height: self.view.height, rgba }, report))
+    }
+
+    /// What is compiled into the shaders.
+    pub fn variant(&self) -> Variant {
+        Variant {
+            kernel: self.options.kernel,
+            attribute: self.prepared.particles.attribute,
+            surfaces: !self.scenery.surfaces.is_empty(),
+            vectors: self.vectors,
+        }
     }
 
     fn encoder(&self) -> CommandEncoder {

@@ -60,7 +60,7 @@ pub struct Inputs {
     pub bins: Held,
     /// The list of bricks.
     pub items: Held,
-    /// The largest density of each brick.
+    /// The largest density of each part of each brick.
     pub densest: Held,
     /// What is hidden.
     pub hidden: Held,
@@ -181,7 +181,7 @@ impl Picture<'_> {
         let slab = u64::from(cut.columns()) * u64::from(cut.layers);
         let items = make("deepfield volume bricks", 0, 4 * (u64::from(HEADER) + 2 * slab));
         let field = make("deepfield volume field", 0, cut.bytes(particles.attribute));
-        let densest = make("deepfield volume densest", 0, 4 * cut.bricks());
+        let densest = make("deepfield volume densest", 0, 4 * u64::from(self.variant().parts()) * cut.bricks());
         let reach = make("deepfield volume reach", 0, 4 * cut.bricks());
         let hidden = make("deepfield volume hidden", 0, 4 * u64::from(uniform.bin_count));
         let rays = make("deepfield volume rays", 0, 16 * largest_pane);

@@ -26,6 +26,7 @@ mod inputs;
 mod store;
 mod timer;
 
+use super::capabilities::Capabilities;
 use super::device::{DeviceOptions, GpuError, open};
 use crate::raster::volume::{Caster, Colors, Prepared, Scenery, VolumeError, VolumeOptions, VolumeReport};
 use crate::view::View;
@@ -47,6 +48,7 @@ pub struct VolumeRenderer {
     device: RenderDevice,
     queue: RenderQueue,
     adapter: String,
+    vectors: bool,
     state: Mutex<State>,
 }
 
@@ -73,13 +75,19 @@ impl VolumeRenderer {
             let missing = "compute shaders with eight storage buffers";
             return Err(GpuError::Unsupported { adapter: gpu.adapter, backend: "compute", missing });
         }
-        Ok(VolumeRenderer::new(gpu.device, gpu.queue, &gpu.handle, gpu.adapter))
+        Ok(VolumeRenderer::new(gpu.device, gpu.queue, &gpu.handle, gpu.adapter, &gpu.capabilities))
     }
 
     /// Draws with an open adapter, which must have the capability `compute`.
-    pub fn new(device: RenderDevice, queue: RenderQueue, handle: &RenderAdapter, adapter: String) -> VolumeRenderer {
+    pub fn new(
+        device: RenderDevice,
+        queue: RenderQueue,
+        handle: &RenderAdapter,
+        adapter: String,
+        capabilities: &Capabilities,
+    ) -> VolumeRenderer {
         let state = Mutex::new(State { programs: Programs::new(&device, handle), store: Store::default() });
-        VolumeRenderer { device, queue, adapter, state }
+        VolumeRenderer { device, queue, adapter, vectors: capabilities.vector_subgroups, state }
     }
 
     /// Draws, with less memory at a time where there is too little.
@@ -101,7 +109,8 @@ impl VolumeRenderer {
             batch: MOST_BATCH.min(limit / (4 * layout::MOST_BINS)),
         };
         loop {
-            let picture = Picture { device: &self.device, queue: &self.queue, view, prepared, scenery, options };
+            let (device, queue, vectors) = (&self.device, &self.queue, self.vectors);
+            let picture = Picture { device, queue, view, prepared, scenery, options, vectors };
             match self.watched(|| picture.draw(programs, store, &room)) {
                 Err(GpuError::NoRoom(_)) if room.memory > LEAST_MEMORY => {
                     store.clear();

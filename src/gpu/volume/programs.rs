@@ -87,6 +87,15 @@ pub struct Variant {
     pub attribute: bool,
     /// Whether there are surfaces.
     pub surfaces: bool,
+    /// Whether subgroups have exactly eight lanes: a processor's vectors.
+    pub vectors: bool,
+}
+
+impl Variant {
+    /// Parts of a brick that workgroups gather on their own: `PARTS` in the shaders.
+    pub fn parts(self) -> u32 {
+        if self.vectors { 4 } else { 1 }
+    }
 }
 
 impl Step {
@@ -167,6 +176,12 @@ impl Kind {
     /// Shader definitions of a variant.
     pub fn defs(self, variant: Variant) -> Vec<ShaderDefVal> {
         let mut defs = Vec::new();
+        if matches!(self, Kind::Plan | Kind::Gather | Kind::Occlusion | Kind::Raycast) {
+            defs.push(ShaderDefVal::UInt("PARTS".into(), variant.parts()));
+        }
+        if self == Kind::Gather && variant.vectors {
+            defs.push("SUBGROUP".into());
+        }
         if self == Kind::Gather && variant.kernel == Kernel::Poly6 {
             defs.push("POLY6".into());
         }
