@@ -60,10 +60,17 @@ fn neither_memory_nor_threads_change_a_byte() {
     let folder = tempfile::tempdir().unwrap();
     let data = zoom(60_000);
     let mass: f64 = data.families[0].mass.iter().map(|&m| f64::from(m)).sum();
+    for volume_levels in [false, true] {
+        builds_are_the_same(&folder, &data, mass, volume_levels);
+    }
+}
+
+fn builds_are_the_same(folder: &TempDir, data: &Dataset, mass: f64, volume_levels: bool) {
     let octree = OctreeOptions {
         bucket_particles: Some(1500),
         leaf_capacity: 200,
         root_particles: 4000,
+        volume_levels,
         ..OctreeOptions::default()
     };
     let run = |memory: Option<u64>, threads: usize| {
@@ -79,6 +86,7 @@ fn neither_memory_nor_threads_change_a_byte() {
     let family = &built.metadata.families[0];
     assert!((family.mass / mass - 1.0).abs() < 1e-12);
     assert!(family.levels.len() > 10, "{} levels", family.levels.len());
+    assert_eq!(family.volume.is_some(), volume_levels);
     for (memory, threads) in [(None, 2), (Some(10 << 20), 1), (Some(10 << 20), 3), (Some(16 << 20), 2)] {
         let (bytes, built, _) = run(memory, threads);
         assert!(bytes == whole, "{memory:?} bytes of memory, {threads} threads");

@@ -13,10 +13,11 @@ use std::io::{Seek, SeekFrom, Write};
 use std::path::Path;
 use std::sync::OnceLock;
 
-/// The bytes of a small page file with grid, relay and leaf nodes in several pages' worth of structure.
-fn sound() -> &'static [u8] {
-    static BYTES: OnceLock<Vec<u8>> = OnceLock::new();
-    BYTES.get_or_init(|| {
+/// The bytes of a small page file with grid, relay and leaf nodes in several pages' worth of structure, with levels for volumes or
+/// without.
+fn sound(volume_levels: bool) -> &'static [u8] {
+    static BYTES: [OnceLock<Vec<u8>>; 2] = [const { OnceLock::new() }; 2];
+    BYTES[usize::from(volume_levels)].get_or_init(|| {
         let count = 90;
         let place = |i: usize, prime: usize| ((i * prime) % 89) as f64 / 89.0;
         let clump = |i: usize| if i.is_multiple_of(2) { 1e-3 } else { 1.0 };
@@ -42,7 +43,8 @@ fn sound() -> &'static [u8] {
             skipped: Vec::new(),
             provenance: Provenance { box_size: Some(1.0), ..Provenance::default() },
         };
-        let octree = OctreeOptions { vq_bits: VqBits::Twelve, leaf_capacity: 12, ..OctreeOptions::default() };
+        let octree =
+            OctreeOptions { vq_bits: VqBits::Twelve, leaf_capacity: 12, volume_levels, ..OctreeOptions::default() };
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("sound.df");
         build(dataset, &BuildOptions { octree, ..BuildOptions::default() }, &path, &()).unwrap();
@@ -70,9 +72,17 @@ fn check(bytes: &[u8], path: &Path) -> bool {
 
 #[test]
 fn every_flipped_bit_is_found() {
+    flip_every_bit(sound(false));
+}
+
+#[test]
+fn every_flipped_bit_of_a_file_with_volume_levels_is_found() {
+    flip_every_bit(sound(true));
+}
+
+fn flip_every_bit(bytes: &[u8]) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("flipped.df");
-    let bytes = sound();
     assert!(check(bytes, &path));
     let mut missed = Vec::new();
     for (at, &sound) in bytes.iter().enumerate() {
@@ -92,19 +102,20 @@ fn every_flipped_bit_is_found() {
 fn every_truncation_is_found() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("short.df");
-    let bytes = sound();
-    for len in (0..bytes.len()).step_by(53).chain(bytes.len() - 9..bytes.len()).chain(0..HEADER_LEN) {
-        assert!(!check(&bytes[..len], &path), "{len}");
+    for bytes in [sound(false), sound(true)] {
+        for len in (0..bytes.len()).step_by(53).chain(bytes.len() - 9..bytes.len()).chain(0..HEADER_LEN) {
+            assert!(!check(&bytes[..len], &path), "{len}");
+        }
+        let longer = [bytes, &[0]].concat();
+        assert!(!check(&longer, &path));
     }
-    let longer = [bytes, &[0]].concat();
-    assert!(!check(&longer, &path));
 }
 
 #[test]
 fn a_file_truncated_while_it_is_open_gives_an_error() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("open.df");
-    std::fs::write(&path, sound()).unwrap();
+    std::fs::write(&path, sound(false)).unwrap();
     let file = PageFile::open(&path).unwrap();
     std::fs::OpenOptions::new().write(true).open(&path).unwrap().set_len(ALIGNMENT + 10).unwrap();
     assert!(file.read_page(PageId(0)).unwrap_err().to_string().contains("open.df"));
@@ -153,8 +164,9 @@ proptest! {
     fn forged_files_never_panic(
         changes in prop::collection::vec((any::<prop::sample::Index>(), prop_oneof![any::<u32>(), Just(0), Just(u32::MAX), 0..300_u32], 1..5_usize), 1..5),
         in_footer: bool,
+        volume_levels: bool,
     ) {
-        let mut bytes = sound().to_vec();
+        let mut bytes = sound(volume_levels).to_vec();
         let footer = u64::from_le_bytes(bytes[24..32].try_into().unwrap()) as usize;
         for (at, value, width) in changes {
             let range = if in_footer { footer..bytes.len() } else { 0..bytes.len() };

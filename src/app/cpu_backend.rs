@@ -8,6 +8,7 @@ use super::exposure::Exposure;
 use super::live::LiveParticles;
 use super::look::Look;
 use super::messages::Messages;
+use super::occlusion::Occlusion;
 use super::pages::ViewSelection;
 use super::picture::Picture;
 use super::preset::Preset;
@@ -20,7 +21,7 @@ use crate::modes::paint::{Subject, paint_nodes, paint_particles};
 use crate::modes::{Depiction, Footprint, Plan, cpu, pilot};
 use crate::raster::composite::composite_at;
 use crate::raster::transfer::{Levels, TransferFunction};
-use crate::raster::volume::{Caster, Processor, VolumeError, VolumeTransfer};
+use crate::raster::volume::{Caster, OpaqueDepths, Processor, VolumeError, VolumeTransfer};
 use crate::raster::{Accumulation, Method};
 use crate::store::PageFile;
 use crate::stream::SceneNode;
@@ -61,6 +62,7 @@ struct PaintedPicture {
     transfer: TransferFunction,
     /// Why not the adapter but the processor has drawn it.
     trouble: Option<String>,
+    opaque: Option<Arc<OpaqueDepths>>,
 }
 
 /// What a background task hands back.
@@ -71,6 +73,8 @@ struct Done {
     /// How many particles it took, if it was drawn anew; and whether that is not all that the plan would.
     taken: Option<u64>,
     cut: bool,
+    /// Whether everything was there that the view needs.
+    complete: bool,
     exposure: Exposure,
     /// The picture in colours, and what they were made with.
     colors: Option<(crate::raster::composite::Image, Levels, TransferFunction)>,
@@ -231,7 +235,8 @@ fn paint(
     };
     let painted = painted.map_err(|error| error.to_string())?;
     let levels = Levels { p: painted.levels.density, s: painted.levels.attribute };
-    Ok(PaintedPicture { image: painted.colors.image(), levels, transfer: *transfer, trouble })
+    let (image, opaque) = (painted.colors.image(), painted.report.opaque);
+    Ok(PaintedPicture { image, levels, transfer: *transfer, trouble, opaque })
 }
 
 /// Takes in what has been drawn, and starts to draw what is wanted now.
@@ -246,6 +251,7 @@ pub(super) fn draw_on_cpu(
     mut exposure: ResMut<Exposure>,
     mut statistics: ResMut<Statistics>,
     mut converged: ResMut<Converged>,
+    mut occlusion: ResMut<Occlusion>,
     (mut messages, mut caster): (ResMut<Messages>, ResMut<VolumeCaster>),
     (live, settings): (Res<LiveParticles>, Res<Settings>),
 ) {
@@ -272,6 +278,11 @@ pub(super) fn draw_on_cpu(
                     caster.give_up();
                 }
                 let state = done.drawn.key.live;
+                let painted = done.drawn.painted.as_ref();
+                let opaque = painted.and_then(|painted| painted.opaque.clone());
+                // Live particles hide nothing of the file.
+                let opaque = opaque.filter(|_| live.particles().is_none());
+                occlusion.drew(opaque, (done.drawn.key.generation, done.drawn.key.depiction), done.complete);
                 take_in(cpu, done, *backend, &picture, &mut images, &mut exposure, &mut statistics);
                 statistics.live = live.particles().map(|_| state);
             }
@@ -312,7 +323,9 @@ pub(super) fn draw_on_cpu(
     let colored = cpu.colored.as_ref() == Some(&(key, look.levels, look.transfer));
     let current = drawn.is_some() && (*backend == ActiveBackend::Gpu || colored);
     if *backend == ActiveBackend::Cpu {
-        converged.0 = current && selection.complete && !moving && size == full && look.settled;
+        // What is hidden may have changed with the last picture.
+        let chosen = selection.complete && selection.occlusion == occlusion.revision;
+        converged.0 = current && chosen && !moving && size == full && look.settled;
     }
     // The ranges of a transfer function that has changed are measured in the picture that is there.
     if cpu.task.is_some() || (current && look.settled && !look.is_changed()) {
@@ -342,6 +355,7 @@ pub(super) fn draw_on_cpu(
         None => Source::Nodes(Arc::clone(&selection.nodes)),
     };
     let (transfer, levels, on_cpu) = (look.transfer, look.levels, *backend == ActiveBackend::Cpu);
+    let complete = selection.complete;
     let (known, old_plan) = (look.settled.then_some(look.levels), cpu.plan);
     // Finding a plan takes longer than there is between two pictures of a motion.
     let kept_plan = (moving && *backend == ActiveBackend::Cpu).then_some(old_plan);
@@ -376,7 +390,7 @@ pub(super) fn draw_on_cpu(
                 (Exposure::of(&drawn.picture, &transfer), colors)
             }
         };
-        Ok(Done { drawn, plan, taken, cut, exposure, colors })
+        Ok(Done { drawn, plan, taken, cut, complete, exposure, colors })
     }));
 }
 

@@ -16,6 +16,7 @@ pub mod live;
 pub mod look;
 pub mod messages;
 pub mod number;
+pub mod occlusion;
 pub mod open;
 pub mod options;
 pub mod overlay;

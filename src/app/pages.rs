@@ -13,10 +13,12 @@
 use super::camera::{CameraSystems, DataDistance, Viewpoint, distance_to_boxes};
 use super::look::Look;
 use super::messages::Messages;
+use super::occlusion::{self, Occlusion, PageOcclusion};
 use super::picture::{DataCamera, Picture};
 use super::preset::{Preset, ResidencyPreset};
 use super::scene::{Scene, Settings};
 use super::statistics::Statistics;
+use crate::hierarchy::Levels;
 use crate::model::Bounds;
 use crate::store::{Page, PageId};
 use crate::stream::{PageState, SceneNode, Streamer};
@@ -81,6 +83,8 @@ pub struct ViewSelection {
     pub complete: bool,
     /// Counts up whenever the nodes or the view change.
     pub revision: u64,
+    /// The [`Occlusion::revision`] by which the nodes were chosen.
+    pub occlusion: u64,
 }
 
 /// The open file's pages.
@@ -134,6 +138,7 @@ pub struct PagesPlugin;
 impl Plugin for PagesPlugin {
     fn build(&self, app: &mut App) {
         app.init_resource::<PageCopies>()
+            .init_resource::<Occlusion>()
             .init_resource::<ViewSelection>()
             .configure_sets(
                 PostUpdate,
@@ -219,6 +224,7 @@ pub fn traverse(
     mut selection: ResMut<ViewSelection>,
     mut statistics: ResMut<Statistics>,
     mut distance: ResMut<DataDistance>,
+    (occlusion, mut occluded): (Res<Occlusion>, Query<&mut PageOcclusion>),
     mut last_uses: Query<&mut LastUse>,
     camera: Single<&Viewpoint, With<DataCamera>>,
 ) {
@@ -228,9 +234,22 @@ pub fn traverse(
     let streaming = &mut *streaming;
     streaming.frame += 1;
     let families = settings.families.iter().enumerate().filter(|(_, visible)| **visible);
-    let roots = streaming.streamer.roots(families.map(|(index, _)| index as u32));
-    let seen = look.map_or(view, |look| look.depiction.selection_view(&view));
-    let chosen = streaming.streamer.select(&seen, settings.error_px, &roots);
+    let depiction = look.as_ref().map(|look| &look.depiction);
+    let metadata = streaming.streamer.residency.file().metadata();
+    let levels = depiction.map_or(Levels::Splats, |depiction| depiction.levels(metadata));
+    let roots = streaming.streamer.roots(families.map(|(index, _)| index as u32), levels);
+    let seen = depiction.map_or(view, |depiction| depiction.selection_view(&view));
+    let tau = settings.error_px;
+    let detail = depiction.map_or(tau.into(), |depiction| depiction.detail(&view, tau, metadata));
+    let key = (streaming.generation, look.as_ref().map_or(0, |look| look.depiction_revision));
+    let hides = depiction.is_some_and(|depiction| depiction.mode.painter().is_some());
+    streaming.streamer.occluder = occlusion.occluder(&view, key).filter(|_| hides);
+    let chosen = streaming.streamer.select(&seen, detail, &roots);
+    for (page, now) in occlusion::of_pages(&chosen) {
+        if let Some(mut state) = streaming.entity(page).and_then(|entity| occluded.get_mut(entity).ok()) {
+            state.set_if_neq(now);
+        }
+    }
     let nodes: Vec<SceneNode> = chosen
         .draw
         .iter()
@@ -248,8 +267,10 @@ pub fn traverse(
     distance.0 = distance_to_boxes(view.eye, boxes);
     statistics.particles = chosen.particles();
     statistics.nodes = nodes.len();
+    statistics.levels = levels.name();
     statistics.error_px = chosen.error_pixels();
     statistics.missing = chosen.missing.len();
+    statistics.hidden = chosen.hidden.len();
     let same = selection.view == Some(view)
         && selection.nodes.len() == nodes.len()
         && selection.nodes.iter().zip(&nodes).all(|(old, new)| old.node == new.node);
@@ -259,6 +280,7 @@ pub fn traverse(
         selection.nodes = nodes.into();
     }
     selection.complete = chosen.is_converged();
+    selection.occlusion = occlusion.revision;
 }
 
 /// Starts to read what is missed, as many pages at a time as the preset allows.
@@ -276,7 +298,8 @@ pub fn start_loads(
             continue;
         }
         let key = PageKey { id, generation: streaming.generation };
-        let entity = commands.spawn((key, PageStatus::Loading, LastUse(streaming.frame))).id();
+        let entity =
+            commands.spawn((key, PageStatus::Loading, LastUse(streaming.frame), PageOcclusion::default())).id();
         streaming.entities.insert(id, entity);
     }
     let residency = streaming.streamer.residency.statistics();

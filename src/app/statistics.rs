@@ -17,6 +17,10 @@ pub struct Statistics {
     pub live: Option<u64>,
     /// Nodes drawn.
     pub nodes: usize,
+    /// Which levels of the file are drawn: `splats` or `volume`.
+    pub levels: &'static str,
+    /// Nodes that are left as they are because they are hidden.
+    pub hidden: usize,
     /// Largest screen-space error of what is drawn, pixels.
     pub error_px: f64,
     /// Nodes that the view needs and that are not there yet.

@@ -1,4 +1,4 @@
-//! Codebooks of a tree: leaves of similar density share one, and so do the grid nodes of a depth.
+//! Codebooks of a tree: leaves of similar density share one, and so do the grid nodes of a depth and kind of levels.
 //!
 //! Densities of a simulation span many decades, those inside one leaf few. With one codebook for all leaves most of its entries
 //! are of no use to any one leaf; with several, each of its own range of densities, the same bits give much smaller
@@ -36,6 +36,8 @@ pub(super) struct CodedNode {
     pub mass: f64,
     /// Sum of the decoded `m rho`.
     pub mass_density: f64,
+    /// Sum of the `m rho` that were coded.
+    pub true_mass_density: f64,
     /// Largest decoded smoothing length.
     pub smoothing_length_max: f32,
 }
@@ -50,7 +52,7 @@ pub(super) struct Coding {
     pub numbers: Vec<Vec<u16>>,
 }
 
-/// Codes all nodes; the quantities are forgotten.
+/// Codes all nodes, the grid nodes of each depth for its `scope`; the quantities are forgotten.
 ///
 /// # Errors
 /// When something cannot be put away or read back.
@@ -60,6 +62,7 @@ pub(super) fn code(
     scaling: &Scaling,
     spill: &Spill,
     bits: VqBits,
+    scope: impl Fn(u8) -> CodebookScope,
     progress: &dyn Progress,
 ) -> io::Result<Coding> {
     let mut coding = Coding {
@@ -88,7 +91,7 @@ pub(super) fn code(
     progress.advance(1);
     for (depth, entries) in grids.into_iter().enumerate().rev() {
         if !entries.is_empty() {
-            let coded = Group { entries: &entries, scaling, spill, bits }.code(CodebookScope::Depth(depth as u8), 1)?;
+            let coded = Group { entries: &entries, scaling, spill, bits }.code(scope(depth as u8), 1)?;
             coding.take(entries, coded, spill);
         }
         progress.advance(1);
@@ -191,6 +194,7 @@ impl Coding {
             node.codes.push(coded.codes);
             node.mass += coded.mass;
             node.mass_density += coded.mass_density;
+            node.true_mass_density += entry.batch.info.mass_density;
             node.smoothing_length_max = node.smoothing_length_max.max(coded.smoothing_length_max);
             spill.forget(entry.batch.quantities);
         }

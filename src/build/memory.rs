@@ -17,6 +17,8 @@ const BUCKET_ATTRIBUTE: u64 = 24;
 const NEIGHBOUR_PARTICLE: u64 = 480;
 /// Particles that all nodes of a tree draw, for each source particle, at most about.
 const NODE_PARTICLES: f64 = 2.4;
+/// The same for the levels for volumes, whose leaves are those of the tree.
+const VOLUME_PARTICLES: f64 = 1.4;
 
 /// The shares of a build's memory, bytes.
 #[derive(Clone, Debug, PartialEq)]
@@ -61,7 +63,8 @@ impl Memory {
         // A fifth is left to the allocator's gaps.
         let room = (rest - building) / 5 * 4;
         let for_particles = count * particle;
-        let for_nodes = (count as f64 * NODE_PARTICLES * (4.0 * (3 + attributes) as f64 + 5.0)) as u64;
+        let node_particles = NODE_PARTICLES + if options.octree.volume_levels { VOLUME_PARTICLES } else { 0.0 };
+        let for_nodes = (count as f64 * node_particles * (4.0 * (3 + attributes) as f64 + 5.0)) as u64;
         let share = |needed: u64| (room as f64 * needed as f64 / (for_particles + for_nodes).max(1) as f64) as u64;
         let (particles, nodes) = (share(for_particles), share(for_nodes));
         let on_disk = for_particles.saturating_sub(particles) + for_nodes.saturating_sub(nodes);

@@ -19,9 +19,9 @@ use crate::hierarchy::{AttributeInfo, LevelInfo, OctreeOptions};
 use crate::import::{ImportError, LoadOptions, SourceStream, open, streams};
 use crate::model::progress::Progress;
 use crate::model::{Dataset, Family, FamilyName, FamilyStream, ParticleStream, StreamError, Unit};
-use crate::store::paging::write_tree;
+use crate::store::paging::write_trees;
 use crate::store::temporary::{clean, folder_of};
-use crate::store::{FamilyMetadata, Metadata, PageFileWriter, StoreError};
+use crate::store::{FamilyMetadata, Metadata, PageFileWriter, StoreError, VolumeTree};
 use memory::Memory;
 use partition::Partition;
 use spill::Spill;
@@ -311,20 +311,26 @@ impl<'a> Build<'a> {
         let workers = memory.workers(largest, out)?;
         let nodes = Spill::new(out, &memory.folder, memory.nodes);
         let before = partition.on_disk();
-        let tree = tree::grow(&context, stream.family(), &plan, partition, &nodes, workers, progress)?;
-        let coded = tree::code(stream.family(), tree, &scaling, nodes, octree.vq_bits, progress)?;
+        let trees = tree::grow(&context, stream.family(), &plan, partition, &nodes, workers, progress)?;
+        let coded = tree::code(stream.family(), trees, &scaling, nodes, octree.vq_bits, progress)?;
         self.temporary_bytes = self.temporary_bytes.max(before + coded.on_disk());
 
-        let sections = |depth, index| coded.sections(depth, index, octree.vq_bits).map_err(|error| coded.failed(error));
+        let sections = |levels, depth, index| {
+            coded.sections(levels, depth, index, octree.vq_bits).map_err(|error| coded.failed(error))
+        };
         let number = self.families.len() as u32;
-        let (root_page, bytes) = write_tree(&mut self.writer, number, &coded.nodes, sections, progress)?;
+        let nodes = (&coded.splats.nodes[..], coded.volume.as_ref().map(|tree| &tree.nodes[..]));
+        let (splats, volume) = write_trees(&mut self.writer, number, nodes, sections, progress)?;
+        let with_bytes = |levels: &[LevelInfo], bytes: Vec<u64>| {
+            levels.iter().zip(bytes).map(|(level, bytes)| LevelInfo { bytes, ..*level }).collect()
+        };
         let describe = |k: usize, name: &str, unit: &Unit| {
             AttributeInfo::new(name, unit, &survey.ranges[k], histograms[k].clone())
         };
         let unit = Unit::default();
         let quantities =
             [describe(0, "mass", &unit), describe(1, "density", &unit), describe(2, "smoothing-length", &unit)];
-        let top = &coded.nodes[0][0].node;
+        let top = &coded.splats.nodes[0][0].node;
         self.families.push(FamilyMetadata {
             name: stream.family(),
             count: survey.count,
@@ -332,10 +338,14 @@ impl<'a> Build<'a> {
             mass_density: top.mass_density,
             bounds: survey.bounds,
             root,
-            root_page,
+            root_page: splats.root_page,
             quantities,
             attributes: (3..).zip(attributes).map(|(k, (name, unit))| describe(k, name, unit)).collect(),
-            levels: coded.levels.iter().zip(bytes).map(|(level, bytes)| LevelInfo { bytes, ..*level }).collect(),
+            levels: with_bytes(&coded.splats.levels, splats.bytes),
+            volume: volume.zip(coded.volume.as_ref()).map(|(written, tree)| VolumeTree {
+                root_page: written.root_page,
+                levels: with_bytes(&tree.levels, written.bytes),
+            }),
             codebooks: coded.codebooks,
         });
         Ok(())

@@ -1,15 +1,14 @@
-//! A family's tree, from its buckets to coded nodes.
+//! A family's trees, from its buckets to coded nodes: one for each kind of levels that is asked for. They share the leaves,
+//! which belong to the first.
 
 use super::BuildError;
 use super::coding::{self, Batch};
 use super::partition::Partition;
 use super::spill::{Blob, Spill};
 use crate::codec::positions::{encode_grid, encode_leaf};
-use crate::codec::{BatchInfo, Codebook, Quantities, Scaling};
-use crate::hierarchy::octree::{
-    Columns, Context, Open, Piece, Plan, Tree, TreeNode, Words, assemble, build_bucket, join,
-};
-use crate::hierarchy::{Encoding, LevelInfo};
+use crate::codec::{BatchInfo, Codebook, CodebookScope, Quantities, Scaling, VqBits};
+use crate::hierarchy::octree::{Bucket, Columns, Context, Open, Piece, Plan, Tree, TreeNode, Words, assemble, join};
+use crate::hierarchy::{Encoding, LevelInfo, Levels};
 use crate::model::FamilyName;
 use crate::model::progress::Progress;
 use crate::store::Node;
@@ -31,17 +30,28 @@ enum Positions {
     Words(Blob),
 }
 
-/// A coded tree that only has to be written.
-pub(super) struct CodedTree {
+/// A tree before it is coded; leaves of other levels than the first have no data.
+pub(super) type Grown = Tree<Option<Kept>>;
+
+/// Coded trees that only have to be written.
+pub(super) struct CodedTrees {
     spill: Spill,
+    /// The levels for splats.
+    pub splats: CodedTree,
+    /// Those for volumes.
+    pub volume: Option<CodedTree>,
+    /// Entry of each code, for each codebook.
+    numbers: Vec<Vec<u16>>,
+    /// The codebooks of all trees, those of the first before those of the second.
+    pub codebooks: Vec<Codebook>,
+}
+
+/// A coded tree.
+pub(super) struct CodedTree {
     /// The nodes, without the places of their children.
     pub nodes: Vec<Vec<PlannedNode>>,
     sections: Vec<Vec<NodeSections>>,
-    /// Entry of each code, for each codebook.
-    numbers: Vec<Vec<u16>>,
-    /// The codebooks.
-    pub codebooks: Vec<Codebook>,
-    /// One for each depth, without bytes.
+    /// One for each depth, without bytes; what the tree shares with another is not counted.
     pub levels: Vec<LevelInfo>,
 }
 
@@ -52,7 +62,10 @@ struct NodeSections {
     codes: Vec<(Blob, usize)>,
 }
 
-/// Builds the pieces of all buckets, at most `workers` at a time, and puts them together.
+/// What was built of some buckets: for each kind of levels its pieces, and what is left open.
+type Built = Vec<(Vec<Piece<Option<Kept>>>, Option<Open>)>;
+
+/// Builds the pieces of all buckets, at most `workers` at a time, and puts them together, to a tree for each kind of levels.
 ///
 /// # Errors
 /// When something cannot be put away or read back.
@@ -64,109 +77,181 @@ pub(super) fn grow(
     spill: &Spill,
     workers: usize,
     progress: &dyn Progress,
-) -> Result<Tree<Kept>, BuildError> {
+) -> Result<Vec<Grown>, BuildError> {
     progress.begin(&format!("merging {family}"), plan.len() as u64);
     let keep = |piece: Piece<Words>| {
-        piece.map(|words| Kept::put(words, spill).map_err(|error| BuildError::temporary(spill, error)))
+        piece.map(|words| Kept::put(words, spill).map(Some).map_err(|error| BuildError::temporary(spill, error)))
     };
-    let one = |bucket: usize| -> Result<(Vec<Piece<Kept>>, Option<Open>), BuildError> {
-        let (places, columns) = partition.read(bucket)?;
-        let mut pieces = Vec::new();
-        let open = build_bucket(context, plan, bucket, places, columns, &mut |piece| {
-            pieces.push(keep(piece)?);
-            Ok::<_, BuildError>(())
-        })?;
+    let kinds = context.options.levels();
+    let one = |number: usize| -> Result<Built, BuildError> {
+        let (places, columns) = partition.read(number)?;
+        let bucket = Bucket::new(context, plan, number, places, columns);
+        let of = |levels: &Levels| {
+            let mut pieces = Vec::new();
+            let open = bucket.build(*levels, &mut |piece| {
+                pieces.push(keep(piece)?);
+                Ok::<_, BuildError>(())
+            })?;
+            Ok((pieces, open))
+        };
+        let built = kinds.iter().map(of).collect();
         progress.advance(1);
-        Ok((pieces, open))
+        built
     };
     let all = || (0..plan.len()).into_par_iter().with_max_len(1).map(one).collect::<Result<Vec<_>, _>>();
     let built = if workers < rayon::current_num_threads() { super::pool(workers)?.install(all) } else { all() }?;
     drop(partition);
-    let (mut pieces, mut open) = (Vec::new(), Vec::new());
-    for (more, left) in built {
-        pieces.extend(more);
-        open.extend(left);
+    let mut gathered: Vec<(Vec<Piece<Option<Kept>>>, Vec<Open>)> = kinds.iter().map(|_| Default::default()).collect();
+    for bucket in built {
+        for ((pieces, open), (more, left)) in gathered.iter_mut().zip(bucket) {
+            pieces.extend(more);
+            open.extend(left);
+        }
     }
-    join(context, open, &mut |piece| {
-        pieces.push(keep(piece)?);
-        Ok::<_, BuildError>(())
-    })?;
-    // A stream without particles was refused before.
-    assemble(pieces, context.root, context.options)
-        .ok_or_else(|| super::survey::column_error(family, "count", "at least one particle"))
+    let mut trees = Vec::with_capacity(kinds.len());
+    let mut leaves: Vec<Piece<Option<Kept>>> = Vec::new();
+    for (&levels, (mut pieces, open)) in kinds.iter().zip(gathered) {
+        join(context, levels, open, &mut |piece| {
+            pieces.push(keep(piece)?);
+            Ok::<_, BuildError>(())
+        })?;
+        if levels == Levels::Splats && kinds.len() > 1 {
+            leaves =
+                pieces.iter().filter(|piece| piece.encoding == Encoding::Leaf).map(|leaf| leaf.with(None)).collect();
+        } else {
+            pieces.append(&mut leaves);
+        }
+        // A stream without particles was refused before.
+        let tree = assemble(pieces, levels, context.root, context.options)
+            .ok_or_else(|| super::survey::column_error(family, "count", "at least one particle"))?;
+        trees.push(tree);
+    }
+    Ok(trees)
 }
 
-/// Codes a tree.
+/// Codes the trees of a family: that for splats, and that for volumes if there is one.
 ///
 /// # Errors
 /// When something cannot be put away or read back.
 pub(super) fn code(
     family: FamilyName,
-    tree: Tree<Kept>,
+    trees: Vec<Grown>,
     scaling: &Scaling,
     spill: Spill,
-    vq_bits: crate::codec::VqBits,
+    vq_bits: VqBits,
     progress: &dyn Progress,
-) -> Result<CodedTree, BuildError> {
-    let failed = |error| BuildError::temporary(&spill, error);
-    progress.begin(&format!("coding {family}"), tree.nodes.len() as u64 + 1);
-    let Tree { nodes, levels } = tree;
-    // Positions become sections; batches are listed by what shares a codebook.
-    let mut sections: Vec<Vec<NodeSections>> = Vec::with_capacity(nodes.len());
-    let mut batches: Vec<Vec<Vec<Batch>>> = Vec::with_capacity(nodes.len());
-    let mut drafts: Vec<Vec<TreeNode<()>>> = Vec::with_capacity(nodes.len());
-    for level in nodes {
-        let level: Vec<_> =
-            level.into_par_iter().map(|node| split(node, &spill)).collect::<Result<_, _>>().map_err(failed)?;
-        let (mut own_drafts, mut own_sections, mut own_batches) = (Vec::new(), Vec::new(), Vec::new());
-        for (draft, positions, batches) in level {
-            own_drafts.push(draft);
-            own_sections.push(NodeSections { positions, codes: Vec::new() });
-            own_batches.push(batches);
+) -> Result<CodedTrees, BuildError> {
+    let steps = trees.iter().map(|tree| tree.nodes.len() as u64 + 1).sum();
+    progress.begin(&format!("coding {family}"), steps);
+    let (mut numbers, mut codebooks) = (Vec::new(), Vec::new());
+    let mut trees = trees.into_iter();
+    let mut next = |levels: Levels, splats: Option<&CodedTree>| -> Result<Option<CodedTree>, BuildError> {
+        let Some(tree) = trees.next() else { return Ok(None) };
+        let coder = Coder { scaling, spill: &spill, vq_bits, levels, progress };
+        let coded = coder.code(tree, splats, &mut codebooks, &mut numbers);
+        coded.map(Some).map_err(|error| BuildError::temporary(&spill, error))
+    };
+    let splats = next(Levels::Splats, None)?
+        .ok_or_else(|| super::survey::column_error(family, "count", "at least one particle"))?;
+    let volume = next(Levels::Volume, Some(&splats))?;
+    Ok(CodedTrees { spill, splats, volume, numbers, codebooks })
+}
+
+/// What coding a tree needs beside the tree.
+struct Coder<'a> {
+    scaling: &'a Scaling,
+    spill: &'a Spill,
+    vq_bits: VqBits,
+    levels: Levels,
+    progress: &'a dyn Progress,
+}
+
+impl Coder<'_> {
+    /// Codes a tree whose leaves are those of `shared`, if that is there, and appends its codebooks.
+    fn code(
+        &self,
+        tree: Grown,
+        shared: Option<&CodedTree>,
+        codebooks: &mut Vec<Codebook>,
+        numbers: &mut Vec<Vec<u16>>,
+    ) -> std::io::Result<CodedTree> {
+        let Coder { spill, vq_bits, .. } = *self;
+        let Tree { nodes, mut levels } = tree;
+        // Positions become sections; batches are listed by what shares a codebook.
+        let mut sections: Vec<Vec<NodeSections>> = Vec::with_capacity(nodes.len());
+        let mut batches: Vec<Vec<Vec<Batch>>> = Vec::with_capacity(nodes.len());
+        let mut drafts: Vec<Vec<TreeNode<()>>> = Vec::with_capacity(nodes.len());
+        for level in nodes {
+            let level: Vec<_> = level.into_par_iter().map(|node| split(node, spill)).collect::<Result<_, _>>()?;
+            let (mut own_drafts, mut own_sections, mut own_batches) = (Vec::new(), Vec::new(), Vec::new());
+            for (draft, positions, batches) in level {
+                own_drafts.push(draft);
+                own_sections.push(NodeSections { positions, codes: Vec::new() });
+                own_batches.push(batches);
+            }
+            drafts.push(own_drafts);
+            sections.push(own_sections);
+            batches.push(own_batches);
         }
-        drafts.push(own_drafts);
-        sections.push(own_sections);
-        batches.push(own_batches);
-    }
-    let coded = coding::code(&drafts, batches, scaling, &spill, vq_bits, progress).map_err(failed)?;
-    let mut planned: Vec<Vec<PlannedNode>> = Vec::with_capacity(drafts.len());
-    for (depth, (level, coded)) in drafts.into_iter().zip(coded.nodes).enumerate().rev() {
-        let mut own = Vec::with_capacity(level.len());
-        for (index, (draft, coded)) in level.into_iter().zip(coded).enumerate() {
-            let below = planned.last().map_or(&[][..], |level: &Vec<PlannedNode>| level);
-            let children = draft.children.iter().flatten().filter_map(|&child| below.get(child));
-            let smoothing_length_max = children
-                .map(|child| child.node.smoothing_length_max)
-                .fold(draft.smoothing_length_max.max(coded.smoothing_length_max), f32::max);
-            let positions = sections[depth][index].positions.as_ref().map_or(0, Blob::len);
-            let codes = vq_bits.packed_len(draft.particles as usize).unwrap_or(0);
-            own.push(PlannedNode {
-                sections: (positions, codes),
-                children: draft.children,
-                node: Node {
-                    key: draft.key,
-                    encoding: draft.encoding,
-                    codebook: coded.codebook,
-                    // Nodes with more are relays, and leaves with more were refused.
-                    particles: draft.particles as u32,
-                    points: draft.points as u32,
-                    source_particles: draft.source_particles,
-                    delta: draft.delta,
-                    bounds: draft.bounds,
-                    smoothing_length_max,
-                    mass: draft.mass,
-                    mass_density: draft.mass_density,
-                    mass_scale: scale(draft.mass, coded.mass),
-                    mass_density_scale: scale(draft.mass_density, coded.mass_density),
-                    children: [None; 8],
-                },
-            });
-            sections[depth][index].codes = coded.codes;
+        let scope = match self.levels {
+            Levels::Splats => CodebookScope::Depth,
+            Levels::Volume => CodebookScope::VolumeDepth,
+        };
+        let before = codebooks.len() as u16;
+        let mut coded = coding::code(&drafts, batches, self.scaling, spill, vq_bits, scope, self.progress)?;
+        codebooks.append(&mut coded.codebooks);
+        numbers.append(&mut coded.numbers);
+        let mut planned: Vec<Vec<PlannedNode>> = Vec::with_capacity(drafts.len());
+        for (depth, (level, coded)) in drafts.into_iter().zip(coded.nodes).enumerate().rev() {
+            let mut own = Vec::with_capacity(level.len());
+            for (index, (draft, coded)) in level.into_iter().zip(coded).enumerate() {
+                if let Some(shared) = shared.filter(|_| draft.encoding == Encoding::Leaf) {
+                    // Both trees have the same cells, in the same order.
+                    own.push(shared.nodes[depth][index].clone());
+                    levels[depth].leaf_nodes -= 1;
+                    levels[depth].leaf_particles -= draft.particles;
+                    continue;
+                }
+                let below = planned.last().map_or(&[][..], |level: &Vec<PlannedNode>| level);
+                let children = draft.children.iter().flatten().filter_map(|&child| below.get(child));
+                let smoothing_length_max = children
+                    .map(|child| child.node.smoothing_length_max)
+                    .fold(draft.smoothing_length_max.max(coded.smoothing_length_max), f32::max);
+                let positions = sections[depth][index].positions.as_ref().map_or(0, Blob::len);
+                let codes = vq_bits.packed_len(draft.particles as usize).unwrap_or(0);
+                // Particles that were enlarged have lost density: only what coding has changed is made up for.
+                let mass_density = match self.levels {
+                    Levels::Splats => draft.mass_density,
+                    Levels::Volume => coded.true_mass_density,
+                };
+                own.push(PlannedNode {
+                    sections: (positions, codes),
+                    children: draft.children,
+                    node: Node {
+                        key: draft.key,
+                        encoding: draft.encoding,
+                        codebook: before + coded.codebook,
+                        // Nodes with more are relays, and leaves with more were refused.
+                        particles: draft.particles as u32,
+                        points: draft.points as u32,
+                        source_particles: draft.source_particles,
+                        delta: draft.delta,
+                        bounds: draft.bounds,
+                        smoothing_length_max,
+                        mass: draft.mass,
+                        mass_density: draft.mass_density,
+                        mass_scale: scale(draft.mass, coded.mass),
+                        mass_density_scale: scale(mass_density, coded.mass_density),
+                        children: [None; 8],
+                    },
+                });
+                sections[depth][index].codes = coded.codes;
+            }
+            planned.push(own);
         }
-        planned.push(own);
+        planned.reverse();
+        Ok(CodedTree { nodes: planned, sections, levels })
     }
-    planned.reverse();
-    Ok(CodedTree { spill, nodes: planned, sections, numbers: coded.numbers, codebooks: coded.codebooks, levels })
 }
 
 /// The factor that turns `decoded` into `real`; 1 where rounding leaves nothing to scale.
@@ -176,13 +261,13 @@ fn scale(real: f64, decoded: f64) -> f32 {
 }
 
 /// A node without its particles, its section of positions, and its batches.
-fn split(node: TreeNode<Kept>, spill: &Spill) -> std::io::Result<(TreeNode<()>, Option<Blob>, Vec<Batch>)> {
+fn split(node: TreeNode<Option<Kept>>, spill: &Spill) -> std::io::Result<(TreeNode<()>, Option<Blob>, Vec<Batch>)> {
     let TreeNode { key, encoding, particles, points, source_particles, delta, bounds, .. } = node;
     let TreeNode { smoothing_length_max, mass, mass_density, children, data, .. } = node;
     let mut positions = None;
     let mut words: Vec<u32> = Vec::new();
     let mut batches = Vec::with_capacity(data.len());
-    for kept in data {
+    for kept in data.into_iter().flatten() {
         match kept.positions {
             Positions::Encoded(blob) => positions = Some(blob),
             Positions::Words(blob) => {
@@ -246,14 +331,23 @@ fn borrowed(columns: &Columns) -> Quantities<'_> {
     }
 }
 
-impl CodedTree {
+impl CodedTrees {
+    /// A tree.
+    fn tree(&self, levels: Levels) -> &CodedTree {
+        match (&self.volume, levels) {
+            (Some(volume), Levels::Volume) => volume,
+            _ => &self.splats,
+        }
+    }
+
     /// The sections of a node, as they are stored.
     ///
     /// # Errors
     /// When they cannot be read back.
-    pub fn sections(&self, depth: usize, index: usize, vq_bits: crate::codec::VqBits) -> std::io::Result<Sections> {
-        let NodeSections { positions, codes } = &self.sections[depth][index];
-        let node = &self.nodes[depth][index].node;
+    pub fn sections(&self, levels: Levels, depth: usize, index: usize, vq_bits: VqBits) -> std::io::Result<Sections> {
+        let tree = self.tree(levels);
+        let NodeSections { positions, codes } = &tree.sections[depth][index];
+        let node = &tree.nodes[depth][index].node;
         let positions = positions.as_ref().map(|blob| self.spill.get(blob)).transpose()?;
         let mut own = Vec::with_capacity(node.particles as usize);
         for (blob, count) in codes {

@@ -7,6 +7,8 @@ pub enum CodebookScope {
     Leaves,
     /// The drawn (merged) particles of the grid nodes at this depth.
     Depth(u8),
+    /// The same for the levels that are made for volumes.
+    VolumeDepth(u8),
 }
 
 /// Measured error of one quantity over all particles that a codebook codes.

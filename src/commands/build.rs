@@ -15,6 +15,7 @@ use std::path::PathBuf;
   deepfield build snapshot_099.hdf5 -o galaxy.df
   deepfield build snap_099.0 -o gas.df --family gas --attributes temperature,metallicity --vq-bits 16
   deepfield build positions.hdf5 -o halo.df --smoothing knn:64
+  deepfield build merger.hdf5 -o merger.df --volume-levels
   deepfield build huge.0.hdf5 -o /data/huge.df --memory 2GiB --temporary /scratch")]
 pub struct Arguments {
     /// The source; any file of a snapshot in several files.
@@ -40,6 +41,9 @@ pub struct Arguments {
     /// Keep positions to 21 bits of a leaf's edge instead of rounding them to 1/512 of the smoothing length; takes more space.
     #[arg(long)]
     pub exact_positions: bool,
+    /// Add levels of detail for the modes volume, isosurface and volume-isosurface to those for splats; takes more space.
+    #[arg(long)]
+    pub volume_levels: bool,
     /// Memory that the build may take, such as 2GiB [default: half of what is free]; temporary files hold the rest.
     #[arg(long, value_name = "BYTES", value_parser = bytes)]
     pub memory: Option<u64>,
@@ -76,6 +80,7 @@ pub fn run(arguments: &Arguments) -> CommandResult {
         ..BuildOptions::with_vq_bits(arguments.vq_bits)
     };
     options.octree.exact_positions = arguments.exact_positions;
+    options.octree.volume_levels = arguments.volume_levels;
     let load_options = LoadOptions {
         families: arguments.family.clone(),
         attributes: arguments.attributes.clone().map_or(AttributeChoice::Usual, AttributeChoice::Named),

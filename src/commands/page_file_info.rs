@@ -50,6 +50,7 @@ fn family_json(family: &FamilyMetadata) -> Value {
             "missing": field.missing,
         })).collect::<Vec<_>>(),
         "levels": family.levels.iter().map(level_json).collect::<Vec<_>>(),
+        "volume_levels": family.volume.as_ref().map(|tree| tree.levels.iter().map(level_json).collect::<Vec<_>>()),
         "codebooks": family.codebooks.iter().map(|codebook| codebook_json(family, codebook)).collect::<Vec<_>>(),
     })
 }
@@ -132,39 +133,10 @@ fn write_family(text: &mut String, family: &FamilyMetadata) -> std::fmt::Result 
             writeln!(text, "  {:<28} {} values were not finite; the mean stands for them", "", field.missing)?;
         }
     }
-    writeln!(
-        text,
-        "  {:>5} {:>11} {:>11} {:>11} {:>11} {:>11} {:>11} {:>11} {:>7} {:>6} {:>10} {:>12}",
-        "level",
-        "merged",
-        "skipped",
-        "sprites",
-        "points",
-        "in leaves",
-        "particles",
-        "passed on",
-        "nodes",
-        "relays",
-        "average",
-        "bytes"
-    )?;
-    for level in &family.levels {
-        writeln!(
-            text,
-            "  {:>5} {:>11} {:>11} {:>11} {:>11} {:>11} {:>11} {:>11} {:>7} {:>6} {:>10.1} {:>12}",
-            level.depth,
-            level.merged,
-            level.skipped,
-            level.sprites,
-            level.points,
-            level.leaf_particles,
-            level.particles(),
-            level.relayed,
-            level.nodes(),
-            level.relay_nodes,
-            average(level),
-            level.bytes
-        )?;
+    write_levels(text, &family.levels)?;
+    if let Some(volume) = &family.volume {
+        writeln!(text, "  levels for volumes, over the same leaves:")?;
+        write_levels(text, &volume.levels)?;
     }
     writeln!(text, "  relative error of vector quantisation, average / maximum:")?;
     // The leaves may share several codebooks: one line for all.
@@ -185,6 +157,45 @@ fn write_family(text: &mut String, family: &FamilyMetadata) -> std::fmt::Result 
     Ok(())
 }
 
+/// The table of F12 4.1.
+fn write_levels(text: &mut String, levels: &[LevelInfo]) -> std::fmt::Result {
+    writeln!(
+        text,
+        "  {:>5} {:>11} {:>11} {:>11} {:>11} {:>11} {:>11} {:>11} {:>7} {:>6} {:>10} {:>12}",
+        "level",
+        "merged",
+        "skipped",
+        "sprites",
+        "points",
+        "in leaves",
+        "particles",
+        "passed on",
+        "nodes",
+        "relays",
+        "average",
+        "bytes"
+    )?;
+    for level in levels {
+        writeln!(
+            text,
+            "  {:>5} {:>11} {:>11} {:>11} {:>11} {:>11} {:>11} {:>11} {:>7} {:>6} {:>10.1} {:>12}",
+            level.depth,
+            level.merged,
+            level.skipped,
+            level.sprites,
+            level.points,
+            level.leaf_particles,
+            level.particles(),
+            level.relayed,
+            level.nodes(),
+            level.relay_nodes,
+            average(level),
+            level.bytes
+        )?;
+    }
+    Ok(())
+}
+
 fn bytes_per_particle(file: &PageFile) -> f64 {
     file.bytes() as f64 / file.metadata().particles().max(1) as f64
 }
@@ -198,6 +209,7 @@ fn scope(codebook: &Codebook) -> String {
     match codebook.scope {
         CodebookScope::Leaves => "leaves".into(),
         CodebookScope::Depth(depth) => format!("level {depth}"),
+        CodebookScope::VolumeDepth(depth) => format!("volume {depth}"),
     }
 }
 

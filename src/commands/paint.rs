@@ -21,6 +21,7 @@ use std::sync::Arc;
 struct Statistics<'a> {
     #[serde(flatten)]
     shown: Shown<'a>,
+    levels: &'static str,
     grid: Grid,
     ranges: Ranges<'a>,
     milliseconds: &'a BTreeMap<String, f64>,
@@ -58,6 +59,7 @@ struct Ranges<'a> {
 /// What was painted, and from what.
 struct Outcome {
     painted: Painted,
+    levels: &'static str,
     attribute: Option<String>,
     converged: bool,
     error_pixels: f64,
@@ -137,13 +139,14 @@ fn paint_pages(
     }
     let framed = first_frame(&file, &scene.families);
     let view = view(arguments, framed)?;
-    let tau = arguments.error_px.unwrap_or(0.8);
+    scene.levels = depiction.levels(metadata);
+    let detail = depiction.detail(&view, arguments.error_px.unwrap_or(0.8), metadata);
     let mut tell = |message| eprintln!("deepfield: {message}");
-    let selection = times.measure("load", || scene.converge(&view, tau, &mut tell))?;
+    let selection = times.measure("load", || scene.converge(&view, detail, &mut tell))?;
     let mut painted = None;
     for _ in 0..arguments.repeat {
         painted = Some(times.frame(|times| {
-            let selection = times.measure("select", || scene.select(&view, tau));
+            let selection = times.measure("select", || scene.select(&view, detail));
             let nodes = times.measure("decode", || cpu::decode(&depiction, metadata, &selection.nodes));
             let paint = |subject: &Subject<'_>| paint_nodes(&view, &depiction, metadata, &nodes, subject);
             measured(arguments, framed, caster, times, paint)
@@ -151,6 +154,7 @@ fn paint_pages(
     }
     Ok(Outcome {
         painted: painted.ok_or("nothing was drawn")?,
+        levels: scene.levels.name(),
         attribute: depiction.attribute.map(|coloring| coloring.name),
         converged: selection.converged,
         error_pixels: selection.error_pixels,
@@ -183,6 +187,7 @@ fn paint_exact(
     }
     Ok(Outcome {
         painted: painted.ok_or("nothing was drawn")?,
+        levels: "source",
         attribute: depiction.attribute.map(|coloring| coloring.name),
         converged: true,
         error_pixels: 0.0,
@@ -229,6 +234,7 @@ fn statistics<'a>(
             width: colors.width,
             height: colors.height,
         },
+        levels: outcome.levels,
         grid: Grid {
             size: report.grid,
             near: report.planes[0],

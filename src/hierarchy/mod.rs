@@ -6,4 +6,4 @@ pub mod octree;
 
 pub use attribute_info::{AttributeInfo, Histogram};
 pub use cell::{NodeKey, RootCell};
-pub use octree::{Encoding, LevelInfo, OctreeOptions};
+pub use octree::{Encoding, LevelInfo, Levels, OctreeOptions};

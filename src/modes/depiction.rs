@@ -1,10 +1,11 @@
 //! A mode as the user has set it, applied to data: weights and attributes of source particles and of codebook entries.
 
-use super::{Columns, Conserved, Footprint, Mode, Settings, economy};
+use super::{Columns, Conserved, Footprint, Mode, Settings, economy, grid};
 use crate::codec::Codebook;
+use crate::hierarchy::Levels;
 use crate::model::{Dataset, Family};
 use crate::store::{FamilyMetadata, Metadata, Node};
-use crate::view::View;
+use crate::view::{Detail, View};
 
 /// A mode, its settings and the attribute that colours the picture.
 #[derive(Clone)]
@@ -137,6 +138,20 @@ impl Depiction {
         match self.footprint() {
             Footprint::Kernel => *view,
             Footprint::Pixels(radius) => view.padded(radius.ceil() as u32),
+        }
+    }
+
+    /// The levels that are drawn of a file.
+    pub fn levels(&self, metadata: &Metadata) -> Levels {
+        let is_sampled = self.mode.all_settings().any(|setting| setting.name == grid::DETAIL.name);
+        if is_sampled && metadata.has_volume_levels() { Levels::Volume } else { Levels::Splats }
+    }
+
+    /// How far the nodes of a file are refined for a view, where splats may be displaced by `tau` pixels.
+    pub fn detail(&self, view: &View, tau: f64, metadata: &Metadata) -> Detail {
+        match self.levels(metadata) {
+            Levels::Splats => Detail::Error { tau },
+            Levels::Volume => grid::sampling(view, &self.settings, metadata.bounds()),
         }
     }
 

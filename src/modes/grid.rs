@@ -1,7 +1,7 @@
 //! What the modes of the perspective grid (F12 chapter 5) share: their settings, and how these become a picture.
 
 use super::{Columns, Painted, Painting, Setting, SettingKind, Settings};
-use crate::model::{Kernel, Unit};
+use crate::model::{Bounds, Kernel, Unit};
 use crate::raster::transfer::Range;
 use crate::raster::volume::classify::{UnitLength, to_linear};
 use crate::raster::volume::particles::SMALLEST;
@@ -9,6 +9,8 @@ use crate::raster::volume::{
     self, Classifier, Light, Scenery, Surface, VolumeError, VolumeLevels, VolumeOptions, VolumeTransfer, range,
 };
 use crate::view::perspective_grid::GridOptions;
+use crate::view::{Detail, PerspectiveGrid, View};
+use glam::DVec3;
 
 /// Cells per pixel.
 pub static RESOLUTION: Setting = Setting {
@@ -16,6 +18,14 @@ pub static RESOLUTION: Setting = Setting {
     unit: "cells/px",
     kind: SettingKind::Number { min: 0.1, max: 2.0, default: 1.0 },
     help: "resolution of the grid: 1 is that of the picture; 0.5 costs an eighth of the cells",
+};
+/// How wide the cells of merged particles may be. Modes that have it draw the levels of a file that are made for volumes.
+pub static DETAIL: Setting = Setting {
+    name: "detail",
+    unit: "cells",
+    kind: SettingKind::Number { min: 0.0, max: 16.0, default: 1.0 },
+    help: "merged particles stand for what lies within so many cells of the grid (F12 5.5.2), in files with levels for volumes; \
+           smaller is finer, 0: source particles only",
 };
 /// Whether slices are as dense on the edges as in the middle.
 pub static LAMBDA: Setting = Setting {
@@ -133,7 +143,7 @@ pub static SHININESS: Setting = Setting {
 /// Where a volume begins and ends, where rays end, and what is summed: every mode that draws a volume has these.
 pub static COMMON: &[&Setting] = &[&NEAR, &FAR, &TERMINATION, &SMALLEST_CELLS, &KERNEL];
 /// How the perspective grid is laid and held.
-pub static GRID: &[&Setting] = &[&RESOLUTION, &LAMBDA, &SLAB_MEMORY, &OCCLUSION];
+pub static GRID: &[&Setting] = &[&RESOLUTION, &DETAIL, &LAMBDA, &SLAB_MEMORY, &OCCLUSION];
 /// The isosurfaces.
 pub static SURFACES: &[&Setting] = &[&ISOVALUES, &ISO_OPACITIES, &ISO_COLORS];
 /// The light on surfaces.
@@ -271,6 +281,22 @@ pub fn light(settings: &Settings) -> Option<Light> {
         specular: settings.number(&SPECULAR) as f32,
         shininess: settings.number(&SHININESS) as f32,
     })
+}
+
+/// The detail in which the nodes of data within these bounds are drawn. An automatic near plane is not known before there are
+/// particles: it is taken to be where it is for data of which all is in view.
+pub fn sampling(view: &View, settings: &Settings, bounds: Bounds) -> Detail {
+    let corner = |index: usize| {
+        let pick = |axis: usize| if index >> axis & 1 == 0 { bounds.min[axis] } else { bounds.max[axis] };
+        view.to_camera(DVec3::new(pick(0), pick(1), pick(2))).z
+    };
+    let far = (0..8).map(corner).fold(0.0, f64::max);
+    let near = match settings.number(&NEAR) {
+        near if near > 0.0 => near,
+        _ => PerspectiveGrid::NEAREST * far,
+    };
+    let sigma = PerspectiveGrid::sigma_of(view, settings.number(&RESOLUTION));
+    Detail::Sampling { sigma: settings.number(&DETAIL) * sigma, near }
 }
 
 /// Draws the layers of a mode.

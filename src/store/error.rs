@@ -25,14 +25,14 @@ pub enum StoreError {
         expected: &'static str,
     },
     /// A page file of another version.
-    #[error("{path}: page-file version {found}; this program reads version {supported}")]
+    #[error("{path}: page-file version {found}; this program reads versions {} to {}", supported[0], supported[1])]
     Version {
         /// The file.
         path: PathBuf,
         /// Version in the file.
         found: u32,
-        /// The version that is supported.
-        supported: u32,
+        /// The first and the last version that are supported.
+        supported: [u32; 2],
     },
     /// A page file whose content breaks a promise of the format.
     #[error("{path}: {place}: {expected}")]

@@ -1,16 +1,26 @@
-//! The footer: page table, metadata, attribute tables and codebooks as bytes and back.
+//! The footer: page table, metadata, attribute tables and codebooks as bytes and back. Files with levels for volumes have
+//! version 3, all others version 2.
 
 use super::error::Damage;
-use super::layout::{PAGE_ENTRY_LEN, PageEntry};
-use super::metadata::{AttributeInfo, AttributeMerge, FamilyMetadata, Histogram, LevelInfo, Metadata};
+use super::layout::{PAGE_ENTRY_LEN, PageEntry, VERSION, VERSION_VOLUME};
+use super::metadata::{AttributeInfo, AttributeMerge, FamilyMetadata, Histogram, LevelInfo, Metadata, VolumeTree};
 use super::page::PageId;
 use super::wire::{Decoder, Encoder};
 use crate::codec::{Codebook, CodebookScope, QuantityError, VqBits};
 use crate::hierarchy::RootCell;
 use crate::model::{Bounds, FamilyName, Kernel, Provenance, Skipped, Unit};
 
+/// The bit that tells the scope of a codebook of levels for volumes.
+const VOLUME_SCOPE: u8 = 1 << 7;
+
+/// The first version that can hold a file.
+pub(super) fn version(metadata: &Metadata) -> u32 {
+    if metadata.families.iter().any(|family| family.volume.is_some()) { VERSION_VOLUME } else { VERSION }
+}
+
 /// The footer's bytes.
 pub(super) fn encode(metadata: &Metadata, table: &[PageEntry]) -> Vec<u8> {
+    let version = version(metadata);
     let mut out = Encoder::default();
     for entry in table {
         out.bytes.extend_from_slice(&entry.encode());
@@ -30,13 +40,13 @@ pub(super) fn encode(metadata: &Metadata, table: &[PageEntry]) -> Vec<u8> {
     }
     out.u32(metadata.families.len() as u32);
     for family in &metadata.families {
-        encode_family(&mut out, family);
+        encode_family(&mut out, family, version);
     }
     out.bytes
 }
 
-/// Reads a footer that belongs to a file of `pages` pages.
-pub(super) fn decode(bytes: &[u8], pages: u32) -> Result<(Metadata, Vec<PageEntry>), Damage> {
+/// Reads a footer that belongs to a file of this version with `pages` pages.
+pub(super) fn decode(bytes: &[u8], version: u32, pages: u32) -> Result<(Metadata, Vec<PageEntry>), Damage> {
     let mut input = Decoder::new(bytes);
     let table_len = (pages as usize).checked_mul(PAGE_ENTRY_LEN);
     let table = input.bytes(table_len.unwrap_or(usize::MAX), "the page table")?;
@@ -54,7 +64,8 @@ pub(super) fn decode(bytes: &[u8], pages: u32) -> Result<(Metadata, Vec<PageEntr
     let skipped = (0..input.count(12, "reasons of skipping")?)
         .map(|_| Ok(Skipped { reason: input.text("a reason")?, count: input.u64("a count")? }))
         .collect::<Result<_, Damage>>()?;
-    let families = (0..input.count(100, "families")?).map(|_| decode_family(&mut input)).collect::<Result<_, _>>()?;
+    let families = (0..input.count(100, "families")?).map(|_| decode_family(&mut input, version));
+    let families = families.collect::<Result<_, _>>()?;
     input.finish()?;
     Ok((Metadata { length_unit, mass_unit, kernel, vq_bits, provenance, skipped, families }, table))
 }
@@ -84,7 +95,7 @@ fn decode_provenance(input: &mut Decoder) -> Result<Provenance, Damage> {
     })
 }
 
-fn encode_family(out: &mut Encoder, family: &FamilyMetadata) {
+fn encode_family(out: &mut Encoder, family: &FamilyMetadata, version: u32) {
     out.u8(FamilyName::ALL.iter().position(|&name| name == family.name).unwrap_or(0) as u8);
     out.u64(family.count);
     out.f64(family.mass);
@@ -98,8 +109,23 @@ fn encode_family(out: &mut Encoder, family: &FamilyMetadata) {
     for attribute in family.quantities.iter().chain(&family.attributes) {
         encode_attribute(out, attribute);
     }
-    out.u32(family.levels.len() as u32);
-    for level in &family.levels {
+    encode_levels(out, &family.levels);
+    out.u32(family.codebooks.len() as u32);
+    for codebook in &family.codebooks {
+        encode_codebook(out, codebook);
+    }
+    if version >= VERSION_VOLUME {
+        out.u8(u8::from(family.volume.is_some()));
+        if let Some(volume) = &family.volume {
+            out.u32(volume.root_page.0);
+            encode_levels(out, &volume.levels);
+        }
+    }
+}
+
+fn encode_levels(out: &mut Encoder, levels: &[LevelInfo]) {
+    out.u32(levels.len() as u32);
+    for level in levels {
         out.u8(level.depth);
         let counts = [
             level.grid_nodes,
@@ -116,13 +142,9 @@ fn encode_family(out: &mut Encoder, family: &FamilyMetadata) {
         ];
         counts.into_iter().for_each(|count| out.u64(count));
     }
-    out.u32(family.codebooks.len() as u32);
-    for codebook in &family.codebooks {
-        encode_codebook(out, codebook);
-    }
 }
 
-fn decode_family(input: &mut Decoder) -> Result<FamilyMetadata, Damage> {
+fn decode_family(input: &mut Decoder, version: u32) -> Result<FamilyMetadata, Damage> {
     let name = input.u8("a family")?;
     let name = *FamilyName::ALL
         .get(usize::from(name))
@@ -140,10 +162,15 @@ fn decode_family(input: &mut Decoder) -> Result<FamilyMetadata, Damage> {
     let attributes = input.count(50, "attributes")?;
     let quantities = [decode_attribute(input)?, decode_attribute(input)?, decode_attribute(input)?];
     let attributes: Vec<_> = (0..attributes).map(|_| decode_attribute(input)).collect::<Result<_, _>>()?;
-    let levels = (0..input.count(89, "levels")?).map(|_| decode_level(input)).collect::<Result<_, _>>()?;
+    let levels = decode_levels(input)?;
     let codebooks = (0..input.count(13, "codebooks")?)
         .map(|_| decode_codebook(input, attributes.len()))
         .collect::<Result<_, _>>()?;
+    let volume = match if version >= VERSION_VOLUME { input.u8("levels for volumes")? } else { 0 } {
+        0 => None,
+        1 => Some(VolumeTree { root_page: PageId(input.u32("a root page")?), levels: decode_levels(input)? }),
+        other => return Err(Damage::new("footer", format!("levels for volumes (1) or none (0), found {other}"))),
+    };
     Ok(FamilyMetadata {
         name,
         count,
@@ -155,8 +182,13 @@ fn decode_family(input: &mut Decoder) -> Result<FamilyMetadata, Damage> {
         quantities,
         attributes,
         levels,
+        volume,
         codebooks,
     })
+}
+
+fn decode_levels(input: &mut Decoder) -> Result<Vec<LevelInfo>, Damage> {
+    (0..input.count(89, "levels")?).map(|_| decode_level(input)).collect()
 }
 
 fn decode_level(input: &mut Decoder) -> Result<LevelInfo, Damage> {
@@ -225,10 +257,11 @@ fn decode_attribute(input: &mut Decoder) -> Result<AttributeInfo, Damage> {
 }
 
 fn encode_codebook(out: &mut Encoder, codebook: &Codebook) {
-    // 255 is no depth, so it names the leaves.
+    // 255 is no depth, so it names the leaves; depths are far below 128.
     out.u8(match codebook.scope {
         CodebookScope::Leaves => u8::MAX,
         CodebookScope::Depth(depth) => depth,
+        CodebookScope::VolumeDepth(depth) => VOLUME_SCOPE | depth,
     });
     out.u64(codebook.particles);
     out.u32(codebook.len() as u32);
@@ -246,6 +279,7 @@ fn encode_codebook(out: &mut Encoder, codebook: &Codebook) {
 fn decode_codebook(input: &mut Decoder, attributes: usize) -> Result<Codebook, Damage> {
     let scope = match input.u8("a codebook's scope")? {
         u8::MAX => CodebookScope::Leaves,
+        scope if scope & VOLUME_SCOPE != 0 => CodebookScope::VolumeDepth(scope & !VOLUME_SCOPE),
         depth => CodebookScope::Depth(depth),
     };
     let particles = input.u64("a codebook's particles")?;

@@ -10,8 +10,10 @@ use glam::DVec3;
 
 /// First bytes of the file. The high bit and the CR LF, SUB, LF sequence break visibly when the file is sent as text.
 pub const MAGIC: [u8; 8] = *b"\x89DFP\r\n\x1a\n";
-/// Version of the format that this program writes and reads.
+/// Version of files without levels for volumes.
 pub const VERSION: u32 = 2;
+/// Version of files with levels for volumes.
+pub const VERSION_VOLUME: u32 = 3;
 /// Pages and the footer start at multiples of this; the header takes one such block.
 pub const ALIGNMENT: u64 = 4096;
 /// Bytes of the header that hold something; the rest of its block is zero.
@@ -37,6 +39,8 @@ pub fn align_up(value: u64, alignment: u64) -> Option<u64> {
 /// The fixed header.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Header {
+    /// [`VERSION`] or [`VERSION_VOLUME`].
+    pub version: u32,
     /// Length of the whole file, bytes.
     pub file_len: u64,
     /// Where the footer starts.
@@ -61,7 +65,7 @@ impl Header {
     pub fn encode(&self) -> [u8; HEADER_LEN] {
         let mut out = [0; HEADER_LEN];
         out[0..8].copy_from_slice(&MAGIC);
-        out[8..12].copy_from_slice(&VERSION.to_le_bytes());
+        out[8..12].copy_from_slice(&self.version.to_le_bytes());
         out[12..16].copy_from_slice(&(ALIGNMENT as u32).to_le_bytes());
         out[16..24].copy_from_slice(&self.file_len.to_le_bytes());
         out[24..32].copy_from_slice(&self.footer_offset.to_le_bytes());
@@ -83,7 +87,7 @@ impl Header {
             return Err(HeaderError::NotAPageFile("its first eight bytes"));
         }
         let version = u32_at(bytes, 8);
-        if version != VERSION {
+        if !(VERSION..=VERSION_VOLUME).contains(&version) {
             return Err(HeaderError::Version(version));
         }
         let damaged = |expected: &str| HeaderError::Damaged(Damage::new("header", expected));
@@ -91,6 +95,7 @@ impl Header {
             return Err(damaged("its checksum"));
         }
         let header = Header {
+            version,
             file_len: u64_at(bytes, 16),
             footer_offset: u64_at(bytes, 24),
             footer_len: u64_at(bytes, 32),
@@ -308,12 +313,18 @@ mod tests {
 
     #[test]
     fn header_and_page_table_are_as_specified() {
-        let header =
-            Header { file_len: 11 << 40, footer_offset: 22 << 40, footer_len: 33 << 40, footer_crc: 44, pages: 55 };
+        let header = Header {
+            version: VERSION_VOLUME,
+            file_len: 11 << 40,
+            footer_offset: 22 << 40,
+            footer_len: 33 << 40,
+            footer_crc: 44,
+            pages: 55,
+        };
         let bytes = header.encode();
         let field = fields("Header", &bytes);
         assert_eq!(field("magic"), MAGIC);
-        assert_eq!(field("version"), VERSION.to_le_bytes());
+        assert_eq!(field("version"), VERSION_VOLUME.to_le_bytes());
         assert_eq!(field("alignment"), (ALIGNMENT as u32).to_le_bytes());
         assert_eq!(field("file_len"), (11_u64 << 40).to_le_bytes());
         assert_eq!(field("footer_offset"), (22_u64 << 40).to_le_bytes());

@@ -3,8 +3,8 @@
 use super::page::PageId;
 pub use crate::codec::AttributeMerge;
 use crate::codec::{Codebook, VqBits};
-use crate::hierarchy::RootCell;
 pub use crate::hierarchy::{AttributeInfo, Histogram, LevelInfo};
+use crate::hierarchy::{Levels, RootCell};
 use crate::model::{Bounds, FamilyName, Kernel, Provenance, Skipped, Unit};
 
 /// Everything that is known of a page file without reading a page.
@@ -30,6 +30,11 @@ impl Metadata {
     /// Source particles in all families.
     pub fn particles(&self) -> u64 {
         self.families.iter().map(|family| family.count).sum()
+    }
+
+    /// Whether every family has levels for volumes.
+    pub fn has_volume_levels(&self) -> bool {
+        self.families.iter().all(|family| family.volume.is_some())
     }
 
     /// The box around the source positions of all families.
@@ -66,11 +71,35 @@ pub struct FamilyMetadata {
     pub attributes: Vec<AttributeInfo>,
     /// One entry for each depth, the root first.
     pub levels: Vec<LevelInfo>,
+    /// The levels for volumes, if the file has them.
+    pub volume: Option<VolumeTree>,
     /// The codebooks; [`super::Node::codebook`] indexes them.
     pub codebooks: Vec<Codebook>,
 }
 
+/// A second tree over the leaves of a family, whose inner nodes are made for volumes (F12 5.5.1).
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct VolumeTree {
+    /// The page that holds the root; the root is node 0 of it. That of the other tree if the root is a leaf.
+    pub root_page: PageId,
+    /// One entry for each depth, the root first, without leaves.
+    pub levels: Vec<LevelInfo>,
+}
+
 impl FamilyMetadata {
+    /// The page of the root of these levels; `None` if the family does not have them.
+    pub fn root_page_of(&self, levels: Levels) -> Option<PageId> {
+        match levels {
+            Levels::Splats => Some(self.root_page),
+            Levels::Volume => self.volume.as_ref().map(|volume| volume.root_page),
+        }
+    }
+
+    /// Whether a page holds a root.
+    pub fn has_root(&self, page: PageId) -> bool {
+        [Levels::Splats, Levels::Volume].into_iter().any(|levels| self.root_page_of(levels) == Some(page))
+    }
+
     /// The attribute of that name and its index in [`Codebook::attributes`].
     pub fn attribute(&self, name: &str) -> Option<(usize, &AttributeInfo)> {
         self.attributes.iter().enumerate().find(|(_, attribute)| attribute.name == name)

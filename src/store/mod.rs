@@ -20,7 +20,7 @@ mod wire;
 
 pub use disk::{Change, Disk, LocalFile};
 pub use error::StoreError;
-pub use metadata::{AttributeInfo, AttributeMerge, FamilyMetadata, Histogram, LevelInfo, Metadata};
+pub use metadata::{AttributeInfo, AttributeMerge, FamilyMetadata, Histogram, LevelInfo, Metadata, VolumeTree};
 pub use page::{Encoding, Node, NodeParticles, NodeRef, Page, PageId, Positions};
 pub use reader::{PageBytes, PageFile};
 pub use verify::{Verified, verify};

@@ -5,10 +5,10 @@ use super::layout::{
     NODE_RECORD_LEN, NodeRecord, PAGE_HEADER_LEN, PAGE_MAGIC, PageEntry, SECTION_ALIGNMENT, particles_memory, u32_at,
 };
 use super::metadata::Metadata;
-use crate::codec::coordinates::{GRID_POINT, LEAF_BITS, LEAF_POINT, unpack_grid, unpack_leaf};
+use crate::codec::coordinates::{CELL_BITS, GRID_POINT, LEAF_BITS, LEAF_POINT, unpack_grid, unpack_leaf};
 use crate::codec::positions::{decode_grid, decode_leaf, leaf_rounding};
 pub use crate::hierarchy::Encoding;
-use crate::hierarchy::NodeKey;
+use crate::hierarchy::{NodeKey, RootCell};
 use crate::model::Bounds;
 use std::ops::Range;
 
@@ -65,6 +65,11 @@ impl Node {
     /// Whether the node has no children.
     pub fn is_leaf(&self) -> bool {
         self.encoding == Encoding::Leaf
+    }
+
+    /// Edge of the cells in which its particles were merged, world units; 0 for a leaf.
+    pub fn spacing(&self, root: RootCell) -> f64 {
+        if self.is_leaf() { 0.0 } else { self.key.size(root) / f64::from(1 << CELL_BITS) }
     }
 }
 

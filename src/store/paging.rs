@@ -4,11 +4,15 @@
 //! that leaves it half empty, the next families of siblings that hang below the same parent page join it, so that
 //! shallow subtrees do not end as pages of a few kilobytes. Siblings that are together larger than a page are spread over
 //! several.
+//!
+//! The levels for volumes are a second tree over the same leaves. Its inner nodes have pages of their own, which come first: so
+//! every child comes after its parents in both trees.
 
 use super::error::StoreError;
 use super::layout::particles_memory;
-use super::page::{Node, NodeRef, PageId};
+use super::page::{Encoding, Node, NodeRef, PageId};
 use super::writer::{PageFileWriter, PageNode, encode_page, node_bytes};
+use crate::hierarchy::Levels;
 use crate::model::progress::Progress;
 use rayon::prelude::*;
 use std::collections::VecDeque;
@@ -51,14 +55,18 @@ struct Group {
     parent_page: Option<usize>,
 }
 
-/// The nodes of each page, in order. Parents come before children.
-fn plan(nodes: &[Vec<PlannedNode>]) -> Vec<Vec<Place>> {
+/// The nodes of each page, in order, as far as they are `own`. Parents come before children.
+fn plan(nodes: &[Vec<PlannedNode>], own: impl Fn(&PlannedNode) -> bool) -> Vec<Vec<Place>> {
+    let own = |&(depth, index): &Place| own(&nodes[depth][index]);
     let bytes = |&(depth, index): &Place| nodes[depth][index].bytes();
     let children = |(depth, index): Place| -> Vec<Place> {
-        nodes[depth][index].children.iter().flatten().map(|&child| (depth + 1, child)).collect()
+        nodes[depth][index].children.iter().flatten().map(|&child| (depth + 1, child)).filter(own).collect()
     };
     let mut pages: Vec<Vec<Place>> = Vec::new();
-    let mut waiting = VecDeque::from([Group { members: vec![(0, 0)], parent_page: None }]);
+    let mut waiting = VecDeque::new();
+    if own(&(0, 0)) {
+        waiting.push_back(Group { members: vec![(0, 0)], parent_page: None });
+    }
     while let Some(mut group) = waiting.pop_front() {
         let mut page = Vec::new();
         let mut len = 0;
@@ -108,62 +116,114 @@ fn plan(nodes: &[Vec<PlannedNode>]) -> Vec<Vec<Place>> {
     pages
 }
 
-/// Appends a tree's pages to a file; returns the page of its root and the bytes of each depth's nodes. `sections` gives the
-/// particles of the node of a depth and index.
+/// Where a tree was written.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Written {
+    /// The page of its root.
+    pub root_page: PageId,
+    /// Bytes of each depth's own nodes.
+    pub bytes: Vec<u64>,
+}
+
+/// A tree on its way to the file: its nodes, the nodes of each of its pages, and where every node will be.
+struct Paged<'a> {
+    levels: Levels,
+    nodes: &'a [Vec<PlannedNode>],
+    pages: Vec<Vec<Place>>,
+    first: u32,
+    places: Vec<Vec<NodeRef>>,
+}
+
+impl<'a> Paged<'a> {
+    /// A tree whose pages begin with number `first`; `places` has those of nodes that belong to another tree.
+    fn new(
+        levels: Levels,
+        nodes: &'a [Vec<PlannedNode>],
+        pages: Vec<Vec<Place>>,
+        first: u32,
+        mut places: Vec<Vec<NodeRef>>,
+    ) -> Paged<'a> {
+        for (number, page) in pages.iter().enumerate() {
+            for (i, &(depth, index)) in page.iter().enumerate() {
+                places[depth][index] = NodeRef { page: PageId(first + number as u32), node: i as u32 };
+            }
+        }
+        Paged { levels, nodes, pages, first, places }
+    }
+
+    fn written(&self, own: impl Fn(&PlannedNode) -> bool) -> Written {
+        let of = |level: &Vec<PlannedNode>| level.iter().filter(|node| own(node)).map(|node| node.bytes() as u64).sum();
+        Written { root_page: self.places[0][0].page, bytes: self.nodes.iter().map(of).collect() }
+    }
+}
+
+/// Appends the pages of a family's trees to a file: that for splats, and that for volumes if there is one, which has the same
+/// nodes and shares the leaves. `sections` gives the particles of the node of a depth and index.
 ///
 /// # Errors
 /// When the file cannot be written; those of `sections`.
-pub fn write_tree<E: From<StoreError> + Send>(
+pub fn write_trees<E: From<StoreError> + Send>(
     writer: &mut PageFileWriter,
     family: u32,
-    nodes: &[Vec<PlannedNode>],
-    sections: impl Fn(usize, usize) -> Result<Sections, E> + Sync,
+    (splats, volume): (&[Vec<PlannedNode>], Option<&[Vec<PlannedNode>]>),
+    sections: impl Fn(Levels, usize, usize) -> Result<Sections, E> + Sync,
     progress: &dyn Progress,
-) -> Result<(PageId, Vec<u64>), E> {
-    let pages = plan(nodes);
-    progress.begin("writing pages", pages.len() as u64);
+) -> Result<(Written, Option<Written>), E> {
+    let is_inner = |node: &PlannedNode| node.node.encoding != Encoding::Leaf;
+    let volume_pages = volume.map_or(Vec::new(), |nodes| plan(nodes, is_inner));
+    let splat_pages = plan(splats, |_| true);
+    progress.begin("writing pages", (volume_pages.len() + splat_pages.len()) as u64);
     let first = writer.page_count();
-    let mut places: Vec<Vec<NodeRef>> =
-        nodes.iter().map(|level| vec![NodeRef { page: PageId(first), node: 0 }; level.len()]).collect();
-    for (number, page) in pages.iter().enumerate() {
-        for (i, &(depth, index)) in page.iter().enumerate() {
-            places[depth][index] = NodeRef { page: PageId(first + number as u32), node: i as u32 };
-        }
+    let behind = first + volume_pages.len() as u32;
+    let nowhere = splats.iter().map(|level| vec![NodeRef { page: PageId(behind), node: 0 }; level.len()]).collect();
+    let splats = Paged::new(Levels::Splats, splats, splat_pages, behind, nowhere);
+    let volume = volume.map(|nodes| Paged::new(Levels::Volume, nodes, volume_pages, first, splats.places.clone()));
+    for tree in volume.iter().chain([&splats]) {
+        append(writer, family, tree, &sections, progress)?;
     }
+    Ok((splats.written(|_| true), volume.map(|volume| volume.written(is_inner))))
+}
+
+/// Appends the pages of a tree.
+fn append<E: From<StoreError> + Send>(
+    writer: &mut PageFileWriter,
+    family: u32,
+    tree: &Paged,
+    sections: &(impl Fn(Levels, usize, usize) -> Result<Sections, E> + Sync),
+    progress: &dyn Progress,
+) -> Result<(), E> {
     // Some pages at a time: memory for them is needed.
     let together = 2 * rayon::current_num_threads();
-    for (batch, numbers) in pages.chunks(together).zip((first..).step_by(together)) {
+    for (batch, numbers) in tree.pages.chunks(together).zip((tree.first..).step_by(together)) {
         let encoded: Vec<Option<Vec<u8>>> = batch
             .par_iter()
             .zip(numbers..numbers + batch.len() as u32)
-            .map(|(page, number)| encode(nodes, page, PageId(number), family, &places, &sections))
+            .map(|(page, number)| encode(tree, page, PageId(number), family, sections))
             .collect::<Result<_, E>>()?;
         for (page, bytes) in batch.iter().zip(encoded) {
             let bytes = bytes.ok_or_else(|| writer.unwritable("a page would be longer than 4 GiB"))?;
-            let node = |&(depth, index): &Place| &nodes[depth][index].node;
+            let node = |&(depth, index): &Place| &tree.nodes[depth][index].node;
             let memory = page.iter().map(node).map(|node| particles_memory(node.encoding, node.particles)).sum();
             writer.append(family, page.len() as u32, memory, &bytes)?;
             progress.advance(1);
         }
     }
-    let bytes = nodes.iter().map(|level| level.iter().map(|node| node.bytes() as u64).sum());
-    Ok((PageId(first), bytes.collect()))
+    Ok(())
 }
 
 fn encode<E>(
-    nodes: &[Vec<PlannedNode>],
+    tree: &Paged,
     page: &[Place],
     id: PageId,
     family: u32,
-    places: &[Vec<NodeRef>],
-    sections: impl Fn(usize, usize) -> Result<Sections, E>,
+    sections: impl Fn(Levels, usize, usize) -> Result<Sections, E>,
 ) -> Result<Option<Vec<u8>>, E> {
     let records = page.iter().map(|&(depth, index)| {
-        let planned = &nodes[depth][index];
-        let below = places.get(depth + 1).map_or(&[][..], Vec::as_slice);
+        let planned = &tree.nodes[depth][index];
+        let below = tree.places.get(depth + 1).map_or(&[][..], Vec::as_slice);
         let node =
             Node { children: planned.children.map(|child| child.map(|child| below[child])), ..planned.node.clone() };
-        Ok((node, sections(depth, index)?))
+        Ok((node, sections(tree.levels, depth, index)?))
     });
     let records: Vec<(Node, Sections)> = records.collect::<Result<_, E>>()?;
     let page: Vec<PageNode> = records.iter().map(|(node, sections)| PageNode { node, sections }).collect();

@@ -3,9 +3,10 @@
 use super::disk::{Change, Disk, LocalFile};
 use super::error::StoreError;
 use super::footer;
-use super::layout::{ALIGNMENT, HEADER_LEN, Header, HeaderError, PAGE_HEADER_LEN, PageEntry, VERSION};
+use super::layout::{ALIGNMENT, HEADER_LEN, Header, HeaderError, PAGE_HEADER_LEN, PageEntry, VERSION, VERSION_VOLUME};
 use super::metadata::Metadata;
 use super::page::{Node, Page, PageId};
+use crate::hierarchy::Levels;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -45,7 +46,9 @@ impl PageFile {
         disk.read_exact_at(&mut head, 0).map_err(io("read the header"))?;
         let header = Header::decode(&head, real_len).map_err(|error| match error {
             HeaderError::NotAPageFile(expected) => StoreError::NotAPageFile { path: path.to_path_buf(), expected },
-            HeaderError::Version(found) => StoreError::Version { path: path.to_path_buf(), found, supported: VERSION },
+            HeaderError::Version(found) => {
+                StoreError::Version { path: path.to_path_buf(), found, supported: [VERSION, VERSION_VOLUME] }
+            }
             HeaderError::Damaged(damage) => damage.in_file(path),
         })?;
         let damaged = |place: &str, expected: &str| StoreError::Damaged {
@@ -59,7 +62,8 @@ impl PageFile {
         if crc32c::crc32c(&bytes) != header.footer_crc {
             return Err(damaged("footer", "its checksum"));
         }
-        let (metadata, table) = footer::decode(&bytes, header.pages).map_err(|damage| damage.in_file(path))?;
+        let (metadata, table) =
+            footer::decode(&bytes, header.version, header.pages).map_err(|damage| damage.in_file(path))?;
         let page_file = PageFile { path: path.to_path_buf(), disk, header, head, metadata, table };
         page_file.check_table().map_err(|(place, expected)| damaged(&place, expected))?;
         Ok(page_file)
@@ -186,8 +190,10 @@ impl PageFile {
             return Err(("header".into(), "a footer right after the last page"));
         }
         for (i, family) in self.metadata.families.iter().enumerate() {
-            let root = self.table.get(family.root_page.0 as usize);
-            if root.is_none_or(|entry| entry.family as usize != i) {
+            let roots = [Levels::Splats, Levels::Volume].into_iter().filter_map(|levels| family.root_page_of(levels));
+            let is_wrong =
+                |page: PageId| self.table.get(page.0 as usize).is_none_or(|entry| entry.family as usize != i);
+            if roots.into_iter().any(is_wrong) {
                 return Err(("footer".into(), "a root page of the same family for each family"));
             }
         }

@@ -2,14 +2,15 @@
 //!
 //! The header, the footer and each page carry checksums, and the bytes between them must be zero, so that no change of
 //! a single bit goes unnoticed. Beyond that the trees must be whole: every node but the roots is the child of exactly
-//! one node, in the cell its parent gives it, and the counts of particles, masses and levels add up.
+//! one node of each tree that it is in, in the cell its parent gives it, and the counts of particles, masses and levels
+//! add up. Leaves are in every tree of their family, other nodes in one.
 
 use super::error::{Damage, StoreError};
 use super::layout::{ALIGNMENT, HEADER_LEN};
 use super::metadata::{FamilyMetadata, LevelInfo};
 use super::page::{Encoding, Node, NodeRef, Page, PageId};
 use super::reader::PageFile;
-use crate::hierarchy::NodeKey;
+use crate::hierarchy::{Levels, NodeKey};
 use crate::model::progress::Progress;
 use std::collections::HashMap;
 use std::path::Path;
@@ -43,9 +44,10 @@ struct Open {
 
 struct Verifier<'a> {
     file: &'a PageFile,
-    promises: HashMap<NodeRef, Promise>,
+    promises: HashMap<(NodeRef, Levels), Promise>,
     open: HashMap<NodeRef, Open>,
-    levels: Vec<Vec<LevelInfo>>,
+    /// What was counted of each family's trees.
+    levels: Vec<[Vec<LevelInfo>; 2]>,
     done: Verified,
 }
 
@@ -59,7 +61,7 @@ pub fn verify(path: &Path, progress: &dyn Progress) -> Result<Verified, StoreErr
         file: &file,
         promises: HashMap::new(),
         open: HashMap::new(),
-        levels: families.iter().map(|family| empty_levels(family.levels.len())).collect(),
+        levels: families.iter().map(|family| KINDS.map(|kind| empty_levels(told(family, kind).len()))).collect(),
         done: Verified { bytes: file.bytes(), pages: file.page_count(), ..Verified::default() },
     };
     progress.begin("verifying", u64::from(file.page_count()));
@@ -72,6 +74,17 @@ pub fn verify(path: &Path, progress: &dyn Progress) -> Result<Verified, StoreErr
         progress.advance(1);
     }
     verifier.finish().map_err(damaged)
+}
+
+/// The kinds of levels, in the order of [`Verifier::levels`].
+const KINDS: [Levels; 2] = [Levels::Splats, Levels::Volume];
+
+/// What the footer says of a tree's levels.
+fn told(family: &FamilyMetadata, levels: Levels) -> &[LevelInfo] {
+    match levels {
+        Levels::Splats => &family.levels,
+        Levels::Volume => family.volume.as_ref().map_or(&[], |volume| &volume.levels),
+    }
 }
 
 fn empty_levels(count: usize) -> Vec<LevelInfo> {
@@ -92,25 +105,38 @@ impl Verifier<'_> {
             let own = NodeRef { page: page.id, node: i as u32 };
             let here = |expected: &str| Damage::new(format!("page {}, node {i}", page.id.0), expected);
             self.done.nodes += 1;
-            let is_root = page.id == family.root_page && i == 0;
-            match self.promises.remove(&own) {
-                Some(promise) if promise.key == node.key && !is_root => {
-                    self.settle(&promise, node).map_err(|e| here(&e))?
-                }
-                None if is_root && node.key == NodeKey::ROOT && node.encoding != Encoding::Relay => {
-                    if node.source_particles != family.count {
-                        return Err(here("a root that stands for every particle of its family"));
+            let mut trees = 0;
+            let mut tree = Levels::Splats;
+            for levels in KINDS {
+                let is_root = family.root_page_of(levels) == Some(page.id) && i == 0;
+                match self.promises.remove(&(own, levels)) {
+                    Some(promise) if promise.key == node.key && !is_root => {
+                        self.settle(&promise, node).map_err(|e| here(&e))?
                     }
+                    // What is drawn first must hold something.
+                    None if is_root && (node.encoding != Encoding::Relay || levels == Levels::Volume) => {
+                        if node.key != NodeKey::ROOT || node.source_particles != family.count {
+                            return Err(here("a root that stands for every particle of its family"));
+                        }
+                    }
+                    None if !is_root => continue,
+                    _ => return Err(here("to be a root, or the child of an earlier node in its parent's octant")),
                 }
-                _ => return Err(here("to be the root, or the child of one earlier node in its parent's octant")),
+                (trees, tree) = (trees + 1, levels);
+            }
+            let expected = if node.is_leaf() && family.volume.is_some() { 2 } else { 1 };
+            if trees != expected {
+                return Err(here("to be the root, or the child of one earlier node, of each tree that it is in"));
             }
             check_particles(page, i, node).map_err(here)?;
-            self.count(page, i, family).map_err(here)?;
+            // Leaves count for the tree that was looked for first.
+            let tree = if node.is_leaf() { Levels::Splats } else { tree };
+            self.count(page, i, family, tree).map_err(here)?;
             let mut children = 0;
             for (octant, child) in node.children.iter().enumerate() {
                 let Some(child) = *child else { continue };
                 let promise = Promise { key: node.key.child(octant as u8), parent: own };
-                if self.promises.insert(child, promise).is_some() {
+                if self.promises.insert((child, tree), promise).is_some() {
                     return Err(here("children that no other node has"));
                 }
                 children += 1;
@@ -139,9 +165,15 @@ impl Verifier<'_> {
         Ok(())
     }
 
-    fn count(&mut self, page: &Page, index: usize, metadata: &FamilyMetadata) -> Result<(), &'static str> {
+    fn count(
+        &mut self,
+        page: &Page,
+        index: usize,
+        metadata: &FamilyMetadata,
+        tree: Levels,
+    ) -> Result<(), &'static str> {
         let node = &page.nodes[index];
-        let level = self.levels[page.family as usize]
+        let level = self.levels[page.family as usize][tree as usize]
             .get_mut(usize::from(node.key.depth))
             .ok_or("a depth that the footer lists")?;
         let particles = u64::from(node.particles);
@@ -172,23 +204,10 @@ impl Verifier<'_> {
             return Err(Damage::new(format!("node {:?}", promise.key), "to exist"));
         }
         for (family, found) in self.file.metadata().families.iter().zip(&self.levels) {
-            let place = |level: &LevelInfo| format!("footer, {} level {}", family.name, level.depth);
-            for (told, found) in family.levels.iter().zip(found) {
-                let counted = LevelInfo {
-                    input: told.input,
-                    merged: told.merged,
-                    skipped: told.skipped,
-                    relayed: told.relayed,
-                    ..*found
-                };
-                if *told != counted {
-                    return Err(Damage::new(place(told), format!("the counts that its nodes have, {counted:?}")));
-                }
-                let output = [told.merged, told.skipped, told.relayed, told.sprites, told.points];
-                if output.iter().try_fold(0_u64, |sum, &count| sum.checked_add(count)) != Some(told.input) {
-                    return Err(Damage::new(place(told), "input = merged + skipped + relayed + sprites + points"));
-                }
+            for (levels, found) in KINDS.into_iter().zip(found) {
+                check_levels(family, levels, found)?;
             }
+            let [found, _] = found;
             let leaves = found.iter().map(|level| level.leaf_particles).sum::<u64>();
             if leaves != family.count {
                 let expected = format!("{} particles in the leaves, found {leaves}", family.count);
@@ -197,6 +216,29 @@ impl Verifier<'_> {
         }
         Ok(self.done)
     }
+}
+
+/// Checks what the footer says of a tree's levels against what was found.
+fn check_levels(family: &FamilyMetadata, levels: Levels, found: &[LevelInfo]) -> Result<(), Damage> {
+    for (told, found) in told(family, levels).iter().zip(found) {
+        let kind = if levels == Levels::Volume { "volume " } else { "" };
+        let place = || format!("footer, {} {kind}level {}", family.name, told.depth);
+        let counted = LevelInfo {
+            input: told.input,
+            merged: told.merged,
+            skipped: told.skipped,
+            relayed: told.relayed,
+            ..*found
+        };
+        if *told != counted {
+            return Err(Damage::new(place(), format!("the counts that its nodes have, {counted:?}")));
+        }
+        let output = [told.merged, told.skipped, told.relayed, told.sprites, told.points];
+        if output.iter().try_fold(0_u64, |sum, &count| sum.checked_add(count)) != Some(told.input) {
+            return Err(Damage::new(place(), "input = merged + skipped + relayed + sprites + points"));
+        }
+    }
+    Ok(())
 }
 
 /// Checks a node's words: the point flags as counted, and nothing in unused bits.

@@ -97,6 +97,7 @@ impl PageFileWriter {
     pub fn finish(self, metadata: &Metadata) -> Result<u64, StoreError> {
         let footer = footer::encode(metadata, &self.table);
         let header = Header {
+            version: footer::version(metadata),
             file_len: self.end + footer.len() as u64,
             footer_offset: self.end,
             footer_len: footer.len() as u64,

@@ -2,7 +2,7 @@
 
 use super::Residency;
 use crate::store::{NodeRef, PageId};
-use crate::view::{NodeTree, View};
+use crate::view::{Detail, NodeTree, View};
 use std::collections::HashMap;
 
 /// The pages within the sphere, each with the way that the camera has to move until it needs them (world units).
@@ -19,9 +19,9 @@ pub struct Ahead {
 /// Pages that are asked for ahead of time at once: more would be outdated before their turn comes.
 const MOST_MISSING: usize = 256;
 
-/// Everything below `roots` that may be needed refined at an error of `tau` pixels after a turn by any angle and a move
-/// by `distance`.
-pub fn ahead(view: &View, tau: f64, distance: f64, residency: &Residency, roots: &[NodeRef]) -> Ahead {
+/// Everything below `roots` that may be needed refined, to be drawn in this detail, after a turn by any angle and a move by
+/// `distance`.
+pub fn ahead(view: &View, detail: Detail, distance: f64, residency: &Residency, roots: &[NodeRef]) -> Ahead {
     let mut travels: HashMap<PageId, f64> = HashMap::new();
     let mut open = Vec::with_capacity(64);
     for root in roots {
@@ -30,7 +30,7 @@ pub fn ahead(view: &View, tau: f64, distance: f64, residency: &Residency, roots:
     }
     while let Some(id) = open.pop() {
         let Some(info) = residency.node(id) else { continue };
-        let travel = view.travel(&info.extent, info.delta, tau);
+        let travel = detail.travel(view, &info);
         if travel > distance {
             continue;
         }

@@ -182,7 +182,7 @@ impl Residency {
         }
         while let Some(&page) = self.missed.front() {
             if self.may_load(page) {
-                let is_root = self.file.metadata().families.iter().any(|family| family.root_page == page);
+                let is_root = self.file.metadata().families.iter().any(|family| family.has_root(page));
                 if !self.make_room(self.file.page_memory(page), Demand::Miss) && !is_root {
                     self.over_budget = true;
                     return None;
@@ -219,7 +219,7 @@ impl Residency {
                 self.attempts.remove(&id);
                 self.told.remove(&id);
                 let bytes = page.memory();
-                let is_root = self.file.metadata().families.iter().any(|family| family.root_page == id);
+                let is_root = self.file.metadata().families.iter().any(|family| family.has_root(id));
                 // It may be larger than was expected.
                 if !self.make_room(bytes, demand) && !is_root {
                     self.over_budget |= demand == Demand::Miss;
@@ -332,10 +332,17 @@ impl NodeTree for Residency {
     type Id = NodeRef;
 
     fn node(&self, id: NodeRef) -> Option<NodeInfo<NodeRef>> {
-        let node = self.page(id.page)?.nodes.get(id.node as usize)?;
+        let page = self.page(id.page)?;
+        let node = page.nodes.get(id.node as usize)?;
         Some(NodeInfo {
             extent: Extent { bounds: node.bounds, margin: f64::from(node.smoothing_length_max) },
             delta: node.delta,
+            spacing: self
+                .file
+                .metadata()
+                .families
+                .get(page.family as usize)
+                .map_or(0.0, |family| node.spacing(family.root)),
             particles: u64::from(node.particles),
             children: node.children,
         })

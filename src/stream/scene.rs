@@ -1,9 +1,10 @@
 //! What one view draws of a page file: the chosen families, selected at an error bound from what is resident.
 
 use super::{PageState, StreamOptions, Streamer};
+use crate::hierarchy::Levels;
 use crate::model::Bounds;
 use crate::store::{Metadata, NodeRef, Page, PageFile, StoreError};
-use crate::view::{Extent, Selection, View};
+use crate::view::{Detail, Extent, Selection, View};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -13,6 +14,8 @@ pub struct Scene {
     pub streamer: Streamer,
     /// Indices of the drawn families in the file's metadata.
     pub families: Vec<u32>,
+    /// The levels that are drawn, of families that have them.
+    pub levels: Levels,
 }
 
 /// A node to draw, with the page that holds it.
@@ -46,7 +49,13 @@ const STALL: Duration = Duration::from_secs(20);
 
 impl SceneSelection {
     /// A selection with the pages that hold its nodes.
-    pub fn of(streamer: &Streamer, view: &View, tau: f64, selection: &Selection<NodeRef>) -> SceneSelection {
+    pub fn of(
+        streamer: &Streamer,
+        view: &View,
+        detail: impl Into<Detail>,
+        selection: &Selection<NodeRef>,
+    ) -> SceneSelection {
+        let tau = detail.into().tolerance(view);
         let residency = &streamer.residency;
         let metadata = residency.file().metadata();
         let nodes: Vec<SceneNode> = selection
@@ -82,14 +91,15 @@ impl Scene {
     /// The same with all options.
     pub fn with_options(file: Arc<PageFile>, options: StreamOptions) -> Scene {
         let families = (0..file.metadata().families.len() as u32).collect();
-        Scene { streamer: Streamer::new(file, options), families }
+        Scene { streamer: Streamer::new(file, options), families, levels: Levels::Splats }
     }
 
-    /// Starts a frame: selects what `view` draws with an error of at most `tau` pixels from what is in memory.
-    pub fn select(&mut self, view: &View, tau: f64) -> SceneSelection {
-        let roots = self.streamer.roots(self.families.iter().copied());
-        let selection = self.streamer.select(view, tau, &roots);
-        SceneSelection::of(&self.streamer, view, tau, &selection)
+    /// Starts a frame: selects what `view` draws in this detail (a number is an error in pixels) from what is in memory.
+    pub fn select(&mut self, view: &View, detail: impl Into<Detail>) -> SceneSelection {
+        let detail = detail.into();
+        let roots = self.streamer.roots(self.families.iter().copied(), self.levels);
+        let selection = self.streamer.select(view, detail, &roots);
+        SceneSelection::of(&self.streamer, view, detail, &selection)
     }
 
     /// Selects and loads, waiting for the disk, until the view is converged or nothing more can be had: pages that
@@ -101,12 +111,13 @@ impl Scene {
     pub fn converge(
         &mut self,
         view: &View,
-        tau: f64,
+        detail: impl Into<Detail>,
         tell: &mut dyn FnMut(String),
     ) -> Result<SceneSelection, StoreError> {
-        let roots = self.streamer.roots(self.families.iter().copied());
+        let detail = detail.into();
+        let roots = self.streamer.roots(self.families.iter().copied(), self.levels);
         loop {
-            let selection = self.streamer.select(view, tau, &roots);
+            let selection = self.streamer.select(view, detail, &roots);
             self.streamer.serve();
             self.streamer.take_evicted();
             if !self.streamer.is_busy() {
@@ -122,7 +133,7 @@ impl Scene {
                         }
                     }
                 }
-                return Ok(SceneSelection::of(&self.streamer, view, tau, &selection));
+                return Ok(SceneSelection::of(&self.streamer, view, detail, &selection));
             }
             loop {
                 // Short waits, since a read that stalls ends none of them.
@@ -140,8 +151,8 @@ impl Scene {
     ///
     /// # Errors
     /// As [`Scene::converge`].
-    pub fn converge_blocking(&mut self, view: &View, tau: f64) -> Result<SceneSelection, StoreError> {
-        self.converge(view, tau, &mut |_| {})
+    pub fn converge_blocking(&mut self, view: &View, detail: impl Into<Detail>) -> Result<SceneSelection, StoreError> {
+        self.converge(view, detail, &mut |_| {})
     }
 }
 

@@ -12,8 +12,9 @@ use super::loader::Loader;
 use super::pace::Pace;
 use super::report::Report;
 use super::{PageState, Residency};
-use crate::store::{NodeRef, Page, PageFile, PageId};
-use crate::view::{NodeInfo, NodeTree, Selection, View, select};
+use crate::hierarchy::Levels;
+use crate::store::{FamilyMetadata, NodeRef, Page, PageFile, PageId};
+use crate::view::{Detail, NodeInfo, NodeTree, Occluder, Selection, View, select_unhidden};
 use std::collections::HashSet;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -57,6 +58,8 @@ pub struct Streamer {
     pub residency: Residency,
     /// Which of them a renderer has copies of; `None`: it draws from main memory, and every resident page counts.
     pub copies: Option<Copies>,
+    /// What hides nodes from the view that is selected for: nothing below them is read.
+    pub occluder: Option<Arc<dyn Occluder>>,
     loader: Loader,
     options: StreamOptions,
     pace: Pace,
@@ -79,6 +82,7 @@ impl Streamer {
         Streamer {
             residency: Residency::new(Arc::clone(&file), options.budget),
             copies: None,
+            occluder: None,
             loader: Loader::new(file, options.in_flight, options.stall),
             options,
             pace: Pace::default(),
@@ -97,11 +101,12 @@ impl Streamer {
         &self.options
     }
 
-    /// The first nodes of these families (indices in the file's metadata).
-    pub fn roots(&self, families: impl IntoIterator<Item = u32>) -> Vec<NodeRef> {
+    /// The first nodes of these families (indices in the file's metadata), of the levels that are named where there are such.
+    pub fn roots(&self, families: impl IntoIterator<Item = u32>, levels: Levels) -> Vec<NodeRef> {
         let all = &self.residency.file().metadata().families;
         let roots = families.into_iter().filter_map(|family| all.get(family as usize));
-        roots.map(|family| NodeRef { page: family.root_page, node: 0 }).collect()
+        let page = |family: &FamilyMetadata| family.root_page_of(levels).unwrap_or(family.root_page);
+        roots.map(|family| NodeRef { page: page(family), node: 0 }).collect()
     }
 
     /// Takes in the pages that have been read.
@@ -138,9 +143,10 @@ impl Streamer {
         self.copies = options.map(Copies::new);
     }
 
-    /// Starts a frame: chooses what `view` draws below `roots` with an error of at most `tau` pixels, and notes what it
+    /// Starts a frame: chooses what `view` draws below `roots` in this detail (a number is an error in pixels), and notes what it
     /// lacks.
-    pub fn select(&mut self, view: &View, tau: f64, roots: &[NodeRef]) -> Selection<NodeRef> {
+    pub fn select(&mut self, view: &View, detail: impl Into<Detail>, roots: &[NodeRef]) -> Selection<NodeRef> {
+        let detail = detail.into();
         let now = self.start.elapsed();
         self.residency.begin_frame(now);
         if let Some(copies) = &mut self.copies {
@@ -150,14 +156,14 @@ impl Streamer {
         if self.options.prefetch && self.walked.is_none_or(|then| now >= then + WALK) {
             self.walked = Some(now);
             let distance = self.prefetch_distance();
-            self.ahead = ahead(view, tau, distance, &self.residency, roots);
+            self.ahead = ahead(view, detail, distance, &self.residency, roots);
             self.residency.anticipate(&self.ahead);
             if let Some(copies) = &mut self.copies {
                 copies.anticipate(&self.ahead);
             }
         }
-        let selection =
-            select(view, tau, &Drawable { residency: &self.residency, copies: self.copies.as_ref() }, roots);
+        let tree = Drawable { residency: &self.residency, copies: self.copies.as_ref() };
+        let selection = select_unhidden(view, detail, self.occluder.as_deref(), &tree, roots);
         let (to_copy, to_read): (Vec<NodeRef>, Vec<NodeRef>) =
             selection.missing.iter().map(|missing| missing.id).partition(|id| self.residency.page(id.page).is_some());
         // What waits for its copy is in use as much as what is drawn.

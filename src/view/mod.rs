@@ -2,6 +2,7 @@
 //! nothing here knows a file or a GPU.
 
 pub mod camera;
+pub mod detail;
 pub mod error;
 pub mod frame;
 pub mod frustum;
@@ -10,6 +11,7 @@ pub mod selection;
 pub mod travel;
 
 pub use camera::{Projection, View, ViewError};
+pub use detail::Detail;
 pub use frustum::Extent;
 pub use perspective_grid::PerspectiveGrid;
-pub use selection::{Drawn, Missing, NodeInfo, NodeTree, Selection, select};
+pub use selection::{Drawn, Missing, NodeInfo, NodeTree, Occluder, Selection, select, select_unhidden};

@@ -1,8 +1,8 @@
-//! Which nodes to draw: top-down from the roots, refined where the screen-space error is above `tau`, culled where
-//! the view sees nothing, and held at the parent where children are not resident yet (F12 4.7.2, 4.8).
+//! Which nodes to draw: top-down from the roots, refined where [`Detail`] is not enough, culled where the view sees nothing, and
+//! held at the parent where children are not resident yet (F12 4.7.2, 4.8, 5.5.2).
 
-use super::View;
 use super::frustum::Extent;
+use super::{Detail, View};
 
 /// What selection needs to know of a node.
 #[derive(Clone, Copy, Debug)]
@@ -12,10 +12,18 @@ pub struct NodeInfo<Id> {
     /// Largest distance between a source particle in the node and the particle drawn for it, world units; infinite
     /// for a node that holds no particles of its own and only leads to its children.
     pub delta: f64,
+    /// Edge of the cells in which particles were merged for the node, world units; 0 where none were.
+    pub spacing: f64,
     /// Number of particles drawn for the node.
     pub particles: u64,
     /// The nodes that refine this one; all `None` for a leaf.
     pub children: [Option<Id>; 8],
+}
+
+/// Opaque things that have been drawn of a view.
+pub trait Occluder: Send + Sync {
+    /// Whether nothing shows that lies in the extent, or reaches out of it by its margin.
+    fn hides(&self, extent: &Extent) -> bool;
 }
 
 /// A hierarchy of which a part is resident.
@@ -56,6 +64,8 @@ pub struct Selection<Id> {
     pub missing: Vec<Missing<Id>>,
     /// Every resident node that was looked at, the drawn ones included.
     pub visited: Vec<Id>,
+    /// Those of them that are hidden: they are drawn as they are, if they hold anything, and nothing below them is asked for.
+    pub hidden: Vec<Id>,
 }
 
 impl<Id> Selection<Id> {
@@ -75,15 +85,30 @@ impl<Id> Selection<Id> {
     }
 }
 
-/// Selects the nodes below `roots` that draw `view` with a screen-space error of at most `tau` pixels, as far as
-/// they are resident. A leaf whose own error is above `tau` is drawn all the same and counted in
-/// [`Selection::error_pixels`].
+/// Selects the nodes below `roots` that draw `view` in this detail, as far as they are resident. A leaf whose own error is too
+/// large is drawn all the same and counted in [`Selection::error_pixels`].
 ///
 /// A node with any child missing is drawn itself: parent and children overlap, so drawing both would count their
 /// mass twice.
-pub fn select<Tree: NodeTree>(view: &View, tau: f64, tree: &Tree, roots: &[Tree::Id]) -> Selection<Tree::Id> {
-    let selection = Selection { draw: Vec::new(), missing: Vec::new(), visited: Vec::new() };
-    let mut traversal = Traversal { view, tau, tree, selection };
+pub fn select<Tree: NodeTree>(
+    view: &View,
+    detail: impl Into<Detail>,
+    tree: &Tree,
+    roots: &[Tree::Id],
+) -> Selection<Tree::Id> {
+    select_unhidden(view, detail, None, tree, roots)
+}
+
+/// The same where `occluder`, if there is one, hides some of the nodes.
+pub fn select_unhidden<Tree: NodeTree>(
+    view: &View,
+    detail: impl Into<Detail>,
+    occluder: Option<&dyn Occluder>,
+    tree: &Tree,
+    roots: &[Tree::Id],
+) -> Selection<Tree::Id> {
+    let selection = Selection { draw: Vec::new(), missing: Vec::new(), visited: Vec::new(), hidden: Vec::new() };
+    let mut traversal = Traversal { view, detail: detail.into(), occluder, tree, selection };
     for &id in roots {
         match tree.node(id) {
             Some(info) => {
@@ -100,7 +125,8 @@ pub fn select<Tree: NodeTree>(view: &View, tau: f64, tree: &Tree, roots: &[Tree:
 /// One walk down the tree.
 struct Traversal<'a, Tree: NodeTree> {
     view: &'a View,
-    tau: f64,
+    detail: Detail,
+    occluder: Option<&'a dyn Occluder>,
     tree: &'a Tree,
     selection: Selection<Tree::Id>,
 }
@@ -114,11 +140,16 @@ impl<Tree: NodeTree> Traversal<'_, Tree> {
             return true;
         }
         let error_pixels = self.view.error_pixels(&info.extent, info.delta);
-        if error_pixels > self.tau && info.children.iter().any(Option::is_some) && self.refine(&info, error_pixels) {
+        let suffices = self.detail.suffices(self.view, &info, error_pixels);
+        let is_hidden = self.occluder.is_some_and(|occluder| occluder.hides(&info.extent));
+        if is_hidden {
+            self.selection.hidden.push(id);
+        }
+        if !suffices && !is_hidden && info.children.iter().any(Option::is_some) && self.refine(&info, error_pixels) {
             return true;
         }
         if info.delta.is_infinite() {
-            return false;
+            return is_hidden;
         }
         self.selection.draw.push(Drawn { id, error_pixels, particles: info.particles });
         true
@@ -181,6 +212,7 @@ mod tests {
             Some(NodeInfo {
                 extent,
                 delta: if self.relays.contains(&id) { f64::INFINITY } else { delta },
+                spacing: if id.0 < self.depth { size / 256.0 } else { 0.0 },
                 particles: 1,
                 children,
             })
@@ -244,6 +276,31 @@ mod tests {
         assert_eq!(selection.draw.iter().map(|node| node.id).collect::<Vec<_>>(), [(0, [0; 3])]);
         assert_eq!(selection.missing.len(), 2);
         assert!(!selection.is_converged() && selection.error_pixels() > 0.01);
+    }
+
+    /// Everything in one half is behind something.
+    struct Wall;
+
+    impl Occluder for Wall {
+        fn hides(&self, extent: &Extent) -> bool {
+            extent.bounds.max.z <= 0.5
+        }
+    }
+
+    #[test]
+    fn hidden_nodes_are_not_refined_and_nothing_below_them_is_missed() {
+        let absent = HashSet::from([(2, [0, 0, 0])]);
+        let tree = Full { depth: 3, absent, relays: HashSet::from([(1, [1, 1, 0])]) };
+        let view = view(DVec3::new(0.5, 0.5, 2.0));
+        let root = [(0, [0; 3])];
+        assert!(!select(&view, 0.01, &tree, &root).is_converged());
+        let selection = select_unhidden(&view, 0.01, Some(&Wall), &tree, &root);
+        assert!(selection.is_converged());
+        assert_eq!(selection.hidden.len(), 4);
+        let back: Vec<_> = selection.draw.iter().filter(|node| node.id.1[2] < 1 << node.id.0 >> 1).collect();
+        assert_eq!(back.len(), 3, "all but the one without particles");
+        assert!(back.iter().all(|node| node.id.0 == 1 && selection.hidden.contains(&node.id)));
+        assert_eq!(selection.draw.len(), 3 + 256);
     }
 
     #[test]

@@ -24,14 +24,27 @@ impl View {
         let focal = self.focal_pixels();
         match self.projection {
             Projection::Perspective { .. } => {
-                let [x, y] = [self.width, self.height].map(|side| 0.5 * f64::from(side) / focal);
-                let secant_squared = 1.0 + x * x + y * y;
-                let nearest = self.eye.clamp(extent.bounds.min, extent.bounds.max);
-                self.eye.distance(nearest) - focal * delta * secant_squared / tau
+                self.distance_to(extent) - focal * delta * self.corner_secant_squared() / tau
             }
             Projection::Orthographic { .. } if focal * delta <= tau => f64::INFINITY,
             Projection::Orthographic { .. } => self.distance_to_sight(extent),
         }
+    }
+
+    /// How far a perspective camera has to move until, after a turn by any angle, part of the extent may be seen at less than this
+    /// depth: 0 or less where the turn suffices.
+    pub(super) fn travel_to_depth(&self, extent: &Extent, depth: f64) -> f64 {
+        self.distance_to(extent) - depth * self.corner_secant_squared().sqrt()
+    }
+
+    fn distance_to(&self, extent: &Extent) -> f64 {
+        self.eye.distance(self.eye.clamp(extent.bounds.min, extent.bounds.max))
+    }
+
+    /// The square of `sec(theta)` at the picture's corner.
+    fn corner_secant_squared(&self) -> f64 {
+        let [x, y] = [self.width, self.height].map(|side| 0.5 * f64::from(side) / self.focal_pixels());
+        1.0 + x * x + y * y
     }
 }
 

@@ -1,7 +1,7 @@
 //! Putting the pieces of all buckets together to the nodes of a tree.
 
 use super::piece::Piece;
-use super::{Encoding, LevelInfo, OctreeOptions, is_relay};
+use super::{Encoding, LevelInfo, Levels, OctreeOptions, is_relay};
 use crate::codec::morton;
 use crate::hierarchy::{NodeKey, RootCell};
 use crate::model::Bounds;
@@ -47,8 +47,13 @@ pub struct Tree<Data> {
     pub levels: Vec<LevelInfo>,
 }
 
-/// Puts the pieces of a family together, in whatever order they come; `None` if there is none.
-pub fn assemble<Data>(pieces: Vec<Piece<Data>>, root: RootCell, options: &OctreeOptions) -> Option<Tree<Data>> {
+/// Puts the pieces of a family's tree together, in whatever order they come; `None` if there is none.
+pub fn assemble<Data>(
+    pieces: Vec<Piece<Data>>,
+    levels_of: Levels,
+    root: RootCell,
+    options: &OctreeOptions,
+) -> Option<Tree<Data>> {
     let deepest = pieces.iter().map(|piece| piece.key.depth).max()?;
     let mut by_depth: Vec<Vec<(u64, Piece<Data>)>> = (0..=deepest).map(|_| Vec::new()).collect();
     for piece in pieces {
@@ -72,7 +77,7 @@ pub fn assemble<Data>(pieces: Vec<Piece<Data>>, root: RootCell, options: &Octree
             while let Some((index, child)) = children.next_if(|(_, child)| child.cell >> 3 == cell) {
                 draft.adopt(index, child);
             }
-            draft.settle(options, &mut level);
+            draft.settle(levels_of, options, &mut level);
             draft.cell = cell;
             own.push(draft);
         }
@@ -157,12 +162,12 @@ impl<Data> Draft<Data> {
     }
 
     /// Decides whether it is a relay and counts it.
-    fn settle(&mut self, options: &OctreeOptions, level: &mut LevelInfo) {
+    fn settle(&mut self, levels_of: Levels, options: &OctreeOptions, level: &mut LevelInfo) {
         let node = &mut self.node;
         let too_many = u32::try_from(node.particles).is_err();
         if node.encoding == Encoding::Grid
             && !self.whole
-            && (is_relay(node.key.depth, self.merged, self.children_cost, options) || too_many)
+            && (is_relay(levels_of, node.key.depth, self.merged, self.children_cost, options) || too_many)
         {
             node.encoding = Encoding::Relay;
             (node.particles, node.points) = (0, 0);

@@ -7,7 +7,7 @@ use super::merge::Merger;
 use super::piece::{Piece, Words};
 use super::plan::{Plan, cell_keys};
 use super::sorted::{Columns, Place, Sorted};
-use super::{Context, is_relay};
+use super::{Context, Levels, is_relay};
 use crate::codec::morton::{self, MORTON_BITS};
 use crate::hierarchy::NodeKey;
 use crate::hierarchy::cell::MAX_DEPTH;
@@ -28,33 +28,52 @@ struct Visited {
     draw_cost: u64,
 }
 
-/// Builds bucket `number` of a plan from its particles, in any order, and hands out the pieces, children before parents.
-///
-/// # Errors
-/// Those of `sink`.
-pub fn build<E>(
-    context: &Context,
-    plan: &Plan,
+/// The particles of one bucket, in order.
+pub struct Bucket<'a> {
+    context: &'a Context<'a>,
+    plan: &'a Plan,
     number: usize,
-    places: Vec<Place>,
-    columns: Columns,
-    sink: &mut dyn FnMut(Piece<Words>) -> Result<(), E>,
-) -> Result<Option<Open>, E> {
-    if places.is_empty() {
-        return Ok(None);
+    sorted: Sorted,
+}
+
+impl<'a> Bucket<'a> {
+    /// Sorts the particles of bucket `number` of a plan, which come in any order.
+    pub fn new(
+        context: &'a Context<'a>,
+        plan: &'a Plan,
+        number: usize,
+        places: Vec<Place>,
+        columns: Columns,
+    ) -> Bucket<'a> {
+        Bucket { context, plan, number, sorted: Sorted::new(places, columns) }
     }
-    let sorted = Sorted::new(places, columns);
-    let depth = plan.closed_depth(number);
-    let mut builder = Builder { context, plan, own: plan.keys(number), sorted: &sorted, sink };
-    let top = builder.visit(depth, 0..sorted.keys.len())?;
-    Ok(match top.content {
-        Content::Block(block) if depth > 0 => Some(Open { depth, block }),
-        _ => None,
-    })
+
+    /// Builds levels and hands out their pieces, children before parents; leaves with those for splats only.
+    ///
+    /// # Errors
+    /// Those of `sink`.
+    pub fn build<E>(
+        &self,
+        levels: Levels,
+        sink: &mut dyn FnMut(Piece<Words>) -> Result<(), E>,
+    ) -> Result<Option<Open>, E> {
+        let Bucket { context, plan, number, sorted } = self;
+        if sorted.keys.is_empty() {
+            return Ok(None);
+        }
+        let depth = plan.closed_depth(*number);
+        let mut builder = Builder { context, levels, plan, own: plan.keys(*number), sorted, sink };
+        let top = builder.visit(depth, 0..sorted.keys.len())?;
+        Ok(match top.content {
+            Content::Block(block) if depth > 0 => Some(Open { depth, block }),
+            _ => None,
+        })
+    }
 }
 
 struct Builder<'a, E> {
     context: &'a Context<'a>,
+    levels: Levels,
     plan: &'a Plan,
     /// The bucket's keys.
     own: Range<u64>,
@@ -71,7 +90,9 @@ impl<E> Builder<'_, E> {
         let key = cell_of(first, depth);
         let is_small = range.len() <= context.options.leaf_capacity.max(1) || depth == MAX_DEPTH;
         if is_small && !self.plan.is_cut(depth, first) {
-            (self.sink)(leaf(context, sorted, key, range.clone()))?;
+            if self.levels == Levels::Splats {
+                (self.sink)(leaf(context, sorted, key, range.clone()))?;
+            }
             return Ok(Visited { draw_cost: range.len() as u64, content: Content::Sources(range) });
         }
         let mut contents = Vec::with_capacity(8);
@@ -85,14 +106,14 @@ impl<E> Builder<'_, E> {
             contents.push(child.content);
             from = to;
         }
-        let merger = Merger::new(context, key);
+        let merger = Merger::new(context, self.levels, key);
         let block = merger.merge(&contents, sorted);
         let input = contents.iter().map(|content| content.len() as u64).sum();
         drop(contents);
         let whole = self.own.start <= first && first + size <= self.own.end;
         let merged = block.len() as u64;
-        let is_relay = whole && is_relay(depth, merged, children_cost, context.options);
-        (self.sink)(Piece::merged(context, key, &block, input, whole, is_relay))?;
+        let is_relay = whole && is_relay(self.levels, depth, merged, children_cost, context.options);
+        (self.sink)(Piece::merged(context, self.levels, key, &block, input, whole, is_relay))?;
         Ok(Visited { content: Content::Block(block), draw_cost: if is_relay { children_cost } else { merged } })
     }
 }

@@ -3,12 +3,12 @@
 //! Such a bucket is merged by itself only down to where merging cells end with it. What is left of it then is little: it lies
 //! in one or a few merging cells. Here those rests are merged together, up to the root.
 
-use super::Context;
 use super::block::{Block, Content};
 use super::bucket::{Open, cell_of};
 use super::merge::Merger;
 use super::piece::{Piece, Words};
 use super::sorted::{Columns, Sorted};
+use super::{Context, Levels};
 use crate::codec::coordinates::CELL_BITS;
 use crate::codec::morton::MORTON_BITS;
 
@@ -18,6 +18,7 @@ use crate::codec::morton::MORTON_BITS;
 /// Those of `sink`.
 pub fn join<E>(
     context: &Context,
+    levels: Levels,
     open: Vec<Open>,
     sink: &mut dyn FnMut(Piece<Words>) -> Result<(), E>,
 ) -> Result<(), E> {
@@ -29,7 +30,7 @@ pub fn join<E>(
         while let Some(next) = rest.next_if(|next| cell(next) == own) {
             group.push(next);
         }
-        join_cell(context, group, sink)?;
+        join_cell(context, levels, group, sink)?;
     }
     Ok(())
 }
@@ -37,6 +38,7 @@ pub fn join<E>(
 /// Merges what was left open inside one cell of depth 8.
 fn join_cell<E>(
     context: &Context,
+    levels: Levels,
     mut group: Vec<Open>,
     sink: &mut dyn FnMut(Piece<Words>) -> Result<(), E>,
 ) -> Result<(), E> {
@@ -57,8 +59,8 @@ fn join_cell<E>(
             }
             let key = cell_of(run.keys[0], depth);
             let input = run.len() as u64;
-            let block: Block = Merger::new(context, key).merge(&[Content::Block(run)], &nothing);
-            sink(Piece::merged(context, key, &block, input, false, false))?;
+            let block: Block = Merger::new(context, levels, key).merge(&[Content::Block(run)], &nothing);
+            sink(Piece::merged(context, levels, key, &block, input, false, false))?;
             above.push(Open { depth, block });
         }
         group = above;

@@ -1,13 +1,13 @@
-//! Merging the particles of a grid node's cells (F12 4.7.3).
+//! Merging the particles of a grid node's cells, for splats (F12 4.7.3); [`super::volume`] has the rule for volumes.
 //!
 //! In each of the 256^3 cells of edge `q`, particles with `h <= q` ("points") become one; those with larger `h`
 //! ("sprites") are merged in groups whose smoothing lengths differ by at most `fusion * q`. A merged particle has the sum
 //! of the masses, the mass-weighted mean position, smoothing length and density (so that `sum m rho` is kept, F12 4.1),
 //! and attributes weighted with `m rho` (F12 4.2). Its position is quantised to a quarter of the cell along each axis.
 
-use super::Context;
 use super::block::{Block, Box3, Content, View};
 use super::sorted::{Columns, Sorted};
+use super::{Context, Levels};
 use crate::codec::AttributeMerge;
 use crate::codec::coordinates::{CELL_BITS, GRID_BITS, GRID_POINT, pack_grid};
 use crate::codec::morton::{self, MORTON_BITS};
@@ -23,12 +23,25 @@ pub(super) struct Merger<'a> {
     pub fusion: f64,
     /// Merge rule of each attribute.
     pub rules: &'a [AttributeMerge],
+    /// What is merged for.
+    pub levels: Levels,
+}
+
+/// What a group of particles becomes, positions and attributes aside.
+pub(super) struct Merged {
+    pub mass: f64,
+    pub density: f64,
+    pub smoothing_length: f32,
+    /// The point flag.
+    pub point: bool,
+    /// Sum of the weights with which attributes are averaged.
+    pub weight: f64,
 }
 
 impl<'a> Merger<'a> {
     /// What merges the particles of a node.
-    pub fn new(context: &Context<'a>, key: NodeKey) -> Merger<'a> {
-        Merger { key, root: context.root, fusion: context.options.fusion, rules: context.rules }
+    pub fn new(context: &Context<'a>, levels: Levels, key: NodeKey) -> Merger<'a> {
+        Merger { key, root: context.root, fusion: context.options.fusion, rules: context.rules, levels }
     }
 
     /// Edge of a cell, world units.
@@ -61,7 +74,9 @@ impl<'a> Merger<'a> {
         while start < from.keys.len() {
             let cell = from.keys[start] >> shift;
             let len = from.keys[start..].iter().take_while(|&&key| key >> shift == cell).count();
-            if len == 1 {
+            if self.levels == Levels::Volume {
+                self.merge_volumes(from, start..start + len, q, out, scratch);
+            } else if len == 1 {
                 self.push_single(from, start, q, out);
             } else {
                 // Smallest first: the points come first, and sprites to be merged are neighbours.
@@ -88,7 +103,7 @@ impl<'a> Merger<'a> {
     }
 
     #[inline]
-    fn push_single(&self, from: &View, i: usize, q: f64, out: &mut Block) {
+    pub(super) fn push_single(&self, from: &View, i: usize, q: f64, out: &mut Block) {
         let columns = &mut out.columns;
         columns.mass.push(from.mass[i]);
         columns.density.push(from.density[i]);
@@ -108,18 +123,31 @@ impl<'a> Merger<'a> {
             smoothing += m * f64::from(from.smoothing_length[i]);
             position.iter_mut().zip(from.units[i]).for_each(|(sum, x)| *sum += m * x);
         }
-        let columns = &mut out.columns;
-        columns.mass.push(single(mass));
-        columns.density.push(single(presence / mass));
         let h = single(smoothing / mass);
-        columns.smoothing_length.push(h);
+        let density = presence / mass;
+        let merged = Merged { mass, density, smoothing_length: h, point: f64::from(h) <= q, weight: presence };
+        let weight = |i: usize| f64::from(from.mass[i]) * f64::from(from.density[i]);
+        self.push_merged(from, group, position.map(|x| x / mass), &merged, weight, out);
+    }
+
+    /// Stores a merged particle; attributes are averaged with these weights.
+    pub(super) fn push_merged(
+        &self,
+        from: &View,
+        group: &[u32],
+        unit: [f64; 3],
+        merged: &Merged,
+        weight: impl Fn(usize) -> f64,
+        out: &mut Block,
+    ) {
+        let columns = &mut out.columns;
+        columns.mass.push(single(merged.mass));
+        columns.density.push(single(merged.density));
+        columns.smoothing_length.push(merged.smoothing_length);
         for ((out, values), rule) in columns.attributes.iter_mut().zip(&from.attributes).zip(self.rules) {
             let members = group.iter().map(|&i| i as usize);
             out.push(single(match rule {
-                AttributeMerge::Mean => {
-                    let weight = |i: usize| f64::from(from.mass[i]) * f64::from(from.density[i]);
-                    members.map(|i| weight(i) * f64::from(values[i])).sum::<f64>() / presence
-                }
+                AttributeMerge::Mean => members.map(|i| weight(i) * f64::from(values[i])).sum::<f64>() / merged.weight,
                 AttributeMerge::Magnitude => {
                     let flux: f64 = members.map(|i| 10.0_f64.powf(-0.4 * f64::from(values[i]))).sum();
                     -2.5 * flux.log10()
@@ -127,9 +155,8 @@ impl<'a> Merger<'a> {
             }));
         }
         let first = group[0] as usize;
-        let point = f64::from(h) <= q;
         let around = group.iter().map(|&i| from.box_of(i as usize)).reduce(Box3::union).unwrap_or_default();
-        self.push_position(from.keys[first], position.map(|x| x / mass), around, point, out);
+        self.push_position(from.keys[first], unit, around, merged.point, out);
     }
 
     /// Stores a position and its packed form, in the cell of `key`: rounding must not move a centroid to the next one.
@@ -156,7 +183,7 @@ impl<'a> Merger<'a> {
 }
 
 /// The nearest finite single.
-fn single(value: f64) -> f32 {
+pub(super) fn single(value: f64) -> f32 {
     (value as f32).clamp(f32::MIN, f32::MAX)
 }
 

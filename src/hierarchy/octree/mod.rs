@@ -20,6 +20,9 @@
 //! - **Height.** The root cell of a large family is larger than its particles ([`OctreeOptions::root_particles`]), so that its
 //!   coarsest nodes stay small and the first picture of any file is drawn at once.
 //!
+//! - **Two kinds of levels.** What is resampled to a grid needs other rules for merging (F12 5.5.1) than splats do
+//!   ([`Levels`]). Both kinds have the same cells and share the leaves, so one sorted bucket serves both.
+//!
 //! A tree is built in buckets ([`plan`]), each of which fits in memory: [`bucket`] builds the pieces of one, [`joint`] what
 //! little goes across, [`mod@assemble`] puts the pieces together. Where particles and pieces are kept meanwhile is the business
 //! of [`crate::build`]. The result depends on the particles and the options, not on threads, memory, or the order of reading.
@@ -34,9 +37,10 @@ mod piece;
 mod plan;
 mod sorted;
 mod thin;
+mod volume;
 
 pub use assemble::{Tree, TreeNode, assemble};
-pub use bucket::{Open, build as build_bucket};
+pub use bucket::{Bucket, Open};
 pub use joint::join;
 pub use level_info::LevelInfo;
 pub use piece::{Piece, Words};
@@ -51,6 +55,27 @@ use crate::model::Bounds;
 const BUCKET_PARTICLES: (u64, u64) = (1 << 17, 1 << 20);
 /// Buckets that a family is cut into where that gives neither too few nor too many particles for each.
 const BUCKETS: u64 = 1024;
+
+/// What the particles of inner nodes are made for. Cells and leaves are the same for both.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Levels {
+    /// Pictures made of splats (F12 4.7.3): points merge, and sprites of similar smoothing lengths; the faintest are left out.
+    #[default]
+    Splats,
+    /// Resampling to a grid (F12 5.5.1): particles smaller than a merging cell merge, their volumes add up, and none is
+    /// smaller than a cell afterwards.
+    Volume,
+}
+
+impl Levels {
+    /// What statistics call them.
+    pub fn name(self) -> &'static str {
+        match self {
+            Levels::Splats => "splats",
+            Levels::Volume => "volume",
+        }
+    }
+}
 
 /// How a tree is built.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -73,6 +98,8 @@ pub struct OctreeOptions {
     /// Source particles from which on the root cell is made larger than the particles' box, by a factor of 2 for each factor
     /// of 8 more particles.
     pub root_particles: u64,
+    /// Whether levels for volumes are built beside those for splats.
+    pub volume_levels: bool,
 }
 
 impl Default for OctreeOptions {
@@ -86,11 +113,17 @@ impl Default for OctreeOptions {
             bucket_particles: None,
             exact_positions: false,
             root_particles: 1 << 19,
+            volume_levels: false,
         }
     }
 }
 
 impl OctreeOptions {
+    /// The levels to build, those that hold the leaves first.
+    pub fn levels(&self) -> &'static [Levels] {
+        if self.volume_levels { &[Levels::Splats, Levels::Volume] } else { &[Levels::Splats] }
+    }
+
     /// Particles of a bucket of a family of so many.
     pub fn bucket_size(&self, particles: u64) -> usize {
         let (fewest, most) = BUCKET_PARTICLES;
@@ -117,16 +150,16 @@ pub struct Context<'a> {
     pub rules: &'a [AttributeMerge],
 }
 
-/// Whether merging gains too little over drawing the children.
-fn is_relay(depth: u8, merged: u64, children_cost: u64, options: &OctreeOptions) -> bool {
-    depth > 0 && merged as f64 > options.relay_fraction * children_cost as f64
+/// Whether merging gains too little over drawing the children. The root for splats is what is drawn while nothing else is there.
+fn is_relay(levels: Levels, depth: u8, merged: u64, children_cost: u64, options: &OctreeOptions) -> bool {
+    (depth > 0 || levels == Levels::Volume) && merged as f64 > options.relay_fraction * children_cost as f64
 }
 
 /// How a node holds its particles.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Encoding {
     /// It holds none and must be refined: drawing its children costs next to nothing more than it would have. Its
-    /// `delta` is infinite, so that error-driven selection refines it at any distance. A root is never a relay.
+    /// `delta` is infinite, so that error-driven selection refines it at any distance. The root for splats is never a relay.
     Relay,
     /// Merged particles, one `u32` each ([`crate::codec::coordinates::unpack_grid`]).
     Grid,

@@ -3,7 +3,7 @@
 use super::block::Block;
 use super::merge::is_point;
 use super::sorted::Columns;
-use super::{Context, Encoding, thin};
+use super::{Context, Encoding, Levels, thin};
 use crate::codec::coordinates::{CELL_BITS, GRID_BITS};
 use crate::codec::positions::grid_key;
 use crate::hierarchy::NodeKey;
@@ -58,10 +58,15 @@ pub struct Piece<Data> {
 impl<A> Piece<A> {
     /// The same piece with its data put elsewhere.
     pub fn map<B, E>(self, put: impl FnOnce(A) -> Result<B, E>) -> Result<Piece<B>, E> {
-        let Piece { key, first, encoding, whole, particles, points, sources, input, merged, delta, bounds, .. } = self;
-        let Piece { smoothing_length_max, mass, mass_density, data, .. } = self;
-        let data = put(data)?;
-        Ok(Piece {
+        let about = self.with(());
+        Ok(about.with(put(self.data)?))
+    }
+
+    /// The same piece with other data.
+    pub fn with<B>(&self, data: B) -> Piece<B> {
+        let Piece { key, first, encoding, whole, particles, points, sources, input, merged, delta, bounds, .. } = *self;
+        let Piece { smoothing_length_max, mass, mass_density, .. } = *self;
+        Piece {
             key,
             first,
             encoding,
@@ -77,7 +82,7 @@ impl<A> Piece<A> {
             mass,
             mass_density,
             data,
-        })
+        }
     }
 }
 
@@ -85,6 +90,7 @@ impl Piece<Words> {
     /// The piece that draws what was merged, or nothing if it is a relay.
     pub(super) fn merged(
         context: &Context,
+        levels: Levels,
         key: NodeKey,
         block: &Block,
         input: u64,
@@ -94,7 +100,8 @@ impl Piece<Words> {
         let drawn = if is_relay {
             None
         } else {
-            let budget = context.options.thinning_budget;
+            // What is faint among splats may be all that a volume has in a region.
+            let budget = if levels == Levels::Splats { context.options.thinning_budget } else { 0.0 };
             let kept = thin::thin(&block.columns.mass, &block.columns.density, budget);
             let mut order: Vec<(u64, u32)> = (block.words.iter().zip(0..))
                 .filter(|&(_, i)| kept.as_ref().is_none_or(|kept| kept[i as usize]))

@@ -4,6 +4,7 @@
 //! perspective grid ([`resample`]), and all rays go through it ([`raycast`]); where they have become opaque, later
 //! slabs are left out ([`occlusion`]). Nothing is kept but the slab and what the rays have gathered.
 
+pub mod behind;
 pub mod bricks;
 pub mod classify;
 pub mod coarse;
@@ -19,6 +20,7 @@ mod block;
 #[cfg(test)]
 pub(in crate::raster) mod tests;
 
+pub use behind::OpaqueDepths;
 pub use classify::{Classifier, VolumeLevels, VolumeTransfer};
 pub use range::FieldRange;
 pub use raycast::Scenery;
@@ -35,6 +37,7 @@ use particles::{Particle, Projected, Taken};
 use raycast::Rays;
 use rayon::prelude::*;
 use resample::Resampler;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 use thiserror::Error;
 
@@ -158,6 +161,8 @@ pub struct VolumeReport {
     pub hidden: u64,
     /// Most memory held at once by particles, the field and the rays, bytes, where it is counted.
     pub memory: Option<u64>,
+    /// What the picture hides; `None` without occlusion.
+    pub opaque: Option<Arc<OpaqueDepths>>,
     /// Time for projecting and resampling.
     pub resampling: Duration,
     /// Time for casting rays.
@@ -300,6 +305,10 @@ impl Caster for Processor {
             if !hidden.is_empty() && hidden.iter().all(|hidden| *hidden) {
                 break;
             }
+        }
+        if options.occlusion {
+            let depths = rays.opaque_depths(grid, scenery.termination);
+            report.opaque = Some(Arc::new(OpaqueDepths::new(view, depths, grid.cell, options.smallest)));
         }
         let rgba = rays.picture(|ray| [ray.color[0], ray.color[1], ray.color[2], ray.alpha]);
         Ok(Colors { width: view.width, height: view.height, rgba })

@@ -1,8 +1,5 @@
 //! Occlusion (F12 5.7.2): a pyramid of flags, each set where every pixel below it is opaque already. What lies behind
-//! such pixels needs no resampling, no reading and no drawing.
-
-use crate::view::{Extent, View};
-use glam::DVec3;
+//! such pixels needs no resampling and no drawing; [`super::behind`] tells what needs no reading.
 
 /// Which pixels are opaque, at ever coarser levels; level 0 is the picture, and each further one halves it, rounded up.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -56,37 +53,11 @@ impl OpacityPyramid {
         let mut rows = (top >> shift) as usize..=(bottom >> shift) as usize;
         rows.all(|y| columns.clone().all(|x| level.opaque[y * level.width + x]))
     }
-
-    /// Whether nothing that an extent holds can show: it lies beyond `depth`, up to where the pixels have been drawn, and
-    /// behind opaque pixels only. What is outside the picture is hidden too.
-    pub fn hides_extent(&self, view: &View, extent: &Extent, depth: f64) -> bool {
-        if view.nearest_depth(extent) - extent.margin < depth {
-            return false;
-        }
-        let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
-        let reach = DVec3::splat(extent.margin);
-        let (min, max) = (extent.bounds.min - reach, extent.bounds.max + reach);
-        for corner in 0..8 {
-            let pick = |axis: usize| if corner >> axis & 1 == 0 { min[axis] } else { max[axis] };
-            let Some(pixel) = view.to_pixels(view.to_camera(DVec3::new(pick(0), pick(1), pick(2)))) else {
-                return false;
-            };
-            for axis in 0..2 {
-                low[axis] = low[axis].min(pixel[axis]);
-                high[axis] = high[axis].max(pixel[axis]);
-            }
-        }
-        // A pixel around: its sample's neighbours are read for gradients and interpolation.
-        let span = |axis: usize| [low[axis].floor() as i64 - 2, high[axis].ceil() as i64 + 2];
-        self.hides(span(0), span(1))
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::Bounds;
-    use crate::view::Projection;
     use proptest::prelude::*;
 
     proptest! {
@@ -109,22 +80,5 @@ mod tests {
                 prop_assert_eq!(pyramid.hides([x, x], [y, y]), all);
             }
         }
-    }
-
-    #[test]
-    fn extents_are_hidden_behind_what_has_been_drawn() {
-        let projection = Projection::Perspective { fov_y: 0.8 };
-        let view = View::look_at(DVec3::new(0.0, 0.0, 10.0), DVec3::ZERO, DVec3::Y, projection, 64, 64).unwrap();
-        let half: Vec<bool> = (0..64 * 64).map(|i| i % 64 < 32).collect();
-        let pyramid = OpacityPyramid::new(64, 64, half);
-        let at = |x: f64, z: f64| Extent {
-            bounds: Bounds { min: DVec3::new(x, -0.2, z), max: DVec3::new(x + 0.4, 0.2, z + 0.4) },
-            margin: 0.1,
-        };
-        assert!(pyramid.hides_extent(&view, &at(-2.0, -2.0), 10.0));
-        assert!(!pyramid.hides_extent(&view, &at(-2.0, -2.0), 12.0), "not drawn that far yet");
-        assert!(!pyramid.hides_extent(&view, &at(1.0, -2.0), 10.0), "behind clear pixels");
-        assert!(!pyramid.hides_extent(&view, &at(-0.2, -2.0), 10.0), "behind both");
-        assert!(pyramid.hides_extent(&view, &at(-90.0, -2.0), 10.0), "beside the picture");
     }
 }

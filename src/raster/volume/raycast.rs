@@ -48,6 +48,8 @@ pub struct Ray {
     pub alpha: f32,
     /// Share of the present cell that has been drawn.
     done: f32,
+    /// The step in which it ended.
+    end: u32,
 }
 
 impl Ray {
@@ -174,6 +176,14 @@ impl Rays {
         out
     }
 
+    /// For each pixel, row by row, a depth behind which its ray has read nothing and will not; infinite for rays that go on.
+    pub fn opaque_depths(&self, grid: &PerspectiveGrid, termination: f32) -> Vec<f32> {
+        // Behind the step the next slice is read for gradients, and cells have half their depth behind their centres.
+        let depths: Vec<f32> = (0..=grid.size[2]).map(|step| grid.depth(f64::from(step) + 2.5) as f32).collect();
+        let of = |ray: &Ray| depths.get(ray.end as usize).copied().filter(|_| ray.alpha >= termination);
+        self.picture(|ray| of(ray).map_or(f32::INFINITY, |depth| depth.next_up()))
+    }
+
     /// Pixels, first and last, whose rays read cells of a brick's column (0) or row (1).
     pub fn readers(&self, brick: usize, axis: usize) -> [i64; 2] {
         readers(&self.places[axis], brick * BRICK..(brick + 1) * BRICK)
@@ -280,6 +290,7 @@ impl March<'_> {
             self.through(ray, step - 1, before, 1.0 - ray.done, secant, effort);
             ray.done = next_done;
             if ray.alpha >= self.scenery.termination {
+                ray.end = step as u32;
                 return;
             }
             before = now;

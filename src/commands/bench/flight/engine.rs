@@ -4,6 +4,7 @@ use super::super::splat::Failure;
 use super::canvas::Canvas;
 use super::path::Flight;
 use super::series::Frame;
+use crate::hierarchy::Levels;
 use crate::modes::governor::{self, Governor};
 use crate::modes::{Depiction, Economy, Plan, pilot};
 use crate::raster::Accumulation;
@@ -81,7 +82,7 @@ impl Engine<'_> {
         let copied = streamer.copies.as_ref().map_or(0, |copies| copies.copied_bytes());
         self.canvas.receive(streamer);
         let copied = streamer.copies.as_ref().map_or(0, |copies| copies.copied_bytes()) - copied;
-        let roots = streamer.roots(0..self.file.metadata().families.len() as u32);
+        let roots = streamer.roots(0..self.file.metadata().families.len() as u32, Levels::Splats);
         let chosen = streamer.select(&self.depiction.selection_view(view), self.tau, &roots);
         streamer.serve();
         streamer.take_evicted();

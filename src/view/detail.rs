@@ -1,0 +1,137 @@
+//! How fine is fine enough: where a node may be drawn as it is, and how far away from there the camera is.
+//!
+//! Splats are refined until no particle is drawn further than `tau` pixels from its place (F12 4.7.2, [`super::error`]).
+//! Volumes are refined until a node's smallest particles are no larger than the distance of the samples that they are resampled
+//! to (F12 5.5.2): a node's merging cells, of edge `q`, are as large as its smallest particles, and samples at depth `z` are
+//! `sigma z` apart (equation 5.1), so a node whose nearest depth is `z` is drawn if `q <= sigma z`.
+
+use super::selection::NodeInfo;
+use super::{Projection, View};
+
+/// What decides how far the tree is refined.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Detail {
+    /// No particle is displaced by more than so many pixels.
+    Error {
+        /// Pixels.
+        tau: f64,
+    },
+    /// No merged particle is wider than samples are apart.
+    Sampling {
+        /// Distance of samples: at depth 1 in a perspective view, everywhere in an orthographic one. 0 refines down to the leaves.
+        sigma: f64,
+        /// Depth of the first sample, world units: what is nearer is sampled as if it were there.
+        near: f64,
+    },
+}
+
+impl From<f64> for Detail {
+    /// An error of so many pixels.
+    fn from(tau: f64) -> Detail {
+        Detail::Error { tau }
+    }
+}
+
+impl Detail {
+    /// Whether a node with particles of its own may be drawn as it is; `error_pixels` is its screen-space error.
+    pub fn suffices<Id>(&self, view: &View, info: &NodeInfo<Id>, error_pixels: f64) -> bool {
+        match *self {
+            Detail::Error { tau } => error_pixels <= tau,
+            // Nothing replaces the particles of a leaf, and a node without particles replaces nothing.
+            _ if info.spacing <= 0.0 || info.delta.is_infinite() => info.spacing <= 0.0,
+            Detail::Sampling { sigma, near } => match view.projection {
+                Projection::Perspective { .. } => info.spacing <= sigma * view.nearest_depth(&info.extent).max(near),
+                Projection::Orthographic { .. } => info.spacing <= sigma,
+            },
+        }
+    }
+
+    /// How far the camera has to move until the node may have to be refined: 0 or less where a turn may suffice, infinite where
+    /// no move does. See [`super::travel`].
+    pub fn travel<Id>(&self, view: &View, info: &NodeInfo<Id>) -> f64 {
+        match *self {
+            Detail::Error { tau } => view.travel(&info.extent, info.delta, tau),
+            _ if info.delta.is_infinite() => f64::NEG_INFINITY,
+            Detail::Sampling { .. } if info.spacing <= 0.0 => f64::INFINITY,
+            Detail::Sampling { sigma, near } => match view.projection {
+                Projection::Perspective { .. } if info.spacing <= sigma * near => f64::INFINITY,
+                Projection::Perspective { .. } => view.travel_to_depth(&info.extent, info.spacing / sigma),
+                Projection::Orthographic { .. } if info.spacing <= sigma => f64::INFINITY,
+                Projection::Orthographic { .. } => view.distance_to_sight(&info.extent),
+            },
+        }
+    }
+
+    /// Displacement, in pixels, from which on a leaf's particles are looked at one by one to tell its error.
+    pub fn tolerance(&self, view: &View) -> f64 {
+        match *self {
+            Detail::Error { tau } => tau,
+            Detail::Sampling { sigma, .. } => sigma * view.focal_pixels(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Extent;
+    use super::*;
+    use crate::model::Bounds;
+    use glam::DVec3;
+    use proptest::prelude::*;
+
+    fn info(min: DVec3, size: f64, spacing: f64) -> NodeInfo<u8> {
+        let extent = Extent { bounds: Bounds { min, max: min + size }, margin: 0.0 };
+        NodeInfo { extent, delta: spacing, spacing, particles: 1, children: [None; 8] }
+    }
+
+    proptest! {
+        /// Samples anywhere in a node that is drawn are at least as far apart as its cells are wide; and what has to be refined after
+        /// a move and a turn was within reach before.
+        #[test]
+        fn nodes_are_drawn_where_samples_are_sparse(
+            min in prop::array::uniform3(-6.0..6.0f64),
+            size in 0.001..0.5f64,
+            inside in prop::array::uniform3(0.0..1.0f64),
+            step in prop::array::uniform3(-0.5..0.5f64),
+            gaze in prop::array::uniform3(-1.0..1.0f64),
+            sigma in 1e-3..1e-2f64,
+            ortho in any::<bool>(),
+        ) {
+            let projection =
+                if ortho { Projection::Orthographic { height: 3.0 } } else { Projection::Perspective { fov_y: 0.8 } };
+            let eye = DVec3::new(0.3, -0.2, 3.0);
+            let before = View::look_at(eye, DVec3::ZERO, DVec3::Y, projection, 640, 360).unwrap();
+            let step = DVec3::from(step);
+            let gaze = if ortho { before.forward } else { DVec3::from(gaze) };
+            prop_assume!(gaze.cross(DVec3::Y).length() > 1e-3);
+            let after = View::look_at(eye + step, eye + step + gaze, DVec3::Y, projection, 640, 360).unwrap();
+            let min = DVec3::from(min);
+            let node = info(min, size, size / 16.0);
+            let detail = Detail::Sampling { sigma, near: 0.1 };
+            if detail.suffices(&before, &node, 0.0) {
+                let depth = before.to_camera(min + size * DVec3::from(inside)).z;
+                let distance = if ortho { sigma } else { sigma * depth.max(0.1) };
+                prop_assert!(node.spacing <= distance * (1.0 + 1e-9));
+            }
+            // The distance is to the box's nearest point, the rule counts its nearest depth: they differ by its diagonal.
+            let slack = if ortho { 0.0 } else { 2.0 * 3f64.sqrt() * size };
+            if after.sees(&node.extent) && !detail.suffices(&after, &node, 0.0) {
+                prop_assert!(detail.travel(&before, &node) <= step.length() + slack + 1e-9);
+            }
+        }
+    }
+
+    #[test]
+    fn leaves_suffice_and_relays_never_do() {
+        let projection = Projection::Perspective { fov_y: 0.8 };
+        let view = View::look_at(DVec3::Z, DVec3::ZERO, DVec3::Y, projection, 64, 64).unwrap();
+        let detail = Detail::Sampling { sigma: 0.0, near: 0.0 };
+        let leaf = info(DVec3::ZERO, 1.0, 0.0);
+        assert!(detail.suffices(&view, &leaf, 9.0) && detail.travel(&view, &leaf) == f64::INFINITY);
+        let relay = NodeInfo { delta: f64::INFINITY, ..info(DVec3::ZERO, 1e-9, 1e-12) };
+        let coarse = Detail::Sampling { sigma: 1.0, near: 9.0 };
+        assert!(!coarse.suffices(&view, &relay, 0.0) && coarse.travel(&view, &relay) == f64::NEG_INFINITY);
+        assert!(!detail.suffices(&view, &info(DVec3::ZERO, 1.0, 1e-9), 0.0));
+        assert_eq!(Detail::from(0.8), Detail::Error { tau: 0.8 });
+    }
+}
