@@ -2,7 +2,8 @@
 //! measurement of how bright the view is.
 //!
 //! While the view moves, as large a sample of the particles is drawn as the preset's time for a picture allows, with half as
-//! many pixels a side where that is not all of them; when the view rests, the full picture follows.
+//! many pixels a side where that is not all of them; volumes have a fixed limit, and as many pixels as there is time for. When the
+//! view rests, the full picture follows.
 
 use super::exposure::Exposure;
 use super::live::LiveParticles;
@@ -43,6 +44,8 @@ struct DrawKey {
     depiction: u64,
     generation: u32,
     size: UVec2,
+    /// How many particles a volume may take.
+    particles: u64,
 }
 
 /// A picture that has been drawn.
@@ -62,6 +65,8 @@ struct PaintedPicture {
     transfer: TransferFunction,
     /// Why not the adapter but the processor has drawn it.
     trouble: Option<String>,
+    /// How many particles it took, where those are not all.
+    sampled: Option<u64>,
     opaque: Option<Arc<OpaqueDepths>>,
 }
 
@@ -118,6 +123,8 @@ const REST_MS: u128 = 120;
 const MEASURE_MS: u128 = 300;
 /// Time that a volume's picture in motion may take where the preset says none, milliseconds.
 const MOVING_MS: f64 = 50.0;
+/// Particles that a volume in motion takes at most, drawn by the processor and by an adapter.
+const MOVING_PARTICLES: [u64; 2] = [300_000, 4_000_000];
 /// Longest side of the picture that is drawn only to measure the exposure, pixels.
 const SKETCH: u32 = 320;
 
@@ -143,6 +150,12 @@ fn moving_size(full: UVec2, last: Option<(UVec2, f64)>, budget: f64) -> UVec2 {
     // In quarters of a step, so that times that differ a little do not make another picture.
     let shrink = ((4.0 * shrink).ceil() / 4.0).clamp(1.0, 4.0);
     (full.as_dvec2() / shrink).as_uvec2().max(UVec2::ONE)
+}
+
+/// How many particles a volume's picture may take of so many in the view: all at rest.
+fn volume_limit(moving: bool, on_adapter: bool, particles: u64) -> u64 {
+    let most = MOVING_PARTICLES[usize::from(on_adapter)];
+    if moving && particles > most { most } else { u64::MAX }
 }
 
 /// Whose particles are drawn.
@@ -206,12 +219,17 @@ fn paint(
     view: &View,
     diameter: f64,
     transfer: &TransferFunction,
-    caster: &dyn Caster,
+    (caster, limit): (&dyn Caster, u64),
 ) -> Result<PaintedPicture, String> {
     let metadata = file.metadata();
-    let decoded = match source {
-        Source::Nodes(nodes) => cpu::decode(depiction, metadata, nodes),
-        Source::Live(..) => Vec::new(),
+    let (decoded, sampled) = match source {
+        Source::Nodes(nodes) => {
+            let important = governor::most_important(depiction, metadata);
+            let (plan, taken) = governor::within(limit, Plan::default(), view, depiction, metadata, nodes, &important);
+            let decoded = cpu::decode_planned(view, depiction, metadata, nodes, &plan);
+            (decoded, (!plan.is_complete()).then_some(taken))
+        }
+        Source::Live(..) => (Vec::new(), None),
     };
     // The panel edits colours and ranges for every mode alike.
     let volume = VolumeTransfer {
@@ -235,8 +253,10 @@ fn paint(
     };
     let painted = painted.map_err(|error| error.to_string())?;
     let levels = Levels { p: painted.levels.density, s: painted.levels.attribute };
-    let (image, opaque) = (painted.colors.image(), painted.report.opaque);
-    Ok(PaintedPicture { image, levels, transfer: *transfer, trouble, opaque })
+    let image = painted.colors.image();
+    // A sample's wider kernels may hide what all particles together do not.
+    let opaque = painted.report.opaque.filter(|_| sampled.is_none());
+    Ok(PaintedPicture { image, levels, transfer: *transfer, trouble, sampled, opaque })
 }
 
 /// Takes in what has been drawn, and starts to draw what is wanted now.
@@ -317,6 +337,7 @@ pub(super) fn draw_on_cpu(
         depiction: look.depiction_revision,
         generation: scene.generation,
         size,
+        particles: volume_limit(painted && moving, caster.is_on_adapter(), statistics.particles),
     };
     let trial = (key, look.transfer);
     let drawn = cpu.drawn.as_ref().filter(|drawn| drawn.key == key);
@@ -365,8 +386,8 @@ pub(super) fn draw_on_cpu(
             Some(drawn) => (drawn, old_plan, None, false),
             None if painted => {
                 let start = Instant::now();
-                let view = View { width: size.x, height: size.y, ..view };
-                let painted = Some(Arc::new(paint(&file, &depiction, &source, &view, diameter, &transfer, &*caster)?));
+                let (view, with) = (View { width: size.x, height: size.y, ..view }, (&*caster, key.particles));
+                let painted = Some(Arc::new(paint(&file, &depiction, &source, &view, diameter, &transfer, with)?));
                 let milliseconds = 1000.0 * start.elapsed().as_secs_f64();
                 (Drawn { key, picture: Arc::default(), painted, milliseconds }, old_plan, None, false)
             }
@@ -418,8 +439,9 @@ fn take_in(
             cpu.governor.drew(taken, done.drawn.milliseconds);
         }
     }
-    if done.drawn.painted.is_some() {
+    if let Some(painted) = &done.drawn.painted {
         statistics.draw_ms = Some(done.drawn.milliseconds);
+        statistics.sampled = painted.sampled;
     }
     cpu.plan = done.plan;
     cpu.drawn = Some(done.drawn);
@@ -447,6 +469,14 @@ mod tests {
         assert_eq!(moving_size(full, Some((full, 400.0)), 50.0), full / 2);
         assert_eq!(moving_size(full, Some((full / 2, 50.0)), 50.0), full / 2);
         assert_eq!(moving_size(full, Some((full / 4, 1e6)), 50.0), full / 4);
+    }
+
+    #[test]
+    fn volumes_in_motion_take_a_sample_of_many_particles() {
+        assert_eq!(volume_limit(true, false, 1_000), u64::MAX);
+        assert_eq!(volume_limit(true, false, 1_000_000), 300_000);
+        assert_eq!(volume_limit(true, true, 1_000_000), u64::MAX);
+        assert_eq!(volume_limit(false, false, 1_000_000_000), u64::MAX);
     }
 
     #[test]
