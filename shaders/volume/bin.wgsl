@@ -55,7 +55,8 @@ fn reach_of(spot: vec4<f32>) -> Reach {
     let along = volume.slice_rate * select(ends - volume.near, log(ends / volume.near), perspective);
     // A cell's centre lies at a half. Some room for rounding, and for how well an adapter knows logarithms; what gets into a
     // bin without reaching it is turned down later.
-    let room = vec3(0.02, 0.02, 0.02 + 2.0e-5 * volume.slice_rate);
+    let rounding = select(5.0e-7 * max(abs(ends.x), abs(ends.y)), 2.0e-5, perspective);
+    let room = vec3(0.02, 0.02, 0.02 + rounding * volume.slice_rate);
     let window_low = vec3<f32>(vec3(portion.origin, portion.first_layer) * BRICK);
     let window_high = window_low + vec3<f32>(vec3(volume.window, portion.layers) * BRICK - 1u);
     let low = ceil(vec3(volume.middle + min(left * rate.x, left * rate.y), along.x) - 0.5 - room);

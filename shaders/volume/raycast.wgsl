@@ -19,7 +19,7 @@
 @group(0) @binding(6) var<storage, read> table: array<vec4<f32>>;
 /// Light gathered, linear, premultiplied, and opacity.
 @group(0) @binding(7) var<storage, read_write> rays: array<vec4<f32>>;
-/// Share of the present cell that has been drawn.
+/// Share of the present cell that has been drawn; the step in which a ray ended.
 @group(0) @binding(8) var<storage, read_write> progress: array<f32>;
 /// For each column of pixels, then for each row, the stored cell before its rays, and the bits of the share of the way to
 /// the next one.
@@ -321,26 +321,45 @@ fn cast_rays(@builtin(global_invocation_id) invocation: vec3<u32>) {
             before = sample(place, vec2(0), i32(step) - 1);
         }
         known = true;
-        for (; step < end; step++) {
+        // What happens at crossings stands behind the loop over steps: a software driver goes through all that a loop holds
+        // in every round, and on a graphics card rays would wait for each other.
+        while step < end && ray.alpha < termination {
             var now = vec2(0.0);
-            if step < slices {
-                now = sample(place, vec2(0), i32(step));
-            }
-            if step == 0u || (before.x <= least && now.x <= least) {
+            var crossed = false;
+            for (; step < end; step++) {
+                now = vec2(0.0);
+                if step < slices {
+                    now = sample(place, vec2(0), i32(step));
+                }
+                if step == 0u || (before.x <= least && now.x <= least) {
+                    ray.done = 0.0;
+                    before = now;
+                    continue;
+                }
+#ifdef SURFACES
+                crossed = step < slices && (any((vec4(before.x) < low_values) != (vec4(now.x) < low_values))
+                    || any((vec4(before.x) < high_values) != (vec4(now.x) < high_values)));
+                if crossed {
+                    break;
+                }
+#endif
+                through(&ray, step - 1u, before, 1.0 - ray.done, secant, faintest);
                 ray.done = 0.0;
                 before = now;
-                continue;
+                if ray.alpha >= termination {
+                    break;
+                }
             }
-            var next_done = 0.0;
 #ifdef SURFACES
-            let low_crossed = (vec4(before.x) < low_values) != (vec4(now.x) < low_values);
-            let high_crossed = (vec4(before.x) < high_values) != (vec4(now.x) < high_values);
-            if step < slices && (any(low_crossed) || any(high_crossed)) {
+            if crossed {
                 let first = sample(place, vec2(0), i32(step) - 2).x;
                 let last = sample(place, vec2(0), i32(step) + 1).x;
                 let samples = vec4(first, before.x, now.x, last);
+                let low_crossed = (vec4(before.x) < low_values) != (vec4(now.x) < low_values);
+                let high_crossed = (vec4(before.x) < high_values) != (vec4(now.x) < high_values);
                 var low_at = select(vec4(NO_CROSSING), refine(samples, low_values), low_crossed);
                 var high_at = select(vec4(NO_CROSSING), refine(samples, high_values), high_crossed);
+                var next_done = 0.0;
                 for (var n = 0u; n < 8u; n++) {
                     // The nearest that is left; of equal ones the first.
                     var share = NO_CROSSING;
@@ -372,16 +391,15 @@ fn cast_rays(@builtin(global_invocation_id) invocation: vec3<u32>) {
                     }
                     meet(&ray, place, middle, step, share, surface, before, now);
                 }
+                through(&ray, step - 1u, before, 1.0 - ray.done, secant, faintest);
+                ray.done = next_done;
+                before = now;
+                step += 1u;
             }
 #endif
-            through(&ray, step - 1u, before, 1.0 - ray.done, secant, faintest);
-            ray.done = next_done;
-            before = now;
-            if ray.alpha >= termination {
-                break;
-            }
         }
     }
     rays[index] = vec4(ray.color, ray.alpha);
-    progress[index] = ray.done;
+    // Of a ray that has ended nobody wants to know the share, but where that was.
+    progress[index] = select(ray.done, f32(step), ray.alpha >= termination);
 }

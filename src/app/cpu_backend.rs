@@ -277,6 +277,9 @@ pub(super) fn draw_on_cpu(
 ) {
     let cpu = &mut *cpu;
     let cast = look.as_ref().is_some_and(|look| look.depiction.mode.is_cast()) && caster.is_on_adapter();
+    if !cast {
+        caster.rest();
+    }
     let name = if cast { "compute" } else { "cpu" };
     if *backend == ActiveBackend::Cpu && statistics.backend != name {
         statistics.backend = name.to_owned();
@@ -380,7 +383,8 @@ pub(super) fn draw_on_cpu(
     let (known, old_plan) = (look.settled.then_some(look.levels), cpu.plan);
     // Finding a plan takes longer than there is between two pictures of a motion.
     let kept_plan = (moving && *backend == ActiveBackend::Cpu).then_some(old_plan);
-    let caster = caster.caster();
+    // Splats have no use for it.
+    let caster: Arc<dyn Caster> = if cast { caster.caster() } else { Arc::new(Processor) };
     cpu.task = Some(AsyncComputeTaskPool::get().spawn(async move {
         let (drawn, plan, taken, cut) = match reused {
             Some(drawn) => (drawn, old_plan, None, false),

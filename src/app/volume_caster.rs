@@ -16,18 +16,28 @@ pub struct VolumeCaster {
     on_adapter: bool,
     /// Whether the adapter is not asked any more.
     gave_up: bool,
+    /// Whether it may keep something from picture to picture.
+    keeps: bool,
 }
 
 impl Default for VolumeCaster {
     fn default() -> VolumeCaster {
-        VolumeCaster { caster: Arc::new(Processor), on_adapter: false, gave_up: false }
+        VolumeCaster { caster: Arc::new(Processor), on_adapter: false, gave_up: false, keeps: false }
     }
 }
 
 impl VolumeCaster {
-    /// What draws.
-    pub fn caster(&self) -> Arc<dyn Caster> {
+    /// What draws, for a picture.
+    pub fn caster(&mut self) -> Arc<dyn Caster> {
+        self.keeps = true;
         Arc::clone(&self.caster)
+    }
+
+    /// Frees what the pictures before have left, while other modes are shown.
+    pub fn rest(&mut self) {
+        if self.keeps {
+            self.keeps = !self.caster.rest();
+        }
     }
 
     /// Whether that is an adapter.
@@ -72,7 +82,7 @@ pub(super) fn choose_caster(
         Some((device, queue, adapter, info, capabilities)) if !caster.on_adapter && !caster.gave_up => {
             let name = format!("{} ({})", info.name, info.driver_info);
             let renderer = VolumeRenderer::new(device.clone(), queue.clone(), &adapter, name, &capabilities);
-            *caster = VolumeCaster { caster: Arc::new(renderer), on_adapter: true, gave_up: false };
+            *caster = VolumeCaster { caster: Arc::new(renderer), on_adapter: true, ..VolumeCaster::default() };
         }
         None if caster.on_adapter => *caster = VolumeCaster::default(),
         _ => {}

@@ -9,11 +9,12 @@ use super::store::Store;
 use super::timer::Timer;
 use crate::gpu::device::GpuError;
 use crate::gpu::readback::read_buffer;
-use crate::raster::volume::{Colors, Prepared, Scenery, VolumeOptions, VolumeReport};
+use crate::raster::volume::{Colors, OpaqueDepths, Prepared, Scenery, VolumeOptions, VolumeReport, raycast};
 use crate::view::View;
 use bevy::platform::collections::HashMap;
 use bevy::render::render_resource::{BindGroup, ComputePipeline};
 use bevy::render::renderer::{RenderDevice, RenderQueue};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 use wgpu::{
     BufferDescriptor, BufferUsages, CommandEncoder, CommandEncoderDescriptor, ComputePass, ComputePassDescriptor,
@@ -136,8 +137,10 @@ impl Picture<'_> {
         encoder.clear_buffer(&inputs.dispatch.buffer, 0, None);
         self.queue.submit([encoder.finish()]);
         let mut report = VolumeReport { slabs: cut.slabs.len() * panes.len(), ..VolumeReport::default() };
-        let width = self.view.width as usize;
+        let (width, termination) = (self.view.width as usize, self.scenery.termination);
         let mut rgba = vec![[0.0; 4]; width * self.view.height as usize];
+        let behind = raycast::depths_behind(grid);
+        let mut depths = vec![f32::INFINITY; if self.options.occlusion { rgba.len() } else { 0 }];
         for pane in &panes {
             let slabs = (0..cut.slabs.len()).flat_map(|slab| (0..batch_count).map(move |batch| (slab, batch)));
             let portions: Vec<Portion> = slabs.map(|(slab, batch)| portion(pane, slab, batch)).collect();
@@ -153,10 +156,23 @@ impl Picture<'_> {
             let [pane_width, _] = pane.size();
             let rays = self.read(&inputs.rays.buffer, 0, 16 * pane.len())?;
             let rays: &[[f32; 4]] = bytemuck::cast_slice(&rays);
-            for (row, line) in (pane.pixels[0][1]..).zip(rays.chunks(pane_width as usize)) {
-                let start = row as usize * width + pane.pixels[0][0] as usize;
+            let starts = (pane.pixels[0][1]..).map(|row| row as usize * width + pane.pixels[0][0] as usize);
+            for (start, line) in starts.clone().zip(rays.chunks(pane_width as usize)) {
                 rgba[start..start + line.len()].copy_from_slice(line);
             }
+            if self.options.occlusion {
+                let ends = self.read(&inputs.progress.buffer, 0, 4 * pane.len())?;
+                let ends: &[f32] = bytemuck::cast_slice(&ends);
+                for (start, line) in starts.zip(ends.chunks(pane_width as usize)) {
+                    for (index, &end) in (start..).zip(line).filter(|(index, _)| rgba[*index][3] >= termination) {
+                        depths[index] = behind.get(end as usize).copied().unwrap_or(f32::INFINITY);
+                    }
+                }
+            }
+        }
+        if self.options.occlusion {
+            let opaque = OpaqueDepths::new(self.view, depths, grid.cell, self.options.smallest);
+            report.opaque = Some(Arc::new(opaque));
         }
         let number = |bytes: Vec<u8>| bytes.first_chunk::<4>().map_or(0, |bytes| u64::from(u32::from_le_bytes(*bytes)));
         report.pairs = number(self.read(&inputs.work.buffer, ALL_PAIRS, 4)?);

@@ -160,6 +160,7 @@ impl Caster for VolumeRenderer {
         report.pairs = work.pairs;
         report.bricks = work.bricks;
         report.hidden = work.hidden;
+        report.opaque = work.opaque;
         report.resampling += work.resampling;
         report.rendering = work.rendering;
         Ok(colors)
@@ -167,5 +168,11 @@ impl Caster for VolumeRenderer {
 
     fn name(&self) -> [&str; 2] {
         ["compute", &self.adapter]
+    }
+
+    fn rest(&self) -> bool {
+        // Whoever draws now still needs it.
+        let state = self.state.try_lock();
+        state.map(|mut state| state.store.clear()).is_ok()
     }
 }

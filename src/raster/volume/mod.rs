@@ -233,6 +233,11 @@ pub trait Caster: std::fmt::Debug + Send + Sync {
 
     /// The backend's and the adapter's name.
     fn name(&self) -> [&str; 2];
+
+    /// Frees what is kept from picture to picture, as nothing will be drawn for a while. False if that has to wait.
+    fn rest(&self) -> bool {
+        true
+    }
 }
 
 /// The CPU renderer. Its pictures do not depend on the number of threads.

@@ -178,16 +178,21 @@ impl Rays {
 
     /// For each pixel, row by row, a depth behind which its ray has read nothing and will not; infinite for rays that go on.
     pub fn opaque_depths(&self, grid: &PerspectiveGrid, termination: f32) -> Vec<f32> {
-        // Behind the step the next slice is read for gradients, and cells have half their depth behind their centres.
-        let depths: Vec<f32> = (0..=grid.size[2]).map(|step| grid.depth(f64::from(step) + 2.5) as f32).collect();
+        let depths = depths_behind(grid);
         let of = |ray: &Ray| depths.get(ray.end as usize).copied().filter(|_| ray.alpha >= termination);
-        self.picture(|ray| of(ray).map_or(f32::INFINITY, |depth| depth.next_up()))
+        self.picture(|ray| of(ray).unwrap_or(f32::INFINITY))
     }
 
     /// Pixels, first and last, whose rays read cells of a brick's column (0) or row (1).
     pub fn readers(&self, brick: usize, axis: usize) -> [i64; 2] {
         readers(&self.places[axis], brick * BRICK..(brick + 1) * BRICK)
     }
+}
+
+/// For each step a depth behind which rays that end in it have read nothing: the next slice is read for gradients, and cells
+/// have half their depth behind their centres.
+pub fn depths_behind(grid: &PerspectiveGrid) -> Vec<f32> {
+    (0..=grid.size[2]).map(|step| (grid.depth(f64::from(step) + 2.5) as f32).next_up()).collect()
 }
 
 /// For each of `pixels` columns or rows the stored cell before its rays, and the share of the way to the next.
