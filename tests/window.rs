@@ -177,17 +177,25 @@ struct Program {
     status: PathBuf,
 }
 
+/// The snapshot that the windows open.
+fn demo() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/demo/lcdm64_z0.hdf5")
+}
+
 impl Program {
     fn start(desktop: &Desktop, folder: &Path, arguments: &[&str]) -> Program {
         Program::with_size(desktop, folder, [WIDTH, HEIGHT], arguments)
     }
 
-    fn with_size(desktop: &Desktop, folder: &Path, [width, height]: [u16; 2], arguments: &[&str]) -> Program {
+    fn with_size(desktop: &Desktop, folder: &Path, size: [u16; 2], arguments: &[&str]) -> Program {
+        Program::open(desktop, folder, &demo(), size, arguments)
+    }
+
+    fn open(desktop: &Desktop, folder: &Path, source: &Path, [width, height]: [u16; 2], arguments: &[&str]) -> Program {
         let status = folder.join("status.json");
-        let demo = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/demo/lcdm64_z0.hdf5");
         let process = Command::new(env!("CARGO_BIN_EXE_deepfield"))
             .arg("view")
-            .arg(demo)
+            .arg(source)
             .args(["--size", &format!("{width}x{height}"), "--status"])
             .arg(&status)
             .args(arguments)
@@ -312,6 +320,29 @@ fn volumes_are_drawn_by_compute_passes() {
     let lit = |screen: &Screen| screen.share(left..640, |pixel| pixel.iter().any(|&c| c > 40));
     // The window is a third of the screen's height.
     desktop.wait("a volume", |screen| lit(screen) > 0.01);
+}
+
+/// Levels for volumes are drawn where the file has them, and what lies behind an opaque surface is known to.
+#[test]
+fn volume_levels_are_drawn_and_surfaces_hide_what_is_behind_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let [source, file] = ["merger", "merger.df"].map(|name| folder.path().join(name));
+    let run = |arguments: &[&str], paths: &[&Path]| {
+        let status = Command::new(env!("CARGO_BIN_EXE_deepfield")).args(arguments).args(paths).status().unwrap();
+        assert!(status.success());
+    };
+    run(&["synth", "merger", "-n", "400000", "-o"], &[&source]);
+    run(&["build", "--volume-levels", "-o"], &[&file, &source]);
+    let desktop = Desktop::start();
+    let arguments = ["--mode", "isosurface", "--backend", "cpu"];
+    let mut program = Program::open(&desktop, folder.path(), &file, [640, 360], &arguments);
+    let status = program.wait("a converged picture", |status| status["converged"] == true);
+    assert_eq!(status["levels"], "volume", "{status:#}");
+    assert!(status["particles_drawn"].as_u64().unwrap() > 0 && status["nodes_hidden"].is_u64(), "{status:#}");
+    println!("{} nodes, {} hidden", status["nodes_drawn"], status["nodes_hidden"]);
+    // It stays as it is: pictures and what they hide do not chase each other.
+    std::thread::sleep(Duration::from_millis(1500));
+    assert_eq!(program.status(), status);
 }
 
 /// Flies with a frame time that no machine keeps for all particles.
