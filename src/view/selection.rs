@@ -151,6 +151,8 @@ impl<Tree: NodeTree> Traversal<'_, Tree> {
         if info.delta.is_infinite() {
             return is_hidden;
         }
+        // What is hidden is displaced by nothing that shows.
+        let error_pixels = if is_hidden { 0.0 } else { error_pixels };
         self.selection.draw.push(Drawn { id, error_pixels, particles: info.particles });
         true
     }
