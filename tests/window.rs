@@ -345,13 +345,17 @@ fn volume_levels_are_drawn_and_surfaces_hide_what_is_behind_them() {
     assert_eq!(program.status(), status);
 }
 
-/// Flies with a frame time that no machine keeps for all particles.
-fn sample_in_motion(backend: &str) {
+/// Flies where there is no time for all particles.
+fn sample_in_motion(arguments: &[&str]) {
     let folder = tempfile::tempdir().unwrap();
     let desktop = Desktop::start();
-    let mut program = Program::start(&desktop, folder.path(), &["--backend", backend, "--frame-ms", "0.5"]);
+    let mut program = Program::start(&desktop, folder.path(), arguments);
     let first = program.wait("a converged picture", |status| status["converged"] == true);
     assert_eq!(first["sampled"], Value::Null, "all is drawn at rest: {first:#}");
+    assert!(
+        !first["messages"].to_string().contains("no particles"),
+        "pages that have not come are no mistake: {first:#}"
+    );
     let window = desktop.window().expect("a window of the size that was asked for");
     desktop.focus(window);
     desktop.press(u32::from('f'));
@@ -372,12 +376,17 @@ fn sample_in_motion(backend: &str) {
 
 #[test]
 fn motion_is_drawn_with_a_sample_on_the_processor() {
-    sample_in_motion("cpu");
+    sample_in_motion(&["--backend", "cpu", "--frame-ms", "0.5"]);
+}
+
+#[test]
+fn volumes_in_motion_take_a_sample() {
+    sample_in_motion(&["--backend", "cpu", "--mode", "volume"]);
 }
 
 #[test]
 fn motion_is_drawn_with_a_sample_on_the_graphics_adapter() {
-    sample_in_motion("compute");
+    sample_in_motion(&["--backend", "compute", "--frame-ms", "0.5"]);
 }
 
 #[test]

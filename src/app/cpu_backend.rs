@@ -27,6 +27,7 @@ use crate::raster::{Accumulation, Method};
 use crate::store::PageFile;
 use crate::stream::SceneNode;
 use crate::view::View;
+use crate::view::perspective_grid::GridError;
 use bevy::asset::RenderAssetUsages;
 use bevy::image::ImageSampler;
 use bevy::prelude::*;
@@ -124,7 +125,7 @@ const MEASURE_MS: u128 = 300;
 /// Time that a volume's picture in motion may take where the preset says none, milliseconds.
 const MOVING_MS: f64 = 50.0;
 /// Particles that a volume in motion takes at most, drawn by the processor and by an adapter.
-const MOVING_PARTICLES: [u64; 2] = [300_000, 4_000_000];
+const MOVING_PARTICLES: [u64; 2] = [200_000, 4_000_000];
 /// Longest side of the picture that is drawn only to measure the exposure, pixels.
 const SKETCH: u32 = 320;
 
@@ -218,7 +219,7 @@ fn paint(
     source: &Source,
     view: &View,
     diameter: f64,
-    transfer: &TransferFunction,
+    (transfer, levels): (&TransferFunction, Levels),
     (caster, limit): (&dyn Caster, u64),
 ) -> Result<PaintedPicture, String> {
     let metadata = file.metadata();
@@ -251,6 +252,12 @@ fn paint(
         Err(VolumeError::Device(why)) => (with(&Processor), Some(why)),
         painted => (painted, None),
     };
+    // Who looks away from the data sees nothing, and need not be told.
+    if matches!(painted, Err(VolumeError::Grid(GridError::NothingInView))) {
+        let rgba = vec![[0, 0, 0, 255]; view.width as usize * view.height as usize];
+        let image = crate::raster::composite::Image { width: view.width, height: view.height, rgba };
+        return Ok(PaintedPicture { image, levels, transfer: *transfer, trouble, sampled: None, opaque: None });
+    }
     let painted = painted.map_err(|error| error.to_string())?;
     let levels = Levels { p: painted.levels.density, s: painted.levels.attribute };
     let image = painted.colors.image();
@@ -391,7 +398,8 @@ pub(super) fn draw_on_cpu(
             None if painted => {
                 let start = Instant::now();
                 let (view, with) = (View { width: size.x, height: size.y, ..view }, (&*caster, key.particles));
-                let painted = Some(Arc::new(paint(&file, &depiction, &source, &view, diameter, &transfer, with)?));
+                let painted =
+                    Some(Arc::new(paint(&file, &depiction, &source, &view, diameter, (&transfer, levels), with)?));
                 let milliseconds = 1000.0 * start.elapsed().as_secs_f64();
                 (Drawn { key, picture: Arc::default(), painted, milliseconds }, old_plan, None, false)
             }
@@ -478,7 +486,7 @@ mod tests {
     #[test]
     fn volumes_in_motion_take_a_sample_of_many_particles() {
         assert_eq!(volume_limit(true, false, 1_000), u64::MAX);
-        assert_eq!(volume_limit(true, false, 1_000_000), 300_000);
+        assert_eq!(volume_limit(true, false, 1_000_000), MOVING_PARTICLES[0]);
         assert_eq!(volume_limit(true, true, 1_000_000), u64::MAX);
         assert_eq!(volume_limit(false, false, 1_000_000_000), u64::MAX);
     }
