@@ -339,7 +339,9 @@ fn volume_levels_are_drawn_and_surfaces_hide_what_is_behind_them() {
     let status = program.wait("a converged picture", |status| status["converged"] == true);
     assert_eq!(status["levels"], "volume", "{status:#}");
     assert!(status["particles_drawn"].as_u64().unwrap() > 0 && status["nodes_hidden"].is_u64(), "{status:#}");
-    println!("{} nodes, {} hidden", status["nodes_drawn"], status["nodes_hidden"]);
+    let messages = status["messages"].as_array().unwrap();
+    let complains = |message: &Value| message.as_str().is_some_and(|text| text.contains("no particles"));
+    assert!(!messages.iter().any(complains), "nothing is wrong before pages have come: {status:#}");
     // It stays as it is: pictures and what they hide do not chase each other.
     std::thread::sleep(Duration::from_millis(1500));
     assert_eq!(program.status(), status);

@@ -362,6 +362,10 @@ pub(super) fn draw_on_cpu(
     if cpu.task.is_some() || (current && look.settled && !look.is_changed()) {
         return;
     }
+    // Before anything has come there is nothing that colours could be of, and nothing to complain of.
+    if painted && selection.nodes.is_empty() && !selection.complete && live.particles().is_none() {
+        return;
+    }
     // What could not be drawn once cannot be drawn again either.
     if cpu.failed == Some(trial) {
         return;
