@@ -145,3 +145,28 @@ fn numbers_of_layers_and_cells_are_checked() {
     let others = "(mode: \"sorted-splats\", settings: {\"layers\": 3.0})";
     fails("others", others, &["layers, expected a setting of sorted-splats: opacity, near, far"]);
 }
+
+#[test]
+fn a_comparison_writes_every_picture_and_its_errors() {
+    let folder = folder();
+    let arguments = ["bench", "compare", "merger", "--size", "60x40", "--eye", "60,120,225", "--target", "0,0,0"];
+    let more = ["--repeat", "1", "--layers", "64", "--cells", "48", "--frames", "2", "--output", "out", "--json", "-"];
+    let output = run(folder, &[&arguments[..], &more[..]].concat());
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let error = |name: &str, kind: &str| {
+        let outcomes = report["outcomes"].as_array().unwrap();
+        let outcome = outcomes.iter().find(|outcome| outcome["name"] == name).unwrap();
+        outcome[kind].as_f64().unwrap()
+    };
+    assert!(error("volume", "error_volume") < 1.0 && error("layered, 64 layers", "error_volume") < 5.0, "{report:#}");
+    assert!(error("isosurface", "error_surface") < error("spheres", "error_surface"), "{report:#}");
+    for file in
+        ["compare.png", "volume.png", "spheres.png", "cartesian-48-cells-isosurface.png", "reference-volume.png"]
+    {
+        assert!(folder.join("out").join(file).exists(), "{file}");
+    }
+    for (table, rows) in [("compare.csv", 9), ("orbit.csv", 5)] {
+        assert_eq!(std::fs::read_to_string(folder.join("out").join(table)).unwrap().lines().count(), 1 + rows);
+    }
+}

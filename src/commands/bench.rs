@@ -2,6 +2,7 @@
 
 pub mod build;
 pub mod compare;
+pub mod compare_orbit;
 pub mod flight;
 pub mod frame;
 pub mod pages;

@@ -378,13 +378,13 @@ mod tests {
     fn what_is_too_thin_is_left_out_and_said() {
         let cloud = Cloud::lattice(4, 2.0);
         let view = look(DVec3::new(0.0, 0.0, 9.0), Projection::Orthographic { height: 3.0 }, 20, 20);
-        let densities: Vec<f32> = (0..64).map(|i| i as f32).collect();
+        let densities: Vec<f32> = (0..64).map(|i| i as f32 / 16.0).collect();
         let batch = cloud.batch().with_density(Some(&densities)).unwrap();
         let with = |least| front(&view, &[batch], &SphereOptions { least, ..OPTIONS });
-        assert!(with(60.0).is_ok());
+        assert!(with(3.75).is_ok());
         assert_eq!(
-            with(64.0).unwrap_err().to_string(),
-            "threshold is 64, expected a density that some particle in view has"
+            with(4.0).unwrap_err().to_string(),
+            "threshold is 4, expected a density that some particle in view has"
         );
     }
 }

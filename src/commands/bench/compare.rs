@@ -1,6 +1,7 @@
 //! The techniques of F12 5.9 and 5.10 beside each other: the same view of the same particles with every one, how long it takes, what
 //! memory it holds, and how far its colours are from a volume and an isosurface that are sampled much more finely.
 
+use super::compare_orbit::{self, Orbit};
 use super::splat::Failure;
 use super::{Arguments, Times};
 use crate::commands::arguments::{PictureSize, positive, vector};
@@ -56,6 +57,10 @@ pub struct Options {
     /// Cells per pixel of the volume and the isosurface that errors are measured against, 1 to 2.
     #[arg(long, value_name = "N", default_value_t = 2.0, value_parser = finer)]
     pub reference: f64,
+    /// Pictures that are drawn while the camera turns by half a degree from each to the next, by the perspective grid and from an
+    /// octree of bricks that are kept; fewer than 2: none.
+    #[arg(long, value_name = "N", default_value_t = 6, value_parser = clap::value_parser!(u16).range(0..=1000))]
+    pub frames: u16,
 }
 
 /// Cells per pixel of a reference.
@@ -103,6 +108,8 @@ pub struct Report {
     pub unit_length: f64,
     /// The techniques.
     pub outcomes: Vec<Outcome>,
+    /// Pictures from a camera that turns.
+    pub orbits: Vec<Orbit>,
 }
 
 /// Draws with every technique, writes the pictures, a contact sheet and a table, and prints the table to standard error.
@@ -136,6 +143,7 @@ pub fn measure(arguments: &Arguments) -> Result<Report, Failure> {
     let view = render::view(&picture, framed)?;
     let mut bench = Bench::new(&dataset, view, framed.size().length(), options, arguments.repeat)?;
     let outcomes = bench.run(options)?;
+    let orbits = compare_orbit::measure(&bench, options.target.unwrap_or(framed.center()), options)?;
     let report = Report {
         source,
         particles: dataset.len(),
@@ -144,21 +152,22 @@ pub fn measure(arguments: &Arguments) -> Result<Report, Failure> {
         isovalue: bench.isovalue,
         unit_length: bench.levels.unit_length,
         outcomes,
+        orbits,
     };
     bench.write(folder, &report)?;
     Ok(report)
 }
 
 /// What all pictures share.
-struct Bench<'a> {
-    dataset: &'a Dataset,
-    families: Vec<&'a Family>,
-    view: View,
+pub(super) struct Bench<'a> {
+    pub(super) dataset: &'a Dataset,
+    pub(super) families: Vec<&'a Family>,
+    pub(super) view: View,
     diameter: f64,
-    attribute: Option<&'a str>,
+    pub(super) attribute: Option<&'a str>,
     repeat: u32,
-    levels: VolumeLevels,
-    transfer: VolumeTransfer,
+    pub(super) levels: VolumeLevels,
+    pub(super) transfer: VolumeTransfer,
     isovalue: f64,
     /// The finer volume and isosurface.
     references: [Image; 2],
@@ -166,10 +175,10 @@ struct Bench<'a> {
 }
 
 /// A name and a value.
-type Set = (&'static str, SettingValue);
+pub(super) type Set = (&'static str, SettingValue);
 
 /// Settings by name.
-fn settings(values: impl IntoIterator<Item = Set>) -> Settings {
+pub(super) fn settings(values: impl IntoIterator<Item = Set>) -> Settings {
     Settings(values.into_iter().map(|(name, value)| (name.to_owned(), value)).collect())
 }
 
@@ -179,7 +188,7 @@ fn surface(isovalue: f64) -> [Set; 2] {
     [(grid::ISOVALUES.name, list(isovalue)), (grid::ISO_OPACITIES.name, list(1.0))]
 }
 
-fn number(name: &'static str, value: f64) -> Set {
+pub(super) fn number(name: &'static str, value: f64) -> Set {
     (name, SettingValue::Number(value))
 }
 
@@ -226,7 +235,7 @@ impl<'a> Bench<'a> {
         Ok(bench)
     }
 
-    fn paint(&self, mode: &'static Mode, settings: Settings, view: &View) -> Result<Painted, Failure> {
+    pub(super) fn paint(&self, mode: &'static Mode, settings: Settings, view: &View) -> Result<Painted, Failure> {
         settings.check(mode)?;
         let depiction = Depiction::of_dataset(mode, settings, self.attribute, self.dataset)?;
         let subject = Subject { transfer: Some(&self.transfer), diameter: self.diameter, caster: &Processor };
@@ -352,7 +361,14 @@ impl<'a> Bench<'a> {
             writer.write_record(names.iter().chain(&times).chain(&counts).chain(&errors)).map_err(named)?;
         }
         let bytes = writer.into_inner().map_err(|error| format!("{}: {error}", path.display()))?;
-        Ok(output::write_atomically(&path, &bytes)?)
+        output::write_atomically(&path, &bytes)?;
+        let mut text = "name,first_s,resampling_s,rendering_s,total_s,bricks,resampled,memory_bytes,error\n".to_owned();
+        for o in &report.orbits {
+            let name = o.name.replace(", ", ": ");
+            let times = [o.first, o.resampling.median, o.rendering.median, o.total.median].map(|time| time.to_string());
+            text += &format!("{name},{},{},{},{},{}\n", times.join(","), o.bricks, o.resampled, o.memory, o.error);
+        }
+        Ok(output::write_atomically(&folder.join("orbit.csv"), text.as_bytes())?)
     }
 }
 

@@ -5,6 +5,7 @@
 //! every cell's centre, and empty ones take no memory.
 
 pub mod march;
+pub mod octree;
 #[cfg(test)]
 mod tests;
 

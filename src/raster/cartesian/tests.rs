@@ -122,3 +122,64 @@ fn a_grid_that_does_not_fit_is_refused() {
     assert!(error.starts_with("cells is 4096, expected fewer: a grid of 4096 x 4096 x 4096 cells takes"), "{error}");
     assert!(error.ends_with("memory is 64 MiB"), "{error}");
 }
+
+/// An octree for a view, and the depths between which its rays go.
+fn octree(view: &View, cloud: &Cloud, width: f64) -> (octree::Octree, [f64; 2]) {
+    let (bounds, planes) = region(view, &[cloud.batch()], Region::View, &EXACTLY).unwrap();
+    let mut octree = octree::Octree::new(&[cloud.batch()], bounds, Kernel::CubicSpline, 0.0).unwrap();
+    octree.prepare(view, width, planes[0]);
+    (octree, planes)
+}
+
+#[test]
+fn bricks_of_an_octree_hold_the_exact_sum() {
+    let cloud = merger(4_000);
+    let view = perspective(DVec3::new(60.0, 40.0, 90.0), 90, 60);
+    let exact = ExactField::new(&[cloud.batch()], Kernel::CubicSpline);
+    let mut random = Random::new(2, 0);
+    let points: Vec<DVec3> = (0..400).map(|_| DVec3::from_array([0; 3].map(|_| 12.0 * random.signed()))).collect();
+    let errors = [1.0, 0.5].map(|width| {
+        let (field, _) = octree(&view, &cloud, width);
+        let (mut square, mut norm, mut seen) = ([0.0; 2], [0.0; 2], 0);
+        for &point in &points {
+            let place = field.place(point).as_vec3();
+            let room = field.room(place, 0.0);
+            if !room.empty {
+                let expected = exact.at(point);
+                let values = field.at(&room, place).into_iter().zip([expected.density, expected.weighted]);
+                for (k, (found, value)) in values.enumerate() {
+                    square[k] += (f64::from(found) - value).powi(2);
+                    norm[k] += value * value;
+                }
+                seen += 1;
+            }
+        }
+        assert!(seen > 300, "{seen}");
+        (square[0] / norm[0]).max(square[1] / norm[1]).sqrt()
+    });
+    println!("relative L2 with cells of the view's width and of half of it: {errors:?}");
+    assert!(errors[0] < 0.12 && errors[1] < 0.4 * errors[0], "{errors:?}");
+}
+
+#[test]
+fn an_octree_keeps_what_it_has_and_draws_the_volume() {
+    let cloud = merger(8_000);
+    let scenery = scenery(RAMP, [1e-8, 1e-3], 4.0, vec![Surface { value: 1e-5, color: None, opacity: 0.5 }]);
+    let view = perspective(DVec3::new(60.0, 40.0, 90.0), 90, 60);
+    let options = VolumeOptions { near: Some(40.0), far: Some(200.0), ..EXACTLY };
+    let (bounds, planes) = region(&view, &[cloud.batch()], Region::View, &options).unwrap();
+    let mut tree = octree::Octree::new(&[cloud.batch()], bounds, Kernel::CubicSpline, 0.0).unwrap();
+    let first = tree.prepare(&view, 1.0, planes[0]);
+    assert!(first.bricks > 50 && first.resampled == first.bricks, "{first:?}");
+    let (colors, effort) = march::cast(&view, &tree, &scenery, planes);
+    assert!(effort.crossings > 100 && effort.samples > 1000);
+    let (volume, _) = draw_volume(&view, &[cloud.batch()], &scenery, &options).unwrap();
+    let pairs = colors.rgba.as_flattened().iter().zip(volume.rgba.as_flattened());
+    let error = 255.0 * pairs.map(|(a, b)| f64::from((a - b).abs())).sum::<f64>() / (4 * colors.rgba.len()) as f64;
+    assert!(error < 1.0, "{error}");
+    // The same view again, and one nearby.
+    assert_eq!(tree.prepare(&view, 1.0, planes[0]).resampled, 0);
+    assert_eq!(march::cast(&view, &tree, &scenery, planes).0, colors);
+    let next = tree.prepare(&perspective(DVec3::new(60.5, 40.0, 89.7), 90, 60), 1.0, planes[0]);
+    assert!(next.resampled < next.bricks / 4, "{next:?}");
+}

@@ -101,7 +101,31 @@ pub fn project(view: &View, batches: &[Splats<'_>], taken: &Taken) -> Projected 
     if !batches.iter().all(|batch| batch.density().is_some()) {
         all.densities.clear();
     }
+    all.reconcile();
     all
+}
+
+/// `rho h^3 / m` of a particle with some forty others within its support, and how far from it densities may be.
+const USUAL: (f32, f32) = (10.0, 30.0);
+
+impl Projected {
+    /// Some files have no masses, or densities in another unit: then the particles' own densities are not of the size of the sums
+    /// that are drawn. They are scaled so that the median is as it is where both belong together.
+    fn reconcile(&mut self) {
+        let particles = self.chunks.iter().flatten().zip(self.densities.iter().flatten());
+        let ratio = |(particle, density): (&Particle, &f32)| density * particle.place[3].powi(3) / particle.mass;
+        let mut ratios: Vec<f32> = particles.map(ratio).filter(|ratio| *ratio > 0.0 && ratio.is_finite()).collect();
+        if ratios.is_empty() {
+            return;
+        }
+        let middle = ratios.len() / 2;
+        let median = *ratios.select_nth_unstable_by(middle, f32::total_cmp).1;
+        let (usual, most) = USUAL;
+        if median > usual * most || median < usual / most {
+            let factor = usual / median;
+            self.densities.iter_mut().flatten().for_each(|density| *density *= factor);
+        }
+    }
 }
 
 struct Part {
@@ -149,4 +173,30 @@ fn part(view: &View, batch: &Splats<'_>, start: usize, taken: &Taken) -> Part {
         }
     }
     part
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "a failed helper fails its test")]
+
+    use super::*;
+    use crate::raster::volume::tests::{Cloud, perspective};
+    use glam::DVec3;
+
+    #[test]
+    fn densities_of_another_unit_are_brought_to_that_of_the_sums() {
+        // Density 1 everywhere.
+        let cloud = Cloud::lattice(8, 2.0);
+        let view = perspective(DVec3::new(0.0, 0.0, 9.0), 40, 30);
+        let with = |density: f32| {
+            let densities = vec![density; cloud.h.len()];
+            let batch = cloud.batch().with_density(Some(&densities)).unwrap();
+            project(&view, &[batch], &Taken { sigma: 1e-3, smallest: 0.0, stride: 1 }).densities.concat()
+        };
+        assert!(with(1.0).iter().all(|&density| density == 1.0));
+        assert!(with(2e7).iter().chain(&with(1e-9)).all(|density| (0.3..3.0).contains(density)));
+        assert!(
+            project(&view, &[cloud.batch()], &Taken { sigma: 1e-3, smallest: 0.0, stride: 1 }).densities.is_empty()
+        );
+    }
 }

@@ -240,6 +240,43 @@ impl Gather<'_> {
     }
 }
 
+/// The only brick of a grid that has no other; `None` where nothing is.
+pub fn lone_brick(
+    masonry: &Masonry,
+    particles: impl Iterator<Item = Particle>,
+    attribute: bool,
+    kernel: Kernel,
+) -> Option<Brick> {
+    let cells = || vec![0.0f32; CELLS].into_boxed_slice();
+    let weighted = if attribute { cells() } else { Box::default() };
+    let mut brick = Brick { density: cells(), weighted, densest: 0.0 };
+    Arch::new().dispatch(Alone { masonry, kernel, particles, brick: &mut brick });
+    brick.densest = brick.density.iter().copied().fold(0.0, f32::max);
+    (brick.densest > 0.0).then_some(brick)
+}
+
+/// A brick without others, and what fills it.
+struct Alone<'a, I> {
+    masonry: &'a Masonry,
+    kernel: Kernel,
+    particles: I,
+    brick: &'a mut Brick,
+}
+
+impl<I: Iterator<Item = Particle>> WithSimd for Alone<'_, I> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        for particle in self.particles {
+            match self.kernel {
+                Kernel::CubicSpline => add::<S, true>(simd, self.masonry, [0; 3], &particle, self.brick),
+                Kernel::Poly6 => add::<S, false>(simd, self.masonry, [0; 3], &particle, self.brick),
+            }
+        }
+    }
+}
+
 /// `0.5, 1.5, 2.5, ...` over a row of a brick.
 const CENTERS: [f32; BRICK] = {
     let mut centers = [0.0; BRICK];
