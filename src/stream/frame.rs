@@ -20,6 +20,11 @@ const SAMPLES: usize = 1 << 13;
 /// The box to look at first: around `families` (indices in the metadata), without far outliers (see
 /// [`crate::view::frame`]). Pages that cannot be read are left out here; drawing reports them.
 pub fn first_frame(file: &PageFile, families: &[u32]) -> Bounds {
+    within(file, families, NODES)
+}
+
+/// [`first_frame`] from so many nodes.
+fn within(file: &PageFile, families: &[u32], nodes: usize) -> Bounds {
     let metadata = file.metadata();
     let families = || families.iter().filter_map(|&index| metadata.families.get(index as usize));
     let full = families().fold(Bounds::EMPTY, |bounds, family| bounds.union(family.bounds));
@@ -33,7 +38,7 @@ pub fn first_frame(file: &PageFile, families: &[u32]) -> Bounds {
     while let Some((_, at)) = open.pop() {
         let Some((page, node)) = pages.node(at) else { continue };
         opened += 1;
-        let can_open = opened + open.len() < NODES && pages.affords(&node);
+        let can_open = opened + open.len() < nodes && pages.affords(&node);
         // A relay holds no particles itself; a damaged file could be all relays.
         if !node.is_leaf() && (can_open || node.particles == 0 && opened < 4 * NODES && pages.affords(&node)) {
             for child in node.children.into_iter().flatten() {
@@ -44,12 +49,18 @@ pub fn first_frame(file: &PageFile, families: &[u32]) -> Bounds {
         let Some(family) = metadata.families.get(page.family as usize) else { continue };
         let particles = page.particles(at.node as usize);
         let stride = particles.len().div_ceil(SAMPLES).max(1);
-        let taken = particles.len().div_ceil(stride);
-        let weight = node.source_particles as f64 / taken.max(1) as f64;
-        let place = |i| (node.key.position(family.root, particles.fraction(i)), weight);
-        let places = (0..particles.len()).step_by(stride).map(place);
+        let taken = || (0..particles.len()).step_by(stride);
+        // A merged particle stands for as many as its mass says: those of a dense place are few, and heavy.
+        let codebook = family.codebooks.get(usize::from(node.codebook));
+        let mass = |i: usize| {
+            let mass = codebook.and_then(|book| book.mass.get(usize::from(particles.codes[i]))).copied();
+            mass.map_or(1.0, f64::from).max(0.0)
+        };
+        let total: f64 = taken().map(mass).sum();
+        let each = node.source_particles as f64 / total;
+        let places = taken().map(|i| (node.key.position(family.root, particles.fraction(i)), each * mass(i)));
         // A relay that is not opened counts as a whole.
-        let whole = (taken == 0).then(|| (node.bounds.center(), node.source_particles as f64));
+        let whole = particles.is_empty().then(|| (node.bounds.center(), node.source_particles as f64));
         samples.extend(places.chain(whole).filter(|(position, _): &(DVec3, f64)| position.is_finite()));
     }
     frame::frame(full, &samples)
@@ -81,5 +92,29 @@ impl Pages<'_> {
         let page = Arc::clone(page.as_ref()?);
         let node = page.nodes.get(at.node as usize)?.clone();
         Some((page, node))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::build::{self, BuildOptions};
+    use crate::synth::merger::Merger;
+
+    #[test]
+    fn merged_particles_count_as_what_they_stand_for() {
+        // Two stars in an envelope fifty times as wide: merged, the stars are a few heavy particles.
+        let dataset = crate::synth::dataset(&Merger::new(3, 60_000));
+        let positions = dataset.families[0].positions.iter();
+        let samples: Vec<(DVec3, f64)> = positions.map(|&at| (DVec3::from_array(at), 1.0)).collect();
+        let exact = frame::frame(dataset.bounds(), &samples).size();
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("merger.df");
+        build::build(dataset, &BuildOptions::default(), &path, &()).unwrap();
+        let file = PageFile::open(&path).unwrap();
+        for nodes in [1, 8, NODES] {
+            let found = within(&file, &[0], nodes).size();
+            assert!((found / exact).abs_diff_eq(DVec3::ONE, 0.1), "{nodes} nodes: {found}, exact {exact}");
+        }
     }
 }
