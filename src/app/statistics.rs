@@ -11,7 +11,7 @@ pub struct Statistics {
     pub adapter: String,
     /// Particles drawn.
     pub particles: u64,
-    /// Particles that the sample of a picture in motion looks at; none where all are drawn.
+    /// Particles that the sample of a picture in motion takes; none where all are drawn.
     pub sampled: Option<u64>,
     /// Which state of [`super::live::LiveParticles`] the picture shows; none where it shows the file.
     pub live: Option<u64>,

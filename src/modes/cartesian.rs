@@ -1,7 +1,7 @@
 //! `cartesian`: a Cartesian grid in world space, resampled at one resolution and cast rays through (F12 5.9).
 
 use super::grid::{self, Layers, Look};
-use super::{Conserved, Footprint, Mode, Painted, Painting, Setting, SettingKind, Technique};
+use super::{Mode, Painted, Painting, Setting, SettingKind, Technique};
 use crate::raster::cartesian::{self, CartesianOptions, Region};
 use crate::raster::volume::VolumeError;
 
@@ -61,13 +61,5 @@ pub static MODE: Mode = Mode {
     help: "a volume or isosurfaces of a Cartesian grid with one resolution everywhere, instead of one that follows the view",
     settings: &[&[&CONTENT, &CELLS, &REGION, &MEMORY, &grid::OPACITY], grid::SURFACES, grid::LIGHT, grid::COMMON],
     technique: Technique::Colors(paint),
-    quantity: "density",
-    unit: grid::density_unit,
-    weight: grid::masses,
-    conserves: Conserved::Mass,
-    usual_attributes: &[],
-    weight_attributes: &[],
-    densities: false,
-    footprint: |_| Footprint::Kernel,
-    transfer: ["density", "density-hue"],
+    ..grid::MODE
 };

@@ -1,6 +1,6 @@
 //! What the modes of the perspective grid (F12 chapter 5) share: their settings, and how these become a picture.
 
-use super::{Columns, Painted, Painting, Setting, SettingKind, Settings};
+use super::{Columns, Conserved, Footprint, Mode, Painted, Painting, Setting, SettingKind, Settings, Technique};
 use crate::model::{Bounds, Kernel, Unit};
 use crate::raster::transfer::Range;
 use crate::raster::volume::classify::{UnitLength, to_linear};
@@ -82,6 +82,23 @@ pub static KERNEL: Setting = Setting {
     unit: "",
     kind: SettingKind::Choice { options: &["data", "cubic-spline", "poly6"] },
     help: "the kernel that densities are summed with: the data's own, or another",
+};
+/// What all modes of volumes share; each has its own name, help, settings and technique. Particles weigh their mass, so that their
+/// sum with the kernel is the density.
+pub const MODE: Mode = Mode {
+    name: "",
+    help: "",
+    settings: &[],
+    technique: Technique::Splats,
+    quantity: "density",
+    unit: density_unit,
+    weight: masses,
+    conserves: Conserved::Mass,
+    usual_attributes: &[],
+    weight_attributes: &[],
+    densities: false,
+    footprint: |_| Footprint::Kernel,
+    transfer: ["density", "density-hue"],
 };
 /// Factor on the extinction.
 pub static OPACITY: Setting = Setting {

@@ -1,7 +1,7 @@
 //! `layered`: splats in layers of depth, each classified and blended front to back (F12 5.10).
 
 use super::grid::{self, Look};
-use super::{Conserved, Footprint, Mode, Painted, Painting, Setting, SettingKind, Technique};
+use super::{Mode, Painted, Painting, Setting, SettingKind, Technique};
 use crate::raster::layered::{self, Assignment, MOST_LAYERS};
 use crate::raster::volume::VolumeError;
 
@@ -39,13 +39,5 @@ pub static MODE: Mode = Mode {
     help: "a volume for very large data: splats in layers of depth, each layer classified and blended front to back",
     settings: &[&[&grid::OPACITY, &LAYERS, &ASSIGNMENT], grid::COMMON],
     technique: Technique::Colors(paint),
-    quantity: "density",
-    unit: grid::density_unit,
-    weight: grid::masses,
-    conserves: Conserved::Mass,
-    usual_attributes: &[],
-    weight_attributes: &[],
-    densities: false,
-    footprint: |_| Footprint::Kernel,
-    transfer: ["density", "density-hue"],
+    ..grid::MODE
 };

@@ -1,7 +1,7 @@
 //! `sorted-splats`: particles sorted by depth, each classified on its own and blended front to back (F12 5.9).
 
 use super::grid::{self, Look};
-use super::{Conserved, Footprint, Mode, Painted, Painting, Technique};
+use super::{Mode, Painted, Painting, Technique};
 use crate::raster::sorted;
 use crate::raster::volume::VolumeError;
 
@@ -18,13 +18,6 @@ pub static MODE: Mode = Mode {
     help: "splats sorted by depth, each coloured by its own density or attribute and blended over those behind it",
     settings: &[&[&grid::OPACITY], grid::COMMON],
     technique: Technique::Colors(paint),
-    quantity: "density",
-    unit: grid::density_unit,
-    weight: grid::masses,
-    conserves: Conserved::Mass,
-    usual_attributes: &[],
-    weight_attributes: &[],
     densities: true,
-    footprint: |_| Footprint::Kernel,
-    transfer: ["density", "density-hue"],
+    ..grid::MODE
 };

@@ -1,7 +1,7 @@
 //! `spheres`: particles as spheres with a surface smoothed in the picture (F12 5.9).
 
 use super::grid::{self, Look};
-use super::{Conserved, Footprint, Mode, Painted, Painting, Setting, SettingKind, Technique};
+use super::{Mode, Painted, Painting, Setting, SettingKind, Technique};
 use crate::raster::screen_spheres::{SphereOptions, front};
 use crate::raster::volume::VolumeError;
 use crate::raster::volume::raycast::SURFACE_BRIGHTNESS;
@@ -75,13 +75,6 @@ pub static MODE: Mode = Mode {
     help: "dense particles as spheres under one surface that is smoothed in the picture; coloured by density or attribute",
     settings: &[&[&THRESHOLD, &RADIUS, &SMOOTHING], grid::LIGHT, &[&grid::NEAR, &grid::FAR]],
     technique: Technique::Colors(paint),
-    quantity: "density",
-    unit: grid::density_unit,
-    weight: grid::masses,
-    conserves: Conserved::Mass,
-    usual_attributes: &[],
-    weight_attributes: &[],
     densities: true,
-    footprint: |_| Footprint::Kernel,
-    transfer: ["density", "density-hue"],
+    ..grid::MODE
 };

@@ -1,6 +1,6 @@
 //! `volume-isosurface`: a volume and surfaces in it, in one pass (F12 5.6, figure 5.1 c).
 
-use super::{Conserved, Footprint, Mode, Technique, grid};
+use super::{Mode, Technique, grid};
 
 /// Particles weigh their mass, so that their sum with the kernel is the density.
 pub static MODE: Mode = Mode {
@@ -8,13 +8,5 @@ pub static MODE: Mode = Mode {
     help: "surfaces of equal density within a volume that emits and absorbs light",
     settings: &[&[&grid::OPACITY], grid::SURFACES, grid::LIGHT, grid::GRID, grid::COMMON],
     technique: Technique::Grid(|painting| grid::paint(painting, grid::Layers::BOTH)),
-    quantity: "density",
-    unit: grid::density_unit,
-    weight: grid::masses,
-    conserves: Conserved::Mass,
-    usual_attributes: &[],
-    weight_attributes: &[],
-    densities: false,
-    footprint: |_| Footprint::Kernel,
-    transfer: ["density", "density-hue"],
+    ..grid::MODE
 };
