@@ -7,6 +7,7 @@ pub mod app;
 pub mod build;
 pub mod codec;
 pub mod commands;
+pub mod explore;
 #[cfg(feature = "viewer")]
 pub mod gpu;
 pub mod hierarchy;
