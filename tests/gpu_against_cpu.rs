@@ -324,3 +324,51 @@ fn adapters_that_lack_something_are_served() {
         }
     }
 }
+
+/// The middle of what a picture shows, pixels.
+fn centroid(picture: &Accumulation) -> [f64; 2] {
+    let mut sums = [0.0; 3];
+    for (index, &p) in picture.p.iter().enumerate() {
+        let (x, y) = (index % picture.width as usize, index / picture.width as usize);
+        let p = f64::from(p);
+        sums = [sums[0] + p, sums[1] + p * (x as f64 + 0.5), sums[2] + p * (y as f64 + 0.5)];
+    }
+    [sums[1] / sums[0], sums[2] / sums[0]]
+}
+
+#[test]
+fn a_particle_a_billionth_of_the_box_away_is_where_it_belongs() {
+    // A leaf in the middle of a box of edge 50, far from the origin of coordinates.
+    let (corner, size) = (DVec3::new(1025.0, 1012.5, 981.25), 3.125);
+    let word = pack_leaf([1_234_567, 345_678, 2_000_001], true);
+    let fraction = unpack_leaf(word).map(f64::from);
+    let particle = corner + size * DVec3::from_array(fraction);
+    let distance = 1e-9 * 50.0;
+    let eye = particle + distance * DVec3::new(0.3, -0.5, 0.81).normalize();
+    let table = vec![TableEntry { smoothing_length: 1e-9, weight: 1.0, attribute: 1.0, importance: 1.0 }];
+    let footprint = Footprint::Pixels { radius: 5.0 };
+    for step in 0..4 {
+        // A fraction of a pixel each time, as a slow drag does.
+        let aside = distance * (0.07 + 0.004 * f64::from(step));
+        let target = particle + aside * DVec3::new(0.9, 0.1, 0.2);
+        let view = View::look_at(eye, target, DVec3::Y, Projection::Perspective { fov_y: 0.8 }, 96, 80).unwrap();
+        let expected = view.to_pixels(view.to_camera(particle)).unwrap();
+        let offsets = [unpack_leaf(word)];
+        let positions = Positions::Relative { origin: corner, scale: size, offsets: &offsets };
+        let splats = Splats::new(positions, Extent::Pixels(5.0), &[1.0], None).unwrap();
+        let mut pictures = vec![("cpu", draw(&view, &[splats], &RasterOptions::default()))];
+        for backend in BACKENDS {
+            let payload = Payload::Leaf { positions: vec![word], codes: vec![0] };
+            let nodes = vec![node(corner, size, payload)];
+            let request =
+                HeadlessRequest { attribute: false, ..request(&view, footprint, backend, nodes, vec![table.clone()]) };
+            pictures.push((backend.name(), render_headless(request).unwrap().accumulation));
+        }
+        for (name, picture) in pictures {
+            let found = centroid(&picture);
+            let off = (found[0] - expected[0]).hypot(found[1] - expected[1]);
+            println!("{name} {step}: {off} px at {expected:?}");
+            assert!(off < 0.02, "{name}: {found:?} in place of {expected:?}");
+        }
+    }
+}

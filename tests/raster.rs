@@ -251,7 +251,7 @@ fn relative_positions_and_channels_agree() {
     let origin = DVec3::new(10.0, -3.0, 2.0);
     let offset = |&p: &[f64; 3]| (DVec3::from_array(p) - origin).as_vec3().to_array();
     let offsets: Vec<[f32; 3]> = cloud.positions.iter().map(offset).collect();
-    let positions = Positions::Relative { origin, offsets: &offsets };
+    let positions = Positions::Relative { origin, scale: 1.0, offsets: &offsets };
     let relative = Splats::new(positions, Extent::World(&cloud.h), &cloud.weight, None).expect("columns");
     let (view, options) = (front(64, 64), RasterOptions::default());
     let with_s = cloud.draw(&view, Method::Pyramid, Kernel::CubicSpline);

@@ -6,10 +6,15 @@
 #import deepfield::sample::{GROUP, tosses, lane_of, sample_factor}
 
 struct Node {
-    /// Camera-space position of the node's lowest corner, relative to the eye; computed in double precision.
-    origin: vec3<f32>,
+    /// Whole steps from the node's lowest corner to the eye. Their difference to a packed coordinate is exact, so that the
+    /// rounding of what remains is small against the distance from the eye, however near that comes.
+    eye_steps: vec3<i32>,
     /// World units per step of a packed coordinate.
     step: f32,
+    /// The eye's place within its step, from the step's middle; of raw particles the eye's place from the node's origin, world units.
+    eye_rest: vec3<f32>,
+    /// Factor on smoothing lengths.
+    growth: f32,
     /// Index of the first word of positions or of raw particles.
     positions: u32,
     /// Index of the first word of codes, two in a word.
@@ -31,8 +36,7 @@ struct Node {
     ranks: u32,
     /// 1: every particle has importance 1.
     even: u32,
-    /// Factor on smoothing lengths.
-    growth: f32,
+    unused: u32,
 }
 
 struct Block {
@@ -73,7 +77,6 @@ fn camera_axes() -> mat3x3<f32> {
 }
 
 fn load_packed(axes: mat3x3<f32>, node: Node, index: u32, leaf: bool) -> Particle {
-    // A packed coordinate stands for its step's centre.
     let word = words[node.codes + (index >> 1u)];
     let code = select(word & 0xffffu, word >> 16u, (index & 1u) == 1u);
     let entry = entries[node.table + min(code, node.table_length - 1u)];
@@ -89,15 +92,15 @@ fn load_packed(axes: mat3x3<f32>, node: Node, index: u32, leaf: bool) -> Particl
     let high = words[node.positions + index * stride + stride - 1u];
     let grid = vec3(low & 0x3ffu, (low >> 10u) & 0x3ffu, (low >> 20u) & 0x3ffu);
     let fine = vec3(low & 0x1fffffu, (low >> 21u) | ((high & 0x3ffu) << 11u), (high >> 10u) & 0x1fffffu);
-    let steps = vec3<f32>(select(grid, fine, leaf)) + 0.5;
-    return Particle(node.origin + axes * (steps * node.step), entry.x * node.growth, entry.y * factor, entry.z);
+    let steps = vec3<f32>(vec3<i32>(select(grid, fine, leaf)) - node.eye_steps) - node.eye_rest;
+    return Particle(axes * (steps * node.step), entry.x * node.growth, entry.y * factor, entry.z);
 }
 
 fn load_raw(axes: mat3x3<f32>, node: Node, index: u32, world: bool) -> Particle {
     let at = (node.positions >> 2u) + 2u * index;
     let first = vectors[at];
     let second = vectors[at + 1u];
-    return Particle(select(first.xyz, node.origin + axes * first.xyz, world), first.w, second.x, second.y);
+    return Particle(select(first.xyz, axes * (first.xyz - node.eye_rest), world), first.w, second.x, second.y);
 }
 
 /// Candidate `number` of a node, whatever its encoding: its particles in order, or where ranks are left out, those of the

@@ -17,6 +17,8 @@ use rayon::prelude::*;
 #[derive(Clone, Debug, Default)]
 pub struct DecodedNode {
     origin: DVec3,
+    /// Edge of the cell, world units; offsets are fractions of it.
+    size: f64,
     offsets: Vec<[f32; 3]>,
     smoothing_length: Vec<f32>,
     weight: Vec<f32>,
@@ -37,16 +39,16 @@ impl DecodedNode {
         let family = &metadata.families[page.family as usize];
         let node: &Node = &page.nodes[index];
         let particles = page.particles(index);
-        let size = node.key.size(family.root) as f32;
+        let size = node.key.size(family.root);
         let scale = depiction.node_scale(node);
         if !sample.is_all() {
-            let mut out = DecodedNode { origin: node.key.min(family.root), ..DecodedNode::default() };
+            let mut out = DecodedNode { origin: node.key.min(family.root), size, ..DecodedNode::default() };
             out.attribute = table.attribute.as_ref().map(|_| Vec::new());
             out.density = table.density.as_ref().map(|_| Vec::new());
             let code = |i: u32| usize::from(particles.codes[i as usize]);
             let importance = |i: u32| table.importance[code(i)];
             sample.each(particles.len() as u32, importance, |i, factor| {
-                out.offsets.push(particles.fraction(i as usize).map(|x| x * size));
+                out.offsets.push(particles.fraction(i as usize));
                 out.smoothing_length.push(sample.growth * table.smoothing_length[code(i)]);
                 out.weight.push(factor * (scale * table.weight[code(i)]));
                 let optional = [(&mut out.attribute, &table.attribute), (&mut out.density, &table.density)];
@@ -61,7 +63,8 @@ impl DecodedNode {
         let at = |column: &[f32]| particles.codes.iter().map(|&code| column[usize::from(code)]).collect();
         DecodedNode {
             origin: node.key.min(family.root),
-            offsets: (0..particles.len()).map(|i| particles.fraction(i).map(|x| x * size)).collect(),
+            size,
+            offsets: (0..particles.len()).map(|i| particles.fraction(i)).collect(),
             smoothing_length: at(&table.smoothing_length),
             weight: particles.codes.iter().map(|&code| scale * table.weight[usize::from(code)]).collect(),
             attribute: table.attribute.as_deref().map(at),
@@ -202,7 +205,7 @@ pub(super) fn batches<'a>(depiction: &Depiction, nodes: &'a [DecodedNode]) -> Re
         .iter()
         .map(|node| {
             Splats::new(
-                Positions::Relative { origin: node.origin, offsets: &node.offsets },
+                Positions::Relative { origin: node.origin, scale: node.size, offsets: &node.offsets },
                 extent(footprint, &node.smoothing_length),
                 &node.weight,
                 node.attribute.as_deref(),

@@ -12,7 +12,9 @@ pub enum Positions<'a> {
     Relative {
         /// World position of offset zero.
         origin: DVec3,
-        /// World position minus `origin`.
+        /// World units per unit of the offsets: a cell's edge, with which the offsets of packed positions are exact.
+        scale: f64,
+        /// World position minus `origin`, in units of `scale`.
         offsets: &'a [[f32; 3]],
     },
 }
@@ -35,7 +37,9 @@ impl Positions<'_> {
     pub fn world(&self, index: usize) -> DVec3 {
         match self {
             Positions::World(positions) => DVec3::from_array(positions[index]),
-            Positions::Relative { origin, offsets } => *origin + glam::Vec3::from_array(offsets[index]).as_dvec3(),
+            Positions::Relative { origin, scale, offsets } => {
+                *origin + *scale * glam::Vec3::from_array(offsets[index]).as_dvec3()
+            }
         }
     }
 }

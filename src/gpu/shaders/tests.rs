@@ -180,6 +180,9 @@ trait Scalars {
 impl Scalars for f32 {
     const KIND: Option<ScalarKind> = Some(ScalarKind::Float);
 }
+impl Scalars for i32 {
+    const KIND: Option<ScalarKind> = Some(ScalarKind::Sint);
+}
 impl Scalars for u32 {
     const KIND: Option<ScalarKind> = Some(ScalarKind::Uint);
 }
@@ -282,8 +285,10 @@ fn written(path: &str, name: &str) -> Option<Layout> {
         }),
         "nodes" => {
             layout!(Node {
-                origin,
+                eye_steps,
                 step,
+                eye_rest,
+                growth,
                 positions,
                 codes,
                 table,
@@ -295,7 +300,7 @@ fn written(path: &str, name: &str) -> Option<Layout> {
                 scale,
                 ranks,
                 even,
-                growth
+                unused
             })
         }
         "blocks" => layout!(Block { node, first, count, place }),
@@ -414,8 +419,8 @@ fn another_layout_is_found() {
     let breaks = [
         ("table: u32,\n    table_length: u32,", "table_length: u32,\n    table: u32,"),
         ("step: f32,", "step: u32,"),
-        ("origin: vec3<f32>,", "origin: vec4<f32>,"),
-        ("even: u32,", "even: u32,\n    unused: u32,"),
+        ("eye_rest: vec3<f32>,", "eye_rest: vec4<f32>,"),
+        ("even: u32,", "even: u32,\n    odd: u32,"),
     ];
     for (good, bad) in breaks {
         let text = &SHADERS.iter().find(|(path, _)| *path == "lib/particle.wgsl").unwrap().1;

@@ -70,8 +70,10 @@ impl DrawList {
                 first += part.count;
                 let candidates = sample.candidates(part.count);
                 parts.push(PartToDraw { chunk: part.chunk, node: list.nodes.len() as u32, candidates });
+                let (eye_steps, eye_rest) = Node::eye(view.view.eye, node.min, if packed { node.step } else { 0.0 });
                 list.nodes.push(Node {
-                    origin: view.view.to_camera(node.min).as_vec3().to_array(),
+                    eye_steps,
+                    eye_rest,
                     step: node.step as f32,
                     positions: part.positions,
                     codes: part.codes,
@@ -85,6 +87,7 @@ impl DrawList {
                     ranks: if sample.is_all() { 0 } else { sample.ranks },
                     even: sample.even.into(),
                     growth: sample.growth,
+                    unused: 0,
                 });
             }
         }

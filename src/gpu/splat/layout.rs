@@ -7,6 +7,7 @@ use crate::gpu::view::Footprint;
 use crate::model::Kernel;
 use crate::view::{Projection, View};
 use bytemuck::{Pod, Zeroable};
+use glam::DVec3;
 
 /// Splats with a radius of at least this many cells are sampled; those of a smaller radius in pixels are integrated.
 /// A splat in level `l` has a radius from `SAMPLED_RADIUS` to twice that in cells of `2^l` pixels.
@@ -106,10 +107,15 @@ pub struct SplatUniform {
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Node {
-    /// Camera-space position of the node's lowest corner.
-    pub origin: [f32; 3],
+    /// Whole steps from the node's lowest corner to the eye.
+    pub eye_steps: [i32; 3],
     /// World units per step of a packed coordinate.
     pub step: f32,
+    /// The eye's place within its step, from the step's middle; of raw particles the eye's place from the node's origin, world
+    /// units.
+    pub eye_rest: [f32; 3],
+    /// See [`crate::raster::sample::Sample`].
+    pub growth: f32,
     /// First word of the positions, or of raw particles.
     pub positions: u32,
     /// First word of the codes.
@@ -132,8 +138,26 @@ pub struct Node {
     pub ranks: u32,
     /// See [`crate::raster::sample::Sample`]; 1: true.
     pub even: u32,
-    /// See [`crate::raster::sample::Sample`].
-    pub growth: f32,
+    /// Padding.
+    pub unused: u32,
+}
+
+/// Most steps between a node's corner and the eye that are counted whole; the difference to any packed coordinate fits an `i32`.
+const MOST_STEPS: f64 = (1 << 30) as f64;
+
+impl Node {
+    /// Where an eye is in a node with this lowest corner, as [`Node::eye_steps`] and [`Node::eye_rest`]. A packed coordinate
+    /// stands for the middle of its step. Without steps (`step` 0: raw particles) all is rest.
+    pub fn eye(eye: DVec3, min: DVec3, step: f64) -> ([i32; 3], [f32; 3]) {
+        let offset = eye - min;
+        if step == 0.0 {
+            return ([0; 3], offset.as_vec3().to_array());
+        }
+        let steps = offset / step - 0.5;
+        // Beyond that the rest is large, and its rounding still small against the distance.
+        let whole = steps.round().clamp(DVec3::splat(-MOST_STEPS), DVec3::splat(MOST_STEPS));
+        (whole.as_ivec3().to_array(), (steps - whole).as_vec3().to_array())
+    }
 }
 
 /// WGSL `ENCODING_*`.

@@ -223,7 +223,7 @@ fn splat(
 ) -> Result<Accumulation, VolumeError> {
     // Particles are in camera coordinates already.
     let view = View { eye: DVec3::ZERO, right: DVec3::X, up: DVec3::Y, forward: DVec3::Z, ..*view };
-    let positions = Positions::Relative { origin: DVec3::ZERO, offsets: &columns.offsets };
+    let positions = Positions::Relative { origin: DVec3::ZERO, scale: 1.0, offsets: &columns.offsets };
     let extent = Extent::World(&columns.smoothing_length);
     let attribute = attribute.then_some(columns.attribute.as_slice());
     let splats = Splats::new(positions, extent, &columns.mass, attribute)?;
