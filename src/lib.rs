@@ -15,6 +15,7 @@ pub mod import;
 pub mod model;
 pub mod modes;
 pub mod raster;
+pub mod scene_file;
 pub mod store;
 pub mod stream;
 pub mod synth;

@@ -103,6 +103,14 @@ fn load_raw(axes: mat3x3<f32>, node: Node, index: u32, world: bool) -> Particle 
     return Particle(select(first.xyz, axes * (first.xyz - node.eye_rest), world), first.w, second.x, second.y);
 }
 
+/// What the view leaves of the weight of a particle at a place in camera space (src/view/cut.rs).
+fn cut_factor(axes: mat3x3<f32>, position: vec3<f32>) -> f32 {
+    // The rows of the rotation back are the columns of `axes`.
+    let world = position * axes;
+    let inside = all(world >= view.clip_min.xyz) && all(world <= view.clip_max.xyz);
+    return select(0.0, exp(-view.fade_rate * max(position.z - view.fade_start, 0.0)), inside);
+}
+
 /// Candidate `number` of a node, whatever its encoding: its particles in order, or where ranks are left out, those of the
 /// other ranks, group by group.
 fn load_particle(axes: mat3x3<f32>, node: Node, number: u32) -> Particle {
@@ -121,5 +129,8 @@ fn load_particle(axes: mat3x3<f32>, node: Node, number: u32) -> Particle {
         particle = load_raw(axes, node, index, node.encoding == ENCODING_WORLD);
     }
     particle.weight *= node.weight_scale;
+    if view.cut != 0u {
+        particle.weight *= cut_factor(axes, particle.position);
+    }
     return particle;
 }

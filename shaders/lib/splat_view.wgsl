@@ -73,9 +73,15 @@ struct SplatView {
     peak: f32,
     /// 1: particles outside the picture are dropped; 0: they are sorted into a bin that no tile looks at.
     culling: u32,
-    unused_a: u32,
-    unused_b: u32,
-    unused_c: u32,
+    /// 1: particles are left out and faded as the next fields say.
+    cut: u32,
+    /// Depth up to which particles keep their weight.
+    fade_start: f32,
+    /// Rate of the exponential by which weights fall behind that.
+    fade_rate: f32,
+    /// Corners of the box that is drawn, relative to the eye in world axes.
+    clip_min: vec4<f32>,
+    clip_max: vec4<f32>,
     levels: array<Level, 16>,
 }
 

@@ -212,6 +212,16 @@ fn draw(
     drawn.map_err(|error| error.to_string())
 }
 
+/// What volumes emit and absorb: the panel edits colours and ranges for every mode alike.
+pub(super) fn volume_transfer(transfer: &TransferFunction, has_attribute: bool) -> VolumeTransfer {
+    VolumeTransfer {
+        color_map: transfer.color_map,
+        range: transfer.range,
+        hue: transfer.hue,
+        ..VolumeTransfer::usual(has_attribute)
+    }
+}
+
 /// Draws the source in the colours of a mode that has no splats; blocks for as long as it takes.
 fn paint(
     file: &PageFile,
@@ -232,13 +242,7 @@ fn paint(
         }
         Source::Live(..) => (Vec::new(), None),
     };
-    // The panel edits colours and ranges for every mode alike.
-    let volume = VolumeTransfer {
-        color_map: transfer.color_map,
-        range: transfer.range,
-        hue: transfer.hue,
-        ..VolumeTransfer::usual(depiction.attribute.is_some())
-    };
+    let volume = volume_transfer(transfer, depiction.attribute.is_some());
     let with = |caster| {
         let subject = Subject { transfer: Some(&volume), diameter, caster };
         match source {

@@ -299,11 +299,13 @@ pub(super) fn draw_on_gpu(
         commands.entity(entity).insert(shown);
     }
     let times = diagnostics.as_deref().and_then(pass_times);
-    statistics.draw_ms = times.map(|times| times.0);
+    let has_drawn = times.is_some();
+    statistics.draw_ms = times.as_ref().map(|times| times.0);
+    statistics.passes = times.as_ref().map(|times| times.2.clone()).unwrap_or_default();
     // Times come a picture or two late: while the last samples differ much, nobody knows which one a time belongs to.
     let [taken, ..] = tables.taken;
     let [most, least] = [tables.taken.iter().max(), tables.taken.iter().min()];
-    if let Some((milliseconds, at)) = times
+    if let Some((milliseconds, at, _)) = times
         && tables.changed.is_some_and(|changed| at > changed)
         && most.zip(least).is_some_and(|(&most, &least)| most <= 2 * least)
     {
@@ -311,19 +313,21 @@ pub(super) fn draw_on_gpu(
         tables.changed = None;
     }
     // Passes are timed only once their shaders are there, so a first time means a first picture.
-    converged.0 =
-        selection.complete && !moving && same && look.settled && times.is_some() && measured.is_current(&selection);
+    converged.0 = selection.complete && !moving && same && look.settled && has_drawn && measured.is_current(&selection);
 }
 
-/// Milliseconds that all passes of the last picture took together, and when that was known; `None` before the first picture.
-fn pass_times(diagnostics: &DiagnosticsStore) -> Option<(f64, Instant)> {
+/// Milliseconds that all passes of the last picture took together, when that was known, and those of each; `None` before the first
+/// picture.
+fn pass_times(diagnostics: &DiagnosticsStore) -> Option<(f64, Instant, Vec<(&'static str, f64)>)> {
     let time = |pass: &str, kind: &str| {
         let path = format!("render/{pass}/{kind}");
         diagnostics.iter().find(|d| d.path().as_str() == path).and_then(|d| d.measurement())
     };
     let time = |pass: &str| time(pass, "elapsed_gpu").or_else(|| time(pass, "elapsed_cpu"));
     let known = time("accumulate")?.time;
-    Some((gpu::timing::PASSES.iter().filter_map(|pass| time(pass)).map(|time| time.value).sum(), known))
+    let passes: Vec<(&'static str, f64)> =
+        gpu::timing::PASSES.iter().filter_map(|&pass| Some((pass, time(pass)?.value))).collect();
+    Some((passes.iter().map(|pass| pass.1).sum(), known, passes))
 }
 
 #[cfg(test)]

@@ -44,8 +44,12 @@ impl PointerOwner {
 /// What a key or gesture does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Action {
-    /// Shows or hides the panel.
+    /// Shows or hides the panels.
     TogglePanel,
+    /// Shows or hides those at the left.
+    ToggleLeft,
+    /// Shows or hides those at the right.
+    ToggleRight,
     /// Shows or hides the help page.
     ToggleHelp,
     /// Saves the window as a PNG.
@@ -59,8 +63,10 @@ pub enum Action {
 }
 
 /// The keys of the actions that happen at the press of a key.
-pub const KEYS: [(KeyCode, Action); 8] = [
+pub const KEYS: [(KeyCode, Action); 10] = [
     (KeyCode::Tab, Action::TogglePanel),
+    (KeyCode::F2, Action::ToggleLeft),
+    (KeyCode::F3, Action::ToggleRight),
     (KeyCode::F1, Action::ToggleHelp),
     (KeyCode::F12, Action::Screenshot),
     (KeyCode::KeyP, Action::Screenshot),
@@ -93,8 +99,11 @@ pub const HELP: [(&str, &[(&str, &str)]); 4] = [
         ],
     ),
     (
-        "Range",
+        "Panels",
         &[
+            ("Click a heading", "open or close a section"),
+            ("Click a number", "type it; dragging changes it"),
+            ("Click a dot", "back to the default"),
             ("Drag an end", "move one end of the range"),
             ("Drag between", "move both"),
             ("Double-click", "automatic range"),
@@ -103,7 +112,10 @@ pub const HELP: [(&str, &[(&str, &str)]); 4] = [
     (
         "Window",
         &[
-            ("Tab", "show or hide the panel"),
+            ("Tab", "show or hide the panels"),
+            ("F2  F3", "those at the left, at the right"),
+            ("Ctrl+Z  Ctrl+Y", "undo, redo settings"),
+            ("Ctrl+S", "save the scene"),
             ("F12  or  P", "save the window as a PNG"),
             ("F1", "this page"),
             ("Drop a file", "open it"),

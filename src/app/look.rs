@@ -55,7 +55,9 @@ pub(super) fn follow_settings(
     let Some(mut look) = look else {
         match depict(&scene, &settings) {
             Ok(depiction) => {
-                settings.transfer = initial_transfer(&depiction);
+                if !std::mem::take(&mut settings.keep_transfer) {
+                    settings.transfer = initial_transfer(&depiction);
+                }
                 commands.insert_resource(Look {
                     depiction,
                     depiction_revision: 1,
@@ -76,15 +78,23 @@ pub(super) fn follow_settings(
         || look.attribute != settings.attribute
         || look.depiction.settings != settings.mode_settings
         || !std::ptr::eq(look.depiction.mode, settings.mode);
+    let kept = settings.keep_transfer;
+    if kept {
+        settings.keep_transfer = false;
+    }
     if stale {
         match depict(&scene, &settings) {
             Ok(depiction) => {
                 let other_kind = !std::ptr::eq(look.depiction.mode, depiction.mode)
                     || look.depiction.attribute.is_some() != depiction.attribute.is_some();
                 let other_attribute = look.depiction.attribute != depiction.attribute;
-                if other_kind {
+                // What was kept came with the mode and the attribute.
+                if other_kind && !kept {
                     settings.transfer = initial_transfer(&depiction);
-                } else if other_attribute && let Some(hue) = &mut settings.transfer.hue {
+                } else if other_attribute
+                    && !kept
+                    && let Some(hue) = &mut settings.transfer.hue
+                {
                     hue.range = crate::raster::transfer::Range::Auto;
                 }
                 // Another file, mode or attribute has other ranges altogether: no gliding there.

@@ -31,7 +31,7 @@ pub struct Messages {
 }
 
 /// How many messages are kept.
-const KEPT: usize = 50;
+const KEPT: usize = 1000;
 
 impl Messages {
     /// Says something good to know.

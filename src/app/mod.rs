@@ -10,8 +10,10 @@ pub mod cpu_backend;
 pub mod exposure;
 pub mod facts;
 pub mod gpu_backend;
+pub mod history;
 pub mod input;
 pub mod legend;
+pub mod lens;
 pub mod live;
 pub mod look;
 pub mod messages;
@@ -26,6 +28,7 @@ pub mod pick;
 pub mod picture;
 pub mod preset;
 pub mod scene;
+pub mod scene_io;
 pub mod screenshot;
 pub mod shortcuts;
 pub mod statistics;
@@ -112,11 +115,21 @@ impl Plugin for WindowApp {
             preset_assets::PresetPlugin::new(&self.options),
         ))
         .insert_resource(ClearColor(Color::BLACK))
-        .insert_resource(shortcuts::Shown { panel: self.preset.panel.open, help: false })
+        .insert_resource(shortcuts::Shown {
+            panel: self.preset.panel.open,
+            left: true,
+            right: self.preset.panel.right,
+            help: false,
+        })
         .insert_resource(self.preset.clone())
         .insert_resource(settings)
         .insert_resource(openings)
         .insert_resource(status::StatusFile::new(self.options.status.clone()))
+        .insert_resource(panel::Closed(self.preset.panel.closed.iter().cloned().collect()))
+        .init_resource::<history::History>()
+        .init_resource::<scene_io::SceneFiles>()
+        .init_resource::<scene_io::Bookmarks>()
+        .init_resource::<ui::Controls>()
         .init_resource::<exposure::Exposure>()
         .init_resource::<input::PointerOwner>()
         .init_resource::<messages::Messages>()
@@ -150,6 +163,9 @@ impl Plugin for WindowApp {
                 open::open_dropped_files,
                 open::finish_opening,
                 scene::adopt_opened,
+                history::undo_and_redo,
+                lens::follow_lens,
+                scene_io::save,
                 look::follow_settings,
                 look::glide_levels,
                 shortcuts::run_shortcuts,
@@ -174,6 +190,6 @@ impl Plugin for WindowApp {
                     .after(pages::evict),
             ),
         )
-        .add_systems(Last, status::write_status);
+        .add_systems(Last, (history::observe, status::write_status).chain());
     }
 }

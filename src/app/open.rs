@@ -3,8 +3,10 @@
 
 use super::messages::Messages;
 use super::options::{OpenRequest, Opener};
+use super::scene_io::OpenedScene;
 use crate::model::Bounds;
 use crate::model::progress::Progress;
+use crate::scene_file::{SceneFile, is_scene_file};
 use crate::store::PageFile;
 use crate::stream::first_frame;
 use bevy::prelude::*;
@@ -55,7 +57,7 @@ pub struct Openings {
 struct Opening {
     path: PathBuf,
     progress: Arc<SharedProgress>,
-    outcome: Mutex<Receiver<Result<(PageFile, Bounds), String>>>,
+    outcome: Mutex<Receiver<Result<Opened, String>>>,
 }
 
 /// A file has arrived.
@@ -67,6 +69,8 @@ pub struct Opened {
     pub file: Arc<PageFile>,
     /// The box to look at first.
     pub frame: Bounds,
+    /// The scene that names it.
+    pub scene: Option<Arc<OpenedScene>>,
 }
 
 impl Openings {
@@ -83,11 +87,12 @@ impl Openings {
         let (send, outcome) = channel();
         // A thread of its own: a disk that does not answer must not take one from a pool that draws.
         let open = move || {
+            let (request, scene) = data_of(request)?;
             let file = opener(&request, shared.as_ref())?;
             let file = PageFile::open(&file).map_err(|error| error.to_string())?;
             let families: Vec<u32> = (0..file.metadata().families.len() as u32).collect();
             let frame = first_frame(&file, &families);
-            Ok((file, frame))
+            Ok(Opened { path: request.path, file: Arc::new(file), frame, scene: scene.map(Arc::new) })
         };
         let failed = send.clone();
         // Nobody listens any more where another file was opened meanwhile.
@@ -106,11 +111,29 @@ impl Openings {
     }
 }
 
+/// The data to open: what is named, or what the scene that is named says; its own data where both are.
+fn data_of(request: OpenRequest) -> Result<(OpenRequest, Option<OpenedScene>), String> {
+    let (path, data) = match request.scene {
+        Some(scene) => (scene, request.path),
+        None if is_scene_file(&request.path) => (request.path, PathBuf::new()),
+        None => return Ok((request, None)),
+    };
+    let scene = SceneFile::read(&path).map_err(|error| error.to_string())?;
+    let mut notes = Vec::new();
+    let mut data = data;
+    if data.as_os_str().is_empty() {
+        let named = scene.datasets.first().ok_or_else(|| format!("{}: no dataset is named", path.display()))?;
+        let located = named.locate(&path).map_err(|error| error.to_string())?;
+        (data, notes) = (located.path, located.notes);
+    }
+    Ok((OpenRequest { path: data, scene: None }, Some(OpenedScene { path, scene, notes })))
+}
+
 /// Starts to open files that are dropped on the window.
 pub(super) fn open_dropped_files(mut dropped: MessageReader<FileDragAndDrop>, mut openings: ResMut<Openings>) {
     for event in dropped.read() {
         if let FileDragAndDrop::DroppedFile { path_buf, .. } = event {
-            openings.start(OpenRequest { path: path_buf.clone() });
+            openings.start(OpenRequest { path: path_buf.clone(), scene: None });
         }
     }
 }
@@ -134,8 +157,8 @@ pub(super) fn finish_opening(
     };
     openings.current = None;
     match result {
-        Ok((file, frame)) => {
-            opened.write(Opened { path, file: Arc::new(file), frame });
+        Ok(file) => {
+            opened.write(file);
         }
         Err(error) => messages.error(error),
     }

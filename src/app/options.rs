@@ -17,8 +17,10 @@ pub type Extension = Arc<dyn Fn(&mut App) + Send + Sync>;
 /// What to open.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct OpenRequest {
-    /// A page file, or any supported source.
+    /// A page file, any supported source, or a scene file; empty where `scene` says.
     pub path: PathBuf,
+    /// A scene to show the data with, whatever data it names itself.
+    pub scene: Option<PathBuf>,
 }
 
 /// How the window starts.

@@ -11,6 +11,7 @@
 //! ([`PageCopies`]); until then its parent is drawn.
 
 use super::camera::{CameraSystems, DataDistance, Viewpoint, distance_to_boxes};
+use super::lens::view_of;
 use super::look::Look;
 use super::messages::Messages;
 use super::occlusion::{self, Occlusion, PageOcclusion};
@@ -230,7 +231,7 @@ pub fn traverse(
 ) {
     let Some(mut streaming) = streaming else { return };
     let size = picture.size();
-    let Ok(view) = camera.view(size.x, size.y) else { return };
+    let Ok(view) = view_of(&camera, &settings, size) else { return };
     let streaming = &mut *streaming;
     streaming.frame += 1;
     let families = settings.families.iter().enumerate().filter(|(_, visible)| **visible);
@@ -308,6 +309,8 @@ pub fn start_loads(
     statistics.pages_failed = residency.failed;
     statistics.bytes = residency.bytes;
     statistics.budget_bytes = residency.budget;
+    let copies = streaming.streamer.copies.as_ref();
+    statistics.copies = copies.map(|copies| [copies.bytes(), copies.options().budget]);
 }
 
 /// Removes the entities of pages that had to make room.

@@ -174,17 +174,23 @@ impl Default for CameraPreset {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Reflect)]
 #[serde(default, deny_unknown_fields)]
 pub struct PanelPreset {
-    /// Whether the panel is open at the start.
+    /// Whether the panels are open at the start.
     pub open: bool,
-    /// Width, logical pixels.
+    /// Whether those at the right are.
+    pub right: bool,
+    /// Width at the left, logical pixels.
     pub width: f32,
-    /// Factor on the size of text and controls.
+    /// Width at the right, logical pixels.
+    pub right_width: f32,
+    /// Factor on the size of text and controls; 0: by the monitor's own scale and its height.
     pub scale: f32,
+    /// Names of the sections that are closed at the start.
+    pub closed: Vec<String>,
 }
 
 impl Default for PanelPreset {
     fn default() -> Self {
-        Self { open: true, width: 304.0, scale: 1.0 }
+        Self { open: true, right: true, width: 304.0, right_width: 244.0, scale: 0.0, closed: Vec::new() }
     }
 }
 
@@ -253,12 +259,20 @@ impl Preset {
             ("camera.look_sensitivity", camera.look_sensitivity, 0.001, 10.0, "0.001 to 10"),
             ("camera.flight_secs", camera.flight_secs, 0.0, 60.0, "0 to 60"),
             ("panel.width", f64::from(panel.width), 240.0, 640.0, "240 to 640"),
-            ("panel.scale", f64::from(panel.scale), 0.5, 4.0, "0.5 to 4"),
+            ("panel.right_width", f64::from(panel.right_width), 200.0, 640.0, "200 to 640"),
         ];
         for (field, value, least, most, expected) in checks {
             if !(least..=most).contains(&value) {
                 return Err(RonError::value(file, field, value, expected));
             }
+        }
+        if !(panel.scale == 0.0 || (0.5..=4.0).contains(&panel.scale)) {
+            return Err(RonError::value(file, "panel.scale", panel.scale, "0 (automatic), or 0.5 to 4"));
+        }
+        let known = |name: &&String| !super::panel::SECTIONS.iter().any(|section| section.name == name.as_str());
+        if let Some(name) = panel.closed.iter().find(known) {
+            let names: Vec<&str> = super::panel::SECTIONS.iter().map(|section| section.name).collect();
+            return Err(RonError::value(file, "panel.closed", name, format!("some of {}", names.join(", "))));
         }
         Ok(())
     }

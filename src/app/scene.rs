@@ -2,16 +2,19 @@
 
 use super::camera::{Anchor, Flight, Viewpoint};
 use super::facts::Facts;
+use super::lens::Lens;
 use super::messages::Messages;
 use super::open::Opened;
 use super::panel::Choices;
 use super::picture::{DataCamera, Picture};
 use super::preset::Preset;
+use super::scene_io::{self, SceneParts};
 use crate::model::Bounds;
 use crate::modes::economy::{PRESENCE, THINNING};
 use crate::modes::{self, Mode, SettingValue};
 use crate::raster::transfer::{Range, TransferFunction};
 use crate::store::{Metadata, PageFile};
+use crate::view::CutSettings;
 use bevy::prelude::*;
 use bevy_panorbit_camera::PanOrbitCamera;
 use std::path::PathBuf;
@@ -65,6 +68,13 @@ pub struct Settings {
     pub error_px: f64,
     /// Whether each family is drawn, in the order of the file's families.
     pub families: Vec<bool>,
+    /// Projection and field of view.
+    pub lens: Lens,
+    /// What is left out of the data and faded.
+    pub cut: CutSettings,
+    /// Whether the transfer function belongs to the mode that has just been set, and is not to be chosen anew for it: where
+    /// settings come back from the history or from a scene. Not a setting itself.
+    pub keep_transfer: bool,
 }
 
 impl PartialEq for Settings {
@@ -75,6 +85,8 @@ impl PartialEq for Settings {
             && self.transfer == other.transfer
             && self.error_px == other.error_px
             && self.families == other.families
+            && self.lens == other.lens
+            && self.cut == other.cut
     }
 }
 
@@ -89,6 +101,9 @@ impl Settings {
             transfer: TransferFunction::default(),
             error_px: preset.drawing.error_px,
             families: Vec::new(),
+            lens: Lens { fov_deg: preset.camera.field_of_view_deg, parallel: false },
+            cut: CutSettings::default(),
+            keep_transfer: false,
         }
     }
 
@@ -125,9 +140,10 @@ pub(super) fn adopt_opened(
     mut settings: ResMut<Settings>,
     mut choices: ResMut<Choices>,
     mut messages: ResMut<Messages>,
+    mut parts: SceneParts,
     camera: Single<(Entity, &mut Viewpoint, &mut Anchor, &mut PanOrbitCamera), With<DataCamera>>,
 ) {
-    let Some(Opened { path, file, frame }) = opened.read().last().cloned() else { return };
+    let Some(Opened { path, file, frame, scene: opened }) = opened.read().last().cloned() else { return };
     let metadata = file.metadata();
     let bounds = metadata.bounds();
     let (entity, mut viewpoint, mut anchor, mut orbit) = camera.into_inner();
@@ -153,6 +169,11 @@ pub(super) fn adopt_opened(
     if let Some(hue) = &mut settings.transfer.hue {
         hue.range = Range::Auto;
     }
+    settings.cut = CutSettings::default();
+    let camera = (entity, &mut *viewpoint, &mut *anchor, &mut *orbit);
+    let attributes = &choices.attributes;
+    let opened = opened.as_deref();
+    scene_io::apply(opened, metadata, attributes, &mut settings, camera, &mut parts, &mut commands, &mut messages);
     let facts = Facts::of(metadata);
     messages.info(format!("opened {}", path.display()));
     let generation = scene.map_or(0, |scene| scene.generation) + 1;

@@ -3,6 +3,7 @@
 use super::camera::{Anchor, DataDistance, Flight, Fly, Navigation, Viewpoint};
 use super::input::{Action, KEYS, PointerOwner};
 use super::messages::Messages;
+use super::panel::Dock;
 use super::picture::{DataCamera, Picture};
 use super::preset::Preset;
 use super::scene::{Scene, home};
@@ -13,10 +14,38 @@ use bevy_panorbit_camera::PanOrbitCamera;
 /// What is shown beside the picture.
 #[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Shown {
-    /// The panel.
+    /// The docks, if they are not hidden one by one.
     pub panel: bool,
+    /// The dock at the left.
+    pub left: bool,
+    /// The dock at the right.
+    pub right: bool,
     /// The help page.
     pub help: bool,
+}
+
+impl Shown {
+    /// Whether a dock is to be seen.
+    pub fn dock(&self, dock: Dock) -> bool {
+        self.panel
+            && match dock {
+                Dock::Left => self.left,
+                Dock::Right => self.right,
+            }
+    }
+
+    /// Shows or hides a dock; where all are hidden, only this one is shown.
+    fn toggle(&mut self, dock: Dock) {
+        let side = match dock {
+            Dock::Left => &mut self.left,
+            Dock::Right => &mut self.right,
+        };
+        if self.panel {
+            *side = !*side;
+        } else {
+            *self = Shown { panel: true, left: dock == Dock::Left, right: dock == Dock::Right, ..*self };
+        }
+    }
 }
 
 /// Carries out the keys that were pressed in this frame.
@@ -37,13 +66,17 @@ pub(super) fn run_shortcuts(
     >,
 ) {
     let (entity, mut navigation, mut fly, mut viewpoint, mut anchor, mut orbit) = camera.into_inner();
-    let pressed = KEYS.iter().filter(|(key, _)| keys.just_pressed(*key)).map(|(_, action)| *action);
+    // With Ctrl, keys do other things: see `history` and `scene_io`.
+    let control = keys.any_pressed([KeyCode::ControlLeft, KeyCode::ControlRight]);
+    let pressed = KEYS.iter().filter(|(key, _)| !control && keys.just_pressed(*key)).map(|(_, action)| *action);
     for action in pressed {
         if !owner.keyboard_is_free() && action != Action::Leave {
             continue;
         }
         match action {
             Action::TogglePanel => shown.panel = !shown.panel,
+            Action::ToggleLeft => shown.toggle(Dock::Left),
+            Action::ToggleRight => shown.toggle(Dock::Right),
             Action::ToggleHelp => shown.help = !shown.help,
             Action::Screenshot => screenshot::take(&mut commands),
             Action::ToggleFly => {

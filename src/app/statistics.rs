@@ -1,6 +1,7 @@
 //! Numbers of the running program: frames, what is drawn, what is resident.
 
 use bevy::prelude::*;
+use std::collections::VecDeque;
 
 /// What the last picture was made of.
 #[derive(Resource, Clone, Debug, Default, PartialEq)]
@@ -35,8 +36,12 @@ pub struct Statistics {
     pub bytes: u64,
     /// Bytes that they may take.
     pub budget_bytes: u64,
+    /// Bytes of the copies in the graphics adapter's memory, and how many they may be; none where there are no copies.
+    pub copies: Option<[u64; 2]>,
     /// Time to draw the last picture, milliseconds, where it is known.
     pub draw_ms: Option<f64>,
+    /// Its passes' times, milliseconds.
+    pub passes: Vec<(&'static str, f64)>,
 }
 
 /// What draws the picture.
@@ -54,12 +59,22 @@ pub enum ActiveBackend {
 pub struct Converged(pub bool);
 
 /// Frame times, smoothed over about half a second.
-#[derive(Resource, Clone, Copy, Debug, Default)]
+#[derive(Resource, Clone, Debug, Default)]
 pub struct FrameClock {
     smoothed_secs: f64,
+    /// Milliseconds of the last frames, the latest last.
+    recent: VecDeque<f32>,
 }
 
 impl FrameClock {
+    /// Frames that are kept.
+    pub const RECENT: usize = 120;
+
+    /// Milliseconds of the last [`FrameClock::RECENT`] frames, the latest last.
+    pub fn recent(&self) -> impl Iterator<Item = f32> {
+        self.recent.iter().copied()
+    }
+
     /// Frames per second; 0 before the first frame.
     pub fn fps(&self) -> f64 {
         if self.smoothed_secs > 0.0 { 1.0 / self.smoothed_secs } else { 0.0 }
@@ -74,6 +89,10 @@ impl FrameClock {
     pub fn tick(&mut self, seconds: f64) {
         let weight = if self.smoothed_secs == 0.0 { 1.0 } else { 1.0 - (-seconds / 0.5).exp() };
         self.smoothed_secs += (seconds - self.smoothed_secs) * weight;
+        if self.recent.len() == FrameClock::RECENT {
+            self.recent.pop_front();
+        }
+        self.recent.push_back((1e3 * seconds) as f32);
     }
 }
 

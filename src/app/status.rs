@@ -1,14 +1,21 @@
 //! The window's state as JSON in a file, for scripts and tests that cannot look at pixels.
 
 use super::camera::{Navigation, Viewpoint};
+use super::history::History;
 use super::messages::Messages;
 use super::open::Openings;
+use super::panel::Closed;
 use super::picture::{DataCamera, Picture};
-use super::scene::{Scene, Settings};
+use super::scene::{AttributeChoice, Scene, Settings};
+use super::scene_io::SceneFiles;
 use super::shortcuts::Shown;
 use super::statistics::{Converged, Statistics};
+use super::ui::Controls;
+use crate::raster::transfer::TransferFunction;
+use crate::view::CutSettings;
 use bevy::prelude::*;
 use serde::Serialize;
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 /// Where the state is written, and what was written last.
@@ -53,7 +60,28 @@ struct Status<'a> {
     pages_failed: usize,
     backend: &'a str,
     adapter: &'a str,
+    /// What can be undone and redone.
+    history: [usize; 2],
+    scene: Option<&'a std::path::Path>,
+    settings: SettingsStatus<'a>,
+    /// The panels' controls: left, top, right and bottom.
+    controls: BTreeMap<&'a str, [f32; 4]>,
     messages: Vec<&'a str>,
+}
+
+/// What the panels set.
+#[derive(Serialize)]
+struct SettingsStatus<'a> {
+    mode: &'a str,
+    attribute: String,
+    values: &'a crate::modes::Settings,
+    transfer: &'a TransferFunction,
+    error_px: f64,
+    families: &'a [bool],
+    fov: f64,
+    parallel: bool,
+    cut: CutSettings,
+    closed: &'a Closed,
 }
 
 /// Writes the state where it has changed: into a file beside it, which then takes its name, so that a reader never
@@ -69,6 +97,7 @@ pub(super) fn write_status(
     converged: Res<Converged>,
     statistics: Res<Statistics>,
     mut messages: ResMut<Messages>,
+    (history, files, closed, controls): (Res<History>, Res<SceneFiles>, Res<Closed>, Res<Controls>),
     camera: Single<(&Viewpoint, &Navigation), With<DataCamera>>,
 ) {
     let file = file.bypass_change_detection();
@@ -100,6 +129,32 @@ pub(super) fn write_status(
         pages_failed: statistics.pages_failed,
         backend: &statistics.backend,
         adapter: &statistics.adapter,
+        history: history.steps(),
+        scene: files.path.as_deref(),
+        settings: SettingsStatus {
+            mode: settings.mode.name,
+            attribute: match &settings.attribute {
+                AttributeChoice::Automatic => "automatic".to_owned(),
+                AttributeChoice::None => "none".to_owned(),
+                AttributeChoice::Named(name) => name.clone(),
+            },
+            values: &settings.mode_settings,
+            transfer: &settings.transfer,
+            error_px: settings.error_px,
+            families: &settings.families,
+            fov: settings.lens.fov_deg,
+            parallel: settings.lens.parallel,
+            cut: settings.cut,
+            closed: &closed,
+        },
+        controls: controls
+            .0
+            .iter()
+            .map(|(name, rect)| {
+                let corners = [rect.left(), rect.top(), rect.right(), rect.bottom()];
+                (name.as_str(), corners.map(|side| side * picture.scale))
+            })
+            .collect(),
         messages: messages.all().map(|message| message.text.as_str()).collect(),
     };
     let Ok(text) = serde_json::to_string_pretty(&status) else { return };

@@ -1,9 +1,10 @@
-//! Lays out the window: the panel at the left, the picture beside it, the overlays on top.
+//! Lays out the window: the docks at both sides, the picture between them, the overlays on top.
 
 use super::camera::{Navigation, Viewpoint};
 use super::input::PointerOwner;
+use super::lens::view_of;
 use super::overlay::{self, color_bar, help, scale_bar};
-use super::panel::{PanelState, theme};
+use super::panel::{Dock, PanelState, theme};
 use super::pick::DoubleClick;
 use super::picture::{DataCamera, Picture};
 use super::preset::Preset;
@@ -11,11 +12,23 @@ use super::shortcuts::Shown;
 use bevy::prelude::*;
 use bevy_egui::{EguiContexts, egui};
 
+/// Where the panels' named controls are, logical pixels.
+#[derive(Resource, Default)]
+pub(super) struct Controls(pub std::collections::BTreeMap<String, egui::Rect>);
+
+/// The factor on text and controls for a window of so many physical pixels, where the system scales by `native` already: text
+/// that is legible at 1080 rows is as large on a screen of 2160.
+fn automatic_scale(height: f32, native: f32) -> f32 {
+    let wanted = (height / 1080.0).clamp(1.0, 3.0);
+    ((4.0 * wanted / native).round() / 4.0).max(1.0)
+}
+
 /// Draws everything of the window that is not data.
 pub(super) fn draw_window(
     mut contexts: EguiContexts,
     mut styled: Local<bool>,
     mut panel: PanelState,
+    mut controls: ResMut<Controls>,
     mut picture: ResMut<Picture>,
     mut owner: ResMut<PointerOwner>,
     camera: Single<(&Viewpoint, &Navigation), With<DataCamera>>,
@@ -28,22 +41,32 @@ pub(super) fn draw_window(
         theme::apply(&ctx);
         *styled = true;
     }
-    if (ctx.zoom_factor() - preset.panel.scale).abs() > 1e-3 {
-        ctx.set_zoom_factor(preset.panel.scale);
-    }
     let window = ctx.viewport_rect();
+    let native = ctx.native_pixels_per_point().unwrap_or(1.0);
+    let scale = match preset.panel.scale {
+        0.0 => automatic_scale(window.height() * ctx.pixels_per_point(), native),
+        scale => scale,
+    };
+    if (ctx.zoom_factor() - scale).abs() > 1e-3 {
+        ctx.set_zoom_factor(scale);
+    }
     let builder = egui::UiBuilder::new().layer_id(egui::LayerId::background()).max_rect(window);
     let mut root = egui::Ui::new(ctx.clone(), "window".into(), builder);
     let mut rect = window;
-    if shown.panel {
-        let width = preset.panel.width.min(0.6 * window.width());
-        egui::Panel::left("panel")
-            .resizable(false)
+    for dock in [Dock::Left, Dock::Right].into_iter().filter(|dock| shown.dock(*dock)) {
+        let (side, width) = match dock {
+            Dock::Left => (egui::Panel::left("left"), preset.panel.width.min(0.5 * window.width())),
+            Dock::Right => (egui::Panel::right("right"), preset.panel.right_width.min(0.3 * window.width())),
+        };
+        side.resizable(false)
             .exact_size(width)
             .show_separator_line(false)
             .frame(theme::panel_frame())
-            .show(&mut root, |ui| panel.show(ui));
-        rect.min.x += width;
+            .show(&mut root, |ui| panel.show(ui, dock));
+        match dock {
+            Dock::Left => rect.min.x += width,
+            Dock::Right => rect.max.x -= width,
+        }
     }
     picture.rect = Rect::from_corners(Vec2::new(rect.min.x, rect.min.y), Vec2::new(rect.max.x, rect.max.y));
     picture.scale = ctx.pixels_per_point();
@@ -55,6 +78,7 @@ pub(super) fn draw_window(
     if shown.help {
         help::draw(&ctx, rect);
     }
+    controls.0 = theme::take_controls(&ctx);
     let over_picture = ctx.pointer_latest_pos().is_some_and(|at| {
         rect.contains(at) && ctx.layer_id_at(at).is_none_or(|layer| layer.order == egui::Order::Background)
     });
@@ -77,13 +101,13 @@ pub(super) fn draw_window(
 fn draw_overlays(
     painter: &egui::Painter,
     rect: egui::Rect,
-    state: &PanelState,
+    state: &PanelState<'_, '_>,
     picture: &Picture,
     (viewpoint, navigation): (&Viewpoint, &Navigation),
 ) {
     let Some(scene) = &state.scene else { return };
     let size = picture.size();
-    if let Ok(view) = viewpoint.view(size.x, size.y)
+    if let Ok(view) = view_of(viewpoint, &state.settings, size)
         && let Some(bar) = scale_bar::ScaleBar::at(&view, viewpoint.target, f64::from(170.0 * picture.scale))
     {
         scale_bar::draw(painter, rect, bar, &scene.length_unit, picture.scale);
@@ -93,5 +117,19 @@ fn draw_overlays(
     }
     if *navigation == Navigation::Fly {
         overlay::draw_hint(painter, rect, "flying      W A S D  Q E      drag to look      F to orbit");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn text_is_as_large_on_a_screen_with_twice_the_pixels() {
+        for (height, native, scale) in
+            [(720.0, 1.0, 1.0), (1080.0, 1.0, 1.0), (2160.0, 1.0, 2.0), (2160.0, 2.0, 1.0), (1440.0, 1.0, 1.25)]
+        {
+            assert_eq!(automatic_scale(height, native), scale, "{height} at {native}");
+        }
     }
 }

@@ -12,6 +12,7 @@ pub mod paint;
 pub mod picture_config;
 pub mod progress_bar;
 pub mod render;
+mod scene_arguments;
 pub mod statistics;
 pub mod synth;
 pub mod verify;

@@ -1,6 +1,6 @@
 //! `deepfield render` for the modes that draw colours straight from particles.
 
-use super::render::{Arguments, Backend, load_exact, no_family, view};
+use super::render::{Arguments, Backend, families, load_exact, view};
 use super::statistics::{Shown, Times, write_json};
 use super::{CommandResult, cache, progress_bar::TerminalProgress};
 use crate::model::{Bounds, Family};
@@ -129,14 +129,12 @@ fn paint_pages(
     let path = &arguments.path;
     let file = Arc::new(PageFile::open(&cache::page_file_of(path, &TerminalProgress::new())?)?);
     let metadata = file.metadata();
-    let depiction = Depiction::of_pages(mode, arguments.settings.clone(), arguments.attribute.as_deref(), metadata)
+    let mut depiction = Depiction::of_pages(mode, arguments.settings.clone(), arguments.attribute.as_deref(), metadata)
         .map_err(|why| format!("{}: {why}", path.display()))?;
+    depiction.attribute = depiction.attribute.filter(|_| !arguments.plain);
     // A still picture has no next frame to keep memory for, so nothing limits what it holds.
     let mut scene = Scene::new(Arc::clone(&file), u64::MAX);
-    if let Some(name) = arguments.family {
-        let (index, _) = metadata.family(name).ok_or_else(|| no_family(path, name))?;
-        scene.families = vec![index];
-    }
+    scene.families = families(arguments, metadata)?;
     let framed = first_frame(&file, &scene.families);
     let view = view(arguments, framed)?;
     scene.levels = depiction.levels(metadata);
@@ -147,7 +145,8 @@ fn paint_pages(
     for _ in 0..arguments.repeat {
         painted = Some(times.frame(|times| {
             let selection = times.measure("select", || scene.select(&view, detail));
-            let nodes = times.measure("decode", || cpu::decode(&depiction, metadata, &selection.nodes));
+            let decode = || cpu::cut(&view, cpu::decode(&depiction, metadata, &selection.nodes));
+            let nodes = times.measure("decode", decode);
             let paint = |subject: &Subject<'_>| paint_nodes(&view, &depiction, metadata, &nodes, subject);
             measured(arguments, framed, caster, times, paint)
         })?);
@@ -170,8 +169,10 @@ fn paint_exact(
     times: &mut Times,
 ) -> Result<Outcome, Box<dyn std::error::Error + Send + Sync>> {
     let (source, dataset) = times.measure("load", || load_exact(arguments))?;
-    let depiction = Depiction::of_dataset(mode, arguments.settings.clone(), arguments.attribute.as_deref(), &dataset)
-        .map_err(|why| format!("{}: {why}", source.display()))?;
+    let mut depiction =
+        Depiction::of_dataset(mode, arguments.settings.clone(), arguments.attribute.as_deref(), &dataset)
+            .map_err(|why| format!("{}: {why}", source.display()))?;
+    depiction.attribute = depiction.attribute.filter(|_| !arguments.plain);
     let families: Vec<&Family> = dataset.families.iter().collect();
     let positions = families.iter().flat_map(|family| &family.positions);
     let samples: Vec<(DVec3, f64)> = positions.map(|&position| (DVec3::from_array(position), 1.0)).collect();

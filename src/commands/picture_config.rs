@@ -8,6 +8,7 @@ use crate::modes::setting::SettingError;
 use crate::modes::{self, Settings};
 use crate::raster::transfer::TransferFunction;
 use crate::raster::volume::VolumeTransfer;
+use crate::view::CutSettings;
 use glam::DVec3;
 use serde::Deserialize;
 use std::path::Path;
@@ -36,6 +37,8 @@ pub struct PictureConfig {
     pub error_px: Option<f64>,
     /// Where the camera stands.
     pub camera: CameraConfig,
+    /// What is left out of the data and faded.
+    pub cut: CutSettings,
 }
 
 /// Where the camera stands, in world units.
@@ -114,6 +117,7 @@ impl PictureConfig {
             },
             transfer: self.transfer,
             volume: self.volume,
+            cut: self.cut,
             ..own
         }
     }

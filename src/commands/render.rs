@@ -11,9 +11,9 @@ use crate::modes::{self, Depiction, Economy, Mode, Plan, SettingKind, SettingVal
 use crate::raster::transfer::TransferFunction;
 use crate::raster::volume::VolumeTransfer;
 use crate::raster::{Accumulation, Method, composite, output};
-use crate::store::PageFile;
+use crate::store::{Metadata, PageFile};
 use crate::stream::{Scene, first_frame};
-use crate::view::{Projection, View, frame};
+use crate::view::{CutSettings, Projection, View, frame};
 use glam::DVec3;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -27,9 +27,10 @@ use std::sync::Arc;
   deepfield render galaxy.df -o disk.png --mode density-squared --attribute temperature --size 1920x1080
   deepfield render galaxy.df -o disk.exr --raw column.npy --mode column-density --eye 0,0,50 --target 0,0,0 --ortho 40
   deepfield render galaxy.df -o disk.png --backend cpu --error-px 0.5 --json -
-  deepfield render merger.hdf5 -o stars.png --family gas --mode volume-isosurface --exact")]
+  deepfield render merger.hdf5 -o stars.png --family gas --mode volume-isosurface --exact
+  deepfield render galaxy.scene.ron -o disk.png              what the window has saved with Ctrl+S")]
 pub struct Arguments {
-    /// The source or page file.
+    /// The source or page file, or a scene file.
     pub path: PathBuf,
     /// Where the picture goes: .png (colours) or .exr (the raw channels P and S).
     #[arg(short, long, value_name = "FILE")]
@@ -55,6 +56,9 @@ pub struct Arguments {
     /// Settings in RON (see configs/picture.ron); options on the command line override them.
     #[arg(long, value_name = "FILE.ron")]
     pub config: Option<PathBuf>,
+    /// A scene file whose settings and camera are used for the data, whatever data it names itself.
+    #[arg(long, value_name = "FILE.scene.ron")]
+    pub scene: Option<PathBuf>,
     /// Camera position in world units.
     #[arg(long, value_name = "X,Y,Z", value_parser = vector, allow_hyphen_values = true)]
     pub eye: Option<DVec3>,
@@ -100,6 +104,15 @@ pub struct Arguments {
     /// Settings of the mode.
     #[arg(skip)]
     pub settings: Settings,
+    /// The families that a scene shows; all where it is `None`.
+    #[arg(skip)]
+    pub families: Option<Vec<FamilyName>>,
+    /// No attribute colours the picture, even if the mode has a usual one.
+    #[arg(skip)]
+    pub plain: bool,
+    /// What is left out of the data and faded.
+    #[arg(skip)]
+    pub cut: CutSettings,
     /// From the accumulation to colours; the mode's own where it is `None`.
     #[arg(skip)]
     pub transfer: Option<TransferFunction>,
@@ -121,6 +134,7 @@ impl Arguments {
             family: None,
             attribute: None,
             config: None,
+            scene: None,
             eye: None,
             target: None,
             up: None,
@@ -136,6 +150,9 @@ impl Arguments {
             threads: None,
             json: None,
             settings: Settings::default(),
+            families: None,
+            plain: false,
+            cut: CutSettings::default(),
             transfer: None,
             volume: None,
         }
@@ -244,8 +261,8 @@ pub fn run(arguments: &Arguments) -> CommandResult {
     let arguments = match &arguments.config {
         Some(path) => PictureConfig::read(path)?.complete(arguments),
         None => arguments.clone(),
-    }
-    .with_economy();
+    };
+    let arguments = super::scene_arguments::complete(arguments)?.with_economy();
     let arguments = &arguments;
     match arguments.threads {
         Some(threads) => {
@@ -306,14 +323,12 @@ fn draw_pages(arguments: &Arguments) -> Result<Picture, Box<dyn std::error::Erro
     let metadata = file.metadata();
     let fields = metadata.families.iter().flat_map(|family| &family.attributes).map(|field| field.name.as_str());
     let mode = arguments.mode.unwrap_or_else(|| modes::usual(fields));
-    let depiction = Depiction::of_pages(mode, arguments.settings.clone(), arguments.attribute.as_deref(), metadata)
+    let mut depiction = Depiction::of_pages(mode, arguments.settings.clone(), arguments.attribute.as_deref(), metadata)
         .map_err(|why| format!("{}: {why}", arguments.path.display()))?;
+    depiction.attribute = depiction.attribute.filter(|_| !arguments.plain);
     // A still picture has no next frame to keep memory for, so nothing limits what it holds.
     let mut scene = Scene::new(Arc::clone(&file), u64::MAX);
-    if let Some(name) = arguments.family {
-        let (index, _) = metadata.family(name).ok_or_else(|| no_family(&arguments.path, name))?;
-        scene.families = vec![index];
-    }
+    scene.families = families(arguments, metadata)?;
     let view = view(arguments, first_frame(&file, &scene.families))?;
     let seen = depiction.selection_view(&view);
     let tau = arguments.error_px.unwrap_or(0.8);
@@ -428,7 +443,10 @@ pub(super) fn load_exact(
     let own = ["mass", "density", "smoothing-length"];
     let named: Vec<String> = attributes.filter(|name| !own.contains(name)).map(str::to_owned).collect();
     let options = LoadOptions {
-        families: arguments.family.into_iter().collect(),
+        families: match arguments.family {
+            Some(family) => vec![family],
+            None => arguments.families.clone().unwrap_or_default(),
+        },
         attributes: if arguments.attribute.is_some() && !named.is_empty() {
             AttributeChoice::Named(named)
         } else {
@@ -446,8 +464,10 @@ fn draw_exact(arguments: &Arguments) -> Result<Picture, Box<dyn std::error::Erro
     let (source, dataset) = times.measure("load", || load_exact(arguments))?;
     let fields = dataset.families.iter().flat_map(|family| &family.attributes).map(|field| field.name.as_str());
     let mode = arguments.mode.unwrap_or_else(|| modes::usual(fields));
-    let depiction = Depiction::of_dataset(mode, arguments.settings.clone(), arguments.attribute.as_deref(), &dataset)
-        .map_err(|why| format!("{}: {why}", source.display()))?;
+    let mut depiction =
+        Depiction::of_dataset(mode, arguments.settings.clone(), arguments.attribute.as_deref(), &dataset)
+            .map_err(|why| format!("{}: {why}", source.display()))?;
+    depiction.attribute = depiction.attribute.filter(|_| !arguments.plain);
     let families: Vec<&Family> = dataset.families.iter().collect();
     let positions = families.iter().flat_map(|family| &family.positions);
     let samples: Vec<(DVec3, f64)> = positions.map(|&position| (DVec3::from_array(position), 1.0)).collect();
@@ -501,8 +521,25 @@ fn source_of(path: &Path) -> Result<PathBuf, Box<dyn std::error::Error + Send + 
     }
 }
 
-pub(super) fn no_family(path: &Path, name: FamilyName) -> String {
-    format!("{}: no particles of family {name}", path.display())
+/// Indices of the families of a page file that are drawn.
+///
+/// # Errors
+/// Where the family that the user names is not there, or none of those that a scene shows.
+pub(super) fn families(arguments: &Arguments, metadata: &Metadata) -> Result<Vec<u32>, String> {
+    let missing = |name: FamilyName| format!("{}: no particles of family {name}", arguments.path.display());
+    let index = |name: FamilyName| metadata.family(name).map(|(index, _)| index);
+    match (arguments.family, &arguments.families) {
+        (Some(name), _) => Ok(vec![index(name).ok_or_else(|| missing(name))?]),
+        (None, Some(names)) => {
+            let found: Vec<u32> = names.iter().filter_map(|&name| index(name)).collect();
+            match (found.is_empty(), names.first()) {
+                (true, Some(&name)) => Err(missing(name)),
+                (true, None) => Err(format!("{}: the scene shows no family", arguments.path.display())),
+                (false, _) => Ok(found),
+            }
+        }
+        (None, None) => Ok((0..metadata.families.len() as u32).collect()),
+    }
 }
 
 /// The camera that the arguments describe; around `bounds` where they say nothing.
@@ -516,7 +553,8 @@ pub(super) fn view(arguments: &Arguments, bounds: Bounds) -> Result<View, crate:
         Some(height) => Projection::Orthographic { height },
         None => Projection::Perspective { fov_y },
     };
-    View::look_at(eye, target, arguments.up.unwrap_or(DVec3::Y), projection, width, height)
+    let view = View::look_at(eye, target, arguments.up.unwrap_or(DVec3::Y), projection, width, height)?;
+    Ok(view.with_cut(arguments.cut.cut()))
 }
 
 /// Writes the statistics to a file, or to standard output for `-`.

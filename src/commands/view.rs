@@ -2,6 +2,7 @@
 
 use super::arguments::PictureSize;
 use super::{CommandResult, render};
+use crate::scene_file::{SceneFile, is_scene_file};
 use std::path::{Path, PathBuf};
 
 /// Opens a snapshot, catalogue or page file in a window.
@@ -13,11 +14,12 @@ use std::path::{Path, PathBuf};
   deepfield view snapshot_099.hdf5
   deepfield view snapdir_099/snap_099.0.hdf5       any file of a snapshot in several files
   deepfield view hipparcos.csv --mode points
+  deepfield view snapshot_099.scene.ron            what was saved with Ctrl+S
   deepfield view snapshot_099.hdf5 --simulate --mode volume   particles that move, straight from memory")]
 pub struct Arguments {
-    /// The source or page file.
-    #[arg(required = true)]
-    pub path: PathBuf,
+    /// The source or page file, or a scene file; without it the data that the scene of --scene names.
+    #[arg(required_unless_present = "scene")]
+    pub path: Option<PathBuf>,
     /// How the window starts.
     #[command(flatten)]
     pub settings: Settings,
@@ -26,6 +28,9 @@ pub struct Arguments {
 /// How the window starts.
 #[derive(clap::Args, Clone, Debug, Default)]
 pub struct Settings {
+    /// A scene file whose settings and camera are used for the data.
+    #[arg(long, value_name = "FILE.scene.ron")]
+    pub scene: Option<PathBuf>,
     /// Window size in pixels [default: 1280x720].
     #[arg(long, value_name = "WxH")]
     pub size: Option<PictureSize>,
@@ -69,15 +74,23 @@ fn frame_ms(text: &str) -> Result<f64, String> {
 /// # Errors
 /// When the source cannot be opened or drawing fails.
 pub fn run(arguments: &Arguments) -> CommandResult {
+    let path = arguments.path.clone().unwrap_or_default();
     // Found out here, a missing file is an error on the command line rather than a message in an empty window.
-    if super::cache::is_page_file(&arguments.path)? && arguments.settings.simulate {
-        let message = format!("{}: --simulate takes a snapshot, this is a page file", arguments.path.display());
-        return Err(message.into());
+    let is_given = !path.as_os_str().is_empty();
+    if is_given && super::cache::is_page_file(&path)? && arguments.settings.simulate {
+        return Err(format!("{}: --simulate takes a snapshot, this is a page file", path.display()).into());
     }
-    show(&arguments.path, &arguments.settings)
+    let scene = arguments.settings.scene.as_deref().or_else(|| is_scene_file(&path).then_some(path.as_path()));
+    if let Some(scene) = scene {
+        let read = SceneFile::read(scene)?;
+        if let Some(dataset) = read.datasets.first().filter(|_| arguments.settings.scene.is_none() || !is_given) {
+            dataset.locate(scene)?;
+        }
+    }
+    show(&path, &arguments.settings)
 }
 
-/// Shows `path` in a window where there is a display and the program was built with one, else renders it.
+/// Shows `path`, or where it is empty the data of the settings' scene, in a window where there is a display and the program was built with one, else renders it.
 ///
 /// # Errors
 /// As [`run`].
@@ -93,13 +106,15 @@ pub fn show(path: &Path, settings: &Settings) -> CommandResult {
     };
     #[cfg(not(feature = "viewer"))]
     let reason = "Built without the feature `viewer`";
-    let name = path.file_stem().unwrap_or_default().to_string_lossy();
+    let named = settings.scene.as_deref().filter(|_| path.as_os_str().is_empty()).unwrap_or(path);
+    let name = named.file_stem().unwrap_or_default().to_string_lossy();
     let output = settings.picture.clone().unwrap_or_else(|| PathBuf::from(format!("{name}.png")));
     render::run(&render::Arguments {
         size: settings.size,
         backend: settings.backend,
         mode: settings.mode,
         error_px: settings.error_px,
+        scene: settings.scene.clone(),
         ..render::Arguments::new(path.to_owned(), output.clone())
     })?;
     println!("{reason}: the picture is in {}", output.display());
@@ -121,7 +136,8 @@ fn window(path: &Path, settings: &Settings) -> CommandResult {
     let opener = Arc::new(|request: &OpenRequest, progress: &dyn crate::model::Progress| {
         super::cache::page_file_of(&request.path, progress).map_err(|error| error.to_string())
     });
-    let mut options = WindowOptions::new(Some(OpenRequest { path: path.to_owned() }), opener);
+    let request = OpenRequest { path: path.to_owned(), scene: settings.scene.clone() };
+    let mut options = WindowOptions::new(Some(request), opener);
     options.size = settings.size.map(|size| (size.width, size.height));
     options.preset = settings.preset.clone();
     options.backend = settings.backend.map(|backend| match backend {

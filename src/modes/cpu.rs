@@ -1,6 +1,6 @@
 //! A depiction drawn by the CPU renderer: nodes of a page file, or source particles as they are.
 
-use super::{CodeTable, Depiction, Footprint, Plan};
+use super::{CodeTable, Depiction, Footprint, Plan, SourceColumns};
 use crate::model::{Dataset, Family};
 use crate::raster::overdraw::{Overdraw, overdraw};
 use crate::raster::sample::Sample;
@@ -12,6 +12,7 @@ use crate::stream::SceneNode;
 use crate::view::View;
 use glam::DVec3;
 use rayon::prelude::*;
+use std::borrow::Cow;
 
 /// The particles of one node, decoded: structure of arrays, positions relative to the node's cell.
 #[derive(Clone, Debug, Default)]
@@ -94,6 +95,28 @@ impl DecodedNode {
         self.attribute.as_deref().unwrap_or_default()
     }
 
+    /// Drops the particles that the view leaves out, and fades the others.
+    fn cut(&mut self, view: &View) {
+        let DecodedNode { origin, offsets, smoothing_length, weight, attribute, density } = self;
+        let mut kept = 0;
+        for i in 0..weight.len() {
+            let position = *origin + glam::Vec3::from_array(offsets[i]).as_dvec3();
+            if !view.cut.keeps(position) {
+                continue;
+            }
+            offsets[kept] = offsets[i];
+            smoothing_length[kept] = smoothing_length[i];
+            weight[kept] = (f64::from(weight[i]) * view.cut.fade(view.to_camera(position).z)) as f32;
+            for column in [&mut *attribute, &mut *density].into_iter().flatten() {
+                column[kept] = column[i];
+            }
+            kept += 1;
+        }
+        offsets.truncate(kept);
+        let columns = [Some(smoothing_length), Some(weight), attribute.as_mut(), density.as_mut()];
+        columns.into_iter().flatten().for_each(|column| column.truncate(kept));
+    }
+
     /// Replaces the attribute; it has one value for each particle.
     pub(super) fn set_attribute(&mut self, attribute: Vec<f32>) {
         self.attribute = Some(attribute);
@@ -105,12 +128,12 @@ impl DecodedNode {
     }
 }
 
-/// Decodes all particles of the selected nodes, in parallel.
+/// Decodes all particles of the selected nodes, in parallel; [`cut`] leaves out what a view does.
 pub fn decode(depiction: &Depiction, metadata: &Metadata, nodes: &[SceneNode]) -> Vec<DecodedNode> {
     decode_some(depiction, metadata, nodes, |table| table, |_, _| Sample::ALL)
 }
 
-/// Decodes what `plan` draws of the selected nodes, in parallel.
+/// Decodes what `plan` draws of the selected nodes and the view does not leave out, in parallel.
 pub fn decode_planned(
     view: &View,
     depiction: &Depiction,
@@ -122,7 +145,15 @@ pub fn decode_planned(
         let family = &metadata.families[drawn.page.family as usize];
         plan.sample(view, depiction, family, &drawn.page.nodes[drawn.node.node as usize], table.most_important)
     };
-    decode_some(depiction, metadata, nodes, |table| table, sample)
+    cut(view, decode_some(depiction, metadata, nodes, |table| table, sample))
+}
+
+/// Decoded nodes without the particles that the view leaves out, the others faded as it says.
+pub fn cut(view: &View, mut nodes: Vec<DecodedNode>) -> Vec<DecodedNode> {
+    if !view.cut.is_none() {
+        nodes.par_iter_mut().for_each(|node| node.cut(view));
+    }
+    nodes
 }
 
 /// Decodes the samples of the selected nodes that `sample` gives for the table of a node's codebook, in parallel, with
@@ -215,6 +246,42 @@ pub(super) fn batches<'a>(depiction: &Depiction, nodes: &'a [DecodedNode]) -> Re
         .collect()
 }
 
+/// The particles of a family that a view does not leave out, with their weights as it fades them.
+pub(super) struct SeenFamily<'a> {
+    /// World positions.
+    pub positions: Cow<'a, [[f64; 3]]>,
+    /// Smoothing lengths, world units.
+    pub smoothing_length: Cow<'a, [f32]>,
+    /// Weights and attributes.
+    pub columns: SourceColumns,
+}
+
+impl<'a> SeenFamily<'a> {
+    /// Borrows what is drawn as it is.
+    pub fn new(view: &View, depiction: &Depiction, family: &'a Family) -> SeenFamily<'a> {
+        let columns = depiction.source_columns(family);
+        let (positions, lengths) = (&family.positions, &family.smoothing_length);
+        if view.cut.is_none() {
+            let (positions, smoothing_length) = (Cow::Borrowed(&positions[..]), Cow::Borrowed(&lengths[..]));
+            return SeenFamily { positions, smoothing_length, columns };
+        }
+        let places: Vec<usize> =
+            (0..positions.len()).into_par_iter().filter(|&i| view.cut.keeps(positions[i].into())).collect();
+        let at = |column: &[f32]| -> Vec<f32> { places.iter().map(|&i| column[i]).collect() };
+        let depth = |i: usize| view.to_camera(positions[i].into()).z;
+        let weight = places.iter().map(|&i| (f64::from(columns.weight[i]) * view.cut.fade(depth(i))) as f32).collect();
+        SeenFamily {
+            positions: places.iter().map(|&i| positions[i]).collect(),
+            smoothing_length: at(lengths).into(),
+            columns: SourceColumns {
+                weight,
+                attribute: columns.attribute.as_deref().map(at),
+                density: columns.density.as_deref().map(at),
+            },
+        }
+    }
+}
+
 /// Draws source particles at their full precision.
 ///
 /// # Errors
@@ -227,17 +294,12 @@ pub fn draw_particles(
     method: Method,
 ) -> Result<Accumulation, RasterError> {
     let footprint = depiction.footprint();
-    let columns: Vec<_> = families.iter().map(|family| depiction.source_columns(family)).collect();
-    let batches = families
+    let seen: Vec<SeenFamily<'_>> = families.iter().map(|family| SeenFamily::new(view, depiction, family)).collect();
+    let batches = seen
         .iter()
-        .zip(&columns)
-        .map(|(family, columns)| {
-            Splats::new(
-                Positions::World(&family.positions),
-                extent(footprint, &family.smoothing_length),
-                &columns.weight,
-                columns.attribute.as_deref(),
-            )
+        .map(|SeenFamily { positions, smoothing_length, columns }| {
+            let extent = extent(footprint, smoothing_length);
+            Splats::new(Positions::World(positions), extent, &columns.weight, columns.attribute.as_deref())
         })
         .collect::<Result<Vec<_>, _>>()?;
     Ok(draw(view, &batches, &RasterOptions { method, kernel: dataset.kernel, ..RasterOptions::default() }))

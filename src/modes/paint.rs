@@ -2,7 +2,7 @@
 
 use super::{Depiction, Settings};
 use crate::model::{Dataset, Family, Kernel};
-use crate::modes::cpu::{DecodedNode, batches};
+use crate::modes::cpu::{DecodedNode, SeenFamily, batches};
 use crate::raster::volume::{Caster, Colors, VolumeError, VolumeLevels, VolumeReport, VolumeTransfer};
 use crate::raster::{Extent, Positions, Splats};
 use crate::store::Metadata;
@@ -82,13 +82,12 @@ pub fn paint_particles(
     families: &[&Family],
     subject: &Subject<'_>,
 ) -> Result<Painted, VolumeError> {
-    let columns: Vec<_> = families.iter().map(|family| depiction.source_columns(family)).collect();
-    let batches = families
+    let seen: Vec<SeenFamily<'_>> = families.iter().map(|family| SeenFamily::new(view, depiction, family)).collect();
+    let batches = seen
         .iter()
-        .zip(&columns)
-        .map(|(family, columns)| {
-            let extent = Extent::World(&family.smoothing_length);
-            Splats::new(Positions::World(&family.positions), extent, &columns.weight, columns.attribute.as_deref())?
+        .map(|SeenFamily { positions, smoothing_length, columns }| {
+            let extent = Extent::World(smoothing_length);
+            Splats::new(Positions::World(positions), extent, &columns.weight, columns.attribute.as_deref())?
                 .with_density(columns.density.as_deref())
         })
         .collect::<Result<Vec<_>, _>>()?;

@@ -95,7 +95,7 @@ impl<'a> Pilot<'a> {
             // Their kernels stay as they are: what their absence would do is what is measured.
             if share < 1.0 { Sample { growth: 1.0, ..Sample::even(key, share) } } else { Sample::ALL }
         };
-        let decoded = cpu::decode_some(depiction, metadata, nodes, even, sample);
+        let decoded = cpu::cut(view, cpu::decode_some(depiction, metadata, nodes, even, sample));
         let mut columns = Vec::with_capacity(decoded.len());
         for (drawn, node) in nodes.iter().zip(&decoded) {
             let family = &metadata.families[drawn.page.family as usize];

@@ -4,6 +4,7 @@
 //! (depth grows away from the eye). Pixel `(0, 0)` is the top left corner of the top left pixel; pixel centres lie
 //! at half-integers.
 
+use super::Cut;
 use crate::model::Bounds;
 use glam::DVec3;
 use thiserror::Error;
@@ -67,6 +68,8 @@ pub struct View {
     pub width: u32,
     /// Picture height, pixels.
     pub height: u32,
+    /// What is left out and faded.
+    pub cut: Cut,
 }
 
 impl View {
@@ -102,7 +105,13 @@ impl View {
         }
         let forward = (target - eye).try_normalize().ok_or(ViewError::NoDirection)?;
         let right = forward.cross(up.normalize_or_zero()).try_normalize().ok_or(ViewError::NoUp)?;
-        Ok(View { eye, right, up: right.cross(forward), forward, projection, width, height })
+        let up = right.cross(forward);
+        Ok(View { eye, right, up, forward, projection, width, height, cut: Cut::NONE })
+    }
+
+    /// The same camera that leaves out and fades what `cut` says.
+    pub fn with_cut(&self, cut: Cut) -> View {
+        View { cut, ..*self }
     }
 
     /// The same camera with a picture that is `pixels` larger on every side.

@@ -2,6 +2,7 @@
 //! nothing here knows a file or a GPU.
 
 pub mod camera;
+pub mod cut;
 pub mod detail;
 pub mod error;
 pub mod frame;
@@ -11,6 +12,7 @@ pub mod selection;
 pub mod travel;
 
 pub use camera::{Projection, View, ViewError};
+pub use cut::{Cut, CutSettings};
 pub use detail::Detail;
 pub use frustum::Extent;
 pub use perspective_grid::PerspectiveGrid;

@@ -136,7 +136,7 @@ impl<Tree: NodeTree> Traversal<'_, Tree> {
     /// and its refinement is missing, so that an ancestor has to be drawn.
     fn visit(&mut self, id: Tree::Id, info: NodeInfo<Tree::Id>) -> bool {
         self.selection.visited.push(id);
-        if !self.view.sees(&info.extent) {
+        if !self.view.sees(&info.extent) || !self.view.cut.reaches(&info.extent.bounds) {
             return true;
         }
         let error_pixels = self.view.error_pixels(&info.extent, info.delta);

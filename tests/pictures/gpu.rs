@@ -4,6 +4,7 @@ use crate::golden;
 use crate::support::{Built, built, demo, view_from};
 use deepfield::codec::VqBits;
 use deepfield::gpu::{Backend, HeadlessFrame, HeadlessRequest, render_headless};
+use deepfield::model::Bounds;
 use deepfield::modes::gpu::request_nodes;
 use deepfield::modes::{self, Depiction, Plan, Settings, cpu};
 use deepfield::raster::accumulation::relative_error;
@@ -12,7 +13,7 @@ use deepfield::raster::transfer::TransferFunction;
 use deepfield::raster::{Accumulation, Counts, Method};
 use deepfield::store::PageFile;
 use deepfield::stream::{Scene, SceneNode};
-use deepfield::view::View;
+use deepfield::view::{Cut, View};
 use glam::DVec3;
 use std::sync::Arc;
 
@@ -24,7 +25,7 @@ fn draw_both(file: &Arc<PageFile>, mode: &str, view: &View, backend: Backend) ->
     let mode = modes::find(mode).unwrap();
     let depiction = Depiction::of_pages(mode, Settings::default(), None, metadata).unwrap();
     let selection = Scene::new(Arc::clone(file), u64::MAX).converge_blocking(view, 0.8).unwrap();
-    let nodes = cpu::decode(&depiction, metadata, &selection.nodes);
+    let nodes = cpu::cut(view, cpu::decode(&depiction, metadata, &selection.nodes));
     let cpu = cpu::draw_nodes(view, &depiction, metadata, &nodes, Method::Pyramid).unwrap();
     let transfer = TransferFunction::preset(mode.transfer[usize::from(cpu.has_attribute())]);
     let request = request_nodes(view, &depiction, metadata, &selection.nodes, &Plan::default(), backend);
@@ -55,6 +56,28 @@ fn near_and_far_views_agree_with_the_cpu() {
             let (l1, l2) = relative_error(&gpu.accumulation.p, &cpu.p);
             println!("distance {distance}, {}: L1 {l1}, L2 {l2}", backend.name());
             assert!(l1 < 1e-3 && l2 < 1e-3, "distance {distance}, {}: L1 {l1}, L2 {l2}", backend.name());
+        }
+    }
+}
+
+#[test]
+fn what_a_view_leaves_out_and_fades_is_that_of_the_cpu() {
+    let built = built(&demo(), VqBits::Eight);
+    let bounds = built.dataset.bounds();
+    let view = view_from(&built.dataset, DVec3::new(-0.7, 0.2, 0.4), 1.2, 200, 150);
+    let cut = Cut {
+        bounds: Bounds { min: bounds.min + 0.3 * bounds.size(), max: DVec3::INFINITY },
+        fade_start: bounds.size().x,
+        fade_rate: 2.0 / bounds.size().x,
+    };
+    let cut = view.with_cut(cut);
+    for mode in ["column-density", "points"] {
+        for backend in BACKENDS {
+            let (cpu, gpu) = draw_both(&built.file, mode, &cut, backend);
+            let (l1, l2) = relative_error(&gpu.accumulation.p, &cpu.p);
+            assert!(l1 < 1e-3 && l2 < 1e-3, "{mode} on {}: L1 {l1}, L2 {l2}", backend.name());
+            let (whole, _) = draw_both(&built.file, mode, &view, backend);
+            assert!(cpu.sum() < 0.5 * whole.sum(), "{mode}: {} of {}", cpu.sum(), whole.sum());
         }
     }
 }

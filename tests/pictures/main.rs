@@ -4,6 +4,7 @@
 
 mod color_error;
 mod conservation;
+mod cut;
 mod economy;
 mod golden;
 #[cfg(feature = "viewer")]

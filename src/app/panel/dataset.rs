@@ -1,12 +1,31 @@
-//! The panel's part about the dataset: its facts and its families.
+//! The section about the data: its facts, its families, and each field with unit, range and distribution.
 
-use super::theme;
-use crate::app::scene::{Scene, Settings};
-use bevy_egui::egui::{self, Align, Layout, RichText, Ui};
+use super::{Dock, PanelState, Section, theme};
+use crate::app::number;
+use crate::hierarchy::{AttributeInfo, Histogram};
+use crate::store::FamilyMetadata;
+use bevy::prelude::DetectChangesMut;
+use bevy_egui::egui::{self, Align, Layout, Rect, RichText, Sense, Ui, pos2, vec2};
 
-/// Draws the facts, and a toggle for each family.
-pub fn show(ui: &mut Ui, scene: &Scene, settings: &mut Settings) {
-    theme::section(ui, "Dataset");
+/// The section.
+pub static SECTION: Section = Section {
+    name: "data",
+    title: "Data",
+    dock: Dock::Left,
+    applies: |state| state.scene.is_some(),
+    show: |ui, state| {
+        let mut families = state.settings.families.clone();
+        show(ui, state, &mut families);
+        if state.settings.families != families {
+            let edited = crate::app::scene::Settings { families, ..state.settings.clone() };
+            state.settings.set_if_neq(edited);
+        }
+    },
+};
+
+/// Draws the facts, and a toggle for each family with its fields.
+fn show(ui: &mut Ui, state: &PanelState<'_, '_>, families: &mut [bool]) {
+    let Some(scene) = &state.scene else { return };
     let name = scene.path.file_name().map_or_else(|| scene.path.to_string_lossy(), |name| name.to_string_lossy());
     ui.add(egui::Label::new(RichText::new(name).color(theme::TEXT).size(14.0)).truncate())
         .on_hover_text(scene.path.display().to_string());
@@ -24,20 +43,76 @@ pub fn show(ui: &mut Ui, scene: &Scene, settings: &mut Settings) {
             }
         });
     }
-    theme::section(ui, "Families");
-    for (family, visible) in scene.facts.families.iter().zip(&mut settings.families) {
+    ui.add_space(3.0);
+    let described = scene.facts.families.iter().zip(&scene.file.metadata().families);
+    for ((fact, family), visible) in described.zip(families) {
         let color = if *visible { theme::TEXT } else { theme::LABEL };
         ui.allocate_ui_with_layout(
-            egui::vec2(ui.available_width(), theme::ROW),
+            vec2(ui.available_width(), theme::ROW),
             Layout::left_to_right(Align::Center),
             |ui| {
-                ui.checkbox(visible, RichText::new(&family.name).color(color));
+                let toggle = ui.checkbox(visible, RichText::new(&fact.name).color(color));
+                theme::register(ui, &format!("family:{}", fact.name), toggle.rect);
                 ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
-                    ui.label(RichText::new(&family.count).color(color));
+                    ui.label(RichText::new(&fact.count).color(color));
                 });
             },
         )
         .response
-        .on_hover_text(&family.details);
+        .on_hover_text(&fact.details);
+        fields(ui, &fact.name, family);
     }
+}
+
+/// The fields of a family, each with its distribution over the source's particles.
+fn fields(ui: &mut Ui, name: &str, family: &FamilyMetadata) {
+    let columns = || family.quantities.iter().chain(&family.attributes);
+    let title = RichText::new(format!("{} fields", columns().count())).size(12.0).color(theme::LABEL);
+    let header = egui::CollapsingHeader::new(title).id_salt(("fields", name)).show(ui, |ui| {
+        for info in columns() {
+            field(ui, info);
+        }
+    });
+    theme::register(ui, &format!("fields:{name}"), header.header_response.rect);
+}
+
+fn field(ui: &mut Ui, info: &AttributeInfo) {
+    let [min, max, mean] = [info.min, info.max, info.mean].map(number::quantity);
+    let unit = if info.unit.is_unknown() { String::new() } else { format!("  {}", info.unit) };
+    let response = ui
+        .scope(|ui| {
+            theme::fact(ui, &info.name.replace('-', " "), format!("{min} to {max}{unit}"));
+            distribution(ui, &info.histogram);
+        })
+        .response;
+    let missing = match info.missing {
+        0 => String::new(),
+        n => format!("\n{} values are missing", number::count(n)),
+    };
+    let axis = if info.histogram.logarithmic { "logarithmic" } else { "linear" };
+    response
+        .on_hover_text(format!("mean {mean}{unit}{missing}\nThe axis is {axis}, heights are logarithms of counts."));
+}
+
+/// A small histogram, counts on a logarithmic scale.
+fn distribution(ui: &mut Ui, histogram: &Histogram) {
+    let (rect, _) = ui.allocate_exact_size(vec2(ui.available_width(), 22.0), Sense::hover());
+    let painter = ui.painter();
+    painter.rect_filled(rect, 3.0, theme::WELL);
+    let plot = rect.shrink2(vec2(3.0, 2.0));
+    let heights: Vec<f32> = histogram.counts.iter().map(|&count| (count as f64).ln_1p() as f32).collect();
+    let top = heights.iter().copied().fold(0.0, f32::max);
+    if top <= 0.0 {
+        return;
+    }
+    let width = plot.width() / heights.len() as f32;
+    for (i, height) in heights.iter().enumerate().filter(|(_, height)| **height > 0.0) {
+        let left = plot.left() + i as f32 * width;
+        let bar = Rect::from_min_max(
+            pos2(left, plot.bottom() - height / top * plot.height()),
+            pos2(left + width, plot.bottom()),
+        );
+        painter.rect_filled(bar, 0.0, theme::ACCENT.gamma_multiply(0.65));
+    }
+    ui.add_space(2.0);
 }

@@ -1,34 +1,54 @@
-//! The panel at the left: what the data is, how it is drawn, and how the program does.
+//! The panels in two docks: what the data is and how it is drawn at the left, what one learns of it at the right.
 
 pub mod histogram;
+pub mod section;
 pub mod theme;
 
 mod dataset;
 mod display;
-mod status;
+mod messages;
+mod mode;
+mod statistics;
+mod view;
 
 pub use display::Choices;
+pub use section::{Closed, Dock, Section};
 
+use super::camera::Viewpoint;
 use super::exposure::Exposure;
+use super::history::{History, Step};
 use super::look::Look;
 use super::messages::Messages;
 use super::open::Openings;
+use super::picture::DataCamera;
+use super::preset::Preset;
 use super::scene::{Scene, Settings};
+use super::scene_io::SceneFiles;
 use super::statistics::{Converged, FrameClock, Statistics};
 use bevy::ecs::system::SystemParam;
 use bevy::prelude::*;
-use bevy_egui::egui::{self, RichText, ScrollArea, Ui};
+use bevy_egui::egui::{self, RichText, Ui};
 
-/// All that the panel shows and edits.
+/// Every section, from the top of each dock.
+pub static SECTIONS: [&Section; 6] =
+    [&dataset::SECTION, &mode::SECTION, &display::SECTION, &view::SECTION, &statistics::SECTION, &messages::SECTION];
+
+/// All that the panels show and edit.
 #[derive(SystemParam)]
-pub struct PanelState<'w> {
+pub struct PanelState<'w, 's> {
     /// The open dataset.
     pub scene: Option<Res<'w, Scene>>,
     /// What is shown of the settings in the picture.
     pub look: Option<Res<'w, Look>>,
     /// The latest messages.
     pub messages: Res<'w, Messages>,
-    settings: ResMut<'w, Settings>,
+    /// What the user has chosen.
+    pub settings: ResMut<'w, Settings>,
+    /// Which sections are closed.
+    pub closed: ResMut<'w, Closed>,
+    history: ResMut<'w, History>,
+    files: ResMut<'w, SceneFiles>,
+    preset: Res<'w, Preset>,
     exposure: Res<'w, Exposure>,
     choices: Res<'w, Choices>,
     statistics: Res<'w, Statistics>,
@@ -36,33 +56,51 @@ pub struct PanelState<'w> {
     clock: Res<'w, FrameClock>,
     openings: Res<'w, Openings>,
     time: Res<'w, Time<Real>>,
+    camera: Query<'w, 's, &'static Viewpoint, With<DataCamera>>,
 }
 
-impl PanelState<'_> {
-    /// Draws the panel's contents.
-    pub fn show(&mut self, ui: &mut Ui) {
-        header(ui);
-        ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| {
-            // Room for the scroll bar, so that values do not jump when it appears.
-            ui.set_max_width(ui.available_width() - 4.0);
+impl PanelState<'_, '_> {
+    /// Draws a dock's contents.
+    pub fn show(&mut self, ui: &mut Ui, dock: Dock) {
+        if dock == Dock::Left {
+            self.header(ui);
             self.opening(ui);
-            if let Some(scene) = &self.scene {
-                let mut edited = self.settings.clone();
-                dataset::show(ui, scene, &mut edited);
-                if let Some(look) = &self.look {
-                    display::show(ui, scene.file.metadata(), look, &self.exposure, &self.choices, &mut edited);
-                }
-                self.settings.set_if_neq(edited);
-            } else if self.openings.progress().is_none() {
+            if self.scene.is_none() && self.openings.progress().is_none() {
                 ui.add_space(12.0);
-                ui.label(
-                    RichText::new("Nothing is open. Drop a snapshot, a catalogue or a page file here.")
-                        .color(theme::LABEL),
-                );
+                let hint = "Nothing is open. Drop a snapshot, a catalogue, a page file or a scene here.";
+                ui.label(RichText::new(hint).color(theme::LABEL));
+                ui.add_space(12.0);
             }
-            status::show(ui, &self.statistics, *self.converged, &self.clock, self.scene.is_some());
-            status::messages(ui, &self.messages);
+        }
+        section::show_dock(ui, dock, self);
+    }
+
+    /// The program's name, and what one can do at any time.
+    fn header(&mut self, ui: &mut Ui) {
+        let [past, future] = self.history.steps();
+        ui.horizontal(|ui| {
+            ui.label(RichText::new("deepfield").size(17.0).color(theme::TEXT).strong());
+            ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+                ui.spacing_mut().item_spacing.x = 4.0;
+                let mut button = |text: &str, name: &str, enabled: bool, help: &str| {
+                    let text = RichText::new(text).size(12.0);
+                    let response = ui.add_enabled(enabled, egui::Button::new(text).min_size(egui::vec2(38.0, 18.0)));
+                    theme::register(ui, name, response.rect);
+                    response.on_hover_text(help).clicked()
+                };
+                button("F1", "help", true, "Keys and gestures: press F1");
+                if button("Save", "save", self.scene.is_some(), "Save the scene (Ctrl+S)") {
+                    self.files.asked = true;
+                }
+                if button("Redo", "redo", future > 0, "Redo what was undone (Ctrl+Shift+Z, Ctrl+Y)") {
+                    self.history.asked = Some(Step::Redo);
+                }
+                if button("Undo", "undo", past > 0, "Undo the last change of a setting (Ctrl+Z)") {
+                    self.history.asked = Some(Step::Undo);
+                }
+            });
         });
+        ui.add_space(3.0);
     }
 
     /// What is being opened, with a bar.
@@ -81,18 +119,7 @@ impl PanelState<'_> {
                 theme::busy_bar(ui, self.time.elapsed_secs_f64());
             }
         }
+        ui.add_space(4.0);
         ui.ctx().request_repaint();
     }
-}
-
-/// The program's name, and how to get help.
-fn header(ui: &mut Ui) {
-    ui.horizontal(|ui| {
-        ui.label(RichText::new("deepfield").size(17.0).color(theme::TEXT).strong());
-        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-            ui.label(RichText::new("help").size(12.0).color(theme::LABEL));
-            ui.spacing_mut().item_spacing.x = 4.0;
-            theme::key_cap(ui, "F1");
-        });
-    });
 }

@@ -118,15 +118,144 @@ pub fn fact_colored(ui: &mut Ui, label: &str, value: impl Into<String>, color: C
     })
 }
 
-/// A row: the label at the left, anything at the right edge (laid out from the right).
+/// A row: the label at the left, anything at the right edge (laid out from the right). What is there is the control of the label's
+/// name.
 pub fn row(ui: &mut Ui, label: &str, add_value: impl FnOnce(&mut Ui)) -> Response {
     let size = vec2(ui.available_width(), ROW);
     ui.allocate_ui_with_layout(size, Layout::left_to_right(Align::Center), |ui| {
         ui.set_min_height(ROW);
         ui.label(RichText::new(label).color(LABEL));
-        ui.with_layout(Layout::right_to_left(Align::Center), add_value);
+        let value = ui.with_layout(Layout::right_to_left(Align::Center), add_value).response;
+        register(ui, &control_name(label), value.rect);
     })
     .response
+}
+
+/// The name of the control with this label.
+fn control_name(label: &str) -> String {
+    label.trim().to_lowercase().replace(' ', "-")
+}
+
+/// Where the named controls of a frame are, logical pixels.
+type Controls = std::collections::BTreeMap<String, egui::Rect>;
+
+/// Notes where a control is, for scripts and tests that look for it in the status file.
+pub fn register(ui: &Ui, name: &str, rect: egui::Rect) {
+    ui.data_mut(|data| data.get_temp_mut_or_default::<Controls>(controls_id()).insert(name.to_owned(), rect));
+}
+
+/// The controls that have been drawn since the last call.
+pub fn take_controls(ctx: &egui::Context) -> Controls {
+    ctx.data_mut(|data| std::mem::take(data.get_temp_mut_or_default::<Controls>(controls_id())))
+}
+
+fn controls_id() -> egui::Id {
+    egui::Id::new("deepfield controls")
+}
+
+/// A number that is dragged on a slider or typed.
+pub struct NumberRow<'a> {
+    /// What it is called.
+    pub label: &'a str,
+    /// Its unit.
+    pub unit: &'a str,
+    /// Ends of the slider, which are those of the number.
+    pub range: std::ops::RangeInclusive<f64>,
+    /// Whether the slider is logarithmic.
+    pub log: bool,
+    /// What a reset makes of it, where it differs.
+    pub default: Option<f64>,
+}
+
+/// Width of the field in which a number is typed.
+const FIELD: f32 = 74.0;
+/// Room of a reset mark and the gap before it.
+pub const MARK_ROOM: f32 = 18.0;
+/// Width of the part of a row that sets its value.
+pub const VALUE: f32 = 170.0;
+
+impl NumberRow<'_> {
+    /// Draws the row; whether the number has changed.
+    pub fn show(&self, ui: &mut Ui, value: &mut f64) -> Response {
+        let before = *value;
+        let mut response = row(ui, self.label, |ui| {
+            ui.spacing_mut().item_spacing.x = 6.0;
+            reset_mark(ui, self.label, self.default.is_some_and(|default| default != *value), || {
+                *value = self.default.unwrap_or(*value);
+            });
+            let name = control_name(self.label);
+            let field = egui::DragValue::new(value)
+                .range(self.range.clone())
+                .clamp_existing_to_range(false)
+                .speed(0.004 * (self.range.end() - self.range.start()).min(before.abs().max(0.01) * 4.0))
+                .custom_formatter(|value, _| brief(value))
+                .custom_parser(|text| text.trim().trim_end_matches(self.unit).trim().parse().ok())
+                .update_while_editing(false);
+            let typed = ui.add_sized(vec2(FIELD, ROW), field);
+            register(ui, &format!("{name}:field"), typed.rect);
+            ui.spacing_mut().slider_width = VALUE - FIELD - 6.0;
+            let slider = egui::Slider::new(value, self.range.clone()).logarithmic(self.log).show_value(false);
+            let dragged = ui.add(slider.clamping(egui::SliderClamping::Edits));
+            register(ui, &format!("{name}:slider"), dragged.rect);
+        });
+        if !self.unit.is_empty() {
+            response = response.on_hover_text(format!("in {}", self.unit));
+        }
+        if *value != before {
+            response.mark_changed();
+        }
+        response
+    }
+}
+
+/// A small mark that puts a value back to its default; its room is kept where there is nothing to put back.
+pub fn reset_mark(ui: &mut Ui, label: &str, differs: bool, reset: impl FnOnce()) {
+    let (rect, response) = ui.allocate_exact_size(vec2(12.0, ROW), Sense::click());
+    if !differs {
+        return;
+    }
+    register(ui, &format!("{}:reset", control_name(label)), rect);
+    let color = if response.hovered() { TEXT } else { ACCENT };
+    ui.painter().circle_filled(rect.center(), 3.0, color);
+    if response.on_hover_text("back to the default").clicked() {
+        reset();
+    }
+}
+
+/// A number as a field shows it: up to five significant figures, never so many that they are cut off.
+pub fn brief(value: f64) -> String {
+    let magnitude = value.abs();
+    if value == 0.0 {
+        "0".to_owned()
+    } else if (1e-3..1e5).contains(&magnitude) {
+        let decimals = (4.0 - magnitude.log10().floor()).clamp(0.0, 7.0) as usize;
+        let text = format!("{value:.decimals$}");
+        if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
+    } else {
+        let text = format!("{value:.3e}");
+        match text.split_once('e') {
+            Some((mantissa, exponent)) if mantissa.contains('.') => {
+                format!("{}e{exponent}", mantissa.trim_end_matches('0').trim_end_matches('.'))
+            }
+            _ => text,
+        }
+    }
+}
+
+/// A labelled combo box that fills the right part of the row.
+pub fn combo(ui: &mut Ui, label: &str, selected: &str, add: impl FnOnce(&mut Ui)) -> Response {
+    row(ui, label, |ui| {
+        ui.add_space(MARK_ROOM);
+        egui::ComboBox::from_id_salt(label).width(VALUE).truncate().selected_text(selected).show_ui(ui, add);
+    })
+}
+
+/// A labelled switch.
+pub fn switch(ui: &mut Ui, label: &str, on: &mut bool) -> Response {
+    row(ui, label, |ui| {
+        ui.add_space(MARK_ROOM);
+        ui.add_sized(vec2(18.0, ROW), egui::Checkbox::without_text(on));
+    })
 }
 
 /// A thin bar that is filled to `share`.
@@ -196,4 +325,27 @@ pub fn key_cap(ui: &mut Ui, key: &str) {
 /// The size of a text in the body font, logical pixels.
 pub fn text_size(painter: &egui::Painter, text: &str, size: f32) -> Vec2 {
     painter.layout_no_wrap(text.to_owned(), FontId::new(size, FontFamily::Proportional), TEXT).size()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_in_fields_are_short_and_right() {
+        for (value, text) in [
+            (0.0, "0"),
+            (1.0, "1"),
+            (0.8, "0.8"),
+            (-0.012_345_6, "-0.012346"),
+            (12_345.678, "12346"),
+            (45.25, "45.25"),
+            (2.5e9, "2.5e9"),
+            (1e-7, "1e-7"),
+            (f64::INFINITY, "inf"),
+        ] {
+            assert_eq!(brief(value), text);
+            assert!(value == 0.0 || (text.parse::<f64>().unwrap() / value - 1.0).abs() < 1e-4 || value.is_infinite());
+        }
+    }
 }

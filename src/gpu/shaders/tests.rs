@@ -280,7 +280,11 @@ fn written(path: &str, name: &str) -> Option<Layout> {
             faintest,
             peak,
             culling,
-            unused,
+            cut,
+            fade_start,
+            fade_rate,
+            clip_min,
+            clip_max,
             levels,
         }),
         "nodes" => {

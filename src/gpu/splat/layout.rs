@@ -97,8 +97,16 @@ pub struct SplatUniform {
     pub peak: f32,
     /// Whether particles outside the picture are dropped.
     pub culling: u32,
-    /// Padding.
-    pub unused: [u32; 3],
+    /// 1: particles are left out and faded as the next fields say.
+    pub cut: u32,
+    /// Depth up to which particles keep their weight.
+    pub fade_start: f32,
+    /// Rate of the exponential by which weights fall behind that.
+    pub fade_rate: f32,
+    /// Lowest corner of the box that is drawn, relative to the eye in world axes.
+    pub clip_min: [f32; 4],
+    /// Highest corner of that box.
+    pub clip_max: [f32; 4],
     /// The levels, finest first.
     pub levels: [Level; MAX_LEVELS],
 }
@@ -296,6 +304,8 @@ impl Grids {
             Footprint::Pixels { radius } => (Kernel::CubicSpline, radius.max(0.01)),
         };
         let axis = |axis: glam::DVec3| axis.as_vec3().extend(0.0).to_array();
+        // Shaders need not know infinity.
+        let corner = |corner: glam::DVec3| axis(corner.clamp(glam::DVec3::splat(-1e37), glam::DVec3::splat(1e37)));
         let uniform = SplatUniform {
             right: axis(view.right),
             up: axis(view.up),
@@ -316,7 +326,11 @@ impl Grids {
             faintest,
             peak: kernel.projected(0.0) as f32,
             culling: u32::from(culling),
-            unused: [0; 3],
+            cut: u32::from(!view.cut.is_none()),
+            fade_start: view.cut.fade_start as f32,
+            fade_rate: view.cut.fade_rate as f32,
+            clip_min: corner(view.cut.bounds.min - view.eye),
+            clip_max: corner(view.cut.bounds.max - view.eye),
             levels,
         };
         Grids { uniform, cells, tiles, kernel, oblique: perspective && fixed_radius == 0.0 }

@@ -15,7 +15,7 @@ use crate::raster::volume::bricks::{BRICK, Brick, Masonry};
 use crate::raster::volume::particles::{Particle, Taken, project};
 use crate::raster::volume::resample::lone_brick;
 use crate::view::perspective_grid::GridError;
-use crate::view::{Extent, PerspectiveGrid, Projection, View};
+use crate::view::{Cut, Extent, PerspectiveGrid, Projection, View};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
@@ -76,7 +76,8 @@ impl Octree {
         let corner = center + DVec3::new(-0.5, 0.5, 0.5) * side;
         let projection = Projection::Orthographic { height: side };
         let (right, up, forward) = (DVec3::X, DVec3::Y, DVec3::NEG_Z);
-        let view = View { eye: center + 0.5 * side * DVec3::Z, right, up, forward, projection, width: 64, height: 64 };
+        let eye = center + 0.5 * side * DVec3::Z;
+        let view = View { eye, right, up, forward, projection, width: 64, height: 64, cut: Cut::NONE };
         let taken = Taken { sigma: side / 64.0, smallest: 0.0, stride: 1 };
         let projected = project(&view, batches, &taken);
         let particles: Vec<Particle> = projected.chunks.into_iter().flatten().collect();

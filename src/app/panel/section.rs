@@ -1,0 +1,90 @@
+//! The docks at both sides of the picture, and the sections in them. A section is a file with a [`Section`] and a line in
+//! [`SECTIONS`](super::SECTIONS).
+
+use super::{PanelState, theme};
+use bevy::prelude::Resource;
+use bevy_egui::egui::{self, Align, CursorIcon, Layout, RichText, ScrollArea, Sense, Stroke, Ui, pos2, vec2};
+use std::collections::BTreeSet;
+
+/// A side of the picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Dock {
+    /// What is shown and how.
+    Left,
+    /// What one learns about it.
+    Right,
+}
+
+/// A titled part of a dock, which can be closed.
+pub struct Section {
+    /// Its name in presets and scenes.
+    pub name: &'static str,
+    /// Its heading.
+    pub title: &'static str,
+    /// Where it is.
+    pub dock: Dock,
+    /// Whether it has something to show.
+    pub applies: fn(&PanelState<'_, '_>) -> bool,
+    /// Draws what is below the heading.
+    pub show: fn(&mut Ui, &mut PanelState<'_, '_>),
+}
+
+/// The sections that the user has closed, by name.
+#[derive(Resource, Clone, Debug, Default, PartialEq, Eq, serde::Serialize)]
+pub struct Closed(pub BTreeSet<String>);
+
+impl Closed {
+    /// Opens or closes a section.
+    pub fn toggle(&mut self, name: &str) {
+        if !self.0.remove(name) {
+            self.0.insert(name.to_owned());
+        }
+    }
+}
+
+/// Draws the sections of a dock below each other.
+pub fn show_dock(ui: &mut Ui, dock: Dock, state: &mut PanelState<'_, '_>) {
+    ScrollArea::vertical().id_salt(("dock", dock)).auto_shrink([false, false]).show(ui, |ui| {
+        // Room for the scroll bar, so that values do not jump when it appears.
+        ui.set_max_width(ui.available_width() - 4.0);
+        for section in super::SECTIONS.iter().filter(|section| section.dock == dock) {
+            if !(section.applies)(state) {
+                continue;
+            }
+            let open = !state.closed.0.contains(section.name);
+            if heading(ui, section, open) {
+                state.closed.toggle(section.name);
+            }
+            if open {
+                ui.push_id(section.name, |ui| (section.show)(ui, state));
+                ui.add_space(5.0);
+            }
+        }
+    });
+}
+
+/// The heading with a mark that says whether the section is open; whether it was clicked.
+fn heading(ui: &mut Ui, section: &Section, open: bool) -> bool {
+    let (rect, response) = ui.allocate_exact_size(vec2(ui.available_width(), 22.0), Sense::click());
+    let hot = response.hovered();
+    let color = if hot { theme::TEXT } else { theme::LABEL };
+    let painter = ui.painter();
+    painter.hline(rect.x_range(), rect.top(), Stroke::new(1.0, theme::LINE));
+    let middle = pos2(rect.left() + 4.0, rect.center().y + 1.0);
+    let corners = match open {
+        true => [vec2(-3.5, -2.0), vec2(3.5, -2.0), vec2(0.0, 2.5)],
+        false => [vec2(-2.0, -3.5), vec2(2.5, 0.0), vec2(-2.0, 3.5)],
+    };
+    let triangle = corners.map(|corner| middle + corner).to_vec();
+    painter.add(egui::Shape::convex_polygon(triangle, color, Stroke::NONE));
+    let inner = egui::Rect::from_min_max(pos2(rect.left() + 14.0, rect.top() + 1.0), rect.max);
+    ui.scope_builder(egui::UiBuilder::new().max_rect(inner).layout(Layout::left_to_right(Align::Center)), |ui| {
+        let title = RichText::new(section.title.to_uppercase()).size(theme::SMALL).color(color).strong();
+        ui.add(egui::Label::new(title.extra_letter_spacing(1.2)).selectable(false));
+    });
+    theme::register(ui, &format!("section:{}", section.name), rect);
+    if hot {
+        ui.ctx().set_cursor_icon(CursorIcon::PointingHand);
+    }
+    response.clicked()
+}

@@ -1,0 +1,260 @@
+//! Scenes in the window: saved with Ctrl+S, opened as any other file.
+
+use super::camera::{Anchor, Flight, Viewpoint};
+use super::cpu_backend::volume_transfer;
+use super::input::PointerOwner;
+use super::lens::Lens;
+use super::messages::Messages;
+use super::panel::Closed;
+use super::picture::{DataCamera, Picture};
+use super::scene::{AttributeChoice, Scene, Settings};
+use super::shortcuts::Shown;
+use crate::model::FamilyName;
+use crate::modes;
+use crate::scene_file::{Attribute, Bookmark, Camera, DatasetRef, Panels, SceneFile};
+use crate::store::Metadata;
+use bevy::ecs::system::SystemParam;
+use bevy::math::DVec3;
+use bevy::prelude::*;
+use bevy_panorbit_camera::PanOrbitCamera;
+use std::path::{Path, PathBuf};
+
+/// A scene that has been opened: with its data it is handed to the window.
+#[derive(Clone, Debug)]
+pub struct OpenedScene {
+    /// The scene file.
+    pub path: PathBuf,
+    /// What it says.
+    pub scene: SceneFile,
+    /// What the user should know about its data.
+    pub notes: Vec<String>,
+}
+
+/// The scene file in use, and whether it is to be saved.
+#[derive(Resource, Clone, Debug, Default)]
+pub struct SceneFiles {
+    /// Where the scene is saved; chosen at the first time.
+    pub path: Option<PathBuf>,
+    /// A button of the panel asks to save.
+    pub asked: bool,
+}
+
+/// Viewpoints on number keys, as scenes keep them.
+#[derive(Resource, Clone, Debug, Default, PartialEq)]
+pub struct Bookmarks(pub Vec<Bookmark>);
+
+/// What a scene sets beside [`Settings`] and the camera.
+#[derive(SystemParam)]
+pub struct SceneParts<'w> {
+    files: ResMut<'w, SceneFiles>,
+    bookmarks: ResMut<'w, Bookmarks>,
+    closed: ResMut<'w, Closed>,
+    shown: ResMut<'w, Shown>,
+}
+
+/// A viewpoint with the settings' lens, as files keep it.
+pub fn camera_of(viewpoint: &Viewpoint, lens: &Lens) -> Camera {
+    Camera {
+        eye: viewpoint.eye.to_array(),
+        target: viewpoint.target.to_array(),
+        up: viewpoint.up.to_array(),
+        fov: lens.fov_deg,
+        ortho: lens.parallel.then(|| lens.height_at(viewpoint.distance())),
+    }
+}
+
+/// The viewpoint and the lens that a file's camera stands for.
+pub fn viewpoint_of(camera: &Camera) -> (Viewpoint, Lens) {
+    let [eye, target, up] = [camera.eye, camera.target, camera.up].map(DVec3::from);
+    let viewpoint = Viewpoint { eye, target, up, fov_y: camera.fov.to_radians() };
+    let mut lens = Lens { fov_deg: camera.fov, parallel: camera.ortho.is_some() };
+    // Where a user has written a height of his own, the field of view follows it.
+    if let Some(height) = camera.ortho
+        && (lens.height_at(viewpoint.distance()) / height - 1.0).abs() > 1e-9
+    {
+        lens.fov_deg = Lens::fov_of(height, viewpoint.distance());
+    }
+    (Viewpoint { fov_y: lens.fov_deg.to_radians(), ..viewpoint }, lens)
+}
+
+/// The scene that the window shows, to be saved at `path`.
+fn scene_file(
+    scene: &Scene,
+    settings: &Settings,
+    viewpoint: &Viewpoint,
+    picture: &Picture,
+    parts: &SceneParts<'_>,
+    has_attribute: bool,
+    path: &Path,
+) -> SceneFile {
+    let families = scene.file.metadata().families.iter().map(|family| family.name);
+    let shown: Vec<FamilyName> =
+        families.zip(&settings.families).filter(|(_, shown)| **shown).map(|(name, _)| name).collect();
+    let all = shown.len() == settings.families.len();
+    let dataset = DatasetRef { families: (!all).then_some(shown), ..DatasetRef::of(&scene.path, path) };
+    let size = picture.size();
+    let is_painted = settings.mode.painter().is_some();
+    SceneFile {
+        mode: Some(settings.mode.name.to_owned()),
+        settings: settings.mode_settings.clone(),
+        attribute: match &settings.attribute {
+            AttributeChoice::Automatic => Attribute::Automatic,
+            AttributeChoice::None => Attribute::None,
+            AttributeChoice::Named(name) => Attribute::Named(name.clone()),
+        },
+        transfer: Some(settings.transfer),
+        volume: is_painted.then(|| volume_transfer(&settings.transfer, has_attribute)),
+        error_px: Some(settings.error_px),
+        size: Some((size.x, size.y)),
+        camera: Some(camera_of(viewpoint, &settings.lens)),
+        cut: settings.cut,
+        bookmarks: parts.bookmarks.0.clone(),
+        panels: Panels { shown: parts.shown.panel, closed: Some(parts.closed.0.iter().cloned().collect()) },
+        ..SceneFile::new(dataset)
+    }
+}
+
+/// Where a scene of the data at `path` is saved at first: beside the data, or in the working folder where that cannot be
+/// written, under a name that no file has.
+fn first_path(data: &Path) -> PathBuf {
+    let stem = data.file_stem().map_or_else(|| "scene".to_owned(), |stem| stem.to_string_lossy().into_owned());
+    let folder = data.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let folder = match tempfile::tempfile_in(folder) {
+        Ok(_) => folder.to_owned(),
+        Err(_) => PathBuf::new(),
+    };
+    let name = |i: u32| match i {
+        1 => folder.join(format!("{stem}.scene.ron")),
+        i => folder.join(format!("{stem}-{i}.scene.ron")),
+    };
+    (1..u32::MAX).map(name).find(|path| !path.exists()).unwrap_or_else(|| name(1))
+}
+
+/// Saves the scene on Ctrl+S and where the panel's button asks for it.
+pub(super) fn save(
+    keys: Res<ButtonInput<KeyCode>>,
+    owner: Res<PointerOwner>,
+    scene: Option<Res<Scene>>,
+    (settings, look): (Res<Settings>, Option<Res<super::look::Look>>),
+    picture: Res<Picture>,
+    mut parts: SceneParts,
+    mut messages: ResMut<Messages>,
+    camera: Single<&Viewpoint, With<DataCamera>>,
+) {
+    let control = keys.any_pressed([KeyCode::ControlLeft, KeyCode::ControlRight]) && owner.keyboard_is_free();
+    let pressed = control && keys.just_pressed(KeyCode::KeyS);
+    let asked = parts.files.asked;
+    if asked {
+        parts.files.asked = false;
+    }
+    if !(pressed || asked) {
+        return;
+    }
+    let Some(scene) = scene else { return };
+    let path = parts.files.path.clone().unwrap_or_else(|| first_path(&scene.path));
+    let has_attribute = look.is_some_and(|look| look.depiction.attribute.is_some());
+    let file = scene_file(&scene, &settings, &camera, &picture, &parts, has_attribute, &path);
+    match file.write(&path) {
+        Ok(()) => {
+            messages.info(format!("scene saved in {}", path.display()));
+            parts.files.path = Some(path);
+        }
+        Err(error) => messages.error(error.to_string()),
+    }
+}
+
+/// Shows what a scene says of the file that has just been adopted; what does not apply to it is told and left out.
+pub(super) fn apply(
+    opened: Option<&OpenedScene>,
+    metadata: &Metadata,
+    attributes: &[String],
+    settings: &mut Settings,
+    (entity, viewpoint, anchor, orbit): (Entity, &mut Viewpoint, &mut Anchor, &mut PanOrbitCamera),
+    parts: &mut SceneParts<'_>,
+    commands: &mut Commands,
+    messages: &mut Messages,
+) {
+    let Some(OpenedScene { path, scene, notes }) = opened else {
+        parts.files.path = None;
+        parts.bookmarks.0.clear();
+        return;
+    };
+    notes.iter().for_each(|note| messages.error(note));
+    let told = |what: String| format!("{}: {what}", path.display());
+    if let Some(mode) = scene.mode.as_deref().and_then(modes::find) {
+        settings.choose_mode(mode);
+        settings.mode_settings = scene.settings.clone();
+    }
+    settings.attribute = match &scene.attribute {
+        Attribute::Automatic => AttributeChoice::Automatic,
+        Attribute::None => AttributeChoice::None,
+        Attribute::Named(name) if attributes.contains(name) => AttributeChoice::Named(name.clone()),
+        Attribute::Named(name) => {
+            messages.error(told(format!("the data has no attribute {name}; the usual one is shown")));
+            AttributeChoice::Automatic
+        }
+    };
+    if let Some(transfer) = scene.transfer {
+        settings.transfer = transfer;
+        settings.keep_transfer = true;
+    }
+    if let Some(error_px) = scene.error_px {
+        settings.error_px = error_px;
+    }
+    settings.cut = scene.cut;
+    if let Some(families) = scene.datasets.first().and_then(|dataset| dataset.families.as_ref()) {
+        let names: Vec<FamilyName> = metadata.families.iter().map(|family| family.name).collect();
+        settings.families = names.iter().map(|name| families.contains(name)).collect();
+        for missing in families.iter().filter(|family| !names.contains(family)) {
+            messages.error(told(format!("the data has no particles of family {missing}")));
+        }
+    }
+    if let Some(camera) = &scene.camera {
+        let lens;
+        (*viewpoint, lens) = viewpoint_of(camera);
+        settings.lens = lens;
+        *anchor = Anchor::adopt(viewpoint, orbit);
+        commands.entity(entity).remove::<Flight>();
+    }
+    parts.bookmarks.0.clone_from(&scene.bookmarks);
+    parts.shown.panel = scene.panels.shown;
+    if let Some(closed) = &scene.panels.closed {
+        parts.closed.0 = closed.iter().cloned().collect();
+    }
+    parts.files.path = Some(path.clone());
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        /// A viewpoint comes back from a file's camera: exactly in perspective, to rounding where lines of sight are parallel.
+        #[test]
+        fn viewpoints_come_back(
+            eye in prop::array::uniform3(-1e3..1e3f64),
+            target in prop::array::uniform3(-1e3..1e3f64),
+            fov_deg in 1.0..150.0f64,
+            parallel in any::<bool>(),
+        ) {
+            let lens = Lens { fov_deg, parallel };
+            let [eye, target] = [eye, target].map(DVec3::from);
+            prop_assume!(eye.distance(target) > 1e-3);
+            let viewpoint = Viewpoint { eye, target, up: DVec3::Y, fov_y: fov_deg.to_radians() };
+            let camera = camera_of(&viewpoint, &lens);
+            prop_assert_eq!(viewpoint_of(&camera), (viewpoint, lens));
+        }
+    }
+
+    #[test]
+    fn scenes_are_saved_beside_the_data_under_a_free_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let data = folder.path().join("box.hdf5");
+        let first = first_path(&data);
+        assert_eq!(first, folder.path().join("box.scene.ron"));
+        std::fs::write(&first, "mine").unwrap();
+        assert_eq!(first_path(&data), folder.path().join("box-2.scene.ron"));
+        assert_eq!(first_path(Path::new("/nowhere/at/all.df")), Path::new("all.scene.ron"), "the working folder");
+    }
+}

@@ -1,0 +1,110 @@
+//! Values of a scene that are of the right type and make no sense all the same.
+
+use super::{Camera, SceneFile, VERSION};
+use crate::model::ron_file::RonError;
+use crate::modes::setting::SettingError;
+use crate::modes::{self, MODES};
+
+/// Where a field stands in the text, for messages.
+struct Place<'a> {
+    file: &'a str,
+    text: &'a str,
+}
+
+impl Place<'_> {
+    /// The error of a value; `path` leads to its field from the outside, the last name being the field's.
+    fn refuse(&self, path: &[&str], found: impl ToString, expected: impl std::fmt::Display) -> RonError {
+        let mut at = 0;
+        for name in path {
+            at += find_name(&self.text[at..], name).unwrap_or(0);
+        }
+        let before = &self.text[..at];
+        RonError::Syntax {
+            file: self.file.to_owned(),
+            line: 1 + before.matches('\n').count(),
+            column: 1 + before.rsplit('\n').next().map_or(0, |line| line.chars().count()),
+            field: path.last().copied().unwrap_or("the text").to_owned(),
+            message: format!("found {}, expected {expected}", found.to_string()),
+        }
+    }
+}
+
+/// Where a name stands in RON that a colon follows, or the same name as a string.
+fn find_name(text: &str, name: &str) -> Option<usize> {
+    let is_word = |c: char| c.is_alphanumeric() || c == '_' || c == '-';
+    let matches = text.match_indices(name);
+    let mut whole = matches.filter(|(at, _)| {
+        let (before, after) = (&text[..*at], &text[at + name.len()..]);
+        !before.chars().next_back().is_some_and(is_word) && after.trim_start_matches('"').trim_start().starts_with(':')
+    });
+    whole.next().map(|(at, _)| at)
+}
+
+/// Checks what types cannot.
+///
+/// # Errors
+/// The first mistake with its place.
+pub(super) fn check(scene: &SceneFile, file: &str, text: &str) -> Result<(), RonError> {
+    let place = Place { file, text };
+    if scene.version != VERSION {
+        return Err(place.refuse(&["version"], scene.version, VERSION));
+    }
+    if scene.datasets.len() != 1 {
+        return Err(place.refuse(&["datasets"], format!("a list of {}", scene.datasets.len()), "one dataset"));
+    }
+    let mode = match &scene.mode {
+        Some(name) => {
+            modes::find(name).ok_or_else(|| place.refuse(&["mode"], name, format!("one of {}", modes::names())))?
+        }
+        None => MODES[0],
+    };
+    scene.settings.check(mode).map_err(|error| match error {
+        SettingError::Unknown { name, expected, .. } => {
+            place.refuse(&["settings", &name], &name, format!("a setting of {}: {expected}", mode.name))
+        }
+        SettingError::Value { name, found, expected } => place.refuse(&["settings", name], found, expected),
+    })?;
+    if let Some(error_px) = scene.error_px.filter(|value| !(0.05..=64.0).contains(value)) {
+        return Err(place.refuse(&["error_px"], error_px, "0.05 to 64 pixels"));
+    }
+    if let Some((width, height)) = scene.size
+        && !((1..=32768).contains(&width) && (1..=32768).contains(&height))
+    {
+        return Err(place.refuse(&["size"], format!("{width}x{height}"), "1x1 to 32768x32768"));
+    }
+    if let Some(camera) = &scene.camera {
+        check_camera(&place, &["camera"], camera)?;
+    }
+    for (i, bookmark) in scene.bookmarks.iter().enumerate() {
+        if bookmark.key > 9 {
+            return Err(place.refuse(&["bookmarks", "key"], bookmark.key, "0 to 9"));
+        }
+        if scene.bookmarks[..i].iter().any(|other| other.key == bookmark.key) {
+            return Err(place.refuse(&["bookmarks"], format!("key {} twice", bookmark.key), "each key once"));
+        }
+        check_camera(&place, &["bookmarks", "camera"], &bookmark.camera)?;
+    }
+    Ok(())
+}
+
+fn check_camera(place: &Place<'_>, path: &[&str], camera: &Camera) -> Result<(), RonError> {
+    let refuse = |field: &'static str, found: String, expected: &str| {
+        let path: Vec<&str> = path.iter().copied().chain([field]).collect();
+        Err(place.refuse(&path, found, expected))
+    };
+    for (name, point) in [("eye", camera.eye), ("target", camera.target), ("up", camera.up)] {
+        if !point.iter().all(|x| x.is_finite()) {
+            return refuse(name, format!("{point:?}"), "finite numbers");
+        }
+    }
+    if !(camera.fov > 0.0 && camera.fov < 180.0) {
+        return refuse("fov", camera.fov.to_string(), "between 0 and 180 degrees");
+    }
+    if let Some(height) = camera.ortho.filter(|height| !(*height > 0.0 && height.is_finite())) {
+        return refuse("ortho", height.to_string(), "a finite height above 0");
+    }
+    match camera.view(64, 64) {
+        Ok(_) => Ok(()),
+        Err(error) => refuse("eye", format!("{:?}", camera.eye), &format!("a camera that sees something: {error}")),
+    }
+}

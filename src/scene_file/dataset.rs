@@ -1,0 +1,164 @@
+//! A scene's data: by path, and by a fingerprint that tells whether it is still the same.
+
+use super::SceneError;
+use crate::model::FamilyName;
+use serde::{Deserialize, Serialize};
+use std::io::{Read, Seek, SeekFrom};
+use std::path::{Path, PathBuf};
+
+/// A dataset that a scene shows.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DatasetRef {
+    /// The source or page file; where it is relative, from the scene file's folder.
+    pub path: PathBuf,
+    /// What the file was when the scene was saved.
+    #[serde(default)]
+    pub fingerprint: Option<Fingerprint>,
+    /// The families that are drawn; all where it is `None`.
+    #[serde(default)]
+    pub families: Option<Vec<FamilyName>>,
+}
+
+/// What tells one file from another without reading all of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Fingerprint {
+    /// Its length.
+    pub bytes: u64,
+    /// CRC-32C of its first and last [`SPAN`] bytes.
+    pub crc32c: u32,
+}
+
+/// Bytes at either end that a fingerprint is made of.
+pub const SPAN: u64 = 1 << 16;
+
+impl Fingerprint {
+    /// The fingerprint of a file.
+    ///
+    /// # Errors
+    /// When it cannot be read.
+    pub fn of(path: &Path) -> std::io::Result<Fingerprint> {
+        let mut file = std::fs::File::open(path)?;
+        let bytes = file.metadata()?.len();
+        let mut ends = Vec::new();
+        Read::by_ref(&mut file).take(SPAN).read_to_end(&mut ends)?;
+        file.seek(SeekFrom::Start(bytes.saturating_sub(SPAN)))?;
+        file.take(SPAN).read_to_end(&mut ends)?;
+        Ok(Fingerprint { bytes, crc32c: crc32c::crc32c(&ends) })
+    }
+}
+
+/// Where a scene's data is.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Located {
+    /// The file to open.
+    pub path: PathBuf,
+    /// What the user should know about it, a sentence each.
+    pub notes: Vec<String>,
+}
+
+impl DatasetRef {
+    /// The data at `path` as a scene beside it, or anywhere else, names it: relative where it lies in the scene's folder or below.
+    pub fn of(path: &Path, scene: &Path) -> DatasetRef {
+        let path = path.canonicalize().unwrap_or_else(|_| path.to_owned());
+        let fingerprint = Fingerprint::of(&path).ok();
+        let folder = folder_of(scene);
+        let folder = folder.canonicalize().unwrap_or(folder);
+        let path = path.strip_prefix(&folder).map(Path::to_owned).unwrap_or(path);
+        DatasetRef { path, fingerprint, families: None }
+    }
+
+    /// Finds the data of the scene file `scene`: where it says, else beside the scene file.
+    ///
+    /// # Errors
+    /// [`SceneError::Missing`] where it is in neither place, or cannot be read.
+    pub fn locate(&self, scene: &Path) -> Result<Located, SceneError> {
+        let folder = folder_of(scene);
+        let named = folder.join(&self.path);
+        let beside = self.path.file_name().map(|name| folder.join(name)).filter(|beside| *beside != named);
+        let places = [Some(named.clone()), beside.clone()].into_iter().flatten();
+        let mut found: Vec<(PathBuf, Fingerprint)> =
+            places.filter_map(|path| Fingerprint::of(&path).ok().map(|fingerprint| (path, fingerprint))).collect();
+        let is_same = |fingerprint: &Fingerprint| self.fingerprint.is_none_or(|known| known == *fingerprint);
+        let best = found.iter().position(|(_, fingerprint)| is_same(fingerprint)).unwrap_or(0);
+        if found.is_empty() {
+            let (scene, beside) = (scene.to_owned(), beside.unwrap_or_else(|| folder.clone()));
+            return Err(SceneError::Missing { scene, path: named, beside });
+        }
+        let (path, fingerprint) = found.swap_remove(best);
+        let mut notes = Vec::new();
+        if path != named {
+            let what = if named.is_file() { "has changed" } else { "is not there" };
+            let (scene, named, path) = (scene.display(), named.display(), path.display());
+            notes.push(format!("{scene}: {named} {what}; {path} beside the scene is opened instead"));
+        }
+        if let Some(known) = self.fingerprint.filter(|known| *known != fingerprint) {
+            let how = match known.bytes == fingerprint.bytes {
+                true => "its content differs".to_owned(),
+                false => format!("it has {} bytes and had {}", fingerprint.bytes, known.bytes),
+            };
+            notes.push(format!(
+                "{}: {} is not the file that the scene was saved with ({how}); what does not fit it is left out",
+                scene.display(),
+                path.display()
+            ));
+        }
+        Ok(Located { path, notes })
+    }
+}
+
+/// The folder that a file lies in.
+fn folder_of(file: &Path) -> PathBuf {
+    match file.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder.to_owned(),
+        _ => PathBuf::from("."),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn data_is_found_where_it_was_or_beside_the_scene_and_changes_are_told() {
+        let folder = tempfile::tempdir().unwrap();
+        let (data, scene) = (folder.path().join("data"), folder.path().join("scenes"));
+        for path in [&data, &scene] {
+            std::fs::create_dir(path).unwrap();
+        }
+        let (file, scene) = (data.join("box.df"), scene.join("a.scene.ron"));
+        std::fs::write(&file, vec![7; 200_000]).unwrap();
+        let named = DatasetRef::of(&file, &scene);
+        assert_eq!(named.locate(&scene).unwrap(), Located { path: file.canonicalize().unwrap(), notes: Vec::new() });
+        let below = DatasetRef::of(&file, &folder.path().join("b.scene.ron"));
+        assert_eq!(below.path, Path::new("data/box.df"), "relative where that survives a move of both");
+
+        // Moved: found beside the scene, and told.
+        let moved = scene.with_file_name("box.df");
+        std::fs::rename(&file, &moved).unwrap();
+        let located = named.locate(&scene).unwrap();
+        assert_eq!(located.path, moved);
+        assert!(located.notes.len() == 1 && located.notes[0].contains("box.df is not there"), "{located:?}");
+
+        // Changed: told, and opened all the same.
+        let mut content = vec![7; 200_000];
+        content[199_999] = 8;
+        std::fs::write(&moved, &content).unwrap();
+        let located = named.locate(&scene).unwrap();
+        assert!(located.notes[1].contains("its content differs"), "{located:?}");
+        std::fs::write(&moved, [1]).unwrap();
+        assert!(named.locate(&scene).unwrap().notes[1].contains("it has 1 bytes and had 200000"));
+        // The one that is the same is preferred.
+        std::fs::write(&file, vec![7; 200_000]).unwrap();
+        assert_eq!(named.locate(&scene).unwrap().path, file.canonicalize().unwrap());
+
+        // Gone: both places are named, and what to do.
+        std::fs::remove_file(&file).unwrap();
+        std::fs::remove_file(&moved).unwrap();
+        let message = named.locate(&scene).unwrap_err().to_string();
+        for part in ["a.scene.ron", "data/box.df", "scenes/box.df", "datasets"] {
+            assert!(message.contains(part), "{message}");
+        }
+    }
+}

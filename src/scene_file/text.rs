@@ -1,0 +1,120 @@
+//! Scenes as text: read with every mistake named by its place, written under a temporary name first.
+
+use super::{SceneFile, VERSION, check};
+use crate::model::new_file;
+use crate::model::ron_file::{self, RonError};
+use serde::Deserialize;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// Why a scene is not opened or saved.
+#[derive(Debug, thiserror::Error)]
+pub enum SceneError {
+    /// Its text is refused.
+    #[error(transparent)]
+    Ron(#[from] RonError),
+    /// It was written by a later version of the program.
+    #[error("{file}: version is {found}, expected {VERSION}: a later deepfield has written it")]
+    Version {
+        /// The scene file.
+        file: String,
+        /// Its version.
+        found: u32,
+    },
+    /// The data is neither where the scene says nor beside it.
+    #[error(
+        "{}: the data is neither at {} nor at {}; put it beside the scene file, or correct the path in datasets",
+        scene.display(), path.display(), beside.display()
+    )]
+    Missing {
+        /// The scene file.
+        scene: PathBuf,
+        /// Where the scene says that the data is.
+        path: PathBuf,
+        /// Where it was looked for, too.
+        beside: PathBuf,
+    },
+    /// The file cannot be written.
+    #[error("{}: {source}", path.display())]
+    Write {
+        /// The scene file.
+        path: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+}
+
+/// Whether a path is that of a scene by its name: `NAME.scene.ron`, or any other `.ron`.
+pub fn is_scene_file(path: &Path) -> bool {
+    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("ron"))
+}
+
+/// What is read of a scene of any version.
+#[derive(Deserialize)]
+struct AnyVersion {
+    version: u32,
+}
+
+impl SceneFile {
+    /// Reads a scene file.
+    ///
+    /// # Errors
+    /// [`SceneError::Ron`] and [`SceneError::Version`].
+    pub fn read(path: &Path) -> Result<SceneFile, SceneError> {
+        let file = path.display().to_string();
+        match std::fs::read_to_string(path) {
+            Ok(text) => SceneFile::parse(&file, &text),
+            Err(source) => Err(RonError::Io { file, source }.into()),
+        }
+    }
+
+    /// Reads a scene from text; `file` is what errors call it.
+    ///
+    /// # Errors
+    /// [`SceneError::Ron`] and [`SceneError::Version`].
+    pub fn parse(file: &str, text: &str) -> Result<SceneFile, SceneError> {
+        // What a later version has added would be called unknown here.
+        if let Ok(AnyVersion { version }) = ron_file::parse(file, text)
+            && version > VERSION
+        {
+            return Err(SceneError::Version { file: file.to_owned(), found: version });
+        }
+        let scene: SceneFile = ron_file::parse(file, text)?;
+        check::check(&scene, file, text)?;
+        Ok(scene)
+    }
+
+    /// The scene as text.
+    ///
+    /// # Errors
+    /// [`SceneError::Write`] if RON cannot say it.
+    pub fn text(&self, path: &Path) -> Result<String, SceneError> {
+        let style = ron::ser::PrettyConfig::new().depth_limit(4).struct_names(false);
+        let fail = |error: ron::Error| SceneError::Write {
+            path: path.to_owned(),
+            source: std::io::Error::new(std::io::ErrorKind::InvalidData, error.to_string()),
+        };
+        let body = ron::ser::to_string_pretty(self, style).map_err(fail)?;
+        Ok(format!("// A scene of deepfield: `deepfield view` and `deepfield render` open it.\n{body}\n"))
+    }
+
+    /// Writes the scene file under another name, which then takes its place.
+    ///
+    /// # Errors
+    /// [`SceneError::Write`].
+    pub fn write(&self, path: &Path) -> Result<(), SceneError> {
+        let text = self.text(path)?;
+        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let write = || {
+            let mut file = new_file::builder().tempfile_in(folder)?;
+            file.write_all(text.as_bytes())?;
+            file.as_file().sync_all()?;
+            file.persist(path).map_err(|error| error.error)?;
+            Ok(())
+        };
+        write().map_err(|source| SceneError::Write { path: path.to_owned(), source })
+    }
+}
+
+#[cfg(test)]
+mod tests;
