@@ -129,6 +129,7 @@ impl Plugin for WindowApp {
         .init_resource::<history::History>()
         .init_resource::<scene_io::SceneFiles>()
         .init_resource::<scene_io::Bookmarks>()
+        .init_resource::<scene_io::Selections>()
         .init_resource::<ui::Controls>()
         .init_resource::<exposure::Exposure>()
         .init_resource::<input::PointerOwner>()

@@ -54,12 +54,15 @@ pub fn pick(view: &View, metadata: &Metadata, nodes: &[SceneNode], cursor: [f64;
             if pixels > REACH || camera.z <= 0.0 {
                 continue;
             }
+            let position = view.eye + view.right * camera.x + view.up * camera.y + view.forward * camera.z;
+            if !view.cut.keeps(position) {
+                continue;
+            }
             let column = |values: &[f32]| values.get(usize::from(code)).map_or(0.0, |&value| f64::from(value));
             let (density, smoothing_length) = (column(&codebook.density), column(&codebook.smoothing_length));
             let closeness = 1.0 - pixels / (REACH * 1.001);
             let score = closeness * closeness * density.max(f64::MIN_POSITIVE).powf(0.5) / camera.z.powf(0.25);
             if best.as_ref().is_none_or(|(highest, _)| score > *highest) {
-                let position = view.eye + view.right * camera.x + view.up * camera.y + view.forward * camera.z;
                 best = Some((score, Picked { position, smoothing_length, pixels }));
             }
         }

@@ -73,6 +73,9 @@ fn apply_preset(
     if loaded.drawing.error_px != preset.drawing.error_px {
         settings.error_px = loaded.drawing.error_px;
     }
+    if loaded.camera.field_of_view_deg != preset.camera.field_of_view_deg {
+        settings.lens.fov_deg = loaded.camera.field_of_view_deg;
+    }
     let economy = economy_of(&loaded);
     if economy != economy_of(&preset) {
         settings.mode_settings.0.extend(economy.0);

@@ -97,10 +97,10 @@ impl DecodedNode {
 
     /// Drops the particles that the view leaves out, and fades the others.
     fn cut(&mut self, view: &View) {
-        let DecodedNode { origin, offsets, smoothing_length, weight, attribute, density } = self;
+        let DecodedNode { origin, size, offsets, smoothing_length, weight, attribute, density } = self;
         let mut kept = 0;
         for i in 0..weight.len() {
-            let position = *origin + glam::Vec3::from_array(offsets[i]).as_dvec3();
+            let position = *origin + *size * glam::Vec3::from_array(offsets[i]).as_dvec3();
             if !view.cut.keeps(position) {
                 continue;
             }

@@ -1,6 +1,7 @@
 //! Values of a scene that are of the right type and make no sense all the same.
 
 use super::{Camera, SceneFile, VERSION};
+use crate::explore::ExploreError;
 use crate::model::ron_file::RonError;
 use crate::modes::setting::SettingError;
 use crate::modes::{self, MODES};
@@ -83,6 +84,15 @@ pub(super) fn check(scene: &SceneFile, file: &str, text: &str) -> Result<(), Ron
             return Err(place.refuse(&["bookmarks"], format!("key {} twice", bookmark.key), "each key once"));
         }
         check_camera(&place, &["bookmarks", "camera"], &bookmark.camera)?;
+    }
+    for set in &scene.selections {
+        set.check().map_err(|error| match error {
+            ExploreError::Value { field, found, expected } => {
+                let last = field.rsplit('.').next().unwrap_or(&field);
+                place.refuse(&["selections", &set.name, last], found, expected)
+            }
+            other => place.refuse(&["selections"], other, "a selection"),
+        })?;
     }
     Ok(())
 }

@@ -12,6 +12,7 @@ mod text;
 pub use dataset::{DatasetRef, Fingerprint, Located};
 pub use text::{SceneError, is_scene_file};
 
+use crate::explore::SelectionSet;
 use crate::modes::Settings;
 use crate::raster::transfer::TransferFunction;
 use crate::raster::volume::VolumeTransfer;
@@ -60,6 +61,9 @@ pub struct SceneFile {
     /// Viewpoints on number keys.
     #[serde(default)]
     pub bookmarks: Vec<Bookmark>,
+    /// Coloured selections.
+    #[serde(default)]
+    pub selections: Vec<SelectionSet>,
     /// The window's panels.
     #[serde(default)]
     pub panels: Panels,
@@ -150,6 +154,7 @@ impl SceneFile {
             camera: None,
             cut: CutSettings::default(),
             bookmarks: Vec::new(),
+            selections: Vec::new(),
             panels: Panels::default(),
         }
     }

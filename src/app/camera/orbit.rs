@@ -93,6 +93,17 @@ pub(super) fn switch_orbit_input(
     }
 }
 
+impl Viewpoint {
+    /// Whether this differs from another viewpoint by no more than the orbit camera's `f32` does: angles are good to 1.2e-7. Where the
+    /// orbit camera has not moved, a viewpoint that was opened or flown to stays exactly what it was.
+    fn is_rounding_of(&self, other: &Viewpoint) -> bool {
+        let reach = 4e-7 * other.distance();
+        self.eye.distance(other.eye) <= reach
+            && self.target.distance(other.target) <= reach
+            && self.fov_y == other.fov_y
+    }
+}
+
 /// Derives the viewpoint from the orbit camera while that one navigates.
 pub(super) fn follow_orbit(
     mut cameras: Query<(&Navigation, Has<super::Flight>, &PanOrbitCamera, &Anchor, &mut Viewpoint)>,
@@ -101,8 +112,10 @@ pub(super) fn follow_orbit(
         if *navigation != Navigation::Orbit || in_flight {
             continue;
         }
-        if let Some(moved) = anchor.viewpoint(orbit, viewpoint.fov_y) {
-            viewpoint.set_if_neq(moved);
+        if let Some(moved) = anchor.viewpoint(orbit, viewpoint.fov_y)
+            && !moved.is_rounding_of(&viewpoint)
+        {
+            *viewpoint = moved;
         }
     }
 }
@@ -133,6 +146,9 @@ mod tests {
         let back = anchor.viewpoint(&orbit, 0.8).unwrap();
         assert!(back.eye.distance(viewpoint().eye) < 1e-6 * viewpoint().distance());
         assert_eq!(back.target, viewpoint().target);
+        assert!(back.is_rounding_of(&viewpoint()), "what is adopted stays as it was");
+        orbit.yaw = Some(0.4 + 1e-6);
+        assert!(!anchor.viewpoint(&orbit, 0.8).unwrap().is_rounding_of(&viewpoint()), "a motion is a motion");
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! Scenes survive the way through text, and each field that is misspelled or mistyped is named with its place.
 
 use super::*;
+use crate::explore::{IdSet, Members, Region, SelectionSet, Show};
 use crate::modes::{SettingValue, Settings, volume_isosurface};
 use crate::raster::transfer::{Hue, Range, TransferFunction};
 use crate::raster::volume::VolumeTransfer;
@@ -53,6 +54,20 @@ fn full() -> SceneFile {
         bookmarks: vec![
             Bookmark { key: 0, name: "the \"halo\"".into(), camera: camera(1.0) },
             Bookmark { key: 9, name: String::new(), camera: Camera { ortho: None, ..camera(2.0) } },
+        ],
+        selections: vec![
+            SelectionSet::new(
+                "core",
+                Region::sphere(DVec3::new(0.1, 0.2, 0.3), 1.0 / 3.0)
+                    .with_range("temperature", Some(1e4), Some(1e6))
+                    .with_family(crate::model::FamilyName::Gas),
+                2,
+            ),
+            SelectionSet {
+                show: Show::Alone,
+                members: Members::Ids(IdSet::new(vec![1, 2, 3, 9, u64::MAX])),
+                ..SelectionSet::new("ids", Region::whole(), 0)
+            },
         ],
         panels: Panels { shown: false, closed: Some(vec!["data".into()]) },
         ..SceneFile::new(dataset)
@@ -160,7 +175,7 @@ fn values_out_of_range_are_named_with_their_place() {
         parse(&text.replacen(old, new, 1)).unwrap_err()
     };
     for (old, new, expected) in [
-        ("version: 1", "version: 0", ":2:5: version: found 0, expected 1"),
+        ("version: 1", "version: 0", ":3:5: version: found 0, expected 1"),
         ("version: 1", "version: 2", "version is 2, expected 1: a later deepfield"),
         ("\"volume-isosurface\"", "\"volumes\"", "mode: found volumes, expected one of column-density"),
         ("\"poly6\"", "\"gauss\"", "kernel: found gauss, expected one of data"),
