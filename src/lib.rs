@@ -2,6 +2,7 @@
 //!
 //! Data flows one way through the rooms below: a room uses the rooms before it, never those after it.
 
+pub mod annotate;
 #[cfg(feature = "viewer")]
 pub mod app;
 pub mod build;

@@ -50,6 +50,8 @@ struct VolumeView {
     ambient: f32,
     specular: f32,
     shininess: f32,
+    /// Index of the first entry of the plane of hues and places in the table; 0: none.
+    plane: u32,
     /// For each level of bins: its first bin, and its bins along x, y and z. A bin of level `l` is `2^l` bricks wide.
     levels: array<vec4<u32>, 14>,
     /// For each surface its density, its opacity, and 1 where its colour is set.

@@ -14,8 +14,8 @@
 @group(0) @binding(3) var<storage, read> field: array<f32>;
 @group(0) @binding(4) var<storage, read> densest: array<f32>;
 @group(0) @binding(5) var<storage, read> reach: array<f32>;
-/// Extinction and colour of each density, or its brightness in place of the colour where there are hues; then the hues,
-/// each from dark to bright.
+/// Extinction and colour of each density, or its brightness and its place in the range in place of the colour where there are
+/// hues; then the hues, each from dark to bright; then colours and factors on the extinction for hues and places.
 @group(0) @binding(6) var<storage, read> table: array<vec4<f32>>;
 /// Light gathered, linear, premultiplied, and opacity.
 @group(0) @binding(7) var<storage, read_write> rays: array<vec4<f32>>;
@@ -33,6 +33,7 @@ struct Lookup {
     first_entry: u32,
     last_entry: u32,
     hues: u32,
+    plane: u32,
     attribute_log: bool,
     attribute_map: vec2<f32>,
 }
@@ -101,11 +102,8 @@ fn under(ray: ptr<function, Ray>, color: vec3<f32>, alpha: f32) {
     (*ray).alpha += share;
 }
 
-/// The colour of an attribute's value at a brightness.
-fn tinted(quantity: f32, brightness: f32) -> vec3<f32> {
-    if lookup.hues == 0u {
-        return vec3(1.0);
-    }
+/// What a table of hues, which begins at `table_start`, has for an attribute's value at a brightness or a place.
+fn entry_of(table_start: u32, quantity: f32, brightness: f32) -> vec4<f32> {
     var value = quantity;
     var known = true;
     if lookup.attribute_log {
@@ -115,7 +113,15 @@ fn tinted(quantity: f32, brightness: f32) -> vec3<f32> {
     let at = select(0.0, clamp(fma(value, lookup.attribute_map.x, lookup.attribute_map.y), 0.0, 1.0), known);
     let row = u32(floor(at * f32(HUES - 1u) + 0.5)) * BRIGHTNESSES;
     let column = min(u32(floor(max(brightness, 0.0) * f32(BRIGHTNESSES - 1u) + 0.5)), BRIGHTNESSES - 1u);
-    return table[lookup.hues + row + column].rgb;
+    return table[table_start + row + column];
+}
+
+/// The colour of an attribute's value at a brightness.
+fn tinted(quantity: f32, brightness: f32) -> vec3<f32> {
+    if lookup.hues == 0u {
+        return vec3(1.0);
+    }
+    return entry_of(lookup.hues, quantity, brightness).rgb;
 }
 
 /// Passes a share of a cell.
@@ -143,13 +149,18 @@ fn through(ray: ptr<function, Ray>, slice: u32, value: vec2<f32>, share: f32, se
         return;
     }
     var color = matter.yzw;
+    var extinction = matter.x;
 #ifdef ATTRIBUTE
-    if lookup.hues != 0u {
+    if lookup.plane != 0u {
+        let planar = entry_of(lookup.plane, value.y / value.x, matter.z);
+        color = planar.rgb;
+        extinction *= planar.a;
+    } else if lookup.hues != 0u {
         color = tinted(value.y / value.x, matter.y);
     }
 #endif
     let passed = depths[slice].w * secant * share;
-    under(ray, color, 1.0 - exp(-matter.x * passed));
+    under(ray, color, 1.0 - exp(-extinction * passed));
 }
 
 #ifdef SURFACES
@@ -259,7 +270,7 @@ fn cast_rays(@builtin(global_invocation_id) invocation: vec3<u32>) {
     }
     let index = invocation.y * (portion.behind_pixel.x - portion.first_pixel.x) + invocation.x;
     lookup = Lookup(
-        volume.first_entry, volume.last_entry, volume.hues, volume.attribute_log != 0u, volume.attribute_map,
+        volume.first_entry, volume.last_entry, volume.hues, volume.plane, volume.attribute_log != 0u, volume.attribute_map,
     );
     let column_place = places[pixel.x];
     let row_place = places[portion.rows + pixel.y];

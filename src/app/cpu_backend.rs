@@ -22,7 +22,7 @@ use crate::modes::paint::{Subject, paint_nodes, paint_particles};
 use crate::modes::{Depiction, Footprint, Plan, cpu, pilot};
 use crate::raster::composite::composite_at;
 use crate::raster::transfer::{Levels, TransferFunction};
-use crate::raster::volume::{Caster, OpaqueDepths, Processor, VolumeError, VolumeTransfer};
+use crate::raster::volume::{Caster, OpaqueDepths, Processor, VolumeError};
 use crate::raster::{Accumulation, Method};
 use crate::store::PageFile;
 use crate::stream::SceneNode;
@@ -212,16 +212,6 @@ fn draw(
     drawn.map_err(|error| error.to_string())
 }
 
-/// What volumes emit and absorb: the panel edits colours and ranges for every mode alike.
-pub(super) fn volume_transfer(transfer: &TransferFunction, has_attribute: bool) -> VolumeTransfer {
-    VolumeTransfer {
-        color_map: transfer.color_map,
-        range: transfer.range,
-        hue: transfer.hue,
-        ..VolumeTransfer::usual(has_attribute)
-    }
-}
-
 /// Draws the source in the colours of a mode that has no splats; blocks for as long as it takes.
 fn paint(
     file: &PageFile,
@@ -242,9 +232,8 @@ fn paint(
         }
         Source::Live(..) => (Vec::new(), None),
     };
-    let volume = volume_transfer(transfer, depiction.attribute.is_some());
     let with = |caster| {
-        let subject = Subject { transfer: Some(&volume), diameter, caster };
+        let subject = Subject { transfer: Some(transfer), diameter, caster };
         match source {
             Source::Nodes(_) => paint_nodes(view, depiction, metadata, &decoded, &subject),
             Source::Live(dataset, families) => {
@@ -260,14 +249,14 @@ fn paint(
     if matches!(painted, Err(VolumeError::Grid(GridError::NothingInView))) {
         let rgba = vec![[0, 0, 0, 255]; view.width as usize * view.height as usize];
         let image = crate::raster::composite::Image { width: view.width, height: view.height, rgba };
-        return Ok(PaintedPicture { image, levels, transfer: *transfer, trouble, sampled: None, opaque: None });
+        return Ok(PaintedPicture { image, levels, transfer: transfer.clone(), trouble, sampled: None, opaque: None });
     }
     let painted = painted.map_err(|error| error.to_string())?;
     let levels = Levels { p: painted.levels.density, s: painted.levels.attribute };
     let image = painted.colors.image();
     // A sample's wider kernels may hide what all particles together do not.
     let opaque = painted.report.opaque.filter(|_| sampled.is_none());
-    Ok(PaintedPicture { image, levels, transfer: *transfer, trouble, sampled, opaque })
+    Ok(PaintedPicture { image, levels, transfer: transfer.clone(), trouble, sampled, opaque })
 }
 
 /// Takes in what has been drawn, and starts to draw what is wanted now.
@@ -321,7 +310,7 @@ pub(super) fn draw_on_cpu(
                 statistics.live = live.particles().map(|_| state);
             }
             Err(error) => {
-                cpu.failed = cpu.tried;
+                cpu.failed = cpu.tried.take();
                 messages.error(error);
             }
         }
@@ -353,9 +342,12 @@ pub(super) fn draw_on_cpu(
         size,
         particles: volume_limit(painted && moving, caster.is_on_adapter(), statistics.particles),
     };
-    let trial = (key, look.transfer);
+    let trial = (key, look.transfer.clone());
     let drawn = cpu.drawn.as_ref().filter(|drawn| drawn.key == key);
-    let colored = cpu.colored.as_ref() == Some(&(key, look.levels, look.transfer));
+    let colored = cpu
+        .colored
+        .as_ref()
+        .is_some_and(|(drawn, levels, transfer)| *drawn == key && *levels == look.levels && *transfer == look.transfer);
     let current = drawn.is_some() && (*backend == ActiveBackend::Gpu || colored);
     if *backend == ActiveBackend::Cpu {
         // What is hidden may have changed with the last picture.
@@ -371,7 +363,7 @@ pub(super) fn draw_on_cpu(
         return;
     }
     // What could not be drawn once cannot be drawn again either.
-    if cpu.failed == Some(trial) {
+    if cpu.failed.as_ref() == Some(&trial) {
         return;
     }
     // A measurement is a courtesy: it must not take the processor from what draws.
@@ -393,7 +385,7 @@ pub(super) fn draw_on_cpu(
         }
         None => Source::Nodes(Arc::clone(&selection.nodes)),
     };
-    let (transfer, levels, on_cpu) = (look.transfer, look.levels, *backend == ActiveBackend::Cpu);
+    let (transfer, levels, on_cpu) = (look.transfer.clone(), look.levels, *backend == ActiveBackend::Cpu);
     let complete = selection.complete;
     let (known, old_plan) = (look.settled.then_some(look.levels), cpu.plan);
     // Finding a plan takes longer than there is between two pictures of a motion.
@@ -423,11 +415,12 @@ pub(super) fn draw_on_cpu(
         };
         let (exposure, colors) = match &drawn.painted {
             Some(painted) => {
-                let exposure = Exposure { levels: Some(painted.levels), ..Exposure::default() };
-                (exposure, on_cpu.then(|| (painted.image.clone(), levels, transfer)))
+                let exposure = Exposure::of_codebooks(file.metadata(), &depiction, &transfer, painted.levels);
+                (exposure, on_cpu.then(|| (painted.image.clone(), levels, transfer.clone())))
             }
             None => {
-                let colors = on_cpu.then(|| (composite_at(&drawn.picture, &transfer, &levels), levels, transfer));
+                let colors =
+                    on_cpu.then(|| (composite_at(&drawn.picture, &transfer, &levels), levels, transfer.clone()));
                 (Exposure::of(&drawn.picture, &transfer), colors)
             }
         };

@@ -1,6 +1,6 @@
 //! What the panel says about a dataset, put into words once when it is opened.
 
-use super::number;
+use crate::annotate::number;
 use crate::store::Metadata;
 
 /// A family of particles, as a row.

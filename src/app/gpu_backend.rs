@@ -280,7 +280,7 @@ pub(super) fn draw_on_gpu(
         let shown = SplatView { view, footprint, backend, culling, faintest, items, always: false };
         commands.entity(entity).insert(shown);
     }
-    let hue = look.transfer.hue.unwrap_or_default();
+    let hue = look.transfer.hue.clone().unwrap_or_default();
     let shown = Composite {
         lut: Arc::clone(&look.lut),
         levels: look.levels,

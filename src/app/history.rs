@@ -171,7 +171,7 @@ mod tests {
             2 => settings.transfer.range = Range::Fixed(value, value + 1.0 + more),
             3 => {
                 let maps: Vec<ColorMap> = ColorMap::all().collect();
-                settings.transfer.color_map = maps[(value * maps.len() as f64) as usize];
+                settings.transfer.color_map = maps[(value * maps.len() as f64) as usize].clone();
             }
             4 => settings.error_px = 0.1 + value,
             5 => settings.families = vec![value < 0.5, more < 0.5],

@@ -3,8 +3,11 @@
 use super::exposure::Exposure;
 use super::messages::Messages;
 use super::scene::{AttributeChoice, Scene, Settings};
+use super::transfer_presets::TransferPresets;
+use crate::annotate::{Legend, Units};
 use crate::modes::Depiction;
-use crate::raster::transfer::{Hue, Levels, Lut, Scale, TransferFunction};
+use crate::raster::transfer::{Levels, Lut, Scale, TransferFunction};
+use crate::store::Metadata;
 use bevy::prelude::*;
 use bevy_egui::egui::Color32;
 use std::sync::Arc;
@@ -30,6 +33,12 @@ pub struct Look {
 }
 
 impl Look {
+    /// What the colours mean.
+    pub fn legend(&self, metadata: &Metadata) -> Legend {
+        let units = Units::of_pages(metadata, &self.depiction);
+        Legend::of(&self.depiction, &self.transfer, Arc::clone(&self.lut), &self.levels, &units)
+    }
+
     /// The colour at a brightness and a hue, both within [0, 1].
     pub fn color(&self, brightness: f32, hue: f32) -> Color32 {
         let at = |share: f32, size: u32| (share.clamp(0.0, 1.0) * (size - 1) as f32).round() as usize;
@@ -50,19 +59,21 @@ pub(super) fn follow_settings(
     mut settings: ResMut<Settings>,
     look: Option<ResMut<Look>>,
     mut messages: ResMut<Messages>,
+    mut presets: ResMut<TransferPresets>,
 ) {
     let Some(scene) = scene else { return };
     let Some(mut look) = look else {
         match depict(&scene, &settings) {
             Ok(depiction) => {
                 if !std::mem::take(&mut settings.keep_transfer) {
-                    settings.transfer = initial_transfer(&depiction);
+                    settings.transfer = initial_transfer(&depiction, &mut presets);
                 }
+                let lut = Arc::new(bake(&depiction, &settings.transfer));
                 commands.insert_resource(Look {
                     depiction,
                     depiction_revision: 1,
-                    lut: Arc::new(settings.transfer.bake_lut()),
-                    transfer: settings.transfer,
+                    lut,
+                    transfer: settings.transfer.clone(),
                     levels: Levels { p: [1e-6, 1.0], s: [0.0, 1.0] },
                     settled: false,
                     generation: scene.generation,
@@ -90,7 +101,7 @@ pub(super) fn follow_settings(
                 let other_attribute = look.depiction.attribute != depiction.attribute;
                 // What was kept came with the mode and the attribute.
                 if other_kind && !kept {
-                    settings.transfer = initial_transfer(&depiction);
+                    settings.transfer = initial_transfer(&depiction, &mut presets);
                 } else if other_attribute
                     && !kept
                     && let Some(hue) = &mut settings.transfer.hue
@@ -112,10 +123,15 @@ pub(super) fn follow_settings(
         }
     }
     if look.transfer != settings.transfer {
-        look.transfer = settings.transfer;
-        look.lut = Arc::new(settings.transfer.bake_lut());
+        look.transfer = settings.transfer.clone();
+        look.lut = Arc::new(bake(&look.depiction, &settings.transfer));
         look.settled = false;
     }
+}
+
+/// The colours of the picture; those of a volume whatever their opacity.
+fn bake(depiction: &Depiction, transfer: &TransferFunction) -> Lut {
+    if depiction.mode.painter().is_some() { transfer.bake_colors() } else { transfer.bake_lut() }
 }
 
 /// The chosen mode and attribute on the open file.
@@ -132,12 +148,12 @@ fn depict(scene: &Scene, settings: &Settings) -> Result<Depiction, String> {
     Ok(depiction)
 }
 
-/// The transfer function that a depiction begins with. The hue's scale is linear where the mode does not know better
-/// and the attribute has values at or below zero; that shows in the ranges later on.
-fn initial_transfer(depiction: &Depiction) -> TransferFunction {
+/// The transfer function that a depiction begins with.
+fn initial_transfer(depiction: &Depiction, presets: &mut TransferPresets) -> TransferFunction {
     let [plain, colored] = depiction.mode.transfer;
     let name = if depiction.attribute.is_some() { colored } else { plain };
-    TransferFunction::preset(name).unwrap_or_default()
+    let transfer = presets.choose(name).or_else(|| TransferFunction::preset(name)).unwrap_or_default();
+    depiction.suited(transfer)
 }
 
 /// Time in which the automatic ranges cover 63 % of the way to those of the present view, seconds.
@@ -150,7 +166,7 @@ pub(super) fn glide_levels(time: Res<Time<Real>>, exposure: Res<Exposure>, look:
     let Some(mut look) = look else { return };
     let Some(wanted) = exposure.levels else { return };
     let share = if look.seeded { 1.0 - (-time.delta_secs_f64() / GLIDE_SECS).exp() } else { 1.0 };
-    let hue_scale = look.transfer.hue.unwrap_or(Hue::default()).scale;
+    let hue_scale = look.transfer.hue.as_ref().map_or(Scale::default(), |hue| hue.scale);
     let p = approach(look.levels.p, wanted.p, look.transfer.scale, share);
     let s = approach(look.levels.s, wanted.s, hue_scale, share);
     let settled = p.1 && s.1;

@@ -12,12 +12,10 @@ pub mod facts;
 pub mod gpu_backend;
 pub mod history;
 pub mod input;
-pub mod legend;
 pub mod lens;
 pub mod live;
 pub mod look;
 pub mod messages;
-pub mod number;
 pub mod occlusion;
 pub mod open;
 pub mod options;
@@ -32,6 +30,7 @@ pub mod scene_io;
 pub mod screenshot;
 pub mod shortcuts;
 pub mod statistics;
+pub mod transfer_presets;
 
 mod preset_assets;
 mod status;
@@ -113,6 +112,7 @@ impl Plugin for WindowApp {
             CameraPlugin,
             pages::PagesPlugin,
             preset_assets::PresetPlugin::new(&self.options),
+            transfer_presets::TransferPresetsPlugin,
         ))
         .insert_resource(ClearColor(Color::BLACK))
         .insert_resource(shortcuts::Shown {

@@ -86,7 +86,7 @@ fn apply_preset(
 }
 
 /// What to say about a preset that cannot be loaded: the loader's own words, which name file, line and column.
-fn refusal(error: &bevy::asset::AssetLoadError) -> String {
+pub(super) fn refusal(error: &bevy::asset::AssetLoadError) -> String {
     match error {
         bevy::asset::AssetLoadError::AssetLoaderError(error) => error.error().to_string(),
         other => other.to_string(),

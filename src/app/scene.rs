@@ -9,6 +9,7 @@ use super::panel::Choices;
 use super::picture::{DataCamera, Picture};
 use super::preset::Preset;
 use super::scene_io::{self, SceneParts};
+use crate::annotate::Annotations;
 use crate::model::Bounds;
 use crate::modes::economy::{PRESENCE, THINNING};
 use crate::modes::{self, Mode, SettingValue};
@@ -64,6 +65,8 @@ pub struct Settings {
     pub attribute: AttributeChoice,
     /// Colour maps and ranges.
     pub transfer: TransferFunction,
+    /// What is written into the picture.
+    pub annotations: Annotations,
     /// The screen-space error `tau`, pixels.
     pub error_px: f64,
     /// Whether each family is drawn, in the order of the file's families.
@@ -83,6 +86,7 @@ impl PartialEq for Settings {
             && self.mode_settings == other.mode_settings
             && self.attribute == other.attribute
             && self.transfer == other.transfer
+            && self.annotations == other.annotations
             && self.error_px == other.error_px
             && self.families == other.families
             && self.lens == other.lens
@@ -99,6 +103,7 @@ impl Settings {
             mode_settings: economy_of(preset),
             attribute: AttributeChoice::Automatic,
             transfer: TransferFunction::default(),
+            annotations: Annotations::default(),
             error_px: preset.drawing.error_px,
             families: Vec::new(),
             lens: Lens { fov_deg: preset.camera.field_of_view_deg, parallel: false },

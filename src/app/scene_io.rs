@@ -1,7 +1,6 @@
 //! Scenes in the window: saved with Ctrl+S, opened as any other file.
 
 use super::camera::{Anchor, Flight, Viewpoint};
-use super::cpu_backend::volume_transfer;
 use super::input::PointerOwner;
 use super::lens::Lens;
 use super::messages::Messages;
@@ -90,7 +89,6 @@ fn scene_file(
     viewpoint: &Viewpoint,
     picture: &Picture,
     parts: &SceneParts<'_>,
-    has_attribute: bool,
     path: &Path,
 ) -> SceneFile {
     let families = scene.file.metadata().families.iter().map(|family| family.name);
@@ -108,8 +106,9 @@ fn scene_file(
             AttributeChoice::None => Attribute::None,
             AttributeChoice::Named(name) => Attribute::Named(name.clone()),
         },
-        transfer: Some(settings.transfer),
-        volume: is_painted.then(|| volume_transfer(&settings.transfer, has_attribute)),
+        transfer: Some(settings.transfer.clone()),
+        volume: is_painted.then(|| settings.transfer.clone()),
+        annotations: Some(settings.annotations.clone()),
         error_px: Some(settings.error_px),
         size: Some((size.x, size.y)),
         camera: Some(camera_of(viewpoint, &settings.lens)),
@@ -142,7 +141,7 @@ pub(super) fn save(
     keys: Res<ButtonInput<KeyCode>>,
     owner: Res<PointerOwner>,
     scene: Option<Res<Scene>>,
-    (settings, look): (Res<Settings>, Option<Res<super::look::Look>>),
+    settings: Res<Settings>,
     picture: Res<Picture>,
     mut parts: SceneParts,
     mut messages: ResMut<Messages>,
@@ -159,8 +158,7 @@ pub(super) fn save(
     }
     let Some(scene) = scene else { return };
     let path = parts.files.path.clone().unwrap_or_else(|| first_path(&scene.path));
-    let has_attribute = look.is_some_and(|look| look.depiction.attribute.is_some());
-    let file = scene_file(&scene, &settings, &camera, &picture, &parts, has_attribute, &path);
+    let file = scene_file(&scene, &settings, &camera, &picture, &parts, &path);
     match file.write(&path) {
         Ok(()) => {
             messages.info(format!("scene saved in {}", path.display()));
@@ -202,9 +200,15 @@ pub(super) fn apply(
             AttributeChoice::Automatic
         }
     };
-    if let Some(transfer) = scene.transfer {
-        settings.transfer = transfer;
+    // A scene of a volume that somebody has written may have its colours under either name.
+    let is_painted = settings.mode.painter().is_some();
+    let volume = scene.volume.as_ref().filter(|_| is_painted);
+    if let Some(transfer) = volume.or(scene.transfer.as_ref()) {
+        settings.transfer = transfer.clone();
         settings.keep_transfer = true;
+    }
+    if let Some(annotations) = &scene.annotations {
+        settings.annotations.clone_from(annotations);
     }
     if let Some(error_px) = scene.error_px {
         settings.error_px = error_px;

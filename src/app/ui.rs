@@ -3,12 +3,13 @@
 use super::camera::{Navigation, Viewpoint};
 use super::input::PointerOwner;
 use super::lens::view_of;
-use super::overlay::{self, color_bar, help, scale_bar};
+use super::overlay::{self, annotations, help};
 use super::panel::{Dock, PanelState, theme};
 use super::pick::DoubleClick;
 use super::picture::{DataCamera, Picture};
 use super::preset::Preset;
 use super::shortcuts::Shown;
+use crate::annotate;
 use bevy::prelude::*;
 use bevy_egui::{EguiContexts, egui};
 
@@ -107,13 +108,18 @@ fn draw_overlays(
 ) {
     let Some(scene) = &state.scene else { return };
     let size = picture.size();
-    if let Ok(view) = view_of(viewpoint, &state.settings, size)
-        && let Some(bar) = scale_bar::ScaleBar::at(&view, viewpoint.target, f64::from(170.0 * picture.scale))
-    {
-        scale_bar::draw(painter, rect, bar, &scene.length_unit, picture.scale);
-    }
-    if let Some(look) = &state.look {
-        color_bar::draw(painter, rect, look, scene.file.metadata());
+    if let Ok(view) = view_of(viewpoint, &state.settings, size) {
+        let legend = state.look.as_ref().map(|look| look.legend(scene.file.metadata()));
+        let subject = annotate::Subject {
+            view: &view,
+            scale: picture.scale,
+            target: viewpoint.target,
+            bounds: scene.frame,
+            length_unit: &scene.length_unit,
+            legend: legend.as_ref(),
+            labels: &[],
+        };
+        annotations::paint(painter, rect, &annotate::layout(&state.settings.annotations, &subject));
     }
     if *navigation == Navigation::Fly {
         overlay::draw_hint(painter, rect, "flying      W A S D  Q E      drag to look      F to orbit");

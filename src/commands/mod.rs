@@ -1,6 +1,7 @@
 //! One file per subcommand: its arguments and what it does with the rooms below.
 
-pub mod arguments;
+pub mod annotate;
+mod arguments;
 pub mod bench;
 pub mod build;
 pub mod cache;

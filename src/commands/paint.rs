@@ -1,12 +1,15 @@
 //! `deepfield render` for the modes that draw colours straight from particles.
 
+use super::annotate::Stage;
 use super::render::{Arguments, Backend, families, load_exact, view};
 use super::statistics::{Shown, Times, write_json};
 use super::{CommandResult, cache, progress_bar::TerminalProgress};
+use crate::annotate::{Annotations, Units};
 use crate::model::{Bounds, Family};
 use crate::modes::paint::{Subject, paint_nodes, paint_particles};
 use crate::modes::{Depiction, Mode, Painted, cpu};
 use crate::raster::output;
+use crate::raster::transfer::{Levels, TransferFunction};
 use crate::raster::volume::{Caster, Processor, VolumeError};
 use crate::store::PageFile;
 use crate::stream::{Scene, first_frame};
@@ -59,6 +62,7 @@ struct Ranges<'a> {
 /// What was painted, and from what.
 struct Outcome {
     painted: Painted,
+    stage: Stage,
     levels: &'static str,
     attribute: Option<String>,
     converged: bool,
@@ -71,7 +75,12 @@ struct Outcome {
 ///
 /// # Errors
 /// When the source cannot be read, a setting does not fit the data, or a file cannot be written.
-pub(super) fn render(arguments: &Arguments, mode: &'static Mode, is_exr: bool) -> CommandResult {
+pub(super) fn render(
+    arguments: &Arguments,
+    mode: &'static Mode,
+    is_exr: bool,
+    annotations: Option<Annotations>,
+) -> CommandResult {
     if arguments.overdraw.is_some() {
         return Err(format!("--overdraw: the mode {} has no splats", mode.name).into());
     }
@@ -87,7 +96,17 @@ pub(super) fn render(arguments: &Arguments, mode: &'static Mode, is_exr: bool) -
     let Outcome { painted, .. } = &outcome;
     match is_exr {
         true => output::write_exr_colors(&arguments.output, &painted.colors)?,
-        false => output::write_png(&arguments.output, &painted.colors.image())?,
+        false => {
+            let mut image = painted.colors.image_on(arguments.background.unwrap_or_default());
+            if let Some(annotations) = annotations {
+                let depiction = &outcome.stage.depiction;
+                let usual = || depiction.suited(TransferFunction::of_volumes(depiction.attribute.is_some()));
+                let transfer = arguments.volume.clone().unwrap_or_else(usual).for_volume();
+                let levels = Levels { p: painted.levels.density, s: painted.levels.attribute };
+                outcome.stage.annotate(&mut image, &annotations, &transfer, &levels);
+            }
+            output::write_png(&arguments.output, &image)?;
+        }
     }
     if let Some(raw) = &arguments.raw {
         output::write_npy_colors(raw, &painted.colors)?;
@@ -153,6 +172,7 @@ fn paint_pages(
     }
     Ok(Outcome {
         painted: painted.ok_or("nothing was drawn")?,
+        stage: Stage::new(arguments, view, framed, Units::of_pages(metadata, &depiction), &depiction),
         levels: scene.levels.name(),
         attribute: depiction.attribute.map(|coloring| coloring.name),
         converged: selection.converged,
@@ -188,6 +208,7 @@ fn paint_exact(
     }
     Ok(Outcome {
         painted: painted.ok_or("nothing was drawn")?,
+        stage: Stage::new(arguments, view, framed, Units::of_dataset(&dataset, &depiction), &depiction),
         levels: "source",
         attribute: depiction.attribute.map(|coloring| coloring.name),
         converged: true,

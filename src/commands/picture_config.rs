@@ -2,12 +2,13 @@
 
 use super::arguments::PictureSize;
 use super::render::{Arguments, Backend};
+use crate::annotate::Annotations;
 use crate::model::FamilyName;
 use crate::model::ron_file::{self, RonError};
 use crate::modes::setting::SettingError;
 use crate::modes::{self, Settings};
+use crate::raster::composite::Background;
 use crate::raster::transfer::TransferFunction;
-use crate::raster::volume::VolumeTransfer;
 use crate::view::CutSettings;
 use glam::DVec3;
 use serde::Deserialize;
@@ -28,7 +29,7 @@ pub struct PictureConfig {
     /// From the accumulation to colours.
     pub transfer: Option<TransferFunction>,
     /// What volumes emit and absorb, for the modes that draw them.
-    pub volume: Option<VolumeTransfer>,
+    pub volume: Option<TransferFunction>,
     /// Width and height, pixels.
     pub size: Option<(u32, u32)>,
     /// What draws.
@@ -39,6 +40,10 @@ pub struct PictureConfig {
     pub camera: CameraConfig,
     /// What is left out of the data and faded.
     pub cut: CutSettings,
+    /// What is behind the picture.
+    pub background: Option<Background>,
+    /// What is written into the picture.
+    pub annotations: Option<Annotations>,
 }
 
 /// Where the camera stands, in world units.
@@ -115,8 +120,11 @@ impl PictureConfig {
                 settings.0.extend(own.settings.0.clone());
                 settings
             },
-            transfer: self.transfer,
-            volume: self.volume,
+            // One named on the command line is for whatever is drawn.
+            volume: own.transfer.clone().or(self.volume),
+            transfer: own.transfer.clone().or(self.transfer),
+            annotations: self.annotations,
+            background: own.background.or(self.background),
             cut: self.cut,
             ..own
         }

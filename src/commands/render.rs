@@ -1,15 +1,17 @@
 //! `deepfield render`: a picture of a source or page file, without a window.
 
+use super::annotate::{AnnotateOptions, Stage};
 use super::arguments::{PictureSize, not_negative, positive, vector};
 use super::picture_config::PictureConfig;
 use super::progress_bar::TerminalProgress;
 use super::statistics::{Shown, Times, write_json};
 use super::{CommandResult, cache};
+use crate::annotate::{Annotations, Units};
 use crate::import::{AttributeChoice, LoadOptions, load};
 use crate::model::{Bounds, Dataset, Family, FamilyName};
 use crate::modes::{self, Depiction, Economy, Mode, Plan, SettingKind, SettingValue, Settings, cpu, economy, pilot};
-use crate::raster::transfer::TransferFunction;
-use crate::raster::volume::VolumeTransfer;
+use crate::raster::composite::Background;
+use crate::raster::transfer::{TransferFunction, presets};
 use crate::raster::{Accumulation, Method, composite, output};
 use crate::store::{Metadata, PageFile};
 use crate::stream::{Scene, first_frame};
@@ -27,6 +29,7 @@ use std::sync::Arc;
   deepfield render galaxy.df -o disk.png --mode density-squared --attribute temperature --size 1920x1080
   deepfield render galaxy.df -o disk.exr --raw column.npy --mode column-density --eye 0,0,50 --target 0,0,0 --ortho 40
   deepfield render galaxy.df -o disk.png --backend cpu --error-px 0.5 --json -
+  deepfield render galaxy.df -o figure.png --size 3840x2160 --annotate=legend,scale-bar,axes --caption \"Snapshot 99\"
   deepfield render merger.hdf5 -o stars.png --family gas --mode volume-isosurface --exact
   deepfield render galaxy.scene.ron -o disk.png              what the window has saved with Ctrl+S")]
 pub struct Arguments {
@@ -101,6 +104,12 @@ pub struct Arguments {
     /// Write statistics as JSON to a file, or to standard output for `-`.
     #[arg(long, value_name = "STATS.json")]
     pub json: Option<PathBuf>,
+    /// What is written into the picture.
+    #[command(flatten)]
+    pub annotate: AnnotateOptions,
+    /// What is written into the picture where the options say nothing.
+    #[arg(skip)]
+    pub annotations: Option<Annotations>,
     /// Settings of the mode.
     #[arg(skip)]
     pub settings: Settings,
@@ -113,12 +122,16 @@ pub struct Arguments {
     /// What is left out of the data and faded.
     #[arg(skip)]
     pub cut: CutSettings,
-    /// From the accumulation to colours; the mode's own where it is `None`.
-    #[arg(skip)]
+    /// What colours mean: a preset (density, density-hue, stars, volume, volume-hue) or a RON file like those in
+    /// assets/transfer [default: the mode's].
+    #[arg(long, value_name = "NAME|FILE.ron", value_parser = transfer_named)]
     pub transfer: Option<TransferFunction>,
     /// What volumes emit and absorb; the mode's own where it is `None`.
     #[arg(skip)]
-    pub volume: Option<VolumeTransfer>,
+    pub volume: Option<TransferFunction>,
+    /// What is behind the picture: black, transparent (an alpha channel) or a colour #rrggbb [default: black].
+    #[arg(long, value_name = "COLOUR")]
+    pub background: Option<Background>,
 }
 
 impl Arguments {
@@ -149,12 +162,15 @@ impl Arguments {
             repeat: 1,
             threads: None,
             json: None,
+            annotate: AnnotateOptions::default(),
+            annotations: None,
             settings: Settings::default(),
             families: None,
             plain: false,
             cut: CutSettings::default(),
             transfer: None,
             volume: None,
+            background: None,
         }
     }
 
@@ -195,6 +211,14 @@ pub(super) const ONLY_CPU: &str = "this deepfield was built without the feature 
 /// The names that there are.
 pub fn mode_name(text: &str) -> Result<&'static Mode, String> {
     modes::find(text).ok_or_else(|| format!("expected one of {}", modes::names()))
+}
+
+/// The transfer function of that name, or in that file.
+///
+/// # Errors
+/// The names that there are, or what is wrong with the file.
+pub fn transfer_named(text: &str) -> Result<TransferFunction, String> {
+    TransferFunction::named(text, presets::folder().as_deref()).map_err(|error| error.to_string())
 }
 
 /// The family of that name.
@@ -241,6 +265,7 @@ struct LeftOut {
 #[derive(Clone)]
 struct Picture {
     accumulation: Accumulation,
+    stage: Stage,
     mode: &'static Mode,
     attribute: Option<String>,
     converged: bool,
@@ -260,7 +285,8 @@ struct Picture {
 pub fn run(arguments: &Arguments) -> CommandResult {
     let arguments = match &arguments.config {
         Some(path) => PictureConfig::read(path)?.complete(arguments),
-        None => arguments.clone(),
+        // One named on the command line is for whatever is drawn.
+        None => Arguments { volume: arguments.transfer.clone(), ..arguments.clone() },
     };
     let arguments = super::scene_arguments::complete(arguments)?.with_economy();
     let arguments = &arguments;
@@ -278,8 +304,9 @@ fn render(arguments: &Arguments) -> CommandResult {
         Some("exr") => true,
         _ => return Err(format!("{}: expected a name that ends in .png or .exr", arguments.output.display()).into()),
     };
+    let annotations = annotations(arguments, is_exr)?;
     if let Some(mode) = arguments.mode.filter(|mode| mode.painter().is_some()) {
-        return super::paint::render(arguments, mode, is_exr);
+        return super::paint::render(arguments, mode, is_exr, annotations);
     }
     if cfg!(not(feature = "viewer")) && matches!(arguments.backend, Some(Backend::Compute | Backend::Raster)) {
         return Err(ONLY_CPU.into());
@@ -288,8 +315,16 @@ fn render(arguments: &Arguments) -> CommandResult {
     if is_exr {
         output::write_exr(&arguments.output, &picture.accumulation)?;
     } else {
-        let transfer = transfer(arguments, picture.mode, picture.accumulation.has_attribute());
-        output::write_png(&arguments.output, &composite::composite(&picture.accumulation, &transfer))?;
+        let transfer = transfer(arguments, &picture.stage.depiction);
+        let levels = transfer.levels(&picture.accumulation);
+        let mut image = {
+            let background = arguments.background.unwrap_or_default();
+            composite::composite_on(&picture.accumulation, &transfer, &levels, background)
+        };
+        if let Some(annotations) = annotations {
+            picture.stage.annotate(&mut image, &annotations, &transfer, &levels);
+        }
+        output::write_png(&arguments.output, &image)?;
     }
     if let Some(raw) = &arguments.raw {
         output::write_npy(raw, &picture.accumulation)?;
@@ -298,6 +333,17 @@ fn render(arguments: &Arguments) -> CommandResult {
         write_statistics(json, &picture)?;
     }
     Ok(())
+}
+
+/// What is written into the picture.
+fn annotations(arguments: &Arguments, is_exr: bool) -> Result<Option<Annotations>, String> {
+    match arguments.annotate.over(arguments.annotations.clone()) {
+        Some(_) if is_exr && arguments.annotate.is_given() => Err(format!(
+            "{}: an EXR picture holds numbers, only PNG pictures are annotated",
+            arguments.output.display()
+        )),
+        annotations => Ok(annotations.filter(|_| !is_exr)),
+    }
 }
 
 impl LeftOut {
@@ -313,8 +359,10 @@ impl LeftOut {
 }
 
 /// The transfer function that colours a picture.
-fn transfer(arguments: &Arguments, mode: &Mode, has_attribute: bool) -> TransferFunction {
-    arguments.transfer.or(TransferFunction::preset(mode.transfer[usize::from(has_attribute)])).unwrap_or_default()
+fn transfer(arguments: &Arguments, depiction: &Depiction) -> TransferFunction {
+    let name = depiction.mode.transfer[usize::from(depiction.attribute.is_some())];
+    let usual = || TransferFunction::preset(name).map(|preset| depiction.suited(preset));
+    arguments.transfer.clone().or_else(usual).unwrap_or_default()
 }
 
 /// Draws the selected nodes of a page file, built from the source first where that is needed.
@@ -329,14 +377,15 @@ fn draw_pages(arguments: &Arguments) -> Result<Picture, Box<dyn std::error::Erro
     // A still picture has no next frame to keep memory for, so nothing limits what it holds.
     let mut scene = Scene::new(Arc::clone(&file), u64::MAX);
     scene.families = families(arguments, metadata)?;
-    let view = view(arguments, first_frame(&file, &scene.families))?;
+    let framed = first_frame(&file, &scene.families);
+    let view = view(arguments, framed)?;
     let seen = depiction.selection_view(&view);
     let tau = arguments.error_px.unwrap_or(0.8);
     let mut times = Times::default();
     let mut tell = |message| eprintln!("deepfield: {message}");
     let selection = times.measure("load", || scene.converge(&seen, tau, &mut tell))?;
     let economy = arguments.settings.file_economy();
-    let transfer = transfer(arguments, mode, depiction.attribute.is_some());
+    let transfer = transfer(arguments, &depiction);
     let plan = times
         .measure("plan", || pilot::plan(&view, &depiction, metadata, &selection.nodes, &economy, &transfer, None))?;
     let mut left_out = LeftOut::new(&economy, &plan);
@@ -348,6 +397,7 @@ fn draw_pages(arguments: &Arguments) -> Result<Picture, Box<dyn std::error::Erro
     }
     let picture = Picture {
         accumulation: Accumulation::default(),
+        stage: Stage::new(arguments, view, framed, Units::of_pages(metadata, &depiction), &depiction),
         mode,
         attribute: depiction.attribute.as_ref().map(|coloring| coloring.name.clone()),
         economy: left_out.clone(),
@@ -471,10 +521,12 @@ fn draw_exact(arguments: &Arguments) -> Result<Picture, Box<dyn std::error::Erro
     let families: Vec<&Family> = dataset.families.iter().collect();
     let positions = families.iter().flat_map(|family| &family.positions);
     let samples: Vec<(DVec3, f64)> = positions.map(|&position| (DVec3::from_array(position), 1.0)).collect();
-    let view = view(arguments, frame::frame(dataset.bounds(), &samples))?;
+    let framed = frame::frame(dataset.bounds(), &samples);
+    let view = view(arguments, framed)?;
     drop(samples);
     let picture = Picture {
         accumulation: Accumulation::default(),
+        stage: Stage::new(arguments, view, framed, Units::of_dataset(&dataset, &depiction), &depiction),
         mode,
         attribute: depiction.attribute.as_ref().map(|coloring| coloring.name.clone()),
         economy: LeftOut::new(&Economy::NONE, &Plan::default()),

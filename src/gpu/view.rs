@@ -96,7 +96,7 @@ impl Composite {
     /// The table of a transfer function with the ranges `levels`. Without an attribute every hue is the middle one, as
     /// on the CPU.
     pub fn new(transfer: &TransferFunction, levels: Levels, attribute: bool) -> Composite {
-        let hue = transfer.hue.unwrap_or_default();
+        let hue = transfer.hue.clone().unwrap_or_default();
         Composite { lut: Arc::new(transfer.bake_lut()), levels, p_scale: transfer.scale, s_scale: hue.scale, attribute }
     }
 }

@@ -4,6 +4,7 @@ use super::{Columns, Conserved, Footprint, Mode, Settings, economy, grid};
 use crate::codec::Codebook;
 use crate::hierarchy::Levels;
 use crate::model::{Dataset, Family};
+use crate::raster::transfer::{Range, Scale, TransferFunction};
 use crate::store::{FamilyMetadata, Metadata, Node};
 use crate::view::{Detail, View};
 
@@ -25,6 +26,8 @@ pub struct Coloring {
     pub name: String,
     /// What particles without a value count as (families that lack the attribute): its mean where it is known.
     pub fallback: f32,
+    /// Its smallest value; 0 where that is not known.
+    pub least: f64,
 }
 
 /// What the codes of one codebook stand for in a depiction; all columns have the codebook's length.
@@ -66,12 +69,12 @@ impl Depiction {
         attribute: Option<&str>,
         metadata: &Metadata,
     ) -> Result<Depiction, String> {
-        let known: Vec<(&str, f64, f64)> = metadata
+        let known: Vec<(&str, f64, f64, f64)> = metadata
             .families
             .iter()
             .flat_map(|family| {
                 let columns = family.quantities.iter().chain(&family.attributes);
-                columns.map(|info| (info.name.as_str(), info.mean, family.count as f64))
+                columns.map(|info| (info.name.as_str(), info.mean, family.count as f64, info.min))
             })
             .collect();
         Depiction::new(mode, settings, attribute, &known)
@@ -94,19 +97,21 @@ impl Depiction {
             let others = family.attributes.iter().map(|attribute| (attribute.name.as_str(), &attribute.values));
             for (name, values) in own.into_iter().chain(others) {
                 let finite = values.iter().filter(|value| value.is_finite());
-                let (sum, count) = finite.fold((0.0, 0.0), |(sum, n), &value| (sum + f64::from(value), n + 1.0));
-                known.push((name, if count > 0.0 { sum / count } else { 0.0 }, count));
+                let (sum, count, least) = finite.fold((0.0, 0.0, f64::INFINITY), |(sum, n, least), &value| {
+                    (sum + f64::from(value), n + 1.0, least.min(f64::from(value)))
+                });
+                known.push((name, if count > 0.0 { sum / count } else { 0.0 }, count, least));
             }
         }
         Depiction::new(mode, settings, attribute, &known)
     }
 
-    /// `known` holds name, mean and number of values of each column, family by family.
+    /// `known` holds name, mean, number and least of the values of each column, family by family.
     fn new(
         mode: &'static Mode,
         settings: Settings,
         attribute: Option<&str>,
-        known: &[(&str, f64, f64)],
+        known: &[(&str, f64, f64, f64)],
     ) -> Result<Depiction, String> {
         let mut names: Vec<&str> = known.iter().map(|column| column.0).collect();
         names.sort_unstable();
@@ -120,11 +125,30 @@ impl Depiction {
                 let (sum, count) =
                     columns.fold((0.0, 0.0), |(sum, n), column| (sum + column.1 * column.2, n + column.2));
                 let fallback = if count > 0.0 { (sum / count) as f32 } else { 0.0 };
-                Some(Coloring { name: name.to_owned(), fallback })
+                let least =
+                    known.iter().filter(|column| column.0 == name).map(|column| column.3).fold(f64::INFINITY, f64::min);
+                Some(Coloring { name: name.to_owned(), fallback, least: if least.is_finite() { least } else { 0.0 } })
             }
             None => None,
         };
         Ok(Depiction { mode, settings, attribute })
+    }
+
+    /// A transfer function that nobody has chosen, as it suits the attribute: a range of numbers is meant for the mode's own
+    /// attribute, and a logarithm is no scale for values below zero.
+    pub fn suited(&self, mut transfer: TransferFunction) -> TransferFunction {
+        let Some(coloring) = &self.attribute else { return transfer };
+        let foreign = self.mode.usual_attributes.first() != Some(&coloring.name.as_str());
+        if foreign && transfer.hue.as_ref().is_some_and(|hue| hue.range != Range::Auto) {
+            transfer.hue = TransferFunction::preset("density-hue").and_then(|preset| preset.hue);
+        }
+        if let Some(hue) = &mut transfer.hue
+            && hue.range == Range::Auto
+            && coloring.least < 0.0
+        {
+            hue.scale = Scale::Linear;
+        }
+        transfer
     }
 
     /// How far a particle reaches in the picture.
@@ -205,5 +229,29 @@ impl Depiction {
             None => vec![coloring.fallback; weight.len()],
         });
         SourceColumns { weight, attribute, density: self.mode.densities.then(|| columns.density.to_vec()) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::modes;
+
+    #[test]
+    fn colours_suit_the_attribute() {
+        let depiction = |mode: &str, name: &str, least: f64| Depiction {
+            mode: modes::find(mode).unwrap(),
+            settings: Settings::default(),
+            attribute: Some(Coloring { name: name.into(), fallback: 1.0, least }),
+        };
+        let stars = TransferFunction::preset("stars").unwrap();
+        assert_eq!(depiction("points", "color-index", -0.4).suited(stars.clone()), stars);
+        let hue = depiction("points", "internal-energy", 0.1).suited(stars.clone()).hue.unwrap();
+        assert_eq!((hue.range, hue.scale), (Range::Auto, Scale::Log));
+        assert_eq!(depiction("points", "velocity-x", -3.0).suited(stars).hue.unwrap().scale, Scale::Linear);
+        let usual = TransferFunction::of_volumes(true);
+        assert_eq!(depiction("volume", "temperature", 10.0).suited(usual.clone()), usual);
+        // A few zeros are no reason: the range begins above them.
+        assert_eq!(depiction("volume", "metallicity", 0.0).suited(usual.clone()), usual);
     }
 }

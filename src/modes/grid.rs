@@ -2,11 +2,11 @@
 
 use super::{Columns, Conserved, Footprint, Mode, Painted, Painting, Setting, SettingKind, Settings, Technique};
 use crate::model::{Bounds, Kernel, Unit};
-use crate::raster::transfer::Range;
-use crate::raster::volume::classify::{UnitLength, to_linear};
+use crate::raster::transfer::{Range, TransferFunction, UnitLength};
+use crate::raster::volume::classify::to_linear;
 use crate::raster::volume::particles::SMALLEST;
 use crate::raster::volume::{
-    self, Classifier, Light, Scenery, Surface, VolumeError, VolumeLevels, VolumeOptions, VolumeTransfer, range,
+    self, Classifier, Light, Scenery, Surface, VolumeError, VolumeLevels, VolumeOptions, range,
 };
 use crate::view::perspective_grid::GridOptions;
 use crate::view::{Detail, PerspectiveGrid, View};
@@ -98,7 +98,7 @@ pub const MODE: Mode = Mode {
     weight_attributes: &[],
     densities: false,
     footprint: |_| Footprint::Kernel,
-    transfer: ["density", "density-hue"],
+    transfer: ["volume", "volume-hue"],
 };
 /// Factor on the extinction.
 pub static OPACITY: Setting = Setting {
@@ -202,7 +202,7 @@ pub struct Look {
     /// How the field is sampled.
     pub options: VolumeOptions,
     /// The transfer function in use.
-    pub transfer: VolumeTransfer,
+    pub transfer: TransferFunction,
     /// Numbers for its ranges.
     pub levels: VolumeLevels,
     /// Its tables for these ranges.
@@ -217,7 +217,8 @@ impl Look {
     pub fn new(painting: &Painting<'_>) -> Result<Look, VolumeError> {
         let options = options(painting);
         let attribute = painting.batches.iter().any(|batch| batch.attribute().is_some());
-        let transfer = painting.transfer.cloned().unwrap_or_else(|| VolumeTransfer::usual(attribute));
+        let transfer =
+            painting.transfer.cloned().unwrap_or_else(|| TransferFunction::of_volumes(attribute)).for_volume();
         let levels = levels(painting, &transfer, &options)?;
         let classifier = Classifier::new(&transfer, levels, attribute);
         Ok(Look { options, transfer, levels, classifier })
@@ -349,10 +350,10 @@ fn options(painting: &Painting<'_>) -> VolumeOptions {
 /// Numbers for the ranges that are automatic.
 fn levels(
     painting: &Painting<'_>,
-    transfer: &VolumeTransfer,
+    transfer: &TransferFunction,
     options: &VolumeOptions,
 ) -> Result<VolumeLevels, VolumeError> {
-    let hue = transfer.hue.unwrap_or_default();
+    let hue = transfer.hue.clone().unwrap_or_default();
     let needs = transfer.range == Range::Auto || hue.range == Range::Auto;
     let measured = match needs {
         true => Some(range::measure(painting.view, painting.batches, options.kernel, options.near, options.far)?),
@@ -374,7 +375,7 @@ fn levels(
         UnitLength::Auto => 0.01 * painting.diameter,
         UnitLength::Fixed(length) => length,
     };
-    let attribute = hue.scale.usable(fixed(hue.range, measured.map(|range| range.attribute)));
+    let attribute = hue.scale.usable(fixed(hue.range, measured.map(|range| Range::apart(range.attribute))));
     let unit_length = unit.max(1e-30) / painting.settings.number(&OPACITY);
     Ok(VolumeLevels { density, attribute, unit_length })
 }

@@ -3,7 +3,8 @@
 use super::{Depiction, Settings};
 use crate::model::{Dataset, Family, Kernel};
 use crate::modes::cpu::{DecodedNode, SeenFamily, batches};
-use crate::raster::volume::{Caster, Colors, VolumeError, VolumeLevels, VolumeReport, VolumeTransfer};
+use crate::raster::transfer::TransferFunction;
+use crate::raster::volume::{Caster, Colors, VolumeError, VolumeLevels, VolumeReport};
 use crate::raster::{Extent, Positions, Splats};
 use crate::store::Metadata;
 use crate::view::View;
@@ -22,7 +23,7 @@ pub struct Painting<'a> {
     /// The mode's settings.
     pub settings: &'a Settings,
     /// What volumes emit and absorb; the mode's own where it is `None`.
-    pub transfer: Option<&'a VolumeTransfer>,
+    pub transfer: Option<&'a TransferFunction>,
     /// The data's diameter, world units.
     pub diameter: f64,
     /// The data's largest density.
@@ -48,7 +49,7 @@ pub struct Painted {
 #[derive(Clone, Copy, Debug)]
 pub struct Subject<'a> {
     /// What volumes emit and absorb; the mode's own where it is `None`.
-    pub transfer: Option<&'a VolumeTransfer>,
+    pub transfer: Option<&'a TransferFunction>,
     /// The data's diameter without far outliers, world units.
     pub diameter: f64,
     /// What draws modes of the perspective grid.
@@ -111,5 +112,7 @@ fn paint(
             expected: "a mode that draws colours straight from particles".into(),
         });
     };
+    let usual = depiction.suited(TransferFunction::of_volumes(depiction.attribute.is_some()));
+    let transfer = Some(transfer.unwrap_or(&usual));
     painter(&Painting { view, batches, kernel, settings: &depiction.settings, transfer, diameter, densest, caster })
 }

@@ -1,8 +1,10 @@
 //! The finished picture: the raw accumulation through a transfer function.
 
 use super::Accumulation;
+use super::colormap::HexColor;
 use super::transfer::{Hue, Levels, Lut, TransferFunction};
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 /// A picture as RGBA8, gamma-encoded sRGB, row 0 at the top.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -22,8 +24,12 @@ pub fn composite(picture: &Accumulation, function: &TransferFunction) -> Image {
 
 /// Colours of a picture with given ranges, so that pictures of a sequence can share them.
 pub fn composite_at(picture: &Accumulation, function: &TransferFunction, levels: &Levels) -> Image {
-    let lut = function.bake_lut();
-    let hue = function.hue.unwrap_or_default();
+    with_lut(picture, function, levels, &function.bake_lut())
+}
+
+/// Colours of a picture by a baked table.
+fn with_lut(picture: &Accumulation, function: &TransferFunction, levels: &Levels, lut: &Lut) -> Image {
+    let hue = function.hue.clone().unwrap_or_default();
     let colored = function.hue.is_some() && picture.has_attribute();
     let pixel = |index: usize| {
         let brightness = function.scale.place(picture.p[index], levels.p);
@@ -31,12 +37,75 @@ pub fn composite_at(picture: &Accumulation, function: &TransferFunction, levels:
             true => picture.s(index).map_or(0.5, |s| hue_place(&hue, s, levels)),
             false => 0.5,
         };
-        look_up(&lut, brightness, along)
+        look_up(lut, brightness, along)
     };
     Image {
         width: picture.width,
         height: picture.height,
         rgba: (0..picture.p.len()).into_par_iter().map(pixel).collect(),
+    }
+}
+
+/// What is behind a picture.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
+pub enum Background {
+    /// The dark.
+    #[default]
+    Black,
+    /// Whatever the picture is laid over later: it has an alpha channel.
+    Transparent,
+    /// A colour.
+    Color(HexColor),
+}
+
+impl TryFrom<String> for Background {
+    type Error = String;
+
+    fn try_from(text: String) -> Result<Background, String> {
+        match text.as_str() {
+            "black" => Ok(Background::Black),
+            "transparent" => Ok(Background::Transparent),
+            _ => HexColor::try_from(text)
+                .map(Background::Color)
+                .map_err(|error| format!("{error}, black or transparent")),
+        }
+    }
+}
+
+impl std::str::FromStr for Background {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Background, String> {
+        Background::try_from(text.to_owned())
+    }
+}
+
+impl From<Background> for String {
+    fn from(background: Background) -> String {
+        match background {
+            Background::Black => "black".into(),
+            Background::Transparent => "transparent".into(),
+            Background::Color(color) => color.into(),
+        }
+    }
+}
+
+/// Colours of a picture with given ranges before a background.
+pub fn composite_on(picture: &Accumulation, function: &TransferFunction, levels: &Levels, behind: Background) -> Image {
+    match behind {
+        Background::Black => composite_at(picture, function, levels),
+        Background::Transparent => with_lut(picture, function, levels, &function.bake_transparent()),
+        Background::Color(color) => {
+            let mut image = with_lut(picture, function, levels, &function.bake_transparent());
+            image.rgba.par_iter_mut().for_each(|pixel| {
+                let alpha = f32::from(pixel[3]) / 255.0;
+                let over = |k: usize| f32::from(pixel[k]) * alpha + f32::from(color.0[k]) * (1.0 - alpha);
+                let [r, g, b] = [0, 1, 2].map(|k| over(k).round() as u8);
+                *pixel = [r, g, b, 255];
+            });
+            image
+        }
     }
 }
 
@@ -81,7 +150,7 @@ fn look_up(lut: &Lut, brightness: f32, hue: f32) -> [u8; 4] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::raster::transfer::{Range, Scale};
+    use crate::raster::transfer::{Curve, Range, Scale};
 
     #[test]
     fn black_stays_black_and_hue_separates() {
@@ -95,6 +164,32 @@ mod tests {
         assert_eq!(image.rgba[0], [0, 0, 0, 255]);
         assert_eq!(image.rgba[1], [0, 0, 0, 255]);
         assert_ne!(image.rgba[2], image.rgba[3]);
+    }
+
+    #[test]
+    fn a_transparent_picture_before_black_is_the_picture() {
+        let p: Vec<f32> = (0..64).map(|i| 1.2f32.powi(i)).collect();
+        let picture = Accumulation { width: 64, height: 1, ps: p.iter().map(|p| p * 0.4).collect(), p };
+        for name in ["density", "density-hue"] {
+            let function = TransferFunction::preset(name).unwrap();
+            let levels = function.levels(&picture);
+            let image = composite_on(&picture, &function, &levels, Background::Transparent);
+            assert_eq!(image.rgba[0][3], 0, "nothing is transparent");
+            let black = composite_on(&picture, &function, &levels, Background::Color(HexColor([0; 3])));
+            let (_, most) = color_error(&black, &composite_at(&picture, &function, &levels));
+            assert!(most < 8.0, "{most}");
+            let white = composite_on(&picture, &function, &levels, Background::Color(HexColor([255; 3])));
+            assert_eq!(white.rgba[0], [255; 4]);
+        }
+    }
+
+    #[test]
+    fn opacity_over_brightness_darkens_before_black() {
+        let picture = Accumulation { width: 2, height: 1, p: vec![1.0, 30.0], ps: vec![] };
+        let function = TransferFunction { range: Range::Fixed(0.1, 100.0), ..TransferFunction::default() };
+        let half = TransferFunction { opacity: Some(Curve::constant(0.5)), ..function.clone() };
+        let [full, half] = [function, half].map(|function| composite(&picture, &function).rgba[1]);
+        assert!((0..3).all(|k| u8::abs_diff(full[k] / 2, half[k]) <= 1) && half[3] == 255, "{full:?} {half:?}");
     }
 
     #[test]

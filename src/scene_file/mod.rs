@@ -12,10 +12,10 @@ mod text;
 pub use dataset::{DatasetRef, Fingerprint, Located};
 pub use text::{SceneError, is_scene_file};
 
+use crate::annotate::Annotations;
 use crate::explore::SelectionSet;
 use crate::modes::Settings;
 use crate::raster::transfer::TransferFunction;
-use crate::raster::volume::VolumeTransfer;
 use crate::view::{CutSettings, Projection, View, ViewError};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -45,7 +45,10 @@ pub struct SceneFile {
     pub transfer: Option<TransferFunction>,
     /// What volumes emit and absorb; the mode's own where it is `None`.
     #[serde(default)]
-    pub volume: Option<VolumeTransfer>,
+    pub volume: Option<TransferFunction>,
+    /// What is written into the picture; the program's own where it is `None`.
+    #[serde(default)]
+    pub annotations: Option<Annotations>,
     /// Largest displacement of a particle on screen, pixels; the program's own where it is `None`.
     #[serde(default)]
     pub error_px: Option<f64>,
@@ -149,6 +152,7 @@ impl SceneFile {
             attribute: Attribute::default(),
             transfer: None,
             volume: None,
+            annotations: None,
             error_px: None,
             size: None,
             camera: None,

@@ -2,14 +2,16 @@
 //! anew; look at them before committing.
 
 use crate::support::{built, demo, draw_pages, draw_source, in_repository, paint_pages, view_from};
+use deepfield::annotate::{self, Annotations, Label, Legend, Subject, Units};
 use deepfield::codec::VqBits;
 use deepfield::model::Kernel;
-use deepfield::modes;
-use deepfield::raster::composite::{Image, composite};
+use deepfield::modes::{self, Depiction, Settings};
+use deepfield::raster::composite::{Image, composite, composite_at};
 use deepfield::raster::output::write_png;
 use deepfield::raster::transfer::TransferFunction;
 use deepfield::raster::{Accumulation, Method};
 use glam::DVec3;
+use std::sync::Arc;
 
 /// Mean difference of colour channels that is still the same picture, in 1/255. A changed kernel or transfer function
 /// gives several times as much: see the last test.
@@ -69,6 +71,40 @@ fn every_mode_draws_its_golden_image() {
             Some(_) => check(mode.name, &paint_pages(&built.file, mode.name, &view, 0.8)),
         }
     }
+}
+
+#[test]
+fn an_annotated_picture_is_its_golden_image() {
+    let built = built(&demo(), VqBits::Eight);
+    let view = view_from(&built.dataset, DVec3::new(0.6, 0.4, 1.0), 1.9, 640, 440);
+    let metadata = built.file.metadata();
+    let depiction =
+        Depiction::of_pages(modes::find("density-squared").unwrap(), Settings::default(), None, metadata).unwrap();
+    let picture = draw_pages(&built.file, "density-squared", &view, 0.8);
+    let transfer = TransferFunction::preset("density-hue").unwrap();
+    let levels = transfer.levels(&picture);
+    let mut image = composite_at(&picture, &transfer, &levels);
+    let lut = Arc::new(transfer.bake_lut());
+    let legend = Legend::of(&depiction, &transfer, lut, &levels, &Units::of_pages(metadata, &depiction));
+    let bounds = metadata.bounds();
+    let label = |name: &str, at: [f64; 3], radius: f64| Label {
+        name: name.into(),
+        position: bounds.min + DVec3::from_array(at) * bounds.size(),
+        radius: Some(radius * bounds.size().x),
+    };
+    let labels = [label("Group 0", [0.5, 0.5, 0.5], 0.06), label("Group 1", [0.3, 0.8, 0.6], 0.03)];
+    let subject = Subject {
+        view: &view,
+        scale: 1.0,
+        target: bounds.center(),
+        bounds,
+        length_unit: &metadata.length_unit.to_string(),
+        legend: Some(&legend),
+        labels: &labels,
+    };
+    let all = Annotations { axes: true, triad: true, caption: "A box of dark matter".into(), ..Annotations::default() };
+    annotate::paint(&mut image, &annotate::layout(&all, &subject), 1.0);
+    check("annotated", &image);
 }
 
 #[test]

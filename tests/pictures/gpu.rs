@@ -98,6 +98,27 @@ fn colors_are_the_cpus() {
 }
 
 #[test]
+fn regions_have_the_cpus_colors() {
+    let built = built(&demo(), VqBits::Eight);
+    let view = view_from(&built.dataset, DVec3::new(0.35, 0.3, 1.0), 1.5, 161, 90);
+    let metadata = built.file.metadata();
+    let mode = modes::find("density-squared").unwrap();
+    let depiction = Depiction::of_pages(mode, Settings::default(), None, metadata).unwrap();
+    let selection = Scene::new(Arc::clone(&built.file), u64::MAX).converge_blocking(&view, 0.8).unwrap();
+    let request = request_nodes(&view, &depiction, metadata, &selection.nodes, &Plan::default(), Backend::Compute);
+    let text = "(brightness: [(0.0, 0.0), (0.3, 0.6), (1.0, 1.0)], opacity: [(0.0, 0.2), (1.0, 1.0)], hue: (), \
+                plane: (brightness: 0.5, regions: [(at: (0.6, 0.4), radius: (0.4, 0.3), color: \"#30ff00\")]))";
+    let transfer = TransferFunction::parse(text, "regions").unwrap();
+    let gpu = render_headless(HeadlessRequest { transfer: Some(transfer.clone()), ..request }).unwrap();
+    let expected = composite(&gpu.accumulation, &transfer);
+    let found = gpu.picture.unwrap();
+    let pairs = expected.rgba.as_flattened().iter().zip(found.rgba.as_flattened());
+    assert!(pairs.map(|(a, b)| a.abs_diff(*b)).max().unwrap() <= 1);
+    let usual = composite(&gpu.accumulation, &TransferFunction::preset("density-hue").unwrap());
+    assert!(usual.rgba != found.rgba);
+}
+
+#[test]
 fn page_files_are_drawn_where_buffers_are_small() {
     let built = built(&demo(), VqBits::Eight);
     let view = view_from(&built.dataset, DVec3::new(-0.7, 0.2, 0.4), 1.5, 160, 120);

@@ -6,9 +6,10 @@ use deepfield::gpu::{DeviceOptions, VolumeRenderer, Withheld};
 use deepfield::model::{Bounds, Kernel};
 use deepfield::modes::paint::{Subject, paint_nodes};
 use deepfield::modes::{self, Depiction, Settings, cpu};
+use deepfield::raster::transfer::TransferFunction;
 use deepfield::raster::volume::{
-    Caster, Classifier, Colors, Light, Processor, Scenery, Surface, VolumeLevels, VolumeOptions, VolumeReport,
-    VolumeTransfer, draw, prepare,
+    Caster, Classifier, Colors, Light, Processor, Scenery, Surface, VolumeLevels, VolumeOptions, VolumeReport, draw,
+    prepare,
 };
 use deepfield::raster::{self, Positions, Splats};
 use deepfield::stream::Scene;
@@ -85,7 +86,7 @@ impl Cloud {
     fn classifier(&self) -> Classifier {
         let levels = VolumeLevels { density: self.density, attribute: self.range, unit_length: self.unit };
         let attribute = self.attribute.is_some();
-        Classifier::new(&VolumeTransfer::usual(attribute), levels, attribute)
+        Classifier::new(&TransferFunction::of_volumes(attribute), levels, attribute)
     }
 
     fn volume(&self) -> Scenery {
@@ -161,6 +162,31 @@ fn compare(
     let (l2, most) = difference(&found, &expected);
     println!("{what}: L2 {l2:.2e}, at most {most:.2e}, {} slabs, {} pairs", report.slabs, report.pairs);
     assert!(l2 < 5e-5, "{what}: L2 {l2}, at most {most}");
+}
+
+#[test]
+fn regions_of_density_and_attribute_are_the_cpus() {
+    let renderer = renderer();
+    let cloud = Cloud::merger(20_000);
+    let plane = "(plane: (opacity: 0.2, brightness: 0.6, regions: [ \
+                 (at: (0.6, 0.3), radius: (0.3, 0.25), opacity: 4.0, color: \"#30ff60\"), \
+                 (at: (0.8, 0.7), radius: (0.2, 0.4), soft: 1.0, opacity: 2.0)]))";
+    let plane = TransferFunction::parse(plane, "plane").unwrap().plane;
+    let transfer = TransferFunction { plane, ..TransferFunction::of_volumes(true) };
+    let levels = VolumeLevels { density: cloud.density, attribute: cloud.range, unit_length: cloud.unit };
+    let planar = Scenery { classifier: Classifier::new(&transfer, levels, true), ..cloud.volume() };
+    let (view, options) = (near([2.0, 1.0, 3.0], 96, 72), VolumeOptions::default());
+    let [with, without] =
+        [&planar, &cloud.volume()].map(|scenery| picture(&Processor, &view, &cloud, scenery, &options).0);
+    assert!(difference(&with, &without).0 > 0.1, "the regions do not show");
+    // A value between two hues may be rounded to either.
+    let (found, _) = picture(&renderer, &view, &cloud, &planar, &options);
+    let mut prepared = prepare(&view, &[cloud.batch()], &options).unwrap();
+    prepared.levels.truncate(1);
+    let expected = Processor.cast(&view, &prepared, &planar, &options, &mut VolumeReport::default()).unwrap();
+    let (l2, most) = difference(&found, &expected);
+    println!("regions: L2 {l2:.2e}, at most {most:.2e}");
+    assert!(l2 < 2e-4, "regions: L2 {l2}, at most {most}");
 }
 
 #[test]

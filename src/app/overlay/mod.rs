@@ -1,8 +1,7 @@
-//! What is drawn over the picture: colour bar, scale bar, messages, the help page.
+//! What is drawn over the picture: legend, scale bar, axes and names, messages, the help page.
 
-pub mod color_bar;
+pub mod annotations;
 pub mod help;
-pub mod scale_bar;
 
 use super::messages::{Messages, Severity};
 use super::panel::theme;

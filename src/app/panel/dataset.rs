@@ -1,7 +1,7 @@
 //! The section about the data: its facts, its families, and each field with unit, range and distribution.
 
 use super::{Dock, PanelState, Section, theme};
-use crate::app::number;
+use crate::annotate::number;
 use crate::hierarchy::{AttributeInfo, Histogram};
 use crate::store::FamilyMetadata;
 use bevy::prelude::DetectChangesMut;

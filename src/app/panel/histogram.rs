@@ -1,7 +1,7 @@
 //! A histogram with two ends to drag: how a range of values is chosen.
 
 use super::theme;
-use crate::app::number;
+use crate::annotate::number;
 use bevy_egui::egui::{self, Align2, CursorIcon, Pos2, Rect, Sense, Stroke, Ui, pos2, vec2};
 
 /// How often values occur, over an axis that is linear or logarithmic.

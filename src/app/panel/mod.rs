@@ -3,7 +3,9 @@
 pub mod histogram;
 pub mod section;
 pub mod theme;
+pub mod transfer;
 
+mod annotations;
 mod dataset;
 mod display;
 mod messages;
@@ -25,13 +27,21 @@ use super::preset::Preset;
 use super::scene::{Scene, Settings};
 use super::scene_io::SceneFiles;
 use super::statistics::{Converged, FrameClock, Statistics};
+use super::transfer_presets::TransferPresets;
 use bevy::ecs::system::SystemParam;
 use bevy::prelude::*;
 use bevy_egui::egui::{self, RichText, Ui};
 
 /// Every section, from the top of each dock.
-pub static SECTIONS: [&Section; 6] =
-    [&dataset::SECTION, &mode::SECTION, &display::SECTION, &view::SECTION, &statistics::SECTION, &messages::SECTION];
+pub static SECTIONS: [&Section; 7] = [
+    &dataset::SECTION,
+    &mode::SECTION,
+    &display::SECTION,
+    &view::SECTION,
+    &annotations::SECTION,
+    &statistics::SECTION,
+    &messages::SECTION,
+];
 
 /// All that the panels show and edit.
 #[derive(SystemParam)]
@@ -51,6 +61,7 @@ pub struct PanelState<'w, 's> {
     preset: Res<'w, Preset>,
     exposure: Res<'w, Exposure>,
     choices: Res<'w, Choices>,
+    presets: ResMut<'w, TransferPresets>,
     statistics: Res<'w, Statistics>,
     converged: Res<'w, Converged>,
     clock: Res<'w, FrameClock>,

@@ -1,7 +1,7 @@
 //! The section about the program itself: convergence, frame times, what drawing costs, pages and memory.
 
 use super::{Dock, PanelState, Section, theme};
-use crate::app::number;
+use crate::annotate::number;
 use crate::app::statistics::FrameClock;
 use bevy_egui::egui::{self, Align2, FontId, Rect, Sense, Stroke, Ui, pos2, vec2};
 

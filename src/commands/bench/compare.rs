@@ -14,10 +14,9 @@ use crate::modes::{
 };
 use crate::raster::composite::{Image, color_error, composite};
 use crate::raster::sheet::{Entry, sheet};
-use crate::raster::transfer::{Hue, Range, TransferFunction};
-use crate::raster::volume::classify::UnitLength;
+use crate::raster::transfer::{Hue, Range, TransferFunction, UnitLength};
 use crate::raster::volume::particles::SMALLEST;
-use crate::raster::volume::{Processor, VolumeLevels, VolumeTransfer};
+use crate::raster::volume::{Processor, VolumeLevels};
 use crate::raster::{Method, output};
 use crate::synth::{dataset, merger::Merger};
 use crate::view::{View, frame};
@@ -167,7 +166,7 @@ pub(super) struct Bench<'a> {
     pub(super) attribute: Option<&'a str>,
     repeat: u32,
     pub(super) levels: VolumeLevels,
-    pub(super) transfer: VolumeTransfer,
+    pub(super) transfer: TransferFunction,
     isovalue: f64,
     /// The finer volume and isosurface.
     references: [Image; 2],
@@ -210,7 +209,7 @@ impl<'a> Bench<'a> {
             attribute,
             repeat,
             levels: VolumeLevels { density: [0.0, 1.0], attribute: [0.0, 1.0], unit_length: 1.0 },
-            transfer: VolumeTransfer::usual(attribute.is_some()),
+            transfer: TransferFunction::of_volumes(attribute.is_some()),
             isovalue: 0.0,
             references: [const { Image { width: 0, height: 0, rgba: Vec::new() } }; 2],
             images: Vec::new(),
@@ -226,7 +225,7 @@ impl<'a> Bench<'a> {
         let fixed = |[min, max]: [f64; 2]| Range::Fixed(min, max);
         bench.transfer.range = fixed(finest.levels.density);
         bench.transfer.unit_length = UnitLength::Fixed(finest.levels.unit_length);
-        bench.transfer.hue = bench.transfer.hue.map(|hue| Hue { range: fixed(finest.levels.attribute), ..hue });
+        bench.transfer.hue = bench.transfer.hue.take().map(|hue| Hue { range: fixed(finest.levels.attribute), ..hue });
         let [min, max] = finest.levels.density;
         bench.isovalue = options.isovalue.unwrap_or(min * (max / min).powf(f64::from(spheres::PLACE)));
         let surfaces = settings(finely.into_iter().chain(surface(bench.isovalue)));

@@ -337,7 +337,7 @@ fn written(path: &str, name: &str) -> Option<Layout> {
             ambient,
             specular,
             shininess,
-            unused,
+            plane,
             levels,
             surfaces,
             colors,

@@ -69,8 +69,8 @@ pub struct VolumeUniform {
     pub specular: f32,
     /// See [`Light`].
     pub shininess: f32,
-    /// Padding.
-    pub unused: u32,
+    /// Index of the first entry of the plane of hues and places in the table; 0: none.
+    pub plane: u32,
     /// First bin, and bins along x, y and z, of each level.
     pub levels: [[u32; 4]; MOST_LEVELS],
     /// Density, opacity, and 1 for a colour that is set.
@@ -186,7 +186,7 @@ impl VolumeUniform {
             ambient: light.ambient,
             specular: light.specular,
             shininess: light.shininess,
-            unused: 0,
+            plane: if tables.plane.is_empty() { 0 } else { (tables.densities.len() + tables.hues.len()) as u32 },
             levels,
             surfaces,
             colors,
@@ -194,10 +194,16 @@ impl VolumeUniform {
     }
 }
 
-/// The shader's table: densities, then hues.
+/// The shader's table: densities, then hues, then the plane.
 pub fn table(scenery: &Scenery) -> Vec<[f32; 4]> {
     let tables = scenery.classifier.tables();
-    tables.densities.iter().copied().chain(tables.hues.iter().map(|&[r, g, b]| [r, g, b, 0.0])).collect()
+    tables
+        .densities
+        .iter()
+        .copied()
+        .chain(tables.hues.iter().map(|&[r, g, b]| [r, g, b, 0.0]))
+        .chain(tables.plane.iter().copied())
+        .collect()
 }
 
 /// Depth, spacing, cells per length and thickness of each slice.

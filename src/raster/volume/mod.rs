@@ -21,13 +21,13 @@ mod block;
 pub(in crate::raster) mod tests;
 
 pub use behind::OpaqueDepths;
-pub use classify::{Classifier, VolumeLevels, VolumeTransfer};
+pub use classify::{Classifier, VolumeLevels};
 pub use range::FieldRange;
 pub use raycast::Scenery;
 pub use surface::{Light, Surface};
 
 use super::Splats;
-use super::composite::Image;
+use super::composite::{Background, Image};
 use crate::model::Kernel;
 use crate::view::perspective_grid::{GridError, GridOptions, planes};
 use crate::view::{PerspectiveGrid, Projection, View};
@@ -128,6 +128,29 @@ pub struct Colors {
 }
 
 impl Colors {
+    /// The picture before a background, gamma-encoded.
+    pub fn image_on(&self, background: Background) -> Image {
+        let byte = |share: f32| (255.0 * share.clamp(0.0, 1.0)).round() as u8;
+        if let Background::Color(color) = background {
+            let behind = color.rgb().map(classify::to_linear);
+            let pixel = |&[r, g, b, a]: &[f32; 4]| {
+                let light = [r, g, b];
+                let [r, g, b] =
+                    [0, 1, 2].map(|k| byte(classify::to_encoded((light[k] + (1.0 - a) * behind[k]).clamp(0.0, 1.0))));
+                [r, g, b, 255]
+            };
+            return Image { width: self.width, height: self.height, rgba: self.rgba.par_iter().map(pixel).collect() };
+        }
+        if background == Background::Black {
+            return self.image();
+        }
+        let pixel = |&[r, g, b, a]: &[f32; 4]| {
+            let [r, g, b] = [r, g, b].map(|light| byte(classify::to_encoded((light / a.max(1e-6)).clamp(0.0, 1.0))));
+            [r, g, b, byte(a)]
+        };
+        Image { width: self.width, height: self.height, rgba: self.rgba.par_iter().map(pixel).collect() }
+    }
+
     /// The picture before black, gamma-encoded.
     pub fn image(&self) -> Image {
         let byte = |light: f32| (255.0 * classify::to_encoded(light.clamp(0.0, 1.0))).round() as u8;

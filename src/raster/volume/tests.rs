@@ -8,6 +8,7 @@ use super::exact::ExactField;
 use super::surface::gradient;
 use super::*;
 use crate::model::{Dataset, Family};
+use crate::raster::transfer::TransferFunction;
 use crate::raster::{Extent, Positions};
 use crate::synth::merger::Merger;
 use crate::synth::random::Random;
@@ -297,7 +298,7 @@ pub(in crate::raster) fn scenery(
     unit_length: f64,
     surfaces: Vec<Surface>,
 ) -> Scenery {
-    let transfer = VolumeTransfer::parse(transfer, "test").unwrap();
+    let transfer = TransferFunction::parse(transfer, "test").unwrap();
     let levels = VolumeLevels { density, attribute: [-1.0, 1.0], unit_length };
     Scenery {
         classifier: Classifier::new(&transfer, levels, true),

@@ -1,10 +1,10 @@
 //! Scenes survive the way through text, and each field that is misspelled or mistyped is named with its place.
 
 use super::*;
+use crate::annotate::Annotations;
 use crate::explore::{IdSet, Members, Region, SelectionSet, Show};
 use crate::modes::{SettingValue, Settings, volume_isosurface};
 use crate::raster::transfer::{Hue, Range, TransferFunction};
-use crate::raster::volume::VolumeTransfer;
 use crate::scene_file::{Attribute, Bookmark, Camera, DatasetRef, Fingerprint, Panels};
 use crate::view::cut::{Axis, ClipBox, Fade, Slab};
 use glam::DVec3;
@@ -42,7 +42,8 @@ fn full() -> SceneFile {
             hue: Some(Hue { reverse: true, ..Hue::default() }),
             ..TransferFunction::default()
         }),
-        volume: Some(VolumeTransfer::usual(true)),
+        volume: Some(TransferFunction::of_volumes(true)),
+        annotations: Some(Annotations { caption: "a \"box\"".into(), scale: Some(1.5), ..Annotations::default() }),
         error_px: Some(1.25),
         size: Some((976, 720)),
         camera: Some(camera(0.0)),

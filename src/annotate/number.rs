@@ -53,6 +53,24 @@ pub fn quantity(value: f64) -> String {
     }
 }
 
+/// A multiple of `step` with the digits that tell it from the next one, where the largest value of the axis is `largest`:
+/// `0.25`, `41250.5`, `3.125 × 10⁷`.
+pub fn stepped(value: f64, step: f64, largest: f64) -> String {
+    let finest = (1.000_001 * step).log10().floor();
+    let value = if value.abs() < 0.5 * step { 0.0 } else { value };
+    if (1e-3..1e6).contains(&largest) && finest > -7.0 {
+        return trim(&format!("{value:.*}", (-finest).max(0.0) as usize));
+    }
+    if value == 0.0 {
+        return "0".to_owned();
+    }
+    let exponent = (1.000_000_000_1 * value.abs()).log10().floor();
+    let digits = (exponent - finest).clamp(0.0, 15.0) as usize;
+    // In two factors, since one alone may be beyond the range of numbers.
+    let mantissa = value / 10f64.powf(0.5 * exponent) / 10f64.powf(0.5 * exponent);
+    format!("{} × 10{}", trim(&format!("{mantissa:.digits$}")), superscript(exponent as i32))
+}
+
 /// A power of ten as a tick label: `10³`, and plain figures from 0.01 to 1000.
 pub fn power_of_ten(exponent: i32) -> String {
     if (-2..=3).contains(&exponent) {
@@ -62,7 +80,7 @@ pub fn power_of_ten(exponent: i32) -> String {
     }
 }
 
-/// The raised minus that the panel's fonts have (a macron; U+207B is in none of them).
+/// The raised minus that the program's font has (a macron; U+207B is in none of them).
 pub const MINUS: char = '¯';
 
 /// An integer in superscript digits.
@@ -110,6 +128,16 @@ mod tests {
             (f64::NAN, "–"),
         ] {
             assert_eq!(quantity(value), text, "{value}");
+        }
+        for (value, step, largest, text) in [
+            (0.25, 0.05, 0.5, "0.25"),
+            (41_250.5, 0.5, 41_252.0, "41250.5"),
+            (-200.0, 50.0, 400.0, "−200"),
+            (1e-17, 0.5, 2.0, "0"),
+            (31_250_000.0, 50_000.0, 4e7, "3.125 × 10⁷"),
+            (2e-5, 1e-5, 5e-5, "2 × 10¯⁵"),
+        ] {
+            assert_eq!(stepped(value, step, largest), text);
         }
         assert_eq!(power_of_ten(-7), "10¯⁷");
         assert_eq!(power_of_ten(0), "1");

@@ -1,10 +1,14 @@
 //! The scale bar: a round length at the target's distance, drawn to scale.
 
-use crate::app::number;
-use crate::app::panel::theme;
-use crate::view::View;
-use bevy_egui::egui::{self, Align2, Color32, Stroke, pos2};
+use super::display_list::{Anchor, Area, DisplayList, Rgba};
+use super::{Subject, TEXT, number};
+use crate::view::{Projection, View};
 use glam::DVec3;
+
+/// The longest that the bar may be, logical pixels.
+const LONGEST: f64 = 170.0;
+/// Behind the bar.
+const BACK: Rgba = [0, 0, 0, 150];
 
 /// A scale bar: a round length and how many pixels it covers at the target.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -21,8 +25,8 @@ impl ScaleBar {
     pub fn at(view: &View, target: DVec3, longest: f64) -> Option<ScaleBar> {
         let depth = view.to_camera(target).z;
         let scale = match view.projection {
-            crate::view::Projection::Perspective { .. } => view.focal_pixels() / depth,
-            crate::view::Projection::Orthographic { .. } => view.focal_pixels(),
+            Projection::Perspective { .. } => view.focal_pixels() / depth,
+            Projection::Orthographic { .. } => view.focal_pixels(),
         };
         if !(scale > 0.0 && scale.is_finite()) {
             return None;
@@ -34,26 +38,26 @@ impl ScaleBar {
     }
 }
 
-/// Draws the scale bar into the lower left corner of the picture. `scale`: physical pixels per logical one.
-pub fn draw(painter: &egui::Painter, rect: egui::Rect, bar: ScaleBar, unit: &str, scale: f32) {
-    let width = bar.pixels as f32 / scale;
-    let left = rect.left() + 20.0;
-    let y = rect.bottom() - 22.0;
-    for (stroke, shift) in
-        [(Stroke::new(4.0, Color32::from_black_alpha(150)), 0.0), (Stroke::new(1.5, theme::TEXT), 0.0)]
-    {
-        painter.hline(left..=left + width, y + shift, stroke);
-        painter.vline(left, y - 4.0..=y + 4.0, stroke);
-        painter.vline(left + width, y - 4.0..=y + 4.0, stroke);
+/// Adds the scale bar in the lower left corner; none where the target is not ahead of the eye.
+pub fn layout(list: &mut DisplayList, subject: &Subject<'_>) {
+    let [picture_width, picture_height] = list.size;
+    let longest = LONGEST.min(0.4 * f64::from(picture_width)) * f64::from(subject.scale);
+    let Some(bar) = ScaleBar::at(subject.view, subject.target, longest) else { return };
+    let (left, y) = (20.0, picture_height - 22.0);
+    let right = left + bar.pixels as f32 / subject.scale;
+    for (width, color) in [(4.0, BACK), (1.5, TEXT)] {
+        list.line([left, y], [right, y], width, color);
+        list.line([left, y - 4.0], [left, y + 4.0], width, color);
+        list.line([right, y - 4.0], [right, y + 4.0], width, color);
     }
-    let text = format!("{} {unit}", number::quantity(bar.length));
-    theme::halo_text(painter, pos2(left + 0.5 * width, y - 7.0), Align2::CENTER_BOTTOM, text.trim(), 13.0, theme::TEXT);
+    let text = format!("{} {}", number::quantity(bar.length), super::legend::tidy(subject.length_unit.to_owned()));
+    list.text([0.5 * (left + right), y - 7.0], Anchor::BOTTOM, text.trim(), 13.0, TEXT);
+    list.keep_free(Area { min: [left, y - 8.0], max: [right, y + 8.0] }.grown(4.0));
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::view::Projection;
 
     #[test]
     fn the_length_is_round_and_to_scale() {
