@@ -5,15 +5,19 @@ mod arguments;
 pub mod bench;
 pub mod build;
 pub mod cache;
+pub mod catalogue;
 pub mod demo;
 pub mod info;
 pub mod modes;
 pub mod page_file_info;
 pub mod paint;
 pub mod picture_config;
+pub mod probe;
 pub mod progress_bar;
+pub mod region_options;
 pub mod render;
 mod scene_arguments;
+pub mod select;
 pub mod statistics;
 pub mod synth;
 pub mod verify;
@@ -31,6 +35,9 @@ pub enum Command {
     Build(build::Arguments),
     Info(info::Arguments),
     Verify(verify::Arguments),
+    Probe(Box<probe::Arguments>),
+    Select(Box<select::Arguments>),
+    Catalogue(catalogue::Arguments),
     Synth(synth::Arguments),
     Bench(Box<bench::Arguments>),
     Modes(modes::Arguments),
@@ -48,6 +55,9 @@ impl Command {
             Command::Build(arguments) => build::run(arguments),
             Command::Info(arguments) => info::run(arguments),
             Command::Verify(arguments) => verify::run(arguments),
+            Command::Probe(arguments) => probe::run(arguments),
+            Command::Select(arguments) => select::run(arguments),
+            Command::Catalogue(arguments) => catalogue::run(arguments),
             Command::Synth(arguments) => synth::run(arguments),
             Command::Bench(arguments) => bench::run(arguments),
             Command::Modes(arguments) => modes::run(arguments),

@@ -13,6 +13,9 @@ pub enum ExploreError {
     /// The source could not be read.
     #[error(transparent)]
     Import(#[from] ImportError),
+    /// RON could not be read.
+    #[error(transparent)]
+    Ron(#[from] crate::model::ron_file::RonError),
     /// The operating system refused to read or write a file.
     #[error("{}: {action}: {source}", path.display())]
     Io {

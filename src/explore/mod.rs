@@ -1,20 +1,44 @@
 //! Looking closer: regions of space and of values, selections, sums over the whole data, ids, export, histograms and
 //! catalogues of named objects.
 //!
-//! Everything here works over two kinds of data: a page file (fast, within its stated quantisation error) and the source
+//! Everything here works over two kinds of [`Data`]: a page file (fast, within its stated quantisation error) and the source
 //! itself (exact, in the source's own precision). Nothing is held in memory but a few chunks and the answer, so both may be of
 //! any size. This room knows no window; commands and the window use it alike.
 
+pub mod batch;
+pub mod catalogue;
+pub mod data;
 pub mod error;
+pub mod export;
+pub mod highlight;
+pub mod histogram;
+pub mod identify;
 pub mod ids;
 pub mod lasso;
+pub mod moments;
+pub mod probe;
+pub mod profile;
+pub mod query;
 pub mod region;
 pub mod selection;
 pub mod shape;
 
+mod paged;
+mod sourced;
+
+pub use batch::{Batch, Gather, Uncertain, Work};
+pub use catalogue::{Catalogue, Object};
+pub use data::{Data, FieldAbout};
 pub use error::ExploreError;
+pub use export::{Exported, Format, export};
+pub use highlight::{Highlighter, Marked};
+pub use histogram::{Axis, AxisOptions, Histogram, Scatter, histogram, scatter};
+pub use identify::{Identified, PageParticle, find_id, identify, ids_of};
 pub use ids::IdSet;
 pub use lasso::{Lasso, LassoProjection};
+pub use probe::{Fields, Probe, ProbeOptions, probe};
+pub use profile::ProfileOptions;
+pub use query::Of;
 pub use region::{Region, Shape, ValueRange};
 pub use selection::{Members, SelectionSet, Show};
 pub use shape::{Cover, Shapes};

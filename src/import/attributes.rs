@@ -23,6 +23,14 @@ impl Part {
             Part::Length => values.iter().map(|value| value * value).sum::<f64>().sqrt() as f32,
         }
     }
+
+    /// The same in double precision.
+    pub(super) fn exact(self, values: &[f64]) -> f64 {
+        match self {
+            Part::Component(index) => values.get(index).copied().unwrap_or(f64::NAN),
+            Part::Length => values.iter().map(|value| value * value).sum::<f64>().sqrt(),
+        }
+    }
 }
 
 /// One attribute to load.

@@ -57,6 +57,32 @@ impl RangeFile {
     }
 }
 
+impl RangeFile {
+    /// Reads whole numbers of 4 or 8 bytes from byte `offset` on; `field` names what is there.
+    pub(super) fn whole(
+        &self,
+        offset: u64,
+        number: Number,
+        order: Order,
+        out: &mut [u64],
+        field: &str,
+    ) -> Result<(), ImportError> {
+        RAW.with_borrow_mut(|raw| {
+            raw.resize(out.len() * number.size(), 0);
+            self.read(offset, raw, field)?;
+            for (out, bytes) in out.iter_mut().zip(raw.chunks_exact(number.size())) {
+                let [first, second] = [0, 4].map(|at| u64::from(order.u32(bytes, at)));
+                *out = match (number.size(), order) {
+                    (4, _) => first,
+                    (_, Order::Little) => first | second << 32,
+                    (_, Order::Big) => first << 32 | second,
+                };
+            }
+            Ok(())
+        })
+    }
+}
+
 thread_local! {
     /// Bytes on their way from a file, one buffer per thread.
     static RAW: RefCell<Vec<u8>> = const { RefCell::new(Vec::new()) };

@@ -157,4 +157,25 @@ pub trait Source: Send + Sync {
     /// # Errors
     /// [`ImportError`] when the file cannot be read there or its content is damaged, or the range does not exist.
     fn read(&self, family: usize, field: usize, range: Range<u64>, out: &mut [f64]) -> Result<(), ImportError>;
+
+    /// Reads the particles `range` of field `field`, which is one of ids, into `out`, exactly to all 64 bits. Formats that hold
+    /// whole numbers as such read them so; what holds numbers as text or floats has no ids above 2^53.
+    ///
+    /// # Errors
+    /// As [`Source::read`], and where a value is not a whole number that is held exactly.
+    fn read_ids(&self, family: usize, field: usize, range: Range<u64>, out: &mut [u64]) -> Result<(), ImportError> {
+        let mut values = vec![0.0; out.len()];
+        self.read(family, field, range, &mut values)?;
+        for (id, value) in out.iter_mut().zip(values) {
+            *id = exact_id(value).ok_or_else(|| {
+                ImportError::malformed(&self.description().path, "ids", value, "whole numbers from 0 to 2^53")
+            })?;
+        }
+        Ok(())
+    }
+}
+
+/// The whole number that a float stands for, where it stands for that number alone.
+pub(super) fn exact_id(value: f64) -> Option<u64> {
+    (value.fract() == 0.0 && (0.0..=9_007_199_254_740_992.0).contains(&value)).then_some(value as u64)
 }

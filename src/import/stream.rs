@@ -87,7 +87,12 @@ pub fn streams<'a>(
 }
 
 /// Whether a scalar field has a positive value; reads until it finds one.
-fn any_positive(source: &dyn Source, family: usize, info: &FamilyInfo, field: usize) -> Result<bool, ImportError> {
+pub(super) fn any_positive(
+    source: &dyn Source,
+    family: usize,
+    info: &FamilyInfo,
+    field: usize,
+) -> Result<bool, ImportError> {
     let mut values = Vec::new();
     for range in chunks(info.count) {
         values.resize((range.end - range.start) as usize, 0.0);

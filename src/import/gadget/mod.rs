@@ -4,7 +4,7 @@ mod blocks;
 mod header;
 mod records;
 
-use super::bytes::{Order, RangeFile, Records};
+use super::bytes::{Number, Order, RangeFile, Records};
 use super::{Description, FamilyInfo, Field, FieldKind, Format, ImportError, Source, multifile};
 use crate::model::{FamilyName, Unit};
 use blocks::Block;
@@ -211,6 +211,23 @@ impl Source for Snapshot {
                 }
             }
             Ok(())
+        })
+    }
+
+    fn read_ids(&self, family: usize, field: usize, range: Range<u64>, out: &mut [u64]) -> Result<(), ImportError> {
+        let info = self.description.check_range(family, field, &range, out.len())?;
+        let parts = &self.stored[family][field].parts;
+        multifile::pieces(parts.iter().map(|part| part.count), range, |part, rows, at| {
+            let part = &parts[part];
+            let out = &mut out[at..at + (rows.end - rows.start) as usize];
+            let file = &self.files[part.file];
+            match part.place {
+                Place::Block { block, offset } if matches!(file.blocks[block].number, Number::U32 | Number::U64) => {
+                    let Block { number, ref label, .. } = file.blocks[block];
+                    file.file.whole(offset + rows.start * number.size() as u64, number, file.order, out, label)
+                }
+                _ => Err(ImportError::malformed(&file.file.path, &*info.name, "no whole numbers", "a block of ids")),
+            }
         })
     }
 }

@@ -2,6 +2,7 @@
 //! [`ImportError`], and sizes are held against the file before anything is allocated.
 
 use crate::import::ImportError;
+use crate::import::source::exact_id;
 use hdf5_reader::group::Group;
 use hdf5_reader::{Attribute, Dataset, Datatype, Hdf5File, OpenOptions, SliceInfo, SliceInfoElem};
 use std::cell::Cell;
@@ -226,11 +227,62 @@ impl Column {
         Ok(Attributes { path: self.path.clone(), label: self.label.clone(), list })
     }
 
-    /// Reads rows into `out`, row by row.
-    pub(super) fn read(&self, rows: Range<u64>, out: &mut [f64]) -> Result<(), ImportError> {
+    fn slice(&self, rows: Range<u64>) -> SliceInfo {
         let rows = SliceInfoElem::Slice { start: rows.start, end: rows.end, step: 1 };
         let all = SliceInfoElem::Slice { start: 0, end: self.components as u64, step: 1 };
-        let slice = SliceInfo { selections: if self.flat { vec![rows] } else { vec![rows, all] } };
+        SliceInfo { selections: if self.flat { vec![rows] } else { vec![rows, all] } }
+    }
+
+    /// Reads rows of one whole number each, exactly. Negative numbers become what their bits mean without a sign: ids that were
+    /// written with the wrong one come out right.
+    pub(super) fn read_whole(&self, rows: Range<u64>, out: &mut [u64]) -> Result<(), ImportError> {
+        macro_rules! read {
+            ($number:ty, $unsigned:ty) => {
+                guard(&self.path, &self.label, "readable values", || {
+                    let array = self.dataset.read_slice::<$number>(&self.slice(rows))?;
+                    let read = array.len();
+                    for (out, value) in out.iter_mut().zip(array.iter()) {
+                        *out = *value as $unsigned as u64;
+                    }
+                    Ok(read)
+                })
+            };
+        }
+        let read = match self.number {
+            Number::I8 => read!(i8, u8),
+            Number::I16 => read!(i16, u16),
+            Number::I32 => read!(i32, u32),
+            Number::I64 => read!(i64, u64),
+            Number::U8 => read!(u8, u8),
+            Number::U16 => read!(u16, u16),
+            Number::U32 => read!(u32, u32),
+            Number::U64 => read!(u64, u64),
+            Number::F32 | Number::F64 => {
+                let mut values = vec![0.0; out.len()];
+                self.read(rows, &mut values)?;
+                for (out, value) in out.iter_mut().zip(&values) {
+                    let expected = "whole numbers from 0 to 2^53";
+                    let wrong = || ImportError::malformed(&self.path, &*self.label, value, expected);
+                    *out = exact_id(*value).ok_or_else(wrong)?;
+                }
+                Ok(values.len())
+            }
+        }?;
+        self.as_many(read, out.len())
+    }
+
+    fn as_many(&self, read: usize, wanted: usize) -> Result<(), ImportError> {
+        if read == wanted {
+            Ok(())
+        } else {
+            let found = format!("{read} values");
+            Err(ImportError::malformed(&self.path, &*self.label, found, format!("{wanted} values")))
+        }
+    }
+
+    /// Reads rows into `out`, row by row.
+    pub(super) fn read(&self, rows: Range<u64>, out: &mut [f64]) -> Result<(), ImportError> {
+        let slice = self.slice(rows);
         macro_rules! read {
             ($number:ty) => {
                 guard(&self.path, &self.label, "readable values", || {
@@ -255,12 +307,7 @@ impl Column {
             Number::U32 => read!(u32),
             Number::U64 => read!(u64),
         }?;
-        if read == out.len() {
-            Ok(())
-        } else {
-            let found = format!("{read} values");
-            Err(ImportError::malformed(&self.path, &*self.label, found, format!("{} values", out.len())))
-        }
+        self.as_many(read, out.len())
     }
 }
 

@@ -106,6 +106,18 @@ impl Source for Snapshot {
             }
         }
     }
+
+    fn read_ids(&self, family: usize, field: usize, range: Range<u64>, out: &mut [u64]) -> Result<(), ImportError> {
+        let info = self.description.check_range(family, field, &range, out.len())?;
+        let Stored::Columns(columns, Transform::None) = &self.families[family].fields[field] else {
+            let expected = "a data set of ids";
+            return Err(ImportError::malformed(&self.description.path, &*info.name, "a constant", expected));
+        };
+        multifile::pieces(columns.iter().map(|column| column.rows), range, |file, rows, at| {
+            let out = &mut out[at..at + (rows.end - rows.start) as usize];
+            columns[file].read_whole(rows, out)
+        })
+    }
 }
 
 /// One file of a snapshot.

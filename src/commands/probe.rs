@@ -1,0 +1,232 @@
+//! `deepfield probe`: sums over everything in a region, as tables for people or as JSON for programs.
+
+use super::region_options::{Opened, RegionOptions};
+use super::statistics::write_json;
+use super::{CommandResult, progress_bar::TerminalProgress};
+use crate::explore::probe::{FamilyProbe, FieldStatistics, Probe, Profile};
+use crate::explore::{Data, Fields, ProbeOptions, ProfileOptions, Region, Shape, Work, probe};
+use serde::Serialize;
+use std::fmt::Write as _;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+
+/// Sums up what is in a region: count, mass, means and dispersions of each field, a radial profile; over the whole data.
+///
+/// Of a source every particle is looked at, and the answer is exact. Of a page file the answer comes from its leaves, and says how far
+/// off it may be; --exact asks the source that it was built from.
+#[derive(clap::Args, Debug)]
+#[command(after_help = "Examples:
+  deepfield probe snapshot_099.hdf5 --sphere 21.9,39.0,33.1,1.5 --profile 20
+  deepfield probe box.df --at groups.hdf5#0 --profile 12 --profile-field velocity-dispersion
+  deepfield probe box.df --object \"Subhalo 12\" --catalogue groups.hdf5 --radius 0.5 --exact
+  deepfield probe galaxy.df --family gas --where temperature:1e4..1e6 --where density:10.. --json -")]
+pub struct Arguments {
+    /// The source or page file.
+    pub path: PathBuf,
+    /// Which particles [default: all].
+    #[command(flatten)]
+    pub region: RegionOptions,
+    /// Shells of a radial profile in the sphere.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4096))]
+    pub profile: Option<u32>,
+    /// Radius of the innermost shell as a share of the sphere's, for shells of equal width in the logarithm; 0: shells of equal width.
+    #[arg(long, value_name = "SHARE", default_value_t = 0.01, value_parser = share)]
+    pub profile_inner: f64,
+    /// The field whose mean and dispersion are taken in each shell.
+    #[arg(long, value_name = "NAME", requires = "profile")]
+    pub profile_field: Option<String>,
+    /// Only these fields, by name; several separated by commas; `none` for count and mass alone [default: all].
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    pub fields: Vec<String>,
+    /// Ask the source that the page file was built from.
+    #[arg(long)]
+    pub exact: bool,
+    /// Write JSON to a file, or to standard output for `-`, instead of tables.
+    #[arg(long, value_name = "FILE.json")]
+    pub json: Option<PathBuf>,
+}
+
+fn share(text: &str) -> Result<f64, String> {
+    let value = text.parse().ok().filter(|value: &f64| (0.0..1.0).contains(value));
+    value.ok_or_else(|| "expected a share of the radius from 0 to below 1".into())
+}
+
+/// What `--json` writes.
+#[derive(Serialize)]
+struct Answer<'a> {
+    path: &'a Path,
+    region: &'a Region,
+    #[serde(flatten)]
+    probe: &'a Probe,
+}
+
+/// Asks and prints.
+///
+/// # Errors
+/// When the data cannot be read, or has no such field, family or object.
+pub fn run(arguments: &Arguments) -> CommandResult {
+    let opened = if arguments.exact { Opened::source(&arguments.path)? } else { Opened::open(&arguments.path)? };
+    let data = opened.data();
+    let region = arguments.region.region(data)?;
+    let options = ProbeOptions {
+        fields: match arguments.fields.as_slice() {
+            [] => Fields::All,
+            [none] if none == "none" => Fields::None,
+            names => Fields::Named(names.to_vec()),
+        },
+        profile: arguments.profile.map(|shells| ProfileOptions {
+            shells: shells as usize,
+            inner: (arguments.profile_inner > 0.0).then_some(arguments.profile_inner),
+            field: arguments.profile_field.clone(),
+        }),
+        periodic: arguments.region.periodic(data)?,
+    };
+    let progress = TerminalProgress::new();
+    let found = probe(data, &region, &options, Work::told(&progress))?;
+    drop(progress);
+    match &arguments.json {
+        Some(out) => write_json(out, &Answer { path: data.path(), region: &region, probe: &found }),
+        None => Ok(std::io::stdout().write_all(tables(data, &region, &found).as_bytes())?),
+    }
+}
+
+/// The tables for people.
+fn tables(data: Data, region: &Region, probe: &Probe) -> String {
+    let mut text = String::new();
+    // Writing to a string cannot fail.
+    let _ = write_tables(&mut text, data, region, probe);
+    text
+}
+
+fn write_tables(text: &mut String, data: Data, region: &Region, probe: &Probe) -> std::fmt::Result {
+    let length = &probe.length_unit;
+    writeln!(text, "{}: {} particles {}", data.path().display(), probe.count, described(region, data))?;
+    writeln!(text, "mass: {} {}", short(probe.mass), probe.mass_unit)?;
+    if let Some([x, y, z]) = probe.center_of_mass {
+        writeln!(text, "centre of mass: {}, {}, {} {length}", short(x), short(y), short(z))?;
+    }
+    if let Some(edge) = probe.periodic_edge {
+        writeln!(text, "distances go round the periodic box of {} {length}", short(edge))?;
+    }
+    let source = if probe.exact { "every particle of the source" } else { "the page file; --exact asks its source" };
+    writeln!(text, "from {source}")?;
+    for family in &probe.families {
+        write_family(text, family, probe)?;
+    }
+    probe.profile.iter().try_for_each(|profile| write_profile(text, profile, probe))
+}
+
+/// The region in words.
+fn described(region: &Region, data: Data) -> String {
+    let unit = data.length_unit();
+    let point = |at: &glam::DVec3| format!("({}, {}, {})", short(at.x), short(at.y), short(at.z));
+    let shapes = region.shapes.iter().map(|shape| match shape {
+        Shape::Sphere { center, radius } => format!("within {} {unit} of {}", short(*radius), point(center)),
+        Shape::Box { min, max } => format!("in the box from {} to {} {unit}", point(min), point(max)),
+        Shape::Lasso(lasso) => format!("in a lasso of {} corners", lasso.polygon.len()),
+    });
+    let ranges = region.ranges.iter().map(|range| {
+        let end = |end: Option<f64>| end.map_or(String::new(), short);
+        format!("with {} {}..{}", range.field, end(range.min), end(range.max))
+    });
+    let families: Vec<&str> = region.families.iter().map(|family| family.as_str()).collect();
+    let families = (!families.is_empty()).then(|| format!("of {}", families.join(" and ")));
+    let all: Vec<String> = shapes.chain(ranges).chain(families).collect();
+    if all.is_empty() { "in all".into() } else { all.join(", ") }
+}
+
+fn write_family(text: &mut String, family: &FamilyProbe, probe: &Probe) -> std::fmt::Result {
+    let (length, mass) = (&probe.length_unit, &probe.mass_unit);
+    writeln!(text, "\n{}: {} particles, mass {}", family.name, family.count, short(family.mass))?;
+    if let Some(uncertain) = family.uncertain.filter(|uncertain| uncertain.position > 0.0) {
+        let (count, heavy, position) = (uncertain.count, short(uncertain.mass), short(uncertain.position));
+        writeln!(
+            text,
+            "  coordinates are rounded by up to {position} {length}: {count} particles (mass {heavy} {mass}) may be in or out"
+        )?;
+    }
+    if let Some(velocity) = &family.velocity {
+        let vector = |v: [f64; 3]| v.map(short).join(", ");
+        writeln!(text, "  mean velocity: {}", vector(velocity.mean))?;
+        let one = short(velocity.dispersion_1d);
+        writeln!(
+            text,
+            "  velocity dispersion: {one} along a line of sight; {} along x, y, z",
+            vector(velocity.dispersion)
+        )?;
+    }
+    if family.fields.is_empty() {
+        return Ok(());
+    }
+    let head = ["mean", "dispersion", "by mass: mean", "dispersion", "min", "max"];
+    write!(text, "  {:<24} {:<20}", "field", "unit")?;
+    head.iter().try_for_each(|name| write!(text, " {name:>14}"))?;
+    writeln!(text, "{}", if probe.exact { "" } else { "  coded within (mean, most)" })?;
+    family.fields.iter().try_for_each(|field| write_field(text, field))
+}
+
+fn write_field(text: &mut String, field: &FieldStatistics) -> std::fmt::Result {
+    write!(text, "  {:<24} {:<20}", field.name, field.unit.to_string())?;
+    let values =
+        [field.mean, field.dispersion, field.mass_weighted_mean, field.mass_weighted_dispersion, field.min, field.max];
+    values.iter().try_for_each(|value| write!(text, " {:>14}", value.map_or("-".into(), short)))?;
+    if let Some(error) = field.error {
+        let of = error.of_range.map_or("", |_| " of the range");
+        write!(text, "  {:.2} %, {:.2} %{of}", 100.0 * error.mean, 100.0 * error.max)?;
+        if error.missing > 0 {
+            write!(text, "; {} of the family have none and count as its mean", error.missing)?;
+        }
+    }
+    writeln!(text)
+}
+
+fn write_profile(text: &mut String, profile: &Profile, probe: &Probe) -> std::fmt::Result {
+    let (length, mass) = (&probe.length_unit, &probe.mass_unit);
+    let field = profile.field.as_deref().map_or(String::new(), |field| format!("; mean and dispersion of {field}"));
+    writeln!(text, "\nprofile: radii in {length}, masses in {mass}{field}")?;
+    let mut head = vec!["from", "to", "particles", "mass", "density"];
+    head.extend(profile.field.iter().flat_map(|_| ["mean", "dispersion"]));
+    head.iter().try_for_each(|name| write!(text, " {name:>14}"))?;
+    writeln!(text)?;
+    for shell in &profile.shells {
+        write!(text, " {:>14} {:>14} {:>14}", short(shell.from), short(shell.to), shell.count)?;
+        write!(text, " {:>14} {:>14}", short(shell.mass), short(shell.density))?;
+        if profile.field.is_some() {
+            let cell = |value: Option<f64>| value.map_or("-".into(), short);
+            write!(text, " {:>14} {:>14}", cell(shell.mean), cell(shell.dispersion))?;
+        }
+        writeln!(text)?;
+    }
+    Ok(())
+}
+
+/// Seven digits, as exponent where that is shorter.
+pub(super) fn short(value: f64) -> String {
+    match value.abs() {
+        0.0 => "0".into(),
+        size @ 1e-3..1e7 => {
+            let digits = (6.0 - size.log10().floor()).clamp(0.0, 9.0) as usize;
+            let text = format!("{value:.digits$}");
+            match text.contains('.') {
+                true => text.trim_end_matches('0').trim_end_matches('.').to_owned(),
+                false => text,
+            }
+        }
+        _ => format!("{value:.6e}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::short;
+
+    #[test]
+    fn numbers_have_seven_digits() {
+        let cases = [(0.0, "0"), (1.5, "1.5"), (100.0, "100"), (1234567.0, "1234567"), (-0.0123456789, "-0.01234568")];
+        for (value, text) in
+            cases.into_iter().chain([(1e7, "1.000000e7"), (1e-4, "1.000000e-4"), (13415.43, "13415.43")])
+        {
+            assert_eq!(short(value), text);
+        }
+    }
+}

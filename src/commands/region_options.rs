@@ -1,0 +1,211 @@
+//! How regions are named on the command line, and which data they are looked for in.
+
+use super::arguments::positive;
+use super::cache;
+use crate::explore::{Catalogue, Data, Object, Region, Shape, ValueRange};
+use crate::import::{Source, open};
+use crate::model::{FamilyName, ron_file};
+use crate::store::PageFile;
+use glam::DVec3;
+use std::path::{Path, PathBuf};
+
+type Failure = Box<dyn std::error::Error + Send + Sync>;
+
+/// Which particles. Several options together mean particles that all of them let through.
+#[derive(clap::Args, Clone, Debug, Default)]
+pub struct RegionOptions {
+    /// A sphere: its centre and radius, in the data's units. In a periodic box it goes on at the opposite face.
+    #[arg(long, value_name = "X,Y,Z,R", value_parser = sphere, allow_hyphen_values = true)]
+    pub sphere: Option<Shape>,
+    /// A box: its smallest and largest coordinates.
+    #[arg(long = "box", value_name = "X0,Y0,Z0,X1,Y1,Z1", value_parser = cuboid, allow_hyphen_values = true)]
+    pub cuboid: Option<Shape>,
+    /// A region as RON, with any shapes (a lasso, too), ranges and families.
+    #[arg(long, value_name = "FILE.ron")]
+    pub region: Option<PathBuf>,
+    /// A range of values: FIELD:MIN..MAX; either end may be left out. May be given several times.
+    #[arg(long = "where", value_name = "FIELD:MIN..MAX")]
+    pub ranges: Vec<ValueRange>,
+    /// A family: gas, dark, type2, type3, stars or black-holes. May be given several times [default: all].
+    #[arg(long, value_name = "NAME", value_parser = family)]
+    pub family: Vec<FamilyName>,
+    /// The sphere of an object of a catalogue: CATALOGUE#N for the one at place N by importance, from 0, or CATALOGUE#NAME.
+    #[arg(long, value_name = "CATALOGUE#N", conflicts_with_all = ["sphere", "object"])]
+    pub at: Option<String>,
+    /// The sphere of the object of that name, of the catalogue.
+    #[arg(long, value_name = "NAME", requires = "catalogue", conflicts_with = "sphere")]
+    pub object: Option<String>,
+    /// Catalogue for --object: CSV, RON, or a group catalogue of Gadget-4, AREPO or SUBFIND.
+    #[arg(long, value_name = "FILE")]
+    pub catalogue: Option<PathBuf>,
+    /// Radius of the sphere around an object [default: the catalogue's].
+    #[arg(long, value_name = "R", value_parser = positive)]
+    pub radius: Option<f64>,
+    /// Take distances without going round the periodic box.
+    #[arg(long)]
+    pub no_wrap: bool,
+}
+
+fn numbers<const N: usize>(text: &str) -> Option<[f64; N]> {
+    let parse = |part: &str| part.trim().parse().ok().filter(|value: &f64| value.is_finite());
+    let numbers: Option<Vec<f64>> = text.split(',').map(parse).collect();
+    numbers?.try_into().ok()
+}
+
+fn sphere(text: &str) -> Result<Shape, String> {
+    match numbers(text) {
+        Some([x, y, z, radius]) if radius > 0.0 => Ok(Shape::Sphere { center: DVec3::new(x, y, z), radius }),
+        _ => Err("expected a centre and a positive radius x,y,z,r such as 25,25,25,1.5".into()),
+    }
+}
+
+fn cuboid(text: &str) -> Result<Shape, String> {
+    let expected = || "expected the smallest and the largest coordinates x0,y0,z0,x1,y1,z1".to_owned();
+    let [x0, y0, z0, x1, y1, z1] = numbers(text).ok_or_else(expected)?;
+    let (min, max) = (DVec3::new(x0, y0, z0), DVec3::new(x1, y1, z1));
+    if min.cmple(max).all() { Ok(Shape::Box { min, max }) } else { Err(expected()) }
+}
+
+/// A family by its name.
+pub fn family(text: &str) -> Result<FamilyName, String> {
+    FamilyName::parse(text).ok_or_else(|| {
+        let names: Vec<&str> = FamilyName::ALL.iter().map(|family| family.as_str()).collect();
+        format!("expected one of {}", names.join(", "))
+    })
+}
+
+impl RegionOptions {
+    /// The region in `data`.
+    ///
+    /// # Errors
+    /// When a file that is named cannot be read, or has no such object.
+    pub fn region(&self, data: Data) -> Result<Region, Failure> {
+        let mut region = match &self.region {
+            Some(path) => ron_file::read(path)?,
+            None => Region::whole(),
+        };
+        region.shapes.extend(self.sphere.iter().chain(&self.cuboid).cloned());
+        region.ranges.extend(self.ranges.iter().cloned());
+        region.families.extend(&self.family);
+        let (path, name) = match (&self.at, &self.object, &self.catalogue) {
+            (Some(at), ..) => {
+                let (path, name) = at.rsplit_once('#').ok_or("--at: expected CATALOGUE#N such as groups.hdf5#0")?;
+                (Path::new(path), name)
+            }
+            (None, Some(name), Some(path)) => (path.as_path(), name.as_str()),
+            _ => {
+                if self.radius.is_some() {
+                    return Err("--radius goes with --at or --object".into());
+                }
+                region.check()?;
+                return Ok(region);
+            }
+        };
+        let catalogue = Catalogue::read(path)?;
+        let object = match name.parse() {
+            Ok(index) if self.object.is_none() => catalogue.ranked(index)?,
+            _ => catalogue.named(name)?,
+        };
+        region.shapes.push(self.object_sphere(data, &catalogue, object)?);
+        region.check()?;
+        Ok(region)
+    }
+
+    fn object_sphere(&self, data: Data, catalogue: &Catalogue, object: &Object) -> Result<Shape, Failure> {
+        let (own, other) = (data.length_unit(), &catalogue.length_unit);
+        if !own.is_unknown() && !other.is_unknown() && own != other {
+            let path = catalogue.path.display();
+            return Err(
+                format!("{path}: lengths: found {other}, expected {own} as in {}", data.path().display()).into()
+            );
+        }
+        let radius = self.radius.or(object.radius).ok_or_else(|| {
+            format!("{}: {}: has no radius, expected --radius R", catalogue.path.display(), object.name)
+        })?;
+        Ok(Shape::Sphere { center: object.position, radius })
+    }
+
+    /// The edge of the periodic box that distances go round.
+    ///
+    /// # Errors
+    /// When the data cannot be read.
+    pub fn periodic(&self, data: Data) -> Result<Option<f64>, Failure> {
+        Ok(if self.no_wrap { None } else { data.periodic_edge()? })
+    }
+}
+
+/// A page file or a source, opened.
+pub enum Opened {
+    /// A page file.
+    Pages(Box<PageFile>),
+    /// A source.
+    Source(Box<dyn Source>),
+}
+
+impl Opened {
+    /// Opens what the path names, by its content.
+    ///
+    /// # Errors
+    /// When it cannot be opened.
+    pub fn open(path: &Path) -> Result<Opened, Failure> {
+        Ok(match cache::is_page_file(path)? {
+            true => Opened::Pages(Box::new(PageFile::open(path)?)),
+            false => Opened::Source(open(path)?),
+        })
+    }
+
+    /// Opens the source behind the path: what it names, or what the page file that it names was built from.
+    ///
+    /// # Errors
+    /// When it cannot be opened, or is not what the page file was built from.
+    pub fn source(path: &Path) -> Result<Opened, Failure> {
+        let file = match Opened::open(path)? {
+            Opened::Pages(file) => file,
+            source => return Ok(source),
+        };
+        let provenance = &file.metadata().provenance;
+        let beside = path.parent().map(|folder| folder.join(&provenance.path));
+        let there = [Some(provenance.path.clone()), beside].into_iter().flatten().find(|source| source.is_file());
+        let Some(there) = there else {
+            let source = provenance.path.display();
+            return Err(format!("{}: its source {source} is not there", path.display()).into());
+        };
+        let source = open(&there)?;
+        let found = source.description().bytes;
+        if found != provenance.bytes {
+            let (path, source) = (path.display(), there.display());
+            let text = format!(
+                "{source}: size: found {found} bytes, expected {}, of which {path} was built",
+                provenance.bytes
+            );
+            return Err(text.into());
+        }
+        Ok(Opened::Source(source))
+    }
+
+    /// What is asked.
+    pub fn data(&self) -> Data<'_> {
+        match self {
+            Opened::Pages(file) => Data::Pages(file),
+            Opened::Source(source) => Data::Source(source.as_ref()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn spheres_boxes_and_families_are_read_or_refused() {
+        assert_eq!(sphere("-1, 2,3e1,0.5"), Ok(Shape::Sphere { center: DVec3::new(-1.0, 2.0, 30.0), radius: 0.5 }));
+        for wrong in ["", "1,2,3", "1,2,3,0", "1,2,3,-1", "1,2,3,nan", "1,2,3,4,5"] {
+            assert!(sphere(wrong).is_err(), "{wrong}");
+        }
+        assert_eq!(cuboid("0,0,0,1,1,1"), Ok(Shape::Box { min: DVec3::ZERO, max: DVec3::ONE }));
+        for wrong in ["", "0,0,0,1,1", "1,0,0,0,1,1"] {
+            assert!(cuboid(wrong).is_err(), "{wrong}");
+        }
+        assert!(family("black-holes").is_ok() && family("blackholes").is_err());
+    }
+}

@@ -1,0 +1,79 @@
+//! `deepfield select`: the particles of a region, or those with certain ids, as a table or as a list of ids.
+
+use super::region_options::{Opened, RegionOptions};
+use super::{CommandResult, progress_bar::TerminalProgress};
+use crate::explore::{Format, IdSet, Members, Work, export, ids_of};
+use std::path::PathBuf;
+
+/// Writes the particles of a region, or those with certain ids: as a table with every field, or as a list of ids.
+///
+/// Rows are read from the source at its own precision, also where a page file is named whose source is still there; else from the
+/// page file, which has no ids. Ids find their particles again in another snapshot of the same run.
+#[derive(clap::Args, Debug)]
+#[command(after_help = "Examples:
+  deepfield select snapshot_099.hdf5 --sphere 21.9,39.0,33.1,1.5 -o halo.csv
+  deepfield select box.df --at groups.hdf5#0 -o halo.ids             which particles they are
+  deepfield select snapshot_010.hdf5 --ids halo.ids -o past.parquet  where they were
+  deepfield select galaxy.hdf5 --family gas --where temperature:..1e4 -o cold.parquet")]
+pub struct Arguments {
+    /// The source or page file.
+    pub path: PathBuf,
+    /// Which particles [default: all].
+    #[command(flatten)]
+    pub region: RegionOptions,
+    /// The particles with the ids in this file, instead of a region.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["sphere", "cuboid", "region", "ranges", "family", "at", "object"])]
+    pub ids: Option<PathBuf>,
+    /// The table, .csv or .parquet, or the list of ids, .ids.
+    #[arg(short, long, value_name = "OUT")]
+    pub out: PathBuf,
+}
+
+/// Selects and writes.
+///
+/// # Errors
+/// When the data cannot be read, or the file not be written.
+pub fn run(arguments: &Arguments) -> CommandResult {
+    let Arguments { path, region, ids, out } = arguments;
+    let extension = out.extension().and_then(|extension| extension.to_str()).unwrap_or_default().to_ascii_lowercase();
+    let format = Format::of(out);
+    if format.is_none() && extension != "ids" {
+        return Err(format!("{}: expected a name that ends in .csv, .parquet or .ids", out.display()).into());
+    }
+    let opened = match Opened::source(path) {
+        Ok(source) => source,
+        Err(reason) => match Opened::open(path)? {
+            // Ids are in the source alone.
+            Opened::Pages(file) if format.is_some() && ids.is_none() => {
+                eprintln!("deepfield: {reason}: values are those of the page file, without ids");
+                Opened::Pages(file)
+            }
+            _ => return Err(reason),
+        },
+    };
+    let data = opened.data();
+    let members = match ids {
+        Some(ids) => Members::Ids(IdSet::read(ids)?),
+        None => Members::Region(region.region(data)?),
+    };
+    let periodic = region.periodic(data)?;
+    let progress = TerminalProgress::new();
+    let work = Work::told(&progress);
+    let rows = match (format, &opened) {
+        (Some(format), _) => export(data, &members, format, out, periodic, work)?.rows,
+        (None, Opened::Source(source)) => {
+            let found = ids_of(source.as_ref(), &members, periodic, work)?;
+            found.write(out, &format!(" of {}", path.display()))?;
+            found.len()
+        }
+        (None, Opened::Pages(_)) => return Err(format!("{}: a page file has no ids", path.display()).into()),
+    };
+    drop(progress);
+    println!("{rows} particles in {}", out.display());
+    if let Members::Ids(wanted) = &members
+        && rows < wanted.len()
+    {
+        println!("{} of {} ids are not there", wanted.len() - rows, wanted.len());
+    }
+    Ok(())
+}

@@ -1,0 +1,79 @@
+//! Group catalogues of Gadget-4, AREPO and SUBFIND: friends-of-friends groups and their subhaloes.
+
+use super::{Catalogue, MOST_OBJECTS, Object};
+use crate::explore::ExploreError;
+use crate::import::{FieldKind, open};
+use crate::model::Unit;
+use glam::DVec3;
+use std::path::Path;
+
+/// What objects are called, and the data sets of their masses and radii, the preferred first.
+struct Kind {
+    name: &'static str,
+    position: &'static str,
+    mass: &'static [&'static str],
+    radius: &'static [&'static str],
+}
+
+const KINDS: [Kind; 2] = [
+    Kind {
+        name: "Group",
+        position: "GroupPos",
+        mass: &["GroupMass", "Group_M_Crit200", "Group_M_Mean200"],
+        radius: &["Group_R_Crit200", "Group_R_Mean200", "Group_R_TopHat200"],
+    },
+    Kind { name: "Subhalo", position: "SubhaloPos", mass: &["SubhaloMass"], radius: &["SubhaloHalfmassRad"] },
+];
+
+pub(super) fn read(path: &Path) -> Result<Catalogue, ExploreError> {
+    let source = open(path)?;
+    let about = source.description();
+    let mut catalogue = Catalogue {
+        path: path.into(),
+        format: "groups",
+        length_unit: about.length_unit.clone(),
+        mass_unit: Unit::default(),
+        box_size: about.box_size,
+        left_out: 0,
+        objects: Vec::new(),
+    };
+    for (index, info) in about.families.iter().enumerate() {
+        let position = info.find(FieldKind::Position).map(|field| (field, info.fields[field].stored_as.as_str()));
+        let Some((position, kind)) =
+            position.and_then(|(field, name)| Some((field, KINDS.iter().find(|kind| kind.position == name)?)))
+        else {
+            continue;
+        };
+        if info.count > MOST_OBJECTS {
+            let expected = format!("at most {MOST_OBJECTS}");
+            return Err(ExploreError::malformed(path, kind.name, format!("{} objects", info.count), expected));
+        }
+        let count = info.count as usize;
+        let stored =
+            |name: &&str| info.fields.iter().position(|field| field.stored_as == **name && field.components == 1);
+        let mut positions = vec![[0.0; 3]; count];
+        source.read(index, position, 0..info.count, positions.as_flattened_mut())?;
+        let column = |names: &[&str]| -> Result<Option<(usize, Vec<f64>)>, ExploreError> {
+            let Some(field) = names.iter().find_map(stored) else { return Ok(None) };
+            let mut values = vec![0.0; count];
+            source.read(index, field, 0..info.count, &mut values)?;
+            Ok(Some((field, values)))
+        };
+        let (mass, radius) = (column(kind.mass)?, column(kind.radius)?);
+        if let Some((field, _)) = mass.as_ref().filter(|_| catalogue.mass_unit.is_unknown()) {
+            catalogue.mass_unit = info.fields[*field].unit.clone();
+        }
+        let of = |column: &Option<(usize, Vec<f64>)>, i: usize| column.as_ref().map(|(_, values)| values[i]);
+        catalogue.objects.extend(positions.iter().enumerate().map(|(i, at)| Object {
+            name: format!("{} {i}", kind.name),
+            position: DVec3::from_array(*at),
+            radius: of(&radius, i),
+            mass: of(&mass, i),
+        }));
+    }
+    if catalogue.objects.is_empty() {
+        let expected = "groups or subhaloes with data sets GroupPos or SubhaloPos";
+        return Err(ExploreError::missing(path, "objects", expected));
+    }
+    Ok(catalogue)
+}

@@ -1,0 +1,305 @@
+//! Questions to a page file: its tree is walked from the roots, nodes outside the region are left aside by their boxes, nodes inside
+//! count as a whole where sums are enough, and leaves are decoded otherwise. Pages are read and decoded in parallel, a few at a time.
+
+use super::batch::{Batch, Gather, Work};
+use super::data::{Column, column, error_scale};
+use super::error::ExploreError;
+use super::query::{Of, Query};
+use super::region::ValueRange;
+use super::shape::Cover;
+use crate::hierarchy::RootCell;
+use crate::model::Bounds;
+use crate::store::{FamilyMetadata, Node, NodeRef, Page, PageFile, PageId, Positions};
+use glam::DVec3;
+use rayon::prelude::*;
+use std::collections::{BTreeMap, HashSet};
+
+/// Pages of a thread that are in memory at once.
+const AHEAD: usize = 2;
+
+/// Asks a page file.
+pub(super) fn walk<G: Gather>(file: &PageFile, query: &Query, gather: &G, work: Work) -> Result<G::Part, ExploreError> {
+    if matches!(query.of, Of::Ids(_)) || query.wanted.ids || query.wanted.rows {
+        let expected = "the source that the file was built from";
+        return Err(ExploreError::missing(file.path(), "particle ids", expected));
+    }
+    let metadata = file.metadata();
+    let families: Vec<Option<FamilyQuery>> =
+        metadata.families.iter().enumerate().map(|(index, family)| FamilyQuery::new(query, index, family)).collect();
+    let asked = || metadata.families.iter().zip(&families).filter(|(_, family)| family.is_some());
+    let total = asked().map(|(family, _)| family.count).fold(0, u64::saturating_add);
+    work.progress.begin("reading pages", total);
+
+    let mut whole = gather.part();
+    let mut open: BTreeMap<PageId, Vec<Entry>> = BTreeMap::new();
+    for (family, _) in asked() {
+        open.entry(family.root_page).or_default().push(Entry { node: 0, inside: query.shapes.are_everywhere() });
+    }
+    // Every node of a sound file is reached once; a file that was made to harm may lead to one many times.
+    let mut seen: HashSet<NodeRef> = HashSet::new();
+    let mut dealt_with = 0_u64;
+    while !open.is_empty() {
+        work.go_on()?;
+        let mut wave = Vec::new();
+        while wave.len() < AHEAD * rayon::current_num_threads() {
+            let Some(next) = open.pop_first() else { break };
+            wave.push(next);
+        }
+        let walked: Vec<Result<Walked<G::Part>, ExploreError>> = wave
+            .into_par_iter()
+            .map(|(id, entries)| {
+                work.go_on()?;
+                let page = file.read_page(id)?;
+                let family = families.get(page.family as usize).and_then(Option::as_ref);
+                let Some(family) = family else { return Ok(Walked::new(gather.part())) };
+                let walked = family.page(&page, entries, gather);
+                work.progress.advance(walked.dealt_with);
+                Ok(walked)
+            })
+            .collect();
+        for walked in walked {
+            let walked = walked?;
+            gather.join(&mut whole, walked.part)?;
+            dealt_with = dealt_with.saturating_add(walked.dealt_with);
+            for (child, inside) in walked.elsewhere {
+                if seen.insert(child) {
+                    open.entry(child.page).or_default().push(Entry { node: child.node, inside });
+                }
+            }
+        }
+    }
+    // Children outside the region were not even read.
+    work.progress.advance(total.saturating_sub(dealt_with));
+    Ok(whole)
+}
+
+/// A node to look at.
+struct Entry {
+    node: u32,
+    /// Whether all of it is known to be inside the region's shapes.
+    inside: bool,
+}
+
+/// What came of a page.
+struct Walked<P> {
+    part: P,
+    elsewhere: Vec<(NodeRef, bool)>,
+    dealt_with: u64,
+}
+
+impl<P> Walked<P> {
+    fn new(part: P) -> Walked<P> {
+        Walked { part, elsewhere: Vec::new(), dealt_with: 0 }
+    }
+}
+
+/// How a code of a codebook stands to the value ranges.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) struct Accepted {
+    /// Whether its values are in every range.
+    pub inside: bool,
+    /// Whether the source's values may be on the other side of an end.
+    pub uncertain: bool,
+}
+
+/// A question to one family.
+pub(super) struct FamilyQuery<'a> {
+    query: &'a Query<'a>,
+    index: usize,
+    family: &'a FamilyMetadata,
+    columns: Vec<Option<Column>>,
+    velocity: Option<[Column; 3]>,
+    /// By codebook and code; empty where there are no ranges.
+    accepted: Vec<Vec<Accepted>>,
+}
+
+impl<'a> FamilyQuery<'a> {
+    /// `None` where the region leaves out the family.
+    pub(super) fn new(query: &'a Query<'a>, index: usize, family: &'a FamilyMetadata) -> Option<FamilyQuery<'a>> {
+        let region = query.region()?;
+        if region.leaves_out(family.name) {
+            return None;
+        }
+        let columns = query.wanted.columns.iter().map(|name| Some(column(family, name)?.0)).collect();
+        let axis = |name: &str| Some(column(family, name)?.0);
+        let velocity = || Some([axis("velocity-x")?, axis("velocity-y")?, axis("velocity-z")?]);
+        let accepted = accepted(family, &region.ranges)?;
+        Some(FamilyQuery {
+            query,
+            index,
+            family,
+            columns,
+            velocity: query.wanted.velocities.then(velocity).flatten(),
+            accepted,
+        })
+    }
+
+    /// Walks the nodes of a page from its entries.
+    fn page<G: Gather>(&self, page: &Page, entries: Vec<Entry>, gather: &G) -> Walked<G::Part> {
+        let mut walked = Walked::new(gather.part());
+        let mut batch = Batch::default();
+        let mut reached = vec![false; page.nodes.len()];
+        let whole_nodes = gather.takes_nodes() && self.accepted.is_empty();
+        let mut stack = entries;
+        while let Some(Entry { node: index, inside }) = stack.pop() {
+            let Some(node) = page.nodes.get(index as usize) else { continue };
+            if std::mem::replace(&mut reached[index as usize], true) {
+                continue;
+            }
+            let cover = if inside { Cover::Inside } else { self.query.shapes.cover(node.bounds) };
+            let inside = cover == Cover::Inside;
+            if cover == Cover::Outside {
+                walked.dealt_with = walked.dealt_with.saturating_add(node.source_particles);
+            } else if inside && whole_nodes {
+                gather.take_node(&mut walked.part, self.index, node.source_particles, node.mass);
+                walked.dealt_with = walked.dealt_with.saturating_add(node.source_particles);
+            } else if node.is_leaf() {
+                self.leaf(page, index as usize, node, inside, &mut batch);
+                gather.take(&mut walked.part, &batch);
+                walked.dealt_with = walked.dealt_with.saturating_add(node.source_particles);
+            } else {
+                // Pushed in reverse, so that the particles come in Morton order.
+                for (octant, child) in node.children.iter().enumerate().rev() {
+                    let Some(child) = child else { continue };
+                    if child.page == page.id {
+                        stack.push(Entry { node: child.node, inside });
+                    } else if inside || self.query.shapes.cover(self.cell(node, octant)) != Cover::Outside {
+                        walked.elsewhere.push((*child, inside));
+                    }
+                }
+            }
+        }
+        walked
+    }
+
+    /// The cell of a child, a hair larger: particles lie in their cells up to rounding.
+    fn cell(&self, node: &Node, octant: usize) -> Bounds {
+        let bounds = node.key.child(octant as u8).bounds(self.family.root);
+        let hair = 1e-9 * (bounds.max - bounds.min) + 1e-14 * bounds.min.abs().max(bounds.max.abs());
+        Bounds { min: bounds.min - hair, max: bounds.max + hair }
+    }
+
+    /// Fills the batch with the members in a leaf.
+    fn leaf<'b>(&self, page: &Page, index: usize, node: &Node, inside: bool, batch: &mut Batch<'b>)
+    where
+        'a: 'b,
+    {
+        batch.clear(self.columns.len());
+        batch.family = self.index;
+        let Some(codebook) = self.family.codebooks.get(usize::from(node.codebook)) else { return };
+        batch.errors = &codebook.errors;
+        let accepted = self.accepted.get(usize::from(node.codebook));
+        let particles = page.particles(index);
+        let Positions::Leaf(_) = particles.positions else { return };
+        let scale = f64::from(node.mass_scale);
+        let place = Place::of(node, self.family.root);
+        let mass_of = |code: u16| codebook.mass.get(usize::from(code)).map_or(0.0, |&mass| f64::from(mass)) * scale;
+        let mut codes = Vec::with_capacity(particles.len());
+        let key = (u64::from(page.id.0) << 32 | index as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        for (i, &code) in particles.codes.iter().enumerate() {
+            let by_value = accepted.and_then(|codes| codes.get(usize::from(code)).copied());
+            let by_value = by_value.unwrap_or(Accepted { inside: true, uncertain: false });
+            if !by_value.inside && !by_value.uncertain {
+                continue;
+            }
+            let at = place.at(particles.fraction(i));
+            let reach = particles.rounding(i) * place.size + place.ulp;
+            let contained = inside || self.query.shapes.contains(at);
+            let near = !inside && self.query.shapes.is_near_surface(at, reach);
+            if near || by_value.uncertain && contained {
+                batch.uncertain.count += 1;
+                batch.uncertain.mass += mass_of(code);
+            }
+            batch.uncertain.position = batch.uncertain.position.max(reach);
+            if contained && by_value.inside {
+                codes.push(code);
+                batch.positions.push(at);
+                batch.keys.push(key.wrapping_add(i as u64));
+            }
+        }
+        batch.relative.extend(batch.positions.iter().map(|&at| self.query.shapes.relative(at)));
+        batch.mass.extend(codes.iter().map(|&code| mass_of(code)));
+        let gather = |column: Column, out: &mut Vec<f64>| {
+            let values = column.of(codebook);
+            out.extend(codes.iter().map(|&code| values.get(usize::from(code)).map_or(f64::NAN, |&v| f64::from(v))));
+        };
+        for (column, out) in self.columns.iter().zip(&mut batch.columns) {
+            if let Some(column) = column {
+                gather(*column, out);
+            }
+        }
+        if let Some(axes) = self.velocity {
+            let mut columns = [Vec::new(), Vec::new(), Vec::new()];
+            axes.into_iter().zip(&mut columns).for_each(|(axis, out)| gather(axis, out));
+            let [x, y, z] = columns;
+            batch.velocities.extend(x.iter().zip(&y).zip(&z).map(|((&x, &y), &z)| DVec3::new(x, y, z)));
+        }
+    }
+}
+
+/// A leaf's cell in the world.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Place {
+    corner: DVec3,
+    /// Edge of the cell, world units.
+    pub size: f64,
+    /// Rounding of world coordinates here.
+    pub ulp: f64,
+}
+
+impl Place {
+    pub(super) fn of(node: &Node, root: RootCell) -> Place {
+        let (corner, size) = (node.key.min(root), node.key.size(root));
+        Place { corner, size, ulp: (corner.abs().max_element() + size) * 4.0 * f64::EPSILON }
+    }
+
+    /// The world position of a fraction of the cell.
+    #[inline]
+    pub(super) fn at(&self, fraction: [f32; 3]) -> DVec3 {
+        self.corner + DVec3::from_array(fraction.map(f64::from)) * self.size
+    }
+}
+
+/// How each code of each codebook stands to the ranges; empty for no ranges, `None` where the family lacks one of the fields.
+pub(super) fn accepted(family: &FamilyMetadata, ranges: &[ValueRange]) -> Option<Vec<Vec<Accepted>>> {
+    let columns: Vec<(Column, &ValueRange)> =
+        ranges.iter().map(|range| Some((column(family, &range.field)?.0, range))).collect::<Option<_>>()?;
+    if columns.is_empty() {
+        return Some(Vec::new());
+    }
+    let of_codebook = |codebook: &crate::codec::Codebook| {
+        let of_code = |code: usize| {
+            let mut accepted = Accepted { inside: true, uncertain: false };
+            for &(column, range) in &columns {
+                let value = column.of(codebook).get(code).map_or(f64::NAN, |&value| f64::from(value));
+                let error = codebook.errors.get(column.error_index()).map_or(0.0, |error| error.max);
+                let (low, high) = around(value, error, error_scale(family, column));
+                let inside = range.contains(value);
+                let certain =
+                    if inside { range.contains(low) && range.contains(high) } else { lies_apart(range, low, high) };
+                if !inside && certain {
+                    return Accepted { inside: false, uncertain: false };
+                }
+                accepted.inside &= inside;
+                accepted.uncertain |= !certain;
+            }
+            accepted
+        };
+        (0..codebook.len()).map(of_code).collect()
+    };
+    Some(family.codebooks.iter().map(of_codebook).collect())
+}
+
+/// What a value may have been before it was coded, by the largest error, relative to it or to `scale`.
+fn around(value: f64, error: f64, scale: Option<f64>) -> (f64, f64) {
+    // Values are single precision, and so is the codebook.
+    let error = error + 1e-6;
+    match scale {
+        Some(scale) => (value - error * scale, value + error * scale),
+        None => (value / (1.0 + error), if error < 1.0 { value / (1.0 - error) } else { f64::INFINITY }),
+    }
+}
+
+fn lies_apart(range: &ValueRange, low: f64, high: f64) -> bool {
+    range.min.is_some_and(|min| high < min) || range.max.is_some_and(|max| low > max)
+}

@@ -1,0 +1,10 @@
+//! Looking closer: regions, probes, selections, ids and exports, against brute force and against independent readers.
+
+#![allow(clippy::unwrap_used, reason = "a failed helper fails its test")]
+
+mod export;
+mod marks;
+mod probes;
+mod reference;
+mod selections;
+mod support;
