@@ -117,6 +117,12 @@ pub fn coarsen_leaf(word: u64, levels: u32) -> u64 {
     word & (each(kept) | LEAF_POINT) | each(1 << (levels - 1))
 }
 
+/// How many levels up the cell is whose centre a leaf word is: the coarsest that it can be.
+#[inline]
+pub fn leaf_levels(word: u64) -> u32 {
+    levels_dropped(word.key())
+}
+
 /// How far at most a coordinate of this leaf word, decoded, may lie from what was rounded to it, in units of `2^-21` of the cell:
 /// half a cell of the coarsest grid that the word can be the centre of a cell of, and half a unit where that centre lies between
 /// two units.

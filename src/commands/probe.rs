@@ -4,7 +4,9 @@ use super::region_options::{Opened, RegionOptions};
 use super::statistics::write_json;
 use super::{CommandResult, progress_bar::TerminalProgress};
 use crate::explore::probe::{FamilyProbe, FieldStatistics, Probe, Profile};
-use crate::explore::{Data, Fields, ProbeOptions, ProfileOptions, Region, Shape, Work, probe};
+use crate::explore::{
+    AxisOptions, Data, Fields, Histogram, ProbeOptions, ProfileOptions, Region, Shape, Work, histogram, probe,
+};
 use serde::Serialize;
 use std::fmt::Write as _;
 use std::io::Write as _;
@@ -19,7 +21,8 @@ use std::path::{Path, PathBuf};
   deepfield probe snapshot_099.hdf5 --sphere 21.9,39.0,33.1,1.5 --profile 20
   deepfield probe box.df --at groups.hdf5#0 --profile 12 --profile-field velocity-dispersion
   deepfield probe box.df --object \"Subhalo 12\" --catalogue groups.hdf5 --radius 0.5 --exact
-  deepfield probe galaxy.df --family gas --where temperature:1e4..1e6 --where density:10.. --json -")]
+  deepfield probe galaxy.df --family gas --where temperature:1e4..1e6 --where density:10.. --json -
+  deepfield probe galaxy.df --family gas --histogram temperature --bins 20")]
 pub struct Arguments {
     /// The source or page file.
     pub path: PathBuf,
@@ -38,6 +41,12 @@ pub struct Arguments {
     /// Only these fields, by name; several separated by commas; `none` for count and mass alone [default: all].
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     pub fields: Vec<String>,
+    /// Histogram of a field, or of two together: NAME or NAME,NAME. May be given several times.
+    #[arg(long = "histogram", value_name = "NAMES", value_parser = fields)]
+    pub histograms: Vec<Vec<String>>,
+    /// Bins along each axis of a histogram.
+    #[arg(long, value_name = "N", default_value_t = 32, value_parser = clap::value_parser!(u32).range(1..=4096))]
+    pub bins: u32,
     /// Ask the source that the page file was built from.
     #[arg(long)]
     pub exact: bool,
@@ -51,6 +60,12 @@ fn share(text: &str) -> Result<f64, String> {
     value.ok_or_else(|| "expected a share of the radius from 0 to below 1".into())
 }
 
+fn fields(text: &str) -> Result<Vec<String>, String> {
+    let names: Vec<String> = text.split(',').map(|name| name.trim().to_owned()).collect();
+    let sound = names.len() <= 2 && names.iter().all(|name| !name.is_empty());
+    if sound { Ok(names) } else { Err("expected a field, or two with a comma between them".into()) }
+}
+
 /// What `--json` writes.
 #[derive(Serialize)]
 struct Answer<'a> {
@@ -58,6 +73,8 @@ struct Answer<'a> {
     region: &'a Region,
     #[serde(flatten)]
     probe: &'a Probe,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    histograms: Vec<Histogram>,
 }
 
 /// Asks and prints.
@@ -82,12 +99,22 @@ pub fn run(arguments: &Arguments) -> CommandResult {
         periodic: arguments.region.periodic(data)?,
     };
     let progress = TerminalProgress::new();
-    let found = probe(data, &region, &options, Work::told(&progress))?;
+    let work = Work::told(&progress);
+    let found = probe(data, &region, &options, work)?;
+    let bins = arguments.bins as usize;
+    let histograms = arguments.histograms.iter().map(|names| {
+        let axes: Vec<AxisOptions> = names.iter().map(|name| AxisOptions::new(name, bins)).collect();
+        histogram(data, &region, &axes, options.periodic, work)
+    });
+    let histograms = histograms.collect::<Result<Vec<_>, _>>()?;
     drop(progress);
-    match &arguments.json {
-        Some(out) => write_json(out, &Answer { path: data.path(), region: &region, probe: &found }),
-        None => Ok(std::io::stdout().write_all(tables(data, &region, &found).as_bytes())?),
+    if let Some(out) = &arguments.json {
+        return write_json(out, &Answer { path: data.path(), region: &region, probe: &found, histograms });
     }
+    let mut text = tables(data, &region, &found);
+    // Writing to a string cannot fail.
+    let _ = histograms.iter().try_for_each(|histogram| write_histogram(&mut text, histogram));
+    Ok(std::io::stdout().write_all(text.as_bytes())?)
 }
 
 /// The tables for people.
@@ -196,6 +223,27 @@ fn write_profile(text: &mut String, profile: &Profile, probe: &Probe) -> std::fm
             write!(text, " {:>14} {:>14}", cell(shell.mean), cell(shell.dispersion))?;
         }
         writeln!(text)?;
+    }
+    Ok(())
+}
+
+fn write_histogram(text: &mut String, histogram: &Histogram) -> std::fmt::Result {
+    let names: Vec<String> = histogram.axes.iter().map(|axis| format!("{} in {}", axis.field, axis.unit)).collect();
+    writeln!(text, "\nhistogram of {}", names.join(" and "))?;
+    let most = histogram.counts.iter().copied().max().unwrap_or(0).max(1);
+    let [axis] = histogram.axes.as_slice() else {
+        let filled = histogram.counts.iter().filter(|count| **count > 0).count();
+        return writeln!(
+            text,
+            " {filled} of {} bins hold particles, {most} at most; --json writes them",
+            histogram.counts.len()
+        );
+    };
+    writeln!(text, " {:>14} {:>14} {:>14} {:>14}", "from", "to", "particles", "mass")?;
+    for (bin, (count, mass)) in histogram.counts.iter().zip(&histogram.masses).enumerate() {
+        let bar = "#".repeat((40 * count).div_ceil(most) as usize);
+        let (from, to) = (short(axis.edge(bin)), short(axis.edge(bin + 1)));
+        writeln!(text, " {from:>14} {to:>14} {count:>14} {:>14} {bar}", short(*mass))?;
     }
     Ok(())
 }

@@ -2,14 +2,27 @@
 
 use super::error::ExploreError;
 use super::paged::{Accepted, Place, accepted};
+use super::places::{PlaceMarks, Places};
 use super::region::Region;
 use super::shape::{Cover, Shapes};
 use crate::hierarchy::RootCell;
 use crate::store::{Metadata, NodeParticles, Page, Positions};
 
-/// A region, ready to be held against nodes. Cheap to ask from many threads.
+/// A selection, ready to be held against nodes. Cheap to ask from many threads.
 #[derive(Debug)]
 pub struct Highlighter {
+    by: By,
+}
+
+#[derive(Debug)]
+enum By {
+    Region(RegionMarks),
+    Places(PlaceMarks),
+}
+
+/// A region.
+#[derive(Debug)]
+struct RegionMarks {
     shapes: Shapes,
     /// By family; `None` where no particle of it can be in the region.
     families: Vec<Option<FamilyMarks>>,
@@ -22,7 +35,7 @@ struct FamilyMarks {
     codes: Vec<Vec<bool>>,
 }
 
-/// How many of a node's particles are in a region.
+/// How many of a node's particles are in a selection.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Marked {
     /// None; the bits are empty.
@@ -49,14 +62,32 @@ impl Highlighter {
             Some(FamilyMarks { root: family.root, codes })
         });
         let families = families.collect();
-        Ok(Highlighter { shapes, families })
+        Ok(Highlighter { by: By::Region(RegionMarks { shapes, families }) })
     }
 
-    /// Marks the particles of node `node` of a page that are in the region, by the positions and values that are drawn (of merged
+    /// Particles at these places of their source, such as those with certain ids: [`Places::of`].
+    pub fn of_places(places: &Places, metadata: &Metadata) -> Highlighter {
+        Highlighter { by: By::Places(PlaceMarks::new(places, metadata)) }
+    }
+
+    /// Marks the particles of node `node` of a page that are in the selection, by the positions and values that are drawn (of merged
     /// particles: the merged ones). Where some are, `bits` gets a bit for each particle, particle `i` the bit `i % 64` of word
     /// `i / 64`; its memory is used again. No such node: none.
     pub fn mark(&self, page: &Page, node: usize, bits: &mut Vec<u64>) -> Marked {
         bits.clear();
+        let marked = match &self.by {
+            By::Region(region) => region.mark(page, node, bits),
+            By::Places(places) => places.mark(page, node, bits),
+        };
+        if !matches!(marked, Marked::Some(_)) {
+            bits.clear();
+        }
+        marked
+    }
+}
+
+impl RegionMarks {
+    fn mark(&self, page: &Page, node: usize, bits: &mut Vec<u64>) -> Marked {
         let family = self.families.get(page.family as usize).and_then(Option::as_ref);
         let (Some(family), Some(record)) = (family, page.nodes.get(node)) else { return Marked::None };
         let cover = self.shapes.cover(record.bounds);
@@ -81,9 +112,6 @@ impl Highlighter {
             (_, None) => fill(&particles, bits, |fraction, _| self.shapes.contains(place.at(fraction))),
         }
         let count: u32 = bits.iter().map(|word| word.count_ones()).sum();
-        if count == 0 || count as usize == particles.len() {
-            bits.clear();
-        }
         match count {
             0 => Marked::None,
             count if count as usize == particles.len() => Marked::All,

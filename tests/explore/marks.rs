@@ -2,7 +2,7 @@
 
 use crate::support::{EDGE, Memory, Particle, is_inside, page_file, particles, region};
 use deepfield::explore::{
-    AxisOptions, Data, Highlighter, Marked, PageParticle, Region, Work, histogram, identify, scatter,
+    AxisOptions, Data, Highlighter, IdSet, Marked, PageParticle, Places, Region, Work, histogram, identify, scatter,
 };
 use deepfield::import::Source;
 use deepfield::model::FamilyName;
@@ -110,6 +110,46 @@ fn samples_are_of_the_selection_and_the_same_every_time() {
         let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
         assert!((mean(&few.y) / mean(&all.y) - 1.0).abs() < 0.15);
     }
+}
+
+/// Selections by id are shown by the places that the source knows: every leaf marks the selected particles, and hardly any other.
+#[test]
+fn places_of_ids_are_marked_in_leaves_and_merged_nodes() {
+    let file = page_file();
+    let source = Memory::new(true);
+    let wanted: Vec<&Particle> =
+        particles().iter().filter(|p| p.at.distance(DVec3::splat(40.0)) < 30.0).step_by(3).collect();
+    let ids = IdSet::new(wanted.iter().map(|p| p.id).collect());
+    let places = Places::of(&source, &ids, None, Work::quiet()).unwrap();
+    assert_eq!(places.len(), wanted.len());
+    let marks = Highlighter::of_places(&places, file.metadata());
+    let (mut bits, mut leaves, mut merged) = (Vec::new(), 0, 0);
+    for id in 0..file.page_count() {
+        let page = file.read_page(PageId(id)).unwrap();
+        let family = &file.metadata().families[page.family as usize];
+        for (index, node) in page.nodes.iter().enumerate() {
+            let marked = marks.mark(&page, index, &mut bits);
+            let held = page.particles(index);
+            for i in 0..held.len() {
+                let is_marked = match marked {
+                    Marked::None => false,
+                    Marked::All => true,
+                    Marked::Some(_) => bits[i / 64] >> (i % 64) & 1 == 1,
+                };
+                if !is_marked {
+                    continue;
+                }
+                let at = node.key.position(family.root, held.fraction(i));
+                let size = node.key.size(family.root);
+                let reach = if node.is_leaf() { held.rounding(i) } else { 1.0 / 256.0 } * size * 1.001;
+                let near = |p: &&&Particle| p.family == family.name && (p.at - at).abs().max_element() <= reach;
+                assert!(wanted.iter().any(|p| near(&p)), "{at}");
+                if node.is_leaf() { leaves += 1 } else { merged += 1 }
+            }
+        }
+    }
+    assert!((wanted.len()..wanted.len() + 3).contains(&leaves), "{leaves} of {}", wanted.len());
+    assert!(merged > 0);
 }
 
 /// What is picked in the page file is found in the source, at full precision and with its id.

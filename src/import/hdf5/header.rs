@@ -66,7 +66,7 @@ impl Header {
             }
             masses = header.numbers("MassTable").unwrap_or_default();
         }
-        let files = ["NumFilesPerSnapshot", "NumFilesPerSnap"].into_iter().find_map(number);
+        let files = ["NumFilesPerSnapshot", "NumFilesPerSnap", "NumFiles"].into_iter().find_map(number);
         Ok(Header {
             counts,
             totals,

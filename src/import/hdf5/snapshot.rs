@@ -155,7 +155,10 @@ impl File {
         }
         let catalogue = GROUP_CATALOGUE.into_iter().find(|(kind, name)| *kind == number && self.has_group(name));
         if let Some((_, name)) = catalogue.filter(|_| claimed.is_none()) {
-            return self.h5.root()?.group(name).map(Some);
+            // A file of several may hold no group at all.
+            let group = self.h5.root()?.group(name)?;
+            let is_empty = group.members()?.1.is_empty();
+            return Ok((!is_empty).then_some(group));
         }
         let bare = number == BARE_TYPE && claimed.is_none() && !self.groups.iter().any(|g| g.starts_with("PartType"));
         let positions = |name: &String| is_kind(name, FamilyName::Dark, FieldKind::Position);

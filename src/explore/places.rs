@@ -1,0 +1,169 @@
+//! Particles of a page file by the places that they have in their source: how a selection by ids, which page files do not hold, is
+//! shown.
+//!
+//! A leaf holds each particle's place rounded to the centre of a cell, so a particle is marked if the place of a selected one lies in
+//! that cell; the same for merged particles and the cells that they were merged in. Where cells hold more than one particle, more than
+//! the selected ones are marked.
+
+use super::batch::{Batch, Gather, Work};
+use super::data::Data;
+use super::error::ExploreError;
+use super::highlight::Marked;
+use super::query::{Of, Query, Wanted};
+use crate::codec::coordinates::{CELL_BITS, GRID_BITS, LEAF_BITS, bin};
+use crate::codec::{morton, positions};
+use crate::hierarchy::RootCell;
+use crate::hierarchy::octree::Place;
+use crate::import::Source;
+use crate::model::FamilyName;
+use crate::store::{Metadata, NodeParticles, Page, Positions};
+use glam::DVec3;
+
+/// Where selected particles are, by family.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Places {
+    families: Vec<(FamilyName, Vec<DVec3>)>,
+}
+
+impl Places {
+    /// The places of a selection in its source; 24 bytes of memory for each particle.
+    ///
+    /// # Errors
+    /// [`ExploreError`] when the source cannot be read.
+    pub fn of<'a>(
+        source: &dyn Source,
+        of: impl Into<Of<'a>>,
+        periodic: Option<f64>,
+        work: Work,
+    ) -> Result<Places, ExploreError> {
+        let data = Data::Source(source);
+        let query = Query::new(data, of.into(), Wanted::default(), periodic)?;
+        let families: Vec<FamilyName> = data.families().into_iter().map(|(name, _)| name).collect();
+        let found = query.ask(data, &Collecting { families: families.len() }, work)?;
+        Ok(Places { families: families.into_iter().zip(found).collect() })
+    }
+
+    /// Number of particles.
+    pub fn len(&self) -> usize {
+        self.families.iter().map(|(_, places)| places.len()).sum()
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The places of a family.
+    pub fn family(&self, family: FamilyName) -> &[DVec3] {
+        self.families.iter().find(|(name, _)| *name == family).map_or(&[], |(_, places)| places)
+    }
+}
+
+struct Collecting {
+    families: usize,
+}
+
+impl Gather for Collecting {
+    type Part = Vec<Vec<DVec3>>;
+
+    fn part(&self) -> Vec<Vec<DVec3>> {
+        vec![Vec::new(); self.families]
+    }
+
+    fn take(&self, part: &mut Vec<Vec<DVec3>>, batch: &Batch) {
+        part[batch.family].extend_from_slice(&batch.positions);
+    }
+
+    fn join(&self, whole: &mut Vec<Vec<DVec3>>, next: Vec<Vec<DVec3>>) -> Result<(), ExploreError> {
+        whole.iter_mut().zip(next).for_each(|(whole, next)| whole.extend(next));
+        Ok(())
+    }
+}
+
+/// Places, ready to be held against nodes.
+#[derive(Debug)]
+pub(super) struct PlaceMarks {
+    /// By family of the page file.
+    families: Vec<FamilyPlaces>,
+}
+
+#[derive(Debug)]
+struct FamilyPlaces {
+    /// Places in the root cell, in Morton order.
+    places: Vec<Place>,
+}
+
+impl PlaceMarks {
+    pub(super) fn new(places: &Places, metadata: &Metadata) -> PlaceMarks {
+        let families = metadata.families.iter();
+        let families = families.map(|family| FamilyPlaces::new(places.family(family.name), family.root)).collect();
+        PlaceMarks { families }
+    }
+
+    /// As [`super::Highlighter::mark`].
+    pub(super) fn mark(&self, page: &Page, node: usize, bits: &mut Vec<u64>) -> Marked {
+        let (Some(family), Some(record)) = (self.families.get(page.family as usize), page.nodes.get(node)) else {
+            return Marked::None;
+        };
+        if record.particles == 0 {
+            return Marked::None;
+        }
+        // Those in the node's cell follow each other.
+        let shift = 3 * (morton::MORTON_BITS - u32::from(record.key.depth));
+        let cell = morton::encode([record.key.x, record.key.y, record.key.z]);
+        let from = family.places.partition_point(|place| place.key >> shift < cell);
+        let to = family.places.partition_point(|place| place.key >> shift <= cell);
+        if from == to {
+            return Marked::None;
+        }
+        // The same arithmetic as where leaves are made, so that bins are the same.
+        let cells = f64::from(record.key.depth).exp2();
+        let corner = [record.key.x, record.key.y, record.key.z].map(f64::from);
+        let fine = |place: &Place| {
+            let unit = place.unit();
+            morton::encode(std::array::from_fn(|axis| bin(unit[axis] * cells - corner[axis], LEAF_BITS)))
+        };
+        let mut selected: Vec<u64> = family.places[from..to].iter().map(fine).collect();
+        selected.sort_unstable();
+        let particles = page.particles(node);
+        bits.resize(particles.len().div_ceil(64), 0);
+        let mut count = 0;
+        for i in 0..particles.len() {
+            let (first, last) = cell_of(&particles, i);
+            let after = selected.partition_point(|&key| key < first);
+            if selected.get(after).is_some_and(|&key| key <= last) {
+                bits[i / 64] |= 1 << (i % 64);
+                count += 1;
+            }
+        }
+        match count {
+            0 => Marked::None,
+            count if count as usize == particles.len() => Marked::All,
+            count => Marked::Some(count),
+        }
+    }
+}
+
+/// First and last fine key of the cell that a particle's place was rounded to, or that it was merged in.
+fn cell_of(particles: &NodeParticles, i: usize) -> (u64, u64) {
+    let (key, levels) = match particles.positions {
+        Positions::Leaf(words) => {
+            let levels = positions::leaf_levels(words[i]);
+            (positions::leaf_key(words[i]) >> (3 * levels), levels)
+        }
+        Positions::Grid(words) => {
+            let within = 3 * (GRID_BITS - CELL_BITS);
+            (positions::grid_key(words[i]) >> within, LEAF_BITS - CELL_BITS)
+        }
+    };
+    let first = key << (3 * levels);
+    (first, first | ((1 << (3 * levels)) - 1))
+}
+
+impl FamilyPlaces {
+    fn new(places: &[DVec3], root: RootCell) -> FamilyPlaces {
+        let mut sorted: Vec<Place> = places.iter().map(|at| Place::of(at.to_array(), root)).collect();
+        sorted.sort_unstable();
+        FamilyPlaces { places: sorted }
+    }
+}
