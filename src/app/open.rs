@@ -170,6 +170,25 @@ mod tests {
     use std::time::{Duration, Instant};
 
     #[test]
+    fn a_scene_leads_to_its_data() {
+        let folder = tempfile::tempdir().unwrap();
+        let (data, path) = (folder.path().join("box.df"), folder.path().join("a.scene.ron"));
+        std::fs::write(&data, b"data").unwrap();
+        std::fs::write(&path, "(version: 1, datasets: [(path: \"box.df\")])").unwrap();
+        let open = |path: &Path, scene: Option<&Path>| {
+            data_of(OpenRequest { path: path.to_owned(), scene: scene.map(Path::to_owned) })
+        };
+        let (request, scene) = open(&path, None).unwrap();
+        assert_eq!((request.path, scene.unwrap().path), (data.clone(), path.clone()));
+        let (request, scene) = open(Path::new("other.df"), Some(&path)).unwrap();
+        assert!(request.path == Path::new("other.df") && scene.is_some(), "other data in the light of a scene");
+        assert!(open(&data, None).unwrap().1.is_none());
+        std::fs::remove_file(&data).unwrap();
+        let error = open(&path, None).unwrap_err();
+        assert!(error.contains("a.scene.ron: the data is not at") && error.contains("--scene"), "{error}");
+    }
+
+    #[test]
     fn a_dropped_file_is_opened_and_a_failure_is_reported() {
         let opener: Opener = Arc::new(|request, _| Err(format!("{}: not readable", request.path.display())));
         let mut app = App::new();

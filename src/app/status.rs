@@ -64,8 +64,8 @@ struct Status<'a> {
     history: [usize; 2],
     scene: Option<&'a std::path::Path>,
     settings: SettingsStatus<'a>,
-    /// The panels' controls: left, top, right and bottom.
-    controls: BTreeMap<&'a str, [f32; 4]>,
+    /// The panels' controls: left, top, right and bottom; 1 where they are in sight, else 0.
+    controls: BTreeMap<&'a str, [f32; 5]>,
     messages: Vec<&'a str>,
 }
 
@@ -150,9 +150,10 @@ pub(super) fn write_status(
         controls: controls
             .0
             .iter()
-            .map(|(name, rect)| {
-                let corners = [rect.left(), rect.top(), rect.right(), rect.bottom()];
-                (name.as_str(), corners.map(|side| side * picture.scale))
+            .map(|(name, (rect, in_sight))| {
+                let [left, top, right, bottom] =
+                    [rect.left(), rect.top(), rect.right(), rect.bottom()].map(|side| side * picture.scale);
+                (name.as_str(), [left, top, right, bottom, f32::from(u8::from(*in_sight))])
             })
             .collect(),
         messages: messages.all().map(|message| message.text.as_str()).collect(),

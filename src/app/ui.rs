@@ -15,7 +15,7 @@ use bevy_egui::{EguiContexts, egui};
 
 /// Where the panels' named controls are, logical pixels.
 #[derive(Resource, Default)]
-pub(super) struct Controls(pub std::collections::BTreeMap<String, egui::Rect>);
+pub(super) struct Controls(pub theme::Controls);
 
 /// The factor on text and controls for a window of so many physical pixels, where the system scales by `native` already: text
 /// that is legible at 1080 rows is as large on a screen of 2160.

@@ -63,7 +63,10 @@ impl DatasetRef {
     pub fn of(path: &Path, scene: &Path) -> DatasetRef {
         let path = path.canonicalize().unwrap_or_else(|_| path.to_owned());
         let fingerprint = Fingerprint::of(&path).ok();
-        let folder = folder_of(scene);
+        let folder = match folder_of(scene) {
+            folder if folder.as_os_str().is_empty() => PathBuf::from("."),
+            folder => folder,
+        };
         let folder = folder.canonicalize().unwrap_or(folder);
         let path = path.strip_prefix(&folder).map(Path::to_owned).unwrap_or(path);
         DatasetRef { path, fingerprint, families: None }
@@ -83,8 +86,8 @@ impl DatasetRef {
         let is_same = |fingerprint: &Fingerprint| self.fingerprint.is_none_or(|known| known == *fingerprint);
         let best = found.iter().position(|(_, fingerprint)| is_same(fingerprint)).unwrap_or(0);
         if found.is_empty() {
-            let (scene, beside) = (scene.to_owned(), beside.unwrap_or_else(|| folder.clone()));
-            return Err(SceneError::Missing { scene, path: named, beside });
+            let nor = beside.map(|beside| format!(", nor at {}", beside.display())).unwrap_or_default();
+            return Err(SceneError::Missing { scene: scene.to_owned(), path: named, nor });
         }
         let (path, fingerprint) = found.swap_remove(best);
         let mut notes = Vec::new();
@@ -108,12 +111,9 @@ impl DatasetRef {
     }
 }
 
-/// The folder that a file lies in.
+/// The folder that a file lies in; empty for the working folder.
 fn folder_of(file: &Path) -> PathBuf {
-    match file.parent() {
-        Some(folder) if !folder.as_os_str().is_empty() => folder.to_owned(),
-        _ => PathBuf::from("."),
-    }
+    file.parent().map(Path::to_owned).unwrap_or_default()
 }
 
 #[cfg(test)]

@@ -23,16 +23,17 @@ pub enum SceneError {
     },
     /// The data is neither where the scene says nor beside it.
     #[error(
-        "{}: the data is neither at {} nor at {}; put it beside the scene file, or correct the path in datasets",
-        scene.display(), path.display(), beside.display()
+        "{}: the data is not at {}{nor}; put it beside the scene file, correct the path in datasets, or name it: \
+         deepfield view DATA --scene {}",
+        scene.display(), path.display(), scene.display()
     )]
     Missing {
         /// The scene file.
         scene: PathBuf,
         /// Where the scene says that the data is.
         path: PathBuf,
-        /// Where it was looked for, too.
-        beside: PathBuf,
+        /// Where it was looked for, too, in words.
+        nor: String,
     },
     /// The file cannot be written.
     #[error("{}: {source}", path.display())]

@@ -284,15 +284,12 @@ impl Program {
     pub fn reveal(&self, desktop: &Desktop, name: &str) -> [i16; 2] {
         let start = Instant::now();
         let height = desktop.size[1] as i16;
-        // What is in the header does not scroll, and the other controls scroll away below it.
-        let top = if ["undo", "redo", "save", "help"].contains(&name) { 0 } else { (height / 30).max(36) };
         loop {
-            let at = self.control(name);
-            match at {
-                Some(at) if at[1] > top && at[1] < height - 20 => return at,
+            match self.control(name) {
+                Some(at) if self.status()["controls"][name][4] == 1.0 => return at,
                 Some([x, y]) => {
                     desktop.fake_input(6, 0, [x, height / 2]);
-                    let button = if y <= top { 4 } else { 5 };
+                    let button = if y < height / 2 { 4 } else { 5 };
                     desktop.fake_input(4, button, [0; 2]);
                     desktop.fake_input(5, button, [0; 2]);
                 }

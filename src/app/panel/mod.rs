@@ -90,6 +90,8 @@ impl PanelState<'_, '_> {
     fn header(&mut self, ui: &mut Ui) {
         let [past, future] = self.history.steps();
         ui.horizontal(|ui| {
+            // As wide as what is below it, which leaves room for a scroll bar.
+            ui.set_max_width(ui.available_width() - 4.0);
             ui.label(RichText::new("deepfield").size(17.0).color(theme::TEXT).strong());
             ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
                 ui.spacing_mut().item_spacing.x = 4.0;
@@ -111,7 +113,7 @@ impl PanelState<'_, '_> {
                 }
             });
         });
-        ui.add_space(3.0);
+        ui.add_space(6.0);
     }
 
     /// What is being opened, with a bar.

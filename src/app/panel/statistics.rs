@@ -117,7 +117,7 @@ fn frame_graph(ui: &mut Ui, clock: &FrameClock) {
         let bar = Rect::from_min_max(pos2(left, y(milliseconds)), pos2(left + width.max(1.0), rect.bottom()));
         painter.rect_filled(bar, 0.0, color.gamma_multiply(0.7));
     }
-    for (milliseconds, label) in [(1000.0 / 60.0, "60"), (1000.0 / 30.0, "30")] {
+    for (milliseconds, label) in [(1000.0 / 60.0, ""), (1000.0 / 30.0, "30 / s")] {
         let at = y(milliseconds);
         painter.hline(rect.x_range(), at, Stroke::new(1.0, theme::LABEL.gamma_multiply(0.4)));
         if longest < 120.0 {

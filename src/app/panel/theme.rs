@@ -136,12 +136,13 @@ fn control_name(label: &str) -> String {
     label.trim().to_lowercase().replace(' ', "-")
 }
 
-/// Where the named controls of a frame are, logical pixels.
-type Controls = std::collections::BTreeMap<String, egui::Rect>;
+/// Where the named controls of a frame are, logical pixels, and whether they are in sight: not scrolled away.
+pub type Controls = std::collections::BTreeMap<String, (egui::Rect, bool)>;
 
 /// Notes where a control is, for scripts and tests that look for it in the status file.
 pub fn register(ui: &Ui, name: &str, rect: egui::Rect) {
-    ui.data_mut(|data| data.get_temp_mut_or_default::<Controls>(controls_id()).insert(name.to_owned(), rect));
+    let control = (rect, ui.clip_rect().contains(rect.center()));
+    ui.data_mut(|data| data.get_temp_mut_or_default::<Controls>(controls_id()).insert(name.to_owned(), control));
 }
 
 /// The controls that have been drawn since the last call.
@@ -188,7 +189,9 @@ impl NumberRow<'_> {
                 .range(self.range.clone())
                 .clamp_existing_to_range(false)
                 .speed(0.004 * (self.range.end() - self.range.start()).min(before.abs().max(0.01) * 4.0))
-                .custom_formatter(|value, _| brief(value))
+                .custom_formatter(|value, _| {
+                    if self.unit.is_empty() { brief(value) } else { format!("{} {}", brief(value), self.unit) }
+                })
                 .custom_parser(|text| text.trim().trim_end_matches(self.unit).trim().parse().ok())
                 .update_while_editing(false);
             let typed = ui.add_sized(vec2(FIELD, ROW), field);
@@ -246,6 +249,7 @@ pub fn brief(value: f64) -> String {
 pub fn combo(ui: &mut Ui, label: &str, selected: &str, add: impl FnOnce(&mut Ui)) -> Response {
     row(ui, label, |ui| {
         ui.add_space(MARK_ROOM);
+        ui.set_max_width(VALUE);
         egui::ComboBox::from_id_salt(label).width(VALUE).truncate().selected_text(selected).show_ui(ui, add);
     })
 }
