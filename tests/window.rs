@@ -9,7 +9,7 @@ use serde_json::Value;
 use std::path::Path;
 use std::process::Command;
 use std::time::{Duration, Instant};
-use window_support::{Desktop, HEIGHT, PATIENCE, Program, Screen, WIDTH, distance, is_panel, point, repeat};
+use window_support::{Desktop, HEIGHT, PATIENCE, Program, Screen, columns, distance, is_panel, point, repeat};
 
 /// Opens the demo, looks, drags, presses keys, and closes the window.
 fn use_the_window(arguments: &[&str]) {
@@ -19,8 +19,8 @@ fn use_the_window(arguments: &[&str]) {
     let first = program.wait("a converged picture", |status| status["converged"] == true);
     assert_eq!(first["particles_drawn"], 262_144, "the demo is drawn in full at this size: {first:#}");
     assert_eq!((&first["panel"], &first["pages_failed"]), (&Value::from(true), &Value::from(0)));
-    let left = first["picture"][0].as_f64().unwrap() as usize;
-    let picture = left..usize::from(WIDTH);
+    let picture = columns(&first);
+    let left = picture.start;
 
     let lit = |screen: &Screen| screen.share(picture.clone(), |pixel| pixel.iter().any(|&c| c > 40));
     let before = desktop.wait("the panel at the left and data beside it", |screen| {
@@ -30,7 +30,7 @@ fn use_the_window(arguments: &[&str]) {
     assert!((0.005..0.3).contains(&text), "the panel has text on it: {text}");
 
     // A drag turns the camera around its target and changes the picture.
-    let (middle, height) = ((left as i16 + WIDTH as i16) / 2, HEIGHT as i16 / 2);
+    let (middle, height) = ((picture.start + picture.end) as i16 / 2, HEIGHT as i16 / 2);
     // A frame that takes longer than a drag sees the button pressed and released at once, so the hand tries again.
     let start = Instant::now();
     while program.status()["eye"] == first["eye"] {
@@ -81,8 +81,7 @@ fn volumes_are_drawn_by_compute_passes() {
     let mut program = Program::with_size(&desktop, folder.path(), [640, 240], &arguments);
     let status = program.wait("a converged picture", |status| status["converged"] == true);
     assert_eq!(status["backend"], "compute", "{status:#}");
-    let left = status["picture"][0].as_f64().unwrap() as usize;
-    let lit = |screen: &Screen| screen.share(left..640, |pixel| pixel.iter().any(|&c| c > 40));
+    let lit = |screen: &Screen| screen.share(columns(&status), |pixel| pixel.iter().any(|&c| c > 40));
     // The window is a third of the screen's height.
     desktop.wait("a volume", |screen| lit(screen) > 0.01);
 }
@@ -165,8 +164,7 @@ fn particles_that_another_system_moves_are_drawn_state_by_state() {
         let mut program = Program::start(&desktop, folder.path(), &arguments);
         let state = |status: &Value| status["live"].as_u64().unwrap_or(0);
         let first = program.wait("a state of the simulation", |status| state(status) > 0);
-        let left = first["picture"][0].as_f64().unwrap() as usize;
-        let picture = left..usize::from(WIDTH);
+        let picture = columns(&first);
         let lit = |screen: &Screen| screen.share(picture.clone(), |pixel| pixel.iter().any(|&c| c > 40));
         let before = desktop.wait("particles in the picture", |screen| lit(screen) > 0.05);
         let later = program.wait("a later state", |status| state(status) > state(&first) + 10);
@@ -184,8 +182,8 @@ fn wheel_right_drag_flying_and_help() {
     let desktop = Desktop::start();
     let mut program = Program::start(&desktop, folder.path(), &["--backend", "cpu"]);
     let first = program.wait("a converged picture", |status| status["converged"] == true);
-    let left = first["picture"][0].as_f64().unwrap() as i16;
-    let middle = [(left + WIDTH as i16) / 2, HEIGHT as i16 / 2];
+    let picture = columns(&first);
+    let middle = [(picture.start + picture.end) as i16 / 2, HEIGHT as i16 / 2];
     let range = |status: &Value| distance(point(status, "eye"), point(status, "target"));
 
     // The wheel upwards (button 4) comes nearer to the same target, downwards goes away again.

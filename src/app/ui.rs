@@ -13,6 +13,9 @@ use crate::annotate;
 use bevy::prelude::*;
 use bevy_egui::{EguiContexts, egui};
 
+/// The least width that both docks leave to the picture, logical pixels.
+const LEAST_PICTURE: f32 = 320.0;
+
 /// Where the panels' named controls are, logical pixels.
 #[derive(Resource, Default)]
 pub(super) struct Controls(pub theme::Controls);
@@ -55,6 +58,10 @@ pub(super) fn draw_window(
     let mut root = egui::Ui::new(ctx.clone(), "window".into(), builder);
     let mut rect = window;
     for dock in [Dock::Left, Dock::Right].into_iter().filter(|dock| shown.dock(*dock)) {
+        // A narrow window has no room for both.
+        if dock == Dock::Right && rect.width() - preset.panel.right_width < LEAST_PICTURE && rect != window {
+            continue;
+        }
         let (side, width) = match dock {
             Dock::Left => (egui::Panel::left("left"), preset.panel.width.min(0.5 * window.width())),
             Dock::Right => (egui::Panel::right("right"), preset.panel.right_width.min(0.3 * window.width())),

@@ -313,6 +313,12 @@ impl Program {
     }
 }
 
+/// The columns of the screen that the picture takes.
+pub fn columns(status: &Value) -> std::ops::Range<usize> {
+    let side = |i: usize| status["picture"][i].as_f64().unwrap() as usize;
+    side(0)..side(2)
+}
+
 /// A colour of the panel's background, within a rounding step.
 pub fn is_panel([r, g, b]: [u8; 3]) -> bool {
     r.abs_diff(0x14) <= 2 && g.abs_diff(0x17) <= 2 && b.abs_diff(0x1c) <= 2
