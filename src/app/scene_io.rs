@@ -107,7 +107,6 @@ fn scene_file(
             AttributeChoice::Named(name) => Attribute::Named(name.clone()),
         },
         transfer: Some(settings.transfer.clone()),
-        volume: is_painted.then(|| settings.transfer.clone()),
         annotations: Some(settings.annotations.clone()),
         error_px: Some(settings.error_px),
         size: Some((size.x, size.y)),
@@ -200,10 +199,7 @@ pub(super) fn apply(
             AttributeChoice::Automatic
         }
     };
-    // A scene of a volume that somebody has written may have its colours under either name.
-    let is_painted = settings.mode.painter().is_some();
-    let volume = scene.volume.as_ref().filter(|_| is_painted);
-    if let Some(transfer) = volume.or(scene.transfer.as_ref()) {
+    if let Some(transfer) = &scene.transfer {
         settings.transfer = transfer.clone();
         settings.keep_transfer = true;
     }

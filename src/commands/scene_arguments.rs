@@ -62,9 +62,9 @@ fn filled(own: Arguments, scene: SceneFile, data: PathBuf) -> Arguments {
             settings.0.extend(own.settings.0.clone());
             settings
         },
+        volume: own.volume.clone().or(scene.transfer.clone().filter(|_| !is_own_mode)),
         transfer: own.transfer.or(scene.transfer.filter(|_| !is_own_mode)),
         annotations: own.annotations.or(scene.annotations),
-        volume: own.volume.clone().or(scene.volume.filter(|_| !is_own_mode)),
         cut: if own.cut == Default::default() { scene.cut } else { own.cut },
         ..own
     }

@@ -40,12 +40,9 @@ pub struct SceneFile {
     /// Which attribute gives the hue.
     #[serde(default)]
     pub attribute: Attribute,
-    /// From the accumulation to colours; the mode's own where it is `None`.
+    /// From values to colours, for splats and volumes; the mode's own where it is `None`.
     #[serde(default)]
     pub transfer: Option<TransferFunction>,
-    /// What volumes emit and absorb; the mode's own where it is `None`.
-    #[serde(default)]
-    pub volume: Option<TransferFunction>,
     /// What is written into the picture; the program's own where it is `None`.
     #[serde(default)]
     pub annotations: Option<Annotations>,
@@ -151,7 +148,6 @@ impl SceneFile {
             settings: Settings::default(),
             attribute: Attribute::default(),
             transfer: None,
-            volume: None,
             annotations: None,
             error_px: None,
             size: None,

@@ -29,6 +29,8 @@ fn show(ui: &mut Ui, annotations: &mut Annotations) {
         annotations.labels = if names { Annotations::default().labels } else { 0 };
     }
     theme::row(ui, "Caption", |ui| {
-        ui.add(TextEdit::singleline(&mut annotations.caption).hint_text("none").desired_width(theme::VALUE));
+        ui.add_space(theme::MARK_ROOM);
+        let width = theme::VALUE - 8.0;
+        ui.add(TextEdit::singleline(&mut annotations.caption).hint_text("none").desired_width(width));
     });
 }

@@ -42,7 +42,6 @@ fn full() -> SceneFile {
             hue: Some(Hue { reverse: true, ..Hue::default() }),
             ..TransferFunction::default()
         }),
-        volume: Some(TransferFunction::of_volumes(true)),
         annotations: Some(Annotations { caption: "a \"box\"".into(), scale: Some(1.5), ..Annotations::default() }),
         error_px: Some(1.25),
         size: Some((976, 720)),
