@@ -97,7 +97,6 @@ fn scene_file(
     let all = shown.len() == settings.families.len();
     let dataset = DatasetRef { families: (!all).then_some(shown), ..DatasetRef::of(&scene.path, path) };
     let size = picture.size();
-    let is_painted = settings.mode.painter().is_some();
     SceneFile {
         mode: Some(settings.mode.name.to_owned()),
         settings: settings.mode_settings.clone(),
