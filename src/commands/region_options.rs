@@ -2,7 +2,7 @@
 
 use super::arguments::positive;
 use super::cache;
-use crate::explore::{Catalogue, Data, Object, Region, Shape, ValueRange};
+use crate::explore::{Catalogue, Data, Object, Region, Shape, ValueRange, source_of};
 use crate::import::{Source, open};
 use crate::model::{FamilyName, ron_file};
 use crate::store::PageFile;
@@ -159,28 +159,10 @@ impl Opened {
     /// # Errors
     /// When it cannot be opened, or is not what the page file was built from.
     pub fn source(path: &Path) -> Result<Opened, Failure> {
-        let file = match Opened::open(path)? {
-            Opened::Pages(file) => file,
-            source => return Ok(source),
-        };
-        let provenance = &file.metadata().provenance;
-        let beside = path.parent().map(|folder| folder.join(&provenance.path));
-        let there = [Some(provenance.path.clone()), beside].into_iter().flatten().find(|source| source.is_file());
-        let Some(there) = there else {
-            let source = provenance.path.display();
-            return Err(format!("{}: its source {source} is not there", path.display()).into());
-        };
-        let source = open(&there)?;
-        let found = source.description().bytes;
-        if found != provenance.bytes {
-            let (path, source) = (path.display(), there.display());
-            let text = format!(
-                "{source}: size: found {found} bytes, expected {}, of which {path} was built",
-                provenance.bytes
-            );
-            return Err(text.into());
+        match Opened::open(path)? {
+            Opened::Pages(file) => Ok(Opened::Source(source_of(&file)?)),
+            source => Ok(source),
         }
-        Ok(Opened::Source(source))
     }
 
     /// What is asked.

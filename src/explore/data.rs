@@ -1,7 +1,7 @@
 //! The two kinds of data that can be asked: a page file and a source.
 
 use super::error::ExploreError;
-use crate::import::{FamilyInfo, FieldKind, Scalar, Source};
+use crate::import::{FamilyInfo, FieldKind, Scalar, Source, open};
 use crate::model::{Bounds, FamilyName, Unit};
 use crate::store::{FamilyMetadata, PageFile};
 use glam::DVec3;
@@ -131,6 +131,31 @@ impl<'a> Data<'a> {
         }
         ExploreError::missing(self.path(), format!("field {field}"), format!("one of {}", names.join(", ")))
     }
+}
+
+/// Opens the source that a page file was built from: under the path that it was built with, or under that beside the page file.
+///
+/// # Errors
+/// [`ExploreError`] where it is not there, cannot be opened, or has another size than it had.
+pub fn source_of(file: &PageFile) -> Result<Box<dyn Source>, ExploreError> {
+    let provenance = &file.metadata().provenance;
+    let beside = file.path().parent().map(|folder| folder.join(&provenance.path));
+    let there = [Some(provenance.path.clone()), beside].into_iter().flatten().find(|source| source.is_file());
+    let Some(there) = there else {
+        let source = provenance.path.display();
+        return Err(ExploreError::missing(
+            file.path(),
+            format!("its source {source}"),
+            "the file that it was built from",
+        ));
+    };
+    let source = open(&there)?;
+    let found = source.description().bytes;
+    if found != provenance.bytes {
+        let expected = format!("{}, of which {} was built", provenance.bytes, file.path().display());
+        return Err(ExploreError::malformed(&there, "size in bytes", found, expected));
+    }
+    Ok(source)
 }
 
 /// The box around finite positions spread evenly over each family.

@@ -145,8 +145,29 @@ impl LassoTest {
 
     /// Whether a point within `reach` (a distance along each axis) of `point` may be on the other side of the surface.
     pub(super) fn is_near_surface(&self, point: DVec3, reach: f64) -> bool {
-        let bounds = Bounds { min: point - reach, max: point + reach };
-        self.cover(bounds) == Cover::Partly
+        // The point moves by at most this in any direction of the camera.
+        let reach = 3f64.sqrt() * reach;
+        let camera = self.view.to_camera(point);
+        let (near, far) = (camera.z - reach, camera.z + reach);
+        if far < self.near || near > self.far {
+            return false;
+        }
+        let is_cut = near < self.near || far > self.far;
+        let pixels = match self.view.projection {
+            Projection::Orthographic { .. } => reach * self.view.focal_pixels(),
+            Projection::Perspective { .. } if far <= 0.0 => return false,
+            Projection::Perspective { .. } if near <= 0.0 => return true,
+            Projection::Perspective { .. } => {
+                // Sideways, and along the line of sight, which moves what is off the axis sideways too.
+                reach * self.view.focal_pixels() / near * (1.0 + camera.x.abs().max(camera.y.abs()) / camera.z)
+            }
+        };
+        let Some(at) = self.view.to_pixels(camera) else { return true };
+        match self.polygon.cover(at.map(|x| x - pixels), at.map(|x| x + pixels)) {
+            Cover::Outside => false,
+            Cover::Inside => is_cut,
+            Cover::Partly => true,
+        }
     }
 
     /// How much of a box is inside; `Partly` where that is not certain.
@@ -360,6 +381,7 @@ mod tests {
             let view = lasso.view().unwrap();
             let (center, half) = (DVec3::from_array(center), DVec3::from_array(half));
             let cover = test.cover(Bounds { min: center - half, max: center + half });
+            let near_surface = test.is_near_surface(center, half.max_element());
             for at in points {
                 let point = center + half * DVec3::from_array(at);
                 // Projected by hand.
@@ -375,6 +397,7 @@ mod tests {
                 let within = near.is_none_or(|near| depth >= near && depth <= near + 3.0);
                 let inside = (!perspective || depth > 0.0) && within && brute(&corners, pixel);
                 prop_assert_eq!(test.contains(point), inside);
+                prop_assert!(near_surface || inside == test.contains(center));
                 prop_assert!(cover == Cover::Partly || inside == (cover == Cover::Inside), "{:?}", cover);
             }
         }

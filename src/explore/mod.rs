@@ -29,7 +29,7 @@ mod sourced;
 
 pub use batch::{Batch, Gather, Uncertain, Work};
 pub use catalogue::{Catalogue, Object};
-pub use data::{Data, FieldAbout};
+pub use data::{Data, FieldAbout, source_of};
 pub use error::ExploreError;
 pub use export::{Exported, Format, export};
 pub use highlight::{Highlighter, Marked};

@@ -89,6 +89,20 @@ mod tests {
     use glam::DVec3;
 
     #[test]
+    fn the_examples_of_the_documentation_are_read() {
+        let text = include_str!("../../docs/regions.md");
+        let mut blocks = text.split("```ron\n").skip(1).map(|block| block.split("```").next().unwrap());
+        let region: Region = ron_file::parse("regions.md", blocks.next().unwrap()).unwrap();
+        region.check().unwrap();
+        assert_eq!((region.shapes.len(), region.ranges.len(), region.families.len()), (3, 2, 1));
+        let sets: Vec<SelectionSet> =
+            blocks.next().unwrap().lines().map(|line| ron_file::parse("regions.md", line).unwrap()).collect();
+        sets.iter().for_each(|set| set.check().unwrap());
+        assert!(matches!(&sets[1].members, Members::Ids(ids) if ids.contains(2099) && ids.contains(1 << 60)));
+        assert_eq!(blocks.next(), None);
+    }
+
+    #[test]
     fn sets_are_read_and_written_as_ron() {
         let set = SelectionSet::new("halo", Region::sphere(DVec3::ONE, 2.0), 8);
         assert_eq!((set.rgb(), set.color.as_str()), (Some([0x56, 0xb4, 0xe9]), "#56b4e9"));

@@ -122,8 +122,28 @@ def units():
             group[name].attrs["units"] = np.bytes_(unit)
 
 
+def groups():
+    """A group catalogue in the layout of Gadget-4, in three files, of which the last holds nothing."""
+    rng = np.random.default_rng(8)
+    for number, (count, subhaloes) in enumerate([(3, 2), (2, 0), (0, 0)]):
+        with h5py.File(f"groups.{number}.hdf5", "w") as file:
+            attrs = file.create_group("Header").attrs
+            attrs["NumFiles"] = np.int32(3)
+            attrs["BoxSize"] = 10.0
+            group, subhalo = file.create_group("Group"), file.create_group("Subhalo")
+            if count:
+                group["GroupPos"] = rng.uniform(0, 10, (count, 3)).astype(np.float32)
+                group["GroupMass"] = np.arange(count, dtype=np.float32) + 1 + 3 * number
+                group["Group_R_Crit200"] = np.full(count, 0.25 if number == 0 else 0.0, np.float32)
+            if subhaloes:
+                subhalo["SubhaloPos"] = rng.uniform(0, 10, (subhaloes, 3)).astype(np.float32)
+                subhalo["SubhaloMass"] = np.full(subhaloes, 2.5, np.float32)
+                subhalo["SubhaloHalfmassRad"] = np.full(subhaloes, 0.125, np.float32)
+
+
 swift()
 arepo()
 eagle()
 gizmo()
 units()
+groups()

@@ -120,8 +120,8 @@ fn a_page_file_without_its_source_says_so() {
     let output = run(folder, &["select", "box.df", "--sphere", "50,50,50,20", "-o", "large.csv"]);
     let said = String::from_utf8(output.stderr).unwrap();
     assert!(output.status.success() && said.contains("without ids"), "{said}");
-    assert!(error(folder, &["select", "box.df", "-o", "all.ids"]).contains("box.csv is not there"));
-    assert!(error(folder, &["probe", "box.df", "--exact"]).contains("box.csv is not there"));
+    assert!(error(folder, &["select", "box.df", "-o", "all.ids"]).contains("its source box.csv: not there"));
+    assert!(error(folder, &["probe", "box.df", "--exact"]).contains("its source box.csv: not there"));
     std::fs::write(folder.join("box.csv"), "id,x,y,z\n1,2,3,4\n").unwrap();
     assert!(error(folder, &["probe", "box.df", "--exact"]).contains("bytes"));
 }

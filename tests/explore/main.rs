@@ -4,6 +4,7 @@
 
 mod commands;
 mod export;
+mod hostile;
 mod marks;
 mod probes;
 mod reference;

@@ -163,6 +163,23 @@ mod tests {
     }
 
     #[test]
+    fn groups_in_several_files_are_one_catalogue() {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data");
+        for number in 0..3 {
+            // Any file of them names all, the last one too, which holds nothing itself.
+            let catalogue = Catalogue::read(&folder.join(format!("groups.{number}.hdf5"))).unwrap();
+            let names: Vec<&str> = catalogue.objects.iter().map(|object| object.name.as_str()).collect();
+            let expected = ["Group 4", "Group 3", "Group 2", "Subhalo 0", "Subhalo 1", "Group 1", "Group 0"];
+            assert_eq!(names, expected);
+            assert_eq!((catalogue.box_size, catalogue.format), (Some(10.0), "groups"));
+            // A radius of 0 is none.
+            assert_eq!(catalogue.named("group 0").unwrap().radius, Some(0.25));
+            assert_eq!(catalogue.named("group 4").unwrap().radius, None);
+            assert_eq!(catalogue.named("subhalo 1").unwrap().radius, Some(0.125));
+        }
+    }
+
+    #[test]
     fn files_that_are_wrong_say_where() {
         for (name, text, parts) in [
             ("a.csv", "name,x,y\nA,1,2\n", &["a.csv", "positions"][..]),
