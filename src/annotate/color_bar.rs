@@ -7,6 +7,8 @@ use super::{QUIET, TEXT, font};
 
 /// Width of the bar without hue, logical pixels.
 const BAR: f32 = 14.0;
+/// Width of the bar with a curve of the opacity over it.
+const CURVED: f32 = 32.0;
 /// Width of the field with hue.
 const FIELD: f32 = 84.0;
 /// Pixels per em of ticks' labels and units.
@@ -21,7 +23,11 @@ const BACK: Rgba = [0, 0, 0, 140];
 /// Adds the legend; nothing where the picture is too small for it.
 pub fn layout(list: &mut DisplayList, legend: &Legend) {
     let [picture_width, picture_height] = list.size;
-    let width = if legend.s.is_some() { FIELD } else { BAR };
+    let width = match (&legend.s, legend.opacity.is_empty()) {
+        (Some(_), _) => FIELD,
+        (None, false) => CURVED,
+        (None, true) => BAR,
+    };
     let below = if legend.s.is_some() { 78.0 } else { 26.0 };
     let above = 44.0;
     let height = (0.36 * picture_height).clamp(90.0, 280.0).min(picture_height - below - above);

@@ -17,7 +17,7 @@ pub mod ticks;
 pub use display_list::{Anchor, DisplayList, Rgba, Shape};
 pub use labels::Label;
 pub use legend::{Legend, LegendAxis, Units};
-pub use paint::paint;
+pub use paint::{Paper, paint};
 
 use crate::model::Bounds;
 use crate::view::View;

@@ -3,30 +3,66 @@
 use super::display_list::{Area, At, DisplayList, Rgba, Shape};
 use super::font;
 use crate::raster::Image;
+use crate::raster::colormap::HexColor;
+use crate::raster::composite::Background;
 
 /// Around letters.
 const HALO: Rgba = [0, 0, 0, 170];
 
+/// What annotations lie on.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Paper {
+    /// A dark picture: light letters.
+    #[default]
+    Dark,
+    /// A light picture: dark letters.
+    Light,
+}
+
+impl Paper {
+    /// The paper that a background is.
+    pub fn of(background: Background) -> Paper {
+        match background {
+            Background::Color(HexColor([r, g, b])) => {
+                let light = 0.21 * f32::from(r) + 0.72 * f32::from(g) + 0.07 * f32::from(b);
+                if light > 127.0 { Paper::Light } else { Paper::Dark }
+            }
+            Background::Black | Background::Transparent => Paper::Dark,
+        }
+    }
+
+    /// A colour that is meant for dark pictures, on this paper: what was light is dark, of the same hue.
+    fn ink(self, color: Rgba) -> Rgba {
+        let [r, g, b, a] = color;
+        let (most, least) = (r.max(g).max(b), r.min(g).min(b));
+        let turn = |channel: u8| (255 - most).saturating_add(channel - least);
+        match self {
+            Paper::Dark => color,
+            Paper::Light => [turn(r), turn(g), turn(b), a],
+        }
+    }
+}
+
 /// Paints everything into the picture, whose pixels are `scale` to a logical one.
-pub fn paint(image: &mut Image, list: &DisplayList, scale: f32) {
+pub fn paint(image: &mut Image, list: &DisplayList, scale: f32, paper: Paper) {
     if image.rgba.len() != image.width as usize * image.height as usize || !(scale > 0.0 && scale.is_finite()) {
         return;
     }
     for shape in &list.shapes {
         match shape {
             Shape::Line { from, to, width, color } => {
-                line(image, from.map(|x| x * scale), to.map(|x| x * scale), width * scale, *color)
+                line(image, from.map(|x| x * scale), to.map(|x| x * scale), width * scale, paper.ink(*color));
             }
-            Shape::Rect { area, color } => rect(image, scaled(area, scale), |_| *color),
+            Shape::Rect { area, color } => rect(image, scaled(area, scale), |_| paper.ink(*color)),
             Shape::Circle { center, radius, width, color } => {
-                circle(image, center.map(|x| x * scale), radius * scale, width * scale, *color);
+                circle(image, center.map(|x| x * scale), radius * scale, width * scale, paper.ink(*color));
             }
             Shape::Mesh { area, columns, colors } => {
                 rect(image, scaled(area, scale), |place| mesh_color(place, *columns, colors));
             }
             Shape::Text { text, size, color, .. } => {
                 let corner = shape.area().min.map(|x| (x * scale).round());
-                write(image, text, size * scale, corner, scale, *color);
+                write(image, text, size * scale, corner, scale, (paper.ink(*color), paper.ink(HALO)));
             }
         }
     }
@@ -142,9 +178,9 @@ fn circle(image: &mut Image, center: At, radius: f32, width: f32, color: Rgba) {
 }
 
 /// Writes text with its halo; `corner` is the upper left corner of its box, physical pixels.
-fn write(image: &mut Image, text: &str, size: f32, [left, top]: At, scale: f32, color: Rgba) {
+fn write(image: &mut Image, text: &str, size: f32, [left, top]: At, scale: f32, (color, halo): (Rgba, Rgba)) {
     let step = scale.max(1.0);
-    let halo = [HALO[0], HALO[1], HALO[2], (u32::from(HALO[3]) * u32::from(color[3]) / 255) as u8];
+    let halo = [halo[0], halo[1], halo[2], (u32::from(halo[3]) * u32::from(color[3]) / 255) as u8];
     for [dx, dy] in [[-1.0, 0.0], [1.0, 0.0], [0.0, -1.0], [0.0, 1.0], [1.0, 1.0], [-1.0, 1.0]] {
         let at = [left + step * dx, top + step * dy];
         font::rasterize(text, size, at, |x, y, coverage| over(image, x, y, halo, coverage));
@@ -173,6 +209,18 @@ mod tests {
     }
 
     #[test]
+    fn letters_are_dark_on_light_paper() {
+        assert_eq!(Paper::of(Background::Color(HexColor([250, 250, 240]))), Paper::Light);
+        assert_eq!(Paper::of(Background::Color(HexColor([20, 30, 60]))), Paper::Dark);
+        let [r, g, b, a] = Paper::Light.ink(TEXT);
+        assert!(r < 40 && g < 40 && b < 40 && a == TEXT[3]);
+        assert_eq!(Paper::Light.ink(HALO)[..3], [255; 3]);
+        // Hues stay what they are.
+        assert_eq!(Paper::Light.ink([200, 100, 50, 9]), [205, 105, 55, 9]);
+        assert_eq!(Paper::Dark.ink(TEXT), TEXT);
+    }
+
+    #[test]
     fn a_level_line_is_sharp() {
         let mut image = black(20, 20);
         line(&mut image, [2.0, 7.3], [18.0, 7.3], 1.0, [255, 255, 255, 255]);
@@ -196,9 +244,9 @@ mod tests {
             size: 20.0,
             color: TEXT,
         });
-        paint(&mut image, &list, 1.0);
+        paint(&mut image, &list, 1.0, Paper::Dark);
         assert!(image.rgba.iter().filter(|pixel| pixel[..3] == [1, 2, 3]).count() > 20);
-        paint(&mut Image { width: 3, height: 3, rgba: Vec::new() }, &list, 1.0);
+        paint(&mut Image { width: 3, height: 3, rgba: Vec::new() }, &list, 1.0, Paper::Light);
     }
 
     #[test]

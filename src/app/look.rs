@@ -93,6 +93,7 @@ pub(super) fn follow_settings(
     if kept {
         settings.keep_transfer = false;
     }
+    let mut depicted = false;
     if stale {
         match depict(&scene, &settings) {
             Ok(depiction) => {
@@ -111,6 +112,7 @@ pub(super) fn follow_settings(
                 // Another file, mode or attribute has other ranges altogether: no gliding there.
                 look.seeded &= !other_kind && !other_attribute && look.generation == scene.generation;
                 look.depiction = depiction;
+                depicted = true;
                 look.depiction_revision += 1;
                 look.generation = scene.generation;
                 look.attribute = settings.attribute.clone();
@@ -122,7 +124,8 @@ pub(super) fn follow_settings(
             }
         }
     }
-    if look.transfer != settings.transfer {
+    // Opacity darkens splats and not a volume's colours, so that another mode has another table of the same function.
+    if depicted || look.transfer != settings.transfer {
         look.transfer = settings.transfer.clone();
         look.lut = Arc::new(bake(&look.depiction, &settings.transfer));
         look.settled = false;

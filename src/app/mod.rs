@@ -112,7 +112,7 @@ impl Plugin for WindowApp {
             CameraPlugin,
             pages::PagesPlugin,
             preset_assets::PresetPlugin::new(&self.options),
-            transfer_presets::TransferPresetsPlugin,
+            transfer_presets::TransferPresetsPlugin { folder: crate::raster::transfer::presets::folder() },
         ))
         .insert_resource(ClearColor(Color::BLACK))
         .insert_resource(shortcuts::Shown {
@@ -131,6 +131,7 @@ impl Plugin for WindowApp {
         .init_resource::<scene_io::Bookmarks>()
         .init_resource::<scene_io::Selections>()
         .init_resource::<ui::Controls>()
+        .init_resource::<overlay::annotations::NamedObjects>()
         .init_resource::<exposure::Exposure>()
         .init_resource::<input::PointerOwner>()
         .init_resource::<messages::Messages>()

@@ -11,6 +11,7 @@ use super::scene_io::SceneFiles;
 use super::shortcuts::Shown;
 use super::statistics::{Converged, Statistics};
 use super::ui::Controls;
+use crate::annotate::Annotations;
 use crate::raster::transfer::TransferFunction;
 use crate::view::CutSettings;
 use bevy::prelude::*;
@@ -76,6 +77,7 @@ struct SettingsStatus<'a> {
     attribute: String,
     values: &'a crate::modes::Settings,
     transfer: &'a TransferFunction,
+    annotations: &'a Annotations,
     error_px: f64,
     families: &'a [bool],
     fov: f64,
@@ -140,6 +142,7 @@ pub(super) fn write_status(
             },
             values: &settings.mode_settings,
             transfer: &settings.transfer,
+            annotations: &settings.annotations,
             error_px: settings.error_px,
             families: &settings.families,
             fov: settings.lens.fov_deg,

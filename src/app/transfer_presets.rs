@@ -8,6 +8,7 @@ use crate::raster::transfer::{TransferFunction, presets};
 use bevy::asset::io::Reader;
 use bevy::asset::{AssetLoadFailedEvent, AssetLoader, LoadContext};
 use bevy::prelude::*;
+use std::path::PathBuf;
 
 /// A preset's file.
 #[derive(Asset, TypePath, Clone, Debug, PartialEq)]
@@ -51,6 +52,8 @@ struct Preset {
 #[derive(Resource, Default)]
 pub struct TransferPresets {
     all: Vec<Preset>,
+    /// Where their files are.
+    folder: Option<PathBuf>,
     chosen: Option<String>,
     to_save: Option<(String, TransferFunction)>,
 }
@@ -99,13 +102,16 @@ impl TransferPresets {
 }
 
 /// Loads the presets, follows their files, and writes them.
-pub struct TransferPresetsPlugin;
+pub struct TransferPresetsPlugin {
+    /// Where their files are; `transfer` among Bevy's assets.
+    pub folder: Option<PathBuf>,
+}
 
 impl Plugin for TransferPresetsPlugin {
     fn build(&self, app: &mut App) {
         app.init_asset::<TransferAsset>()
             .init_asset_loader::<TransferLoader>()
-            .init_resource::<TransferPresets>()
+            .insert_resource(TransferPresets { folder: self.folder.clone(), ..default() })
             .add_systems(Startup, load)
             .add_systems(Update, (follow_files, save).chain());
     }
@@ -118,7 +124,7 @@ fn asset_path(name: &str) -> String {
 
 /// Finds all presets.
 fn load(mut all: ResMut<TransferPresets>, assets: Res<AssetServer>) {
-    let folder = presets::folder();
+    let folder = all.folder.clone();
     all.all = presets::names(folder.as_deref())
         .into_iter()
         .map(|name| {
@@ -159,7 +165,7 @@ fn save(mut presets: ResMut<TransferPresets>, assets: Res<AssetServer>, mut mess
         return;
     }
     let Some((name, transfer)) = presets.to_save.take() else { return };
-    let Some(folder) = presets::folder() else {
+    let Some(folder) = presets.folder.clone() else {
         messages.error(
             "there is no folder assets/transfer beside the program to write presets to; BEVY_ASSET_ROOT may name one",
         );
@@ -187,6 +193,58 @@ fn save(mut presets: ResMut<TransferPresets>, assets: Res<AssetServer>, mut mess
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Runs frames until a condition holds.
+    fn wait(app: &mut App, what: &str, condition: impl Fn(&World) -> bool) {
+        let start = std::time::Instant::now();
+        while !condition(app.world()) {
+            assert!(start.elapsed().as_secs() < 60, "waited in vain for: {what}");
+            app.update();
+            std::thread::sleep(std::time::Duration::from_millis(5));
+        }
+    }
+
+    #[test]
+    fn files_are_followed_written_and_refused_with_their_place() {
+        let folder = tempfile::tempdir().unwrap();
+        let files = folder.path().join("transfer");
+        std::fs::create_dir(&files).unwrap();
+        let file = files.join("mine.ron");
+        std::fs::write(&file, "(gamma: 2.0)").unwrap();
+        let mut app = App::new();
+        let file_path = folder.path().to_string_lossy().into_owned();
+        let assets = AssetPlugin { watch_for_changes_override: Some(true), file_path, ..default() };
+        app.add_plugins((MinimalPlugins, assets))
+            .init_resource::<Messages>()
+            .insert_resource(Settings::new(&super::super::Preset::default(), None))
+            .add_plugins(TransferPresetsPlugin { folder: Some(files.clone()) });
+        wait(&mut app, "the file", |world| world.resource::<TransferPresets>().get("mine").is_some());
+        let chosen = app.world_mut().resource_mut::<TransferPresets>().choose("mine").unwrap();
+        assert_eq!(chosen.gamma, 2.0);
+        app.world_mut().resource_mut::<Settings>().transfer = chosen;
+
+        std::fs::write(&file, "(gamma: 3.0)").unwrap();
+        wait(&mut app, "the changed file", |world| world.resource::<Settings>().transfer.gamma == 3.0);
+        std::fs::write(&file, "(\n  gama: 4.0,\n)").unwrap();
+        let refused = |world: &World| {
+            let mut all = world.resource::<Messages>().all();
+            all.any(|message| message.text.contains("mine.ron:2:") && message.text.contains("gama"))
+        };
+        wait(&mut app, "a message with file, line and field", refused);
+        assert_eq!(app.world().resource::<Settings>().transfer.gamma, 3.0, "the last good one stays");
+
+        let edited = TransferFunction { gamma: 0.5, ..default() };
+        app.world_mut().resource_mut::<Settings>().transfer = edited.clone();
+        app.world_mut().resource_mut::<TransferPresets>().ask_to_save("other".into(), edited.clone());
+        wait(&mut app, "the saved file", |world| {
+            world.resource::<TransferPresets>().chosen() == Some(("other", &edited))
+        });
+        assert_eq!(TransferFunction::named("other", Some(&files)).unwrap(), edited);
+        app.world_mut().resource_mut::<TransferPresets>().ask_to_save("../other".into(), edited);
+        let refused =
+            |world: &World| world.resource::<Messages>().all().any(|message| message.text.contains("../other"));
+        wait(&mut app, "a refused name", refused);
+    }
 
     #[test]
     fn a_changed_file_changes_the_picture_only_where_nothing_was_edited() {

@@ -3,13 +3,14 @@
 use super::camera::{Navigation, Viewpoint};
 use super::input::PointerOwner;
 use super::lens::view_of;
+use super::overlay::annotations::NamedObjects;
 use super::overlay::{self, annotations, help};
 use super::panel::{Dock, PanelState, theme};
 use super::pick::DoubleClick;
 use super::picture::{DataCamera, Picture};
 use super::preset::Preset;
 use super::shortcuts::Shown;
-use crate::annotate;
+use crate::annotate::{self, Label};
 use bevy::prelude::*;
 use bevy_egui::{EguiContexts, egui};
 
@@ -37,8 +38,7 @@ pub(super) fn draw_window(
     mut owner: ResMut<PointerOwner>,
     camera: Single<(&Viewpoint, &Navigation), With<DataCamera>>,
     mut clicked: ResMut<DoubleClick>,
-    shown: Res<Shown>,
-    preset: Res<Preset>,
+    (shown, preset, objects): (Res<Shown>, Res<Preset>, Res<NamedObjects>),
 ) -> Result {
     let ctx = contexts.ctx_mut()?.clone();
     if !*styled {
@@ -81,7 +81,7 @@ pub(super) fn draw_window(
     let painter = root.painter().with_clip_rect(rect);
     let whole = egui::Rect::from_min_max(egui::pos2(0.0, 0.0), egui::pos2(1.0, 1.0));
     painter.image(picture.texture, rect, whole, egui::Color32::WHITE);
-    draw_overlays(&painter, rect, &panel, &picture, *camera);
+    draw_overlays(&painter, rect, &panel, &picture, &objects.0, *camera);
     overlay::draw_messages(&painter, rect, &panel.messages);
     if shown.help {
         help::draw(&ctx, rect);
@@ -111,6 +111,7 @@ fn draw_overlays(
     rect: egui::Rect,
     state: &PanelState<'_, '_>,
     picture: &Picture,
+    labels: &[Label],
     (viewpoint, navigation): (&Viewpoint, &Navigation),
 ) {
     let Some(scene) = &state.scene else { return };
@@ -124,7 +125,7 @@ fn draw_overlays(
             bounds: scene.frame,
             length_unit: &scene.length_unit,
             legend: legend.as_ref(),
-            labels: &[],
+            labels,
         };
         annotations::paint(painter, rect, &annotate::layout(&state.settings.annotations, &subject));
     }

@@ -1,13 +1,15 @@
 //! What `deepfield render` writes into its pictures.
 
 use super::render::Arguments;
-use crate::annotate::{self, Annotations, Label, Legend, Subject, Units};
+use crate::annotate::{self, Annotations, Label, Legend, Paper, Subject, Units};
+use crate::explore::{Catalogue, ExploreError};
 use crate::model::Bounds;
 use crate::modes::Depiction;
 use crate::raster::Image;
 use crate::raster::transfer::{Levels, TransferFunction};
 use crate::view::View;
 use glam::DVec3;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// What is written into a picture.
@@ -21,6 +23,9 @@ pub struct AnnotateOptions {
     /// A line at the top of the picture.
     #[arg(long, value_name = "TEXT")]
     pub caption: Option<String>,
+    /// Write the names of a catalogue's objects: CSV, RON, or a group catalogue in HDF5 (see `deepfield catalogue --help`).
+    #[arg(long, value_name = "CATALOGUE")]
+    pub labels: Option<PathBuf>,
     /// Size of text and lines in the picture: 1 has letters of 13 pixels [default: by the picture's size].
     #[arg(long, value_name = "FACTOR", value_parser = scale)]
     pub text_scale: Option<f32>,
@@ -39,7 +44,7 @@ fn scale(text: &str) -> Result<f32, String> {
 impl AnnotateOptions {
     /// Whether any is on the command line.
     pub fn is_given(&self) -> bool {
-        self.annotate.is_some() || self.caption.is_some()
+        self.annotate.is_some() || self.caption.is_some() || self.labels.is_some()
     }
 
     /// What is written, where `config` says so too: nothing for `None`.
@@ -56,8 +61,20 @@ impl AnnotateOptions {
         let mut all = named.unwrap_or(config);
         all.caption = self.caption.clone().unwrap_or(all.caption);
         all.scale = self.text_scale.or(all.scale);
+        if self.labels.is_some() && all.labels == 0 {
+            all.labels = Annotations::default().labels;
+        }
         Some(all)
     }
+}
+
+/// The objects of a catalogue as labels, the most important one first.
+///
+/// # Errors
+/// What is wrong with the catalogue.
+pub(super) fn labels_of(catalogue: &Path) -> Result<Vec<Label>, ExploreError> {
+    let objects = Catalogue::read(catalogue)?.objects.into_iter();
+    Ok(objects.map(|object| Label { name: object.name, position: object.position, radius: object.radius }).collect())
 }
 
 /// What a picture shows, and from where.
@@ -67,14 +84,27 @@ pub(super) struct Stage {
     target: DVec3,
     bounds: Bounds,
     units: Units,
+    paper: Paper,
+    labels: Vec<Label>,
     pub depiction: Depiction,
 }
 
 impl Stage {
     /// A picture of what lies in `bounds`.
-    pub fn new(arguments: &Arguments, view: View, bounds: Bounds, units: Units, depiction: &Depiction) -> Stage {
+    ///
+    /// # Errors
+    /// What is wrong with the catalogue of the objects to name.
+    pub fn new(
+        arguments: &Arguments,
+        view: View,
+        bounds: Bounds,
+        units: Units,
+        depiction: &Depiction,
+    ) -> Result<Stage, ExploreError> {
         let target = arguments.target.unwrap_or(bounds.center());
-        Stage { view, target, bounds, units, depiction: depiction.clone() }
+        let paper = Paper::of(arguments.background.unwrap_or_default());
+        let labels = arguments.annotate.labels.as_deref().map_or(Ok(Vec::new()), labels_of)?;
+        Ok(Stage { view, target, bounds, units, paper, labels, depiction: depiction.clone() })
     }
 
     /// Writes what is asked for into the finished picture, whose colours come from `transfer` over `levels`.
@@ -85,7 +115,6 @@ impl Stage {
         };
         let legend = Legend::of(&self.depiction, transfer, Arc::new(lut), levels, &self.units);
         let scale = annotations.scale_for(image.width, image.height);
-        let labels: &[Label] = &[];
         let subject = Subject {
             view: &self.view,
             scale,
@@ -93,9 +122,9 @@ impl Stage {
             bounds: self.bounds,
             length_unit: &self.units.length.to_string(),
             legend: Some(&legend),
-            labels,
+            labels: &self.labels,
         };
-        annotate::paint(image, &annotate::layout(annotations, &subject), scale);
+        annotate::paint(image, &annotate::layout(annotations, &subject), scale, self.paper);
     }
 }
 
@@ -115,6 +144,14 @@ mod tests {
         let caption = AnnotateOptions { caption: Some("mine".into()), text_scale: Some(3.0), ..none };
         let both = caption.over(Some(file)).unwrap();
         assert!(both.scale_bar && both.caption == "mine" && both.scale == Some(3.0));
+        let folder = tempfile::tempdir().unwrap();
+        let catalogue = folder.path().join("clusters.csv");
+        std::fs::write(&catalogue, "name,x,y,z,radius,mass\nsmall,1,2,3,0.5,1\nlarge,4,5,6,2,9\n").unwrap();
+        let labels = labels_of(&catalogue).unwrap();
+        assert_eq!((labels.len(), labels[0].name.as_str(), labels[0].radius), (2, "large", Some(2.0)));
+        let named = AnnotateOptions { labels: Some(catalogue), ..AnnotateOptions::default() };
+        assert!(named.over(None).unwrap().labels > 0 && !named.over(None).unwrap().legend);
+        assert!(labels_of(&folder.path().join("none.csv")).is_err());
         assert!(parts("legend,axis").is_err() && scale("0").is_err());
     }
 }

@@ -1,5 +1,6 @@
 //! Values on the command line that several commands share, parsed with messages that say what was expected.
 
+use crate::raster::transfer::{TransferFunction, presets};
 use glam::DVec3;
 
 /// Width and height of a picture: `1200x800`.
@@ -35,6 +36,14 @@ pub fn vector(text: &str) -> Result<DVec3, String> {
         [x, y, z] => Ok(DVec3::new(x, y, z)),
         _ => Err("expected three numbers x,y,z such as 0,0,1.5".into()),
     }
+}
+
+/// The transfer function of that name, or in that file.
+///
+/// # Errors
+/// The names that there are, or what is wrong with the file.
+pub fn transfer_named(text: &str) -> Result<TransferFunction, String> {
+    TransferFunction::named(text, presets::folder().as_deref()).map_err(|error| error.to_string())
 }
 
 /// A number greater than zero.

@@ -7,6 +7,7 @@ pub mod build;
 pub mod cache;
 pub mod catalogue;
 pub mod demo;
+mod exact_source;
 pub mod info;
 pub mod modes;
 pub mod page_file_info;

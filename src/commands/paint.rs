@@ -1,7 +1,8 @@
 //! `deepfield render` for the modes that draw colours straight from particles.
 
 use super::annotate::Stage;
-use super::render::{Arguments, Backend, families, load_exact, view};
+use super::exact_source::load_exact;
+use super::render::{Arguments, Backend, families, view};
 use super::statistics::{Shown, Times, write_json};
 use super::{CommandResult, cache, progress_bar::TerminalProgress};
 use crate::annotate::{Annotations, Units};
@@ -172,7 +173,7 @@ fn paint_pages(
     }
     Ok(Outcome {
         painted: painted.ok_or("nothing was drawn")?,
-        stage: Stage::new(arguments, view, framed, Units::of_pages(metadata, &depiction), &depiction),
+        stage: Stage::new(arguments, view, framed, Units::of_pages(metadata, &depiction), &depiction)?,
         levels: scene.levels.name(),
         attribute: depiction.attribute.map(|coloring| coloring.name),
         converged: selection.converged,
@@ -208,7 +209,7 @@ fn paint_exact(
     }
     Ok(Outcome {
         painted: painted.ok_or("nothing was drawn")?,
-        stage: Stage::new(arguments, view, framed, Units::of_dataset(&dataset, &depiction), &depiction),
+        stage: Stage::new(arguments, view, framed, Units::of_dataset(&dataset, &depiction), &depiction)?,
         levels: "source",
         attribute: depiction.attribute.map(|coloring| coloring.name),
         converged: true,

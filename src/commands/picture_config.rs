@@ -1,5 +1,6 @@
 //! What a picture looks like, as RON: the file that `render --config` reads.
 
+use super::annotate::AnnotateOptions;
 use super::arguments::PictureSize;
 use super::render::{Arguments, Backend};
 use crate::annotate::Annotations;
@@ -12,7 +13,7 @@ use crate::raster::transfer::TransferFunction;
 use crate::view::CutSettings;
 use glam::DVec3;
 use serde::Deserialize;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// A picture's settings; what is left out keeps its default, and what the command line names overrides it.
 #[derive(Clone, Debug, Default, Deserialize)]
@@ -42,6 +43,8 @@ pub struct PictureConfig {
     pub cut: CutSettings,
     /// What is behind the picture.
     pub background: Option<Background>,
+    /// A catalogue whose objects are named in the picture.
+    pub catalogue: Option<PathBuf>,
     /// What is written into the picture.
     pub annotations: Option<Annotations>,
 }
@@ -124,6 +127,10 @@ impl PictureConfig {
             volume: own.transfer.clone().or(self.volume),
             transfer: own.transfer.clone().or(self.transfer),
             annotations: self.annotations,
+            annotate: AnnotateOptions {
+                labels: own.annotate.labels.clone().or(self.catalogue),
+                ..own.annotate.clone()
+            },
             background: own.background.or(self.background),
             cut: self.cut,
             ..own

@@ -1,17 +1,17 @@
 //! `deepfield render`: a picture of a source or page file, without a window.
 
 use super::annotate::{AnnotateOptions, Stage};
-use super::arguments::{PictureSize, not_negative, positive, vector};
+use super::arguments::{PictureSize, not_negative, positive, transfer_named, vector};
+pub(super) use super::exact_source::load_exact;
 use super::picture_config::PictureConfig;
 use super::progress_bar::TerminalProgress;
 use super::statistics::{Shown, Times, write_json};
 use super::{CommandResult, cache};
 use crate::annotate::{Annotations, Units};
-use crate::import::{AttributeChoice, LoadOptions, load};
-use crate::model::{Bounds, Dataset, Family, FamilyName};
+use crate::model::{Bounds, Family, FamilyName};
 use crate::modes::{self, Depiction, Economy, Mode, Plan, SettingKind, SettingValue, Settings, cpu, economy, pilot};
 use crate::raster::composite::Background;
-use crate::raster::transfer::{TransferFunction, presets};
+use crate::raster::transfer::TransferFunction;
 use crate::raster::{Accumulation, Method, composite, output};
 use crate::store::{Metadata, PageFile};
 use crate::stream::{Scene, first_frame};
@@ -213,14 +213,6 @@ pub fn mode_name(text: &str) -> Result<&'static Mode, String> {
     modes::find(text).ok_or_else(|| format!("expected one of {}", modes::names()))
 }
 
-/// The transfer function of that name, or in that file.
-///
-/// # Errors
-/// The names that there are, or what is wrong with the file.
-pub fn transfer_named(text: &str) -> Result<TransferFunction, String> {
-    TransferFunction::named(text, presets::folder().as_deref()).map_err(|error| error.to_string())
-}
-
 /// The family of that name.
 ///
 /// # Errors
@@ -397,7 +389,7 @@ fn draw_pages(arguments: &Arguments) -> Result<Picture, Box<dyn std::error::Erro
     }
     let picture = Picture {
         accumulation: Accumulation::default(),
-        stage: Stage::new(arguments, view, framed, Units::of_pages(metadata, &depiction), &depiction),
+        stage: Stage::new(arguments, view, framed, Units::of_pages(metadata, &depiction), &depiction)?,
         mode,
         attribute: depiction.attribute.as_ref().map(|coloring| coloring.name.clone()),
         economy: left_out.clone(),
@@ -480,34 +472,6 @@ fn draw_on_gpu(
     }
 }
 
-/// The particles that an exact picture draws: those of the source, or of the one that a page file was built from.
-pub(super) fn load_exact(
-    arguments: &Arguments,
-) -> Result<(PathBuf, Dataset), Box<dyn std::error::Error + Send + Sync>> {
-    let source = source_of(&arguments.path)?;
-    let attributes = arguments
-        .attribute
-        .iter()
-        .map(String::as_str)
-        .chain(arguments.mode.iter().flat_map(|mode| mode.weight_attributes).copied());
-    let own = ["mass", "density", "smoothing-length"];
-    let named: Vec<String> = attributes.filter(|name| !own.contains(name)).map(str::to_owned).collect();
-    let options = LoadOptions {
-        families: match arguments.family {
-            Some(family) => vec![family],
-            None => arguments.families.clone().unwrap_or_default(),
-        },
-        attributes: if arguments.attribute.is_some() && !named.is_empty() {
-            AttributeChoice::Named(named)
-        } else {
-            AttributeChoice::Usual
-        },
-        ..LoadOptions::default()
-    };
-    let dataset = load(&source, &options, &TerminalProgress::new())?;
-    Ok((source, dataset))
-}
-
 /// Draws every particle of the source; for a page file, of the source that it was built from.
 fn draw_exact(arguments: &Arguments) -> Result<Picture, Box<dyn std::error::Error + Send + Sync>> {
     let mut times = Times::default();
@@ -526,7 +490,7 @@ fn draw_exact(arguments: &Arguments) -> Result<Picture, Box<dyn std::error::Erro
     drop(samples);
     let picture = Picture {
         accumulation: Accumulation::default(),
-        stage: Stage::new(arguments, view, framed, Units::of_dataset(&dataset, &depiction), &depiction),
+        stage: Stage::new(arguments, view, framed, Units::of_dataset(&dataset, &depiction), &depiction)?,
         mode,
         attribute: depiction.attribute.as_ref().map(|coloring| coloring.name.clone()),
         economy: LeftOut::new(&Economy::NONE, &Plan::default()),
@@ -554,23 +518,6 @@ fn draw_exact(arguments: &Arguments) -> Result<Picture, Box<dyn std::error::Erro
         })?;
     }
     Ok(Picture { accumulation, milliseconds: times.medians(), ..picture })
-}
-
-/// The source itself, or the one that a page file was built from, if it is still there.
-fn source_of(path: &Path) -> Result<PathBuf, Box<dyn std::error::Error + Send + Sync>> {
-    if !cache::is_page_file(path)? {
-        return Ok(path.to_owned());
-    }
-    let source = PageFile::open(path)?.metadata().provenance.path.clone();
-    match source.is_file() {
-        true => Ok(source),
-        false => Err(format!(
-            "{}: --exact draws the source {}, which is not there any more; name the source instead",
-            path.display(),
-            source.display()
-        )
-        .into()),
-    }
 }
 
 /// Indices of the families of a page file that are drawn.

@@ -103,7 +103,7 @@ fn an_annotated_picture_is_its_golden_image() {
         labels: &labels,
     };
     let all = Annotations { axes: true, triad: true, caption: "A box of dark matter".into(), ..Annotations::default() };
-    annotate::paint(&mut image, &annotate::layout(&all, &subject), 1.0);
+    annotate::paint(&mut image, &annotate::layout(&all, &subject), 1.0, annotate::Paper::Dark);
     check("annotated", &image);
 }
 

@@ -1,7 +1,6 @@
 //! A histogram with two ends to drag: how a range of values is chosen.
 
 use super::theme;
-use crate::annotate::number;
 use bevy_egui::egui::{self, Align2, CursorIcon, Pos2, Rect, Sense, Stroke, Ui, pos2, vec2};
 
 /// How often values occur, over an axis that is linear or logarithmic.
@@ -188,16 +187,6 @@ fn paint_bins(
 fn lift(color: egui::Color32) -> egui::Color32 {
     let floor = |channel: u8, least: u8| channel.max(least);
     egui::Color32::from_rgb(floor(color.r(), 58), floor(color.g(), 60), floor(color.b(), 70))
-}
-
-/// The line below a histogram: both ends of the range, and the unit between them.
-pub fn range_labels(ui: &mut Ui, range: [f64; 2], unit: &str) {
-    let (rect, _) = ui.allocate_exact_size(vec2(ui.available_width(), 15.0), Sense::hover());
-    let font = egui::FontId::proportional(12.0);
-    let painter = ui.painter();
-    painter.text(rect.left_center(), Align2::LEFT_CENTER, number::quantity(range[0]), font.clone(), theme::TEXT);
-    painter.text(rect.right_center(), Align2::RIGHT_CENTER, number::quantity(range[1]), font, theme::TEXT);
-    painter.text(rect.center(), Align2::CENTER_CENTER, unit, egui::FontId::proportional(theme::SMALL), theme::LABEL);
 }
 
 #[cfg(test)]

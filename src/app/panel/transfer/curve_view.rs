@@ -56,7 +56,7 @@ pub fn show(ui: &mut Ui, id: &str, curve: &Curve, backdrop: &Backdrop<'_>) -> Op
     if plot.response.hovered() || edit.held().is_some() {
         ui.ctx().set_cursor_icon(egui::CursorIcon::Crosshair);
     }
-    plot.response.on_hover_text("drag points; double click adds one, the right button removes it");
+    Plot::hint(ui, "double click: another point; right click: remove");
     if let Some(index) = chosen {
         edited = fields(ui, shown, index, backdrop).or(edited);
     }

@@ -10,7 +10,7 @@ mod plane_view;
 mod plot;
 mod presets;
 
-use super::histogram::{Histogram, RangeEdit, range_editor, range_labels};
+use super::histogram::{Histogram, RangeEdit, range_editor};
 use super::{Choices, theme};
 use crate::annotate::LegendAxis;
 use crate::app::exposure::Exposure;
@@ -64,10 +64,10 @@ pub fn show(ui: &mut Ui, shown: &Shown<'_>, presets: &mut TransferPresets, setti
     let mut tab = ui.data(|data| data.get_temp::<Tab>(id)).unwrap_or_default();
     ui.add_space(4.0);
     ui.horizontal(|ui| {
-        ui.selectable_value(&mut tab, Tab::Brightness, "brightness");
-        ui.selectable_value(&mut tab, Tab::Opacity, "opacity");
-        if look.has_hue() {
-            ui.selectable_value(&mut tab, Tab::Plane, "regions");
+        let all = [(Tab::Brightness, "brightness"), (Tab::Opacity, "opacity"), (Tab::Plane, "regions")];
+        for (choice, name) in all.into_iter().filter(|(choice, _)| *choice != Tab::Plane || look.has_hue()) {
+            let label = ui.selectable_value(&mut tab, choice, name);
+            theme::register(ui, &format!("tab:{name}"), label.rect);
         }
     });
     if tab == Tab::Plane && !look.has_hue() {
@@ -126,17 +126,25 @@ fn range(
     color: impl Fn(f32) -> Color32,
 ) {
     ui.add_space(4.0);
-    theme::row(ui, &axis.title, |ui| {
+    let size = vec2(ui.available_width(), theme::ROW);
+    ui.allocate_ui_with_layout(size, egui::Layout::right_to_left(egui::Align::Center), |ui| {
         ui.spacing_mut().button_padding = vec2(5.0, 0.0);
         let mut log = *scale == Scale::Log;
         if ui.checkbox(&mut log, "log").on_hover_text("spread the range logarithmically").changed() {
             *scale = if log { Scale::Log } else { Scale::Linear };
         }
         if *chosen == Range::Auto {
-            ui.label(RichText::new("automatic").size(theme::SMALL).color(theme::LABEL));
-        } else if ui.small_button("reset").on_hover_text("back to the automatic range").clicked() {
-            *chosen = Range::Auto;
+            ui.label(RichText::new("auto").size(theme::SMALL).color(theme::LABEL));
+        } else {
+            let reset = ui.small_button("reset").on_hover_text("back to the automatic range");
+            theme::register(ui, &format!("{id}:automatic"), reset.rect);
+            if reset.clicked() {
+                *chosen = Range::Auto;
+            }
         }
+        ui.with_layout(egui::Layout::left_to_right(egui::Align::Center), |ui| {
+            ui.add(egui::Label::new(RichText::new(&axis.title).color(theme::LABEL)).truncate());
+        });
     });
     let shown = match *chosen {
         Range::Auto => in_use,
@@ -153,7 +161,6 @@ fn range(
             Some(RangeEdit::Set(_)) | None => {}
         }
     }
-    range_labels(ui, shown, &axis.unit);
     let mut ends = shown;
     ui.horizontal(|ui| {
         ui.spacing_mut().interact_size.y = 14.0;
@@ -169,7 +176,15 @@ fn range(
         };
         let low = field(ui, &mut ends[0]);
         let right = egui::Layout::right_to_left(egui::Align::Center);
-        let high = ui.with_layout(right, |ui| field(ui, &mut ends[1])).inner;
+        let high = ui.with_layout(right, |ui| {
+            let high = field(ui, &mut ends[1]);
+            let unit = RichText::new(&axis.unit).size(theme::SMALL).color(theme::LABEL);
+            ui.with_layout(egui::Layout::centered_and_justified(egui::Direction::LeftToRight), |ui| {
+                ui.add(egui::Label::new(unit).truncate());
+            });
+            high
+        });
+        let high = high.inner;
         let positive = *scale == Scale::Linear || ends[0] > 0.0;
         if (low || high) && ends[0] < ends[1] && positive {
             *chosen = Range::Fixed(ends[0], ends[1]);

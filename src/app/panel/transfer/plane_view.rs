@@ -50,10 +50,7 @@ pub fn show(ui: &mut Ui, plane: &Plane, joint: Option<&Joint>, color: &dyn Fn(f3
     for (index, region) in shown.regions.iter().enumerate() {
         draw_region(&plot, region, chosen == Some(index));
     }
-    plot.response.on_hover_text(
-        "brightness to the right, the attribute upwards; double click adds a region, drag its middle or rim, the right button \
-         removes it",
-    );
+    Plot::hint(ui, "attribute over brightness; double click: another region");
     let before = shown.clone();
     if !shown.regions.is_empty() {
         factors(ui, "Elsewhere", &mut shown.brightness, &mut shown.opacity);
@@ -120,7 +117,7 @@ fn factors(ui: &mut Ui, label: &str, brightness: &mut f32, opacity: &mut f32) {
             ui.label(RichText::new(name).color(theme::LABEL));
         };
         factor(ui, opacity, "opacity ×");
-        factor(ui, brightness, "brightness ×");
+        factor(ui, brightness, "light ×");
     });
 }
 
@@ -128,7 +125,7 @@ fn factors(ui: &mut Ui, label: &str, brightness: &mut f32, opacity: &mut f32) {
 fn fields(ui: &mut Ui, region: &mut Region) -> bool {
     let mut gone = false;
     factors(ui, "Region", &mut region.brightness, &mut region.opacity);
-    theme::row(ui, "Middle, size", |ui| {
+    theme::row(ui, "At", |ui| {
         let number = |ui: &mut Ui, value: &mut f32, most: f32, least: f32| {
             ui.add(DragValue::new(value).range(least..=most).speed(0.005).max_decimals(3));
         };

@@ -38,7 +38,7 @@ impl Plot {
     /// Lays out a plot as wide as there is room, and draws its well.
     pub fn new(ui: &mut Ui, id: &str, height: f32) -> Plot {
         let (outer, _) = ui.allocate_exact_size(vec2(ui.available_width(), height), Sense::hover());
-        let response = ui.interact(outer, ui.id().with(id), Sense::click_and_drag());
+        let response = ui.interact(outer, ui.id().with(("plot", id)), Sense::click_and_drag());
         theme::register(ui, &format!("plot:{id}"), outer.shrink2(vec2(7.0, 6.0)));
         let painter = ui.painter().with_clip_rect(outer.expand(6.0));
         painter.rect_filled(outer, 4.0, theme::WELL);
@@ -81,6 +81,11 @@ impl Plot {
         }
         // A click without a drag chooses what is there.
         if self.response.clicked() { at.map(Gesture::Press) } else { None }
+    }
+
+    /// Says below the plot what the pointer does in it.
+    pub fn hint(ui: &mut Ui, text: &str) {
+        ui.label(egui::RichText::new(text).size(theme::SMALL).color(theme::LABEL));
     }
 
     /// Draws a handle.

@@ -11,7 +11,7 @@ pub fn show(ui: &mut Ui, presets: &mut TransferPresets, settings: &mut Settings)
     let mut naming = ui.data(|data| data.get_temp::<String>(id));
     let changed = presets.chosen().is_some_and(|(_, transfer)| *transfer != settings.transfer);
     let text = match presets.chosen() {
-        Some((name, _)) if changed => format!("{name} (changed)"),
+        Some((name, _)) if changed => format!("{name} *"),
         Some((name, _)) => name.to_owned(),
         None => "none".to_owned(),
     };

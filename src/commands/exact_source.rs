@@ -1,0 +1,54 @@
+//! The source particles behind a picture at full precision.
+
+use super::cache;
+use super::progress_bar::TerminalProgress;
+use super::render::Arguments;
+use crate::import::{AttributeChoice, LoadOptions, load};
+use crate::model::Dataset;
+use crate::store::PageFile;
+use std::path::{Path, PathBuf};
+
+/// The particles that an exact picture draws: those of the source, or of the one that a page file was built from.
+pub(super) fn load_exact(
+    arguments: &Arguments,
+) -> Result<(PathBuf, Dataset), Box<dyn std::error::Error + Send + Sync>> {
+    let source = source_of(&arguments.path)?;
+    let attributes = arguments
+        .attribute
+        .iter()
+        .map(String::as_str)
+        .chain(arguments.mode.iter().flat_map(|mode| mode.weight_attributes).copied());
+    let own = ["mass", "density", "smoothing-length"];
+    let named: Vec<String> = attributes.filter(|name| !own.contains(name)).map(str::to_owned).collect();
+    let options = LoadOptions {
+        families: match arguments.family {
+            Some(family) => vec![family],
+            None => arguments.families.clone().unwrap_or_default(),
+        },
+        attributes: if arguments.attribute.is_some() && !named.is_empty() {
+            AttributeChoice::Named(named)
+        } else {
+            AttributeChoice::Usual
+        },
+        ..LoadOptions::default()
+    };
+    let dataset = load(&source, &options, &TerminalProgress::new())?;
+    Ok((source, dataset))
+}
+
+/// The source itself, or the one that a page file was built from, if it is still there.
+fn source_of(path: &Path) -> Result<PathBuf, Box<dyn std::error::Error + Send + Sync>> {
+    if !cache::is_page_file(path)? {
+        return Ok(path.to_owned());
+    }
+    let source = PageFile::open(path)?.metadata().provenance.path.clone();
+    match source.is_file() {
+        true => Ok(source),
+        false => Err(format!(
+            "{}: --exact draws the source {}, which is not there any more; name the source instead",
+            path.display(),
+            source.display()
+        )
+        .into()),
+    }
+}
