@@ -80,7 +80,7 @@ impl Particles {
 fn node(min: DVec3, size: f64, payload: Payload) -> HeadlessNode {
     let table = matches!(payload, Payload::Grid { .. } | Payload::Leaf { .. }).then_some(0);
     let upload = NodeUpload { id: NodeId { source: 0, page: 0, node: 0 }, min, size, payload };
-    HeadlessNode { upload, table, weight_scale: 1.0, sample: Sample::ALL }
+    HeadlessNode { upload, table, weight_scale: 1.0, offset: DVec3::ZERO, sample: Sample::ALL }
 }
 
 fn request(

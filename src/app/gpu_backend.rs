@@ -264,7 +264,8 @@ pub(super) fn draw_on_gpu(
                     node: node_id(scene.generation, drawn.node.page, drawn.node.node),
                     table: Some(table),
                     weight_scale: look.depiction.node_scale(node),
-                    sample: plan.sample(&view, &look.depiction, family, node, most_important),
+                    offset: drawn.offset,
+                    sample: plan.sample(&view.of_image(drawn.offset), &look.depiction, family, node, most_important),
                 })
             })
             .collect();

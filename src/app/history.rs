@@ -138,18 +138,19 @@ mod tests {
     use super::*;
     use crate::app::preset::Preset;
     use crate::app::scene::AttributeChoice;
+    use crate::explore::{Region, SelectionSet};
     use crate::modes::{MODES, SettingKind, SettingValue};
     use crate::raster::colormap::ColorMap;
     use crate::raster::transfer::Range;
-    use crate::view::CutSettings;
     use crate::view::cut::{Axis, ClipBox, Fade, Slab};
+    use crate::view::{CutSettings, Periodic};
     use bevy::math::DVec3;
     use proptest::prelude::*;
 
     /// One edit, from three random numbers: of any setting of the mode, or of anything else that the panels edit.
     fn edit(settings: &mut Settings, [what, value, more]: [f64; 3]) {
         let own: Vec<_> = settings.mode.all_settings().collect();
-        let pick = (what * (own.len() + 9) as f64) as usize;
+        let pick = (what * (own.len() + 10) as f64) as usize;
         if let Some(setting) = own.get(pick) {
             let between = |min: f64, max: f64, at: f64| min + at * (max.min(1e6) - min);
             let new = match setting.kind {
@@ -177,11 +178,16 @@ mod tests {
             5 => settings.families = vec![value < 0.5, more < 0.5],
             6 => settings.lens.fov_deg = 10.0 + 90.0 * value,
             7 => settings.lens.parallel = value < 0.5,
+            8 => {
+                let region = Region::sphere(DVec3::splat(value), 0.1 + more);
+                settings.selections.push(SelectionSet::new("s", region, settings.selections.len()));
+            }
             _ => {
                 settings.cut = CutSettings {
                     clip: (more < 0.7).then(|| ClipBox { min: DVec3::ZERO, max: DVec3::splat(value) }),
                     slab: (more > 0.3).then_some(Slab { axis: Axis::Y, middle: value, thickness: 1.0 }),
                     fade: (more > 0.5).then_some(Fade { start: value, length: 2.0 }),
+                    periodic: if more < 0.4 { Periodic::Wrapped } else { Periodic::Once },
                 }
             }
         }

@@ -1,5 +1,6 @@
 //! Who gets the mouse and the keyboard, and the table of keys that both the input systems and the help page use.
 
+use super::looking::tool::Tool;
 use bevy::prelude::*;
 
 /// Whether the mouse belongs to the picture or to the panel, and whether a text field holds the keyboard. Written once
@@ -9,18 +10,20 @@ pub struct PointerOwner {
     over_picture: bool,
     dragging_picture: bool,
     keyboard_is_free: bool,
+    /// A tool draws over the picture: the mouse is not the camera's meanwhile.
+    pub tool_draws: bool,
 }
 
 impl Default for PointerOwner {
     fn default() -> Self {
-        Self { over_picture: true, dragging_picture: false, keyboard_is_free: true }
+        Self { over_picture: true, dragging_picture: false, keyboard_is_free: true, tool_draws: false }
     }
 }
 
 impl PointerOwner {
     /// Whether mouse input is meant for the picture. A drag that began there stays there until the button is up.
     pub fn is_picture(&self) -> bool {
-        self.over_picture || self.dragging_picture
+        (self.over_picture || self.dragging_picture) && !self.tool_draws
     }
 
     /// Whether keys are meant for the camera and the shortcuts.
@@ -76,8 +79,17 @@ pub const KEYS: [(KeyCode, Action); 10] = [
     (KeyCode::Escape, Action::Leave),
 ];
 
+/// The keys of the tools.
+pub const TOOL_KEYS: [(KeyCode, Tool); 5] = [
+    (KeyCode::KeyI, Tool::Inspect),
+    (KeyCode::KeyM, Tool::Measure),
+    (KeyCode::KeyR, Tool::Sphere),
+    (KeyCode::KeyB, Tool::Cube),
+    (KeyCode::KeyL, Tool::Lasso),
+];
+
 /// The help page: sections of (what to press, what it does).
-pub const HELP: [(&str, &[(&str, &str)]); 4] = [
+pub const HELP: [(&str, &[(&str, &str)]); 5] = [
     (
         "Orbit",
         &[
@@ -96,6 +108,16 @@ pub const HELP: [(&str, &[(&str, &str)]); 4] = [
             ("Q  E", "down, up"),
             ("Drag", "look around"),
             ("Shift  Ctrl", "faster, slower"),
+        ],
+    ),
+    (
+        "Look closer",
+        &[
+            ("I", "inspect: click a particle"),
+            ("M", "measure between two clicks"),
+            ("R  B  L", "draw a sphere, a box, a lasso"),
+            ("Ctrl+1  ...", "keep the view on that key"),
+            ("1  ...", "fly back to it"),
         ],
     ),
     (
@@ -119,7 +141,7 @@ pub const HELP: [(&str, &[(&str, &str)]); 4] = [
             ("F12  or  P", "save the window as a PNG"),
             ("F1", "this page"),
             ("Drop a file", "open it"),
-            ("Esc", "leave help, flying, the program"),
+            ("Esc", "leave help, a tool, flying, the program"),
         ],
     ),
 ];
@@ -153,7 +175,7 @@ mod tests {
     #[test]
     fn every_key_is_on_the_help_page() {
         let page: String = HELP.iter().flat_map(|(_, rows)| rows.iter()).map(|(keys, _)| format!(" {keys} ")).collect();
-        for (key, _) in KEYS {
+        for key in KEYS.map(|(key, _)| key).into_iter().chain(TOOL_KEYS.map(|(key, _)| key)) {
             let name = format!("{key:?}").replace("Key", "").replace("Escape", "Esc");
             assert!(page.contains(&format!(" {name} ")), "{name} is missing in {page}");
         }

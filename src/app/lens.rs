@@ -3,6 +3,7 @@
 use super::camera::Viewpoint;
 use super::picture::DataCamera;
 use super::scene::Settings;
+use crate::model::PeriodicBox;
 use crate::view::{Projection, View, ViewError};
 use bevy::prelude::*;
 
@@ -28,12 +29,18 @@ impl Lens {
     }
 }
 
-/// What the camera sees in a picture of that many pixels, with the settings' projection and what they leave out.
+/// What the camera sees in a picture of that many pixels, with the settings' projection, what they leave out, and how they draw a
+/// periodic box.
 ///
 /// # Errors
 /// [`ViewError`] for a camera that cannot see anything.
-pub fn view_of(viewpoint: &Viewpoint, settings: &Settings, size: UVec2) -> Result<View, ViewError> {
-    let view = viewpoint.view(size.x, size.y)?.with_cut(settings.cut.cut());
+pub fn view_of(
+    viewpoint: &Viewpoint,
+    settings: &Settings,
+    periodic: Option<PeriodicBox>,
+    size: UVec2,
+) -> Result<View, ViewError> {
+    let view = settings.cut.applied(&viewpoint.view(size.x, size.y)?, viewpoint.target, periodic);
     if !settings.lens.parallel {
         return Ok(view);
     }
@@ -63,7 +70,7 @@ mod tests {
         let mut settings = Settings::new(&Preset::default(), None);
         settings.lens.fov_deg = 0.6f64.to_degrees();
         let at = |settings: &Settings| {
-            let view = view_of(&viewpoint, settings, UVec2::new(300, 200)).unwrap();
+            let view = view_of(&viewpoint, settings, None, UVec2::new(300, 200)).unwrap();
             view.to_pixels(view.to_camera(DVec3::X)).unwrap()
         };
         let before = at(&settings);

@@ -15,7 +15,9 @@ pub mod input;
 pub mod lens;
 pub mod live;
 pub mod look;
+pub mod looking;
 pub mod messages;
+pub mod objects;
 pub mod occlusion;
 pub mod open;
 pub mod options;
@@ -103,6 +105,10 @@ impl Plugin for WindowApp {
         if let Some(request) = self.options.open.clone() {
             openings.start(request);
         }
+        let mut objects = objects::Objects::default();
+        if let Some(path) = self.options.labels.clone() {
+            objects.open(path);
+        }
         let settings = scene::Settings::new(&self.preset, self.options.mode.as_deref());
         let residency = &self.preset.residency;
         app.insert_resource(ParticleScene::new(residency.gpu_budget_mib << 20, residency.upload_mib << 20));
@@ -111,6 +117,7 @@ impl Plugin for WindowApp {
             EguiPlugin::default(),
             CameraPlugin,
             pages::PagesPlugin,
+            looking::LookingPlugin,
             preset_assets::PresetPlugin::new(&self.options),
             transfer_presets::TransferPresetsPlugin { folder: crate::raster::transfer::presets::folder() },
         ))
@@ -127,11 +134,10 @@ impl Plugin for WindowApp {
         .insert_resource(status::StatusFile::new(self.options.status.clone()))
         .insert_resource(panel::Closed(self.preset.panel.closed.iter().cloned().collect()))
         .init_resource::<history::History>()
+        .insert_resource(objects)
         .init_resource::<scene_io::SceneFiles>()
         .init_resource::<scene_io::Bookmarks>()
-        .init_resource::<scene_io::Selections>()
         .init_resource::<ui::Controls>()
-        .init_resource::<overlay::annotations::NamedObjects>()
         .init_resource::<exposure::Exposure>()
         .init_resource::<input::PointerOwner>()
         .init_resource::<messages::Messages>()
@@ -164,10 +170,12 @@ impl Plugin for WindowApp {
             (
                 open::open_dropped_files,
                 open::finish_opening,
+                objects::receive,
                 scene::adopt_opened,
                 history::undo_and_redo,
                 lens::follow_lens,
                 scene_io::save,
+                camera::run_bookmarks,
                 look::follow_settings,
                 look::glide_levels,
                 shortcuts::run_shortcuts,

@@ -2,6 +2,7 @@
 //! a file cannot be read.
 
 use super::messages::Messages;
+use super::objects::{Objects, is_catalogue};
 use super::options::{OpenRequest, Opener};
 use super::scene_io::OpenedScene;
 use crate::model::Bounds;
@@ -130,9 +131,17 @@ fn data_of(request: OpenRequest) -> Result<(OpenRequest, Option<OpenedScene>), S
 }
 
 /// Starts to open files that are dropped on the window.
-pub(super) fn open_dropped_files(mut dropped: MessageReader<FileDragAndDrop>, mut openings: ResMut<Openings>) {
+pub(super) fn open_dropped_files(
+    mut dropped: MessageReader<FileDragAndDrop>,
+    mut openings: ResMut<Openings>,
+    mut objects: ResMut<Objects>,
+) {
     for event in dropped.read() {
         if let FileDragAndDrop::DroppedFile { path_buf, .. } = event {
+            if is_catalogue(path_buf) {
+                objects.open(path_buf.clone());
+                continue;
+            }
             openings.start(OpenRequest { path: path_buf.clone(), scene: None });
         }
     }

@@ -46,6 +46,8 @@ pub struct WindowOptions {
     pub status: Option<PathBuf>,
     /// The caller's plugins and systems.
     pub extension: Option<Extension>,
+    /// A catalogue of named objects.
+    pub labels: Option<PathBuf>,
 }
 
 impl WindowOptions {
@@ -62,6 +64,7 @@ impl WindowOptions {
             mode: None,
             status: None,
             extension: None,
+            labels: None,
         }
     }
 

@@ -231,7 +231,8 @@ pub fn traverse(
 ) {
     let Some(mut streaming) = streaming else { return };
     let size = picture.size();
-    let Ok(view) = view_of(&camera, &settings, size) else { return };
+    let periodic = streaming.streamer.residency.file().metadata().periodic_box();
+    let Ok(view) = view_of(&camera, &settings, periodic, size) else { return };
     let streaming = &mut *streaming;
     streaming.frame += 1;
     let families = settings.families.iter().enumerate().filter(|(_, visible)| **visible);
@@ -256,7 +257,7 @@ pub fn traverse(
         .iter()
         .filter_map(|drawn| {
             let page = Arc::clone(streaming.streamer.residency.page(drawn.id.page)?);
-            Some(SceneNode { page, node: drawn.id, error_pixels: drawn.error_pixels })
+            Some(SceneNode { page, node: drawn.id, error_pixels: drawn.error_pixels, offset: drawn.offset })
         })
         .collect();
     for page in nodes.iter().map(|drawn| drawn.node.page) {
@@ -264,7 +265,8 @@ pub fn traverse(
             last_use.0 = streaming.frame;
         }
     }
-    let boxes = nodes.iter().filter_map(|drawn| Some(drawn.page.nodes.get(drawn.node.node as usize)?.bounds));
+    let place = |drawn: &SceneNode| Some(drawn.page.nodes.get(drawn.node.node as usize)?.bounds.moved(drawn.offset));
+    let boxes = nodes.iter().filter_map(place);
     distance.0 = distance_to_boxes(view.eye, boxes);
     statistics.particles = chosen.particles();
     statistics.nodes = nodes.len();
@@ -274,7 +276,7 @@ pub fn traverse(
     statistics.hidden = chosen.hidden.len();
     let same = selection.view == Some(view)
         && selection.nodes.len() == nodes.len()
-        && selection.nodes.iter().zip(&nodes).all(|(old, new)| old.node == new.node);
+        && selection.nodes.iter().zip(&nodes).all(|(old, new)| (old.node, old.offset) == (new.node, new.offset));
     if !same {
         selection.revision += 1;
         selection.view = Some(view);
@@ -359,6 +361,7 @@ mod tests {
             .insert_resource(settings)
             .insert_resource(picture)
             .insert_resource(Scene {
+                periodic: None,
                 path: file.path().to_owned(),
                 file: Arc::clone(file),
                 bounds,

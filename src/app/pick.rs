@@ -11,6 +11,7 @@ use super::pages::ViewSelection;
 use super::picture::{DataCamera, Picture};
 use super::preset::Preset;
 use super::scene::Scene;
+use crate::explore::particle::ParticleRef;
 use crate::store::Metadata;
 use crate::stream::SceneNode;
 use crate::view::{Extent, View};
@@ -20,6 +21,8 @@ use bevy::prelude::*;
 /// Something under the cursor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Picked {
+    /// Which particle.
+    pub particle: ParticleRef,
     /// Where it is, world units.
     pub position: DVec3,
     /// Its smoothing length, world units.
@@ -39,11 +42,11 @@ pub fn pick(view: &View, metadata: &Metadata, nodes: &[SceneNode], cursor: [f64;
         let Some(node) = drawn.page.nodes.get(index) else { continue };
         let Some(family) = metadata.families.get(drawn.page.family as usize) else { continue };
         let Some(codebook) = family.codebooks.get(usize::from(node.codebook)) else { continue };
-        if !near_cursor(view, &Extent { bounds: node.bounds, margin: 0.0 }, cursor) {
+        if !near_cursor(view, &Extent { bounds: node.bounds.moved(drawn.offset), margin: 0.0 }, cursor) {
             continue;
         }
         let particles = drawn.page.particles(index);
-        let (corner, size) = (view.to_camera(node.key.min(family.root)), node.key.size(family.root));
+        let (corner, size) = (view.to_camera(node.key.min(family.root) + drawn.offset), node.key.size(family.root));
         let axes = [DVec3::X, DVec3::Y, DVec3::Z]
             .map(|axis| DVec3::new(axis.dot(view.right), axis.dot(view.up), axis.dot(view.forward)) * size);
         for (i, &code) in particles.codes.iter().enumerate() {
@@ -63,7 +66,8 @@ pub fn pick(view: &View, metadata: &Metadata, nodes: &[SceneNode], cursor: [f64;
             let closeness = 1.0 - pixels / (REACH * 1.001);
             let score = closeness * closeness * density.max(f64::MIN_POSITIVE).powf(0.5) / camera.z.powf(0.25);
             if best.as_ref().is_none_or(|(highest, _)| score > *highest) {
-                best = Some((score, Picked { position, smoothing_length, pixels }));
+                let particle = ParticleRef { node: drawn.node, index: i as u32 };
+                best = Some((score, Picked { particle, position, smoothing_length, pixels }));
             }
         }
     }

@@ -10,7 +10,8 @@ use super::picture::{DataCamera, Picture};
 use super::preset::Preset;
 use super::scene_io::{self, SceneParts};
 use crate::annotate::Annotations;
-use crate::model::Bounds;
+use crate::explore::SelectionSet;
+use crate::model::{Bounds, PeriodicBox};
 use crate::modes::economy::{PRESENCE, THINNING};
 use crate::modes::{self, Mode, SettingValue};
 use crate::raster::transfer::{Range, TransferFunction};
@@ -32,12 +33,34 @@ pub struct Scene {
     pub bounds: Bounds,
     /// The box that the first picture shows: without far outliers.
     pub frame: Bounds,
+    /// The periodic box that the particles fill, where they do.
+    pub periodic: Option<PeriodicBox>,
     /// Unit of positions.
     pub length_unit: String,
     /// What the panel says about it.
     pub facts: Facts,
     /// Counts up with every file that is opened; what belongs to another generation is stale.
     pub generation: u32,
+}
+
+impl Scene {
+    /// The source, where it is still there; nothing for what was never in a file.
+    pub fn source(&self) -> Option<PathBuf> {
+        let named = &self.file.metadata().provenance.path;
+        // A page file may have been moved together with its source.
+        let beside = self.path.parent().and_then(|folder| Some(folder.join(named.file_name()?)));
+        [Some(self.path.clone()), Some(named.clone()), beside]
+            .into_iter()
+            .flatten()
+            .find(|path| path.is_file() && path.as_path() != self.file.path() && is_source(path))
+    }
+}
+
+/// Whether a file is not a page file itself.
+fn is_source(path: &std::path::Path) -> bool {
+    let mut head = [0; 8];
+    let read = std::fs::File::open(path).and_then(|mut file| std::io::Read::read_exact(&mut file, &mut head));
+    read.is_ok() && !PageFile::recognises(&head)
 }
 
 /// Which attribute gives the hue.
@@ -75,6 +98,8 @@ pub struct Settings {
     pub lens: Lens,
     /// What is left out of the data and faded.
     pub cut: CutSettings,
+    /// Coloured selections.
+    pub selections: Vec<SelectionSet>,
     /// Whether the transfer function belongs to the mode that has just been set, and is not to be chosen anew for it: where
     /// settings come back from the history or from a scene. Not a setting itself.
     pub keep_transfer: bool,
@@ -91,6 +116,7 @@ impl PartialEq for Settings {
             && self.families == other.families
             && self.lens == other.lens
             && self.cut == other.cut
+            && self.selections == other.selections
     }
 }
 
@@ -108,6 +134,7 @@ impl Settings {
             families: Vec::new(),
             lens: Lens { fov_deg: preset.camera.field_of_view_deg, parallel: false },
             cut: CutSettings::default(),
+            selections: Vec::new(),
             keep_transfer: false,
         }
     }
@@ -183,7 +210,8 @@ pub(super) fn adopt_opened(
     messages.info(format!("opened {}", path.display()));
     let generation = scene.map_or(0, |scene| scene.generation) + 1;
     let length_unit = metadata.length_unit.to_string();
-    commands.insert_resource(Scene { path, file: Arc::clone(&file), bounds, frame, length_unit, facts, generation });
+    let (file, periodic) = (Arc::clone(&file), metadata.periodic_box());
+    commands.insert_resource(Scene { path, file, bounds, frame, periodic, length_unit, facts, generation });
 }
 
 /// The attributes of all families, each once: first those that only some have, then the quantities that all have.

@@ -8,7 +8,6 @@ use super::panel::Closed;
 use super::picture::{DataCamera, Picture};
 use super::scene::{AttributeChoice, Scene, Settings};
 use super::shortcuts::Shown;
-use crate::explore::SelectionSet;
 use crate::model::FamilyName;
 use crate::modes;
 use crate::scene_file::{Attribute, Bookmark, Camera, DatasetRef, Panels, SceneFile};
@@ -43,16 +42,11 @@ pub struct SceneFiles {
 #[derive(Resource, Clone, Debug, Default, PartialEq)]
 pub struct Bookmarks(pub Vec<Bookmark>);
 
-/// Coloured selections, as scenes keep them.
-#[derive(Resource, Clone, Debug, Default, PartialEq)]
-pub struct Selections(pub Vec<SelectionSet>);
-
 /// What a scene sets beside [`Settings`] and the camera.
 #[derive(SystemParam)]
 pub struct SceneParts<'w> {
     files: ResMut<'w, SceneFiles>,
     bookmarks: ResMut<'w, Bookmarks>,
-    selections: ResMut<'w, Selections>,
     closed: ResMut<'w, Closed>,
     shown: ResMut<'w, Shown>,
 }
@@ -112,7 +106,7 @@ fn scene_file(
         camera: Some(camera_of(viewpoint, &settings.lens)),
         cut: settings.cut,
         bookmarks: parts.bookmarks.0.clone(),
-        selections: parts.selections.0.clone(),
+        selections: settings.selections.clone(),
         panels: Panels { shown: parts.shown.panel, closed: Some(parts.closed.0.iter().cloned().collect()) },
         ..SceneFile::new(dataset)
     }
@@ -180,7 +174,7 @@ pub(super) fn apply(
     let Some(OpenedScene { path, scene, notes }) = opened else {
         parts.files.path = None;
         parts.bookmarks.0.clear();
-        parts.selections.0.clear();
+        settings.selections.clear();
         return;
     };
     notes.iter().for_each(|note| messages.error(note));
@@ -224,7 +218,7 @@ pub(super) fn apply(
         commands.entity(entity).remove::<Flight>();
     }
     parts.bookmarks.0.clone_from(&scene.bookmarks);
-    parts.selections.0.clone_from(&scene.selections);
+    settings.selections.clone_from(&scene.selections);
     parts.shown.panel = scene.panels.shown;
     if let Some(closed) = &scene.panels.closed {
         parts.closed.0 = closed.iter().cloned().collect();

@@ -2,6 +2,7 @@
 
 use super::camera::{Anchor, DataDistance, Flight, Fly, Navigation, Viewpoint};
 use super::input::{Action, KEYS, PointerOwner};
+use super::looking::tool::Tool;
 use super::messages::Messages;
 use super::panel::Dock;
 use super::picture::{DataCamera, Picture};
@@ -58,6 +59,7 @@ pub(super) fn run_shortcuts(
     picture: Res<Picture>,
     distance: Res<DataDistance>,
     mut shown: ResMut<Shown>,
+    mut tool: ResMut<Tool>,
     mut messages: ResMut<Messages>,
     mut exit: MessageWriter<AppExit>,
     camera: Single<
@@ -105,6 +107,7 @@ pub(super) fn run_shortcuts(
                 }
             }
             Action::Leave if shown.help => shown.help = false,
+            Action::Leave if *tool != Tool::Inspect => *tool = Tool::Inspect,
             Action::Leave if *navigation == Navigation::Fly => {
                 *navigation = Navigation::Orbit;
                 *anchor = Anchor::adopt(&viewpoint, &mut orbit);

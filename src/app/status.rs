@@ -2,6 +2,8 @@
 
 use super::camera::{Navigation, Viewpoint};
 use super::history::History;
+use super::looking::LookingState;
+use super::looking::report::Report;
 use super::messages::Messages;
 use super::open::Openings;
 use super::panel::Closed;
@@ -12,6 +14,7 @@ use super::shortcuts::Shown;
 use super::statistics::{Converged, Statistics};
 use super::ui::Controls;
 use crate::annotate::Annotations;
+use crate::explore::SelectionSet;
 use crate::raster::transfer::TransferFunction;
 use crate::view::CutSettings;
 use bevy::prelude::*;
@@ -65,6 +68,7 @@ struct Status<'a> {
     history: [usize; 2],
     scene: Option<&'a std::path::Path>,
     settings: SettingsStatus<'a>,
+    looking: Report,
     /// The panels' controls: left, top, right and bottom; 1 where they are in sight, else 0.
     controls: BTreeMap<&'a str, [f32; 5]>,
     messages: Vec<&'a str>,
@@ -83,6 +87,7 @@ struct SettingsStatus<'a> {
     fov: f64,
     parallel: bool,
     cut: CutSettings,
+    selections: &'a [SelectionSet],
     closed: &'a Closed,
 }
 
@@ -100,6 +105,7 @@ pub(super) fn write_status(
     statistics: Res<Statistics>,
     mut messages: ResMut<Messages>,
     (history, files, closed, controls): (Res<History>, Res<SceneFiles>, Res<Closed>, Res<Controls>),
+    looking: LookingState,
     camera: Single<(&Viewpoint, &Navigation), With<DataCamera>>,
 ) {
     let file = file.bypass_change_detection();
@@ -148,8 +154,10 @@ pub(super) fn write_status(
             fov: settings.lens.fov_deg,
             parallel: settings.lens.parallel,
             cut: settings.cut,
+            selections: &settings.selections,
             closed: &closed,
         },
+        looking: Report::of(&looking),
         controls: controls
             .0
             .iter()

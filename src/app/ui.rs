@@ -3,14 +3,17 @@
 use super::camera::{Navigation, Viewpoint};
 use super::input::PointerOwner;
 use super::lens::view_of;
-use super::overlay::annotations::NamedObjects;
+use super::looking::drawing::{self, Looking};
+use super::looking::marks::MarkLayer;
+use super::looking::pointer::PicturePointer;
+use super::looking::tool::Stroke;
 use super::overlay::{self, annotations, help};
 use super::panel::{Dock, PanelState, theme};
 use super::pick::DoubleClick;
 use super::picture::{DataCamera, Picture};
 use super::preset::Preset;
 use super::shortcuts::Shown;
-use crate::annotate::{self, Label};
+use crate::annotate;
 use bevy::prelude::*;
 use bevy_egui::{EguiContexts, egui};
 
@@ -38,7 +41,10 @@ pub(super) fn draw_window(
     mut owner: ResMut<PointerOwner>,
     camera: Single<(&Viewpoint, &Navigation), With<DataCamera>>,
     mut clicked: ResMut<DoubleClick>,
-    (shown, preset, objects): (Res<Shown>, Res<Preset>, Res<NamedObjects>),
+    mut pointer: ResMut<PicturePointer>,
+    (mut layer, stroke): (ResMut<MarkLayer>, Res<Stroke>),
+    shown: Res<Shown>,
+    preset: Res<Preset>,
 ) -> Result {
     let ctx = contexts.ctx_mut()?.clone();
     if !*styled {
@@ -80,22 +86,44 @@ pub(super) fn draw_window(
     picture.scale = ctx.pixels_per_point();
     let painter = root.painter().with_clip_rect(rect);
     let whole = egui::Rect::from_min_max(egui::pos2(0.0, 0.0), egui::pos2(1.0, 1.0));
-    painter.image(picture.texture, rect, whole, egui::Color32::WHITE);
-    draw_overlays(&painter, rect, &panel, &picture, &objects.0, *camera);
+    let periodic = panel.scene.as_ref().and_then(|scene| scene.periodic);
+    let view = view_of(camera.0, &panel.settings, periodic, picture.size()).ok();
+    let marked = view.as_ref().and_then(|view| layer.texture(&ctx, view));
+    let tint = if marked.is_some() { layer.tint() } else { egui::Color32::WHITE };
+    painter.image(picture.texture, rect, whole, tint);
+    if let Some(marked) = marked {
+        painter.image(marked, rect, whole, egui::Color32::WHITE);
+    }
+    draw_overlays(&painter, rect, &panel, &picture, *camera);
+    if let (Some(view), Some(scene)) = (view, &panel.scene) {
+        let places = Looking::of(&panel.looking, &stroke);
+        places.draw(&painter, rect, &picture, view, &scene.length_unit);
+    }
     overlay::draw_messages(&painter, rect, &panel.messages);
     if shown.help {
         help::draw(&ctx, rect);
     }
     controls.0 = theme::take_controls(&ctx);
-    let over_picture = ctx.pointer_latest_pos().is_some_and(|at| {
+    let at = ctx.pointer_latest_pos();
+    let over_picture = at.is_some_and(|at| {
         rect.contains(at) && ctx.layer_id_at(at).is_none_or(|layer| layer.order == egui::Order::Background)
     });
+    let left = ctx.input(|input| {
+        let pointer = &input.pointer;
+        [pointer.primary_down(), pointer.primary_pressed(), pointer.primary_clicked()]
+    });
+    pointer.update(at.map(|at| Vec2::new(at.x, at.y)), over_picture, left);
+    let tool = *panel.looking.tool;
+    if let Some(cursor) = drawing::cursor(tool).filter(|_| over_picture) {
+        ctx.set_cursor_icon(cursor);
+    }
     let double_click = ctx.input(|input| input.pointer.button_double_clicked(egui::PointerButton::Primary));
     if double_click && over_picture {
         clicked.0 = ctx.pointer_latest_pos().map(|at| Vec2::new(at.x, at.y));
     }
     let any_button = ctx.input(|input| input.pointer.any_down());
     owner.update(over_picture, any_button, ctx.dragged_id().is_some(), ctx.egui_wants_keyboard_input());
+    owner.tool_draws = tool.takes_drags() && pointer.held;
     // Tab belongs to the panel's visibility, not to egui's focus.
     if let Some(focused) = ctx.memory(|memory| memory.focused())
         && ctx.input(|input| input.key_pressed(egui::Key::Tab))
@@ -111,12 +139,11 @@ fn draw_overlays(
     rect: egui::Rect,
     state: &PanelState<'_, '_>,
     picture: &Picture,
-    labels: &[Label],
     (viewpoint, navigation): (&Viewpoint, &Navigation),
 ) {
     let Some(scene) = &state.scene else { return };
     let size = picture.size();
-    if let Ok(view) = view_of(viewpoint, &state.settings, size) {
+    if let Ok(view) = view_of(viewpoint, &state.settings, scene.periodic, size) {
         let legend = state.look.as_ref().map(|look| look.legend(scene.file.metadata()));
         let subject = annotate::Subject {
             view: &view,
@@ -125,7 +152,7 @@ fn draw_overlays(
             bounds: scene.frame,
             length_unit: &scene.length_unit,
             legend: legend.as_ref(),
-            labels,
+            labels: &state.looking.objects.labels,
         };
         annotations::paint(painter, rect, &annotate::layout(&state.settings.annotations, &subject));
     }

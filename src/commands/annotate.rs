@@ -2,11 +2,14 @@
 
 use super::render::Arguments;
 use crate::annotate::{self, Annotations, Label, Legend, Paper, Subject, Units};
-use crate::explore::{Catalogue, ExploreError};
-use crate::model::Bounds;
+use crate::explore::marks::{Layer, Marks};
+use crate::explore::{Catalogue, Data, ExploreError, SelectionSet};
+use crate::model::{Bounds, Unit};
 use crate::modes::Depiction;
 use crate::raster::Image;
 use crate::raster::transfer::{Levels, TransferFunction};
+use crate::store::PageFile;
+use crate::stream::SceneNode;
 use crate::view::View;
 use glam::DVec3;
 use std::path::{Path, PathBuf};
@@ -72,9 +75,12 @@ impl AnnotateOptions {
 ///
 /// # Errors
 /// What is wrong with the catalogue.
-pub(super) fn labels_of(catalogue: &Path) -> Result<Vec<Label>, ExploreError> {
-    let objects = Catalogue::read(catalogue)?.objects.into_iter();
-    Ok(objects.map(|object| Label { name: object.name, position: object.position, radius: object.radius }).collect())
+fn labels_of(catalogue: &Path, unit: &Unit) -> Result<Vec<Label>, ExploreError> {
+    let catalogue = Catalogue::read(catalogue)?;
+    if let Some(why) = catalogue.unlike(unit) {
+        eprintln!("deepfield: {why}");
+    }
+    Ok(catalogue.labels())
 }
 
 /// What a picture shows, and from where.
@@ -87,6 +93,8 @@ pub(super) struct Stage {
     paper: Paper,
     labels: Vec<Label>,
     pub depiction: Depiction,
+    /// Selections over the picture.
+    marks: Option<Layer>,
 }
 
 impl Stage {
@@ -103,8 +111,31 @@ impl Stage {
     ) -> Result<Stage, ExploreError> {
         let target = arguments.target.unwrap_or(bounds.center());
         let paper = Paper::of(arguments.background.unwrap_or_default());
-        let labels = arguments.annotate.labels.as_deref().map_or(Ok(Vec::new()), labels_of)?;
-        Ok(Stage { view, target, bounds, units, paper, labels, depiction: depiction.clone() })
+        let catalogue = arguments.annotate.labels.as_deref();
+        let labels = catalogue.map_or(Ok(Vec::new()), |path| labels_of(path, &units.length))?;
+        Ok(Stage { view, target, bounds, units, paper, labels, marks: None, depiction: depiction.clone() })
+    }
+
+    /// The same with a scene's selections over the picture of these nodes.
+    ///
+    /// # Errors
+    /// When a selection makes no sense.
+    pub fn with_selections(
+        self,
+        selections: &[SelectionSet],
+        file: &PageFile,
+        nodes: &[SceneNode],
+    ) -> Result<Stage, ExploreError> {
+        let marks = Marks::new(selections, file.metadata(), Data::Pages(file).periodic_edge()?)?;
+        let layer = (!marks.is_empty()).then(|| marks.draw(&self.view, file.metadata(), nodes));
+        Ok(Stage { marks: layer, ..self })
+    }
+
+    /// Lays the selections over the finished picture.
+    pub fn mark(&self, image: &mut Image) {
+        if let Some(layer) = &self.marks {
+            layer.blend(image);
+        }
     }
 
     /// Writes what is asked for into the finished picture, whose colours come from `transfer` over `levels`.
@@ -147,11 +178,11 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let catalogue = folder.path().join("clusters.csv");
         std::fs::write(&catalogue, "name,x,y,z,radius,mass\nsmall,1,2,3,0.5,1\nlarge,4,5,6,2,9\n").unwrap();
-        let labels = labels_of(&catalogue).unwrap();
+        let labels = labels_of(&catalogue, &Unit::default()).unwrap();
         assert_eq!((labels.len(), labels[0].name.as_str(), labels[0].radius), (2, "large", Some(2.0)));
         let named = AnnotateOptions { labels: Some(catalogue), ..AnnotateOptions::default() };
         assert!(named.over(None).unwrap().labels > 0 && !named.over(None).unwrap().legend);
-        assert!(labels_of(&folder.path().join("none.csv")).is_err());
+        assert!(labels_of(&folder.path().join("none.csv"), &Unit::default()).is_err());
         assert!(parts("legend,axis").is_err() && scale("0").is_err());
     }
 }

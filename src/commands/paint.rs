@@ -99,6 +99,7 @@ pub(super) fn render(
         true => output::write_exr_colors(&arguments.output, &painted.colors)?,
         false => {
             let mut image = painted.colors.image_on(arguments.background.unwrap_or_default());
+            outcome.stage.mark(&mut image);
             if let Some(annotations) = annotations {
                 let depiction = &outcome.stage.depiction;
                 let usual = || depiction.suited(TransferFunction::of_volumes(depiction.attribute.is_some()));
@@ -156,7 +157,7 @@ fn paint_pages(
     let mut scene = Scene::new(Arc::clone(&file), u64::MAX);
     scene.families = families(arguments, metadata)?;
     let framed = first_frame(&file, &scene.families);
-    let view = view(arguments, framed)?;
+    let view = view(arguments, framed, metadata.periodic_box())?;
     scene.levels = depiction.levels(metadata);
     let detail = depiction.detail(&view, arguments.error_px.unwrap_or(0.8), metadata);
     let mut tell = |message| eprintln!("deepfield: {message}");
@@ -173,7 +174,8 @@ fn paint_pages(
     }
     Ok(Outcome {
         painted: painted.ok_or("nothing was drawn")?,
-        stage: Stage::new(arguments, view, framed, Units::of_pages(metadata, &depiction), &depiction)?,
+        stage: Stage::new(arguments, view, framed, Units::of_pages(metadata, &depiction), &depiction)?
+            .with_selections(&arguments.selections, &file, &selection.nodes)?,
         levels: scene.levels.name(),
         attribute: depiction.attribute.map(|coloring| coloring.name),
         converged: selection.converged,
@@ -198,7 +200,7 @@ fn paint_exact(
     let positions = families.iter().flat_map(|family| &family.positions);
     let samples: Vec<(DVec3, f64)> = positions.map(|&position| (DVec3::from_array(position), 1.0)).collect();
     let framed = frame::frame(dataset.bounds(), &samples);
-    let view = view(arguments, framed)?;
+    let view = view(arguments, framed, dataset.periodic_box())?;
     drop(samples);
     let mut painted = None;
     for _ in 0..arguments.repeat {

@@ -8,14 +8,15 @@ use super::progress_bar::TerminalProgress;
 use super::statistics::{Shown, Times, write_json};
 use super::{CommandResult, cache};
 use crate::annotate::{Annotations, Units};
-use crate::model::{Bounds, Family, FamilyName};
+use crate::explore::SelectionSet;
+use crate::model::{Bounds, Family, FamilyName, PeriodicBox};
 use crate::modes::{self, Depiction, Economy, Mode, Plan, SettingKind, SettingValue, Settings, cpu, economy, pilot};
 use crate::raster::composite::Background;
 use crate::raster::transfer::TransferFunction;
 use crate::raster::{Accumulation, Method, composite, output};
 use crate::store::{Metadata, PageFile};
 use crate::stream::{Scene, first_frame};
-use crate::view::{CutSettings, Projection, View, frame};
+use crate::view::{CutSettings, Periodic, Projection, View, frame};
 use glam::DVec3;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -62,6 +63,10 @@ pub struct Arguments {
     /// A scene file whose settings and camera are used for the data, whatever data it names itself.
     #[arg(long, value_name = "FILE.scene.ron")]
     pub scene: Option<PathBuf>,
+    /// How a periodic box is drawn: once, wrapped (what one looks at is in the middle), or as many times along each axis as
+    /// 3x3x1 says [default: once].
+    #[arg(long, value_name = "HOW")]
+    pub periodic: Option<Periodic>,
     /// Camera position in world units.
     #[arg(long, value_name = "X,Y,Z", value_parser = vector, allow_hyphen_values = true)]
     pub eye: Option<DVec3>,
@@ -113,6 +118,9 @@ pub struct Arguments {
     /// Settings of the mode.
     #[arg(skip)]
     pub settings: Settings,
+    /// A scene's selections; pictures with `exact` do without.
+    #[arg(skip)]
+    pub selections: Vec<SelectionSet>,
     /// The families that a scene shows; all where it is `None`.
     #[arg(skip)]
     pub families: Option<Vec<FamilyName>>,
@@ -148,6 +156,7 @@ impl Arguments {
             attribute: None,
             config: None,
             scene: None,
+            periodic: None,
             eye: None,
             target: None,
             up: None,
@@ -166,6 +175,7 @@ impl Arguments {
             annotations: None,
             settings: Settings::default(),
             families: None,
+            selections: Vec::new(),
             plain: false,
             cut: CutSettings::default(),
             transfer: None,
@@ -176,6 +186,7 @@ impl Arguments {
 
     /// The same, with the options about what may be left out among the settings.
     fn with_economy(mut self) -> Arguments {
+        self.cut.periodic = self.periodic.unwrap_or(self.cut.periodic);
         for (setting, value) in [(&economy::PRESENCE, self.presence), (&economy::THINNING, self.thinning)] {
             if let SettingKind::Number { min, max, .. } = setting.kind
                 && let Some(value) = value
@@ -313,6 +324,7 @@ fn render(arguments: &Arguments) -> CommandResult {
             let background = arguments.background.unwrap_or_default();
             composite::composite_on(&picture.accumulation, &transfer, &levels, background)
         };
+        picture.stage.mark(&mut image);
         if let Some(annotations) = annotations {
             picture.stage.annotate(&mut image, &annotations, &transfer, &levels);
         }
@@ -370,7 +382,7 @@ fn draw_pages(arguments: &Arguments) -> Result<Picture, Box<dyn std::error::Erro
     let mut scene = Scene::new(Arc::clone(&file), u64::MAX);
     scene.families = families(arguments, metadata)?;
     let framed = first_frame(&file, &scene.families);
-    let view = view(arguments, framed)?;
+    let view = view(arguments, framed, metadata.periodic_box())?;
     let seen = depiction.selection_view(&view);
     let tau = arguments.error_px.unwrap_or(0.8);
     let mut times = Times::default();
@@ -389,7 +401,8 @@ fn draw_pages(arguments: &Arguments) -> Result<Picture, Box<dyn std::error::Erro
     }
     let picture = Picture {
         accumulation: Accumulation::default(),
-        stage: Stage::new(arguments, view, framed, Units::of_pages(metadata, &depiction), &depiction)?,
+        stage: Stage::new(arguments, view, framed, Units::of_pages(metadata, &depiction), &depiction)?
+            .with_selections(&arguments.selections, &file, &selection.nodes)?,
         mode,
         attribute: depiction.attribute.as_ref().map(|coloring| coloring.name.clone()),
         economy: left_out.clone(),
@@ -486,7 +499,7 @@ fn draw_exact(arguments: &Arguments) -> Result<Picture, Box<dyn std::error::Erro
     let positions = families.iter().flat_map(|family| &family.positions);
     let samples: Vec<(DVec3, f64)> = positions.map(|&position| (DVec3::from_array(position), 1.0)).collect();
     let framed = frame::frame(dataset.bounds(), &samples);
-    let view = view(arguments, framed)?;
+    let view = view(arguments, framed, dataset.periodic_box())?;
     drop(samples);
     let picture = Picture {
         accumulation: Accumulation::default(),
@@ -542,7 +555,11 @@ pub(super) fn families(arguments: &Arguments, metadata: &Metadata) -> Result<Vec
 }
 
 /// The camera that the arguments describe; around `bounds` where they say nothing.
-pub(super) fn view(arguments: &Arguments, bounds: Bounds) -> Result<View, crate::view::ViewError> {
+pub(super) fn view(
+    arguments: &Arguments,
+    bounds: Bounds,
+    periodic: Option<PeriodicBox>,
+) -> Result<View, crate::view::ViewError> {
     let PictureSize { width, height } = arguments.size.unwrap_or(PictureSize { width: 1200, height: 800 });
     let fov_y = arguments.fov.unwrap_or(45.0).to_radians();
     let around = View::around(bounds, fov_y, width, height)?;
@@ -553,7 +570,7 @@ pub(super) fn view(arguments: &Arguments, bounds: Bounds) -> Result<View, crate:
         None => Projection::Perspective { fov_y },
     };
     let view = View::look_at(eye, target, arguments.up.unwrap_or(DVec3::Y), projection, width, height)?;
-    Ok(view.with_cut(arguments.cut.cut()))
+    Ok(arguments.cut.applied(&view, target, periodic))
 }
 
 /// Writes the statistics to a file, or to standard output for `-`.

@@ -65,6 +65,7 @@ fn filled(own: Arguments, scene: SceneFile, data: PathBuf) -> Arguments {
         volume: own.volume.clone().or(scene.transfer.clone().filter(|_| !is_own_mode)),
         transfer: own.transfer.or(scene.transfer.filter(|_| !is_own_mode)),
         annotations: own.annotations.or(scene.annotations),
+        selections: scene.selections,
         cut: if own.cut == Default::default() { scene.cut } else { own.cut },
         ..own
     }

@@ -51,6 +51,9 @@ pub struct Settings {
     /// memory. A small example of how a simulation that runs is shown (docs/prototyping.md).
     #[arg(long)]
     pub simulate: bool,
+    /// Names of objects from a catalogue over the picture (CSV, RON, or groups and subhaloes of Gadget-4 and SUBFIND).
+    #[arg(long, value_name = "CATALOGUE")]
+    pub labels: Option<PathBuf>,
     /// Preset: desktop, laptop or headless.
     #[arg(long, value_name = "NAME", default_value = "desktop")]
     pub preset: String,
@@ -115,6 +118,7 @@ pub fn show(path: &Path, settings: &Settings) -> CommandResult {
         mode: settings.mode,
         error_px: settings.error_px,
         scene: settings.scene.clone(),
+        annotate: super::annotate::AnnotateOptions { labels: settings.labels.clone(), ..Default::default() },
         ..render::Arguments::new(path.to_owned(), output.clone())
     })?;
     println!("{reason}: the picture is in {}", output.display());
@@ -149,6 +153,7 @@ fn window(path: &Path, settings: &Settings) -> CommandResult {
     options.frame_ms = settings.frame_ms;
     options.mode = settings.mode.map(|mode| mode.name.to_owned());
     options.status = settings.status.clone();
+    options.labels = settings.labels.clone();
     if settings.simulate {
         let progress = super::progress_bar::TerminalProgress::new();
         let dataset = crate::import::load(path, &crate::import::LoadOptions::default(), &progress)?;

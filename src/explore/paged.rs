@@ -291,7 +291,7 @@ pub(super) fn accepted(family: &FamilyMetadata, ranges: &[ValueRange]) -> Option
 }
 
 /// What a value may have been before it was coded, by the largest error, relative to it or to `scale`.
-fn around(value: f64, error: f64, scale: Option<f64>) -> (f64, f64) {
+pub(super) fn around(value: f64, error: f64, scale: Option<f64>) -> (f64, f64) {
     // Values are single precision, and so is the codebook.
     let error = error + 1e-6;
     match scale {

@@ -10,15 +10,18 @@ use crate::raster::composite::Image as Picture;
 use crate::raster::sample::Sample;
 use crate::raster::transfer::TransferFunction;
 use crate::view::View;
+use bevy::math::DVec3;
 /// One node to draw.
 #[derive(Clone, Debug)]
 pub struct HeadlessNode {
-    /// Its particles; ids must differ.
+    /// Its particles. Those of the same id are the same: images of a node.
     pub upload: NodeUpload,
     /// Index into [`HeadlessRequest::tables`]; `None` for raw particles.
     pub table: Option<usize>,
     /// Factor on every weight.
     pub weight_scale: f32,
+    /// By how much its image is displaced, world units; packed nodes only.
+    pub offset: DVec3,
     /// Which of its particles are drawn.
     pub sample: Sample,
 }

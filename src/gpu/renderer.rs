@@ -28,6 +28,7 @@ use bevy::render::texture::GpuImage;
 use bevy::render::{RenderApp, RenderPlugin};
 use bevy::window::ExitCondition;
 use bevy::winit::WinitPlugin;
+use std::collections::HashSet;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
@@ -87,10 +88,13 @@ impl HeadlessRenderer {
                 node: node.upload.id,
                 table: node.table.and_then(|table| tables.get(table).copied()),
                 weight_scale: node.weight_scale,
+                offset: node.offset,
                 sample: node.sample,
             })
             .collect();
-        scene.insert_nodes(request.nodes.iter().map(|node| node.upload.clone()));
+        let mut known = HashSet::new();
+        let first = request.nodes.iter().filter(|node| known.insert(node.upload.id));
+        scene.insert_nodes(first.map(|node| node.upload.clone()));
 
         let size = UVec2::new(request.view.width, request.view.height);
         let mut target = Image::new_uninit(

@@ -5,6 +5,7 @@ use crate::model::Kernel;
 use crate::raster::sample::Sample;
 use crate::raster::transfer::{Levels, Lut, Scale, TransferFunction};
 use crate::view::View;
+use bevy::math::DVec3;
 use bevy::prelude::Component;
 use bevy::render::extract_component::ExtractComponent;
 use std::sync::Arc;
@@ -18,6 +19,8 @@ pub struct DrawItem {
     pub table: Option<TableId>,
     /// Factor on every weight: a page node's `mass_scale` or `mass_density_scale`, else 1.
     pub weight_scale: f32,
+    /// By how much its image is displaced from where the node is, world units.
+    pub offset: DVec3,
     /// Which of its particles are drawn; raw particles all are.
     pub sample: Sample,
 }

@@ -35,6 +35,11 @@ impl Bounds {
         Bounds { min: self.min.min(other.min), max: self.max.max(other.max) }
     }
 
+    /// This box, displaced.
+    pub fn moved(self, offset: DVec3) -> Bounds {
+        Bounds { min: self.min + offset, max: self.max + offset }
+    }
+
     /// Whether the box holds no point at all.
     pub fn is_empty(&self) -> bool {
         self.min.cmpgt(self.max).any()

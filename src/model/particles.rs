@@ -164,6 +164,11 @@ impl Dataset {
         self.families.iter().all(Family::is_empty)
     }
 
+    /// The periodic box that the particles fill, where they do.
+    pub fn periodic_box(&self) -> Option<super::PeriodicBox> {
+        super::PeriodicBox::of(self.provenance.box_size, self.bounds())
+    }
+
     /// The box around all families.
     pub fn bounds(&self) -> Bounds {
         self.families.iter().fold(Bounds::EMPTY, |bounds, family| bounds.union(family.bounds()))

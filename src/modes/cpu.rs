@@ -143,7 +143,13 @@ pub fn decode_planned(
 ) -> Vec<DecodedNode> {
     let sample = |drawn: &SceneNode, table: &CodeTable| {
         let family = &metadata.families[drawn.page.family as usize];
-        plan.sample(view, depiction, family, &drawn.page.nodes[drawn.node.node as usize], table.most_important)
+        plan.sample(
+            &view.of_image(drawn.offset),
+            depiction,
+            family,
+            &drawn.page.nodes[drawn.node.node as usize],
+            table.most_important,
+        )
     };
     cut(view, decode_some(depiction, metadata, nodes, |table| table, sample))
 }
@@ -176,7 +182,9 @@ pub(super) fn decode_some(
             let index = drawn.node.node as usize;
             let codebook = usize::from(drawn.page.nodes[index].codebook);
             let table = &tables[drawn.page.family as usize][codebook];
-            DecodedNode::new(depiction, metadata, &drawn.page, index, table, sample(drawn, table))
+            let mut node = DecodedNode::new(depiction, metadata, &drawn.page, index, table, sample(drawn, table));
+            node.origin += drawn.offset;
+            node
         })
         .collect()
 }
@@ -257,21 +265,27 @@ pub(super) struct SeenFamily<'a> {
 }
 
 impl<'a> SeenFamily<'a> {
-    /// Borrows what is drawn as it is.
-    pub fn new(view: &View, depiction: &Depiction, family: &'a Family) -> SeenFamily<'a> {
+    /// Every image of every family; what is drawn as it is is borrowed.
+    pub fn of(view: &View, depiction: &Depiction, families: &[&'a Family]) -> Vec<SeenFamily<'a>> {
+        let images = families.iter().flat_map(|family| view.images.offsets().map(move |offset| (*family, offset)));
+        images.map(|(family, offset)| SeenFamily::new(view, depiction, family, offset)).collect()
+    }
+
+    /// One image, displaced by `offset`.
+    fn new(view: &View, depiction: &Depiction, family: &'a Family, offset: DVec3) -> SeenFamily<'a> {
         let columns = depiction.source_columns(family);
         let (positions, lengths) = (&family.positions, &family.smoothing_length);
-        if view.cut.is_none() {
+        if view.cut.is_none() && offset == DVec3::ZERO {
             let (positions, smoothing_length) = (Cow::Borrowed(&positions[..]), Cow::Borrowed(&lengths[..]));
             return SeenFamily { positions, smoothing_length, columns };
         }
-        let places: Vec<usize> =
-            (0..positions.len()).into_par_iter().filter(|&i| view.cut.keeps(positions[i].into())).collect();
+        let place = |i: usize| DVec3::from(positions[i]) + offset;
+        let places: Vec<usize> = (0..positions.len()).into_par_iter().filter(|&i| view.cut.keeps(place(i))).collect();
         let at = |column: &[f32]| -> Vec<f32> { places.iter().map(|&i| column[i]).collect() };
-        let depth = |i: usize| view.to_camera(positions[i].into()).z;
+        let depth = |i: usize| view.to_camera(place(i)).z;
         let weight = places.iter().map(|&i| (f64::from(columns.weight[i]) * view.cut.fade(depth(i))) as f32).collect();
         SeenFamily {
-            positions: places.iter().map(|&i| positions[i]).collect(),
+            positions: places.iter().map(|&i| place(i).to_array()).collect(),
             smoothing_length: at(lengths).into(),
             columns: SourceColumns {
                 weight,
@@ -294,7 +308,7 @@ pub fn draw_particles(
     method: Method,
 ) -> Result<Accumulation, RasterError> {
     let footprint = depiction.footprint();
-    let seen: Vec<SeenFamily<'_>> = families.iter().map(|family| SeenFamily::new(view, depiction, family)).collect();
+    let seen = SeenFamily::of(view, depiction, families);
     let batches = seen
         .iter()
         .map(|SeenFamily { positions, smoothing_length, columns }| {

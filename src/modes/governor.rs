@@ -61,7 +61,8 @@ pub fn within(
         let family = drawn.page.family as usize;
         let node = drawn.page.nodes.get(drawn.node.node as usize)?;
         let most_important = *most_important.get(family)?.get(usize::from(node.codebook))?;
-        let sample = plan.sample(view, depiction, metadata.families.get(family)?, node, most_important);
+        let sample =
+            plan.sample(&view.of_image(drawn.offset), depiction, metadata.families.get(family)?, node, most_important);
         Some((u64::from(sample.candidates(node.particles)), u64::from(node.particles)))
     };
     let (usual, all) = nodes.iter().filter_map(part).fold((0, 0), |(usual, all), part| (usual + part.0, all + part.1));

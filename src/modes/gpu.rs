@@ -73,7 +73,14 @@ pub fn request_nodes(
                 },
                 table: Some(table),
                 weight_scale: depiction.node_scale(node),
-                sample: plan.sample(view, depiction, family, node, tables[table].most_important),
+                offset: drawn.offset,
+                sample: plan.sample(
+                    &view.of_image(drawn.offset),
+                    depiction,
+                    family,
+                    node,
+                    tables[table].most_important,
+                ),
             }
         })
         .collect();
@@ -118,6 +125,7 @@ pub fn request_particles(
                 },
                 table: None,
                 weight_scale: 1.0,
+                offset: DVec3::ZERO,
                 sample: Sample::ALL,
             });
         }

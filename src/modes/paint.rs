@@ -83,7 +83,7 @@ pub fn paint_particles(
     families: &[&Family],
     subject: &Subject<'_>,
 ) -> Result<Painted, VolumeError> {
-    let seen: Vec<SeenFamily<'_>> = families.iter().map(|family| SeenFamily::new(view, depiction, family)).collect();
+    let seen = SeenFamily::of(view, depiction, families);
     let batches = seen
         .iter()
         .map(|SeenFamily { positions, smoothing_length, columns }| {

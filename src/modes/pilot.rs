@@ -100,7 +100,7 @@ impl<'a> Pilot<'a> {
         for (drawn, node) in nodes.iter().zip(&decoded) {
             let family = &metadata.families[drawn.page.family as usize];
             let cell = drawn.page.nodes[drawn.node.node as usize].key.bounds(family.root);
-            let magnification = magnification(view, cell);
+            let magnification = magnification(&view.of_image(drawn.offset), cell);
             let mean = family.mass / family.count.max(1) as f64;
             let factor = (magnification.powf(0.75) / mean) as f32;
             let pairs = || node.weight().iter().zip(node.smoothing_length());

@@ -5,7 +5,7 @@ pub use crate::codec::AttributeMerge;
 use crate::codec::{Codebook, VqBits};
 pub use crate::hierarchy::{AttributeInfo, Histogram, LevelInfo};
 use crate::hierarchy::{Levels, RootCell};
-use crate::model::{Bounds, FamilyName, Kernel, Provenance, Skipped, Unit};
+use crate::model::{Bounds, FamilyName, Kernel, PeriodicBox, Provenance, Skipped, Unit};
 
 /// Everything that is known of a page file without reading a page.
 #[derive(Clone, Debug, PartialEq)]
@@ -40,6 +40,11 @@ impl Metadata {
     /// The box around the source positions of all families.
     pub fn bounds(&self) -> Bounds {
         self.families.iter().fold(Bounds::EMPTY, |bounds, family| bounds.union(family.bounds))
+    }
+
+    /// The periodic box that the particles fill, where they do.
+    pub fn periodic_box(&self) -> Option<PeriodicBox> {
+        PeriodicBox::of(self.provenance.box_size, self.bounds())
     }
 
     /// The family of that name and its index (the one a [`super::Page`] carries).

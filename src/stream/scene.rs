@@ -5,6 +5,7 @@ use crate::hierarchy::Levels;
 use crate::model::Bounds;
 use crate::store::{Metadata, NodeRef, Page, PageFile, StoreError};
 use crate::view::{Detail, Extent, Selection, View};
+use glam::DVec3;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -27,6 +28,8 @@ pub struct SceneNode {
     pub node: NodeRef,
     /// Its screen-space error, pixels.
     pub error_pixels: f64,
+    /// By how much its image is displaced from where the data is, world units; zero but in periodic boxes.
+    pub offset: DVec3,
 }
 
 /// What a view draws now.
@@ -65,11 +68,11 @@ impl SceneSelection {
                 let page = Arc::clone(residency.page(drawn.id.page)?);
                 let error_pixels = match page.nodes.get(drawn.id.node as usize)? {
                     node if node.is_leaf() && drawn.error_pixels > tau => {
-                        leaf_error_pixels(view, metadata, &page, drawn.id.node as usize)
+                        leaf_error_pixels(&view.of_image(drawn.offset), metadata, &page, drawn.id.node as usize)
                     }
                     _ => drawn.error_pixels,
                 };
-                Some(SceneNode { page, node: drawn.id, error_pixels })
+                Some(SceneNode { page, node: drawn.id, error_pixels, offset: drawn.offset })
             })
             .collect();
         SceneSelection {

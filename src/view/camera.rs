@@ -4,7 +4,7 @@
 //! (depth grows away from the eye). Pixel `(0, 0)` is the top left corner of the top left pixel; pixel centres lie
 //! at half-integers.
 
-use super::Cut;
+use super::{Cut, Images};
 use crate::model::Bounds;
 use glam::DVec3;
 use thiserror::Error;
@@ -70,6 +70,8 @@ pub struct View {
     pub height: u32,
     /// What is left out and faded.
     pub cut: Cut,
+    /// The images of a periodic box that are drawn.
+    pub images: Images,
 }
 
 impl View {
@@ -106,12 +108,17 @@ impl View {
         let forward = (target - eye).try_normalize().ok_or(ViewError::NoDirection)?;
         let right = forward.cross(up.normalize_or_zero()).try_normalize().ok_or(ViewError::NoUp)?;
         let up = right.cross(forward);
-        Ok(View { eye, right, up, forward, projection, width, height, cut: Cut::NONE })
+        Ok(View { eye, right, up, forward, projection, width, height, cut: Cut::NONE, images: Images::ONE })
     }
 
     /// The same camera that leaves out and fades what `cut` says.
     pub fn with_cut(&self, cut: Cut) -> View {
         View { cut, ..*self }
+    }
+
+    /// The view of an image of the data that is displaced by `offset`, in the data's own coordinates.
+    pub fn of_image(&self, offset: DVec3) -> View {
+        View { eye: self.eye - offset, cut: self.cut.moved(-offset), images: Images::ONE, ..*self }
     }
 
     /// The same camera with a picture that is `pixels` larger on every side.
@@ -156,6 +163,18 @@ impl View {
         DVec3::new(relative.dot(self.right), relative.dot(self.up), relative.dot(self.forward))
     }
 
+    /// The world position at a depth that appears at pixel coordinates: the inverse of [`View::to_camera`] and
+    /// [`View::to_pixels`].
+    pub fn at_depth(&self, [x, y]: [f64; 2], depth: f64) -> DVec3 {
+        let scale = match self.projection {
+            Projection::Perspective { .. } => depth / self.focal_pixels(),
+            Projection::Orthographic { .. } => 1.0 / self.focal_pixels(),
+        };
+        let right = (x - 0.5 * f64::from(self.width)) * scale;
+        let up = (0.5 * f64::from(self.height) - y) * scale;
+        self.eye + right * self.right + up * self.up + depth * self.forward
+    }
+
     /// Pixels per world unit: for a perspective view at depth 1 (divide by the depth), for an orthographic one
     /// everywhere. Pixels are square.
     pub fn focal_pixels(&self) -> f64 {
@@ -190,6 +209,19 @@ mod tests {
             for point in [DVec3::ZERO, DVec3::new(1.0, -2.0, 0.5)] {
                 let [at, moved] = [view, padded].map(|view| view.to_pixels(view.to_camera(point)).unwrap());
                 assert!((0..2).all(|k| (moved[k] - at[k] - 5.0).abs() < 1e-9), "{projection:?}: {at:?} {moved:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn places_at_a_depth_appear_where_they_were_asked_for() {
+        for projection in [Projection::Perspective { fov_y: 0.9 }, Projection::Orthographic { height: 7.0 }] {
+            let view = View::look_at(DVec3::new(1.0, 2.0, 9.0), DVec3::ZERO, DVec3::Y, projection, 40, 30).unwrap();
+            for (pixel, depth) in [([3.0, 4.5], 2.0), ([39.0, 29.5], 70.0), ([20.0, 15.0], 1e-6)] {
+                let camera = view.to_camera(view.at_depth(pixel, depth));
+                let found = view.to_pixels(camera).unwrap();
+                assert!((camera.z / depth - 1.0).abs() < 1e-8, "{camera}");
+                assert!((0..2).all(|k| (found[k] - pixel[k]).abs() < 1e-6), "{projection:?}: {found:?} {pixel:?}");
             }
         }
     }

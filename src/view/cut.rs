@@ -1,7 +1,8 @@
 //! What of the data a picture shows at all: a box outside of which nothing is drawn, a slab across an axis, and particles
 //! that fade with their depth. A property of the view, so that every renderer and the selection of nodes mean the same.
 
-use crate::model::Bounds;
+use super::{Periodic, View};
+use crate::model::{Bounds, PeriodicBox};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
@@ -40,6 +41,11 @@ impl Cut {
         bounds.max.cmpge(self.bounds.min).all() && bounds.min.cmple(self.bounds.max).all()
     }
 
+    /// The same in coordinates whose origin is displaced by `-offset`.
+    pub fn moved(&self, offset: DVec3) -> Cut {
+        Cut { bounds: self.bounds.moved(offset), ..*self }
+    }
+
     /// The factor on the weight of a particle at this depth, from 0 to 1.
     pub fn fade(&self, depth: f64) -> f64 {
         (-self.fade_rate * (depth - self.fade_start).max(0.0)).exp()
@@ -56,6 +62,8 @@ pub struct CutSettings {
     pub slab: Option<Slab>,
     /// Particles fade with their depth.
     pub fade: Option<Fade>,
+    /// How a periodic box is drawn.
+    pub periodic: Periodic,
 }
 
 /// An axis-aligned box; `min` is not above `max` along any axis.
@@ -176,7 +184,17 @@ fn number<'de, D: serde::Deserializer<'de>>(
 }
 
 impl CutSettings {
-    /// What it comes to.
+    /// The view with what is left out of it, and with the images of the data's periodic box, where there is one, for one who looks
+    /// at `target`.
+    pub fn applied(&self, view: &View, target: DVec3, periodic: Option<PeriodicBox>) -> View {
+        let (images, window) = self.periodic.images(periodic, target);
+        let mut cut = self.cut();
+        cut.bounds.min = cut.bounds.min.max(window.min);
+        cut.bounds.max = cut.bounds.max.min(window.max);
+        View { cut, images, ..*view }
+    }
+
+    /// What it comes to, images left aside.
     pub fn cut(&self) -> Cut {
         let mut cut = Cut::NONE;
         if let Some(clip) = self.clip {

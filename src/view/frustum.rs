@@ -14,6 +14,11 @@ pub struct Extent {
 }
 
 impl Extent {
+    /// The same, displaced.
+    pub fn moved(&self, offset: DVec3) -> Extent {
+        Extent { bounds: self.bounds.moved(offset), ..*self }
+    }
+
     /// Half the box's extent along a unit vector.
     fn half_extent_along(&self, direction: DVec3) -> f64 {
         0.5 * self.bounds.size().dot(direction.abs())

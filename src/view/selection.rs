@@ -3,6 +3,7 @@
 
 use super::frustum::Extent;
 use super::{Detail, View};
+use glam::DVec3;
 
 /// What selection needs to know of a node.
 #[derive(Clone, Copy, Debug)]
@@ -53,6 +54,8 @@ pub struct Drawn<Id> {
     pub error_pixels: f64,
     /// Number of particles drawn for it.
     pub particles: u64,
+    /// By how much its image is displaced from where the data is, world units.
+    pub offset: DVec3,
 }
 
 /// The nodes a view draws, and what it lacks.
@@ -108,13 +111,17 @@ pub fn select_unhidden<Tree: NodeTree>(
     roots: &[Tree::Id],
 ) -> Selection<Tree::Id> {
     let selection = Selection { draw: Vec::new(), missing: Vec::new(), visited: Vec::new(), hidden: Vec::new() };
-    let mut traversal = Traversal { view, detail: detail.into(), occluder, tree, selection };
-    for &id in roots {
-        match tree.node(id) {
-            Some(info) => {
-                traversal.visit(id, info);
+    let mut traversal =
+        Traversal { view: *view, offset: DVec3::ZERO, detail: detail.into(), occluder, tree, selection };
+    for offset in view.images.offsets() {
+        (traversal.view, traversal.offset) = (view.of_image(offset), offset);
+        for &id in roots {
+            match tree.node(id) {
+                Some(info) => {
+                    traversal.visit(id, info);
+                }
+                None => traversal.selection.missing.push(Missing { id, error_pixels: f64::INFINITY }),
             }
-            None => traversal.selection.missing.push(Missing { id, error_pixels: f64::INFINITY }),
         }
     }
     let mut selection = traversal.selection;
@@ -124,7 +131,9 @@ pub fn select_unhidden<Tree: NodeTree>(
 
 /// One walk down the tree.
 struct Traversal<'a, Tree: NodeTree> {
-    view: &'a View,
+    /// The view of the image that is walked through.
+    view: View,
+    offset: DVec3,
     detail: Detail,
     occluder: Option<&'a dyn Occluder>,
     tree: &'a Tree,
@@ -140,8 +149,8 @@ impl<Tree: NodeTree> Traversal<'_, Tree> {
             return true;
         }
         let error_pixels = self.view.error_pixels(&info.extent, info.delta);
-        let suffices = self.detail.suffices(self.view, &info, error_pixels);
-        let is_hidden = self.occluder.is_some_and(|occluder| occluder.hides(&info.extent));
+        let suffices = self.detail.suffices(&self.view, &info, error_pixels);
+        let is_hidden = self.occluder.is_some_and(|occluder| occluder.hides(&info.extent.moved(self.offset)));
         if is_hidden {
             self.selection.hidden.push(id);
         }
@@ -153,7 +162,7 @@ impl<Tree: NodeTree> Traversal<'_, Tree> {
         }
         // What is hidden is displaced by nothing that shows.
         let error_pixels = if is_hidden { 0.0 } else { error_pixels };
-        self.selection.draw.push(Drawn { id, error_pixels, particles: info.particles });
+        self.selection.draw.push(Drawn { id, error_pixels, particles: info.particles, offset: self.offset });
         true
     }
 

@@ -37,7 +37,7 @@ fn the_picture_holds_the_mass_that_is_left() {
         CutSettings { clip, ..CutSettings::default() },
         CutSettings { slab, ..CutSettings::default() },
         CutSettings { fade, ..CutSettings::default() },
-        CutSettings { clip, slab, fade },
+        CutSettings { clip, slab, fade, ..CutSettings::default() },
     ] {
         let cut = settings.cut();
         let view = view_of(bounds, cut);

@@ -10,6 +10,7 @@ mod golden;
 #[cfg(feature = "viewer")]
 mod gpu;
 mod guarantee;
+mod periodic;
 mod support;
 #[cfg(feature = "viewer")]
 mod volume_gpu;

@@ -177,4 +177,35 @@ mod tests {
         let expected = 1e-3 * end.distance();
         assert!((shifted.target.distance(end.target) / expected - 1.0).abs() < 0.05);
     }
+
+    #[test]
+    fn a_billionth_of_the_box_away_a_particle_moves_by_what_the_mouse_says() {
+        // A box of edge 50 and a particle in it; one looks at it from 5e-8 away.
+        let particle = DVec3::new(29.163_67, 35.002_42, 27.363_99);
+        let (back, up) = back_and_up(0.7, -0.4);
+        let start = Viewpoint { eye: particle + back * 50.0, target: particle, up, fov_y: 0.8 };
+        let mut orbit = PanOrbitCamera::default();
+        let mut anchor = Anchor::adopt(&start, &mut orbit);
+        while anchor.viewpoint(&orbit, 0.8).unwrap().distance() > 5e-8 {
+            orbit.radius = orbit.radius.map(|radius| radius * 0.9);
+            anchor = anchor.moved(&mut orbit).unwrap_or(anchor);
+        }
+        let pixel = |viewpoint: Viewpoint| {
+            let view = viewpoint.view(1280, 720).unwrap();
+            view.to_pixels(view.to_camera(particle)).unwrap()
+        };
+        let (fov_y, step) = (0.8, 0.3);
+        let view = anchor.viewpoint(&orbit, fov_y).unwrap().view(1280, 720).unwrap();
+        let right = view.right.as_vec3() * (step / view.focal_pixels()) as f32;
+        let mut last = pixel(anchor.viewpoint(&orbit, fov_y).unwrap());
+        for frame in 0..400 {
+            // Panned, as a drag does it: by a share of the radius.
+            orbit.focus += right * orbit.radius.unwrap();
+            anchor = anchor.moved(&mut orbit).unwrap_or(anchor);
+            let now = pixel(anchor.viewpoint(&orbit, fov_y).unwrap());
+            let moved = [last[0] - now[0], last[1] - now[1]];
+            assert!((moved[0] - step).abs() < 0.02 && moved[1].abs() < 0.02, "frame {frame}: {moved:?}");
+            last = now;
+        }
+    }
 }

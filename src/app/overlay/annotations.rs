@@ -1,13 +1,8 @@
 //! Paints annotations with the window's user interface.
 
-use crate::annotate::{DisplayList, Label, Rgba, Shape};
+use crate::annotate::{DisplayList, Rgba, Shape};
 use crate::app::panel::theme;
-use bevy::prelude::Resource;
 use bevy_egui::egui::{self, Align, Align2, Color32, Rect, Stroke, pos2};
-
-/// The named objects of the open data, the most important one first.
-#[derive(Resource, Clone, Debug, Default)]
-pub struct NamedObjects(pub Vec<Label>);
 
 /// Paints everything into the picture at `rect`.
 pub fn paint(painter: &egui::Painter, rect: Rect, list: &DisplayList) {

@@ -6,10 +6,15 @@ pub mod theme;
 pub mod transfer;
 
 mod annotations;
+mod bookmarks;
+mod closer;
 mod dataset;
 mod display;
 mod messages;
 mod mode;
+mod objects;
+mod probe;
+mod selections;
 mod statistics;
 mod view;
 
@@ -20,6 +25,7 @@ use super::camera::Viewpoint;
 use super::exposure::Exposure;
 use super::history::{History, Step};
 use super::look::Look;
+use super::looking::LookingState;
 use super::messages::Messages;
 use super::open::Openings;
 use super::picture::DataCamera;
@@ -33,12 +39,17 @@ use bevy::prelude::*;
 use bevy_egui::egui::{self, RichText, Ui};
 
 /// Every section, from the top of each dock.
-pub static SECTIONS: [&Section; 7] = [
+pub static SECTIONS: [&Section; 12] = [
     &dataset::SECTION,
     &mode::SECTION,
     &display::SECTION,
     &view::SECTION,
     &annotations::SECTION,
+    &closer::SECTION,
+    &probe::SECTION,
+    &objects::SECTION,
+    &selections::SECTION,
+    &bookmarks::SECTION,
     &statistics::SECTION,
     &messages::SECTION,
 ];
@@ -56,6 +67,8 @@ pub struct PanelState<'w, 's> {
     pub settings: ResMut<'w, Settings>,
     /// Which sections are closed.
     pub closed: ResMut<'w, Closed>,
+    /// What looks closer.
+    pub looking: LookingState<'w>,
     history: ResMut<'w, History>,
     files: ResMut<'w, SceneFiles>,
     preset: Res<'w, Preset>,
@@ -95,12 +108,8 @@ impl PanelState<'_, '_> {
             ui.label(RichText::new("deepfield").size(17.0).color(theme::TEXT).strong());
             ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
                 ui.spacing_mut().item_spacing.x = 4.0;
-                let mut button = |text: &str, name: &str, enabled: bool, help: &str| {
-                    let text = RichText::new(text).size(12.0);
-                    let response = ui.add_enabled(enabled, egui::Button::new(text).min_size(egui::vec2(38.0, 18.0)));
-                    theme::register(ui, name, response.rect);
-                    response.on_hover_text(help).clicked()
-                };
+                let mut button =
+                    |text: &str, name: &str, enabled: bool, help: &str| theme::button(ui, name, text, enabled, help);
                 button("F1", "help", true, "Keys and gestures: press F1");
                 if button("Save", "save", self.scene.is_some(), "Save the scene (Ctrl+S)") {
                     self.files.asked = true;

@@ -145,6 +145,14 @@ pub fn register(ui: &Ui, name: &str, rect: egui::Rect) {
     ui.data_mut(|data| data.get_temp_mut_or_default::<Controls>(controls_id()).insert(name.to_owned(), control));
 }
 
+/// A small button with a name for scripts; whether it was clicked.
+pub fn button(ui: &mut Ui, name: &str, text: &str, enabled: bool, help: &str) -> bool {
+    let text = RichText::new(text).size(12.0);
+    let response = ui.add_enabled(enabled, egui::Button::new(text).min_size(vec2(18.0, 18.0)));
+    register(ui, name, response.rect);
+    response.on_hover_text(help).clicked()
+}
+
 /// The controls that have been drawn since the last call.
 pub fn take_controls(ctx: &egui::Context) -> Controls {
     ctx.data_mut(|data| std::mem::take(data.get_temp_mut_or_default::<Controls>(controls_id())))

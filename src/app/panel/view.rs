@@ -3,6 +3,7 @@
 use super::{Dock, PanelState, Section, theme};
 use crate::app::scene::Settings;
 use crate::model::Bounds;
+use crate::view::Periodic;
 use crate::view::cut::{Axis, ClipBox, Fade, Slab};
 use bevy::prelude::DetectChangesMut;
 use bevy_egui::egui::{DragValue, Ui};
@@ -40,6 +41,9 @@ fn show(ui: &mut Ui, state: &PanelState<'_, '_>, settings: &mut Settings) {
     field.show(ui, &mut settings.lens.fov_deg).on_hover_text(
         "Vertical angle of view in degrees. An orthographic picture is as high as that is at the target.",
     );
+    if scene.periodic.is_some() {
+        periodic(ui, settings);
+    }
     clip(ui, bounds, settings);
     slab(ui, bounds, settings);
     let distance = state.camera.iter().next().map_or(bounds.size().length(), |viewpoint| viewpoint.distance());
@@ -55,6 +59,31 @@ fn optional<T>(ui: &mut Ui, label: &str, help: &str, value: &mut Option<T>, usua
         (false, true) => *value = None,
         _ => {}
     }
+}
+
+/// How a periodic box is drawn.
+fn periodic(ui: &mut Ui, settings: &mut Settings) {
+    let choices = [
+        ("once", Periodic::Once),
+        ("wrapped", Periodic::Wrapped),
+        ("2 x 2 x 2", Periodic::Tiled([2; 3])),
+        ("3 x 3 x 3", Periodic::Tiled([3; 3])),
+    ];
+    let chosen = settings.cut.periodic;
+    let named = choices.iter().find(|(_, choice)| *choice == chosen).map(|(name, _)| (*name).to_owned());
+    let selected = named.unwrap_or_else(|| match chosen {
+        Periodic::Tiled([x, y, z]) => format!("{x} x {y} x {z}"),
+        Periodic::Once | Periodic::Wrapped => String::new(),
+    });
+    theme::combo(ui, "Periodic box", &selected, |ui| {
+        for (name, choice) in choices {
+            let label = ui.selectable_value(&mut settings.cut.periodic, choice, name);
+            theme::register(ui, &format!("periodic:{name}"), label.rect);
+        }
+    })
+    .on_hover_text(
+        "Wrapped: every particle at its image nearest to the point looked at. Or the box several times side by side.",
+    );
 }
 
 fn clip(ui: &mut Ui, bounds: Bounds, settings: &mut Settings) {

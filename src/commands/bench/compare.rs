@@ -139,7 +139,7 @@ pub fn measure(arguments: &Arguments) -> Result<Report, Failure> {
         .collect();
     let framed = frame::frame(dataset.bounds(), &samples);
     drop(samples);
-    let view = render::view(&picture, framed)?;
+    let view = render::view(&picture, framed, dataset.periodic_box())?;
     let mut bench = Bench::new(&dataset, view, framed.size().length(), options, arguments.repeat)?;
     let outcomes = bench.run(options)?;
     let orbits = compare_orbit::measure(&bench, options.target.unwrap_or(framed.center()), options)?;

@@ -8,6 +8,7 @@ mod table;
 mod written;
 
 use super::error::ExploreError;
+use crate::annotate::Label;
 use crate::model::Unit;
 use glam::DVec3;
 use serde::Serialize;
@@ -83,6 +84,22 @@ impl Catalogue {
             mass_b.total_cmp(&mass_a).then(radius_b.total_cmp(&radius_a))
         });
         Ok(catalogue)
+    }
+
+    /// The objects as names to be written into a picture, in their order.
+    pub fn labels(&self) -> Vec<Label> {
+        let label =
+            |object: &Object| Label { name: object.name.clone(), position: object.position, radius: object.radius };
+        self.objects.iter().map(label).collect()
+    }
+
+    /// What to say where the catalogue states another unit of lengths than the data's.
+    pub fn unlike(&self, unit: &Unit) -> Option<String> {
+        let differs = !self.length_unit.is_unknown() && !unit.is_unknown() && self.length_unit != *unit;
+        differs.then(|| {
+            let (path, own) = (self.path.display(), &self.length_unit);
+            format!("{path}: positions are in {own}, those of the data in {unit}; they are taken as they are")
+        })
     }
 
     /// The object of that name, capital letters or not.

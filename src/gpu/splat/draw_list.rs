@@ -70,7 +70,8 @@ impl DrawList {
                 first += part.count;
                 let candidates = sample.candidates(part.count);
                 parts.push(PartToDraw { chunk: part.chunk, node: list.nodes.len() as u32, candidates });
-                let (eye_steps, eye_rest) = Node::eye(view.view.eye, node.min, if packed { node.step } else { 0.0 });
+                let (eye_steps, eye_rest) =
+                    Node::eye(view.view.eye - item.offset, node.min, if packed { node.step } else { 0.0 });
                 list.nodes.push(Node {
                     eye_steps,
                     eye_rest,

@@ -16,7 +16,7 @@ use super::volume::{Colors, Prepared, Scenery, VolumeError, VolumeOptions, Volum
 use super::{Extent, Splats};
 use crate::model::Bounds;
 use crate::view::perspective_grid::{GridError, planes};
-use crate::view::{Cut, PerspectiveGrid, Projection, View};
+use crate::view::{Cut, Images, PerspectiveGrid, Projection, View};
 use glam::{DVec3, Vec3};
 use march::{Field, Room};
 use std::time::Instant;
@@ -142,7 +142,8 @@ impl Cartesian {
         );
         let projection = Projection::Orthographic { height: f64::from(l) * cell };
         let (right, up, forward) = (DVec3::X, DVec3::Y, DVec3::NEG_Z);
-        let view = View { eye, right, up, forward, projection, width: k, height: l, cut: Cut::NONE };
+        let view =
+            View { eye, right, up, forward, projection, width: k, height: l, cut: Cut::NONE, images: Images::ONE };
         let slices = m + border as u32;
         let near = -(BORDER as f64) * cell;
         let grid = PerspectiveGrid {

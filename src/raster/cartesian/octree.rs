@@ -15,7 +15,7 @@ use crate::raster::volume::bricks::{BRICK, Brick, Masonry};
 use crate::raster::volume::particles::{Particle, Taken, project};
 use crate::raster::volume::resample::lone_brick;
 use crate::view::perspective_grid::GridError;
-use crate::view::{Cut, Extent, PerspectiveGrid, Projection, View};
+use crate::view::{Cut, Extent, Images, PerspectiveGrid, Projection, View};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
@@ -77,7 +77,8 @@ impl Octree {
         let projection = Projection::Orthographic { height: side };
         let (right, up, forward) = (DVec3::X, DVec3::Y, DVec3::NEG_Z);
         let eye = center + 0.5 * side * DVec3::Z;
-        let view = View { eye, right, up, forward, projection, width: 64, height: 64, cut: Cut::NONE };
+        let view =
+            View { eye, right, up, forward, projection, width: 64, height: 64, cut: Cut::NONE, images: Images::ONE };
         let taken = Taken { sigma: side / 64.0, smallest: 0.0, stride: 1 };
         let projected = project(&view, batches, &taken);
         let particles: Vec<Particle> = projected.chunks.into_iter().flatten().collect();

@@ -50,6 +50,7 @@ fn full() -> SceneFile {
             clip: Some(ClipBox { min: DVec3::splat(-1.5), max: DVec3::new(1.0, 2.0, 3.0) }),
             slab: Some(Slab { axis: Axis::Y, middle: 0.25, thickness: 0.1 }),
             fade: Some(Fade { start: 10.0, length: 3.5 }),
+            periodic: crate::view::Periodic::Tiled([2, 3, 1]),
         },
         bookmarks: vec![
             Bookmark { key: 0, name: "the \"halo\"".into(), camera: camera(1.0) },

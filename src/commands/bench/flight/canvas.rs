@@ -179,6 +179,7 @@ mod gpu {
                         node: node_id(SOURCE, drawn.node.page, drawn.node.node),
                         table: Some(table),
                         weight_scale: self.depiction.node_scale(node),
+                        offset: drawn.offset,
                         sample: plan.sample(view, &self.depiction, family, node, most_important),
                     })
                 })

@@ -1,0 +1,140 @@
+//! What is done with a selection: written to a table, counted along one field, or drawn against two.
+
+use super::answer::Answer;
+use super::prober::over;
+use crate::app::messages::Messages;
+use crate::app::scene::Scene;
+use crate::explore::export::{Exported, Format, export};
+use crate::explore::histogram::{AxisOptions, Histogram, Scatter, histogram, scatter};
+use crate::explore::{ExploreError, Members};
+use bevy::prelude::*;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Bins of a histogram.
+const BINS: usize = 48;
+/// Points of a scatter plot.
+const POINTS: usize = 4000;
+
+/// Work on selections that is going on or done.
+#[derive(Resource, Default)]
+pub struct Keeping {
+    /// The table that is being written.
+    pub export: Answer<(PathBuf, Exported)>,
+    /// The plot that is shown.
+    pub plot: Answer<Plot>,
+    /// What it was asked for.
+    pub asked: Option<Asked>,
+    /// The fields to plot, as the panel's boxes say: along x, and along y unless numbers are counted.
+    pub fields: (String, Option<String>),
+}
+
+/// What a plot is asked for.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Asked {
+    /// Whose values; all where it is `None`.
+    pub members: Option<Members>,
+    /// The field along x.
+    pub x: String,
+    /// The field along y; counts where it is `None`.
+    pub y: Option<String>,
+    /// The file that is asked.
+    pub generation: u32,
+}
+
+/// A plot.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Plot {
+    /// How many particles have which value.
+    Histogram(Histogram),
+    /// Two values of a sample of the particles.
+    Scatter(Scatter),
+}
+
+impl Keeping {
+    /// Writes a selection to a table in the folder of the source or the working folder; from the source where that can be read.
+    pub fn write(&mut self, scene: &Scene, name: &str, members: &Members, format: Format) {
+        let file = Arc::clone(&scene.file);
+        let source = scene.source();
+        let members = members.clone();
+        let out = free_name(&scene.path, name, format);
+        self.export = Answer::ask("export", move |work| {
+            let exported = over(&file, source.as_deref(), |data| {
+                export(data, &members, format, &out, data.periodic_edge()?, work)
+            })?;
+            Ok::<_, ExploreError>((out, exported))
+        });
+    }
+
+    /// Plots, unless that plot is there already.
+    pub fn plot(&mut self, scene: &Scene, asked: Asked) {
+        if self.asked.as_ref() == Some(&asked) {
+            return;
+        }
+        let file = Arc::clone(&scene.file);
+        self.asked = Some(asked.clone());
+        self.plot = Answer::ask("plot", move |work| {
+            over(&file, None, |data| {
+                let periodic = data.periodic_edge()?;
+                let members = asked.members.unwrap_or(Members::Region(crate::explore::Region::whole()));
+                Ok(match &asked.y {
+                    Some(y) => Plot::Scatter(scatter(data, &members, [&asked.x, y], POINTS, periodic, work)?),
+                    None => {
+                        let axes = [AxisOptions::new(asked.x.clone(), BINS)];
+                        Plot::Histogram(histogram(data, &members, &axes, periodic, work)?)
+                    }
+                })
+            })
+        });
+    }
+}
+
+/// A name beside the data that no file has, or in the working folder where nothing can be written there.
+fn free_name(data: &Path, name: &str, format: Format) -> PathBuf {
+    let folder = data.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let folder = if tempfile::tempfile_in(folder).is_ok() { folder.to_owned() } else { PathBuf::new() };
+    let safe = |c: char| if c.is_alphanumeric() || "-_".contains(c) { c } else { '-' };
+    let stem: String = name.trim().chars().map(safe).take(80).collect();
+    let extension = match format {
+        Format::Csv => "csv",
+        Format::Parquet => "parquet",
+    };
+    let numbered = |i: u32| match i {
+        1 => folder.join(format!("{stem}.{extension}")),
+        i => folder.join(format!("{stem}-{i}.{extension}")),
+    };
+    (1..u32::MAX).map(numbered).find(|path| !path.exists()).unwrap_or_else(|| numbered(1))
+}
+
+/// Takes what has been worked out.
+pub(super) fn receive(mut keeping: ResMut<Keeping>, mut messages: ResMut<Messages>) {
+    let keeping = keeping.bypass_change_detection();
+    keeping.plot.receive();
+    if keeping.export.receive() {
+        match &keeping.export {
+            Answer::Here((path, exported)) => {
+                let whence = if exported.exact { "" } else { " (from the page file: no ids, values as quantised)" };
+                let rows = crate::annotate::number::count(exported.rows);
+                messages.info(format!("{rows} particles written to {}{whence}", path.display()));
+            }
+            Answer::Failed(why) => messages.error(why),
+            Answer::Nothing | Answer::Coming(_) => {}
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_of_tables_are_free_and_safe() {
+        let folder = tempfile::tempdir().unwrap();
+        let data = folder.path().join("snap.hdf5");
+        let first = free_name(&data, "Core / hot", Format::Csv);
+        assert_eq!(first, folder.path().join("Core---hot.csv"));
+        std::fs::write(&first, "").unwrap();
+        assert_eq!(free_name(&data, "Core / hot", Format::Csv), folder.path().join("Core---hot-2.csv"));
+        assert_eq!(free_name(&data, "../up", Format::Parquet), folder.path().join("---up.parquet"));
+    }
+}

@@ -1,0 +1,168 @@
+//! Selections in a picture: a layer of coloured points over whatever a mode draws, the same for every mode and backend.
+//!
+//! The particles of the drawn nodes that belong to a set are accumulated as small discs, set by set. Where `n` of them overlap a
+//! pixel it is covered by `1 - exp(-k n)`, and its colour is the mean of the sets' colours weighted with their points, so that
+//! the order of sets does not matter.
+
+use super::error::ExploreError;
+use super::highlight::{Highlighter, Marked};
+use super::region::Region;
+use super::selection::{Members, SelectionSet, Show};
+use crate::model::Kernel;
+use crate::raster::composite::Image;
+use crate::raster::{Extent, Positions, RasterOptions, Splats, draw_counted};
+use crate::store::Metadata;
+use crate::stream::SceneNode;
+use crate::view::View;
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+
+/// Radius of a point in a picture of [`ROWS`] rows, pixels; larger pictures have larger points.
+const RADIUS: f32 = 1.6;
+/// Rows of a picture whose points have the radius [`RADIUS`].
+const ROWS: f32 = 720.0;
+/// Coverage of one point's middle.
+const COVER: f64 = 0.9;
+
+/// Sets that are shown, ready to be drawn.
+#[derive(Debug, Default)]
+pub struct Marks {
+    sets: Vec<(Highlighter, [u8; 3])>,
+    alone: bool,
+}
+
+/// A layer over a picture.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Layer {
+    /// Pixels along x.
+    pub width: u32,
+    /// Pixels along y.
+    pub height: u32,
+    /// Gamma-encoded sRGB and coverage, not multiplied; row 0 at the top.
+    pub rgba: Vec<[u8; 4]>,
+    /// Whether nothing else is shown.
+    pub alone: bool,
+}
+
+impl Marks {
+    /// Those of the sets that are shown and given by regions; distances are taken around a periodic box of edge `periodic`, or
+    /// none. Where a set is shown alone, only such sets are. Ids are not in page files: sets of ids are left out.
+    ///
+    /// # Errors
+    /// [`ExploreError::Value`] where a region makes no sense.
+    pub fn new<'a>(
+        sets: impl IntoIterator<Item = &'a SelectionSet>,
+        metadata: &Metadata,
+        periodic: Option<f64>,
+    ) -> Result<Marks, ExploreError> {
+        let shown: Vec<&SelectionSet> = sets.into_iter().filter(|set| set.show != Show::Hidden).collect();
+        let alone = shown.iter().any(|set| set.show == Show::Alone);
+        let mut marks = Marks { sets: Vec::new(), alone };
+        for set in shown.into_iter().filter(|set| !alone || set.show == Show::Alone) {
+            if let Members::Region(region) = &set.members {
+                marks.add(region, set.rgb().unwrap_or([255; 3]), metadata, periodic)?;
+            }
+        }
+        Ok(marks)
+    }
+
+    /// Adds the particles in a region in a colour (gamma-encoded sRGB).
+    ///
+    /// # Errors
+    /// [`ExploreError::Value`] where the region makes no sense.
+    pub fn add(
+        &mut self,
+        region: &Region,
+        color: [u8; 3],
+        metadata: &Metadata,
+        periodic: Option<f64>,
+    ) -> Result<(), ExploreError> {
+        self.sets.push((Highlighter::new(region, metadata, periodic)?, color));
+        Ok(())
+    }
+
+    /// Whether nothing is marked.
+    pub fn is_empty(&self) -> bool {
+        self.sets.is_empty() && !self.alone
+    }
+
+    /// Draws the layer over a picture of these nodes.
+    pub fn draw(&self, view: &View, metadata: &Metadata, nodes: &[SceneNode]) -> Layer {
+        let radius = RADIUS * (view.height as f32 / ROWS).max(1.0);
+        // From points per pixel to coverage, so that the middle of one point is covered by COVER.
+        let peak = Kernel::CubicSpline.projected(0.0) / f64::from(radius * radius);
+        let strength = -(1.0 - COVER).ln() / peak;
+        let mut sums = vec![[0.0f32; 4]; view.width as usize * view.height as usize];
+        for (highlighter, color) in &self.sets {
+            let marked: Vec<MarkedNode> =
+                nodes.par_iter().filter_map(|node| MarkedNode::of(highlighter, view, metadata, node)).collect();
+            let batches: Vec<Splats<'_>> = marked.iter().filter_map(|node| node.splats(radius)).collect();
+            let (points, _) = draw_counted(view, &batches, &RasterOptions::default());
+            sums.par_iter_mut().zip(&points.p).for_each(|(sum, &p)| {
+                let color = color.map(f32::from);
+                let p = p.max(0.0);
+                *sum = [sum[0] + p * color[0], sum[1] + p * color[1], sum[2] + p * color[2], sum[3] + p];
+            });
+        }
+        let pixel = |&[r, g, b, p]: &[f32; 4]| {
+            let cover = 1.0 - (-strength * f64::from(p)).exp();
+            let [r, g, b] = [r, g, b].map(|sum| if p > 0.0 { (sum / p).round() as u8 } else { 0 });
+            [r, g, b, (255.0 * cover).round() as u8]
+        };
+        let rgba = sums.par_iter().map(pixel).collect();
+        Layer { width: view.width, height: view.height, rgba, alone: self.alone }
+    }
+}
+
+impl Layer {
+    /// Lays it over a picture of its size; another size is left as it is.
+    pub fn blend(&self, image: &mut Image) {
+        if (self.width, self.height) != (image.width, image.height) {
+            return;
+        }
+        image.rgba.par_iter_mut().zip(&self.rgba).for_each(|(below, &[r, g, b, cover])| {
+            let share = f32::from(cover) / 255.0;
+            let under = if self.alone { [0; 3] } else { [below[0], below[1], below[2]] };
+            for (k, (over, under)) in [r, g, b].into_iter().zip(under).enumerate() {
+                below[k] = (share * f32::from(over) + (1.0 - share) * f32::from(under)).round() as u8;
+            }
+        });
+    }
+}
+
+/// The particles of a node that belong to a set.
+struct MarkedNode {
+    origin: DVec3,
+    size: f64,
+    offsets: Vec<[f32; 3]>,
+    weight: Vec<f32>,
+}
+
+impl MarkedNode {
+    /// Those that the view shows; `None` without any.
+    fn of(highlighter: &Highlighter, view: &View, metadata: &Metadata, drawn: &SceneNode) -> Option<MarkedNode> {
+        let index = drawn.node.node as usize;
+        let (family, node) = (metadata.families.get(drawn.page.family as usize)?, drawn.page.nodes.get(index)?);
+        let mut bits = Vec::new();
+        let marked = highlighter.mark(&drawn.page, index, &mut bits);
+        if marked == Marked::None {
+            return None;
+        }
+        let (origin, size) = (node.key.min(family.root) + drawn.offset, node.key.size(family.root));
+        let particles = drawn.page.particles(index);
+        let is_marked =
+            |i: usize| marked == Marked::All || bits.get(i / 64).is_some_and(|word| word >> (i % 64) & 1 == 1);
+        let keeps = |offset: &[f32; 3]| {
+            view.cut.is_none() || view.cut.keeps(origin + size * Vec3::from_array(*offset).as_dvec3())
+        };
+        let offsets: Vec<[f32; 3]> =
+            (0..particles.len()).filter(|&i| is_marked(i)).map(|i| particles.fraction(i)).filter(keeps).collect();
+        let weight = vec![1.0; offsets.len()];
+        (!offsets.is_empty()).then_some(MarkedNode { origin, size, offsets, weight })
+    }
+
+    fn splats(&self, radius: f32) -> Option<Splats<'_>> {
+        let positions = Positions::Relative { origin: self.origin, scale: self.size, offsets: &self.offsets };
+        Splats::new(positions, Extent::Pixels(radius), &self.weight, None).ok()
+    }
+}
