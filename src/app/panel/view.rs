@@ -87,7 +87,7 @@ fn periodic(ui: &mut Ui, settings: &mut Settings) {
 }
 
 fn clip(ui: &mut Ui, bounds: Bounds, settings: &mut Settings) {
-    let help = "Particles whose centres lie outside the box are not drawn, and what lies beyond it is not read.";
+    let help = "Particles whose centres lie outside the box are not drawn, and finer levels beyond it are not read.";
     let half = || ClipBox { min: bounds.min, max: bounds.max };
     optional(ui, "Clip box", help, &mut settings.cut.clip, half);
     let Some(clip) = &mut settings.cut.clip else { return };
