@@ -257,7 +257,6 @@ pub fn brief(value: f64) -> String {
 pub fn combo(ui: &mut Ui, label: &str, selected: &str, add: impl FnOnce(&mut Ui)) -> Response {
     row(ui, label, |ui| {
         ui.add_space(MARK_ROOM);
-        ui.set_max_width(VALUE);
         egui::ComboBox::from_id_salt(label).width(VALUE).truncate().selected_text(selected).show_ui(ui, add);
     })
 }
