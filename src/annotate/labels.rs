@@ -2,7 +2,7 @@
 
 use super::display_list::{Anchor, At, DisplayList, Shape};
 use super::{Subject, TEXT};
-use crate::view::Projection;
+use crate::view::{Projection, View};
 use glam::DVec3;
 
 /// A named object.
@@ -23,21 +23,32 @@ const SIZE: f32 = 13.0;
 const CLEAR: f64 = 1.5;
 /// Multiple of the target's distance beyond which there are no names.
 const GONE: f64 = 6.0;
+/// Objects nearer to each other in the picture are one, logical pixels.
+const SAME: f32 = 5.0;
 /// Objects smaller than this in the picture have no circle, and those larger than the picture neither.
 const SMALLEST_CIRCLE: f32 = 3.0;
 
 /// Adds up to `most` names, the first in the list first.
 pub fn layout(list: &mut DisplayList, subject: &Subject<'_>, most: usize) {
     let reach = subject.view.to_camera(subject.target).length();
-    let mut written = 0;
+    let mut written: Vec<At> = Vec::new();
     for label in subject.labels {
-        if written == most {
+        if written.len() == most {
             break;
         }
-        if let Some(spot) = project(label, subject, reach) {
-            written += usize::from(write(list, label, &spot));
+        let Some(spot) = project(label, subject, reach) else { continue };
+        // A group and its central subhalo are one thing in the picture: the more important name stands for both.
+        let near = |at: &At| (at[0] - spot.at[0]).hypot(at[1] - spot.at[1]) < SAME;
+        if !written.iter().any(near) && write(list, label, &spot) {
+            written.push(spot.at);
         }
     }
+}
+
+/// Where an object is in the world: in a periodic box at an image that is drawn; nowhere where the view leaves it out.
+fn place(label: &Label, view: &View) -> Option<DVec3> {
+    let images = view.images.offsets().map(|offset| label.position + offset);
+    std::iter::once(label.position).chain(images).find(|at| view.cut.keeps(*at))
 }
 
 /// Where an object is in the picture.
@@ -49,7 +60,7 @@ struct Spot {
 
 /// Where a label's object is, if it is to be named at all.
 fn project(label: &Label, subject: &Subject<'_>, reach: f64) -> Option<Spot> {
-    let camera = subject.view.to_camera(label.position);
+    let camera = subject.view.to_camera(place(label, subject.view)?);
     let [x, y] = subject.view.to_pixels(camera)?.map(|pixel| pixel as f32 / subject.scale);
     let pixels = match subject.view.projection {
         Projection::Perspective { .. } => subject.view.focal_pixels() / camera.z,

@@ -44,7 +44,7 @@ pub enum Show {
 }
 
 /// Colours of new sets, told apart by people with any colour vision (Okabe and Ito's palette, without black).
-pub const COLORS: [&str; 7] = ["#e69f00", "#56b4e9", "#009e73", "#f0e442", "#0072b2", "#d55e00", "#cc79a7"];
+pub const COLORS: [&str; 7] = ["#56b4e9", "#009e73", "#f0e442", "#e69f00", "#cc79a7", "#0072b2", "#d55e00"];
 
 fn first_color() -> String {
     COLORS[0].to_owned()

@@ -82,7 +82,7 @@ fn shape(ui: &mut Ui, region: &mut Region, unit: &str) {
     match region.shapes.first_mut() {
         Some(Shape::Sphere { center, radius }) => {
             let mut at = center.to_array();
-            row(ui, "Centre", &mut at);
+            row(ui, "At", &mut at);
             *center = DVec3::from(at);
             let mut wide = [*radius];
             row(ui, &format!("Radius  {unit}"), &mut wide);
