@@ -76,8 +76,10 @@ fn the_more_important_name_wins_and_far_ones_fade() {
     let projection = Projection::Perspective { fov_y: 0.8 };
     let view = View::look_at(DVec3::Z * 10.0, DVec3::ZERO, DVec3::Y, projection, 800, 600).unwrap();
     let label = |name: &str, position: DVec3| Label { name: name.into(), position, radius: None };
-    // So many at one place that not all names find room around it.
-    let mut labels: Vec<Label> = (0..8).map(|i| label(&format!("near {i}"), DVec3::ZERO)).collect();
+    // So many about one place that not all names find room around it, and one that is the same thing as the first.
+    let beside = |i: usize| DVec3::new(0.01, 0.09, 0.0) * i as f64;
+    let mut labels: Vec<Label> = (0..8).map(|i| label(&format!("near {i}"), beside(i))).collect();
+    labels.insert(1, label("same", DVec3::splat(0.001)));
     labels.push(label("far", DVec3::new(2.0, 0.0, -30.0)));
     labels.push(label("too far", DVec3::new(9.0, 0.0, -200.0)));
     labels.push(label("behind", DVec3::Z * 20.0));
@@ -98,7 +100,8 @@ fn the_more_important_name_wins_and_far_ones_fade() {
         }
     }
     assert_eq!(alphas.get("near 0"), Some(&255));
-    assert!(alphas.contains_key("near 3") && !alphas.contains_key("near 7"), "{alphas:?}");
+    assert!(alphas.contains_key("near 1") && !alphas.contains_key("near 7"), "{alphas:?}");
+    assert!(!alphas.contains_key("same"), "{alphas:?}");
     assert!((1..255).contains(&alphas["far"]), "{alphas:?}");
     assert!(!alphas.contains_key("too far") && !alphas.contains_key("behind"));
 }
@@ -118,4 +121,27 @@ fn settings_are_refused_with_their_name() {
     let all = Annotations { axes: true, caption: "\"z\" = 0".into(), scale: Some(2.0), ..Annotations::default() };
     let text = ron::to_string(&all).unwrap();
     assert_eq!(crate::model::ron_file::parse::<Annotations>("a.ron", &text).unwrap(), all);
+}
+
+#[test]
+fn names_are_at_the_images_that_are_drawn() {
+    let projection = Projection::Orthographic { height: 60.0 };
+    let target = DVec3::new(2.0, 25.0, 25.0);
+    let view = View::look_at(target + DVec3::Z * 100.0, target, DVec3::Y, projection, 800, 600).unwrap();
+    let of = crate::model::PeriodicBox { edge: 50.0, bounds: Bounds { min: DVec3::ZERO, max: DVec3::splat(50.0) } };
+    let cut = crate::view::CutSettings { periodic: crate::view::Periodic::Wrapped, ..Default::default() };
+    let wrapped = cut.applied(&view, target, Some(of));
+    let labels = [Label { name: "across".into(), position: DVec3::new(48.0, 25.0, 25.0), radius: Some(1.0) }];
+    let circle = |view: &View| {
+        let subject =
+            Subject { view, scale: 1.0, target, bounds: of.bounds, length_unit: "", legend: None, labels: &labels };
+        let list = layout(&Annotations { scale_bar: false, ..Annotations::default() }, &subject);
+        list.shapes.iter().find_map(|shape| match shape {
+            Shape::Circle { center, .. } => Some(center[0]),
+            _ => None,
+        })
+    };
+    // Pixels are a tenth of a unit: 4 units to the left of the middle instead of 46 to the right, outside.
+    assert!((circle(&wrapped).unwrap() - 360.0).abs() < 1e-3, "{:?}", circle(&wrapped));
+    assert_eq!(circle(&view), None);
 }
