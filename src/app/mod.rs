@@ -9,6 +9,7 @@ pub mod camera;
 pub mod cpu_backend;
 pub mod exposure;
 pub mod facts;
+pub mod free_name;
 pub mod gpu_backend;
 pub mod history;
 pub mod input;

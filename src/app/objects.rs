@@ -91,7 +91,7 @@ mod tests {
         let path = folder.path().join("names.ron");
         std::fs::write(
             &path,
-            r#"[(name: "Coma", position: (1.0, 2.0, 3.0), mass: 9.0), (name: "Virgo", position: (0.0, 0.0, 0.0))]"#,
+            r#"(objects: [(name: "Coma", position: (1.0, 2.0, 3.0), mass: 9.0), (name: "Virgo", position: (0.0, 0.0, 0.0))])"#,
         )
         .unwrap();
         assert!(is_catalogue(&path));

@@ -205,6 +205,7 @@ mod tests {
             .add_message::<Opened>()
             .insert_resource(Openings::new(opener))
             .init_resource::<Messages>()
+            .init_resource::<Objects>()
             .add_systems(Update, (open_dropped_files, finish_opening).chain());
         let window = app.world_mut().spawn_empty().id();
         app.world_mut().write_message(FileDragAndDrop::HoveredFile { window, path_buf: "dragged.hdf5".into() });

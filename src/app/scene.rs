@@ -11,6 +11,7 @@ use super::preset::Preset;
 use super::scene_io::{self, SceneParts};
 use crate::annotate::Annotations;
 use crate::explore::SelectionSet;
+use crate::explore::data::source_path;
 use crate::model::{Bounds, PeriodicBox};
 use crate::modes::economy::{PRESENCE, THINNING};
 use crate::modes::{self, Mode, SettingValue};
@@ -44,23 +45,10 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// The source, where it is still there; nothing for what was never in a file.
+    /// The source, where it is still there: what the user named, unless that is a page file itself.
     pub fn source(&self) -> Option<PathBuf> {
-        let named = &self.file.metadata().provenance.path;
-        // A page file may have been moved together with its source.
-        let beside = self.path.parent().and_then(|folder| Some(folder.join(named.file_name()?)));
-        [Some(self.path.clone()), Some(named.clone()), beside]
-            .into_iter()
-            .flatten()
-            .find(|path| path.is_file() && path.as_path() != self.file.path() && is_source(path))
+        if self.path != self.file.path() { Some(self.path.clone()) } else { source_path(&self.file) }
     }
-}
-
-/// Whether a file is not a page file itself.
-fn is_source(path: &std::path::Path) -> bool {
-    let mut head = [0; 8];
-    let read = std::fs::File::open(path).and_then(|mut file| std::io::Read::read_exact(&mut file, &mut head));
-    read.is_ok() && !PageFile::recognises(&head)
 }
 
 /// Which attribute gives the hue.

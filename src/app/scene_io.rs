@@ -1,6 +1,7 @@
 //! Scenes in the window: saved with Ctrl+S, opened as any other file.
 
 use super::camera::{Anchor, Flight, Viewpoint};
+use super::free_name::free_name;
 use super::input::PointerOwner;
 use super::lens::Lens;
 use super::messages::Messages;
@@ -112,20 +113,10 @@ fn scene_file(
     }
 }
 
-/// Where a scene of the data at `path` is saved at first: beside the data, or in the working folder where that cannot be
-/// written, under a name that no file has.
+/// Where a scene of the data at `data` is saved at first.
 fn first_path(data: &Path) -> PathBuf {
     let stem = data.file_stem().map_or_else(|| "scene".to_owned(), |stem| stem.to_string_lossy().into_owned());
-    let folder = data.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let folder = match tempfile::tempfile_in(folder) {
-        Ok(_) => folder.to_owned(),
-        Err(_) => PathBuf::new(),
-    };
-    let name = |i: u32| match i {
-        1 => folder.join(format!("{stem}.scene.ron")),
-        i => folder.join(format!("{stem}-{i}.scene.ron")),
-    };
-    (1..u32::MAX).map(name).find(|path| !path.exists()).unwrap_or_else(|| name(1))
+    free_name(data, &stem, "scene.ron")
 }
 
 /// Saves the scene on Ctrl+S and where the panel's button asks for it.

@@ -2,10 +2,9 @@
 
 use super::error::ExploreError;
 use crate::import::{FamilyInfo, FieldKind, Scalar, Source, open};
-use crate::model::{Bounds, FamilyName, Unit};
+use crate::model::{Bounds, FamilyName, PeriodicBox, Unit};
 use crate::store::{FamilyMetadata, PageFile};
-use glam::DVec3;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// What is asked. Cheap to copy.
 #[derive(Clone, Copy)]
@@ -105,18 +104,14 @@ impl<'a> Data<'a> {
     /// # Errors
     /// When the source cannot be read.
     pub fn periodic_edge(&self) -> Result<Option<f64>, ExploreError> {
-        let (edge, bounds) = match self {
-            Data::Pages(file) => (file.metadata().provenance.box_size, Some(file.metadata().bounds())),
-            Data::Source(source) => (source.description().box_size, None),
+        let of = match self {
+            Data::Pages(file) => file.metadata().periodic_box(),
+            Data::Source(source) => match source.description().box_size {
+                Some(stated) => PeriodicBox::of(Some(stated), sampled_bounds(*source)?),
+                None => None,
+            },
         };
-        let Some(edge) = edge.filter(|edge| *edge > 0.0 && edge.is_finite()) else { return Ok(None) };
-        let bounds = match (bounds, self) {
-            (None, Data::Source(source)) => sampled_bounds(*source)?,
-            (bounds, _) => bounds.unwrap_or(Bounds::EMPTY),
-        };
-        let slack = 0.01 * edge;
-        let fits = bounds.min.cmpge(DVec3::splat(-slack)).all() && bounds.max.cmple(DVec3::splat(edge + slack)).all();
-        Ok(fits.then_some(edge))
+        Ok(of.map(|of| of.edge))
     }
 
     /// An error about a field that no family has; names those that there are.
@@ -133,29 +128,38 @@ impl<'a> Data<'a> {
     }
 }
 
-/// Opens the source that a page file was built from: under the path that it was built with, or under that beside the page file.
+/// Where the source is that a page file was built from: under the path that it was built with, or under that beside the page
+/// file. `None` where it is not there any more.
+pub fn source_path(file: &PageFile) -> Option<PathBuf> {
+    let named = &file.metadata().provenance.path;
+    let beside = file.path().parent().map(|folder| folder.join(named));
+    [Some(named.clone()), beside].into_iter().flatten().find(|source| source.is_file())
+}
+
+/// Opens a source at `path`, from which a page file was built.
 ///
 /// # Errors
-/// [`ExploreError`] where it is not there, cannot be opened, or has another size than it had.
-pub fn source_of(file: &PageFile) -> Result<Box<dyn Source>, ExploreError> {
-    let provenance = &file.metadata().provenance;
-    let beside = file.path().parent().map(|folder| folder.join(&provenance.path));
-    let there = [Some(provenance.path.clone()), beside].into_iter().flatten().find(|source| source.is_file());
-    let Some(there) = there else {
-        let source = provenance.path.display();
-        return Err(ExploreError::missing(
-            file.path(),
-            format!("its source {source}"),
-            "the file that it was built from",
-        ));
-    };
-    let source = open(&there)?;
-    let found = source.description().bytes;
-    if found != provenance.bytes {
-        let expected = format!("{}, of which {} was built", provenance.bytes, file.path().display());
-        return Err(ExploreError::malformed(&there, "size in bytes", found, expected));
+/// [`ExploreError`] where it cannot be opened, or has another size than it had.
+pub fn open_source(path: &Path, file: &PageFile) -> Result<Box<dyn Source>, ExploreError> {
+    let source = open(path)?;
+    let (found, built) = (source.description().bytes, file.metadata().provenance.bytes);
+    if found != built {
+        let expected = format!("{built}, of which {} was built", file.path().display());
+        return Err(ExploreError::malformed(path, "size in bytes", found, expected));
     }
     Ok(source)
+}
+
+/// Opens the source that a page file was built from, where it is still there.
+///
+/// # Errors
+/// [`ExploreError`] where it is not, and as [`open_source`].
+pub fn source_of(file: &PageFile) -> Result<Box<dyn Source>, ExploreError> {
+    let source = file.metadata().provenance.path.display();
+    let there = source_path(file).ok_or_else(|| {
+        ExploreError::missing(file.path(), format!("its source {source}"), "the file that it was built from")
+    })?;
+    open_source(&there, file)
 }
 
 /// The box around finite positions spread evenly over each family.

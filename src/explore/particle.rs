@@ -147,6 +147,6 @@ mod tests {
         }
         assert!(seen > 3, "{seen}");
         let nowhere = ParticleRef { node: NodeRef { page: PageId(0), node: 1 << 30 }, index: 0 };
-        assert!(describe(&file, nowhere).unwrap_err().to_string().contains("expected a particle"));
+        assert!(describe(&file, nowhere).unwrap_err().to_string().contains("a particle 0 of its node"));
     }
 }

@@ -104,7 +104,7 @@ mod tests {
 
     #[test]
     fn sets_are_read_and_written_as_ron() {
-        let set = SelectionSet::new("halo", Region::sphere(DVec3::ONE, 2.0), 8);
+        let set = SelectionSet::new("halo", Region::sphere(DVec3::ONE, 2.0), 7);
         assert_eq!((set.rgb(), set.color.as_str()), (Some([0x56, 0xb4, 0xe9]), "#56b4e9"));
         let ids = SelectionSet { members: Members::Ids(IdSet::new(vec![3, 4, 5, 9, u64::MAX])), ..set.clone() };
         for set in [set, SelectionSet { show: Show::Alone, ..ids }] {

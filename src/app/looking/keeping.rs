@@ -2,13 +2,14 @@
 
 use super::answer::Answer;
 use super::prober::over;
+use crate::app::free_name::free_name;
 use crate::app::messages::Messages;
 use crate::app::scene::Scene;
 use crate::explore::export::{Exported, Format, export};
 use crate::explore::histogram::{AxisOptions, Histogram, Scatter, histogram, scatter};
 use crate::explore::{ExploreError, Members};
 use bevy::prelude::*;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
 /// Bins of a histogram.
@@ -57,7 +58,11 @@ impl Keeping {
         let file = Arc::clone(&scene.file);
         let source = scene.source();
         let members = members.clone();
-        let out = free_name(&scene.path, name, format);
+        let extension = match format {
+            Format::Csv => "csv",
+            Format::Parquet => "parquet",
+        };
+        let out = free_name(&scene.path, name, extension);
         self.export = Answer::ask("export", move |work| {
             let exported = over(&file, source.as_deref(), |data| {
                 export(data, &members, format, &out, data.periodic_edge()?, work)
@@ -89,23 +94,6 @@ impl Keeping {
     }
 }
 
-/// A name beside the data that no file has, or in the working folder where nothing can be written there.
-fn free_name(data: &Path, name: &str, format: Format) -> PathBuf {
-    let folder = data.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let folder = if tempfile::tempfile_in(folder).is_ok() { folder.to_owned() } else { PathBuf::new() };
-    let safe = |c: char| if c.is_alphanumeric() || "-_".contains(c) { c } else { '-' };
-    let stem: String = name.trim().chars().map(safe).take(80).collect();
-    let extension = match format {
-        Format::Csv => "csv",
-        Format::Parquet => "parquet",
-    };
-    let numbered = |i: u32| match i {
-        1 => folder.join(format!("{stem}.{extension}")),
-        i => folder.join(format!("{stem}-{i}.{extension}")),
-    };
-    (1..u32::MAX).map(numbered).find(|path| !path.exists()).unwrap_or_else(|| numbered(1))
-}
-
 /// Takes what has been worked out.
 pub(super) fn receive(mut keeping: ResMut<Keeping>, mut messages: ResMut<Messages>) {
     let keeping = keeping.bypass_change_detection();
@@ -120,21 +108,5 @@ pub(super) fn receive(mut keeping: ResMut<Keeping>, mut messages: ResMut<Message
             Answer::Failed(why) => messages.error(why),
             Answer::Nothing | Answer::Coming(_) => {}
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn names_of_tables_are_free_and_safe() {
-        let folder = tempfile::tempdir().unwrap();
-        let data = folder.path().join("snap.hdf5");
-        let first = free_name(&data, "Core / hot", Format::Csv);
-        assert_eq!(first, folder.path().join("Core---hot.csv"));
-        std::fs::write(&first, "").unwrap();
-        assert_eq!(free_name(&data, "Core / hot", Format::Csv), folder.path().join("Core---hot-2.csv"));
-        assert_eq!(free_name(&data, "../up", Format::Parquet), folder.path().join("---up.parquet"));
     }
 }

@@ -1,6 +1,7 @@
 //! Probes in the window: a region that is summed up over the whole data.
 
 use super::answer::Answer;
+use crate::explore::data::open_source;
 use crate::explore::{Data, ExploreError, Members, Probe, ProbeOptions, ProfileOptions, Work, probe};
 use crate::store::PageFile;
 use bevy::prelude::*;
@@ -51,7 +52,7 @@ pub fn over<T>(
 ) -> Result<T, ExploreError> {
     match source {
         Some(path) => {
-            let source = crate::import::open(path)?;
+            let source = open_source(path, file)?;
             ask(Data::Source(source.as_ref()))
         }
         None => ask(Data::Pages(file)),
