@@ -14,7 +14,8 @@ pub struct Report {
     probe: Option<Probed>,
     table: Option<Table>,
     plot: Option<Plotted>,
-    bookmarks: Vec<u8>,
+    /// Keys, and where one looks from.
+    bookmarks: Vec<(u8, [f64; 3])>,
 }
 
 #[derive(Serialize)]
@@ -83,7 +84,7 @@ impl Report {
                 Plot::Histogram(histogram) => Plotted { particles: histogram.counts.iter().sum(), points: 0 },
                 Plot::Scatter(scatter) => Plotted { particles: scatter.of, points: scatter.x.len() },
             }),
-            bookmarks: state.bookmarks.0.iter().map(|bookmark| bookmark.key).collect(),
+            bookmarks: state.bookmarks.0.iter().map(|bookmark| (bookmark.key, bookmark.camera.eye)).collect(),
         }
     }
 }
