@@ -42,9 +42,8 @@ impl Objects {
 /// Whether a file that is dropped on the window names objects rather than being data: a group catalogue, or RON that is no scene.
 pub fn is_catalogue(path: &Path) -> bool {
     let extension = path.extension().and_then(|extension| extension.to_str()).unwrap_or_default();
-    let readable = matches!(extension, "hdf5" | "h5" | "ron") && !crate::scene_file::is_scene_file(path);
-    // A snapshot is no catalogue, and says so at once; a catalogue is small.
-    readable && Catalogue::read(path).is_ok()
+    // A snapshot or a scene is no catalogue, and says so at once; a catalogue is small.
+    matches!(extension, "hdf5" | "h5" | "ron") && Catalogue::read(path).is_ok()
 }
 
 /// What an object takes up: a ball of its radius, or of `usual` where it has none.
