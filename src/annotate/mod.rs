@@ -1,7 +1,7 @@
 //! What is written into a picture: a legend of its colours, a scale bar, axes, names of objects, a caption.
 //!
 //! The layout is computed once, as a [`DisplayList`] of lines and words in logical pixels, and painted by whoever shows the
-//! picture: the window's user interface, or [`paint`] on the processor. Both measure text with the same font.
+//! picture: the window's user interface, or [`fn@paint`] on the processor. Both measure text with the same font.
 
 pub mod axes;
 pub mod color_bar;

@@ -1,7 +1,7 @@
 //! Looking closer: what a click says of a particle, distances, regions drawn with the mouse, their sums over the whole data, and
 //! selections.
 //!
-//! The window's layout tells where the pointer is ([`pointer`]); the [`tool`] in hand makes of it a particle to inspect
+//! The window's layout tells where the pointer is ([`mod@pointer`]); the [`tool`] in hand makes of it a particle to inspect
 //! ([`Inspector`]), two points to measure between, or a region ([`tool::Stroke`]) that is summed up ([`prober`]) and may be kept as a
 //! selection; [`marks`] and [`drawing`] show all that over the picture.
 
