@@ -3,7 +3,7 @@
 //! An edit is finished when no button of the mouse is held and the settings have not changed for a few frames: a drag is one step,
 //! and what the program itself adjusts after a choice (the transfer function of another mode) belongs to the choice.
 
-use super::input::PointerOwner;
+use super::input::{PointerOwner, is_control};
 use super::scene::{Scene, Settings};
 use bevy::prelude::*;
 use std::collections::VecDeque;
@@ -103,7 +103,7 @@ pub(super) fn undo_and_redo(
     mut settings: ResMut<Settings>,
 ) {
     let held = |pair: [KeyCode; 2]| keys.any_pressed(pair);
-    let control = held([KeyCode::ControlLeft, KeyCode::ControlRight]) && owner.keyboard_is_free();
+    let control = is_control(&keys) && owner.keyboard_is_free();
     let shift = held([KeyCode::ShiftLeft, KeyCode::ShiftRight]);
     let pressed = match () {
         () if control && keys.just_pressed(KeyCode::KeyZ) => Some(if shift { Step::Redo } else { Step::Undo }),

@@ -44,6 +44,12 @@ impl PointerOwner {
     }
 }
 
+/// Whether Ctrl belongs to the keys of this frame: held, or let go within it, as in a slow frame a whole chord may be.
+pub fn is_control(keys: &ButtonInput<KeyCode>) -> bool {
+    const CONTROL: [KeyCode; 2] = [KeyCode::ControlLeft, KeyCode::ControlRight];
+    keys.any_pressed(CONTROL) || keys.any_just_released(CONTROL)
+}
+
 /// What a key or gesture does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Action {
@@ -159,6 +165,18 @@ mod tests {
         assert!(owner.is_picture(), "over the panel now, but the drag began in the picture");
         owner.update(false, false, false, false);
         assert!(!owner.is_picture());
+    }
+
+    #[test]
+    fn a_chord_within_one_frame_is_a_chord() {
+        let mut keys = ButtonInput::<KeyCode>::default();
+        keys.press(KeyCode::ControlLeft);
+        keys.press(KeyCode::Digit3);
+        keys.release(KeyCode::Digit3);
+        keys.release(KeyCode::ControlLeft);
+        assert!(keys.just_pressed(KeyCode::Digit3) && is_control(&keys));
+        keys.clear();
+        assert!(!is_control(&keys));
     }
 
     #[test]

@@ -35,6 +35,7 @@ pub mod shortcuts;
 pub mod statistics;
 pub mod transfer_presets;
 
+mod asset_text;
 mod preset_assets;
 mod status;
 mod ui;

@@ -5,6 +5,7 @@
 //! folder `configs` (beside the manifest under cargo, else beside the executable or in `BEVY_ASSET_ROOT`), the file
 //! there wins. Unknown fields and wrong values are refused with file, line and column; the last good preset stays.
 
+use super::asset_text::asset_text;
 use crate::model::ron_file::{self, RonError};
 use crate::modes::Settings;
 use crate::stream::{CopyOptions, StreamOptions};
@@ -293,10 +294,8 @@ impl AssetLoader for PresetLoader {
         _settings: &(),
         load_context: &mut LoadContext<'_>,
     ) -> Result<Preset, RonError> {
-        let file = load_context.path().to_string();
-        let mut bytes = Vec::new();
-        reader.read_to_end(&mut bytes).await.map_err(|source| RonError::Io { file: file.clone(), source })?;
-        Preset::parse(&file, &String::from_utf8_lossy(&bytes))
+        let (file, text) = asset_text(reader, load_context).await?;
+        Preset::parse(&file, &text)
     }
 
     fn extensions(&self) -> &[&str] {

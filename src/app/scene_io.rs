@@ -2,7 +2,7 @@
 
 use super::camera::{Anchor, Flight, Viewpoint};
 use super::free_name::free_name;
-use super::input::PointerOwner;
+use super::input::{PointerOwner, is_control};
 use super::lens::Lens;
 use super::messages::Messages;
 use super::panel::Closed;
@@ -130,7 +130,7 @@ pub(super) fn save(
     mut messages: ResMut<Messages>,
     camera: Single<&Viewpoint, With<DataCamera>>,
 ) {
-    let control = keys.any_pressed([KeyCode::ControlLeft, KeyCode::ControlRight]) && owner.keyboard_is_free();
+    let control = is_control(&keys) && owner.keyboard_is_free();
     let pressed = control && keys.just_pressed(KeyCode::KeyS);
     let asked = parts.files.asked;
     if asked {

@@ -1,7 +1,7 @@
 //! Carries out the keys of [`KEYS`].
 
 use super::camera::{Anchor, DataDistance, Flight, Fly, Navigation, Viewpoint};
-use super::input::{Action, KEYS, PointerOwner};
+use super::input::{Action, KEYS, PointerOwner, is_control};
 use super::looking::tool::Tool;
 use super::messages::Messages;
 use super::panel::Dock;
@@ -69,7 +69,7 @@ pub(super) fn run_shortcuts(
 ) {
     let (entity, mut navigation, mut fly, mut viewpoint, mut anchor, mut orbit) = camera.into_inner();
     // With Ctrl, keys do other things: see `history` and `scene_io`.
-    let control = keys.any_pressed([KeyCode::ControlLeft, KeyCode::ControlRight]);
+    let control = is_control(&keys);
     let pressed = KEYS.iter().filter(|(key, _)| !control && keys.just_pressed(*key)).map(|(_, action)| *action);
     for action in pressed {
         if !owner.keyboard_is_free() && action != Action::Leave {

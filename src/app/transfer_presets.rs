@@ -1,6 +1,7 @@
 //! Transfer functions by name in the window: files under `assets/transfer` as Bevy assets, reloaded when they change, and
 //! written when the user saves.
 
+use super::asset_text::asset_text;
 use super::messages::Messages;
 use super::scene::Settings;
 use crate::model::ron_file::RonError;
@@ -29,10 +30,8 @@ impl AssetLoader for TransferLoader {
         _settings: &(),
         load_context: &mut LoadContext<'_>,
     ) -> Result<TransferAsset, RonError> {
-        let file = load_context.path().to_string();
-        let mut bytes = Vec::new();
-        reader.read_to_end(&mut bytes).await.map_err(|source| RonError::Io { file: file.clone(), source })?;
-        TransferFunction::parse(&String::from_utf8_lossy(&bytes), &file).map(TransferAsset)
+        let (file, text) = asset_text(reader, load_context).await?;
+        TransferFunction::parse(&text, &file).map(TransferAsset)
     }
 
     fn extensions(&self) -> &[&str] {

@@ -3,6 +3,7 @@
 use super::cache;
 use super::progress_bar::TerminalProgress;
 use super::render::Arguments;
+use crate::explore::data::source_path;
 use crate::import::{AttributeChoice, LoadOptions, load};
 use crate::model::Dataset;
 use crate::store::PageFile;
@@ -41,14 +42,10 @@ fn source_of(path: &Path) -> Result<PathBuf, Box<dyn std::error::Error + Send + 
     if !cache::is_page_file(path)? {
         return Ok(path.to_owned());
     }
-    let source = PageFile::open(path)?.metadata().provenance.path.clone();
-    match source.is_file() {
-        true => Ok(source),
-        false => Err(format!(
-            "{}: --exact draws the source {}, which is not there any more; name the source instead",
-            path.display(),
-            source.display()
-        )
-        .into()),
-    }
+    let file = PageFile::open(path)?;
+    source_path(&file).ok_or_else(|| {
+        let (path, source) = (path.display(), file.metadata().provenance.path.display());
+        format!("{path}: --exact draws the source {source}, which is not there any more; name the source instead")
+            .into()
+    })
 }

@@ -166,3 +166,50 @@ impl MarkedNode {
         Splats::new(positions, Extent::Pixels(radius), &self.weight, None).ok()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::build::{BuildOptions, build_source};
+    use crate::import::LoadOptions;
+    use crate::store::PageFile;
+    use crate::stream::Scene;
+    use crate::view::Projection;
+    use std::sync::Arc;
+
+    #[test]
+    fn a_selection_is_drawn_in_its_colour_where_its_particles_are() {
+        let source = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/demo/lcdm64_z0.hdf5");
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("demo.df");
+        build_source(&source, &LoadOptions::default(), &BuildOptions::default(), &path, &()).unwrap();
+        let file = Arc::new(PageFile::open(&path).unwrap());
+        let center = DVec3::new(29.16, 35.0, 27.36);
+        let projection = Projection::Orthographic { height: 50.0 };
+        let view = View::look_at(center + DVec3::Z * 100.0, center, DVec3::Y, projection, 200, 200).unwrap();
+        let nodes = Scene::new(Arc::clone(&file), u64::MAX).converge_blocking(&view, 0.5).unwrap().nodes;
+        // A massive halo, 2 units in radius: 8 pixels around the picture's middle.
+        let mut set = SelectionSet::new("halo", Region::sphere(center, 2.0), 0);
+        let layer =
+            |set: &SelectionSet| Marks::new([set], file.metadata(), None).unwrap().draw(&view, file.metadata(), &nodes);
+        let drawn = layer(&set);
+        let from_middle = |at: usize| ((at % 200) as f64 + 0.5 - 100.0).hypot((at / 200) as f64 + 0.5 - 100.0);
+        let covered: Vec<usize> = (0..drawn.rgba.len()).filter(|&at| drawn.rgba[at][3] > 0).collect();
+        assert!(covered.len() > 40 && covered.iter().all(|&at| from_middle(at) < 8.0 + 3.0), "{}", covered.len());
+        assert!(covered.iter().all(|&at| drawn.rgba[at][..3] == set.rgb().unwrap()));
+        assert!(drawn.rgba[100 * 200 + 100][3] > 200, "the core is covered");
+
+        // Over a picture: the colour where it covers, the picture elsewhere; alone, black elsewhere.
+        let below = Image { width: 200, height: 200, rgba: vec![[9, 99, 199, 255]; 200 * 200] };
+        let mut over = below.clone();
+        drawn.blend(&mut over);
+        assert_eq!(over.rgba[0], below.rgba[0]);
+        assert_ne!(over.rgba[100 * 200 + 100], below.rgba[0]);
+        set.show = Show::Alone;
+        let mut alone = below.clone();
+        layer(&set).blend(&mut alone);
+        assert_eq!(alone.rgba[0], [0, 0, 0, 255]);
+        set.show = Show::Hidden;
+        assert!(Marks::new([&set], file.metadata(), None).unwrap().is_empty());
+    }
+}

@@ -1,7 +1,7 @@
 //! Bookmarks: viewpoints on the number keys. Ctrl and a digit keeps the present one, the digit alone flies back to it.
 
 use super::{Flight, Navigation, Viewpoint};
-use crate::app::input::PointerOwner;
+use crate::app::input::{PointerOwner, is_control};
 use crate::app::messages::Messages;
 use crate::app::picture::DataCamera;
 use crate::app::preset::Preset;
@@ -67,7 +67,7 @@ pub(in crate::app) fn run_bookmarks(
     camera: Single<(Entity, &Viewpoint, &mut Navigation), With<DataCamera>>,
 ) {
     let pressed = DIGITS.iter().position(|key| keys.just_pressed(*key)).filter(|_| owner.keyboard_is_free());
-    let control = keys.any_pressed([KeyCode::ControlLeft, KeyCode::ControlRight]);
+    let control = is_control(&keys);
     let on_key = |key: usize| if control { BookmarkAction::Keep(key as u8) } else { BookmarkAction::Visit(key as u8) };
     let asked = asked.bypass_change_detection().0.take();
     let Some(action) = asked.or(pressed.map(on_key)).filter(|_| scene.is_some()) else { return };

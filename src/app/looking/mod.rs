@@ -18,7 +18,7 @@ pub mod tool;
 pub use state::{LookingState, RangeDraft, Visit};
 
 use super::camera::CameraSystems;
-use super::input::{PointerOwner, TOOL_KEYS};
+use super::input::{PointerOwner, TOOL_KEYS, is_control};
 use super::messages::Messages;
 use super::pages::{PageSystems, ViewSelection};
 use super::pick::pick;
@@ -73,8 +73,7 @@ impl Plugin for LookingPlugin {
 
 /// Takes the tool whose key is pressed into the hand.
 fn take_tool(keys: Res<ButtonInput<KeyCode>>, owner: Res<PointerOwner>, mut tool: ResMut<Tool>) {
-    let control = keys.any_pressed([KeyCode::ControlLeft, KeyCode::ControlRight]);
-    if control || !owner.keyboard_is_free() {
+    if is_control(&keys) || !owner.keyboard_is_free() {
         return;
     }
     if let Some((_, wanted)) = TOOL_KEYS.iter().find(|(key, _)| keys.just_pressed(*key)) {

@@ -9,9 +9,7 @@ use crate::explore::export::Format;
 use crate::explore::histogram::{Histogram, Scatter};
 use crate::explore::selection::COLORS;
 use crate::explore::{Members, Region, SelectionSet, Show};
-use bevy_egui::egui::{
-    self, Align2, Color32, ComboBox, FontId, Rect, RichText, Sense, Stroke, TextEdit, Ui, pos2, vec2,
-};
+use bevy_egui::egui::{self, Align2, ComboBox, FontId, Rect, RichText, Sense, TextEdit, Ui, pos2, vec2};
 
 /// The section.
 pub static SECTION: Section = Section {
@@ -261,7 +259,6 @@ fn dots(ui: &mut Ui, scatter: &Scatter, whose: &str) {
             ui.painter().rect_filled(dot, 0.0, theme::ACCENT.gamma_multiply(0.6));
         }
     }
-    ui.painter().rect_stroke(well, 3.0, Stroke::new(1.0, Color32::TRANSPARENT), egui::StrokeKind::Inside);
     let middle = format!("{} of {}, {whose}", number::count(scatter.x.len() as u64), number::count(scatter.of));
     labels(ui, rect, [&number::quantity(x.low), &middle, &number::quantity(x.high)]);
 }
