@@ -27,6 +27,7 @@ pub mod pages;
 pub mod panel;
 pub mod pick;
 pub mod picture;
+mod pointer_motion;
 pub mod preset;
 pub mod scene;
 pub mod scene_io;
@@ -118,6 +119,7 @@ impl Plugin for WindowApp {
             DeepfieldRenderPlugins,
             EguiPlugin::default(),
             CameraPlugin,
+            pointer_motion::PointerMotionPlugin,
             pages::PagesPlugin,
             looking::LookingPlugin,
             preset_assets::PresetPlugin::new(&self.options),
