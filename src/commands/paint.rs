@@ -1,24 +1,21 @@
 //! `deepfield render` for the modes that draw colours straight from particles.
 
+use super::CommandResult;
 use super::annotate::Stage;
 use super::exact_source::load_exact;
-use super::render::{Arguments, Backend, families, view};
+use super::render::{Arguments, Backend, view};
 use super::statistics::{Shown, Times, write_json};
-use super::{CommandResult, cache, progress_bar::TerminalProgress};
-use crate::annotate::{Annotations, Units};
+use super::studio::Studio;
+use crate::annotate::Units;
 use crate::model::{Bounds, Family};
 use crate::modes::paint::{Subject, paint_nodes, paint_particles};
 use crate::modes::{Depiction, Mode, Painted, cpu};
-use crate::raster::output;
-use crate::raster::transfer::{Levels, TransferFunction};
 use crate::raster::volume::{Caster, Processor, VolumeError};
-use crate::store::PageFile;
-use crate::stream::{Scene, first_frame};
 use crate::view::frame;
 use glam::DVec3;
 use serde::Serialize;
 use std::collections::BTreeMap;
-use std::sync::Arc;
+use std::path::Path;
 
 /// Statistics of a run, as `--json` writes them.
 #[derive(Debug, Serialize)]
@@ -61,27 +58,29 @@ struct Ranges<'a> {
 }
 
 /// What was painted, and from what.
-struct Outcome {
-    painted: Painted,
-    stage: Stage,
+pub(super) struct Outcome {
+    pub painted: Painted,
+    pub stage: Stage,
     levels: &'static str,
     attribute: Option<String>,
-    converged: bool,
+    pub converged: bool,
     error_pixels: f64,
     particles: u64,
     nodes: usize,
+    /// What drew: backend and adapter.
+    caster: [String; 2],
+    milliseconds: BTreeMap<String, f64>,
 }
 
-/// Renders the picture and writes it.
+/// Draws a picture of a mode that paints: of an open page file, or where there is none, of source particles.
 ///
 /// # Errors
-/// When the source cannot be read, a setting does not fit the data, or a file cannot be written.
-pub(super) fn render(
+/// When the source cannot be read, or a setting does not fit the data.
+pub(super) fn draw(
     arguments: &Arguments,
     mode: &'static Mode,
-    is_exr: bool,
-    annotations: Option<Annotations>,
-) -> CommandResult {
+    studio: Option<&mut Studio>,
+) -> Result<Outcome, Box<dyn std::error::Error + Send + Sync>> {
     if arguments.overdraw.is_some() {
         return Err(format!("--overdraw: the mode {} has no splats", mode.name).into());
     }
@@ -90,33 +89,16 @@ pub(super) fn render(
     arguments.settings.check(mode).map_err(|error| format!("{named}: {error}"))?;
     let caster = &*caster(arguments, mode)?;
     let mut times = Times::default();
-    let outcome = match arguments.exact {
-        true => paint_exact(arguments, mode, caster, &mut times)?,
-        false => paint_pages(arguments, mode, caster, &mut times)?,
+    let outcome = match studio {
+        None => paint_exact(arguments, mode, caster, &mut times)?,
+        Some(studio) => paint_pages(arguments, mode, caster, studio, &mut times)?,
     };
-    let Outcome { painted, .. } = &outcome;
-    match is_exr {
-        true => output::write_exr_colors(&arguments.output, &painted.colors)?,
-        false => {
-            let mut image = painted.colors.image_on(arguments.background.unwrap_or_default());
-            outcome.stage.mark(&mut image);
-            if let Some(annotations) = annotations {
-                let depiction = &outcome.stage.depiction;
-                let usual = || depiction.suited(TransferFunction::of_volumes(depiction.attribute.is_some()));
-                let transfer = arguments.volume.clone().unwrap_or_else(usual).for_volume();
-                let levels = Levels { p: painted.levels.density, s: painted.levels.attribute };
-                outcome.stage.annotate(&mut image, &annotations, &transfer, &levels);
-            }
-            output::write_png(&arguments.output, &image)?;
-        }
-    }
-    if let Some(raw) = &arguments.raw {
-        output::write_npy_colors(raw, &painted.colors)?;
-    }
-    if let Some(json) = &arguments.json {
-        write_json(json, &statistics(&outcome, mode, caster.name(), &times.medians()))?;
-    }
-    Ok(())
+    Ok(Outcome { caster: caster.name().map(str::to_owned), milliseconds: times.medians(), ..outcome })
+}
+
+/// Writes statistics as JSON.
+pub(super) fn write_statistics(path: &Path, outcome: &Outcome) -> CommandResult {
+    write_json(path, &statistics(outcome))
 }
 
 /// What draws: the processor, unless an adapter is asked for, or there is one with a graphics card.
@@ -145,18 +127,16 @@ fn paint_pages(
     arguments: &Arguments,
     mode: &'static Mode,
     caster: &dyn Caster,
+    studio: &mut Studio,
     times: &mut Times,
 ) -> Result<Outcome, Box<dyn std::error::Error + Send + Sync>> {
     let path = &arguments.path;
-    let file = Arc::new(PageFile::open(&cache::page_file_of(path, &TerminalProgress::new())?)?);
+    let framed = studio.choose(arguments)?;
+    let Studio { file, scene, .. } = studio;
     let metadata = file.metadata();
     let mut depiction = Depiction::of_pages(mode, arguments.settings.clone(), arguments.attribute.as_deref(), metadata)
         .map_err(|why| format!("{}: {why}", path.display()))?;
     depiction.attribute = depiction.attribute.filter(|_| !arguments.plain);
-    // A still picture has no next frame to keep memory for, so nothing limits what it holds.
-    let mut scene = Scene::new(Arc::clone(&file), u64::MAX);
-    scene.families = families(arguments, metadata)?;
-    let framed = first_frame(&file, &scene.families);
     let view = view(arguments, framed, metadata.periodic_box())?;
     scene.levels = depiction.levels(metadata);
     let detail = depiction.detail(&view, arguments.error_px.unwrap_or(0.8), metadata);
@@ -175,13 +155,15 @@ fn paint_pages(
     Ok(Outcome {
         painted: painted.ok_or("nothing was drawn")?,
         stage: Stage::new(arguments, view, framed, Units::of_pages(metadata, &depiction), &depiction)?
-            .with_selections(&arguments.selections, &file, &selection.nodes)?,
+            .with_selections(&arguments.selections, file, &selection.nodes)?,
         levels: scene.levels.name(),
         attribute: depiction.attribute.map(|coloring| coloring.name),
         converged: selection.converged,
         error_pixels: selection.error_pixels,
         particles: selection.particles,
         nodes: selection.nodes.len(),
+        caster: Default::default(),
+        milliseconds: BTreeMap::new(),
     })
 }
 
@@ -218,6 +200,8 @@ fn paint_exact(
         error_pixels: 0.0,
         particles: dataset.len() as u64,
         nodes: 0,
+        caster: Default::default(),
+        milliseconds: BTreeMap::new(),
     })
 }
 
@@ -239,12 +223,9 @@ fn measured(
     Ok(painted)
 }
 
-fn statistics<'a>(
-    outcome: &'a Outcome,
-    mode: &Mode,
-    [backend, adapter]: [&'a str; 2],
-    milliseconds: &'a BTreeMap<String, f64>,
-) -> Statistics<'a> {
+fn statistics(outcome: &Outcome) -> Statistics<'_> {
+    let mode = outcome.stage.depiction.mode;
+    let [backend, adapter] = &outcome.caster;
     let Painted { colors, report, levels, isovalues } = &outcome.painted;
     Statistics {
         shown: Shown {
@@ -280,6 +261,6 @@ fn statistics<'a>(
             unit_length: levels.unit_length,
             isovalues,
         },
-        milliseconds,
+        milliseconds: &outcome.milliseconds,
     }
 }

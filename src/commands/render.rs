@@ -1,27 +1,27 @@
 //! `deepfield render`: a picture of a source or page file, without a window.
 
+use super::CommandResult;
 use super::annotate::{AnnotateOptions, Stage};
 use super::arguments::{PictureSize, not_negative, positive, transfer_named, vector};
+use super::drawing::Drawing;
 pub(super) use super::exact_source::load_exact;
 use super::picture_config::PictureConfig;
-use super::progress_bar::TerminalProgress;
-use super::statistics::{Shown, Times, write_json};
-use super::{CommandResult, cache};
+use super::picture_statistics::LeftOut;
+use super::statistics::Times;
+use super::studio::Studio;
 use crate::annotate::{Annotations, Units};
 use crate::explore::SelectionSet;
+use crate::hierarchy::Levels;
 use crate::model::{Bounds, Family, FamilyName, PeriodicBox};
 use crate::modes::{self, Depiction, Economy, Mode, Plan, SettingKind, SettingValue, Settings, cpu, economy, pilot};
 use crate::raster::composite::Background;
 use crate::raster::transfer::TransferFunction;
-use crate::raster::{Accumulation, Method, composite, output};
-use crate::store::{Metadata, PageFile};
-use crate::stream::{Scene, first_frame};
+use crate::raster::{Accumulation, Method, output};
+use crate::store::Metadata;
 use crate::view::{CutSettings, Periodic, Projection, View, frame};
 use glam::DVec3;
-use serde::Serialize;
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::path::PathBuf;
 
 /// Renders a picture of a snapshot, catalogue or page file.
 #[derive(clap::Args, Clone, Debug)]
@@ -233,52 +233,21 @@ pub fn family_name(text: &str) -> Result<FamilyName, String> {
         .ok_or_else(|| format!("expected one of {}", FamilyName::ALL.map(FamilyName::as_str).join(", ")))
 }
 
-/// Statistics of a run, as `--json` writes them.
-#[derive(Debug, Serialize)]
-struct Statistics<'a> {
-    #[serde(flatten)]
-    shown: Shown<'a>,
-    /// What was left out, and how that was decided.
-    economy: &'a LeftOut,
-    sum: f64,
-    milliseconds: &'a BTreeMap<String, f64>,
-}
-
-/// What a picture left out of what was selected. Counts that the backend does not have are `null`.
-#[derive(Clone, Debug, Default, Serialize)]
-struct LeftOut {
-    culling: bool,
-    presence: f64,
-    thinning: f64,
-    /// The least `P` that a particle had to add to some pixel.
-    faintest: f32,
-    /// Particles for which others stand that count more.
-    thinned: Option<u64>,
-    /// Particles dropped by presence acceleration, with their light.
-    faint: Option<u64>,
-    /// Particles that no pixel sees.
-    outside: Option<u64>,
-    /// Splats that reach the picture.
-    splats: Option<u64>,
-    /// Splats over a pixel, where an overdraw picture was asked for: mean and maximum.
-    overdraw: Option<(f64, u32)>,
-}
-
 /// What was drawn, and how.
 #[derive(Clone)]
-struct Picture {
-    accumulation: Accumulation,
-    stage: Stage,
-    mode: &'static Mode,
-    attribute: Option<String>,
-    converged: bool,
-    error_pixels: f64,
-    particles: u64,
-    nodes: usize,
-    backend: &'static str,
-    adapter: String,
-    economy: LeftOut,
-    milliseconds: BTreeMap<String, f64>,
+pub(super) struct Picture {
+    pub accumulation: Accumulation,
+    pub stage: Stage,
+    pub mode: &'static Mode,
+    pub attribute: Option<String>,
+    pub converged: bool,
+    pub error_pixels: f64,
+    pub particles: u64,
+    pub nodes: usize,
+    pub backend: &'static str,
+    pub adapter: String,
+    pub economy: LeftOut,
+    pub milliseconds: BTreeMap<String, f64>,
 }
 
 /// Renders the picture and writes it.
@@ -308,39 +277,39 @@ fn render(arguments: &Arguments) -> CommandResult {
         _ => return Err(format!("{}: expected a name that ends in .png or .exr", arguments.output.display()).into()),
     };
     let annotations = annotations(arguments, is_exr)?;
-    if let Some(mode) = arguments.mode.filter(|mode| mode.painter().is_some()) {
-        return super::paint::render(arguments, mode, is_exr, annotations);
-    }
-    if cfg!(not(feature = "viewer")) && matches!(arguments.backend, Some(Backend::Compute | Backend::Raster)) {
-        return Err(ONLY_CPU.into());
-    }
-    let picture = if arguments.exact { draw_exact(arguments)? } else { draw_pages(arguments)? };
-    if is_exr {
-        output::write_exr(&arguments.output, &picture.accumulation)?;
-    } else {
-        let transfer = transfer(arguments, &picture.stage.depiction);
-        let levels = transfer.levels(&picture.accumulation);
-        let mut image = {
-            let background = arguments.background.unwrap_or_default();
-            composite::composite_on(&picture.accumulation, &transfer, &levels, background)
-        };
-        picture.stage.mark(&mut image);
-        if let Some(annotations) = annotations {
-            picture.stage.annotate(&mut image, &annotations, &transfer, &levels);
-        }
-        output::write_png(&arguments.output, &image)?;
+    let drawing = Drawing::new(arguments, &mut None)?;
+    match is_exr {
+        true => drawing.write_exr(&arguments.output)?,
+        false => output::write_png(&arguments.output, &drawing.image(arguments, annotations.as_ref()))?,
     }
     if let Some(raw) = &arguments.raw {
-        output::write_npy(raw, &picture.accumulation)?;
+        drawing.write_npy(raw)?;
     }
     if let Some(json) = &arguments.json {
-        write_statistics(json, &picture)?;
+        drawing.write_statistics(json)?;
     }
     Ok(())
 }
 
+/// Draws a picture that is made of splats: of an open page file, or where there is none, of source particles.
+///
+/// # Errors
+/// As [`run`].
+pub(super) fn draw(
+    arguments: &Arguments,
+    studio: Option<&mut Studio>,
+) -> Result<Picture, Box<dyn std::error::Error + Send + Sync>> {
+    if cfg!(not(feature = "viewer")) && matches!(arguments.backend, Some(Backend::Compute | Backend::Raster)) {
+        return Err(ONLY_CPU.into());
+    }
+    match studio {
+        Some(studio) => draw_pages(arguments, studio),
+        None => draw_exact(arguments),
+    }
+}
+
 /// What is written into the picture.
-fn annotations(arguments: &Arguments, is_exr: bool) -> Result<Option<Annotations>, String> {
+pub(super) fn annotations(arguments: &Arguments, is_exr: bool) -> Result<Option<Annotations>, String> {
     match arguments.annotate.over(arguments.annotations.clone()) {
         Some(_) if is_exr && arguments.annotate.is_given() => Err(format!(
             "{}: an EXR picture holds numbers, only PNG pictures are annotated",
@@ -350,38 +319,24 @@ fn annotations(arguments: &Arguments, is_exr: bool) -> Result<Option<Annotations
     }
 }
 
-impl LeftOut {
-    fn new(economy: &Economy, plan: &Plan) -> LeftOut {
-        LeftOut {
-            culling: plan.culling,
-            presence: economy.presence,
-            thinning: economy.thinning,
-            faintest: plan.faintest,
-            ..LeftOut::default()
-        }
-    }
-}
-
 /// The transfer function that colours a picture.
-fn transfer(arguments: &Arguments, depiction: &Depiction) -> TransferFunction {
+pub(super) fn transfer(arguments: &Arguments, depiction: &Depiction) -> TransferFunction {
     let name = depiction.mode.transfer[usize::from(depiction.attribute.is_some())];
     let usual = || TransferFunction::preset(name).map(|preset| depiction.suited(preset));
     arguments.transfer.clone().or_else(usual).unwrap_or_default()
 }
 
-/// Draws the selected nodes of a page file, built from the source first where that is needed.
-fn draw_pages(arguments: &Arguments) -> Result<Picture, Box<dyn std::error::Error + Send + Sync>> {
-    let file = Arc::new(PageFile::open(&cache::page_file_of(&arguments.path, &TerminalProgress::new())?)?);
+/// Draws the selected nodes of a page file.
+fn draw_pages(arguments: &Arguments, studio: &mut Studio) -> Result<Picture, Box<dyn std::error::Error + Send + Sync>> {
+    let framed = studio.choose(arguments)?;
+    let Studio { file, scene, .. } = studio;
     let metadata = file.metadata();
     let fields = metadata.families.iter().flat_map(|family| &family.attributes).map(|field| field.name.as_str());
     let mode = arguments.mode.unwrap_or_else(|| modes::usual(fields));
     let mut depiction = Depiction::of_pages(mode, arguments.settings.clone(), arguments.attribute.as_deref(), metadata)
         .map_err(|why| format!("{}: {why}", arguments.path.display()))?;
     depiction.attribute = depiction.attribute.filter(|_| !arguments.plain);
-    // A still picture has no next frame to keep memory for, so nothing limits what it holds.
-    let mut scene = Scene::new(Arc::clone(&file), u64::MAX);
-    scene.families = families(arguments, metadata)?;
-    let framed = first_frame(&file, &scene.families);
+    scene.levels = Levels::Splats;
     let view = view(arguments, framed, metadata.periodic_box())?;
     let seen = depiction.selection_view(&view);
     let tau = arguments.error_px.unwrap_or(0.8);
@@ -402,7 +357,7 @@ fn draw_pages(arguments: &Arguments) -> Result<Picture, Box<dyn std::error::Erro
     let picture = Picture {
         accumulation: Accumulation::default(),
         stage: Stage::new(arguments, view, framed, Units::of_pages(metadata, &depiction), &depiction)?
-            .with_selections(&arguments.selections, &file, &selection.nodes)?,
+            .with_selections(&arguments.selections, file, &selection.nodes)?,
         mode,
         attribute: depiction.attribute.as_ref().map(|coloring| coloring.name.clone()),
         economy: left_out.clone(),
@@ -571,26 +526,4 @@ pub(super) fn view(
     };
     let view = View::look_at(eye, target, arguments.up.unwrap_or(DVec3::Y), projection, width, height)?;
     Ok(arguments.cut.applied(&view, target, periodic))
-}
-
-/// Writes the statistics to a file, or to standard output for `-`.
-fn write_statistics(path: &Path, picture: &Picture) -> CommandResult {
-    let statistics = Statistics {
-        shown: Shown {
-            converged: picture.converged,
-            error_px: picture.error_pixels,
-            particles_drawn: picture.particles,
-            nodes_drawn: picture.nodes,
-            backend: picture.backend,
-            adapter: &picture.adapter,
-            mode: picture.mode.name,
-            attribute: picture.attribute.as_deref(),
-            width: picture.accumulation.width,
-            height: picture.accumulation.height,
-        },
-        economy: &picture.economy,
-        sum: picture.accumulation.sum(),
-        milliseconds: &picture.milliseconds,
-    };
-    write_json(path, &statistics)
 }

@@ -1,0 +1,117 @@
+//! A picture of any mode, drawn and not yet written: what `render` and `tour` make files of.
+
+use super::CommandResult;
+use super::paint::{self, Outcome};
+use super::picture_statistics::write_statistics;
+use super::render::{self, Arguments, Picture};
+use super::studio::Studio;
+use crate::annotate::Annotations;
+use crate::raster::transfer::{Levels, TransferFunction};
+use crate::raster::{Image, composite, output};
+use std::path::Path;
+
+/// A picture's values before they become colours.
+pub(super) enum Drawing {
+    /// `P` and `S`.
+    Splats(Box<Picture>),
+    /// Colours in linear light.
+    Colors(Box<Outcome>),
+}
+
+/// How a picture's values became colours: everything that is found from the picture unless it is set.
+#[derive(Clone, Debug)]
+pub(super) struct Coloration {
+    /// The transfer function in use.
+    pub transfer: TransferFunction,
+    /// Its ranges.
+    pub levels: Levels,
+}
+
+impl Drawing {
+    /// Draws what the arguments say; pages that `studio` has are not read again, and it is opened where it is `None`.
+    ///
+    /// # Errors
+    /// When the source cannot be read, a setting does not fit the data, or no adapter draws.
+    pub fn new(
+        arguments: &Arguments,
+        studio: &mut Option<Studio>,
+    ) -> Result<Drawing, Box<dyn std::error::Error + Send + Sync>> {
+        if studio.is_none() && !arguments.exact {
+            *studio = Some(Studio::open(&arguments.path)?);
+        }
+        let studio = studio.as_mut().filter(|_| !arguments.exact);
+        Ok(match arguments.mode.filter(|mode| mode.painter().is_some()) {
+            Some(mode) => Drawing::Colors(Box::new(paint::draw(arguments, mode, studio)?)),
+            None => Drawing::Splats(Box::new(render::draw(arguments, studio)?)),
+        })
+    }
+
+    /// How its values become colours.
+    pub fn coloration(&self, arguments: &Arguments) -> Coloration {
+        match self {
+            Drawing::Splats(picture) => {
+                let transfer = render::transfer(arguments, &picture.stage.depiction);
+                let levels = transfer.levels(&picture.accumulation);
+                Coloration { transfer, levels }
+            }
+            Drawing::Colors(outcome) => {
+                let depiction = &outcome.stage.depiction;
+                let usual = || depiction.suited(TransferFunction::of_volumes(depiction.attribute.is_some()));
+                let transfer = arguments.volume.clone().unwrap_or_else(usual).for_volume();
+                let levels = Levels { p: outcome.painted.levels.density, s: outcome.painted.levels.attribute };
+                Coloration { transfer, levels }
+            }
+        }
+    }
+
+    /// The finished picture.
+    pub fn image(&self, arguments: &Arguments, annotations: Option<&Annotations>) -> Image {
+        let coloration = self.coloration(arguments);
+        let background = arguments.background.unwrap_or_default();
+        let (mut image, stage) = match self {
+            Drawing::Splats(picture) => {
+                let Coloration { transfer, levels } = &coloration;
+                (composite::composite_on(&picture.accumulation, transfer, levels, background), &picture.stage)
+            }
+            Drawing::Colors(outcome) => (outcome.painted.colors.image_on(background), &outcome.stage),
+        };
+        stage.mark(&mut image);
+        if let Some(annotations) = annotations {
+            stage.annotate(&mut image, annotations, &coloration.transfer, &coloration.levels);
+        }
+        image
+    }
+
+    /// Writes the raw channels as EXR.
+    ///
+    /// # Errors
+    /// When the file cannot be written.
+    pub fn write_exr(&self, path: &Path) -> Result<(), output::OutputError> {
+        match self {
+            Drawing::Splats(picture) => output::write_exr(path, &picture.accumulation),
+            Drawing::Colors(outcome) => output::write_exr_colors(path, &outcome.painted.colors),
+        }
+    }
+
+    /// Writes the raw channels as a NumPy array.
+    ///
+    /// # Errors
+    /// When the file cannot be written.
+    pub fn write_npy(&self, path: &Path) -> Result<(), output::OutputError> {
+        match self {
+            Drawing::Splats(picture) => output::write_npy(path, &picture.accumulation),
+            Drawing::Colors(outcome) => output::write_npy_colors(path, &outcome.painted.colors),
+        }
+    }
+
+    /// Writes statistics as JSON.
+    ///
+    /// # Errors
+    /// When the file cannot be written.
+    pub fn write_statistics(&self, path: &Path) -> CommandResult {
+        match self {
+            Drawing::Splats(picture) => write_statistics(path, picture),
+            Drawing::Colors(outcome) => paint::write_statistics(path, outcome),
+        }
+    }
+}

@@ -1,0 +1,50 @@
+//! A page file that is open for pictures: what one picture has read is there for the next.
+
+use super::cache;
+use super::progress_bar::TerminalProgress;
+use super::render::{Arguments, families};
+use crate::model::Bounds;
+use crate::store::PageFile;
+use crate::stream::{Scene, first_frame};
+use std::path::Path;
+use std::sync::Arc;
+
+/// An open page file with the pages in memory.
+pub(super) struct Studio {
+    /// The page file.
+    pub file: Arc<PageFile>,
+    /// Its pages.
+    pub scene: Scene,
+    /// What the first picture of some families shows, since that takes reading.
+    framed: Option<(Vec<u32>, Bounds)>,
+}
+
+impl Studio {
+    /// Opens a page file; of a source, the one in the cache, built first where there is none.
+    ///
+    /// # Errors
+    /// When the source cannot be read or built.
+    pub fn open(path: &Path) -> Result<Studio, Box<dyn std::error::Error + Send + Sync>> {
+        let file = Arc::new(PageFile::open(&cache::page_file_of(path, &TerminalProgress::new())?)?);
+        // Nothing limits what a picture holds: it has to be converged.
+        let scene = Scene::new(Arc::clone(&file), u64::MAX);
+        Ok(Studio { file, scene, framed: None })
+    }
+
+    /// Draws the families that the arguments name from now on. The box that a picture of them is framed by.
+    ///
+    /// # Errors
+    /// When the data has none of them.
+    pub fn choose(&mut self, arguments: &Arguments) -> Result<Bounds, String> {
+        let families = families(arguments, self.file.metadata())?;
+        self.scene.families = families.clone();
+        match &self.framed {
+            Some((known, framed)) if *known == families => Ok(*framed),
+            _ => {
+                let framed = first_frame(&self.file, &families);
+                self.framed = Some((families, framed));
+                Ok(framed)
+            }
+        }
+    }
+}
