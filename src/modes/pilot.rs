@@ -114,7 +114,7 @@ impl<'a> Pilot<'a> {
         }
         let shrink = (f64::from(SIDE) / f64::from(view.width.max(view.height))).min(1.0);
         let side = |pixels: u32| ((f64::from(pixels) * shrink).round() as u32).max(1);
-        let view = View { width: side(view.width), height: side(view.height), ..*view };
+        let view = view.resized(side(view.width), side(view.height));
         Pilot { view, depiction, metadata, nodes: decoded, columns }
     }
 

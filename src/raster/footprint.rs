@@ -93,8 +93,7 @@ pub struct Lens {
 impl Lens {
     /// The lens of a view.
     pub fn new(view: &View) -> Lens {
-        let middle = [0.5 * f64::from(view.width), 0.5 * f64::from(view.height)];
-        Lens { view: *view, focal: view.focal_pixels(), middle }
+        Lens { view: *view, focal: view.focal_pixels(), middle: view.middle() }
     }
 
     /// Horizontal slope `u` of a ray at `x` is `(x - lens.ray()[0]) * lens.ray()[1]`; zero slope for parallel rays.

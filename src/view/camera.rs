@@ -68,6 +68,9 @@ pub struct View {
     pub width: u32,
     /// Picture height, pixels.
     pub height: u32,
+    /// Where the middle line of sight meets the picture, from its middle, pixels to the right and down: not zero for a part of
+    /// a larger picture, and for an eye beside the middle of a screen. Only the processor draws such views.
+    pub shift: [f64; 2],
     /// What is left out and faded.
     pub cut: Cut,
     /// The images of a periodic box that are drawn.
@@ -108,7 +111,8 @@ impl View {
         let forward = (target - eye).try_normalize().ok_or(ViewError::NoDirection)?;
         let right = forward.cross(up.normalize_or_zero()).try_normalize().ok_or(ViewError::NoUp)?;
         let up = right.cross(forward);
-        Ok(View { eye, right, up, forward, projection, width, height, cut: Cut::NONE, images: Images::ONE })
+        let shift = [0.0; 2];
+        Ok(View { eye, right, up, forward, projection, width, height, shift, cut: Cut::NONE, images: Images::ONE })
     }
 
     /// The same camera that leaves out and fades what `cut` says.
@@ -132,6 +136,44 @@ impl View {
             Projection::Orthographic { height } => Projection::Orthographic { height: height * growth },
         };
         View { projection, width, height, ..*self }
+    }
+
+    /// The same camera with as many pixels; its height shows what it showed.
+    pub fn resized(&self, width: u32, height: u32) -> View {
+        let growth = f64::from(height) / f64::from(self.height);
+        View { width, height, shift: self.shift.map(|pixels| pixels * growth), ..*self }
+    }
+
+    /// The part of the picture that is so large and has its top left corner at these pixels, which may lie outside.
+    pub fn part(&self, corner: [f64; 2], width: u32, height: u32) -> View {
+        let growth = f64::from(height) / f64::from(self.height);
+        let projection = match self.projection {
+            Projection::Perspective { fov_y } => {
+                Projection::Perspective { fov_y: 2.0 * (growth * (0.5 * fov_y).tan()).atan() }
+            }
+            Projection::Orthographic { height } => Projection::Orthographic { height: height * growth },
+        };
+        let middle = self.middle();
+        let shift = [middle[0] - corner[0] - 0.5 * f64::from(width), middle[1] - corner[1] - 0.5 * f64::from(height)];
+        View { projection, width, height, shift, ..*self }
+    }
+
+    /// Where the middle line of sight meets the picture, pixels.
+    pub fn middle(&self) -> [f64; 2] {
+        [0.5 * f64::from(self.width) + self.shift[0], 0.5 * f64::from(self.height) + self.shift[1]]
+    }
+
+    /// The camera coordinates of the picture's edges, left and right, bottom and top: at depth 1 in a perspective view, at every
+    /// depth in an orthographic one.
+    pub fn edges(&self) -> [[f64; 2]; 2] {
+        let ([x, y], focal) = (self.middle(), self.focal_pixels());
+        let [width, height] = [self.width, self.height].map(f64::from);
+        [[-x / focal, (width - x) / focal], [(y - height) / focal, y / focal]]
+    }
+
+    /// How far the picture reaches from the middle line of sight to its further edge along each axis, as [`View::edges`].
+    pub(super) fn reach(&self) -> [f64; 2] {
+        self.edges().map(|[low, high]| high.max(-low))
     }
 
     /// A view of the whole box from a little above its front, as near as the picture's edges allow.
@@ -170,8 +212,8 @@ impl View {
             Projection::Perspective { .. } => depth / self.focal_pixels(),
             Projection::Orthographic { .. } => 1.0 / self.focal_pixels(),
         };
-        let right = (x - 0.5 * f64::from(self.width)) * scale;
-        let up = (0.5 * f64::from(self.height) - y) * scale;
+        let middle = self.middle();
+        let (right, up) = ((x - middle[0]) * scale, (middle[1] - y) * scale);
         self.eye + right * self.right + up * self.up + depth * self.forward
     }
 
@@ -192,7 +234,8 @@ impl View {
             Projection::Perspective { .. } => return None,
             Projection::Orthographic { .. } => self.focal_pixels(),
         };
-        Some([0.5 * f64::from(self.width) + camera.x * scale, 0.5 * f64::from(self.height) - camera.y * scale])
+        let middle = self.middle();
+        Some([middle[0] + camera.x * scale, middle[1] - camera.y * scale])
     }
 }
 
@@ -209,6 +252,26 @@ mod tests {
             for point in [DVec3::ZERO, DVec3::new(1.0, -2.0, 0.5)] {
                 let [at, moved] = [view, padded].map(|view| view.to_pixels(view.to_camera(point)).unwrap());
                 assert!((0..2).all(|k| (moved[k] - at[k] - 5.0).abs() < 1e-9), "{projection:?}: {at:?} {moved:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_part_shows_what_the_whole_does() {
+        for projection in [Projection::Perspective { fov_y: 0.9 }, Projection::Orthographic { height: 7.0 }] {
+            let view = View::look_at(DVec3::new(1.0, 2.0, 9.0), DVec3::ZERO, DVec3::Y, projection, 40, 30).unwrap();
+            let part = view.part([-3.0, 11.5], 17, 50);
+            let larger = part.resized(34, 100);
+            let [x, y] = part.edges();
+            for point in [DVec3::ZERO, DVec3::new(1.0, -2.0, 0.5)] {
+                let camera = view.to_camera(point);
+                let [at, moved, twice] = [view, part, larger].map(|view| view.to_pixels(camera).unwrap());
+                assert!((at[0] + 3.0 - moved[0]).abs() < 1e-9 && (at[1] - 11.5 - moved[1]).abs() < 1e-9);
+                assert!((0..2).all(|k| (twice[k] - 2.0 * moved[k]).abs() < 1e-9));
+                let depth = if matches!(projection, Projection::Perspective { .. }) { camera.z } else { 1.0 };
+                let across = (camera.x / depth - x[0]) / (x[1] - x[0]);
+                let down = (y[1] - camera.y / depth) / (y[1] - y[0]);
+                assert!((across * 17.0 - moved[0]).abs() < 1e-9 && (down * 50.0 - moved[1]).abs() < 1e-9);
             }
         }
     }

@@ -30,24 +30,19 @@ impl View {
     /// just outside a corner of the frustum.
     pub fn sees(&self, extent: &Extent) -> bool {
         let center = self.to_camera(extent.bounds.center());
-        let half_width = 0.5 * f64::from(self.width) / self.focal_pixels();
-        let half_height = 0.5 * f64::from(self.height) / self.focal_pixels();
+        let [[left, right], [bottom, top]] = self.edges();
         // A side's inward normal in camera space, and the signed distance of the plane from the eye.
         let sides = match self.projection {
             Projection::Perspective { .. } => [
-                (DVec3::new(1.0, 0.0, half_width).normalize(), 0.0),
-                (DVec3::new(-1.0, 0.0, half_width).normalize(), 0.0),
-                (DVec3::new(0.0, 1.0, half_height).normalize(), 0.0),
-                (DVec3::new(0.0, -1.0, half_height).normalize(), 0.0),
+                (DVec3::new(1.0, 0.0, -left).normalize(), 0.0),
+                (DVec3::new(-1.0, 0.0, right).normalize(), 0.0),
+                (DVec3::new(0.0, 1.0, -bottom).normalize(), 0.0),
+                (DVec3::new(0.0, -1.0, top).normalize(), 0.0),
                 (DVec3::Z, 0.0),
             ],
-            Projection::Orthographic { .. } => [
-                (DVec3::X, half_width),
-                (DVec3::NEG_X, half_width),
-                (DVec3::Y, half_height),
-                (DVec3::NEG_Y, half_height),
-                (DVec3::Z, 0.0),
-            ],
+            Projection::Orthographic { .. } => {
+                [(DVec3::X, -left), (DVec3::NEG_X, right), (DVec3::Y, -bottom), (DVec3::NEG_Y, top), (DVec3::Z, 0.0)]
+            }
         };
         sides.iter().all(|&(normal, offset)| {
             let world_normal = normal.x * self.right + normal.y * self.up + normal.z * self.forward;
@@ -59,9 +54,10 @@ impl View {
     /// sides; 0 for what it sees.
     pub(super) fn distance_to_sight(&self, extent: &Extent) -> f64 {
         let center = self.to_camera(extent.bounds.center());
-        let half = |side: u32| 0.5 * f64::from(side) / self.focal_pixels();
-        let across = center.x.abs() - half(self.width) - extent.half_extent_along(self.right);
-        let along = center.y.abs() - half(self.height) - extent.half_extent_along(self.up);
+        let beyond = |at: f64, [low, high]: [f64; 2]| (low - at).max(at - high);
+        let [x, y] = self.edges();
+        let across = beyond(center.x, x) - extent.half_extent_along(self.right);
+        let along = beyond(center.y, y) - extent.half_extent_along(self.up);
         let behind = -center.z - extent.half_extent_along(self.forward);
         (across.max(along).max(behind) - extent.margin).max(0.0)
     }
@@ -74,9 +70,8 @@ impl View {
     /// An upper bound of `1 / cos(theta)` over all points that lie both in the box and in a perspective picture,
     /// `theta` being the angle to the middle line of sight.
     pub(super) fn largest_secant(&self, extent: &Extent) -> f64 {
-        let half_width = 0.5 * f64::from(self.width) / self.focal_pixels();
-        let half_height = 0.5 * f64::from(self.height) / self.focal_pixels();
-        let corner = half_width.hypot(half_height);
+        let [x, y] = self.reach();
+        let corner = x.hypot(y);
         let nearest = self.nearest_depth(extent);
         let tangent = if nearest > 0.0 {
             let center = self.to_camera(extent.bounds.center());

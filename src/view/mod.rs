@@ -8,8 +8,10 @@ pub mod error;
 pub mod frame;
 pub mod frustum;
 pub mod images;
+pub mod panorama;
 pub mod perspective_grid;
 pub mod selection;
+pub mod stereo;
 pub mod travel;
 
 pub use camera::{Projection, View, ViewError};
@@ -17,5 +19,7 @@ pub use cut::{Cut, CutSettings};
 pub use detail::Detail;
 pub use frustum::Extent;
 pub use images::{Images, Periodic};
+pub use panorama::{CubeLayout, Panorama, Side, Surround};
 pub use perspective_grid::PerspectiveGrid;
 pub use selection::{Drawn, Missing, NodeInfo, NodeTree, Occluder, Selection, select, select_unhidden};
+pub use stereo::{Eye, Eyes, Omnidirectional, Stereo, StereoKind};

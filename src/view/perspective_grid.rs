@@ -130,7 +130,10 @@ impl PerspectiveGrid {
         let sigma = PerspectiveGrid::sigma_of(view, resolution);
         let cells = |pixels: u32| f64::from(pixels) * resolution;
         let [k, l] = [view.width, view.height].map(|pixels| (cells(pixels) - 1e-9).ceil().max(1.0));
-        let corner = (0.5 * k * sigma).hypot(0.5 * l * sigma);
+        // From the middle line of sight to the further edge of the last cell.
+        let middle = view.middle().map(|pixels| pixels * resolution);
+        let far_side = |middle: f64, cells: f64| middle.max(cells - middle) * sigma;
+        let corner = far_side(middle[0], k).hypot(far_side(middle[1], l));
         let slices = match (perspective, lambda) {
             (true, true) => (far / near).ln() / sigma * corner.hypot(1.0),
             (true, false) => (far / near).ln() / sigma,
@@ -145,7 +148,7 @@ impl PerspectiveGrid {
             far,
             sigma,
             cell: 1.0 / resolution,
-            middle: [0.5 * cells(view.width), 0.5 * cells(view.height)],
+            middle,
             perspective,
         })
     }

@@ -43,7 +43,7 @@ impl View {
 
     /// The square of `sec(theta)` at the picture's corner.
     fn corner_secant_squared(&self) -> f64 {
-        let [x, y] = [self.width, self.height].map(|side| 0.5 * f64::from(side) / self.focal_pixels());
+        let [x, y] = self.reach();
         1.0 + x * x + y * y
     }
 }

@@ -66,7 +66,7 @@ impl Room {
 pub fn cast<F: Field>(view: &View, field: &F, scenery: &Scenery, [near, far]: [f64; 2]) -> (Colors, Effort) {
     let perspective = matches!(view.projection, Projection::Perspective { .. });
     let focal = view.focal_pixels();
-    let middle = [view.width, view.height].map(|pixels| 0.5 * f64::from(pixels));
+    let middle = view.middle();
     let least = scenery.least();
     let [low, high] = field.bounds();
     let pixel = |index: usize, effort: &mut Effort| -> [f32; 4] {

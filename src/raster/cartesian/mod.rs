@@ -88,11 +88,11 @@ pub fn region(
     }
     let particles = seen.chunks.iter().flatten().map(|particle| particle.place.map(f64::from));
     let data = particles.fold(NOTHING, |bounds, [x, y, z, h]| grown(bounds, world(DVec3::new(x, y, z)), h));
-    let half = [view.width, view.height].map(|pixels| 0.5 * f64::from(pixels) / view.focal_pixels());
+    let edges = view.edges();
     let frustum = (0..8).fold(NOTHING, |bounds, corner| {
         let depth = depths[corner / 4];
         let scale = if perspective { depth } else { 1.0 };
-        let side = |axis: usize| if corner >> axis & 1 == 0 { -half[axis] * scale } else { half[axis] * scale };
+        let side = |axis: usize| edges[axis][corner >> axis & 1] * scale;
         grown(bounds, world(DVec3::new(side(0), side(1), depth)), 0.0)
     });
     let bounds = Bounds { min: data.min.max(frustum.min), max: data.max.min(frustum.max) };
@@ -142,8 +142,8 @@ impl Cartesian {
         );
         let projection = Projection::Orthographic { height: f64::from(l) * cell };
         let (right, up, forward) = (DVec3::X, DVec3::Y, DVec3::NEG_Z);
-        let view =
-            View { eye, right, up, forward, projection, width: k, height: l, cut: Cut::NONE, images: Images::ONE };
+        let (shift, cut, images) = ([0.0; 2], Cut::NONE, Images::ONE);
+        let view = View { eye, right, up, forward, projection, width: k, height: l, shift, cut, images };
         let slices = m + border as u32;
         let near = -(BORDER as f64) * cell;
         let grid = PerspectiveGrid {

@@ -77,8 +77,18 @@ impl Octree {
         let projection = Projection::Orthographic { height: side };
         let (right, up, forward) = (DVec3::X, DVec3::Y, DVec3::NEG_Z);
         let eye = center + 0.5 * side * DVec3::Z;
-        let view =
-            View { eye, right, up, forward, projection, width: 64, height: 64, cut: Cut::NONE, images: Images::ONE };
+        let view = View {
+            eye,
+            right,
+            up,
+            forward,
+            projection,
+            width: 64,
+            height: 64,
+            shift: [0.0; 2],
+            cut: Cut::NONE,
+            images: Images::ONE,
+        };
         let taken = Taken { sigma: side / 64.0, smallest: 0.0, stride: 1 };
         let projected = project(&view, batches, &taken);
         let particles: Vec<Particle> = projected.chunks.into_iter().flatten().collect();

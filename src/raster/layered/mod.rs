@@ -120,8 +120,7 @@ pub fn draw(
     let particles = project(view, batches, &Taken { sigma, smallest: options.smallest, stride: 1 });
     let perspective = matches!(view.projection, Projection::Perspective { .. });
     let [near, far] = planes(particles.depths, options.near, options.far, perspective)?;
-    let middle = [view.width, view.height].map(|pixels| 0.5 * f64::from(pixels));
-    let size = [view.width, view.height, layers];
+    let (middle, size) = (view.middle(), [view.width, view.height, layers]);
     let grid = PerspectiveGrid { size, near, far, sigma, cell: 1.0, middle, perspective };
     let edges = (0..=layers).map(|layer| grid.depth(f64::from(layer))).collect();
     let cutter = Cutter { edges, grid, caps: Caps::of(options.kernel), assignment };

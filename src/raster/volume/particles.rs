@@ -140,9 +140,9 @@ fn part(view: &View, batch: &Splats<'_>, start: usize, taken: &Taken) -> Part {
         Part { particles: Vec::new(), densities: Vec::new(), depths: [f64::INFINITY, f64::NEG_INFINITY], raised: 0 };
     let Extent::World(lengths) = batch.extent() else { return part };
     let perspective = matches!(view.projection, Projection::Perspective { .. });
-    let half = [view.width, view.height].map(|pixels| 0.5 * f64::from(pixels) / view.focal_pixels());
+    let edges = view.edges();
     // Lengths of the side planes' normals.
-    let norms = half.map(|half| if perspective { half.hypot(1.0) } else { 1.0 });
+    let norms = edges.map(|sides| sides.map(|side| if perspective { side.hypot(1.0) } else { 1.0 }));
     let (factor, growth) = (taken.stride as f32, (taken.stride as f64).cbrt());
     let end = batch.len().min(start + CHUNK * taken.stride);
     for i in (start..end).step_by(taken.stride) {
@@ -157,8 +157,9 @@ fn part(view: &View, batch: &Splats<'_>, start: usize, taken: &Taken) -> Part {
         let (raised, own) = (h < least, h);
         h = h.max(least);
         let beyond = |axis: usize| {
-            let edge = if perspective { half[axis] * place.z } else { half[axis] };
-            place[axis].abs() - edge > h * norms[axis]
+            let depth = if perspective { place.z } else { 1.0 };
+            let [[low, high], norms] = [edges[axis], norms[axis]];
+            low * depth - place[axis] > h * norms[0] || place[axis] - high * depth > h * norms[1]
         };
         if place.z + h <= 0.0 && perspective || beyond(0) || beyond(1) {
             continue;

@@ -37,7 +37,7 @@ pub fn measure(
 ) -> Result<FieldRange, VolumeError> {
     let shrink = (f64::from(SIDE) / f64::from(view.width.max(view.height))).min(1.0);
     let side = |pixels: u32| ((f64::from(pixels) * shrink).round() as u32).max(1);
-    let view = View { width: side(view.width), height: side(view.height), ..*view };
+    let view = view.resized(side(view.width), side(view.height));
     let particles: usize = batches.iter().map(Splats::len).sum();
     let sigma = PerspectiveGrid::sigma_of(&view, 1.0);
     let taken = Taken { sigma, smallest: SMALLEST, stride: particles.div_ceil(PARTICLES).max(1) };
