@@ -167,7 +167,10 @@ pub(super) fn adopt_opened(
     let metadata = file.metadata();
     let bounds = metadata.bounds();
     let (entity, mut viewpoint, mut anchor, mut orbit) = camera.into_inner();
+    // Who follows a selection goes on doing so, and is led to where it is now.
+    let follows = scene.is_some() && settings.selections.iter().any(|set| set.follow);
     match home(frame, viewpoint.fov_y, &picture) {
+        Ok(_) if follows => {}
         Ok(home) => {
             *viewpoint = home;
             *anchor = Anchor::adopt(&home, &mut orbit);

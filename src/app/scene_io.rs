@@ -165,7 +165,7 @@ pub(super) fn apply(
     let Some(OpenedScene { path, scene, notes }) = opened else {
         parts.files.path = None;
         parts.bookmarks.0.clear();
-        settings.selections.clear();
+        // Selections stay: the same particles, or the same region, of another snapshot.
         return;
     };
     notes.iter().for_each(|note| messages.error(note));

@@ -68,7 +68,7 @@ struct Status<'a> {
     history: [usize; 2],
     scene: Option<&'a std::path::Path>,
     settings: SettingsStatus<'a>,
-    looking: Report,
+    looking: Report<'a>,
     /// The panels' controls: left, top, right and bottom; 1 where they are in sight, else 0.
     controls: BTreeMap<&'a str, [f32; 5]>,
     messages: Vec<&'a str>,
@@ -157,7 +157,7 @@ pub(super) fn write_status(
             selections: &settings.selections,
             closed: &closed,
         },
-        looking: Report::of(&looking),
+        looking: Report::of(&looking, &settings.selections),
         controls: controls
             .0
             .iter()

@@ -1,10 +1,12 @@
 //! What `deepfield render` writes into its pictures.
 
+use super::progress_bar::TerminalProgress;
 use super::render::Arguments;
 use crate::annotate::{self, Annotations, Label, Legend, Paper, Subject, Units};
-use crate::explore::marks::{Layer, Marks};
-use crate::explore::{Catalogue, Data, ExploreError, SelectionSet};
-use crate::model::{Bounds, Unit};
+use crate::explore::data::source_of;
+use crate::explore::marks::{self, Layer, Marks};
+use crate::explore::{Catalogue, Data, ExploreError, FoundIds, IdSet, Members, Places, SelectionSet, Work};
+use crate::model::{Bounds, FamilyName, Unit};
 use crate::modes::Depiction;
 use crate::raster::Image;
 use crate::raster::transfer::{Levels, TransferFunction};
@@ -126,9 +128,48 @@ impl Stage {
         file: &PageFile,
         nodes: &[SceneNode],
     ) -> Result<Stage, ExploreError> {
-        let marks = Marks::new(selections, file.metadata(), Data::Pages(file).periodic_edge()?)?;
+        let has_ids = |set: &SelectionSet| matches!(set.members, Members::Ids(_));
+        let by_id = marks::shown(selections).0.into_iter().any(has_ids);
+        let source = by_id.then(|| source_of(file)).transpose();
+        let source = source.unwrap_or_else(|error| left_out("selections by id", &error));
+        let find = |ids: &IdSet| {
+            let found =
+                FoundIds::of(source.as_ref()?.as_ref(), ids, file.metadata(), Work::told(&TerminalProgress::new()));
+            found.map(|found| Some(found.highlighter)).unwrap_or_else(|error| left_out("a selection by id", &error))
+        };
+        let marks = Marks::new(selections, file.metadata(), Data::Pages(file).periodic_edge()?, find)?;
         let layer = (!marks.is_empty()).then(|| marks.draw(&self.view, file.metadata(), nodes));
         Ok(Stage { marks: layer, ..self })
+    }
+
+    /// The same with a scene's selections over the picture of the particles of the source at `path`; of
+    /// `families` alone.
+    ///
+    /// # Errors
+    /// When a selection makes no sense, or the source cannot be read.
+    pub fn with_exact_selections(
+        self,
+        selections: &[SelectionSet],
+        path: &Path,
+        families: &[FamilyName],
+    ) -> Result<Stage, ExploreError> {
+        let (shown, alone) = marks::shown(selections);
+        if shown.is_empty() {
+            return Ok(self);
+        }
+        let source = crate::import::open(path)?;
+        let periodic = Data::Source(source.as_ref()).periodic_edge()?;
+        let mut sets = Vec::new();
+        for set in shown {
+            let work = TerminalProgress::new();
+            let places = match Places::of(source.as_ref(), &set.members, periodic, Work::told(&work)) {
+                // What the source does not have is left out, as in other pictures.
+                Err(error @ ExploreError::Missing { .. }) => left_out(&set.name, &error),
+                places => Some(places?),
+            };
+            sets.extend(places.map(|places| (places, set.rgb().unwrap_or([255; 3]))));
+        }
+        Ok(Stage { marks: Some(marks::draw_places(&self.view, &sets, alone, families)), ..self })
     }
 
     /// Lays the selections over the finished picture.
@@ -157,6 +198,12 @@ impl Stage {
         };
         annotate::paint(image, &annotate::layout(annotations, &subject), scale, self.paper);
     }
+}
+
+/// Says that a selection is not drawn, and why.
+fn left_out<T>(what: &str, error: &ExploreError) -> Option<T> {
+    eprintln!("deepfield: {what}: left out of the picture: {error}");
+    None
 }
 
 #[cfg(test)]

@@ -5,7 +5,7 @@ use super::progress_bar::TerminalProgress;
 use super::render::Arguments;
 use crate::explore::data::source_path;
 use crate::import::{AttributeChoice, LoadOptions, load};
-use crate::model::Dataset;
+use crate::model::{Dataset, FamilyName};
 use crate::store::PageFile;
 use std::path::{Path, PathBuf};
 
@@ -48,4 +48,9 @@ fn source_of(path: &Path) -> Result<PathBuf, Box<dyn std::error::Error + Send + 
         format!("{path}: --exact draws the source {source}, which is not there any more; name the source instead")
             .into()
     })
+}
+
+/// The families that an exact picture draws.
+pub(super) fn names(dataset: &Dataset) -> Vec<FamilyName> {
+    dataset.families.iter().map(|family| family.name).collect()
 }

@@ -2,7 +2,7 @@
 
 use super::CommandResult;
 use super::annotate::Stage;
-use super::exact_source::load_exact;
+use super::exact_source::{load_exact, names};
 use super::render::{Arguments, Backend, view};
 use super::statistics::{Shown, Times, write_json};
 use super::studio::Studio;
@@ -193,7 +193,8 @@ fn paint_exact(
     }
     Ok(Outcome {
         painted: painted.ok_or("nothing was drawn")?,
-        stage: Stage::new(arguments, view, framed, Units::of_dataset(&dataset, &depiction), &depiction)?,
+        stage: Stage::new(arguments, view, framed, Units::of_dataset(&dataset, &depiction), &depiction)?
+            .with_exact_selections(&arguments.selections, &source, &names(&dataset))?,
         levels: "source",
         attribute: depiction.attribute.map(|coloring| coloring.name),
         converged: true,

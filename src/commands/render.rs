@@ -5,6 +5,7 @@ use super::annotate::{AnnotateOptions, Stage};
 use super::arguments::{PictureSize, not_negative, positive, transfer_named, vector};
 use super::drawing::Drawing;
 pub(super) use super::exact_source::load_exact;
+use super::exact_source::names;
 use super::picture_config::PictureConfig;
 use super::picture_statistics::LeftOut;
 use super::statistics::Times;
@@ -118,7 +119,7 @@ pub struct Arguments {
     /// Settings of the mode.
     #[arg(skip)]
     pub settings: Settings,
-    /// A scene's selections; pictures with `exact` do without.
+    /// A scene's selections.
     #[arg(skip)]
     pub selections: Vec<SelectionSet>,
     /// The families that a scene shows; all where it is `None`.
@@ -458,7 +459,8 @@ fn draw_exact(arguments: &Arguments) -> Result<Picture, Box<dyn std::error::Erro
     drop(samples);
     let picture = Picture {
         accumulation: Accumulation::default(),
-        stage: Stage::new(arguments, view, framed, Units::of_dataset(&dataset, &depiction), &depiction)?,
+        stage: Stage::new(arguments, view, framed, Units::of_dataset(&dataset, &depiction), &depiction)?
+            .with_exact_selections(&arguments.selections, &source, &names(&dataset))?,
         mode,
         attribute: depiction.attribute.as_ref().map(|coloring| coloring.name.clone()),
         economy: LeftOut::new(&Economy::NONE, &Plan::default()),

@@ -67,7 +67,11 @@ impl Highlighter {
 
     /// Particles at these places of their source, such as those with certain ids: [`Places::of`].
     pub fn of_places(places: &Places, metadata: &Metadata) -> Highlighter {
-        Highlighter { by: By::Places(PlaceMarks::new(places, metadata)) }
+        Highlighter::of_marks(PlaceMarks::new(places, metadata))
+    }
+
+    pub(super) fn of_marks(marks: PlaceMarks) -> Highlighter {
+        Highlighter { by: By::Places(marks) }
     }
 
     /// Marks the particles of node `node` of a page that are in the selection, by the positions and values that are drawn (of merged

@@ -5,12 +5,14 @@ use crate::store::temporary::{self, Temporary};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::io::{BufRead, BufWriter, Write};
 use std::path::Path;
+use std::sync::Arc;
 
-/// A set of particle ids as runs of consecutive numbers, so that the ids of a halo, which come in runs, take little room.
+/// A set of particle ids as runs of consecutive numbers, so that the ids of a halo, which come in runs, take little room. A copy
+/// shares its runs.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct IdSet {
     /// First and last id of each run, ascending, with gaps between them.
-    runs: Vec<(u64, u64)>,
+    runs: Arc<[(u64, u64)]>,
     len: u64,
 }
 
@@ -31,7 +33,7 @@ impl IdSet {
             }
         }
         let len = runs.iter().fold(0_u64, |len, (first, last)| len.saturating_add((last - first).saturating_add(1)));
-        IdSet { runs, len }
+        IdSet { runs: runs.into(), len }
     }
 
     /// How many ids (all 2^64 of them count one less).
@@ -63,7 +65,7 @@ impl IdSet {
     /// What is in either set.
     #[must_use]
     pub fn union(&self, other: &IdSet) -> IdSet {
-        let mut runs: Vec<_> = self.runs.iter().chain(&other.runs).copied().collect();
+        let mut runs: Vec<_> = self.runs.iter().chain(&*other.runs).copied().collect();
         runs.sort_unstable();
         IdSet::of_runs(runs)
     }
@@ -122,7 +124,7 @@ impl IdSet {
         let mut out = BufWriter::new(file.file());
         let write = |out: &mut BufWriter<_>| {
             writeln!(out, "# {} ids{about}", self.len)?;
-            for (first, last) in &self.runs {
+            for (first, last) in &*self.runs {
                 if first == last { writeln!(out, "{first}")? } else { writeln!(out, "{first}-{last}")? }
             }
             out.flush()

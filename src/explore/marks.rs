@@ -6,9 +6,11 @@
 
 use super::error::ExploreError;
 use super::highlight::{Highlighter, Marked};
+use super::ids::IdSet;
+use super::places::Places;
 use super::region::Region;
 use super::selection::{Members, SelectionSet, Show};
-use crate::model::Kernel;
+use crate::model::{FamilyName, Kernel};
 use crate::raster::composite::Image;
 use crate::raster::{Extent, Positions, RasterOptions, Splats, draw_counted};
 use crate::store::Metadata;
@@ -16,6 +18,7 @@ use crate::stream::SceneNode;
 use crate::view::View;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// Radius of a point in a picture of [`ROWS`] rows, pixels; larger pictures have larger points.
 const RADIUS: f32 = 1.6;
@@ -27,7 +30,7 @@ const COVER: f64 = 0.9;
 /// Sets that are shown, ready to be drawn.
 #[derive(Debug, Default)]
 pub struct Marks {
-    sets: Vec<(Highlighter, [u8; 3])>,
+    sets: Vec<(Arc<Highlighter>, [u8; 3])>,
     alone: bool,
 }
 
@@ -45,8 +48,9 @@ pub struct Layer {
 }
 
 impl Marks {
-    /// Those of the sets that are shown and given by regions; distances are taken around a periodic box of edge `periodic`, or
-    /// none. Where a set is shown alone, only such sets are. Ids are not in page files: sets of ids are left out.
+    /// Those of the sets that are shown; distances are taken around a periodic box of edge `periodic`, or none. Where a set is shown
+    /// alone, only such sets are. Ids are not in page files: `found` gives what has been looked up in the source
+    /// ([`super::FoundIds`]); a set of ids for which it has nothing is left out.
     ///
     /// # Errors
     /// [`ExploreError::Value`] where a region makes no sense.
@@ -54,13 +58,15 @@ impl Marks {
         sets: impl IntoIterator<Item = &'a SelectionSet>,
         metadata: &Metadata,
         periodic: Option<f64>,
+        mut found: impl FnMut(&IdSet) -> Option<Arc<Highlighter>>,
     ) -> Result<Marks, ExploreError> {
-        let shown: Vec<&SelectionSet> = sets.into_iter().filter(|set| set.show != Show::Hidden).collect();
-        let alone = shown.iter().any(|set| set.show == Show::Alone);
+        let (shown, alone) = shown(sets);
         let mut marks = Marks { sets: Vec::new(), alone };
-        for set in shown.into_iter().filter(|set| !alone || set.show == Show::Alone) {
-            if let Members::Region(region) = &set.members {
-                marks.add(region, set.rgb().unwrap_or([255; 3]), metadata, periodic)?;
+        for set in shown {
+            let color = set.rgb().unwrap_or([255; 3]);
+            match &set.members {
+                Members::Region(region) => marks.add(region, color, metadata, periodic)?,
+                Members::Ids(ids) => marks.sets.extend(found(ids).map(|highlighter| (highlighter, color))),
             }
         }
         Ok(marks)
@@ -77,7 +83,7 @@ impl Marks {
         metadata: &Metadata,
         periodic: Option<f64>,
     ) -> Result<(), ExploreError> {
-        self.sets.push((Highlighter::new(region, metadata, periodic)?, color));
+        self.sets.push((Arc::new(Highlighter::new(region, metadata, periodic)?), color));
         Ok(())
     }
 
@@ -88,29 +94,81 @@ impl Marks {
 
     /// Draws the layer over a picture of these nodes.
     pub fn draw(&self, view: &View, metadata: &Metadata, nodes: &[SceneNode]) -> Layer {
-        let radius = RADIUS * (view.height as f32 / ROWS).max(1.0);
-        // From points per pixel to coverage, so that the middle of one point is covered by COVER.
-        let peak = Kernel::CubicSpline.projected(0.0) / f64::from(radius * radius);
-        let strength = -(1.0 - COVER).ln() / peak;
-        let mut sums = vec![[0.0f32; 4]; view.width as usize * view.height as usize];
+        let radius = radius(view);
+        let mut sums = Sums::new(view, radius);
         for (highlighter, color) in &self.sets {
             let marked: Vec<MarkedNode> =
                 nodes.par_iter().filter_map(|node| MarkedNode::of(highlighter, view, metadata, node)).collect();
             let batches: Vec<Splats<'_>> = marked.iter().filter_map(|node| node.splats(radius)).collect();
-            let (points, _) = draw_counted(view, &batches, &RasterOptions::default());
-            sums.par_iter_mut().zip(&points.p).for_each(|(sum, &p)| {
-                let color = color.map(f32::from);
-                let p = p.max(0.0);
-                *sum = [sum[0] + p * color[0], sum[1] + p * color[1], sum[2] + p * color[2], sum[3] + p];
-            });
+            sums.add(view, &batches, *color);
         }
+        sums.layer(view, self.alone)
+    }
+}
+
+/// The sets that are shown, and whether they are alone.
+pub fn shown<'a>(sets: impl IntoIterator<Item = &'a SelectionSet>) -> (Vec<&'a SelectionSet>, bool) {
+    let mut shown: Vec<&SelectionSet> = sets.into_iter().filter(|set| set.show != Show::Hidden).collect();
+    let alone = shown.iter().any(|set| set.show == Show::Alone);
+    shown.retain(|set| !alone || set.show == Show::Alone);
+    (shown, alone)
+}
+
+/// Draws the layer over a picture of a source's own particles: each set by the places of its particles, with its colour. Of
+/// `families` alone.
+pub fn draw_places(view: &View, sets: &[(Places, [u8; 3])], alone: bool, families: &[FamilyName]) -> Layer {
+    let radius = radius(view);
+    let mut sums = Sums::new(view, radius);
+    for (places, color) in sets {
+        let drawn = families.iter().copied();
+        let images = || view.images.offsets().collect::<Vec<DVec3>>();
+        let at = drawn.flat_map(|name| places.family(name)).flat_map(|at| images().into_iter().map(move |by| *at + by));
+        let positions: Vec<[f64; 3]> = at.filter(|at| view.cut.keeps(*at)).map(|at| at.to_array()).collect();
+        let weight = vec![1.0; positions.len()];
+        let splats = Splats::new(Positions::World(&positions), Extent::Pixels(radius), &weight, None);
+        sums.add(view, splats.ok().as_slice(), *color);
+    }
+    sums.layer(view, alone)
+}
+
+/// Radius of points in a picture, pixels.
+fn radius(view: &View) -> f32 {
+    RADIUS * (view.height as f32 / ROWS).max(1.0)
+}
+
+/// Points of all sets so far: per pixel the sum of colours weighted with points, and the points.
+struct Sums {
+    pixels: Vec<[f32; 4]>,
+    /// From points per pixel to coverage.
+    strength: f64,
+}
+
+impl Sums {
+    fn new(view: &View, radius: f32) -> Sums {
+        // From points per pixel to coverage, so that the middle of one point is covered by COVER.
+        let peak = Kernel::CubicSpline.projected(0.0) / f64::from(radius * radius);
+        let strength = -(1.0 - COVER).ln() / peak;
+        Sums { pixels: vec![[0.0; 4]; view.width as usize * view.height as usize], strength }
+    }
+
+    /// Adds the points of a set in its colour.
+    fn add(&mut self, view: &View, batches: &[Splats<'_>], color: [u8; 3]) {
+        let (points, _) = draw_counted(view, batches, &RasterOptions::default());
+        let [r, g, b] = color.map(f32::from);
+        self.pixels.par_iter_mut().zip(&points.p).for_each(|(sum, &p)| {
+            let p = p.max(0.0);
+            *sum = [sum[0] + p * r, sum[1] + p * g, sum[2] + p * b, sum[3] + p];
+        });
+    }
+
+    fn layer(&self, view: &View, alone: bool) -> Layer {
         let pixel = |&[r, g, b, p]: &[f32; 4]| {
-            let cover = 1.0 - (-strength * f64::from(p)).exp();
+            let cover = 1.0 - (-self.strength * f64::from(p)).exp();
             let [r, g, b] = [r, g, b].map(|sum| if p > 0.0 { (sum / p).round() as u8 } else { 0 });
             [r, g, b, (255.0 * cover).round() as u8]
         };
-        let rgba = sums.par_iter().map(pixel).collect();
-        Layer { width: view.width, height: view.height, rgba, alone: self.alone }
+        let rgba = self.pixels.par_iter().map(pixel).collect();
+        Layer { width: view.width, height: view.height, rgba, alone }
     }
 }
 
@@ -171,11 +229,11 @@ impl MarkedNode {
 mod tests {
     use super::*;
     use crate::build::{BuildOptions, build_source};
+    use crate::explore::{FoundIds, Work};
     use crate::import::LoadOptions;
     use crate::store::PageFile;
     use crate::stream::Scene;
     use crate::view::Projection;
-    use std::sync::Arc;
 
     #[test]
     fn a_selection_is_drawn_in_its_colour_where_its_particles_are() {
@@ -190,14 +248,33 @@ mod tests {
         let nodes = Scene::new(Arc::clone(&file), u64::MAX).converge_blocking(&view, 0.5).unwrap().nodes;
         // A massive halo, 2 units in radius: 8 pixels around the picture's middle.
         let mut set = SelectionSet::new("halo", Region::sphere(center, 2.0), 0);
-        let layer =
-            |set: &SelectionSet| Marks::new([set], file.metadata(), None).unwrap().draw(&view, file.metadata(), &nodes);
+        let layer = |set: &SelectionSet| {
+            Marks::new([set], file.metadata(), None, |_| None).unwrap().draw(&view, file.metadata(), &nodes)
+        };
         let drawn = layer(&set);
         let from_middle = |at: usize| ((at % 200) as f64 + 0.5 - 100.0).hypot((at / 200) as f64 + 0.5 - 100.0);
         let covered: Vec<usize> = (0..drawn.rgba.len()).filter(|&at| drawn.rgba[at][3] > 0).collect();
         assert!(covered.len() > 40 && covered.iter().all(|&at| from_middle(at) < 8.0 + 3.0), "{}", covered.len());
         assert!(covered.iter().all(|&at| drawn.rgba[at][..3] == set.rgb().unwrap()));
         assert!(drawn.rgba[100 * 200 + 100][3] > 200, "the core is covered");
+
+        // By its ids, and by the source's own places, it is drawn where its region is.
+        let opened = crate::import::open(&source).unwrap();
+        let ids = crate::explore::ids_of(opened.as_ref(), &set.members, None, Work::quiet()).unwrap();
+        let found = FoundIds::of(opened.as_ref(), &ids, file.metadata(), Work::quiet()).unwrap();
+        assert_eq!(found.count, ids.len());
+        let highlighter = found.highlighter;
+        let by_id = SelectionSet { members: Members::Ids(ids.clone()), ..set.clone() };
+        let look_up = |wanted: &IdSet| (*wanted == ids).then(|| Arc::clone(&highlighter));
+        let marks = Marks::new([&by_id], file.metadata(), None, look_up).unwrap();
+        let places = Places::of(opened.as_ref(), &ids, None, Work::quiet()).unwrap();
+        let exact = draw_places(&view, &[(places, set.rgb().unwrap())], false, &FamilyName::ALL);
+        for (name, other) in [("ids", marks.draw(&view, file.metadata(), &nodes)), ("places", exact)] {
+            let differ =
+                (0..other.rgba.len()).filter(|&at| (other.rgba[at][3] > 128) != (drawn.rgba[at][3] > 128)).count();
+            assert!(differ <= covered.len() / 10, "{name}: {differ} of {}", covered.len());
+            assert!(other.rgba.iter().all(|pixel| pixel[3] == 0 || pixel[..3] == set.rgb().unwrap()), "{name}");
+        }
 
         // Over a picture: the colour where it covers, the picture elsewhere; alone, black elsewhere.
         let below = Image { width: 200, height: 200, rgba: vec![[9, 99, 199, 255]; 200 * 200] };
@@ -210,6 +287,6 @@ mod tests {
         layer(&set).blend(&mut alone);
         assert_eq!(alone.rgba[0], [0, 0, 0, 255]);
         set.show = Show::Hidden;
-        assert!(Marks::new([&set], file.metadata(), None).unwrap().is_empty());
+        assert!(Marks::new([&set], file.metadata(), None, |_| None).unwrap().is_empty());
     }
 }

@@ -7,6 +7,7 @@
 
 pub mod batch;
 pub mod catalogue;
+pub mod center;
 pub mod data;
 pub mod error;
 pub mod export;
@@ -31,6 +32,7 @@ mod sourced;
 
 pub use batch::{Batch, Gather, Uncertain, Work};
 pub use catalogue::{Catalogue, Object};
+pub use center::{Center, CenterSums, center};
 pub use data::{Data, FieldAbout, source_of};
 pub use error::ExploreError;
 pub use export::{Exported, Format, export};
@@ -39,7 +41,7 @@ pub use histogram::{Axis, AxisOptions, Histogram, Scatter, histogram, scatter};
 pub use identify::{Identified, PageParticle, find_id, identify, ids_of};
 pub use ids::IdSet;
 pub use lasso::{Lasso, LassoProjection};
-pub use places::Places;
+pub use places::{FoundIds, Places};
 pub use probe::{Fields, Probe, ProbeOptions, probe};
 pub use profile::ProfileOptions;
 pub use query::Of;

@@ -8,7 +8,7 @@
 use super::batch::{Batch, Gather, Work};
 use super::data::Data;
 use super::error::ExploreError;
-use super::highlight::Marked;
+use super::highlight::{Highlighter, Marked};
 use super::query::{Of, Query, Wanted};
 use crate::codec::coordinates::{CELL_BITS, GRID_BITS, LEAF_BITS, bin};
 use crate::codec::{morton, positions};
@@ -18,6 +18,8 @@ use crate::import::Source;
 use crate::model::FamilyName;
 use crate::store::{Metadata, NodeParticles, Page, Positions};
 use glam::DVec3;
+use rayon::prelude::*;
+use std::sync::Arc;
 
 /// Where selected particles are, by family.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -36,10 +38,8 @@ impl Places {
         periodic: Option<f64>,
         work: Work,
     ) -> Result<Places, ExploreError> {
-        let data = Data::Source(source);
-        let query = Query::new(data, of.into(), Wanted::default(), periodic)?;
-        let families: Vec<FamilyName> = data.families().into_iter().map(|(name, _)| name).collect();
-        let found = query.ask(data, &Collecting { families: families.len() }, work)?;
+        let families: Vec<FamilyName> = source.description().families.iter().map(|family| family.name).collect();
+        let found = collect(source, of.into(), periodic, |_, at| Some(at), work)?;
         Ok(Places { families: families.into_iter().zip(found).collect() })
     }
 
@@ -59,24 +59,77 @@ impl Places {
     }
 }
 
-struct Collecting {
-    families: usize,
+/// What `keep` makes of the position of each particle of a selection, by family of the source; `keep` is told the family's index.
+fn collect<T: Send + Clone>(
+    source: &dyn Source,
+    of: Of,
+    periodic: Option<f64>,
+    keep: impl Fn(usize, DVec3) -> Option<T> + Sync,
+    work: Work,
+) -> Result<Vec<Vec<T>>, ExploreError> {
+    let data = Data::Source(source);
+    let query = Query::new(data, of, Wanted::default(), periodic)?;
+    query.ask(data, &Collecting { families: source.description().families.len(), keep }, work)
 }
 
-impl Gather for Collecting {
-    type Part = Vec<Vec<DVec3>>;
+struct Collecting<K> {
+    families: usize,
+    keep: K,
+}
 
-    fn part(&self) -> Vec<Vec<DVec3>> {
+impl<T: Send + Clone, K: Fn(usize, DVec3) -> Option<T> + Sync> Gather for Collecting<K> {
+    type Part = Vec<Vec<T>>;
+
+    fn part(&self) -> Vec<Vec<T>> {
         vec![Vec::new(); self.families]
     }
 
-    fn take(&self, part: &mut Vec<Vec<DVec3>>, batch: &Batch) {
-        part[batch.family].extend_from_slice(&batch.positions);
+    fn take(&self, part: &mut Vec<Vec<T>>, batch: &Batch) {
+        part[batch.family].extend(batch.positions.iter().filter_map(|&at| (self.keep)(batch.family, at)));
     }
 
-    fn join(&self, whole: &mut Vec<Vec<DVec3>>, next: Vec<Vec<DVec3>>) -> Result<(), ExploreError> {
+    fn join(&self, whole: &mut Vec<Vec<T>>, next: Vec<Vec<T>>) -> Result<(), ExploreError> {
         whole.iter_mut().zip(next).for_each(|(whole, next)| whole.extend(next));
         Ok(())
+    }
+}
+
+/// A selection found in the source of a page file, ready to be shown; 16 bytes of memory for each particle.
+#[derive(Debug)]
+pub struct FoundIds {
+    /// What marks its particles in the page file's nodes.
+    pub highlighter: Arc<Highlighter>,
+    /// How many particles of the source it has.
+    pub count: u64,
+}
+
+impl FoundIds {
+    /// Looks a selection up in the source of the page file that `metadata` describes. Particles of families that the page file
+    /// does not have are left out.
+    ///
+    /// # Errors
+    /// [`ExploreError`] when the source cannot be read, or has no ids where they are asked for.
+    pub fn of<'a>(
+        source: &dyn Source,
+        of: impl Into<Of<'a>>,
+        metadata: &Metadata,
+        work: Work,
+    ) -> Result<FoundIds, ExploreError> {
+        let roots: Vec<Option<RootCell>> = source
+            .description()
+            .families
+            .iter()
+            .map(|family| metadata.family(family.name).map(|(_, family)| family.root))
+            .collect();
+        let place = |family: usize, at: DVec3| Some(Place::of(at.to_array(), (*roots.get(family)?)?));
+        let mut found = collect(source, of.into(), None, place, work)?;
+        let count = found.iter().map(|places| places.len() as u64).sum();
+        let of_family = |name: FamilyName| {
+            let index = source.description().families.iter().position(|family| family.name == name);
+            FamilyPlaces::new(index.map_or_else(Vec::new, |index| std::mem::take(&mut found[index])))
+        };
+        let families = metadata.families.iter().map(|family| family.name).map(of_family).collect();
+        Ok(FoundIds { highlighter: Arc::new(Highlighter::of_marks(PlaceMarks { families })), count })
     }
 }
 
@@ -95,9 +148,11 @@ struct FamilyPlaces {
 
 impl PlaceMarks {
     pub(super) fn new(places: &Places, metadata: &Metadata) -> PlaceMarks {
-        let families = metadata.families.iter();
-        let families = families.map(|family| FamilyPlaces::new(places.family(family.name), family.root)).collect();
-        PlaceMarks { families }
+        let families = metadata.families.iter().map(|family| {
+            let places = places.family(family.name).iter();
+            FamilyPlaces::new(places.map(|at| Place::of(at.to_array(), family.root)).collect())
+        });
+        PlaceMarks { families: families.collect() }
     }
 
     /// As [`super::Highlighter::mark`].
@@ -161,9 +216,8 @@ fn cell_of(particles: &NodeParticles, i: usize) -> (u64, u64) {
 }
 
 impl FamilyPlaces {
-    fn new(places: &[DVec3], root: RootCell) -> FamilyPlaces {
-        let mut sorted: Vec<Place> = places.iter().map(|at| Place::of(at.to_array(), root)).collect();
-        sorted.sort_unstable();
-        FamilyPlaces { places: sorted }
+    fn new(mut places: Vec<Place>) -> FamilyPlaces {
+        places.par_sort_unstable();
+        FamilyPlaces { places }
     }
 }

@@ -19,6 +19,9 @@ pub struct SelectionSet {
     /// How it is shown.
     #[serde(default)]
     pub show: Show,
+    /// Whether the window's camera follows its centre of mass; of one set at most.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub follow: bool,
 }
 
 /// Which particles belong to a selection.
@@ -28,6 +31,16 @@ pub enum Members {
     Region(Region),
     /// Those with these ids, wherever they go.
     Ids(IdSet),
+}
+
+impl Members {
+    /// The ids, where it is given by ids.
+    pub fn ids(&self) -> Option<&IdSet> {
+        match self {
+            Members::Ids(ids) => Some(ids),
+            Members::Region(_) => None,
+        }
+    }
 }
 
 /// How a selection is shown.
@@ -54,7 +67,13 @@ impl SelectionSet {
     /// A highlighted set of the particles in a region, in the colour of the set number `number`.
     pub fn new(name: impl Into<String>, region: Region, number: usize) -> SelectionSet {
         let color = COLORS[number % COLORS.len()].to_owned();
-        SelectionSet { name: name.into(), color, members: Members::Region(region), show: Show::Highlighted }
+        SelectionSet {
+            name: name.into(),
+            color,
+            members: Members::Region(region),
+            show: Show::Highlighted,
+            follow: false,
+        }
     }
 
     /// Its colour, sRGB; `None` if it is not written as `#rrggbb`.

@@ -5,18 +5,22 @@
 //! from it, or wandered off, the anchor is moved to the target and scaled by the distance. So the rounding of `f32` is
 //! always small against the viewing distance, at any place in the data.
 //!
+//! A selection is followed by moving eye, target and anchor along with it ([`Follow`]).
+//!
 //! Each frame: input moves [`PanOrbitCamera`](bevy_panorbit_camera::PanOrbitCamera), [`Fly`] or [`Flight`]; from the
 //! one that is active [`Viewpoint`] is derived; [`Viewpoint::view`] gives the [`View`] that selection and drawing use.
 
 mod bookmarks;
 mod flight;
 mod fly;
+mod follow;
 mod orbit;
 
 pub(super) use bookmarks::run_bookmarks;
 pub use bookmarks::{AskedBookmark, BookmarkAction};
 pub use flight::Flight;
 pub use fly::{Fly, distance_to_boxes, fly_speed};
+pub use follow::Follow;
 pub use orbit::Anchor;
 
 use crate::model::Bounds;
@@ -108,6 +112,7 @@ impl Plugin for CameraPlugin {
     fn build(&self, app: &mut App) {
         app.add_plugins(PanOrbitCameraPlugin)
             .init_resource::<DataDistance>()
+            .init_resource::<Follow>()
             .configure_sets(
                 PostUpdate,
                 (
@@ -118,7 +123,7 @@ impl Plugin for CameraPlugin {
             .add_systems(
                 PostUpdate,
                 (
-                    (fly::steer_fly, flight::advance_flights, orbit::switch_orbit_input)
+                    (fly::steer_fly, follow::follow, flight::advance_flights, orbit::switch_orbit_input)
                         .chain()
                         .in_set(CameraSystems::Steer),
                     (orbit::follow_orbit, orbit::move_anchor).chain().in_set(CameraSystems::Settle),

@@ -92,7 +92,7 @@ impl<'a> Looking<'a> {
             _ => {}
         }
         self.draw_measure(&frame, unit);
-        if let Some(at) = self.inspector.0.here().and_then(|report| frame.at(report.position)) {
+        if let Some(at) = self.inspector.report.here().and_then(|report| frame.at(report.position)) {
             painter.circle_stroke(at, 8.0, Line::new(3.5, Color32::from_black_alpha(140)));
             painter.circle_stroke(at, 8.0, Line::new(1.4, theme::ACCENT));
         }

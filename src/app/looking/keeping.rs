@@ -1,7 +1,7 @@
 //! What is done with a selection: written to a table, counted along one field, or drawn against two.
 
 use super::answer::Answer;
-use super::prober::over;
+use super::prober::{over, source_for};
 use crate::app::free_name::free_name;
 use crate::app::messages::Messages;
 use crate::app::scene::Scene;
@@ -76,10 +76,10 @@ impl Keeping {
         if self.asked.as_ref() == Some(&asked) {
             return;
         }
-        let file = Arc::clone(&scene.file);
+        let (file, source) = (Arc::clone(&scene.file), asked.members.as_ref().and_then(|of| source_for(scene, of)));
         self.asked = Some(asked.clone());
         self.plot = Answer::ask("plot", move |work| {
-            over(&file, None, |data| {
+            over(&file, source.as_deref(), |data| {
                 let periodic = data.periodic_edge()?;
                 let members = asked.members.unwrap_or(Members::Region(crate::explore::Region::whole()));
                 Ok(match &asked.y {

@@ -1,5 +1,6 @@
 //! The layer of selections over the picture: drawn again whenever the view, its nodes or the selections change.
 
+use super::ids::LookedUp;
 use super::prober::Prober;
 use crate::app::pages::ViewSelection;
 use crate::app::scene::{Scene, Settings};
@@ -26,6 +27,8 @@ struct Key {
     generation: u32,
     sets: Vec<SelectionSet>,
     probed: Option<Members>,
+    /// What was known of where ids are.
+    looked_up: u64,
 }
 
 /// The layer.
@@ -81,6 +84,7 @@ pub(super) fn draw_marks(
     selection: Res<ViewSelection>,
     settings: Res<Settings>,
     prober: Res<Prober>,
+    looked_up: Res<LookedUp>,
 ) {
     let layer = layer.bypass_change_detection();
     let (Some(scene), Some(view)) = (scene, selection.view) else { return };
@@ -99,11 +103,12 @@ pub(super) fn draw_marks(
         generation: scene.generation,
         sets: settings.selections.clone(),
         probed: prober.members.clone(),
+        looked_up: looked_up.revision,
     };
     if layer.wanted.as_ref() == Some(&key) {
         return;
     }
-    let marks = marks_of(&scene, &key);
+    let marks = marks_of(&scene, &key, &looked_up);
     if marks.is_empty() {
         layer.layer = None;
         layer.wanted = Some(key);
@@ -131,10 +136,10 @@ fn has_outline(region: &Region) -> bool {
 }
 
 /// What is to be marked; regions that make no sense were refused where they came from.
-fn marks_of(scene: &Scene, key: &Key) -> Marks {
+fn marks_of(scene: &Scene, key: &Key, looked_up: &LookedUp) -> Marks {
     let metadata = scene.file.metadata();
     let periodic = Data::Pages(&scene.file).periodic_edge().unwrap_or(None);
-    let mut marks = Marks::new(&key.sets, metadata, periodic).unwrap_or_default();
+    let mut marks = Marks::new(&key.sets, metadata, periodic, |ids| looked_up.highlighter(ids)).unwrap_or_default();
     // What is kept as a selection has that one's colour.
     let kept = |members: &Members| key.sets.iter().any(|set| set.members == *members);
     match &key.probed {

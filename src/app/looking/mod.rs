@@ -7,6 +7,9 @@
 
 pub mod answer;
 pub mod drawing;
+pub mod following;
+pub mod ids;
+pub mod inspector;
 pub mod keeping;
 pub mod marks;
 pub mod pointer;
@@ -15,6 +18,7 @@ pub mod report;
 pub mod state;
 pub mod tool;
 
+pub use inspector::Inspector;
 pub use state::{LookingState, RangeDraft, Visit};
 
 use super::camera::CameraSystems;
@@ -25,8 +29,6 @@ use super::pick::pick;
 use super::picture::Picture;
 use super::scene::Scene;
 use crate::explore::Members;
-use crate::explore::particle::{ParticleReport, describe};
-use answer::Answer;
 use bevy::math::DVec3;
 use bevy::prelude::*;
 use bevy_egui::EguiPostUpdateSet;
@@ -37,10 +39,6 @@ use tool::{Stroke, Tool};
 /// The places whose distance is measured, in the order of clicks; two at most.
 #[derive(Resource, Clone, Debug, Default, PartialEq)]
 pub struct Measure(pub Vec<DVec3>);
-
-/// All values of the particle that was clicked, read from the page file again.
-#[derive(Resource, Default)]
-pub struct Inspector(pub Answer<ParticleReport>);
 
 /// Everything that looks closer.
 pub struct LookingPlugin;
@@ -58,7 +56,18 @@ impl Plugin for LookingPlugin {
             .init_resource::<crate::app::camera::AskedBookmark>()
             .init_resource::<keeping::Keeping>()
             .init_resource::<marks::MarkLayer>()
-            .add_systems(Update, (take_tool, receive, keeping::receive, start_over))
+            .init_resource::<ids::LookedUp>()
+            .init_resource::<ids::ByIds>()
+            .init_resource::<following::Following>()
+            .add_systems(
+                Update,
+                (
+                    (start_over, inspector::receive).chain(),
+                    (take_tool, receive, keeping::receive),
+                    (ids::keep_ids, ids::look_up).chain().after(crate::app::scene::adopt_opened),
+                    following::find_center.after(crate::app::scene::adopt_opened),
+                ),
+            )
             .add_systems(
                 PostUpdate,
                 (
@@ -82,8 +91,7 @@ fn take_tool(keys: Res<ButtonInput<KeyCode>>, owner: Res<PointerOwner>, mut tool
 }
 
 /// Takes what has been found out.
-fn receive(mut inspector: ResMut<Inspector>, mut prober: ResMut<Prober>) {
-    inspector.bypass_change_detection().0.receive();
+fn receive(mut prober: ResMut<Prober>) {
     prober.bypass_change_detection().sums.receive();
 }
 
@@ -131,10 +139,7 @@ fn use_tool(
     };
     match *tool {
         Tool::Inspect if pointer.clicked => match under() {
-            Some(picked) => {
-                let file = std::sync::Arc::clone(&scene.file);
-                inspector.0 = Answer::ask("inspect", move |_| describe(&file, picked.particle));
-            }
+            Some(picked) => inspector.look(&scene, picked.particle),
             None => *inspector = Inspector::default(),
         },
         Tool::Measure if pointer.clicked => {

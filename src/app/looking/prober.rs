@@ -1,8 +1,10 @@
 //! Probes in the window: a region that is summed up over the whole data.
 
 use super::answer::Answer;
-use crate::explore::data::open_source;
+use crate::app::scene::Scene;
+use crate::explore::data::{open_source, source_of};
 use crate::explore::{Data, ExploreError, Members, Probe, ProbeOptions, ProfileOptions, Work, probe};
+use crate::import::Source;
 use crate::store::PageFile;
 use bevy::prelude::*;
 use std::path::{Path, PathBuf};
@@ -26,6 +28,22 @@ impl Prober {
         let (file, asked) = (Arc::clone(file), members.clone());
         self.members = Some(members);
         self.sums = Answer::ask("probe", move |work| sum_up(&file, &asked, source.as_deref(), work));
+    }
+}
+
+/// The source that has to be asked about these members, if any: page files hold no ids.
+pub fn source_for(scene: &Scene, members: &Members) -> Option<PathBuf> {
+    members.ids().and_then(|_| scene.source())
+}
+
+/// The source of a page file: the one that is named, else the one that the file names itself.
+///
+/// # Errors
+/// Where it cannot be opened, is not there any more, or is another one.
+pub fn opened(file: &PageFile, source: Option<PathBuf>) -> Result<Box<dyn Source>, ExploreError> {
+    match source {
+        Some(path) => open_source(&path, file),
+        None => source_of(file),
     }
 }
 

@@ -3,28 +3,46 @@
 use super::answer::Answer;
 use super::keeping::Plot;
 use super::state::LookingState;
+use crate::explore::{Identified, SelectionSet};
 use serde::Serialize;
 
 /// The tool in hand and the answers that are here; lengths in world units.
 #[derive(Serialize)]
-pub struct Report {
+pub struct Report<'a> {
     tool: &'static str,
-    inspected: Option<Inspected>,
+    inspected: Option<Inspected<'a>>,
     distance: Option<f64>,
     probe: Option<Probed>,
     table: Option<Table>,
     plot: Option<Plotted>,
     /// Keys, and where one looks from.
     bookmarks: Vec<(u8, [f64; 3])>,
+    /// Of each selection: how many of its ids are in the open file, or why nobody knows; `None` for regions.
+    found: Vec<Option<Found<'a>>>,
+    /// The centre of the selection that the camera follows.
+    following: Option<[f64; 3]>,
+    /// How many objects the open catalogue has.
+    objects: Option<usize>,
 }
 
 #[derive(Serialize)]
-struct Inspected {
+#[serde(rename_all = "kebab-case")]
+enum Found<'a> {
+    Coming,
+    Count(u64),
+    Failed(&'a str),
+}
+
+#[derive(Serialize)]
+struct Inspected<'a> {
     position: [f64; 3],
     rounding: f64,
     family: &'static str,
     merged: bool,
     values: std::collections::BTreeMap<String, f64>,
+    /// Its row in the source, where that has been asked.
+    row: Option<&'a Identified>,
+    row_failed: Option<&'a str>,
 }
 
 #[derive(Serialize)]
@@ -48,21 +66,26 @@ struct Plotted {
     points: usize,
 }
 
-impl Report {
+impl<'a> Report<'a> {
     /// What is known now.
-    pub fn of(state: &LookingState<'_>) -> Report {
+    pub fn of(state: &'a LookingState<'_>, selections: &[SelectionSet]) -> Report<'a> {
         let sphere = match &state.prober.members {
             Some(crate::explore::Members::Region(region)) => region.first_sphere(),
             _ => None,
         };
         Report {
             tool: state.tool.title(),
-            inspected: state.inspector.0.here().map(|report| Inspected {
+            inspected: state.inspector.report.here().map(|report| Inspected {
                 position: report.position.to_array(),
                 rounding: report.rounding,
                 family: report.family.as_str(),
                 merged: report.merged.is_some(),
                 values: report.values.iter().map(|value| (value.name.clone(), value.value)).collect(),
+                row: state.inspector.row.here().and_then(Option::as_ref),
+                row_failed: match &state.inspector.row {
+                    Answer::Failed(why) => Some(why),
+                    _ => None,
+                },
             }),
             distance: match state.measure.0[..] {
                 [from, to] => Some(from.distance(to)),
@@ -84,7 +107,18 @@ impl Report {
                 Plot::Histogram(histogram) => Plotted { particles: histogram.counts.iter().sum(), points: 0 },
                 Plot::Scatter(scatter) => Plotted { particles: scatter.of, points: scatter.x.len() },
             }),
+            found: selections.iter().map(|set| found(state, set)).collect(),
+            following: state.following.center().map(|center| center.to_array()),
+            objects: state.objects.catalogue.here().map(|catalogue| catalogue.objects.len()),
             bookmarks: state.bookmarks.0.iter().map(|bookmark| (bookmark.key, bookmark.camera.eye)).collect(),
         }
     }
+}
+
+fn found<'a>(state: &'a LookingState<'_>, set: &SelectionSet) -> Option<Found<'a>> {
+    Some(match state.looked_up.of(set.members.ids()?) {
+        Some(Answer::Here(found)) => Found::Count(found.count),
+        Some(Answer::Failed(why)) => Found::Failed(why),
+        Some(Answer::Coming(_) | Answer::Nothing) | None => Found::Coming,
+    })
 }

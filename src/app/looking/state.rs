@@ -1,5 +1,7 @@
 //! What the panel's sections about looking closer show and edit.
 
+use super::following::Following;
+use super::ids::{ByIds, LookedUp};
 use super::keeping::Keeping;
 use super::prober::Prober;
 use super::tool::Tool;
@@ -22,11 +24,17 @@ pub struct LookingState<'w> {
     /// What is measured.
     pub measure: Res<'w, Measure>,
     /// What was clicked.
-    pub inspector: Res<'w, Inspector>,
+    pub inspector: ResMut<'w, Inspector>,
     /// The region that is looked at.
     pub prober: ResMut<'w, Prober>,
     /// Tables and plots.
     pub keeping: ResMut<'w, Keeping>,
+    /// Where the particles of sets of ids are.
+    pub looked_up: Res<'w, LookedUp>,
+    /// Regions on their way to becoming sets of ids.
+    pub by_ids: ResMut<'w, ByIds>,
+    /// The selection that the camera follows.
+    pub following: ResMut<'w, Following>,
     /// Where to fly to.
     pub visit: ResMut<'w, Visit>,
     /// The range of values that is being typed.

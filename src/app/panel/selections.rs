@@ -5,6 +5,7 @@ use crate::annotate::number;
 use crate::app::looking::answer::Answer;
 use crate::app::looking::drawing::swatch;
 use crate::app::looking::keeping::{Asked, Plot};
+use crate::app::looking::prober::source_for;
 use crate::explore::export::Format;
 use crate::explore::histogram::{Histogram, Scatter};
 use crate::explore::selection::COLORS;
@@ -22,14 +23,24 @@ pub static SECTION: Section = Section {
 
 fn show(ui: &mut Ui, state: &mut PanelState<'_, '_>) {
     let mut sets = state.settings.selections.clone();
-    let mut removed = None;
+    let (mut removed, mut followed) = (None, None);
     for (index, set) in sets.iter_mut().enumerate() {
         ui.push_id(index, |ui| {
             if row(ui, index, set) {
                 removed = Some(index);
             }
-            actions(ui, index, set, state);
+            if actions(ui, index, set, state) {
+                followed = Some(index);
+            }
+            by_ids(ui, set, state);
         });
+    }
+    // One at a time.
+    if let Some(index) = followed {
+        let follow = !sets[index].follow;
+        sets.iter_mut().for_each(|set| set.follow = false);
+        sets[index].follow = follow;
+        state.looking.following.approach = follow;
     }
     if let Some(index) = removed {
         sets.remove(index);
@@ -80,14 +91,15 @@ fn row(ui: &mut Ui, index: usize, set: &mut SelectionSet) -> bool {
     remove
 }
 
-/// What can be done with one of them.
-fn actions(ui: &mut Ui, index: usize, set: &SelectionSet, state: &mut PanelState<'_, '_>) {
-    let Some(scene) = &state.scene else { return };
+/// What can be done with one of them; whether it is to be followed, or not any more.
+fn actions(ui: &mut Ui, index: usize, set: &SelectionSet, state: &mut PanelState<'_, '_>) -> bool {
+    let Some(scene) = &state.scene else { return false };
+    let mut toggled = false;
     ui.horizontal(|ui| {
         ui.spacing_mut().item_spacing.x = 3.0;
         ui.add_space(17.0);
         if theme::button(ui, &format!("selection:{index}:probe"), "Probe", true, "Sum it up over the whole data") {
-            state.looking.prober.start(&scene.file, set.members.clone(), None);
+            state.looking.prober.start(&scene.file, set.members.clone(), source_for(scene, &set.members));
         }
         for (format, title) in [(Format::Csv, "CSV"), (Format::Parquet, "Parquet")] {
             let help = "Write its particles with ids and all fields to a table beside the data";
@@ -96,7 +108,21 @@ fn actions(ui: &mut Ui, index: usize, set: &SelectionSet, state: &mut PanelState
                 state.looking.keeping.write(scene, &set.name, &set.members, format);
             }
         }
+    });
+    ui.horizontal(|ui| {
+        ui.spacing_mut().item_spacing.x = 3.0;
+        ui.add_space(17.0);
+        let text = RichText::new("Follow").size(12.0);
+        let follow = ui.add(egui::Button::new(text).selected(set.follow).min_size(vec2(18.0, 18.0)));
+        theme::register(ui, &format!("selection:{index}:follow"), follow.rect);
+        let help = "Fly to its centre of mass and stay with it: in other snapshots, and while particles move";
+        toggled = follow.on_hover_text(help).clicked();
         if let Members::Region(region) = &set.members {
+            let help = "Keep it by the ids of its particles, which find them again in other snapshots of the same run";
+            let idle = scene.source().is_some() && !matches!(state.looking.by_ids.answer, Answer::Coming(_));
+            if theme::button(ui, &format!("selection:{index}:by-id"), "By id", idle, help) {
+                state.looking.by_ids.ask(scene, &set.members);
+            }
             let bounds = region.bounds();
             let finite = bounds.min.is_finite() && bounds.max.is_finite();
             if theme::button(ui, &format!("selection:{index}:fly"), "Fly to", finite, "Fly to it and turn around it") {
@@ -104,6 +130,42 @@ fn actions(ui: &mut Ui, index: usize, set: &SelectionSet, state: &mut PanelState
             }
         }
     });
+    toggled
+}
+
+/// What is known of a selection's ids: how many are here, or why nobody knows.
+fn by_ids(ui: &mut Ui, set: &SelectionSet, state: &PanelState<'_, '_>) {
+    let coming = |ui: &mut Ui, what: &str, progress: &crate::app::open::SharedProgress| {
+        theme::fact(ui, what, "");
+        theme::bar(ui, progress.state().1.unwrap_or(0.0), theme::ACCENT);
+        ui.ctx().request_repaint();
+    };
+    let Some(ids) = set.members.ids() else {
+        if let Answer::Coming(ids) = &state.looking.by_ids.answer
+            && state.looking.by_ids.is_asked(&set.members)
+        {
+            coming(ui, "Reading ids", &ids.progress);
+        }
+        return;
+    };
+    match state.looking.looked_up.of(ids) {
+        Some(Answer::Here(found)) => {
+            let here = match found.count == ids.len() {
+                true => format!("{} ids", number::count(ids.len())),
+                false => format!("{} of {} ids are here", number::count(found.count), number::count(ids.len())),
+            };
+            let color = if found.count == 0 { theme::BAD } else { theme::LABEL };
+            ui.label(RichText::new(here).size(12.0).color(color));
+        }
+        Some(Answer::Coming(lookup)) => coming(ui, "Looking for its particles", &lookup.progress),
+        Some(Answer::Failed(why)) => {
+            let text = format!("It cannot be shown: {why}");
+            ui.add(egui::Label::new(RichText::new(text).size(12.0).color(theme::BAD)).wrap());
+        }
+        Some(Answer::Nothing) | None => {
+            ui.label(RichText::new(format!("{} ids", number::count(ids.len()))).size(12.0).color(theme::LABEL));
+        }
+    }
 }
 
 /// A new selection by the values of a field.
