@@ -258,16 +258,15 @@ mod tests {
         assert!(covered.iter().all(|&at| drawn.rgba[at][..3] == set.rgb().unwrap()));
         assert!(drawn.rgba[100 * 200 + 100][3] > 200, "the core is covered");
 
-        // By its ids, and by the source's own places, it is drawn where its region is.
+        // By what is found in the source, as sets of ids are, and by the source's own places, it is drawn where its region is.
         let opened = crate::import::open(&source).unwrap();
-        let ids = crate::explore::ids_of(opened.as_ref(), &set.members, None, Work::quiet()).unwrap();
-        let found = FoundIds::of(opened.as_ref(), &ids, file.metadata(), Work::quiet()).unwrap();
-        assert_eq!(found.count, ids.len());
-        let highlighter = found.highlighter;
+        let places = Places::of(opened.as_ref(), &set.members, None, Work::quiet()).unwrap();
+        let found = FoundIds::of(opened.as_ref(), &set.members, file.metadata(), Work::quiet()).unwrap();
+        assert_eq!(found.count, places.len() as u64);
+        let ids = IdSet::new(vec![7, 9]);
         let by_id = SelectionSet { members: Members::Ids(ids.clone()), ..set.clone() };
-        let look_up = |wanted: &IdSet| (*wanted == ids).then(|| Arc::clone(&highlighter));
+        let look_up = |wanted: &IdSet| (*wanted == ids).then(|| Arc::clone(&found.highlighter));
         let marks = Marks::new([&by_id], file.metadata(), None, look_up).unwrap();
-        let places = Places::of(opened.as_ref(), &ids, None, Work::quiet()).unwrap();
         let exact = draw_places(&view, &[(places, set.rgb().unwrap())], false, &FamilyName::ALL);
         for (name, other) in [("ids", marks.draw(&view, file.metadata(), &nodes)), ("places", exact)] {
             let differ =
