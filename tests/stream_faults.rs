@@ -126,7 +126,7 @@ fn a_file_replaced_or_deleted_while_open_is_told_and_goes_on_where_the_system_le
         } else {
             std::fs::remove_file(&path).unwrap();
         }
-        assert_eq!(file.change(), Some(change));
+        assert_eq!(file.change_of(PageId(0)), Some(change));
         let (_, selection, told) = converge(&file, Duration::from_secs(20));
         assert!(selection.converged, "an open file outlives its name");
         assert!(told.len() == 1 && told[0].contains(word) && told[0].contains("sound.df"), "{told:?}");

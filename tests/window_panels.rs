@@ -252,3 +252,48 @@ fn a_scene_whose_data_has_changed_opens_with_what_applies() {
     desktop.close(desktop.window().unwrap());
     assert_eq!(program.exit_code(), Some(0));
 }
+
+#[test]
+fn several_datasets_are_shown_hidden_saved_and_closed() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = folder.path().join("box.hdf5");
+    std::fs::copy(window_support::demo(), &data).unwrap();
+    let desktop = Desktop::start();
+    let with = format!("{}@60,0,0", data.display());
+    let arguments = ["--backend", "cpu", "--with", &with];
+    let mut program = Program::open(&desktop, folder.path(), &data, [1280, 720], &arguments);
+    let both = program.wait("a converged picture", |status| status["converged"] == true);
+    desktop.focus(desktop.window().unwrap());
+    assert_eq!(both["settings"]["families"], serde_json::json!([true, true]), "{both:#}");
+    let drawn = both["particles_drawn"].as_f64().unwrap();
+    keep(&desktop, "datasets.png");
+
+    // The second one's particles are hidden by themselves.
+    let hidden = click(&program, &desktop, "family:dark:2", |s| s["settings"]["families"][1] == false);
+    assert_eq!(hidden["settings"]["families"][0], true);
+    let fewer = program.wait("fewer particles", |s| s["particles_drawn"].as_f64().is_some_and(|n| n < 0.8 * drawn));
+
+    // A scene brings both back as they are.
+    let press = || desktop.press_with(&[CONTROL], u32::from('s'));
+    let saved = repeat(&program, "saved", press, |s| s["scene"].is_string());
+    let text = std::fs::read_to_string(saved["scene"].as_str().unwrap()).unwrap();
+    assert!(text.contains("offset: (60.0, 0.0, 0.0)") || text.contains("offset: [60.0, 0.0, 0.0]"), "{text}");
+    let picture = folder.path().join("same.png");
+    let statistics = folder.path().join("same.json");
+    let rendered = Command::new(env!("CARGO_BIN_EXE_deepfield"))
+        .args(["render", saved["scene"].as_str().unwrap(), "--backend", "cpu", "--json"])
+        .arg(&statistics)
+        .arg("-o")
+        .arg(&picture)
+        .env("XDG_CACHE_HOME", folder.path())
+        .output()
+        .unwrap();
+    assert!(rendered.status.success(), "{}", String::from_utf8_lossy(&rendered.stderr));
+    let rendered: Value = serde_json::from_str(&std::fs::read_to_string(&statistics).unwrap()).unwrap();
+    assert_eq!(rendered["particles_drawn"], fewer["particles_drawn"]);
+
+    // The first is closed; the second stays where it is.
+    click(&program, &desktop, "dataset:0:remove", |s| s["settings"]["families"].as_array().map(Vec::len) == Some(1));
+    let one = program.wait("the other alone", |s| s["converged"] == true && s["target"][0].as_f64() > Some(60.0));
+    assert!(one["controls"]["dataset:0:remove"].is_null(), "nothing else can be closed");
+}

@@ -4,11 +4,12 @@
 use super::messages::Messages;
 use super::objects::{Objects, is_catalogue};
 use super::options::{OpenRequest, Opener};
+use super::scene::Scene;
 use super::scene_io::OpenedScene;
 use crate::model::Bounds;
 use crate::model::progress::Progress;
-use crate::scene_file::{SceneFile, is_scene_file};
-use crate::store::PageFile;
+use crate::scene_file::{Member, SceneFile, is_scene_file, open_members};
+use crate::store::{PageFile, StoreError};
 use crate::stream::first_frame;
 use bevy::prelude::*;
 use std::path::{Path, PathBuf};
@@ -52,6 +53,8 @@ impl Progress for SharedProgress {
 pub struct Openings {
     opener: Opener,
     current: Option<Opening>,
+    /// Whether files that are dropped are shown with what is open, not in its place.
+    pub adds_dropped: bool,
 }
 
 /// A file on its way.
@@ -66,7 +69,11 @@ struct Opening {
 pub struct Opened {
     /// What the user named.
     pub path: PathBuf,
-    /// The page file made of it.
+    /// The datasets.
+    pub members: Vec<Member>,
+    /// What of them does not fit together.
+    pub notes: Vec<String>,
+    /// The page file made of them.
     pub file: Arc<PageFile>,
     /// The box to look at first.
     pub frame: Bounds,
@@ -77,23 +84,25 @@ pub struct Opened {
 impl Openings {
     /// Opens nothing yet.
     pub fn new(opener: Opener) -> Openings {
-        Openings { opener, current: None }
+        Openings { opener, current: None, adds_dropped: false }
     }
 
     /// Starts to open a file; one that is still on its way is abandoned.
     pub fn start(&mut self, request: OpenRequest) {
         let progress = Arc::new(SharedProgress::default());
         progress.begin("reading", 0);
-        let (opener, path, shared) = (Arc::clone(&self.opener), request.path.clone(), Arc::clone(&progress));
+        let named = request.members.last().map(|member| member.path.clone()).or_else(|| request.scene.clone());
+        let (opener, path, shared) = (Arc::clone(&self.opener), named.unwrap_or_default(), Arc::clone(&progress));
         let (send, outcome) = channel();
         // A thread of its own: a disk that does not answer must not take one from a pool that draws.
         let open = move || {
-            let (request, scene) = data_of(request)?;
-            let file = opener(&request, shared.as_ref())?;
-            let file = PageFile::open(&file).map_err(|error| error.to_string())?;
+            let (members, scene) = data_of(request)?;
+            let path = members.first().map(|member| member.path.clone()).unwrap_or_default();
+            let page_file = |path: &Path| opener(path, shared.as_ref()).map_err(Failure);
+            let (file, notes) = open_members(&members, page_file).map_err(|Failure(why)| why)?;
             let families: Vec<u32> = (0..file.metadata().families.len() as u32).collect();
             let frame = first_frame(&file, &families);
-            Ok(Opened { path: request.path, file: Arc::new(file), frame, scene: scene.map(Arc::new) })
+            Ok(Opened { path, members, notes, file: Arc::new(file), frame, scene: scene.map(Arc::new) })
         };
         let failed = send.clone();
         // Nobody listens any more where another file was opened meanwhile.
@@ -112,27 +121,39 @@ impl Openings {
     }
 }
 
-/// The data to open: what is named, or what the scene that is named says; its own data where both are.
-fn data_of(request: OpenRequest) -> Result<(OpenRequest, Option<OpenedScene>), String> {
-    let (path, data) = match request.scene {
-        Some(scene) => (scene, request.path),
-        None if is_scene_file(&request.path) => (request.path, PathBuf::new()),
-        None => return Ok((request, None)),
+/// Why a file cannot be opened, in a line.
+struct Failure(String);
+
+impl From<StoreError> for Failure {
+    fn from(error: StoreError) -> Failure {
+        Failure(error.to_string())
+    }
+}
+
+/// The datasets to open: what is named, or what the scene that is named says; its own data where both are.
+fn data_of(request: OpenRequest) -> Result<(Vec<Member>, Option<OpenedScene>), String> {
+    let mut own = request.members;
+    let path = match request.scene {
+        Some(scene) => scene,
+        None if own.first().is_some_and(|first| is_scene_file(&first.path)) => own.remove(0).path,
+        None => return Ok((own, None)),
     };
     let scene = SceneFile::read(&path).map_err(|error| error.to_string())?;
     let mut notes = Vec::new();
-    let mut data = data;
-    if data.as_os_str().is_empty() {
-        let named = scene.datasets.first().ok_or_else(|| format!("{}: no dataset is named", path.display()))?;
-        let located = named.locate(&path).map_err(|error| error.to_string())?;
-        (data, notes) = (located.path, located.notes);
+    if own.is_empty() {
+        let located = scene.locate(&path).map_err(|error| error.to_string())?;
+        (own, notes) = (located.members, located.notes);
+    } else if let Some(named) = scene.datasets.first() {
+        own[0].families.clone_from(&named.families);
     }
-    Ok((OpenRequest { path: data, scene: None }, Some(OpenedScene { path, scene, notes })))
+    Ok((own, Some(OpenedScene { path, scene, notes })))
 }
 
-/// Starts to open files that are dropped on the window.
+/// Starts to open files that are dropped on the window: in the place of what is open, or with it where the user wants that.
 pub(super) fn open_dropped_files(
     mut dropped: MessageReader<FileDragAndDrop>,
+    keys: Res<ButtonInput<KeyCode>>,
+    scene: Option<Res<Scene>>,
     mut openings: ResMut<Openings>,
     mut objects: ResMut<Objects>,
 ) {
@@ -142,7 +163,12 @@ pub(super) fn open_dropped_files(
                 objects.open(path_buf.clone());
                 continue;
             }
-            openings.start(OpenRequest { path: path_buf.clone(), scene: None });
+            let mut request = OpenRequest::of(path_buf);
+            let adds = openings.adds_dropped || keys.any_pressed([KeyCode::ShiftLeft, KeyCode::ShiftRight]);
+            if let Some(scene) = scene.as_ref().filter(|_| adds && !is_scene_file(path_buf)) {
+                request.members.splice(0..0, scene.members.iter().cloned());
+            }
+            openings.start(request);
         }
     }
 }
@@ -185,12 +211,13 @@ mod tests {
         std::fs::write(&data, b"data").unwrap();
         std::fs::write(&path, "(version: 1, datasets: [(path: \"box.df\")])").unwrap();
         let open = |path: &Path, scene: Option<&Path>| {
-            data_of(OpenRequest { path: path.to_owned(), scene: scene.map(Path::to_owned) })
+            let members = vec![Member::new(path)];
+            data_of(OpenRequest { members, scene: scene.map(Path::to_owned) })
         };
-        let (request, scene) = open(&path, None).unwrap();
-        assert_eq!((request.path, scene.unwrap().path), (data.clone(), path.clone()));
-        let (request, scene) = open(Path::new("other.df"), Some(&path)).unwrap();
-        assert!(request.path == Path::new("other.df") && scene.is_some(), "other data in the light of a scene");
+        let (members, scene) = open(&path, None).unwrap();
+        assert_eq!((members, scene.unwrap().path), (vec![Member::new(&data)], path.clone()));
+        let (members, scene) = open(Path::new("other.df"), Some(&path)).unwrap();
+        assert!(members == [Member::new("other.df")] && scene.is_some(), "other data in the light of a scene");
         assert!(open(&data, None).unwrap().1.is_none());
         std::fs::remove_file(&data).unwrap();
         let error = open(&path, None).unwrap_err();
@@ -199,13 +226,14 @@ mod tests {
 
     #[test]
     fn a_dropped_file_is_opened_and_a_failure_is_reported() {
-        let opener: Opener = Arc::new(|request, _| Err(format!("{}: not readable", request.path.display())));
+        let opener: Opener = Arc::new(|path, _| Err(format!("{}: not readable", path.display())));
         let mut app = App::new();
         app.add_message::<FileDragAndDrop>()
             .add_message::<Opened>()
             .insert_resource(Openings::new(opener))
             .init_resource::<Messages>()
             .init_resource::<Objects>()
+            .init_resource::<ButtonInput<KeyCode>>()
             .add_systems(Update, (open_dropped_files, finish_opening).chain());
         let window = app.world_mut().spawn_empty().id();
         app.world_mut().write_message(FileDragAndDrop::HoveredFile { window, path_buf: "dragged.hdf5".into() });
@@ -221,5 +249,61 @@ mod tests {
         let messages: Vec<String> =
             app.world().resource::<Messages>().all().map(|message| message.text.clone()).collect();
         assert_eq!(messages, ["dropped.hdf5: not readable"]);
+    }
+
+    #[test]
+    fn a_file_that_is_dropped_with_shift_joins_what_is_open() {
+        let folder = tempfile::tempdir().unwrap();
+        let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/demo/lcdm64_z0.hdf5");
+        let page_file = folder.path().join("demo.df");
+        let options = (crate::import::LoadOptions::default(), crate::build::BuildOptions::default());
+        crate::build::build_source(&source, &options.0, &options.1, &page_file, &()).unwrap();
+        let built = page_file.clone();
+        let opener: Opener = Arc::new(move |_, _| Ok(built.clone()));
+        let file = Arc::new(PageFile::open(&page_file).unwrap());
+        let bounds = file.metadata().bounds();
+        let mut app = App::new();
+        app.add_message::<FileDragAndDrop>()
+            .add_message::<Opened>()
+            .insert_resource(Openings::new(opener))
+            .init_resource::<Messages>()
+            .init_resource::<Objects>()
+            .init_resource::<ButtonInput<KeyCode>>()
+            .insert_resource(Scene {
+                path: page_file.clone(),
+                members: vec![Member::new(&page_file)],
+                facts: crate::app::facts::Facts::of(&file),
+                file,
+                bounds,
+                frame: bounds,
+                periodic: None,
+                length_unit: String::new(),
+                generation: 1,
+            })
+            .add_systems(Update, (open_dropped_files, finish_opening).chain());
+        let window = app.world_mut().spawn_empty().id();
+        let mut dropped = |shift: bool, adds: bool| {
+            let mut keys = ButtonInput::<KeyCode>::default();
+            if shift {
+                keys.press(KeyCode::ShiftLeft);
+            }
+            app.insert_resource(keys);
+            app.world_mut().resource_mut::<Openings>().adds_dropped = adds;
+            app.world_mut().write_message(FileDragAndDrop::DroppedFile { window, path_buf: "new.hdf5".into() });
+            let start = Instant::now();
+            loop {
+                app.update();
+                let arrived: Vec<Opened> =
+                    app.world_mut().resource_mut::<bevy::ecs::message::Messages<Opened>>().drain().collect();
+                if let Some(opened) = arrived.into_iter().last() {
+                    return (opened.members.len(), opened.file.parts().len(), opened.path);
+                }
+                assert!(start.elapsed() < Duration::from_secs(60), "nothing arrives");
+                std::thread::sleep(Duration::from_millis(1));
+            }
+        };
+        assert_eq!(dropped(false, false), (1, 1, "new.hdf5".into()));
+        assert_eq!(dropped(true, false), (2, 2, page_file.clone()));
+        assert_eq!(dropped(false, true), (2, 2, page_file.clone()));
     }
 }

@@ -2,25 +2,33 @@
 
 use super::preset::{Backend, Preset, PresetError};
 use crate::model::progress::Progress;
+use crate::scene_file::Member;
 use bevy::prelude::App;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use thiserror::Error;
 
 /// Turns something that a user named (a snapshot, a catalogue, a page file) into a page file and returns its path. Runs
 /// on a background thread; the error is one line that names the file and the cause.
-pub type Opener = Arc<dyn Fn(&OpenRequest, &dyn Progress) -> Result<PathBuf, String> + Send + Sync>;
+pub type Opener = Arc<dyn Fn(&Path, &dyn Progress) -> Result<PathBuf, String> + Send + Sync>;
 
 /// Adds a caller's own plugins and systems to the window, after all others.
 pub type Extension = Arc<dyn Fn(&mut App) + Send + Sync>;
 
 /// What to open.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct OpenRequest {
-    /// A page file, any supported source, or a scene file; empty where `scene` says.
-    pub path: PathBuf,
+    /// Page files and sources, which make one scene; or first a scene file. None where `scene` says.
+    pub members: Vec<Member>,
     /// A scene to show the data with, whatever data it names itself.
     pub scene: Option<PathBuf>,
+}
+
+impl OpenRequest {
+    /// One file.
+    pub fn of(path: impl Into<PathBuf>) -> OpenRequest {
+        OpenRequest { members: vec![Member::new(path)], scene: None }
+    }
 }
 
 /// How the window starts.

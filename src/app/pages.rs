@@ -363,11 +363,12 @@ mod tests {
             .insert_resource(Scene {
                 periodic: None,
                 path: file.path().to_owned(),
+                members: Vec::new(),
                 file: Arc::clone(file),
                 bounds,
                 frame: bounds,
                 length_unit: String::new(),
-                facts: Facts::of(file.metadata()),
+                facts: Facts::of(file),
                 generation: 1,
             })
             .init_resource::<Messages>()

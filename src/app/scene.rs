@@ -12,10 +12,11 @@ use super::scene_io::{self, SceneParts};
 use crate::annotate::Annotations;
 use crate::explore::SelectionSet;
 use crate::explore::data::source_path;
-use crate::model::{Bounds, PeriodicBox};
+use crate::model::{Bounds, FamilyName, PeriodicBox};
 use crate::modes::economy::{PRESENCE, THINNING};
 use crate::modes::{self, Mode, SettingValue};
 use crate::raster::transfer::{Range, TransferFunction};
+use crate::scene_file::{Member, shown_families};
 use crate::store::{Metadata, PageFile};
 use crate::view::CutSettings;
 use bevy::prelude::*;
@@ -28,7 +29,9 @@ use std::sync::Arc;
 pub struct Scene {
     /// What the user named.
     pub path: PathBuf,
-    /// Its page file.
+    /// The datasets: that, and those shown with it.
+    pub members: Vec<Member>,
+    /// Its page file, or theirs as one.
     pub file: Arc<PageFile>,
     /// The box around all families, world units.
     pub bounds: Bounds,
@@ -45,8 +48,11 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// The source, where it is still there: what the user named, unless that is a page file itself.
+    /// The source, where it is still there: what the user named, unless that is a page file itself. None where there are several.
     pub fn source(&self) -> Option<PathBuf> {
+        if self.file.is_joined() {
+            return None;
+        }
         if self.path != self.file.path() { Some(self.path.clone()) } else { source_path(&self.file) }
     }
 }
@@ -163,7 +169,9 @@ pub(super) fn adopt_opened(
     mut parts: SceneParts,
     camera: Single<(Entity, &mut Viewpoint, &mut Anchor, &mut PanOrbitCamera), With<DataCamera>>,
 ) {
-    let Some(Opened { path, file, frame, scene: opened }) = opened.read().last().cloned() else { return };
+    let Some(Opened { path, members, notes, file, frame, scene: opened }) = opened.read().last().cloned() else {
+        return;
+    };
     let metadata = file.metadata();
     let bounds = metadata.bounds();
     let (entity, mut viewpoint, mut anchor, mut orbit) = camera.into_inner();
@@ -187,7 +195,8 @@ pub(super) fn adopt_opened(
     if !settings.mode_chosen {
         settings.change_mode(modes::usual(choices.attributes.iter().map(String::as_str)));
     }
-    settings.families = vec![true; metadata.families.len()];
+    let (shown, missing) = shown_families(&file, &members);
+    settings.families = shown;
     settings.transfer.range = Range::Auto;
     if let Some(hue) = &mut settings.transfer.hue {
         hue.range = Range::Auto;
@@ -196,13 +205,18 @@ pub(super) fn adopt_opened(
     let camera = (entity, &mut *viewpoint, &mut *anchor, &mut *orbit);
     let attributes = &choices.attributes;
     let opened = opened.as_deref();
-    scene_io::apply(opened, metadata, attributes, &mut settings, camera, &mut parts, &mut commands, &mut messages);
-    let facts = Facts::of(metadata);
-    messages.info(format!("opened {}", path.display()));
+    scene_io::apply(opened, attributes, &mut settings, camera, &mut parts, &mut commands, &mut messages);
+    let facts = Facts::of(&file);
+    let told = |family: FamilyName| format!("{}: the data has no particles of family {family}", path.display());
+    notes.into_iter().chain(missing.into_iter().map(told)).for_each(|note| messages.error(note));
+    messages.info(match members.len() {
+        1 => format!("opened {}", path.display()),
+        more => format!("opened {} with {} more", path.display(), more - 1),
+    });
     let generation = scene.map_or(0, |scene| scene.generation) + 1;
     let length_unit = metadata.length_unit.to_string();
     let (file, periodic) = (Arc::clone(&file), metadata.periodic_box());
-    commands.insert_resource(Scene { path, file, bounds, frame, periodic, length_unit, facts, generation });
+    commands.insert_resource(Scene { path, members, file, bounds, frame, periodic, length_unit, facts, generation });
 }
 
 /// The attributes of all families, each once: first those that only some have, then the quantities that all have.

@@ -11,8 +11,8 @@ use super::scene::{AttributeChoice, Scene, Settings};
 use super::shortcuts::Shown;
 use crate::model::FamilyName;
 use crate::modes;
-use crate::scene_file::{Attribute, Bookmark, Camera, DatasetRef, Panels, SceneFile};
-use crate::store::Metadata;
+use crate::scene_file::{Attribute, Bookmark, Camera, DatasetRef, Member, Panels, SceneFile};
+use crate::store::PartInfo;
 use bevy::ecs::system::SystemParam;
 use bevy::math::DVec3;
 use bevy::prelude::*;
@@ -86,11 +86,16 @@ fn scene_file(
     parts: &SceneParts<'_>,
     path: &Path,
 ) -> SceneFile {
-    let families = scene.file.metadata().families.iter().map(|family| family.name);
-    let shown: Vec<FamilyName> =
-        families.zip(&settings.families).filter(|(_, shown)| **shown).map(|(name, _)| name).collect();
-    let all = shown.len() == settings.families.len();
-    let dataset = DatasetRef { families: (!all).then_some(shown), ..DatasetRef::of(&scene.path, path) };
+    let all = &scene.file.metadata().families;
+    let dataset = |(part, member): (PartInfo<'_>, &Member)| {
+        let shown = |i: &usize| settings.families.get(*i).copied().unwrap_or(true);
+        let names: Vec<FamilyName> =
+            part.families.clone().filter(shown).filter_map(|i| Some(all.get(i)?.name)).collect();
+        let families = (names.len() < part.families.len()).then_some(names);
+        let (offset, scale) = (member.offset.to_array(), member.scale);
+        DatasetRef { families, offset, scale, ..DatasetRef::of(&member.path, path) }
+    };
+    let datasets = scene.file.parts().zip(&scene.members).map(dataset).collect();
     let size = picture.size();
     SceneFile {
         mode: Some(settings.mode.name.to_owned()),
@@ -109,7 +114,7 @@ fn scene_file(
         bookmarks: parts.bookmarks.0.clone(),
         selections: settings.selections.clone(),
         panels: Panels { shown: parts.shown.panel, closed: Some(parts.closed.0.iter().cloned().collect()) },
-        ..SceneFile::new(dataset)
+        ..SceneFile::new(datasets)
     }
 }
 
@@ -154,7 +159,6 @@ pub(super) fn save(
 /// Shows what a scene says of the file that has just been adopted; what does not apply to it is told and left out.
 pub(super) fn apply(
     opened: Option<&OpenedScene>,
-    metadata: &Metadata,
     attributes: &[String],
     settings: &mut Settings,
     (entity, viewpoint, anchor, orbit): (Entity, &mut Viewpoint, &mut Anchor, &mut PanOrbitCamera),
@@ -194,13 +198,6 @@ pub(super) fn apply(
         settings.error_px = error_px;
     }
     settings.cut = scene.cut;
-    if let Some(families) = scene.datasets.first().and_then(|dataset| dataset.families.as_ref()) {
-        let names: Vec<FamilyName> = metadata.families.iter().map(|family| family.name).collect();
-        settings.families = names.iter().map(|name| families.contains(name)).collect();
-        for missing in families.iter().filter(|family| !names.contains(family)) {
-            messages.error(told(format!("the data has no particles of family {missing}")));
-        }
-    }
     if let Some(camera) = &scene.camera {
         let lens;
         (*viewpoint, lens) = viewpoint_of(camera);

@@ -149,12 +149,16 @@ impl Stage {
     /// When a selection makes no sense, or the source cannot be read.
     pub fn with_exact_selections(
         self,
-        selections: &[SelectionSet],
+        arguments: &Arguments,
         path: &Path,
         families: &[FamilyName],
     ) -> Result<Stage, ExploreError> {
-        let (shown, alone) = marks::shown(selections);
+        let (shown, alone) = marks::shown(&arguments.selections);
         if shown.is_empty() {
+            return Ok(self);
+        }
+        if !arguments.with.is_empty() {
+            eprintln!("deepfield: an exact picture of several datasets leaves the selections out");
             return Ok(self);
         }
         let source = crate::import::open(path)?;

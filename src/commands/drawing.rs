@@ -37,7 +37,7 @@ impl Drawing {
         studio: &mut Option<Studio>,
     ) -> Result<Drawing, Box<dyn std::error::Error + Send + Sync>> {
         if studio.is_none() && !arguments.exact {
-            *studio = Some(Studio::open(&arguments.path)?);
+            *studio = Some(Studio::open(&arguments.members())?);
         }
         let studio = studio.as_mut().filter(|_| !arguments.exact);
         Ok(match arguments.mode.filter(|mode| mode.painter().is_some()) {

@@ -6,14 +6,39 @@ use super::render::Arguments;
 use crate::explore::data::source_path;
 use crate::import::{AttributeChoice, LoadOptions, load};
 use crate::model::{Dataset, FamilyName};
+use crate::scene_file::Member;
 use crate::store::PageFile;
 use std::path::{Path, PathBuf};
 
-/// The particles that an exact picture draws: those of the source, or of the one that a page file was built from.
+/// The particles that an exact picture draws: those of the source, or of the one that a page file was built from; of several
+/// datasets all, each where it lies.
 pub(super) fn load_exact(
     arguments: &Arguments,
 ) -> Result<(PathBuf, Dataset), Box<dyn std::error::Error + Send + Sync>> {
-    let source = source_of(&arguments.path)?;
+    let members = arguments.members();
+    let (path, mut whole) = load_one(arguments, &members[0])?;
+    let units = (whole.length_unit.clone(), whole.mass_unit.clone());
+    let place = |member: &Member, dataset: &mut Dataset| {
+        let placement = member.placement((&dataset.length_unit, &dataset.mass_unit), (&units.0, &units.1));
+        placement.place(dataset);
+        placement.is_here()
+    };
+    let mut is_here = place(&members[0], &mut whole);
+    for member in &members[1..] {
+        let (_, mut next) = load_one(arguments, member)?;
+        is_here &= place(member, &mut next) && next.provenance.box_size == whole.provenance.box_size;
+        whole.families.append(&mut next.families);
+        whole.skipped.append(&mut next.skipped);
+    }
+    whole.provenance.box_size = whole.provenance.box_size.filter(|_| is_here);
+    Ok((path, whole))
+}
+
+fn load_one(
+    arguments: &Arguments,
+    member: &Member,
+) -> Result<(PathBuf, Dataset), Box<dyn std::error::Error + Send + Sync>> {
+    let source = source_of(&member.path)?;
     let attributes = arguments
         .attribute
         .iter()
@@ -24,7 +49,7 @@ pub(super) fn load_exact(
     let options = LoadOptions {
         families: match arguments.family {
             Some(family) => vec![family],
-            None => arguments.families.clone().unwrap_or_default(),
+            None => member.families.clone().unwrap_or_default(),
         },
         attributes: if arguments.attribute.is_some() && !named.is_empty() {
             AttributeChoice::Named(named)

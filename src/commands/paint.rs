@@ -194,7 +194,7 @@ fn paint_exact(
     Ok(Outcome {
         painted: painted.ok_or("nothing was drawn")?,
         stage: Stage::new(arguments, view, framed, Units::of_dataset(&dataset, &depiction), &depiction)?
-            .with_exact_selections(&arguments.selections, &source, &names(&dataset))?,
+            .with_exact_selections(arguments, &source, &names(&dataset))?,
         levels: "source",
         attribute: depiction.attribute.map(|coloring| coloring.name),
         converged: true,

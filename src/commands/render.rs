@@ -18,7 +18,8 @@ use crate::modes::{self, Depiction, Economy, Mode, Plan, SettingKind, SettingVal
 use crate::raster::composite::Background;
 use crate::raster::transfer::TransferFunction;
 use crate::raster::{Accumulation, Method, output};
-use crate::store::Metadata;
+use crate::scene_file::{Member, shown_families};
+use crate::store::PageFile;
 use crate::view::{CutSettings, Periodic, Projection, View, frame};
 use glam::DVec3;
 use std::collections::BTreeMap;
@@ -37,6 +38,10 @@ use std::path::PathBuf;
 pub struct Arguments {
     /// The source or page file, or a scene file.
     pub path: PathBuf,
+    /// Another source or page file in the same picture, in the first one's units; @X,Y,Z says where its origin lies there and *SCALE
+    /// how many of the first one's lengths one of its own is. Can be given several times.
+    #[arg(long, value_name = "FILE[@X,Y,Z[*SCALE]]")]
+    pub with: Vec<Member>,
     /// Where the picture goes: .png (colours) or .exr (the raw channels P and S).
     #[arg(short, long, value_name = "FILE")]
     pub output: PathBuf,
@@ -122,9 +127,9 @@ pub struct Arguments {
     /// A scene's selections.
     #[arg(skip)]
     pub selections: Vec<SelectionSet>,
-    /// The families that a scene shows; all where it is `None`.
+    /// Where the first dataset of a scene lies, and which of its families are shown; its path is `path`.
     #[arg(skip)]
-    pub families: Option<Vec<FamilyName>>,
+    pub first: Member,
     /// No attribute colours the picture, even if the mode has a usual one.
     #[arg(skip)]
     pub plain: bool,
@@ -175,7 +180,8 @@ impl Arguments {
             annotate: AnnotateOptions::default(),
             annotations: None,
             settings: Settings::default(),
-            families: None,
+            first: Member::default(),
+            with: Vec::new(),
             selections: Vec::new(),
             plain: false,
             cut: CutSettings::default(),
@@ -183,6 +189,12 @@ impl Arguments {
             volume: None,
             background: None,
         }
+    }
+
+    /// The datasets that are drawn.
+    pub fn members(&self) -> Vec<Member> {
+        let first = Member { path: self.path.clone(), ..self.first.clone() };
+        std::iter::once(first).chain(self.with.iter().cloned()).collect()
     }
 
     /// The same, with the options about what may be left out among the settings.
@@ -460,7 +472,7 @@ fn draw_exact(arguments: &Arguments) -> Result<Picture, Box<dyn std::error::Erro
     let picture = Picture {
         accumulation: Accumulation::default(),
         stage: Stage::new(arguments, view, framed, Units::of_dataset(&dataset, &depiction), &depiction)?
-            .with_exact_selections(&arguments.selections, &source, &names(&dataset))?,
+            .with_exact_selections(arguments, &source, &names(&dataset))?,
         mode,
         attribute: depiction.attribute.as_ref().map(|coloring| coloring.name.clone()),
         economy: LeftOut::new(&Economy::NONE, &Plan::default()),
@@ -494,20 +506,23 @@ fn draw_exact(arguments: &Arguments) -> Result<Picture, Box<dyn std::error::Erro
 ///
 /// # Errors
 /// Where the family that the user names is not there, or none of those that a scene shows.
-pub(super) fn families(arguments: &Arguments, metadata: &Metadata) -> Result<Vec<u32>, String> {
+pub(super) fn families(arguments: &Arguments, file: &PageFile) -> Result<Vec<u32>, String> {
+    let families = &file.metadata().families;
+    let all = |shown: &dyn Fn(usize) -> bool| -> Vec<u32> {
+        (0..families.len()).filter(|&i| shown(i)).map(|i| i as u32).collect()
+    };
     let missing = |name: FamilyName| format!("{}: no particles of family {name}", arguments.path.display());
-    let index = |name: FamilyName| metadata.family(name).map(|(index, _)| index);
-    match (arguments.family, &arguments.families) {
-        (Some(name), _) => Ok(vec![index(name).ok_or_else(|| missing(name))?]),
-        (None, Some(names)) => {
-            let found: Vec<u32> = names.iter().filter_map(|&name| index(name)).collect();
-            match (found.is_empty(), names.first()) {
-                (true, Some(&name)) => Err(missing(name)),
-                (true, None) => Err(format!("{}: the scene shows no family", arguments.path.display())),
-                (false, _) => Ok(found),
-            }
+    let (found, absent) = match arguments.family {
+        Some(name) => (all(&|i| families[i].name == name), vec![name]),
+        None => {
+            let (shown, missing) = shown_families(file, &arguments.members());
+            (all(&|i| shown[i]), missing)
         }
-        (None, None) => Ok((0..metadata.families.len() as u32).collect()),
+    };
+    match (found.is_empty(), absent.first()) {
+        (false, _) => Ok(found),
+        (true, Some(&name)) => Err(missing(name)),
+        (true, None) => Err(format!("{}: the scene shows no family", arguments.path.display())),
     }
 }
 

@@ -3,7 +3,7 @@
 use super::arguments::PictureSize;
 use super::render::Arguments;
 use crate::modes;
-use crate::scene_file::{Attribute, SceneError, SceneFile, is_scene_file};
+use crate::scene_file::{Attribute, Member, SceneError, SceneFile, is_scene_file};
 use glam::DVec3;
 use std::path::{Path, PathBuf};
 
@@ -22,29 +22,35 @@ fn named(path: &Path, scene: Option<&Path>) -> Option<(PathBuf, Option<PathBuf>)
 pub fn complete(arguments: Arguments) -> Result<Arguments, SceneError> {
     let Some((path, data)) = named(&arguments.path, arguments.scene.as_deref()) else { return Ok(arguments) };
     let scene = SceneFile::read(&path)?;
-    let data = match (data, scene.datasets.first()) {
-        (Some(data), _) => data,
-        (None, Some(dataset)) => {
-            let located = dataset.locate(&path)?;
-            located.notes.iter().for_each(|note| eprintln!("deepfield: {note}"));
-            located.path
+    let members = match data {
+        // Other data in the light of the scene: its families are those that the scene's first dataset shows.
+        Some(data) => {
+            let families = scene.datasets.first().and_then(|dataset| dataset.families.clone());
+            vec![Member { families, ..Member::new(data) }]
         }
-        (None, None) => path,
+        None => {
+            let located = scene.locate(&path)?;
+            located.notes.iter().for_each(|note| eprintln!("deepfield: {note}"));
+            located.members
+        }
     };
-    Ok(filled(arguments, scene, data))
+    Ok(filled(arguments, scene, members))
 }
 
-/// The arguments for `data` with what a scene says where they say nothing.
-fn filled(own: Arguments, scene: SceneFile, data: PathBuf) -> Arguments {
+/// The arguments for these datasets with what a scene says where they say nothing.
+fn filled(own: Arguments, scene: SceneFile, members: Vec<Member>) -> Arguments {
+    let mut members = members.into_iter();
+    let first = members.next().unwrap_or_default();
     let camera = scene.camera;
     let has_projection = own.fov.is_some() || own.ortho.is_some();
     let is_own_mode = own.mode.is_some();
     let names_attribute = own.attribute.is_some();
     Arguments {
-        path: data,
+        path: first.path.clone(),
+        with: members.chain(own.with.iter().cloned()).collect(),
+        first,
         size: own.size.or(scene.size.map(|(width, height)| PictureSize { width, height })),
         mode: own.mode.or(scene.mode.as_deref().and_then(modes::find)),
-        families: scene.datasets.into_iter().next().and_then(|dataset| dataset.families),
         attribute: own.attribute.or(match &scene.attribute {
             Attribute::Named(name) => Some(name.clone()),
             Attribute::Automatic | Attribute::None => None,
@@ -83,7 +89,7 @@ mod tests {
         let data = folder.path().join("box.df");
         std::fs::write(&data, b"data").unwrap();
         let path = folder.path().join("a.scene.ron");
-        let mut scene = SceneFile::new(DatasetRef::of(&data, &path));
+        let mut scene = SceneFile::new(vec![DatasetRef::of(&data, &path)]);
         scene.mode = Some("points".into());
         scene.settings.0.insert("radius".into(), SettingValue::Number(3.0));
         scene.size = Some((300, 200));

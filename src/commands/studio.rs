@@ -4,6 +4,7 @@ use super::cache;
 use super::progress_bar::TerminalProgress;
 use super::render::{Arguments, families};
 use crate::model::Bounds;
+use crate::scene_file::{Member, open_members};
 use crate::store::PageFile;
 use crate::stream::{Scene, first_frame};
 use std::path::Path;
@@ -20,12 +21,15 @@ pub(super) struct Studio {
 }
 
 impl Studio {
-    /// Opens a page file; of a source, the one in the cache, built first where there is none.
+    /// Opens the datasets as one; of a source, the page file in the cache, built first where there is none.
     ///
     /// # Errors
-    /// When the source cannot be read or built.
-    pub fn open(path: &Path) -> Result<Studio, Box<dyn std::error::Error + Send + Sync>> {
-        let file = Arc::new(PageFile::open(&cache::page_file_of(path, &TerminalProgress::new())?)?);
+    /// When a source cannot be read or built, or they do not fit together.
+    pub fn open(members: &[Member]) -> Result<Studio, Box<dyn std::error::Error + Send + Sync>> {
+        let page_file = |path: &Path| cache::page_file_of(path, &TerminalProgress::new());
+        let (file, notes) = open_members(members, page_file)?;
+        notes.iter().for_each(|note| eprintln!("deepfield: {note}"));
+        let file = Arc::new(file);
         // Nothing limits what a picture holds: it has to be converged.
         let scene = Scene::new(Arc::clone(&file), u64::MAX);
         Ok(Studio { file, scene, framed: None })
@@ -36,7 +40,7 @@ impl Studio {
     /// # Errors
     /// When the data has none of them.
     pub fn choose(&mut self, arguments: &Arguments) -> Result<Bounds, String> {
-        let families = families(arguments, self.file.metadata())?;
+        let families = families(arguments, &self.file)?;
         self.scene.families = families.clone();
         match &self.framed {
             Some((known, framed)) if *known == families => Ok(*framed),

@@ -2,7 +2,7 @@
 
 use super::arguments::PictureSize;
 use super::{CommandResult, render};
-use crate::scene_file::{SceneFile, is_scene_file};
+use crate::scene_file::{Member, SceneFile, is_scene_file};
 use std::path::{Path, PathBuf};
 
 /// Opens a snapshot, catalogue or page file in a window.
@@ -14,6 +14,7 @@ use std::path::{Path, PathBuf};
   deepfield view snapshot_099.hdf5
   deepfield view snapdir_099/snap_099.0.hdf5       any file of a snapshot in several files
   deepfield view hipparcos.csv --mode points
+  deepfield view before.hdf5 --with after.hdf5@120,0,0   two datasets side by side
   deepfield view snapshot_099.scene.ron            what was saved with Ctrl+S
   deepfield view snapshot_099.hdf5 --simulate --mode volume   particles that move, straight from memory")]
 pub struct Arguments {
@@ -28,6 +29,10 @@ pub struct Arguments {
 /// How the window starts.
 #[derive(clap::Args, Clone, Debug, Default)]
 pub struct Settings {
+    /// Another source or page file in the same scene, in the first one's units; @X,Y,Z says where its origin lies there and *SCALE
+    /// how many of the first one's lengths one of its own is. Can be given several times.
+    #[arg(long, value_name = "FILE[@X,Y,Z[*SCALE]]")]
+    pub with: Vec<Member>,
     /// A scene file whose settings and camera are used for the data.
     #[arg(long, value_name = "FILE.scene.ron")]
     pub scene: Option<PathBuf>,
@@ -86,8 +91,8 @@ pub fn run(arguments: &Arguments) -> CommandResult {
     let scene = arguments.settings.scene.as_deref().or_else(|| is_scene_file(&path).then_some(path.as_path()));
     if let Some(scene) = scene {
         let read = SceneFile::read(scene)?;
-        if let Some(dataset) = read.datasets.first().filter(|_| arguments.settings.scene.is_none() || !is_given) {
-            dataset.locate(scene)?;
+        if arguments.settings.scene.is_none() || !is_given {
+            read.locate(scene)?;
         }
     }
     show(&path, &arguments.settings)
@@ -118,6 +123,7 @@ pub fn show(path: &Path, settings: &Settings) -> CommandResult {
         mode: settings.mode,
         error_px: settings.error_px,
         scene: settings.scene.clone(),
+        with: settings.with.clone(),
         annotate: super::annotate::AnnotateOptions { labels: settings.labels.clone(), ..Default::default() },
         ..render::Arguments::new(path.to_owned(), output.clone())
     })?;
@@ -137,10 +143,17 @@ fn window(path: &Path, settings: &Settings) -> CommandResult {
     use crate::app::live::orbits::{Orbits, OrbitsPlugin};
     use crate::app::{Backend, OpenRequest, WindowOptions, run_window};
     use std::sync::Arc;
-    let opener = Arc::new(|request: &OpenRequest, progress: &dyn crate::model::Progress| {
-        super::cache::page_file_of(&request.path, progress).map_err(|error| error.to_string())
+    let opener = Arc::new(|path: &Path, progress: &dyn crate::model::Progress| {
+        super::cache::page_file_of(path, progress).map_err(|error| error.to_string())
     });
-    let request = OpenRequest { path: path.to_owned(), scene: settings.scene.clone() };
+    let request = OpenRequest {
+        members: (!path.as_os_str().is_empty())
+            .then(|| Member::new(path))
+            .into_iter()
+            .chain(settings.with.iter().cloned())
+            .collect(),
+        scene: settings.scene.clone(),
+    };
     let mut options = WindowOptions::new(Some(request), opener);
     options.size = settings.size.map(|size| (size.width, size.height));
     options.preset = settings.preset.clone();

@@ -68,17 +68,17 @@ impl<'a> Data<'a> {
         }
     }
 
-    /// The quantities of a family that regions, probes and histograms can name. Of a source, components of its vectors can be named
-    /// too (`velocity-x`), but are not listed.
-    pub fn fields(&self, family: FamilyName) -> Vec<FieldAbout> {
+    /// The quantities of family number `family` that regions, probes and histograms can name. Of a source, components of its vectors
+    /// can be named too (`velocity-x`), but are not listed.
+    pub fn fields(&self, family: usize) -> Vec<FieldAbout> {
         match self {
-            Data::Pages(file) => file.metadata().family(family).map_or_else(Vec::new, |(_, family)| {
+            Data::Pages(file) => file.metadata().families.get(family).map_or_else(Vec::new, |family| {
                 let all = family.quantities.iter().chain(&family.attributes);
                 all.map(|info| FieldAbout { name: info.name.clone(), unit: info.unit.clone() }).collect()
             }),
             Data::Source(source) => {
                 let about = source.description();
-                let info = about.families.iter().find(|info| info.name == family);
+                let info = about.families.get(family);
                 let all = info.map_or_else(Vec::new, |info| Scalar::all(about, info));
                 all.into_iter().map(|scalar| FieldAbout { name: scalar.name, unit: scalar.unit }).collect()
             }
@@ -117,7 +117,7 @@ impl<'a> Data<'a> {
     /// An error about a field that no family has; names those that there are.
     pub(super) fn no_field(&self, field: &str) -> ExploreError {
         let mut names: Vec<String> = Vec::new();
-        for (family, _) in self.families() {
+        for family in 0..self.families().len() {
             for about in self.fields(family) {
                 if !names.contains(&about.name) {
                     names.push(about.name);
@@ -129,8 +129,13 @@ impl<'a> Data<'a> {
 }
 
 /// Where the source is that a page file was built from: under the path that it was built with, or under that beside the page
-/// file. `None` where it is not there any more.
+/// file. `None` where it is not there any more, or where
+/// there are several.
 pub fn source_path(file: &PageFile) -> Option<PathBuf> {
+    // One source does not say what several files hold.
+    if file.is_joined() {
+        return None;
+    }
     let named = &file.metadata().provenance.path;
     let beside = file.path().parent().map(|folder| folder.join(named));
     [Some(named.clone()), beside].into_iter().flatten().find(|source| source.is_file())
@@ -155,6 +160,10 @@ pub fn open_source(path: &Path, file: &PageFile) -> Result<Box<dyn Source>, Expl
 /// # Errors
 /// [`ExploreError`] where it is not, and as [`open_source`].
 pub fn source_of(file: &PageFile) -> Result<Box<dyn Source>, ExploreError> {
+    if file.is_joined() {
+        let expected = "one dataset: its source is asked where it is open alone";
+        return Err(ExploreError::missing(file.path(), "the source of several datasets", expected));
+    }
     let source = file.metadata().provenance.path.display();
     let there = source_path(file).ok_or_else(|| {
         ExploreError::missing(file.path(), format!("its source {source}"), "the file that it was built from")

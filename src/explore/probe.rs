@@ -149,7 +149,7 @@ pub fn probe<'a>(data: Data, of: impl Into<Of<'a>>, options: &ProbeOptions, work
         Fields::Named(names) => names.clone(),
         Fields::All => {
             let mut names: Vec<String> = Vec::new();
-            for (family, _) in data.families() {
+            for family in 0..data.families().len() {
                 names.extend(data.fields(family).into_iter().map(|about| about.name));
             }
             names

@@ -24,3 +24,80 @@ impl std::fmt::Display for Unit {
         f.write_str(if self.is_unknown() { "code units" } else { &self.0 })
     }
 }
+
+/// Lengths of known names, metres.
+const LENGTHS: [(&str, f64); 9] = [
+    ("cm", 1e-2),
+    ("m", 1.0),
+    ("km", 1e3),
+    ("au", 1.495_978_707e11),
+    ("ly", 9.460_730_472_580_8e15),
+    ("pc", PARSEC),
+    ("kpc", 1e3 * PARSEC),
+    ("Mpc", 1e6 * PARSEC),
+    ("Gpc", 1e9 * PARSEC),
+];
+const PARSEC: f64 = 3.085_677_581_491_367e16;
+
+/// Masses of known names, kilogrammes.
+const MASSES: [(&str, f64); 3] = [("g", 1e-3), ("kg", 1.0), ("Msun", 1.988_409_870_698_051e30)];
+
+impl Unit {
+    /// How many of `other` one of this unit is, where both are known and differ in nothing but a number and the name of a length
+    /// or a mass: 1000 for `a Mpc/h` and `a kpc/h`; what `h` and `a` are is not known.
+    pub fn ratio(&self, other: &Unit) -> Option<f64> {
+        let ((own, like), (others, alike)) = (self.parsed()?, other.parsed()?);
+        (like == alike).then_some(own / others)
+    }
+
+    /// The number in front times the known unit's size, and all the rest with the kind in the known unit's place.
+    fn parsed(&self) -> Option<(f64, String)> {
+        let mut size = 1.0;
+        let mut rest = String::new();
+        let mut known = 0;
+        // Names are runs of letters; `1e10` is a number.
+        for (i, word) in self.0.split_whitespace().enumerate() {
+            if let (0, Ok(number)) = (i, word.parse::<f64>()) {
+                size *= number;
+                continue;
+            }
+            rest.push(' ');
+            for part in word.split_inclusive(|c: char| !c.is_ascii_alphabetic()) {
+                let name = part.trim_end_matches(|c: char| !c.is_ascii_alphabetic());
+                let of = |table: &[(&str, f64)]| table.iter().find(|(known, _)| *known == name).map(|(_, size)| *size);
+                let found =
+                    of(&LENGTHS).map(|size| (size, "length")).or_else(|| of(&MASSES).map(|size| (size, "mass")));
+                match found {
+                    Some((of, kind)) => {
+                        (size, known) = (size * of, known + 1);
+                        rest.push_str(kind);
+                        rest.push_str(&part[name.len()..]);
+                    }
+                    None => rest.push_str(part),
+                }
+            }
+        }
+        (known == 1 && size > 0.0 && size.is_finite()).then_some((size, rest))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn units_of_a_kind_have_a_ratio() {
+        let ratio = |a: &str, b: &str| Unit::new(a).ratio(&Unit::new(b));
+        assert_eq!(ratio("kpc", "kpc"), Some(1.0));
+        assert!((ratio("Mpc", "kpc").unwrap() / 1e3 - 1.0).abs() < 1e-12);
+        assert!((ratio("a Mpc/h", "a kpc/h").unwrap() / 1e3 - 1.0).abs() < 1e-12);
+        assert!((ratio("1e10 Msun/h", "Msun/h").unwrap() / 1e10 - 1.0).abs() < 1e-12);
+        assert!((ratio("pc", "ly").unwrap() - 3.261_563_777).abs() < 1e-9);
+        for (a, b) in [("a Mpc/h", "Mpc"), ("kpc", "Msun"), ("", "kpc"), ("K", "K"), ("kpc", "a kpc"), ("0 kpc", "kpc")]
+        {
+            assert_eq!(ratio(a, b), None, "{a} {b}");
+        }
+        // One name only: speeds are no lengths.
+        assert_eq!(ratio("kpc kpc", "kpc kpc"), None);
+    }
+}

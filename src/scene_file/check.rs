@@ -6,6 +6,9 @@ use crate::model::ron_file::RonError;
 use crate::modes::setting::SettingError;
 use crate::modes::{self, MODES};
 
+/// Datasets of a scene at most.
+const MOST_DATASETS: usize = 64;
+
 /// Where a field stands in the text, for messages.
 struct Place<'a> {
     file: &'a str,
@@ -50,8 +53,18 @@ pub(super) fn check(scene: &SceneFile, file: &str, text: &str) -> Result<(), Ron
     if scene.version != VERSION {
         return Err(place.refuse(&["version"], scene.version, VERSION));
     }
-    if scene.datasets.len() != 1 {
-        return Err(place.refuse(&["datasets"], format!("a list of {}", scene.datasets.len()), "one dataset"));
+    if !(1..=MOST_DATASETS).contains(&scene.datasets.len()) {
+        let (found, expected) =
+            (format!("a list of {}", scene.datasets.len()), format!("1 to {MOST_DATASETS} datasets"));
+        return Err(place.refuse(&["datasets"], found, expected));
+    }
+    for dataset in &scene.datasets {
+        if !dataset.offset.iter().all(|x| x.is_finite()) {
+            return Err(place.refuse(&["datasets", "offset"], format!("{:?}", dataset.offset), "finite numbers"));
+        }
+        if let Some(scale) = dataset.scale.filter(|scale| !(1e-30..=1e30).contains(scale)) {
+            return Err(place.refuse(&["datasets", "scale"], scale, "a positive number, 1e-30 to 1e30"));
+        }
     }
     let mode = match &scene.mode {
         Some(name) => {

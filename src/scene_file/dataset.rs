@@ -1,7 +1,8 @@
 //! A scene's data: by path, and by a fingerprint that tells whether it is still the same.
 
-use super::SceneError;
+use super::{Member, SceneError, SceneFile};
 use crate::model::FamilyName;
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
@@ -18,6 +19,12 @@ pub struct DatasetRef {
     /// The families that are drawn; all where it is `None`.
     #[serde(default)]
     pub families: Option<Vec<FamilyName>>,
+    /// Where its origin lies in the scene, the length unit of the scene's first dataset.
+    #[serde(default)]
+    pub offset: [f64; 3],
+    /// Scene lengths for one of its own; what the units say, and else 1, where it is `None`.
+    #[serde(default)]
+    pub scale: Option<f64>,
 }
 
 /// What tells one file from another without reading all of it.
@@ -50,10 +57,10 @@ impl Fingerprint {
 }
 
 /// Where a scene's data is.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Located {
-    /// The file to open.
-    pub path: PathBuf,
+    /// The datasets to open.
+    pub members: Vec<Member>,
     /// What the user should know about it, a sentence each.
     pub notes: Vec<String>,
 }
@@ -69,7 +76,7 @@ impl DatasetRef {
         };
         let folder = folder.canonicalize().unwrap_or(folder);
         let path = path.strip_prefix(&folder).map(Path::to_owned).unwrap_or(path);
-        DatasetRef { path, fingerprint, families: None }
+        DatasetRef { path, fingerprint, families: None, offset: [0.0; 3], scale: None }
     }
 
     /// Finds the data of the scene file `scene`: where it says, else beside the scene file.
@@ -107,7 +114,24 @@ impl DatasetRef {
                 path.display()
             ));
         }
-        Ok(Located { path, notes })
+        let (offset, scale, families) = (DVec3::from(self.offset), self.scale, self.families.clone());
+        Ok(Located { members: vec![Member { path, offset, scale, families }], notes })
+    }
+}
+
+impl SceneFile {
+    /// Finds all data of this scene, which is the file `scene`.
+    ///
+    /// # Errors
+    /// As [`DatasetRef::locate`].
+    pub fn locate(&self, scene: &Path) -> Result<Located, SceneError> {
+        let mut all = Located::default();
+        for dataset in &self.datasets {
+            let one = dataset.locate(scene)?;
+            all.members.extend(one.members);
+            all.notes.extend(one.notes);
+        }
+        Ok(all)
     }
 }
 
@@ -130,7 +154,10 @@ mod tests {
         let (file, scene) = (data.join("box.df"), scene.join("a.scene.ron"));
         std::fs::write(&file, vec![7; 200_000]).unwrap();
         let named = DatasetRef::of(&file, &scene);
-        assert_eq!(named.locate(&scene).unwrap(), Located { path: file.canonicalize().unwrap(), notes: Vec::new() });
+        assert_eq!(
+            named.locate(&scene).unwrap(),
+            Located { members: vec![Member::new(file.canonicalize().unwrap())], notes: Vec::new() }
+        );
         let below = DatasetRef::of(&file, &folder.path().join("b.scene.ron"));
         assert_eq!(below.path, Path::new("data/box.df"), "relative where that survives a move of both");
 
@@ -138,7 +165,7 @@ mod tests {
         let moved = scene.with_file_name("box.df");
         std::fs::rename(&file, &moved).unwrap();
         let located = named.locate(&scene).unwrap();
-        assert_eq!(located.path, moved);
+        assert_eq!(located.members[0].path, moved);
         assert!(located.notes.len() == 1 && located.notes[0].contains("box.df is not there"), "{located:?}");
 
         // Changed: told, and opened all the same.
@@ -151,7 +178,7 @@ mod tests {
         assert!(named.locate(&scene).unwrap().notes[1].contains("it has 1 bytes and had 200000"));
         // The one that is the same is preferred.
         std::fs::write(&file, vec![7; 200_000]).unwrap();
-        assert_eq!(named.locate(&scene).unwrap().path, file.canonicalize().unwrap());
+        assert_eq!(named.locate(&scene).unwrap().members[0].path, file.canonicalize().unwrap());
 
         // Gone: both places are named, and what to do.
         std::fs::remove_file(&file).unwrap();

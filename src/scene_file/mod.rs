@@ -5,11 +5,13 @@
 //! is refused with file, line, column and field.
 
 pub mod dataset;
+pub mod members;
 
 mod check;
 mod text;
 
 pub use dataset::{DatasetRef, Fingerprint, Located};
+pub use members::{Member, open_members, shown_families};
 pub use text::{SceneError, is_scene_file};
 
 use crate::annotate::Annotations;
@@ -29,7 +31,7 @@ pub const VERSION: u32 = 1;
 pub struct SceneFile {
     /// [`VERSION`].
     pub version: u32,
-    /// What is shown: one dataset.
+    /// What is shown, in the units of the first.
     pub datasets: Vec<DatasetRef>,
     /// Visualization mode; the data's usual one where it is `None`.
     #[serde(default)]
@@ -139,11 +141,11 @@ impl Default for Panels {
 }
 
 impl SceneFile {
-    /// A scene of one dataset with everything as it is by default.
-    pub fn new(dataset: DatasetRef) -> SceneFile {
+    /// A scene of these datasets with everything as it is by default.
+    pub fn new(datasets: Vec<DatasetRef>) -> SceneFile {
         SceneFile {
             version: VERSION,
-            datasets: vec![dataset],
+            datasets,
             mode: None,
             settings: Settings::default(),
             attribute: Attribute::default(),

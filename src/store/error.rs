@@ -64,6 +64,14 @@ pub enum StoreError {
         /// What has become of the file.
         change: Change,
     },
+    /// The file cannot be shown together with others.
+    #[error("{path}: cannot be shown with the others: {reason}")]
+    Unjoinable {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        reason: String,
+    },
     /// The data cannot be written as a page file.
     #[error("{path}: cannot be written: {reason}")]
     Unwritable {

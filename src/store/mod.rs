@@ -9,19 +9,21 @@ pub mod error;
 pub mod layout;
 pub mod metadata;
 pub mod page;
+pub mod page_file;
 pub mod paging;
-pub mod reader;
 pub mod temporary;
 pub mod verify;
 pub mod writer;
 
 mod footer;
+mod joined;
+mod reader;
 mod wire;
 
 pub use disk::{Change, Disk, LocalFile};
 pub use error::StoreError;
 pub use metadata::{AttributeInfo, AttributeMerge, FamilyMetadata, Histogram, LevelInfo, Metadata, VolumeTree};
 pub use page::{Encoding, Node, NodeParticles, NodeRef, Page, PageId, Positions};
-pub use reader::{PageBytes, PageFile};
+pub use page_file::{PageBytes, PageFile, PartInfo};
 pub use verify::{Verified, verify};
 pub use writer::PageFileWriter;

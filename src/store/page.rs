@@ -9,7 +9,7 @@ use crate::codec::coordinates::{CELL_BITS, GRID_POINT, LEAF_BITS, LEAF_POINT, un
 use crate::codec::positions::{decode_grid, decode_leaf, leaf_rounding};
 pub use crate::hierarchy::Encoding;
 use crate::hierarchy::{NodeKey, RootCell};
-use crate::model::Bounds;
+use crate::model::{Bounds, Placement};
 use std::ops::Range;
 
 /// Number of a page in its file; pages are numbered breadth-first from 0.
@@ -178,6 +178,25 @@ impl Page {
     pub fn memory(&self) -> u64 {
         let particles = self.nodes.iter().map(|node| particles_memory(node.encoding, node.particles)).sum::<u64>();
         particles + (self.nodes.len() * size_of::<Node>()) as u64
+    }
+
+    /// Gives the page, its family and its nodes' children the numbers that they have in a scene of several files, and puts it where
+    /// its file lies there.
+    pub(super) fn relocate(&mut self, first_page: u32, first_family: u32, placement: &Placement) {
+        let moved = |page: PageId| PageId(page.0 + first_page);
+        self.id = moved(self.id);
+        self.family += first_family;
+        for node in &mut self.nodes {
+            node.children.iter_mut().flatten().for_each(|child| child.page = moved(child.page));
+            if placement.is_here() {
+                continue;
+            }
+            node.delta *= placement.scale;
+            node.bounds = placement.bounds(node.bounds);
+            node.smoothing_length_max = (f64::from(node.smoothing_length_max) * placement.scale) as f32;
+            node.mass *= placement.mass;
+            node.mass_density *= placement.mass * placement.density();
+        }
     }
 
     /// Reads and checks the bytes of a page, whose checksum has been found right; `table` tells the

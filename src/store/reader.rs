@@ -1,6 +1,6 @@
-//! Opening a page file and reading its pages.
+//! One page file on the disk: opening it and reading its pages.
 
-use super::disk::{Change, Disk, LocalFile};
+use super::disk::{Change, Disk};
 use super::error::StoreError;
 use super::footer;
 use super::layout::{ALIGNMENT, HEADER_LEN, Header, HeaderError, PAGE_HEADER_LEN, PageEntry, VERSION, VERSION_VOLUME};
@@ -12,34 +12,25 @@ use std::sync::Arc;
 
 /// The bytes of a page as they came from the disk, unchecked.
 #[derive(Debug)]
-pub struct PageBytes {
+pub(super) struct RawPage {
     page: PageId,
     bytes: Vec<u8>,
 }
 
-/// An open page file. Cheap to share in an `Arc`: reads are positioned and take no lock. It holds the footer (28 bytes
-/// for each page of about 3 MB, attribute tables and codebooks), never pages.
+/// An open page file. It holds the footer (28 bytes for each page of about 3 MB, attribute tables and codebooks), never pages.
 #[derive(Debug)]
-pub struct PageFile {
+pub(super) struct Reader {
     path: PathBuf,
     disk: Arc<dyn Disk>,
     header: Header,
     head: Vec<u8>,
-    metadata: Metadata,
+    metadata: Arc<Metadata>,
     table: Vec<PageEntry>,
 }
 
-impl PageFile {
-    /// Opens the file and checks header, footer and page table. Pages are checked as they are read.
-    pub fn open(path: &Path) -> Result<PageFile, StoreError> {
-        let opened = LocalFile::open(path);
-        let opened = opened.map_err(|source| StoreError::Io { path: path.to_path_buf(), action: "open", source })?;
-        let not_a_file = || StoreError::NotAPageFile { path: path.to_path_buf(), expected: "a regular file" };
-        PageFile::open_on(path, Arc::new(opened.ok_or_else(not_a_file)?))
-    }
-
-    /// The same for bytes that lie anywhere; `path` is what messages call them.
-    pub fn open_on(path: &Path, disk: Arc<dyn Disk>) -> Result<PageFile, StoreError> {
+impl Reader {
+    /// Checks header, footer and page table. Pages are checked as they are read.
+    pub(super) fn open_on(path: &Path, disk: Arc<dyn Disk>) -> Result<Reader, StoreError> {
         let io = |action| move |source| StoreError::Io { path: path.to_path_buf(), action, source };
         let real_len = disk.size().map_err(io("look at"))?;
         let mut head = vec![0; (HEADER_LEN as u64).min(real_len) as usize];
@@ -64,65 +55,52 @@ impl PageFile {
         }
         let (metadata, table) =
             footer::decode(&bytes, header.version, header.pages).map_err(|damage| damage.in_file(path))?;
-        let page_file = PageFile { path: path.to_path_buf(), disk, header, head, metadata, table };
-        page_file.check_table().map_err(|(place, expected)| damaged(&place, expected))?;
-        Ok(page_file)
-    }
-
-    /// Whether `bytes`, the first ones of a file, say that it is a page file of any version.
-    pub fn recognises(bytes: &[u8]) -> bool {
-        bytes.starts_with(&super::layout::MAGIC)
+        let reader = Reader { path: path.to_path_buf(), disk, header, head, metadata: Arc::new(metadata), table };
+        reader.check_table().map_err(|(place, expected)| damaged(&place, expected))?;
+        Ok(reader)
     }
 
     /// What the file holds.
-    pub fn metadata(&self) -> &Metadata {
+    pub(super) fn metadata(&self) -> &Arc<Metadata> {
         &self.metadata
     }
 
     /// The file's path, as it was opened.
-    pub fn path(&self) -> &Path {
+    pub(super) fn path(&self) -> &Path {
         &self.path
     }
 
     /// Length of the file, bytes.
-    pub fn bytes(&self) -> u64 {
+    pub(super) fn bytes(&self) -> u64 {
         self.header.file_len
     }
 
     /// Number of pages.
-    pub fn page_count(&self) -> u32 {
+    pub(super) fn page_count(&self) -> u32 {
         self.table.len() as u32
     }
 
     /// Bytes that reading the page takes from the disk; 0 for a page that does not exist.
-    pub fn page_bytes(&self, page: PageId) -> u64 {
+    pub(super) fn page_bytes(&self, page: PageId) -> u64 {
         self.table.get(page.0 as usize).map_or(0, |entry| u64::from(entry.len))
     }
 
     /// Bytes that the page takes in memory; 0 for a page that does not exist.
-    pub fn page_memory(&self, page: PageId) -> u64 {
+    pub(super) fn page_memory(&self, page: PageId) -> u64 {
         let of = |entry: &PageEntry| u64::from(entry.memory) + u64::from(entry.nodes) * size_of::<Node>() as u64;
         self.table.get(page.0 as usize).map_or(0, of)
     }
 
-    /// Largest [`PageFile::page_bytes`] of all pages.
-    pub fn largest_page_bytes(&self) -> u64 {
+    /// Largest what a page takes of all pages.
+    pub(super) fn largest_page_bytes(&self) -> u64 {
         self.table.iter().map(|entry| u64::from(entry.len)).max().unwrap_or(0)
     }
 
-    /// Reads a page: checks its checksum, its structure, every code and every child reference.
+    /// Reads a page's bytes and nothing more: the part of [`PageFile::read_page`](super::PageFile::read_page) that waits for the disk.
     ///
     /// # Errors
-    /// [`StoreError::Changed`] where the file is not what it was when it was opened, else what is wrong with the page.
-    pub fn read_page(&self, page: PageId) -> Result<Page, StoreError> {
-        self.decode_page(self.fetch_page(page)?)
-    }
-
-    /// Reads a page's bytes and nothing more: the part of [`PageFile::read_page`] that waits for the disk.
-    ///
-    /// # Errors
-    /// As [`PageFile::read_page`].
-    pub fn fetch_page(&self, page: PageId) -> Result<PageBytes, StoreError> {
+    /// As [`PageFile::read_page`](super::PageFile::read_page).
+    pub(super) fn fetch_page(&self, page: PageId) -> Result<RawPage, StoreError> {
         let entry = self.table.get(page.0 as usize).ok_or_else(|| self.damaged(page, "to exist"))?;
         // The length was checked against the file when it was opened.
         let mut bytes = vec![0; entry.len as usize];
@@ -130,15 +108,15 @@ impl PageFile {
             .read_exact_at(&mut bytes, entry.offset)
             .map_err(|source| StoreError::Page { path: self.path.clone(), page: page.0, source })
             .map_err(|error| self.explained(page, error))?;
-        Ok(PageBytes { page, bytes })
+        Ok(RawPage { page, bytes })
     }
 
-    /// Checks and decodes a page's bytes: the part of [`PageFile::read_page`] that works the processor.
+    /// Checks and decodes a page's bytes: the part of [`PageFile::read_page`](super::PageFile::read_page) that works the processor.
     ///
     /// # Errors
-    /// As [`PageFile::read_page`].
-    pub fn decode_page(&self, bytes: PageBytes) -> Result<Page, StoreError> {
-        let PageBytes { page, bytes } = bytes;
+    /// As [`PageFile::read_page`](super::PageFile::read_page).
+    pub(super) fn decode_page(&self, bytes: RawPage) -> Result<Page, StoreError> {
+        let RawPage { page, bytes } = bytes;
         let entry = self.table.get(page.0 as usize).ok_or_else(|| self.damaged(page, "to exist"))?;
         if crc32c::crc32c(&bytes) != entry.crc {
             return Err(self.explained(page, self.damaged(page, "its checksum")));
@@ -147,7 +125,7 @@ impl PageFile {
     }
 
     /// What has become of the file since it was opened; asks the disk, so it may wait.
-    pub fn change(&self) -> Option<Change> {
+    pub(super) fn change(&self) -> Option<Change> {
         self.disk.change().or_else(|| {
             // The header holds the footer's checksum, and the footer those of all pages.
             let mut head = vec![0; self.head.len()];

@@ -9,7 +9,7 @@ use super::error::{Damage, StoreError};
 use super::layout::{ALIGNMENT, HEADER_LEN};
 use super::metadata::{FamilyMetadata, LevelInfo};
 use super::page::{Encoding, Node, NodeRef, Page, PageId};
-use super::reader::PageFile;
+use super::page_file::PageFile;
 use crate::hierarchy::{Levels, NodeKey};
 use crate::model::progress::Progress;
 use std::collections::HashMap;
@@ -68,8 +68,9 @@ pub fn verify(path: &Path, progress: &dyn Progress) -> Result<Verified, StoreErr
     for number in 0..file.page_count() {
         let page = file.read_page(PageId(number))?;
         verifier.page(&page).map_err(damaged)?;
-        let entry = file.table()[number as usize];
-        let next = file.table().get(number as usize + 1).map_or(file.footer_offset(), |next| next.offset);
+        let entry = file.first().table()[number as usize];
+        let next =
+            file.first().table().get(number as usize + 1).map_or(file.first().footer_offset(), |next| next.offset);
         check_zeros(&file, entry.offset + u64::from(entry.len), next)?;
         progress.advance(1);
     }
@@ -92,7 +93,7 @@ fn empty_levels(count: usize) -> Vec<LevelInfo> {
 }
 
 fn check_zeros(file: &PageFile, start: u64, end: u64) -> Result<(), StoreError> {
-    if file.raw(start, end)?.iter().any(|&byte| byte != 0) {
+    if file.first().raw(start, end)?.iter().any(|&byte| byte != 0) {
         return Err(Damage::new(format!("bytes {start} to {end}"), "zeros").in_file(file.path()));
     }
     Ok(())

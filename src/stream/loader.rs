@@ -170,7 +170,7 @@ fn fail_all(state: &mut State, file: &PageFile, error: &std::io::Error) {
     for job in std::mem::take(&mut state.jobs) {
         if let Job::Read(page, asked) = job {
             let source = std::io::Error::new(error.kind(), format!("no thread can be started: {error}"));
-            let outcome = Err(StoreError::Page { path: file.path().to_path_buf(), page: page.0, source });
+            let outcome = Err(StoreError::Page { path: file.path_of(page).to_path_buf(), page: page.0, source });
             state.done.push(Loaded { page, outcome, bytes: 0, took: asked.elapsed(), change: None });
         }
     }
@@ -201,7 +201,7 @@ fn work(shared: &Shared) {
         state.reading.insert(page, Reading { since: Instant::now(), is_stalled: false });
         drop(state);
         let fetched = shared.file.fetch_page(page);
-        let change = shared.file.change();
+        let change = shared.file.change_of(page);
         state = shared.lock();
         let was_stuck = state.reading.remove(&page).is_some_and(|reading| reading.is_stalled);
         while state.decoding >= shared.most_decoding && !state.is_closed {

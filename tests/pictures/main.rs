@@ -10,6 +10,7 @@ mod golden;
 #[cfg(feature = "viewer")]
 mod gpu;
 mod guarantee;
+mod joined;
 mod periodic;
 mod support;
 #[cfg(feature = "viewer")]

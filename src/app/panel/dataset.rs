@@ -2,6 +2,8 @@
 
 use super::{Dock, PanelState, Section, theme};
 use crate::annotate::number;
+use crate::app::OpenRequest;
+use crate::app::facts::DatasetFact;
 use crate::hierarchy::{AttributeInfo, Histogram};
 use crate::store::FamilyMetadata;
 use bevy::prelude::DetectChangesMut;
@@ -15,7 +17,16 @@ pub static SECTION: Section = Section {
     applies: |state| state.scene.is_some(),
     show: |ui, state| {
         let mut families = state.settings.families.clone();
-        show(ui, state, &mut families);
+        let mut adds = state.openings.adds_dropped;
+        let removed = show(ui, state, &mut families, &mut adds);
+        if state.openings.adds_dropped != adds {
+            state.openings.adds_dropped = adds;
+        }
+        if let (Some(removed), Some(scene)) = (removed, &state.scene) {
+            let mut members = scene.members.clone();
+            members.remove(removed.min(members.len().saturating_sub(1)));
+            state.openings.start(OpenRequest { members, scene: None });
+        }
         if state.settings.families != families {
             let edited = crate::app::scene::Settings { families, ..state.settings.clone() };
             state.settings.set_if_neq(edited);
@@ -23,9 +34,9 @@ pub static SECTION: Section = Section {
     },
 };
 
-/// Draws the facts, and a toggle for each family with its fields.
-fn show(ui: &mut Ui, state: &PanelState<'_, '_>, families: &mut [bool]) {
-    let Some(scene) = &state.scene else { return };
+/// Draws the facts, and a toggle for each family with its fields; the dataset that is to be closed, of several.
+fn show(ui: &mut Ui, state: &PanelState<'_, '_>, families: &mut [bool], adds: &mut bool) -> Option<usize> {
+    let scene = state.scene.as_ref()?;
     let name = scene.path.file_name().map_or_else(|| scene.path.to_string_lossy(), |name| name.to_string_lossy());
     ui.add(egui::Label::new(RichText::new(name).color(theme::TEXT).size(14.0)).truncate())
         .on_hover_text(scene.path.display().to_string());
@@ -44,15 +55,25 @@ fn show(ui: &mut Ui, state: &PanelState<'_, '_>, families: &mut [bool]) {
         });
     }
     ui.add_space(3.0);
-    let described = scene.facts.families.iter().zip(&scene.file.metadata().families);
-    for ((fact, family), visible) in described.zip(families) {
+    let mut removed = None;
+    let described = scene.facts.families.iter().zip(&scene.file.metadata().families).zip(families);
+    for (i, ((fact, family), visible)) in described.enumerate() {
+        let heading = scene.facts.datasets.iter().position(|dataset| dataset.first_family == i);
+        let number = scene.facts.datasets.iter().take_while(|dataset| dataset.first_family <= i).count();
+        // Names of controls tell families of several datasets apart.
+        let name = if number > 1 { format!("{}:{number}", fact.name) } else { fact.name.clone() };
+        if let Some(dataset) = heading
+            && heading_of(ui, &scene.facts.datasets[dataset], dataset)
+        {
+            removed = Some(dataset);
+        }
         let color = if *visible { theme::TEXT } else { theme::LABEL };
         ui.allocate_ui_with_layout(
             vec2(ui.available_width(), theme::ROW),
             Layout::left_to_right(Align::Center),
             |ui| {
                 let toggle = ui.checkbox(visible, RichText::new(&fact.name).color(color));
-                theme::register(ui, &format!("family:{}", fact.name), toggle.rect);
+                theme::register(ui, &format!("family:{name}"), toggle.rect);
                 ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
                     ui.label(RichText::new(&fact.count).color(color));
                 });
@@ -60,8 +81,28 @@ fn show(ui: &mut Ui, state: &PanelState<'_, '_>, families: &mut [bool]) {
         )
         .response
         .on_hover_text(&fact.details);
-        fields(ui, &fact.name, family);
+        fields(ui, &name, family);
     }
+    theme::switch(ui, "add dropped files", adds).on_hover_text(
+        "Files that are dropped on the window are shown with what is open, not in its place. Shift does the same.",
+    );
+    removed
+}
+
+/// The name of a dataset of several, and a button; whether it is to be removed.
+fn heading_of(ui: &mut Ui, dataset: &DatasetFact, number: usize) -> bool {
+    ui.add_space(4.0);
+    let row = vec2(ui.available_width(), theme::ROW);
+    let shown = ui.allocate_ui_with_layout(row, Layout::right_to_left(Align::Center), |ui| {
+        let name = format!("dataset:{number}:remove");
+        let remove = theme::button(ui, &name, "\u{d7}", true, "Closes this dataset; the others stay.");
+        ui.with_layout(Layout::left_to_right(Align::Center), |ui| {
+            ui.add(egui::Label::new(RichText::new(&dataset.name).color(theme::TEXT)).truncate());
+        });
+        remove
+    });
+    shown.response.on_hover_text(&dataset.details);
+    shown.inner
 }
 
 /// The fields of a family, each with its distribution over the source's particles.

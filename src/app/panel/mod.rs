@@ -78,7 +78,7 @@ pub struct PanelState<'w, 's> {
     statistics: Res<'w, Statistics>,
     converged: Res<'w, Converged>,
     clock: Res<'w, FrameClock>,
-    openings: Res<'w, Openings>,
+    openings: ResMut<'w, Openings>,
     time: Res<'w, Time<Real>>,
     camera: Query<'w, 's, &'static Viewpoint, With<DataCamera>>,
 }

@@ -32,6 +32,8 @@ fn full() -> SceneFile {
         path: "snapdir/box \"1\".hdf5".into(),
         fingerprint: Some(Fingerprint { bytes: 123_456_789_012, crc32c: u32::MAX }),
         families: Some(vec![crate::model::FamilyName::Gas, crate::model::FamilyName::BlackHoles]),
+        offset: [0.5, -1.0, 1e3],
+        scale: Some(0.25),
     };
     SceneFile {
         mode: Some(volume_isosurface::MODE.name.to_owned()),
@@ -71,7 +73,7 @@ fn full() -> SceneFile {
             },
         ],
         panels: Panels { shown: false, closed: Some(vec!["data".into()]) },
-        ..SceneFile::new(dataset)
+        ..SceneFile::new(vec![dataset])
     }
 }
 
@@ -88,8 +90,9 @@ fn a_full_scene_and_an_empty_one_come_back_as_they_were() {
     let scene = full();
     assert_eq!(parse(&text(&scene)).unwrap(), scene, "{}", text(&scene));
     let little = parse("(version: 1, datasets: [(path: \"box.df\")])").unwrap();
-    let dataset = DatasetRef { path: "box.df".into(), fingerprint: None, families: None };
-    assert_eq!(little, SceneFile::new(dataset));
+    let dataset =
+        DatasetRef { path: "box.df".into(), fingerprint: None, families: None, offset: [0.0; 3], scale: None };
+    assert_eq!(little, SceneFile::new(vec![dataset]));
     assert_eq!(parse(&text(&little)).unwrap(), little);
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.scene.ron");
@@ -187,13 +190,15 @@ fn values_out_of_range_are_named_with_their_place() {
         ("fov: 45.00000000000001", "fov: 180.0", "fov: found 180, expected between 0 and 180"),
         ("ortho: Some(0.14285714285714285)", "ortho: Some(0.0)", "ortho: found 0, expected a finite height"),
         ("up: (0.0, 1.0, 0.0)", "up: (0.0, 0.0, 0.0)", "eye: found"),
+        ("scale: Some(0.25)", "scale: Some(0.0)", "scale: found 0, expected a positive number"),
+        ("1000.0)", "inf)", "offset: found [0.5, -1.0, inf], expected finite numbers"),
         ("thickness: 0.1", "thickness: 0.0", "thickness: found 0, expected a finite number above 0"),
     ] {
         let message = set(old, new);
         assert!(message.starts_with("a.scene.ron") && message.contains(expected), "{new}: {message}");
     }
-    let two = "(version: 1, datasets: [(path: \"a\"), (path: \"b\")])";
-    assert!(parse(two).unwrap_err().contains("datasets: found a list of 2, expected one dataset"));
+    let none = "(version: 1, datasets: [])";
+    assert!(parse(none).unwrap_err().contains("datasets: found a list of 0, expected 1 to 64 datasets"));
 }
 
 proptest! {
