@@ -1,8 +1,10 @@
 //! What the panel says about a dataset, put into words once when it is opened.
 
 use crate::annotate::number;
+use crate::scene_file::Member;
 use crate::store::{Metadata, PageFile, PartInfo};
 use bevy::math::DVec3;
+use std::path::Path;
 
 /// A family of particles, as a row.
 #[derive(Clone, Debug, PartialEq)]
@@ -40,8 +42,8 @@ pub struct Facts {
 }
 
 impl Facts {
-    /// The facts of a page file, or of several as one.
-    pub fn of(file: &PageFile) -> Facts {
+    /// The facts of a page file, or of several as one, by the names that the user gave.
+    pub fn of(file: &PageFile, members: &[Member]) -> Facts {
         let metadata = file.metadata();
         let mut rows = match file.is_joined() {
             true => vec![("Datasets", file.parts().len().to_string())],
@@ -74,9 +76,9 @@ impl Facts {
             .iter()
             .map(|skipped| format!("{} particles left out: {}", number::count(skipped.count), skipped.reason));
         let told = file.parts().flat_map(|part| part.metadata.provenance.notes.clone());
-        let datasets = file.parts().filter(|_| file.is_joined()).map(|part| DatasetFact {
-            name: part.path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned()),
-            details: part_details(&part),
+        let datasets = file.parts().zip(members).filter(|_| file.is_joined()).map(|(part, member)| DatasetFact {
+            name: member.path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned()),
+            details: part_details(&part, &member.path),
             first_family: part.families.start,
         });
         Facts { rows, datasets: datasets.collect(), families: families.collect(), notes: told.chain(skipped).collect() }
@@ -94,8 +96,8 @@ fn epoch(metadata: &Metadata) -> Option<(&'static str, String)> {
 }
 
 /// What is said of one dataset of several.
-fn part_details(part: &PartInfo<'_>) -> String {
-    let mut lines = vec![part.path.display().to_string(), part.metadata.provenance.format.clone()];
+fn part_details(part: &PartInfo<'_>, path: &Path) -> String {
+    let mut lines = vec![path.display().to_string(), part.metadata.provenance.format.clone()];
     lines.extend(epoch(part.metadata).map(|(label, value)| format!("{} {value}", label.to_lowercase())));
     let placement = part.placement;
     if placement.offset != DVec3::ZERO {

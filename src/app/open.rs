@@ -272,7 +272,7 @@ mod tests {
             .insert_resource(Scene {
                 path: page_file.clone(),
                 members: vec![Member::new(&page_file)],
-                facts: crate::app::facts::Facts::of(&file),
+                facts: crate::app::facts::Facts::of(&file, &[]),
                 file,
                 bounds,
                 frame: bounds,

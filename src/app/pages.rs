@@ -368,7 +368,7 @@ mod tests {
                 bounds,
                 frame: bounds,
                 length_unit: String::new(),
-                facts: Facts::of(file),
+                facts: Facts::of(file, &[]),
                 generation: 1,
             })
             .init_resource::<Messages>()

@@ -191,7 +191,7 @@ pub struct PanelPreset {
 
 impl Default for PanelPreset {
     fn default() -> Self {
-        Self { open: true, right: true, width: 304.0, right_width: 244.0, scale: 0.0, closed: Vec::new() }
+        Self { open: true, right: true, width: 304.0, right_width: 256.0, scale: 0.0, closed: Vec::new() }
     }
 }
 

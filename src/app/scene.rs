@@ -206,7 +206,7 @@ pub(super) fn adopt_opened(
     let attributes = &choices.attributes;
     let opened = opened.as_deref();
     scene_io::apply(opened, attributes, &mut settings, camera, &mut parts, &mut commands, &mut messages);
-    let facts = Facts::of(&file);
+    let facts = Facts::of(&file, &members);
     let told = |family: FamilyName| format!("{}: the data has no particles of family {family}", path.display());
     notes.into_iter().chain(missing.into_iter().map(told)).for_each(|note| messages.error(note));
     messages.info(match members.len() {

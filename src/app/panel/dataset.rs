@@ -37,9 +37,12 @@ pub static SECTION: Section = Section {
 /// Draws the facts, and a toggle for each family with its fields; the dataset that is to be closed, of several.
 fn show(ui: &mut Ui, state: &PanelState<'_, '_>, families: &mut [bool], adds: &mut bool) -> Option<usize> {
     let scene = state.scene.as_ref()?;
-    let name = scene.path.file_name().map_or_else(|| scene.path.to_string_lossy(), |name| name.to_string_lossy());
-    ui.add(egui::Label::new(RichText::new(name).color(theme::TEXT).size(14.0)).truncate())
-        .on_hover_text(scene.path.display().to_string());
+    // Of several datasets each has its name above its families.
+    if !scene.file.is_joined() {
+        let name = scene.path.file_name().map_or_else(|| scene.path.to_string_lossy(), |name| name.to_string_lossy());
+        ui.add(egui::Label::new(RichText::new(name).color(theme::TEXT).size(14.0)).truncate())
+            .on_hover_text(scene.path.display().to_string());
+    }
     for (label, value) in &scene.facts.rows {
         theme::fact(ui, label, value.as_str());
     }
