@@ -6,23 +6,10 @@
 mod window_support;
 
 use serde_json::Value;
-use std::path::Path;
 use std::time::Duration;
-use window_support::{Desktop, Program, distance, point, repeat};
+use window_support::{Desktop, Program, click, distance, keep, point, repeat};
 
 const CONTROL: u32 = 0xffe3;
-
-/// Saves what is on the screen where the environment variable `DEEPFIELD_SCREENSHOTS` names a folder.
-fn keep(desktop: &Desktop, name: &str) {
-    if let Some(folder) = std::env::var_os("DEEPFIELD_SCREENSHOTS") {
-        std::thread::sleep(Duration::from_millis(900));
-        desktop.screenshot().save(&Path::new(&folder).join(name));
-    }
-}
-
-fn click(program: &Program, desktop: &Desktop, control: &str, seen: impl Fn(&Value) -> bool) -> Value {
-    repeat(program, control, || desktop.click(program.reveal(desktop, control)), seen)
-}
 
 fn triple(value: &Value) -> [f64; 3] {
     [0, 1, 2].map(|k| value[k].as_f64().unwrap())

@@ -110,6 +110,7 @@ impl Plugin for WindowApp {
         }
         let mut objects = objects::Objects::default();
         if let Some(path) = self.options.labels.clone() {
+            objects.is_given = true;
             objects.open(path);
         }
         let settings = scene::Settings::new(&self.preset, self.options.mode.as_deref());

@@ -2,6 +2,8 @@
 
 use super::looking::answer::Answer;
 use super::messages::Messages;
+use super::open::Openings;
+use super::options::OpenRequest;
 use super::scene::Scene;
 use crate::annotate::Label;
 use crate::explore::{Catalogue, Object, Region};
@@ -19,6 +21,12 @@ pub struct Objects {
     pub labels: Vec<Label>,
     /// What the list in the panel is narrowed to.
     pub search: String,
+    /// A file that was dropped and may be a catalogue, on its way; `None` comes of one that is not.
+    dropped: Answer<Option<Catalogue>>,
+    /// How it is opened as data.
+    as_data: OpenRequest,
+    /// Whether the command line has named the catalogue, so that the first scene does not change it.
+    pub is_given: bool,
 }
 
 impl Objects {
@@ -26,6 +34,24 @@ impl Objects {
     pub fn open(&mut self, path: PathBuf) {
         self.labels.clear();
         self.catalogue = Answer::ask("catalogue", move |_| Catalogue::read(&path));
+    }
+
+    /// Opens the catalogue that a scene names, if it names one.
+    pub fn open_of_scene(&mut self, path: Option<PathBuf>) {
+        if let Some(path) = path.filter(|_| !std::mem::take(&mut self.is_given)) {
+            self.open(path);
+        }
+    }
+
+    /// The file of the open catalogue.
+    pub fn path(&self) -> Option<&Path> {
+        self.catalogue.here().map(|catalogue| catalogue.path.as_path())
+    }
+
+    /// Looks whether a file that was dropped on the window is a catalogue, and opens it as that, or else `as_data`.
+    pub fn consider(&mut self, path: PathBuf, as_data: OpenRequest) {
+        self.as_data = as_data;
+        self.dropped = Answer::ask("catalogue", move |_| Ok::<_, String>(Catalogue::read(&path).ok()));
     }
 
     /// The first objects whose names hold what is searched for, and how many there are.
@@ -39,11 +65,10 @@ impl Objects {
     }
 }
 
-/// Whether a file that is dropped on the window names objects rather than being data: a group catalogue, or RON that is no scene.
-pub fn is_catalogue(path: &Path) -> bool {
+/// Whether a file that is dropped on the window may name objects rather than being data: a group catalogue, or RON that is no scene.
+pub fn may_be_catalogue(path: &Path) -> bool {
     let extension = path.extension().and_then(|extension| extension.to_str()).unwrap_or_default();
-    // A snapshot or a scene is no catalogue, and says so at once; a catalogue is small.
-    matches!(extension, "hdf5" | "h5" | "ron") && Catalogue::read(path).is_ok()
+    matches!(extension.to_ascii_lowercase().as_str(), "hdf5" | "h5" | "ron")
 }
 
 /// What an object takes up: a ball of its radius, or of `usual` where it has none.
@@ -60,8 +85,23 @@ pub fn usual_radius(bounds: Bounds) -> f64 {
 }
 
 /// Takes the catalogue that has been read.
-pub(super) fn receive(mut objects: ResMut<Objects>, scene: Option<Res<Scene>>, mut messages: ResMut<Messages>) {
+pub(super) fn receive(
+    mut objects: ResMut<Objects>,
+    mut openings: ResMut<Openings>,
+    scene: Option<Res<Scene>>,
+    mut messages: ResMut<Messages>,
+) {
     let objects = objects.bypass_change_detection();
+    if objects.dropped.receive() {
+        match std::mem::take(&mut objects.dropped) {
+            Answer::Here(Some(catalogue)) => {
+                objects.labels.clear();
+                objects.catalogue = Answer::ready(catalogue);
+            }
+            // A snapshot or a scene, or nothing that can be read: opening it says so.
+            _ => openings.start(std::mem::take(&mut objects.as_data)),
+        }
+    }
     if !objects.catalogue.receive() {
         return;
     }
@@ -85,7 +125,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn catalogues_are_told_from_data_and_searched() {
+    fn catalogues_are_searched() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("names.ron");
         std::fs::write(
@@ -93,9 +133,9 @@ mod tests {
             r#"(objects: [(name: "Coma", position: (1.0, 2.0, 3.0), mass: 9.0), (name: "Virgo", position: (0.0, 0.0, 0.0))])"#,
         )
         .unwrap();
-        assert!(is_catalogue(&path));
-        let demo = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/demo/lcdm64_z0.hdf5");
-        assert!(!is_catalogue(&demo));
+        assert!(
+            may_be_catalogue(&path) && may_be_catalogue(Path::new("a.HDF5")) && !may_be_catalogue(Path::new("a.csv"))
+        );
         let mut objects = Objects { catalogue: Answer::Here(Catalogue::read(&path).unwrap()), ..Objects::default() };
         assert_eq!(objects.found(1).1, 2);
         objects.search = "vir".into();

@@ -2,7 +2,7 @@
 //! a file cannot be read.
 
 use super::messages::Messages;
-use super::objects::{Objects, is_catalogue};
+use super::objects::{Objects, may_be_catalogue};
 use super::options::{OpenRequest, Opener};
 use super::scene::Scene;
 use super::scene_io::OpenedScene;
@@ -159,16 +159,15 @@ pub(super) fn open_dropped_files(
 ) {
     for event in dropped.read() {
         if let FileDragAndDrop::DroppedFile { path_buf, .. } = event {
-            if is_catalogue(path_buf) {
-                objects.open(path_buf.clone());
-                continue;
-            }
             let mut request = OpenRequest::of(path_buf);
             let adds = openings.adds_dropped || keys.any_pressed([KeyCode::ShiftLeft, KeyCode::ShiftRight]);
             if let Some(scene) = scene.as_ref().filter(|_| adds && !is_scene_file(path_buf)) {
                 request.members.splice(0..0, scene.members.iter().cloned());
             }
-            openings.start(request);
+            match may_be_catalogue(path_buf) {
+                true => objects.consider(path_buf.clone(), request),
+                false => openings.start(request),
+            }
         }
     }
 }
@@ -234,7 +233,7 @@ mod tests {
             .init_resource::<Messages>()
             .init_resource::<Objects>()
             .init_resource::<ButtonInput<KeyCode>>()
-            .add_systems(Update, (open_dropped_files, finish_opening).chain());
+            .add_systems(Update, (open_dropped_files, super::super::objects::receive, finish_opening).chain());
         let window = app.world_mut().spawn_empty().id();
         app.world_mut().write_message(FileDragAndDrop::HoveredFile { window, path_buf: "dragged.hdf5".into() });
         app.update();
@@ -249,6 +248,19 @@ mod tests {
         let messages: Vec<String> =
             app.world().resource::<Messages>().all().map(|message| message.text.clone()).collect();
         assert_eq!(messages, ["dropped.hdf5: not readable"]);
+
+        // A catalogue is told from data by its content, off the main thread, and opened beside the data.
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("names.ron");
+        std::fs::write(&path, "(objects: [(name: \"Coma\", position: (1.0, 2.0, 3.0))])").unwrap();
+        app.world_mut().write_message(FileDragAndDrop::DroppedFile { window, path_buf: path.clone() });
+        while app.world().resource::<Objects>().path() != Some(&path) {
+            assert!(start.elapsed() < Duration::from_secs(60), "the catalogue is not opened");
+            app.update();
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        assert!(app.world().resource::<Openings>().current.is_none(), "it is no data");
+        assert_eq!(app.world().resource::<Objects>().labels.len(), 1);
     }
 
     #[test]
@@ -280,7 +292,7 @@ mod tests {
                 length_unit: String::new(),
                 generation: 1,
             })
-            .add_systems(Update, (open_dropped_files, finish_opening).chain());
+            .add_systems(Update, (open_dropped_files, super::super::objects::receive, finish_opening).chain());
         let window = app.world_mut().spawn_empty().id();
         let mut dropped = |shift: bool, adds: bool| {
             let mut keys = ButtonInput::<KeyCode>::default();

@@ -5,13 +5,14 @@ use super::free_name::free_name;
 use super::input::{PointerOwner, is_control};
 use super::lens::Lens;
 use super::messages::Messages;
+use super::objects::Objects;
 use super::panel::Closed;
 use super::picture::{DataCamera, Picture};
 use super::scene::{AttributeChoice, Scene, Settings};
 use super::shortcuts::Shown;
 use crate::model::FamilyName;
 use crate::modes;
-use crate::scene_file::{Attribute, Bookmark, Camera, DatasetRef, Member, Panels, SceneFile};
+use crate::scene_file::{Attribute, Bookmark, Camera, DatasetRef, Member, Panels, SceneFile, dataset::relative_to};
 use crate::store::PartInfo;
 use bevy::ecs::system::SystemParam;
 use bevy::math::DVec3;
@@ -50,6 +51,7 @@ pub struct SceneParts<'w> {
     bookmarks: ResMut<'w, Bookmarks>,
     closed: ResMut<'w, Closed>,
     shown: ResMut<'w, Shown>,
+    objects: ResMut<'w, Objects>,
 }
 
 /// A viewpoint with the settings' lens, as files keep it.
@@ -112,6 +114,7 @@ fn scene_file(
         camera: Some(camera_of(viewpoint, &settings.lens)),
         cut: settings.cut,
         bookmarks: parts.bookmarks.0.clone(),
+        labels: parts.objects.path().map(|labels| relative_to(labels, path)),
         selections: settings.selections.clone(),
         panels: Panels { shown: parts.shown.panel, closed: Some(parts.closed.0.iter().cloned().collect()) },
         ..SceneFile::new(datasets)
@@ -206,6 +209,9 @@ pub(super) fn apply(
         commands.entity(entity).remove::<Flight>();
     }
     parts.bookmarks.0.clone_from(&scene.bookmarks);
+    parts
+        .objects
+        .open_of_scene(scene.labels.as_deref().map(|labels| crate::scene_file::dataset::located(labels, path)));
     settings.selections.clone_from(&scene.selections);
     parts.shown.panel = scene.panels.shown;
     if let Some(closed) = &scene.panels.closed {

@@ -113,7 +113,7 @@ impl Stage {
     ) -> Result<Stage, ExploreError> {
         let target = arguments.target.unwrap_or(bounds.center());
         let paper = Paper::of(arguments.background.unwrap_or_default());
-        let catalogue = arguments.annotate.labels.as_deref();
+        let catalogue = arguments.annotate.labels.as_deref().or(arguments.labels.as_deref());
         let labels = catalogue.map_or(Ok(Vec::new()), |path| labels_of(path, &units.length))?;
         Ok(Stage { view, target, bounds, units, paper, labels, marks: None, depiction: depiction.clone() })
     }

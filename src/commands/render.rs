@@ -124,6 +124,9 @@ pub struct Arguments {
     /// Settings of the mode.
     #[arg(skip)]
     pub settings: Settings,
+    /// The catalogue of a scene.
+    #[arg(skip)]
+    pub labels: Option<PathBuf>,
     /// A scene's selections.
     #[arg(skip)]
     pub selections: Vec<SelectionSet>,
@@ -182,6 +185,7 @@ impl Arguments {
             settings: Settings::default(),
             first: Member::default(),
             with: Vec::new(),
+            labels: None,
             selections: Vec::new(),
             plain: false,
             cut: CutSettings::default(),

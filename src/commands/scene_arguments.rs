@@ -3,6 +3,7 @@
 use super::arguments::PictureSize;
 use super::render::Arguments;
 use crate::modes;
+use crate::scene_file::dataset::located;
 use crate::scene_file::{Attribute, Member, SceneError, SceneFile, is_scene_file};
 use glam::DVec3;
 use std::path::{Path, PathBuf};
@@ -34,11 +35,11 @@ pub fn complete(arguments: Arguments) -> Result<Arguments, SceneError> {
             located.members
         }
     };
-    Ok(filled(arguments, scene, members))
+    Ok(filled(arguments, scene, members, &path))
 }
 
-/// The arguments for these datasets with what a scene says where they say nothing.
-fn filled(own: Arguments, scene: SceneFile, members: Vec<Member>) -> Arguments {
+/// The arguments for these datasets with what a scene, read from `file`, says where they say nothing.
+fn filled(own: Arguments, scene: SceneFile, members: Vec<Member>, file: &Path) -> Arguments {
     let mut members = members.into_iter();
     let first = members.next().unwrap_or_default();
     let camera = scene.camera;
@@ -72,6 +73,7 @@ fn filled(own: Arguments, scene: SceneFile, members: Vec<Member>) -> Arguments {
         transfer: own.transfer.or(scene.transfer.filter(|_| !is_own_mode)),
         annotations: own.annotations.or(scene.annotations),
         selections: scene.selections,
+        labels: scene.labels.map(|labels| located(&labels, file)),
         cut: if own.cut == Default::default() { scene.cut } else { own.cut },
         ..own
     }
@@ -94,6 +96,7 @@ mod tests {
         scene.settings.0.insert("radius".into(), SettingValue::Number(3.0));
         scene.size = Some((300, 200));
         scene.attribute = Attribute::None;
+        scene.labels = Some("groups.hdf5".into());
         scene.camera =
             Some(Camera { eye: [1.0, 2.0, 3.0], target: [0.0; 3], up: [0.0, 1.0, 0.0], fov: 33.0, ortho: Some(5.0) });
         scene.write(&path).unwrap();
@@ -105,6 +108,7 @@ mod tests {
         assert_eq!((all.ortho, all.plain, all.eye), (Some(5.0), true, Some(DVec3::new(1.0, 2.0, 3.0))));
         assert_eq!(all.size, Some(PictureSize { width: 300, height: 200 }));
         assert_eq!(all.settings.0.len(), 1);
+        assert_eq!(all.labels, Some(folder.path().join("groups.hdf5")));
         let own =
             Arguments { fov: Some(20.0), mode: modes::find("volume"), attribute: Some("mass".into()), ..arguments };
         let some = complete_one(&own);

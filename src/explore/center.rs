@@ -3,7 +3,7 @@
 //! Where a box is periodic, a mean of coordinates depends on where the box is cut open. Masses and moments are kept in slices along
 //! each axis; the mean of the slices' directions on a circle says where the particles are, the box is cut open at the slice's end
 //! that is farthest from there, and the mean is taken of what is on either side. For anything smaller than half of the box that is
-//! its centre of mass, from one pass over the particles.
+//! its centre of mass, from one pass over the particles. What fills the box evenly has the plain mean.
 
 use super::batch::{Batch, Gather, Work};
 use super::data::Data;
@@ -14,6 +14,10 @@ use std::f64::consts::TAU;
 
 /// Slices along each axis.
 const SLICES: usize = 64;
+
+/// Length of the mean direction on the circle from which on particles are somewhere: it is 0 where they fill the box evenly, and
+/// more than 0.63 within half of it.
+const GATHERED: f64 = 0.3;
 
 /// Where a selection is.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -99,9 +103,12 @@ impl CenterSums {
         let angle = |slice: usize| (slice as f64 + 0.5) * TAU / SLICES as f64;
         let toward =
             |part: fn(f64) -> f64| slices().enumerate().map(|(i, [mass, _])| mass * part(angle(i))).sum::<f64>();
-        let direction = toward(f64::sin).atan2(toward(f64::cos));
-        // The slice with which the box that is cut open begins.
-        let first = ((direction / TAU + 0.5).rem_euclid(1.0) * SLICES as f64).round() as usize % SLICES;
+        let (sine, cosine) = (toward(f64::sin), toward(f64::cos));
+        // The slice with which the box that is cut open begins; what fills the box is nowhere in particular, and it stays as it is.
+        let first = match sine.hypot(cosine) < GATHERED * mass {
+            true => 0,
+            false => ((sine.atan2(cosine) / TAU + 0.5).rem_euclid(1.0) * SLICES as f64).round() as usize % SLICES,
+        };
         let moment: f64 = (0..SLICES)
             .map(|step| {
                 let [mass, moment] = self.slices[(first + step) % SLICES][axis];
@@ -167,6 +174,15 @@ mod tests {
             prop_assert!((open.finish().unwrap().position / edge - (middle + mean)).abs().max_element() < 1e-9);
             prop_assert_eq!(found.count, offsets.len() as u64);
         }
+    }
+
+    #[test]
+    fn what_fills_the_box_has_the_mean_of_its_coordinates() {
+        let mut sums = CenterSums::new(Some(8.0));
+        let at = |i: u32| f64::from(i) * 0.125 + 0.03;
+        (0..64 * 64).for_each(|i| sums.add(DVec3::new(at(i / 64), at(i % 64), 7.9), 1.0));
+        let mean = (0..64).map(at).sum::<f64>() / 64.0;
+        assert!(sums.finish().unwrap().position.abs_diff_eq(DVec3::new(mean, mean, 7.9), 1e-9), "{:?}", sums.finish());
     }
 
     #[test]

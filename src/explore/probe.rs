@@ -1,6 +1,7 @@
 //! The probe: sums over everything in a region, of the whole data and not of what happens to be in memory.
 
 use super::batch::{Batch, Gather, Uncertain, Work};
+use super::center::CenterSums;
 use super::data::{Data, column, error_scale};
 use super::error::ExploreError;
 use super::moments::Moments;
@@ -173,8 +174,15 @@ pub fn probe<'a>(data: Data, of: impl Into<Of<'a>>, options: &ProbeOptions, work
         (Some(profile), Some(region)) => Some(Shells::new(profile, region, query.shapes.reference())?),
         (Some(_), None) => return Err(ExploreError::value("profile", "of ids", "a region with a sphere")),
     };
-    let gather =
-        Sums { families: data.families().len(), columns: query.wanted.columns.len(), shells, shell_column, sums_alone };
+    let gather = Sums {
+        families: data.families().len(),
+        columns: query.wanted.columns.len(),
+        shells,
+        shell_column,
+        sums_alone,
+        // Around what has no centre of its own, such as particles with certain ids, distances cannot be taken before it is known.
+        wraps: options.periodic.filter(|_| query.shapes.edge().is_none()),
+    };
     let sums = query.ask(data, &gather, work)?;
     Ok(report(data, &query, fields, &gather, &sums, options))
 }
@@ -186,6 +194,8 @@ struct Sums {
     shells: Option<Shells>,
     shell_column: Option<usize>,
     sums_alone: bool,
+    /// Edge of the periodic box in which the centre of mass is yet to be found.
+    wraps: Option<f64>,
 }
 
 /// Sums so far.
@@ -202,6 +212,8 @@ struct FamilyPart {
     moment: DVec3,
     /// Mass that `moment` is about: all but that of whole nodes.
     placed: f64,
+    /// The same mass by its places, where the reference is none.
+    center: Option<CenterSums>,
     columns: Vec<Moments>,
     velocity: [Moments; 3],
     uncertain: Uncertain,
@@ -213,7 +225,11 @@ impl Gather for Sums {
     type Part = Part;
 
     fn part(&self) -> Part {
-        let family = FamilyPart { columns: vec![Moments::NONE; self.columns], ..FamilyPart::default() };
+        let family = FamilyPart {
+            columns: vec![Moments::NONE; self.columns],
+            center: self.wraps.map(|edge| CenterSums::new(Some(edge))),
+            ..FamilyPart::default()
+        };
         Part { families: vec![family; self.families], shells: self.shells.as_ref().map(Shells::empty) }
     }
 
@@ -228,6 +244,9 @@ impl Gather for Sums {
         family.mass += mass;
         family.placed += mass;
         family.moment += batch.relative.iter().zip(&batch.mass).fold(DVec3::ZERO, |sum, (at, mass)| sum + *at * *mass);
+        if let Some(center) = &mut family.center {
+            batch.positions.iter().zip(&batch.mass).for_each(|(&at, &mass)| center.add(at, mass));
+        }
         for (moments, values) in family.columns.iter_mut().zip(&batch.columns).filter(|(_, values)| !values.is_empty())
         {
             moments.join(&Moments::of(values, &batch.mass));
@@ -264,6 +283,9 @@ impl Gather for Sums {
             family.mass += next.mass;
             family.moment += next.moment;
             family.placed += next.placed;
+            if let (Some(center), Some(next)) = (&mut family.center, &next.center) {
+                center.join(next);
+            }
             family.columns.iter_mut().zip(&next.columns).for_each(|(a, b)| a.join(b));
             family.velocity.iter_mut().zip(&next.velocity).for_each(|(a, b)| a.join(b));
             family.uncertain.add(&next.uncertain);
@@ -282,12 +304,15 @@ impl Gather for Sums {
 /// The sums as numbers.
 fn report(data: Data, query: &Query, fields: usize, gather: &Sums, sums: &Part, options: &ProbeOptions) -> Probe {
     let edge = query.shapes.edge();
-    let place = |moment: DVec3, placed: f64, mass: f64| {
+    let place = |moment: DVec3, placed: f64, mass: f64, center: Option<&CenterSums>| {
         // Of nodes that were taken as a whole, nobody knows where their mass is.
         let known = placed > 0.0 && placed == mass;
-        known.then(|| {
-            let at = query.shapes.reference() + moment / placed;
-            edge.map_or(at, |edge| at - edge * (at / edge).floor()).to_array()
+        let found = center.filter(|_| known).and_then(|sums| Some(sums.finish()?.position.to_array()));
+        found.or_else(|| {
+            known.then(|| {
+                let at = query.shapes.reference() + moment / placed;
+                edge.map_or(at, |edge| at - edge * (at / edge).floor()).to_array()
+            })
         })
     };
     let names = data.families();
@@ -298,7 +323,7 @@ fn report(data: Data, query: &Query, fields: usize, gather: &Sums, sums: &Part, 
             name: *name,
             count: sums.count,
             mass: sums.mass,
-            center_of_mass: place(sums.moment, sums.placed, sums.mass),
+            center_of_mass: place(sums.moment, sums.placed, sums.mass, sums.center.as_ref()),
             velocity: velocity(&sums.velocity),
             fields: field_statistics(data, index, *name, sums, &query.wanted.columns[..fields]),
             uncertain: (!data.is_exact()).then_some(sums.uncertain),
@@ -307,12 +332,17 @@ fn report(data: Data, query: &Query, fields: usize, gather: &Sums, sums: &Part, 
     let total = |of: &dyn Fn(&FamilyPart) -> f64| sums.families.iter().map(of).sum::<f64>();
     let moment = sums.families.iter().fold(DVec3::ZERO, |sum, family| sum + family.moment);
     let mass = total(&|family| family.mass);
+    let center = gather.wraps.map(|edge| {
+        let mut whole = CenterSums::new(Some(edge));
+        sums.families.iter().filter_map(|family| family.center.as_ref()).for_each(|family| whole.join(family));
+        whole
+    });
     let profile = gather.shells.as_ref().zip(sums.shells.as_ref()).zip(query.region().and_then(|r| r.first_sphere()));
     Probe {
         exact: data.is_exact(),
         count: sums.families.iter().fold(0, |sum, family| sum.saturating_add(family.count)),
         mass,
-        center_of_mass: place(moment, total(&|family| family.placed), mass),
+        center_of_mass: place(moment, total(&|family| family.placed), mass, center.as_ref()),
         length_unit: data.length_unit().clone(),
         mass_unit: data.mass_unit().clone(),
         periodic_edge: edge,

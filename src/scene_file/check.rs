@@ -98,6 +98,9 @@ pub(super) fn check(scene: &SceneFile, file: &str, text: &str) -> Result<(), Ron
         }
         check_camera(&place, &["bookmarks", "camera"], &bookmark.camera)?;
     }
+    if scene.selections.iter().filter(|set| set.follow).count() > 1 {
+        return Err(place.refuse(&["selections", "follow"], "two that are followed", "one at most"));
+    }
     for set in &scene.selections {
         set.check().map_err(|error| match error {
             ExploreError::Value { field, found, expected } => {

@@ -68,15 +68,8 @@ pub struct Located {
 impl DatasetRef {
     /// The data at `path` as a scene beside it, or anywhere else, names it: relative where it lies in the scene's folder or below.
     pub fn of(path: &Path, scene: &Path) -> DatasetRef {
-        let path = path.canonicalize().unwrap_or_else(|_| path.to_owned());
-        let fingerprint = Fingerprint::of(&path).ok();
-        let folder = match folder_of(scene) {
-            folder if folder.as_os_str().is_empty() => PathBuf::from("."),
-            folder => folder,
-        };
-        let folder = folder.canonicalize().unwrap_or(folder);
-        let path = path.strip_prefix(&folder).map(Path::to_owned).unwrap_or(path);
-        DatasetRef { path, fingerprint, families: None, offset: [0.0; 3], scale: None }
+        let fingerprint = Fingerprint::of(path).ok();
+        DatasetRef { path: relative_to(path, scene), fingerprint, families: None, offset: [0.0; 3], scale: None }
     }
 
     /// Finds the data of the scene file `scene`: where it says, else beside the scene file.
@@ -133,6 +126,25 @@ impl SceneFile {
         }
         Ok(all)
     }
+}
+
+/// A file as a scene names it: relative where it lies in the scene's folder or below.
+pub fn relative_to(path: &Path, scene: &Path) -> PathBuf {
+    let path = path.canonicalize().unwrap_or_else(|_| path.to_owned());
+    let folder = match folder_of(scene) {
+        folder if folder.as_os_str().is_empty() => PathBuf::from("."),
+        folder => folder,
+    };
+    let folder = folder.canonicalize().unwrap_or(folder);
+    path.strip_prefix(&folder).map(Path::to_owned).unwrap_or(path)
+}
+
+/// Where a file that a scene names is: where the scene says, else beside the scene file if it is there.
+pub fn located(path: &Path, scene: &Path) -> PathBuf {
+    let folder = folder_of(scene);
+    let named = folder.join(path);
+    let beside = path.file_name().map(|name| folder.join(name)).filter(|beside| beside.is_file() && !named.is_file());
+    beside.unwrap_or(named)
 }
 
 /// The folder that a file lies in; empty for the working folder.

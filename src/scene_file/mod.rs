@@ -21,6 +21,7 @@ use crate::raster::transfer::TransferFunction;
 use crate::view::{CutSettings, Projection, View, ViewError};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
 
 /// The version of scene files that this program writes.
 pub const VERSION: u32 = 1;
@@ -66,6 +67,9 @@ pub struct SceneFile {
     /// Coloured selections.
     #[serde(default)]
     pub selections: Vec<SelectionSet>,
+    /// A catalogue of named objects; where it is relative, from the scene file's folder.
+    #[serde(default)]
+    pub labels: Option<PathBuf>,
     /// The window's panels.
     #[serde(default)]
     pub panels: Panels,
@@ -157,6 +161,7 @@ impl SceneFile {
             cut: CutSettings::default(),
             bookmarks: Vec::new(),
             selections: Vec::new(),
+            labels: None,
             panels: Panels::default(),
         }
     }

@@ -6,6 +6,7 @@ mod commands;
 mod export;
 mod hostile;
 mod marks;
+mod parquet;
 mod probes;
 mod reference;
 mod selections;

@@ -1,7 +1,9 @@
 //! Probes against sums over all particles.
 
 use crate::support::{EDGE, Memory, Particle, is_inside, page_file, particles, region};
-use deepfield::explore::{Data, ExploreError, Fields, Probe, ProbeOptions, ProfileOptions, Region, Work, probe};
+use deepfield::explore::{
+    Data, ExploreError, Fields, Probe, ProbeOptions, ProfileOptions, Region, Work, center, ids_of, probe,
+};
 use deepfield::model::{FamilyName, Progress};
 use glam::DVec3;
 use proptest::prelude::*;
@@ -251,5 +253,24 @@ fn what_is_not_there_is_named() {
         ] {
             assert!(parts.iter().all(|part| message.contains(part)), "{message}");
         }
+    }
+}
+
+/// Particles known by their ids are where those of their region are, across the faces of the box too.
+#[test]
+fn ids_across_the_faces_have_the_centre_of_their_region() {
+    let source = Memory::new(true);
+    let data = Data::Source(&source);
+    let options = ProbeOptions { periodic: Some(EDGE), ..ProbeOptions::default() };
+    for at in [DVec3::new(0.5, 99.0, 50.0), DVec3::new(50.0, 0.0, 0.0), DVec3::splat(30.0)] {
+        let region = Region::sphere(at, 18.0);
+        let ids = ids_of(&source, &region, Some(EDGE), Work::quiet()).unwrap();
+        let by_region = probe(data, &region, &options, Work::quiet()).unwrap();
+        let by_id = probe(data, &ids, &options, Work::quiet()).unwrap();
+        assert_eq!((by_id.count, by_id.count), (by_region.count, ids.len()));
+        let [a, b] = [&by_region, &by_id].map(|probe| DVec3::from(probe.center_of_mass.unwrap()));
+        assert!((a - b).abs().max_element() < 1e-9 * EDGE, "{a} {b}");
+        let found = center(data, &ids, Some(EDGE), Work::quiet()).unwrap().unwrap();
+        assert!((found.position - a).abs().max_element() < 1e-9 * EDGE && found.count == ids.len());
     }
 }

@@ -90,6 +90,19 @@ impl Desktop {
         self.fake_input(5, button, [0; 2]);
     }
 
+    /// Holds the left button from the first place over all others.
+    pub fn stroke(&self, places: &[[i16; 2]]) {
+        self.fake_input(6, 0, places[0]);
+        self.fake_input(4, 1, [0; 2]);
+        for pair in places.windows(2) {
+            for step in 1..=6 {
+                let at = |axis: usize| pair[0][axis] + (pair[1][axis] - pair[0][axis]) * step / 6;
+                self.fake_input(6, 0, [at(0), at(1)]);
+            }
+        }
+        self.fake_input(5, 1, [0; 2]);
+    }
+
     /// The keyboard's code for an X keysym.
     pub fn keycode(&self, keysym: u32) -> u8 {
         let setup = self.connection.setup();
@@ -237,7 +250,21 @@ impl Program {
         [width, height]: [u16; 2],
         arguments: &[&str],
     ) -> Program {
+        Program::open_with(desktop, folder, source, [width, height], arguments, &[])
+    }
+
+    /// As [`Program::open`], with variables of the environment.
+    pub fn open_with(
+        desktop: &Desktop,
+        folder: &Path,
+        source: &Path,
+        [width, height]: [u16; 2],
+        arguments: &[&str],
+        variables: &[(&str, &Path)],
+    ) -> Program {
         let status = folder.join("status.json");
+        // What an earlier program has left behind is not this one's.
+        let _ = std::fs::remove_file(&status);
         let process = Command::new(env!("CARGO_BIN_EXE_deepfield"))
             .arg("view")
             .arg(source)
@@ -246,6 +273,7 @@ impl Program {
             .args(arguments)
             .env("DISPLAY", &desktop.display)
             .env("XDG_CACHE_HOME", folder)
+            .envs(variables.iter().copied())
             .env_remove("WAYLAND_DISPLAY")
             .current_dir(folder)
             .spawn()
@@ -311,6 +339,37 @@ impl Program {
         }
         panic!("the program did not end");
     }
+}
+
+/// Saves what is on the screen where the environment variable `DEEPFIELD_SCREENSHOTS` names a folder.
+pub fn keep(desktop: &Desktop, name: &str) {
+    if let Some(folder) = std::env::var_os("DEEPFIELD_SCREENSHOTS") {
+        std::thread::sleep(Duration::from_millis(900));
+        desktop.screenshot().save(&Path::new(&folder).join(name));
+    }
+}
+
+/// Clicks a control until the status shows the effect.
+pub fn click(program: &Program, desktop: &Desktop, control: &str, seen: impl Fn(&Value) -> bool) -> Value {
+    repeat(program, control, || desktop.click(program.reveal(desktop, control)), seen)
+}
+
+/// Opens a combo box and clicks an entry, which has a name of its own, until the status shows the effect.
+pub fn choose(program: &Program, desktop: &Desktop, combo: &str, entry: &str, seen: impl Fn(&Value) -> bool) -> Value {
+    let choose = || {
+        desktop.click(program.reveal(desktop, combo));
+        std::thread::sleep(Duration::from_millis(600));
+        if let Some(at) = program.control(entry) {
+            desktop.click(at);
+        }
+    };
+    repeat(program, entry, choose, seen)
+}
+
+/// The middle of the picture on the screen.
+pub fn middle(status: &Value) -> [i16; 2] {
+    let side = |i: usize| status["picture"][i].as_f64().unwrap();
+    [((side(0) + side(2)) / 2.0) as i16, ((side(1) + side(3)) / 2.0) as i16]
 }
 
 /// The columns of the screen that the picture takes.

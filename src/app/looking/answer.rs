@@ -54,6 +54,13 @@ impl<T: Send + 'static> Answer<T> {
         }
     }
 
+    /// An answer that is there already; it is received as one that has been worked out.
+    pub fn ready(answer: T) -> Answer<T> {
+        let (send, outcome) = channel();
+        drop(send.send(Ok(answer)));
+        Answer::Coming(Coming { progress: Arc::default(), stop: Arc::default(), outcome: Mutex::new(outcome) })
+    }
+
     /// Takes the answer if it has come in the meantime; whether it has.
     pub fn receive(&mut self) -> bool {
         let Answer::Coming(coming) = self else { return false };
@@ -94,6 +101,7 @@ mod tests {
         assert_eq!(answer.here(), Some(&7));
         let answer = settled(Answer::<i32>::ask("test", |_| Err("no")));
         assert!(matches!(answer, Answer::Failed(why) if why == "no"));
+        assert_eq!(settled(Answer::ready(9)).here(), Some(&9));
         let answer = settled(Answer::<i32>::ask("test", |_| -> Result<i32, String> { panic!("a bug") }));
         assert!(matches!(answer, Answer::Failed(why) if why.contains("without an answer")));
     }

@@ -82,7 +82,8 @@ fn row(ui: &mut Ui, index: usize, set: &mut SelectionSet) -> bool {
         };
         let shown = ComboBox::from_id_salt("show").width(62.0).selected_text(title(set.show)).show_ui(ui, |ui| {
             for show in [Show::Highlighted, Show::Alone, Show::Hidden] {
-                ui.selectable_value(&mut set.show, show, title(show));
+                let choice = ui.selectable_value(&mut set.show, show, title(show));
+                theme::register(ui, &format!("selection:{index}:show:{}", title(show)), choice.rect);
             }
         });
         theme::register(ui, &format!("selection:{index}:show"), shown.response.rect);

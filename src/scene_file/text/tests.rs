@@ -68,10 +68,12 @@ fn full() -> SceneFile {
             ),
             SelectionSet {
                 show: Show::Alone,
+                follow: true,
                 members: Members::Ids(IdSet::new(vec![1, 2, 3, 9, u64::MAX])),
                 ..SelectionSet::new("ids", Region::whole(), 0)
             },
         ],
+        labels: Some("groups.hdf5".into()),
         panels: Panels { shown: false, closed: Some(vec!["data".into()]) },
         ..SceneFile::new(vec![dataset])
     }
@@ -164,7 +166,8 @@ fn every_value_of_a_wrong_type_is_named_with_its_field() {
         let field = &text[name.clone()];
         let colon = name.end + usize::from(text[name.end..].starts_with('"'));
         let value = value_at(&text, colon);
-        let wrong = if text[value.clone()].starts_with(['"', 't', 'f']) { "12.5" } else { "\"wrong\"" };
+        let is_text = text[value.clone()].starts_with(['"', 't', 'f']) || text[value.clone()].starts_with("Some(\"");
+        let wrong = if is_text { "12.5" } else { "\"wrong\"" };
         let mutated = format!("{}{wrong}{}", &text[..value.start], &text[value.end..]);
         let message = parse(&mutated).unwrap_err();
         assert!(message.starts_with("a.scene.ron:") && message.contains(field), "{field}: {message}");

@@ -17,8 +17,10 @@ pub fn show(ui: &mut Ui, presets: &mut TransferPresets, settings: &mut Settings)
     };
     let mut pick = None;
     theme::row(ui, "Preset", |ui| {
-        if ui.small_button("save as").on_hover_text("write these colours to a preset's file of another name").clicked()
-        {
+        let save_as =
+            ui.small_button("save as").on_hover_text("write these colours to a preset's file of another name");
+        theme::register(ui, "preset:save-as", save_as.rect);
+        if save_as.clicked() {
             naming = Some(presets.chosen().map_or_else(String::new, |(name, _)| format!("{name}-2")));
         }
         let save = ui.add_enabled(changed, bevy_egui::egui::Button::new("save").small());
@@ -45,8 +47,11 @@ pub fn show(ui: &mut Ui, presets: &mut TransferPresets, settings: &mut Settings)
     if let Some(mut name) = naming.clone() {
         theme::row(ui, "Name", |ui| {
             let cancel = ui.small_button("cancel").clicked();
-            let save = ui.small_button("save").clicked();
-            ui.add(TextEdit::singleline(&mut name).desired_width(ui.available_width()));
+            let save = ui.small_button("save");
+            theme::register(ui, "preset:name:save", save.rect);
+            let save = save.clicked();
+            let field = ui.add(TextEdit::singleline(&mut name).desired_width(ui.available_width()));
+            theme::register(ui, "preset:name", field.rect);
             if save && !name.trim().is_empty() {
                 presets.ask_to_save(name.trim().to_owned(), settings.transfer.clone());
             }
