@@ -6,7 +6,7 @@ use crate::app::looking::Visit;
 use crate::app::looking::answer::Answer;
 use crate::app::objects::{Objects, extent, usual_radius};
 use crate::explore::Members;
-use bevy_egui::egui::{self, RichText, TextEdit, Ui};
+use bevy_egui::egui::{self, Align, Layout, RichText, TextEdit, Ui, vec2};
 
 /// Rows of the list.
 const ROWS: usize = 8;
@@ -40,18 +40,22 @@ fn show(ui: &mut Ui, state: &mut PanelState<'_, '_>) {
     let (mut visit, mut probe) = (None, None);
     for (row, object) in found.iter().enumerate() {
         let (region, bounds) = extent(object, usual);
-        ui.horizontal(|ui| {
+        let size = vec2(ui.available_width(), theme::ROW);
+        ui.allocate_ui_with_layout(size, Layout::right_to_left(Align::Center), |ui| {
+            ui.set_min_height(theme::ROW);
             ui.spacing_mut().item_spacing.x = 3.0;
-            let mass = object.mass.map_or_else(String::new, number::quantity);
-            let width = (ui.available_width() - 90.0).max(50.0);
-            let name = egui::Label::new(RichText::new(&object.name).color(theme::TEXT)).truncate();
-            ui.add_sized([width, theme::ROW], name).on_hover_text(format!("mass {mass}"));
-            if theme::button(ui, &format!("object:{row}:fly"), "Fly to", true, "Fly to it and turn around it") {
-                visit = Some(bounds);
-            }
             if theme::button(ui, &format!("object:{row}:probe"), "Probe", true, "Sum up what is within its radius") {
                 probe = Some(region);
             }
+            if theme::button(ui, &format!("object:{row}:fly"), "Fly to", true, "Fly to it and turn around it") {
+                visit = Some(bounds);
+            }
+            // What room is left is the name's.
+            ui.with_layout(Layout::left_to_right(Align::Center), |ui| {
+                let mass = object.mass.map_or_else(String::new, number::quantity);
+                let name = egui::Label::new(RichText::new(&object.name).color(theme::TEXT)).truncate();
+                ui.add(name).on_hover_text(format!("mass {mass}"));
+            });
         });
     }
     if count > found.len() {
