@@ -20,4 +20,5 @@ pub mod scene_file;
 pub mod store;
 pub mod stream;
 pub mod synth;
+pub mod tour;
 pub mod view;

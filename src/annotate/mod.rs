@@ -10,6 +10,7 @@ pub mod font;
 pub mod labels;
 pub mod legend;
 pub mod number;
+pub mod overlay;
 pub mod paint;
 pub mod scale_bar;
 pub mod ticks;

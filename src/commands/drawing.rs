@@ -4,10 +4,13 @@ use super::CommandResult;
 use super::paint::{self, Outcome};
 use super::picture_statistics::write_statistics;
 use super::render::{self, Arguments, Picture};
+use super::scene_arguments::filled;
 use super::studio::Studio;
 use crate::annotate::Annotations;
+use crate::annotate::overlay::mix_into;
 use crate::raster::transfer::{Levels, TransferFunction};
 use crate::raster::{Image, composite, output};
+use crate::scene_file::SceneFile;
 use std::path::Path;
 
 /// A picture's values before they become colours.
@@ -80,6 +83,45 @@ impl Drawing {
             stage.annotate(&mut image, annotations, &coloration.transfer, &coloration.levels);
         }
         image
+    }
+
+    /// [`Drawing::image`] with what the arguments' film does to it.
+    ///
+    /// # Errors
+    /// As [`Drawing::new`] for the picture that it is blended with, and where a picture over it cannot be read.
+    pub fn finished(
+        &self,
+        arguments: &Arguments,
+        annotations: Option<&Annotations>,
+        studio: &mut Option<Studio>,
+    ) -> Result<Image, Box<dyn std::error::Error + Send + Sync>> {
+        let mut image = self.image(arguments, annotations);
+        let Some(film) = &arguments.film else { return Ok(image) };
+        if let Some(from) = &film.from {
+            let Arguments { size, backend, background, exact, .. } = *arguments;
+            let own = Arguments::new(arguments.path.clone(), arguments.output.clone());
+            let own = Arguments { size, backend, background, exact, ..own };
+            let mut members = arguments.members();
+            if let (Some(first), Some(dataset)) = (members.first_mut(), from.datasets.first()) {
+                first.families = dataset.families.clone();
+            }
+            let before = filled(own, SceneFile::clone(from), members, Path::new("")).with_economy();
+            let annotations = render::annotations(&before, false)?;
+            let mut mixed = Drawing::new(&before, studio)?.image(&before, annotations.as_ref());
+            mix_into(&mut mixed, &image, film.share);
+            image = mixed;
+        }
+        // Paths of pictures are complete by now.
+        film.overlay.paint(&mut image, Path::new(""))?;
+        Ok(image)
+    }
+
+    /// Whether everything that the view needs at its error bound was drawn.
+    pub fn is_converged(&self) -> bool {
+        match self {
+            Drawing::Splats(picture) => picture.converged,
+            Drawing::Colors(outcome) => outcome.converged,
+        }
     }
 
     /// Writes the raw channels as EXR.

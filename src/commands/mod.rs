@@ -24,6 +24,7 @@ pub mod select;
 pub mod statistics;
 mod studio;
 pub mod synth;
+pub mod tour;
 pub mod verify;
 pub mod view;
 
@@ -42,6 +43,7 @@ pub enum Command {
     Probe(Box<probe::Arguments>),
     Select(Box<select::Arguments>),
     Catalogue(catalogue::Arguments),
+    Tour(Box<tour::Arguments>),
     Synth(synth::Arguments),
     Bench(Box<bench::Arguments>),
     Modes(modes::Arguments),
@@ -62,6 +64,7 @@ impl Command {
             Command::Probe(arguments) => probe::run(arguments),
             Command::Select(arguments) => select::run(arguments),
             Command::Catalogue(arguments) => catalogue::run(arguments),
+            Command::Tour(arguments) => tour::run(arguments),
             Command::Synth(arguments) => synth::run(arguments),
             Command::Bench(arguments) => bench::run(arguments),
             Command::Modes(arguments) => modes::run(arguments),

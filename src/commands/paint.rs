@@ -5,7 +5,7 @@ use super::annotate::Stage;
 use super::exact_source::{load_exact, names};
 use super::render::{Arguments, Backend, view};
 use super::statistics::{Shown, Times, write_json};
-use super::studio::Studio;
+use super::studio::{Studio, look_ahead};
 use crate::annotate::Units;
 use crate::model::{Bounds, Family};
 use crate::modes::paint::{Subject, paint_nodes, paint_particles};
@@ -132,7 +132,7 @@ fn paint_pages(
 ) -> Result<Outcome, Box<dyn std::error::Error + Send + Sync>> {
     let path = &arguments.path;
     let framed = studio.choose(arguments)?;
-    let Studio { file, scene, .. } = studio;
+    let Studio { file, scene, ahead, .. } = studio;
     let metadata = file.metadata();
     let mut depiction = Depiction::of_pages(mode, arguments.settings.clone(), arguments.attribute.as_deref(), metadata)
         .map_err(|why| format!("{}: {why}", path.display()))?;
@@ -142,6 +142,7 @@ fn paint_pages(
     let detail = depiction.detail(&view, arguments.error_px.unwrap_or(0.8), metadata);
     let mut tell = |message| eprintln!("deepfield: {message}");
     let selection = times.measure("load", || scene.converge(&view, detail, &mut tell))?;
+    look_ahead(scene, ahead.take(), detail);
     let mut painted = None;
     for _ in 0..arguments.repeat {
         painted = Some(times.frame(|times| {

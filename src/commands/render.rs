@@ -9,7 +9,7 @@ use super::exact_source::names;
 use super::picture_config::PictureConfig;
 use super::picture_statistics::LeftOut;
 use super::statistics::Times;
-use super::studio::Studio;
+use super::studio::{Studio, look_ahead};
 use crate::annotate::{Annotations, Units};
 use crate::explore::SelectionSet;
 use crate::hierarchy::Levels;
@@ -18,7 +18,7 @@ use crate::modes::{self, Depiction, Economy, Mode, Plan, SettingKind, SettingVal
 use crate::raster::composite::Background;
 use crate::raster::transfer::TransferFunction;
 use crate::raster::{Accumulation, Method, output};
-use crate::scene_file::{Member, shown_families};
+use crate::scene_file::{Film, Member, shown_families};
 use crate::store::PageFile;
 use crate::view::{CutSettings, Periodic, Projection, View, frame};
 use glam::DVec3;
@@ -130,6 +130,9 @@ pub struct Arguments {
     /// A scene's selections.
     #[arg(skip)]
     pub selections: Vec<SelectionSet>,
+    /// What a tour's picture has beyond a scene; its images' paths are complete.
+    #[arg(skip)]
+    pub film: Option<Film>,
     /// Where the first dataset of a scene lies, and which of its families are shown; its path is `path`.
     #[arg(skip)]
     pub first: Member,
@@ -187,6 +190,7 @@ impl Arguments {
             with: Vec::new(),
             labels: None,
             selections: Vec::new(),
+            film: None,
             plain: false,
             cut: CutSettings::default(),
             transfer: None,
@@ -202,7 +206,7 @@ impl Arguments {
     }
 
     /// The same, with the options about what may be left out among the settings.
-    fn with_economy(mut self) -> Arguments {
+    pub(super) fn with_economy(mut self) -> Arguments {
         self.cut.periodic = self.periodic.unwrap_or(self.cut.periodic);
         for (setting, value) in [(&economy::PRESENCE, self.presence), (&economy::THINNING, self.thinning)] {
             if let SettingKind::Number { min, max, .. } = setting.kind
@@ -294,10 +298,14 @@ fn render(arguments: &Arguments) -> CommandResult {
         _ => return Err(format!("{}: expected a name that ends in .png or .exr", arguments.output.display()).into()),
     };
     let annotations = annotations(arguments, is_exr)?;
-    let drawing = Drawing::new(arguments, &mut None)?;
+    let mut studio = None;
+    let drawing = Drawing::new(arguments, &mut studio)?;
     match is_exr {
         true => drawing.write_exr(&arguments.output)?,
-        false => output::write_png(&arguments.output, &drawing.image(arguments, annotations.as_ref()))?,
+        false => {
+            let image = drawing.finished(arguments, annotations.as_ref(), &mut studio)?;
+            output::write_png(&arguments.output, &image)?;
+        }
     }
     if let Some(raw) = &arguments.raw {
         drawing.write_npy(raw)?;
@@ -346,7 +354,7 @@ pub(super) fn transfer(arguments: &Arguments, depiction: &Depiction) -> Transfer
 /// Draws the selected nodes of a page file.
 fn draw_pages(arguments: &Arguments, studio: &mut Studio) -> Result<Picture, Box<dyn std::error::Error + Send + Sync>> {
     let framed = studio.choose(arguments)?;
-    let Studio { file, scene, .. } = studio;
+    let Studio { file, scene, ahead, .. } = studio;
     let metadata = file.metadata();
     let fields = metadata.families.iter().flat_map(|family| &family.attributes).map(|field| field.name.as_str());
     let mode = arguments.mode.unwrap_or_else(|| modes::usual(fields));
@@ -360,6 +368,7 @@ fn draw_pages(arguments: &Arguments, studio: &mut Studio) -> Result<Picture, Box
     let mut times = Times::default();
     let mut tell = |message| eprintln!("deepfield: {message}");
     let selection = times.measure("load", || scene.converge(&seen, tau, &mut tell))?;
+    look_ahead(scene, ahead.take(), tau);
     let economy = arguments.settings.file_economy();
     let transfer = transfer(arguments, &depiction);
     let plan = times

@@ -22,7 +22,11 @@ fn named(path: &Path, scene: Option<&Path>) -> Option<(PathBuf, Option<PathBuf>)
 /// [`SceneError`] where the scene or its data cannot be found or read.
 pub fn complete(arguments: Arguments) -> Result<Arguments, SceneError> {
     let Some((path, data)) = named(&arguments.path, arguments.scene.as_deref()) else { return Ok(arguments) };
-    let scene = SceneFile::read(&path)?;
+    let mut scene = SceneFile::read(&path)?;
+    if let Some(film) = &mut scene.film {
+        let folder = path.parent().unwrap_or(Path::new(""));
+        film.overlay.images.iter_mut().for_each(|image| image.path = folder.join(&image.path));
+    }
     let members = match data {
         // Other data in the light of the scene: its families are those that the scene's first dataset shows.
         Some(data) => {
@@ -39,7 +43,7 @@ pub fn complete(arguments: Arguments) -> Result<Arguments, SceneError> {
 }
 
 /// The arguments for these datasets with what a scene, read from `file`, says where they say nothing.
-fn filled(own: Arguments, scene: SceneFile, members: Vec<Member>, file: &Path) -> Arguments {
+pub(super) fn filled(own: Arguments, scene: SceneFile, members: Vec<Member>, file: &Path) -> Arguments {
     let mut members = members.into_iter();
     let first = members.next().unwrap_or_default();
     let camera = scene.camera;
@@ -74,6 +78,7 @@ fn filled(own: Arguments, scene: SceneFile, members: Vec<Member>, file: &Path) -
         annotations: own.annotations.or(scene.annotations),
         selections: scene.selections,
         labels: scene.labels.map(|labels| located(&labels, file)),
+        film: scene.film,
         cut: if own.cut == Default::default() { scene.cut } else { own.cut },
         ..own
     }

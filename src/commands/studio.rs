@@ -7,6 +7,7 @@ use crate::model::Bounds;
 use crate::scene_file::{Member, open_members};
 use crate::store::PageFile;
 use crate::stream::{Scene, first_frame};
+use crate::view::{Detail, View};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -18,6 +19,16 @@ pub(super) struct Studio {
     pub scene: Scene,
     /// What the first picture of some families shows, since that takes reading.
     framed: Option<(Vec<u32>, Bounds)>,
+    /// The view of the picture after the next one: what it needs is read while the next one is drawn.
+    pub ahead: Option<View>,
+}
+
+/// Begins to read what a view will need.
+pub(super) fn look_ahead(scene: &mut Scene, view: Option<View>, detail: impl Into<Detail>) {
+    if let Some(view) = view {
+        scene.select(&view, detail);
+        scene.streamer.serve();
+    }
 }
 
 impl Studio {
@@ -32,7 +43,14 @@ impl Studio {
         let file = Arc::new(file);
         // Nothing limits what a picture holds: it has to be converged.
         let scene = Scene::new(Arc::clone(&file), u64::MAX);
-        Ok(Studio { file, scene, framed: None })
+        Ok(Studio { file, scene, framed: None, ahead: None })
+    }
+
+    /// Forgets pages where they take more than so many bytes.
+    pub fn keep_within(&mut self, bytes: u64) {
+        if self.scene.streamer.residency.statistics().bytes > bytes {
+            self.scene = Scene::new(Arc::clone(&self.file), u64::MAX);
+        }
     }
 
     /// Draws the families that the arguments name from now on. The box that a picture of them is framed by.

@@ -66,7 +66,8 @@ pub fn write_exr(path: &Path, picture: &Accumulation) -> Result<(), OutputError>
         AnyChannels::sort(channels.into_iter().collect()),
     );
     let mut bytes = std::io::Cursor::new(Vec::new());
-    exr::prelude::Image::from_layer(layer).write().to_buffered(&mut bytes).map_err(encode(path))?;
+    // In one thread blocks are written in their order, so that the same picture is the same file.
+    exr::prelude::Image::from_layer(layer).write().non_parallel().to_buffered(&mut bytes).map_err(encode(path))?;
     write_atomically(path, bytes.get_ref())
 }
 
@@ -85,7 +86,7 @@ pub fn write_exr_colors(path: &Path, colors: &Colors) -> Result<(), OutputError>
         AnyChannels::sort(["R", "G", "B", "A"].into_iter().enumerate().map(channel).collect()),
     );
     let mut bytes = std::io::Cursor::new(Vec::new());
-    exr::prelude::Image::from_layer(layer).write().to_buffered(&mut bytes).map_err(encode(path))?;
+    exr::prelude::Image::from_layer(layer).write().non_parallel().to_buffered(&mut bytes).map_err(encode(path))?;
     write_atomically(path, bytes.get_ref())
 }
 

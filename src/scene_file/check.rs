@@ -101,6 +101,17 @@ pub(super) fn check(scene: &SceneFile, file: &str, text: &str) -> Result<(), Ron
     if scene.selections.iter().filter(|set| set.follow).count() > 1 {
         return Err(place.refuse(&["selections", "follow"], "two that are followed", "one at most"));
     }
+    if let Some(film) = &scene.film {
+        if !(0.0..=1.0).contains(&film.share) {
+            return Err(place.refuse(&["film", "share"], film.share, "a number from 0 to 1"));
+        }
+        if let Some(from) = &film.from {
+            if from.film.is_some() {
+                return Err(place.refuse(&["film", "from", "film"], "a film in a film", "none"));
+            }
+            check(from, file, text)?;
+        }
+    }
     for set in &scene.selections {
         set.check().map_err(|error| match error {
             ExploreError::Value { field, found, expected } => {

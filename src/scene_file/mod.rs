@@ -8,9 +8,11 @@ pub mod dataset;
 pub mod members;
 
 mod check;
+mod film;
 mod text;
 
 pub use dataset::{DatasetRef, Fingerprint, Located};
+pub use film::Film;
 pub use members::{Member, open_members, shown_families};
 pub use text::{SceneError, is_scene_file};
 
@@ -73,6 +75,9 @@ pub struct SceneFile {
     /// The window's panels.
     #[serde(default)]
     pub panels: Panels,
+    /// What a tour's picture has beyond a scene.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub film: Option<Film>,
 }
 
 /// Which attribute gives the hue.
@@ -163,6 +168,7 @@ impl SceneFile {
             selections: Vec::new(),
             labels: None,
             panels: Panels::default(),
+            film: None,
         }
     }
 }

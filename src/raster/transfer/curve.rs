@@ -59,6 +59,16 @@ impl Curve {
         &self.0
     }
 
+    /// What lies at a share of the way to another curve, at every place of either's points; as it is where they would be too many.
+    pub fn mixed(&self, other: &Curve, share: f32) -> Curve {
+        let mut places: Vec<f32> = self.0.iter().chain(&other.0).map(|point| point.0).collect();
+        places.sort_by(f32::total_cmp);
+        places.dedup();
+        let value = |place: f32| self.at(place) + (other.at(place) - self.at(place)) * share.clamp(0.0, 1.0);
+        let points = places.into_iter().map(|place| (place, value(place).clamp(0.0, 1.0))).collect();
+        Curve::new(points).unwrap_or_else(|_| self.clone())
+    }
+
     /// The value at a place.
     pub fn at(&self, place: f32) -> f32 {
         let after = self.0.partition_point(|point| point.0 <= place);

@@ -2,9 +2,11 @@
 
 use super::*;
 use crate::annotate::Annotations;
+use crate::annotate::overlay::{Corner, Overlay};
 use crate::explore::{IdSet, Members, Region, SelectionSet, Show};
 use crate::modes::{SettingValue, Settings, volume_isosurface};
 use crate::raster::transfer::{Hue, Range, TransferFunction};
+use crate::scene_file::Film;
 use crate::scene_file::{Attribute, Bookmark, Camera, DatasetRef, Fingerprint, Panels};
 use crate::view::cut::{Axis, ClipBox, Fade, Slab};
 use glam::DVec3;
@@ -75,6 +77,21 @@ fn full() -> SceneFile {
         ],
         labels: Some("groups.hdf5".into()),
         panels: Panels { shown: false, closed: Some(vec!["data".into()]) },
+        film: Some(Film {
+            from: Some(Box::new(SceneFile::new(vec![dataset.clone()]))),
+            share: 0.25,
+            overlay: Overlay {
+                caption: "Words\nin two lines".into(),
+                caption_opacity: 0.5,
+                images: vec![crate::annotate::overlay::Picture {
+                    path: "logo.png".into(),
+                    anchor: Corner::TopLeft,
+                    height: 0.1,
+                    margin: 0.02,
+                    opacity: 0.75,
+                }],
+            },
+        }),
         ..SceneFile::new(vec![dataset])
     }
 }

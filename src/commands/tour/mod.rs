@@ -1,0 +1,195 @@
+//! `deepfield tour`: pictures and videos of a tour, every frame converged.
+
+mod avi;
+mod exposure;
+mod frames;
+mod journal;
+mod manifest;
+mod record;
+mod show;
+mod timetable;
+mod video;
+
+use super::CommandResult;
+use super::arguments::{PictureSize, not_negative, positive};
+use super::render::Backend;
+use crate::tour::{TourFile, around_data};
+use frames::{Frames, Pattern};
+use show::Show;
+use std::path::PathBuf;
+
+/// Renders a tour: pictures, a video, one frame, or its timetable.
+#[derive(clap::Args, Clone, Debug)]
+#[command(after_help = "Examples:
+  deepfield tour --around snapshot_099.hdf5 --seconds 10 --video around.mp4      a video of any data
+  deepfield tour assets/tours/demo.ron --check                                   the timetable, and what is too fast
+  deepfield tour assets/tours/demo.ron --record frames --size 1920x1080 --fps 30
+  deepfield tour show.ron snapshot_099.hdf5 --record frames --video show.mp4     other data than the tour names
+  deepfield tour show.ron --frame 250 still.png
+  deepfield tour show.ron --record frames --start 12.5 --end 20                  a part, with the same numbers
+  deepfield render frames/scenes/frame-00250.scene.ron -o same.png               any frame again
+A recording that was interrupted goes on where it was: give the same command again.
+The processor draws, at any size up to 32768x32768, unless --backend says otherwise.")]
+#[command(group = clap::ArgGroup::new("what").args(["record", "video", "frame", "check"]).required(true).multiple(true))]
+pub struct Arguments {
+    /// The tour file.
+    #[arg(required_unless_present = "around", conflicts_with = "around")]
+    pub tour: Option<PathBuf>,
+    /// The data, instead of what the tour names.
+    pub data: Option<PathBuf>,
+    /// A tour around this data instead of one from a file.
+    #[arg(long, value_name = "DATA")]
+    pub around: Option<PathBuf>,
+    /// How long that tour is [default: 10].
+    #[arg(long, value_name = "SECONDS", value_parser = positive, requires = "around")]
+    pub seconds: Option<f64>,
+    /// The mode of that tour; `deepfield modes` lists them [default: the data's usual one].
+    #[arg(long, value_name = "NAME", value_parser = super::render::mode_name, requires = "around")]
+    pub mode: Option<&'static crate::modes::Mode>,
+    /// Write every frame into this folder, and beside each a scene file that makes it again.
+    #[arg(long, value_name = "DIR")]
+    pub record: Option<PathBuf>,
+    /// Write a video: .avi (Motion-JPEG, nothing else needed), or .mp4, .mkv, .webm or .mov where ffmpeg is installed.
+    #[arg(long, value_name = "FILE")]
+    pub video: Option<PathBuf>,
+    /// Write one frame, counted from 0, to a PNG file.
+    #[arg(long, num_args = 2, value_names = ["N", "OUT.png"], conflicts_with_all = ["record", "video"])]
+    pub frame: Option<Vec<String>>,
+    /// Print the timetable with speeds, and what is too fast; nothing is drawn.
+    #[arg(long, conflicts_with_all = ["record", "video", "frame"])]
+    pub check: bool,
+    /// Picture size in pixels [default: the tour's; 1280x720 around data].
+    #[arg(long, value_name = "WxH")]
+    pub size: Option<PictureSize>,
+    /// Frames per second [default: the tour's, 30 unless it says so].
+    #[arg(long, value_name = "RATE", value_parser = positive)]
+    pub fps: Option<f64>,
+    /// The first frame is the one at this time, seconds [default: 0].
+    #[arg(long, value_name = "SECONDS", value_parser = not_negative)]
+    pub start: Option<f64>,
+    /// No frames from this time on, seconds [default: the tour's end].
+    #[arg(long, value_name = "SECONDS", value_parser = not_negative)]
+    pub end: Option<f64>,
+    /// Number in the name of the tour's first frame.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub offset: u32,
+    /// Names of frames without their extension; %05d stands for the number with at least five digits.
+    #[arg(long, value_name = "PATTERN", default_value = "frame-%05d")]
+    pub name: Pattern,
+    /// What frames are written as: png, exr (raw channels) or png,exr.
+    #[arg(long, value_name = "FORMATS", value_delimiter = ',', default_value = "png")]
+    pub format: Vec<Format>,
+    /// Write no scene file for each frame.
+    #[arg(long)]
+    pub no_scenes: bool,
+    /// Begin anew in a folder that holds another recording: its frames are overwritten.
+    #[arg(long, requires = "record")]
+    pub restart: bool,
+    /// Largest displacement of a particle on screen, pixels [default: the tour's, else 0.8].
+    #[arg(long, value_name = "TAU", value_parser = positive)]
+    pub error_px: Option<f64>,
+    /// What draws: cpu, or compute or raster (an adapter, opened anew for each frame) [default: cpu].
+    #[arg(long)]
+    pub backend: Option<Backend>,
+    /// Memory that pages may keep between frames [default: 4GiB].
+    #[arg(long, value_name = "BYTES", value_parser = super::arguments::bytes)]
+    pub memory: Option<u64>,
+    /// Threads that draw [default: all].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+}
+
+/// What frames are written as.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+#[allow(missing_docs, reason = "the names say it")]
+pub enum Format {
+    Png,
+    Exr,
+}
+
+/// Does what the arguments say.
+///
+/// # Errors
+/// When the tour, its data or a setting cannot be used, when a frame cannot be drawn completely, or when a file cannot be
+/// written.
+pub fn run(arguments: &Arguments) -> CommandResult {
+    match arguments.threads {
+        Some(threads) => {
+            rayon::ThreadPoolBuilder::new().num_threads(threads.into()).build()?.install(|| render(arguments))
+        }
+        None => render(arguments),
+    }
+}
+
+fn render(arguments: &Arguments) -> CommandResult {
+    let video = arguments.video.as_deref().map(video::Encoder::of).transpose()?;
+    let mut show = open(arguments)?;
+    if arguments.check {
+        print!("{}", timetable::text(&show));
+        return Ok(());
+    }
+    let frames = Frames::new(
+        show.duration(),
+        show.repeats(),
+        arguments.fps.unwrap_or(show.tour.rate),
+        [arguments.start, arguments.end],
+    )?;
+    if let Some([number, output]) = arguments.frame.as_deref() {
+        let expected = || format!("--frame {number}: expected a number from 0 to {}", frames.last());
+        let number = number.parse().ok().filter(|number| *number <= frames.last()).ok_or_else(expected)?;
+        return show.still(frames.time(number), output.as_ref());
+    }
+    let Some(folder) = arguments.record.clone().or_else(|| arguments.video.as_deref().map(video::frames_folder)) else {
+        return Ok(());
+    };
+    let recorded = record::record(&mut show, &frames, arguments, &folder)?;
+    eprintln!("deepfield: {recorded}");
+    if let (Some(encoder), Some(path)) = (video, arguments.video.as_deref()) {
+        if !arguments.format.contains(&Format::Png) {
+            return Err("--video: a video is made of PNG frames, add png to --format".into());
+        }
+        encoder.encode(path, &folder, &frames, arguments)?;
+        eprintln!("deepfield: {}", path.display());
+        if arguments.record.is_none() {
+            // Only what was made for the video's sake; it can be made again.
+            record::remove(&folder)?;
+        }
+    }
+    Ok(())
+}
+
+/// The tour that the arguments name, with its data.
+fn open(arguments: &Arguments) -> Result<Show, Box<dyn std::error::Error + Send + Sync>> {
+    let (mut tour, file, data) = match (&arguments.around, &arguments.tour) {
+        (Some(data), _) => {
+            let mut tour = around_data(arguments.seconds.unwrap_or(10.0).max(2.0));
+            tour.size = (1280, 720);
+            tour.keyframes[0].mode = arguments.mode.map(|mode| mode.name.to_owned());
+            (tour, None, data.clone())
+        }
+        (None, Some(path)) => {
+            let tour = TourFile::read(path)?;
+            let data = match (&arguments.data, &tour.dataset) {
+                (Some(data), _) => data.clone(),
+                (None, Some(dataset)) => {
+                    let located = dataset.locate(path)?;
+                    located.notes.iter().for_each(|note| eprintln!("deepfield: {note}"));
+                    located.path
+                }
+                (None, None) => {
+                    let path = path.display();
+                    return Err(format!("{path}: it names no dataset; name one: deepfield tour {path} DATA").into());
+                }
+            };
+            (tour, Some(path.clone()), data)
+        }
+        (None, None) => return Err("no tour".into()),
+    };
+    if let Some(PictureSize { width, height }) = arguments.size {
+        tour.size = (width, height);
+    }
+    if let Some(error_px) = arguments.error_px {
+        tour.keyframes.iter_mut().for_each(|keyframe| keyframe.error_px = Some(error_px));
+    }
+    Show::open(tour, file, data, arguments)
+}

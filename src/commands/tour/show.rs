@@ -1,0 +1,190 @@
+//! A tour with its data: from a time to a scene, and from that to a picture.
+
+use super::Arguments;
+use super::exposure::Exposure;
+use crate::annotate::overlay::Overlay;
+use crate::commands::CommandResult;
+use crate::commands::drawing::Drawing;
+use crate::commands::render;
+use crate::commands::scene_arguments::filled;
+use crate::commands::studio::Studio;
+use crate::model::Bounds;
+use crate::raster::{Image, output};
+use crate::scene_file::{Camera, DatasetRef, Film, Member, SceneFile};
+use crate::tour::{Look, State, Surroundings, Timeline, TourFile};
+use std::path::{Path, PathBuf};
+
+/// A tour that is shown.
+pub(super) struct Show {
+    /// What was read, with what the command line says.
+    pub tour: TourFile,
+    /// Where the data is.
+    pub data: PathBuf,
+    /// When what is shown.
+    pub timeline: Timeline,
+    /// The open data.
+    pub studio: Option<Studio>,
+    exposure: Exposure,
+    /// The tour's folder.
+    folder: PathBuf,
+    backend: render::Backend,
+    memory: u64,
+}
+
+/// A drawn frame.
+pub(super) struct Take {
+    /// The finished picture.
+    pub image: Image,
+    /// What it was made from.
+    pub drawing: Drawing,
+}
+
+/// Memory that pages keep between frames unless it is set.
+const MEMORY: u64 = 4 << 30;
+
+impl Show {
+    /// Opens the data and resolves the tour for it.
+    ///
+    /// # Errors
+    /// When the data cannot be read, or a keyframe looks at something that is not there.
+    pub fn open(
+        tour: TourFile,
+        file: Option<PathBuf>,
+        data: PathBuf,
+        arguments: &Arguments,
+    ) -> Result<Show, Box<dyn std::error::Error + Send + Sync>> {
+        let mut studio = Studio::open(&[Member::new(data.clone())])?;
+        let framed: Bounds = studio.choose(&render::Arguments::new(data.clone(), PathBuf::new()))?;
+        let folder = file.as_deref().and_then(Path::parent).map(Path::to_owned).unwrap_or_default();
+        let surroundings = Surroundings {
+            file: file.as_ref().map_or_else(|| "the tour".into(), |file| file.display().to_string()),
+            text: file.as_ref().and_then(|file| std::fs::read_to_string(file).ok()).unwrap_or_default(),
+            folder: folder.clone(),
+            framed,
+            aspect: f64::from(tour.size.0) / f64::from(tour.size.1),
+        };
+        let timeline = Timeline::new(&tour, &surroundings)?;
+        Ok(Show {
+            exposure: Exposure::new(&timeline),
+            tour,
+            data,
+            timeline,
+            studio: Some(studio),
+            folder: folder.canonicalize().unwrap_or(folder),
+            backend: arguments.backend.unwrap_or(render::Backend::Cpu),
+            memory: arguments.memory.unwrap_or(MEMORY),
+        })
+    }
+
+    /// How long it is, seconds.
+    pub fn duration(&self) -> f64 {
+        self.timeline.duration()
+    }
+
+    /// Whether it begins again at its end.
+    pub fn repeats(&self) -> bool {
+        self.timeline.repeats()
+    }
+
+    /// The scene of a look from a camera, as a file in `place` names the data.
+    fn scene(&self, look: &Look, camera: Camera, place: &Path) -> SceneFile {
+        let dataset = DatasetRef::of(&self.data, place);
+        SceneFile { size: Some(self.tour.size), camera: Some(camera), ..look.scene(dataset) }
+    }
+
+    /// The arguments that draw a scene.
+    fn arguments(&self, scene: SceneFile) -> render::Arguments {
+        let own = render::Arguments {
+            backend: Some(self.backend),
+            ..render::Arguments::new(self.data.clone(), PathBuf::new())
+        };
+        let families = scene.datasets.first().and_then(|dataset| dataset.families.clone());
+        filled(own, scene, vec![Member { families, ..Member::new(self.data.clone()) }], Path::new("")).with_economy()
+    }
+
+    /// What is shown at a time, as a scene file in `place` says it: a scene with numbers for all ranges that are found from pictures.
+    ///
+    /// # Errors
+    /// When a picture that ranges are found from cannot be drawn.
+    pub fn shot(&mut self, time: f64, place: &Path) -> Result<SceneFile, Box<dyn std::error::Error + Send + Sync>> {
+        let state = self.timeline.state(time);
+        let look = self.exposed(state.keyframe, state.time, &state.look)?;
+        let mut scene = self.scene(&look, state.camera, place);
+        let mut film = Film { overlay: self.overlay(&state), ..Film::default() };
+        if let Some(blend) = &state.blend {
+            let before = self.exposed(state.keyframe.saturating_sub(1), state.time, &blend.look)?;
+            film.from = Some(Box::new(self.scene(&before, blend.camera, place)));
+            film.share = blend.share as f32;
+        }
+        scene.film = (film.from.is_some() || !film.overlay.is_empty()).then_some(film);
+        Ok(scene)
+    }
+
+    fn overlay(&self, state: &State) -> Overlay {
+        let mut images = state.images.clone();
+        images.iter_mut().for_each(|image| image.path = self.folder.join(&image.path));
+        Overlay { caption: state.caption.text.clone(), caption_opacity: state.caption.opacity, images }
+    }
+
+    /// A look after a keyframe with the ranges that it has at a time.
+    fn exposed(
+        &mut self,
+        keyframe: usize,
+        time: f64,
+        look: &Look,
+    ) -> Result<Look, Box<dyn std::error::Error + Send + Sync>> {
+        let mut exposure = std::mem::take(&mut self.exposure);
+        let timeline = self.timeline.clone();
+        let exposed = exposure.exposed(keyframe, time, look, |time| {
+            let state = timeline.state(time);
+            let scene = self.scene(&state.look, state.camera, Path::new(""));
+            let arguments = self.arguments(scene);
+            Ok(Drawing::new(&arguments, &mut self.studio)?.coloration(&arguments))
+        });
+        self.exposure = exposure;
+        exposed
+    }
+
+    /// Draws a shot; what the shot at `next` will need is read meanwhile.
+    ///
+    /// # Errors
+    /// When it cannot be drawn, or not completely.
+    pub fn take(
+        &mut self,
+        shot: &SceneFile,
+        next: Option<f64>,
+    ) -> Result<Take, Box<dyn std::error::Error + Send + Sync>> {
+        let arguments = self.arguments(shot.clone());
+        if let Some(studio) = &mut self.studio {
+            studio.keep_within(self.memory);
+            let (width, height) = self.tour.size;
+            let state = next.map(|next| self.timeline.state(next));
+            let view = state.and_then(|state| {
+                let view = state.camera.view(width, height).ok()?;
+                Some(state.look.cut.applied(&view, state.camera.target.into(), studio.file.metadata().periodic_box()))
+            });
+            studio.ahead = view;
+        }
+        let drawing = Drawing::new(&arguments, &mut self.studio)?;
+        if !drawing.is_converged() {
+            return Err(format!("{}: pages that the frame needs cannot be read", self.data.display()).into());
+        }
+        let annotations = render::annotations(&arguments, false)?;
+        let image = drawing.finished(&arguments, annotations.as_ref(), &mut self.studio)?;
+        Ok(Take { image, drawing })
+    }
+
+    /// Draws one frame into a file.
+    ///
+    /// # Errors
+    /// As [`Show::take`], and when the file cannot be written.
+    pub fn still(&mut self, time: f64, output: &Path) -> CommandResult {
+        let shot = self.shot(time, output)?;
+        let take = self.take(&shot, None)?;
+        match output.extension().and_then(|extension| extension.to_str()) {
+            Some("png") => Ok(output::write_png(output, &take.image)?),
+            Some("exr") => Ok(take.drawing.write_exr(output)?),
+            _ => Err(format!("{}: expected a name that ends in .png or .exr", output.display()).into()),
+        }
+    }
+}

@@ -1,0 +1,25 @@
+//! Tours: keyframes in time, the camera's way through them, and what is shown when.
+//!
+//! A [`TourFile`] is what a user writes (docs/tours.md). [`Timeline::new`] resolves it, for the data that it is shown with, and
+//! [`Timeline::state`] is what is shown at a time: a pure function, the same for a window at any frame rate and for a recording.
+
+pub mod path;
+pub mod spline;
+pub mod zoom_pan;
+
+mod around;
+mod check;
+mod file;
+mod look;
+mod pace;
+mod place;
+mod timeline;
+mod usual;
+
+pub use around::Surroundings;
+pub use file::{Around, Comfort, Easing, Keyframe, Move, TourError, TourFile, What};
+pub use look::{Look, mix};
+pub use pace::{Remark, remarks};
+pub use path::{Path, Pose};
+pub use timeline::{Blend, Caption, State, Stop, Timeline};
+pub use usual::around_data;

@@ -1,0 +1,25 @@
+//! A tour of any data: once around it, and a little into it.
+
+use super::file::{Around, Keyframe, TourFile, What};
+
+/// A tour around the data that takes so many seconds, 2 or more.
+pub fn around_data(seconds: f64) -> TourFile {
+    let look = |distance, elevation, azimuth| Around { what: What::Data, distance, azimuth, elevation, fov: 45.0 };
+    let part = |share: f64, distance, elevation, azimuth, orbit| Keyframe {
+        after: Some(share * seconds),
+        around: Some(look(distance, elevation, azimuth)),
+        orbit,
+        ..Keyframe::default()
+    };
+    let mut tour = TourFile::new(vec![
+        part(0.0, 3.4, 14.0, 0.0, 0.0),
+        part(0.34, 2.7, 22.0, 110.0, 110.0),
+        part(0.33, 1.7, 10.0, 230.0, 120.0),
+        part(0.33, 3.4, 14.0, 360.0, 130.0),
+    ]);
+    tour.title = "Around the data".into();
+    tour.repeats = true;
+    // A short one turns as fast as it has to.
+    tour.comfort.turn = tour.comfort.turn.max(700.0 / seconds.max(1.0));
+    tour
+}
