@@ -174,7 +174,7 @@ fn open(arguments: &Arguments) -> Result<Show, Box<dyn std::error::Error + Send 
                 (None, Some(dataset)) => {
                     let located = dataset.locate(path)?;
                     located.notes.iter().for_each(|note| eprintln!("deepfield: {note}"));
-                    located.path
+                    located.members.into_iter().next().map(|member| member.path).unwrap_or_default()
                 }
                 (None, None) => {
                     let path = path.display();
