@@ -55,7 +55,8 @@ impl Show {
     ) -> Result<Show, Box<dyn std::error::Error + Send + Sync>> {
         let mut studio = Studio::open(&[Member::new(data.clone())])?;
         let framed: Bounds = studio.choose(&render::Arguments::new(data.clone(), PathBuf::new()))?;
-        let folder = file.as_deref().and_then(Path::parent).map(Path::to_owned).unwrap_or_default();
+        let parent = file.as_deref().and_then(Path::parent).filter(|parent| !parent.as_os_str().is_empty());
+        let folder = parent.unwrap_or(Path::new(".")).to_owned();
         let surroundings = Surroundings {
             file: file.as_ref().map_or_else(|| "the tour".into(), |file| file.display().to_string()),
             text: file.as_ref().and_then(|file| std::fs::read_to_string(file).ok()).unwrap_or_default(),
