@@ -12,10 +12,10 @@ pub fn around_data(seconds: f64) -> TourFile {
         ..Keyframe::default()
     };
     let mut tour = TourFile::new(vec![
-        part(0.0, 3.4, 14.0, 0.0, 0.0),
-        part(0.34, 2.7, 22.0, 110.0, 110.0),
-        part(0.33, 1.7, 10.0, 230.0, 120.0),
-        part(0.33, 3.4, 14.0, 360.0, 130.0),
+        part(0.0, 2.9, 14.0, 0.0, 0.0),
+        part(0.34, 2.3, 22.0, 110.0, 110.0),
+        part(0.33, 1.6, 10.0, 230.0, 120.0),
+        part(0.33, 2.9, 14.0, 360.0, 130.0),
     ]);
     tour.title = "Around the data".into();
     tour.repeats = true;
