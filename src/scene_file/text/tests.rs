@@ -78,7 +78,10 @@ fn full() -> SceneFile {
         labels: Some("groups.hdf5".into()),
         panels: Panels { shown: false, closed: Some(vec!["data".into()]) },
         film: Some(Film {
-            from: Some(Box::new(SceneFile::new(vec![dataset.clone()]))),
+            from: Some(Box::new(SceneFile {
+                labels: Some("haloes.csv".into()),
+                ..SceneFile::new(vec![dataset.clone()])
+            })),
             share: 0.25,
             overlay: Overlay {
                 caption: "Words\nin two lines".into(),
