@@ -88,11 +88,17 @@ pub(super) fn draw_window(
     let whole = egui::Rect::from_min_max(egui::pos2(0.0, 0.0), egui::pos2(1.0, 1.0));
     let periodic = panel.scene.as_ref().and_then(|scene| scene.periodic);
     let view = view_of(camera.0, &panel.settings, periodic, picture.size()).ok();
-    let marked = view.as_ref().and_then(|view| layer.texture(&ctx, view));
-    let tint = if marked.is_some() { layer.tint() } else { egui::Color32::WHITE };
+    let tint = layer.tint();
+    let marked = match &view {
+        Some(view) => layer.textures(&ctx, view),
+        None => &[],
+    };
+    let tint = if marked.is_empty() { egui::Color32::WHITE } else { tint };
     painter.image(picture.texture, rect, whole, tint);
-    if let Some(marked) = marked {
-        painter.image(marked, rect, whole, egui::Color32::WHITE);
+    for (texture, place) in marked {
+        let at = |share: egui::Pos2| rect.lerp_inside(share.to_vec2());
+        let part = egui::Rect::from_min_max(at(place.min), at(place.max));
+        painter.image(texture.id(), part, whole, egui::Color32::WHITE);
     }
     draw_overlays(&painter, rect, &panel, &picture, *camera);
     if let (Some(view), Some(scene)) = (view, &panel.scene) {

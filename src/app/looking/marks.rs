@@ -39,28 +39,40 @@ pub struct MarkLayer {
     coming: Option<Mutex<Receiver<Layer>>>,
     /// What has arrived, and the view that it belongs to.
     layer: Option<(Layer, View)>,
-    texture: Option<TextureHandle>,
-    /// Whether `texture` shows `layer`.
+    /// The layer in parts that textures can hold, each with its place as a share of the picture.
+    tiles: Vec<(TextureHandle, egui::Rect)>,
+    /// Whether `tiles` show `layer`.
     uploaded: bool,
 }
 
 impl MarkLayer {
-    /// The layer as a texture, if there is one for this view.
-    pub fn texture(&mut self, ctx: &egui::Context, view: &View) -> Option<egui::TextureId> {
-        let (layer, drawn) = self.layer.as_ref()?;
-        if drawn != view {
-            return None;
-        }
+    /// The layer as textures with their places as shares of the picture; none where there is no layer for this view.
+    pub fn textures(&mut self, ctx: &egui::Context, view: &View) -> &[(TextureHandle, egui::Rect)] {
+        let Some((layer, _)) = self.layer.as_ref().filter(|(_, drawn)| drawn == view) else { return &[] };
         if !self.uploaded {
-            let size = [layer.width as usize, layer.height as usize];
-            let image = ColorImage::from_rgba_unmultiplied(size, layer.rgba.as_flattened());
-            match &mut self.texture {
-                Some(texture) => texture.set(image, TextureOptions::NEAREST),
-                None => self.texture = Some(ctx.load_texture("selections", image, TextureOptions::NEAREST)),
+            let (width, height) = (layer.width as usize, layer.height as usize);
+            let parts = parts([width, height], ctx.input(|input| input.max_texture_side));
+            self.tiles.truncate(parts.len());
+            for (index, [left, top, right, bottom]) in parts.into_iter().enumerate() {
+                let rows = (top..bottom).flat_map(|y| &layer.rgba[y * width + left..y * width + right]);
+                let pixels = rows.map(|&[r, g, b, a]| Color32::from_rgba_unmultiplied(r, g, b, a)).collect();
+                let image = ColorImage::new([right - left, bottom - top], pixels);
+                let share = |x: usize, y: usize| egui::pos2(x as f32 / width as f32, y as f32 / height as f32);
+                let place = egui::Rect::from_min_max(share(left, top), share(right, bottom));
+                match self.tiles.get_mut(index) {
+                    Some((texture, known)) => {
+                        texture.set(image, TextureOptions::NEAREST);
+                        *known = place;
+                    }
+                    None => {
+                        let name = format!("selections {index}");
+                        self.tiles.push((ctx.load_texture(name, image, TextureOptions::NEAREST), place));
+                    }
+                }
             }
             self.uploaded = true;
         }
-        self.texture.as_ref().map(TextureHandle::id)
+        &self.tiles
     }
 
     /// How the picture below it is tinted: black where selections are shown alone.
@@ -75,6 +87,13 @@ impl MarkLayer {
         self.layer = Some((layer, view));
         self.uploaded = false;
     }
+}
+
+/// A picture of that size in parts of at most `side` pixels a side: left, top, right and bottom of each.
+fn parts([width, height]: [usize; 2], side: usize) -> Vec<[usize; 4]> {
+    let side = side.max(1);
+    let part = |x: usize, y: usize| [x, y, width.min(x + side), height.min(y + side)];
+    (0..height).step_by(side).flat_map(|y| (0..width).step_by(side).map(move |x| part(x, y))).collect()
 }
 
 /// Draws the layer where it is not what is wanted.
@@ -149,5 +168,30 @@ fn marks_of(scene: &Scene, key: &Key, looked_up: &LookedUp) -> Marks {
             marks
         }
         _ => marks,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn large_layers_are_shown_in_parts_that_textures_hold() {
+        for size in [[1, 1], [2048, 2048], [2720, 2160], [5000, 3]] {
+            let all = parts(size, 2048);
+            let pixels: usize = all.iter().map(|[left, top, right, bottom]| (right - left) * (bottom - top)).sum();
+            assert_eq!(pixels, size[0] * size[1]);
+            assert!(all.iter().all(|[left, top, right, bottom]| right - left <= 2048 && bottom - top <= 2048));
+        }
+        let ctx = egui::Context::default();
+        let view =
+            View::around(crate::model::Bounds { min: [0.0; 3].into(), max: [1.0; 3].into() }, 0.8, 2720, 2160).unwrap();
+        let mut layer = MarkLayer::default();
+        assert!(layer.textures(&ctx, &view).is_empty());
+        let rgba = vec![[1, 2, 3, 255]; 2720 * 2160];
+        layer.take(Layer { width: 2720, height: 2160, rgba, alone: false }, view);
+        let tiles = layer.textures(&ctx, &view);
+        let share: f32 = tiles.iter().map(|(_, place)| place.area()).sum();
+        assert!(tiles.len() >= 4 && (share - 1.0).abs() < 1e-5, "{} {share}", tiles.len());
     }
 }

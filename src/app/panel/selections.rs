@@ -238,7 +238,8 @@ fn plots(ui: &mut Ui, state: &mut PanelState<'_, '_>) {
         let x = keeping.fields.0.clone();
         let along_x = ComboBox::from_id_salt("plot x").width(68.0).truncate().selected_text(x).show_ui(ui, |ui| {
             for name in &fields {
-                ui.selectable_value(&mut keeping.fields.0, (*name).to_owned(), *name);
+                let choice = ui.selectable_value(&mut keeping.fields.0, (*name).to_owned(), *name);
+                theme::register(ui, &format!("plot:x:{name}"), choice.rect);
             }
         });
         theme::register(ui, "plot:x", along_x.response.rect);
