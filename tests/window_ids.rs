@@ -157,9 +157,11 @@ fn particles_are_identified_kept_by_id_followed_and_found_in_another_snapshot() 
             b > 100.0 && (g - 0.77 * b).abs() < 25.0 && (r - 0.37 * b).abs() < 25.0
         };
         let blue: Vec<usize> = (0..400 * 300).filter(|&at| is_blue(at)).collect();
-        let near = |at: &&usize| ((**at % 400) as f64 - x).hypot((**at / 400) as f64 - y) < 12.0;
-        assert!(blue.len() > 8, "{exact:?}: {} pixels", blue.len());
-        let away = blue.len() - blue.iter().filter(near).count();
-        assert!(away * 4 < blue.len(), "{exact:?}: {away} of {} pixels are elsewhere", blue.len());
+        let around = |[x, y]: [f64; 2]| {
+            blue.iter().filter(|at| ((**at % 400) as f64 - x).hypot((**at / 400) as f64 - y) < 12.0).count()
+        };
+        // Some of the background was in the sphere, too, and has stayed where it was.
+        let (now, before) = (around([x, y]), around([200.0, 150.0]));
+        assert!(now > 20 && now > 2 * before, "{exact:?}: {now} pixels where it is, {before} where it was");
     }
 }
