@@ -17,6 +17,8 @@ pub mod picture_config;
 mod picture_statistics;
 pub mod probe;
 pub mod progress_bar;
+mod projected;
+pub mod projection_options;
 pub mod region_options;
 pub mod render;
 mod scene_arguments;

@@ -3,6 +3,7 @@
 use super::CommandResult;
 use super::annotate::Stage;
 use super::exact_source::{load_exact, names};
+use super::projected;
 use super::render::{Arguments, Backend, view};
 use super::statistics::{Shown, Times, write_json};
 use super::studio::{Studio, look_ahead};
@@ -61,15 +62,15 @@ struct Ranges<'a> {
 pub(super) struct Outcome {
     pub painted: Painted,
     pub stage: Stage,
-    levels: &'static str,
-    attribute: Option<String>,
+    pub levels: &'static str,
+    pub attribute: Option<String>,
     pub converged: bool,
-    error_pixels: f64,
-    particles: u64,
-    nodes: usize,
+    pub error_pixels: f64,
+    pub particles: u64,
+    pub nodes: usize,
     /// What drew: backend and adapter.
-    caster: [String; 2],
-    milliseconds: BTreeMap<String, f64>,
+    pub caster: [String; 2],
+    pub milliseconds: BTreeMap<String, f64>,
 }
 
 /// Draws a picture of a mode that paints: of an open page file, or where there is none, of source particles.
@@ -87,6 +88,9 @@ pub(super) fn draw(
     // Settings come from the file that the user wrote, if there is one.
     let named = arguments.config.as_ref().unwrap_or(&arguments.path).display();
     arguments.settings.check(mode).map_err(|error| format!("{named}: {error}"))?;
+    if projected::is_projected(arguments)? {
+        return projected::paint(arguments, mode, studio).map_err(|error| format!("{named}: {error}").into());
+    }
     let caster = &*caster(arguments, mode)?;
     let mut times = Times::default();
     let outcome = match studio {

@@ -10,7 +10,7 @@ use crate::modes::setting::SettingError;
 use crate::modes::{self, Settings};
 use crate::raster::composite::Background;
 use crate::raster::transfer::TransferFunction;
-use crate::view::CutSettings;
+use crate::view::{CutSettings, Stereo, Surround};
 use glam::DVec3;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
@@ -39,6 +39,10 @@ pub struct PictureConfig {
     pub error_px: Option<f64>,
     /// Where the camera stands.
     pub camera: CameraConfig,
+    /// How directions become a picture: flat, dome(aperture: 180.0, tilt: 0.0), equirectangular or cube(layout: cross).
+    pub projection: Surround,
+    /// A picture for each eye.
+    pub stereo: Option<Stereo>,
     /// What is left out of the data and faded.
     pub cut: CutSettings,
     /// What is behind the picture.
@@ -97,6 +101,11 @@ impl PictureConfig {
                 return Err(RonError::value(file, field, value, "a number greater than 0"));
             }
         }
+        let wrong = self.projection.mistake().map(|wrong| ("projection", wrong));
+        let wrong = wrong.or(self.stereo.as_ref().and_then(Stereo::mistake).map(|wrong| ("stereo", wrong)));
+        if let Some((field, (name, found, expected))) = wrong {
+            return Err(RonError::value(file, &format!("{field}: {name}"), found, expected));
+        }
         Ok(self)
     }
 
@@ -132,6 +141,8 @@ impl PictureConfig {
                 ..own.annotate.clone()
             },
             background: own.background.or(self.background),
+            surround: self.projection,
+            stereo_pair: self.stereo,
             cut: self.cut,
             ..own
         }
@@ -182,6 +193,7 @@ mod tests {
                 "(mode: \"isosurface\", settings: {\"kernel\": \"gauss\"})",
                 "settings.kernel is gauss, expected one of data",
             ),
+            ("(projection: dome(aperture: 361.0))", "aperture is 361, expected above 0 and at most 360 degrees"),
             ("(error_px: -1.0)", "error_px is -1, expected a number greater than 0"),
         ] {
             let message = parse(text, "p.ron").unwrap_err().to_string();

@@ -8,6 +8,8 @@ pub(super) use super::exact_source::load_exact;
 use super::exact_source::names;
 use super::picture_config::PictureConfig;
 use super::picture_statistics::LeftOut;
+use super::projected;
+use super::projection_options::{ProjectionName, ProjectionOptions};
 use super::statistics::Times;
 use super::studio::{Studio, look_ahead};
 use crate::annotate::{Annotations, Units};
@@ -17,10 +19,10 @@ use crate::model::{Bounds, Family, FamilyName, PeriodicBox};
 use crate::modes::{self, Depiction, Economy, Mode, Plan, SettingKind, SettingValue, Settings, cpu, economy, pilot};
 use crate::raster::composite::Background;
 use crate::raster::transfer::TransferFunction;
-use crate::raster::{Accumulation, Method, output};
+use crate::raster::{Accumulation, Image, Method, output};
 use crate::scene_file::{Film, Member, shown_families};
 use crate::store::PageFile;
-use crate::view::{CutSettings, Periodic, Projection, View, frame};
+use crate::view::{CubeLayout, CutSettings, Periodic, Projection, Side, Stereo, Surround, View, frame};
 use glam::DVec3;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -34,6 +36,8 @@ use std::path::PathBuf;
   deepfield render galaxy.df -o disk.png --backend cpu --error-px 0.5 --json -
   deepfield render galaxy.df -o figure.png --size 3840x2160 --annotate=legend,scale-bar,axes --caption \"Snapshot 99\"
   deepfield render merger.hdf5 -o stars.png --family gas --mode volume-isosurface --exact
+  deepfield render box.df -o dome.png --eye 25,25,25 --target 25,25,0 --projection dome --tilt 20 --size 4096x4096
+  deepfield render box.df -o pair.png --stereo off-axis --eye-separation 0.2 --zero-parallax 6
   deepfield render galaxy.scene.ron -o disk.png              what the window has saved with Ctrl+S")]
 pub struct Arguments {
     /// The source or page file, or a scene file.
@@ -88,6 +92,15 @@ pub struct Arguments {
     /// An orthographic camera whose picture is this high, in world units.
     #[arg(long, value_name = "HEIGHT", value_parser = positive, conflicts_with = "fov")]
     pub ortho: Option<f64>,
+    /// How directions become a picture, and for which eyes.
+    #[command(flatten)]
+    pub projection: ProjectionOptions,
+    /// How directions become a picture where the options say nothing.
+    #[arg(skip)]
+    pub surround: Surround,
+    /// A picture for two eyes where the options say nothing.
+    #[arg(skip)]
+    pub stereo_pair: Option<Stereo>,
     /// Largest displacement of a particle on screen, pixels [default: 0.8].
     #[arg(long, value_name = "TAU", value_parser = positive)]
     pub error_px: Option<f64>,
@@ -174,6 +187,9 @@ impl Arguments {
             up: None,
             fov: None,
             ortho: None,
+            projection: ProjectionOptions::default(),
+            surround: Surround::Flat,
+            stereo_pair: None,
             error_px: None,
             exact: false,
             presence: None,
@@ -301,6 +317,16 @@ fn render(arguments: &Arguments) -> CommandResult {
     let mut studio = None;
     let drawing = Drawing::new(arguments, &mut studio)?;
     match is_exr {
+        _ if projected::asked(arguments)?.0 == (Surround::Cube { layout: CubeLayout::Files }) => {
+            if is_exr {
+                return Err("--layout files: writes .png; a strip can be .exr".into());
+            }
+            for (side, face) in
+                Side::ALL.iter().zip(faces(&drawing.finished(arguments, annotations.as_ref(), &mut studio)?))
+            {
+                output::write_png(&arguments.output.with_extension(format!("{}.png", side.as_str())), &face)?;
+            }
+        }
         true => drawing.write_exr(&arguments.output)?,
         false => {
             let image = drawing.finished(arguments, annotations.as_ref(), &mut studio)?;
@@ -316,6 +342,18 @@ fn render(arguments: &Arguments) -> CommandResult {
     Ok(())
 }
 
+/// The six faces of a strip.
+fn faces(strip: &Image) -> Vec<Image> {
+    let edge = strip.height;
+    let face = |index: usize| {
+        let rows = strip.rgba.chunks(strip.width as usize);
+        let start = index * edge as usize;
+        let rgba = rows.flat_map(|row| row[start..start + edge as usize].iter().copied()).collect();
+        Image { width: edge, height: edge, rgba }
+    };
+    (0..6).map(face).collect()
+}
+
 /// Draws a picture that is made of splats: of an open page file, or where there is none, of source particles.
 ///
 /// # Errors
@@ -327,6 +365,9 @@ pub(super) fn draw(
     if cfg!(not(feature = "viewer")) && matches!(arguments.backend, Some(Backend::Compute | Backend::Raster)) {
         return Err(ONLY_CPU.into());
     }
+    if projected::is_projected(arguments)? {
+        return projected::draw(arguments, studio);
+    }
     match studio {
         Some(studio) => draw_pages(arguments, studio),
         None => draw_exact(arguments),
@@ -335,7 +376,12 @@ pub(super) fn draw(
 
 /// What is written into the picture.
 pub(super) fn annotations(arguments: &Arguments, is_exr: bool) -> Result<Option<Annotations>, String> {
-    match arguments.annotate.over(arguments.annotations.clone()) {
+    let asked = arguments.annotate.over(arguments.annotations.clone());
+    if asked.is_some() && projected::is_projected(arguments)? {
+        eprintln!("deepfield: annotations are for flat pictures of one eye; this one has none");
+        return Ok(None);
+    }
+    match asked {
         Some(_) if is_exr && arguments.annotate.is_given() => Err(format!(
             "{}: an EXR picture holds numbers, only PNG pictures are annotated",
             arguments.output.display()
@@ -545,11 +591,20 @@ pub(super) fn view(
     bounds: Bounds,
     periodic: Option<PeriodicBox>,
 ) -> Result<View, crate::view::ViewError> {
-    let PictureSize { width, height } = arguments.size.unwrap_or(PictureSize { width: 1200, height: 800 });
+    let named = arguments.projection.named(arguments.surround);
+    let PictureSize { width, height } = arguments.size.unwrap_or(projected::usual_size(named));
     let fov_y = arguments.fov.unwrap_or(45.0).to_radians();
     let around = View::around(bounds, fov_y, width, height)?;
     let target = arguments.target.unwrap_or(bounds.center());
     let eye = arguments.eye.unwrap_or(around.eye + (target - bounds.center()));
+    if named != ProjectionName::Flat {
+        // From the middle of the data, unless told otherwise: what there is to see is all around.
+        let eye = arguments.eye.unwrap_or(bounds.center());
+        let ahead = if eye == bounds.center() { eye - DVec3::Z * bounds.size().length().max(1e-30) } else { target };
+        let (target, up) = (arguments.target.unwrap_or(ahead), arguments.up.unwrap_or(DVec3::Y));
+        let view = View::look_at(eye, target, up, Projection::Perspective { fov_y }, width, height)?;
+        return Ok(arguments.cut.applied(&view, eye, periodic));
+    }
     let projection = match arguments.ortho {
         Some(height) => Projection::Orthographic { height },
         None => Projection::Perspective { fov_y },

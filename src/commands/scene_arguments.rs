@@ -75,6 +75,8 @@ pub(super) fn filled(own: Arguments, scene: SceneFile, members: Vec<Member>, fil
         },
         volume: own.volume.clone().or(scene.transfer.clone().filter(|_| !is_own_mode)),
         transfer: own.transfer.or(scene.transfer.filter(|_| !is_own_mode)),
+        surround: if own.surround.is_flat() { scene.projection } else { own.surround },
+        stereo_pair: own.stereo_pair.or(scene.stereo),
         annotations: own.annotations.or(scene.annotations),
         selections: scene.selections,
         labels: scene.labels.map(|labels| located(&labels, file)),

@@ -106,7 +106,7 @@ impl DecodedNode {
             }
             offsets[kept] = offsets[i];
             smoothing_length[kept] = smoothing_length[i];
-            weight[kept] = (f64::from(weight[i]) * view.cut.fade(view.to_camera(position).z)) as f32;
+            weight[kept] = (f64::from(weight[i]) * view.fade(position)) as f32;
             for column in [&mut *attribute, &mut *density].into_iter().flatten() {
                 column[kept] = column[i];
             }
@@ -238,7 +238,10 @@ fn options(metadata: &Metadata, method: Method, plan: &Plan) -> RasterOptions {
 }
 
 /// The splats of decoded nodes.
-pub(super) fn batches<'a>(depiction: &Depiction, nodes: &'a [DecodedNode]) -> Result<Vec<Splats<'a>>, RasterError> {
+///
+/// # Errors
+/// [`RasterError`] as [`Splats::new`].
+pub fn batches<'a>(depiction: &Depiction, nodes: &'a [DecodedNode]) -> Result<Vec<Splats<'a>>, RasterError> {
     let footprint = depiction.footprint();
     nodes
         .iter()
@@ -255,7 +258,7 @@ pub(super) fn batches<'a>(depiction: &Depiction, nodes: &'a [DecodedNode]) -> Re
 }
 
 /// The particles of a family that a view does not leave out, with their weights as it fades them.
-pub(super) struct SeenFamily<'a> {
+pub struct SeenFamily<'a> {
     /// World positions.
     pub positions: Cow<'a, [[f64; 3]]>,
     /// Smoothing lengths, world units.
@@ -282,8 +285,7 @@ impl<'a> SeenFamily<'a> {
         let place = |i: usize| DVec3::from(positions[i]) + offset;
         let places: Vec<usize> = (0..positions.len()).into_par_iter().filter(|&i| view.cut.keeps(place(i))).collect();
         let at = |column: &[f32]| -> Vec<f32> { places.iter().map(|&i| column[i]).collect() };
-        let depth = |i: usize| view.to_camera(place(i)).z;
-        let weight = places.iter().map(|&i| (f64::from(columns.weight[i]) * view.cut.fade(depth(i))) as f32).collect();
+        let weight = places.iter().map(|&i| (f64::from(columns.weight[i]) * view.fade(place(i))) as f32).collect();
         SeenFamily {
             positions: places.iter().map(|&i| place(i).to_array()).collect(),
             smoothing_length: at(lengths).into(),
@@ -294,6 +296,21 @@ impl<'a> SeenFamily<'a> {
             },
         }
     }
+}
+
+/// The splats of source particles.
+///
+/// # Errors
+/// [`RasterError`] as [`Splats::new`].
+pub fn seen_batches<'a>(depiction: &Depiction, seen: &'a [SeenFamily<'_>]) -> Result<Vec<Splats<'a>>, RasterError> {
+    let footprint = depiction.footprint();
+    seen.iter()
+        .map(|SeenFamily { positions, smoothing_length, columns }| {
+            let extent = extent(footprint, smoothing_length);
+            Splats::new(Positions::World(positions), extent, &columns.weight, columns.attribute.as_deref())?
+                .with_density(columns.density.as_deref())
+        })
+        .collect()
 }
 
 /// Draws source particles at their full precision.
@@ -307,15 +324,8 @@ pub fn draw_particles(
     families: &[&Family],
     method: Method,
 ) -> Result<Accumulation, RasterError> {
-    let footprint = depiction.footprint();
     let seen = SeenFamily::of(view, depiction, families);
-    let batches = seen
-        .iter()
-        .map(|SeenFamily { positions, smoothing_length, columns }| {
-            let extent = extent(footprint, smoothing_length);
-            Splats::new(Positions::World(positions), extent, &columns.weight, columns.attribute.as_deref())
-        })
-        .collect::<Result<Vec<_>, _>>()?;
+    let batches = seen_batches(depiction, &seen)?;
     Ok(draw(view, &batches, &RasterOptions { method, kernel: dataset.kernel, ..RasterOptions::default() }))
 }
 

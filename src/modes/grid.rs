@@ -354,7 +354,7 @@ fn levels(
     options: &VolumeOptions,
 ) -> Result<VolumeLevels, VolumeError> {
     let hue = transfer.hue.clone().unwrap_or_default();
-    let needs = transfer.range == Range::Auto || hue.range == Range::Auto;
+    let needs = transfer.range == Range::Auto || transfer.hue.as_ref().is_some_and(|hue| hue.range == Range::Auto);
     let measured = match needs {
         true => Some(range::measure(painting.view, painting.batches, options.kernel, options.near, options.far)?),
         false => None,

@@ -4,6 +4,7 @@
 //!
 //! A new mode is a file here and a line in [`MODES`].
 
+pub mod around;
 pub mod cartesian;
 pub mod column_density;
 pub mod cpu;

@@ -2,10 +2,10 @@
 
 use super::{Depiction, Settings};
 use crate::model::{Dataset, Family, Kernel};
-use crate::modes::cpu::{DecodedNode, SeenFamily, batches};
+use crate::modes::cpu::{DecodedNode, SeenFamily, batches, seen_batches};
+use crate::raster::Splats;
 use crate::raster::transfer::TransferFunction;
 use crate::raster::volume::{Caster, Colors, VolumeError, VolumeLevels, VolumeReport};
-use crate::raster::{Extent, Positions, Splats};
 use crate::store::Metadata;
 use crate::view::View;
 
@@ -68,8 +68,7 @@ pub fn paint_nodes(
     subject: &Subject<'_>,
 ) -> Result<Painted, VolumeError> {
     let batches = batches(depiction, nodes)?;
-    let densest = metadata.families.iter().map(|family| family.quantities[1].max).fold(0.0, f64::max);
-    paint(view, depiction, &batches, metadata.kernel, densest, subject)
+    paint(view, depiction, &batches, metadata.kernel, densest_of(metadata), subject)
 }
 
 /// Paints source particles at their full precision.
@@ -84,20 +83,26 @@ pub fn paint_particles(
     subject: &Subject<'_>,
 ) -> Result<Painted, VolumeError> {
     let seen = SeenFamily::of(view, depiction, families);
-    let batches = seen
-        .iter()
-        .map(|SeenFamily { positions, smoothing_length, columns }| {
-            let extent = Extent::World(smoothing_length);
-            Splats::new(Positions::World(positions), extent, &columns.weight, columns.attribute.as_deref())?
-                .with_density(columns.density.as_deref())
-        })
-        .collect::<Result<Vec<_>, _>>()?;
-    let densities = families.iter().flat_map(|family| &family.density);
-    let densest = densities.copied().filter(|density| density.is_finite()).fold(0.0, f32::max);
-    paint(view, depiction, &batches, dataset.kernel, f64::from(densest), subject)
+    let batches = seen_batches(depiction, &seen)?;
+    paint(view, depiction, &batches, dataset.kernel, densest(families), subject)
 }
 
-fn paint(
+/// The largest density in a page file.
+pub fn densest_of(metadata: &Metadata) -> f64 {
+    metadata.families.iter().map(|family| family.quantities[1].max).fold(0.0, f64::max)
+}
+
+/// The largest density of source particles.
+pub fn densest(families: &[&Family]) -> f64 {
+    let densities = families.iter().flat_map(|family| &family.density);
+    f64::from(densities.copied().filter(|density| density.is_finite()).fold(0.0, f32::max))
+}
+
+/// Paints batches; `densest` is the data's largest density.
+///
+/// # Errors
+/// As [`paint_nodes`].
+pub fn paint(
     view: &View,
     depiction: &Depiction,
     batches: &[Splats<'_>],

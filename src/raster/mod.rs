@@ -15,13 +15,16 @@
 //! part behind the eye too.
 
 pub mod accumulation;
+pub mod around;
 pub mod cartesian;
 pub mod colormap;
 pub mod composite;
 pub mod footprint;
+pub mod half_line;
 pub mod layered;
 pub mod output;
 pub mod overdraw;
+pub mod panorama;
 pub mod pyramid;
 pub mod sample;
 pub mod screen_spheres;

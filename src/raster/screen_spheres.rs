@@ -18,6 +18,8 @@ use std::time::Instant;
 
 /// Widest filter, pixels.
 const WIDEST: f32 = 40.0;
+/// Pixels around one that its smoothed surface depends on.
+pub const NEIGHBOURHOOD: u32 = (WIDEST as u32 + 1) * ROUNDS as u32;
 /// Rounds of the filter: its two directions are passed one after the other, which one round alone would show.
 const ROUNDS: usize = 2;
 /// Neighbours count whose depth differs by less than so many radii.

@@ -5,6 +5,7 @@ use crate::explore::ExploreError;
 use crate::model::ron_file::RonError;
 use crate::modes::setting::SettingError;
 use crate::modes::{self, MODES};
+use crate::view::Stereo;
 
 /// Datasets of a scene at most.
 const MOST_DATASETS: usize = 64;
@@ -85,6 +86,12 @@ pub(super) fn check(scene: &SceneFile, file: &str, text: &str) -> Result<(), Ron
         && !((1..=32768).contains(&width) && (1..=32768).contains(&height))
     {
         return Err(place.refuse(&["size"], format!("{width}x{height}"), "1x1 to 32768x32768"));
+    }
+    if let Some((field, found, expected)) = scene.projection.mistake() {
+        return Err(place.refuse(&["projection", field], found, expected));
+    }
+    if let Some((_, found, expected)) = scene.stereo.as_ref().and_then(Stereo::mistake) {
+        return Err(place.refuse(&["stereo"], found, expected));
     }
     if let Some(camera) = &scene.camera {
         check_camera(&place, &["camera"], camera)?;

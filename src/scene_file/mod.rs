@@ -20,7 +20,7 @@ use crate::annotate::Annotations;
 use crate::explore::SelectionSet;
 use crate::modes::Settings;
 use crate::raster::transfer::TransferFunction;
-use crate::view::{CutSettings, Projection, View, ViewError};
+use crate::view::{CutSettings, Projection, Stereo, Surround, View, ViewError};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -60,6 +60,12 @@ pub struct SceneFile {
     /// Where the camera stands; around the data where it is `None`.
     #[serde(default)]
     pub camera: Option<Camera>,
+    /// How directions become a picture of `deepfield render`; the window shows flat ones.
+    #[serde(default)]
+    pub projection: Surround,
+    /// A picture for each eye, of `deepfield render`.
+    #[serde(default)]
+    pub stereo: Option<Stereo>,
     /// What is left out and faded.
     #[serde(default)]
     pub cut: CutSettings,
@@ -163,6 +169,8 @@ impl SceneFile {
             error_px: None,
             size: None,
             camera: None,
+            projection: Surround::Flat,
+            stereo: None,
             cut: CutSettings::default(),
             bookmarks: Vec::new(),
             selections: Vec::new(),

@@ -205,6 +205,11 @@ impl View {
         DVec3::new(relative.dot(self.right), relative.dot(self.up), relative.dot(self.forward))
     }
 
+    /// The factor on the weight of a particle at a world position, from 0 to 1: see [`Cut::fade`].
+    pub fn fade(&self, world: DVec3) -> f64 {
+        self.cut.fade(if self.cut.around { world.distance(self.eye) } else { self.to_camera(world).z })
+    }
+
     /// The world position at a depth that appears at pixel coordinates: the inverse of [`View::to_camera`] and
     /// [`View::to_pixels`].
     pub fn at_depth(&self, [x, y]: [f64; 2], depth: f64) -> DVec3 {

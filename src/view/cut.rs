@@ -15,11 +15,13 @@ pub struct Cut {
     pub fade_start: f64,
     /// Behind that a particle's weight falls as `exp(-rate (depth - start))`, per world unit; 0: none fades.
     pub fade_rate: f64,
+    /// Whether depth is the distance from the eye, as in pictures of all directions, not that from its plane.
+    pub around: bool,
 }
 
 impl Cut {
     /// Everything is drawn as it is.
-    pub const NONE: Cut = Cut { bounds: Bounds::EVERYTHING, fade_start: 0.0, fade_rate: 0.0 };
+    pub const NONE: Cut = Cut { bounds: Bounds::EVERYTHING, fade_start: 0.0, fade_rate: 0.0, around: false };
 
     /// Whether everything is drawn as it is.
     pub fn is_none(&self) -> bool {

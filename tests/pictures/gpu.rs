@@ -69,6 +69,7 @@ fn what_a_view_leaves_out_and_fades_is_that_of_the_cpu() {
         bounds: Bounds { min: bounds.min + 0.3 * bounds.size(), max: DVec3::INFINITY },
         fade_start: bounds.size().x,
         fade_rate: 2.0 / bounds.size().x,
+        around: false,
     };
     let cut = view.with_cut(cut);
     for mode in ["column-density", "points"] {

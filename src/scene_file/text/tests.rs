@@ -50,6 +50,13 @@ fn full() -> SceneFile {
         error_px: Some(1.25),
         size: Some((976, 720)),
         camera: Some(camera(0.0)),
+        projection: crate::view::Surround::Dome { aperture: 210.0, tilt: 15.0 },
+        stereo: Some(crate::view::Stereo {
+            kind: crate::view::StereoKind::Omnidirectional,
+            separation: 0.1,
+            zero_parallax: 3.0,
+            eyes: crate::view::Eyes::OverUnder,
+        }),
         cut: crate::view::CutSettings {
             clip: Some(ClipBox { min: DVec3::splat(-1.5), max: DVec3::new(1.0, 2.0, 3.0) }),
             slab: Some(Slab { axis: Axis::Y, middle: 0.25, thickness: 0.1 }),

@@ -1,0 +1,409 @@
+//! Pictures of all directions, and pictures for two eyes: drawn view by view and put together before they become colours.
+//!
+//! The processor draws them. Nodes are selected for each face, so the error bound holds in every direction, in pixels of
+//! the panorama's own rate.
+
+use super::annotate::Stage;
+use super::arguments::PictureSize;
+use super::exact_source::load_exact;
+use super::paint::Outcome;
+use super::picture_statistics::LeftOut;
+use super::projection_options::ProjectionName;
+use super::render::{Arguments, Backend, Picture, view};
+use super::statistics::Times;
+use super::studio::Studio;
+use crate::annotate::Units;
+use crate::hierarchy::Levels;
+use crate::model::{Bounds, Dataset, Family, Kernel, PeriodicBox};
+use crate::modes::around::{Alike, is_of_data, neighbourhood, sketch, with_images};
+use crate::modes::cpu::{self, SeenFamily};
+use crate::modes::paint::{Subject, densest, densest_of};
+use crate::modes::{self, Depiction, Economy, Footprint, Mode, Painted, Plan};
+use crate::raster::around::draw_face;
+use crate::raster::panorama::{Texels, assemble};
+use crate::raster::volume::Processor;
+use crate::raster::{Counts, Method, RasterOptions, Splats, draw_counted};
+use crate::stream::SceneSelection;
+use crate::view::{Detail, Eye, Eyes, Panorama, Projection, Sampling, Sections, Stereo, Surround, View, frame};
+use glam::DVec3;
+use std::collections::BTreeMap;
+
+type Failure = Box<dyn std::error::Error + Send + Sync>;
+
+/// How splats are sampled: with a few more pixels than the panorama has, since they may be as small as one.
+const SPLATS: Sampling = Sampling { oversampling: 1.5, density: 1.5, margin: 0 };
+/// How colours are sampled: rays cost more than splats, and a volume's grid is smooth.
+const COLORS: Sampling = Sampling { oversampling: 1.0, density: 1.5, margin: 1 };
+
+/// What is put together.
+pub(super) struct Projector {
+    /// The camera, in the middle of both eyes.
+    base: View,
+    panorama: Option<Panorama>,
+    stereo: Option<Stereo>,
+}
+
+/// A view to be drawn.
+struct Shot<'a> {
+    view: &'a View,
+    /// Angle of a panorama's pixel, and the view's pixels for one of these; `None` for a flat picture.
+    around: Option<[f64; 2]>,
+}
+
+impl Shot<'_> {
+    /// The view's pixels for one of the picture.
+    fn scale(&self) -> f64 {
+        self.around.map_or(1.0, |[_, scale]| scale)
+    }
+}
+
+/// The projection and the eyes that the arguments ask for.
+///
+/// # Errors
+/// Options that do not belong together, and numbers out of range.
+pub(super) fn asked(arguments: &Arguments) -> Result<(Surround, Option<Stereo>), String> {
+    arguments.projection.over(arguments.surround, arguments.stereo_pair)
+}
+
+/// Whether the picture is more than one flat view.
+pub(super) fn is_projected(arguments: &Arguments) -> Result<bool, String> {
+    asked(arguments).map(|(surround, stereo)| !surround.is_flat() || stereo.is_some())
+}
+
+/// The size that a picture has unless told otherwise.
+pub(super) fn usual_size(named: ProjectionName) -> PictureSize {
+    let [width, height] = match named {
+        ProjectionName::Flat => [1200, 800],
+        ProjectionName::Dome => [2048, 2048],
+        ProjectionName::Equirectangular => [4096, 2048],
+        ProjectionName::Cube => [1024, 1024],
+    };
+    PictureSize { width, height }
+}
+
+impl Projector {
+    fn new(arguments: &Arguments, framed: Bounds, periodic: Option<PeriodicBox>) -> Result<Projector, Failure> {
+        if matches!(arguments.backend, Some(Backend::Compute | Backend::Raster)) {
+            return Err("--backend: only cpu draws projections and stereo pictures".into());
+        }
+        if arguments.overdraw.is_some() {
+            return Err("--overdraw: is for flat pictures".into());
+        }
+        let economy = arguments.settings.file_economy();
+        if economy.presence > 0.0 || economy.thinning > 0.0 {
+            eprintln!("deepfield: presence and thinning are for flat pictures; nothing is left out");
+        }
+        if !arguments.selections.is_empty() {
+            eprintln!("deepfield: selections are shown in flat pictures only");
+        }
+        let (surround, stereo) = asked(arguments)?;
+        let mut base = view(arguments, framed, periodic)?;
+        if stereo.is_some() && matches!(base.projection, Projection::Orthographic { .. }) {
+            return Err("--stereo: an orthographic picture has no place for two eyes".into());
+        }
+        let panorama = Panorama::around(&base, surround)?;
+        base.cut.around = panorama.is_some() && base.cut.fade_rate > 0.0;
+        Ok(Projector { base, panorama, stereo })
+    }
+
+    /// Puts the picture together.
+    fn shoot<const N: usize>(
+        &self,
+        sampling: Sampling,
+        mut draw: impl FnMut(&Shot<'_>) -> Result<Texels<N>, Failure>,
+    ) -> Result<Texels<N>, Failure> {
+        let mut whole: Option<Texels<N>> = None;
+        let eyes = self.stereo.map_or(&[][..], |stereo| stereo.eyes.each());
+        let each: Vec<Option<Eye>> =
+            if eyes.is_empty() { vec![None] } else { eyes.iter().copied().map(Some).collect() };
+        for eye in each {
+            let pair = self.stereo.zip(eye);
+            let picture = match (&self.panorama, pair) {
+                (None, None) => draw(&Shot { view: &self.base, around: None })?,
+                (None, Some((stereo, eye))) => draw(&Shot { view: &stereo.off_axis(&self.base, eye)?, around: None })?,
+                (Some(panorama), pair) => {
+                    let pixel = panorama.pixel_angle();
+                    let circle = pair.map(|(stereo, eye)| stereo.omnidirectional(eye, pixel)).transpose()?;
+                    let sections = Sections::new(*panorama, circle, sampling);
+                    let around = Some([pixel, sections.oversampling()]);
+                    assemble(&sections, &self.base, |view| draw(&Shot { view, around }))?
+                }
+            };
+            let below = self.stereo.is_some_and(|stereo| stereo.eyes == Eyes::OverUnder);
+            whole = Some(match whole {
+                None => picture,
+                Some(first) => first.beside(&picture, below),
+            });
+        }
+        whole.ok_or_else(|| "nothing was drawn".into())
+    }
+
+    /// The angle of a pixel in the picture's middle.
+    fn pixel(&self) -> f64 {
+        self.panorama.map_or(1.0 / self.base.focal_pixels(), |panorama| panorama.pixel_angle())
+    }
+}
+
+/// What was selected for all views together.
+struct Tally {
+    converged: bool,
+    error_pixels: f64,
+    particles: u64,
+    nodes: usize,
+    counts: Counts,
+}
+
+impl Tally {
+    fn new() -> Tally {
+        Tally { converged: true, error_pixels: 0.0, particles: 0, nodes: 0, counts: Counts::default() }
+    }
+
+    fn add(&mut self, selection: &SceneSelection, shot: &Shot<'_>) {
+        self.converged &= selection.converged;
+        self.error_pixels = self.error_pixels.max(selection.error_pixels / shot.scale());
+        self.particles += selection.particles;
+        self.nodes += selection.nodes.len();
+    }
+}
+
+fn splats(
+    shot: &Shot<'_>,
+    batches: &[Splats<'_>],
+    options: &RasterOptions,
+    tally: &mut Tally,
+) -> Result<Texels<2>, Failure> {
+    let (picture, counts) = match shot.around {
+        Some([pixel, _]) => draw_face(shot.view, batches, pixel, options)?,
+        None => draw_counted(shot.view, batches, options),
+    };
+    tally.counts += counts;
+    Ok(picture.into())
+}
+
+/// The view by which nodes are selected: discs reach into a face from outside.
+fn seen(depiction: &Depiction, shot: &Shot<'_>) -> View {
+    match depiction.footprint() {
+        Footprint::Kernel => *shot.view,
+        // A face's pixels are narrower towards its edges, by half and more.
+        Footprint::Pixels(radius) => shot.view.padded((3.0 * shot.scale() * f64::from(radius)).ceil() as u32),
+    }
+}
+
+/// Draws splats of an open page file, or where there is none, of source particles.
+///
+/// # Errors
+/// As [`super::render::run`].
+pub(super) fn draw(arguments: &Arguments, studio: Option<&mut Studio>) -> Result<Picture, Failure> {
+    let (mut times, mut tally) = (Times::default(), Tally::new());
+    match studio {
+        None => {
+            let (source, dataset) = times.measure("load", || load_exact(arguments))?;
+            let fields = dataset.families.iter().flat_map(|family| &family.attributes).map(|field| field.name.as_str());
+            let mode = arguments.mode.unwrap_or_else(|| modes::usual(fields));
+            let mut depiction =
+                Depiction::of_dataset(mode, arguments.settings.clone(), arguments.attribute.as_deref(), &dataset)
+                    .map_err(|why| format!("{}: {why}", source.display()))?;
+            depiction.attribute = depiction.attribute.filter(|_| !arguments.plain);
+            let families: Vec<&Family> = dataset.families.iter().collect();
+            let framed = framed_of(&dataset);
+            let projector = Projector::new(arguments, framed, dataset.periodic_box())?;
+            let stage =
+                Stage::new(arguments, projector.base, framed, Units::of_dataset(&dataset, &depiction), &depiction)?;
+            let particles = SeenFamily::of(&projector.base, &depiction, &families);
+            let batches = cpu::seen_batches(&depiction, &particles)?;
+            let options = RasterOptions { method: Method::Exact, kernel: dataset.kernel, ..RasterOptions::default() };
+            let shoot = || projector.shoot(SPLATS, |shot| splats(shot, &batches, &options, &mut tally));
+            let texels = times.measure("frame", shoot)?;
+            tally.particles = dataset.len() as u64;
+            Ok(picture_of(&texels, stage, tally, times.medians()))
+        }
+        Some(studio) => {
+            let framed = studio.choose(arguments)?;
+            let Studio { file, scene, .. } = studio;
+            let metadata = file.metadata();
+            let fields =
+                metadata.families.iter().flat_map(|family| &family.attributes).map(|field| field.name.as_str());
+            let mode = arguments.mode.unwrap_or_else(|| modes::usual(fields));
+            let mut depiction =
+                Depiction::of_pages(mode, arguments.settings.clone(), arguments.attribute.as_deref(), metadata)
+                    .map_err(|why| format!("{}: {why}", arguments.path.display()))?;
+            depiction.attribute = depiction.attribute.filter(|_| !arguments.plain);
+            scene.levels = Levels::Splats;
+            let projector = Projector::new(arguments, framed, metadata.periodic_box())?;
+            let stage =
+                Stage::new(arguments, projector.base, framed, Units::of_pages(metadata, &depiction), &depiction)?;
+            let tau = arguments.error_px.unwrap_or(0.8);
+            let options = RasterOptions { kernel: metadata.kernel, ..RasterOptions::default() };
+            let shoot = || {
+                projector.shoot(SPLATS, |shot| {
+                    let mut tell = |message| eprintln!("deepfield: {message}");
+                    let selection = scene.converge(&seen(&depiction, shot), tau * shot.scale(), &mut tell)?;
+                    tally.add(&selection, shot);
+                    let nodes = cpu::cut(shot.view, cpu::decode(&depiction, metadata, &selection.nodes));
+                    splats(shot, &cpu::batches(&depiction, &nodes)?, &options, &mut tally)
+                })
+            };
+            let texels = times.measure("frame", shoot)?;
+            Ok(picture_of(&texels, stage, tally, times.medians()))
+        }
+    }
+}
+
+fn picture_of(texels: &Texels<2>, stage: Stage, tally: Tally, milliseconds: BTreeMap<String, f64>) -> Picture {
+    let attribute = stage.depiction.attribute.as_ref().map(|coloring| coloring.name.clone());
+    let economy = LeftOut::new(&Economy::NONE, &Plan::default());
+    Picture {
+        accumulation: texels.accumulation(attribute.is_some()),
+        mode: stage.depiction.mode,
+        stage,
+        attribute,
+        converged: tally.converged,
+        error_pixels: tally.error_pixels,
+        particles: tally.particles,
+        nodes: tally.nodes,
+        backend: "cpu",
+        adapter: "cpu".into(),
+        economy: LeftOut { outside: Some(tally.counts.outside), splats: Some(tally.counts.drawn), ..economy },
+        milliseconds,
+    }
+}
+
+fn framed_of(dataset: &Dataset) -> Bounds {
+    let positions = dataset.families.iter().flat_map(|family| &family.positions);
+    let samples: Vec<(DVec3, f64)> = positions.map(|&position| (DVec3::from_array(position), 1.0)).collect();
+    frame::frame(dataset.bounds(), &samples)
+}
+
+/// What all views of a painted picture share.
+struct Studied {
+    alike: Alike,
+    kernel: Kernel,
+    densest: f64,
+    diameter: f64,
+    /// What the last view that showed something was painted with.
+    painted: Option<Painted>,
+}
+
+impl Studied {
+    fn paint(&mut self, shot: &Shot<'_>, batches: &[Splats<'_>]) -> Result<Texels<4>, Failure> {
+        let subject = Subject { transfer: None, diameter: self.diameter, caster: &Processor };
+        let painted = self.alike.paint(shot.view, batches, (self.kernel, self.densest), &subject)?;
+        let Some(mut painted) = painted else { return Ok(Texels::black(shot.view.width, shot.view.height)) };
+        let colors = std::mem::take(&mut painted.colors);
+        self.painted = Some(painted);
+        Ok(colors.into())
+    }
+
+    fn outcome(self, texels: Texels<4>) -> Result<Painted, Failure> {
+        let painted = self.painted.ok_or("eye, target: no particles are in view")?;
+        Ok(Painted { colors: texels.into(), ..painted })
+    }
+}
+
+/// Paints a mode's colours.
+///
+/// # Errors
+/// As [`super::render::run`].
+pub(super) fn paint(
+    arguments: &Arguments,
+    mode: &'static Mode,
+    studio: Option<&mut Studio>,
+) -> Result<Outcome, Failure> {
+    let (mut times, mut tally) = (Times::default(), Tally::new());
+    let transfer = arguments.volume.as_ref();
+    let (painted, stage, levels) = match studio {
+        None => {
+            let (source, dataset) = times.measure("load", || load_exact(arguments))?;
+            let mut depiction =
+                Depiction::of_dataset(mode, arguments.settings.clone(), arguments.attribute.as_deref(), &dataset)
+                    .map_err(|why| format!("{}: {why}", source.display()))?;
+            depiction.attribute = depiction.attribute.filter(|_| !arguments.plain);
+            let families: Vec<&Family> = dataset.families.iter().collect();
+            let framed = framed_of(&dataset);
+            let projector = Projector::new(arguments, framed, dataset.periodic_box())?;
+            let stage =
+                Stage::new(arguments, projector.base, framed, Units::of_dataset(&dataset, &depiction), &depiction)?;
+            let particles = SeenFamily::of(&projector.base, &depiction, &families);
+            let batches = cpu::seen_batches(&depiction, &particles)?;
+            let (base, kernel) = (&projector.base, dataset.kernel);
+            let bounds = with_images(base, dataset.bounds());
+            let alike = Alike::new(base, &depiction, bounds, projector.pixel(), transfer, (&batches, kernel))?;
+            let mut studied =
+                Studied { alike, kernel, densest: densest(&families), diameter: framed.size().length(), painted: None };
+            let shoot = || projector.shoot(sampling(&depiction), |shot| studied.paint(shot, &batches));
+            let texels = times.measure("frame", shoot)?;
+            tally.particles = dataset.len() as u64;
+            (studied.outcome(texels)?, stage, "source")
+        }
+        Some(studio) => {
+            let framed = studio.choose(arguments)?;
+            let Studio { file, scene, .. } = studio;
+            let metadata = file.metadata();
+            let mut depiction =
+                Depiction::of_pages(mode, arguments.settings.clone(), arguments.attribute.as_deref(), metadata)
+                    .map_err(|why| format!("{}: {why}", arguments.path.display()))?;
+            depiction.attribute = depiction.attribute.filter(|_| !arguments.plain);
+            let projector = Projector::new(arguments, framed, metadata.periodic_box())?;
+            let base = &projector.base;
+            let stage = Stage::new(arguments, *base, framed, Units::of_pages(metadata, &depiction), &depiction)?;
+            scene.levels = depiction.levels(metadata);
+            let bounds = with_images(base, metadata.bounds());
+            let mut tell = |message| eprintln!("deepfield: {message}");
+            // Ranges are found from all the data, as a parallel view of it has them.
+            let drawn = |selection: &SceneSelection, view: &View| {
+                cpu::cut(view, cpu::decode(&depiction, metadata, &selection.nodes))
+            };
+            let all = sketch(base, bounds)?;
+            let detail = match scene.levels {
+                Levels::Splats => Detail::Error { tau: 1.0 },
+                Levels::Volume => Detail::Sampling { sigma: 1.0 / all.focal_pixels(), near: 0.0 },
+            };
+            let selected = times.measure("load", || scene.converge(&all, detail, &mut tell))?;
+            // What is left out and faded is that of the picture's own view.
+            let all_nodes = drawn(&selected, base);
+            let all_batches = cpu::batches(&depiction, &all_nodes)?;
+            let kernel = metadata.kernel;
+            let alike = Alike::new(base, &depiction, bounds, projector.pixel(), transfer, (&all_batches, kernel))?;
+            let mut studied = Studied {
+                alike,
+                kernel,
+                densest: densest_of(metadata),
+                diameter: framed.size().length(),
+                painted: None,
+            };
+            let of_data = is_of_data(&depiction);
+            let shoot = || {
+                projector.shoot(sampling(&depiction), |shot| {
+                    if of_data {
+                        tally.add(&selected, shot);
+                        return studied.paint(shot, &all_batches);
+                    }
+                    let tau = arguments.error_px.unwrap_or(0.8) * shot.scale();
+                    let detail = studied.alike.depiction.detail(shot.view, tau, metadata);
+                    let selection = scene.converge(shot.view, detail, &mut tell)?;
+                    tally.add(&selection, shot);
+                    let nodes = drawn(&selection, shot.view);
+                    studied.paint(shot, &cpu::batches(&depiction, &nodes)?)
+                })
+            };
+            let texels = times.measure("frame", shoot)?;
+            (studied.outcome(texels)?, stage, scene.levels.name())
+        }
+    };
+    Ok(Outcome {
+        painted,
+        attribute: stage.depiction.attribute.as_ref().map(|coloring| coloring.name.clone()),
+        stage,
+        levels,
+        converged: tally.converged,
+        error_pixels: tally.error_pixels,
+        particles: tally.particles,
+        nodes: tally.nodes,
+        caster: ["cpu", "cpu"].map(str::to_owned),
+        milliseconds: times.medians(),
+    })
+}
+
+fn sampling(depiction: &Depiction) -> Sampling {
+    Sampling { margin: neighbourhood(depiction), ..COLORS }
+}
