@@ -69,6 +69,43 @@ impl Corner {
     }
 }
 
+impl Picture {
+    /// Where it stands in a picture of so many pixels, if it has itself so many: left, top, width, height.
+    pub fn place(&self, [width, height]: [f32; 2], own: [f32; 2]) -> [f32; 4] {
+        let tall = (self.height * height).round().max(1.0);
+        let wide = (own[0] / (own[1] / tall)).round().max(1.0);
+        let margin = self.margin * height;
+        let free = [width - wide - 2.0 * margin, height - tall - 2.0 * margin];
+        let place = self.anchor.place();
+        let [left, top] = [0, 1].map(|k| (margin + free[k] * place[k]).round());
+        [left, top, wide, tall]
+    }
+}
+
+/// A line of words at the foot of a picture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Line<'a> {
+    /// The words.
+    pub text: &'a str,
+    /// The middle of their lower edge, in a picture of the given size.
+    pub at: [f32; 2],
+    /// Pixels per em.
+    pub em: f32,
+}
+
+/// The lines of a caption in a picture of `size`, about 720 pixels high: letters that would not fit are smaller.
+pub fn lines(caption: &str, size: [f32; 2]) -> Vec<Line<'_>> {
+    let lines: Vec<&str> = caption.trim().lines().collect();
+    let count = lines.len();
+    let placed = lines.into_iter().enumerate().map(|(i, text)| {
+        let width = font::extent(text, SIZE)[0].max(1.0);
+        let em = (SIZE * (0.94 * size[0] / width).min(1.0)).max(1.0);
+        let above = (count - 1 - i) as f32 * LINE * SIZE;
+        Line { text, at: [0.5 * size[0], size[1] * (1.0 - FOOT) - above], em }
+    });
+    placed.collect()
+}
+
 /// What is laid over one picture.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -166,25 +203,13 @@ impl Overlay {
     fn write(&self, image: &mut Image) {
         let scale = (image.height as f32 / 720.0).max(0.25);
         let size = [image.width, image.height].map(|side| side as f32 / scale);
-        let alpha = (255.0 * self.caption_opacity.min(1.0)).round() as u8;
-        let lines: Vec<&str> = self.caption.trim().lines().collect();
         let mut list = DisplayList::new(size);
-        for (i, line) in lines.iter().enumerate() {
-            // Letters that would not fit are smaller.
-            let width = font::extent(line, SIZE)[0].max(1.0);
-            let em = (SIZE * (0.94 * size[0] / width).min(1.0)).max(1.0);
-            let above = (lines.len() - 1 - i) as f32 * LINE * SIZE;
-            let at = [0.5 * size[0], size[1] * (1.0 - FOOT) - above];
-            let color = [0xf2, 0xf4, 0xf7, alpha];
-            list.shapes.push(Shape::Text { at, anchor: Anchor::BOTTOM, text: (*line).to_owned(), size: em, color });
+        for Line { text, at, em } in lines(&self.caption, size) {
+            let color = [0xf2, 0xf4, 0xf7, 0xff];
+            list.shapes.push(Shape::Text { at, anchor: Anchor::BOTTOM, text: text.to_owned(), size: em, color });
         }
         // The halo of letters does not fade, so faded words are mixed as a whole.
         let mut written = image.clone();
-        for shape in &mut list.shapes {
-            if let Shape::Text { color, .. } = shape {
-                color[3] = 255;
-            }
-        }
         paint(&mut written, &list, scale, Paper::Dark);
         mix_into(image, &written, self.caption_opacity);
     }
@@ -205,14 +230,10 @@ pub fn mix_into(image: &mut Image, other: &Image, share: f32) {
 
 /// Lays a picture over another, each pixel the mean of what it covers.
 fn lay_over(image: &mut Image, picture: &Image, how: &Picture) {
-    let [width, height] = [image.width, image.height].map(|side| side as f32);
-    let tall = (how.height * height).round().max(1.0);
+    let sides = |image: &Image| [image.width, image.height].map(|side| side as f32);
+    let [left, top, wide, tall] = how.place(sides(image), sides(picture));
     let scale = picture.height as f32 / tall;
-    let wide = (picture.width as f32 / scale).round().max(1.0);
-    let margin = how.margin * height;
-    let free = [width - wide - 2.0 * margin, height - tall - 2.0 * margin];
-    let place = how.anchor.place();
-    let corner = [0, 1].map(|k| (margin + free[k] * place[k]).round() as i64);
+    let corner = [left as i64, top as i64];
     for y in 0..tall as i64 {
         for x in 0..wide as i64 {
             let (column, row) = (corner[0] + x, corner[1] + y);

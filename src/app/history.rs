@@ -5,6 +5,7 @@
 
 use super::input::{PointerOwner, is_control};
 use super::scene::{Scene, Settings};
+use super::touring::Player;
 use bevy::prelude::*;
 use std::collections::VecDeque;
 
@@ -121,6 +122,7 @@ pub(super) fn observe(
     settings: Res<Settings>,
     scene: Option<Res<Scene>>,
     buttons: Res<ButtonInput<MouseButton>>,
+    player: Res<Player>,
     mut history: ResMut<History>,
 ) {
     let history = history.bypass_change_detection();
@@ -130,7 +132,9 @@ pub(super) fn observe(
         history.restart();
         history.generation = generation;
     }
-    history.observe(&settings, buttons.get_pressed().next().is_some());
+    // A tour that plays is one step.
+    let busy = buttons.get_pressed().next().is_some() || player.clock().is_running();
+    history.observe(&settings, busy);
 }
 
 #[cfg(test)]

@@ -34,6 +34,7 @@ pub mod scene_io;
 pub mod screenshot;
 pub mod shortcuts;
 pub mod statistics;
+pub mod touring;
 pub mod transfer_presets;
 
 mod asset_text;
@@ -121,6 +122,7 @@ impl Plugin for WindowApp {
             EguiPlugin::default(),
             CameraPlugin,
             pointer_motion::PointerMotionPlugin,
+            touring::TouringPlugin { open: self.options.tour.clone() },
             pages::PagesPlugin,
             looking::LookingPlugin,
             preset_assets::PresetPlugin::new(&self.options),
@@ -181,6 +183,7 @@ impl Plugin for WindowApp {
                 lens::follow_lens,
                 scene_io::save,
                 camera::run_bookmarks,
+                (touring::player::take_keys, touring::player::take_presenter_keys, touring::player::play).chain(),
                 look::follow_settings,
                 look::glide_levels,
                 shortcuts::run_shortcuts,

@@ -6,11 +6,13 @@ use super::objects::{Objects, may_be_catalogue};
 use super::options::{OpenRequest, Opener};
 use super::scene::Scene;
 use super::scene_io::OpenedScene;
+use super::touring::{Asked, Player};
 use crate::model::Bounds;
 use crate::model::progress::Progress;
 use crate::scene_file::{Member, SceneFile, is_scene_file, open_members};
 use crate::store::{PageFile, StoreError};
 use crate::stream::first_frame;
+use crate::tour::TourFile;
 use bevy::prelude::*;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -149,6 +151,11 @@ fn data_of(request: OpenRequest) -> Result<(Vec<Member>, Option<OpenedScene>), S
     Ok((own, Some(OpenedScene { path, scene, notes })))
 }
 
+/// Whether a file is a tour: RON that is one.
+fn is_tour(path: &Path) -> bool {
+    path.extension().is_some_and(|extension| extension == "ron") && !is_scene_file(path) && TourFile::read(path).is_ok()
+}
+
 /// Starts to open files that are dropped on the window: in the place of what is open, or with it where the user wants that.
 pub(super) fn open_dropped_files(
     mut dropped: MessageReader<FileDragAndDrop>,
@@ -156,9 +163,14 @@ pub(super) fn open_dropped_files(
     scene: Option<Res<Scene>>,
     mut openings: ResMut<Openings>,
     mut objects: ResMut<Objects>,
+    mut player: ResMut<Player>,
 ) {
     for event in dropped.read() {
         if let FileDragAndDrop::DroppedFile { path_buf, .. } = event {
+            if is_tour(path_buf) {
+                player.ask(Asked::Open(path_buf.clone()));
+                continue;
+            }
             let mut request = OpenRequest::of(path_buf);
             let adds = openings.adds_dropped || keys.any_pressed([KeyCode::ShiftLeft, KeyCode::ShiftRight]);
             if let Some(scene) = scene.as_ref().filter(|_| adds && !is_scene_file(path_buf)) {
@@ -232,6 +244,7 @@ mod tests {
             .insert_resource(Openings::new(opener))
             .init_resource::<Messages>()
             .init_resource::<Objects>()
+            .init_resource::<Player>()
             .init_resource::<ButtonInput<KeyCode>>()
             .add_systems(Update, (open_dropped_files, super::super::objects::receive, finish_opening).chain());
         let window = app.world_mut().spawn_empty().id();
@@ -280,6 +293,7 @@ mod tests {
             .insert_resource(Openings::new(opener))
             .init_resource::<Messages>()
             .init_resource::<Objects>()
+            .init_resource::<Player>()
             .init_resource::<ButtonInput<KeyCode>>()
             .insert_resource(Scene {
                 path: page_file.clone(),

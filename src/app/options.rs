@@ -56,6 +56,8 @@ pub struct WindowOptions {
     pub extension: Option<Extension>,
     /// A catalogue of named objects.
     pub labels: Option<PathBuf>,
+    /// A tour to play.
+    pub tour: Option<PathBuf>,
 }
 
 impl WindowOptions {
@@ -73,6 +75,7 @@ impl WindowOptions {
             status: None,
             extension: None,
             labels: None,
+            tour: None,
         }
     }
 

@@ -88,6 +88,10 @@ pub struct ViewSelection {
     pub occlusion: u64,
 }
 
+/// Where the camera is known to be in a moment, as on a tour.
+#[derive(Resource, Clone, Copy, Debug, Default, PartialEq)]
+pub struct Upcoming(pub Option<Viewpoint>);
+
 /// The open file's pages.
 #[derive(Resource)]
 pub struct Streaming {
@@ -140,6 +144,7 @@ impl Plugin for PagesPlugin {
     fn build(&self, app: &mut App) {
         app.init_resource::<PageCopies>()
             .init_resource::<Occlusion>()
+            .init_resource::<Upcoming>()
             .init_resource::<ViewSelection>()
             .configure_sets(
                 PostUpdate,
@@ -226,6 +231,7 @@ pub fn traverse(
     mut statistics: ResMut<Statistics>,
     mut distance: ResMut<DataDistance>,
     (occlusion, mut occluded): (Res<Occlusion>, Query<&mut PageOcclusion>),
+    upcoming: Res<Upcoming>,
     mut last_uses: Query<&mut LastUse>,
     camera: Single<&Viewpoint, With<DataCamera>>,
 ) {
@@ -246,6 +252,9 @@ pub fn traverse(
     let key = (streaming.generation, look.as_ref().map_or(0, |look| look.depiction_revision));
     let hides = depiction.is_some_and(|depiction| depiction.mode.painter().is_some());
     streaming.streamer.occluder = occlusion.occluder(&view, key).filter(|_| hides);
+    let upcoming = upcoming.0.and_then(|next| view_of(&next, &settings, periodic, size).ok());
+    streaming.streamer.upcoming =
+        upcoming.map(|next| depiction.map_or(next, |depiction| depiction.selection_view(&next)));
     let chosen = streaming.streamer.select(&seen, detail, &roots);
     for (page, now) in occlusion::of_pages(&chosen) {
         if let Some(mut state) = streaming.entity(page).and_then(|entity| occluded.get_mut(entity).ok()) {

@@ -108,7 +108,7 @@ pub(super) fn run_shortcuts(
             }
             Action::Leave if shown.help => shown.help = false,
             Action::Leave if *tool != Tool::Inspect => *tool = Tool::Inspect,
-            Action::Leave if *navigation == Navigation::Fly => {
+            Action::Leave if *navigation != Navigation::Orbit => {
                 *navigation = Navigation::Orbit;
                 *anchor = Anchor::adopt(&viewpoint, &mut orbit);
             }

@@ -12,6 +12,7 @@ use super::scene::{AttributeChoice, Scene, Settings};
 use super::scene_io::SceneFiles;
 use super::shortcuts::Shown;
 use super::statistics::{Converged, Statistics};
+use super::touring::Player;
 use super::ui::Controls;
 use crate::annotate::Annotations;
 use crate::explore::SelectionSet;
@@ -20,7 +21,7 @@ use crate::view::CutSettings;
 use bevy::prelude::*;
 use serde::Serialize;
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Where the state is written, and what was written last.
 #[derive(Resource, Default)]
@@ -35,6 +36,20 @@ impl StatusFile {
     pub fn new(path: Option<PathBuf>) -> StatusFile {
         StatusFile { path, ..default() }
     }
+}
+
+/// The tour.
+#[derive(Serialize)]
+struct TourStatus<'a> {
+    /// Where it is; `None` while it shows nothing.
+    time: Option<f64>,
+    duration: f64,
+    running: bool,
+    waiting: Option<usize>,
+    stops: Vec<f64>,
+    selected: Option<usize>,
+    recording: bool,
+    path: Option<&'a Path>,
 }
 
 /// Seconds between two writes at least.
@@ -68,6 +83,7 @@ struct Status<'a> {
     history: [usize; 2],
     scene: Option<&'a std::path::Path>,
     settings: SettingsStatus<'a>,
+    tour: Option<TourStatus<'a>>,
     looking: Report<'a>,
     /// The panels' controls: left, top, right and bottom; 1 where they are in sight, else 0.
     controls: BTreeMap<&'a str, [f32; 5]>,
@@ -106,6 +122,7 @@ pub(super) fn write_status(
     mut messages: ResMut<Messages>,
     (history, files, closed, controls): (Res<History>, Res<SceneFiles>, Res<Closed>, Res<Controls>),
     looking: LookingState,
+    player: Res<Player>,
     camera: Single<(&Viewpoint, &Navigation), With<DataCamera>>,
 ) {
     let file = file.bypass_change_detection();
@@ -157,6 +174,16 @@ pub(super) fn write_status(
             selections: &settings.selections,
             closed: &closed,
         },
+        tour: player.timeline().map(|timeline| TourStatus {
+            time: player.state().map(|state| state.time),
+            duration: timeline.duration(),
+            running: player.clock().is_running(),
+            waiting: player.clock().waiting(),
+            stops: timeline.stops().iter().map(|stop| stop.arrive).collect(),
+            selected: player.selected,
+            recording: player.is_recording(),
+            path: player.path(),
+        }),
         looking: Report::of(&looking, &settings.selections),
         controls: controls
             .0

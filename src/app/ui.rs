@@ -16,6 +16,7 @@ use super::shortcuts::Shown;
 use crate::annotate;
 use bevy::prelude::*;
 use bevy_egui::{EguiContexts, egui};
+use std::path::Path;
 
 /// The least width that both docks leave to the picture, logical pixels.
 const LEAST_PICTURE: f32 = 320.0;
@@ -42,7 +43,7 @@ pub(super) fn draw_window(
     camera: Single<(&Viewpoint, &Navigation), With<DataCamera>>,
     mut clicked: ResMut<DoubleClick>,
     mut pointer: ResMut<PicturePointer>,
-    (mut layer, stroke): (ResMut<MarkLayer>, Res<Stroke>),
+    (mut layer, stroke, mut pictures): (ResMut<MarkLayer>, Res<Stroke>, ResMut<overlay::tour::TourPictures>),
     shown: Res<Shown>,
     preset: Res<Preset>,
 ) -> Result {
@@ -104,6 +105,11 @@ pub(super) fn draw_window(
     if let (Some(view), Some(scene)) = (view, &panel.scene) {
         let places = Looking::of(&panel.looking, &stroke);
         places.draw(&painter, rect, &picture, view, &scene.length_unit);
+    }
+    if let Some(state) = panel.player.state().cloned() {
+        let folder = panel.player.path().and_then(Path::parent).map(Path::to_owned).unwrap_or_default();
+        let mut tell = |why: String| panel.messages.error(why);
+        overlay::tour::draw(&painter, rect, &state, &folder, &mut pictures, &mut tell);
     }
     overlay::draw_messages(&painter, rect, &panel.messages);
     if shown.help {

@@ -3,6 +3,7 @@
 use super::arguments::PictureSize;
 use super::{CommandResult, render};
 use crate::scene_file::{Member, SceneFile, is_scene_file};
+use crate::tour::TourFile;
 use std::path::{Path, PathBuf};
 
 /// Opens a snapshot, catalogue or page file in a window.
@@ -16,10 +17,11 @@ use std::path::{Path, PathBuf};
   deepfield view hipparcos.csv --mode points
   deepfield view before.hdf5 --with after.hdf5@120,0,0   two datasets side by side
   deepfield view snapshot_099.scene.ron            what was saved with Ctrl+S
+  deepfield view --tour assets/tours/demo.ron      Space plays and stands, arrows lead on and back
   deepfield view snapshot_099.hdf5 --simulate --mode volume   particles that move, straight from memory")]
 pub struct Arguments {
     /// The source or page file, or a scene file; without it the data that the scene of --scene names.
-    #[arg(required_unless_present = "scene")]
+    #[arg(required_unless_present_any = ["scene", "tour"])]
     pub path: Option<PathBuf>,
     /// How the window starts.
     #[command(flatten)]
@@ -59,6 +61,9 @@ pub struct Settings {
     /// Names of objects from a catalogue over the picture (CSV, RON, or groups and subhaloes of Gadget-4 and SUBFIND).
     #[arg(long, value_name = "CATALOGUE")]
     pub labels: Option<PathBuf>,
+    /// A tour to play (docs/tours.md); without data, over the data that it names.
+    #[arg(long, value_name = "FILE.ron")]
+    pub tour: Option<PathBuf>,
     /// Preset: desktop, laptop or headless.
     #[arg(long, value_name = "NAME", default_value = "desktop")]
     pub preset: String,
@@ -82,7 +87,11 @@ fn frame_ms(text: &str) -> Result<f64, String> {
 /// # Errors
 /// When the source cannot be opened or drawing fails.
 pub fn run(arguments: &Arguments) -> CommandResult {
-    let path = arguments.path.clone().unwrap_or_default();
+    let path = match (&arguments.path, &arguments.settings.tour, &arguments.settings.scene) {
+        (Some(path), ..) => path.clone(),
+        (None, Some(tour), None) => data_of_tour(tour)?,
+        (None, ..) => PathBuf::new(),
+    };
     // Found out here, a missing file is an error on the command line rather than a message in an empty window.
     let is_given = !path.as_os_str().is_empty();
     if is_given && super::cache::is_page_file(&path)? && arguments.settings.simulate {
@@ -96,6 +105,16 @@ pub fn run(arguments: &Arguments) -> CommandResult {
         }
     }
     show(&path, &arguments.settings)
+}
+
+/// The data that a tour names.
+fn data_of_tour(tour: &Path) -> Result<PathBuf, Box<dyn std::error::Error + Send + Sync>> {
+    let Some(dataset) = TourFile::read(tour)?.dataset else {
+        return Err(format!("{}: the tour names no data: name some before --tour", tour.display()).into());
+    };
+    let located = dataset.locate(tour)?;
+    located.notes.iter().for_each(|note| eprintln!("deepfield: {note}"));
+    Ok(located.members.into_iter().next().map(|member| member.path).unwrap_or_default())
 }
 
 /// Shows `path`, or where it is empty the data of the settings' scene, in a window where there is a display and the program was built with one, else renders it.
@@ -167,6 +186,7 @@ fn window(path: &Path, settings: &Settings) -> CommandResult {
     options.mode = settings.mode.map(|mode| mode.name.to_owned());
     options.status = settings.status.clone();
     options.labels = settings.labels.clone();
+    options.tour = settings.tour.clone();
     if settings.simulate {
         let progress = super::progress_bar::TerminalProgress::new();
         let dataset = crate::import::load(path, &crate::import::LoadOptions::default(), &progress)?;

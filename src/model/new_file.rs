@@ -1,5 +1,8 @@
 //! Files that are written under another name first: as readable as any other new file, not private as temporary files are.
 
+use std::io::Write;
+use std::path::Path;
+
 /// A builder of such files: the process's mask decides who may read them.
 pub fn builder() -> tempfile::Builder<'static, 'static> {
     #[cfg_attr(not(unix), allow(unused_mut, reason = "only Unix has permissions to set"))]
@@ -7,6 +10,19 @@ pub fn builder() -> tempfile::Builder<'static, 'static> {
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
     builder
+}
+
+/// Writes a file anew: whole under its name, or not at all.
+///
+/// # Errors
+/// When the folder cannot be written.
+pub fn write(path: &Path, text: &str) -> std::io::Result<()> {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let mut file = builder().tempfile_in(folder)?;
+    file.write_all(text.as_bytes())?;
+    file.as_file().sync_all()?;
+    file.persist(path).map_err(|error| error.error)?;
+    Ok(())
 }
 
 #[cfg(all(test, unix))]

@@ -4,7 +4,6 @@ use super::{SceneFile, VERSION, check};
 use crate::model::new_file;
 use crate::model::ron_file::{self, RonError};
 use serde::Deserialize;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// Why a scene is not opened or saved.
@@ -105,15 +104,7 @@ impl SceneFile {
     /// [`SceneError::Write`].
     pub fn write(&self, path: &Path) -> Result<(), SceneError> {
         let text = self.text(path)?;
-        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        let write = || {
-            let mut file = new_file::builder().tempfile_in(folder)?;
-            file.write_all(text.as_bytes())?;
-            file.as_file().sync_all()?;
-            file.persist(path).map_err(|error| error.error)?;
-            Ok(())
-        };
-        write().map_err(|source| SceneError::Write { path: path.to_owned(), source })
+        new_file::write(path, &text).map_err(|source| SceneError::Write { path: path.to_owned(), source })
     }
 }
 

@@ -16,6 +16,32 @@ pub struct Ahead {
     pub distance: f64,
 }
 
+impl Ahead {
+    /// With what another view will need, which comes as surely as what a camera that moves that way needs at once.
+    pub fn with(mut self, other: Ahead) -> Ahead {
+        for (own, others) in [(&mut self.resident, other.resident), (&mut self.missing, other.missing)] {
+            let mut known: HashMap<PageId, usize> = own.iter().enumerate().map(|(i, (page, _))| (*page, i)).collect();
+            for (page, _) in others {
+                match known.get(&page) {
+                    Some(&i) => own[i].1 = own[i].1.min(0.0),
+                    None => {
+                        known.insert(page, own.len());
+                        own.push((page, 0.0));
+                    }
+                }
+            }
+        }
+        self.sort();
+        self
+    }
+
+    fn sort(&mut self) {
+        self.resident.sort_unstable_by(|a, b| b.1.total_cmp(&a.1).then_with(|| b.0.cmp(&a.0)));
+        self.missing.sort_unstable_by(|a, b| a.1.total_cmp(&b.1).then_with(|| a.0.cmp(&b.0)));
+        self.missing.truncate(MOST_MISSING);
+    }
+}
+
 /// Pages that are asked for ahead of time at once: more would be outdated before their turn comes.
 const MOST_MISSING: usize = 256;
 
@@ -40,10 +66,9 @@ pub fn ahead(view: &View, detail: Detail, distance: f64, residency: &Residency, 
             open.push(child);
         }
     }
-    let (mut resident, mut missing): (Vec<_>, Vec<_>) =
+    let (resident, missing): (Vec<_>, Vec<_>) =
         travels.into_iter().partition(|(page, _)| residency.page(*page).is_some());
-    resident.sort_unstable_by(|a, b| b.1.total_cmp(&a.1).then_with(|| b.0.cmp(&a.0)));
-    missing.sort_unstable_by(|a, b| a.1.total_cmp(&b.1).then_with(|| a.0.cmp(&b.0)));
-    missing.truncate(MOST_MISSING);
-    Ahead { resident, missing, distance }
+    let mut ahead = Ahead { resident, missing, distance };
+    ahead.sort();
+    ahead
 }

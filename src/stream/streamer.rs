@@ -60,6 +60,8 @@ pub struct Streamer {
     pub copies: Option<Copies>,
     /// What hides nodes from the view that is selected for: nothing below them is read.
     pub occluder: Option<Arc<dyn Occluder>>,
+    /// A view that is known to come, as of a tour: what it needs is read ahead of time too.
+    pub upcoming: Option<View>,
     loader: Loader,
     options: StreamOptions,
     pace: Pace,
@@ -83,6 +85,7 @@ impl Streamer {
             residency: Residency::new(Arc::clone(&file), options.budget),
             copies: None,
             occluder: None,
+            upcoming: None,
             loader: Loader::new(file, options.in_flight, options.stall),
             options,
             pace: Pace::default(),
@@ -157,6 +160,10 @@ impl Streamer {
             self.walked = Some(now);
             let distance = self.prefetch_distance();
             self.ahead = ahead(view, detail, distance, &self.residency, roots);
+            if let Some(next) = &self.upcoming {
+                let next = ahead(next, detail, 0.0, &self.residency, roots);
+                self.ahead = std::mem::take(&mut self.ahead).with(next);
+            }
             self.residency.anticipate(&self.ahead);
             if let Some(copies) = &mut self.copies {
                 copies.anticipate(&self.ahead);

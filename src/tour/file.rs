@@ -3,6 +3,7 @@
 use crate::annotate::{Annotations, overlay::Picture};
 use crate::explore::{ExploreError, SelectionSet};
 use crate::model::FamilyName;
+use crate::model::new_file;
 use crate::model::ron_file::{self, RonError};
 use crate::modes::Settings;
 use crate::raster::transfer::TransferFunction;
@@ -229,6 +230,14 @@ pub enum TourError {
         /// Its version.
         found: u32,
     },
+    /// It cannot be written.
+    #[error("{file}: {source}")]
+    Write {
+        /// The tour file.
+        file: String,
+        /// What the system says.
+        source: std::io::Error,
+    },
     /// A catalogue that a keyframe looks for an object in.
     #[error("{file}: keyframe {keyframe}: {source}")]
     Object {
@@ -290,6 +299,15 @@ impl TourFile {
         let tour: TourFile = ron_file::parse(file, text)?;
         super::check::check(&tour, file, text)?;
         Ok(tour)
+    }
+
+    /// Writes it as a tour file, whole or not at all.
+    ///
+    /// # Errors
+    /// [`TourError::Write`].
+    pub fn write(&self, path: &Path) -> Result<(), TourError> {
+        let written = new_file::write(path, &self.to_ron());
+        written.map_err(|source| TourError::Write { file: path.display().to_string(), source })
     }
 
     /// RON that reads back as this tour.

@@ -89,6 +89,8 @@ pub enum Navigation {
     Orbit,
     /// Keys move, the mouse looks around.
     Fly,
+    /// A tour moves.
+    Tour,
 }
 
 /// When the camera moves within a frame; all of it runs in `PostUpdate`.

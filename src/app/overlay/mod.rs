@@ -2,6 +2,7 @@
 
 pub mod annotations;
 pub mod help;
+pub mod tour;
 
 use super::messages::{Messages, Severity};
 use super::panel::theme;

@@ -16,6 +16,7 @@ mod objects;
 mod probe;
 mod selections;
 mod statistics;
+mod tour;
 mod view;
 
 pub use display::Choices;
@@ -33,13 +34,14 @@ use super::preset::Preset;
 use super::scene::{Scene, Settings};
 use super::scene_io::SceneFiles;
 use super::statistics::{Converged, FrameClock, Statistics};
+use super::touring::Player;
 use super::transfer_presets::TransferPresets;
 use bevy::ecs::system::SystemParam;
 use bevy::prelude::*;
 use bevy_egui::egui::{self, RichText, Ui};
 
 /// Every section, from the top of each dock.
-pub static SECTIONS: [&Section; 12] = [
+pub static SECTIONS: [&Section; 13] = [
     &dataset::SECTION,
     &mode::SECTION,
     &display::SECTION,
@@ -50,6 +52,7 @@ pub static SECTIONS: [&Section; 12] = [
     &objects::SECTION,
     &selections::SECTION,
     &bookmarks::SECTION,
+    &tour::SECTION,
     &statistics::SECTION,
     &messages::SECTION,
 ];
@@ -62,11 +65,13 @@ pub struct PanelState<'w, 's> {
     /// What is shown of the settings in the picture.
     pub look: Option<Res<'w, Look>>,
     /// The latest messages.
-    pub messages: Res<'w, Messages>,
+    pub messages: ResMut<'w, Messages>,
     /// What the user has chosen.
     pub settings: ResMut<'w, Settings>,
     /// Which sections are closed.
     pub closed: ResMut<'w, Closed>,
+    /// The tour.
+    pub player: ResMut<'w, Player>,
     /// What looks closer.
     pub looking: LookingState<'w>,
     history: ResMut<'w, History>,
