@@ -95,7 +95,7 @@ pub const TOOL_KEYS: [(KeyCode, Tool); 5] = [
 ];
 
 /// The help page: sections of (what to press, what it does).
-pub const HELP: [(&str, &[(&str, &str)]); 5] = [
+pub const HELP: [(&str, &[(&str, &str)]); 6] = [
     (
         "Orbit",
         &[
@@ -124,6 +124,15 @@ pub const HELP: [(&str, &[(&str, &str)]); 5] = [
             ("R  B  L", "draw a sphere, a box, a lasso"),
             ("Ctrl+1  ...", "keep the view on that key"),
             ("1  ...", "fly back to it"),
+        ],
+    ),
+    (
+        "Tour",
+        &[
+            ("Space", "play, stand, go on"),
+            ("Left  Right", "to the keyframes with names"),
+            ("K", "make a keyframe of the view"),
+            ("Drag a mark", "move a keyframe in time"),
         ],
     ),
     (

@@ -48,6 +48,10 @@ pub fn keep(tour: &mut TourFile, timeline: Option<&Timeline>, time: Option<f64>,
             ..keyframe
         };
     } else {
+        // A moment in the middle of a pause ends it.
+        if let Some(last) = index.checked_sub(1).and_then(|last| tour.keyframes.get_mut(last)) {
+            last.pause = last.pause.min((time - at(last) - 1e-9).max(0.0));
+        }
         tour.keyframes.insert(index, keyframe);
     }
     index
