@@ -246,13 +246,11 @@ pub fn play(
     let player = player.bypass_change_detection();
     let Some(scene) = scene else {
         // A tour is opened before its data; everything else needs data.
-        let waiting = std::mem::take(&mut player.asked);
-        for asked in waiting {
-            if let Asked::Open(path) = asked {
-                player.open(path, &mut messages);
-                player.asked.push(Asked::Toggle);
-                return;
-            }
+        if let Some(at) = player.asked.iter().position(|asked| matches!(asked, Asked::Open(_)))
+            && let Asked::Open(path) = player.asked.remove(at)
+        {
+            player.open(path, &mut messages);
+            player.asked.push(Asked::Toggle);
         }
         return;
     };

@@ -129,9 +129,22 @@ fn at_any_frame_rate_the_camera_is_where_the_recording_has_it() {
             }
             frames += 1;
         }
-        assert!(elapsed >= reference.duration() && frames > 8, "{frames}");
+        assert!(elapsed > reference.duration() - 1e-6 && frames > 8, "{frames}");
         assert_eq!(window.navigation(), Navigation::Tour, "it stands at its end");
     }
+}
+
+#[test]
+fn a_tour_that_is_opened_before_its_data_plays_when_that_is_there() {
+    let mut window = Window::new();
+    let scene = window.app.world_mut().remove_resource::<Scene>().unwrap();
+    window.open(&tour(false));
+    (0..5).for_each(|_| window.frame(0.1));
+    assert!(window.player().state().is_none());
+    window.app.insert_resource(scene);
+    window.frame(0.1);
+    window.frame(0.25);
+    assert!((window.player().state().unwrap().time - 0.25).abs() < 1e-9);
 }
 
 #[test]
@@ -192,7 +205,7 @@ fn views_and_flights_become_a_tour_that_is_saved() {
     let timeline = window.player().timeline().unwrap();
     assert!((timeline.duration() - 1.5 - 6.0).abs() < 0.2, "{}", timeline.duration());
     let middle = timeline.state(1.5 + 3.0).camera;
-    assert!((middle.eye[2] - 120.0).abs() < 1.0, "{middle:?}");
+    assert!((middle.eye[2] - 120.0).abs() < 1.6, "{middle:?}");
     assert_eq!(timeline.state(timeline.duration()).camera.eye[2], 90.0);
 
     window.ask(Asked::Label(0, "begin".into()));
