@@ -6,10 +6,9 @@
 mod window_support;
 
 use serde_json::Value;
-use std::path::Path;
 use std::process::Command;
 use std::time::Duration;
-use window_support::{Desktop, Program, repeat};
+use window_support::{Desktop, Program, click, keep, repeat};
 
 const TAB: u32 = 0xff09;
 const RETURN: u32 = 0xff0d;
@@ -18,30 +17,9 @@ const SHIFT: u32 = 0xffe1;
 const F2: u32 = 0xffbf;
 const F3: u32 = 0xffc0;
 
-/// Saves what is on the screen where the environment variable `DEEPFIELD_SCREENSHOTS` names a folder.
-fn keep(desktop: &Desktop, name: &str) {
-    if let Some(folder) = std::env::var_os("DEEPFIELD_SCREENSHOTS") {
-        std::thread::sleep(Duration::from_millis(700));
-        desktop.screenshot().save(&Path::new(&folder).join(name));
-    }
-}
-
-/// Clicks a control until the status shows the effect.
-fn click(program: &Program, desktop: &Desktop, control: &str, seen: impl Fn(&Value) -> bool) -> Value {
-    repeat(program, control, || desktop.click(program.reveal(desktop, control)), seen)
-}
-
 /// Chooses an entry of a combo box.
 fn choose(program: &Program, desktop: &Desktop, combo: &str, entry: &str, seen: impl Fn(&Value) -> bool) -> Value {
-    let choose = || {
-        desktop.click(program.reveal(desktop, combo));
-        std::thread::sleep(Duration::from_millis(500));
-        let entry = format!("{combo}:{entry}");
-        if let Some(at) = program.control(&entry) {
-            desktop.click(at);
-        }
-    };
-    repeat(program, entry, choose, seen)
+    window_support::choose(program, desktop, combo, &format!("{combo}:{entry}"), seen)
 }
 
 /// Clicks a number and types another.

@@ -6,25 +6,11 @@
 mod window_support;
 
 use serde_json::Value;
-use std::path::Path;
 use std::process::Command;
-use std::time::Duration;
-use window_support::{Desktop, Program, distance, point, repeat};
+use window_support::{Desktop, Program, click, distance, keep, point, repeat};
 
 const SPACE: u32 = 0x20;
 const RIGHT: u32 = 0xff53;
-
-/// Saves what is on the screen where the environment variable `DEEPFIELD_SCREENSHOTS` names a folder.
-fn keep(desktop: &Desktop, name: &str) {
-    if let Some(folder) = std::env::var_os("DEEPFIELD_SCREENSHOTS") {
-        std::thread::sleep(Duration::from_millis(900));
-        desktop.screenshot().save(&Path::new(&folder).join(name));
-    }
-}
-
-fn click(program: &Program, desktop: &Desktop, control: &str, seen: impl Fn(&Value) -> bool) -> Value {
-    repeat(program, control, || desktop.click(program.reveal(desktop, control)), seen)
-}
 
 fn stops(status: &Value) -> Vec<f64> {
     status["tour"]["stops"].as_array().map_or_else(Vec::new, |stops| stops.iter().filter_map(Value::as_f64).collect())

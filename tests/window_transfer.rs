@@ -5,17 +5,8 @@
 mod window_support;
 
 use serde_json::Value;
-use std::path::Path;
 use std::time::Duration;
-use window_support::{Desktop, Program, repeat};
-
-/// Saves what is on the screen where the environment variable `DEEPFIELD_SCREENSHOTS` names a folder.
-fn keep(desktop: &Desktop, name: &str) {
-    if let Some(folder) = std::env::var_os("DEEPFIELD_SCREENSHOTS") {
-        std::thread::sleep(Duration::from_millis(900));
-        desktop.screenshot().save(&Path::new(&folder).join(name));
-    }
-}
+use window_support::{Desktop, Program, keep, repeat};
 
 /// Where a place of a plot is on the screen.
 fn place(program: &Program, desktop: &Desktop, plot: &str, [x, y]: [f64; 2]) -> [i16; 2] {

@@ -50,7 +50,7 @@ pub struct Scene {
 impl Scene {
     /// The source, where it is still there: what the user named, unless that is a page file itself. None where there are several.
     pub fn source(&self) -> Option<PathBuf> {
-        if self.file.is_joined() {
+        if !self.file.is_as_its_source() {
             return None;
         }
         if self.path != self.file.path() { Some(self.path.clone()) } else { source_path(&self.file) }

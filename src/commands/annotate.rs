@@ -157,8 +157,9 @@ impl Stage {
         if shown.is_empty() {
             return Ok(self);
         }
-        if !arguments.with.is_empty() {
-            eprintln!("deepfield: an exact picture of several datasets leaves the selections out");
+        let first = &arguments.first;
+        if !arguments.with.is_empty() || first.offset != glam::DVec3::ZERO || first.scale.is_some() {
+            eprintln!("deepfield: an exact picture of several or moved datasets leaves the selections out");
             return Ok(self);
         }
         let source = crate::import::open(path)?;

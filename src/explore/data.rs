@@ -132,8 +132,8 @@ impl<'a> Data<'a> {
 /// file. `None` where it is not there any more, or where
 /// there are several.
 pub fn source_path(file: &PageFile) -> Option<PathBuf> {
-    // One source does not say what several files hold.
-    if file.is_joined() {
+    // One source does not say what several files hold, nor where a file lies that was moved.
+    if !file.is_as_its_source() {
         return None;
     }
     let named = &file.metadata().provenance.path;
@@ -160,9 +160,13 @@ pub fn open_source(path: &Path, file: &PageFile) -> Result<Box<dyn Source>, Expl
 /// # Errors
 /// [`ExploreError`] where it is not, and as [`open_source`].
 pub fn source_of(file: &PageFile) -> Result<Box<dyn Source>, ExploreError> {
-    if file.is_joined() {
-        let expected = "one dataset: its source is asked where it is open alone";
-        return Err(ExploreError::missing(file.path(), "the source of several datasets", expected));
+    if !file.is_as_its_source() {
+        let expected = "one dataset in its own coordinates: its source is asked where it is open alone";
+        return Err(ExploreError::missing(
+            file.path(),
+            "the source of several datasets, or of one that was moved",
+            expected,
+        ));
     }
     let source = file.metadata().provenance.path.display();
     let there = source_path(file).ok_or_else(|| {

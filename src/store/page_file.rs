@@ -94,6 +94,11 @@ impl PageFile {
         self.parts.len() > 1
     }
 
+    /// Whether it is one file in its own coordinates, so that what its source says holds here too.
+    pub fn is_as_its_source(&self) -> bool {
+        matches!(&self.parts[..], [only] if only.placement.is_here())
+    }
+
     /// The files.
     pub fn parts(&self) -> impl ExactSizeIterator<Item = PartInfo<'_>> {
         self.parts.iter().map(|part| {

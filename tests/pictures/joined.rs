@@ -177,6 +177,17 @@ fn what_does_not_fit_together_is_told_or_refused() {
 }
 
 #[test]
+fn the_source_of_a_dataset_that_was_moved_is_not_asked() {
+    let Fixture { members, _folder, .. } = fixture();
+    let of = |offset| open(&[Member { offset, ..members[0].clone() }]);
+    assert!(deepfield::explore::data::source_path(&of(DVec3::ZERO)).is_some());
+    let moved = of(DVec3::X);
+    assert!(deepfield::explore::data::source_path(&moved).is_none());
+    let refused = deepfield::explore::data::source_of(&moved).map(|_| ()).unwrap_err().to_string();
+    assert!(refused.contains("moved"), "{refused}");
+}
+
+#[test]
 fn the_command_line_names_where_a_dataset_lies() {
     let member = |text: &str| text.parse::<Member>();
     assert_eq!(member("b.df").unwrap(), Member::new("b.df"));
