@@ -208,7 +208,7 @@ mod tests {
             (Surround::Dome { aperture: 180.0, tilt: 15.0 }, None, 5),
             (Surround::Dome { aperture: 60.0, tilt: 15.0 }, None, 1),
             (Surround::Dome { aperture: 360.0, tilt: 0.0 }, None, 6),
-            (Surround::Dome { aperture: 180.0, tilt: 15.0 }, Some(circle), 3),
+            (Surround::Dome { aperture: 180.0, tilt: 15.0 }, Some(circle), 5),
             (Surround::Equirectangular, Some(circle), 3),
             (Surround::Equirectangular, None, 6),
             (Surround::Cube { layout: CubeLayout::Cross }, None, 6),
