@@ -312,10 +312,19 @@ impl Program {
     pub fn reveal(&self, desktop: &Desktop, name: &str) -> [i16; 2] {
         let start = Instant::now();
         let height = desktop.size[1] as i16;
+        // What has been scrolled glides on for a while: where it stays is where it is the second time.
+        let (mut scrolled, mut last) = (false, None);
         loop {
-            match self.control(name) {
-                Some(at) if self.status()["controls"][name][4] == 1.0 => return at,
+            let at = self.control(name);
+            match at {
+                Some(at) if self.status()["controls"][name][4] == 1.0 => {
+                    if !scrolled || last == Some(at) {
+                        return at;
+                    }
+                    std::thread::sleep(Duration::from_millis(250));
+                }
                 Some([x, y]) => {
+                    scrolled = true;
                     desktop.fake_input(6, 0, [x, height / 2]);
                     let button = if y < height / 2 { 4 } else { 5 };
                     desktop.fake_input(4, button, [0; 2]);
@@ -323,6 +332,7 @@ impl Program {
                 }
                 None => {}
             }
+            last = at;
             assert!(start.elapsed() < PATIENCE, "no control {name}: {:#}", self.status()["controls"]);
             std::thread::sleep(Duration::from_millis(250));
         }
