@@ -5,7 +5,6 @@
 mod window_support;
 
 use serde_json::Value;
-use std::time::Duration;
 use window_support::{Desktop, Program, keep, repeat};
 
 /// Where a place of a plot is on the screen.

@@ -1,6 +1,6 @@
 //! Tours in the window: played, made from views and flights, and edited.
 //!
-//! The [`Clock`] says what time it is on the tour, [`Timeline::state`] what is shown then; [`player`] puts that into the camera and the
+//! The [`Clock`] says what time it is on the tour, [`Timeline::state`](crate::tour::Timeline::state) what is shown then; [`player`] puts that into the camera and the
 //! settings, [`draft`] makes keyframes of what the user shows, [`look`] translates between both.
 
 pub mod clock;
