@@ -127,6 +127,23 @@ const PLAIN: GadgetStyle =
     GadgetStyle { big_endian: false, format: 2, double: false, long_ids: false, table: [0.0; 6] };
 
 #[test]
+fn one_of_several_files_may_be_empty() {
+    let folder = tempfile::tempdir().unwrap();
+    for format in [1, 2] {
+        let (some, none) = (two_gas_particles(), std::array::from_fn(|_| Particles::default()));
+        for (number, families) in [&none, &some, &none].into_iter().enumerate() {
+            let bytes = gadget(GadgetStyle { format, ..PLAIN }, families, [2, 0, 0, 0, 0, 0], 3);
+            file(folder.path(), &format!("snap{format}_7.{number}"), &bytes);
+        }
+        for named in 0..3 {
+            let source = open(&folder.path().join(format!("snap{format}_7.{named}"))).unwrap();
+            let expected = flat(&some[0].positions);
+            assert_eq!(read_all(source.as_ref(), 0, "position", 1), expected, "format {format}, file {named}");
+        }
+    }
+}
+
+#[test]
 fn particles_that_cannot_be_drawn_are_left_out_and_counted() {
     let folder = tempfile::tempdir().unwrap();
     let mut particles = two_gas_particles();

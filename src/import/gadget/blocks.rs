@@ -82,6 +82,9 @@ pub(super) fn name(
     notes: &mut Vec<String>,
 ) -> Result<Vec<Block>, ImportError> {
     let mut order = conventional(header).into_iter().peekable();
+    let counted = |known: Option<Known>| {
+        header.particles(known.and_then(|known| known.types).unwrap_or(header.with_mass_block()))
+    };
     let mut blocks: Vec<Block> = Vec::new();
     for (index, record) in records.iter().enumerate() {
         let label = match &record.label {
@@ -104,23 +107,21 @@ pub(super) fn name(
                 notes.push(format!("block {label} occurs twice and counts once"));
             }
             Some(block) => blocks.push(block),
-            None if known.is_some_and(|known| required(known.label)) => {
-                let types = known.and_then(|known| known.types).unwrap_or(header.with_mass_block());
-                let components = known.map_or(1, |known| known.components);
+            // Of several files one may be empty.
+            None if record.length == 0 && (!required(&label) || counted(known) == 0) => {}
+            None if required(&label) => {
+                let values = counted(known) * known.map_or(1, |known| known.components) as u64;
                 let found = format!("{} bytes", record.length);
-                let values = header.particles(types) * components as u64;
                 let expected = format!("{values} values of 4 or 8 bytes, as the header counts");
                 return Err(ImportError::malformed(path, format!("block {label}"), found, expected));
             }
-            None if record.length == 0 => {}
             None => {
                 notes.push(format!("block {label} of {} bytes fits no particle type and is left out", record.length))
             }
         }
     }
     for label in ["POS", "VEL", "ID", "MASS"] {
-        let types = lookup(label).and_then(|known| known.types).unwrap_or(header.with_mass_block());
-        let particles = header.particles(types);
+        let particles = counted(lookup(label));
         if particles > 0 && !blocks.iter().any(|block| block.label == label) {
             let expected = format!("a block for {particles} particles");
             return Err(ImportError::missing(path, format!("block {label}"), expected));
