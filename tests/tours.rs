@@ -149,6 +149,19 @@ fn recordings_are_the_same_files_however_they_are_interrupted() {
     assert!(read_png(Path::new(&one)).unwrap() == read_png(&at("once").join("frame-00009.png")).unwrap());
 }
 
+/// Compares a frame with its golden one.
+fn check_golden(name: &str, out: &Path) {
+    let golden = in_repository("tests/golden/tour").join(name);
+    if std::env::var_os("DEEPFIELD_BLESS").is_some() {
+        std::fs::copy(out, &golden).unwrap();
+    }
+    let (found, golden) = (read_png(out).unwrap(), read_png(&golden).unwrap());
+    let pairs = found.rgba.as_flattened().iter().zip(golden.rgba.as_flattened());
+    let sum: u64 = pairs.map(|(a, b)| u64::from(a.abs_diff(*b))).sum();
+    let difference = sum as f64 / (3 * found.rgba.len()) as f64;
+    assert!(found.rgba.len() == golden.rgba.len() && difference < 0.15, "{name} differs by {difference:.3}/255");
+}
+
 #[test]
 fn the_shipped_tour_is_its_golden_frames() {
     let path = in_repository("assets/tours/demo.ron").display().to_string();
@@ -159,28 +172,36 @@ fn the_shipped_tour_is_its_golden_frames() {
         let out = folder.path().join(&name);
         let number = second.to_string();
         run(tour(&[&path, "--fps", "1", "--size", "192x108", "--frame", &number, &out.display().to_string()]));
-        let golden = in_repository("tests/golden/tour").join(&name);
-        if std::env::var_os("DEEPFIELD_BLESS").is_some() {
-            std::fs::copy(&out, &golden).unwrap();
-        }
-        let (found, golden) = (read_png(&out).unwrap(), read_png(&golden).unwrap());
-        let pairs = found.rgba.as_flattened().iter().zip(golden.rgba.as_flattened());
-        let sum: u64 = pairs.map(|(a, b)| u64::from(a.abs_diff(*b))).sum();
-        let difference = sum as f64 / (3 * found.rgba.len()) as f64;
-        assert!(found.rgba.len() == golden.rgba.len() && difference < 0.15, "{name} differs by {difference:.3}/255");
+        check_golden(&name, &out);
+    }
+}
+
+#[test]
+fn the_shipped_tour_has_a_dome_version() {
+    let path = in_repository("assets/tours/demo-dome.ron").display().to_string();
+    let folder = tempfile::tempdir().unwrap();
+    // Each mode, a flight and a cross-fade.
+    for second in [15, 22, 33, 41, 54] {
+        let name = format!("dome-{second}.png");
+        let out = folder.path().join(&name);
+        let (number, to) = (second.to_string(), out.display().to_string());
+        run(tour(&[&path, "--fps", "1", "--size", "160x160", "--frame", &number, &to]));
+        check_golden(&name, &out);
     }
 }
 
 #[test]
 fn the_shipped_tour_is_as_the_issue_asks_and_comfortable() {
-    let path = in_repository("assets/tours/demo.ron");
-    let tour_file = deepfield::tour::TourFile::read(&path).unwrap();
-    let modes: std::collections::BTreeSet<_> = tour_file.keyframes.iter().filter_map(|k| k.mode.clone()).collect();
-    assert!(tour_file.keyframes.len() >= 10 && modes.len() >= 3);
-    assert!(tour_file.keyframes.iter().filter(|keyframe| keyframe.caption.is_some()).count() >= 5);
-    let output = run(tour(&[&path.display().to_string(), "--check"]));
-    let text = String::from_utf8_lossy(&output.stdout);
-    assert!(text.contains("nothing is too fast"), "{text}");
+    for name in ["assets/tours/demo.ron", "assets/tours/demo-dome.ron"] {
+        let path = in_repository(name);
+        let tour_file = deepfield::tour::TourFile::read(&path).unwrap();
+        let modes: std::collections::BTreeSet<_> = tour_file.keyframes.iter().filter_map(|k| k.mode.clone()).collect();
+        assert!(tour_file.keyframes.len() >= 10 && modes.len() >= 3);
+        assert!(tour_file.keyframes.iter().filter(|keyframe| keyframe.caption.is_some()).count() >= 5);
+        let output = run(tour(&[&path.display().to_string(), "--check"]));
+        let text = String::from_utf8_lossy(&output.stdout);
+        assert!(text.contains("nothing is too fast"), "{text}");
+    }
 }
 
 #[test]

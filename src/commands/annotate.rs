@@ -184,8 +184,16 @@ impl Stage {
         }
     }
 
-    /// Writes what is asked for into the finished picture, whose colours come from `transfer` over `levels`.
-    pub fn annotate(&self, image: &mut Image, annotations: &Annotations, transfer: &TransferFunction, levels: &Levels) {
+    /// Writes what is asked for into the finished picture, or on a sheet in it that `view` sees; its colours come from
+    /// `transfer` over `levels`.
+    pub fn annotate(
+        &self,
+        image: &mut Image,
+        view: &View,
+        annotations: &Annotations,
+        transfer: &TransferFunction,
+        levels: &Levels,
+    ) {
         let lut = match self.depiction.mode.painter() {
             Some(_) => transfer.bake_colors(),
             None => transfer.bake_lut(),
@@ -193,7 +201,7 @@ impl Stage {
         let legend = Legend::of(&self.depiction, transfer, Arc::new(lut), levels, &self.units);
         let scale = annotations.scale_for(image.width, image.height);
         let subject = Subject {
-            view: &self.view,
+            view,
             scale,
             target: self.target,
             bounds: self.bounds,

@@ -1,8 +1,11 @@
 //! A picture of any mode, drawn and not yet written: what `render` and `tour` make files of.
 
 use super::CommandResult;
+use super::annotate::Stage;
+use super::lettering::{self, Sheet};
 use super::paint::{self, Outcome};
 use super::picture_statistics::write_statistics;
+use super::projected;
 use super::render::{self, Arguments, Picture};
 use super::scene_arguments::filled;
 use super::studio::Studio;
@@ -12,6 +15,8 @@ use crate::raster::transfer::{Levels, TransferFunction};
 use crate::raster::{Image, composite, output};
 use crate::scene_file::SceneFile;
 use std::path::Path;
+
+type Failure = Box<dyn std::error::Error + Send + Sync>;
 
 /// A picture's values before they become colours.
 pub(super) enum Drawing {
@@ -35,10 +40,7 @@ impl Drawing {
     ///
     /// # Errors
     /// When the source cannot be read, a setting does not fit the data, or no adapter draws.
-    pub fn new(
-        arguments: &Arguments,
-        studio: &mut Option<Studio>,
-    ) -> Result<Drawing, Box<dyn std::error::Error + Send + Sync>> {
+    pub fn new(arguments: &Arguments, studio: &mut Option<Studio>) -> Result<Drawing, Failure> {
         if studio.is_none() && !arguments.exact {
             *studio = Some(Studio::open(&arguments.members())?);
         }
@@ -68,21 +70,43 @@ impl Drawing {
     }
 
     /// The finished picture.
-    pub fn image(&self, arguments: &Arguments, annotations: Option<&Annotations>) -> Image {
+    ///
+    /// # Errors
+    /// Projections and eyes that make no sense.
+    pub fn image(&self, arguments: &Arguments, annotations: Option<&Annotations>) -> Result<Image, Failure> {
         let coloration = self.coloration(arguments);
         let background = arguments.background.unwrap_or_default();
-        let (mut image, stage) = match self {
+        let stage = self.stage();
+        let mut image = match self {
             Drawing::Splats(picture) => {
                 let Coloration { transfer, levels } = &coloration;
-                (composite::composite_on(&picture.accumulation, transfer, levels, background), &picture.stage)
+                composite::composite_on(&picture.accumulation, transfer, levels, background)
             }
-            Drawing::Colors(outcome) => (outcome.painted.colors.image_on(background), &outcome.stage),
+            Drawing::Colors(outcome) => outcome.painted.colors.image_on(background),
         };
         stage.mark(&mut image);
         if let Some(annotations) = annotations {
-            stage.annotate(&mut image, annotations, &coloration.transfer, &coloration.levels);
+            for sheet in self.sheets(arguments, &image)? {
+                sheet.lay(&mut image, |image| {
+                    stage.annotate(image, &sheet.view, annotations, &coloration.transfer, &coloration.levels);
+                    Ok::<(), Failure>(())
+                })?;
+            }
         }
-        image
+        Ok(image)
+    }
+
+    fn stage(&self) -> &Stage {
+        match self {
+            Drawing::Splats(picture) => &picture.stage,
+            Drawing::Colors(outcome) => &outcome.stage,
+        }
+    }
+
+    /// What is written on in the finished picture.
+    fn sheets(&self, arguments: &Arguments, image: &Image) -> Result<Vec<Sheet>, Failure> {
+        let (surround, stereo) = projected::asked(arguments)?;
+        Ok(lettering::sheets(&self.stage().view, [image.width, image.height], surround, stereo)?)
     }
 
     /// [`Drawing::image`] with what the arguments' film does to it.
@@ -94,8 +118,8 @@ impl Drawing {
         arguments: &Arguments,
         annotations: Option<&Annotations>,
         studio: &mut Option<Studio>,
-    ) -> Result<Image, Box<dyn std::error::Error + Send + Sync>> {
-        let mut image = self.image(arguments, annotations);
+    ) -> Result<Image, Failure> {
+        let mut image = self.image(arguments, annotations)?;
         let Some(film) = &arguments.film else { return Ok(image) };
         if let Some(from) = &film.from {
             let Arguments { size, backend, background, exact, .. } = *arguments;
@@ -107,12 +131,14 @@ impl Drawing {
             }
             let before = filled(own, SceneFile::clone(from), members, Path::new("")).with_economy();
             let annotations = render::annotations(&before, false)?;
-            let mut mixed = Drawing::new(&before, studio)?.image(&before, annotations.as_ref());
+            let mut mixed = Drawing::new(&before, studio)?.image(&before, annotations.as_ref())?;
             mix_into(&mut mixed, &image, film.share);
             image = mixed;
         }
-        // Paths of pictures are complete by now.
-        film.overlay.paint(&mut image, Path::new(""))?;
+        for sheet in self.sheets(arguments, &image)? {
+            // Paths of pictures are complete by now.
+            sheet.lay(&mut image, |image| film.overlay.paint(image, Path::new("")))?;
+        }
         Ok(image)
     }
 

@@ -10,6 +10,7 @@ pub mod demo;
 mod drawing;
 mod exact_source;
 pub mod info;
+mod lettering;
 pub mod modes;
 pub mod page_file_info;
 pub mod paint;

@@ -377,10 +377,6 @@ pub(super) fn draw(
 /// What is written into the picture.
 pub(super) fn annotations(arguments: &Arguments, is_exr: bool) -> Result<Option<Annotations>, String> {
     let asked = arguments.annotate.over(arguments.annotations.clone());
-    if asked.is_some() && projected::is_projected(arguments)? {
-        eprintln!("deepfield: annotations are for flat pictures of one eye; this one has none");
-        return Ok(None);
-    }
     match asked {
         Some(_) if is_exr && arguments.annotate.is_given() => Err(format!(
             "{}: an EXR picture holds numbers, only PNG pictures are annotated",

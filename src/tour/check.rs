@@ -6,6 +6,7 @@ use crate::explore::ExploreError;
 use crate::model::ron_file::RonError;
 use crate::modes::setting::SettingError;
 use crate::modes::{self, MODES, Mode};
+use crate::view::Stereo;
 
 /// The longest that anything in a tour takes, seconds.
 const LONGEST: f64 = 86_400.0;
@@ -22,6 +23,12 @@ pub(super) fn check(tour: &TourFile, file: &str, text: &str) -> Result<(), RonEr
     let (width, height) = tour.size;
     if !((1..=32768).contains(&width) && (1..=32768).contains(&height)) {
         return Err(place.refuse("size", format!("{width}x{height}"), "1x1 to 32768x32768"));
+    }
+    if let Some((field, found, expected)) = tour.projection.mistake() {
+        return Err(place.refuse(field, found, expected));
+    }
+    if let Some((_, found, expected)) = tour.stereo.as_ref().and_then(Stereo::mistake) {
+        return Err(place.refuse("stereo", found, expected));
     }
     if !(0.01..=1000.0).contains(&tour.rate) {
         return Err(place.refuse("rate", tour.rate, "0.01 to 1000 pictures a second"));

@@ -8,7 +8,7 @@ use crate::model::ron_file::{self, RonError};
 use crate::modes::Settings;
 use crate::raster::transfer::TransferFunction;
 use crate::scene_file::{Attribute, Camera, DatasetRef};
-use crate::view::CutSettings;
+use crate::view::{CutSettings, Stereo, Surround};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -31,6 +31,12 @@ pub struct TourFile {
     /// Size of recorded pictures, pixels.
     #[serde(default = "size")]
     pub size: (u32, u32),
+    /// How directions become a picture: flat, a dome master, a cube or a map.
+    #[serde(default)]
+    pub projection: Surround,
+    /// A picture for each eye.
+    #[serde(default)]
+    pub stereo: Option<Stereo>,
     /// Recorded pictures per second.
     #[serde(default = "rate")]
     pub rate: f64,
@@ -264,6 +270,8 @@ impl TourFile {
             title: String::new(),
             dataset: None,
             size: size(),
+            projection: Surround::Flat,
+            stereo: None,
             rate: rate(),
             repeats: false,
             up: up(),

@@ -12,8 +12,11 @@ mod video;
 
 use super::CommandResult;
 use super::arguments::{PictureSize, not_negative, positive};
+use super::projected::usual_size;
+use super::projection_options::ProjectionOptions;
 use super::render::Backend;
 use crate::tour::{TourFile, around_data};
+use crate::view::{CubeLayout, Surround};
 use frames::{Frames, Pattern};
 use show::Show;
 use std::path::PathBuf;
@@ -25,6 +28,7 @@ use std::path::PathBuf;
   deepfield tour assets/tours/demo.ron --check                                   the timetable, and what is too fast
   deepfield tour assets/tours/demo.ron --record frames --size 1920x1080 --fps 30
   deepfield tour show.ron snapshot_099.hdf5 --record frames --video show.mp4     other data than the tour names
+  deepfield tour --around snapshot_099.hdf5 --projection dome --tilt 20 --size 2048x2048 --video dome.avi
   deepfield tour show.ron --frame 250 still.png
   deepfield tour show.ron --record frames --start 12.5 --end 20                  a part, with the same numbers
   deepfield render frames/scenes/frame-00250.scene.ron -o same.png               any frame again
@@ -61,6 +65,9 @@ pub struct Arguments {
     /// Picture size in pixels [default: the tour's; 1280x720 around data].
     #[arg(long, value_name = "WxH")]
     pub size: Option<PictureSize>,
+    /// How directions become a picture, and for which eyes.
+    #[command(flatten)]
+    pub projection: ProjectionOptions,
     /// Frames per second [default: the tour's, 30 unless it says so].
     #[arg(long, value_name = "RATE", value_parser = positive)]
     pub fps: Option<f64>,
@@ -187,6 +194,16 @@ fn open(arguments: &Arguments) -> Result<Show, Box<dyn std::error::Error + Send 
     };
     if let Some(PictureSize { width, height }) = arguments.size {
         tour.size = (width, height);
+    }
+    let was = tour.projection;
+    (tour.projection, tour.stereo) = arguments.projection.over(tour.projection, tour.stereo)?;
+    if tour.projection == (Surround::Cube { layout: CubeLayout::Files }) {
+        return Err("--layout files: a frame is one picture; name cross or strip".into());
+    }
+    if arguments.size.is_none() && tour.projection != was {
+        // The tour's size is meant for its own projection.
+        let usual = usual_size(arguments.projection.named(tour.projection));
+        tour.size = (usual.width, usual.height);
     }
     if let Some(error_px) = arguments.error_px {
         tour.keyframes.iter_mut().for_each(|keyframe| keyframe.error_px = Some(error_px));

@@ -90,7 +90,8 @@ impl Show {
     /// The scene of a look from a camera, as a file in `place` names the data.
     fn scene(&self, look: &Look, camera: Camera, place: &Path) -> SceneFile {
         let dataset = DatasetRef::of(&self.data, place);
-        SceneFile { size: Some(self.tour.size), camera: Some(camera), ..look.scene(dataset) }
+        let TourFile { size, projection, stereo, .. } = self.tour;
+        SceneFile { size: Some(size), camera: Some(camera), projection, stereo, ..look.scene(dataset) }
     }
 
     /// The arguments that draw a scene.
