@@ -141,11 +141,11 @@ pub(super) fn observe(
 mod tests {
     use super::*;
     use crate::app::preset::Preset;
-    use crate::app::scene::AttributeChoice;
     use crate::explore::{Region, SelectionSet};
     use crate::modes::{MODES, SettingKind, SettingValue};
     use crate::raster::colormap::ColorMap;
     use crate::raster::transfer::Range;
+    use crate::scene_file::Attribute;
     use crate::view::cut::{Axis, ClipBox, Fade, Slab};
     use crate::view::{CutSettings, Periodic};
     use bevy::math::DVec3;
@@ -172,7 +172,7 @@ mod tests {
         }
         match pick - own.len() {
             0 => settings.choose_mode(MODES[(value * MODES.len() as f64) as usize]),
-            1 => settings.attribute = AttributeChoice::Named(format!("field {value}")),
+            1 => settings.attribute = Attribute::Named(format!("field {value}")),
             2 => settings.transfer.range = Range::Fixed(value, value + 1.0 + more),
             3 => {
                 let maps: Vec<ColorMap> = ColorMap::all().collect();

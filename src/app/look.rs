@@ -2,11 +2,12 @@
 
 use super::exposure::Exposure;
 use super::messages::Messages;
-use super::scene::{AttributeChoice, Scene, Settings};
+use super::scene::{Scene, Settings};
 use super::transfer_presets::TransferPresets;
 use crate::annotate::{Legend, Units};
 use crate::modes::Depiction;
 use crate::raster::transfer::{Levels, Lut, Scale, TransferFunction};
+use crate::scene_file::Attribute;
 use crate::store::Metadata;
 use bevy::prelude::*;
 use bevy_egui::egui::Color32;
@@ -28,7 +29,7 @@ pub struct Look {
     /// Whether the ranges have arrived.
     pub settled: bool,
     generation: u32,
-    attribute: AttributeChoice,
+    attribute: Attribute,
     seeded: bool,
 }
 
@@ -140,12 +141,12 @@ fn bake(depiction: &Depiction, transfer: &TransferFunction) -> Lut {
 /// The chosen mode and attribute on the open file.
 fn depict(scene: &Scene, settings: &Settings) -> Result<Depiction, String> {
     let name = match &settings.attribute {
-        AttributeChoice::Named(name) => Some(name.as_str()),
-        AttributeChoice::Automatic | AttributeChoice::None => None,
+        Attribute::Named(name) => Some(name.as_str()),
+        Attribute::Automatic | Attribute::None => None,
     };
     let metadata = scene.file.metadata();
     let mut depiction = Depiction::of_pages(settings.mode, settings.mode_settings.clone(), name, metadata)?;
-    if settings.attribute == AttributeChoice::None {
+    if settings.attribute == Attribute::None {
         depiction.attribute = None;
     }
     Ok(depiction)

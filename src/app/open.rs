@@ -235,9 +235,8 @@ mod tests {
         assert!(error.contains("a.scene.ron: the data is not at") && error.contains("--scene"), "{error}");
     }
 
-    #[test]
-    fn a_dropped_file_is_opened_and_a_failure_is_reported() {
-        let opener: Opener = Arc::new(|path, _| Err(format!("{}: not readable", path.display())));
+    /// What opens files that are dropped, and the window that they are dropped on.
+    fn app_with(opener: Opener) -> (App, Entity) {
         let mut app = App::new();
         app.add_message::<FileDragAndDrop>()
             .add_message::<Opened>()
@@ -248,6 +247,13 @@ mod tests {
             .init_resource::<ButtonInput<KeyCode>>()
             .add_systems(Update, (open_dropped_files, super::super::objects::receive, finish_opening).chain());
         let window = app.world_mut().spawn_empty().id();
+        (app, window)
+    }
+
+    #[test]
+    fn a_dropped_file_is_opened_and_a_failure_is_reported() {
+        let opener: Opener = Arc::new(|path, _| Err(format!("{}: not readable", path.display())));
+        let (mut app, window) = app_with(opener);
         app.world_mut().write_message(FileDragAndDrop::HoveredFile { window, path_buf: "dragged.hdf5".into() });
         app.update();
         assert!(app.world().resource::<Openings>().current.is_none(), "a file that only hovers is not opened");
@@ -287,27 +293,18 @@ mod tests {
         let opener: Opener = Arc::new(move |_, _| Ok(built.clone()));
         let file = Arc::new(PageFile::open(&page_file).unwrap());
         let bounds = file.metadata().bounds();
-        let mut app = App::new();
-        app.add_message::<FileDragAndDrop>()
-            .add_message::<Opened>()
-            .insert_resource(Openings::new(opener))
-            .init_resource::<Messages>()
-            .init_resource::<Objects>()
-            .init_resource::<Player>()
-            .init_resource::<ButtonInput<KeyCode>>()
-            .insert_resource(Scene {
-                path: page_file.clone(),
-                members: vec![Member::new(&page_file)],
-                facts: crate::app::facts::Facts::of(&file, &[]),
-                file,
-                bounds,
-                frame: bounds,
-                periodic: None,
-                length_unit: String::new(),
-                generation: 1,
-            })
-            .add_systems(Update, (open_dropped_files, super::super::objects::receive, finish_opening).chain());
-        let window = app.world_mut().spawn_empty().id();
+        let (mut app, window) = app_with(opener);
+        app.insert_resource(Scene {
+            path: page_file.clone(),
+            members: vec![Member::new(&page_file)],
+            facts: crate::app::facts::Facts::of(&file, &[]),
+            file,
+            bounds,
+            frame: bounds,
+            periodic: None,
+            length_unit: String::new(),
+            generation: 1,
+        });
         let mut dropped = |shift: bool, adds: bool| {
             let mut keys = ButtonInput::<KeyCode>::default();
             if shift {

@@ -16,7 +16,7 @@ use crate::model::{Bounds, FamilyName, PeriodicBox};
 use crate::modes::economy::{PRESENCE, THINNING};
 use crate::modes::{self, Mode, SettingValue};
 use crate::raster::transfer::{Range, TransferFunction};
-use crate::scene_file::{Member, shown_families};
+use crate::scene_file::{Attribute, Member, shown_families};
 use crate::store::{Metadata, PageFile};
 use crate::view::CutSettings;
 use bevy::prelude::*;
@@ -57,18 +57,6 @@ impl Scene {
     }
 }
 
-/// Which attribute gives the hue.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub enum AttributeChoice {
-    /// The mode's usual one, where the data has it.
-    #[default]
-    Automatic,
-    /// None: the colour follows the brightness.
-    None,
-    /// The attribute of that name.
-    Named(String),
-}
-
 /// How the user wants to see the data: everything that the panel edits.
 #[derive(Resource, Clone)]
 pub struct Settings {
@@ -79,7 +67,7 @@ pub struct Settings {
     /// Its settings.
     pub mode_settings: modes::Settings,
     /// The attribute that gives the hue.
-    pub attribute: AttributeChoice,
+    pub attribute: Attribute,
     /// Colour maps and ranges.
     pub transfer: TransferFunction,
     /// What is written into the picture.
@@ -121,7 +109,7 @@ impl Settings {
             mode: mode.and_then(modes::find).unwrap_or(modes::MODES[0]),
             mode_chosen: mode.is_some(),
             mode_settings: economy_of(preset),
-            attribute: AttributeChoice::Automatic,
+            attribute: Attribute::Automatic,
             transfer: TransferFunction::default(),
             annotations: Annotations::default(),
             error_px: preset.drawing.error_px,
@@ -187,10 +175,10 @@ pub(super) fn adopt_opened(
         Err(error) => messages.error(format!("{}: {error}", path.display())),
     }
     choices.attributes = attribute_names(metadata);
-    if let AttributeChoice::Named(name) = &settings.attribute
+    if let Attribute::Named(name) = &settings.attribute
         && !choices.attributes.contains(name)
     {
-        settings.attribute = AttributeChoice::Automatic;
+        settings.attribute = Attribute::Automatic;
     }
     if !settings.mode_chosen {
         settings.change_mode(modes::usual(choices.attributes.iter().map(String::as_str)));

@@ -8,7 +8,7 @@ use super::messages::Messages;
 use super::objects::Objects;
 use super::panel::Closed;
 use super::picture::{DataCamera, Picture};
-use super::scene::{AttributeChoice, Scene, Settings};
+use super::scene::{Scene, Settings};
 use super::shortcuts::Shown;
 use crate::model::FamilyName;
 use crate::modes;
@@ -102,11 +102,7 @@ fn scene_file(
     SceneFile {
         mode: Some(settings.mode.name.to_owned()),
         settings: settings.mode_settings.clone(),
-        attribute: match &settings.attribute {
-            AttributeChoice::Automatic => Attribute::Automatic,
-            AttributeChoice::None => Attribute::None,
-            AttributeChoice::Named(name) => Attribute::Named(name.clone()),
-        },
+        attribute: settings.attribute.clone(),
         transfer: Some(settings.transfer.clone()),
         annotations: Some(settings.annotations.clone()),
         error_px: Some(settings.error_px),
@@ -182,13 +178,11 @@ pub(super) fn apply(
         settings.mode_settings = scene.settings.clone();
     }
     settings.attribute = match &scene.attribute {
-        Attribute::Automatic => AttributeChoice::Automatic,
-        Attribute::None => AttributeChoice::None,
-        Attribute::Named(name) if attributes.contains(name) => AttributeChoice::Named(name.clone()),
-        Attribute::Named(name) => {
+        Attribute::Named(name) if !attributes.contains(name) => {
             messages.error(told(format!("the data has no attribute {name}; the usual one is shown")));
-            AttributeChoice::Automatic
+            Attribute::Automatic
         }
+        known => known.clone(),
     };
     if let Some(transfer) = &scene.transfer {
         settings.transfer = transfer.clone();

@@ -8,7 +8,7 @@ use super::messages::Messages;
 use super::open::Openings;
 use super::panel::Closed;
 use super::picture::{DataCamera, Picture};
-use super::scene::{AttributeChoice, Scene, Settings};
+use super::scene::{Scene, Settings};
 use super::scene_io::SceneFiles;
 use super::shortcuts::Shown;
 use super::statistics::{Converged, Statistics};
@@ -17,6 +17,7 @@ use super::ui::Controls;
 use crate::annotate::Annotations;
 use crate::explore::SelectionSet;
 use crate::raster::transfer::TransferFunction;
+use crate::scene_file::Attribute;
 use crate::view::CutSettings;
 use bevy::prelude::*;
 use serde::Serialize;
@@ -159,9 +160,9 @@ pub(super) fn write_status(
         settings: SettingsStatus {
             mode: settings.mode.name,
             attribute: match &settings.attribute {
-                AttributeChoice::Automatic => "automatic".to_owned(),
-                AttributeChoice::None => "none".to_owned(),
-                AttributeChoice::Named(name) => name.clone(),
+                Attribute::Automatic => "automatic".to_owned(),
+                Attribute::None => "none".to_owned(),
+                Attribute::Named(name) => name.clone(),
             },
             values: &settings.mode_settings,
             transfer: &settings.transfer,

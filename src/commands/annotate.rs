@@ -1,7 +1,7 @@
 //! What `deepfield render` writes into its pictures.
 
 use super::progress_bar::TerminalProgress;
-use super::render::Arguments;
+use super::render_arguments::Arguments;
 use crate::annotate::{self, Annotations, Label, Legend, Paper, Subject, Units};
 use crate::explore::data::source_of;
 use crate::explore::marks::{self, Layer, Marks};

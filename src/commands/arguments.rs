@@ -1,5 +1,7 @@
 //! Values on the command line that several commands share, parsed with messages that say what was expected.
 
+use crate::model::FamilyName;
+use crate::modes::{self, Mode};
 use crate::raster::transfer::{TransferFunction, presets};
 use glam::DVec3;
 
@@ -44,6 +46,23 @@ pub fn vector(text: &str) -> Result<DVec3, String> {
 /// The names that there are, or what is wrong with the file.
 pub fn transfer_named(text: &str) -> Result<TransferFunction, String> {
     TransferFunction::named(text, presets::folder().as_deref()).map_err(|error| error.to_string())
+}
+
+/// The mode of that name.
+///
+/// # Errors
+/// The names that there are.
+pub fn mode_name(text: &str) -> Result<&'static Mode, String> {
+    modes::find(text).ok_or_else(|| format!("expected one of {}", modes::names()))
+}
+
+/// The family of that name.
+///
+/// # Errors
+/// The names that there are.
+pub fn family_name(text: &str) -> Result<FamilyName, String> {
+    FamilyName::parse(text)
+        .ok_or_else(|| format!("expected one of {}", FamilyName::ALL.map(FamilyName::as_str).join(", ")))
 }
 
 /// A number greater than zero.

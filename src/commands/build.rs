@@ -27,7 +27,7 @@ pub struct Arguments {
     #[arg(long, value_parser = ["particles"], default_value = "particles")]
     pub kind: String,
     /// Keep only this family (gas, dark, type2, type3, stars, black-holes); may be repeated.
-    #[arg(long, value_name = "NAME", value_parser = super::render::family_name)]
+    #[arg(long, value_name = "NAME", value_parser = super::arguments::family_name)]
     pub family: Vec<FamilyName>,
     /// Attributes to keep, by name [default: the most telling ones, at most four].
     #[arg(long, value_name = "A,B,...", value_delimiter = ',')]

@@ -1,14 +1,68 @@
-//! The source particles behind a picture at full precision.
+//! The source particles behind a picture at full precision, and how the arguments want to see them.
 
 use super::cache;
 use super::progress_bar::TerminalProgress;
-use super::render::Arguments;
+use super::render_arguments::Arguments;
+use super::statistics::Times;
 use crate::explore::data::source_path;
 use crate::import::{AttributeChoice, LoadOptions, load};
-use crate::model::{Dataset, FamilyName};
+use crate::model::{Bounds, Dataset, Family, FamilyName};
+use crate::modes::{self, Depiction};
 use crate::scene_file::Member;
 use crate::store::PageFile;
+use crate::view::frame;
+use glam::DVec3;
 use std::path::{Path, PathBuf};
+
+/// What an exact picture draws, and how.
+pub(super) struct ExactSource {
+    /// The first source.
+    pub path: PathBuf,
+    /// Its particles, and those of the others.
+    pub dataset: Dataset,
+    /// The mode and the attribute of the picture.
+    pub depiction: Depiction,
+    /// The box that a picture of them is framed by.
+    pub framed: Bounds,
+}
+
+impl ExactSource {
+    /// Loads the particles; `times` notes how long that takes.
+    ///
+    /// # Errors
+    /// When a source cannot be read, or a setting does not fit the data.
+    pub fn open(
+        arguments: &Arguments,
+        times: &mut Times,
+    ) -> Result<ExactSource, Box<dyn std::error::Error + Send + Sync>> {
+        let (path, dataset) = times.measure("load", || load_exact(arguments))?;
+        let fields = dataset.families.iter().flat_map(|family| &family.attributes).map(|field| field.name.as_str());
+        let mode = arguments.mode.unwrap_or_else(|| modes::usual(fields));
+        let (settings, attribute) = (arguments.settings.clone(), arguments.attribute.as_deref());
+        let mut depiction = Depiction::of_dataset(mode, settings, attribute, &dataset)
+            .map_err(|why| format!("{}: {why}", path.display()))?;
+        depiction.attribute = depiction.attribute.filter(|_| !arguments.plain);
+        let framed = framed_of(&dataset);
+        Ok(ExactSource { path, dataset, depiction, framed })
+    }
+
+    /// All families.
+    pub fn families(&self) -> Vec<&Family> {
+        self.dataset.families.iter().collect()
+    }
+
+    /// Their names.
+    pub fn names(&self) -> Vec<FamilyName> {
+        self.dataset.families.iter().map(|family| family.name).collect()
+    }
+}
+
+/// The box that a picture of these particles is framed by.
+pub(super) fn framed_of(dataset: &Dataset) -> Bounds {
+    let positions = dataset.families.iter().flat_map(|family| &family.positions);
+    let samples: Vec<(DVec3, f64)> = positions.map(|&position| (DVec3::from_array(position), 1.0)).collect();
+    frame::frame(dataset.bounds(), &samples)
+}
 
 /// The particles that an exact picture draws: those of the source, or of the one that a page file was built from; of several
 /// datasets all, each where it lies.
@@ -73,9 +127,4 @@ fn source_of(path: &Path) -> Result<PathBuf, Box<dyn std::error::Error + Send + 
         format!("{path}: --exact draws the source {source}, which is not there any more; name the source instead")
             .into()
     })
-}
-
-/// The families that an exact picture draws.
-pub(super) fn names(dataset: &Dataset) -> Vec<FamilyName> {
-    dataset.families.iter().map(|family| family.name).collect()
 }

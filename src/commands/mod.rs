@@ -22,6 +22,7 @@ mod projected;
 pub mod projection_options;
 pub mod region_options;
 pub mod render;
+pub mod render_arguments;
 mod scene_arguments;
 pub mod select;
 pub mod statistics;

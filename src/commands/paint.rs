@@ -2,18 +2,17 @@
 
 use super::CommandResult;
 use super::annotate::Stage;
-use super::exact_source::{load_exact, names};
+use super::exact_source::ExactSource;
 use super::projected;
-use super::render::{Arguments, Backend, view};
+use super::render::view;
+use super::render_arguments::{Arguments, Backend};
 use super::statistics::{Shown, Times, write_json};
 use super::studio::{Studio, look_ahead};
 use crate::annotate::Units;
-use crate::model::{Bounds, Family};
+use crate::model::Bounds;
 use crate::modes::paint::{Subject, paint_nodes, paint_particles};
-use crate::modes::{Depiction, Mode, Painted, cpu};
+use crate::modes::{Mode, Painted, cpu};
 use crate::raster::volume::{Caster, Processor, VolumeError};
-use crate::view::frame;
-use glam::DVec3;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -89,13 +88,13 @@ pub(super) fn draw(
     let named = arguments.config.as_ref().unwrap_or(&arguments.path).display();
     arguments.settings.check(mode).map_err(|error| format!("{named}: {error}"))?;
     if projected::is_projected(arguments)? {
-        return projected::paint(arguments, mode, studio).map_err(|error| format!("{named}: {error}").into());
+        return projected::paint(arguments, studio).map_err(|error| format!("{named}: {error}").into());
     }
     let caster = &*caster(arguments, mode)?;
     let mut times = Times::default();
     let outcome = match studio {
-        None => paint_exact(arguments, mode, caster, &mut times)?,
-        Some(studio) => paint_pages(arguments, mode, caster, studio, &mut times)?,
+        None => paint_exact(arguments, caster, &mut times)?,
+        Some(studio) => paint_pages(arguments, caster, studio, &mut times)?,
     };
     Ok(Outcome { caster: caster.name().map(str::to_owned), milliseconds: times.medians(), ..outcome })
 }
@@ -129,18 +128,13 @@ fn caster(arguments: &Arguments, mode: &Mode) -> Result<Box<dyn Caster>, Box<dyn
 
 fn paint_pages(
     arguments: &Arguments,
-    mode: &'static Mode,
     caster: &dyn Caster,
     studio: &mut Studio,
     times: &mut Times,
 ) -> Result<Outcome, Box<dyn std::error::Error + Send + Sync>> {
-    let path = &arguments.path;
-    let framed = studio.choose(arguments)?;
+    let (framed, depiction) = (studio.choose(arguments)?, studio.depict(arguments)?);
     let Studio { file, scene, ahead, .. } = studio;
     let metadata = file.metadata();
-    let mut depiction = Depiction::of_pages(mode, arguments.settings.clone(), arguments.attribute.as_deref(), metadata)
-        .map_err(|why| format!("{}: {why}", path.display()))?;
-    depiction.attribute = depiction.attribute.filter(|_| !arguments.plain);
     let view = view(arguments, framed, metadata.periodic_box())?;
     scene.levels = depiction.levels(metadata);
     let detail = depiction.detail(&view, arguments.error_px.unwrap_or(0.8), metadata);
@@ -174,34 +168,26 @@ fn paint_pages(
 
 fn paint_exact(
     arguments: &Arguments,
-    mode: &'static Mode,
     caster: &dyn Caster,
     times: &mut Times,
 ) -> Result<Outcome, Box<dyn std::error::Error + Send + Sync>> {
-    let (source, dataset) = times.measure("load", || load_exact(arguments))?;
-    let mut depiction =
-        Depiction::of_dataset(mode, arguments.settings.clone(), arguments.attribute.as_deref(), &dataset)
-            .map_err(|why| format!("{}: {why}", source.display()))?;
-    depiction.attribute = depiction.attribute.filter(|_| !arguments.plain);
-    let families: Vec<&Family> = dataset.families.iter().collect();
-    let positions = families.iter().flat_map(|family| &family.positions);
-    let samples: Vec<(DVec3, f64)> = positions.map(|&position| (DVec3::from_array(position), 1.0)).collect();
-    let framed = frame::frame(dataset.bounds(), &samples);
-    let view = view(arguments, framed, dataset.periodic_box())?;
-    drop(samples);
+    let source = ExactSource::open(arguments, times)?;
+    let ExactSource { path, dataset, depiction, framed } = &source;
+    let families = source.families();
+    let view = view(arguments, *framed, dataset.periodic_box())?;
     let mut painted = None;
     for _ in 0..arguments.repeat {
         painted = Some(times.frame(|times| {
-            let paint = |subject: &Subject<'_>| paint_particles(&view, &depiction, &dataset, &families, subject);
-            measured(arguments, framed, caster, times, paint)
+            let paint = |subject: &Subject<'_>| paint_particles(&view, depiction, dataset, &families, subject);
+            measured(arguments, *framed, caster, times, paint)
         })?);
     }
     Ok(Outcome {
         painted: painted.ok_or("nothing was drawn")?,
-        stage: Stage::new(arguments, view, framed, Units::of_dataset(&dataset, &depiction), &depiction)?
-            .with_exact_selections(arguments, &source, &names(&dataset))?,
+        stage: Stage::new(arguments, view, *framed, Units::of_dataset(dataset, depiction), depiction)?
+            .with_exact_selections(arguments, path, &source.names())?,
         levels: "source",
-        attribute: depiction.attribute.map(|coloring| coloring.name),
+        attribute: depiction.attribute.as_ref().map(|coloring| coloring.name.clone()),
         converged: true,
         error_pixels: 0.0,
         particles: dataset.len() as u64,

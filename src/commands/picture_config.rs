@@ -2,7 +2,7 @@
 
 use super::annotate::AnnotateOptions;
 use super::arguments::PictureSize;
-use super::render::{Arguments, Backend};
+use super::render_arguments::{Arguments, Backend};
 use crate::annotate::Annotations;
 use crate::model::FamilyName;
 use crate::model::ron_file::{self, RonError};

@@ -5,27 +5,27 @@
 
 use super::annotate::Stage;
 use super::arguments::PictureSize;
-use super::exact_source::load_exact;
+use super::exact_source::ExactSource;
 use super::paint::Outcome;
 use super::picture_statistics::LeftOut;
 use super::projection_options::ProjectionName;
-use super::render::{Arguments, Backend, Picture, view};
+use super::render::{Picture, view};
+use super::render_arguments::{Arguments, Backend};
 use super::statistics::Times;
 use super::studio::Studio;
 use crate::annotate::Units;
 use crate::hierarchy::Levels;
-use crate::model::{Bounds, Dataset, Family, Kernel, PeriodicBox};
+use crate::model::{Bounds, Kernel, PeriodicBox};
 use crate::modes::around::{Alike, is_of_data, neighbourhood, sketch, with_images};
 use crate::modes::cpu::{self, SeenFamily};
 use crate::modes::paint::{Subject, densest, densest_of};
-use crate::modes::{self, Depiction, Economy, Footprint, Mode, Painted, Plan};
+use crate::modes::{Depiction, Economy, Footprint, Painted, Plan};
 use crate::raster::around::draw_face;
 use crate::raster::panorama::{Texels, assemble};
 use crate::raster::volume::Processor;
 use crate::raster::{Counts, Method, RasterOptions, Splats, draw_counted};
 use crate::stream::SceneSelection;
-use crate::view::{Detail, Eye, Eyes, Panorama, Projection, Sampling, Sections, Stereo, Surround, View, frame};
-use glam::DVec3;
+use crate::view::{Detail, Eye, Eyes, Panorama, Projection, Sampling, Sections, Stereo, Surround, View};
 use std::collections::BTreeMap;
 
 type Failure = Box<dyn std::error::Error + Send + Sync>;
@@ -197,20 +197,13 @@ pub(super) fn draw(arguments: &Arguments, studio: Option<&mut Studio>) -> Result
     let (mut times, mut tally) = (Times::default(), Tally::new());
     match studio {
         None => {
-            let (source, dataset) = times.measure("load", || load_exact(arguments))?;
-            let fields = dataset.families.iter().flat_map(|family| &family.attributes).map(|field| field.name.as_str());
-            let mode = arguments.mode.unwrap_or_else(|| modes::usual(fields));
-            let mut depiction =
-                Depiction::of_dataset(mode, arguments.settings.clone(), arguments.attribute.as_deref(), &dataset)
-                    .map_err(|why| format!("{}: {why}", source.display()))?;
-            depiction.attribute = depiction.attribute.filter(|_| !arguments.plain);
-            let families: Vec<&Family> = dataset.families.iter().collect();
-            let framed = framed_of(&dataset);
-            let projector = Projector::new(arguments, framed, dataset.periodic_box())?;
+            let source = ExactSource::open(arguments, &mut times)?;
+            let ExactSource { dataset, depiction, framed, .. } = &source;
+            let projector = Projector::new(arguments, *framed, dataset.periodic_box())?;
             let stage =
-                Stage::new(arguments, projector.base, framed, Units::of_dataset(&dataset, &depiction), &depiction)?;
-            let particles = SeenFamily::of(&projector.base, &depiction, &families);
-            let batches = cpu::seen_batches(&depiction, &particles)?;
+                Stage::new(arguments, projector.base, *framed, Units::of_dataset(dataset, depiction), depiction)?;
+            let particles = SeenFamily::of(&projector.base, depiction, &source.families());
+            let batches = cpu::seen_batches(depiction, &particles)?;
             let options = RasterOptions { method: Method::Exact, kernel: dataset.kernel, ..RasterOptions::default() };
             let shoot = || projector.shoot(SPLATS, |shot| splats(shot, &batches, &options, &mut tally));
             let texels = times.measure("frame", shoot)?;
@@ -218,16 +211,9 @@ pub(super) fn draw(arguments: &Arguments, studio: Option<&mut Studio>) -> Result
             Ok(picture_of(&texels, stage, tally, times.medians()))
         }
         Some(studio) => {
-            let framed = studio.choose(arguments)?;
+            let (framed, depiction) = (studio.choose(arguments)?, studio.depict(arguments)?);
             let Studio { file, scene, .. } = studio;
             let metadata = file.metadata();
-            let fields =
-                metadata.families.iter().flat_map(|family| &family.attributes).map(|field| field.name.as_str());
-            let mode = arguments.mode.unwrap_or_else(|| modes::usual(fields));
-            let mut depiction =
-                Depiction::of_pages(mode, arguments.settings.clone(), arguments.attribute.as_deref(), metadata)
-                    .map_err(|why| format!("{}: {why}", arguments.path.display()))?;
-            depiction.attribute = depiction.attribute.filter(|_| !arguments.plain);
             scene.levels = Levels::Splats;
             let projector = Projector::new(arguments, framed, metadata.periodic_box())?;
             let stage =
@@ -268,12 +254,6 @@ fn picture_of(texels: &Texels<2>, stage: Stage, tally: Tally, milliseconds: BTre
     }
 }
 
-fn framed_of(dataset: &Dataset) -> Bounds {
-    let positions = dataset.families.iter().flat_map(|family| &family.positions);
-    let samples: Vec<(DVec3, f64)> = positions.map(|&position| (DVec3::from_array(position), 1.0)).collect();
-    frame::frame(dataset.bounds(), &samples)
-}
-
 /// What all views of a painted picture share.
 struct Studied {
     alike: Alike,
@@ -304,45 +284,33 @@ impl Studied {
 ///
 /// # Errors
 /// As [`super::render::run`].
-pub(super) fn paint(
-    arguments: &Arguments,
-    mode: &'static Mode,
-    studio: Option<&mut Studio>,
-) -> Result<Outcome, Failure> {
+pub(super) fn paint(arguments: &Arguments, studio: Option<&mut Studio>) -> Result<Outcome, Failure> {
     let (mut times, mut tally) = (Times::default(), Tally::new());
     let transfer = arguments.volume.as_ref();
     let (painted, stage, levels) = match studio {
         None => {
-            let (source, dataset) = times.measure("load", || load_exact(arguments))?;
-            let mut depiction =
-                Depiction::of_dataset(mode, arguments.settings.clone(), arguments.attribute.as_deref(), &dataset)
-                    .map_err(|why| format!("{}: {why}", source.display()))?;
-            depiction.attribute = depiction.attribute.filter(|_| !arguments.plain);
-            let families: Vec<&Family> = dataset.families.iter().collect();
-            let framed = framed_of(&dataset);
-            let projector = Projector::new(arguments, framed, dataset.periodic_box())?;
+            let source = ExactSource::open(arguments, &mut times)?;
+            let ExactSource { dataset, depiction, framed, .. } = &source;
+            let families = source.families();
+            let projector = Projector::new(arguments, *framed, dataset.periodic_box())?;
             let stage =
-                Stage::new(arguments, projector.base, framed, Units::of_dataset(&dataset, &depiction), &depiction)?;
-            let particles = SeenFamily::of(&projector.base, &depiction, &families);
-            let batches = cpu::seen_batches(&depiction, &particles)?;
+                Stage::new(arguments, projector.base, *framed, Units::of_dataset(dataset, depiction), depiction)?;
+            let particles = SeenFamily::of(&projector.base, depiction, &families);
+            let batches = cpu::seen_batches(depiction, &particles)?;
             let (base, kernel) = (&projector.base, dataset.kernel);
             let bounds = with_images(base, dataset.bounds());
-            let alike = Alike::new(base, &depiction, bounds, projector.pixel(), transfer, (&batches, kernel))?;
+            let alike = Alike::new(base, depiction, bounds, projector.pixel(), transfer, (&batches, kernel))?;
             let mut studied =
                 Studied { alike, kernel, densest: densest(&families), diameter: framed.size().length(), painted: None };
-            let shoot = || projector.shoot(sampling(&depiction), |shot| studied.paint(shot, &batches));
+            let shoot = || projector.shoot(sampling(depiction), |shot| studied.paint(shot, &batches));
             let texels = times.measure("frame", shoot)?;
             tally.particles = dataset.len() as u64;
             (studied.outcome(texels)?, stage, "source")
         }
         Some(studio) => {
-            let framed = studio.choose(arguments)?;
+            let (framed, depiction) = (studio.choose(arguments)?, studio.depict(arguments)?);
             let Studio { file, scene, .. } = studio;
             let metadata = file.metadata();
-            let mut depiction =
-                Depiction::of_pages(mode, arguments.settings.clone(), arguments.attribute.as_deref(), metadata)
-                    .map_err(|why| format!("{}: {why}", arguments.path.display()))?;
-            depiction.attribute = depiction.attribute.filter(|_| !arguments.plain);
             let projector = Projector::new(arguments, framed, metadata.periodic_box())?;
             let base = &projector.base;
             let stage = Stage::new(arguments, *base, framed, Units::of_pages(metadata, &depiction), &depiction)?;

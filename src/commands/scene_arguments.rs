@@ -1,7 +1,7 @@
 //! Scenes on the command line: `deepfield render x.scene.ron`, or `--scene x.scene.ron` for any data.
 
 use super::arguments::PictureSize;
-use super::render::Arguments;
+use super::render_arguments::Arguments;
 use crate::modes;
 use crate::scene_file::dataset::located;
 use crate::scene_file::{Attribute, Member, SceneError, SceneFile, is_scene_file};

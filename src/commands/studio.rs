@@ -2,8 +2,10 @@
 
 use super::cache;
 use super::progress_bar::TerminalProgress;
-use super::render::{Arguments, families};
+use super::render::families;
+use super::render_arguments::Arguments;
 use crate::model::Bounds;
+use crate::modes::{self, Depiction};
 use crate::scene_file::{Member, open_members};
 use crate::store::PageFile;
 use crate::stream::{Scene, first_frame};
@@ -51,6 +53,21 @@ impl Studio {
         if self.scene.streamer.residency.statistics().bytes > bytes {
             self.scene = Scene::new(Arc::clone(&self.file), u64::MAX);
         }
+    }
+
+    /// The mode and the attribute that the arguments name, on the open data.
+    ///
+    /// # Errors
+    /// When they or a setting do not fit the data.
+    pub fn depict(&self, arguments: &Arguments) -> Result<Depiction, String> {
+        let metadata = self.file.metadata();
+        let fields = metadata.families.iter().flat_map(|family| &family.attributes).map(|field| field.name.as_str());
+        let mode = arguments.mode.unwrap_or_else(|| modes::usual(fields));
+        let (settings, attribute) = (arguments.settings.clone(), arguments.attribute.as_deref());
+        let mut depiction = Depiction::of_pages(mode, settings, attribute, metadata)
+            .map_err(|why| format!("{}: {why}", arguments.path.display()))?;
+        depiction.attribute = depiction.attribute.filter(|_| !arguments.plain);
+        Ok(depiction)
     }
 
     /// Draws the families that the arguments name from now on. The box that a picture of them is framed by.

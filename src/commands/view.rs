@@ -45,7 +45,7 @@ pub struct Settings {
     #[arg(long)]
     pub backend: Option<render::Backend>,
     /// Visualization mode; `deepfield modes` lists them.
-    #[arg(long, value_name = "NAME", value_parser = render::mode_name)]
+    #[arg(long, value_name = "NAME", value_parser = super::arguments::mode_name)]
     pub mode: Option<&'static crate::modes::Mode>,
     /// Largest displacement of a particle on screen, pixels [default: 0.8].
     #[arg(long, value_name = "TAU", value_parser = super::arguments::positive)]

@@ -10,6 +10,7 @@ pub mod placement;
 pub mod positioned;
 pub mod progress;
 pub mod ron_file;
+pub mod ron_place;
 pub mod stream;
 pub mod units;
 

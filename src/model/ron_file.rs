@@ -1,5 +1,6 @@
 //! RON that a user writes: read in one way everywhere, with one kind of error.
 
+use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use std::path::Path;
 
@@ -69,11 +70,30 @@ pub fn parse<T: DeserializeOwned>(file: &str, text: &str) -> Result<T, RonError>
 /// # Errors
 /// [`RonError::Io`] and [`RonError::Syntax`].
 pub fn read<T: DeserializeOwned>(path: &Path) -> Result<T, RonError> {
+    let (file, text) = read_text(path)?;
+    parse(&file, &text)
+}
+
+/// A file's name as errors call it, and its text.
+///
+/// # Errors
+/// [`RonError::Io`].
+pub fn read_text(path: &Path) -> Result<(String, String), RonError> {
     let file = path.display().to_string();
     match std::fs::read_to_string(path) {
-        Ok(text) => parse(&file, &text),
+        Ok(text) => Ok((file, text)),
         Err(source) => Err(RonError::Io { file, source }),
     }
+}
+
+/// The field `version` of RON text where it is above `known`: what a later version has added would be called unknown, so it is
+/// looked at before the rest.
+pub fn later_version(text: &str, known: u32) -> Option<u32> {
+    #[derive(Deserialize)]
+    struct AnyVersion {
+        version: u32,
+    }
+    parse("", text).ok().map(|AnyVersion { version }| version).filter(|version| *version > known)
 }
 
 /// The name before the last colon that stands before a place in RON text (line and column from 1): the field whose value is
@@ -94,14 +114,12 @@ fn field_at(text: &str, line: usize, column: usize) -> Option<&str> {
         head.rsplit_once(':').map(|(name, _)| name)
     };
     let name = named?.trim_end().trim_end_matches('"');
-    let start = name.rfind(|c: char| !c.is_alphanumeric() && c != '_' && c != '-').map_or(0, |at| at + 1);
-    Some(&name[start..]).filter(|name| !name.is_empty())
+    name.rsplit(|c: char| !c.is_alphanumeric() && c != '_' && c != '-').next().filter(|name| !name.is_empty())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use serde::Deserialize;
 
     #[derive(Debug, Deserialize)]
     #[serde(deny_unknown_fields, default)]
@@ -137,8 +155,23 @@ mod tests {
             let found = message(text);
             assert!(parts.iter().all(|part| found.contains(part)), "{text:?} gave {found:?}");
         }
+        assert_eq!(field_at("(\u{3d000}size: 3)", 1, 3), Some("size"), "behind a character of several bytes");
         let example: Example = parse("my.ron", "(inner: (width: (1.0, 2.0)))").unwrap();
         assert_eq!((example.size, example.inner.unwrap().width), (1, (1.0, 2.0)));
+    }
+
+    #[test]
+    fn later_versions_are_told_whatever_else_there_is() {
+        for (text, later) in [
+            ("(version: 3, news: [1, (x: \"y\")])", Some(3)),
+            ("(news: {}, version: 2)", None),
+            ("(version: 1)", None),
+            ("(version: -3)", None),
+            ("(versions: 3)", None),
+            ("(version: 3", None),
+        ] {
+            assert_eq!(later_version(text, 2), later, "{text}");
+        }
     }
 
     #[test]

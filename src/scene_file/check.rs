@@ -3,47 +3,13 @@
 use super::{Camera, SceneFile, VERSION};
 use crate::explore::ExploreError;
 use crate::model::ron_file::RonError;
+use crate::model::ron_place::Place;
 use crate::modes::setting::SettingError;
 use crate::modes::{self, MODES};
 use crate::view::Stereo;
 
 /// Datasets of a scene at most.
 const MOST_DATASETS: usize = 64;
-
-/// Where a field stands in the text, for messages.
-struct Place<'a> {
-    file: &'a str,
-    text: &'a str,
-}
-
-impl Place<'_> {
-    /// The error of a value; `path` leads to its field from the outside, the last name being the field's.
-    fn refuse(&self, path: &[&str], found: impl ToString, expected: impl std::fmt::Display) -> RonError {
-        let mut at = 0;
-        for name in path {
-            at += find_name(&self.text[at..], name).unwrap_or(0);
-        }
-        let before = &self.text[..at];
-        RonError::Syntax {
-            file: self.file.to_owned(),
-            line: 1 + before.matches('\n').count(),
-            column: 1 + before.rsplit('\n').next().map_or(0, |line| line.chars().count()),
-            field: path.last().copied().unwrap_or("the text").to_owned(),
-            message: format!("found {}, expected {expected}", found.to_string()),
-        }
-    }
-}
-
-/// Where a name stands in RON that a colon follows, or the same name as a string.
-fn find_name(text: &str, name: &str) -> Option<usize> {
-    let is_word = |c: char| c.is_alphanumeric() || c == '_' || c == '-';
-    let matches = text.match_indices(name);
-    let mut whole = matches.filter(|(at, _)| {
-        let (before, after) = (&text[..*at], &text[at + name.len()..]);
-        !before.chars().next_back().is_some_and(is_word) && after.trim_start_matches('"').trim_start().starts_with(':')
-    });
-    whole.next().map(|(at, _)| at)
-}
 
 /// Checks what types cannot.
 ///

@@ -3,7 +3,6 @@
 use super::{SceneFile, VERSION, check};
 use crate::model::new_file;
 use crate::model::ron_file::{self, RonError};
-use serde::Deserialize;
 use std::path::{Path, PathBuf};
 
 /// Why a scene is not opened or saved.
@@ -49,23 +48,14 @@ pub fn is_scene_file(path: &Path) -> bool {
     path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("ron"))
 }
 
-/// What is read of a scene of any version.
-#[derive(Deserialize)]
-struct AnyVersion {
-    version: u32,
-}
-
 impl SceneFile {
     /// Reads a scene file.
     ///
     /// # Errors
     /// [`SceneError::Ron`] and [`SceneError::Version`].
     pub fn read(path: &Path) -> Result<SceneFile, SceneError> {
-        let file = path.display().to_string();
-        match std::fs::read_to_string(path) {
-            Ok(text) => SceneFile::parse(&file, &text),
-            Err(source) => Err(RonError::Io { file, source }.into()),
-        }
+        let (file, text) = ron_file::read_text(path)?;
+        SceneFile::parse(&file, &text)
     }
 
     /// Reads a scene from text; `file` is what errors call it.
@@ -73,11 +63,8 @@ impl SceneFile {
     /// # Errors
     /// [`SceneError::Ron`] and [`SceneError::Version`].
     pub fn parse(file: &str, text: &str) -> Result<SceneFile, SceneError> {
-        // What a later version has added would be called unknown here.
-        if let Ok(AnyVersion { version }) = ron_file::parse(file, text)
-            && version > VERSION
-        {
-            return Err(SceneError::Version { file: file.to_owned(), found: version });
+        if let Some(found) = ron_file::later_version(text, VERSION) {
+            return Err(SceneError::Version { file: file.to_owned(), found });
         }
         let scene: SceneFile = ron_file::parse(file, text)?;
         check::check(&scene, file, text)?;

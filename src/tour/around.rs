@@ -1,10 +1,11 @@
 //! Cameras that look at something: where that is, and where the camera stands for it.
 
 use super::file::{Around, TourError, What};
-use super::place::Place;
+use super::place::TourPlace;
 use crate::explore::region::Shape;
 use crate::explore::{Catalogue, Members, SelectionSet};
 use crate::model::Bounds;
+use crate::model::ron_place::Place;
 use crate::scene_file::Camera;
 use crate::view::View;
 use glam::{DQuat, DVec3};

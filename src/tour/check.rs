@@ -1,9 +1,10 @@
 //! Values of a tour that are of the right type and make no sense all the same.
 
 use super::file::{Keyframe, TourFile, VERSION, What};
-use super::place::Place;
+use super::place::TourPlace;
 use crate::explore::ExploreError;
 use crate::model::ron_file::RonError;
+use crate::model::ron_place::Place;
 use crate::modes::setting::SettingError;
 use crate::modes::{self, MODES, Mode};
 use crate::view::Stereo;
@@ -18,35 +19,35 @@ const LONGEST: f64 = 86_400.0;
 pub(super) fn check(tour: &TourFile, file: &str, text: &str) -> Result<(), RonError> {
     let place = Place { file, text };
     if tour.version != VERSION {
-        return Err(place.refuse("version", tour.version, VERSION));
+        return Err(place.refuse(&["version"], tour.version, VERSION));
     }
     let (width, height) = tour.size;
     if !((1..=32768).contains(&width) && (1..=32768).contains(&height)) {
-        return Err(place.refuse("size", format!("{width}x{height}"), "1x1 to 32768x32768"));
+        return Err(place.refuse(&["size"], format!("{width}x{height}"), "1x1 to 32768x32768"));
     }
     if let Some((field, found, expected)) = tour.projection.mistake() {
-        return Err(place.refuse(field, found, expected));
+        return Err(place.refuse(&[field], found, expected));
     }
     if let Some((_, found, expected)) = tour.stereo.as_ref().and_then(Stereo::mistake) {
-        return Err(place.refuse("stereo", found, expected));
+        return Err(place.refuse(&["stereo"], found, expected));
     }
     if !(0.01..=1000.0).contains(&tour.rate) {
-        return Err(place.refuse("rate", tour.rate, "0.01 to 1000 pictures a second"));
+        return Err(place.refuse(&["rate"], tour.rate, "0.01 to 1000 pictures a second"));
     }
     let length = tour.up.iter().map(|x| x * x).sum::<f64>();
     if !(length > 0.0 && length.is_finite()) {
-        return Err(place.refuse("up", format!("{:?}", tour.up), "a direction"));
+        return Err(place.refuse(&["up"], format!("{:?}", tour.up), "a direction"));
     }
     if !(tour.comfort.turn > 0.0 && tour.comfort.turn.is_finite()) {
-        return Err(place.refuse("turn", tour.comfort.turn, "degrees per second above 0"));
+        return Err(place.refuse(&["turn"], tour.comfort.turn, "degrees per second above 0"));
     }
     if tour.keyframes.is_empty() {
-        return Err(place.refuse("keyframes", "none", "one or more"));
+        return Err(place.refuse(&["keyframes"], "none", "one or more"));
     }
     let labels: Vec<&str> = tour.keyframes.iter().filter_map(|keyframe| keyframe.label.as_deref()).collect();
     for (key, label) in &tour.keys {
         if !labels.contains(&label.as_str()) {
-            return Err(place.refuse("keys", format!("{label} on {key}"), format!("one of {}", labels.join(", "))));
+            return Err(place.refuse(&["keys"], format!("{label} on {key}"), format!("one of {}", labels.join(", "))));
         }
     }
     let mut mode: &Mode = MODES[0];

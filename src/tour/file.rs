@@ -256,12 +256,6 @@ pub enum TourError {
     },
 }
 
-/// What is read of a tour of any version.
-#[derive(Deserialize)]
-struct AnyVersion {
-    version: u32,
-}
-
 impl TourFile {
     /// A tour of these keyframes with everything else as it is by default.
     pub fn new(keyframes: Vec<Keyframe>) -> TourFile {
@@ -286,11 +280,8 @@ impl TourFile {
     /// # Errors
     /// [`TourError::Ron`] and [`TourError::Version`].
     pub fn read(path: &Path) -> Result<TourFile, TourError> {
-        let file = path.display().to_string();
-        match std::fs::read_to_string(path) {
-            Ok(text) => TourFile::parse(&file, &text),
-            Err(source) => Err(RonError::Io { file, source }.into()),
-        }
+        let (file, text) = ron_file::read_text(path)?;
+        TourFile::parse(&file, &text)
     }
 
     /// Reads a tour from text; `file` is what errors call it.
@@ -298,11 +289,8 @@ impl TourFile {
     /// # Errors
     /// [`TourError::Ron`] and [`TourError::Version`].
     pub fn parse(file: &str, text: &str) -> Result<TourFile, TourError> {
-        // What a later version has added would be called unknown here.
-        if let Ok(AnyVersion { version }) = ron_file::parse(file, text)
-            && version > VERSION
-        {
-            return Err(TourError::Version { file: file.to_owned(), found: version });
+        if let Some(found) = ron_file::later_version(text, VERSION) {
+            return Err(TourError::Version { file: file.to_owned(), found });
         }
         let tour: TourFile = ron_file::parse(file, text)?;
         super::check::check(&tour, file, text)?;

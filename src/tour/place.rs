@@ -1,21 +1,22 @@
 //! Where a field of a keyframe stands in a tour's text, for messages.
 
 use crate::model::ron_file::RonError;
+use crate::model::ron_place::{Place, find_name};
 
 /// A tour's text.
-pub(super) struct Place<'a> {
-    pub file: &'a str,
-    pub text: &'a str,
+pub(super) trait TourPlace {
+    /// The error of a value of the keyframe number `index`, from 0; `path` leads to its field.
+    fn refuse_in(
+        &self,
+        index: usize,
+        path: &[&str],
+        found: impl ToString,
+        expected: impl std::fmt::Display,
+    ) -> RonError;
 }
 
-impl Place<'_> {
-    /// The error of a value of the tour itself.
-    pub fn refuse(&self, field: &str, found: impl ToString, expected: impl std::fmt::Display) -> RonError {
-        self.refuse_at(0, &[field], found, expected)
-    }
-
-    /// The error of a value of the keyframe number `index`, from 0; `path` leads to its field.
-    pub fn refuse_in(
+impl TourPlace for Place<'_> {
+    fn refuse_in(
         &self,
         index: usize,
         path: &[&str],
@@ -23,39 +24,8 @@ impl Place<'_> {
         expected: impl std::fmt::Display,
     ) -> RonError {
         let start = keyframe_starts(self.text).get(index).copied().unwrap_or(0);
-        self.refuse_at(start, path, found, expected)
+        self.refuse_from(start, path, found, expected)
     }
-
-    fn refuse_at(
-        &self,
-        start: usize,
-        path: &[&str],
-        found: impl ToString,
-        expected: impl std::fmt::Display,
-    ) -> RonError {
-        let mut at = start;
-        for name in path {
-            at += find_name(&self.text[at..], name).unwrap_or(0);
-        }
-        let before = &self.text[..at];
-        RonError::Syntax {
-            file: self.file.to_owned(),
-            line: 1 + before.matches('\n').count(),
-            column: 1 + before.rsplit('\n').next().map_or(0, |line| line.chars().count()),
-            field: path.last().copied().unwrap_or("the text").to_owned(),
-            message: format!("found {}, expected {expected}", found.to_string()),
-        }
-    }
-}
-
-/// Where a name stands in RON that a colon follows, or the same name as a string.
-fn find_name(text: &str, name: &str) -> Option<usize> {
-    let is_word = |c: char| c.is_alphanumeric() || c == '_' || c == '-';
-    let mut whole = text.match_indices(name).filter(|(at, _)| {
-        let (before, after) = (&text[..*at], &text[at + name.len()..]);
-        !before.chars().next_back().is_some_and(is_word) && after.trim_start_matches('"').trim_start().starts_with(':')
-    });
-    whole.next().map(|(at, _)| at)
 }
 
 /// Where the keyframes begin in a tour's text that has been read: the brackets inside the list of keyframes, strings and

@@ -1,8 +1,9 @@
 //! The section about the mode: which one, its settings as it describes them itself, the attribute, and the error bound.
 
 use super::{Dock, PanelState, Section, theme};
-use crate::app::scene::{AttributeChoice, Settings};
+use crate::app::scene::Settings;
 use crate::modes::{self, MODES, Setting, SettingKind, SettingValue};
+use crate::scene_file::Attribute;
 use bevy_egui::egui::{ComboBox, TextEdit, Ui};
 
 /// The section.
@@ -50,17 +51,17 @@ fn attribute_combo(ui: &mut Ui, state: &PanelState<'_, '_>, settings: &mut Setti
     let coloring = state.look.as_ref().and_then(|look| look.depiction.attribute.as_ref());
     let in_use = coloring.map_or("none", |coloring| coloring.name.as_str());
     let selected = match &settings.attribute {
-        AttributeChoice::Automatic => format!("auto:  {in_use}"),
-        AttributeChoice::None => "none".to_owned(),
-        AttributeChoice::Named(name) => name.clone(),
+        Attribute::Automatic => format!("auto:  {in_use}"),
+        Attribute::None => "none".to_owned(),
+        Attribute::Named(name) => name.clone(),
     };
     theme::combo(ui, "Attribute", &selected, |ui| {
-        let names = state.choices.attributes.iter().map(|name| AttributeChoice::Named(name.clone()));
-        for choice in [AttributeChoice::Automatic, AttributeChoice::None].into_iter().chain(names) {
+        let names = state.choices.attributes.iter().map(|name| Attribute::Named(name.clone()));
+        for choice in [Attribute::Automatic, Attribute::None].into_iter().chain(names) {
             let text = match &choice {
-                AttributeChoice::Automatic => "automatic",
-                AttributeChoice::None => "none",
-                AttributeChoice::Named(name) => name,
+                Attribute::Automatic => "automatic",
+                Attribute::None => "none",
+                Attribute::Named(name) => name,
             };
             let text = text.to_owned();
             let label = ui.selectable_value(&mut settings.attribute, choice, text.as_str());

@@ -1,6 +1,6 @@
 //! Between what a tour shows and the window's settings.
 
-use crate::app::scene::{AttributeChoice, Settings};
+use crate::app::scene::Settings;
 use crate::model::FamilyName;
 use crate::modes;
 use crate::scene_file::Attribute;
@@ -34,9 +34,8 @@ pub fn show(
     }
     if changed(look.attribute == before_look.attribute) {
         settings.attribute = match &look.attribute {
-            Attribute::None => AttributeChoice::None,
-            Attribute::Named(name) if attributes.contains(name) => AttributeChoice::Named(name.clone()),
-            Attribute::Automatic | Attribute::Named(_) => AttributeChoice::Automatic,
+            Attribute::Named(name) if !attributes.contains(name) => Attribute::Automatic,
+            known => known.clone(),
         };
     }
     if let Some(transfer) = &look.transfer
@@ -72,11 +71,7 @@ pub fn of(settings: &Settings, families: &[FamilyName]) -> Look {
     Look {
         mode: Some(settings.mode.name.to_owned()),
         settings: settings.mode_settings.clone(),
-        attribute: match &settings.attribute {
-            AttributeChoice::Automatic => Attribute::Automatic,
-            AttributeChoice::None => Attribute::None,
-            AttributeChoice::Named(name) => Attribute::Named(name.clone()),
-        },
+        attribute: settings.attribute.clone(),
         families: (shown.len() < families.len()).then_some(shown),
         transfer: Some(settings.transfer.clone()),
         annotations: Some(settings.annotations.clone()),
@@ -131,7 +126,7 @@ mod tests {
         let edits: [fn(&mut Settings); 8] = [
             |settings| settings.choose_mode(modes::find("volume").unwrap()),
             |settings| settings.transfer.range = Range::Fixed(0.5, 7.0),
-            |settings| settings.attribute = AttributeChoice::Named("temperature".into()),
+            |settings| settings.attribute = Attribute::Named("temperature".into()),
             |settings| settings.families = vec![true, false],
             |settings| settings.error_px = 2.5,
             |settings| settings.cut.slab = Some(Slab { axis: Axis::Y, middle: 1.0, thickness: 2.0 }),

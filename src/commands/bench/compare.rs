@@ -4,7 +4,8 @@
 use super::compare_orbit::{self, Orbit};
 use super::splat::Failure;
 use super::{Arguments, Times};
-use crate::commands::arguments::{PictureSize, positive, vector};
+use crate::commands::arguments::{PictureSize, family_name, positive, vector};
+use crate::commands::exact_source::{framed_of, load_exact};
 use crate::commands::render;
 use crate::model::{Dataset, Family, FamilyName};
 use crate::modes::paint::{Subject, paint_particles};
@@ -19,7 +20,7 @@ use crate::raster::volume::particles::SMALLEST;
 use crate::raster::volume::{Processor, VolumeLevels};
 use crate::raster::{Method, output};
 use crate::synth::{dataset, merger::Merger};
-use crate::view::{View, frame};
+use crate::view::View;
 use glam::DVec3;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -30,7 +31,7 @@ use std::time::{Duration, Instant};
 #[group(id = "compare")]
 pub struct Options {
     /// The family that `bench compare` draws; all without it.
-    #[arg(long, value_name = "NAME", value_parser = render::family_name)]
+    #[arg(long, value_name = "NAME", value_parser = family_name)]
     pub family: Option<FamilyName>,
     /// The attribute that colours the pictures of `bench compare`; their density without it.
     #[arg(long, value_name = "NAME")]
@@ -125,20 +126,13 @@ pub fn measure(arguments: &Arguments) -> Result<Report, Failure> {
     (picture.eye, picture.target, picture.fov) = (options.eye, options.target, options.fov);
     picture.size = Some(arguments.flight.size.unwrap_or(PictureSize { width: 600, height: 400 }));
     let (source, dataset) = match &arguments.path {
-        Some(path) => (path.display().to_string(), render::load_exact(&picture)?.1),
+        Some(path) => (path.display().to_string(), load_exact(&picture)?.1),
         None => {
             let particles = arguments.sizes.first().copied().unwrap_or(200_000);
             (format!("synth merger -n {particles}"), dataset(&Merger::new(arguments.seed, particles)))
         }
     };
-    let samples: Vec<(DVec3, f64)> = dataset
-        .families
-        .iter()
-        .flat_map(|family| &family.positions)
-        .map(|&position| (DVec3::from_array(position), 1.0))
-        .collect();
-    let framed = frame::frame(dataset.bounds(), &samples);
-    drop(samples);
+    let framed = framed_of(&dataset);
     let view = render::view(&picture, framed, dataset.periodic_box())?;
     let mut bench = Bench::new(&dataset, view, framed.size().length(), options, arguments.repeat)?;
     let outcomes = bench.run(options)?;

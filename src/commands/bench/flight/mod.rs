@@ -51,7 +51,7 @@ pub struct Options {
     #[arg(long, value_name = "TAU", default_value_t = 0.8, value_parser = positive)]
     pub error_px: f64,
     /// Visualization mode.
-    #[arg(long, value_name = "NAME", default_value = "density-squared", value_parser = crate::commands::render::mode_name)]
+    #[arg(long, value_name = "NAME", default_value = "density-squared", value_parser = crate::commands::arguments::mode_name)]
     pub mode: &'static Mode,
     /// Pages in main memory at most.
     #[arg(long, value_name = "BYTES", default_value = "2GiB", value_parser = bytes)]
