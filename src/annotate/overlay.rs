@@ -156,26 +156,34 @@ const FOOT: f32 = 0.06;
 pub fn read_png(path: &Path) -> Result<Image, OverlayError> {
     let file = std::fs::File::open(path).map_err(|source| OverlayError::Io { path: path.to_owned(), source })?;
     let fail = |message: String| OverlayError::Decode { path: path.to_owned(), message };
-    let mut decoder = png::Decoder::new(std::io::BufReader::new(file));
+    decode_png(std::io::BufReader::new(file)).map_err(fail)
+}
+
+/// A PNG picture as RGBA, of up to 8192 pixels a side.
+///
+/// # Errors
+/// What is wrong with it, and what was expected.
+pub fn decode_png(source: impl std::io::BufRead + std::io::Seek) -> Result<Image, String> {
+    let mut decoder = png::Decoder::new(source);
     decoder.set_transformations(png::Transformations::normalize_to_color8() | png::Transformations::ALPHA);
-    let mut reader = decoder.read_info().map_err(|error| fail(error.to_string()))?;
+    let mut reader = decoder.read_info().map_err(|error| error.to_string())?;
     let (width, height) = (reader.info().width, reader.info().height);
     if width > LARGEST || height > LARGEST {
-        return Err(fail(format!("{width}x{height} pixels, expected up to {LARGEST}x{LARGEST}")));
+        return Err(format!("{width}x{height} pixels, expected up to {LARGEST}x{LARGEST}"));
     }
-    let bytes = reader.output_buffer_size().ok_or_else(|| fail("its size is out of range".into()))?;
+    let bytes = reader.output_buffer_size().ok_or("its size is out of range")?;
     let mut data = vec![0; bytes];
-    let info = reader.next_frame(&mut data).map_err(|error| fail(error.to_string()))?;
+    let info = reader.next_frame(&mut data).map_err(|error| error.to_string())?;
     data.truncate(info.buffer_size());
     let rgba: Vec<[u8; 4]> = match info.color_type {
         png::ColorType::Rgba => data.as_chunks::<4>().0.to_vec(),
         png::ColorType::GrayscaleAlpha => {
             data.as_chunks::<2>().0.iter().map(|&[grey, a]| [grey, grey, grey, a]).collect()
         }
-        other => return Err(fail(format!("colours are {other:?}, expected RGB or grey"))),
+        other => return Err(format!("colours are {other:?}, expected RGB or grey")),
     };
     if rgba.len() != width as usize * height as usize {
-        return Err(fail("pixels are missing".into()));
+        return Err("pixels are missing".into());
     }
     Ok(Image { width, height, rgba })
 }
