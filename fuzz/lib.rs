@@ -1,8 +1,11 @@
 //! What every target does with its bytes.
 
 use deepfield::import::{FORMATS, LoadOptions, load_source, summarize_source};
+use deepfield::network::message::{Frame, FromFollower, FromLeader, Message, Report};
+use deepfield::scene_file::SceneFile;
 use deepfield::store::layout::PAGE_ENTRY_LEN;
 use deepfield::store::{PageFile, PageId, verify};
+use deepfield::tour::TourFile;
 use std::io::Write;
 
 /// Opens `bytes` as the format whose name begins with `format`, whatever they look like, and reads all of it. Errors are
@@ -17,6 +20,16 @@ pub fn import(format: &str, bytes: &[u8]) {
             let skipped: u64 = loaded.skipped.iter().map(|skipped| skipped.count).sum();
             assert_eq!(loaded.len() as u64 + skipped, summary.particles);
         }
+    }
+}
+
+/// Reads `bytes` as every message of a show, and what a message of the leader holds as the scene or the tour that it is.
+pub fn messages(bytes: &[u8]) {
+    let _ = (Frame::decode(bytes), Report::decode(bytes), FromFollower::decode(bytes));
+    match FromLeader::decode(bytes) {
+        Ok(FromLeader::Scene { text }) => drop(SceneFile::parse("the scene", &text)),
+        Ok(FromLeader::Tour { text, .. }) => drop(TourFile::parse("the tour", &text)),
+        Ok(FromLeader::Welcome { .. }) | Err(_) => {}
     }
 }
 

@@ -15,6 +15,7 @@ pub mod hierarchy;
 pub mod import;
 pub mod model;
 pub mod modes;
+pub mod network;
 pub mod outputs;
 pub mod raster;
 pub mod scene_file;

@@ -12,23 +12,41 @@ pub struct PointerOwner {
     keyboard_is_free: bool,
     /// A tool draws over the picture: the mouse is not the camera's meanwhile.
     pub tool_draws: bool,
+    /// Nobody has them.
+    is_locked: bool,
 }
 
 impl Default for PointerOwner {
     fn default() -> Self {
-        Self { over_picture: true, dragging_picture: false, keyboard_is_free: true, tool_draws: false }
+        Self {
+            over_picture: true,
+            dragging_picture: false,
+            keyboard_is_free: true,
+            tool_draws: false,
+            is_locked: false,
+        }
     }
 }
 
 impl PointerOwner {
+    /// Neither mouse nor keyboard belong to anybody, now and later: the window is an audience's.
+    pub fn nobody() -> PointerOwner {
+        PointerOwner { is_locked: true, ..PointerOwner::default() }
+    }
+
+    /// Whether the window is an audience's.
+    pub fn is_locked(&self) -> bool {
+        self.is_locked
+    }
+
     /// Whether mouse input is meant for the picture. A drag that began there stays there until the button is up.
     pub fn is_picture(&self) -> bool {
-        (self.over_picture || self.dragging_picture) && !self.tool_draws
+        (self.over_picture || self.dragging_picture) && !self.tool_draws && !self.is_locked
     }
 
     /// Whether keys are meant for the camera and the shortcuts.
     pub fn keyboard_is_free(&self) -> bool {
-        self.keyboard_is_free
+        self.keyboard_is_free && !self.is_locked
     }
 
     /// The state after a frame: where the pointer is, which buttons are down, and whether a text field has the
@@ -174,6 +192,14 @@ mod tests {
         assert!(owner.is_picture(), "over the panel now, but the drag began in the picture");
         owner.update(false, false, false, false);
         assert!(!owner.is_picture());
+    }
+
+    #[test]
+    fn an_audience_moves_nothing() {
+        let mut owner = PointerOwner::nobody();
+        assert!(owner.is_locked() && !owner.is_picture() && !owner.keyboard_is_free());
+        owner.update(true, true, false, false);
+        assert!(owner.is_locked() && !owner.is_picture() && !owner.keyboard_is_free());
     }
 
     #[test]

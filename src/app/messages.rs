@@ -27,6 +27,7 @@ pub struct Message {
 #[derive(Resource, Clone, Debug, Default)]
 pub struct Messages {
     list: VecDeque<Message>,
+    said: u64,
     now_secs: f64,
 }
 
@@ -49,6 +50,7 @@ impl Messages {
             Severity::Info => info!("{text}"),
             Severity::Error => warn!("{text}"),
         }
+        self.said += 1;
         self.list.push_back(Message { severity, text, at_secs: self.now_secs });
         if self.list.len() > KEPT {
             self.list.pop_front();
@@ -58,6 +60,11 @@ impl Messages {
     /// All that is kept, oldest first.
     pub fn all(&self) -> impl DoubleEndedIterator<Item = &Message> {
         self.list.iter()
+    }
+
+    /// How many have been said since the start, those included that are not kept any more.
+    pub fn said(&self) -> u64 {
+        self.said
     }
 
     /// Seconds since a message was said.
@@ -81,7 +88,7 @@ mod tests {
         for i in 0..KEPT + 5 {
             messages.error(format!("{i}"));
         }
-        assert_eq!(messages.all().count(), KEPT);
+        assert_eq!((messages.all().count(), messages.said()), (KEPT, KEPT as u64 + 5));
         assert_eq!(messages.all().next().unwrap().text, "5");
     }
 }

@@ -18,6 +18,7 @@ pub mod live;
 pub mod look;
 pub mod looking;
 pub mod messages;
+pub mod network;
 pub mod objects;
 pub mod occlusion;
 pub mod open;
@@ -44,14 +45,14 @@ mod ui;
 mod volume_caster;
 
 pub use live::LiveParticles;
-pub use options::{AppError, Extension, OpenRequest, Opener, WindowOptions};
+pub use options::{AppError, Extension, OpenRequest, Opener, Show, WindowOptions};
 pub use preset::{Backend, Preset};
 
 use crate::gpu::{DeepfieldRenderPlugins, ParticleScene};
 use bevy::camera::CameraUpdateSystems;
 use bevy::log::LogPlugin;
 use bevy::prelude::*;
-use bevy::window::{PresentMode, WindowResolution};
+use bevy::window::{CursorOptions, PresentMode, WindowResolution};
 use bevy_egui::{EguiPlugin, EguiPostUpdateSet, EguiPrimaryContextPass};
 use camera::{CameraPlugin, CameraSystems};
 use pages::PageSystems;
@@ -61,7 +62,7 @@ use pages::PageSystems;
 /// # Errors
 ///
 /// [`AppError::NoDisplay`] where there is no display, [`AppError::Preset`] where the preset is refused,
-/// [`AppError::Failed`] where the event loop ends with an error.
+/// [`AppError::Network`] where the show cannot be led, [`AppError::Failed`] where the event loop ends with an error.
 pub fn run_window(options: WindowOptions) -> Result<(), AppError> {
     let shown = |name| std::env::var_os(name).is_some_and(|value| !value.is_empty());
     if cfg!(target_os = "linux") && !shown("DISPLAY") && !shown("WAYLAND_DISPLAY") {
@@ -72,11 +73,23 @@ pub fn run_window(options: WindowOptions) -> Result<(), AppError> {
     preset_assets::register_sources(&mut app);
     app.add_plugins(
         DefaultPlugins
-            .set(WindowPlugin { primary_window: Some(primary_window(&preset)), ..default() })
-            .set(LogPlugin { filter: "warn,deepfield=info,wgpu_hal=error".to_owned(), ..default() }),
+            .set(WindowPlugin {
+                primary_window: Some(primary_window(&preset)),
+                primary_cursor_options: Some(CursorOptions {
+                    // The audience has no mouse.
+                    visible: !matches!(options.show, Some(Show::Follow { .. })),
+                    ..default()
+                }),
+                ..default()
+            })
+            // Packets that are refused are an everyday matter, and no news.
+            .set(LogPlugin { filter: "warn,deepfield=info,wgpu_hal=error,renetcode=off".to_owned(), ..default() }),
     );
-    let extension = options.extension.clone();
+    let (extension, show) = (options.extension.clone(), options.show.clone());
     app.add_plugins(WindowApp { options, preset });
+    if let Some(show) = show {
+        network::add(&mut app, &show)?;
+    }
     if let Some(extend) = extension {
         extend(&mut app);
     }
@@ -175,7 +188,7 @@ impl Plugin for WindowApp {
         .add_systems(
             Update,
             (
-                open::open_dropped_files,
+                open::open_dropped_files.run_if(not(resource_exists::<network::Following>)),
                 open::finish_opening,
                 objects::receive,
                 scene::adopt_opened,
@@ -183,10 +196,15 @@ impl Plugin for WindowApp {
                 lens::follow_lens,
                 scene_io::save,
                 camera::run_bookmarks,
-                (touring::player::take_keys, touring::player::take_presenter_keys, touring::player::play).chain(),
+                (
+                    touring::player::take_keys,
+                    touring::player::take_presenter_keys,
+                    touring::player::play.run_if(not(network::is_led)),
+                )
+                    .chain(),
                 look::follow_settings,
                 look::glide_levels,
-                shortcuts::run_shortcuts,
+                shortcuts::run_shortcuts.run_if(not(resource_exists::<network::Following>)),
                 gpu_backend::follow_budgets.run_if(resource_changed::<Preset>),
                 volume_caster::choose_caster.run_if(resource_changed::<Preset>),
                 gpu_backend::choose_backend.run_if(

@@ -2,8 +2,10 @@
 
 use super::preset::{Backend, Preset, PresetError};
 use crate::model::progress::Progress;
+use crate::network::{NetworkError, ShowKey};
 use crate::scene_file::Member;
 use bevy::prelude::App;
+use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use thiserror::Error;
@@ -29,6 +31,29 @@ impl OpenRequest {
     pub fn of(path: impl Into<PathBuf>) -> OpenRequest {
         OpenRequest { members: vec![Member::new(path)], scene: None }
     }
+}
+
+/// The part that a window has in a show on several machines.
+#[derive(Clone, Debug)]
+pub enum Show {
+    /// Others follow it.
+    Lead {
+        /// Where it listens for them.
+        address: SocketAddr,
+        /// The show's key.
+        key: ShowKey,
+    },
+    /// It shows what another one shows.
+    Follow {
+        /// Where that is.
+        leader: SocketAddr,
+        /// The show's key.
+        key: ShowKey,
+        /// What the leader's window calls it.
+        name: String,
+        /// Its copies of the data that is shown; where there are none, they are looked for where the leader has them.
+        data: Vec<PathBuf>,
+    },
 }
 
 /// How the window starts.
@@ -58,6 +83,8 @@ pub struct WindowOptions {
     pub labels: Option<PathBuf>,
     /// A tour to play.
     pub tour: Option<PathBuf>,
+    /// Its part in a show on several machines.
+    pub show: Option<Show>,
 }
 
 impl WindowOptions {
@@ -76,6 +103,7 @@ impl WindowOptions {
             extension: None,
             labels: None,
             tour: None,
+            show: None,
         }
     }
 
@@ -113,6 +141,9 @@ pub enum AppError {
     /// The preset is refused.
     #[error(transparent)]
     Preset(#[from] PresetError),
+    /// The show cannot be led.
+    #[error(transparent)]
+    Network(#[from] NetworkError),
     /// The event loop ended with an error; the log says which.
     #[error("the window closed after an error")]
     Failed,

@@ -14,6 +14,7 @@ use crate::model::FamilyName;
 use crate::modes;
 use crate::scene_file::{Attribute, Bookmark, Camera, DatasetRef, Member, Panels, SceneFile, dataset::relative_to};
 use crate::store::PartInfo;
+use crate::tour::Look;
 use bevy::ecs::system::SystemParam;
 use bevy::math::DVec3;
 use bevy::prelude::*;
@@ -79,6 +80,48 @@ pub fn viewpoint_of(camera: &Camera) -> (Viewpoint, Lens) {
     (Viewpoint { fov_y: lens.fov_deg.to_radians(), ..viewpoint }, lens)
 }
 
+/// The families of each dataset that are drawn; `None` for all of them.
+pub(super) fn families_of(scene: &Scene, settings: &Settings) -> Vec<Option<Vec<FamilyName>>> {
+    let all = &scene.file.metadata().families;
+    let shown = |i: &usize| settings.families.get(*i).copied().unwrap_or(true);
+    let of = |part: PartInfo<'_>| {
+        let count = part.families.len();
+        let names: Vec<FamilyName> = part.families.filter(shown).filter_map(|i| Some(all.get(i)?.name)).collect();
+        (names.len() < count).then_some(names)
+    };
+    scene.file.parts().map(of).collect()
+}
+
+/// A scene of these datasets as the settings show it.
+pub(super) fn with_settings(datasets: Vec<DatasetRef>, settings: &Settings) -> SceneFile {
+    SceneFile {
+        mode: Some(settings.mode.name.to_owned()),
+        settings: settings.mode_settings.clone(),
+        attribute: settings.attribute.clone(),
+        transfer: Some(settings.transfer.clone()),
+        annotations: Some(settings.annotations.clone()),
+        error_px: Some(settings.error_px),
+        cut: settings.cut,
+        selections: settings.selections.clone(),
+        ..SceneFile::new(datasets)
+    }
+}
+
+/// What a scene says of settings, as a tour's moment says it; of all families.
+pub(super) fn look_of(scene: &SceneFile) -> Look {
+    Look {
+        mode: scene.mode.clone(),
+        settings: scene.settings.clone(),
+        attribute: scene.attribute.clone(),
+        families: None,
+        transfer: scene.transfer.clone(),
+        annotations: scene.annotations.clone(),
+        error_px: scene.error_px,
+        cut: scene.cut,
+        selections: scene.selections.clone(),
+    }
+}
+
 /// The scene that the window shows, to be saved at `path`.
 fn scene_file(
     scene: &Scene,
@@ -88,32 +131,19 @@ fn scene_file(
     parts: &SceneParts<'_>,
     path: &Path,
 ) -> SceneFile {
-    let all = &scene.file.metadata().families;
-    let dataset = |(part, member): (PartInfo<'_>, &Member)| {
-        let shown = |i: &usize| settings.families.get(*i).copied().unwrap_or(true);
-        let names: Vec<FamilyName> =
-            part.families.clone().filter(shown).filter_map(|i| Some(all.get(i)?.name)).collect();
-        let families = (names.len() < part.families.len()).then_some(names);
+    let dataset = |(member, families): (&Member, _)| {
         let (offset, scale) = (member.offset.to_array(), member.scale);
         DatasetRef { families, offset, scale, ..DatasetRef::of(&member.path, path) }
     };
-    let datasets = scene.file.parts().zip(&scene.members).map(dataset).collect();
+    let datasets = scene.members.iter().zip(families_of(scene, settings)).map(dataset).collect();
     let size = picture.size();
     SceneFile {
-        mode: Some(settings.mode.name.to_owned()),
-        settings: settings.mode_settings.clone(),
-        attribute: settings.attribute.clone(),
-        transfer: Some(settings.transfer.clone()),
-        annotations: Some(settings.annotations.clone()),
-        error_px: Some(settings.error_px),
         size: Some((size.x, size.y)),
         camera: Some(camera_of(viewpoint, &settings.lens)),
-        cut: settings.cut,
         bookmarks: parts.bookmarks.0.clone(),
         labels: parts.objects.path().map(|labels| relative_to(labels, path)),
-        selections: settings.selections.clone(),
         panels: Panels { shown: parts.shown.panel, closed: Some(parts.closed.0.iter().cloned().collect()) },
-        ..SceneFile::new(datasets)
+        ..with_settings(datasets, settings)
     }
 }
 

@@ -5,6 +5,7 @@ use super::history::History;
 use super::looking::LookingState;
 use super::looking::report::Report;
 use super::messages::Messages;
+use super::network::{Following, Leading};
 use super::open::Openings;
 use super::panel::Closed;
 use super::picture::{DataCamera, Picture};
@@ -53,6 +54,31 @@ struct TourStatus<'a> {
     path: Option<&'a Path>,
 }
 
+/// The window's part in a show on several machines.
+#[derive(Serialize)]
+struct ShowStatus<'a> {
+    /// `leader` or `follower`.
+    role: &'a str,
+    /// Where the leader is.
+    address: Option<std::net::SocketAddr>,
+    /// Whether the leader is there.
+    joined: bool,
+    /// Who follows, and whether they are there and in step.
+    followers: Vec<(&'a str, bool, bool)>,
+}
+
+impl ShowStatus<'_> {
+    fn of<'a>(leading: Option<&'a Leading>, following: Option<&'a Following>) -> Option<ShowStatus<'a>> {
+        if let Some(following) = following.map(Following::follower) {
+            let (address, joined) = (Some(following.leader()), following.is_joined());
+            return Some(ShowStatus { role: "follower", address, joined, followers: Vec::new() });
+        }
+        let leader = leading?.leader();
+        let all = leader.followers().iter().map(|info| (info.name.as_str(), info.is_here, info.is_in_step()));
+        Some(ShowStatus { role: "leader", address: leader.address(), joined: true, followers: all.collect() })
+    }
+}
+
 /// Seconds between two writes at least.
 const INTERVAL_SECS: f64 = 0.1;
 
@@ -85,6 +111,7 @@ struct Status<'a> {
     scene: Option<&'a std::path::Path>,
     settings: SettingsStatus<'a>,
     tour: Option<TourStatus<'a>>,
+    show: Option<ShowStatus<'a>>,
     looking: Report<'a>,
     /// The panels' controls: left, top, right and bottom; 1 where they are in sight, else 0.
     controls: BTreeMap<&'a str, [f32; 5]>,
@@ -123,7 +150,7 @@ pub(super) fn write_status(
     mut messages: ResMut<Messages>,
     (history, files, closed, controls): (Res<History>, Res<SceneFiles>, Res<Closed>, Res<Controls>),
     looking: LookingState,
-    player: Res<Player>,
+    (player, leading, following): (Res<Player>, Option<Res<Leading>>, Option<Res<Following>>),
     camera: Single<(&Viewpoint, &Navigation), With<DataCamera>>,
 ) {
     let file = file.bypass_change_detection();
@@ -185,6 +212,7 @@ pub(super) fn write_status(
             recording: player.is_recording(),
             path: player.path(),
         }),
+        show: ShowStatus::of(leading.as_deref(), following.as_deref()),
         looking: Report::of(&looking, &settings.selections),
         controls: controls
             .0

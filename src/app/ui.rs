@@ -64,7 +64,7 @@ pub(super) fn draw_window(
     let builder = egui::UiBuilder::new().layer_id(egui::LayerId::background()).max_rect(window);
     let mut root = egui::Ui::new(ctx.clone(), "window".into(), builder);
     let mut rect = window;
-    for dock in [Dock::Left, Dock::Right].into_iter().filter(|dock| shown.dock(*dock)) {
+    for dock in [Dock::Left, Dock::Right].into_iter().filter(|dock| shown.dock(*dock) && !owner.is_locked()) {
         // A narrow window has no room for both.
         if dock == Dock::Right && rect.width() - preset.panel.right_width < LEAST_PICTURE && rect != window {
             continue;
@@ -111,15 +111,19 @@ pub(super) fn draw_window(
         let mut tell = |why: String| panel.messages.error(why);
         overlay::tour::draw(&painter, rect, &state, &folder, &mut pictures, &mut tell);
     }
-    overlay::draw_messages(&painter, rect, &panel.messages);
+    // An audience reads no messages.
+    if !owner.is_locked() {
+        overlay::draw_messages(&painter, rect, &panel.messages);
+    }
     if shown.help {
         help::draw(&ctx, rect);
     }
     controls.0 = theme::take_controls(&ctx);
     let at = ctx.pointer_latest_pos();
-    let over_picture = at.is_some_and(|at| {
-        rect.contains(at) && ctx.layer_id_at(at).is_none_or(|layer| layer.order == egui::Order::Background)
-    });
+    let over_picture = !owner.is_locked()
+        && at.is_some_and(|at| {
+            rect.contains(at) && ctx.layer_id_at(at).is_none_or(|layer| layer.order == egui::Order::Background)
+        });
     let left = ctx.input(|input| {
         let pointer = &input.pointer;
         [pointer.primary_down(), pointer.primary_pressed(), pointer.primary_clicked()]

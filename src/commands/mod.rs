@@ -10,6 +10,7 @@ pub mod demo;
 mod drawing;
 mod exact_source;
 pub mod info;
+pub mod key;
 mod lettering;
 pub mod modes;
 pub mod page_file_info;
@@ -48,6 +49,7 @@ pub enum Command {
     Select(Box<select::Arguments>),
     Catalogue(catalogue::Arguments),
     Tour(Box<tour::Arguments>),
+    Key(key::Arguments),
     Synth(synth::Arguments),
     Bench(Box<bench::Arguments>),
     Modes(modes::Arguments),
@@ -69,6 +71,7 @@ impl Command {
             Command::Select(arguments) => select::run(arguments),
             Command::Catalogue(arguments) => catalogue::run(arguments),
             Command::Tour(arguments) => tour::run(arguments),
+            Command::Key(arguments) => key::run(arguments),
             Command::Synth(arguments) => synth::run(arguments),
             Command::Bench(arguments) => bench::run(arguments),
             Command::Modes(arguments) => modes::run(arguments),

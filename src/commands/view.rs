@@ -4,6 +4,7 @@ use super::arguments::PictureSize;
 use super::{CommandResult, render};
 use crate::scene_file::{Member, SceneFile, is_scene_file};
 use crate::tour::TourFile;
+use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 
 /// Opens a snapshot, catalogue or page file in a window.
@@ -18,10 +19,12 @@ use std::path::{Path, PathBuf};
   deepfield view before.hdf5 --with after.hdf5@120,0,0   two datasets side by side
   deepfield view snapshot_099.scene.ron            what was saved with Ctrl+S
   deepfield view --tour assets/tours/demo.ron      Space plays and stands, arrows lead on and back
+  deepfield view snapshot_099.hdf5 --lead --show-key show.key      others follow: docs/shows.md
+  deepfield view snapshot_099.hdf5 --follow 192.168.0.10 --show-key show.key --name left
   deepfield view snapshot_099.hdf5 --simulate --mode volume   particles that move, straight from memory")]
 pub struct Arguments {
     /// The source or page file, or a scene file; without it the data that the scene of --scene names.
-    #[arg(required_unless_present_any = ["scene", "tour"])]
+    #[arg(required_unless_present_any = ["scene", "tour", "follow"])]
     pub path: Option<PathBuf>,
     /// How the window starts.
     #[command(flatten)]
@@ -64,6 +67,25 @@ pub struct Settings {
     /// A tour to play (docs/tours.md); without data, over the data that it names.
     #[arg(long, value_name = "FILE.ron")]
     pub tour: Option<PathBuf>,
+    /// Leads a show: other windows, on this machine and others, follow this one's time, camera and settings (docs/shows.md). Where it
+    /// listens for them [default: port 47800 of every address of this machine].
+    #[arg(
+        long, value_name = "ADDRESS[:PORT]", num_args = 0..=1, default_missing_value = "0.0.0.0", require_equals = false,
+        value_parser = address, requires = "show_key", conflicts_with = "follow"
+    )]
+    pub lead: Option<SocketAddr>,
+    /// Follows a leader: shows its picture and nothing else, with this machine's copy of the data; Esc closes it.
+    #[arg(
+        long, value_name = "ADDRESS[:PORT]", value_parser = address, requires = "show_key",
+        conflicts_with_all = ["scene", "tour", "simulate", "labels", "mode", "error_px"]
+    )]
+    pub follow: Option<SocketAddr>,
+    /// The show's key, the same file on all machines; `deepfield key FILE` makes one.
+    #[arg(long, value_name = "FILE")]
+    pub show_key: Option<PathBuf>,
+    /// What the leader's window calls this follower [default: the machine's name].
+    #[arg(long, value_name = "NAME", requires = "follow")]
+    pub name: Option<String>,
     /// Preset: desktop, laptop or headless.
     #[arg(long, value_name = "NAME", default_value = "desktop")]
     pub preset: String,
@@ -82,6 +104,11 @@ fn frame_ms(text: &str) -> Result<f64, String> {
     if value <= most { Ok(value) } else { Err(format!("expected milliseconds from 0 to {most}")) }
 }
 
+/// A machine of the show.
+fn address(text: &str) -> Result<SocketAddr, String> {
+    crate::network::address(text).map_err(|error| error.to_string())
+}
+
 /// Opens the window, or renders.
 ///
 /// # Errors
@@ -96,6 +123,11 @@ pub fn run(arguments: &Arguments) -> CommandResult {
     let is_given = !path.as_os_str().is_empty();
     if is_given && super::cache::is_page_file(&path)? && arguments.settings.simulate {
         return Err(format!("{}: --simulate takes a snapshot, this is a page file", path.display()).into());
+    }
+    if arguments.settings.follow.is_some() && is_scene_file(&path) {
+        return Err(
+            format!("{}: --follow takes data, not a scene: the leader says what is shown", path.display()).into()
+        );
     }
     let scene = arguments.settings.scene.as_deref().or_else(|| is_scene_file(&path).then_some(path.as_path()));
     if let Some(scene) = scene {
@@ -133,6 +165,9 @@ pub fn show(path: &Path, settings: &Settings) -> CommandResult {
     };
     #[cfg(not(feature = "viewer"))]
     let reason = "Built without the feature `viewer`";
+    if settings.lead.is_some() || settings.follow.is_some() {
+        return Err(format!("{reason}: a show needs a window").into());
+    }
     let named = settings.scene.as_deref().filter(|_| path.as_os_str().is_empty()).unwrap_or(path);
     let name = named.file_stem().unwrap_or_default().to_string_lossy();
     let output = settings.picture.clone().unwrap_or_else(|| PathBuf::from(format!("{name}.png")));
@@ -162,6 +197,7 @@ fn window(path: &Path, settings: &Settings) -> CommandResult {
     use crate::app::live::orbits::{Orbits, OrbitsPlugin};
     use crate::app::{Backend, OpenRequest, WindowOptions, run_window};
     use std::sync::Arc;
+    let show = part_in_show(path, settings)?;
     let opener = Arc::new(|path: &Path, progress: &dyn crate::model::Progress| {
         super::cache::page_file_of(path, progress).map_err(|error| error.to_string())
     });
@@ -173,7 +209,10 @@ fn window(path: &Path, settings: &Settings) -> CommandResult {
             .collect(),
         scene: settings.scene.clone(),
     };
-    let mut options = WindowOptions::new(Some(request), opener);
+    // A follower opens what the leader says.
+    let request = settings.follow.is_none().then_some(request);
+    let mut options = WindowOptions::new(request, opener);
+    options.show = show;
     options.size = settings.size.map(|size| (size.width, size.height));
     options.preset = settings.preset.clone();
     options.backend = settings.backend.map(|backend| match backend {
@@ -196,4 +235,32 @@ fn window(path: &Path, settings: &Settings) -> CommandResult {
         }));
     }
     Ok(run_window(options)?)
+}
+
+/// The part that the window has in a show on several machines.
+#[cfg(feature = "viewer")]
+fn part_in_show(
+    path: &Path,
+    settings: &Settings,
+) -> Result<Option<crate::app::Show>, Box<dyn std::error::Error + Send + Sync>> {
+    use crate::app::Show;
+    let Some(key) = &settings.show_key else { return Ok(None) };
+    let key = crate::network::ShowKey::read(key)?;
+    Ok(match (settings.lead, settings.follow) {
+        (Some(address), _) => Some(Show::Lead { address, key }),
+        (None, Some(leader)) => {
+            let named = (!path.as_os_str().is_empty()).then(|| path.to_owned());
+            let data = named.into_iter().chain(settings.with.iter().map(|member| member.path.clone())).collect();
+            Some(Show::Follow { leader, key, name: settings.name.clone().unwrap_or_else(machine), data })
+        }
+        (None, None) => return Err("--show-key goes with --lead or --follow".into()),
+    })
+}
+
+/// What this machine is called.
+#[cfg(feature = "viewer")]
+fn machine() -> String {
+    let variables = ["HOSTNAME", "COMPUTERNAME"].into_iter().filter_map(|name| std::env::var(name).ok());
+    let file = std::fs::read_to_string("/etc/hostname").ok();
+    variables.chain(file).find(|name| !name.trim().is_empty()).unwrap_or_else(|| "follower".to_owned())
 }

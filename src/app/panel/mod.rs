@@ -15,6 +15,7 @@ mod mode;
 mod objects;
 mod probe;
 mod selections;
+mod show;
 mod statistics;
 mod tour;
 mod view;
@@ -28,6 +29,7 @@ use super::history::{History, Step};
 use super::look::Look;
 use super::looking::LookingState;
 use super::messages::Messages;
+use super::network::Leading;
 use super::open::Openings;
 use super::picture::DataCamera;
 use super::preset::Preset;
@@ -41,7 +43,7 @@ use bevy::prelude::*;
 use bevy_egui::egui::{self, RichText, Ui};
 
 /// Every section, from the top of each dock.
-pub static SECTIONS: [&Section; 13] = [
+pub static SECTIONS: [&Section; 14] = [
     &dataset::SECTION,
     &mode::SECTION,
     &display::SECTION,
@@ -53,6 +55,7 @@ pub static SECTIONS: [&Section; 13] = [
     &selections::SECTION,
     &bookmarks::SECTION,
     &tour::SECTION,
+    &show::SECTION,
     &statistics::SECTION,
     &messages::SECTION,
 ];
@@ -74,6 +77,8 @@ pub struct PanelState<'w, 's> {
     pub player: ResMut<'w, Player>,
     /// What looks closer.
     pub looking: LookingState<'w>,
+    /// The show that this window leads.
+    leading: Option<ResMut<'w, Leading>>,
     history: ResMut<'w, History>,
     files: ResMut<'w, SceneFiles>,
     preset: Res<'w, Preset>,

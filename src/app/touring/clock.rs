@@ -35,6 +35,11 @@ impl Clock {
         *self = Clock { set_at: now, said: time.max(0.0), running: self.running, waiting: None };
     }
 
+    /// Sets it to what another clock says, which runs or stands.
+    pub fn lead(&mut self, now: f64, time: f64, running: bool) {
+        *self = Clock { set_at: now, said: time.max(0.0), running, waiting: None };
+    }
+
     /// Lets it run, past a keyframe that waits; from the beginning where the tour is over.
     pub fn run(&mut self, now: f64, timeline: &Timeline) {
         let time = match self.waiting {

@@ -77,6 +77,8 @@ pub struct Player {
     edited: bool,
     /// The [`Scene::generation`] that the timeline was made for.
     generation: u32,
+    /// Width over height of the picture that the tour is for; this window's where it is `None`.
+    aspect: Option<f64>,
 }
 
 /// A flight that becomes keyframes.
@@ -257,7 +259,7 @@ pub fn play(
     let (entity, mut viewpoint, mut anchor, mut orbit, mut navigation, in_flight) = camera.into_inner();
     let now = time.elapsed_secs_f64();
     let size = picture.size();
-    let aspect = f64::from(size.x) / f64::from(size.y.max(1));
+    let aspect = player.aspect.unwrap_or(f64::from(size.x) / f64::from(size.y.max(1)));
     if player.generation != scene.generation {
         player.resolve(&scene, aspect, &mut messages);
         player.shown = None;
@@ -418,6 +420,8 @@ fn carry_out(
         }
     }
 }
+
+mod led;
 
 #[cfg(test)]
 mod tests;
