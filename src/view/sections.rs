@@ -65,8 +65,7 @@ impl Sections {
             let mut owners = vec![0; width * panorama.height as usize];
             owners.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
                 for (x, owner) in row.iter_mut().enumerate() {
-                    let azimuth = panorama
-                        .direction([x as f64 + 0.5, y as f64 + 0.5])
+                    let azimuth = shown_by(&panorama, [x, y])
                         .map_or(0.0, |direction| direction.dot(panorama.right).atan2(direction.dot(panorama.forward)));
                     *owner = circle.slice(azimuth) as u16;
                 }
@@ -187,6 +186,12 @@ impl Sections {
     }
 }
 
+/// The direction that a pixel's middle shows; of a pixel on a rim whose middle shows none, one that its samples show.
+fn shown_by(panorama: &Panorama, [x, y]: [usize; 2]) -> Option<DVec3> {
+    let places = [[0.5, 0.5], [0.25, 0.25], [0.75, 0.25], [0.25, 0.75], [0.75, 0.75]];
+    places.into_iter().find_map(|[dx, dy]| panorama.direction([x as f64 + dx, y as f64 + dy]))
+}
+
 #[cfg(test)]
 mod tests {
     use super::super::{CubeLayout, Surround};
@@ -208,7 +213,8 @@ mod tests {
             (Surround::Dome { aperture: 180.0, tilt: 15.0 }, None, 5),
             (Surround::Dome { aperture: 60.0, tilt: 15.0 }, None, 1),
             (Surround::Dome { aperture: 360.0, tilt: 0.0 }, None, 6),
-            (Surround::Dome { aperture: 180.0, tilt: 15.0 }, Some(circle), 5),
+            // 15 degrees to each side of a slice's middle are within its front, its zenith and its nadir, on the rim too.
+            (Surround::Dome { aperture: 180.0, tilt: 15.0 }, Some(circle), 2),
             (Surround::Equirectangular, Some(circle), 3),
             (Surround::Equirectangular, None, 6),
             (Surround::Cube { layout: CubeLayout::Cross }, None, 6),
