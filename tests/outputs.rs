@@ -44,6 +44,22 @@ fn pixel(image: &Image, [u, v]: [f64; 2]) -> [f64; 3] {
     })
 }
 
+#[test]
+fn the_shipped_rigs_can_be_used() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/outputs");
+    let mut count = 0;
+    for entry in std::fs::read_dir(&folder).unwrap() {
+        let file = OutputsFile::read(&entry.unwrap().path()).unwrap();
+        for output in &file.outputs {
+            let size = output.window.map_or([1920, 1080], |(_, _, width, height)| [width, height]);
+            let projector = Projector::open(output, &folder, size).unwrap();
+            Cover::of(&projector, size, 0.8).unwrap();
+            count += 1;
+        }
+    }
+    assert!(count >= 10);
+}
+
 /// A dome master, and the same from four outputs that show a quarter each.
 #[test]
 fn four_outputs_are_the_dome_master() {

@@ -1,6 +1,7 @@
 //! What the camera's picture is made with beside its place: projection, field of view, and what is left out of the data.
 
 use super::camera::Viewpoint;
+use super::output::Aim;
 use super::picture::DataCamera;
 use super::scene::Settings;
 use crate::model::PeriodicBox;
@@ -30,7 +31,7 @@ impl Lens {
 }
 
 /// What the camera sees in a picture of that many pixels, with the settings' projection, what they leave out, and how they draw a
-/// periodic box.
+/// periodic box; where `aim` says, turned to what an output displays of the show.
 ///
 /// # Errors
 /// [`ViewError`] for a camera that cannot see anything.
@@ -39,9 +40,12 @@ pub fn view_of(
     settings: &Settings,
     periodic: Option<PeriodicBox>,
     size: UVec2,
+    aim: Option<&Aim>,
 ) -> Result<View, ViewError> {
-    let view = settings.cut.applied(&viewpoint.view(size.x, size.y)?, viewpoint.target, periodic);
-    if !settings.lens.parallel {
+    let view = viewpoint.view(size.x, size.y)?;
+    let view = aim.map_or(Ok(view), |aim| aim.view(&view, size))?;
+    let view = settings.cut.applied(&view, viewpoint.target, periodic);
+    if !settings.lens.parallel || aim.is_some() {
         return Ok(view);
     }
     let projection = Projection::Orthographic { height: settings.lens.height_at(viewpoint.distance()) };
@@ -70,7 +74,7 @@ mod tests {
         let mut settings = Settings::new(&Preset::default(), None);
         settings.lens.fov_deg = 0.6f64.to_degrees();
         let at = |settings: &Settings| {
-            let view = view_of(&viewpoint, settings, None, UVec2::new(300, 200)).unwrap();
+            let view = view_of(&viewpoint, settings, None, UVec2::new(300, 200), None).unwrap();
             view.to_pixels(view.to_camera(DVec3::X)).unwrap()
         };
         let before = at(&settings);

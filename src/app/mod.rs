@@ -23,6 +23,7 @@ pub mod objects;
 pub mod occlusion;
 pub mod open;
 pub mod options;
+pub mod output;
 pub mod overlay;
 pub mod pages;
 pub mod panel;
@@ -45,7 +46,7 @@ mod ui;
 mod volume_caster;
 
 pub use live::LiveParticles;
-pub use options::{AppError, Extension, OpenRequest, Opener, Show, WindowOptions};
+pub use options::{AppError, Extension, OpenRequest, Opener, OutputsRequest, Show, WindowOptions};
 pub use preset::{Backend, Preset};
 
 use crate::gpu::{DeepfieldRenderPlugins, ParticleScene};
@@ -62,7 +63,8 @@ use pages::PageSystems;
 /// # Errors
 ///
 /// [`AppError::NoDisplay`] where there is no display, [`AppError::Preset`] where the preset is refused,
-/// [`AppError::Network`] where the show cannot be led, [`AppError::Failed`] where the event loop ends with an error.
+/// [`AppError::Network`],
+/// [`AppError::Output`] and [`AppError::Crew`] where the show cannot be led or shown, [`AppError::Failed`] where the event loop ends with an error.
 pub fn run_window(options: WindowOptions) -> Result<(), AppError> {
     let shown = |name| std::env::var_os(name).is_some_and(|value| !value.is_empty());
     if cfg!(target_os = "linux") && !shown("DISPLAY") && !shown("WAYLAND_DISPLAY") {
@@ -85,10 +87,18 @@ pub fn run_window(options: WindowOptions) -> Result<(), AppError> {
             // Packets that are refused are an everyday matter, and no news.
             .set(LogPlugin { filter: "warn,deepfield=info,wgpu_hal=error,renetcode=off".to_owned(), ..default() }),
     );
-    let (extension, show) = (options.extension.clone(), options.show.clone());
+    let WindowOptions { extension, show, output, outputs, .. } = options.clone();
+    // What is wrong with its files is said before there is a window.
+    let output = output.map(|(file, name)| output::OutputWindow::open(&file, &name)).transpose()?;
     app.add_plugins(WindowApp { options, preset });
     if let Some(show) = show {
         network::add(&mut app, &show)?;
+        if let (Some(outputs), options::Show::Lead { key, .. }) = (outputs, &show) {
+            output::add_crew(&mut app, output::crew::Crew::new(outputs, key)?);
+        }
+    }
+    if let Some(output) = output {
+        output::add(&mut app, output);
     }
     if let Some(extend) = extension {
         extend(&mut app);
@@ -213,7 +223,13 @@ impl Plugin for WindowApp {
             )
                 .chain(),
         )
-        .add_systems(EguiPrimaryContextPass, ui::draw_window)
+        .add_systems(
+            EguiPrimaryContextPass,
+            (
+                ui::draw_window.run_if(not(resource_exists::<output::OutputWindow>)),
+                output::draw_output.run_if(resource_exists::<output::OutputWindow>),
+            ),
+        )
         .add_systems(
             PostUpdate,
             (

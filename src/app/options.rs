@@ -1,10 +1,13 @@
 //! What a caller hands to the window, and the errors that keep it from opening.
 
+use super::output::crew::CrewError;
 use super::preset::{Backend, Preset, PresetError};
 use crate::model::progress::Progress;
 use crate::network::{NetworkError, ShowKey};
+use crate::outputs::OutputError;
 use crate::scene_file::Member;
 use bevy::prelude::App;
+use std::ffi::OsString;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -56,6 +59,17 @@ pub enum Show {
     },
 }
 
+/// Windows for the outputs of a presenter's machine.
+#[derive(Clone, Debug)]
+pub struct OutputsRequest {
+    /// The file that describes them.
+    pub file: PathBuf,
+    /// Their names in it.
+    pub names: Vec<String>,
+    /// Options of `deepfield view` for all of them.
+    pub arguments: Vec<OsString>,
+}
+
 /// How the window starts.
 #[derive(Clone)]
 pub struct WindowOptions {
@@ -85,6 +99,10 @@ pub struct WindowOptions {
     pub tour: Option<PathBuf>,
     /// Its part in a show on several machines.
     pub show: Option<Show>,
+    /// The output that it displays: a file of outputs and a name in it. For one who follows.
+    pub output: Option<(PathBuf, String)>,
+    /// The outputs that are opened beside it. For one who leads.
+    pub outputs: Option<OutputsRequest>,
 }
 
 impl WindowOptions {
@@ -104,6 +122,8 @@ impl WindowOptions {
             labels: None,
             tour: None,
             show: None,
+            output: None,
+            outputs: None,
         }
     }
 
@@ -144,6 +164,12 @@ pub enum AppError {
     /// The show cannot be led.
     #[error(transparent)]
     Network(#[from] NetworkError),
+    /// The output cannot be displayed.
+    #[error(transparent)]
+    Output(#[from] OutputError),
+    /// The outputs cannot be opened.
+    #[error(transparent)]
+    Crew(#[from] CrewError),
     /// The event loop ended with an error; the log says which.
     #[error("the window closed after an error")]
     Failed,

@@ -15,6 +15,7 @@ use super::lens::view_of;
 use super::look::Look;
 use super::messages::Messages;
 use super::occlusion::{self, Occlusion, PageOcclusion};
+use super::output::Aim;
 use super::picture::{DataCamera, Picture};
 use super::preset::{Preset, ResidencyPreset};
 use super::scene::{Scene, Settings};
@@ -231,14 +232,14 @@ pub fn traverse(
     mut statistics: ResMut<Statistics>,
     mut distance: ResMut<DataDistance>,
     (occlusion, mut occluded): (Res<Occlusion>, Query<&mut PageOcclusion>),
-    upcoming: Res<Upcoming>,
+    (upcoming, aim): (Res<Upcoming>, Option<Res<Aim>>),
     mut last_uses: Query<&mut LastUse>,
     camera: Single<&Viewpoint, With<DataCamera>>,
 ) {
     let Some(mut streaming) = streaming else { return };
     let size = picture.size();
     let periodic = streaming.streamer.residency.file().metadata().periodic_box();
-    let Ok(view) = view_of(&camera, &settings, periodic, size) else { return };
+    let Ok(view) = view_of(&camera, &settings, periodic, size, aim.as_deref()) else { return };
     let streaming = &mut *streaming;
     streaming.frame += 1;
     let families = settings.families.iter().enumerate().filter(|(_, visible)| **visible);
@@ -252,7 +253,7 @@ pub fn traverse(
     let key = (streaming.generation, look.as_ref().map_or(0, |look| look.depiction_revision));
     let hides = depiction.is_some_and(|depiction| depiction.mode.painter().is_some());
     streaming.streamer.occluder = occlusion.occluder(&view, key).filter(|_| hides);
-    let upcoming = upcoming.0.and_then(|next| view_of(&next, &settings, periodic, size).ok());
+    let upcoming = upcoming.0.and_then(|next| view_of(&next, &settings, periodic, size, aim.as_deref()).ok());
     streaming.streamer.upcoming =
         upcoming.map(|next| depiction.map_or(next, |depiction| depiction.selection_view(&next)));
     let chosen = streaming.streamer.select(&seen, detail, &roots);

@@ -7,6 +7,7 @@ use super::looking::report::Report;
 use super::messages::Messages;
 use super::network::{Following, Leading};
 use super::open::Openings;
+use super::output::crew::Crew;
 use super::panel::Closed;
 use super::picture::{DataCamera, Picture};
 use super::scene::{Scene, Settings};
@@ -65,17 +66,24 @@ struct ShowStatus<'a> {
     joined: bool,
     /// Who follows, and whether they are there and in step.
     followers: Vec<(&'a str, bool, bool)>,
+    /// The windows of this machine's outputs, and the numbers of their processes.
+    outputs: Vec<(&'a str, u32)>,
 }
 
 impl ShowStatus<'_> {
-    fn of<'a>(leading: Option<&'a Leading>, following: Option<&'a Following>) -> Option<ShowStatus<'a>> {
+    fn of<'a>(
+        leading: Option<&'a Leading>,
+        following: Option<&'a Following>,
+        crew: Option<&'a Crew>,
+    ) -> Option<ShowStatus<'a>> {
         if let Some(following) = following.map(Following::follower) {
             let (address, joined) = (Some(following.leader()), following.is_joined());
-            return Some(ShowStatus { role: "follower", address, joined, followers: Vec::new() });
+            return Some(ShowStatus { role: "follower", address, joined, followers: Vec::new(), outputs: Vec::new() });
         }
         let leader = leading?.leader();
         let all = leader.followers().iter().map(|info| (info.name.as_str(), info.is_here, info.is_in_step()));
-        Some(ShowStatus { role: "leader", address: leader.address(), joined: true, followers: all.collect() })
+        let outputs = crew.map_or_else(Vec::new, |crew| crew.running().collect());
+        Some(ShowStatus { role: "leader", address: leader.address(), joined: true, followers: all.collect(), outputs })
     }
 }
 
@@ -150,7 +158,7 @@ pub(super) fn write_status(
     mut messages: ResMut<Messages>,
     (history, files, closed, controls): (Res<History>, Res<SceneFiles>, Res<Closed>, Res<Controls>),
     looking: LookingState,
-    (player, leading, following): (Res<Player>, Option<Res<Leading>>, Option<Res<Following>>),
+    (player, leading, following, crew): (Res<Player>, Option<Res<Leading>>, Option<Res<Following>>, Option<Res<Crew>>),
     camera: Single<(&Viewpoint, &Navigation), With<DataCamera>>,
 ) {
     let file = file.bypass_change_detection();
@@ -212,7 +220,7 @@ pub(super) fn write_status(
             recording: player.is_recording(),
             path: player.path(),
         }),
-        show: ShowStatus::of(leading.as_deref(), following.as_deref()),
+        show: ShowStatus::of(leading.as_deref(), following.as_deref(), crew.as_deref()),
         looking: Report::of(&looking, &settings.selections),
         controls: controls
             .0

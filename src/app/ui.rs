@@ -88,7 +88,7 @@ pub(super) fn draw_window(
     let painter = root.painter().with_clip_rect(rect);
     let whole = egui::Rect::from_min_max(egui::pos2(0.0, 0.0), egui::pos2(1.0, 1.0));
     let periodic = panel.scene.as_ref().and_then(|scene| scene.periodic);
-    let view = view_of(camera.0, &panel.settings, periodic, picture.size()).ok();
+    let view = view_of(camera.0, &panel.settings, periodic, picture.size(), None).ok();
     let tint = layer.tint();
     let marked = match &view {
         Some(view) => layer.textures(&ctx, view),
@@ -159,7 +159,7 @@ fn draw_overlays(
 ) {
     let Some(scene) = &state.scene else { return };
     let size = picture.size();
-    if let Ok(view) = view_of(viewpoint, &state.settings, scene.periodic, size) {
+    if let Ok(view) = view_of(viewpoint, &state.settings, scene.periodic, size, None) {
         let legend = state.look.as_ref().map(|look| look.legend(scene.file.metadata()));
         let subject = annotate::Subject {
             view: &view,

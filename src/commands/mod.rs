@@ -40,7 +40,7 @@ pub type CommandResult = Result<(), Box<dyn std::error::Error + Send + Sync>>;
 #[derive(clap::Subcommand, Debug)]
 #[allow(missing_docs, reason = "the help text of a command is the documentation of its arguments")]
 pub enum Command {
-    View(view::Arguments),
+    View(Box<view::Arguments>),
     Render(Box<render::Arguments>),
     Build(build::Arguments),
     Info(info::Arguments),

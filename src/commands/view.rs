@@ -21,6 +21,7 @@ use std::path::{Path, PathBuf};
   deepfield view --tour assets/tours/demo.ron      Space plays and stands, arrows lead on and back
   deepfield view snapshot_099.hdf5 --lead --show-key show.key      others follow: docs/shows.md
   deepfield view snapshot_099.hdf5 --follow 192.168.0.10 --show-key show.key --name left
+  deepfield view snapshot_099.hdf5 --outputs dome.ron                 a window for each projector of this machine
   deepfield view snapshot_099.hdf5 --simulate --mode volume   particles that move, straight from memory")]
 pub struct Arguments {
     /// The source or page file, or a scene file; without it the data that the scene of --scene names.
@@ -86,6 +87,13 @@ pub struct Settings {
     /// What the leader's window calls this follower [default: the machine's name].
     #[arg(long, value_name = "NAME", requires = "follow")]
     pub name: Option<String>,
+    /// Opens a window for each output that a file describes, on this machine's monitors: projectors with their frusta, warps and
+    /// blends (docs/shows.md); or a rig measured by others, FILE.mpcdi. This window is the presenter's.
+    #[arg(long, value_name = "FILE.ron", conflicts_with = "follow")]
+    pub outputs: Option<PathBuf>,
+    /// For a follower: the output that it displays.
+    #[arg(long, value_name = "FILE.ron#NAME", requires = "follow", value_parser = named_output)]
+    pub output: Option<(PathBuf, String)>,
     /// Preset: desktop, laptop or headless.
     #[arg(long, value_name = "NAME", default_value = "desktop")]
     pub preset: String,
@@ -102,6 +110,12 @@ fn frame_ms(text: &str) -> Result<f64, String> {
     let most = 10_000.0;
     let value = super::arguments::not_negative(text)?;
     if value <= most { Ok(value) } else { Err(format!("expected milliseconds from 0 to {most}")) }
+}
+
+/// A file of outputs and a name in it.
+fn named_output(text: &str) -> Result<(PathBuf, String), String> {
+    let parts = text.rsplit_once('#').filter(|(file, name)| !file.is_empty() && !name.is_empty());
+    parts.map(|(file, name)| (file.into(), name.to_owned())).ok_or_else(|| "expected FILE.ron#NAME".into())
 }
 
 /// A machine of the show.
@@ -165,7 +179,7 @@ pub fn show(path: &Path, settings: &Settings) -> CommandResult {
     };
     #[cfg(not(feature = "viewer"))]
     let reason = "Built without the feature `viewer`";
-    if settings.lead.is_some() || settings.follow.is_some() {
+    if settings.lead.is_some() || settings.follow.is_some() || settings.outputs.is_some() {
         return Err(format!("{reason}: a show needs a window").into());
     }
     let named = settings.scene.as_deref().filter(|_| path.as_os_str().is_empty()).unwrap_or(path);
@@ -213,6 +227,8 @@ fn window(path: &Path, settings: &Settings) -> CommandResult {
     let request = settings.follow.is_none().then_some(request);
     let mut options = WindowOptions::new(request, opener);
     options.show = show;
+    options.output = settings.output.clone();
+    options.outputs = settings.outputs.as_deref().map(|file| outputs_of(file, path, settings)).transpose()?;
     options.size = settings.size.map(|size| (size.width, size.height));
     options.preset = settings.preset.clone();
     options.backend = settings.backend.map(|backend| match backend {
@@ -244,9 +260,15 @@ fn part_in_show(
     settings: &Settings,
 ) -> Result<Option<crate::app::Show>, Box<dyn std::error::Error + Send + Sync>> {
     use crate::app::Show;
-    let Some(key) = &settings.show_key else { return Ok(None) };
-    let key = crate::network::ShowKey::read(key)?;
-    Ok(match (settings.lead, settings.follow) {
+    use crate::network::ShowKey;
+    let key = match &settings.show_key {
+        Some(key) => ShowKey::read(key)?,
+        // Windows of this machine alone need no key that others have.
+        None if settings.outputs.is_some() => ShowKey::random(),
+        None => return Ok(None),
+    };
+    let own = settings.outputs.as_ref().map(|_| SocketAddr::from((std::net::Ipv4Addr::LOCALHOST, 0)));
+    Ok(match (settings.lead.or(own), settings.follow) {
         (Some(address), _) => Some(Show::Lead { address, key }),
         (None, Some(leader)) => {
             let named = (!path.as_os_str().is_empty()).then(|| path.to_owned());
@@ -255,6 +277,35 @@ fn part_in_show(
         }
         (None, None) => return Err("--show-key goes with --lead or --follow".into()),
     })
+}
+
+/// The windows of a file's outputs, which follow this one.
+#[cfg(feature = "viewer")]
+fn outputs_of(
+    file: &Path,
+    path: &Path,
+    settings: &Settings,
+) -> Result<crate::app::OutputsRequest, Box<dyn std::error::Error + Send + Sync>> {
+    use crate::app::output::OutputWindow;
+    let outputs = crate::outputs::OutputsFile::read(file)?;
+    let names: Vec<String> = outputs.outputs.into_iter().map(|output| output.name).collect();
+    for name in &names {
+        OutputWindow::open(file, name)?;
+    }
+    let mut arguments = Vec::new();
+    if !path.as_os_str().is_empty() && !is_scene_file(path) {
+        arguments.push(path.as_os_str().to_owned());
+    }
+    arguments.extend(["--preset".into(), settings.preset.clone().into()]);
+    if let Some(frame_ms) = settings.frame_ms {
+        arguments.extend(["--frame-ms".into(), frame_ms.to_string().into()]);
+    }
+    if let Some(backend) = settings.backend {
+        use clap::ValueEnum;
+        let name = backend.to_possible_value().map(|value| value.get_name().to_owned()).unwrap_or_default();
+        arguments.extend(["--backend".into(), name.into()]);
+    }
+    Ok(crate::app::OutputsRequest { file: file.to_owned(), names, arguments })
 }
 
 /// What this machine is called.

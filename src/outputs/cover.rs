@@ -62,16 +62,16 @@ impl Cover {
                     return Err(CoverError::Wide);
                 }
                 for (k, axis) in [right, up].into_iter().enumerate() {
-                    let tangent = direction.dot(axis) / depth;
-                    (low[k], high[k]) = (low[k].min(tangent), high[k].max(tangent));
+                    let angle = (direction.dot(axis) / depth).atan();
+                    (low[k], high[k]) = (low[k].min(angle), high[k].max(angle));
                 }
             }
-            half = [0, 1].map(|k| low[k].abs().max(high[k].abs()));
+            half = [0, 1].map(|k| low[k].abs().max(high[k].abs()).tan());
             let middle = [0, 1].map(|k| 0.5 * (low[k] + high[k]));
-            if middle.iter().all(|tangent| tangent.abs() < 1e-9) {
+            if middle.iter().all(|angle| angle.abs() < 1e-9) {
                 break;
             }
-            forward = (forward + middle[0] * right + middle[1] * up).normalize();
+            forward = (forward + middle[0].tan() * right + middle[1].tan() * up).normalize();
         }
         if half.iter().any(|tangent| *tangent > WIDEST) {
             return Err(CoverError::Wide);

@@ -1,6 +1,6 @@
 //! Outputs as a user describes them: RON, of which a misspelled field is an error that names the place.
 
-use super::mpcdi::MpcdiError;
+use super::mpcdi::{self, MpcdiError};
 use crate::annotate::overlay::OverlayError;
 use crate::model::ron_file::{self, RonError};
 use serde::{Deserialize, Serialize};
@@ -210,14 +210,34 @@ pub enum OutputError {
 }
 
 impl OutputsFile {
-    /// Reads a file of outputs.
+    /// Reads a file of outputs, or makes one of an MPCDI rig: its regions in their order on the system's monitors.
     ///
     /// # Errors
-    /// [`OutputError::Ron`].
+    /// [`OutputError::Ron`] and [`OutputError::Mpcdi`].
     pub fn read(path: &Path) -> Result<OutputsFile, OutputError> {
+        if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("mpcdi")) {
+            return OutputsFile::of_rig(path);
+        }
         let file: OutputsFile = ron_file::read(path)?;
         file.check(&path.display().to_string())?;
         Ok(file)
+    }
+
+    fn of_rig(path: &Path) -> Result<OutputsFile, OutputError> {
+        let file = PathBuf::from(path.file_name().unwrap_or_default());
+        let output = |(i, id): (usize, String)| Output {
+            name: id.replace(['#', '/', '\\'], "_"),
+            monitor: Some(Monitor::Number(i as u32 + 1)),
+            window: None,
+            shows: Shows::Mpcdi { file: file.clone(), region: Some(id) },
+            warp: None,
+            blend: None,
+            blend_gamma: gamma(),
+        };
+        let outputs = mpcdi::regions(path)?.into_iter().enumerate().map(output).collect();
+        let outputs = OutputsFile { version: VERSION, outputs };
+        outputs.check(&path.display().to_string())?;
+        Ok(outputs)
     }
 
     /// The output of that name.

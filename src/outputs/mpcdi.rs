@@ -67,7 +67,8 @@ pub fn regions(path: &Path) -> Result<Vec<String>, MpcdiError> {
     let mut archive = Archive::open(path).map_err(fail)?;
     let text = archive.text().map_err(fail)?;
     let document = Document::parse(&text).map_err(|error| fail(format!("its XML: {error}")))?;
-    Ok(all(document.root(), "region").filter_map(|region| attribute(region, "id")).map(str::to_owned).collect())
+    let found = all(document.root(), "region").filter(|region| attribute(*region, "xResolution").is_some());
+    Ok(found.filter_map(|region| attribute(region, "id")).map(str::to_owned).collect())
 }
 
 /// Reads a region of an archive; the only one where `id` is `None`.
@@ -276,6 +277,9 @@ mod tests {
     fn regions_have_their_frustum_warp_and_blend() {
         let (_folder, path) = written(&rig(RIG));
         assert_eq!(regions(&path).unwrap(), ["one", "two"]);
+        let outputs = crate::outputs::OutputsFile::read(&path).unwrap().outputs;
+        assert_eq!(outputs.len(), 2);
+        crate::outputs::Projector::open(&outputs[0], path.parent().unwrap(), [640, 360]).unwrap();
         let one = read(&path, Some("one")).unwrap();
         let Geometry::Frustum(frustum, Some(warp)) = &one.geometry else { panic!("{:?}", one.geometry) };
         let expected = Frustum { yaw: -40.5, pitch: 12.0, roll: 3.0, left: -30.0, right: 25.0, down: -15.0, up: 20.0 };

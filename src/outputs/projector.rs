@@ -100,6 +100,11 @@ impl Projector {
         self.screen.direction(at, fov_y)
     }
 
+    /// Whether it displays a part of the show's flat picture, whose directions depend on the field of view.
+    pub fn is_flat(&self) -> bool {
+        matches!(self.screen, Screen::Flat { .. })
+    }
+
     /// By how much light is multiplied.
     pub fn mask(&self) -> Option<&Mask> {
         self.mask.as_ref()

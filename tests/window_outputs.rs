@@ -1,0 +1,122 @@
+//! Outputs in windows of their own: bent and blended they are the dome master of the processor; one that is killed comes back, and all
+//! end with the presenter's window.
+#![cfg(all(feature = "viewer", target_os = "linux"))]
+#![allow(clippy::unwrap_used, clippy::expect_used, reason = "what fails here fails the test")]
+
+mod window_support;
+
+use deepfield::annotate::overlay::read_png;
+use deepfield::raster::{Image, output::write_png};
+use serde_json::Value;
+use std::path::Path;
+use std::process::Command;
+use std::time::{Duration, Instant};
+use window_support::{Desktop, PATIENCE, Program, Screen, keep};
+
+/// Sides of an output's window.
+const SIDE: u32 = 280;
+
+/// Each channel's mean over a part of a screen, and its mean difference from a part of a picture whose values are multiplied by
+/// `factor`.
+fn compare(screen: &Screen, at: [u32; 2], master: &Image, corner: [u32; 2], factor: f64) -> [f64; 2] {
+    let (mut sum, mut difference) = (0.0, 0.0);
+    for (x, y) in (0..SIDE).flat_map(|y| (0..SIDE).map(move |x| (x, y))) {
+        let found = screen.at((at[0] + x) as usize, (at[1] + y) as usize);
+        let expected = master.rgba[((corner[1] + y) * master.width + corner[0] + x) as usize];
+        for k in 0..3 {
+            let expected = factor * f64::from(expected[k]);
+            difference += (f64::from(found[k]) - expected).abs();
+            sum += expected;
+        }
+    }
+    [sum, difference].map(|value| value / f64::from(3 * SIDE * SIDE))
+}
+
+fn in_step(status: &Value) -> bool {
+    let followers = status["show"]["followers"].as_array();
+    followers.is_some_and(|all| all.len() == 2 && all.iter().all(|one| one[1] == true && one[2] == true))
+}
+
+fn process(status: &Value, index: usize) -> Option<u64> {
+    status["show"]["outputs"][index][1].as_u64()
+}
+
+#[test]
+fn outputs_are_parts_of_the_dome_master_and_come_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let demo = window_support::demo();
+    let scene = format!(
+        r#"(version: 1, datasets: [(path: {demo:?})], mode: "column-density", error_px: 0.5,
+            camera: (eye: (25.0, 25.0, 55.0), target: (25.0, 25.0, 25.0)),
+            transfer: (scale: log, range: fixed(20.0, 2000.0)))"#
+    );
+    std::fs::write(at("show.scene.ron"), scene).unwrap();
+    let grey = Image { width: 2, height: 2, rgba: vec![[128, 128, 128, 255]; 4] };
+    write_png(&at("half.png"), &grey).unwrap();
+    let left = 1280 - 2 * SIDE;
+    let rig = format!(
+        r#"(version: 1, outputs: [
+            (name: "left", window: ({left}, 0, {SIDE}, {SIDE}), shows: dome(tilt: 60.0, part: (0.0, 0.0, 0.5, 0.5))),
+            (name: "right", window: ({}, 0, {SIDE}, {SIDE}), shows: dome(tilt: 60.0, part: (0.5, 0.5, 1.0, 1.0)), blend: "half.png"),
+        ])"#,
+        left + SIDE
+    );
+    std::fs::write(at("rig.ron"), rig).unwrap();
+    let size = format!("{}x{}", 2 * SIDE, 2 * SIDE);
+    let mut master = Command::new(env!("CARGO_BIN_EXE_deepfield"));
+    master.arg("render").arg(at("show.scene.ron")).arg("-o").arg(at("master.png")).args(["--backend", "cpu"]);
+    master.args(["--projection", "dome", "--tilt", "60", "--size", &size]).env("XDG_CACHE_HOME", folder.path());
+    assert!(master.status().unwrap().success());
+    let master = read_png(&at("master.png")).unwrap();
+
+    let stage = Desktop::start();
+    let rig = at("rig.ron");
+    let outputs = ["--backend", "cpu", "--outputs", rig.to_str().unwrap()];
+    let mut leader = Program::open(&stage, folder.path(), &at("show.scene.ron"), [1280, 720], &outputs);
+    leader.wait("two outputs in step", |status| status["converged"] == true && in_step(status));
+    let shown = |what: &str| {
+        let begin = Instant::now();
+        loop {
+            let screen = stage.screenshot();
+            // Half of the light is what values to the power 2.2 say.
+            let factor = (128f64 / 255.0).powf(1.0 / 2.2);
+            let left_part = compare(&screen, [left, 0], &master, [0, 0], 1.0);
+            let right_part = compare(&screen, [left + SIDE, 0], &master, [SIDE, SIDE], factor);
+            let fits = |[mean, difference]: [f64; 2]| mean > 10.0 && difference < 0.06 * mean;
+            if fits(left_part) && fits(right_part) {
+                return;
+            }
+            assert!(begin.elapsed() < PATIENCE, "{what}: mean and difference {left_part:?}, {right_part:?}");
+            std::thread::sleep(Duration::from_millis(300));
+        }
+    };
+    shown("parts of the dome master");
+    keep(&stage, "outputs.png");
+
+    // The window of an output fails as hard as it can.
+    let killed = process(&leader.status(), 0).unwrap();
+    assert!(Command::new("kill").args(["-9", &killed.to_string()]).status().unwrap().success());
+    let back = leader.wait("a window that is opened again", |status| {
+        process(status, 0).is_some_and(|process| process != killed) && in_step(status)
+    });
+    assert!(back["messages"].to_string().contains("left: its window has ended"), "{:#}", back["messages"]);
+    shown("after it was opened again");
+
+    // All end with the presenter's window.
+    let windows: Vec<u64> = (0..2).filter_map(|index| process(&leader.status(), index)).collect();
+    assert_eq!(windows.len(), 2);
+    stage.close(stage.window().unwrap());
+    assert_eq!(leader.exit_code(), Some(0));
+    let begin = Instant::now();
+    while windows.iter().any(|process| is_running(*process)) {
+        assert!(begin.elapsed() < PATIENCE, "windows are left behind: {windows:?}");
+        std::thread::sleep(Duration::from_millis(100));
+    }
+}
+
+/// Whether a process is there and has not ended.
+fn is_running(process: u64) -> bool {
+    let status = std::fs::read_to_string(Path::new("/proc").join(process.to_string()).join("stat"));
+    status.is_ok_and(|text| !text.rsplit(')').next().is_some_and(|rest| rest.trim_start().starts_with('Z')))
+}
