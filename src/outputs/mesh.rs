@@ -3,7 +3,7 @@
 use super::{Cover, Projector};
 
 /// Pixels of the output for a mesh's cell.
-const CELL: u32 = 12;
+pub(super) const CELL: u32 = 12;
 /// The most cells along a side.
 const MOST: u32 = 256;
 

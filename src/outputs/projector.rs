@@ -2,6 +2,7 @@
 //!
 //! Directions have the components right, up and forward of the show's camera.
 
+use super::mesh::CELL;
 use super::mpcdi::{self, Geometry};
 use super::pfm::Pfm;
 use super::{Area, Frustum, Mask, Output, OutputError, Shows};
@@ -10,8 +11,8 @@ use crate::view::{Panorama, Surround};
 use glam::DVec3;
 use std::path::Path;
 
-/// How far beyond a dome's rim its map goes on, in radii: meshes end outside of what is seen.
-const BEYOND: f64 = 1.1;
+/// How far beyond a dome's rim its map goes on, in cells of the mesh: meshes end outside of what is seen.
+const BEYOND: f64 = 1.5;
 
 /// An output with everything that it needs.
 #[derive(Clone, Debug)]
@@ -37,6 +38,8 @@ enum Screen {
     Dome {
         panorama: Panorama,
         part: Area,
+        /// How far from the middle it goes, in sides of the whole.
+        reach: f64,
     },
     /// A point for each point of the output, seen from the origin.
     Points(Pfm),
@@ -56,7 +59,7 @@ impl Projector {
                 Screen::Flat { aspect: aspect.unwrap_or(own / part_aspect), part: *part }
             }
             Shows::Frustum(frustum) => Screen::of_frustum(frustum),
-            Shows::Dome { aperture, tilt, part } => Screen::of_dome(*aperture, *tilt, *part),
+            Shows::Dome { aperture, tilt, part } => Screen::of_dome(*aperture, *tilt, *part, size),
             Shows::Mpcdi { file, region } => {
                 let path = folder.join(file);
                 let region = mpcdi::read(&path, region.as_deref())?;
@@ -81,7 +84,7 @@ impl Projector {
         if let Some(path) = &output.blend {
             mask = Some(Mask::of(&read_png(&folder.join(path))?, output.blend_gamma));
         }
-        if let Screen::Dome { panorama, part } = &screen {
+        if let Screen::Dome { panorama, part, .. } = &screen {
             mask = Some(Mask::of_dome(panorama, *part, size, mask.as_ref()));
         }
         Ok(Projector { name: output.name.clone(), screen, warp, mask })
@@ -122,11 +125,12 @@ impl Screen {
         Screen::Frustum { axes, edges }
     }
 
-    fn of_dome(aperture: f64, tilt: f64, part: Area) -> Screen {
+    fn of_dome(aperture: f64, tilt: f64, part: Area, size: [u32; 2]) -> Screen {
         let surround = Surround::Dome { aperture, tilt };
         // In units of the picture's side, so that pixels are shares.
         let panorama = Panorama { right: DVec3::X, up: DVec3::Y, forward: DVec3::Z, surround, width: 1, height: 1 };
-        Screen::Dome { panorama, part }
+        let pixel = ((part.2 - part.0) / f64::from(size[0].max(1))).max((part.3 - part.1) / f64::from(size[1].max(1)));
+        Screen::Dome { panorama, part, reach: 0.5 + BEYOND * f64::from(CELL) * pixel }
     }
 
     fn direction(&self, at: [f64; 2], fov_y: f64) -> Option<DVec3> {
@@ -140,13 +144,13 @@ impl Screen {
                 let [x, y] = [left + at[0] * (far - left), top + at[1] * (bottom - top)];
                 Some((*forward + x * *right + y * *up).normalize())
             }
-            Screen::Dome { panorama, part } => {
+            Screen::Dome { panorama, part, reach } => {
                 let at = part.at(at);
                 let from = [at[0] - 0.5, at[1] - 0.5];
                 let radius = from[0].hypot(from[1]);
                 let Surround::Dome { aperture, .. } = panorama.surround else { return None };
                 let angle = radius * aperture.to_radians();
-                if radius > 0.5 * BEYOND || angle > std::f64::consts::PI {
+                if radius > *reach || angle > std::f64::consts::PI {
                     return None;
                 }
                 let [right, up, forward] = panorama.frame();
