@@ -2,6 +2,7 @@
 
 use deepfield::import::{FORMATS, LoadOptions, load_source, summarize_source};
 use deepfield::network::message::{Frame, FromFollower, FromLeader, Message, Report};
+use deepfield::outputs::{Cover, Mesh, OutputsFile, Pfm, Projector};
 use deepfield::scene_file::SceneFile;
 use deepfield::store::layout::PAGE_ENTRY_LEN;
 use deepfield::store::{PageFile, PageId, verify};
@@ -30,6 +31,23 @@ pub fn messages(bytes: &[u8]) {
         Ok(FromLeader::Scene { text }) => drop(SceneFile::parse("the scene", &text)),
         Ok(FromLeader::Tour { text, .. }) => drop(TourFile::parse("the tour", &text)),
         Ok(FromLeader::Welcome { .. }) | Err(_) => {}
+    }
+}
+
+/// Reads `bytes` as a warp and as a rig, and looks along every output of the rig.
+pub fn rigs(bytes: &[u8]) {
+    if let Ok(warp) = Pfm::parse(bytes) {
+        warp.at([0.3, 0.7]);
+    }
+    let Ok(folder) = tempfile::tempdir() else { return };
+    let path = folder.path().join("rig.mpcdi");
+    if std::fs::write(&path, bytes).is_err() {
+        return;
+    }
+    for output in OutputsFile::read(&path).map(|file| file.outputs).unwrap_or_default() {
+        if let Ok(projector) = Projector::open(&output, folder.path(), [64, 48]) {
+            let _ = Cover::of(&projector, [64, 48], 0.8).map(|cover| Mesh::of(&projector, &cover, [64, 48], 0.8));
+        }
     }
 }
 
