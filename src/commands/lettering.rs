@@ -9,13 +9,6 @@ use crate::view::{Eye, Eyes, Panorama, Projection, Stereo, StereoKind, Surround,
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// Vertical field of view of a panorama's sheet, degrees.
-const HEIGHT: f64 = 60.0;
-/// Its width for its height.
-const ASPECT: f64 = 16.0 / 9.0;
-/// The least angle between a dome's rim and the sheet, degrees.
-const RIM: f64 = 4.0;
-
 /// A part of a picture that is written on as if it were a picture of its own.
 pub(super) struct Sheet {
     /// The camera that sees the sheet, whose size is the view's.
@@ -59,32 +52,20 @@ fn sheet(view: &View, area: [u32; 4], surround: Surround, eye: Option<(&Stereo, 
         };
         return Ok(Sheet { view, area, panorama: None });
     };
-    let (sin, cos) = elevation(surround).to_radians().sin_cos();
+    let (elevation, [wide, half]) = surround.screen();
+    let (sin, cos) = elevation.sin_cos();
     let forward = cos * panorama.forward + sin * panorama.up;
     let up = cos * panorama.up - sin * panorama.forward;
-    let half = 0.5 * HEIGHT.to_radians();
     // As fine as the panorama.
-    let tall = (2.0 * half.tan() / panorama.pixel_angle()).ceil().clamp(16.0, 16384.0);
-    let [width, height] = [(tall * ASPECT).ceil(), tall].map(|pixels| pixels as u32);
-    let projection = Projection::Perspective { fov_y: 2.0 * half };
+    let tall = (2.0 * half / panorama.pixel_angle()).ceil().clamp(16.0, 16384.0);
+    let [width, height] = [(tall * wide / half).ceil(), tall].map(|pixels| pixels as u32);
+    let projection = Projection::Perspective { fov_y: 2.0 * half.atan() };
     let (offset, distance) = eye.map_or((DVec3::ZERO, 1.0), |(stereo, eye)| {
         (0.5 * eye.sign() * stereo.separation * panorama.right, stereo.zero_parallax)
     });
     let place = view.eye + offset;
     let seen = View::look_at(place, view.eye + distance * forward, up, projection, width, height)?;
     Ok(Sheet { view: View { cut: view.cut, images: view.images, ..seen }, area, panorama: Some(panorama) })
-}
-
-/// Degrees from the front to the sheet's middle, upwards.
-fn elevation(surround: Surround) -> f64 {
-    match surround {
-        Surround::Dome { aperture, tilt } => {
-            let rim = 90.0 - tilt - 0.5 * aperture;
-            // Not beyond the zenith of a small dome, which has no room for a sheet.
-            (rim + RIM + 0.5 * HEIGHT).clamp(0.0, (90.0 - tilt).max(0.0))
-        }
-        _ => 0.0,
-    }
 }
 
 impl Sheet {
@@ -238,7 +219,7 @@ mod tests {
                     (x - expected[0]).abs() < 1.5 && (y - expected[1]).abs() < 1.5,
                     "{surround:?}: {x} {y} {expected:?}"
                 );
-                let side = 2.0 * (0.5 * HEIGHT.to_radians()).tan() / 5.0;
+                let side = 2.0 * surround.screen().1[1] / 5.0;
                 let solid = side * side / across(0.7).length().powi(3);
                 let pixels = solid / panorama.solid_angle(expected);
                 assert!((count / pixels - 1.0).abs() < 0.05, "{surround:?}: {count} {pixels}");

@@ -17,4 +17,4 @@ pub use file::{Area, Frustum, Monitor, Output, OutputError, OutputsFile, Shows, 
 pub use mask::Mask;
 pub use mesh::Mesh;
 pub use pfm::Pfm;
-pub use projector::Projector;
+pub use projector::{Projector, Sheet};

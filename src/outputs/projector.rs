@@ -108,9 +108,44 @@ impl Projector {
         matches!(self.screen, Screen::Flat { .. })
     }
 
+    /// The screen that words stand on: the show's flat picture, or one among the directions of a panorama.
+    pub fn sheet(&self, fov_y: f64) -> Sheet {
+        let (elevation, half) = match &self.screen {
+            Screen::Flat { aspect, .. } => (0.0, [(0.5 * fov_y).tan() * aspect, (0.5 * fov_y).tan()]),
+            Screen::Dome { panorama, .. } => panorama.surround.screen(),
+            Screen::Frustum { .. } | Screen::Points(_) => Surround::Equirectangular.screen(),
+        };
+        let (sin, cos) = elevation.sin_cos();
+        Sheet { up: DVec3::new(0.0, cos, -sin), forward: DVec3::new(0.0, sin, cos), half }
+    }
+
     /// By how much light is multiplied.
     pub fn mask(&self) -> Option<&Mask> {
         self.mask.as_ref()
+    }
+}
+
+/// A flat screen among the directions around the show's camera.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sheet {
+    up: DVec3,
+    forward: DVec3,
+    /// Tangents of half its width and height.
+    half: [f64; 2],
+}
+
+impl Sheet {
+    /// Its width for its height.
+    pub fn aspect(&self) -> f64 {
+        self.half[0] / self.half[1]
+    }
+
+    /// Where a direction meets it: shares of its width from the left and of its height from the top, outside beyond 0 and 1; `None`
+    /// behind it.
+    pub fn place(&self, direction: DVec3) -> Option<[f64; 2]> {
+        let depth = direction.dot(self.forward);
+        let [x, y] = [direction.x, direction.dot(self.up)];
+        (depth > 1e-3).then(|| [0.5 + 0.5 * x / (depth * self.half[0]), 0.5 - 0.5 * y / (depth * self.half[1])])
     }
 }
 
@@ -188,6 +223,21 @@ mod tests {
         assert!(near(rolled, DVec3::new(0.0, -20f64.to_radians().sin(), 20f64.to_radians().cos())), "{rolled}");
         let all = at(Frustum { yaw: 90.0, pitch: 45.0, roll: 90.0, ..middle }, [0.5; 2]);
         assert!(near(all, DVec3::new(0.5f64.sqrt(), 0.5f64.sqrt(), 0.0)), "{all}");
+    }
+
+    /// Of the flat picture the screen is the picture itself; in a dome it stands above the rim at the front.
+    #[test]
+    fn words_stand_where_recordings_have_them() {
+        let flat = projector(Shows::Flat { aspect: Some(2.0), part: Area(0.5, 0.0, 1.0, 1.0) });
+        let place = flat.sheet(0.8).place(flat.direction([0.5, 0.9], 0.8).unwrap()).unwrap();
+        assert!((place[0] - 0.75).abs() < 1e-12 && (place[1] - 0.9).abs() < 1e-12, "{place:?}");
+        let dome = projector(Shows::Dome { aperture: 180.0, tilt: 0.0, part: Area::default() });
+        let sheet = dome.sheet(0.8);
+        // Its lower edge is 4 degrees above the rim, which is the horizon.
+        let low = 4f64.to_radians();
+        let [x, y] = sheet.place(DVec3::new(0.0, low.sin(), low.cos())).unwrap();
+        assert!((x - 0.5).abs() < 1e-12 && (y - 1.0).abs() < 1e-12, "{x} {y}");
+        assert!(sheet.place(DVec3::NEG_Z).is_none() && (sheet.aspect() - 16.0 / 9.0).abs() < 1e-12);
     }
 
     #[test]

@@ -41,6 +41,9 @@ pub enum Surround {
     },
 }
 
+/// The least angle between a dome's rim and the screen with words, degrees.
+const RIM: f64 = 4.0;
+
 fn half() -> f64 {
     180.0
 }
@@ -62,6 +65,21 @@ impl Surround {
     /// Whether it is the camera's own projection.
     pub fn is_flat(&self) -> bool {
         *self == Surround::Flat
+    }
+
+    /// The flat screen among the panorama's directions that words stand on: its middle's angle above the front, radians, and the
+    /// tangents of half its width and height: 60 degrees high and 16:9, around the front, in a dome as low as its rim allows.
+    pub fn screen(&self) -> (f64, [f64; 2]) {
+        let half = 30f64.to_radians();
+        let elevation = match *self {
+            Surround::Dome { aperture, tilt } => {
+                let rim = (90.0 - tilt - 0.5 * aperture).to_radians();
+                // Not beyond the zenith of a small dome, which has no room for a screen.
+                (rim + RIM.to_radians() + half).clamp(0.0, (90.0 - tilt).max(0.0).to_radians())
+            }
+            _ => 0.0,
+        };
+        (elevation, [half.tan() * 16.0 / 9.0, half.tan()])
     }
 
     /// What is wrong with the numbers, if anything: field, value, and what is expected.

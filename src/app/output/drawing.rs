@@ -1,13 +1,12 @@
 //! Bends the picture over an output's window, and darkens what its mask says.
 
-use super::{Bent, OutputWindow};
+use super::{Bent, OutputWindow, lettering};
 use crate::app::looking::marks::MarkLayer;
 use crate::app::messages::Messages;
-use crate::app::overlay::{self, tour::TourPictures};
 use crate::app::pages::ViewSelection;
 use crate::app::picture::Picture;
 use crate::app::touring::Player;
-use crate::outputs::{Area, Mask, Shows};
+use crate::outputs::Mask;
 use bevy::prelude::*;
 use bevy_egui::{EguiContexts, egui};
 use std::path::Path;
@@ -17,7 +16,7 @@ pub fn draw_output(
     mut contexts: EguiContexts,
     mut output: ResMut<OutputWindow>,
     mut layer: ResMut<MarkLayer>,
-    (player, mut pictures, mut messages): (Res<Player>, ResMut<TourPictures>, ResMut<Messages>),
+    (player, mut messages): (Res<Player>, ResMut<Messages>),
     picture: Res<Picture>,
     selection: Res<ViewSelection>,
 ) -> Result {
@@ -26,10 +25,7 @@ pub fn draw_output(
     let window = ctx.viewport_rect();
     let painter = ctx.layer_painter(egui::LayerId::background());
     painter.rect_filled(window, 0.0, egui::Color32::BLACK);
-    let OutputWindow { output, bent, mask, .. } = output.bypass_change_detection();
-    // Words are for the whole picture, straight.
-    let is_whole =
-        matches!(&output.shows, Shows::Flat { part, .. } if *part == Area::default()) && output.warp.is_none();
+    let OutputWindow { bent, mask, words, .. } = output.bypass_change_detection();
     let Some(bent) = bent else { return Ok(()) };
     let tint = layer.tint();
     let marked = match &selection.view {
@@ -42,9 +38,13 @@ pub fn draw_output(
     for (texture, place) in marked {
         painter.add(bend(bent, texture.id(), *place, window, egui::Color32::WHITE));
     }
-    if let Some(state) = player.state().filter(|_| is_whole) {
+    if let Some(state) = player.state() {
         let folder = player.path().and_then(Path::parent).map(Path::to_owned).unwrap_or_default();
-        overlay::tour::draw(&painter, window, state, &folder, &mut pictures, &mut |why| messages.error(why));
+        match words.write(&ctx, state, &folder, bent.projector.sheet(bent.fov_y).aspect()) {
+            Ok(Some(texture)) => drop(painter.add(lettering::lay(bent, texture, window))),
+            Ok(None) => {}
+            Err(error) => messages.error(error.to_string()),
+        }
     }
     if let Some(light) = bent.projector.mask() {
         let texture = mask.get_or_insert_with(|| {

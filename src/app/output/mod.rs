@@ -6,6 +6,7 @@
 
 pub mod crew;
 mod drawing;
+mod lettering;
 mod placing;
 
 use super::camera::{CameraSystems, Viewpoint};
@@ -28,6 +29,7 @@ pub struct OutputWindow {
     bent: Option<Bent>,
     /// The mask as a texture.
     mask: Option<egui::TextureHandle>,
+    words: lettering::Words,
     /// What was said to be wrong, once.
     told: Option<String>,
 }
@@ -69,7 +71,8 @@ impl OutputWindow {
         let outputs = OutputsFile::read(file)?;
         let output = outputs.output(file, name)?.clone();
         let folder = file.parent().unwrap_or(Path::new("")).to_owned();
-        let window = OutputWindow { output, folder, bent: None, mask: None, told: None };
+        let window =
+            OutputWindow { output, folder, bent: None, mask: None, words: lettering::Words::default(), told: None };
         // What is wrong with its files is better said before there is a window.
         let size = window.output.window.map_or([1920, 1080], |(_, _, width, height)| [width, height]);
         let projector = Projector::open(&window.output, &window.folder, size)?;
