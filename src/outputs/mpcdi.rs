@@ -279,7 +279,8 @@ mod tests {
         assert_eq!(regions(&path).unwrap(), ["one", "two"]);
         let outputs = crate::outputs::OutputsFile::read(&path).unwrap().outputs;
         assert_eq!(outputs.len(), 2);
-        crate::outputs::Projector::open(&outputs[0], path.parent().unwrap(), [640, 360]).unwrap();
+        let projector = crate::outputs::Projector::open(&outputs[0], path.parent().unwrap(), [640, 360]).unwrap();
+        assert!(projector.notes()[0].contains("black levels"), "{:?}", projector.notes());
         let one = read(&path, Some("one")).unwrap();
         let Geometry::Frustum(frustum, Some(warp)) = &one.geometry else { panic!("{:?}", one.geometry) };
         let expected = Frustum { yaw: -40.5, pitch: 12.0, roll: 3.0, left: -30.0, right: 25.0, down: -15.0, up: 20.0 };

@@ -22,6 +22,7 @@ pub struct Projector {
     screen: Screen,
     warp: Option<Pfm>,
     mask: Option<Mask>,
+    notes: Vec<String>,
 }
 
 /// What there is before a warp.
@@ -52,7 +53,7 @@ impl Projector {
     /// [`OutputError`] for files that cannot be used.
     pub fn open(output: &Output, folder: &Path, size: [u32; 2]) -> Result<Projector, OutputError> {
         let own = f64::from(size[0].max(1)) / f64::from(size[1].max(1));
-        let (mut warp, mut mask) = (None, None);
+        let (mut warp, mut mask, mut notes) = (None, None, Vec::new());
         let screen = match &output.shows {
             Shows::Flat { aspect, part } => {
                 let part_aspect = (part.2 - part.0) / (part.3 - part.1);
@@ -63,7 +64,7 @@ impl Projector {
             Shows::Mpcdi { file, region } => {
                 let path = folder.join(file);
                 let region = mpcdi::read(&path, region.as_deref())?;
-                mask = region.mask;
+                (mask, notes) = (region.mask, region.notes);
                 match region.geometry {
                     Geometry::Frustum(frustum, warped) => {
                         warp = warped;
@@ -87,7 +88,7 @@ impl Projector {
         if let Screen::Dome { panorama, part, .. } = &screen {
             mask = Some(Mask::of_dome(panorama, *part, size, mask.as_ref()));
         }
-        Ok(Projector { name: output.name.clone(), screen, warp, mask })
+        Ok(Projector { name: output.name.clone(), screen, warp, mask, notes })
     }
 
     /// The direction at a point of the output (shares of its width from the left and of its height from the top), where
@@ -117,6 +118,11 @@ impl Projector {
         };
         let (sin, cos) = elevation.sin_cos();
         Sheet { up: DVec3::new(0.0, cos, -sin), forward: DVec3::new(0.0, sin, cos), half }
+    }
+
+    /// What its files say and is left out.
+    pub fn notes(&self) -> &[String] {
+        &self.notes
     }
 
     /// By how much light is multiplied.

@@ -6,6 +6,7 @@ use crate::app::network::Leading;
 use crate::app::options::OutputsRequest;
 use crate::network::{KeyError, ShowKey};
 use bevy::prelude::*;
+use bevy::render::error_handler::{RenderError, RenderErrorPolicy};
 use std::ffi::OsString;
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
 use std::path::PathBuf;
@@ -86,8 +87,19 @@ impl Crew {
     }
 }
 
+impl Crew {
+    /// Leaves the windows on their screens when this process ends.
+    fn leave(&mut self) {
+        self.posts.clear();
+    }
+}
+
 impl Drop for Crew {
+    /// Ends the windows, unless this process ends by a mistake of its own: the audience keeps its picture.
     fn drop(&mut self) {
+        if std::thread::panicking() {
+            return;
+        }
         for child in self.posts.iter_mut().filter_map(|post| post.child.as_mut()) {
             // One that has ended by itself cannot be ended again.
             let _ = child.kill();
@@ -146,11 +158,71 @@ pub(crate) fn watch(mut crew: ResMut<Crew>, leading: Option<Res<Leading>>, mut m
     }
 }
 
-/// Ends the windows with the presenter's.
-pub(crate) fn end(mut exits: MessageReader<AppExit>, crew: Option<ResMut<Crew>>) {
-    if exits.read().next().is_some()
-        && let Some(mut crew) = crew
-    {
-        crew.posts.iter_mut().filter_map(|post| post.child.as_mut()).for_each(|child| drop(child.kill()));
+/// Ends the windows with the presenter's; where that ends by an error, they stay.
+pub(crate) fn end(mut exits: MessageReader<AppExit>, mut crew: ResMut<Crew>) {
+    match exits.read().next() {
+        Some(AppExit::Success) => {
+            crew.posts.iter_mut().filter_map(|post| post.child.as_mut()).for_each(|child| drop(child.kill()));
+        }
+        Some(AppExit::Error(_)) => crew.leave(),
+        None => {}
+    }
+}
+
+/// The presenter's window has lost its adapter, or used it wrongly: it ends, the audience's windows stay.
+pub(super) fn outlive(error: &RenderError, world: &mut World, _: &mut World) -> RenderErrorPolicy {
+    error!("the presenter's window ends ({:?}); those of the outputs stay, Esc closes each", error.ty);
+    if let Some(mut crew) = world.get_resource_mut::<Crew>() {
+        crew.leave();
+    }
+    world.write_message(AppExit::error());
+    RenderErrorPolicy::StopRendering
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use super::*;
+    use bevy::render::error_handler::ErrorType;
+
+    fn crew(child: Child) -> Crew {
+        let request = OutputsRequest { file: "rig.ron".into(), names: vec!["a".into()], arguments: Vec::new() };
+        let mut crew = Crew::new(request, &ShowKey::random()).unwrap();
+        crew.posts[0].child = Some(child);
+        crew
+    }
+
+    fn sleeper() -> Child {
+        Command::new("sleep").arg("60").spawn().unwrap()
+    }
+
+    fn is_running(process: u32) -> bool {
+        Command::new("kill").args(["-0", &process.to_string()]).stderr(Stdio::null()).status().unwrap().success()
+    }
+
+    #[test]
+    fn windows_end_with_the_presenters_but_not_with_its_failure() {
+        let child = sleeper();
+        let process = child.id();
+        drop(crew(child));
+        assert!(!is_running(process));
+
+        let child = sleeper();
+        let process = child.id();
+        let mut world = World::new();
+        world.init_resource::<bevy::ecs::message::Messages<AppExit>>();
+        world.insert_resource(crew(child));
+        let error = RenderError { ty: ErrorType::DeviceLost, description: String::new(), source: None };
+        let policy = outlive(&error, &mut world, &mut World::new());
+        assert!(matches!(policy, RenderErrorPolicy::StopRendering));
+        drop(world);
+        assert!(is_running(process));
+        assert!(Command::new("kill").arg(process.to_string()).status().unwrap().success());
+    }
+
+    #[test]
+    fn this_machine_is_reached_at_its_own_address() {
+        for (listens, reached) in [("0.0.0.0:5", "127.0.0.1:5"), ("[::]:5", "[::1]:5"), ("10.1.2.3:5", "10.1.2.3:5")] {
+            assert_eq!(reachable(listens.parse().unwrap()).to_string(), reached);
+        }
     }
 }

@@ -108,12 +108,12 @@ mod tests {
     #[test]
     fn words_hide_what_is_below_them_and_nothing_else() {
         let overlay = Overlay { caption: "Words".into(), caption_opacity: 1.0, images: Vec::new() };
-        let image = painted(&overlay, Path::new(""), [320, 180]).unwrap();
+        let image = painted(&overlay, Path::new(""), [1280, 720]).unwrap();
         let letters = image.pixels.iter().filter(|pixel| pixel.a() > 200 && pixel.r() > 180).count();
-        let empty = image.pixels[..320 * 120].iter().all(|pixel| *pixel == Color32::TRANSPARENT);
+        let empty = image.pixels[..1280 * 600].iter().all(|pixel| *pixel == Color32::TRANSPARENT);
         assert!(letters > 20 && empty, "{letters}");
         let faded = Overlay { caption_opacity: 0.5, ..overlay };
-        let faded = painted(&faded, Path::new(""), [320, 180]).unwrap();
+        let faded = painted(&faded, Path::new(""), [1280, 720]).unwrap();
         let most = |image: &ColorImage| image.pixels.iter().map(|pixel| i32::from(pixel.a())).max().unwrap_or(0);
         assert!((2 * most(&faded) - most(&image)).abs() <= 3, "{} {}", most(&faded), most(&image));
     }

@@ -15,6 +15,7 @@ use super::picture::{DataCamera, Picture};
 use crate::outputs::{Cover, Mesh, Monitor, Output, OutputError, OutputsFile, Projector};
 use crate::view::{Projection, View, ViewError};
 use bevy::prelude::*;
+use bevy::render::error_handler::RenderErrorHandler;
 use bevy::window::PrimaryWindow;
 use bevy_egui::egui;
 use std::path::{Path, PathBuf};
@@ -87,16 +88,20 @@ impl OutputWindow {
     }
 
     /// Fits the picture to the window's size and the show's field of view.
-    fn fit(&mut self, size: [u32; 2], fov_y: f64) -> Result<(), OutputError> {
+    fn fit(&mut self, size: [u32; 2], fov_y: f64, messages: &mut Messages) -> Result<(), OutputError> {
         let projector = match self.bent.take() {
             Some(bent) if bent.size == size && (bent.fov_y == fov_y || !bent.projector.is_flat()) => {
                 self.bent = Some(bent);
                 return Ok(());
             }
             Some(bent) if bent.size == size => bent.projector,
-            _ => {
+            before => {
                 self.mask = None;
-                Projector::open(&self.output, &self.folder, size)?
+                let projector = Projector::open(&self.output, &self.folder, size)?;
+                if before.is_none() {
+                    projector.notes().iter().for_each(|note| messages.error(note.clone()));
+                }
+                projector
             }
         };
         let cover = Cover::of(&projector, size, fov_y)
@@ -117,7 +122,10 @@ pub fn add(app: &mut App, window: OutputWindow) {
 
 /// Makes a presenter's window open those of its outputs.
 pub fn add_crew(app: &mut App, crew: crew::Crew) {
-    app.insert_resource(crew).add_systems(PreUpdate, crew::watch).add_systems(Last, crew::end);
+    app.insert_resource(crew)
+        .insert_resource(RenderErrorHandler(crew::outlive))
+        .add_systems(PreUpdate, crew::watch)
+        .add_systems(Last, crew::end);
 }
 
 /// Turns the picture to what the output displays.
@@ -133,7 +141,7 @@ fn aim(
     let Ok(window) = windows.single() else { return };
     let size = [window.physical_width().max(1), window.physical_height().max(1)];
     let output = output.bypass_change_detection();
-    if let Err(error) = output.fit(size, camera.fov_y) {
+    if let Err(error) = output.fit(size, camera.fov_y, messages.bypass_change_detection()) {
         let text = error.to_string();
         if output.told.as_ref() != Some(&text) {
             messages.error(text.clone());
