@@ -180,6 +180,7 @@ pub(super) fn outlive(error: &RenderError, world: &mut World, _: &mut World) -> 
 }
 
 #[cfg(all(test, unix))]
+#[allow(clippy::unwrap_used, reason = "a failed helper fails its test")]
 mod tests {
     use super::*;
     use bevy::render::error_handler::ErrorType;
