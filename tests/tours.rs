@@ -181,7 +181,7 @@ fn the_shipped_tour_has_a_dome_version() {
     let path = in_repository("assets/tours/demo-dome.ron").display().to_string();
     let folder = tempfile::tempdir().unwrap();
     // Each mode, a flight and a cross-fade.
-    for second in [15, 22, 33, 41, 54] {
+    for second in [15, 22, 33, 41, 48, 54] {
         let name = format!("dome-{second}.png");
         let out = folder.path().join(&name);
         let (number, to) = (second.to_string(), out.display().to_string());
