@@ -1,11 +1,12 @@
 //! Modes that draw colours straight from particles: what they are given, and what they give.
 
+use super::grid::Look;
 use super::{Depiction, Settings};
 use crate::model::{Dataset, Family, Kernel};
 use crate::modes::cpu::{DecodedNode, SeenFamily, batches, seen_batches};
 use crate::raster::Splats;
 use crate::raster::transfer::TransferFunction;
-use crate::raster::volume::{Caster, Colors, VolumeError, VolumeLevels, VolumeReport};
+use crate::raster::volume::{Caster, Colors, Processor, VolumeError, VolumeLevels, VolumeReport};
 use crate::store::Metadata;
 use crate::view::View;
 
@@ -96,6 +97,31 @@ pub fn densest_of(metadata: &Metadata) -> f64 {
 pub fn densest(families: &[&Family]) -> f64 {
     let densities = families.iter().flat_map(|family| &family.density);
     f64::from(densities.copied().filter(|density| density.is_finite()).fold(0.0, f32::max))
+}
+
+/// The ranges that [`paint_nodes`] finds with a transfer function, without painting.
+///
+/// # Errors
+/// [`VolumeError`] as [`paint_nodes`].
+pub fn find_levels(
+    view: &View,
+    depiction: &Depiction,
+    metadata: &Metadata,
+    nodes: &[DecodedNode],
+    transfer: &TransferFunction,
+) -> Result<VolumeLevels, VolumeError> {
+    let painting = Painting {
+        view,
+        batches: &batches(depiction, nodes)?,
+        kernel: metadata.kernel,
+        settings: &depiction.settings,
+        transfer: Some(transfer),
+        // Neither has to do with ranges.
+        diameter: 1.0,
+        densest: densest_of(metadata),
+        caster: &Processor,
+    };
+    Ok(Look::new(&painting)?.levels)
 }
 
 /// Paints batches; `densest` is the data's largest density.

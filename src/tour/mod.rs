@@ -3,7 +3,9 @@
 //! A [`TourFile`] is what a user writes (docs/tours.md). [`Timeline::new`] resolves it, for the data that it is shown with, and
 //! [`Timeline::state`] is what is shown at a time: a pure function, the same for a window at any frame rate and for a recording.
 
+pub mod exposure;
 pub mod path;
+pub mod sketch;
 pub mod spline;
 pub mod zoom_pan;
 
@@ -17,6 +19,7 @@ mod timeline;
 mod usual;
 
 pub use around::Surroundings;
+pub use exposure::Exposure;
 pub use file::{Around, Comfort, Easing, Keyframe, Move, TourError, TourFile, What};
 pub use look::{Look, mix};
 pub use pace::{Remark, remarks};

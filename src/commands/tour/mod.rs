@@ -1,7 +1,6 @@
 //! `deepfield tour`: pictures and videos of a tour, every frame converged.
 
 mod avi;
-mod exposure;
 mod frames;
 mod journal;
 mod manifest;

@@ -1,7 +1,6 @@
 //! A tour with its data: from a time to a scene, and from that to a picture.
 
 use super::Arguments;
-use super::exposure::Exposure;
 use crate::annotate::overlay::Overlay;
 use crate::commands::CommandResult;
 use crate::commands::drawing::Drawing;
@@ -11,7 +10,9 @@ use crate::commands::studio::Studio;
 use crate::model::Bounds;
 use crate::raster::{Image, output};
 use crate::scene_file::{Camera, DatasetRef, Film, Member, SceneFile};
-use crate::tour::{Look, State, Surroundings, Timeline, TourFile};
+use crate::tour::exposure::is_searched;
+use crate::tour::sketch::{Format, measure};
+use crate::tour::{Exposure, Look, State, Surroundings, Timeline, TourFile};
 use std::path::{Path, PathBuf};
 
 /// A tour that is shown.
@@ -135,16 +136,24 @@ impl Show {
         time: f64,
         look: &Look,
     ) -> Result<Look, Box<dyn std::error::Error + Send + Sync>> {
-        let mut exposure = std::mem::take(&mut self.exposure);
-        let timeline = self.timeline.clone();
-        let exposed = exposure.exposed(keyframe, time, look, |time| {
-            let state = timeline.state(time);
-            let scene = self.scene(&state.look, state.camera, Path::new(""));
-            let arguments = self.arguments(scene);
-            Ok(Drawing::new(&arguments, &mut self.studio)?.coloration(&arguments))
-        });
-        self.exposure = exposure;
-        exposed
+        if is_searched(look)
+            && let Some((around, _)) = self.exposure.around(keyframe, time)
+        {
+            for moment in around {
+                if self.exposure.knows(moment) {
+                    continue;
+                }
+                let state = self.timeline.state(self.exposure.time(moment));
+                let format = Format { size: self.tour.size, surround: self.tour.projection };
+                let studio = self.studio.as_mut().ok_or("the data is not open")?;
+                let mut tell = |message| eprintln!("deepfield: {message}");
+                let measured = measure(&mut studio.scene, &state.look, &state.camera, format, &mut tell)?;
+                self.exposure.take(moment, measured);
+            }
+            // Moments long past are not needed again by one who goes on.
+            self.exposure.forget_before(around[1]);
+        }
+        Ok(self.exposure.exposed(keyframe, time, look).unwrap_or_else(|| look.clone()))
     }
 
     /// Draws a shot; what the shot at `next` will need is read meanwhile.

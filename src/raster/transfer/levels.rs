@@ -45,6 +45,33 @@ impl TransferFunction {
     }
 }
 
+impl TransferFunction {
+    /// Its ranges where no picture is asked for them.
+    pub fn numbers(&self) -> Option<Levels> {
+        let number = |scale: Scale, range: Range| match range {
+            Range::Fixed(low, high) => Some(scale.usable([low, high])),
+            Range::Auto => None,
+        };
+        let s = self.hue.as_ref().map_or(Some([0.0, 1.0]), |hue| number(hue.scale, hue.range));
+        Some(Levels { p: number(self.scale, self.range)?, s: s? })
+    }
+
+    /// The same with these numbers in place of automatic ranges.
+    pub fn with_levels(mut self, levels: &Levels) -> TransferFunction {
+        let fixed = |scale: Scale, ends: [f64; 2]| {
+            let [low, high] = scale.usable(ends);
+            Range::Fixed(low, high)
+        };
+        if self.range == Range::Auto {
+            self.range = fixed(self.scale, levels.p);
+        }
+        if let Some(hue) = self.hue.as_mut().filter(|hue| hue.range == Range::Auto) {
+            hue.range = fixed(hue.scale, levels.s);
+        }
+        self
+    }
+}
+
 /// Values at two shares of the sorted finite values; zeros for none. At most a few hundred thousand values are looked
 /// at, evenly spread.
 fn percentiles<const N: usize>(values: impl Iterator<Item = f32>, shares: [f64; N]) -> [f64; N] {
