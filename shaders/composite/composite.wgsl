@@ -15,7 +15,10 @@ struct Composite {
     origin: vec2<f32>,
     /// Cells from a row of the picture to the next.
     stride: u32,
-    unused: u32,
+    /// How much of this picture is seen; the rest is of the one before.
+    share: f32,
+    /// Size of the picture before, pixels.
+    before_size: vec2<u32>,
 }
 
 const NO_ATTRIBUTE: u32 = 2u;
@@ -23,6 +26,7 @@ const NO_ATTRIBUTE: u32 = 2u;
 @group(0) @binding(0) var<uniform> composite: Composite;
 @group(0) @binding(1) var<storage, read> cells: array<vec2<f32>>;
 @group(0) @binding(2) var<storage, read> lut: array<u32>;
+@group(0) @binding(3) var<storage, read> before: array<u32>;
 
 @vertex
 fn vertex(@builtin(vertex_index) index: u32) -> @builtin(position) vec4<f32> {
@@ -41,6 +45,23 @@ fn place(value: f32, log_scale: bool, map: vec2<f32>) -> f32 {
 
 fn texel(x: u32, y: u32) -> vec4<f32> {
     return unpack4x8unorm(lut[y * composite.lut_size.x + x]);
+}
+
+fn before_texel(x: u32, y: u32) -> vec4<f32> {
+    return unpack4x8unorm(before[y * composite.before_size.x + x]);
+}
+
+/// What the picture before shows at a pixel of this one, smoothed where it is stretched.
+fn before_at(pixel: vec2<u32>) -> vec4<f32> {
+    let size = vec2<f32>(composite.before_size);
+    let place = (vec2<f32>(pixel) + 0.5) * size / vec2<f32>(composite.size) - 0.5;
+    let inside = clamp(place, vec2(0.0), max(size - 1.0, vec2(0.0)));
+    let low = vec2<u32>(inside);
+    let high = min(low + 1u, composite.before_size - 1u);
+    let part = inside - vec2<f32>(low);
+    let above = mix(before_texel(low.x, low.y), before_texel(high.x, low.y), part.x);
+    let below = mix(before_texel(low.x, high.y), before_texel(high.x, high.y), part.x);
+    return mix(above, below, part.y);
 }
 
 @fragment
@@ -62,6 +83,10 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
         let below = mix(texel(left, low), texel(min(left + 1u, last.x), low), u);
         let above = mix(texel(left, low + 1u), texel(min(left + 1u, last.x), low + 1u), u);
         color = mix(below, above, y - f32(low));
+    }
+    if composite.share < 1.0 {
+        // Pictures blend as one sees them: in encoded values.
+        color = mix(before_at(pixel), color, composite.share);
     }
 #ifdef LINEAR_TARGET
     let low = color.rgb / 12.92;

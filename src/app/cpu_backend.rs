@@ -5,9 +5,12 @@
 //! many pixels a side where that is not all of them; volumes have a fixed limit, and as many pixels as there is time for. When the
 //! view rests, the full picture follows.
 
+mod drawing;
+pub(super) mod sizes;
+
 use super::exposure::Exposure;
 use super::live::LiveParticles;
-use super::look::Look;
+use super::look::{Held, Look};
 use super::messages::Messages;
 use super::occlusion::Occlusion;
 use super::pages::ViewSelection;
@@ -15,24 +18,23 @@ use super::picture::Picture;
 use super::preset::Preset;
 use super::scene::{Scene, Settings};
 use super::statistics::{ActiveBackend, Converged, Statistics};
+use super::touring::Before;
 use super::volume_caster::VolumeCaster;
-use crate::model::{Dataset, Family, FamilyName};
-use crate::modes::governor::{self, Governor};
-use crate::modes::paint::{Subject, paint_nodes, paint_particles};
-use crate::modes::{Depiction, Footprint, Plan, cpu, pilot};
+use crate::modes::governor::Governor;
+use crate::modes::{Footprint, Plan};
 use crate::raster::composite::composite_at;
+use crate::raster::fade::faded;
 use crate::raster::transfer::{Levels, TransferFunction};
-use crate::raster::volume::{Caster, OpaqueDepths, Processor, VolumeError};
-use crate::raster::{Accumulation, Method};
-use crate::store::PageFile;
-use crate::stream::SceneNode;
+use crate::raster::volume::{Caster, Processor};
+use crate::raster::{Accumulation, Image as Colors};
 use crate::view::View;
-use crate::view::perspective_grid::GridError;
 use bevy::asset::RenderAssetUsages;
 use bevy::image::ImageSampler;
 use bevy::prelude::*;
 use bevy::render::render_resource::{Extent3d, TextureDimension, TextureFormat};
 use bevy::tasks::{AsyncComputeTaskPool, Task, futures::check_ready};
+use drawing::{PaintedPicture, Source, draw, paint};
+use sizes::{MOVING_MS, drawing_size, moving_size, volume_limit};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -59,18 +61,6 @@ struct Drawn {
     milliseconds: f64,
 }
 
-/// A picture in colours, and what they mean.
-struct PaintedPicture {
-    image: crate::raster::composite::Image,
-    levels: Levels,
-    transfer: TransferFunction,
-    /// Why not the adapter but the processor has drawn it.
-    trouble: Option<String>,
-    /// How many particles it took, where those are not all.
-    sampled: Option<u64>,
-    opaque: Option<Arc<OpaqueDepths>>,
-}
-
 /// What a background task hands back.
 struct Done {
     drawn: Drawn,
@@ -83,7 +73,7 @@ struct Done {
     complete: bool,
     exposure: Exposure,
     /// The picture in colours, and what they were made with.
-    colors: Option<(crate::raster::composite::Image, Levels, TransferFunction)>,
+    colors: Option<(Colors, Levels, TransferFunction)>,
 }
 
 /// The processor's picture and the task that draws the next one.
@@ -99,6 +89,11 @@ pub struct CpuPicture {
     /// What the task draws, and what could not be drawn.
     tried: Option<(DrawKey, TransferFunction)>,
     failed: Option<(DrawKey, TransferFunction)>,
+    /// The last finished picture and its number.
+    finished: Option<(u64, Arc<Colors>)>,
+    /// What the window shows: that number, and what is blended with it.
+    shown: Option<(u64, Option<(u64, u32)>)>,
+    count: u64,
 }
 
 impl CpuPicture {
@@ -122,142 +117,6 @@ impl CpuPicture {
 const REST_MS: u128 = 120;
 /// Least time between two measurements of a view that moves and that the GPU draws, milliseconds.
 const MEASURE_MS: u128 = 300;
-/// Time that a volume's picture in motion may take where the preset says none, milliseconds.
-const MOVING_MS: f64 = 50.0;
-/// Particles that a volume in motion takes at most, drawn by the processor and by an adapter.
-const MOVING_PARTICLES: [u64; 2] = [200_000, 4_000_000];
-/// Longest side of the picture that is drawn only to measure the exposure, pixels.
-const SKETCH: u32 = 320;
-
-/// The size of the picture to draw now; `strained`: there is no time for all particles.
-fn drawing_size(full: UVec2, strained: bool, backend: ActiveBackend, fixed_discs: bool) -> UVec2 {
-    let shrink = match backend {
-        // Discs of a fixed number of pixels would cover another share of a smaller picture.
-        _ if fixed_discs => 1,
-        ActiveBackend::Cpu if strained => 2,
-        ActiveBackend::Cpu => 1,
-        ActiveBackend::Gpu => full.max_element().div_ceil(SKETCH).max(1),
-    };
-    (full / shrink).max(UVec2::ONE)
-}
-
-/// The size of a volume's picture in motion, from the size and milliseconds of the last one: a volume has as many cells as
-/// the cube of a side. A quarter at least.
-fn moving_size(full: UVec2, last: Option<(UVec2, f64)>, budget: f64) -> UVec2 {
-    let shrink = last.map_or(4.0, |(size, milliseconds)| {
-        let sides = f64::from(full.max_element()) / f64::from(size.max_element().max(1));
-        (milliseconds / budget).cbrt() * sides
-    });
-    // In quarters of a step, so that times that differ a little do not make another picture.
-    let shrink = ((4.0 * shrink).ceil() / 4.0).clamp(1.0, 4.0);
-    (full.as_dvec2() / shrink).as_uvec2().max(UVec2::ONE)
-}
-
-/// How many particles a volume's picture may take of so many in the view: all at rest.
-fn volume_limit(moving: bool, on_adapter: bool, particles: u64) -> u64 {
-    let most = MOVING_PARTICLES[usize::from(on_adapter)];
-    if moving && particles > most { most } else { u64::MAX }
-}
-
-/// Whose particles are drawn.
-enum Source {
-    /// Nodes of the open file.
-    Nodes(Arc<[SceneNode]>),
-    /// Particles that another system hands over, and the families that are shown.
-    Live(Arc<Dataset>, Vec<FamilyName>),
-}
-
-/// The families of live particles that are shown.
-fn shown<'a>(dataset: &'a Dataset, families: &[FamilyName]) -> Vec<&'a Family> {
-    dataset.families.iter().filter(|family| families.contains(&family.name)).collect()
-}
-
-/// Draws the source with `size` pixels; blocks for as long as it takes. What is left out is what `plan` says, or what
-/// is found to be within the settings, which is handed back; and then as much as a sample of `limit` particles needs. Also
-/// says how many it took.
-fn draw(
-    file: &PageFile,
-    depiction: &Depiction,
-    source: &Source,
-    view: &View,
-    size: UVec2,
-    (plan, limit): (Option<Plan>, u64),
-    (transfer, levels): (&TransferFunction, Option<Levels>),
-) -> Result<(Accumulation, Plan, (u64, bool)), String> {
-    let metadata = file.metadata();
-    let nodes = match source {
-        Source::Nodes(nodes) => nodes,
-        Source::Live(dataset, families) => {
-            let view = View { width: size.x, height: size.y, ..*view };
-            let families = shown(dataset, families);
-            let drawn = cpu::draw_particles(&view, depiction, dataset, &families, Method::Pyramid);
-            let taken = families.iter().map(|family| family.len() as u64).sum();
-            return drawn.map(|drawn| (drawn, Plan::default(), (taken, false))).map_err(|error| error.to_string());
-        }
-    };
-    // What may be left out is decided for the whole picture, also where this one has fewer pixels.
-    let economy = depiction.settings.economy();
-    let plan = match plan {
-        Some(plan) => Ok(plan),
-        None => pilot::plan(view, depiction, metadata, nodes, &economy, transfer, levels),
-    };
-    let drawn = plan.and_then(|plan| {
-        let important = governor::most_important(depiction, metadata);
-        let (fitting, taken) = governor::within(limit, plan, view, depiction, metadata, nodes, &important);
-        let decoded = cpu::decode_planned(view, depiction, metadata, nodes, &fitting);
-        let view = View { width: size.x, height: size.y, ..*view };
-        let drawn = cpu::draw_planned(&view, depiction, metadata, &decoded, Method::Pyramid, &fitting)?;
-        Ok((drawn.0, plan, (taken, fitting != plan)))
-    });
-    drawn.map_err(|error| error.to_string())
-}
-
-/// Draws the source in the colours of a mode that has no splats; blocks for as long as it takes.
-fn paint(
-    file: &PageFile,
-    depiction: &Depiction,
-    source: &Source,
-    view: &View,
-    diameter: f64,
-    (transfer, levels): (&TransferFunction, Levels),
-    (caster, limit): (&dyn Caster, u64),
-) -> Result<PaintedPicture, String> {
-    let metadata = file.metadata();
-    let (decoded, sampled) = match source {
-        Source::Nodes(nodes) => {
-            let important = governor::most_important(depiction, metadata);
-            let (plan, taken) = governor::within(limit, Plan::default(), view, depiction, metadata, nodes, &important);
-            let decoded = cpu::decode_planned(view, depiction, metadata, nodes, &plan);
-            (decoded, (!plan.is_complete()).then_some(taken))
-        }
-        Source::Live(..) => (Vec::new(), None),
-    };
-    let with = |caster| {
-        let subject = Subject { transfer: Some(transfer), diameter, caster };
-        match source {
-            Source::Nodes(_) => paint_nodes(view, depiction, metadata, &decoded, &subject),
-            Source::Live(dataset, families) => {
-                paint_particles(view, depiction, dataset, &shown(dataset, families), &subject)
-            }
-        }
-    };
-    let (painted, trouble) = match with(caster) {
-        Err(VolumeError::Device(why)) => (with(&Processor), Some(why)),
-        painted => (painted, None),
-    };
-    // Who looks away from the data sees nothing, and need not be told.
-    if matches!(painted, Err(VolumeError::Grid(GridError::NothingInView))) {
-        let rgba = vec![[0, 0, 0, 255]; view.width as usize * view.height as usize];
-        let image = crate::raster::composite::Image { width: view.width, height: view.height, rgba };
-        return Ok(PaintedPicture { image, levels, transfer: transfer.clone(), trouble, sampled: None, opaque: None });
-    }
-    let painted = painted.map_err(|error| error.to_string())?;
-    let levels = Levels { p: painted.levels.density, s: painted.levels.attribute };
-    let image = painted.colors.image();
-    // A sample's wider kernels may hide what all particles together do not.
-    let opaque = painted.report.opaque.filter(|_| sampled.is_none());
-    Ok(PaintedPicture { image, levels, transfer: transfer.clone(), trouble, sampled, opaque })
-}
 
 /// Takes in what has been drawn, and starts to draw what is wanted now.
 pub(super) fn draw_on_cpu(
@@ -267,13 +126,12 @@ pub(super) fn draw_on_cpu(
     selection: Res<ViewSelection>,
     look: Option<Res<Look>>,
     (picture, preset): (Res<Picture>, Res<Preset>),
-    mut images: ResMut<Assets<Image>>,
     mut exposure: ResMut<Exposure>,
     mut statistics: ResMut<Statistics>,
     mut converged: ResMut<Converged>,
     mut occlusion: ResMut<Occlusion>,
     (mut messages, mut caster): (ResMut<Messages>, ResMut<VolumeCaster>),
-    (live, settings): (Res<LiveParticles>, Res<Settings>),
+    (live, settings, held): (Res<LiveParticles>, Res<Settings>, Res<Held>),
 ) {
     let cpu = &mut *cpu;
     let cast = look.as_ref().is_some_and(|look| look.depiction.mode.is_cast()) && caster.is_on_adapter();
@@ -306,7 +164,7 @@ pub(super) fn draw_on_cpu(
                 // Live particles hide nothing of the file.
                 let opaque = opaque.filter(|_| live.particles().is_none());
                 occlusion.drew(opaque, (done.drawn.key.generation, done.drawn.key.depiction), done.complete);
-                take_in(cpu, done, *backend, &picture, &mut images, &mut exposure, &mut statistics);
+                take_in(cpu, done, *backend, &mut exposure, &mut statistics);
                 statistics.live = live.particles().map(|_| state);
             }
             Err(error) => {
@@ -342,12 +200,15 @@ pub(super) fn draw_on_cpu(
         size,
         particles: volume_limit(painted && moving, caster.is_on_adapter(), statistics.particles),
     };
-    let trial = (key, look.transfer.clone());
+    // Ranges that are given are not looked for in each picture.
+    let given = held.0.filter(|levels| painted && levels.p[0] > 0.0 && levels.p[0] < levels.p[1]);
+    let transfer = given.map_or_else(|| look.transfer.clone(), |levels| look.transfer.clone().with_levels(&levels));
+    let trial = (key, transfer.clone());
     let drawn = cpu.drawn.as_ref().filter(|drawn| drawn.key == key);
     let colored = cpu
         .colored
         .as_ref()
-        .is_some_and(|(drawn, levels, transfer)| *drawn == key && *levels == look.levels && *transfer == look.transfer);
+        .is_some_and(|(drawn, levels, with)| *drawn == key && *levels == look.levels && *with == transfer);
     let current = drawn.is_some() && (*backend == ActiveBackend::Gpu || colored);
     if *backend == ActiveBackend::Cpu {
         // What is hidden may have changed with the last picture.
@@ -373,7 +234,7 @@ pub(super) fn draw_on_cpu(
     }
     cpu.measured = Some(Instant::now());
     cpu.tried = Some(trial);
-    let drawn_with = |drawn: &&Drawn| drawn.painted.as_ref().is_none_or(|painted| painted.transfer == look.transfer);
+    let drawn_with = |drawn: &&Drawn| drawn.painted.as_ref().is_none_or(|painted| painted.transfer == transfer);
     let reused = drawn.filter(drawn_with).cloned();
     let diameter = scene.frame.size().length();
     let (file, depiction) = (Arc::clone(&scene.file), look.depiction.clone());
@@ -385,7 +246,7 @@ pub(super) fn draw_on_cpu(
         }
         None => Source::Nodes(Arc::clone(&selection.nodes)),
     };
-    let (transfer, levels, on_cpu) = (look.transfer.clone(), look.levels, *backend == ActiveBackend::Cpu);
+    let (levels, on_cpu) = (look.levels, *backend == ActiveBackend::Cpu);
     let complete = selection.complete;
     let (known, old_plan) = (look.settled.then_some(look.levels), cpu.plan);
     // Finding a plan takes longer than there is between two pictures of a motion.
@@ -433,8 +294,6 @@ fn take_in(
     cpu: &mut CpuPicture,
     done: Done,
     backend: ActiveBackend,
-    picture: &Picture,
-    images: &mut Assets<Image>,
     exposure: &mut ResMut<Exposure>,
     statistics: &mut ResMut<Statistics>,
 ) {
@@ -442,9 +301,8 @@ fn take_in(
     if let Some((colors, levels, transfer)) = done.colors
         && backend == ActiveBackend::Cpu
     {
-        if images.insert(&picture.image, to_image(colors)).is_err() {
-            warn!("the picture's image is gone");
-        }
+        cpu.count += 1;
+        cpu.finished = Some((cpu.count, Arc::new(colors)));
         cpu.colored = Some((done.drawn.key, levels, transfer));
         if let Some(taken) = done.taken {
             statistics.draw_ms = Some(done.drawn.milliseconds);
@@ -460,45 +318,48 @@ fn take_in(
     cpu.drawn = Some(done.drawn);
 }
 
+/// Shows the finished picture, where a tour says so blended with the one before it.
+pub(super) fn show_on_cpu(
+    mut cpu: ResMut<CpuPicture>,
+    backend: Res<ActiveBackend>,
+    before: Res<Before>,
+    picture: Res<Picture>,
+    mut images: ResMut<Assets<Image>>,
+    mut converged: ResMut<Converged>,
+) {
+    let cpu = cpu.bypass_change_detection();
+    if *backend != ActiveBackend::Cpu {
+        // What is drawn meanwhile is not known here.
+        (cpu.finished, cpu.shown) = (None, None);
+        return;
+    }
+    converged.0 &= before.is_settled();
+    let Some((number, finished)) = &cpu.finished else { return };
+    // Without the picture before, what was shown last stays.
+    if before.is_awaited() {
+        return;
+    }
+    let fade = before.fade();
+    let wanted = (*number, fade.map(|(_, share)| (before.number(), share.to_bits())));
+    if cpu.shown == Some(wanted) {
+        return;
+    }
+    let colors = match fade {
+        Some((image, share)) => faded(image, finished, share),
+        None => Colors::clone(finished),
+    };
+    if images.insert(&picture.image, to_image(colors)).is_err() {
+        warn!("the picture's image is gone");
+    }
+    cpu.shown = Some(wanted);
+}
+
 /// Colours as an image that egui shows; smoothed where it is stretched.
-fn to_image(colors: crate::raster::composite::Image) -> Image {
+fn to_image(colors: Colors) -> Image {
     let size = Extent3d { width: colors.width, height: colors.height, depth_or_array_layers: 1 };
     let bytes = bytemuck::allocation::cast_vec::<[u8; 4], u8>(colors.rgba);
     let mut image =
         Image::new(size, TextureDimension::D2, bytes, TextureFormat::Rgba8UnormSrgb, RenderAssetUsages::default());
     image.sampler = ImageSampler::linear();
     image
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn volumes_in_motion_are_as_large_as_there_is_time_for() {
-        let full = UVec2::new(1000, 600);
-        assert_eq!(moving_size(full, None, 50.0), full / 4);
-        assert_eq!(moving_size(full, Some((full, 40.0)), 50.0), full);
-        assert_eq!(moving_size(full, Some((full, 400.0)), 50.0), full / 2);
-        assert_eq!(moving_size(full, Some((full / 2, 50.0)), 50.0), full / 2);
-        assert_eq!(moving_size(full, Some((full / 4, 1e6)), 50.0), full / 4);
-    }
-
-    #[test]
-    fn volumes_in_motion_take_a_sample_of_many_particles() {
-        assert_eq!(volume_limit(true, false, 1_000), u64::MAX);
-        assert_eq!(volume_limit(true, false, 1_000_000), MOVING_PARTICLES[0]);
-        assert_eq!(volume_limit(true, true, 1_000_000), u64::MAX);
-        assert_eq!(volume_limit(false, false, 1_000_000_000), u64::MAX);
-    }
-
-    #[test]
-    fn strain_costs_pixels_and_rest_brings_them_back() {
-        let full = UVec2::new(1000, 600);
-        assert_eq!(drawing_size(full, false, ActiveBackend::Cpu, false), full);
-        assert_eq!(drawing_size(full, true, ActiveBackend::Cpu, false), full / 2);
-        assert_eq!(drawing_size(full, true, ActiveBackend::Cpu, true), full);
-        let sketch = drawing_size(full, false, ActiveBackend::Gpu, false);
-        assert!(sketch.max_element() <= SKETCH);
-    }
 }

@@ -13,9 +13,10 @@ use super::picture::DataCamera;
 use super::preset::{Backend, Preset};
 use super::scene::{Scene, Settings};
 use super::statistics::{ActiveBackend, Converged, Statistics};
+use super::touring::Before;
 use super::volume_caster::VolumeCaster;
 use crate::gpu::page_copies::{self, CopyState, node_id};
-use crate::gpu::{self, Composite, DrawItem, ParticleScene, SplatView};
+use crate::gpu::{self, Composite, DrawItem, Fading, ParticleScene, SplatView};
 use crate::gpu::{Capabilities, TableId, Technique, Withheld};
 use crate::modes::governor::{self, Governor};
 use crate::modes::{self, Footprint, Plan};
@@ -216,7 +217,7 @@ pub(super) fn draw_on_gpu(
     scene: Option<Res<Scene>>,
     look: Option<Res<Look>>,
     selection: Res<ViewSelection>,
-    (measured, preset): (Res<CpuPicture>, Res<Preset>),
+    (measured, preset, before): (Res<CpuPicture>, Res<Preset>, Res<Before>),
     diagnostics: Option<Res<DiagnosticsStore>>,
     mut tables: ResMut<GpuTables>,
     mut converged: ResMut<Converged>,
@@ -288,6 +289,7 @@ pub(super) fn draw_on_gpu(
         p_scale: look.transfer.scale,
         s_scale: hue.scale,
         attribute: look.has_hue(),
+        before: before.fade().map(|(image, share)| Fading { image: Arc::clone(image), share }),
     };
     let same = composite.is_some_and(|now| {
         Arc::ptr_eq(&now.lut, &shown.lut)
@@ -295,6 +297,7 @@ pub(super) fn draw_on_gpu(
             && now.attribute == shown.attribute
             && now.s_scale == shown.s_scale
             && now.p_scale == shown.p_scale
+            && now.before == shown.before
     });
     if !same {
         commands.entity(entity).insert(shown);
@@ -315,6 +318,7 @@ pub(super) fn draw_on_gpu(
     }
     // Passes are timed only once their shaders are there, so a first time means a first picture.
     converged.0 = selection.complete && !moving && same && look.settled && has_drawn && measured.is_current(&selection);
+    converged.0 &= before.is_settled();
 }
 
 /// Milliseconds that all passes of the last picture took together, when that was known, and those of each; `None` before the first

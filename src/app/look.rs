@@ -13,6 +13,10 @@ use bevy::prelude::*;
 use bevy_egui::egui::Color32;
 use std::sync::Arc;
 
+/// Ranges from elsewhere in place of the picture's own: a leader's, or those of a tour that was looked through in advance.
+#[derive(Resource, Clone, Copy, Debug, Default, PartialEq)]
+pub struct Held(pub Option<Levels>);
+
 /// The look of the picture, derived from [`Settings`] and the data.
 #[derive(Resource, Clone)]
 pub struct Look {
@@ -165,9 +169,21 @@ const GLIDE_SECS: f64 = 0.15;
 /// Share of the range within which it has arrived.
 const ARRIVED: f64 = 0.004;
 
-/// Moves the ranges in use towards those wanted, so that the picture's brightness does not jump while one flies.
-pub(super) fn glide_levels(time: Res<Time<Real>>, exposure: Res<Exposure>, look: Option<ResMut<Look>>) {
+/// Moves the ranges in use towards those wanted, so that the picture's brightness does not jump while one flies; ranges from
+/// elsewhere are used as they are.
+pub(super) fn glide_levels(
+    time: Res<Time<Real>>,
+    exposure: Res<Exposure>,
+    held: Res<Held>,
+    look: Option<ResMut<Look>>,
+) {
     let Some(mut look) = look else { return };
+    if let Some(levels) = held.0 {
+        if look.levels != levels || !look.settled || !look.seeded {
+            (look.levels, look.settled, look.seeded) = (levels, true, true);
+        }
+        return;
+    }
     let Some(wanted) = exposure.levels else { return };
     let share = if look.seeded { 1.0 - (-time.delta_secs_f64() / GLIDE_SECS).exp() } else { 1.0 };
     let hue_scale = look.transfer.hue.as_ref().map_or(Scale::default(), |hue| hue.scale);

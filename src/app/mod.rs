@@ -169,6 +169,7 @@ impl Plugin for WindowApp {
         .init_resource::<scene_io::Bookmarks>()
         .init_resource::<ui::Controls>()
         .init_resource::<exposure::Exposure>()
+        .init_resource::<look::Held>()
         .init_resource::<input::PointerOwner>()
         .init_resource::<messages::Messages>()
         .insert_resource(panel::Choices::of_program())
@@ -212,8 +213,13 @@ impl Plugin for WindowApp {
                     touring::player::play.run_if(not(network::is_led)),
                 )
                     .chain(),
-                look::follow_settings,
-                look::glide_levels,
+                (
+                    look::follow_settings,
+                    touring::ranges::rehearse.run_if(not(network::is_led)),
+                    touring::ranges::hold,
+                    look::glide_levels,
+                )
+                    .chain(),
                 shortcuts::run_shortcuts.run_if(not(resource_exists::<network::Following>)),
                 gpu_backend::follow_budgets.run_if(resource_changed::<Preset>),
                 volume_caster::choose_caster.run_if(resource_changed::<Preset>),
@@ -236,7 +242,13 @@ impl Plugin for WindowApp {
                 picture::fit_picture.in_set(CameraSystems::Steer).before(CameraUpdateSystems),
                 pick::fly_to_pick.before(CameraSystems::Steer).after(EguiPostUpdateSet::ProcessOutput),
                 gpu_backend::receive_copies.in_set(PageSystems::Arrive).after(pages::finish_loads),
-                (cpu_backend::draw_on_cpu, gpu_backend::upload_pages, gpu_backend::draw_on_gpu)
+                (
+                    touring::before::draw_before,
+                    cpu_backend::draw_on_cpu,
+                    cpu_backend::show_on_cpu,
+                    gpu_backend::upload_pages,
+                    gpu_backend::draw_on_gpu,
+                )
                     .chain()
                     .in_set(PageSystems::Serve)
                     .after(pages::evict),

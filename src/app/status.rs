@@ -2,6 +2,7 @@
 
 use super::camera::{Navigation, Viewpoint};
 use super::history::History;
+use super::look::Look;
 use super::looking::LookingState;
 use super::looking::report::Report;
 use super::messages::Messages;
@@ -14,7 +15,7 @@ use super::scene::{Scene, Settings};
 use super::scene_io::SceneFiles;
 use super::shortcuts::Shown;
 use super::statistics::{Converged, Statistics};
-use super::touring::Player;
+use super::touring::{Player, Ranges};
 use super::ui::Controls;
 use crate::annotate::Annotations;
 use crate::explore::SelectionSet;
@@ -53,6 +54,8 @@ struct TourStatus<'a> {
     selected: Option<usize>,
     recording: bool,
     path: Option<&'a Path>,
+    /// At how many moments the ranges of its colours are known, and at how many they are looked for.
+    exposed: [usize; 2],
 }
 
 /// The window's part in a show on several machines.
@@ -103,6 +106,8 @@ struct Status<'a> {
     target: [f64; 3],
     mode: &'a str,
     levels: &'a str,
+    /// The ranges of the colours in use, and whether they have arrived.
+    ranges: Option<([[f64; 2]; 2], bool)>,
     converged: bool,
     error_px: f64,
     particles_drawn: u64,
@@ -158,7 +163,8 @@ pub(super) fn write_status(
     mut messages: ResMut<Messages>,
     (history, files, closed, controls): (Res<History>, Res<SceneFiles>, Res<Closed>, Res<Controls>),
     looking: LookingState,
-    (player, leading, following, crew): (Res<Player>, Option<Res<Leading>>, Option<Res<Following>>, Option<Res<Crew>>),
+    (player, ranges, look): (Res<Player>, Res<Ranges>, Option<Res<Look>>),
+    (leading, following, crew): (Option<Res<Leading>>, Option<Res<Following>>, Option<Res<Crew>>),
     camera: Single<(&Viewpoint, &Navigation), With<DataCamera>>,
 ) {
     let file = file.bypass_change_detection();
@@ -179,6 +185,7 @@ pub(super) fn write_status(
         target: viewpoint.target.to_array(),
         mode: settings.mode.name,
         levels: statistics.levels,
+        ranges: look.as_ref().map(|look| ([look.levels.p, look.levels.s], look.settled)),
         converged: converged.0,
         error_px: statistics.error_px,
         particles_drawn: statistics.particles,
@@ -219,6 +226,7 @@ pub(super) fn write_status(
             selected: player.selected,
             recording: player.is_recording(),
             path: player.path(),
+            exposed: ranges.progress(),
         }),
         show: ShowStatus::of(leading.as_deref(), following.as_deref(), crew.as_deref()),
         looking: Report::of(&looking, &settings.selections),

@@ -26,6 +26,7 @@ use bevy::render::{Render, RenderApp, RenderStartup, RenderSystems};
 use bevy::shader::{Shader, ShaderDefVal};
 use bytemuck::{Pod, Zeroable};
 use std::num::NonZeroU64;
+use std::sync::Arc;
 
 /// WGSL `Composite`.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
@@ -47,8 +48,10 @@ pub struct CompositeUniform {
     pub origin: [f32; 2],
     /// Cells from a row of the picture to the next.
     pub stride: u32,
-    /// Padding.
-    pub unused: u32,
+    /// How much of this picture is seen; the rest is of the one before.
+    pub share: f32,
+    /// Size of the picture before, pixels.
+    pub before_size: [u32; 2],
 }
 
 /// Shader definitions for a target that holds encoded colours, or linear ones.
@@ -105,6 +108,7 @@ fn init_composite_pipeline(mut commands: Commands, server: Res<AssetServer>) {
                 uniform_buffer_sized(false, NonZeroU64::new(size_of::<CompositeUniform>() as u64)),
                 storage_buffer_read_only_sized(false, None),
                 storage_buffer_read_only_sized(false, None),
+                storage_buffer_read_only_sized(false, None),
             ),
         ),
     );
@@ -119,6 +123,7 @@ struct CompositeBindings {
     pipeline: CachedRenderPipelineId,
     uniform: Buffer,
     lut: Buffer,
+    fading: Option<Buffer>,
     settings: Composite,
 }
 
@@ -154,7 +159,8 @@ fn prepare_composites(
             s_log: if composite.attribute { s_log } else { 2 },
             origin: origin.as_vec2().to_array(),
             stride: buffers.stride,
-            unused: 0,
+            share: composite.before.as_ref().map_or(1.0, |fading| fading.share),
+            before_size: composite.before.as_ref().map_or([0; 2], |fading| [fading.image.width, fading.image.height]),
         };
         let create = |bytes: &[u8], usage, label| {
             let descriptor = BufferInitDescriptor { label: Some(label), contents: bytes, usage };
@@ -172,6 +178,15 @@ fn prepare_composites(
             Some(before) if before.settings.lut == composite.lut => before.lut.clone(),
             _ => create(bytemuck::cast_slice(&composite.lut.rgba), BufferUsages::STORAGE, "deepfield colours"),
         };
+        let fading = composite.before.as_ref().map(|fading| {
+            let known = before.and_then(|before| before.fading.clone().zip(before.settings.before.as_ref()));
+            match known {
+                Some((buffer, known)) if Arc::ptr_eq(&known.image, &fading.image) => buffer,
+                _ => {
+                    create(bytemuck::cast_slice(&fading.image.rgba), BufferUsages::STORAGE, "deepfield picture before")
+                }
+            }
+        });
         let group = device.create_bind_group(
             "deepfield composite",
             &cache.get_bind_group_layout(&pipeline.layout),
@@ -179,6 +194,8 @@ fn prepare_composites(
                 uniform_buffer.as_entire_binding(),
                 buffers.shared.cells.as_entire_binding(),
                 lut.as_entire_binding(),
+                // Where there is no picture before, nothing is read of it.
+                fading.as_ref().unwrap_or(&lut).as_entire_binding(),
             )),
         );
         commands.entity(entity).insert(CompositeBindings {
@@ -186,6 +203,7 @@ fn prepare_composites(
             pipeline: id,
             uniform: uniform_buffer,
             lut,
+            fading,
             settings: composite.clone(),
         });
     }

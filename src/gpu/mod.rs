@@ -32,7 +32,7 @@ pub use device::{DeviceOptions, Gpu, GpuError, open};
 pub use headless::{HeadlessFrame, HeadlessNode, HeadlessRequest, HeadlessStats, render_headless};
 pub use renderer::HeadlessRenderer;
 pub use scene::{NodeId, NodeState, NodeUpload, ParticleScene, Payload, RawParticle, SceneStats, TableEntry, TableId};
-pub use view::{Backend, Composite, DrawItem, Footprint, SplatView};
+pub use view::{Backend, Composite, DrawItem, Fading, Footprint, SplatView};
 pub use volume::VolumeRenderer;
 
 use bevy::app::{PluginGroup, PluginGroupBuilder};

@@ -2,6 +2,7 @@
 
 use super::scene::{NodeId, TableId};
 use crate::model::Kernel;
+use crate::raster::Image;
 use crate::raster::sample::Sample;
 use crate::raster::transfer::{Levels, Lut, Scale, TransferFunction};
 use crate::view::View;
@@ -93,6 +94,23 @@ pub struct Composite {
     pub s_scale: Scale,
     /// Whether `S` counts; else every hue is the middle one.
     pub attribute: bool,
+    /// The picture that this one takes the place of.
+    pub before: Option<Fading>,
+}
+
+/// A picture that blends into another.
+#[derive(Clone, Debug)]
+pub struct Fading {
+    /// The picture; stretched where it has another size.
+    pub image: Arc<Image>,
+    /// How much of the other is seen, from 0 to 1.
+    pub share: f32,
+}
+
+impl PartialEq for Fading {
+    fn eq(&self, other: &Fading) -> bool {
+        Arc::ptr_eq(&self.image, &other.image) && self.share == other.share
+    }
 }
 
 impl Composite {
@@ -100,6 +118,13 @@ impl Composite {
     /// on the CPU.
     pub fn new(transfer: &TransferFunction, levels: Levels, attribute: bool) -> Composite {
         let hue = transfer.hue.clone().unwrap_or_default();
-        Composite { lut: Arc::new(transfer.bake_lut()), levels, p_scale: transfer.scale, s_scale: hue.scale, attribute }
+        Composite {
+            lut: Arc::new(transfer.bake_lut()),
+            levels,
+            p_scale: transfer.scale,
+            s_scale: hue.scale,
+            attribute,
+            before: None,
+        }
     }
 }

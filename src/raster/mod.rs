@@ -19,6 +19,7 @@ pub mod around;
 pub mod cartesian;
 pub mod colormap;
 pub mod composite;
+pub mod fade;
 pub mod footprint;
 pub mod half_line;
 pub mod layered;

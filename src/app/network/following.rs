@@ -2,7 +2,7 @@
 
 use super::super::camera::{Flight, Navigation, Viewpoint};
 use super::super::input::is_control;
-use super::super::look::Look;
+use super::super::look::Held;
 use super::super::looking::answer::Answer;
 use super::super::messages::{Messages, Severity};
 use super::super::objects::Objects;
@@ -208,17 +208,11 @@ fn show_scene(file: &SceneFile, scene: &Scene, choices: &Choices, settings: &mut
 }
 
 /// Colours are for the leader's ranges: those of this part of the picture are others.
-pub(super) fn hold_levels(following: Res<Following>, look: Option<ResMut<Look>>) {
-    let ranges = following.follower.frame().and_then(|frame| frame.ranges);
-    let (Some(mut look), Some(ranges)) = (look, ranges) else { return };
-    // A tour that goes on by itself comes to other ranges.
-    if !following.is_led {
-        return;
-    }
-    let levels = Levels { p: ranges.p, s: ranges.s };
-    if look.levels != levels || !look.settled {
-        look.levels = levels;
-        look.settled = true;
+pub(super) fn hold_levels(following: Res<Following>, mut held: ResMut<Held>) {
+    // A tour that goes on by itself has ranges of its own.
+    let frame = following.follower.frame().filter(|_| following.is_led);
+    if let Some(ranges) = frame.and_then(|frame| frame.ranges) {
+        held.set_if_neq(Held(Some(Levels { p: ranges.p, s: ranges.s })));
     }
 }
 

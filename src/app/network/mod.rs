@@ -43,12 +43,13 @@ pub fn add_follower(app: &mut App, following: Following) {
     let follow = (following::find_data, following::show, following::leave);
     app.insert_resource(following)
         .insert_resource(PointerOwner::nobody())
+        .init_resource::<look::Held>()
         .add_systems(PreUpdate, following::hear)
         .add_systems(
             Update,
             (
                 follow.chain().after(touring::player::play).before(look::follow_settings),
-                following::hold_levels.after(look::glide_levels),
+                following::hold_levels.after(touring::ranges::hold).before(look::glide_levels),
             ),
         )
         .add_systems(PostUpdate, following::report.after(CameraSystems::Settle));

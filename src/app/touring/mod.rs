@@ -1,15 +1,20 @@
 //! Tours in the window: played, made from views and flights, and edited.
 //!
 //! The [`Clock`] says what time it is on the tour, [`Timeline::state`](crate::tour::Timeline::state) what is shown then; [`player`] puts that into the camera and the
-//! settings, [`draft`] makes keyframes of what the user shows, [`look`] translates between both.
+//! settings, [`draft`] makes keyframes of what the user shows, [`look`] translates between both. [`ranges`] looks ahead, so that colours
+//! have the ranges of a recording, and [`before`] draws what pictures blend from.
 
+pub mod before;
 pub mod clock;
 pub mod draft;
 pub mod look;
 pub mod player;
+pub mod ranges;
 
+pub use before::Before;
 pub use clock::Clock;
 pub use player::{Asked, Player};
+pub use ranges::Ranges;
 
 use super::camera::CameraPlugin;
 use bevy::prelude::*;
@@ -27,7 +32,10 @@ impl Plugin for TouringPlugin {
         if let Some(path) = &self.open {
             player.ask(Asked::Open(path.clone()));
         }
-        app.insert_resource(player).init_resource::<crate::app::overlay::tour::TourPictures>();
+        app.insert_resource(player)
+            .init_resource::<ranges::Ranges>()
+            .init_resource::<Before>()
+            .init_resource::<crate::app::overlay::tour::TourPictures>();
     }
 }
 

@@ -18,6 +18,7 @@ use bevy::input::mouse::AccumulatedMouseScroll;
 use bevy::prelude::*;
 use bevy_panorbit_camera::PanOrbitCamera;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// Seconds between two keyframes of a flight that is recorded.
 const SAMPLE: f64 = 1.5;
@@ -65,7 +66,7 @@ pub struct Player {
     tour: Option<TourFile>,
     path: Option<PathBuf>,
     text: String,
-    timeline: Option<Timeline>,
+    timeline: Option<Arc<Timeline>>,
     clock: Clock,
     state: Option<State>,
     shown: Option<Look>,
@@ -107,7 +108,7 @@ impl Player {
     }
 
     /// The tour resolved for the open data.
-    pub fn timeline(&self) -> Option<&Timeline> {
+    pub fn timeline(&self) -> Option<&Arc<Timeline>> {
         self.timeline.as_ref()
     }
 
@@ -152,7 +153,7 @@ impl Player {
         let folder = self.path.as_ref().and_then(|path| path.parent()).map(Path::to_owned).unwrap_or_default();
         let surroundings = Surroundings { file, text: self.text.clone(), folder, framed: scene.frame, aspect };
         self.timeline = match Timeline::new(tour, &surroundings) {
-            Ok(timeline) => Some(timeline),
+            Ok(timeline) => Some(Arc::new(timeline)),
             Err(error) => {
                 messages.error(error.to_string());
                 None
@@ -319,7 +320,7 @@ fn record(player: &mut Player, now: f64, (camera, look): &(crate::scene_file::Ca
 
 fn add_keyframe(player: &mut Player, time: Option<f64>, camera: &crate::scene_file::Camera, look: &Look) {
     let tour = player.tour.get_or_insert_with(|| TourFile::new(Vec::new()));
-    let kept = draft::keep(tour, player.timeline.as_ref(), time, *camera, look);
+    let kept = draft::keep(tour, player.timeline.as_deref(), time, *camera, look);
     player.selected = Some(kept);
     changed(player);
 }
@@ -424,4 +425,4 @@ fn carry_out(
 mod led;
 
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;

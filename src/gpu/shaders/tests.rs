@@ -311,7 +311,9 @@ fn written(path: &str, name: &str) -> Option<Layout> {
         "entries" => plain(size_of::<TableEntry>(), ScalarKind::Float),
         "vectors" => plain(size_of::<RawParticle>() / 2, ScalarKind::Float),
         "batch" => layout!(Pass { add, further, level, unused, source, unused_end }),
-        "composite" => layout!(CompositeUniform { size, lut_size, p_map, s_map, p_log, s_log, origin, stride, unused }),
+        "composite" => {
+            layout!(CompositeUniform { size, lut_size, p_map, s_map, p_log, s_log, origin, stride, share, before_size })
+        }
         "volume" => layout!(VolumeUniform {
             window,
             middle,

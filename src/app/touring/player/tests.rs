@@ -12,14 +12,14 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// A window without anything but what plays.
-struct Window {
-    app: App,
+pub(in crate::app::touring) struct Window {
+    pub app: App,
     now: Instant,
     _folder: tempfile::TempDir,
 }
 
 impl Window {
-    fn new() -> Window {
+    pub fn new() -> Window {
         let folder = tempfile::tempdir().unwrap();
         let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/demo/lcdm64_z0.hdf5");
         let path = folder.path().join("demo.df");
@@ -71,19 +71,19 @@ impl Window {
     }
 
     /// A frame that begins `seconds` after the last one.
-    fn frame(&mut self, seconds: f64) {
+    pub fn frame(&mut self, seconds: f64) {
         self.now += Duration::from_secs_f64(seconds);
         let now = self.now;
         self.app.world_mut().resource_mut::<Time<Real>>().update_with_instant(now);
         self.app.update();
     }
 
-    fn ask(&mut self, what: Asked) {
+    pub fn ask(&mut self, what: Asked) {
         self.app.world_mut().resource_mut::<Player>().ask(what);
         self.frame(0.0);
     }
 
-    fn player(&self) -> &Player {
+    pub fn player(&self) -> &Player {
         self.app.world().resource()
     }
 
@@ -95,7 +95,7 @@ impl Window {
         *self.app.world_mut().query::<&Navigation>().single(self.app.world()).unwrap()
     }
 
-    fn open(&mut self, tour: &TourFile) -> PathBuf {
+    pub fn open(&mut self, tour: &TourFile) -> PathBuf {
         let path = self._folder.path().join("a.tour.ron");
         tour.write(&path).unwrap();
         self.app.world_mut().resource_mut::<Player>().ask(Asked::Open(path.clone()));
