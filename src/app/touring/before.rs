@@ -285,6 +285,8 @@ mod tests {
             .init_resource::<TransferPresets>()
             .add_systems(Update, systems.chain().after(play));
         window.open(&TourFile::parse("test", TOUR).unwrap());
+        // It begins by itself.
+        window.frame(0.0);
         window.ask(Asked::Toggle);
         window
     }

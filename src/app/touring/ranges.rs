@@ -276,6 +276,8 @@ mod tests {
     fn colours_have_the_ranges_that_a_recording_finds() {
         let mut window = window();
         // The clock stands, and goes to a moment far away: that one is looked for first.
+        // It begins by itself.
+        window.frame(0.0);
         window.ask(Asked::Toggle);
         window.ask(Asked::Seek(50.0));
         wait(&mut window, |app| app.world().resource::<Held>().0.is_some());

@@ -365,7 +365,7 @@ fn written(path: &str, name: &str) -> Option<Layout> {
         "places" if volume => plain(8, ScalarKind::Uint),
         "readers" => plain(8, ScalarKind::Sint),
         "table" if path == "volume/raycast.wgsl" => plain(16, ScalarKind::Float),
-        "words" | "lut" | "starts" | "bins" | "slice_count" | "dispatch" => plain(4, ScalarKind::Uint),
+        "words" | "lut" | "before" | "starts" | "bins" | "slice_count" | "dispatch" => plain(4, ScalarKind::Uint),
         // Read back as pairs of P and P S.
         "cells" => plain(8, ScalarKind::Float),
         _ => return None,
