@@ -417,7 +417,7 @@ fn buffers_are_laid_out_as_the_program_writes_them() {
             }
         }
     }
-    assert_eq!(compared.len(), 43, "{compared:?}");
+    assert_eq!(compared.len(), 44, "{compared:?}");
 }
 
 #[test]
