@@ -95,7 +95,19 @@ pub enum Shows {
         /// The region's id; the only one where it is `None`.
         #[serde(default)]
         region: Option<String>,
+        /// The order of the rows of its warp, where what is found from the warp is wrong.
+        #[serde(default)]
+        rows: Option<Rows>,
     },
+}
+
+/// Where the first row of a map is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+#[allow(missing_docs, reason = "the names say it")]
+pub enum Rows {
+    Top,
+    Bottom,
 }
 
 fn half() -> f64 {
@@ -124,7 +136,8 @@ impl Area {
         [self.0 + x * (self.2 - self.0), self.1 + y * (self.3 - self.1)]
     }
 
-    fn is_part(self) -> bool {
+    /// Whether it is a part of a whole from 0 to 1, and not too narrow.
+    pub fn is_part(self) -> bool {
         let inside = [self.0, self.1, self.2, self.3].iter().all(|share| (0.0..=1.0).contains(share));
         inside && self.2 - self.0 >= 1e-3 && self.3 - self.1 >= 1e-3
     }
@@ -215,7 +228,8 @@ impl OutputsFile {
     /// # Errors
     /// [`OutputError::Ron`] and [`OutputError::Mpcdi`].
     pub fn read(path: &Path) -> Result<OutputsFile, OutputError> {
-        if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("mpcdi")) {
+        let name = path.file_name().map(|name| name.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
+        if name.ends_with(".mpcdi") || name.ends_with(".mpcdi.xml") {
             return OutputsFile::of_rig(path);
         }
         let file: OutputsFile = ron_file::read(path)?;
@@ -229,7 +243,7 @@ impl OutputsFile {
             name: id.replace(['#', '/', '\\'], "_"),
             monitor: Some(Monitor::Number(i as u32 + 1)),
             window: None,
-            shows: Shows::Mpcdi { file: file.clone(), region: Some(id) },
+            shows: Shows::Mpcdi { file: file.clone(), region: Some(id), rows: None },
             warp: None,
             blend: None,
             blend_gamma: gamma(),
@@ -341,7 +355,7 @@ mod tests {
                 (name: "wall", monitor: number(2), shows: flat(aspect: 3.2, part: (0.0, 0.0, 0.5, 1.0))),
                 (name: "dome", window: (0, 0, 800, 600), shows: dome(tilt: 20.0, part: (0.5, 0.5, 1.0, 1.0)), blend: "soft.png"),
                 (name: "left", monitor: named("HDMI-1"), shows: frustum((yaw: -40.0, left: -25.0, right: 20.0, down: -15.0, up: 18.0)), warp: "left.pfm"),
-                (name: "measured", shows: mpcdi(file: "rig.mpcdi", region: "projector 1")),
+                (name: "measured", shows: mpcdi(file: "rig.mpcdi", region: "projector 1", rows: top)),
                 (name: "plain"),
             ])"#,
         )

@@ -13,7 +13,7 @@ mod pfm;
 mod projector;
 
 pub use cover::{Cover, CoverError};
-pub use file::{Area, Frustum, Monitor, Output, OutputError, OutputsFile, Shows, VERSION};
+pub use file::{Area, Frustum, Monitor, Output, OutputError, OutputsFile, Rows, Shows, VERSION};
 pub use mask::Mask;
 pub use mesh::Mesh;
 pub use pfm::Pfm;

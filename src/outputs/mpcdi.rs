@@ -1,13 +1,24 @@
-//! Rigs that others have measured: VESA's Multiple Projection Common Data Interchange, a ZIP archive of XML, PFM and PNG files.
+//! Rigs that others have measured: VESA's Multiple Projection Common Data Interchange, a ZIP archive of XML, PFM and PNG files,
+//! or the XML alone, as Christie's Mystique writes it.
 //!
-//! Read are the profiles `3d` and `a3` (a frustum, and a warp of its picture), `2d` (a part of a flat picture, and a warp of that), and `sl` (points of the surface that light falls on, seen from the origin); warps have rows from the top. Blend
-//! maps (`alphaMap`) are read; black levels (`betaMap`) and lens distortions are named and left out.
+//! Read are the profiles `2d` (a part of a flat picture, and a warp of that), `3d` (a frustum, and a warp of its picture), `a3` and
+//! `sl` (points of the surface that light falls on, seen from the origin). Blend maps (`alphaMap`) are read; black levels
+//! (`betaMap`), lens distortions and the places of shader lamps are named and left out.
+//!
+//! Signs are as independent readers have them (the MPCDI library of Scalable Display Technologies, Unreal Engine's nDisplay, SGCT,
+//! PyMPCDI, and Christie's notes on the standard): yaw turns to the right, then pitch up, then roll lowers the right side; angles
+//! to the left and down are negative; shares of a picture, and regions of a buffer, are counted from the lower left corner, a
+//! region's warp within the region; points have x to the right, y up and z behind; a point that is no number, or nothing but
+//! zeros, is nowhere. Of the order of rows there are both kinds: the library has them from the bottom, as PFM files are defined,
+//! SGCT and PyMPCDI from the top. A warp of shares is taken the way on which the picture is upright, points from the bottom,
+//! unless the user says which ([`Rows`]).
 
 use super::pfm::Pfm;
-use super::{Area, Frustum, Mask};
+use super::{Area, Frustum, Mask, Rows};
 use crate::annotate::overlay::decode_png;
 use roxmltree::{Document, Node};
-use std::io::Read;
+use std::fs::File;
+use std::io::{BufReader, Read, Seek};
 use std::path::{Path, PathBuf};
 
 /// The largest XML text, bytes.
@@ -71,44 +82,70 @@ pub fn regions(path: &Path) -> Result<Vec<String>, MpcdiError> {
     Ok(found.filter_map(|region| attribute(region, "id")).map(str::to_owned).collect())
 }
 
-/// Reads a region of an archive; the only one where `id` is `None`.
+/// Reads a region of an archive, the only one where `id` is `None`; `rows` is the order of its warp's, where it is known.
 ///
 /// # Errors
 /// [`MpcdiError`].
-pub fn read(path: &Path, id: Option<&str>) -> Result<Region, MpcdiError> {
+pub fn read(path: &Path, id: Option<&str>, rows: Option<Rows>) -> Result<Region, MpcdiError> {
     let fail = |message: String| MpcdiError { path: path.to_owned(), message };
     let mut archive = Archive::open(path).map_err(fail)?;
     let text = archive.text().map_err(fail)?;
     let document = Document::parse(&text).map_err(|error| fail(format!("its XML: {error}")))?;
-    region(&document, &mut archive, id).map_err(fail)
+    region(&document, &mut archive, id, rows).map_err(fail)
 }
 
-struct Archive(zip::ZipArchive<std::io::BufReader<std::fs::File>>);
+/// What a rig is kept in.
+enum Archive {
+    Zip(zip::ZipArchive<BufReader<File>>),
+    /// The XML alone.
+    Text(File),
+}
 
 impl Archive {
     fn open(path: &Path) -> Result<Archive, String> {
-        let file = std::fs::File::open(path).map_err(|error| error.to_string())?;
-        let archive = zip::ZipArchive::new(std::io::BufReader::new(file));
-        archive.map(Archive).map_err(|error| format!("no ZIP archive: {error}"))
+        let mut file = File::open(path).map_err(|error| error.to_string())?;
+        let mut start = Vec::new();
+        (&mut file).take(16).read_to_end(&mut start).map_err(|error| error.to_string())?;
+        file.rewind().map_err(|error| error.to_string())?;
+        let start = start.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&start).trim_ascii_start();
+        if start.starts_with(b"<") {
+            return Ok(Archive::Text(file));
+        }
+        let archive = zip::ZipArchive::new(BufReader::new(file));
+        archive.map(Archive::Zip).map_err(|error| format!("no ZIP archive: {error}"))
     }
 
     fn bytes(&mut self, name: &str, most: u64) -> Result<Vec<u8>, String> {
-        let file = self.0.by_name(name).map_err(|error| format!("{name}: {error}"))?;
-        let mut bytes = Vec::new();
+        let Archive::Zip(archive) = self else { return Err(format!("{name}: it has no files beside its XML")) };
+        let file = archive.by_name(name).map_err(|error| format!("{name}: {error}"))?;
         // The archive's own sizes may lie.
-        file.take(most + 1).read_to_end(&mut bytes).map_err(|error| format!("{name}: {error}"))?;
-        if bytes.len() as u64 > most {
-            return Err(format!("{name}: more than {most} bytes"));
-        }
-        Ok(bytes)
+        read_most(file, most).map_err(|message| format!("{name}: {message}"))
     }
 
     fn text(&mut self) -> Result<String, String> {
-        let names: Vec<String> = self.0.file_names().filter_map(|name| Some(name.ok()?.into_owned())).collect();
-        let is_text = |name: &&String| name.to_ascii_lowercase().ends_with(".xml");
-        let name = names.iter().find(is_text).ok_or("no XML file in it, expected mpcdi.xml")?;
-        String::from_utf8(self.bytes(name, LONGEST_TEXT)?).map_err(|error| format!("{name}: {error}"))
+        let (name, bytes) = match self {
+            Archive::Text(file) => ("its XML".to_owned(), read_most(file, LONGEST_TEXT)?),
+            Archive::Zip(archive) => {
+                let names: Vec<String> =
+                    archive.file_names().filter_map(|name| Some(name.ok()?.into_owned())).collect();
+                let is_text = |name: &&String| name.to_ascii_lowercase().ends_with(".xml");
+                let name = names.iter().find(is_text).ok_or("no XML file in it, expected mpcdi.xml")?.clone();
+                let bytes = self.bytes(&name, LONGEST_TEXT)?;
+                (name, bytes)
+            }
+        };
+        String::from_utf8(bytes).map_err(|error| format!("{name}: {error}"))
     }
+}
+
+/// All bytes of something that may not have more than so many.
+fn read_most(file: impl Read, most: u64) -> Result<Vec<u8>, String> {
+    let mut bytes = Vec::new();
+    file.take(most + 1).read_to_end(&mut bytes).map_err(|error| error.to_string())?;
+    if bytes.len() as u64 > most {
+        return Err(format!("more than {most} bytes"));
+    }
+    Ok(bytes)
 }
 
 /// All elements of that name, however letters are written.
@@ -129,7 +166,12 @@ fn number(node: Node<'_, '_>, name: &'static str) -> Result<f64, String> {
     value.ok_or_else(|| format!("{name} is {}, expected a number", text.unwrap_or("missing")))
 }
 
-fn region(document: &Document<'_>, archive: &mut Archive, id: Option<&str>) -> Result<Region, String> {
+fn region(
+    document: &Document<'_>,
+    archive: &mut Archive,
+    id: Option<&str>,
+    rows: Option<Rows>,
+) -> Result<Region, String> {
     let root = document.root_element();
     let profile = attribute(root, "profile").unwrap_or("").to_ascii_lowercase();
     let found: Vec<Node<'_, '_>> = all(root, "region")
@@ -171,6 +213,7 @@ fn region(document: &Document<'_>, archive: &mut Archive, id: Option<&str>) -> R
         }
         None => None,
     };
+    let mut notes = Vec::new();
     let geometry = match profile.as_str() {
         "2d" => {
             let buffer = node.ancestors().find(|node| node.tag_name().name().eq_ignore_ascii_case("buffer"));
@@ -179,25 +222,56 @@ fn region(document: &Document<'_>, archive: &mut Archive, id: Option<&str>) -> R
                 [Some(width), Some(height)] if width > 0.0 && height > 0.0 => width / height,
                 _ => f64::from(size[0]) / f64::from(size[1]),
             };
-            let [x, y, wide, tall] = ["x", "y", "xsize", "ysize"].map(|name| number_of(node, name).unwrap_or(0.0));
-            let area = Area(x, y, x + wide, y + tall);
-            Geometry::Flat { aspect, part: area, warp }
+            let share = |name, usual| number_of(node, name).unwrap_or(usual);
+            let [x, y, wide, tall] = [share("x", 0.0), share("y", 0.0), share("xsize", 1.0), share("ysize", 1.0)];
+            // Sums of single precision may be a little more than all.
+            let edge = |share: f64| if (-1e-5..=1.0 + 1e-5).contains(&share) { share.clamp(0.0, 1.0) } else { share };
+            let part = Area(edge(x), edge(1.0 - y - tall), edge(x + wide), edge(1.0 - y));
+            if !part.is_part() {
+                let found = format!("x {x}, y {y}, xsize {wide}, ysize {tall}");
+                return Err(within(format!("{found}: expected a part of a buffer from 0 to 1")));
+            }
+            Geometry::Flat { aspect, part, warp: warp.map(|warp| upright(warp, rows)) }
         }
-        "3d" | "a3" | "a3d" => Geometry::Frustum(frustum(node).map_err(within)?, warp),
-        "sl" => match warp {
-            Some(points) => Geometry::Points(points),
+        "3d" => Geometry::Frustum(frustum(node).map_err(within)?, warp.map(|warp| upright(warp, rows))),
+        "a3" | "a3d" | "sl" => match warp {
+            Some(points) => {
+                let origin = path_in("geometryWarpFile").and_then(|(element, _)| all(element, "originOf3DData").next());
+                let origin = origin.and_then(|origin| origin.text()).map_or("", str::trim);
+                if !origin.is_empty() && !origin.eq_ignore_ascii_case("idealEyePoint") {
+                    notes.push(format!("region {id}: points are measured from {origin}, where the eye is taken to be"));
+                }
+                Geometry::Points(surface(points, rows))
+            }
             // Without points of the surface the projector stands at the eye.
-            None => Geometry::Frustum(frustum(node).map_err(within)?, None),
+            None => {
+                if all(node, "coordinateFrame").next().is_some() {
+                    notes.push(format!("region {id}: where the projector stands (coordinateFrame) is left out"));
+                }
+                Geometry::Frustum(frustum(node).map_err(within)?, None)
+            }
         },
         other => return Err(format!("its profile is {other:?}, expected 2d, 3d, a3 or sl")),
     };
-    let mut notes = Vec::new();
     for (name, what) in [("betaMap", "black levels"), ("distortionMap", "a lens distortion")] {
         if path_in(name).is_some() {
             notes.push(format!("region {id}: {what} ({name}) are left out"));
         }
     }
     Ok(Region { id, size, geometry, mask, notes })
+}
+
+/// A warp's shares of a picture, counted from the lower left corner, as deepfield has them: from the upper left one, rows from the top.
+fn upright(warp: Pfm, rows: Option<Rows>) -> Pfm {
+    let from_bottom = rows.map_or_else(|| warp.rises(), |rows| rows == Rows::Bottom);
+    let warp = if from_bottom { warp.turned() } else { warp };
+    warp.map(|[u, v, w]| [u, 1.0 - v, w])
+}
+
+/// A surface's points to the right, up and ahead, rows from the top.
+fn surface(points: Pfm, rows: Option<Rows>) -> Pfm {
+    let points = if rows == Some(Rows::Top) { points } else { points.turned() };
+    points.map(|[x, y, z]| if [x, y, z] == [0.0; 3] { [f32::NAN; 3] } else { [x, y, -z] })
 }
 
 fn number_of(node: Node<'_, '_>, name: &str) -> Option<f64> {
@@ -223,107 +297,4 @@ fn frustum(node: Node<'_, '_>) -> Result<Frustum, String> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use proptest::prelude::*;
-    use std::io::Write;
-
-    const RIG: &str = r#"<?xml version="1.0"?>
-<MPCDI profile="3d" geometry="1" color="1" date="2026-01-01" version="2.0"><display>
- <buffer id="dome" xResolution="4096" yResolution="2048">
-  <region id="one" xResolution="1920" yResolution="1080" x="0" y="0" xsize="0.5" ysize="1">
-   <frustum><yaw>-40.5</yaw><pitch>12</pitch><roll>3</roll><rightAngle>25</rightAngle><leftAngle>-30</leftAngle>
-    <upAngle>20</upAngle><downAngle>-15</downAngle></frustum>
-  </region>
-  <region id="two" xResolution="1280" yResolution="800" x="0.5" y="0.25" xsize="0.5" ysize="0.5">
-   <frustum><yaw>40</yaw><pitch>0</pitch><roll>0</roll><rightAngle>30</rightAngle><leftAngle>-30</leftAngle>
-    <upAngle>20</upAngle><downAngle>-20</downAngle></frustum>
-  </region>
- </buffer></display>
- <files>
-  <fileset region="one">
-   <geometryWarpFile><path>one.pfm</path><interpolation>linear</interpolation></geometryWarpFile>
-   <alphaMap><path>one.png</path><componentDepth>1</componentDepth><bitDepth>8</bitDepth><gammaEmbedded>2.2</gammaEmbedded></alphaMap>
-   <betaMap><path>black.png</path></betaMap>
-  </fileset>
- </files>
-</MPCDI>"#;
-
-    fn rig(text: &str) -> Vec<u8> {
-        let mut archive = zip::ZipWriter::new(std::io::Cursor::new(Vec::new()));
-        let mut pfm = b"PF\n3 2\n-1.0\n".to_vec();
-        for number in [0.1f32, 0.1, 0.0, 0.5, 0.1, 0.0, 0.9, 0.1, 0.0, 0.1, 0.9, 0.0, 0.5, 0.9, 0.0, 0.9, 0.9, 0.0] {
-            pfm.extend(number.to_le_bytes());
-        }
-        let folder = tempfile::tempdir().unwrap();
-        let picture = crate::raster::Image { width: 2, height: 1, rgba: vec![[128, 128, 128, 255], [255; 4]] };
-        crate::raster::output::write_png(&folder.path().join("a.png"), &picture).unwrap();
-        let png = std::fs::read(folder.path().join("a.png")).unwrap();
-        for (name, bytes) in [("mpcdi.xml", text.as_bytes()), ("one.pfm", &pfm), ("one.png", &png)] {
-            archive.start_file(name, zip::write::SimpleFileOptions::default()).unwrap();
-            archive.write_all(bytes).unwrap();
-        }
-        archive.finish().unwrap().into_inner()
-    }
-
-    fn written(bytes: &[u8]) -> (tempfile::TempDir, PathBuf) {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("rig.mpcdi");
-        std::fs::write(&path, bytes).unwrap();
-        (folder, path)
-    }
-
-    #[test]
-    fn regions_have_their_frustum_warp_and_blend() {
-        let (_folder, path) = written(&rig(RIG));
-        assert_eq!(regions(&path).unwrap(), ["one", "two"]);
-        let outputs = crate::outputs::OutputsFile::read(&path).unwrap().outputs;
-        assert_eq!(outputs.len(), 2);
-        let projector = crate::outputs::Projector::open(&outputs[0], path.parent().unwrap(), [640, 360]).unwrap();
-        assert!(projector.notes()[0].contains("black levels"), "{:?}", projector.notes());
-        let one = read(&path, Some("one")).unwrap();
-        let Geometry::Frustum(frustum, Some(warp)) = &one.geometry else { panic!("{:?}", one.geometry) };
-        let expected = Frustum { yaw: -40.5, pitch: 12.0, roll: 3.0, left: -30.0, right: 25.0, down: -15.0, up: 20.0 };
-        assert_eq!((one.size, *frustum), ([1920, 1080], expected));
-        let [u, v, _] = warp.at([0.25, 1.0]).unwrap();
-        assert!((u - 0.3).abs() < 1e-6 && (v - 0.9).abs() < 1e-6);
-        assert!((one.mask.unwrap().light[0] - (128f32 / 255.0).powf(2.2)).abs() < 1e-6);
-        assert!(one.notes.len() == 1 && one.notes[0].contains("betaMap"), "{:?}", one.notes);
-        let two = read(&path, Some("two")).unwrap();
-        assert!(matches!(two.geometry, Geometry::Frustum(_, None)) && two.mask.is_none());
-        let message = read(&path, None).unwrap_err().to_string();
-        assert!(message.contains("rig.mpcdi") && message.contains("one, two"), "{message}");
-
-        let (_folder, path) = written(&rig(&RIG.replace("profile=\"3d\"", "profile=\"2d\"")));
-        let two = read(&path, Some("two")).unwrap();
-        let Geometry::Flat { aspect, part, warp: None } = two.geometry else { panic!("{:?}", two.geometry) };
-        assert_eq!((aspect, part), (2.0, Area(0.5, 0.25, 1.0, 0.75)));
-
-        for (from, to, expected) in [
-            ("<yaw>-40.5</yaw>", "<yaw>left</yaw>", "yaw is left"),
-            ("<yaw>-40.5</yaw>", "", "yaw is missing"),
-            ("<rightAngle>25<", "<rightAngle>-31<", "right is -31"),
-            ("one.pfm", "none.pfm", "none.pfm"),
-            ("profile=\"3d\"", "profile=\"4d\"", "profile is \"4d\""),
-            ("</MPCDI>", "", "XML"),
-        ] {
-            let (_folder, path) = written(&rig(&RIG.replacen(from, to, 1)));
-            let message = read(&path, Some("one")).unwrap_err().to_string();
-            assert!(message.contains(expected) && message.contains("rig.mpcdi"), "{message}");
-        }
-    }
-
-    proptest! {
-        #![proptest_config(ProptestConfig::with_cases(64))]
-
-        #[test]
-        fn no_bytes_break_it(at in 0..4000usize, byte: u8, cut in 0..4000usize) {
-            let mut bytes = rig(RIG);
-            let length = bytes.len();
-            bytes[at % length] = byte;
-            bytes.truncate(length - cut % length / 4);
-            let (_folder, path) = written(&bytes);
-            let _ = (regions(&path).is_ok(), read(&path, Some("one")).is_ok());
-        }
-    }
-}
+mod tests;

@@ -71,6 +71,24 @@ impl Pfm {
         Ok(Pfm { columns, rows, points: numbers.as_chunks::<3>().0.to_vec() })
     }
 
+    /// The map with its rows in the other order.
+    pub fn turned(self) -> Pfm {
+        let rows = self.points.chunks(self.columns).rev();
+        Pfm { points: rows.flatten().copied().collect(), ..self }
+    }
+
+    /// The map of other numbers.
+    pub fn map(self, each: impl Fn([f32; 3]) -> [f32; 3]) -> Pfm {
+        Pfm { points: self.points.into_iter().map(each).collect(), ..self }
+    }
+
+    /// Whether the second number becomes larger from row to row, on the whole.
+    pub fn rises(&self) -> bool {
+        let step = |(above, below): (&[f32; 3], &[f32; 3])| f64::from(below[1]) - f64::from(above[1]);
+        let steps = self.points.iter().zip(&self.points[self.columns..]).map(step);
+        steps.filter(|step| step.is_finite()).sum::<f64>() > 0.0
+    }
+
     /// The map between its points, whose first and last lie on the edges: `at` is a share of the width and of the height. `None`
     /// outside and where a point beside it is no number.
     pub fn at(&self, [x, y]: [f64; 2]) -> Option<[f64; 3]> {

@@ -61,9 +61,9 @@ impl Projector {
             }
             Shows::Frustum(frustum) => Screen::of_frustum(frustum),
             Shows::Dome { aperture, tilt, part } => Screen::of_dome(*aperture, *tilt, *part, size),
-            Shows::Mpcdi { file, region } => {
+            Shows::Mpcdi { file, region, rows } => {
                 let path = folder.join(file);
-                let region = mpcdi::read(&path, region.as_deref())?;
+                let region = mpcdi::read(&path, region.as_deref(), *rows)?;
                 (mask, notes) = (region.mask, region.notes);
                 match region.geometry {
                     Geometry::Frustum(frustum, warped) => {
