@@ -52,7 +52,10 @@ impl Encoder {
             (first..).take(frames.count()).map(|number| arguments.name.file(folder, number, "png")).collect();
         match self {
             Encoder::MotionJpeg => Ok(avi::write(video, &files, frames.rate)?),
-            Encoder::Ffmpeg => ffmpeg(video, folder, first, frames, arguments),
+            Encoder::Ffmpeg => {
+                let made = ffmpeg(video, folder, &format!("{}.png", arguments.name), first, frames);
+                made.map_err(|error| format!("{error}; its frames are in {}", folder.display()).into())
+            }
         }
     }
 }
@@ -64,37 +67,46 @@ fn has_ffmpeg() -> bool {
     matches!(run.status(), Ok(status) if status.success())
 }
 
-fn ffmpeg(video: &Path, folder: &Path, first: u64, frames: &Frames, arguments: &Arguments) -> CommandResult {
+/// Makes a video of the pictures in a folder whose names have numbers from `first` on.
+fn ffmpeg(video: &Path, folder: &Path, pattern: &str, first: u64, frames: &Frames) -> Result<(), String> {
+    let place = |error: std::io::Error| format!("{}: {error}", video.display());
     // Under another name first; the extension says the format.
     let name = video.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
     let unfinished = video.with_file_name(format!(".deepfield-{name}"));
-    // A path that begins with a dash is no option.
-    let pattern = Path::new(".").join(folder).join(format!("{}.png", arguments.name));
     let mut command = Command::new("ffmpeg");
     command.args(["-hide_banner", "-loglevel", "error", "-nostdin", "-y"]);
-    command.args(["-framerate", &frames.rate.to_string(), "-start_number", &first.to_string(), "-i"]).arg(pattern);
+    // From their folder, whose own name may look like a pattern, and theirs like an option.
+    command.current_dir(folder).args(["-framerate", &frames.rate.to_string(), "-start_number", &first.to_string()]);
+    command.args(["-i", &format!("./{pattern}")]);
     command.args(["-frames:v", &frames.count().to_string()]);
-    // Sides of even length, which the usual players need.
-    command.args(["-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2,format=yuv420p"]);
-    match video.extension().and_then(|extension| extension.to_str()) {
-        Some("webm") => command.args(["-c:v", "libvpx-vp9", "-crf", "24", "-b:v", "0"]),
+    // Sides of even length, which the usual players need, and the colours that they take them for.
+    let filter = "pad=ceil(iw/2)*2:ceil(ih/2)*2,scale=out_color_matrix=bt709:out_range=tv,format=yuv420p";
+    command.args(["-vf", filter, "-colorspace", "bt709", "-color_primaries", "bt709", "-color_trc", "bt709"]);
+    command.args(["-color_range", "tv"]);
+    match video.extension() {
+        Some(extension) if extension.eq_ignore_ascii_case("webm") => {
+            command.args(["-c:v", "libvpx-vp9", "-crf", "24", "-b:v", "0"])
+        }
         _ => command.args(["-c:v", "libx264", "-crf", "16", "-preset", "slow", "-movflags", "+faststart"]),
     };
-    let output = command.arg(Path::new(".").join(&unfinished)).stdin(Stdio::null()).output();
+    let output = command.arg(std::path::absolute(&unfinished).map_err(place)?).stdin(Stdio::null()).output();
     let output = output.map_err(|error| format!("ffmpeg: {error}"))?;
     if !output.status.success() {
         let _ = std::fs::remove_file(&unfinished);
         let said = String::from_utf8_lossy(&output.stderr);
-        let said: Vec<&str> = said.lines().rev().take(2).collect();
-        return Err(format!("{}: ffmpeg failed ({}): {}", video.display(), output.status, said.join(" ")).into());
+        let lines: Vec<&str> = said.lines().collect();
+        let last = lines[lines.len().saturating_sub(2)..].join(" ");
+        return Err(format!("{}: ffmpeg failed ({}): {last}", video.display(), output.status));
     }
-    std::fs::rename(&unfinished, video).map_err(|error| format!("{}: {error}", video.display()))?;
-    Ok(())
+    std::fs::rename(&unfinished, video).map_err(place)
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed helper fails its test")]
 mod tests {
     use super::*;
+    use crate::raster::Image;
+    use crate::raster::output::write_png;
 
     #[test]
     fn names_say_who_encodes() {
@@ -105,5 +117,33 @@ mod tests {
             Err(message) => assert!(message.contains("--video a.avi"), "{message}"),
         }
         assert_eq!(frames_folder(Path::new("x/a.mp4")), Path::new("x/a.mp4.frames"));
+    }
+
+    /// Where ffmpeg is installed: a player that takes a video for one of high definition shows the colours of the pictures.
+    #[test]
+    fn colors_of_videos_are_those_of_their_frames() {
+        if !has_ffmpeg() {
+            return;
+        }
+        let folder = tempfile::Builder::new().prefix("100%d").tempdir().unwrap();
+        let (width, height) = (33, 17);
+        let image = Image { width, height, rgba: vec![[32, 192, 64, 255]; (width * height) as usize] };
+        for number in 7..10 {
+            write_png(&folder.path().join(format!("a-{number}.png")), &image).unwrap();
+        }
+        let frames = Frames::new(0.25, true, 12.0, [None, None]).unwrap();
+        for name in ["a.mp4", "a.WEBM"] {
+            let video = folder.path().join(name);
+            ffmpeg(&video, folder.path(), "a-%d.png", 7, &frames).unwrap();
+            let mut decode = Command::new("ffmpeg");
+            decode.args(["-v", "error", "-i"]).arg(&video);
+            decode.args(["-vf", "scale=in_color_matrix=bt709:in_range=tv", "-pix_fmt", "rgb24", "-f", "rawvideo", "-"]);
+            let decoded = decode.output().unwrap().stdout;
+            assert_eq!(decoded.len(), 3 * 34 * 18 * 3, "three frames with even sides");
+            let pixel = &decoded[3 * (34 * 9 + 12)..][..3];
+            assert!(pixel.iter().zip([32u8, 192, 64]).all(|(a, b)| a.abs_diff(b) <= 6), "{name}: {pixel:?}");
+        }
+        let error = ffmpeg(&folder.path().join("b.mp4"), folder.path(), "none-%d.png", 0, &frames).unwrap_err();
+        assert!(error.contains("b.mp4: ffmpeg failed") && error.contains("none-%d.png"), "{error}");
     }
 }
