@@ -94,6 +94,18 @@ fn send(socket: &UdpSocket, packet: &[u8], address: SocketAddr) {
     let _lost = socket.send_to(packet, address);
 }
 
+/// Who is in.
+#[derive(Default)]
+struct Guests {
+    addresses: HashMap<SocketAddr, ClientId>,
+    /// Those who have not said anything yet, and when they may be sent messages again. They understand nothing before netcode has told
+    /// them that they are in, and where that is lost it is said again only to whom nothing else was sent for a while.
+    new: HashMap<ClientId, Duration>,
+}
+
+/// Pause between messages to one who has not said anything yet: long enough for netcode to say in between that they are in.
+const NEW_PAUSE: Duration = Duration::from_millis(400);
+
 /// The leader's socket.
 pub(super) struct ServerSide {
     socket: UdpSocket,
@@ -101,7 +113,7 @@ pub(super) struct ServerSide {
     netcode: NetcodeServer,
     renet: RenetServer,
     now: Duration,
-    addresses: HashMap<SocketAddr, ClientId>,
+    guests: Guests,
     challenges: usize,
     buffer: Box<[u8; NETCODE_MAX_PACKET_BYTES]>,
 }
@@ -127,7 +139,7 @@ impl ServerSide {
             key,
             renet: RenetServer::new(channels()),
             now: Duration::ZERO,
-            addresses: HashMap::new(),
+            guests: Guests::default(),
             challenges: 0,
             buffer: Box::new([0; NETCODE_MAX_PACKET_BYTES]),
         })
@@ -146,7 +158,7 @@ impl ServerSide {
         for _ in 0..MOST_PACKETS {
             let Some((length, from)) = receive(&self.socket, &mut self.buffer[..]) else { break };
             let packet = &mut self.buffer[..length];
-            if !is_sound(packet) || (is_request(packet) && self.addresses.contains_key(&from)) {
+            if !is_sound(packet) || (is_request(packet) && self.guests.addresses.contains_key(&from)) {
                 continue;
             }
             let asks = is_request(packet);
@@ -154,15 +166,15 @@ impl ServerSide {
             if asks && matches!(result, ServerResult::PacketToSend { .. }) {
                 self.challenges += 1;
             }
-            take(result, &self.socket, &mut self.renet, &mut self.addresses);
+            take(result, &self.socket, &mut self.renet, &mut self.guests);
         }
         for client in self.netcode.clients_id() {
-            take(self.netcode.update_client(client), &self.socket, &mut self.renet, &mut self.addresses);
+            take(self.netcode.update_client(client), &self.socket, &mut self.renet, &mut self.guests);
         }
         for client in self.renet.disconnections_id() {
-            take(self.netcode.disconnect(client), &self.socket, &mut self.renet, &mut self.addresses);
+            take(self.netcode.disconnect(client), &self.socket, &mut self.renet, &mut self.guests);
         }
-        if self.challenges > MOST_CHALLENGES && self.addresses.is_empty() {
+        if self.challenges > MOST_CHALLENGES && self.guests.addresses.is_empty() {
             self.netcode = server(&self.key);
             self.challenges = 0;
         }
@@ -206,6 +218,12 @@ impl ServerSide {
     /// Sends what was given.
     pub(super) fn send(&mut self) {
         for client in self.renet.clients_id() {
+            if let Some(next) = self.guests.new.get_mut(&client) {
+                if self.now < *next {
+                    continue;
+                }
+                *next = self.now + NEW_PAUSE;
+            }
             for packet in self.renet.get_packets_to_send(client).unwrap_or_default() {
                 if let Ok((address, packet)) = self.netcode.generate_payload_packet(client, &packet) {
                     send(&self.socket, packet, address);
@@ -219,32 +237,30 @@ impl Drop for ServerSide {
     fn drop(&mut self) {
         // Followers need not wait for a silence.
         for client in self.netcode.clients_id() {
-            take(self.netcode.disconnect(client), &self.socket, &mut self.renet, &mut self.addresses);
+            take(self.netcode.disconnect(client), &self.socket, &mut self.renet, &mut self.guests);
         }
     }
 }
 
 /// Carries out what a packet means.
-fn take(
-    result: ServerResult<'_, '_>,
-    socket: &UdpSocket,
-    renet: &mut RenetServer,
-    addresses: &mut HashMap<SocketAddr, ClientId>,
-) {
+fn take(result: ServerResult<'_, '_>, socket: &UdpSocket, renet: &mut RenetServer, guests: &mut Guests) {
     match result {
         ServerResult::None => {}
         ServerResult::PacketToSend { addr, payload } => send(socket, payload, addr),
         ServerResult::Payload { client_id, payload } => {
+            guests.new.remove(&client_id);
             // Who is not known any more has nothing to say.
             let _gone = renet.process_packet_from(payload, client_id);
         }
         ServerResult::ClientConnected { client_id, addr, payload, .. } => {
-            addresses.insert(addr, client_id);
+            guests.addresses.insert(addr, client_id);
+            guests.new.insert(client_id, Duration::ZERO);
             renet.add_connection(client_id);
             send(socket, payload, addr);
         }
         ServerResult::ClientDisconnected { client_id, addr, payload } => {
-            addresses.remove(&addr);
+            guests.addresses.remove(&addr);
+            guests.new.remove(&client_id);
             renet.remove_connection(client_id);
             if let Some(payload) = payload {
                 send(socket, payload, addr);

@@ -19,7 +19,7 @@ impl Meeting {
         for _ in 0..20 {
             meeting.step();
         }
-        assert_eq!(meeting.server.addresses.len(), 1, "they meet");
+        assert_eq!(meeting.server.guests.addresses.len(), 1, "they meet");
         meeting
     }
 
@@ -36,12 +36,12 @@ impl Meeting {
     }
 
     fn follower(&self) -> SocketAddr {
-        *self.server.addresses.keys().next().unwrap()
+        *self.server.guests.addresses.keys().next().unwrap()
     }
 
     /// Still in the meeting: a message arrives each way.
     fn works(&mut self) {
-        let id = self.server.addresses.values().copied().next().unwrap();
+        let id = self.server.guests.addresses.values().copied().next().unwrap();
         self.client.give(RELIABLE, b"up".to_vec());
         assert!(self.server.give(id, RELIABLE, Bytes::from_static(b"down")));
         self.step();
@@ -82,7 +82,7 @@ fn strange_packets_from_the_addresses_of_both_change_nothing() {
         }
     }
     meeting.step();
-    assert_eq!(meeting.server.addresses.len(), 1);
+    assert_eq!(meeting.server.guests.addresses.len(), 1);
     meeting.works();
 }
 
@@ -136,6 +136,8 @@ struct Tapped {
     client_address: Option<SocketAddr>,
     to_leader: Vec<Vec<u8>>,
     to_follower: Vec<Vec<u8>>,
+    /// How many times that it is in is lost on the way to the follower.
+    loses: usize,
     now: Duration,
 }
 
@@ -147,14 +149,16 @@ impl Tapped {
         let server = ServerSide::bind("127.0.0.1:0".parse().unwrap(), key.clone()).unwrap();
         let client = ClientSide::new(Duration::ZERO, middle.local_addr().unwrap(), &key).unwrap();
         let (to_leader, to_follower) = (Vec::new(), Vec::new());
-        Tapped { server, client, middle, client_address: None, to_leader, to_follower, now: Duration::ZERO }
+        Tapped { server, client, middle, client_address: None, to_leader, to_follower, loses: 0, now: Duration::ZERO }
     }
 
     fn pass_on(&mut self) {
         let (leader, mut buffer) = (self.server.address().unwrap(), [0; 2000]);
         while let Some((length, from)) = receive(&self.middle, &mut buffer) {
             let packet = buffer[..length].to_vec();
-            if from == leader {
+            if from == leader && packet[0] & 0xf == KEEP_ALIVE && self.loses > 0 {
+                self.loses -= 1;
+            } else if from == leader {
                 send(&self.middle, &packet, self.client_address.unwrap());
                 self.to_follower.push(packet);
             } else {
@@ -176,6 +180,28 @@ impl Tapped {
     }
 }
 
+/// Netcode's word that a follower is in, and that it still is.
+const KEEP_ALIVE: u8 = 4;
+
+#[test]
+fn who_misses_that_they_are_in_is_told_again_within_a_second() {
+    let mut tapped = Tapped::new();
+    tapped.loses = 2;
+    let mut told = false;
+    for _ in 0..62 {
+        tapped.step();
+        // Something that has to arrive, and is sent again and again.
+        if let Some(client) = tapped.server.guests.addresses.values().next().copied().filter(|_| !told) {
+            told = tapped.server.give(client, RELIABLE, Bytes::from_static(b"welcome"));
+        }
+        if tapped.client.message(RELIABLE).is_some() {
+            assert_eq!(tapped.loses, 0);
+            return;
+        }
+    }
+    panic!("nothing arrives, connected: {}", tapped.client.netcode.is_connected());
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(12))]
     /// Packets of a real meeting that come again, or damaged, or cut, at either side: everything arrives once and as it was.
@@ -188,7 +214,7 @@ proptest! {
         let mut damage = damage.into_iter();
         for _ in 0..60 {
             tapped.step();
-            let clients: Vec<ClientId> = tapped.server.addresses.values().copied().collect();
+            let clients: Vec<ClientId> = tapped.server.guests.addresses.values().copied().collect();
             for &client in &clients {
                 tapped.server.give(client, RELIABLE, Bytes::from(vec![told]));
                 told += 1;
@@ -221,6 +247,6 @@ proptest! {
                 send(&tapped.middle, &packet[..place], to);
             }
         }
-        prop_assert!(tapped.server.addresses.len() == 1 && up > 40 && down > 40, "{up} {down}");
+        prop_assert!(tapped.server.guests.addresses.len() == 1 && up > 40 && down > 40, "{up} {down}");
     }
 }
