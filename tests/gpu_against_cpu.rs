@@ -217,6 +217,40 @@ fn work_is_split_where_buffers_are_small() {
     }
 }
 
+/// Parts, of which some do not hold the middle line of sight, meet without a seam: the columns and rows where they meet are as right as
+/// all others.
+#[test]
+fn a_picture_larger_than_textures_is_drawn_in_parts() {
+    let wide = Projection::Perspective { fov_y: 1.7 };
+    for (projection, h_min, h_max) in [(ORTHO, 0.001, 0.1), (PINHOLE, 0.001, 0.1), (wide, 0.01, 1.0)] {
+        let particles = particles(5_000, 1.0, h_min, h_max, 12);
+        let view = look(projection, 330, 270);
+        let cpu = particles.cpu(&view, CUBIC_SPLINE);
+        for backend in BACKENDS {
+            let mut request = particles.request(&view, CUBIC_SPLINE, backend);
+            request.device.constrained_limits =
+                Some(wgpu::Limits { max_texture_dimension_2d: 256, ..wgpu::Limits::default() });
+            let frame = render_headless(request).unwrap();
+            let name = format!("parts, {projection:?}, {}", backend.name());
+            assert!(frame.stats.splats.is_none(), "{name}: not in parts");
+            assert_same(&name, &frame, &cpu, 1e-3);
+            // Compute: 2 by 2 parts of 165 by 135 pixels.
+            if backend == Backend::Compute {
+                let beside = |pixel: usize| {
+                    let (x, y) = (pixel % 330, pixel / 330);
+                    (164..166).contains(&x) || (134..136).contains(&y)
+                };
+                let (mut wrong, mut all) = (0.0, 0.0);
+                for pixel in (0..cpu.p.len()).filter(|&pixel| beside(pixel)) {
+                    wrong += f64::from((frame.accumulation.p[pixel] - cpu.p[pixel]).abs());
+                    all += f64::from(cpu.p[pixel]);
+                }
+                assert!(all > 0.0 && wrong < 1e-3 * all, "{name}: {wrong} of {all} where parts meet");
+            }
+        }
+    }
+}
+
 #[test]
 fn crowded_tiles_lose_nothing() {
     // All in a few tiles: more splats than a driver's loop may take rounds.

@@ -8,6 +8,7 @@
 /// What the projection needs of the view; to be read once, not for each particle.
 struct Camera {
     size: vec2<f32>,
+    middle: vec2<f32>,
     focal: f32,
     near: f32,
     perspective: bool,
@@ -23,6 +24,7 @@ struct Camera {
 fn camera() -> Camera {
     return Camera(
         vec2<f32>(view.size),
+        view.middle,
         view.focal,
         view.near,
         view.perspective != 0u,
@@ -51,7 +53,7 @@ fn project(camera: Camera, particle: Particle) -> Projected {
     let in_front = p.z > camera.near;
     let depth = select(1.0, max(p.z, camera.near), perspective);
     let magnification = camera.focal / depth;
-    let center = half_size + vec2(p.x, -p.y) * magnification;
+    let center = camera.middle + vec2(p.x, -p.y) * magnification;
 
     // The smoothing length, or the length that has the wanted radius in pixels on the axis.
     let h = select(particle.smoothing_length, camera.fixed_radius / magnification, camera.fixed_radius > 0.0);
@@ -71,9 +73,12 @@ fn project(camera: Camera, particle: Particle) -> Projected {
     let reach = select(minor, far_side, perspective && !is_point);
 
     // Outside one of the four sides of the frustum by more than h?
-    let slope = half_size / camera.focal;
-    let side = (abs(p.xy) - slope * p.z) * inverseSqrt(1.0 + slope * slope);
-    let outside_cone = any(side > vec2(h));
+    let rest = camera.size - camera.middle;
+    let slope_low = vec2(camera.middle.x, rest.y) / camera.focal;
+    let slope_high = vec2(rest.x, camera.middle.y) / camera.focal;
+    let side_low = (-p.xy - slope_low * p.z) * inverseSqrt(1.0 + slope_low * slope_low);
+    let side_high = (p.xy - slope_high * p.z) * inverseSqrt(1.0 + slope_high * slope_high);
+    let outside_cone = any(max(side_low, side_high) > vec2(h));
     let outside_box = any(abs(center - half_size) > half_size + minor);
     let visible = in_front && h > 0.0 && minor > 0.0 && !select(outside_box, outside_cone, perspective && !is_point);
 
@@ -99,7 +104,7 @@ fn project(camera: Camera, particle: Particle) -> Projected {
         let radius = sqrt(spread.xz);
         let whole = weight * inverseSqrt(determinant);
         // The middle line is not the sphere's mean: outwards a pixel sees less of an angle. First order of that.
-        let tangent = (center - half_size) / camera.focal;
+        let tangent = (center - camera.middle) / camera.focal;
         let mean = vec2(dot(spread.xy, tangent), dot(spread.yz, tangent))
             * (4.0 * camera.moment / (camera.focal * (1.0 + dot(tangent, tangent))));
         result.splat.head = vec4(select(center, center + mean, perspective && !is_point), 1.0 / radius);

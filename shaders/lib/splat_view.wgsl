@@ -49,6 +49,9 @@ struct SplatView {
     size: vec2<u32>,
     /// Size of the atlas that the blended technique draws all levels into.
     atlas: vec2<u32>,
+    /// Where the middle line of sight meets the picture, pixels: outside of a part that does not hold it.
+    middle: vec2<f32>,
+    unused: vec2<f32>,
     /// Pixels per world unit (at depth 1 in perspective).
     focal: f32,
     near: f32,
@@ -112,7 +115,7 @@ const DROPPED: u32 = 4u;
 
 /// 1 / |ray|^2 for the ray through a pixel position, where |ray| = 1 along the axis: turns a particle's quadratic
 /// form into the squared distance between the ray and the particle's centre (F12 4.9.1).
-fn oblique(view_size: vec2<u32>, focal: f32, perspective: u32, pixel: vec2<f32>) -> f32 {
-    let offset = (pixel - 0.5 * vec2<f32>(view_size)) / focal;
+fn oblique(middle: vec2<f32>, focal: f32, perspective: u32, pixel: vec2<f32>) -> f32 {
+    let offset = (pixel - middle) / focal;
     return select(1.0, 1.0 / (1.0 + dot(offset, offset)), perspective != 0u);
 }

@@ -238,11 +238,11 @@ fn main(
     place.y_top = corner.y + (ROWS + 0.5) * grid.scale;
     place.y_bottom = place.y_top + 4.0 * grid.scale;
     for (var i = 0; i < 4; i++) {
-        place.oblique_top[i] = oblique(view.size, view.focal, view.perspective, vec2(place.x, place.y_top[i]));
-        place.oblique_bottom[i] = oblique(view.size, view.focal, view.perspective, vec2(place.x, place.y_bottom[i]));
+        place.oblique_top[i] = oblique(view.middle, view.focal, view.perspective, vec2(place.x, place.y_top[i]));
+        place.oblique_bottom[i] = oblique(view.middle, view.focal, view.perspective, vec2(place.x, place.y_bottom[i]));
     }
     place.y_lane = corner.y + (f32(local.x) + 0.5) * grid.scale;
-    place.axis = 0.5 * vec2<f32>(view.size);
+    place.axis = view.middle;
     place.focal = view.focal;
     place.middle = corner + 4.0 * grid.scale;
     place.half_edge = 4.0 * grid.scale;

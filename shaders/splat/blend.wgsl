@@ -57,10 +57,9 @@ fn sampled(splat: Splat, pixel: vec2<f32>, kind: u32) -> f32 {
     let d = pixel - splat.head.xy;
     var square = splat.head.z * d.x * d.x + 2.0 * splat.head.w * d.x * d.y + splat.tail.x * d.y * d.y;
 #ifdef OBLIQUE
-    square *= oblique(view.size, view.focal, view.perspective, pixel);
+    square *= oblique(view.middle, view.focal, view.perspective, pixel);
     if kind == EVERYWHERE && splat.tail.w > 0.0 {
-        let middle = 0.5 * vec2<f32>(view.size);
-        let along = dot(splat.head.xy - middle, pixel - middle) / (view.focal * view.focal);
+        let along = dot(splat.head.xy - view.middle, pixel - view.middle) / (view.focal * view.focal);
         square = select(1.0, square, 1.0 + along > 0.0);
     }
 #endif

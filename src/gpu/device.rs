@@ -3,7 +3,8 @@
 //! Bevy's own initialisation panics where no adapter is found; a program without a display should say instead what to
 //! install. `WGPU_ADAPTER_NAME`, `WGPU_BACKEND` and `WGPU_POWER_PREF` choose among several adapters.
 
-use super::capabilities::{Capabilities, Withheld};
+use super::capabilities::{Capabilities, Technique, Withheld};
+use super::view::Backend;
 use bevy::render::renderer::{
     RenderAdapter, RenderAdapterInfo, RenderDevice, RenderInstance, RenderQueue, WgpuWrapper,
 };
@@ -48,8 +49,8 @@ pub enum GpuError {
     /// The driver reported an error while drawing; it is in the log.
     #[error("the graphics driver failed while drawing {0}")]
     Failed(String),
-    /// Not even the smallest part of a volume fits.
-    #[error("the graphics memory is too small for a part of the volume ({0})")]
+    /// Not even the smallest part of a picture or a volume fits.
+    #[error("the graphics memory is too small for a part of the picture ({0})")]
     NoRoom(String),
     /// Particle data larger than what the adapter can hold.
     #[error("{needed} bytes of particles exceed the adapter's memory budget of {budget} bytes")]
@@ -92,6 +93,20 @@ pub struct Gpu {
     pub queue: RenderQueue,
     /// The adapter itself.
     pub handle: RenderAdapter,
+}
+
+impl Gpu {
+    /// The technique for a backend.
+    ///
+    /// # Errors
+    /// [`GpuError::Unsupported`].
+    pub fn technique(&self, backend: Backend) -> Result<Technique, GpuError> {
+        self.capabilities.technique(backend).map_err(|missing| GpuError::Unsupported {
+            adapter: self.adapter.clone(),
+            backend: backend.name(),
+            missing,
+        })
+    }
 }
 
 /// Opens the adapter that the environment asks for, or the fastest one.

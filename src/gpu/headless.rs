@@ -1,12 +1,13 @@
 //! Draws one view without a window, until its picture is complete, and reads it back.
 
-use super::device::{DeviceOptions, GpuError};
+use super::device::{DeviceOptions, GpuError, open};
+use super::parts::Parts;
 use super::renderer::HeadlessRenderer;
 use super::scene::{NodeUpload, TableEntry};
 use super::timing::{PassTimes, median};
 use super::view::{Backend, Footprint};
 use crate::raster::Accumulation;
-use crate::raster::composite::Image as Picture;
+use crate::raster::composite::{self, Image as Picture};
 use crate::raster::sample::Sample;
 use crate::raster::transfer::TransferFunction;
 use crate::view::View;
@@ -73,24 +74,45 @@ pub struct HeadlessStats {
     pub backend: &'static str,
     /// Particles that were looked at.
     pub particles: u64,
-    /// Splats that reach the picture, where the technique counts them.
+    /// Splats that reach the picture, where the technique counts them and there are no parts.
     pub splats: Option<u64>,
-    /// Median milliseconds of each GPU pass, where the adapter can tell.
+    /// Median milliseconds of each GPU pass, where the adapter can tell; of a part where there are parts.
     pub passes: PassTimes,
     /// Median milliseconds from the start of a frame to the end of all its GPU work.
     pub frame: f64,
 }
 
-/// Draws one view.
+/// Draws one view, in parts where the adapter cannot hold all of it.
 ///
 /// # Errors
 /// [`GpuError`]: no adapter, one that cannot carry the backend out, a shader that does not compile on it, too little memory.
-pub fn render_headless(request: HeadlessRequest) -> Result<HeadlessFrame, GpuError> {
-    let mut renderer = HeadlessRenderer::open(&request)?;
+pub fn render_headless(mut request: HeadlessRequest) -> Result<HeadlessFrame, GpuError> {
+    let gpu = open(&request.device)?;
+    let technique = gpu.technique(request.backend)?;
+    let whole = request.view;
+    let parts = Parts::of(&whole, request.footprint, technique, &gpu.device.limits())
+        .ok_or_else(|| GpuError::NoRoom(format!("{}x{} pixels", whole.width, whole.height)))?;
+    request.view = parts.view(&whole, 0);
+    let mut renderer = HeadlessRenderer::new(gpu, technique, &request)?;
     renderer.complete()?;
     let (mut frames, passes) = renderer.measure(request.repeat)?;
-    let (accumulation, splats) = renderer.accumulation(request.attribute)?;
+    let (mut accumulation, mut splats) = renderer.accumulation(request.attribute)?;
+    if parts.count() > 1 {
+        let first =
+            std::mem::replace(&mut accumulation, Accumulation::new(whole.width, whole.height, request.attribute));
+        parts.join(&mut accumulation, &first, 0);
+        // Splats on an edge were counted in both parts.
+        splats = None;
+        for index in 1..parts.count() {
+            renderer.look(parts.view(&whole, index));
+            renderer.complete()?;
+            let (times, _) = renderer.measure(request.repeat)?;
+            frames.iter_mut().zip(times).for_each(|(frame, time)| *frame += time);
+            parts.join(&mut accumulation, &renderer.accumulation(request.attribute)?.0, index);
+        }
+    }
     let picture = match &request.transfer {
+        Some(transfer) if parts.count() > 1 => Some(composite::composite(&accumulation, transfer)),
         Some(transfer) => Some(renderer.colors(transfer, &accumulation)?),
         None => None,
     };

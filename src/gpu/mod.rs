@@ -18,6 +18,7 @@ pub mod composite;
 pub mod device;
 pub mod headless;
 pub mod page_copies;
+pub mod parts;
 pub mod readback;
 pub mod renderer;
 pub mod scene;

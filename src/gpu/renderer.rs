@@ -3,7 +3,7 @@
 
 use super::DeepfieldRenderPlugins;
 use super::capabilities::Technique;
-use super::device::{GpuError, open};
+use super::device::{Gpu, GpuError, open};
 use super::headless::HeadlessRequest;
 use super::readback::{read_buffer, read_texture};
 use super::scene::{NodeState, ParticleScene};
@@ -13,6 +13,7 @@ use super::view::{Composite, DrawItem, SplatView};
 use crate::raster::Accumulation;
 use crate::raster::composite::Image as Picture;
 use crate::raster::transfer::TransferFunction;
+use crate::view::View;
 use bevy::asset::RenderAssetUsages;
 use bevy::camera::RenderTarget;
 use bevy::core_pipeline::tonemapping::Tonemapping;
@@ -53,11 +54,15 @@ impl HeadlessRenderer {
     /// [`GpuError`]: no adapter, one that cannot carry the backend out, or too little memory.
     pub fn open(request: &HeadlessRequest) -> Result<HeadlessRenderer, GpuError> {
         let gpu = open(&request.device)?;
-        let technique = gpu.capabilities.technique(request.backend).map_err(|missing| GpuError::Unsupported {
-            adapter: gpu.adapter.clone(),
-            backend: request.backend.name(),
-            missing,
-        })?;
+        let technique = gpu.technique(request.backend)?;
+        HeadlessRenderer::new(gpu, technique, request)
+    }
+
+    /// Uploads the particles to an open adapter, which can hold all of the view.
+    ///
+    /// # Errors
+    /// [`GpuError`]: too little memory.
+    pub fn new(gpu: Gpu, technique: Technique, request: &HeadlessRequest) -> Result<HeadlessRenderer, GpuError> {
         let bytes: u64 = request.nodes.iter().map(|node| node.upload.payload.bytes()).sum();
         // Fragments at the end of chunks are lost; twice the bytes always suffices.
         let scene = ParticleScene::new((2 * bytes).max(64 << 20), u64::MAX);
@@ -158,6 +163,11 @@ impl HeadlessRenderer {
     /// Draws something else from now on.
     pub fn show(&mut self, view: SplatView) {
         self.app.world_mut().entity_mut(self.camera).insert(view);
+    }
+
+    /// Draws the same from another camera from now on.
+    pub fn look(&mut self, from: View) {
+        self.view_mut(|view| view.view = from);
     }
 
     /// Draws one frame and waits for it.

@@ -69,7 +69,7 @@ pub struct View {
     /// Picture height, pixels.
     pub height: u32,
     /// Where the middle line of sight meets the picture, from its middle, pixels to the right and down: not zero for a part of
-    /// a larger picture, and for an eye beside the middle of a screen. Only the processor draws such views.
+    /// a larger picture, and for an eye beside the middle of a screen.
     pub shift: [f64; 2],
     /// What is left out and faded.
     pub cut: Cut,

@@ -267,6 +267,8 @@ fn written(path: &str, name: &str) -> Option<Layout> {
             forward,
             size,
             atlas,
+            middle,
+            unused,
             focal,
             near,
             perspective,

@@ -71,6 +71,10 @@ pub struct SplatUniform {
     pub size: [u32; 2],
     /// Size of a texture that holds all levels: the finest to the left, the others in a column to its right.
     pub atlas: [u32; 2],
+    /// Where the middle line of sight meets the picture, pixels.
+    pub middle: [f32; 2],
+    /// Padding.
+    pub unused: [f32; 2],
     /// Pixels per world unit (at depth 1 in perspective).
     pub focal: f32,
     /// Particles at this depth or before it are dropped.
@@ -259,8 +263,8 @@ impl Grids {
         let level_count = (doublings.max(0.0) as usize + 1).min(MAX_LEVELS);
         let margin = if perspective {
             // A sphere's picture at the corner is longer than wide by the secant of the angle off the axis.
-            let half_diagonal = 0.5 * f64::from(view.width).hypot(f64::from(view.height)) / focal;
-            (1.15 * half_diagonal.hypot(1.0)).ceil().clamp(1.0, 12.0) as u32
+            let [x, y] = view.edges().map(|[low, high]| high.max(-low));
+            (1.15 * x.hypot(y).hypot(1.0)).ceil().clamp(1.0, 12.0) as u32
         } else {
             1
         };
@@ -312,6 +316,8 @@ impl Grids {
             forward: axis(view.forward),
             size: [view.width, view.height],
             atlas,
+            middle: view.middle().map(|pixels| pixels as f32),
+            unused: [0.0; 2],
             focal: focal as f32,
             near: 0.0,
             perspective: u32::from(perspective),
