@@ -7,6 +7,8 @@
 pub mod crew;
 mod drawing;
 mod lettering;
+#[cfg(target_os = "linux")]
+mod monitors;
 mod placing;
 
 use super::camera::{CameraSystems, Viewpoint};
