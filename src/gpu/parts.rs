@@ -34,9 +34,9 @@ impl Parts {
             if parts.part[longer] <= SMALLEST {
                 return None;
             }
-            parts.counts[longer] += 1;
-            parts.part[longer] = whole[longer].div_ceil(parts.counts[longer]);
-            // Rounded up, fewer may do.
+            // As many as make them smaller; rounded up, fewer may do.
+            let count = whole[longer].div_ceil(parts.part[longer] - 1);
+            parts.part[longer] = whole[longer].div_ceil(count);
             parts.counts[longer] = whole[longer].div_ceil(parts.part[longer]);
         }
         Some(parts)
