@@ -338,6 +338,33 @@ mod tests {
     }
 
     #[test]
+    fn on_the_move_it_is_drawn_again_and_again() {
+        let mut window = window();
+        window.ask(Asked::Seek(7.9));
+        wait(&mut window, "the first picture", |app| app.world().resource::<Before>().drawn.is_some());
+        window.ask(Asked::Toggle);
+        window.frame(0.1);
+        let mut views = Vec::new();
+        while window.player().state().unwrap().time < 8.85 {
+            // The clock stands while it is drawn.
+            let number = before(&window).number();
+            window.frame(0.1);
+            wait(&mut window, "another picture", |app| app.world().resource::<Before>().number() > number);
+            views.push(before(&window).drawn.as_ref().unwrap().wanted.key.view);
+            assert!(before(&window).fade().is_some() && !before(&window).is_settled());
+        }
+        assert!(views.len() > 6 && views.windows(2).all(|pair| pair[0].eye != pair[1].eye), "{}", views.len());
+        assert!(views.iter().all(|view| view.width < 900), "smaller in motion");
+        // At rest it becomes what it is to be.
+        window.ask(Asked::Seek(9.0));
+        window.ask(Asked::Toggle);
+        wait(&mut window, "rest", |app| app.world().resource::<Before>().is_settled());
+        let state = window.player().state().unwrap().clone();
+        let view = before(&window).drawn.as_ref().unwrap().wanted.key.view;
+        assert!(view.eye.to_array() == state.blend.unwrap().camera.eye && view.width == 900);
+    }
+
+    #[test]
     fn what_comes_soon_is_known() {
         let timeline = Timeline::new(&TourFile::parse("test", TOUR).unwrap(), &surroundings()).unwrap();
         let at =
