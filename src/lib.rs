@@ -21,6 +21,7 @@ pub mod raster;
 pub mod scene_file;
 pub mod store;
 pub mod stream;
+pub mod supervisor;
 pub mod synth;
 pub mod tour;
 pub mod view;

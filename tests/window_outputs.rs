@@ -1,5 +1,5 @@
-//! Outputs in windows of their own: bent and blended they are the dome master of the processor; one that is killed comes back, and all
-//! end with the presenter's window.
+//! Outputs in windows of their own: bent and blended they are the dome master of the processor, with a tour's words; one that is killed
+//! comes back, as the presenter's does, which goes on where it was; and all end with the presenter's window, or with what keeps them open.
 #![cfg(all(feature = "viewer", target_os = "linux"))]
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "what fails here fails the test")]
 
@@ -104,15 +104,112 @@ fn outputs_are_parts_of_the_dome_master_and_come_back() {
     shown("after it was opened again");
 
     // All end with the presenter's window.
-    let windows: Vec<u64> = (0..2).filter_map(|index| process(&leader.status(), index)).collect();
-    assert_eq!(windows.len(), 2);
+    let windows = windows(&leader.status());
+    assert_eq!(windows.len(), 3);
     stage.close(stage.window().unwrap());
     assert_eq!(leader.exit_code(), Some(0));
+    wait_for_the_end(&windows);
+}
+
+/// The processes of all windows: the presenter's and its outputs'.
+fn windows(status: &Value) -> Vec<u64> {
+    let outputs = (0..2).filter_map(|index| process(status, index));
+    status["process"].as_u64().into_iter().chain(outputs).collect()
+}
+
+fn wait_for_the_end(windows: &[u64]) {
     let begin = Instant::now();
     while windows.iter().any(|process| is_running(*process)) {
         assert!(begin.elapsed() < PATIENCE, "windows are left behind: {windows:?}");
         std::thread::sleep(Duration::from_millis(100));
     }
+}
+
+/// How much of the bright letters of a part of a picture is bright on the screen, and how much of those on the screen in the picture, to
+/// a pixel.
+fn letters(screen: &Screen, at: [u32; 2], master: &Image, corner: [u32; 2], side: u32) -> [f64; 2] {
+    let is_bright = |pixel: [u8; 3]| pixel.iter().all(|&channel| channel > 150);
+    let on_screen = |x: u32, y: u32| is_bright(screen.at((at[0] + x) as usize, (at[1] + y) as usize));
+    let in_master = |x: u32, y: u32| {
+        let [r, g, b, _] = master.rgba[((corner[1] + y) * master.width + corner[0] + x) as usize];
+        is_bright([r, g, b])
+    };
+    let share = |of: &dyn Fn(u32, u32) -> bool, found: &dyn Fn(u32, u32) -> bool| {
+        let all = (1..side - 1).flat_map(|y| (1..side - 1).map(move |x| (x, y))).filter(|&(x, y)| of(x, y));
+        let near = |&(x, y): &(u32, u32)| (y - 1..=y + 1).any(|y| (x - 1..=x + 1).any(|x| found(x, y)));
+        let all: Vec<(u32, u32)> = all.collect();
+        if all.len() < 40 { 0.0 } else { all.iter().filter(|place| near(place)).count() as f64 / all.len() as f64 }
+    };
+    [share(&in_master, &on_screen), share(&on_screen, &in_master)]
+}
+
+#[test]
+fn words_are_where_the_dome_master_has_them_and_a_presenter_that_fails_goes_on() {
+    const SIDE: u32 = 500;
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let demo = window_support::demo();
+    let tour = format!(
+        r#"(version: 1, dataset: (path: {demo:?}), keyframes: [
+            (at: 0.0, mode: "column-density", error_px: 1.0, caption: "WORDS AMONG THE DIRECTIONS",
+             camera: (eye: (25.0, 25.0, 55.0), target: (25.0, 25.0, 25.0)), transfer: (scale: log, range: fixed(20.0, 20000.0))),
+            (at: 1.0, hold: true),
+        ])"#
+    );
+    std::fs::write(at("show.tour.ron"), tour).unwrap();
+    let rig = format!(
+        r#"(version: 1, outputs: [
+            (name: "left", window: (760, 0, {SIDE}, {SIDE}), shows: dome(tilt: 30.0, part: (0.0, 0.5, 0.5, 1.0))),
+            (name: "right", window: (760, 520, 180, 180), shows: dome(tilt: 30.0, part: (0.5, 0.5, 1.0, 1.0))),
+        ])"#
+    );
+    std::fs::write(at("rig.ron"), rig).unwrap();
+    let mut master = Command::new(env!("CARGO_BIN_EXE_deepfield"));
+    master.arg("tour").arg(at("show.tour.ron")).args(["--frame", "30"]).arg(at("master.png"));
+    master.args(["--projection", "dome", "--tilt", "30", "--size", &format!("{0}x{0}", 2 * SIDE)]);
+    assert!(master.env("XDG_CACHE_HOME", folder.path()).status().unwrap().success());
+    let master = read_png(&at("master.png")).unwrap();
+
+    let stage = Desktop::start();
+    let (rig, tour) = (at("rig.ron"), at("show.tour.ron"));
+    let show = ["--backend", "cpu", "--outputs", rig.to_str().unwrap(), "--tour", tour.to_str().unwrap()];
+    // Beside its outputs, so that it does not cover them when it is opened again.
+    let mut leader = Program::open(&stage, folder.path(), &demo, [740, 700], &show);
+    let is_there = |status: &Value| status["tour"]["waiting"] == 1 && status["converged"] == true && in_step(status);
+    let first = leader.wait("a tour that waits, with two outputs in step", is_there);
+    let shown = |what: &str| {
+        let begin = Instant::now();
+        loop {
+            let shares = letters(&stage.screenshot(), [760, 0], &master, [0, SIDE], SIDE);
+            if shares.iter().all(|share| *share > 0.8) {
+                return;
+            }
+            assert!(begin.elapsed() < PATIENCE, "{what}: {shares:?} of the letters");
+            std::thread::sleep(Duration::from_millis(300));
+        }
+    };
+    shown("the words");
+    keep(&stage, "outputs-words.png");
+
+    // The presenter's window fails as hard as it can, a second after what it shows has been kept.
+    std::thread::sleep(Duration::from_millis(2500));
+    let before = windows(&first);
+    assert!(Command::new("kill").args(["-9", &before[0].to_string()]).status().unwrap().success());
+    let back = leader.wait("a presenter's window that goes on", |status| {
+        status["process"].as_u64().is_some_and(|process| process != before[0]) && is_there(status)
+    });
+    assert_eq!(windows(&back)[1..], before[1..], "the audience's windows stay");
+    for name in ["eye", "target", "settings"] {
+        assert_eq!(back[name], first[name], "{name}");
+    }
+    assert_eq!(back["tour"]["time"], first["tour"]["time"]);
+    assert!(back["messages"].to_string().contains("this window has failed"), "{:#}", back["messages"]);
+    shown("the words after the presenter's window was opened again");
+
+    // All end with the process that keeps them open.
+    let windows = windows(&back);
+    drop(leader);
+    wait_for_the_end(&windows);
 }
 
 /// Whether a process is there and has not ended.

@@ -79,22 +79,25 @@ pub enum Action {
     ToggleRight,
     /// Shows or hides the help page.
     ToggleHelp,
+    /// Fills the screen, or does not any more.
+    ToggleFullscreen,
     /// Saves the window as a PNG.
     Screenshot,
     /// Switches between orbiting and flying.
     ToggleFly,
     /// Flies back to the whole dataset.
     Home,
-    /// Leaves the help page, then flying, then the program.
+    /// Leaves the help page, then flying, then the full screen, then the program.
     Leave,
 }
 
 /// The keys of the actions that happen at the press of a key.
-pub const KEYS: [(KeyCode, Action); 10] = [
+pub const KEYS: [(KeyCode, Action); 11] = [
     (KeyCode::Tab, Action::TogglePanel),
     (KeyCode::F2, Action::ToggleLeft),
     (KeyCode::F3, Action::ToggleRight),
     (KeyCode::F1, Action::ToggleHelp),
+    (KeyCode::F11, Action::ToggleFullscreen),
     (KeyCode::F12, Action::Screenshot),
     (KeyCode::KeyP, Action::Screenshot),
     (KeyCode::KeyF, Action::ToggleFly),
@@ -171,10 +174,12 @@ pub const HELP: [(&str, &[(&str, &str)]); 6] = [
             ("F2  F3", "those at the left, at the right"),
             ("Ctrl+Z  Ctrl+Y", "undo, redo settings"),
             ("Ctrl+S", "save the scene"),
+            ("F11", "fill the screen"),
             ("F12  or  P", "save the window as a PNG"),
             ("F1", "this page"),
             ("Drop a file", "open it"),
-            ("Esc", "leave help, a tool, flying, the program"),
+            ("Esc", "leave help, a tool, flying, the full screen, the program"),
+            ("Ctrl+Q", "end the program, or a show"),
         ],
     ),
 ];

@@ -36,6 +36,7 @@ pub mod scene_io;
 pub mod screenshot;
 pub mod shortcuts;
 pub mod statistics;
+pub mod supervised;
 pub mod touring;
 pub mod transfer_presets;
 
@@ -46,14 +47,14 @@ mod ui;
 mod volume_caster;
 
 pub use live::LiveParticles;
-pub use options::{AppError, Extension, OpenRequest, Opener, OutputsRequest, Show, WindowOptions};
+pub use options::{AppError, Extension, OpenRequest, Opener, Show, WindowOptions};
 pub use preset::{Backend, Preset};
 
 use crate::gpu::{DeepfieldRenderPlugins, ParticleScene};
 use bevy::camera::CameraUpdateSystems;
 use bevy::log::LogPlugin;
 use bevy::prelude::*;
-use bevy::window::{CursorOptions, PresentMode, WindowResolution};
+use bevy::window::{CursorOptions, PresentMode, WindowMode, WindowResolution};
 use bevy_egui::{EguiPlugin, EguiPostUpdateSet, EguiPrimaryContextPass};
 use camera::{CameraPlugin, CameraSystems};
 use pages::PageSystems;
@@ -63,20 +64,27 @@ use pages::PageSystems;
 /// # Errors
 ///
 /// [`AppError::NoDisplay`] where there is no display, [`AppError::Preset`] where the preset is refused,
-/// [`AppError::Network`],
-/// [`AppError::Output`] and [`AppError::Crew`] where the show cannot be led or shown, [`AppError::Failed`] where the event loop ends with an error.
-pub fn run_window(options: WindowOptions) -> Result<(), AppError> {
+/// [`AppError::Network`] and [`AppError::Output`] where the show cannot be led or shown, [`AppError::Failed`] where the event loop ends
+/// with an error, as it does when the adapter is lost.
+pub fn run_window(mut options: WindowOptions) -> Result<(), AppError> {
     let shown = |name| std::env::var_os(name).is_some_and(|value| !value.is_empty());
     if cfg!(target_os = "linux") && !shown("DISPLAY") && !shown("WAYLAND_DISPLAY") {
         return Err(AppError::NoDisplay);
     }
     let preset = options.resolved_preset()?;
+    // A follower is told what it is to show.
+    let of_its_own = options.open.is_some();
+    let went_on = options.supervised.as_ref().filter(|_| of_its_own).and_then(supervised::resume::State::read);
+    let went_on = went_on.map(|(state, scene)| {
+        (options.open, options.tour) = (Some(OpenRequest::of(scene)), None);
+        state
+    });
     let mut app = App::new();
     preset_assets::register_sources(&mut app);
     app.add_plugins(
         DefaultPlugins
             .set(WindowPlugin {
-                primary_window: Some(primary_window(&preset)),
+                primary_window: Some(primary_window(&preset, options.fullscreen)),
                 primary_cursor_options: Some(CursorOptions {
                     // The audience has no mouse.
                     visible: !matches!(options.show, Some(Show::Follow { .. })),
@@ -87,18 +95,18 @@ pub fn run_window(options: WindowOptions) -> Result<(), AppError> {
             // Packets that are refused are an everyday matter, and no news.
             .set(LogPlugin { filter: "warn,deepfield=info,wgpu_hal=error,renetcode=off".to_owned(), ..default() }),
     );
-    let WindowOptions { extension, show, output, outputs, .. } = options.clone();
+    let WindowOptions { extension, show, output, supervised, .. } = options.clone();
     // What is wrong with its files is said before there is a window.
     let output = output.map(|(file, name)| output::OutputWindow::open(&file, &name)).transpose()?;
     app.add_plugins(WindowApp { options, preset });
     if let Some(show) = show {
         network::add(&mut app, &show)?;
-        if let (Some(outputs), options::Show::Lead { key, .. }) = (outputs, &show) {
-            output::add_crew(&mut app, output::crew::Crew::new(outputs, key)?);
-        }
     }
     if let Some(output) = output {
         output::add(&mut app, output);
+    }
+    if let Some(folder) = supervised {
+        supervised::add(&mut app, folder, of_its_own, went_on);
     }
     if let Some(extend) = extension {
         extend(&mut app);
@@ -110,8 +118,9 @@ pub fn run_window(options: WindowOptions) -> Result<(), AppError> {
 }
 
 /// The window as the preset asks for it.
-fn primary_window(preset: &Preset) -> Window {
+fn primary_window(preset: &Preset, fullscreen: bool) -> Window {
     Window {
+        mode: if fullscreen { shortcuts::FULLSCREEN } else { WindowMode::Windowed },
         title: "deepfield".to_owned(),
         name: Some("deepfield".to_owned()),
         resolution: WindowResolution::new(preset.window.width, preset.window.height),

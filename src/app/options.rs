@@ -1,13 +1,12 @@
 //! What a caller hands to the window, and the errors that keep it from opening.
 
-use super::output::crew::CrewError;
 use super::preset::{Backend, Preset, PresetError};
 use crate::model::progress::Progress;
 use crate::network::{NetworkError, ShowKey};
 use crate::outputs::OutputError;
 use crate::scene_file::Member;
+use crate::supervisor::RunFolder;
 use bevy::prelude::App;
-use std::ffi::OsString;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -59,17 +58,6 @@ pub enum Show {
     },
 }
 
-/// Windows for the outputs of a presenter's machine.
-#[derive(Clone, Debug)]
-pub struct OutputsRequest {
-    /// The file that describes them.
-    pub file: PathBuf,
-    /// Their names in it.
-    pub names: Vec<String>,
-    /// Options of `deepfield view` for all of them.
-    pub arguments: Vec<OsString>,
-}
-
 /// How the window starts.
 #[derive(Clone)]
 pub struct WindowOptions {
@@ -83,6 +71,8 @@ pub struct WindowOptions {
     pub preset: String,
     /// The renderer; the preset's where it is `None`.
     pub backend: Option<Backend>,
+    /// Whether it fills the screen.
+    pub fullscreen: bool,
     /// The screen-space error in pixels; the preset's where it is `None`.
     pub error_px: Option<f64>,
     /// Milliseconds that a picture in motion may take; the preset's where it is `None`.
@@ -101,8 +91,8 @@ pub struct WindowOptions {
     pub show: Option<Show>,
     /// The output that it displays: a file of outputs and a name in it. For one who follows.
     pub output: Option<(PathBuf, String)>,
-    /// The outputs that are opened beside it. For one who leads.
-    pub outputs: Option<OutputsRequest>,
+    /// Where it finds the process that keeps it open, if there is one.
+    pub supervised: Option<RunFolder>,
 }
 
 impl WindowOptions {
@@ -114,6 +104,7 @@ impl WindowOptions {
             size: None,
             preset: "desktop".to_owned(),
             backend: None,
+            fullscreen: false,
             error_px: None,
             frame_ms: None,
             mode: None,
@@ -123,7 +114,7 @@ impl WindowOptions {
             tour: None,
             show: None,
             output: None,
-            outputs: None,
+            supervised: None,
         }
     }
 
@@ -167,9 +158,6 @@ pub enum AppError {
     /// The output cannot be displayed.
     #[error(transparent)]
     Output(#[from] OutputError),
-    /// The outputs cannot be opened.
-    #[error(transparent)]
-    Crew(#[from] CrewError),
     /// The event loop ended with an error; the log says which.
     #[error("the window closed after an error")]
     Failed,

@@ -12,7 +12,9 @@ use super::scene::{Scene, Settings};
 use super::shortcuts::Shown;
 use crate::model::FamilyName;
 use crate::modes;
-use crate::scene_file::{Attribute, Bookmark, Camera, DatasetRef, Member, Panels, SceneFile, dataset::relative_to};
+use crate::scene_file::{
+    Attribute, Bookmark, Camera, DatasetRef, Fingerprint, Member, Panels, SceneFile, dataset::relative_to,
+};
 use crate::store::PartInfo;
 use crate::tour::Look;
 use bevy::ecs::system::SystemParam;
@@ -53,6 +55,43 @@ pub struct SceneParts<'w> {
     closed: ResMut<'w, Closed>,
     shown: ResMut<'w, Shown>,
     objects: ResMut<'w, Objects>,
+}
+
+impl SceneParts<'_> {
+    /// Where the scene is saved, if that is known.
+    pub fn saves_to(&self) -> Option<&Path> {
+        self.files.path.as_deref()
+    }
+
+    /// Says where the scene is saved from now on.
+    pub fn save_to(&mut self, path: Option<PathBuf>) {
+        self.files.path = path;
+    }
+}
+
+/// The open data as files elsewhere name it, by whole paths; looked at once, because its fingerprints have to be read.
+#[derive(Debug, Default)]
+pub(super) struct ShownData {
+    generation: u32,
+    datasets: Vec<DatasetRef>,
+}
+
+impl ShownData {
+    /// The datasets of the scene, with the families that the settings show.
+    pub fn of(&mut self, scene: &Scene, settings: &Settings) -> Vec<DatasetRef> {
+        if self.generation != scene.generation {
+            let of = |member: &Member| DatasetRef {
+                path: member.path.canonicalize().unwrap_or_else(|_| member.path.clone()),
+                fingerprint: Fingerprint::of(&member.path).ok(),
+                families: None,
+                offset: member.offset.to_array(),
+                scale: member.scale,
+            };
+            (self.generation, self.datasets) = (scene.generation, scene.members.iter().map(of).collect());
+        }
+        let data = self.datasets.iter().cloned().zip(families_of(scene, settings));
+        data.map(|(dataset, families)| DatasetRef { families, ..dataset }).collect()
+    }
 }
 
 /// A viewpoint with the settings' lens, as files keep it.
@@ -122,20 +161,15 @@ pub(super) fn look_of(scene: &SceneFile) -> Look {
     }
 }
 
-/// The scene that the window shows, to be saved at `path`.
-fn scene_file(
-    scene: &Scene,
+/// The scene that the window shows of these datasets, to be saved at `path`.
+pub(super) fn scene_file(
+    datasets: Vec<DatasetRef>,
     settings: &Settings,
     viewpoint: &Viewpoint,
     picture: &Picture,
     parts: &SceneParts<'_>,
     path: &Path,
 ) -> SceneFile {
-    let dataset = |(member, families): (&Member, _)| {
-        let (offset, scale) = (member.offset.to_array(), member.scale);
-        DatasetRef { families, offset, scale, ..DatasetRef::of(&member.path, path) }
-    };
-    let datasets = scene.members.iter().zip(families_of(scene, settings)).map(dataset).collect();
     let size = picture.size();
     SceneFile {
         size: Some((size.x, size.y)),
@@ -175,7 +209,12 @@ pub(super) fn save(
     }
     let Some(scene) = scene else { return };
     let path = parts.files.path.clone().unwrap_or_else(|| first_path(&scene.path));
-    let file = scene_file(&scene, &settings, &camera, &picture, &parts, &path);
+    let dataset = |(member, families): (&Member, _)| {
+        let (offset, scale) = (member.offset.to_array(), member.scale);
+        DatasetRef { families, offset, scale, ..DatasetRef::of(&member.path, &path) }
+    };
+    let datasets = scene.members.iter().zip(families_of(&scene, &settings)).map(dataset).collect();
+    let file = scene_file(datasets, &settings, &camera, &picture, &parts, &path);
     match file.write(&path) {
         Ok(()) => {
             messages.info(format!("scene saved in {}", path.display()));

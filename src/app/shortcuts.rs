@@ -4,13 +4,18 @@ use super::camera::{Anchor, DataDistance, Flight, Fly, Navigation, Viewpoint};
 use super::input::{Action, KEYS, PointerOwner, is_control};
 use super::looking::tool::Tool;
 use super::messages::Messages;
+use super::network::Leading;
 use super::panel::Dock;
 use super::picture::{DataCamera, Picture};
 use super::preset::Preset;
 use super::scene::{Scene, home};
 use super::screenshot;
 use bevy::prelude::*;
+use bevy::window::{PrimaryWindow, WindowMode};
 use bevy_panorbit_camera::PanOrbitCamera;
+
+/// A window that fills the monitor that it is on.
+pub const FULLSCREEN: WindowMode = WindowMode::BorderlessFullscreen(MonitorSelection::Current);
 
 /// What is shown beside the picture.
 #[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -61,15 +66,20 @@ pub(super) fn run_shortcuts(
     mut shown: ResMut<Shown>,
     mut tool: ResMut<Tool>,
     mut messages: ResMut<Messages>,
-    mut exit: MessageWriter<AppExit>,
+    (mut exit, leading): (MessageWriter<AppExit>, Option<Res<Leading>>),
+    mut windows: Query<&mut Window, With<PrimaryWindow>>,
     camera: Single<
         (Entity, &mut Navigation, &mut Fly, &mut Viewpoint, &mut Anchor, &mut PanOrbitCamera),
         With<DataCamera>,
     >,
 ) {
+    let mut window = windows.single_mut().ok();
     let (entity, mut navigation, mut fly, mut viewpoint, mut anchor, mut orbit) = camera.into_inner();
     // With Ctrl, keys do other things: see `history` and `scene_io`.
     let control = is_control(&keys);
+    if control && keys.just_pressed(KeyCode::KeyQ) {
+        exit.write(AppExit::Success);
+    }
     let pressed = KEYS.iter().filter(|(key, _)| !control && keys.just_pressed(*key)).map(|(_, action)| *action);
     for action in pressed {
         if !owner.keyboard_is_free() && action != Action::Leave {
@@ -80,6 +90,11 @@ pub(super) fn run_shortcuts(
             Action::ToggleLeft => shown.toggle(Dock::Left),
             Action::ToggleRight => shown.toggle(Dock::Right),
             Action::ToggleHelp => shown.help = !shown.help,
+            Action::ToggleFullscreen => {
+                if let Some(window) = &mut window {
+                    window.mode = if window.mode == WindowMode::Windowed { FULLSCREEN } else { WindowMode::Windowed };
+                }
+            }
             Action::Screenshot => screenshot::take(&mut commands),
             Action::ToggleFly => {
                 commands.entity(entity).remove::<Flight>();
@@ -112,6 +127,13 @@ pub(super) fn run_shortcuts(
                 *navigation = Navigation::Orbit;
                 *anchor = Anchor::adopt(&viewpoint, &mut orbit);
             }
+            Action::Leave if window.as_ref().is_some_and(|window| window.mode != WindowMode::Windowed) => {
+                if let Some(window) = &mut window {
+                    window.mode = WindowMode::Windowed;
+                }
+            }
+            // An audience is watching.
+            Action::Leave if leading.is_some() => messages.info("Ctrl+Q ends the show"),
             Action::Leave => {
                 exit.write(AppExit::Success);
             }

@@ -8,13 +8,13 @@ use super::looking::report::Report;
 use super::messages::Messages;
 use super::network::{Following, Leading};
 use super::open::Openings;
-use super::output::crew::Crew;
 use super::panel::Closed;
 use super::picture::{DataCamera, Picture};
 use super::scene::{Scene, Settings};
 use super::scene_io::SceneFiles;
 use super::shortcuts::Shown;
 use super::statistics::{Converged, Statistics};
+use super::supervised::Supervised;
 use super::touring::{Player, Ranges};
 use super::ui::Controls;
 use crate::annotate::Annotations;
@@ -77,7 +77,7 @@ impl ShowStatus<'_> {
     fn of<'a>(
         leading: Option<&'a Leading>,
         following: Option<&'a Following>,
-        crew: Option<&'a Crew>,
+        supervised: Option<&'a Supervised>,
     ) -> Option<ShowStatus<'a>> {
         if let Some(following) = following.map(Following::follower) {
             let (address, joined) = (Some(following.leader()), following.is_joined());
@@ -85,7 +85,7 @@ impl ShowStatus<'_> {
         }
         let leader = leading?.leader();
         let all = leader.followers().iter().map(|info| (info.name.as_str(), info.is_here, info.is_in_step()));
-        let outputs = crew.map_or_else(Vec::new, |crew| crew.running().collect());
+        let outputs = supervised.map_or_else(Vec::new, |supervised| supervised.outputs().collect());
         Some(ShowStatus { role: "leader", address: leader.address(), joined: true, followers: all.collect(), outputs })
     }
 }
@@ -96,6 +96,8 @@ const INTERVAL_SECS: f64 = 0.1;
 /// The state; lengths in physical pixels and world units.
 #[derive(Serialize)]
 struct Status<'a> {
+    /// The number of the window's process.
+    process: u32,
     open: Option<&'a std::path::Path>,
     opening: Option<&'a std::path::Path>,
     panel: bool,
@@ -164,7 +166,7 @@ pub(super) fn write_status(
     (history, files, closed, controls): (Res<History>, Res<SceneFiles>, Res<Closed>, Res<Controls>),
     looking: LookingState,
     (player, ranges, look): (Res<Player>, Res<Ranges>, Option<Res<Look>>),
-    (leading, following, crew): (Option<Res<Leading>>, Option<Res<Following>>, Option<Res<Crew>>),
+    (leading, following, supervised): (Option<Res<Leading>>, Option<Res<Following>>, Option<Res<Supervised>>),
     camera: Single<(&Viewpoint, &Navigation), With<DataCamera>>,
 ) {
     let file = file.bypass_change_detection();
@@ -175,6 +177,7 @@ pub(super) fn write_status(
     let opening = openings.progress();
     let corners = [picture.rect.min, picture.rect.max].map(|corner| corner * picture.scale);
     let status = Status {
+        process: std::process::id(),
         open: scene.as_ref().map(|scene| scene.path.as_path()),
         opening: opening.as_ref().map(|(path, ..)| *path),
         panel: shown.panel,
@@ -228,7 +231,7 @@ pub(super) fn write_status(
             path: player.path(),
             exposed: ranges.progress(),
         }),
-        show: ShowStatus::of(leading.as_deref(), following.as_deref(), crew.as_deref()),
+        show: ShowStatus::of(leading.as_deref(), following.as_deref(), supervised.as_deref()),
         looking: Report::of(&looking, &settings.selections),
         controls: controls
             .0

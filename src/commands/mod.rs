@@ -28,6 +28,8 @@ mod scene_arguments;
 pub mod select;
 pub mod statistics;
 mod studio;
+#[cfg(feature = "viewer")]
+mod supervise;
 pub mod synth;
 pub mod tour;
 pub mod verify;

@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
   deepfield view hipparcos.csv --mode points
   deepfield view before.hdf5 --with after.hdf5@120,0,0   two datasets side by side
   deepfield view snapshot_099.scene.ron            what was saved with Ctrl+S
-  deepfield view --tour assets/tours/demo.ron      Space plays and stands, arrows lead on and back
+  deepfield view --tour assets/tours/demo.ron --fullscreen    Space plays and stands, arrows lead on and back
   deepfield view snapshot_099.hdf5 --lead --show-key show.key      others follow: docs/shows.md
   deepfield view snapshot_099.hdf5 --follow 192.168.0.10 --show-key show.key --name left
   deepfield view snapshot_099.hdf5 --outputs dome.ron                 a window for each projector of this machine
@@ -94,6 +94,12 @@ pub struct Settings {
     /// For a follower: the output that it displays.
     #[arg(long, value_name = "FILE.ron#NAME", requires = "follow", value_parser = named_output)]
     pub output: Option<(PathBuf, String)>,
+    /// Fills the screen; F11 does so later.
+    #[arg(long, conflicts_with = "output")]
+    pub fullscreen: bool,
+    /// For the windows of a show, which one process keeps open: where it is told what.
+    #[arg(long, hide = true, value_name = "FOLDER")]
+    pub supervised: Option<PathBuf>,
     /// Preset: desktop, laptop or headless.
     #[arg(long, value_name = "NAME", default_value = "desktop")]
     pub preset: String,
@@ -128,38 +134,43 @@ fn address(text: &str) -> Result<SocketAddr, String> {
 /// # Errors
 /// When the source cannot be opened or drawing fails.
 pub fn run(arguments: &Arguments) -> CommandResult {
-    let path = match (&arguments.path, &arguments.settings.tour, &arguments.settings.scene) {
+    let settings = &arguments.settings;
+    let path = match (&arguments.path, &settings.tour, &settings.scene) {
         (Some(path), ..) => path.clone(),
-        (None, Some(tour), None) => data_of_tour(tour)?,
+        (None, Some(tour), None) => data_of_tour(tour, settings.supervised.is_none())?,
         (None, ..) => PathBuf::new(),
     };
+    let leads_or_follows = [settings.lead.is_some(), settings.follow.is_some(), settings.outputs.is_some()];
+    if settings.show_key.is_some() && !leads_or_follows.contains(&true) {
+        return Err("--show-key goes with --lead, --follow or --outputs".into());
+    }
     // Found out here, a missing file is an error on the command line rather than a message in an empty window.
     let is_given = !path.as_os_str().is_empty();
-    if is_given && super::cache::is_page_file(&path)? && arguments.settings.simulate {
+    if is_given && super::cache::is_page_file(&path)? && settings.simulate {
         return Err(format!("{}: --simulate takes a snapshot, this is a page file", path.display()).into());
     }
-    if arguments.settings.follow.is_some() && is_scene_file(&path) {
+    if settings.follow.is_some() && is_scene_file(&path) {
         return Err(
             format!("{}: --follow takes data, not a scene: the leader says what is shown", path.display()).into()
         );
     }
-    let scene = arguments.settings.scene.as_deref().or_else(|| is_scene_file(&path).then_some(path.as_path()));
+    let scene = settings.scene.as_deref().or_else(|| is_scene_file(&path).then_some(path.as_path()));
     if let Some(scene) = scene {
         let read = SceneFile::read(scene)?;
-        if arguments.settings.scene.is_none() || !is_given {
+        if settings.scene.is_none() || !is_given {
             read.locate(scene)?;
         }
     }
-    show(&path, &arguments.settings)
+    show(&path, settings)
 }
 
-/// The data that a tour names.
-fn data_of_tour(tour: &Path) -> Result<PathBuf, Box<dyn std::error::Error + Send + Sync>> {
+/// The data that a tour names; `tell`: says what is to be known about it.
+fn data_of_tour(tour: &Path, tell: bool) -> Result<PathBuf, Box<dyn std::error::Error + Send + Sync>> {
     let Some(dataset) = TourFile::read(tour)?.dataset else {
         return Err(format!("{}: the tour names no data: name some before --tour", tour.display()).into());
     };
     let located = dataset.locate(tour)?;
-    located.notes.iter().for_each(|note| eprintln!("deepfield: {note}"));
+    located.notes.iter().filter(|_| tell).for_each(|note| eprintln!("deepfield: {note}"));
     Ok(located.members.into_iter().next().map(|member| member.path).unwrap_or_default())
 }
 
@@ -170,6 +181,9 @@ fn data_of_tour(tour: &Path) -> Result<PathBuf, Box<dyn std::error::Error + Send
 pub fn show(path: &Path, settings: &Settings) -> CommandResult {
     #[cfg(feature = "viewer")]
     let reason = if has_display() {
+        if settings.supervised.is_none() && super::supervise::is_show(settings) {
+            return super::supervise::supervise(path, settings);
+        }
         match crate::gpu::device::probe() {
             Ok(_) => return window(path, settings),
             Err(error) => format!("No window: {error}"),
@@ -210,6 +224,7 @@ fn has_display() -> bool {
 fn window(path: &Path, settings: &Settings) -> CommandResult {
     use crate::app::live::orbits::{Orbits, OrbitsPlugin};
     use crate::app::{Backend, OpenRequest, WindowOptions, run_window};
+    use crate::supervisor::RunFolder;
     use std::sync::Arc;
     let show = part_in_show(path, settings)?;
     let opener = Arc::new(|path: &Path, progress: &dyn crate::model::Progress| {
@@ -228,7 +243,8 @@ fn window(path: &Path, settings: &Settings) -> CommandResult {
     let mut options = WindowOptions::new(request, opener);
     options.show = show;
     options.output = settings.output.clone();
-    options.outputs = settings.outputs.as_deref().map(|file| outputs_of(file, path, settings)).transpose()?;
+    options.supervised = settings.supervised.as_deref().map(RunFolder::at);
+    options.fullscreen = settings.fullscreen;
     options.size = settings.size.map(|size| (size.width, size.height));
     options.preset = settings.preset.clone();
     options.backend = settings.backend.map(|backend| match backend {
@@ -261,51 +277,19 @@ fn part_in_show(
 ) -> Result<Option<crate::app::Show>, Box<dyn std::error::Error + Send + Sync>> {
     use crate::app::Show;
     use crate::network::ShowKey;
-    let key = match &settings.show_key {
-        Some(key) => ShowKey::read(key)?,
-        // Windows of this machine alone need no key that others have.
-        None if settings.outputs.is_some() => ShowKey::random(),
-        None => return Ok(None),
-    };
-    let own = settings.outputs.as_ref().map(|_| SocketAddr::from((std::net::Ipv4Addr::LOCALHOST, 0)));
-    Ok(match (settings.lead.or(own), settings.follow) {
-        (Some(address), _) => Some(Show::Lead { address, key }),
-        (None, Some(leader)) => {
+    use crate::supervisor::RunFolder;
+    let Some(folder) = settings.supervised.as_deref().map(RunFolder::at) else { return Ok(None) };
+    let key = || ShowKey::read(&folder.key());
+    Ok(match (settings.follow, folder.leads_at()) {
+        (None, Some(address)) => Some(Show::Lead { address, key: key()? }),
+        (Some(leader), _) => {
             let named = (!path.as_os_str().is_empty()).then(|| path.to_owned());
             let data = named.into_iter().chain(settings.with.iter().map(|member| member.path.clone())).collect();
-            Some(Show::Follow { leader, key, name: settings.name.clone().unwrap_or_else(machine), data })
+            let name = settings.name.clone().unwrap_or_else(machine);
+            Some(Show::Follow { leader, key: key()?, name, data })
         }
-        (None, None) => return Err("--show-key goes with --lead or --follow".into()),
+        (None, None) => None,
     })
-}
-
-/// The windows of a file's outputs, which follow this one.
-#[cfg(feature = "viewer")]
-fn outputs_of(
-    file: &Path,
-    path: &Path,
-    settings: &Settings,
-) -> Result<crate::app::OutputsRequest, Box<dyn std::error::Error + Send + Sync>> {
-    use crate::app::output::OutputWindow;
-    let outputs = crate::outputs::OutputsFile::read(file)?;
-    let names: Vec<String> = outputs.outputs.into_iter().map(|output| output.name).collect();
-    for name in &names {
-        OutputWindow::open(file, name)?;
-    }
-    let mut arguments = Vec::new();
-    if !path.as_os_str().is_empty() && !is_scene_file(path) {
-        arguments.push(path.as_os_str().to_owned());
-    }
-    arguments.extend(["--preset".into(), settings.preset.clone().into()]);
-    if let Some(frame_ms) = settings.frame_ms {
-        arguments.extend(["--frame-ms".into(), frame_ms.to_string().into()]);
-    }
-    if let Some(backend) = settings.backend {
-        use clap::ValueEnum;
-        let name = backend.to_possible_value().map(|value| value.get_name().to_owned()).unwrap_or_default();
-        arguments.extend(["--backend".into(), name.into()]);
-    }
-    Ok(crate::app::OutputsRequest { file: file.to_owned(), names, arguments })
 }
 
 /// What this machine is called.

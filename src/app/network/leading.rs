@@ -6,10 +6,9 @@ use super::super::messages::Messages;
 use super::super::objects::Objects;
 use super::super::picture::{DataCamera, Picture};
 use super::super::scene::{Scene, Settings};
-use super::super::scene_io::{camera_of, families_of, with_settings};
+use super::super::scene_io::{ShownData, camera_of, with_settings};
 use super::super::touring::Player;
 use crate::network::{Frame, Leader, LeaderEvent, Moment, Ranges, Severity};
-use crate::scene_file::{DatasetRef, Fingerprint};
 use crate::tour::TourFile;
 use bevy::prelude::*;
 use std::path::{Path, PathBuf};
@@ -18,8 +17,8 @@ use std::path::{Path, PathBuf};
 #[derive(Resource)]
 pub struct Leading {
     leader: Leader,
-    /// The data as followers are told of it, and its [`Scene::generation`].
-    data: (u32, Vec<DatasetRef>),
+    /// The data as followers are told of it.
+    data: ShownData,
     sent: Option<Sent>,
     tour: Option<(TourFile, PathBuf)>,
     told_address: bool,
@@ -35,7 +34,7 @@ struct Sent {
 impl Leading {
     /// Leads.
     pub fn new(leader: Leader) -> Leading {
-        Leading { leader, data: (0, Vec::new()), sent: None, tour: None, told_address: false }
+        Leading { leader, data: ShownData::default(), sent: None, tour: None, told_address: false }
     }
 
     /// Who is led.
@@ -57,19 +56,7 @@ impl Leading {
                 return;
             }
         }
-        if self.data.0 != scene.generation {
-            let of = |member: &crate::scene_file::Member| DatasetRef {
-                path: member.path.canonicalize().unwrap_or_else(|_| member.path.clone()),
-                fingerprint: Fingerprint::of(&member.path).ok(),
-                families: None,
-                offset: member.offset.to_array(),
-                scale: member.scale,
-            };
-            self.data = (scene.generation, scene.members.iter().map(of).collect());
-        }
-        let families = families_of(scene, settings);
-        let data = self.data.1.iter().cloned().zip(families);
-        let datasets = data.map(|(dataset, families)| DatasetRef { families, ..dataset }).collect();
+        let datasets = self.data.of(scene, settings);
         let labels = labels.map(Path::to_owned);
         let mut file = with_settings(datasets, settings);
         file.labels = labels.as_ref().map(|path| path.canonicalize().unwrap_or_else(|_| path.clone()));

@@ -1,10 +1,9 @@
 //! A window for the audience that shows its output's part of a show: on its monitor, bent and blended as its rig says.
 //!
 //! A follower's camera is the show's ([`super::network`]). [`aim`] turns it to what the output displays, [`drawing`] bends the
-//! picture and darkens what overlaps with others, [`placing`] keeps the window on its monitor. [`crew`] starts such windows for
-//! the outputs of this machine, and starts them again when they fail.
+//! picture and darkens what overlaps with others, [`placing`] keeps the window on its monitor. [`crate::supervisor`] opens such
+//! windows for the outputs of this machine, and opens them again when they fail.
 
-pub mod crew;
 mod drawing;
 mod lettering;
 #[cfg(target_os = "linux")]
@@ -17,7 +16,6 @@ use super::picture::{DataCamera, Picture};
 use crate::outputs::{Cover, Mesh, Monitor, Output, OutputError, OutputsFile, Projector};
 use crate::view::{Projection, View, ViewError};
 use bevy::prelude::*;
-use bevy::render::error_handler::RenderErrorHandler;
 use bevy::window::PrimaryWindow;
 use bevy_egui::egui;
 use std::path::{Path, PathBuf};
@@ -120,14 +118,6 @@ pub fn add(app: &mut App, window: OutputWindow) {
         .init_resource::<placing::Placed>()
         .add_systems(Update, placing::place_window)
         .add_systems(PostUpdate, aim.after(CameraSystems::Settle));
-}
-
-/// Makes a presenter's window open those of its outputs.
-pub fn add_crew(app: &mut App, crew: crew::Crew) {
-    app.insert_resource(crew)
-        .insert_resource(RenderErrorHandler(crew::outlive))
-        .add_systems(PreUpdate, crew::watch)
-        .add_systems(Last, crew::end);
 }
 
 /// Turns the picture to what the output displays.

@@ -40,6 +40,11 @@ impl Clock {
         *self = Clock { set_at: now, said: time.max(0.0), running, waiting: None };
     }
 
+    /// Sets it to what the clock of another window said, which ran, stood, or waited at a keyframe.
+    pub fn resume(&mut self, now: f64, time: f64, running: bool, waiting: Option<usize>) {
+        *self = Clock { set_at: now, said: time.max(0.0), running, waiting };
+    }
+
     /// Lets it run, past a keyframe that waits; from the beginning where the tour is over.
     pub fn run(&mut self, now: f64, timeline: &Timeline) {
         let time = match self.waiting {

@@ -11,6 +11,7 @@ use crate::app::panel::Choices;
 use crate::app::picture::{DataCamera, Picture};
 use crate::app::scene::{Scene, Settings};
 use crate::app::scene_io::{camera_of, viewpoint_of};
+use crate::app::supervised::resume::Moment;
 use crate::model::FamilyName;
 use crate::scene_file::DatasetRef;
 use crate::tour::{Look, State, Surroundings, Timeline, TourFile};
@@ -58,6 +59,8 @@ pub enum Asked {
     Caption(usize, String),
     /// Save it.
     Save,
+    /// Go on where another window was.
+    GoOn(Moment),
 }
 
 /// The open tour.
@@ -130,6 +133,11 @@ impl Player {
     /// Whether edits are not saved.
     pub fn is_edited(&self) -> bool {
         self.edited
+    }
+
+    /// Takes a tour that another window had.
+    pub fn restore(&mut self, tour: TourFile, path: Option<PathBuf>, edited: bool) {
+        *self = Player { tour: Some(tour), path, edited, ..Player::default() };
     }
 
     fn open(&mut self, path: PathBuf, messages: &mut Messages) {
@@ -268,7 +276,8 @@ pub fn play(
     let names: Vec<FamilyName> = scene.file.metadata().families.iter().map(|family| family.name).collect();
     let seen = (camera_of(&viewpoint, &settings.lens), look::of(&settings, &names));
     for asked in std::mem::take(&mut player.asked) {
-        let take_over = matches!(asked, Asked::Toggle | Asked::Next | Asked::Back | Asked::Seek(_) | Asked::Go(_));
+        let take_over =
+            matches!(asked, Asked::Toggle | Asked::Next | Asked::Back | Asked::Seek(_) | Asked::Go(_) | Asked::GoOn(_));
         carry_out(player, asked, now, &scene, &seen, &mut messages);
         if player.timeline.is_none() {
             player.resolve(&scene, aspect, &mut messages);
@@ -387,6 +396,9 @@ fn carry_out(
                 Some(_) => player.clock.run(now, &timeline),
                 None => player.clock.set(now, timeline.next(time)),
             }
+        }
+        (Asked::GoOn(moment), Some(_)) => {
+            player.clock.resume(now, moment.time, moment.running, moment.waiting);
         }
         (Asked::Back, Some(timeline)) => {
             let time = timeline.within(player.clock.time(now));
