@@ -238,8 +238,7 @@ mod tests {
         let process: u32 = read("left").trim().parse().unwrap();
         assert!(heard.contains(&Line::Output { name: "left".into(), process: Some(process) }), "{heard:?}");
         assert!(heard.iter().any(|line| matches!(line, Line::Said(text) if text.contains("9"))), "{heard:?}");
-        let went_on: Vec<bool> =
-            read("states").lines().map(|line| !line.contains(':')).collect();
+        let went_on: Vec<bool> = read("states").lines().map(|line| !line.contains(':')).collect();
         assert_eq!(
             went_on,
             [false, true, true, false],
