@@ -340,8 +340,12 @@ mod tests {
     #[test]
     fn on_the_move_it_is_drawn_again_and_again() {
         let mut window = window();
+        // Ranges that are found later are another picture.
+        let all = |app: &App| matches!(app.world().resource::<Ranges>().progress(), [known, all] if known == all);
+        wait(&mut window, "ranges", all);
         window.ask(Asked::Seek(7.9));
         wait(&mut window, "the first picture", |app| app.world().resource::<Before>().drawn.is_some());
+        wait(&mut window, "its thread", |app| app.world().resource::<Before>().coming.is_none());
         window.ask(Asked::Toggle);
         window.frame(0.1);
         let mut views = Vec::new();
