@@ -128,8 +128,6 @@ fn wait_for_the_end(windows: &[u64]) {
 /// How much of the bright letters of a part of a picture is seen on the screen, and how much of those on the screen in the picture, to
 /// a pixel: edges of letters are blurred where a picture is bent.
 fn letters(screen: &Screen, at: [u32; 2], master: &Image, corner: [u32; 2], side: u32) -> [f64; 2] {
-    const SEEN: u8 = 110;
-    const BRIGHT: u8 = 190;
     let on_screen = |level: u8| {
         move |x: u32, y: u32| screen.at((at[0] + x) as usize, (at[1] + y) as usize).iter().all(|&c| c > level)
     };
@@ -144,7 +142,7 @@ fn letters(screen: &Screen, at: [u32; 2], master: &Image, corner: [u32; 2], side
         let all: Vec<(u32, u32)> = all.collect();
         if all.len() < 40 { 0.0 } else { all.iter().filter(|place| near(place)).count() as f64 / all.len() as f64 }
     };
-    [share(&in_master(BRIGHT), &on_screen(SEEN)), share(&on_screen(BRIGHT), &in_master(SEEN))]
+    [share(&in_master(150), &on_screen(110)), share(&on_screen(190), &in_master(110))]
 }
 
 #[test]

@@ -22,7 +22,7 @@ const SIZE: [u16; 2] = [640, 360];
 const TOUR: &str = r#"(version: 1, size: (640, 360), dataset: (path: "box.hdf5"), keyframes: [
     (at: 0.0, mode: "density-squared", error_px: 0.8, camera: (eye: (25.0, 32.0, 110.0), target: (25.0, 25.0, 25.0))),
     (at: 1.0, move: cut, label: "blend", fade: 60.0, mode: "column-density", camera: (eye: (80.0, 40.0, 60.0), target: (25.0, 25.0, 25.0))),
-    (at: 100.0, camera: (eye: (85.0, 40.0, 50.0), target: (25.0, 25.0, 25.0))),
+    (at: 80.0, camera: (eye: (85.0, 40.0, 50.0), target: (25.0, 25.0, 25.0))),
 ])"#;
 
 /// Mean of the values of a picture, and their mean difference from those of a screen: below the messages, and left of and above the
