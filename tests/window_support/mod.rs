@@ -229,6 +229,21 @@ pub struct Program {
     status: PathBuf,
 }
 
+impl Drop for Program {
+    /// A window that another process keeps open ends a moment after that; the next test is not to find it.
+    fn drop(&mut self) {
+        let window = self.status()["process"].as_u64();
+        let _ = self.process.0.kill();
+        let _ = self.process.0.wait();
+        let start = Instant::now();
+        while window.is_some_and(|window| Path::new(&format!("/proc/{window}")).exists())
+            && start.elapsed() < Duration::from_secs(5)
+        {
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    }
+}
+
 /// The snapshot that the windows open.
 pub fn demo() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/demo/lcdm64_z0.hdf5")
