@@ -3,7 +3,7 @@
 //! The program that a presenter starts opens no window itself and draws nothing, so that there is little in it that can fail. It starts
 //! itself again for the window that was asked for and for those of the outputs, and looks after them ([`post`]). Where the first
 //! window cannot even be opened, that is all; once it has drawn, it is kept open until it is closed, with whatever driver, adapter or
-//! memory it fails, and all others end with it. What a window should know comes to it through its standard input ([`line`]); when that
+//! memory it fails, and all others end with it. What a window should know comes to it through its standard input ([`mod@line`]); when that
 //! ends, the window ends, so that none is left behind. What the windows leave for those that come after them lies in a
 //! [`RunFolder`].
 
