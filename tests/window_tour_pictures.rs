@@ -103,7 +103,7 @@ fn plays_what_is_recorded(backend: &str) {
     let begin = Instant::now();
     loop {
         let [mean, difference] = compare(&desktop.screenshot(), &picture);
-        if mean > 5.0 && difference < 0.03 * mean {
+        if mean > 5.0 && difference < 0.015 * mean {
             println!("{backend}: at {time:.3} s the mean value is {mean:.2}, the mean difference {difference:.3}");
             break;
         }
