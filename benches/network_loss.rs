@@ -3,8 +3,8 @@
 //! `cargo bench --no-default-features --bench network_loss`
 #![allow(clippy::unwrap_used, reason = "what cannot be set up cannot be measured")]
 
-use deepfield::network::{Follower, FollowerEvent, Frame, Leader, Moment, Ranges, Report, ShowKey};
-use deepfield::scene_file::{Camera, DatasetRef, SceneFile};
+use deepfield::look::{Camera, DatasetRef, SceneFile};
+use deepfield::show::protocol::{Follower, FollowerEvent, Frame, Leader, Moment, Ranges, Report, ShowKey};
 use std::collections::{BinaryHeap, HashMap};
 use std::net::{SocketAddr, UdpSocket};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};

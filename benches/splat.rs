@@ -2,7 +2,7 @@
 //! `deepfield bench splat`, with the same options.
 
 use clap::Parser;
-use deepfield::commands::bench::{Arguments, splat};
+use deepfield::bench::{Arguments, splat};
 
 #[derive(Parser)]
 struct CommandLine {

@@ -1,9 +1,9 @@
 //! What every target does with its bytes.
 
 use deepfield::import::{FORMATS, LoadOptions, load_source, summarize_source};
-use deepfield::network::message::{Frame, FromFollower, FromLeader, Message, Report};
-use deepfield::outputs::{Cover, Mesh, OutputsFile, Pfm, Projector};
-use deepfield::scene_file::SceneFile;
+use deepfield::show::protocol::message::{Frame, FromFollower, FromLeader, Message, Report};
+use deepfield::show::rig::{Cover, Mesh, OutputsFile, Pfm, Projector};
+use deepfield::look::SceneFile;
 use deepfield::store::layout::PAGE_ENTRY_LEN;
 use deepfield::store::{PageFile, PageId, verify};
 use deepfield::tour::TourFile;

@@ -1,27 +1,16 @@
 //! deepfield: interactive exploration of huge point data.
 //!
-//! Data flows one way through the rooms below: a room uses the rooms before it, never those after it.
+//! Data flows one way: a room uses the rooms before it, never those after it. The rooms below adapters and windows are
+//! packages of their own ([`deepfield_data`], [`deepfield_draw`]) and stand here again, so that this is all a user of
+//! the library names.
 
-pub mod annotate;
-#[cfg(feature = "viewer")]
-pub mod app;
-pub mod build;
-pub mod codec;
+pub use deepfield_data::{build, codec, hierarchy, import, model, store, synth};
+pub use deepfield_draw::{annotate, color, cpu, explore, look, mode, modes, picture, stream, tour, view};
+
+pub mod bench;
 pub mod commands;
-pub mod explore;
 #[cfg(feature = "viewer")]
 pub mod gpu;
-pub mod hierarchy;
-pub mod import;
-pub mod model;
-pub mod modes;
-pub mod network;
-pub mod outputs;
-pub mod raster;
-pub mod scene_file;
-pub mod store;
-pub mod stream;
-pub mod supervisor;
-pub mod synth;
-pub mod tour;
-pub mod view;
+pub mod show;
+#[cfg(feature = "viewer")]
+pub mod window;

@@ -3,13 +3,14 @@
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 use deepfield::codec::coordinates::{pack_grid, pack_leaf, unpack_grid, unpack_leaf};
+use deepfield::color::Accumulation;
+use deepfield::cpu::{Extent, Method, Positions, SplatOptions, Splats, draw};
 use deepfield::gpu::{
     Backend, DeviceOptions, Footprint, GpuError, HeadlessFrame, HeadlessNode, HeadlessRequest, NodeId, NodeUpload,
     Payload, RawParticle, TableEntry, Withheld, render_headless,
 };
+use deepfield::mode::sample::Sample;
 use deepfield::model::Kernel;
-use deepfield::raster::sample::Sample;
-use deepfield::raster::{Accumulation, Extent, Method, Positions, RasterOptions, Splats, draw};
 use deepfield::view::{Projection, View};
 use glam::DVec3;
 
@@ -55,7 +56,7 @@ impl Particles {
         };
         let splats =
             Splats::new(Positions::World(&self.positions), extent, &self.weight, Some(&self.attribute)).unwrap();
-        draw(view, &[splats], &RasterOptions { method: Method::Exact, kernel, ..RasterOptions::default() })
+        draw(view, &[splats], &SplatOptions { method: Method::Exact, kernel, ..SplatOptions::default() })
     }
 
     /// What a GPU draws of it, as one node of raw particles.
@@ -111,7 +112,7 @@ fn look(projection: Projection, width: u32, height: u32) -> View {
 
 /// Both pictures agree to a relative L1 and L2 of `limit`, in `P` and in `P S`.
 fn assert_same(name: &str, gpu: &HeadlessFrame, cpu: &Accumulation, limit: f64) {
-    use deepfield::raster::accumulation::relative_error;
+    use deepfield::color::accumulation::relative_error;
     let errors = [relative_error(&gpu.accumulation.p, &cpu.p), relative_error(&gpu.accumulation.ps, &cpu.ps)];
     println!("{name}: {errors:?}, {:?}", gpu.stats);
     assert!(cpu.sum() > 0.0, "{name}: an empty picture proves nothing");
@@ -390,7 +391,7 @@ fn a_particle_a_billionth_of_the_box_away_is_where_it_belongs() {
         let offsets = [unpack_leaf(word)];
         let positions = Positions::Relative { origin: corner, scale: size, offsets: &offsets };
         let splats = Splats::new(positions, Extent::Pixels(5.0), &[1.0], None).unwrap();
-        let mut pictures = vec![("cpu", draw(&view, &[splats], &RasterOptions::default()))];
+        let mut pictures = vec![("cpu", draw(&view, &[splats], &SplatOptions::default()))];
         for backend in BACKENDS {
             let payload = Payload::Leaf { positions: vec![word], codes: vec![0] };
             let nodes = vec![node(corner, size, payload)];

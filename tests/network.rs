@@ -1,10 +1,10 @@
 //! A leader and followers over the loopback, frame by frame: followers stay in step, come back, and hear nobody without the key.
 #![allow(clippy::unwrap_used, reason = "a failed helper fails its test")]
 
-use deepfield::network::{
+use deepfield::look::{Camera, DatasetRef, SceneFile};
+use deepfield::show::protocol::{
     Follower, FollowerEvent, Frame, Leader, LeaderEvent, Moment, Ranges, Report, Severity, ShowKey,
 };
-use deepfield::scene_file::{Camera, DatasetRef, SceneFile};
 use deepfield::tour::{Keyframe, TourFile};
 use std::net::{SocketAddr, UdpSocket};
 use std::time::Duration;

@@ -2,8 +2,8 @@
 #![allow(clippy::unwrap_used, reason = "a failed helper fails its test")]
 
 use deepfield::annotate::overlay::read_png;
-use deepfield::outputs::{Cover, Mesh, OutputsFile, Projector};
-use deepfield::raster::Image;
+use deepfield::color::Image;
+use deepfield::show::rig::{Cover, Mesh, OutputsFile, Projector};
 use glam::DVec3;
 use std::path::{Path, PathBuf};
 use std::process::Command;

@@ -2,10 +2,10 @@
 
 #![allow(clippy::unwrap_used, reason = "a failed helper fails its test")]
 
+use deepfield::cpu::around::{along_ray, draw_face};
+use deepfield::cpu::{Extent, Method, Positions, SplatOptions, Splats, draw};
 use deepfield::model::Kernel;
-use deepfield::raster::around::{along_ray, draw_face};
-use deepfield::raster::panorama::{Texels, assemble};
-use deepfield::raster::{Extent, Method, Positions, RasterOptions, Splats, draw};
+use deepfield::picture::panorama::{Texels, assemble};
 use deepfield::synth::random::Random;
 use deepfield::view::{CubeLayout, Omnidirectional, Panorama, Projection, Sampling, Sections, Surround, View};
 use glam::DVec3;
@@ -13,8 +13,8 @@ use rayon::prelude::*;
 use std::f64::consts::PI;
 
 const SAMPLING: Sampling = Sampling { oversampling: 1.5, density: 1.5, margin: 0 };
-const OPTIONS: RasterOptions =
-    RasterOptions { method: Method::Exact, kernel: Kernel::CubicSpline, culling: true, faintest: 0.0 };
+const OPTIONS: SplatOptions =
+    SplatOptions { method: Method::Exact, kernel: Kernel::CubicSpline, culling: true, faintest: 0.0 };
 
 /// Particles in the cube from -1 to 1, the eye among them.
 struct Cloud {

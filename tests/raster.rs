@@ -1,8 +1,9 @@
 //! The CPU renderer against integrals that are known, and the fast path against the exact one.
 
+use deepfield::color::Accumulation;
+use deepfield::color::accumulation::relative_error;
+use deepfield::cpu::{Extent, Method, Positions, SplatOptions, Splats, draw};
 use deepfield::model::Kernel;
-use deepfield::raster::accumulation::relative_error;
-use deepfield::raster::{Accumulation, Extent, Method, Positions, RasterOptions, Splats, draw};
 use deepfield::view::{Projection, View};
 use glam::DVec3;
 use proptest::prelude::*;
@@ -14,8 +15,8 @@ fn uniform(random: &mut Pcg64Mcg) -> f64 {
     (random.next_u64() >> 11) as f64 / (1u64 << 53) as f64
 }
 
-fn options(method: Method, kernel: Kernel) -> RasterOptions {
-    RasterOptions { method, kernel, ..RasterOptions::default() }
+fn options(method: Method, kernel: Kernel) -> SplatOptions {
+    SplatOptions { method, kernel, ..SplatOptions::default() }
 }
 
 /// Looks along -z onto the rectangle from the origin to the picture's size, one unit a pixel, y upwards.
@@ -253,7 +254,7 @@ fn relative_positions_and_channels_agree() {
     let offsets: Vec<[f32; 3]> = cloud.positions.iter().map(offset).collect();
     let positions = Positions::Relative { origin, scale: 1.0, offsets: &offsets };
     let relative = Splats::new(positions, Extent::World(&cloud.h), &cloud.weight, None).expect("columns");
-    let (view, options) = (front(64, 64), RasterOptions::default());
+    let (view, options) = (front(64, 64), SplatOptions::default());
     let with_s = cloud.draw(&view, Method::Pyramid, Kernel::CubicSpline);
     let without = draw(&view, &[relative], &options);
     assert!(without.ps.is_empty() && with_s.has_attribute());

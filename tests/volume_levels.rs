@@ -5,13 +5,13 @@
 
 use deepfield::build::{BuildOptions, build};
 use deepfield::codec::{CodebookScope, VqBits};
+use deepfield::cpu::volume::bricks::Slab;
+use deepfield::cpu::volume::exact::ExactField;
+use deepfield::cpu::volume::resample::Resampler;
+use deepfield::cpu::volume::{VolumeOptions, prepare};
+use deepfield::cpu::{Extent, Positions, Splats};
 use deepfield::hierarchy::{Levels, OctreeOptions};
 use deepfield::model::{Attribute, Dataset, Family, FamilyName, Kernel, Provenance, Unit};
-use deepfield::raster::volume::bricks::Slab;
-use deepfield::raster::volume::exact::ExactField;
-use deepfield::raster::volume::resample::Resampler;
-use deepfield::raster::volume::{VolumeOptions, prepare};
-use deepfield::raster::{Extent, Positions, Splats};
 use deepfield::store::{Encoding, Node, NodeRef, Page, PageFile, PageId, verify};
 use deepfield::stream::{Scene, SceneSelection};
 use deepfield::synth::merger::Merger;

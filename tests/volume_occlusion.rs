@@ -3,12 +3,14 @@
 #![allow(clippy::unwrap_used, reason = "a failed helper fails its test")]
 
 use deepfield::build::{BuildOptions, build};
+use deepfield::color::transfer::{Range, TransferFunction};
+use deepfield::cpu::volume::Processor;
 use deepfield::hierarchy::{Levels, OctreeOptions};
+use deepfield::picture::paint::{Subject, paint_nodes};
+use deepfield::mode::{Depiction, Painted, SettingValue, Settings};
 use deepfield::model::{Dataset, Family, FamilyName, Kernel, Provenance, Unit};
-use deepfield::modes::paint::{Subject, paint_nodes};
-use deepfield::modes::{self, Depiction, Painted, SettingValue, Settings, cpu};
-use deepfield::raster::transfer::{Range, TransferFunction};
-use deepfield::raster::volume::Processor;
+use deepfield::modes;
+use deepfield::picture::processor;
 use deepfield::store::PageFile;
 use deepfield::stream::{Scene, SceneSelection};
 use deepfield::view::{Occluder, Projection, View};
@@ -44,7 +46,7 @@ fn eclipse() -> Family {
 
 /// What a view is painted with: ranges and planes that do not depend on what is there.
 fn paint(file: &PageFile, depiction: &Depiction, view: &View, selection: &SceneSelection) -> Painted {
-    let nodes = cpu::decode(depiction, file.metadata(), &selection.nodes);
+    let nodes = processor::decode(depiction, file.metadata(), &selection.nodes);
     let transfer = TransferFunction { range: Range::Fixed(1e-2, 100.0), ..TransferFunction::of_volumes(false) };
     let subject = Subject { transfer: Some(&transfer), diameter: 4.0, caster: &Processor };
     paint_nodes(view, depiction, file.metadata(), &nodes, &subject).unwrap()

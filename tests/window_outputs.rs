@@ -6,7 +6,8 @@
 mod window_support;
 
 use deepfield::annotate::overlay::read_png;
-use deepfield::raster::{Image, output::write_png};
+use deepfield::color::Image;
+use deepfield::color::output::write_png;
 use serde_json::Value;
 use std::path::Path;
 use std::process::Command;

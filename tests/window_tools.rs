@@ -164,6 +164,6 @@ fn lassos_boxes_objects_presets_and_keys_do_what_they_say() {
     let preset = folder.path().join("assets/transfer/mine.ron");
     repeat(&program, "a preset", enter, |_| preset.is_file());
     let text = std::fs::read_to_string(&preset).unwrap();
-    deepfield::raster::transfer::TransferFunction::parse(&text, "mine.ron").unwrap();
+    deepfield::color::transfer::TransferFunction::parse(&text, "mine.ron").unwrap();
     keep(&desktop, "tools.png");
 }

@@ -5,8 +5,8 @@
 mod window_support;
 
 use deepfield::annotate::overlay::read_png;
-use deepfield::raster::Image;
-use deepfield::scene_file::SceneFile;
+use deepfield::color::Image;
+use deepfield::look::SceneFile;
 use serde_json::Value;
 use std::path::Path;
 use std::process::Command;
@@ -114,7 +114,7 @@ fn plays_what_is_recorded(backend: &str) {
     keep(&desktop, &name);
     if let Some(folder) = std::env::var_os("DEEPFIELD_SCREENSHOTS") {
         let path = Path::new(&folder).join(format!("recorded-{name}"));
-        deepfield::raster::output::write_png(&path, &picture).unwrap();
+        deepfield::color::output::write_png(&path, &picture).unwrap();
     }
 }
 

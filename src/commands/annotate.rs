@@ -3,13 +3,13 @@
 use super::progress_bar::TerminalProgress;
 use super::render_arguments::Arguments;
 use crate::annotate::{self, Annotations, Label, Legend, Paper, Subject, Units};
+use crate::color::Image;
+use crate::color::transfer::{Levels, TransferFunction};
 use crate::explore::data::source_of;
 use crate::explore::marks::{self, Layer, Marks};
 use crate::explore::{Catalogue, Data, ExploreError, FoundIds, IdSet, Members, Places, SelectionSet, Work};
+use crate::mode::Depiction;
 use crate::model::{Bounds, FamilyName, Unit};
-use crate::modes::Depiction;
-use crate::raster::Image;
-use crate::raster::transfer::{Levels, TransferFunction};
 use crate::store::PageFile;
 use crate::stream::SceneNode;
 use crate::view::View;

@@ -1,8 +1,9 @@
 //! Values on the command line that several commands share, parsed with messages that say what was expected.
 
+use crate::color::transfer::{TransferFunction, presets};
+use crate::mode::Mode;
 use crate::model::FamilyName;
-use crate::modes::{self, Mode};
-use crate::raster::transfer::{TransferFunction, presets};
+use crate::modes;
 use glam::DVec3;
 
 /// Width and height of a picture: `1200x800`.

@@ -11,9 +11,9 @@ use super::scene_arguments::filled;
 use super::studio::Studio;
 use crate::annotate::Annotations;
 use crate::annotate::overlay::mix_into;
-use crate::raster::transfer::{Levels, TransferFunction};
-use crate::raster::{Image, composite, output};
-use crate::scene_file::SceneFile;
+use crate::color::transfer::{Levels, TransferFunction};
+use crate::color::{Image, composite, output};
+use crate::look::SceneFile;
 use std::path::Path;
 
 type Failure = Box<dyn std::error::Error + Send + Sync>;

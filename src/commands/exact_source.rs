@@ -6,9 +6,10 @@ use super::render_arguments::Arguments;
 use super::statistics::Times;
 use crate::explore::data::source_path;
 use crate::import::{AttributeChoice, LoadOptions, load};
+use crate::look::Member;
+use crate::mode::Depiction;
 use crate::model::{Bounds, Dataset, Family, FamilyName};
-use crate::modes::{self, Depiction};
-use crate::scene_file::Member;
+use crate::modes;
 use crate::store::PageFile;
 use crate::view::frame;
 use glam::DVec3;
@@ -58,7 +59,7 @@ impl ExactSource {
 }
 
 /// The box that a picture of these particles is framed by.
-pub(super) fn framed_of(dataset: &Dataset) -> Bounds {
+pub fn framed_of(dataset: &Dataset) -> Bounds {
     let positions = dataset.families.iter().flat_map(|family| &family.positions);
     let samples: Vec<(DVec3, f64)> = positions.map(|&position| (DVec3::from_array(position), 1.0)).collect();
     frame::frame(dataset.bounds(), &samples)
@@ -66,7 +67,7 @@ pub(super) fn framed_of(dataset: &Dataset) -> Bounds {
 
 /// The particles that an exact picture draws: those of the source, or of the one that a page file was built from; of several
 /// datasets all, each where it lies.
-pub(super) fn load_exact(
+pub fn load_exact(
     arguments: &Arguments,
 ) -> Result<(PathBuf, Dataset), Box<dyn std::error::Error + Send + Sync>> {
     let members = arguments.members();

@@ -1,7 +1,7 @@
 //! `deepfield key`: a new key for a show on several machines.
 
 use super::CommandResult;
-use crate::network::ShowKey;
+use crate::show::protocol::ShowKey;
 use std::path::PathBuf;
 
 /// Makes the key of a show: whoever has it may lead and follow, nobody else (docs/shows.md).

@@ -4,7 +4,7 @@
 //! degrees high and 16:9, straight as the audience sees it: around the front, in a dome as low as its rim allows. For two eyes
 //! it stands at the distance of zero parallax.
 
-use crate::raster::Image;
+use crate::color::Image;
 use crate::view::{Eye, Eyes, Panorama, Projection, Stereo, StereoKind, Surround, View, ViewError};
 use glam::DVec3;
 use rayon::prelude::*;

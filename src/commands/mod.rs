@@ -1,14 +1,13 @@
 //! One file per subcommand: its arguments and what it does with the rooms below.
 
 pub mod annotate;
-mod arguments;
-pub mod bench;
+pub mod arguments;
 pub mod build;
 pub mod cache;
 pub mod catalogue;
 pub mod demo;
 mod drawing;
-mod exact_source;
+pub mod exact_source;
 pub mod info;
 pub mod key;
 mod lettering;
@@ -53,7 +52,7 @@ pub enum Command {
     Tour(Box<tour::Arguments>),
     Key(key::Arguments),
     Synth(synth::Arguments),
-    Bench(Box<bench::Arguments>),
+    Bench(Box<crate::bench::Arguments>),
     Modes(modes::Arguments),
 }
 
@@ -75,7 +74,7 @@ impl Command {
             Command::Tour(arguments) => tour::run(arguments),
             Command::Key(arguments) => key::run(arguments),
             Command::Synth(arguments) => synth::run(arguments),
-            Command::Bench(arguments) => bench::run(arguments),
+            Command::Bench(arguments) => crate::bench::run(arguments),
             Command::Modes(arguments) => modes::run(arguments),
         }
     }

@@ -1,7 +1,8 @@
 //! `deepfield modes`: the registered visualization modes and their settings.
 
 use super::CommandResult;
-use crate::modes::{MODES, SettingValue};
+use crate::mode::SettingValue;
+use crate::modes::MODES;
 use std::io::Write;
 
 /// Lists the visualization modes and their settings.

@@ -9,10 +9,11 @@ use super::render_arguments::{Arguments, Backend};
 use super::statistics::{Shown, Times, write_json};
 use super::studio::{Studio, look_ahead};
 use crate::annotate::Units;
+use crate::cpu::volume::{Caster, Processor, VolumeError};
+use crate::picture::paint::{Subject, paint_nodes, paint_particles};
+use crate::mode::{Mode, Painted};
 use crate::model::Bounds;
-use crate::modes::paint::{Subject, paint_nodes, paint_particles};
-use crate::modes::{Mode, Painted, cpu};
-use crate::raster::volume::{Caster, Processor, VolumeError};
+use crate::picture::processor;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -145,7 +146,7 @@ fn paint_pages(
     for _ in 0..arguments.repeat {
         painted = Some(times.frame(|times| {
             let selection = times.measure("select", || scene.select(&view, detail));
-            let decode = || cpu::cut(&view, cpu::decode(&depiction, metadata, &selection.nodes));
+            let decode = || processor::cut(&view, processor::decode(&depiction, metadata, &selection.nodes));
             let nodes = times.measure("decode", decode);
             let paint = |subject: &Subject<'_>| paint_nodes(&view, &depiction, metadata, &nodes, subject);
             measured(arguments, framed, caster, times, paint)

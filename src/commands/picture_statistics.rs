@@ -3,7 +3,7 @@
 use super::CommandResult;
 use super::render::Picture;
 use super::statistics::{Shown, write_json};
-use crate::modes::{Economy, Plan};
+use crate::mode::{Economy, Plan};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::Path;

@@ -14,16 +14,16 @@ use super::render_arguments::{Arguments, Backend};
 use super::statistics::Times;
 use super::studio::Studio;
 use crate::annotate::Units;
+use crate::cpu::around::draw_face;
+use crate::cpu::volume::Processor;
+use crate::cpu::{Counts, Method, SplatOptions, Splats, draw_counted};
 use crate::hierarchy::Levels;
+use crate::picture::paint::{Subject, densest, densest_of};
+use crate::mode::{Depiction, Economy, Footprint, Painted, Plan};
 use crate::model::{Bounds, Kernel, PeriodicBox};
-use crate::modes::around::{Alike, is_of_data, neighbourhood, sketch, with_images};
-use crate::modes::cpu::{self, SeenFamily};
-use crate::modes::paint::{Subject, densest, densest_of};
-use crate::modes::{Depiction, Economy, Footprint, Painted, Plan};
-use crate::raster::around::draw_face;
-use crate::raster::panorama::{Texels, assemble};
-use crate::raster::volume::Processor;
-use crate::raster::{Counts, Method, RasterOptions, Splats, draw_counted};
+use crate::picture::around::{Alike, is_of_data, neighbourhood, sketch, with_images};
+use crate::picture::panorama::{Texels, assemble};
+use crate::picture::processor::{self, SeenFamily};
 use crate::stream::SceneSelection;
 use crate::view::{Detail, Eye, Eyes, Panorama, Projection, Sampling, Sections, Stereo, Surround, View};
 use std::collections::BTreeMap;
@@ -169,7 +169,7 @@ impl Tally {
 fn splats(
     shot: &Shot<'_>,
     batches: &[Splats<'_>],
-    options: &RasterOptions,
+    options: &SplatOptions,
     tally: &mut Tally,
 ) -> Result<Texels<2>, Failure> {
     let (picture, counts) = match shot.around {
@@ -203,8 +203,8 @@ pub(super) fn draw(arguments: &Arguments, studio: Option<&mut Studio>) -> Result
             let stage =
                 Stage::new(arguments, projector.base, *framed, Units::of_dataset(dataset, depiction), depiction)?;
             let particles = SeenFamily::of(&projector.base, depiction, &source.families());
-            let batches = cpu::seen_batches(depiction, &particles)?;
-            let options = RasterOptions { method: Method::Exact, kernel: dataset.kernel, ..RasterOptions::default() };
+            let batches = processor::seen_batches(depiction, &particles)?;
+            let options = SplatOptions { method: Method::Exact, kernel: dataset.kernel, ..SplatOptions::default() };
             let shoot = || projector.shoot(SPLATS, |shot| splats(shot, &batches, &options, &mut tally));
             let texels = times.measure("frame", shoot)?;
             tally.particles = dataset.len() as u64;
@@ -219,14 +219,14 @@ pub(super) fn draw(arguments: &Arguments, studio: Option<&mut Studio>) -> Result
             let stage =
                 Stage::new(arguments, projector.base, framed, Units::of_pages(metadata, &depiction), &depiction)?;
             let tau = arguments.error_px.unwrap_or(0.8);
-            let options = RasterOptions { kernel: metadata.kernel, ..RasterOptions::default() };
+            let options = SplatOptions { kernel: metadata.kernel, ..SplatOptions::default() };
             let shoot = || {
                 projector.shoot(SPLATS, |shot| {
                     let mut tell = |message| eprintln!("deepfield: {message}");
                     let selection = scene.converge(&seen(&depiction, shot), tau * shot.scale(), &mut tell)?;
                     tally.add(&selection, shot);
-                    let nodes = cpu::cut(shot.view, cpu::decode(&depiction, metadata, &selection.nodes));
-                    splats(shot, &cpu::batches(&depiction, &nodes)?, &options, &mut tally)
+                    let nodes = processor::cut(shot.view, processor::decode(&depiction, metadata, &selection.nodes));
+                    splats(shot, &processor::batches(&depiction, &nodes)?, &options, &mut tally)
                 })
             };
             let texels = times.measure("frame", shoot)?;
@@ -296,7 +296,7 @@ pub(super) fn paint(arguments: &Arguments, studio: Option<&mut Studio>) -> Resul
             let stage =
                 Stage::new(arguments, projector.base, *framed, Units::of_dataset(dataset, depiction), depiction)?;
             let particles = SeenFamily::of(&projector.base, depiction, &families);
-            let batches = cpu::seen_batches(depiction, &particles)?;
+            let batches = processor::seen_batches(depiction, &particles)?;
             let (base, kernel) = (&projector.base, dataset.kernel);
             let bounds = with_images(base, dataset.bounds());
             let alike = Alike::new(base, depiction, bounds, projector.pixel(), transfer, (&batches, kernel))?;
@@ -319,7 +319,7 @@ pub(super) fn paint(arguments: &Arguments, studio: Option<&mut Studio>) -> Resul
             let mut tell = |message| eprintln!("deepfield: {message}");
             // Ranges are found from all the data, as a parallel view of it has them.
             let drawn = |selection: &SceneSelection, view: &View| {
-                cpu::cut(view, cpu::decode(&depiction, metadata, &selection.nodes))
+                processor::cut(view, processor::decode(&depiction, metadata, &selection.nodes))
             };
             let all = sketch(base, bounds)?;
             let detail = match scene.levels {
@@ -329,7 +329,7 @@ pub(super) fn paint(arguments: &Arguments, studio: Option<&mut Studio>) -> Resul
             let selected = times.measure("load", || scene.converge(&all, detail, &mut tell))?;
             // What is left out and faded is that of the picture's own view.
             let all_nodes = drawn(&selected, base);
-            let all_batches = cpu::batches(&depiction, &all_nodes)?;
+            let all_batches = processor::batches(&depiction, &all_nodes)?;
             let kernel = metadata.kernel;
             let alike = Alike::new(base, &depiction, bounds, projector.pixel(), transfer, (&all_batches, kernel))?;
             let mut studied = Studied {
@@ -351,7 +351,7 @@ pub(super) fn paint(arguments: &Arguments, studio: Option<&mut Studio>) -> Resul
                     let selection = scene.converge(shot.view, detail, &mut tell)?;
                     tally.add(&selection, shot);
                     let nodes = drawn(&selection, shot.view);
-                    studied.paint(shot, &cpu::batches(&depiction, &nodes)?)
+                    studied.paint(shot, &processor::batches(&depiction, &nodes)?)
                 })
             };
             let texels = times.measure("frame", shoot)?;

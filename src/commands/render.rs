@@ -13,12 +13,14 @@ pub use super::render_arguments::{Arguments, Backend};
 use super::statistics::Times;
 use super::studio::{Studio, look_ahead};
 use crate::annotate::{Annotations, Units};
+use crate::color::transfer::TransferFunction;
+use crate::color::{Accumulation, Image, output};
+use crate::cpu::Method;
 use crate::hierarchy::Levels;
+use crate::look::shown_families;
+use crate::mode::{Depiction, Economy, Mode, Plan};
 use crate::model::{Bounds, FamilyName, PeriodicBox};
-use crate::modes::{Depiction, Economy, Mode, Plan, cpu, pilot};
-use crate::raster::transfer::TransferFunction;
-use crate::raster::{Accumulation, Image, Method, output};
-use crate::scene_file::shown_families;
+use crate::picture::{pilot, processor};
 use crate::store::PageFile;
 use crate::view::{CubeLayout, Projection, Side, Surround, View};
 use glam::DVec3;
@@ -169,8 +171,8 @@ fn draw_pages(arguments: &Arguments, studio: &mut Studio) -> Result<Picture, Box
         .measure("plan", || pilot::plan(&view, &depiction, metadata, &selection.nodes, &economy, &transfer, None))?;
     let mut left_out = LeftOut::new(&economy, &plan);
     if let Some(path) = &arguments.overdraw {
-        let nodes = cpu::decode_planned(&view, &depiction, metadata, &selection.nodes, &plan);
-        let overdraw = cpu::overdraw_of(&view, &depiction, metadata, &nodes, &plan)?;
+        let nodes = processor::decode_planned(&view, &depiction, metadata, &selection.nodes, &plan);
+        let overdraw = processor::overdraw_of(&view, &depiction, metadata, &nodes, &plan)?;
         output::write_png(path, &overdraw.image())?;
         left_out.overdraw = Some((overdraw.mean(), overdraw.max()));
     }
@@ -192,7 +194,7 @@ fn draw_pages(arguments: &Arguments, studio: &mut Studio) -> Result<Picture, Box
     #[cfg(feature = "viewer")]
     if let Some(backend) = gpu_backend(arguments.backend) {
         let request =
-            || crate::modes::gpu::request_nodes(&view, &depiction, metadata, &selection.nodes, &plan, backend);
+            || crate::gpu::depiction::request_nodes(&view, &depiction, metadata, &selection.nodes, &plan, backend);
         if let Some(picture) = draw_on_gpu(arguments, request, picture.clone(), &times)? {
             return Ok(picture);
         }
@@ -201,17 +203,17 @@ fn draw_pages(arguments: &Arguments, studio: &mut Studio) -> Result<Picture, Box
     for _ in 0..arguments.repeat {
         times.frame(|times| {
             let selection = times.measure("select", || scene.select(&seen, tau));
-            let nodes =
-                times.measure("decode", || cpu::decode_planned(&view, &depiction, metadata, &selection.nodes, &plan));
+            let nodes = times
+                .measure("decode", || processor::decode_planned(&view, &depiction, metadata, &selection.nodes, &plan));
             let method = Method::Pyramid;
-            let (drawn, counts) =
-                times.measure("draw", || cpu::draw_planned(&view, &depiction, metadata, &nodes, method, &plan))?;
+            let (drawn, counts) = times
+                .measure("draw", || processor::draw_planned(&view, &depiction, metadata, &nodes, method, &plan))?;
             let kept: u64 = nodes.iter().map(|node| node.len() as u64).sum();
             left_out.thinned = Some(selection.particles - kept);
             (left_out.faint, left_out.outside) = (Some(counts.faint), Some(counts.outside));
             left_out.splats = Some(counts.drawn);
             accumulation = drawn;
-            Ok::<_, crate::raster::RasterError>(())
+            Ok::<_, crate::cpu::SplatError>(())
         })?;
     }
     Ok(Picture { accumulation, economy: left_out, milliseconds: times.medians(), ..picture })
@@ -285,7 +287,7 @@ fn draw_exact(arguments: &Arguments) -> Result<Picture, Box<dyn std::error::Erro
     };
     #[cfg(feature = "viewer")]
     if let Some(backend) = gpu_backend(arguments.backend) {
-        let request = || crate::modes::gpu::request_particles(&view, depiction, dataset, &families, backend);
+        let request = || crate::gpu::depiction::request_particles(&view, depiction, dataset, &families, backend);
         if let Some(picture) = draw_on_gpu(arguments, request, picture.clone(), &times)? {
             return Ok(picture);
         }
@@ -293,8 +295,8 @@ fn draw_exact(arguments: &Arguments) -> Result<Picture, Box<dyn std::error::Erro
     let mut accumulation = Accumulation::default();
     for _ in 0..arguments.repeat {
         times.frame(|times| {
-            let drawn =
-                times.measure("draw", || cpu::draw_particles(&view, depiction, dataset, &families, Method::Exact));
+            let drawn = times
+                .measure("draw", || processor::draw_particles(&view, depiction, dataset, &families, Method::Exact));
             drawn.map(|drawn| accumulation = drawn)
         })?;
     }
@@ -326,7 +328,7 @@ pub(super) fn families(arguments: &Arguments, file: &PageFile) -> Result<Vec<u32
 }
 
 /// The camera that the arguments describe; around `bounds` where they say nothing.
-pub(super) fn view(
+pub fn view(
     arguments: &Arguments,
     bounds: Bounds,
     periodic: Option<PeriodicBox>,

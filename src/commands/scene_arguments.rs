@@ -2,9 +2,9 @@
 
 use super::arguments::PictureSize;
 use super::render_arguments::Arguments;
+use crate::look::dataset::located;
+use crate::look::{Attribute, Member, SceneError, SceneFile, is_scene_file};
 use crate::modes;
-use crate::scene_file::dataset::located;
-use crate::scene_file::{Attribute, Member, SceneError, SceneFile, is_scene_file};
 use glam::DVec3;
 use std::path::{Path, PathBuf};
 
@@ -89,8 +89,8 @@ pub(super) fn filled(own: Arguments, scene: SceneFile, members: Vec<Member>, fil
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::modes::SettingValue;
-    use crate::scene_file::{Camera, DatasetRef};
+    use crate::look::{Camera, DatasetRef};
+    use crate::mode::SettingValue;
 
     #[test]
     fn the_command_line_overrides_the_scene() {

@@ -1,7 +1,7 @@
 //! What a picture's command tells about it: the statistics that all pictures have, and the times of its passes.
 
 use super::CommandResult;
-use crate::raster::output;
+use crate::color::output;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::Path;

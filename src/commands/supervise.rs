@@ -2,11 +2,11 @@
 
 use super::CommandResult;
 use super::view::Settings;
-use crate::app::output::OutputWindow;
-use crate::network::ShowKey;
-use crate::outputs::OutputsFile;
-use crate::scene_file::is_scene_file;
-use crate::supervisor::{Plan, RunFolder};
+use crate::look::is_scene_file;
+use crate::show::protocol::ShowKey;
+use crate::show::rig::OutputsFile;
+use crate::show::supervisor::{Plan, RunFolder};
+use crate::show::window::output::OutputWindow;
 use std::ffi::OsString;
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, UdpSocket};
 use std::path::Path;

@@ -2,7 +2,7 @@
 
 use super::arguments::PictureSize;
 use super::{CommandResult, render};
-use crate::scene_file::{Member, SceneFile, is_scene_file};
+use crate::look::{Member, SceneFile, is_scene_file};
 use crate::tour::TourFile;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
@@ -50,7 +50,7 @@ pub struct Settings {
     pub backend: Option<render::Backend>,
     /// Visualization mode; `deepfield modes` lists them.
     #[arg(long, value_name = "NAME", value_parser = super::arguments::mode_name)]
-    pub mode: Option<&'static crate::modes::Mode>,
+    pub mode: Option<&'static crate::mode::Mode>,
     /// Largest displacement of a particle on screen, pixels [default: 0.8].
     #[arg(long, value_name = "TAU", value_parser = super::arguments::positive)]
     pub error_px: Option<f64>,
@@ -126,7 +126,7 @@ fn named_output(text: &str) -> Result<(PathBuf, String), String> {
 
 /// A machine of the show.
 fn address(text: &str) -> Result<SocketAddr, String> {
-    crate::network::address(text).map_err(|error| error.to_string())
+    crate::show::protocol::address(text).map_err(|error| error.to_string())
 }
 
 /// Opens the window, or renders.
@@ -222,9 +222,9 @@ fn has_display() -> bool {
 
 #[cfg(feature = "viewer")]
 fn window(path: &Path, settings: &Settings) -> CommandResult {
-    use crate::app::live::orbits::{Orbits, OrbitsPlugin};
-    use crate::app::{Backend, OpenRequest, WindowOptions, run_window};
-    use crate::supervisor::RunFolder;
+    use crate::show::supervisor::RunFolder;
+    use crate::window::live::orbits::{Orbits, OrbitsPlugin};
+    use crate::window::{Backend, OpenRequest, WindowOptions, run_window};
     use std::sync::Arc;
     let show = part_in_show(path, settings)?;
     let opener = Arc::new(|path: &Path, progress: &dyn crate::model::Progress| {
@@ -274,10 +274,10 @@ fn window(path: &Path, settings: &Settings) -> CommandResult {
 fn part_in_show(
     path: &Path,
     settings: &Settings,
-) -> Result<Option<crate::app::Show>, Box<dyn std::error::Error + Send + Sync>> {
-    use crate::app::Show;
-    use crate::network::ShowKey;
-    use crate::supervisor::RunFolder;
+) -> Result<Option<crate::window::Show>, Box<dyn std::error::Error + Send + Sync>> {
+    use crate::show::protocol::ShowKey;
+    use crate::show::supervisor::RunFolder;
+    use crate::window::Show;
     let Some(folder) = settings.supervised.as_deref().map(RunFolder::at) else { return Ok(None) };
     let key = || ShowKey::read(&folder.key());
     Ok(match (settings.follow, folder.leads_at()) {

@@ -6,7 +6,7 @@
 
 use super::scene::{NodeId, NodeState, ParticleScene, Payload, RAW_WORDS, SceneCommand, TableEntry, TableId, Words};
 use super::splat::layout::Encoding;
-use crate::raster::sample::GROUP;
+use crate::mode::sample::GROUP;
 use bevy::prelude::*;
 use bevy::render::render_resource::{Buffer, BufferDescriptor, BufferUsages};
 use bevy::render::renderer::{RenderDevice, RenderQueue};

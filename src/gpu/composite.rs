@@ -6,7 +6,7 @@
 use super::shaders;
 use super::splat::{SplatBuffers, accumulate_splats};
 use super::view::{Composite, SplatView};
-use crate::raster::transfer::Scale;
+use crate::color::transfer::Scale;
 use bevy::core_pipeline::core_3d::main_transparent_pass_3d;
 use bevy::core_pipeline::{Core3d, Core3dSystems};
 use bevy::platform::collections::HashMap;

@@ -6,10 +6,10 @@ use super::renderer::HeadlessRenderer;
 use super::scene::{NodeUpload, TableEntry};
 use super::timing::{PassTimes, median};
 use super::view::{Backend, Footprint};
-use crate::raster::Accumulation;
-use crate::raster::composite::{self, Image as Picture};
-use crate::raster::sample::Sample;
-use crate::raster::transfer::TransferFunction;
+use crate::color::Accumulation;
+use crate::color::composite::{self, Image as Picture};
+use crate::color::transfer::TransferFunction;
+use crate::mode::sample::Sample;
 use crate::view::View;
 use bevy::math::DVec3;
 /// One node to draw.

@@ -15,6 +15,7 @@
 pub mod arena;
 pub mod capabilities;
 pub mod composite;
+pub mod depiction;
 pub mod device;
 pub mod headless;
 pub mod page_copies;

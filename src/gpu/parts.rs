@@ -5,7 +5,7 @@ use super::capabilities::Technique;
 use super::splat::layout::Grids;
 use super::splat::raster;
 use super::view::Footprint;
-use crate::raster::Accumulation;
+use crate::color::Accumulation;
 use crate::view::View;
 use wgpu::Limits;
 

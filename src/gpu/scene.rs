@@ -37,7 +37,7 @@ pub struct TableEntry {
     pub weight: f32,
     /// The attribute `a`; `w a` is accumulated into `P S`.
     pub attribute: f32,
-    /// How much a particle's absence would show; see [`crate::raster::sample`].
+    /// How much a particle's absence would show; see [`crate::mode::sample`].
     pub importance: f32,
 }
 

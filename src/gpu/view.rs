@@ -1,10 +1,10 @@
 //! What a camera draws: the component that the main world sets and the renderer extracts.
 
 use super::scene::{NodeId, TableId};
+use crate::color::Image;
+use crate::color::transfer::{Levels, Lut, Scale, TransferFunction};
+use crate::mode::sample::Sample;
 use crate::model::Kernel;
-use crate::raster::Image;
-use crate::raster::sample::Sample;
-use crate::raster::transfer::{Levels, Lut, Scale, TransferFunction};
 use crate::view::View;
 use bevy::math::DVec3;
 use bevy::prelude::Component;

@@ -5,11 +5,11 @@ use crate::support::{
     Built, built_from, core, demo, draw_pages, draw_source, in_reference_data, in_repository, view_of,
 };
 use deepfield::codec::VqBits;
+use deepfield::color::composite::composite_at;
+use deepfield::color::transfer::TransferFunction;
+use deepfield::cpu::Method;
 use deepfield::import::LoadOptions;
 use deepfield::model::{Bounds, Dataset, FamilyName};
-use deepfield::raster::Method;
-use deepfield::raster::composite::composite_at;
-use deepfield::raster::transfer::TransferFunction;
 use glam::DVec3;
 use std::path::Path;
 

@@ -2,9 +2,11 @@
 
 use crate::support::{built, demo, draw_pages, draw_source, in_reference_data, in_repository};
 use deepfield::codec::VqBits;
+use deepfield::cpu::Method;
+use deepfield::mode::{Depiction, SettingValue, Settings};
 use deepfield::model::Dataset;
-use deepfield::modes::{self, Depiction, SettingValue, Settings, cpu};
-use deepfield::raster::Method;
+use deepfield::modes;
+use deepfield::picture::processor;
 use deepfield::stream::Scene;
 use deepfield::view::{Projection, View};
 use glam::DVec3;
@@ -84,8 +86,8 @@ fn discs_reach_into_the_picture_from_outside() {
     let view = View::look_at(eye, center, DVec3::Y, projection, 24, 16).unwrap();
     let selection = Scene::new(built.file.clone(), u64::MAX);
     let draw = |seen: &View, mut scene: Scene| {
-        let nodes = cpu::decode(&depiction, metadata, &scene.converge_blocking(seen, 0.1).unwrap().nodes);
-        cpu::draw_nodes(&view, &depiction, metadata, &nodes, Method::Pyramid).unwrap().sum()
+        let nodes = processor::decode(&depiction, metadata, &scene.converge_blocking(seen, 0.1).unwrap().nodes);
+        processor::draw_nodes(&view, &depiction, metadata, &nodes, Method::Pyramid).unwrap().sum()
     };
     let found = draw(&depiction.selection_view(&view), selection);
     // With all that there is.

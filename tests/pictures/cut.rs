@@ -3,11 +3,13 @@
 
 use crate::support::{built, demo, draw_source};
 use deepfield::codec::VqBits;
+use deepfield::cpu::Method;
+use deepfield::cpu::volume::Processor;
+use deepfield::picture::paint::{Subject, paint_nodes};
+use deepfield::mode::{Depiction, Settings};
 use deepfield::model::Bounds;
-use deepfield::modes::paint::{Subject, paint_nodes};
-use deepfield::modes::{self, Depiction, Settings, cpu};
-use deepfield::raster::Method;
-use deepfield::raster::volume::Processor;
+use deepfield::modes;
+use deepfield::picture::processor;
 use deepfield::stream::Scene;
 use deepfield::view::cut::{Axis, ClipBox, Fade, Slab};
 use deepfield::view::{Cut, CutSettings, Projection, View};
@@ -54,8 +56,8 @@ fn the_picture_holds_the_mass_that_is_left() {
         let depiction = Depiction::of_pages(mode, Settings::default(), None, metadata).unwrap();
         let mut scene = Scene::new(Arc::clone(file), u64::MAX);
         let selection = scene.converge_blocking(&view, 0.001).unwrap();
-        let nodes = cpu::cut(&view, cpu::decode(&depiction, metadata, &selection.nodes));
-        let drawn = cpu::draw_nodes(&view, &depiction, metadata, &nodes, Method::Pyramid).unwrap();
+        let nodes = processor::cut(&view, processor::decode(&depiction, metadata, &selection.nodes));
+        let drawn = processor::draw_nodes(&view, &depiction, metadata, &nodes, Method::Pyramid).unwrap();
         let found = drawn.sum() * pixel;
         // Particles that the quantised positions move across a face: few.
         assert!((found / mass - 1.0).abs() < 2e-3, "{settings:?}: {found} of {mass}");
@@ -83,7 +85,7 @@ fn every_mode_of_colors_leaves_out_the_same() {
     let selection = Scene::new(Arc::clone(&built.file), u64::MAX).converge_blocking(&view, 0.8).unwrap();
     for mode in modes::MODES.into_iter().filter(|mode| mode.painter().is_some()) {
         let depiction = Depiction::of_pages(mode, Settings::default(), None, metadata).unwrap();
-        let nodes = cpu::cut(&view, cpu::decode(&depiction, metadata, &selection.nodes));
+        let nodes = processor::cut(&view, processor::decode(&depiction, metadata, &selection.nodes));
         let subject = Subject { transfer: None, diameter: bounds.size().length(), caster: &Processor };
         let image = paint_nodes(&view, &depiction, metadata, &nodes, &subject).unwrap().colors.image();
         let light = |columns: std::ops::Range<usize>| -> u64 {

@@ -3,10 +3,13 @@
 
 use crate::support::{Built, built, built_from_dataset, demo, in_reference_data};
 use deepfield::codec::VqBits;
-use deepfield::modes::{self, Depiction, Economy, Plan, SettingValue, Settings, cpu, economy, pilot};
-use deepfield::raster::composite::{color_error, composite_at};
-use deepfield::raster::transfer::TransferFunction;
-use deepfield::raster::{Accumulation, Counts, Method};
+use deepfield::color::Accumulation;
+use deepfield::color::composite::{color_error, composite_at};
+use deepfield::color::transfer::TransferFunction;
+use deepfield::cpu::{Counts, Method};
+use deepfield::mode::{Depiction, Economy, Plan, SettingValue, Settings, economy};
+use deepfield::modes;
+use deepfield::picture::{pilot, processor};
 use deepfield::stream::{Scene, SceneSelection};
 use deepfield::synth::{clusters::Clusters, dataset};
 use deepfield::view::{Projection, View};
@@ -39,10 +42,10 @@ impl Shot<'_> {
     /// The picture, what became of the decoded particles, and their number.
     fn draw(&self, plan: &Plan) -> (Accumulation, Counts, u64) {
         let metadata = self.built.file.metadata();
-        let nodes = cpu::decode_planned(&self.view, &self.depiction, metadata, &self.selection.nodes, plan);
+        let nodes = processor::decode_planned(&self.view, &self.depiction, metadata, &self.selection.nodes, plan);
         let kept = nodes.iter().map(|node| node.len() as u64).sum();
         let (picture, counts) =
-            cpu::draw_planned(&self.view, &self.depiction, metadata, &nodes, Method::Pyramid, plan).unwrap();
+            processor::draw_planned(&self.view, &self.depiction, metadata, &nodes, Method::Pyramid, plan).unwrap();
         (picture, counts, kept)
     }
 }

@@ -4,12 +4,14 @@
 use crate::support::{built, demo, draw_pages, draw_source, in_repository, paint_pages, view_from};
 use deepfield::annotate::{self, Annotations, Label, Legend, Subject, Units};
 use deepfield::codec::VqBits;
+use deepfield::color::Accumulation;
+use deepfield::color::composite::{Image, composite, composite_at};
+use deepfield::color::output::write_png;
+use deepfield::color::transfer::TransferFunction;
+use deepfield::cpu::Method;
+use deepfield::mode::{Depiction, Settings};
 use deepfield::model::Kernel;
-use deepfield::modes::{self, Depiction, Settings};
-use deepfield::raster::composite::{Image, composite, composite_at};
-use deepfield::raster::output::write_png;
-use deepfield::raster::transfer::TransferFunction;
-use deepfield::raster::{Accumulation, Method};
+use deepfield::modes;
 use glam::DVec3;
 use std::sync::Arc;
 

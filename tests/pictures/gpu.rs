@@ -3,14 +3,17 @@
 use crate::golden;
 use crate::support::{Built, built, demo, view_from};
 use deepfield::codec::VqBits;
+use deepfield::color::Accumulation;
+use deepfield::color::accumulation::relative_error;
+use deepfield::color::composite::composite;
+use deepfield::color::transfer::TransferFunction;
+use deepfield::cpu::{Counts, Method};
+use deepfield::gpu::depiction::request_nodes;
 use deepfield::gpu::{Backend, HeadlessFrame, HeadlessRequest, render_headless};
+use deepfield::mode::{Depiction, Plan, Settings};
 use deepfield::model::Bounds;
-use deepfield::modes::gpu::request_nodes;
-use deepfield::modes::{self, Depiction, Plan, Settings, cpu};
-use deepfield::raster::accumulation::relative_error;
-use deepfield::raster::composite::composite;
-use deepfield::raster::transfer::TransferFunction;
-use deepfield::raster::{Accumulation, Counts, Method};
+use deepfield::modes;
+use deepfield::picture::processor;
 use deepfield::store::PageFile;
 use deepfield::stream::{Scene, SceneNode};
 use deepfield::view::{Cut, View};
@@ -25,8 +28,8 @@ fn draw_both(file: &Arc<PageFile>, mode: &str, view: &View, backend: Backend) ->
     let mode = modes::find(mode).unwrap();
     let depiction = Depiction::of_pages(mode, Settings::default(), None, metadata).unwrap();
     let selection = Scene::new(Arc::clone(file), u64::MAX).converge_blocking(view, 0.8).unwrap();
-    let nodes = cpu::cut(view, cpu::decode(&depiction, metadata, &selection.nodes));
-    let cpu = cpu::draw_nodes(view, &depiction, metadata, &nodes, Method::Pyramid).unwrap();
+    let nodes = processor::cut(view, processor::decode(&depiction, metadata, &selection.nodes));
+    let cpu = processor::draw_nodes(view, &depiction, metadata, &nodes, Method::Pyramid).unwrap();
     let transfer = TransferFunction::preset(mode.transfer[usize::from(cpu.has_attribute())]);
     let request = request_nodes(view, &depiction, metadata, &selection.nodes, &Plan::default(), backend);
     (cpu, render_headless(HeadlessRequest { transfer, ..request }).unwrap())
@@ -126,8 +129,8 @@ fn page_files_are_drawn_where_buffers_are_small() {
     let metadata = built.file.metadata();
     let depiction = Depiction::of_pages(modes::MODES[0], Settings::default(), None, metadata).unwrap();
     let nodes = Scene::new(Arc::clone(&built.file), u64::MAX).converge_blocking(&view, 0.8).unwrap().nodes;
-    let decoded = cpu::decode(&depiction, metadata, &nodes);
-    let cpu = cpu::draw_nodes(&view, &depiction, metadata, &decoded, Method::Pyramid).unwrap();
+    let decoded = processor::decode(&depiction, metadata, &nodes);
+    let cpu = processor::draw_nodes(&view, &depiction, metadata, &decoded, Method::Pyramid).unwrap();
     let limit = 1 << 19;
     let bytes: u64 = nodes.iter().map(particle_bytes).sum();
     assert!(bytes > 3 * limit, "{bytes} bytes of particles fit few buffers");
@@ -168,8 +171,8 @@ impl Shot {
 
     fn cpu(&self, plan: &Plan) -> (Accumulation, Counts) {
         let metadata = self.built.file.metadata();
-        let nodes = cpu::decode_planned(&self.view, &self.depiction, metadata, &self.nodes, plan);
-        cpu::draw_planned(&self.view, &self.depiction, metadata, &nodes, Method::Pyramid, plan).unwrap()
+        let nodes = processor::decode_planned(&self.view, &self.depiction, metadata, &self.nodes, plan);
+        processor::draw_planned(&self.view, &self.depiction, metadata, &nodes, Method::Pyramid, plan).unwrap()
     }
 
     fn gpu(&self, plan: &Plan, backend: Backend) -> HeadlessFrame {

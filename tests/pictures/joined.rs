@@ -3,13 +3,16 @@
 
 use crate::support::{demo, draw_source, in_repository};
 use deepfield::build::{BuildOptions, build_source};
+use deepfield::color::Accumulation;
+use deepfield::color::accumulation::relative_error;
+use deepfield::cpu::Method;
 use deepfield::explore::{Data, Members, ProbeOptions, Region, Work, probe};
 use deepfield::import::{LoadOptions, load};
+use deepfield::look::{Member, open_members, shown_families};
+use deepfield::mode::{Depiction, Settings};
 use deepfield::model::{Dataset, Placement};
-use deepfield::modes::{self, Depiction, Settings, cpu};
-use deepfield::raster::accumulation::relative_error;
-use deepfield::raster::{Accumulation, Method};
-use deepfield::scene_file::{Member, open_members, shown_families};
+use deepfield::modes;
+use deepfield::picture::processor;
 use deepfield::store::{PageFile, PageId, StoreError};
 use deepfield::stream::Scene;
 use deepfield::view::{Projection, View};
@@ -55,8 +58,8 @@ fn draw(file: &Arc<PageFile>, families: Option<Vec<u32>>, view: &View, tau: f64)
     scene.families = families.unwrap_or(scene.families);
     let selection = scene.converge_blocking(view, tau).unwrap();
     assert!(selection.converged);
-    let nodes = cpu::decode(&depiction, metadata, &selection.nodes);
-    cpu::draw_nodes(view, &depiction, metadata, &nodes, Method::Pyramid).unwrap()
+    let nodes = processor::decode(&depiction, metadata, &selection.nodes);
+    processor::draw_nodes(view, &depiction, metadata, &nodes, Method::Pyramid).unwrap()
 }
 
 /// What one file's own placement in the scene makes of its source.

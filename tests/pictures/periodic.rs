@@ -3,9 +3,12 @@
 
 use crate::support::{built, demo, draw_source};
 use deepfield::codec::VqBits;
-use deepfield::modes::{self, Depiction, Settings, cpu};
-use deepfield::raster::accumulation::relative_error;
-use deepfield::raster::{Accumulation, Method};
+use deepfield::color::Accumulation;
+use deepfield::color::accumulation::relative_error;
+use deepfield::cpu::Method;
+use deepfield::mode::{Depiction, Settings};
+use deepfield::modes;
+use deepfield::picture::processor;
 use deepfield::stream::Scene;
 use deepfield::view::{CutSettings, Periodic, Projection, View};
 use glam::DVec3;
@@ -30,8 +33,8 @@ fn images_add_up_and_wrapping_keeps_the_mass() {
         let mode = modes::find("column-density").unwrap();
         let depiction = Depiction::of_pages(mode, Settings::default(), None, metadata).unwrap();
         let selection = Scene::new(Arc::clone(file), u64::MAX).converge_blocking(view, 0.01).unwrap();
-        let nodes = cpu::cut(view, cpu::decode(&depiction, metadata, &selection.nodes));
-        cpu::draw_nodes(view, &depiction, metadata, &nodes, Method::Pyramid).unwrap()
+        let nodes = processor::cut(view, processor::decode(&depiction, metadata, &selection.nodes));
+        processor::draw_nodes(view, &depiction, metadata, &nodes, Method::Pyramid).unwrap()
     };
     let source = |view: &View| draw_source(dataset, "column-density", view, Method::Pyramid);
     let target = DVec3::new(0.05, 0.9, 0.3) * edge;

@@ -2,13 +2,16 @@
 
 use deepfield::build::{BuildOptions, build};
 use deepfield::codec::VqBits;
+use deepfield::color::Accumulation;
+use deepfield::color::composite::Image;
+use deepfield::cpu::Method;
+use deepfield::cpu::volume::Processor;
 use deepfield::import::{LoadOptions, load};
+use deepfield::picture::paint::{Subject, paint_nodes};
+use deepfield::mode::{Depiction, Settings};
 use deepfield::model::{Bounds, Dataset};
-use deepfield::modes::paint::{Subject, paint_nodes};
-use deepfield::modes::{self, Depiction, Settings, cpu};
-use deepfield::raster::composite::Image;
-use deepfield::raster::volume::Processor;
-use deepfield::raster::{Accumulation, Method};
+use deepfield::modes;
+use deepfield::picture::processor;
 use deepfield::store::PageFile;
 use deepfield::stream::Scene;
 use deepfield::view::{Projection, View};
@@ -64,8 +67,8 @@ pub fn draw_pages(file: &Arc<PageFile>, mode: &str, view: &View, tau: f64) -> Ac
     let mut scene = Scene::new(Arc::clone(file), u64::MAX);
     let selection = scene.converge_blocking(view, tau).unwrap();
     assert!(selection.converged);
-    let nodes = cpu::decode(&depiction, metadata, &selection.nodes);
-    cpu::draw_nodes(view, &depiction, metadata, &nodes, Method::Pyramid).unwrap()
+    let nodes = processor::decode(&depiction, metadata, &selection.nodes);
+    processor::draw_nodes(view, &depiction, metadata, &nodes, Method::Pyramid).unwrap()
 }
 
 /// The colours of the page file at `tau`, of a mode that draws colours.
@@ -73,7 +76,7 @@ pub fn paint_pages(file: &Arc<PageFile>, mode: &str, view: &View, tau: f64) -> I
     let metadata = file.metadata();
     let depiction = Depiction::of_pages(modes::find(mode).unwrap(), Settings::default(), None, metadata).unwrap();
     let selection = Scene::new(Arc::clone(file), u64::MAX).converge_blocking(view, tau).unwrap();
-    let nodes = cpu::decode(&depiction, metadata, &selection.nodes);
+    let nodes = processor::decode(&depiction, metadata, &selection.nodes);
     let subject = Subject { transfer: None, diameter: metadata.bounds().size().length(), caster: &Processor };
     paint_nodes(view, &depiction, metadata, &nodes, &subject).unwrap().colors.image()
 }
@@ -82,7 +85,7 @@ pub fn paint_pages(file: &Arc<PageFile>, mode: &str, view: &View, tau: f64) -> I
 pub fn draw_source(dataset: &Dataset, mode: &str, view: &View, method: Method) -> Accumulation {
     let depiction = Depiction::of_dataset(modes::find(mode).unwrap(), Settings::default(), None, dataset).unwrap();
     let families: Vec<_> = dataset.families.iter().collect();
-    cpu::draw_particles(view, &depiction, dataset, &families, method).unwrap()
+    processor::draw_particles(view, &depiction, dataset, &families, method).unwrap()
 }
 
 /// A perspective view of the middle of the data from `distance` (in sizes of its box) along `direction`.

@@ -2,16 +2,18 @@
 
 use crate::support::{built, demo, view_from};
 use deepfield::codec::VqBits;
-use deepfield::gpu::{DeviceOptions, VolumeRenderer, Withheld};
-use deepfield::model::{Bounds, Kernel};
-use deepfield::modes::paint::{Subject, paint_nodes};
-use deepfield::modes::{self, Depiction, Settings, cpu};
-use deepfield::raster::transfer::TransferFunction;
-use deepfield::raster::volume::{
-    Caster, Classifier, Colors, Light, Processor, Scenery, Surface, VolumeLevels, VolumeOptions, VolumeReport, draw,
-    prepare,
+use deepfield::color::Colors;
+use deepfield::color::transfer::TransferFunction;
+use deepfield::cpu::volume::{
+    Caster, Classifier, Light, Processor, Scenery, Surface, VolumeLevels, VolumeOptions, VolumeReport, draw, prepare,
 };
-use deepfield::raster::{self, Positions, Splats};
+use deepfield::cpu::{self, Positions, Splats};
+use deepfield::gpu::{DeviceOptions, VolumeRenderer, Withheld};
+use deepfield::picture::paint::{Subject, paint_nodes};
+use deepfield::mode::{Depiction, Settings};
+use deepfield::model::{Bounds, Kernel};
+use deepfield::modes;
+use deepfield::picture::processor;
 use deepfield::stream::Scene;
 use deepfield::synth::merger::Merger;
 use deepfield::view::perspective_grid::GridOptions;
@@ -310,7 +312,7 @@ fn the_demo_data_look_as_on_the_cpu() {
     for mode in modes::MODES.into_iter().filter(|mode| mode.is_cast()) {
         let depiction = Depiction::of_pages(mode, Settings::default(), None, metadata).unwrap();
         let selection = Scene::new(Arc::clone(&built.file), u64::MAX).converge_blocking(&view, 0.8).unwrap();
-        let nodes = cpu::decode(&depiction, metadata, &selection.nodes);
+        let nodes = processor::decode(&depiction, metadata, &selection.nodes);
         let paint = |caster| {
             let subject = Subject { transfer: None, diameter: metadata.bounds().size().length(), caster };
             paint_nodes(&view, &depiction, metadata, &nodes, &subject).unwrap().colors

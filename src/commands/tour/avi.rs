@@ -148,8 +148,8 @@ fn head(frames: u32, (width, height): (u16, u16), rate: f64, largest: u32, movi:
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::raster::Image;
-    use crate::raster::output::write_png;
+    use crate::color::Image;
+    use crate::color::output::write_png;
 
     #[test]
     fn a_video_has_its_frames_where_its_index_says() {

@@ -3,8 +3,8 @@
 use super::Arguments;
 use super::frames::Frames;
 use super::show::Show;
-use crate::raster::output::write_atomically;
-use crate::scene_file::dataset::Fingerprint;
+use crate::color::output::write_atomically;
+use crate::look::dataset::Fingerprint;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 

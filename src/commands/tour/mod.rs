@@ -48,7 +48,7 @@ pub struct Arguments {
     pub seconds: Option<f64>,
     /// The mode of that tour; `deepfield modes` lists them [default: the data's usual one].
     #[arg(long, value_name = "NAME", value_parser = super::arguments::mode_name, requires = "around")]
-    pub mode: Option<&'static crate::modes::Mode>,
+    pub mode: Option<&'static crate::mode::Mode>,
     /// Write every frame into this folder, and beside each a scene file that makes it again.
     #[arg(long, value_name = "DIR")]
     pub record: Option<PathBuf>,

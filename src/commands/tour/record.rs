@@ -5,7 +5,7 @@ use super::journal::{self, Journal};
 use super::manifest::{self, Manifest};
 use super::show::Show;
 use super::{Arguments, Format};
-use crate::raster::output;
+use crate::color::output;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
@@ -92,7 +92,7 @@ pub(super) fn record(
     let mut progress = Progress::new(open.len(), finished.len());
     let begun = Instant::now();
     // Frames of a pause are the same picture.
-    let mut last: Option<(crate::scene_file::SceneFile, super::show::Take)> = None;
+    let mut last: Option<(crate::look::SceneFile, super::show::Take)> = None;
     for (i, &frame) in open.iter().enumerate() {
         let files = Files::new(folder, arguments, frame);
         let shot = show.shot(frames.time(frame), &files.place)?;

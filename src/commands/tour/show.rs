@@ -2,14 +2,14 @@
 
 use super::Arguments;
 use crate::annotate::overlay::Overlay;
+use crate::color::{Image, output};
 use crate::commands::CommandResult;
 use crate::commands::drawing::Drawing;
 use crate::commands::render;
 use crate::commands::scene_arguments::filled;
 use crate::commands::studio::Studio;
+use crate::look::{Camera, DatasetRef, Film, Member, SceneFile};
 use crate::model::Bounds;
-use crate::raster::{Image, output};
-use crate::scene_file::{Camera, DatasetRef, Film, Member, SceneFile};
 use crate::tour::exposure::is_searched;
 use crate::tour::sketch::{Format, measure};
 use crate::tour::{Exposure, Look, State, Surroundings, Timeline, TourFile};

@@ -105,8 +105,8 @@ fn ffmpeg(video: &Path, folder: &Path, pattern: &str, first: u64, frames: &Frame
 #[allow(clippy::unwrap_used, reason = "a failed helper fails its test")]
 mod tests {
     use super::*;
-    use crate::raster::Image;
-    use crate::raster::output::write_png;
+    use crate::color::Image;
+    use crate::color::output::write_png;
 
     #[test]
     fn names_say_who_encodes() {

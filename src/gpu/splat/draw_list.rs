@@ -7,7 +7,7 @@ use super::layout::{BLOCK, Block, Node};
 use super::resources::ALIGNMENT;
 use crate::gpu::arena::Arena;
 use crate::gpu::view::SplatView;
-use crate::raster::sample::Sample;
+use crate::mode::sample::Sample;
 use std::ops::Range;
 
 /// Blocks that follow each other and lie in one chunk.

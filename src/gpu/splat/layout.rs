@@ -126,7 +126,7 @@ pub struct Node {
     /// The eye's place within its step, from the step's middle; of raw particles the eye's place from the node's origin, world
     /// units.
     pub eye_rest: [f32; 3],
-    /// See [`crate::raster::sample::Sample`].
+    /// See [`crate::mode::sample::Sample`].
     pub growth: f32,
     /// First word of the positions, or of raw particles.
     pub positions: u32,
@@ -142,13 +142,13 @@ pub struct Node {
     pub weight_scale: f32,
     /// Number of particles.
     pub count: u32,
-    /// See [`crate::raster::sample::Sample`].
+    /// See [`crate::mode::sample::Sample`].
     pub seed: u32,
-    /// See [`crate::raster::sample::Sample`].
+    /// See [`crate::mode::sample::Sample`].
     pub scale: f32,
-    /// See [`crate::raster::sample::Sample`]; 0: all particles are drawn.
+    /// See [`crate::mode::sample::Sample`]; 0: all particles are drawn.
     pub ranks: u32,
-    /// See [`crate::raster::sample::Sample`]; 1: true.
+    /// See [`crate::mode::sample::Sample`]; 1: true.
     pub even: u32,
     /// Padding.
     pub unused: u32,

@@ -1,8 +1,8 @@
 //! What Rust and the volume shaders both need, written as a shader module: one source, and constants that a shader's
 //! compiler sees.
 
-use crate::raster::volume::classify::{BRIGHTNESSES, HIDDEN_BITS, HUES};
-use crate::raster::volume::raycast::SURFACE_BRIGHTNESS;
+use crate::cpu::volume::classify::{BRIGHTNESSES, HIDDEN_BITS, HUES};
+use crate::cpu::volume::raycast::SURFACE_BRIGHTNESS;
 
 /// Path of the module among the shaders.
 pub const PATH: &str = "lib/volume_constants.wgsl";

@@ -2,7 +2,7 @@
 //! and where not even two layers fit into one buffer, into windows of the picture.
 
 use super::constants::{BRICK, CELLS};
-use crate::raster::volume::bricks::BORDER;
+use crate::cpu::volume::bricks::BORDER;
 use crate::view::PerspectiveGrid;
 use crate::view::perspective_grid::Slab;
 

@@ -6,8 +6,8 @@ use super::draw::{Picture, Room};
 use super::layout::{self, MOST_BINS, Portion, Turn, VolumeUniform};
 use super::programs::{Kind, Programs};
 use super::store::{Held, Store};
-use crate::raster::volume::bricks::BORDER;
-use crate::raster::volume::raycast;
+use crate::cpu::volume::bricks::BORDER;
+use crate::cpu::volume::raycast;
 use bevy::render::render_resource::{BindGroup, BindGroupEntry};
 use rayon::prelude::*;
 

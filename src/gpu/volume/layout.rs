@@ -4,12 +4,12 @@
 
 use super::constants::{BRICK, MOST_LEVELS};
 use super::cut::Cut;
+use crate::color::transfer::Scale;
+use crate::cpu::volume::bricks::Masonry;
+use crate::cpu::volume::particles::Particle;
+use crate::cpu::volume::surface::MOST_SURFACES;
+use crate::cpu::volume::{Light, Scenery};
 use crate::model::Kernel;
-use crate::raster::transfer::Scale;
-use crate::raster::volume::bricks::Masonry;
-use crate::raster::volume::particles::Particle;
-use crate::raster::volume::surface::MOST_SURFACES;
-use crate::raster::volume::{Light, Scenery};
 use crate::view::PerspectiveGrid;
 use bytemuck::{Pod, Zeroable};
 use std::f32::consts::PI;

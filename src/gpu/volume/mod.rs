@@ -1,5 +1,5 @@
 //! Volumes and isosurfaces through the perspective grid (F12 chapter 5) by compute passes: step for step what
-//! [`crate::raster::volume`] does, which is what its pictures are held against.
+//! [`crate::cpu::volume`] does, which is what its pictures are held against.
 //!
 //! [`VolumeRenderer`] is a [`Caster`]: it gets particles in camera space and the grid around them, and gives colours back. It
 //! draws outside of frames, on the thread that asks; [`cut`] says how the grid fits into the adapter's memory. For
@@ -28,7 +28,8 @@ mod timer;
 
 use super::capabilities::Capabilities;
 use super::device::{DeviceOptions, GpuError, open};
-use crate::raster::volume::{Caster, Colors, Prepared, Scenery, VolumeError, VolumeOptions, VolumeReport};
+use crate::color::Colors;
+use crate::cpu::volume::{Caster, Prepared, Scenery, VolumeError, VolumeOptions, VolumeReport};
 use crate::view::View;
 use bevy::render::renderer::{RenderAdapter, RenderDevice, RenderQueue};
 use bevy::tasks::block_on;

@@ -1,0 +1,11 @@
+//! deepfield's data: what it is, how it is read, coded, ordered in a hierarchy and kept in a page file.
+//!
+//! Data flows one way through the rooms: `model`, `codec`, `import`, `hierarchy`, `store`, `build`, `synth`.
+
+pub mod build;
+pub mod codec;
+pub mod hierarchy;
+pub mod import;
+pub mod model;
+pub mod store;
+pub mod synth;

@@ -1,0 +1,160 @@
+//! What the colours of a picture mean: quantities, units, ranges and scales, for the colour bar and the panel.
+
+use super::display_list::Rgba;
+use super::number;
+use crate::color::transfer::{Levels, Lut, Scale, TransferFunction};
+use crate::mode::Depiction;
+use crate::model::{Dataset, Unit};
+use crate::store::Metadata;
+use std::sync::Arc;
+
+/// One axis of the colours.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LegendAxis {
+    /// The quantity.
+    pub title: String,
+    /// Its unit; empty where it is not known.
+    pub unit: String,
+    /// The values at the two ends.
+    pub range: [f64; 2],
+    /// Whether values are placed logarithmically.
+    pub log: bool,
+}
+
+/// Values of a legend's opacity.
+const OPACITIES: usize = 49;
+
+/// Units of what a depiction shows.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Units {
+    /// Of masses.
+    pub mass: Unit,
+    /// Of positions.
+    pub length: Unit,
+    /// Of the attribute that colours the picture.
+    pub attribute: Unit,
+}
+
+impl Units {
+    /// Those of a page file.
+    pub fn of_pages(metadata: &Metadata, depiction: &Depiction) -> Units {
+        let columns = metadata.families.iter().flat_map(|family| family.attributes.iter().chain(&family.quantities));
+        let named = depiction.attribute.as_ref();
+        let mut attribute =
+            columns.filter(|info| named.is_some_and(|named| info.name == named.name)).map(|info| &info.unit);
+        Units {
+            mass: metadata.mass_unit.clone(),
+            length: metadata.length_unit.clone(),
+            attribute: attribute.next().cloned().unwrap_or_default(),
+        }
+    }
+
+    /// Those of particles in memory.
+    pub fn of_dataset(dataset: &Dataset, depiction: &Depiction) -> Units {
+        let (mass, length) = (dataset.mass_unit.clone(), dataset.length_unit.clone());
+        let named = depiction.attribute.as_ref().map(|coloring| coloring.name.as_str());
+        let columns = dataset.families.iter().flat_map(|family| &family.attributes);
+        let attribute = match named {
+            Some("mass") => mass.clone(),
+            Some("smoothing-length") => length.clone(),
+            Some("density") => crate::modes::grid::density_unit(&mass, &length),
+            named => columns
+                .filter(|column| Some(column.name.as_str()) == named)
+                .map(|column| column.unit.clone())
+                .next()
+                .unwrap_or_default(),
+        };
+        Units { mass, length, attribute }
+    }
+}
+
+/// The axes of the colours, and the colours.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Legend {
+    /// Brightness.
+    pub p: LegendAxis,
+    /// Hue, where it follows an attribute.
+    pub s: Option<LegendAxis>,
+    /// The colours over both.
+    pub lut: Arc<Lut>,
+    /// Opacity at evenly spaced places of the brightness' range, where that says more than the colours; else empty.
+    pub opacity: Vec<f32>,
+}
+
+impl Legend {
+    /// What the colours of a depiction mean with these ranges in use.
+    pub fn of(
+        depiction: &Depiction,
+        transfer: &TransferFunction,
+        lut: Arc<Lut>,
+        levels: &Levels,
+        units: &Units,
+    ) -> Legend {
+        let mode = depiction.mode;
+        let p = LegendAxis {
+            title: capitalized(mode.quantity),
+            unit: tidy((mode.unit)(&units.mass, &units.length).0),
+            range: levels.p,
+            log: transfer.scale == Scale::Log,
+        };
+        let hue = transfer.hue.as_ref().zip(depiction.attribute.as_ref());
+        let s = hue.map(|(hue, coloring)| LegendAxis {
+            title: capitalized(&coloring.name.replace('-', " ")),
+            unit: tidy(units.attribute.0.clone()),
+            range: levels.s,
+            log: hue.scale == Scale::Log,
+        });
+        // A volume's opacity belongs to a length, and colours do not show it.
+        let opacity = match mode.painter() {
+            Some(_) => (0..OPACITIES).map(|i| transfer.opacity_at(i as f32 / (OPACITIES - 1) as f32)).collect(),
+            None => Vec::new(),
+        };
+        Legend { p, s, lut, opacity }
+    }
+
+    /// The colour at a brightness and a hue, both within [0, 1].
+    pub fn color(&self, brightness: f32, hue: f32) -> Rgba {
+        let at = |share: f32, size: u32| (share.clamp(0.0, 1.0) * size.saturating_sub(1) as f32).round() as usize;
+        let index = at(hue, self.lut.height) * self.lut.width as usize + at(brightness, self.lut.width);
+        self.lut.rgba.get(index).copied().unwrap_or([0, 0, 0, 255])
+    }
+}
+
+/// A name with a capital first letter.
+fn capitalized(name: &str) -> String {
+    let mut letters = name.chars();
+    letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
+}
+
+/// A unit with superscripts in place of carets: `km^2` becomes `km²`.
+pub fn tidy(unit: String) -> String {
+    let mut text = String::with_capacity(unit.len());
+    let mut raised = false;
+    for c in unit.chars() {
+        match (c, raised) {
+            ('^', _) => raised = true,
+            ('-', true) => text.push(number::MINUS),
+            ('0'..='9', true) => {
+                text.push(['⁰', '¹', '²', '³', '⁴', '⁵', '⁶', '⁷', '⁸', '⁹'][c as usize - '0' as usize])
+            }
+            _ => {
+                raised = false;
+                text.push(c);
+            }
+        }
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn units_and_names_are_typeset() {
+        assert_eq!(tidy("(1e10 Msun)^2 / (kpc)^-5 K".into()), "(1e10 Msun)² / (kpc)¯⁵ K");
+        assert_eq!(tidy("km/s".into()), "km/s");
+        assert_eq!(capitalized("velocity dispersion"), "Velocity dispersion");
+        assert_eq!(capitalized(""), "");
+    }
+}

@@ -1,0 +1,15 @@
+//! What values look like: transfer functions and colour maps, the accumulated sums and the light that they are turned
+//! into, and how both are written to files.
+
+pub mod accumulation;
+pub mod colormap;
+pub mod colors;
+pub mod composite;
+pub mod output;
+pub mod transfer;
+
+pub use accumulation::Accumulation;
+pub use colormap::ColorMap;
+pub use colors::Colors;
+pub use composite::{Image, composite};
+pub use transfer::TransferFunction;

@@ -1,0 +1,298 @@
+//! The fast path: splats sorted by tile, drawn in SIMD lanes into the levels of the image pyramid.
+//!
+//! The division of work depends on the particles alone and sums are added in a fixed order, so the picture is the same
+//! for any number of threads.
+
+use super::exact::{self, AREA_FILTER};
+use super::footprint::{Footprint, Lens};
+use super::lanes::{self, Canvas};
+use super::profile::Profiles;
+use super::pyramid::{self, LevelImage, PADDING};
+use super::table::LineTable;
+use super::tiles::{self, Layer, Piece, Record, SIDE, STRIDE, Sorted};
+use super::{Counts, Extent, SplatOptions, Splats};
+use super::{small, sphere};
+use crate::color::accumulation::Accumulation;
+use crate::model::Kernel;
+use crate::view::{Projection, View};
+use pulp::{Arch, Simd, WithSimd};
+use rayon::prelude::*;
+
+/// Particles sorted at a time by one task.
+const CHUNK: usize = 1 << 13;
+/// Particles between two rounds of drawing; bounds the memory for sorted particles.
+const ROUND: usize = 1 << 21;
+/// Splats of a tile drawn by one task; more are divided among several.
+const JOB: usize = 1 << 15;
+
+/// The two channels of a tile, empty until something is drawn into it.
+#[derive(Clone, Debug, Default)]
+struct Tile {
+    p: Vec<f32>,
+    ps: Vec<f32>,
+}
+
+impl Tile {
+    /// Makes sure that the buffers are there.
+    fn prepare(&mut self, attribute: bool) {
+        if self.p.is_empty() {
+            self.p = vec![0.0; SIDE * STRIDE];
+            self.ps = vec![0.0; if attribute { SIDE * STRIDE } else { 0 }];
+        }
+    }
+}
+
+/// Draws all batches; see [`super::draw`].
+pub fn draw(view: &View, batches: &[Splats<'_>], options: &SplatOptions) -> (Accumulation, Counts) {
+    let kernel = options.kernel;
+    let mut counts = Counts::default();
+    let attribute = batches.iter().any(|batch| batch.attribute().is_some());
+    let lens = Lens::new(view);
+    let layers = tiles::layers(view);
+    let profiles = Profiles::of(kernel);
+    let count = layers.last().map_or(0, |layer| layer.first + layer.tiles[0] * layer.tiles[1]);
+    let mut drawn: Vec<Tile> = vec![Tile::default(); count];
+    let mut wide: Vec<(usize, Footprint)> = Vec::new();
+    let arch = Arch::new();
+    let is_sphere = |batch: &Splats<'_>| {
+        matches!((batch.extent(), view.projection), (Extent::World(_), Projection::Perspective { .. }))
+    };
+    for Round { spheres, tasks } in rounds(batches, is_sphere) {
+        let sorted: Vec<Sorted> =
+            tasks.par_iter().map(|pieces| tiles::sort(&lens, profiles, &layers, pieces, options)).collect();
+        wide.extend(sorted.iter().flat_map(|chunk| &chunk.wide));
+        sorted.iter().for_each(|chunk| counts += chunk.counts);
+        layers.iter().enumerate().for_each(|(number, layer)| {
+            let tiles = layer.first..layer.first + layer.tiles[0] * layer.tiles[1];
+            let paint = |tile: usize, records: &[&[Record]], out: &mut Tile| {
+                out.prepare(attribute);
+                let small = number == 0;
+                arch.dispatch(Job { lens: &lens, layer, profiles, kernel, small, spheres, tile, records, out });
+            };
+            drawn[tiles.clone()]
+                .par_iter_mut()
+                .zip(tiles.clone())
+                .for_each(|(out, tile)| draw_tile(&sorted, tile, out, |records, out| paint(tile, records, out)));
+            if !options.culling {
+                sorted.par_iter().for_each(|chunk| {
+                    let mut nowhere = Tile::default();
+                    let outside = chunk.outside.iter().filter(|(tile, _)| tiles.contains(tile));
+                    outside.for_each(|(tile, record)| paint(*tile, &[std::slice::from_ref(record)], &mut nowhere));
+                });
+            }
+        });
+    }
+    (finish(view, &lens, kernel, &layers, &drawn, &wide, attribute), counts)
+}
+
+/// What is sorted together and then drawn together.
+struct Round<'a> {
+    /// Whether splats are projected spheres.
+    spheres: bool,
+    /// What each task sorts.
+    tasks: Vec<Vec<Piece<'a>>>,
+}
+
+/// Cuts batches into tasks of [`CHUNK`] particles and those into rounds of [`ROUND`]. Small batches share a task: a page file's
+/// view may have thousands of nodes, of which a sample keeps a few particles each.
+fn rounds<'a>(batches: &'a [Splats<'a>], is_sphere: impl Fn(&Splats<'_>) -> bool) -> Vec<Round<'a>> {
+    let mut rounds: Vec<Round<'a>> = Vec::new();
+    let (mut in_task, mut in_round) = (CHUNK, ROUND);
+    for batch in batches {
+        let spheres = is_sphere(batch);
+        let mut start = 0;
+        while start < batch.len() {
+            if in_round >= ROUND || rounds.last().is_none_or(|round| round.spheres != spheres) {
+                rounds.push(Round { spheres, tasks: Vec::new() });
+                (in_task, in_round) = (CHUNK, 0);
+            }
+            let Some(round) = rounds.last_mut() else { break };
+            if in_task >= CHUNK {
+                round.tasks.push(Vec::new());
+                in_task = 0;
+            }
+            let taken = (batch.len() - start).min(CHUNK - in_task);
+            if let Some(task) = round.tasks.last_mut() {
+                task.push((batch, start..start + taken));
+            }
+            start += taken;
+            in_task += taken;
+            in_round += taken;
+        }
+    }
+    rounds
+}
+
+/// Draws a tile's records, in several tasks when there are many.
+fn draw_tile(sorted: &[Sorted], tile: usize, out: &mut Tile, paint: impl Fn(&[&[Record]], &mut Tile) + Sync) {
+    let mut jobs: Vec<Vec<&[Record]>> = Vec::new();
+    let mut held = JOB;
+    for records in sorted.iter().map(|chunk| chunk.of(tile)).filter(|records| !records.is_empty()) {
+        if held >= JOB {
+            jobs.push(Vec::new());
+            held = 0;
+        }
+        held += records.len();
+        if let Some(job) = jobs.last_mut() {
+            job.push(records);
+        }
+    }
+    let Some((first, others)) = jobs.split_first() else { return };
+    let parts = || {
+        let parts = others.par_iter().map(|job| {
+            let mut part = Tile::default();
+            paint(job, &mut part);
+            part
+        });
+        parts.collect::<Vec<Tile>>()
+    };
+    let ((), parts) = rayon::join(|| paint(first, out), parts);
+    for part in parts {
+        for (sum, value) in out.p.iter_mut().zip(part.p).chain(out.ps.iter_mut().zip(part.ps)) {
+            *sum += value;
+        }
+    }
+}
+
+/// The records of one tile on their way into its buffers.
+struct Job<'a> {
+    lens: &'a Lens,
+    layer: &'a Layer,
+    profiles: &'a Profiles,
+    kernel: Kernel,
+    small: bool,
+    spheres: bool,
+    tile: usize,
+    records: &'a [&'a [Record]],
+    out: &'a mut Tile,
+}
+
+impl WithSimd for Job<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Job { lens, layer, profiles, kernel, small, spheres, tile, records, out } = self;
+        let mut canvas = Canvas { stride: STRIDE, columns: SIDE, rows: SIDE, p: &mut out.p, ps: &mut out.ps };
+        let records = records.iter().copied().flatten();
+        let corner = layer.corner_of(tile);
+        if small {
+            let table = small::CornerTable::of(kernel);
+            for record in records {
+                small::draw(simd, &mut canvas, lens, profiles, table, corner, record);
+            }
+        } else if spheres {
+            for record in records {
+                sphere::sampled(simd, &mut canvas, lens, corner, layer.cell, &profiles.sampled, record);
+            }
+        } else {
+            lanes::uniform_circles(simd, &mut canvas, &profiles.sampled, records.map(Record::circle));
+        }
+    }
+}
+
+/// Adds up tiles, wide splats and levels to the picture.
+fn finish(
+    view: &View,
+    lens: &Lens,
+    kernel: Kernel,
+    layers: &[Layer],
+    drawn: &[Tile],
+    wide: &[(usize, Footprint)],
+    attribute: bool,
+) -> Accumulation {
+    let width = view.width as usize;
+    let mut picture = Accumulation::new(view.width, view.height, false);
+    picture.p = channel(layers, wide, lens, kernel, |footprint| footprint.amplitude, |tile| &drawn[tile].p);
+    if attribute {
+        picture.ps = channel(layers, wide, lens, kernel, |footprint| footprint.amplitude_s, |tile| &drawn[tile].ps);
+    }
+    // Small in one direction, but long in the other: at steep angles only.
+    let long: Vec<&Footprint> = wide.iter().filter(|(layer, _)| *layer == 0).map(|(_, footprint)| footprint).collect();
+    if !long.is_empty() {
+        let line = LineTable::of(kernel);
+        let mut canvas = exact::Canvas::new(width, view.height as usize, attribute);
+        canvas.bands(|mut band| long.iter().for_each(|footprint| exact::subsample(lens, line, footprint, &mut band)));
+        for (sum, value) in picture.p.iter_mut().zip(canvas.p).chain(picture.ps.iter_mut().zip(canvas.ps)) {
+            *sum += value as f32;
+        }
+    }
+    picture
+}
+
+/// One channel of the picture.
+fn channel<'a>(
+    layers: &[Layer],
+    wide: &[(usize, Footprint)],
+    lens: &Lens,
+    kernel: Kernel,
+    amplitude: impl Fn(&Footprint) -> f64 + Sync,
+    tile: impl Fn(usize) -> &'a [f32] + Sync,
+) -> Vec<f32> {
+    let mut sum: Option<LevelImage> = None;
+    for (number, layer) in layers.iter().enumerate().skip(1).rev() {
+        let mut image = layer.gather(&tile);
+        add_wide(&mut image, layer, wide.iter().filter(|(of, _)| *of == number), lens, kernel, &amplitude);
+        if let Some(coarser) = sum {
+            pyramid::add_upsampled(&coarser, &mut image);
+        }
+        sum = Some(image);
+    }
+    let small = layers[0].gather(&tile);
+    match sum {
+        Some(samples) => add_area_means(small, &samples),
+        None => small.samples,
+    }
+}
+
+/// Samples splats that reach beyond a tile, in double precision, row by row.
+fn add_wide<'a>(
+    image: &mut LevelImage,
+    layer: &Layer,
+    wide: impl Iterator<Item = &'a (usize, Footprint)>,
+    lens: &Lens,
+    kernel: Kernel,
+    amplitude: impl Fn(&Footprint) -> f64 + Sync,
+) {
+    let wide: Vec<&Footprint> = wide.map(|(_, footprint)| footprint).collect();
+    if wide.is_empty() {
+        return;
+    }
+    let line = LineTable::of(kernel);
+    let pixel = |cell: usize| (cell as f64 + 0.5 - layer.padding as f64) * layer.cell;
+    image.samples.par_chunks_mut(image.stride).enumerate().for_each(|(j, out)| {
+        let y = pixel(j);
+        for footprint in wide.iter().filter(|footprint| footprint.min[1] <= y && y <= footprint.max[1]) {
+            let row = lens.row(footprint, y);
+            let amplitude = amplitude(footprint);
+            for (i, out) in out.iter_mut().enumerate() {
+                *out += (amplitude * line.at_square(lens.square(&row, pixel(i)))) as f32;
+            }
+        }
+    });
+}
+
+/// Turns the samples of level 0 into area means and adds them to the small splats' means.
+fn add_area_means(small: LevelImage, samples: &LevelImage) -> Vec<f32> {
+    let [center, near, far] = AREA_FILTER.map(|tap| tap as f32);
+    let stride = samples.stride;
+    let width = small.stride;
+    let mut out = small.samples;
+    out.par_chunks_mut(width).enumerate().for_each_init(
+        || vec![0.0f32; width + 4],
+        |column, (y, out)| {
+            let row = |dy: usize| {
+                let start = (y + PADDING + dy - 2) * stride + PADDING - 2;
+                &samples.samples[start..start + width + 4]
+            };
+            let rows: [&[f32]; 5] = std::array::from_fn(row);
+            for (i, column) in column.iter_mut().enumerate() {
+                *column = center * rows[2][i] + near * (rows[1][i] + rows[3][i]) + far * (rows[0][i] + rows[4][i]);
+            }
+            for (out, w) in out.iter_mut().zip(column.windows(5)) {
+                *out += center * w[2] + near * (w[1] + w[3]) + far * (w[0] + w[4]);
+            }
+        },
+    );
+    out
+}

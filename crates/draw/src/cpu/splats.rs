@@ -1,0 +1,154 @@
+//! What is drawn: borrowed columns of particles.
+
+use glam::DVec3;
+use thiserror::Error;
+
+/// Particle positions, in world units.
+#[derive(Clone, Copy, Debug)]
+pub enum Positions<'a> {
+    /// World coordinates.
+    World(&'a [[f64; 3]]),
+    /// Offsets from one world position, as a page's decoded node has them.
+    Relative {
+        /// World position of offset zero.
+        origin: DVec3,
+        /// World units per unit of the offsets: a cell's edge, with which the offsets of packed positions are exact.
+        scale: f64,
+        /// World position minus `origin`, in units of `scale`.
+        offsets: &'a [[f32; 3]],
+    },
+}
+
+impl Positions<'_> {
+    /// Number of positions.
+    pub fn len(&self) -> usize {
+        match self {
+            Positions::World(positions) => positions.len(),
+            Positions::Relative { offsets, .. } => offsets.len(),
+        }
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// World position of one particle; `index` must be below [`Positions::len`].
+    pub fn world(&self, index: usize) -> DVec3 {
+        match self {
+            Positions::World(positions) => DVec3::from_array(positions[index]),
+            Positions::Relative { origin, scale, offsets } => {
+                *origin + *scale * glam::Vec3::from_array(offsets[index]).as_dvec3()
+            }
+        }
+    }
+}
+
+/// How far a splat reaches.
+#[derive(Clone, Copy, Debug)]
+pub enum Extent<'a> {
+    /// Smoothing length `h` of each particle in world units: the kernel's support radius.
+    World(&'a [f32]),
+    /// One radius in pixels for all particles, at any distance: a point-spread function. `P` is then weight per pixel
+    /// area.
+    Pixels(f32),
+}
+
+/// Columns that do not fit together.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub enum SplatError {
+    /// A column's length differs from the number of positions.
+    #[error("{column} has {found} values, expected {expected}")]
+    Length {
+        /// Which column.
+        column: &'static str,
+        /// Its length.
+        found: usize,
+        /// Number of positions.
+        expected: usize,
+    },
+}
+
+/// A batch of particles as structure of arrays, all columns of the same length. Particles with a value that is not
+/// finite, or an extent that is not positive, are left out.
+#[derive(Clone, Copy, Debug)]
+pub struct Splats<'a> {
+    positions: Positions<'a>,
+    extent: Extent<'a>,
+    weight: &'a [f32],
+    attribute: Option<&'a [f32]>,
+    density: Option<&'a [f32]>,
+}
+
+impl<'a> Splats<'a> {
+    /// A batch with `weight` `w` and, for the `S` channel, `attribute` `a` of each particle.
+    ///
+    /// # Errors
+    /// [`SplatError::Length`] when a column's length differs from the number of positions.
+    pub fn new(
+        positions: Positions<'a>,
+        extent: Extent<'a>,
+        weight: &'a [f32],
+        attribute: Option<&'a [f32]>,
+    ) -> Result<Splats<'a>, SplatError> {
+        let expected = positions.len();
+        let check = |column, found| match found == expected {
+            true => Ok(()),
+            false => Err(SplatError::Length { column, found, expected }),
+        };
+        if let Extent::World(lengths) = extent {
+            check("smoothing length", lengths.len())?;
+        }
+        check("weight", weight.len())?;
+        if let Some(attribute) = attribute {
+            check("attribute", attribute.len())?;
+        }
+        Ok(Splats { positions, extent, weight, attribute, density: None })
+    }
+
+    /// The same with each particle's own density, for what is classified particle by particle.
+    ///
+    /// # Errors
+    /// [`SplatError::Length`] when the column's length differs from the number of positions.
+    pub fn with_density(self, density: Option<&'a [f32]>) -> Result<Splats<'a>, SplatError> {
+        match density.map_or(self.len(), <[f32]>::len) {
+            found if found == self.len() => Ok(Splats { density, ..self }),
+            found => Err(SplatError::Length { column: "density", found, expected: self.len() }),
+        }
+    }
+
+    /// Number of particles.
+    pub fn len(&self) -> usize {
+        self.positions.len()
+    }
+
+    /// Whether the batch is empty.
+    pub fn is_empty(&self) -> bool {
+        self.positions.is_empty()
+    }
+
+    /// Positions of the particles.
+    pub fn positions(&self) -> Positions<'a> {
+        self.positions
+    }
+
+    /// Extents of the particles.
+    pub fn extent(&self) -> Extent<'a> {
+        self.extent
+    }
+
+    /// Weights `w`.
+    pub fn weight(&self) -> &'a [f32] {
+        self.weight
+    }
+
+    /// Densities of the particles themselves, where something is classified particle by particle.
+    pub fn density(&self) -> Option<&'a [f32]> {
+        self.density
+    }
+
+    /// Attributes `a`, when the `S` channel is wanted.
+    pub fn attribute(&self) -> Option<&'a [f32]> {
+        self.attribute
+    }
+}

@@ -1,0 +1,246 @@
+//! How the fast path divides its work: layers, their tiles, and particles sorted by tile.
+//!
+//! A layer is one level of the pyramid, or the picture itself for splats that are too small to be sampled. Each layer is
+//! cut into square tiles. A splat belongs to the tile of its centre; the tile's buffer has a margin that holds what
+//! reaches over, so that tiles are drawn independently and splats are drawn once.
+
+use super::footprint::{Footprint, Lens, Shape};
+use super::lanes::{Circle, SLACK, WIDEST};
+use super::profile::Profiles;
+use super::pyramid::{self, LevelImage, PADDING, SMALLEST_RADIUS};
+use super::{Counts, SplatOptions, Splats, small};
+use crate::view::View;
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// Cells along a tile's side.
+pub const TILE: usize = 128;
+/// Cells around a tile: more than the largest radius of a splat that is drawn in one tile.
+pub const MARGIN: usize = 14;
+/// Cells along the side of a tile's buffer.
+pub const SIDE: usize = TILE + 2 * MARGIN;
+/// Values in a row of a tile's buffer.
+pub const STRIDE: usize = SIDE + SLACK;
+
+const _: () = assert!(MARGIN as f32 > WIDEST + 1.0 && WIDEST as f64 >= 2.0 * SMALLEST_RADIUS);
+
+/// A splat in the tile where it belongs.
+#[derive(Clone, Copy, Debug)]
+pub struct Record {
+    /// Circle: x, y and radius in the cells of the tile's buffer, and 0. Sphere: position in camera space, and `h`.
+    pub place: [f32; 4],
+    /// `P` amplitude.
+    pub amplitude: f32,
+    /// `P S` amplitude.
+    pub amplitude_s: f32,
+}
+
+impl Record {
+    /// The record as a circle.
+    #[inline(always)]
+    pub fn circle(&self) -> Circle {
+        let [x, y, radius, _] = self.place;
+        Circle { x, y, radius, amplitude: self.amplitude, amplitude_s: self.amplitude_s }
+    }
+
+    /// Whether it is a sphere.
+    #[inline(always)]
+    pub fn is_sphere(&self) -> bool {
+        self.place[3] > 0.0
+    }
+}
+
+/// One layer of the picture.
+#[derive(Clone, Copy, Debug)]
+pub struct Layer {
+    /// Width of a cell, pixels.
+    pub cell: f64,
+    /// Cells around the picture.
+    pub padding: usize,
+    /// Cells in a row and in a column, padding included.
+    pub size: [usize; 2],
+    /// Tiles in a row and in a column.
+    pub tiles: [usize; 2],
+    /// Number of the first tile among those of all layers.
+    pub first: usize,
+}
+
+impl Layer {
+    /// The tile that holds a point (pixels), or the nearest one, and the pixel coordinates of its buffer's corner.
+    fn tile_at(&self, point: [f64; 2]) -> (usize, [f64; 2]) {
+        let tile: [usize; 2] = std::array::from_fn(|k| {
+            let cell = point[k] / self.cell + self.padding as f64;
+            // The cast saturates.
+            (cell as usize / TILE).min(self.tiles[k] - 1)
+        });
+        (self.first + tile[1] * self.tiles[0] + tile[0], self.corner(tile))
+    }
+
+    /// Pixel coordinates of the corner of a tile's buffer.
+    fn corner(&self, tile: [usize; 2]) -> [f64; 2] {
+        tile.map(|t| ((t * TILE) as f64 - (self.padding + MARGIN) as f64) * self.cell)
+    }
+
+    /// Pixel coordinates of the corner of the buffer of the tile with this number.
+    pub fn corner_of(&self, tile: usize) -> [f64; 2] {
+        let index = tile - self.first;
+        self.corner([index % self.tiles[0], index / self.tiles[0]])
+    }
+
+    /// Adds up the tiles' buffers to the layer's picture, padding included. `channel` gives a tile's buffer, empty when
+    /// nothing was drawn into it.
+    pub fn gather<'a>(&self, channel: impl Fn(usize) -> &'a [f32] + Sync) -> LevelImage {
+        let stride = self.size[0];
+        let mut samples = vec![0.0f32; stride * self.size[1]];
+        samples.par_chunks_mut(stride).enumerate().for_each(|(y, out)| {
+            let first = (y + 1).saturating_sub(TILE + MARGIN).div_ceil(TILE);
+            for ty in first..=((y + MARGIN) / TILE).min(self.tiles[1] - 1) {
+                let row = y + MARGIN - ty * TILE;
+                for tx in 0..self.tiles[0] {
+                    let buffer = channel(self.first + ty * self.tiles[0] + tx);
+                    if buffer.is_empty() {
+                        continue;
+                    }
+                    let skipped = MARGIN.saturating_sub(tx * TILE);
+                    let start = tx * TILE + skipped - MARGIN;
+                    let values = &buffer[row * STRIDE + skipped..row * STRIDE + SIDE];
+                    for (out, value) in out[start..].iter_mut().zip(values) {
+                        *out += value;
+                    }
+                }
+            }
+        });
+        LevelImage { stride, samples }
+    }
+}
+
+/// All layers of a picture: first the small splats' one, then the pyramid's levels from fine to coarse.
+pub fn layers(view: &View) -> Vec<Layer> {
+    let mut first = 0;
+    let mut layer = |level: usize, padding: usize| {
+        let size = [view.width, view.height].map(|pixels| pyramid::cells_of(pixels, level) + 2 * padding);
+        let tiles = size.map(|cells| cells.div_ceil(TILE));
+        let layer = Layer { cell: f64::from(1u32 << level), padding, size, tiles, first };
+        first += tiles[0] * tiles[1];
+        layer
+    };
+    let mut layers = vec![layer(0, 0)];
+    layers.extend((0..=pyramid::coarsest_level(view.width, view.height)).map(|level| layer(level, PADDING)));
+    layers
+}
+
+/// Particles of a chunk, sorted by tile and in their order within each.
+pub struct Sorted {
+    records: Vec<Record>,
+    /// Where each tile's records start, and the end.
+    starts: Vec<u32>,
+    /// Splats that reach beyond a tile's buffer, with their layer.
+    pub wide: Vec<(usize, Footprint)>,
+    /// Splats outside the picture with the number of the nearest tile; none when they are culled.
+    pub outside: Vec<(usize, Record)>,
+    /// What became of the particles.
+    pub counts: Counts,
+}
+
+impl Sorted {
+    /// The records of a tile.
+    pub fn of(&self, tile: usize) -> &[Record] {
+        &self.records[self.starts[tile] as usize..self.starts[tile + 1] as usize]
+    }
+}
+
+/// Some consecutive particles of a batch.
+pub type Piece<'a> = (&'a Splats<'a>, Range<usize>);
+
+/// Projects the particles of some pieces and sorts them by tile.
+pub fn sort(
+    lens: &Lens,
+    profiles: &Profiles,
+    layers: &[Layer],
+    pieces: &[Piece<'_>],
+    options: &SplatOptions,
+) -> Sorted {
+    let tiles = layers.last().map_or(0, |layer| layer.first + layer.tiles[0] * layer.tiles[1]);
+    let mut starts = vec![0u32; tiles + 1];
+    let mut placed: Vec<(u32, Record)> = Vec::with_capacity(pieces.iter().map(|piece| piece.1.len()).sum());
+    let (mut wide, mut outside, mut counts) = (Vec::new(), Vec::new(), Counts::default());
+    for (splats, index) in pieces.iter().flat_map(|(splats, range)| range.clone().map(move |index| (splats, index))) {
+        let Some(footprint) = lens.footprint(splats, index) else { continue };
+        // A level's padding is at most twice the radius of the splats on it.
+        let small = footprint.radius < SMALLEST_RADIUS;
+        let seen = lens.sees(&footprint, if small { 1.0 } else { 2.0 * footprint.radius });
+        if seen && options.faintest > 0.0 && lens.presence(&footprint, options.kernel) < f64::from(options.faintest) {
+            counts.faint += 1;
+            continue;
+        }
+        counts.drawn += u64::from(seen);
+        counts.outside += u64::from(!seen);
+        if !seen && options.culling {
+            continue;
+        }
+        let layer = if small { 0 } else { 1 + pyramid::level_of(footprint.radius, layers.len() - 2) };
+        let circles = if small { small::circles(lens, profiles, &footprint) } else { [None; 2] };
+        let footprints = if circles[0].is_some() { circles } else { [Some(footprint), None] };
+        for footprint in footprints.into_iter().flatten() {
+            match place(&layers[layer], &footprint) {
+                // It has been through everything that a splat goes through; none of its tile's cells is in its reach.
+                Some(placed) if !seen => outside.push(placed),
+                None if !seen => {}
+                Some((tile, record)) => {
+                    starts[tile] += 1;
+                    placed.push((tile as u32, record));
+                }
+                None => wide.push((layer, footprint)),
+            }
+        }
+    }
+    let mut next = 0;
+    for start in &mut starts {
+        next += std::mem::replace(start, next);
+    }
+    let blank = Record { place: [0.0; 4], amplitude: 0.0, amplitude_s: 0.0 };
+    let mut records = vec![blank; placed.len()];
+    let mut cursor = starts.clone();
+    for (tile, record) in placed {
+        let slot = &mut cursor[tile as usize];
+        records[*slot as usize] = record;
+        *slot += 1;
+    }
+    Sorted { records, starts, wide, outside, counts }
+}
+
+/// The tile of a footprint and its record; `None` when it does not fit into the tile's buffer.
+fn place(layer: &Layer, footprint: &Footprint) -> Option<(usize, Record)> {
+    let (amplitude, amplitude_s) = (footprint.amplitude as f32, footprint.amplitude_s as f32);
+    match footprint.shape {
+        Shape::Circle { center } => {
+            let radius = footprint.radius / layer.cell;
+            if radius > 2.0 * SMALLEST_RADIUS {
+                return None;
+            }
+            let (tile, corner) = layer.tile_at(center);
+            let local = |k: usize| ((center[k] - corner[k]) / layer.cell) as f32;
+            Some((tile, Record { place: [local(0), local(1), radius as f32, 0.0], amplitude, amplitude_s }))
+        }
+        Shape::Sphere { camera, h } => {
+            let middle = [0, 1].map(|k| 0.5 * (footprint.min[k] + footprint.max[k]));
+            if !(middle[0].is_finite() && middle[1].is_finite()) {
+                return None;
+            }
+            let (tile, corner) = layer.tile_at(middle);
+            // Those that are small in one direction and very long in the other fit nowhere.
+            if (0..2).any(|k| footprint.max[k] - footprint.min[k] > 16.0 * footprint.radius) {
+                return None;
+            }
+            let side = SIDE as f64 * layer.cell;
+            let pad = layer.padding as f64 * layer.cell;
+            let fits = (0..2).all(|k| {
+                // What lies beyond the layer is not drawn anyway.
+                let end = layer.size[k] as f64 * layer.cell - pad;
+                footprint.min[k].max(-pad) >= corner[k] && footprint.max[k].min(end) <= corner[k] + side
+            });
+            let [x, y, z] = camera.to_array().map(|c| c as f32);
+            fits.then_some((tile, Record { place: [x, y, z, h as f32], amplitude, amplitude_s }))
+        }
+    }
+}

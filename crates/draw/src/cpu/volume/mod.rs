@@ -1,0 +1,315 @@
+//! Volumes and isosurfaces straight from particles (F12 chapter 5), by the processor: the reference for the same on a GPU.
+//!
+//! Particles are projected once ([`particles`]). Slab by slab, from front to back, those that reach it are resampled to the
+//! perspective grid ([`resample`]), and all rays go through it ([`raycast`]); where they have become opaque, later
+//! slabs are left out ([`occlusion`]). Nothing is kept but the slab and what the rays have gathered.
+
+pub mod behind;
+pub mod bricks;
+pub mod classify;
+pub mod coarse;
+pub mod exact;
+pub mod occlusion;
+pub mod particles;
+pub mod range;
+pub mod raycast;
+pub mod resample;
+pub mod surface;
+
+mod block;
+#[cfg(test)]
+pub(in crate::cpu) mod tests;
+
+pub use behind::OpaqueDepths;
+pub use classify::{Classifier, VolumeLevels};
+pub use range::FieldRange;
+pub use raycast::Scenery;
+pub use surface::{Light, Surface};
+
+use super::Splats;
+use crate::color::Colors;
+use crate::model::Kernel;
+use crate::view::perspective_grid::{GridError, GridOptions, planes};
+use crate::view::{PerspectiveGrid, Projection, View};
+use bricks::{BRICK, Masonry, Slab};
+use occlusion::OpacityPyramid;
+use particles::{Particle, Projected, Taken};
+use raycast::Rays;
+use rayon::prelude::*;
+use resample::Resampler;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+use thiserror::Error;
+
+/// A volume that cannot be drawn, and which setting to change.
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum VolumeError {
+    /// The grid cannot be made.
+    #[error(transparent)]
+    Grid(#[from] GridError),
+    /// A surface that cannot be there.
+    #[error(
+        "isovalues[{index}] is {value}, expected a density greater than 0 and at most the data's largest, {largest}"
+    )]
+    IsoValue {
+        /// Which of the values.
+        index: usize,
+        /// The value.
+        value: f64,
+        /// The largest density of the data.
+        largest: f64,
+    },
+    /// More surfaces than are drawn at once.
+    #[error("isovalues has {found} values, expected at most {}", surface::MOST_SURFACES)]
+    TooManySurfaces {
+        /// How many were asked for.
+        found: usize,
+    },
+    /// A setting that does not fit the data or the mode.
+    #[error("{field} is {found}, expected {expected}")]
+    Setting {
+        /// The setting.
+        field: &'static str,
+        /// Its value.
+        found: String,
+        /// What it may be.
+        expected: String,
+    },
+    /// An adapter that cannot draw it.
+    #[error("{0}")]
+    Device(String),
+    /// Columns that do not fit together.
+    #[error(transparent)]
+    Columns(#[from] super::SplatError),
+}
+
+/// How a volume is sampled.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct VolumeOptions {
+    /// Cells per pixel, and whether slices are as dense on the frustum's edges.
+    pub grid: GridOptions,
+    /// Depth of the near plane; around the data without.
+    pub near: Option<f64>,
+    /// Depth of the far plane; around the data without.
+    pub far: Option<f64>,
+    /// Memory that a slab's cells may take, bytes (one layer of bricks is always held).
+    pub memory: u64,
+    /// Least smoothing length in cells, see [`particles`]; 0 leaves particles as they are.
+    pub smallest: f64,
+    /// Whether what lies behind opaque pixels is left out.
+    pub occlusion: bool,
+    /// The kernel that the smoothing lengths belong to.
+    pub kernel: Kernel,
+}
+
+impl Default for VolumeOptions {
+    fn default() -> VolumeOptions {
+        VolumeOptions {
+            grid: GridOptions::default(),
+            near: None,
+            far: None,
+            memory: 256 << 20,
+            smallest: particles::SMALLEST,
+            occlusion: true,
+            kernel: Kernel::default(),
+        }
+    }
+}
+
+/// What drawing a volume took.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct VolumeReport {
+    /// Columns, rows and slices of the grid.
+    pub grid: [u32; 3],
+    /// Depth of the near and the far plane.
+    pub planes: [f64; 2],
+    /// Number of slabs.
+    pub slabs: usize,
+    /// Particles that reach into the picture.
+    pub particles: u64,
+    /// Of those, how many were raised to the grid's size.
+    pub raised: u64,
+    /// Pairs of a brick and a particle in it.
+    pub pairs: u64,
+    /// Bricks that hold something.
+    pub bricks: u64,
+    /// Visible samples, where they are counted.
+    pub samples: Option<u64>,
+    /// Crossings of surfaces, where they are counted.
+    pub crossings: Option<u64>,
+    /// Columns of bricks that were left out of a slab because they lie behind opaque pixels, over all slabs.
+    pub hidden: u64,
+    /// Most memory held at once by particles, the field and the rays, bytes, where it is counted.
+    pub memory: Option<u64>,
+    /// What the picture hides; `None` without occlusion.
+    pub opaque: Option<Arc<OpaqueDepths>>,
+    /// Time for projecting and resampling.
+    pub resampling: Duration,
+    /// Time for casting rays.
+    pub rendering: Duration,
+}
+
+/// The particles of a view and the grid for them.
+pub struct Prepared {
+    /// The grid.
+    pub grid: PerspectiveGrid,
+    /// Its bricks, and those of the coarser grids for wide particles ([`coarse`]); never empty.
+    pub levels: Vec<Masonry>,
+    /// The particles.
+    pub particles: Projected,
+}
+
+impl Prepared {
+    /// These particles, to be resampled on this grid.
+    pub fn new(grid: PerspectiveGrid, particles: Projected) -> Prepared {
+        let widest = particles.chunks.par_iter().flatten().map(|particle| coarse::cells_of(particle, &grid));
+        let widest = widest.reduce(|| 0.0, f32::max);
+        Prepared { levels: coarse::masonries(&grid, widest), grid, particles }
+    }
+
+    /// The bricks of the grid.
+    pub fn masonry(&self) -> &Masonry {
+        &self.levels[0]
+    }
+
+    /// The level that a particle is resampled on.
+    pub fn level_of(&self, particle: &Particle) -> usize {
+        coarse::level_of(particle, &self.grid, self.levels.len())
+    }
+}
+
+/// Projects batches and lays the grid around what is in view.
+///
+/// # Errors
+/// [`VolumeError::Grid`] when nothing is in view or the grid makes no sense.
+pub fn prepare(view: &View, batches: &[Splats<'_>], options: &VolumeOptions) -> Result<Prepared, VolumeError> {
+    if let (Some(near), Some(far)) = (options.near, options.far)
+        && near >= far
+    {
+        return Err(GridError::NearBehindFar { near, far }.into());
+    }
+    let sigma = PerspectiveGrid::sigma_of(view, options.grid.resolution);
+    let particles = particles::project(view, batches, &Taken { sigma, smallest: options.smallest, stride: 1 });
+    let perspective = matches!(view.projection, Projection::Perspective { .. });
+    let depths = planes(particles.depths, options.near, options.far, perspective)?;
+    let grid = PerspectiveGrid::new(view, depths, &options.grid)?;
+    Ok(Prepared::new(grid, particles))
+}
+
+/// What resamples the particles of a view and casts rays through them: [`Processor`], or an adapter.
+pub trait Caster: std::fmt::Debug + Send + Sync {
+    /// Draws what `scenery` says of `prepared`, and adds to the report what that took.
+    ///
+    /// # Errors
+    /// [`VolumeError::Device`] when an adapter fails.
+    fn cast(
+        &self,
+        view: &View,
+        prepared: &Prepared,
+        scenery: &Scenery,
+        options: &VolumeOptions,
+        report: &mut VolumeReport,
+    ) -> Result<Colors, VolumeError>;
+
+    /// The backend's and the adapter's name.
+    fn name(&self) -> [&str; 2];
+
+    /// Frees what is kept from picture to picture, as nothing will be drawn for a while. False if that has to wait.
+    fn rest(&self) -> bool {
+        true
+    }
+}
+
+/// The CPU renderer. Its pictures do not depend on the number of threads.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Processor;
+
+/// Draws what `scenery` says of batches.
+///
+/// # Errors
+/// [`VolumeError`] as [`prepare`] and [`Caster::cast`].
+pub fn draw(
+    view: &View,
+    batches: &[Splats<'_>],
+    scenery: &Scenery,
+    options: &VolumeOptions,
+    caster: &dyn Caster,
+) -> Result<(Colors, VolumeReport), VolumeError> {
+    let start = Instant::now();
+    let prepared = prepare(view, batches, options)?;
+    let mut report = VolumeReport {
+        grid: prepared.grid.size,
+        planes: [prepared.grid.near, prepared.grid.far],
+        particles: prepared.particles.len(),
+        raised: prepared.particles.raised,
+        resampling: start.elapsed(),
+        ..VolumeReport::default()
+    };
+    let colors = caster.cast(view, &prepared, scenery, options, &mut report)?;
+    Ok((colors, report))
+}
+
+impl Caster for Processor {
+    fn cast(
+        &self,
+        view: &View,
+        prepared: &Prepared,
+        scenery: &Scenery,
+        options: &VolumeOptions,
+        report: &mut VolumeReport,
+    ) -> Result<Colors, VolumeError> {
+        let (grid, masonry, particles) = (&prepared.grid, prepared.masonry(), &prepared.particles);
+        let cell_bytes = 4 * (1 + u64::from(particles.attribute));
+        let slabs = grid.slabs(options.memory, cell_bytes, BRICK as u32);
+        report.slabs = slabs.len();
+        let mut rays = Rays::new(grid, masonry, view.width, view.height);
+        let (mut kept, mut hidden) = (Slab::default(), Vec::new());
+        let mut resampler = Resampler::new(prepared, options.kernel);
+        for slab in slabs {
+            let start = Instant::now();
+            let layers = slab.slices.start as usize / BRICK..(slab.slices.end as usize).div_ceil(BRICK);
+            let (resampled, work) = resampler.resample(layers.clone(), &hidden);
+            report.pairs += work.pairs;
+            report.bricks += work.bricks;
+            report.resampling += start.elapsed();
+            let start = Instant::now();
+            let first = if kept.layers.is_empty() { layers.start } else { kept.first };
+            let mut held = Slab { first, layers: kept.layers };
+            held.layers.extend(resampled);
+            let held_now = particles.bytes() + held.bytes() + rays.bytes();
+            report.memory = report.memory.max(Some(held_now));
+            let effort = rays.advance(grid, masonry, &held, slab.steps, scenery);
+            *report.samples.get_or_insert(0) += effort.samples;
+            *report.crossings.get_or_insert(0) += effort.crossings;
+            kept = held.split_last(|layers| resampler.recycle(layers));
+            if options.occlusion {
+                hidden = hidden_columns(&rays, masonry, view, scenery.termination);
+                report.hidden += hidden.iter().filter(|hidden| **hidden).count() as u64;
+            }
+            report.rendering += start.elapsed();
+            if !hidden.is_empty() && hidden.iter().all(|hidden| *hidden) {
+                break;
+            }
+        }
+        if options.occlusion {
+            let depths = rays.opaque_depths(grid, scenery.termination);
+            report.opaque = Some(Arc::new(OpaqueDepths::new(view, depths, grid.cell, options.smallest)));
+        }
+        let rgba = rays.picture(|ray| [ray.color[0], ray.color[1], ray.color[2], ray.alpha]);
+        Ok(Colors { width: view.width, height: view.height, rgba })
+    }
+
+    fn name(&self) -> [&str; 2] {
+        ["cpu"; 2]
+    }
+}
+
+/// The columns of bricks that no ray reads any more.
+fn hidden_columns(rays: &Rays, masonry: &Masonry, view: &View, termination: f32) -> Vec<bool> {
+    let opaque = rays.picture(|ray| ray.alpha >= termination);
+    let pyramid = OpacityPyramid::new(view.width as usize, view.height as usize, opaque);
+    let [columns, rows, _] = masonry.bricks;
+    let spans = |count: usize, axis: usize| -> Vec<[i64; 2]> { (0..count).map(|i| rays.readers(i, axis)).collect() };
+    let (across, down) = (spans(columns, 0), spans(rows, 1));
+    (0..masonry.of_layer()).map(|index| pyramid.hides(across[index % columns], down[index / columns])).collect()
+}

@@ -1,0 +1,203 @@
+//! Particles as a grid's resampling wants them: in camera space, in single precision, those alone that reach into the
+//! picture, none too small for the grid.
+//!
+//! A particle whose support is narrower than the grid would fall between cells. Its smoothing length is raised to
+//! [`SMALLEST`] cells of its depth, its mass staying what it is (F12 5.5.1, 5.5.2): with a support of two cells the
+//! cells' sum is the mass to half a percent wherever the particle lies. Setting the least size to 0 leaves
+//! particles as they are, for comparisons with the exact sum.
+
+use super::super::{Extent, Splats};
+use crate::view::{Projection, View};
+use rayon::prelude::*;
+
+/// Least smoothing length, in cells.
+pub const SMALLEST: f64 = 2.0;
+
+/// Particles that are projected by one task, and binned together: their columns fit into a cache.
+pub const CHUNK: usize = 1 << 15;
+
+/// One particle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Particle {
+    /// Camera coordinates, and the smoothing length.
+    pub place: [f32; 4],
+    /// Mass `m`.
+    pub mass: f32,
+    /// `m A`; 0 without attribute.
+    pub weighted: f32,
+}
+
+/// The particles of a view.
+#[derive(Clone, Debug, Default)]
+pub struct Projected {
+    /// In the order of the batches.
+    pub chunks: Vec<Vec<Particle>>,
+    /// The particles' own densities, one for each in `chunks`, where every batch has them; less for those that were raised.
+    pub densities: Vec<Vec<f32>>,
+    /// Least and largest depth that a particle in the picture reaches.
+    pub depths: Option<[f64; 2]>,
+    /// Particles whose size was raised.
+    pub raised: u64,
+    /// Whether there is an attribute.
+    pub attribute: bool,
+}
+
+impl Projected {
+    /// Number of particles that reach into the picture.
+    pub fn len(&self) -> u64 {
+        self.chunks.iter().map(|chunk| chunk.len() as u64).sum()
+    }
+
+    /// Memory that they take.
+    pub fn bytes(&self) -> u64 {
+        let of_density = if self.densities.is_empty() { 0 } else { size_of::<f32>() };
+        self.len() * (size_of::<Particle>() + of_density) as u64
+    }
+
+    /// Whether none does.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+}
+
+/// What is taken of the batches.
+#[derive(Clone, Copy, Debug)]
+pub struct Taken {
+    /// Width of a cell at depth 1 (perspective) or everywhere: see [`crate::view::PerspectiveGrid::sigma_of`].
+    pub sigma: f64,
+    /// Least smoothing length, cells.
+    pub smallest: f64,
+    /// Every how-manieth particle is taken, for a sketch: it counts for the others in mass and volume.
+    pub stride: usize,
+}
+
+/// Projects batches. Particles without extent in world units and those with a value that is not finite are left out.
+pub fn project(view: &View, batches: &[Splats<'_>], taken: &Taken) -> Projected {
+    let jobs: Vec<(&Splats<'_>, usize)> = batches
+        .iter()
+        .flat_map(|batch| (0..batch.len()).step_by(CHUNK * taken.stride).map(move |start| (batch, start)))
+        .collect();
+    let attribute = batches.iter().any(|batch| batch.attribute().is_some());
+    let parts: Vec<Part> = jobs.into_par_iter().map(|(batch, start)| part(view, batch, start, taken)).collect();
+    let mut all = Projected { attribute, ..Projected::default() };
+    for part in parts {
+        all.raised += part.raised;
+        if !part.particles.is_empty() {
+            let [near, far] = all.depths.unwrap_or(part.depths);
+            all.depths = Some([near.min(part.depths[0]), far.max(part.depths[1])]);
+            // Nodes of a page file may hold few particles each; short chunks would cost more than they hold.
+            match (all.chunks.last_mut(), all.densities.last_mut()) {
+                (Some(last), Some(densities)) if last.len() + part.particles.len() <= CHUNK => {
+                    last.extend(part.particles);
+                    densities.extend(part.densities);
+                }
+                _ => {
+                    all.chunks.push(part.particles);
+                    all.densities.push(part.densities);
+                }
+            }
+        }
+    }
+    if !batches.iter().all(|batch| batch.density().is_some()) {
+        all.densities.clear();
+    }
+    all.reconcile();
+    all
+}
+
+/// `rho h^3 / m` of a particle with some forty others within its support, and how far from it densities may be.
+const USUAL: (f32, f32) = (10.0, 30.0);
+
+impl Projected {
+    /// Some files have no masses, or densities in another unit: then the particles' own densities are not of the size of the sums
+    /// that are drawn. They are scaled so that the median is as it is where both belong together.
+    fn reconcile(&mut self) {
+        let particles = self.chunks.iter().flatten().zip(self.densities.iter().flatten());
+        let ratio = |(particle, density): (&Particle, &f32)| density * particle.place[3].powi(3) / particle.mass;
+        let mut ratios: Vec<f32> = particles.map(ratio).filter(|ratio| *ratio > 0.0 && ratio.is_finite()).collect();
+        if ratios.is_empty() {
+            return;
+        }
+        let middle = ratios.len() / 2;
+        let median = *ratios.select_nth_unstable_by(middle, f32::total_cmp).1;
+        let (usual, most) = USUAL;
+        if median > usual * most || median < usual / most {
+            let factor = usual / median;
+            self.densities.iter_mut().flatten().for_each(|density| *density *= factor);
+        }
+    }
+}
+
+struct Part {
+    particles: Vec<Particle>,
+    densities: Vec<f32>,
+    depths: [f64; 2],
+    raised: u64,
+}
+
+fn part(view: &View, batch: &Splats<'_>, start: usize, taken: &Taken) -> Part {
+    let mut part =
+        Part { particles: Vec::new(), densities: Vec::new(), depths: [f64::INFINITY, f64::NEG_INFINITY], raised: 0 };
+    let Extent::World(lengths) = batch.extent() else { return part };
+    let perspective = matches!(view.projection, Projection::Perspective { .. });
+    let edges = view.edges();
+    // Lengths of the side planes' normals.
+    let norms = edges.map(|sides| sides.map(|side| if perspective { side.hypot(1.0) } else { 1.0 }));
+    let (factor, growth) = (taken.stride as f32, (taken.stride as f64).cbrt());
+    let end = batch.len().min(start + CHUNK * taken.stride);
+    for i in (start..end).step_by(taken.stride) {
+        let place = view.to_camera(batch.positions().world(i));
+        let mut h = f64::from(lengths[i]) * growth;
+        let mass = batch.weight()[i] * factor;
+        let weighted = batch.attribute().map_or(0.0, |values| mass * values[i]);
+        if !(place.is_finite() && h > 0.0 && h.is_finite() && mass.is_finite() && weighted.is_finite()) {
+            continue;
+        }
+        let least = taken.smallest * taken.sigma * if perspective { place.z.max(0.0) } else { 1.0 };
+        let (raised, own) = (h < least, h);
+        h = h.max(least);
+        let beyond = |axis: usize| {
+            let depth = if perspective { place.z } else { 1.0 };
+            let [[low, high], norms] = [edges[axis], norms[axis]];
+            low * depth - place[axis] > h * norms[0] || place[axis] - high * depth > h * norms[1]
+        };
+        if place.z + h <= 0.0 && perspective || beyond(0) || beyond(1) {
+            continue;
+        }
+        part.raised += u64::from(raised);
+        let nearest = if perspective { (place.z - h).max(0.0) } else { place.z - h };
+        part.depths = [part.depths[0].min(nearest), part.depths[1].max(place.z + h)];
+        let [x, y, z] = place.as_vec3().to_array();
+        part.particles.push(Particle { place: [x, y, z, h as f32], mass, weighted });
+        if let Some(densities) = batch.density() {
+            part.densities.push(densities[i] * (own / h).powi(3) as f32);
+        }
+    }
+    part
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "a failed helper fails its test")]
+
+    use super::*;
+    use crate::cpu::volume::tests::{Cloud, perspective};
+    use glam::DVec3;
+
+    #[test]
+    fn densities_of_another_unit_are_brought_to_that_of_the_sums() {
+        // Density 1 everywhere.
+        let cloud = Cloud::lattice(8, 2.0);
+        let view = perspective(DVec3::new(0.0, 0.0, 9.0), 40, 30);
+        let with = |density: f32| {
+            let densities = vec![density; cloud.h.len()];
+            let batch = cloud.batch().with_density(Some(&densities)).unwrap();
+            project(&view, &[batch], &Taken { sigma: 1e-3, smallest: 0.0, stride: 1 }).densities.concat()
+        };
+        assert!(with(1.0).iter().all(|&density| density == 1.0));
+        assert!(with(2e7).iter().chain(&with(1e-9)).all(|density| (0.3..3.0).contains(density)));
+        assert!(
+            project(&view, &[cloud.batch()], &Taken { sigma: 1e-3, smallest: 0.0, stride: 1 }).densities.is_empty()
+        );
+    }
+}

@@ -1,0 +1,132 @@
+//! Automatic ranges of a volume: percentiles of the field as a sketch shows it, resampled with few cells and, where there are
+//! many, a part of the particles.
+
+use super::bricks::BRICK;
+use super::particles::{SMALLEST, Taken, project};
+use super::resample::Resampler;
+use super::{Prepared, VolumeError};
+use crate::cpu::Splats;
+use crate::model::Kernel;
+use crate::view::perspective_grid::{GridOptions, planes};
+use crate::view::{PerspectiveGrid, Projection, View};
+
+/// Longest side of the sketch, cells.
+const SIDE: u32 = 96;
+/// Particles that the sketch takes, about.
+const PARTICLES: usize = 1 << 18;
+
+/// Percentiles of a field, weighted by mass unless said otherwise.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FieldRange {
+    /// Density at the lower and upper end of what is to be seen; ascending and positive.
+    pub density: [f64; 2],
+    /// Attribute below which 3 % and 97 % of the mass in view lie.
+    pub attribute: [f64; 2],
+}
+
+/// Finds the ranges of what `view` sees between the planes that are set.
+///
+/// # Errors
+/// [`VolumeError`] when nothing is in view.
+pub fn measure(
+    view: &View,
+    batches: &[Splats<'_>],
+    kernel: Kernel,
+    near: Option<f64>,
+    far: Option<f64>,
+) -> Result<FieldRange, VolumeError> {
+    let shrink = (f64::from(SIDE) / f64::from(view.width.max(view.height))).min(1.0);
+    let side = |pixels: u32| ((f64::from(pixels) * shrink).round() as u32).max(1);
+    let view = view.resized(side(view.width), side(view.height));
+    let particles: usize = batches.iter().map(Splats::len).sum();
+    let sigma = PerspectiveGrid::sigma_of(&view, 1.0);
+    let taken = Taken { sigma, smallest: SMALLEST, stride: particles.div_ceil(PARTICLES).max(1) };
+    let projected = project(&view, batches, &taken);
+    let perspective = matches!(view.projection, Projection::Perspective { .. });
+    let depths = planes(projected.depths, near, far, perspective)?;
+    let grid = PerspectiveGrid::new(&view, depths, &GridOptions { resolution: 1.0, lambda: false })?;
+    let prepared = Prepared::new(grid, projected);
+    let masonry = prepared.masonry();
+    let (mut densities, mut attributes) = (Histogram::default(), Histogram::default());
+    let mut resampler = Resampler::new(&prepared, kernel);
+    // A few layers at a time: the depth of an outlier may be great.
+    for first in (0..masonry.bricks[2]).step_by(8) {
+        let layers = first..(first + 8).min(masonry.bricks[2]);
+        let (layers, _) = resampler.resample(layers, &[]);
+        for (layer, bricks) in layers.iter().enumerate() {
+            for brick in bricks.iter().flatten() {
+                for (index, &density) in brick.density.iter().enumerate().filter(|(_, density)| **density > 0.0) {
+                    let width = f64::from(masonry.spacing[(first + layer) * BRICK + index / (BRICK * BRICK)]);
+                    let mass = f64::from(density) * width.powi(3);
+                    densities.add(density, mass);
+                    if let Some(weighted) = brick.weighted.get(index) {
+                        attributes.add(weighted / density, mass);
+                    }
+                }
+            }
+        }
+        resampler.recycle(layers);
+    }
+    let [low, high] =
+        densities.percentiles([0.03, 0.995]).ok_or(crate::view::perspective_grid::GridError::NothingInView)?;
+    let [cold, hot] = attributes.percentiles([0.03, 0.97]).unwrap_or([0.0, 1.0]);
+    // Two decades at least: a field that is nearly constant has no structure to spread colours over.
+    Ok(FieldRange { density: [low.min(1e-2 * high), high], attribute: [cold, hot] })
+}
+
+/// Mass by the leading bits of a value: 64 classes an octave, ascending.
+struct Histogram(Vec<f64>);
+
+/// Bits of a float that a histogram does not see.
+const HIDDEN_BITS: u32 = 17;
+
+impl Default for Histogram {
+    fn default() -> Histogram {
+        Histogram(vec![0.0; 1 << (32 - HIDDEN_BITS)])
+    }
+}
+
+impl Histogram {
+    fn add(&mut self, value: f32, mass: f64) {
+        if value.is_finite() && mass.is_finite() {
+            // Floats in the order of their bits: negative ones turned round, before the others.
+            let bits = value.to_bits();
+            let ordered = if bits >> 31 == 1 { !bits } else { bits | 1 << 31 };
+            self.0[(ordered >> HIDDEN_BITS) as usize] += mass;
+        }
+    }
+
+    /// The values below which these shares of the mass lie; `None` without mass.
+    fn percentiles<const N: usize>(&self, shares: [f64; N]) -> Option<[f64; N]> {
+        let total: f64 = self.0.iter().sum();
+        (total > 0.0).then(|| {
+            shares.map(|share| {
+                let mut sum = 0.0;
+                let class = self.0.iter().position(|mass| {
+                    sum += mass;
+                    sum >= share * total
+                });
+                let ordered = (class.unwrap_or(self.0.len() - 1) as u32) << HIDDEN_BITS;
+                let bits = if ordered >> 31 == 1 { ordered & !(1 << 31) } else { !ordered };
+                f64::from(f32::from_bits(bits))
+            })
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn percentiles_of_any_sign() {
+        let mut histogram = Histogram::default();
+        for value in [-8.0, -1.0, 0.0, 2.0, 64.0] {
+            histogram.add(value, 1.0);
+        }
+        histogram.add(f32::NAN, 1.0);
+        let [first, middle, last] = histogram.percentiles([0.1, 0.5, 1.0]).unwrap();
+        assert!((first + 8.0).abs() < 0.2 && middle == 0.0 && last == 64.0, "{first} {middle} {last}");
+        assert!(Histogram::default().percentiles([0.5]).is_none());
+    }
+}

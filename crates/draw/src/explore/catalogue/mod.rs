@@ -1,0 +1,222 @@
+//! Catalogues of named objects: haloes, clusters, stars that have names. For labels, flights and probes of what they name.
+//!
+//! Three kinds are told apart by their content: tables (CSV with a header), RON, and group catalogues of Gadget-4, AREPO and
+//! SUBFIND (HDF5).
+
+mod groups;
+mod table;
+mod written;
+
+use super::error::ExploreError;
+use crate::annotate::Label;
+use crate::model::Unit;
+use glam::DVec3;
+use serde::Serialize;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+/// Most objects that a catalogue may have; labels of more would help nobody.
+pub const MOST_OBJECTS: u64 = 10_000_000;
+
+/// A named object.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Object {
+    /// Its name: the catalogue's own, or `Group 0`, `Subhalo 12`.
+    pub name: String,
+    /// Where it is, in the catalogue's length unit.
+    pub position: DVec3,
+    /// How large it is, where the catalogue says so; positive.
+    pub radius: Option<f64>,
+    /// Its mass, where the catalogue says so.
+    pub mass: Option<f64>,
+}
+
+/// Named objects, the most important first: by mass, then by size, then in the file's order.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Catalogue {
+    /// The file.
+    pub path: PathBuf,
+    /// What kind of file: `csv`, `ron`, `groups`.
+    pub format: &'static str,
+    /// Unit of positions and radii; empty when unknown.
+    pub length_unit: Unit,
+    /// Unit of masses; empty when unknown.
+    pub mass_unit: Unit,
+    /// Edge of the periodic box, where the file says so.
+    pub box_size: Option<f64>,
+    /// Entries without a finite position, which are left out.
+    pub left_out: u64,
+    /// The objects.
+    pub objects: Vec<Object>,
+}
+
+impl Catalogue {
+    /// Reads a catalogue of any kind.
+    ///
+    /// # Errors
+    /// [`ExploreError`] with file and field when it cannot be read, is damaged, or has no object.
+    pub fn read(path: &Path) -> Result<Catalogue, ExploreError> {
+        let mut head = Vec::new();
+        let file = std::fs::File::open(path).map_err(|source| ExploreError::io(path, "opening", source))?;
+        file.take(4096).read_to_end(&mut head).map_err(|source| ExploreError::io(path, "reading", source))?;
+        let text = std::str::from_utf8(&head).unwrap_or_default().trim_start_matches('\u{feff}').trim_start();
+        let is_ron =
+            text.starts_with(['(', '[']) || text.starts_with("//") || text.starts_with("/*") || text.starts_with("#!");
+        let is_hdf5 = [0, 512, 1024, 2048].iter().any(|&at| head.get(at..).is_some_and(|h| h.starts_with(b"\x89HDF")));
+        let mut catalogue = match () {
+            () if is_hdf5 => groups::read(path)?,
+            () if is_ron => written::read(path)?,
+            () => table::read(path)?,
+        };
+        let before = catalogue.objects.len();
+        catalogue.objects.retain(|object| object.position.is_finite());
+        catalogue.left_out += (before - catalogue.objects.len()) as u64;
+        if catalogue.objects.is_empty() {
+            return Err(ExploreError::malformed(path, "objects", "none with a position", "at least one"));
+        }
+        for object in &mut catalogue.objects {
+            object.radius = object.radius.filter(|radius| *radius > 0.0 && radius.is_finite());
+            object.mass = object.mass.filter(|mass| mass.is_finite());
+        }
+        let importance = |object: &Object| (object.mass.unwrap_or(0.0), object.radius.unwrap_or(0.0));
+        catalogue.objects.sort_by(|a, b| {
+            let ((mass_a, radius_a), (mass_b, radius_b)) = (importance(a), importance(b));
+            mass_b.total_cmp(&mass_a).then(radius_b.total_cmp(&radius_a))
+        });
+        Ok(catalogue)
+    }
+
+    /// The objects as names to be written into a picture, in their order.
+    pub fn labels(&self) -> Vec<Label> {
+        let label =
+            |object: &Object| Label { name: object.name.clone(), position: object.position, radius: object.radius };
+        self.objects.iter().map(label).collect()
+    }
+
+    /// What to say where the catalogue states another unit of lengths than the data's.
+    pub fn unlike(&self, unit: &Unit) -> Option<String> {
+        let differs = !self.length_unit.is_unknown() && !unit.is_unknown() && self.length_unit != *unit;
+        differs.then(|| {
+            let (path, own) = (self.path.display(), &self.length_unit);
+            format!("{path}: positions are in {own}, those of the data in {unit}; they are taken as they are")
+        })
+    }
+
+    /// The object of that name, capital letters or not.
+    ///
+    /// # Errors
+    /// [`ExploreError::Missing`] with names that begin alike, or the first ones.
+    pub fn named(&self, name: &str) -> Result<&Object, ExploreError> {
+        let wanted = name.trim().to_lowercase();
+        let found = self.objects.iter().find(|object| object.name.to_lowercase() == wanted);
+        found.ok_or_else(|| {
+            let alike = |object: &&Object| object.name.to_lowercase().contains(&wanted);
+            let mut names: Vec<&str> =
+                self.objects.iter().filter(alike).take(3).map(|object| object.name.as_str()).collect();
+            if names.is_empty() {
+                names = self.objects.iter().take(3).map(|object| object.name.as_str()).collect();
+            }
+            let expected = format!("one of {} objects such as {}", self.objects.len(), names.join(", "));
+            ExploreError::missing(&self.path, format!("object {name:?}"), expected)
+        })
+    }
+
+    /// The object at place `index` by importance, from 0.
+    ///
+    /// # Errors
+    /// [`ExploreError::Missing`] where there are not so many.
+    pub fn ranked(&self, index: usize) -> Result<&Object, ExploreError> {
+        self.objects.get(index).ok_or_else(|| {
+            let expected = format!("0 to {}, by importance", self.objects.len() - 1);
+            ExploreError::missing(&self.path, format!("object #{index}"), expected)
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn written(name: &str, text: &str) -> (tempfile::TempDir, PathBuf) {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(name);
+        std::fs::write(&path, text).unwrap();
+        (folder, path)
+    }
+
+    #[test]
+    fn tables_are_read_in_any_order_of_columns() {
+        let text = "mass [Msun],z [kpc],name,y [kpc],x [kpc],radius [kpc]\n5,3,Small,2,1,0.5\n7,6,\"Big, far\",5,4,\n,1,Lost,,1,1\n";
+        let (_folder, path) = written("a.csv", text);
+        let catalogue = Catalogue::read(&path).unwrap();
+        assert_eq!((catalogue.length_unit.0.as_str(), catalogue.mass_unit.0.as_str()), ("kpc", "Msun"));
+        assert_eq!((catalogue.format, catalogue.left_out), ("csv", 1));
+        let big =
+            Object { name: "Big, far".into(), position: DVec3::new(4.0, 5.0, 6.0), radius: None, mass: Some(7.0) };
+        let small =
+            Object { name: "Small".into(), position: DVec3::new(1.0, 2.0, 3.0), radius: Some(0.5), mass: Some(5.0) };
+        assert_eq!(catalogue.objects, [big, small]);
+        assert_eq!(catalogue.named("small").unwrap().mass, Some(5.0));
+        let message = catalogue.named("smal").unwrap_err().to_string();
+        assert!(message.contains("a.csv") && message.contains("Small"), "{message}");
+        assert!(catalogue.ranked(1).is_ok() && catalogue.ranked(2).is_err());
+    }
+
+    #[test]
+    fn directions_on_the_sky_become_places() {
+        let (_folder, path) = written("stars.csv", "name,ra,dec,dist\nPole,0,90,10\nOrigin of RA,90,0,2\n");
+        let catalogue = Catalogue::read(&path).unwrap();
+        assert!((catalogue.named("pole").unwrap().position - DVec3::new(0.0, 0.0, 10.0)).length() < 1e-12);
+        assert!((catalogue.named("origin of ra").unwrap().position - DVec3::new(0.0, 2.0, 0.0)).length() < 1e-12);
+    }
+
+    #[test]
+    fn ron_is_read() {
+        let text = "(length_unit: \"kpc\", objects: [\n (name: \"A\", position: (1, 2, 3), radius: 2.0),\n (name: \"B\", position: (0, 0, 0), mass: 1e3)])";
+        let (_folder, path) = written("a.ron", text);
+        let catalogue = Catalogue::read(&path).unwrap();
+        assert_eq!(catalogue.objects[0].name, "B");
+        assert_eq!((catalogue.objects[1].radius, catalogue.length_unit.0.as_str()), (Some(2.0), "kpc"));
+    }
+
+    #[test]
+    fn groups_in_several_files_are_one_catalogue() {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/data");
+        for number in 0..3 {
+            // Any file of them names all, the last one too, which holds nothing itself.
+            let catalogue = Catalogue::read(&folder.join(format!("groups.{number}.hdf5"))).unwrap();
+            let names: Vec<&str> = catalogue.objects.iter().map(|object| object.name.as_str()).collect();
+            let expected = ["Group 4", "Group 3", "Group 2", "Subhalo 0", "Subhalo 1", "Group 1", "Group 0"];
+            assert_eq!(names, expected);
+            assert_eq!((catalogue.box_size, catalogue.format), (Some(10.0), "groups"));
+            // A radius of 0 is none.
+            assert_eq!(catalogue.named("group 0").unwrap().radius, Some(0.25));
+            assert_eq!(catalogue.named("group 4").unwrap().radius, None);
+            assert_eq!(catalogue.named("subhalo 1").unwrap().radius, Some(0.125));
+        }
+    }
+
+    #[test]
+    fn files_that_are_wrong_say_where() {
+        for (name, text, parts) in [
+            ("a.csv", "name,x,y\nA,1,2\n", &["a.csv", "positions"][..]),
+            ("a.csv", "name,x,y,z\nA,1,2,far\n", &["a.csv", "line 2", "far"]),
+            ("a.csv", "x,y,z\n1,2,3\n", &["a.csv", "name"]),
+            ("a.csv", "name,x,y,z\n", &["a.csv"]),
+            ("a.csv", "name,x,y,z\nA,,1,2\n", &["a.csv", "objects"]),
+            ("a.csv", "", &["a.csv"]),
+            ("a.csv", "\u{1}\u{2}", &["a.csv"]),
+            ("a.ron", "(objects: [(name: \"A\", positions: (1, 2, 3))])", &["a.ron:1:", "positions"]),
+            ("a.ron", "(objects: [])", &["a.ron", "objects"]),
+            ("a.hdf5", "\u{1}", &["a.hdf5"]),
+        ] {
+            let (_folder, path) = written(name, text);
+            let message = Catalogue::read(&path).unwrap_err().to_string();
+            assert!(parts.iter().all(|part| message.contains(part)), "{text:?} gave {message}");
+        }
+        let (_folder, path) = written("a.hdf5", "");
+        std::fs::write(&path, b"\x89HDF\r\n\x1a\n and then nothing").unwrap();
+        assert!(Catalogue::read(&path).unwrap_err().to_string().contains("a.hdf5"));
+        assert!(Catalogue::read(Path::new("/nowhere/at.csv")).unwrap_err().to_string().contains("/nowhere/at.csv"));
+    }
+}

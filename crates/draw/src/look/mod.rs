@@ -1,0 +1,197 @@
+//! Scene files: everything that a picture or a window shows, as RON that can be read, edited and opened again.
+//!
+//! A scene names its data by a path beside itself and by a fingerprint, so that data that has moved is found and data that has
+//! changed is told ([`dataset`]). Fields that are left out keep their defaults; what is unknown, of the wrong type or out of range
+//! is refused with file, line, column and field.
+
+pub mod dataset;
+pub mod members;
+
+mod check;
+mod film;
+mod text;
+
+pub use dataset::{DatasetRef, Fingerprint, Located};
+pub use film::Film;
+pub use members::{Member, open_members, shown_families};
+pub use text::{SceneError, is_scene_file};
+
+use crate::annotate::Annotations;
+use crate::color::transfer::TransferFunction;
+use crate::explore::SelectionSet;
+use crate::mode::Settings;
+use crate::view::{CutSettings, Projection, Stereo, Surround, View, ViewError};
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
+
+/// The version of scene files that this program writes.
+pub const VERSION: u32 = 1;
+
+/// A scene.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SceneFile {
+    /// [`VERSION`].
+    pub version: u32,
+    /// What is shown, in the units of the first.
+    pub datasets: Vec<DatasetRef>,
+    /// Visualization mode; the data's usual one where it is `None`.
+    #[serde(default)]
+    pub mode: Option<String>,
+    /// Settings of the mode that differ from their defaults.
+    #[serde(default)]
+    pub settings: Settings,
+    /// Which attribute gives the hue.
+    #[serde(default)]
+    pub attribute: Attribute,
+    /// From values to colours, for splats and volumes; the mode's own where it is `None`.
+    #[serde(default)]
+    pub transfer: Option<TransferFunction>,
+    /// What is written into the picture; the program's own where it is `None`.
+    #[serde(default)]
+    pub annotations: Option<Annotations>,
+    /// Largest displacement of a particle on screen, pixels; the program's own where it is `None`.
+    #[serde(default)]
+    pub error_px: Option<f64>,
+    /// Size of the picture, pixels.
+    #[serde(default)]
+    pub size: Option<(u32, u32)>,
+    /// Where the camera stands; around the data where it is `None`.
+    #[serde(default)]
+    pub camera: Option<Camera>,
+    /// How directions become a picture of `deepfield render`; the window shows flat ones.
+    #[serde(default)]
+    pub projection: Surround,
+    /// A picture for each eye, of `deepfield render`.
+    #[serde(default)]
+    pub stereo: Option<Stereo>,
+    /// What is left out and faded.
+    #[serde(default)]
+    pub cut: CutSettings,
+    /// Viewpoints on number keys.
+    #[serde(default)]
+    pub bookmarks: Vec<Bookmark>,
+    /// Coloured selections.
+    #[serde(default)]
+    pub selections: Vec<SelectionSet>,
+    /// A catalogue of named objects; where it is relative, from the scene file's folder.
+    #[serde(default)]
+    pub labels: Option<PathBuf>,
+    /// The window's panels.
+    #[serde(default)]
+    pub panels: Panels,
+    /// What a tour's picture has beyond a scene.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub film: Option<Film>,
+}
+
+/// Which attribute gives the hue.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Attribute {
+    /// The mode's usual one, where the data has it.
+    #[default]
+    Automatic,
+    /// None: the colour follows the brightness.
+    None,
+    /// The attribute of that name.
+    Named(String),
+}
+
+/// Where a camera stands, in the data's length unit; numbers come back from a file exactly as they were.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Camera {
+    /// Position.
+    pub eye: [f64; 3],
+    /// The point looked at, which an orbit turns around.
+    pub target: [f64; 3],
+    /// The direction that points up in the picture.
+    #[serde(default = "up")]
+    pub up: [f64; 3],
+    /// Vertical field of view, degrees.
+    #[serde(default = "fov")]
+    pub fov: f64,
+    /// Height of an orthographic picture; perspective where it is `None`.
+    #[serde(default)]
+    pub ortho: Option<f64>,
+}
+
+fn up() -> [f64; 3] {
+    [0.0, 1.0, 0.0]
+}
+
+fn fov() -> f64 {
+    45.0
+}
+
+/// A viewpoint on a number key.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Bookmark {
+    /// The key, 0 to 9.
+    pub key: u8,
+    /// What it is called.
+    #[serde(default)]
+    pub name: String,
+    /// The viewpoint.
+    pub camera: Camera,
+}
+
+/// Which of the window's panels are shown.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Panels {
+    /// Whether there are any.
+    pub shown: bool,
+    /// Names of the sections that are closed; the program's choice where it is `None`.
+    pub closed: Option<Vec<String>>,
+}
+
+impl Default for Panels {
+    fn default() -> Panels {
+        Panels { shown: true, closed: None }
+    }
+}
+
+impl SceneFile {
+    /// A scene of these datasets with everything as it is by default.
+    pub fn new(datasets: Vec<DatasetRef>) -> SceneFile {
+        SceneFile {
+            version: VERSION,
+            datasets,
+            mode: None,
+            settings: Settings::default(),
+            attribute: Attribute::default(),
+            transfer: None,
+            annotations: None,
+            error_px: None,
+            size: None,
+            camera: None,
+            projection: Surround::Flat,
+            stereo: None,
+            cut: CutSettings::default(),
+            bookmarks: Vec::new(),
+            selections: Vec::new(),
+            labels: None,
+            panels: Panels::default(),
+            film: None,
+        }
+    }
+}
+
+impl Camera {
+    /// The view onto a picture of that many pixels.
+    ///
+    /// # Errors
+    /// [`ViewError`] for a camera that cannot see anything.
+    pub fn view(&self, width: u32, height: u32) -> Result<View, ViewError> {
+        let [eye, target, up] = [self.eye, self.target, self.up].map(DVec3::from);
+        let projection = match self.ortho {
+            Some(height) => Projection::Orthographic { height },
+            None => Projection::Perspective { fov_y: self.fov.to_radians() },
+        };
+        View::look_at(eye, target, up, projection, width, height)
+    }
+}

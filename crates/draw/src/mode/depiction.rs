@@ -1,0 +1,258 @@
+//! A mode as the user has set it, applied to data: weights and attributes of source particles and of codebook entries.
+
+use super::{Columns, Conserved, Footprint, Mode, Settings, economy};
+use crate::codec::Codebook;
+use crate::color::transfer::{Range, Scale, TransferFunction};
+use crate::hierarchy::Levels;
+use crate::model::{Dataset, Family};
+use crate::modes::grid;
+use crate::store::{FamilyMetadata, Metadata, Node};
+use crate::view::{Detail, View};
+
+/// A mode, its settings and the attribute that colours the picture.
+#[derive(Clone)]
+pub struct Depiction {
+    /// The mode.
+    pub mode: &'static Mode,
+    /// Its settings.
+    pub settings: Settings,
+    /// The attribute averaged into `S`; none for a picture without colour channel.
+    pub attribute: Option<Coloring>,
+}
+
+/// The attribute averaged into `S`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Coloring {
+    /// Its name.
+    pub name: String,
+    /// What particles without a value count as (families that lack the attribute): its mean where it is known.
+    pub fallback: f32,
+    /// Its smallest value; 0 where that is not known.
+    pub least: f64,
+}
+
+/// What the codes of one codebook stand for in a depiction; all columns have the codebook's length.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CodeTable {
+    /// Smoothing length `h` (support radius), world units.
+    pub smoothing_length: Vec<f32>,
+    /// Weight `w`.
+    pub weight: Vec<f32>,
+    /// Attribute `a`, if the picture has colour.
+    pub attribute: Option<Vec<f32>>,
+    /// The particles' own densities, if the mode draws with them.
+    pub density: Option<Vec<f32>>,
+    /// How much a particle's absence would show; see [`economy::importance`].
+    pub importance: Vec<f32>,
+    /// The largest of them.
+    pub most_important: f32,
+}
+
+/// Weights and attributes of a family's source particles.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SourceColumns {
+    /// Weight `w` of each particle.
+    pub weight: Vec<f32>,
+    /// Attribute `a` of each particle, if the picture has colour.
+    pub attribute: Option<Vec<f32>>,
+    /// The particles' own densities, if the mode draws with them.
+    pub density: Option<Vec<f32>>,
+}
+
+impl Depiction {
+    /// `mode` for a page file; `attribute` as the user named it, else the mode's usual one if the data has it.
+    ///
+    /// # Errors
+    /// The names that the data has, when it has none called `attribute`.
+    pub fn of_pages(
+        mode: &'static Mode,
+        settings: Settings,
+        attribute: Option<&str>,
+        metadata: &Metadata,
+    ) -> Result<Depiction, String> {
+        let known: Vec<(&str, f64, f64, f64)> = metadata
+            .families
+            .iter()
+            .flat_map(|family| {
+                let columns = family.quantities.iter().chain(&family.attributes);
+                columns.map(|info| (info.name.as_str(), info.mean, family.count as f64, info.min))
+            })
+            .collect();
+        Depiction::new(mode, settings, attribute, &known)
+    }
+
+    /// `mode` for particles in memory; `attribute` as in [`Depiction::of_pages`].
+    ///
+    /// # Errors
+    /// The names that the data has, when it has none called `attribute`.
+    pub fn of_dataset(
+        mode: &'static Mode,
+        settings: Settings,
+        attribute: Option<&str>,
+        dataset: &Dataset,
+    ) -> Result<Depiction, String> {
+        let mut known = Vec::new();
+        for family in &dataset.families {
+            let own =
+                [("mass", &family.mass), ("density", &family.density), ("smoothing-length", &family.smoothing_length)];
+            let others = family.attributes.iter().map(|attribute| (attribute.name.as_str(), &attribute.values));
+            for (name, values) in own.into_iter().chain(others) {
+                let finite = values.iter().filter(|value| value.is_finite());
+                let (sum, count, least) = finite.fold((0.0, 0.0, f64::INFINITY), |(sum, n, least), &value| {
+                    (sum + f64::from(value), n + 1.0, least.min(f64::from(value)))
+                });
+                known.push((name, if count > 0.0 { sum / count } else { 0.0 }, count, least));
+            }
+        }
+        Depiction::new(mode, settings, attribute, &known)
+    }
+
+    /// `known` holds name, mean, number and least of the values of each column, family by family.
+    fn new(
+        mode: &'static Mode,
+        settings: Settings,
+        attribute: Option<&str>,
+        known: &[(&str, f64, f64, f64)],
+    ) -> Result<Depiction, String> {
+        let mut names: Vec<&str> = known.iter().map(|column| column.0).collect();
+        names.sort_unstable();
+        names.dedup();
+        let attribute = match mode.attribute(attribute, &names) {
+            Some(name) if !names.contains(&name) => {
+                return Err(format!("attribute {name} is not in the data, expected one of {}", names.join(", ")));
+            }
+            Some(name) => {
+                let columns = known.iter().filter(|column| column.0 == name);
+                let (sum, count) =
+                    columns.fold((0.0, 0.0), |(sum, n), column| (sum + column.1 * column.2, n + column.2));
+                let fallback = if count > 0.0 { (sum / count) as f32 } else { 0.0 };
+                let least =
+                    known.iter().filter(|column| column.0 == name).map(|column| column.3).fold(f64::INFINITY, f64::min);
+                Some(Coloring { name: name.to_owned(), fallback, least: if least.is_finite() { least } else { 0.0 } })
+            }
+            None => None,
+        };
+        Ok(Depiction { mode, settings, attribute })
+    }
+
+    /// A transfer function that nobody has chosen, as it suits the attribute: a range of numbers is meant for the mode's own
+    /// attribute, and a logarithm is no scale for values below zero.
+    pub fn suited(&self, mut transfer: TransferFunction) -> TransferFunction {
+        let Some(coloring) = &self.attribute else { return transfer };
+        let foreign = self.mode.usual_attributes.first() != Some(&coloring.name.as_str());
+        if foreign && transfer.hue.as_ref().is_some_and(|hue| hue.range != Range::Auto) {
+            transfer.hue = TransferFunction::preset("density-hue").and_then(|preset| preset.hue);
+        }
+        if let Some(hue) = &mut transfer.hue
+            && hue.range == Range::Auto
+            && coloring.least < 0.0
+        {
+            hue.scale = Scale::Linear;
+        }
+        transfer
+    }
+
+    /// How far a particle reaches in the picture.
+    pub fn footprint(&self) -> Footprint {
+        (self.mode.footprint)(&self.settings)
+    }
+
+    /// The view by which nodes are selected: what lies just outside the picture reaches into it by a disc's radius.
+    /// (How far smoothing lengths reach, nodes know themselves.)
+    pub fn selection_view(&self, view: &View) -> View {
+        match self.footprint() {
+            Footprint::Kernel => *view,
+            Footprint::Pixels(radius) => view.padded(radius.ceil() as u32),
+        }
+    }
+
+    /// The levels that are drawn of a file.
+    pub fn levels(&self, metadata: &Metadata) -> Levels {
+        let is_sampled = self.mode.all_settings().any(|setting| setting.name == grid::DETAIL.name);
+        if is_sampled && metadata.has_volume_levels() { Levels::Volume } else { Levels::Splats }
+    }
+
+    /// How far the nodes of a file are refined for a view, where splats may be displaced by `tau` pixels.
+    pub fn detail(&self, view: &View, tau: f64, metadata: &Metadata) -> Detail {
+        match self.levels(metadata) {
+            Levels::Splats => Detail::Error { tau },
+            Levels::Volume => grid::sampling(view, &self.settings, metadata.bounds()),
+        }
+    }
+
+    /// What the codes of a codebook of `family` stand for.
+    pub fn table(&self, family: &FamilyMetadata, codebook: &Codebook) -> CodeTable {
+        let attributes: Vec<(&str, &[f32])> = family
+            .attributes
+            .iter()
+            .zip(&codebook.attributes)
+            .map(|(info, values)| (info.name.as_str(), values.as_slice()))
+            .collect();
+        let columns = Columns {
+            mass: &codebook.mass,
+            density: &codebook.density,
+            smoothing_length: &codebook.smoothing_length,
+            attributes: &attributes,
+        };
+        let SourceColumns { weight, attribute, density } = self.columns(&columns);
+        let pairs = codebook.mass.iter().zip(&codebook.smoothing_length);
+        let importance: Vec<f32> = pairs.map(|(&m, &h)| economy::importance(m, h)).collect();
+        let most_important = importance.iter().copied().fold(0.0, f32::max);
+        let smoothing_length = codebook.smoothing_length.clone();
+        CodeTable { smoothing_length, weight, attribute, density, importance, most_important }
+    }
+
+    /// The factor on the decoded weights of `node` that makes them add up to what the node stands for.
+    pub fn node_scale(&self, node: &Node) -> f32 {
+        match self.mode.conserves {
+            Conserved::Mass => node.mass_scale,
+            Conserved::MassDensity => node.mass_density_scale,
+            Conserved::Neither => 1.0,
+        }
+    }
+
+    /// Weights and attributes of the particles of `family`.
+    pub fn source_columns(&self, family: &Family) -> SourceColumns {
+        let attributes: Vec<(&str, &[f32])> =
+            family.attributes.iter().map(|attribute| (attribute.name.as_str(), attribute.values.as_slice())).collect();
+        self.columns(&Columns {
+            mass: &family.mass,
+            density: &family.density,
+            smoothing_length: &family.smoothing_length,
+            attributes: &attributes,
+        })
+    }
+
+    fn columns(&self, columns: &Columns<'_>) -> SourceColumns {
+        let weight = (self.mode.weight)(columns);
+        let attribute = self.attribute.as_ref().map(|coloring| match columns.named(&coloring.name) {
+            Some(values) => values.iter().map(|&a| if a.is_finite() { a } else { coloring.fallback }).collect(),
+            None => vec![coloring.fallback; weight.len()],
+        });
+        SourceColumns { weight, attribute, density: self.mode.densities.then(|| columns.density.to_vec()) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::modes;
+
+    #[test]
+    fn colours_suit_the_attribute() {
+        let depiction = |mode: &str, name: &str, least: f64| Depiction {
+            mode: modes::find(mode).unwrap(),
+            settings: Settings::default(),
+            attribute: Some(Coloring { name: name.into(), fallback: 1.0, least }),
+        };
+        let stars = TransferFunction::preset("stars").unwrap();
+        assert_eq!(depiction("points", "color-index", -0.4).suited(stars.clone()), stars);
+        let hue = depiction("points", "internal-energy", 0.1).suited(stars.clone()).hue.unwrap();
+        assert_eq!((hue.range, hue.scale), (Range::Auto, Scale::Log));
+        assert_eq!(depiction("points", "velocity-x", -3.0).suited(stars).hue.unwrap().scale, Scale::Linear);
+        let usual = TransferFunction::of_volumes(true);
+        assert_eq!(depiction("volume", "temperature", 10.0).suited(usual.clone()), usual);
+        // A few zeros are no reason: the range begins above them.
+        assert_eq!(depiction("volume", "metallicity", 0.0).suited(usual.clone()), usual);
+    }
+}

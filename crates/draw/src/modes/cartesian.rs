@@ -1,0 +1,65 @@
+//! `cartesian`: a Cartesian grid in world space, resampled at one resolution and cast rays through (F12 5.9).
+
+use super::grid::{self, Layers, Look};
+use crate::cpu::cartesian::{self, CartesianOptions, Region};
+use crate::cpu::volume::VolumeError;
+use crate::mode::{Mode, Painted, Painting, Setting, SettingKind, Technique};
+
+/// Cells along the longest side.
+pub static CELLS: Setting = Setting {
+    name: "cells",
+    unit: "",
+    kind: SettingKind::Number { min: 2.0, max: 4096.0, default: 256.0 },
+    help: "cells of the grid along its longest side",
+};
+
+/// Which box is resampled.
+pub static REGION: Setting = Setting {
+    name: "region",
+    unit: "",
+    kind: SettingKind::Choice { options: &["view", "data"] },
+    help: "the grid's box: around what is in view, or around all of the data, whatever is in view",
+};
+
+/// What is drawn of the grid.
+pub static CONTENT: Setting = Setting {
+    name: "content",
+    unit: "",
+    kind: SettingKind::Choice { options: &["volume", "isosurface", "volume-isosurface"] },
+    help: "what is drawn of the grid, as the mode of that name does",
+};
+
+/// Memory for the grid.
+pub static MEMORY: Setting = Setting {
+    name: "memory",
+    unit: "MiB",
+    kind: SettingKind::Number { min: 1.0, max: 1_048_576.0, default: 2048.0 },
+    help: "memory that the grid may take if none of its bricks is empty; a larger one is refused",
+};
+
+fn paint(painting: &Painting<'_>) -> Result<Painted, VolumeError> {
+    let look = Look::new(painting)?;
+    let settings = painting.settings;
+    let layers = match settings.name(&CONTENT).as_str() {
+        "isosurface" => Layers::SURFACES,
+        "volume-isosurface" => Layers::BOTH,
+        _ => Layers::VOLUME,
+    };
+    let (scenery, isovalues) = look.scenery(painting, layers)?;
+    let options = CartesianOptions {
+        cells: settings.number(&CELLS).round() as u32,
+        region: if settings.name(&REGION) == "data" { Region::Data } else { Region::View },
+        memory: (settings.number(&MEMORY) * f64::from(1 << 20)) as u64,
+    };
+    let (colors, report) = cartesian::draw(painting.view, painting.batches, &scenery, &options, &look.options)?;
+    Ok(Painted { colors, report, levels: look.levels, isovalues })
+}
+
+/// Particles weigh their mass, so that their sum with the kernel is the density.
+pub static MODE: Mode = Mode {
+    name: "cartesian",
+    help: "a volume or isosurfaces of a Cartesian grid with one resolution everywhere, instead of one that follows the view",
+    settings: &[&[&CONTENT, &CELLS, &REGION, &MEMORY, &grid::OPACITY], grid::SURFACES, grid::LIGHT, grid::COMMON],
+    technique: Technique::Colors(paint),
+    ..grid::MODE
+};

@@ -1,0 +1,379 @@
+//! What the modes of the perspective grid (F12 chapter 5) share: their settings, and how these become a picture.
+
+use crate::color::colors::to_linear;
+use crate::color::transfer::{Range, TransferFunction, UnitLength};
+use crate::cpu::volume::particles::SMALLEST;
+use crate::cpu::volume::{self, Classifier, Light, Scenery, Surface, VolumeError, VolumeLevels, VolumeOptions, range};
+use crate::mode::{Columns, Conserved, Footprint, Mode, Painted, Painting, Setting, SettingKind, Settings, Technique};
+use crate::model::{Bounds, Kernel, Unit};
+use crate::view::perspective_grid::GridOptions;
+use crate::view::{Detail, PerspectiveGrid, View};
+use glam::DVec3;
+
+/// Cells per pixel.
+pub static RESOLUTION: Setting = Setting {
+    name: "resolution",
+    unit: "cells/px",
+    kind: SettingKind::Number { min: 0.1, max: 2.0, default: 1.0 },
+    help: "resolution of the grid: 1 is that of the picture; 0.5 costs an eighth of the cells",
+};
+/// How wide the cells of merged particles may be. Modes that have it draw the levels of a file that are made for volumes.
+pub static DETAIL: Setting = Setting {
+    name: "detail",
+    unit: "cells",
+    kind: SettingKind::Number { min: 0.0, max: 16.0, default: 1.0 },
+    help: "merged particles stand for what lies within so many cells of the grid (F12 5.5.2), in files with levels for volumes; \
+           smaller is finer, 0: source particles only",
+};
+/// Whether slices are as dense on the edges as in the middle.
+pub static LAMBDA: Setting = Setting {
+    name: "lambda",
+    unit: "",
+    kind: SettingKind::Flag { default: true },
+    help: "slices are so dense that rays at the picture's corners are sampled as finely as the middle one (F12 5.4)",
+};
+/// Memory for the cells of a slab.
+pub static SLAB_MEMORY: Setting = Setting {
+    name: "slab-memory",
+    unit: "MiB",
+    kind: SettingKind::Number { min: 1.0, max: 65_536.0, default: 256.0 },
+    help: "memory for the part of the grid that is resampled at once; decides how thick slabs are, not what is seen",
+};
+/// Depth of the near plane.
+pub static NEAR: Setting = Setting {
+    name: "near",
+    unit: "",
+    kind: SettingKind::Number { min: 0.0, max: 1e30, default: 0.0 },
+    help: "depth where the volume begins, in the data's length unit; 0: in front of the data",
+};
+/// Depth of the far plane.
+pub static FAR: Setting = Setting {
+    name: "far",
+    unit: "",
+    kind: SettingKind::Number { min: 0.0, max: 1e30, default: 0.0 },
+    help: "depth where the volume ends, in the data's length unit; 0: behind the data",
+};
+/// Opacity at which rays end.
+pub static TERMINATION: Setting = Setting {
+    name: "termination",
+    unit: "",
+    kind: SettingKind::Number { min: 0.5, max: 1.0, default: 0.999 },
+    help: "rays end when they are as opaque",
+};
+/// Whether hidden bricks are left out.
+pub static OCCLUSION: Setting = Setting {
+    name: "occlusion",
+    unit: "",
+    kind: SettingKind::Flag { default: true },
+    help: "what lies behind opaque pixels is not resampled; off only to measure what that saves",
+};
+/// Least size of particles.
+pub static SMALLEST_CELLS: Setting = Setting {
+    name: "smallest",
+    unit: "cells",
+    kind: SettingKind::Number { min: 0.0, max: 8.0, default: SMALLEST },
+    help: "least smoothing length: smaller particles are enlarged to it, with their mass (F12 5.5); 0: none",
+};
+/// The kernel.
+pub static KERNEL: Setting = Setting {
+    name: "kernel",
+    unit: "",
+    kind: SettingKind::Choice { options: &["data", "cubic-spline", "poly6"] },
+    help: "the kernel that densities are summed with: the data's own, or another",
+};
+/// What all modes of volumes share; each has its own name, help, settings and technique. Particles weigh their mass, so that their
+/// sum with the kernel is the density.
+pub const MODE: Mode = Mode {
+    name: "",
+    help: "",
+    settings: &[],
+    technique: Technique::Splats,
+    quantity: "density",
+    unit: density_unit,
+    weight: masses,
+    conserves: Conserved::Mass,
+    usual_attributes: &[],
+    weight_attributes: &[],
+    densities: false,
+    footprint: |_| Footprint::Kernel,
+    transfer: ["volume", "volume-hue"],
+};
+/// Factor on the extinction.
+pub static OPACITY: Setting = Setting {
+    name: "opacity",
+    unit: "",
+    kind: SettingKind::Number { min: 0.001, max: 2000.0, default: 1.0 },
+    help: "how opaque the volume is: 2 is twice as much matter",
+};
+/// Densities of the surfaces.
+pub static ISOVALUES: Setting = Setting {
+    name: "isovalues",
+    unit: "",
+    kind: SettingKind::Numbers { min: 0.0, max: 1e38, most: volume::surface::MOST_SURFACES },
+    help: "densities of the isosurfaces, in the data's units; without any they are chosen from the data",
+};
+/// Their opacities.
+pub static ISO_OPACITIES: Setting = Setting {
+    name: "iso-opacities",
+    unit: "",
+    kind: SettingKind::Numbers { min: 0.0, max: 1.0, most: volume::surface::MOST_SURFACES },
+    help: "opacity of each isosurface; without any the densest is opaque and the others are not",
+};
+/// Their colours.
+pub static ISO_COLORS: Setting = Setting {
+    name: "iso-colors",
+    unit: "",
+    kind: SettingKind::Colors { most: volume::surface::MOST_SURFACES },
+    help: "colour of each isosurface; without any the attribute's, or the colour map's at its density",
+};
+/// Whether surfaces are lit.
+pub static LIGHTING: Setting = Setting {
+    name: "lighting",
+    unit: "",
+    kind: SettingKind::Flag { default: true },
+    help: "isosurfaces are lit by a lamp at the eye",
+};
+/// Light from everywhere.
+pub static AMBIENT: Setting = Setting {
+    name: "ambient",
+    unit: "",
+    kind: SettingKind::Number { min: 0.0, max: 1.0, default: 0.12 },
+    help: "share of a surface's colour that is seen without light",
+};
+/// The highlight.
+pub static SPECULAR: Setting = Setting {
+    name: "specular",
+    unit: "",
+    kind: SettingKind::Number { min: 0.0, max: 1.0, default: 0.15 },
+    help: "strength of the highlight on surfaces that face the eye",
+};
+/// The highlight's exponent.
+pub static SHININESS: Setting = Setting {
+    name: "shininess",
+    unit: "",
+    kind: SettingKind::Number { min: 1.0, max: 500.0, default: 40.0 },
+    help: "how narrow the highlight is",
+};
+
+/// Where a volume begins and ends, where rays end, and what is summed: every mode that draws a volume has these.
+pub static COMMON: &[&Setting] = &[&NEAR, &FAR, &TERMINATION, &SMALLEST_CELLS, &KERNEL];
+/// How the perspective grid is laid and held.
+pub static GRID: &[&Setting] = &[&RESOLUTION, &DETAIL, &LAMBDA, &SLAB_MEMORY, &OCCLUSION];
+/// The isosurfaces.
+pub static SURFACES: &[&Setting] = &[&ISOVALUES, &ISO_OPACITIES, &ISO_COLORS];
+/// The light on surfaces.
+pub static LIGHT: &[&Setting] = &[&LIGHTING, &AMBIENT, &SPECULAR, &SHININESS];
+
+/// What is drawn of a volume.
+#[derive(Clone, Copy, Debug)]
+pub struct Layers {
+    /// The volume itself.
+    pub volume: bool,
+    /// Isosurfaces: places in the logarithmic range of densities where they are unless set, and their opacities.
+    pub surfaces: &'static [(f32, f32)],
+}
+
+impl Layers {
+    /// The volume alone.
+    pub const VOLUME: Layers = Layers { volume: true, surfaces: &[] };
+    /// Surfaces alone.
+    pub const SURFACES: Layers = Layers { volume: false, surfaces: &[(0.3, 0.22), (0.62, 0.4), (0.9, 1.0)] };
+    /// Surfaces in the volume.
+    pub const BOTH: Layers = Layers { volume: true, surfaces: &[(0.55, 0.25), (0.9, 0.9)] };
+}
+
+/// The unit of densities.
+pub fn density_unit(mass: &Unit, length: &Unit) -> Unit {
+    match mass.is_unknown() || length.is_unknown() {
+        true => Unit::default(),
+        false => Unit::new(format!("{mass} / ({length})^3")),
+    }
+}
+
+/// Masses: what densities are sums of.
+pub fn masses(columns: &Columns<'_>) -> Vec<f32> {
+    columns.mass.to_vec()
+}
+
+/// What every picture of a volume is made with.
+pub struct Look {
+    /// How the field is sampled.
+    pub options: VolumeOptions,
+    /// The transfer function in use.
+    pub transfer: TransferFunction,
+    /// Numbers for its ranges.
+    pub levels: VolumeLevels,
+    /// Its tables for these ranges.
+    pub classifier: Classifier,
+}
+
+impl Look {
+    /// What the settings and the transfer function come to for the particles in view.
+    ///
+    /// # Errors
+    /// [`VolumeError`] for settings that do not fit the data or each other, and when nothing is in view.
+    pub fn new(painting: &Painting<'_>) -> Result<Look, VolumeError> {
+        let options = options(painting);
+        let attribute = painting.batches.iter().any(|batch| batch.attribute().is_some());
+        let transfer =
+            painting.transfer.cloned().unwrap_or_else(|| TransferFunction::of_volumes(attribute)).for_volume();
+        let levels = levels(painting, &transfer, &options)?;
+        let classifier = Classifier::new(&transfer, levels, attribute);
+        Ok(Look { options, transfer, levels, classifier })
+    }
+
+    /// The density at a place of the range, 0 to 1.
+    pub fn density_at(&self, place: f32) -> f64 {
+        let [min, max] = self.levels.density;
+        min * (max / min).powf(f64::from(place))
+    }
+
+    /// The colour map's colour of a surface at a density, linear light. The map's dark end is no colour for a surface.
+    pub fn surface_color(&self, gradient: &[[f32; 3]], density: f64) -> [f32; 3] {
+        let [min, max] = self.levels.density;
+        let place = ((density / min).ln() / (max / min).ln()).clamp(0.0, 1.0);
+        let index = (55.0 + 200.0 * place) / 255.0 * gradient.len().saturating_sub(1) as f64;
+        gradient.get(index.round() as usize).map_or([1.0; 3], |color| color.map(to_linear))
+    }
+
+    /// What is drawn, and the isosurfaces' densities.
+    ///
+    /// # Errors
+    /// [`VolumeError`] for surfaces that cannot be there, and lists that do not fit each other.
+    pub fn scenery(&self, painting: &Painting<'_>, layers: Layers) -> Result<(Scenery, Vec<f64>), VolumeError> {
+        let settings = painting.settings;
+        let isovalues = settings.numbers(&ISOVALUES);
+        let possible = |value: f64| value > 0.0 && value <= painting.densest;
+        if let Some((index, &value)) = isovalues.iter().enumerate().find(|(_, value)| !possible(**value)) {
+            return Err(VolumeError::IsoValue { index, value, largest: painting.densest });
+        }
+        let chosen: Vec<f64> = match isovalues {
+            _ if layers.surfaces.is_empty() => Vec::new(),
+            [] => layers.surfaces.iter().map(|&(place, _)| self.density_at(place)).collect(),
+            set => set.to_vec(),
+        };
+        let scenery = Scenery {
+            classifier: self.classifier.clone(),
+            volume: layers.volume,
+            surfaces: self.surfaces(settings, &chosen, &layers)?,
+            light: light(settings),
+            termination: settings.number(&TERMINATION) as f32,
+        };
+        Ok((scenery, chosen))
+    }
+
+    fn surfaces(&self, settings: &Settings, isovalues: &[f64], layers: &Layers) -> Result<Vec<Surface>, VolumeError> {
+        let (opacities, colors) = (settings.numbers(&ISO_OPACITIES), settings.colors(&ISO_COLORS));
+        for (field, found) in [("iso-opacities", opacities.len()), ("iso-colors", colors.len())] {
+            if found > 0 && found != isovalues.len() {
+                let expected = format!("as many as isovalues, {}", isovalues.len());
+                return Err(VolumeError::Setting { field, found: format!("a list of {found}"), expected });
+            }
+        }
+        let densest = isovalues.iter().copied().fold(0.0, f64::max);
+        let gradient = self.transfer.color_map.sample(256);
+        let hues = self.classifier.has_hues();
+        let surface = |(index, &value): (usize, &f64)| {
+            let usual = match layers.surfaces.get(index).filter(|_| settings.numbers(&ISOVALUES).is_empty()) {
+                Some(&(_, opacity)) => opacity,
+                None if value >= densest => 1.0,
+                None => 0.3,
+            };
+            let mapped = self.surface_color(&gradient, value);
+            Surface {
+                value: value as f32,
+                color: colors.get(index).map(|color| color.map(to_linear)).or((!hues).then_some(mapped)),
+                opacity: opacities.get(index).map_or(usual, |&opacity| opacity as f32),
+            }
+        };
+        Ok(isovalues.iter().enumerate().map(surface).collect())
+    }
+}
+
+/// The light on surfaces; `None` where they are not lit.
+pub fn light(settings: &Settings) -> Option<Light> {
+    settings.flag(&LIGHTING).then(|| Light {
+        ambient: settings.number(&AMBIENT) as f32,
+        specular: settings.number(&SPECULAR) as f32,
+        shininess: settings.number(&SHININESS) as f32,
+    })
+}
+
+/// The detail in which the nodes of data within these bounds are drawn. An automatic near plane is not known before there are
+/// particles: it is taken to be where it is for data of which all is in view.
+pub fn sampling(view: &View, settings: &Settings, bounds: Bounds) -> Detail {
+    let corner = |index: usize| {
+        let pick = |axis: usize| if index >> axis & 1 == 0 { bounds.min[axis] } else { bounds.max[axis] };
+        view.to_camera(DVec3::new(pick(0), pick(1), pick(2))).z
+    };
+    let far = (0..8).map(corner).fold(0.0, f64::max);
+    let near = match settings.number(&NEAR) {
+        near if near > 0.0 => near,
+        _ => PerspectiveGrid::NEAREST * far,
+    };
+    let sigma = PerspectiveGrid::sigma_of(view, settings.number(&RESOLUTION));
+    Detail::Sampling { sigma: settings.number(&DETAIL) * sigma, near }
+}
+
+/// Draws the layers of a mode.
+///
+/// # Errors
+/// [`VolumeError`] for settings that do not fit the data or each other, and when nothing is in view.
+pub fn paint(painting: &Painting<'_>, layers: Layers) -> Result<Painted, VolumeError> {
+    let look = Look::new(painting)?;
+    let (scenery, isovalues) = look.scenery(painting, layers)?;
+    let (colors, report) = volume::draw(painting.view, painting.batches, &scenery, &look.options, painting.caster)?;
+    Ok(Painted { colors, report, levels: look.levels, isovalues })
+}
+
+fn options(painting: &Painting<'_>) -> VolumeOptions {
+    let settings = painting.settings;
+    let plane = |setting: &Setting| Some(settings.number(setting)).filter(|&depth| depth > 0.0);
+    let kernel = match settings.name(&KERNEL).as_str() {
+        "cubic-spline" => Kernel::CubicSpline,
+        "poly6" => Kernel::Poly6,
+        _ => painting.kernel,
+    };
+    VolumeOptions {
+        grid: GridOptions { resolution: settings.number(&RESOLUTION), lambda: settings.flag(&LAMBDA) },
+        near: plane(&NEAR),
+        far: plane(&FAR),
+        memory: (settings.number(&SLAB_MEMORY) * f64::from(1 << 20)) as u64,
+        smallest: settings.number(&SMALLEST_CELLS),
+        occlusion: settings.flag(&OCCLUSION),
+        kernel,
+    }
+}
+
+/// Numbers for the ranges that are automatic.
+fn levels(
+    painting: &Painting<'_>,
+    transfer: &TransferFunction,
+    options: &VolumeOptions,
+) -> Result<VolumeLevels, VolumeError> {
+    let hue = transfer.hue.clone().unwrap_or_default();
+    let needs = transfer.range == Range::Auto || transfer.hue.as_ref().is_some_and(|hue| hue.range == Range::Auto);
+    let measured = match needs {
+        true => Some(range::measure(painting.view, painting.batches, options.kernel, options.near, options.far)?),
+        false => None,
+    };
+    let fixed = |range: Range, measured: Option<[f64; 2]>| match range {
+        Range::Fixed(min, max) => [min, max],
+        Range::Auto => measured.unwrap_or([0.0, 1.0]),
+    };
+    let density = fixed(transfer.range, measured.map(|range| range.density));
+    if !(density[0] > 0.0 && density[0] < density[1]) {
+        return Err(VolumeError::Setting {
+            field: "range",
+            found: format!("from {} to {}", density[0], density[1]),
+            expected: "two positive densities in ascending order".into(),
+        });
+    }
+    let unit = match transfer.unit_length {
+        UnitLength::Auto => 0.01 * painting.diameter,
+        UnitLength::Fixed(length) => length,
+    };
+    let attribute = hue.scale.usable(fixed(hue.range, measured.map(|range| Range::apart(range.attribute))));
+    let unit_length = unit.max(1e-30) / painting.settings.number(&OPACITY);
+    Ok(VolumeLevels { density, attribute, unit_length })
+}

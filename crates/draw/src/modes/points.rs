@@ -1,0 +1,33 @@
+//! `points`: stars as small discs, as bright as they shine, in the colour of their colour index.
+
+use crate::mode::{Conserved, Footprint, Mode, Setting, SettingKind, Technique};
+use crate::model::Unit;
+
+/// Radius of a star's disc.
+pub static RADIUS: Setting = Setting {
+    name: "radius",
+    unit: "px",
+    kind: SettingKind::Number { min: 0.5, max: 30.0, default: 2.5 },
+    help: "radius of a star's disc on screen, at any distance",
+};
+
+/// `P` is the flux per pixel area, relative to a star of magnitude 0: weight `10^(-0.4 magnitude)` where the data has
+/// magnitudes, the mass elsewhere.
+pub static MODE: Mode = Mode {
+    name: "points",
+    help: "stars as discs of fixed size, as bright as their magnitude says, coloured by their colour index",
+    settings: &[&[&RADIUS]],
+    technique: Technique::Splats,
+    quantity: "flux",
+    unit: |_, _| Unit::default(),
+    weight: |columns| match columns.named("magnitude") {
+        Some(magnitude) => magnitude.iter().map(|m| (-0.4 * m * std::f32::consts::LN_10).exp()).collect(),
+        None => columns.mass.to_vec(),
+    },
+    conserves: Conserved::Neither,
+    usual_attributes: &["color-index", "temperature", "speed"],
+    weight_attributes: &["magnitude"],
+    densities: false,
+    footprint: |settings| Footprint::Pixels(settings.number(&RADIUS) as f32),
+    transfer: ["density", "stars"],
+};

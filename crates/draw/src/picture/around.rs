@@ -1,0 +1,182 @@
+//! Modes that draw colours, on the faces of a panorama: what a flat picture finds from its own view is found once here, so
+//! that all faces are drawn alike and none shows where it ends.
+//!
+//! - Near and far plane: every face has the same, so that what is in front is left out within a cube around the eye. Unless set,
+//!   far is the distance of the data's farthest corner and near a 256th of it.
+//! - Ranges of densities and attributes are those of all the data.
+//! - Particles too small for the picture are raised to the least size in the panorama's pixels, in every direction; the same for
+//!   all, as faces have wider pixels in their middle than towards their edges.
+//! - A Cartesian grid is laid around all the data.
+
+use crate::color::transfer::{Range, TransferFunction};
+use crate::cpu::volume::range::FieldRange;
+use crate::cpu::volume::{VolumeError, range};
+use crate::cpu::{Extent, SplatError, Splats};
+use crate::mode::{Depiction, Painted, SettingValue};
+use crate::model::{Bounds, Kernel};
+use crate::modes::{cartesian, grid};
+use crate::picture::paint::{Subject, paint};
+use crate::view::perspective_grid::GridError;
+use crate::view::{PerspectiveGrid, Projection, View, ViewError};
+use glam::DVec3;
+use rayon::prelude::*;
+
+/// Longest side of the picture of all data by which ranges are found, pixels.
+const SIDE: u32 = 512;
+
+/// A mode and its settings, as all faces have them.
+#[derive(Clone)]
+pub struct Alike {
+    /// The mode, with the planes set.
+    pub depiction: Depiction,
+    /// The transfer function, with its ranges set.
+    pub transfer: TransferFunction,
+    /// Least smoothing length over distance; 0 where nothing is raised.
+    least: f64,
+}
+
+/// The batches of one node or family, with smoothing lengths of their own.
+struct Raised {
+    h: Vec<f32>,
+    density: Option<Vec<f32>>,
+}
+
+/// Whether a mode resamples the data where it is, whatever the view.
+pub fn is_of_data(depiction: &Depiction) -> bool {
+    depiction.mode.all_settings().any(|setting| setting.name == cartesian::REGION.name)
+}
+
+/// A parallel view of all that lies in `bounds`, whose longest side is `pixels`.
+///
+/// # Errors
+/// [`ViewError`] for bounds that are not finite.
+pub fn whole(view: &View, bounds: Bounds, pixels: u32) -> Result<View, ViewError> {
+    let reach = bounds.size().length().max(bounds.center().abs().max_element() * 1e-9).max(1e-30);
+    let projection = Projection::Orthographic { height: 1.02 * reach };
+    let eye = bounds.center() - reach * view.forward;
+    let all = View::look_at(eye, bounds.center(), view.up, projection, pixels, pixels)?;
+    Ok(View { cut: view.cut, images: view.images, ..all })
+}
+
+/// The view whose selection of nodes shows all data as finely as ranges are found.
+///
+/// # Errors
+/// As [`whole`].
+pub fn sketch(view: &View, bounds: Bounds) -> Result<View, ViewError> {
+    whole(view, bounds, SIDE)
+}
+
+impl Alike {
+    /// What all faces share: for an eye and data within `bounds`, where a pixel is `pixel` radians wide. `all` are the
+    /// particles that [`sketch`] selects.
+    ///
+    /// # Errors
+    /// [`VolumeError`] where there is nothing in the data.
+    pub fn new(
+        view: &View,
+        depiction: &Depiction,
+        bounds: Bounds,
+        pixel: f64,
+        transfer: Option<&TransferFunction>,
+        (all, kernel): (&[Splats<'_>], Kernel),
+    ) -> Result<Alike, VolumeError> {
+        let mut depiction = depiction.clone();
+        let of_data = is_of_data(&depiction);
+        let settings = &mut depiction.settings;
+        let corner = |index: usize| {
+            let pick = |axis: usize| if index >> axis & 1 == 0 { bounds.min[axis] } else { bounds.max[axis] };
+            DVec3::new(pick(0), pick(1), pick(2)).distance(view.eye)
+        };
+        let (near, mut far) = (settings.number(&grid::NEAR), settings.number(&grid::FAR));
+        if far <= 0.0 {
+            far = 1.02 * (0..8).map(corner).fold(0.0, f64::max);
+        }
+        settings.set(&grid::FAR, SettingValue::Number(far));
+        if near <= 0.0 {
+            settings.set(&grid::NEAR, SettingValue::Number(PerspectiveGrid::NEAREST * far));
+        }
+        let smallest = settings.number(&grid::SMALLEST_CELLS) * pixel;
+        let least = match of_data {
+            true => 0.0,
+            false => smallest / settings.number(&grid::RESOLUTION),
+        };
+        if of_data {
+            settings.set(&cartesian::REGION, SettingValue::Name("data".into()));
+        }
+        let usual = || depiction.suited(TransferFunction::of_volumes(depiction.attribute.is_some()));
+        let mut transfer = transfer.cloned().unwrap_or_else(usual).for_volume();
+        let needs_hue = transfer.hue.as_ref().is_some_and(|hue| hue.range == Range::Auto);
+        if transfer.range == Range::Auto || needs_hue {
+            let flat = |_| VolumeError::Grid(GridError::NothingInView);
+            let FieldRange { density, attribute } =
+                range::measure(&sketch(view, bounds).map_err(flat)?, all, kernel, None, None)?;
+            if transfer.range == Range::Auto {
+                transfer.range = Range::Fixed(density[0], density[1]);
+            }
+            if let Some(hue) = transfer.hue.as_mut().filter(|hue| hue.range == Range::Auto) {
+                let [low, high] = Range::apart(attribute);
+                hue.range = Range::Fixed(low, high);
+            }
+        }
+        Ok(Alike { depiction, transfer, least })
+    }
+
+    /// Paints a face; `None` where it shows nothing.
+    ///
+    /// # Errors
+    /// [`VolumeError`] for settings that do not fit.
+    pub fn paint(
+        &self,
+        view: &View,
+        batches: &[Splats<'_>],
+        (kernel, densest): (Kernel, f64),
+        subject: &Subject<'_>,
+    ) -> Result<Option<Painted>, VolumeError> {
+        let raised: Vec<Option<Raised>> = batches.par_iter().map(|batch| self.raised(view.eye, batch)).collect();
+        let batches = batches.iter().zip(&raised).map(|(batch, raised)| match raised {
+            None => Ok(*batch),
+            Some(Raised { h, density }) => {
+                let same = Splats::new(batch.positions(), Extent::World(h), batch.weight(), batch.attribute())?;
+                same.with_density(density.as_deref())
+            }
+        });
+        let batches = batches.collect::<Result<Vec<_>, SplatError>>()?;
+        let subject = Subject { transfer: Some(&self.transfer), ..*subject };
+        match paint(view, &self.depiction, &batches, kernel, densest, &subject) {
+            Ok(painted) => Ok(Some(painted)),
+            Err(VolumeError::Grid(GridError::NothingInView)) => Ok(None),
+            // No particle in this face is dense enough; where none is in any, that is said before.
+            Err(VolumeError::Setting { field: "threshold", .. }) => Ok(None),
+            Err(error) => Err(error),
+        }
+    }
+
+    /// A batch whose smallest particles are as large as the panorama's pixels ask for, its masses what they are.
+    fn raised(&self, eye: DVec3, batch: &Splats<'_>) -> Option<Raised> {
+        let Extent::World(lengths) = batch.extent() else { return None };
+        let positions = batch.positions();
+        let least = |i: usize| (self.least * positions.world(i).distance(eye)) as f32;
+        if self.least <= 0.0 || (0..lengths.len()).all(|i| lengths[i] >= least(i)) {
+            return None;
+        }
+        // What has no extent stays without.
+        let grown = |i: usize| if lengths[i] > 0.0 { lengths[i].max(least(i)) } else { lengths[i] };
+        let h: Vec<f32> = (0..lengths.len()).map(grown).collect();
+        let density = batch.density().map(|densities| {
+            let thinner = |(i, &density): (usize, &f32)| density * (lengths[i] / h[i]).powi(3);
+            densities.iter().enumerate().map(thinner).collect()
+        });
+        Some(Raised { h, density })
+    }
+}
+
+/// The places between which data lies, with all images of a periodic box that a view draws.
+pub fn with_images(view: &View, bounds: Bounds) -> Bounds {
+    view.images.offsets().map(|offset| bounds.moved(offset)).fold(Bounds::EMPTY, Bounds::union)
+}
+
+/// Smoothing over the picture that a mode does: how many pixels beyond a face it looks at.
+pub fn neighbourhood(depiction: &Depiction) -> u32 {
+    let smooths = depiction.mode.all_settings().any(|setting| setting.name == crate::modes::spheres::SMOOTHING.name);
+    if smooths { crate::cpu::screen_spheres::NEIGHBOURHOOD } else { 1 }
+}

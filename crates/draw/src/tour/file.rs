@@ -1,0 +1,315 @@
+//! A tour as a user writes it: RON, of which a misspelled field is an error that names the place.
+
+use crate::annotate::{Annotations, overlay::Picture};
+use crate::color::transfer::TransferFunction;
+use crate::explore::{ExploreError, SelectionSet};
+use crate::look::{Attribute, Camera, DatasetRef};
+use crate::mode::Settings;
+use crate::model::FamilyName;
+use crate::model::new_file;
+use crate::model::ron_file::{self, RonError};
+use crate::view::{CutSettings, Stereo, Surround};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// The version of tour files that this program reads and writes.
+pub const VERSION: u32 = 1;
+
+/// A tour.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TourFile {
+    /// [`VERSION`].
+    pub version: u32,
+    /// What it is called.
+    #[serde(default)]
+    pub title: String,
+    /// The data that it was made for; whatever is open where it is `None`.
+    #[serde(default)]
+    pub dataset: Option<DatasetRef>,
+    /// Size of recorded pictures, pixels.
+    #[serde(default = "size")]
+    pub size: (u32, u32),
+    /// How directions become a picture: flat, a dome master, a cube or a map.
+    #[serde(default)]
+    pub projection: Surround,
+    /// A picture for each eye.
+    #[serde(default)]
+    pub stereo: Option<Stereo>,
+    /// Recorded pictures per second.
+    #[serde(default = "rate")]
+    pub rate: f64,
+    /// Whether it begins again at its end.
+    #[serde(default, rename = "loop")]
+    pub repeats: bool,
+    /// The direction that is up: orbits turn about it, and the horizon keeps level to it.
+    #[serde(default = "up")]
+    pub up: [f64; 3],
+    /// What eyes are to bear.
+    #[serde(default)]
+    pub comfort: Comfort,
+    /// Labels to go to on a presenter's keys.
+    #[serde(default)]
+    pub keys: BTreeMap<char, String>,
+    /// The keyframes in their order.
+    pub keyframes: Vec<Keyframe>,
+}
+
+/// What eyes are to bear.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Comfort {
+    /// Degrees that the camera may turn in a second.
+    pub turn: f64,
+    /// Whether ways that are too fast take longer than they say.
+    pub stretch: bool,
+}
+
+impl Default for Comfort {
+    fn default() -> Comfort {
+        Comfort { turn: 40.0, stretch: false }
+    }
+}
+
+fn size() -> (u32, u32) {
+    (1920, 1080)
+}
+
+fn rate() -> f64 {
+    30.0
+}
+
+fn up() -> [f64; 3] {
+    [0.0, 1.0, 0.0]
+}
+
+/// A moment of a tour. What it does not say stays as it was.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Keyframe {
+    /// A name to go to.
+    pub label: Option<String>,
+    /// When it is reached, seconds from the beginning.
+    pub at: Option<f64>,
+    /// How long the way from the keyframe before takes, seconds; a comfortable time where neither is said.
+    pub after: Option<f64>,
+    /// How long everything stays, seconds.
+    pub pause: f64,
+    /// Whether a presenter says when it goes on; recordings do not wait.
+    pub hold: bool,
+    /// Whether the camera comes to rest here even without a pause.
+    pub rest: bool,
+    /// How the camera comes here.
+    #[serde(rename = "move")]
+    pub motion: Move,
+    /// How numbers other than the camera's change on the way here.
+    pub easing: Easing,
+    /// Seconds in which the picture blends from what was to what is from here on.
+    pub fade: f64,
+    /// Where the camera stands.
+    pub camera: Option<Camera>,
+    /// Where the camera stands, around something.
+    pub around: Option<Around>,
+    /// Degrees that the camera turns around what it looks at on the way here, to the right.
+    pub orbit: f64,
+    /// Visualization mode.
+    pub mode: Option<String>,
+    /// Settings of the mode, beside those that were set before.
+    pub settings: Settings,
+    /// Which attribute gives the hue.
+    pub attribute: Option<Attribute>,
+    /// The families that are drawn.
+    pub families: Option<Vec<FamilyName>>,
+    /// From values to colours.
+    pub transfer: Option<TransferFunction>,
+    /// What is written into the picture.
+    pub annotations: Option<Annotations>,
+    /// Largest displacement of a particle on screen, pixels.
+    pub error_px: Option<f64>,
+    /// What is left out and faded.
+    pub cut: Option<CutSettings>,
+    /// Coloured selections.
+    pub selections: Option<Vec<SelectionSet>>,
+    /// Words at the foot of the picture; none for an empty text.
+    pub caption: Option<String>,
+    /// Pictures that are laid over it: logos.
+    pub images: Option<Vec<Picture>>,
+}
+
+/// How a camera comes to a keyframe.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Move {
+    /// On a curve through the keyframes, without stopping at them.
+    #[default]
+    Glide,
+    /// Out, across and in again: between places that are far apart for their scales.
+    Flight,
+    /// Not at all: it stays where it was, and then is here.
+    Cut,
+}
+
+/// How numbers change between keyframes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Easing {
+    /// Slow, fast, slow.
+    #[default]
+    Smooth,
+    /// Evenly.
+    Linear,
+    /// Slow, then fast.
+    In,
+    /// Fast, then slow.
+    Out,
+    /// Not before the keyframe is reached.
+    Hold,
+}
+
+impl Easing {
+    /// The share of the change at a share of the time.
+    pub fn at(self, u: f64) -> f64 {
+        match self {
+            Easing::Smooth => u * u * (3.0 - 2.0 * u),
+            Easing::Linear => u,
+            Easing::In => u * u,
+            Easing::Out => u * (2.0 - u),
+            Easing::Hold => 0.0,
+        }
+    }
+}
+
+/// A camera that looks at something from around it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Around {
+    /// What it looks at.
+    pub what: What,
+    /// How far away it is, in radii of that.
+    #[serde(default = "radii")]
+    pub distance: f64,
+    /// To the right of the front, degrees.
+    #[serde(default)]
+    pub azimuth: f64,
+    /// Above the front, degrees.
+    #[serde(default)]
+    pub elevation: f64,
+    /// Vertical field of view, degrees.
+    #[serde(default = "fov")]
+    pub fov: f64,
+}
+
+fn radii() -> f64 {
+    2.5
+}
+
+fn fov() -> f64 {
+    45.0
+}
+
+/// What a camera looks at.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum What {
+    /// All of the data but far outliers.
+    Data,
+    /// The selection of that name, as it is at the keyframe; one of a sphere or a box.
+    Selection(String),
+    /// An object of a catalogue: `file#rank` or `file#name`, from the tour's folder where the path is relative.
+    Object(String),
+    /// A ball: its middle and its radius, world units.
+    Ball([f64; 3], f64),
+}
+
+/// A tour that cannot be shown.
+#[derive(Debug, thiserror::Error)]
+pub enum TourError {
+    /// Its text is refused.
+    #[error(transparent)]
+    Ron(#[from] RonError),
+    /// It was written by a later version of the program.
+    #[error("{file}: version is {found}, expected {VERSION}: a later deepfield has written it")]
+    Version {
+        /// The tour file.
+        file: String,
+        /// Its version.
+        found: u32,
+    },
+    /// It cannot be written.
+    #[error("{file}: {source}")]
+    Write {
+        /// The tour file.
+        file: String,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// A catalogue that a keyframe looks for an object in.
+    #[error("{file}: keyframe {keyframe}: {source}")]
+    Object {
+        /// The tour file.
+        file: String,
+        /// The keyframe's number, from 1.
+        keyframe: usize,
+        /// What is wrong with it.
+        source: Box<ExploreError>,
+    },
+}
+
+impl TourFile {
+    /// A tour of these keyframes with everything else as it is by default.
+    pub fn new(keyframes: Vec<Keyframe>) -> TourFile {
+        TourFile {
+            version: VERSION,
+            title: String::new(),
+            dataset: None,
+            size: size(),
+            projection: Surround::Flat,
+            stereo: None,
+            rate: rate(),
+            repeats: false,
+            up: up(),
+            comfort: Comfort::default(),
+            keys: BTreeMap::new(),
+            keyframes,
+        }
+    }
+
+    /// Reads a tour file.
+    ///
+    /// # Errors
+    /// [`TourError::Ron`] and [`TourError::Version`].
+    pub fn read(path: &Path) -> Result<TourFile, TourError> {
+        let (file, text) = ron_file::read_text(path)?;
+        TourFile::parse(&file, &text)
+    }
+
+    /// Reads a tour from text; `file` is what errors call it.
+    ///
+    /// # Errors
+    /// [`TourError::Ron`] and [`TourError::Version`].
+    pub fn parse(file: &str, text: &str) -> Result<TourFile, TourError> {
+        if let Some(found) = ron_file::later_version(text, VERSION) {
+            return Err(TourError::Version { file: file.to_owned(), found });
+        }
+        let tour: TourFile = ron_file::parse(file, text)?;
+        super::check::check(&tour, file, text)?;
+        Ok(tour)
+    }
+
+    /// Writes it as a tour file, whole or not at all.
+    ///
+    /// # Errors
+    /// [`TourError::Write`].
+    pub fn write(&self, path: &Path) -> Result<(), TourError> {
+        let written = new_file::write(path, &self.to_ron());
+        written.map_err(|source| TourError::Write { file: path.display().to_string(), source })
+    }
+
+    /// RON that reads back as this tour.
+    pub fn to_ron(&self) -> String {
+        // Plain numbers, names, lists and options always have a RON form.
+        let style = ron::ser::PrettyConfig::new().depth_limit(4).struct_names(false);
+        ron::ser::to_string_pretty(self, style).unwrap_or_default()
+    }
+}

@@ -1,0 +1,1 @@
+//! Nothing: this package only chooses features; its manifest says why.

@@ -1,0 +1,201 @@
+//! What a flight is drawn on: the processor, or the GPU techniques with copies of pages in the adapter's memory. Both
+//! draw what streaming has brought, as the window does.
+
+use super::super::splat::Failure;
+use crate::color::Accumulation;
+use crate::cpu::Method;
+use crate::mode::{Depiction, Plan};
+use crate::picture::processor;
+use crate::store::PageFile;
+use crate::stream::{CopyOptions, SceneNode, Streamer};
+use crate::view::View;
+use std::sync::Arc;
+
+/// Something that draws frame after frame.
+pub trait Canvas {
+    /// Backend and adapter.
+    fn name(&self) -> (String, String);
+
+    /// How the streamer keeps copies for it; `None`: it draws from main memory.
+    fn copies(&self) -> Option<CopyOptions>;
+
+    /// Takes in copies that have been made, before a frame's selection.
+    fn receive(&mut self, _streamer: &mut Streamer) {}
+
+    /// Begins to copy what the frame misses, after its selection.
+    fn copy(&mut self, _streamer: &mut Streamer) {}
+
+    /// Draws what a plan leaves of the nodes, to the end.
+    ///
+    /// # Errors
+    /// What the backend reports.
+    fn draw(&mut self, view: &View, nodes: &[SceneNode], plan: &Plan) -> Result<(), Failure>;
+
+    /// The last picture, before colours.
+    ///
+    /// # Errors
+    /// What the backend reports.
+    fn picture(&mut self) -> Result<Accumulation, Failure>;
+}
+
+/// The CPU renderer on all threads.
+pub struct CpuCanvas {
+    file: Arc<PageFile>,
+    depiction: Depiction,
+    picture: Accumulation,
+}
+
+impl CpuCanvas {
+    /// Draws `file` as `depiction` says.
+    pub fn new(file: Arc<PageFile>, depiction: Depiction) -> CpuCanvas {
+        CpuCanvas { file, depiction, picture: Accumulation::default() }
+    }
+}
+
+impl Canvas for CpuCanvas {
+    fn name(&self) -> (String, String) {
+        ("cpu".into(), format!("{} threads", rayon::current_num_threads()))
+    }
+
+    fn copies(&self) -> Option<CopyOptions> {
+        None
+    }
+
+    fn draw(&mut self, view: &View, nodes: &[SceneNode], plan: &Plan) -> Result<(), Failure> {
+        let metadata = self.file.metadata();
+        let decoded = processor::decode_planned(view, &self.depiction, metadata, nodes, plan);
+        self.picture = processor::draw_planned(view, &self.depiction, metadata, &decoded, Method::Pyramid, plan)?.0;
+        Ok(())
+    }
+
+    fn picture(&mut self) -> Result<Accumulation, Failure> {
+        Ok(self.picture.clone())
+    }
+}
+
+#[cfg(feature = "viewer")]
+pub use gpu::GpuCanvas;
+
+#[cfg(feature = "viewer")]
+mod gpu {
+    use super::*;
+    use crate::gpu::depiction::{entries, footprint, request_nodes};
+    use crate::gpu::page_copies::{self, CopyState, node_id};
+    use crate::gpu::{Backend, DrawItem, Footprint, HeadlessRenderer, ParticleScene, SplatView, TableId};
+
+    /// The GPU techniques, without a window.
+    pub struct GpuCanvas {
+        file: Arc<PageFile>,
+        depiction: Depiction,
+        backend: Backend,
+        footprint: Footprint,
+        renderer: HeadlessRenderer,
+        scene: ParticleScene,
+        tables: Vec<Vec<(TableId, f32)>>,
+        options: CopyOptions,
+    }
+
+    /// The name of the one file's nodes.
+    const SOURCE: u32 = 0;
+
+    impl GpuCanvas {
+        /// Opens the adapter, with so many bytes for copies and for the uploads of a frame.
+        ///
+        /// # Errors
+        /// No adapter, or one that cannot carry the backend out.
+        pub fn open(
+            file: Arc<PageFile>,
+            depiction: Depiction,
+            backend: Backend,
+            view: &View,
+            options: CopyOptions,
+        ) -> Result<GpuCanvas, Failure> {
+            let metadata = file.metadata();
+            let mut renderer =
+                HeadlessRenderer::open(&request_nodes(view, &depiction, metadata, &[], &Plan::default(), backend))?;
+            let scene = renderer.scene().clone();
+            // Room for gaps between copies, as the window leaves it.
+            scene.set_budgets(options.budget + options.budget / 7, options.on_their_way / 2);
+            let tables = metadata
+                .families
+                .iter()
+                .map(|family| {
+                    let one = |book| {
+                        let table = depiction.table(family, book);
+                        (scene.insert_table(entries(&table)), table.most_important)
+                    };
+                    family.codebooks.iter().map(one).collect()
+                })
+                .collect();
+            let footprint = footprint(&depiction, metadata.kernel);
+            // Shaders are compiled before the flight begins.
+            renderer.complete()?;
+            Ok(GpuCanvas { file, depiction, backend, footprint, renderer, scene, tables, options })
+        }
+    }
+
+    impl Canvas for GpuCanvas {
+        fn name(&self) -> (String, String) {
+            (self.renderer.technique().name().into(), self.renderer.adapter().into())
+        }
+
+        fn copies(&self) -> Option<CopyOptions> {
+            Some(self.options)
+        }
+
+        fn receive(&mut self, streamer: &mut Streamer) {
+            let Some(copies) = &mut streamer.copies else { return };
+            let waiting: Vec<_> = copies.on_their_way().collect();
+            for id in waiting {
+                let Some(page) = streamer.residency.page(id) else { continue };
+                match page_copies::state(&self.scene, SOURCE, page) {
+                    CopyState::Waiting => {}
+                    CopyState::Complete => copies.arrived(id),
+                    CopyState::Rejected => copies.rejected(id),
+                }
+            }
+        }
+
+        fn copy(&mut self, streamer: &mut Streamer) {
+            let plan = streamer.plan_copies();
+            for (id, nodes) in plan.remove {
+                page_copies::remove(&self.scene, SOURCE, id, nodes);
+            }
+            for id in plan.insert {
+                let Some(page) = streamer.residency.page(id) else { continue };
+                let Some(family) = self.file.metadata().families.get(page.family as usize) else { continue };
+                page_copies::insert(&self.scene, SOURCE, family, page);
+            }
+        }
+
+        fn draw(&mut self, view: &View, nodes: &[SceneNode], plan: &Plan) -> Result<(), Failure> {
+            let metadata = self.file.metadata();
+            let items: Vec<DrawItem> = nodes
+                .iter()
+                .filter_map(|drawn| {
+                    let node = drawn.page.nodes.get(drawn.node.node as usize)?;
+                    let tables = self.tables.get(drawn.page.family as usize)?;
+                    let (table, most_important) = *tables.get(usize::from(node.codebook))?;
+                    let family = metadata.families.get(drawn.page.family as usize)?;
+                    Some(DrawItem {
+                        node: node_id(SOURCE, drawn.node.page, drawn.node.node),
+                        table: Some(table),
+                        weight_scale: self.depiction.node_scale(node),
+                        offset: drawn.offset,
+                        sample: plan.sample(view, &self.depiction, family, node, most_important),
+                    })
+                })
+                .collect();
+            let (view, footprint, backend) = (*view, self.footprint, self.backend);
+            let Plan { culling, faintest, .. } = *plan;
+            let items = items.into();
+            self.renderer.show(SplatView { view, footprint, backend, culling, faintest, items, always: true });
+            self.renderer.frame()?;
+            Ok(())
+        }
+
+        fn picture(&mut self) -> Result<Accumulation, Failure> {
+            Ok(self.renderer.accumulation(self.depiction.attribute.is_some())?.0)
+        }
+    }
+}

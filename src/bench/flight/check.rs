@@ -1,0 +1,83 @@
+//! Halts of a flight: whether a picture that streamed in is the one that was waited for, what the flight's sample costs in
+//! colour, and how many splats lie over each pixel (F12 figure 4.10).
+
+use super::super::splat::Failure;
+use super::Options;
+use super::engine::Engine;
+use super::path::Flight;
+use crate::color::composite::{color_error, composite_at};
+use crate::color::output;
+use crate::color::transfer::TransferFunction;
+use crate::mode::Plan;
+use crate::picture::processor;
+use serde::Serialize;
+
+/// A halt.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Check {
+    /// Seconds of the flight.
+    pub seconds: f64,
+    /// Whether the picture converged.
+    pub converged: bool,
+    /// Largest difference of a pixel of the picture that streamed in and of the one that was waited for, relative to the
+    /// brightest one.
+    pub difference: f64,
+    /// Mean colour error, of 255, of the flight's picture of that place, a sample, from that of everything in view.
+    pub color_error: f64,
+    /// Splats over a pixel, mean and most: of what the flight draws, and of everything in view.
+    pub overdraw: [(f64, u32); 2],
+}
+
+/// Seconds of flight before a halt.
+const RUN_UP: f64 = 2.0;
+
+/// Flies for some seconds, halts, and compares. Writes the flight's picture of that place and that of everything, and the
+/// overdraw of both.
+///
+/// # Errors
+/// When a backend fails or a picture cannot be written.
+pub fn check(
+    engine: &mut Engine,
+    options: &Options,
+    flight: &Flight,
+    seconds: f64,
+    backend: &str,
+) -> Result<Check, Failure> {
+    let mut streamer = engine.streamer();
+    engine.fly(&mut streamer, flight, (seconds - RUN_UP).max(0.0), seconds)?;
+    let view = flight.view(seconds, engine.size.0, engine.size.1)?;
+    let streamed = engine.converge(&mut streamer, &view)?;
+    drop(streamer);
+    let waited = engine.waited(&view)?;
+    let brightest = waited.p.iter().copied().fold(0.0_f32, f32::max);
+    let differences = streamed.picture.p.iter().zip(&waited.p).map(|(a, b)| f64::from((a - b).abs()));
+    let difference = differences.fold(0.0, f64::max) / f64::from(brightest.max(f32::MIN_POSITIVE));
+
+    let governed = engine.governed(&view, &streamed.selection, engine.frame_ms).0;
+    let everything = Plan { culling: engine.plan.culling, ..Plan::default() };
+    let plans = [(governed, ""), (everything, "-whole")];
+    let name = |what: &str, kind: &str| options.folder().join(format!("{what}-{backend}-{seconds:.0}s{kind}.png"));
+    let nodes = &streamed.selection.nodes;
+    let metadata = engine.file.metadata();
+    let mut overdraw = [(0.0, 0); 2];
+    for (&(plan, kind), out) in plans.iter().zip(&mut overdraw) {
+        let decoded = processor::decode_planned(&view, &engine.depiction, metadata, nodes, &plan);
+        let counted = processor::overdraw_of(&view, &engine.depiction, metadata, &decoded, &plan)?;
+        output::write_png(&name("overdraw", kind), &counted.image())?;
+        *out = (counted.mean(), counted.max());
+    }
+    let preset = options.mode.transfer[usize::from(waited.has_attribute())];
+    let transfer = TransferFunction::preset(preset).unwrap_or_default();
+    let mut pictures = Vec::with_capacity(plans.len());
+    for (plan, _) in &plans {
+        engine.canvas.draw(&view, nodes, plan)?;
+        pictures.push(engine.canvas.picture()?);
+    }
+    let levels = transfer.levels(&pictures[1]);
+    let images: Vec<_> = pictures.iter().map(|picture| composite_at(picture, &transfer, &levels)).collect();
+    for (image, (_, kind)) in images.iter().zip(plans) {
+        output::write_png(&name("flight", kind), image)?;
+    }
+    let color_error = color_error(&images[0], &images[1]).0;
+    Ok(Check { seconds, converged: streamed.converged.is_some(), difference, color_error, overdraw })
+}

@@ -1,0 +1,199 @@
+//! Flying: frames are drawn as fast as they come, while pages stream in beside them.
+
+use super::super::splat::Failure;
+use super::canvas::Canvas;
+use super::path::Flight;
+use super::series::Frame;
+use crate::color::Accumulation;
+use crate::color::transfer::TransferFunction;
+use crate::hierarchy::Levels;
+use crate::mode::{Depiction, Economy, Plan};
+use crate::picture::governor::{self, Governor};
+use crate::picture::pilot;
+use crate::store::PageFile;
+use crate::stream::{Scene, SceneSelection, StreamOptions, Streamer};
+use crate::view::View;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// What is flown with.
+pub struct Engine<'a> {
+    /// The page file.
+    pub file: Arc<PageFile>,
+    /// What is shown of it.
+    pub depiction: Depiction,
+    /// The screen-space error, pixels.
+    pub tau: f64,
+    /// Picture size, pixels.
+    pub size: (u32, u32),
+    /// How pages are streamed.
+    pub options: StreamOptions,
+    /// What pictures may leave undrawn, and what that comes to; see [`Engine::prepare`].
+    pub economy: Economy,
+    /// See `economy`.
+    pub plan: Plan,
+    /// Milliseconds that a frame of a flight may take to draw; none: as long as it needs.
+    pub frame_ms: Option<f64>,
+    /// What drawing has cost so far.
+    pub governor: Governor,
+    /// Who draws.
+    pub canvas: &'a mut dyn Canvas,
+    /// What there is to tell about pages that cannot be read.
+    pub messages: Vec<String>,
+}
+
+/// A view that has converged.
+pub struct Station {
+    /// Seconds until something was drawn.
+    pub first_picture: f64,
+    /// Seconds until everything was.
+    pub converged: Option<f64>,
+    /// The picture.
+    pub picture: Accumulation,
+    /// What it shows.
+    pub selection: SceneSelection,
+}
+
+/// Time after which a view that does not converge is taken as it is.
+const PATIENCE: Duration = Duration::from_secs(120);
+/// Milliseconds that a picture on the way to the converged one may take, as the window's pictures may.
+const ON_THE_WAY_MS: f64 = 50.0;
+
+impl Engine<'_> {
+    /// Nothing is in memory yet.
+    pub fn streamer(&self) -> Streamer {
+        let mut streamer = Streamer::new(Arc::clone(&self.file), self.options);
+        streamer.keep_copies(self.canvas.copies());
+        streamer
+    }
+
+    /// Streams and draws one frame, as much of it as `frame_ms` allows; never waits for a page.
+    ///
+    /// # Errors
+    /// What the canvas reports.
+    fn frame(
+        &mut self,
+        streamer: &mut Streamer,
+        view: &View,
+        frame_ms: Option<f64>,
+    ) -> Result<(Frame, SceneSelection), Failure> {
+        let start = Instant::now();
+        let arrivals = streamer.arrive();
+        self.messages.extend(arrivals.messages);
+        let copied = streamer.copies.as_ref().map_or(0, |copies| copies.copied_bytes());
+        self.canvas.receive(streamer);
+        let copied = streamer.copies.as_ref().map_or(0, |copies| copies.copied_bytes()) - copied;
+        let roots = streamer.roots(0..self.file.metadata().families.len() as u32, Levels::Splats);
+        let chosen = streamer.select(&self.depiction.selection_view(view), self.tau, &roots);
+        streamer.serve();
+        streamer.take_evicted();
+        self.canvas.copy(streamer);
+        let selection = SceneSelection::of(streamer, view, self.tau, &chosen);
+        let (plan, taken) = self.governed(view, &selection, frame_ms);
+        let streamed = start.elapsed();
+        self.canvas.draw(view, &selection.nodes, &plan)?;
+        self.governor.drew(taken, 1e3 * (start.elapsed() - streamed).as_secs_f64());
+        let frame = Frame {
+            seconds: 0.0,
+            frame_ms: 1e3 * start.elapsed().as_secs_f64(),
+            streaming_ms: 1e3 * streamed.as_secs_f64(),
+            main_bytes: streamer.residency.statistics().bytes,
+            disk_bytes: arrivals.bytes,
+            gpu_bytes: streamer.copies.as_ref().map_or(0, |copies| copies.bytes()),
+            upload_bytes: copied,
+            particles: selection.particles,
+            taken,
+            nodes: selection.nodes.len() as u64,
+            missing: selection.missing as u64,
+            converged: selection.converged,
+            error_px: selection.error_pixels,
+            prefetch_distance: streamer.prefetch_distance(),
+        };
+        Ok((frame, selection))
+    }
+
+    /// What of a selection is drawn in so many milliseconds, and how many particles that takes (see [`governor::within`]).
+    pub fn governed(&self, view: &View, selection: &SceneSelection, frame_ms: Option<f64>) -> (Plan, u64) {
+        let metadata = self.file.metadata();
+        let important = governor::most_important(&self.depiction, metadata);
+        let limit = frame_ms.map_or(u64::MAX, |frame_ms| self.governor.limit(frame_ms));
+        governor::within(limit, self.plan, view, &self.depiction, metadata, &selection.nodes, &important)
+    }
+
+    /// Converges the view that a flight begins with, and finds there what its pictures leave undrawn.
+    ///
+    /// # Errors
+    /// What the canvas reports.
+    pub fn prepare(&mut self, streamer: &mut Streamer, view: &View) -> Result<(), Failure> {
+        self.plan = Plan::default();
+        let selection = self.converge(streamer, view)?.selection;
+        let preset = self.depiction.mode.transfer[usize::from(self.depiction.attribute.is_some())];
+        let transfer = TransferFunction::preset(preset).unwrap_or_default();
+        let metadata = self.file.metadata();
+        let (depiction, economy) = (&self.depiction, &self.economy);
+        self.plan = pilot::plan(view, depiction, metadata, &selection.nodes, economy, &transfer, None)?;
+        Ok(())
+    }
+
+    /// Draws frames of a view that rests until everything is there: small samples on the way, as the window does, and
+    /// the whole picture at the end.
+    ///
+    /// # Errors
+    /// What the canvas reports.
+    pub fn converge(&mut self, streamer: &mut Streamer, view: &View) -> Result<Station, Failure> {
+        let start = Instant::now();
+        let mut first_picture = None;
+        loop {
+            let (frame, selection) = self.frame(streamer, view, Some(ON_THE_WAY_MS))?;
+            if first_picture.is_none() && !selection.nodes.is_empty() {
+                first_picture = Some(start.elapsed().as_secs_f64());
+            }
+            let is_full = streamer.copies.as_ref().is_some_and(|copies| copies.is_full());
+            let is_stuck = !streamer.is_busy() && (streamer.uncopied().is_empty() || is_full);
+            if frame.converged || is_stuck || start.elapsed() > PATIENCE {
+                let (frame, selection) = self.frame(streamer, view, None)?;
+                let seconds = start.elapsed().as_secs_f64();
+                return Ok(Station {
+                    first_picture: first_picture.unwrap_or(seconds),
+                    converged: frame.converged.then_some(seconds),
+                    picture: self.canvas.picture()?,
+                    selection,
+                });
+            }
+            if selection.nodes.is_empty() {
+                streamer.wait(Duration::from_millis(5));
+            }
+        }
+    }
+
+    /// Flies from one second of the flight to another in real time, and says what every frame was made of.
+    ///
+    /// # Errors
+    /// What the canvas reports.
+    pub fn fly(&mut self, streamer: &mut Streamer, flight: &Flight, from: f64, to: f64) -> Result<Vec<Frame>, Failure> {
+        let mut frames = Vec::new();
+        let start = Instant::now();
+        loop {
+            let seconds = from + start.elapsed().as_secs_f64();
+            if seconds >= to {
+                return Ok(frames);
+            }
+            let view = flight.view(seconds, self.size.0, self.size.1)?;
+            let (frame, _) = self.frame(streamer, &view, self.frame_ms)?;
+            frames.push(Frame { seconds, ..frame });
+        }
+    }
+
+    /// The picture of a view for which every page is waited for, with nothing in memory before.
+    ///
+    /// # Errors
+    /// A root that cannot be read; what the canvas reports.
+    pub fn waited(&mut self, view: &View) -> Result<Accumulation, Failure> {
+        let mut scene = Scene::new(Arc::clone(&self.file), u64::MAX);
+        scene.converge(&self.depiction.selection_view(view), self.tau, &mut |_| {})?;
+        // The canvas may need copies, so frames are drawn until it has them.
+        let mut streamer = scene.streamer;
+        streamer.keep_copies(self.canvas.copies());
+        Ok(self.converge(&mut streamer, view)?.picture)
+    }
+}

@@ -1,0 +1,140 @@
+//! Speed of converged frames of a page file: what the selection at 0.8 pixels leaves to draw, and how long it takes.
+
+use super::splat::Failure;
+use super::{Arguments, Times};
+use crate::build::{BuildOptions, build};
+use crate::codec::VqBits;
+use crate::color::transfer::TransferFunction;
+use crate::cpu::Method;
+use crate::mode::{Depiction, Economy, Plan, Settings};
+use crate::modes::column_density;
+use crate::picture::{pilot, processor};
+use crate::store::PageFile;
+use crate::stream::{Scene, SceneNode};
+use crate::synth::{Generator, clusters::Clusters, dataset};
+use crate::view::{Projection, View};
+use glam::DVec3;
+use serde::Serialize;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// Largest displacement of a drawn particle, pixels.
+const ERROR_PX: f64 = 0.8;
+
+/// One line of the results.
+#[derive(Clone, Debug, Serialize)]
+pub struct Outcome {
+    /// Number of source particles.
+    pub particles: u64,
+    /// Where the camera is.
+    pub view: &'static str,
+    /// Who draws.
+    pub backend: String,
+    /// Number of particles that are drawn of the picture's nodes.
+    pub drawn: u64,
+    /// Seconds for one picture of nodes that are in memory, or in the adapter's memory.
+    pub seconds: Times,
+}
+
+/// Measures all sizes and prints a table to standard error.
+///
+/// # Errors
+/// When a file cannot be built or read, or a backend fails.
+pub fn measure(arguments: &Arguments) -> Result<Vec<Outcome>, Failure> {
+    let folder = tempfile::tempdir()?;
+    let path = folder.path().join("bench.df");
+    let mut outcomes = Vec::new();
+    eprintln!("{:>10}  {:8} {:24} {:>9} {:>9} {:>9}", "particles", "view", "backend", "drawn", "median s", "fastest s");
+    for &particles in &arguments.sizes {
+        let generator = Clusters::new(arguments.seed, particles);
+        build(dataset(&generator), &BuildOptions::with_vq_bits(VqBits::default()), &path, &())?;
+        let file = Arc::new(PageFile::open(&path)?);
+        let bounds = generator.bounds();
+        let (center, size) = (bounds.center(), bounds.size());
+        let pixels = arguments.pixels;
+        let whole = Projection::Orthographic { height: size.y };
+        let inside = Projection::Perspective { fov_y: 0.8 };
+        let views = [
+            ("whole", View::look_at(center + DVec3::Z * size.z, center, DVec3::Y, whole, pixels, pixels)?),
+            ("inside", View::look_at(center + 0.2 * size, center, DVec3::Y, inside, pixels, pixels)?),
+        ];
+        let depiction = Depiction::of_pages(&column_density::MODE, Settings::default(), None, file.metadata())?;
+        for (name, view) in views {
+            let nodes = Scene::new(Arc::clone(&file), u64::MAX).converge_blocking(&view, ERROR_PX)?.nodes;
+            let economy = Economy { thinning: arguments.thinning, ..Economy::NONE };
+            let transfer = TransferFunction::preset(depiction.mode.transfer[0]).unwrap_or_default();
+            // A window finds it beside its frames.
+            let plan = pilot::plan(&view, &depiction, file.metadata(), &nodes, &economy, &transfer, None)?;
+            let kept = processor::decode_planned(&view, &depiction, file.metadata(), &nodes, &plan);
+            let drawn = kept.iter().map(|node| node.len() as u64).sum();
+            drop(kept);
+            let frame =
+                Frame { plan, file: &file, view, depiction: &depiction, nodes: &nodes, repeat: arguments.repeat };
+            for (backend, times) in frame.draw(arguments)? {
+                let seconds = Times::of(times);
+                eprintln!(
+                    "{particles:>10}  {name:8} {backend:24} {drawn:>9} {:>9.4} {:>9.4}",
+                    seconds.median, seconds.fastest
+                );
+                outcomes.push(Outcome { particles, view: name, backend, drawn, seconds });
+            }
+        }
+    }
+    Ok(outcomes)
+}
+
+/// A frame that is drawn by all backends.
+struct Frame<'a> {
+    plan: Plan,
+    file: &'a PageFile,
+    view: View,
+    depiction: &'a Depiction,
+    nodes: &'a [SceneNode],
+    repeat: u32,
+}
+
+impl Frame<'_> {
+    fn draw(&self, arguments: &Arguments) -> Result<Vec<(String, Vec<Duration>)>, Failure> {
+        let wanted = |name: &str| arguments.backends.iter().any(|backend| backend == name);
+        let mut all = Vec::new();
+        if wanted("cpu") {
+            for &threads in &arguments.threads {
+                let pool = rayon::ThreadPoolBuilder::new().num_threads(usize::from(threads)).build()?;
+                all.push((super::splat::cpu_name(threads), pool.install(|| self.on_cpu())?));
+            }
+        }
+        #[cfg(feature = "viewer")]
+        for backend in [crate::gpu::Backend::Compute, crate::gpu::Backend::Raster] {
+            if wanted(backend.name()) {
+                let metadata = self.file.metadata();
+                let request = crate::gpu::depiction::request_nodes(
+                    &self.view,
+                    self.depiction,
+                    metadata,
+                    self.nodes,
+                    &self.plan,
+                    backend,
+                );
+                let (name, drawn) = super::splat_gpu::draw(&request, self.repeat)?;
+                all.push((name, drawn.times));
+            }
+        }
+        Ok(all)
+    }
+
+    /// Decoding counts: it is part of every frame whose nodes have changed.
+    fn on_cpu(&self) -> Result<Vec<Duration>, Failure> {
+        let mut times = Vec::new();
+        for repetition in 0..=self.repeat {
+            let start = Instant::now();
+            let metadata = self.file.metadata();
+            let nodes = processor::decode_planned(&self.view, self.depiction, metadata, self.nodes, &self.plan);
+            processor::draw_planned(&self.view, self.depiction, metadata, &nodes, Method::Pyramid, &self.plan)?;
+            // The first run pays for tables and pages of memory.
+            if repetition > 0 {
+                times.push(start.elapsed());
+            }
+        }
+        Ok(times)
+    }
+}

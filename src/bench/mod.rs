@@ -1,0 +1,121 @@
+//! `deepfield bench`: the numbers of docs/results.md, again, on this machine.
+
+pub mod build;
+pub mod compare;
+pub mod compare_orbit;
+pub mod flight;
+pub mod frame;
+pub mod pages;
+pub mod presence;
+pub mod sheet;
+pub mod splat;
+#[cfg(feature = "viewer")]
+pub mod splat_gpu;
+
+use crate::commands::CommandResult;
+use serde::Serialize;
+use std::path::PathBuf;
+use std::time::Duration;
+
+/// Measures drawing or building on generated particles, with the error beside every time.
+#[derive(clap::Args, Debug)]
+#[command(after_help = "Examples:
+  deepfield bench splat
+  deepfield bench presence snapshot.df --repeat 3 --csv presence.csv
+  deepfield bench build --sizes 1000000 --json build.json
+  deepfield bench compare merger.hdf5 --family gas --size 900x600 --repeat 3 --output compare
+  deepfield bench flight cosmology.df --backends compute --duration 60 --output flight
+  deepfield bench flight --sizes 1000000 --backends cpu --duration 10 --ablations --sweep")]
+pub struct Arguments {
+    /// What to measure: splat (drawing of particles as they are), frame (converged level of detail), presence (what
+    /// leaving particles out costs and saves), build (from a source to a page file), pages (reading and decoding) or
+    /// flight (a flight through a page file that streams in), or compare (every way to draw a volume or a surface).
+    #[arg(value_parser = ["splat", "frame", "presence", "build", "pages", "flight", "compare"])]
+    pub suite: String,
+    /// What `bench presence` and `bench compare` draw and `bench flight` flies through: a source or page file [default:
+    /// generated: clusters of the first of the sizes for `bench presence`, a merger for `bench compare`, cosmologies of all sizes
+    /// for `bench flight`].
+    pub path: Option<PathBuf>,
+    /// Numbers of particles.
+    #[arg(long, value_name = "N,N,...", value_delimiter = ',', default_values_t = [200_000, 1_000_000, 4_000_000],
+          value_parser = clap::value_parser!(u64).range(1..=crate::synth::gadget::MOST))]
+    pub sizes: Vec<u64>,
+    /// Numbers of threads.
+    #[arg(long, value_name = "N,N,...", value_delimiter = ',', default_values_t = [1, 2],
+          value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Vec<u16>,
+    /// What draws in `bench splat`, `bench frame` and `bench flight`.
+    #[arg(long, value_name = "NAME,...", value_delimiter = ',', default_values = ["cpu", "compute", "raster"],
+          value_parser = ["cpu", "compute", "raster"])]
+    pub backends: Vec<String>,
+    /// Memory that builds may take, such as 2GiB [default: half of what is free].
+    #[arg(long, value_name = "BYTES", value_parser = crate::commands::arguments::bytes)]
+    pub memory: Option<u64>,
+    /// Repetitions; the median counts.
+    #[arg(long, value_name = "N", default_value_t = 7, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    pub repeat: u32,
+    /// Width and height of the picture, pixels.
+    #[arg(long, value_name = "PIXELS", default_value_t = 1024, value_parser = clap::value_parser!(u32).range(1..=16384))]
+    pub pixels: u32,
+    /// Budget of thinning in `bench frame`, of 255.
+    #[arg(long, value_name = "E", default_value_t = 0.0, value_parser = crate::commands::arguments::not_negative)]
+    pub thinning: f64,
+    /// Mean colour error, of 255, below which `bench presence` looks for the largest speed-up.
+    #[arg(long, value_name = "E", default_value_t = 0.5, value_parser = crate::commands::arguments::positive)]
+    pub limit: f64,
+    /// Also write the pictures' numbers of `bench presence` as CSV.
+    #[arg(long, value_name = "OUT.csv")]
+    pub csv: Option<PathBuf>,
+    /// Seed of the generated particles.
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// Also write the results here; `-` is standard output.
+    #[arg(long, value_name = "OUT")]
+    pub json: Option<PathBuf>,
+    /// What `bench flight` is like.
+    #[command(flatten)]
+    pub flight: flight::Options,
+    /// What `bench compare` draws.
+    #[command(flatten)]
+    pub compare: compare::Options,
+}
+
+/// The times of several repetitions, seconds.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Times {
+    /// The middle one.
+    pub median: f64,
+    /// The fastest.
+    pub fastest: f64,
+}
+
+impl Times {
+    /// Median and fastest of some times; zeros for none.
+    pub fn of(mut times: Vec<Duration>) -> Times {
+        times.sort();
+        let seconds = |index: usize| times.get(index).map_or(0.0, Duration::as_secs_f64);
+        Times { median: seconds(times.len() / 2), fastest: seconds(0) }
+    }
+}
+
+/// Runs a suite.
+///
+/// # Errors
+/// When a file cannot be written or a backend fails.
+pub fn run(arguments: &Arguments) -> CommandResult {
+    let text = match arguments.suite.as_str() {
+        "frame" => serde_json::to_string_pretty(&frame::measure(arguments)?)?,
+        "presence" => serde_json::to_string_pretty(&presence::measure(arguments)?)?,
+        "flight" => serde_json::to_string_pretty(&flight::measure(arguments)?)?,
+        "compare" => serde_json::to_string_pretty(&compare::measure(arguments)?)?,
+        "build" => serde_json::to_string_pretty(&build::measure(arguments)?)?,
+        "pages" => serde_json::to_string_pretty(&pages::measure(arguments)?)?,
+        _ => serde_json::to_string_pretty(&splat::measure(arguments)?)?,
+    };
+    match &arguments.json {
+        Some(path) if path.as_os_str() == "-" => println!("{text}"),
+        Some(path) => std::fs::write(path, text).map_err(|error| format!("{}: {error}", path.display()))?,
+        None => {}
+    }
+    Ok(())
+}

@@ -1,0 +1,249 @@
+//! A follower's side of a show: the leader's picture, with data of its own, without panels, keys or words.
+
+use super::data::{self, Found};
+use crate::color::transfer::Levels;
+use crate::look::dataset::located;
+use crate::look::{DatasetRef, Member, SceneFile, shown_families};
+use crate::model::FamilyName;
+use crate::show::protocol::{Follower, FollowerEvent, Report, Severity as Told};
+use crate::window::camera::{Flight, Navigation, Viewpoint};
+use crate::window::input::is_control;
+use crate::window::look::Held;
+use crate::window::looking::answer::Answer;
+use crate::window::messages::{Messages, Severity};
+use crate::window::objects::Objects;
+use crate::window::open::Openings;
+use crate::window::options::OpenRequest;
+use crate::window::pages::Upcoming;
+use crate::window::panel::Choices;
+use crate::window::picture::DataCamera;
+use crate::window::scene::{Scene, Settings};
+use crate::window::scene_io::{look_of, viewpoint_of};
+use crate::window::statistics::{Converged, FrameClock, Statistics};
+use crate::window::touring::{self, Player};
+use bevy::prelude::*;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+/// Time without a frame of the leader after which a tour that plays goes on by this machine's clock. That is the same way, so that
+/// it may be short.
+const GRACE: Duration = Duration::from_millis(100);
+
+/// One who follows a show.
+#[derive(Resource)]
+pub struct Following {
+    follower: Follower,
+    /// The data that the command line names.
+    own: Vec<PathBuf>,
+    /// What the leader shows, and whether it is still to be shown here.
+    scene: Option<Box<SceneFile>>,
+    is_new: bool,
+    /// The [`Scene::generation`] that it was shown with.
+    generation: u32,
+    labels: Option<PathBuf>,
+    finding: Answer<Found>,
+    /// The data to show it with.
+    members: Option<Vec<Member>>,
+    is_led: bool,
+    /// The number of the frame that is shown.
+    shown: u64,
+    /// How many messages of this window were passed on.
+    told: u64,
+}
+
+impl Following {
+    /// Follows, with data that the command line names.
+    pub fn new(follower: Follower, own: Vec<PathBuf>) -> Following {
+        Following {
+            follower,
+            own,
+            scene: None,
+            is_new: false,
+            generation: 0,
+            labels: None,
+            finding: Answer::Nothing,
+            members: None,
+            is_led: false,
+            shown: 0,
+            told: 0,
+        }
+    }
+
+    /// Who is followed.
+    pub fn follower(&self) -> &Follower {
+        &self.follower
+    }
+
+    /// The number of the leader's frame that is shown.
+    pub fn shown(&self) -> u64 {
+        self.shown
+    }
+
+    /// Whether the open data is what the leader shows.
+    fn fits(&self, scene: &Scene) -> bool {
+        let place = |member: &Member| (member.path.clone(), member.offset, member.scale);
+        let same = |wanted: &Vec<Member>| wanted.iter().map(place).eq(scene.members.iter().map(place));
+        self.members.as_ref().is_some_and(same)
+    }
+
+    /// Takes what the leader shows from now on; its data is looked for where it is not the one before.
+    fn take(&mut self, scene: Box<SceneFile>) {
+        let data = |scene: &SceneFile| -> Vec<DatasetRef> {
+            scene.datasets.iter().map(|dataset| DatasetRef { families: None, ..dataset.clone() }).collect()
+        };
+        let wanted = data(&scene);
+        let is_same = self.scene.as_deref().map(data).as_ref() == Some(&wanted);
+        if !is_same || matches!(self.finding, Answer::Failed(_)) {
+            let own = self.own.clone();
+            self.finding = Answer::ask("data of the show", move |_| data::find(&wanted, &own));
+        }
+        (self.scene, self.is_new) = (Some(scene), true);
+    }
+}
+
+/// Whether the camera and the settings are the leader's, as it last told them. They are not in every other window, and where the
+/// leader is silent while a tour plays, which then goes on by itself.
+pub fn is_led(following: Option<Res<Following>>) -> bool {
+    following.is_some_and(|following| following.is_led)
+}
+
+/// Takes in what the leader says.
+pub(crate) fn hear(
+    mut following: ResMut<Following>,
+    time: Res<Time<Real>>,
+    mut player: ResMut<Player>,
+    mut messages: ResMut<Messages>,
+) {
+    let following = following.bypass_change_detection();
+    let now = time.elapsed();
+    for event in following.follower.receive(now) {
+        match event {
+            FollowerEvent::Joined => messages.info(format!("follows the leader at {}", following.follower.leader())),
+            FollowerEvent::Lost(why) | FollowerEvent::Refused(why) => messages.error(why),
+            FollowerEvent::Scene(scene) => following.take(scene),
+            FollowerEvent::Tour(tour) => player.follow(tour.map(|tour| *tour)),
+        }
+    }
+    let is_silent = following.follower.heard().is_some_and(|heard| now.saturating_sub(heard) > GRACE);
+    let moment = following.follower.frame().and_then(|frame| frame.tour);
+    following.is_led = !(is_silent && moment.is_some_and(|moment| moment.running));
+}
+
+/// Opens the data that the leader shows, where it is found.
+pub(crate) fn find_data(
+    mut following: ResMut<Following>,
+    scene: Option<Res<Scene>>,
+    mut openings: ResMut<Openings>,
+    mut messages: ResMut<Messages>,
+) {
+    let following = following.bypass_change_detection();
+    if !following.finding.receive() {
+        return;
+    }
+    match &following.finding {
+        Answer::Here(found) => {
+            found.notes.iter().for_each(|note| messages.error(note));
+            following.members = Some(found.members.clone());
+            if !scene.is_some_and(|scene| following.fits(&scene)) {
+                openings.start(OpenRequest { members: found.members.clone(), scene: None });
+            }
+        }
+        Answer::Failed(why) => {
+            messages.error(why);
+            following.members = None;
+        }
+        Answer::Nothing | Answer::Coming(_) => {}
+    }
+}
+
+/// Shows what the leader shows, as soon as its data is open; else the last picture stays.
+pub(crate) fn show(
+    mut commands: Commands,
+    mut following: ResMut<Following>,
+    time: Res<Time<Real>>,
+    scene: Option<Res<Scene>>,
+    choices: Res<Choices>,
+    mut settings: ResMut<Settings>,
+    mut player: ResMut<Player>,
+    mut objects: ResMut<Objects>,
+    mut upcoming: ResMut<Upcoming>,
+    mut messages: ResMut<Messages>,
+    camera: Single<(Entity, &mut Viewpoint, &mut Navigation), With<DataCamera>>,
+) {
+    let following = following.bypass_change_detection();
+    let Some(scene) = scene.filter(|scene| following.fits(scene)) else { return };
+    let is_new = std::mem::take(&mut following.is_new) || following.generation != scene.generation;
+    following.generation = scene.generation;
+    if let Some(file) = following.scene.as_deref().filter(|_| is_new) {
+        show_scene(file, &scene, &choices, &mut settings);
+        if following.labels != file.labels {
+            following.labels.clone_from(&file.labels);
+            objects.open_of_scene(file.labels.as_deref().map(|labels| located(labels, Path::new(""))));
+        }
+    }
+    let (entity, mut viewpoint, mut navigation) = camera.into_inner();
+    commands.entity(entity).remove::<Flight>();
+    navigation.set_if_neq(Navigation::Tour);
+    let Some(frame) = following.follower.frame().copied().filter(|_| following.is_led) else { return };
+    let (place, lens) = viewpoint_of(&frame.camera);
+    viewpoint.set_if_neq(place);
+    if settings.lens != lens {
+        settings.lens = lens;
+    }
+    following.shown = frame.number;
+    let heard = following.follower.heard().unwrap_or_default().as_secs_f64();
+    let next = player.show_moment(frame.tour, (heard, time.elapsed_secs_f64()), &scene, &mut messages);
+    upcoming.set_if_neq(Upcoming(next));
+}
+
+/// The leader's settings, exactly.
+fn show_scene(file: &SceneFile, scene: &Scene, choices: &Choices, settings: &mut Settings) {
+    let families: Vec<FamilyName> = scene.file.metadata().families.iter().map(|family| family.name).collect();
+    touring::look::show(None, &look_of(file), &choices.attributes, &families, settings);
+    settings.mode_settings.clone_from(&file.settings);
+    let with =
+        |(member, dataset): (&Member, &DatasetRef)| Member { families: dataset.families.clone(), ..member.clone() };
+    let members: Vec<Member> = scene.members.iter().zip(&file.datasets).map(with).collect();
+    settings.families = shown_families(&scene.file, &members).0;
+}
+
+/// Colours are for the leader's ranges: those of this part of the picture are others.
+pub(crate) fn hold_levels(following: Res<Following>, mut held: ResMut<Held>) {
+    // A tour that goes on by itself has ranges of its own.
+    let frame = following.follower.frame().filter(|_| following.is_led);
+    if let Some(ranges) = frame.and_then(|frame| frame.ranges) {
+        held.set_if_neq(Held(Some(Levels { p: ranges.p, s: ranges.s })));
+    }
+}
+
+/// The only keys: Escape and Ctrl+Q close the window.
+pub(crate) fn leave(keys: Res<ButtonInput<KeyCode>>, mut exit: MessageWriter<AppExit>) {
+    if keys.just_pressed(KeyCode::Escape) || (is_control(&keys) && keys.just_pressed(KeyCode::KeyQ)) {
+        exit.write(AppExit::Success);
+    }
+}
+
+/// Tells the leader how it is here.
+pub(crate) fn report(
+    mut following: ResMut<Following>,
+    clock: Res<FrameClock>,
+    statistics: Res<Statistics>,
+    converged: Res<Converged>,
+    messages: Res<Messages>,
+) {
+    let following = following.bypass_change_detection();
+    let new = messages.said().saturating_sub(following.told) as usize;
+    following.told = messages.said();
+    let skipped = messages.all().count().saturating_sub(new);
+    for message in messages.all().skip(skipped).filter(|message| message.severity == Severity::Error) {
+        following.follower.tell(Told::Error, &message.text);
+    }
+    following.follower.send(Report {
+        session: 0,
+        frame: following.shown,
+        frame_ms: clock.milliseconds(),
+        missing: statistics.missing as u64,
+        failed: statistics.pages_failed as u64,
+        converged: converged.0,
+    });
+}

@@ -1,0 +1,147 @@
+//! The leader's side of a show: what is sent of each frame, and what is heard of the followers.
+
+use crate::show::protocol::{Frame, Leader, LeaderEvent, Moment, Ranges, Severity};
+use crate::tour::TourFile;
+use crate::window::camera::Viewpoint;
+use crate::window::look::Look;
+use crate::window::messages::Messages;
+use crate::window::objects::Objects;
+use crate::window::picture::{DataCamera, Picture};
+use crate::window::scene::{Scene, Settings};
+use crate::window::scene_io::{ShownData, camera_of, with_settings};
+use crate::window::touring::Player;
+use bevy::prelude::*;
+use std::path::{Path, PathBuf};
+
+/// One who leads a show.
+#[derive(Resource)]
+pub struct Leading {
+    leader: Leader,
+    /// The data as followers are told of it.
+    data: ShownData,
+    sent: Option<Sent>,
+    tour: Option<(TourFile, PathBuf)>,
+    told_address: bool,
+}
+
+/// What was sent last.
+struct Sent {
+    settings: Settings,
+    generation: u32,
+    labels: Option<PathBuf>,
+}
+
+impl Leading {
+    /// Leads.
+    pub fn new(leader: Leader) -> Leading {
+        Leading { leader, data: ShownData::default(), sent: None, tour: None, told_address: false }
+    }
+
+    /// Who is led.
+    pub fn leader(&self) -> &Leader {
+        &self.leader
+    }
+
+    /// Forgets a follower that is gone.
+    pub fn forget(&mut self, name: &str) {
+        self.leader.forget(name);
+    }
+
+    /// Gives the followers all that is shown, where it has changed.
+    fn send_scene(&mut self, scene: &Scene, settings: &Settings, labels: Option<&Path>, messages: &mut Messages) {
+        if let Some(sent) = &self.sent {
+            // The lens goes with the camera.
+            let same = Settings { lens: sent.settings.lens, ..settings.clone() } == sent.settings;
+            if same && sent.generation == scene.generation && sent.labels.as_deref() == labels {
+                return;
+            }
+        }
+        let datasets = self.data.of(scene, settings);
+        let labels = labels.map(Path::to_owned);
+        let mut file = with_settings(datasets, settings);
+        file.labels = labels.as_ref().map(|path| path.canonicalize().unwrap_or_else(|_| path.clone()));
+        match file.text(Path::new("the show")).map(|text| self.leader.set_scene(text)) {
+            Ok(true) => {}
+            Ok(false) => messages.error("the settings are too long to be sent: followers keep those before"),
+            Err(error) => messages.error(error.to_string()),
+        }
+        self.sent = Some(Sent { settings: settings.clone(), generation: scene.generation, labels });
+    }
+
+    /// Gives the followers the tour that is open, where it has changed.
+    fn send_tour(&mut self, player: &Player, aspect: f64, messages: &mut Messages) {
+        let folder = player.path().and_then(Path::parent).map(Path::to_owned).unwrap_or_default();
+        let same = match (&self.tour, player.tour()) {
+            (None, None) => true,
+            (Some((sent, from)), Some(tour)) => sent == tour && *from == folder,
+            _ => false,
+        };
+        if same {
+            return;
+        }
+        self.tour = player.tour().map(|tour| (tour.clone(), folder.clone()));
+        let text = player.tour().map(TourFile::to_ron).unwrap_or_default();
+        let folder = std::path::absolute(&folder).unwrap_or(folder).to_string_lossy().into_owned();
+        if !self.leader.set_tour(text, folder, aspect) {
+            messages.error("the tour is too long to be sent: followers show no captions");
+        }
+    }
+}
+
+/// Takes in what followers say, and passes it on to the presenter.
+pub(crate) fn hear(mut leading: ResMut<Leading>, time: Res<Time<Real>>, mut messages: ResMut<Messages>) {
+    let leading = leading.bypass_change_detection();
+    if !std::mem::replace(&mut leading.told_address, true)
+        && let Some(address) = leading.leader.address()
+    {
+        messages.info(format!("leads the show at {address}"));
+    }
+    for event in leading.leader.receive(time.elapsed()) {
+        match event {
+            LeaderEvent::Came { name, again: false } => messages.info(format!("{name} follows")),
+            LeaderEvent::Came { name, again: true } => messages.info(format!("{name} follows again")),
+            LeaderEvent::Gone { name } => {
+                messages.error(format!("{name} is gone; its last picture stays, and it comes back by itself"));
+            }
+            LeaderEvent::Told { name, severity: Severity::Error, text } => messages.error(format!("{name}: {text}")),
+            LeaderEvent::Told { name, severity: Severity::Info, text } => messages.info(format!("{name}: {text}")),
+            LeaderEvent::Refused { address, why } => {
+                let who = address.map_or_else(|| "somebody".to_owned(), |address| address.to_string());
+                messages.error(format!("{who} cannot follow: {why}"));
+            }
+        }
+    }
+}
+
+/// Sends what this frame shows.
+pub(crate) fn lead(
+    mut leading: ResMut<Leading>,
+    time: Res<Time<Real>>,
+    scene: Option<Res<Scene>>,
+    settings: Res<Settings>,
+    look: Option<Res<Look>>,
+    player: Res<Player>,
+    objects: Res<Objects>,
+    picture: Res<Picture>,
+    mut messages: ResMut<Messages>,
+    camera: Single<&Viewpoint, With<DataCamera>>,
+) {
+    let leading = leading.bypass_change_detection();
+    let now = time.elapsed_secs_f64();
+    let size = picture.size();
+    leading.send_tour(&player, f64::from(size.x) / f64::from(size.y), messages.bypass_change_detection());
+    if let Some(scene) = scene {
+        leading.send_scene(&scene, &settings, objects.path(), messages.bypass_change_detection());
+    }
+    let is_range = |[low, high]: [f64; 2]| low.is_finite() && high.is_finite() && low <= high;
+    let ranges = look.map(|look| Ranges { p: look.levels.p, s: look.levels.s });
+    let shows_tour = player.state().is_some() && player.timeline().is_some();
+    let moment = || Moment { time: player.clock().time(now), running: player.clock().is_running() };
+    leading.leader.send(Frame {
+        number: 0,
+        time: now,
+        camera: camera_of(&camera, &settings.lens),
+        ranges: ranges.filter(|ranges| is_range(ranges.p) && is_range(ranges.s)),
+        tour: shows_tour.then(moment),
+    });
+}

@@ -1,0 +1,59 @@
+//! The window of a show on several machines: one leads ([`leading`]), others follow ([`following`], [`data`]).
+//!
+//! The leader's window is the presenter's: all its panels and keys, and a section that says who follows. A follower's window is the
+//! audience's: the leader's picture and nothing else. What goes from one to the other is in [`crate::show::protocol`].
+
+pub mod data;
+pub mod following;
+pub mod leading;
+
+pub use following::{Following, is_led};
+pub use leading::Leading;
+
+use crate::show::protocol::{Follower, Leader, NetworkError};
+use crate::window::camera::CameraSystems;
+use crate::window::input::PointerOwner;
+use crate::window::options::Show;
+use crate::window::{look, touring};
+use bevy::prelude::*;
+
+/// Makes a window lead or follow: after everything else that it does.
+///
+/// # Errors
+/// [`NetworkError::Bind`].
+pub fn add(app: &mut App, show: &Show) -> Result<(), NetworkError> {
+    match show {
+        Show::Lead { address, key } => add_leader(app, Leader::bind(*address, key.clone())?),
+        Show::Follow { leader, key, name, data } => {
+            add_follower(app, Following::new(Follower::new(*leader, key.clone(), name), data.clone()));
+        }
+    }
+    Ok(())
+}
+
+/// What leads.
+pub fn add_leader(app: &mut App, leader: Leader) {
+    app.insert_resource(Leading::new(leader))
+        .add_systems(PreUpdate, leading::hear)
+        .add_systems(PostUpdate, leading::lead.after(CameraSystems::Settle));
+}
+
+/// What follows.
+pub fn add_follower(app: &mut App, following: Following) {
+    let follow = (following::find_data, following::show, following::leave);
+    app.insert_resource(following)
+        .insert_resource(PointerOwner::nobody())
+        .init_resource::<look::Held>()
+        .add_systems(PreUpdate, following::hear)
+        .add_systems(
+            Update,
+            (
+                follow.chain().after(touring::player::play).before(look::follow_settings),
+                following::hold_levels.after(touring::ranges::hold).before(look::glide_levels),
+            ),
+        )
+        .add_systems(PostUpdate, following::report.after(CameraSystems::Settle));
+}
+
+#[cfg(test)]
+mod tests;

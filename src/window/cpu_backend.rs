@@ -1,0 +1,365 @@
+//! Drawing with the processor, on background tasks: the whole picture for the `cpu` backend, and for every backend the
+//! measurement of how bright the view is.
+//!
+//! While the view moves, as large a sample of the particles is drawn as the preset's time for a picture allows, with half as
+//! many pixels a side where that is not all of them; volumes have a fixed limit, and as many pixels as there is time for. When the
+//! view rests, the full picture follows.
+
+mod drawing;
+pub(super) mod sizes;
+
+use super::exposure::Exposure;
+use super::live::LiveParticles;
+use super::look::{Held, Look};
+use super::messages::Messages;
+use super::occlusion::Occlusion;
+use super::pages::ViewSelection;
+use super::picture::Picture;
+use super::preset::Preset;
+use super::scene::{Scene, Settings};
+use super::statistics::{ActiveBackend, Converged, Statistics};
+use super::touring::Before;
+use super::volume_caster::VolumeCaster;
+use crate::color::composite::composite_at;
+use crate::color::transfer::{Levels, TransferFunction};
+use crate::color::{Accumulation, Image as Colors};
+use crate::cpu::volume::{Caster, Processor};
+use crate::mode::{Footprint, Plan};
+use crate::picture::fade::faded;
+use crate::picture::governor::Governor;
+use crate::view::View;
+use bevy::asset::RenderAssetUsages;
+use bevy::image::ImageSampler;
+use bevy::prelude::*;
+use bevy::render::render_resource::{Extent3d, TextureDimension, TextureFormat};
+use bevy::tasks::{AsyncComputeTaskPool, Task, futures::check_ready};
+use drawing::{PaintedPicture, Source, draw, paint};
+use sizes::{MOVING_MS, drawing_size, moving_size, volume_limit};
+use std::sync::Arc;
+use std::time::Instant;
+
+/// What an accumulation depends on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct DrawKey {
+    selection: u64,
+    /// The state of live particles.
+    live: u64,
+    depiction: u64,
+    generation: u32,
+    size: UVec2,
+    /// How many particles a volume may take.
+    particles: u64,
+}
+
+/// A picture that has been drawn.
+#[derive(Clone)]
+struct Drawn {
+    key: DrawKey,
+    picture: Arc<Accumulation>,
+    /// For modes that draw colours: these, and the settings they were drawn with.
+    painted: Option<Arc<PaintedPicture>>,
+    milliseconds: f64,
+}
+
+/// What a background task hands back.
+struct Done {
+    drawn: Drawn,
+    /// What the settings leave out, whatever time there was.
+    plan: Plan,
+    /// How many particles it took, if it was drawn anew; and whether that is not all that the plan would.
+    taken: Option<u64>,
+    cut: bool,
+    /// Whether everything was there that the view needs.
+    complete: bool,
+    exposure: Exposure,
+    /// The picture in colours, and what they were made with.
+    colors: Option<(Colors, Levels, TransferFunction)>,
+}
+
+/// The processor's picture and the task that draws the next one.
+#[derive(Resource, Default)]
+pub struct CpuPicture {
+    task: Option<Task<Result<Done, String>>>,
+    drawn: Option<Drawn>,
+    plan: Plan,
+    colored: Option<(DrawKey, Levels, TransferFunction)>,
+    governor: Governor,
+    moved: Option<([u64; 2], Instant)>,
+    measured: Option<Instant>,
+    /// What the task draws, and what could not be drawn.
+    tried: Option<(DrawKey, TransferFunction)>,
+    failed: Option<(DrawKey, TransferFunction)>,
+    /// The last finished picture and its number.
+    finished: Option<(u64, Arc<Colors>)>,
+    /// What the window shows: that number, and what is blended with it.
+    shown: Option<(u64, Option<(u64, u32)>)>,
+    count: u64,
+}
+
+impl CpuPicture {
+    /// What the last picture left out: what the next one may leave out too.
+    pub fn plan(&self) -> Plan {
+        self.plan
+    }
+
+    /// Whether the view or its nodes have changed a moment ago.
+    pub fn is_moving(&self) -> bool {
+        self.moved.is_some_and(|(_, since)| since.elapsed().as_millis() < REST_MS)
+    }
+
+    /// Whether the present selection has been drawn or measured.
+    pub fn is_current(&self, selection: &ViewSelection) -> bool {
+        self.drawn.as_ref().is_some_and(|drawn| drawn.key.selection == selection.revision)
+    }
+}
+
+/// How long the view must rest before the full picture is drawn, milliseconds.
+const REST_MS: u128 = 120;
+/// Least time between two measurements of a view that moves and that the GPU draws, milliseconds.
+const MEASURE_MS: u128 = 300;
+
+/// Takes in what has been drawn, and starts to draw what is wanted now.
+pub(super) fn draw_on_cpu(
+    mut cpu: ResMut<CpuPicture>,
+    backend: Res<ActiveBackend>,
+    scene: Option<Res<Scene>>,
+    selection: Res<ViewSelection>,
+    look: Option<Res<Look>>,
+    (picture, preset): (Res<Picture>, Res<Preset>),
+    mut exposure: ResMut<Exposure>,
+    mut statistics: ResMut<Statistics>,
+    mut converged: ResMut<Converged>,
+    mut occlusion: ResMut<Occlusion>,
+    (mut messages, mut caster): (ResMut<Messages>, ResMut<VolumeCaster>),
+    (live, settings, held): (Res<LiveParticles>, Res<Settings>, Res<Held>),
+) {
+    let cpu = &mut *cpu;
+    let cast = look.as_ref().is_some_and(|look| look.depiction.mode.is_cast()) && caster.is_on_adapter();
+    if !cast {
+        caster.rest();
+    }
+    let name = if cast { "compute" } else { "cpu" };
+    if *backend == ActiveBackend::Cpu && statistics.backend != name {
+        statistics.backend = name.to_owned();
+    }
+    let (Some(scene), Some(look), Some(view)) = (scene, look, selection.view) else {
+        cpu.task = None;
+        return;
+    };
+    let revisions = [selection.revision, live.state()];
+    if cpu.moved.is_none_or(|(before, _)| before != revisions) {
+        cpu.moved = Some((revisions, Instant::now()));
+    }
+    if let Some(outcome) = cpu.task.as_mut().and_then(check_ready) {
+        cpu.task = None;
+        match outcome {
+            Ok(done) => {
+                if let Some(trouble) = done.drawn.painted.as_ref().and_then(|painted| painted.trouble.clone()) {
+                    messages.error(format!("{trouble}; the processor draws instead"));
+                    caster.give_up();
+                }
+                let state = done.drawn.key.live;
+                let painted = done.drawn.painted.as_ref();
+                let opaque = painted.and_then(|painted| painted.opaque.clone());
+                // Live particles hide nothing of the file.
+                let opaque = opaque.filter(|_| live.particles().is_none());
+                occlusion.drew(opaque, (done.drawn.key.generation, done.drawn.key.depiction), done.complete);
+                take_in(cpu, done, *backend, &mut exposure, &mut statistics);
+                statistics.live = live.particles().map(|_| state);
+            }
+            Err(error) => {
+                cpu.failed = cpu.tried.take();
+                messages.error(error);
+            }
+        }
+    }
+    if statistics.live.is_some() && live.particles().is_none() {
+        statistics.live = None;
+    }
+    let moving = cpu.is_moving();
+    let fixed_discs = matches!(look.depiction.footprint(), Footprint::Pixels(_));
+    let full = picture.size();
+    let limit = match preset.drawing.frame_ms {
+        frame_ms if frame_ms > 0.0 && moving && *backend == ActiveBackend::Cpu => cpu.governor.limit(frame_ms),
+        _ => u64::MAX,
+    };
+    let painted = look.depiction.mode.painter().is_some();
+    let size = match painted && moving {
+        true => {
+            let budget = if preset.drawing.frame_ms > 0.0 { preset.drawing.frame_ms } else { MOVING_MS };
+            let last = cpu.drawn.as_ref().filter(|drawn| drawn.painted.is_some());
+            moving_size(full, last.map(|drawn| (drawn.key.size, drawn.milliseconds)), budget)
+        }
+        false => drawing_size(full, statistics.particles > limit, *backend, fixed_discs),
+    };
+    let key = DrawKey {
+        selection: selection.revision,
+        live: live.state(),
+        depiction: look.depiction_revision,
+        generation: scene.generation,
+        size,
+        particles: volume_limit(painted && moving, caster.is_on_adapter(), statistics.particles),
+    };
+    // Ranges that are given are not looked for in each picture.
+    let given = held.0.filter(|levels| painted && levels.p[0] > 0.0 && levels.p[0] < levels.p[1]);
+    let transfer = given.map_or_else(|| look.transfer.clone(), |levels| look.transfer.clone().with_levels(&levels));
+    let trial = (key, transfer.clone());
+    let drawn = cpu.drawn.as_ref().filter(|drawn| drawn.key == key);
+    let colored = cpu
+        .colored
+        .as_ref()
+        .is_some_and(|(drawn, levels, with)| *drawn == key && *levels == look.levels && *with == transfer);
+    let current = drawn.is_some() && (*backend == ActiveBackend::Gpu || colored);
+    if *backend == ActiveBackend::Cpu {
+        // What is hidden may have changed with the last picture.
+        let chosen = selection.complete && selection.occlusion == occlusion.revision;
+        converged.0 = current && chosen && !moving && size == full && look.settled;
+    }
+    // The ranges of a transfer function that has changed are measured in the picture that is there.
+    if cpu.task.is_some() || (current && look.settled && !look.is_changed()) {
+        return;
+    }
+    // Before anything has come there is nothing that colours could be of, and nothing to complain of.
+    if painted && selection.nodes.is_empty() && !selection.complete && live.particles().is_none() {
+        return;
+    }
+    // What could not be drawn once cannot be drawn again either.
+    if cpu.failed.as_ref() == Some(&trial) {
+        return;
+    }
+    // A measurement is a courtesy: it must not take the processor from what draws.
+    let paced = cpu.measured.is_none_or(|since| since.elapsed().as_millis() > MEASURE_MS);
+    if *backend == ActiveBackend::Gpu && moving && !paced {
+        return;
+    }
+    cpu.measured = Some(Instant::now());
+    cpu.tried = Some(trial);
+    let drawn_with = |drawn: &&Drawn| drawn.painted.as_ref().is_none_or(|painted| painted.transfer == transfer);
+    let reused = drawn.filter(drawn_with).cloned();
+    let diameter = scene.frame.size().length();
+    let (file, depiction) = (Arc::clone(&scene.file), look.depiction.clone());
+    let source = match live.particles() {
+        Some(particles) => {
+            let families = scene.file.metadata().families.iter().zip(&settings.families);
+            let shown = families.filter(|(_, shown)| **shown).map(|(family, _)| family.name).collect();
+            Source::Live(Arc::clone(particles), shown)
+        }
+        None => Source::Nodes(Arc::clone(&selection.nodes)),
+    };
+    let (levels, on_cpu) = (look.levels, *backend == ActiveBackend::Cpu);
+    let complete = selection.complete;
+    let (known, old_plan) = (look.settled.then_some(look.levels), cpu.plan);
+    // Finding a plan takes longer than there is between two pictures of a motion.
+    let kept_plan = (moving && *backend == ActiveBackend::Cpu).then_some(old_plan);
+    // Splats have no use for it.
+    let caster: Arc<dyn Caster> = if cast { caster.caster() } else { Arc::new(Processor) };
+    cpu.task = Some(AsyncComputeTaskPool::get().spawn(async move {
+        let (drawn, plan, taken, cut) = match reused {
+            Some(drawn) => (drawn, old_plan, None, false),
+            None if painted => {
+                let start = Instant::now();
+                let (view, with) = (View { width: size.x, height: size.y, ..view }, (&*caster, key.particles));
+                let painted =
+                    Some(Arc::new(paint(&file, &depiction, &source, &view, diameter, (&transfer, levels), with)?));
+                let milliseconds = 1000.0 * start.elapsed().as_secs_f64();
+                (Drawn { key, picture: Arc::default(), painted, milliseconds }, old_plan, None, false)
+            }
+            None => {
+                let start = Instant::now();
+                let plan = (kept_plan, limit);
+                let (picture, plan, (taken, cut)) =
+                    draw(&file, &depiction, &source, &view, size, plan, (&transfer, known))?;
+                let picture = Arc::new(picture);
+                let milliseconds = 1000.0 * start.elapsed().as_secs_f64();
+                (Drawn { key, picture, painted: None, milliseconds }, plan, Some(taken), cut)
+            }
+        };
+        let (exposure, colors) = match &drawn.painted {
+            Some(painted) => {
+                let exposure = Exposure::of_codebooks(file.metadata(), &depiction, &transfer, painted.levels);
+                (exposure, on_cpu.then(|| (painted.image.clone(), levels, transfer.clone())))
+            }
+            None => {
+                let colors =
+                    on_cpu.then(|| (composite_at(&drawn.picture, &transfer, &levels), levels, transfer.clone()));
+                (Exposure::of(&drawn.picture, &transfer), colors)
+            }
+        };
+        Ok(Done { drawn, plan, taken, cut, complete, exposure, colors })
+    }));
+}
+
+/// Takes in a finished task's work.
+fn take_in(
+    cpu: &mut CpuPicture,
+    done: Done,
+    backend: ActiveBackend,
+    exposure: &mut ResMut<Exposure>,
+    statistics: &mut ResMut<Statistics>,
+) {
+    exposure.set_if_neq(done.exposure);
+    if let Some((colors, levels, transfer)) = done.colors
+        && backend == ActiveBackend::Cpu
+    {
+        cpu.count += 1;
+        cpu.finished = Some((cpu.count, Arc::new(colors)));
+        cpu.colored = Some((done.drawn.key, levels, transfer));
+        if let Some(taken) = done.taken {
+            statistics.draw_ms = Some(done.drawn.milliseconds);
+            statistics.sampled = done.cut.then_some(taken);
+            cpu.governor.drew(taken, done.drawn.milliseconds);
+        }
+    }
+    if let Some(painted) = &done.drawn.painted {
+        statistics.draw_ms = Some(done.drawn.milliseconds);
+        statistics.sampled = painted.sampled;
+    }
+    cpu.plan = done.plan;
+    cpu.drawn = Some(done.drawn);
+}
+
+/// Shows the finished picture, where a tour says so blended with the one before it.
+pub(super) fn show_on_cpu(
+    mut cpu: ResMut<CpuPicture>,
+    backend: Res<ActiveBackend>,
+    before: Res<Before>,
+    picture: Res<Picture>,
+    mut images: ResMut<Assets<Image>>,
+    mut converged: ResMut<Converged>,
+) {
+    let cpu = cpu.bypass_change_detection();
+    if *backend != ActiveBackend::Cpu {
+        // What is drawn meanwhile is not known here.
+        (cpu.finished, cpu.shown) = (None, None);
+        return;
+    }
+    converged.0 &= before.is_settled();
+    let Some((number, finished)) = &cpu.finished else { return };
+    // Without the picture before, what was shown last stays.
+    if before.is_awaited() {
+        return;
+    }
+    let fade = before.fade();
+    let wanted = (*number, fade.map(|(_, share)| (before.number(), share.to_bits())));
+    if cpu.shown == Some(wanted) {
+        return;
+    }
+    let colors = match fade {
+        Some((image, share)) => faded(image, finished, share),
+        None => Colors::clone(finished),
+    };
+    if images.insert(&picture.image, to_image(colors)).is_err() {
+        warn!("the picture's image is gone");
+    }
+    cpu.shown = Some(wanted);
+}
+
+/// Colours as an image that egui shows; smoothed where it is stretched.
+fn to_image(colors: Colors) -> Image {
+    let size = Extent3d { width: colors.width, height: colors.height, depth_or_array_layers: 1 };
+    let bytes = bytemuck::allocation::cast_vec::<[u8; 4], u8>(colors.rgba);
+    let mut image =
+        Image::new(size, TextureDimension::D2, bytes, TextureFormat::Rgba8UnormSrgb, RenderAssetUsages::default());
+    image.sampler = ImageSampler::linear();
+    image
+}

@@ -1,0 +1,114 @@
+//! What the panel says about a dataset, put into words once when it is opened.
+
+use crate::annotate::number;
+use crate::look::Member;
+use crate::store::{Metadata, PageFile, PartInfo};
+use bevy::math::DVec3;
+use std::path::Path;
+
+/// A family of particles, as a row.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FamilyFact {
+    /// Its name.
+    pub name: String,
+    /// Number of particles.
+    pub count: String,
+    /// Mass with unit, and the attributes with their ranges; shown on hovering.
+    pub details: String,
+}
+
+/// A dataset of several, as a heading.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DatasetFact {
+    /// The file's name.
+    pub name: String,
+    /// Path, format and place; shown on hovering.
+    pub details: String,
+    /// Index of its first family.
+    pub first_family: usize,
+}
+
+/// A dataset in words.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Facts {
+    /// Labels and values.
+    pub rows: Vec<(&'static str, String)>,
+    /// The datasets, where there are several.
+    pub datasets: Vec<DatasetFact>,
+    /// The families.
+    pub families: Vec<FamilyFact>,
+    /// What the import assumed or left out, one sentence each.
+    pub notes: Vec<String>,
+}
+
+impl Facts {
+    /// The facts of a page file, or of several as one, by the names that the user gave.
+    pub fn of(file: &PageFile, members: &[Member]) -> Facts {
+        let metadata = file.metadata();
+        let mut rows = match file.is_joined() {
+            true => vec![("Datasets", file.parts().len().to_string())],
+            false => vec![("Format", metadata.provenance.format.clone())],
+        };
+        rows.push(("Particles", number::count(metadata.particles())));
+        if let Some(box_size) = metadata.provenance.box_size {
+            rows.push(("Box", format!("{} {}", number::quantity(box_size), metadata.length_unit)));
+        } else {
+            rows.push(("Length unit", metadata.length_unit.to_string()));
+        }
+        rows.push(("Mass unit", metadata.mass_unit.to_string()));
+        let bytes = file.parts().map(|part| part.metadata.provenance.bytes).sum::<u64>();
+        if !file.is_joined() {
+            rows.extend(epoch(metadata));
+        }
+        if bytes > 0 {
+            rows.push(("Source", number::bytes(bytes)));
+        }
+        let families = metadata.families.iter().map(|family| {
+            let mut details = format!("mass {} {}", number::quantity(family.mass), metadata.mass_unit);
+            for attribute in &family.attributes {
+                let [min, max] = [attribute.min, attribute.max].map(number::quantity);
+                details += &format!("\n{}  {min} to {max} {}", attribute.name, attribute.unit);
+            }
+            FamilyFact { name: family.name.to_string(), count: number::count(family.count), details }
+        });
+        let skipped = metadata
+            .skipped
+            .iter()
+            .map(|skipped| format!("{} particles left out: {}", number::count(skipped.count), skipped.reason));
+        let told = file.parts().flat_map(|part| part.metadata.provenance.notes.clone());
+        let datasets = file.parts().zip(members).filter(|_| file.is_joined()).map(|(part, member)| DatasetFact {
+            name: member.path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned()),
+            details: part_details(&part, &member.path),
+            first_family: part.families.start,
+        });
+        Facts { rows, datasets: datasets.collect(), families: families.collect(), notes: told.chain(skipped).collect() }
+    }
+}
+
+/// When in the history of its universe or its run a snapshot was taken.
+fn epoch(metadata: &Metadata) -> Option<(&'static str, String)> {
+    match (metadata.provenance.redshift, metadata.provenance.time) {
+        // Snapshots of today often say -2e-16.
+        (Some(z), _) => Some(("Redshift", number::quantity(if z.abs() < 1e-9 { 0.0 } else { z }))),
+        (None, Some(time)) => Some(("Time", number::quantity(time))),
+        (None, None) => None,
+    }
+}
+
+/// What is said of one dataset of several.
+fn part_details(part: &PartInfo<'_>, path: &Path) -> String {
+    let mut lines = vec![path.display().to_string(), part.metadata.provenance.format.clone()];
+    lines.extend(epoch(part.metadata).map(|(label, value)| format!("{} {value}", label.to_lowercase())));
+    let placement = part.placement;
+    if placement.offset != DVec3::ZERO {
+        let [x, y, z] = placement.offset.to_array().map(number::quantity);
+        lines.push(format!("its origin at {x}, {y}, {z}"));
+    }
+    if placement.scale != 1.0 {
+        lines.push(format!("lengths times {}", number::quantity(placement.scale)));
+    }
+    if placement.mass != 1.0 {
+        lines.push(format!("masses times {}", number::quantity(placement.mass)));
+    }
+    lines.join("\n")
+}

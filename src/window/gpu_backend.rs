@@ -1,0 +1,366 @@
+//! Drawing with the GPU: pages are copied into the renderer's arena, and the data camera gets the list of nodes to
+//! splat and the transfer function to show them with.
+//!
+//! A page counts as there only when all its nodes have arrived in the arena, so a parent is drawn until then and never
+//! a hole.
+
+use super::cpu_backend::CpuPicture;
+use super::live::LiveParticles;
+use super::look::Look;
+use super::messages::Messages;
+use super::pages::{GpuSlot, PageCopies, PageKey, PageStatus, Streaming, ViewSelection};
+use super::picture::DataCamera;
+use super::preset::{Backend, Preset};
+use super::scene::{Scene, Settings};
+use super::statistics::{ActiveBackend, Converged, Statistics};
+use super::touring::Before;
+use super::volume_caster::VolumeCaster;
+use crate::gpu::page_copies::{self, CopyState, node_id};
+use crate::gpu::{self, Composite, DrawItem, Fading, ParticleScene, SplatView};
+use crate::gpu::{Capabilities, TableId, Technique, Withheld};
+use crate::mode::{Footprint, Plan};
+use crate::modes;
+use crate::picture::governor::{self, Governor};
+use crate::store::Metadata;
+use bevy::diagnostic::DiagnosticsStore;
+use bevy::prelude::*;
+use bevy::render::renderer::{RenderAdapter, RenderAdapterInfo, RenderDevice};
+use std::sync::Arc;
+use std::time::Instant;
+
+/// What the renderer holds for the present look of the present file.
+#[derive(Resource, Default)]
+pub struct GpuTables {
+    /// The look that the tables belong to: generation of the file and revision of the depiction.
+    made_for: Option<(u32, u64)>,
+    /// One table for each family and codebook, and its largest importance.
+    tables: Vec<Vec<(TableId, f32)>>,
+    /// The selection that the camera draws, what the settings leave out of it, and whether it moves.
+    drawn: Option<(u64, Plan, bool)>,
+    governor: Governor,
+    /// Particles that the last pictures took, and when the last one was changed.
+    taken: [u64; 3],
+    changed: Option<Instant>,
+    /// How particles are accumulated; none if the processor does it.
+    technique: Option<Technique>,
+    /// The backend that was asked for last.
+    asked: Option<Backend>,
+    /// The file for which it was told that the graphics memory is full.
+    told_full: Option<u32>,
+}
+
+/// Whether modes that only the processor draws have come or gone.
+pub(super) fn technique_changed(settings: Res<Settings>, mut was_painted: Local<bool>) -> bool {
+    let painted = settings.mode.painter().is_some();
+    std::mem::replace(&mut *was_painted, painted) != painted
+}
+
+/// Follows the preset's choice of a backend, and the processor's modes.
+pub(super) fn choose_backend(
+    mut commands: Commands,
+    preset: Res<Preset>,
+    settings: Option<Res<Settings>>,
+    device: Option<Res<RenderDevice>>,
+    adapter: Option<Res<RenderAdapter>>,
+    info: Option<Res<RenderAdapterInfo>>,
+    mut active: ResMut<ActiveBackend>,
+    mut copies: ResMut<PageCopies>,
+    mut statistics: ResMut<Statistics>,
+    mut tables: ResMut<GpuTables>,
+    mut cameras: Query<(Entity, &mut Camera), With<DataCamera>>,
+    mut messages: ResMut<Messages>,
+    (caster, live): (Res<VolumeCaster>, Res<LiveParticles>),
+    slots: Query<Entity, With<GpuSlot>>,
+) {
+    let asked = preset.drawing.backend;
+    let painted = settings.map(|settings| settings.mode).filter(|mode| mode.painter().is_some());
+    let wanted = match asked {
+        // What changes every frame has no pages to copy.
+        _ if painted.is_some() || live.particles().is_some() => None,
+        Backend::Cpu => None,
+        Backend::Auto => Some(gpu::Backend::Auto),
+        Backend::Compute => Some(gpu::Backend::Compute),
+        Backend::Raster => Some(gpu::Backend::Raster),
+    };
+    let graphics = device.zip(adapter).zip(info);
+    let (found, refusal) = match (wanted, &graphics) {
+        (None, _) => (None, None),
+        (Some(wanted), Some(((device, adapter), info))) => {
+            let capabilities = Capabilities::of(device, adapter, info, Withheld::default());
+            let found = capabilities.technique(wanted);
+            (found.or_else(|_| capabilities.technique(gpu::Backend::Auto)).ok(), found.err())
+        }
+        (Some(_), None) => (None, Some("a working driver")),
+    };
+    if tables.asked.replace(asked) != Some(asked)
+        && let Some(missing) = refusal
+    {
+        let used = found.map_or("cpu", Technique::name);
+        messages.error(format!("{used} draws: the graphics adapter lacks {missing}"));
+    }
+    if tables.technique != found {
+        tables.technique = found;
+        tables.drawn = None;
+    }
+    statistics.adapter = graphics.map_or_else(String::new, |(_, info)| format!("{} ({})", info.name, info.driver_info));
+    let wanted = if found.is_some() { ActiveBackend::Gpu } else { ActiveBackend::Cpu };
+    let uses_copies = wanted == ActiveBackend::Gpu;
+    if *active == wanted && copies.0 == uses_copies {
+        return;
+    }
+    if let Some(mode) = painted.filter(|mode| !(mode.is_cast() && caster.is_on_adapter())) {
+        messages.info(format!("the processor draws {}", mode.name));
+    }
+    *active = wanted;
+    copies.0 = uses_copies;
+    *tables = GpuTables { asked: Some(asked), technique: found, ..default() };
+    slots.iter().for_each(|page| {
+        commands.entity(page).remove::<GpuSlot>();
+    });
+    for (entity, mut camera) in &mut cameras {
+        camera.is_active = uses_copies;
+        commands.entity(entity).remove::<(SplatView, Composite)>();
+    }
+}
+
+/// Gives the arena the preset's budgets.
+pub(super) fn follow_budgets(preset: Res<Preset>, particles: Res<ParticleScene>) {
+    let residency = &preset.residency;
+    particles.set_budgets(residency.gpu_budget_mib << 20, residency.upload_mib << 20);
+}
+
+/// Notes pages that have arrived in the arena.
+pub(super) fn receive_copies(
+    mut commands: Commands,
+    particles: Res<ParticleScene>,
+    streaming: Option<ResMut<Streaming>>,
+    mut pages: Query<(&PageKey, &PageStatus, &mut GpuSlot)>,
+) {
+    let Some(mut streaming) = streaming else { return };
+    let Some(copies) = streaming.streamer.copies.as_ref() else { return };
+    let waiting: Vec<_> = copies.on_their_way().collect();
+    for id in waiting {
+        let Some(entity) = streaming.entity(id) else { continue };
+        let Ok((key, PageStatus::Resident(page), mut slot)) = pages.get_mut(entity) else { continue };
+        let state = page_copies::state(&particles, key.generation, page);
+        let Some(copies) = streaming.streamer.copies.as_mut() else { return };
+        match state {
+            CopyState::Waiting => {}
+            CopyState::Complete => {
+                *slot = GpuSlot::Resident;
+                copies.arrived(id);
+            }
+            CopyState::Rejected => {
+                copies.rejected(id);
+                commands.entity(entity).remove::<GpuSlot>();
+            }
+        }
+    }
+}
+
+/// Frees the copies that have to make room, and queues those that the view misses or will.
+pub(super) fn upload_pages(
+    mut commands: Commands,
+    particles: Res<ParticleScene>,
+    streaming: Option<ResMut<Streaming>>,
+    mut tables: ResMut<GpuTables>,
+    mut messages: ResMut<Messages>,
+) {
+    let Some(mut streaming) = streaming else { return };
+    let generation = streaming.generation;
+    let plan = streaming.streamer.plan_copies();
+    for (id, nodes) in plan.remove {
+        // At once, so that what follows finds the room.
+        page_copies::remove(&particles, generation, id, nodes);
+        if let Some(entity) = streaming.entity(id) {
+            commands.entity(entity).remove::<GpuSlot>();
+        }
+    }
+    let residency = &streaming.streamer.residency;
+    let metadata = residency.file().metadata();
+    for id in plan.insert {
+        let (Some(entity), Some(page)) = (streaming.entity(id), residency.page(id)) else { continue };
+        let Some(family) = metadata.families.get(page.family as usize) else { continue };
+        page_copies::insert(&particles, generation, family, page);
+        commands.entity(entity).insert(GpuSlot::Queued);
+    }
+    if streaming.streamer.copies.as_ref().is_some_and(|copies| copies.is_full())
+        && tables.told_full.replace(generation) != Some(generation)
+    {
+        messages.error("the graphics memory is full (residency.gpu_budget_mib): a coarser picture is shown");
+    }
+}
+
+/// Frees the arena's copy of a page whose entity goes, or which is no longer drawn by the GPU.
+pub(super) fn free_slot(
+    removed: On<Remove, GpuSlot>,
+    particles: Res<ParticleScene>,
+    pages: Query<(&PageKey, &PageStatus)>,
+) {
+    let Ok((key, PageStatus::Resident(page))) = pages.get(removed.entity) else { return };
+    page_copies::remove(&particles, key.generation, key.id, page.nodes.len() as u32);
+}
+
+/// Tables of every codebook for the present look.
+fn make_tables(particles: &ParticleScene, look: &Look, metadata: &Metadata) -> Vec<Vec<(TableId, f32)>> {
+    let table = |family, codebook| {
+        let table = look.depiction.table(family, codebook);
+        (particles.insert_table(modes::gpu::entries(&table)), table.most_important)
+    };
+    metadata.families.iter().map(|family| family.codebooks.iter().map(|book| table(family, book)).collect()).collect()
+}
+
+/// Tells the data camera what to draw and how to show it.
+pub(super) fn draw_on_gpu(
+    mut commands: Commands,
+    active: Res<ActiveBackend>,
+    particles: Res<ParticleScene>,
+    scene: Option<Res<Scene>>,
+    look: Option<Res<Look>>,
+    selection: Res<ViewSelection>,
+    (measured, preset, before): (Res<CpuPicture>, Res<Preset>, Res<Before>),
+    diagnostics: Option<Res<DiagnosticsStore>>,
+    mut tables: ResMut<GpuTables>,
+    mut converged: ResMut<Converged>,
+    mut statistics: ResMut<Statistics>,
+    camera: Single<(Entity, Option<&Composite>), With<DataCamera>>,
+) {
+    if *active != ActiveBackend::Gpu {
+        return;
+    }
+    let Some(technique) = tables.technique else { return };
+    if statistics.backend != technique.name() {
+        technique.name().clone_into(&mut statistics.backend);
+    }
+    let (Some(scene), Some(look), Some(view)) = (scene, look, selection.view) else { return };
+    let (entity, composite) = camera.into_inner();
+    let metadata = scene.file.metadata();
+    let wanted = (scene.generation, look.depiction_revision);
+    if tables.made_for != Some(wanted) {
+        let old = std::mem::replace(&mut tables.tables, make_tables(&particles, &look, metadata));
+        old.into_iter().flatten().for_each(|(table, _)| particles.remove_table(table));
+        tables.made_for = Some(wanted);
+        tables.drawn = None;
+    }
+    let frame_ms = preset.drawing.frame_ms;
+    let (usual, moving) = (measured.plan(), measured.is_moving() && frame_ms > 0.0);
+    if tables.drawn != Some((selection.revision, usual, moving)) {
+        tables.drawn = Some((selection.revision, usual, moving));
+        let limit = if moving { tables.governor.limit(frame_ms) } else { u64::MAX };
+        let important: Vec<Vec<f32>> =
+            tables.tables.iter().map(|books| books.iter().map(|table| table.1).collect()).collect();
+        let (plan, taken) =
+            governor::within(limit, usual, &view, &look.depiction, metadata, &selection.nodes, &important);
+        statistics.sampled = (plan != usual).then_some(taken);
+        tables.taken = [taken, tables.taken[0], tables.taken[1]];
+        tables.changed = Some(Instant::now());
+        let items: Vec<DrawItem> = selection
+            .nodes
+            .iter()
+            .filter_map(|drawn| {
+                let node = drawn.page.nodes.get(drawn.node.node as usize)?;
+                let family = metadata.families.get(drawn.page.family as usize)?;
+                let tables = tables.tables.get(drawn.page.family as usize)?;
+                let (table, most_important) = *tables.get(usize::from(node.codebook))?;
+                Some(DrawItem {
+                    node: node_id(scene.generation, drawn.node.page, drawn.node.node),
+                    table: Some(table),
+                    weight_scale: look.depiction.node_scale(node),
+                    offset: drawn.offset,
+                    sample: plan.sample(&view.of_image(drawn.offset), &look.depiction, family, node, most_important),
+                })
+            })
+            .collect();
+        let backend = match technique {
+            Technique::Compute => gpu::Backend::Compute,
+            Technique::Raster => gpu::Backend::Raster,
+        };
+        let footprint = match look.depiction.footprint() {
+            Footprint::Kernel => gpu::Footprint::Kernel(metadata.kernel),
+            Footprint::Pixels(radius) => gpu::Footprint::Pixels { radius },
+        };
+        let (culling, faintest, items) = (plan.culling, plan.faintest, items.into());
+        let shown = SplatView { view, footprint, backend, culling, faintest, items, always: false };
+        commands.entity(entity).insert(shown);
+    }
+    let hue = look.transfer.hue.clone().unwrap_or_default();
+    let shown = Composite {
+        lut: Arc::clone(&look.lut),
+        levels: look.levels,
+        p_scale: look.transfer.scale,
+        s_scale: hue.scale,
+        attribute: look.has_hue(),
+        before: before.fade().map(|(image, share)| Fading { image: Arc::clone(image), share }),
+    };
+    let same = composite.is_some_and(|now| {
+        Arc::ptr_eq(&now.lut, &shown.lut)
+            && now.levels == shown.levels
+            && now.attribute == shown.attribute
+            && now.s_scale == shown.s_scale
+            && now.p_scale == shown.p_scale
+            && now.before == shown.before
+    });
+    if !same {
+        commands.entity(entity).insert(shown);
+    }
+    let times = diagnostics.as_deref().and_then(pass_times);
+    let has_drawn = times.is_some();
+    statistics.draw_ms = times.as_ref().map(|times| times.0);
+    statistics.passes = times.as_ref().map(|times| times.2.clone()).unwrap_or_default();
+    // Times come a picture or two late: while the last samples differ much, nobody knows which one a time belongs to.
+    let [taken, ..] = tables.taken;
+    let [most, least] = [tables.taken.iter().max(), tables.taken.iter().min()];
+    if let Some((milliseconds, at, _)) = times
+        && tables.changed.is_some_and(|changed| at > changed)
+        && most.zip(least).is_some_and(|(&most, &least)| most <= 2 * least)
+    {
+        tables.governor.drew(taken, milliseconds);
+        tables.changed = None;
+    }
+    // Passes are timed only once their shaders are there, so a first time means a first picture.
+    converged.0 = selection.complete && !moving && same && look.settled && has_drawn && measured.is_current(&selection);
+    converged.0 &= before.is_settled();
+}
+
+/// Milliseconds that all passes of the last picture took together, when that was known, and those of each; `None` before the first
+/// picture.
+fn pass_times(diagnostics: &DiagnosticsStore) -> Option<(f64, Instant, Vec<(&'static str, f64)>)> {
+    let time = |pass: &str, kind: &str| {
+        let path = format!("render/{pass}/{kind}");
+        diagnostics.iter().find(|d| d.path().as_str() == path).and_then(|d| d.measurement())
+    };
+    let time = |pass: &str| time(pass, "elapsed_gpu").or_else(|| time(pass, "elapsed_cpu"));
+    let known = time("accumulate")?.time;
+    let passes: Vec<(&'static str, f64)> =
+        gpu::timing::PASSES.iter().filter_map(|&pass| Some((pass, time(pass)?.value))).collect();
+    Some((passes.iter().map(|pass| pass.1).sum(), known, passes))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bevy::ecs::system::RunSystemOnce;
+
+    #[test]
+    fn a_backend_that_is_not_there_is_told_once() {
+        let mut world = World::new();
+        world.init_resource::<Preset>();
+        world.init_resource::<ActiveBackend>();
+        world.init_resource::<PageCopies>();
+        world.init_resource::<Statistics>();
+        world.init_resource::<GpuTables>();
+        world.init_resource::<Messages>();
+        world.init_resource::<VolumeCaster>();
+        world.init_resource::<LiveParticles>();
+        let mut told = |backend| {
+            world.resource_mut::<Preset>().drawing.backend = backend;
+            world.run_system_once(choose_backend).unwrap();
+            world.resource::<Messages>().all().count()
+        };
+        let asked = [Backend::Auto, Backend::Raster, Backend::Raster, Backend::Compute, Backend::Raster];
+        // Without any adapter.
+        assert_eq!(asked.map(&mut told), [1, 2, 2, 3, 4]);
+        let text = world.resource::<Messages>().all().next().unwrap().text.clone();
+        assert!(text.contains("cpu draws") && text.contains("lacks a working driver"), "{text}");
+    }
+}

@@ -1,0 +1,235 @@
+//! How the picture looks: the mode applied to the open data, and the transfer function with the ranges in use.
+
+use super::exposure::Exposure;
+use super::messages::Messages;
+use super::scene::{Scene, Settings};
+use super::transfer_presets::TransferPresets;
+use crate::annotate::{Legend, Units};
+use crate::color::transfer::{Levels, Lut, Scale, TransferFunction};
+use crate::look::Attribute;
+use crate::mode::Depiction;
+use crate::store::Metadata;
+use bevy::prelude::*;
+use bevy_egui::egui::Color32;
+use std::sync::Arc;
+
+/// Ranges from elsewhere in place of the picture's own: a leader's, or those of a tour that was looked through in advance.
+#[derive(Resource, Clone, Copy, Debug, Default, PartialEq)]
+pub struct Held(pub Option<Levels>);
+
+/// The look of the picture, derived from [`Settings`] and the data.
+#[derive(Resource, Clone)]
+pub struct Look {
+    /// The mode, applied to the open file.
+    pub depiction: Depiction,
+    /// Counts up whenever particles get other weights, attributes or footprints.
+    pub depiction_revision: u64,
+    /// The baked transfer function.
+    pub lut: Arc<Lut>,
+    /// Its settings.
+    pub transfer: TransferFunction,
+    /// The ranges in use; automatic ones glide to those of the present view.
+    pub levels: Levels,
+    /// Whether the ranges have arrived.
+    pub settled: bool,
+    generation: u32,
+    attribute: Attribute,
+    seeded: bool,
+}
+
+impl Look {
+    /// What the colours mean.
+    pub fn legend(&self, metadata: &Metadata) -> Legend {
+        let units = Units::of_pages(metadata, &self.depiction);
+        Legend::of(&self.depiction, &self.transfer, Arc::clone(&self.lut), &self.levels, &units)
+    }
+
+    /// The colour at a brightness and a hue, both within [0, 1].
+    pub fn color(&self, brightness: f32, hue: f32) -> Color32 {
+        let at = |share: f32, size: u32| (share.clamp(0.0, 1.0) * (size - 1) as f32).round() as usize;
+        let index = at(hue, self.lut.height) * self.lut.width as usize + at(brightness, self.lut.width);
+        self.lut.rgba.get(index).map_or(Color32::BLACK, |&[r, g, b, _]| Color32::from_rgb(r, g, b))
+    }
+
+    /// Whether hue follows an attribute.
+    pub fn has_hue(&self) -> bool {
+        self.transfer.hue.is_some() && self.depiction.attribute.is_some()
+    }
+}
+
+/// Applies settings that have changed: the depiction, and the baked transfer function.
+pub(super) fn follow_settings(
+    mut commands: Commands,
+    scene: Option<Res<Scene>>,
+    mut settings: ResMut<Settings>,
+    look: Option<ResMut<Look>>,
+    mut messages: ResMut<Messages>,
+    mut presets: ResMut<TransferPresets>,
+) {
+    let Some(scene) = scene else { return };
+    let Some(mut look) = look else {
+        match depict(&scene, &settings) {
+            Ok(depiction) => {
+                if !std::mem::take(&mut settings.keep_transfer) {
+                    settings.transfer = initial_transfer(&depiction, &mut presets);
+                }
+                let lut = Arc::new(bake(&depiction, &settings.transfer));
+                commands.insert_resource(Look {
+                    depiction,
+                    depiction_revision: 1,
+                    lut,
+                    transfer: settings.transfer.clone(),
+                    levels: Levels { p: [1e-6, 1.0], s: [0.0, 1.0] },
+                    settled: false,
+                    generation: scene.generation,
+                    attribute: settings.attribute.clone(),
+                    seeded: false,
+                });
+            }
+            Err(error) => messages.error(format!("{}: {error}", scene.path.display())),
+        }
+        return;
+    };
+    let stale = look.generation != scene.generation
+        || look.attribute != settings.attribute
+        || look.depiction.settings != settings.mode_settings
+        || !std::ptr::eq(look.depiction.mode, settings.mode);
+    let kept = settings.keep_transfer;
+    if kept {
+        settings.keep_transfer = false;
+    }
+    let mut depicted = false;
+    if stale {
+        match depict(&scene, &settings) {
+            Ok(depiction) => {
+                let other_kind = !std::ptr::eq(look.depiction.mode, depiction.mode)
+                    || look.depiction.attribute.is_some() != depiction.attribute.is_some();
+                let other_attribute = look.depiction.attribute != depiction.attribute;
+                // What was kept came with the mode and the attribute.
+                if other_kind && !kept {
+                    settings.transfer = initial_transfer(&depiction, &mut presets);
+                } else if other_attribute
+                    && !kept
+                    && let Some(hue) = &mut settings.transfer.hue
+                {
+                    hue.range = crate::color::transfer::Range::Auto;
+                }
+                // Another file, mode or attribute has other ranges altogether: no gliding there.
+                look.seeded &= !other_kind && !other_attribute && look.generation == scene.generation;
+                look.depiction = depiction;
+                depicted = true;
+                look.depiction_revision += 1;
+                look.generation = scene.generation;
+                look.attribute = settings.attribute.clone();
+            }
+            Err(error) => {
+                messages.error(error);
+                settings.attribute = look.attribute.clone();
+                settings.mode = look.depiction.mode;
+            }
+        }
+    }
+    // Opacity darkens splats and not a volume's colours, so that another mode has another table of the same function.
+    if depicted || look.transfer != settings.transfer {
+        look.transfer = settings.transfer.clone();
+        look.lut = Arc::new(bake(&look.depiction, &settings.transfer));
+        look.settled = false;
+    }
+}
+
+/// The colours of the picture; those of a volume whatever their opacity.
+fn bake(depiction: &Depiction, transfer: &TransferFunction) -> Lut {
+    if depiction.mode.painter().is_some() { transfer.bake_colors() } else { transfer.bake_lut() }
+}
+
+/// The chosen mode and attribute on the open file.
+fn depict(scene: &Scene, settings: &Settings) -> Result<Depiction, String> {
+    let name = match &settings.attribute {
+        Attribute::Named(name) => Some(name.as_str()),
+        Attribute::Automatic | Attribute::None => None,
+    };
+    let metadata = scene.file.metadata();
+    let mut depiction = Depiction::of_pages(settings.mode, settings.mode_settings.clone(), name, metadata)?;
+    if settings.attribute == Attribute::None {
+        depiction.attribute = None;
+    }
+    Ok(depiction)
+}
+
+/// The transfer function that a depiction begins with.
+fn initial_transfer(depiction: &Depiction, presets: &mut TransferPresets) -> TransferFunction {
+    let [plain, colored] = depiction.mode.transfer;
+    let name = if depiction.attribute.is_some() { colored } else { plain };
+    let transfer = presets.choose(name).or_else(|| TransferFunction::preset(name)).unwrap_or_default();
+    depiction.suited(transfer)
+}
+
+/// Time in which the automatic ranges cover 63 % of the way to those of the present view, seconds.
+const GLIDE_SECS: f64 = 0.15;
+/// Share of the range within which it has arrived.
+const ARRIVED: f64 = 0.004;
+
+/// Moves the ranges in use towards those wanted, so that the picture's brightness does not jump while one flies; ranges from
+/// elsewhere are used as they are.
+pub(super) fn glide_levels(
+    time: Res<Time<Real>>,
+    exposure: Res<Exposure>,
+    held: Res<Held>,
+    look: Option<ResMut<Look>>,
+) {
+    let Some(mut look) = look else { return };
+    if let Some(levels) = held.0 {
+        if look.levels != levels || !look.settled || !look.seeded {
+            (look.levels, look.settled, look.seeded) = (levels, true, true);
+        }
+        return;
+    }
+    let Some(wanted) = exposure.levels else { return };
+    let share = if look.seeded { 1.0 - (-time.delta_secs_f64() / GLIDE_SECS).exp() } else { 1.0 };
+    let hue_scale = look.transfer.hue.as_ref().map_or(Scale::default(), |hue| hue.scale);
+    let p = approach(look.levels.p, wanted.p, look.transfer.scale, share);
+    let s = approach(look.levels.s, wanted.s, hue_scale, share);
+    let settled = p.1 && s.1;
+    let levels = Levels { p: p.0, s: s.0 };
+    if look.levels != levels || look.settled != settled || !look.seeded {
+        look.levels = levels;
+        look.settled = settled;
+        look.seeded = true;
+    }
+}
+
+/// A range that has moved by `share` of the way, and whether it has arrived.
+fn approach(from: [f64; 2], to: [f64; 2], scale: Scale, share: f64) -> ([f64; 2], bool) {
+    let log = scale == Scale::Log && from.iter().chain(&to).all(|end| *end > 0.0);
+    let forth = |x: f64| if log { x.ln() } else { x };
+    let back = |x: f64| if log { x.exp() } else { x };
+    let [a, b] = to.map(forth);
+    let tolerance = ARRIVED * (b - a).abs();
+    let far = [(from[0], a), (from[1], b)].map(|(from, to)| (forth(from) + (to - forth(from)) * share, to));
+    if share >= 1.0 || far.iter().all(|(x, to)| (x - to).abs() <= tolerance) {
+        return (to, true);
+    }
+    (far.map(|(x, _)| back(x)), false)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ranges_glide_and_arrive_exactly() {
+        for scale in [Scale::Log, Scale::Linear] {
+            let to = [1.0, 100.0];
+            let mut range = [1e-3, 5.0];
+            let mut steps = 0;
+            while range != to {
+                range = approach(range, to, scale, 0.2).0;
+                steps += 1;
+                assert!(steps < 100 && range[0] < range[1], "{range:?}");
+            }
+            assert!(steps > 5);
+        }
+        assert_eq!(approach([1.0, 2.0], [5.0, 6.0], Scale::Log, 1.0), ([5.0, 6.0], true));
+        assert!(approach([-1.0, 2.0], [5.0, 6.0], Scale::Log, 0.5).0[0] > -1.0, "no logarithm of a negative end");
+    }
+}

@@ -1,0 +1,122 @@
+//! Answers that take their time: worked out on a thread of their own, with progress, and stopped when nobody waits any more.
+
+use crate::explore::Work;
+use crate::window::open::SharedProgress;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, TryRecvError, channel};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// What is known of an answer.
+#[derive(Default)]
+pub enum Answer<T> {
+    /// Nothing was asked.
+    #[default]
+    Nothing,
+    /// It is being worked out.
+    Coming(Coming<T>),
+    /// The answer.
+    Here(T),
+    /// Why there is none.
+    Failed(String),
+}
+
+/// An answer that is being worked out; dropping this stops the work.
+pub struct Coming<T> {
+    /// How far it is.
+    pub progress: Arc<SharedProgress>,
+    stop: Arc<AtomicBool>,
+    outcome: Mutex<Receiver<Result<T, String>>>,
+}
+
+impl<T> Drop for Coming<T> {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+    }
+}
+
+impl<T: Send + 'static> Answer<T> {
+    /// Begins to work out an answer on a thread called `name`.
+    pub fn ask<E: std::fmt::Display>(
+        name: &str,
+        find: impl FnOnce(Work<'_>) -> Result<T, E> + Send + 'static,
+    ) -> Answer<T> {
+        let progress = Arc::new(SharedProgress::default());
+        let stop = Arc::new(AtomicBool::new(false));
+        let (send, outcome) = channel();
+        let (shared, halt) = (Arc::clone(&progress), Arc::clone(&stop));
+        let run = move || {
+            let work = Work { progress: shared.as_ref(), stop: &halt };
+            drop(send.send(find(work).map_err(|error| error.to_string())));
+        };
+        match std::thread::Builder::new().name(format!("deepfield {name}")).spawn(run) {
+            Ok(_) => Answer::Coming(Coming { progress, stop, outcome: Mutex::new(outcome) }),
+            Err(error) => Answer::Failed(error.to_string()),
+        }
+    }
+
+    /// An answer that is there already; it is received as one that has been worked out.
+    pub fn ready(answer: T) -> Answer<T> {
+        let (send, outcome) = channel();
+        drop(send.send(Ok(answer)));
+        Answer::Coming(Coming { progress: Arc::default(), stop: Arc::default(), outcome: Mutex::new(outcome) })
+    }
+
+    /// Takes the answer if it has come in the meantime; whether it has.
+    pub fn receive(&mut self) -> bool {
+        let Answer::Coming(coming) = self else { return false };
+        let outcome = coming.outcome.lock().unwrap_or_else(PoisonError::into_inner).try_recv();
+        *self = match outcome {
+            Ok(Ok(answer)) => Answer::Here(answer),
+            Ok(Err(why)) => Answer::Failed(why),
+            Err(TryRecvError::Disconnected) => Answer::Failed("the work ended without an answer".to_owned()),
+            Err(TryRecvError::Empty) => return false,
+        };
+        true
+    }
+
+    /// The answer, where it is here.
+    pub fn here(&self) -> Option<&T> {
+        match self {
+            Answer::Here(answer) => Some(answer),
+            _ => None,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::time::Duration;
+
+    fn settled<T: Send + 'static>(mut answer: Answer<T>) -> Answer<T> {
+        while !answer.receive() {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        answer
+    }
+
+    #[test]
+    fn answers_errors_and_panics_arrive() {
+        let answer = settled(Answer::ask("test", |_| Ok::<i32, String>(7)));
+        assert_eq!(answer.here(), Some(&7));
+        let answer = settled(Answer::<i32>::ask("test", |_| Err("no")));
+        assert!(matches!(answer, Answer::Failed(why) if why == "no"));
+        assert_eq!(settled(Answer::ready(9)).here(), Some(&9));
+        let answer = settled(Answer::<i32>::ask("test", |_| -> Result<i32, String> { panic!("a bug") }));
+        assert!(matches!(answer, Answer::Failed(why) if why.contains("without an answer")));
+    }
+
+    #[test]
+    fn work_that_nobody_waits_for_is_stopped() {
+        let (tell, told) = channel();
+        let answer = Answer::<()>::ask("test", move |work| -> Result<(), String> {
+            while !work.stop.load(Ordering::Relaxed) {
+                std::thread::sleep(Duration::from_millis(1));
+            }
+            tell.send(()).map_err(|error| error.to_string())?;
+            Ok(())
+        });
+        drop(answer);
+        told.recv_timeout(Duration::from_secs(30)).unwrap();
+    }
+}

@@ -1,0 +1,192 @@
+//! What looking closer draws over the picture: the inspected particle, measured distances, regions and strokes.
+
+use super::prober::Prober;
+use super::tool::{Stroke, Tool};
+use super::{Inspector, LookingState, Measure};
+use crate::annotate::number;
+use crate::explore::{Lasso, Members, Region, Shape};
+use crate::view::{Projection, View};
+use crate::window::panel::theme;
+use crate::window::picture::Picture;
+use bevy::math::DVec3;
+use bevy_egui::egui::{self, Align2, Color32, Stroke as Line, vec2};
+
+/// All that is drawn.
+pub struct Looking<'a> {
+    inspector: &'a Inspector,
+    measure: &'a Measure,
+    prober: &'a Prober,
+    stroke: &'a Stroke,
+    tool: Tool,
+}
+
+/// Where places of a picture are in the window.
+struct Frame<'a> {
+    painter: &'a egui::Painter,
+    view: View,
+    corner: egui::Pos2,
+    scale: f32,
+}
+
+impl Frame<'_> {
+    fn window(&self, [x, y]: [f64; 2]) -> egui::Pos2 {
+        self.corner + vec2(x as f32, y as f32) / self.scale
+    }
+
+    fn at(&self, world: DVec3) -> Option<egui::Pos2> {
+        let at = self.view.to_pixels(self.view.to_camera(world))?;
+        // Farther out than egui can paint, a line would go astray.
+        at.iter().all(|x| x.abs() < 1e5).then(|| self.window(at))
+    }
+
+    /// A line that is legible on any ground.
+    fn line(&self, points: Vec<egui::Pos2>, color: Color32) {
+        self.painter.add(egui::Shape::line(points.clone(), Line::new(3.5, Color32::from_black_alpha(140))));
+        self.painter.add(egui::Shape::line(points, Line::new(1.4, color)));
+    }
+
+    /// The edge between two places, as far as it is in front of the eye.
+    fn edge(&self, from: DVec3, to: DVec3, color: Color32) {
+        if let (Some(a), Some(b)) = (self.at(from), self.at(to)) {
+            self.line(vec![a, b], color);
+        }
+    }
+}
+
+impl<'a> Looking<'a> {
+    /// What the panel's sections show, and the stroke that is being drawn.
+    pub fn of(state: &'a LookingState<'_>, stroke: &'a Stroke) -> Looking<'a> {
+        let LookingState { inspector, measure, prober, tool, .. } = state;
+        Looking { inspector, measure, prober, stroke, tool: **tool }
+    }
+
+    /// Draws it over the picture in `rect`; `unit`: the data's unit of lengths.
+    pub fn draw(&self, painter: &egui::Painter, rect: egui::Rect, picture: &Picture, view: View, unit: &str) {
+        let frame = Frame { painter, view, corner: rect.min, scale: picture.scale };
+        if let Some(Members::Region(region)) = &self.prober.members {
+            outline(&frame, region, theme::TEXT);
+        }
+        match (self.tool, self.stroke.region(self.tool)) {
+            (Tool::Lasso, _) if self.stroke.points.len() > 1 => {
+                frame.line(self.stroke.points.iter().map(|point| frame.window(*point)).collect(), theme::ACCENT);
+            }
+            (_, Some(region)) => {
+                outline(&frame, &region, theme::ACCENT);
+                let size = match region.shapes.first() {
+                    Some(Shape::Sphere { radius, .. }) => Some(("radius", *radius)),
+                    Some(Shape::Box { min, max }) => Some(("edge", max.x - min.x)),
+                    _ => None,
+                };
+                if let (Some((what, length)), Some(at)) = (size, self.stroke.points.last()) {
+                    let text = format!("{what} {} {unit}", number::quantity(length));
+                    theme::halo_text(
+                        painter,
+                        frame.window(*at) + vec2(12.0, -6.0),
+                        Align2::LEFT_BOTTOM,
+                        &text,
+                        13.0,
+                        theme::TEXT,
+                    );
+                }
+            }
+            _ => {}
+        }
+        self.draw_measure(&frame, unit);
+        if let Some(at) = self.inspector.report.here().and_then(|report| frame.at(report.position)) {
+            painter.circle_stroke(at, 8.0, Line::new(3.5, Color32::from_black_alpha(140)));
+            painter.circle_stroke(at, 8.0, Line::new(1.4, theme::ACCENT));
+        }
+    }
+
+    fn draw_measure(&self, frame: &Frame<'_>, unit: &str) {
+        let places: Vec<egui::Pos2> = self.measure.0.iter().filter_map(|place| frame.at(*place)).collect();
+        for at in &places {
+            frame.painter.circle_filled(*at, 4.5, Color32::from_black_alpha(140));
+            frame.painter.circle_filled(*at, 3.0, theme::ACCENT);
+        }
+        if let ([a, b], [from, to]) = (&places[..], &self.measure.0[..]) {
+            frame.line(vec![*a, *b], theme::ACCENT);
+            let text = format!("{} {unit}", number::quantity(from.distance(*to)));
+            let middle = *a + 0.5 * (*b - *a) + vec2(0.0, -8.0);
+            theme::halo_text(frame.painter, middle, Align2::CENTER_BOTTOM, text.trim(), 14.0, theme::TEXT);
+        }
+    }
+}
+
+/// The outlines of a region's shapes.
+fn outline(frame: &Frame<'_>, region: &Region, color: Color32) {
+    for shape in &region.shapes {
+        match shape {
+            Shape::Sphere { center, radius } => sphere(frame, *center, *radius, color),
+            Shape::Box { min, max } => {
+                let corner = |index: usize| {
+                    let pick = |axis: usize| if index >> axis & 1 == 1 { max[axis] } else { min[axis] };
+                    DVec3::new(pick(0), pick(1), pick(2))
+                };
+                for from in 0..8 {
+                    for axis in (0..3).filter(|axis| from >> axis & 1 == 0) {
+                        frame.edge(corner(from), corner(from | 1 << axis), color);
+                    }
+                }
+            }
+            Shape::Lasso(lasso) => polygon(frame, lasso, color),
+        }
+    }
+}
+
+/// A sphere's outline: the circle on it in which lines of sight touch it.
+fn sphere(frame: &Frame<'_>, center: DVec3, radius: f64, color: Color32) {
+    const STEPS: usize = 96;
+    let view = &frame.view;
+    let (axis, middle, reach) = match view.projection {
+        Projection::Orthographic { .. } => (view.forward, center, radius),
+        Projection::Perspective { .. } => {
+            let away = center - view.eye;
+            let distance = away.length();
+            // From inside it has no outline.
+            if distance <= radius {
+                return;
+            }
+            let toward = radius * radius / distance;
+            let axis = away / distance;
+            (axis, center - axis * toward, (radius * radius - toward * toward).sqrt())
+        }
+    };
+    let (u, v) = axis.any_orthonormal_pair();
+    let angle = |step: usize| std::f64::consts::TAU * step as f64 / STEPS as f64;
+    let points: Option<Vec<egui::Pos2>> =
+        (0..=STEPS).map(|step| frame.at(middle + reach * (angle(step).cos() * u + angle(step).sin() * v))).collect();
+    if let Some(points) = points {
+        frame.line(points, color);
+    }
+}
+
+/// A lasso's polygon, where it is drawn on the view that is shown.
+fn polygon(frame: &Frame<'_>, lasso: &Lasso, color: Color32) {
+    let Ok(drawn) = lasso.view() else { return };
+    let same = drawn.eye.abs_diff_eq(frame.view.eye, 1e-9 * frame.view.eye.abs().max_element().max(1e-30))
+        && drawn.forward.dot(frame.view.forward) > 1.0 - 1e-9
+        && (drawn.width, drawn.height) == (frame.view.width, frame.view.height);
+    if !same {
+        return;
+    }
+    let mut points: Vec<egui::Pos2> = lasso.polygon.iter().map(|&(x, y)| frame.window([x, y])).collect();
+    points.extend(points.first().copied());
+    frame.line(points, color);
+}
+
+/// The cursor over the picture while a tool that draws is in hand.
+pub fn cursor(tool: Tool) -> Option<egui::CursorIcon> {
+    match tool {
+        Tool::Inspect => None,
+        _ => Some(egui::CursorIcon::Crosshair),
+    }
+}
+
+/// A selection's colour in a list.
+pub fn swatch(ui: &mut egui::Ui, color: [u8; 3]) -> egui::Response {
+    let (rect, response) = ui.allocate_exact_size(vec2(12.0, 12.0), egui::Sense::click());
+    let [r, g, b] = color;
+    ui.painter().rect_filled(rect.shrink(1.0), 2.0, Color32::from_rgb(r, g, b));
+    response
+}

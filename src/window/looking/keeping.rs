@@ -1,0 +1,112 @@
+//! What is done with a selection: written to a table, counted along one field, or drawn against two.
+
+use super::answer::Answer;
+use super::prober::{over, source_for};
+use crate::explore::export::{Exported, Format, export};
+use crate::explore::histogram::{AxisOptions, Histogram, Scatter, histogram, scatter};
+use crate::explore::{ExploreError, Members};
+use crate::window::free_name::free_name;
+use crate::window::messages::Messages;
+use crate::window::scene::Scene;
+use bevy::prelude::*;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// Bins of a histogram.
+const BINS: usize = 48;
+/// Points of a scatter plot.
+const POINTS: usize = 4000;
+
+/// Work on selections that is going on or done.
+#[derive(Resource, Default)]
+pub struct Keeping {
+    /// The table that is being written.
+    pub export: Answer<(PathBuf, Exported)>,
+    /// The plot that is shown.
+    pub plot: Answer<Plot>,
+    /// What it was asked for.
+    pub asked: Option<Asked>,
+    /// The fields to plot, as the panel's boxes say: along x, and along y unless numbers are counted.
+    pub fields: (String, Option<String>),
+}
+
+/// What a plot is asked for.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Asked {
+    /// Whose values; all where it is `None`.
+    pub members: Option<Members>,
+    /// The field along x.
+    pub x: String,
+    /// The field along y; counts where it is `None`.
+    pub y: Option<String>,
+    /// The file that is asked.
+    pub generation: u32,
+}
+
+/// A plot.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Plot {
+    /// How many particles have which value.
+    Histogram(Histogram),
+    /// Two values of a sample of the particles.
+    Scatter(Scatter),
+}
+
+impl Keeping {
+    /// Writes a selection to a table in the folder of the source or the working folder; from the source where that can be read.
+    pub fn write(&mut self, scene: &Scene, name: &str, members: &Members, format: Format) {
+        let file = Arc::clone(&scene.file);
+        let source = scene.source();
+        let members = members.clone();
+        let extension = match format {
+            Format::Csv => "csv",
+            Format::Parquet => "parquet",
+        };
+        let out = free_name(&scene.path, name, extension);
+        self.export = Answer::ask("export", move |work| {
+            let exported = over(&file, source.as_deref(), |data| {
+                export(data, &members, format, &out, data.periodic_edge()?, work)
+            })?;
+            Ok::<_, ExploreError>((out, exported))
+        });
+    }
+
+    /// Plots, unless that plot is there already.
+    pub fn plot(&mut self, scene: &Scene, asked: Asked) {
+        if self.asked.as_ref() == Some(&asked) {
+            return;
+        }
+        let (file, source) = (Arc::clone(&scene.file), asked.members.as_ref().and_then(|of| source_for(scene, of)));
+        self.asked = Some(asked.clone());
+        self.plot = Answer::ask("plot", move |work| {
+            over(&file, source.as_deref(), |data| {
+                let periodic = data.periodic_edge()?;
+                let members = asked.members.unwrap_or(Members::Region(crate::explore::Region::whole()));
+                Ok(match &asked.y {
+                    Some(y) => Plot::Scatter(scatter(data, &members, [&asked.x, y], POINTS, periodic, work)?),
+                    None => {
+                        let axes = [AxisOptions::new(asked.x.clone(), BINS)];
+                        Plot::Histogram(histogram(data, &members, &axes, periodic, work)?)
+                    }
+                })
+            })
+        });
+    }
+}
+
+/// Takes what has been worked out.
+pub(super) fn receive(mut keeping: ResMut<Keeping>, mut messages: ResMut<Messages>) {
+    let keeping = keeping.bypass_change_detection();
+    keeping.plot.receive();
+    if keeping.export.receive() {
+        match &keeping.export {
+            Answer::Here((path, exported)) => {
+                let whence = if exported.exact { "" } else { " (from the page file: no ids, values as quantised)" };
+                let rows = crate::annotate::number::count(exported.rows);
+                messages.info(format!("{rows} particles written to {}{whence}", path.display()));
+            }
+            Answer::Failed(why) => messages.error(why),
+            Answer::Nothing | Answer::Coming(_) => {}
+        }
+    }
+}

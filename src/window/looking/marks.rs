@@ -1,0 +1,197 @@
+//! The layer of selections over the picture: drawn again whenever the view, its nodes or the selections change.
+
+use super::ids::LookedUp;
+use super::prober::Prober;
+use crate::explore::marks::{Layer, Marks};
+use crate::explore::{Data, Members, Region, SelectionSet, Shape};
+use crate::stream::SceneNode;
+use crate::view::View;
+use crate::window::pages::ViewSelection;
+use crate::window::scene::{Scene, Settings};
+use bevy::prelude::*;
+use bevy_egui::egui::{self, Color32, ColorImage, TextureHandle, TextureOptions};
+use std::sync::mpsc::{Receiver, TryRecvError, channel};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Particles up to which the layer is drawn within a frame, so that it moves with the picture; of more it is drawn on another thread
+/// and shown when the camera rests.
+const AT_ONCE: u64 = 200_000;
+/// Colour of the region that is being looked at.
+const PROBED: [u8; 3] = [0xff, 0xff, 0xff];
+
+/// What a layer was drawn from.
+#[derive(Clone, PartialEq)]
+struct Key {
+    view: View,
+    revision: u64,
+    generation: u32,
+    sets: Vec<SelectionSet>,
+    probed: Option<Members>,
+    /// What was known of where ids are.
+    looked_up: u64,
+}
+
+/// The layer.
+#[derive(Resource, Default)]
+pub struct MarkLayer {
+    /// What is being drawn or has been drawn last.
+    wanted: Option<Key>,
+    coming: Option<Mutex<Receiver<Layer>>>,
+    /// What has arrived, and the view that it belongs to.
+    layer: Option<(Layer, View)>,
+    /// The layer in parts that textures can hold, each with its place as a share of the picture.
+    tiles: Vec<(TextureHandle, egui::Rect)>,
+    /// Whether `tiles` show `layer`.
+    uploaded: bool,
+}
+
+impl MarkLayer {
+    /// The layer as textures with their places as shares of the picture; none where there is no layer for this view.
+    pub fn textures(&mut self, ctx: &egui::Context, view: &View) -> &[(TextureHandle, egui::Rect)] {
+        let Some((layer, _)) = self.layer.as_ref().filter(|(_, drawn)| drawn == view) else { return &[] };
+        if !self.uploaded {
+            let (width, height) = (layer.width as usize, layer.height as usize);
+            let parts = parts([width, height], ctx.input(|input| input.max_texture_side));
+            self.tiles.truncate(parts.len());
+            for (index, [left, top, right, bottom]) in parts.into_iter().enumerate() {
+                let rows = (top..bottom).flat_map(|y| &layer.rgba[y * width + left..y * width + right]);
+                let pixels = rows.map(|&[r, g, b, a]| Color32::from_rgba_unmultiplied(r, g, b, a)).collect();
+                let image = ColorImage::new([right - left, bottom - top], pixels);
+                let share = |x: usize, y: usize| egui::pos2(x as f32 / width as f32, y as f32 / height as f32);
+                let place = egui::Rect::from_min_max(share(left, top), share(right, bottom));
+                match self.tiles.get_mut(index) {
+                    Some((texture, known)) => {
+                        texture.set(image, TextureOptions::NEAREST);
+                        *known = place;
+                    }
+                    None => {
+                        let name = format!("selections {index}");
+                        self.tiles.push((ctx.load_texture(name, image, TextureOptions::NEAREST), place));
+                    }
+                }
+            }
+            self.uploaded = true;
+        }
+        &self.tiles
+    }
+
+    /// How the picture below it is tinted: black where selections are shown alone.
+    pub fn tint(&self) -> Color32 {
+        match &self.layer {
+            Some((layer, _)) if layer.alone => Color32::BLACK,
+            _ => Color32::WHITE,
+        }
+    }
+
+    fn take(&mut self, layer: Layer, view: View) {
+        self.layer = Some((layer, view));
+        self.uploaded = false;
+    }
+}
+
+/// A picture of that size in parts of at most `side` pixels a side: left, top, right and bottom of each.
+fn parts([width, height]: [usize; 2], side: usize) -> Vec<[usize; 4]> {
+    let side = side.max(1);
+    let part = |x: usize, y: usize| [x, y, width.min(x + side), height.min(y + side)];
+    (0..height).step_by(side).flat_map(|y| (0..width).step_by(side).map(move |x| part(x, y))).collect()
+}
+
+/// Draws the layer where it is not what is wanted.
+pub(super) fn draw_marks(
+    mut layer: ResMut<MarkLayer>,
+    scene: Option<Res<Scene>>,
+    selection: Res<ViewSelection>,
+    settings: Res<Settings>,
+    prober: Res<Prober>,
+    looked_up: Res<LookedUp>,
+) {
+    let layer = layer.bypass_change_detection();
+    let (Some(scene), Some(view)) = (scene, selection.view) else { return };
+    if let Some(coming) = &layer.coming {
+        let answer = coming.lock().unwrap_or_else(PoisonError::into_inner).try_recv();
+        match (answer, layer.wanted.as_ref().map(|key| key.view)) {
+            (Err(TryRecvError::Empty), _) => return,
+            (Ok(drawn), Some(of)) => layer.take(drawn, of),
+            _ => {}
+        }
+        layer.coming = None;
+    }
+    let key = Key {
+        view,
+        revision: selection.revision,
+        generation: scene.generation,
+        sets: settings.selections.clone(),
+        probed: prober.members.clone(),
+        looked_up: looked_up.revision,
+    };
+    if layer.wanted.as_ref() == Some(&key) {
+        return;
+    }
+    let marks = marks_of(&scene, &key, &looked_up);
+    if marks.is_empty() {
+        layer.layer = None;
+        layer.wanted = Some(key);
+        return;
+    }
+    let nodes: Arc<[SceneNode]> = Arc::clone(&selection.nodes);
+    let count =
+        |node: &SceneNode| node.page.nodes.get(node.node.node as usize).map_or(0, |node| u64::from(node.particles));
+    if nodes.iter().map(count).sum::<u64>() <= AT_ONCE {
+        let drawn = marks.draw(&view, scene.file.metadata(), &nodes);
+        layer.take(drawn, view);
+    } else {
+        let (send, receive) = channel();
+        let file = Arc::clone(&scene.file);
+        rayon::spawn(move || drop(send.send(marks.draw(&view, file.metadata(), &nodes))));
+        layer.coming = Some(Mutex::new(receive));
+    }
+    layer.wanted = Some(key);
+}
+
+/// Whether a region is told by its outline, from wherever one looks; the whole needs none.
+fn has_outline(region: &Region) -> bool {
+    let is_solid = |shape: &Shape| matches!(shape, Shape::Sphere { .. } | Shape::Box { .. });
+    region.is_whole() || (region.ranges.is_empty() && region.shapes.first().is_some_and(is_solid))
+}
+
+/// What is to be marked; regions that make no sense were refused where they came from.
+fn marks_of(scene: &Scene, key: &Key, looked_up: &LookedUp) -> Marks {
+    let metadata = scene.file.metadata();
+    let periodic = Data::Pages(&scene.file).periodic_edge().unwrap_or(None);
+    let mut marks = Marks::new(&key.sets, metadata, periodic, |ids| looked_up.highlighter(ids)).unwrap_or_default();
+    // What is kept as a selection has that one's colour.
+    let kept = |members: &Members| key.sets.iter().any(|set| set.members == *members);
+    match &key.probed {
+        Some(Members::Region(region)) if !has_outline(region) && !key.probed.as_ref().is_some_and(kept) => {
+            // It was checked before it was summed up.
+            marks.add(region, PROBED, metadata, periodic).unwrap_or_default();
+            marks
+        }
+        _ => marks,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn large_layers_are_shown_in_parts_that_textures_hold() {
+        for size in [[1, 1], [2048, 2048], [2720, 2160], [5000, 3]] {
+            let all = parts(size, 2048);
+            let pixels: usize = all.iter().map(|[left, top, right, bottom]| (right - left) * (bottom - top)).sum();
+            assert_eq!(pixels, size[0] * size[1]);
+            assert!(all.iter().all(|[left, top, right, bottom]| right - left <= 2048 && bottom - top <= 2048));
+        }
+        let ctx = egui::Context::default();
+        let view =
+            View::around(crate::model::Bounds { min: [0.0; 3].into(), max: [1.0; 3].into() }, 0.8, 2720, 2160).unwrap();
+        let mut layer = MarkLayer::default();
+        assert!(layer.textures(&ctx, &view).is_empty());
+        let rgba = vec![[1, 2, 3, 255]; 2720 * 2160];
+        layer.take(Layer { width: 2720, height: 2160, rgba, alone: false }, view);
+        let tiles = layer.textures(&ctx, &view);
+        let share: f32 = tiles.iter().map(|(_, place)| place.area()).sum();
+        assert!(tiles.len() >= 4 && (share - 1.0).abs() < 1e-5, "{} {share}", tiles.len());
+    }
+}

@@ -1,0 +1,169 @@
+//! Looking closer: what a click says of a particle, distances, regions drawn with the mouse, their sums over the whole data, and
+//! selections.
+//!
+//! The window's layout tells where the pointer is ([`mod@pointer`]); the [`tool`] in hand makes of it a particle to inspect
+//! ([`Inspector`]), two points to measure between, or a region ([`tool::Stroke`]) that is summed up ([`prober`]) and may be kept as a
+//! selection; [`marks`] and [`drawing`] show all that over the picture.
+
+pub mod answer;
+pub mod drawing;
+pub mod following;
+pub mod ids;
+pub mod inspector;
+pub mod keeping;
+pub mod marks;
+pub mod pointer;
+pub mod prober;
+pub mod report;
+pub mod state;
+pub mod tool;
+
+pub use inspector::Inspector;
+pub use state::{LookingState, RangeDraft, Visit};
+
+use super::camera::CameraSystems;
+use super::input::{PointerOwner, TOOL_KEYS, is_control};
+use super::messages::Messages;
+use super::pages::{PageSystems, ViewSelection};
+use super::pick::pick;
+use super::picture::Picture;
+use super::scene::Scene;
+use crate::explore::Members;
+use bevy::math::DVec3;
+use bevy::prelude::*;
+use bevy_egui::EguiPostUpdateSet;
+use pointer::PicturePointer;
+use prober::Prober;
+use tool::{Stroke, Tool};
+
+/// The places whose distance is measured, in the order of clicks; two at most.
+#[derive(Resource, Clone, Debug, Default, PartialEq)]
+pub struct Measure(pub Vec<DVec3>);
+
+/// Everything that looks closer.
+pub struct LookingPlugin;
+
+impl Plugin for LookingPlugin {
+    fn build(&self, app: &mut App) {
+        app.init_resource::<PicturePointer>()
+            .init_resource::<Tool>()
+            .init_resource::<Stroke>()
+            .init_resource::<Measure>()
+            .init_resource::<Inspector>()
+            .init_resource::<Prober>()
+            .init_resource::<Visit>()
+            .init_resource::<RangeDraft>()
+            .init_resource::<crate::window::camera::AskedBookmark>()
+            .init_resource::<keeping::Keeping>()
+            .init_resource::<marks::MarkLayer>()
+            .init_resource::<ids::LookedUp>()
+            .init_resource::<ids::ByIds>()
+            .init_resource::<following::Following>()
+            .add_systems(
+                Update,
+                (
+                    (start_over, inspector::receive).chain(),
+                    (take_tool, receive, keeping::receive),
+                    (ids::keep_ids, ids::look_up).chain().after(crate::window::scene::adopt_opened),
+                    following::find_center.after(crate::window::scene::adopt_opened),
+                ),
+            )
+            .add_systems(
+                PostUpdate,
+                (
+                    (use_tool, state::fly_to_visit)
+                        .before(CameraSystems::Steer)
+                        .after(EguiPostUpdateSet::ProcessOutput),
+                    marks::draw_marks.in_set(PageSystems::Serve),
+                ),
+            );
+    }
+}
+
+/// Takes the tool whose key is pressed into the hand.
+fn take_tool(keys: Res<ButtonInput<KeyCode>>, owner: Res<PointerOwner>, mut tool: ResMut<Tool>) {
+    if is_control(&keys) || !owner.keyboard_is_free() {
+        return;
+    }
+    if let Some((_, wanted)) = TOOL_KEYS.iter().find(|(key, _)| keys.just_pressed(*key)) {
+        tool.set_if_neq(*wanted);
+    }
+}
+
+/// Takes what has been found out.
+fn receive(mut prober: ResMut<Prober>) {
+    prober.bypass_change_detection().sums.receive();
+}
+
+/// Forgets what was found out about another file.
+fn start_over(
+    scene: Option<Res<Scene>>,
+    mut known: Local<u32>,
+    mut measure: ResMut<Measure>,
+    mut inspector: ResMut<Inspector>,
+    mut prober: ResMut<Prober>,
+) {
+    let generation = scene.map_or(0, |scene| scene.generation);
+    if *known != generation {
+        *known = generation;
+        measure.0.clear();
+        *inspector = Inspector::default();
+        *prober = Prober::default();
+    }
+}
+
+/// Does with the pointer what the tool in hand does.
+fn use_tool(
+    pointer: Res<PicturePointer>,
+    tool: Res<Tool>,
+    scene: Option<Res<Scene>>,
+    selection: Res<ViewSelection>,
+    picture: Res<Picture>,
+    mut stroke: ResMut<Stroke>,
+    mut measure: ResMut<Measure>,
+    mut inspector: ResMut<Inspector>,
+    mut prober: ResMut<Prober>,
+    mut messages: ResMut<Messages>,
+    camera: Single<&super::camera::Viewpoint, With<super::picture::DataCamera>>,
+) {
+    let (Some(scene), Some(view), Some(at)) = (scene, selection.view, pointer.at) else { return };
+    if !(pointer.pressed || pointer.held || pointer.released || pointer.clicked) {
+        return;
+    }
+    let at = picture.pixel(at).as_dvec2().to_array();
+    let under = || pick(&view, scene.file.metadata(), &selection.nodes, at);
+    // Where nothing is, the plane of the target is meant.
+    let place = || match under() {
+        Some(picked) => picked.position,
+        None => view.at_depth(at, view.to_camera(camera.target).z),
+    };
+    match *tool {
+        Tool::Inspect if pointer.clicked => match under() {
+            Some(picked) => inspector.look(&scene, picked.particle),
+            None => *inspector = Inspector::default(),
+        },
+        Tool::Measure if pointer.clicked => {
+            if measure.0.len() >= 2 {
+                measure.0.clear();
+            }
+            measure.0.push(place());
+        }
+        Tool::Inspect | Tool::Measure => {}
+        drawn => {
+            if pointer.pressed {
+                stroke.begin(place(), view, at);
+            } else if pointer.held {
+                stroke.extend(at);
+            }
+            if pointer.released {
+                stroke.extend(at);
+                let region = std::mem::take(&mut *stroke).region(drawn);
+                match region.map(|region| region.check().map(|()| region)) {
+                    Some(Ok(region)) => prober.start(&scene.file, Members::Region(region), None),
+                    Some(Err(error)) => messages.error(error.to_string()),
+                    None => messages.info(drawn.help()),
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,265 @@
+//! The window: a Bevy application that opens files, moves a camera, shows a panel and overlays, and draws what
+//! streaming has brought.
+//!
+//! A frame: files that have arrived are adopted ([`open`], [`scene`]); keys are carried out ([`shortcuts`]); the panel
+//! and the overlays are laid out ([`ui`]) and settle who owns the mouse ([`input`]); the camera moves ([`camera`]); its
+//! view drives streaming and drawing, which fill the picture's image ([`picture`]).
+
+pub mod camera;
+pub mod cpu_backend;
+pub mod exposure;
+pub mod facts;
+pub mod free_name;
+pub mod gpu_backend;
+pub mod history;
+pub mod input;
+pub mod lens;
+pub mod live;
+pub mod look;
+pub mod looking;
+pub mod messages;
+pub mod objects;
+pub mod occlusion;
+pub mod open;
+pub mod options;
+pub mod overlay;
+pub mod pages;
+pub mod panel;
+pub mod pick;
+pub mod picture;
+mod pointer_motion;
+pub mod preset;
+pub mod scene;
+pub mod scene_io;
+pub mod screenshot;
+pub mod shortcuts;
+pub mod statistics;
+pub mod touring;
+pub mod transfer_presets;
+
+mod asset_text;
+mod preset_assets;
+mod status;
+mod ui;
+mod volume_caster;
+
+pub use live::LiveParticles;
+pub use options::{AppError, Extension, OpenRequest, Opener, Show, WindowOptions};
+pub use preset::{Backend, Preset};
+
+use crate::gpu::{DeepfieldRenderPlugins, ParticleScene};
+use bevy::camera::CameraUpdateSystems;
+use bevy::log::LogPlugin;
+use bevy::prelude::*;
+use bevy::window::{CursorOptions, PresentMode, WindowMode, WindowResolution};
+use bevy_egui::{EguiPlugin, EguiPostUpdateSet, EguiPrimaryContextPass};
+use camera::{CameraPlugin, CameraSystems};
+use pages::PageSystems;
+
+/// Opens the window and runs until it is closed.
+///
+/// # Errors
+///
+/// [`AppError::NoDisplay`] where there is no display, [`AppError::Preset`] where the preset is refused,
+/// [`AppError::Network`] and [`AppError::Output`] where the show cannot be led or shown, [`AppError::Failed`] where the event loop ends
+/// with an error, as it does when the adapter is lost.
+pub fn run_window(mut options: WindowOptions) -> Result<(), AppError> {
+    let shown = |name| std::env::var_os(name).is_some_and(|value| !value.is_empty());
+    if cfg!(target_os = "linux") && !shown("DISPLAY") && !shown("WAYLAND_DISPLAY") {
+        return Err(AppError::NoDisplay);
+    }
+    let preset = options.resolved_preset()?;
+    // A follower is told what it is to show.
+    let of_its_own = options.open.is_some();
+    let went_on = options.supervised.as_ref().filter(|_| of_its_own).and_then(supervised::resume::State::read);
+    let went_on = went_on.map(|(state, scene)| {
+        (options.open, options.tour) = (Some(OpenRequest::of(scene)), None);
+        state
+    });
+    let mut app = App::new();
+    preset_assets::register_sources(&mut app);
+    app.add_plugins(
+        DefaultPlugins
+            .set(WindowPlugin {
+                primary_window: Some(primary_window(&preset, options.fullscreen)),
+                primary_cursor_options: Some(CursorOptions {
+                    // The audience has no mouse.
+                    visible: !matches!(options.show, Some(Show::Follow { .. })),
+                    ..default()
+                }),
+                ..default()
+            })
+            // Packets that are refused are an everyday matter, and no news.
+            .set(LogPlugin { filter: "warn,deepfield=info,wgpu_hal=error,renetcode=off".to_owned(), ..default() }),
+    );
+    let WindowOptions { extension, show, output, supervised, .. } = options.clone();
+    // What is wrong with its files is said before there is a window.
+    let output = output.map(|(file, name)| output::OutputWindow::open(&file, &name)).transpose()?;
+    app.add_plugins(WindowApp { options, preset });
+    if let Some(show) = show {
+        network::add(&mut app, &show)?;
+    }
+    if let Some(output) = output {
+        output::add(&mut app, output);
+    }
+    if let Some(folder) = supervised {
+        supervised::add(&mut app, folder, of_its_own, went_on);
+    }
+    if let Some(extend) = extension {
+        extend(&mut app);
+    }
+    match app.run() {
+        AppExit::Success => Ok(()),
+        AppExit::Error(_) => Err(AppError::Failed),
+    }
+}
+
+/// The window as the preset asks for it.
+fn primary_window(preset: &Preset, fullscreen: bool) -> Window {
+    Window {
+        mode: if fullscreen { shortcuts::FULLSCREEN } else { WindowMode::Windowed },
+        title: "deepfield".to_owned(),
+        name: Some("deepfield".to_owned()),
+        resolution: WindowResolution::new(preset.window.width, preset.window.height),
+        present_mode: if preset.window.vsync { PresentMode::AutoVsync } else { PresentMode::AutoNoVsync },
+        ..default()
+    }
+}
+
+/// Everything that the window does, on top of Bevy's default plugins.
+struct WindowApp {
+    options: WindowOptions,
+    preset: Preset,
+}
+
+impl Plugin for WindowApp {
+    fn build(&self, app: &mut App) {
+        let mut openings = open::Openings::new(self.options.opener.clone());
+        if let Some(request) = self.options.open.clone() {
+            openings.start(request);
+        }
+        let mut objects = objects::Objects::default();
+        if let Some(path) = self.options.labels.clone() {
+            objects.is_given = true;
+            objects.open(path);
+        }
+        let settings = scene::Settings::new(&self.preset, self.options.mode.as_deref());
+        let residency = &self.preset.residency;
+        app.insert_resource(ParticleScene::new(residency.gpu_budget_mib << 20, residency.upload_mib << 20));
+        app.add_plugins((
+            DeepfieldRenderPlugins,
+            EguiPlugin::default(),
+            CameraPlugin,
+            pointer_motion::PointerMotionPlugin,
+            touring::TouringPlugin { open: self.options.tour.clone() },
+            pages::PagesPlugin,
+            looking::LookingPlugin,
+            preset_assets::PresetPlugin::new(&self.options),
+            transfer_presets::TransferPresetsPlugin { folder: crate::color::transfer::presets::folder() },
+        ))
+        .insert_resource(ClearColor(Color::BLACK))
+        .insert_resource(shortcuts::Shown {
+            panel: self.preset.panel.open,
+            left: true,
+            right: self.preset.panel.right,
+            help: false,
+        })
+        .insert_resource(self.preset.clone())
+        .insert_resource(settings)
+        .insert_resource(openings)
+        .insert_resource(status::StatusFile::new(self.options.status.clone()))
+        .insert_resource(panel::Closed(self.preset.panel.closed.iter().cloned().collect()))
+        .init_resource::<history::History>()
+        .insert_resource(objects)
+        .init_resource::<scene_io::SceneFiles>()
+        .init_resource::<scene_io::Bookmarks>()
+        .init_resource::<ui::Controls>()
+        .init_resource::<exposure::Exposure>()
+        .init_resource::<look::Held>()
+        .init_resource::<input::PointerOwner>()
+        .init_resource::<messages::Messages>()
+        .insert_resource(panel::Choices::of_program())
+        .init_resource::<cpu_backend::CpuPicture>()
+        .init_resource::<live::LiveParticles>()
+        .init_resource::<gpu_backend::GpuTables>()
+        .init_resource::<volume_caster::VolumeCaster>()
+        .init_resource::<statistics::ActiveBackend>()
+        .init_resource::<pick::DoubleClick>()
+        .init_resource::<screenshot::Screenshots>()
+        .init_resource::<statistics::Converged>()
+        .init_resource::<statistics::FrameClock>()
+        .init_resource::<statistics::Statistics>()
+        .add_message::<open::Opened>()
+        .add_systems(
+            Startup,
+            (
+                volume_caster::choose_caster,
+                picture::spawn_cameras,
+                bevy::ecs::schedule::ApplyDeferred,
+                gpu_backend::choose_backend,
+            )
+                .chain(),
+        )
+        .add_observer(gpu_backend::free_slot)
+        .add_systems(PreUpdate, (messages::advance_messages, statistics::tick_frame_clock, screenshot::report))
+        .add_systems(
+            Update,
+            (
+                open::open_dropped_files.run_if(not(resource_exists::<network::Following>)),
+                open::finish_opening,
+                objects::receive,
+                scene::adopt_opened,
+                history::undo_and_redo,
+                lens::follow_lens,
+                scene_io::save,
+                camera::run_bookmarks,
+                (
+                    touring::player::take_keys,
+                    touring::player::take_presenter_keys,
+                    touring::player::play.run_if(not(network::is_led)),
+                )
+                    .chain(),
+                (
+                    look::follow_settings,
+                    touring::ranges::rehearse.run_if(not(network::is_led)),
+                    touring::ranges::hold,
+                    look::glide_levels,
+                )
+                    .chain(),
+                shortcuts::run_shortcuts.run_if(not(resource_exists::<network::Following>)),
+                gpu_backend::follow_budgets.run_if(resource_changed::<Preset>),
+                volume_caster::choose_caster.run_if(resource_changed::<Preset>),
+                gpu_backend::choose_backend.run_if(
+                    resource_changed::<Preset>.or_else(gpu_backend::technique_changed).or_else(live::came_or_went),
+                ),
+            )
+                .chain(),
+        )
+        .add_systems(
+            EguiPrimaryContextPass,
+            (
+                ui::draw_window.run_if(not(resource_exists::<output::OutputWindow>)),
+                output::draw_output.run_if(resource_exists::<output::OutputWindow>),
+            ),
+        )
+        .add_systems(
+            PostUpdate,
+            (
+                picture::fit_picture.in_set(CameraSystems::Steer).before(CameraUpdateSystems),
+                pick::fly_to_pick.before(CameraSystems::Steer).after(EguiPostUpdateSet::ProcessOutput),
+                gpu_backend::receive_copies.in_set(PageSystems::Arrive).after(pages::finish_loads),
+                (
+                    touring::before::draw_before,
+                    cpu_backend::draw_on_cpu,
+                    cpu_backend::show_on_cpu,
+                    gpu_backend::upload_pages,
+                    gpu_backend::draw_on_gpu,
+                )
+                    .chain()
+                    .in_set(PageSystems::Serve)
+                    .after(pages::evict),
+            ),
+        )
+        .add_systems(Last, (history::observe, status::write_status).chain());
+    }
+}

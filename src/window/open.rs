@@ -1,0 +1,332 @@
+//! Opening files: on a background thread, with progress that the window shows, and without stopping the program where
+//! a file cannot be read.
+
+use super::messages::Messages;
+use super::objects::{Objects, may_be_catalogue};
+use super::options::{OpenRequest, Opener};
+use super::scene::Scene;
+use super::scene_io::OpenedScene;
+use super::touring::{Asked, Player};
+use crate::look::{Member, SceneFile, is_scene_file, open_members};
+use crate::model::Bounds;
+use crate::model::progress::Progress;
+use crate::store::{PageFile, StoreError};
+use crate::stream::first_frame;
+use crate::tour::TourFile;
+use bevy::prelude::*;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::mpsc::{Receiver, TryRecvError, channel};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// How far a background task has come; shared between its threads and the window.
+#[derive(Debug, Default)]
+pub struct SharedProgress {
+    stage: Mutex<String>,
+    total: AtomicU64,
+    done: AtomicU64,
+}
+
+impl SharedProgress {
+    /// The present stage's name, and the share of it that is done where its length is known.
+    pub fn state(&self) -> (String, Option<f32>) {
+        let stage = self.stage.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        let total = self.total.load(Ordering::Relaxed);
+        let share = self.done.load(Ordering::Relaxed) as f64 / total as f64;
+        (stage, (total > 0).then_some(share.min(1.0) as f32))
+    }
+}
+
+impl Progress for SharedProgress {
+    fn begin(&self, stage: &str, total: u64) {
+        let mut name = self.stage.lock().unwrap_or_else(PoisonError::into_inner);
+        stage.clone_into(&mut name);
+        self.done.store(0, Ordering::Relaxed);
+        self.total.store(total, Ordering::Relaxed);
+    }
+
+    fn advance(&self, n: u64) {
+        self.done.fetch_add(n, Ordering::Relaxed);
+    }
+}
+
+/// How the window opens files, and what it is opening.
+#[derive(Resource)]
+pub struct Openings {
+    opener: Opener,
+    current: Option<Opening>,
+    /// Whether files that are dropped are shown with what is open, not in its place.
+    pub adds_dropped: bool,
+}
+
+/// A file on its way.
+struct Opening {
+    path: PathBuf,
+    progress: Arc<SharedProgress>,
+    outcome: Mutex<Receiver<Result<Opened, String>>>,
+}
+
+/// A file has arrived.
+#[derive(bevy::ecs::message::Message, Clone)]
+pub struct Opened {
+    /// What the user named.
+    pub path: PathBuf,
+    /// The datasets.
+    pub members: Vec<Member>,
+    /// What of them does not fit together.
+    pub notes: Vec<String>,
+    /// The page file made of them.
+    pub file: Arc<PageFile>,
+    /// The box to look at first.
+    pub frame: Bounds,
+    /// The scene that names it.
+    pub scene: Option<Arc<OpenedScene>>,
+}
+
+impl Openings {
+    /// Opens nothing yet.
+    pub fn new(opener: Opener) -> Openings {
+        Openings { opener, current: None, adds_dropped: false }
+    }
+
+    /// Starts to open a file; one that is still on its way is abandoned.
+    pub fn start(&mut self, request: OpenRequest) {
+        let progress = Arc::new(SharedProgress::default());
+        progress.begin("reading", 0);
+        let named = request.members.last().map(|member| member.path.clone()).or_else(|| request.scene.clone());
+        let (opener, path, shared) = (Arc::clone(&self.opener), named.unwrap_or_default(), Arc::clone(&progress));
+        let (send, outcome) = channel();
+        // A thread of its own: a disk that does not answer must not take one from a pool that draws.
+        let open = move || {
+            let (members, scene) = data_of(request)?;
+            let path = members.first().map(|member| member.path.clone()).unwrap_or_default();
+            let page_file = |path: &Path| opener(path, shared.as_ref()).map_err(Failure);
+            let (file, notes) = open_members(&members, page_file).map_err(|Failure(why)| why)?;
+            let families: Vec<u32> = (0..file.metadata().families.len() as u32).collect();
+            let frame = first_frame(&file, &families);
+            Ok(Opened { path, members, notes, file: Arc::new(file), frame, scene: scene.map(Arc::new) })
+        };
+        let failed = send.clone();
+        // Nobody listens any more where another file was opened meanwhile.
+        let thread = std::thread::Builder::new().name("deepfield open".into()).spawn(move || drop(send.send(open())));
+        if let Err(error) = thread {
+            drop(failed.send(Err(format!("{}: no thread can be started: {error}", path.display()))));
+        }
+        self.current = Some(Opening { path, progress, outcome: Mutex::new(outcome) });
+    }
+
+    /// What is being opened: its path, the stage and the share of the stage that is done.
+    pub fn progress(&self) -> Option<(&Path, String, Option<f32>)> {
+        let opening = self.current.as_ref()?;
+        let (stage, share) = opening.progress.state();
+        Some((&opening.path, stage, share))
+    }
+}
+
+/// Why a file cannot be opened, in a line.
+struct Failure(String);
+
+impl From<StoreError> for Failure {
+    fn from(error: StoreError) -> Failure {
+        Failure(error.to_string())
+    }
+}
+
+/// The datasets to open: what is named, or what the scene that is named says; its own data where both are.
+fn data_of(request: OpenRequest) -> Result<(Vec<Member>, Option<OpenedScene>), String> {
+    let mut own = request.members;
+    let path = match request.scene {
+        Some(scene) => scene,
+        None if own.first().is_some_and(|first| is_scene_file(&first.path)) => own.remove(0).path,
+        None => return Ok((own, None)),
+    };
+    let scene = SceneFile::read(&path).map_err(|error| error.to_string())?;
+    let mut notes = Vec::new();
+    if own.is_empty() {
+        let located = scene.locate(&path).map_err(|error| error.to_string())?;
+        (own, notes) = (located.members, located.notes);
+    } else if let Some(named) = scene.datasets.first() {
+        own[0].families.clone_from(&named.families);
+    }
+    Ok((own, Some(OpenedScene { path, scene, notes })))
+}
+
+/// Whether a file is a tour: RON that is one.
+fn is_tour(path: &Path) -> bool {
+    path.extension().is_some_and(|extension| extension == "ron") && !is_scene_file(path) && TourFile::read(path).is_ok()
+}
+
+/// Starts to open files that are dropped on the window: in the place of what is open, or with it where the user wants that.
+pub(super) fn open_dropped_files(
+    mut dropped: MessageReader<FileDragAndDrop>,
+    keys: Res<ButtonInput<KeyCode>>,
+    scene: Option<Res<Scene>>,
+    mut openings: ResMut<Openings>,
+    mut objects: ResMut<Objects>,
+    mut player: ResMut<Player>,
+) {
+    for event in dropped.read() {
+        if let FileDragAndDrop::DroppedFile { path_buf, .. } = event {
+            if is_tour(path_buf) {
+                player.ask(Asked::Open(path_buf.clone()));
+                continue;
+            }
+            let mut request = OpenRequest::of(path_buf);
+            let adds = openings.adds_dropped || keys.any_pressed([KeyCode::ShiftLeft, KeyCode::ShiftRight]);
+            if let Some(scene) = scene.as_ref().filter(|_| adds && !is_scene_file(path_buf)) {
+                request.members.splice(0..0, scene.members.iter().cloned());
+            }
+            match may_be_catalogue(path_buf) {
+                true => objects.consider(path_buf.clone(), request),
+                false => openings.start(request),
+            }
+        }
+    }
+}
+
+/// Hands over files that have arrived and reports those that cannot be opened.
+pub(super) fn finish_opening(
+    mut openings: ResMut<Openings>,
+    mut messages: ResMut<Messages>,
+    mut opened: MessageWriter<Opened>,
+) {
+    let Some(opening) = openings.bypass_change_detection().current.as_mut() else { return };
+    let outcome = opening.outcome.get_mut().unwrap_or_else(PoisonError::into_inner).try_recv();
+    let path = std::mem::take(&mut opening.path);
+    let result = match outcome {
+        Ok(result) => result,
+        Err(TryRecvError::Disconnected) => Err(format!("{}: opening it has failed", path.display())),
+        Err(TryRecvError::Empty) => {
+            opening.path = path;
+            return;
+        }
+    };
+    openings.current = None;
+    match result {
+        Ok(file) => {
+            opened.write(file);
+        }
+        Err(error) => messages.error(error),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::time::{Duration, Instant};
+
+    #[test]
+    fn a_scene_leads_to_its_data() {
+        let folder = tempfile::tempdir().unwrap();
+        let (data, path) = (folder.path().join("box.df"), folder.path().join("a.scene.ron"));
+        std::fs::write(&data, b"data").unwrap();
+        std::fs::write(&path, "(version: 1, datasets: [(path: \"box.df\")])").unwrap();
+        let open = |path: &Path, scene: Option<&Path>| {
+            let members = vec![Member::new(path)];
+            data_of(OpenRequest { members, scene: scene.map(Path::to_owned) })
+        };
+        let (members, scene) = open(&path, None).unwrap();
+        assert_eq!((members, scene.unwrap().path), (vec![Member::new(&data)], path.clone()));
+        let (members, scene) = open(Path::new("other.df"), Some(&path)).unwrap();
+        assert!(members == [Member::new("other.df")] && scene.is_some(), "other data in the light of a scene");
+        assert!(open(&data, None).unwrap().1.is_none());
+        std::fs::remove_file(&data).unwrap();
+        let error = open(&path, None).unwrap_err();
+        assert!(error.contains("a.scene.ron: the data is not at") && error.contains("--scene"), "{error}");
+    }
+
+    /// What opens files that are dropped, and the window that they are dropped on.
+    fn app_with(opener: Opener) -> (App, Entity) {
+        let mut app = App::new();
+        app.add_message::<FileDragAndDrop>()
+            .add_message::<Opened>()
+            .insert_resource(Openings::new(opener))
+            .init_resource::<Messages>()
+            .init_resource::<Objects>()
+            .init_resource::<Player>()
+            .init_resource::<ButtonInput<KeyCode>>()
+            .add_systems(Update, (open_dropped_files, super::super::objects::receive, finish_opening).chain());
+        let window = app.world_mut().spawn_empty().id();
+        (app, window)
+    }
+
+    #[test]
+    fn a_dropped_file_is_opened_and_a_failure_is_reported() {
+        let opener: Opener = Arc::new(|path, _| Err(format!("{}: not readable", path.display())));
+        let (mut app, window) = app_with(opener);
+        app.world_mut().write_message(FileDragAndDrop::HoveredFile { window, path_buf: "dragged.hdf5".into() });
+        app.update();
+        assert!(app.world().resource::<Openings>().current.is_none(), "a file that only hovers is not opened");
+        app.world_mut().write_message(FileDragAndDrop::DroppedFile { window, path_buf: "dropped.hdf5".into() });
+        let start = Instant::now();
+        while app.world().resource::<Messages>().all().next().is_none() {
+            assert!(start.elapsed() < Duration::from_secs(60), "nothing is reported");
+            app.update();
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        let messages: Vec<String> =
+            app.world().resource::<Messages>().all().map(|message| message.text.clone()).collect();
+        assert_eq!(messages, ["dropped.hdf5: not readable"]);
+
+        // A catalogue is told from data by its content, off the main thread, and opened beside the data.
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("names.ron");
+        std::fs::write(&path, "(objects: [(name: \"Coma\", position: (1.0, 2.0, 3.0))])").unwrap();
+        app.world_mut().write_message(FileDragAndDrop::DroppedFile { window, path_buf: path.clone() });
+        while app.world().resource::<Objects>().path() != Some(&path) {
+            assert!(start.elapsed() < Duration::from_secs(60), "the catalogue is not opened");
+            app.update();
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        assert!(app.world().resource::<Openings>().current.is_none(), "it is no data");
+        assert_eq!(app.world().resource::<Objects>().labels.len(), 1);
+    }
+
+    #[test]
+    fn a_file_that_is_dropped_with_shift_joins_what_is_open() {
+        let folder = tempfile::tempdir().unwrap();
+        let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/demo/lcdm64_z0.hdf5");
+        let page_file = folder.path().join("demo.df");
+        let options = (crate::import::LoadOptions::default(), crate::build::BuildOptions::default());
+        crate::build::build_source(&source, &options.0, &options.1, &page_file, &()).unwrap();
+        let built = page_file.clone();
+        let opener: Opener = Arc::new(move |_, _| Ok(built.clone()));
+        let file = Arc::new(PageFile::open(&page_file).unwrap());
+        let bounds = file.metadata().bounds();
+        let (mut app, window) = app_with(opener);
+        app.insert_resource(Scene {
+            path: page_file.clone(),
+            members: vec![Member::new(&page_file)],
+            facts: crate::window::facts::Facts::of(&file, &[]),
+            file,
+            bounds,
+            frame: bounds,
+            periodic: None,
+            length_unit: String::new(),
+            generation: 1,
+        });
+        let mut dropped = |shift: bool, adds: bool| {
+            let mut keys = ButtonInput::<KeyCode>::default();
+            if shift {
+                keys.press(KeyCode::ShiftLeft);
+            }
+            app.insert_resource(keys);
+            app.world_mut().resource_mut::<Openings>().adds_dropped = adds;
+            app.world_mut().write_message(FileDragAndDrop::DroppedFile { window, path_buf: "new.hdf5".into() });
+            let start = Instant::now();
+            loop {
+                app.update();
+                let arrived: Vec<Opened> =
+                    app.world_mut().resource_mut::<bevy::ecs::message::Messages<Opened>>().drain().collect();
+                if let Some(opened) = arrived.into_iter().last() {
+                    return (opened.members.len(), opened.file.parts().len(), opened.path);
+                }
+                assert!(start.elapsed() < Duration::from_secs(60), "nothing arrives");
+                std::thread::sleep(Duration::from_millis(1));
+            }
+        };
+        assert_eq!(dropped(false, false), (1, 1, "new.hdf5".into()));
+        assert_eq!(dropped(true, false), (2, 2, page_file.clone()));
+        assert_eq!(dropped(false, true), (2, 2, page_file.clone()));
+    }
+}

@@ -1,0 +1,164 @@
+//! What a caller hands to the window, and the errors that keep it from opening.
+
+use super::preset::{Backend, Preset, PresetError};
+use crate::look::Member;
+use crate::model::progress::Progress;
+use crate::show::protocol::{NetworkError, ShowKey};
+use crate::show::rig::OutputError;
+use crate::show::supervisor::RunFolder;
+use bevy::prelude::App;
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use thiserror::Error;
+
+/// Turns something that a user named (a snapshot, a catalogue, a page file) into a page file and returns its path. Runs
+/// on a background thread; the error is one line that names the file and the cause.
+pub type Opener = Arc<dyn Fn(&Path, &dyn Progress) -> Result<PathBuf, String> + Send + Sync>;
+
+/// Adds a caller's own plugins and systems to the window, after all others.
+pub type Extension = Arc<dyn Fn(&mut App) + Send + Sync>;
+
+/// What to open.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct OpenRequest {
+    /// Page files and sources, which make one scene; or first a scene file. None where `scene` says.
+    pub members: Vec<Member>,
+    /// A scene to show the data with, whatever data it names itself.
+    pub scene: Option<PathBuf>,
+}
+
+impl OpenRequest {
+    /// One file.
+    pub fn of(path: impl Into<PathBuf>) -> OpenRequest {
+        OpenRequest { members: vec![Member::new(path)], scene: None }
+    }
+}
+
+/// The part that a window has in a show on several machines.
+#[derive(Clone, Debug)]
+pub enum Show {
+    /// Others follow it.
+    Lead {
+        /// Where it listens for them.
+        address: SocketAddr,
+        /// The show's key.
+        key: ShowKey,
+    },
+    /// It shows what another one shows.
+    Follow {
+        /// Where that is.
+        leader: SocketAddr,
+        /// The show's key.
+        key: ShowKey,
+        /// What the leader's window calls it.
+        name: String,
+        /// Its copies of the data that is shown; where there are none, they are looked for where the leader has them.
+        data: Vec<PathBuf>,
+    },
+}
+
+/// How the window starts.
+#[derive(Clone)]
+pub struct WindowOptions {
+    /// Opened at the start.
+    pub open: Option<OpenRequest>,
+    /// How files are opened.
+    pub opener: Opener,
+    /// Window size in logical pixels; the preset's where it is `None`.
+    pub size: Option<(u32, u32)>,
+    /// Which preset in `configs/`: `desktop`, `laptop` or `headless`.
+    pub preset: String,
+    /// The renderer; the preset's where it is `None`.
+    pub backend: Option<Backend>,
+    /// Whether it fills the screen.
+    pub fullscreen: bool,
+    /// The screen-space error in pixels; the preset's where it is `None`.
+    pub error_px: Option<f64>,
+    /// Milliseconds that a picture in motion may take; the preset's where it is `None`.
+    pub frame_ms: Option<f64>,
+    /// The mode to begin with; chosen by the data where it is `None`.
+    pub mode: Option<String>,
+    /// A file that is rewritten with the window's state as JSON whenever it changes (for scripts and tests).
+    pub status: Option<PathBuf>,
+    /// The caller's plugins and systems.
+    pub extension: Option<Extension>,
+    /// A catalogue of named objects.
+    pub labels: Option<PathBuf>,
+    /// A tour to play.
+    pub tour: Option<PathBuf>,
+    /// Its part in a show on several machines.
+    pub show: Option<Show>,
+    /// The output that it displays: a file of outputs and a name in it. For one who follows.
+    pub output: Option<(PathBuf, String)>,
+    /// Where it finds the process that keeps it open, if there is one.
+    pub supervised: Option<RunFolder>,
+}
+
+impl WindowOptions {
+    /// A window with the desktop preset that opens `path`.
+    pub fn new(open: Option<OpenRequest>, opener: Opener) -> WindowOptions {
+        WindowOptions {
+            open,
+            opener,
+            size: None,
+            preset: "desktop".to_owned(),
+            backend: None,
+            fullscreen: false,
+            error_px: None,
+            frame_ms: None,
+            mode: None,
+            status: None,
+            extension: None,
+            labels: None,
+            tour: None,
+            show: None,
+            output: None,
+            supervised: None,
+        }
+    }
+
+    /// The preset by name, with the options that override it.
+    pub fn resolved_preset(&self) -> Result<Preset, PresetError> {
+        let mut preset = Preset::embedded(&self.preset)?;
+        self.override_preset(&mut preset);
+        Ok(preset)
+    }
+
+    /// Puts the options that were given explicitly in place of the preset's.
+    pub fn override_preset(&self, preset: &mut Preset) {
+        if let Some((width, height)) = self.size {
+            preset.window.width = width;
+            preset.window.height = height;
+        }
+        if let Some(backend) = self.backend {
+            preset.drawing.backend = backend;
+        }
+        if let Some(error_px) = self.error_px {
+            preset.drawing.error_px = error_px;
+        }
+        if let Some(frame_ms) = self.frame_ms {
+            preset.drawing.frame_ms = frame_ms;
+        }
+    }
+}
+
+/// Why there is no window, or why it closed with a failure.
+#[derive(Debug, Error)]
+pub enum AppError {
+    /// No X server and no Wayland compositor.
+    #[error("no display: neither DISPLAY nor WAYLAND_DISPLAY is set")]
+    NoDisplay,
+    /// The preset is refused.
+    #[error(transparent)]
+    Preset(#[from] PresetError),
+    /// The show cannot be led.
+    #[error(transparent)]
+    Network(#[from] NetworkError),
+    /// The output cannot be displayed.
+    #[error(transparent)]
+    Output(#[from] OutputError),
+    /// The event loop ended with an error; the log says which.
+    #[error("the window closed after an error")]
+    Failed,
+}

@@ -1,0 +1,505 @@
+//! Streaming as entities: every page that is loading, resident or failed is an entity, and traversal, loading, eviction
+//! are systems over them.
+//!
+//! A frame, after the camera has settled: reads that have ended are taken in ([`finish_loads`]); the tree is traversed
+//! top-down and the nodes to draw are chosen, with a parent standing in for what is not there ([`traverse`]); pages that
+//! are missed are read on threads of their own, the most missed first, then those that the camera comes near to, and
+//! the least recently used ones make room within the budget ([`start_loads`]). The frame never waits for the disk. All
+//! of that is [`crate::stream::Streamer`]'s work; here it becomes entities.
+//!
+//! Where a renderer keeps copies of pages (the GPU's arena), a page counts as there only when its copy is
+//! ([`PageCopies`]); until then its parent is drawn.
+
+use super::camera::{CameraSystems, DataDistance, Viewpoint, distance_to_boxes};
+use super::lens::view_of;
+use super::look::Look;
+use super::messages::Messages;
+use super::occlusion::{self, Occlusion, PageOcclusion};
+use super::picture::{DataCamera, Picture};
+use super::preset::{Preset, ResidencyPreset};
+use super::scene::{Scene, Settings};
+use super::statistics::Statistics;
+use crate::hierarchy::Levels;
+use crate::model::Bounds;
+use crate::show::window::output::Aim;
+use crate::store::{Page, PageId};
+use crate::stream::{PageState, SceneNode, Streamer};
+use crate::view::View;
+use bevy::prelude::*;
+use std::collections::HashMap;
+use std::sync::Arc;
+
+/// Which page an entity is.
+#[derive(Component, Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct PageKey {
+    /// Number of the page in its file.
+    pub id: PageId,
+    /// The [`Scene::generation`] of the file.
+    pub generation: u32,
+}
+
+/// Where a page stands.
+#[derive(Component, Clone, Debug)]
+pub enum PageStatus {
+    /// It is being read.
+    Loading,
+    /// In memory.
+    Resident(Arc<Page>),
+    /// It cannot be read; the text says why.
+    Failed(String),
+}
+
+/// The box around a resident page's nodes, world units.
+#[derive(Component, Clone, Copy, Debug, PartialEq)]
+pub struct PageBounds(pub Bounds);
+
+/// Depth of a resident page's coarsest node; 0 for the root.
+#[derive(Component, Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PageDepth(pub u8);
+
+/// The frame that last drew from a page.
+#[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct LastUse(pub u64);
+
+/// Where a renderer's copy of a page stands; only while a renderer keeps copies.
+#[derive(Component, Clone, Copy, Debug, PartialEq, Eq)]
+pub enum GpuSlot {
+    /// On its way.
+    Queued,
+    /// There: the page may be drawn.
+    Resident,
+}
+
+/// Whether the renderer draws from copies of pages; if not, it draws from main memory and every resident page counts.
+#[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct PageCopies(pub bool);
+
+/// What the view draws in this frame.
+#[derive(Resource, Clone, Debug, Default)]
+pub struct ViewSelection {
+    /// The view; `None` before anything is open.
+    pub view: Option<View>,
+    /// The nodes; none is an ancestor of another.
+    pub nodes: Arc<[SceneNode]>,
+    /// Whether everything that the view needs at its error bound is there.
+    pub complete: bool,
+    /// Counts up whenever the nodes or the view change.
+    pub revision: u64,
+    /// The [`Occlusion::revision`] by which the nodes were chosen.
+    pub occlusion: u64,
+}
+
+/// Where the camera is known to be in a moment, as on a tour.
+#[derive(Resource, Clone, Copy, Debug, Default, PartialEq)]
+pub struct Upcoming(pub Option<Viewpoint>);
+
+/// The open file's pages.
+#[derive(Resource)]
+pub struct Streaming {
+    /// Which pages are in memory, and what is done about the others.
+    pub streamer: Streamer,
+    entities: HashMap<PageId, Entity>,
+    /// The [`Scene::generation`] of the file.
+    pub generation: u32,
+    preset: ResidencyPreset,
+    frame: u64,
+    told_memory: bool,
+}
+
+impl Streaming {
+    /// Nothing of the scene's file is resident yet.
+    pub fn new(scene: &Scene, preset: &ResidencyPreset, copies: bool) -> Streaming {
+        let mut streamer = Streamer::new(Arc::clone(&scene.file), preset.stream_options());
+        streamer.keep_copies(copies.then(|| preset.copy_options()));
+        Streaming {
+            streamer,
+            entities: HashMap::new(),
+            generation: scene.generation,
+            preset: preset.clone(),
+            frame: 0,
+            told_memory: false,
+        }
+    }
+
+    /// The entity of a page that is loading, resident or failed.
+    pub fn entity(&self, page: PageId) -> Option<Entity> {
+        self.entities.get(&page).copied()
+    }
+}
+
+/// When pages are handled within a frame; all of it runs in `PostUpdate`, after the camera has settled.
+#[derive(SystemSet, Clone, Debug, PartialEq, Eq, Hash)]
+pub enum PageSystems {
+    /// A new file, reads that have ended, renderers' copies that have arrived.
+    Arrive,
+    /// Choosing what to draw.
+    Traverse,
+    /// Reading what is missed, evicting what is not used, drawing.
+    Serve,
+}
+
+/// Page entities and the systems over them.
+pub struct PagesPlugin;
+
+impl Plugin for PagesPlugin {
+    fn build(&self, app: &mut App) {
+        app.init_resource::<PageCopies>()
+            .init_resource::<Occlusion>()
+            .init_resource::<Upcoming>()
+            .init_resource::<ViewSelection>()
+            .configure_sets(
+                PostUpdate,
+                (PageSystems::Arrive, PageSystems::Traverse, PageSystems::Serve).chain().after(CameraSystems::Settle),
+            )
+            .add_systems(
+                PostUpdate,
+                (
+                    (follow_scene, finish_loads).chain().in_set(PageSystems::Arrive),
+                    traverse.in_set(PageSystems::Traverse),
+                    (start_loads, evict).chain().in_set(PageSystems::Serve),
+                ),
+            );
+    }
+}
+
+/// Starts over when another file was opened, or when the preset's budgets have changed.
+pub fn follow_scene(
+    mut commands: Commands,
+    scene: Option<Res<Scene>>,
+    streaming: Option<ResMut<Streaming>>,
+    preset: Res<Preset>,
+    mut selection: ResMut<ViewSelection>,
+    copies: Res<PageCopies>,
+    pages: Query<Entity, With<PageKey>>,
+) {
+    let Some(scene) = scene else { return };
+    if let Some(mut streaming) = streaming
+        && streaming.generation == scene.generation
+        && streaming.preset == preset.residency
+    {
+        // Another renderer begins without copies.
+        if streaming.streamer.copies.is_some() != copies.0 {
+            let options = streaming.preset.copy_options();
+            streaming.streamer.keep_copies(copies.0.then_some(options));
+        }
+        return;
+    }
+    pages.iter().for_each(|page| commands.entity(page).despawn());
+    *selection = ViewSelection { revision: selection.revision + 1, ..default() };
+    commands.insert_resource(Streaming::new(&scene, &preset.residency, copies.0));
+}
+
+/// Takes in pages that have been read.
+pub fn finish_loads(
+    mut commands: Commands,
+    streaming: Option<ResMut<Streaming>>,
+    mut messages: ResMut<Messages>,
+    mut pages: Query<&mut PageStatus>,
+) {
+    let Some(mut streaming) = streaming else { return };
+    let arrivals = streaming.streamer.arrive();
+    arrivals.messages.into_iter().for_each(|message| messages.error(message));
+    for id in arrivals.pages {
+        let Some(entity) = streaming.entity(id) else { continue };
+        let Ok(mut status) = pages.get_mut(entity) else { continue };
+        match streaming.streamer.residency.state(id) {
+            Some(PageState::Resident(page)) => {
+                let bounds = page.nodes.iter().fold(Bounds::EMPTY, |bounds, node| bounds.union(node.bounds));
+                let depth = page.nodes.iter().map(|node| node.key.depth).min().unwrap_or(0);
+                *status = PageStatus::Resident(Arc::clone(page));
+                commands.entity(entity).insert((PageBounds(bounds), PageDepth(depth)));
+            }
+            Some(PageState::Failed(failure)) => *status = PageStatus::Failed(failure.why.clone()),
+            // Without room, it is evicted at once.
+            Some(PageState::Loading) | None => {}
+        }
+    }
+    if streaming.streamer.residency.statistics().over_budget && !streaming.told_memory {
+        streaming.told_memory = true;
+        let budget = streaming.preset.budget_mib;
+        messages
+            .error(format!("the view needs more than the {budget} MiB of residency.budget_mib: it is shown coarser"));
+    }
+}
+
+/// Chooses what the view draws and what it misses.
+pub fn traverse(
+    streaming: Option<ResMut<Streaming>>,
+    settings: Res<Settings>,
+    picture: Res<Picture>,
+    look: Option<Res<Look>>,
+    mut selection: ResMut<ViewSelection>,
+    mut statistics: ResMut<Statistics>,
+    mut distance: ResMut<DataDistance>,
+    (occlusion, mut occluded): (Res<Occlusion>, Query<&mut PageOcclusion>),
+    (upcoming, aim): (Res<Upcoming>, Option<Res<Aim>>),
+    mut last_uses: Query<&mut LastUse>,
+    camera: Single<&Viewpoint, With<DataCamera>>,
+) {
+    let Some(mut streaming) = streaming else { return };
+    let size = picture.size();
+    let periodic = streaming.streamer.residency.file().metadata().periodic_box();
+    let Ok(view) = view_of(&camera, &settings, periodic, size, aim.as_deref()) else { return };
+    let streaming = &mut *streaming;
+    streaming.frame += 1;
+    let families = settings.families.iter().enumerate().filter(|(_, visible)| **visible);
+    let depiction = look.as_ref().map(|look| &look.depiction);
+    let metadata = streaming.streamer.residency.file().metadata();
+    let levels = depiction.map_or(Levels::Splats, |depiction| depiction.levels(metadata));
+    let roots = streaming.streamer.roots(families.map(|(index, _)| index as u32), levels);
+    let seen = depiction.map_or(view, |depiction| depiction.selection_view(&view));
+    let tau = settings.error_px;
+    let detail = depiction.map_or(tau.into(), |depiction| depiction.detail(&view, tau, metadata));
+    let key = (streaming.generation, look.as_ref().map_or(0, |look| look.depiction_revision));
+    let hides = depiction.is_some_and(|depiction| depiction.mode.painter().is_some());
+    streaming.streamer.occluder = occlusion.occluder(&view, key).filter(|_| hides);
+    let upcoming = upcoming.0.and_then(|next| view_of(&next, &settings, periodic, size, aim.as_deref()).ok());
+    streaming.streamer.upcoming =
+        upcoming.map(|next| depiction.map_or(next, |depiction| depiction.selection_view(&next)));
+    let chosen = streaming.streamer.select(&seen, detail, &roots);
+    for (page, now) in occlusion::of_pages(&chosen) {
+        if let Some(mut state) = streaming.entity(page).and_then(|entity| occluded.get_mut(entity).ok()) {
+            state.set_if_neq(now);
+        }
+    }
+    let nodes: Vec<SceneNode> = chosen
+        .draw
+        .iter()
+        .filter_map(|drawn| {
+            let page = Arc::clone(streaming.streamer.residency.page(drawn.id.page)?);
+            Some(SceneNode { page, node: drawn.id, error_pixels: drawn.error_pixels, offset: drawn.offset })
+        })
+        .collect();
+    for page in nodes.iter().map(|drawn| drawn.node.page) {
+        if let Some(mut last_use) = streaming.entity(page).and_then(|entity| last_uses.get_mut(entity).ok()) {
+            last_use.0 = streaming.frame;
+        }
+    }
+    let place = |drawn: &SceneNode| Some(drawn.page.nodes.get(drawn.node.node as usize)?.bounds.moved(drawn.offset));
+    let boxes = nodes.iter().filter_map(place);
+    distance.0 = distance_to_boxes(view.eye, boxes);
+    statistics.particles = chosen.particles();
+    statistics.nodes = nodes.len();
+    statistics.levels = levels.name();
+    statistics.error_px = chosen.error_pixels();
+    statistics.missing = chosen.missing.len();
+    statistics.hidden = chosen.hidden.len();
+    let same = selection.view == Some(view)
+        && selection.nodes.len() == nodes.len()
+        && selection.nodes.iter().zip(&nodes).all(|(old, new)| (old.node, old.offset) == (new.node, new.offset));
+    if !same {
+        selection.revision += 1;
+        selection.view = Some(view);
+        selection.nodes = nodes.into();
+    }
+    selection.complete = chosen.is_converged();
+    selection.occlusion = occlusion.revision;
+}
+
+/// Starts to read what is missed, as many pages at a time as the preset allows.
+pub fn start_loads(
+    mut commands: Commands,
+    streaming: Option<ResMut<Streaming>>,
+    mut statistics: ResMut<Statistics>,
+    mut pages: Query<&mut PageStatus>,
+) {
+    let Some(mut streaming) = streaming else { return };
+    for id in streaming.streamer.serve() {
+        // A page that has failed is tried again.
+        if let Some(mut status) = streaming.entity(id).and_then(|entity| pages.get_mut(entity).ok()) {
+            *status = PageStatus::Loading;
+            continue;
+        }
+        let key = PageKey { id, generation: streaming.generation };
+        let entity =
+            commands.spawn((key, PageStatus::Loading, LastUse(streaming.frame), PageOcclusion::default())).id();
+        streaming.entities.insert(id, entity);
+    }
+    let residency = streaming.streamer.residency.statistics();
+    statistics.pages_resident = residency.resident;
+    statistics.pages_loading = residency.loading + residency.stalled + residency.queued;
+    statistics.pages_failed = residency.failed;
+    statistics.bytes = residency.bytes;
+    statistics.budget_bytes = residency.budget;
+    let copies = streaming.streamer.copies.as_ref();
+    statistics.copies = copies.map(|copies| [copies.bytes(), copies.options().budget]);
+}
+
+/// Removes the entities of pages that had to make room.
+pub fn evict(mut commands: Commands, streaming: Option<ResMut<Streaming>>) {
+    let Some(mut streaming) = streaming else { return };
+    for id in streaming.streamer.take_evicted() {
+        if let Some(entity) = streaming.entities.remove(&id) {
+            commands.entity(entity).despawn();
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::build::{BuildOptions, build_source};
+    use crate::import::LoadOptions;
+    use crate::store::PageFile;
+    use crate::window::facts::Facts;
+    use bevy::math::DVec3;
+    use std::path::Path;
+
+    /// A page file of the demo dataset.
+    fn demo(folder: &Path) -> Arc<PageFile> {
+        let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/demo/lcdm64_z0.hdf5");
+        let output = folder.join("demo.df");
+        build_source(&source, &LoadOptions::default(), &BuildOptions::default(), &output, &()).unwrap();
+        Arc::new(PageFile::open(&output).unwrap())
+    }
+
+    /// The streaming systems around a camera that looks at all of `file`.
+    fn streaming_app(file: &Arc<PageFile>, budget_mib: u64) -> App {
+        let bounds = file.metadata().bounds();
+        let mut preset = Preset::default();
+        preset.residency.budget_mib = budget_mib;
+        let mut settings = Settings::new(&preset, None);
+        settings.families = vec![true; file.metadata().families.len()];
+        let picture = Picture {
+            image: Handle::default(),
+            texture: bevy_egui::egui::TextureId::default(),
+            rect: Rect::new(0.0, 0.0, 960.0, 720.0),
+            scale: 1.0,
+        };
+        let mut app = App::new();
+        app.insert_resource(preset)
+            .insert_resource(settings)
+            .insert_resource(picture)
+            .insert_resource(Scene {
+                periodic: None,
+                path: file.path().to_owned(),
+                members: Vec::new(),
+                file: Arc::clone(file),
+                bounds,
+                frame: bounds,
+                length_unit: String::new(),
+                facts: Facts::of(file, &[]),
+                generation: 1,
+            })
+            .init_resource::<Messages>()
+            .init_resource::<Statistics>()
+            .init_resource::<DataDistance>()
+            .add_plugins(PagesPlugin);
+        app.world_mut().spawn((DataCamera, Viewpoint::around(bounds, 0.8, 960, 720).unwrap()));
+        app
+    }
+
+    /// Runs frames until the view is complete.
+    fn complete(app: &mut App) {
+        for _ in 0..2000 {
+            app.update();
+            if app.world().resource::<ViewSelection>().complete {
+                return;
+            }
+            std::thread::sleep(std::time::Duration::from_millis(2));
+        }
+        panic!("the view is not complete: {:?}", app.world().resource::<Statistics>());
+    }
+
+    fn pages(app: &mut App) -> usize {
+        app.world_mut().query::<&PageKey>().iter(app.world()).count()
+    }
+
+    #[test]
+    fn pages_become_entities_and_the_view_completes() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = demo(folder.path());
+        let mut app = streaming_app(&file, 1024);
+        app.update();
+        assert!(!app.world().resource::<ViewSelection>().complete, "the first frame waits for nothing");
+        complete(&mut app);
+        assert_eq!(app.world().resource::<Statistics>().particles, file.metadata().particles());
+        let resident = app.world().resource::<Streaming>().streamer.residency.statistics().resident;
+        assert_eq!(pages(&mut app), resident);
+        let mut described = app.world_mut().query::<(&PageStatus, &PageBounds, &PageDepth, &LastUse)>();
+        let bounds = file.metadata().bounds();
+        for (status, page, ..) in described.iter(app.world()) {
+            assert!(matches!(status, PageStatus::Resident(_)));
+            assert!(page.0.min.cmpge(bounds.min - 1e-3).all() && page.0.max.cmple(bounds.max + 1e-3).all());
+        }
+        assert!(app.world().resource::<DataDistance>().0.is_some_and(|distance| distance > 0.0));
+    }
+
+    #[test]
+    fn a_copy_that_is_not_there_is_drawn_by_nobody() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = demo(folder.path());
+        let mut app = streaming_app(&file, 1024);
+        app.world_mut().resource_mut::<PageCopies>().0 = true;
+        let root = file.metadata().families[0].root_page;
+        for _ in 0..200 {
+            app.update();
+            std::thread::sleep(std::time::Duration::from_millis(2));
+            if app.world().resource::<Streaming>().streamer.uncopied() == [root] {
+                break;
+            }
+        }
+        let selection = app.world().resource::<ViewSelection>().clone();
+        assert!(!selection.complete && selection.nodes.is_empty());
+        assert_eq!(app.world().resource::<Streaming>().streamer.uncopied(), [root]);
+        // As copies arrive, the picture refines down to the leaves.
+        for _ in 0..2000 {
+            if app.world().resource::<ViewSelection>().complete {
+                break;
+            }
+            let streamer = &mut app.world_mut().resource_mut::<Streaming>().streamer;
+            let plan = streamer.plan_copies();
+            let copies = streamer.copies.as_mut().unwrap();
+            plan.insert.into_iter().for_each(|page| copies.arrived(page));
+            app.update();
+            std::thread::sleep(std::time::Duration::from_millis(2));
+        }
+        assert!(app.world().resource::<ViewSelection>().complete);
+    }
+
+    #[test]
+    fn another_file_starts_over() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = demo(folder.path());
+        let mut app = streaming_app(&file, 1024);
+        complete(&mut app);
+        let revision = app.world().resource::<ViewSelection>().revision;
+        app.world_mut().resource_mut::<Scene>().generation = 2;
+        app.update();
+        assert!(!app.world().resource::<ViewSelection>().complete);
+        complete(&mut app);
+        assert!(app.world().resource::<ViewSelection>().revision > revision);
+        let mut keys = app.world_mut().query::<&PageKey>();
+        assert!(keys.iter(app.world()).all(|key| key.generation == 2));
+    }
+
+    #[test]
+    fn hidden_families_are_not_drawn() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = demo(folder.path());
+        let mut app = streaming_app(&file, 1024);
+        complete(&mut app);
+        app.world_mut().resource_mut::<Settings>().families.fill(false);
+        app.update();
+        assert_eq!(app.world().resource::<Statistics>().particles, 0);
+        assert!(app.world().resource::<ViewSelection>().nodes.is_empty());
+    }
+
+    #[test]
+    fn the_particle_under_the_cursor_is_picked() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = demo(folder.path());
+        let mut app = streaming_app(&file, 1024);
+        complete(&mut app);
+        let selection = app.world().resource::<ViewSelection>().clone();
+        let view = selection.view.unwrap();
+        let pick = |cursor| crate::window::pick::pick(&view, file.metadata(), &selection.nodes, cursor);
+        let picked = pick([480.0, 360.0]).expect("the box is full of particles");
+        let pixel = view.to_pixels(view.to_camera(picked.position)).unwrap();
+        assert!((pixel[0] - 480.0).hypot(pixel[1] - 360.0) <= crate::window::pick::REACH + 1e-6);
+        assert!((picked.pixels - (pixel[0] - 480.0).hypot(pixel[1] - 360.0)).abs() < 1e-6);
+        let bounds = file.metadata().bounds();
+        assert!(picked.position.clamp(bounds.min - DVec3::ONE, bounds.max + DVec3::ONE) == picked.position);
+        assert!(pick([2.0, 2.0]).is_none(), "nothing is in the corner of a view of the whole box");
+    }
+}

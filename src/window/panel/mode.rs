@@ -1,0 +1,182 @@
+//! The section about the mode: which one, its settings as it describes them itself, the attribute, and the error bound.
+
+use super::{Dock, PanelState, Section, theme};
+use crate::look::Attribute;
+use crate::mode::{Setting, SettingKind, SettingValue};
+use crate::modes::{self, MODES};
+use crate::window::scene::Settings;
+use bevy_egui::egui::{ComboBox, TextEdit, Ui};
+
+/// The section.
+pub static SECTION: Section = Section {
+    name: "mode",
+    title: "Mode",
+    dock: Dock::Left,
+    applies: |state| state.look.is_some(),
+    show: |ui, state| {
+        let mut edited = state.settings.clone();
+        show(ui, state, &mut edited);
+        bevy::prelude::DetectChangesMut::set_if_neq(&mut state.settings, edited);
+    },
+};
+
+fn show(ui: &mut Ui, state: &PanelState<'_, '_>, settings: &mut Settings) {
+    theme::combo(ui, "Mode", settings.mode.name, |ui| {
+        for mode in MODES {
+            let chosen = std::ptr::eq(settings.mode, mode);
+            let label = ui.selectable_label(chosen, mode.name).on_hover_text(mode.help);
+            theme::register(ui, &format!("mode:{}", mode.name), label.rect);
+            if label.clicked() {
+                settings.choose_mode(mode);
+            }
+        }
+    });
+    attribute_combo(ui, state, settings);
+    for setting in settings.mode.all_settings() {
+        mode_setting(ui, setting, &mut settings.mode_settings);
+    }
+    let error = theme::NumberRow {
+        label: "Error bound",
+        unit: "px",
+        range: 0.1..=16.0,
+        log: true,
+        default: Some(state.preset.drawing.error_px),
+    };
+    error
+        .show(ui, &mut settings.error_px)
+        .on_hover_text("No drawn particle is farther than this from where it belongs on the screen, in pixels.");
+}
+
+/// Which attribute gives the hue.
+fn attribute_combo(ui: &mut Ui, state: &PanelState<'_, '_>, settings: &mut Settings) {
+    let coloring = state.look.as_ref().and_then(|look| look.depiction.attribute.as_ref());
+    let in_use = coloring.map_or("none", |coloring| coloring.name.as_str());
+    let selected = match &settings.attribute {
+        Attribute::Automatic => format!("auto:  {in_use}"),
+        Attribute::None => "none".to_owned(),
+        Attribute::Named(name) => name.clone(),
+    };
+    theme::combo(ui, "Attribute", &selected, |ui| {
+        let names = state.choices.attributes.iter().map(|name| Attribute::Named(name.clone()));
+        for choice in [Attribute::Automatic, Attribute::None].into_iter().chain(names) {
+            let text = match &choice {
+                Attribute::Automatic => "automatic",
+                Attribute::None => "none",
+                Attribute::Named(name) => name,
+            };
+            let text = text.to_owned();
+            let label = ui.selectable_value(&mut settings.attribute, choice, text.as_str());
+            theme::register(ui, &format!("attribute:{text}"), label.rect);
+        }
+    });
+}
+
+/// A setting's name as a label.
+fn label_of(setting: &Setting) -> String {
+    let mut label = setting.name.to_owned();
+    label[..1].make_ascii_uppercase();
+    label
+}
+
+/// A control for a setting of the mode.
+fn mode_setting(ui: &mut Ui, setting: &Setting, values: &mut modes::Settings) {
+    let label = label_of(setting);
+    let response = match setting.kind {
+        SettingKind::Number { min, max, default } => {
+            let mut value = values.number(setting);
+            // Many decades have their small values on the slider too.
+            let log = max > 1000.0;
+            let row =
+                theme::NumberRow { label: &label, unit: setting.unit, range: min..=max, log, default: Some(default) };
+            let response = row.show(ui, &mut value);
+            if response.changed() {
+                values.set(setting, SettingValue::Number(value.clamp(min, max)));
+            }
+            response
+        }
+        SettingKind::Flag { default } => {
+            let mut value = values.flag(setting);
+            let response = theme::row(ui, &label, |ui| {
+                ui.spacing_mut().item_spacing.x = 6.0;
+                theme::reset_mark(ui, &label, value != default, || value = default);
+                ui.add_sized([18.0, theme::ROW], bevy_egui::egui::Checkbox::without_text(&mut value));
+            });
+            if value != values.flag(setting) {
+                values.set(setting, SettingValue::Flag(value));
+            }
+            response
+        }
+        SettingKind::Choice { options } => {
+            let current = values.name(setting);
+            theme::row(ui, &label, |ui| {
+                ui.add_space(theme::MARK_ROOM);
+                let width = theme::VALUE;
+                ComboBox::from_id_salt(setting.name).width(width).selected_text(&current).show_ui(ui, |ui| {
+                    for &option in options {
+                        let chosen = ui.selectable_label(current == option, option);
+                        theme::register(ui, &format!("{}:{option}", setting.name), chosen.rect);
+                        if chosen.clicked() {
+                            values.set(setting, SettingValue::Name(option.to_owned()));
+                        }
+                    }
+                });
+            })
+        }
+        SettingKind::Numbers { .. } | SettingKind::Colors { .. } => {
+            theme::row(ui, &label, |ui| list_setting(ui, setting, values))
+        }
+    };
+    let unit = if setting.unit.is_empty() { String::new() } else { format!(", {}", setting.unit) };
+    let default = match setting.default() {
+        SettingValue::Numbers(_) => "automatic".to_owned(),
+        value => value.to_string(),
+    };
+    response.on_hover_text(format!("{}\n{}{unit}; default {default}", setting.help, setting.range()));
+}
+
+/// A list as text with commas; taken over when the field is left and the list is right.
+fn list_setting(ui: &mut Ui, setting: &Setting, values: &mut modes::Settings) {
+    ui.add_space(theme::MARK_ROOM);
+    let id = ui.id().with(setting.name);
+    let set = values.0.get(setting.name).map(|value| value.to_string().trim_matches(['[', ']']).to_owned());
+    let typed = ui.data(|data| data.get_temp::<String>(id));
+    let mut text = typed.or(set).unwrap_or_default();
+    let response = ui.add(TextEdit::singleline(&mut text).hint_text("automatic").desired_width(theme::VALUE - 8.0));
+    if response.lost_focus() {
+        if let Some(value) = parse_list(setting, &text) {
+            values.set(setting, value);
+        }
+        ui.data_mut(|data| data.remove::<String>(id));
+    } else if response.has_focus() {
+        ui.data_mut(|data| data.insert_temp(id, text));
+    }
+}
+
+/// The list that a text with commas says, if the setting takes it.
+fn parse_list(setting: &Setting, text: &str) -> Option<SettingValue> {
+    let items: Vec<&str> = text.split(',').map(str::trim).filter(|item| !item.is_empty()).collect();
+    let value = match setting.kind {
+        SettingKind::Numbers { .. } => {
+            SettingValue::Numbers(items.iter().map(|item| item.parse()).collect::<Result<_, _>>().ok()?)
+        }
+        _ if items.is_empty() => SettingValue::Numbers(Vec::new()),
+        _ => SettingValue::Names(items.into_iter().map(str::to_owned).collect()),
+    };
+    setting.check(&value).is_ok().then_some(value)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::modes::grid::{ISO_COLORS, ISOVALUES};
+
+    #[test]
+    fn lists_are_read_from_text() {
+        assert_eq!(parse_list(&ISOVALUES, " 0.5, 3e2 ,"), Some(SettingValue::Numbers(vec![0.5, 300.0])));
+        assert_eq!(parse_list(&ISOVALUES, ""), Some(SettingValue::Numbers(Vec::new())));
+        assert_eq!(parse_list(&ISOVALUES, "1, x"), None);
+        assert_eq!(parse_list(&ISOVALUES, "-1"), None);
+        assert_eq!(parse_list(&ISO_COLORS, "#ff0000"), Some(SettingValue::Names(vec!["#ff0000".into()])));
+        assert_eq!(parse_list(&ISO_COLORS, "red"), None);
+    }
+}

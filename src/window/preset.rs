@@ -1,0 +1,337 @@
+//! Presets: everything about the window that a user sets in `configs/*.ron`, loaded as a Bevy asset and reloaded
+//! while the program runs.
+//!
+//! The presets are embedded too, so that an installed program needs no files beside it. Where the program finds a
+//! folder `configs` (beside the manifest under cargo, else beside the executable or in `BEVY_ASSET_ROOT`), the file
+//! there wins. Unknown fields and wrong values are refused with file, line and column; the last good preset stays.
+
+use super::asset_text::asset_text;
+use crate::mode::Settings;
+use crate::model::ron_file::{self, RonError};
+use crate::stream::{CopyOptions, StreamOptions};
+use bevy::asset::{AssetLoader, LoadContext, io::Reader};
+use bevy::prelude::*;
+use serde::{Deserialize, Serialize};
+use std::time::Duration;
+use thiserror::Error;
+
+/// The presets that the program knows by name, with their embedded text.
+const EMBEDDED: [(&str, &str); 3] = [
+    ("desktop", include_str!("../../configs/desktop.ron")),
+    ("laptop", include_str!("../../configs/laptop.ron")),
+    ("headless", include_str!("../../configs/headless.ron")),
+];
+
+/// Which renderer draws the picture.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Reflect)]
+#[serde(rename_all = "kebab-case")]
+pub enum Backend {
+    /// The best that the adapter can do.
+    #[default]
+    Auto,
+    /// Compute passes.
+    Compute,
+    /// Blended quads, where the adapter can blend 32-bit floats.
+    Raster,
+    /// The processor; needs no adapter features at all.
+    Cpu,
+}
+
+impl Backend {
+    /// The name used on the command line and in RON.
+    pub const fn as_str(self) -> &'static str {
+        match self {
+            Backend::Auto => "auto",
+            Backend::Compute => "compute",
+            Backend::Raster => "raster",
+            Backend::Cpu => "cpu",
+        }
+    }
+}
+
+/// The window when it opens.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Reflect)]
+#[serde(default, deny_unknown_fields)]
+pub struct WindowPreset {
+    /// Width, logical pixels.
+    pub width: u32,
+    /// Height, logical pixels.
+    pub height: u32,
+    /// Whether frames wait for the display's refresh.
+    pub vsync: bool,
+}
+
+impl Default for WindowPreset {
+    fn default() -> Self {
+        Self { width: 1280, height: 720, vsync: true }
+    }
+}
+
+/// How much of the page file may be in memory, and how it gets there.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Reflect)]
+#[serde(default, deny_unknown_fields)]
+pub struct ResidencyPreset {
+    /// Pages in main memory at most, MiB. What was used longest ago makes room.
+    pub budget_mib: u64,
+    /// Copies of pages in the graphics adapter's memory at most, MiB.
+    pub gpu_budget_mib: u64,
+    /// Copied to the graphics adapter in one frame at most, MiB.
+    pub upload_mib: u64,
+    /// Pages that may be loading at a time.
+    pub requests: usize,
+    /// Time without an answer after which a read is told and left to itself, seconds.
+    pub stall_secs: f64,
+    /// Whether pages are read before the camera needs them.
+    pub prefetch: bool,
+}
+
+impl Default for ResidencyPreset {
+    fn default() -> Self {
+        Self { budget_mib: 2048, gpu_budget_mib: 1024, upload_mib: 24, requests: 8, stall_secs: 5.0, prefetch: true }
+    }
+}
+
+impl ResidencyPreset {
+    /// How the open file is streamed.
+    pub fn stream_options(&self) -> StreamOptions {
+        StreamOptions {
+            budget: self.budget_mib << 20,
+            in_flight: self.requests,
+            stall: Duration::from_secs_f64(self.stall_secs),
+            prefetch: self.prefetch,
+        }
+    }
+
+    /// How copies in the graphics adapter's memory are kept. A part of its budget is left for gaps between them, and
+    /// two frames' worth of copies are on their way while one is being made.
+    pub fn copy_options(&self) -> CopyOptions {
+        let budget = self.gpu_budget_mib << 20;
+        CopyOptions { budget: budget - budget / 8, on_their_way: 2 * (self.upload_mib << 20) }
+    }
+}
+
+/// How the picture is made.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Reflect)]
+#[serde(default, deny_unknown_fields)]
+pub struct DrawingPreset {
+    /// Which renderer.
+    pub backend: Backend,
+    /// The screen-space error `tau`, pixels.
+    pub error_px: f64,
+    /// Milliseconds that a picture may take to draw while the view moves or pages come in: a sample of the particles is drawn
+    /// then, as large as that allows, and all when the view rests. 0: always all.
+    pub frame_ms: f64,
+    /// The setting `presence` of every mode: see `deepfield modes`.
+    pub presence: f64,
+    /// The setting `thinning` of every mode: see `deepfield modes`.
+    pub thinning: f64,
+}
+
+impl Default for DrawingPreset {
+    fn default() -> Self {
+        let economy = Settings::default().economy();
+        Self {
+            backend: Backend::Auto,
+            error_px: 0.8,
+            frame_ms: 40.0,
+            presence: economy.presence,
+            thinning: economy.thinning,
+        }
+    }
+}
+
+/// How the camera answers.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Reflect)]
+#[serde(default, deny_unknown_fields)]
+pub struct CameraPreset {
+    /// Vertical field of view, degrees.
+    pub field_of_view_deg: f64,
+    /// Factor on orbiting, panning and zooming with the mouse.
+    pub orbit_sensitivity: f32,
+    /// 0: the camera follows the mouse at once; towards 1: it glides.
+    pub smoothness: f32,
+    /// Flying speed: the share of the distance to the data covered in a second.
+    pub fly_speed: f64,
+    /// Mouse look: degrees per pixel of mouse motion.
+    pub look_sensitivity: f64,
+    /// How long a flight to a double-clicked place takes, seconds.
+    pub flight_secs: f64,
+}
+
+impl Default for CameraPreset {
+    fn default() -> Self {
+        Self {
+            field_of_view_deg: 45.0,
+            orbit_sensitivity: 1.0,
+            smoothness: 0.1,
+            fly_speed: 0.6,
+            look_sensitivity: 0.15,
+            flight_secs: 1.2,
+        }
+    }
+}
+
+/// The panel.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Reflect)]
+#[serde(default, deny_unknown_fields)]
+pub struct PanelPreset {
+    /// Whether the panels are open at the start.
+    pub open: bool,
+    /// Whether those at the right are.
+    pub right: bool,
+    /// Width at the left, logical pixels.
+    pub width: f32,
+    /// Width at the right, logical pixels.
+    pub right_width: f32,
+    /// Factor on the size of text and controls; 0: by the monitor's own scale and its height.
+    pub scale: f32,
+    /// Names of the sections that are closed at the start.
+    pub closed: Vec<String>,
+}
+
+impl Default for PanelPreset {
+    fn default() -> Self {
+        Self { open: true, right: true, width: 304.0, right_width: 256.0, scale: 0.0, closed: Vec::new() }
+    }
+}
+
+/// Everything that a preset file sets. Fields left out keep their defaults.
+#[derive(Asset, Resource, Clone, Debug, Default, PartialEq, Serialize, Deserialize, Reflect)]
+#[serde(default, deny_unknown_fields)]
+pub struct Preset {
+    /// The window when it opens.
+    pub window: WindowPreset,
+    /// Memory for pages.
+    pub residency: ResidencyPreset,
+    /// How the picture is made.
+    pub drawing: DrawingPreset,
+    /// How the camera answers.
+    pub camera: CameraPreset,
+    /// The panel.
+    pub panel: PanelPreset,
+}
+
+/// Why there is no preset.
+#[derive(Debug, Error)]
+pub enum PresetError {
+    /// The preset's text is refused.
+    #[error(transparent)]
+    Ron(#[from] RonError),
+    /// No preset of that name.
+    #[error("no preset named {0}: expected desktop, laptop or headless")]
+    Unknown(String),
+}
+
+impl Preset {
+    /// The embedded preset of that name.
+    pub fn embedded(name: &str) -> Result<Preset, PresetError> {
+        match EMBEDDED.iter().find(|(known, _)| *known == name) {
+            Some((name, text)) => Ok(Preset::parse(&format!("{name}.ron"), text)?),
+            None => Err(PresetError::Unknown(name.to_owned())),
+        }
+    }
+
+    /// Reads RON text; `file` is what errors call it.
+    pub fn parse(file: &str, text: &str) -> Result<Preset, RonError> {
+        let preset: Preset = ron_file::parse(file, text)?;
+        preset.check(file)?;
+        Ok(preset)
+    }
+
+    /// Checks every number against its range.
+    fn check(&self, file: &str) -> Result<(), RonError> {
+        let Preset { window, residency, drawing, camera, panel } = self;
+        let checks = [
+            ("window.width", f64::from(window.width), 320.0, 16384.0, "320 to 16384"),
+            ("window.height", f64::from(window.height), 240.0, 16384.0, "240 to 16384"),
+            ("residency.budget_mib", residency.budget_mib as f64, 16.0, 1.0e9, "16 or more"),
+            ("residency.gpu_budget_mib", residency.gpu_budget_mib as f64, 64.0, 1.0e9, "64 or more"),
+            ("residency.upload_mib", residency.upload_mib as f64, 1.0, 65536.0, "1 to 65536"),
+            ("residency.stall_secs", residency.stall_secs, 0.1, 3600.0, "0.1 to 3600"),
+            ("residency.requests", residency.requests as f64, 1.0, 4096.0, "1 to 4096"),
+            ("drawing.error_px", drawing.error_px, 0.05, 64.0, "0.05 to 64"),
+            ("drawing.frame_ms", drawing.frame_ms, 0.0, 10_000.0, "0 to 10000"),
+            ("drawing.presence", drawing.presence, 0.0, 1.0e9, "0 to 1e9"),
+            ("drawing.thinning", drawing.thinning, 0.0, 32.0, "0 to 32"),
+            ("camera.field_of_view_deg", camera.field_of_view_deg, 1.0, 150.0, "1 to 150"),
+            ("camera.orbit_sensitivity", f64::from(camera.orbit_sensitivity), 0.01, 100.0, "0.01 to 100"),
+            ("camera.smoothness", f64::from(camera.smoothness), 0.0, 0.95, "0 to 0.95"),
+            ("camera.fly_speed", camera.fly_speed, 0.001, 1000.0, "0.001 to 1000"),
+            ("camera.look_sensitivity", camera.look_sensitivity, 0.001, 10.0, "0.001 to 10"),
+            ("camera.flight_secs", camera.flight_secs, 0.0, 60.0, "0 to 60"),
+            ("panel.width", f64::from(panel.width), 240.0, 640.0, "240 to 640"),
+            ("panel.right_width", f64::from(panel.right_width), 200.0, 640.0, "200 to 640"),
+        ];
+        for (field, value, least, most, expected) in checks {
+            if !(least..=most).contains(&value) {
+                return Err(RonError::value(file, field, value, expected));
+            }
+        }
+        if !(panel.scale == 0.0 || (0.5..=4.0).contains(&panel.scale)) {
+            return Err(RonError::value(file, "panel.scale", panel.scale, "0 (automatic), or 0.5 to 4"));
+        }
+        let known = |name: &&String| !super::panel::SECTIONS.iter().any(|section| section.name == name.as_str());
+        if let Some(name) = panel.closed.iter().find(known) {
+            let names: Vec<&str> = super::panel::SECTIONS.iter().map(|section| section.name).collect();
+            return Err(RonError::value(file, "panel.closed", name, format!("some of {}", names.join(", "))));
+        }
+        Ok(())
+    }
+}
+
+/// Loads `*.ron` files of the source `configs` as [`Preset`]s.
+#[derive(Default, TypePath)]
+pub struct PresetLoader;
+
+impl AssetLoader for PresetLoader {
+    type Asset = Preset;
+    type Settings = ();
+    type Error = RonError;
+
+    async fn load(
+        &self,
+        reader: &mut dyn Reader,
+        _settings: &(),
+        load_context: &mut LoadContext<'_>,
+    ) -> Result<Preset, RonError> {
+        let (file, text) = asset_text(reader, load_context).await?;
+        Preset::parse(&file, &text)
+    }
+
+    fn extensions(&self) -> &[&str] {
+        &["ron"]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_embedded_preset_parses_and_differs() {
+        let presets: Vec<Preset> = EMBEDDED.iter().map(|(name, _)| Preset::embedded(name).unwrap()).collect();
+        assert_eq!(presets[0].residency.budget_mib, 4096);
+        assert_ne!(presets[0], presets[1]);
+        assert_ne!(presets[0], presets[2]);
+        assert!(Preset::embedded("tablet").unwrap_err().to_string().contains("tablet"));
+    }
+
+    #[test]
+    fn an_unknown_field_names_file_line_and_column() {
+        let error = Preset::parse("desk.ron", "(\n    drawing: (error_pixels: 1.0),\n)").unwrap_err().to_string();
+        assert!(error.starts_with("desk.ron:2:"), "{error}");
+        assert!(error.contains("error_pixels"), "{error}");
+    }
+
+    #[test]
+    fn a_value_out_of_range_names_the_field() {
+        let error = Preset::parse("a.ron", "(drawing: (error_px: -1.0))").unwrap_err().to_string();
+        assert_eq!(error, "a.ron: drawing.error_px is -1, expected 0.05 to 64");
+    }
+
+    #[test]
+    fn a_partial_preset_keeps_defaults() {
+        let preset = Preset::parse("a.ron", "(panel: (open: false))").unwrap();
+        assert_eq!(preset, Preset { panel: PanelPreset { open: false, ..default() }, ..default() });
+    }
+}

@@ -1,0 +1,316 @@
+//! Scenes in the window: saved with Ctrl+S, opened as any other file.
+
+use super::camera::{Anchor, Flight, Viewpoint};
+use super::free_name::free_name;
+use super::input::{PointerOwner, is_control};
+use super::lens::Lens;
+use super::messages::Messages;
+use super::objects::Objects;
+use super::panel::Closed;
+use super::picture::{DataCamera, Picture};
+use super::scene::{Scene, Settings};
+use super::shortcuts::Shown;
+use crate::look::dataset::relative_to;
+use crate::look::{Attribute, Bookmark, Camera, DatasetRef, Fingerprint, Member, Panels, SceneFile};
+use crate::model::FamilyName;
+use crate::modes;
+use crate::store::PartInfo;
+use crate::tour::Look;
+use bevy::ecs::system::SystemParam;
+use bevy::math::DVec3;
+use bevy::prelude::*;
+use bevy_panorbit_camera::PanOrbitCamera;
+use std::path::{Path, PathBuf};
+
+/// A scene that has been opened: with its data it is handed to the window.
+#[derive(Clone, Debug)]
+pub struct OpenedScene {
+    /// The scene file.
+    pub path: PathBuf,
+    /// What it says.
+    pub scene: SceneFile,
+    /// What the user should know about its data.
+    pub notes: Vec<String>,
+}
+
+/// The scene file in use, and whether it is to be saved.
+#[derive(Resource, Clone, Debug, Default)]
+pub struct SceneFiles {
+    /// Where the scene is saved; chosen at the first time.
+    pub path: Option<PathBuf>,
+    /// A button of the panel asks to save.
+    pub asked: bool,
+}
+
+/// Viewpoints on number keys, as scenes keep them.
+#[derive(Resource, Clone, Debug, Default, PartialEq)]
+pub struct Bookmarks(pub Vec<Bookmark>);
+
+/// What a scene sets beside [`Settings`] and the camera.
+#[derive(SystemParam)]
+pub struct SceneParts<'w> {
+    files: ResMut<'w, SceneFiles>,
+    bookmarks: ResMut<'w, Bookmarks>,
+    closed: ResMut<'w, Closed>,
+    shown: ResMut<'w, Shown>,
+    objects: ResMut<'w, Objects>,
+}
+
+impl SceneParts<'_> {
+    /// Where the scene is saved, if that is known.
+    pub fn saves_to(&self) -> Option<&Path> {
+        self.files.path.as_deref()
+    }
+
+    /// Says where the scene is saved from now on.
+    pub fn save_to(&mut self, path: Option<PathBuf>) {
+        self.files.path = path;
+    }
+}
+
+/// The open data as files elsewhere name it, by whole paths; looked at once, because its fingerprints have to be read.
+#[derive(Debug, Default)]
+pub(super) struct ShownData {
+    generation: u32,
+    datasets: Vec<DatasetRef>,
+}
+
+impl ShownData {
+    /// The datasets of the scene, with the families that the settings show.
+    pub fn of(&mut self, scene: &Scene, settings: &Settings) -> Vec<DatasetRef> {
+        if self.generation != scene.generation {
+            let of = |member: &Member| DatasetRef {
+                path: member.path.canonicalize().unwrap_or_else(|_| member.path.clone()),
+                fingerprint: Fingerprint::of(&member.path).ok(),
+                families: None,
+                offset: member.offset.to_array(),
+                scale: member.scale,
+            };
+            (self.generation, self.datasets) = (scene.generation, scene.members.iter().map(of).collect());
+        }
+        let data = self.datasets.iter().cloned().zip(families_of(scene, settings));
+        data.map(|(dataset, families)| DatasetRef { families, ..dataset }).collect()
+    }
+}
+
+/// A viewpoint with the settings' lens, as files keep it.
+pub fn camera_of(viewpoint: &Viewpoint, lens: &Lens) -> Camera {
+    Camera {
+        eye: viewpoint.eye.to_array(),
+        target: viewpoint.target.to_array(),
+        up: viewpoint.up.to_array(),
+        fov: lens.fov_deg,
+        ortho: lens.parallel.then(|| lens.height_at(viewpoint.distance())),
+    }
+}
+
+/// The viewpoint and the lens that a file's camera stands for.
+pub fn viewpoint_of(camera: &Camera) -> (Viewpoint, Lens) {
+    let [eye, target, up] = [camera.eye, camera.target, camera.up].map(DVec3::from);
+    let viewpoint = Viewpoint { eye, target, up, fov_y: camera.fov.to_radians() };
+    let mut lens = Lens { fov_deg: camera.fov, parallel: camera.ortho.is_some() };
+    // Where a user has written a height of his own, the field of view follows it.
+    if let Some(height) = camera.ortho
+        && (lens.height_at(viewpoint.distance()) / height - 1.0).abs() > 1e-9
+    {
+        lens.fov_deg = Lens::fov_of(height, viewpoint.distance());
+    }
+    (Viewpoint { fov_y: lens.fov_deg.to_radians(), ..viewpoint }, lens)
+}
+
+/// The families of each dataset that are drawn; `None` for all of them.
+pub(super) fn families_of(scene: &Scene, settings: &Settings) -> Vec<Option<Vec<FamilyName>>> {
+    let all = &scene.file.metadata().families;
+    let shown = |i: &usize| settings.families.get(*i).copied().unwrap_or(true);
+    let of = |part: PartInfo<'_>| {
+        let count = part.families.len();
+        let names: Vec<FamilyName> = part.families.filter(shown).filter_map(|i| Some(all.get(i)?.name)).collect();
+        (names.len() < count).then_some(names)
+    };
+    scene.file.parts().map(of).collect()
+}
+
+/// A scene of these datasets as the settings show it.
+pub(super) fn with_settings(datasets: Vec<DatasetRef>, settings: &Settings) -> SceneFile {
+    SceneFile {
+        mode: Some(settings.mode.name.to_owned()),
+        settings: settings.mode_settings.clone(),
+        attribute: settings.attribute.clone(),
+        transfer: Some(settings.transfer.clone()),
+        annotations: Some(settings.annotations.clone()),
+        error_px: Some(settings.error_px),
+        cut: settings.cut,
+        selections: settings.selections.clone(),
+        ..SceneFile::new(datasets)
+    }
+}
+
+/// What a scene says of settings, as a tour's moment says it; of all families.
+pub(super) fn look_of(scene: &SceneFile) -> Look {
+    Look {
+        mode: scene.mode.clone(),
+        settings: scene.settings.clone(),
+        attribute: scene.attribute.clone(),
+        families: None,
+        transfer: scene.transfer.clone(),
+        annotations: scene.annotations.clone(),
+        error_px: scene.error_px,
+        cut: scene.cut,
+        selections: scene.selections.clone(),
+    }
+}
+
+/// The scene that the window shows of these datasets, to be saved at `path`.
+pub(super) fn scene_file(
+    datasets: Vec<DatasetRef>,
+    settings: &Settings,
+    viewpoint: &Viewpoint,
+    picture: &Picture,
+    parts: &SceneParts<'_>,
+    path: &Path,
+) -> SceneFile {
+    let size = picture.size();
+    SceneFile {
+        size: Some((size.x, size.y)),
+        camera: Some(camera_of(viewpoint, &settings.lens)),
+        bookmarks: parts.bookmarks.0.clone(),
+        labels: parts.objects.path().map(|labels| relative_to(labels, path)),
+        panels: Panels { shown: parts.shown.panel, closed: Some(parts.closed.0.iter().cloned().collect()) },
+        ..with_settings(datasets, settings)
+    }
+}
+
+/// Where a scene of the data at `data` is saved at first.
+fn first_path(data: &Path) -> PathBuf {
+    let stem = data.file_stem().map_or_else(|| "scene".to_owned(), |stem| stem.to_string_lossy().into_owned());
+    free_name(data, &stem, "scene.ron")
+}
+
+/// Saves the scene on Ctrl+S and where the panel's button asks for it.
+pub(super) fn save(
+    keys: Res<ButtonInput<KeyCode>>,
+    owner: Res<PointerOwner>,
+    scene: Option<Res<Scene>>,
+    settings: Res<Settings>,
+    picture: Res<Picture>,
+    mut parts: SceneParts,
+    mut messages: ResMut<Messages>,
+    camera: Single<&Viewpoint, With<DataCamera>>,
+) {
+    let control = is_control(&keys) && owner.keyboard_is_free();
+    let pressed = control && keys.just_pressed(KeyCode::KeyS);
+    let asked = parts.files.asked;
+    if asked {
+        parts.files.asked = false;
+    }
+    if !(pressed || asked) {
+        return;
+    }
+    let Some(scene) = scene else { return };
+    let path = parts.files.path.clone().unwrap_or_else(|| first_path(&scene.path));
+    let dataset = |(member, families): (&Member, _)| {
+        let (offset, scale) = (member.offset.to_array(), member.scale);
+        DatasetRef { families, offset, scale, ..DatasetRef::of(&member.path, &path) }
+    };
+    let datasets = scene.members.iter().zip(families_of(&scene, &settings)).map(dataset).collect();
+    let file = scene_file(datasets, &settings, &camera, &picture, &parts, &path);
+    match file.write(&path) {
+        Ok(()) => {
+            messages.info(format!("scene saved in {}", path.display()));
+            parts.files.path = Some(path);
+        }
+        Err(error) => messages.error(error.to_string()),
+    }
+}
+
+/// Shows what a scene says of the file that has just been adopted; what does not apply to it is told and left out.
+pub(super) fn apply(
+    opened: Option<&OpenedScene>,
+    attributes: &[String],
+    settings: &mut Settings,
+    (entity, viewpoint, anchor, orbit): (Entity, &mut Viewpoint, &mut Anchor, &mut PanOrbitCamera),
+    parts: &mut SceneParts<'_>,
+    commands: &mut Commands,
+    messages: &mut Messages,
+) {
+    let Some(OpenedScene { path, scene, notes }) = opened else {
+        parts.files.path = None;
+        parts.bookmarks.0.clear();
+        // Selections stay: the same particles, or the same region, of another snapshot.
+        return;
+    };
+    notes.iter().for_each(|note| messages.error(note));
+    let told = |what: String| format!("{}: {what}", path.display());
+    if let Some(mode) = scene.mode.as_deref().and_then(modes::find) {
+        settings.choose_mode(mode);
+        settings.mode_settings = scene.settings.clone();
+    }
+    settings.attribute = match &scene.attribute {
+        Attribute::Named(name) if !attributes.contains(name) => {
+            messages.error(told(format!("the data has no attribute {name}; the usual one is shown")));
+            Attribute::Automatic
+        }
+        known => known.clone(),
+    };
+    if let Some(transfer) = &scene.transfer {
+        settings.transfer = transfer.clone();
+        settings.keep_transfer = true;
+    }
+    if let Some(annotations) = &scene.annotations {
+        settings.annotations.clone_from(annotations);
+    }
+    if let Some(error_px) = scene.error_px {
+        settings.error_px = error_px;
+    }
+    settings.cut = scene.cut;
+    if let Some(camera) = &scene.camera {
+        let lens;
+        (*viewpoint, lens) = viewpoint_of(camera);
+        settings.lens = lens;
+        *anchor = Anchor::adopt(viewpoint, orbit);
+        commands.entity(entity).remove::<Flight>();
+    }
+    parts.bookmarks.0.clone_from(&scene.bookmarks);
+    parts.objects.open_of_scene(scene.labels.as_deref().map(|labels| crate::look::dataset::located(labels, path)));
+    settings.selections.clone_from(&scene.selections);
+    parts.shown.panel = scene.panels.shown;
+    if let Some(closed) = &scene.panels.closed {
+        parts.closed.0 = closed.iter().cloned().collect();
+    }
+    parts.files.path = Some(path.clone());
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        /// A viewpoint comes back from a file's camera: exactly in perspective, to rounding where lines of sight are parallel.
+        #[test]
+        fn viewpoints_come_back(
+            eye in prop::array::uniform3(-1e3..1e3f64),
+            target in prop::array::uniform3(-1e3..1e3f64),
+            fov_deg in 1.0..150.0f64,
+            parallel in any::<bool>(),
+        ) {
+            let lens = Lens { fov_deg, parallel };
+            let [eye, target] = [eye, target].map(DVec3::from);
+            prop_assume!(eye.distance(target) > 1e-3);
+            let viewpoint = Viewpoint { eye, target, up: DVec3::Y, fov_y: fov_deg.to_radians() };
+            let camera = camera_of(&viewpoint, &lens);
+            prop_assert_eq!(viewpoint_of(&camera), (viewpoint, lens));
+        }
+    }
+
+    #[test]
+    fn scenes_are_saved_beside_the_data_under_a_free_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let data = folder.path().join("box.hdf5");
+        let first = first_path(&data);
+        assert_eq!(first, folder.path().join("box.scene.ron"));
+        std::fs::write(&first, "mine").unwrap();
+        assert_eq!(first_path(&data), folder.path().join("box-2.scene.ron"));
+        assert_eq!(first_path(Path::new("/nowhere/at/all.df")), Path::new("all.scene.ron"), "the working folder");
+    }
+}

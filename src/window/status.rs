@@ -1,0 +1,259 @@
+//! The window's state as JSON in a file, for scripts and tests that cannot look at pixels.
+
+use super::camera::{Navigation, Viewpoint};
+use super::history::History;
+use super::look::Look;
+use super::looking::LookingState;
+use super::looking::report::Report;
+use super::messages::Messages;
+use super::open::Openings;
+use super::panel::Closed;
+use super::picture::{DataCamera, Picture};
+use super::scene::{Scene, Settings};
+use super::scene_io::SceneFiles;
+use super::shortcuts::Shown;
+use super::statistics::{Converged, Statistics};
+use super::touring::{Player, Ranges};
+use super::ui::Controls;
+use crate::annotate::Annotations;
+use crate::color::transfer::TransferFunction;
+use crate::explore::SelectionSet;
+use crate::look::Attribute;
+use crate::show::window::network::{Following, Leading};
+use crate::show::window::supervised::Supervised;
+use crate::view::CutSettings;
+use bevy::prelude::*;
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// Where the state is written, and what was written last.
+#[derive(Resource, Default)]
+pub struct StatusFile {
+    path: Option<PathBuf>,
+    written: String,
+    next_secs: f64,
+}
+
+impl StatusFile {
+    /// Writes to `path`, if any.
+    pub fn new(path: Option<PathBuf>) -> StatusFile {
+        StatusFile { path, ..default() }
+    }
+}
+
+/// The tour.
+#[derive(Serialize)]
+struct TourStatus<'a> {
+    /// Where it is; `None` while it shows nothing.
+    time: Option<f64>,
+    duration: f64,
+    running: bool,
+    waiting: Option<usize>,
+    stops: Vec<f64>,
+    selected: Option<usize>,
+    recording: bool,
+    path: Option<&'a Path>,
+    /// At how many moments the ranges of its colours are known, and at how many they are looked for.
+    exposed: [usize; 2],
+}
+
+/// The window's part in a show on several machines.
+#[derive(Serialize)]
+struct ShowStatus<'a> {
+    /// `leader` or `follower`.
+    role: &'a str,
+    /// Where the leader is.
+    address: Option<std::net::SocketAddr>,
+    /// Whether the leader is there.
+    joined: bool,
+    /// Who follows, and whether they are there and in step.
+    followers: Vec<(&'a str, bool, bool)>,
+    /// The windows of this machine's outputs, and the numbers of their processes.
+    outputs: Vec<(&'a str, u32)>,
+}
+
+impl ShowStatus<'_> {
+    fn of<'a>(
+        leading: Option<&'a Leading>,
+        following: Option<&'a Following>,
+        supervised: Option<&'a Supervised>,
+    ) -> Option<ShowStatus<'a>> {
+        if let Some(following) = following.map(Following::follower) {
+            let (address, joined) = (Some(following.leader()), following.is_joined());
+            return Some(ShowStatus { role: "follower", address, joined, followers: Vec::new(), outputs: Vec::new() });
+        }
+        let leader = leading?.leader();
+        let all = leader.followers().iter().map(|info| (info.name.as_str(), info.is_here, info.is_in_step()));
+        let outputs = supervised.map_or_else(Vec::new, |supervised| supervised.outputs().collect());
+        Some(ShowStatus { role: "leader", address: leader.address(), joined: true, followers: all.collect(), outputs })
+    }
+}
+
+/// Seconds between two writes at least.
+const INTERVAL_SECS: f64 = 0.1;
+
+/// The state; lengths in physical pixels and world units.
+#[derive(Serialize)]
+struct Status<'a> {
+    /// The number of the window's process.
+    process: u32,
+    open: Option<&'a std::path::Path>,
+    opening: Option<&'a std::path::Path>,
+    panel: bool,
+    help: bool,
+    flying: bool,
+    picture: [f32; 4],
+    eye: [f64; 3],
+    target: [f64; 3],
+    mode: &'a str,
+    levels: &'a str,
+    /// The ranges of the colours in use, and whether they have arrived.
+    ranges: Option<([[f64; 2]; 2], bool)>,
+    converged: bool,
+    error_px: f64,
+    particles_drawn: u64,
+    sampled: Option<u64>,
+    live: Option<u64>,
+    nodes_drawn: usize,
+    nodes_hidden: usize,
+    pages_resident: usize,
+    pages_failed: usize,
+    backend: &'a str,
+    adapter: &'a str,
+    /// What can be undone and redone.
+    history: [usize; 2],
+    scene: Option<&'a std::path::Path>,
+    settings: SettingsStatus<'a>,
+    tour: Option<TourStatus<'a>>,
+    show: Option<ShowStatus<'a>>,
+    looking: Report<'a>,
+    /// The panels' controls: left, top, right and bottom; 1 where they are in sight, else 0.
+    controls: BTreeMap<&'a str, [f32; 5]>,
+    messages: Vec<&'a str>,
+}
+
+/// What the panels set.
+#[derive(Serialize)]
+struct SettingsStatus<'a> {
+    mode: &'a str,
+    attribute: String,
+    values: &'a crate::mode::Settings,
+    transfer: &'a TransferFunction,
+    annotations: &'a Annotations,
+    error_px: f64,
+    families: &'a [bool],
+    fov: f64,
+    parallel: bool,
+    cut: CutSettings,
+    selections: &'a [SelectionSet],
+    closed: &'a Closed,
+}
+
+/// Writes the state where it has changed: into a file beside it, which then takes its name, so that a reader never
+/// sees half of it.
+pub(super) fn write_status(
+    mut file: ResMut<StatusFile>,
+    time: Res<Time<Real>>,
+    scene: Option<Res<Scene>>,
+    openings: Res<Openings>,
+    shown: Res<Shown>,
+    settings: Res<Settings>,
+    picture: Res<Picture>,
+    converged: Res<Converged>,
+    statistics: Res<Statistics>,
+    mut messages: ResMut<Messages>,
+    (history, files, closed, controls): (Res<History>, Res<SceneFiles>, Res<Closed>, Res<Controls>),
+    looking: LookingState,
+    (player, ranges, look): (Res<Player>, Res<Ranges>, Option<Res<Look>>),
+    (leading, following, supervised): (Option<Res<Leading>>, Option<Res<Following>>, Option<Res<Supervised>>),
+    camera: Single<(&Viewpoint, &Navigation), With<DataCamera>>,
+) {
+    let file = file.bypass_change_detection();
+    let now = time.elapsed_secs_f64();
+    let Some(path) = file.path.clone().filter(|_| now >= file.next_secs) else { return };
+    file.next_secs = now + INTERVAL_SECS;
+    let (viewpoint, navigation) = camera.into_inner();
+    let opening = openings.progress();
+    let corners = [picture.rect.min, picture.rect.max].map(|corner| corner * picture.scale);
+    let status = Status {
+        process: std::process::id(),
+        open: scene.as_ref().map(|scene| scene.path.as_path()),
+        opening: opening.as_ref().map(|(path, ..)| *path),
+        panel: shown.panel,
+        help: shown.help,
+        flying: *navigation == Navigation::Fly,
+        picture: [corners[0].x, corners[0].y, corners[1].x, corners[1].y],
+        eye: viewpoint.eye.to_array(),
+        target: viewpoint.target.to_array(),
+        mode: settings.mode.name,
+        levels: statistics.levels,
+        ranges: look.as_ref().map(|look| ([look.levels.p, look.levels.s], look.settled)),
+        converged: converged.0,
+        error_px: statistics.error_px,
+        particles_drawn: statistics.particles,
+        sampled: statistics.sampled,
+        live: statistics.live,
+        nodes_drawn: statistics.nodes,
+        nodes_hidden: statistics.hidden,
+        pages_resident: statistics.pages_resident,
+        pages_failed: statistics.pages_failed,
+        backend: &statistics.backend,
+        adapter: &statistics.adapter,
+        history: history.steps(),
+        scene: files.path.as_deref(),
+        settings: SettingsStatus {
+            mode: settings.mode.name,
+            attribute: match &settings.attribute {
+                Attribute::Automatic => "automatic".to_owned(),
+                Attribute::None => "none".to_owned(),
+                Attribute::Named(name) => name.clone(),
+            },
+            values: &settings.mode_settings,
+            transfer: &settings.transfer,
+            annotations: &settings.annotations,
+            error_px: settings.error_px,
+            families: &settings.families,
+            fov: settings.lens.fov_deg,
+            parallel: settings.lens.parallel,
+            cut: settings.cut,
+            selections: &settings.selections,
+            closed: &closed,
+        },
+        tour: player.timeline().map(|timeline| TourStatus {
+            time: player.state().map(|state| state.time),
+            duration: timeline.duration(),
+            running: player.clock().is_running(),
+            waiting: player.clock().waiting(),
+            stops: timeline.stops().iter().map(|stop| stop.arrive).collect(),
+            selected: player.selected,
+            recording: player.is_recording(),
+            path: player.path(),
+            exposed: ranges.progress(),
+        }),
+        show: ShowStatus::of(leading.as_deref(), following.as_deref(), supervised.as_deref()),
+        looking: Report::of(&looking, &settings.selections),
+        controls: controls
+            .0
+            .iter()
+            .map(|(name, (rect, in_sight))| {
+                let [left, top, right, bottom] =
+                    [rect.left(), rect.top(), rect.right(), rect.bottom()].map(|side| side * picture.scale);
+                (name.as_str(), [left, top, right, bottom, f32::from(u8::from(*in_sight))])
+            })
+            .collect(),
+        messages: messages.all().map(|message| message.text.as_str()).collect(),
+    };
+    let Ok(text) = serde_json::to_string_pretty(&status) else { return };
+    if text == file.written {
+        return;
+    }
+    let beside = path.with_extension("part");
+    match std::fs::write(&beside, &text).and_then(|()| std::fs::rename(&beside, &path)) {
+        Ok(()) => file.written = text,
+        Err(error) => {
+            messages.error(format!("{}: {error}", path.display()));
+            file.path = None;
+        }
+    }
+}

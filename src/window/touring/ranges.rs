@@ -1,0 +1,329 @@
+//! The ranges of the open tour's colours, found in advance as a recording finds them: on a thread of their own, a moment at a time,
+//! those first that are needed first. While the tour is shown and its ranges are known, the picture has these.
+
+use super::Player;
+use crate::color::transfer::{Levels, TransferFunction};
+use crate::mode::Footprint;
+use crate::stream;
+use crate::tour::exposure::{Exposure, Measured, Moment, is_searched};
+use crate::tour::sketch::{Format, SketchError, depict, measure};
+use crate::tour::{State, Timeline, TourFile};
+use crate::view::Surround;
+use crate::window::look::{Held, Look};
+use crate::window::looking::answer::Answer;
+use crate::window::picture::Picture;
+use crate::window::scene::Scene;
+use bevy::prelude::*;
+use std::collections::HashSet;
+use std::sync::Arc;
+
+/// Memory for pages that moments are drawn from, beside those of the window's own picture, bytes.
+const BUDGET: u64 = 512 << 20;
+
+/// What is known of the tour's ranges.
+#[derive(Resource, Default)]
+pub struct Ranges {
+    tour: Option<Rehearsed>,
+    coming: Option<Coming>,
+    /// The pages that were read for it, and the [`Scene::generation`] of their file.
+    pages: Option<(u32, stream::Scene)>,
+}
+
+/// A moment that is being drawn.
+struct Coming {
+    timeline: Arc<Timeline>,
+    moment: Moment,
+    generation: u32,
+    answer: Answer<(stream::Scene, Result<Measured, SketchError>)>,
+}
+
+/// A tour, and what is known of it.
+struct Rehearsed {
+    timeline: Arc<Timeline>,
+    generation: u32,
+    format: Format,
+    /// The window's rows, where ranges depend on them.
+    rows: Option<u32>,
+    exposure: Exposure,
+    moments: Vec<Moment>,
+    /// What cannot be drawn.
+    failed: HashSet<Moment>,
+}
+
+impl Rehearsed {
+    /// Nothing is known of it, but what was known of the one before and shows the same.
+    fn new(
+        timeline: &Arc<Timeline>,
+        tour: &TourFile,
+        scene: &Scene,
+        rows: u32,
+        before: Option<Rehearsed>,
+    ) -> Rehearsed {
+        let format = Format { size: tour.size, surround: tour.projection };
+        let metadata = scene.file.metadata();
+        let in_pixels = timeline.stops().iter().enumerate().any(|(index, stop)| {
+            let depiction = depict(&timeline.look(index, stop.arrive), metadata);
+            depiction.is_ok_and(|depiction| matches!(depiction.footprint(), Footprint::Pixels(_)))
+        });
+        let rows = in_pixels.then_some(rows);
+        let mut exposure = Exposure::new(timeline);
+        let alike = |old: &Rehearsed| (old.generation, old.format, old.rows) == (scene.generation, format, rows);
+        if let Some(old) = before.filter(alike) {
+            exposure.keep(&old.exposure, timeline, |time| {
+                let [was, is] = [&old.timeline, timeline].map(|timeline| timeline.state(time));
+                was.camera == is.camera && was.look == is.look
+            });
+        }
+        let moments = exposure.moments(timeline);
+        let (timeline, generation) = (Arc::clone(timeline), scene.generation);
+        Rehearsed { timeline, generation, format, rows, exposure, moments, failed: HashSet::new() }
+    }
+
+    /// The moment to draw now, for one who is at a time after a keyframe: what is needed there, what comes after, and the rest.
+    fn next(&self, keyframe: usize, time: f64) -> Option<Moment> {
+        let is_open = |moment: &&Moment| !self.exposure.knows(**moment) && !self.failed.contains(moment);
+        let (now, _) = self.exposure.around(keyframe, time)?;
+        let needed = now.iter().filter(|moment| self.moments.contains(moment)).find(is_open);
+        let later = || self.moments.iter().filter(|moment| self.exposure.time(**moment) >= time).find(is_open);
+        needed.or_else(later).or_else(|| self.moments.iter().find(is_open)).copied()
+    }
+
+    /// The ranges of the picture's look at a moment of the tour, where they are known and the picture shows what was measured.
+    fn levels(&self, state: &State, look: &Look) -> Option<Levels> {
+        let shown = crate::tour::Look { transfer: Some(look.transfer.clone()), ..state.look.clone() };
+        if is_searched(&shown) {
+            let measured = self.exposure.measured(state.keyframe, state.time)?;
+            let scales = |transfer: &TransferFunction| (transfer.scale, transfer.hue.as_ref().map(|hue| hue.scale));
+            let attribute = look.depiction.attribute.as_ref().map(|coloring| &coloring.name);
+            let same = std::ptr::eq(measured.mode, look.depiction.mode)
+                && measured.attribute.as_ref() == attribute
+                && scales(&measured.transfer) == scales(&look.transfer);
+            if !same {
+                return None;
+            }
+        }
+        self.exposure.exposed(state.keyframe, state.time, &shown)?.transfer?.numbers()
+    }
+}
+
+impl Ranges {
+    /// How many moments are known, and how many there are.
+    pub fn progress(&self) -> [usize; 2] {
+        self.tour.as_ref().map_or([0; 2], |tour| {
+            let known = tour.moments.iter().filter(|moment| tour.exposure.knows(**moment)).count();
+            [known, tour.moments.len()]
+        })
+    }
+
+    /// A look after a keyframe as it is at a time of this tour, with numbers for its ranges; `None` before they are known.
+    pub fn exposed(
+        &self,
+        timeline: &Arc<Timeline>,
+        keyframe: usize,
+        time: f64,
+        look: &crate::tour::Look,
+    ) -> Option<crate::tour::Look> {
+        let tour = self.tour.as_ref().filter(|tour| Arc::ptr_eq(&tour.timeline, timeline))?;
+        tour.exposure.exposed(keyframe, time, look)
+    }
+
+    /// Takes in what has been drawn.
+    fn receive(&mut self) {
+        let Some(mut coming) = self.coming.take() else { return };
+        if !coming.answer.receive() {
+            self.coming = Some(coming);
+            return;
+        }
+        let tour = self.tour.as_mut().filter(|tour| Arc::ptr_eq(&tour.timeline, &coming.timeline));
+        let measured = match coming.answer {
+            Answer::Here((pages, measured)) => {
+                self.pages = Some((coming.generation, pages));
+                measured.ok()
+            }
+            _ => None,
+        };
+        let Some(tour) = tour else { return };
+        match measured {
+            Some(measured) => tour.exposure.take(coming.moment, measured),
+            // The picture's own ranges are used there.
+            None => drop(tour.failed.insert(coming.moment)),
+        }
+    }
+
+    /// Begins to draw a moment.
+    fn start(&mut self, moment: Moment, scene: &Scene) {
+        let Some(tour) = &self.tour else { return };
+        let known = self.pages.take().filter(|(generation, _)| *generation == scene.generation);
+        let mut pages = known.map_or_else(|| stream::Scene::new(Arc::clone(&scene.file), BUDGET), |(_, pages)| pages);
+        let State { look, camera, .. } = tour.timeline.state(tour.exposure.time(moment));
+        let format = match tour.rows {
+            // Dots are compared with those of a window, whose picture is flat.
+            Some(rows)
+                if depict(&look, scene.file.metadata()).is_ok_and(|own| own.footprint() != Footprint::Kernel) =>
+            {
+                let aspect = f64::from(tour.format.size.0) / f64::from(tour.format.size.1.max(1));
+                let width = (f64::from(rows) * aspect).round().clamp(1.0, 16384.0) as u32;
+                Format { size: (width, rows), surround: Surround::Flat }
+            }
+            _ => tour.format,
+        };
+        let draw = move || {
+            // What is missing is told where the picture itself is drawn.
+            let measured = measure(&mut pages, &look, &camera, format, &mut |_| {});
+            (pages, measured)
+        };
+        let answer = Answer::ask("tour", move |_| {
+            // A part of the processor only: the window's picture needs it more.
+            let all = std::thread::available_parallelism().map_or(1, usize::from);
+            let few = rayon::ThreadPoolBuilder::new().num_threads((all / 4).max(1)).build();
+            few.map(|few| few.install(draw))
+        });
+        let (timeline, generation) = (Arc::clone(&tour.timeline), scene.generation);
+        self.coming = Some(Coming { timeline, moment, generation, answer });
+    }
+}
+
+/// Draws the open tour's moments, one after the other.
+pub fn rehearse(mut ranges: ResMut<Ranges>, player: Res<Player>, scene: Option<Res<Scene>>, picture: Res<Picture>) {
+    let ranges = ranges.bypass_change_detection();
+    ranges.receive();
+    let (Some(scene), Some(tour), Some(timeline)) = (scene, player.tour(), player.timeline()) else {
+        // In the frame of an edit there is no timeline.
+        if player.tour().is_none() {
+            (ranges.tour, ranges.pages) = (None, None);
+        }
+        return;
+    };
+    let rows = picture.size().y;
+    let is_known = ranges.tour.as_ref().is_some_and(|known| {
+        Arc::ptr_eq(&known.timeline, timeline)
+            && known.generation == scene.generation
+            && known.format == (Format { size: tour.size, surround: tour.projection })
+            && known.rows.is_none_or(|known| known == rows)
+    });
+    if !is_known {
+        ranges.tour = Some(Rehearsed::new(timeline, tour, &scene, rows, ranges.tour.take()));
+    }
+    if ranges.coming.is_some() {
+        return;
+    }
+    let (keyframe, time) = player.state().map_or((0, 0.0), |state| (state.keyframe, state.time));
+    match ranges.tour.as_ref().and_then(|tour| tour.next(keyframe, time)) {
+        Some(moment) => ranges.start(moment, &scene),
+        // All is known: the pages have done their service.
+        None => ranges.pages = None,
+    }
+}
+
+/// Gives the picture the ranges of the tour's moment that is shown.
+pub fn hold(ranges: Res<Ranges>, player: Res<Player>, look: Option<Res<Look>>, mut held: ResMut<Held>) {
+    let known = ranges.tour.as_ref().zip(player.state()).zip(look);
+    let same = |tour: &Rehearsed| player.timeline().is_some_and(|timeline| Arc::ptr_eq(&tour.timeline, timeline));
+    let levels = known.filter(|((tour, _), _)| same(tour)).and_then(|((tour, state), look)| tour.levels(state, &look));
+    held.set_if_neq(Held(levels));
+}
+
+#[cfg(all(test, feature = "viewer"))]
+#[allow(clippy::unwrap_used, reason = "a failed helper fails its test")]
+mod tests {
+    use super::*;
+    use crate::window::exposure::Exposure as Own;
+    use crate::window::look::{follow_settings, glide_levels};
+    use crate::window::panel::Choices;
+    use crate::window::touring::Asked;
+    use crate::window::touring::player::play;
+    use crate::window::touring::player::tests::Window;
+    use crate::window::transfer_presets::TransferPresets;
+    use std::path::Path;
+    use std::time::{Duration, Instant};
+
+    /// A window with the shipped tour, at a small size.
+    fn window() -> Window {
+        let mut window = Window::new();
+        let world = window.app.world_mut();
+        world.resource_mut::<Choices>().attributes = vec!["speed".into()];
+        window
+            .app
+            .init_resource::<Ranges>()
+            .init_resource::<Held>()
+            .init_resource::<Own>()
+            .init_resource::<TransferPresets>()
+            .add_systems(Update, (follow_settings, rehearse, hold, glide_levels).chain().after(play));
+        let mut tour = TourFile::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/tours/demo.ron")).unwrap();
+        tour.size = (320, 180);
+        tour.dataset = None;
+        window.open(&tour);
+        window
+    }
+
+    fn wait(window: &mut Window, until: impl Fn(&App) -> bool) {
+        let start = Instant::now();
+        while !until(&window.app) {
+            window.frame(0.0);
+            std::thread::sleep(Duration::from_millis(1));
+            assert!(
+                start.elapsed() < Duration::from_secs(240),
+                "{:?}",
+                window.app.world().resource::<Ranges>().progress()
+            );
+        }
+    }
+
+    fn look(window: &Window) -> Look {
+        window.app.world().resource::<Look>().clone()
+    }
+
+    #[test]
+    fn colours_have_the_ranges_that_a_recording_finds() {
+        let mut window = window();
+        // The clock stands, and goes to a moment far away: that one is looked for first.
+        // It begins by itself.
+        window.frame(0.0);
+        window.ask(Asked::Toggle);
+        window.ask(Asked::Seek(50.0));
+        wait(&mut window, |app| app.world().resource::<Held>().0.is_some());
+        let [known, all] = window.app.world().resource::<Ranges>().progress();
+        assert!(known < 12 && all > 40, "{known} of {all}");
+        wait(&mut window, |app| {
+            let [known, all] = app.world().resource::<Ranges>().progress();
+            known == all && all > 0
+        });
+        let file = Arc::clone(&window.app.world().resource::<Scene>().file);
+        let mut pages = stream::Scene::new(file, u64::MAX);
+        let format = Format { size: (320, 180), surround: Surround::Flat };
+        let timeline = Arc::clone(window.player().timeline().unwrap());
+        let mut modes = HashSet::new();
+        for i in 0..33 {
+            let time = 1.0 + 1.9 * f64::from(i);
+            window.ask(Asked::Seek(time));
+            window.frame(0.0);
+            let (own, state) = (look(&window), timeline.state(time));
+            modes.insert(own.depiction.mode.name);
+            assert!(own.settled);
+            // A picture of this very moment finds the same, as far as a curve between moments can be that.
+            let here = measure(&mut pages, &state.look, &state.camera, format, &mut |_| {}).unwrap();
+            let ratio = |range: [f64; 2]| range[1] / range[0];
+            let apart = |a: f64, b: f64| (a / b).ln().abs() / ratio(here.levels.p).ln();
+            for k in 0..2 {
+                let [found, expected] = [own.levels.p[k], here.levels.p[k]];
+                assert!(apart(found, expected) < 0.06, "{time}: {found} {expected}");
+            }
+        }
+        assert_eq!(modes.len(), 3, "{modes:?}");
+        // Words change no picture; another mode from a keyframe on changes those after it.
+        window.ask(Asked::Caption(2, "Other words".into()));
+        window.frame(0.0);
+        assert_eq!(window.app.world().resource::<Ranges>().progress()[0], all);
+        window.ask(Asked::Remove(11));
+        window.frame(0.0);
+        let [kept, left] = window.app.world().resource::<Ranges>().progress();
+        assert!(kept > left / 2 && left < all, "{kept} of {left}");
+        // What the user sets is the user's.
+        window.ask(Asked::Seek(20.0));
+        wait(&mut window, |app| app.world().resource::<Held>().0.is_some());
+        window.app.world_mut().resource_mut::<crate::window::scene::Settings>().transfer.scale =
+            crate::color::transfer::Scale::Linear;
+        window.frame(0.0);
+        assert_eq!(*window.app.world().resource::<Held>(), Held(None));
+    }
+}
