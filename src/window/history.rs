@@ -168,7 +168,7 @@ mod tests {
                 SettingKind::Colors { .. } => SettingValue::Names(vec![format!("#{:06x}", (value * 1e7) as u32)]),
             };
             setting.check(&new).unwrap();
-            settings.mode_settings.set(setting, new);
+            settings.set(setting, new);
             return;
         }
         match pick - own.len() {

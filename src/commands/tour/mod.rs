@@ -170,7 +170,7 @@ fn open(arguments: &Arguments) -> Result<Show, Box<dyn std::error::Error + Send 
         (Some(data), _) => {
             let mut tour = around_data(arguments.seconds.unwrap_or(10.0).max(2.0));
             tour.size = (1280, 720);
-            tour.keyframes[0].mode = arguments.mode.map(|mode| mode.name.to_owned());
+            tour.keyframes[0].look.mode = arguments.mode;
             (tour, None, data.clone())
         }
         (None, Some(path)) => {
@@ -205,7 +205,7 @@ fn open(arguments: &Arguments) -> Result<Show, Box<dyn std::error::Error + Send 
         tour.size = (usual.width, usual.height);
     }
     if let Some(error_px) = arguments.error_px {
-        tour.keyframes.iter_mut().for_each(|keyframe| keyframe.error_px = Some(error_px));
+        tour.keyframes.iter_mut().for_each(|keyframe| keyframe.look.error_px = Some(error_px));
     }
     Show::open(tour, file, data, arguments)
 }

@@ -24,9 +24,9 @@ pub(super) fn text(show: &Show) -> String {
         };
         let state = timeline.state(stop.arrive);
         let mut what: Vec<String> = stop.label.iter().map(|label| format!("[{label}]")).collect();
-        let own = state.look.mode.clone().unwrap_or_default();
+        let own = state.look.mode.map_or("", |mode| mode.name);
         if own != mode {
-            what.push(own.clone());
+            what.push(own.to_owned());
             mode = own;
         }
         if !state.caption.text.is_empty() {

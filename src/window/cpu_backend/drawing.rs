@@ -5,7 +5,7 @@ use crate::color::{Accumulation, Image};
 use crate::cpu::Method;
 use crate::cpu::volume::{Caster, OpaqueDepths, Processor, VolumeError};
 use crate::picture::paint::{Subject, paint_nodes, paint_particles};
-use crate::mode::{Depiction, Plan};
+use crate::mode::{Depiction, Economy, Plan};
 use crate::model::{Dataset, Family, FamilyName};
 use crate::picture::{governor, pilot, processor};
 use crate::store::PageFile;
@@ -49,7 +49,7 @@ pub(super) fn draw(
     source: &Source,
     view: &View,
     size: UVec2,
-    (plan, limit): (Option<Plan>, u64),
+    (economy, plan, limit): (Economy, Option<Plan>, u64),
     (transfer, levels): (&TransferFunction, Option<Levels>),
 ) -> Result<(Accumulation, Plan, (u64, bool)), String> {
     let metadata = file.metadata();
@@ -64,7 +64,6 @@ pub(super) fn draw(
         }
     };
     // What may be left out is decided for the whole picture, also where this one has fewer pixels.
-    let economy = depiction.settings.economy();
     let plan = match plan {
         Some(plan) => Ok(plan),
         None => pilot::plan(view, depiction, metadata, nodes, &economy, transfer, levels),

@@ -34,7 +34,7 @@ const BUDGET: u64 = 1 << 30;
 #[derive(Clone, PartialEq)]
 struct Key {
     view: View,
-    look: tour::Look,
+    look: LookPatch,
     levels: Option<Levels>,
     limit: u64,
     generation: u32,
@@ -229,7 +229,8 @@ pub fn draw_before(
         (true, false) => before.governor.limit(MOVING_MS),
     };
     let (place, lens) = viewpoint_of(&blend.camera);
-    let own = Settings { lens, cut: blend.look.cut, ..settings.clone() };
+    let cut = blend.look.cut.unwrap_or_default();
+    let own = Settings { lens, look: crate::look::Look { cut, ..settings.look.clone() }, ..settings.clone() };
     let Ok(view) = view_of(&place, &own, scene.periodic, size, aim.as_deref()) else { return };
     let key = Key { view, look: exposed.unwrap_or(blend.look), levels, limit, generation: scene.generation };
     let keyframe = then.keyframe;

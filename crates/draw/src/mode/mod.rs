@@ -4,6 +4,7 @@
 
 pub mod depiction;
 pub mod economy;
+mod named;
 pub mod paint;
 pub mod sample;
 pub mod setting;
@@ -111,10 +112,15 @@ impl std::fmt::Debug for Mode {
 }
 
 impl Mode {
-    /// Its settings, then those that every mode of splats has.
+    /// Its settings.
+    pub fn own_settings(&self) -> impl Iterator<Item = &'static Setting> + Clone + use<> {
+        self.settings.iter().copied().flatten().copied()
+    }
+
+    /// Its settings, then those of what a picture of splats may leave undrawn.
     pub fn all_settings(&self) -> impl Iterator<Item = &'static Setting> + use<> {
-        let common: &[&Setting] = if self.painter().is_some() { &[] } else { &economy::COMMON };
-        self.settings.iter().copied().flatten().chain(common).copied()
+        let common: &[&'static Setting] = if self.painter().is_some() { &[] } else { &economy::COMMON };
+        self.own_settings().chain(common.iter().copied())
     }
 
     /// What draws its colours, for modes that are not made of splats.

@@ -1,5 +1,6 @@
 //! The leader's side of a show: what is sent of each frame, and what is heard of the followers.
 
+use crate::look::SceneFile;
 use crate::show::protocol::{Frame, Leader, LeaderEvent, Moment, Ranges, Severity};
 use crate::tour::TourFile;
 use crate::window::camera::Viewpoint;
@@ -8,7 +9,7 @@ use crate::window::messages::Messages;
 use crate::window::objects::Objects;
 use crate::window::picture::{DataCamera, Picture};
 use crate::window::scene::{Scene, Settings};
-use crate::window::scene_io::{ShownData, camera_of, with_settings};
+use crate::window::scene_io::{ShownData, camera_of};
 use crate::window::touring::Player;
 use bevy::prelude::*;
 use std::path::{Path, PathBuf};
@@ -58,8 +59,11 @@ impl Leading {
         }
         let datasets = self.data.of(scene, settings);
         let labels = labels.map(Path::to_owned);
-        let mut file = with_settings(datasets, settings);
-        file.labels = labels.as_ref().map(|path| path.canonicalize().unwrap_or_else(|_| path.clone()));
+        let file = SceneFile {
+            look: settings.look.patch(),
+            labels: labels.as_ref().map(|path| path.canonicalize().unwrap_or_else(|_| path.clone())),
+            ..SceneFile::new(datasets)
+        };
         match file.text(Path::new("the show")).map(|text| self.leader.set_scene(text)) {
             Ok(true) => {}
             Ok(false) => messages.error("the settings are too long to be sent: followers keep those before"),
