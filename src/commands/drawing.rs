@@ -127,7 +127,7 @@ impl Drawing {
             let own = Arguments { size, backend, background, exact, ..own };
             let mut members = arguments.members();
             if let (Some(first), Some(dataset)) = (members.first_mut(), from.datasets.first()) {
-                first.families = dataset.families.clone();
+                first.families = from.look.families.clone().or(dataset.families.clone());
             }
             let before = filled(own, SceneFile::clone(from), members, Path::new("")).with_economy();
             let annotations = render::annotations(&before, false)?;

@@ -18,10 +18,10 @@ use crate::cpu::around::draw_face;
 use crate::cpu::volume::Processor;
 use crate::cpu::{Counts, Method, SplatOptions, Splats, draw_counted};
 use crate::hierarchy::Levels;
-use crate::picture::paint::{Subject, densest, densest_of};
 use crate::mode::{Depiction, Economy, Footprint, Painted, Plan};
 use crate::model::{Bounds, Kernel, PeriodicBox};
 use crate::picture::around::{Alike, is_of_data, neighbourhood, sketch, with_images};
+use crate::picture::paint::{Subject, densest, densest_of};
 use crate::picture::panorama::{Texels, assemble};
 use crate::picture::processor::{self, SeenFamily};
 use crate::stream::SceneSelection;
@@ -89,7 +89,7 @@ impl Projector {
         if arguments.overdraw.is_some() {
             return Err("--overdraw: is for flat pictures".into());
         }
-        let economy = arguments.settings.file_economy();
+        let economy = arguments.budget.file_economy();
         if economy.presence > 0.0 || economy.thinning > 0.0 {
             eprintln!("deepfield: presence and thinning are for flat pictures; nothing is left out");
         }

@@ -5,7 +5,7 @@ use super::annotate::Stage;
 use super::arguments::PictureSize;
 use super::drawing::Drawing;
 use super::exact_source::ExactSource;
-use super::picture_config::PictureConfig;
+use super::picture_config;
 use super::picture_statistics::LeftOut;
 use super::projected;
 use super::projection_options::ProjectionName;
@@ -17,7 +17,7 @@ use crate::color::transfer::TransferFunction;
 use crate::color::{Accumulation, Image, output};
 use crate::cpu::Method;
 use crate::hierarchy::Levels;
-use crate::look::shown_families;
+use crate::look::{PictureConfig, shown_families};
 use crate::mode::{Depiction, Economy, Mode, Plan};
 use crate::model::{Bounds, FamilyName, PeriodicBox};
 use crate::picture::{pilot, processor};
@@ -52,7 +52,7 @@ pub(super) struct Picture {
 /// When the source cannot be read, a setting does not fit the data, no adapter draws, or a file cannot be written.
 pub fn run(arguments: &Arguments) -> CommandResult {
     let arguments = match &arguments.config {
-        Some(path) => PictureConfig::read(path)?.complete(arguments),
+        Some(path) => picture_config::complete(PictureConfig::read(path)?, arguments),
         // One named on the command line is for whatever is drawn.
         None => Arguments { volume: arguments.transfer.clone(), ..arguments.clone() },
     };
@@ -165,7 +165,7 @@ fn draw_pages(arguments: &Arguments, studio: &mut Studio) -> Result<Picture, Box
     let mut tell = |message| eprintln!("deepfield: {message}");
     let selection = times.measure("load", || scene.converge(&seen, tau, &mut tell))?;
     look_ahead(scene, ahead.take(), tau);
-    let economy = arguments.settings.file_economy();
+    let economy = arguments.budget.file_economy();
     let transfer = transfer(arguments, &depiction);
     let plan = times
         .measure("plan", || pilot::plan(&view, &depiction, metadata, &selection.nodes, &economy, &transfer, None))?;

@@ -7,6 +7,7 @@ use crate::annotate::Annotations;
 use crate::color::composite::Background;
 use crate::color::transfer::TransferFunction;
 use crate::explore::SelectionSet;
+pub use crate::look::Backend;
 use crate::look::{Film, Member};
 use crate::mode::{Mode, SettingKind, SettingValue, Settings, economy};
 use crate::model::FamilyName;
@@ -124,6 +125,9 @@ pub struct Arguments {
     /// Settings of the mode.
     #[arg(skip)]
     pub settings: Settings,
+    /// What may be left undrawn.
+    #[arg(skip)]
+    pub budget: Settings,
     /// The catalogue of a scene.
     #[arg(skip)]
     pub labels: Option<PathBuf>,
@@ -189,6 +193,7 @@ impl Arguments {
             annotate: AnnotateOptions::default(),
             annotations: None,
             settings: Settings::default(),
+            budget: Settings::default(),
             first: Member::default(),
             with: Vec::new(),
             labels: None,
@@ -215,24 +220,12 @@ impl Arguments {
             if let SettingKind::Number { min, max, .. } = setting.kind
                 && let Some(value) = value
             {
-                self.settings.set(setting, SettingValue::Number(value.clamp(min, max)));
+                self.budget.set(setting, SettingValue::Number(value.clamp(min, max)));
             }
         }
         if self.no_culling {
-            self.settings.set(&economy::CULLING, SettingValue::Flag(false));
+            self.budget.set(&economy::CULLING, SettingValue::Flag(false));
         }
         self
     }
-}
-
-/// What draws.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, serde::Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Backend {
-    /// Compute passes.
-    Compute,
-    /// Blended triangles: not implemented, a window says so and uses compute passes.
-    Raster,
-    /// The processor.
-    Cpu,
 }

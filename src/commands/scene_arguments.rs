@@ -3,8 +3,8 @@
 use super::arguments::PictureSize;
 use super::render_arguments::Arguments;
 use crate::look::dataset::located;
-use crate::look::{Attribute, Member, SceneError, SceneFile, is_scene_file};
-use crate::modes;
+use crate::look::{Member, SceneError, SceneFile, is_scene_file};
+use crate::mode::Settings;
 use glam::DVec3;
 use std::path::{Path, PathBuf};
 
@@ -44,7 +44,9 @@ pub fn complete(arguments: Arguments) -> Result<Arguments, SceneError> {
 
 /// The arguments for these datasets with what a scene, read from `file`, says where they say nothing.
 pub(super) fn filled(own: Arguments, scene: SceneFile, members: Vec<Member>, file: &Path) -> Arguments {
-    let mut members = members.into_iter();
+    let families = |member: &Member| member.families.clone().or(scene.look.families.clone());
+    let mut members =
+        members.into_iter().map(|member| Member { families: families(&member), ..member }).collect::<Vec<_>>().into_iter();
     let first = members.next().unwrap_or_default();
     let camera = scene.camera;
     let has_projection = own.fov.is_some() || own.ortho.is_some();
@@ -55,33 +57,32 @@ pub(super) fn filled(own: Arguments, scene: SceneFile, members: Vec<Member>, fil
         with: members.chain(own.with.iter().cloned()).collect(),
         first,
         size: own.size.or(scene.size.map(|(width, height)| PictureSize { width, height })),
-        mode: own.mode.or(scene.mode.as_deref().and_then(modes::find)),
-        attribute: own.attribute.or(match &scene.attribute {
-            Attribute::Named(name) => Some(name.clone()),
-            Attribute::Automatic | Attribute::None => None,
-        }),
-        plain: scene.attribute == Attribute::None && !names_attribute,
+        mode: own.mode.or(scene.look.mode),
+        attribute: own.attribute.or(scene.look.attribute_name().map(str::to_owned)),
+        plain: scene.look.is_plain() && !names_attribute,
         eye: own.eye.or(camera.map(|camera| DVec3::from(camera.eye))),
         target: own.target.or(camera.map(|camera| DVec3::from(camera.target))),
         up: own.up.or(camera.map(|camera| DVec3::from(camera.up))),
         fov: if has_projection { own.fov } else { camera.map(|camera| camera.fov) },
         ortho: if has_projection { own.ortho } else { camera.and_then(|camera| camera.ortho) },
-        error_px: own.error_px.or(scene.error_px),
+        error_px: own.error_px.or(scene.look.error_px),
         settings: {
             // The mode's own settings go with the mode that the scene names.
-            let mut settings = if is_own_mode { scene.settings.common() } else { scene.settings };
+            let mut settings = if is_own_mode { Settings::default() } else { scene.look.settings };
             settings.0.extend(own.settings.0.clone());
             settings
         },
-        volume: own.volume.clone().or(scene.transfer.clone().filter(|_| !is_own_mode)),
-        transfer: own.transfer.or(scene.transfer.filter(|_| !is_own_mode)),
+        budget: Settings(scene.look.budget.0.into_iter().chain(own.budget.0).collect()),
+        volume: own.volume.clone().or(scene.look.transfer.clone().filter(|_| !is_own_mode)),
+        transfer: own.transfer.or(scene.look.transfer.filter(|_| !is_own_mode)),
+        background: own.background.or(scene.look.background),
         surround: if own.surround.is_flat() { scene.projection } else { own.surround },
         stereo_pair: own.stereo_pair.or(scene.stereo),
-        annotations: own.annotations.or(scene.annotations),
-        selections: scene.selections,
+        annotations: own.annotations.or(scene.look.annotations),
+        selections: scene.look.selections.unwrap_or_default(),
         labels: scene.labels.map(|labels| located(&labels, file)),
         film: scene.film,
-        cut: if own.cut == Default::default() { scene.cut } else { own.cut },
+        cut: if own.cut == Default::default() { scene.look.cut.unwrap_or_default() } else { own.cut },
         ..own
     }
 }
@@ -89,8 +90,9 @@ pub(super) fn filled(own: Arguments, scene: SceneFile, members: Vec<Member>, fil
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::look::{Camera, DatasetRef};
+    use crate::look::{Attribute, Camera, DatasetRef};
     use crate::mode::SettingValue;
+    use crate::modes;
 
     #[test]
     fn the_command_line_overrides_the_scene() {
@@ -99,10 +101,10 @@ mod tests {
         std::fs::write(&data, b"data").unwrap();
         let path = folder.path().join("a.scene.ron");
         let mut scene = SceneFile::new(vec![DatasetRef::of(&data, &path)]);
-        scene.mode = Some("points".into());
-        scene.settings.0.insert("radius".into(), SettingValue::Number(3.0));
+        scene.look.mode = modes::find("points");
+        scene.look.settings.0.insert("radius".into(), SettingValue::Number(3.0));
         scene.size = Some((300, 200));
-        scene.attribute = Attribute::None;
+        scene.look.attribute = Some(Attribute::None);
         scene.labels = Some("groups.hdf5".into());
         scene.camera =
             Some(Camera { eye: [1.0, 2.0, 3.0], target: [0.0; 3], up: [0.0, 1.0, 0.0], fov: 33.0, ortho: Some(5.0) });

@@ -64,6 +64,19 @@ pub struct Settings {
     pub look: Look,
     /// Whether the user chose the mode; else each file begins with its usual one.
     pub mode_chosen: bool,
+<<<<<<< HEAD
+=======
+    /// Its settings.
+    pub mode_settings: crate::mode::Settings,
+    /// The attribute that gives the hue.
+    pub attribute: Attribute,
+    /// Colour maps and ranges.
+    pub transfer: TransferFunction,
+    /// What is written into the picture.
+    pub annotations: Annotations,
+    /// The screen-space error `tau`, pixels.
+    pub error_px: f64,
+>>>>>>> main
     /// Whether each family is drawn, in the order of the file's families.
     pub families: Vec<bool>,
     /// Projection and field of view.
@@ -123,9 +136,15 @@ impl Settings {
     }
 }
 
+<<<<<<< HEAD
 /// What may be left undrawn by a preset.
 pub(super) fn budget_of(preset: &Preset) -> modes::Settings {
     let mut budget = modes::Settings::default();
+=======
+/// The settings of every mode that a preset sets.
+pub(crate) fn economy_of(preset: &Preset) -> crate::mode::Settings {
+    let mut settings = crate::mode::Settings::default();
+>>>>>>> main
     let drawing = &preset.drawing;
     for (setting, value) in [(&PRESENCE, drawing.presence), (&THINNING, drawing.thinning)] {
         budget.set(setting, SettingValue::Number(value));
@@ -134,7 +153,7 @@ pub(super) fn budget_of(preset: &Preset) -> modes::Settings {
 }
 
 /// Makes a file that has arrived the open one, with the camera around all of it.
-pub(super) fn adopt_opened(
+pub(crate) fn adopt_opened(
     mut commands: Commands,
     mut opened: MessageReader<Opened>,
     scene: Option<Res<Scene>>,

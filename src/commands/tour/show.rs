@@ -8,11 +8,11 @@ use crate::commands::drawing::Drawing;
 use crate::commands::render;
 use crate::commands::scene_arguments::filled;
 use crate::commands::studio::Studio;
-use crate::look::{Camera, DatasetRef, Film, Member, SceneFile};
+use crate::look::{Camera, DatasetRef, Film, LookPatch, Member, SceneFile};
 use crate::model::Bounds;
 use crate::tour::exposure::is_searched;
 use crate::tour::sketch::{Format, measure};
-use crate::tour::{Exposure, Look, State, Surroundings, Timeline, TourFile};
+use crate::tour::{Exposure, State, Surroundings, Timeline, TourFile};
 use std::path::{Path, PathBuf};
 
 /// A tour that is shown.
@@ -89,10 +89,11 @@ impl Show {
     }
 
     /// The scene of a look from a camera, as a file in `place` names the data.
-    fn scene(&self, look: &Look, camera: Camera, place: &Path) -> SceneFile {
+    fn scene(&self, look: &LookPatch, camera: Camera, place: &Path) -> SceneFile {
         let dataset = DatasetRef::of(&self.data, place);
         let TourFile { size, projection, stereo, .. } = self.tour;
-        SceneFile { size: Some(size), camera: Some(camera), projection, stereo, ..look.scene(dataset) }
+        let look = look.clone();
+        SceneFile { look, size: Some(size), camera: Some(camera), projection, stereo, ..SceneFile::new(vec![dataset]) }
     }
 
     /// The arguments that draw a scene.
@@ -101,8 +102,7 @@ impl Show {
             backend: Some(self.backend),
             ..render::Arguments::new(self.data.clone(), PathBuf::new())
         };
-        let families = scene.datasets.first().and_then(|dataset| dataset.families.clone());
-        filled(own, scene, vec![Member { families, ..Member::new(self.data.clone()) }], Path::new("")).with_economy()
+        filled(own, scene, vec![Member::new(self.data.clone())], Path::new("")).with_economy()
     }
 
     /// What is shown at a time, as a scene file in `place` says it: a scene with numbers for all ranges that are found from pictures.
@@ -134,8 +134,8 @@ impl Show {
         &mut self,
         keyframe: usize,
         time: f64,
-        look: &Look,
-    ) -> Result<Look, Box<dyn std::error::Error + Send + Sync>> {
+        look: &LookPatch,
+    ) -> Result<LookPatch, Box<dyn std::error::Error + Send + Sync>> {
         if is_searched(look)
             && let Some((around, _)) = self.exposure.around(keyframe, time)
         {
@@ -172,7 +172,7 @@ impl Show {
             let state = next.map(|next| self.timeline.state(next));
             let view = state.and_then(|state| {
                 let view = state.camera.view(width, height).ok()?;
-                Some(state.look.cut.applied(&view, state.camera.target.into(), studio.file.metadata().periodic_box()))
+                Some(state.look.cut.unwrap_or_default().applied(&view, state.camera.target.into(), studio.file.metadata().periodic_box()))
             });
             studio.ahead = view;
         }

@@ -5,12 +5,13 @@
 use super::{Player, Ranges};
 use crate::color::Image;
 use crate::color::transfer::Levels;
+use crate::look::LookPatch;
 use crate::mode::{Footprint, Mode};
 use crate::picture::governor::Governor;
 use crate::show::window::output::Aim;
 use crate::stream;
 use crate::tour::sketch::{Drawing, SketchError, depict, draw};
-use crate::tour::{self, Blend, State, Timeline};
+use crate::tour::{Blend, State, Timeline};
 use crate::view::View;
 use crate::window::cpu_backend::sizes::{MOVING_MS, drawing_size, moving_size, volume_limit};
 use crate::window::lens::view_of;

@@ -3,6 +3,7 @@
 
 use super::Player;
 use crate::color::transfer::{Levels, TransferFunction};
+use crate::look::LookPatch;
 use crate::mode::Footprint;
 use crate::stream;
 use crate::tour::exposure::{Exposure, Measured, Moment, is_searched};

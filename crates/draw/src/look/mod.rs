@@ -11,12 +11,14 @@ mod check;
 mod film;
 mod mix;
 mod patch;
+pub mod picture_config;
 mod text;
 
 pub use dataset::{DatasetRef, Fingerprint, Located};
 pub use film::Film;
 pub use members::{Member, open_members, shown_families};
 pub use mix::mix;
+pub use picture_config::{Backend, CameraConfig, PictureConfig};
 pub use patch::{ERROR_PX, ERRORS_PX, Look, LookPatch};
 pub(crate) use patch::{define_look_text, with_look_fields};
 pub use text::{SceneError, is_scene_file};
@@ -57,7 +59,7 @@ pub struct SceneFile {
     pub film: Option<Film>,
 }
 
-with_look_fields!(define_look_text! { SceneText of SceneFile, attribute Attribute, {
+with_look_fields!(define_look_text! { written SceneText of SceneFile, attribute Attribute, {
     version: u32,
     datasets: Vec<DatasetRef>,
     #[serde(default)]

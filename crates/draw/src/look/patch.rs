@@ -143,14 +143,18 @@ macro_rules! define_looks {
 with_look_fields!(define_looks! {});
 
 /// The text of a file that says something of a look beside fields of its own: `$text` is what serde reads and writes for `$whole`,
-/// whose field `look` is a [`LookPatch`]. `$attribute` is how the text names the attribute.
+/// whose field `look` is a [`LookPatch`]. `$attribute` is how the text names the attribute. `written`: serde writes it, too.
 macro_rules! define_look_text {
+    (written $($rest:tt)*) => {
+        $crate::look::define_look_text! { read [serde::Serialize, serde::Deserialize] $($rest)* }
+        $crate::look::define_look_text! { into $($rest)* }
+    };
     (
-        $text:ident of $whole:ident, attribute $attribute:ty,
+        read [$($derive:path),*] $text:ident of $whole:ident, attribute $attribute:ty,
         { $($(#[$own_attr:meta])* $own:ident: $own_type:ty,)* }
         [ $($(#[$doc:meta])* $field:ident: $type:ty,)* ]
     ) => {
-        #[derive(serde::Serialize, serde::Deserialize)]
+        #[derive($($derive),*)]
         #[serde(deny_unknown_fields)]
         struct $text {
             $($(#[$own_attr])* $own: $own_type,)*
@@ -175,11 +179,15 @@ macro_rules! define_look_text {
                 $whole { $($own,)* look: look.with_early_budget() }
             }
         }
-
+    };
+    (
+        into $text:ident of $whole:ident, attribute $attribute:ty,
+        { $($(#[$own_attr:meta])* $own:ident: $own_type:ty,)* }
+        [ $($(#[$doc:meta])* $field:ident: $type:ty,)* ]
+    ) => {
         impl From<$whole> for $text {
             fn from($whole { $($own,)* look }: $whole) -> $text {
                 let $crate::look::LookPatch { mode, settings, budget, attribute, families, $($field,)* } = look;
-                let attribute = attribute.map(Into::into);
                 $text { $($own,)* mode, settings, budget, attribute, families, $($field,)* }
             }
         }

@@ -117,7 +117,7 @@ pub struct Keyframe {
     pub images: Option<Vec<Picture>>,
 }
 
-with_look_fields!(define_look_text! { KeyframeText of Keyframe, attribute Attribute, {
+with_look_fields!(define_look_text! { written KeyframeText of Keyframe, attribute Attribute, {
     #[serde(default)]
     label: Option<String>,
     #[serde(default)]
