@@ -64,19 +64,6 @@ pub struct Settings {
     pub look: Look,
     /// Whether the user chose the mode; else each file begins with its usual one.
     pub mode_chosen: bool,
-<<<<<<< HEAD
-=======
-    /// Its settings.
-    pub mode_settings: crate::mode::Settings,
-    /// The attribute that gives the hue.
-    pub attribute: Attribute,
-    /// Colour maps and ranges.
-    pub transfer: TransferFunction,
-    /// What is written into the picture.
-    pub annotations: Annotations,
-    /// The screen-space error `tau`, pixels.
-    pub error_px: f64,
->>>>>>> main
     /// Whether each family is drawn, in the order of the file's families.
     pub families: Vec<bool>,
     /// Projection and field of view.
@@ -114,7 +101,7 @@ impl Settings {
     fn change_mode(&mut self, mode: &'static Mode) {
         if self.mode != mode {
             self.look.mode = mode;
-            self.look.settings = modes::Settings::default();
+            self.look.settings = crate::mode::Settings::default();
         }
     }
 
@@ -123,7 +110,7 @@ impl Settings {
     pub fn show(&mut self, said: &LookPatch, attributes: &[String]) -> Option<String> {
         self.mode_chosen |= said.mode.is_some();
         self.keep_transfer |= said.transfer.is_some();
-        self.look.settings = modes::Settings::default();
+        self.look.settings = crate::mode::Settings::default();
         self.look = self.look.with(said);
         match &self.attribute {
             Attribute::Named(name) if !attributes.contains(name) => {
@@ -136,15 +123,9 @@ impl Settings {
     }
 }
 
-<<<<<<< HEAD
 /// What may be left undrawn by a preset.
-pub(super) fn budget_of(preset: &Preset) -> modes::Settings {
-    let mut budget = modes::Settings::default();
-=======
-/// The settings of every mode that a preset sets.
-pub(crate) fn economy_of(preset: &Preset) -> crate::mode::Settings {
-    let mut settings = crate::mode::Settings::default();
->>>>>>> main
+pub(crate) fn budget_of(preset: &Preset) -> crate::mode::Settings {
+    let mut budget = crate::mode::Settings::default();
     let drawing = &preset.drawing;
     for (setting, value) in [(&PRESENCE, drawing.presence), (&THINNING, drawing.thinning)] {
         budget.set(setting, SettingValue::Number(value));

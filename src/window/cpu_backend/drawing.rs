@@ -4,12 +4,7 @@ use crate::color::transfer::{Levels, TransferFunction};
 use crate::color::{Accumulation, Image};
 use crate::cpu::Method;
 use crate::cpu::volume::{Caster, OpaqueDepths, Processor, VolumeError};
-<<<<<<< HEAD
-use crate::picture::paint::{Subject, paint_nodes, paint_particles};
 use crate::mode::{Depiction, Economy, Plan};
-=======
-use crate::mode::{Depiction, Plan};
->>>>>>> main
 use crate::model::{Dataset, Family, FamilyName};
 use crate::picture::paint::{Subject, paint_nodes, paint_particles};
 use crate::picture::{governor, pilot, processor};

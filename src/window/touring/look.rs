@@ -33,6 +33,19 @@ pub fn of(settings: &Settings, families: &[FamilyName]) -> LookPatch {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::mode::{Economy, Mode, Setting, SettingKind, SettingValue, economy};
+    use crate::look::{DatasetRef, SceneFile};
+    use crate::modes::MODES;
+    use crate::show::window::network::leading::Leading;
+    use crate::tour::TourFile;
+    use crate::window::camera::Viewpoint;
+    use crate::window::objects::Objects;
+    use crate::window::panel::Closed;
+    use crate::window::picture::Picture;
+    use crate::window::scene_io::{Bookmarks, SceneFiles, SceneParts, camera_of, scene_file};
+    use crate::window::shortcuts::Shown;
+    use bevy::ecs::system::SystemState;
+    use bevy::prelude::{Handle, Rect, World};
     use crate::color::transfer::Range;
     use crate::look::Attribute;
     use crate::modes;
@@ -82,6 +95,99 @@ mod tests {
             show(shown.as_ref(), &look, &attributes, &FAMILIES, &mut window);
             assert!(window == *wanted, "{i}");
             shown = Some(look.clone());
+        }
+    }
+
+    /// A value that a setting does not have unless it is set.
+    fn unusual(setting: &Setting) -> SettingValue {
+        let middle = |min: f64, max: f64| 0.5 * (min + max.min(1e6));
+        match setting.kind {
+            SettingKind::Number { min, max, default } if middle(min, max) == default => SettingValue::Number(min),
+            SettingKind::Number { min, max, .. } => SettingValue::Number(middle(min, max)),
+            SettingKind::Flag { default } => SettingValue::Flag(!default),
+            SettingKind::Choice { options } => SettingValue::Name(options.last().copied().unwrap_or_default().into()),
+            SettingKind::Numbers { min, max, .. } => SettingValue::Numbers(vec![middle(min, max), max.min(1e6)]),
+            SettingKind::Colors { .. } => SettingValue::Names(vec!["#ff8000".into()]),
+        }
+    }
+
+    /// Settings of a mode with each off its default.
+    fn unusual_settings(mode: &'static Mode) -> Settings {
+        let mut settings = Settings::new(&Preset::embedded("desktop").unwrap(), None);
+        settings.choose_mode(mode);
+        settings.families = vec![false, true];
+        for setting in economy::COMMON.into_iter().chain(mode.own_settings()) {
+            let value = unusual(setting);
+            assert!(setting.check(&value).is_ok() && value != setting.default(), "{}", setting.name);
+            settings.set(setting, value);
+        }
+        settings.attribute = Attribute::Named("temperature".into());
+        settings.transfer.range = Range::Fixed(0.5, 7.0);
+        settings.error_px = 2.5;
+        settings.background = crate::color::composite::Background::Transparent;
+        settings
+    }
+
+    #[test]
+    fn whatever_is_shown_is_written_and_read_again() {
+        let attributes = ["temperature".to_owned()];
+        let dataset = || vec![DatasetRef::of(std::path::Path::new("a.df"), std::path::Path::new("a.scene.ron"))];
+        let mut world = World::new();
+        world.init_resource::<SceneFiles>();
+        world.init_resource::<Bookmarks>();
+        world.init_resource::<Closed>();
+        world.init_resource::<Shown>();
+        world.init_resource::<Objects>();
+        let mut parts = SystemState::<SceneParts>::new(&mut world);
+        let parts = parts.get_mut(&mut world);
+        let rect = Rect::new(0.0, 0.0, 640.0, 480.0);
+        let picture =
+            Picture { image: Handle::default(), texture: bevy_egui::egui::TextureId::default(), rect, scale: 1.0 };
+        let eye = DVec3::new(1.0, 2.0, 3.0);
+        let viewpoint = Viewpoint { eye, target: DVec3::ZERO, up: DVec3::Y, fov_y: 0.7 };
+        for mode in MODES {
+            let wanted = unusual_settings(mode);
+            let shows = |said: &LookPatch, what: &str| {
+                let mut window = Settings::new(&Preset::embedded("desktop").unwrap(), None);
+                assert_eq!(window.show(&LookPatch::beginning().then(said), &attributes), None);
+                assert_eq!(window.look, wanted.look, "{what} of {}", mode.name);
+            };
+            // A saved scene, and the state of a window that fails.
+            let path = std::path::Path::new("a.scene.ron");
+            let scene = scene_file(dataset(), &wanted, &viewpoint, &picture, &parts, path);
+            shows(&SceneFile::parse("a scene", &scene.text(path).unwrap()).unwrap().look, "a scene");
+            // What followers are told.
+            let told = Leading::text(dataset(), &wanted, None).unwrap();
+            shows(&SceneFile::parse("the leader's scene", &told).unwrap().look, "a leader's scene");
+            // A keyframe that is kept.
+            let mut tour = TourFile::new(Vec::new());
+            let camera = camera_of(&viewpoint, &wanted.lens);
+            super::super::draft::keep(&mut tour, None, None, camera, &of(&wanted, &FAMILIES));
+            let read = TourFile::parse("a tour", &tour.to_ron()).unwrap();
+            assert_eq!(read, tour);
+            shows(&read.keyframes[0].look, "a keyframe");
+            assert_eq!(read.keyframes[0].look.families, Some(vec![FamilyName::Stars]));
+        }
+    }
+
+    #[test]
+    fn files_that_have_the_budget_among_the_settings_of_a_mode_are_read() {
+        for mode in MODES {
+            let looks = |settings: &str| {
+                let said = format!("mode: \"{}\", settings: {settings}", mode.name);
+                let scene = format!("(version: 1, datasets: [(path: \"a\")], {said})");
+                let tour = format!("(version: 1, keyframes: [({said})])");
+                Ok([
+                    SceneFile::parse("a scene", &scene).map_err(|error| error.to_string())?.look,
+                    TourFile::parse("a tour", &tour).map_err(|error| error.to_string())?.keyframes[0].look.clone(),
+                ])
+            };
+            for look in looks("{\"presence\": 5.0, \"thinning\": 2.0}").unwrap() {
+                assert_eq!(look.budget.economy(), Economy { culling: true, presence: 5.0, thinning: 2.0 });
+                assert!(look.settings.0.is_empty(), "{}", mode.name);
+            }
+            let wrong: Result<_, String> = looks("{\"thinning\": 99.0}");
+            assert!(wrong.unwrap_err().contains("thinning: found 99, expected a number from 0 to 32"));
         }
     }
 

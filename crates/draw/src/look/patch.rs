@@ -5,7 +5,7 @@ use super::Attribute;
 use crate::annotate::Annotations;
 use crate::color::composite::Background;
 use crate::color::transfer::TransferFunction;
-use crate::explore::{ExploreError, SelectionSet};
+use crate::explore::ExploreError;
 use crate::mode::setting::SettingError;
 use crate::mode::{Mode, Setting, SettingValue, Settings, economy};
 use crate::model::FamilyName;
