@@ -81,7 +81,7 @@ impl Cloud {
     }
 
     fn batch(&self) -> Splats<'_> {
-        let extent = raster::Extent::World(&self.h);
+        let extent = cpu::Extent::World(&self.h);
         Splats::new(Positions::World(&self.positions), extent, &self.mass, self.attribute.as_deref()).unwrap()
     }
 
