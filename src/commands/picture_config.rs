@@ -35,10 +35,7 @@ pub fn complete(config: PictureConfig, arguments: &Arguments) -> Arguments {
         volume: own.transfer.clone().or(config.volume),
         transfer: own.transfer.clone().or(look.transfer),
         annotations: look.annotations,
-        annotate: AnnotateOptions {
-            labels: own.annotate.labels.clone().or(config.catalogue),
-            ..own.annotate.clone()
-        },
+        annotate: AnnotateOptions { labels: own.annotate.labels.clone().or(config.catalogue), ..own.annotate.clone() },
         background: own.background.or(look.background),
         surround: config.projection,
         stereo_pair: config.stereo,

@@ -45,8 +45,11 @@ pub fn complete(arguments: Arguments) -> Result<Arguments, SceneError> {
 /// The arguments for these datasets with what a scene, read from `file`, says where they say nothing.
 pub(super) fn filled(own: Arguments, scene: SceneFile, members: Vec<Member>, file: &Path) -> Arguments {
     let families = |member: &Member| member.families.clone().or(scene.look.families.clone());
-    let mut members =
-        members.into_iter().map(|member| Member { families: families(&member), ..member }).collect::<Vec<_>>().into_iter();
+    let mut members = members
+        .into_iter()
+        .map(|member| Member { families: families(&member), ..member })
+        .collect::<Vec<_>>()
+        .into_iter();
     let first = members.next().unwrap_or_default();
     let camera = scene.camera;
     let has_projection = own.fov.is_some() || own.ortho.is_some();

@@ -172,7 +172,11 @@ impl Show {
             let state = next.map(|next| self.timeline.state(next));
             let view = state.and_then(|state| {
                 let view = state.camera.view(width, height).ok()?;
-                Some(state.look.cut.unwrap_or_default().applied(&view, state.camera.target.into(), studio.file.metadata().periodic_box()))
+                Some(state.look.cut.unwrap_or_default().applied(
+                    &view,
+                    state.camera.target.into(),
+                    studio.file.metadata().periodic_box(),
+                ))
             });
             studio.ahead = view;
         }

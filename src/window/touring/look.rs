@@ -33,26 +33,26 @@ pub fn of(settings: &Settings, families: &[FamilyName]) -> LookPatch {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mode::{Economy, Mode, Setting, SettingKind, SettingValue, economy};
+    use crate::color::transfer::Range;
+    use crate::explore::{Region, SelectionSet};
+    use crate::look::Attribute;
     use crate::look::{DatasetRef, SceneFile};
+    use crate::mode::{Economy, Mode, Setting, SettingKind, SettingValue, economy};
+    use crate::modes;
     use crate::modes::MODES;
     use crate::show::window::network::leading::Leading;
     use crate::tour::TourFile;
+    use crate::view::cut::{Axis, Slab};
     use crate::window::camera::Viewpoint;
     use crate::window::objects::Objects;
     use crate::window::panel::Closed;
     use crate::window::picture::Picture;
+    use crate::window::preset::Preset;
     use crate::window::scene_io::{Bookmarks, SceneFiles, SceneParts, camera_of, scene_file};
     use crate::window::shortcuts::Shown;
     use bevy::ecs::system::SystemState;
-    use bevy::prelude::{Handle, Rect, World};
-    use crate::color::transfer::Range;
-    use crate::look::Attribute;
-    use crate::modes;
-    use crate::explore::{Region, SelectionSet};
-    use crate::view::cut::{Axis, Slab};
-    use crate::window::preset::Preset;
     use bevy::math::DVec3;
+    use bevy::prelude::{Handle, Rect, World};
 
     const FAMILIES: [FamilyName; 2] = [FamilyName::Gas, FamilyName::Stars];
 
@@ -139,7 +139,7 @@ mod tests {
         world.init_resource::<Shown>();
         world.init_resource::<Objects>();
         let mut parts = SystemState::<SceneParts>::new(&mut world);
-        let parts = parts.get_mut(&mut world);
+        let parts = parts.get_mut(&mut world).unwrap();
         let rect = Rect::new(0.0, 0.0, 640.0, 480.0);
         let picture =
             Picture { image: Handle::default(), texture: bevy_egui::egui::TextureId::default(), rect, scale: 1.0 };

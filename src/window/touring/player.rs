@@ -3,9 +3,9 @@
 use super::clock::Clock;
 use super::{draft, look};
 use crate::look::DatasetRef;
+use crate::look::LookPatch;
 use crate::model::FamilyName;
 use crate::show::window::supervised::resume::Moment;
-use crate::look::LookPatch;
 use crate::tour::{State, Surroundings, Timeline, TourFile};
 use crate::window::camera::{Anchor, Flight, Navigation, Viewpoint};
 use crate::window::free_name::free_name;

@@ -117,13 +117,7 @@ impl Ranges {
     }
 
     /// A look after a keyframe as it is at a time of this tour, with numbers for its ranges; `None` before they are known.
-    pub fn exposed(
-        &self,
-        timeline: &Arc<Timeline>,
-        keyframe: usize,
-        time: f64,
-        look: &LookPatch,
-    ) -> Option<LookPatch> {
+    pub fn exposed(&self, timeline: &Arc<Timeline>, keyframe: usize, time: f64, look: &LookPatch) -> Option<LookPatch> {
         let tour = self.tour.as_ref().filter(|tour| Arc::ptr_eq(&tour.timeline, timeline))?;
         tour.exposure.exposed(keyframe, time, look)
     }

@@ -122,7 +122,8 @@ impl SceneFile {
         for dataset in &self.datasets {
             let one = dataset.locate(scene)?;
             let families = |member: Member| member.families.clone().or(self.look.families.clone());
-            all.members.extend(one.members.into_iter().map(|member| Member { families: families(member.clone()), ..member }));
+            all.members
+                .extend(one.members.into_iter().map(|member| Member { families: families(member.clone()), ..member }));
             all.notes.extend(one.notes);
         }
         Ok(all)

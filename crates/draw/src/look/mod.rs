@@ -18,9 +18,9 @@ pub use dataset::{DatasetRef, Fingerprint, Located};
 pub use film::Film;
 pub use members::{Member, open_members, shown_families};
 pub use mix::mix;
-pub use picture_config::{Backend, CameraConfig, PictureConfig};
 pub use patch::{ERROR_PX, ERRORS_PX, Look, LookPatch};
 pub(crate) use patch::{define_look_text, with_look_fields};
+pub use picture_config::{Backend, CameraConfig, PictureConfig};
 pub use text::{SceneError, is_scene_file};
 
 use crate::view::{Projection, Stereo, Surround, View, ViewError};

@@ -34,24 +34,26 @@ pub struct PictureConfig {
     pub catalogue: Option<PathBuf>,
 }
 
-with_look_fields!(define_look_text! { read [serde::Deserialize] PictureText of PictureConfig, attribute AttributeName, {
-    #[serde(default)]
-    family: Option<FamilyName>,
-    #[serde(default)]
-    volume: Option<TransferFunction>,
-    #[serde(default)]
-    size: Option<(u32, u32)>,
-    #[serde(default)]
-    backend: Option<Backend>,
-    #[serde(default)]
-    camera: CameraConfig,
-    #[serde(default)]
-    projection: Surround,
-    #[serde(default)]
-    stereo: Option<Stereo>,
-    #[serde(default)]
-    catalogue: Option<PathBuf>,
-}});
+with_look_fields!(
+    define_look_text! { read [serde::Deserialize] PictureText of PictureConfig, attribute AttributeName, {
+        #[serde(default)]
+        family: Option<FamilyName>,
+        #[serde(default)]
+        volume: Option<TransferFunction>,
+        #[serde(default)]
+        size: Option<(u32, u32)>,
+        #[serde(default)]
+        backend: Option<Backend>,
+        #[serde(default)]
+        camera: CameraConfig,
+        #[serde(default)]
+        projection: Surround,
+        #[serde(default)]
+        stereo: Option<Stereo>,
+        #[serde(default)]
+        catalogue: Option<PathBuf>,
+    }}
+);
 
 /// The attribute that colours the picture, by its name alone.
 #[derive(Deserialize)]
@@ -139,15 +141,15 @@ mod tests {
             ("(mode: \"points\", settings: {\"radios\": 9.0})", "radios, expected a setting of points: radius"),
             ("(camera: (eye: (0.0, 0.0)))", "p.ron:1:"),
             ("(mode: \"pionts\")", "mode: found pionts, expected one of column-density"),
-            ("(mode: \"points\", settings: {\"radius\": 99.0})", "p.ron:1:38: radius: found 99, expected a number from"),
+            (
+                "(mode: \"points\", settings: {\"radius\": 99.0})",
+                "p.ron:1:38: radius: found 99, expected a number from",
+            ),
             (
                 "(volume: (opacity: [(0.5, 0.1), (0.2, 0.4)], brightness: [(0.0, 1.0)]))",
                 "p.ron:1:43: opacity: points are not sorted: 0.5 comes before 0.2",
             ),
-            (
-                "(mode: \"isosurface\", settings: {\"kernel\": \"gauss\"})",
-                "kernel: found gauss, expected one of data",
-            ),
+            ("(mode: \"isosurface\", settings: {\"kernel\": \"gauss\"})", "kernel: found gauss, expected one of data"),
             ("(projection: dome(aperture: 361.0))", "aperture: found 361, expected above 0 and at most 360 degrees"),
             ("(error_px: -1.0)", "error_px: found -1, expected a number greater than 0"),
         ] {

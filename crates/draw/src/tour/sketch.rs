@@ -126,7 +126,8 @@ pub fn measure(
     let (width, height) = format.sketch(depiction.footprint()).size;
     let is_flat = format.surround.is_flat();
     let middle = if is_flat { camera.target } else { camera.eye };
-    let mut view = look.cut.unwrap_or_default().applied(&camera.view(width, height)?, middle.into(), metadata.periodic_box());
+    let mut view =
+        look.cut.unwrap_or_default().applied(&camera.view(width, height)?, middle.into(), metadata.periodic_box());
     view.cut.around = !is_flat && view.cut.fade_rate > 0.0;
     let tau = look.error_px.unwrap_or(ERROR_PX);
     let panorama = Panorama::around(&view, format.surround)?;

@@ -71,11 +71,7 @@ impl Leading {
     ///
     /// # Errors
     /// [`SceneError`] if RON cannot say it.
-    pub fn text(
-        datasets: Vec<DatasetRef>,
-        settings: &Settings,
-        labels: Option<&Path>,
-    ) -> Result<String, SceneError> {
+    pub fn text(datasets: Vec<DatasetRef>, settings: &Settings, labels: Option<&Path>) -> Result<String, SceneError> {
         let labels = labels.map(|path| path.canonicalize().unwrap_or_else(|_| path.to_owned()));
         let file = SceneFile { look: settings.look.patch(), labels, ..SceneFile::new(datasets) };
         file.text(Path::new("the show"))

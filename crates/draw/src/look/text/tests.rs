@@ -41,40 +41,40 @@ fn full() -> SceneFile {
     };
     SceneFile {
         look: LookPatch {
-        mode: Some(&volume_isosurface::MODE),
-        settings,
-        budget,
-        attribute: Some(Attribute::Named("temperature".into())),
-        families: Some(vec![crate::model::FamilyName::Stars]),
-        transfer: Some(TransferFunction {
-            range: Range::Fixed(1e-3, 7.5),
-            hue: Some(Hue { reverse: true, ..Hue::default() }),
-            ..TransferFunction::default()
-        }),
-        annotations: Some(Annotations { caption: "a \"box\"".into(), scale: Some(1.5), ..Annotations::default() }),
-        error_px: Some(1.25),
-        cut: Some(crate::view::CutSettings {
-            clip: Some(ClipBox { min: DVec3::splat(-1.5), max: DVec3::new(1.0, 2.0, 3.0) }),
-            slab: Some(Slab { axis: Axis::Y, middle: 0.25, thickness: 0.1 }),
-            fade: Some(Fade { start: 10.0, length: 3.5 }),
-            periodic: crate::view::Periodic::Tiled([2, 3, 1]),
-        }),
-        selections: Some(vec![
-            SelectionSet::new(
-                "core",
-                Region::sphere(DVec3::new(0.1, 0.2, 0.3), 1.0 / 3.0)
-                    .with_range("temperature", Some(1e4), Some(1e6))
-                    .with_family(crate::model::FamilyName::Gas),
-                2,
-            ),
-            SelectionSet {
-                show: Show::Alone,
-                follow: true,
-                members: Members::Ids(IdSet::new(vec![1, 2, 3, 9, u64::MAX])),
-                ..SelectionSet::new("ids", Region::whole(), 0)
-            },
-        ]),
-        background: Some(crate::color::composite::Background::Transparent),
+            mode: Some(&volume_isosurface::MODE),
+            settings,
+            budget,
+            attribute: Some(Attribute::Named("temperature".into())),
+            families: Some(vec![crate::model::FamilyName::Stars]),
+            transfer: Some(TransferFunction {
+                range: Range::Fixed(1e-3, 7.5),
+                hue: Some(Hue { reverse: true, ..Hue::default() }),
+                ..TransferFunction::default()
+            }),
+            annotations: Some(Annotations { caption: "a \"box\"".into(), scale: Some(1.5), ..Annotations::default() }),
+            error_px: Some(1.25),
+            cut: Some(crate::view::CutSettings {
+                clip: Some(ClipBox { min: DVec3::splat(-1.5), max: DVec3::new(1.0, 2.0, 3.0) }),
+                slab: Some(Slab { axis: Axis::Y, middle: 0.25, thickness: 0.1 }),
+                fade: Some(Fade { start: 10.0, length: 3.5 }),
+                periodic: crate::view::Periodic::Tiled([2, 3, 1]),
+            }),
+            selections: Some(vec![
+                SelectionSet::new(
+                    "core",
+                    Region::sphere(DVec3::new(0.1, 0.2, 0.3), 1.0 / 3.0)
+                        .with_range("temperature", Some(1e4), Some(1e6))
+                        .with_family(crate::model::FamilyName::Gas),
+                    2,
+                ),
+                SelectionSet {
+                    show: Show::Alone,
+                    follow: true,
+                    members: Members::Ids(IdSet::new(vec![1, 2, 3, 9, u64::MAX])),
+                    ..SelectionSet::new("ids", Region::whole(), 0)
+                },
+            ]),
+            background: Some(crate::color::composite::Background::Transparent),
         },
         size: Some((976, 720)),
         camera: Some(camera(0.0)),
