@@ -6,6 +6,9 @@ pub mod annotate;
 #[cfg(feature = "viewer")]
 pub mod app;
 pub mod build;
+#[cfg(test)]
+#[path = "../tests/support/cases.rs"]
+mod cases;
 pub mod codec;
 pub mod commands;
 pub mod explore;

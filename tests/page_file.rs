@@ -2,6 +2,9 @@
 
 #![allow(clippy::unwrap_used, reason = "a failed helper fails its test")]
 
+#[path = "support/cases.rs"]
+mod cases;
+
 use deepfield::build::{BuildOptions, build};
 use deepfield::codec::{CodebookScope, VqBits};
 use deepfield::hierarchy::OctreeOptions;
@@ -126,7 +129,7 @@ impl Tree {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 12, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..crate::cases::cases(12) })]
 
     #[test]
     fn sources_are_within_delta_of_what_is_drawn_for_them(seed: u64, count in 200..2500_usize, capacity in 5..120_usize) {

@@ -2,6 +2,9 @@
 
 #![allow(clippy::unwrap_used, reason = "a failed helper fails its test")]
 
+#[path = "support/cases.rs"]
+mod cases;
+
 use deepfield::build::{BuildOptions, build};
 use deepfield::codec::VqBits;
 use deepfield::hierarchy::OctreeOptions;
@@ -158,7 +161,7 @@ fn forge(bytes: &mut [u8]) {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 1500, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..crate::cases::cases(1500) })]
 
     #[test]
     fn forged_files_never_panic(

@@ -1,5 +1,8 @@
 //! The CPU renderer against integrals that are known, and the fast path against the exact one.
 
+#[path = "support/cases.rs"]
+mod cases;
+
 use deepfield::model::Kernel;
 use deepfield::raster::accumulation::relative_error;
 use deepfield::raster::{Accumulation, Extent, Method, Positions, RasterOptions, Splats, draw};
@@ -117,7 +120,7 @@ fn single_particle_of_any_size_keeps_its_mass() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(12))]
+    #![proptest_config(crate::cases::cases(12))]
 
     #[test]
     fn picture_holds_the_mass_in_any_orthographic_view(seed: u64, turn in -1.0..1.0f64, roll in 0.1..3.0f64) {

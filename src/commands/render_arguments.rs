@@ -5,11 +5,12 @@ use super::arguments::{PictureSize, family_name, mode_name, not_negative, positi
 use super::projection_options::ProjectionOptions;
 use crate::annotate::Annotations;
 use crate::explore::SelectionSet;
+use crate::import::ImportError;
 use crate::model::FamilyName;
 use crate::modes::{Mode, SettingKind, SettingValue, Settings, economy};
 use crate::raster::composite::Background;
 use crate::raster::transfer::TransferFunction;
-use crate::scene_file::{Film, Member};
+use crate::scene_file::{Film, Member, data_file};
 use crate::view::{CutSettings, Periodic, Stereo, Surround};
 use glam::DVec3;
 use std::path::PathBuf;
@@ -206,6 +207,15 @@ impl Arguments {
     pub fn members(&self) -> Vec<Member> {
         let first = Member { path: self.path.clone(), ..self.first.clone() };
         std::iter::once(first).chain(self.with.iter().cloned()).collect()
+    }
+
+    /// The same with the files that are meant in place of folders.
+    ///
+    /// # Errors
+    /// Where a folder holds no or more than one source.
+    pub(super) fn with_files(self) -> Result<Arguments, ImportError> {
+        let with = self.with.iter().map(Member::resolved).collect::<Result<_, _>>()?;
+        Ok(Arguments { path: data_file(&self.path)?, with, ..self })
     }
 
     /// The same, with the options about what may be left out among the settings.

@@ -2,6 +2,8 @@
 
 #![allow(clippy::unwrap_used, reason = "a failed helper fails its test")]
 
+#[path = "../support/cases.rs"]
+mod cases;
 mod commands;
 mod export;
 mod hostile;

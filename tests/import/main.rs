@@ -2,6 +2,9 @@
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+#[path = "../support/cases.rs"]
+mod cases;
+mod folders;
 mod gadget;
 mod hdf5;
 mod hostile;

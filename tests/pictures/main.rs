@@ -2,6 +2,8 @@
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
+#[path = "../support/cases.rs"]
+mod cases;
 mod color_error;
 mod conservation;
 mod cut;
