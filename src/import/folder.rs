@@ -95,7 +95,7 @@ fn look_into(folder: &Path, others: &[OtherKind]) -> Result<(Vec<Claimant>, Vec<
 /// A source in the list of a message.
 fn described(about: &Description) -> String {
     let files = if about.files > 1 { format!(" in {} files", about.files) } else { String::new() };
-    let time = about.time.map(|time| format!(", time {time}")).unwrap_or_default();
+    let time = about.time.map(|time| format!(", time {}", time as f32)).unwrap_or_default();
     format!("{}{files} ({} particles{time})", name_of(&about.path), about.particles())
 }
 
