@@ -4,6 +4,7 @@ use super::arguments::positive;
 use super::cache;
 use crate::explore::{Catalogue, Data, Object, Region, Shape, ValueRange, source_of};
 use crate::import::{Source, open};
+use crate::look::data_file;
 use crate::model::{FamilyName, ron_file};
 use crate::store::PageFile;
 use glam::DVec3;
@@ -148,6 +149,7 @@ impl Opened {
     /// # Errors
     /// When it cannot be opened.
     pub fn open(path: &Path) -> Result<Opened, Failure> {
+        let path = &data_file(path)?;
         Ok(match cache::is_page_file(path)? {
             true => Opened::Pages(Box::new(PageFile::open(path)?)),
             false => Opened::Source(open(path)?),

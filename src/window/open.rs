@@ -99,6 +99,8 @@ impl Openings {
         // A thread of its own: a disk that does not answer must not take one from a pool that draws.
         let open = move || {
             let (members, scene) = data_of(request)?;
+            let members = members.iter().map(Member::resolved).collect::<Result<Vec<_>, _>>();
+            let members = members.map_err(|error| error.to_string())?;
             let path = members.first().map(|member| member.path.clone()).unwrap_or_default();
             let page_file = |path: &Path| opener(path, shared.as_ref()).map_err(Failure);
             let (file, notes) = open_members(&members, page_file).map_err(|Failure(why)| why)?;

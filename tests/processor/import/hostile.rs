@@ -21,6 +21,7 @@ fn survives(folder: &Path, bytes: &[u8]) -> Result<(), TestCaseError> {
             let skipped: u64 = dataset.skipped.iter().map(|skipped| skipped.count).sum();
             prop_assert_eq!(dataset.len() as u64 + skipped, summary.particles);
             prop_assert_eq!(&dataset.skipped, &summary.skipped);
+            prop_assert!(dataset.provenance.notes.starts_with(&summary.notes), "{:?}", summary.notes);
             for family in &dataset.families {
                 prop_assert!(family.positions.iter().flatten().all(|x| x.is_finite()));
                 for column in [&family.mass, &family.smoothing_length, &family.density] {
@@ -57,7 +58,7 @@ macro_rules! hostile {
             use super::*;
 
             proptest! {
-                #![proptest_config(ProptestConfig::with_cases(256))]
+                #![proptest_config(crate::cases::cases(256))]
 
                 #[test]
                 fn overwritten(mutations in mutations()) {
@@ -126,6 +127,20 @@ hostile! {
     hdf5_swift: bytes_of("swift.hdf5");
 }
 
+/// One mass of the header's table that is finite in double precision and infinite in single precision, which particles have.
+#[test]
+fn a_mass_beyond_single_precision_is_none_for_a_load_and_a_summary() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut bytes = gadget(1);
+    mutate(&mut bytes, &[(0.006993925369804253, 71)]);
+    survives(folder.path(), &bytes).unwrap();
+    let path = folder.path().join("hostile");
+    let summary = summarize(&path).unwrap();
+    let dark = &summary.families[1];
+    assert_eq!((dark.count, dark.mass), (40, 40.0), "each counts 1");
+    assert!(summary.skipped.is_empty(), "{:?}", summary.skipped);
+}
+
 #[test]
 fn files_that_hold_nothing_are_named() {
     let folder = tempfile::tempdir().unwrap();
@@ -133,8 +148,6 @@ fn files_that_hold_nothing_are_named() {
         let path = file(folder.path(), "nothing", bytes);
         message(&summarize(&path).err().unwrap(), &path);
     }
-    let text = summarize(folder.path()).err().unwrap().to_string();
-    assert!(text.contains("a folder"), "{text}");
     let text = summarize(&folder.path().join("absent")).err().unwrap().to_string();
     assert!(text.contains("absent"), "{text}");
 }

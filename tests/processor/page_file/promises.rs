@@ -112,7 +112,7 @@ impl Tree {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 12, ..ProptestConfig::default() })]
+    #![proptest_config(crate::cases::cases(12))]
 
     #[test]
     fn sources_are_within_delta_of_what_is_drawn_for_them(seed: u64, count in 200..2500_usize, capacity in 5..120_usize) {

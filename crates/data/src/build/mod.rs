@@ -16,7 +16,7 @@ use crate::codec::quantize::MAX_ATTRIBUTES;
 use crate::codec::{AttributeMerge, VqBits};
 use crate::hierarchy::octree::{Context, Plan};
 use crate::hierarchy::{AttributeInfo, LevelInfo, OctreeOptions};
-use crate::import::{ImportError, LoadOptions, SourceStream, open, streams};
+use crate::import::{ImportError, LoadOptions, SourceStream, open, replaced_densities, streams};
 use crate::model::progress::Progress;
 use crate::model::{Dataset, Family, FamilyName, FamilyStream, ParticleStream, StreamError, Unit};
 use crate::store::paging::write_trees;
@@ -292,9 +292,7 @@ impl<'a> Build<'a> {
         if let Some(k) = neighbours {
             let lacking = survey.ranges[1].missing;
             if lacking > 0 && lacking < survey.count {
-                let family = stream.family();
-                self.notes
-                    .push(format!("{family}: {lacking} densities are not positive and are replaced by estimates"));
+                self.notes.push(replaced_densities(stream.family(), lacking));
             }
             let found = estimates::estimate(&mut partition, k, root, memory.neighbour_block(), progress)?;
             survey.estimated(found.ranges, found.samples);

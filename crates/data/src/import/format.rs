@@ -33,20 +33,45 @@ pub const FORMATS: &[&dyn Format] = &[
     &super::table::Csv,
 ];
 
-/// Opens a source in whatever format its content shows.
+/// What formats are recognised by.
+pub(super) struct Head {
+    /// The first bytes, at most [`HEAD`].
+    pub bytes: Vec<u8>,
+    /// Length of the file, bytes.
+    pub length: u64,
+}
+
+impl Head {
+    /// Reads the beginning of a file.
+    ///
+    /// # Errors
+    /// When the file cannot be read.
+    pub(super) fn read(path: &Path) -> Result<Head, ImportError> {
+        let io = |source| ImportError::io(path, "file", source);
+        let file = std::fs::File::open(path).map_err(io)?;
+        let length = file.metadata().map_err(io)?.len();
+        let mut bytes = Vec::with_capacity(HEAD);
+        file.take(HEAD as u64).read_to_end(&mut bytes).map_err(io)?;
+        Ok(Head { bytes, length })
+    }
+}
+
+/// The format that a file claims to be of.
+pub(super) fn format_of(head: &Head) -> Option<&'static dyn Format> {
+    FORMATS.iter().find(|format| format.recognise(&head.bytes, head.length)).copied()
+}
+
+/// Opens a source in whatever format its content shows; of a folder, the one source in it (see [`super::file_in`]).
 ///
 /// # Errors
 /// [`ImportError`] when the file cannot be read, is of no known format, or is damaged.
 pub fn open(path: &Path) -> Result<Box<dyn Source>, ImportError> {
-    let io = |source| ImportError::io(path, "file", source);
-    let file = std::fs::File::open(path).map_err(io)?;
-    let metadata = file.metadata().map_err(io)?;
-    if metadata.is_dir() {
-        return Err(ImportError::malformed(path, "file", "a folder", "a file"));
-    }
-    let mut head = Vec::with_capacity(HEAD);
-    file.take(HEAD as u64).read_to_end(&mut head).map_err(io)?;
-    match FORMATS.iter().find(|format| format.recognise(&head, metadata.len())) {
+    open_file(&super::file_in(path, &[])?)
+}
+
+/// [`open`] of a file.
+pub(super) fn open_file(path: &Path) -> Result<Box<dyn Source>, ImportError> {
+    match format_of(&Head::read(path)?) {
         Some(format) => format.open(path),
         None => {
             let names: Vec<&str> = FORMATS.iter().map(|format| format.name()).collect();

@@ -1,5 +1,6 @@
 //! The datasets of a scene, opened as one.
 
+use crate::import::{ImportError, file_in};
 use crate::model::{FamilyName, Placement, Unit};
 use crate::store::{PageFile, StoreError};
 use glam::DVec3;
@@ -33,6 +34,22 @@ impl Member {
         let exact = |factor: f64| if (factor - 1.0).abs() < 1e-12 { 1.0 } else { factor };
         Placement { offset: self.offset, scale: exact(scale), mass: exact(mass) }
     }
+
+    /// The same with the file that is meant in place of a folder.
+    ///
+    /// # Errors
+    /// As [`data_file`].
+    pub fn resolved(&self) -> Result<Member, ImportError> {
+        Ok(Member { path: data_file(&self.path)?, ..self.clone() })
+    }
+}
+
+/// The source, page file or other file that a user means who names `path`: of a folder, the one source or page file in it.
+///
+/// # Errors
+/// [`ImportError`] with a list of what is there, where a folder holds none or several. Whether `path` exists is not asked.
+pub fn data_file(path: &Path) -> Result<PathBuf, ImportError> {
+    file_in(path, &[("page file", PageFile::recognises)])
 }
 
 /// `FILE`, `FILE@X,Y,Z` or `FILE@X,Y,Z*SCALE`, as the command line has it.
