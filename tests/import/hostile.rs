@@ -2,7 +2,8 @@
 
 use crate::writers::file;
 use crate::{data, message};
-use deepfield::import::{LoadOptions, load, summarize};
+use deepfield::import::{LoadOptions, load, open_with, summarize};
+use deepfield::model::ReadMethod;
 use proptest::prelude::*;
 use std::path::Path;
 
@@ -124,6 +125,30 @@ hostile! {
     hdf5_deflated: bytes_of("emitter_000.hdf5");
     hdf5_newest: bytes_of("gizmo.hdf5");
     hdf5_swift: bytes_of("swift.hdf5");
+}
+
+/// Windows refuses to cut a file that is mapped.
+#[cfg(unix)]
+#[test]
+fn sources_that_are_cut_while_they_are_open_give_errors_however_they_are_read() {
+    let folder = tempfile::tempdir().unwrap();
+    for bytes in [gadget(1), tipsy(), bytes_of("gas_sphere_collapse_025.hdf5"), bytes_of("emitter_000.hdf5")] {
+        for method in [ReadMethod::Positioned, ReadMethod::Mapped] {
+            let path = file(folder.path(), "hostile", &bytes);
+            let source = open_with(&path, method).unwrap();
+            let info = &source.description().families[0];
+            let field = info.named("position").unwrap();
+            let read = || {
+                let mut values = vec![0.0; 3 * info.count as usize];
+                source.read(0, field, 0..info.count, &mut values).map(|()| values)
+            };
+            let whole = read().unwrap();
+            std::fs::OpenOptions::new().write(true).open(&path).unwrap().set_len(40).unwrap();
+            message(&read().unwrap_err(), &path);
+            std::fs::write(&path, &bytes).unwrap();
+            assert_eq!(read().unwrap(), whole);
+        }
+    }
 }
 
 #[test]
