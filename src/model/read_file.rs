@@ -71,6 +71,13 @@ mod tests {
     use proptest::prelude::*;
     use std::path::Path;
     use std::sync::atomic::{AtomicBool, Ordering};
+    use std::sync::{Mutex, MutexGuard, PoisonError};
+
+    /// One test takes all places for mappings that the others need.
+    fn alone() -> MutexGuard<'static, ()> {
+        static PLACES: Mutex<()> = Mutex::new(());
+        PLACES.lock().unwrap_or_else(PoisonError::into_inner)
+    }
 
     fn content(len: usize) -> Vec<u8> {
         (0..len).map(|i| (i * 31 + i / 253) as u8 | 1).collect()
@@ -95,6 +102,7 @@ mod tests {
             len in 0_usize..40_000,
             ranges in prop::collection::vec((0_u64..50_000, 0_usize..20_000), 1..20),
         ) {
+            let _alone = alone();
             let folder = tempfile::tempdir().unwrap();
             let path = folder.path().join("file");
             std::fs::write(&path, content(len)).unwrap();
@@ -113,6 +121,7 @@ mod tests {
     #[test]
     fn a_file_that_is_cut_while_threads_read_it_gives_errors_and_no_signal() {
         const LEN: usize = 1 << 20;
+        let _alone = alone();
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("file");
         let all = content(LEN);
@@ -167,6 +176,7 @@ mod tests {
 
     #[test]
     fn more_files_than_can_be_mapped_are_read_all_the_same() {
+        let _alone = alone();
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("file");
         std::fs::write(&path, content(5000)).unwrap();
