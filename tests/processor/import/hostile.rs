@@ -2,7 +2,8 @@
 
 use super::writers::file;
 use super::{data, message};
-use deepfield::import::{LoadOptions, load, summarize};
+use deepfield::import::{LoadOptions, load, open_with, summarize};
+use deepfield::model::ReadMethod;
 use proptest::prelude::*;
 use std::path::Path;
 
@@ -139,6 +140,31 @@ fn a_mass_beyond_single_precision_is_none_for_a_load_and_a_summary() {
     let dark = &summary.families[1];
     assert_eq!((dark.count, dark.mass), (40, 40.0), "each counts 1");
     assert!(summary.skipped.is_empty(), "{:?}", summary.skipped);
+}
+
+/// Windows refuses to cut a file that is mapped.
+#[cfg(unix)]
+#[test]
+fn sources_that_are_cut_while_they_are_open_give_errors_however_they_are_read() {
+    let folder = tempfile::tempdir().unwrap();
+    for bytes in [gadget(1), tipsy(), bytes_of("gas_sphere_collapse_025.hdf5"), bytes_of("emitter_000.hdf5")] {
+        for method in [ReadMethod::Positioned, ReadMethod::Mapped] {
+            let path = file(folder.path(), "hostile", &bytes);
+            let source = open_with(&path, method).unwrap();
+            let about = source.description();
+            let field = about.families[0].named("position").unwrap();
+            let read = || {
+                let mut values = vec![0.0; 3 * about.families[0].count as usize];
+                source.read(0, field, 0..about.families[0].count, &mut values).map(|()| values)
+            };
+            std::fs::OpenOptions::new().write(true).open(&path).unwrap().set_len(40).unwrap();
+            let error = read().err().unwrap_or_else(|| panic!("{} is read, {method:?}", about.format));
+            message(&error, &path);
+            // A file that is whole again is read again.
+            std::fs::write(&path, &bytes).unwrap();
+            assert!(read().is_ok());
+        }
+    }
 }
 
 #[test]

@@ -2,6 +2,7 @@
 
 use super::format::{Head, format_of, open_file};
 use super::{Description, ImportError, multifile};
+use crate::model::ReadMethod;
 use std::path::{Path, PathBuf};
 
 /// A kind of file that may be meant beside the sources: its name in messages, and whether a file that begins with these bytes is
@@ -40,7 +41,7 @@ pub fn file_in(path: &Path, others: &[OtherKind]) -> Result<PathBuf, ImportError
             found.push((claimant.path, text));
             continue;
         }
-        match open_file(&claimant.path) {
+        match open_file(&claimant.path, ReadMethod::Positioned) {
             Ok(source) => {
                 let about = source.description();
                 let files = multifile::names(&claimant.path, about.files as u64)?;

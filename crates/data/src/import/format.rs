@@ -1,6 +1,7 @@
 //! The formats that can be imported, each recognised by its content.
 
 use super::{ImportError, Source};
+use crate::model::ReadMethod;
 use std::io::Read;
 use std::path::Path;
 
@@ -13,11 +14,11 @@ pub trait Format: Sync {
     /// bytes long claims to be of this format. Damaged files may be recognised; [`Format::open`] finds the damage.
     fn recognise(&self, head: &[u8], length: u64) -> bool;
 
-    /// Opens the source that `path` belongs to.
+    /// Opens the source that `path` belongs to. Files that are read by byte range are read in the way `method`.
     ///
     /// # Errors
     /// [`ImportError`] when the file is damaged, incomplete or holds nothing to draw.
-    fn open(&self, path: &Path) -> Result<Box<dyn Source>, ImportError>;
+    fn open(&self, path: &Path, method: ReadMethod) -> Result<Box<dyn Source>, ImportError>;
 }
 
 /// How many bytes of a file [`Format::recognise`] sees.
@@ -66,13 +67,21 @@ pub(super) fn format_of(head: &Head) -> Option<&'static dyn Format> {
 /// # Errors
 /// [`ImportError`] when the file cannot be read, is of no known format, or is damaged.
 pub fn open(path: &Path) -> Result<Box<dyn Source>, ImportError> {
-    open_file(&super::file_in(path, &[])?)
+    open_with(path, ReadMethod::default())
 }
 
-/// [`open`] of a file.
-pub(super) fn open_file(path: &Path) -> Result<Box<dyn Source>, ImportError> {
+/// The same, read in the way `method`.
+///
+/// # Errors
+/// As [`open`].
+pub fn open_with(path: &Path, method: ReadMethod) -> Result<Box<dyn Source>, ImportError> {
+    open_file(&super::file_in(path, &[])?, method)
+}
+
+/// [`open_with`] of a file.
+pub(super) fn open_file(path: &Path, method: ReadMethod) -> Result<Box<dyn Source>, ImportError> {
     match format_of(&Head::read(path)?) {
-        Some(format) => format.open(path),
+        Some(format) => format.open(path, method),
         None => {
             let names: Vec<&str> = FORMATS.iter().map(|format| format.name()).collect();
             Err(ImportError::Unrecognised { path: path.into(), expected: names.join(", ") })

@@ -1,7 +1,7 @@
 //! The datasets of a scene, opened as one.
 
 use crate::import::{ImportError, file_in};
-use crate::model::{FamilyName, Placement, Unit};
+use crate::model::{FamilyName, Placement, ReadMethod, Unit};
 use crate::store::{PageFile, StoreError};
 use glam::DVec3;
 use std::path::{Path, PathBuf};
@@ -75,18 +75,19 @@ impl FromStr for Member {
     }
 }
 
-/// Opens the datasets as one scene in the units of the first; `page_file` turns what a user names into a page file. Also says what
-/// does not fit together, a sentence each.
+/// Opens the datasets as one scene in the units of the first; `page_file` turns what a user names into a page file,
+/// which is read in the way `read`. Also says what does not fit together, a sentence each.
 ///
 /// # Errors
 /// [`StoreError`] and the errors of `page_file`.
 pub fn open_members<E: From<StoreError>>(
     members: &[Member],
+    read: ReadMethod,
     mut page_file: impl FnMut(&Path) -> Result<PathBuf, E>,
 ) -> Result<(PageFile, Vec<String>), E> {
     let mut files: Vec<PageFile> = Vec::with_capacity(members.len());
     for member in members {
-        files.push(PageFile::open(&page_file(&member.path)?)?);
+        files.push(PageFile::open_with(&page_file(&member.path)?, read)?);
     }
     let units = |file: &PageFile| (file.metadata().length_unit.clone(), file.metadata().mass_unit.clone());
     let scene = files.first().map(units).unwrap_or_default();
