@@ -29,6 +29,11 @@ fn main() -> ExitCode {
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
+        Err(error) if error.is::<clap::Error>() => {
+            // What only the files that are named make wrong.
+            eprint!("{error}");
+            ExitCode::from(2)
+        }
         Err(error) => {
             // One line, whatever a library's message looks like.
             let text: Vec<String> = error.to_string().lines().map(|line| line.trim().to_owned()).collect();

@@ -12,6 +12,7 @@ mod film;
 mod mix;
 mod patch;
 pub mod picture_config;
+mod shot;
 mod text;
 
 pub use dataset::{DatasetRef, Fingerprint, Located};
@@ -21,6 +22,7 @@ pub use mix::mix;
 pub use patch::{ERROR_PX, ERRORS_PX, Look, LookPatch};
 pub(crate) use patch::{define_look_text, with_look_fields};
 pub use picture_config::{Backend, CameraConfig, PictureConfig};
+pub use shot::Shot;
 pub use text::{SceneError, is_scene_file};
 
 use crate::view::{Projection, Stereo, Surround, View, ViewError};

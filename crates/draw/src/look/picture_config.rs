@@ -67,7 +67,7 @@ impl From<AttributeName> for Attribute {
 }
 
 /// Where the camera stands, in world units.
-#[derive(Clone, Copy, Debug, Default, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct CameraConfig {
     /// Position.

@@ -11,8 +11,8 @@ use crate::cpu::{Method, SplatError, SplatOptions};
 use crate::hierarchy::Levels as Hierarchy;
 use crate::look::{Camera, ERROR_PX, LookPatch};
 use crate::mode::{Depiction, Footprint, Plan};
-use crate::modes;
 use crate::picture::around::{Alike, sketch, with_images};
+use crate::picture::look::{self, transfer_of};
 use crate::picture::paint::{Subject, find_levels, paint_nodes};
 use crate::picture::panorama::assemble;
 use crate::picture::{governor, pilot, processor};
@@ -77,23 +77,7 @@ impl Format {
 /// # Errors
 /// When they do not fit the data.
 pub fn depict(look: &LookPatch, metadata: &Metadata) -> Result<Depiction, SketchError> {
-    let fields = metadata.families.iter().flat_map(|family| &family.attributes).map(|field| field.name.as_str());
-    let mode = look.mode.unwrap_or_else(|| modes::usual(fields));
-    let depiction = Depiction::of_pages(mode, look.settings.clone(), look.attribute_name(), metadata);
-    let mut depiction = depiction.map_err(SketchError::Depiction)?;
-    depiction.attribute = depiction.attribute.filter(|_| !look.is_plain());
-    Ok(depiction)
-}
-
-/// The transfer function of a look: its own, or the usual one.
-fn transfer_of(look: &LookPatch, depiction: &Depiction) -> TransferFunction {
-    let painted = depiction.mode.painter().is_some();
-    let usual = || match painted {
-        true => Some(TransferFunction::of_volumes(depiction.attribute.is_some())),
-        false => TransferFunction::preset(depiction.mode.transfer[usize::from(depiction.attribute.is_some())]),
-    };
-    let own = look.transfer.clone().or_else(|| usual().map(|usual| depiction.suited(usual))).unwrap_or_default();
-    if painted { own.for_volume() } else { own }
+    look::depict(look, metadata).map_err(SketchError::Depiction)
 }
 
 /// Shows the families and levels of a look from now on.
