@@ -195,7 +195,7 @@ pub(super) fn open_dropped_files(
 }
 
 /// Hands over files that have arrived and reports those that cannot be opened.
-pub(super) fn finish_opening(
+pub(crate) fn finish_opening(
     mut openings: ResMut<Openings>,
     mut messages: ResMut<Messages>,
     mut opened: MessageWriter<Opened>,

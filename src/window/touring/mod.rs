@@ -40,7 +40,7 @@ impl Plugin for TouringPlugin {
 }
 
 #[cfg(test)]
-pub(super) mod tests {
+pub(crate) mod tests {
     use crate::look::Camera;
     use crate::model::Bounds;
     use crate::tour::{Keyframe, Surroundings, Timeline, TourFile};

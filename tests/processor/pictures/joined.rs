@@ -10,7 +10,7 @@ use deepfield::explore::{Data, Members, ProbeOptions, Region, Work, probe};
 use deepfield::import::{LoadOptions, load};
 use deepfield::look::{Member, open_members, shown_families};
 use deepfield::mode::{Depiction, Settings};
-use deepfield::model::{Dataset, Placement};
+use deepfield::model::{Dataset, Placement, ReadMethod};
 use deepfield::modes;
 use deepfield::picture::processor;
 use deepfield::store::{PageFile, PageId, StoreError};
@@ -47,7 +47,7 @@ fn fixture() -> Fixture {
 }
 
 fn open(members: &[Member]) -> PageFile {
-    open_members(members, |path| Ok::<_, StoreError>(path.to_owned())).unwrap().0
+    open_members(members, ReadMethod::default(), |path| Ok::<_, StoreError>(path.to_owned())).unwrap().0
 }
 
 fn draw(file: &Arc<PageFile>, families: Option<Vec<u32>>, view: &View, tau: f64) -> Accumulation {
@@ -157,7 +157,8 @@ fn pages_and_probes_of_several_are_those_of_all() {
 #[test]
 fn what_does_not_fit_together_is_told_or_refused() {
     let Fixture { members, _folder, .. } = fixture();
-    let join = |members: &[Member]| open_members(members, |path| Ok::<_, StoreError>(path.to_owned()));
+    let join =
+        |members: &[Member]| open_members(members, ReadMethod::default(), |path| Ok::<_, StoreError>(path.to_owned()));
     let (_, notes) = join(&members).unwrap();
     assert!(notes.iter().all(|note| note.contains("collapse")), "{notes:?}");
     let unscaled = [members[0].clone(), Member { scale: None, ..members[1].clone() }];
