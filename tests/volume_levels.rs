@@ -53,6 +53,10 @@ impl Built {
         &self.pages[at.page.0 as usize].nodes[at.node as usize]
     }
 
+    fn children(&self, at: NodeRef) -> &[NodeRef] {
+        self.pages[at.page.0 as usize].children(at.node as usize)
+    }
+
     fn root(&self, levels: Levels) -> NodeRef {
         NodeRef { page: self.file.metadata().families[0].root_page_of(levels).unwrap(), node: 0 }
     }
@@ -62,7 +66,7 @@ impl Built {
         let mut nodes = vec![self.root(levels)];
         let mut next = 0;
         while let Some(&at) = nodes.get(next) {
-            nodes.extend(self.node(at).children.iter().flatten());
+            nodes.extend(self.children(at));
             next += 1;
         }
         nodes
@@ -75,7 +79,7 @@ impl Built {
         let book = &info.codebooks[usize::from(node.codebook)];
         let particle = |i: usize| {
             let code = usize::from(particles.codes[i]);
-            let position = node.key.position(info.root, particles.fraction(i));
+            let position = node.frame.position(particles.fraction(i));
             (position, book.smoothing_length[code], book.mass[code] * node.mass_scale)
         };
         (0..particles.len()).map(particle).collect()
@@ -83,7 +87,7 @@ impl Built {
 
     /// Indices of the source particles in a node's cell.
     fn sources(&self, at: NodeRef) -> Vec<usize> {
-        let cell = self.node(at).key.bounds(self.file.metadata().families[0].root);
+        let cell = self.node(at).frame.bounds();
         let inside = |p: &[f64; 3]| {
             let p = DVec3::from_array(*p);
             p.cmpge(cell.min).all() && p.cmplt(cell.max).all()
@@ -132,7 +136,6 @@ proptest! {
     fn every_node_keeps_mass_means_and_volume(seed: u64, count in 200..3000_usize, capacity in 5..120_usize) {
         let built = built(clumps(seed, count), options(VqBits::Sixteen, capacity));
         let info = &built.file.metadata().families[0];
-        let root = info.root;
         let mut grids = 0;
         let mut enlarged_nodes = 0;
         for at in built.tree(Levels::Volume) {
@@ -141,13 +144,13 @@ proptest! {
                 continue;
             }
             grids += 1;
-            prop_assert!(matches!(info.codebooks[usize::from(node.codebook)].scope, CodebookScope::VolumeDepth(d) if d == node.key.depth));
+            prop_assert!(matches!(info.codebooks[usize::from(node.codebook)].scope, CodebookScope::VolumeDepth(d) if d == node.depth));
             let (sources, drawn) = (built.sources(at), built.drawn(at));
             let mass: f64 = sources.iter().map(|&i| f64::from(built.family.mass[i])).sum();
             let own: f64 = drawn.iter().map(|particle| f64::from(particle.2)).sum();
             prop_assert!((node.mass / mass - 1.0).abs() < 1e-12 && (own / mass - 1.0).abs() < 1e-6, "{} {} {}", mass, node.mass, own);
             prop_assert!((f64::from(node.mass_scale) - 1.0).abs() < 1e-5, "nothing is left out: {}", node.mass_scale);
-            let q = node.spacing(root);
+            let q = node.spacing;
             prop_assert!(drawn.iter().all(|particle| f64::from(particle.1) >= q * (1.0 - 1e-4)));
             let cube = |h: f32| f64::from(h).powi(3);
             let volume: f64 = sources.iter().map(|&i| cube(built.family.smoothing_length[i])).sum();
@@ -173,11 +176,11 @@ proptest! {
             let (mut drawn, mut particles) = (0.0, 0);
             while let Some(at) = stack.pop() {
                 let node = built.node(at);
-                if node.encoding != Encoding::Relay && (node.is_leaf() || node.key.depth >= depth) {
+                if node.encoding != Encoding::Relay && (node.is_leaf() || node.depth >= depth) {
                     drawn += built.drawn(at).iter().map(|particle| f64::from(particle.2)).sum::<f64>();
                     particles += node.source_particles;
                 } else {
-                    stack.extend(node.children.iter().flatten());
+                    stack.extend(built.children(at));
                 }
             }
             prop_assert!((drawn / total - 1.0).abs() < 1e-6);
@@ -202,7 +205,7 @@ proptest! {
         let (splats, plain) = (with.tree(Levels::Splats), without.tree(Levels::Splats));
         prop_assert_eq!(splats.len(), plain.len());
         for (&a, &b) in splats.iter().zip(&plain) {
-            let placeless = |node: &Node| Node { children: [None; 8], ..node.clone() };
+            let placeless = |node: &Node| Node { children: 0..0, ..node.clone() };
             prop_assert_eq!(placeless(with.node(a)), placeless(without.node(b)));
             let words = |built: &Built, at: NodeRef| {
                 let particles = built.pages[at.page.0 as usize].particles(at.node as usize);
@@ -222,7 +225,7 @@ proptest! {
         };
         prop_assert_eq!(leaves(Levels::Splats), leaves(Levels::Volume));
         // Inner nodes are their own, in the same cells.
-        let cells = |levels| with.tree(levels).into_iter().map(|at| with.node(at).key).collect::<Vec<_>>();
+        let cells = |levels| with.tree(levels).into_iter().map(|at| with.node(at).frame).collect::<Vec<_>>();
         prop_assert_eq!(cells(Levels::Splats), cells(Levels::Volume));
         let version = |built: &Built| std::fs::read(built.file.path()).unwrap()[8];
         prop_assert_eq!((version(&with), version(&without)), (3, 2));

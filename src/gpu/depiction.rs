@@ -67,8 +67,8 @@ pub fn request_nodes(
             HeadlessNode {
                 upload: NodeUpload {
                     id: NodeId { source: drawn.page.family, page: drawn.node.page.0, node: index },
-                    min: node.key.min(family.root),
-                    size: node.key.size(family.root),
+                    min: node.frame.min,
+                    size: node.frame.size,
                     payload: Payload::Page { page: drawn.page.clone(), node: index },
                 },
                 table: Some(table),

@@ -205,7 +205,7 @@ pub fn finish_loads(
         match streaming.streamer.residency.state(id) {
             Some(PageState::Resident(page)) => {
                 let bounds = page.nodes.iter().fold(Bounds::EMPTY, |bounds, node| bounds.union(node.bounds));
-                let depth = page.nodes.iter().map(|node| node.key.depth).min().unwrap_or(0);
+                let depth = page.nodes.iter().map(|node| node.depth).min().unwrap_or(0);
                 *status = PageStatus::Resident(Arc::clone(page));
                 commands.entity(entity).insert((PageBounds(bounds), PageDepth(depth)));
             }

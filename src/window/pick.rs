@@ -46,7 +46,7 @@ pub fn pick(view: &View, metadata: &Metadata, nodes: &[SceneNode], cursor: [f64;
             continue;
         }
         let particles = drawn.page.particles(index);
-        let (corner, size) = (view.to_camera(node.key.min(family.root) + drawn.offset), node.key.size(family.root));
+        let (corner, size) = (view.to_camera(node.frame.min + drawn.offset), node.frame.size);
         let axes = [DVec3::X, DVec3::Y, DVec3::Z]
             .map(|axis| DVec3::new(axis.dot(view.right), axis.dot(view.up), axis.dot(view.forward)) * size);
         for (i, &code) in particles.codes.iter().enumerate() {

@@ -11,7 +11,7 @@ use crate::hierarchy::octree::{Bucket, Columns, Context, Open, Piece, Plan, Tree
 use crate::hierarchy::{Encoding, LevelInfo, Levels};
 use crate::model::FamilyName;
 use crate::model::progress::Progress;
-use crate::store::Node;
+use crate::store::layout::StoredNode;
 use crate::store::paging::{PlannedNode, Sections};
 use rayon::prelude::*;
 
@@ -227,7 +227,7 @@ impl Coder<'_> {
                 own.push(PlannedNode {
                     sections: (positions, codes),
                     children: draft.children,
-                    node: Node {
+                    node: StoredNode {
                         key: draft.key,
                         encoding: draft.encoding,
                         codebook: before + coded.codebook,

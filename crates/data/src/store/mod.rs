@@ -17,13 +17,15 @@ pub mod writer;
 
 mod footer;
 mod joined;
+mod located;
 mod reader;
 mod wire;
 
 pub use disk::{Change, Disk, LocalFile};
 pub use error::StoreError;
+pub use located::{Located, SourcePlace};
 pub use metadata::{AttributeInfo, AttributeMerge, FamilyMetadata, Histogram, LevelInfo, Metadata, VolumeTree};
-pub use page::{Encoding, Node, NodeParticles, NodeRef, Page, PageId, Positions};
+pub use page::{Encoding, Frame, Node, NodeParticles, NodeRef, Page, PageId, Positions};
 pub use page_file::{PageBytes, PageFile, PartInfo};
 pub use verify::{Verified, verify};
 pub use writer::PageFileWriter;

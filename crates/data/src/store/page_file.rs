@@ -160,7 +160,7 @@ impl PageFile {
     pub fn decode_page(&self, bytes: PageBytes) -> Result<Page, StoreError> {
         // Bytes come from a page of this scene, or of another with fewer or more files.
         let part = self.parts.get(bytes.part).unwrap_or(&self.parts[0]);
-        let mut page = part.reader.decode_page(bytes.raw)?;
+        let mut page = part.reader.decode_page(bytes.raw, &part.placement)?;
         if part.first_page > 0 || !part.placement.is_here() {
             page.relocate(part.first_page, part.first_family, &part.placement);
         }

@@ -9,8 +9,8 @@
 //! every child comes after its parents in both trees.
 
 use super::error::StoreError;
-use super::layout::particles_memory;
-use super::page::{Encoding, Node, NodeRef, PageId};
+use super::layout::{StoredNode, particles_memory};
+use super::page::{Encoding, NodeRef, PageId};
 use super::writer::{PageFileWriter, PageNode, encode_page, node_bytes};
 use crate::hierarchy::Levels;
 use crate::model::progress::Progress;
@@ -24,7 +24,7 @@ pub const PAGE_BYTES: usize = 3 << 20;
 #[derive(Clone, Debug)]
 pub struct PlannedNode {
     /// The node, without its children.
-    pub node: Node,
+    pub node: StoredNode,
     /// Its children: indices into the nodes of the next depth.
     pub children: [Option<usize>; 8],
     /// Bytes of its positions and of its codes.
@@ -221,11 +221,11 @@ fn encode<E>(
     let records = page.iter().map(|&(depth, index)| {
         let planned = &tree.nodes[depth][index];
         let below = tree.places.get(depth + 1).map_or(&[][..], Vec::as_slice);
-        let node =
-            Node { children: planned.children.map(|child| child.map(|child| below[child])), ..planned.node.clone() };
+        let children = planned.children.map(|child| child.map(|child| below[child]));
+        let node = StoredNode { children, ..planned.node.clone() };
         Ok((node, sections(tree.levels, depth, index)?))
     });
-    let records: Vec<(Node, Sections)> = records.collect::<Result<_, E>>()?;
+    let records: Vec<(StoredNode, Sections)> = records.collect::<Result<_, E>>()?;
     let page: Vec<PageNode> = records.iter().map(|(node, sections)| PageNode { node, sections }).collect();
     Ok(encode_page(id, family, &page))
 }

@@ -5,8 +5,9 @@ use super::error::StoreError;
 use super::footer;
 use super::layout::{ALIGNMENT, HEADER_LEN, Header, HeaderError, PAGE_HEADER_LEN, PageEntry, VERSION, VERSION_VOLUME};
 use super::metadata::Metadata;
-use super::page::{Node, Page, PageId};
+use super::page::{NODE_MEMORY, Page, PageId};
 use crate::hierarchy::Levels;
+use crate::model::Placement;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -87,7 +88,7 @@ impl Reader {
 
     /// Bytes that the page takes in memory; 0 for a page that does not exist.
     pub(super) fn page_memory(&self, page: PageId) -> u64 {
-        let of = |entry: &PageEntry| u64::from(entry.memory) + u64::from(entry.nodes) * size_of::<Node>() as u64;
+        let of = |entry: &PageEntry| u64::from(entry.memory) + u64::from(entry.nodes) * NODE_MEMORY;
         self.table.get(page.0 as usize).map_or(0, of)
     }
 
@@ -115,13 +116,13 @@ impl Reader {
     ///
     /// # Errors
     /// As [`PageFile::read_page`](super::PageFile::read_page).
-    pub(super) fn decode_page(&self, bytes: RawPage) -> Result<Page, StoreError> {
+    pub(super) fn decode_page(&self, bytes: RawPage, placement: &Placement) -> Result<Page, StoreError> {
         let RawPage { page, bytes } = bytes;
         let entry = self.table.get(page.0 as usize).ok_or_else(|| self.damaged(page, "to exist"))?;
         if crc32c::crc32c(&bytes) != entry.crc {
             return Err(self.explained(page, self.damaged(page, "its checksum")));
         }
-        Page::parse(page, &bytes, &self.metadata, &self.table).map_err(|damage| damage.in_file(&self.path))
+        Page::parse(page, &bytes, &self.metadata, &self.table, placement).map_err(|damage| damage.in_file(&self.path))
     }
 
     /// What has become of the file since it was opened; asks the disk, so it may wait.

@@ -111,12 +111,12 @@ impl Verifier<'_> {
             for levels in KINDS {
                 let is_root = family.root_page_of(levels) == Some(page.id) && i == 0;
                 match self.promises.remove(&(own, levels)) {
-                    Some(promise) if promise.key == node.key && !is_root => {
+                    Some(promise) if promise.key == page.cells[i] && !is_root => {
                         self.settle(&promise, node).map_err(|e| here(&e))?
                     }
                     // What is drawn first must hold something.
                     None if is_root && (node.encoding != Encoding::Relay || levels == Levels::Volume) => {
-                        if node.key != NodeKey::ROOT || node.source_particles != family.count {
+                        if page.cells[i] != NodeKey::ROOT || node.source_particles != family.count {
                             return Err(here("a root that stands for every particle of its family"));
                         }
                     }
@@ -132,16 +132,13 @@ impl Verifier<'_> {
             check_particles(page, i, node).map_err(here)?;
             // Leaves count for the tree that was looked for first.
             let tree = if node.is_leaf() { Levels::Splats } else { tree };
-            self.count(page, i, family, tree).map_err(here)?;
-            let mut children = 0;
-            for (octant, child) in node.children.iter().enumerate() {
-                let Some(child) = *child else { continue };
-                let promise = Promise { key: node.key.child(octant as u8), parent: own };
-                if self.promises.insert((child, tree), promise).is_some() {
+            self.count(page, i, tree).map_err(here)?;
+            for (&child, &key) in page.children(i).iter().zip(page.child_cells(i)) {
+                if self.promises.insert((child, tree), Promise { key, parent: own }).is_some() {
                     return Err(here("children that no other node has"));
                 }
-                children += 1;
             }
+            let children = node.children.len() as u32;
             if children > 0 {
                 self.open.insert(own, Open { children, source_particles: 0, expected: node.source_particles });
             }
@@ -166,16 +163,10 @@ impl Verifier<'_> {
         Ok(())
     }
 
-    fn count(
-        &mut self,
-        page: &Page,
-        index: usize,
-        metadata: &FamilyMetadata,
-        tree: Levels,
-    ) -> Result<(), &'static str> {
+    fn count(&mut self, page: &Page, index: usize, tree: Levels) -> Result<(), &'static str> {
         let node = &page.nodes[index];
         let level = self.levels[page.family as usize][tree as usize]
-            .get_mut(usize::from(node.key.depth))
+            .get_mut(usize::from(node.depth))
             .ok_or("a depth that the footer lists")?;
         let particles = u64::from(node.particles);
         match node.encoding {
@@ -192,10 +183,9 @@ impl Verifier<'_> {
             }
         }
         level.bytes += page.node_bytes(index);
-        let cell = node.key.bounds(metadata.root);
+        let cell = node.frame.bounds();
         // Rounding in the cell's corners is far below its size.
-        let slack =
-            glam::DVec3::splat(1e-6 * node.key.size(metadata.root)) + 1e-12 * cell.min.abs().max(cell.max.abs());
+        let slack = glam::DVec3::splat(1e-6 * node.frame.size) + 1e-12 * cell.min.abs().max(cell.max.abs());
         let inside = (cell.min - slack).cmple(node.bounds.min).all() && node.bounds.max.cmple(cell.max + slack).all();
         if inside { Ok(()) } else { Err("bounds inside its cell") }
     }

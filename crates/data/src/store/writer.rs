@@ -3,11 +3,11 @@
 use super::error::StoreError;
 use super::footer;
 use super::layout::{
-    ALIGNMENT, Header, NODE_RECORD_LEN, NodeRecord, PAGE_HEADER_LEN, PageEntry, SECTION_ALIGNMENT, align_up,
-    encode_page_header,
+    ALIGNMENT, Header, NODE_RECORD_LEN, NodeRecord, PAGE_HEADER_LEN, PageEntry, SECTION_ALIGNMENT, StoredNode,
+    align_up, encode_page_header,
 };
 use super::metadata::Metadata;
-use super::page::{Node, PageId};
+use super::page::PageId;
 use super::paging::Sections;
 use super::temporary::Temporary;
 use std::io::Write;
@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 #[derive(Clone, Copy, Debug)]
 pub struct PageNode<'a> {
     /// The node.
-    pub node: &'a Node,
+    pub node: &'a StoredNode,
     /// Its particles.
     pub sections: &'a Sections,
 }

@@ -5,7 +5,6 @@ use super::paged::{Accepted, Place, accepted};
 use super::places::{PlaceMarks, Places};
 use super::region::Region;
 use super::shape::{Cover, Shapes};
-use crate::hierarchy::RootCell;
 use crate::store::{Metadata, NodeParticles, Page, Positions};
 
 /// A selection, ready to be held against nodes. Cheap to ask from many threads.
@@ -30,7 +29,6 @@ struct RegionMarks {
 
 #[derive(Debug)]
 struct FamilyMarks {
-    root: RootCell,
     /// By codebook, a bit for each code whose values are in the ranges; empty without ranges.
     codes: Vec<Vec<bool>>,
 }
@@ -59,7 +57,7 @@ impl Highlighter {
             }
             let inside = |codes: Vec<Accepted>| codes.iter().map(|code| code.inside).collect();
             let codes = accepted(family, &region.ranges)?.into_iter().map(inside).collect();
-            Some(FamilyMarks { root: family.root, codes })
+            Some(FamilyMarks { codes })
         });
         let families = families.collect();
         Ok(Highlighter { by: By::Region(RegionMarks { shapes, families }) })
@@ -106,7 +104,7 @@ impl RegionMarks {
             return Marked::All;
         }
         let particles = page.particles(node);
-        let place = Place::of(record, family.root);
+        let place = Place::of(record);
         bits.resize(particles.len().div_ceil(64), 0);
         match (cover == Cover::Inside, codes) {
             (true, Some(codes)) => fill(&particles, bits, |_, code| has(codes, code)),

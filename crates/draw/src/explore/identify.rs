@@ -12,7 +12,7 @@ use super::query::{Of, Query, Wanted};
 use super::region::Region;
 use crate::import::{FieldKind, Source};
 use crate::model::{FamilyName, Unit};
-use crate::store::{Encoding, Metadata, Page};
+use crate::store::{Metadata, Page};
 use glam::DVec3;
 use serde::Serialize;
 
@@ -39,8 +39,8 @@ impl PageParticle {
         let particles = page.particles(node);
         let code = usize::from(*particles.codes.get(particle)?);
         let codebook = family.codebooks.get(usize::from(record.codebook))?;
-        let place = Place::of(record, family.root);
-        let merged = record.encoding != Encoding::Leaf;
+        let place = Place::of(record);
+        let merged = !record.is_leaf();
         let columns = [&codebook.mass, &codebook.density, &codebook.smoothing_length];
         let about = family.quantities.iter().chain(&family.attributes);
         let fields = about

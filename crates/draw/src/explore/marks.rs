@@ -206,7 +206,7 @@ impl MarkedNode {
         if marked == Marked::None {
             return None;
         }
-        let (origin, size) = (node.key.min(family.root) + drawn.offset, node.key.size(family.root));
+        let (origin, size) = (node.frame.min + drawn.offset, node.frame.size);
         let particles = drawn.page.particles(index);
         let is_marked =
             |i: usize| marked == Marked::All || bits.get(i / 64).is_some_and(|word| word >> (i % 64) & 1 == 1);

@@ -7,8 +7,6 @@ use super::error::ExploreError;
 use super::query::{Of, Query};
 use super::region::ValueRange;
 use super::shape::Cover;
-use crate::hierarchy::RootCell;
-use crate::model::Bounds;
 use crate::store::{FamilyMetadata, Node, NodeRef, Page, PageFile, PageId, Positions};
 use glam::DVec3;
 use rayon::prelude::*;
@@ -159,24 +157,17 @@ impl<'a> FamilyQuery<'a> {
                 walked.dealt_with = walked.dealt_with.saturating_add(node.source_particles);
             } else {
                 // Pushed in reverse, so that the particles come in Morton order.
-                for (octant, child) in node.children.iter().enumerate().rev() {
-                    let Some(child) = child else { continue };
+                let children = page.children(index as usize).iter().zip(page.child_bounds(index as usize));
+                for (child, &bounds) in children.rev() {
                     if child.page == page.id {
                         stack.push(Entry { node: child.node, inside });
-                    } else if inside || self.query.shapes.cover(self.cell(node, octant)) != Cover::Outside {
+                    } else if inside || self.query.shapes.cover(bounds) != Cover::Outside {
                         walked.elsewhere.push((*child, inside));
                     }
                 }
             }
         }
         walked
-    }
-
-    /// The cell of a child, a hair larger: particles lie in their cells up to rounding.
-    fn cell(&self, node: &Node, octant: usize) -> Bounds {
-        let bounds = node.key.child(octant as u8).bounds(self.family.root);
-        let hair = 1e-9 * (bounds.max - bounds.min) + 1e-14 * bounds.min.abs().max(bounds.max.abs());
-        Bounds { min: bounds.min - hair, max: bounds.max + hair }
     }
 
     /// Fills the batch with the members in a leaf.
@@ -192,7 +183,7 @@ impl<'a> FamilyQuery<'a> {
         let particles = page.particles(index);
         let Positions::Leaf(_) = particles.positions else { return };
         let scale = f64::from(node.mass_scale);
-        let place = Place::of(node, self.family.root);
+        let place = Place::of(node);
         let mass_of = |code: u16| codebook.mass.get(usize::from(code)).map_or(0.0, |&mass| f64::from(mass)) * scale;
         let mut codes = Vec::with_capacity(particles.len());
         let key = (u64::from(page.id.0) << 32 | index as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15);
@@ -237,23 +228,23 @@ impl<'a> FamilyQuery<'a> {
     }
 }
 
-/// A leaf's cell in the world.
+/// A leaf's frame in the world.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Place {
     corner: DVec3,
-    /// Edge of the cell, world units.
+    /// Edge of the frame, world units.
     pub size: f64,
     /// Rounding of world coordinates here.
     pub ulp: f64,
 }
 
 impl Place {
-    pub(super) fn of(node: &Node, root: RootCell) -> Place {
-        let (corner, size) = (node.key.min(root), node.key.size(root));
+    pub(super) fn of(node: &Node) -> Place {
+        let (corner, size) = (node.frame.min, node.frame.size);
         Place { corner, size, ulp: (corner.abs().max_element() + size) * 4.0 * f64::EPSILON }
     }
 
-    /// The world position of a fraction of the cell.
+    /// The world position of a fraction of the frame.
     #[inline]
     pub(super) fn at(&self, fraction: [f32; 3]) -> DVec3 {
         self.corner + DVec3::from_array(fraction.map(f64::from)) * self.size

@@ -86,17 +86,16 @@ pub fn describe(file: &PageFile, particle: ParticleRef) -> Result<ParticleReport
         let between = around(value, error, error_scale(family, column));
         Some(ParticleValue { name: info.name.clone(), unit: info.unit.clone(), value, between })
     });
-    let cell = node.key.size(family.root);
     Ok(ParticleReport {
         particle,
         family: family.name,
-        position: node.key.position(family.root, particles.fraction(index)),
-        rounding: if node.is_leaf() { particles.rounding(index) * cell } else { node.delta },
+        position: node.frame.position(particles.fraction(index)),
+        rounding: if node.is_leaf() { particles.rounding(index) * node.frame.size } else { node.delta },
         merged: (!node.is_leaf()).then_some(Merged {
             source_particles: node.source_particles,
             particles: particles.len() as u64,
             mass: node.mass,
-            depth: node.key.depth,
+            depth: node.depth,
         }),
         values: values.collect(),
     })

@@ -13,11 +13,11 @@ use glam::DVec3;
 use rayon::prelude::*;
 use std::borrow::Cow;
 
-/// The particles of one node, decoded: structure of arrays, positions relative to the node's cell.
+/// The particles of one node, decoded: structure of arrays, positions relative to the node's frame.
 #[derive(Clone, Debug, Default)]
 pub struct DecodedNode {
     origin: DVec3,
-    /// Edge of the cell, world units; offsets are fractions of it.
+    /// Edge of the frame, world units; offsets are fractions of it.
     size: f64,
     offsets: Vec<[f32; 3]>,
     smoothing_length: Vec<f32>,
@@ -28,21 +28,12 @@ pub struct DecodedNode {
 
 impl DecodedNode {
     /// Decodes what is drawn of one node, with the table of its codebook.
-    fn new(
-        depiction: &Depiction,
-        metadata: &Metadata,
-        page: &Page,
-        index: usize,
-        table: &CodeTable,
-        sample: Sample,
-    ) -> DecodedNode {
-        let family = &metadata.families[page.family as usize];
+    fn new(depiction: &Depiction, page: &Page, index: usize, table: &CodeTable, sample: Sample) -> DecodedNode {
         let node: &Node = &page.nodes[index];
         let particles = page.particles(index);
-        let size = node.key.size(family.root);
         let scale = depiction.node_scale(node);
         if !sample.is_all() {
-            let mut out = DecodedNode { origin: node.key.min(family.root), size, ..DecodedNode::default() };
+            let mut out = DecodedNode { origin: node.frame.min, size: node.frame.size, ..DecodedNode::default() };
             out.attribute = table.attribute.as_ref().map(|_| Vec::new());
             out.density = table.density.as_ref().map(|_| Vec::new());
             let code = |i: u32| usize::from(particles.codes[i as usize]);
@@ -62,8 +53,8 @@ impl DecodedNode {
         }
         let at = |column: &[f32]| particles.codes.iter().map(|&code| column[usize::from(code)]).collect();
         DecodedNode {
-            origin: node.key.min(family.root),
-            size,
+            origin: node.frame.min,
+            size: node.frame.size,
             offsets: (0..particles.len()).map(|i| particles.fraction(i)).collect(),
             smoothing_length: at(&table.smoothing_length),
             weight: particles.codes.iter().map(|&code| scale * table.weight[usize::from(code)]).collect(),
@@ -181,7 +172,7 @@ pub(super) fn decode_some(
             let index = drawn.node.node as usize;
             let codebook = usize::from(drawn.page.nodes[index].codebook);
             let table = &tables[drawn.page.family as usize][codebook];
-            let mut node = DecodedNode::new(depiction, metadata, &drawn.page, index, table, sample(drawn, table));
+            let mut node = DecodedNode::new(depiction, &drawn.page, index, table, sample(drawn, table));
             node.origin += drawn.offset;
             node
         })

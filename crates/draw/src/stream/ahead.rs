@@ -60,7 +60,7 @@ pub fn ahead(view: &View, detail: Detail, distance: f64, residency: &Residency, 
         if travel > distance || !view.cut.reaches(&info.extent.bounds) {
             continue;
         }
-        for child in info.children.into_iter().flatten() {
+        for child in residency.children(id) {
             let least = travels.entry(child.page).or_insert(travel);
             *least = least.min(travel);
             open.push(child);

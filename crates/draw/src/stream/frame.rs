@@ -38,16 +38,19 @@ fn within(file: &PageFile, families: &[u32], nodes: usize) -> Bounds {
     while let Some((_, at)) = open.pop() {
         let Some((page, node)) = pages.node(at) else { continue };
         opened += 1;
-        let can_open = opened + open.len() < nodes && pages.affords(&node);
+        let index = at.node as usize;
+        let can_open = opened + open.len() < nodes && pages.affords(page.children(index));
         // A relay holds no particles itself; a damaged file could be all relays.
-        if !node.is_leaf() && (can_open || node.particles == 0 && opened < 4 * NODES && pages.affords(&node)) {
-            for child in node.children.into_iter().flatten() {
+        if !node.is_leaf()
+            && (can_open || node.particles == 0 && opened < 4 * NODES && pages.affords(page.children(index)))
+        {
+            for &child in page.children(index) {
                 open.extend(pages.node(child).map(|(_, node)| (node.source_particles, child)));
             }
             continue;
         }
         let Some(family) = metadata.families.get(page.family as usize) else { continue };
-        let particles = page.particles(at.node as usize);
+        let particles = page.particles(index);
         let stride = particles.len().div_ceil(SAMPLES).max(1);
         let taken = || (0..particles.len()).step_by(stride);
         // A merged particle stands for as many as its mass says: those of a dense place are few, and heavy.
@@ -58,7 +61,7 @@ fn within(file: &PageFile, families: &[u32], nodes: usize) -> Bounds {
         };
         let total: f64 = taken().map(mass).sum();
         let each = node.source_particles as f64 / total;
-        let places = taken().map(|i| (node.key.position(family.root, particles.fraction(i)), each * mass(i)));
+        let places = taken().map(|i| (node.frame.position(particles.fraction(i)), each * mass(i)));
         // A relay that is not opened counts as a whole.
         let whole = particles.is_empty().then(|| (node.bounds.center(), node.source_particles as f64));
         samples.extend(places.chain(whole).filter(|(position, _): &(DVec3, f64)| position.is_finite()));
@@ -76,8 +79,8 @@ struct Pages<'a> {
 
 impl Pages<'_> {
     /// Whether the pages of a node's children may be read.
-    fn affords(&self, node: &Node) -> bool {
-        let mut wanted: Vec<PageId> = node.children.iter().flatten().map(|child| child.page).collect();
+    fn affords(&self, children: &[NodeRef]) -> bool {
+        let mut wanted: Vec<PageId> = children.iter().map(|child| child.page).collect();
         wanted.dedup();
         wanted.retain(|page| !self.read.contains_key(page));
         wanted.into_iter().map(|page| self.file.page_memory(page)).sum::<u64>() <= self.left

@@ -331,20 +331,19 @@ impl Residency {
 impl NodeTree for Residency {
     type Id = NodeRef;
 
-    fn node(&self, id: NodeRef) -> Option<NodeInfo<NodeRef>> {
+    fn node(&self, id: NodeRef) -> Option<NodeInfo> {
         let page = self.page(id.page)?;
         let node = page.nodes.get(id.node as usize)?;
         Some(NodeInfo {
             extent: Extent { bounds: node.bounds, margin: f64::from(node.smoothing_length_max) },
             delta: node.delta,
-            spacing: self
-                .file
-                .metadata()
-                .families
-                .get(page.family as usize)
-                .map_or(0.0, |family| node.spacing(family.root)),
+            spacing: node.spacing,
             particles: u64::from(node.particles),
-            children: node.children,
+            is_leaf: node.children.is_empty(),
         })
+    }
+
+    fn children(&self, id: NodeRef) -> impl Iterator<Item = NodeRef> {
+        self.page(id.page).map_or(&[][..], |page| page.children(id.node as usize)).iter().copied()
     }
 }

@@ -175,9 +175,9 @@ fn leaf_error_pixels(view: &View, metadata: &Metadata, page: &Page, index: usize
         |code: u16| smoothing_lengths.and_then(|all| all.get(usize::from(code))).copied().unwrap_or(0.0);
     (0..particles.len())
         .map(|i| {
-            let position = node.key.position(family.root, particles.fraction(i));
+            let position = node.frame.position(particles.fraction(i));
             // Particles with small kernels are stored more exactly than the node's least exact ones.
-            let delta = node.delta.min(1.001 * 3.0_f64.sqrt() * particles.rounding(i) * node.key.size(family.root));
+            let delta = node.delta.min(1.001 * 3.0_f64.sqrt() * particles.rounding(i) * node.frame.size);
             let h = f64::from(smoothing_length(particles.codes[i]));
             if view.to_camera(position).z <= delta || delta <= KERNEL_SHARE * h {
                 return 0.0;

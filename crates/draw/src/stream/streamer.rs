@@ -267,7 +267,11 @@ struct Drawable<'a> {
 impl NodeTree for Drawable<'_> {
     type Id = NodeRef;
 
-    fn node(&self, id: NodeRef) -> Option<NodeInfo<NodeRef>> {
+    fn node(&self, id: NodeRef) -> Option<NodeInfo> {
         self.copies.is_none_or(|copies| copies.has(id.page)).then(|| self.residency.node(id))?
+    }
+
+    fn children(&self, id: NodeRef) -> impl Iterator<Item = NodeRef> {
+        self.residency.children(id)
     }
 }
