@@ -10,7 +10,7 @@ use deepfield::cpu::volume::exact::ExactField;
 use deepfield::cpu::volume::resample::Resampler;
 use deepfield::cpu::volume::{VolumeOptions, prepare};
 use deepfield::cpu::{Extent, Positions, Splats};
-use deepfield::hierarchy::{Levels, OctreeOptions};
+use deepfield::hierarchy::{Purpose, OctreeOptions};
 use deepfield::model::{Attribute, Dataset, Family, FamilyName, Kernel, Provenance, Unit};
 use deepfield::store::{Encoding, Node, NodeRef, Page, PageFile, PageId, verify};
 use deepfield::stream::{Scene, SceneSelection};
@@ -57,12 +57,12 @@ impl Built {
         self.pages[at.page.0 as usize].children(at.node as usize)
     }
 
-    fn root(&self, levels: Levels) -> NodeRef {
+    fn root(&self, levels: Purpose) -> NodeRef {
         NodeRef { page: self.file.metadata().families[0].root_page_of(levels).unwrap(), node: 0 }
     }
 
     /// The nodes of a tree, parents before children.
-    fn tree(&self, levels: Levels) -> Vec<NodeRef> {
+    fn tree(&self, levels: Purpose) -> Vec<NodeRef> {
         let mut nodes = vec![self.root(levels)];
         let mut next = 0;
         while let Some(&at) = nodes.get(next) {
@@ -138,7 +138,7 @@ proptest! {
         let info = &built.file.metadata().families[0];
         let mut grids = 0;
         let mut enlarged_nodes = 0;
-        for at in built.tree(Levels::Volume) {
+        for at in built.tree(Purpose::Samples) {
             let node = built.node(at);
             if node.encoding != Encoding::Grid {
                 continue;
@@ -172,7 +172,7 @@ proptest! {
         // By cut: what a selection at one depth draws stands for everything once.
         let total: f64 = built.family.mass.iter().map(|&m| f64::from(m)).sum();
         for depth in 0..info.levels.len() as u8 {
-            let mut stack = vec![built.root(Levels::Volume)];
+            let mut stack = vec![built.root(Purpose::Samples)];
             let (mut drawn, mut particles) = (0.0, 0);
             while let Some(at) = stack.pop() {
                 let node = built.node(at);
@@ -202,7 +202,7 @@ proptest! {
     fn both_trees_are_in_one_file(seed: u64, count in 1..2000_usize, capacity in 5..200_usize) {
         let with = built(clumps(seed, count), options(VqBits::Eight, capacity));
         let without = built(clumps(seed, count), OctreeOptions { volume_levels: false, ..options(VqBits::Eight, capacity) });
-        let (splats, plain) = (with.tree(Levels::Splats), without.tree(Levels::Splats));
+        let (splats, plain) = (with.tree(Purpose::Splats), without.tree(Purpose::Splats));
         prop_assert_eq!(splats.len(), plain.len());
         for (&a, &b) in splats.iter().zip(&plain) {
             let placeless = |node: &Node| Node { children: 0..0, ..node.clone() };
@@ -223,10 +223,10 @@ proptest! {
             leaves.sort_unstable();
             leaves
         };
-        prop_assert_eq!(leaves(Levels::Splats), leaves(Levels::Volume));
+        prop_assert_eq!(leaves(Purpose::Splats), leaves(Purpose::Samples));
         // Inner nodes are their own, in the same cells.
         let cells = |levels| with.tree(levels).into_iter().map(|at| with.node(at).frame).collect::<Vec<_>>();
-        prop_assert_eq!(cells(Levels::Splats), cells(Levels::Volume));
+        prop_assert_eq!(cells(Purpose::Splats), cells(Purpose::Samples));
         let version = |built: &Built| std::fs::read(built.file.path()).unwrap()[8];
         prop_assert_eq!((version(&with), version(&without)), (3, 2));
     }
@@ -272,7 +272,7 @@ struct Differences {
 /// Resamples what lies within `detail` cells and compares every `stride`-th cell that holds something.
 fn differences(built: &Built, view: &View, detail: f64, stride: usize) -> Differences {
     let mut scene = Scene::new(Arc::clone(&built.file), u64::MAX);
-    scene.levels = Levels::Volume;
+    scene.purpose = Purpose::Samples;
     let sigma = detail * PerspectiveGrid::sigma_of(view, 1.0);
     let selection = scene.converge_blocking(view, Detail::Sampling { sigma, near: 0.0 }).unwrap();
     assert!(selection.converged);

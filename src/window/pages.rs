@@ -19,7 +19,7 @@ use super::picture::{DataCamera, Picture};
 use super::preset::{Preset, ResidencyPreset};
 use super::scene::{Scene, Settings};
 use super::statistics::Statistics;
-use crate::hierarchy::Levels;
+use crate::hierarchy::Purpose;
 use crate::model::Bounds;
 use crate::show::window::output::Aim;
 use crate::store::{Page, PageId};
@@ -245,7 +245,7 @@ pub fn traverse(
     let families = settings.families.iter().enumerate().filter(|(_, visible)| **visible);
     let depiction = look.as_ref().map(|look| &look.depiction);
     let metadata = streaming.streamer.residency.file().metadata();
-    let levels = depiction.map_or(Levels::Splats, |depiction| depiction.levels(metadata));
+    let levels = depiction.map_or(Purpose::Splats, |depiction| depiction.purpose(metadata));
     let roots = streaming.streamer.roots(families.map(|(index, _)| index as u32), levels);
     let seen = depiction.map_or(view, |depiction| depiction.selection_view(&view));
     let tau = settings.error_px;

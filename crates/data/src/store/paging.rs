@@ -12,7 +12,7 @@ use super::error::StoreError;
 use super::layout::{StoredNode, particles_memory};
 use super::page::{Encoding, NodeRef, PageId};
 use super::writer::{PageFileWriter, PageNode, encode_page, node_bytes};
-use crate::hierarchy::Levels;
+use crate::hierarchy::Purpose;
 use crate::model::progress::Progress;
 use rayon::prelude::*;
 use std::collections::VecDeque;
@@ -127,7 +127,7 @@ pub struct Written {
 
 /// A tree on its way to the file: its nodes, the nodes of each of its pages, and where every node will be.
 struct Paged<'a> {
-    levels: Levels,
+    levels: Purpose,
     nodes: &'a [Vec<PlannedNode>],
     pages: Vec<Vec<Place>>,
     first: u32,
@@ -137,7 +137,7 @@ struct Paged<'a> {
 impl<'a> Paged<'a> {
     /// A tree whose pages begin with number `first`; `places` has those of nodes that belong to another tree.
     fn new(
-        levels: Levels,
+        levels: Purpose,
         nodes: &'a [Vec<PlannedNode>],
         pages: Vec<Vec<Place>>,
         first: u32,
@@ -166,7 +166,7 @@ pub fn write_trees<E: From<StoreError> + Send>(
     writer: &mut PageFileWriter,
     family: u32,
     (splats, volume): (&[Vec<PlannedNode>], Option<&[Vec<PlannedNode>]>),
-    sections: impl Fn(Levels, usize, usize) -> Result<Sections, E> + Sync,
+    sections: impl Fn(Purpose, usize, usize) -> Result<Sections, E> + Sync,
     progress: &dyn Progress,
 ) -> Result<(Written, Option<Written>), E> {
     let is_inner = |node: &PlannedNode| node.node.encoding != Encoding::Leaf;
@@ -176,8 +176,8 @@ pub fn write_trees<E: From<StoreError> + Send>(
     let first = writer.page_count();
     let behind = first + volume_pages.len() as u32;
     let nowhere = splats.iter().map(|level| vec![NodeRef { page: PageId(behind), node: 0 }; level.len()]).collect();
-    let splats = Paged::new(Levels::Splats, splats, splat_pages, behind, nowhere);
-    let volume = volume.map(|nodes| Paged::new(Levels::Volume, nodes, volume_pages, first, splats.places.clone()));
+    let splats = Paged::new(Purpose::Splats, splats, splat_pages, behind, nowhere);
+    let volume = volume.map(|nodes| Paged::new(Purpose::Samples, nodes, volume_pages, first, splats.places.clone()));
     for tree in volume.iter().chain([&splats]) {
         append(writer, family, tree, &sections, progress)?;
     }
@@ -189,7 +189,7 @@ fn append<E: From<StoreError> + Send>(
     writer: &mut PageFileWriter,
     family: u32,
     tree: &Paged,
-    sections: &(impl Fn(Levels, usize, usize) -> Result<Sections, E> + Sync),
+    sections: &(impl Fn(Purpose, usize, usize) -> Result<Sections, E> + Sync),
     progress: &dyn Progress,
 ) -> Result<(), E> {
     // Some pages at a time: memory for them is needed.
@@ -216,7 +216,7 @@ fn encode<E>(
     page: &[Place],
     id: PageId,
     family: u32,
-    sections: impl Fn(Levels, usize, usize) -> Result<Sections, E>,
+    sections: impl Fn(Purpose, usize, usize) -> Result<Sections, E>,
 ) -> Result<Option<Vec<u8>>, E> {
     let records = page.iter().map(|&(depth, index)| {
         let planned = &tree.nodes[depth][index];

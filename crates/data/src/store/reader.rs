@@ -6,7 +6,7 @@ use super::footer;
 use super::layout::{ALIGNMENT, HEADER_LEN, Header, HeaderError, PAGE_HEADER_LEN, PageEntry, VERSION, VERSION_VOLUME};
 use super::metadata::Metadata;
 use super::page::{NODE_MEMORY, Page, PageId};
-use crate::hierarchy::Levels;
+use crate::hierarchy::Purpose;
 use crate::model::Placement;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -169,7 +169,7 @@ impl Reader {
             return Err(("header".into(), "a footer right after the last page"));
         }
         for (i, family) in self.metadata.families.iter().enumerate() {
-            let roots = [Levels::Splats, Levels::Volume].into_iter().filter_map(|levels| family.root_page_of(levels));
+            let roots = [Purpose::Splats, Purpose::Samples].into_iter().filter_map(|levels| family.root_page_of(levels));
             let is_wrong =
                 |page: PageId| self.table.get(page.0 as usize).is_none_or(|entry| entry.family as usize != i);
             if roots.into_iter().any(is_wrong) {

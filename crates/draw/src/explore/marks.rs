@@ -98,7 +98,7 @@ impl Marks {
         let mut sums = Sums::new(view, radius);
         for (highlighter, color) in &self.sets {
             let marked: Vec<MarkedNode> =
-                nodes.par_iter().filter_map(|node| MarkedNode::of(highlighter, view, metadata, node)).collect();
+                nodes.par_iter().filter_map(|node| MarkedNode::of(highlighter, view, node)).collect();
             let batches: Vec<Splats<'_>> = marked.iter().filter_map(|node| node.splats(radius)).collect();
             sums.add(view, &batches, *color);
         }
@@ -198,9 +198,9 @@ struct MarkedNode {
 
 impl MarkedNode {
     /// Those that the view shows; `None` without any.
-    fn of(highlighter: &Highlighter, view: &View, metadata: &Metadata, drawn: &SceneNode) -> Option<MarkedNode> {
+    fn of(highlighter: &Highlighter, view: &View, drawn: &SceneNode) -> Option<MarkedNode> {
         let index = drawn.node.node as usize;
-        let (family, node) = (metadata.families.get(drawn.page.family as usize)?, drawn.page.nodes.get(index)?);
+        let node = drawn.page.nodes.get(index)?;
         let mut bits = Vec::new();
         let marked = highlighter.mark(&drawn.page, index, &mut bits);
         if marked == Marked::None {

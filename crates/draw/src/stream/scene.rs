@@ -1,7 +1,7 @@
 //! What one view draws of a page file: the chosen families, selected at an error bound from what is resident.
 
 use super::{PageState, StreamOptions, Streamer};
-use crate::hierarchy::Levels;
+use crate::hierarchy::Purpose;
 use crate::model::Bounds;
 use crate::store::{Metadata, NodeRef, Page, PageFile, StoreError};
 use crate::view::{Detail, Extent, Selection, View};
@@ -15,8 +15,8 @@ pub struct Scene {
     pub streamer: Streamer,
     /// Indices of the drawn families in the file's metadata.
     pub families: Vec<u32>,
-    /// The levels that are drawn, of families that have them.
-    pub levels: Levels,
+    /// What the inner nodes that are drawn are made for, of families that have such.
+    pub purpose: Purpose,
 }
 
 /// A node to draw, with the page that holds it.
@@ -94,13 +94,13 @@ impl Scene {
     /// The same with all options.
     pub fn with_options(file: Arc<PageFile>, options: StreamOptions) -> Scene {
         let families = (0..file.metadata().families.len() as u32).collect();
-        Scene { streamer: Streamer::new(file, options), families, levels: Levels::Splats }
+        Scene { streamer: Streamer::new(file, options), families, purpose: Purpose::Splats }
     }
 
     /// Starts a frame: selects what `view` draws in this detail (a number is an error in pixels) from what is in memory.
     pub fn select(&mut self, view: &View, detail: impl Into<Detail>) -> SceneSelection {
         let detail = detail.into();
-        let roots = self.streamer.roots(self.families.iter().copied(), self.levels);
+        let roots = self.streamer.roots(self.families.iter().copied(), self.purpose);
         let selection = self.streamer.select(view, detail, &roots);
         SceneSelection::of(&self.streamer, view, detail, &selection)
     }
@@ -118,7 +118,7 @@ impl Scene {
         tell: &mut dyn FnMut(String),
     ) -> Result<SceneSelection, StoreError> {
         let detail = detail.into();
-        let roots = self.streamer.roots(self.families.iter().copied(), self.levels);
+        let roots = self.streamer.roots(self.families.iter().copied(), self.purpose);
         loop {
             let selection = self.streamer.select(view, detail, &roots);
             self.streamer.serve();

@@ -12,7 +12,7 @@ use super::loader::Loader;
 use super::pace::Pace;
 use super::report::Report;
 use super::{PageState, Residency};
-use crate::hierarchy::Levels;
+use crate::hierarchy::Purpose;
 use crate::store::{FamilyMetadata, NodeRef, Page, PageFile, PageId};
 use crate::view::{Detail, NodeInfo, NodeTree, Occluder, Selection, View, select_unhidden};
 use std::collections::HashSet;
@@ -104,11 +104,11 @@ impl Streamer {
         &self.options
     }
 
-    /// The first nodes of these families (indices in the file's metadata), of the levels that are named where there are such.
-    pub fn roots(&self, families: impl IntoIterator<Item = u32>, levels: Levels) -> Vec<NodeRef> {
+    /// The first nodes of these families (indices in the file's metadata), made for this purpose where there are such.
+    pub fn roots(&self, families: impl IntoIterator<Item = u32>, purpose: Purpose) -> Vec<NodeRef> {
         let all = &self.residency.file().metadata().families;
         let roots = families.into_iter().filter_map(|family| all.get(family as usize));
-        let page = |family: &FamilyMetadata| family.root_page_of(levels).unwrap_or(family.root_page);
+        let page = |family: &FamilyMetadata| family.root_page_of(purpose).unwrap_or(family.root_page);
         roots.map(|family| NodeRef { page: page(family), node: 0 }).collect()
     }
 
