@@ -10,7 +10,7 @@ use deepfield::cpu::volume::exact::ExactField;
 use deepfield::cpu::volume::resample::Resampler;
 use deepfield::cpu::volume::{VolumeOptions, prepare};
 use deepfield::cpu::{Extent, Positions, Splats};
-use deepfield::hierarchy::{Purpose, OctreeOptions};
+use deepfield::hierarchy::{OctreeOptions, Purpose};
 use deepfield::model::{Attribute, Dataset, Family, FamilyName, Kernel, Provenance, Unit};
 use deepfield::store::{Encoding, Node, NodeRef, Page, PageFile, PageId, verify};
 use deepfield::stream::{Scene, SceneSelection};

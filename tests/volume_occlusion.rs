@@ -5,7 +5,7 @@
 use deepfield::build::{BuildOptions, build};
 use deepfield::color::transfer::{Range, TransferFunction};
 use deepfield::cpu::volume::Processor;
-use deepfield::hierarchy::{Purpose, OctreeOptions};
+use deepfield::hierarchy::{OctreeOptions, Purpose};
 use deepfield::mode::{Depiction, Painted, SettingValue, Settings};
 use deepfield::model::{Dataset, Family, FamilyName, Kernel, Provenance, Unit};
 use deepfield::modes;

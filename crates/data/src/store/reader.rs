@@ -169,7 +169,8 @@ impl Reader {
             return Err(("header".into(), "a footer right after the last page"));
         }
         for (i, family) in self.metadata.families.iter().enumerate() {
-            let roots = [Purpose::Splats, Purpose::Samples].into_iter().filter_map(|levels| family.root_page_of(levels));
+            let roots =
+                [Purpose::Splats, Purpose::Samples].into_iter().filter_map(|levels| family.root_page_of(levels));
             let is_wrong =
                 |page: PageId| self.table.get(page.0 as usize).is_none_or(|entry| entry.family as usize != i);
             if roots.into_iter().any(is_wrong) {

@@ -10,7 +10,7 @@ use super::layout::{ALIGNMENT, HEADER_LEN};
 use super::metadata::{FamilyMetadata, LevelInfo};
 use super::page::{Encoding, Node, NodeRef, Page, PageId};
 use super::page_file::PageFile;
-use crate::hierarchy::{Purpose, NodeKey};
+use crate::hierarchy::{NodeKey, Purpose};
 use crate::model::progress::Progress;
 use std::collections::HashMap;
 use std::path::Path;

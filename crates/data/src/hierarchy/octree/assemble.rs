@@ -1,7 +1,7 @@
 //! Putting the pieces of all buckets together to the nodes of a tree.
 
 use super::piece::Piece;
-use super::{Encoding, LevelInfo, Purpose, OctreeOptions, is_relay};
+use super::{Encoding, LevelInfo, OctreeOptions, Purpose, is_relay};
 use crate::codec::morton;
 use crate::hierarchy::{NodeKey, RootCell};
 use crate::model::Bounds;

@@ -66,7 +66,7 @@ impl Merger<'_> {
 mod tests {
     use super::super::block::Content;
     use super::super::sorted::{Columns, Place, Sorted};
-    use super::super::{Context, Purpose, OctreeOptions};
+    use super::super::{Context, OctreeOptions, Purpose};
     use super::*;
     use crate::codec::AttributeMerge;
     use crate::hierarchy::{NodeKey, RootCell};
