@@ -239,13 +239,13 @@ pub fn traverse(
 ) {
     let Some(mut streaming) = streaming else { return };
     let size = picture.size();
-    let periodic = streaming.streamer.residency.file().metadata().periodic_box();
+    let periodic = streaming.streamer.residency.tree().metadata().periodic_box();
     let Ok(view) = view_of(&camera, &settings, periodic, size, aim.as_deref()) else { return };
     let streaming = &mut *streaming;
     streaming.frame += 1;
     let families = settings.families.iter().enumerate().filter(|(_, visible)| **visible);
     let depiction = look.as_ref().map(|look| &look.depiction);
-    let metadata = streaming.streamer.residency.file().metadata();
+    let metadata = streaming.streamer.residency.tree().metadata();
     let levels = depiction.map_or(Purpose::Splats, |depiction| depiction.purpose(metadata));
     let roots = streaming.streamer.roots(families.map(|(index, _)| index as u32), levels);
     let seen = depiction.map_or(view, |depiction| depiction.selection_view(&view));
@@ -268,7 +268,13 @@ pub fn traverse(
         .iter()
         .filter_map(|drawn| {
             let page = Arc::clone(streaming.streamer.residency.page(drawn.id.page)?);
-            Some(SceneNode { page, node: drawn.id, error_pixels: drawn.error_pixels, offset: drawn.offset })
+            Some(SceneNode {
+                page,
+                node: drawn.id,
+                error_pixels: drawn.error_pixels,
+                offset: drawn.offset,
+                time: view.time,
+            })
         })
         .collect();
     for page in nodes.iter().map(|drawn| drawn.node.page) {

@@ -1,5 +1,6 @@
 //! A page in memory: node records and the packed particles of each node.
 
+use super::content::Content;
 use super::error::Damage;
 use super::layout::{
     NODE_RECORD_LEN, NodeRecord, PAGE_HEADER_LEN, PAGE_MAGIC, PageEntry, SECTION_ALIGNMENT, StoredNode,
@@ -13,6 +14,7 @@ use crate::hierarchy::{NodeKey, RootCell};
 use crate::model::{Bounds, Placement};
 use glam::DVec3;
 use std::ops::Range;
+use std::sync::Arc;
 
 /// Number of a page in its file; pages are numbered breadth-first from 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -86,9 +88,14 @@ pub struct Node {
     pub mass_scale: f32,
     /// The same for weights `m rho`.
     pub mass_density_scale: f32,
+    /// When it is there, in the data's unit of time: from the first to before the last.
+    pub time: [f64; 2],
     /// Which of its page's child references are its own: [`Page::children`]. None for a leaf.
     pub children: Range<u32>,
 }
+
+/// The span of what does not change.
+pub const ALWAYS: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
 
 /// Bytes that a node takes in memory beside its particles, with the one reference to it that a tree has on average.
 pub(super) const NODE_MEMORY: u64 =
@@ -118,7 +125,32 @@ impl Node {
             mass_density,
             mass_scale,
             mass_density_scale,
+            time: ALWAYS,
             children,
+        }
+    }
+
+    /// A leaf around particles of its own, which are where the source has them. It has no mass yet.
+    pub fn leaf(bounds: Bounds, particles: u32) -> Node {
+        Node {
+            frame: Frame { min: bounds.min, size: bounds.size().max_element() },
+            seed: 0,
+            depth: 0,
+            encoding: Encoding::Leaf,
+            codebook: 0,
+            particles,
+            points: 0,
+            source_particles: particles.into(),
+            delta: 0.0,
+            spacing: 0.0,
+            bounds,
+            smoothing_length_max: 0.0,
+            mass: 0.0,
+            mass_density: 0.0,
+            mass_scale: 1.0,
+            mass_density_scale: 1.0,
+            time: ALWAYS,
+            children: 0..0,
         }
     }
 
@@ -192,6 +224,17 @@ impl<'a> NodeParticles<'a> {
     }
 }
 
+/// A node for a page of a tree that is no page file: [`Page::new`].
+#[derive(Clone, Debug)]
+pub struct Branch {
+    /// The node; which children it has is not looked at.
+    pub node: Node,
+    /// Its children, each with a box that holds all positions of it and below it.
+    pub children: Vec<(NodeRef, Bounds)>,
+    /// What it draws.
+    pub content: Arc<dyn Content>,
+}
+
 /// A page, read and checked.
 #[derive(Clone, Debug)]
 pub struct Page {
@@ -212,9 +255,49 @@ pub struct Page {
     code_ranges: Vec<Range<usize>>,
     /// Bytes of each node's record and sections on the disk.
     sizes: Vec<u64>,
+    /// What is not coded with the family's codebooks; empty in page files.
+    contents: Vec<Arc<dyn Content>>,
 }
 
 impl Page {
+    /// A page of nodes that bring their own content, parents before children.
+    pub fn new(id: PageId, family: u32, branches: impl IntoIterator<Item = Branch>) -> Page {
+        let mut page = Page {
+            id,
+            family,
+            nodes: Vec::new(),
+            children: Vec::new(),
+            child_bounds: Vec::new(),
+            cells: Vec::new(),
+            child_cells: Vec::new(),
+            words: Vec::new(),
+            positions: Vec::new(),
+            codes: Vec::new(),
+            code_ranges: Vec::new(),
+            sizes: Vec::new(),
+            contents: Vec::new(),
+        };
+        for Branch { node, children, content } in branches {
+            let first = page.children.len() as u32;
+            for (child, bounds) in children {
+                page.children.push(child);
+                page.child_bounds.push(bounds);
+            }
+            page.nodes.push(Node { children: first..page.children.len() as u32, ..node });
+            page.positions.push(0..0);
+            page.code_ranges.push(0..0);
+            page.sizes.push(0);
+            page.contents.push(content);
+        }
+        page
+    }
+
+    /// What a node draws, where that is not coded with the family's codebooks: then [`Page::particles`] is empty. `None` for
+    /// coded particles, and where there is no such node.
+    pub fn content(&self, node: usize) -> Option<&dyn Content> {
+        self.contents.get(node).map(|content| &**content)
+    }
+
     /// The particles of node `node` of this page. Panics if there is no such node.
     pub fn particles(&self, node: usize) -> NodeParticles<'_> {
         let words = &self.words[self.positions[node].clone()];
@@ -256,7 +339,11 @@ impl Page {
 
     /// Bytes of memory that the page holds: [`super::PageFile::page_memory`].
     pub fn memory(&self) -> u64 {
-        let particles = self.nodes.iter().map(|node| particles_memory(node.encoding, node.particles)).sum::<u64>();
+        let coded = |node: &Node| particles_memory(node.encoding, node.particles);
+        let particles = match self.contents.is_empty() {
+            true => self.nodes.iter().map(coded).sum::<u64>(),
+            false => self.contents.iter().map(|content| content.memory()).sum(),
+        };
         particles + self.nodes.len() as u64 * NODE_MEMORY
     }
 
@@ -325,6 +412,7 @@ impl Page {
             codes: Vec::with_capacity(memory / 6),
             code_ranges: Vec::with_capacity(entry.nodes as usize),
             sizes: Vec::with_capacity(entry.nodes as usize),
+            contents: Vec::new(),
         };
         // Sections follow the records in order, each aligned, without gaps but the alignment's zeros.
         let mut at = records_end;

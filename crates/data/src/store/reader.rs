@@ -14,8 +14,8 @@ use std::sync::Arc;
 /// The bytes of a page as they came from the disk, unchecked.
 #[derive(Debug)]
 pub(super) struct RawPage {
-    page: PageId,
-    bytes: Vec<u8>,
+    pub(super) page: PageId,
+    pub(super) bytes: Vec<u8>,
 }
 
 /// An open page file. It holds the footer (28 bytes for each page of about 3 MB, attribute tables and codebooks), never pages.

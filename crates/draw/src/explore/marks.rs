@@ -93,7 +93,7 @@ impl Marks {
     }
 
     /// Draws the layer over a picture of these nodes.
-    pub fn draw(&self, view: &View, metadata: &Metadata, nodes: &[SceneNode]) -> Layer {
+    pub fn draw(&self, view: &View, nodes: &[SceneNode]) -> Layer {
         let radius = radius(view);
         let mut sums = Sums::new(view, radius);
         for (highlighter, color) in &self.sets {
@@ -248,9 +248,8 @@ mod tests {
         let nodes = Scene::new(Arc::clone(&file), u64::MAX).converge_blocking(&view, 0.5).unwrap().nodes;
         // A massive halo, 2 units in radius: 8 pixels around the picture's middle.
         let mut set = SelectionSet::new("halo", Region::sphere(center, 2.0), 0);
-        let layer = |set: &SelectionSet| {
-            Marks::new([set], file.metadata(), None, |_| None).unwrap().draw(&view, file.metadata(), &nodes)
-        };
+        let layer =
+            |set: &SelectionSet| Marks::new([set], file.metadata(), None, |_| None).unwrap().draw(&view, &nodes);
         let drawn = layer(&set);
         let from_middle = |at: usize| ((at % 200) as f64 + 0.5 - 100.0).hypot((at / 200) as f64 + 0.5 - 100.0);
         let covered: Vec<usize> = (0..drawn.rgba.len()).filter(|&at| drawn.rgba[at][3] > 0).collect();
@@ -268,7 +267,7 @@ mod tests {
         let look_up = |wanted: &IdSet| (*wanted == ids).then(|| Arc::clone(&found.highlighter));
         let marks = Marks::new([&by_id], file.metadata(), None, look_up).unwrap();
         let exact = draw_places(&view, &[(places, set.rgb().unwrap())], false, &FamilyName::ALL);
-        for (name, other) in [("ids", marks.draw(&view, file.metadata(), &nodes)), ("places", exact)] {
+        for (name, other) in [("ids", marks.draw(&view, &nodes)), ("places", exact)] {
             let differ =
                 (0..other.rgba.len()).filter(|&at| (other.rgba[at][3] > 128) != (drawn.rgba[at][3] > 128)).count();
             assert!(differ <= covered.len() / 10, "{name}: {differ} of {}", covered.len());

@@ -1,4 +1,4 @@
-//! Questions to a page file: its tree is walked from the roots, nodes outside the region are left aside by their boxes, nodes inside
+//! Questions to a tree: it is walked from the roots, nodes outside the region are left aside by their boxes, nodes inside
 //! count as a whole where sums are enough, and leaves are decoded otherwise. Pages are read and decoded in parallel, a few at a time.
 
 use super::batch::{Batch, Gather, Work};
@@ -7,7 +7,7 @@ use super::error::ExploreError;
 use super::query::{Of, Query};
 use super::region::ValueRange;
 use super::shape::Cover;
-use crate::store::{FamilyMetadata, Node, NodeRef, Page, PageFile, PageId, Positions};
+use crate::store::{Content, FamilyMetadata, Node, NodeRef, Page, PageId, Positions, Tree};
 use glam::DVec3;
 use rayon::prelude::*;
 use std::collections::{BTreeMap, HashSet};
@@ -15,13 +15,13 @@ use std::collections::{BTreeMap, HashSet};
 /// Pages of a thread that are in memory at once.
 const AHEAD: usize = 2;
 
-/// Asks a page file.
-pub(super) fn walk<G: Gather>(file: &PageFile, query: &Query, gather: &G, work: Work) -> Result<G::Part, ExploreError> {
+/// Asks a tree.
+pub(super) fn walk<G: Gather>(tree: &dyn Tree, query: &Query, gather: &G, work: Work) -> Result<G::Part, ExploreError> {
     if matches!(query.of, Of::Ids(_)) || query.wanted.ids || query.wanted.rows {
         let expected = "the source that the file was built from";
-        return Err(ExploreError::missing(file.path(), "particle ids", expected));
+        return Err(ExploreError::missing(tree.path(), "particle ids", expected));
     }
-    let metadata = file.metadata();
+    let metadata = tree.metadata();
     let families: Vec<Option<FamilyQuery>> =
         metadata.families.iter().enumerate().map(|(index, family)| FamilyQuery::new(query, index, family)).collect();
     let asked = || metadata.families.iter().zip(&families).filter(|(_, family)| family.is_some());
@@ -47,7 +47,7 @@ pub(super) fn walk<G: Gather>(file: &PageFile, query: &Query, gather: &G, work: 
             .into_par_iter()
             .map(|(id, entries)| {
                 work.go_on()?;
-                let page = file.read_page(id)?;
+                let page = tree.read_page(id)?;
                 let family = families.get(page.family as usize).and_then(Option::as_ref);
                 let Some(family) = family else { return Ok(Walked::new(gather.part())) };
                 let walked = family.page(&page, entries, gather);
@@ -170,6 +170,35 @@ impl<'a> FamilyQuery<'a> {
         walked
     }
 
+    /// Fills the batch with the members in a leaf whose values are not coded: they are what the tree has, when the leaf begins.
+    fn own<'b>(&self, content: &dyn Content, (page, index): (&Page, usize), inside: bool, batch: &mut Batch<'b>) {
+        let held = content.particles(page.nodes[index].time[0]);
+        let Some(region) = self.query.region() else { return };
+        let value =
+            |column: Column, i: usize| column.of(&held.values).get(i).map_or(f64::NAN, |&value| f64::from(value));
+        let ranges: Vec<_> = region.ranges.iter().map(|range| (column(self.family, &range.field), range)).collect();
+        let key = (u64::from(page.id.0) << 32 | index as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        let is_member = |i: &usize| {
+            let is_in = |(column, range): &(Option<(Column, _)>, &ValueRange)| {
+                column.as_ref().is_some_and(|&(column, _)| range.contains(value(column, *i)))
+            };
+            (inside || self.query.shapes.contains(DVec3::from(held.positions[*i]))) && ranges.iter().all(is_in)
+        };
+        let members: Vec<usize> = (0..held.len()).filter(is_member).collect();
+        batch.positions.extend(members.iter().map(|&i| DVec3::from(held.positions[i])));
+        batch.keys.extend(members.iter().map(|&i| key.wrapping_add(i as u64)));
+        batch.relative.extend(batch.positions.iter().map(|&at| self.query.shapes.relative(at)));
+        batch.mass.extend(members.iter().map(|&i| f64::from(held.values.mass[i])));
+        for (column, out) in self.columns.iter().zip(&mut batch.columns) {
+            if let Some(column) = column {
+                out.extend(members.iter().map(|&i| value(*column, i)));
+            }
+        }
+        if let Some([x, y, z]) = self.velocity {
+            batch.velocities.extend(members.iter().map(|&i| DVec3::new(value(x, i), value(y, i), value(z, i))));
+        }
+    }
+
     /// Fills the batch with the members in a leaf.
     fn leaf<'b>(&self, page: &Page, index: usize, node: &Node, inside: bool, batch: &mut Batch<'b>)
     where
@@ -177,6 +206,9 @@ impl<'a> FamilyQuery<'a> {
     {
         batch.clear(self.columns.len());
         batch.family = self.index;
+        if let Some(content) = page.content(index) {
+            return self.own(content, (page, index), inside, batch);
+        }
         let Some(codebook) = self.family.codebooks.get(usize::from(node.codebook)) else { return };
         batch.errors = &codebook.errors;
         let accepted = self.accepted.get(usize::from(node.codebook));

@@ -3,7 +3,7 @@
 use super::data::{Column, error_scale};
 use super::paged::around;
 use crate::model::{FamilyName, Unit};
-use crate::store::{NodeRef, PageFile, StoreError};
+use crate::store::{NodeRef, StoreError, Tree};
 use glam::DVec3;
 
 /// A particle of a page.
@@ -63,11 +63,11 @@ pub struct ParticleValue {
 ///
 /// # Errors
 /// [`StoreError`] when its page cannot be read; [`StoreError::Damaged`] where the file has no such particle.
-pub fn describe(file: &PageFile, particle: ParticleRef) -> Result<ParticleReport, StoreError> {
-    let metadata = file.metadata();
-    let page = file.read_page(particle.node.page)?;
+pub fn describe(tree: &dyn Tree, particle: ParticleRef) -> Result<ParticleReport, StoreError> {
+    let metadata = tree.metadata();
+    let page = tree.read_page(particle.node.page)?;
     let absent = || StoreError::Damaged {
-        path: file.path().to_path_buf(),
+        path: tree.path().to_path_buf(),
         place: format!("page {}", particle.node.page.0),
         expected: format!("a particle {} of its node {}", particle.index, particle.node.node),
     };
@@ -106,7 +106,7 @@ mod tests {
     use super::*;
     use crate::build::{BuildOptions, build_source};
     use crate::import::{LoadOptions, load};
-    use crate::store::PageId;
+    use crate::store::{PageFile, PageId};
 
     #[test]
     fn every_particle_of_the_demo_is_within_what_is_said_of_it() {

@@ -57,7 +57,7 @@ pub fn ahead(view: &View, detail: Detail, distance: f64, residency: &Residency, 
     while let Some(id) = open.pop() {
         let Some(info) = residency.node(id) else { continue };
         let travel = detail.travel(view, &info);
-        if travel > distance || !view.cut.reaches(&info.extent.bounds) {
+        if travel > distance || !info.is_at(view.time) || !view.cut.reaches(&info.extent.bounds) {
             continue;
         }
         for child in residency.children(id) {

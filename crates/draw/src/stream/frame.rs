@@ -1,7 +1,8 @@
-//! What the first picture of a page file shows, found from the nodes that stand for most particles.
+//! What the first picture of a tree shows, found from the nodes that stand for most particles.
 
+use crate::hierarchy::Purpose;
 use crate::model::Bounds;
-use crate::store::{Node, NodeRef, Page, PageFile, PageId};
+use crate::store::{Node, NodeRef, Page, PageId, Tree};
 use crate::view::frame;
 use glam::DVec3;
 use std::collections::{BinaryHeap, HashMap};
@@ -19,20 +20,24 @@ const SAMPLES: usize = 1 << 13;
 
 /// The box to look at first: around `families` (indices in the metadata), without far outliers (see
 /// [`crate::view::frame`]). Pages that cannot be read are left out here; drawing reports them.
-pub fn first_frame(file: &PageFile, families: &[u32]) -> Bounds {
-    within(file, families, NODES)
+pub fn first_frame(tree: &dyn Tree, families: &[u32]) -> Bounds {
+    within(tree, families, NODES)
 }
 
 /// [`first_frame`] from so many nodes.
-fn within(file: &PageFile, families: &[u32], nodes: usize) -> Bounds {
-    let metadata = file.metadata();
-    let families = || families.iter().filter_map(|&index| metadata.families.get(index as usize));
-    let full = families().fold(Bounds::EMPTY, |bounds, family| bounds.union(family.bounds));
-    let mut pages = Pages { file, read: HashMap::new(), left: READ };
+fn within(tree: &dyn Tree, families: &[u32], nodes: usize) -> Bounds {
+    let metadata = tree.metadata();
+    let chosen = || families.iter().filter_map(|&index| metadata.families.get(index as usize));
+    let full = chosen().fold(Bounds::EMPTY, |bounds, family| bounds.union(family.bounds));
+    let mut pages = Pages { tree, read: HashMap::new(), left: READ };
     // The heaviest node is replaced by its children, until only leaves are left or enough nodes are open: what stays
     // merged is then light.
-    let mut open: BinaryHeap<(u64, NodeRef)> =
-        families().map(|family| (family.count, NodeRef { page: family.root_page, node: 0 })).collect();
+    let mut open: BinaryHeap<(u64, NodeRef)> = tree
+        .roots(families, Purpose::Splats)
+        .into_iter()
+        .zip(chosen())
+        .map(|(root, family)| (family.count, root))
+        .collect();
     let mut samples = Vec::new();
     let mut opened = 0;
     while let Some((_, at)) = open.pop() {
@@ -47,6 +52,16 @@ fn within(file: &PageFile, families: &[u32], nodes: usize) -> Bounds {
             for &child in page.children(index) {
                 open.extend(pages.node(child).map(|(_, node)| (node.source_particles, child)));
             }
+            continue;
+        }
+        if let Some(content) = page.content(index) {
+            let held = content.particles(node.time[0]);
+            let total: f64 = held.values.mass.iter().map(|&mass| f64::from(mass).max(0.0)).sum();
+            let stride = held.len().div_ceil(SAMPLES).max(1);
+            let each = (node.source_particles as f64 * stride as f64) / total;
+            let mass = held.values.mass.iter().map(|&mass| each * f64::from(mass).max(0.0));
+            let places = held.positions.iter().map(|&at| DVec3::from_array(at)).zip(mass).step_by(stride);
+            samples.extend(places.filter(|(position, _)| position.is_finite()));
             continue;
         }
         let Some(family) = metadata.families.get(page.family as usize) else { continue };
@@ -69,9 +84,9 @@ fn within(file: &PageFile, families: &[u32], nodes: usize) -> Bounds {
     frame::frame(full, &samples)
 }
 
-/// The pages of a file that have been read.
+/// The pages of a tree that have been read.
 struct Pages<'a> {
-    file: &'a PageFile,
+    tree: &'a dyn Tree,
     read: HashMap<PageId, Option<Arc<Page>>>,
     /// Bytes that may still be read.
     left: u64,
@@ -83,15 +98,15 @@ impl Pages<'_> {
         let mut wanted: Vec<PageId> = children.iter().map(|child| child.page).collect();
         wanted.dedup();
         wanted.retain(|page| !self.read.contains_key(page));
-        wanted.into_iter().map(|page| self.file.page_memory(page)).sum::<u64>() <= self.left
+        wanted.into_iter().map(|page| self.tree.page_memory(page)).sum::<u64>() <= self.left
     }
 
     /// A node and its page, if that can be read.
     fn node(&mut self, at: NodeRef) -> Option<(Arc<Page>, Node)> {
         if !self.read.contains_key(&at.page) {
-            self.left = self.left.saturating_sub(self.file.page_memory(at.page));
+            self.left = self.left.saturating_sub(self.tree.page_memory(at.page));
         }
-        let page = self.read.entry(at.page).or_insert_with(|| self.file.read_page(at.page).ok().map(Arc::new));
+        let page = self.read.entry(at.page).or_insert_with(|| self.tree.read_page(at.page).ok().map(Arc::new));
         let page = Arc::clone(page.as_ref()?);
         let node = page.nodes.get(at.node as usize)?.clone();
         Some((page, node))
@@ -102,6 +117,7 @@ impl Pages<'_> {
 mod tests {
     use super::*;
     use crate::build::{self, BuildOptions};
+    use crate::store::PageFile;
     use crate::synth::merger::Merger;
 
     #[test]

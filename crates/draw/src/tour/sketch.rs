@@ -125,7 +125,7 @@ pub fn measure(
     format: Format,
     tell: &mut dyn FnMut(String),
 ) -> Result<Measured, SketchError> {
-    let file = Arc::clone(scene.streamer.residency.file());
+    let file = Arc::clone(scene.streamer.residency.tree());
     let metadata = file.metadata();
     let depiction = depict(look, metadata)?;
     choose(scene, look, &depiction, metadata);
@@ -204,7 +204,7 @@ pub fn draw(
     Drawing { levels, diameter, limit }: Drawing,
     tell: &mut dyn FnMut(String),
 ) -> Result<(Image, u64), SketchError> {
-    let file = Arc::clone(scene.streamer.residency.file());
+    let file = Arc::clone(scene.streamer.residency.tree());
     let metadata = file.metadata();
     let depiction = depict(look, metadata)?;
     choose(scene, look, &depiction, metadata);
@@ -243,7 +243,7 @@ fn splats(
     (view, tau, limit): (&View, f64, u64),
     tell: &mut dyn FnMut(String),
 ) -> Result<(Accumulation, u64), SketchError> {
-    let file = Arc::clone(scene.streamer.residency.file());
+    let file = Arc::clone(scene.streamer.residency.tree());
     let metadata = file.metadata();
     let selection = scene.converge(&depiction.selection_view(view), tau, tell)?;
     let economy = look.settings.file_economy();

@@ -81,7 +81,14 @@ mod tests {
 
     fn info(min: DVec3, size: f64, spacing: f64) -> NodeInfo {
         let extent = Extent { bounds: Bounds { min, max: min + size }, margin: 0.0 };
-        NodeInfo { extent, delta: spacing, spacing, particles: 1, is_leaf: true }
+        NodeInfo {
+            extent,
+            delta: spacing,
+            spacing,
+            particles: 1,
+            is_leaf: true,
+            time: [f64::NEG_INFINITY, f64::INFINITY],
+        }
     }
 
     proptest! {

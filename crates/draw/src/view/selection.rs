@@ -19,6 +19,15 @@ pub struct NodeInfo {
     pub particles: u64,
     /// Whether no nodes refine it.
     pub is_leaf: bool,
+    /// When it is there, in the data's unit of time: from the first to before the last.
+    pub time: [f64; 2],
+}
+
+impl NodeInfo {
+    /// Whether it is there at a time.
+    pub fn is_at(&self, time: f64) -> bool {
+        self.time[0] <= time && time < self.time[1]
+    }
 }
 
 /// Opaque things that have been drawn of a view.
@@ -148,7 +157,8 @@ impl<Tree: NodeTree> Traversal<'_, Tree> {
     /// and its refinement is missing, so that an ancestor has to be drawn.
     fn visit(&mut self, id: Tree::Id, info: NodeInfo) -> bool {
         self.selection.visited.push(id);
-        if !self.view.sees(&info.extent) || !self.view.cut.reaches(&info.extent.bounds) {
+        let is_there = info.is_at(self.view.time);
+        if !is_there || !self.view.sees(&info.extent) || !self.view.cut.reaches(&info.extent.bounds) {
             return true;
         }
         let error_pixels = self.view.error_pixels(&info.extent, info.delta);
@@ -223,6 +233,7 @@ mod tests {
                 spacing: if id.0 < self.depth { size / 256.0 } else { 0.0 },
                 particles: 1,
                 is_leaf: id.0 == self.depth,
+                time: [f64::NEG_INFINITY, f64::INFINITY],
             })
         }
 
