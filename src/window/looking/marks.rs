@@ -141,7 +141,6 @@ pub(super) fn draw_marks(
         layer.take(drawn, view);
     } else {
         let (send, receive) = channel();
-        let file = Arc::clone(&scene.file);
         rayon::spawn(move || drop(send.send(marks.draw(&view, &nodes))));
         layer.coming = Some(Mutex::new(receive));
     }
