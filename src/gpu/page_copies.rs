@@ -2,7 +2,7 @@
 //! taken out.
 
 use super::scene::{NodeId, NodeState, NodeUpload, ParticleScene, Payload};
-use crate::store::{Page, PageId};
+use crate::store::{Node, Page, PageId};
 use std::sync::Arc;
 
 /// Where the copy of a page stands.
@@ -21,9 +21,10 @@ pub fn node_id(source: u32, page: PageId, node: u32) -> NodeId {
     NodeId { source, page: page.0, node }
 }
 
-/// The nodes of a page that hold particles.
+/// The nodes of a page that hold coded particles: the arena knows no others.
 fn drawable(page: &Page) -> impl Iterator<Item = u32> {
-    page.nodes.iter().enumerate().filter(|(_, node)| node.particles > 0).map(|(index, _)| index as u32)
+    let is_coded = |(index, node): &(usize, &Node)| node.particles > 0 && page.content(*index).is_none();
+    page.nodes.iter().enumerate().filter(is_coded).map(|(index, _)| index as u32)
 }
 
 /// Queues a page for upload.

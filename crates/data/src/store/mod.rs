@@ -15,6 +15,7 @@ pub mod temporary;
 pub mod verify;
 pub mod writer;
 
+mod block;
 mod content;
 mod footer;
 mod in_memory;
@@ -24,6 +25,7 @@ mod reader;
 mod tree;
 mod wire;
 
+pub use block::Block;
 pub use content::{Content, Particles};
 pub use disk::{Change, Disk, LocalFile};
 pub use error::StoreError;

@@ -158,6 +158,11 @@ impl Node {
     pub fn is_leaf(&self) -> bool {
         self.encoding == Encoding::Leaf
     }
+
+    /// When it is asked about where no time is named: when it begins, or 0 if it has been there always.
+    pub fn start(&self) -> f64 {
+        if self.time[0].is_finite() { self.time[0] } else { 0.0 }
+    }
 }
 
 /// The packed positions of a node's particles, in Morton order (neighbours in space are neighbours in memory).

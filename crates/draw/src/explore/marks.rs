@@ -207,14 +207,20 @@ impl MarkedNode {
             return None;
         }
         let (origin, size) = (node.frame.min + drawn.offset, node.frame.size);
+        // Discs of some pixels need no more than single precision in the frame.
+        let held = drawn.page.content(index).map(|content| content.particles(drawn.time));
         let particles = drawn.page.particles(index);
+        let count = held.as_ref().map_or(particles.len(), |held| held.len());
+        let fraction = |i: usize| match &held {
+            Some(held) => ((DVec3::from(held.positions[i]) - node.frame.min) / size).as_vec3().to_array(),
+            None => particles.fraction(i),
+        };
         let is_marked =
             |i: usize| marked == Marked::All || bits.get(i / 64).is_some_and(|word| word >> (i % 64) & 1 == 1);
         let keeps = |offset: &[f32; 3]| {
             view.cut.is_none() || view.cut.keeps(origin + size * Vec3::from_array(*offset).as_dvec3())
         };
-        let offsets: Vec<[f32; 3]> =
-            (0..particles.len()).filter(|&i| is_marked(i)).map(|i| particles.fraction(i)).filter(keeps).collect();
+        let offsets: Vec<[f32; 3]> = (0..count).filter(|&i| is_marked(i)).map(fraction).filter(keeps).collect();
         let weight = vec![1.0; offsets.len()];
         (!offsets.is_empty()).then_some(MarkedNode { origin, size, offsets, weight })
     }

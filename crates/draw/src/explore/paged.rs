@@ -172,7 +172,7 @@ impl<'a> FamilyQuery<'a> {
 
     /// Fills the batch with the members in a leaf whose values are not coded: they are what the tree has, when the leaf begins.
     fn own<'b>(&self, content: &dyn Content, (page, index): (&Page, usize), inside: bool, batch: &mut Batch<'b>) {
-        let held = content.particles(page.nodes[index].time[0]);
+        let held = content.particles(page.nodes[index].start());
         let Some(region) = self.query.region() else { return };
         let value =
             |column: Column, i: usize| column.of(&held.values).get(i).map_or(f64::NAN, |&value| f64::from(value));

@@ -74,9 +74,9 @@ pub fn describe(tree: &dyn Tree, particle: ParticleRef) -> Result<ParticleReport
     let (number, index) = (particle.node.node as usize, particle.index as usize);
     let node = page.nodes.get(number).ok_or_else(absent)?;
     let family = metadata.families.get(page.family as usize).ok_or_else(absent)?;
-    let particles = page.particles(number);
-    let code = usize::from(*particles.codes.get(index).ok_or_else(absent)?);
-    let codebook = family.codebooks.get(usize::from(node.codebook)).ok_or_else(absent)?;
+    let particles = page.block(number, family, node.start()).ok_or_else(absent)?;
+    let code = particles.entry(index).ok_or_else(absent)?;
+    let codebook = particles.table().ok_or_else(absent)?;
     let own = [Column::Mass, Column::Density, Column::SmoothingLength];
     let columns = own.into_iter().chain((0..family.attributes.len()).map(Column::Attribute));
     let infos = family.quantities.iter().chain(&family.attributes);
@@ -89,8 +89,8 @@ pub fn describe(tree: &dyn Tree, particle: ParticleRef) -> Result<ParticleReport
     Ok(ParticleReport {
         particle,
         family: family.name,
-        position: node.frame.position(particles.fraction(index)),
-        rounding: if node.is_leaf() { particles.rounding(index) * node.frame.size } else { node.delta },
+        position: particles.position(index),
+        rounding: if node.is_leaf() { particles.rounding(index) } else { node.delta },
         merged: (!node.is_leaf()).then_some(Merged {
             source_particles: node.source_particles,
             particles: particles.len() as u64,

@@ -54,29 +54,19 @@ fn within(tree: &dyn Tree, families: &[u32], nodes: usize) -> Bounds {
             }
             continue;
         }
-        if let Some(content) = page.content(index) {
-            let held = content.particles(node.time[0]);
-            let total: f64 = held.values.mass.iter().map(|&mass| f64::from(mass).max(0.0)).sum();
-            let stride = held.len().div_ceil(SAMPLES).max(1);
-            let each = (node.source_particles as f64 * stride as f64) / total;
-            let mass = held.values.mass.iter().map(|&mass| each * f64::from(mass).max(0.0));
-            let places = held.positions.iter().map(|&at| DVec3::from_array(at)).zip(mass).step_by(stride);
-            samples.extend(places.filter(|(position, _)| position.is_finite()));
-            continue;
-        }
         let Some(family) = metadata.families.get(page.family as usize) else { continue };
-        let particles = page.particles(index);
+        let Some(particles) = page.block(index, family, node.start()) else { continue };
         let stride = particles.len().div_ceil(SAMPLES).max(1);
         let taken = || (0..particles.len()).step_by(stride);
         // A merged particle stands for as many as its mass says: those of a dense place are few, and heavy.
-        let codebook = family.codebooks.get(usize::from(node.codebook));
+        let masses = particles.table().map(|table| &table.mass[..]);
         let mass = |i: usize| {
-            let mass = codebook.and_then(|book| book.mass.get(usize::from(particles.codes[i]))).copied();
+            let mass = masses.and_then(|masses| masses.get(particles.entry(i)?)).copied();
             mass.map_or(1.0, f64::from).max(0.0)
         };
         let total: f64 = taken().map(mass).sum();
         let each = node.source_particles as f64 / total;
-        let places = taken().map(|i| (node.frame.position(particles.fraction(i)), each * mass(i)));
+        let places = taken().map(|i| (particles.position(i), each * mass(i)));
         // A relay that is not opened counts as a whole.
         let whole = particles.is_empty().then(|| (node.bounds.center(), node.source_particles as f64));
         samples.extend(places.chain(whole).filter(|(position, _): &(DVec3, f64)| position.is_finite()));
