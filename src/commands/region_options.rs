@@ -168,7 +168,7 @@ impl Opened {
     /// What is asked.
     pub fn data(&self) -> Data<'_> {
         match self {
-            Opened::Pages(file) => Data::Pages(file),
+            Opened::Pages(file) => Data::Pages(&**file),
             Opened::Source(source) => Data::Source(source.as_ref()),
         }
     }
