@@ -272,7 +272,7 @@ mod tests {
         let by_id = SelectionSet { members: Members::Ids(ids.clone()), ..set.clone() };
         let look_up = |wanted: &IdSet| (*wanted == ids).then(|| Arc::clone(&found.highlighter));
         let marks = Marks::new([&by_id], file.metadata(), None, look_up).unwrap();
-        let exact = draw_places(&view, &[(places, set.rgb().unwrap())], false, &FamilyName::ALL);
+        let exact = draw_places(&view, &[(places, set.rgb().unwrap())], false, &FamilyName::GADGET);
         for (name, other) in [("ids", marks.draw(&view, &nodes)), ("places", exact)] {
             let differ =
                 (0..other.rgba.len()).filter(|&at| (other.rgba[at][3] > 128) != (drawn.rgba[at][3] > 128)).count();
