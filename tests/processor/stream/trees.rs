@@ -183,7 +183,7 @@ fn at_time(time: f64) -> Dataset {
     let positions: Vec<[f64; 3]> = now.flat_map(|slab| slab.moving().particles(time).positions.clone()).collect();
     let count = positions.len();
     let family = Family {
-        name: FamilyName::Dark,
+        name: FamilyName::parse(NAME).unwrap(),
         positions,
         mass: vec![1.0; count],
         smoothing_length: vec![0.1; count],
