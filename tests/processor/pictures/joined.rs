@@ -116,15 +116,15 @@ fn pages_and_probes_of_several_are_those_of_all() {
         let page = whole.read_page(PageId(number)).unwrap();
         assert_eq!(page.id, PageId(number));
         let family = &metadata.families[page.family as usize];
-        for node in &page.nodes {
-            let cell = node.key.bounds(family.root);
+        for (index, node) in page.nodes.iter().enumerate() {
+            let cell = node.frame.bounds();
             let slack = 1e-9 * family.root.size;
             let inside = (node.bounds.min - cell.min).min(cell.max - node.bounds.max).min_element() >= -slack;
             assert!(inside, "{cell:?} {:?}", node.bounds);
             if node.is_leaf() {
                 counts[page.family as usize] += node.source_particles;
             }
-            for child in node.children.iter().flatten() {
+            for child in page.children(index) {
                 assert_eq!(whole.read_page(child.page).unwrap().family, page.family);
             }
         }
