@@ -137,7 +137,7 @@ fn paint_pages(
     let Studio { file, scene, ahead, .. } = studio;
     let metadata = file.metadata();
     let view = request.shot.view(framed, metadata.periodic_box())?;
-    scene.levels = depiction.levels(metadata);
+    scene.purpose = depiction.purpose(metadata);
     let detail = depiction.detail(&view, request.look().error_px.unwrap_or(ERROR_PX), metadata);
     let mut tell = |message| eprintln!("deepfield: {message}");
     let selection = times.measure("load", || scene.converge(&view, detail, &mut tell))?;
@@ -159,7 +159,7 @@ fn paint_pages(
             file,
             &selection.nodes,
         )?,
-        levels: scene.levels.name(),
+        levels: scene.purpose.name(),
         attribute: depiction.attribute.map(|coloring| coloring.name),
         converged: selection.converged,
         error_pixels: selection.error_pixels,

@@ -15,7 +15,7 @@ use crate::annotate::Units;
 use crate::cpu::around::draw_face;
 use crate::cpu::volume::Processor;
 use crate::cpu::{Counts, SplatOptions, Splats, draw_counted};
-use crate::hierarchy::Levels;
+use crate::hierarchy::Purpose;
 use crate::look::{Backend, ERROR_PX};
 use crate::mode::{Depiction, Economy, Footprint, Painted, Plan};
 use crate::model::{Bounds, Kernel, PeriodicBox};
@@ -189,7 +189,7 @@ pub(super) fn draw(request: &Request, studio: Option<&mut Studio>) -> Result<Pic
             let (framed, depiction) = (studio.choose(request)?, studio.depict(request)?);
             let Studio { file, scene, .. } = studio;
             let metadata = file.metadata();
-            scene.levels = Levels::Splats;
+            scene.purpose = Purpose::Splats;
             let projector = Projector::new(request, framed, metadata.periodic_box())?;
             let stage = Stage::new(request, projector.base, framed, Units::of_pages(metadata, &depiction), &depiction)?;
             let tau = request.look().error_px.unwrap_or(ERROR_PX);
@@ -287,7 +287,7 @@ pub(super) fn paint(request: &Request, studio: Option<&mut Studio>) -> Result<Ou
             let projector = Projector::new(request, framed, metadata.periodic_box())?;
             let base = &projector.base;
             let stage = Stage::new(request, *base, framed, Units::of_pages(metadata, &depiction), &depiction)?;
-            scene.levels = depiction.levels(metadata);
+            scene.purpose = depiction.purpose(metadata);
             let bounds = with_images(base, metadata.bounds());
             let mut tell = |message| eprintln!("deepfield: {message}");
             // Ranges are found from all the data, as a parallel view of it has them.
@@ -295,9 +295,9 @@ pub(super) fn paint(request: &Request, studio: Option<&mut Studio>) -> Result<Ou
                 processor::cut(view, processor::decode(&depiction, metadata, &selection.nodes))
             };
             let all = sketch(base, bounds)?;
-            let detail = match scene.levels {
-                Levels::Splats => Detail::Error { tau: 1.0 },
-                Levels::Volume => Detail::Sampling { sigma: 1.0 / all.focal_pixels(), near: 0.0 },
+            let detail = match scene.purpose {
+                Purpose::Splats => Detail::Error { tau: 1.0 },
+                Purpose::Samples => Detail::Sampling { sigma: 1.0 / all.focal_pixels(), near: 0.0 },
             };
             let selected = times.measure("load", || scene.converge(&all, detail, &mut tell))?;
             // What is left out and faded is that of the picture's own view.
@@ -328,7 +328,7 @@ pub(super) fn paint(request: &Request, studio: Option<&mut Studio>) -> Result<Ou
                 })
             };
             let texels = times.measure("frame", shoot)?;
-            (studied.outcome(texels)?, stage, scene.levels.name())
+            (studied.outcome(texels)?, stage, scene.purpose.name())
         }
     };
     Ok(Outcome {

@@ -13,7 +13,7 @@ use super::studio::{Studio, look_ahead};
 use crate::annotate::Units;
 use crate::color::{Accumulation, Image, output};
 use crate::cpu::Method;
-use crate::hierarchy::Levels;
+use crate::hierarchy::Purpose;
 pub use crate::look::Backend;
 use crate::look::{ERROR_PX, shown_families};
 use crate::mode::{Depiction, Economy, Mode, Plan};
@@ -134,7 +134,7 @@ fn draw_pages(request: &Request, studio: &mut Studio) -> Result<Picture, Box<dyn
     let (framed, depiction) = (studio.choose(request)?, studio.depict(request)?);
     let Studio { file, scene, ahead, .. } = studio;
     let metadata = file.metadata();
-    scene.levels = Levels::Splats;
+    scene.purpose = Purpose::Splats;
     let view = request.shot.view(framed, metadata.periodic_box())?;
     let seen = depiction.selection_view(&view);
     let tau = request.look().error_px.unwrap_or(ERROR_PX);
