@@ -20,6 +20,7 @@ pub mod device;
 pub mod headless;
 pub mod page_copies;
 pub mod parts;
+pub mod plugins;
 pub mod readback;
 pub mod renderer;
 pub mod scene;
@@ -50,5 +51,6 @@ impl PluginGroup for DeepfieldRenderPlugins {
             .add(splat::SplatPlugin)
             .add(composite::CompositePlugin)
             .add(RenderDiagnosticsPlugin)
+            .add(plugins::OtherCrates)
     }
 }

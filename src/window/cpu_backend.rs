@@ -134,7 +134,7 @@ pub(super) fn draw_on_cpu(
     (live, settings, held): (Res<LiveParticles>, Res<Settings>, Res<Held>),
 ) {
     let cpu = &mut *cpu;
-    let cast = look.as_ref().is_some_and(|look| look.depiction.mode.is_cast()) && caster.is_on_adapter();
+    let cast = look.as_ref().is_some_and(|look| look.depiction.mode.technique.adapter() == Adapter::RayMarcher) && caster.is_on_adapter();
     if !cast {
         caster.rest();
     }
@@ -183,7 +183,7 @@ pub(super) fn draw_on_cpu(
         frame_ms if frame_ms > 0.0 && moving && *backend == ActiveBackend::Cpu => cpu.governor.limit(frame_ms),
         _ => u64::MAX,
     };
-    let painted = look.depiction.mode.painter().is_some();
+    let painted = look.depiction.mode.is_light();
     let size = match painted && moving {
         true => {
             let budget = if preset.drawing.frame_ms > 0.0 { preset.drawing.frame_ms } else { MOVING_MS };

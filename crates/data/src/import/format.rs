@@ -3,8 +3,9 @@
 use super::{ImportError, Source};
 use std::io::Read;
 use std::path::Path;
+use std::sync::{PoisonError, RwLock};
 
-/// A file format. Adding one takes a file in this room and a line in [`FORMATS`].
+/// A file format. Adding one takes a file in this room and a line in [`BUILT_IN`], or [`register`] from another crate.
 pub trait Format: Sync {
     /// The format's name in messages.
     fn name(&self) -> &'static str;
@@ -23,8 +24,8 @@ pub trait Format: Sync {
 /// How many bytes of a file [`Format::recognise`] sees.
 pub const HEAD: usize = 4096;
 
-/// Every format, asked in this order.
-pub const FORMATS: &[&dyn Format] = &[
+/// The formats that come with deepfield, asked in this order.
+static BUILT_IN: &[&dyn Format] = &[
     &super::hdf5::Hdf5,
     &super::gadget::Gadget,
     &super::tipsy::Tipsy,
@@ -32,6 +33,32 @@ pub const FORMATS: &[&dyn Format] = &[
     &super::table::KStars,
     &super::table::Csv,
 ];
+
+/// The formats of other crates.
+static REGISTERED: RwLock<Vec<&'static dyn Format>> = RwLock::new(Vec::new());
+
+/// Adds a format. It is asked before those that come with deepfield, which take almost any text for a table.
+///
+/// # Errors
+/// What is wrong with it: a name that another format has.
+pub fn register(format: &'static dyn Format) -> Result<(), String> {
+    if formats().iter().any(|known| known.name() == format.name()) {
+        return Err(format!("format {}: expected a name that no other format has", format.name()));
+    }
+    REGISTERED.write().unwrap_or_else(PoisonError::into_inner).push(format);
+    Ok(())
+}
+
+/// Every format, in the order in which they are asked.
+pub fn formats() -> Vec<&'static dyn Format> {
+    let registered = REGISTERED.read().unwrap_or_else(PoisonError::into_inner);
+    registered.iter().chain(BUILT_IN).copied().collect()
+}
+
+/// The names of all formats, for messages.
+pub fn names() -> String {
+    formats().iter().map(|format| format.name()).collect::<Vec<_>>().join(", ")
+}
 
 /// Opens a source in whatever format its content shows.
 ///
@@ -46,11 +73,8 @@ pub fn open(path: &Path) -> Result<Box<dyn Source>, ImportError> {
     }
     let mut head = Vec::with_capacity(HEAD);
     file.take(HEAD as u64).read_to_end(&mut head).map_err(io)?;
-    match FORMATS.iter().find(|format| format.recognise(&head, metadata.len())) {
+    match formats().into_iter().find(|format| format.recognise(&head, metadata.len())) {
         Some(format) => format.open(path),
-        None => {
-            let names: Vec<&str> = FORMATS.iter().map(|format| format.name()).collect();
-            Err(ImportError::Unrecognised { path: path.into(), expected: names.join(", ") })
-        }
+        None => Err(ImportError::Unrecognised { path: path.into(), expected: names() }),
     }
 }

@@ -23,7 +23,7 @@ mod tipsy;
 mod units;
 
 pub use error::ImportError;
-pub use format::{FORMATS, Format, HEAD, open};
+pub use format::{Format, HEAD, formats, names, open, register};
 pub use load::{AttributeChoice, DEFAULT_NEIGHBOURS, LoadOptions, Smoothing, load, load_source};
 pub use rows::{FamilyRows, Scalar};
 pub use source::{Description, FamilyInfo, Field, FieldKind, Source};
