@@ -437,4 +437,4 @@ fn carry_out(
 mod led;
 
 #[cfg(test)]
-pub(super) mod tests;
+pub(crate) mod tests;

@@ -10,7 +10,7 @@ use crate::window::scene_io::viewpoint_of;
 
 impl Player {
     /// Takes the tour of a leader in the place of the one that is open.
-    pub(in crate::window) fn follow(&mut self, led: Option<LedTour>) {
+    pub(crate) fn follow(&mut self, led: Option<LedTour>) {
         *self = match led {
             Some(LedTour { tour, text, folder, aspect }) => {
                 let path = Some(folder.join("the leader's tour"));
@@ -22,7 +22,7 @@ impl Player {
 
     /// Shows the moment of the tour that the leader told at the program's time `heard`, or that none is shown: its words and pictures
     /// only, because camera and settings are the leader's. Where the camera is to be in a moment.
-    pub(in crate::window) fn show_moment(
+    pub(crate) fn show_moment(
         &mut self,
         moment: Option<Moment>,
         (heard, now): (f64, f64),

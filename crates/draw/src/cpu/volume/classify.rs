@@ -206,6 +206,7 @@ fn column(brightness: f32) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::color::colors::to_encoded;
     use crate::color::colormap::HexColor;
     use crate::color::transfer::{Plane, Region};
 
