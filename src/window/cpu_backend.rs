@@ -24,7 +24,7 @@ use crate::color::composite::composite_at;
 use crate::color::transfer::{Levels, TransferFunction};
 use crate::color::{Accumulation, Image as Colors};
 use crate::cpu::volume::{Caster, Processor};
-use crate::mode::{Footprint, Plan};
+use crate::mode::{Adapter, Footprint, Plan};
 use crate::picture::fade::faded;
 use crate::picture::governor::Governor;
 use crate::view::View;
