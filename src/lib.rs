@@ -17,3 +17,7 @@ pub mod show;
 pub mod window;
 
 pub use program::Program;
+
+#[cfg(test)]
+#[path = "../tests/support/cases.rs"]
+mod cases;

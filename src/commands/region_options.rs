@@ -3,8 +3,9 @@
 use super::arguments::positive;
 use super::cache;
 use crate::explore::{Catalogue, Data, Object, Region, Shape, ValueRange, source_of};
-use crate::import::{Source, open};
-use crate::model::{FamilyName, ron_file};
+use crate::import::{Source, open_with};
+use crate::look::data_file;
+use crate::model::{FamilyName, ReadMethod, ron_file};
 use crate::store::PageFile;
 use glam::DVec3;
 use std::path::{Path, PathBuf};
@@ -143,14 +144,15 @@ pub enum Opened {
 }
 
 impl Opened {
-    /// Opens what the path names, by its content.
+    /// Opens what the path names, by its content, to be read in the way `method`.
     ///
     /// # Errors
     /// When it cannot be opened.
-    pub fn open(path: &Path) -> Result<Opened, Failure> {
+    pub fn open(path: &Path, method: ReadMethod) -> Result<Opened, Failure> {
+        let path = &data_file(path)?;
         Ok(match cache::is_page_file(path)? {
-            true => Opened::Pages(Box::new(PageFile::open(path)?)),
-            false => Opened::Source(open(path)?),
+            true => Opened::Pages(Box::new(PageFile::open_with(path, method)?)),
+            false => Opened::Source(open_with(path, method)?),
         })
     }
 
@@ -158,8 +160,8 @@ impl Opened {
     ///
     /// # Errors
     /// When it cannot be opened, or is not what the page file was built from.
-    pub fn source(path: &Path) -> Result<Opened, Failure> {
-        match Opened::open(path)? {
+    pub fn source(path: &Path, method: ReadMethod) -> Result<Opened, Failure> {
+        match Opened::open(path, method)? {
             Opened::Pages(file) => Ok(Opened::Source(source_of(&file)?)),
             source => Ok(source),
         }

@@ -58,7 +58,7 @@ pub fn run(arguments: &Arguments) -> CommandResult {
         // One named on the command line is for whatever is drawn.
         None => Arguments { volume: arguments.transfer.clone(), ..arguments.clone() },
     };
-    let arguments = super::scene_arguments::complete(arguments)?.with_economy();
+    let arguments = super::scene_arguments::complete(arguments.with_files()?)?.with_economy();
     let arguments = &arguments;
     match arguments.threads {
         Some(threads) => {

@@ -137,6 +137,7 @@ struct WindowApp {
 impl Plugin for WindowApp {
     fn build(&self, app: &mut App) {
         let mut openings = open::Openings::new(self.options.opener.clone());
+        openings.read = self.preset.residency.read;
         if let Some(request) = self.options.open.clone() {
             openings.start(request);
         }
@@ -208,6 +209,7 @@ impl Plugin for WindowApp {
         .add_systems(
             Update,
             (
+                open::follow_preset.run_if(resource_changed::<Preset>),
                 open::open_dropped_files.run_if(not(resource_exists::<network::Following>)),
                 open::finish_opening,
                 objects::receive,

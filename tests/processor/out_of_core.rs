@@ -5,7 +5,7 @@ use crate::support::{Random, program};
 use deepfield::build::{BuildOptions, build, build_source};
 use deepfield::hierarchy::OctreeOptions;
 use deepfield::import::{LoadOptions, Smoothing, load};
-use deepfield::model::{Attribute, Dataset, Family, FamilyName, Kernel, Provenance, Unit};
+use deepfield::model::{Attribute, Dataset, Family, FamilyName, Kernel, Provenance, ReadMethod, Unit};
 use deepfield::store::verify;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -62,14 +62,14 @@ fn builds_are_the_same(folder: &TempDir, data: &Dataset, mass: f64, volume_level
         volume_levels,
         ..OctreeOptions::default()
     };
-    let run = |memory: Option<u64>, threads: usize| {
+    let run = |memory: Option<u64>, threads: usize, read: ReadMethod| {
         let path = folder.path().join("out.df");
-        let options = BuildOptions { octree, memory, threads: Some(threads), ..BuildOptions::default() };
+        let options = BuildOptions { octree, memory, threads: Some(threads), read, ..BuildOptions::default() };
         let built = build(data.clone(), &options, &path, &()).unwrap();
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "temporary files stay behind");
         (std::fs::read(&path).unwrap(), built, path)
     };
-    let (whole, built, path) = run(Some(1 << 30), 1);
+    let (whole, built, path) = run(Some(1 << 30), 1, ReadMethod::default());
     assert_eq!(built.temporary_bytes, 0);
     assert_eq!(verify(&path, &()).unwrap().particles, 60_000);
     let family = &built.metadata.families[0];
@@ -77,9 +77,11 @@ fn builds_are_the_same(folder: &TempDir, data: &Dataset, mass: f64, volume_level
     assert!(family.levels.len() > 10, "{} levels", family.levels.len());
     assert_eq!(family.volume.is_some(), volume_levels);
     for (memory, threads) in [(None, 2), (Some(10 << 20), 1), (Some(10 << 20), 3), (Some(16 << 20), 2)] {
-        let (bytes, built, _) = run(memory, threads);
-        assert!(bytes == whole, "{memory:?} bytes of memory, {threads} threads");
-        assert_eq!(built.temporary_bytes > 0, memory.is_some(), "{memory:?}");
+        for read in [ReadMethod::Positioned, ReadMethod::Mapped] {
+            let (bytes, built, _) = run(memory, threads, read);
+            assert!(bytes == whole, "{memory:?} bytes of memory, {threads} threads, {read:?}");
+            assert_eq!(built.temporary_bytes > 0, memory.is_some(), "{memory:?}");
+        }
     }
 }
 

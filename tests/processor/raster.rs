@@ -118,7 +118,7 @@ fn single_particle_of_any_size_keeps_its_mass() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(12))]
+    #![proptest_config(crate::cases::cases(12))]
 
     #[test]
     fn picture_holds_the_mass_in_any_orthographic_view(seed: u64, turn in -1.0..1.0f64, roll in 0.1..3.0f64) {

@@ -2,7 +2,6 @@
 //! by its ids, followed, shown alone, written, and found again in another snapshot of the same run.
 
 use super::desktop::{Desktop, Program, choose, click, distance, keep, middle, point, repeat};
-use crate::support::program;
 use deepfield::import::{FieldKind, open};
 use serde_json::Value;
 use std::fmt::Write as _;
@@ -136,7 +135,7 @@ fn particles_are_identified_kept_by_id_followed_and_found_in_another_snapshot() 
     assert!(distance(following(&found_again).unwrap(), CLUMPS[1]) < 0.5, "{found_again:#}");
     keep(&desktop, "second-snapshot.png");
     let out = folder.path().join("second.png");
-    let mut command = program();
+    let mut command = crate::support::program();
     command.args(["render", second.to_str().unwrap(), "--backend", "cpu", "--size", "400x300", "--ortho", "50"]);
     command.args(["--target", "25,25,25", "--eye", "25,25,200", "--scene", scene.to_str().unwrap(), "-o"]).arg(&out);
     for exact in [&[][..], &["--exact"]] {

@@ -2,7 +2,7 @@
 //! redone, sections and docks are hidden, and a scene is saved, opened again and rendered without a window.
 
 use super::desktop::{Desktop, Program, click, keep, repeat};
-use crate::support::{demo, program};
+use crate::support::demo;
 use serde_json::Value;
 use std::time::Duration;
 
@@ -169,7 +169,7 @@ fn docks_and_sections_are_hidden_and_a_scene_brings_everything_back() {
     // Without a window: twice the same picture, and the window's, which has a legend over it.
     let render = |name: &str| {
         let output = folder.path().join(name);
-        let status = program()
+        let status = crate::support::program()
             .args(["render", "--backend", "cpu"])
             .arg(&scene)
             .arg("-o")
@@ -254,7 +254,7 @@ fn several_datasets_are_shown_hidden_saved_and_closed() {
     assert!(text.contains("offset: (60.0, 0.0, 0.0)") || text.contains("offset: [60.0, 0.0, 0.0]"), "{text}");
     let picture = folder.path().join("same.png");
     let statistics = folder.path().join("same.json");
-    let rendered = program()
+    let rendered = crate::support::program()
         .args(["render", saved["scene"].as_str().unwrap(), "--backend", "cpu", "--json"])
         .arg(&statistics)
         .arg("-o")

@@ -2,7 +2,7 @@
 //! keyframes that are dragged along the timeline, and the tour is saved and its timetable printed.
 
 use super::desktop::{Desktop, Program, click, distance, keep, point, repeat};
-use crate::support::{demo, program};
+use crate::support::demo;
 use serde_json::Value;
 
 const SPACE: u32 = 0x20;
@@ -68,7 +68,7 @@ fn a_tour_is_played_left_edited_and_saved() {
 
     // It plays from a key again, and the command line reads it.
     repeat(&program, "played", || desktop.press(SPACE), |s| s["tour"]["time"].is_number());
-    let check = program()
+    let check = crate::support::program()
         .args(["tour", tour.to_str().unwrap(), "--check"])
         .env("XDG_CACHE_HOME", folder.path())
         .output()

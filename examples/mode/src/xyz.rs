@@ -1,7 +1,7 @@
 //! A format: a first line `xyz`, then a particle in each line: x, y, z and mass.
 
 use deepfield::import::{Description, FamilyInfo, Field, FieldKind, Format, ImportError, Source};
-use deepfield::model::{FamilyName, Unit};
+use deepfield::model::{FamilyName, ReadMethod, Unit};
 use std::ops::Range;
 use std::path::Path;
 
@@ -17,7 +17,7 @@ impl Format for Xyz {
         head.starts_with(b"xyz\n")
     }
 
-    fn open(&self, path: &Path) -> Result<Box<dyn Source>, ImportError> {
+    fn open(&self, path: &Path, _: ReadMethod) -> Result<Box<dyn Source>, ImportError> {
         let text = std::fs::read_to_string(path).map_err(|error| ImportError::io(path, "file", error))?;
         let row = |(index, line): (usize, &str)| {
             let numbers: Vec<f64> = line.split_whitespace().map_while(|word| word.parse().ok()).collect();

@@ -16,7 +16,7 @@ fn damaged(mut bytes: Vec<u8>, changes: &[(prop::sample::Index, u8)], keep: f64)
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(200))]
+    #![proptest_config(crate::cases::cases(200))]
 
     #[test]
     fn damaged_catalogues_and_ids_are_errors_or_catalogues(

@@ -11,7 +11,7 @@ use glam::DVec3;
 use proptest::prelude::*;
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(48))]
+    #![proptest_config(crate::cases::cases(48))]
 
     /// Bits say of each drawn particle, merged or not, whether its place and values are in the region.
     #[test]

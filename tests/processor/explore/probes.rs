@@ -63,7 +63,7 @@ fn check_exact(found: &Probe, members: &[&Particle]) {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(96))]
+    #![proptest_config(crate::cases::cases(96))]
 
     #[test]
     fn a_probe_of_the_source_sums_up_every_particle(region in region(), periodic: bool) {

@@ -6,7 +6,7 @@ use glam::DVec3;
 use proptest::prelude::*;
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(48))]
+    #![proptest_config(crate::cases::cases(48))]
 
     #[test]
     fn ids_are_those_of_the_members_and_find_them_again(region in region()) {

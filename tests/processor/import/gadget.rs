@@ -35,7 +35,7 @@ fn flat(vectors: &[[f64; 3]]) -> Vec<f64> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(128))]
+    #![proptest_config(crate::cases::cases(128))]
 
     #[test]
     fn what_is_written_comes_back(style in style(), files in files(), step in 1..7u64, named in 0..3usize) {
@@ -90,7 +90,7 @@ proptest! {
 
 proptest! {
     // Each case tries every length of a file.
-    #![proptest_config(ProptestConfig::with_cases(4))]
+    #![proptest_config(crate::cases::cases(4))]
 
     /// Every shortened file is an error, but for one that ends where an optional block of gas begins.
     #[test]

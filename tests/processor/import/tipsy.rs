@@ -12,7 +12,7 @@ fn records(width: usize) -> impl Strategy<Value = Vec<Vec<f32>>> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(128))]
+    #![proptest_config(crate::cases::cases(128))]
 
     #[test]
     fn what_is_written_comes_back(
@@ -54,7 +54,7 @@ proptest! {
 
 proptest! {
     // Each case tries every length of a file.
-    #![proptest_config(ProptestConfig::with_cases(16))]
+    #![proptest_config(crate::cases::cases(16))]
 
     #[test]
     fn a_shortened_file_is_an_error(dark in records(9), big in any::<bool>()) {

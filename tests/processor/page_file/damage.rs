@@ -156,7 +156,7 @@ fn forge(bytes: &mut [u8]) {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 1500, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..crate::cases::cases(1500) })]
 
     #[test]
     fn forged_files_never_panic(

@@ -4,7 +4,7 @@ use crate::support::Random;
 use deepfield::build::{BuildOptions, build};
 use deepfield::codec::{CodebookScope, VqBits};
 use deepfield::hierarchy::OctreeOptions;
-use deepfield::model::{Attribute, Dataset, Family, FamilyName, Kernel, Provenance, Skipped, Unit};
+use deepfield::model::{Attribute, Dataset, Family, FamilyName, Kernel, Provenance, ReadMethod, Skipped, Unit};
 use deepfield::store::{Encoding, Metadata, NodeRef, Page, PageFile, PageId, verify};
 use glam::DVec3;
 use proptest::prelude::*;
@@ -112,7 +112,7 @@ impl Tree {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 12, ..ProptestConfig::default() })]
+    #![proptest_config(crate::cases::cases(12))]
 
     #[test]
     fn sources_are_within_delta_of_what_is_drawn_for_them(seed: u64, count in 200..2500_usize, capacity in 5..120_usize) {
@@ -267,6 +267,30 @@ fn metadata_and_nodes_survive_the_file() {
     let speed = written.families[0].attribute("speed").unwrap().1;
     assert_eq!((speed.missing, speed.unit.0.as_str()), (60, "km/s"));
     assert!(written.families[0].quantities[1].unit.0.contains("Msun"));
+}
+
+#[test]
+fn a_mapped_file_has_the_same_pages_for_threads_that_read_at_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let (path, _) = build_in(&folder, vec![clustered(40_000, 6)], &small_leaves(VqBits::Eight, 100));
+    let tree = Tree::read(&path);
+    let mapped = PageFile::open_with(&path, ReadMethod::Mapped).unwrap();
+    assert_eq!((mapped.metadata(), mapped.read_method()), (&tree.metadata, ReadMethod::Mapped));
+    std::thread::scope(|scope| {
+        for _ in 0..3 {
+            scope.spawn(|| {
+                for page in &tree.pages {
+                    let read = mapped.read_page(page.id).unwrap();
+                    assert_eq!(read.nodes, page.nodes);
+                    for node in 0..page.nodes.len() {
+                        let (a, b) = (read.particles(node), page.particles(node));
+                        assert_eq!(a.codes, b.codes);
+                        assert!((0..a.len()).all(|i| a.fraction(i) == b.fraction(i)));
+                    }
+                }
+            });
+        }
+    });
 }
 
 #[test]

@@ -91,10 +91,8 @@ fn check(built: &Built, cases: u32) {
         any::<bool>(),
     );
     let mut thinned = 0;
-    let mut runner = TestRunner::new_with_rng(
-        Config { cases, failure_persistence: None, max_shrink_iters: 20, ..Config::default() },
-        proptest::test_runner::TestRng::deterministic_rng(proptest::test_runner::RngAlgorithm::ChaCha),
-    );
+    let mut runner =
+        TestRunner::new(Config { failure_persistence: None, max_shrink_iters: 20, ..crate::cases::cases(cases) });
     let counter = std::cell::Cell::new(0u32);
     runner
         .run(&strategy, |(anchor, direction, distance, tau, orthographic)| {

@@ -2,6 +2,7 @@
 //! goes on, and no frame waits.
 
 use super::disk::{Answer, FaultyDisk, offset_of, sound};
+use deepfield::model::ReadMethod;
 use deepfield::store::{Change, PageFile, PageId};
 use deepfield::stream::{Scene, SceneSelection, StreamOptions};
 use deepfield::view::{Projection, View};
@@ -74,9 +75,20 @@ fn a_page_whose_checksum_fails_is_told_and_drawn_coarser() {
 
 #[test]
 fn a_file_cut_short_while_open_is_told_and_drawn_coarser() {
+    cut_short_is_told(ReadMethod::Positioned);
+}
+
+/// Windows refuses to cut a file that is mapped.
+#[cfg(unix)]
+#[test]
+fn a_mapped_file_cut_short_is_told_and_drawn_coarser_and_ends_nothing() {
+    cut_short_is_told(ReadMethod::Mapped);
+}
+
+fn cut_short_is_told(method: ReadMethod) {
     let folder = tempfile::tempdir().unwrap();
     let path = write_sound(folder.path());
-    let file = Arc::new(PageFile::open(&path).unwrap());
+    let file = Arc::new(PageFile::open_with(&path, method).unwrap());
     let bad = last_page(&file);
     let len = offset_of(sound(), bad) + 100;
     std::fs::OpenOptions::new().write(true).open(&path).unwrap().set_len(len).unwrap();

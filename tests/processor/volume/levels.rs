@@ -119,7 +119,7 @@ fn options(vq_bits: VqBits, leaf_capacity: usize) -> OctreeOptions {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 12, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..crate::cases::cases(12) })]
 
     /// In every node and at every depth: masses and mass-weighted means are those of the source particles, volumes are where nothing
     /// is enlarged, and nothing is smaller than a merging cell.

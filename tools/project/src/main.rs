@@ -2,11 +2,12 @@
 //!
 //! - `cargo demo [ARGUMENTS]` starts deepfield (with no arguments: the demo dataset), without a display as a program that
 //!   has no windows and compiles no Bevy;
-//! - `cargo test-all [ARGUMENTS]` runs every test.
+//! - `cargo test-all [--long] [ARGUMENTS]` runs every test; with `--long`, property tests try new cases, and many.
 //!
 //! Both first see to what cargo cannot install: on a Debian-like Linux, the packages that a [`Requirement`] names. Nothing is
 //! installed without saying so; on a terminal, not without asking.
 
+use std::hash::{BuildHasher, Hasher, RandomState};
 use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode, Stdio};
@@ -52,7 +53,7 @@ fn main() -> ExitCode {
     let outcome = match task.as_deref() {
         Some("demo") => demo(&rest),
         Some("test") => test(&rest),
-        _ => Err("usage: cargo demo [ARGUMENTS] | cargo test-all [ARGUMENTS]".into()),
+        _ => Err("usage: cargo demo [ARGUMENTS] | cargo test-all [--long] [ARGUMENTS]".into()),
     };
     match outcome {
         Ok(code) => ExitCode::from(code),
@@ -89,6 +90,7 @@ fn is_named(variable: &str) -> bool {
 }
 
 fn test(arguments: &[String]) -> Result<u8, String> {
+    let (arguments, cases) = property_tests(arguments);
     see_to(&DRAWING.iter().chain(&WINDOW).chain(&VIRTUAL_DISPLAY).collect::<Vec<_>>())?;
     // Tests over the reference data are marked as ignored; they run where the data is.
     let data = std::env::var_os("DEEPFIELD_DATA").map_or_else(|| root().join("../shared/data"), PathBuf::from);
@@ -98,19 +100,34 @@ fn test(arguments: &[String]) -> Result<u8, String> {
     }
     let has_nextest = cargo().args(["nextest", "--version"]).stdout(Stdio::null()).stderr(Stdio::null()).status();
     let mut command = cargo();
-    command.env("DEEPFIELD_DATA", &data);
+    command.env("DEEPFIELD_DATA", &data).envs(cases);
     if has_nextest.is_ok_and(|status| status.success()) {
-        command.args(["nextest", "run", "--locked", "--workspace", "--no-fail-fast"]).args(arguments);
+        command.args(["nextest", "run", "--locked", "--workspace", "--no-fail-fast"]).args(&arguments);
         if has_data {
             command.args(["--run-ignored", "all"]);
         }
     } else {
-        command.args(["test", "--locked", "--workspace", "--no-fail-fast"]).args(arguments);
+        command.args(["test", "--locked", "--workspace", "--no-fail-fast"]).args(&arguments);
         if has_data {
             command.args(["--", "--include-ignored"]);
         }
     }
     run(&mut command)
+}
+
+/// The arguments without `--long`, and the environment that property tests get: where `--long` is given a new seed and ten times
+/// the cases, unless the environment says how many, else what `.cargo/config.toml` says. Tells how the run is repeated.
+fn property_tests(arguments: &[String]) -> (Vec<String>, Vec<(&'static str, String)>) {
+    let rest: Vec<String> = arguments.iter().filter(|argument| *argument != "--long").cloned().collect();
+    if rest.len() == arguments.len() {
+        return (rest, Vec::new());
+    }
+    let cases = std::env::var("PROPTEST_CASES").unwrap_or_else(|_| "2560".to_owned());
+    let chosen =
+        [("PROPTEST_RNG_SEED", RandomState::new().build_hasher().finish().to_string()), ("PROPTEST_CASES", cases)];
+    let text = chosen.each_ref().map(|(name, value)| format!("{name}={value}")).join(" ");
+    println!("Property tests try new cases; the same ones again: {text} cargo test-all {}", rest.join(" "));
+    (rest, chosen.into())
 }
 
 /// The repository's root: this package lies two folders below it.

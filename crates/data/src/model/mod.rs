@@ -3,12 +3,15 @@
 
 pub mod bounds;
 pub mod kernel;
+#[allow(unsafe_code, reason = "memory that a file is mapped to is read by address, and its faults are signals")]
+mod mapping;
 pub mod new_file;
 pub mod particles;
 pub mod periodic;
 pub mod placement;
 pub mod positioned;
 pub mod progress;
+pub mod read_file;
 pub mod ron_file;
 pub mod ron_place;
 pub mod stream;
@@ -20,5 +23,6 @@ pub use particles::{Attribute, Dataset, Family, FamilyName, Provenance, Skipped}
 pub use periodic::PeriodicBox;
 pub use placement::Placement;
 pub use progress::Progress;
+pub use read_file::{ReadFile, ReadMethod};
 pub use stream::{Chunk, FamilyStream, ParticleStream, StreamError};
 pub use units::Unit;

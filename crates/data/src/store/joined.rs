@@ -6,7 +6,7 @@ use super::page::PageId;
 use super::page_file::{PageFile, Part};
 use crate::codec::Codebook;
 use crate::hierarchy::RootCell;
-use crate::model::{Placement, Unit};
+use crate::model::{Placement, ReadMethod, Unit};
 use std::sync::Arc;
 
 impl PageFile {
@@ -19,6 +19,7 @@ impl PageFile {
     pub fn join(files: Vec<(PageFile, Placement)>) -> Result<(PageFile, Vec<String>), StoreError> {
         let mut joined: Option<(PageFile, Metadata)> = None;
         let mut notes = Vec::new();
+        let read = files.first().map(|(file, _)| file.read).unwrap_or_default();
         for (file, placement) in files {
             for part in file.parts {
                 let own = Part { placement: part.placement.then(&placement), ..part };
@@ -29,6 +30,7 @@ impl PageFile {
             return Err(StoreError::Unjoinable { path: Default::default(), reason: "no file is named".into() });
         };
         scene.metadata = Arc::new(metadata);
+        scene.read = read;
         Ok((scene, notes))
     }
 }
@@ -55,7 +57,7 @@ fn add(scene: &mut Option<(PageFile, Metadata)>, part: Part) -> Result<Vec<Strin
         None => {
             let mut whole = Metadata { families, ..own.as_ref().clone() };
             whole.provenance.box_size = box_size;
-            *scene = Some((PageFile { metadata: own, parts: vec![part] }, whole));
+            *scene = Some((PageFile { metadata: own, parts: vec![part], read: ReadMethod::default() }, whole));
         }
         Some((scene, whole)) => {
             whole.families.extend(families);

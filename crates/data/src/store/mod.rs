@@ -1,8 +1,8 @@
 //! The page file (design decision 1): layout, writer, reader and verifier. Its specification is `docs/page-file.md`.
 //!
-//! A file is a fixed header, pages aligned to 4096 bytes, and a footer. It is read with positioned reads rather than
-//! mapped: a page is copied and checked once as it is loaded anyway, a file that is truncated while it is open gives an
-//! error instead of a signal, and it needs no `unsafe`. The operating system's page cache serves repeated reads.
+//! A file is a fixed header, pages aligned to 4096 bytes, and a footer. A page is copied from it and checked once as it
+//! is loaded, by positioned reads or from a mapping ([`ReadMethod`](crate::model::ReadMethod)); the operating system's page cache
+//! serves repeated reads.
 
 pub mod disk;
 pub mod error;

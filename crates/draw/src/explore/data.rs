@@ -1,7 +1,7 @@
 //! The two kinds of data that can be asked: a page file and a source.
 
 use super::error::ExploreError;
-use crate::import::{FamilyInfo, FieldKind, Scalar, Source, open};
+use crate::import::{FamilyInfo, FieldKind, Scalar, Source, open_with};
 use crate::model::{Bounds, FamilyName, PeriodicBox, Unit};
 use crate::store::{FamilyMetadata, PageFile};
 use std::path::{Path, PathBuf};
@@ -146,7 +146,7 @@ pub fn source_path(file: &PageFile) -> Option<PathBuf> {
 /// # Errors
 /// [`ExploreError`] where it cannot be opened, or has another size than it had.
 pub fn open_source(path: &Path, file: &PageFile) -> Result<Box<dyn Source>, ExploreError> {
-    let source = open(path)?;
+    let source = open_with(path, file.read_method())?;
     let (found, built) = (source.description().bytes, file.metadata().provenance.bytes);
     if found != built {
         let expected = format!("{built}, of which {} was built", file.path().display());
