@@ -18,9 +18,9 @@ use crate::color::{Accumulation, Image, output};
 use crate::cpu::Method;
 use crate::hierarchy::Levels;
 use crate::look::shown_families;
-use crate::mode::{Depiction, Economy, Mode, Plan};
 #[cfg(feature = "viewer")]
 use crate::mode::Adapter;
+use crate::mode::{Depiction, Economy, Mode, Plan};
 use crate::model::{Bounds, FamilyName, PeriodicBox};
 use crate::picture::{pilot, processor};
 use crate::store::PageFile;

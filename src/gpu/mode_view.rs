@@ -32,7 +32,8 @@ pub struct ModePlugin<C: Component + ExtractComponent> {
 impl<C: Component + ExtractComponent> Plugin for ModePlugin<C> {
     fn build(&self, app: &mut App) {
         let (mode, component) = (self.mode, self.component);
-        let follow = move |mut commands: Commands, cameras: Query<(Entity, Option<Ref<ModeView>>, Has<C>), With<Camera>>| {
+        let follow = move |mut commands: Commands,
+                           cameras: Query<(Entity, Option<Ref<ModeView>>, Has<C>), With<Camera>>| {
             for (camera, shown, has) in &cameras {
                 match shown.filter(|shown| std::ptr::eq(shown.mode, mode)) {
                     Some(shown) if shown.is_changed() || !has => {

@@ -134,7 +134,8 @@ pub(super) fn draw_on_cpu(
     (live, settings, held): (Res<LiveParticles>, Res<Settings>, Res<Held>),
 ) {
     let cpu = &mut *cpu;
-    let cast = look.as_ref().is_some_and(|look| look.depiction.mode.technique.adapter() == Adapter::RayMarcher) && caster.is_on_adapter();
+    let cast = look.as_ref().is_some_and(|look| look.depiction.mode.technique.adapter() == Adapter::RayMarcher)
+        && caster.is_on_adapter();
     if !cast {
         caster.rest();
     }

@@ -335,7 +335,10 @@ pub(super) fn draw_on_gpu(
 
 /// Milliseconds that all passes of the last picture took together, when that was known, and those of each; `None` before the first
 /// picture.
-fn pass_times(diagnostics: &DiagnosticsStore, timed: &[&'static str]) -> Option<(f64, Instant, Vec<(&'static str, f64)>)> {
+fn pass_times(
+    diagnostics: &DiagnosticsStore,
+    timed: &[&'static str],
+) -> Option<(f64, Instant, Vec<(&'static str, f64)>)> {
     let time = |pass: &str, kind: &str| {
         let path = format!("render/{pass}/{kind}");
         diagnostics.iter().find(|d| d.path().as_str() == path).and_then(|d| d.measurement())

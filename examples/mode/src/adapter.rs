@@ -32,12 +32,8 @@ pub const SHADER: ShaderFile = ShaderFile {
     text: include_str!("brightest.wgsl"),
     file: concat!(env!("CARGO_MANIFEST_DIR"), "/src/brightest.wgsl"),
     variants: || {
-        let variant = |kernel| Variant {
-            path: "",
-            defs: kernel_defs(kernel),
-            subgroup: false,
-            entries: vec!["find", "color"],
-        };
+        let variant =
+            |kernel| Variant { path: "", defs: kernel_defs(kernel), subgroup: false, entries: vec!["find", "color"] };
         Kernel::ALL.map(variant).into()
     },
 };
@@ -113,7 +109,8 @@ struct Pipelines {
 
 fn init_pipelines(mut commands: Commands, server: Res<AssetServer>, cache: Res<PipelineCache>) {
     let uniform = uniform_buffer_sized(false, NonZeroU64::new(size_of::<Uniform>() as u64));
-    let entries = BindGroupLayoutEntries::sequential(ShaderStages::COMPUTE, (uniform, storage_buffer_sized(false, None)));
+    let entries =
+        BindGroupLayoutEntries::sequential(ShaderStages::COMPUTE, (uniform, storage_buffer_sized(false, None)));
     let layout = BindGroupLayoutDescriptor::new("brightest", &entries);
     let shader = shaders::load(&server, SHADER.name);
     let pipelines = |kernel| {
@@ -161,10 +158,8 @@ fn prepare(
             contents: bytemuck::bytes_of(&uniform),
             usage: BufferUsages::UNIFORM,
         });
-        let entries = BindGroupEntries::sequential((
-            uniform.as_entire_binding(),
-            buffers.shared.cells.as_entire_binding(),
-        ));
+        let entries =
+            BindGroupEntries::sequential((uniform.as_entire_binding(), buffers.shared.cells.as_entire_binding()));
         let group = device.create_bind_group("brightest", &cache.get_bind_group_layout(&pipelines.layout), &entries);
         commands.entity(entity).insert(Bindings { group, of: brightest.clone() });
     }

@@ -41,8 +41,8 @@ pub use prepare::{Bindings, SplatBuffers, prepare_splats};
 
 use super::arena::{Arena, update_arena};
 use super::capabilities::Withheld;
-use super::scene::ParticleScene;
 use super::mode_view::ModeView;
+use super::scene::ParticleScene;
 use super::timing::TimedPasses;
 use super::view::SplatView;
 use bevy::core_pipeline::core_3d::{main_opaque_pass_3d, main_transparent_pass_3d};

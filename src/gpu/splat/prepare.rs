@@ -132,7 +132,10 @@ pub fn prepare_splats(
         if let Some(before) = &mut before
             && before.key.is_same(&key)
         {
-            before.always = view.always;
+            // What is not changed is not marked as changed.
+            if before.always != view.always {
+                before.always = view.always;
+            }
             continue;
         }
         let buffers =

@@ -3,9 +3,7 @@
 use super::grid::{self, Layers, Look};
 use crate::cpu::cartesian::{self, CartesianOptions, Region};
 use crate::cpu::volume::VolumeError;
-use crate::mode::{
-    Job, Mode, Needs, Output, Painted, Raw, Setting, SettingKind, SettingValue, Settings, Technique,
-};
+use crate::mode::{Job, Mode, Needs, Output, Painted, Raw, Setting, SettingKind, SettingValue, Settings, Technique};
 
 /// Cells along the longest side.
 pub static CELLS: Setting = Setting {

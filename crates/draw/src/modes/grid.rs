@@ -216,8 +216,7 @@ impl Look {
     pub fn new(job: &Job<'_>) -> Result<Look, VolumeError> {
         let options = options(job);
         let attribute = job.batches.iter().any(|batch| batch.attribute().is_some());
-        let transfer =
-            job.transfer.cloned().unwrap_or_else(|| TransferFunction::of_volumes(attribute)).for_volume();
+        let transfer = job.transfer.cloned().unwrap_or_else(|| TransferFunction::of_volumes(attribute)).for_volume();
         let levels = levels(job, &transfer, &options)?;
         let classifier = Classifier::new(&transfer, levels, attribute);
         Ok(Look { options, transfer, levels, classifier })
@@ -360,11 +359,7 @@ fn options(job: &Job<'_>) -> VolumeOptions {
 }
 
 /// Numbers for the ranges that are automatic.
-fn levels(
-    job: &Job<'_>,
-    transfer: &TransferFunction,
-    options: &VolumeOptions,
-) -> Result<VolumeLevels, VolumeError> {
+fn levels(job: &Job<'_>, transfer: &TransferFunction, options: &VolumeOptions) -> Result<VolumeLevels, VolumeError> {
     let hue = transfer.hue.clone().unwrap_or_default();
     let needs = transfer.range == Range::Auto || transfer.hue.as_ref().is_some_and(|hue| hue.range == Range::Auto);
     let measured = match needs {

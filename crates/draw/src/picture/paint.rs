@@ -2,8 +2,8 @@
 
 use super::processor::{DecodedNode, SeenFamily, batches, seen_batches};
 use crate::color::transfer::TransferFunction;
-use crate::cpu::{SplatOptions, Splats};
 use crate::cpu::volume::{Caster, Processor, VolumeError, VolumeLevels};
+use crate::cpu::{SplatOptions, Splats};
 use crate::mode::{Depiction, Job, Painted};
 use crate::model::{Dataset, Family, Kernel};
 use crate::modes::grid::Look;
