@@ -75,6 +75,9 @@ pub enum VolumeError {
         /// What it may be.
         expected: String,
     },
+    /// A mode that the processor does not draw.
+    #[error("the mode {0} is drawn by a graphics adapter only (--backend compute), not by the processor")]
+    OnlyAdapter(&'static str),
     /// An adapter that cannot draw it.
     #[error("{0}")]
     Device(String),
