@@ -67,9 +67,7 @@ pub fn framed_of(dataset: &Dataset) -> Bounds {
 
 /// The particles that an exact picture draws: those of the source, or of the one that a page file was built from; of several
 /// datasets all, each where it lies.
-pub fn load_exact(
-    arguments: &Arguments,
-) -> Result<(PathBuf, Dataset), Box<dyn std::error::Error + Send + Sync>> {
+pub fn load_exact(arguments: &Arguments) -> Result<(PathBuf, Dataset), Box<dyn std::error::Error + Send + Sync>> {
     let members = arguments.members();
     let (path, mut whole) = load_one(arguments, &members[0])?;
     let units = (whole.length_unit.clone(), whole.mass_unit.clone());

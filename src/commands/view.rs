@@ -223,10 +223,15 @@ fn has_display() -> bool {
 #[cfg(feature = "viewer")]
 fn window(path: &Path, settings: &Settings) -> CommandResult {
     use crate::show::supervisor::RunFolder;
+    use crate::show::window::{ShowOptions, run_show_window};
     use crate::window::live::orbits::{Orbits, OrbitsPlugin};
-    use crate::window::{Backend, OpenRequest, WindowOptions, run_window};
+    use crate::window::{Backend, OpenRequest, WindowOptions};
     use std::sync::Arc;
-    let show = part_in_show(path, settings)?;
+    let show = ShowOptions {
+        part: part_in_show(path, settings)?,
+        output: settings.output.clone(),
+        supervised: settings.supervised.as_deref().map(RunFolder::at),
+    };
     let opener = Arc::new(|path: &Path, progress: &dyn crate::model::Progress| {
         super::cache::page_file_of(path, progress).map_err(|error| error.to_string())
     });
@@ -241,9 +246,6 @@ fn window(path: &Path, settings: &Settings) -> CommandResult {
     // A follower opens what the leader says.
     let request = settings.follow.is_none().then_some(request);
     let mut options = WindowOptions::new(request, opener);
-    options.show = show;
-    options.output = settings.output.clone();
-    options.supervised = settings.supervised.as_deref().map(RunFolder::at);
     options.fullscreen = settings.fullscreen;
     options.size = settings.size.map(|size| (size.width, size.height));
     options.preset = settings.preset.clone();
@@ -266,7 +268,7 @@ fn window(path: &Path, settings: &Settings) -> CommandResult {
             app.add_plugins(OrbitsPlugin(orbits.clone()));
         }));
     }
-    Ok(run_window(options)?)
+    Ok(run_show_window(options, show)?)
 }
 
 /// The part that the window has in a show on several machines.
@@ -274,10 +276,10 @@ fn window(path: &Path, settings: &Settings) -> CommandResult {
 fn part_in_show(
     path: &Path,
     settings: &Settings,
-) -> Result<Option<crate::window::Show>, Box<dyn std::error::Error + Send + Sync>> {
+) -> Result<Option<crate::show::window::Show>, Box<dyn std::error::Error + Send + Sync>> {
     use crate::show::protocol::ShowKey;
     use crate::show::supervisor::RunFolder;
-    use crate::window::Show;
+    use crate::show::window::Show;
     let Some(folder) = settings.supervised.as_deref().map(RunFolder::at) else { return Ok(None) };
     let key = || ShowKey::read(&folder.key());
     Ok(match (settings.follow, folder.leads_at()) {

@@ -6,17 +6,17 @@
 //! view rests, the full picture follows.
 
 mod drawing;
-pub(super) mod sizes;
 
 use super::exposure::Exposure;
 use super::live::LiveParticles;
 use super::look::{Held, Look};
-use super::messages::Messages;
 use super::occlusion::Occlusion;
 use super::pages::ViewSelection;
 use super::picture::Picture;
+use super::picture_sizes::{MOVING_MS, drawing_size, moving_size, volume_limit};
 use super::preset::Preset;
 use super::scene::{Scene, Settings};
+use super::state::notices::Messages;
 use super::statistics::{ActiveBackend, Converged, Statistics};
 use super::touring::Before;
 use super::volume_caster::VolumeCaster;
@@ -34,7 +34,6 @@ use bevy::prelude::*;
 use bevy::render::render_resource::{Extent3d, TextureDimension, TextureFormat};
 use bevy::tasks::{AsyncComputeTaskPool, Task, futures::check_ready};
 use drawing::{PaintedPicture, Source, draw, paint};
-use sizes::{MOVING_MS, drawing_size, moving_size, volume_limit};
 use std::sync::Arc;
 use std::time::Instant;
 

@@ -1,7 +1,7 @@
 //! How bright and how coloured the data of the present view are: the histograms that the panel shows, and the ranges
 //! that are used where the user has chosen none.
 
-use super::panel::histogram::Histogram;
+use super::state::histogram::Histogram;
 use crate::codec::CodebookScope;
 use crate::color::Accumulation;
 use crate::color::transfer::{Levels, Scale, TransferFunction};

@@ -7,11 +7,11 @@
 use super::cpu_backend::CpuPicture;
 use super::live::LiveParticles;
 use super::look::Look;
-use super::messages::Messages;
 use super::pages::{GpuSlot, PageCopies, PageKey, PageStatus, Streaming, ViewSelection};
 use super::picture::DataCamera;
 use super::preset::{Backend, Preset};
 use super::scene::{Scene, Settings};
+use super::state::notices::Messages;
 use super::statistics::{ActiveBackend, Converged, Statistics};
 use super::touring::Before;
 use super::volume_caster::VolumeCaster;

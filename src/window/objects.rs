@@ -1,10 +1,10 @@
 //! Named objects of a catalogue: their names over the picture, flights to them, and probes of them.
 
-use super::looking::answer::Answer;
-use super::messages::Messages;
 use super::open::Openings;
 use super::options::OpenRequest;
 use super::scene::Scene;
+use super::state::answer::Answer;
+use super::state::notices::Messages;
 use crate::annotate::Label;
 use crate::explore::{Catalogue, Object, Region};
 use crate::model::Bounds;

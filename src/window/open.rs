@@ -1,54 +1,18 @@
 //! Opening files: on a background thread, with progress that the window shows, and without stopping the program where
 //! a file cannot be read.
 
-use super::messages::Messages;
-use super::objects::{Objects, may_be_catalogue};
 use super::options::{OpenRequest, Opener};
-use super::scene::Scene;
-use super::scene_io::OpenedScene;
-use super::touring::{Asked, Player};
+use super::state::notices::Messages;
+use super::state::progress::SharedProgress;
 use crate::look::{Member, SceneFile, is_scene_file, open_members};
 use crate::model::Bounds;
 use crate::model::progress::Progress;
 use crate::store::{PageFile, StoreError};
 use crate::stream::first_frame;
-use crate::tour::TourFile;
 use bevy::prelude::*;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::sync::{Arc, Mutex, PoisonError};
-
-/// How far a background task has come; shared between its threads and the window.
-#[derive(Debug, Default)]
-pub struct SharedProgress {
-    stage: Mutex<String>,
-    total: AtomicU64,
-    done: AtomicU64,
-}
-
-impl SharedProgress {
-    /// The present stage's name, and the share of it that is done where its length is known.
-    pub fn state(&self) -> (String, Option<f32>) {
-        let stage = self.stage.lock().unwrap_or_else(PoisonError::into_inner).clone();
-        let total = self.total.load(Ordering::Relaxed);
-        let share = self.done.load(Ordering::Relaxed) as f64 / total as f64;
-        (stage, (total > 0).then_some(share.min(1.0) as f32))
-    }
-}
-
-impl Progress for SharedProgress {
-    fn begin(&self, stage: &str, total: u64) {
-        let mut name = self.stage.lock().unwrap_or_else(PoisonError::into_inner);
-        stage.clone_into(&mut name);
-        self.done.store(0, Ordering::Relaxed);
-        self.total.store(total, Ordering::Relaxed);
-    }
-
-    fn advance(&self, n: u64) {
-        self.done.fetch_add(n, Ordering::Relaxed);
-    }
-}
 
 /// How the window opens files, and what it is opening.
 #[derive(Resource)]
@@ -64,6 +28,17 @@ struct Opening {
     path: PathBuf,
     progress: Arc<SharedProgress>,
     outcome: Mutex<Receiver<Result<Opened, String>>>,
+}
+
+/// A scene that has been opened: with its data it is handed to the window.
+#[derive(Clone, Debug)]
+pub struct OpenedScene {
+    /// The scene file.
+    pub path: PathBuf,
+    /// What it says.
+    pub scene: SceneFile,
+    /// What the user should know about its data.
+    pub notes: Vec<String>,
 }
 
 /// A file has arrived.
@@ -149,39 +124,6 @@ fn data_of(request: OpenRequest) -> Result<(Vec<Member>, Option<OpenedScene>), S
         own[0].families.clone_from(&named.families);
     }
     Ok((own, Some(OpenedScene { path, scene, notes })))
-}
-
-/// Whether a file is a tour: RON that is one.
-fn is_tour(path: &Path) -> bool {
-    path.extension().is_some_and(|extension| extension == "ron") && !is_scene_file(path) && TourFile::read(path).is_ok()
-}
-
-/// Starts to open files that are dropped on the window: in the place of what is open, or with it where the user wants that.
-pub(super) fn open_dropped_files(
-    mut dropped: MessageReader<FileDragAndDrop>,
-    keys: Res<ButtonInput<KeyCode>>,
-    scene: Option<Res<Scene>>,
-    mut openings: ResMut<Openings>,
-    mut objects: ResMut<Objects>,
-    mut player: ResMut<Player>,
-) {
-    for event in dropped.read() {
-        if let FileDragAndDrop::DroppedFile { path_buf, .. } = event {
-            if is_tour(path_buf) {
-                player.ask(Asked::Open(path_buf.clone()));
-                continue;
-            }
-            let mut request = OpenRequest::of(path_buf);
-            let adds = openings.adds_dropped || keys.any_pressed([KeyCode::ShiftLeft, KeyCode::ShiftRight]);
-            if let Some(scene) = scene.as_ref().filter(|_| adds && !is_scene_file(path_buf)) {
-                request.members.splice(0..0, scene.members.iter().cloned());
-            }
-            match may_be_catalogue(path_buf) {
-                true => objects.consider(path_buf.clone(), request),
-                false => openings.start(request),
-            }
-        }
-    }
 }
 
 /// Hands over files that have arrived and reports those that cannot be opened.

@@ -6,11 +6,11 @@
 
 use super::camera::{Anchor, Flight, Navigation, Viewpoint};
 use super::input::PointerOwner;
-use super::messages::Messages;
 use super::pages::ViewSelection;
 use super::picture::{DataCamera, Picture};
 use super::preset::Preset;
 use super::scene::Scene;
+use super::state::notices::Messages;
 use crate::explore::particle::ParticleRef;
 use crate::store::Metadata;
 use crate::stream::SceneNode;

@@ -1,9 +1,9 @@
 //! Presets as assets: where they are found, and what happens when they change while the program runs.
 
-use super::messages::Messages;
 use super::options::WindowOptions;
 use super::preset::{Preset, PresetLoader};
 use super::scene::{Settings, economy_of};
+use super::state::notices::Messages;
 use bevy::asset::io::AssetSourceBuilder;
 use bevy::asset::{AssetLoadFailedEvent, io::file::FileAssetReader};
 use bevy::prelude::*;

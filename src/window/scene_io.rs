@@ -1,15 +1,14 @@
 //! Scenes in the window: saved with Ctrl+S, opened as any other file.
 
-use super::camera::{Anchor, Flight, Viewpoint};
+use super::camera::{Anchor, Flight, Lens, Viewpoint};
 use super::free_name::free_name;
 use super::input::{PointerOwner, is_control};
-use super::lens::Lens;
-use super::messages::Messages;
 use super::objects::Objects;
-use super::panel::Closed;
+use super::open::OpenedScene;
 use super::picture::{DataCamera, Picture};
 use super::scene::{Scene, Settings};
-use super::shortcuts::Shown;
+use super::state::notices::Messages;
+use super::state::panels::{Closed, Shown};
 use crate::look::dataset::relative_to;
 use crate::look::{Attribute, Bookmark, Camera, DatasetRef, Fingerprint, Member, Panels, SceneFile};
 use crate::model::FamilyName;
@@ -21,17 +20,6 @@ use bevy::math::DVec3;
 use bevy::prelude::*;
 use bevy_panorbit_camera::PanOrbitCamera;
 use std::path::{Path, PathBuf};
-
-/// A scene that has been opened: with its data it is handed to the window.
-#[derive(Clone, Debug)]
-pub struct OpenedScene {
-    /// The scene file.
-    pub path: PathBuf,
-    /// What it says.
-    pub scene: SceneFile,
-    /// What the user should know about its data.
-    pub notes: Vec<String>,
-}
 
 /// The scene file in use, and whether it is to be saved.
 #[derive(Resource, Clone, Debug, Default)]

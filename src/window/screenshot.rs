@@ -1,6 +1,6 @@
 //! Saving the window as a PNG.
 
-use super::messages::Messages;
+use super::state::notices::Messages;
 use bevy::prelude::*;
 use bevy::render::view::screenshot::{Screenshot, ScreenshotCaptured};
 use bevy::tasks::{IoTaskPool, Task, futures::check_ready};

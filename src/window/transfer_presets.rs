@@ -2,8 +2,8 @@
 //! written when the user saves.
 
 use super::asset_text::asset_text;
-use super::messages::Messages;
 use super::scene::Settings;
+use super::state::notices::Messages;
 use crate::color::transfer::{TransferFunction, presets};
 use crate::model::ron_file::RonError;
 use bevy::asset::io::Reader;

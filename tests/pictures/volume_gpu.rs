@@ -9,10 +9,10 @@ use deepfield::cpu::volume::{
 };
 use deepfield::cpu::{self, Positions, Splats};
 use deepfield::gpu::{DeviceOptions, VolumeRenderer, Withheld};
-use deepfield::picture::paint::{Subject, paint_nodes};
 use deepfield::mode::{Depiction, Settings};
 use deepfield::model::{Bounds, Kernel};
 use deepfield::modes;
+use deepfield::picture::paint::{Subject, paint_nodes};
 use deepfield::picture::processor;
 use deepfield::stream::Scene;
 use deepfield::synth::merger::Merger;

@@ -1,15 +1,15 @@
 //! The selection that the camera follows: where its centre of mass is, in the open file or among particles that move.
 
-use super::answer::Answer;
 use super::prober::{over, source_for};
 use crate::explore::{Center, CenterSums, ExploreError, Members, Region, Shapes, center};
 use crate::model::{Dataset, Family};
 use crate::view::Periodic;
 use crate::window::camera::Follow;
 use crate::window::live::LiveParticles;
-use crate::window::messages::Messages;
 use crate::window::open::Opened;
 use crate::window::scene::{Scene, Settings};
+use crate::window::state::answer::Answer;
+use crate::window::state::notices::Messages;
 use bevy::math::DVec3;
 use bevy::prelude::*;
 use rayon::prelude::*;

@@ -1,11 +1,11 @@
 //! Selections by id in the open file: page files hold no ids, so the source is searched for each such set once, and what is found
 //! is kept as long as the file is open and the set is there.
 
-use super::answer::Answer;
 use super::prober::opened;
 use crate::explore::{Data, ExploreError, FoundIds, Highlighter, IdSet, Members, Show, ids_of};
-use crate::window::messages::Messages;
 use crate::window::scene::{Scene, Settings};
+use crate::window::state::answer::Answer;
+use crate::window::state::notices::Messages;
 use bevy::prelude::*;
 use std::sync::Arc;
 

@@ -1,11 +1,11 @@
 //! The particle that was clicked: what the page file knows of it, and its row in the source.
 
-use super::answer::Answer;
 use super::prober::opened;
 use crate::explore::Identified;
 use crate::explore::identify::identify;
 use crate::explore::particle::{ParticleRef, ParticleReport, describe};
 use crate::window::scene::Scene;
+use crate::window::state::answer::Answer;
 use bevy::prelude::*;
 use std::sync::Arc;
 

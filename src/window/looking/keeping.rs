@@ -1,13 +1,13 @@
 //! What is done with a selection: written to a table, counted along one field, or drawn against two.
 
-use super::answer::Answer;
 use super::prober::{over, source_for};
 use crate::explore::export::{Exported, Format, export};
 use crate::explore::histogram::{AxisOptions, Histogram, Scatter, histogram, scatter};
 use crate::explore::{ExploreError, Members};
 use crate::window::free_name::free_name;
-use crate::window::messages::Messages;
 use crate::window::scene::Scene;
+use crate::window::state::answer::Answer;
+use crate::window::state::notices::Messages;
 use bevy::prelude::*;
 use std::path::PathBuf;
 use std::sync::Arc;

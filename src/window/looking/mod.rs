@@ -1,11 +1,10 @@
 //! Looking closer: what a click says of a particle, distances, regions drawn with the mouse, their sums over the whole data, and
 //! selections.
 //!
-//! The window's layout tells where the pointer is ([`mod@pointer`]); the [`tool`] in hand makes of it a particle to inspect
-//! ([`Inspector`]), two points to measure between, or a region ([`tool::Stroke`]) that is summed up ([`prober`]) and may be kept as a
+//! The window's layout tells where the pointer is ([`mod@pointer`]); the [tool](Tool) in hand makes of it a particle to inspect
+//! ([`Inspector`]), two points to measure between, or a region ([`Stroke`]) that is summed up ([`prober`]) and may be kept as a
 //! selection; [`marks`] and [`drawing`] show all that over the picture.
 
-pub mod answer;
 pub mod drawing;
 pub mod following;
 pub mod ids;
@@ -16,25 +15,24 @@ pub mod pointer;
 pub mod prober;
 pub mod report;
 pub mod state;
-pub mod tool;
 
 pub use inspector::Inspector;
 pub use state::{LookingState, RangeDraft, Visit};
 
 use super::camera::CameraSystems;
 use super::input::{PointerOwner, TOOL_KEYS, is_control};
-use super::messages::Messages;
 use super::pages::{PageSystems, ViewSelection};
 use super::pick::pick;
 use super::picture::Picture;
 use super::scene::Scene;
+use super::state::notices::Messages;
+use super::state::tool::{Stroke, Tool};
 use crate::explore::Members;
 use bevy::math::DVec3;
 use bevy::prelude::*;
 use bevy_egui::EguiPostUpdateSet;
 use pointer::PicturePointer;
 use prober::Prober;
-use tool::{Stroke, Tool};
 
 /// The places whose distance is measured, in the order of clicks; two at most.
 #[derive(Resource, Clone, Debug, Default, PartialEq)]
@@ -53,7 +51,7 @@ impl Plugin for LookingPlugin {
             .init_resource::<Prober>()
             .init_resource::<Visit>()
             .init_resource::<RangeDraft>()
-            .init_resource::<crate::window::camera::AskedBookmark>()
+            .init_resource::<crate::window::bookmarks::AskedBookmark>()
             .init_resource::<keeping::Keeping>()
             .init_resource::<marks::MarkLayer>()
             .init_resource::<ids::LookedUp>()
@@ -64,8 +62,8 @@ impl Plugin for LookingPlugin {
                 (
                     (start_over, inspector::receive).chain(),
                     (take_tool, receive, keeping::receive),
-                    (ids::keep_ids, ids::look_up).chain().after(crate::window::scene::adopt_opened),
-                    following::find_center.after(crate::window::scene::adopt_opened),
+                    (ids::keep_ids, ids::look_up).chain().after(crate::window::adopt::adopt_opened),
+                    following::find_center.after(crate::window::adopt::adopt_opened),
                 ),
             )
             .add_systems(

@@ -4,8 +4,8 @@ pub mod annotations;
 pub mod help;
 pub mod tour;
 
-use super::messages::{Messages, Severity};
-use super::panel::theme;
+use super::state::notices::{Messages, Severity};
+use super::theme;
 use bevy_egui::egui::{self, Align2, Color32, FontId, Stroke, StrokeKind, pos2, vec2};
 
 /// How long a message stays over the picture, seconds: good news, and errors.

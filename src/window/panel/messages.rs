@@ -1,7 +1,7 @@
 //! The section with all messages, the newest first; their text can be selected and copied.
 
 use super::{Dock, Section, theme};
-use crate::window::messages::Severity;
+use crate::window::state::notices::Severity;
 use bevy_egui::egui::{self, RichText, ScrollArea};
 
 /// The section.

@@ -2,7 +2,6 @@
 
 pub mod histogram;
 pub mod section;
-pub mod theme;
 pub mod transfer;
 
 mod annotations;
@@ -15,35 +14,35 @@ mod mode;
 mod objects;
 mod probe;
 mod selections;
-mod show;
 mod statistics;
 mod tour;
 mod view;
 
-pub use display::Choices;
-pub use section::{Closed, Dock, Section};
+pub use section::{Section, SectionData, Sections};
 
 use super::camera::Viewpoint;
 use super::exposure::Exposure;
 use super::history::{History, Step};
 use super::look::Look;
 use super::looking::LookingState;
-use super::messages::Messages;
 use super::open::Openings;
 use super::picture::DataCamera;
 use super::preset::Preset;
 use super::scene::{Scene, Settings};
 use super::scene_io::SceneFiles;
+use super::state::choices::Choices;
+use super::state::notices::Messages;
+use super::state::panels::{Closed, Dock};
 use super::statistics::{Converged, FrameClock, Statistics};
+use super::theme;
 use super::touring::Player;
 use super::transfer_presets::TransferPresets;
-use crate::show::window::network::Leading;
 use bevy::ecs::system::SystemParam;
 use bevy::prelude::*;
 use bevy_egui::egui::{self, RichText, Ui};
 
-/// Every section, from the top of each dock.
-pub static SECTIONS: [&Section; 14] = [
+/// The window's own sections, from the top of each dock.
+static SECTIONS: [&Section; 13] = [
     &dataset::SECTION,
     &mode::SECTION,
     &display::SECTION,
@@ -55,10 +54,28 @@ pub static SECTIONS: [&Section; 14] = [
     &selections::SECTION,
     &bookmarks::SECTION,
     &tour::SECTION,
-    &show::SECTION,
     &statistics::SECTION,
     &messages::SECTION,
 ];
+
+/// The panels: their sections, and what those show that come from outside.
+pub struct PanelPlugin;
+
+impl Plugin for PanelPlugin {
+    fn build(&self, app: &mut App) {
+        app.insert_resource(Sections::new(&SECTIONS))
+            .init_resource::<SectionData>()
+            .add_systems(Update, refuse_unknown_sections.run_if(resource_changed::<Preset>));
+    }
+}
+
+/// Tells of names in the preset's list of closed sections that no section has.
+fn refuse_unknown_sections(preset: Res<Preset>, sections: Res<Sections>, mut messages: ResMut<Messages>) {
+    for name in preset.panel.closed.iter().filter(|name| !sections.names().any(|known| known == name.as_str())) {
+        let names: Vec<&str> = sections.names().collect();
+        messages.error(format!("panel.closed: found {name}, expected some of {}", names.join(", ")));
+    }
+}
 
 /// All that the panels show and edit.
 #[derive(SystemParam)]
@@ -77,8 +94,11 @@ pub struct PanelState<'w, 's> {
     pub player: ResMut<'w, Player>,
     /// What looks closer.
     pub looking: LookingState<'w>,
-    /// The show that this window leads.
-    leading: Option<ResMut<'w, Leading>>,
+    /// What sections from outside of the window show.
+    pub data: ResMut<'w, SectionData>,
+    /// The clock.
+    pub time: Res<'w, Time<Real>>,
+    sections: Res<'w, Sections>,
     history: ResMut<'w, History>,
     files: ResMut<'w, SceneFiles>,
     preset: Res<'w, Preset>,
@@ -89,7 +109,6 @@ pub struct PanelState<'w, 's> {
     converged: Res<'w, Converged>,
     clock: Res<'w, FrameClock>,
     openings: ResMut<'w, Openings>,
-    time: Res<'w, Time<Real>>,
     camera: Query<'w, 's, &'static Viewpoint, With<DataCamera>>,
 }
 

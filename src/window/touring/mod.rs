@@ -32,10 +32,7 @@ impl Plugin for TouringPlugin {
         if let Some(path) = &self.open {
             player.ask(Asked::Open(path.clone()));
         }
-        app.insert_resource(player)
-            .init_resource::<ranges::Ranges>()
-            .init_resource::<Before>()
-            .init_resource::<crate::window::overlay::tour::TourPictures>();
+        app.insert_resource(player).init_resource::<ranges::Ranges>().init_resource::<Before>();
     }
 }
 

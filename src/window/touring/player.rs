@@ -1,20 +1,19 @@
 //! Plays a tour: its time from the program's, the camera and the settings from its state.
 
-use super::clock::Clock;
+use super::clock::{Clock, Moment};
 use super::{draft, look};
 use crate::look::DatasetRef;
 use crate::model::FamilyName;
-use crate::show::window::supervised::resume::Moment;
 use crate::tour::{Look, State, Surroundings, Timeline, TourFile};
 use crate::window::camera::{Anchor, Flight, Navigation, Viewpoint};
 use crate::window::free_name::free_name;
 use crate::window::input::{PointerOwner, is_control};
-use crate::window::messages::Messages;
 use crate::window::pages::Upcoming;
-use crate::window::panel::Choices;
 use crate::window::picture::{DataCamera, Picture};
 use crate::window::scene::{Scene, Settings};
 use crate::window::scene_io::{camera_of, viewpoint_of};
+use crate::window::state::choices::Choices;
+use crate::window::state::notices::Messages;
 use bevy::input::mouse::AccumulatedMouseScroll;
 use bevy::prelude::*;
 use bevy_panorbit_camera::PanOrbitCamera;

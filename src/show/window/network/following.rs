@@ -9,16 +9,16 @@ use crate::show::protocol::{Follower, FollowerEvent, Report, Severity as Told};
 use crate::window::camera::{Flight, Navigation, Viewpoint};
 use crate::window::input::is_control;
 use crate::window::look::Held;
-use crate::window::looking::answer::Answer;
-use crate::window::messages::{Messages, Severity};
 use crate::window::objects::Objects;
 use crate::window::open::Openings;
 use crate::window::options::OpenRequest;
 use crate::window::pages::Upcoming;
-use crate::window::panel::Choices;
 use crate::window::picture::DataCamera;
 use crate::window::scene::{Scene, Settings};
 use crate::window::scene_io::{look_of, viewpoint_of};
+use crate::window::state::answer::Answer;
+use crate::window::state::choices::Choices;
+use crate::window::state::notices::{Messages, Severity};
 use crate::window::statistics::{Converged, FrameClock, Statistics};
 use crate::window::touring::{self, Player};
 use bevy::prelude::*;
@@ -121,7 +121,8 @@ pub(crate) fn hear(
             FollowerEvent::Joined => messages.info(format!("follows the leader at {}", following.follower.leader())),
             FollowerEvent::Lost(why) | FollowerEvent::Refused(why) => messages.error(why),
             FollowerEvent::Scene(scene) => following.take(scene),
-            FollowerEvent::Tour(tour) => player.follow(tour.map(|tour| *tour)),
+            FollowerEvent::Tour(None) => *player = Player::default(),
+            FollowerEvent::Tour(Some(led)) => player.follow(led.tour, led.text, &led.folder, led.aspect),
         }
     }
     let is_silent = following.follower.heard().is_some_and(|heard| now.saturating_sub(heard) > GRACE);
@@ -192,7 +193,8 @@ pub(crate) fn show(
     }
     following.shown = frame.number;
     let heard = following.follower.heard().unwrap_or_default().as_secs_f64();
-    let next = player.show_moment(frame.tour, (heard, time.elapsed_secs_f64()), &scene, &mut messages);
+    let moment = frame.tour.map(|moment| (moment.time, moment.running));
+    let next = player.show_moment(moment, (heard, time.elapsed_secs_f64()), &scene, &mut messages);
     upcoming.set_if_neq(Upcoming(next));
 }
 

@@ -4,11 +4,11 @@ use crate::show::protocol::{Frame, Leader, LeaderEvent, Moment, Ranges, Severity
 use crate::tour::TourFile;
 use crate::window::camera::Viewpoint;
 use crate::window::look::Look;
-use crate::window::messages::Messages;
 use crate::window::objects::Objects;
 use crate::window::picture::{DataCamera, Picture};
 use crate::window::scene::{Scene, Settings};
 use crate::window::scene_io::{ShownData, camera_of, with_settings};
+use crate::window::state::notices::Messages;
 use crate::window::touring::Player;
 use bevy::prelude::*;
 use std::path::{Path, PathBuf};

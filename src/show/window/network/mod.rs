@@ -7,14 +7,16 @@ pub mod data;
 pub mod following;
 pub mod leading;
 
+mod section;
+
 pub use following::{Following, is_led};
 pub use leading::Leading;
 
+use super::Show;
 use crate::show::protocol::{Follower, Leader, NetworkError};
 use crate::window::camera::CameraSystems;
 use crate::window::input::PointerOwner;
-use crate::window::options::Show;
-use crate::window::{look, touring};
+use crate::window::{WindowSystems, look, panel, touring};
 use bevy::prelude::*;
 
 /// Makes a window lead or follow: after everything else that it does.
@@ -23,7 +25,11 @@ use bevy::prelude::*;
 /// [`NetworkError::Bind`].
 pub fn add(app: &mut App, show: &Show) -> Result<(), NetworkError> {
     match show {
-        Show::Lead { address, key } => add_leader(app, Leader::bind(*address, key.clone())?),
+        Show::Lead { address, key } => {
+            add_leader(app, Leader::bind(*address, key.clone())?);
+            app.world_mut().resource_mut::<panel::Sections>().add_above("statistics", &section::SECTION);
+            app.add_systems(Update, section::update_section);
+        }
         Show::Follow { leader, key, name, data } => {
             add_follower(app, Following::new(Follower::new(*leader, key.clone(), name), data.clone()));
         }
@@ -41,7 +47,9 @@ pub fn add_leader(app: &mut App, leader: Leader) {
 /// What follows.
 pub fn add_follower(app: &mut App, following: Following) {
     let follow = (following::find_data, following::show, following::leave);
-    app.insert_resource(following)
+    app.configure_sets(Update, WindowSystems::TakeInput.run_if(not(resource_exists::<Following>)))
+        .configure_sets(Update, WindowSystems::PlayTour.run_if(not(is_led)))
+        .insert_resource(following)
         .insert_resource(PointerOwner::nobody())
         .init_resource::<look::Held>()
         .add_systems(PreUpdate, following::hear)

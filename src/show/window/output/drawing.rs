@@ -3,9 +3,9 @@
 use super::{Bent, OutputWindow, lettering};
 use crate::show::rig::Mask;
 use crate::window::looking::marks::MarkLayer;
-use crate::window::messages::Messages;
 use crate::window::pages::ViewSelection;
 use crate::window::picture::Picture;
+use crate::window::state::notices::Messages;
 use crate::window::touring::Player;
 use bevy::prelude::*;
 use bevy_egui::{EguiContexts, egui};

@@ -6,7 +6,7 @@
 
 use super::{OutputWindow, monitor_name};
 use crate::show::rig::{Monitor as Wanted, Output};
-use crate::window::messages::Messages;
+use crate::window::state::notices::Messages;
 use bevy::ecs::system::NonSendMarker;
 use bevy::prelude::*;
 use bevy::window::{Monitor, MonitorSelection, PrimaryWindow, WindowMode, WindowPosition};

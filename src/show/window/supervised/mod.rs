@@ -4,8 +4,8 @@
 pub mod resume;
 
 use crate::show::supervisor::{Line, RunFolder, line};
-use crate::window::messages::Messages;
-use crate::window::scene::adopt_opened;
+use crate::window::adopt::adopt_opened;
+use crate::window::state::notices::Messages;
 use crate::window::touring::player;
 use bevy::prelude::*;
 use std::sync::mpsc::{Receiver, TryRecvError};

@@ -6,11 +6,12 @@ use crate::model::{new_file, ron_file};
 use crate::show::supervisor::RunFolder;
 use crate::tour::TourFile;
 use crate::window::camera::Viewpoint;
-use crate::window::messages::Messages;
 use crate::window::picture::{DataCamera, Picture};
 use crate::window::scene::{Scene, Settings};
 use crate::window::scene_io::{SceneParts, ShownData, scene_file};
 use crate::window::shortcuts::FULLSCREEN;
+use crate::window::state::notices::Messages;
+use crate::window::touring::clock::Moment;
 use crate::window::touring::{Asked, Player};
 use bevy::prelude::*;
 use bevy::tasks::{IoTaskPool, Task, futures::check_ready};
@@ -45,18 +46,6 @@ struct TourState {
     edited: bool,
     /// Where it is; `None` while it shows nothing.
     moment: Option<Moment>,
-}
-
-/// Where a tour is.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Moment {
-    /// Seconds of the tour.
-    pub time: f64,
-    /// Whether it runs.
-    pub running: bool,
-    /// The keyframe that waits for the presenter.
-    pub waiting: Option<usize>,
 }
 
 /// Where a window is, physical pixels.

@@ -5,7 +5,7 @@ use super::plot::{Gesture, Plot};
 use crate::color::colormap::HexColor;
 use crate::color::transfer::{MOST_FACTOR, Plane, Region};
 use crate::window::exposure::Joint;
-use crate::window::panel::theme;
+use crate::window::theme;
 use bevy_egui::egui::{self, Color32, DragValue, RichText, Stroke, Ui};
 
 /// Height of the plot, logical pixels.

@@ -74,7 +74,7 @@ impl Messages {
 }
 
 /// Keeps the clock by which messages age.
-pub(super) fn advance_messages(time: Res<Time<Real>>, mut messages: ResMut<Messages>) {
+pub(in crate::window) fn advance_messages(time: Res<Time<Real>>, mut messages: ResMut<Messages>) {
     messages.bypass_change_detection().now_secs = time.elapsed_secs_f64();
 }
 
