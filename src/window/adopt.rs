@@ -19,7 +19,7 @@ use bevy_panorbit_camera::PanOrbitCamera;
 use std::sync::Arc;
 
 /// Makes a file that has arrived the open one, with the camera around all of it.
-pub(super) fn adopt_opened(
+pub(crate) fn adopt_opened(
     mut commands: Commands,
     mut opened: MessageReader<Opened>,
     scene: Option<Res<Scene>>,

@@ -19,7 +19,6 @@ use crate::gpu::page_copies::{self, CopyState, node_id};
 use crate::gpu::{self, Composite, DrawItem, Fading, ParticleScene, SplatView};
 use crate::gpu::{Capabilities, TableId, Technique, Withheld};
 use crate::mode::{Footprint, Plan};
-use crate::modes;
 use crate::picture::governor::{self, Governor};
 use crate::store::Metadata;
 use bevy::diagnostic::DiagnosticsStore;
@@ -205,7 +204,7 @@ pub(super) fn free_slot(
 fn make_tables(particles: &ParticleScene, look: &Look, metadata: &Metadata) -> Vec<Vec<(TableId, f32)>> {
     let table = |family, codebook| {
         let table = look.depiction.table(family, codebook);
-        (particles.insert_table(modes::gpu::entries(&table)), table.most_important)
+        (particles.insert_table(crate::gpu::depiction::entries(&table)), table.most_important)
     };
     metadata.families.iter().map(|family| family.codebooks.iter().map(|book| table(family, book)).collect()).collect()
 }

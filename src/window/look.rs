@@ -58,7 +58,7 @@ impl Look {
 }
 
 /// Applies settings that have changed: the depiction, and the baked transfer function.
-pub(super) fn follow_settings(
+pub(crate) fn follow_settings(
     mut commands: Commands,
     scene: Option<Res<Scene>>,
     mut settings: ResMut<Settings>,
@@ -171,7 +171,7 @@ const ARRIVED: f64 = 0.004;
 
 /// Moves the ranges in use towards those wanted, so that the picture's brightness does not jump while one flies; ranges from
 /// elsewhere are used as they are.
-pub(super) fn glide_levels(
+pub(crate) fn glide_levels(
     time: Res<Time<Real>>,
     exposure: Res<Exposure>,
     held: Res<Held>,

@@ -53,6 +53,7 @@ pub use options::{AppError, Extension, OpenRequest, Opener, WindowOptions};
 pub use preset::{Backend, Preset};
 
 use crate::gpu::{DeepfieldRenderPlugins, ParticleScene};
+use crate::show::window::{network, output, supervised};
 use bevy::camera::CameraUpdateSystems;
 use bevy::log::LogPlugin;
 use bevy::prelude::*;

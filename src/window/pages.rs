@@ -1,11 +1,12 @@
-//! Streaming as entities: every page that is loading, resident or failed is an entity, and traversal, loading, eviction
-//! are systems over them.
+//! Streaming in the frame: traversal, loading and eviction are systems, each of which asks the
+//! [`crate::stream::Streamer`] for one step; every page that is loading, resident or failed is an entity that shows
+//! afterwards where it stands.
 //!
 //! A frame, after the camera has settled: reads that have ended are taken in ([`finish_loads`]); the tree is traversed
 //! top-down and the nodes to draw are chosen, with a parent standing in for what is not there ([`traverse`]); pages that
 //! are missed are read on threads of their own, the most missed first, then those that the camera comes near to, and
 //! the least recently used ones make room within the budget ([`start_loads`]). The frame never waits for the disk. All
-//! of that is [`crate::stream::Streamer`]'s work; here it becomes entities.
+//! of that is the streamer's work.
 //!
 //! Where a renderer keeps copies of pages (the GPU's arena), a page counts as there only when its copy is
 //! ([`PageCopies`]); until then its parent is drawn.

@@ -60,7 +60,7 @@ pub struct Settings {
     /// Whether the user chose the mode; else each file begins with its usual one.
     pub mode_chosen: bool,
     /// Its settings.
-    pub mode_settings: modes::Settings,
+    pub mode_settings: crate::mode::Settings,
     /// The attribute that gives the hue.
     pub attribute: Attribute,
     /// Colour maps and ranges.
@@ -131,8 +131,8 @@ impl Settings {
 }
 
 /// The settings of every mode that a preset sets.
-pub(super) fn economy_of(preset: &Preset) -> modes::Settings {
-    let mut settings = modes::Settings::default();
+pub(crate) fn economy_of(preset: &Preset) -> crate::mode::Settings {
+    let mut settings = crate::mode::Settings::default();
     let drawing = &preset.drawing;
     for (setting, value) in [(&PRESENCE, drawing.presence), (&THINNING, drawing.thinning)] {
         settings.set(setting, SettingValue::Number(value));

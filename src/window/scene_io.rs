@@ -58,7 +58,7 @@ impl SceneParts<'_> {
 
 /// The open data as files elsewhere name it, by whole paths; looked at once, because its fingerprints have to be read.
 #[derive(Debug, Default)]
-pub(super) struct ShownData {
+pub(crate) struct ShownData {
     generation: u32,
     datasets: Vec<DatasetRef>,
 }
@@ -107,7 +107,7 @@ pub fn viewpoint_of(camera: &Camera) -> (Viewpoint, Lens) {
 }
 
 /// The families of each dataset that are drawn; `None` for all of them.
-pub(super) fn families_of(scene: &Scene, settings: &Settings) -> Vec<Option<Vec<FamilyName>>> {
+pub(crate) fn families_of(scene: &Scene, settings: &Settings) -> Vec<Option<Vec<FamilyName>>> {
     let all = &scene.file.metadata().families;
     let shown = |i: &usize| settings.families.get(*i).copied().unwrap_or(true);
     let of = |part: PartInfo<'_>| {
@@ -119,7 +119,7 @@ pub(super) fn families_of(scene: &Scene, settings: &Settings) -> Vec<Option<Vec<
 }
 
 /// A scene of these datasets as the settings show it.
-pub(super) fn with_settings(datasets: Vec<DatasetRef>, settings: &Settings) -> SceneFile {
+pub(crate) fn with_settings(datasets: Vec<DatasetRef>, settings: &Settings) -> SceneFile {
     SceneFile {
         mode: Some(settings.mode.name.to_owned()),
         settings: settings.mode_settings.clone(),
@@ -134,7 +134,7 @@ pub(super) fn with_settings(datasets: Vec<DatasetRef>, settings: &Settings) -> S
 }
 
 /// What a scene says of settings, as a tour's moment says it; of all families.
-pub(super) fn look_of(scene: &SceneFile) -> Look {
+pub(crate) fn look_of(scene: &SceneFile) -> Look {
     Look {
         mode: scene.mode.clone(),
         settings: scene.settings.clone(),
@@ -149,7 +149,7 @@ pub(super) fn look_of(scene: &SceneFile) -> Look {
 }
 
 /// The scene that the window shows of these datasets, to be saved at `path`.
-pub(super) fn scene_file(
+pub(crate) fn scene_file(
     datasets: Vec<DatasetRef>,
     settings: &Settings,
     viewpoint: &Viewpoint,
@@ -175,7 +175,7 @@ fn first_path(data: &Path) -> PathBuf {
 }
 
 /// Saves the scene on Ctrl+S and where the panel's button asks for it.
-pub(super) fn save(
+pub(crate) fn save(
     keys: Res<ButtonInput<KeyCode>>,
     owner: Res<PointerOwner>,
     scene: Option<Res<Scene>>,
@@ -212,7 +212,7 @@ pub(super) fn save(
 }
 
 /// Shows what a scene says of the file that has just been adopted; what does not apply to it is told and left out.
-pub(super) fn apply(
+pub(crate) fn apply(
     opened: Option<&OpenedScene>,
     attributes: &[String],
     settings: &mut Settings,

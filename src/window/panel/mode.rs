@@ -3,7 +3,7 @@
 use super::{Dock, PanelState, Section, theme};
 use crate::look::Attribute;
 use crate::mode::{Setting, SettingKind, SettingValue};
-use crate::modes::{self, MODES};
+use crate::modes::MODES;
 use crate::window::scene::Settings;
 use bevy_egui::egui::{ComboBox, TextEdit, Ui};
 
@@ -79,7 +79,7 @@ fn label_of(setting: &Setting) -> String {
 }
 
 /// A control for a setting of the mode.
-fn mode_setting(ui: &mut Ui, setting: &Setting, values: &mut modes::Settings) {
+fn mode_setting(ui: &mut Ui, setting: &Setting, values: &mut crate::mode::Settings) {
     let label = label_of(setting);
     let response = match setting.kind {
         SettingKind::Number { min, max, default } => {
@@ -135,7 +135,7 @@ fn mode_setting(ui: &mut Ui, setting: &Setting, values: &mut modes::Settings) {
 }
 
 /// A list as text with commas; taken over when the field is left and the list is right.
-fn list_setting(ui: &mut Ui, setting: &Setting, values: &mut modes::Settings) {
+fn list_setting(ui: &mut Ui, setting: &Setting, values: &mut crate::mode::Settings) {
     ui.add_space(theme::MARK_ROOM);
     let id = ui.id().with(setting.name);
     let set = values.0.get(setting.name).map(|value| value.to_string().trim_matches(['[', ']']).to_owned());

@@ -436,4 +436,4 @@ fn carry_out(
 mod led;
 
 #[cfg(test)]
-pub(super) mod tests;
+pub(crate) mod tests;
