@@ -29,12 +29,12 @@ pub struct Arguments {
     pub path: Option<PathBuf>,
     /// How the window starts.
     #[command(flatten)]
-    pub settings: Settings,
+    pub settings: WindowArguments,
 }
 
 /// How the window starts.
 #[derive(clap::Args, Clone, Debug, Default)]
-pub struct Settings {
+pub struct WindowArguments {
     /// Another source or page file in the same scene, in the first one's units; @X,Y,Z says where its origin lies there and *SCALE
     /// how many of the first one's lengths one of its own is. Can be given several times.
     #[arg(long, value_name = "FILE[@X,Y,Z[*SCALE]]")]
@@ -178,7 +178,7 @@ fn data_of_tour(tour: &Path, tell: bool) -> Result<PathBuf, Box<dyn std::error::
 ///
 /// # Errors
 /// As [`run`].
-pub fn show(path: &Path, settings: &Settings) -> CommandResult {
+pub fn show(path: &Path, settings: &WindowArguments) -> CommandResult {
     #[cfg(feature = "viewer")]
     let reason = if has_display() {
         if settings.supervised.is_none() && super::supervise::is_show(settings) {
@@ -221,7 +221,7 @@ fn has_display() -> bool {
 }
 
 #[cfg(feature = "viewer")]
-fn window(path: &Path, settings: &Settings) -> CommandResult {
+fn window(path: &Path, settings: &WindowArguments) -> CommandResult {
     use crate::show::supervisor::RunFolder;
     use crate::show::window::{ShowOptions, run_show_window};
     use crate::window::live::orbits::{Orbits, OrbitsPlugin};
@@ -275,7 +275,7 @@ fn window(path: &Path, settings: &Settings) -> CommandResult {
 #[cfg(feature = "viewer")]
 fn part_in_show(
     path: &Path,
-    settings: &Settings,
+    settings: &WindowArguments,
 ) -> Result<Option<crate::show::window::Show>, Box<dyn std::error::Error + Send + Sync>> {
     use crate::show::protocol::ShowKey;
     use crate::show::supervisor::RunFolder;

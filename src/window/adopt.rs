@@ -7,7 +7,7 @@ use super::picture::{DataCamera, Picture};
 use super::scene::{Scene, Settings, home};
 use super::scene_io::{self, SceneParts};
 use super::state::choices::Choices;
-use super::state::notices::Messages;
+use super::state::notices::Notices;
 use crate::color::transfer::Range;
 use crate::look::{Attribute, shown_families};
 use crate::model::FamilyName;
@@ -26,7 +26,7 @@ pub(crate) fn adopt_opened(
     picture: Res<Picture>,
     mut settings: ResMut<Settings>,
     mut choices: ResMut<Choices>,
-    mut messages: ResMut<Messages>,
+    mut messages: ResMut<Notices>,
     mut parts: SceneParts,
     camera: Single<(Entity, &mut Viewpoint, &mut Anchor, &mut PanOrbitCamera), With<DataCamera>>,
 ) {
@@ -36,7 +36,7 @@ pub(crate) fn adopt_opened(
     let metadata = file.metadata();
     let bounds = metadata.bounds();
     let (entity, mut viewpoint, mut anchor, mut orbit) = camera.into_inner();
-    // Who follows a selection goes on doing so, and is led to where it is now.
+    // A selection that is followed is followed on, to where it is now.
     let follows = scene.is_some() && settings.selections.iter().any(|set| set.follow);
     match home(frame, viewpoint.fov_y, &picture) {
         Ok(_) if follows => {}

@@ -7,7 +7,7 @@ use crate::window::picture::DataCamera;
 use crate::window::preset::Preset;
 use crate::window::scene::{Scene, Settings};
 use crate::window::scene_io::{Bookmarks, camera_of, viewpoint_of};
-use crate::window::state::notices::Messages;
+use crate::window::state::notices::Notices;
 use bevy::prelude::*;
 
 /// The number keys, 0 first.
@@ -63,7 +63,7 @@ pub(super) fn run_bookmarks(
     mut settings: ResMut<Settings>,
     mut asked: ResMut<AskedBookmark>,
     mut bookmarks: ResMut<Bookmarks>,
-    mut messages: ResMut<Messages>,
+    mut messages: ResMut<Notices>,
     camera: Single<(Entity, &Viewpoint, &mut Navigation), With<DataCamera>>,
 ) {
     let pressed = DIGITS.iter().position(|key| keys.just_pressed(*key)).filter(|_| owner.keyboard_is_free());

@@ -43,6 +43,7 @@ pub(super) fn follow_lens(settings: Res<Settings>, mut cameras: Query<&mut Viewp
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::window::camera::Lens;
     use crate::window::preset::Preset;
     use bevy::math::DVec3;
 

@@ -53,7 +53,6 @@ pub use options::{AppError, Extension, OpenRequest, Opener, WindowOptions};
 pub use preset::{Backend, Preset};
 
 use crate::gpu::{DeepfieldRenderPlugins, ParticleScene};
-use crate::show::window::{network, output, supervised};
 use bevy::camera::CameraUpdateSystems;
 use bevy::log::LogPlugin;
 use bevy::prelude::*;
@@ -190,7 +189,7 @@ impl Plugin for WindowApp {
         .init_resource::<exposure::Exposure>()
         .init_resource::<look::Held>()
         .init_resource::<input::PointerOwner>()
-        .init_resource::<state::notices::Messages>()
+        .init_resource::<state::notices::Notices>()
         .insert_resource(state::choices::Choices::of_program())
         .init_resource::<cpu_backend::CpuPicture>()
         .init_resource::<live::LiveParticles>()
@@ -214,28 +213,31 @@ impl Plugin for WindowApp {
                 .chain(),
         )
         .add_observer(gpu_backend::free_slot)
-        .add_systems(PreUpdate, (state::notices::advance_messages, statistics::tick_frame_clock, screenshot::report))
+        .add_systems(
+            PreUpdate,
+            (state::notices::advance_notices, statistics::tick_frame_clock, screenshot::report_screenshots),
+        )
         .add_systems(
             Update,
             (
                 dropped::open_dropped_files.in_set(WindowSystems::TakeInput),
                 open::finish_opening,
-                objects::receive,
+                objects::receive_catalogue,
                 adopt::adopt_opened,
                 history::undo_and_redo,
                 lens::follow_lens,
-                scene_io::save,
+                scene_io::save_scene,
                 bookmarks::run_bookmarks,
                 (
                     touring::player::take_keys,
                     touring::player::take_presenter_keys,
-                    touring::player::play.in_set(WindowSystems::PlayTour),
+                    touring::player::play_tour.in_set(WindowSystems::PlayTour),
                 )
                     .chain(),
                 (
                     look::follow_settings,
-                    touring::ranges::rehearse.in_set(WindowSystems::PlayTour),
-                    touring::ranges::hold,
+                    touring::ranges::measure_ahead.in_set(WindowSystems::PlayTour),
+                    touring::ranges::hold_ranges,
                     look::glide_levels,
                 )
                     .chain(),
@@ -267,6 +269,6 @@ impl Plugin for WindowApp {
                     .after(pages::evict),
             ),
         )
-        .add_systems(Last, (history::observe, status::write_status).chain());
+        .add_systems(Last, (history::record_settings, status::write_status).chain());
     }
 }

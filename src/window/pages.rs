@@ -18,7 +18,7 @@ use super::occlusion::{self, Occlusion, PageOcclusion};
 use super::picture::{DataCamera, Picture};
 use super::preset::{Preset, ResidencyPreset};
 use super::scene::{Scene, Settings};
-use super::state::notices::Messages;
+use super::state::notices::Notices;
 use super::statistics::Statistics;
 use crate::hierarchy::Levels;
 use crate::model::Bounds;
@@ -194,7 +194,7 @@ pub fn follow_scene(
 pub fn finish_loads(
     mut commands: Commands,
     streaming: Option<ResMut<Streaming>>,
-    mut messages: ResMut<Messages>,
+    mut messages: ResMut<Notices>,
     mut pages: Query<&mut PageStatus>,
 ) {
     let Some(mut streaming) = streaming else { return };
@@ -382,7 +382,7 @@ mod tests {
                 facts: Facts::of(file, &[]),
                 generation: 1,
             })
-            .init_resource::<Messages>()
+            .init_resource::<Notices>()
             .init_resource::<Statistics>()
             .init_resource::<DataDistance>()
             .add_plugins(PagesPlugin);

@@ -7,7 +7,7 @@ use super::objects::Objects;
 use super::open::OpenedScene;
 use super::picture::{DataCamera, Picture};
 use super::scene::{Scene, Settings};
-use super::state::notices::Messages;
+use super::state::notices::Notices;
 use super::state::panels::{Closed, Shown};
 use crate::look::dataset::relative_to;
 use crate::look::{Attribute, Bookmark, Camera, DatasetRef, Fingerprint, Member, Panels, SceneFile};
@@ -175,14 +175,14 @@ fn first_path(data: &Path) -> PathBuf {
 }
 
 /// Saves the scene on Ctrl+S and where the panel's button asks for it.
-pub(crate) fn save(
+pub(crate) fn save_scene(
     keys: Res<ButtonInput<KeyCode>>,
     owner: Res<PointerOwner>,
     scene: Option<Res<Scene>>,
     settings: Res<Settings>,
     picture: Res<Picture>,
     mut parts: SceneParts,
-    mut messages: ResMut<Messages>,
+    mut messages: ResMut<Notices>,
     camera: Single<&Viewpoint, With<DataCamera>>,
 ) {
     let control = is_control(&keys) && owner.keyboard_is_free();
@@ -219,7 +219,7 @@ pub(crate) fn apply(
     (entity, viewpoint, anchor, orbit): (Entity, &mut Viewpoint, &mut Anchor, &mut PanOrbitCamera),
     parts: &mut SceneParts<'_>,
     commands: &mut Commands,
-    messages: &mut Messages,
+    messages: &mut Notices,
 ) {
     let Some(OpenedScene { path, scene, notes }) = opened else {
         parts.files.path = None;

@@ -6,7 +6,7 @@ use super::picture::{DataCamera, Picture};
 use super::preset::Preset;
 use super::scene::{Scene, home};
 use super::screenshot;
-use super::state::notices::Messages;
+use super::state::notices::Notices;
 use super::state::panels::{Dock, Shown};
 use super::state::show::{Role, ShowStatus};
 use super::state::tool::Tool;
@@ -28,7 +28,7 @@ pub(super) fn run_shortcuts(
     distance: Res<DataDistance>,
     mut shown: ResMut<Shown>,
     mut tool: ResMut<Tool>,
-    mut messages: ResMut<Messages>,
+    mut messages: ResMut<Notices>,
     (mut exit, show): (MessageWriter<AppExit>, Option<Res<ShowStatus>>),
     mut windows: Query<&mut Window, With<PrimaryWindow>>,
     camera: Single<

@@ -9,7 +9,7 @@ use super::open::Openings;
 use super::picture::{DataCamera, Picture};
 use super::scene::{Scene, Settings};
 use super::scene_io::SceneFiles;
-use super::state::notices::Messages;
+use super::state::notices::Notices;
 use super::state::panels::{Closed, Shown};
 use super::state::show::ShowStatus;
 use super::statistics::{Converged, Statistics};
@@ -40,7 +40,7 @@ impl StatusFile {
     }
 }
 
-/// The tour.
+/// The open tour, as the state for scripts says it.
 #[derive(Serialize)]
 struct TourStatus<'a> {
     /// Where it is; `None` while it shows nothing.
@@ -128,7 +128,7 @@ pub(super) fn write_status(
     picture: Res<Picture>,
     converged: Res<Converged>,
     statistics: Res<Statistics>,
-    mut messages: ResMut<Messages>,
+    mut messages: ResMut<Notices>,
     (history, files, closed, controls): (Res<History>, Res<SceneFiles>, Res<Closed>, Res<Controls>),
     looking: LookingState,
     (player, ranges, look): (Res<Player>, Res<Ranges>, Option<Res<Look>>),

@@ -78,6 +78,7 @@ pub fn run_show_window(mut options: WindowOptions, show: ShowOptions) -> Result<
     let output = show.output.map(|(file, name)| output::OutputWindow::open(&file, &name)).transpose()?;
     let mut app = build_window(options)?;
     status::add(&mut app);
+    network::add_section(&mut app);
     if let Some(part) = &show.part {
         network::add(&mut app, part)?;
     }

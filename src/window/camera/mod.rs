@@ -124,7 +124,7 @@ impl Plugin for CameraPlugin {
             .add_systems(
                 PostUpdate,
                 (
-                    (fly::steer_fly, follow::follow, flight::advance_flights, orbit::switch_orbit_input)
+                    (fly::steer_fly, follow::follow_selection, flight::advance_flights, orbit::switch_orbit_input)
                         .chain()
                         .in_set(CameraSystems::Steer),
                     (orbit::follow_orbit, orbit::move_anchor).chain().in_set(CameraSystems::Settle),

@@ -43,7 +43,7 @@ impl Inspector {
 }
 
 /// Takes what has been found out, and asks a small source at once.
-pub(super) fn receive(mut inspector: ResMut<Inspector>, scene: Option<Res<Scene>>) {
+pub(super) fn receive_particle(mut inspector: ResMut<Inspector>, scene: Option<Res<Scene>>) {
     let inspector = inspector.bypass_change_detection();
     inspector.row.receive();
     let Some(scene) = scene else { return };

@@ -25,7 +25,7 @@ use super::pages::{PageSystems, ViewSelection};
 use super::pick::pick;
 use super::picture::Picture;
 use super::scene::Scene;
-use super::state::notices::Messages;
+use super::state::notices::Notices;
 use super::state::tool::{Stroke, Tool};
 use crate::explore::Members;
 use bevy::math::DVec3;
@@ -56,12 +56,12 @@ impl Plugin for LookingPlugin {
             .init_resource::<marks::MarkLayer>()
             .init_resource::<ids::LookedUp>()
             .init_resource::<ids::ByIds>()
-            .init_resource::<following::Following>()
+            .init_resource::<following::FollowedSelection>()
             .add_systems(
                 Update,
                 (
-                    (start_over, inspector::receive).chain(),
-                    (take_tool, receive, keeping::receive),
+                    (forget_other_data, inspector::receive_particle).chain(),
+                    (take_tool, receive_sums, keeping::receive_tables),
                     (ids::keep_ids, ids::look_up).chain().after(crate::window::adopt::adopt_opened),
                     following::find_center.after(crate::window::adopt::adopt_opened),
                 ),
@@ -89,12 +89,12 @@ fn take_tool(keys: Res<ButtonInput<KeyCode>>, owner: Res<PointerOwner>, mut tool
 }
 
 /// Takes what has been found out.
-fn receive(mut prober: ResMut<Prober>) {
+fn receive_sums(mut prober: ResMut<Prober>) {
     prober.bypass_change_detection().sums.receive();
 }
 
 /// Forgets what was found out about another file.
-fn start_over(
+fn forget_other_data(
     scene: Option<Res<Scene>>,
     mut known: Local<u32>,
     mut measure: ResMut<Measure>,
@@ -121,7 +121,7 @@ fn use_tool(
     mut measure: ResMut<Measure>,
     mut inspector: ResMut<Inspector>,
     mut prober: ResMut<Prober>,
-    mut messages: ResMut<Messages>,
+    mut messages: ResMut<Notices>,
     camera: Single<&super::camera::Viewpoint, With<super::picture::DataCamera>>,
 ) {
     let (Some(scene), Some(view), Some(at)) = (scene, selection.view, pointer.at) else { return };

@@ -1,6 +1,6 @@
 //! A histogram with two ends to drag: how a range of values is chosen.
 
-use crate::window::state::histogram::Histogram;
+use crate::window::state::histogram::AxisHistogram;
 use crate::window::theme;
 use bevy_egui::egui::{self, Align2, CursorIcon, Pos2, Rect, Sense, Stroke, Ui, pos2, vec2};
 
@@ -59,7 +59,7 @@ pub enum RangeEdit {
 pub fn range_editor(
     ui: &mut Ui,
     id: &str,
-    histogram: &Histogram,
+    histogram: &AxisHistogram,
     range: [f64; 2],
     color: impl Fn(f32) -> egui::Color32,
 ) -> Option<RangeEdit> {
@@ -105,7 +105,7 @@ pub fn range_editor(
 fn paint_bins(
     painter: &egui::Painter,
     plot: Rect,
-    histogram: &Histogram,
+    histogram: &AxisHistogram,
     ends: [f64; 2],
     color: impl Fn(f32) -> egui::Color32,
 ) {

@@ -7,7 +7,7 @@ use bevy_egui::egui::{self, RichText, ScrollArea};
 /// The section.
 pub static SECTION: Section = Section {
     name: "messages",
-    title: "Messages",
+    title: "Notices",
     dock: Dock::Right,
     applies: |state| state.messages.all().next().is_some(),
     show: |ui, state| {

@@ -3,7 +3,7 @@
 use super::{Dock, PanelState, Section, theme};
 use crate::annotate::number;
 use crate::explore::export::Format;
-use crate::explore::histogram::{Histogram, Scatter};
+use crate::explore::histogram::{FieldHistogram, Scatter};
 use crate::explore::selection::COLORS;
 use crate::explore::{Members, Region, SelectionSet, Show};
 use crate::window::looking::drawing::swatch;
@@ -295,7 +295,7 @@ fn labels(ui: &Ui, rect: Rect, [left, middle, right]: [&str; 3]) {
     painter.text(rect.right_bottom(), Align2::RIGHT_BOTTOM, right, font, theme::TEXT);
 }
 
-fn bars(ui: &mut Ui, histogram: &Histogram, whose: &str) {
+fn bars(ui: &mut Ui, histogram: &FieldHistogram, whose: &str) {
     let Some(axis) = histogram.axes.first() else { return };
     let (well, rect) = well(ui);
     let top = histogram.counts.iter().map(|&count| (count as f64).ln_1p()).fold(1e-9, f64::max);

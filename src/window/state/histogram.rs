@@ -2,7 +2,7 @@
 
 /// How often values occur, over an axis that is linear or logarithmic.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Histogram {
+pub struct AxisHistogram {
     /// Counts of equally wide bins along the axis.
     pub counts: Vec<f64>,
     /// The axis' ends, in values.
@@ -11,7 +11,7 @@ pub struct Histogram {
     pub log: bool,
 }
 
-impl Histogram {
+impl AxisHistogram {
     /// Position of a value along the axis: 0 at the left end, 1 at the right one.
     pub fn position(&self, value: f64) -> f64 {
         let [a, b] = self.span.map(|end| self.scale(end));
@@ -27,7 +27,7 @@ impl Histogram {
     }
 
     /// This histogram's axis with the counts of `other`, which covers a part of it.
-    pub fn spread_from(mut self, other: &Histogram) -> Histogram {
+    pub fn spread_from(mut self, other: &AxisHistogram) -> AxisHistogram {
         let bins = self.counts.len() as f64;
         let mut counts = vec![0.0; self.counts.len()];
         for (i, count) in other.counts.iter().enumerate() {
@@ -53,7 +53,7 @@ mod tests {
     #[test]
     fn positions_and_values_are_inverse() {
         for log in [false, true] {
-            let histogram = Histogram { counts: vec![1.0; 8], span: [1e-3, 1e5], log };
+            let histogram = AxisHistogram { counts: vec![1.0; 8], span: [1e-3, 1e5], log };
             for position in [0.0, 0.3, 0.77, 1.0] {
                 let value = histogram.value(position);
                 assert!((histogram.position(value) - position).abs() < 1e-9, "{log} {position}");
@@ -63,8 +63,8 @@ mod tests {
 
     #[test]
     fn a_wider_axis_keeps_the_counts() {
-        let narrow = Histogram { counts: vec![1.0, 2.0, 3.0, 4.0], span: [1.0, 100.0], log: true };
-        let wide = Histogram { span: [0.01, 1e4], ..narrow.clone() }.spread_from(&narrow);
+        let narrow = AxisHistogram { counts: vec![1.0, 2.0, 3.0, 4.0], span: [1.0, 100.0], log: true };
+        let wide = AxisHistogram { span: [0.01, 1e4], ..narrow.clone() }.spread_from(&narrow);
         assert_eq!(wide.counts.iter().sum::<f64>(), 10.0);
         assert_eq!(wide.counts[0], 0.0);
     }

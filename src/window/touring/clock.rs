@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 /// Where a tour is.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Moment {
+pub struct ClockState {
     /// Seconds of the tour.
     pub time: f64,
     /// Whether it runs.

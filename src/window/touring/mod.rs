@@ -19,7 +19,7 @@ pub use ranges::Ranges;
 use super::camera::CameraPlugin;
 use bevy::prelude::*;
 
-/// What plays and edits tours. Its systems that change the camera and settings run where the window runs its own: [`player::play`].
+/// What plays and edits tours. Its systems that change the camera and settings run where the window runs its own: [`player::play_tour`].
 pub struct TouringPlugin {
     /// A tour to begin with.
     pub open: Option<std::path::PathBuf>,
@@ -37,7 +37,7 @@ impl Plugin for TouringPlugin {
 }
 
 #[cfg(test)]
-pub(super) mod tests {
+pub(crate) mod tests {
     use crate::look::Camera;
     use crate::model::Bounds;
     use crate::tour::{Keyframe, Surroundings, Timeline, TourFile};

@@ -1,7 +1,7 @@
 //! Which of a node's particles are in a selection's region: what renderers need to draw them in its colour, or alone.
 
 use super::error::ExploreError;
-use super::paged::{Accepted, Place, accepted};
+use super::paged::{Accepted, LeafCell, accepted};
 use super::places::{PlaceMarks, Places};
 use super::region::Region;
 use super::shape::{Cover, Shapes};
@@ -106,7 +106,7 @@ impl RegionMarks {
             return Marked::All;
         }
         let particles = page.particles(node);
-        let place = Place::of(record, family.root);
+        let place = LeafCell::of(record, family.root);
         bits.resize(particles.len().div_ceil(64), 0);
         match (cover == Cover::Inside, codes) {
             (true, Some(codes)) => fill(&particles, bits, |_, code| has(codes, code)),

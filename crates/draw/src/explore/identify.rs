@@ -7,7 +7,7 @@ use super::batch::{Batch, Gather, Work};
 use super::data::Data;
 use super::error::ExploreError;
 use super::ids::IdSet;
-use super::paged::Place;
+use super::paged::LeafCell;
 use super::query::{Of, Query, Wanted};
 use super::region::Region;
 use crate::import::{FieldKind, Source};
@@ -39,7 +39,7 @@ impl PageParticle {
         let particles = page.particles(node);
         let code = usize::from(*particles.codes.get(particle)?);
         let codebook = family.codebooks.get(usize::from(record.codebook))?;
-        let place = Place::of(record, family.root);
+        let place = LeafCell::of(record, family.root);
         let merged = record.encoding != Encoding::Leaf;
         let columns = [&codebook.mass, &codebook.density, &codebook.smoothing_length];
         let about = family.quantities.iter().chain(&family.attributes);

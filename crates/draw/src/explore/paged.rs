@@ -192,7 +192,7 @@ impl<'a> FamilyQuery<'a> {
         let particles = page.particles(index);
         let Positions::Leaf(_) = particles.positions else { return };
         let scale = f64::from(node.mass_scale);
-        let place = Place::of(node, self.family.root);
+        let place = LeafCell::of(node, self.family.root);
         let mass_of = |code: u16| codebook.mass.get(usize::from(code)).map_or(0.0, |&mass| f64::from(mass)) * scale;
         let mut codes = Vec::with_capacity(particles.len());
         let key = (u64::from(page.id.0) << 32 | index as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15);
@@ -239,7 +239,7 @@ impl<'a> FamilyQuery<'a> {
 
 /// A leaf's cell in the world.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Place {
+pub(super) struct LeafCell {
     corner: DVec3,
     /// Edge of the cell, world units.
     pub size: f64,
@@ -247,10 +247,10 @@ pub(super) struct Place {
     pub ulp: f64,
 }
 
-impl Place {
-    pub(super) fn of(node: &Node, root: RootCell) -> Place {
+impl LeafCell {
+    pub(super) fn of(node: &Node, root: RootCell) -> LeafCell {
         let (corner, size) = (node.key.min(root), node.key.size(root));
-        Place { corner, size, ulp: (corner.abs().max_element() + size) * 4.0 * f64::EPSILON }
+        LeafCell { corner, size, ulp: (corner.abs().max_element() + size) * 4.0 * f64::EPSILON }
     }
 
     /// The world position of a fraction of the cell.

@@ -1,6 +1,6 @@
 //! A window for the audience that shows its output's part of a show: on its monitor, bent and blended as its rig says.
 //!
-//! A follower's camera is the show's ([`super::network`]). [`aim`] turns it to what the output displays, [`drawing`] bends the
+//! A follower's camera is the show's ([`super::network`]). [`aim_picture`] turns it to what the output displays, [`drawing`] bends the
 //! picture and darkens what overlaps with others, [`placing`] keeps the window on its monitor. [`crate::show::supervisor`] opens such
 //! windows for the outputs of this machine, and opens them again when they fail.
 
@@ -15,7 +15,7 @@ use crate::window::WindowSystems;
 use crate::window::camera::{CameraSystems, Viewpoint};
 use crate::window::picture::{DataCamera, Picture};
 use crate::window::state::aim::Aim;
-use crate::window::state::notices::Messages;
+use crate::window::state::notices::Notices;
 use bevy::prelude::*;
 use bevy::window::PrimaryWindow;
 use bevy_egui::{EguiPrimaryContextPass, egui};
@@ -68,7 +68,7 @@ impl OutputWindow {
     }
 
     /// Fits the picture to the window's size and the show's field of view.
-    fn fit(&mut self, size: [u32; 2], fov_y: f64, messages: &mut Messages) -> Result<(), OutputError> {
+    fn fit(&mut self, size: [u32; 2], fov_y: f64, messages: &mut Notices) -> Result<(), OutputError> {
         let projector = match self.bent.take() {
             Some(bent) if bent.size == size && (bent.fov_y == fov_y || !bent.projector.is_flat()) => {
                 self.bent = Some(bent);
@@ -99,15 +99,15 @@ pub fn add(app: &mut App, window: OutputWindow) {
         .configure_sets(EguiPrimaryContextPass, WindowSystems::LayOut.run_if(not(resource_exists::<OutputWindow>)))
         .add_systems(EguiPrimaryContextPass, drawing::draw_output)
         .add_systems(Update, placing::place_window)
-        .add_systems(PostUpdate, aim.after(CameraSystems::Settle));
+        .add_systems(PostUpdate, aim_picture.after(CameraSystems::Settle));
 }
 
 /// Turns the picture to what the output displays.
-fn aim(
+fn aim_picture(
     mut commands: Commands,
     mut output: ResMut<OutputWindow>,
     mut picture: ResMut<Picture>,
-    mut messages: ResMut<Messages>,
+    mut messages: ResMut<Notices>,
     known: Option<Res<Aim>>,
     windows: Query<&Window, With<PrimaryWindow>>,
     camera: Single<&Viewpoint, With<DataCamera>>,

@@ -105,7 +105,7 @@ fn draw_region(plot: &Plot, region: &Region, chosen: bool) {
         Color32::TRANSPARENT,
     );
     for (part, at) in plane_edit::handles(region) {
-        plot.handle(at, if part == plane_edit::Part::Middle { 4.5 } else { 3.0 }, chosen);
+        plot.handle(at, if part == plane_edit::RegionPart::Middle { 4.5 } else { 3.0 }, chosen);
     }
 }
 

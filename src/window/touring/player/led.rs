@@ -5,7 +5,7 @@ use crate::tour::TourFile;
 use crate::window::camera::Viewpoint;
 use crate::window::scene::Scene;
 use crate::window::scene_io::viewpoint_of;
-use crate::window::state::notices::Messages;
+use crate::window::state::notices::Notices;
 use std::path::Path;
 
 impl Player {
@@ -24,7 +24,7 @@ impl Player {
         moment: Option<(f64, bool)>,
         (heard, now): (f64, f64),
         scene: &Scene,
-        messages: &mut Messages,
+        messages: &mut Notices,
     ) -> Option<Viewpoint> {
         if self.tour.is_some() && self.generation != scene.generation {
             self.resolve(scene, self.aspect.unwrap_or(1.0), messages);
