@@ -15,3 +15,7 @@ pub mod gpu;
 pub mod show;
 #[cfg(feature = "viewer")]
 pub mod window;
+
+#[cfg(test)]
+#[path = "../tests/support/cases.rs"]
+mod cases;

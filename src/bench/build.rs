@@ -49,7 +49,13 @@ pub fn measure(arguments: &Arguments) -> Result<Vec<Outcome>, Failure> {
         out.flush()?;
         for &threads in &arguments.threads {
             let run = |smoothing: Smoothing| {
-                once(&source, &folder.path().join("out.df"), smoothing, arguments.memory, threads.into())
+                let options = BuildOptions {
+                    memory: arguments.memory,
+                    threads: Some(threads.into()),
+                    read: arguments.read,
+                    ..BuildOptions::default()
+                };
+                once(&source, &folder.path().join("out.df"), smoothing, &options)
             };
             let (mut builds, mut searches, mut bytes, mut temporary_bytes) = (Vec::new(), Vec::new(), 0, 0);
             for _ in 0..arguments.repeat {
@@ -83,15 +89,8 @@ pub fn measure(arguments: &Arguments) -> Result<Vec<Outcome>, Failure> {
     Ok(outcomes)
 }
 
-fn once(
-    source: &Path,
-    out: &Path,
-    smoothing: Smoothing,
-    memory: Option<u64>,
-    threads: usize,
-) -> Result<(Duration, Built), Failure> {
-    let options = BuildOptions { memory, threads: Some(threads), ..BuildOptions::default() };
+fn once(source: &Path, out: &Path, smoothing: Smoothing, options: &BuildOptions) -> Result<(Duration, Built), Failure> {
     let start = Instant::now();
-    let built = build_source(source, &LoadOptions { smoothing, ..LoadOptions::default() }, &options, out, &())?;
+    let built = build_source(source, &LoadOptions { smoothing, ..LoadOptions::default() }, options, out, &())?;
     Ok((start.elapsed(), built))
 }

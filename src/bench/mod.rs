@@ -51,6 +51,9 @@ pub struct Arguments {
     /// Memory that builds may take, such as 2GiB [default: half of what is free].
     #[arg(long, value_name = "BYTES", value_parser = crate::command_line::arguments::bytes)]
     pub memory: Option<u64>,
+    /// How sources, temporary files and page files are read in `bench build` and `bench pages`.
+    #[arg(long, value_name = "HOW", value_enum, default_value_t)]
+    pub read: crate::model::ReadMethod,
     /// Repetitions; the median counts.
     #[arg(long, value_name = "N", default_value_t = 7, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     pub repeat: u32,

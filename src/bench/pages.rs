@@ -44,7 +44,7 @@ pub fn measure(arguments: &Arguments) -> Result<Vec<Outcome>, Failure> {
     );
     for &particles in &arguments.sizes {
         build(dataset(&Clusters::new(arguments.seed, particles)), &BuildOptions::default(), &path, &())?;
-        let file = PageFile::open(&path)?;
+        let file = PageFile::open_with(&path, arguments.read)?;
         for &threads in &arguments.threads {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(usize::from(threads)).build()?;
             let outcome = pool.install(|| of_file(&file, particles, threads, arguments.repeat))?;

@@ -4,6 +4,7 @@
 use super::arguments::bytes;
 use crate::build::{BuildOptions, build_source};
 use crate::import::LoadOptions;
+use crate::look::data_file;
 use crate::model::Progress;
 use crate::store::PageFile;
 use crate::store::temporary::free_bytes;
@@ -43,6 +44,7 @@ pub fn is_page_file(path: &Path) -> Result<bool, std::io::Error> {
 /// # Errors
 /// When the source cannot be read or the page file not be written.
 pub fn page_file_of(path: &Path, progress: &dyn Progress) -> Result<PathBuf, Box<dyn std::error::Error + Send + Sync>> {
+    let path = &data_file(path)?;
     if is_page_file(path)? {
         return Ok(path.to_owned());
     }

@@ -6,7 +6,7 @@ use super::progress_bar::TerminalProgress;
 use crate::build::{BuildOptions, build_source};
 use crate::codec::VqBits;
 use crate::import::{AttributeChoice, LoadOptions, Smoothing};
-use crate::model::{FamilyName, Skipped};
+use crate::model::{FamilyName, ReadMethod, Skipped};
 use std::path::PathBuf;
 
 /// Builds a page file: the error-bounded hierarchy that deepfield draws.
@@ -53,6 +53,9 @@ pub struct Arguments {
     /// Threads [default: all]. The file is the same for any number.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
+    /// How the source and temporary files are read. The file is the same for both.
+    #[arg(long, value_name = "HOW", value_enum, default_value_t)]
+    pub read: ReadMethod,
 }
 
 fn smoothing(text: &str) -> Result<Smoothing, String> {
@@ -77,6 +80,7 @@ pub fn run(arguments: &Arguments) -> CommandResult {
         memory: arguments.memory,
         temporary: arguments.temporary.clone(),
         threads: arguments.threads.map(usize::from),
+        read: arguments.read,
         ..BuildOptions::with_vq_bits(arguments.vq_bits)
     };
     options.octree.exact_positions = arguments.exact_positions;

@@ -2,6 +2,7 @@
 
 use super::{CommandResult, cache, page_file_info};
 use crate::import::{FamilySummary, Statistic, Summary, summarize};
+use crate::look::data_file;
 use crate::store::PageFile;
 use std::fmt::Write as _;
 use std::io::Write as _;
@@ -27,6 +28,7 @@ pub struct Arguments {
 /// error.
 pub fn run(arguments: &Arguments) -> CommandResult {
     let Arguments { path, json } = arguments;
+    let path = &data_file(path)?;
     // What cannot be read is left to the importer's message.
     let text = if cache::is_page_file(path).unwrap_or(false) {
         let file = PageFile::open(path)?;

@@ -7,6 +7,7 @@ use crate::explore::probe::{FamilyProbe, FieldStatistics, Probe, Profile};
 use crate::explore::{
     AxisOptions, Data, FieldHistogram, Fields, ProbeOptions, ProfileOptions, Region, Shape, Work, histogram, probe,
 };
+use crate::model::ReadMethod;
 use serde::Serialize;
 use std::fmt::Write as _;
 use std::io::Write as _;
@@ -53,6 +54,9 @@ pub struct Arguments {
     /// Write JSON to a file, or to standard output for `-`, instead of tables.
     #[arg(long, value_name = "FILE.json")]
     pub json: Option<PathBuf>,
+    /// How the source or page file is read.
+    #[arg(long, value_name = "HOW", value_enum, default_value_t)]
+    pub read: ReadMethod,
 }
 
 fn share(text: &str) -> Result<f64, String> {
@@ -82,7 +86,11 @@ struct Answer<'a> {
 /// # Errors
 /// When the data cannot be read, or has no such field, family or object.
 pub fn run(arguments: &Arguments) -> CommandResult {
-    let opened = if arguments.exact { Opened::source(&arguments.path)? } else { Opened::open(&arguments.path)? };
+    let opened = if arguments.exact {
+        Opened::source(&arguments.path, arguments.read)?
+    } else {
+        Opened::open(&arguments.path, arguments.read)?
+    };
     let data = opened.data();
     let region = arguments.region.region(data)?;
     let options = ProbeOptions {

@@ -16,7 +16,7 @@ use crate::annotate::{Annotations, Units};
 use crate::color::transfer::TransferFunction;
 use crate::color::{Accumulation, Image, output};
 use crate::cpu::Method;
-use crate::hierarchy::Levels;
+use crate::hierarchy::Purpose;
 use crate::look::shown_families;
 use crate::mode::{Depiction, Economy, Mode, Plan};
 use crate::model::{Bounds, FamilyName, PeriodicBox};
@@ -56,7 +56,7 @@ pub fn run(arguments: &Arguments) -> CommandResult {
         // One named on the command line is for whatever is drawn.
         None => Arguments { volume: arguments.transfer.clone(), ..arguments.clone() },
     };
-    let arguments = super::scene_arguments::complete(arguments)?.with_economy();
+    let arguments = super::scene_arguments::complete(arguments.with_files()?)?.with_economy();
     let arguments = &arguments;
     match arguments.threads {
         Some(threads) => {
@@ -157,7 +157,7 @@ fn draw_pages(arguments: &Arguments, studio: &mut Studio) -> Result<Picture, Box
     let (framed, depiction) = (studio.choose(arguments)?, studio.depict(arguments)?);
     let Studio { file, scene, ahead, .. } = studio;
     let metadata = file.metadata();
-    scene.levels = Levels::Splats;
+    scene.purpose = Purpose::Splats;
     let view = view(arguments, framed, metadata.periodic_box())?;
     let seen = depiction.selection_view(&view);
     let tau = arguments.error_px.unwrap_or(0.8);

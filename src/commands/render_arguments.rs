@@ -7,7 +7,8 @@ use crate::annotate::Annotations;
 use crate::color::composite::Background;
 use crate::color::transfer::TransferFunction;
 use crate::explore::SelectionSet;
-use crate::look::{Film, Member};
+use crate::import::ImportError;
+use crate::look::{Film, Member, data_file};
 use crate::mode::{Mode, SettingKind, SettingValue, Settings, economy};
 use crate::model::FamilyName;
 use crate::view::{CutSettings, Periodic, Stereo, Surround};
@@ -206,6 +207,15 @@ impl Arguments {
     pub fn members(&self) -> Vec<Member> {
         let first = Member { path: self.path.clone(), ..self.first.clone() };
         std::iter::once(first).chain(self.with.iter().cloned()).collect()
+    }
+
+    /// The same with the files that are meant in place of folders.
+    ///
+    /// # Errors
+    /// Where a folder holds no or more than one source.
+    pub(super) fn with_files(self) -> Result<Arguments, ImportError> {
+        let with = self.with.iter().map(Member::resolved).collect::<Result<_, _>>()?;
+        Ok(Arguments { path: data_file(&self.path)?, with, ..self })
     }
 
     /// The same, with the options about what may be left out among the settings.

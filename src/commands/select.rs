@@ -3,6 +3,7 @@
 use super::region_options::{Opened, RegionOptions};
 use super::{CommandResult, progress_bar::TerminalProgress};
 use crate::explore::{Format, IdSet, Members, Work, export, ids_of};
+use crate::model::ReadMethod;
 use std::path::PathBuf;
 
 /// Writes the particles of a region, or those with certain ids: as a table with every field, or as a list of ids.
@@ -40,9 +41,9 @@ pub fn run(arguments: &Arguments) -> CommandResult {
     if format.is_none() && extension != "ids" {
         return Err(format!("{}: expected a name that ends in .csv, .parquet or .ids", out.display()).into());
     }
-    let opened = match Opened::source(path) {
+    let opened = match Opened::source(path, ReadMethod::default()) {
         Ok(source) => source,
-        Err(reason) => match Opened::open(path)? {
+        Err(reason) => match Opened::open(path, ReadMethod::default())? {
             // Ids are in the source alone.
             Opened::Pages(file) if format.is_some() && ids.is_none() => {
                 eprintln!("deepfield: {reason}: values are those of the page file, without ids");

@@ -6,7 +6,7 @@ use super::render::families;
 use super::render_arguments::Arguments;
 use crate::look::{Member, open_members};
 use crate::mode::Depiction;
-use crate::model::Bounds;
+use crate::model::{Bounds, ReadMethod};
 use crate::modes;
 use crate::store::PageFile;
 use crate::stream::{Scene, first_frame};
@@ -41,7 +41,7 @@ impl Studio {
     /// When a source cannot be read or built, or they do not fit together.
     pub fn open(members: &[Member]) -> Result<Studio, Box<dyn std::error::Error + Send + Sync>> {
         let page_file = |path: &Path| cache::page_file_of(path, &TerminalProgress::new());
-        let (file, notes) = open_members(members, page_file)?;
+        let (file, notes) = open_members(members, ReadMethod::default(), page_file)?;
         notes.iter().for_each(|note| eprintln!("deepfield: {note}"));
         let file = Arc::new(file);
         // Nothing limits what a picture holds: it has to be converged.

@@ -2,7 +2,7 @@
 
 use super::arguments::PictureSize;
 use super::{CommandResult, render};
-use crate::look::{Member, SceneFile, is_scene_file};
+use crate::look::{Member, SceneFile, data_file, is_scene_file};
 use crate::tour::TourFile;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
@@ -14,6 +14,7 @@ use std::path::{Path, PathBuf};
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Examples:
   deepfield view snapshot_099.hdf5
+  deepfield view snapdir_099/                      the snapshot in a folder
   deepfield view snapdir_099/snap_099.0.hdf5       any file of a snapshot in several files
   deepfield view hipparcos.csv --mode points
   deepfield view before.hdf5 --with after.hdf5@120,0,0   two datasets side by side
@@ -134,9 +135,10 @@ fn address(text: &str) -> Result<SocketAddr, String> {
 /// # Errors
 /// When the source cannot be opened or drawing fails.
 pub fn run(arguments: &Arguments) -> CommandResult {
-    let settings = &arguments.settings;
+    let with = arguments.settings.with.iter().map(Member::resolved).collect::<Result<_, _>>()?;
+    let settings = &WindowArguments { with, ..arguments.settings.clone() };
     let path = match (&arguments.path, &settings.tour, &settings.scene) {
-        (Some(path), ..) => path.clone(),
+        (Some(path), ..) => data_file(path)?,
         (None, Some(tour), None) => data_of_tour(tour, settings.supervised.is_none())?,
         (None, ..) => PathBuf::new(),
     };

@@ -176,11 +176,9 @@ pub(super) fn upload_pages(
         }
     }
     let residency = &streaming.streamer.residency;
-    let metadata = residency.file().metadata();
     for id in plan.insert {
         let (Some(entity), Some(page)) = (streaming.entity(id), residency.page(id)) else { continue };
-        let Some(family) = metadata.families.get(page.family as usize) else { continue };
-        page_copies::insert(&particles, generation, family, page);
+        page_copies::insert(&particles, generation, page);
         commands.entity(entity).insert(GpuSlot::Queued);
     }
     if streaming.streamer.copies.as_ref().is_some_and(|copies| copies.is_full())

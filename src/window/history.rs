@@ -203,7 +203,7 @@ mod tests {
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig::with_cases(64))]
+        #![proptest_config(crate::cases::cases(64))]
         /// Undoing everything gives the start, redoing everything the end, with each state between passed on the way.
         #[test]
         fn all_undone_is_the_start_and_all_redone_is_the_end(

@@ -145,6 +145,7 @@ struct WindowApp {
 impl Plugin for WindowApp {
     fn build(&self, app: &mut App) {
         let mut openings = open::Openings::new(self.options.opener.clone());
+        openings.read = self.preset.residency.read;
         if let Some(request) = self.options.open.clone() {
             openings.start(request);
         }
@@ -220,6 +221,7 @@ impl Plugin for WindowApp {
         .add_systems(
             Update,
             (
+                open::follow_preset.run_if(resource_changed::<Preset>),
                 dropped::open_dropped_files.in_set(WindowSystems::TakeInput),
                 open::finish_opening,
                 objects::receive_catalogue,

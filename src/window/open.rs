@@ -2,11 +2,12 @@
 //! a file cannot be read.
 
 use super::options::{OpenRequest, Opener};
+use super::preset::Preset;
 use super::state::notices::Notices;
 use super::state::progress::SharedProgress;
 use crate::look::{Member, SceneFile, is_scene_file, open_members};
-use crate::model::Bounds;
 use crate::model::progress::Progress;
+use crate::model::{Bounds, ReadMethod};
 use crate::store::{PageFile, StoreError};
 use crate::stream::first_frame;
 use bevy::prelude::*;
@@ -19,6 +20,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 pub struct Openings {
     opener: Opener,
     current: Option<Opening>,
+    /// How page files are read.
+    pub read: ReadMethod,
     /// Whether files that are dropped are shown with what is open, not in its place.
     pub adds_dropped: bool,
 }
@@ -61,7 +64,7 @@ pub struct Opened {
 impl Openings {
     /// Opens nothing yet.
     pub fn new(opener: Opener) -> Openings {
-        Openings { opener, current: None, adds_dropped: false }
+        Openings { opener, current: None, read: ReadMethod::default(), adds_dropped: false }
     }
 
     /// Starts to open a file; one that is still on its way is abandoned.
@@ -70,13 +73,15 @@ impl Openings {
         progress.begin("reading", 0);
         let named = request.members.last().map(|member| member.path.clone()).or_else(|| request.scene.clone());
         let (opener, path, shared) = (Arc::clone(&self.opener), named.unwrap_or_default(), Arc::clone(&progress));
-        let (send, outcome) = channel();
+        let (read, (send, outcome)) = (self.read, channel());
         // A thread of its own: a disk that does not answer must not take one from a pool that draws.
         let open = move || {
             let (members, scene) = data_of(request)?;
+            let members = members.iter().map(Member::resolved).collect::<Result<Vec<_>, _>>();
+            let members = members.map_err(|error| error.to_string())?;
             let path = members.first().map(|member| member.path.clone()).unwrap_or_default();
             let page_file = |path: &Path| opener(path, shared.as_ref()).map_err(Failure);
-            let (file, notes) = open_members(&members, page_file).map_err(|Failure(why)| why)?;
+            let (file, notes) = open_members(&members, read, page_file).map_err(|Failure(why)| why)?;
             let families: Vec<u32> = (0..file.metadata().families.len() as u32).collect();
             let frame = first_frame(&file, &families);
             Ok(Opened { path, members, notes, file: Arc::new(file), frame, scene: scene.map(Arc::new) })
@@ -124,6 +129,11 @@ fn data_of(request: OpenRequest) -> Result<(Vec<Member>, Option<OpenedScene>), S
         own[0].families.clone_from(&named.families);
     }
     Ok((own, Some(OpenedScene { path, scene, notes })))
+}
+
+/// Files that are opened from now on are read as the preset says.
+pub(super) fn follow_preset(preset: Res<Preset>, mut openings: ResMut<Openings>) {
+    openings.read = preset.residency.read;
 }
 
 /// Hands over files that have arrived and reports those that cannot be opened.

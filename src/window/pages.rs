@@ -20,7 +20,7 @@ use super::preset::{Preset, ResidencyPreset};
 use super::scene::{Scene, Settings};
 use super::state::notices::Notices;
 use super::statistics::Statistics;
-use crate::hierarchy::Levels;
+use crate::hierarchy::Purpose;
 use crate::model::Bounds;
 use crate::store::{Page, PageId};
 use crate::stream::{PageState, SceneNode, Streamer};
@@ -206,7 +206,7 @@ pub fn finish_loads(
         match streaming.streamer.residency.state(id) {
             Some(PageState::Resident(page)) => {
                 let bounds = page.nodes.iter().fold(Bounds::EMPTY, |bounds, node| bounds.union(node.bounds));
-                let depth = page.nodes.iter().map(|node| node.key.depth).min().unwrap_or(0);
+                let depth = page.nodes.iter().map(|node| node.depth).min().unwrap_or(0);
                 *status = PageStatus::Resident(Arc::clone(page));
                 commands.entity(entity).insert((PageBounds(bounds), PageDepth(depth)));
             }
@@ -239,14 +239,14 @@ pub fn traverse(
 ) {
     let Some(mut streaming) = streaming else { return };
     let size = picture.size();
-    let periodic = streaming.streamer.residency.file().metadata().periodic_box();
+    let periodic = streaming.streamer.residency.tree().metadata().periodic_box();
     let Ok(view) = view_of(&camera, &settings, periodic, size, aim.as_deref()) else { return };
     let streaming = &mut *streaming;
     streaming.frame += 1;
     let families = settings.families.iter().enumerate().filter(|(_, visible)| **visible);
     let depiction = look.as_ref().map(|look| &look.depiction);
-    let metadata = streaming.streamer.residency.file().metadata();
-    let levels = depiction.map_or(Levels::Splats, |depiction| depiction.levels(metadata));
+    let metadata = streaming.streamer.residency.tree().metadata();
+    let levels = depiction.map_or(Purpose::Splats, |depiction| depiction.purpose(metadata));
     let roots = streaming.streamer.roots(families.map(|(index, _)| index as u32), levels);
     let seen = depiction.map_or(view, |depiction| depiction.selection_view(&view));
     let tau = settings.error_px;
@@ -268,7 +268,13 @@ pub fn traverse(
         .iter()
         .filter_map(|drawn| {
             let page = Arc::clone(streaming.streamer.residency.page(drawn.id.page)?);
-            Some(SceneNode { page, node: drawn.id, error_pixels: drawn.error_pixels, offset: drawn.offset })
+            Some(SceneNode {
+                page,
+                node: drawn.id,
+                error_pixels: drawn.error_pixels,
+                offset: drawn.offset,
+                time: view.time,
+            })
         })
         .collect();
     for page in nodes.iter().map(|drawn| drawn.node.page) {

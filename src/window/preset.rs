@@ -7,6 +7,7 @@
 
 use super::asset_text::asset_text;
 use crate::mode::Settings;
+use crate::model::ReadMethod;
 use crate::model::ron_file::{self, RonError};
 use crate::stream::{CopyOptions, StreamOptions};
 use bevy::asset::{AssetLoader, LoadContext, io::Reader};
@@ -83,11 +84,22 @@ pub struct ResidencyPreset {
     pub stall_secs: f64,
     /// Whether pages are read before the camera needs them.
     pub prefetch: bool,
+    /// How page files that are opened from now on are read, and their sources.
+    #[reflect(ignore)]
+    pub read: ReadMethod,
 }
 
 impl Default for ResidencyPreset {
     fn default() -> Self {
-        Self { budget_mib: 2048, gpu_budget_mib: 1024, upload_mib: 24, requests: 8, stall_secs: 5.0, prefetch: true }
+        Self {
+            budget_mib: 2048,
+            gpu_budget_mib: 1024,
+            upload_mib: 24,
+            requests: 8,
+            stall_secs: 5.0,
+            prefetch: true,
+            read: ReadMethod::default(),
+        }
     }
 }
 

@@ -9,3 +9,7 @@ pub mod import;
 pub mod model;
 pub mod store;
 pub mod synth;
+
+#[cfg(test)]
+#[path = "../../../tests/support/cases.rs"]
+mod cases;

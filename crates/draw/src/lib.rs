@@ -17,3 +17,7 @@ pub mod picture;
 pub mod stream;
 pub mod tour;
 pub mod view;
+
+#[cfg(test)]
+#[path = "../../../tests/support/cases.rs"]
+mod cases;

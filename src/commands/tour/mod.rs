@@ -14,6 +14,7 @@ use super::arguments::{PictureSize, not_negative, positive};
 use super::projected::usual_size;
 use super::projection_options::ProjectionOptions;
 use super::render::Backend;
+use crate::look::data_file;
 use crate::tour::{TourFile, around_data};
 use crate::view::{CubeLayout, Surround};
 use frames::{Frames, Pattern};
@@ -171,12 +172,12 @@ fn open(arguments: &Arguments) -> Result<Show, Box<dyn std::error::Error + Send 
             let mut tour = around_data(arguments.seconds.unwrap_or(10.0).max(2.0));
             tour.size = (1280, 720);
             tour.keyframes[0].mode = arguments.mode.map(|mode| mode.name.to_owned());
-            (tour, None, data.clone())
+            (tour, None, data_file(data)?)
         }
         (None, Some(path)) => {
             let tour = TourFile::read(path)?;
             let data = match (&arguments.data, &tour.dataset) {
-                (Some(data), _) => data.clone(),
+                (Some(data), _) => data_file(data)?,
                 (None, Some(dataset)) => {
                     let located = dataset.locate(path)?;
                     located.notes.iter().for_each(|note| eprintln!("deepfield: {note}"));

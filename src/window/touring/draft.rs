@@ -122,7 +122,7 @@ mod tests {
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig::with_cases(64))]
+        #![proptest_config(crate::cases::cases(64))]
         /// Whatever is done to it, a tour stays one that can be shown, written and read, and keyframes stay in order and show what
         /// they showed.
         #[test]

@@ -1,11 +1,13 @@
 //! The project's own commands, reached by the aliases in `.cargo/config.toml`:
 //!
-//! - `cargo demo [ARGUMENTS]` starts deepfield (with no arguments: the demo dataset);
-//! - `cargo test-all [ARGUMENTS]` runs every test.
+//! - `cargo demo [ARGUMENTS]` starts deepfield (with no arguments: the demo dataset), without a display as a program that
+//!   has no windows and compiles no Bevy;
+//! - `cargo test-all [--long] [ARGUMENTS]` runs every test; with `--long`, property tests try new cases, and many.
 //!
-//! Both first see to what cargo cannot install: on a Debian-like Linux, the packages in [`packages`]. Nothing is
+//! Both first see to what cargo cannot install: on a Debian-like Linux, the packages that a [`Requirement`] names. Nothing is
 //! installed without saying so; on a terminal, not without asking.
 
+use std::hash::{BuildHasher, Hasher, RandomState};
 use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode, Stdio};
@@ -51,7 +53,7 @@ fn main() -> ExitCode {
     let outcome = match task.as_deref() {
         Some("demo") => demo(&rest),
         Some("test") => test(&rest),
-        _ => Err("usage: cargo demo [ARGUMENTS] | cargo test-all [ARGUMENTS]".into()),
+        _ => Err("usage: cargo demo [ARGUMENTS] | cargo test-all [--long] [ARGUMENTS]".into()),
     };
     match outcome {
         Ok(code) => ExitCode::from(code),
@@ -63,15 +65,32 @@ fn main() -> ExitCode {
 }
 
 fn demo(arguments: &[String]) -> Result<u8, String> {
-    let mut requirements: Vec<&Requirement> = DRAWING.iter().collect();
-    if std::env::var_os("DISPLAY").is_some() {
-        requirements.extend(&WINDOW);
+    let mut command = cargo();
+    command.args(["run", "--locked"]);
+    if has_display() {
+        let windows = if is_named("DISPLAY") { &WINDOW[..] } else { &[] };
+        see_to(&DRAWING.iter().chain(windows).collect::<Vec<_>>())?;
+    } else {
+        eprintln!(
+            "No display: deepfield is built without windows and graphics adapters, in a fraction of the time; `cargo run` builds it with them."
+        );
+        command.arg("--no-default-features");
     }
-    see_to(&requirements)?;
-    run(cargo().args(["run", "--locked", "--"]).args(arguments))
+    run(command.arg("--").args(arguments))
+}
+
+/// Whether the program will find a display: on Linux an X server or a Wayland compositor is named.
+fn has_display() -> bool {
+    !cfg!(target_os = "linux") || is_named("DISPLAY") || is_named("WAYLAND_DISPLAY")
+}
+
+/// Whether an environment variable has a value.
+fn is_named(variable: &str) -> bool {
+    std::env::var_os(variable).is_some_and(|value| !value.is_empty())
 }
 
 fn test(arguments: &[String]) -> Result<u8, String> {
+    let (arguments, cases) = property_tests(arguments);
     see_to(&DRAWING.iter().chain(&WINDOW).chain(&VIRTUAL_DISPLAY).collect::<Vec<_>>())?;
     // Tests over the reference data are marked as ignored; they run where the data is.
     let data = std::env::var_os("DEEPFIELD_DATA").map_or_else(|| root().join("../shared/data"), PathBuf::from);
@@ -81,19 +100,34 @@ fn test(arguments: &[String]) -> Result<u8, String> {
     }
     let has_nextest = cargo().args(["nextest", "--version"]).stdout(Stdio::null()).stderr(Stdio::null()).status();
     let mut command = cargo();
-    command.env("DEEPFIELD_DATA", &data);
+    command.env("DEEPFIELD_DATA", &data).envs(cases);
     if has_nextest.is_ok_and(|status| status.success()) {
-        command.args(["nextest", "run", "--locked", "--no-fail-fast"]).args(arguments);
+        command.args(["nextest", "run", "--locked", "--workspace", "--no-fail-fast"]).args(&arguments);
         if has_data {
             command.args(["--run-ignored", "all"]);
         }
     } else {
-        command.args(["test", "--locked", "--no-fail-fast"]).args(arguments);
+        command.args(["test", "--locked", "--workspace", "--no-fail-fast"]).args(&arguments);
         if has_data {
             command.args(["--", "--include-ignored"]);
         }
     }
     run(&mut command)
+}
+
+/// The arguments without `--long`, and the environment that property tests get: where `--long` is given a new seed and ten times
+/// the cases, unless the environment says how many, else what `.cargo/config.toml` says. Tells how the run is repeated.
+fn property_tests(arguments: &[String]) -> (Vec<String>, Vec<(&'static str, String)>) {
+    let rest: Vec<String> = arguments.iter().filter(|argument| *argument != "--long").cloned().collect();
+    if rest.len() == arguments.len() {
+        return (rest, Vec::new());
+    }
+    let cases = std::env::var("PROPTEST_CASES").unwrap_or_else(|_| "2560".to_owned());
+    let chosen =
+        [("PROPTEST_RNG_SEED", RandomState::new().build_hasher().finish().to_string()), ("PROPTEST_CASES", cases)];
+    let text = chosen.each_ref().map(|(name, value)| format!("{name}={value}")).join(" ");
+    println!("Property tests try new cases; the same ones again: {text} cargo test-all {}", rest.join(" "));
+    (rest, chosen.into())
 }
 
 /// The repository's root: this package lies two folders below it.
@@ -160,7 +194,7 @@ fn see_to(requirements: &[&Requirement]) -> Result<(), String> {
             return Err(format!("Nothing was installed. By hand: {by_hand}"));
         }
     } else {
-        println!("Installing them with apt-get.");
+        eprintln!("Installing them with apt-get.");
     }
     let install = "apt-get update -qq && apt-get install -y -qq --no-install-recommends ";
     let mut command = if is_root() { Command::new("sh") } else { Command::new("sudo") };

@@ -14,11 +14,12 @@ mod tree;
 
 use crate::codec::quantize::MAX_ATTRIBUTES;
 use crate::codec::{AttributeMerge, VqBits};
+use crate::hierarchy::attribute_info::set_units;
 use crate::hierarchy::octree::{Context, Plan};
 use crate::hierarchy::{AttributeInfo, LevelInfo, OctreeOptions};
-use crate::import::{ImportError, LoadOptions, SourceStream, open, streams};
+use crate::import::{ImportError, LoadOptions, SourceStream, open_with, replaced_densities, streams};
 use crate::model::progress::Progress;
-use crate::model::{Dataset, Family, FamilyName, FamilyStream, ParticleStream, StreamError, Unit};
+use crate::model::{Dataset, Family, FamilyName, FamilyStream, ParticleStream, ReadMethod, StreamError, Unit};
 use crate::store::paging::write_trees;
 use crate::store::temporary::{clean, folder_of};
 use crate::store::{FamilyMetadata, Metadata, PageFileWriter, StoreError, VolumeTree};
@@ -60,6 +61,8 @@ pub struct BuildOptions {
     pub temporary: Option<PathBuf>,
     /// Threads; `None`: as many as the machine has. The file is the same for any number.
     pub threads: Option<usize>,
+    /// How the source and temporary files are read. The file is the same for both.
+    pub read: ReadMethod,
 }
 
 impl BuildOptions {
@@ -183,7 +186,7 @@ pub fn build_source(
     progress: &dyn Progress,
 ) -> Result<Built, BuildError> {
     in_pool(options, || {
-        let source = open(path)?;
+        let source = open_with(path, options.read)?;
         let choose = |names: &[&str]| chosen(names, options);
         let streams = streams(source.as_ref(), load_options, &choose)?;
         let mut build = Build::new(options, out, progress)?;
@@ -285,16 +288,14 @@ impl<'a> Build<'a> {
             let (family, size) = (stream.family(), memory.on_disk.div_ceil(1 << 20));
             progress.say(&format!("{family}: up to {size} MiB of temporary files in {}", memory.folder.display()));
         }
-        let particles = Spill::new(out, &memory.folder, memory.particles);
+        let particles = Spill::new(out, &memory.folder, memory.particles, options.read);
         let neighbours = stream.neighbours().filter(|_| survey.is_lacking());
         let (mut partition, mut histograms) =
             Partition::of(stream, &survey.ranges, &plan, root, neighbours.is_some(), particles, progress)?;
         if let Some(k) = neighbours {
             let lacking = survey.ranges[1].missing;
             if lacking > 0 && lacking < survey.count {
-                let family = stream.family();
-                self.notes
-                    .push(format!("{family}: {lacking} densities are not positive and are replaced by estimates"));
+                self.notes.push(replaced_densities(stream.family(), lacking));
             }
             let found = estimates::estimate(&mut partition, k, root, memory.neighbour_block(), progress)?;
             survey.estimated(found.ranges, found.samples);
@@ -309,7 +310,7 @@ impl<'a> Build<'a> {
 
         let largest = (0..plan.len()).map(|bucket| partition.len(bucket)).max().unwrap_or(0);
         let workers = memory.workers(largest, out)?;
-        let nodes = Spill::new(out, &memory.folder, memory.nodes);
+        let nodes = Spill::new(out, &memory.folder, memory.nodes, options.read);
         let before = partition.on_disk();
         let trees = tree::grow(&context, stream.family(), &plan, partition, &nodes, workers, progress)?;
         let coded = tree::code(stream.family(), trees, &scaling, nodes, octree.vq_bits, progress)?;
@@ -431,14 +432,4 @@ fn chosen(names: &[&str], options: &BuildOptions) -> Vec<usize> {
         order.truncate(DEFAULT_ATTRIBUTES);
     }
     order.into_iter().map(|(_, index)| index).collect()
-}
-
-fn set_units(quantities: &mut [AttributeInfo; 3], mass: &Unit, length: &Unit) {
-    let [mass_info, density_info, smoothing_info] = quantities;
-    mass_info.unit = mass.clone();
-    smoothing_info.unit = length.clone();
-    density_info.unit = match (mass.is_unknown(), length.is_unknown()) {
-        (true, true) => Unit::default(),
-        _ => Unit::new(format!("({mass})/({length})^3")),
-    };
 }

@@ -3,13 +3,14 @@
 //! Which of the two does not change what is read back, so the output does not depend on the memory that a build may take.
 
 use crate::model::positioned::{read_exact_at, write_all_at};
+use crate::model::{ReadFile, ReadMethod};
 use crate::store::temporary::Temporary;
 use std::borrow::Cow;
 use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Mutex, OnceLock};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 /// A place for many blobs of bytes, written and read by several threads.
 #[derive(Debug)]
@@ -19,6 +20,9 @@ pub struct Spill {
     room: AtomicU64,
     /// Held while the file is created.
     creation: Mutex<()>,
+    read: ReadMethod,
+    /// The file once it was mapped; dropped before the file, which Windows does not remove while it is mapped.
+    mapped: Mutex<Option<Arc<ReadFile>>>,
     file: OnceLock<Temporary>,
     end: AtomicU64,
 }
@@ -58,13 +62,16 @@ impl std::ops::Deref for Bytes<'_> {
 }
 
 impl Spill {
-    /// Keeps up to `room` bytes in memory, and the rest in a temporary file in `folder` that helps to write `output`.
-    pub fn new(output: &Path, folder: &Path, room: u64) -> Spill {
+    /// Keeps up to `room` bytes in memory, and the rest in a temporary file in `folder` that helps to write `output`
+    /// and is read in the way `read`.
+    pub fn new(output: &Path, folder: &Path, room: u64, read: ReadMethod) -> Spill {
         Spill {
             output: output.to_owned(),
             folder: folder.to_owned(),
             room: AtomicU64::new(room),
             creation: Mutex::new(()),
+            read,
+            mapped: Mutex::default(),
             file: OnceLock::new(),
             end: AtomicU64::new(0),
         }
@@ -111,7 +118,11 @@ impl Spill {
             Place::Memory(words) => Cow::Borrowed(&words[..]),
             Place::Disk(offset) => {
                 let mut words = vec![0_u64; blob.len().div_ceil(8)];
-                read_exact_at(self.file()?, bytemuck::cast_slice_mut(&mut words), *offset)?;
+                let bytes: &mut [u8] = bytemuck::cast_slice_mut(&mut words);
+                match self.read {
+                    ReadMethod::Positioned => read_exact_at(self.file()?, bytes, *offset)?,
+                    ReadMethod::Mapped => self.mapped(offset + bytes.len() as u64)?.read_exact_at(bytes, *offset)?,
+                }
                 Cow::Owned(words)
             }
         };
@@ -123,6 +134,21 @@ impl Spill {
         if let Place::Memory(words) = blob.place {
             self.room.fetch_add(8 * words.len() as u64, Ordering::Relaxed);
         }
+    }
+
+    /// The file, mapped; anew where the byte `end` lies beyond what is mapped and the file has grown by half, so that this is rare.
+    fn mapped(&self, end: u64) -> io::Result<Arc<ReadFile>> {
+        // What is there is complete, so a poisoned lock does not matter.
+        let mut known = self.mapped.lock().unwrap_or_else(PoisonError::into_inner);
+        let serves = |file: &&Arc<ReadFile>| {
+            let mapped = file.mapped_len();
+            end <= mapped || self.on_disk() < mapped + mapped / 2
+        };
+        if let Some(file) = known.as_ref().filter(serves) {
+            return Ok(Arc::clone(file));
+        }
+        let file = ReadFile::new(self.file()?.try_clone()?, ReadMethod::Mapped);
+        Ok(Arc::clone(known.insert(Arc::new(file))))
     }
 
     fn file(&self) -> io::Result<&File> {
@@ -144,15 +170,23 @@ mod tests {
 
     #[test]
     fn what_is_put_away_comes_back_from_memory_and_disk() {
+        comes_back(ReadMethod::Positioned);
+        comes_back(ReadMethod::Mapped);
+    }
+
+    fn comes_back(read: ReadMethod) {
         let folder = tempfile::tempdir().unwrap();
-        let spill = Spill::new(&folder.path().join("out"), folder.path(), 1000);
+        let spill = Spill::new(&folder.path().join("out"), folder.path(), 1000, read);
         let content = |i: usize| (0..i).map(|k| (k * i) as u8).collect::<Vec<u8>>();
         let blobs: Vec<Blob> = (0..200_usize)
             .into_par_iter()
             .map(|i| {
                 let bytes = content(i);
                 let (a, b) = bytes.split_at(i / 3);
-                spill.put(&[a, b]).unwrap()
+                let blob = spill.put(&[a, b]).unwrap();
+                // Read while the file grows.
+                assert_eq!(*spill.get(&blob).unwrap(), bytes);
+                blob
             })
             .collect();
         assert!(spill.on_disk() > 10_000);

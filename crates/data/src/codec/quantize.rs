@@ -519,7 +519,7 @@ mod tests {
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig::with_cases(24))]
+        #![proptest_config(crate::cases::cases(24))]
 
         #[test]
         fn sums_are_conserved(columns in columns(1..1500, 2)) {

@@ -1,28 +1,27 @@
 //! Files read by byte range, and numbers in either byte order.
 
 use super::ImportError;
-use crate::model::positioned::read_exact_at;
+use crate::model::{ReadFile, ReadMethod};
 use std::cell::RefCell;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
-/// A file that several threads read at once by offset. Nothing is mapped, so that a file which shrinks meanwhile gives an
-/// error and no signal.
+/// A file that several threads read at once by offset. One that shrinks meanwhile gives an error.
 pub(super) struct RangeFile {
     /// The file's name.
     pub path: PathBuf,
     /// Its length when it was opened, bytes.
     pub length: u64,
-    file: File,
+    file: ReadFile,
 }
 
 impl RangeFile {
-    /// Opens the file.
-    pub(super) fn open(path: &Path) -> Result<RangeFile, ImportError> {
+    /// Opens the file, to be read in the way `method`.
+    pub(super) fn open(path: &Path, method: ReadMethod) -> Result<RangeFile, ImportError> {
         let io = |source| ImportError::io(path, "file", source);
         let file = File::open(path).map_err(io)?;
         let length = file.metadata().map_err(io)?.len();
-        Ok(RangeFile { path: path.into(), length, file })
+        Ok(RangeFile { path: path.into(), length, file: ReadFile::new(file, method) })
     }
 
     /// Fills `out` from byte `offset` on; `field` names what is there.
@@ -33,7 +32,7 @@ impl RangeFile {
             let expected = format!("{} bytes from byte {offset} on", out.len());
             return Err(ImportError::malformed(&self.path, field, found, expected));
         }
-        read_exact_at(&self.file, out, offset).map_err(|source| ImportError::io(&self.path, field, source))
+        self.file.read_exact_at(out, offset).map_err(|source| ImportError::io(&self.path, field, source))
     }
 
     /// Decodes the records of a block from byte `offset` on into `out`, `records.components` numbers for each; `field` names what

@@ -1,6 +1,7 @@
-//! Which particles can be drawn: one rule for [`super::load`] and [`super::summarize`].
+//! Which particles can be drawn: one rule for loads, streams, rows and summaries.
 
-use super::{FamilyInfo, FieldKind, ImportError, Source};
+use super::choice::Chosen;
+use super::{FamilyInfo, ImportError, Source};
 use crate::model::{Bounds, Skipped};
 use glam::DVec3;
 use rayon::prelude::*;
@@ -17,6 +18,11 @@ pub(super) fn chunks(count: u64) -> Vec<Range<u64>> {
 /// Length of every range of [`chunks`] but the last.
 pub(super) const CHUNK_LENGTH: usize = CHUNK as usize;
 
+/// Whether a particle can be drawn with this mass, smoothing length or density.
+pub(super) fn drawable(value: f32) -> bool {
+    value > 0.0 && value.is_finite()
+}
+
 /// The flaws of a particle, one bit each.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Flaws(u8);
@@ -25,14 +31,12 @@ impl Flaws {
     const POSITION: u8 = 1;
     const MASS: u8 = 2;
     const SMOOTHING: u8 = 4;
-    const KINDS: usize = 8;
 
     /// Looks at one particle; what its source does not have counts as flawless.
     pub(super) fn of(position: [f64; 3], mass: Option<f32>, smoothing_length: Option<f32>) -> Flaws {
-        let drawable = |value: Option<f32>| value.is_none_or(|value| value > 0.0 && value.is_finite());
         let position = if position.iter().all(|x| x.is_finite()) { 0 } else { Flaws::POSITION };
-        let mass = if drawable(mass) { 0 } else { Flaws::MASS };
-        let smoothing = if drawable(smoothing_length) { 0 } else { Flaws::SMOOTHING };
+        let mass = if mass.is_none_or(drawable) { 0 } else { Flaws::MASS };
+        let smoothing = if smoothing_length.is_none_or(drawable) { 0 } else { Flaws::SMOOTHING };
         Flaws(position | mass | smoothing)
     }
 
@@ -51,14 +55,17 @@ pub(super) struct LeftOut {
 }
 
 impl LeftOut {
+    /// No particle.
+    pub(super) const NONE: LeftOut = LeftOut { position: 0, mass: 0, smoothing: 0 };
+
     /// Counts one particle under its first flaw.
-    pub(super) fn count(&mut self, flaws: Flaws, particles: u64) {
+    pub(super) fn count(&mut self, flaws: Flaws) {
         if flaws.0 & Flaws::POSITION != 0 {
-            self.position += particles;
+            self.position += 1;
         } else if flaws.0 & Flaws::MASS != 0 {
-            self.mass += particles;
+            self.mass += 1;
         } else if flaws.0 & Flaws::SMOOTHING != 0 {
-            self.smoothing += particles;
+            self.smoothing += 1;
         }
     }
 
@@ -82,105 +89,56 @@ impl LeftOut {
 }
 
 /// What one pass over positions, masses and smoothing lengths of a family shows.
-#[derive(Clone, Debug)]
-pub(super) struct Survey {
-    /// Particles, mass and box by kind of flaw.
-    tally: [Tally; Flaws::KINDS],
-    has_mass: bool,
-    has_smoothing: bool,
-}
-
 #[derive(Clone, Copy, Debug)]
-struct Tally {
-    particles: u64,
-    mass: f64,
-    bounds: Bounds,
+pub(super) struct Survey {
+    /// Mass of the particles that are kept; their number where the family has no masses.
+    pub mass: f64,
+    /// The box around the particles that are kept; empty if there are none.
+    pub bounds: Bounds,
+    /// Particles left out.
+    pub left_out: LeftOut,
 }
 
 impl Survey {
+    const NOTHING: Survey = Survey { mass: 0.0, bounds: Bounds::EMPTY, left_out: LeftOut::NONE };
+
     /// Reads the family once, in parallel; the sums do not depend on the number of threads.
-    pub(super) fn of(source: &dyn Source, family: usize, info: &FamilyInfo) -> Result<Survey, ImportError> {
-        let nothing = [Tally { particles: 0, mass: 0.0, bounds: Bounds::EMPTY }; Flaws::KINDS];
-        let position = info.find(FieldKind::Position);
-        let mass = info.find(FieldKind::Mass);
-        let smoothing = info.find(FieldKind::SmoothingLength);
-        let tallies: Result<Vec<_>, ImportError> = chunks(info.count)
+    pub(super) fn of(
+        source: &dyn Source,
+        family: usize,
+        info: &FamilyInfo,
+        chosen: &Chosen,
+    ) -> Result<Survey, ImportError> {
+        let surveys: Result<Vec<_>, ImportError> = chunks(info.count)
             .into_par_iter()
             .map_init(
                 || [Vec::new(), Vec::new(), Vec::new()],
                 |[positions, masses, lengths]: &mut [Vec<f64>; 3], range| {
                     let length = (range.end - range.start) as usize;
-                    read(source, family, position, range.clone(), 3 * length, positions)?;
-                    read(source, family, mass, range.clone(), length, masses)?;
-                    read(source, family, smoothing, range, length, lengths)?;
-                    let mut tally = nothing;
+                    read(source, family, Some(chosen.position), range.clone(), 3 * length, positions)?;
+                    read(source, family, chosen.mass, range.clone(), length, masses)?;
+                    read(source, family, chosen.smoothing_length, range, length, lengths)?;
+                    let mut survey = Survey::NOTHING;
                     for (index, at) in positions.as_chunks::<3>().0.iter().enumerate() {
                         let mass = masses.get(index).copied();
-                        let length = lengths.get(index).copied();
-                        let flaws = Flaws::of(*at, mass.map(|m| m as f32), length.map(|h| h as f32));
-                        let kind = &mut tally[flaws.0 as usize];
-                        kind.particles += 1;
-                        kind.mass += mass.unwrap_or(1.0);
-                        kind.bounds = kind.bounds.with(DVec3::from_array(*at));
+                        let length = lengths.get(index).map(|&h| h as f32);
+                        let flaws = Flaws::of(*at, mass.map(|m| m as f32), length);
+                        survey.left_out.count(flaws);
+                        if flaws.none() {
+                            survey.mass += mass.unwrap_or(1.0);
+                            survey.bounds = survey.bounds.with(DVec3::from_array(*at));
+                        }
                     }
-                    Ok(tally)
+                    Ok(survey)
                 },
             )
             .collect();
-        let tally = tallies?.iter().fold(nothing, |mut all, chunk| {
-            for (sum, part) in all.iter_mut().zip(chunk) {
-                sum.particles += part.particles;
-                sum.mass += part.mass;
-                sum.bounds = sum.bounds.union(part.bounds);
-            }
+        Ok(surveys?.iter().fold(Survey::NOTHING, |mut all, part| {
+            all.mass += part.mass;
+            all.bounds = all.bounds.union(part.bounds);
+            all.left_out.add(&part.left_out);
             all
-        });
-        Ok(Survey { tally, has_mass: mass.is_some(), has_smoothing: smoothing.is_some() })
-    }
-
-    fn particles_with(&self, flaw: u8) -> u64 {
-        (0..Flaws::KINDS).filter(|kind| kind & flaw as usize != 0).map(|kind| self.tally[kind].particles).sum()
-    }
-
-    fn particles(&self) -> u64 {
-        self.tally.iter().map(|tally| tally.particles).sum()
-    }
-
-    /// Whether the family has masses: a field of which at least one value is positive.
-    pub(super) fn mass_is_usable(&self) -> bool {
-        self.has_mass && self.particles_with(Flaws::MASS) < self.particles()
-    }
-
-    /// Whether the family has smoothing lengths: a field of which at least one value is positive.
-    pub(super) fn smoothing_is_usable(&self) -> bool {
-        self.has_smoothing && self.particles_with(Flaws::SMOOTHING) < self.particles()
-    }
-
-    /// The kinds of flaws that lead to a particle being left out, with their tallies.
-    fn judged(&self) -> impl Iterator<Item = (Flaws, &Tally)> {
-        let ignored = if self.mass_is_usable() { 0 } else { Flaws::MASS }
-            | if self.smoothing_is_usable() { 0 } else { Flaws::SMOOTHING };
-        self.tally.iter().enumerate().map(move |(kind, tally)| (Flaws(kind as u8 & !ignored), tally))
-    }
-
-    /// Particles left out.
-    pub(super) fn left_out(&self) -> LeftOut {
-        let mut left_out = LeftOut::default();
-        self.judged().for_each(|(flaws, tally)| left_out.count(flaws, tally.particles));
-        left_out
-    }
-
-    /// Mass of the particles that are kept; their number where the family has no masses.
-    pub(super) fn mass(&self) -> f64 {
-        let kept = self.judged().filter(|(flaws, _)| flaws.none());
-        kept.map(|(_, tally)| if self.mass_is_usable() { tally.mass } else { tally.particles as f64 }).sum()
-    }
-
-    /// The box around the particles that are kept; none if there are none.
-    pub(super) fn bounds(&self) -> Option<Bounds> {
-        let kept = self.judged().filter(|(flaws, _)| flaws.none());
-        let bounds = kept.fold(Bounds::EMPTY, |bounds, (_, tally)| bounds.union(tally.bounds));
-        (!bounds.is_empty()).then_some(bounds)
+        }))
     }
 }
 

@@ -1,10 +1,11 @@
 //! From an opened source to particles in memory.
 
 use super::attributes;
-use super::check::{CHUNK_LENGTH, Flaws, LeftOut, chunks};
+use super::choice::replaced_densities;
 use super::neighbours::Neighbours;
-use super::{Description, FamilyInfo, FieldKind, ImportError, Source};
-use crate::model::{Attribute, Dataset, Family, FamilyName, Progress, Provenance};
+use super::stream::{SourceStream, streams};
+use super::{Description, ImportError, Source};
+use crate::model::{Attribute, Chunk, Dataset, Family, FamilyName, ParticleStream, Progress, Provenance};
 use rayon::prelude::*;
 use std::path::Path;
 
@@ -71,25 +72,20 @@ pub fn load_source(
     options: &LoadOptions,
     progress: &dyn Progress,
 ) -> Result<Dataset, ImportError> {
-    let about = source.description();
-    check_families(about, options)?;
-    let mut notes = about.notes.clone();
-    let mut left_out = LeftOut::default();
+    let streams = streams(source, options, &|names| (0..names.len()).collect())?;
+    let mut about = streams.about;
     let mut families = Vec::new();
-    for (index, info) in about.families.iter().enumerate() {
-        if options.families.is_empty() || options.families.contains(&info.name) {
-            let plan = attributes::plan(about, info, &options.attributes);
-            let loader = FamilyLoader { source, about, family: index, info, progress };
-            let loaded = loader.load(&plan, &options.smoothing, &mut notes, &mut left_out)?;
-            if !loaded.is_empty() {
-                families.push(loaded);
-            }
+    for stream in &streams.families {
+        let family = complete(stream, gather(stream, progress)?, &mut about.provenance.notes, progress);
+        if !family.is_empty() {
+            families.push(family);
         }
     }
     if families.is_empty() {
-        return Err(ImportError::NoParticles { path: about.path.clone(), field: "particles that can be drawn".into() });
+        let field = "particles that can be drawn".into();
+        return Err(ImportError::NoParticles { path: about.provenance.path, field });
     }
-    Ok(Dataset { families, skipped: left_out.into_skipped(), ..about_dataset(about, notes) })
+    Ok(Dataset { families, skipped: SourceStream::skipped(&streams.families), ..about })
 }
 
 /// What a source says of all its particles.
@@ -132,167 +128,68 @@ pub(super) fn check_families(about: &Description, options: &LoadOptions) -> Resu
     Ok(())
 }
 
-/// The field that [`Smoothing::Field`] names: scalar, of this family.
-pub(super) fn smoothing_field(about: &Description, info: &FamilyInfo, name: &str) -> Result<usize, ImportError> {
-    let scalar = |index: &usize| info.fields[*index].components == 1;
-    info.named(name).filter(scalar).ok_or_else(|| {
-        let fields = info.fields.iter().filter(|field| field.components == 1);
-        let names: Vec<&str> = fields.map(|field| field.name.as_str()).collect();
-        let expected = format!("a scalar field of {}: {}", info.name, names.join(", "));
-        ImportError::missing(&about.path, format!("smoothing length {name}"), expected)
-    })
+/// All chunks of a family as one, in their order.
+fn gather(stream: &SourceStream, progress: &dyn Progress) -> Result<Chunk, ImportError> {
+    progress.begin(&format!("reading {}", stream.family()), stream.chunks() as u64);
+    let most = stream.particles() as usize;
+    let mut all = Chunk {
+        positions: Vec::with_capacity(most),
+        mass: Vec::with_capacity(most),
+        density: Vec::with_capacity(most),
+        smoothing_length: Vec::with_capacity(most),
+        attributes: stream.attributes().iter().map(|_| Vec::with_capacity(most)).collect(),
+    };
+    let numbers: Vec<usize> = (0..stream.chunks()).collect();
+    for some in numbers.chunks(CHUNKS_PER_THREAD * rayon::current_num_threads()) {
+        let read = |&number: &usize| {
+            let mut chunk = Chunk::default();
+            stream.chunk(number, &mut chunk)?;
+            progress.advance(1);
+            Ok(chunk)
+        };
+        let chunks: Vec<Chunk> = some.par_iter().map(read).collect::<Result<_, ImportError>>()?;
+        for chunk in chunks {
+            all.positions.extend(chunk.positions);
+            all.mass.extend(chunk.mass);
+            all.density.extend(chunk.density);
+            all.smoothing_length.extend(chunk.smoothing_length);
+            all.attributes.iter_mut().zip(chunk.attributes).for_each(|(all, values)| all.extend(values));
+        }
+    }
+    Ok(all)
 }
 
-/// Loads one family.
-struct FamilyLoader<'a> {
-    source: &'a dyn Source,
-    about: &'a Description,
-    family: usize,
-    info: &'a FamilyInfo,
-    progress: &'a dyn Progress,
-}
-
-impl FamilyLoader<'_> {
-    fn load(
-        &self,
-        plan: &[attributes::Planned],
-        smoothing: &Smoothing,
-        notes: &mut Vec<String>,
-        left_out: &mut LeftOut,
-    ) -> Result<Family, ImportError> {
-        let name = self.info.name;
-        let columns = 3 + plan.len() as u64;
-        self.progress.begin(&format!("reading {name}"), self.info.count.saturating_mul(columns));
-        let mut positions = self.positions()?;
-        let mut mass = self.optional(self.info.find(FieldKind::Mass))?;
-        if mass.as_ref().is_none_or(|mass| !mass.iter().any(|m| *m > 0.0)) {
-            notes.push(format!("{name}: no masses, each particle counts 1"));
-            mass = None;
-        }
-        let wanted = match smoothing {
-            Smoothing::Auto => self.info.find(FieldKind::SmoothingLength),
-            Smoothing::Knn(_) => None,
-            Smoothing::Field(field) => Some(smoothing_field(self.about, self.info, field)?),
-        };
-        let mut lengths = self.optional(wanted)?;
-        if lengths.as_ref().is_some_and(|lengths| !lengths.iter().any(|h| *h > 0.0)) {
-            notes.push(format!("{name}: no smoothing length is positive, so they are estimated"));
-            lengths = None;
-        }
-        let mut density = self.optional(self.info.find(FieldKind::Density))?;
-        let mut attributes = Vec::with_capacity(plan.len());
-        for planned in plan {
-            let values = self.column(planned.field, planned.part)?;
-            attributes.push(Attribute { name: planned.name.clone(), unit: planned.unit.clone(), values });
-        }
-
-        let flaws = |index: usize| {
-            let at = |column: &Option<Vec<f32>>| column.as_ref().map(|column| column[index]);
-            Flaws::of(positions[index], at(&mass), at(&lengths))
-        };
-        let keep: Vec<bool> = (0..positions.len()).into_par_iter().map(|index| flaws(index).none()).collect();
-        if keep.contains(&false) {
-            (0..positions.len()).for_each(|index| left_out.count(flaws(index), 1));
-            retain(&mut positions, &keep);
-            let scalars = attributes.iter_mut().map(|attribute| &mut attribute.values);
-            for column in [&mut mass, &mut lengths, &mut density].into_iter().flatten().chain(scalars) {
-                retain(column, &keep);
-            }
-        }
-        let mass = mass.unwrap_or_else(|| vec![1.0; positions.len()]);
-        let neighbours = match smoothing {
-            Smoothing::Knn(k) => *k,
-            _ => DEFAULT_NEIGHBOURS,
-        };
-        let (smoothing_length, density) =
-            complete(name, &positions, &mass, lengths, density, neighbours, notes, self.progress);
-        Ok(Family { name, positions, mass, smoothing_length, density, attributes })
-    }
-
-    fn positions(&self) -> Result<Vec<[f64; 3]>, ImportError> {
-        let Some(field) = self.info.find(FieldKind::Position) else {
-            let field = format!("positions of {}", self.info.name);
-            return Err(ImportError::missing(&self.about.path, field, "coordinates"));
-        };
-        let mut positions = vec![[0.0; 3]; self.info.count as usize];
-        positions.par_chunks_mut(CHUNK_LENGTH).zip(chunks(self.info.count)).try_for_each(|(part, range)| {
-            self.source.read(self.family, field, range, part.as_flattened_mut())?;
-            self.progress.advance(part.len() as u64);
-            Ok(())
-        })?;
-        Ok(positions)
-    }
-
-    fn optional(&self, field: Option<usize>) -> Result<Option<Vec<f32>>, ImportError> {
-        field.map(|field| self.column(field, attributes::Part::Component(0))).transpose()
-    }
-
-    fn column(&self, field: usize, part: attributes::Part) -> Result<Vec<f32>, ImportError> {
-        let components = self.info.fields[field].components;
-        let mut column = vec![0.0f32; self.info.count as usize];
-        column.par_chunks_mut(CHUNK_LENGTH).zip(chunks(self.info.count)).try_for_each_init(
-            Vec::new,
-            |buffer, (column, range)| {
-                buffer.resize(column.len() * components, 0.0);
-                self.source.read(self.family, field, range, buffer)?;
-                for (value, values) in column.iter_mut().zip(buffer.chunks_exact(components)) {
-                    *value = part.of(values);
-                }
-                self.progress.advance(column.len() as u64);
-                Ok(())
-            },
-        )?;
-        Ok(column)
-    }
-}
-
-/// Keeps the entries whose flag is set.
-fn retain<T>(column: &mut Vec<T>, keep: &[bool]) {
-    let mut flags = keep.iter();
-    column.retain(|_| flags.next().copied().unwrap_or(false));
-}
+/// Chunks that a thread reads before they are put together, so that few are held twice.
+const CHUNKS_PER_THREAD: usize = 8;
 
 /// Fills in smoothing lengths and densities that the source lacks; everything it returns is positive and finite.
-fn complete(
-    name: FamilyName,
-    positions: &[[f64; 3]],
-    mass: &[f32],
-    lengths: Option<Vec<f32>>,
-    density: Option<Vec<f32>>,
-    neighbours: usize,
-    notes: &mut Vec<String>,
-    progress: &dyn Progress,
-) -> (Vec<f32>, Vec<f32>) {
-    let usable = |rho: &f32| *rho > 0.0 && rho.is_finite();
-    let lacking = density.as_ref().map_or(positions.len(), |rho| rho.iter().filter(|rho| !usable(rho)).count());
-    if lacking > 0 && density.is_some() {
-        notes.push(format!("{name}: {lacking} densities are not positive and are replaced by estimates"));
+fn complete(stream: &SourceStream, particles: Chunk, notes: &mut Vec<String>, progress: &dyn Progress) -> Family {
+    let name = stream.family();
+    let Chunk { positions, mass, mut density, smoothing_length: mut lengths, attributes } = particles;
+    let count = positions.len();
+    let lacking = density.iter().filter(|rho| rho.is_nan()).count();
+    if lacking > 0 && lacking < count {
+        notes.push(replaced_densities(name, lacking as u64));
     }
-    let stated = |density: Option<Vec<f32>>, estimates: Vec<f32>| match density {
-        Some(stated) => stated.into_iter().zip(estimates).map(|(a, b)| if usable(&a) { a } else { b }).collect(),
-        None => estimates,
+    let replace = |density: &mut [f32], estimates: &mut dyn Iterator<Item = f64>| {
+        density.iter_mut().zip(estimates).filter(|(rho, _)| rho.is_nan()).for_each(|(rho, sum)| *rho = positive(sum));
     };
-    if let Some(lengths) = lengths {
-        let density = match density {
-            Some(density) if lacking == 0 => density,
-            density => {
-                notes.extend(density.is_none().then(|| format!("{name}: density from mass and smoothing length")));
-                progress.begin(&format!("density of {name}"), positions.len() as u64);
-                let tree = Neighbours::of(positions);
-                let sums = tree.map_or_else(Vec::new, |tree| tree.density(&lengths, mass, None, progress));
-                stated(density, sums.into_iter().map(positive).collect())
-            }
-        };
-        return (lengths, density);
+    if stream.chosen.smoothing_length.is_none() {
+        progress.begin(&format!("neighbours of {name}"), count as u64);
+        let estimates = Neighbours::of(&positions)
+            .map_or_else(Vec::new, |tree| tree.estimate(stream.chosen.neighbours, &mass, None, progress));
+        lengths = estimates.iter().map(|estimate| positive(estimate.smoothing_length)).collect();
+        replace(&mut density, &mut estimates.iter().map(|estimate| estimate.density));
+    } else if lacking > 0 {
+        progress.begin(&format!("density of {name}"), count as u64);
+        let sums =
+            Neighbours::of(&positions).map_or_else(Vec::new, |tree| tree.density(&lengths, &mass, None, progress));
+        replace(&mut density, &mut sums.into_iter());
     }
-    notes.push(format!("{name}: smoothing length is the distance to neighbour {neighbours}"));
-    notes.extend(density.is_none().then(|| format!("{name}: density from mass and that smoothing length")));
-    progress.begin(&format!("neighbours of {name}"), positions.len() as u64);
-    let tree = Neighbours::of(positions);
-    let estimates = tree.map_or_else(Vec::new, |tree| tree.estimate(neighbours, mass, None, progress));
-    let lengths = estimates.iter().map(|estimate| positive(estimate.smoothing_length)).collect();
-    let sums = estimates.iter().map(|estimate| positive(estimate.density)).collect();
-    (lengths, stated(density, sums))
+    let attributes = stream.attributes().iter().zip(attributes);
+    let attributes =
+        attributes.map(|((name, unit), values)| Attribute { name: name.clone(), unit: unit.clone(), values });
+    Family { name, positions, mass, smoothing_length: lengths, density, attributes: attributes.collect() }
 }
 
 /// The nearest positive finite `f32`.

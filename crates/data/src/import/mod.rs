@@ -7,7 +7,9 @@
 mod attributes;
 mod bytes;
 mod check;
+mod choice;
 mod error;
+mod folder;
 mod format;
 mod gadget;
 mod hdf5;
@@ -22,8 +24,10 @@ mod table;
 mod tipsy;
 mod units;
 
+pub use choice::replaced_densities;
 pub use error::ImportError;
-pub use format::{FORMATS, Format, HEAD, open};
+pub use folder::{OtherKind, file_in};
+pub use format::{FORMATS, Format, HEAD, open, open_with};
 pub use load::{AttributeChoice, DEFAULT_NEIGHBOURS, LoadOptions, Smoothing, load, load_source};
 pub use rows::{FamilyRows, Scalar};
 pub use source::{Description, FamilyInfo, Field, FieldKind, Source};

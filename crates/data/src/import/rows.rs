@@ -3,8 +3,8 @@
 
 use super::attributes::{self, Part};
 use super::check::{Flaws, chunks};
-use super::stream::any_positive;
-use super::{Description, FamilyInfo, FieldKind, ImportError, Source};
+use super::choice::Chosen;
+use super::{Description, FamilyInfo, FieldKind, ImportError, Smoothing, Source};
 use crate::model::Unit;
 use std::ops::Range;
 
@@ -46,9 +46,7 @@ pub struct FamilyRows<'a> {
     source: &'a dyn Source,
     family: usize,
     info: &'a FamilyInfo,
-    position: usize,
-    mass: Option<usize>,
-    smoothing_length: Option<usize>,
+    chosen: Chosen,
 }
 
 impl<'a> FamilyRows<'a> {
@@ -57,21 +55,8 @@ impl<'a> FamilyRows<'a> {
     /// # Errors
     /// When the source cannot be read, or there is no such family or it has no positions.
     pub fn new(source: &'a dyn Source, family: usize) -> Result<FamilyRows<'a>, ImportError> {
-        let about = source.description();
-        let Some(info) = about.families.get(family) else {
-            let families = format!("a family below {}", about.families.len());
-            return Err(ImportError::missing(&about.path, format!("family {family}"), families));
-        };
-        let Some(position) = info.find(FieldKind::Position) else {
-            return Err(ImportError::missing(&about.path, format!("positions of {}", info.name), "coordinates"));
-        };
-        // A field without any positive value is none, as for a load.
-        let usable = |kind| -> Result<Option<usize>, ImportError> {
-            let Some(field) = info.find(kind) else { return Ok(None) };
-            Ok(any_positive(source, family, info, field)?.then_some(field))
-        };
-        let (mass, smoothing_length) = (usable(FieldKind::Mass)?, usable(FieldKind::SmoothingLength)?);
-        Ok(FamilyRows { source, family, info, position, mass, smoothing_length })
+        let chosen = Chosen::of(source, family, &Smoothing::Auto)?;
+        Ok(FamilyRows { source, family, info: &source.description().families[family], chosen })
     }
 
     /// The family.
@@ -81,7 +66,7 @@ impl<'a> FamilyRows<'a> {
 
     /// Whether the source has masses; each row counts 1 where it has not.
     pub fn has_masses(&self) -> bool {
-        self.mass.is_some()
+        self.chosen.mass.is_some()
     }
 
     /// All rows in ranges of bounded length.
@@ -95,7 +80,7 @@ impl<'a> FamilyRows<'a> {
     /// When the source cannot be read.
     pub fn positions(&self, range: Range<u64>, out: &mut Vec<[f64; 3]>) -> Result<(), ImportError> {
         out.resize(length(&range), [0.0; 3]);
-        self.source.read(self.family, self.position, range, out.as_flattened_mut())
+        self.source.read(self.family, self.chosen.position, range, out.as_flattened_mut())
     }
 
     /// Reads masses, and drops from `rows` (numbers within the range, ascending) those that a load leaves out: with a position
@@ -112,13 +97,13 @@ impl<'a> FamilyRows<'a> {
     ) -> Result<(), ImportError> {
         let count = length(&range);
         let mut lengths = Vec::new();
-        if let Some(field) = self.smoothing_length {
+        if let Some(field) = self.chosen.smoothing_length {
             lengths.resize(count, 0.0);
             self.source.read(self.family, field, range.clone(), &mut lengths)?;
         }
         mass.clear();
         mass.resize(count, 1.0);
-        if let Some(field) = self.mass {
+        if let Some(field) = self.chosen.mass {
             self.source.read(self.family, field, range, mass)?;
         }
         rows.retain(|&row| {

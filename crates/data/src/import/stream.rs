@@ -1,9 +1,10 @@
 //! An opened source as streams of particles, for builds of what does not fit in memory.
 
 use super::attributes::{self, Planned};
-use super::check::{CHUNK_LENGTH, Flaws, LeftOut, chunks};
-use super::load::{about_dataset, check_families, smoothing_field};
-use super::{DEFAULT_NEIGHBOURS, FamilyInfo, FieldKind, ImportError, LoadOptions, Smoothing, Source};
+use super::check::{CHUNK_LENGTH, Flaws, LeftOut, chunks, drawable};
+use super::choice::Chosen;
+use super::load::{about_dataset, check_families};
+use super::{FamilyInfo, ImportError, LoadOptions, Source};
 use crate::model::{Chunk, Dataset, FamilyName, ParticleStream, Skipped, StreamError, Unit};
 use std::cell::RefCell;
 use std::ops::Range;
@@ -35,36 +36,8 @@ pub fn streams<'a>(
         if !options.families.is_empty() && !options.families.contains(&info.name) {
             continue;
         }
-        let Some(position) = info.find(FieldKind::Position) else {
-            return Err(ImportError::missing(&about.path, format!("positions of {}", info.name), "coordinates"));
-        };
-        let (smoothing_length, neighbours) = match &options.smoothing {
-            Smoothing::Auto => (info.find(FieldKind::SmoothingLength), DEFAULT_NEIGHBOURS),
-            Smoothing::Field(name) => (Some(smoothing_field(about, info, name)?), DEFAULT_NEIGHBOURS),
-            Smoothing::Knn(k) => (None, *k),
-        };
-        let stated =
-            smoothing_length.map(|field| Ok((field, any_positive(source, index, info, field)?))).transpose()?;
-        if matches!(stated, Some((_, false))) {
-            notes.push(format!("{}: no smoothing length is positive, so they are estimated", info.name));
-        }
-        let smoothing_length = stated.filter(|(_, any)| *any).map(|(field, _)| field);
-        let density = info.find(FieldKind::Density);
-        match (smoothing_length, density) {
-            (None, _) => {
-                notes.push(format!("{}: smoothing length is the distance to neighbour {neighbours}", info.name));
-                notes.extend(
-                    density.is_none().then(|| format!("{}: density from mass and that smoothing length", info.name)),
-                );
-            }
-            (Some(_), None) => notes.push(format!("{}: density from mass and smoothing length", info.name)),
-            (Some(_), Some(_)) => {}
-        }
-        let mass = info.find(FieldKind::Mass).map(|mass| Ok((mass, any_positive(source, index, info, mass)?)));
-        let mass = mass.transpose()?.filter(|(_, any)| *any).map(|(mass, _)| mass);
-        if mass.is_none() {
-            notes.push(format!("{}: no masses, each particle counts 1", info.name));
-        }
+        let chosen = Chosen::of(source, index, &options.smoothing)?;
+        notes.extend(chosen.notes.iter().cloned());
         let planned = attributes::plan(about, info, &options.attributes);
         let names: Vec<&str> = planned.iter().map(|planned| planned.name.as_str()).collect();
         let planned: Vec<Planned> = choose(&names).into_iter().map(|index| planned[index].clone()).collect();
@@ -72,11 +45,7 @@ pub fn streams<'a>(
             source,
             family: index,
             info,
-            position,
-            mass,
-            smoothing_length,
-            density,
-            neighbours,
+            chosen,
             attributes: planned.iter().map(|planned| (planned.name.clone(), planned.unit.clone())).collect(),
             planned,
             counted: chunks(info.count).iter().map(|_| AtomicBool::new(false)).collect(),
@@ -86,34 +55,12 @@ pub fn streams<'a>(
     Ok(Streams { about: about_dataset(about, notes), families })
 }
 
-/// Whether a scalar field has a positive value; reads until it finds one.
-pub(super) fn any_positive(
-    source: &dyn Source,
-    family: usize,
-    info: &FamilyInfo,
-    field: usize,
-) -> Result<bool, ImportError> {
-    let mut values = Vec::new();
-    for range in chunks(info.count) {
-        values.resize((range.end - range.start) as usize, 0.0);
-        source.read(family, field, range, &mut values)?;
-        if values.iter().any(|&value| value as f32 > 0.0) {
-            return Ok(true);
-        }
-    }
-    Ok(false)
-}
-
 /// One family of a source. Particles that cannot be drawn are left out, by the rule of [`super::load`].
 pub struct SourceStream<'a> {
     source: &'a dyn Source,
     family: usize,
     info: &'a FamilyInfo,
-    position: usize,
-    mass: Option<usize>,
-    smoothing_length: Option<usize>,
-    density: Option<usize>,
-    neighbours: usize,
+    pub(super) chosen: Chosen,
     planned: Vec<Planned>,
     attributes: Vec<(String, Unit)>,
     /// Chunks that have been read once, so that what is left out is counted once.
@@ -129,6 +76,55 @@ impl SourceStream<'_> {
             all.add(&stream.left_out.lock().unwrap_or_else(|poisoned| poisoned.into_inner()));
         }
         all.into_skipped()
+    }
+
+    /// Reads a chunk as [`ParticleStream::read`] does.
+    ///
+    /// # Errors
+    /// When the source cannot be read.
+    pub(super) fn chunk(&self, number: usize, into: &mut Chunk) -> Result<(), ImportError> {
+        let start = (number * CHUNK_LENGTH) as u64;
+        let range = start..self.info.count.min(start + CHUNK_LENGTH as u64);
+        let len = (range.end - range.start) as usize;
+        into.positions.resize(len, [0.0; 3]);
+        self.source.read(self.family, self.chosen.position, range.clone(), into.positions.as_flattened_mut())?;
+        let scalar = attributes::Part::Component(0);
+        let optional = |field: Option<usize>, otherwise: f32, out: &mut Vec<f32>| match field {
+            Some(field) => self.column(field, scalar, &range, out),
+            None => {
+                out.clear();
+                out.resize(len, otherwise);
+                Ok(())
+            }
+        };
+        optional(self.chosen.mass, 1.0, &mut into.mass)?;
+        optional(self.chosen.smoothing_length, f32::NAN, &mut into.smoothing_length)?;
+        optional(self.chosen.density, f32::NAN, &mut into.density)?;
+        let has_smoothing_length = self.chosen.smoothing_length.is_some();
+        into.attributes.resize_with(self.planned.len(), Vec::new);
+        for (planned, out) in self.planned.iter().zip(&mut into.attributes) {
+            self.column(planned.field, planned.part, &range, out)?;
+        }
+        let flaws = |i: usize| {
+            Flaws::of(into.positions[i], Some(into.mass[i]), has_smoothing_length.then(|| into.smoothing_length[i]))
+        };
+        let keep: Vec<bool> = (0..len).map(|i| flaws(i).none()).collect();
+        let first = !self.counted[number].swap(true, Ordering::Relaxed);
+        if keep.contains(&false) {
+            if first {
+                let mut left_out = self.left_out.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+                (0..len).for_each(|i| left_out.count(flaws(i)));
+            }
+            let mut flags = keep.iter();
+            into.positions.retain(|_| flags.next().copied().unwrap_or(false));
+            let columns = [&mut into.mass, &mut into.smoothing_length, &mut into.density];
+            for column in columns.into_iter().chain(&mut into.attributes) {
+                let mut flags = keep.iter();
+                column.retain(|_| flags.next().copied().unwrap_or(false));
+            }
+        }
+        into.density.iter_mut().filter(|rho| !drawable(**rho)).for_each(|rho| *rho = f32::NAN);
+        Ok(())
     }
 
     fn column(
@@ -173,51 +169,10 @@ impl ParticleStream for SourceStream<'_> {
     }
 
     fn neighbours(&self) -> Option<usize> {
-        Some(self.neighbours)
+        Some(self.chosen.neighbours)
     }
 
     fn read(&self, number: usize, into: &mut Chunk) -> Result<(), StreamError> {
-        let start = (number * CHUNK_LENGTH) as u64;
-        let range = start..self.info.count.min(start + CHUNK_LENGTH as u64);
-        let len = (range.end - range.start) as usize;
-        into.positions.resize(len, [0.0; 3]);
-        self.source.read(self.family, self.position, range.clone(), into.positions.as_flattened_mut())?;
-        let scalar = attributes::Part::Component(0);
-        let optional = |field: Option<usize>, otherwise: f32, out: &mut Vec<f32>| match field {
-            Some(field) => self.column(field, scalar, &range, out),
-            None => {
-                out.clear();
-                out.resize(len, otherwise);
-                Ok(())
-            }
-        };
-        optional(self.mass, 1.0, &mut into.mass)?;
-        optional(self.smoothing_length, f32::NAN, &mut into.smoothing_length)?;
-        optional(self.density, f32::NAN, &mut into.density)?;
-        let has_smoothing_length = self.smoothing_length.is_some();
-        into.attributes.resize_with(self.planned.len(), Vec::new);
-        for (planned, out) in self.planned.iter().zip(&mut into.attributes) {
-            self.column(planned.field, planned.part, &range, out)?;
-        }
-        let flaws = |i: usize| {
-            Flaws::of(into.positions[i], Some(into.mass[i]), has_smoothing_length.then(|| into.smoothing_length[i]))
-        };
-        let keep: Vec<bool> = (0..len).map(|i| flaws(i).none()).collect();
-        let first = !self.counted[number].swap(true, Ordering::Relaxed);
-        if keep.contains(&false) {
-            if first {
-                let mut left_out = self.left_out.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
-                (0..len).for_each(|i| left_out.count(flaws(i), 1));
-            }
-            let mut flags = keep.iter();
-            into.positions.retain(|_| flags.next().copied().unwrap_or(false));
-            let columns = [&mut into.mass, &mut into.smoothing_length, &mut into.density];
-            for column in columns.into_iter().chain(&mut into.attributes) {
-                let mut flags = keep.iter();
-                column.retain(|_| flags.next().copied().unwrap_or(false));
-            }
-        }
-        into.density.iter_mut().filter(|rho| !(**rho > 0.0 && rho.is_finite())).for_each(|rho| *rho = f32::NAN);
-        Ok(())
+        Ok(self.chunk(number, into)?)
     }
 }

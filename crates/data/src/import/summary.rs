@@ -1,7 +1,8 @@
 //! What a source holds, with statistics of every field: the content of `info --json`.
 
 use super::check::{LeftOut, Survey, chunks};
-use super::{FamilyInfo, ImportError, Source};
+use super::choice::Chosen;
+use super::{FamilyInfo, ImportError, Smoothing, Source};
 use crate::model::{Bounds, FamilyName, Kernel, Skipped, Unit};
 use rayon::prelude::*;
 use serde::Serialize;
@@ -84,7 +85,7 @@ pub struct Summary {
     pub bounds: Option<Bounds>,
     /// Particles that [`super::load`] leaves out, by reason.
     pub skipped: Vec<Skipped>,
-    /// What the import assumes or converts.
+    /// What the import assumes, converts or estimates.
     pub notes: Vec<String>,
 }
 
@@ -104,8 +105,13 @@ pub fn summarize_source(source: &dyn Source) -> Result<Summary, ImportError> {
     let about = source.description();
     let mut families = Vec::with_capacity(about.families.len());
     let mut left_out = LeftOut::default();
+    let mut notes = about.notes.clone();
     for (index, info) in about.families.iter().enumerate() {
-        families.push(summarize_family(source, index, info, &mut left_out)?);
+        let chosen = Chosen::of(source, index, &Smoothing::Auto)?;
+        let survey = Survey::of(source, index, info, &chosen)?;
+        left_out.add(&survey.left_out);
+        families.push(summarize_family(source, index, info, &survey)?);
+        notes.extend(chosen.notes);
     }
     let bounds = families.iter().filter_map(|family| family.bounds).reduce(Bounds::union);
     Ok(Summary {
@@ -123,7 +129,7 @@ pub fn summarize_source(source: &dyn Source) -> Result<Summary, ImportError> {
         families,
         bounds,
         skipped: left_out.into_skipped(),
-        notes: about.notes.clone(),
+        notes,
     })
 }
 
@@ -186,7 +192,7 @@ fn summarize_family(
     source: &dyn Source,
     index: usize,
     info: &FamilyInfo,
-    left_out: &mut LeftOut,
+    survey: &Survey,
 ) -> Result<FamilySummary, ImportError> {
     let mut fields = Vec::with_capacity(info.fields.len());
     for (number, field) in info.fields.iter().enumerate() {
@@ -203,7 +209,6 @@ fn summarize_family(
             non_finite: info.count * field.components as u64 - values,
         });
     }
-    let survey = Survey::of(source, index, info)?;
-    left_out.add(&survey.left_out());
-    Ok(FamilySummary { name: info.name, count: info.count, mass: survey.mass(), bounds: survey.bounds(), fields })
+    let bounds = (!survey.bounds.is_empty()).then_some(survey.bounds);
+    Ok(FamilySummary { name: info.name, count: info.count, mass: survey.mass, bounds, fields })
 }

@@ -9,7 +9,7 @@
 use super::bytes::{Number, Order, RangeFile, Records};
 use super::check::chunks;
 use super::{Description, FamilyInfo, Field, FieldKind, Format, ImportError, Source};
-use crate::model::{FamilyName, Unit};
+use crate::model::{FamilyName, ReadMethod, Unit};
 use std::ops::Range;
 use std::path::Path;
 
@@ -85,8 +85,8 @@ impl Format for Tipsy {
         Header::parse(head).is_some()
     }
 
-    fn open(&self, path: &Path) -> Result<Box<dyn Source>, ImportError> {
-        Ok(Box::new(Snapshot::open(path)?))
+    fn open(&self, path: &Path, method: ReadMethod) -> Result<Box<dyn Source>, ImportError> {
+        Ok(Box::new(Snapshot::open(path, method)?))
     }
 }
 
@@ -107,8 +107,8 @@ struct Extent {
 }
 
 impl Snapshot {
-    fn open(path: &Path) -> Result<Snapshot, ImportError> {
-        let file = RangeFile::open(path)?;
+    fn open(path: &Path, method: ReadMethod) -> Result<Snapshot, ImportError> {
+        let file = RangeFile::open(path, method)?;
         let mut head = vec![0u8; file.length.min(32) as usize];
         file.read(0, &mut head, "header")?;
         let Some(header) = Header::parse(&head) else {

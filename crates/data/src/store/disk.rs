@@ -4,7 +4,7 @@
 //! A file that is open may be deleted, replaced, rewritten or cut short by somebody else. Reads of it then end with an
 //! error or break a checksum; [`Disk::change`] finds out why.
 
-use crate::model::positioned;
+use crate::model::{ReadFile, ReadMethod};
 use std::fmt;
 use std::fs::{File, Metadata};
 use std::io;
@@ -63,31 +63,36 @@ impl fmt::Display for Change {
 #[derive(Debug)]
 pub struct LocalFile {
     path: PathBuf,
-    file: File,
+    file: ReadFile,
     len: u64,
     identity: Identity,
 }
 
 impl LocalFile {
-    /// Opens a file; `None` if it is there but not a regular file.
+    /// Opens a file that is read in the way `method`; `None` if it is there but not a regular file.
     ///
     /// # Errors
     /// What the system answers.
-    pub fn open(path: &Path) -> io::Result<Option<LocalFile>> {
+    pub fn open(path: &Path, method: ReadMethod) -> io::Result<Option<LocalFile>> {
         let file = File::open(path)?;
         let about = file.metadata()?;
         let (len, identity) = (about.len(), identity(&about));
-        Ok(about.is_file().then(|| LocalFile { path: path.to_path_buf(), file, len, identity }))
+        Ok(about.is_file().then(|| LocalFile {
+            path: path.to_path_buf(),
+            file: ReadFile::new(file, method),
+            len,
+            identity,
+        }))
     }
 }
 
 impl Disk for LocalFile {
     fn read_exact_at(&self, buffer: &mut [u8], offset: u64) -> io::Result<()> {
-        positioned::read_exact_at(&self.file, buffer, offset)
+        self.file.read_exact_at(buffer, offset)
     }
 
     fn size(&self) -> io::Result<u64> {
-        Ok(self.file.metadata()?.len())
+        Ok(self.file.file().metadata()?.len())
     }
 
     fn change(&self) -> Option<Change> {
@@ -97,7 +102,7 @@ impl Disk for LocalFile {
             // A folder that cannot be looked into says nothing about the file.
             _ => {}
         }
-        let to = self.file.metadata().ok()?.len();
+        let to = self.file.file().metadata().ok()?.len();
         (to < self.len).then_some(Change::Shortened { from: self.len, to })
     }
 }
@@ -131,11 +136,19 @@ mod tests {
 
     #[test]
     fn what_becomes_of_an_open_file_is_told() {
+        what_becomes_is_told(ReadMethod::Positioned);
+        // Windows does not cut a file that is mapped.
+        if cfg!(unix) {
+            what_becomes_is_told(ReadMethod::Mapped);
+        }
+    }
+
+    fn what_becomes_is_told(method: ReadMethod) {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.df");
-        assert!(LocalFile::open(folder.path()).is_ok_and(|found| found.is_none()) || cfg!(windows));
+        assert!(LocalFile::open(folder.path(), method).is_ok_and(|found| found.is_none()) || cfg!(windows));
         write(&path, 100);
-        let file = LocalFile::open(&path).unwrap().unwrap();
+        let file = LocalFile::open(&path, method).unwrap().unwrap();
         assert_eq!((file.change(), file.size().unwrap()), (None, 100));
         // Longer, or touched, is still the same file.
         write(&path, 120);

@@ -5,8 +5,7 @@ use super::metadata::{AttributeInfo, FamilyMetadata, Metadata};
 use super::page::PageId;
 use super::page_file::{PageFile, Part};
 use crate::codec::Codebook;
-use crate::hierarchy::RootCell;
-use crate::model::{Placement, Unit};
+use crate::model::{Placement, ReadMethod, Unit};
 use std::sync::Arc;
 
 impl PageFile {
@@ -19,6 +18,7 @@ impl PageFile {
     pub fn join(files: Vec<(PageFile, Placement)>) -> Result<(PageFile, Vec<String>), StoreError> {
         let mut joined: Option<(PageFile, Metadata)> = None;
         let mut notes = Vec::new();
+        let read = files.first().map(|(file, _)| file.read).unwrap_or_default();
         for (file, placement) in files {
             for part in file.parts {
                 let own = Part { placement: part.placement.then(&placement), ..part };
@@ -29,6 +29,7 @@ impl PageFile {
             return Err(StoreError::Unjoinable { path: Default::default(), reason: "no file is named".into() });
         };
         scene.metadata = Arc::new(metadata);
+        scene.read = read;
         Ok((scene, notes))
     }
 }
@@ -55,7 +56,7 @@ fn add(scene: &mut Option<(PageFile, Metadata)>, part: Part) -> Result<Vec<Strin
         None => {
             let mut whole = Metadata { families, ..own.as_ref().clone() };
             whole.provenance.box_size = box_size;
-            *scene = Some((PageFile { metadata: own, parts: vec![part] }, whole));
+            *scene = Some((PageFile { metadata: own, parts: vec![part], read: ReadMethod::default() }, whole));
         }
         Some((scene, whole)) => {
             whole.families.extend(families);
@@ -101,7 +102,7 @@ fn placed(family: &FamilyMetadata, first_page: u32, placement: &Placement) -> Op
     placed.mass *= placement.mass;
     placed.mass_density *= placement.mass * placement.density();
     placed.bounds = placement.bounds(family.bounds);
-    placed.root = RootCell { min: placement.position(family.root.min), size: family.root.size * placement.scale };
+    placed.root = family.root.placed(placement);
     let factors = [placement.mass, placement.density(), placement.scale];
     for (info, factor) in placed.quantities.iter_mut().zip(factors) {
         scale_info(info, factor);

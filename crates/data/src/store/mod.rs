@@ -1,8 +1,8 @@
 //! The page file (design decision 1): layout, writer, reader and verifier. Its specification is `docs/page-file.md`.
 //!
-//! A file is a fixed header, pages aligned to 4096 bytes, and a footer. It is read with positioned reads rather than
-//! mapped: a page is copied and checked once as it is loaded anyway, a file that is truncated while it is open gives an
-//! error instead of a signal, and it needs no `unsafe`. The operating system's page cache serves repeated reads.
+//! A file is a fixed header, pages aligned to 4096 bytes, and a footer. A page is copied from it and checked once as it
+//! is loaded, by positioned reads or from a mapping ([`ReadMethod`](crate::model::ReadMethod)); the operating system's page cache
+//! serves repeated reads.
 
 pub mod disk;
 pub mod error;
@@ -15,15 +15,25 @@ pub mod temporary;
 pub mod verify;
 pub mod writer;
 
+mod block;
+mod content;
 mod footer;
+mod in_memory;
 mod joined;
+mod located;
 mod reader;
+mod tree;
 mod wire;
 
+pub use block::Block;
+pub use content::{Content, Particles};
 pub use disk::{Change, Disk, LocalFile};
 pub use error::StoreError;
+pub use in_memory::InMemory;
+pub use located::{Located, SourcePlace};
 pub use metadata::{AttributeInfo, AttributeMerge, FamilyMetadata, Histogram, LevelInfo, Metadata, VolumeTree};
-pub use page::{Encoding, Node, NodeParticles, NodeRef, Page, PageId, Positions};
+pub use page::{Branch, Encoding, Frame, Node, NodeParticles, NodeRef, Page, PageId, Positions};
 pub use page_file::{PageBytes, PageFile, PartInfo};
+pub use tree::Tree;
 pub use verify::{Verified, verify};
 pub use writer::PageFileWriter;

@@ -8,7 +8,7 @@ use super::error::StoreError;
 use super::metadata::Metadata;
 use super::page::{Page, PageId};
 use super::reader::{RawPage, Reader};
-use crate::model::Placement;
+use crate::model::{Placement, ReadMethod};
 use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
@@ -20,12 +20,31 @@ pub struct PageBytes {
     raw: RawPage,
 }
 
+impl PageBytes {
+    /// The bytes of a page of a tree that is no page file.
+    pub fn new(page: PageId, bytes: Vec<u8>) -> PageBytes {
+        PageBytes { part: 0, raw: RawPage { page, bytes } }
+    }
+
+    /// The page; of several files, its number in its own.
+    pub fn page(&self) -> PageId {
+        self.raw.page
+    }
+
+    /// The bytes.
+    pub fn bytes(&self) -> &[u8] {
+        &self.raw.bytes
+    }
+}
+
 /// An open page file, or several as one. Cheap to share in an `Arc`: reads are positioned and take no lock.
 #[derive(Debug)]
 pub struct PageFile {
     pub(super) metadata: Arc<Metadata>,
     /// One or more.
     pub(super) parts: Vec<Part>,
+    /// How its bytes come into memory.
+    pub(super) read: ReadMethod,
 }
 
 /// One file of a scene.
@@ -57,10 +76,19 @@ impl PageFile {
     /// # Errors
     /// [`StoreError`] where it cannot be read, is no page file or is damaged.
     pub fn open(path: &Path) -> Result<PageFile, StoreError> {
-        let opened = LocalFile::open(path);
+        PageFile::open_with(path, ReadMethod::default())
+    }
+
+    /// The same, read in the way `method`.
+    ///
+    /// # Errors
+    /// As [`PageFile::open`].
+    pub fn open_with(path: &Path, method: ReadMethod) -> Result<PageFile, StoreError> {
+        let opened = LocalFile::open(path, method);
         let opened = opened.map_err(|source| StoreError::Io { path: path.to_path_buf(), action: "open", source })?;
         let not_a_file = || StoreError::NotAPageFile { path: path.to_path_buf(), expected: "a regular file" };
-        PageFile::open_on(path, Arc::new(opened.ok_or_else(not_a_file)?))
+        let file = PageFile::open_on(path, Arc::new(opened.ok_or_else(not_a_file)?))?;
+        Ok(PageFile { read: method, ..file })
     }
 
     /// The same for bytes that lie anywhere; `path` is what messages call them.
@@ -71,7 +99,7 @@ impl PageFile {
         let reader = Reader::open_on(path, disk)?;
         let metadata = Arc::clone(reader.metadata());
         let part = Part { reader, placement: Placement::HERE, first_page: 0, first_family: 0 };
-        Ok(PageFile { metadata, parts: vec![part] })
+        Ok(PageFile { metadata, parts: vec![part], read: ReadMethod::default() })
     }
 
     /// Whether `bytes`, the first ones of a file, say that it is a page file of any version.
@@ -87,6 +115,11 @@ impl PageFile {
     /// The path as it was opened; that of the first of several.
     pub fn path(&self) -> &Path {
         self.first().path()
+    }
+
+    /// How its bytes come into memory; its source is read alike.
+    pub fn read_method(&self) -> ReadMethod {
+        self.read
     }
 
     /// Whether there are several files.
@@ -160,7 +193,7 @@ impl PageFile {
     pub fn decode_page(&self, bytes: PageBytes) -> Result<Page, StoreError> {
         // Bytes come from a page of this scene, or of another with fewer or more files.
         let part = self.parts.get(bytes.part).unwrap_or(&self.parts[0]);
-        let mut page = part.reader.decode_page(bytes.raw)?;
+        let mut page = part.reader.decode_page(bytes.raw, &part.placement)?;
         if part.first_page > 0 || !part.placement.is_here() {
             page.relocate(part.first_page, part.first_family, &part.placement);
         }

@@ -23,7 +23,7 @@ fn words(list: &DisplayList) -> Vec<display_list::Area> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(64))]
+    #![proptest_config(crate::cases::cases(64))]
     #[test]
     fn words_keep_apart_and_in_the_picture(
         eye in [-3.0..3.0f64, -3.0..3.0, -3.0..3.0],

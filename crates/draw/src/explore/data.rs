@@ -1,16 +1,16 @@
 //! The two kinds of data that can be asked: a page file and a source.
 
 use super::error::ExploreError;
-use crate::import::{FamilyInfo, FieldKind, Scalar, Source, open};
+use crate::import::{FamilyInfo, FieldKind, Scalar, Source, open_with};
 use crate::model::{Bounds, FamilyName, PeriodicBox, Unit};
-use crate::store::{FamilyMetadata, PageFile};
+use crate::store::{FamilyMetadata, PageFile, Tree};
 use std::path::{Path, PathBuf};
 
 /// What is asked. Cheap to copy.
 #[derive(Clone, Copy)]
 pub enum Data<'a> {
-    /// A page file: fast, positions and values within its quantisation error.
-    Pages(&'a PageFile),
+    /// A tree: fast; of a page file positions and values within its quantisation error.
+    Pages(&'a dyn Tree),
     /// The source: exact, each of its particles is looked at.
     Source(&'a dyn Source),
 }
@@ -146,7 +146,7 @@ pub fn source_path(file: &PageFile) -> Option<PathBuf> {
 /// # Errors
 /// [`ExploreError`] where it cannot be opened, or has another size than it had.
 pub fn open_source(path: &Path, file: &PageFile) -> Result<Box<dyn Source>, ExploreError> {
-    let source = open(path)?;
+    let source = open_with(path, file.read_method())?;
     let (found, built) = (source.description().bytes, file.metadata().provenance.bytes);
     if found != built {
         let expected = format!("{built}, of which {} was built", file.path().display());

@@ -1,6 +1,6 @@
 //! A scene's data: by path, and by a fingerprint that tells whether it is still the same.
 
-use super::{Member, SceneError, SceneFile};
+use super::{Member, SceneError, SceneFile, data_file};
 use crate::model::FamilyName;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -79,6 +79,8 @@ impl DatasetRef {
     pub fn locate(&self, scene: &Path) -> Result<Located, SceneError> {
         let folder = folder_of(scene);
         let named = folder.join(&self.path);
+        // What is wrong with a folder is told where it is opened.
+        let named = data_file(&named).unwrap_or(named);
         let beside = self.path.file_name().map(|name| folder.join(name)).filter(|beside| *beside != named);
         let places = [Some(named.clone()), beside.clone()].into_iter().flatten();
         let mut found: Vec<(PathBuf, Fingerprint)> =

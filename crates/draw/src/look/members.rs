@@ -1,6 +1,7 @@
 //! The datasets of a scene, opened as one.
 
-use crate::model::{FamilyName, Placement, Unit};
+use crate::import::{ImportError, file_in};
+use crate::model::{FamilyName, Placement, ReadMethod, Unit};
 use crate::store::{PageFile, StoreError};
 use glam::DVec3;
 use std::path::{Path, PathBuf};
@@ -33,6 +34,22 @@ impl Member {
         let exact = |factor: f64| if (factor - 1.0).abs() < 1e-12 { 1.0 } else { factor };
         Placement { offset: self.offset, scale: exact(scale), mass: exact(mass) }
     }
+
+    /// The same with the file that is meant in place of a folder.
+    ///
+    /// # Errors
+    /// As [`data_file`].
+    pub fn resolved(&self) -> Result<Member, ImportError> {
+        Ok(Member { path: data_file(&self.path)?, ..self.clone() })
+    }
+}
+
+/// The source, page file or other file that a user means who names `path`: of a folder, the one source or page file in it.
+///
+/// # Errors
+/// [`ImportError`] with a list of what is there, where a folder holds none or several. Whether `path` exists is not asked.
+pub fn data_file(path: &Path) -> Result<PathBuf, ImportError> {
+    file_in(path, &[("page file", PageFile::recognises)])
 }
 
 /// `FILE`, `FILE@X,Y,Z` or `FILE@X,Y,Z*SCALE`, as the command line has it.
@@ -58,18 +75,19 @@ impl FromStr for Member {
     }
 }
 
-/// Opens the datasets as one scene in the units of the first; `page_file` turns what a user names into a page file. Also says what
-/// does not fit together, a sentence each.
+/// Opens the datasets as one scene in the units of the first; `page_file` turns what a user names into a page file,
+/// which is read in the way `read`. Also says what does not fit together, a sentence each.
 ///
 /// # Errors
 /// [`StoreError`] and the errors of `page_file`.
 pub fn open_members<E: From<StoreError>>(
     members: &[Member],
+    read: ReadMethod,
     mut page_file: impl FnMut(&Path) -> Result<PathBuf, E>,
 ) -> Result<(PageFile, Vec<String>), E> {
     let mut files: Vec<PageFile> = Vec::with_capacity(members.len());
     for member in members {
-        files.push(PageFile::open(&page_file(&member.path)?)?);
+        files.push(PageFile::open_with(&page_file(&member.path)?, read)?);
     }
     let units = |file: &PageFile| (file.metadata().length_unit.clone(), file.metadata().mass_unit.clone());
     let scene = files.first().map(units).unwrap_or_default();

@@ -13,7 +13,7 @@ mod text;
 
 pub use dataset::{DatasetRef, Fingerprint, Located};
 pub use film::Film;
-pub use members::{Member, open_members, shown_families};
+pub use members::{Member, data_file, open_members, shown_families};
 pub use text::{SceneError, is_scene_file};
 
 use crate::annotate::Annotations;

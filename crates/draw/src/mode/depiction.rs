@@ -3,7 +3,7 @@
 use super::{Columns, Conserved, Footprint, Mode, Settings, economy};
 use crate::codec::Codebook;
 use crate::color::transfer::{Range, Scale, TransferFunction};
-use crate::hierarchy::Levels;
+use crate::hierarchy::Purpose;
 use crate::model::{Dataset, Family};
 use crate::modes::grid;
 use crate::store::{FamilyMetadata, Metadata, Node};
@@ -167,16 +167,16 @@ impl Depiction {
     }
 
     /// The levels that are drawn of a file.
-    pub fn levels(&self, metadata: &Metadata) -> Levels {
+    pub fn purpose(&self, metadata: &Metadata) -> Purpose {
         let is_sampled = self.mode.all_settings().any(|setting| setting.name == grid::DETAIL.name);
-        if is_sampled && metadata.has_volume_levels() { Levels::Volume } else { Levels::Splats }
+        if is_sampled && metadata.has_volume_levels() { Purpose::Samples } else { Purpose::Splats }
     }
 
     /// How far the nodes of a file are refined for a view, where splats may be displaced by `tau` pixels.
     pub fn detail(&self, view: &View, tau: f64, metadata: &Metadata) -> Detail {
-        match self.levels(metadata) {
-            Levels::Splats => Detail::Error { tau },
-            Levels::Volume => grid::sampling(view, &self.settings, metadata.bounds()),
+        match self.purpose(metadata) {
+            Purpose::Splats => Detail::Error { tau },
+            Purpose::Samples => grid::sampling(view, &self.settings, metadata.bounds()),
         }
     }
 

@@ -50,6 +50,7 @@ pub fn names() -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::mode::Columns;
 
     #[test]
     fn catalogues_begin_as_points() {

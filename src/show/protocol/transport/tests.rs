@@ -203,7 +203,7 @@ fn who_misses_that_they_are_in_is_told_again_within_a_second() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(12))]
+    #![proptest_config(crate::cases::cases(12))]
     /// Packets of a real meeting that come again, or damaged, or cut, at either side: everything arrives once and as it was.
     #[test]
     fn packets_that_come_again_or_damaged_change_nothing(

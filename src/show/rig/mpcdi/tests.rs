@@ -158,7 +158,7 @@ fn a_rig_may_be_its_xml_alone() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(64))]
+    #![proptest_config(crate::cases::cases(64))]
 
     #[test]
     fn no_bytes_break_it(at in 0..4000usize, byte: u8, cut in 0..4000usize) {

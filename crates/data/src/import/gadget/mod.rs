@@ -6,7 +6,7 @@ mod records;
 
 use super::bytes::{Number, Order, RangeFile, Records};
 use super::{Description, FamilyInfo, Field, FieldKind, Format, ImportError, Source, multifile};
-use crate::model::{FamilyName, Unit};
+use crate::model::{FamilyName, ReadMethod, Unit};
 use blocks::Block;
 use header::{Header, Types};
 use std::ops::Range;
@@ -24,8 +24,8 @@ impl Format for Gadget {
         records::recognise(head).is_some()
     }
 
-    fn open(&self, path: &Path) -> Result<Box<dyn Source>, ImportError> {
-        Ok(Box::new(Snapshot::open(path)?))
+    fn open(&self, path: &Path, method: ReadMethod) -> Result<Box<dyn Source>, ImportError> {
+        Ok(Box::new(Snapshot::open(path, method)?))
     }
 }
 
@@ -64,8 +64,8 @@ struct SnapshotFile {
 }
 
 impl SnapshotFile {
-    fn open(path: &Path, notes: &mut Vec<String>) -> Result<SnapshotFile, ImportError> {
-        let file = RangeFile::open(path)?;
+    fn open(path: &Path, method: ReadMethod, notes: &mut Vec<String>) -> Result<SnapshotFile, ImportError> {
+        let file = RangeFile::open(path, method)?;
         let mut head = vec![0u8; file.length.min(8) as usize];
         file.read(0, &mut head, "header")?;
         let Some((order, format)) = records::recognise(&head) else {
@@ -122,21 +122,21 @@ impl SnapshotFile {
 }
 
 impl Snapshot {
-    fn open(path: &Path) -> Result<Snapshot, ImportError> {
+    fn open(path: &Path, method: ReadMethod) -> Result<Snapshot, ImportError> {
         let mut notes = Vec::new();
-        let first = SnapshotFile::open(path, &mut notes)?;
+        let first = SnapshotFile::open(path, method, &mut notes)?;
         let names = multifile::names(path, first.header.files)?;
         let files = match names.as_slice() {
             [_] => vec![first],
             names => {
                 notes.clear();
-                names.iter().map(|name| SnapshotFile::open(name, &mut notes)).collect::<Result<Vec<_>, _>>()?
+                names.iter().map(|name| SnapshotFile::open(name, method, &mut notes)).collect::<Result<Vec<_>, _>>()?
             }
         };
         notes.dedup();
         let mut families = Vec::new();
         let mut stored = Vec::new();
-        for (kind, name) in FamilyName::ALL.into_iter().enumerate() {
+        for (kind, name) in FamilyName::GADGET.into_iter().enumerate() {
             let Some(first) = files.iter().find(|file| file.header.counts[kind] > 0) else { continue };
             let count = files.iter().map(|file| file.header.counts[kind]).sum();
             let total = first.header.totals[kind];

@@ -3,13 +3,15 @@
 
 use crate::import::ImportError;
 use crate::import::source::exact_id;
+use crate::model::{ReadFile, ReadMethod};
 use hdf5_reader::group::Group;
-use hdf5_reader::{Attribute, Dataset, Datatype, Hdf5File, OpenOptions, SliceInfo, SliceInfoElem};
+use hdf5_reader::{Attribute, Dataset, Datatype, Hdf5File, OpenOptions, RangeRequestStorage, SliceInfo, SliceInfoElem};
 use std::cell::Cell;
+use std::fs::File;
 use std::ops::Range;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
-use std::sync::Once;
+use std::sync::{Arc, Once};
 
 /// The most that the deflate filter can expand data by, a little rounded up: more than this times the file's size
 /// cannot be in it.
@@ -29,12 +31,22 @@ pub(super) struct H5 {
 }
 
 impl H5 {
-    /// Opens the file and reads its superblock.
-    pub(super) fn open(path: &Path) -> Result<H5, ImportError> {
-        let bytes = std::fs::metadata(path).map_err(|source| ImportError::io(path, "file", source))?.len();
+    /// Opens the file, to be read in the way `method`, and reads its superblock.
+    pub(super) fn open(path: &Path, method: ReadMethod) -> Result<H5, ImportError> {
+        let io = |source| ImportError::io(path, "file", source);
+        let file = File::open(path).map_err(io)?;
+        let bytes = file.metadata().map_err(io)?.len();
+        let file = ReadFile::new(file, method);
+        let storage = RangeRequestStorage::new(bytes, move |offset, len| {
+            let mut bytes = vec![0; len];
+            file.read_exact_at(&mut bytes, offset)?;
+            Ok(bytes)
+        });
         let most_chunk = bytes.saturating_mul(MOST_EXPANSION).min(MOST_CHUNK) as usize;
         let options = OpenOptions::default().with_max_chunk_bytes(most_chunk).with_max_read_bytes(MOST_CHUNK as usize);
-        let file = guard(path, "superblock", "an intact HDF5 file", || Hdf5File::open_with_options(path, options))?;
+        let file = guard(path, "superblock", "an intact HDF5 file", || {
+            Hdf5File::from_storage_with_options(Arc::new(storage), options)
+        })?;
         Ok(H5 { path: path.into(), bytes, file })
     }
 

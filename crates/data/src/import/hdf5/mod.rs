@@ -7,6 +7,7 @@ mod snapshot;
 mod units;
 
 use super::{Format, ImportError, Source};
+use crate::model::ReadMethod;
 use std::path::Path;
 
 /// The HDF5 format.
@@ -25,7 +26,7 @@ impl Format for Hdf5 {
         [0, 512, 1024, 2048].iter().any(|start| head.get(*start..).is_some_and(|rest| rest.starts_with(SIGNATURE)))
     }
 
-    fn open(&self, path: &Path) -> Result<Box<dyn Source>, ImportError> {
-        Ok(Box::new(snapshot::Snapshot::open(path)?))
+    fn open(&self, path: &Path, method: ReadMethod) -> Result<Box<dyn Source>, ImportError> {
+        Ok(Box::new(snapshot::Snapshot::open(path, method)?))
     }
 }

@@ -7,7 +7,7 @@ use super::units;
 use crate::import::multifile;
 use crate::import::units::conversion;
 use crate::import::{Description, FamilyInfo, Field, FieldKind, ImportError, Source};
-use crate::model::{FamilyName, Unit};
+use crate::model::{FamilyName, ReadMethod, Unit};
 use std::ops::Range;
 use std::path::Path;
 
@@ -47,16 +47,16 @@ struct Planned {
 
 impl Snapshot {
     /// Opens the snapshot that the file belongs to.
-    pub(super) fn open(path: &Path) -> Result<Snapshot, ImportError> {
-        let first = File::open(path)?;
+    pub(super) fn open(path: &Path, method: ReadMethod) -> Result<Snapshot, ImportError> {
+        let first = File::open(path, method)?;
         let names = multifile::names(path, first.header.files)?;
         let files: Vec<File> = match names.as_slice() {
             [_] => vec![first],
-            names => names.iter().map(|name| File::open(name)).collect::<Result<_, _>>()?,
+            names => names.iter().map(|name| File::open(name, method)).collect::<Result<_, _>>()?,
         };
         let mut description = describe(path, &files);
         let mut families = Vec::new();
-        for (number, name) in FamilyName::ALL.into_iter().enumerate() {
+        for (number, name) in FamilyName::GADGET.into_iter().enumerate() {
             if let Some((info, data)) = open_family(&files, name, number, &mut description)? {
                 description.families.push(info);
                 families.push(data);
@@ -129,8 +129,8 @@ struct File {
 }
 
 impl File {
-    fn open(path: &Path) -> Result<File, ImportError> {
-        let h5 = H5::open(path)?;
+    fn open(path: &Path, method: ReadMethod) -> Result<File, ImportError> {
+        let h5 = H5::open(path, method)?;
         let root = h5.root()?;
         let (groups, datasets) = root.members()?;
         let header = Header::read(&root, &groups)?;

@@ -232,7 +232,7 @@ mod tests {
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig::with_cases(64))]
+        #![proptest_config(crate::cases::cases(64))]
 
         /// Random places, some of which many particles share, near the origin or far away, small or large.
         #[test]
@@ -264,7 +264,7 @@ mod tests {
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig::with_cases(48))]
+        #![proptest_config(crate::cases::cases(48))]
 
         /// Clumps of very different sizes, some of them far apart: neither single precision nor the guesses about
         /// neighbouring balls may show.

@@ -5,6 +5,7 @@
 use super::columns::{Column, number};
 use super::{Catalogue, text};
 use crate::import::{Format, ImportError, Source};
+use crate::model::ReadMethod;
 use ::csv::{ByteRecord, ReaderBuilder};
 use std::path::Path;
 
@@ -28,7 +29,7 @@ impl Format for Csv {
         fields >= 2 && 2 * named >= fields
     }
 
-    fn open(&self, path: &Path) -> Result<Box<dyn Source>, ImportError> {
+    fn open(&self, path: &Path, _: ReadMethod) -> Result<Box<dyn Source>, ImportError> {
         let (reader, bytes) = text::open(path)?;
         let columns = read(path, reader)?;
         Ok(Box::new(Catalogue::new(path, "csv", bytes, columns)?))

@@ -4,6 +4,7 @@
 use super::columns::{Column, number};
 use super::{Catalogue, text};
 use crate::import::{Format, ImportError, Source};
+use crate::model::ReadMethod;
 use serde::Deserialize;
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -38,7 +39,7 @@ impl Format for GeoJson {
         text::head(head).is_some_and(|text| text.trim_start().starts_with('{') && text.contains("FeatureCollection"))
     }
 
-    fn open(&self, path: &Path) -> Result<Box<dyn Source>, ImportError> {
+    fn open(&self, path: &Path, _: ReadMethod) -> Result<Box<dyn Source>, ImportError> {
         let (reader, bytes) = text::open(path)?;
         let collection: Collection = serde_json::from_reader(reader).map_err(|error| {
             let found = error.to_string().replace(['\n', '\r'], " ");

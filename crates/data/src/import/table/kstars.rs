@@ -4,6 +4,7 @@
 use super::columns::Column;
 use super::{Catalogue, text};
 use crate::import::{Format, ImportError, Source};
+use crate::model::ReadMethod;
 use std::io::BufRead;
 use std::path::Path;
 
@@ -31,7 +32,7 @@ impl Format for KStars {
         first.len() > 20 && coordinates(first).is_some()
     }
 
-    fn open(&self, path: &Path) -> Result<Box<dyn Source>, ImportError> {
+    fn open(&self, path: &Path, _: ReadMethod) -> Result<Box<dyn Source>, ImportError> {
         let (reader, bytes) = text::open(path)?;
         let mut columns = vec![Column::new("ra [deg]"), Column::new("dec [deg]")];
         columns.extend(COLUMNS.iter().map(|(name, ..)| Column::new(name)));

@@ -207,6 +207,7 @@ fn column(brightness: f32) -> usize {
 mod tests {
     use super::*;
     use crate::color::colormap::HexColor;
+    use crate::color::colors::to_encoded;
     use crate::color::transfer::{Plane, Region};
 
     const LEVELS: VolumeLevels = VolumeLevels { density: [1e-3, 1e3], attribute: [0.0, 1.0], unit_length: 2.0 };

@@ -56,6 +56,7 @@ impl Catalogue {
     /// # Errors
     /// [`ExploreError`] with file and field when it cannot be read, is damaged, or has no object.
     pub fn read(path: &Path) -> Result<Catalogue, ExploreError> {
+        let path = &crate::import::file_in(path, &[])?;
         let mut head = Vec::new();
         let file = std::fs::File::open(path).map_err(|source| ExploreError::io(path, "opening", source))?;
         file.take(4096).read_to_end(&mut head).map_err(|source| ExploreError::io(path, "reading", source))?;

@@ -233,7 +233,7 @@ fn values_out_of_range_are_named_with_their_place() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(64))]
+    #![proptest_config(crate::cases::cases(64))]
     /// Cameras come back to the last bit, whatever they are.
     #[test]
     fn cameras_come_back_exactly(

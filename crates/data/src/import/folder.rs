@@ -1,0 +1,114 @@
+//! A folder in the place of a file: which file of it is meant.
+
+use super::format::{Head, format_of, open_file};
+use super::{Description, ImportError, multifile};
+use crate::model::ReadMethod;
+use std::path::{Path, PathBuf};
+
+/// A kind of file that may be meant beside the sources: its name in messages, and whether a file that begins with these bytes is
+/// one.
+pub type OtherKind = (&'static str, fn(&[u8]) -> bool);
+
+/// How many entries of a folder a message lists.
+const LISTED: usize = 12;
+
+/// How many files are opened to find that out.
+const TRIED: usize = 64;
+
+/// The file that is meant by `path`: itself unless it is a folder, else a file of the one source in the folder, which may be a
+/// snapshot in several files, or the one file of another kind. Links are followed; hidden files and the folders inside are not
+/// looked into, and files that belong to nothing that can be opened do not count.
+///
+/// # Errors
+/// [`ImportError`] with a list of what is there, where it is no or more than one source; where nothing in it can be opened that
+/// claims to be a source, what is wrong with the first such file. Whether `path` exists is not asked.
+pub fn file_in(path: &Path, others: &[OtherKind]) -> Result<PathBuf, ImportError> {
+    if !path.is_dir() {
+        return Ok(path.into());
+    }
+    let (mut claimants, names) = look_into(path, others)?;
+    if claimants.len() <= 1 {
+        let unlike = || ImportError::malformed(path, "folder", listed(&names, names.len()), "one source in it");
+        return claimants.pop().map(|claimant| claimant.path).ok_or_else(unlike);
+    }
+    let mut found: Vec<(PathBuf, String)> = Vec::new();
+    let (mut first_error, mut tried) = (None, 0);
+    while found.len() < LISTED && tried < TRIED && !claimants.is_empty() {
+        tried += 1;
+        let claimant = claimants.remove(0);
+        if let Some(kind) = claimant.other {
+            let text = format!("{} ({kind})", name_of(&claimant.path));
+            found.push((claimant.path, text));
+            continue;
+        }
+        match open_file(&claimant.path, ReadMethod::Positioned) {
+            Ok(source) => {
+                let about = source.description();
+                let files = multifile::names(&claimant.path, about.files as u64)?;
+                claimants.retain(|other| !files.contains(&other.path));
+                found.push((claimant.path, described(about)));
+            }
+            Err(error) => first_error = first_error.or(Some(error)),
+        }
+    }
+    match (found.as_slice(), first_error) {
+        ([(path, _)], _) if claimants.is_empty() => Ok(path.clone()),
+        ([], Some(error)) => Err(error),
+        _ => {
+            let texts: Vec<String> = found.into_iter().map(|(_, text)| text).collect();
+            let expected = "one source in it; name one of these files";
+            Err(ImportError::malformed(path, "folder", listed(&texts, texts.len() + claimants.len()), expected))
+        }
+    }
+}
+
+/// A file that claims to be a source, or the kind of file that it is instead.
+struct Claimant {
+    path: PathBuf,
+    other: Option<&'static str>,
+}
+
+/// The files of a folder that claim to be sources or of the other kinds, in the order of their names; and the names of all that
+/// is there.
+fn look_into(folder: &Path, others: &[OtherKind]) -> Result<(Vec<Claimant>, Vec<String>), ImportError> {
+    let io = |source| ImportError::io(folder, "folder", source);
+    let mut entries: Vec<PathBuf> = Vec::new();
+    for entry in std::fs::read_dir(folder).map_err(io)? {
+        entries.push(entry.map_err(io)?.path());
+    }
+    entries.retain(|path| !path.file_name().is_some_and(|name| name.as_encoded_bytes().starts_with(b".")));
+    entries.sort();
+    let mut claimants = Vec::new();
+    let mut names = Vec::with_capacity(entries.len());
+    for path in entries {
+        // Pipes and devices are not opened: nobody may be at their other end.
+        let is_file = path.is_file();
+        names.push(name_of(&path) + if path.is_dir() { "/" } else { "" });
+        let Some(head) = is_file.then(|| Head::read(&path).ok()).flatten() else { continue };
+        let other = others.iter().find(|(_, recognises)| recognises(&head.bytes)).map(|(name, _)| *name);
+        if other.is_some() || format_of(&head).is_some() {
+            claimants.push(Claimant { path, other });
+        }
+    }
+    Ok((claimants, names))
+}
+
+/// A source in the list of a message.
+fn described(about: &Description) -> String {
+    let files = if about.files > 1 { format!(" in {} files", about.files) } else { String::new() };
+    let time = about.time.map(|time| format!(", time {}", time as f32)).unwrap_or_default();
+    format!("{}{files} ({} particles{time})", name_of(&about.path), about.particles())
+}
+
+/// A file's name as it stands in a message of one line.
+fn name_of(path: &Path) -> String {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    name.chars().map(|letter| if letter.is_control() { '?' } else { letter }).collect()
+}
+
+/// The first of `texts`, which are some of `total`.
+fn listed(texts: &[String], total: usize) -> String {
+    let shown = texts.len().min(LISTED);
+    let more = if total > shown { format!(" and {} more", total - shown) } else { String::new() };
+    if shown == 0 { "nothing".into() } else { texts[..shown].join(", ") + &more }
+}

@@ -1,0 +1,10 @@
+//! What needs a graphics adapter, if only one in software: its pictures against those of the processor.
+
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+
+#[path = "../support/mod.rs"]
+mod support;
+
+mod integrals;
+mod pages;
+mod volumes;

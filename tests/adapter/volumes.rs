@@ -1,0 +1,324 @@
+//! Volumes and isosurfaces by compute passes against the CPU ray caster: the same particles, grid and settings.
+
+use crate::support::{built, demo, view_from};
+use deepfield::codec::VqBits;
+use deepfield::color::Colors;
+use deepfield::color::transfer::TransferFunction;
+use deepfield::cpu::volume::{
+    Caster, Classifier, Light, Processor, Scenery, Surface, VolumeLevels, VolumeOptions, VolumeReport, draw, prepare,
+};
+use deepfield::cpu::{self, Positions, Splats};
+use deepfield::gpu::{DeviceOptions, VolumeRenderer, Withheld};
+use deepfield::mode::{Depiction, Settings};
+use deepfield::model::{Bounds, Kernel};
+use deepfield::modes;
+use deepfield::picture::paint::{Subject, paint_nodes};
+use deepfield::picture::processor;
+use deepfield::stream::Scene;
+use deepfield::synth::merger::Merger;
+use deepfield::view::perspective_grid::GridOptions;
+use deepfield::view::{Extent, Occluder, Projection, View};
+use glam::DVec3;
+use std::sync::Arc;
+
+/// Particles, their attribute and the densities and attributes that are to be seen.
+struct Cloud {
+    positions: Vec<[f64; 3]>,
+    h: Vec<f32>,
+    mass: Vec<f32>,
+    attribute: Option<Vec<f32>>,
+    density: [f64; 2],
+    range: [f64; 2],
+    unit: f64,
+}
+
+impl Cloud {
+    fn one() -> Cloud {
+        Cloud {
+            positions: vec![[0.1, -0.2, 0.3]],
+            h: vec![0.8],
+            mass: vec![2.0],
+            attribute: None,
+            density: [1e-2, 10.0],
+            range: [0.0, 1.0],
+            unit: 0.3,
+        }
+    }
+
+    /// A lattice of mass density 1 in the cube of width 2.
+    fn lattice(count: i32) -> Cloud {
+        let spacing = 2.0 / f64::from(count);
+        let at = |n: i32| (f64::from(n % count) + 0.5) * spacing - 1.0;
+        let positions: Vec<_> = (0..count.pow(3)).map(|i| [at(i), at(i / count), at(i / count / count)]).collect();
+        Cloud {
+            h: vec![2.6 * spacing as f32; positions.len()],
+            mass: vec![spacing.powi(3) as f32; positions.len()],
+            attribute: Some(positions.iter().map(|at| 2.0 + at[0] as f32).collect()),
+            positions,
+            density: [1e-2, 1.2],
+            range: [1.0, 3.0],
+            unit: 0.2,
+        }
+    }
+
+    fn merger(count: u64) -> Cloud {
+        let family = deepfield::synth::dataset(&Merger::new(3, count)).families.swap_remove(0);
+        let attribute = family.attribute("internal-energy").unwrap().values.clone();
+        let quantile = |values: &[f32], share: f64| {
+            let mut sorted = values.to_vec();
+            sorted.sort_by(f32::total_cmp);
+            f64::from(sorted[(share * (sorted.len() - 1) as f64) as usize])
+        };
+        Cloud {
+            density: [quantile(&family.density, 0.05), quantile(&family.density, 0.99)],
+            range: [quantile(&attribute, 0.05), quantile(&attribute, 0.95)],
+            attribute: Some(attribute),
+            positions: family.positions,
+            h: family.smoothing_length,
+            mass: family.mass,
+            unit: 0.5,
+        }
+    }
+
+    fn batch(&self) -> Splats<'_> {
+        let extent = cpu::Extent::World(&self.h);
+        Splats::new(Positions::World(&self.positions), extent, &self.mass, self.attribute.as_deref()).unwrap()
+    }
+
+    fn classifier(&self) -> Classifier {
+        let levels = VolumeLevels { density: self.density, attribute: self.range, unit_length: self.unit };
+        let attribute = self.attribute.is_some();
+        Classifier::new(&TransferFunction::of_volumes(attribute), levels, attribute)
+    }
+
+    fn volume(&self) -> Scenery {
+        let classifier = self.classifier();
+        Scenery { classifier, volume: true, surfaces: Vec::new(), light: None, termination: 0.999 }
+    }
+
+    /// The density at a place of the logarithmic range.
+    fn density_at(&self, place: f64) -> f32 {
+        let [min, max] = self.density;
+        (min * (max / min).powf(place)) as f32
+    }
+
+    fn surfaces(&self, volume: bool, opacities: [f32; 3]) -> Scenery {
+        let surface = |(place, opacity, color)| Surface { value: self.density_at(place), color, opacity };
+        let [a, b, c] = opacities;
+        let surfaces = [(0.4, a, Some([0.9, 0.3, 0.1])), (0.65, b, None), (0.9, c, Some([0.2, 0.8, 0.5]))];
+        Scenery {
+            surfaces: surfaces.into_iter().map(surface).collect(),
+            light: Some(Light { ambient: 0.12, specular: 0.15, shininess: 40.0 }),
+            volume,
+            ..self.volume()
+        }
+    }
+}
+
+fn look(eye: DVec3, projection: Projection, width: u32, height: u32) -> View {
+    View::look_at(eye, DVec3::ZERO, DVec3::new(0.1, 1.0, 0.0), projection, width, height).unwrap()
+}
+
+fn near(eye: [f64; 3], width: u32, height: u32) -> View {
+    look(DVec3::from_array(eye), Projection::Perspective { fov_y: 0.8 }, width, height)
+}
+
+fn renderer() -> VolumeRenderer {
+    VolumeRenderer::open(&DeviceOptions::default()).unwrap()
+}
+
+fn picture(
+    caster: &dyn Caster,
+    view: &View,
+    cloud: &Cloud,
+    scenery: &Scenery,
+    options: &VolumeOptions,
+) -> (Colors, VolumeReport) {
+    draw(view, &[cloud.batch()], scenery, options, caster).unwrap()
+}
+
+/// Relative L2 of all channels, and the largest difference.
+fn difference(found: &Colors, expected: &Colors) -> (f64, f32) {
+    assert_eq!((found.width, found.height), (expected.width, expected.height));
+    let pairs = || found.rgba.as_flattened().iter().zip(expected.rgba.as_flattened());
+    let square: f64 = pairs().map(|(a, b)| f64::from(a - b).powi(2)).sum();
+    let norm: f64 = expected.rgba.as_flattened().iter().map(|b| f64::from(*b).powi(2)).sum();
+    assert!(norm > 1.0, "an empty picture");
+    ((square / norm).sqrt(), pairs().map(|(a, b)| (a - b).abs()).fold(0.0, f32::max))
+}
+
+/// Against exact sums: without the coarser grids to which the CPU renderer brings wide particles.
+fn compare(
+    renderer: &VolumeRenderer,
+    view: &View,
+    cloud: &Cloud,
+    scenery: &Scenery,
+    options: &VolumeOptions,
+    what: &str,
+) {
+    let mut prepared = prepare(view, &[cloud.batch()], options).unwrap();
+    prepared.levels.truncate(1);
+    let mut report = VolumeReport::default();
+    let expected = Processor.cast(view, &prepared, scenery, options, &mut report).unwrap();
+    let (found, report) = picture(renderer, view, cloud, scenery, options);
+    let (l2, most) = difference(&found, &expected);
+    println!("{what}: L2 {l2:.2e}, at most {most:.2e}, {} slabs, {} pairs", report.slabs, report.pairs);
+    assert!(l2 < 5e-5, "{what}: L2 {l2}, at most {most}");
+}
+
+#[test]
+fn regions_of_density_and_attribute_are_the_cpus() {
+    let renderer = renderer();
+    let cloud = Cloud::merger(20_000);
+    let plane = "(plane: (opacity: 0.2, brightness: 0.6, regions: [ \
+                 (at: (0.6, 0.3), radius: (0.3, 0.25), opacity: 4.0, color: \"#30ff60\"), \
+                 (at: (0.8, 0.7), radius: (0.2, 0.4), soft: 1.0, opacity: 2.0)]))";
+    let plane = TransferFunction::parse(plane, "plane").unwrap().plane;
+    let transfer = TransferFunction { plane, ..TransferFunction::of_volumes(true) };
+    let levels = VolumeLevels { density: cloud.density, attribute: cloud.range, unit_length: cloud.unit };
+    let planar = Scenery { classifier: Classifier::new(&transfer, levels, true), ..cloud.volume() };
+    let (view, options) = (near([2.0, 1.0, 3.0], 96, 72), VolumeOptions::default());
+    let [with, without] =
+        [&planar, &cloud.volume()].map(|scenery| picture(&Processor, &view, &cloud, scenery, &options).0);
+    assert!(difference(&with, &without).0 > 0.1, "the regions do not show");
+    // A value between two hues may be rounded to either.
+    let (found, _) = picture(&renderer, &view, &cloud, &planar, &options);
+    let mut prepared = prepare(&view, &[cloud.batch()], &options).unwrap();
+    prepared.levels.truncate(1);
+    let expected = Processor.cast(&view, &prepared, &planar, &options, &mut VolumeReport::default()).unwrap();
+    let (l2, most) = difference(&found, &expected);
+    println!("regions: L2 {l2:.2e}, at most {most:.2e}");
+    assert!(l2 < 2e-4, "regions: L2 {l2}, at most {most}");
+}
+
+#[test]
+fn volumes_are_the_cpus() {
+    let renderer = renderer();
+    let options = VolumeOptions::default();
+    let one = Cloud::one();
+    compare(&renderer, &near([0.5, 0.3, 3.0], 64, 48), &one, &one.volume(), &options, "one particle");
+    let lattice = Cloud::lattice(12);
+    for kernel in Kernel::ALL {
+        let options = VolumeOptions { kernel, ..options };
+        let view = near([1.5, 1.3, 3.6], 96, 64);
+        compare(&renderer, &view, &lattice, &lattice.volume(), &options, &format!("lattice, {kernel:?}"));
+    }
+    let flat = look(DVec3::new(1.0, 2.0, 3.0), Projection::Orthographic { height: 3.0 }, 70, 70);
+    compare(&renderer, &flat, &lattice, &lattice.volume(), &options, "lattice, orthographic");
+    let merger = Cloud::merger(6_000);
+    for resolution in [1.0, 0.5, 1.0 / 3.0] {
+        let options = VolumeOptions { grid: GridOptions { resolution, lambda: true }, ..options };
+        let view = near([25.0, 18.0, 40.0], 150, 101);
+        compare(&renderer, &view, &merger, &merger.volume(), &options, &format!("merger at resolution {resolution}"));
+    }
+    // As adapters draw that are not the processor in disguise.
+    let withheld = Withheld { subgroup: true, ..Withheld::default() };
+    let other = VolumeRenderer::open(&DeviceOptions { withheld, ..DeviceOptions::default() }).unwrap();
+    let view = near([25.0, 18.0, 40.0], 90, 70);
+    compare(&other, &view, &merger, &merger.volume(), &options, "merger without subgroups");
+    // Some particles are larger than the picture, and the eye is within them.
+    let options = VolumeOptions { near: Some(2.0), far: Some(60.0), ..options };
+    compare(&renderer, &near([6.0, 4.0, 9.0], 80, 60), &merger, &merger.volume(), &options, "within the merger");
+}
+
+#[test]
+fn surfaces_are_the_cpus() {
+    let renderer = renderer();
+    let options = VolumeOptions::default();
+    let one = Cloud::one();
+    let view = near([0.5, 0.3, 3.0], 64, 48);
+    compare(&renderer, &view, &one, &one.surfaces(false, [0.3, 0.5, 1.0]), &options, "one particle");
+    let merger = Cloud::merger(6_000);
+    for resolution in [1.0, 0.5] {
+        let options = VolumeOptions { grid: GridOptions { resolution, lambda: true }, ..options };
+        let view = near([25.0, 18.0, 40.0], 90, 70);
+        for volume in [false, true] {
+            let what = format!("merger at resolution {resolution}, with volume: {volume}");
+            compare(&renderer, &view, &merger, &merger.surfaces(volume, [0.2, 0.4, 1.0]), &options, &what);
+        }
+        let dark = Scenery { light: None, ..merger.surfaces(false, [0.2, 0.4, 1.0]) };
+        compare(&renderer, &view, &merger, &dark, &options, "without light");
+    }
+}
+
+#[test]
+fn slabs_windows_and_batches_change_nothing() {
+    let merger = Cloud::merger(20_000);
+    let view = near([25.0, 18.0, 40.0], 140, 100);
+    let scenery = merger.surfaces(true, [0.2, 0.4, 1.0]);
+    let grid = GridOptions { resolution: 0.5, lambda: false };
+    let with = |memory| VolumeOptions { memory, grid, ..VolumeOptions::default() };
+    let renderer = renderer();
+    let (one, whole) = picture(&renderer, &view, &merger, &scenery, &with(1 << 30));
+    let (again, _) = picture(&renderer, &view, &merger, &scenery, &with(1 << 30));
+    assert_eq!(one, again, "the same to the last bit");
+    let (many, thin) = picture(&renderer, &view, &merger, &scenery, &with(1));
+    assert!(whole.slabs == 1 && thin.slabs > 5, "{} {}", whole.slabs, thin.slabs);
+    let (l2, most) = difference(&many, &one);
+    println!("slabs: {l2} {most} {thin:?}");
+    assert!(l2 < 1e-5 && most < 1e-3, "slabs: {l2} {most}");
+
+    // Cells of half the picture fit, and 16384 particles.
+    let mut limits = wgpu::Limits { max_storage_buffer_binding_size: 1 << 19, ..wgpu::Limits::default() };
+    limits.max_buffer_size = limits.max_storage_buffer_binding_size;
+    let small = DeviceOptions { constrained_limits: Some(limits), ..DeviceOptions::default() };
+    let (parts, report) = picture(&VolumeRenderer::open(&small).unwrap(), &view, &merger, &scenery, &with(1 << 30));
+    assert!(report.slabs >= 2 * thin.slabs, "{report:?}");
+    let (l2, most) = difference(&parts, &one);
+    println!("windows and batches: {l2} {most} {report:?}");
+    assert!(l2 < 1e-5 && most < 1e-3, "windows and batches: {l2} {most}");
+}
+
+/// One of 16^3 cubes around the origin.
+fn cube(index: i32) -> Extent {
+    let min = DVec3::new(f64::from(index % 16), f64::from(index / 16 % 16), f64::from(index / 256)) * 2.0 - 16.0;
+    Extent { bounds: Bounds { min, max: min + 1.0 }, margin: 0.1 }
+}
+
+#[test]
+fn what_is_hidden_is_left_out_and_changes_nothing() {
+    let merger = Cloud::merger(20_000);
+    let view = near([25.0, 18.0, 40.0], 100, 72);
+    let renderer = renderer();
+    for (scenery, what) in [(merger.surfaces(false, [1.0; 3]), "surfaces"), (merger.volume(), "volume")] {
+        let with = |occlusion| VolumeOptions { memory: 1, occlusion, ..VolumeOptions::default() };
+        let (all, more) = picture(&renderer, &view, &merger, &scenery, &with(false));
+        let (culled, less) = picture(&renderer, &view, &merger, &scenery, &with(true));
+        println!("{what}: {} pairs, culled {} with {} hidden", more.pairs, less.pairs, less.hidden);
+        assert_eq!(all, culled, "{what}");
+        // What streaming may leave out is what the CPU's picture hides.
+        let (_, expected) = picture(&Processor, &view, &merger, &scenery, &with(true));
+        let [found, expected] = [less.opaque.as_deref(), expected.opaque.as_deref()].map(Option::unwrap);
+        let extents: Vec<Extent> = (0..16i32.pow(3)).map(cube).collect();
+        let [found, expected] =
+            [found, expected].map(|opaque| extents.iter().map(|at| opaque.hides(at)).collect::<Vec<_>>());
+        let differ = found.iter().zip(&expected).filter(|(a, b)| a != b).count();
+        let hidden = found.iter().filter(|hidden| **hidden).count();
+        println!("{what}: {hidden} cubes hidden, {differ} otherwise than by the CPU");
+        assert!(hidden > 0 && differ <= hidden / 50, "{what}: {hidden} {differ}");
+        assert!(
+            more.opaque.is_none() && more.hidden == 0 && less.hidden > 0 && less.pairs < more.pairs,
+            "{what}: {more:?} {less:?}"
+        );
+    }
+}
+
+#[test]
+fn the_demo_data_look_as_on_the_cpu() {
+    let built = built(&demo(), VqBits::Eight);
+    let metadata = built.file.metadata();
+    let view = view_from(&built.dataset, DVec3::new(0.35, 0.3, 1.0), 1.5, 120, 80);
+    let renderer = renderer();
+    for mode in modes::MODES.into_iter().filter(|mode| mode.is_cast()) {
+        let depiction = Depiction::of_pages(mode, Settings::default(), None, metadata).unwrap();
+        let selection = Scene::new(Arc::clone(&built.file), u64::MAX).converge_blocking(&view, 0.8).unwrap();
+        let nodes = processor::decode(&depiction, metadata, &selection.nodes);
+        let paint = |caster| {
+            let subject = Subject { transfer: None, diameter: metadata.bounds().size().length(), caster };
+            paint_nodes(&view, &depiction, metadata, &nodes, &subject).unwrap().colors
+        };
+        let (l2, most) = difference(&paint(&renderer), &paint(&Processor));
+        println!("{}: L2 {l2:.2e}, at most {most:.2e}", mode.name);
+        assert!(l2 < 5e-5, "{}: {l2} {most}", mode.name);
+    }
+}

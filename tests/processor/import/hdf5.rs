@@ -1,0 +1,193 @@
+//! HDF5 snapshots of several codes: units, conventions, files.
+
+use super::writers::file;
+use super::{data, message, read_all};
+use deepfield::import::{AttributeChoice, FieldKind, LoadOptions, Smoothing, Source, load, open, summarize};
+use deepfield::model::FamilyName;
+
+fn unit(source: &dyn Source, family: usize, name: &str) -> String {
+    let info = &source.description().families[family];
+    info.fields[info.named(name).unwrap()].unit.to_string()
+}
+
+#[test]
+fn swift_smoothing_lengths_become_support_radii() {
+    let source = open(&data("swift.hdf5")).unwrap();
+    assert_eq!(source.description().format, "swift");
+    let names: Vec<FamilyName> = source.description().families.iter().map(|family| family.name).collect();
+    assert_eq!(names, [FamilyName::Gas, FamilyName::Stars]);
+    for family in 0..2 {
+        let lengths = read_all(source.as_ref(), family, "smoothing-length", 40);
+        // Wendland C2 in three dimensions: 1.936492 times the stored 0.5.
+        assert!(lengths.len() == 96 && lengths.iter().all(|h| (h - 0.968246).abs() < 1e-9), "{lengths:?}");
+    }
+    assert!(source.description().notes.iter().any(|note| note.contains("1.936492")));
+    assert_eq!(unit(source.as_ref(), 0, "position"), "a Mpc");
+    assert_eq!(unit(source.as_ref(), 0, "velocity"), "a Mpc/Gyr");
+    assert_eq!(unit(source.as_ref(), 0, "internal-energy"), "(Mpc/Gyr)^2/a^2");
+}
+
+#[test]
+fn both_files_of_a_snapshot_open_under_either_name() {
+    let sources = ["arepo.0.hdf5", "arepo.1.hdf5"].map(|name| open(&data(name)).unwrap());
+    for source in &sources {
+        let counts: Vec<u64> = source.description().families.iter().map(|family| family.count).collect();
+        assert_eq!(counts, [64, 16]);
+        // The first file holds ids 0 to 39, the second one 1000 to 1023; coordinate i is i / 7.
+        let ids: Vec<f64> = (0..40).chain(1000..1024).map(|id| id as f64).collect();
+        for step in [1, 39, 64] {
+            assert_eq!(read_all(source.as_ref(), 0, "id", step), ids);
+        }
+        let first: Vec<f64> = (0..120).chain(1000..1072).map(|index| index as f64 / 7.0).collect();
+        assert_eq!(read_all(source.as_ref(), 0, "position", 11), first);
+        assert_eq!(read_all(source.as_ref(), 1, "mass", 7), [0.25; 16]);
+        assert_eq!(unit(source.as_ref(), 0, "position"), "a kpc/h");
+        assert_eq!(unit(source.as_ref(), 0, "mass"), "1e10 Msun/h");
+        assert_eq!(source.description().redshift, Some(1.0));
+        assert!(source.description().notes.iter().any(|note| note.contains("tracers")));
+    }
+}
+
+#[test]
+fn a_file_of_several_that_stands_alone_is_an_error() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("arepo.0.hdf5");
+    std::fs::copy(data("arepo.0.hdf5"), &path).unwrap();
+    let text = message(&open(&path).err().unwrap(), &path);
+    assert!(text.contains("arepo.1.hdf5") && text.contains("missing"), "{text}");
+    let renamed = folder.path().join("arepo.hdf5");
+    std::fs::rename(&path, &renamed).unwrap();
+    let text = message(&open(&renamed).err().unwrap(), &renamed);
+    assert!(text.contains("file name"), "{text}");
+}
+
+#[test]
+fn eagle_units_come_from_its_exponents() {
+    let source = open(&data("eagle.hdf5")).unwrap();
+    let units = ["position", "velocity", "mass", "density", "temperature", "smoothing-length"]
+        .map(|name| unit(source.as_ref(), 0, name));
+    let expected =
+        ["a Mpc/h", "a^0.5 km/s", "1e10 Msun/h", "1e10 Msun h^2/a^3/Mpc^3", "K", "a Mpc/h"].map(str::to_string);
+    assert_eq!(units, expected);
+    assert!(read_all(source.as_ref(), 0, "mass", 50).iter().all(|mass| (1.0..2.0).contains(mass)));
+}
+
+#[test]
+fn gizmo_families_and_arrays() {
+    let source = open(&data("gizmo.hdf5")).unwrap();
+    let families: Vec<(FamilyName, u64)> =
+        source.description().families.iter().map(|family| (family.name, family.count)).collect();
+    assert_eq!(families, [(FamilyName::Gas, 96), (FamilyName::Stars, 8), (FamilyName::BlackHoles, 4)]);
+    let info = &source.description().families[0];
+    assert_eq!(info.fields[info.named("metallicity").unwrap()].components, 11);
+    assert_eq!(unit(source.as_ref(), 0, "density"), "1e10 Msun h^2/a^3/kpc^3");
+    let all = load(&data("gizmo.hdf5"), &LoadOptions { families: vec![FamilyName::Stars], ..Default::default() }, &());
+    assert_eq!(all.unwrap().len(), 8);
+}
+
+#[test]
+fn a_gadget_4_snapshot_has_its_known_numbers() {
+    // Step 25 of the sequence: 1472 particles, total mass 1, u and h ranges as the reference reader gives them.
+    let summary = summarize(&data("gas_sphere_collapse_025.hdf5")).unwrap();
+    assert_eq!((summary.particles, summary.time), (1472, Some(1.5)));
+    assert!((summary.families[0].mass - 1.0).abs() < 1e-7);
+    let loaded = load(&data("gas_sphere_collapse_025.hdf5"), &LoadOptions::default(), &()).unwrap();
+    let range = |values: &[f32]| values.iter().fold((f32::MAX, f32::MIN), |(a, b), v| (a.min(*v), b.max(*v)));
+    let gas = &loaded.families[0];
+    assert_eq!(range(&gas.smoothing_length), (0.06630332, 0.39836153));
+    let (least, most) = range(&gas.attribute("internal-energy").unwrap().values);
+    assert!((least - 0.2688107).abs() < 1e-6 && (most - 1.161395).abs() < 1e-6, "{least} {most}");
+    assert!((range(&gas.density).1 - 35.39663).abs() < 1e-5);
+    assert!(loaded.skipped.is_empty());
+}
+
+#[test]
+fn densities_that_are_not_positive_are_summed_up() {
+    let loaded = load(&data("emitter_000.hdf5"), &LoadOptions::default(), &()).unwrap();
+    assert_eq!(loaded.len(), 1962);
+    assert!(loaded.families[0].density.iter().all(|rho| *rho > 0.0));
+    assert!(loaded.provenance.notes.iter().any(|note| note.contains("24 densities")));
+}
+
+#[test]
+fn smoothing_lengths_on_request() {
+    let path = data("gas_sphere_collapse_025.hdf5");
+    let own = load(&path, &LoadOptions::default(), &()).unwrap();
+    let near = LoadOptions { smoothing: Smoothing::Knn(8), ..Default::default() };
+    let estimated = load(&path, &near, &()).unwrap();
+    assert!(estimated.families[0].smoothing_length != own.families[0].smoothing_length);
+    let field = LoadOptions { smoothing: Smoothing::Field("Pressure".into()), ..Default::default() };
+    let all = AttributeChoice::All;
+    let odd = load(&path, &LoadOptions { attributes: all, ..field }, &()).unwrap();
+    assert_eq!(odd.families[0].smoothing_length, odd.families[0].attribute("pressure").unwrap().values);
+    let lacking = LoadOptions { smoothing: Smoothing::Field("hsml2".into()), ..Default::default() };
+    let text = message(&load(&path, &lacking, &()).err().unwrap(), &path);
+    assert!(text.contains("hsml2") && text.contains("smoothing-length"), "{text}");
+}
+
+#[test]
+fn what_is_asked_for_must_be_there() {
+    let path = data("gas_sphere_collapse_025.hdf5");
+    let stars = LoadOptions { families: vec![FamilyName::Stars], ..Default::default() };
+    let text = message(&load(&path, &stars, &()).err().unwrap(), &path);
+    assert!(text.contains("family stars") && text.contains("gas"), "{text}");
+    let named = AttributeChoice::Named(vec!["colour".into()]);
+    let text =
+        message(&load(&path, &LoadOptions { attributes: named, ..Default::default() }, &()).err().unwrap(), &path);
+    assert!(text.contains("attribute colour") && text.contains("pressure"), "{text}");
+}
+
+#[test]
+fn reads_outside_the_source_are_errors() {
+    let path = data("gas_sphere_collapse_025.hdf5");
+    let source = open(&path).unwrap();
+    let position = source.description().families[0].find(FieldKind::Position).unwrap();
+    let mut out = [0.0; 6];
+    assert!(source.read(0, position, 1470..1472, &mut out).is_ok());
+    assert!(source.read(0, position, 1471..1473, &mut out).is_err());
+    assert!(source.read(0, position, 0..1, &mut out).is_err());
+    assert!(source.read(0, 99, 0..2, &mut out).is_err());
+    assert!(source.read(1, position, 0..2, &mut out).is_err());
+    #[expect(clippy::reversed_empty_ranges, reason = "a range that runs backwards is what is tested")]
+    let backwards = 3..1;
+    assert!(source.read(0, position, backwards, &mut out).is_err());
+}
+
+/// `units.hdf5` with some of its bytes, all that are `from`, replaced.
+fn with_bytes(folder: &std::path::Path, from: &[u8], to: &[u8]) -> std::path::PathBuf {
+    let mut bytes = std::fs::read(data("units.hdf5")).unwrap();
+    let places: Vec<usize> = (0..bytes.len() - from.len()).filter(|at| bytes[*at..].starts_with(from)).collect();
+    assert!(!places.is_empty());
+    places.iter().for_each(|at| bytes[*at..at + from.len()].copy_from_slice(to));
+    file(folder, "changed.hdf5", &bytes)
+}
+
+#[test]
+fn units_in_words_are_those_of_the_values() {
+    let source = open(&data("units.hdf5")).unwrap();
+    assert_eq!(source.description().length_unit.to_string(), "kpc");
+    assert_eq!(
+        (unit(source.as_ref(), 0, "smoothing-length"), unit(source.as_ref(), 0, "temperature")),
+        ("kpc".into(), "hot".into())
+    );
+    let lengths = read_all(source.as_ref(), 0, "smoothing-length", 2);
+    assert!((lengths[0] / 0.306_601_394 - 1.0).abs() < 1e-8 && lengths[2] == 4.0 * lengths[0], "{lengths:?}");
+}
+
+#[test]
+fn units_of_positions_that_are_unknown_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    for (from, to, field, found) in
+        [(b"kpc", b"ell", "Coordinates/units", "\"ell\""), (b"ly\0", b"ko\0", "SmoothingLength/units", "\"ko\"")]
+    {
+        let path = with_bytes(folder.path(), from, to);
+        let text = message(&open(&path).err().unwrap(), &path);
+        assert!(text.contains(&format!("{field}: found {found}, expected a length: pc")), "{text}");
+    }
+    for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+        let path = with_bytes(folder.path(), &3.085678e21f64.to_le_bytes(), &f64::to_le_bytes(bad));
+        let text = message(&open(&path).err().unwrap(), &path);
+        assert!(text.contains("Header/UnitLength_in_cm: found"), "{text}");
+        assert!(text.contains("expected a positive number of centimetres"), "{text}");
+    }
+}

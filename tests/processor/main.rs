@@ -1,0 +1,64 @@
+//! What needs no graphics adapter and no window: from files of many formats to page files and to pictures of the processor, by
+//! the library and by the program.
+
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+
+#[path = "../support/cases.rs"]
+mod cases;
+#[path = "../support/mod.rs"]
+mod support;
+
+mod import;
+mod synth;
+
+/// From particles to a page file and back.
+mod page_file {
+    mod damage;
+    mod promises;
+}
+mod out_of_core;
+
+/// From source to picture, across the rooms: the screen-space guarantee, conservation, colour errors, golden images.
+mod pictures {
+    mod color_error;
+    mod conservation;
+    mod cut;
+    mod economy;
+    mod golden;
+    mod guarantee;
+    mod joined;
+    mod periodic;
+}
+mod panoramas;
+mod projections;
+mod raster;
+mod volume {
+    mod levels;
+    mod occlusion;
+    mod settings;
+}
+
+/// Pages that come while pictures are drawn.
+mod stream {
+    mod disk;
+    mod faults;
+    mod flight;
+    mod soak;
+    mod trees;
+}
+
+/// Looking closer: regions, probes, selections, ids and exports, against brute force and against independent readers.
+mod explore {
+    mod commands;
+    mod export;
+    mod hostile;
+    mod marks;
+    mod particles;
+    mod probes;
+    mod reference;
+    mod selections;
+}
+
+mod network;
+mod outputs;
+mod tours;

@@ -1,0 +1,178 @@
+//! Damaged and hostile page files: every flipped bit and every truncation is found, and nothing panics.
+
+use deepfield::build::{BuildOptions, build};
+use deepfield::codec::VqBits;
+use deepfield::hierarchy::OctreeOptions;
+use deepfield::model::{Attribute, Dataset, Family, FamilyName, Kernel, Provenance, Unit};
+use deepfield::store::layout::{ALIGNMENT, HEADER_LEN, PAGE_ENTRY_LEN};
+use deepfield::store::{PageFile, PageId, verify};
+use proptest::prelude::*;
+use std::io::{Seek, SeekFrom, Write};
+use std::path::Path;
+use std::sync::OnceLock;
+
+/// The bytes of a small page file with grid, relay and leaf nodes in several pages' worth of structure, with levels for volumes or
+/// without.
+fn sound(volume_levels: bool) -> &'static [u8] {
+    static BYTES: [OnceLock<Vec<u8>>; 2] = [const { OnceLock::new() }; 2];
+    BYTES[usize::from(volume_levels)].get_or_init(|| {
+        let count = 90;
+        let place = |i: usize, prime: usize| ((i * prime) % 89) as f64 / 89.0;
+        let clump = |i: usize| if i.is_multiple_of(2) { 1e-3 } else { 1.0 };
+        let family = |name| Family {
+            name,
+            positions: (0..count)
+                .map(|i| [place(i, 31) * clump(i), place(i, 57) * clump(i), place(i, 101) * clump(i)])
+                .collect(),
+            mass: (0..count).map(|i| 1.0 + (i % 3) as f32).collect(),
+            smoothing_length: (0..count).map(|i| (0.02 * clump(i)) as f32).collect(),
+            density: (0..count).map(|i| 1.0 + (i % 17) as f32).collect(),
+            attributes: vec![Attribute {
+                name: "temperature".into(),
+                unit: Unit::new("K"),
+                values: (0..count).map(|i| (i % 11) as f32).collect(),
+            }],
+        };
+        let dataset = Dataset {
+            families: vec![family(FamilyName::Gas), family(FamilyName::Stars)],
+            length_unit: Unit::new("pc"),
+            mass_unit: Unit::default(),
+            kernel: Kernel::CubicSpline,
+            skipped: Vec::new(),
+            provenance: Provenance { box_size: Some(1.0), ..Provenance::default() },
+        };
+        let octree =
+            OctreeOptions { vq_bits: VqBits::Twelve, leaf_capacity: 12, volume_levels, ..OctreeOptions::default() };
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("sound.df");
+        build(dataset, &BuildOptions { octree, ..BuildOptions::default() }, &path, &()).unwrap();
+        std::fs::read(path).unwrap()
+    })
+}
+
+fn check(bytes: &[u8], path: &Path) -> bool {
+    std::fs::write(path, bytes).unwrap();
+    // Reading must not panic either, whatever it finds.
+    if let Ok(file) = PageFile::open(path) {
+        for id in 0..=file.page_count() {
+            if let Ok(page) = file.read_page(PageId(id)) {
+                for node in 0..page.nodes.len() {
+                    let particles = page.particles(node);
+                    assert_eq!(particles.len(), page.nodes[node].particles as usize);
+                    assert!((0..particles.len()).all(|i| particles.fraction(i).iter().all(|x| (0.0..1.0).contains(x))));
+                    assert!(particles.words().len() <= 2 * particles.len());
+                }
+            }
+        }
+    }
+    verify(path, &()).is_ok()
+}
+
+#[test]
+fn every_flipped_bit_is_found() {
+    flip_every_bit(sound(false));
+}
+
+#[test]
+fn every_flipped_bit_of_a_file_with_volume_levels_is_found() {
+    flip_every_bit(sound(true));
+}
+
+fn flip_every_bit(bytes: &[u8]) {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("flipped.df");
+    assert!(check(bytes, &path));
+    let mut missed = Vec::new();
+    for (at, &sound) in bytes.iter().enumerate() {
+        for (byte, is_flipped) in [(sound ^ 1 << (at % 8), true), (sound, false)] {
+            let mut file = std::fs::OpenOptions::new().write(true).open(&path).unwrap();
+            file.seek(SeekFrom::Start(at as u64)).unwrap();
+            file.write_all(&[byte]).unwrap();
+            if is_flipped && verify(&path, &()).is_ok() {
+                missed.push(at);
+            }
+        }
+    }
+    assert!(missed.is_empty(), "flips not found at {missed:?}");
+}
+
+#[test]
+fn every_truncation_is_found() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("short.df");
+    for bytes in [sound(false), sound(true)] {
+        for len in (0..bytes.len()).step_by(53).chain(bytes.len() - 9..bytes.len()).chain(0..HEADER_LEN) {
+            assert!(!check(&bytes[..len], &path), "{len}");
+        }
+        let longer = [bytes, &[0]].concat();
+        assert!(!check(&longer, &path));
+    }
+}
+
+#[test]
+fn a_file_truncated_while_it_is_open_gives_an_error() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("open.df");
+    std::fs::write(&path, sound(false)).unwrap();
+    let file = PageFile::open(&path).unwrap();
+    std::fs::OpenOptions::new().write(true).open(&path).unwrap().set_len(ALIGNMENT + 10).unwrap();
+    assert!(file.read_page(PageId(0)).unwrap_err().to_string().contains("open.df"));
+}
+
+#[test]
+fn what_is_no_page_file_is_refused_in_one_line() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("other");
+    std::fs::write(&path, b"\x89HDF\r\n\x1a\nand so on").unwrap();
+    for path in [path.as_path(), folder.path(), Path::new("/nowhere/at.df")] {
+        let message = PageFile::open(path).unwrap_err().to_string();
+        assert!(message.contains(path.to_str().unwrap()) && !message.contains('\n'), "{message}");
+    }
+}
+
+/// Gives a changed file right checksums again, as somebody who means harm would.
+fn forge(bytes: &mut [u8]) {
+    let u32_at = |bytes: &[u8], at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap()) as usize;
+    let footer = u32_at(bytes, 24);
+    let pages = u32_at(bytes, 44);
+    if footer > bytes.len() {
+        return;
+    }
+    for page in 0..pages {
+        let entry = footer + page * PAGE_ENTRY_LEN;
+        if entry + PAGE_ENTRY_LEN > bytes.len() {
+            break;
+        }
+        let (offset, len) = (u32_at(bytes, entry), u32_at(bytes, entry + 8));
+        if let Some(page) = offset.checked_add(len).and_then(|end| bytes.get(offset..end)) {
+            let crc = crc32c::crc32c(page);
+            bytes[entry + 20..entry + 24].copy_from_slice(&crc.to_le_bytes());
+        }
+    }
+    let crc = crc32c::crc32c(&bytes[footer..]);
+    bytes[40..44].copy_from_slice(&crc.to_le_bytes());
+    let crc = crc32c::crc32c(&bytes[..60]);
+    bytes[60..64].copy_from_slice(&crc.to_le_bytes());
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..crate::cases::cases(1500) })]
+
+    #[test]
+    fn forged_files_never_panic(
+        changes in prop::collection::vec((any::<prop::sample::Index>(), prop_oneof![any::<u32>(), Just(0), Just(u32::MAX), 0..300_u32], 1..5_usize), 1..5),
+        in_footer: bool,
+        volume_levels: bool,
+    ) {
+        let mut bytes = sound(volume_levels).to_vec();
+        let footer = u64::from_le_bytes(bytes[24..32].try_into().unwrap()) as usize;
+        for (at, value, width) in changes {
+            let range = if in_footer { footer..bytes.len() } else { 0..bytes.len() };
+            let at = range.start + at.index(range.len());
+            bytes[at..].iter_mut().zip(value.to_le_bytes()).take(width).for_each(|(place, byte)| *place = byte);
+        }
+        forge(&mut bytes);
+        let folder = tempfile::tempdir().unwrap();
+        check(&bytes, &folder.path().join("forged.df"));
+    }
+}

@@ -1,0 +1,91 @@
+//! Golden images, one for each mode: the whole way from the demo snapshot to colours. `DEEPFIELD_BLESS=1` writes them
+//! anew; look at them before committing.
+
+use crate::support::golden::{TOLERANCE, check_against, difference, golden};
+use crate::support::{built, demo, draw_pages, draw_source, in_repository, paint_pages, view_from};
+use deepfield::annotate::{self, Annotations, Label, Legend, Subject, Units};
+use deepfield::codec::VqBits;
+use deepfield::color::Accumulation;
+use deepfield::color::composite::{Image, composite, composite_at};
+use deepfield::color::output::write_png;
+use deepfield::color::transfer::TransferFunction;
+use deepfield::cpu::Method;
+use deepfield::mode::{Depiction, Settings};
+use deepfield::model::Kernel;
+use deepfield::modes;
+use glam::DVec3;
+use std::sync::Arc;
+
+fn colors(mode: &str, picture: &Accumulation) -> Image {
+    let preset = modes::find(mode).unwrap().transfer[usize::from(picture.has_attribute())];
+    composite(picture, &TransferFunction::preset(preset).unwrap())
+}
+
+fn check(mode: &str, image: &Image) {
+    let name = format!("{mode}.png");
+    if std::env::var_os("DEEPFIELD_BLESS").is_some() {
+        write_png(&in_repository("tests/golden").join(&name), image).unwrap();
+    }
+    check_against(mode, image);
+}
+
+#[test]
+fn every_mode_draws_its_golden_image() {
+    let built = built(&demo(), VqBits::Eight);
+    let view = view_from(&built.dataset, DVec3::new(0.35, 0.3, 1.0), 1.5, 240, 160);
+    for mode in modes::MODES {
+        match mode.painter() {
+            None => check(mode.name, &colors(mode.name, &draw_pages(&built.file, mode.name, &view, 0.8))),
+            Some(_) => check(mode.name, &paint_pages(&built.file, mode.name, &view, 0.8)),
+        }
+    }
+}
+
+#[test]
+fn an_annotated_picture_is_its_golden_image() {
+    let built = built(&demo(), VqBits::Eight);
+    let view = view_from(&built.dataset, DVec3::new(0.6, 0.4, 1.0), 1.9, 640, 440);
+    let metadata = built.file.metadata();
+    let depiction =
+        Depiction::of_pages(modes::find("density-squared").unwrap(), Settings::default(), None, metadata).unwrap();
+    let picture = draw_pages(&built.file, "density-squared", &view, 0.8);
+    let transfer = TransferFunction::preset("density-hue").unwrap();
+    let levels = transfer.levels(&picture);
+    let mut image = composite_at(&picture, &transfer, &levels);
+    let lut = Arc::new(transfer.bake_lut());
+    let legend = Legend::of(&depiction, &transfer, lut, &levels, &Units::of_pages(metadata, &depiction));
+    let bounds = metadata.bounds();
+    let label = |name: &str, at: [f64; 3], radius: f64| Label {
+        name: name.into(),
+        position: bounds.min + DVec3::from_array(at) * bounds.size(),
+        radius: Some(radius * bounds.size().x),
+    };
+    let labels = [label("Group 0", [0.5, 0.5, 0.5], 0.06), label("Group 1", [0.3, 0.8, 0.6], 0.03)];
+    let subject = Subject {
+        view: &view,
+        scale: 1.0,
+        target: bounds.center(),
+        bounds,
+        length_unit: &metadata.length_unit.to_string(),
+        legend: Some(&legend),
+        labels: &labels,
+    };
+    let all = Annotations { axes: true, triad: true, caption: "A box of dark matter".into(), ..Annotations::default() };
+    annotate::paint(&mut image, &annotate::layout(&all, &subject), 1.0, annotate::Paper::Dark);
+    check("annotated", &image);
+}
+
+#[test]
+fn a_changed_kernel_or_transfer_function_is_seen() {
+    let mut built = built(&demo(), VqBits::Eight);
+    let view = view_from(&built.dataset, DVec3::new(0.35, 0.3, 1.0), 1.5, 240, 160);
+    let golden = golden("column-density.png");
+    built.dataset.kernel = Kernel::Poly6;
+    let other_kernel = draw_source(&built.dataset, "column-density", &view, Method::Pyramid);
+    let found = difference(&colors("column-density", &other_kernel), &golden);
+    assert!(found > 2.0 * TOLERANCE, "another kernel changes only {found:.3}/255");
+    let picture = draw_pages(&built.file, "column-density", &view, 0.8);
+    let function = TransferFunction { gamma: 1.05, ..TransferFunction::preset("density").unwrap() };
+    let found = difference(&composite(&picture, &function), &golden);
+    assert!(found > 2.0 * TOLERANCE, "another transfer function changes only {found:.3}/255");
+}

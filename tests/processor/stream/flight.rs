@@ -1,0 +1,50 @@
+//! What the program does with flights and faults on the command line: pictures that streamed in are those that were
+//! waited for, and `render` says what it could not read.
+
+use super::disk::{offset_of, sound};
+use crate::support::run;
+use serde_json::Value;
+use std::io::{Seek, SeekFrom, Write};
+
+#[test]
+fn a_flight_writes_its_series_and_its_pictures_are_those_that_were_waited_for() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("sound.df"), sound()).unwrap();
+    let arguments = ["bench", "flight", "sound.df", "--backends", "cpu", "--duration", "2", "--velocity", "0.1"];
+    let more = ["--size", "160x120", "--check", "2", "--main-memory", "40MiB", "--json", "-"];
+    let output = run(folder.path(), &[&arguments[..], &more[..]].concat());
+    let told = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.success(), "{told}");
+    let outcome: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let outcome = &outcome[0];
+    assert!(outcome["first_picture_s"].as_f64().unwrap() <= outcome["converged_s"].as_f64().unwrap());
+    assert!(outcome["flight"]["frames"].as_u64().unwrap() > 2);
+    for check in outcome["checks"].as_array().unwrap() {
+        assert_eq!(check["converged"], true, "{outcome:#}");
+        assert_eq!(check["difference"].as_f64().unwrap(), 0.0, "{outcome:#}");
+    }
+    let series = std::fs::read_to_string(folder.path().join("flight/flight-cpu.csv")).unwrap();
+    assert_eq!(series.lines().count() as u64, 1 + outcome["flight"]["frames"].as_u64().unwrap());
+    assert!(std::fs::read_to_string(folder.path().join("flight/flight-cpu.svg")).unwrap().contains("<polyline"));
+}
+
+#[test]
+fn render_says_which_page_is_damaged_and_draws_the_rest() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("bad.df");
+    std::fs::write(&path, sound()).unwrap();
+    let pages = deepfield::store::PageFile::open(&path).unwrap().page_count();
+    let bad = pages - 1;
+    let mut open = std::fs::OpenOptions::new().write(true).open(&path).unwrap();
+    open.seek(SeekFrom::Start(offset_of(sound(), deepfield::store::PageId(bad)) + 700)).unwrap();
+    open.write_all(&[0xa5, 0x5a, 0xa5]).unwrap();
+    let arguments = ["render", "bad.df", "-o", "p.png", "--backend", "cpu", "--size", "200x150", "--error-px", "0.01"];
+    let output = run(folder.path(), &[&arguments[..], &["--json", "-"]].concat());
+    let told = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.success(), "{told}");
+    assert!(told.lines().count() == 1 && told.contains(&format!("page {bad}")) && told.contains("checksum"), "{told}");
+    let statistics: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(statistics["converged"], false);
+    assert!(statistics["error_px"].as_f64().unwrap() > 0.01 && statistics["sum"].as_f64().unwrap() > 0.0);
+    assert!(folder.path().join("p.png").is_file());
+}

@@ -1,0 +1,234 @@
+//! Tours from the command line: the shipped one looks as it should, recordings are the same files however often they are
+//! interrupted, and every frame can be made again from its scene.
+
+use crate::support::{in_repository, program};
+use deepfield::annotate::overlay::read_png;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+use std::time::Duration;
+
+fn tour(arguments: &[&str]) -> Command {
+    let mut command = program();
+    command.arg("tour").args(arguments).stdin(Stdio::null());
+    command
+}
+
+fn run(mut command: Command) -> Output {
+    let output = command.output().unwrap();
+    assert!(output.status.success(), "{command:?}: {}", String::from_utf8_lossy(&output.stderr));
+    output
+}
+
+/// Runs a command that fails, and says with which code and text.
+fn failure(mut command: Command) -> (Option<i32>, String) {
+    let output = command.output().unwrap();
+    assert!(!output.status.success(), "{command:?}");
+    (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
+}
+
+/// All files below a folder with their contents.
+fn files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    let mut files = BTreeMap::new();
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        match path.is_dir() {
+            true => files.extend(self::files(&path)),
+            false => drop(files.insert(path.clone(), std::fs::read(&path).unwrap())),
+        }
+    }
+    files
+}
+
+/// The same, by their names in the folder.
+fn contents(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    files(folder).into_iter().map(|(path, bytes)| (path.strip_prefix(folder).unwrap().to_owned(), bytes)).collect()
+}
+
+/// A tour in which everything happens: a flight, a cut, cross-fades, words, a picture laid over, changing numbers.
+const EVERYTHING: &str = r#"(
+    version: 1,
+    size: (96, 54),
+    rate: 8.0,
+    keyframes: [
+        (mode: "density-squared", caption: "Words", images: [(path: "logo.png", height: 0.3)]),
+        (after: 1.0, orbit: 40.0, settings: {"presence": 2000.0}),
+        (after: 1.0, move: flight, around: (what: ball((29.16, 35.0, 27.36), 0.7)), caption: ""),
+        (after: 0.25, mode: "volume", fade: 0.5, pause: 0.5),
+        (after: 0.5, orbit: -30.0, settings: {"opacity": 3.0}, images: []),
+        (move: cut, after: 0.5, fade: 0.5, mode: "isosurface", around: (what: data), pause: 0.75),
+    ],
+)"#;
+
+/// A folder with that tour and its picture.
+fn everything() -> (tempfile::TempDir, PathBuf) {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("everything.ron");
+    std::fs::write(&path, EVERYTHING).unwrap();
+    std::fs::copy(in_repository("tests/golden/points.png"), folder.path().join("logo.png")).unwrap();
+    (folder, path)
+}
+
+fn demo() -> String {
+    in_repository("assets/demo/lcdm64_z0.hdf5").display().to_string()
+}
+
+#[test]
+fn recordings_are_the_same_files_however_they_are_interrupted() {
+    let (folder, path) = everything();
+    let path = path.display().to_string();
+    let at = |name: &str| folder.path().join(name);
+    let record =
+        |name: &str| tour(&[&path, &demo(), "--format", "png,exr", "--record", &at(name).display().to_string()]);
+    run(record("once"));
+    let once = contents(&at("once"));
+    assert_eq!(once.len(), 3 * 37 + 2, "37 frames as PNG, EXR and scene, a manifest and a journal");
+
+    // Killed 20 times, at moments that have nothing to do with the frames.
+    let mut seed = 7u64;
+    for _ in 0..20 {
+        seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        let mut child = record("interrupted").stderr(Stdio::null()).spawn().unwrap();
+        std::thread::sleep(Duration::from_millis(20 + (seed >> 33) % 400));
+        child.kill().unwrap();
+        child.wait().unwrap();
+    }
+    run(record("interrupted"));
+    let interrupted = contents(&at("interrupted"));
+    assert_eq!(once.keys().collect::<Vec<_>>(), interrupted.keys().collect::<Vec<_>>());
+    for (name, bytes) in &once {
+        assert!(*bytes == interrupted[name], "{} differs", name.display());
+    }
+
+    // Damaged and missing frames are drawn again, the others are not.
+    std::fs::write(at("interrupted").join("frame-00003.png"), b"damaged").unwrap();
+    std::fs::remove_file(at("interrupted").join("scenes/frame-00005.scene.ron")).unwrap();
+    let said = String::from_utf8_lossy(&run(record("interrupted")).stderr).into_owned();
+    assert!(said.contains("2 frames drawn") && said.contains("35 were finished before"), "{said}");
+    assert!(contents(&at("interrupted")) == once);
+
+    // Something else does not go into the same folder, and what differs is named.
+    let mut other = record("once");
+    other.args(["--fps", "4", "--name", "f%d"]);
+    let (code, said) = failure(other);
+    assert!(code == Some(1) && said.contains("--fps was 8, now 4; --name was frame-%05d, now f%d"), "{said}");
+    std::fs::write(folder.path().join("everything.ron"), EVERYTHING.replace("orbit: 40.0", "orbit: 41.0")).unwrap();
+    let (_, said) = failure(record("once"));
+    assert!(said.contains("another recording: the tour was checksum"), "{said}");
+    std::fs::write(folder.path().join("everything.ron"), EVERYTHING).unwrap();
+
+    // Any frame is made again from its scene: in a pause, within cross-fades, with words and pictures.
+    for frame in
+        ["frame-00000", "frame-00004", "frame-00013", "frame-00019", "frame-00020", "frame-00031", "frame-00036"]
+    {
+        let scene = at("once").join("scenes").join(format!("{frame}.scene.ron"));
+        let again = at("again.png");
+        let mut render = program();
+        render.arg("render").arg(&scene).args(["--backend", "cpu", "-o"]).arg(&again);
+        run(render);
+        let (new, old) = (read_png(&again).unwrap(), read_png(&at("once").join(format!("{frame}.png"))).unwrap());
+        assert!(new == old, "{frame} differs from what its scene makes");
+    }
+
+    // A part has the numbers and the pictures of the whole, and one frame is that frame.
+    let mut part =
+        tour(&[&path, &demo(), "--no-scenes", "--start", "1", "--end", "1.5", "--offset", "100", "--name", "p%d"]);
+    part.arg("--record").arg(at("part"));
+    run(part);
+    let part = contents(&at("part"));
+    assert_eq!(part.len(), 4 + 2);
+    for i in 8..12 {
+        assert!(part[Path::new(&format!("p{}.png", 100 + i))] == once[Path::new(&format!("frame-{i:05}.png"))], "{i}");
+    }
+    let one = at("one.png").display().to_string();
+    run(tour(&[&path, &demo(), "--frame", "9", &one]));
+    assert!(read_png(Path::new(&one)).unwrap() == read_png(&at("once").join("frame-00009.png")).unwrap());
+}
+
+/// Compares a frame with its golden one.
+fn check_golden(name: &str, out: &Path) {
+    let golden = in_repository("tests/golden/tour").join(name);
+    if std::env::var_os("DEEPFIELD_BLESS").is_some() {
+        std::fs::copy(out, &golden).unwrap();
+    }
+    let (found, golden) = (read_png(out).unwrap(), read_png(&golden).unwrap());
+    let pairs = found.rgba.as_flattened().iter().zip(golden.rgba.as_flattened());
+    let sum: u64 = pairs.map(|(a, b)| u64::from(a.abs_diff(*b))).sum();
+    let difference = sum as f64 / (3 * found.rgba.len()) as f64;
+    assert!(found.rgba.len() == golden.rgba.len() && difference < 0.15, "{name} differs by {difference:.3}/255");
+}
+
+#[test]
+fn the_shipped_tour_is_its_golden_frames() {
+    let path = in_repository("assets/tours/demo.ron").display().to_string();
+    let folder = tempfile::tempdir().unwrap();
+    // One moment of each part, two in cross-fades.
+    for second in [3, 15, 22, 33, 41, 48, 54, 60] {
+        let name = format!("{second}.png");
+        let out = folder.path().join(&name);
+        let number = second.to_string();
+        run(tour(&[&path, "--fps", "1", "--size", "192x108", "--frame", &number, &out.display().to_string()]));
+        check_golden(&name, &out);
+    }
+}
+
+#[test]
+fn the_shipped_tour_has_a_dome_version() {
+    let path = in_repository("assets/tours/demo-dome.ron").display().to_string();
+    let folder = tempfile::tempdir().unwrap();
+    // Each mode, a flight and a cross-fade.
+    for second in [15, 22, 33, 41, 48, 54] {
+        let name = format!("dome-{second}.png");
+        let out = folder.path().join(&name);
+        let (number, to) = (second.to_string(), out.display().to_string());
+        run(tour(&[&path, "--fps", "1", "--size", "160x160", "--frame", &number, &to]));
+        check_golden(&name, &out);
+    }
+}
+
+#[test]
+fn the_shipped_tour_is_as_the_issue_asks_and_comfortable() {
+    for name in ["assets/tours/demo.ron", "assets/tours/demo-dome.ron"] {
+        let path = in_repository(name);
+        let tour_file = deepfield::tour::TourFile::read(&path).unwrap();
+        let modes: std::collections::BTreeSet<_> = tour_file.keyframes.iter().filter_map(|k| k.mode.clone()).collect();
+        assert!(tour_file.keyframes.len() >= 10 && modes.len() >= 3);
+        assert!(tour_file.keyframes.iter().filter(|keyframe| keyframe.caption.is_some()).count() >= 5);
+        let output = run(tour(&[&path.display().to_string(), "--check"]));
+        let text = String::from_utf8_lossy(&output.stdout);
+        assert!(text.contains("nothing is too fast"), "{text}");
+    }
+}
+
+#[test]
+fn any_data_has_a_tour_and_a_video() {
+    let folder = tempfile::tempdir().unwrap();
+    let video = folder.path().join("around.avi");
+    let name = video.display().to_string();
+    run(tour(&["--around", &demo(), "--seconds", "2", "--fps", "5", "--size", "64x36", "--video", &name]));
+    let bytes = std::fs::read(&video).unwrap();
+    assert!(bytes.starts_with(b"RIFF") && bytes.windows(4).filter(|word| word == b"00dc").count() >= 20);
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "only the video stays");
+}
+
+#[test]
+fn mistakes_are_told_in_a_line() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("t.ron");
+    let text = path.display().to_string();
+    std::fs::write(&path, "(version: 1, keyframes: [\n (), (pase: 1.0)])").unwrap();
+    let (code, said) = failure(tour(&[&text, &demo(), "--check"]));
+    assert!(
+        code == Some(1) && said.contains("t.ron:2:") && said.contains("pase") && said.lines().count() == 1,
+        "{said}"
+    );
+    std::fs::write(&path, "(version: 1, keyframes: [()])").unwrap();
+    let (code, said) = failure(tour(&[&text, "--check"]));
+    assert!(code == Some(1) && said.contains("names no dataset"), "{said}");
+    assert_eq!(failure(tour(&[&text, &demo()])).0, Some(2), "nothing to do");
+    assert_eq!(failure(tour(&["--record", "x"])).0, Some(2), "no tour");
+    let (code, said) = failure(tour(&[&text, &demo(), "--video", "a.gif"]));
+    assert!(code == Some(1) && said.contains("a.gif: expected a name that ends in .avi"), "{said}");
+    let (code, said) = failure(tour(&[&text, &demo(), "--frame", "7", "a.png"]));
+    assert!(code == Some(1) && said.contains("expected a number from 0 to 0"), "{said}");
+}

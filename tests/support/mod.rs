@@ -1,0 +1,17 @@
+//! What several test programs share.
+
+#![allow(dead_code, unused_imports, reason = "each program uses a part of it")]
+
+mod files;
+pub mod golden;
+mod pages;
+pub mod parquet;
+mod program;
+mod random;
+
+pub use files::{demo, in_reference_data, in_repository};
+pub use pages::{
+    Built, built, built_from, built_from_dataset, core, draw_pages, draw_source, paint_pages, view_from, view_of,
+};
+pub use program::{alone, program, run};
+pub use random::Random;

@@ -1,0 +1,97 @@
+//! Page files built for the tests, and what the tests draw from them.
+
+use deepfield::build::{BuildOptions, build};
+use deepfield::codec::VqBits;
+use deepfield::color::Accumulation;
+use deepfield::color::composite::Image;
+use deepfield::cpu::Method;
+use deepfield::cpu::volume::Processor;
+use deepfield::import::{LoadOptions, load};
+use deepfield::mode::{Depiction, Settings};
+use deepfield::model::{Bounds, Dataset};
+use deepfield::modes;
+use deepfield::picture::paint::{Subject, paint_nodes};
+use deepfield::picture::processor;
+use deepfield::store::PageFile;
+use deepfield::stream::Scene;
+use deepfield::view::{Projection, View};
+use glam::DVec3;
+use std::path::Path;
+use std::sync::Arc;
+
+/// A source in memory and the page file built from it.
+pub struct Built {
+    pub dataset: Dataset,
+    pub file: Arc<PageFile>,
+    _folder: tempfile::TempDir,
+}
+
+/// Imports a source and builds it.
+pub fn built(source: &Path, vq_bits: VqBits) -> Built {
+    built_from(source, &LoadOptions::default(), vq_bits)
+}
+
+/// Imports what `options` say of a source and builds it.
+pub fn built_from(source: &Path, options: &LoadOptions, vq_bits: VqBits) -> Built {
+    built_from_dataset(load(source, options, &()).unwrap(), vq_bits)
+}
+
+/// Builds a dataset.
+pub fn built_from_dataset(dataset: Dataset, vq_bits: VqBits) -> Built {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("built.df");
+    build(dataset.clone(), &BuildOptions::with_vq_bits(vq_bits), &path, &()).unwrap();
+    Built { dataset, file: Arc::new(PageFile::open(&path).unwrap()), _folder: folder }
+}
+
+/// The picture of the page file at `tau`, by the CPU renderer.
+pub fn draw_pages(file: &Arc<PageFile>, mode: &str, view: &View, tau: f64) -> Accumulation {
+    let metadata = file.metadata();
+    let depiction = Depiction::of_pages(modes::find(mode).unwrap(), Settings::default(), None, metadata).unwrap();
+    let mut scene = Scene::new(Arc::clone(file), u64::MAX);
+    let selection = scene.converge_blocking(view, tau).unwrap();
+    assert!(selection.converged);
+    let nodes = processor::decode(&depiction, metadata, &selection.nodes);
+    processor::draw_nodes(view, &depiction, metadata, &nodes, Method::Pyramid).unwrap()
+}
+
+/// The colours of the page file at `tau`, of a mode that draws colours.
+pub fn paint_pages(file: &Arc<PageFile>, mode: &str, view: &View, tau: f64) -> Image {
+    let metadata = file.metadata();
+    let depiction = Depiction::of_pages(modes::find(mode).unwrap(), Settings::default(), None, metadata).unwrap();
+    let selection = Scene::new(Arc::clone(file), u64::MAX).converge_blocking(view, tau).unwrap();
+    let nodes = processor::decode(&depiction, metadata, &selection.nodes);
+    let subject = Subject { transfer: None, diameter: metadata.bounds().size().length(), caster: &Processor };
+    paint_nodes(view, &depiction, metadata, &nodes, &subject).unwrap().colors.image()
+}
+
+/// The picture of the source particles, by the CPU renderer.
+pub fn draw_source(dataset: &Dataset, mode: &str, view: &View, method: Method) -> Accumulation {
+    let depiction = Depiction::of_dataset(modes::find(mode).unwrap(), Settings::default(), None, dataset).unwrap();
+    let families: Vec<_> = dataset.families.iter().collect();
+    processor::draw_particles(view, &depiction, dataset, &families, method).unwrap()
+}
+
+/// A perspective view of the middle of the data from `distance` (in sizes of its box) along `direction`.
+pub fn view_from(dataset: &Dataset, direction: DVec3, distance: f64, width: u32, height: u32) -> View {
+    view_of(dataset.bounds(), direction, distance, width, height)
+}
+
+/// The box between the 10 % and the 90 % quantile of all coordinates.
+pub fn core(dataset: &Dataset) -> Bounds {
+    let quantiles = |axis: usize| {
+        let mut values: Vec<f64> =
+            dataset.families.iter().flat_map(|family| &family.positions).map(|at| at[axis]).collect();
+        values.sort_by(f64::total_cmp);
+        [values[values.len() / 10], values[values.len() * 9 / 10]]
+    };
+    let [x, y, z] = [0, 1, 2].map(quantiles);
+    Bounds { min: DVec3::new(x[0], y[0], z[0]), max: DVec3::new(x[1], y[1], z[1]) }
+}
+
+/// [`view_from`] of a box.
+pub fn view_of(bounds: Bounds, direction: DVec3, distance: f64, width: u32, height: u32) -> View {
+    let eye = bounds.center() + direction.normalize() * distance * bounds.size().max_element();
+    let projection = Projection::Perspective { fov_y: 0.8 };
+    View::look_at(eye, bounds.center(), DVec3::new(0.1, 1.0, 0.2), projection, width, height).unwrap()
+}

@@ -1,0 +1,26 @@
+//! The program under test, and tests in processes of their own.
+
+use std::path::Path;
+use std::process::{Command, Output};
+
+/// The program, without arguments.
+pub fn program() -> Command {
+    Command::new(env!("CARGO_BIN_EXE_deepfield"))
+}
+
+/// What the program does with these arguments in a folder, which is its cache, too.
+pub fn run(folder: &Path, arguments: &[&str]) -> Output {
+    program().args(arguments).current_dir(folder).env("XDG_CACHE_HOME", folder).output().unwrap()
+}
+
+/// Runs a test in a process of its own, for what it measures of its process. `name` is that of the test with its modules.
+pub fn alone(name: &str, test: fn()) {
+    const MARK: &str = "DEEPFIELD_TEST_ALONE";
+    // One process for each test is what nextest has anyway.
+    if std::env::var_os("NEXTEST").is_some() || std::env::var_os(MARK).is_some() {
+        return test();
+    }
+    let mut command = Command::new(std::env::current_exe().unwrap());
+    let status = command.args([name, "--exact", "--include-ignored", "--nocapture"]).env(MARK, "1").status().unwrap();
+    assert!(status.success(), "{name}: {status}");
+}

@@ -1,0 +1,19 @@
+//! The program in its windows, driven as a user would under virtual X servers.
+
+#![cfg(target_os = "linux")]
+#![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test that cannot go on has failed")]
+
+#[path = "../support/mod.rs"]
+mod support;
+
+mod desktop;
+mod ids;
+mod looking;
+mod network;
+mod outputs;
+mod panels;
+mod picture;
+mod tools;
+mod tour;
+mod tour_pictures;
+mod transfer;
