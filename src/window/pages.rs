@@ -14,18 +14,18 @@
 use super::camera::{CameraSystems, DataDistance, Viewpoint, distance_to_boxes};
 use super::lens::view_of;
 use super::look::Look;
-use super::messages::Messages;
 use super::occlusion::{self, Occlusion, PageOcclusion};
 use super::picture::{DataCamera, Picture};
 use super::preset::{Preset, ResidencyPreset};
 use super::scene::{Scene, Settings};
+use super::state::notices::Notices;
 use super::statistics::Statistics;
 use crate::hierarchy::Purpose;
 use crate::model::Bounds;
-use crate::show::window::output::Aim;
 use crate::store::{Page, PageId};
 use crate::stream::{PageState, SceneNode, Streamer};
 use crate::view::View;
+use crate::window::state::aim::Aim;
 use bevy::prelude::*;
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -194,7 +194,7 @@ pub fn follow_scene(
 pub fn finish_loads(
     mut commands: Commands,
     streaming: Option<ResMut<Streaming>>,
-    mut messages: ResMut<Messages>,
+    mut messages: ResMut<Notices>,
     mut pages: Query<&mut PageStatus>,
 ) {
     let Some(mut streaming) = streaming else { return };
@@ -388,7 +388,7 @@ mod tests {
                 facts: Facts::of(file, &[]),
                 generation: 1,
             })
-            .init_resource::<Messages>()
+            .init_resource::<Notices>()
             .init_resource::<Statistics>()
             .init_resource::<DataDistance>()
             .add_plugins(PagesPlugin);
