@@ -138,7 +138,7 @@ impl Stage {
             found.map(|found| Some(found.highlighter)).unwrap_or_else(|error| left_out("a selection by id", &error))
         };
         let marks = Marks::new(selections, file.metadata(), Data::Pages(file).periodic_edge()?, find)?;
-        let layer = (!marks.is_empty()).then(|| marks.draw(&self.view, file.metadata(), nodes));
+        let layer = (!marks.is_empty()).then(|| marks.draw(&self.view, nodes));
         Ok(Stage { marks: layer, ..self })
     }
 

@@ -138,7 +138,7 @@ fn paint_pages(
     let Studio { file, scene, ahead, .. } = studio;
     let metadata = file.metadata();
     let view = view(arguments, framed, metadata.periodic_box())?;
-    scene.levels = depiction.levels(metadata);
+    scene.purpose = depiction.purpose(metadata);
     let detail = depiction.detail(&view, arguments.error_px.unwrap_or(0.8), metadata);
     let mut tell = |message| eprintln!("deepfield: {message}");
     let selection = times.measure("load", || scene.converge(&view, detail, &mut tell))?;
@@ -157,7 +157,7 @@ fn paint_pages(
         painted: painted.ok_or("nothing was drawn")?,
         stage: Stage::new(arguments, view, framed, Units::of_pages(metadata, &depiction), &depiction)?
             .with_selections(&arguments.selections, file, &selection.nodes)?,
-        levels: scene.levels.name(),
+        levels: scene.purpose.name(),
         attribute: depiction.attribute.map(|coloring| coloring.name),
         converged: selection.converged,
         error_pixels: selection.error_pixels,

@@ -16,7 +16,7 @@ use super::studio::Studio;
 use crate::annotate::Units;
 use crate::cpu::volume::Processor;
 use crate::cpu::{Counts, Method, SplatOptions, Splats};
-use crate::hierarchy::Levels;
+use crate::hierarchy::Purpose;
 use crate::mode::{Depiction, Economy, Footprint, Painted, Plan};
 use crate::model::{Bounds, Kernel, PeriodicBox};
 use crate::picture::around::{Alike, sketch, with_images};
@@ -217,7 +217,7 @@ pub(super) fn draw(arguments: &Arguments, studio: Option<&mut Studio>) -> Result
             let (framed, depiction) = (studio.choose(arguments)?, studio.depict(arguments)?);
             let Studio { file, scene, .. } = studio;
             let metadata = file.metadata();
-            scene.levels = Levels::Splats;
+            scene.purpose = Purpose::Splats;
             let projector = Projector::new(arguments, framed, metadata.periodic_box())?;
             let stage =
                 Stage::new(arguments, projector.base, framed, Units::of_pages(metadata, &depiction), &depiction)?;
@@ -318,7 +318,7 @@ pub(super) fn paint(arguments: &Arguments, studio: Option<&mut Studio>) -> Resul
             let projector = Projector::new(arguments, framed, metadata.periodic_box())?;
             let base = &projector.base;
             let stage = Stage::new(arguments, *base, framed, Units::of_pages(metadata, &depiction), &depiction)?;
-            scene.levels = depiction.levels(metadata);
+            scene.purpose = depiction.purpose(metadata);
             let bounds = with_images(base, metadata.bounds());
             let mut tell = |message| eprintln!("deepfield: {message}");
             // Ranges are found from all the data, as a parallel view of it has them.
@@ -326,9 +326,9 @@ pub(super) fn paint(arguments: &Arguments, studio: Option<&mut Studio>) -> Resul
                 processor::cut(view, processor::decode(&depiction, metadata, &selection.nodes))
             };
             let all = sketch(base, bounds)?;
-            let detail = match scene.levels {
-                Levels::Splats => Detail::Error { tau: 1.0 },
-                Levels::Volume => Detail::Sampling { sigma: 1.0 / all.focal_pixels(), near: 0.0 },
+            let detail = match scene.purpose {
+                Purpose::Splats => Detail::Error { tau: 1.0 },
+                Purpose::Samples => Detail::Sampling { sigma: 1.0 / all.focal_pixels(), near: 0.0 },
             };
             let selected = times.measure("load", || scene.converge(&all, detail, &mut tell))?;
             // What is left out and faded is that of the picture's own view.
@@ -359,7 +359,7 @@ pub(super) fn paint(arguments: &Arguments, studio: Option<&mut Studio>) -> Resul
                 })
             };
             let texels = times.measure("frame", shoot)?;
-            (studied.outcome(texels)?, stage, scene.levels.name())
+            (studied.outcome(texels)?, stage, scene.purpose.name())
         }
     };
     Ok(Outcome {

@@ -1,6 +1,6 @@
 //! How regions are named on the command line, and which data they are looked for in.
 
-use super::arguments::positive;
+use super::arguments::{family_name, positive};
 use super::cache;
 use crate::explore::{Catalogue, Data, Object, Region, Shape, ValueRange, source_of};
 use crate::import::{Source, open_with};
@@ -28,7 +28,7 @@ pub struct RegionOptions {
     #[arg(long = "where", value_name = "FIELD:MIN..MAX")]
     pub ranges: Vec<ValueRange>,
     /// A family: gas, dark, type2, type3, stars or black-holes. May be given several times [default: all].
-    #[arg(long, value_name = "NAME", value_parser = family)]
+    #[arg(long, value_name = "NAME", value_parser = family_name)]
     pub family: Vec<FamilyName>,
     /// The sphere of an object of a catalogue: CATALOGUE#N for the one at place N by importance, from 0, or CATALOGUE#NAME.
     #[arg(long, value_name = "CATALOGUE#N", conflicts_with_all = ["sphere", "object"])]
@@ -65,14 +65,6 @@ fn cuboid(text: &str) -> Result<Shape, String> {
     let [x0, y0, z0, x1, y1, z1] = numbers(text).ok_or_else(expected)?;
     let (min, max) = (DVec3::new(x0, y0, z0), DVec3::new(x1, y1, z1));
     if min.cmple(max).all() { Ok(Shape::Box { min, max }) } else { Err(expected()) }
-}
-
-/// A family by its name.
-pub fn family(text: &str) -> Result<FamilyName, String> {
-    FamilyName::parse(text).ok_or_else(|| {
-        let names: Vec<&str> = FamilyName::ALL.iter().map(|family| family.as_str()).collect();
-        format!("expected one of {}", names.join(", "))
-    })
 }
 
 impl RegionOptions {
@@ -170,7 +162,7 @@ impl Opened {
     /// What is asked.
     pub fn data(&self) -> Data<'_> {
         match self {
-            Opened::Pages(file) => Data::Pages(file),
+            Opened::Pages(file) => Data::Pages(&**file),
             Opened::Source(source) => Data::Source(source.as_ref()),
         }
     }
@@ -190,6 +182,6 @@ mod tests {
         for wrong in ["", "0,0,0,1,1", "1,0,0,0,1,1"] {
             assert!(cuboid(wrong).is_err(), "{wrong}");
         }
-        assert!(family("black-holes").is_ok() && family("blackholes").is_err());
+        assert!(family_name("black-holes").is_ok() && family_name("black holes").is_err());
     }
 }

@@ -16,7 +16,7 @@ use crate::annotate::{Annotations, Units};
 use crate::color::transfer::TransferFunction;
 use crate::color::{Accumulation, Image, output};
 use crate::cpu::Method;
-use crate::hierarchy::Levels;
+use crate::hierarchy::Purpose;
 use crate::look::shown_families;
 #[cfg(feature = "viewer")]
 use crate::mode::Adapter;
@@ -159,7 +159,7 @@ fn draw_pages(arguments: &Arguments, studio: &mut Studio) -> Result<Picture, Box
     let (framed, depiction) = (studio.choose(arguments)?, studio.depict(arguments)?);
     let Studio { file, scene, ahead, .. } = studio;
     let metadata = file.metadata();
-    scene.levels = Levels::Splats;
+    scene.purpose = Purpose::Splats;
     let view = view(arguments, framed, metadata.periodic_box())?;
     let seen = depiction.selection_view(&view);
     let tau = arguments.error_px.unwrap_or(0.8);

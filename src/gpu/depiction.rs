@@ -8,7 +8,7 @@ use crate::gpu::{
 use crate::mode::sample::Sample;
 use crate::mode::{CodeTable, Depiction, Footprint, Plan};
 use crate::model::{Dataset, Family, Kernel};
-use crate::store::{FamilyMetadata, Metadata};
+use crate::store::{FamilyMetadata, Metadata, Particles};
 use crate::stream::SceneNode;
 use crate::view::View;
 use glam::DVec3;
@@ -63,12 +63,17 @@ pub fn request_nodes(
             let index = drawn.node.node;
             let node = &drawn.page.nodes[index as usize];
             let family = &metadata.families[drawn.page.family as usize];
+            let id = NodeId { source: drawn.page.family, page: drawn.node.page.0, node: index };
+            if let Some(content) = drawn.page.content(index as usize) {
+                let held = content.particles(drawn.time);
+                return own_content(view, depiction, family, (&held, depiction.node_scale(node)), id, drawn.offset);
+            }
             let table = first_table[drawn.page.family as usize] + usize::from(node.codebook);
             HeadlessNode {
                 upload: NodeUpload {
-                    id: NodeId { source: drawn.page.family, page: drawn.node.page.0, node: index },
-                    min: node.key.min(family.root),
-                    size: node.key.size(family.root),
+                    id,
+                    min: node.frame.min,
+                    size: node.frame.size,
                     payload: Payload::Page { page: drawn.page.clone(), node: index },
                 },
                 table: Some(table),
@@ -89,6 +94,33 @@ pub fn request_nodes(
         culling: plan.culling,
         faintest: plan.faintest,
         ..request(view, depiction, metadata.kernel, nodes, tables, backend)
+    }
+}
+
+/// A node whose particles are not coded, with the factor on their weights, as [`request_particles`] has them.
+fn own_content(
+    view: &View,
+    depiction: &Depiction,
+    family: &FamilyMetadata,
+    (held, scale): (&Particles, f32),
+    id: NodeId,
+    offset: DVec3,
+) -> HeadlessNode {
+    let table = depiction.table(family, &held.values);
+    let particle = |(i, &position): (usize, &[f64; 3])| RawParticle {
+        position: view.to_camera(DVec3::from_array(position) + offset).as_vec3().to_array(),
+        smoothing_length: table.smoothing_length[i],
+        weight: scale * table.weight[i],
+        attribute: table.attribute.as_ref().map_or(0.0, |attribute| attribute[i]),
+        unused: [0.0; 2],
+    };
+    let payload = Payload::Camera(held.positions.par_iter().enumerate().map(particle).collect());
+    HeadlessNode {
+        upload: NodeUpload { id, min: DVec3::ZERO, size: 0.0, payload },
+        table: None,
+        weight_scale: 1.0,
+        offset: DVec3::ZERO,
+        sample: Sample::ALL,
     }
 }
 

@@ -2,7 +2,7 @@
 //! taken out.
 
 use super::scene::{NodeId, NodeState, NodeUpload, ParticleScene, Payload};
-use crate::store::{FamilyMetadata, Page, PageId};
+use crate::store::{Node, Page, PageId};
 use std::sync::Arc;
 
 /// Where the copy of a page stands.
@@ -21,19 +21,20 @@ pub fn node_id(source: u32, page: PageId, node: u32) -> NodeId {
     NodeId { source, page: page.0, node }
 }
 
-/// The nodes of a page that hold particles.
+/// The nodes of a page that hold coded particles: the arena knows no others.
 fn drawable(page: &Page) -> impl Iterator<Item = u32> {
-    page.nodes.iter().enumerate().filter(|(_, node)| node.particles > 0).map(|(index, _)| index as u32)
+    let is_coded = |(index, node): &(usize, &Node)| node.particles > 0 && page.content(*index).is_none();
+    page.nodes.iter().enumerate().filter(is_coded).map(|(index, _)| index as u32)
 }
 
-/// Queues a page of `family` for upload.
-pub fn insert(scene: &ParticleScene, source: u32, family: &FamilyMetadata, page: &Arc<Page>) {
+/// Queues a page for upload.
+pub fn insert(scene: &ParticleScene, source: u32, page: &Arc<Page>) {
     scene.insert_nodes(drawable(page).map(|index| {
-        let key = page.nodes[index as usize].key;
+        let frame = page.nodes[index as usize].frame;
         NodeUpload {
             id: node_id(source, page.id, index),
-            min: key.min(family.root),
-            size: key.size(family.root),
+            min: frame.min,
+            size: frame.size,
             payload: Payload::Page { page: Arc::clone(page), node: index },
         }
     }));

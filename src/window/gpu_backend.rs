@@ -7,11 +7,11 @@
 use super::cpu_backend::CpuPicture;
 use super::live::LiveParticles;
 use super::look::Look;
-use super::messages::Messages;
 use super::pages::{GpuSlot, PageCopies, PageKey, PageStatus, Streaming, ViewSelection};
 use super::picture::DataCamera;
 use super::preset::{Backend, Preset};
 use super::scene::{Scene, Settings};
+use super::state::notices::Notices;
 use super::statistics::{ActiveBackend, Converged, Statistics};
 use super::touring::Before;
 use super::volume_caster::VolumeCaster;
@@ -20,6 +20,7 @@ use crate::gpu::timing::TimedPasses;
 use crate::gpu::{self, Composite, DrawItem, Fading, ModeView, ParticleScene, SplatView};
 use crate::gpu::{Capabilities, TableId, Technique, Withheld};
 use crate::mode::{Adapter, Footprint, Plan};
+use crate::modes;
 use crate::picture::governor::{self, Governor};
 use crate::store::Metadata;
 use bevy::diagnostic::DiagnosticsStore;
@@ -68,7 +69,7 @@ pub(super) fn choose_backend(
     mut statistics: ResMut<Statistics>,
     mut tables: ResMut<GpuTables>,
     mut cameras: Query<(Entity, &mut Camera), With<DataCamera>>,
-    mut messages: ResMut<Messages>,
+    mut messages: ResMut<Notices>,
     (caster, live): (Res<VolumeCaster>, Res<LiveParticles>),
     slots: Query<Entity, With<GpuSlot>>,
 ) {
@@ -173,7 +174,7 @@ pub(super) fn upload_pages(
     particles: Res<ParticleScene>,
     streaming: Option<ResMut<Streaming>>,
     mut tables: ResMut<GpuTables>,
-    mut messages: ResMut<Messages>,
+    mut messages: ResMut<Notices>,
 ) {
     let Some(mut streaming) = streaming else { return };
     let generation = streaming.generation;
@@ -186,11 +187,9 @@ pub(super) fn upload_pages(
         }
     }
     let residency = &streaming.streamer.residency;
-    let metadata = residency.file().metadata();
     for id in plan.insert {
         let (Some(entity), Some(page)) = (streaming.entity(id), residency.page(id)) else { continue };
-        let Some(family) = metadata.families.get(page.family as usize) else { continue };
-        page_copies::insert(&particles, generation, family, page);
+        page_copies::insert(&particles, generation, page);
         commands.entity(entity).insert(GpuSlot::Queued);
     }
     if streaming.streamer.copies.as_ref().is_some_and(|copies| copies.is_full())
@@ -366,18 +365,18 @@ mod tests {
         world.init_resource::<PageCopies>();
         world.init_resource::<Statistics>();
         world.init_resource::<GpuTables>();
-        world.init_resource::<Messages>();
+        world.init_resource::<Notices>();
         world.init_resource::<VolumeCaster>();
         world.init_resource::<LiveParticles>();
         let mut told = |backend| {
             world.resource_mut::<Preset>().drawing.backend = backend;
             world.run_system_once(choose_backend).unwrap();
-            world.resource::<Messages>().all().count()
+            world.resource::<Notices>().all().count()
         };
         let asked = [Backend::Auto, Backend::Raster, Backend::Raster, Backend::Compute, Backend::Raster];
         // Without any adapter.
         assert_eq!(asked.map(&mut told), [1, 2, 2, 3, 4]);
-        let text = world.resource::<Messages>().all().next().unwrap().text.clone();
+        let text = world.resource::<Notices>().all().next().unwrap().text.clone();
         assert!(text.contains("cpu draws") && text.contains("lacks a working driver"), "{text}");
     }
 }

@@ -118,7 +118,7 @@ pub(super) fn undo_and_redo(
 }
 
 /// Notes what has been edited.
-pub(super) fn observe(
+pub(super) fn record_settings(
     settings: Res<Settings>,
     scene: Option<Res<Scene>>,
     buttons: Res<ButtonInput<MouseButton>>,

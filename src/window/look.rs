@@ -1,8 +1,8 @@
 //! How the picture looks: the mode applied to the open data, and the transfer function with the ranges in use.
 
 use super::exposure::Exposure;
-use super::messages::Messages;
 use super::scene::{Scene, Settings};
+use super::state::notices::Notices;
 use super::transfer_presets::TransferPresets;
 use crate::annotate::{Legend, Units};
 use crate::color::transfer::{Levels, Lut, Scale, TransferFunction};
@@ -63,7 +63,7 @@ pub(crate) fn follow_settings(
     scene: Option<Res<Scene>>,
     mut settings: ResMut<Settings>,
     look: Option<ResMut<Look>>,
-    mut messages: ResMut<Messages>,
+    mut messages: ResMut<Notices>,
     mut presets: ResMut<TransferPresets>,
 ) {
     let Some(scene) = scene else { return };

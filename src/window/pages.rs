@@ -14,18 +14,18 @@
 use super::camera::{CameraSystems, DataDistance, Viewpoint, distance_to_boxes};
 use super::lens::view_of;
 use super::look::Look;
-use super::messages::Messages;
 use super::occlusion::{self, Occlusion, PageOcclusion};
 use super::picture::{DataCamera, Picture};
 use super::preset::{Preset, ResidencyPreset};
 use super::scene::{Scene, Settings};
+use super::state::notices::Notices;
 use super::statistics::Statistics;
-use crate::hierarchy::Levels;
+use crate::hierarchy::Purpose;
 use crate::model::Bounds;
-use crate::show::window::output::Aim;
 use crate::store::{Page, PageId};
 use crate::stream::{PageState, SceneNode, Streamer};
 use crate::view::View;
+use crate::window::state::aim::Aim;
 use bevy::prelude::*;
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -194,7 +194,7 @@ pub fn follow_scene(
 pub fn finish_loads(
     mut commands: Commands,
     streaming: Option<ResMut<Streaming>>,
-    mut messages: ResMut<Messages>,
+    mut messages: ResMut<Notices>,
     mut pages: Query<&mut PageStatus>,
 ) {
     let Some(mut streaming) = streaming else { return };
@@ -206,7 +206,7 @@ pub fn finish_loads(
         match streaming.streamer.residency.state(id) {
             Some(PageState::Resident(page)) => {
                 let bounds = page.nodes.iter().fold(Bounds::EMPTY, |bounds, node| bounds.union(node.bounds));
-                let depth = page.nodes.iter().map(|node| node.key.depth).min().unwrap_or(0);
+                let depth = page.nodes.iter().map(|node| node.depth).min().unwrap_or(0);
                 *status = PageStatus::Resident(Arc::clone(page));
                 commands.entity(entity).insert((PageBounds(bounds), PageDepth(depth)));
             }
@@ -239,14 +239,14 @@ pub fn traverse(
 ) {
     let Some(mut streaming) = streaming else { return };
     let size = picture.size();
-    let periodic = streaming.streamer.residency.file().metadata().periodic_box();
+    let periodic = streaming.streamer.residency.tree().metadata().periodic_box();
     let Ok(view) = view_of(&camera, &settings, periodic, size, aim.as_deref()) else { return };
     let streaming = &mut *streaming;
     streaming.frame += 1;
     let families = settings.families.iter().enumerate().filter(|(_, visible)| **visible);
     let depiction = look.as_ref().map(|look| &look.depiction);
-    let metadata = streaming.streamer.residency.file().metadata();
-    let levels = depiction.map_or(Levels::Splats, |depiction| depiction.levels(metadata));
+    let metadata = streaming.streamer.residency.tree().metadata();
+    let levels = depiction.map_or(Purpose::Splats, |depiction| depiction.purpose(metadata));
     let roots = streaming.streamer.roots(families.map(|(index, _)| index as u32), levels);
     let seen = depiction.map_or(view, |depiction| depiction.selection_view(&view));
     let tau = settings.error_px;
@@ -268,7 +268,13 @@ pub fn traverse(
         .iter()
         .filter_map(|drawn| {
             let page = Arc::clone(streaming.streamer.residency.page(drawn.id.page)?);
-            Some(SceneNode { page, node: drawn.id, error_pixels: drawn.error_pixels, offset: drawn.offset })
+            Some(SceneNode {
+                page,
+                node: drawn.id,
+                error_pixels: drawn.error_pixels,
+                offset: drawn.offset,
+                time: view.time,
+            })
         })
         .collect();
     for page in nodes.iter().map(|drawn| drawn.node.page) {
@@ -382,7 +388,7 @@ mod tests {
                 facts: Facts::of(file, &[]),
                 generation: 1,
             })
-            .init_resource::<Messages>()
+            .init_resource::<Notices>()
             .init_resource::<Statistics>()
             .init_resource::<DataDistance>()
             .add_plugins(PagesPlugin);

@@ -6,11 +6,11 @@
 
 use super::camera::{Anchor, Flight, Navigation, Viewpoint};
 use super::input::PointerOwner;
-use super::messages::Messages;
 use super::pages::ViewSelection;
 use super::picture::{DataCamera, Picture};
 use super::preset::Preset;
 use super::scene::Scene;
+use super::state::notices::Notices;
 use crate::explore::particle::ParticleRef;
 use crate::store::Metadata;
 use crate::stream::SceneNode;
@@ -41,17 +41,14 @@ pub fn pick(view: &View, metadata: &Metadata, nodes: &[SceneNode], cursor: [f64;
         let index = drawn.node.node as usize;
         let Some(node) = drawn.page.nodes.get(index) else { continue };
         let Some(family) = metadata.families.get(drawn.page.family as usize) else { continue };
-        let Some(codebook) = family.codebooks.get(usize::from(node.codebook)) else { continue };
         if !near_cursor(view, &Extent { bounds: node.bounds.moved(drawn.offset), margin: 0.0 }, cursor) {
             continue;
         }
-        let particles = drawn.page.particles(index);
-        let (corner, size) = (view.to_camera(node.key.min(family.root) + drawn.offset), node.key.size(family.root));
-        let axes = [DVec3::X, DVec3::Y, DVec3::Z]
-            .map(|axis| DVec3::new(axis.dot(view.right), axis.dot(view.up), axis.dot(view.forward)) * size);
-        for (i, &code) in particles.codes.iter().enumerate() {
-            let [x, y, z] = particles.fraction(i).map(f64::from);
-            let camera = corner + axes[0] * x + axes[1] * y + axes[2] * z;
+        let Some(particles) = drawn.page.block(index, family, drawn.time) else { continue };
+        let Some(codebook) = particles.table() else { continue };
+        for i in 0..particles.len() {
+            let Some(code) = particles.entry(i) else { continue };
+            let camera = view.to_camera(particles.position(i) + drawn.offset);
             let Some([px, py]) = view.to_pixels(camera) else { continue };
             let pixels = (px - cursor[0]).hypot(py - cursor[1]);
             if pixels > REACH || camera.z <= 0.0 {
@@ -61,7 +58,7 @@ pub fn pick(view: &View, metadata: &Metadata, nodes: &[SceneNode], cursor: [f64;
             if !view.cut.keeps(position) {
                 continue;
             }
-            let column = |values: &[f32]| values.get(usize::from(code)).map_or(0.0, |&value| f64::from(value));
+            let column = |values: &[f32]| values.get(code).map_or(0.0, |&value| f64::from(value));
             let (density, smoothing_length) = (column(&codebook.density), column(&codebook.smoothing_length));
             let closeness = 1.0 - pixels / (REACH * 1.001);
             let score = closeness * closeness * density.max(f64::MIN_POSITIVE).powf(0.5) / camera.z.powf(0.25);
@@ -108,7 +105,7 @@ pub(super) fn fly_to_pick(
     selection: Res<ViewSelection>,
     picture: Res<Picture>,
     preset: Res<Preset>,
-    mut messages: ResMut<Messages>,
+    mut messages: ResMut<Notices>,
     camera: Single<(Entity, &Viewpoint, &mut Navigation), (With<DataCamera>, With<Anchor>)>,
 ) {
     let Some(at) = click.bypass_change_detection().0.take() else { return };

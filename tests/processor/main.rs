@@ -44,6 +44,7 @@ mod stream {
     mod faults;
     mod flight;
     mod soak;
+    mod trees;
 }
 
 /// Looking closer: regions, probes, selections, ids and exports, against brute force and against independent readers.

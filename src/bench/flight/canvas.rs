@@ -163,8 +163,7 @@ mod gpu {
             }
             for id in plan.insert {
                 let Some(page) = streamer.residency.page(id) else { continue };
-                let Some(family) = self.file.metadata().families.get(page.family as usize) else { continue };
-                page_copies::insert(&self.scene, SOURCE, family, page);
+                page_copies::insert(&self.scene, SOURCE, page);
             }
         }
 

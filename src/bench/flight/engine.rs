@@ -6,7 +6,7 @@ use super::path::Flight;
 use super::series::Frame;
 use crate::color::Accumulation;
 use crate::color::transfer::TransferFunction;
-use crate::hierarchy::Levels;
+use crate::hierarchy::Purpose;
 use crate::mode::{Depiction, Economy, Plan};
 use crate::picture::governor::{self, Governor};
 use crate::picture::pilot;
@@ -36,7 +36,7 @@ pub struct Engine<'a> {
     pub frame_ms: Option<f64>,
     /// What drawing has cost so far.
     pub governor: Governor,
-    /// Who draws.
+    /// The backend that draws.
     pub canvas: &'a mut dyn Canvas,
     /// What there is to tell about pages that cannot be read.
     pub messages: Vec<String>,
@@ -83,7 +83,7 @@ impl Engine<'_> {
         let copied = streamer.copies.as_ref().map_or(0, |copies| copies.copied_bytes());
         self.canvas.receive(streamer);
         let copied = streamer.copies.as_ref().map_or(0, |copies| copies.copied_bytes()) - copied;
-        let roots = streamer.roots(0..self.file.metadata().families.len() as u32, Levels::Splats);
+        let roots = streamer.roots(0..self.file.metadata().families.len() as u32, Purpose::Splats);
         let chosen = streamer.select(&self.depiction.selection_view(view), self.tau, &roots);
         streamer.serve();
         streamer.take_evicted();

@@ -137,12 +137,11 @@ pub(super) fn draw_marks(
     let count =
         |node: &SceneNode| node.page.nodes.get(node.node.node as usize).map_or(0, |node| u64::from(node.particles));
     if nodes.iter().map(count).sum::<u64>() <= AT_ONCE {
-        let drawn = marks.draw(&view, scene.file.metadata(), &nodes);
+        let drawn = marks.draw(&view, &nodes);
         layer.take(drawn, view);
     } else {
         let (send, receive) = channel();
-        let file = Arc::clone(&scene.file);
-        rayon::spawn(move || drop(send.send(marks.draw(&view, file.metadata(), &nodes))));
+        rayon::spawn(move || drop(send.send(marks.draw(&view, &nodes))));
         layer.coming = Some(Mutex::new(receive));
     }
     layer.wanted = Some(key);

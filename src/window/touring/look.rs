@@ -90,7 +90,7 @@ pub fn difference(before: &Look, now: &Look) -> Keyframe {
     }
     // Where all families come back, they have to be named.
     let families = match (&before.families, &now.families) {
-        (Some(_), None) => Some(FamilyName::ALL.to_vec()),
+        (Some(_), None) => Some(FamilyName::GADGET.to_vec()),
         (before, now) => now.clone().filter(|_| before != now),
     };
     Keyframe {

@@ -137,6 +137,7 @@ fn what_is_wrong_is_named() {
         (&["select", "box.csv", "-o", "out.txt"], ["out.txt", ".parquet"]),
         (&["select", "box.csv", "--ids", "named.csv", "-o", "out.csv"], ["named.csv: line 1", "name"]),
         (&["select", "box.csv", "-o", "no/where.csv"], ["no/where.csv", "writing"]),
+        (&["probe", "box.csv", "--family", "gaz"], ["box.csv", "gaz"]),
         (&["catalogue", "box.df"], ["box.df", ""]),
         (&["catalogue", "box.csv"], ["box.csv", "name"]),
     ] {
@@ -146,7 +147,7 @@ fn what_is_wrong_is_named() {
     for wrong in [
         &["probe", "box.csv", "--sphere", "1,2,3"][..],
         &["probe", "box.csv", "--where", "mass"],
-        &["probe", "box.csv", "--family", "gaz"],
+        &["probe", "box.csv", "--family", "Gaz"],
         &["probe", "box.csv", "--object", "Large"],
         &["select", "box.csv", "--ids", "a", "--sphere", "1,2,3,4", "-o", "b.csv"],
         &["select", "box.csv"],

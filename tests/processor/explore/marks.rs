@@ -33,7 +33,7 @@ proptest! {
                     let gas = family.name == FamilyName::Gas;
                     let drawn = Particle {
                         family: family.name,
-                        at: node.key.position(family.root, held.fraction(i)),
+                        at: node.frame.position(held.fraction(i)),
                         mass: codebook.mass[code].into(),
                         h: codebook.smoothing_length[code].into(),
                         density: codebook.density[code].into(),
@@ -139,8 +139,8 @@ fn places_of_ids_are_marked_in_leaves_and_merged_nodes() {
                 if !is_marked {
                     continue;
                 }
-                let at = node.key.position(family.root, held.fraction(i));
-                let size = node.key.size(family.root);
+                let at = node.frame.position(held.fraction(i));
+                let size = node.frame.size;
                 let reach = if node.is_leaf() { held.rounding(i) } else { 1.0 / 256.0 } * size * 1.001;
                 let near = |p: &&&Particle| p.family == family.name && (p.at - at).abs().max_element() <= reach;
                 assert!(wanted.iter().any(|p| near(&p)), "{at}");

@@ -64,7 +64,7 @@ proptest! {
         let kinds: Vec<usize> = (0..6).filter(|kind| totals[*kind] > 0).collect();
         prop_assert_eq!(description.families.len(), kinds.len());
         for (family, kind) in kinds.into_iter().enumerate() {
-            prop_assert_eq!(description.families[family].name, FamilyName::ALL[kind]);
+            prop_assert_eq!(description.families[family].name, FamilyName::GADGET[kind]);
             prop_assert_eq!(description.families[family].count, totals[kind] as u64);
             let all = |pick: fn(&Particles) -> Vec<f64>| -> Vec<f64> {
                 files.iter().flat_map(|families| pick(&families[kind])).collect()

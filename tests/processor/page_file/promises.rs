@@ -98,10 +98,10 @@ impl Tree {
     /// World positions and codes of a node's particles.
     fn drawn(&self, at: NodeRef) -> Vec<(DVec3, usize)> {
         let page = &self.pages[at.page.0 as usize];
-        let (node, root) = (self.node(at), self.metadata.families[page.family as usize].root);
+        let node = self.node(at);
         let particles = page.particles(at.node as usize);
         (0..particles.len())
-            .map(|i| (node.key.position(root, particles.fraction(i)), usize::from(particles.codes[i])))
+            .map(|i| (node.frame.position(particles.fraction(i)), usize::from(particles.codes[i])))
             .collect()
     }
 
@@ -126,7 +126,7 @@ proptest! {
         let root = tree.metadata.families[0].root;
         for at in tree.nodes() {
             let node = tree.node(at);
-            let cell = node.key.bounds(root);
+            let cell = node.frame.bounds();
             let inside = |p: &DVec3| p.cmpge(cell.min).all() && p.cmplt(cell.max).all();
             let sources: Vec<DVec3> = family.positions.iter().map(|p| DVec3::from_array(*p)).filter(inside).collect();
             prop_assert_eq!(sources.len() as u64, node.source_particles);
@@ -145,13 +145,13 @@ proptest! {
             prop_assert!(farthest <= node.delta * (1.0 + 1e-9), "{} > {}", farthest, node.delta);
             // Sources and their drawn particle share a cell, so nothing can be farther than its diagonal; those of leaves are
             // rounded to a fraction of their smoothing lengths, if at all.
-            let mut step = node.key.size(root) / if node.encoding == Encoding::Leaf { 2_f64.powi(21) } else { 128.0 };
+            let mut step = node.frame.size / if node.encoding == Encoding::Leaf { 2_f64.powi(21) } else { 128.0 };
             if node.encoding == Encoding::Leaf && !options.octree.exact_positions {
                 step = step.max(f64::from(node.smoothing_length_max) / 512.0);
                 for (source, h) in family.positions.iter().zip(&family.smoothing_length) {
                     let source = DVec3::from_array(*source);
                     let nearest = || drawn.iter().map(|(p, _)| source.distance(*p)).fold(f64::INFINITY, f64::min);
-                    let limit = f64::from(*h) / 590.0 + node.key.size(root) / 2_f64.powi(21);
+                    let limit = f64::from(*h) / 590.0 + node.frame.size / 2_f64.powi(21);
                     prop_assert!(!inside(&source) || nearest() <= limit);
                 }
             }
@@ -198,11 +198,11 @@ proptest! {
             let (mut cut, mut particles) = (0.0, 0);
             while let Some(at) = stack.pop() {
                 let node = tree.node(at);
-                if node.encoding != Encoding::Relay && (node.is_leaf() || node.key.depth >= depth) {
+                if node.encoding != Encoding::Relay && (node.is_leaf() || node.depth >= depth) {
                     cut += node.mass;
                     particles += node.source_particles;
                 } else {
-                    stack.extend(node.children.iter().flatten());
+                    stack.extend(tree.pages[at.page.0 as usize].children(at.node as usize));
                 }
             }
             prop_assert!((cut / mass - 1.0).abs() < 1e-12);
@@ -354,7 +354,7 @@ fn degenerate_particles_build() {
         // Leaf positions are as exact as 21 bits of a leaf allow.
         let leaves: Vec<NodeRef> = tree.nodes().filter(|&at| tree.node(at).is_leaf()).collect();
         for at in &leaves {
-            let limit = tree.node(*at).key.size(root) / 2_f64.powi(20) + 1e-12 * root.min.abs().max_element();
+            let limit = tree.node(*at).frame.size / 2_f64.powi(20) + 1e-12 * root.min.abs().max_element();
             for (drawn, _) in tree.drawn(*at) {
                 let nearest =
                     positions.iter().map(|p| DVec3::from_array(*p).distance(drawn)).fold(f64::INFINITY, f64::min);

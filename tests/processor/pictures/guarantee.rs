@@ -45,10 +45,9 @@ fn displaced(built: &Built, view: &View, tau: f64) -> (usize, usize, u64) {
     let mut places = Vec::new();
     for node in &selection.nodes {
         let index = node.node.node as usize;
-        let root = file.metadata().families[node.page.family as usize].root;
         let particles = node.page.particles(index);
         for i in 0..particles.len() {
-            let world = node.page.nodes[index].key.position(root, particles.fraction(i));
+            let world = node.page.nodes[index].frame.position(particles.fraction(i));
             places.push(world);
             if let Some(at) = view.to_pixels(view.to_camera(world)).filter(|&at| in_picture(view, at, 2.0 * tau)) {
                 drawn.cells.entry(drawn.key(at)).or_default().push(at);

@@ -10,7 +10,7 @@ use deepfield::explore::{Data, Members, ProbeOptions, Region, Work, probe};
 use deepfield::import::{LoadOptions, load};
 use deepfield::look::{Member, open_members, shown_families};
 use deepfield::mode::{Depiction, Settings};
-use deepfield::model::{Dataset, Placement};
+use deepfield::model::{Dataset, Placement, ReadMethod};
 use deepfield::modes;
 use deepfield::picture::processor;
 use deepfield::store::{PageFile, PageId, StoreError};
@@ -47,7 +47,7 @@ fn fixture() -> Fixture {
 }
 
 fn open(members: &[Member]) -> PageFile {
-    open_members(members, |path| Ok::<_, StoreError>(path.to_owned())).unwrap().0
+    open_members(members, ReadMethod::default(), |path| Ok::<_, StoreError>(path.to_owned())).unwrap().0
 }
 
 fn draw(file: &Arc<PageFile>, families: Option<Vec<u32>>, view: &View, tau: f64) -> Accumulation {
@@ -116,15 +116,15 @@ fn pages_and_probes_of_several_are_those_of_all() {
         let page = whole.read_page(PageId(number)).unwrap();
         assert_eq!(page.id, PageId(number));
         let family = &metadata.families[page.family as usize];
-        for node in &page.nodes {
-            let cell = node.key.bounds(family.root);
+        for (index, node) in page.nodes.iter().enumerate() {
+            let cell = node.frame.bounds();
             let slack = 1e-9 * family.root.size;
             let inside = (node.bounds.min - cell.min).min(cell.max - node.bounds.max).min_element() >= -slack;
             assert!(inside, "{cell:?} {:?}", node.bounds);
             if node.is_leaf() {
                 counts[page.family as usize] += node.source_particles;
             }
-            for child in node.children.iter().flatten() {
+            for child in page.children(index) {
                 assert_eq!(whole.read_page(child.page).unwrap().family, page.family);
             }
         }
@@ -157,7 +157,8 @@ fn pages_and_probes_of_several_are_those_of_all() {
 #[test]
 fn what_does_not_fit_together_is_told_or_refused() {
     let Fixture { members, _folder, .. } = fixture();
-    let join = |members: &[Member]| open_members(members, |path| Ok::<_, StoreError>(path.to_owned()));
+    let join =
+        |members: &[Member]| open_members(members, ReadMethod::default(), |path| Ok::<_, StoreError>(path.to_owned()));
     let (_, notes) = join(&members).unwrap();
     assert!(notes.iter().all(|note| note.contains("collapse")), "{notes:?}");
     let unscaled = [members[0].clone(), Member { scale: None, ..members[1].clone() }];

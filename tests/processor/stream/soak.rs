@@ -3,7 +3,7 @@
 
 use super::disk::{in_memory, large};
 use crate::support::{Random, alone};
-use deepfield::hierarchy::Levels;
+use deepfield::hierarchy::Purpose;
 use deepfield::store::{PageFile, PageId};
 use deepfield::stream::{CopyOptions, StreamOptions, Streamer};
 use deepfield::view::{Projection, View};
@@ -67,7 +67,7 @@ fn soak(frames: u32) {
     let mut streamer = Streamer::new(Arc::clone(&file), options);
     let copy_budget = budget * 9 / 10;
     streamer.keep_copies(Some(CopyOptions { budget: copy_budget, on_their_way: 8 << 20 }));
-    let roots = streamer.roots(0..file.metadata().families.len() as u32, Levels::Splats);
+    let roots = streamer.roots(0..file.metadata().families.len() as u32, Purpose::Splats);
     let mut pilot = Pilot::new(7);
     let (mut reads, mut evicted, mut converged, mut prefetched) = (0, 0, 0, 0);
     let mut before = None;

@@ -9,7 +9,7 @@ use deepfield::cpu::volume::exact::ExactField;
 use deepfield::cpu::volume::resample::Resampler;
 use deepfield::cpu::volume::{VolumeOptions, prepare};
 use deepfield::cpu::{Extent, Positions, Splats};
-use deepfield::hierarchy::{Levels, OctreeOptions};
+use deepfield::hierarchy::{OctreeOptions, Purpose};
 use deepfield::model::{Attribute, Dataset, Family, FamilyName, Kernel, Provenance, Unit};
 use deepfield::store::{Encoding, Node, NodeRef, Page, PageFile, PageId, verify};
 use deepfield::stream::{Scene, SceneSelection};
@@ -51,16 +51,20 @@ impl Built {
         &self.pages[at.page.0 as usize].nodes[at.node as usize]
     }
 
-    fn root(&self, levels: Levels) -> NodeRef {
+    fn children(&self, at: NodeRef) -> &[NodeRef] {
+        self.pages[at.page.0 as usize].children(at.node as usize)
+    }
+
+    fn root(&self, levels: Purpose) -> NodeRef {
         NodeRef { page: self.file.metadata().families[0].root_page_of(levels).unwrap(), node: 0 }
     }
 
     /// The nodes of a tree, parents before children.
-    fn tree(&self, levels: Levels) -> Vec<NodeRef> {
+    fn tree(&self, levels: Purpose) -> Vec<NodeRef> {
         let mut nodes = vec![self.root(levels)];
         let mut next = 0;
         while let Some(&at) = nodes.get(next) {
-            nodes.extend(self.node(at).children.iter().flatten());
+            nodes.extend(self.children(at));
             next += 1;
         }
         nodes
@@ -73,7 +77,7 @@ impl Built {
         let book = &info.codebooks[usize::from(node.codebook)];
         let particle = |i: usize| {
             let code = usize::from(particles.codes[i]);
-            let position = node.key.position(info.root, particles.fraction(i));
+            let position = node.frame.position(particles.fraction(i));
             (position, book.smoothing_length[code], book.mass[code] * node.mass_scale)
         };
         (0..particles.len()).map(particle).collect()
@@ -81,7 +85,7 @@ impl Built {
 
     /// Indices of the source particles in a node's cell.
     fn sources(&self, at: NodeRef) -> Vec<usize> {
-        let cell = self.node(at).key.bounds(self.file.metadata().families[0].root);
+        let cell = self.node(at).frame.bounds();
         let inside = |p: &[f64; 3]| {
             let p = DVec3::from_array(*p);
             p.cmpge(cell.min).all() && p.cmplt(cell.max).all()
@@ -127,22 +131,21 @@ proptest! {
     fn every_node_keeps_mass_means_and_volume(seed: u64, count in 200..3000_usize, capacity in 5..120_usize) {
         let built = built(clumps(seed, count), options(VqBits::Sixteen, capacity));
         let info = &built.file.metadata().families[0];
-        let root = info.root;
         let mut grids = 0;
         let mut enlarged_nodes = 0;
-        for at in built.tree(Levels::Volume) {
+        for at in built.tree(Purpose::Samples) {
             let node = built.node(at);
             if node.encoding != Encoding::Grid {
                 continue;
             }
             grids += 1;
-            prop_assert!(matches!(info.codebooks[usize::from(node.codebook)].scope, CodebookScope::VolumeDepth(d) if d == node.key.depth));
+            prop_assert!(matches!(info.codebooks[usize::from(node.codebook)].scope, CodebookScope::VolumeDepth(d) if d == node.depth));
             let (sources, drawn) = (built.sources(at), built.drawn(at));
             let mass: f64 = sources.iter().map(|&i| f64::from(built.family.mass[i])).sum();
             let own: f64 = drawn.iter().map(|particle| f64::from(particle.2)).sum();
             prop_assert!((node.mass / mass - 1.0).abs() < 1e-12 && (own / mass - 1.0).abs() < 1e-6, "{} {} {}", mass, node.mass, own);
             prop_assert!((f64::from(node.mass_scale) - 1.0).abs() < 1e-5, "nothing is left out: {}", node.mass_scale);
-            let q = node.spacing(root);
+            let q = node.spacing;
             prop_assert!(drawn.iter().all(|particle| f64::from(particle.1) >= q * (1.0 - 1e-4)));
             let cube = |h: f32| f64::from(h).powi(3);
             let volume: f64 = sources.iter().map(|&i| cube(built.family.smoothing_length[i])).sum();
@@ -164,15 +167,15 @@ proptest! {
         // By cut: what a selection at one depth draws stands for everything once.
         let total: f64 = built.family.mass.iter().map(|&m| f64::from(m)).sum();
         for depth in 0..info.levels.len() as u8 {
-            let mut stack = vec![built.root(Levels::Volume)];
+            let mut stack = vec![built.root(Purpose::Samples)];
             let (mut drawn, mut particles) = (0.0, 0);
             while let Some(at) = stack.pop() {
                 let node = built.node(at);
-                if node.encoding != Encoding::Relay && (node.is_leaf() || node.key.depth >= depth) {
+                if node.encoding != Encoding::Relay && (node.is_leaf() || node.depth >= depth) {
                     drawn += built.drawn(at).iter().map(|particle| f64::from(particle.2)).sum::<f64>();
                     particles += node.source_particles;
                 } else {
-                    stack.extend(node.children.iter().flatten());
+                    stack.extend(built.children(at));
                 }
             }
             prop_assert!((drawn / total - 1.0).abs() < 1e-6);
@@ -194,10 +197,10 @@ proptest! {
     fn both_trees_are_in_one_file(seed: u64, count in 1..2000_usize, capacity in 5..200_usize) {
         let with = built(clumps(seed, count), options(VqBits::Eight, capacity));
         let without = built(clumps(seed, count), OctreeOptions { volume_levels: false, ..options(VqBits::Eight, capacity) });
-        let (splats, plain) = (with.tree(Levels::Splats), without.tree(Levels::Splats));
+        let (splats, plain) = (with.tree(Purpose::Splats), without.tree(Purpose::Splats));
         prop_assert_eq!(splats.len(), plain.len());
         for (&a, &b) in splats.iter().zip(&plain) {
-            let placeless = |node: &Node| Node { children: [None; 8], ..node.clone() };
+            let placeless = |node: &Node| Node { children: 0..0, ..node.clone() };
             prop_assert_eq!(placeless(with.node(a)), placeless(without.node(b)));
             let words = |built: &Built, at: NodeRef| {
                 let particles = built.pages[at.page.0 as usize].particles(at.node as usize);
@@ -215,10 +218,10 @@ proptest! {
             leaves.sort_unstable();
             leaves
         };
-        prop_assert_eq!(leaves(Levels::Splats), leaves(Levels::Volume));
+        prop_assert_eq!(leaves(Purpose::Splats), leaves(Purpose::Samples));
         // Inner nodes are their own, in the same cells.
-        let cells = |levels| with.tree(levels).into_iter().map(|at| with.node(at).key).collect::<Vec<_>>();
-        prop_assert_eq!(cells(Levels::Splats), cells(Levels::Volume));
+        let cells = |levels| with.tree(levels).into_iter().map(|at| with.node(at).frame).collect::<Vec<_>>();
+        prop_assert_eq!(cells(Purpose::Splats), cells(Purpose::Samples));
         let version = |built: &Built| std::fs::read(built.file.path()).unwrap()[8];
         prop_assert_eq!((version(&with), version(&without)), (3, 2));
     }
@@ -264,7 +267,7 @@ struct Differences {
 /// Resamples what lies within `detail` cells and compares every `stride`-th cell that holds something.
 fn differences(built: &Built, view: &View, detail: f64, stride: usize) -> Differences {
     let mut scene = Scene::new(Arc::clone(&built.file), u64::MAX);
-    scene.levels = Levels::Volume;
+    scene.purpose = Purpose::Samples;
     let sigma = detail * PerspectiveGrid::sigma_of(view, 1.0);
     let selection = scene.converge_blocking(view, Detail::Sampling { sigma, near: 0.0 }).unwrap();
     assert!(selection.converged);

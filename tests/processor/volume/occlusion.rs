@@ -4,7 +4,7 @@ use crate::support::Random;
 use deepfield::build::{BuildOptions, build};
 use deepfield::color::transfer::{Range, TransferFunction};
 use deepfield::cpu::volume::Processor;
-use deepfield::hierarchy::{Levels, OctreeOptions};
+use deepfield::hierarchy::{OctreeOptions, Purpose};
 use deepfield::mode::{Depiction, Painted, SettingValue, Settings};
 use deepfield::model::{Dataset, Family, FamilyName, Kernel, Provenance, Unit};
 use deepfield::modes;
@@ -69,12 +69,12 @@ fn what_is_hidden_need_not_be_there() {
         let settings = Settings(settings.into_iter().collect());
         let mode = modes::find("volume").unwrap();
         let depiction = Depiction::of_pages(mode, settings, None, file.metadata()).unwrap();
-        assert_eq!(depiction.levels(file.metadata()) == Levels::Volume, volume_levels);
+        assert_eq!(depiction.purpose(file.metadata()) == Purpose::Samples, volume_levels);
         let projection = Projection::Perspective { fov_y: 0.6 };
         let view = View::look_at(DVec3::new(0.0, 0.0, 3.0), DVec3::ZERO, DVec3::Y, projection, 200, 160).unwrap();
         let detail = depiction.detail(&view, 0.2, file.metadata());
         let mut scene = Scene::new(Arc::clone(&file), u64::MAX);
-        scene.levels = depiction.levels(file.metadata());
+        scene.purpose = depiction.purpose(file.metadata());
         let whole = scene.converge_blocking(&view, detail).unwrap();
         let expected = paint(&file, &depiction, &view, &whole);
         // The first picture is coarse, and may hide too much; from then on each shows what to ask for.

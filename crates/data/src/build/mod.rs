@@ -14,6 +14,7 @@ mod tree;
 
 use crate::codec::quantize::MAX_ATTRIBUTES;
 use crate::codec::{AttributeMerge, VqBits};
+use crate::hierarchy::attribute_info::set_units;
 use crate::hierarchy::octree::{Context, Plan};
 use crate::hierarchy::{AttributeInfo, LevelInfo, OctreeOptions};
 use crate::import::{ImportError, LoadOptions, SourceStream, open_with, replaced_densities, streams};
@@ -431,14 +432,4 @@ fn chosen(names: &[&str], options: &BuildOptions) -> Vec<usize> {
         order.truncate(DEFAULT_ATTRIBUTES);
     }
     order.into_iter().map(|(_, index)| index).collect()
-}
-
-fn set_units(quantities: &mut [AttributeInfo; 3], mass: &Unit, length: &Unit) {
-    let [mass_info, density_info, smoothing_info] = quantities;
-    mass_info.unit = mass.clone();
-    smoothing_info.unit = length.clone();
-    density_info.unit = match (mass.is_unknown(), length.is_unknown()) {
-        (true, true) => Unit::default(),
-        _ => Unit::new(format!("({mass})/({length})^3")),
-    };
 }

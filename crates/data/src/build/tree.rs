@@ -8,10 +8,10 @@ use super::spill::{Blob, Spill};
 use crate::codec::positions::{encode_grid, encode_leaf};
 use crate::codec::{BatchInfo, Codebook, CodebookScope, Quantities, Scaling, VqBits};
 use crate::hierarchy::octree::{Bucket, Columns, Context, Open, Piece, Plan, Tree, TreeNode, Words, assemble, join};
-use crate::hierarchy::{Encoding, LevelInfo, Levels};
+use crate::hierarchy::{Encoding, LevelInfo, Purpose};
 use crate::model::FamilyName;
 use crate::model::progress::Progress;
-use crate::store::Node;
+use crate::store::layout::StoredNode;
 use crate::store::paging::{PlannedNode, Sections};
 use rayon::prelude::*;
 
@@ -86,7 +86,7 @@ pub(super) fn grow(
     let one = |number: usize| -> Result<Built, BuildError> {
         let (places, columns) = partition.read(number)?;
         let bucket = Bucket::new(context, plan, number, places, columns);
-        let of = |levels: &Levels| {
+        let of = |levels: &Purpose| {
             let mut pieces = Vec::new();
             let open = bucket.build(*levels, &mut |piece| {
                 pieces.push(keep(piece)?);
@@ -115,7 +115,7 @@ pub(super) fn grow(
             pieces.push(keep(piece)?);
             Ok::<_, BuildError>(())
         })?;
-        if levels == Levels::Splats && kinds.len() > 1 {
+        if levels == Purpose::Splats && kinds.len() > 1 {
             leaves =
                 pieces.iter().filter(|piece| piece.encoding == Encoding::Leaf).map(|leaf| leaf.with(None)).collect();
         } else {
@@ -145,15 +145,15 @@ pub(super) fn code(
     progress.begin(&format!("coding {family}"), steps);
     let (mut numbers, mut codebooks) = (Vec::new(), Vec::new());
     let mut trees = trees.into_iter();
-    let mut next = |levels: Levels, splats: Option<&CodedTree>| -> Result<Option<CodedTree>, BuildError> {
+    let mut next = |levels: Purpose, splats: Option<&CodedTree>| -> Result<Option<CodedTree>, BuildError> {
         let Some(tree) = trees.next() else { return Ok(None) };
         let coder = Coder { scaling, spill: &spill, vq_bits, levels, progress };
         let coded = coder.code(tree, splats, &mut codebooks, &mut numbers);
         coded.map(Some).map_err(|error| BuildError::temporary(&spill, error))
     };
-    let splats = next(Levels::Splats, None)?
+    let splats = next(Purpose::Splats, None)?
         .ok_or_else(|| super::survey::column_error(family, "count", "at least one particle"))?;
-    let volume = next(Levels::Volume, Some(&splats))?;
+    let volume = next(Purpose::Samples, Some(&splats))?;
     Ok(CodedTrees { spill, splats, volume, numbers, codebooks })
 }
 
@@ -162,7 +162,7 @@ struct Coder<'a> {
     scaling: &'a Scaling,
     spill: &'a Spill,
     vq_bits: VqBits,
-    levels: Levels,
+    levels: Purpose,
     progress: &'a dyn Progress,
 }
 
@@ -194,8 +194,8 @@ impl Coder<'_> {
             batches.push(own_batches);
         }
         let scope = match self.levels {
-            Levels::Splats => CodebookScope::Depth,
-            Levels::Volume => CodebookScope::VolumeDepth,
+            Purpose::Splats => CodebookScope::Depth,
+            Purpose::Samples => CodebookScope::VolumeDepth,
         };
         let before = codebooks.len() as u16;
         let mut coded = coding::code(&drafts, batches, self.scaling, spill, vq_bits, scope, self.progress)?;
@@ -221,13 +221,13 @@ impl Coder<'_> {
                 let codes = vq_bits.packed_len(draft.particles as usize).unwrap_or(0);
                 // Particles that were enlarged have lost density: only what coding has changed is made up for.
                 let mass_density = match self.levels {
-                    Levels::Splats => draft.mass_density,
-                    Levels::Volume => coded.true_mass_density,
+                    Purpose::Splats => draft.mass_density,
+                    Purpose::Samples => coded.true_mass_density,
                 };
                 own.push(PlannedNode {
                     sections: (positions, codes),
                     children: draft.children,
-                    node: Node {
+                    node: StoredNode {
                         key: draft.key,
                         encoding: draft.encoding,
                         codebook: before + coded.codebook,
@@ -333,9 +333,9 @@ fn borrowed(columns: &Columns) -> Quantities<'_> {
 
 impl CodedTrees {
     /// A tree.
-    fn tree(&self, levels: Levels) -> &CodedTree {
+    fn tree(&self, levels: Purpose) -> &CodedTree {
         match (&self.volume, levels) {
-            (Some(volume), Levels::Volume) => volume,
+            (Some(volume), Purpose::Samples) => volume,
             _ => &self.splats,
         }
     }
@@ -344,7 +344,7 @@ impl CodedTrees {
     ///
     /// # Errors
     /// When they cannot be read back.
-    pub fn sections(&self, levels: Levels, depth: usize, index: usize, vq_bits: VqBits) -> std::io::Result<Sections> {
+    pub fn sections(&self, levels: Purpose, depth: usize, index: usize, vq_bits: VqBits) -> std::io::Result<Sections> {
         let tree = self.tree(levels);
         let NodeSections { positions, codes } = &tree.sections[depth][index];
         let node = &tree.nodes[depth][index].node;

@@ -95,7 +95,28 @@ pub fn missing_replaced(values: &mut [f32], mean: f32) {
     values.iter_mut().filter(|value| !value.is_finite()).for_each(|value| *value = mean);
 }
 
+/// Gives mass, density and smoothing length their units.
+pub fn set_units(quantities: &mut [AttributeInfo; 3], mass: &Unit, length: &Unit) {
+    let [mass_info, density_info, smoothing_info] = quantities;
+    mass_info.unit = mass.clone();
+    smoothing_info.unit = length.clone();
+    density_info.unit = match (mass.is_unknown(), length.is_unknown()) {
+        (true, true) => Unit::default(),
+        _ => Unit::new(format!("({mass})/({length})^3")),
+    };
+}
+
 impl AttributeInfo {
+    /// Describes a column that is in memory as a whole.
+    pub fn of(name: &str, unit: &Unit, values: &[f32]) -> AttributeInfo {
+        let range = Range::of(values);
+        let bins = HistogramBins::of(&range);
+        let mut values = values.to_vec();
+        missing_replaced(&mut values, range.mean() as f32);
+        let counts = bins.count(&values);
+        AttributeInfo::new(name, unit, &range, bins.finish(counts, range.missing))
+    }
+
     /// Describes a column.
     pub fn new(name: &str, unit: &Unit, range: &Range, histogram: Histogram) -> AttributeInfo {
         let (min, max) = range.ends();
@@ -169,12 +190,7 @@ mod tests {
     use super::*;
 
     fn describe(values: &[f32]) -> AttributeInfo {
-        let range = Range::of(values);
-        let bins = HistogramBins::of(&range);
-        let mut values = values.to_vec();
-        missing_replaced(&mut values, range.mean() as f32);
-        let counts = bins.count(&values);
-        AttributeInfo::new("temperature", &Unit::new("K"), &range, bins.finish(counts, range.missing))
+        AttributeInfo::of("temperature", &Unit::new("K"), values)
     }
 
     #[test]

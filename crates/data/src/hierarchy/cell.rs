@@ -1,6 +1,6 @@
 //! The cubic cells of an octree, addressed by depth and integer coordinates.
 
-use crate::model::Bounds;
+use crate::model::{Bounds, Placement};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
@@ -33,6 +33,14 @@ impl RootCell {
     /// The cell as a box.
     pub fn bounds(self) -> Bounds {
         Bounds { min: self.min, max: self.min + DVec3::splat(self.size) }
+    }
+
+    /// The cell where a placement puts it.
+    pub fn placed(self, placement: &Placement) -> RootCell {
+        if placement.is_here() {
+            return self;
+        }
+        RootCell { min: placement.position(self.min), size: self.size * placement.scale }
     }
 }
 
@@ -80,8 +88,16 @@ impl NodeKey {
         Bounds { min, max: min + DVec3::splat(self.size(root)) }
     }
 
-    /// World position of a decoded particle position (fractions of the cell's edge, see [`crate::codec::coordinates`]).
-    pub fn position(self, root: RootCell, fraction: [f32; 3]) -> DVec3 {
-        self.min(root) + DVec3::from_array(fraction.map(f64::from)) * self.size(root)
+    /// A number that differs from those of other cells: the seed of what is drawn at random in it.
+    pub fn seed(self) -> u32 {
+        [self.x, self.y, self.z].into_iter().fold(u32::from(self.depth), |seed, x| mix(seed ^ x.rotate_left(9)))
     }
+}
+
+/// A number whose every bit depends on every bit of `x`.
+#[inline]
+pub fn mix(x: u32) -> u32 {
+    let x = (x ^ x >> 16).wrapping_mul(0x7feb_352d);
+    let x = (x ^ x >> 15).wrapping_mul(0x846c_a68b);
+    x ^ x >> 16
 }

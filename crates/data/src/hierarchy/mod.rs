@@ -3,7 +3,9 @@
 pub mod attribute_info;
 pub mod cell;
 pub mod octree;
+pub mod purpose;
 
 pub use attribute_info::{AttributeInfo, Histogram};
 pub use cell::{NodeKey, RootCell};
-pub use octree::{Encoding, LevelInfo, Levels, OctreeOptions};
+pub use octree::{Encoding, LevelInfo, OctreeOptions};
+pub use purpose::Purpose;

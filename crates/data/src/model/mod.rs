@@ -2,6 +2,7 @@
 //! SPH kernels; and how settings and parts of files are read. This room knows no file format, no hierarchy and no picture.
 
 pub mod bounds;
+pub mod family_name;
 pub mod kernel;
 #[allow(unsafe_code, reason = "memory that a file is mapped to is read by address, and its faults are signals")]
 mod mapping;
@@ -18,8 +19,9 @@ pub mod stream;
 pub mod units;
 
 pub use bounds::Bounds;
+pub use family_name::FamilyName;
 pub use kernel::Kernel;
-pub use particles::{Attribute, Dataset, Family, FamilyName, Provenance, Skipped};
+pub use particles::{Attribute, Dataset, Family, Provenance, Skipped};
 pub use periodic::PeriodicBox;
 pub use placement::Placement;
 pub use progress::Progress;

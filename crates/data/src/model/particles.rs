@@ -1,61 +1,8 @@
 //! Particles in memory: structure of arrays, one set of columns for each family.
 
-use super::{Bounds, Kernel, Unit};
+use super::{Bounds, FamilyName, Kernel, Unit};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
-
-/// The kinds of particles a snapshot distinguishes, in Gadget's order of types 0 to 5.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum FamilyName {
-    /// Gadget type 0.
-    Gas,
-    /// Gadget type 1.
-    Dark,
-    /// Gadget type 2 (disk stars in old initial conditions, low-resolution dark matter in zooms).
-    Type2,
-    /// Gadget type 3 (bulge, tracers, low-resolution dark matter).
-    Type3,
-    /// Gadget type 4, and the entries of star catalogues.
-    Stars,
-    /// Gadget type 5.
-    BlackHoles,
-}
-
-impl FamilyName {
-    /// Every family, in Gadget's order.
-    pub const ALL: [FamilyName; 6] = [
-        FamilyName::Gas,
-        FamilyName::Dark,
-        FamilyName::Type2,
-        FamilyName::Type3,
-        FamilyName::Stars,
-        FamilyName::BlackHoles,
-    ];
-
-    /// The name used on the command line, in RON and in JSON.
-    pub const fn as_str(self) -> &'static str {
-        match self {
-            FamilyName::Gas => "gas",
-            FamilyName::Dark => "dark",
-            FamilyName::Type2 => "type2",
-            FamilyName::Type3 => "type3",
-            FamilyName::Stars => "stars",
-            FamilyName::BlackHoles => "black-holes",
-        }
-    }
-
-    /// The family of a name as in [`FamilyName::as_str`].
-    pub fn parse(name: &str) -> Option<FamilyName> {
-        FamilyName::ALL.into_iter().find(|family| family.as_str() == name)
-    }
-}
-
-impl std::fmt::Display for FamilyName {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(self.as_str())
-    }
-}
 
 /// One scalar quantity per particle, beyond mass, smoothing length and density.
 #[derive(Clone, Debug, PartialEq)]

@@ -96,7 +96,8 @@ fn decode_provenance(input: &mut Decoder) -> Result<Provenance, Damage> {
 }
 
 fn encode_family(out: &mut Encoder, family: &FamilyMetadata, version: u32) {
-    out.u8(FamilyName::ALL.iter().position(|&name| name == family.name).unwrap_or(0) as u8);
+    // The writer refuses families of other names.
+    out.u8(family.name.gadget_type().unwrap_or(0));
     out.u64(family.count);
     out.f64(family.mass);
     out.f64(family.mass_density);
@@ -146,9 +147,9 @@ fn encode_levels(out: &mut Encoder, levels: &[LevelInfo]) {
 
 fn decode_family(input: &mut Decoder, version: u32) -> Result<FamilyMetadata, Damage> {
     let name = input.u8("a family")?;
-    let name = *FamilyName::ALL
+    let name = *FamilyName::GADGET
         .get(usize::from(name))
-        .ok_or_else(|| Damage::new("footer", format!("a family below {}, found {name}", FamilyName::ALL.len())))?;
+        .ok_or_else(|| Damage::new("footer", format!("a family below {}, found {name}", FamilyName::GADGET.len())))?;
     let count = input.u64("a family's count")?;
     let mass = input.f64("a family's mass")?;
     let mass_density = input.f64("a family's sum of mass times density")?;

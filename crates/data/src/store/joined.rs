@@ -5,7 +5,6 @@ use super::metadata::{AttributeInfo, FamilyMetadata, Metadata};
 use super::page::PageId;
 use super::page_file::{PageFile, Part};
 use crate::codec::Codebook;
-use crate::hierarchy::RootCell;
 use crate::model::{Placement, ReadMethod, Unit};
 use std::sync::Arc;
 
@@ -103,7 +102,7 @@ fn placed(family: &FamilyMetadata, first_page: u32, placement: &Placement) -> Op
     placed.mass *= placement.mass;
     placed.mass_density *= placement.mass * placement.density();
     placed.bounds = placement.bounds(family.bounds);
-    placed.root = RootCell { min: placement.position(family.root.min), size: family.root.size * placement.scale };
+    placed.root = family.root.placed(placement);
     let factors = [placement.mass, placement.density(), placement.scale];
     for (info, factor) in placed.quantities.iter_mut().zip(factors) {
         scale_info(info, factor);

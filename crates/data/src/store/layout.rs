@@ -3,7 +3,7 @@
 //! `docs/page-file.md` holds the same tables; a test compares them with the constants here.
 
 use super::error::Damage;
-use super::page::{Encoding, Node, NodeRef, PageId};
+use super::page::{Encoding, NodeRef, PageId};
 use crate::hierarchy::NodeKey;
 use crate::model::Bounds;
 use glam::DVec3;
@@ -177,11 +177,44 @@ pub fn encode_page_header(page: PageId, family: u32, nodes: u32, len: u32) -> [u
     out
 }
 
+/// One node of a family's octree as a file holds it; [`super::Node`] says what its fields mean.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StoredNode {
+    /// Its cell.
+    pub key: NodeKey,
+    /// How its particles are held.
+    pub encoding: Encoding,
+    /// Index of its codebook.
+    pub codebook: u16,
+    /// Number of particles that it holds.
+    pub particles: u32,
+    /// How many of them are points.
+    pub points: u32,
+    /// Number of source particles that it stands for.
+    pub source_particles: u64,
+    /// Largest displacement, world units; infinite for relays.
+    pub delta: f64,
+    /// Tight box around the node and everything below it.
+    pub bounds: Bounds,
+    /// Largest smoothing length in the node and below.
+    pub smoothing_length_max: f32,
+    /// Sum of the source particles' masses.
+    pub mass: f64,
+    /// Sum of the source particles' `m rho`.
+    pub mass_density: f64,
+    /// Factor on weights `m`.
+    pub mass_scale: f32,
+    /// Factor on weights `m rho`.
+    pub mass_density_scale: f32,
+    /// Its children by octant (bit 0: upper half in x, bit 1: y, bit 2: z); all `None` for a leaf.
+    pub children: [Option<NodeRef>; 8],
+}
+
 /// A node record: the node, and where in its page the sections of its particles start.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NodeRecord {
     /// The node.
-    pub node: Node,
+    pub node: StoredNode,
     /// First byte of the positions, counted from the page's start.
     pub positions: u32,
     /// First byte of the codes.
@@ -222,7 +255,7 @@ impl NodeRecord {
         out
     }
 
-    /// Reads a record; checks only what a `Node` cannot express.
+    /// Reads a record; checks only what a `StoredNode` cannot express.
     pub(super) fn decode(bytes: &[u8; NODE_RECORD_LEN], place: impl Fn() -> String) -> Result<NodeRecord, Damage> {
         let encoding = match bytes[1] {
             0 => Encoding::Relay,
@@ -234,7 +267,7 @@ impl NodeRecord {
             return Err(Damage::new(place(), "zeros in the reserved bytes"));
         }
         let vec_at = |at| DVec3::new(f64_at(bytes, at), f64_at(bytes, at + 8), f64_at(bytes, at + 16));
-        let node = Node {
+        let node = StoredNode {
             key: NodeKey { depth: bytes[0], x: u32_at(bytes, 4), y: u32_at(bytes, 8), z: u32_at(bytes, 12) },
             encoding,
             codebook: u16::from_le_bytes([bytes[2], bytes[3]]),
@@ -353,7 +386,7 @@ mod tests {
     #[test]
     fn node_records_are_as_specified() {
         let child = NodeRef { page: PageId(77), node: 88 };
-        let node = Node {
+        let node = StoredNode {
             key: NodeKey { depth: 3, x: 4, y: 5, z: 6 },
             encoding: Encoding::Leaf,
             codebook: 513,

@@ -4,7 +4,7 @@ use super::page::PageId;
 pub use crate::codec::AttributeMerge;
 use crate::codec::{Codebook, VqBits};
 pub use crate::hierarchy::{AttributeInfo, Histogram, LevelInfo};
-use crate::hierarchy::{Levels, RootCell};
+use crate::hierarchy::{Purpose, RootCell};
 use crate::model::{Bounds, FamilyName, Kernel, PeriodicBox, Provenance, Skipped, Unit};
 
 /// Everything that is known of a page file without reading a page.
@@ -92,17 +92,17 @@ pub struct VolumeTree {
 }
 
 impl FamilyMetadata {
-    /// The page of the root of these levels; `None` if the family does not have them.
-    pub fn root_page_of(&self, levels: Levels) -> Option<PageId> {
-        match levels {
-            Levels::Splats => Some(self.root_page),
-            Levels::Volume => self.volume.as_ref().map(|volume| volume.root_page),
+    /// The page of the root of the tree for this purpose; `None` if the family has none.
+    pub fn root_page_of(&self, purpose: Purpose) -> Option<PageId> {
+        match purpose {
+            Purpose::Splats => Some(self.root_page),
+            Purpose::Samples => self.volume.as_ref().map(|volume| volume.root_page),
         }
     }
 
     /// Whether a page holds a root.
     pub fn has_root(&self, page: PageId) -> bool {
-        [Levels::Splats, Levels::Volume].into_iter().any(|levels| self.root_page_of(levels) == Some(page))
+        [Purpose::Splats, Purpose::Samples].into_iter().any(|purpose| self.root_page_of(purpose) == Some(page))
     }
 
     /// The attribute of that name and its index in [`Codebook::attributes`].

@@ -15,15 +15,25 @@ pub mod temporary;
 pub mod verify;
 pub mod writer;
 
+mod block;
+mod content;
 mod footer;
+mod in_memory;
 mod joined;
+mod located;
 mod reader;
+mod tree;
 mod wire;
 
+pub use block::Block;
+pub use content::{Content, Particles};
 pub use disk::{Change, Disk, LocalFile};
 pub use error::StoreError;
+pub use in_memory::InMemory;
+pub use located::{Located, SourcePlace};
 pub use metadata::{AttributeInfo, AttributeMerge, FamilyMetadata, Histogram, LevelInfo, Metadata, VolumeTree};
-pub use page::{Encoding, Node, NodeParticles, NodeRef, Page, PageId, Positions};
+pub use page::{Branch, Encoding, Frame, Node, NodeParticles, NodeRef, Page, PageId, Positions};
 pub use page_file::{PageBytes, PageFile, PartInfo};
+pub use tree::Tree;
 pub use verify::{Verified, verify};
 pub use writer::PageFileWriter;

@@ -1,8 +1,10 @@
 //! A page in memory: node records and the packed particles of each node.
 
+use super::content::Content;
 use super::error::Damage;
 use super::layout::{
-    NODE_RECORD_LEN, NodeRecord, PAGE_HEADER_LEN, PAGE_MAGIC, PageEntry, SECTION_ALIGNMENT, particles_memory, u32_at,
+    NODE_RECORD_LEN, NodeRecord, PAGE_HEADER_LEN, PAGE_MAGIC, PageEntry, SECTION_ALIGNMENT, StoredNode,
+    particles_memory, u32_at,
 };
 use super::metadata::Metadata;
 use crate::codec::coordinates::{CELL_BITS, GRID_POINT, LEAF_BITS, LEAF_POINT, unpack_grid, unpack_leaf};
@@ -10,7 +12,9 @@ use crate::codec::positions::{decode_grid, decode_leaf, leaf_rounding};
 pub use crate::hierarchy::Encoding;
 use crate::hierarchy::{NodeKey, RootCell};
 use crate::model::{Bounds, Placement};
+use glam::DVec3;
 use std::ops::Range;
+use std::sync::Arc;
 
 /// Number of a page in its file; pages are numbered breadth-first from 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -25,24 +29,51 @@ pub struct NodeRef {
     pub node: u32,
 }
 
-/// One node of a family's octree.
+/// A cube that positions are told in as fractions of its edge.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Frame {
+    /// Its corner of smallest coordinates, world units.
+    pub min: DVec3,
+    /// Its edge, world units.
+    pub size: f64,
+}
+
+impl Frame {
+    /// The cube as a box.
+    pub fn bounds(self) -> Bounds {
+        Bounds { min: self.min, max: self.min + DVec3::splat(self.size) }
+    }
+
+    /// World position of a decoded particle position (fractions of the edge, see [`NodeParticles::fraction`]).
+    pub fn position(self, fraction: [f32; 3]) -> DVec3 {
+        self.min + DVec3::from_array(fraction.map(f64::from)) * self.size
+    }
+}
+
+/// One node of a tree.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Node {
-    /// Its cell.
-    pub key: NodeKey,
+    /// Where the positions of its particles lie.
+    pub frame: Frame,
+    /// Seed of what is drawn at random of it: the same in every picture, and others for other nodes.
+    pub seed: u32,
+    /// Steps from the root.
+    pub depth: u8,
     /// How its particles are held.
     pub encoding: Encoding,
     /// Index of its codebook in [`super::FamilyMetadata::codebooks`].
     pub codebook: u16,
     /// Number of particles that it holds (those to draw for it).
     pub particles: u32,
-    /// How many of them are points: `h` at most `size / 256` (grid) or `size / 2^21` (leaf).
+    /// How many of them are points: particles smaller than their positions are told.
     pub points: u32,
     /// Number of source particles that it stands for.
     pub source_particles: u64,
     /// Measured maximum distance between a source particle and the particle drawn for it, world units; infinite for
     /// relays.
     pub delta: f64,
+    /// Edge of the cells in which its particles were merged, world units; 0 where none were.
+    pub spacing: f64,
     /// Tight box around the source and the drawn positions of the node and everything below it.
     pub bounds: Bounds,
     /// Largest decoded or source smoothing length in the node and below: particles reach at most this far out of
@@ -57,19 +88,80 @@ pub struct Node {
     pub mass_scale: f32,
     /// The same for weights `m rho`.
     pub mass_density_scale: f32,
-    /// Its children by octant (bit 0: upper half in x, bit 1: y, bit 2: z); all `None` for a leaf.
-    pub children: [Option<NodeRef>; 8],
+    /// When it is there, in the data's unit of time: from the first to before the last.
+    pub time: [f64; 2],
+    /// Which of its page's child references are its own: [`Page::children`]. None for a leaf.
+    pub children: Range<u32>,
 }
 
+/// The span of what does not change.
+pub const ALWAYS: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
+
+/// Bytes that a node takes in memory beside its particles, with the one reference to it that a tree has on average.
+pub(super) const NODE_MEMORY: u64 =
+    (size_of::<Node>() + size_of::<NodeKey>() + size_of::<NodeRef>() + size_of::<Bounds>() + size_of::<NodeKey>())
+        as u64;
+
 impl Node {
+    /// A node of a file whose octree has this root, and which children of its page it has.
+    fn of(stored: StoredNode, root: RootCell, children: Range<u32>) -> Node {
+        let StoredNode { key, encoding, codebook, particles, points, source_particles, delta, bounds, .. } = stored;
+        let StoredNode { smoothing_length_max, mass, mass_density, mass_scale, mass_density_scale, .. } = stored;
+        let frame = Frame { min: key.min(root), size: key.size(root) };
+        Node {
+            frame,
+            seed: key.seed(),
+            depth: key.depth,
+            encoding,
+            codebook,
+            particles,
+            points,
+            source_particles,
+            delta,
+            spacing: if encoding == Encoding::Leaf { 0.0 } else { frame.size / f64::from(1 << CELL_BITS) },
+            bounds,
+            smoothing_length_max,
+            mass,
+            mass_density,
+            mass_scale,
+            mass_density_scale,
+            time: ALWAYS,
+            children,
+        }
+    }
+
+    /// A leaf around particles of its own, which are where the source has them. It has no mass yet.
+    pub fn leaf(bounds: Bounds, particles: u32) -> Node {
+        Node {
+            frame: Frame { min: bounds.min, size: bounds.size().max_element() },
+            seed: 0,
+            depth: 0,
+            encoding: Encoding::Leaf,
+            codebook: 0,
+            particles,
+            points: 0,
+            source_particles: particles.into(),
+            delta: 0.0,
+            spacing: 0.0,
+            bounds,
+            smoothing_length_max: 0.0,
+            mass: 0.0,
+            mass_density: 0.0,
+            mass_scale: 1.0,
+            mass_density_scale: 1.0,
+            time: ALWAYS,
+            children: 0..0,
+        }
+    }
+
     /// Whether the node has no children.
     pub fn is_leaf(&self) -> bool {
         self.encoding == Encoding::Leaf
     }
 
-    /// Edge of the cells in which its particles were merged, world units; 0 for a leaf.
-    pub fn spacing(&self, root: RootCell) -> f64 {
-        if self.is_leaf() { 0.0 } else { self.key.size(root) / f64::from(1 << CELL_BITS) }
+    /// When it is asked about where no time is named: when it begins, or 0 if it has been there always.
+    pub fn start(&self) -> f64 {
+        if self.time[0].is_finite() { self.time[0] } else { 0.0 }
     }
 }
 
@@ -102,7 +194,7 @@ impl<'a> NodeParticles<'a> {
         self.codes.is_empty()
     }
 
-    /// Position of particle `i` as fractions of the node's cell: `cell.min + cell.size * fraction` is its place.
+    /// Position of particle `i` as fractions of the node's frame: [`Frame::position`] is its place.
     pub fn fraction(&self, i: usize) -> [f32; 3] {
         match self.positions {
             Positions::Grid(words) => unpack_grid(words[i]),
@@ -110,7 +202,7 @@ impl<'a> NodeParticles<'a> {
         }
     }
 
-    /// How far at most each coordinate of particle `i` of a leaf is from its source's, as a fraction of the cell's edge (up to
+    /// How far at most each coordinate of particle `i` of a leaf is from its source's, as a fraction of the frame's edge (up to
     /// rounding of doubles); 1 for merged particles.
     pub fn rounding(&self, i: usize) -> f64 {
         match self.positions {
@@ -137,6 +229,17 @@ impl<'a> NodeParticles<'a> {
     }
 }
 
+/// A node for a page of a tree that is no page file: [`Page::new`].
+#[derive(Clone, Debug)]
+pub struct Branch {
+    /// The node; which children it has is not looked at.
+    pub node: Node,
+    /// Its children, each with a box that holds all positions of it and below it.
+    pub children: Vec<(NodeRef, Bounds)>,
+    /// What it draws.
+    pub content: Arc<dyn Content>,
+}
+
 /// A page, read and checked.
 #[derive(Clone, Debug)]
 pub struct Page {
@@ -146,15 +249,60 @@ pub struct Page {
     pub family: u32,
     /// Its nodes, parents before children.
     pub nodes: Vec<Node>,
+    children: Vec<NodeRef>,
+    child_bounds: Vec<Bounds>,
+    /// Cells of the nodes and of their children in their octree.
+    pub(super) cells: Vec<NodeKey>,
+    pub(super) child_cells: Vec<NodeKey>,
     words: Vec<u64>,
     positions: Vec<Range<usize>>,
     codes: Vec<u16>,
     code_ranges: Vec<Range<usize>>,
     /// Bytes of each node's record and sections on the disk.
     sizes: Vec<u64>,
+    /// What is not coded with the family's codebooks; empty in page files.
+    contents: Vec<Arc<dyn Content>>,
 }
 
 impl Page {
+    /// A page of nodes that bring their own content, parents before children.
+    pub fn new(id: PageId, family: u32, branches: impl IntoIterator<Item = Branch>) -> Page {
+        let mut page = Page {
+            id,
+            family,
+            nodes: Vec::new(),
+            children: Vec::new(),
+            child_bounds: Vec::new(),
+            cells: Vec::new(),
+            child_cells: Vec::new(),
+            words: Vec::new(),
+            positions: Vec::new(),
+            codes: Vec::new(),
+            code_ranges: Vec::new(),
+            sizes: Vec::new(),
+            contents: Vec::new(),
+        };
+        for Branch { node, children, content } in branches {
+            let first = page.children.len() as u32;
+            for (child, bounds) in children {
+                page.children.push(child);
+                page.child_bounds.push(bounds);
+            }
+            page.nodes.push(Node { children: first..page.children.len() as u32, ..node });
+            page.positions.push(0..0);
+            page.code_ranges.push(0..0);
+            page.sizes.push(0);
+            page.contents.push(content);
+        }
+        page
+    }
+
+    /// What a node draws, where that is not coded with the family's codebooks: then [`Page::particles`] is empty. `None` for
+    /// coded particles, and where there is no such node.
+    pub fn content(&self, node: usize) -> Option<&dyn Content> {
+        self.contents.get(node).map(|content| &**content)
+    }
+
     /// The particles of node `node` of this page. Panics if there is no such node.
     pub fn particles(&self, node: usize) -> NodeParticles<'_> {
         let words = &self.words[self.positions[node].clone()];
@@ -169,6 +317,26 @@ impl Page {
         }
     }
 
+    /// The nodes that refine a node. Panics if there is no such node.
+    pub fn children(&self, node: usize) -> &[NodeRef] {
+        &self.children[self.child_range(node)]
+    }
+
+    /// For each child of a node a box that holds all positions of it and below it. Panics if there is no such node.
+    pub fn child_bounds(&self, node: usize) -> &[Bounds] {
+        &self.child_bounds[self.child_range(node)]
+    }
+
+    /// The cells of a node's children. Panics if there is no such node.
+    pub(super) fn child_cells(&self, node: usize) -> &[NodeKey] {
+        &self.child_cells[self.child_range(node)]
+    }
+
+    fn child_range(&self, node: usize) -> Range<usize> {
+        let Range { start, end } = self.nodes[node].children;
+        start as usize..end as usize
+    }
+
     /// Bytes that the record and the sections of node `node` take on the disk, alignment included. Panics if there is no such node.
     pub fn node_bytes(&self, node: usize) -> u64 {
         self.sizes[node]
@@ -176,8 +344,12 @@ impl Page {
 
     /// Bytes of memory that the page holds: [`super::PageFile::page_memory`].
     pub fn memory(&self) -> u64 {
-        let particles = self.nodes.iter().map(|node| particles_memory(node.encoding, node.particles)).sum::<u64>();
-        particles + (self.nodes.len() * size_of::<Node>()) as u64
+        let coded = |node: &Node| particles_memory(node.encoding, node.particles);
+        let particles = match self.contents.is_empty() {
+            true => self.nodes.iter().map(coded).sum::<u64>(),
+            false => self.contents.iter().map(|content| content.memory()).sum(),
+        };
+        particles + self.nodes.len() as u64 * NODE_MEMORY
     }
 
     /// Gives the page, its family and its nodes' children the numbers that they have in a scene of several files, and puts it where
@@ -186,11 +358,11 @@ impl Page {
         let moved = |page: PageId| PageId(page.0 + first_page);
         self.id = moved(self.id);
         self.family += first_family;
+        self.children.iter_mut().for_each(|child| child.page = moved(child.page));
+        if placement.is_here() {
+            return;
+        }
         for node in &mut self.nodes {
-            node.children.iter_mut().flatten().for_each(|child| child.page = moved(child.page));
-            if placement.is_here() {
-                continue;
-            }
             node.delta *= placement.scale;
             node.bounds = placement.bounds(node.bounds);
             node.smoothing_length_max = (f64::from(node.smoothing_length_max) * placement.scale) as f32;
@@ -200,8 +372,14 @@ impl Page {
     }
 
     /// Reads and checks the bytes of a page, whose checksum has been found right; `table` tells the
-    /// number of nodes of any page.
-    pub(super) fn parse(id: PageId, bytes: &[u8], metadata: &Metadata, table: &[PageEntry]) -> Result<Page, Damage> {
+    /// number of nodes of any page. Frames are where `placement` puts them, all else is as the file says.
+    pub(super) fn parse(
+        id: PageId,
+        bytes: &[u8],
+        metadata: &Metadata,
+        table: &[PageEntry],
+        placement: &Placement,
+    ) -> Result<Page, Damage> {
         let entry = table[id.0 as usize];
         let here = || format!("page {}", id.0);
         let header_matches = bytes.len() >= PAGE_HEADER_LEN
@@ -220,6 +398,7 @@ impl Page {
             .filter(|&end| end <= bytes.len())
             .ok_or_else(|| Damage::new(here(), "room for its node records"))?;
 
+        let root = family.root.placed(placement);
         // A particle takes at least a byte of the page, for its code, and at most ten in memory.
         let memory = entry.memory as usize;
         if memory / 10 > bytes.len() {
@@ -229,11 +408,16 @@ impl Page {
             id,
             family: entry.family,
             nodes: Vec::with_capacity(entry.nodes as usize),
+            children: Vec::new(),
+            child_bounds: Vec::new(),
+            cells: Vec::with_capacity(entry.nodes as usize),
+            child_cells: Vec::new(),
             words: Vec::with_capacity(memory / 8 + entry.nodes as usize),
             positions: Vec::with_capacity(entry.nodes as usize),
             codes: Vec::with_capacity(memory / 6),
             code_ranges: Vec::with_capacity(entry.nodes as usize),
             sizes: Vec::with_capacity(entry.nodes as usize),
+            contents: Vec::new(),
         };
         // Sections follow the records in order, each aligned, without gaps but the alignment's zeros.
         let mut at = records_end;
@@ -273,7 +457,16 @@ impl Page {
             page.sizes.push((NODE_RECORD_LEN + at - start) as u64);
             check_node(&node, family, &page.codes[first_code..], (id, i as u32), table)
                 .map_err(|expected| Damage::new(here(), expected))?;
-            page.nodes.push(node);
+            let first_child = page.children.len() as u32;
+            for (octant, child) in (0..).zip(node.children) {
+                let Some(child) = child else { continue };
+                let cell = node.key.child(octant);
+                page.children.push(child);
+                page.child_bounds.push(around(cell.bounds(root)));
+                page.child_cells.push(cell);
+            }
+            page.cells.push(node.key);
+            page.nodes.push(Node::of(node, root, first_child..page.children.len() as u32));
         }
         if at != bytes.len() {
             return Err(Damage::new(here(), "an end right after the last section"));
@@ -302,7 +495,7 @@ fn section(bytes: &[u8], at: &mut usize, offset: u32, len: usize) -> Option<usiz
 
 /// Checks what a node says against its file; the error is what was expected.
 fn check_node(
-    node: &Node,
+    node: &StoredNode,
     family: &super::FamilyMetadata,
     codes: &[u16],
     own: (PageId, u32),
@@ -352,13 +545,28 @@ fn check_node(
 
 /// Children in the same page must have the cells that their parents give them.
 fn check_family_links(page: &Page) -> Result<(), (usize, String)> {
-    for (i, node) in page.nodes.iter().enumerate() {
-        for (octant, child) in node.children.iter().enumerate() {
-            let Some(child) = child.filter(|child| child.page == page.id) else { continue };
-            if page.nodes[child.node as usize].key != node.key.child(octant as u8) {
-                return Err((i, format!("child {octant} to be the cell of that octant")));
+    for i in 0..page.nodes.len() {
+        for (child, cell) in page.children(i).iter().zip(page.child_cells(i)) {
+            if child.page == page.id && page.cells[child.node as usize] != *cell {
+                return Err((i, format!("node {} to be in the octant that it is the child of", child.node)));
             }
         }
     }
     Ok(())
+}
+
+/// A box a hair larger: particles lie in their cells up to rounding.
+fn around(bounds: Bounds) -> Bounds {
+    let hair = 1e-9 * (bounds.max - bounds.min) + 1e-14 * bounds.min.abs().max(bounds.max.abs());
+    Bounds { min: bounds.min - hair, max: bounds.max + hair }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nodes_are_small() {
+        assert!(size_of::<Node>() <= 192, "{} bytes", size_of::<Node>());
+    }
 }

@@ -20,6 +20,23 @@ pub struct PageBytes {
     raw: RawPage,
 }
 
+impl PageBytes {
+    /// The bytes of a page of a tree that is no page file.
+    pub fn new(page: PageId, bytes: Vec<u8>) -> PageBytes {
+        PageBytes { part: 0, raw: RawPage { page, bytes } }
+    }
+
+    /// The page; of several files, its number in its own.
+    pub fn page(&self) -> PageId {
+        self.raw.page
+    }
+
+    /// The bytes.
+    pub fn bytes(&self) -> &[u8] {
+        &self.raw.bytes
+    }
+}
+
 /// An open page file, or several as one. Cheap to share in an `Arc`: reads are positioned and take no lock.
 #[derive(Debug)]
 pub struct PageFile {
@@ -176,7 +193,7 @@ impl PageFile {
     pub fn decode_page(&self, bytes: PageBytes) -> Result<Page, StoreError> {
         // Bytes come from a page of this scene, or of another with fewer or more files.
         let part = self.parts.get(bytes.part).unwrap_or(&self.parts[0]);
-        let mut page = part.reader.decode_page(bytes.raw)?;
+        let mut page = part.reader.decode_page(bytes.raw, &part.placement)?;
         if part.first_page > 0 || !part.placement.is_here() {
             page.relocate(part.first_page, part.first_family, &part.placement);
         }

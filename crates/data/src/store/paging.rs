@@ -9,10 +9,10 @@
 //! every child comes after its parents in both trees.
 
 use super::error::StoreError;
-use super::layout::particles_memory;
-use super::page::{Encoding, Node, NodeRef, PageId};
+use super::layout::{StoredNode, particles_memory};
+use super::page::{Encoding, NodeRef, PageId};
 use super::writer::{PageFileWriter, PageNode, encode_page, node_bytes};
-use crate::hierarchy::Levels;
+use crate::hierarchy::Purpose;
 use crate::model::progress::Progress;
 use rayon::prelude::*;
 use std::collections::VecDeque;
@@ -24,7 +24,7 @@ pub const PAGE_BYTES: usize = 3 << 20;
 #[derive(Clone, Debug)]
 pub struct PlannedNode {
     /// The node, without its children.
-    pub node: Node,
+    pub node: StoredNode,
     /// Its children: indices into the nodes of the next depth.
     pub children: [Option<usize>; 8],
     /// Bytes of its positions and of its codes.
@@ -127,7 +127,7 @@ pub struct Written {
 
 /// A tree on its way to the file: its nodes, the nodes of each of its pages, and where every node will be.
 struct Paged<'a> {
-    levels: Levels,
+    levels: Purpose,
     nodes: &'a [Vec<PlannedNode>],
     pages: Vec<Vec<Place>>,
     first: u32,
@@ -137,7 +137,7 @@ struct Paged<'a> {
 impl<'a> Paged<'a> {
     /// A tree whose pages begin with number `first`; `places` has those of nodes that belong to another tree.
     fn new(
-        levels: Levels,
+        levels: Purpose,
         nodes: &'a [Vec<PlannedNode>],
         pages: Vec<Vec<Place>>,
         first: u32,
@@ -166,7 +166,7 @@ pub fn write_trees<E: From<StoreError> + Send>(
     writer: &mut PageFileWriter,
     family: u32,
     (splats, volume): (&[Vec<PlannedNode>], Option<&[Vec<PlannedNode>]>),
-    sections: impl Fn(Levels, usize, usize) -> Result<Sections, E> + Sync,
+    sections: impl Fn(Purpose, usize, usize) -> Result<Sections, E> + Sync,
     progress: &dyn Progress,
 ) -> Result<(Written, Option<Written>), E> {
     let is_inner = |node: &PlannedNode| node.node.encoding != Encoding::Leaf;
@@ -176,8 +176,8 @@ pub fn write_trees<E: From<StoreError> + Send>(
     let first = writer.page_count();
     let behind = first + volume_pages.len() as u32;
     let nowhere = splats.iter().map(|level| vec![NodeRef { page: PageId(behind), node: 0 }; level.len()]).collect();
-    let splats = Paged::new(Levels::Splats, splats, splat_pages, behind, nowhere);
-    let volume = volume.map(|nodes| Paged::new(Levels::Volume, nodes, volume_pages, first, splats.places.clone()));
+    let splats = Paged::new(Purpose::Splats, splats, splat_pages, behind, nowhere);
+    let volume = volume.map(|nodes| Paged::new(Purpose::Samples, nodes, volume_pages, first, splats.places.clone()));
     for tree in volume.iter().chain([&splats]) {
         append(writer, family, tree, &sections, progress)?;
     }
@@ -189,7 +189,7 @@ fn append<E: From<StoreError> + Send>(
     writer: &mut PageFileWriter,
     family: u32,
     tree: &Paged,
-    sections: &(impl Fn(Levels, usize, usize) -> Result<Sections, E> + Sync),
+    sections: &(impl Fn(Purpose, usize, usize) -> Result<Sections, E> + Sync),
     progress: &dyn Progress,
 ) -> Result<(), E> {
     // Some pages at a time: memory for them is needed.
@@ -216,16 +216,16 @@ fn encode<E>(
     page: &[Place],
     id: PageId,
     family: u32,
-    sections: impl Fn(Levels, usize, usize) -> Result<Sections, E>,
+    sections: impl Fn(Purpose, usize, usize) -> Result<Sections, E>,
 ) -> Result<Option<Vec<u8>>, E> {
     let records = page.iter().map(|&(depth, index)| {
         let planned = &tree.nodes[depth][index];
         let below = tree.places.get(depth + 1).map_or(&[][..], Vec::as_slice);
-        let node =
-            Node { children: planned.children.map(|child| child.map(|child| below[child])), ..planned.node.clone() };
+        let children = planned.children.map(|child| child.map(|child| below[child]));
+        let node = StoredNode { children, ..planned.node.clone() };
         Ok((node, sections(tree.levels, depth, index)?))
     });
-    let records: Vec<(Node, Sections)> = records.collect::<Result<_, E>>()?;
+    let records: Vec<(StoredNode, Sections)> = records.collect::<Result<_, E>>()?;
     let page: Vec<PageNode> = records.iter().map(|(node, sections)| PageNode { node, sections }).collect();
     Ok(encode_page(id, family, &page))
 }

@@ -5,16 +5,17 @@ use super::error::StoreError;
 use super::footer;
 use super::layout::{ALIGNMENT, HEADER_LEN, Header, HeaderError, PAGE_HEADER_LEN, PageEntry, VERSION, VERSION_VOLUME};
 use super::metadata::Metadata;
-use super::page::{Node, Page, PageId};
-use crate::hierarchy::Levels;
+use super::page::{NODE_MEMORY, Page, PageId};
+use crate::hierarchy::Purpose;
+use crate::model::Placement;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// The bytes of a page as they came from the disk, unchecked.
 #[derive(Debug)]
 pub(super) struct RawPage {
-    page: PageId,
-    bytes: Vec<u8>,
+    pub(super) page: PageId,
+    pub(super) bytes: Vec<u8>,
 }
 
 /// An open page file. It holds the footer (28 bytes for each page of about 3 MB, attribute tables and codebooks), never pages.
@@ -87,7 +88,7 @@ impl Reader {
 
     /// Bytes that the page takes in memory; 0 for a page that does not exist.
     pub(super) fn page_memory(&self, page: PageId) -> u64 {
-        let of = |entry: &PageEntry| u64::from(entry.memory) + u64::from(entry.nodes) * size_of::<Node>() as u64;
+        let of = |entry: &PageEntry| u64::from(entry.memory) + u64::from(entry.nodes) * NODE_MEMORY;
         self.table.get(page.0 as usize).map_or(0, of)
     }
 
@@ -115,13 +116,13 @@ impl Reader {
     ///
     /// # Errors
     /// As [`PageFile::read_page`](super::PageFile::read_page).
-    pub(super) fn decode_page(&self, bytes: RawPage) -> Result<Page, StoreError> {
+    pub(super) fn decode_page(&self, bytes: RawPage, placement: &Placement) -> Result<Page, StoreError> {
         let RawPage { page, bytes } = bytes;
         let entry = self.table.get(page.0 as usize).ok_or_else(|| self.damaged(page, "to exist"))?;
         if crc32c::crc32c(&bytes) != entry.crc {
             return Err(self.explained(page, self.damaged(page, "its checksum")));
         }
-        Page::parse(page, &bytes, &self.metadata, &self.table).map_err(|damage| damage.in_file(&self.path))
+        Page::parse(page, &bytes, &self.metadata, &self.table, placement).map_err(|damage| damage.in_file(&self.path))
     }
 
     /// What has become of the file since it was opened; asks the disk, so it may wait.
@@ -168,7 +169,8 @@ impl Reader {
             return Err(("header".into(), "a footer right after the last page"));
         }
         for (i, family) in self.metadata.families.iter().enumerate() {
-            let roots = [Levels::Splats, Levels::Volume].into_iter().filter_map(|levels| family.root_page_of(levels));
+            let roots =
+                [Purpose::Splats, Purpose::Samples].into_iter().filter_map(|levels| family.root_page_of(levels));
             let is_wrong =
                 |page: PageId| self.table.get(page.0 as usize).is_none_or(|entry| entry.family as usize != i);
             if roots.into_iter().any(is_wrong) {

@@ -10,7 +10,7 @@ use super::layout::{ALIGNMENT, HEADER_LEN};
 use super::metadata::{FamilyMetadata, LevelInfo};
 use super::page::{Encoding, Node, NodeRef, Page, PageId};
 use super::page_file::PageFile;
-use crate::hierarchy::{Levels, NodeKey};
+use crate::hierarchy::{NodeKey, Purpose};
 use crate::model::progress::Progress;
 use std::collections::HashMap;
 use std::path::Path;
@@ -44,7 +44,7 @@ struct Open {
 
 struct Verifier<'a> {
     file: &'a PageFile,
-    promises: HashMap<(NodeRef, Levels), Promise>,
+    promises: HashMap<(NodeRef, Purpose), Promise>,
     open: HashMap<NodeRef, Open>,
     /// What was counted of each family's trees.
     levels: Vec<[Vec<LevelInfo>; 2]>,
@@ -78,13 +78,13 @@ pub fn verify(path: &Path, progress: &dyn Progress) -> Result<Verified, StoreErr
 }
 
 /// The kinds of levels, in the order of [`Verifier::levels`].
-const KINDS: [Levels; 2] = [Levels::Splats, Levels::Volume];
+const KINDS: [Purpose; 2] = [Purpose::Splats, Purpose::Samples];
 
 /// What the footer says of a tree's levels.
-fn told(family: &FamilyMetadata, levels: Levels) -> &[LevelInfo] {
+fn told(family: &FamilyMetadata, levels: Purpose) -> &[LevelInfo] {
     match levels {
-        Levels::Splats => &family.levels,
-        Levels::Volume => family.volume.as_ref().map_or(&[], |volume| &volume.levels),
+        Purpose::Splats => &family.levels,
+        Purpose::Samples => family.volume.as_ref().map_or(&[], |volume| &volume.levels),
     }
 }
 
@@ -107,16 +107,16 @@ impl Verifier<'_> {
             let here = |expected: &str| Damage::new(format!("page {}, node {i}", page.id.0), expected);
             self.done.nodes += 1;
             let mut trees = 0;
-            let mut tree = Levels::Splats;
+            let mut tree = Purpose::Splats;
             for levels in KINDS {
                 let is_root = family.root_page_of(levels) == Some(page.id) && i == 0;
                 match self.promises.remove(&(own, levels)) {
-                    Some(promise) if promise.key == node.key && !is_root => {
+                    Some(promise) if promise.key == page.cells[i] && !is_root => {
                         self.settle(&promise, node).map_err(|e| here(&e))?
                     }
                     // What is drawn first must hold something.
-                    None if is_root && (node.encoding != Encoding::Relay || levels == Levels::Volume) => {
-                        if node.key != NodeKey::ROOT || node.source_particles != family.count {
+                    None if is_root && (node.encoding != Encoding::Relay || levels == Purpose::Samples) => {
+                        if page.cells[i] != NodeKey::ROOT || node.source_particles != family.count {
                             return Err(here("a root that stands for every particle of its family"));
                         }
                     }
@@ -131,17 +131,14 @@ impl Verifier<'_> {
             }
             check_particles(page, i, node).map_err(here)?;
             // Leaves count for the tree that was looked for first.
-            let tree = if node.is_leaf() { Levels::Splats } else { tree };
-            self.count(page, i, family, tree).map_err(here)?;
-            let mut children = 0;
-            for (octant, child) in node.children.iter().enumerate() {
-                let Some(child) = *child else { continue };
-                let promise = Promise { key: node.key.child(octant as u8), parent: own };
-                if self.promises.insert((child, tree), promise).is_some() {
+            let tree = if node.is_leaf() { Purpose::Splats } else { tree };
+            self.count(page, i, tree).map_err(here)?;
+            for (&child, &key) in page.children(i).iter().zip(page.child_cells(i)) {
+                if self.promises.insert((child, tree), Promise { key, parent: own }).is_some() {
                     return Err(here("children that no other node has"));
                 }
-                children += 1;
             }
+            let children = node.children.len() as u32;
             if children > 0 {
                 self.open.insert(own, Open { children, source_particles: 0, expected: node.source_particles });
             }
@@ -166,16 +163,10 @@ impl Verifier<'_> {
         Ok(())
     }
 
-    fn count(
-        &mut self,
-        page: &Page,
-        index: usize,
-        metadata: &FamilyMetadata,
-        tree: Levels,
-    ) -> Result<(), &'static str> {
+    fn count(&mut self, page: &Page, index: usize, tree: Purpose) -> Result<(), &'static str> {
         let node = &page.nodes[index];
         let level = self.levels[page.family as usize][tree as usize]
-            .get_mut(usize::from(node.key.depth))
+            .get_mut(usize::from(node.depth))
             .ok_or("a depth that the footer lists")?;
         let particles = u64::from(node.particles);
         match node.encoding {
@@ -192,10 +183,9 @@ impl Verifier<'_> {
             }
         }
         level.bytes += page.node_bytes(index);
-        let cell = node.key.bounds(metadata.root);
+        let cell = node.frame.bounds();
         // Rounding in the cell's corners is far below its size.
-        let slack =
-            glam::DVec3::splat(1e-6 * node.key.size(metadata.root)) + 1e-12 * cell.min.abs().max(cell.max.abs());
+        let slack = glam::DVec3::splat(1e-6 * node.frame.size) + 1e-12 * cell.min.abs().max(cell.max.abs());
         let inside = (cell.min - slack).cmple(node.bounds.min).all() && node.bounds.max.cmple(cell.max + slack).all();
         if inside { Ok(()) } else { Err("bounds inside its cell") }
     }
@@ -220,9 +210,9 @@ impl Verifier<'_> {
 }
 
 /// Checks what the footer says of a tree's levels against what was found.
-fn check_levels(family: &FamilyMetadata, levels: Levels, found: &[LevelInfo]) -> Result<(), Damage> {
+fn check_levels(family: &FamilyMetadata, levels: Purpose, found: &[LevelInfo]) -> Result<(), Damage> {
     for (told, found) in told(family, levels).iter().zip(found) {
-        let kind = if levels == Levels::Volume { "volume " } else { "" };
+        let kind = if levels == Purpose::Samples { "volume " } else { "" };
         let place = || format!("footer, {} {kind}level {}", family.name, told.depth);
         let counted = LevelInfo {
             input: told.input,

@@ -3,11 +3,11 @@
 use super::error::StoreError;
 use super::footer;
 use super::layout::{
-    ALIGNMENT, Header, NODE_RECORD_LEN, NodeRecord, PAGE_HEADER_LEN, PageEntry, SECTION_ALIGNMENT, align_up,
-    encode_page_header,
+    ALIGNMENT, Header, NODE_RECORD_LEN, NodeRecord, PAGE_HEADER_LEN, PageEntry, SECTION_ALIGNMENT, StoredNode,
+    align_up, encode_page_header,
 };
 use super::metadata::Metadata;
-use super::page::{Node, PageId};
+use super::page::PageId;
 use super::paging::Sections;
 use super::temporary::Temporary;
 use std::io::Write;
@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 #[derive(Clone, Copy, Debug)]
 pub struct PageNode<'a> {
     /// The node.
-    pub node: &'a Node,
+    pub node: &'a StoredNode,
     /// Its particles.
     pub sections: &'a Sections,
 }
@@ -95,6 +95,9 @@ impl PageFileWriter {
 
     /// Writes footer and header, waits until the disk has them, and moves the file to its name. Returns its length.
     pub fn finish(self, metadata: &Metadata) -> Result<u64, StoreError> {
+        if let Some(family) = metadata.families.iter().find(|family| family.name.gadget_type().is_none()) {
+            return Err(self.unwritable(&format!("page files of this version have no family {}", family.name)));
+        }
         let footer = footer::encode(metadata, &self.table);
         let header = Header {
             version: footer::version(metadata),

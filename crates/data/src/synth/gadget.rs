@@ -158,7 +158,7 @@ fn frame(out: &mut (impl Write + Seek + Send), at: u64, label: &str, length: u64
 
 /// Gadget's header: 256 bytes.
 fn header(generator: &dyn Generator, part: &Part) -> Vec<u8> {
-    let kind = FamilyName::ALL.iter().position(|name| *name == generator.family()).unwrap_or(0);
+    let kind = FamilyName::GADGET.iter().position(|name| *name == generator.family()).unwrap_or(0);
     let mut header = Vec::with_capacity(256);
     let counts = |header: &mut Vec<u8>, count: u32| {
         (0..6).for_each(|other| header.extend(if other == kind { count } else { 0 }.to_le_bytes()));

@@ -3,14 +3,14 @@
 use super::error::ExploreError;
 use crate::import::{FamilyInfo, FieldKind, Scalar, Source, open_with};
 use crate::model::{Bounds, FamilyName, PeriodicBox, Unit};
-use crate::store::{FamilyMetadata, PageFile};
+use crate::store::{FamilyMetadata, PageFile, Tree};
 use std::path::{Path, PathBuf};
 
 /// What is asked. Cheap to copy.
 #[derive(Clone, Copy)]
 pub enum Data<'a> {
-    /// A page file: fast, positions and values within its quantisation error.
-    Pages(&'a PageFile),
+    /// A tree: fast; of a page file positions and values within its quantisation error.
+    Pages(&'a dyn Tree),
     /// The source: exact, each of its particles is looked at.
     Source(&'a dyn Source),
 }

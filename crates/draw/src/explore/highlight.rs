@@ -1,11 +1,11 @@
 //! Which of a node's particles are in a selection's region: what renderers need to draw them in its colour, or alone.
 
+use super::data::{Column, column};
 use super::error::ExploreError;
-use super::paged::{Accepted, Place, accepted};
+use super::paged::{Accepted, LeafFrame, accepted};
 use super::places::{PlaceMarks, Places};
-use super::region::Region;
+use super::region::{Region, ValueRange};
 use super::shape::{Cover, Shapes};
-use crate::hierarchy::RootCell;
 use crate::store::{Metadata, NodeParticles, Page, Positions};
 
 /// A selection, ready to be held against nodes. Cheap to ask from many threads.
@@ -30,9 +30,9 @@ struct RegionMarks {
 
 #[derive(Debug)]
 struct FamilyMarks {
-    root: RootCell,
     /// By codebook, a bit for each code whose values are in the ranges; empty without ranges.
     codes: Vec<Vec<bool>>,
+    ranges: Vec<(Column, ValueRange)>,
 }
 
 /// How many of a node's particles are in a selection.
@@ -59,7 +59,9 @@ impl Highlighter {
             }
             let inside = |codes: Vec<Accepted>| codes.iter().map(|code| code.inside).collect();
             let codes = accepted(family, &region.ranges)?.into_iter().map(inside).collect();
-            Some(FamilyMarks { root: family.root, codes })
+            let range = |range: &ValueRange| Some((column(family, &range.field)?.0, range.clone()));
+            let ranges = region.ranges.iter().map(range).collect::<Option<_>>()?;
+            Some(FamilyMarks { codes, ranges })
         });
         let families = families.collect();
         Ok(Highlighter { by: By::Region(RegionMarks { shapes, families }) })
@@ -98,6 +100,18 @@ impl RegionMarks {
         if cover == Cover::Outside || record.particles == 0 {
             return Marked::None;
         }
+        if let Some(content) = page.content(node) {
+            let held = content.particles(record.start());
+            bits.resize(held.len().div_ceil(64), 0);
+            let is_in = |i: usize, (column, range): &(Column, ValueRange)| {
+                column.of(&held.values).get(i).is_some_and(|&value| range.contains(value.into()))
+            };
+            for (i, &at) in held.positions.iter().enumerate() {
+                let pass = self.shapes.contains(at.into()) && family.ranges.iter().all(|range| is_in(i, range));
+                bits[i / 64] |= u64::from(pass) << (i % 64);
+            }
+            return marked(bits, held.len());
+        }
         let codes = match family.codes.is_empty() {
             true => None,
             false => Some(family.codes.get(usize::from(record.codebook)).map_or(&[][..], Vec::as_slice)),
@@ -106,7 +120,7 @@ impl RegionMarks {
             return Marked::All;
         }
         let particles = page.particles(node);
-        let place = Place::of(record, family.root);
+        let place = LeafFrame::of(record);
         bits.resize(particles.len().div_ceil(64), 0);
         match (cover == Cover::Inside, codes) {
             (true, Some(codes)) => fill(&particles, bits, |_, code| has(codes, code)),
@@ -115,12 +129,16 @@ impl RegionMarks {
             }
             (_, None) => fill(&particles, bits, |fraction, _| self.shapes.contains(place.at(fraction))),
         }
-        let count: u32 = bits.iter().map(|word| word.count_ones()).sum();
-        match count {
-            0 => Marked::None,
-            count if count as usize == particles.len() => Marked::All,
-            count => Marked::Some(count),
-        }
+        marked(bits, particles.len())
+    }
+}
+
+/// How many of so many particles have their bit.
+fn marked(bits: &[u64], particles: usize) -> Marked {
+    match bits.iter().map(|word| word.count_ones()).sum() {
+        0 => Marked::None,
+        count if count as usize == particles => Marked::All,
+        count => Marked::Some(count),
     }
 }
 

@@ -7,12 +7,12 @@ use super::batch::{Batch, Gather, Work};
 use super::data::Data;
 use super::error::ExploreError;
 use super::ids::IdSet;
-use super::paged::Place;
+use super::paged::LeafFrame;
 use super::query::{Of, Query, Wanted};
 use super::region::Region;
 use crate::import::{FieldKind, Source};
 use crate::model::{FamilyName, Unit};
-use crate::store::{Encoding, Metadata, Page};
+use crate::store::{Metadata, Page};
 use glam::DVec3;
 use serde::Serialize;
 
@@ -36,11 +36,11 @@ impl PageParticle {
     pub fn of(metadata: &Metadata, page: &Page, node: usize, particle: usize) -> Option<PageParticle> {
         let family = metadata.families.get(page.family as usize)?;
         let record = page.nodes.get(node)?;
-        let particles = page.particles(node);
-        let code = usize::from(*particles.codes.get(particle)?);
-        let codebook = family.codebooks.get(usize::from(record.codebook))?;
-        let place = Place::of(record, family.root);
-        let merged = record.encoding != Encoding::Leaf;
+        let particles = page.block(node, family, record.start())?;
+        let code = particles.entry(particle)?;
+        let codebook = particles.table()?;
+        let place = LeafFrame::of(record);
+        let merged = !record.is_leaf();
         let columns = [&codebook.mass, &codebook.density, &codebook.smoothing_length];
         let about = family.quantities.iter().chain(&family.attributes);
         let fields = about
@@ -48,8 +48,8 @@ impl PageParticle {
             .filter_map(|(info, column)| Some((info.name.clone(), info.unit.clone(), f64::from(*column.get(code)?))));
         Some(PageParticle {
             family: family.name,
-            position: place.at(particles.fraction(particle)).to_array(),
-            reach: if merged { 0.0 } else { particles.rounding(particle) * place.size + place.ulp },
+            position: particles.position(particle).to_array(),
+            reach: if merged { 0.0 } else { particles.rounding(particle) + place.ulp },
             merged,
             fields: fields.collect(),
         })

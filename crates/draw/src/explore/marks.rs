@@ -93,12 +93,12 @@ impl Marks {
     }
 
     /// Draws the layer over a picture of these nodes.
-    pub fn draw(&self, view: &View, metadata: &Metadata, nodes: &[SceneNode]) -> Layer {
+    pub fn draw(&self, view: &View, nodes: &[SceneNode]) -> Layer {
         let radius = radius(view);
         let mut sums = Sums::new(view, radius);
         for (highlighter, color) in &self.sets {
             let marked: Vec<MarkedNode> =
-                nodes.par_iter().filter_map(|node| MarkedNode::of(highlighter, view, metadata, node)).collect();
+                nodes.par_iter().filter_map(|node| MarkedNode::of(highlighter, view, node)).collect();
             let batches: Vec<Splats<'_>> = marked.iter().filter_map(|node| node.splats(radius)).collect();
             sums.add(view, &batches, *color);
         }
@@ -198,23 +198,29 @@ struct MarkedNode {
 
 impl MarkedNode {
     /// Those that the view shows; `None` without any.
-    fn of(highlighter: &Highlighter, view: &View, metadata: &Metadata, drawn: &SceneNode) -> Option<MarkedNode> {
+    fn of(highlighter: &Highlighter, view: &View, drawn: &SceneNode) -> Option<MarkedNode> {
         let index = drawn.node.node as usize;
-        let (family, node) = (metadata.families.get(drawn.page.family as usize)?, drawn.page.nodes.get(index)?);
+        let node = drawn.page.nodes.get(index)?;
         let mut bits = Vec::new();
         let marked = highlighter.mark(&drawn.page, index, &mut bits);
         if marked == Marked::None {
             return None;
         }
-        let (origin, size) = (node.key.min(family.root) + drawn.offset, node.key.size(family.root));
+        let (origin, size) = (node.frame.min + drawn.offset, node.frame.size);
+        // Discs of some pixels need no more than single precision in the frame.
+        let held = drawn.page.content(index).map(|content| content.particles(drawn.time));
         let particles = drawn.page.particles(index);
+        let count = held.as_ref().map_or(particles.len(), |held| held.len());
+        let fraction = |i: usize| match &held {
+            Some(held) => ((DVec3::from(held.positions[i]) - node.frame.min) / size).as_vec3().to_array(),
+            None => particles.fraction(i),
+        };
         let is_marked =
             |i: usize| marked == Marked::All || bits.get(i / 64).is_some_and(|word| word >> (i % 64) & 1 == 1);
         let keeps = |offset: &[f32; 3]| {
             view.cut.is_none() || view.cut.keeps(origin + size * Vec3::from_array(*offset).as_dvec3())
         };
-        let offsets: Vec<[f32; 3]> =
-            (0..particles.len()).filter(|&i| is_marked(i)).map(|i| particles.fraction(i)).filter(keeps).collect();
+        let offsets: Vec<[f32; 3]> = (0..count).filter(|&i| is_marked(i)).map(fraction).filter(keeps).collect();
         let weight = vec![1.0; offsets.len()];
         (!offsets.is_empty()).then_some(MarkedNode { origin, size, offsets, weight })
     }
@@ -248,9 +254,8 @@ mod tests {
         let nodes = Scene::new(Arc::clone(&file), u64::MAX).converge_blocking(&view, 0.5).unwrap().nodes;
         // A massive halo, 2 units in radius: 8 pixels around the picture's middle.
         let mut set = SelectionSet::new("halo", Region::sphere(center, 2.0), 0);
-        let layer = |set: &SelectionSet| {
-            Marks::new([set], file.metadata(), None, |_| None).unwrap().draw(&view, file.metadata(), &nodes)
-        };
+        let layer =
+            |set: &SelectionSet| Marks::new([set], file.metadata(), None, |_| None).unwrap().draw(&view, &nodes);
         let drawn = layer(&set);
         let from_middle = |at: usize| ((at % 200) as f64 + 0.5 - 100.0).hypot((at / 200) as f64 + 0.5 - 100.0);
         let covered: Vec<usize> = (0..drawn.rgba.len()).filter(|&at| drawn.rgba[at][3] > 0).collect();
@@ -267,8 +272,8 @@ mod tests {
         let by_id = SelectionSet { members: Members::Ids(ids.clone()), ..set.clone() };
         let look_up = |wanted: &IdSet| (*wanted == ids).then(|| Arc::clone(&found.highlighter));
         let marks = Marks::new([&by_id], file.metadata(), None, look_up).unwrap();
-        let exact = draw_places(&view, &[(places, set.rgb().unwrap())], false, &FamilyName::ALL);
-        for (name, other) in [("ids", marks.draw(&view, file.metadata(), &nodes)), ("places", exact)] {
+        let exact = draw_places(&view, &[(places, set.rgb().unwrap())], false, &FamilyName::GADGET);
+        for (name, other) in [("ids", marks.draw(&view, &nodes)), ("places", exact)] {
             let differ =
                 (0..other.rgba.len()).filter(|&at| (other.rgba[at][3] > 128) != (drawn.rgba[at][3] > 128)).count();
             assert!(differ <= covered.len() / 10, "{name}: {differ} of {}", covered.len());

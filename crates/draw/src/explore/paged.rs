@@ -1,4 +1,4 @@
-//! Questions to a page file: its tree is walked from the roots, nodes outside the region are left aside by their boxes, nodes inside
+//! Questions to a tree: it is walked from the roots, nodes outside the region are left aside by their boxes, nodes inside
 //! count as a whole where sums are enough, and leaves are decoded otherwise. Pages are read and decoded in parallel, a few at a time.
 
 use super::batch::{Batch, Gather, Work};
@@ -7,9 +7,7 @@ use super::error::ExploreError;
 use super::query::{Of, Query};
 use super::region::ValueRange;
 use super::shape::Cover;
-use crate::hierarchy::RootCell;
-use crate::model::Bounds;
-use crate::store::{FamilyMetadata, Node, NodeRef, Page, PageFile, PageId, Positions};
+use crate::store::{Content, FamilyMetadata, Node, NodeRef, Page, PageId, Positions, Tree};
 use glam::DVec3;
 use rayon::prelude::*;
 use std::collections::{BTreeMap, HashSet};
@@ -17,13 +15,13 @@ use std::collections::{BTreeMap, HashSet};
 /// Pages of a thread that are in memory at once.
 const AHEAD: usize = 2;
 
-/// Asks a page file.
-pub(super) fn walk<G: Gather>(file: &PageFile, query: &Query, gather: &G, work: Work) -> Result<G::Part, ExploreError> {
+/// Asks a tree.
+pub(super) fn walk<G: Gather>(tree: &dyn Tree, query: &Query, gather: &G, work: Work) -> Result<G::Part, ExploreError> {
     if matches!(query.of, Of::Ids(_)) || query.wanted.ids || query.wanted.rows {
         let expected = "the source that the file was built from";
-        return Err(ExploreError::missing(file.path(), "particle ids", expected));
+        return Err(ExploreError::missing(tree.path(), "particle ids", expected));
     }
-    let metadata = file.metadata();
+    let metadata = tree.metadata();
     let families: Vec<Option<FamilyQuery>> =
         metadata.families.iter().enumerate().map(|(index, family)| FamilyQuery::new(query, index, family)).collect();
     let asked = || metadata.families.iter().zip(&families).filter(|(_, family)| family.is_some());
@@ -49,7 +47,7 @@ pub(super) fn walk<G: Gather>(file: &PageFile, query: &Query, gather: &G, work: 
             .into_par_iter()
             .map(|(id, entries)| {
                 work.go_on()?;
-                let page = file.read_page(id)?;
+                let page = tree.read_page(id)?;
                 let family = families.get(page.family as usize).and_then(Option::as_ref);
                 let Some(family) = family else { return Ok(Walked::new(gather.part())) };
                 let walked = family.page(&page, entries, gather);
@@ -159,11 +157,11 @@ impl<'a> FamilyQuery<'a> {
                 walked.dealt_with = walked.dealt_with.saturating_add(node.source_particles);
             } else {
                 // Pushed in reverse, so that the particles come in Morton order.
-                for (octant, child) in node.children.iter().enumerate().rev() {
-                    let Some(child) = child else { continue };
+                let children = page.children(index as usize).iter().zip(page.child_bounds(index as usize));
+                for (child, &bounds) in children.rev() {
                     if child.page == page.id {
                         stack.push(Entry { node: child.node, inside });
-                    } else if inside || self.query.shapes.cover(self.cell(node, octant)) != Cover::Outside {
+                    } else if inside || self.query.shapes.cover(bounds) != Cover::Outside {
                         walked.elsewhere.push((*child, inside));
                     }
                 }
@@ -172,11 +170,33 @@ impl<'a> FamilyQuery<'a> {
         walked
     }
 
-    /// The cell of a child, a hair larger: particles lie in their cells up to rounding.
-    fn cell(&self, node: &Node, octant: usize) -> Bounds {
-        let bounds = node.key.child(octant as u8).bounds(self.family.root);
-        let hair = 1e-9 * (bounds.max - bounds.min) + 1e-14 * bounds.min.abs().max(bounds.max.abs());
-        Bounds { min: bounds.min - hair, max: bounds.max + hair }
+    /// Fills the batch with the members in a leaf whose values are not coded: they are what the tree has, when the leaf begins.
+    fn own<'b>(&self, content: &dyn Content, (page, index): (&Page, usize), inside: bool, batch: &mut Batch<'b>) {
+        let held = content.particles(page.nodes[index].start());
+        let Some(region) = self.query.region() else { return };
+        let value =
+            |column: Column, i: usize| column.of(&held.values).get(i).map_or(f64::NAN, |&value| f64::from(value));
+        let ranges: Vec<_> = region.ranges.iter().map(|range| (column(self.family, &range.field), range)).collect();
+        let key = (u64::from(page.id.0) << 32 | index as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        let is_member = |i: &usize| {
+            let is_in = |(column, range): &(Option<(Column, _)>, &ValueRange)| {
+                column.as_ref().is_some_and(|&(column, _)| range.contains(value(column, *i)))
+            };
+            (inside || self.query.shapes.contains(DVec3::from(held.positions[*i]))) && ranges.iter().all(is_in)
+        };
+        let members: Vec<usize> = (0..held.len()).filter(is_member).collect();
+        batch.positions.extend(members.iter().map(|&i| DVec3::from(held.positions[i])));
+        batch.keys.extend(members.iter().map(|&i| key.wrapping_add(i as u64)));
+        batch.relative.extend(batch.positions.iter().map(|&at| self.query.shapes.relative(at)));
+        batch.mass.extend(members.iter().map(|&i| f64::from(held.values.mass[i])));
+        for (column, out) in self.columns.iter().zip(&mut batch.columns) {
+            if let Some(column) = column {
+                out.extend(members.iter().map(|&i| value(*column, i)));
+            }
+        }
+        if let Some([x, y, z]) = self.velocity {
+            batch.velocities.extend(members.iter().map(|&i| DVec3::new(value(x, i), value(y, i), value(z, i))));
+        }
     }
 
     /// Fills the batch with the members in a leaf.
@@ -186,13 +206,16 @@ impl<'a> FamilyQuery<'a> {
     {
         batch.clear(self.columns.len());
         batch.family = self.index;
+        if let Some(content) = page.content(index) {
+            return self.own(content, (page, index), inside, batch);
+        }
         let Some(codebook) = self.family.codebooks.get(usize::from(node.codebook)) else { return };
         batch.errors = &codebook.errors;
         let accepted = self.accepted.get(usize::from(node.codebook));
         let particles = page.particles(index);
         let Positions::Leaf(_) = particles.positions else { return };
         let scale = f64::from(node.mass_scale);
-        let place = Place::of(node, self.family.root);
+        let place = LeafFrame::of(node);
         let mass_of = |code: u16| codebook.mass.get(usize::from(code)).map_or(0.0, |&mass| f64::from(mass)) * scale;
         let mut codes = Vec::with_capacity(particles.len());
         let key = (u64::from(page.id.0) << 32 | index as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15);
@@ -237,23 +260,23 @@ impl<'a> FamilyQuery<'a> {
     }
 }
 
-/// A leaf's cell in the world.
+/// A leaf's frame in the world.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Place {
+pub(super) struct LeafFrame {
     corner: DVec3,
-    /// Edge of the cell, world units.
+    /// Edge of the frame, world units.
     pub size: f64,
     /// Rounding of world coordinates here.
     pub ulp: f64,
 }
 
-impl Place {
-    pub(super) fn of(node: &Node, root: RootCell) -> Place {
-        let (corner, size) = (node.key.min(root), node.key.size(root));
-        Place { corner, size, ulp: (corner.abs().max_element() + size) * 4.0 * f64::EPSILON }
+impl LeafFrame {
+    pub(super) fn of(node: &Node) -> LeafFrame {
+        let (corner, size) = (node.frame.min, node.frame.size);
+        LeafFrame { corner, size, ulp: (corner.abs().max_element() + size) * 4.0 * f64::EPSILON }
     }
 
-    /// The world position of a fraction of the cell.
+    /// The world position of a fraction of the frame.
     #[inline]
     pub(super) fn at(&self, fraction: [f32; 3]) -> DVec3 {
         self.corner + DVec3::from_array(fraction.map(f64::from)) * self.size

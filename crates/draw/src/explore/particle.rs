@@ -3,7 +3,7 @@
 use super::data::{Column, error_scale};
 use super::paged::around;
 use crate::model::{FamilyName, Unit};
-use crate::store::{NodeRef, PageFile, StoreError};
+use crate::store::{NodeRef, StoreError, Tree};
 use glam::DVec3;
 
 /// A particle of a page.
@@ -63,20 +63,20 @@ pub struct ParticleValue {
 ///
 /// # Errors
 /// [`StoreError`] when its page cannot be read; [`StoreError::Damaged`] where the file has no such particle.
-pub fn describe(file: &PageFile, particle: ParticleRef) -> Result<ParticleReport, StoreError> {
-    let metadata = file.metadata();
-    let page = file.read_page(particle.node.page)?;
+pub fn describe(tree: &dyn Tree, particle: ParticleRef) -> Result<ParticleReport, StoreError> {
+    let metadata = tree.metadata();
+    let page = tree.read_page(particle.node.page)?;
     let absent = || StoreError::Damaged {
-        path: file.path().to_path_buf(),
+        path: tree.path().to_path_buf(),
         place: format!("page {}", particle.node.page.0),
         expected: format!("a particle {} of its node {}", particle.index, particle.node.node),
     };
     let (number, index) = (particle.node.node as usize, particle.index as usize);
     let node = page.nodes.get(number).ok_or_else(absent)?;
     let family = metadata.families.get(page.family as usize).ok_or_else(absent)?;
-    let particles = page.particles(number);
-    let code = usize::from(*particles.codes.get(index).ok_or_else(absent)?);
-    let codebook = family.codebooks.get(usize::from(node.codebook)).ok_or_else(absent)?;
+    let particles = page.block(number, family, node.start()).ok_or_else(absent)?;
+    let code = particles.entry(index).ok_or_else(absent)?;
+    let codebook = particles.table().ok_or_else(absent)?;
     let own = [Column::Mass, Column::Density, Column::SmoothingLength];
     let columns = own.into_iter().chain((0..family.attributes.len()).map(Column::Attribute));
     let infos = family.quantities.iter().chain(&family.attributes);
@@ -86,17 +86,16 @@ pub fn describe(file: &PageFile, particle: ParticleRef) -> Result<ParticleReport
         let between = around(value, error, error_scale(family, column));
         Some(ParticleValue { name: info.name.clone(), unit: info.unit.clone(), value, between })
     });
-    let cell = node.key.size(family.root);
     Ok(ParticleReport {
         particle,
         family: family.name,
-        position: node.key.position(family.root, particles.fraction(index)),
-        rounding: if node.is_leaf() { particles.rounding(index) * cell } else { node.delta },
+        position: particles.position(index),
+        rounding: if node.is_leaf() { particles.rounding(index) } else { node.delta },
         merged: (!node.is_leaf()).then_some(Merged {
             source_particles: node.source_particles,
             particles: particles.len() as u64,
             mass: node.mass,
-            depth: node.key.depth,
+            depth: node.depth,
         }),
         values: values.collect(),
     })
@@ -107,7 +106,7 @@ mod tests {
     use super::*;
     use crate::build::{BuildOptions, build_source};
     use crate::import::{LoadOptions, load};
-    use crate::store::PageId;
+    use crate::store::{PageFile, PageId};
 
     #[test]
     fn every_particle_of_the_demo_is_within_what_is_said_of_it() {

@@ -10,15 +10,10 @@ use super::data::Data;
 use super::error::ExploreError;
 use super::highlight::{Highlighter, Marked};
 use super::query::{Of, Query, Wanted};
-use crate::codec::coordinates::{CELL_BITS, GRID_BITS, LEAF_BITS, bin};
-use crate::codec::{morton, positions};
-use crate::hierarchy::RootCell;
-use crate::hierarchy::octree::Place;
 use crate::import::Source;
 use crate::model::FamilyName;
-use crate::store::{Metadata, NodeParticles, Page, Positions};
+use crate::store::{FamilyMetadata, Located, Metadata, Page};
 use glam::DVec3;
-use rayon::prelude::*;
 use std::sync::Arc;
 
 /// Where selected particles are, by family.
@@ -115,18 +110,18 @@ impl FoundIds {
         metadata: &Metadata,
         work: Work,
     ) -> Result<FoundIds, ExploreError> {
-        let roots: Vec<Option<RootCell>> = source
+        let own: Vec<Option<&FamilyMetadata>> = source
             .description()
             .families
             .iter()
-            .map(|family| metadata.family(family.name).map(|(_, family)| family.root))
+            .map(|family| metadata.family(family.name).map(|(_, family)| family))
             .collect();
-        let place = |family: usize, at: DVec3| Some(Place::of(at.to_array(), (*roots.get(family)?)?));
+        let place = |family: usize, at: DVec3| Some((*own.get(family)?)?.place(at));
         let mut found = collect(source, of.into(), None, place, work)?;
         let count = found.iter().map(|places| places.len() as u64).sum();
         let of_family = |name: FamilyName| {
             let index = source.description().families.iter().position(|family| family.name == name);
-            FamilyPlaces::new(index.map_or_else(Vec::new, |index| std::mem::take(&mut found[index])))
+            Located::new(index.map_or_else(Vec::new, |index| std::mem::take(&mut found[index])))
         };
         let families = metadata.families.iter().map(|family| family.name).map(of_family).collect();
         Ok(FoundIds { highlighter: Arc::new(Highlighter::of_marks(PlaceMarks { families })), count })
@@ -137,20 +132,14 @@ impl FoundIds {
 #[derive(Debug)]
 pub(super) struct PlaceMarks {
     /// By family of the page file.
-    families: Vec<FamilyPlaces>,
-}
-
-#[derive(Debug)]
-struct FamilyPlaces {
-    /// Places in the root cell, in Morton order.
-    places: Vec<Place>,
+    families: Vec<Located>,
 }
 
 impl PlaceMarks {
     pub(super) fn new(places: &Places, metadata: &Metadata) -> PlaceMarks {
         let families = metadata.families.iter().map(|family| {
             let places = places.family(family.name).iter();
-            FamilyPlaces::new(places.map(|at| Place::of(at.to_array(), family.root)).collect())
+            Located::new(places.map(|&at| family.place(at)).collect())
         });
         PlaceMarks { families: families.collect() }
     }
@@ -163,61 +152,11 @@ impl PlaceMarks {
         if record.particles == 0 {
             return Marked::None;
         }
-        // Those in the node's cell follow each other.
-        let shift = 3 * (morton::MORTON_BITS - u32::from(record.key.depth));
-        let cell = morton::encode([record.key.x, record.key.y, record.key.z]);
-        let from = family.places.partition_point(|place| place.key >> shift < cell);
-        let to = family.places.partition_point(|place| place.key >> shift <= cell);
-        if from == to {
-            return Marked::None;
-        }
-        // The same arithmetic as where leaves are made, so that bins are the same.
-        let cells = f64::from(record.key.depth).exp2();
-        let corner = [record.key.x, record.key.y, record.key.z].map(f64::from);
-        let fine = |place: &Place| {
-            let unit = place.unit();
-            morton::encode(std::array::from_fn(|axis| bin(unit[axis] * cells - corner[axis], LEAF_BITS)))
-        };
-        let mut selected: Vec<u64> = family.places[from..to].iter().map(fine).collect();
-        selected.sort_unstable();
-        let particles = page.particles(node);
-        bits.resize(particles.len().div_ceil(64), 0);
-        let mut count = 0;
-        for i in 0..particles.len() {
-            let (first, last) = cell_of(&particles, i);
-            let after = selected.partition_point(|&key| key < first);
-            if selected.get(after).is_some_and(|&key| key <= last) {
-                bits[i / 64] |= 1 << (i % 64);
-                count += 1;
-            }
-        }
+        let count = family.mark(page, node, bits);
         match count {
             0 => Marked::None,
-            count if count as usize == particles.len() => Marked::All,
+            count if count == record.particles => Marked::All,
             count => Marked::Some(count),
         }
-    }
-}
-
-/// First and last fine key of the cell that a particle's place was rounded to, or that it was merged in.
-fn cell_of(particles: &NodeParticles, i: usize) -> (u64, u64) {
-    let (key, levels) = match particles.positions {
-        Positions::Leaf(words) => {
-            let levels = positions::leaf_levels(words[i]);
-            (positions::leaf_key(words[i]) >> (3 * levels), levels)
-        }
-        Positions::Grid(words) => {
-            let within = 3 * (GRID_BITS - CELL_BITS);
-            (positions::grid_key(words[i]) >> within, LEAF_BITS - CELL_BITS)
-        }
-    };
-    let first = key << (3 * levels);
-    (first, first | ((1 << (3 * levels)) - 1))
-}
-
-impl FamilyPlaces {
-    fn new(mut places: Vec<Place>) -> FamilyPlaces {
-        places.par_sort_unstable();
-        FamilyPlaces { places }
     }
 }

@@ -233,7 +233,7 @@ mod tests {
             ("(shape: [])", "shape"),
             ("(shapes: [Sphere(center: (0, 0, 0), radios: 1)])", "radios"),
             ("(ranges: [(field: \"mass\", mini: 1)])", "mini"),
-            ("(families: [gaz])", "gaz"),
+            ("(families: [Gaz])", "Gaz"),
         ] {
             let message = ron_file::parse::<Region>("r", wrong).unwrap_err().to_string();
             assert!(message.contains(name), "{message}");

@@ -3,7 +3,7 @@
 use super::{Columns, Conserved, Footprint, Mode, Needs, Settings, economy};
 use crate::codec::Codebook;
 use crate::color::transfer::{Range, Scale, TransferFunction};
-use crate::hierarchy::Levels;
+use crate::hierarchy::Purpose;
 use crate::model::{Dataset, Family};
 use crate::modes::grid;
 use crate::store::{FamilyMetadata, Metadata, Node};
@@ -172,15 +172,15 @@ impl Depiction {
     }
 
     /// The levels that are drawn of a file.
-    pub fn levels(&self, metadata: &Metadata) -> Levels {
-        if metadata.has_volume_levels() { self.needs().levels } else { Levels::Splats }
+    pub fn purpose(&self, metadata: &Metadata) -> Purpose {
+        if metadata.has_volume_levels() { self.needs().purpose } else { Purpose::Splats }
     }
 
     /// How far the nodes of a file are refined for a view, where splats may be displaced by `tau` pixels.
     pub fn detail(&self, view: &View, tau: f64, metadata: &Metadata) -> Detail {
-        match self.levels(metadata) {
-            Levels::Splats => Detail::Error { tau },
-            Levels::Volume => grid::sampling(view, &self.settings, metadata.bounds()),
+        match self.purpose(metadata) {
+            Purpose::Splats => Detail::Error { tau },
+            Purpose::Samples => grid::sampling(view, &self.settings, metadata.bounds()),
         }
     }
 

@@ -132,10 +132,10 @@ impl Plan {
         most_important: f32,
     ) -> Sample {
         if self.share < 1.0 {
-            return Sample::even(node.key, self.share);
+            return Sample::even(node.seed, self.share);
         }
         match (self.keep < f32::INFINITY).then(|| sampling_scale(view, depiction, family, node)).flatten() {
-            Some(scale) => Sample::new(node.key, (f64::from(self.keep) * scale) as f32, most_important),
+            Some(scale) => Sample::new(node.seed, (f64::from(self.keep) * scale) as f32, most_important),
             None => Sample::ALL,
         }
     }
@@ -148,7 +148,7 @@ fn sampling_scale(view: &View, depiction: &Depiction, family: &FamilyMetadata, n
     if !(can_thin(depiction) && mean > 0.0 && mean.is_finite()) {
         return None;
     }
-    Some(magnification(view, node.key.bounds(family.root)).powf(0.75) / mean)
+    Some(magnification(view, node.frame.bounds()).powf(0.75) / mean)
 }
 
 /// Pixels that a world unit takes in the middle of a cell; in a cell that the eye is in or beside, at its usual distance.

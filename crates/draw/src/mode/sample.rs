@@ -9,7 +9,7 @@
 //!
 //! - the sum over what is kept is expected to be the sum over all (over the tosses), for every pixel,
 //! - what is kept at a smaller `p` is a part of what is kept at a larger one, so that pictures do not flicker,
-//! - tosses depend on the node's cell and the particle's number alone.
+//! - tosses depend on the node's seed and the particle's number alone.
 //!
 //! A sample that is drawn only for want of time is even: every particle is as likely as any other, so that no more are looked
 //! at than are drawn, and kernels grow to fill the gaps ([`Sample::even`]).
@@ -17,7 +17,7 @@
 //! The shaders' twin is `shaders/lib/sample.wgsl`. Both compare 24-bit integers with one product of singles, which has the
 //! same value on every machine.
 
-use crate::hierarchy::NodeKey;
+use crate::hierarchy::cell::mix;
 
 /// Particles that are ranked among themselves; consecutive in a node.
 pub const GROUP: u32 = 64;
@@ -50,25 +50,25 @@ impl Sample {
     pub const ALL: Sample = Sample { seed: 0, scale: f32::INFINITY, ranks: GROUP, even: false, growth: 1.0 };
 
     /// Particles with probability `importance * scale`, where no particle's importance is above `most`.
-    pub fn new(key: NodeKey, scale: f32, most: f32) -> Sample {
+    pub fn new(seed: u32, scale: f32, most: f32) -> Sample {
         let least = scale * most * GROUP as f32;
         if !(scale.is_finite() && least.is_finite()) {
             return Sample::ALL;
         }
         // One rank more than is expected: rounding must not cut off what the test below keeps.
         let ranks = (least as u32).saturating_add(1).clamp(1, GROUP);
-        Sample { seed: seed(key), scale: scale.max(0.0), ranks, ..Sample::ALL }
+        Sample { seed, scale: scale.max(0.0), ranks, ..Sample::ALL }
     }
 
     /// A share of the particles, each as likely as any other. Their kernels are [`growth`] times as large.
-    pub fn even(key: NodeKey, share: f32) -> Sample {
+    pub fn even(seed: u32, share: f32) -> Sample {
         if share.is_nan() || share >= 1.0 {
             return Sample::ALL;
         }
         let scale = share.max(0.0);
         // Exact: products with powers of two are.
         let ranks = ((scale * GROUP as f32).ceil() as u32).clamp(1, GROUP);
-        Sample { seed: seed(key), scale, ranks, even: true, growth: growth(scale) }
+        Sample { seed, scale, ranks, even: true, growth: growth(scale) }
     }
 
     /// Whether every particle is drawn.
@@ -142,11 +142,6 @@ fn growth(share: f32) -> f32 {
     libm::powf(share.max(1e-6), -0.2).min(4.0)
 }
 
-/// Tosses for the node in this cell.
-fn seed(key: NodeKey) -> u32 {
-    [key.x, key.y, key.z].into_iter().fold(u32::from(key.depth), |seed, x| mix(seed ^ x.rotate_left(9)))
-}
-
 /// The coins of one group: one for each inner node of a binary tree over its particles, in the order of a heap.
 struct Tosses(u32, u32);
 
@@ -180,17 +175,10 @@ impl Tosses {
     }
 }
 
-/// A number whose every bit depends on every bit of `x`.
-#[inline]
-fn mix(x: u32) -> u32 {
-    let x = (x ^ x >> 16).wrapping_mul(0x7feb_352d);
-    let x = (x ^ x >> 15).wrapping_mul(0x846c_a68b);
-    x ^ x >> 16
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::hierarchy::NodeKey;
     use proptest::prelude::*;
 
     fn kept(sample: Sample, count: u32, importance: impl Fn(u32) -> f32) -> Vec<(u32, f32)> {
@@ -200,8 +188,8 @@ mod tests {
         all
     }
 
-    fn key(x: u32) -> NodeKey {
-        NodeKey { depth: 14, x, y: 3, z: 5 }
+    fn seed(x: u32) -> u32 {
+        NodeKey { depth: 14, x, y: 3, z: 5 }.seed()
     }
 
     proptest! {
@@ -220,14 +208,14 @@ mod tests {
         #[test]
         fn smaller_samples_are_parts_of_larger_ones(x in 0..9999u32, count in 1..500u32, p in 0.0..1.2f32, share in 0.0..1.0f32) {
             let importance = |index: u32| 1.0 / (1.0 + (index % 7) as f32);
-            let large = kept(Sample::new(key(x), p, 1.0), count, importance);
-            let small = kept(Sample::new(key(x), p * share, 1.0), count, importance);
+            let large = kept(Sample::new(seed(x), p, 1.0), count, importance);
+            let small = kept(Sample::new(seed(x), p * share, 1.0), count, importance);
             prop_assert!(small.iter().all(|s| large.iter().any(|l| l.0 == s.0)));
             // Skipping ranks leaves out nothing that is kept.
-            prop_assert_eq!(kept(Sample { ranks: GROUP, ..Sample::new(key(x), p, 1.0) }, count, importance), large);
+            prop_assert_eq!(kept(Sample { ranks: GROUP, ..Sample::new(seed(x), p, 1.0) }, count, importance), large);
             // A part of a node has the tosses of the whole.
-            let behind: Vec<_> = kept(Sample::new(key(x), p, 1.0).from(128), count, |i| importance(i + 128));
-            let whole = kept(Sample::new(key(x), p, 1.0), count + 128, importance);
+            let behind: Vec<_> = kept(Sample::new(seed(x), p, 1.0).from(128), count, |i| importance(i + 128));
+            let whole = kept(Sample::new(seed(x), p, 1.0), count + 128, importance);
             prop_assert_eq!(behind, whole.into_iter().filter(|k| k.0 >= 128).map(|k| (k.0 - 128, k.1)).collect::<Vec<_>>());
         }
     }
@@ -238,7 +226,7 @@ mod tests {
         let (count, nodes) = (199, 4000);
         let mut sums = vec![0.0; count as usize];
         for x in 0..nodes {
-            for (index, factor) in kept(Sample::new(key(x), 0.7, 1.6), count, importance) {
+            for (index, factor) in kept(Sample::new(seed(x), 0.7, 1.6), count, importance) {
                 sums[index as usize] += f64::from(factor) / f64::from(nodes);
             }
         }
@@ -255,7 +243,7 @@ mod tests {
         for count in [64, 6400, 6401] {
             let mut last = Vec::new();
             for share in (1..=128).map(|part| part as f32 / 128.0) {
-                let sample = Sample::even(key(7), share);
+                let sample = Sample::even(seed(7), share);
                 let now = kept(sample, count, |_| f32::NAN);
                 let ranks = share * GROUP as f32;
                 if ranks.fract() == 0.0 && count.is_multiple_of(GROUP) {
@@ -271,18 +259,18 @@ mod tests {
             }
             assert_eq!(last.len() as u32, count);
         }
-        assert_eq!(Sample::even(key(7), f32::NAN), Sample::ALL);
-        assert_eq!(Sample::even(key(7), 0.5).growth, 2_f32.powf(0.2));
-        assert_eq!(Sample::even(key(7), 0.0).growth, 4.0);
-        assert_eq!(kept(Sample::even(key(7), 0.0), 640, |_| 1.0), []);
+        assert_eq!(Sample::even(seed(7), f32::NAN), Sample::ALL);
+        assert_eq!(Sample::even(seed(7), 0.5).growth, 2_f32.powf(0.2));
+        assert_eq!(Sample::even(seed(7), 0.0).growth, 4.0);
+        assert_eq!(kept(Sample::even(seed(7), 0.0), 640, |_| 1.0), []);
     }
 
     #[test]
     fn everything_is_drawn_unless_asked_otherwise() {
         assert_eq!(kept(Sample::ALL, 130, |_| 0.0).len(), 130);
-        assert_eq!(Sample::new(key(1), f32::INFINITY, 1.0), Sample::ALL);
-        assert_eq!(Sample::new(key(1), 1.0, f32::NAN), Sample::ALL);
-        assert!(kept(Sample::new(key(1), 0.0, 1.0), 130, |_| 1.0).is_empty());
-        assert_eq!(Sample::new(key(1), 0.1, 1.0).candidates(130), 3 * 7);
+        assert_eq!(Sample::new(seed(1), f32::INFINITY, 1.0), Sample::ALL);
+        assert_eq!(Sample::new(seed(1), 1.0, f32::NAN), Sample::ALL);
+        assert!(kept(Sample::new(seed(1), 0.0, 1.0), 130, |_| 1.0).is_empty());
+        assert_eq!(Sample::new(seed(1), 0.1, 1.0).candidates(130), 3 * 7);
     }
 }

@@ -6,7 +6,7 @@ use crate::color::transfer::TransferFunction;
 use crate::color::{Accumulation, Colors};
 use crate::cpu::volume::{Caster, VolumeError, VolumeLevels, VolumeReport};
 use crate::cpu::{Counts, SplatOptions, Splats, draw_counted};
-use crate::hierarchy::Levels;
+use crate::hierarchy::Purpose;
 use crate::view::View;
 
 /// What a technique's pictures are made of.
@@ -37,8 +37,8 @@ pub enum Adapter {
 /// What a technique needs of the data, and of the view around the picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Needs {
-    /// The levels of a hierarchy that are drawn, where a file has them.
-    pub levels: Levels,
+    /// What the inner nodes that are drawn are made for, where a file has several kinds.
+    pub purpose: Purpose,
     /// The shape of a particle in the picture.
     pub footprint: Footprint,
     /// Whether each particle's own density is drawn with, beside its weight.
@@ -51,7 +51,7 @@ pub struct Needs {
 
 impl Default for Needs {
     fn default() -> Needs {
-        Needs { levels: Levels::Splats, footprint: Footprint::Kernel, densities: false, margin_px: 1, of_data: false }
+        Needs { purpose: Purpose::Splats, footprint: Footprint::Kernel, densities: false, margin_px: 1, of_data: false }
     }
 }
 

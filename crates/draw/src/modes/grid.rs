@@ -4,7 +4,7 @@ use crate::color::colors::to_linear;
 use crate::color::transfer::{Range, TransferFunction, UnitLength};
 use crate::cpu::volume::particles::SMALLEST;
 use crate::cpu::volume::{self, Classifier, Light, Scenery, Surface, VolumeError, VolumeLevels, VolumeOptions, range};
-use crate::hierarchy::Levels;
+use crate::hierarchy::Purpose;
 use crate::mode::{
     Adapter, Columns, Conserved, Job, Mode, Needs, Output, Painted, Raw, Setting, SettingKind, Settings, Technique,
 };
@@ -324,7 +324,7 @@ impl Technique for Marched {
     }
 
     fn needs(&self, _: &Settings) -> Needs {
-        Needs { levels: Levels::Volume, ..Needs::default() }
+        Needs { purpose: Purpose::Samples, ..Needs::default() }
     }
 
     fn adapter(&self) -> Adapter {

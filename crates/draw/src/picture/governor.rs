@@ -60,7 +60,11 @@ pub fn within(
     let part = |drawn: &SceneNode| {
         let family = drawn.page.family as usize;
         let node = drawn.page.nodes.get(drawn.node.node as usize)?;
-        let most_important = *most_important.get(family)?.get(usize::from(node.codebook))?;
+        let most_important = match drawn.page.content(drawn.node.node as usize) {
+            // Not known without a look at its particles.
+            Some(_) => f32::INFINITY,
+            None => *most_important.get(family)?.get(usize::from(node.codebook))?,
+        };
         let sample =
             plan.sample(&view.of_image(drawn.offset), depiction, metadata.families.get(family)?, node, most_important);
         Some((u64::from(sample.candidates(node.particles)), u64::from(node.particles)))

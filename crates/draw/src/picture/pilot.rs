@@ -94,15 +94,15 @@ impl<'a> Pilot<'a> {
         // Each is as likely to be drawn as any other, and has its importance as attribute.
         let even = |table: CodeTable| CodeTable { attribute: Some(table.importance.clone()), ..table };
         let sample = |drawn: &SceneNode, _: &CodeTable| {
-            let key = drawn.page.nodes[drawn.node.node as usize].key;
+            let seed = drawn.page.nodes[drawn.node.node as usize].seed;
             // Their kernels stay as they are: what their absence would do is what is measured.
-            if share < 1.0 { Sample { growth: 1.0, ..Sample::even(key, share) } } else { Sample::ALL }
+            if share < 1.0 { Sample { growth: 1.0, ..Sample::even(seed, share) } } else { Sample::ALL }
         };
         let decoded = processor::cut(view, processor::decode_some(depiction, metadata, nodes, even, sample));
         let mut columns = Vec::with_capacity(decoded.len());
         for (drawn, node) in nodes.iter().zip(&decoded) {
             let family = &metadata.families[drawn.page.family as usize];
-            let cell = drawn.page.nodes[drawn.node.node as usize].key.bounds(family.root);
+            let cell = drawn.page.nodes[drawn.node.node as usize].frame.bounds();
             let magnification = magnification(&view.of_image(drawn.offset), cell);
             let mean = family.mass / family.count.max(1) as f64;
             let factor = (magnification.powf(0.75) / mean) as f32;

@@ -1,4 +1,4 @@
-//! A depiction drawn by the CPU renderer: nodes of a page file, or source particles as they are.
+//! A depiction drawn by the CPU renderer: nodes of a tree, or source particles as they are.
 
 use crate::color::Accumulation;
 use crate::cpu::overdraw::{Overdraw, overdraw};
@@ -8,20 +8,22 @@ use crate::mode::sample::Sample;
 use crate::mode::{CodeTable, Depiction, Footprint, Job, Output, Plan, SourceColumns};
 use crate::model::{Bounds, Dataset, Family};
 use crate::picture::paint::{densest, densest_of};
-use crate::store::{Metadata, Node, Page};
+use crate::store::{Metadata, Node, Page, Particles};
 use crate::stream::SceneNode;
 use crate::view::View;
 use glam::DVec3;
 use rayon::prelude::*;
 use std::borrow::Cow;
 
-/// The particles of one node, decoded: structure of arrays, positions relative to the node's cell.
+/// The particles of one node, decoded: structure of arrays.
 #[derive(Clone, Debug, Default)]
 pub struct DecodedNode {
     origin: DVec3,
-    /// Edge of the cell, world units; offsets are fractions of it.
+    /// Edge of the frame, world units; offsets are fractions of it.
     size: f64,
     offsets: Vec<[f32; 3]>,
+    /// World positions of those that are not told in the frame, instead of `offsets`.
+    places: Vec<[f64; 3]>,
     smoothing_length: Vec<f32>,
     weight: Vec<f32>,
     attribute: Option<Vec<f32>>,
@@ -29,22 +31,35 @@ pub struct DecodedNode {
 }
 
 impl DecodedNode {
+    /// Decodes what is drawn of one node of other content, with a table of its particles, displaced by `offset`.
+    fn of_content(held: &Particles, table: &CodeTable, scale: f32, sample: Sample, offset: DVec3) -> DecodedNode {
+        let mut out = DecodedNode {
+            attribute: table.attribute.as_ref().map(|_| Vec::new()),
+            density: table.density.as_ref().map(|_| Vec::new()),
+            ..DecodedNode::default()
+        };
+        let importance = |i: u32| table.importance[i as usize];
+        sample.each(held.len() as u32, importance, |i, factor| {
+            let i = i as usize;
+            out.places.push((DVec3::from_array(held.positions[i]) + offset).to_array());
+            out.smoothing_length.push(sample.growth * table.smoothing_length[i]);
+            out.weight.push(factor * (scale * table.weight[i]));
+            for (out, column) in [(&mut out.attribute, &table.attribute), (&mut out.density, &table.density)] {
+                if let (Some(out), Some(column)) = (out, column) {
+                    out.push(column[i]);
+                }
+            }
+        });
+        out
+    }
+
     /// Decodes what is drawn of one node, with the table of its codebook.
-    fn new(
-        depiction: &Depiction,
-        metadata: &Metadata,
-        page: &Page,
-        index: usize,
-        table: &CodeTable,
-        sample: Sample,
-    ) -> DecodedNode {
-        let family = &metadata.families[page.family as usize];
+    fn new(depiction: &Depiction, page: &Page, index: usize, table: &CodeTable, sample: Sample) -> DecodedNode {
         let node: &Node = &page.nodes[index];
         let particles = page.particles(index);
-        let size = node.key.size(family.root);
         let scale = depiction.node_scale(node);
         if !sample.is_all() {
-            let mut out = DecodedNode { origin: node.key.min(family.root), size, ..DecodedNode::default() };
+            let mut out = DecodedNode { origin: node.frame.min, size: node.frame.size, ..DecodedNode::default() };
             out.attribute = table.attribute.as_ref().map(|_| Vec::new());
             out.density = table.density.as_ref().map(|_| Vec::new());
             let code = |i: u32| usize::from(particles.codes[i as usize]);
@@ -64,8 +79,9 @@ impl DecodedNode {
         }
         let at = |column: &[f32]| particles.codes.iter().map(|&code| column[usize::from(code)]).collect();
         DecodedNode {
-            origin: node.key.min(family.root),
-            size,
+            origin: node.frame.min,
+            size: node.frame.size,
+            places: Vec::new(),
             offsets: (0..particles.len()).map(|i| particles.fraction(i)).collect(),
             smoothing_length: at(&table.smoothing_length),
             weight: particles.codes.iter().map(|&code| scale * table.weight[usize::from(code)]).collect(),
@@ -98,14 +114,20 @@ impl DecodedNode {
 
     /// Drops the particles that the view leaves out, and fades the others.
     fn cut(&mut self, view: &View) {
-        let DecodedNode { origin, size, offsets, smoothing_length, weight, attribute, density } = self;
+        let DecodedNode { origin, size, offsets, places, smoothing_length, weight, attribute, density } = self;
         let mut kept = 0;
         for i in 0..weight.len() {
-            let position = *origin + *size * glam::Vec3::from_array(offsets[i]).as_dvec3();
+            let position = match places.get(i) {
+                Some(&place) => DVec3::from_array(place),
+                None => *origin + *size * glam::Vec3::from_array(offsets[i]).as_dvec3(),
+            };
             if !view.cut.keeps(position) {
                 continue;
             }
-            offsets[kept] = offsets[i];
+            match places.is_empty() {
+                true => offsets[kept] = offsets[i],
+                false => places[kept] = places[i],
+            }
             smoothing_length[kept] = smoothing_length[i];
             weight[kept] = (f64::from(weight[i]) * view.fade(position)) as f32;
             for column in [&mut *attribute, &mut *density].into_iter().flatten() {
@@ -114,6 +136,7 @@ impl DecodedNode {
             kept += 1;
         }
         offsets.truncate(kept);
+        places.truncate(kept);
         let columns = [Some(smoothing_length), Some(weight), attribute.as_mut(), density.as_mut()];
         columns.into_iter().flatten().for_each(|column| column.truncate(kept));
     }
@@ -169,7 +192,7 @@ pub(super) fn decode_some(
     depiction: &Depiction,
     metadata: &Metadata,
     nodes: &[SceneNode],
-    change: impl Fn(CodeTable) -> CodeTable,
+    change: impl Fn(CodeTable) -> CodeTable + Sync,
     sample: impl Fn(&SceneNode, &CodeTable) -> Sample + Sync,
 ) -> Vec<DecodedNode> {
     let tables: Vec<Vec<CodeTable>> = metadata
@@ -181,9 +204,16 @@ pub(super) fn decode_some(
         .par_iter()
         .map(|drawn| {
             let index = drawn.node.node as usize;
+            if let Some(content) = drawn.page.content(index) {
+                let held = content.particles(drawn.time);
+                let family = &metadata.families[drawn.page.family as usize];
+                let table = change(depiction.table(family, &held.values));
+                let scale = depiction.node_scale(&drawn.page.nodes[index]);
+                return DecodedNode::of_content(&held, &table, scale, sample(drawn, &table), drawn.offset);
+            }
             let codebook = usize::from(drawn.page.nodes[index].codebook);
             let table = &tables[drawn.page.family as usize][codebook];
-            let mut node = DecodedNode::new(depiction, metadata, &drawn.page, index, table, sample(drawn, table));
+            let mut node = DecodedNode::new(depiction, &drawn.page, index, table, sample(drawn, table));
             node.origin += drawn.offset;
             node
         })
@@ -290,8 +320,9 @@ pub fn batches<'a>(depiction: &Depiction, nodes: &'a [DecodedNode]) -> Result<Ve
     nodes
         .iter()
         .map(|node| {
+            let relative = Positions::Relative { origin: node.origin, scale: node.size, offsets: &node.offsets };
             Splats::new(
-                Positions::Relative { origin: node.origin, scale: node.size, offsets: &node.offsets },
+                if node.places.is_empty() { relative } else { Positions::World(&node.places) },
                 extent(footprint, &node.smoothing_length),
                 &node.weight,
                 node.attribute.as_deref(),

@@ -57,10 +57,10 @@ pub fn ahead(view: &View, detail: Detail, distance: f64, residency: &Residency, 
     while let Some(id) = open.pop() {
         let Some(info) = residency.node(id) else { continue };
         let travel = detail.travel(view, &info);
-        if travel > distance || !view.cut.reaches(&info.extent.bounds) {
+        if travel > distance || !info.is_at(view.time) || !view.cut.reaches(&info.extent.bounds) {
             continue;
         }
-        for child in info.children.into_iter().flatten() {
+        for child in residency.children(id) {
             let least = travels.entry(child.page).or_insert(travel);
             *least = least.min(travel);
             open.push(child);

@@ -1,7 +1,8 @@
-//! What the first picture of a page file shows, found from the nodes that stand for most particles.
+//! What the first picture of a tree shows, found from the nodes that stand for most particles.
 
+use crate::hierarchy::Purpose;
 use crate::model::Bounds;
-use crate::store::{Node, NodeRef, Page, PageFile, PageId};
+use crate::store::{Node, NodeRef, Page, PageId, Tree};
 use crate::view::frame;
 use glam::DVec3;
 use std::collections::{BinaryHeap, HashMap};
@@ -19,46 +20,53 @@ const SAMPLES: usize = 1 << 13;
 
 /// The box to look at first: around `families` (indices in the metadata), without far outliers (see
 /// [`crate::view::frame`]). Pages that cannot be read are left out here; drawing reports them.
-pub fn first_frame(file: &PageFile, families: &[u32]) -> Bounds {
-    within(file, families, NODES)
+pub fn first_frame(tree: &dyn Tree, families: &[u32]) -> Bounds {
+    within(tree, families, NODES)
 }
 
 /// [`first_frame`] from so many nodes.
-fn within(file: &PageFile, families: &[u32], nodes: usize) -> Bounds {
-    let metadata = file.metadata();
-    let families = || families.iter().filter_map(|&index| metadata.families.get(index as usize));
-    let full = families().fold(Bounds::EMPTY, |bounds, family| bounds.union(family.bounds));
-    let mut pages = Pages { file, read: HashMap::new(), left: READ };
+fn within(tree: &dyn Tree, families: &[u32], nodes: usize) -> Bounds {
+    let metadata = tree.metadata();
+    let chosen = || families.iter().filter_map(|&index| metadata.families.get(index as usize));
+    let full = chosen().fold(Bounds::EMPTY, |bounds, family| bounds.union(family.bounds));
+    let mut pages = Pages { tree, read: HashMap::new(), left: READ };
     // The heaviest node is replaced by its children, until only leaves are left or enough nodes are open: what stays
     // merged is then light.
-    let mut open: BinaryHeap<(u64, NodeRef)> =
-        families().map(|family| (family.count, NodeRef { page: family.root_page, node: 0 })).collect();
+    let mut open: BinaryHeap<(u64, NodeRef)> = tree
+        .roots(families, Purpose::Splats)
+        .into_iter()
+        .zip(chosen())
+        .map(|(root, family)| (family.count, root))
+        .collect();
     let mut samples = Vec::new();
     let mut opened = 0;
     while let Some((_, at)) = open.pop() {
         let Some((page, node)) = pages.node(at) else { continue };
         opened += 1;
-        let can_open = opened + open.len() < nodes && pages.affords(&node);
+        let index = at.node as usize;
+        let can_open = opened + open.len() < nodes && pages.affords(page.children(index));
         // A relay holds no particles itself; a damaged file could be all relays.
-        if !node.is_leaf() && (can_open || node.particles == 0 && opened < 4 * NODES && pages.affords(&node)) {
-            for child in node.children.into_iter().flatten() {
+        if !node.is_leaf()
+            && (can_open || node.particles == 0 && opened < 4 * NODES && pages.affords(page.children(index)))
+        {
+            for &child in page.children(index) {
                 open.extend(pages.node(child).map(|(_, node)| (node.source_particles, child)));
             }
             continue;
         }
         let Some(family) = metadata.families.get(page.family as usize) else { continue };
-        let particles = page.particles(at.node as usize);
+        let Some(particles) = page.block(index, family, node.start()) else { continue };
         let stride = particles.len().div_ceil(SAMPLES).max(1);
         let taken = || (0..particles.len()).step_by(stride);
         // A merged particle stands for as many as its mass says: those of a dense place are few, and heavy.
-        let codebook = family.codebooks.get(usize::from(node.codebook));
+        let masses = particles.table().map(|table| &table.mass[..]);
         let mass = |i: usize| {
-            let mass = codebook.and_then(|book| book.mass.get(usize::from(particles.codes[i]))).copied();
+            let mass = masses.and_then(|masses| masses.get(particles.entry(i)?)).copied();
             mass.map_or(1.0, f64::from).max(0.0)
         };
         let total: f64 = taken().map(mass).sum();
         let each = node.source_particles as f64 / total;
-        let places = taken().map(|i| (node.key.position(family.root, particles.fraction(i)), each * mass(i)));
+        let places = taken().map(|i| (particles.position(i), each * mass(i)));
         // A relay that is not opened counts as a whole.
         let whole = particles.is_empty().then(|| (node.bounds.center(), node.source_particles as f64));
         samples.extend(places.chain(whole).filter(|(position, _): &(DVec3, f64)| position.is_finite()));
@@ -66,9 +74,9 @@ fn within(file: &PageFile, families: &[u32], nodes: usize) -> Bounds {
     frame::frame(full, &samples)
 }
 
-/// The pages of a file that have been read.
+/// The pages of a tree that have been read.
 struct Pages<'a> {
-    file: &'a PageFile,
+    tree: &'a dyn Tree,
     read: HashMap<PageId, Option<Arc<Page>>>,
     /// Bytes that may still be read.
     left: u64,
@@ -76,19 +84,19 @@ struct Pages<'a> {
 
 impl Pages<'_> {
     /// Whether the pages of a node's children may be read.
-    fn affords(&self, node: &Node) -> bool {
-        let mut wanted: Vec<PageId> = node.children.iter().flatten().map(|child| child.page).collect();
+    fn affords(&self, children: &[NodeRef]) -> bool {
+        let mut wanted: Vec<PageId> = children.iter().map(|child| child.page).collect();
         wanted.dedup();
         wanted.retain(|page| !self.read.contains_key(page));
-        wanted.into_iter().map(|page| self.file.page_memory(page)).sum::<u64>() <= self.left
+        wanted.into_iter().map(|page| self.tree.page_memory(page)).sum::<u64>() <= self.left
     }
 
     /// A node and its page, if that can be read.
     fn node(&mut self, at: NodeRef) -> Option<(Arc<Page>, Node)> {
         if !self.read.contains_key(&at.page) {
-            self.left = self.left.saturating_sub(self.file.page_memory(at.page));
+            self.left = self.left.saturating_sub(self.tree.page_memory(at.page));
         }
-        let page = self.read.entry(at.page).or_insert_with(|| self.file.read_page(at.page).ok().map(Arc::new));
+        let page = self.read.entry(at.page).or_insert_with(|| self.tree.read_page(at.page).ok().map(Arc::new));
         let page = Arc::clone(page.as_ref()?);
         let node = page.nodes.get(at.node as usize)?.clone();
         Some((page, node))
@@ -99,6 +107,7 @@ impl Pages<'_> {
 mod tests {
     use super::*;
     use crate::build::{self, BuildOptions};
+    use crate::store::PageFile;
     use crate::synth::merger::Merger;
 
     #[test]

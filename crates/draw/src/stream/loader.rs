@@ -3,7 +3,7 @@
 //! A read that is not answered for long is told and left to itself; another thread takes its place. The processor's part
 //! (checksum, decoding) runs on a few threads at a time only, so that it does not take the processor from what draws.
 
-use crate::store::{Change, Page, PageFile, PageId, StoreError};
+use crate::store::{Change, Page, PageId, StoreError, Tree};
 use std::collections::{HashMap, VecDeque};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -50,7 +50,7 @@ struct State {
 }
 
 struct Shared {
-    file: Arc<PageFile>,
+    tree: Arc<dyn Tree>,
     state: Mutex<State>,
     /// Something is to be done, or may be decoded.
     work: Condvar,
@@ -67,7 +67,7 @@ impl Shared {
     }
 }
 
-/// Threads that read pages of one file. Dropping it does not wait for them.
+/// Threads that read pages of one tree. Dropping it does not wait for them.
 pub struct Loader {
     shared: Arc<Shared>,
     stall: Duration,
@@ -76,10 +76,10 @@ pub struct Loader {
 impl Loader {
     /// No thread is started yet; at most `in_flight` will read at a time, those left out that have been without an
     /// answer for `stall`.
-    pub fn new(file: Arc<PageFile>, in_flight: usize, stall: Duration) -> Loader {
+    pub fn new(tree: Arc<dyn Tree>, in_flight: usize, stall: Duration) -> Loader {
         let processors = std::thread::available_parallelism().map_or(1, usize::from);
         let shared = Shared {
-            file,
+            tree,
             state: Mutex::default(),
             work: Condvar::new(),
             done: Condvar::new(),
@@ -117,7 +117,7 @@ impl Loader {
                 Ok(_) => (state.threads, state.idle) = (state.threads + 1, state.idle + 1),
                 Err(error) => {
                     if state.threads == state.stuck {
-                        fail_all(state, &self.shared.file, &error);
+                        fail_all(state, &*self.shared.tree, &error);
                     }
                     return;
                 }
@@ -166,11 +166,11 @@ impl Drop for Loader {
 }
 
 /// Ends all waiting reads with an error.
-fn fail_all(state: &mut State, file: &PageFile, error: &std::io::Error) {
+fn fail_all(state: &mut State, tree: &dyn Tree, error: &std::io::Error) {
     for job in std::mem::take(&mut state.jobs) {
         if let Job::Read(page, asked) = job {
             let source = std::io::Error::new(error.kind(), format!("no thread can be started: {error}"));
-            let outcome = Err(StoreError::Page { path: file.path_of(page).to_path_buf(), page: page.0, source });
+            let outcome = Err(StoreError::Page { path: tree.path_of(page).to_path_buf(), page: page.0, source });
             state.done.push(Loaded { page, outcome, bytes: 0, took: asked.elapsed(), change: None });
         }
     }
@@ -200,8 +200,8 @@ fn work(shared: &Shared) {
         };
         state.reading.insert(page, Reading { since: Instant::now(), is_stalled: false });
         drop(state);
-        let fetched = shared.file.fetch_page(page);
-        let change = shared.file.change_of(page);
+        let fetched = shared.tree.fetch_page(page);
+        let change = shared.tree.change_of(page);
         state = shared.lock();
         let was_stuck = state.reading.remove(&page).is_some_and(|reading| reading.is_stalled);
         while state.decoding >= shared.most_decoding && !state.is_closed {
@@ -209,8 +209,8 @@ fn work(shared: &Shared) {
         }
         state.decoding += 1;
         drop(state);
-        let outcome = fetched.and_then(|bytes| shared.file.decode_page(bytes));
-        let bytes = shared.file.page_bytes(page);
+        let outcome = fetched.and_then(|bytes| shared.tree.decode_page(bytes));
+        let bytes = shared.tree.page_bytes(page);
         state = shared.lock();
         state.decoding -= 1;
         state.done.push(Loaded { page, outcome, bytes, took: asked.elapsed(), change });

@@ -3,7 +3,7 @@
 
 use super::ahead::Ahead;
 use super::recency::{Demand, Recency};
-use crate::store::{NodeRef, Page, PageFile, PageId, StoreError};
+use crate::store::{NodeRef, Page, PageId, StoreError, Tree};
 use crate::view::{Extent, NodeInfo, NodeTree};
 use std::collections::{HashMap, HashSet, VecDeque};
 use std::sync::Arc;
@@ -71,12 +71,12 @@ struct Load {
     demand: Demand,
 }
 
-/// The pages of one file that are in memory. A frame is: [`Residency::begin_frame`]; [`Residency::anticipate`] now and
+/// The pages of one tree that are in memory. A frame is: [`Residency::begin_frame`]; [`Residency::anticipate`] now and
 /// then; selection through the [`NodeTree`] implementation; [`Residency::touch`] for what it visited and
 /// [`Residency::request`] for what it missed; then [`Residency::next_to_load`] and [`Residency::loaded`] as reads begin
 /// and end, at any time.
 pub struct Residency {
-    file: Arc<PageFile>,
+    tree: Arc<dyn Tree>,
     states: HashMap<PageId, PageState>,
     recency: Recency,
     /// What the frame misses, and what later frames will.
@@ -95,11 +95,11 @@ pub struct Residency {
 }
 
 impl Residency {
-    /// No page of `file` is resident yet; resident pages may take `budget` bytes. The roots are loaded even if the
+    /// No page of `tree` is resident yet; resident pages may take `budget` bytes. The roots are loaded even if the
     /// budget is smaller than they are, since nothing can be drawn without them.
-    pub fn new(file: Arc<PageFile>, budget: u64) -> Residency {
+    pub fn new(tree: Arc<dyn Tree>, budget: u64) -> Residency {
         Residency {
-            file,
+            tree,
             states: HashMap::new(),
             recency: Recency::new(),
             missed: VecDeque::new(),
@@ -117,9 +117,9 @@ impl Residency {
         }
     }
 
-    /// The file.
-    pub fn file(&self) -> &Arc<PageFile> {
-        &self.file
+    /// The tree.
+    pub fn tree(&self) -> &Arc<dyn Tree> {
+        &self.tree
     }
 
     /// A page, if it is in memory.
@@ -182,8 +182,8 @@ impl Residency {
         }
         while let Some(&page) = self.missed.front() {
             if self.may_load(page) {
-                let is_root = self.file.metadata().families.iter().any(|family| family.has_root(page));
-                if !self.make_room(self.file.page_memory(page), Demand::Miss) && !is_root {
+                let is_root = self.tree.is_root(page);
+                if !self.make_room(self.tree.page_memory(page), Demand::Miss) && !is_root {
                     self.over_budget = true;
                     return None;
                 }
@@ -198,7 +198,7 @@ impl Residency {
         while let Some((page, travel)) = self.ahead.pop_front() {
             if self.may_load(page) {
                 let demand = Demand::Ahead(travel);
-                if !self.make_room(self.file.page_memory(page), demand) {
+                if !self.make_room(self.tree.page_memory(page), demand) {
                     self.ahead.clear();
                     return None;
                 }
@@ -219,7 +219,7 @@ impl Residency {
                 self.attempts.remove(&id);
                 self.told.remove(&id);
                 let bytes = page.memory();
-                let is_root = self.file.metadata().families.iter().any(|family| family.has_root(id));
+                let is_root = self.tree.is_root(id);
                 // It may be larger than was expected.
                 if !self.make_room(bytes, demand) && !is_root {
                     self.over_budget |= demand == Demand::Miss;
@@ -285,7 +285,7 @@ impl Residency {
     /// Counts for a status display.
     pub fn statistics(&self) -> ResidencyStatistics {
         ResidencyStatistics {
-            pages: self.file.page_count(),
+            pages: self.tree.page_count(),
             resident: self.recency.len(),
             loading: self.loading.len(),
             stalled: self.stalled.len(),
@@ -307,7 +307,7 @@ impl Residency {
     }
 
     fn begin(&mut self, page: PageId, demand: Demand) -> PageId {
-        let bytes = self.file.page_memory(page);
+        let bytes = self.tree.page_memory(page);
         self.states.insert(page, PageState::Loading);
         self.loading.insert(page, Load { bytes, demand });
         self.loading_bytes += bytes;
@@ -331,20 +331,20 @@ impl Residency {
 impl NodeTree for Residency {
     type Id = NodeRef;
 
-    fn node(&self, id: NodeRef) -> Option<NodeInfo<NodeRef>> {
+    fn node(&self, id: NodeRef) -> Option<NodeInfo> {
         let page = self.page(id.page)?;
         let node = page.nodes.get(id.node as usize)?;
         Some(NodeInfo {
             extent: Extent { bounds: node.bounds, margin: f64::from(node.smoothing_length_max) },
             delta: node.delta,
-            spacing: self
-                .file
-                .metadata()
-                .families
-                .get(page.family as usize)
-                .map_or(0.0, |family| node.spacing(family.root)),
+            spacing: node.spacing,
             particles: u64::from(node.particles),
-            children: node.children,
+            is_leaf: node.children.is_empty(),
+            time: node.time,
         })
+    }
+
+    fn children(&self, id: NodeRef) -> impl Iterator<Item = NodeRef> {
+        self.page(id.page).map_or(&[][..], |page| page.children(id.node as usize)).iter().copied()
     }
 }

@@ -1,22 +1,22 @@
 //! What one view draws of a page file: the chosen families, selected at an error bound from what is resident.
 
 use super::{PageState, StreamOptions, Streamer};
-use crate::hierarchy::Levels;
+use crate::hierarchy::Purpose;
 use crate::model::Bounds;
-use crate::store::{Metadata, NodeRef, Page, PageFile, StoreError};
+use crate::store::{Metadata, NodeRef, Page, StoreError, Tree};
 use crate::view::{Detail, Extent, Selection, View};
 use glam::DVec3;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// A page file and the families of it that are drawn.
+/// A tree and the families of it that are drawn.
 pub struct Scene {
-    /// The file's pages.
+    /// The tree's pages.
     pub streamer: Streamer,
     /// Indices of the drawn families in the file's metadata.
     pub families: Vec<u32>,
-    /// The levels that are drawn, of families that have them.
-    pub levels: Levels,
+    /// What the inner nodes that are drawn are made for, of families that have such.
+    pub purpose: Purpose,
 }
 
 /// A node to draw, with the page that holds it.
@@ -30,6 +30,8 @@ pub struct SceneNode {
     pub error_pixels: f64,
     /// By how much its image is displaced from where the data is, world units; zero but in periodic boxes.
     pub offset: DVec3,
+    /// When it is drawn, the data's unit of time.
+    pub time: f64,
 }
 
 /// What a view draws now.
@@ -60,19 +62,23 @@ impl SceneSelection {
     ) -> SceneSelection {
         let tau = detail.into().tolerance(view);
         let residency = &streamer.residency;
-        let metadata = residency.file().metadata();
+        let metadata = residency.tree().metadata();
         let nodes: Vec<SceneNode> = selection
             .draw
             .iter()
             .filter_map(|drawn| {
                 let page = Arc::clone(residency.page(drawn.id.page)?);
                 let error_pixels = match page.nodes.get(drawn.id.node as usize)? {
-                    node if node.is_leaf() && drawn.error_pixels > tau => {
+                    // Of other content no more is known than of the node.
+                    node if node.is_leaf()
+                        && drawn.error_pixels > tau
+                        && page.content(drawn.id.node as usize).is_none() =>
+                    {
                         leaf_error_pixels(&view.of_image(drawn.offset), metadata, &page, drawn.id.node as usize)
                     }
                     _ => drawn.error_pixels,
                 };
-                Some(SceneNode { page, node: drawn.id, error_pixels, offset: drawn.offset })
+                Some(SceneNode { page, node: drawn.id, error_pixels, offset: drawn.offset, time: view.time })
             })
             .collect();
         SceneSelection {
@@ -86,21 +92,21 @@ impl SceneSelection {
 }
 
 impl Scene {
-    /// Draws all families of `file`; resident pages may take `budget` bytes.
-    pub fn new(file: Arc<PageFile>, budget: u64) -> Scene {
-        Scene::with_options(file, StreamOptions { budget, in_flight: 16, stall: STALL, prefetch: false })
+    /// Draws all families of `tree`; resident pages may take `budget` bytes.
+    pub fn new(tree: impl Tree + 'static, budget: u64) -> Scene {
+        Scene::with_options(tree, StreamOptions { budget, in_flight: 16, stall: STALL, prefetch: false })
     }
 
     /// The same with all options.
-    pub fn with_options(file: Arc<PageFile>, options: StreamOptions) -> Scene {
-        let families = (0..file.metadata().families.len() as u32).collect();
-        Scene { streamer: Streamer::new(file, options), families, levels: Levels::Splats }
+    pub fn with_options(tree: impl Tree + 'static, options: StreamOptions) -> Scene {
+        let families = (0..tree.metadata().families.len() as u32).collect();
+        Scene { streamer: Streamer::new(tree, options), families, purpose: Purpose::Splats }
     }
 
     /// Starts a frame: selects what `view` draws in this detail (a number is an error in pixels) from what is in memory.
     pub fn select(&mut self, view: &View, detail: impl Into<Detail>) -> SceneSelection {
         let detail = detail.into();
-        let roots = self.streamer.roots(self.families.iter().copied(), self.levels);
+        let roots = self.streamer.roots(self.families.iter().copied(), self.purpose);
         let selection = self.streamer.select(view, detail, &roots);
         SceneSelection::of(&self.streamer, view, detail, &selection)
     }
@@ -118,7 +124,7 @@ impl Scene {
         tell: &mut dyn FnMut(String),
     ) -> Result<SceneSelection, StoreError> {
         let detail = detail.into();
-        let roots = self.streamer.roots(self.families.iter().copied(), self.levels);
+        let roots = self.streamer.roots(self.families.iter().copied(), self.purpose);
         loop {
             let selection = self.streamer.select(view, detail, &roots);
             self.streamer.serve();
@@ -128,9 +134,9 @@ impl Scene {
                     match self.streamer.residency.state(root.page) {
                         Some(PageState::Resident(_)) => {}
                         // Read once more, for the error itself.
-                        Some(PageState::Failed(_)) => drop(self.streamer.residency.file().read_page(root.page)?),
+                        Some(PageState::Failed(_)) => drop(self.streamer.residency.tree().read_page(root.page)?),
                         _ => {
-                            let path = self.streamer.residency.file().path().to_path_buf();
+                            let path = self.streamer.residency.tree().path().to_path_buf();
                             let source = std::io::Error::from(std::io::ErrorKind::TimedOut);
                             return Err(StoreError::Page { path, page: root.page.0, source });
                         }
@@ -175,9 +181,9 @@ fn leaf_error_pixels(view: &View, metadata: &Metadata, page: &Page, index: usize
         |code: u16| smoothing_lengths.and_then(|all| all.get(usize::from(code))).copied().unwrap_or(0.0);
     (0..particles.len())
         .map(|i| {
-            let position = node.key.position(family.root, particles.fraction(i));
+            let position = node.frame.position(particles.fraction(i));
             // Particles with small kernels are stored more exactly than the node's least exact ones.
-            let delta = node.delta.min(1.001 * 3.0_f64.sqrt() * particles.rounding(i) * node.key.size(family.root));
+            let delta = node.delta.min(1.001 * 3.0_f64.sqrt() * particles.rounding(i) * node.frame.size);
             let h = f64::from(smoothing_length(particles.codes[i]));
             if view.to_camera(position).z <= delta || delta <= KERNEL_SHARE * h {
                 return 0.0;

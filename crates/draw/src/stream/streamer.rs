@@ -12,8 +12,8 @@ use super::loader::Loader;
 use super::pace::Pace;
 use super::report::Report;
 use super::{PageState, Residency};
-use crate::hierarchy::Levels;
-use crate::store::{FamilyMetadata, NodeRef, Page, PageFile, PageId};
+use crate::hierarchy::Purpose;
+use crate::store::{NodeRef, Page, PageId, Tree};
 use crate::view::{Detail, NodeInfo, NodeTree, Occluder, Selection, View, select_unhidden};
 use std::collections::HashSet;
 use std::sync::Arc;
@@ -79,14 +79,15 @@ pub struct Streamer {
 }
 
 impl Streamer {
-    /// Nothing of `file` is in memory yet.
-    pub fn new(file: Arc<PageFile>, options: StreamOptions) -> Streamer {
+    /// Nothing of `tree` is in memory yet.
+    pub fn new(tree: impl Tree + 'static, options: StreamOptions) -> Streamer {
+        let tree: Arc<dyn Tree> = Arc::new(tree);
         Streamer {
-            residency: Residency::new(Arc::clone(&file), options.budget),
+            residency: Residency::new(Arc::clone(&tree), options.budget),
             copies: None,
             occluder: None,
             upcoming: None,
-            loader: Loader::new(file, options.in_flight, options.stall),
+            loader: Loader::new(tree, options.in_flight, options.stall),
             options,
             pace: Pace::default(),
             report: Report::default(),
@@ -104,17 +105,15 @@ impl Streamer {
         &self.options
     }
 
-    /// The first nodes of these families (indices in the file's metadata), of the levels that are named where there are such.
-    pub fn roots(&self, families: impl IntoIterator<Item = u32>, levels: Levels) -> Vec<NodeRef> {
-        let all = &self.residency.file().metadata().families;
-        let roots = families.into_iter().filter_map(|family| all.get(family as usize));
-        let page = |family: &FamilyMetadata| family.root_page_of(levels).unwrap_or(family.root_page);
-        roots.map(|family| NodeRef { page: page(family), node: 0 }).collect()
+    /// The first nodes of these families (indices in the file's metadata), made for this purpose where there are such.
+    pub fn roots(&self, families: impl IntoIterator<Item = u32>, purpose: Purpose) -> Vec<NodeRef> {
+        let families: Vec<u32> = families.into_iter().collect();
+        self.residency.tree().roots(&families, purpose)
     }
 
     /// Takes in the pages that have been read.
     pub fn arrive(&mut self) -> Arrivals {
-        let path = self.residency.file().path().to_path_buf();
+        let path = self.residency.tree().path().to_path_buf();
         let mut arrivals = Arrivals::default();
         for loaded in self.loader.take_done() {
             arrivals.pages.push(loaded.page);
@@ -229,7 +228,7 @@ impl Streamer {
 
     /// `d_prefetch` now, world units.
     pub fn prefetch_distance(&self) -> f64 {
-        self.pace.prefetch_distance(self.residency.file().largest_page_bytes())
+        self.pace.prefetch_distance(self.residency.tree().largest_page_bytes())
     }
 
     /// Whether anything may still come for the last selection: pages are being read, or will be tried again soon.
@@ -267,7 +266,11 @@ struct Drawable<'a> {
 impl NodeTree for Drawable<'_> {
     type Id = NodeRef;
 
-    fn node(&self, id: NodeRef) -> Option<NodeInfo<NodeRef>> {
+    fn node(&self, id: NodeRef) -> Option<NodeInfo> {
         self.copies.is_none_or(|copies| copies.has(id.page)).then(|| self.residency.node(id))?
+    }
+
+    fn children(&self, id: NodeRef) -> impl Iterator<Item = NodeRef> {
+        self.residency.children(id)
     }
 }

@@ -246,7 +246,7 @@ mod tests {
         let transfer = TransferFunction { range: Range::Fixed(3.0, 5.0), ..TransferFunction::default() };
         let set = Look { transfer: Some(transfer), ..state.look };
         assert_eq!(exposure.exposed(3, 11.0, &set).as_ref(), Some(&set));
-        // Who blends from the run before has the ranges of its end.
+        // A picture that blends from the run before has the ranges of that run's end.
         moments.iter().for_each(|moment| exposure.take(*moment, measured(10.0 + exposure.time(*moment))));
         let before = timeline.look(1, 10.0);
         assert!((high(&exposure.exposed(1, 11.5, &before).unwrap()) - 20.0).abs() < 1e-4);

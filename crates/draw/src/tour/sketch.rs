@@ -8,7 +8,7 @@ use crate::color::transfer::{Levels, TransferFunction};
 use crate::color::{Accumulation, Image};
 use crate::cpu::volume::{Processor, VolumeError};
 use crate::cpu::{Method, SplatError, SplatOptions};
-use crate::hierarchy::Levels as Hierarchy;
+use crate::hierarchy::Purpose;
 use crate::look::{Attribute, Camera};
 use crate::mode::{Depiction, Footprint, Plan};
 use crate::modes;
@@ -110,7 +110,7 @@ fn choose(scene: &mut Scene, look: &Look, depiction: &Depiction, metadata: &Meta
     };
     scene.families = (0..metadata.families.len() as u32).filter(is_shown).collect();
     let painted = depiction.mode.is_light();
-    scene.levels = if painted { depiction.levels(metadata) } else { Hierarchy::Splats };
+    scene.purpose = if painted { depiction.purpose(metadata) } else { Purpose::Splats };
 }
 
 /// What is known of a look's picture from a camera: its ranges. Pages that cannot be read are told and left out.
@@ -124,7 +124,7 @@ pub fn measure(
     format: Format,
     tell: &mut dyn FnMut(String),
 ) -> Result<Measured, SketchError> {
-    let file = Arc::clone(scene.streamer.residency.file());
+    let file = Arc::clone(scene.streamer.residency.tree());
     let metadata = file.metadata();
     let depiction = depict(look, metadata)?;
     choose(scene, look, &depiction, metadata);
@@ -167,9 +167,9 @@ pub fn measure(
             // Those of all the data, as all faces have them.
             let bounds = with_images(&view, metadata.bounds());
             let all = sketch(&view, bounds)?;
-            let detail = match scene.levels {
-                Hierarchy::Splats => Detail::Error { tau: 1.0 },
-                Hierarchy::Volume => Detail::Sampling { sigma: 1.0 / all.focal_pixels(), near: 0.0 },
+            let detail = match scene.purpose {
+                Purpose::Splats => Detail::Error { tau: 1.0 },
+                Purpose::Samples => Detail::Sampling { sigma: 1.0 / all.focal_pixels(), near: 0.0 },
             };
             let selection = scene.converge(&all, detail, tell)?;
             let nodes = processor::cut(&view, processor::decode(&depiction, metadata, &selection.nodes));
@@ -205,7 +205,7 @@ pub fn draw(
     Drawing { levels, diameter, limit }: Drawing,
     tell: &mut dyn FnMut(String),
 ) -> Result<(Image, u64), SketchError> {
-    let file = Arc::clone(scene.streamer.residency.file());
+    let file = Arc::clone(scene.streamer.residency.tree());
     let metadata = file.metadata();
     let depiction = depict(look, metadata)?;
     choose(scene, look, &depiction, metadata);
@@ -244,7 +244,7 @@ fn splats(
     (view, tau, limit): (&View, f64, u64),
     tell: &mut dyn FnMut(String),
 ) -> Result<(Accumulation, u64), SketchError> {
-    let file = Arc::clone(scene.streamer.residency.file());
+    let file = Arc::clone(scene.streamer.residency.tree());
     let metadata = file.metadata();
     let selection = scene.converge(&depiction.selection_view(view), tau, tell)?;
     let economy = look.settings.file_economy();

@@ -75,6 +75,8 @@ pub struct View {
     pub cut: Cut,
     /// The images of a periodic box that are drawn.
     pub images: Images,
+    /// When it is seen, in the data's unit of time; data without a time is there always.
+    pub time: f64,
 }
 
 impl View {
@@ -112,7 +114,19 @@ impl View {
         let right = forward.cross(up.normalize_or_zero()).try_normalize().ok_or(ViewError::NoUp)?;
         let up = right.cross(forward);
         let shift = [0.0; 2];
-        Ok(View { eye, right, up, forward, projection, width, height, shift, cut: Cut::NONE, images: Images::ONE })
+        Ok(View {
+            eye,
+            right,
+            up,
+            forward,
+            projection,
+            width,
+            height,
+            shift,
+            cut: Cut::NONE,
+            images: Images::ONE,
+            time: 0.0,
+        })
     }
 
     /// The same camera that leaves out and fades what `cut` says.

@@ -34,7 +34,7 @@ impl From<f64> for Detail {
 
 impl Detail {
     /// Whether a node with particles of its own may be drawn as it is; `error_pixels` is its screen-space error.
-    pub fn suffices<Id>(&self, view: &View, info: &NodeInfo<Id>, error_pixels: f64) -> bool {
+    pub fn suffices(&self, view: &View, info: &NodeInfo, error_pixels: f64) -> bool {
         match *self {
             Detail::Error { tau } => error_pixels <= tau,
             // Nothing replaces the particles of a leaf, and a node without particles replaces nothing.
@@ -48,7 +48,7 @@ impl Detail {
 
     /// How far the camera has to move until the node may have to be refined: 0 or less where a turn may suffice, infinite where
     /// no move does. See [`super::travel`].
-    pub fn travel<Id>(&self, view: &View, info: &NodeInfo<Id>) -> f64 {
+    pub fn travel(&self, view: &View, info: &NodeInfo) -> f64 {
         match *self {
             Detail::Error { tau } => view.travel(&info.extent, info.delta, tau),
             _ if info.delta.is_infinite() => f64::NEG_INFINITY,
@@ -79,9 +79,16 @@ mod tests {
     use glam::DVec3;
     use proptest::prelude::*;
 
-    fn info(min: DVec3, size: f64, spacing: f64) -> NodeInfo<u8> {
+    fn info(min: DVec3, size: f64, spacing: f64) -> NodeInfo {
         let extent = Extent { bounds: Bounds { min, max: min + size }, margin: 0.0 };
-        NodeInfo { extent, delta: spacing, spacing, particles: 1, children: [None; 8] }
+        NodeInfo {
+            extent,
+            delta: spacing,
+            spacing,
+            particles: 1,
+            is_leaf: true,
+            time: [f64::NEG_INFINITY, f64::INFINITY],
+        }
     }
 
     proptest! {

@@ -7,7 +7,7 @@ use glam::DVec3;
 
 /// What selection needs to know of a node.
 #[derive(Clone, Copy, Debug)]
-pub struct NodeInfo<Id> {
+pub struct NodeInfo {
     /// Where the node's particles are and how far they reach.
     pub extent: Extent,
     /// Largest distance between a source particle in the node and the particle drawn for it, world units; infinite
@@ -17,8 +17,17 @@ pub struct NodeInfo<Id> {
     pub spacing: f64,
     /// Number of particles drawn for the node.
     pub particles: u64,
-    /// The nodes that refine this one; all `None` for a leaf.
-    pub children: [Option<Id>; 8],
+    /// Whether no nodes refine it.
+    pub is_leaf: bool,
+    /// When it is there, in the data's unit of time: from the first to before the last.
+    pub time: [f64; 2],
+}
+
+impl NodeInfo {
+    /// Whether it is there at a time.
+    pub fn is_at(&self, time: f64) -> bool {
+        self.time[0] <= time && time < self.time[1]
+    }
 }
 
 /// Opaque things that have been drawn of a view.
@@ -33,7 +42,10 @@ pub trait NodeTree {
     type Id: Copy;
 
     /// The node, if it is resident.
-    fn node(&self, id: Self::Id) -> Option<NodeInfo<Self::Id>>;
+    fn node(&self, id: Self::Id) -> Option<NodeInfo>;
+
+    /// The nodes that refine a resident node.
+    fn children(&self, id: Self::Id) -> impl Iterator<Item = Self::Id>;
 }
 
 /// A node that the view needs and that is not resident.
@@ -143,9 +155,10 @@ struct Traversal<'a, Tree: NodeTree> {
 impl<Tree: NodeTree> Traversal<'_, Tree> {
     /// Draws a resident node or what refines it; false where neither is possible because the node holds no particles
     /// and its refinement is missing, so that an ancestor has to be drawn.
-    fn visit(&mut self, id: Tree::Id, info: NodeInfo<Tree::Id>) -> bool {
+    fn visit(&mut self, id: Tree::Id, info: NodeInfo) -> bool {
         self.selection.visited.push(id);
-        if !self.view.sees(&info.extent) || !self.view.cut.reaches(&info.extent.bounds) {
+        let is_there = info.is_at(self.view.time);
+        if !is_there || !self.view.sees(&info.extent) || !self.view.cut.reaches(&info.extent.bounds) {
             return true;
         }
         let error_pixels = self.view.error_pixels(&info.extent, info.delta);
@@ -154,7 +167,7 @@ impl<Tree: NodeTree> Traversal<'_, Tree> {
         if is_hidden {
             self.selection.hidden.push(id);
         }
-        if !suffices && !is_hidden && info.children.iter().any(Option::is_some) && self.refine(&info, error_pixels) {
+        if !suffices && !is_hidden && !info.is_leaf && self.refine(id, error_pixels) {
             return true;
         }
         if info.delta.is_infinite() {
@@ -167,11 +180,12 @@ impl<Tree: NodeTree> Traversal<'_, Tree> {
     }
 
     /// Draws the children in a node's place; draws nothing and is false if that is not possible yet.
-    fn refine(&mut self, info: &NodeInfo<Tree::Id>, error_pixels: f64) -> bool {
+    fn refine(&mut self, id: Tree::Id, error_pixels: f64) -> bool {
         let drawn = self.selection.draw.len();
         let mut complete = true;
-        for child in info.children.into_iter().flatten() {
-            match self.tree.node(child) {
+        let tree = self.tree;
+        for child in tree.children(id) {
+            match tree.node(child) {
                 Some(child_info) => complete &= self.visit(child, child_info),
                 None => {
                     self.selection.missing.push(Missing { id: child, error_pixels });
@@ -204,19 +218,12 @@ mod tests {
     impl NodeTree for Full {
         type Id = (u8, [u32; 3]);
 
-        fn node(&self, id: Self::Id) -> Option<NodeInfo<Self::Id>> {
+        fn node(&self, id: Self::Id) -> Option<NodeInfo> {
             if self.absent.contains(&id) {
                 return None;
             }
             let size = 0.5f64.powi(i32::from(id.0));
             let min = size * DVec3::from(id.1.map(f64::from));
-            let mut children = [None; 8];
-            if id.0 < self.depth {
-                for (octant, child) in children.iter_mut().enumerate() {
-                    let bit = |axis: usize| (octant >> axis & 1) as u32;
-                    *child = Some((id.0 + 1, [0, 1, 2].map(|axis| 2 * id.1[axis] + bit(axis))));
-                }
-            }
             // The paper's bound for 256^3 bins: half a bin's diagonal.
             let delta = if id.0 < self.depth { 3f64.sqrt() / 2.0 * size / 256.0 } else { 0.0 };
             let extent = Extent { bounds: Bounds { min, max: min + size }, margin: 0.0 };
@@ -225,8 +232,14 @@ mod tests {
                 delta: if self.relays.contains(&id) { f64::INFINITY } else { delta },
                 spacing: if id.0 < self.depth { size / 256.0 } else { 0.0 },
                 particles: 1,
-                children,
+                is_leaf: id.0 == self.depth,
+                time: [f64::NEG_INFINITY, f64::INFINITY],
             })
+        }
+
+        fn children(&self, id: Self::Id) -> impl Iterator<Item = Self::Id> {
+            let octants = if id.0 < self.depth { 8 } else { 0 };
+            (0..octants).map(move |octant| (id.0 + 1, [0, 1, 2].map(|axis| 2 * id.1[axis] + (octant >> axis & 1))))
         }
     }
 

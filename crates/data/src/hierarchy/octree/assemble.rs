@@ -1,7 +1,7 @@
 //! Putting the pieces of all buckets together to the nodes of a tree.
 
 use super::piece::Piece;
-use super::{Encoding, LevelInfo, Levels, OctreeOptions, is_relay};
+use super::{Encoding, LevelInfo, OctreeOptions, Purpose, is_relay};
 use crate::codec::morton;
 use crate::hierarchy::{NodeKey, RootCell};
 use crate::model::Bounds;
@@ -50,7 +50,7 @@ pub struct Tree<Data> {
 /// Puts the pieces of a family's tree together, in whatever order they come; `None` if there is none.
 pub fn assemble<Data>(
     pieces: Vec<Piece<Data>>,
-    levels_of: Levels,
+    levels_of: Purpose,
     root: RootCell,
     options: &OctreeOptions,
 ) -> Option<Tree<Data>> {
@@ -162,7 +162,7 @@ impl<Data> Draft<Data> {
     }
 
     /// Decides whether it is a relay and counts it.
-    fn settle(&mut self, levels_of: Levels, options: &OctreeOptions, level: &mut LevelInfo) {
+    fn settle(&mut self, levels_of: Purpose, options: &OctreeOptions, level: &mut LevelInfo) {
         let node = &mut self.node;
         let too_many = u32::try_from(node.particles).is_err();
         if node.encoding == Encoding::Grid

@@ -7,7 +7,7 @@ use super::merge::Merger;
 use super::piece::{Piece, Words};
 use super::plan::{Plan, cell_keys};
 use super::sorted::{Columns, Place, Sorted};
-use super::{Context, Levels, is_relay};
+use super::{Context, Purpose, is_relay};
 use crate::codec::morton::{self, MORTON_BITS};
 use crate::hierarchy::NodeKey;
 use crate::hierarchy::cell::MAX_DEPTH;
@@ -54,7 +54,7 @@ impl<'a> Bucket<'a> {
     /// Those of `sink`.
     pub fn build<E>(
         &self,
-        levels: Levels,
+        levels: Purpose,
         sink: &mut dyn FnMut(Piece<Words>) -> Result<(), E>,
     ) -> Result<Option<Open>, E> {
         let Bucket { context, plan, number, sorted } = self;
@@ -73,7 +73,7 @@ impl<'a> Bucket<'a> {
 
 struct Builder<'a, E> {
     context: &'a Context<'a>,
-    levels: Levels,
+    levels: Purpose,
     plan: &'a Plan,
     /// The bucket's keys.
     own: Range<u64>,
@@ -90,7 +90,7 @@ impl<E> Builder<'_, E> {
         let key = cell_of(first, depth);
         let is_small = range.len() <= context.options.leaf_capacity.max(1) || depth == MAX_DEPTH;
         if is_small && !self.plan.is_cut(depth, first) {
-            if self.levels == Levels::Splats {
+            if self.levels == Purpose::Splats {
                 (self.sink)(leaf(context, sorted, key, range.clone()))?;
             }
             return Ok(Visited { draw_cost: range.len() as u64, content: Content::Sources(range) });

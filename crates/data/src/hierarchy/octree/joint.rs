@@ -8,7 +8,7 @@ use super::bucket::{Open, cell_of};
 use super::merge::Merger;
 use super::piece::{Piece, Words};
 use super::sorted::{Columns, Sorted};
-use super::{Context, Levels};
+use super::{Context, Purpose};
 use crate::codec::coordinates::CELL_BITS;
 use crate::codec::morton::MORTON_BITS;
 
@@ -18,7 +18,7 @@ use crate::codec::morton::MORTON_BITS;
 /// Those of `sink`.
 pub fn join<E>(
     context: &Context,
-    levels: Levels,
+    levels: Purpose,
     open: Vec<Open>,
     sink: &mut dyn FnMut(Piece<Words>) -> Result<(), E>,
 ) -> Result<(), E> {
@@ -38,7 +38,7 @@ pub fn join<E>(
 /// Merges what was left open inside one cell of depth 8.
 fn join_cell<E>(
     context: &Context,
-    levels: Levels,
+    levels: Purpose,
     mut group: Vec<Open>,
     sink: &mut dyn FnMut(Piece<Words>) -> Result<(), E>,
 ) -> Result<(), E> {

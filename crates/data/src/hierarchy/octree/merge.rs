@@ -7,7 +7,7 @@
 
 use super::block::{Block, Box3, Content, View};
 use super::sorted::{Columns, Sorted};
-use super::{Context, Levels};
+use super::{Context, Purpose};
 use crate::codec::AttributeMerge;
 use crate::codec::coordinates::{CELL_BITS, GRID_BITS, GRID_POINT, pack_grid};
 use crate::codec::morton::{self, MORTON_BITS};
@@ -24,7 +24,7 @@ pub(super) struct Merger<'a> {
     /// Merge rule of each attribute.
     pub rules: &'a [AttributeMerge],
     /// What is merged for.
-    pub levels: Levels,
+    pub levels: Purpose,
 }
 
 /// What a group of particles becomes, positions and attributes aside.
@@ -40,7 +40,7 @@ pub(super) struct Merged {
 
 impl<'a> Merger<'a> {
     /// What merges the particles of a node.
-    pub fn new(context: &Context<'a>, levels: Levels, key: NodeKey) -> Merger<'a> {
+    pub fn new(context: &Context<'a>, levels: Purpose, key: NodeKey) -> Merger<'a> {
         Merger { key, root: context.root, fusion: context.options.fusion, rules: context.rules, levels }
     }
 
@@ -74,7 +74,7 @@ impl<'a> Merger<'a> {
         while start < from.keys.len() {
             let cell = from.keys[start] >> shift;
             let len = from.keys[start..].iter().take_while(|&&key| key >> shift == cell).count();
-            if self.levels == Levels::Volume {
+            if self.levels == Purpose::Samples {
                 self.merge_volumes(from, start..start + len, q, out, scratch);
             } else if len == 1 {
                 self.push_single(from, start, q, out);

@@ -21,7 +21,7 @@
 //!   coarsest nodes stay small and the first picture of any file is drawn at once.
 //!
 //! - **Two kinds of levels.** What is resampled to a grid needs other rules for merging (F12 5.5.1) than splats do
-//!   ([`Levels`]). Both kinds have the same cells and share the leaves, so one sorted bucket serves both.
+//!   ([`Purpose`]). Both kinds have the same cells and share the leaves, so one sorted bucket serves both.
 //!
 //! A tree is built in buckets ([`plan`]), each of which fits in memory: [`bucket`] builds the pieces of one, [`joint`] what
 //! little goes across, [`mod@assemble`] puts the pieces together. Where particles and pieces are kept meanwhile is the business
@@ -47,7 +47,7 @@ pub use piece::{Piece, Words};
 pub use plan::Plan;
 pub use sorted::{Columns, Place};
 
-use super::RootCell;
+use super::{Purpose, RootCell};
 use crate::codec::{AttributeMerge, VqBits};
 use crate::model::Bounds;
 
@@ -55,27 +55,6 @@ use crate::model::Bounds;
 const BUCKET_PARTICLES: (u64, u64) = (1 << 17, 1 << 20);
 /// Buckets that a family is cut into where that gives neither too few nor too many particles for each.
 const BUCKETS: u64 = 1024;
-
-/// What the particles of inner nodes are made for. Cells and leaves are the same for both.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Levels {
-    /// Pictures made of splats (F12 4.7.3): points merge, and sprites of similar smoothing lengths; the faintest are left out.
-    #[default]
-    Splats,
-    /// Resampling to a grid (F12 5.5.1): particles smaller than a merging cell merge, their volumes add up, and none is
-    /// smaller than a cell afterwards.
-    Volume,
-}
-
-impl Levels {
-    /// What statistics call them.
-    pub fn name(self) -> &'static str {
-        match self {
-            Levels::Splats => "splats",
-            Levels::Volume => "volume",
-        }
-    }
-}
 
 /// How a tree is built.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -120,8 +99,8 @@ impl Default for OctreeOptions {
 
 impl OctreeOptions {
     /// The levels to build, those that hold the leaves first.
-    pub fn levels(&self) -> &'static [Levels] {
-        if self.volume_levels { &[Levels::Splats, Levels::Volume] } else { &[Levels::Splats] }
+    pub fn levels(&self) -> &'static [Purpose] {
+        if self.volume_levels { &[Purpose::Splats, Purpose::Samples] } else { &[Purpose::Splats] }
     }
 
     /// Particles of a bucket of a family of so many.
@@ -151,8 +130,8 @@ pub struct Context<'a> {
 }
 
 /// Whether merging gains too little over drawing the children. The root for splats is what is drawn while nothing else is there.
-fn is_relay(levels: Levels, depth: u8, merged: u64, children_cost: u64, options: &OctreeOptions) -> bool {
-    (depth > 0 || levels == Levels::Volume) && merged as f64 > options.relay_fraction * children_cost as f64
+fn is_relay(levels: Purpose, depth: u8, merged: u64, children_cost: u64, options: &OctreeOptions) -> bool {
+    (depth > 0 || levels == Purpose::Samples) && merged as f64 > options.relay_fraction * children_cost as f64
 }
 
 /// How a node holds its particles.

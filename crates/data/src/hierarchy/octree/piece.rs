@@ -3,7 +3,7 @@
 use super::block::Block;
 use super::merge::is_point;
 use super::sorted::Columns;
-use super::{Context, Encoding, Levels, thin};
+use super::{Context, Encoding, Purpose, thin};
 use crate::codec::coordinates::{CELL_BITS, GRID_BITS};
 use crate::codec::positions::grid_key;
 use crate::hierarchy::NodeKey;
@@ -90,7 +90,7 @@ impl Piece<Words> {
     /// The piece that draws what was merged, or nothing if it is a relay.
     pub(super) fn merged(
         context: &Context,
-        levels: Levels,
+        levels: Purpose,
         key: NodeKey,
         block: &Block,
         input: u64,
@@ -101,7 +101,7 @@ impl Piece<Words> {
             None
         } else {
             // What is faint among splats may be all that a volume has in a region.
-            let budget = if levels == Levels::Splats { context.options.thinning_budget } else { 0.0 };
+            let budget = if levels == Purpose::Splats { context.options.thinning_budget } else { 0.0 };
             let kept = thin::thin(&block.columns.mass, &block.columns.density, budget);
             let mut order: Vec<(u64, u32)> = (block.words.iter().zip(0..))
                 .filter(|&(_, i)| kept.as_ref().is_none_or(|kept| kept[i as usize]))

@@ -66,7 +66,7 @@ impl Merger<'_> {
 mod tests {
     use super::super::block::Content;
     use super::super::sorted::{Columns, Place, Sorted};
-    use super::super::{Context, Levels, OctreeOptions};
+    use super::super::{Context, OctreeOptions, Purpose};
     use super::*;
     use crate::codec::AttributeMerge;
     use crate::hierarchy::{NodeKey, RootCell};
@@ -123,7 +123,7 @@ mod tests {
             for depth in (0..4).rev() {
                 let key = NodeKey { depth, x: 0, y: 0, z: 0 };
                 // Depths below 0 hold a part of the root cell only: here one node takes all, as joined runs do.
-                let block = Merger { key, ..Merger::new(&context, Levels::Volume, key) }.merge(&[content], &sorted);
+                let block = Merger { key, ..Merger::new(&context, Purpose::Samples, key) }.merge(&[content], &sorted);
                 let q = 2.0_f64.powi(-i32::from(depth));
                 let [now, grown, weighted] = sums(&block.columns);
                 prop_assert!((now / mass - 1.0).abs() < 1e-6);
@@ -146,7 +146,7 @@ mod tests {
         let sorted = sorted(&[([10.5, 10.5, 10.5], 2.0, 0.5, 7.0), ([10.25, 10.5, 10.5], 3.0, 1.5, 1.0)]);
         let options = OctreeOptions::default();
         let context = Context { root: ROOT, options: &options, rules: &[AttributeMerge::Mean] };
-        let block = Merger::new(&context, Levels::Volume, NodeKey::ROOT).merge(&[Content::Sources(0..2)], &sorted);
+        let block = Merger::new(&context, Purpose::Samples, NodeKey::ROOT).merge(&[Content::Sources(0..2)], &sorted);
         let mut found: Vec<_> = (0..2)
             .map(|i| [block.columns.mass[i], block.columns.density[i], block.columns.smoothing_length[i]])
             .collect();

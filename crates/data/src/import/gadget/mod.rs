@@ -136,7 +136,7 @@ impl Snapshot {
         notes.dedup();
         let mut families = Vec::new();
         let mut stored = Vec::new();
-        for (kind, name) in FamilyName::ALL.into_iter().enumerate() {
+        for (kind, name) in FamilyName::GADGET.into_iter().enumerate() {
             let Some(first) = files.iter().find(|file| file.header.counts[kind] > 0) else { continue };
             let count = files.iter().map(|file| file.header.counts[kind]).sum();
             let total = first.header.totals[kind];

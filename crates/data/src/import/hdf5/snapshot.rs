@@ -56,7 +56,7 @@ impl Snapshot {
         };
         let mut description = describe(path, &files);
         let mut families = Vec::new();
-        for (number, name) in FamilyName::ALL.into_iter().enumerate() {
+        for (number, name) in FamilyName::GADGET.into_iter().enumerate() {
             if let Some((info, data)) = open_family(&files, name, number, &mut description)? {
                 description.families.push(info);
                 families.push(data);

@@ -144,7 +144,7 @@ impl Cartesian {
         let projection = Projection::Orthographic { height: f64::from(l) * cell };
         let (right, up, forward) = (DVec3::X, DVec3::Y, DVec3::NEG_Z);
         let (shift, cut, images) = ([0.0; 2], Cut::NONE, Images::ONE);
-        let view = View { eye, right, up, forward, projection, width: k, height: l, shift, cut, images };
+        let view = View { eye, right, up, forward, projection, width: k, height: l, shift, cut, images, time: 0.0 };
         let slices = m + border as u32;
         let near = -(BORDER as f64) * cell;
         let grid = PerspectiveGrid {

@@ -88,6 +88,7 @@ impl Octree {
             shift: [0.0; 2],
             cut: Cut::NONE,
             images: Images::ONE,
+            time: 0.0,
         };
         let taken = Taken { sigma: side / 64.0, smallest: 0.0, stride: 1 };
         let projected = project(&view, batches, &taken);

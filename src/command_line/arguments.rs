@@ -63,7 +63,7 @@ pub fn mode_name(text: &str) -> Result<&'static Mode, String> {
 /// The names that there are.
 pub fn family_name(text: &str) -> Result<FamilyName, String> {
     FamilyName::parse(text)
-        .ok_or_else(|| format!("expected one of {}", FamilyName::ALL.map(FamilyName::as_str).join(", ")))
+        .ok_or_else(|| "expected the name of a family: lower-case letters, digits and hyphens".into())
 }
 
 /// A number greater than zero.
