@@ -4,7 +4,7 @@
 #![allow(clippy::unwrap_used, reason = "what cannot be set up cannot be measured")]
 
 use deepfield::look::{Camera, DatasetRef, SceneFile};
-use deepfield::show::protocol::{Follower, FollowerEvent, Frame, Leader, Moment, Ranges, Report, ShowKey};
+use deepfield::show::protocol::{Follower, FollowerEvent, Frame, Leader, Ranges, Report, ShowKey, TourTime};
 use std::collections::{BinaryHeap, HashMap};
 use std::net::{SocketAddr, UdpSocket};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
@@ -207,7 +207,7 @@ impl Show {
         let eye = [30.0 * time.cos(), 1.0 / 3.0, 30.0 * time.sin()];
         let camera = Camera { eye, target: [0.1, 0.2, 0.3], up: [0.0, 1.0, 0.0], fov: 40.0 + time.sin(), ortho: None };
         let ranges = Some(Ranges { p: [1e-7 * time, 1.0 + time], s: [0.0, 2.0] });
-        self.leader.send(Frame { number: 0, time, camera, ranges, tour: Some(Moment { time, running: true }) });
+        self.leader.send(Frame { number: 0, time, camera, ranges, tour: Some(TourTime { time, running: true }) });
         self.next += FRAME;
         std::thread::sleep(self.next.saturating_duration_since(Instant::now()));
     }

@@ -8,7 +8,7 @@ use crate::bench::sheet::{Entry, sheet};
 use crate::color::composite::{Image, color_error, composite};
 use crate::color::output;
 use crate::color::transfer::{Hue, Range, TransferFunction, UnitLength};
-use crate::commands::arguments::{PictureSize, family_name, positive, vector};
+use crate::command_line::arguments::{PictureSize, family_name, positive, vector};
 use crate::commands::exact_source::{framed_of, load_exact};
 use crate::commands::request::Request;
 use crate::cpu::Method;

@@ -28,7 +28,7 @@ pub struct Outcome {
     pub particles: u64,
     /// Where the camera is.
     pub view: &'static str,
-    /// Who draws.
+    /// The backend that draws.
     pub backend: String,
     /// Number of particles that are drawn of the picture's nodes.
     pub drawn: u64,

@@ -12,7 +12,7 @@ pub mod splat;
 #[cfg(feature = "viewer")]
 pub mod splat_gpu;
 
-use crate::commands::CommandResult;
+use crate::command_line::CommandResult;
 use serde::Serialize;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -49,7 +49,7 @@ pub struct Arguments {
           value_parser = ["cpu", "compute", "raster"])]
     pub backends: Vec<String>,
     /// Memory that builds may take, such as 2GiB [default: half of what is free].
-    #[arg(long, value_name = "BYTES", value_parser = crate::commands::arguments::bytes)]
+    #[arg(long, value_name = "BYTES", value_parser = crate::command_line::arguments::bytes)]
     pub memory: Option<u64>,
     /// How sources, temporary files and page files are read in `bench build` and `bench pages`.
     #[arg(long, value_name = "HOW", value_enum, default_value_t)]
@@ -61,10 +61,10 @@ pub struct Arguments {
     #[arg(long, value_name = "PIXELS", default_value_t = 1024, value_parser = clap::value_parser!(u32).range(1..=16384))]
     pub pixels: u32,
     /// Budget of thinning in `bench frame`, of 255.
-    #[arg(long, value_name = "E", default_value_t = 0.0, value_parser = crate::commands::arguments::not_negative)]
+    #[arg(long, value_name = "E", default_value_t = 0.0, value_parser = crate::command_line::arguments::not_negative)]
     pub thinning: f64,
     /// Mean colour error, of 255, below which `bench presence` looks for the largest speed-up.
-    #[arg(long, value_name = "E", default_value_t = 0.5, value_parser = crate::commands::arguments::positive)]
+    #[arg(long, value_name = "E", default_value_t = 0.5, value_parser = crate::command_line::arguments::positive)]
     pub limit: f64,
     /// Also write the pictures' numbers of `bench presence` as CSV.
     #[arg(long, value_name = "OUT.csv")]

@@ -14,7 +14,11 @@ const SNAPSHOT: &[u8] = include_bytes!("../../assets/demo/lcdm64_z0.hdf5");
 pub fn run() -> CommandResult {
     view::show(
         &snapshot()?,
-        &view::Settings { picture: Some("deepfield-demo.png".into()), preset: "desktop".into(), ..Default::default() },
+        &view::WindowArguments {
+            picture: Some("deepfield-demo.png".into()),
+            preset: "desktop".into(),
+            ..Default::default()
+        },
     )
 }
 

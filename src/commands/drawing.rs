@@ -43,7 +43,7 @@ impl Drawing {
             *studio = Some(Studio::open(&request.members)?);
         }
         let studio = studio.as_mut().filter(|_| request.exact.is_none());
-        Ok(match request.look().mode.filter(|mode| mode.painter().is_some()) {
+        Ok(match request.look().mode.filter(|mode| mode.is_light()) {
             Some(mode) => Drawing::Colors(Box::new(paint::draw(request, mode, studio)?)),
             None => Drawing::Splats(Box::new(render::draw(request, studio)?)),
         })

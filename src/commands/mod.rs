@@ -1,9 +1,7 @@
 //! One file per subcommand: its arguments and what it does with the rooms below.
 
 pub mod annotate;
-pub mod arguments;
 pub mod build;
-pub mod cache;
 pub mod catalogue;
 pub mod demo;
 mod drawing;
@@ -16,7 +14,6 @@ pub mod page_file_info;
 pub mod paint;
 mod picture_statistics;
 pub mod probe;
-pub mod progress_bar;
 mod projected;
 pub mod projection_options;
 pub mod region_options;
@@ -33,8 +30,7 @@ pub mod tour;
 pub mod verify;
 pub mod view;
 
-/// What a command ends with: nothing, or an error whose text names the file and the cause.
-pub type CommandResult = Result<(), Box<dyn std::error::Error + Send + Sync>>;
+pub use crate::command_line::{CommandResult, arguments, cache, progress_bar};
 
 /// The subcommands.
 #[derive(clap::Subcommand, Debug)]

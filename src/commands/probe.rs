@@ -5,7 +5,7 @@ use super::statistics::write_json;
 use super::{CommandResult, progress_bar::TerminalProgress};
 use crate::explore::probe::{FamilyProbe, FieldStatistics, Probe, Profile};
 use crate::explore::{
-    AxisOptions, Data, Fields, Histogram, ProbeOptions, ProfileOptions, Region, Shape, Work, histogram, probe,
+    AxisOptions, Data, FieldHistogram, Fields, ProbeOptions, ProfileOptions, Region, Shape, Work, histogram, probe,
 };
 use crate::model::ReadMethod;
 use serde::Serialize;
@@ -78,7 +78,7 @@ struct Answer<'a> {
     #[serde(flatten)]
     probe: &'a Probe,
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    histograms: Vec<Histogram>,
+    histograms: Vec<FieldHistogram>,
 }
 
 /// Asks and prints.
@@ -235,7 +235,7 @@ fn write_profile(text: &mut String, profile: &Profile, probe: &Probe) -> std::fm
     Ok(())
 }
 
-fn write_histogram(text: &mut String, histogram: &Histogram) -> std::fmt::Result {
+fn write_histogram(text: &mut String, histogram: &FieldHistogram) -> std::fmt::Result {
     let names: Vec<String> = histogram.axes.iter().map(|axis| format!("{} in {}", axis.field, axis.unit)).collect();
     writeln!(text, "\nhistogram of {}", names.join(" and "))?;
     let most = histogram.counts.iter().copied().max().unwrap_or(0).max(1);

@@ -12,14 +12,13 @@ use super::request::Request;
 use super::statistics::Times;
 use super::studio::Studio;
 use crate::annotate::Units;
-use crate::cpu::around::draw_face;
 use crate::cpu::volume::Processor;
-use crate::cpu::{Counts, SplatOptions, Splats, draw_counted};
+use crate::cpu::{Counts, SplatOptions, Splats};
 use crate::hierarchy::Purpose;
 use crate::look::{Backend, ERROR_PX};
 use crate::mode::{Depiction, Economy, Footprint, Painted, Plan};
 use crate::model::{Bounds, Kernel, PeriodicBox};
-use crate::picture::around::{Alike, is_of_data, neighbourhood, sketch, with_images};
+use crate::picture::around::{Alike, sketch, with_images};
 use crate::picture::paint::{Subject, densest, densest_of};
 use crate::picture::panorama::{Texels, assemble};
 use crate::picture::processor::{self, SeenFamily};
@@ -143,13 +142,15 @@ impl Tally {
 
 fn splats(
     shot: &Shot<'_>,
+    depiction: &Depiction,
     batches: &[Splats<'_>],
-    options: &SplatOptions,
+    options: SplatOptions,
+    known: impl FnOnce() -> (Bounds, f64),
     tally: &mut Tally,
 ) -> Result<Texels<2>, Failure> {
     let (picture, counts) = match shot.around {
-        Some([pixel, _]) => draw_face(shot.view, batches, pixel, options)?,
-        None => draw_counted(shot.view, batches, options),
+        Some([pixel, _]) => processor::draw_face(shot.view, depiction, batches, pixel, options, known)?,
+        None => processor::draw_batches(shot.view, depiction, batches, options, known)?,
     };
     tally.counts += counts;
     Ok(picture.into())
@@ -180,7 +181,9 @@ pub(super) fn draw(request: &Request, studio: Option<&mut Studio>) -> Result<Pic
             let batches = processor::seen_batches(depiction, &particles)?;
             let method = request.exact.unwrap_or_default();
             let options = SplatOptions { method, kernel: dataset.kernel, ..SplatOptions::default() };
-            let shoot = || projector.shoot(SPLATS, |shot| splats(shot, &batches, &options, &mut tally));
+            let known = || (dataset.bounds(), densest(&source.families()));
+            let shoot =
+                || projector.shoot(SPLATS, |shot| splats(shot, depiction, &batches, options, known, &mut tally));
             let texels = times.measure("frame", shoot)?;
             tally.particles = dataset.len() as u64;
             Ok(picture_of(&texels, stage, tally, times.medians()))
@@ -200,7 +203,8 @@ pub(super) fn draw(request: &Request, studio: Option<&mut Studio>) -> Result<Pic
                     let selection = scene.converge(&seen(&depiction, shot), tau * shot.scale(), &mut tell)?;
                     tally.add(&selection, shot);
                     let nodes = processor::cut(shot.view, processor::decode(&depiction, metadata, &selection.nodes));
-                    splats(shot, &processor::batches(&depiction, &nodes)?, &options, &mut tally)
+                    let known = || (metadata.bounds(), densest_of(metadata));
+                    splats(shot, &depiction, &processor::batches(&depiction, &nodes)?, options, known, &mut tally)
                 })
             };
             let texels = times.measure("frame", shoot)?;
@@ -312,7 +316,7 @@ pub(super) fn paint(request: &Request, studio: Option<&mut Studio>) -> Result<Ou
                 diameter: framed.size().length(),
                 painted: None,
             };
-            let of_data = is_of_data(&depiction);
+            let of_data = depiction.needs().of_data;
             let shoot = || {
                 projector.shoot(sampling(&depiction), |shot| {
                     if of_data {
@@ -346,5 +350,5 @@ pub(super) fn paint(request: &Request, studio: Option<&mut Studio>) -> Result<Ou
 }
 
 fn sampling(depiction: &Depiction) -> Sampling {
-    Sampling { margin: neighbourhood(depiction), ..COLORS }
+    Sampling { margin: depiction.needs().margin_px, ..COLORS }
 }

@@ -16,6 +16,8 @@ use crate::cpu::Method;
 use crate::hierarchy::Purpose;
 pub use crate::look::Backend;
 use crate::look::{ERROR_PX, shown_families};
+#[cfg(feature = "viewer")]
+use crate::mode::Adapter;
 use crate::mode::{Depiction, Economy, Mode, Plan};
 use crate::model::FamilyName;
 use crate::picture::look::transfer_of;
@@ -170,7 +172,7 @@ fn draw_pages(request: &Request, studio: &mut Studio) -> Result<Picture, Box<dyn
             milliseconds: BTreeMap::new(),
         };
     #[cfg(feature = "viewer")]
-    if let Some(backend) = gpu_backend(request.backend) {
+    if let Some(backend) = gpu_backend(depiction.mode, request.backend)? {
         let headless =
             || crate::gpu::depiction::request_nodes(&view, &depiction, metadata, &selection.nodes, &plan, backend);
         if let Some(picture) = draw_on_gpu(request, headless, picture.clone(), &times)? {
@@ -191,21 +193,31 @@ fn draw_pages(request: &Request, studio: &mut Studio) -> Result<Picture, Box<dyn
             (left_out.faint, left_out.outside) = (Some(counts.faint), Some(counts.outside));
             left_out.splats = Some(counts.drawn);
             accumulation = drawn;
-            Ok::<_, crate::cpu::SplatError>(())
+            Ok::<_, crate::cpu::volume::VolumeError>(())
         })?;
     }
     Ok(Picture { accumulation, economy: left_out, milliseconds: times.medians(), ..picture })
 }
 
-/// The techniques that draw, unless the CPU is asked for, or does the same faster.
+/// What draws a mode on an adapter, unless the CPU is asked for, or does the same faster.
+///
+/// # Errors
+/// When the backend that is asked for does not draw the mode.
 #[cfg(feature = "viewer")]
-fn gpu_backend(backend: Option<Backend>) -> Option<crate::gpu::Backend> {
-    match backend {
-        Some(Backend::Cpu) => None,
-        Some(Backend::Compute) => Some(crate::gpu::Backend::Compute),
-        Some(Backend::Raster) => Some(crate::gpu::Backend::Raster),
+fn gpu_backend(mode: &Mode, backend: Option<Backend>) -> Result<Option<crate::gpu::Backend>, String> {
+    use crate::gpu::Backend as Gpu;
+    let on_processor = mode.technique.on_processor();
+    let only = |names: &str| Err(format!("--backend: only {names} the mode {}", mode.name));
+    match (backend, mode.technique.adapter()) {
+        (Some(Backend::Cpu), _) => Ok(None),
+        (Some(Backend::Compute), Adapter::Splats | Adapter::Plugin) => Ok(Some(Gpu::Compute)),
+        (Some(Backend::Raster), Adapter::Splats) => Ok(Some(Gpu::Raster)),
+        (Some(_), Adapter::Plugin) => only(if on_processor { "compute and cpu draw" } else { "compute draws" }),
+        (Some(_), _) => only("cpu draws"),
         // A driver without a graphics card draws on the processor too, and slower than our own renderer.
-        None => has_graphics_card().then_some(crate::gpu::Backend::Auto),
+        (None, Adapter::Splats) => Ok(has_graphics_card().then_some(Gpu::Auto)),
+        (None, Adapter::Plugin) => Ok((!on_processor || has_graphics_card()).then_some(Gpu::Compute)),
+        (None, _) => Ok(None),
     }
 }
 
@@ -264,7 +276,9 @@ fn draw_exact(request: &Request) -> Result<Picture, Box<dyn std::error::Error + 
         milliseconds: BTreeMap::new(),
     };
     #[cfg(feature = "viewer")]
-    if let Some(backend) = gpu_backend(request.backend).filter(|_| request.exact != Some(Method::Exact)) {
+    let backend = if request.exact == Some(Method::Exact) { Some(Backend::Cpu) } else { request.backend };
+    #[cfg(feature = "viewer")]
+    if let Some(backend) = gpu_backend(depiction.mode, backend)? {
         let headless = || crate::gpu::depiction::request_particles(&view, depiction, dataset, &families, backend);
         if let Some(picture) = draw_on_gpu(request, headless, picture.clone(), &times)? {
             return Ok(picture);

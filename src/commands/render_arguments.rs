@@ -12,7 +12,7 @@ use crate::look::{
 };
 use crate::mode::{Mode, SettingValue, economy};
 use crate::model::FamilyName;
-use crate::modes::MODES;
+use crate::modes;
 use crate::view::{CutSettings, Periodic};
 use glam::DVec3;
 use std::path::{Path, PathBuf};
@@ -177,7 +177,7 @@ impl Arguments {
     fn over(&self, config: PictureConfig, base: Shot) -> Result<Shot, Failure> {
         let PictureConfig { mut look, volume, .. } = config;
         let mode = self.mode.or(look.mode).or(base.look.mode);
-        if mode.is_some_and(|mode| mode.painter().is_some()) {
+        if mode.is_some_and(|mode| mode.is_light()) {
             look.transfer = volume;
         }
         if let Some(mode) = self.mode {
@@ -219,12 +219,13 @@ impl Arguments {
         let budget = budget.into_iter().filter_map(|(setting, value)| Some((setting.name.to_owned(), value?)));
         for (name, value) in budget.chain(self.set.iter().cloned()) {
             // Without a name the mode is the data's usual one, which is one of these.
-            let usual = || MODES.iter().copied().filter(|mode| !mode.weight_attributes.is_empty()).chain([MODES[0]]);
-            let modes: Vec<&Mode> = look.mode.map_or_else(|| usual().collect(), |mode| vec![mode]);
+            let usual =
+                || modes::all().into_iter().filter(|mode| !mode.weight_attributes.is_empty()).chain([modes::first()]);
+            let possible: Vec<&Mode> = look.mode.map_or_else(|| usual().collect(), |mode| vec![mode]);
             let known = |mode: &&Mode| mode.all_settings().find(|setting| setting.name == name);
-            let Some(setting) = modes.iter().find_map(known) else {
+            let Some(setting) = possible.iter().find_map(known) else {
                 let mut names: Vec<&str> =
-                    modes.iter().flat_map(|mode| mode.all_settings()).map(|own| own.name).collect();
+                    possible.iter().flat_map(|mode| mode.all_settings()).map(|own| own.name).collect();
                 names.sort_unstable();
                 names.dedup();
                 let expected = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
@@ -290,7 +291,6 @@ fn open_scene(path: &Path, data: Option<PathBuf>) -> Result<(Shot, Vec<Member>),
 mod tests {
     use super::*;
     use crate::look::{Camera, DatasetRef};
-    use crate::modes;
 
     fn config(text: &str) -> PictureConfig {
         PictureConfig::parse("p.ron", text).unwrap()
@@ -305,7 +305,7 @@ mod tests {
         assert!(shot.look.transfer.is_some());
         let volume = config(include_str!("../../configs/volume.ron"));
         let shot = Arguments::default().over(volume, Shot::default()).unwrap();
-        assert!(shot.look.transfer.is_some() && shot.look.mode.is_some_and(|mode| mode.painter().is_some()));
+        assert!(shot.look.transfer.is_some() && shot.look.mode.is_some_and(|mode| mode.is_light()));
     }
 
     #[test]

@@ -1,11 +1,11 @@
 //! A show's windows, kept open by a process that has none: what each of them is started with.
 
 use super::CommandResult;
-use super::view::Settings;
+use super::view::WindowArguments;
 use crate::look::is_scene_file;
 use crate::show::protocol::ShowKey;
 use crate::show::rig::OutputsFile;
-use crate::show::supervisor::{Plan, RunFolder};
+use crate::show::supervisor::{RunFolder, ShowPlan};
 use crate::show::window::output::OutputWindow;
 use std::ffi::OsString;
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, UdpSocket};
@@ -14,7 +14,7 @@ use std::path::Path;
 type Error = Box<dyn std::error::Error + Send + Sync>;
 
 /// Whether somebody relies on the window that the settings ask for, so that it is kept open: one that leads, follows, or plays a tour.
-pub(super) fn is_show(settings: &Settings) -> bool {
+pub(super) fn is_show(settings: &WindowArguments) -> bool {
     settings.lead.is_some() || settings.follow.is_some() || settings.outputs.is_some() || settings.tour.is_some()
 }
 
@@ -23,12 +23,13 @@ pub(super) fn is_show(settings: &Settings) -> bool {
 /// # Errors
 /// When the key or the outputs cannot be used, or the windows not be started. Where the window itself cannot be opened it has
 /// said why, and its exit code becomes that of this process.
-pub(super) fn supervise(path: &Path, settings: &Settings) -> CommandResult {
+pub(super) fn supervise(path: &Path, settings: &WindowArguments) -> CommandResult {
     let folder = tempfile::Builder::new().prefix("deepfield-show").tempdir();
     let folder = folder.map_err(|error| format!("a folder for the show's windows: {error}"))?;
     let run = RunFolder::at(folder.path());
     let program = std::env::current_exe().map_err(|error| format!("the program's own file: {error}"))?;
-    let mut plan = Plan { program, window: std::env::args_os().skip(1).collect(), outputs: Vec::new(), folder: run };
+    let mut plan =
+        ShowPlan { program, window: std::env::args_os().skip(1).collect(), outputs: Vec::new(), folder: run };
     match &settings.show_key {
         Some(key) => ShowKey::read(key)?.write(&plan.folder.key())?,
         // Windows of this machine alone need no key that others have.
@@ -74,7 +75,7 @@ fn reachable(mut address: SocketAddr) -> SocketAddr {
 fn outputs(
     file: &Path,
     path: &Path,
-    settings: &Settings,
+    settings: &WindowArguments,
     folder: &RunFolder,
     leader: SocketAddr,
 ) -> Result<Vec<(String, Vec<OsString>)>, Error> {
@@ -132,7 +133,7 @@ mod tests {
         let rig =
             r#"(version: 1, outputs: [(name: "a b", window: (0, 0, 64, 64)), (name: "c", window: (64, 0, 64, 64))])"#;
         std::fs::write(&file, rig).unwrap();
-        let settings = Settings { preset: "laptop".into(), frame_ms: Some(20.0), ..Settings::default() };
+        let settings = WindowArguments { preset: "laptop".into(), frame_ms: Some(20.0), ..WindowArguments::default() };
         let run = RunFolder::at(folder.path());
         let all = outputs(&file, Path::new("box.df"), &settings, &run, "127.0.0.1:9".parse().unwrap()).unwrap();
         assert_eq!(all.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>(), ["a b", "c"]);

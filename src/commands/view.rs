@@ -30,12 +30,12 @@ pub struct Arguments {
     pub path: Option<PathBuf>,
     /// How the window starts.
     #[command(flatten)]
-    pub settings: Settings,
+    pub settings: WindowArguments,
 }
 
 /// How the window starts.
 #[derive(clap::Args, Clone, Debug, Default)]
-pub struct Settings {
+pub struct WindowArguments {
     /// Another source or page file in the same scene, in the first one's units; @X,Y,Z says where its origin lies there and *SCALE
     /// how many of the first one's lengths one of its own is. Can be given several times.
     #[arg(long, value_name = "FILE[@X,Y,Z[*SCALE]]")]
@@ -136,7 +136,7 @@ fn address(text: &str) -> Result<SocketAddr, String> {
 /// When the source cannot be opened or drawing fails.
 pub fn run(arguments: &Arguments) -> CommandResult {
     let with = arguments.settings.with.iter().map(Member::resolved).collect::<Result<_, _>>()?;
-    let settings = &Settings { with, ..arguments.settings.clone() };
+    let settings = &WindowArguments { with, ..arguments.settings.clone() };
     let path = match (&arguments.path, &settings.tour, &settings.scene) {
         (Some(path), ..) => data_file(path)?,
         (None, Some(tour), None) => data_of_tour(tour, settings.supervised.is_none())?,
@@ -180,7 +180,7 @@ fn data_of_tour(tour: &Path, tell: bool) -> Result<PathBuf, Box<dyn std::error::
 ///
 /// # Errors
 /// As [`run`].
-pub fn show(path: &Path, settings: &Settings) -> CommandResult {
+pub fn show(path: &Path, settings: &WindowArguments) -> CommandResult {
     #[cfg(feature = "viewer")]
     let reason = if has_display() {
         if settings.supervised.is_none() && super::supervise::is_show(settings) {
@@ -225,12 +225,17 @@ fn has_display() -> bool {
 }
 
 #[cfg(feature = "viewer")]
-fn window(path: &Path, settings: &Settings) -> CommandResult {
+fn window(path: &Path, settings: &WindowArguments) -> CommandResult {
     use crate::show::supervisor::RunFolder;
+    use crate::show::window::{ShowOptions, run_show_window};
     use crate::window::live::orbits::{Orbits, OrbitsPlugin};
-    use crate::window::{Backend, OpenRequest, WindowOptions, run_window};
+    use crate::window::{Backend, OpenRequest, WindowOptions};
     use std::sync::Arc;
-    let show = part_in_show(path, settings)?;
+    let show = ShowOptions {
+        part: part_in_show(path, settings)?,
+        output: settings.output.clone(),
+        supervised: settings.supervised.as_deref().map(RunFolder::at),
+    };
     let opener = Arc::new(|path: &Path, progress: &dyn crate::model::Progress| {
         super::cache::page_file_of(path, progress).map_err(|error| error.to_string())
     });
@@ -245,9 +250,6 @@ fn window(path: &Path, settings: &Settings) -> CommandResult {
     // A follower opens what the leader says.
     let request = settings.follow.is_none().then_some(request);
     let mut options = WindowOptions::new(request, opener);
-    options.show = show;
-    options.output = settings.output.clone();
-    options.supervised = settings.supervised.as_deref().map(RunFolder::at);
     options.fullscreen = settings.fullscreen;
     options.size = settings.size.map(|size| (size.width, size.height));
     options.preset = settings.preset.clone();
@@ -270,18 +272,18 @@ fn window(path: &Path, settings: &Settings) -> CommandResult {
             app.add_plugins(OrbitsPlugin(orbits.clone()));
         }));
     }
-    Ok(run_window(options)?)
+    Ok(run_show_window(options, show)?)
 }
 
 /// The part that the window has in a show on several machines.
 #[cfg(feature = "viewer")]
 fn part_in_show(
     path: &Path,
-    settings: &Settings,
-) -> Result<Option<crate::window::Show>, Box<dyn std::error::Error + Send + Sync>> {
+    settings: &WindowArguments,
+) -> Result<Option<crate::show::window::Show>, Box<dyn std::error::Error + Send + Sync>> {
     use crate::show::protocol::ShowKey;
     use crate::show::supervisor::RunFolder;
-    use crate::window::Show;
+    use crate::show::window::Show;
     let Some(folder) = settings.supervised.as_deref().map(RunFolder::at) else { return Ok(None) };
     let key = || ShowKey::read(&folder.key());
     Ok(match (settings.follow, folder.leads_at()) {

@@ -6,17 +6,17 @@
 //! view rests, the full picture follows.
 
 mod drawing;
-pub(super) mod sizes;
 
 use super::exposure::Exposure;
 use super::live::LiveParticles;
 use super::look::{Held, Look};
-use super::messages::Messages;
 use super::occlusion::Occlusion;
 use super::pages::ViewSelection;
 use super::picture::Picture;
+use super::picture_sizes::{MOVING_MS, drawing_size, moving_size, volume_limit};
 use super::preset::Preset;
 use super::scene::{Scene, Settings};
+use super::state::notices::Notices;
 use super::statistics::{ActiveBackend, Converged, Statistics};
 use super::touring::Before;
 use super::volume_caster::VolumeCaster;
@@ -24,7 +24,7 @@ use crate::color::composite::composite_at;
 use crate::color::transfer::{Levels, TransferFunction};
 use crate::color::{Accumulation, Image as Colors};
 use crate::cpu::volume::{Caster, Processor};
-use crate::mode::{Footprint, Plan};
+use crate::mode::{Adapter, Footprint, Plan};
 use crate::picture::fade::faded;
 use crate::picture::governor::Governor;
 use crate::view::View;
@@ -34,7 +34,6 @@ use bevy::prelude::*;
 use bevy::render::render_resource::{Extent3d, TextureDimension, TextureFormat};
 use bevy::tasks::{AsyncComputeTaskPool, Task, futures::check_ready};
 use drawing::{PaintedPicture, Source, draw, paint};
-use sizes::{MOVING_MS, drawing_size, moving_size, volume_limit};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -130,11 +129,12 @@ pub(super) fn draw_on_cpu(
     mut statistics: ResMut<Statistics>,
     mut converged: ResMut<Converged>,
     mut occlusion: ResMut<Occlusion>,
-    (mut messages, mut caster): (ResMut<Messages>, ResMut<VolumeCaster>),
+    (mut messages, mut caster): (ResMut<Notices>, ResMut<VolumeCaster>),
     (live, settings, held): (Res<LiveParticles>, Res<Settings>, Res<Held>),
 ) {
     let cpu = &mut *cpu;
-    let cast = look.as_ref().is_some_and(|look| look.depiction.mode.is_cast()) && caster.is_on_adapter();
+    let cast = look.as_ref().is_some_and(|look| look.depiction.mode.technique.adapter() == Adapter::RayMarcher)
+        && caster.is_on_adapter();
     if !cast {
         caster.rest();
     }
@@ -183,7 +183,7 @@ pub(super) fn draw_on_cpu(
         frame_ms if frame_ms > 0.0 && moving && *backend == ActiveBackend::Cpu => cpu.governor.limit(frame_ms),
         _ => u64::MAX,
     };
-    let painted = look.depiction.mode.painter().is_some();
+    let painted = look.depiction.mode.is_light();
     let size = match painted && moving {
         true => {
             let budget = if preset.drawing.frame_ms > 0.0 { preset.drawing.frame_ms } else { MOVING_MS };
@@ -219,7 +219,7 @@ pub(super) fn draw_on_cpu(
     if cpu.task.is_some() || (current && look.settled && !look.is_changed()) {
         return;
     }
-    // Before anything has come there is nothing that colours could be of, and nothing to complain of.
+    // Before the first page has arrived, ranges of colours cannot be measured, and that is no error.
     if painted && selection.nodes.is_empty() && !selection.complete && live.particles().is_none() {
         return;
     }
@@ -227,7 +227,7 @@ pub(super) fn draw_on_cpu(
     if cpu.failed.as_ref() == Some(&trial) {
         return;
     }
-    // A measurement is a courtesy: it must not take the processor from what draws.
+    // While the adapter draws, ranges are measured only so often: drawing has the processor first.
     let paced = cpu.measured.is_none_or(|since| since.elapsed().as_millis() > MEASURE_MS);
     if *backend == ActiveBackend::Gpu && moving && !paced {
         return;

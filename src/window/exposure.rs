@@ -1,7 +1,7 @@
 //! How bright and how coloured the data of the present view are: the histograms that the panel shows, and the ranges
 //! that are used where the user has chosen none.
 
-use super::panel::histogram::Histogram;
+use super::state::histogram::AxisHistogram;
 use crate::codec::CodebookScope;
 use crate::color::Accumulation;
 use crate::color::transfer::{Levels, Scale, TransferFunction};
@@ -13,9 +13,9 @@ use bevy::prelude::*;
 #[derive(Resource, Clone, Debug, Default, PartialEq)]
 pub struct Exposure {
     /// How often values of `P` occur.
-    pub brightness: Option<Histogram>,
+    pub brightness: Option<AxisHistogram>,
     /// How often values of `S` occur, where the picture has it.
-    pub hue: Option<Histogram>,
+    pub hue: Option<AxisHistogram>,
     /// How often pairs of both occur, over their ranges.
     pub joint: Option<Joint>,
     /// The ranges that the transfer function asks for.
@@ -105,7 +105,7 @@ const BINS: usize = 96;
 
 /// A histogram over all finite values; on a logarithmic scale over the positive ones that are above `floor` times the
 /// largest. `None` without values.
-fn histogram(values: impl Iterator<Item = f32>, scale: Scale, floor: f64) -> Option<Histogram> {
+fn histogram(values: impl Iterator<Item = f32>, scale: Scale, floor: f64) -> Option<AxisHistogram> {
     let log = scale == Scale::Log;
     let place = |value: f32| if log { f64::from(value).log10() } else { f64::from(value) };
     let values: Vec<f64> = values.filter(|v| v.is_finite() && (!log || *v > 0.0)).map(place).collect();
@@ -125,7 +125,7 @@ fn histogram(values: impl Iterator<Item = f32>, scale: Scale, floor: f64) -> Opt
         }
     }
     let back = |x: f64| if log { 10f64.powf(x) } else { x };
-    Some(Histogram { counts, span: span.map(back), log })
+    Some(AxisHistogram { counts, span: span.map(back), log })
 }
 
 #[cfg(test)]

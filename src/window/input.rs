@@ -1,6 +1,6 @@
 //! Who gets the mouse and the keyboard, and the table of keys that both the input systems and the help page use.
 
-use super::looking::tool::Tool;
+use super::state::tool::Tool;
 use bevy::prelude::*;
 
 /// Whether the mouse belongs to the picture or to the panel, and whether a text field holds the keyboard. Written once

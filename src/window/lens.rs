@@ -4,31 +4,9 @@ use super::camera::Viewpoint;
 use super::picture::DataCamera;
 use super::scene::Settings;
 use crate::model::PeriodicBox;
-use crate::show::window::output::Aim;
 use crate::view::{Projection, View, ViewError};
+use crate::window::state::aim::Aim;
 use bevy::prelude::*;
-
-/// Projection and field of view, as the panel edits them.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Lens {
-    /// Vertical field of view, degrees.
-    pub fov_deg: f64,
-    /// Whether lines of sight are parallel. The picture is then as high as the field of view is at the target, so that
-    /// switching keeps the target's size and zooming works alike.
-    pub parallel: bool,
-}
-
-impl Lens {
-    /// Height of the picture at a distance from the eye, world units.
-    pub fn height_at(&self, distance: f64) -> f64 {
-        2.0 * distance * (0.5 * self.fov_deg.to_radians()).tan()
-    }
-
-    /// The field of view at which the picture is `height` high at `distance`, degrees.
-    pub fn fov_of(height: f64, distance: f64) -> f64 {
-        (2.0 * (0.5 * height / distance).atan()).to_degrees()
-    }
-}
 
 /// What the camera sees in a picture of that many pixels, with the settings' projection, what they leave out, and how they draw a
 /// periodic box; where `aim` says, turned to what an output displays of the show.
@@ -65,6 +43,7 @@ pub(super) fn follow_lens(settings: Res<Settings>, mut cameras: Query<&mut Viewp
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::window::camera::Lens;
     use crate::window::preset::Preset;
     use bevy::math::DVec3;
 

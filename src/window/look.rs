@@ -1,8 +1,8 @@
 //! How the picture looks: the mode applied to the open data, and the transfer function with the ranges in use.
 
 use super::exposure::Exposure;
-use super::messages::Messages;
 use super::scene::{Scene, Settings};
+use super::state::notices::Notices;
 use super::transfer_presets::TransferPresets;
 use crate::annotate::{Legend, Units};
 use crate::color::transfer::{Levels, Lut, Scale, TransferFunction};
@@ -65,7 +65,7 @@ pub(crate) fn follow_settings(
     scene: Option<Res<Scene>>,
     mut settings: ResMut<Settings>,
     look: Option<ResMut<Look>>,
-    mut messages: ResMut<Messages>,
+    mut messages: ResMut<Notices>,
     mut presets: ResMut<TransferPresets>,
 ) {
     let Some(scene) = scene else { return };
@@ -144,7 +144,7 @@ pub(crate) fn follow_settings(
 
 /// The colours of the picture; those of a volume whatever their opacity.
 fn bake(depiction: &Depiction, transfer: &TransferFunction) -> Lut {
-    if depiction.mode.painter().is_some() { transfer.bake_colors() } else { transfer.bake_lut() }
+    if depiction.mode.is_light() { transfer.bake_colors() } else { transfer.bake_lut() }
 }
 
 /// The chosen mode and attribute on the open file.

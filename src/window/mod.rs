@@ -5,8 +5,11 @@
 //! and the overlays are laid out ([`ui`]) and settle who owns the mouse ([`input`]); the camera moves ([`camera`]); its
 //! view drives streaming and drawing, which fill the picture's image ([`picture`]).
 
+pub mod adopt;
+pub mod bookmarks;
 pub mod camera;
 pub mod cpu_backend;
+pub mod dropped;
 pub mod exposure;
 pub mod facts;
 pub mod free_name;
@@ -17,7 +20,6 @@ pub mod lens;
 pub mod live;
 pub mod look;
 pub mod looking;
-pub mod messages;
 pub mod objects;
 pub mod occlusion;
 pub mod open;
@@ -27,28 +29,31 @@ pub mod pages;
 pub mod panel;
 pub mod pick;
 pub mod picture;
+mod picture_sizes;
 mod pointer_motion;
 pub mod preset;
 pub mod scene;
 pub mod scene_io;
 pub mod screenshot;
 pub mod shortcuts;
+pub mod state;
 pub mod statistics;
+pub mod theme;
 pub mod touring;
 pub mod transfer_presets;
 
 mod asset_text;
 mod preset_assets;
+mod shader_reload;
 mod status;
 mod ui;
 mod volume_caster;
 
 pub use live::LiveParticles;
-pub use options::{AppError, Extension, OpenRequest, Opener, Show, WindowOptions};
+pub use options::{AppError, Extension, OpenRequest, Opener, WindowOptions};
 pub use preset::{Backend, Preset};
 
 use crate::gpu::{DeepfieldRenderPlugins, ParticleScene};
-use crate::show::window::{network, output, supervised};
 use bevy::camera::CameraUpdateSystems;
 use bevy::log::LogPlugin;
 use bevy::prelude::*;
@@ -61,58 +66,63 @@ use pages::PageSystems;
 ///
 /// # Errors
 ///
-/// [`AppError::NoDisplay`] where there is no display, [`AppError::Preset`] where the preset is refused,
-/// [`AppError::Network`] and [`AppError::Output`] where the show cannot be led or shown, [`AppError::Failed`] where the event loop ends
-/// with an error, as it does when the adapter is lost.
-pub fn run_window(mut options: WindowOptions) -> Result<(), AppError> {
+/// What [`build_window`] and [`run_app`] refuse.
+pub fn run_window(options: WindowOptions) -> Result<(), AppError> {
+    run_app(build_window(options)?)
+}
+
+/// The window with all its plugins, and those of the caller; it opens when the app runs.
+///
+/// # Errors
+///
+/// [`AppError::NoDisplay`] where there is no display, [`AppError::Preset`] where the preset is refused.
+pub fn build_window(options: WindowOptions) -> Result<App, AppError> {
     let shown = |name| std::env::var_os(name).is_some_and(|value| !value.is_empty());
     if cfg!(target_os = "linux") && !shown("DISPLAY") && !shown("WAYLAND_DISPLAY") {
         return Err(AppError::NoDisplay);
     }
     let preset = options.resolved_preset()?;
-    // A follower is told what it is to show.
-    let of_its_own = options.open.is_some();
-    let went_on = options.supervised.as_ref().filter(|_| of_its_own).and_then(supervised::resume::State::read);
-    let went_on = went_on.map(|(state, scene)| {
-        (options.open, options.tour) = (Some(OpenRequest::of(scene)), None);
-        state
-    });
     let mut app = App::new();
     preset_assets::register_sources(&mut app);
     app.add_plugins(
         DefaultPlugins
             .set(WindowPlugin {
                 primary_window: Some(primary_window(&preset, options.fullscreen)),
-                primary_cursor_options: Some(CursorOptions {
-                    // The audience has no mouse.
-                    visible: !matches!(options.show, Some(Show::Follow { .. })),
-                    ..default()
-                }),
+                primary_cursor_options: Some(CursorOptions { visible: !options.audience, ..default() }),
                 ..default()
             })
             // Packets that are refused are an everyday matter, and no news.
             .set(LogPlugin { filter: "warn,deepfield=info,wgpu_hal=error,renetcode=off".to_owned(), ..default() }),
     );
-    let WindowOptions { extension, show, output, supervised, .. } = options.clone();
-    // What is wrong with its files is said before there is a window.
-    let output = output.map(|(file, name)| output::OutputWindow::open(&file, &name)).transpose()?;
+    let extension = options.extension.clone();
     app.add_plugins(WindowApp { options, preset });
-    if let Some(show) = show {
-        network::add(&mut app, &show)?;
-    }
-    if let Some(output) = output {
-        output::add(&mut app, output);
-    }
-    if let Some(folder) = supervised {
-        supervised::add(&mut app, folder, of_its_own, went_on);
-    }
     if let Some(extend) = extension {
         extend(&mut app);
     }
+    Ok(app)
+}
+
+/// Runs a window until it is closed.
+///
+/// # Errors
+///
+/// [`AppError::Failed`] where the event loop ends with an error, as it does when the adapter is lost.
+pub fn run_app(mut app: App) -> Result<(), AppError> {
     match app.run() {
         AppExit::Success => Ok(()),
         AppExit::Error(_) => Err(AppError::Failed),
     }
+}
+
+/// What others than the window itself may switch off, by conditions on these sets.
+#[derive(SystemSet, Clone, Debug, PartialEq, Eq, Hash)]
+pub enum WindowSystems {
+    /// Files that are dropped, and keys.
+    TakeInput,
+    /// A tour moves the camera and changes settings.
+    PlayTour,
+    /// The panels, the picture and what is over it are laid out.
+    LayOut,
 }
 
 /// The window as the preset asks for it.
@@ -156,11 +166,13 @@ impl Plugin for WindowApp {
             touring::TouringPlugin { open: self.options.tour.clone() },
             pages::PagesPlugin,
             looking::LookingPlugin,
+            panel::PanelPlugin,
             preset_assets::PresetPlugin::new(&self.options),
+            shader_reload::ShaderReloadPlugin,
             transfer_presets::TransferPresetsPlugin { folder: crate::color::transfer::presets::folder() },
         ))
         .insert_resource(ClearColor(Color::BLACK))
-        .insert_resource(shortcuts::Shown {
+        .insert_resource(state::panels::Shown {
             panel: self.preset.panel.open,
             left: true,
             right: self.preset.panel.right,
@@ -170,17 +182,18 @@ impl Plugin for WindowApp {
         .insert_resource(settings)
         .insert_resource(openings)
         .insert_resource(status::StatusFile::new(self.options.status.clone()))
-        .insert_resource(panel::Closed(self.preset.panel.closed.iter().cloned().collect()))
+        .insert_resource(state::panels::Closed(self.preset.panel.closed.iter().cloned().collect()))
         .init_resource::<history::History>()
         .insert_resource(objects)
         .init_resource::<scene_io::SceneFiles>()
         .init_resource::<scene_io::Bookmarks>()
         .init_resource::<ui::Controls>()
+        .init_resource::<overlay::tour::TourPictures>()
         .init_resource::<exposure::Exposure>()
         .init_resource::<look::Held>()
         .init_resource::<input::PointerOwner>()
-        .init_resource::<messages::Messages>()
-        .insert_resource(panel::Choices::of_program())
+        .init_resource::<state::notices::Notices>()
+        .insert_resource(state::choices::Choices::of_program())
         .init_resource::<cpu_backend::CpuPicture>()
         .init_resource::<live::LiveParticles>()
         .init_resource::<gpu_backend::GpuTables>()
@@ -203,33 +216,36 @@ impl Plugin for WindowApp {
                 .chain(),
         )
         .add_observer(gpu_backend::free_slot)
-        .add_systems(PreUpdate, (messages::advance_messages, statistics::tick_frame_clock, screenshot::report))
+        .add_systems(
+            PreUpdate,
+            (state::notices::advance_notices, statistics::tick_frame_clock, screenshot::report_screenshots),
+        )
         .add_systems(
             Update,
             (
                 open::follow_preset.run_if(resource_changed::<Preset>),
-                open::open_dropped_files.run_if(not(resource_exists::<network::Following>)),
+                dropped::open_dropped_files.in_set(WindowSystems::TakeInput),
                 open::finish_opening,
-                objects::receive,
-                scene::adopt_opened,
+                objects::receive_catalogue,
+                adopt::adopt_opened,
                 history::undo_and_redo,
                 lens::follow_lens,
-                scene_io::save,
-                camera::run_bookmarks,
+                scene_io::save_scene,
+                bookmarks::run_bookmarks,
                 (
                     touring::player::take_keys,
                     touring::player::take_presenter_keys,
-                    touring::player::play.run_if(not(network::is_led)),
+                    touring::player::play_tour.in_set(WindowSystems::PlayTour),
                 )
                     .chain(),
                 (
                     look::follow_settings,
-                    touring::ranges::rehearse.run_if(not(network::is_led)),
-                    touring::ranges::hold,
+                    touring::ranges::measure_ahead.in_set(WindowSystems::PlayTour),
+                    touring::ranges::hold_ranges,
                     look::glide_levels,
                 )
                     .chain(),
-                shortcuts::run_shortcuts.run_if(not(resource_exists::<network::Following>)),
+                shortcuts::run_shortcuts.in_set(WindowSystems::TakeInput),
                 gpu_backend::follow_budgets.run_if(resource_changed::<Preset>),
                 volume_caster::choose_caster.run_if(resource_changed::<Preset>),
                 gpu_backend::choose_backend.run_if(
@@ -238,13 +254,7 @@ impl Plugin for WindowApp {
             )
                 .chain(),
         )
-        .add_systems(
-            EguiPrimaryContextPass,
-            (
-                ui::draw_window.run_if(not(resource_exists::<output::OutputWindow>)),
-                output::draw_output.run_if(resource_exists::<output::OutputWindow>),
-            ),
-        )
+        .add_systems(EguiPrimaryContextPass, ui::draw_window.in_set(WindowSystems::LayOut))
         .add_systems(
             PostUpdate,
             (
@@ -263,6 +273,6 @@ impl Plugin for WindowApp {
                     .after(pages::evict),
             ),
         )
-        .add_systems(Last, (history::observe, status::write_status).chain());
+        .add_systems(Last, (history::record_settings, status::write_status).chain());
     }
 }

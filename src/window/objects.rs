@@ -1,10 +1,10 @@
 //! Named objects of a catalogue: their names over the picture, flights to them, and probes of them.
 
-use super::looking::answer::Answer;
-use super::messages::Messages;
 use super::open::Openings;
 use super::options::OpenRequest;
 use super::scene::Scene;
+use super::state::answer::Answer;
+use super::state::notices::Notices;
 use crate::annotate::Label;
 use crate::explore::{Catalogue, Object, Region};
 use crate::model::Bounds;
@@ -85,11 +85,11 @@ pub fn usual_radius(bounds: Bounds) -> f64 {
 }
 
 /// Takes the catalogue that has been read.
-pub(super) fn receive(
+pub(super) fn receive_catalogue(
     mut objects: ResMut<Objects>,
     mut openings: ResMut<Openings>,
     scene: Option<Res<Scene>>,
-    mut messages: ResMut<Messages>,
+    mut messages: ResMut<Notices>,
 ) {
     let objects = objects.bypass_change_detection();
     if objects.dropped.receive() {

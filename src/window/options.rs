@@ -3,11 +3,7 @@
 use super::preset::{Backend, Preset, PresetError};
 use crate::look::Member;
 use crate::model::progress::Progress;
-use crate::show::protocol::{NetworkError, ShowKey};
-use crate::show::rig::OutputError;
-use crate::show::supervisor::RunFolder;
 use bevy::prelude::App;
-use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use thiserror::Error;
@@ -33,29 +29,6 @@ impl OpenRequest {
     pub fn of(path: impl Into<PathBuf>) -> OpenRequest {
         OpenRequest { members: vec![Member::new(path)], scene: None }
     }
-}
-
-/// The part that a window has in a show on several machines.
-#[derive(Clone, Debug)]
-pub enum Show {
-    /// Others follow it.
-    Lead {
-        /// Where it listens for them.
-        address: SocketAddr,
-        /// The show's key.
-        key: ShowKey,
-    },
-    /// It shows what another one shows.
-    Follow {
-        /// Where that is.
-        leader: SocketAddr,
-        /// The show's key.
-        key: ShowKey,
-        /// What the leader's window calls it.
-        name: String,
-        /// Its copies of the data that is shown; where there are none, they are looked for where the leader has them.
-        data: Vec<PathBuf>,
-    },
 }
 
 /// How the window starts.
@@ -87,12 +60,8 @@ pub struct WindowOptions {
     pub labels: Option<PathBuf>,
     /// A tour to play.
     pub tour: Option<PathBuf>,
-    /// Its part in a show on several machines.
-    pub show: Option<Show>,
-    /// The output that it displays: a file of outputs and a name in it. For one who follows.
-    pub output: Option<(PathBuf, String)>,
-    /// Where it finds the process that keeps it open, if there is one.
-    pub supervised: Option<RunFolder>,
+    /// Whether it is an audience's, which has no mouse.
+    pub audience: bool,
 }
 
 impl WindowOptions {
@@ -112,9 +81,7 @@ impl WindowOptions {
             extension: None,
             labels: None,
             tour: None,
-            show: None,
-            output: None,
-            supervised: None,
+            audience: false,
         }
     }
 
@@ -152,12 +119,6 @@ pub enum AppError {
     /// The preset is refused.
     #[error(transparent)]
     Preset(#[from] PresetError),
-    /// The show cannot be led.
-    #[error(transparent)]
-    Network(#[from] NetworkError),
-    /// The output cannot be displayed.
-    #[error(transparent)]
-    Output(#[from] OutputError),
     /// The event loop ended with an error; the log says which.
     #[error("the window closed after an error")]
     Failed,

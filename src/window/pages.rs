@@ -14,18 +14,18 @@
 use super::camera::{CameraSystems, DataDistance, Viewpoint, distance_to_boxes};
 use super::lens::view_of;
 use super::look::Look;
-use super::messages::Messages;
 use super::occlusion::{self, Occlusion, PageOcclusion};
 use super::picture::{DataCamera, Picture};
 use super::preset::{Preset, ResidencyPreset};
 use super::scene::{Scene, Settings};
+use super::state::notices::Notices;
 use super::statistics::Statistics;
 use crate::hierarchy::Purpose;
 use crate::model::Bounds;
-use crate::show::window::output::Aim;
 use crate::store::{Page, PageId};
 use crate::stream::{PageState, SceneNode, Streamer};
 use crate::view::View;
+use crate::window::state::aim::Aim;
 use bevy::prelude::*;
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -194,7 +194,7 @@ pub fn follow_scene(
 pub fn finish_loads(
     mut commands: Commands,
     streaming: Option<ResMut<Streaming>>,
-    mut messages: ResMut<Messages>,
+    mut messages: ResMut<Notices>,
     mut pages: Query<&mut PageStatus>,
 ) {
     let Some(mut streaming) = streaming else { return };
@@ -252,7 +252,7 @@ pub fn traverse(
     let tau = settings.error_px;
     let detail = depiction.map_or(tau.into(), |depiction| depiction.detail(&view, tau, metadata));
     let key = (streaming.generation, look.as_ref().map_or(0, |look| look.depiction_revision));
-    let hides = depiction.is_some_and(|depiction| depiction.mode.painter().is_some());
+    let hides = depiction.is_some_and(|depiction| depiction.mode.is_light());
     streaming.streamer.occluder = occlusion.occluder(&view, key).filter(|_| hides);
     let upcoming = upcoming.0.and_then(|next| view_of(&next, &settings, periodic, size, aim.as_deref()).ok());
     streaming.streamer.upcoming =
@@ -388,7 +388,7 @@ mod tests {
                 facts: Facts::of(file, &[]),
                 generation: 1,
             })
-            .init_resource::<Messages>()
+            .init_resource::<Notices>()
             .init_resource::<Statistics>()
             .init_resource::<DataDistance>()
             .add_plugins(PagesPlugin);

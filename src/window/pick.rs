@@ -6,11 +6,11 @@
 
 use super::camera::{Anchor, Flight, Navigation, Viewpoint};
 use super::input::PointerOwner;
-use super::messages::Messages;
 use super::pages::ViewSelection;
 use super::picture::{DataCamera, Picture};
 use super::preset::Preset;
 use super::scene::Scene;
+use super::state::notices::Notices;
 use crate::explore::particle::ParticleRef;
 use crate::store::Metadata;
 use crate::stream::SceneNode;
@@ -105,7 +105,7 @@ pub(super) fn fly_to_pick(
     selection: Res<ViewSelection>,
     picture: Res<Picture>,
     preset: Res<Preset>,
-    mut messages: ResMut<Messages>,
+    mut messages: ResMut<Notices>,
     camera: Single<(Entity, &Viewpoint, &mut Navigation), (With<DataCamera>, With<Anchor>)>,
 ) {
     let Some(at) = click.bypass_change_detection().0.take() else { return };

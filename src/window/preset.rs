@@ -282,11 +282,6 @@ impl Preset {
         if !(panel.scale == 0.0 || (0.5..=4.0).contains(&panel.scale)) {
             return Err(RonError::value(file, "panel.scale", panel.scale, "0 (automatic), or 0.5 to 4"));
         }
-        let known = |name: &&String| !super::panel::SECTIONS.iter().any(|section| section.name == name.as_str());
-        if let Some(name) = panel.closed.iter().find(known) {
-            let names: Vec<&str> = super::panel::SECTIONS.iter().map(|section| section.name).collect();
-            return Err(RonError::value(file, "panel.closed", name, format!("some of {}", names.join(", "))));
-        }
         Ok(())
     }
 }

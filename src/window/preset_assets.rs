@@ -1,9 +1,9 @@
 //! Presets as assets: where they are found, and what happens when they change while the program runs.
 
-use super::messages::Messages;
 use super::options::WindowOptions;
 use super::preset::{Preset, PresetLoader};
 use super::scene::{Settings, budget_of};
+use super::state::notices::Notices;
 use bevy::asset::io::AssetSourceBuilder;
 use bevy::asset::{AssetLoadFailedEvent, io::file::FileAssetReader};
 use bevy::prelude::*;
@@ -56,7 +56,7 @@ fn apply_preset(
     presets: Res<Assets<Preset>>,
     mut preset: ResMut<Preset>,
     mut settings: ResMut<Settings>,
-    mut messages: ResMut<Messages>,
+    mut messages: ResMut<Notices>,
 ) {
     for failure in failures.read() {
         messages.error(refusal(&failure.error));
@@ -120,7 +120,7 @@ mod tests {
         app.add_plugins((MinimalPlugins, AssetPlugin { watch_for_changes_override: Some(true), ..default() }))
             .init_asset::<Preset>()
             .init_asset_loader::<PresetLoader>()
-            .init_resource::<Messages>()
+            .init_resource::<Notices>()
             .insert_resource(Preset::default())
             .insert_resource(Settings::new(&Preset::default(), None))
             .add_systems(Update, apply_preset);
@@ -132,7 +132,7 @@ mod tests {
 
         std::fs::write(&file, "(\n    drawing: (error_pixels: 3.0),\n)").unwrap();
         let refused = |world: &World| {
-            let messages = world.resource::<Messages>();
+            let messages = world.resource::<Notices>();
             messages
                 .all()
                 .any(|message| message.text.contains("desktop.ron:2:") && message.text.contains("error_pixels"))

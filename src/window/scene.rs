@@ -1,25 +1,18 @@
 //! What is open, and how the user wants to see it.
 
-use super::camera::{Anchor, Flight, Viewpoint};
+use super::camera::{Lens, Viewpoint};
 use super::facts::Facts;
-use super::lens::Lens;
-use super::messages::Messages;
-use super::open::Opened;
-use super::panel::Choices;
-use super::picture::{DataCamera, Picture};
+use super::picture::Picture;
 use super::preset::Preset;
-use super::scene_io::{self, SceneParts};
-use crate::color::transfer::Range;
 use crate::explore::data::source_path;
-use crate::look::{Attribute, Look, LookPatch, Member, shown_families};
+use crate::look::{Attribute, Look, LookPatch, Member};
 use crate::mode::economy::{PRESENCE, THINNING};
 use crate::mode::{Mode, SettingValue};
-use crate::model::{Bounds, FamilyName, PeriodicBox};
+use crate::model::{Bounds, PeriodicBox};
 use crate::modes;
-use crate::store::{Metadata, PageFile};
+use crate::store::PageFile;
 use crate::view::CutSettings;
 use bevy::prelude::*;
-use bevy_panorbit_camera::PanOrbitCamera;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -82,7 +75,7 @@ impl PartialEq for Settings {
 impl Settings {
     /// The settings before anything is open; the first mode where `mode` names none.
     pub fn new(preset: &Preset, mode: Option<&str>) -> Settings {
-        let look = Look::of(mode.and_then(modes::find).unwrap_or(modes::MODES[0]));
+        let look = Look::of(mode.and_then(modes::find).unwrap_or(modes::first()));
         Settings {
             look: Look { budget: budget_of(preset), error_px: preset.drawing.error_px, ..look },
             mode_chosen: mode.is_some(),
@@ -98,7 +91,7 @@ impl Settings {
         self.change_mode(mode);
     }
 
-    fn change_mode(&mut self, mode: &'static Mode) {
+    pub(super) fn change_mode(&mut self, mode: &'static Mode) {
         if self.mode != mode {
             self.look.mode = mode;
             self.look.settings = crate::mode::Settings::default();
@@ -131,81 +124,6 @@ pub(crate) fn budget_of(preset: &Preset) -> crate::mode::Settings {
         budget.set(setting, SettingValue::Number(value));
     }
     budget
-}
-
-/// Makes a file that has arrived the open one, with the camera around all of it.
-pub(crate) fn adopt_opened(
-    mut commands: Commands,
-    mut opened: MessageReader<Opened>,
-    scene: Option<Res<Scene>>,
-    picture: Res<Picture>,
-    mut settings: ResMut<Settings>,
-    mut choices: ResMut<Choices>,
-    mut messages: ResMut<Messages>,
-    mut parts: SceneParts,
-    camera: Single<(Entity, &mut Viewpoint, &mut Anchor, &mut PanOrbitCamera), With<DataCamera>>,
-) {
-    let Some(Opened { path, members, notes, file, frame, scene: opened }) = opened.read().last().cloned() else {
-        return;
-    };
-    let metadata = file.metadata();
-    let bounds = metadata.bounds();
-    let (entity, mut viewpoint, mut anchor, mut orbit) = camera.into_inner();
-    // Who follows a selection goes on doing so, and is led to where it is now.
-    let follows = scene.is_some() && settings.selections.iter().any(|set| set.follow);
-    match home(frame, viewpoint.fov_y, &picture) {
-        Ok(_) if follows => {}
-        Ok(home) => {
-            *viewpoint = home;
-            *anchor = Anchor::adopt(&home, &mut orbit);
-            commands.entity(entity).remove::<Flight>();
-        }
-        Err(error) => messages.error(format!("{}: {error}", path.display())),
-    }
-    choices.attributes = attribute_names(metadata);
-    if let Attribute::Named(name) = &settings.attribute
-        && !choices.attributes.contains(name)
-    {
-        settings.attribute = Attribute::Automatic;
-    }
-    if !settings.mode_chosen {
-        settings.change_mode(modes::usual(choices.attributes.iter().map(String::as_str)));
-    }
-    let (shown, missing) = shown_families(&file, &members);
-    settings.families = shown;
-    settings.transfer.range = Range::Auto;
-    if let Some(hue) = &mut settings.transfer.hue {
-        hue.range = Range::Auto;
-    }
-    settings.cut = CutSettings::default();
-    let camera = (entity, &mut *viewpoint, &mut *anchor, &mut *orbit);
-    let attributes = &choices.attributes;
-    let opened = opened.as_deref();
-    scene_io::apply(opened, attributes, &mut settings, camera, &mut parts, &mut commands, &mut messages);
-    let facts = Facts::of(&file, &members);
-    let told = |family: FamilyName| format!("{}: the data has no particles of family {family}", path.display());
-    notes.into_iter().chain(missing.into_iter().map(told)).for_each(|note| messages.error(note));
-    messages.info(match members.len() {
-        1 => format!("opened {}", path.display()),
-        more => format!("opened {} with {} more", path.display(), more - 1),
-    });
-    let generation = scene.map_or(0, |scene| scene.generation) + 1;
-    let length_unit = metadata.length_unit.to_string();
-    let (file, periodic) = (Arc::clone(&file), metadata.periodic_box());
-    commands.insert_resource(Scene { path, members, file, bounds, frame, periodic, length_unit, facts, generation });
-}
-
-/// The attributes of all families, each once: first those that only some have, then the quantities that all have.
-fn attribute_names(metadata: &Metadata) -> Vec<String> {
-    let mut names: Vec<String> = Vec::new();
-    let attributes = metadata.families.iter().flat_map(|family| &family.attributes);
-    let quantities = metadata.families.iter().flat_map(|family| &family.quantities);
-    for attribute in attributes.chain(quantities) {
-        if !names.contains(&attribute.name) {
-            names.push(attribute.name.clone());
-        }
-    }
-    names
 }
 
 /// The viewpoint that shows the whole dataset in the picture.

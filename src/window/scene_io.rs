@@ -1,15 +1,14 @@
 //! Scenes in the window: saved with Ctrl+S, opened as any other file.
 
-use super::camera::{Anchor, Flight, Viewpoint};
+use super::camera::{Anchor, Flight, Lens, Viewpoint};
 use super::free_name::free_name;
 use super::input::{PointerOwner, is_control};
-use super::lens::Lens;
-use super::messages::Messages;
 use super::objects::Objects;
-use super::panel::Closed;
+use super::open::OpenedScene;
 use super::picture::{DataCamera, Picture};
 use super::scene::{Scene, Settings};
-use super::shortcuts::Shown;
+use super::state::notices::Notices;
+use super::state::panels::{Closed, Shown};
 use crate::look::dataset::relative_to;
 use crate::look::{Bookmark, Camera, DatasetRef, Fingerprint, LookPatch, Member, Panels, SceneFile};
 use crate::model::FamilyName;
@@ -19,17 +18,6 @@ use bevy::math::DVec3;
 use bevy::prelude::*;
 use bevy_panorbit_camera::PanOrbitCamera;
 use std::path::{Path, PathBuf};
-
-/// A scene that has been opened: with its data it is handed to the window.
-#[derive(Clone, Debug)]
-pub struct OpenedScene {
-    /// The scene file.
-    pub path: PathBuf,
-    /// What it says.
-    pub scene: SceneFile,
-    /// What the user should know about its data.
-    pub notes: Vec<String>,
-}
 
 /// The scene file in use, and whether it is to be saved.
 #[derive(Resource, Clone, Debug, Default)]
@@ -156,14 +144,14 @@ fn first_path(data: &Path) -> PathBuf {
 }
 
 /// Saves the scene on Ctrl+S and where the panel's button asks for it.
-pub(crate) fn save(
+pub(crate) fn save_scene(
     keys: Res<ButtonInput<KeyCode>>,
     owner: Res<PointerOwner>,
     scene: Option<Res<Scene>>,
     settings: Res<Settings>,
     picture: Res<Picture>,
     mut parts: SceneParts,
-    mut messages: ResMut<Messages>,
+    mut messages: ResMut<Notices>,
     camera: Single<&Viewpoint, With<DataCamera>>,
 ) {
     let control = is_control(&keys) && owner.keyboard_is_free();
@@ -200,7 +188,7 @@ pub(crate) fn apply(
     (entity, viewpoint, anchor, orbit): (Entity, &mut Viewpoint, &mut Anchor, &mut PanOrbitCamera),
     parts: &mut SceneParts<'_>,
     commands: &mut Commands,
-    messages: &mut Messages,
+    messages: &mut Notices,
 ) {
     let Some(OpenedScene { path, scene, notes }) = opened else {
         parts.files.path = None;

@@ -1,6 +1,6 @@
 //! Saving the window as a PNG.
 
-use super::messages::Messages;
+use super::state::notices::Notices;
 use bevy::prelude::*;
 use bevy::render::view::screenshot::{Screenshot, ScreenshotCaptured};
 use bevy::tasks::{IoTaskPool, Task, futures::check_ready};
@@ -39,7 +39,7 @@ fn write(image: Image, path: &Path) -> Result<PathBuf, String> {
 }
 
 /// Reports pictures that have been written.
-pub(super) fn report(mut screenshots: ResMut<Screenshots>, mut messages: ResMut<Messages>) {
+pub(super) fn report_screenshots(mut screenshots: ResMut<Screenshots>, mut messages: ResMut<Notices>) {
     screenshots.bypass_change_detection().0.retain_mut(|task| match check_ready(task) {
         None => true,
         Some(Ok(path)) => {

@@ -2,57 +2,20 @@
 
 use super::camera::{Anchor, DataDistance, Flight, Fly, Navigation, Viewpoint};
 use super::input::{Action, KEYS, PointerOwner, is_control};
-use super::looking::tool::Tool;
-use super::messages::Messages;
-use super::panel::Dock;
 use super::picture::{DataCamera, Picture};
 use super::preset::Preset;
 use super::scene::{Scene, home};
 use super::screenshot;
-use crate::show::window::network::Leading;
+use super::state::notices::Notices;
+use super::state::panels::{Dock, Shown};
+use super::state::show::{Role, ShowStatus};
+use super::state::tool::Tool;
 use bevy::prelude::*;
 use bevy::window::{PrimaryWindow, WindowMode};
 use bevy_panorbit_camera::PanOrbitCamera;
 
 /// A window that fills the monitor that it is on.
 pub const FULLSCREEN: WindowMode = WindowMode::BorderlessFullscreen(MonitorSelection::Current);
-
-/// What is shown beside the picture.
-#[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Shown {
-    /// The docks, if they are not hidden one by one.
-    pub panel: bool,
-    /// The dock at the left.
-    pub left: bool,
-    /// The dock at the right.
-    pub right: bool,
-    /// The help page.
-    pub help: bool,
-}
-
-impl Shown {
-    /// Whether a dock is to be seen.
-    pub fn dock(&self, dock: Dock) -> bool {
-        self.panel
-            && match dock {
-                Dock::Left => self.left,
-                Dock::Right => self.right,
-            }
-    }
-
-    /// Shows or hides a dock; where all are hidden, only this one is shown.
-    fn toggle(&mut self, dock: Dock) {
-        let side = match dock {
-            Dock::Left => &mut self.left,
-            Dock::Right => &mut self.right,
-        };
-        if self.panel {
-            *side = !*side;
-        } else {
-            *self = Shown { panel: true, left: dock == Dock::Left, right: dock == Dock::Right, ..*self };
-        }
-    }
-}
 
 /// Carries out the keys that were pressed in this frame.
 pub(super) fn run_shortcuts(
@@ -65,8 +28,8 @@ pub(super) fn run_shortcuts(
     distance: Res<DataDistance>,
     mut shown: ResMut<Shown>,
     mut tool: ResMut<Tool>,
-    mut messages: ResMut<Messages>,
-    (mut exit, leading): (MessageWriter<AppExit>, Option<Res<Leading>>),
+    mut messages: ResMut<Notices>,
+    (mut exit, show): (MessageWriter<AppExit>, Option<Res<ShowStatus>>),
     mut windows: Query<&mut Window, With<PrimaryWindow>>,
     camera: Single<
         (Entity, &mut Navigation, &mut Fly, &mut Viewpoint, &mut Anchor, &mut PanOrbitCamera),
@@ -133,7 +96,9 @@ pub(super) fn run_shortcuts(
                 }
             }
             // An audience is watching.
-            Action::Leave if leading.is_some() => messages.info("Ctrl+Q ends the show"),
+            Action::Leave if show.as_ref().is_some_and(|show| show.role == Role::Leader) => {
+                messages.info("Ctrl+Q ends the show")
+            }
             Action::Leave => {
                 exit.write(AppExit::Success);
             }

@@ -5,13 +5,13 @@ use super::history::History;
 use super::look::Look;
 use super::looking::LookingState;
 use super::looking::report::Report;
-use super::messages::Messages;
 use super::open::Openings;
-use super::panel::Closed;
 use super::picture::{DataCamera, Picture};
 use super::scene::{Scene, Settings};
 use super::scene_io::SceneFiles;
-use super::shortcuts::Shown;
+use super::state::notices::Notices;
+use super::state::panels::{Closed, Shown};
+use super::state::show::ShowStatus;
 use super::statistics::{Converged, Statistics};
 use super::touring::{Player, Ranges};
 use super::ui::Controls;
@@ -19,8 +19,6 @@ use crate::annotate::Annotations;
 use crate::color::transfer::TransferFunction;
 use crate::explore::SelectionSet;
 use crate::look::Attribute;
-use crate::show::window::network::{Following, Leading};
-use crate::show::window::supervised::Supervised;
 use crate::view::CutSettings;
 use bevy::prelude::*;
 use serde::Serialize;
@@ -42,7 +40,7 @@ impl StatusFile {
     }
 }
 
-/// The tour.
+/// The open tour, as the state for scripts says it.
 #[derive(Serialize)]
 struct TourStatus<'a> {
     /// Where it is; `None` while it shows nothing.
@@ -56,38 +54,6 @@ struct TourStatus<'a> {
     path: Option<&'a Path>,
     /// At how many moments the ranges of its colours are known, and at how many they are looked for.
     exposed: [usize; 2],
-}
-
-/// The window's part in a show on several machines.
-#[derive(Serialize)]
-struct ShowStatus<'a> {
-    /// `leader` or `follower`.
-    role: &'a str,
-    /// Where the leader is.
-    address: Option<std::net::SocketAddr>,
-    /// Whether the leader is there.
-    joined: bool,
-    /// Who follows, and whether they are there and in step.
-    followers: Vec<(&'a str, bool, bool)>,
-    /// The windows of this machine's outputs, and the numbers of their processes.
-    outputs: Vec<(&'a str, u32)>,
-}
-
-impl ShowStatus<'_> {
-    fn of<'a>(
-        leading: Option<&'a Leading>,
-        following: Option<&'a Following>,
-        supervised: Option<&'a Supervised>,
-    ) -> Option<ShowStatus<'a>> {
-        if let Some(following) = following.map(Following::follower) {
-            let (address, joined) = (Some(following.leader()), following.is_joined());
-            return Some(ShowStatus { role: "follower", address, joined, followers: Vec::new(), outputs: Vec::new() });
-        }
-        let leader = leading?.leader();
-        let all = leader.followers().iter().map(|info| (info.name.as_str(), info.is_here, info.is_in_step()));
-        let outputs = supervised.map_or_else(Vec::new, |supervised| supervised.outputs().collect());
-        Some(ShowStatus { role: "leader", address: leader.address(), joined: true, followers: all.collect(), outputs })
-    }
 }
 
 /// Seconds between two writes at least.
@@ -126,7 +92,7 @@ struct Status<'a> {
     scene: Option<&'a std::path::Path>,
     settings: SettingsStatus<'a>,
     tour: Option<TourStatus<'a>>,
-    show: Option<ShowStatus<'a>>,
+    show: Option<&'a ShowStatus>,
     looking: Report<'a>,
     /// The panels' controls: left, top, right and bottom; 1 where they are in sight, else 0.
     controls: BTreeMap<&'a str, [f32; 5]>,
@@ -163,11 +129,11 @@ pub(super) fn write_status(
     picture: Res<Picture>,
     converged: Res<Converged>,
     statistics: Res<Statistics>,
-    mut messages: ResMut<Messages>,
+    mut messages: ResMut<Notices>,
     (history, files, closed, controls): (Res<History>, Res<SceneFiles>, Res<Closed>, Res<Controls>),
     looking: LookingState,
     (player, ranges, look): (Res<Player>, Res<Ranges>, Option<Res<Look>>),
-    (leading, following, supervised): (Option<Res<Leading>>, Option<Res<Following>>, Option<Res<Supervised>>),
+    show: Option<Res<ShowStatus>>,
     camera: Single<(&Viewpoint, &Navigation), With<DataCamera>>,
 ) {
     let file = file.bypass_change_detection();
@@ -233,7 +199,7 @@ pub(super) fn write_status(
             path: player.path(),
             exposed: ranges.progress(),
         }),
-        show: ShowStatus::of(leading.as_deref(), following.as_deref(), supervised.as_deref()),
+        show: show.as_deref(),
         looking: Report::of(&looking, &settings.selections),
         controls: controls
             .0

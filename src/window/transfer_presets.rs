@@ -2,8 +2,8 @@
 //! written when the user saves.
 
 use super::asset_text::asset_text;
-use super::messages::Messages;
 use super::scene::Settings;
+use super::state::notices::Notices;
 use crate::color::transfer::{TransferFunction, presets};
 use crate::model::ron_file::RonError;
 use bevy::asset::io::Reader;
@@ -112,7 +112,7 @@ impl Plugin for TransferPresetsPlugin {
             .init_asset_loader::<TransferLoader>()
             .insert_resource(TransferPresets { folder: self.folder.clone(), ..default() })
             .add_systems(Startup, load)
-            .add_systems(Update, (follow_files, save).chain());
+            .add_systems(Update, (follow_files, save_presets).chain());
     }
 }
 
@@ -141,7 +141,7 @@ fn follow_files(
     files: Res<Assets<TransferAsset>>,
     mut presets: ResMut<TransferPresets>,
     mut settings: ResMut<Settings>,
-    mut messages: ResMut<Messages>,
+    mut messages: ResMut<Notices>,
 ) {
     for failure in failures.read() {
         messages.error(super::preset_assets::refusal(&failure.error));
@@ -159,7 +159,7 @@ fn follow_files(
 }
 
 /// Writes the preset that is to be written.
-fn save(mut presets: ResMut<TransferPresets>, assets: Res<AssetServer>, mut messages: ResMut<Messages>) {
+fn save_presets(mut presets: ResMut<TransferPresets>, assets: Res<AssetServer>, mut messages: ResMut<Notices>) {
     if presets.to_save.is_none() {
         return;
     }
@@ -214,7 +214,7 @@ mod tests {
         let file_path = folder.path().to_string_lossy().into_owned();
         let assets = AssetPlugin { watch_for_changes_override: Some(true), file_path, ..default() };
         app.add_plugins((MinimalPlugins, assets))
-            .init_resource::<Messages>()
+            .init_resource::<Notices>()
             .insert_resource(Settings::new(&super::super::Preset::default(), None))
             .add_plugins(TransferPresetsPlugin { folder: Some(files.clone()) });
         wait(&mut app, "the file", |world| world.resource::<TransferPresets>().get("mine").is_some());
@@ -226,7 +226,7 @@ mod tests {
         wait(&mut app, "the changed file", |world| world.resource::<Settings>().transfer.gamma == 3.0);
         std::fs::write(&file, "(\n  gama: 4.0,\n)").unwrap();
         let refused = |world: &World| {
-            let mut all = world.resource::<Messages>().all();
+            let mut all = world.resource::<Notices>().all();
             all.any(|message| message.text.contains("mine.ron:2:") && message.text.contains("gama"))
         };
         wait(&mut app, "a message with file, line and field", refused);
@@ -241,7 +241,7 @@ mod tests {
         assert_eq!(TransferFunction::named("other", Some(&files)).unwrap(), edited);
         app.world_mut().resource_mut::<TransferPresets>().ask_to_save("../other".into(), edited);
         let refused =
-            |world: &World| world.resource::<Messages>().all().any(|message| message.text.contains("../other"));
+            |world: &World| world.resource::<Notices>().all().any(|message| message.text.contains("../other"));
         wait(&mut app, "a refused name", refused);
     }
 

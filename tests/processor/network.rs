@@ -2,7 +2,7 @@
 
 use deepfield::look::{Camera, DatasetRef, SceneFile};
 use deepfield::show::protocol::{
-    Follower, FollowerEvent, Frame, Leader, LeaderEvent, Moment, Ranges, Report, Severity, ShowKey,
+    Follower, FollowerEvent, Frame, Leader, LeaderEvent, Ranges, Report, Severity, ShowKey, TourTime,
 };
 use deepfield::tour::{Keyframe, TourFile};
 use std::net::{SocketAddr, UdpSocket};
@@ -18,7 +18,7 @@ fn camera(i: u64) -> Camera {
 
 /// Frame `i` of the show.
 fn frame(i: u64, now: Duration) -> Frame {
-    let tour = i.is_multiple_of(3).then_some(Moment { time: 0.016 * i as f64, running: true });
+    let tour = i.is_multiple_of(3).then_some(TourTime { time: 0.016 * i as f64, running: true });
     let ranges = Some(Ranges { p: [1e-7 * i as f64, 1.0 + i as f64], s: [0.0, 2.0] });
     Frame { number: 0, time: now.as_secs_f64(), camera: camera(i), ranges, tour }
 }

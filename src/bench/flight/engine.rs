@@ -36,7 +36,7 @@ pub struct Engine<'a> {
     pub frame_ms: Option<f64>,
     /// What drawing has cost so far.
     pub governor: Governor,
-    /// Who draws.
+    /// The backend that draws.
     pub canvas: &'a mut dyn Canvas,
     /// What there is to tell about pages that cannot be read.
     pub messages: Vec<String>,

@@ -12,9 +12,9 @@ pub mod series;
 use super::splat::Failure;
 use crate::build::{BuildOptions, build_source};
 use crate::color::output;
-use crate::commands::arguments::{PictureSize, bytes, not_negative, positive};
-use crate::commands::cache;
-use crate::commands::progress_bar::TerminalProgress;
+use crate::command_line::arguments::{PictureSize, bytes, not_negative, positive};
+use crate::command_line::cache;
+use crate::command_line::progress_bar::TerminalProgress;
 use crate::import::LoadOptions;
 use crate::mode::{Depiction, Economy, Mode, Plan, Settings};
 use crate::picture::governor::Governor;
@@ -51,7 +51,7 @@ pub struct Options {
     #[arg(long, value_name = "TAU", default_value_t = 0.8, value_parser = positive)]
     pub error_px: f64,
     /// Visualization mode.
-    #[arg(long, value_name = "NAME", default_value = "density-squared", value_parser = crate::commands::arguments::mode_name)]
+    #[arg(long, value_name = "NAME", default_value = "density-squared", value_parser = crate::command_line::arguments::mode_name)]
     pub mode: &'static Mode,
     /// Pages in main memory at most.
     #[arg(long, value_name = "BYTES", default_value = "2GiB", value_parser = bytes)]

@@ -134,7 +134,7 @@ impl Leader {
         let (now, scene, tour) = (Duration::ZERO, Kept::default(), Kept::default());
         let (meetings, followers) = (HashMap::new(), Vec::new());
         let mut leader = Leader { side, now, frame: 0, scene, tour, meetings, followers };
-        // Who comes may still have the tour of another leader.
+        // A follower that comes may still have the tour of another leader.
         leader.set_tour(String::new(), String::new(), 1.0);
         Ok(leader)
     }
@@ -144,7 +144,7 @@ impl Leader {
         self.side.address().ok()
     }
 
-    /// Who follows, and who did.
+    /// The followers, those included that are gone.
     pub fn followers(&self) -> &[FollowerInfo] {
         &self.followers
     }

@@ -98,7 +98,7 @@ pub struct Frame {
     /// The ranges of the colours.
     pub ranges: Option<Ranges>,
     /// Where the tour is that plays.
-    pub tour: Option<Moment>,
+    pub tour: Option<TourTime>,
 }
 
 /// The ranges of values that colours are for.
@@ -114,7 +114,7 @@ pub struct Ranges {
 /// A moment of a tour.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Moment {
+pub struct TourTime {
     /// Seconds from the tour's beginning; goes on counting where it repeats.
     pub time: f64,
     /// Whether it goes on; else it stands, or waits for the presenter.

@@ -94,7 +94,7 @@ fn send(socket: &UdpSocket, packet: &[u8], address: SocketAddr) {
     let _lost = socket.send_to(packet, address);
 }
 
-/// Who is in.
+/// The clients that are connected.
 #[derive(Default)]
 struct Guests {
     addresses: HashMap<SocketAddr, ClientId>,
@@ -249,7 +249,7 @@ fn take(result: ServerResult<'_, '_>, socket: &UdpSocket, renet: &mut RenetServe
         ServerResult::PacketToSend { addr, payload } => send(socket, payload, addr),
         ServerResult::Payload { client_id, payload } => {
             guests.new.remove(&client_id);
-            // Who is not known any more has nothing to say.
+            // Packets of clients that are not known any more are dropped.
             let _gone = renet.process_packet_from(payload, client_id);
         }
         ServerResult::ClientConnected { client_id, addr, payload, .. } => {

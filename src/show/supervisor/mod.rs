@@ -84,7 +84,7 @@ impl RunFolder {
 
 /// What is kept open.
 #[derive(Debug)]
-pub struct Plan {
+pub struct ShowPlan {
     /// This program.
     pub program: PathBuf,
     /// The arguments of the window that was asked for.
@@ -95,7 +95,7 @@ pub struct Plan {
     pub folder: RunFolder,
 }
 
-impl Plan {
+impl ShowPlan {
     fn command(&self, arguments: &[OsString]) -> Command {
         let mut command = Command::new(&self.program);
         command.args(arguments).arg(OPTION).arg(&self.folder.0);
@@ -190,7 +190,7 @@ fn end_all(mut posts: Vec<Post>) {
     {
         std::thread::sleep(LOOK);
     }
-    // Who is dropped is ended.
+    // Dropping the processes ends them.
 }
 
 #[cfg(all(test, unix))]
@@ -203,9 +203,9 @@ mod tests {
         ["-c", script, "sh"].map(OsString::from).to_vec()
     }
 
-    fn plan(folder: &Path, window: &str, outputs: &[(&str, &str)]) -> Plan {
+    fn plan(folder: &Path, window: &str, outputs: &[(&str, &str)]) -> ShowPlan {
         let outputs = outputs.iter().map(|(name, script)| ((*name).to_owned(), shell(script))).collect();
-        Plan { program: "/bin/sh".into(), window: shell(window), outputs, folder: RunFolder::at(folder) }
+        ShowPlan { program: "/bin/sh".into(), window: shell(window), outputs, folder: RunFolder::at(folder) }
     }
 
     #[test]
@@ -215,7 +215,7 @@ mod tests {
         assert_eq!(plan.carry_out().unwrap(), 3);
         assert_eq!(std::fs::read_to_string(folder.path().join("starts")).unwrap(), "x\n");
         assert!(!folder.path().join("left").exists(), "its outputs are not opened");
-        let missing = Plan { program: "/no/such/program".into(), ..plan };
+        let missing = ShowPlan { program: "/no/such/program".into(), ..plan };
         assert!(missing.carry_out().is_err());
     }
 

@@ -1,4 +1,4 @@
-//! Following: eye and target move along with a place, such as a selection's centre of mass, while the mouse goes on turning, shifting
+//! FollowedSelection: eye and target move along with a place, such as a selection's centre of mass, while the mouse goes on turning, shifting
 //! and zooming the camera relative to it.
 //!
 //! What moves a little at a time is followed at once, so that it stays where it is in the picture. A jump, as from one snapshot to
@@ -83,7 +83,7 @@ fn eased(t: f64) -> f64 {
 }
 
 /// Moves the cameras along.
-pub(super) fn follow(
+pub(super) fn follow_selection(
     mut commands: Commands,
     time: Res<Time<Real>>,
     preset: Res<Preset>,
@@ -131,7 +131,7 @@ mod tests {
         app.init_resource::<Time<Real>>()
             .insert_resource(Preset::default())
             .init_resource::<Follow>()
-            .add_systems(Update, (follow, advance_flights, follow_orbit, move_anchor).chain());
+            .add_systems(Update, (follow_selection, advance_flights, follow_orbit, move_anchor).chain());
         let target = DVec3::new(10.0, 20.0, 30.0);
         let (back, up) = back_and_up(0.6, 0.3);
         let start = Viewpoint { eye: target + back * 5.0, target, up, fov_y: 0.8 };

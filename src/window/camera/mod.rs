@@ -10,17 +10,16 @@
 //! Each frame: input moves [`PanOrbitCamera`](bevy_panorbit_camera::PanOrbitCamera), [`Fly`] or [`Flight`]; from the
 //! one that is active [`Viewpoint`] is derived; [`Viewpoint::view`] gives the [`View`] that selection and drawing use.
 
-mod bookmarks;
 mod flight;
 mod fly;
 mod follow;
+mod lens;
 mod orbit;
 
-pub(super) use bookmarks::run_bookmarks;
-pub use bookmarks::{AskedBookmark, BookmarkAction};
 pub use flight::Flight;
 pub use fly::{Fly, distance_to_boxes, fly_speed};
 pub use follow::Follow;
+pub use lens::Lens;
 pub use orbit::Anchor;
 
 use crate::model::Bounds;
@@ -125,7 +124,7 @@ impl Plugin for CameraPlugin {
             .add_systems(
                 PostUpdate,
                 (
-                    (fly::steer_fly, follow::follow, flight::advance_flights, orbit::switch_orbit_input)
+                    (fly::steer_fly, follow::follow_selection, flight::advance_flights, orbit::switch_orbit_input)
                         .chain()
                         .in_set(CameraSystems::Steer),
                     (orbit::follow_orbit, orbit::move_anchor).chain().in_set(CameraSystems::Settle),

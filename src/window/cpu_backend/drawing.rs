@@ -112,7 +112,7 @@ pub(super) fn paint(
         Err(VolumeError::Device(why)) => (with(&Processor), Some(why)),
         painted => (painted, None),
     };
-    // Who looks away from the data sees nothing, and need not be told.
+    // A view without data is a black picture, and no error.
     if matches!(painted, Err(VolumeError::Grid(GridError::NothingInView))) {
         let rgba = vec![[0, 0, 0, 255]; view.width as usize * view.height as usize];
         let image = Image { width: view.width, height: view.height, rgba };

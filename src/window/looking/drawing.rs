@@ -1,13 +1,13 @@
 //! What looking closer draws over the picture: the inspected particle, measured distances, regions and strokes.
 
 use super::prober::Prober;
-use super::tool::{Stroke, Tool};
 use super::{Inspector, LookingState, Measure};
 use crate::annotate::number;
 use crate::explore::{Lasso, Members, Region, Shape};
 use crate::view::{Projection, View};
-use crate::window::panel::theme;
 use crate::window::picture::Picture;
+use crate::window::state::tool::{Stroke, Tool};
+use crate::window::theme;
 use bevy::math::DVec3;
 use bevy_egui::egui::{self, Align2, Color32, Stroke as Line, vec2};
 

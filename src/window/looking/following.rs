@@ -1,15 +1,15 @@
 //! The selection that the camera follows: where its centre of mass is, in the open file or among particles that move.
 
-use super::answer::Answer;
 use super::prober::{over, source_for};
 use crate::explore::{Center, CenterSums, ExploreError, Members, Region, Shapes, center};
 use crate::model::{Dataset, Family};
 use crate::view::Periodic;
 use crate::window::camera::Follow;
 use crate::window::live::LiveParticles;
-use crate::window::messages::Messages;
 use crate::window::open::Opened;
 use crate::window::scene::{Scene, Settings};
+use crate::window::state::answer::Answer;
+use crate::window::state::notices::Notices;
 use bevy::math::DVec3;
 use bevy::prelude::*;
 use rayon::prelude::*;
@@ -17,7 +17,7 @@ use std::sync::Arc;
 
 /// The centre of what is followed.
 #[derive(Resource, Default)]
-pub struct Following {
+pub struct FollowedSelection {
     /// Whose centre was asked for, and the file.
     asked: Option<(u32, Members)>,
     answer: Answer<Option<Center>>,
@@ -37,7 +37,7 @@ struct LiveRows {
     state: u64,
 }
 
-impl Following {
+impl FollowedSelection {
     /// Where what is followed is, if anything is and that is known.
     pub fn center(&self) -> Option<DVec3> {
         Some(self.center?.position)
@@ -51,13 +51,13 @@ impl Following {
 
 /// Finds the centre of the selection that is followed, and tells the camera.
 pub(super) fn find_center(
-    mut following: ResMut<Following>,
+    mut following: ResMut<FollowedSelection>,
     mut follow: ResMut<Follow>,
     mut opened: MessageReader<Opened>,
     scene: Option<Res<Scene>>,
     settings: Res<Settings>,
     live: Res<LiveParticles>,
-    mut messages: ResMut<Messages>,
+    mut messages: ResMut<Notices>,
 ) {
     let (following, follow) = (following.bypass_change_detection(), follow.bypass_change_detection());
     // A scene says where the camera stands.
@@ -67,7 +67,7 @@ pub(super) fn find_center(
     }
     let followed = settings.selections.iter().find(|set| set.follow);
     let (Some(scene), Some(set)) = (scene, followed) else {
-        *following = Following::default();
+        *following = FollowedSelection::default();
         *follow = Follow::default();
         return;
     };
@@ -108,7 +108,7 @@ pub(super) fn find_center(
 
 /// Follows particles that move.
 fn follow_live(
-    following: &mut Following,
+    following: &mut FollowedSelection,
     particles: &Dataset,
     (state, key): (u64, (u32, Members)),
     region: &Region,
@@ -194,7 +194,7 @@ mod tests {
 
         let mass: f64 = inside.iter().map(|&i| f64::from(family.mass[i])).sum();
         let moment: DVec3 = inside.iter().map(|&i| DVec3::from(family.positions[i]) * f64::from(family.mass[i])).sum();
-        let mut following = Following::default();
+        let mut following = FollowedSelection::default();
         let key = (1, Members::Region(region.clone()));
         follow_live(&mut following, &particles, (1, key.clone()), &region, None);
         let first = following.center().unwrap();

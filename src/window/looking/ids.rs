@@ -1,11 +1,11 @@
 //! Selections by id in the open file: page files hold no ids, so the source is searched for each such set once, and what is found
 //! is kept as long as the file is open and the set is there.
 
-use super::answer::Answer;
 use super::prober::opened;
 use crate::explore::{Data, ExploreError, FoundIds, Highlighter, IdSet, Members, Show, ids_of};
-use crate::window::messages::Messages;
 use crate::window::scene::{Scene, Settings};
+use crate::window::state::answer::Answer;
+use crate::window::state::notices::Notices;
 use bevy::prelude::*;
 use std::sync::Arc;
 
@@ -97,7 +97,7 @@ impl ByIds {
 }
 
 /// Puts the ids that have been found in the place of the region.
-pub(super) fn keep_ids(mut by_ids: ResMut<ByIds>, mut settings: ResMut<Settings>, mut messages: ResMut<Messages>) {
+pub(super) fn keep_ids(mut by_ids: ResMut<ByIds>, mut settings: ResMut<Settings>, mut messages: ResMut<Notices>) {
     let by_ids = by_ids.bypass_change_detection();
     if !by_ids.answer.receive() {
         return;

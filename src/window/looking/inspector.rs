@@ -1,11 +1,11 @@
 //! The particle that was clicked: what the page file knows of it, and its row in the source.
 
-use super::answer::Answer;
 use super::prober::opened;
 use crate::explore::Identified;
 use crate::explore::identify::identify;
 use crate::explore::particle::{ParticleRef, ParticleReport, describe};
 use crate::window::scene::Scene;
+use crate::window::state::answer::Answer;
 use bevy::prelude::*;
 use std::sync::Arc;
 
@@ -43,7 +43,7 @@ impl Inspector {
 }
 
 /// Takes what has been found out, and asks a small source at once.
-pub(super) fn receive(mut inspector: ResMut<Inspector>, scene: Option<Res<Scene>>) {
+pub(super) fn receive_particle(mut inspector: ResMut<Inspector>, scene: Option<Res<Scene>>) {
     let inspector = inspector.bypass_change_detection();
     inspector.row.receive();
     let Some(scene) = scene else { return };

@@ -1,13 +1,13 @@
 //! What is done with a selection: written to a table, counted along one field, or drawn against two.
 
-use super::answer::Answer;
 use super::prober::{over, source_for};
 use crate::explore::export::{Exported, Format, export};
-use crate::explore::histogram::{AxisOptions, Histogram, Scatter, histogram, scatter};
+use crate::explore::histogram::{AxisOptions, FieldHistogram, Scatter, histogram, scatter};
 use crate::explore::{ExploreError, Members};
 use crate::window::free_name::free_name;
-use crate::window::messages::Messages;
 use crate::window::scene::Scene;
+use crate::window::state::answer::Answer;
+use crate::window::state::notices::Notices;
 use bevy::prelude::*;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -47,7 +47,7 @@ pub struct Asked {
 #[derive(Clone, Debug, PartialEq)]
 pub enum Plot {
     /// How many particles have which value.
-    Histogram(Histogram),
+    Histogram(FieldHistogram),
     /// Two values of a sample of the particles.
     Scatter(Scatter),
 }
@@ -95,7 +95,7 @@ impl Keeping {
 }
 
 /// Takes what has been worked out.
-pub(super) fn receive(mut keeping: ResMut<Keeping>, mut messages: ResMut<Messages>) {
+pub(super) fn receive_tables(mut keeping: ResMut<Keeping>, mut messages: ResMut<Notices>) {
     let keeping = keeping.bypass_change_detection();
     keeping.plot.receive();
     if keeping.export.receive() {

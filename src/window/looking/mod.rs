@@ -1,11 +1,10 @@
 //! Looking closer: what a click says of a particle, distances, regions drawn with the mouse, their sums over the whole data, and
 //! selections.
 //!
-//! The window's layout tells where the pointer is ([`mod@pointer`]); the [`tool`] in hand makes of it a particle to inspect
-//! ([`Inspector`]), two points to measure between, or a region ([`tool::Stroke`]) that is summed up ([`prober`]) and may be kept as a
+//! The window's layout tells where the pointer is ([`mod@pointer`]); the [tool](Tool) in hand makes of it a particle to inspect
+//! ([`Inspector`]), two points to measure between, or a region ([`Stroke`]) that is summed up ([`prober`]) and may be kept as a
 //! selection; [`marks`] and [`drawing`] show all that over the picture.
 
-pub mod answer;
 pub mod drawing;
 pub mod following;
 pub mod ids;
@@ -16,25 +15,24 @@ pub mod pointer;
 pub mod prober;
 pub mod report;
 pub mod state;
-pub mod tool;
 
 pub use inspector::Inspector;
 pub use state::{LookingState, RangeDraft, Visit};
 
 use super::camera::CameraSystems;
 use super::input::{PointerOwner, TOOL_KEYS, is_control};
-use super::messages::Messages;
 use super::pages::{PageSystems, ViewSelection};
 use super::pick::pick;
 use super::picture::Picture;
 use super::scene::Scene;
+use super::state::notices::Notices;
+use super::state::tool::{Stroke, Tool};
 use crate::explore::Members;
 use bevy::math::DVec3;
 use bevy::prelude::*;
 use bevy_egui::EguiPostUpdateSet;
 use pointer::PicturePointer;
 use prober::Prober;
-use tool::{Stroke, Tool};
 
 /// The places whose distance is measured, in the order of clicks; two at most.
 #[derive(Resource, Clone, Debug, Default, PartialEq)]
@@ -53,19 +51,19 @@ impl Plugin for LookingPlugin {
             .init_resource::<Prober>()
             .init_resource::<Visit>()
             .init_resource::<RangeDraft>()
-            .init_resource::<crate::window::camera::AskedBookmark>()
+            .init_resource::<crate::window::bookmarks::AskedBookmark>()
             .init_resource::<keeping::Keeping>()
             .init_resource::<marks::MarkLayer>()
             .init_resource::<ids::LookedUp>()
             .init_resource::<ids::ByIds>()
-            .init_resource::<following::Following>()
+            .init_resource::<following::FollowedSelection>()
             .add_systems(
                 Update,
                 (
-                    (start_over, inspector::receive).chain(),
-                    (take_tool, receive, keeping::receive),
-                    (ids::keep_ids, ids::look_up).chain().after(crate::window::scene::adopt_opened),
-                    following::find_center.after(crate::window::scene::adopt_opened),
+                    (forget_other_data, inspector::receive_particle).chain(),
+                    (take_tool, receive_sums, keeping::receive_tables),
+                    (ids::keep_ids, ids::look_up).chain().after(crate::window::adopt::adopt_opened),
+                    following::find_center.after(crate::window::adopt::adopt_opened),
                 ),
             )
             .add_systems(
@@ -91,12 +89,12 @@ fn take_tool(keys: Res<ButtonInput<KeyCode>>, owner: Res<PointerOwner>, mut tool
 }
 
 /// Takes what has been found out.
-fn receive(mut prober: ResMut<Prober>) {
+fn receive_sums(mut prober: ResMut<Prober>) {
     prober.bypass_change_detection().sums.receive();
 }
 
 /// Forgets what was found out about another file.
-fn start_over(
+fn forget_other_data(
     scene: Option<Res<Scene>>,
     mut known: Local<u32>,
     mut measure: ResMut<Measure>,
@@ -123,7 +121,7 @@ fn use_tool(
     mut measure: ResMut<Measure>,
     mut inspector: ResMut<Inspector>,
     mut prober: ResMut<Prober>,
-    mut messages: ResMut<Messages>,
+    mut messages: ResMut<Notices>,
     camera: Single<&super::camera::Viewpoint, With<super::picture::DataCamera>>,
 ) {
     let (Some(scene), Some(view), Some(at)) = (scene, selection.view, pointer.at) else { return };

@@ -1,11 +1,11 @@
 //! Probes in the window: a region that is summed up over the whole data.
 
-use super::answer::Answer;
 use crate::explore::data::{open_source, source_of};
 use crate::explore::{Data, ExploreError, Members, Probe, ProbeOptions, ProfileOptions, Work, probe};
 use crate::import::Source;
 use crate::store::PageFile;
 use crate::window::scene::Scene;
+use crate::window::state::answer::Answer;
 use bevy::prelude::*;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;

@@ -1,9 +1,9 @@
 //! What looking closer has found, for scripts.
 
-use super::answer::Answer;
 use super::keeping::Plot;
 use super::state::LookingState;
 use crate::explore::{Identified, SelectionSet};
+use crate::window::state::answer::Answer;
 use serde::Serialize;
 
 /// The tool in hand and the answers that are here; lengths in world units.

@@ -1,22 +1,23 @@
 //! What the panel's sections about looking closer show and edit.
 
-use super::following::Following;
+use super::following::FollowedSelection;
 use super::ids::{ByIds, LookedUp};
 use super::keeping::Keeping;
 use super::prober::Prober;
-use super::tool::Tool;
 use super::{Inspector, Measure};
 use crate::model::Bounds;
-use crate::window::camera::{AskedBookmark, Flight, Navigation, Viewpoint};
-use crate::window::messages::Messages;
+use crate::window::bookmarks::AskedBookmark;
+use crate::window::camera::{Flight, Navigation, Viewpoint};
 use crate::window::objects::Objects;
 use crate::window::picture::{DataCamera, Picture};
 use crate::window::preset::Preset;
 use crate::window::scene_io::Bookmarks;
+use crate::window::state::notices::Notices;
+use crate::window::state::tool::Tool;
 use bevy::ecs::system::SystemParam;
 use bevy::prelude::*;
 
-/// All of it.
+/// The resources of these sections.
 #[derive(SystemParam)]
 pub struct LookingState<'w> {
     /// The tool in hand.
@@ -34,7 +35,7 @@ pub struct LookingState<'w> {
     /// Regions on their way to becoming sets of ids.
     pub by_ids: ResMut<'w, ByIds>,
     /// The selection that the camera follows.
-    pub following: ResMut<'w, Following>,
+    pub following: ResMut<'w, FollowedSelection>,
     /// Where to fly to.
     pub visit: ResMut<'w, Visit>,
     /// The range of values that is being typed.
@@ -68,7 +69,7 @@ pub(super) fn fly_to_visit(
     mut visit: ResMut<Visit>,
     picture: Res<Picture>,
     preset: Res<Preset>,
-    mut messages: ResMut<Messages>,
+    mut messages: ResMut<Notices>,
     camera: Single<(Entity, &Viewpoint, &mut Navigation), With<DataCamera>>,
 ) {
     let Some(bounds) = visit.bypass_change_detection().0.take() else { return };

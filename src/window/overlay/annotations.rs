@@ -1,7 +1,7 @@
 //! Paints annotations with the window's user interface.
 
 use crate::annotate::{DisplayList, Rgba, Shape};
-use crate::window::panel::theme;
+use crate::window::theme;
 use bevy_egui::egui::{self, Align, Align2, Color32, Rect, Stroke, pos2};
 
 /// Paints everything into the picture at `rect`.

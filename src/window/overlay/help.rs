@@ -1,7 +1,7 @@
 //! The help page (F1): every key and gesture.
 
 use crate::window::input::HELP;
-use crate::window::panel::theme;
+use crate::window::theme;
 use bevy_egui::egui::{self, Align2, RichText, Ui};
 
 /// Draws the page in the middle of the picture.

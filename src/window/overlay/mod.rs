@@ -4,15 +4,15 @@ pub mod annotations;
 pub mod help;
 pub mod tour;
 
-use super::messages::{Messages, Severity};
-use super::panel::theme;
+use super::state::notices::{Notices, Severity};
+use super::theme;
 use bevy_egui::egui::{self, Align2, Color32, FontId, Stroke, StrokeKind, pos2, vec2};
 
 /// How long a message stays over the picture, seconds: good news, and errors.
 const SHOWN_SECS: [f64; 2] = [4.0, 12.0];
 
 /// Draws the latest messages at the top of the picture; they fade after a while.
-pub fn draw_messages(painter: &egui::Painter, picture: egui::Rect, messages: &Messages) {
+pub fn draw_messages(painter: &egui::Painter, picture: egui::Rect, messages: &Notices) {
     let mut top = picture.top() + 14.0;
     for message in messages.all().rev().take(3) {
         let shown = SHOWN_SECS[usize::from(message.severity == Severity::Error)];

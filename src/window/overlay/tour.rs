@@ -1,8 +1,8 @@
 //! What a tour lays over the picture: words at its foot, and pictures.
 
-use super::super::panel::theme;
 use crate::annotate::overlay::{self, Picture, read_png};
 use crate::tour::State;
+use crate::window::theme;
 use bevy_egui::egui::{self, Align2, Color32, ColorImage, Rect, TextureHandle, TextureOptions, pos2, vec2};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};

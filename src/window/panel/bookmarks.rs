@@ -1,7 +1,7 @@
 //! The section about bookmarks: viewpoints on the number keys.
 
 use super::{Dock, PanelState, Section, theme};
-use crate::window::camera::BookmarkAction;
+use crate::window::bookmarks::BookmarkAction;
 use bevy_egui::egui::{self, RichText, TextEdit, Ui};
 
 /// The section.

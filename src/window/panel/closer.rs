@@ -4,8 +4,8 @@ use super::{Dock, PanelState, Section, theme};
 use crate::annotate::number;
 use crate::explore::Identified;
 use crate::window::looking::Inspector;
-use crate::window::looking::answer::Answer;
-use crate::window::looking::tool::Tool;
+use crate::window::state::answer::Answer;
+use crate::window::state::tool::Tool;
 use bevy::prelude::*;
 use bevy_egui::egui::{self, RichText, Ui};
 

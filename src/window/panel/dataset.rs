@@ -4,8 +4,8 @@ use super::{Dock, PanelState, Section, theme};
 use crate::annotate::number;
 use crate::hierarchy::{AttributeInfo, Histogram};
 use crate::store::FamilyMetadata;
-use crate::window::OpenRequest;
 use crate::window::facts::DatasetFact;
+use crate::window::options::OpenRequest;
 use bevy::prelude::DetectChangesMut;
 use bevy_egui::egui::{self, Align, Layout, Rect, RichText, Sense, Ui, pos2, vec2};
 

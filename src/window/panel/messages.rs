@@ -1,13 +1,13 @@
 //! The section with all messages, the newest first; their text can be selected and copied.
 
 use super::{Dock, Section, theme};
-use crate::window::messages::Severity;
+use crate::window::state::notices::Severity;
 use bevy_egui::egui::{self, RichText, ScrollArea};
 
 /// The section.
 pub static SECTION: Section = Section {
     name: "messages",
-    title: "Messages",
+    title: "Notices",
     dock: Dock::Right,
     applies: |state| state.messages.all().next().is_some(),
     show: |ui, state| {

@@ -2,7 +2,6 @@
 
 pub mod histogram;
 pub mod section;
-pub mod theme;
 pub mod transfer;
 
 mod annotations;
@@ -15,35 +14,35 @@ mod mode;
 mod objects;
 mod probe;
 mod selections;
-mod show;
 mod statistics;
 mod tour;
 mod view;
 
-pub use display::Choices;
-pub use section::{Closed, Dock, Section};
+pub use section::{Section, SectionData, Sections};
 
 use super::camera::Viewpoint;
 use super::exposure::Exposure;
 use super::history::{History, Step};
 use super::look::Look;
 use super::looking::LookingState;
-use super::messages::Messages;
 use super::open::Openings;
 use super::picture::DataCamera;
 use super::preset::Preset;
 use super::scene::{Scene, Settings};
 use super::scene_io::SceneFiles;
+use super::state::choices::Choices;
+use super::state::notices::Notices;
+use super::state::panels::{Closed, Dock};
 use super::statistics::{Converged, FrameClock, Statistics};
+use super::theme;
 use super::touring::Player;
 use super::transfer_presets::TransferPresets;
-use crate::show::window::network::Leading;
 use bevy::ecs::system::SystemParam;
 use bevy::prelude::*;
 use bevy_egui::egui::{self, RichText, Ui};
 
-/// Every section, from the top of each dock.
-pub static SECTIONS: [&Section; 14] = [
+/// The window's own sections, from the top of each dock.
+static SECTIONS: [&Section; 13] = [
     &dataset::SECTION,
     &mode::SECTION,
     &display::SECTION,
@@ -55,10 +54,28 @@ pub static SECTIONS: [&Section; 14] = [
     &selections::SECTION,
     &bookmarks::SECTION,
     &tour::SECTION,
-    &show::SECTION,
     &statistics::SECTION,
     &messages::SECTION,
 ];
+
+/// The panels: their sections, and what those show that come from outside.
+pub struct PanelPlugin;
+
+impl Plugin for PanelPlugin {
+    fn build(&self, app: &mut App) {
+        app.insert_resource(Sections::new(&SECTIONS))
+            .init_resource::<SectionData>()
+            .add_systems(Update, refuse_unknown_sections.run_if(resource_changed::<Preset>));
+    }
+}
+
+/// Tells of names in the preset's list of closed sections that no section has.
+fn refuse_unknown_sections(preset: Res<Preset>, sections: Res<Sections>, mut messages: ResMut<Notices>) {
+    for name in preset.panel.closed.iter().filter(|name| !sections.names().any(|known| known == name.as_str())) {
+        let names: Vec<&str> = sections.names().collect();
+        messages.error(format!("panel.closed: found {name}, expected some of {}", names.join(", ")));
+    }
+}
 
 /// All that the panels show and edit.
 #[derive(SystemParam)]
@@ -68,7 +85,7 @@ pub struct PanelState<'w, 's> {
     /// What is shown of the settings in the picture.
     pub look: Option<Res<'w, Look>>,
     /// The latest messages.
-    pub messages: ResMut<'w, Messages>,
+    pub messages: ResMut<'w, Notices>,
     /// What the user has chosen.
     pub settings: ResMut<'w, Settings>,
     /// Which sections are closed.
@@ -77,8 +94,11 @@ pub struct PanelState<'w, 's> {
     pub player: ResMut<'w, Player>,
     /// What looks closer.
     pub looking: LookingState<'w>,
-    /// The show that this window leads.
-    leading: Option<ResMut<'w, Leading>>,
+    /// What sections from outside of the window show.
+    pub data: ResMut<'w, SectionData>,
+    /// The clock.
+    pub time: Res<'w, Time<Real>>,
+    sections: Res<'w, Sections>,
     history: ResMut<'w, History>,
     files: ResMut<'w, SceneFiles>,
     preset: Res<'w, Preset>,
@@ -89,7 +109,6 @@ pub struct PanelState<'w, 's> {
     converged: Res<'w, Converged>,
     clock: Res<'w, FrameClock>,
     openings: ResMut<'w, Openings>,
-    time: Res<'w, Time<Real>>,
     camera: Query<'w, 's, &'static Viewpoint, With<DataCamera>>,
 }
 
@@ -153,5 +172,40 @@ impl PanelState<'_, '_> {
         }
         ui.add_space(4.0);
         ui.ctx().request_repaint();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    static OWN: Section = Section { name: "own", title: "Own", dock: Dock::Right, applies: |_| true, show: |_, _| {} };
+
+    #[test]
+    fn sections_are_registered_and_presets_name_only_those() {
+        let mut sections = Sections::new(&SECTIONS);
+        sections.add_above("statistics", &OWN);
+        let names: Vec<&str> = sections.names().collect();
+        let at = |name: &str| names.iter().position(|known| *known == name);
+        assert_eq!(at("own").map(|at| at + 1), at("statistics"));
+        let mut preset = Preset::default();
+        preset.panel.closed = ["own", "data", "attic"].map(String::from).to_vec();
+        let mut app = App::new();
+        app.insert_resource(sections).insert_resource(preset).init_resource::<Notices>();
+        app.add_systems(Update, refuse_unknown_sections.run_if(resource_changed::<Preset>));
+        (0..3).for_each(|_| app.update());
+        let said: Vec<&str> = app.world().resource::<Notices>().all().map(|notice| notice.text.as_str()).collect();
+        assert!(
+            said.len() == 1 && said[0].starts_with("panel.closed: found attic, expected some of data, "),
+            "{said:?}"
+        );
+    }
+
+    #[test]
+    fn sections_from_outside_have_one_value_of_a_type() {
+        let mut data = SectionData::default();
+        assert!(data.get::<u8>().is_none() && data.put(3_u8).is_none() && data.put("words").is_none());
+        *data.get_mut::<u8>().unwrap() += 1;
+        assert_eq!((data.put(9_u8), data.get::<u8>(), data.get::<&str>()), (Some(4), Some(&9), Some(&"words")));
     }
 }

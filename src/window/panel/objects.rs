@@ -4,8 +4,8 @@ use super::{Dock, PanelState, Section, theme};
 use crate::annotate::number;
 use crate::explore::Members;
 use crate::window::looking::Visit;
-use crate::window::looking::answer::Answer;
 use crate::window::objects::{Objects, extent, usual_radius};
+use crate::window::state::answer::Answer;
 use bevy_egui::egui::{self, Align, Layout, RichText, TextEdit, Ui, vec2};
 
 /// Rows of the list.

@@ -4,7 +4,7 @@ use super::{Dock, PanelState, Section, theme};
 use crate::annotate::number;
 use crate::explore::probe::{FieldStatistics, Profile};
 use crate::explore::{Members, Probe, Region, SelectionSet, Shape};
-use crate::window::looking::answer::Answer;
+use crate::window::state::answer::Answer;
 use bevy::math::DVec3;
 use bevy_egui::egui::{self, Align2, DragValue, FontId, Rect, RichText, Sense, Stroke, Ui, pos2, vec2};
 

@@ -1,19 +1,12 @@
-//! The docks at both sides of the picture, and the sections in them. A section is a file with a [`Section`] and a line in
-//! [`SECTIONS`](super::SECTIONS).
+//! The docks at both sides of the picture, and the sections in them. A section is a file with a [`Section`] that is registered in
+//! [`Sections`]; one from outside of the window brings what it shows as [`SectionData`].
 
 use super::{PanelState, theme};
+use crate::window::state::panels::Dock;
 use bevy::prelude::Resource;
 use bevy_egui::egui::{self, Align, CursorIcon, Layout, RichText, ScrollArea, Sense, Stroke, Ui, pos2, vec2};
-use std::collections::BTreeSet;
-
-/// A side of the picture.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Dock {
-    /// What is shown and how.
-    Left,
-    /// What one learns about it.
-    Right,
-}
+use std::any::{Any, TypeId};
+use std::collections::HashMap;
 
 /// A titled part of a dock, which can be closed.
 pub struct Section {
@@ -29,16 +22,48 @@ pub struct Section {
     pub show: fn(&mut Ui, &mut PanelState<'_, '_>),
 }
 
-/// The sections that the user has closed, by name.
-#[derive(Resource, Clone, Debug, Default, PartialEq, Eq, serde::Serialize)]
-pub struct Closed(pub BTreeSet<String>);
+/// Every section, from the top of each dock.
+#[derive(Resource, Clone)]
+pub struct Sections(Vec<&'static Section>);
 
-impl Closed {
-    /// Opens or closes a section.
-    pub fn toggle(&mut self, name: &str) {
-        if !self.0.remove(name) {
-            self.0.insert(name.to_owned());
-        }
+impl Sections {
+    /// These, in this order.
+    pub fn new(sections: &[&'static Section]) -> Sections {
+        Sections(sections.to_vec())
+    }
+
+    /// Adds a section above the one that is called `next`; at the bottom where there is none of that name.
+    pub fn add_above(&mut self, next: &str, section: &'static Section) {
+        let at = self.0.iter().position(|known| known.name == next).unwrap_or(self.0.len());
+        self.0.insert(at, section);
+    }
+
+    /// Their names.
+    pub fn names(&self) -> impl Iterator<Item = &'static str> {
+        self.0.iter().map(|section| section.name)
+    }
+}
+
+/// What sections from outside of the window show, one value of each type: a system of theirs puts it here in each frame, and
+/// takes from it what the user asked for.
+#[derive(Resource, Default)]
+pub struct SectionData(HashMap<TypeId, Box<dyn Any + Send + Sync>>);
+
+impl SectionData {
+    /// Puts a value in the place of the one of its type, which it returns.
+    pub fn put<T: Any + Send + Sync>(&mut self, value: T) -> Option<T> {
+        let before = self.0.insert(TypeId::of::<T>(), Box::new(value));
+        before.and_then(|before| before.downcast().ok()).map(|before| *before)
+    }
+
+    /// The value of a type.
+    pub fn get<T: Any>(&self) -> Option<&T> {
+        self.0.get(&TypeId::of::<T>())?.downcast_ref()
+    }
+
+    /// The value of a type, to note in it what the user asks for.
+    pub fn get_mut<T: Any>(&mut self) -> Option<&mut T> {
+        self.0.get_mut(&TypeId::of::<T>())?.downcast_mut()
     }
 }
 
@@ -47,7 +72,7 @@ pub fn show_dock(ui: &mut Ui, dock: Dock, state: &mut PanelState<'_, '_>) {
     ScrollArea::vertical().id_salt(("dock", dock)).auto_shrink([false, false]).show(ui, |ui| {
         // Room for the scroll bar, so that values do not jump when it appears.
         ui.set_max_width(ui.available_width() - 4.0);
-        for section in super::SECTIONS.iter().filter(|section| section.dock == dock) {
+        for section in state.sections.0.clone().into_iter().filter(|section| section.dock == dock) {
             if !(section.applies)(state) {
                 continue;
             }

@@ -3,13 +3,13 @@
 use super::{Dock, PanelState, Section, theme};
 use crate::annotate::number;
 use crate::explore::export::Format;
-use crate::explore::histogram::{Histogram, Scatter};
+use crate::explore::histogram::{FieldHistogram, Scatter};
 use crate::explore::selection::COLORS;
 use crate::explore::{Members, Region, SelectionSet, Show};
-use crate::window::looking::answer::Answer;
 use crate::window::looking::drawing::swatch;
 use crate::window::looking::keeping::{Asked, Plot};
 use crate::window::looking::prober::source_for;
+use crate::window::state::answer::Answer;
 use bevy_egui::egui::{self, Align2, ComboBox, FontId, Rect, RichText, Sense, TextEdit, Ui, pos2, vec2};
 
 /// The section.
@@ -136,7 +136,7 @@ fn actions(ui: &mut Ui, index: usize, set: &SelectionSet, state: &mut PanelState
 
 /// What is known of a selection's ids: how many are here, or why nobody knows.
 fn by_ids(ui: &mut Ui, set: &SelectionSet, state: &PanelState<'_, '_>) {
-    let coming = |ui: &mut Ui, what: &str, progress: &crate::window::open::SharedProgress| {
+    let coming = |ui: &mut Ui, what: &str, progress: &crate::window::state::progress::SharedProgress| {
         theme::fact(ui, what, "");
         theme::bar(ui, progress.state().1.unwrap_or(0.0), theme::ACCENT);
         ui.ctx().request_repaint();
@@ -295,7 +295,7 @@ fn labels(ui: &Ui, rect: Rect, [left, middle, right]: [&str; 3]) {
     painter.text(rect.right_bottom(), Align2::RIGHT_BOTTOM, right, font, theme::TEXT);
 }
 
-fn bars(ui: &mut Ui, histogram: &Histogram, whose: &str) {
+fn bars(ui: &mut Ui, histogram: &FieldHistogram, whose: &str) {
     let Some(axis) = histogram.axes.first() else { return };
     let (well, rect) = well(ui);
     let top = histogram.counts.iter().map(|&count| (count as f64).ln_1p()).fold(1e-9, f64::max);

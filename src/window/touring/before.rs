@@ -8,19 +8,19 @@ use crate::color::transfer::Levels;
 use crate::look::LookPatch;
 use crate::mode::{Footprint, Mode};
 use crate::picture::governor::Governor;
-use crate::show::window::output::Aim;
 use crate::stream;
 use crate::tour::sketch::{Drawing, SketchError, depict, draw};
 use crate::tour::{Blend, State, Timeline};
 use crate::view::View;
-use crate::window::cpu_backend::sizes::{MOVING_MS, drawing_size, moving_size, volume_limit};
 use crate::window::lens::view_of;
 use crate::window::look::Look;
-use crate::window::looking::answer::Answer;
-use crate::window::messages::Messages;
 use crate::window::picture::Picture;
+use crate::window::picture_sizes::{MOVING_MS, drawing_size, moving_size, volume_limit};
 use crate::window::scene::{Scene, Settings};
 use crate::window::scene_io::viewpoint_of;
+use crate::window::state::aim::Aim;
+use crate::window::state::answer::Answer;
+use crate::window::state::notices::Notices;
 use crate::window::statistics::ActiveBackend;
 use bevy::prelude::*;
 use std::sync::Arc;
@@ -115,7 +115,7 @@ impl Before {
     }
 
     /// Takes in what has been drawn.
-    fn receive(&mut self, messages: &mut Messages) {
+    fn receive(&mut self, messages: &mut Notices) {
         let Some(mut coming) = self.coming.take() else { return };
         if !coming.answer.receive() {
             self.coming = Some(coming);
@@ -183,7 +183,7 @@ pub fn draw_before(
     ranges: Res<Ranges>,
     (scene, settings, look): (Option<Res<Scene>>, Res<Settings>, Option<Res<Look>>),
     (picture, aim): (Res<Picture>, Option<Res<Aim>>),
-    mut messages: ResMut<Messages>,
+    mut messages: ResMut<Notices>,
 ) {
     let before = before.bypass_change_detection();
     before.receive(messages.bypass_change_detection());
@@ -215,7 +215,7 @@ pub fn draw_before(
     let Ok(depiction) = depict(&blend.look, scene.file.metadata()) else { return };
     let numbers = exposed.as_ref().and_then(|look| look.transfer.as_ref()?.numbers());
     let levels = numbers.or(before.last.filter(|(mode, _)| std::ptr::eq(*mode, depiction.mode)).map(|last| last.1));
-    let painted = depiction.mode.painter().is_some();
+    let painted = depiction.mode.is_light();
     let full = picture.size();
     let size = match (is_moving, painted) {
         (false, _) => full,
@@ -262,9 +262,9 @@ mod tests {
     use crate::window::exposure::Exposure;
     use crate::window::look::{Held, follow_settings, glide_levels};
     use crate::window::touring::Asked;
-    use crate::window::touring::player::play;
+    use crate::window::touring::player::play_tour;
     use crate::window::touring::player::tests::Window;
-    use crate::window::touring::ranges::{hold, rehearse};
+    use crate::window::touring::ranges::{hold_ranges, measure_ahead};
     use crate::window::touring::tests::surroundings;
     use crate::window::transfer_presets::TransferPresets;
     use std::time::Duration;
@@ -279,7 +279,7 @@ mod tests {
 
     fn window() -> Window {
         let mut window = Window::new();
-        let systems = (follow_settings, rehearse, hold, glide_levels, draw_before);
+        let systems = (follow_settings, measure_ahead, hold_ranges, glide_levels, draw_before);
         window
             .app
             .init_resource::<Ranges>()
@@ -287,7 +287,7 @@ mod tests {
             .init_resource::<Before>()
             .init_resource::<Exposure>()
             .init_resource::<TransferPresets>()
-            .add_systems(Update, systems.chain().after(play));
+            .add_systems(Update, systems.chain().after(play_tour));
         window.open(&TourFile::parse("test", TOUR).unwrap());
         // It begins by itself.
         window.frame(0.0);

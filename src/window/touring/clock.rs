@@ -1,6 +1,19 @@
 //! The time of a tour that is played: from the program's own time, whatever the frames take.
 
 use crate::tour::Timeline;
+use serde::{Deserialize, Serialize};
+
+/// Where a tour is.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ClockState {
+    /// Seconds of the tour.
+    pub time: f64,
+    /// Whether it runs.
+    pub running: bool,
+    /// The keyframe that waits for the presenter.
+    pub waiting: Option<usize>,
+}
 
 /// A clock that runs, stands, and stops where a presenter is waited for.
 #[derive(Clone, Debug, Default, PartialEq)]

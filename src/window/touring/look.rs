@@ -39,7 +39,6 @@ mod tests {
     use crate::look::{DatasetRef, SceneFile};
     use crate::mode::{Economy, Mode, Setting, SettingKind, SettingValue, economy};
     use crate::modes;
-    use crate::modes::MODES;
     use crate::show::window::network::leading::Leading;
     use crate::tour::TourFile;
     use crate::view::cut::{Axis, Slab};
@@ -145,7 +144,7 @@ mod tests {
             Picture { image: Handle::default(), texture: bevy_egui::egui::TextureId::default(), rect, scale: 1.0 };
         let eye = DVec3::new(1.0, 2.0, 3.0);
         let viewpoint = Viewpoint { eye, target: DVec3::ZERO, up: DVec3::Y, fov_y: 0.7 };
-        for mode in MODES {
+        for mode in modes::all() {
             let wanted = unusual_settings(mode);
             let shows = |said: &LookPatch, what: &str| {
                 let mut window = Settings::new(&Preset::embedded("desktop").unwrap(), None);
@@ -172,7 +171,7 @@ mod tests {
 
     #[test]
     fn files_that_have_the_budget_among_the_settings_of_a_mode_are_read() {
-        for mode in MODES {
+        for mode in modes::all() {
             let looks = |settings: &str| {
                 let said = format!("mode: \"{}\", settings: {settings}", mode.name);
                 let scene = format!("(version: 1, datasets: [(path: \"a\")], {said})");

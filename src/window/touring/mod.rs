@@ -19,7 +19,7 @@ pub use ranges::Ranges;
 use super::camera::CameraPlugin;
 use bevy::prelude::*;
 
-/// What plays and edits tours. Its systems that change the camera and settings run where the window runs its own: [`player::play`].
+/// What plays and edits tours. Its systems that change the camera and settings run where the window runs its own: [`player::play_tour`].
 pub struct TouringPlugin {
     /// A tour to begin with.
     pub open: Option<std::path::PathBuf>,
@@ -32,10 +32,7 @@ impl Plugin for TouringPlugin {
         if let Some(path) = &self.open {
             player.ask(Asked::Open(path.clone()));
         }
-        app.insert_resource(player)
-            .init_resource::<ranges::Ranges>()
-            .init_resource::<Before>()
-            .init_resource::<crate::window::overlay::tour::TourPictures>();
+        app.insert_resource(player).init_resource::<ranges::Ranges>().init_resource::<Before>();
     }
 }
 

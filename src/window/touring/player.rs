@@ -1,21 +1,20 @@
 //! Plays a tour: its time from the program's, the camera and the settings from its state.
 
-use super::clock::Clock;
+use super::clock::{Clock, ClockState};
 use super::{draft, look};
 use crate::look::DatasetRef;
 use crate::look::LookPatch;
 use crate::model::FamilyName;
-use crate::show::window::supervised::resume::Moment;
 use crate::tour::{State, Surroundings, Timeline, TourFile};
 use crate::window::camera::{Anchor, Flight, Navigation, Viewpoint};
 use crate::window::free_name::free_name;
 use crate::window::input::{PointerOwner, is_control};
-use crate::window::messages::Messages;
 use crate::window::pages::Upcoming;
-use crate::window::panel::Choices;
 use crate::window::picture::{DataCamera, Picture};
 use crate::window::scene::{Scene, Settings};
 use crate::window::scene_io::{camera_of, viewpoint_of};
+use crate::window::state::choices::Choices;
+use crate::window::state::notices::Notices;
 use bevy::input::mouse::AccumulatedMouseScroll;
 use bevy::prelude::*;
 use bevy_panorbit_camera::PanOrbitCamera;
@@ -61,7 +60,7 @@ pub enum Asked {
     /// Save it.
     Save,
     /// Go on where another window was.
-    GoOn(Moment),
+    GoOn(ClockState),
 }
 
 /// The open tour.
@@ -141,7 +140,7 @@ impl Player {
         *self = Player { tour: Some(tour), path, edited, ..Player::default() };
     }
 
-    fn open(&mut self, path: PathBuf, messages: &mut Messages) {
+    fn open(&mut self, path: PathBuf, messages: &mut Notices) {
         match TourFile::read(&path) {
             Ok(tour) => {
                 let text = std::fs::read_to_string(&path).unwrap_or_default();
@@ -152,7 +151,7 @@ impl Player {
     }
 
     /// Resolves the tour for the open data; where that fails there is no timeline.
-    fn resolve(&mut self, scene: &Scene, aspect: f64, messages: &mut Messages) {
+    fn resolve(&mut self, scene: &Scene, aspect: f64, messages: &mut Notices) {
         self.generation = scene.generation;
         let Some(tour) = &self.tour else {
             self.timeline = None;
@@ -171,7 +170,7 @@ impl Player {
     }
 
     /// Saves the tour: where it came from, or beside the data.
-    fn save(&mut self, scene: &Scene, messages: &mut Messages) {
+    fn save(&mut self, scene: &Scene, messages: &mut Notices) {
         let Some(tour) = &mut self.tour else { return };
         let stem = scene.path.file_stem().map_or_else(|| "tour".into(), |stem| stem.to_string_lossy().into_owned());
         let path = self.path.clone().unwrap_or_else(|| free_name(&scene.path, &stem, "tour.ron"));
@@ -242,7 +241,7 @@ pub fn take_presenter_keys(
 }
 
 /// Carries out what is asked, lets time pass, and shows what the tour shows then.
-pub fn play(
+pub fn play_tour(
     mut commands: Commands,
     time: Res<Time<Real>>,
     scene: Option<Res<Scene>>,
@@ -252,7 +251,7 @@ pub fn play(
     mut player: ResMut<Player>,
     mut settings: ResMut<Settings>,
     mut upcoming: ResMut<Upcoming>,
-    mut messages: ResMut<Messages>,
+    mut messages: ResMut<Notices>,
     camera: Cameras,
 ) {
     let player = player.bypass_change_detection();
@@ -290,7 +289,7 @@ pub fn play(
     }
     record(player, now, &seen);
 
-    // Who takes the mouse to the picture, or flies somewhere, leaves the tour.
+    // Using the mouse on the picture, or a flight, leaves the tour.
     let takes_mouse = owner.is_picture() && (buttons.get_pressed().len() > 0 || scroll.delta != Vec2::ZERO);
     if *navigation == Navigation::Tour && (takes_mouse || in_flight || player.timeline.is_none()) {
         *navigation = Navigation::Orbit;
@@ -351,7 +350,7 @@ fn carry_out(
     now: f64,
     scene: &Scene,
     (camera, look): &(crate::look::Camera, LookPatch),
-    messages: &mut Messages,
+    messages: &mut Notices,
 ) {
     let timeline = player.timeline.clone();
     match (asked, timeline) {

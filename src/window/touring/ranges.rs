@@ -11,9 +11,9 @@ use crate::tour::sketch::{Format, SketchError, depict, measure};
 use crate::tour::{State, Timeline, TourFile};
 use crate::view::Surround;
 use crate::window::look::{Held, Look};
-use crate::window::looking::answer::Answer;
 use crate::window::picture::Picture;
 use crate::window::scene::Scene;
+use crate::window::state::answer::Answer;
 use bevy::prelude::*;
 use std::collections::HashSet;
 use std::sync::Arc;
@@ -179,7 +179,12 @@ impl Ranges {
 }
 
 /// Draws the open tour's moments, one after the other.
-pub fn rehearse(mut ranges: ResMut<Ranges>, player: Res<Player>, scene: Option<Res<Scene>>, picture: Res<Picture>) {
+pub fn measure_ahead(
+    mut ranges: ResMut<Ranges>,
+    player: Res<Player>,
+    scene: Option<Res<Scene>>,
+    picture: Res<Picture>,
+) {
     let ranges = ranges.bypass_change_detection();
     ranges.receive();
     let (Some(scene), Some(tour), Some(timeline)) = (scene, player.tour(), player.timeline()) else {
@@ -205,13 +210,13 @@ pub fn rehearse(mut ranges: ResMut<Ranges>, player: Res<Player>, scene: Option<R
     let (keyframe, time) = player.state().map_or((0, 0.0), |state| (state.keyframe, state.time));
     match ranges.tour.as_ref().and_then(|tour| tour.next(keyframe, time)) {
         Some(moment) => ranges.start(moment, &scene),
-        // All is known: the pages have done their service.
+        // All ranges are known: the pages are not needed any more.
         None => ranges.pages = None,
     }
 }
 
 /// Gives the picture the ranges of the tour's moment that is shown.
-pub fn hold(ranges: Res<Ranges>, player: Res<Player>, look: Option<Res<Look>>, mut held: ResMut<Held>) {
+pub fn hold_ranges(ranges: Res<Ranges>, player: Res<Player>, look: Option<Res<Look>>, mut held: ResMut<Held>) {
     let known = ranges.tour.as_ref().zip(player.state()).zip(look);
     let same = |tour: &Rehearsed| player.timeline().is_some_and(|timeline| Arc::ptr_eq(&tour.timeline, timeline));
     let levels = known.filter(|((tour, _), _)| same(tour)).and_then(|((tour, state), look)| tour.levels(state, &look));
@@ -224,9 +229,9 @@ mod tests {
     use super::*;
     use crate::window::exposure::Exposure as Own;
     use crate::window::look::{follow_settings, glide_levels};
-    use crate::window::panel::Choices;
+    use crate::window::state::choices::Choices;
     use crate::window::touring::Asked;
-    use crate::window::touring::player::play;
+    use crate::window::touring::player::play_tour;
     use crate::window::touring::player::tests::Window;
     use crate::window::transfer_presets::TransferPresets;
     use std::path::Path;
@@ -243,7 +248,7 @@ mod tests {
             .init_resource::<Held>()
             .init_resource::<Own>()
             .init_resource::<TransferPresets>()
-            .add_systems(Update, (follow_settings, rehearse, hold, glide_levels).chain().after(play));
+            .add_systems(Update, (follow_settings, measure_ahead, hold_ranges, glide_levels).chain().after(play_tour));
         let mut tour = TourFile::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/tours/demo.ron")).unwrap();
         tour.size = (320, 180);
         tour.dataset = None;

@@ -107,7 +107,7 @@ pub trait Gather: Sync {
     fn join(&self, whole: &mut Self::Part, next: Self::Part) -> Result<(), ExploreError>;
 }
 
-/// Who waits for an answer: hears how far it is, and can stop it.
+/// The caller's side of long work: told of its progress, and able to stop it.
 #[derive(Clone, Copy)]
 pub struct Work<'a> {
     /// Hears how many particles have been dealt with.

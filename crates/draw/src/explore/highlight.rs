@@ -2,7 +2,7 @@
 
 use super::data::{Column, column};
 use super::error::ExploreError;
-use super::paged::{Accepted, Place, accepted};
+use super::paged::{Accepted, LeafFrame, accepted};
 use super::places::{PlaceMarks, Places};
 use super::region::{Region, ValueRange};
 use super::shape::{Cover, Shapes};
@@ -120,7 +120,7 @@ impl RegionMarks {
             return Marked::All;
         }
         let particles = page.particles(node);
-        let place = Place::of(record);
+        let place = LeafFrame::of(record);
         bits.resize(particles.len().div_ceil(64), 0);
         match (cover == Cover::Inside, codes) {
             (true, Some(codes)) => fill(&particles, bits, |_, code| has(codes, code)),

@@ -79,7 +79,7 @@ impl Axis {
 
 /// A histogram of one field, or of two together.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Histogram {
+pub struct FieldHistogram {
     /// One axis or two.
     pub axes: Vec<Axis>,
     /// Particles in each bin; of two axes row by row, the first axis along a row.
@@ -102,7 +102,7 @@ pub fn histogram<'a>(
     axes: &[AxisOptions],
     periodic: Option<f64>,
     work: Work,
-) -> Result<Histogram, ExploreError> {
+) -> Result<FieldHistogram, ExploreError> {
     let of = of.into();
     if !(1..=2).contains(&axes.len()) {
         return Err(ExploreError::value("histogram", format!("of {} axes", axes.len()), "one axis or two"));
@@ -165,14 +165,20 @@ struct Binning {
 }
 
 impl Gather for Binning {
-    type Part = Histogram;
+    type Part = FieldHistogram;
 
-    fn part(&self) -> Histogram {
+    fn part(&self) -> FieldHistogram {
         let bins = self.axes.iter().map(|axis| axis.bins).product();
-        Histogram { axes: self.axes.clone(), counts: vec![0; bins], masses: vec![0.0; bins], outside: 0, missing: 0 }
+        FieldHistogram {
+            axes: self.axes.clone(),
+            counts: vec![0; bins],
+            masses: vec![0.0; bins],
+            outside: 0,
+            missing: 0,
+        }
     }
 
-    fn take(&self, part: &mut Histogram, batch: &Batch) {
+    fn take(&self, part: &mut FieldHistogram, batch: &Batch) {
         if batch.columns.iter().any(Vec::is_empty) {
             part.missing += batch.len() as u64;
             return;
@@ -197,7 +203,7 @@ impl Gather for Binning {
         }
     }
 
-    fn join(&self, whole: &mut Histogram, next: Histogram) -> Result<(), ExploreError> {
+    fn join(&self, whole: &mut FieldHistogram, next: FieldHistogram) -> Result<(), ExploreError> {
         whole.counts.iter_mut().zip(&next.counts).for_each(|(a, b)| *a += b);
         whole.masses.iter_mut().zip(&next.masses).for_each(|(a, b)| *a += b);
         whole.outside += next.outside;

@@ -7,7 +7,7 @@ use super::batch::{Batch, Gather, Work};
 use super::data::Data;
 use super::error::ExploreError;
 use super::ids::IdSet;
-use super::paged::Place;
+use super::paged::LeafFrame;
 use super::query::{Of, Query, Wanted};
 use super::region::Region;
 use crate::import::{FieldKind, Source};
@@ -39,7 +39,7 @@ impl PageParticle {
         let particles = page.block(node, family, record.start())?;
         let code = particles.entry(particle)?;
         let codebook = particles.table()?;
-        let place = Place::of(record);
+        let place = LeafFrame::of(record);
         let merged = !record.is_leaf();
         let columns = [&codebook.mass, &codebook.density, &codebook.smoothing_length];
         let about = family.quantities.iter().chain(&family.attributes);

@@ -37,7 +37,7 @@ pub use data::{Data, FieldAbout, source_of};
 pub use error::ExploreError;
 pub use export::{Exported, Format, export};
 pub use highlight::{Highlighter, Marked};
-pub use histogram::{Axis, AxisOptions, Histogram, Scatter, histogram, scatter};
+pub use histogram::{Axis, AxisOptions, FieldHistogram, Scatter, histogram, scatter};
 pub use identify::{Identified, PageParticle, find_id, identify, ids_of};
 pub use ids::IdSet;
 pub use lasso::{Lasso, LassoProjection};

@@ -215,7 +215,7 @@ impl<'a> FamilyQuery<'a> {
         let particles = page.particles(index);
         let Positions::Leaf(_) = particles.positions else { return };
         let scale = f64::from(node.mass_scale);
-        let place = Place::of(node);
+        let place = LeafFrame::of(node);
         let mass_of = |code: u16| codebook.mass.get(usize::from(code)).map_or(0.0, |&mass| f64::from(mass)) * scale;
         let mut codes = Vec::with_capacity(particles.len());
         let key = (u64::from(page.id.0) << 32 | index as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15);
@@ -262,7 +262,7 @@ impl<'a> FamilyQuery<'a> {
 
 /// A leaf's frame in the world.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Place {
+pub(super) struct LeafFrame {
     corner: DVec3,
     /// Edge of the frame, world units.
     pub size: f64,
@@ -270,10 +270,10 @@ pub(super) struct Place {
     pub ulp: f64,
 }
 
-impl Place {
-    pub(super) fn of(node: &Node) -> Place {
+impl LeafFrame {
+    pub(super) fn of(node: &Node) -> LeafFrame {
         let (corner, size) = (node.frame.min, node.frame.size);
-        Place { corner, size, ulp: (corner.abs().max_element() + size) * 4.0 * f64::EPSILON }
+        LeafFrame { corner, size, ulp: (corner.abs().max_element() + size) * 4.0 * f64::EPSILON }
     }
 
     /// The world position of a fraction of the frame.

@@ -199,7 +199,7 @@ struct Sums {
 }
 
 /// Sums so far.
-struct Part {
+struct SumsPart {
     families: Vec<FamilyPart>,
     shells: Option<Filled>,
 }
@@ -222,18 +222,18 @@ struct FamilyPart {
 }
 
 impl Gather for Sums {
-    type Part = Part;
+    type Part = SumsPart;
 
-    fn part(&self) -> Part {
+    fn part(&self) -> SumsPart {
         let family = FamilyPart {
             columns: vec![Moments::NONE; self.columns],
             center: self.wraps.map(|edge| CenterSums::new(Some(edge))),
             ..FamilyPart::default()
         };
-        Part { families: vec![family; self.families], shells: self.shells.as_ref().map(Shells::empty) }
+        SumsPart { families: vec![family; self.families], shells: self.shells.as_ref().map(Shells::empty) }
     }
 
-    fn take(&self, part: &mut Part, batch: &Batch) {
+    fn take(&self, part: &mut SumsPart, batch: &Batch) {
         let Some(family) = part.families.get_mut(batch.family) else { return };
         family.uncertain.add(&batch.uncertain);
         if batch.is_empty() {
@@ -267,7 +267,7 @@ impl Gather for Sums {
         }
     }
 
-    fn take_node(&self, part: &mut Part, family: usize, count: u64, mass: f64) {
+    fn take_node(&self, part: &mut SumsPart, family: usize, count: u64, mass: f64) {
         let family = &mut part.families[family];
         family.count = family.count.saturating_add(count);
         family.mass += mass;
@@ -277,7 +277,7 @@ impl Gather for Sums {
         self.sums_alone
     }
 
-    fn join(&self, whole: &mut Part, next: Part) -> Result<(), ExploreError> {
+    fn join(&self, whole: &mut SumsPart, next: SumsPart) -> Result<(), ExploreError> {
         for (family, next) in whole.families.iter_mut().zip(next.families) {
             family.count = family.count.saturating_add(next.count);
             family.mass += next.mass;
@@ -302,7 +302,7 @@ impl Gather for Sums {
 }
 
 /// The sums as numbers.
-fn report(data: Data, query: &Query, fields: usize, gather: &Sums, sums: &Part, options: &ProbeOptions) -> Probe {
+fn report(data: Data, query: &Query, fields: usize, gather: &Sums, sums: &SumsPart, options: &ProbeOptions) -> Probe {
     let edge = query.shapes.edge();
     let place = |moment: DVec3, placed: f64, mass: f64, center: Option<&CenterSums>| {
         // Of nodes that were taken as a whole, nobody knows where their mass is.

@@ -3,7 +3,7 @@
 use super::{Camera, ERRORS_PX, SceneFile, VERSION};
 use crate::model::ron_file::RonError;
 use crate::model::ron_place::Place;
-use crate::modes::MODES;
+use crate::modes;
 use crate::view::Stereo;
 
 /// Datasets of a scene at most.
@@ -32,7 +32,7 @@ pub(super) fn check(scene: &SceneFile, file: &str, text: &str) -> Result<(), Ron
         }
     }
     let refuse = |path: &[&str], found, expected| place.refuse(path, found, expected);
-    scene.look.check(scene.look.mode.unwrap_or(MODES[0]), ERRORS_PX, &refuse)?;
+    scene.look.check(scene.look.mode.unwrap_or(modes::first()), ERRORS_PX, &refuse)?;
     if let Some((width, height)) = scene.size
         && !((1..=32768).contains(&width) && (1..=32768).contains(&height))
     {

@@ -3,7 +3,7 @@
 use super::LookPatch;
 use crate::color::transfer::{Curve, Range, Scale, TransferFunction};
 use crate::mode::{Setting, SettingKind, SettingValue, Settings, economy};
-use crate::modes::MODES;
+use crate::modes;
 use crate::view::CutSettings;
 use crate::view::cut::{ClipBox, Fade, Slab};
 
@@ -14,7 +14,7 @@ pub fn mix(a: &LookPatch, b: &LookPatch, share: f64) -> LookPatch {
         return a.clone();
     }
     let same_mode = a.mode == b.mode;
-    let own = a.mode.unwrap_or(MODES[0]).own_settings();
+    let own = a.mode.unwrap_or(modes::first()).own_settings();
     LookPatch {
         settings: if same_mode { mix_settings(own, &a.settings, &b.settings, share) } else { a.settings.clone() },
         budget: match same_mode {

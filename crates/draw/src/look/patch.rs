@@ -10,7 +10,7 @@ use crate::mode::setting::SettingError;
 use crate::mode::{Mode, Setting, SettingValue, Settings, economy};
 use crate::model::FamilyName;
 use crate::model::ron_file::RonError;
-use crate::modes::MODES;
+use crate::modes;
 use crate::view::CutSettings;
 use std::ops::RangeInclusive;
 
@@ -101,7 +101,7 @@ macro_rules! define_looks {
                 let mut all = self.clone();
                 if next.mode.is_some() && next.mode != all.mode {
                     all.mode = next.mode;
-                    all.settings = all.settings.of_mode(next.mode.unwrap_or(MODES[0]));
+                    all.settings = all.settings.of_mode(next.mode.unwrap_or(modes::first()));
                     all.transfer = None;
                 }
                 all.settings.0.extend(next.settings.0.clone());
@@ -126,7 +126,7 @@ macro_rules! define_looks {
                     attribute: next.attribute.clone().filter(|_| self.attribute != next.attribute),
                     // Where all families come back, they have to be named.
                     families: match (&self.families, &next.families) {
-                        (Some(_), None) => Some(FamilyName::ALL.to_vec()),
+                        (Some(_), None) => Some(FamilyName::GADGET.to_vec()),
                         (own, next) => next.clone().filter(|_| own != next),
                     },
                     $($field: next.$field.clone().filter(|_| self.$field != next.$field),)*

@@ -5,7 +5,7 @@ use crate::color::transfer::TransferFunction;
 use crate::model::FamilyName;
 use crate::model::ron_file::{self, RonError};
 use crate::model::ron_place::Place;
-use crate::modes::MODES;
+use crate::modes;
 use crate::view::{Stereo, Surround};
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
@@ -113,7 +113,7 @@ impl PictureConfig {
         let place = Place { file, text };
         let refuse = |path: &[&str], found, expected| place.refuse(path, found, expected);
         let any = f64::MIN_POSITIVE..=f64::MAX;
-        config.look.check(config.look.mode.unwrap_or(MODES[0]), any, &refuse)?;
+        config.look.check(config.look.mode.unwrap_or(modes::first()), any, &refuse)?;
         for (field, value) in [("fov", config.camera.fov), ("ortho", config.camera.ortho)] {
             if let Some(value) = value.filter(|value| !(*value > 0.0 && value.is_finite())) {
                 return Err(place.refuse(&["camera", field], value, "a number greater than 0"));

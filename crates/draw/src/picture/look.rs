@@ -33,7 +33,7 @@ fn colored(look: &LookPatch, depiction: Depiction) -> Depiction {
 
 /// The transfer function of a look: its own, or the usual one.
 pub fn transfer_of(look: &LookPatch, depiction: &Depiction) -> TransferFunction {
-    let painted = depiction.mode.painter().is_some();
+    let painted = depiction.mode.is_light();
     let usual = || match painted {
         true => Some(TransferFunction::of_volumes(depiction.attribute.is_some())),
         false => TransferFunction::preset(depiction.mode.transfer[usize::from(depiction.attribute.is_some())]),

@@ -192,7 +192,7 @@ fn fixed(look: &LookPatch, found: [&Measured; 4], share: f64) -> LookPatch {
 mod tests {
     use super::*;
     use crate::model::Bounds;
-    use crate::modes::MODES;
+    use crate::modes;
     use crate::tour::{Keyframe, Surroundings, TourFile};
     use glam::DVec3;
 
@@ -216,7 +216,7 @@ mod tests {
 
     fn measured(high: f64) -> Measured {
         let levels = Levels { p: [1.0, high], s: [0.0, 1.0] };
-        Measured { mode: MODES[0], attribute: None, transfer: TransferFunction::default(), levels }
+        Measured { mode: modes::first(), attribute: None, transfer: TransferFunction::default(), levels }
     }
 
     fn high(look: &LookPatch) -> f64 {
@@ -250,7 +250,7 @@ mod tests {
         let transfer = TransferFunction { range: Range::Fixed(3.0, 5.0), ..TransferFunction::default() };
         let set = LookPatch { transfer: Some(transfer), ..state.look };
         assert_eq!(exposure.exposed(3, 11.0, &set).as_ref(), Some(&set));
-        // Who blends from the run before has the ranges of its end.
+        // A picture that blends from the run before has the ranges of that run's end.
         moments.iter().for_each(|moment| exposure.take(*moment, measured(10.0 + exposure.time(*moment))));
         let before = timeline.look(1, 10.0);
         assert!((high(&exposure.exposed(1, 11.5, &before).unwrap()) - 20.0).abs() < 1e-4);

@@ -122,7 +122,7 @@ impl Timeline {
                 images: keyframe.images.clone().or(before.map(|stop| stop.images.clone())).unwrap_or_default(),
                 look,
             });
-            // Who waits for a presenter must not be moving.
+            // The camera must stand still where a presenter is waited for.
             let rest = keyframe.rest || keyframe.hold;
             knots.push(Knot { arrive, leave, pose, motion: keyframe.motion, rest });
         }

@@ -15,7 +15,7 @@ fn camera() -> impl Strategy<Value = Camera> {
 fn frame() -> impl Strategy<Value = Frame> {
     let range = || prop::array::uniform2(number()).prop_map(|[a, b]| [a.min(b), a.max(b)]);
     let ranges = prop::option::of((range(), range()).prop_map(|(p, s)| Ranges { p, s }));
-    let tour = prop::option::of((0.0..1e7f64, any::<bool>()).prop_map(|(time, running)| Moment { time, running }));
+    let tour = prop::option::of((0.0..1e7f64, any::<bool>()).prop_map(|(time, running)| TourTime { time, running }));
     (any::<u64>(), 0.0..1e9f64, camera(), ranges, tour).prop_map(|(number, time, camera, ranges, tour)| Frame {
         number,
         time,
@@ -134,7 +134,7 @@ fn what_makes_no_sense_is_refused_with_its_field() {
         ("camera", |frame| frame.camera.ortho = Some(-1.0)),
         ("ranges.s", |frame| frame.ranges = Some(Ranges { p: [0.0, 1.0], s: [2.0, 1.0] })),
         ("ranges.p", |frame| frame.ranges = Some(Ranges { p: [0.0, f64::NAN], s: [0.0, 1.0] })),
-        ("tour.time", |frame| frame.tour = Some(Moment { time: -1.0, running: true })),
+        ("tour.time", |frame| frame.tour = Some(TourTime { time: -1.0, running: true })),
     ];
     for (field, change) in wrong {
         let mut frame = good;

@@ -8,16 +8,16 @@ use crate::show::protocol::{Follower, FollowerEvent, Report, Severity as Told};
 use crate::window::camera::{Flight, Navigation, Viewpoint};
 use crate::window::input::is_control;
 use crate::window::look::Held;
-use crate::window::looking::answer::Answer;
-use crate::window::messages::{Messages, Severity};
 use crate::window::objects::Objects;
 use crate::window::open::Openings;
 use crate::window::options::OpenRequest;
 use crate::window::pages::Upcoming;
-use crate::window::panel::Choices;
 use crate::window::picture::DataCamera;
 use crate::window::scene::{Scene, Settings};
 use crate::window::scene_io::viewpoint_of;
+use crate::window::state::answer::Answer;
+use crate::window::state::choices::Choices;
+use crate::window::state::notices::{Notices, Severity};
 use crate::window::statistics::{Converged, FrameClock, Statistics};
 use crate::window::touring::Player;
 use bevy::prelude::*;
@@ -68,7 +68,7 @@ impl Following {
         }
     }
 
-    /// Who is followed.
+    /// The follower's end of the network.
     pub fn follower(&self) -> &Follower {
         &self.follower
     }
@@ -107,11 +107,11 @@ pub fn is_led(following: Option<Res<Following>>) -> bool {
 }
 
 /// Takes in what the leader says.
-pub(crate) fn hear(
+pub(crate) fn receive_from_leader(
     mut following: ResMut<Following>,
     time: Res<Time<Real>>,
     mut player: ResMut<Player>,
-    mut messages: ResMut<Messages>,
+    mut messages: ResMut<Notices>,
 ) {
     let following = following.bypass_change_detection();
     let now = time.elapsed();
@@ -120,7 +120,8 @@ pub(crate) fn hear(
             FollowerEvent::Joined => messages.info(format!("follows the leader at {}", following.follower.leader())),
             FollowerEvent::Lost(why) | FollowerEvent::Refused(why) => messages.error(why),
             FollowerEvent::Scene(scene) => following.take(scene),
-            FollowerEvent::Tour(tour) => player.follow(tour.map(|tour| *tour)),
+            FollowerEvent::Tour(None) => *player = Player::default(),
+            FollowerEvent::Tour(Some(led)) => player.follow(led.tour, led.text, &led.folder, led.aspect),
         }
     }
     let is_silent = following.follower.heard().is_some_and(|heard| now.saturating_sub(heard) > GRACE);
@@ -133,7 +134,7 @@ pub(crate) fn find_data(
     mut following: ResMut<Following>,
     scene: Option<Res<Scene>>,
     mut openings: ResMut<Openings>,
-    mut messages: ResMut<Messages>,
+    mut messages: ResMut<Notices>,
 ) {
     let following = following.bypass_change_detection();
     if !following.finding.receive() {
@@ -156,7 +157,7 @@ pub(crate) fn find_data(
 }
 
 /// Shows what the leader shows, as soon as its data is open; else the last picture stays.
-pub(crate) fn show(
+pub(crate) fn show_led_picture(
     mut commands: Commands,
     mut following: ResMut<Following>,
     time: Res<Time<Real>>,
@@ -166,7 +167,7 @@ pub(crate) fn show(
     mut player: ResMut<Player>,
     mut objects: ResMut<Objects>,
     mut upcoming: ResMut<Upcoming>,
-    mut messages: ResMut<Messages>,
+    mut messages: ResMut<Notices>,
     camera: Single<(Entity, &mut Viewpoint, &mut Navigation), With<DataCamera>>,
 ) {
     let following = following.bypass_change_detection();
@@ -191,7 +192,8 @@ pub(crate) fn show(
     }
     following.shown = frame.number;
     let heard = following.follower.heard().unwrap_or_default().as_secs_f64();
-    let next = player.show_moment(frame.tour, (heard, time.elapsed_secs_f64()), &scene, &mut messages);
+    let moment = frame.tour.map(|moment| (moment.time, moment.running));
+    let next = player.show_moment(moment, (heard, time.elapsed_secs_f64()), &scene, &mut messages);
     upcoming.set_if_neq(Upcoming(next));
 }
 
@@ -215,19 +217,19 @@ pub(crate) fn hold_levels(following: Res<Following>, mut held: ResMut<Held>) {
 }
 
 /// The only keys: Escape and Ctrl+Q close the window.
-pub(crate) fn leave(keys: Res<ButtonInput<KeyCode>>, mut exit: MessageWriter<AppExit>) {
+pub(crate) fn close_on_keys(keys: Res<ButtonInput<KeyCode>>, mut exit: MessageWriter<AppExit>) {
     if keys.just_pressed(KeyCode::Escape) || (is_control(&keys) && keys.just_pressed(KeyCode::KeyQ)) {
         exit.write(AppExit::Success);
     }
 }
 
 /// Tells the leader how it is here.
-pub(crate) fn report(
+pub(crate) fn report_to_leader(
     mut following: ResMut<Following>,
     clock: Res<FrameClock>,
     statistics: Res<Statistics>,
     converged: Res<Converged>,
-    messages: Res<Messages>,
+    messages: Res<Notices>,
 ) {
     let following = following.bypass_change_detection();
     let new = messages.said().saturating_sub(following.told) as usize;

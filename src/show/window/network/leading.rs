@@ -1,15 +1,15 @@
 //! The leader's side of a show: what is sent of each frame, and what is heard of the followers.
 
 use crate::look::{DatasetRef, SceneError, SceneFile};
-use crate::show::protocol::{Frame, Leader, LeaderEvent, Moment, Ranges, Severity};
+use crate::show::protocol::{Frame, Leader, LeaderEvent, Ranges, Severity, TourTime};
 use crate::tour::TourFile;
 use crate::window::camera::Viewpoint;
 use crate::window::look::Look;
-use crate::window::messages::Messages;
 use crate::window::objects::Objects;
 use crate::window::picture::{DataCamera, Picture};
 use crate::window::scene::{Scene, Settings};
 use crate::window::scene_io::{ShownData, camera_of};
+use crate::window::state::notices::Notices;
 use crate::window::touring::Player;
 use bevy::prelude::*;
 use std::path::{Path, PathBuf};
@@ -38,7 +38,7 @@ impl Leading {
         Leading { leader, data: ShownData::default(), sent: None, tour: None, told_address: false }
     }
 
-    /// Who is led.
+    /// The leader's end of the network, which knows the followers.
     pub fn leader(&self) -> &Leader {
         &self.leader
     }
@@ -49,7 +49,7 @@ impl Leading {
     }
 
     /// Gives the followers all that is shown, where it has changed.
-    fn send_scene(&mut self, scene: &Scene, settings: &Settings, labels: Option<&Path>, messages: &mut Messages) {
+    fn send_scene(&mut self, scene: &Scene, settings: &Settings, labels: Option<&Path>, messages: &mut Notices) {
         if let Some(sent) = &self.sent {
             // The lens goes with the camera.
             let same = Settings { lens: sent.settings.lens, ..settings.clone() } == sent.settings;
@@ -78,7 +78,7 @@ impl Leading {
     }
 
     /// Gives the followers the tour that is open, where it has changed.
-    fn send_tour(&mut self, player: &Player, aspect: f64, messages: &mut Messages) {
+    fn send_tour(&mut self, player: &Player, aspect: f64, messages: &mut Notices) {
         let folder = player.path().and_then(Path::parent).map(Path::to_owned).unwrap_or_default();
         let same = match (&self.tour, player.tour()) {
             (None, None) => true,
@@ -98,7 +98,11 @@ impl Leading {
 }
 
 /// Takes in what followers say, and passes it on to the presenter.
-pub(crate) fn hear(mut leading: ResMut<Leading>, time: Res<Time<Real>>, mut messages: ResMut<Messages>) {
+pub(crate) fn receive_from_followers(
+    mut leading: ResMut<Leading>,
+    time: Res<Time<Real>>,
+    mut messages: ResMut<Notices>,
+) {
     let leading = leading.bypass_change_detection();
     if !std::mem::replace(&mut leading.told_address, true)
         && let Some(address) = leading.leader.address()
@@ -123,7 +127,7 @@ pub(crate) fn hear(mut leading: ResMut<Leading>, time: Res<Time<Real>>, mut mess
 }
 
 /// Sends what this frame shows.
-pub(crate) fn lead(
+pub(crate) fn send_frame(
     mut leading: ResMut<Leading>,
     time: Res<Time<Real>>,
     scene: Option<Res<Scene>>,
@@ -132,7 +136,7 @@ pub(crate) fn lead(
     player: Res<Player>,
     objects: Res<Objects>,
     picture: Res<Picture>,
-    mut messages: ResMut<Messages>,
+    mut messages: ResMut<Notices>,
     camera: Single<&Viewpoint, With<DataCamera>>,
 ) {
     let leading = leading.bypass_change_detection();
@@ -145,7 +149,7 @@ pub(crate) fn lead(
     let is_range = |[low, high]: [f64; 2]| low.is_finite() && high.is_finite() && low <= high;
     let ranges = look.map(|look| Ranges { p: look.levels.p, s: look.levels.s });
     let shows_tour = player.state().is_some() && player.timeline().is_some();
-    let moment = || Moment { time: player.clock().time(now), running: player.clock().is_running() };
+    let moment = || TourTime { time: player.clock().time(now), running: player.clock().is_running() };
     leading.leader.send(Frame {
         number: 0,
         time: now,

@@ -5,17 +5,19 @@ use crate::build::{BuildOptions, build_source};
 use crate::import::LoadOptions;
 use crate::modes;
 use crate::show::protocol::ShowKey;
+use crate::window::adopt::adopt_opened;
 use crate::window::camera::{Anchor, Navigation, Viewpoint};
-use crate::window::messages::Messages;
 use crate::window::objects::Objects;
 use crate::window::open::{Opened, Openings, finish_opening};
 use crate::window::pages::Upcoming;
-use crate::window::panel::{Choices, Closed};
 use crate::window::picture::{DataCamera, Picture};
 use crate::window::preset::Preset;
-use crate::window::scene::{Scene, Settings, adopt_opened};
+use crate::window::scene::{Scene, Settings};
 use crate::window::scene_io::{Bookmarks, SceneFiles};
-use crate::window::shortcuts::Shown;
+use crate::window::state::choices::Choices;
+use crate::window::state::notices::Notices;
+use crate::window::state::panels::Closed;
+use crate::window::state::panels::Shown;
 use crate::window::statistics::{Converged, FrameClock, Statistics};
 use crate::window::touring::{Asked, Player, player};
 use bevy::input::mouse::AccumulatedMouseScroll;
@@ -57,7 +59,7 @@ fn window() -> App {
         .insert_resource(picture)
         .insert_resource(Openings::new(Arc::new(|path, _| Ok(path.to_owned()))))
         .insert_resource(Choices::of_program())
-        .init_resource::<Messages>()
+        .init_resource::<Notices>()
         .init_resource::<Objects>()
         .init_resource::<Player>()
         .init_resource::<Upcoming>()
@@ -73,7 +75,7 @@ fn window() -> App {
         .init_resource::<ButtonInput<MouseButton>>()
         .init_resource::<AccumulatedMouseScroll>()
         .add_message::<Opened>()
-        .add_systems(Update, (finish_opening, adopt_opened, player::play.run_if(not(is_led))).chain());
+        .add_systems(Update, (finish_opening, adopt_opened, player::play_tour.run_if(not(is_led))).chain());
     let mut orbit = PanOrbitCamera::default();
     let anchor = Anchor::adopt(&viewpoint, &mut orbit);
     app.world_mut().spawn((DataCamera, viewpoint, anchor, orbit, Navigation::Orbit));
@@ -109,7 +111,7 @@ fn shown(app: &App) -> u64 {
 }
 
 fn messages(app: &App) -> Vec<String> {
-    app.world().resource::<Messages>().all().map(|message| message.text.clone()).collect()
+    app.world().resource::<Notices>().all().map(|message| message.text.clone()).collect()
 }
 
 /// Leads all to the place of frame `i`, and lets everybody draw a frame.

@@ -3,9 +3,9 @@
 use super::{Bent, OutputWindow, lettering};
 use crate::show::rig::Mask;
 use crate::window::looking::marks::MarkLayer;
-use crate::window::messages::Messages;
 use crate::window::pages::ViewSelection;
 use crate::window::picture::Picture;
+use crate::window::state::notices::Notices;
 use crate::window::touring::Player;
 use bevy::prelude::*;
 use bevy_egui::{EguiContexts, egui};
@@ -16,7 +16,7 @@ pub fn draw_output(
     mut contexts: EguiContexts,
     mut output: ResMut<OutputWindow>,
     mut layer: ResMut<MarkLayer>,
-    (player, mut messages): (Res<Player>, ResMut<Messages>),
+    (player, mut messages): (Res<Player>, ResMut<Notices>),
     picture: Res<Picture>,
     selection: Res<ViewSelection>,
 ) -> Result {

@@ -1,6 +1,6 @@
 //! A window for the audience that shows its output's part of a show: on its monitor, bent and blended as its rig says.
 //!
-//! A follower's camera is the show's ([`super::network`]). [`aim`] turns it to what the output displays, [`drawing`] bends the
+//! A follower's camera is the show's ([`super::network`]). [`aim_picture`] turns it to what the output displays, [`drawing`] bends the
 //! picture and darkens what overlaps with others, [`placing`] keeps the window on its monitor. [`crate::show::supervisor`] opens such
 //! windows for the outputs of this machine, and opens them again when they fail.
 
@@ -11,16 +11,15 @@ mod monitors;
 mod placing;
 
 use crate::show::rig::{Cover, Mesh, Monitor, Output, OutputError, OutputsFile, Projector};
-use crate::view::{Projection, View, ViewError};
+use crate::window::WindowSystems;
 use crate::window::camera::{CameraSystems, Viewpoint};
-use crate::window::messages::Messages;
 use crate::window::picture::{DataCamera, Picture};
+use crate::window::state::aim::Aim;
+use crate::window::state::notices::Notices;
 use bevy::prelude::*;
 use bevy::window::PrimaryWindow;
-use bevy_egui::egui;
+use bevy_egui::{EguiPrimaryContextPass, egui};
 use std::path::{Path, PathBuf};
-
-pub(crate) use drawing::draw_output;
 
 /// What a window displays of the show.
 #[derive(Resource)]
@@ -42,25 +41,6 @@ struct Bent {
     fov_y: f64,
     cover: Cover,
     mesh: Mesh,
-}
-
-/// Where the picture looks from the show's camera.
-#[derive(Resource, Clone, Copy, Debug, PartialEq)]
-pub struct Aim(Cover);
-
-impl Aim {
-    /// The view of the output's picture, from the show's own.
-    ///
-    /// # Errors
-    /// [`ViewError`] for a camera that cannot see anything.
-    pub fn view(&self, show: &View, size: UVec2) -> Result<View, ViewError> {
-        let world = |axis: glam::DVec3| axis.x * show.right + axis.y * show.up + axis.z * show.forward;
-        let [_, up, forward] = self.0.axes.map(world);
-        // A length that is not lost beside the eye's place.
-        let length = show.eye.length().max(1.0);
-        let projection = Projection::Perspective { fov_y: self.0.fov_y };
-        View::look_at(show.eye, show.eye + length * forward, up, projection, size.x, size.y)
-    }
 }
 
 impl OutputWindow {
@@ -88,7 +68,7 @@ impl OutputWindow {
     }
 
     /// Fits the picture to the window's size and the show's field of view.
-    fn fit(&mut self, size: [u32; 2], fov_y: f64, messages: &mut Messages) -> Result<(), OutputError> {
+    fn fit(&mut self, size: [u32; 2], fov_y: f64, messages: &mut Notices) -> Result<(), OutputError> {
         let projector = match self.bent.take() {
             Some(bent) if bent.size == size && (bent.fov_y == fov_y || !bent.projector.is_flat()) => {
                 self.bent = Some(bent);
@@ -116,16 +96,18 @@ impl OutputWindow {
 pub fn add(app: &mut App, window: OutputWindow) {
     app.insert_resource(window)
         .init_resource::<placing::Placed>()
+        .configure_sets(EguiPrimaryContextPass, WindowSystems::LayOut.run_if(not(resource_exists::<OutputWindow>)))
+        .add_systems(EguiPrimaryContextPass, drawing::draw_output)
         .add_systems(Update, placing::place_window)
-        .add_systems(PostUpdate, aim.after(CameraSystems::Settle));
+        .add_systems(PostUpdate, aim_picture.after(CameraSystems::Settle));
 }
 
 /// Turns the picture to what the output displays.
-fn aim(
+fn aim_picture(
     mut commands: Commands,
     mut output: ResMut<OutputWindow>,
     mut picture: ResMut<Picture>,
-    mut messages: ResMut<Messages>,
+    mut messages: ResMut<Notices>,
     known: Option<Res<Aim>>,
     windows: Query<&Window, With<PrimaryWindow>>,
     camera: Single<&Viewpoint, With<DataCamera>>,
@@ -143,7 +125,7 @@ fn aim(
     }
     output.told = None;
     let Some(bent) = &output.bent else { return };
-    let aim = Aim(bent.cover);
+    let aim = Aim { axes: bent.cover.axes, fov_y: bent.cover.fov_y };
     if known.is_none_or(|known| *known != aim) {
         commands.insert_resource(aim);
     }

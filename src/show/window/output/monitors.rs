@@ -1,7 +1,7 @@
 //! The monitors of an X server as they are now. The window's own list is renewed only where the whole desktop changes its size, not
 //! where a monitor in its middle is unplugged.
 
-use super::placing::Place;
+use super::placing::MonitorPlace;
 use bevy::math::{IVec2, UVec2};
 use x11rb::connection::Connection;
 use x11rb::protocol::randr::ConnectionExt as _;
@@ -24,11 +24,11 @@ impl Server {
     }
 
     /// Its monitors, in its order; `None` where it does not say.
-    pub fn places(&self) -> Option<Vec<Place>> {
+    pub fn places(&self) -> Option<Vec<MonitorPlace>> {
         let monitors = self.connection.randr_get_monitors(self.root, true).ok()?.reply().ok()?.monitors;
         let place = |monitor: &x11rb::protocol::randr::MonitorInfo| {
             let name = self.connection.get_atom_name(monitor.name).ok()?.reply().ok()?.name;
-            Some(Place {
+            Some(MonitorPlace {
                 name: String::from_utf8_lossy(&name).into_owned(),
                 corner: IVec2::new(monitor.x.into(), monitor.y.into()),
                 size: UVec2::new(monitor.width.into(), monitor.height.into()),

@@ -6,7 +6,7 @@
 
 use super::{OutputWindow, monitor_name};
 use crate::show::rig::{Monitor as Wanted, Output};
-use crate::window::messages::Messages;
+use crate::window::state::notices::Notices;
 use bevy::ecs::system::NonSendMarker;
 use bevy::prelude::*;
 use bevy::window::{Monitor, MonitorSelection, PrimaryWindow, WindowMode, WindowPosition};
@@ -20,7 +20,7 @@ const PATIENCE: u32 = 3;
 
 /// A monitor as it is now.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Place {
+pub(crate) struct MonitorPlace {
     pub name: String,
     pub corner: IVec2,
     pub size: UVec2,
@@ -64,7 +64,7 @@ pub(crate) struct Placed {
 impl Placed {
     /// The monitors that there are: as the window says, or better.
     #[cfg(target_os = "linux")]
-    fn places(&mut self, said: Vec<Place>, is_x11: bool) -> Vec<Place> {
+    fn places(&mut self, said: Vec<MonitorPlace>, is_x11: bool) -> Vec<MonitorPlace> {
         if !is_x11 {
             return said;
         }
@@ -74,13 +74,13 @@ impl Placed {
 
     /// The monitors that there are.
     #[cfg(not(target_os = "linux"))]
-    fn places(&mut self, said: Vec<Place>, _is_x11: bool) -> Vec<Place> {
+    fn places(&mut self, said: Vec<MonitorPlace>, _is_x11: bool) -> Vec<MonitorPlace> {
         said
     }
 }
 
 /// Where an output's window is to be, and the name of its monitor.
-fn goal(output: &Output, known: Option<&str>, places: &[Place]) -> (Goal, Option<String>) {
+fn goal(output: &Output, known: Option<&str>, places: &[MonitorPlace]) -> (Goal, Option<String>) {
     let place = match (&output.monitor, known) {
         (None, _) => None,
         (Some(_), Some(name)) => Some(places.iter().find(|place| place.name == name)),
@@ -102,10 +102,10 @@ fn goal(output: &Output, known: Option<&str>, places: &[Place]) -> (Goal, Option
 }
 
 /// The monitors that there are, and where the window is if the system says so.
-fn look(window: Entity) -> Option<(Vec<Place>, Option<Area>)> {
+fn look(window: Entity) -> Option<(Vec<MonitorPlace>, Option<Area>)> {
     WINIT_WINDOWS.with_borrow(|windows| {
         let window = windows.get_window(window)?;
-        let place = |(name, corner, size): (Option<String>, (i32, i32), (u32, u32))| Place {
+        let place = |(name, corner, size): (Option<String>, (i32, i32), (u32, u32))| MonitorPlace {
             name: name.unwrap_or_default(),
             corner: corner.into(),
             size: size.into(),
@@ -122,7 +122,7 @@ fn look(window: Entity) -> Option<(Vec<Place>, Option<Area>)> {
 pub(crate) fn place_window(
     output: Res<OutputWindow>,
     mut placed: ResMut<Placed>,
-    mut messages: ResMut<Messages>,
+    mut messages: ResMut<Notices>,
     time: Res<Time<Real>>,
     monitors: Query<(Entity, &Monitor)>,
     mut windows: Query<(Entity, &mut Window), With<PrimaryWindow>>,
@@ -192,7 +192,7 @@ fn put(window: &mut Window, area: Area) {
 }
 
 /// Says that the window's monitor is not there.
-fn tell(output: &Output, was_there: bool, places: &[Place], messages: &mut Messages) {
+fn tell(output: &Output, was_there: bool, places: &[MonitorPlace], messages: &mut Notices) {
     let wanted = output.monitor.as_ref().map(monitor_name).unwrap_or_default();
     let there: Vec<String> =
         places.iter().enumerate().map(|(i, place)| format!("{} {}", i + 1, place.name).trim().to_owned()).collect();
@@ -213,8 +213,8 @@ mod tests {
         Output { name: "a".into(), monitor, window, shows, warp: None, blend: None, blend_gamma: 1.0 }
     }
 
-    fn place(name: &str, left: i32) -> Place {
-        Place { name: name.into(), corner: IVec2::new(left, 0), size: UVec2::new(640, 480) }
+    fn place(name: &str, left: i32) -> MonitorPlace {
+        MonitorPlace { name: name.into(), corner: IVec2::new(left, 0), size: UVec2::new(640, 480) }
     }
 
     #[test]

@@ -4,8 +4,8 @@
 pub mod resume;
 
 use crate::show::supervisor::{Line, RunFolder, line};
-use crate::window::messages::Messages;
-use crate::window::scene::adopt_opened;
+use crate::window::adopt::adopt_opened;
+use crate::window::state::notices::Notices;
 use crate::window::touring::player;
 use bevy::prelude::*;
 use std::sync::mpsc::{Receiver, TryRecvError};
@@ -38,18 +38,20 @@ impl Supervised {
 /// Lets a window be kept open; one that shows something `of_its_own` goes on where the one before it was.
 pub fn add(app: &mut App, folder: RunFolder, of_its_own: bool, went_on: Option<resume::State>) {
     let lines = line::hear(std::io::BufReader::new(std::io::stdin()), || std::process::exit(0));
-    app.insert_resource(Supervised::new(folder, lines)).add_systems(PreUpdate, heed).add_systems(Last, tell_shown);
+    app.insert_resource(Supervised::new(folder, lines))
+        .add_systems(PreUpdate, receive_lines)
+        .add_systems(Last, report_shown);
     if of_its_own {
-        app.insert_resource(resume::Keeping::default()).add_systems(Last, resume::keep);
+        app.insert_resource(resume::Keeping::default()).add_systems(Last, resume::keep_state);
     }
     if let Some(state) = went_on {
         app.insert_resource(resume::GoingOn(state))
-            .add_systems(Update, resume::go_on.after(adopt_opened).before(player::take_keys));
+            .add_systems(Update, resume::restore_state.after(adopt_opened).before(player::take_keys));
     }
 }
 
 /// Takes in what is said; ends the window where nobody is there any more.
-fn heed(mut supervised: ResMut<Supervised>, mut messages: ResMut<Messages>, mut exit: MessageWriter<AppExit>) {
+fn receive_lines(mut supervised: ResMut<Supervised>, mut messages: ResMut<Notices>, mut exit: MessageWriter<AppExit>) {
     let supervised = supervised.bypass_change_detection();
     let lines = supervised.lines.get_mut().unwrap_or_else(PoisonError::into_inner);
     loop {
@@ -71,7 +73,7 @@ fn heed(mut supervised: ResMut<Supervised>, mut messages: ResMut<Messages>, mut 
 }
 
 /// Says, once, that the window can be seen.
-fn tell_shown(mut supervised: ResMut<Supervised>, mut messages: ResMut<Messages>) {
+fn report_shown(mut supervised: ResMut<Supervised>, mut messages: ResMut<Notices>) {
     let supervised = supervised.bypass_change_detection();
     supervised.frames = supervised.frames.saturating_add(1);
     if supervised.frames == SEEN
@@ -92,10 +94,10 @@ mod tests {
         let (sender, lines) = channel();
         let mut app = App::new();
         app.add_plugins(MinimalPlugins)
-            .init_resource::<Messages>()
+            .init_resource::<Notices>()
             .insert_resource(Supervised::new(RunFolder::at(folder.path()), lines))
-            .add_systems(PreUpdate, heed)
-            .add_systems(Last, tell_shown);
+            .add_systems(PreUpdate, receive_lines)
+            .add_systems(Last, report_shown);
         let output = |process| Line::Output { name: "left".into(), process };
         for line in [output(None), Line::Said("left: its window has ended".into()), output(Some(7))] {
             sender.send(line).unwrap();
@@ -103,7 +105,7 @@ mod tests {
         let shown = || std::fs::read_dir(folder.path()).unwrap().count();
         app.update();
         assert_eq!(app.world().resource::<Supervised>().outputs().collect::<Vec<_>>(), [("left", 7)]);
-        assert_eq!(app.world().resource::<Messages>().all().count(), 1);
+        assert_eq!(app.world().resource::<Notices>().all().count(), 1);
         assert_eq!((shown(), app.should_exit()), (0, None));
         (0..SEEN).for_each(|_| app.update());
         assert_eq!((shown(), app.should_exit()), (1, None));

@@ -6,11 +6,12 @@ use crate::model::{new_file, ron_file};
 use crate::show::supervisor::RunFolder;
 use crate::tour::TourFile;
 use crate::window::camera::Viewpoint;
-use crate::window::messages::Messages;
 use crate::window::picture::{DataCamera, Picture};
 use crate::window::scene::{Scene, Settings};
 use crate::window::scene_io::{SceneParts, ShownData, scene_file};
 use crate::window::shortcuts::FULLSCREEN;
+use crate::window::state::notices::Notices;
+use crate::window::touring::clock::ClockState;
 use crate::window::touring::{Asked, Player};
 use bevy::prelude::*;
 use bevy::tasks::{IoTaskPool, Task, futures::check_ready};
@@ -33,7 +34,7 @@ pub struct State {
     /// Where the scene is saved by its user.
     saves_to: Option<PathBuf>,
     tour: Option<TourState>,
-    window: Option<Place>,
+    window: Option<WindowPlace>,
 }
 
 /// The open tour.
@@ -44,25 +45,13 @@ struct TourState {
     path: Option<PathBuf>,
     edited: bool,
     /// Where it is; `None` while it shows nothing.
-    moment: Option<Moment>,
-}
-
-/// Where a tour is.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Moment {
-    /// Seconds of the tour.
-    pub time: f64,
-    /// Whether it runs.
-    pub running: bool,
-    /// The keyframe that waits for the presenter.
-    pub waiting: Option<usize>,
+    moment: Option<ClockState>,
 }
 
 /// Where a window is, physical pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Place {
+struct WindowPlace {
     position: Option<(i32, i32)>,
     size: (u32, u32),
     fullscreen: bool,
@@ -95,14 +84,14 @@ fn now() -> f64 {
 }
 
 /// Keeps what is shown, where it has changed.
-pub(crate) fn keep(
+pub(crate) fn keep_state(
     mut keeping: ResMut<Keeping>,
     supervised: Res<Supervised>,
     going_on: Option<Res<GoingOn>>,
     (time, scene): (Res<Time<Real>>, Option<Res<Scene>>),
     (settings, picture, player): (Res<Settings>, Res<Picture>, Res<Player>),
     parts: SceneParts,
-    mut messages: ResMut<Messages>,
+    mut messages: ResMut<Notices>,
     windows: Query<&Window, With<PrimaryWindow>>,
     camera: Single<&Viewpoint, With<DataCamera>>,
 ) {
@@ -121,7 +110,7 @@ pub(crate) fn keep(
     keeping.next = time.elapsed() + INTERVAL;
     let moment = player.state().map(|_| {
         let clock = player.clock();
-        Moment { time: clock.time(time.elapsed_secs_f64()), running: clock.is_running(), waiting: clock.waiting() }
+        ClockState { time: clock.time(time.elapsed_secs_f64()), running: clock.is_running(), waiting: clock.waiting() }
     });
     let tour = player.tour().map(|tour| TourState {
         text: tour.to_ron(),
@@ -135,7 +124,7 @@ pub(crate) fn keep(
         at: now(),
         saves_to: parts.saves_to().map(|path| std::path::absolute(path).unwrap_or_else(|_| path.to_owned())),
         tour,
-        window: windows.single().ok().map(place_of),
+        window: windows.single().ok().map(window_place),
     };
     let Ok(text) = file.text(&path) else { return };
     let same = keeping.kept.as_ref().is_some_and(|kept| State { at: state.at, ..kept.clone() } == state);
@@ -153,8 +142,8 @@ pub(crate) fn keep(
     }));
 }
 
-fn place_of(window: &Window) -> Place {
-    Place {
+fn window_place(window: &Window) -> WindowPlace {
+    WindowPlace {
         position: match window.position {
             WindowPosition::At(at) => Some((at.x, at.y)),
             _ => None,
@@ -165,7 +154,7 @@ fn place_of(window: &Window) -> Place {
 }
 
 /// Goes on, as soon as the data is there.
-pub(crate) fn go_on(
+pub(crate) fn restore_state(
     mut commands: Commands,
     going_on: Option<Res<GoingOn>>,
     scene: Option<Res<Scene>>,
@@ -191,7 +180,7 @@ pub(crate) fn go_on(
     player.restore(file, tour.path.clone(), tour.edited);
     if let Some(moment) = tour.moment {
         let gap = if moment.running { (now() - state.at).clamp(0.0, LONGEST_GAP) } else { 0.0 };
-        player.ask(Asked::GoOn(Moment { time: moment.time + gap, ..moment }));
+        player.ask(Asked::GoOn(ClockState { time: moment.time + gap, ..moment }));
     }
 }
 
@@ -204,12 +193,12 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let folder = RunFolder::at(folder.path());
         assert!(State::read(&folder).is_none());
-        let moment = Moment { time: 3.25, running: true, waiting: None };
+        let moment = ClockState { time: 3.25, running: true, waiting: None };
         let state = State {
             at: 1.5e9,
             saves_to: Some("/data/box.scene.ron".into()),
             tour: Some(TourState { text: "(version: 1)".into(), path: None, edited: true, moment: Some(moment) }),
-            window: Some(Place { position: Some((-3, 40)), size: (800, 600), fullscreen: false }),
+            window: Some(WindowPlace { position: Some((-3, 40)), size: (800, 600), fullscreen: false }),
         };
         std::fs::write(folder.state(), ron::to_string(&state).unwrap()).unwrap();
         assert_eq!(State::read(&folder), Some((state, folder.scene())));

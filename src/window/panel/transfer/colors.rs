@@ -1,7 +1,8 @@
 //! The colour map: chosen from a list with swatches, reversed, or made of stops of one's own.
 
 use crate::color::colormap::{ColorMap, HexColor, MOST_STOPS, Stop};
-use crate::window::panel::{Choices, theme};
+use crate::window::state::choices::Choices;
+use crate::window::theme;
 use bevy_egui::egui::{DragValue, Sense, Ui, vec2};
 
 /// Stops that a map begins with when it is taken apart.

@@ -4,7 +4,7 @@
 use super::curve_edit::{self, CurveEdit};
 use super::plot::{Gesture, Plot};
 use crate::color::transfer::{Curve, Scale};
-use crate::window::panel::theme;
+use crate::window::theme;
 use bevy_egui::egui::{self, Color32, DragValue, Rect, RichText, Ui};
 
 /// What a curve is drawn over.

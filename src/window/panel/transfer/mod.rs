@@ -10,7 +10,7 @@ mod plane_view;
 mod plot;
 mod presets;
 
-use super::histogram::{Histogram, RangeEdit, range_editor};
+use super::histogram::{RangeEdit, range_editor};
 use super::{Choices, theme};
 use crate::annotate::LegendAxis;
 use crate::color::transfer::{Curve, Range, Scale};
@@ -18,6 +18,7 @@ use crate::store::Metadata;
 use crate::window::exposure::Exposure;
 use crate::window::look::Look;
 use crate::window::scene::Settings;
+use crate::window::state::histogram::AxisHistogram;
 use crate::window::transfer_presets::TransferPresets;
 use bevy_egui::egui::{self, Color32, DragValue, RichText, Ui, vec2};
 use curve_view::Backdrop;
@@ -81,7 +82,7 @@ pub fn show(ui: &mut Ui, shown: &Shown<'_>, presets: &mut TransferPresets, setti
         }
         return;
     }
-    let volume = look.depiction.mode.painter().is_some();
+    let volume = look.depiction.mode.is_light();
     let range = look.levels.p;
     let counts = exposure
         .brightness
@@ -120,7 +121,7 @@ fn range(
     id: &str,
     axis: &LegendAxis,
     scale: &mut Scale,
-    histogram: Option<&Histogram>,
+    histogram: Option<&AxisHistogram>,
     in_use: [f64; 2],
     chosen: &mut Range,
     color: impl Fn(f32) -> Color32,
@@ -153,7 +154,7 @@ fn range(
     if let Some(histogram) = histogram {
         // A range that reaches out of the data widens the axis, so that both ends can be taken hold of.
         let [low, high] = histogram.span;
-        let wide = Histogram { span: [low.min(shown[0]), high.max(shown[1])], ..histogram.clone() };
+        let wide = AxisHistogram { span: [low.min(shown[0]), high.max(shown[1])], ..histogram.clone() };
         let axis = if wide.span == histogram.span { histogram.clone() } else { wide.spread_from(histogram) };
         match range_editor(ui, id, &axis, shown, color) {
             Some(RangeEdit::Set([low, high])) if low < high => *chosen = Range::Fixed(low, high),

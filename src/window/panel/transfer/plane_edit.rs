@@ -14,7 +14,7 @@ const OUT: f32 = 0.2;
 
 /// Which part of a region the pointer holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Part {
+pub enum RegionPart {
     /// Its middle.
     Middle,
     /// The right end of its rim: its width.
@@ -26,18 +26,22 @@ pub enum Part {
 /// What is being dragged: which part of which region, and the plane as it was.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PlaneEdit {
-    held: Option<(usize, Part, Plane)>,
+    held: Option<(usize, RegionPart, Plane)>,
 }
 
 /// Where the parts of a region are.
-pub fn handles(region: &Region) -> [(Part, At); 3] {
+pub fn handles(region: &Region) -> [(RegionPart, At); 3] {
     let ((p, s), (width, height)) = (region.at, region.radius);
     // A rim outside of the plot is taken hold of at the plot's edge.
-    [(Part::Middle, (p, s)), (Part::Width, ((p + width).min(1.0), s)), (Part::Height, (p, (s + height).min(1.0)))]
+    [
+        (RegionPart::Middle, (p, s)),
+        (RegionPart::Width, ((p + width).min(1.0), s)),
+        (RegionPart::Height, (p, (s + height).min(1.0))),
+    ]
 }
 
 /// The part nearest to a place, of those within `reach`; of several regions at one place the uppermost.
-pub fn nearest(plane: &Plane, at: At, reach: At) -> Option<(usize, Part)> {
+pub fn nearest(plane: &Plane, at: At, reach: At) -> Option<(usize, RegionPart)> {
     let distance = |point: At| ((point.0 - at.0) / reach.0).hypot((point.1 - at.1) / reach.1);
     let parts = plane
         .regions
@@ -72,7 +76,7 @@ pub fn remove(plane: &Plane, index: usize) -> Option<Plane> {
 
 impl PlaneEdit {
     /// Takes hold of a part of a region.
-    pub fn grab(&mut self, plane: &Plane, (index, part): (usize, Part)) {
+    pub fn grab(&mut self, plane: &Plane, (index, part): (usize, RegionPart)) {
         if index < plane.regions.len() {
             self.held = Some((index, part, plane.clone()));
         }
@@ -89,10 +93,10 @@ impl PlaneEdit {
         let region = plane.regions.get_mut(*index)?;
         let out = [p, s].iter().any(|x| !(-OUT..=1.0 + OUT).contains(x));
         match part {
-            Part::Middle if out => return remove(&plane, *index),
-            Part::Middle => region.at = (p.clamp(0.0, 1.0), s.clamp(0.0, 1.0)),
-            Part::Width => region.radius.0 = (p - region.at.0).abs().clamp(SMALLEST, 2.0),
-            Part::Height => region.radius.1 = (s - region.at.1).abs().clamp(SMALLEST, 2.0),
+            RegionPart::Middle if out => return remove(&plane, *index),
+            RegionPart::Middle => region.at = (p.clamp(0.0, 1.0), s.clamp(0.0, 1.0)),
+            RegionPart::Width => region.radius.0 = (p - region.at.0).abs().clamp(SMALLEST, 2.0),
+            RegionPart::Height => region.radius.1 = (s - region.at.1).abs().clamp(SMALLEST, 2.0),
         }
         Some(plane)
     }
@@ -118,15 +122,15 @@ mod tests {
     fn regions_are_added_moved_resized_and_removed() {
         let (plane, index) = add(&Plane::default(), (0.5, 0.5)).unwrap();
         assert_eq!((index, plane.regions[0].at), (0, (0.5, 0.5)));
-        assert_eq!(nearest(&plane, (0.51, 0.5), (0.03, 0.03)), Some((0, Part::Middle)));
-        assert_eq!(nearest(&plane, (0.64, 0.5), (0.03, 0.03)), Some((0, Part::Width)));
-        assert_eq!(nearest(&plane, (0.5, 0.7), (0.03, 0.03)), Some((0, Part::Height)));
+        assert_eq!(nearest(&plane, (0.51, 0.5), (0.03, 0.03)), Some((0, RegionPart::Middle)));
+        assert_eq!(nearest(&plane, (0.64, 0.5), (0.03, 0.03)), Some((0, RegionPart::Width)));
+        assert_eq!(nearest(&plane, (0.5, 0.7), (0.03, 0.03)), Some((0, RegionPart::Height)));
         assert_eq!(nearest(&plane, (0.1, 0.1), (0.03, 0.03)), None);
         let mut edit = PlaneEdit::default();
-        edit.grab(&plane, (0, Part::Width));
+        edit.grab(&plane, (0, RegionPart::Width));
         let wide = edit.drag((0.9, 0.1)).unwrap();
         assert!((wide.regions[0].radius.0 - 0.4).abs() < 1e-6 && wide.regions[0].radius.1 == NEW.1);
-        edit.grab(&plane, (0, Part::Middle));
+        edit.grab(&plane, (0, RegionPart::Middle));
         assert_eq!(edit.drag((0.2, 1.1)).unwrap().regions[0].at, (0.2, 1.0));
         assert!(edit.drag((0.2, 1.5)).unwrap().regions.is_empty());
         assert_eq!(edit.drag((0.5, 0.5)).unwrap(), plane);
@@ -141,7 +145,7 @@ mod tests {
         fn whatever_is_done_it_can_be_written_and_read(
             steps in proptest::collection::vec((0..4u8, -0.6..1.6f32, -0.6..1.6f32, 0..5usize, 0..3usize), 1..40)
         ) {
-            let parts = [Part::Middle, Part::Width, Part::Height];
+            let parts = [RegionPart::Middle, RegionPart::Width, RegionPart::Height];
             let (mut plane, mut edit) = (Plane::default(), PlaneEdit::default());
             for (what, x, y, index, part) in steps {
                 let next = match what {

@@ -5,7 +5,7 @@ use super::plot::{Gesture, Plot};
 use crate::color::colormap::HexColor;
 use crate::color::transfer::{MOST_FACTOR, Plane, Region};
 use crate::window::exposure::Joint;
-use crate::window::panel::theme;
+use crate::window::theme;
 use bevy_egui::egui::{self, Color32, DragValue, RichText, Stroke, Ui};
 
 /// Height of the plot, logical pixels.
@@ -105,7 +105,7 @@ fn draw_region(plot: &Plot, region: &Region, chosen: bool) {
         Color32::TRANSPARENT,
     );
     for (part, at) in plane_edit::handles(region) {
-        plot.handle(at, if part == plane_edit::Part::Middle { 4.5 } else { 3.0 }, chosen);
+        plot.handle(at, if part == plane_edit::RegionPart::Middle { 4.5 } else { 3.0 }, chosen);
     }
 }
 

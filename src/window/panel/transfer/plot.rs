@@ -1,6 +1,6 @@
 //! A plot of places from 0 to 1 in both directions: where it is in the window, what is under the pointer.
 
-use crate::window::panel::theme;
+use crate::window::theme;
 use bevy_egui::egui::{self, Color32, Pos2, Rect, Response, Sense, Stroke, Ui, Vec2, pos2, vec2};
 
 /// A place: to the right, up.

@@ -1,7 +1,7 @@
 //! Presets: chosen by name, and written back to their files.
 
-use crate::window::panel::theme;
 use crate::window::scene::Settings;
+use crate::window::theme;
 use crate::window::transfer_presets::TransferPresets;
 use bevy_egui::egui::{ComboBox, TextEdit, Ui};
 

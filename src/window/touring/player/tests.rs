@@ -59,9 +59,9 @@ impl Window {
             .init_resource::<AccumulatedMouseScroll>()
             .init_resource::<PointerOwner>()
             .init_resource::<Upcoming>()
-            .init_resource::<Messages>()
+            .init_resource::<Notices>()
             .init_resource::<Player>()
-            .add_systems(Update, (take_keys, play).chain());
+            .add_systems(Update, (take_keys, play_tour).chain());
         let viewpoint =
             Viewpoint { eye: DVec3::new(25.0, 25.0, 150.0), target: DVec3::splat(25.0), up: DVec3::Y, fov_y: 0.7 };
         let mut orbit = PanOrbitCamera::default();
@@ -244,6 +244,6 @@ fn settings_follow_the_tour() {
     window.ask(Asked::Open("/nowhere/a.tour.ron".into()));
     assert!(window.player().tour().is_some());
     let messages: Vec<String> =
-        window.app.world().resource::<Messages>().all().map(|message| message.text.clone()).collect();
+        window.app.world().resource::<Notices>().all().map(|message| message.text.clone()).collect();
     assert!(messages.iter().any(|text| text.contains("/nowhere/a.tour.ron")), "{messages:?}");
 }

@@ -1,13 +1,13 @@
 //! Bookmarks: viewpoints on the number keys. Ctrl and a digit keeps the present one, the digit alone flies back to it.
 
-use super::{Flight, Navigation, Viewpoint};
+use super::camera::{Flight, Navigation, Viewpoint};
 use crate::look::Bookmark;
 use crate::window::input::{PointerOwner, is_control};
-use crate::window::messages::Messages;
 use crate::window::picture::DataCamera;
 use crate::window::preset::Preset;
 use crate::window::scene::{Scene, Settings};
 use crate::window::scene_io::{Bookmarks, camera_of, viewpoint_of};
+use crate::window::state::notices::Notices;
 use bevy::prelude::*;
 
 /// The number keys, 0 first.
@@ -54,7 +54,7 @@ pub enum BookmarkAction {
 }
 
 /// Carries out what the number keys and the panel ask for.
-pub(in crate::window) fn run_bookmarks(
+pub(super) fn run_bookmarks(
     mut commands: Commands,
     keys: Res<ButtonInput<KeyCode>>,
     owner: Res<PointerOwner>,
@@ -63,7 +63,7 @@ pub(in crate::window) fn run_bookmarks(
     mut settings: ResMut<Settings>,
     mut asked: ResMut<AskedBookmark>,
     mut bookmarks: ResMut<Bookmarks>,
-    mut messages: ResMut<Messages>,
+    mut messages: ResMut<Notices>,
     camera: Single<(Entity, &Viewpoint, &mut Navigation), With<DataCamera>>,
 ) {
     let pressed = DIGITS.iter().position(|key| keys.just_pressed(*key)).filter(|_| owner.keyboard_is_free());

@@ -4,14 +4,14 @@ use crate::window::statistics::ActiveBackend;
 use bevy::prelude::*;
 
 /// Time that a volume's picture in motion may take where the preset says none, milliseconds.
-pub(in crate::window) const MOVING_MS: f64 = 50.0;
+pub(crate) const MOVING_MS: f64 = 50.0;
 /// Particles that a volume in motion takes at most, drawn by the processor and by an adapter.
 const MOVING_PARTICLES: [u64; 2] = [200_000, 4_000_000];
 /// Longest side of the picture that is drawn only to measure the exposure, pixels.
 const SKETCH: u32 = 320;
 
 /// The size of the picture to draw now; `strained`: there is no time for all particles.
-pub(in crate::window) fn drawing_size(full: UVec2, strained: bool, backend: ActiveBackend, fixed_discs: bool) -> UVec2 {
+pub(crate) fn drawing_size(full: UVec2, strained: bool, backend: ActiveBackend, fixed_discs: bool) -> UVec2 {
     let shrink = match backend {
         // Discs of a fixed number of pixels would cover another share of a smaller picture.
         _ if fixed_discs => 1,
@@ -24,7 +24,7 @@ pub(in crate::window) fn drawing_size(full: UVec2, strained: bool, backend: Acti
 
 /// The size of a volume's picture in motion, from the size and milliseconds of the last one: a volume has as many cells as
 /// the cube of a side. A quarter at least.
-pub(in crate::window) fn moving_size(full: UVec2, last: Option<(UVec2, f64)>, budget: f64) -> UVec2 {
+pub(crate) fn moving_size(full: UVec2, last: Option<(UVec2, f64)>, budget: f64) -> UVec2 {
     let shrink = last.map_or(4.0, |(size, milliseconds)| {
         let sides = f64::from(full.max_element()) / f64::from(size.max_element().max(1));
         (milliseconds / budget).cbrt() * sides
@@ -35,7 +35,7 @@ pub(in crate::window) fn moving_size(full: UVec2, last: Option<(UVec2, f64)>, bu
 }
 
 /// How many particles a volume's picture may take of so many in the view: all at rest.
-pub(in crate::window) fn volume_limit(moving: bool, on_adapter: bool, particles: u64) -> u64 {
+pub(crate) fn volume_limit(moving: bool, on_adapter: bool, particles: u64) -> u64 {
     let most = MOVING_PARTICLES[usize::from(on_adapter)];
     if moving && particles > most { most } else { u64::MAX }
 }

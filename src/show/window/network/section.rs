@@ -1,27 +1,54 @@
 //! The section about the followers of a show that this window leads.
 
-use super::{Dock, PanelState, Section, theme};
+use super::Leading;
 use crate::annotate::number;
 use crate::show::protocol::FollowerInfo;
+use crate::window::panel::{PanelState, Section, SectionData};
+use crate::window::state::panels::Dock;
+use crate::window::theme;
+use bevy::prelude::*;
 use bevy_egui::egui::{self, Color32, RichText, Ui};
+use std::net::SocketAddr;
 use std::time::Duration;
 
 /// The section.
-pub static SECTION: Section =
-    Section { name: "show", title: "Show", dock: Dock::Right, applies: |state| state.leading.is_some(), show };
+pub static SECTION: Section = Section {
+    name: "show",
+    title: "Show",
+    dock: Dock::Right,
+    applies: |state| state.data.get::<Led>().is_some(),
+    show,
+};
+
+/// What the section shows, and what it asks for.
+struct Led {
+    address: Option<SocketAddr>,
+    followers: Vec<FollowerInfo>,
+    /// A follower to be forgotten.
+    forget: Option<String>,
+}
+
+/// Tells the section who follows, and forgets whom the user wants to be forgotten.
+pub(super) fn update_section(mut leading: ResMut<Leading>, mut data: ResMut<SectionData>) {
+    let leading = leading.bypass_change_detection();
+    if let Some(name) = data.get_mut::<Led>().and_then(|led| led.forget.take()) {
+        leading.forget(&name);
+    }
+    let leader = leading.leader();
+    data.put(Led { address: leader.address(), followers: leader.followers().to_vec(), forget: None });
+}
 
 fn show(ui: &mut Ui, state: &mut PanelState<'_, '_>) {
-    let Some(leading) = &mut state.leading else { return };
     let now = state.time.elapsed();
-    let leader = leading.leader();
-    let address = leader.address().map_or_else(String::new, |address| address.to_string());
+    let Some(led) = state.data.get_mut::<Led>() else { return };
+    let address = led.address.map_or_else(String::new, |address| address.to_string());
     theme::fact(ui, "Leads at", address)
         .on_hover_text("Followers: deepfield view --follow ADDRESS:PORT --show-key FILE");
-    if leader.followers().is_empty() {
+    if led.followers.is_empty() {
         ui.label(RichText::new("Nobody follows yet.").size(12.0).color(theme::LABEL));
     }
     let mut forget = None;
-    for (row, follower) in leader.followers().iter().enumerate() {
+    for (row, follower) in led.followers.iter().enumerate() {
         let (text, color) = words(follower, now);
         theme::row(ui, &follower.name, |ui| {
             if !follower.is_here && theme::button(ui, &format!("show:{row}:forget"), "\u{d7}", true, "Forget it") {
@@ -43,9 +70,7 @@ fn show(ui: &mut Ui, state: &mut PanelState<'_, '_>) {
             ui.add(egui::Label::new(RichText::new(warning).size(12.0).color(theme::BAD)).wrap());
         }
     }
-    if let Some(name) = forget {
-        leading.forget(&name);
-    }
+    led.forget = forget;
 }
 
 /// How a follower is, and the colour of that.

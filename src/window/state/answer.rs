@@ -1,7 +1,7 @@
 //! Answers that take their time: worked out on a thread of their own, with progress, and stopped when nobody waits any more.
 
 use crate::explore::Work;
-use crate::window::open::SharedProgress;
+use crate::window::state::progress::SharedProgress;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::sync::{Arc, Mutex, PoisonError};

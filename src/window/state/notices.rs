@@ -14,7 +14,7 @@ pub enum Severity {
 
 /// One message.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Message {
+pub struct Notice {
     /// How bad it is.
     pub severity: Severity,
     /// The text, one sentence.
@@ -25,8 +25,8 @@ pub struct Message {
 
 /// The latest messages, oldest first.
 #[derive(Resource, Clone, Debug, Default)]
-pub struct Messages {
-    list: VecDeque<Message>,
+pub struct Notices {
+    list: VecDeque<Notice>,
     said: u64,
     now_secs: f64,
 }
@@ -34,7 +34,7 @@ pub struct Messages {
 /// How many messages are kept.
 const KEPT: usize = 1000;
 
-impl Messages {
+impl Notices {
     /// Says something good to know.
     pub fn info(&mut self, text: impl Into<String>) {
         self.push(Severity::Info, text.into());
@@ -51,14 +51,14 @@ impl Messages {
             Severity::Error => warn!("{text}"),
         }
         self.said += 1;
-        self.list.push_back(Message { severity, text, at_secs: self.now_secs });
+        self.list.push_back(Notice { severity, text, at_secs: self.now_secs });
         if self.list.len() > KEPT {
             self.list.pop_front();
         }
     }
 
     /// All that is kept, oldest first.
-    pub fn all(&self) -> impl DoubleEndedIterator<Item = &Message> {
+    pub fn all(&self) -> impl DoubleEndedIterator<Item = &Notice> {
         self.list.iter()
     }
 
@@ -68,13 +68,13 @@ impl Messages {
     }
 
     /// Seconds since a message was said.
-    pub fn age_secs(&self, message: &Message) -> f64 {
+    pub fn age_secs(&self, message: &Notice) -> f64 {
         self.now_secs - message.at_secs
     }
 }
 
 /// Keeps the clock by which messages age.
-pub(super) fn advance_messages(time: Res<Time<Real>>, mut messages: ResMut<Messages>) {
+pub(crate) fn advance_notices(time: Res<Time<Real>>, mut messages: ResMut<Notices>) {
     messages.bypass_change_detection().now_secs = time.elapsed_secs_f64();
 }
 
@@ -84,7 +84,7 @@ mod tests {
 
     #[test]
     fn old_messages_make_room() {
-        let mut messages = Messages::default();
+        let mut messages = Notices::default();
         for i in 0..KEPT + 5 {
             messages.error(format!("{i}"));
         }

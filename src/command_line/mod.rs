@@ -1,0 +1,8 @@
+//! What commands share: how arguments are parsed, progress in a terminal, and the cache of page files.
+
+pub mod arguments;
+pub mod cache;
+pub mod progress_bar;
+
+/// What a command ends with: nothing, or an error whose text names the file and the cause.
+pub type CommandResult = Result<(), Box<dyn std::error::Error + Send + Sync>>;

@@ -1,0 +1,154 @@
+//! Files that are dropped on the window: tours, catalogues and data, each opened as what it is.
+
+use super::objects::{Objects, may_be_catalogue};
+use super::open::Openings;
+use super::options::OpenRequest;
+use super::scene::Scene;
+use super::touring::{Asked, Player};
+use crate::look::is_scene_file;
+use crate::tour::TourFile;
+use bevy::prelude::*;
+use std::path::Path;
+
+/// Whether a file is RON that reads as a tour.
+fn is_tour(path: &Path) -> bool {
+    path.extension().is_some_and(|extension| extension == "ron") && !is_scene_file(path) && TourFile::read(path).is_ok()
+}
+
+/// Starts to open files that are dropped on the window: in the place of what is open, or with it where the user wants that.
+pub(super) fn open_dropped_files(
+    mut dropped: MessageReader<FileDragAndDrop>,
+    keys: Res<ButtonInput<KeyCode>>,
+    scene: Option<Res<Scene>>,
+    mut openings: ResMut<Openings>,
+    mut objects: ResMut<Objects>,
+    mut player: ResMut<Player>,
+) {
+    for event in dropped.read() {
+        if let FileDragAndDrop::DroppedFile { path_buf, .. } = event {
+            if is_tour(path_buf) {
+                player.ask(Asked::Open(path_buf.clone()));
+                continue;
+            }
+            let mut request = OpenRequest::of(path_buf);
+            let adds = openings.adds_dropped || keys.any_pressed([KeyCode::ShiftLeft, KeyCode::ShiftRight]);
+            if let Some(scene) = scene.as_ref().filter(|_| adds && !is_scene_file(path_buf)) {
+                request.members.splice(0..0, scene.members.iter().cloned());
+            }
+            match may_be_catalogue(path_buf) {
+                true => objects.consider(path_buf.clone(), request),
+                false => openings.start(request),
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::look::Member;
+    use crate::store::PageFile;
+    use crate::window::open::{Opened, finish_opening};
+    use crate::window::options::Opener;
+    use crate::window::state::notices::Notices;
+    use std::sync::Arc;
+    use std::time::{Duration, Instant};
+
+    /// What opens files that are dropped, and the window that they are dropped on.
+    fn app_with(opener: Opener) -> (App, Entity) {
+        let mut app = App::new();
+        app.add_message::<FileDragAndDrop>()
+            .add_message::<Opened>()
+            .insert_resource(Openings::new(opener))
+            .init_resource::<Notices>()
+            .init_resource::<Objects>()
+            .init_resource::<Player>()
+            .init_resource::<ButtonInput<KeyCode>>()
+            .add_systems(
+                Update,
+                (open_dropped_files, crate::window::objects::receive_catalogue, finish_opening).chain(),
+            );
+        let window = app.world_mut().spawn_empty().id();
+        (app, window)
+    }
+
+    #[test]
+    fn a_dropped_file_is_opened_and_a_failure_is_reported() {
+        let opener: Opener = Arc::new(|path, _| Err(format!("{}: not readable", path.display())));
+        let (mut app, window) = app_with(opener);
+        app.world_mut().write_message(FileDragAndDrop::HoveredFile { window, path_buf: "dragged.hdf5".into() });
+        app.update();
+        assert!(app.world().resource::<Openings>().progress().is_none(), "a file that only hovers is not opened");
+        app.world_mut().write_message(FileDragAndDrop::DroppedFile { window, path_buf: "dropped.hdf5".into() });
+        let start = Instant::now();
+        while app.world().resource::<Notices>().all().next().is_none() {
+            assert!(start.elapsed() < Duration::from_secs(60), "nothing is reported");
+            app.update();
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        let messages: Vec<String> =
+            app.world().resource::<Notices>().all().map(|message| message.text.clone()).collect();
+        assert_eq!(messages, ["dropped.hdf5: not readable"]);
+
+        // A catalogue is told from data by its content, off the main thread, and opened beside the data.
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("names.ron");
+        std::fs::write(&path, "(objects: [(name: \"Coma\", position: (1.0, 2.0, 3.0))])").unwrap();
+        app.world_mut().write_message(FileDragAndDrop::DroppedFile { window, path_buf: path.clone() });
+        while app.world().resource::<Objects>().path() != Some(&path) {
+            assert!(start.elapsed() < Duration::from_secs(60), "the catalogue is not opened");
+            app.update();
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        assert!(app.world().resource::<Openings>().progress().is_none(), "it is no data");
+        assert_eq!(app.world().resource::<Objects>().labels.len(), 1);
+    }
+
+    #[test]
+    fn a_file_that_is_dropped_with_shift_joins_what_is_open() {
+        let folder = tempfile::tempdir().unwrap();
+        let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/demo/lcdm64_z0.hdf5");
+        let page_file = folder.path().join("demo.df");
+        let options = (crate::import::LoadOptions::default(), crate::build::BuildOptions::default());
+        crate::build::build_source(&source, &options.0, &options.1, &page_file, &()).unwrap();
+        let built = page_file.clone();
+        let opener: Opener = Arc::new(move |_, _| Ok(built.clone()));
+        let file = Arc::new(PageFile::open(&page_file).unwrap());
+        let bounds = file.metadata().bounds();
+        let (mut app, window) = app_with(opener);
+        app.insert_resource(Scene {
+            path: page_file.clone(),
+            members: vec![Member::new(&page_file)],
+            facts: crate::window::facts::Facts::of(&file, &[]),
+            file,
+            bounds,
+            frame: bounds,
+            periodic: None,
+            length_unit: String::new(),
+            generation: 1,
+        });
+        let mut dropped = |shift: bool, adds: bool| {
+            let mut keys = ButtonInput::<KeyCode>::default();
+            if shift {
+                keys.press(KeyCode::ShiftLeft);
+            }
+            app.insert_resource(keys);
+            app.world_mut().resource_mut::<Openings>().adds_dropped = adds;
+            app.world_mut().write_message(FileDragAndDrop::DroppedFile { window, path_buf: "new.hdf5".into() });
+            let start = Instant::now();
+            loop {
+                app.update();
+                let arrived: Vec<Opened> =
+                    app.world_mut().resource_mut::<bevy::ecs::message::Messages<Opened>>().drain().collect();
+                if let Some(opened) = arrived.into_iter().last() {
+                    return (opened.members.len(), opened.file.parts().len(), opened.path);
+                }
+                assert!(start.elapsed() < Duration::from_secs(60), "nothing arrives");
+                std::thread::sleep(Duration::from_millis(1));
+            }
+        };
+        assert_eq!(dropped(false, false), (1, 1, "new.hdf5".into()));
+        assert_eq!(dropped(true, false), (2, 2, page_file.clone()));
+        assert_eq!(dropped(false, true), (2, 2, page_file.clone()));
+    }
+}
