@@ -11,7 +11,6 @@ use crate::mode::{Mode, SettingValue};
 use crate::model::{Bounds, PeriodicBox};
 use crate::modes;
 use crate::store::PageFile;
-use crate::view::CutSettings;
 use bevy::prelude::*;
 use std::path::PathBuf;
 use std::sync::Arc;

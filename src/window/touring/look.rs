@@ -44,11 +44,10 @@ mod tests {
     use crate::view::cut::{Axis, Slab};
     use crate::window::camera::Viewpoint;
     use crate::window::objects::Objects;
-    use crate::window::panel::Closed;
     use crate::window::picture::Picture;
     use crate::window::preset::Preset;
     use crate::window::scene_io::{Bookmarks, SceneFiles, SceneParts, camera_of, scene_file};
-    use crate::window::shortcuts::Shown;
+    use crate::window::state::panels::{Closed, Shown};
     use bevy::ecs::system::SystemState;
     use bevy::math::DVec3;
     use bevy::prelude::{Handle, Rect, World};
