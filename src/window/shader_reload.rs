@@ -4,7 +4,7 @@
 //! Where the sources are not there, as for an installed program, there is nothing to watch. The shaders of volumes are built when their
 //! renderer opens, and are taken up with the next start.
 
-use super::messages::Messages;
+use super::state::notices::Notices;
 use crate::gpu::shaders::check::{Variant, compose, texts, variants, variants_of};
 use crate::gpu::shaders::{SHADERS, ShaderFiles, load};
 use bevy::prelude::*;
@@ -88,7 +88,7 @@ fn reload(
     mut watcher: ResMut<Watcher>,
     server: Res<AssetServer>,
     mut shaders: ResMut<Assets<Shader>>,
-    mut messages: ResMut<Messages>,
+    mut notices: ResMut<Notices>,
 ) {
     if watcher.looked.is_some_and(|looked| looked.elapsed() < EVERY) {
         return;
@@ -104,13 +104,13 @@ fn reload(
             Ok(()) => {
                 let shader = Shader::from_wgsl(text, format!("embedded://deepfield/{name}"));
                 match shaders.insert(load(&server, name).id(), shader) {
-                    Ok(()) => messages.info(format!("{}: in use", path.display())),
-                    Err(error) => messages.error(format!("{}: {error}", path.display())),
+                    Ok(()) => notices.info(format!("{}: in use", path.display())),
+                    Err(error) => notices.error(format!("{}: {error}", path.display())),
                 }
             }
             Err(error) => {
                 let place = error.replace(name, &path.to_string_lossy());
-                messages.error(format!("{place}; the last good shader stays"));
+                notices.error(format!("{place}; the last good shader stays"));
             }
         }
     }

@@ -7,7 +7,8 @@ use crate::color::{Accumulation, Colors};
 use crate::cpu::volume::{Caster, VolumeError, VolumeLevels, VolumeReport};
 use crate::cpu::{Counts, SplatOptions, Splats, draw_counted};
 use crate::hierarchy::Purpose;
-use crate::view::View;
+use crate::model::Bounds;
+use crate::view::{Detail, View};
 
 /// What a technique's pictures are made of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -63,6 +64,12 @@ pub trait Technique: Sync {
     /// What it needs with these settings.
     fn needs(&self, _settings: &Settings) -> Needs {
         Needs::default()
+    }
+
+    /// How far the nodes of levels that are made for volumes are refined, of data within `bounds` and where splats may be
+    /// displaced by `tau` pixels.
+    fn detail(&self, _view: &View, _settings: &Settings, _bounds: Bounds, tau: f64) -> Detail {
+        Detail::Error { tau }
     }
 
     /// What draws it on an adapter.
