@@ -189,3 +189,49 @@ impl Technique for SplatSums {
         Ok(Raw::Sums(accumulation, counts))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cpu::volume::Processor;
+    use crate::mode::Mode;
+    use crate::modes::{column_density, grid};
+    use crate::view::Projection;
+    use glam::DVec3;
+
+    struct AdapterOnly;
+
+    impl Technique for AdapterOnly {
+        fn output(&self) -> Output {
+            Output::Values
+        }
+
+        fn adapter(&self) -> Adapter {
+            Adapter::Plugin
+        }
+
+        fn on_processor(&self) -> bool {
+            false
+        }
+
+        fn draw(&self, _: &Job<'_>) -> Result<Raw, VolumeError> {
+            unreachable!("the processor is not asked")
+        }
+    }
+
+    #[test]
+    fn what_a_mode_cannot_do_it_says() {
+        static MODE: Mode = Mode { name: "adapter-only", technique: &AdapterOnly, ..grid::MODE };
+        let projection = Projection::Orthographic { height: 1.0 };
+        let view = View::look_at(DVec3::Z, DVec3::ZERO, DVec3::Y, projection, 2, 2).unwrap();
+        let (settings, options) = (Settings::default(), SplatOptions::default());
+        let (view, batches, settings, caster) = (&view, &[][..], &settings, &Processor);
+        let job = Job { view, batches, options, settings, transfer: None, diameter: 1.0, densest: 1.0, caster };
+        let refused = MODE.draw(&job).unwrap_err().to_string();
+        assert!(refused.contains("adapter-only is drawn by a graphics adapter only"), "{refused}");
+        assert_eq!(MODE.all_settings().count(), 0, "what may be left out of sums is no setting of others");
+        let sums = column_density::MODE.draw(&job).unwrap();
+        let refused = sums.light(&column_density::MODE).unwrap_err().to_string();
+        assert!(refused.contains("mode is column-density, expected a mode that draws colours"), "{refused}");
+    }
+}
