@@ -1,6 +1,6 @@
 //! What every target does with its bytes.
 
-use deepfield::import::{FORMATS, LoadOptions, load_source, summarize_source};
+use deepfield::import::{LoadOptions, formats, load_source, summarize_source};
 use deepfield::show::protocol::message::{Frame, FromFollower, FromLeader, Message, Report};
 use deepfield::show::rig::{Cover, Mesh, OutputsFile, Pfm, Projector};
 use deepfield::look::SceneFile;
@@ -13,7 +13,7 @@ use std::io::Write;
 /// fine; panics, endless loops and runaway memory are what the fuzzer looks for.
 pub fn import(format: &str, bytes: &[u8]) {
     let Some(file) = file(bytes) else { return };
-    let formats = FORMATS.iter().filter(|candidate| candidate.name().starts_with(format));
+    let formats = formats().into_iter().filter(|candidate| candidate.name().starts_with(format));
     for source in formats.filter_map(|candidate| candidate.open(file.path()).ok()) {
         let summary = summarize_source(source.as_ref());
         let loaded = load_source(source.as_ref(), &LoadOptions::default(), &());

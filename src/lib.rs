@@ -12,9 +12,12 @@ pub mod command_line;
 pub mod commands;
 #[cfg(feature = "viewer")]
 pub mod gpu;
+pub mod program;
 pub mod show;
 #[cfg(feature = "viewer")]
 pub mod window;
+
+pub use program::Program;
 
 #[cfg(test)]
 #[path = "../tests/support/cases.rs"]

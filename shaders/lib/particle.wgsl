@@ -71,6 +71,16 @@ const ENCODING_WORLD: u32 = 2u;
 /// Attribute tables: smoothing length, weight, attribute and importance of each entry.
 @group(0) @binding(5) var<storage, read> entries: array<vec4<f32>>;
 
+/// A workgroup's block; an empty one beyond the last.
+fn block_of(group: vec3<u32>, groups: vec3<u32>) -> Block {
+    let at = group.y * groups.x + group.x;
+    var block = Block(0u, 0u, 0u, 0u);
+    if at < arrayLength(&blocks) {
+        block = blocks[at];
+    }
+    return block;
+}
+
 /// The camera's axes: rows of the rotation from world to camera. To be read once, not for each particle.
 fn camera_axes() -> mat3x3<f32> {
     return transpose(mat3x3(view.right.xyz, view.up.xyz, view.forward.xyz));

@@ -5,7 +5,7 @@
 // its place in the bin, and puts them in a row, so that `place` has nothing to do with the others; `place` projects again and
 // writes each splat to its place in the order, which costs less than to keep the splats in between.
 #import deepfield::constants::TILE
-#import deepfield::particle::{view, nodes, blocks, Block, camera_axes, load_particle}
+#import deepfield::particle::{block_of, view, nodes, blocks, Block, camera_axes, load_particle}
 #import deepfield::projection::{camera, project, Projected}
 #import deepfield::splat_view::{Splat, SMALL, EVERYWHERE, INVISIBLE, DROPPED}
 
@@ -39,16 +39,6 @@ fn bin_of(projected: Projected) -> u32 {
         return view.everywhere_bin;
     }
     return select(found, outside, projected.kind == INVISIBLE);
-}
-
-/// A workgroup's block; an empty one beyond the last.
-fn block_of(group: vec3<u32>, groups: vec3<u32>) -> Block {
-    let at = group.y * groups.x + group.x;
-    var block = Block(0u, 0u, 0u, 0u);
-    if at < arrayLength(&blocks) {
-        block = blocks[at];
-    }
-    return block;
 }
 
 /// Particles of the workgroup's block that are drawn.

@@ -194,9 +194,9 @@ impl Stage {
         transfer: &TransferFunction,
         levels: &Levels,
     ) {
-        let lut = match self.depiction.mode.painter() {
-            Some(_) => transfer.bake_colors(),
-            None => transfer.bake_lut(),
+        let lut = match self.depiction.mode.is_light() {
+            true => transfer.bake_colors(),
+            false => transfer.bake_lut(),
         };
         let legend = Legend::of(&self.depiction, transfer, Arc::new(lut), levels, &self.units);
         let scale = annotations.scale_for(image.width, image.height);

@@ -45,7 +45,7 @@ impl Drawing {
             *studio = Some(Studio::open(&arguments.members())?);
         }
         let studio = studio.as_mut().filter(|_| !arguments.exact);
-        Ok(match arguments.mode.filter(|mode| mode.painter().is_some()) {
+        Ok(match arguments.mode.filter(|mode| mode.is_light()) {
             Some(mode) => Drawing::Colors(Box::new(paint::draw(arguments, mode, studio)?)),
             None => Drawing::Splats(Box::new(render::draw(arguments, studio)?)),
         })

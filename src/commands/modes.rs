@@ -2,7 +2,7 @@
 
 use super::CommandResult;
 use crate::mode::SettingValue;
-use crate::modes::MODES;
+use crate::modes;
 use std::io::Write;
 
 /// Lists the visualization modes and their settings.
@@ -17,7 +17,7 @@ pub struct Arguments {}
 /// When standard output cannot be written.
 pub fn run(_: &Arguments) -> CommandResult {
     let mut out = std::io::stdout().lock();
-    for mode in MODES {
+    for mode in modes::all() {
         writeln!(out, "{}\n    {}", mode.name, mode.help)?;
         if !mode.usual_attributes.is_empty() {
             writeln!(out, "    coloured by the first there is of: {}", mode.usual_attributes.join(", "))?;

@@ -10,7 +10,7 @@ use super::statistics::{Shown, Times, write_json};
 use super::studio::{Studio, look_ahead};
 use crate::annotate::Units;
 use crate::cpu::volume::{Caster, Processor, VolumeError};
-use crate::mode::{Mode, Painted};
+use crate::mode::{Adapter, Mode, Painted};
 use crate::model::Bounds;
 use crate::picture::paint::{Subject, paint_nodes, paint_particles};
 use crate::picture::processor;
@@ -108,15 +108,16 @@ pub(super) fn write_statistics(path: &Path, outcome: &Outcome) -> CommandResult 
 /// What draws: the processor, unless an adapter is asked for, or there is one with a graphics card.
 fn caster(arguments: &Arguments, mode: &Mode) -> Result<Box<dyn Caster>, Box<dyn std::error::Error + Send + Sync>> {
     let only = |names: &str| format!("--backend: only {names} the mode {}", mode.name);
+    let marched = mode.technique.adapter() == Adapter::RayMarcher;
     match arguments.backend {
-        Some(Backend::Raster) if mode.is_cast() => return Err(only("compute and cpu draw").into()),
-        Some(Backend::Compute | Backend::Raster) if !mode.is_cast() => return Err(only("cpu draws").into()),
+        Some(Backend::Raster) if marched => return Err(only("compute and cpu draw").into()),
+        Some(Backend::Compute | Backend::Raster) if !marched => return Err(only("cpu draws").into()),
         #[cfg(not(feature = "viewer"))]
         Some(Backend::Compute) => return Err(super::render::ONLY_CPU.into()),
         #[cfg(feature = "viewer")]
         Some(Backend::Compute) => return Ok(Box::new(crate::gpu::VolumeRenderer::open(&Default::default())?)),
         #[cfg(feature = "viewer")]
-        None if mode.is_cast() && super::render::has_graphics_card() => {
+        None if marched && super::render::has_graphics_card() => {
             match crate::gpu::VolumeRenderer::open(&Default::default()) {
                 Ok(renderer) => return Ok(Box::new(renderer)),
                 Err(error) => eprintln!("deepfield: {error}; drawing with the CPU instead"),

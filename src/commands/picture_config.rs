@@ -84,7 +84,7 @@ impl PictureConfig {
         let mode = match &self.mode {
             Some(name) => modes::find(name)
                 .ok_or_else(|| RonError::value(file, "mode", name, format!("one of {}", modes::names())))?,
-            None => modes::MODES[0],
+            None => modes::first(),
         };
         self.settings.check(mode).map_err(|error| match error {
             SettingError::Unknown { name, expected, .. } => {
@@ -174,7 +174,7 @@ mod tests {
     fn the_example_of_a_volume_is_read() {
         let config = parse(include_str!("../../configs/volume.ron"), "volume.ron").unwrap();
         let complete = config.complete(&Arguments::new("a".into(), "b.png".into()));
-        assert!(complete.volume.is_some() && complete.mode.is_some_and(|mode| mode.painter().is_some()));
+        assert!(complete.volume.is_some() && complete.mode.is_some_and(|mode| mode.is_light()));
     }
 
     #[test]

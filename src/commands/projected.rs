@@ -14,13 +14,12 @@ use super::render_arguments::{Arguments, Backend};
 use super::statistics::Times;
 use super::studio::Studio;
 use crate::annotate::Units;
-use crate::cpu::around::draw_face;
 use crate::cpu::volume::Processor;
-use crate::cpu::{Counts, Method, SplatOptions, Splats, draw_counted};
+use crate::cpu::{Counts, Method, SplatOptions, Splats};
 use crate::hierarchy::Purpose;
 use crate::mode::{Depiction, Economy, Footprint, Painted, Plan};
 use crate::model::{Bounds, Kernel, PeriodicBox};
-use crate::picture::around::{Alike, is_of_data, neighbourhood, sketch, with_images};
+use crate::picture::around::{Alike, sketch, with_images};
 use crate::picture::paint::{Subject, densest, densest_of};
 use crate::picture::panorama::{Texels, assemble};
 use crate::picture::processor::{self, SeenFamily};
@@ -168,13 +167,15 @@ impl Tally {
 
 fn splats(
     shot: &Shot<'_>,
+    depiction: &Depiction,
     batches: &[Splats<'_>],
-    options: &SplatOptions,
+    options: SplatOptions,
+    known: impl FnOnce() -> (Bounds, f64),
     tally: &mut Tally,
 ) -> Result<Texels<2>, Failure> {
     let (picture, counts) = match shot.around {
-        Some([pixel, _]) => draw_face(shot.view, batches, pixel, options)?,
-        None => draw_counted(shot.view, batches, options),
+        Some([pixel, _]) => processor::draw_face(shot.view, depiction, batches, pixel, options, known)?,
+        None => processor::draw_batches(shot.view, depiction, batches, options, known)?,
     };
     tally.counts += counts;
     Ok(picture.into())
@@ -205,7 +206,9 @@ pub(super) fn draw(arguments: &Arguments, studio: Option<&mut Studio>) -> Result
             let particles = SeenFamily::of(&projector.base, depiction, &source.families());
             let batches = processor::seen_batches(depiction, &particles)?;
             let options = SplatOptions { method: Method::Exact, kernel: dataset.kernel, ..SplatOptions::default() };
-            let shoot = || projector.shoot(SPLATS, |shot| splats(shot, &batches, &options, &mut tally));
+            let known = || (dataset.bounds(), densest(&source.families()));
+            let shoot =
+                || projector.shoot(SPLATS, |shot| splats(shot, depiction, &batches, options, known, &mut tally));
             let texels = times.measure("frame", shoot)?;
             tally.particles = dataset.len() as u64;
             Ok(picture_of(&texels, stage, tally, times.medians()))
@@ -226,7 +229,8 @@ pub(super) fn draw(arguments: &Arguments, studio: Option<&mut Studio>) -> Result
                     let selection = scene.converge(&seen(&depiction, shot), tau * shot.scale(), &mut tell)?;
                     tally.add(&selection, shot);
                     let nodes = processor::cut(shot.view, processor::decode(&depiction, metadata, &selection.nodes));
-                    splats(shot, &processor::batches(&depiction, &nodes)?, &options, &mut tally)
+                    let known = || (metadata.bounds(), densest_of(metadata));
+                    splats(shot, &depiction, &processor::batches(&depiction, &nodes)?, options, known, &mut tally)
                 })
             };
             let texels = times.measure("frame", shoot)?;
@@ -339,7 +343,7 @@ pub(super) fn paint(arguments: &Arguments, studio: Option<&mut Studio>) -> Resul
                 diameter: framed.size().length(),
                 painted: None,
             };
-            let of_data = is_of_data(&depiction);
+            let of_data = depiction.needs().of_data;
             let shoot = || {
                 projector.shoot(sampling(&depiction), |shot| {
                     if of_data {
@@ -373,5 +377,5 @@ pub(super) fn paint(arguments: &Arguments, studio: Option<&mut Studio>) -> Resul
 }
 
 fn sampling(depiction: &Depiction) -> Sampling {
-    Sampling { margin: neighbourhood(depiction), ..COLORS }
+    Sampling { margin: depiction.needs().margin_px, ..COLORS }
 }

@@ -18,6 +18,8 @@ use crate::color::{Accumulation, Image, output};
 use crate::cpu::Method;
 use crate::hierarchy::Purpose;
 use crate::look::shown_families;
+#[cfg(feature = "viewer")]
+use crate::mode::Adapter;
 use crate::mode::{Depiction, Economy, Mode, Plan};
 use crate::model::{Bounds, FamilyName, PeriodicBox};
 use crate::picture::{pilot, processor};
@@ -192,7 +194,7 @@ fn draw_pages(arguments: &Arguments, studio: &mut Studio) -> Result<Picture, Box
         milliseconds: BTreeMap::new(),
     };
     #[cfg(feature = "viewer")]
-    if let Some(backend) = gpu_backend(arguments.backend) {
+    if let Some(backend) = gpu_backend(depiction.mode, arguments.backend)? {
         let request =
             || crate::gpu::depiction::request_nodes(&view, &depiction, metadata, &selection.nodes, &plan, backend);
         if let Some(picture) = draw_on_gpu(arguments, request, picture.clone(), &times)? {
@@ -213,21 +215,31 @@ fn draw_pages(arguments: &Arguments, studio: &mut Studio) -> Result<Picture, Box
             (left_out.faint, left_out.outside) = (Some(counts.faint), Some(counts.outside));
             left_out.splats = Some(counts.drawn);
             accumulation = drawn;
-            Ok::<_, crate::cpu::SplatError>(())
+            Ok::<_, crate::cpu::volume::VolumeError>(())
         })?;
     }
     Ok(Picture { accumulation, economy: left_out, milliseconds: times.medians(), ..picture })
 }
 
-/// The techniques that draw, unless the CPU is asked for, or does the same faster.
+/// What draws a mode on an adapter, unless the CPU is asked for, or does the same faster.
+///
+/// # Errors
+/// When the backend that is asked for does not draw the mode.
 #[cfg(feature = "viewer")]
-fn gpu_backend(backend: Option<Backend>) -> Option<crate::gpu::Backend> {
-    match backend {
-        Some(Backend::Cpu) => None,
-        Some(Backend::Compute) => Some(crate::gpu::Backend::Compute),
-        Some(Backend::Raster) => Some(crate::gpu::Backend::Raster),
+fn gpu_backend(mode: &Mode, backend: Option<Backend>) -> Result<Option<crate::gpu::Backend>, String> {
+    use crate::gpu::Backend as Gpu;
+    let on_processor = mode.technique.on_processor();
+    let only = |names: &str| Err(format!("--backend: only {names} the mode {}", mode.name));
+    match (backend, mode.technique.adapter()) {
+        (Some(Backend::Cpu), _) => Ok(None),
+        (Some(Backend::Compute), Adapter::Splats | Adapter::Plugin) => Ok(Some(Gpu::Compute)),
+        (Some(Backend::Raster), Adapter::Splats) => Ok(Some(Gpu::Raster)),
+        (Some(_), Adapter::Plugin) => only(if on_processor { "compute and cpu draw" } else { "compute draws" }),
+        (Some(_), _) => only("cpu draws"),
         // A driver without a graphics card draws on the processor too, and slower than our own renderer.
-        None => has_graphics_card().then_some(crate::gpu::Backend::Auto),
+        (None, Adapter::Splats) => Ok(has_graphics_card().then_some(Gpu::Auto)),
+        (None, Adapter::Plugin) => Ok((!on_processor || has_graphics_card()).then_some(Gpu::Compute)),
+        (None, _) => Ok(None),
     }
 }
 
@@ -286,7 +298,7 @@ fn draw_exact(arguments: &Arguments) -> Result<Picture, Box<dyn std::error::Erro
         milliseconds: BTreeMap::new(),
     };
     #[cfg(feature = "viewer")]
-    if let Some(backend) = gpu_backend(arguments.backend) {
+    if let Some(backend) = gpu_backend(depiction.mode, arguments.backend)? {
         let request = || crate::gpu::depiction::request_particles(&view, depiction, dataset, &families, backend);
         if let Some(picture) = draw_on_gpu(arguments, request, picture.clone(), &times)? {
             return Ok(picture);

@@ -238,7 +238,7 @@ impl CompositePipeline {
 }
 
 /// Draws the colours of an accumulated picture into the camera's target.
-fn composite_splats(
+pub fn composite_splats(
     view: ViewQuery<(&ViewTarget, &ExtractedCamera, &CompositeBindings, &Composite, &SplatView)>,
     cache: Res<PipelineCache>,
     mut context: RenderContext,

@@ -3,7 +3,7 @@
 use crate::codec::Codebook;
 use crate::gpu::TableEntry;
 use crate::gpu::{
-    self, Backend, DeviceOptions, HeadlessNode, HeadlessRequest, NodeId, NodeUpload, Payload, RawParticle,
+    self, Backend, DeviceOptions, HeadlessNode, HeadlessRequest, ModeView, NodeId, NodeUpload, Payload, RawParticle,
 };
 use crate::mode::sample::Sample;
 use crate::mode::{CodeTable, Depiction, Footprint, Plan};
@@ -175,6 +175,7 @@ fn request(
 ) -> HeadlessRequest {
     HeadlessRequest {
         view: *view,
+        mode: Some(ModeView { mode: depiction.mode, settings: depiction.settings.clone() }),
         footprint: footprint(depiction, kernel),
         backend,
         culling: true,

@@ -1,6 +1,7 @@
 //! Draws one view without a window, until its picture is complete, and reads it back.
 
 use super::device::{DeviceOptions, GpuError, open};
+use super::mode_view::ModeView;
 use super::parts::Parts;
 use super::renderer::HeadlessRenderer;
 use super::scene::{NodeUpload, TableEntry};
@@ -32,6 +33,8 @@ pub struct HeadlessNode {
 pub struct HeadlessRequest {
     /// The camera and the picture's size.
     pub view: View,
+    /// The mode, for those that bring passes of their own.
+    pub mode: Option<ModeView>,
     /// The particles' shape.
     pub footprint: Footprint,
     /// How they are accumulated.

@@ -18,8 +18,10 @@ pub mod composite;
 pub mod depiction;
 pub mod device;
 pub mod headless;
+pub mod mode_view;
 pub mod page_copies;
 pub mod parts;
+pub mod plugins;
 pub mod readback;
 pub mod renderer;
 pub mod scene;
@@ -32,6 +34,7 @@ pub mod volume;
 pub use capabilities::{Capabilities, Technique, Withheld};
 pub use device::{DeviceOptions, Gpu, GpuError, open};
 pub use headless::{HeadlessFrame, HeadlessNode, HeadlessRequest, HeadlessStats, render_headless};
+pub use mode_view::{ModePlugin, ModeView};
 pub use renderer::HeadlessRenderer;
 pub use scene::{NodeId, NodeState, NodeUpload, ParticleScene, Payload, RawParticle, SceneStats, TableEntry, TableId};
 pub use view::{Backend, Composite, DrawItem, Fading, Footprint, SplatView};
@@ -50,5 +53,6 @@ impl PluginGroup for DeepfieldRenderPlugins {
             .add(splat::SplatPlugin)
             .add(composite::CompositePlugin)
             .add(RenderDiagnosticsPlugin)
+            .add(plugins::OtherCrates)
     }
 }

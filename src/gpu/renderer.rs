@@ -5,9 +5,10 @@ use super::DeepfieldRenderPlugins;
 use super::capabilities::Technique;
 use super::device::{Gpu, GpuError, open};
 use super::headless::HeadlessRequest;
+use super::mode_view::ModeView;
 use super::readback::{read_buffer, read_texture};
 use super::scene::{NodeState, ParticleScene};
-use super::splat::{Bindings, SplatBuffers, SplatPipelines};
+use super::splat::{Bindings, SplatBuffers, pipeline_error};
 use super::timing::PassTimes;
 use super::view::{Composite, DrawItem, SplatView};
 use crate::color::Accumulation;
@@ -131,6 +132,9 @@ impl HeadlessRenderer {
                 },
             ))
             .id();
+        if let Some(mode) = &request.mode {
+            app.world_mut().entity_mut(camera).insert(mode.clone());
+        }
         app.finish();
         app.cleanup();
         let mut renderer =
@@ -226,10 +230,7 @@ impl HeadlessRenderer {
                 return Ok(());
             }
             let world = self.render_world();
-            let error = match (world.get_resource::<SplatPipelines>(), world.get_resource::<PipelineCache>()) {
-                (Some(pipelines), Some(cache)) => pipelines.error(cache),
-                _ => None,
-            };
+            let error = world.get_resource::<PipelineCache>().and_then(pipeline_error);
             if let Some(error) = error {
                 return Err(GpuError::Shader(error));
             }
@@ -289,13 +290,13 @@ impl HeadlessRenderer {
         let bytes = 8 * u64::from(buffers.stride) * u64::from(size.y);
         let cells = read_buffer(&device, &queue, &buffers.shared.cells, 0, bytes).ok_or_else(failed)?;
         let splats = match &buffers.bindings {
-            Bindings::Compute(bindings) => {
+            Bindings::Compute(bindings) if buffers.particles.is_empty() => {
                 // What is outside comes last and is not counted.
                 let outside = u64::from(buffers.grids.uniform.bin_count - 1) * 4;
                 let counted = read_buffer(&device, &queue, &bindings.starts, outside, 4).ok_or_else(failed)?;
                 counted.first_chunk::<4>().map(|bytes| u64::from(u32::from_le_bytes(*bytes)))
             }
-            Bindings::Raster(_) => None,
+            Bindings::Compute(_) | Bindings::Raster(_) => None,
         };
         let cells: &[[f32; 2]] = bytemuck::cast_slice(&cells);
         let cells = cells.chunks(stride).flat_map(|row| &row[..width.min(row.len())]);

@@ -8,8 +8,43 @@ use bevy::shader::Shader;
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
+pub mod check;
 #[cfg(test)]
 mod tests;
+
+pub use check::{Variant, check};
+
+/// A shader of another crate.
+#[derive(Clone, Copy, Debug)]
+pub struct ShaderFile {
+    /// The name that it is loaded by ([`load`]) and that messages call it, such as `my-mode/pass.wgsl`.
+    pub name: &'static str,
+    /// Its text.
+    pub text: &'static str,
+    /// Where that is written: the running window takes up what changes there.
+    pub file: &'static str,
+    /// All that its pipelines are made of; `path` says nothing there.
+    pub variants: fn() -> Vec<Variant>,
+}
+
+/// The shaders of other crates in an application.
+#[derive(Resource, Clone, Debug, Default)]
+pub struct ShaderFiles(pub Vec<ShaderFile>);
+
+/// Adds a shader of another crate to an application, for its plugin.
+pub fn add(app: &mut App, file: ShaderFile) {
+    embed(app, file.name, file.text.as_bytes().to_vec());
+    let handle = load(app.world().resource::<AssetServer>(), file.name);
+    app.world_mut().get_resource_or_init::<ShaderFiles>().0.push(file);
+    app.world_mut().get_resource_or_init::<ShaderLibrary>().0.push(handle);
+}
+
+/// Puts a text among the embedded assets.
+fn embed(app: &mut App, path: &str, text: Vec<u8>) {
+    let full = Path::new(env!("CARGO_MANIFEST_DIR")).join("shaders").join(path);
+    let mut registry = app.world_mut().resource_mut::<EmbeddedAssetRegistry>();
+    registry.insert_asset(full, &PathBuf::from("deepfield").join(path), text);
+}
 
 /// Every shader that is a file: its path under `shaders/` and its text.
 pub const SHADERS: &[(&str, &str)] = &[
@@ -45,18 +80,16 @@ pub fn sources() -> impl Iterator<Item = (&'static str, Cow<'static, str>)> {
 }
 
 /// The shaders that others import; held, or the imports would never resolve.
-#[derive(Resource)]
-struct ShaderLibrary(#[expect(dead_code, reason = "kept alive only")] Vec<Handle<Shader>>);
+#[derive(Resource, Default)]
+struct ShaderLibrary(Vec<Handle<Shader>>);
 
 /// Embeds all shaders and loads those that others import.
 pub struct ShaderPlugin;
 
 impl Plugin for ShaderPlugin {
     fn build(&self, app: &mut App) {
-        let registry = app.world_mut().resource_mut::<EmbeddedAssetRegistry>();
         for (path, text) in sources() {
-            let full = Path::new(env!("CARGO_MANIFEST_DIR")).join("shaders").join(path);
-            registry.insert_asset(full, &PathBuf::from("deepfield").join(path), text.into_owned().into_bytes());
+            embed(app, path, text.into_owned().into_bytes());
         }
         let server = app.world().resource::<AssetServer>();
         let library =

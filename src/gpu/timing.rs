@@ -1,7 +1,7 @@
 //! GPU times of the passes, as Bevy's render diagnostics report them.
 
 use bevy::diagnostic::DiagnosticsStore;
-use bevy::prelude::World;
+use bevy::prelude::{Resource, World};
 use std::collections::BTreeMap;
 
 /// Milliseconds of each pass, by its name.
@@ -11,14 +11,22 @@ pub struct PassTimes {
     last: BTreeMap<String, std::time::Instant>,
 }
 
-/// The passes that are timed.
-pub const PASSES: &[&str] = &["project", "accumulate", "reconstruct", "composite"];
+/// The passes that are timed, by the names of their spans; plugins add theirs.
+#[derive(Resource, Clone, Debug)]
+pub struct TimedPasses(pub Vec<&'static str>);
+
+impl Default for TimedPasses {
+    fn default() -> TimedPasses {
+        TimedPasses(vec!["project", "accumulate", "reconstruct", "composite"])
+    }
+}
 
 impl PassTimes {
     /// Takes over what has been measured since the last call.
     pub fn collect(&mut self, world: &World) {
         let Some(store) = world.get_resource::<DiagnosticsStore>() else { return };
-        for &pass in PASSES {
+        let Some(passes) = world.get_resource::<TimedPasses>() else { return };
+        for &pass in &passes.0 {
             let path = format!("render/{pass}/elapsed_gpu");
             let Some(diagnostic) = store.iter().find(|diagnostic| diagnostic.path().as_str() == path) else { continue };
             let Some(measurement) = diagnostic.measurement() else { continue };

@@ -24,7 +24,7 @@ use crate::color::composite::composite_at;
 use crate::color::transfer::{Levels, TransferFunction};
 use crate::color::{Accumulation, Image as Colors};
 use crate::cpu::volume::{Caster, Processor};
-use crate::mode::{Footprint, Plan};
+use crate::mode::{Adapter, Footprint, Plan};
 use crate::picture::fade::faded;
 use crate::picture::governor::Governor;
 use crate::view::View;
@@ -133,7 +133,8 @@ pub(super) fn draw_on_cpu(
     (live, settings, held): (Res<LiveParticles>, Res<Settings>, Res<Held>),
 ) {
     let cpu = &mut *cpu;
-    let cast = look.as_ref().is_some_and(|look| look.depiction.mode.is_cast()) && caster.is_on_adapter();
+    let cast = look.as_ref().is_some_and(|look| look.depiction.mode.technique.adapter() == Adapter::RayMarcher)
+        && caster.is_on_adapter();
     if !cast {
         caster.rest();
     }
@@ -182,7 +183,7 @@ pub(super) fn draw_on_cpu(
         frame_ms if frame_ms > 0.0 && moving && *backend == ActiveBackend::Cpu => cpu.governor.limit(frame_ms),
         _ => u64::MAX,
     };
-    let painted = look.depiction.mode.painter().is_some();
+    let painted = look.depiction.mode.is_light();
     let size = match painted && moving {
         true => {
             let budget = if preset.drawing.frame_ms > 0.0 { preset.drawing.frame_ms } else { MOVING_MS };

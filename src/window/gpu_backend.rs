@@ -16,16 +16,18 @@ use super::statistics::{ActiveBackend, Converged, Statistics};
 use super::touring::Before;
 use super::volume_caster::VolumeCaster;
 use crate::gpu::page_copies::{self, CopyState, node_id};
-use crate::gpu::{self, Composite, DrawItem, Fading, ParticleScene, SplatView};
+use crate::gpu::timing::TimedPasses;
+use crate::gpu::{self, Composite, DrawItem, Fading, ModeView, ParticleScene, SplatView};
 use crate::gpu::{Capabilities, TableId, Technique, Withheld};
-use crate::mode::{Footprint, Plan};
+use crate::mode::{Adapter, Footprint, Plan};
+use crate::modes;
 use crate::picture::governor::{self, Governor};
 use crate::store::Metadata;
 use bevy::diagnostic::DiagnosticsStore;
 use bevy::prelude::*;
 use bevy::render::renderer::{RenderAdapter, RenderAdapterInfo, RenderDevice};
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// What the renderer holds for the present look of the present file.
 #[derive(Resource, Default)]
@@ -48,10 +50,10 @@ pub struct GpuTables {
     told_full: Option<u32>,
 }
 
-/// Whether modes that only the processor draws have come or gone.
-pub(super) fn technique_changed(settings: Res<Settings>, mut was_painted: Local<bool>) -> bool {
-    let painted = settings.mode.painter().is_some();
-    std::mem::replace(&mut *was_painted, painted) != painted
+/// Whether something else draws the mode on an adapter than before.
+pub(super) fn technique_changed(settings: Res<Settings>, mut before: Local<Option<Adapter>>) -> bool {
+    let now = Some(settings.mode.technique.adapter());
+    std::mem::replace(&mut *before, now) != now
 }
 
 /// Follows the preset's choice of a backend, and the processor's modes.
@@ -72,10 +74,15 @@ pub(super) fn choose_backend(
     slots: Query<Entity, With<GpuSlot>>,
 ) {
     let asked = preset.drawing.backend;
-    let painted = settings.map(|settings| settings.mode).filter(|mode| mode.painter().is_some());
+    let mode = settings.map_or(modes::first(), |settings| settings.mode);
+    let adapter_of_mode = mode.technique.adapter();
+    let by_pages = matches!(adapter_of_mode, Adapter::Splats | Adapter::Plugin);
     let wanted = match asked {
         // What changes every frame has no pages to copy.
-        _ if painted.is_some() || live.particles().is_some() => None,
+        _ if !by_pages || live.particles().is_some() => None,
+        Backend::Auto | Backend::Compute | Backend::Raster if adapter_of_mode == Adapter::Plugin => {
+            Some(gpu::Backend::Compute)
+        }
         Backend::Cpu => None,
         Backend::Auto => Some(gpu::Backend::Auto),
         Backend::Compute => Some(gpu::Backend::Compute),
@@ -87,7 +94,11 @@ pub(super) fn choose_backend(
         (Some(wanted), Some(((device, adapter), info))) => {
             let capabilities = Capabilities::of(device, adapter, info, Withheld::default());
             let found = capabilities.technique(wanted);
-            (found.or_else(|_| capabilities.technique(gpu::Backend::Auto)).ok(), found.err())
+            let other = match adapter_of_mode {
+                Adapter::Plugin => found,
+                _ => found.or_else(|_| capabilities.technique(gpu::Backend::Auto)),
+            };
+            (other.ok(), found.err())
         }
         (Some(_), None) => (None, Some("a working driver")),
     };
@@ -107,7 +118,7 @@ pub(super) fn choose_backend(
     if *active == wanted && copies.0 == uses_copies {
         return;
     }
-    if let Some(mode) = painted.filter(|mode| !(mode.is_cast() && caster.is_on_adapter())) {
+    if !by_pages && !(adapter_of_mode == Adapter::RayMarcher && caster.is_on_adapter()) {
         messages.info(format!("the processor draws {}", mode.name));
     }
     *active = wanted;
@@ -118,7 +129,7 @@ pub(super) fn choose_backend(
     });
     for (entity, mut camera) in &mut cameras {
         camera.is_active = uses_copies;
-        commands.entity(entity).remove::<(SplatView, Composite)>();
+        commands.entity(entity).remove::<(SplatView, Composite, ModeView)>();
     }
 }
 
@@ -216,7 +227,7 @@ pub(super) fn draw_on_gpu(
     look: Option<Res<Look>>,
     selection: Res<ViewSelection>,
     (measured, preset, before): (Res<CpuPicture>, Res<Preset>, Res<Before>),
-    diagnostics: Option<Res<DiagnosticsStore>>,
+    (diagnostics, timed): (Option<Res<DiagnosticsStore>>, Res<TimedPasses>),
     mut tables: ResMut<GpuTables>,
     mut converged: ResMut<Converged>,
     mut statistics: ResMut<Statistics>,
@@ -238,6 +249,8 @@ pub(super) fn draw_on_gpu(
         old.into_iter().flatten().for_each(|(table, _)| particles.remove_table(table));
         tables.made_for = Some(wanted);
         tables.drawn = None;
+        let (mode, settings) = (look.depiction.mode, look.depiction.settings.clone());
+        commands.entity(entity).insert(ModeView { mode, settings });
     }
     let frame_ms = preset.drawing.frame_ms;
     let (usual, moving) = (measured.plan(), measured.is_moving() && frame_ms > 0.0);
@@ -300,7 +313,7 @@ pub(super) fn draw_on_gpu(
     if !same {
         commands.entity(entity).insert(shown);
     }
-    let times = diagnostics.as_deref().and_then(pass_times);
+    let times = diagnostics.as_deref().and_then(|diagnostics| pass_times(diagnostics, &timed.0));
     let has_drawn = times.is_some();
     statistics.draw_ms = times.as_ref().map(|times| times.0);
     statistics.passes = times.as_ref().map(|times| times.2.clone()).unwrap_or_default();
@@ -321,15 +334,21 @@ pub(super) fn draw_on_gpu(
 
 /// Milliseconds that all passes of the last picture took together, when that was known, and those of each; `None` before the first
 /// picture.
-fn pass_times(diagnostics: &DiagnosticsStore) -> Option<(f64, Instant, Vec<(&'static str, f64)>)> {
+fn pass_times(
+    diagnostics: &DiagnosticsStore,
+    timed: &[&'static str],
+) -> Option<(f64, Instant, Vec<(&'static str, f64)>)> {
     let time = |pass: &str, kind: &str| {
         let path = format!("render/{pass}/{kind}");
         diagnostics.iter().find(|d| d.path().as_str() == path).and_then(|d| d.measurement())
     };
     let time = |pass: &str| time(pass, "elapsed_gpu").or_else(|| time(pass, "elapsed_cpu"));
-    let known = time("accumulate")?.time;
+    // Colours alone are composed in every frame; passes of the mode before have not run for long.
+    let measured = || timed.iter().filter_map(|&pass| Some((pass, time(pass)?)));
+    let known = measured().filter(|(pass, _)| *pass != "composite").map(|(_, time)| time.time).max()?;
+    let of_now = |time: Instant| known.saturating_duration_since(time) < Duration::from_secs(1);
     let passes: Vec<(&'static str, f64)> =
-        gpu::timing::PASSES.iter().filter_map(|&pass| Some((pass, time(pass)?.value))).collect();
+        measured().filter(|(_, time)| of_now(time.time)).map(|(pass, time)| (pass, time.value)).collect();
     Some((passes.iter().map(|pass| pass.1).sum(), known, passes))
 }
 

@@ -145,7 +145,7 @@ mod tests {
     use crate::explore::{Region, SelectionSet};
     use crate::look::Attribute;
     use crate::mode::{SettingKind, SettingValue};
-    use crate::modes::MODES;
+    use crate::modes;
     use crate::view::cut::{Axis, ClipBox, Fade, Slab};
     use crate::view::{CutSettings, Periodic};
     use crate::window::preset::Preset;
@@ -172,7 +172,7 @@ mod tests {
             return;
         }
         match pick - own.len() {
-            0 => settings.choose_mode(MODES[(value * MODES.len() as f64) as usize]),
+            0 => settings.choose_mode(modes::all()[(value * modes::all().len() as f64) as usize]),
             1 => settings.attribute = Attribute::Named(format!("field {value}")),
             2 => settings.transfer.range = Range::Fixed(value, value + 1.0 + more),
             3 => {
@@ -207,10 +207,10 @@ mod tests {
         /// Undoing everything gives the start, redoing everything the end, with each state between passed on the way.
         #[test]
         fn all_undone_is_the_start_and_all_redone_is_the_end(
-            mode in 0..MODES.len(),
+            mode in 0..modes::all().len(),
             edits in prop::collection::vec(prop::array::uniform3(0.0..1.0f64), 1..40),
         ) {
-            let mut settings = Settings::new(&Preset::default(), Some(MODES[mode].name));
+            let mut settings = Settings::new(&Preset::default(), Some(modes::all()[mode].name));
             let mut history = History::default();
             rest(&mut history, &settings);
             let mut states = vec![settings.clone()];

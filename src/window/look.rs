@@ -139,7 +139,7 @@ pub(crate) fn follow_settings(
 
 /// The colours of the picture; those of a volume whatever their opacity.
 fn bake(depiction: &Depiction, transfer: &TransferFunction) -> Lut {
-    if depiction.mode.painter().is_some() { transfer.bake_colors() } else { transfer.bake_lut() }
+    if depiction.mode.is_light() { transfer.bake_colors() } else { transfer.bake_lut() }
 }
 
 /// The chosen mode and attribute on the open file.

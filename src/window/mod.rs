@@ -44,6 +44,7 @@ pub mod transfer_presets;
 
 mod asset_text;
 mod preset_assets;
+mod shader_reload;
 mod status;
 mod ui;
 mod volume_caster;
@@ -167,6 +168,7 @@ impl Plugin for WindowApp {
             looking::LookingPlugin,
             panel::PanelPlugin,
             preset_assets::PresetPlugin::new(&self.options),
+            shader_reload::ShaderReloadPlugin,
             transfer_presets::TransferPresetsPlugin { folder: crate::color::transfer::presets::folder() },
         ))
         .insert_resource(ClearColor(Color::BLACK))

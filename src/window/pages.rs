@@ -252,7 +252,7 @@ pub fn traverse(
     let tau = settings.error_px;
     let detail = depiction.map_or(tau.into(), |depiction| depiction.detail(&view, tau, metadata));
     let key = (streaming.generation, look.as_ref().map_or(0, |look| look.depiction_revision));
-    let hides = depiction.is_some_and(|depiction| depiction.mode.painter().is_some());
+    let hides = depiction.is_some_and(|depiction| depiction.mode.is_light());
     streaming.streamer.occluder = occlusion.occluder(&view, key).filter(|_| hides);
     let upcoming = upcoming.0.and_then(|next| view_of(&next, &settings, periodic, size, aim.as_deref()).ok());
     streaming.streamer.upcoming =

@@ -101,7 +101,7 @@ impl Settings {
     /// The settings before anything is open; the first mode where `mode` names none.
     pub fn new(preset: &Preset, mode: Option<&str>) -> Settings {
         Settings {
-            mode: mode.and_then(modes::find).unwrap_or(modes::MODES[0]),
+            mode: mode.and_then(modes::find).unwrap_or(modes::first()),
             mode_chosen: mode.is_some(),
             mode_settings: economy_of(preset),
             attribute: Attribute::Automatic,

@@ -82,6 +82,7 @@ fn request(
 ) -> HeadlessRequest {
     HeadlessRequest {
         view: *view,
+        mode: None,
         footprint,
         backend,
         culling: true,

@@ -39,7 +39,7 @@ fn draw_both(file: &Arc<PageFile>, mode: &str, view: &View, backend: Backend) ->
 fn every_mode_draws_its_golden_image_on_the_gpu() {
     let built = built(&demo(), VqBits::Eight);
     let view = view_from(&built.dataset, DVec3::new(0.35, 0.3, 1.0), 1.5, 240, 160);
-    for mode in modes::MODES.into_iter().filter(|mode| mode.painter().is_none()) {
+    for mode in modes::all().into_iter().filter(|mode| !mode.is_light()) {
         for backend in BACKENDS {
             let (cpu, gpu) = draw_both(&built.file, mode.name, &view, backend);
             let (_, error) = relative_error(&gpu.accumulation.p, &cpu.p);
@@ -127,7 +127,7 @@ fn page_files_are_drawn_where_buffers_are_small() {
     let built = built(&demo(), VqBits::Eight);
     let view = view_from(&built.dataset, DVec3::new(-0.7, 0.2, 0.4), 1.5, 160, 120);
     let metadata = built.file.metadata();
-    let depiction = Depiction::of_pages(modes::MODES[0], Settings::default(), None, metadata).unwrap();
+    let depiction = Depiction::of_pages(modes::first(), Settings::default(), None, metadata).unwrap();
     let nodes = Scene::new(Arc::clone(&built.file), u64::MAX).converge_blocking(&view, 0.8).unwrap().nodes;
     let decoded = processor::decode(&depiction, metadata, &nodes);
     let cpu = processor::draw_nodes(&view, &depiction, metadata, &decoded, Method::Pyramid).unwrap();
@@ -164,7 +164,7 @@ impl Shot {
         let built = built(&demo(), VqBits::Eight);
         let view = view_from(&built.dataset, DVec3::new(-0.7, 0.2, 0.4), distance, 160, 120);
         let metadata = built.file.metadata();
-        let depiction = Depiction::of_pages(modes::MODES[0], Settings::default(), None, metadata).unwrap();
+        let depiction = Depiction::of_pages(modes::first(), Settings::default(), None, metadata).unwrap();
         let nodes = Scene::new(Arc::clone(&built.file), u64::MAX).converge_blocking(&view, 0.8).unwrap().nodes;
         Shot { built, view, depiction, nodes }
     }

@@ -9,7 +9,7 @@ use deepfield::cpu::volume::{
 };
 use deepfield::cpu::{self, Positions, Splats};
 use deepfield::gpu::{DeviceOptions, VolumeRenderer, Withheld};
-use deepfield::mode::{Depiction, Settings};
+use deepfield::mode::{Adapter, Depiction, Settings};
 use deepfield::model::{Bounds, Kernel};
 use deepfield::modes;
 use deepfield::picture::paint::{Subject, paint_nodes};
@@ -309,7 +309,7 @@ fn the_demo_data_look_as_on_the_cpu() {
     let metadata = built.file.metadata();
     let view = view_from(&built.dataset, DVec3::new(0.35, 0.3, 1.0), 1.5, 120, 80);
     let renderer = renderer();
-    for mode in modes::MODES.into_iter().filter(|mode| mode.is_cast()) {
+    for mode in modes::all().into_iter().filter(|mode| mode.technique.adapter() == Adapter::RayMarcher) {
         let depiction = Depiction::of_pages(mode, Settings::default(), None, metadata).unwrap();
         let selection = Scene::new(Arc::clone(&built.file), u64::MAX).converge_blocking(&view, 0.8).unwrap();
         let nodes = processor::decode(&depiction, metadata, &selection.nodes);

@@ -1,117 +1,20 @@
 //! Every shader, composed as Bevy composes it and validated by naga, for every set of definitions that a pipeline uses;
 //! and what it reads, compared with what the program writes. No graphics adapter is needed.
 
-use super::{SHADERS, sources};
-use crate::gpu::composite::{CompositeUniform, composite_defs};
+use super::SHADERS;
+use super::check::{Variant, compose, variants};
+use crate::gpu::composite::CompositeUniform;
 use crate::gpu::scene::{RAW_WORDS, RawParticle, TableEntry};
-use crate::gpu::splat::compute::pipeline::{accumulate_defs, slices_defs};
 use crate::gpu::splat::layout::{
     Block, Encoding, Level, Node, PATCH_BYTES, PLACE_BYTES, Pass, SPLAT_BYTES, SplatUniform,
 };
-use crate::gpu::splat::raster::pipeline::blend_defs;
 use crate::gpu::volume::layout::{Portion, Turn, VolumeUniform};
-use crate::gpu::volume::programs::{self as volume, Kind, Step};
-use crate::model::Kernel;
-use bevy::asset::{AssetId, uuid::Uuid};
-use bevy::shader::{Shader, ShaderCache, ShaderCacheError, ShaderCacheSource, ShaderDefVal};
 use std::collections::BTreeSet;
-use wgpu::naga::valid::{Capabilities, ValidationFlags, Validator};
 use wgpu::naga::{AddressSpace, Handle, Module, ScalarKind, Type, TypeInner};
-
-/// One way to build a shader: its path, its definitions, whether it needs subgroups, its entry points.
-struct Variant {
-    path: &'static str,
-    defs: Vec<ShaderDefVal>,
-    subgroup: bool,
-    entries: Vec<&'static str>,
-}
-
-/// The entry points of a volume shader.
-fn entries_of(kind: Kind) -> Vec<&'static str> {
-    Step::ALL.into_iter().filter(|step| step.kind() == kind).map(Step::entry).collect()
-}
-
-/// All that pipelines are made of.
-fn variants() -> Vec<Variant> {
-    let plain = |path, defs, entries: Vec<&'static str>| Variant { path, defs, subgroup: false, entries };
-    let mut all = vec![
-        plain("splat/project.wgsl", vec![], vec!["count", "place"]),
-        plain("splat/scan.wgsl", vec![], vec!["main"]),
-        plain("splat/reconstruct.wgsl", vec![], vec!["main"]),
-        plain("splat/upsample.wgsl", vec![], vec!["vertex", "along_x", "along_y"]),
-    ];
-    for subgroup in [false, true] {
-        all.push(plain("splat/slices.wgsl", slices_defs(subgroup), vec!["finish", "merge"]));
-    }
-    for encoded in [false, true] {
-        all.push(plain("composite/composite.wgsl", composite_defs(encoded), vec!["vertex", "fragment"]));
-    }
-    for kind in Kind::ALL {
-        let mut built = Vec::new();
-        for index in 0..16 {
-            let variant = volume::Variant {
-                kernel: Kernel::ALL[index & 1],
-                attribute: index & 2 > 0,
-                surfaces: index & 4 > 0,
-                vectors: index & 8 > 0,
-            };
-            let defs = kind.defs(variant);
-            if !built.contains(&defs) {
-                let subgroup = variant.vectors && kind == Kind::Gather;
-                all.push(Variant { path: kind.shader(), defs: defs.clone(), subgroup, entries: entries_of(kind) });
-                built.push(defs);
-            }
-        }
-    }
-    for (kernel, perspective) in Kernel::ALL.into_iter().flat_map(|kernel| [(kernel, false), (kernel, true)]) {
-        all.push(plain("splat/blend.wgsl", blend_defs(kernel, perspective), vec!["vertex", "fragment"]));
-        for subgroup in [false, true] {
-            let defs = accumulate_defs(kernel, perspective, subgroup);
-            all.push(Variant { path: "splat/accumulate.wgsl", defs, subgroup, entries: vec!["main"] });
-        }
-    }
-    all
-}
-
-/// The module of a shader among `shaders` (paths and texts), validated with the least that it may rely on.
-fn compose(shaders: &[(&str, String)], variant: &Variant) -> Result<Module, String> {
-    let features = if variant.subgroup { wgpu::Features::SUBGROUP } else { wgpu::Features::empty() };
-    let mut cache = ShaderCache::new((), features, wgpu::DownlevelFlags::empty(), |(), source, _| match source {
-        ShaderCacheSource::Naga(module) => Ok(module),
-        _ => Err(ShaderCacheError::CreateShaderModule("not WGSL".to_owned())),
-    });
-    let mut wanted = None;
-    for (index, (path, text)) in shaders.iter().enumerate() {
-        let id = AssetId::<Shader>::Uuid { uuid: Uuid::from_u128(index as u128) };
-        cache.set_shader(id, Shader::from_wgsl(text.clone(), *path));
-        if *path == variant.path {
-            wanted = Some(id);
-        }
-    }
-    let id = wanted.ok_or_else(|| format!("no shader {}", variant.path))?;
-    let module = cache.get(0, id, &variant.defs).map_err(|error| match error {
-        ShaderCacheError::ProcessShaderError(error) => error.emit_to_string(&cache.composer),
-        error => error.to_string(),
-    })?;
-    let capabilities = if variant.subgroup { Capabilities::SUBGROUP } else { Capabilities::empty() };
-    let mut validator = Validator::new(ValidationFlags::all(), capabilities);
-    validator.validate(&module).map_err(|error| format!("{:?}", error.into_inner()))?;
-    for &entry in &variant.entries {
-        if !module.entry_points.iter().any(|point| point.name == entry) {
-            return Err(format!("no entry point {entry}"));
-        }
-    }
-    Ok(Module::clone(&module))
-}
-
-/// The shaders of the program.
-fn texts() -> Vec<(&'static str, String)> {
-    sources().map(|(path, text)| (path, text.into_owned())).collect()
-}
 
 /// Every variant's module.
 fn modules() -> Vec<(Variant, Module)> {
-    let texts = texts();
+    let texts = super::check::texts(&[]);
     let build = |variant: Variant| match compose(&texts, &variant) {
         Ok(module) => (variant, module),
         Err(error) => panic!("{} with {:?}: {error}", variant.path, variant.defs),
@@ -164,7 +67,7 @@ fn broken_shaders_are_found() {
         ("lib/splat_view.wgsl", "deepfield::splat_view", "deepfield::elsewhere"),
     ];
     for (path, good, bad) in breaks {
-        let mut texts = texts();
+        let mut texts = super::check::texts(&[]);
         let text = &mut texts.iter_mut().find(|(name, _)| *name == path).unwrap().1;
         assert!(text.contains(good), "{path} has no {good:?}");
         *text = text.replace(good, bad);

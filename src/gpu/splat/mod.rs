@@ -28,18 +28,22 @@ pub mod profile;
 pub mod raster;
 
 mod draw_list;
+mod particles;
 mod pass;
 mod pipelines;
 mod prepare;
 mod resources;
 
+pub use particles::{ParticleBatch, particle_layout, workgroups};
 pub use pass::accumulate_splats;
-pub use pipelines::SplatPipelines;
+pub use pipelines::{SplatPipelines, pipeline_error};
 pub use prepare::{Bindings, SplatBuffers, prepare_splats};
 
 use super::arena::{Arena, update_arena};
 use super::capabilities::Withheld;
+use super::mode_view::ModeView;
 use super::scene::ParticleScene;
+use super::timing::TimedPasses;
 use super::view::SplatView;
 use bevy::core_pipeline::core_3d::{main_opaque_pass_3d, main_transparent_pass_3d};
 use bevy::core_pipeline::{Core3d, Core3dSystems};
@@ -52,7 +56,11 @@ pub struct SplatPlugin;
 
 impl Plugin for SplatPlugin {
     fn build(&self, app: &mut App) {
-        app.add_plugins(ExtractComponentPlugin::<SplatView>::default());
+        app.init_resource::<TimedPasses>();
+        app.add_plugins((
+            ExtractComponentPlugin::<SplatView>::default(),
+            ExtractComponentPlugin::<ModeView>::default(),
+        ));
         let scene = app.world().get_resource::<ParticleScene>().cloned();
         let withheld = app.world().get_resource::<Withheld>().copied();
         let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };

@@ -20,23 +20,15 @@ pub struct SplatPipelines {
     pub raster: Option<RasterPipelines>,
 }
 
-impl SplatPipelines {
-    /// The first compile error among the pipelines, if any failed. A shader that is still being read is no error: Bevy
-    /// tries again.
-    pub fn error(&self, cache: &PipelineCache) -> Option<String> {
-        use ShaderCacheError::{ShaderImportNotYetAvailable, ShaderNotLoaded};
-        let failed = |state: &CachedPipelineState| match state {
-            CachedPipelineState::Err(ShaderNotLoaded(_) | ShaderImportNotYetAvailable) => None,
-            CachedPipelineState::Err(error) => Some(error.to_string()),
-            _ => None,
-        };
-        let compute = self.compute.iter().flat_map(ComputePipelines::ids);
-        let raster = self.raster.iter().flat_map(RasterPipelines::ids);
-        compute.map(|id| cache.get_compute_pipeline_state(id)).find_map(failed).or_else(|| {
-            let mut states = raster.map(|id| cache.get_render_pipeline_state(id));
-            states.find_map(failed)
-        })
-    }
+/// The first compile error among all pipelines, if any failed. A shader that is still being read is no error: Bevy tries
+/// again.
+pub fn pipeline_error(cache: &PipelineCache) -> Option<String> {
+    use ShaderCacheError::{ShaderImportNotYetAvailable, ShaderNotLoaded};
+    cache.pipelines().find_map(|pipeline| match &pipeline.state {
+        CachedPipelineState::Err(ShaderNotLoaded(_) | ShaderImportNotYetAvailable) => None,
+        CachedPipelineState::Err(error) => Some(error.to_string()),
+        _ => None,
+    })
 }
 
 /// Creates the pipelines at start-up, and again after a lost device.

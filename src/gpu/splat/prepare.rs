@@ -5,11 +5,13 @@
 use super::compute::{self, ComputeBindings, Scratch};
 use super::draw_list::DrawList;
 use super::layout::{Grids, SPLAT_BYTES};
+use super::particles::{self, ParticleBatch};
 use super::pipelines::SplatPipelines;
 use super::raster::{self, RasterBindings};
 use super::resources::at_least;
 use crate::gpu::arena::Arena;
 use crate::gpu::capabilities::Technique;
+use crate::gpu::mode_view::ModeView;
 use crate::gpu::view::{DrawItem, Footprint, SplatView};
 use crate::view::View;
 use bevy::prelude::*;
@@ -67,6 +69,8 @@ pub struct SplatBuffers {
     pub shared: Shared,
     /// What the technique binds.
     pub bindings: Bindings,
+    /// The particles, for passes that a mode's plugin adds; none for other modes.
+    pub particles: Vec<ParticleBatch>,
     /// Whether every frame accumulates.
     pub always: bool,
     /// Set once the cells hold the picture.
@@ -81,6 +85,7 @@ struct Key {
     culling: bool,
     faintest: f32,
     technique: Technique,
+    has_passes: bool,
     items: Arc<[DrawItem]>,
     generation: u64,
 }
@@ -94,6 +99,7 @@ impl Key {
             && self.culling == other.culling
             && self.faintest == other.faintest
             && self.technique == other.technique
+            && self.has_passes == other.has_passes
             && Arc::ptr_eq(&self.items, &other.items)
     }
 }
@@ -101,7 +107,7 @@ impl Key {
 /// Prepares every camera that draws particles.
 pub fn prepare_splats(
     mut commands: Commands,
-    mut cameras: Query<(Entity, &SplatView, Option<&mut SplatBuffers>)>,
+    mut cameras: Query<(Entity, &SplatView, Option<&ModeView>, Option<&mut SplatBuffers>)>,
     arena: Res<Arena>,
     mut scratch: ResMut<Scratch>,
     pipelines: Option<ResMut<SplatPipelines>>,
@@ -110,7 +116,7 @@ pub fn prepare_splats(
     queue: Res<RenderQueue>,
 ) {
     let Some(mut pipelines) = pipelines else { return };
-    for (entity, view, mut before) in &mut cameras {
+    for (entity, view, mode, mut before) in &mut cameras {
         // Whoever sets a backend asks for the adapter's capabilities before.
         let Ok(technique) = pipelines.capabilities.technique(view.backend) else { continue };
         let key = Key {
@@ -119,13 +125,17 @@ pub fn prepare_splats(
             culling: view.culling,
             faintest: view.faintest,
             technique,
+            has_passes: mode.is_some_and(ModeView::has_passes),
             items: view.items.clone(),
             generation: arena.generation,
         };
         if let Some(before) = &mut before
             && before.key.is_same(&key)
         {
-            before.always = view.always;
+            // What is not changed is not marked as changed.
+            if before.always != view.always {
+                before.always = view.always;
+            }
             continue;
         }
         let buffers =
@@ -182,6 +192,10 @@ fn build(
     let cells = at_least(kept(|b| &b.cells), u64::from(cells) * 8, usage, "deepfield picture", device);
     let shared = Shared { cells, uniform, nodes, blocks };
 
+    let particles = match key.has_passes {
+        true => particles::batches(&shared, &list, arena, cache, device),
+        false => Vec::new(),
+    };
     let before = before.map(|before| &before.bindings);
     let bindings = match key.technique {
         Technique::Compute => {
@@ -204,6 +218,7 @@ fn build(
         stride,
         shared,
         bindings,
+        particles,
         always: view.always,
         accumulated: AtomicBool::new(false),
         key,

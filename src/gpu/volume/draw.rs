@@ -100,7 +100,7 @@ impl Picture<'_> {
         room: &Room,
     ) -> Result<(Colors, VolumeReport), GpuError> {
         let Prepared { grid, particles, .. } = self.prepared;
-        let masonry = self.prepared.masonry();
+        let brick_grid = self.prepared.brick_grid();
         let pipelines = programs.get(self.variant())?;
         let cut = Cut::new(grid, particles.attribute, room.memory, room.limit)
             .ok_or_else(|| GpuError::NoRoom(format!("{} bytes for a buffer", room.limit)))?;
@@ -123,8 +123,8 @@ impl Picture<'_> {
                 behind_step: slab.steps.end,
                 candidates: rest.min(room.batch) as u32,
                 opening: u32::from(batch == 0),
-                nearest: masonry.depth[(first_layer * BRICK) as usize],
-                farthest: masonry.depth[((first_layer + layers) * BRICK - 1) as usize],
+                nearest: brick_grid.depth[(first_layer * BRICK) as usize],
+                farthest: brick_grid.depth[((first_layer + layers) * BRICK - 1) as usize],
             }
         };
         let largest = panes.iter().map(Pane::len).max().unwrap_or(0);

@@ -150,7 +150,7 @@ impl Picture<'_> {
     ) -> Inputs {
         let (device, queue) = (self.device, self.queue);
         let particles = &self.prepared.particles;
-        let uniform = VolumeUniform::new(&self.prepared.grid, self.prepared.masonry(), self.scenery, cut);
+        let uniform = VolumeUniform::new(&self.prepared.grid, self.prepared.brick_grid(), self.scenery, cut);
         let digits = u32::BITS - uniform.bin_count.leading_zeros();
         let digits = digits.div_ceil(super::constants::DIGIT_BITS);
         let batch_size = room.batch.min(particles.len().max(1));
@@ -160,7 +160,7 @@ impl Picture<'_> {
         let mut put = |name, bytes: &[u8]| store.holding(device, queue, name, 0, bytes);
         let view = put("deepfield volume", bytemuck::bytes_of(&uniform));
         let turn_list = put("deepfield volume turns", &strided((0..turns.max(digits)).map(turn)));
-        let depths = put("deepfield volume depths", bytemuck::cast_slice(&layout::depths(self.prepared.masonry())));
+        let depths = put("deepfield volume depths", bytemuck::cast_slice(&layout::depths(self.prepared.brick_grid())));
         let table = put("deepfield volume table", bytemuck::cast_slice(&layout::table(self.scenery)));
         let places = put("deepfield volume places", bytemuck::cast_slice(places));
         let readers = put("deepfield volume readers", bytemuck::cast_slice(readers));

@@ -5,7 +5,7 @@
 use super::constants::{BRICK, MOST_LEVELS};
 use super::cut::Cut;
 use crate::color::transfer::Scale;
-use crate::cpu::volume::bricks::Masonry;
+use crate::cpu::volume::bricks::BrickGrid;
 use crate::cpu::volume::particles::Particle;
 use crate::cpu::volume::surface::MOST_SURFACES;
 use crate::cpu::volume::{Light, Scenery};
@@ -140,7 +140,7 @@ pub fn levels(bricks: [u32; 3]) -> ([[u32; 4]; MOST_LEVELS], u32, u32) {
 
 impl VolumeUniform {
     /// What the shaders read of a picture.
-    pub fn new(grid: &PerspectiveGrid, masonry: &Masonry, scenery: &Scenery, cut: &Cut) -> VolumeUniform {
+    pub fn new(grid: &PerspectiveGrid, brick_grid: &BrickGrid, scenery: &Scenery, cut: &Cut) -> VolumeUniform {
         let tables = scenery.classifier.tables();
         let span = match grid.perspective {
             true => (grid.far / grid.near).ln(),
@@ -163,7 +163,7 @@ impl VolumeUniform {
         let nothing = f32::MAX;
         VolumeUniform {
             window: cut.window,
-            middle: masonry.middle,
+            middle: brick_grid.middle,
             attribute_map: attribute_map.map(|number| number as f32),
             ring: cut.ring,
             slices: grid.size[2],
@@ -207,11 +207,11 @@ pub fn table(scenery: &Scenery) -> Vec<[f32; 4]> {
 }
 
 /// Depth, spacing, cells per length and thickness of each slice.
-pub fn depths(masonry: &Masonry) -> Vec<[f32; 4]> {
+pub fn depths(brick_grid: &BrickGrid) -> Vec<[f32; 4]> {
     let of = |slice: usize| {
-        [masonry.depth[slice], masonry.spacing[slice], masonry.per_cell[slice], masonry.thickness[slice]]
+        [brick_grid.depth[slice], brick_grid.spacing[slice], brick_grid.per_cell[slice], brick_grid.thickness[slice]]
     };
-    (0..masonry.depth.len()).map(of).collect()
+    (0..brick_grid.depth.len()).map(of).collect()
 }
 
 /// For each column of pixels, then for each row, the stored cell before its rays, and the bits of the share of the way to the

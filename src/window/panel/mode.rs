@@ -3,7 +3,7 @@
 use super::{Dock, PanelState, Section, theme};
 use crate::look::Attribute;
 use crate::mode::{Setting, SettingKind, SettingValue};
-use crate::modes::MODES;
+use crate::modes;
 use crate::window::scene::Settings;
 use bevy_egui::egui::{ComboBox, TextEdit, Ui};
 
@@ -22,7 +22,7 @@ pub static SECTION: Section = Section {
 
 fn show(ui: &mut Ui, state: &PanelState<'_, '_>, settings: &mut Settings) {
     theme::combo(ui, "Mode", settings.mode.name, |ui| {
-        for mode in MODES {
+        for mode in modes::all() {
             let chosen = std::ptr::eq(settings.mode, mode);
             let label = ui.selectable_label(chosen, mode.name).on_hover_text(mode.help);
             theme::register(ui, &format!("mode:{}", mode.name), label.rect);

@@ -214,7 +214,7 @@ pub fn draw_before(
     let Ok(depiction) = depict(&blend.look, scene.file.metadata()) else { return };
     let numbers = exposed.as_ref().and_then(|look| look.transfer.as_ref()?.numbers());
     let levels = numbers.or(before.last.filter(|(mode, _)| std::ptr::eq(*mode, depiction.mode)).map(|last| last.1));
-    let painted = depiction.mode.painter().is_some();
+    let painted = depiction.mode.is_light();
     let full = picture.size();
     let size = match (is_moving, painted) {
         (false, _) => full,

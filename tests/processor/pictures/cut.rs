@@ -83,7 +83,7 @@ fn every_mode_of_colors_leaves_out_the_same() {
     let projection = Projection::Orthographic { height: 1.2 * bounds.size().y };
     let view = View::look_at(eye, bounds.center(), DVec3::Y, projection, 64, 64).unwrap().with_cut(cut);
     let selection = Scene::new(Arc::clone(&built.file), u64::MAX).converge_blocking(&view, 0.8).unwrap();
-    for mode in modes::MODES.into_iter().filter(|mode| mode.painter().is_some()) {
+    for mode in modes::all().into_iter().filter(|mode| mode.is_light()) {
         let depiction = Depiction::of_pages(mode, Settings::default(), None, metadata).unwrap();
         let nodes = processor::cut(&view, processor::decode(&depiction, metadata, &selection.nodes));
         let subject = Subject { transfer: None, diameter: bounds.size().length(), caster: &Processor };

@@ -33,10 +33,10 @@ fn check(mode: &str, image: &Image) {
 fn every_mode_draws_its_golden_image() {
     let built = built(&demo(), VqBits::Eight);
     let view = view_from(&built.dataset, DVec3::new(0.35, 0.3, 1.0), 1.5, 240, 160);
-    for mode in modes::MODES {
-        match mode.painter() {
-            None => check(mode.name, &colors(mode.name, &draw_pages(&built.file, mode.name, &view, 0.8))),
-            Some(_) => check(mode.name, &paint_pages(&built.file, mode.name, &view, 0.8)),
+    for mode in modes::all() {
+        match mode.is_light() {
+            false => check(mode.name, &colors(mode.name, &draw_pages(&built.file, mode.name, &view, 0.8))),
+            true => check(mode.name, &paint_pages(&built.file, mode.name, &view, 0.8)),
         }
     }
 }

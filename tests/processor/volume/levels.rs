@@ -283,7 +283,7 @@ fn differences(built: &Built, view: &View, detail: f64, stride: usize) -> Differ
     let options = VolumeOptions { near: Some(depths.near), far: Some(depths.far), ..VolumeOptions::default() };
     let fields = [&source, &merged].map(|cloud| {
         let prepared = prepare(view, &[cloud.batch()], &options).unwrap();
-        let layers = 0..prepared.masonry().bricks[2];
+        let layers = 0..prepared.brick_grid().bricks[2];
         let (layers, _) = Resampler::new(&prepared, options.kernel).resample(layers, &[]);
         (prepared, Slab { first: 0, layers })
     });
@@ -292,7 +292,8 @@ fn differences(built: &Built, view: &View, detail: f64, stride: usize) -> Differ
     let (mut squares, mut norms) = ([0.0; 3], [0.0; 3]);
     for index in (0..k * l * m).step_by(stride) {
         let cell = [index % k, index / k % l, index / k / l];
-        let [whole, found] = fields.each_ref().map(|(prepared, slab)| f64::from(slab.at(cell, prepared.masonry())[0]));
+        let [whole, found] =
+            fields.each_ref().map(|(prepared, slab)| f64::from(slab.at(cell, prepared.brick_grid())[0]));
         let center = depths.center(cell.map(|c| c as u32));
         let world = view.eye + center.x * view.right + center.y * view.up + center.z * view.forward;
         let exact = exact.at(world).density;

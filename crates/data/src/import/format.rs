@@ -4,8 +4,9 @@ use super::{ImportError, Source};
 use crate::model::ReadMethod;
 use std::io::Read;
 use std::path::Path;
+use std::sync::{PoisonError, RwLock};
 
-/// A file format. Adding one takes a file in this room and a line in [`FORMATS`].
+/// A file format. Adding one takes a file in this room and a line in [`BUILT_IN`], or [`register`] from another crate.
 pub trait Format: Sync {
     /// The format's name in messages.
     fn name(&self) -> &'static str;
@@ -24,8 +25,8 @@ pub trait Format: Sync {
 /// How many bytes of a file [`Format::recognise`] sees.
 pub const HEAD: usize = 4096;
 
-/// Every format, asked in this order.
-pub const FORMATS: &[&dyn Format] = &[
+/// The formats that come with deepfield, asked in this order.
+static BUILT_IN: &[&dyn Format] = &[
     &super::hdf5::Hdf5,
     &super::gadget::Gadget,
     &super::tipsy::Tipsy,
@@ -33,6 +34,32 @@ pub const FORMATS: &[&dyn Format] = &[
     &super::table::KStars,
     &super::table::Csv,
 ];
+
+/// The formats of other crates.
+static REGISTERED: RwLock<Vec<&'static dyn Format>> = RwLock::new(Vec::new());
+
+/// Adds a format. It is asked before those that come with deepfield, which take almost any text for a table.
+///
+/// # Errors
+/// What is wrong with it: a name that another format has.
+pub fn register(format: &'static dyn Format) -> Result<(), String> {
+    if formats().iter().any(|known| known.name() == format.name()) {
+        return Err(format!("format {}: expected a name that no other format has", format.name()));
+    }
+    REGISTERED.write().unwrap_or_else(PoisonError::into_inner).push(format);
+    Ok(())
+}
+
+/// Every format, in the order in which they are asked.
+pub fn formats() -> Vec<&'static dyn Format> {
+    let registered = REGISTERED.read().unwrap_or_else(PoisonError::into_inner);
+    registered.iter().chain(BUILT_IN).copied().collect()
+}
+
+/// The names of all formats, for messages.
+pub fn names() -> String {
+    formats().iter().map(|format| format.name()).collect::<Vec<_>>().join(", ")
+}
 
 /// What formats are recognised by.
 pub(super) struct Head {
@@ -59,7 +86,7 @@ impl Head {
 
 /// The format that a file claims to be of.
 pub(super) fn format_of(head: &Head) -> Option<&'static dyn Format> {
-    FORMATS.iter().find(|format| format.recognise(&head.bytes, head.length)).copied()
+    formats().into_iter().find(|format| format.recognise(&head.bytes, head.length))
 }
 
 /// Opens a source in whatever format its content shows; of a folder, the one source in it (see [`super::file_in`]).
@@ -82,9 +109,6 @@ pub fn open_with(path: &Path, method: ReadMethod) -> Result<Box<dyn Source>, Imp
 pub(super) fn open_file(path: &Path, method: ReadMethod) -> Result<Box<dyn Source>, ImportError> {
     match format_of(&Head::read(path)?) {
         Some(format) => format.open(path, method),
-        None => {
-            let names: Vec<&str> = FORMATS.iter().map(|format| format.name()).collect();
-            Err(ImportError::Unrecognised { path: path.into(), expected: names.join(", ") })
-        }
+        None => Err(ImportError::Unrecognised { path: path.into(), expected: names() }),
     }
 }

@@ -27,7 +27,7 @@ mod units;
 pub use choice::replaced_densities;
 pub use error::ImportError;
 pub use folder::{OtherKind, file_in};
-pub use format::{FORMATS, Format, HEAD, open, open_with};
+pub use format::{Format, HEAD, formats, names, open, open_with, register};
 pub use load::{AttributeChoice, DEFAULT_NEIGHBOURS, LoadOptions, Smoothing, load, load_source};
 pub use rows::{FamilyRows, Scalar};
 pub use source::{Description, FamilyInfo, Field, FieldKind, Source};

@@ -105,9 +105,9 @@ impl Legend {
             log: hue.scale == Scale::Log,
         });
         // A volume's opacity belongs to a length, and colours do not show it.
-        let opacity = match mode.painter() {
-            Some(_) => (0..OPACITIES).map(|i| transfer.opacity_at(i as f32 / (OPACITIES - 1) as f32)).collect(),
-            None => Vec::new(),
+        let opacity = match mode.is_light() {
+            true => (0..OPACITIES).map(|i| transfer.opacity_at(i as f32 / (OPACITIES - 1) as f32)).collect(),
+            false => Vec::new(),
         };
         Legend { p, s, lut, opacity }
     }

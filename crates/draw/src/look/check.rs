@@ -5,7 +5,7 @@ use crate::explore::ExploreError;
 use crate::mode::setting::SettingError;
 use crate::model::ron_file::RonError;
 use crate::model::ron_place::Place;
-use crate::modes::{self, MODES};
+use crate::modes;
 use crate::view::Stereo;
 
 /// Datasets of a scene at most.
@@ -37,7 +37,7 @@ pub(super) fn check(scene: &SceneFile, file: &str, text: &str) -> Result<(), Ron
         Some(name) => {
             modes::find(name).ok_or_else(|| place.refuse(&["mode"], name, format!("one of {}", modes::names())))?
         }
-        None => MODES[0],
+        None => modes::first(),
     };
     scene.settings.check(mode).map_err(|error| match error {
         SettingError::Unknown { name, expected, .. } => {

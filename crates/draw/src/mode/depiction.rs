@@ -1,6 +1,6 @@
 //! A mode as the user has set it, applied to data: weights and attributes of source particles and of codebook entries.
 
-use super::{Columns, Conserved, Footprint, Mode, Settings, economy};
+use super::{Columns, Conserved, Footprint, Mode, Needs, Settings, economy};
 use crate::codec::Codebook;
 use crate::color::transfer::{Range, Scale, TransferFunction};
 use crate::hierarchy::Purpose;
@@ -152,9 +152,14 @@ impl Depiction {
         transfer
     }
 
+    /// What the mode's technique needs with these settings.
+    pub fn needs(&self) -> Needs {
+        self.mode.technique.needs(&self.settings)
+    }
+
     /// How far a particle reaches in the picture.
     pub fn footprint(&self) -> Footprint {
-        (self.mode.footprint)(&self.settings)
+        self.needs().footprint
     }
 
     /// The view by which nodes are selected: what lies just outside the picture reaches into it by a disc's radius.
@@ -168,8 +173,7 @@ impl Depiction {
 
     /// The levels that are drawn of a file.
     pub fn purpose(&self, metadata: &Metadata) -> Purpose {
-        let is_sampled = self.mode.all_settings().any(|setting| setting.name == grid::DETAIL.name);
-        if is_sampled && metadata.has_volume_levels() { Purpose::Samples } else { Purpose::Splats }
+        if metadata.has_volume_levels() { self.needs().purpose } else { Purpose::Splats }
     }
 
     /// How far the nodes of a file are refined for a view, where splats may be displaced by `tau` pixels.
@@ -229,7 +233,7 @@ impl Depiction {
             Some(values) => values.iter().map(|&a| if a.is_finite() { a } else { coloring.fallback }).collect(),
             None => vec![coloring.fallback; weight.len()],
         });
-        SourceColumns { weight, attribute, density: self.mode.densities.then(|| columns.density.to_vec()) }
+        SourceColumns { weight, attribute, density: self.needs().densities.then(|| columns.density.to_vec()) }
     }
 }
 

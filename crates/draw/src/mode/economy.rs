@@ -1,4 +1,4 @@
-//! What a picture may leave undrawn: settings that every mode has, and what they come to for one picture.
+//! What a picture may leave undrawn: settings that every mode of sums has, and what they come to for one picture.
 //!
 //! - Culling: particles that no pixel sees cost nothing.
 //! - Presence acceleration (F12 4.7.3, 4.9.2): a particle whose brightest pixel stays below `P_min / n` is dropped. Light is
@@ -8,7 +8,7 @@
 //!   `min(1, c (m / m_mean) (h in pixels)^(3/4))`: small splats disturb few pixels, and one that stands for many source
 //!   particles is worth as much as they. `c` follows from a budget for the colour error; see [`crate::picture::pilot`].
 
-use super::{Conserved, Depiction, Footprint, Setting, SettingKind, SettingValue, Settings};
+use super::{Conserved, Depiction, Footprint, Output, Setting, SettingKind, SettingValue, Settings};
 use crate::mode::sample::Sample;
 use crate::model::Bounds;
 use crate::store::{FamilyMetadata, Node};
@@ -38,7 +38,7 @@ pub static THINNING: Setting = Setting {
     help: "mean colour error that drawing a weighted sample of the particles may cause; 0: all are drawn (as in files unless set)",
 };
 
-/// The settings that every mode has.
+/// The settings that every mode of sums has.
 pub static COMMON: [&Setting; 3] = [&CULLING, &PRESENCE, &THINNING];
 
 /// What a picture may leave undrawn, as the user has set it.
@@ -164,7 +164,9 @@ pub fn magnification(view: &View, cell: Bounds) -> f64 {
 
 /// Whether a mode's pictures can be thinned: discs of fixed size all count the same, whatever their distance.
 pub fn can_thin(depiction: &Depiction) -> bool {
-    depiction.footprint() == Footprint::Kernel && depiction.mode.conserves != Conserved::Neither
+    depiction.mode.technique.output() == Output::Sums
+        && depiction.footprint() == Footprint::Kernel
+        && depiction.mode.conserves != Conserved::Neither
 }
 
 /// `m h^(3/4)`: how much a particle's absence would show, up to the view's factor.

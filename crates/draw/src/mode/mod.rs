@@ -4,15 +4,16 @@
 
 pub mod depiction;
 pub mod economy;
-pub mod paint;
 pub mod sample;
 pub mod setting;
+pub mod technique;
 
 pub use depiction::{CodeTable, Coloring, Depiction, SourceColumns};
 pub use economy::{Economy, Plan};
-pub use paint::{Painted, Painter, Painting};
 pub use setting::{Setting, SettingError, SettingKind, SettingValue, Settings};
+pub use technique::{Adapter, Job, Needs, Output, Painted, Raw, SPLAT_SUMS, SplatSums, Technique};
 
+use crate::cpu::volume::VolumeError;
 use crate::model::Unit;
 
 /// The description of a mode.
@@ -24,7 +25,7 @@ pub struct Mode {
     /// Its settings, in groups that modes share.
     pub settings: &'static [&'static [&'static Setting]],
     /// How it is drawn.
-    pub technique: Technique,
+    pub technique: &'static dyn Technique,
     /// What `P` is called in a legend.
     pub quantity: &'static str,
     /// The unit of `P`, from those of mass and length.
@@ -38,25 +39,8 @@ pub struct Mode {
     pub usual_attributes: &'static [&'static str],
     /// Attributes that the weight itself uses.
     pub weight_attributes: &'static [&'static str],
-    /// Whether each particle's own density is drawn with, beside its weight.
-    pub densities: bool,
-    /// The shape of a particle in the picture.
-    pub footprint: fn(&Settings) -> Footprint,
     /// Name of the transfer function to begin with, in `assets/transfer/`: without colour channel, and with one.
     pub transfer: [&'static str; 2],
-}
-
-/// How a mode is drawn. What draws asks for the technique and never for the mode.
-#[derive(Clone, Copy)]
-pub enum Technique {
-    /// Splats are accumulated to `P` and `S`, in any order, and coloured by a transfer function; every backend can.
-    Splats,
-    /// Colours come from the particles straight, in their order along each line of sight; the processor draws them with
-    /// this.
-    Colors(Painter),
-    /// The same through the perspective grid, which the processor or an adapter resamples and casts rays through:
-    /// [`Painting::caster`].
-    Grid(Painter),
 }
 
 /// How far a particle reaches in the picture.
@@ -111,23 +95,26 @@ impl std::fmt::Debug for Mode {
 }
 
 impl Mode {
-    /// Its settings, then those that every mode of splats has.
+    /// Its settings, then those that every mode of sums has.
     pub fn all_settings(&self) -> impl Iterator<Item = &'static Setting> + use<> {
-        let common: &[&Setting] = if self.painter().is_some() { &[] } else { &economy::COMMON };
+        let common: &[&Setting] = if self.technique.output() == Output::Sums { &economy::COMMON } else { &[] };
         self.settings.iter().copied().flatten().chain(common).copied()
     }
 
-    /// What draws its colours, for modes that are not made of splats.
-    pub fn painter(&self) -> Option<Painter> {
-        match self.technique {
-            Technique::Splats => None,
-            Technique::Colors(painter) | Technique::Grid(painter) => Some(painter),
-        }
+    /// Whether its pictures are colours straight from the particles, not values that a transfer function colours.
+    pub fn is_light(&self) -> bool {
+        self.technique.output() == Output::Light
     }
 
-    /// Whether an adapter can draw its colours.
-    pub fn is_cast(&self) -> bool {
-        matches!(self.technique, Technique::Grid(_))
+    /// Draws it on the processor.
+    ///
+    /// # Errors
+    /// [`VolumeError::OnlyAdapter`] for a mode that only an adapter draws; else as [`Technique::draw`].
+    pub fn draw(&self, job: &Job<'_>) -> Result<Raw, VolumeError> {
+        match self.technique.on_processor() {
+            true => self.technique.draw(job),
+            false => Err(VolumeError::OnlyAdapter(self.name)),
+        }
     }
 
     /// The attribute that colours the picture: `wanted` if named, else the first usual one among `available`.

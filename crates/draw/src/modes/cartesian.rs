@@ -3,7 +3,7 @@
 use super::grid::{self, Layers, Look};
 use crate::cpu::cartesian::{self, CartesianOptions, Region};
 use crate::cpu::volume::VolumeError;
-use crate::mode::{Mode, Painted, Painting, Setting, SettingKind, Technique};
+use crate::mode::{Job, Mode, Needs, Output, Painted, Raw, Setting, SettingKind, SettingValue, Settings, Technique};
 
 /// Cells along the longest side.
 pub static CELLS: Setting = Setting {
@@ -37,22 +37,38 @@ pub static MEMORY: Setting = Setting {
     help: "memory that the grid may take if none of its bricks is empty; a larger one is refused",
 };
 
-fn paint(painting: &Painting<'_>) -> Result<Painted, VolumeError> {
-    let look = Look::new(painting)?;
-    let settings = painting.settings;
-    let layers = match settings.name(&CONTENT).as_str() {
-        "isosurface" => Layers::SURFACES,
-        "volume-isosurface" => Layers::BOTH,
-        _ => Layers::VOLUME,
-    };
-    let (scenery, isovalues) = look.scenery(painting, layers)?;
-    let options = CartesianOptions {
-        cells: settings.number(&CELLS).round() as u32,
-        region: if settings.name(&REGION) == "data" { Region::Data } else { Region::View },
-        memory: (settings.number(&MEMORY) * f64::from(1 << 20)) as u64,
-    };
-    let (colors, report) = cartesian::draw(painting.view, painting.batches, &scenery, &options, &look.options)?;
-    Ok(Painted { colors, report, levels: look.levels, isovalues })
+struct Cartesian;
+
+impl Technique for Cartesian {
+    fn output(&self) -> Output {
+        Output::Light
+    }
+
+    fn needs(&self, _: &Settings) -> Needs {
+        Needs { of_data: true, ..Needs::default() }
+    }
+
+    fn for_panorama(&self, settings: &mut Settings) {
+        settings.set(&REGION, SettingValue::Name("data".into()));
+    }
+
+    fn draw(&self, job: &Job<'_>) -> Result<Raw, VolumeError> {
+        let look = Look::new(job)?;
+        let settings = job.settings;
+        let layers = match settings.name(&CONTENT).as_str() {
+            "isosurface" => Layers::SURFACES,
+            "volume-isosurface" => Layers::BOTH,
+            _ => Layers::VOLUME,
+        };
+        let (scenery, isovalues) = look.scenery(job, layers)?;
+        let options = CartesianOptions {
+            cells: settings.number(&CELLS).round() as u32,
+            region: if settings.name(&REGION) == "data" { Region::Data } else { Region::View },
+            memory: (settings.number(&MEMORY) * f64::from(1 << 20)) as u64,
+        };
+        let (colors, report) = cartesian::draw(job.view, job.batches, &scenery, &options, &look.options)?;
+        Ok(Raw::Light(Painted { colors, report, levels: look.levels, isovalues }))
+    }
 }
 
 /// Particles weigh their mass, so that their sum with the kernel is the density.
@@ -60,6 +76,6 @@ pub static MODE: Mode = Mode {
     name: "cartesian",
     help: "a volume or isosurfaces of a Cartesian grid with one resolution everywhere, instead of one that follows the view",
     settings: &[&[&CONTENT, &CELLS, &REGION, &MEMORY, &grid::OPACITY], grid::SURFACES, grid::LIGHT, grid::COMMON],
-    technique: Technique::Colors(paint),
+    technique: &Cartesian,
     ..grid::MODE
 };

@@ -1,6 +1,6 @@
 //! `column-density`: the mass along each line of sight per area.
 
-use crate::mode::{Conserved, Footprint, Mode, Technique};
+use crate::mode::{Conserved, Mode, SPLAT_SUMS};
 use crate::model::Unit;
 
 /// `P` is the integral of the density along the line of sight: weight `m`.
@@ -8,7 +8,7 @@ pub static MODE: Mode = Mode {
     name: "column-density",
     help: "mass along the line of sight per area, in the data's units; coloured by an attribute if one is named",
     settings: &[],
-    technique: Technique::Splats,
+    technique: &SPLAT_SUMS,
     quantity: "column density",
     unit: |mass, length| match mass.is_unknown() || length.is_unknown() {
         true => Unit::default(),
@@ -18,7 +18,5 @@ pub static MODE: Mode = Mode {
     conserves: Conserved::Mass,
     usual_attributes: &[],
     weight_attributes: &[],
-    densities: false,
-    footprint: |_| Footprint::Kernel,
     transfer: ["density", "density-hue"],
 };

@@ -1,6 +1,6 @@
 //! `density-squared`: the emission model of F12 4.5, dense regions bright, coloured by velocity dispersion.
 
-use crate::mode::{Conserved, Footprint, Mode, Technique};
+use crate::mode::{Conserved, Mode, SPLAT_SUMS};
 use crate::model::Unit;
 
 /// `P` is the integral of the squared density along the line of sight (F12 4.1) and `S` the attribute averaged with
@@ -10,7 +10,7 @@ pub static MODE: Mode = Mode {
     name: "density-squared",
     help: "squared density along the line of sight (logarithmic brightness), coloured by the attribute averaged with it",
     settings: &[],
-    technique: Technique::Splats,
+    technique: &SPLAT_SUMS,
     quantity: "squared density along the line of sight",
     unit: |mass, length| match mass.is_unknown() || length.is_unknown() {
         true => Unit::default(),
@@ -20,7 +20,5 @@ pub static MODE: Mode = Mode {
     conserves: Conserved::MassDensity,
     usual_attributes: &["velocity-dispersion", "temperature", "internal-energy", "speed"],
     weight_attributes: &[],
-    densities: false,
-    footprint: |_| Footprint::Kernel,
     transfer: ["density", "density-hue"],
 };

@@ -4,7 +4,10 @@ use crate::color::colors::to_linear;
 use crate::color::transfer::{Range, TransferFunction, UnitLength};
 use crate::cpu::volume::particles::SMALLEST;
 use crate::cpu::volume::{self, Classifier, Light, Scenery, Surface, VolumeError, VolumeLevels, VolumeOptions, range};
-use crate::mode::{Columns, Conserved, Footprint, Mode, Painted, Painting, Setting, SettingKind, Settings, Technique};
+use crate::hierarchy::Purpose;
+use crate::mode::{
+    Adapter, Columns, Conserved, Job, Mode, Needs, Output, Painted, Raw, Setting, SettingKind, Settings, Technique,
+};
 use crate::model::{Bounds, Kernel, Unit};
 use crate::view::perspective_grid::GridOptions;
 use crate::view::{Detail, PerspectiveGrid, View};
@@ -17,7 +20,7 @@ pub static RESOLUTION: Setting = Setting {
     kind: SettingKind::Number { min: 0.1, max: 2.0, default: 1.0 },
     help: "resolution of the grid: 1 is that of the picture; 0.5 costs an eighth of the cells",
 };
-/// How wide the cells of merged particles may be. Modes that have it draw the levels of a file that are made for volumes.
+/// How wide the cells of merged particles may be.
 pub static DETAIL: Setting = Setting {
     name: "detail",
     unit: "cells",
@@ -87,15 +90,13 @@ pub const MODE: Mode = Mode {
     name: "",
     help: "",
     settings: &[],
-    technique: Technique::Splats,
+    technique: &Marched(Layers::VOLUME),
     quantity: "density",
     unit: density_unit,
     weight: masses,
     conserves: Conserved::Mass,
     usual_attributes: &[],
     weight_attributes: &[],
-    densities: false,
-    footprint: |_| Footprint::Kernel,
     transfer: ["volume", "volume-hue"],
 };
 /// Factor on the extinction.
@@ -212,12 +213,11 @@ impl Look {
     ///
     /// # Errors
     /// [`VolumeError`] for settings that do not fit the data or each other, and when nothing is in view.
-    pub fn new(painting: &Painting<'_>) -> Result<Look, VolumeError> {
-        let options = options(painting);
-        let attribute = painting.batches.iter().any(|batch| batch.attribute().is_some());
-        let transfer =
-            painting.transfer.cloned().unwrap_or_else(|| TransferFunction::of_volumes(attribute)).for_volume();
-        let levels = levels(painting, &transfer, &options)?;
+    pub fn new(job: &Job<'_>) -> Result<Look, VolumeError> {
+        let options = options(job);
+        let attribute = job.batches.iter().any(|batch| batch.attribute().is_some());
+        let transfer = job.transfer.cloned().unwrap_or_else(|| TransferFunction::of_volumes(attribute)).for_volume();
+        let levels = levels(job, &transfer, &options)?;
         let classifier = Classifier::new(&transfer, levels, attribute);
         Ok(Look { options, transfer, levels, classifier })
     }
@@ -240,12 +240,12 @@ impl Look {
     ///
     /// # Errors
     /// [`VolumeError`] for surfaces that cannot be there, and lists that do not fit each other.
-    pub fn scenery(&self, painting: &Painting<'_>, layers: Layers) -> Result<(Scenery, Vec<f64>), VolumeError> {
-        let settings = painting.settings;
+    pub fn scenery(&self, job: &Job<'_>, layers: Layers) -> Result<(Scenery, Vec<f64>), VolumeError> {
+        let settings = job.settings;
         let isovalues = settings.numbers(&ISOVALUES);
-        let possible = |value: f64| value > 0.0 && value <= painting.densest;
+        let possible = |value: f64| value > 0.0 && value <= job.densest;
         if let Some((index, &value)) = isovalues.iter().enumerate().find(|(_, value)| !possible(**value)) {
-            return Err(VolumeError::IsoValue { index, value, largest: painting.densest });
+            return Err(VolumeError::IsoValue { index, value, largest: job.densest });
         }
         let chosen: Vec<f64> = match isovalues {
             _ if layers.surfaces.is_empty() => Vec::new(),
@@ -315,24 +315,37 @@ pub fn sampling(view: &View, settings: &Settings, bounds: Bounds) -> Detail {
     Detail::Sampling { sigma: settings.number(&DETAIL) * sigma, near }
 }
 
-/// Draws the layers of a mode.
-///
-/// # Errors
-/// [`VolumeError`] for settings that do not fit the data or each other, and when nothing is in view.
-pub fn paint(painting: &Painting<'_>, layers: Layers) -> Result<Painted, VolumeError> {
-    let look = Look::new(painting)?;
-    let (scenery, isovalues) = look.scenery(painting, layers)?;
-    let (colors, report) = volume::draw(painting.view, painting.batches, &scenery, &look.options, painting.caster)?;
-    Ok(Painted { colors, report, levels: look.levels, isovalues })
+/// Layers of a volume, by marching along rays through the perspective grid.
+pub struct Marched(pub Layers);
+
+impl Technique for Marched {
+    fn output(&self) -> Output {
+        Output::Light
+    }
+
+    fn needs(&self, _: &Settings) -> Needs {
+        Needs { purpose: Purpose::Samples, ..Needs::default() }
+    }
+
+    fn adapter(&self) -> Adapter {
+        Adapter::RayMarcher
+    }
+
+    fn draw(&self, job: &Job<'_>) -> Result<Raw, VolumeError> {
+        let look = Look::new(job)?;
+        let (scenery, isovalues) = look.scenery(job, self.0)?;
+        let (colors, report) = volume::draw(job.view, job.batches, &scenery, &look.options, job.caster)?;
+        Ok(Raw::Light(Painted { colors, report, levels: look.levels, isovalues }))
+    }
 }
 
-fn options(painting: &Painting<'_>) -> VolumeOptions {
-    let settings = painting.settings;
+fn options(job: &Job<'_>) -> VolumeOptions {
+    let settings = job.settings;
     let plane = |setting: &Setting| Some(settings.number(setting)).filter(|&depth| depth > 0.0);
     let kernel = match settings.name(&KERNEL).as_str() {
         "cubic-spline" => Kernel::CubicSpline,
         "poly6" => Kernel::Poly6,
-        _ => painting.kernel,
+        _ => job.options.kernel,
     };
     VolumeOptions {
         grid: GridOptions { resolution: settings.number(&RESOLUTION), lambda: settings.flag(&LAMBDA) },
@@ -346,15 +359,11 @@ fn options(painting: &Painting<'_>) -> VolumeOptions {
 }
 
 /// Numbers for the ranges that are automatic.
-fn levels(
-    painting: &Painting<'_>,
-    transfer: &TransferFunction,
-    options: &VolumeOptions,
-) -> Result<VolumeLevels, VolumeError> {
+fn levels(job: &Job<'_>, transfer: &TransferFunction, options: &VolumeOptions) -> Result<VolumeLevels, VolumeError> {
     let hue = transfer.hue.clone().unwrap_or_default();
     let needs = transfer.range == Range::Auto || transfer.hue.as_ref().is_some_and(|hue| hue.range == Range::Auto);
     let measured = match needs {
-        true => Some(range::measure(painting.view, painting.batches, options.kernel, options.near, options.far)?),
+        true => Some(range::measure(job.view, job.batches, options.kernel, options.near, options.far)?),
         false => None,
     };
     let fixed = |range: Range, measured: Option<[f64; 2]>| match range {
@@ -370,10 +379,10 @@ fn levels(
         });
     }
     let unit = match transfer.unit_length {
-        UnitLength::Auto => 0.01 * painting.diameter,
+        UnitLength::Auto => 0.01 * job.diameter,
         UnitLength::Fixed(length) => length,
     };
     let attribute = hue.scale.usable(fixed(hue.range, measured.map(|range| Range::apart(range.attribute))));
-    let unit_length = unit.max(1e-30) / painting.settings.number(&OPACITY);
+    let unit_length = unit.max(1e-30) / job.settings.number(&OPACITY);
     Ok(VolumeLevels { density, attribute, unit_length })
 }

@@ -3,7 +3,7 @@
 use super::grid::{self, Look};
 use crate::cpu::layered::{self, Assignment, MOST_LAYERS};
 use crate::cpu::volume::VolumeError;
-use crate::mode::{Mode, Painted, Painting, Setting, SettingKind, Technique};
+use crate::mode::{Job, Mode, Output, Painted, Raw, Setting, SettingKind, Technique};
 
 /// Number of layers.
 pub static LAYERS: Setting = Setting {
@@ -21,16 +21,24 @@ pub static ASSIGNMENT: Setting = Setting {
     help: "kernel: each layer gets what of a particle lies in it; nearest: all goes to its centre's layer (F12 5.10)",
 };
 
-fn paint(painting: &Painting<'_>) -> Result<Painted, VolumeError> {
-    let look = Look::new(painting)?;
-    let settings = painting.settings;
-    let assignment = match settings.name(&ASSIGNMENT).as_str() {
-        "nearest" => Assignment::Nearest,
-        _ => Assignment::Kernel,
-    };
-    let way = (settings.number(&LAYERS).round() as u32, assignment, settings.number(&grid::TERMINATION) as f32);
-    let (colors, report) = layered::draw(painting.view, painting.batches, &look.classifier, way, &look.options)?;
-    Ok(Painted { colors, report, levels: look.levels, isovalues: Vec::new() })
+struct Layered;
+
+impl Technique for Layered {
+    fn output(&self) -> Output {
+        Output::Light
+    }
+
+    fn draw(&self, job: &Job<'_>) -> Result<Raw, VolumeError> {
+        let look = Look::new(job)?;
+        let settings = job.settings;
+        let assignment = match settings.name(&ASSIGNMENT).as_str() {
+            "nearest" => Assignment::Nearest,
+            _ => Assignment::Kernel,
+        };
+        let way = (settings.number(&LAYERS).round() as u32, assignment, settings.number(&grid::TERMINATION) as f32);
+        let (colors, report) = layered::draw(job.view, job.batches, &look.classifier, way, &look.options)?;
+        Ok(Raw::Light(Painted { colors, report, levels: look.levels, isovalues: Vec::new() }))
+    }
 }
 
 /// Particles weigh their mass, so that a layer's picture is its column density.
@@ -38,6 +46,6 @@ pub static MODE: Mode = Mode {
     name: "layered",
     help: "a volume for very large data: splats in layers of depth, each layer classified and blended front to back",
     settings: &[&[&grid::OPACITY, &LAYERS, &ASSIGNMENT], grid::COMMON],
-    technique: Technique::Colors(paint),
+    technique: &Layered,
     ..grid::MODE
 };

@@ -1,5 +1,5 @@
-//! The visualization modes that come with deepfield, one small file each. A new mode is a file here and a line in
-//! [`MODES`].
+//! The visualization modes: those that come with deepfield, one small file each and a line in [`BUILT_IN`]; and those that
+//! another crate has registered.
 
 pub mod cartesian;
 pub mod column_density;
@@ -13,10 +13,12 @@ pub mod spheres;
 pub mod volume;
 pub mod volume_isosurface;
 
+use crate::color::transfer::TransferFunction;
 use crate::mode::Mode;
+use std::sync::{PoisonError, RwLock};
 
-/// Every registered mode; the first is the default.
-pub static MODES: [&Mode; 10] = [
+/// The modes that come with deepfield; the first is the default.
+static BUILT_IN: [&Mode; 10] = [
     &column_density::MODE,
     &density_squared::MODE,
     &points::MODE,
@@ -29,9 +31,42 @@ pub static MODES: [&Mode; 10] = [
     &cartesian::MODE,
 ];
 
+/// The modes of other crates.
+static REGISTERED: RwLock<Vec<&'static Mode>> = RwLock::new(Vec::new());
+
+/// Adds a mode. All that names modes knows it from now on, so this comes before anything is parsed.
+///
+/// # Errors
+/// What is wrong with the mode: a name that another one has, or a setting whose default it does not take, or a
+/// transfer function that does not exist.
+pub fn register(mode: &'static Mode) -> Result<(), String> {
+    if find(mode.name).is_some() {
+        return Err(format!("mode {}: expected a name that no other mode has", mode.name));
+    }
+    for setting in mode.all_settings() {
+        setting.check(&setting.default()).map_err(|error| format!("mode {}, default of {error}", mode.name))?;
+    }
+    for name in mode.transfer {
+        TransferFunction::preset(name).ok_or_else(|| format!("mode {}: no transfer function {name}", mode.name))?;
+    }
+    REGISTERED.write().unwrap_or_else(PoisonError::into_inner).push(mode);
+    Ok(())
+}
+
+/// Every mode: those that come with deepfield, then those of other crates.
+pub fn all() -> Vec<&'static Mode> {
+    let registered = REGISTERED.read().unwrap_or_else(PoisonError::into_inner);
+    BUILT_IN.iter().chain(registered.iter()).copied().collect()
+}
+
+/// The mode where none is named.
+pub fn first() -> &'static Mode {
+    BUILT_IN[0]
+}
+
 /// The mode of that name.
 pub fn find(name: &str) -> Option<&'static Mode> {
-    MODES.iter().copied().find(|mode| mode.name == name)
+    all().into_iter().find(|mode| mode.name == name)
 }
 
 /// The mode to begin with for data that has these fields: the one whose weight is made of fields that the data has
@@ -39,12 +74,12 @@ pub fn find(name: &str) -> Option<&'static Mode> {
 pub fn usual<'a>(fields: impl Iterator<Item = &'a str> + Clone) -> &'static Mode {
     let has = |wanted: &&str| fields.clone().any(|field| field == *wanted);
     let fits = |mode: &&Mode| !mode.weight_attributes.is_empty() && mode.weight_attributes.iter().all(has);
-    MODES.iter().copied().find(|mode| fits(mode)).unwrap_or(MODES[0])
+    all().into_iter().find(fits).unwrap_or(first())
 }
 
 /// The names of all modes, for messages.
 pub fn names() -> String {
-    MODES.map(|mode| mode.name).join(", ")
+    all().iter().map(|mode| mode.name).collect::<Vec<_>>().join(", ")
 }
 
 #[cfg(test)]
@@ -58,12 +93,11 @@ mod tests {
         assert_eq!(usual(["speed", "temperature"].into_iter()).name, "column-density");
         assert_eq!(usual(std::iter::empty()).name, "column-density");
     }
-    use crate::color::transfer::TransferFunction;
 
     #[test]
     fn modes_have_names_of_their_own_and_settings_with_valid_defaults() {
-        for (i, mode) in MODES.iter().enumerate() {
-            assert!(MODES[..i].iter().all(|other| other.name != mode.name));
+        for (i, mode) in BUILT_IN.iter().enumerate() {
+            assert!(BUILT_IN[..i].iter().all(|other| other.name != mode.name));
             assert!(std::ptr::eq(find(mode.name).unwrap(), *mode));
             for setting in mode.all_settings() {
                 setting.check(&setting.default()).unwrap();
@@ -73,8 +107,18 @@ mod tests {
     }
 
     #[test]
+    fn registered_modes_are_known_and_names_are_their_own() {
+        static SAME: Mode = Mode { name: "volume", ..grid::MODE };
+        static OTHER: Mode = Mode { name: "registered-in-a-test", ..grid::MODE };
+        assert_eq!(register(&SAME), Err("mode volume: expected a name that no other mode has".to_owned()));
+        register(&OTHER).unwrap();
+        assert!(std::ptr::eq(find("registered-in-a-test").unwrap(), &OTHER));
+        assert!(names().ends_with("registered-in-a-test") && register(&OTHER).is_err());
+    }
+
+    #[test]
     fn every_mode_begins_with_a_transfer_function_that_exists() {
-        for mode in MODES {
+        for mode in BUILT_IN {
             let [plain, colored] = mode.transfer.map(|name| TransferFunction::preset(name).unwrap());
             assert!(plain.hue.is_none() && colored.hue.is_some(), "{}", mode.name);
         }

@@ -1,6 +1,6 @@
 //! `points`: stars as small discs, as bright as they shine, in the colour of their colour index.
 
-use crate::mode::{Conserved, Footprint, Mode, Setting, SettingKind, Technique};
+use crate::mode::{Conserved, Footprint, Mode, Setting, SettingKind, SplatSums};
 use crate::model::Unit;
 
 /// Radius of a star's disc.
@@ -17,7 +17,7 @@ pub static MODE: Mode = Mode {
     name: "points",
     help: "stars as discs of fixed size, as bright as their magnitude says, coloured by their colour index",
     settings: &[&[&RADIUS]],
-    technique: Technique::Splats,
+    technique: &SplatSums { footprint: |settings| Footprint::Pixels(settings.number(&RADIUS) as f32) },
     quantity: "flux",
     unit: |_, _| Unit::default(),
     weight: |columns| match columns.named("magnitude") {
@@ -27,7 +27,5 @@ pub static MODE: Mode = Mode {
     conserves: Conserved::Neither,
     usual_attributes: &["color-index", "temperature", "speed"],
     weight_attributes: &["magnitude"],
-    densities: false,
-    footprint: |settings| Footprint::Pixels(settings.number(&RADIUS) as f32),
     transfer: ["density", "stars"],
 };

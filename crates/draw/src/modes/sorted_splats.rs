@@ -3,13 +3,25 @@
 use super::grid::{self, Look};
 use crate::cpu::sorted;
 use crate::cpu::volume::VolumeError;
-use crate::mode::{Mode, Painted, Painting, Technique};
+use crate::mode::{Job, Mode, Needs, Output, Painted, Raw, Settings, Technique};
 
-fn paint(painting: &Painting<'_>) -> Result<Painted, VolumeError> {
-    let look = Look::new(painting)?;
-    let termination = painting.settings.number(&grid::TERMINATION) as f32;
-    let (colors, report) = sorted::draw(painting.view, painting.batches, &look.classifier, termination, &look.options)?;
-    Ok(Painted { colors, report, levels: look.levels, isovalues: Vec::new() })
+struct SortedSplats;
+
+impl Technique for SortedSplats {
+    fn output(&self) -> Output {
+        Output::Light
+    }
+
+    fn needs(&self, _: &Settings) -> Needs {
+        Needs { densities: true, ..Needs::default() }
+    }
+
+    fn draw(&self, job: &Job<'_>) -> Result<Raw, VolumeError> {
+        let look = Look::new(job)?;
+        let termination = job.settings.number(&grid::TERMINATION) as f32;
+        let (colors, report) = sorted::draw(job.view, job.batches, &look.classifier, termination, &look.options)?;
+        Ok(Raw::Light(Painted { colors, report, levels: look.levels, isovalues: Vec::new() }))
+    }
 }
 
 /// Particles weigh their mass and are classified by their own density.
@@ -17,7 +29,6 @@ pub static MODE: Mode = Mode {
     name: "sorted-splats",
     help: "splats sorted by depth, each coloured by its own density or attribute and blended over those behind it",
     settings: &[&[&grid::OPACITY], grid::COMMON],
-    technique: Technique::Colors(paint),
-    densities: true,
+    technique: &SortedSplats,
     ..grid::MODE
 };

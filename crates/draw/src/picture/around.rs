@@ -14,7 +14,7 @@ use crate::cpu::volume::{VolumeError, range};
 use crate::cpu::{Extent, SplatError, Splats};
 use crate::mode::{Depiction, Painted, SettingValue};
 use crate::model::{Bounds, Kernel};
-use crate::modes::{cartesian, grid};
+use crate::modes::grid;
 use crate::picture::paint::{Subject, paint};
 use crate::view::perspective_grid::GridError;
 use crate::view::{PerspectiveGrid, Projection, View, ViewError};
@@ -39,11 +39,6 @@ pub struct Alike {
 struct Raised {
     h: Vec<f32>,
     density: Option<Vec<f32>>,
-}
-
-/// Whether a mode resamples the data where it is, whatever the view.
-pub fn is_of_data(depiction: &Depiction) -> bool {
-    depiction.mode.all_settings().any(|setting| setting.name == cartesian::REGION.name)
 }
 
 /// A parallel view of all that lies in `bounds`, whose longest side is `pixels`.
@@ -81,7 +76,7 @@ impl Alike {
         (all, kernel): (&[Splats<'_>], Kernel),
     ) -> Result<Alike, VolumeError> {
         let mut depiction = depiction.clone();
-        let of_data = is_of_data(&depiction);
+        let of_data = depiction.needs().of_data;
         let settings = &mut depiction.settings;
         let corner = |index: usize| {
             let pick = |axis: usize| if index >> axis & 1 == 0 { bounds.min[axis] } else { bounds.max[axis] };
@@ -100,9 +95,7 @@ impl Alike {
             true => 0.0,
             false => smallest / settings.number(&grid::RESOLUTION),
         };
-        if of_data {
-            settings.set(&cartesian::REGION, SettingValue::Name("data".into()));
-        }
+        depiction.mode.technique.for_panorama(settings);
         let usual = || depiction.suited(TransferFunction::of_volumes(depiction.attribute.is_some()));
         let mut transfer = transfer.cloned().unwrap_or_else(usual).for_volume();
         let needs_hue = transfer.hue.as_ref().is_some_and(|hue| hue.range == Range::Auto);
@@ -173,10 +166,4 @@ impl Alike {
 /// The places between which data lies, with all images of a periodic box that a view draws.
 pub fn with_images(view: &View, bounds: Bounds) -> Bounds {
     view.images.offsets().map(|offset| bounds.moved(offset)).fold(Bounds::EMPTY, Bounds::union)
-}
-
-/// Smoothing over the picture that a mode does: how many pixels beyond a face it looks at.
-pub fn neighbourhood(depiction: &Depiction) -> u32 {
-    let smooths = depiction.mode.all_settings().any(|setting| setting.name == crate::modes::spheres::SMOOTHING.name);
-    if smooths { crate::cpu::screen_spheres::NEIGHBOURHOOD } else { 1 }
 }

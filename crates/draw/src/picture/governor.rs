@@ -7,7 +7,7 @@
 //! picture that comes to rest gains particles and none moves.
 
 use crate::mode::economy::Plan;
-use crate::mode::{CodeTable, Depiction};
+use crate::mode::{CodeTable, Depiction, Output};
 use crate::store::Metadata;
 use crate::stream::SceneNode;
 use crate::view::View;
@@ -70,7 +70,8 @@ pub fn within(
         Some((u64::from(sample.candidates(node.particles)), u64::from(node.particles)))
     };
     let (usual, all) = nodes.iter().filter_map(part).fold((0, 0), |(usual, all), part| (usual + part.0, all + part.1));
-    if usual <= limit {
+    // Of a maximum or a first hit a sample is another picture.
+    if usual <= limit || depiction.mode.technique.output() == Output::Values {
         return (plan, usual);
     }
     // Not above 1: a plan looks at no more than there are.

@@ -2,9 +2,9 @@
 
 use super::processor::{DecodedNode, SeenFamily, batches, seen_batches};
 use crate::color::transfer::TransferFunction;
-use crate::cpu::Splats;
 use crate::cpu::volume::{Caster, Processor, VolumeError, VolumeLevels};
-use crate::mode::{Depiction, Painted, Painting};
+use crate::cpu::{SplatOptions, Splats};
+use crate::mode::{Depiction, Job, Painted};
 use crate::model::{Dataset, Family, Kernel};
 use crate::modes::grid::Look;
 use crate::store::Metadata;
@@ -74,10 +74,10 @@ pub fn find_levels(
     nodes: &[DecodedNode],
     transfer: &TransferFunction,
 ) -> Result<VolumeLevels, VolumeError> {
-    let painting = Painting {
+    let job = Job {
         view,
         batches: &batches(depiction, nodes)?,
-        kernel: metadata.kernel,
+        options: SplatOptions { kernel: metadata.kernel, ..SplatOptions::default() },
         settings: &depiction.settings,
         transfer: Some(transfer),
         // Neither has to do with ranges.
@@ -85,7 +85,7 @@ pub fn find_levels(
         densest: densest_of(metadata),
         caster: &Processor,
     };
-    Ok(Look::new(&painting)?.levels)
+    Ok(Look::new(&job)?.levels)
 }
 
 /// Paints batches; `densest` is the data's largest density.
@@ -100,14 +100,10 @@ pub fn paint(
     densest: f64,
     &Subject { transfer, diameter, caster }: &Subject<'_>,
 ) -> Result<Painted, VolumeError> {
-    let Some(painter) = depiction.mode.painter() else {
-        return Err(VolumeError::Setting {
-            field: "mode",
-            found: depiction.mode.name.into(),
-            expected: "a mode that draws colours straight from particles".into(),
-        });
-    };
     let usual = depiction.suited(TransferFunction::of_volumes(depiction.attribute.is_some()));
     let transfer = Some(transfer.unwrap_or(&usual));
-    painter(&Painting { view, batches, kernel, settings: &depiction.settings, transfer, diameter, densest, caster })
+    let options = SplatOptions { kernel, ..SplatOptions::default() };
+    let settings = &depiction.settings;
+    let job = Job { view, batches, options, settings, transfer, diameter, densest, caster };
+    depiction.mode.draw(&job)?.light(depiction.mode)
 }

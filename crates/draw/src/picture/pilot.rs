@@ -17,7 +17,8 @@
 use crate::color::Accumulation;
 use crate::color::composite::color_distance;
 use crate::color::transfer::{Levels, Scale, TransferFunction};
-use crate::cpu::{Method, SplatError};
+use crate::cpu::Method;
+use crate::cpu::volume::VolumeError;
 use crate::mode::economy::{Economy, Plan, can_thin, magnification};
 use crate::mode::sample::Sample;
 use crate::mode::{CodeTable, Depiction};
@@ -40,7 +41,7 @@ const ERROR_OF_SIGMA: f64 = 0.8;
 /// they are `None`, with those that the transfer function finds in the pilot's picture.
 ///
 /// # Errors
-/// [`SplatError`] as the CPU renderer.
+/// [`VolumeError`] as the CPU renderer.
 pub fn plan(
     view: &View,
     depiction: &Depiction,
@@ -49,7 +50,7 @@ pub fn plan(
     economy: &Economy,
     transfer: &TransferFunction,
     levels: Option<Levels>,
-) -> Result<Plan, SplatError> {
+) -> Result<Plan, VolumeError> {
     let mut plan = Plan { culling: economy.culling, ..Plan::default() };
     let thins = economy.thinning > 0.0 && can_thin(depiction);
     if !economy.needs_levels() || (!thins && levels.is_some_and(|_| economy.presence <= 0.0)) {
@@ -121,7 +122,7 @@ impl<'a> Pilot<'a> {
     }
 
     /// `P`, and in the attribute's channel `V` for thinning by `c`.
-    fn draw(&mut self, c: f32) -> Result<Accumulation, SplatError> {
+    fn draw(&mut self, c: f32) -> Result<Accumulation, VolumeError> {
         for (node, (variance, probability)) in self.nodes.iter_mut().zip(&self.columns) {
             let lost = |(&v, &p): (&f32, &f32)| if c * p >= 1.0 { 0.0 } else { v * (1.0 / (c * p).max(1e-12) - 1.0) };
             node.set_attribute(variance.iter().zip(probability).map(lost).collect());
@@ -130,7 +131,7 @@ impl<'a> Pilot<'a> {
     }
 
     /// The `c` whose predicted error is `budget`; infinite where no thinning is within it.
-    fn solve(&mut self, budget: f64, curve: &Curve) -> Result<f32, SplatError> {
+    fn solve(&mut self, budget: f64, curve: &Curve) -> Result<f32, VolumeError> {
         // Bisection of the logarithm: the error falls as c grows.
         let (mut low, mut high) = (-14.0_f32, 8.0_f32);
         for _ in 0..TRIES {

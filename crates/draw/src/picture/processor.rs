@@ -2,10 +2,12 @@
 
 use crate::color::Accumulation;
 use crate::cpu::overdraw::{Overdraw, overdraw};
-use crate::cpu::{Counts, Extent, Method, Positions, SplatError, SplatOptions, Splats, draw, draw_counted};
+use crate::cpu::volume::{Processor, VolumeError};
+use crate::cpu::{Counts, Extent, Method, Positions, SplatError, SplatOptions, Splats, around};
 use crate::mode::sample::Sample;
-use crate::mode::{CodeTable, Depiction, Footprint, Plan, SourceColumns};
-use crate::model::{Dataset, Family};
+use crate::mode::{CodeTable, Depiction, Footprint, Job, Output, Plan, SourceColumns};
+use crate::model::{Bounds, Dataset, Family};
+use crate::picture::paint::{densest, densest_of};
 use crate::store::{Metadata, Node, Page, Particles};
 use crate::stream::SceneNode;
 use crate::view::View;
@@ -221,21 +223,21 @@ pub(super) fn decode_some(
 /// Draws decoded nodes.
 ///
 /// # Errors
-/// [`SplatError`] as [`Splats::new`].
+/// As [`draw_batches`].
 pub fn draw_nodes(
     view: &View,
     depiction: &Depiction,
     metadata: &Metadata,
     nodes: &[DecodedNode],
     method: Method,
-) -> Result<Accumulation, SplatError> {
+) -> Result<Accumulation, VolumeError> {
     draw_planned(view, depiction, metadata, nodes, method, &Plan::default()).map(|drawn| drawn.0)
 }
 
 /// Draws decoded nodes with a plan's culling and presence acceleration, and says what became of the particles.
 ///
 /// # Errors
-/// [`SplatError`] as [`Splats::new`].
+/// As [`draw_batches`].
 pub fn draw_planned(
     view: &View,
     depiction: &Depiction,
@@ -243,9 +245,52 @@ pub fn draw_planned(
     nodes: &[DecodedNode],
     method: Method,
     plan: &Plan,
-) -> Result<(Accumulation, Counts), SplatError> {
+) -> Result<(Accumulation, Counts), VolumeError> {
     let batches = batches(depiction, nodes)?;
-    Ok(draw_counted(view, &batches, &options(metadata, method, plan)))
+    let known = || (metadata.bounds(), densest_of(metadata));
+    draw_batches(view, depiction, &batches, options(metadata, method, plan), known)
+}
+
+/// Draws batches of a mode whose pictures a transfer function colours. `known` finds the data's bounds and its largest
+/// density, where the mode may ask for them.
+///
+/// # Errors
+/// [`VolumeError`] as [`crate::mode::Mode::draw`], and for a mode that draws colours.
+pub fn draw_batches(
+    view: &View,
+    depiction: &Depiction,
+    batches: &[Splats<'_>],
+    options: SplatOptions,
+    known: impl FnOnce() -> (Bounds, f64),
+) -> Result<(Accumulation, Counts), VolumeError> {
+    let (diameter, densest) = match depiction.mode.technique.output() {
+        Output::Sums => (0.0, 0.0),
+        Output::Values | Output::Light => {
+            let (bounds, densest) = known();
+            (bounds.size().length(), densest)
+        }
+    };
+    let settings = &depiction.settings;
+    let job = Job { view, batches, options, settings, transfer: None, diameter, densest, caster: &Processor };
+    depiction.mode.draw(&job)?.sums(depiction.mode)
+}
+
+/// Draws batches as [`draw_batches`] on a face of a panorama whose pixels are `pixel` radians wide.
+///
+/// # Errors
+/// As [`draw_batches`].
+pub fn draw_face(
+    view: &View,
+    depiction: &Depiction,
+    batches: &[Splats<'_>],
+    pixel: f64,
+    options: SplatOptions,
+    known: impl FnOnce() -> (Bounds, f64),
+) -> Result<(Accumulation, Counts), VolumeError> {
+    match depiction.mode.technique.output() {
+        Output::Sums => Ok(around::draw_face(view, batches, pixel, &options)?),
+        Output::Values | Output::Light => draw_batches(view, depiction, batches, options, known),
+    }
 }
 
 /// How many of the splats lie over each pixel.
@@ -346,17 +391,19 @@ pub fn seen_batches<'a>(depiction: &Depiction, seen: &'a [SeenFamily<'_>]) -> Re
 /// Draws source particles at their full precision.
 ///
 /// # Errors
-/// [`SplatError`] as [`Splats::new`].
+/// As [`draw_batches`].
 pub fn draw_particles(
     view: &View,
     depiction: &Depiction,
     dataset: &Dataset,
     families: &[&Family],
     method: Method,
-) -> Result<Accumulation, SplatError> {
+) -> Result<Accumulation, VolumeError> {
     let seen = SeenFamily::of(view, depiction, families);
     let batches = seen_batches(depiction, &seen)?;
-    Ok(draw(view, &batches, &SplatOptions { method, kernel: dataset.kernel, ..SplatOptions::default() }))
+    let options = SplatOptions { method, kernel: dataset.kernel, ..SplatOptions::default() };
+    let known = || (dataset.bounds(), densest(families));
+    draw_batches(view, depiction, &batches, options, known).map(|drawn| drawn.0)
 }
 
 fn extent(footprint: Footprint, smoothing_length: &[f32]) -> Extent<'_> {

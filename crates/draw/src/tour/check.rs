@@ -7,7 +7,7 @@ use crate::mode::Mode;
 use crate::mode::setting::SettingError;
 use crate::model::ron_file::RonError;
 use crate::model::ron_place::Place;
-use crate::modes::{self, MODES};
+use crate::modes;
 use crate::view::Stereo;
 
 /// The longest that anything in a tour takes, seconds.
@@ -51,7 +51,7 @@ pub(super) fn check(tour: &TourFile, file: &str, text: &str) -> Result<(), RonEr
             return Err(place.refuse(&["keys"], format!("{label} on {key}"), format!("one of {}", labels.join(", "))));
         }
     }
-    let mut mode: &Mode = MODES[0];
+    let mut mode: &Mode = modes::first();
     let mut reached = 0.0;
     for (index, keyframe) in tour.keyframes.iter().enumerate() {
         if let Some(label) = &keyframe.label

@@ -191,7 +191,7 @@ fn fixed(look: &Look, found: [&Measured; 4], share: f64) -> Look {
 mod tests {
     use super::*;
     use crate::model::Bounds;
-    use crate::modes::MODES;
+    use crate::modes;
     use crate::tour::{Keyframe, Surroundings, TourFile};
     use glam::DVec3;
 
@@ -212,7 +212,7 @@ mod tests {
 
     fn measured(high: f64) -> Measured {
         let levels = Levels { p: [1.0, high], s: [0.0, 1.0] };
-        Measured { mode: MODES[0], attribute: None, transfer: TransferFunction::default(), levels }
+        Measured { mode: modes::first(), attribute: None, transfer: TransferFunction::default(), levels }
     }
 
     fn high(look: &Look) -> f64 {

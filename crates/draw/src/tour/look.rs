@@ -7,7 +7,7 @@ use crate::explore::SelectionSet;
 use crate::look::{Attribute, DatasetRef, SceneFile};
 use crate::mode::{SettingKind, SettingValue, Settings};
 use crate::model::FamilyName;
-use crate::modes::{self, MODES};
+use crate::modes;
 use crate::view::CutSettings;
 use crate::view::cut::{ClipBox, Fade, Slab};
 
@@ -41,7 +41,7 @@ impl Look {
         let mut look = self.clone();
         if keyframe.mode.is_some() && keyframe.mode != look.mode {
             look.mode = keyframe.mode.clone();
-            let mode = keyframe.mode.as_deref().and_then(modes::find).unwrap_or(MODES[0]);
+            let mode = keyframe.mode.as_deref().and_then(modes::find).unwrap_or(modes::first());
             look.settings.0.retain(|name, _| mode.all_settings().any(|setting| setting.name == name));
             look.transfer = None;
         }
@@ -115,7 +115,7 @@ fn logarithmic(a: f64, b: f64, share: f64) -> f64 {
 }
 
 fn mix_settings(a: &Look, b: &Look, share: f64) -> Settings {
-    let mode = a.mode.as_deref().and_then(modes::find).unwrap_or(MODES[0]);
+    let mode = a.mode.as_deref().and_then(modes::find).unwrap_or(modes::first());
     let mut mixed = a.settings.clone();
     for setting in mode.all_settings() {
         let value = |settings: &Settings| settings.0.get(setting.name).cloned().unwrap_or(setting.default());

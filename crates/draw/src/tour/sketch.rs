@@ -6,7 +6,6 @@ use super::exposure::Measured;
 use crate::color::composite::composite_at;
 use crate::color::transfer::{Levels, TransferFunction};
 use crate::color::{Accumulation, Image};
-use crate::cpu::around::draw_face;
 use crate::cpu::volume::{Processor, VolumeError};
 use crate::cpu::{Method, SplatError, SplatOptions};
 use crate::hierarchy::Purpose;
@@ -14,7 +13,7 @@ use crate::look::{Attribute, Camera};
 use crate::mode::{Depiction, Footprint, Plan};
 use crate::modes;
 use crate::picture::around::{Alike, sketch, with_images};
-use crate::picture::paint::{Subject, find_levels, paint_nodes};
+use crate::picture::paint::{Subject, densest_of, find_levels, paint_nodes};
 use crate::picture::panorama::assemble;
 use crate::picture::{governor, pilot, processor};
 use crate::store::{Metadata, StoreError};
@@ -94,7 +93,7 @@ pub fn depict(look: &Look, metadata: &Metadata) -> Result<Depiction, SketchError
 
 /// The transfer function of a look: its own, or the usual one.
 fn transfer_of(look: &Look, depiction: &Depiction) -> TransferFunction {
-    let painted = depiction.mode.painter().is_some();
+    let painted = depiction.mode.is_light();
     let usual = || match painted {
         true => Some(TransferFunction::of_volumes(depiction.attribute.is_some())),
         false => TransferFunction::preset(depiction.mode.transfer[usize::from(depiction.attribute.is_some())]),
@@ -110,7 +109,7 @@ fn choose(scene: &mut Scene, look: &Look, depiction: &Depiction, metadata: &Meta
         look.families.as_ref().is_none_or(|shown| name.is_some_and(|name| shown.contains(&name)))
     };
     scene.families = (0..metadata.families.len() as u32).filter(is_shown).collect();
-    let painted = depiction.mode.painter().is_some();
+    let painted = depiction.mode.is_light();
     scene.purpose = if painted { depiction.purpose(metadata) } else { Purpose::Splats };
 }
 
@@ -137,9 +136,9 @@ pub fn measure(
     view.cut.around = !is_flat && view.cut.fade_rate > 0.0;
     let tau = look.error_px.unwrap_or(ERROR);
     let panorama = Panorama::around(&view, format.surround)?;
-    let levels = match (depiction.mode.painter(), panorama) {
-        (None, None) => transfer.levels(&splats(scene, look, &depiction, &transfer, (&view, tau, u64::MAX), tell)?.0),
-        (None, Some(panorama)) => {
+    let levels = match (depiction.mode.is_light(), panorama) {
+        (false, None) => transfer.levels(&splats(scene, look, &depiction, &transfer, (&view, tau, u64::MAX), tell)?.0),
+        (false, Some(panorama)) => {
             let options = SplatOptions { kernel: metadata.kernel, ..SplatOptions::default() };
             let pixel = panorama.pixel_angle();
             let sections = Sections::new(panorama, None, FACES);
@@ -151,18 +150,20 @@ pub fn measure(
                 };
                 let selection = scene.converge(&seen, tau * sections.oversampling(), tell)?;
                 let nodes = processor::cut(face, processor::decode(&depiction, metadata, &selection.nodes));
-                let (drawn, _) = draw_face(face, &processor::batches(&depiction, &nodes)?, pixel, &options)?;
+                let batches = processor::batches(&depiction, &nodes)?;
+                let known = || (metadata.bounds(), densest_of(metadata));
+                let (drawn, _) = processor::draw_face(face, &depiction, &batches, pixel, options, known)?;
                 Ok::<_, SketchError>(drawn.into())
             })?;
             transfer.levels(&texels.accumulation(depiction.attribute.is_some()))
         }
-        (Some(_), None) => {
+        (true, None) => {
             let selection = scene.converge(&view, depiction.detail(&view, tau, metadata), tell)?;
             let nodes = processor::cut(&view, processor::decode(&depiction, metadata, &selection.nodes));
             let found = find_levels(&view, &depiction, metadata, &nodes, &transfer)?;
             Levels { p: found.density, s: found.attribute }
         }
-        (Some(_), Some(panorama)) => {
+        (true, Some(panorama)) => {
             // Those of all the data, as all faces have them.
             let bounds = with_images(&view, metadata.bounds());
             let all = sketch(&view, bounds)?;
@@ -210,7 +211,7 @@ pub fn draw(
     choose(scene, look, &depiction, metadata);
     let mut transfer = transfer_of(look, &depiction);
     let tau = look.error_px.unwrap_or(ERROR);
-    if depiction.mode.painter().is_none() {
+    if !depiction.mode.is_light() {
         let (picture, taken) = splats(scene, look, &depiction, &transfer, (view, tau, limit), tell)?;
         let levels = levels.unwrap_or_else(|| transfer.levels(&picture));
         return Ok((composite_at(&picture, &transfer, &levels), taken));

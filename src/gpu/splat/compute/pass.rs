@@ -3,15 +3,10 @@
 use super::{ComputeBindings, ComputePipelines};
 use crate::gpu::splat::SplatBuffers;
 use crate::gpu::splat::layout::RECONSTRUCTED;
+use crate::gpu::splat::workgroups as groups;
 use bevy::render::diagnostic::RecordDiagnostics;
 use bevy::render::render_resource::{BindGroup, ComputePass, ComputePassDescriptor, ComputePipeline, PipelineCache};
 use bevy::render::renderer::RenderContext;
-
-/// Workgroups along x and y for `count` of them: one dimension holds at most 65535.
-fn groups(count: u32) -> (u32, u32) {
-    const ROW: u32 = 32768;
-    if count <= ROW { (count, 1) } else { (ROW, count.div_ceil(ROW)) }
-}
 
 /// Invocations of a workgroup of `reconstruct`, along each axis.
 const RECONSTRUCT_GROUP: u32 = 8;

@@ -52,13 +52,6 @@ pub struct ComputePipelines {
 }
 
 impl ComputePipelines {
-    /// Every pipeline that has been asked for.
-    pub fn ids(&self) -> impl Iterator<Item = CachedComputePipelineId> {
-        [self.count, self.scan, self.place, self.finish, self.merge, self.reconstruct]
-            .into_iter()
-            .chain(self.accumulate.values().copied())
-    }
-
     /// The pipeline of `accumulate` for a kernel and a projection, if it has been asked for: one workgroup for
     /// `tiles_per_group` tiles.
     pub fn accumulate(&self, kernel: Kernel, oblique: bool) -> Option<CachedComputePipelineId> {

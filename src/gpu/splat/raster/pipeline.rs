@@ -34,11 +34,6 @@ const ADD: BlendComponent =
     BlendComponent { src_factor: BlendFactor::One, dst_factor: BlendFactor::One, operation: BlendOperation::Add };
 
 impl RasterPipelines {
-    /// Every pipeline that has been asked for.
-    pub fn ids(&self) -> impl Iterator<Item = CachedRenderPipelineId> {
-        self.blend.values().copied().chain(self.upsample.into_iter().flatten())
-    }
-
     /// The pipeline of `blend` for a kernel and a projection, if it has been asked for: a strip of four vertices for
     /// each particle.
     pub fn blend(&self, kernel: Kernel, oblique: bool) -> Option<CachedRenderPipelineId> {

@@ -82,7 +82,7 @@ pub fn show(ui: &mut Ui, shown: &Shown<'_>, presets: &mut TransferPresets, setti
         }
         return;
     }
-    let volume = look.depiction.mode.painter().is_some();
+    let volume = look.depiction.mode.is_light();
     let range = look.levels.p;
     let counts = exposure
         .brightness

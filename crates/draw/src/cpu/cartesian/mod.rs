@@ -9,7 +9,7 @@ pub mod octree;
 #[cfg(test)]
 mod tests;
 
-use super::volume::bricks::{BORDER, BRICK, Masonry, Slab};
+use super::volume::bricks::{BORDER, BRICK, BrickGrid, Slab};
 use super::volume::particles::{Taken, project};
 use super::volume::resample::Resampler;
 use super::volume::{Prepared, Scenery, VolumeError, VolumeOptions, VolumeReport};
@@ -48,7 +48,7 @@ pub struct Cartesian {
     /// The parallel view whose grid it is.
     view: View,
     grid: PerspectiveGrid,
-    masonry: Masonry,
+    brick_grid: BrickGrid,
     slab: Slab,
     /// For each brick, layer by layer, the largest density in it and around it.
     reach: Vec<f32>,
@@ -158,10 +158,10 @@ impl Cartesian {
         };
         let particles = project(&view, batches, &Taken { sigma: cell, smallest: options.smallest, stride: 1 });
         let prepared = Prepared::new(grid, particles);
-        let layers = 0..prepared.masonry().bricks[2];
+        let layers = 0..prepared.brick_grid().bricks[2];
         let (layers, work) = Resampler::new(&prepared, options.kernel).resample(layers, &[]);
         let Prepared { particles, mut levels, .. } = prepared;
-        let masonry = levels.swap_remove(0);
+        let brick_grid = levels.swap_remove(0);
         let slab = Slab { first: 0, layers };
         let report = VolumeReport {
             grid: [k, l, m],
@@ -173,8 +173,8 @@ impl Cartesian {
             memory: Some(particles.bytes() + slab.bytes()),
             ..VolumeReport::default()
         };
-        let reach = reach(&masonry, &slab);
-        Ok((Cartesian { view, grid, masonry, slab, reach, attribute }, report))
+        let reach = reach(&brick_grid, &slab);
+        Ok((Cartesian { view, grid, brick_grid, slab, reach, attribute }, report))
     }
 
     /// Density and `sum m A W` at a world position: trilinear between the cells around it.
@@ -189,7 +189,7 @@ impl Cartesian {
             return [0.0; 2];
         }
         let [x, y, z] = [x as usize, y as usize, z as usize];
-        self.slab.brick(x / BRICK, y / BRICK, z / BRICK, &self.masonry).map_or([0.0; 2], |brick| {
+        self.slab.brick(x / BRICK, y / BRICK, z / BRICK, &self.brick_grid).map_or([0.0; 2], |brick| {
             let cell = (z % BRICK * BRICK + y % BRICK) * BRICK + x % BRICK;
             [brick.density[cell], brick.weighted.get(cell).copied().unwrap_or(0.0)]
         })
@@ -197,12 +197,12 @@ impl Cartesian {
 }
 
 /// The largest density of each brick and those around it.
-fn reach(masonry: &Masonry, slab: &Slab) -> Vec<f32> {
-    let [columns, rows, layers] = masonry.bricks;
+fn reach(brick_grid: &BrickGrid, slab: &Slab) -> Vec<f32> {
+    let [columns, rows, layers] = brick_grid.bricks;
     let around = |index: usize, count: usize| index.saturating_sub(1)..(index + 2).min(count);
     let densest = |x: usize, y: usize, z: usize| {
         let bricks = around(z, layers).flat_map(|z| {
-            around(y, rows).flat_map(move |y| around(x, columns).filter_map(move |x| slab.brick(x, y, z, masonry)))
+            around(y, rows).flat_map(move |y| around(x, columns).filter_map(move |x| slab.brick(x, y, z, brick_grid)))
         });
         bricks.map(|brick| brick.densest).fold(0.0, f32::max)
     };
@@ -230,7 +230,7 @@ impl Field for Cartesian {
     }
 
     fn room(&self, place: Vec3, least: f32) -> Room {
-        let bricks = self.masonry.bricks;
+        let bricks = self.brick_grid.bricks;
         // Casts saturate.
         let at: [usize; 3] = std::array::from_fn(|k| ((place[k] / BRICK as f32) as usize).min(bricks[k] - 1));
         let index = (at[2] * bricks[1] + at[1]) * bricks[0] + at[0];
@@ -247,7 +247,7 @@ impl Field for Cartesian {
         let inside = low - room.min;
         let last = (BRICK - 2) as f32;
         let corners: [[f32; 2]; 8] = if inside.min_element() >= 0.0 && inside.max_element() <= last {
-            let [columns, rows, _] = self.masonry.bricks;
+            let [columns, rows, _] = self.brick_grid.bricks;
             let (layer, of_layer) = (room.index / (columns * rows), room.index % (columns * rows));
             let Some(brick) = &self.slab.layers[layer][of_layer] else { return [0.0; 2] };
             let start = (inside.z as usize * BRICK + inside.y as usize) * BRICK + inside.x as usize;

@@ -10,7 +10,7 @@
 use super::march::{Field, Room};
 use crate::cpu::Splats;
 use crate::cpu::volume::VolumeError;
-use crate::cpu::volume::bricks::{BRICK, Brick, Masonry};
+use crate::cpu::volume::bricks::{BRICK, Brick, BrickGrid};
 use crate::cpu::volume::particles::{Particle, Taken, project};
 use crate::cpu::volume::resample::lone_brick;
 use crate::model::{Bounds, Kernel};
@@ -213,8 +213,8 @@ impl Octree {
             perspective: false,
         };
         let middle = grid.middle.map(|middle| middle as f32);
-        let masonry = Masonry::with(&grid, [1; 3], middle, 1.0, |slice| slice);
-        lone_brick(&masonry, particles, self.attribute, self.kernel)
+        let brick_grid = BrickGrid::with(&grid, [1; 3], middle, 1.0, |slice| slice);
+        lone_brick(&brick_grid, particles, self.attribute, self.kernel)
     }
 
     /// The leaf of the present picture that a place is in; the smallest node there is if it is in none.

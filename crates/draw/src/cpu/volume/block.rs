@@ -1,6 +1,6 @@
 //! The cells around one brick, copied together: what the rays through it read, interpolation and gradients included.
 
-use super::bricks::{BRICK, Masonry, Slab};
+use super::bricks::{BRICK, BrickGrid, Slab};
 
 /// Cells along a block's side: one more than the brick before it and two behind it across, three slices in front of it.
 pub const SIDE: usize = BRICK + 3;
@@ -19,11 +19,11 @@ pub struct Block {
 
 impl Block {
     /// Fills the block of a brick. False, and nothing is filled, where no density in reach is above `least`.
-    pub fn fill(&mut self, slab: &Slab, masonry: &Masonry, [column, row, layer]: [usize; 3], least: f32) -> bool {
+    pub fn fill(&mut self, slab: &Slab, brick_grid: &BrickGrid, [column, row, layer]: [usize; 3], least: f32) -> bool {
         // Bricks around, the layer in front included; what is not in the slab reads as empty.
         let near = |index: usize, offset: usize| (index + offset).wrapping_sub(1);
         let brick =
-            |dx: usize, dy: usize, dz: usize| slab.brick(near(column, dx), near(row, dy), near(layer, dz), masonry);
+            |dx: usize, dy: usize, dz: usize| slab.brick(near(column, dx), near(row, dy), near(layer, dz), brick_grid);
         let bricks = (0..18).filter_map(|index| brick(index % 3, index / 3 % 3, index / 9));
         let (mut densest, mut attribute) = (0.0f32, false);
         for brick in bricks {
@@ -39,7 +39,7 @@ impl Block {
         self.weighted.resize(if attribute { SIDE * SIDE * SIDE } else { 0 }, 0.0);
         for z in 0..SIDE {
             // Slices beyond the grid's ends repeat the last one, so that the ends have no surfaces.
-            let slice = (layer * BRICK + z).saturating_sub(FRONT).min(masonry.slices - 1);
+            let slice = (layer * BRICK + z).saturating_sub(FRONT).min(brick_grid.slices - 1);
             let dz = (slice / BRICK + 1).saturating_sub(layer);
             for y in 0..SIDE {
                 let (dy, in_y) = split(y);

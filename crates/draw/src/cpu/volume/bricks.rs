@@ -29,7 +29,7 @@ pub type Layer = Vec<Option<Brick>>;
 
 /// How a grid is cut into bricks.
 #[derive(Clone, Debug)]
-pub struct Masonry {
+pub struct BrickGrid {
     /// Bricks in a row, in a column, and layers.
     pub bricks: [usize; 3],
     /// Grid coordinates of the middle line of sight, in stored cells.
@@ -48,13 +48,13 @@ pub struct Masonry {
     pub perspective: bool,
 }
 
-impl Masonry {
+impl BrickGrid {
     /// The bricks of a grid.
-    pub fn new(grid: &PerspectiveGrid) -> Masonry {
+    pub fn new(grid: &PerspectiveGrid) -> BrickGrid {
         let [k, l, m] = grid.size.map(|size| size as usize);
         let bricks = [(k + 2 * BORDER).div_ceil(BRICK), (l + 2 * BORDER).div_ceil(BRICK), m.div_ceil(BRICK)];
         let middle = grid.middle.map(|middle| (middle + BORDER as f64) as f32);
-        Masonry { slices: m, ..Masonry::with(grid, bricks, middle, 1.0, |slice| slice) }
+        BrickGrid { slices: m, ..BrickGrid::with(grid, bricks, middle, 1.0, |slice| slice) }
     }
 
     /// Bricks of cells that are `scale` times as wide as the grid's; `place` gives the grid's `z'` of theirs.
@@ -64,11 +64,11 @@ impl Masonry {
         middle: [f32; 2],
         scale: f64,
         place: impl Fn(f64) -> f64,
-    ) -> Masonry {
+    ) -> BrickGrid {
         let slices = bricks[2] * BRICK;
         let edge = |slice: usize| grid.depth(place(slice as f64));
         let depths: Vec<f64> = (0..slices).map(|slice| grid.depth(place(slice as f64 + 0.5))).collect();
-        Masonry {
+        BrickGrid {
             bricks,
             middle,
             per_cell: depths.iter().map(|&depth| (1.0 / (scale * grid.spacing(depth))) as f32).collect(),
@@ -127,18 +127,18 @@ pub struct Slab {
 
 impl Slab {
     /// The brick in a column and row of bricks and a layer; `None` where nothing is or what is not in this slab.
-    pub fn brick(&self, column: usize, row: usize, layer: usize, masonry: &Masonry) -> Option<&Brick> {
+    pub fn brick(&self, column: usize, row: usize, layer: usize, brick_grid: &BrickGrid) -> Option<&Brick> {
         let layer = self.layers.get(layer.checked_sub(self.first)?)?;
-        if column >= masonry.bricks[0] || row >= masonry.bricks[1] {
+        if column >= brick_grid.bricks[0] || row >= brick_grid.bricks[1] {
             return None;
         }
-        layer[row * masonry.bricks[0] + column].as_ref()
+        layer[row * brick_grid.bricks[0] + column].as_ref()
     }
 
     /// Density and `sum m A W` of a cell of the grid; 0 where nothing is.
-    pub fn at(&self, [i, j, k]: [usize; 3], masonry: &Masonry) -> [f32; 2] {
+    pub fn at(&self, [i, j, k]: [usize; 3], brick_grid: &BrickGrid) -> [f32; 2] {
         let [x, y] = [i + BORDER, j + BORDER];
-        self.brick(x / BRICK, y / BRICK, k / BRICK, masonry).map_or([0.0; 2], |brick| {
+        self.brick(x / BRICK, y / BRICK, k / BRICK, brick_grid).map_or([0.0; 2], |brick| {
             let cell = (k % BRICK * BRICK + y % BRICK) * BRICK + x % BRICK;
             [brick.density[cell], brick.weighted.get(cell).copied().unwrap_or(0.0)]
         })

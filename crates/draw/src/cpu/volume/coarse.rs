@@ -10,7 +10,7 @@
 //! Coordinate `x` of a level, in its stored cells, is `x / 2 + BORDER` in the next, along all axes, so that every cell has
 //! the four around it.
 
-use super::bricks::{BORDER, BRICK, Masonry};
+use super::bricks::{BORDER, BRICK, BrickGrid};
 use super::particles::Particle;
 use crate::view::PerspectiveGrid;
 use std::ops::Range;
@@ -38,8 +38,8 @@ pub fn level_of(particle: &Particle, grid: &PerspectiveGrid, levels: usize) -> u
 }
 
 /// The bricks of each level, finest first, where the largest smoothing length is `widest` cells of the grid.
-pub fn masonries(grid: &PerspectiveGrid, widest: f32) -> Vec<Masonry> {
-    let mut levels = vec![Masonry::new(grid)];
+pub fn brick_grids(grid: &PerspectiveGrid, widest: f32) -> Vec<BrickGrid> {
+    let mut levels = vec![BrickGrid::new(grid)];
     // The grid's `z'` of the level's `z` is `scale z - shift`.
     let (mut scale, mut shift) = (1.0, 0.0);
     while levels.len() < MOST_LEVELS && widest >= WIDE * (1 << levels.len()) as f32 {
@@ -48,7 +48,7 @@ pub fn masonries(grid: &PerspectiveGrid, widest: f32) -> Vec<Masonry> {
         scale *= 2.0;
         let bricks = finer.bricks.map(|bricks| read_by(bricks - 1).end);
         let middle = finer.middle.map(|middle| 0.5 * middle + BORDER as f32);
-        levels.push(Masonry::with(grid, bricks, middle, scale, |slice| scale * slice - shift));
+        levels.push(BrickGrid::with(grid, bricks, middle, scale, |slice| scale * slice - shift));
     }
     levels
 }
@@ -74,7 +74,7 @@ pub fn layers_read_by(layers: &Range<usize>) -> Range<usize> {
 }
 
 /// The columns of bricks of the next level that only hidden ones of this level read.
-pub fn hidden_by(hidden: &[bool], finer: &Masonry, coarser: &Masonry) -> Vec<bool> {
+pub fn hidden_by(hidden: &[bool], finer: &BrickGrid, coarser: &BrickGrid) -> Vec<bool> {
     if hidden.is_empty() {
         return Vec::new();
     }
@@ -208,7 +208,7 @@ mod tests {
             middle: [40.0, 24.0],
             perspective: true,
         };
-        let levels = masonries(&grid, 100.0);
+        let levels = brick_grids(&grid, 100.0);
         assert_eq!(levels.len(), 4);
         let [finer, coarser] = [&levels[0], &levels[1]];
         assert!(hidden_by(&[], finer, coarser).is_empty());

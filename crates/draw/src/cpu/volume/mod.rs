@@ -31,7 +31,7 @@ use crate::color::Colors;
 use crate::model::Kernel;
 use crate::view::perspective_grid::{GridError, GridOptions, planes};
 use crate::view::{PerspectiveGrid, Projection, View};
-use bricks::{BRICK, Masonry, Slab};
+use bricks::{BRICK, BrickGrid, Slab};
 use occlusion::OpacityPyramid;
 use particles::{Particle, Projected, Taken};
 use raycast::Rays;
@@ -75,6 +75,9 @@ pub enum VolumeError {
         /// What it may be.
         expected: String,
     },
+    /// A mode that the processor does not draw.
+    #[error("the mode {0} is drawn by a graphics adapter only (--backend compute), not by the processor")]
+    OnlyAdapter(&'static str),
     /// An adapter that cannot draw it.
     #[error("{0}")]
     Device(String),
@@ -154,7 +157,7 @@ pub struct Prepared {
     /// The grid.
     pub grid: PerspectiveGrid,
     /// Its bricks, and those of the coarser grids for wide particles ([`coarse`]); never empty.
-    pub levels: Vec<Masonry>,
+    pub levels: Vec<BrickGrid>,
     /// The particles.
     pub particles: Projected,
 }
@@ -164,11 +167,11 @@ impl Prepared {
     pub fn new(grid: PerspectiveGrid, particles: Projected) -> Prepared {
         let widest = particles.chunks.par_iter().flatten().map(|particle| coarse::cells_of(particle, &grid));
         let widest = widest.reduce(|| 0.0, f32::max);
-        Prepared { levels: coarse::masonries(&grid, widest), grid, particles }
+        Prepared { levels: coarse::brick_grids(&grid, widest), grid, particles }
     }
 
     /// The bricks of the grid.
-    pub fn masonry(&self) -> &Masonry {
+    pub fn brick_grid(&self) -> &BrickGrid {
         &self.levels[0]
     }
 
@@ -258,11 +261,11 @@ impl Caster for Processor {
         options: &VolumeOptions,
         report: &mut VolumeReport,
     ) -> Result<Colors, VolumeError> {
-        let (grid, masonry, particles) = (&prepared.grid, prepared.masonry(), &prepared.particles);
+        let (grid, brick_grid, particles) = (&prepared.grid, prepared.brick_grid(), &prepared.particles);
         let cell_bytes = 4 * (1 + u64::from(particles.attribute));
         let slabs = grid.slabs(options.memory, cell_bytes, BRICK as u32);
         report.slabs = slabs.len();
-        let mut rays = Rays::new(grid, masonry, view.width, view.height);
+        let mut rays = Rays::new(grid, brick_grid, view.width, view.height);
         let (mut kept, mut hidden) = (Slab::default(), Vec::new());
         let mut resampler = Resampler::new(prepared, options.kernel);
         for slab in slabs {
@@ -278,12 +281,12 @@ impl Caster for Processor {
             held.layers.extend(resampled);
             let held_now = particles.bytes() + held.bytes() + rays.bytes();
             report.memory = report.memory.max(Some(held_now));
-            let effort = rays.advance(grid, masonry, &held, slab.steps, scenery);
+            let effort = rays.advance(grid, brick_grid, &held, slab.steps, scenery);
             *report.samples.get_or_insert(0) += effort.samples;
             *report.crossings.get_or_insert(0) += effort.crossings;
             kept = held.split_last(|layers| resampler.recycle(layers));
             if options.occlusion {
-                hidden = hidden_columns(&rays, masonry, view, scenery.termination);
+                hidden = hidden_columns(&rays, brick_grid, view, scenery.termination);
                 report.hidden += hidden.iter().filter(|hidden| **hidden).count() as u64;
             }
             report.rendering += start.elapsed();
@@ -305,11 +308,11 @@ impl Caster for Processor {
 }
 
 /// The columns of bricks that no ray reads any more.
-fn hidden_columns(rays: &Rays, masonry: &Masonry, view: &View, termination: f32) -> Vec<bool> {
+fn hidden_columns(rays: &Rays, brick_grid: &BrickGrid, view: &View, termination: f32) -> Vec<bool> {
     let opaque = rays.picture(|ray| ray.alpha >= termination);
     let pyramid = OpacityPyramid::new(view.width as usize, view.height as usize, opaque);
-    let [columns, rows, _] = masonry.bricks;
+    let [columns, rows, _] = brick_grid.bricks;
     let spans = |count: usize, axis: usize| -> Vec<[i64; 2]> { (0..count).map(|i| rays.readers(i, axis)).collect() };
     let (across, down) = (spans(columns, 0), spans(rows, 1));
-    (0..masonry.of_layer()).map(|index| pyramid.hides(across[index % columns], down[index / columns])).collect()
+    (0..brick_grid.of_layer()).map(|index| pyramid.hides(across[index % columns], down[index / columns])).collect()
 }

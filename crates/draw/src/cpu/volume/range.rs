@@ -46,17 +46,17 @@ pub fn measure(
     let depths = planes(projected.depths, near, far, perspective)?;
     let grid = PerspectiveGrid::new(&view, depths, &GridOptions { resolution: 1.0, lambda: false })?;
     let prepared = Prepared::new(grid, projected);
-    let masonry = prepared.masonry();
+    let brick_grid = prepared.brick_grid();
     let (mut densities, mut attributes) = (Histogram::default(), Histogram::default());
     let mut resampler = Resampler::new(&prepared, kernel);
     // A few layers at a time: the depth of an outlier may be great.
-    for first in (0..masonry.bricks[2]).step_by(8) {
-        let layers = first..(first + 8).min(masonry.bricks[2]);
+    for first in (0..brick_grid.bricks[2]).step_by(8) {
+        let layers = first..(first + 8).min(brick_grid.bricks[2]);
         let (layers, _) = resampler.resample(layers, &[]);
         for (layer, bricks) in layers.iter().enumerate() {
             for brick in bricks.iter().flatten() {
                 for (index, &density) in brick.density.iter().enumerate().filter(|(_, density)| **density > 0.0) {
-                    let width = f64::from(masonry.spacing[(first + layer) * BRICK + index / (BRICK * BRICK)]);
+                    let width = f64::from(brick_grid.spacing[(first + layer) * BRICK + index / (BRICK * BRICK)]);
                     let mass = f64::from(density) * width.powi(3);
                     densities.add(density, mass);
                     if let Some(weighted) = brick.weighted.get(index) {

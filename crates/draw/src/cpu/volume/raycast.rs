@@ -6,7 +6,7 @@
 //! is carried from slab to slab, so that slabs change nothing.
 
 use super::block::{BEFORE, Block, FRONT, Place, SIDE};
-use super::bricks::{BORDER, BRICK, Masonry, Slab};
+use super::bricks::{BORDER, BRICK, BrickGrid, Slab};
 use super::classify::Classifier;
 use super::surface::{Crossings, Light, Surface, gradient};
 use crate::view::PerspectiveGrid;
@@ -97,11 +97,11 @@ pub struct Rays {
 
 impl Rays {
     /// The rays of a picture before anything is drawn.
-    pub fn new(grid: &PerspectiveGrid, masonry: &Masonry, width: u32, height: u32) -> Rays {
+    pub fn new(grid: &PerspectiveGrid, brick_grid: &BrickGrid, width: u32, height: u32) -> Rays {
         let places = [width, height].map(|size| places(grid, size));
         let ranges = |axis: usize| -> Vec<[usize; 2]> {
             let from = |brick: usize| places[axis].partition_point(|(cell, _)| *cell < brick * BRICK);
-            (0..masonry.bricks[axis]).map(|brick| [from(brick), from(brick + 1)]).collect()
+            (0..brick_grid.bricks[axis]).map(|brick| [from(brick), from(brick + 1)]).collect()
         };
         let (columns, rows) = (ranges(0), ranges(1));
         let tiles = rows.iter().flat_map(|&rows| {
@@ -123,7 +123,7 @@ impl Rays {
     pub fn advance(
         &mut self,
         grid: &PerspectiveGrid,
-        masonry: &Masonry,
+        brick_grid: &BrickGrid,
         slab: &Slab,
         steps: std::ops::Range<u32>,
         scenery: &Scenery,
@@ -132,7 +132,7 @@ impl Rays {
         let steps = steps.start as usize..steps.end as usize;
         let least = scenery.least();
         let work = |(index, tile): (usize, &mut Tile)| {
-            let at = [index % masonry.bricks[0], index / masonry.bricks[0]];
+            let at = [index % brick_grid.bricks[0], index / brick_grid.bricks[0]];
             let mut effort = Effort::default();
             if tile.rays.iter().all(|ray| ray.alpha >= scenery.termination) {
                 return effort;
@@ -141,11 +141,14 @@ impl Rays {
             let mut step = steps.start;
             while step < steps.end {
                 // The layer of the slice after the step, for a gradient's sake; the last layer's steps go to the end.
-                let layer = ((step + 1) / BRICK).min(masonry.bricks[2] - 1);
-                let end =
-                    if layer + 1 == masonry.bricks[2] { steps.end } else { ((layer + 1) * BRICK - 1).min(steps.end) };
-                if block.fill(slab, masonry, [at[0], at[1], layer], least) {
-                    let march = March { grid, masonry, block: &block, layer, steps: step..end, scenery, places };
+                let layer = ((step + 1) / BRICK).min(brick_grid.bricks[2] - 1);
+                let end = if layer + 1 == brick_grid.bricks[2] {
+                    steps.end
+                } else {
+                    ((layer + 1) * BRICK - 1).min(steps.end)
+                };
+                if block.fill(slab, brick_grid, [at[0], at[1], layer], least) {
+                    let march = March { grid, brick_grid, block: &block, layer, steps: step..end, scenery, places };
                     march.tile(at, tile, &mut effort);
                 } else {
                     tile.rays.iter_mut().for_each(|ray| ray.done = 0.0);
@@ -217,7 +220,7 @@ pub fn readers(places: &[(usize, f32)], cells: std::ops::Range<usize>) -> [i64; 
 /// Some steps of the rays of a tile, within one block.
 struct March<'a> {
     grid: &'a PerspectiveGrid,
-    masonry: &'a Masonry,
+    brick_grid: &'a BrickGrid,
     block: &'a Block,
     layer: usize,
     steps: std::ops::Range<usize>,
@@ -255,7 +258,7 @@ impl March<'_> {
 
     #[inline]
     fn ray(&self, ray: &mut Ray, place: &Place, at: [f64; 2], effort: &mut Effort) {
-        let slices = self.masonry.slices;
+        let slices = self.brick_grid.slices;
         let secant = self.grid.secant(at) as f32;
         let least = self.scenery.least();
         let mut before = match self.steps.start {
@@ -318,7 +321,7 @@ impl March<'_> {
         }
         effort.samples += 1;
         let matter = self.scenery.classifier.matter(density, weighted);
-        let distance = self.masonry.thickness[slice] * secant * share;
+        let distance = self.brick_grid.thickness[slice] * secant * share;
         ray.under(matter.color, 1.0 - (-matter.extinction * distance).exp());
     }
 
@@ -340,7 +343,7 @@ impl March<'_> {
         });
         if let Some(light) = &self.scenery.light {
             let middle = [0, 1].map(|axis| (at[axis] - self.grid.middle[axis]) as f32);
-            let [x, y, z] = gradient(self.block, self.masonry, place, middle, step, self.local(step), share);
+            let [x, y, z] = gradient(self.block, self.brick_grid, place, middle, step, self.local(step), share);
             let length = (x * x + y * y + z * z).sqrt();
             let ray = match self.grid.perspective {
                 true => [middle[0] * self.grid.sigma as f32, -middle[1] * self.grid.sigma as f32, 1.0],

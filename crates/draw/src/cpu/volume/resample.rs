@@ -5,7 +5,7 @@
 //! same to the last bit for any number of threads.
 
 use super::Prepared;
-use super::bricks::{BRICK, Brick, CELLS, Layer, Masonry, Slab};
+use super::bricks::{BRICK, Brick, BrickGrid, CELLS, Layer, Slab};
 use super::coarse::{self, Scratch};
 use super::particles::{Particle, Projected};
 use crate::model::Kernel;
@@ -80,21 +80,25 @@ impl<'a> Resampler<'a> {
     /// The bricks of some layers of a level: its own particles, and the field of the coarser levels.
     fn fill(&self, level: usize, layers: Range<usize>, hidden: &[bool], work: &mut Work) -> Vec<Layer> {
         let Prepared { levels, particles, .. } = self.prepared;
-        let masonry = &levels[level];
+        let brick_grid = &levels[level];
         let own = |particle: &Particle| levels.len() == 1 || self.prepared.level_of(particle) == level;
-        let bins: Vec<Bins> =
-            particles.chunks.par_iter().map(|chunk| Bins::new(masonry, chunk, own, layers.clone(), hidden)).collect();
+        let bins: Vec<Bins> = particles
+            .chunks
+            .par_iter()
+            .map(|chunk| Bins::new(brick_grid, chunk, own, layers.clone(), hidden))
+            .collect();
         work.pairs += bins.iter().map(|bins| bins.indices.len() as u64).sum::<u64>();
         let coarser = levels.get(level + 1).map(|coarser| (coarser, &self.held[level + 1]));
         let arch = Arch::new();
         let gather = |scratch: &mut Scratch, index: usize| {
-            let (layer, place) = (layers.start + index / masonry.of_layer(), index % masonry.of_layer());
+            let (layer, place) = (layers.start + index / brick_grid.of_layer(), index % brick_grid.of_layer());
             if hidden.get(place) == Some(&true) {
                 return None;
             }
-            let at = [place % masonry.bricks[0], place / masonry.bricks[0], layer];
-            let smooth = coarser
-                .map(|(masonry, slab)| move |[column, row, layer]: [usize; 3]| slab.brick(column, row, layer, masonry));
+            let at = [place % brick_grid.bricks[0], place / brick_grid.bricks[0], layer];
+            let smooth = coarser.map(|(brick_grid, slab)| {
+                move |[column, row, layer]: [usize; 3]| slab.brick(column, row, layer, brick_grid)
+            });
             let under = smooth.filter(|brick| coarse::around(at).any(|at| brick(at).is_some()));
             if under.is_none() && bins.iter().all(|bins| bins.of(index).is_empty()) {
                 return None;
@@ -102,7 +106,7 @@ impl<'a> Resampler<'a> {
             let weighted = if particles.attribute { self.cells() } else { Box::default() };
             let mut brick = Brick { density: self.cells(), weighted, densest: 0.0 };
             let (corner, kernel) = (at.map(|brick| brick * BRICK), self.kernel);
-            arch.dispatch(Gather { masonry, corner, kernel, particles, bins: &bins, index, brick: &mut brick });
+            arch.dispatch(Gather { brick_grid, corner, kernel, particles, bins: &bins, index, brick: &mut brick });
             if let Some(under) = under {
                 let density = |at| under(at).map(|brick: &Brick| &brick.density[..]);
                 arch.dispatch(|| coarse::add_interpolated(at, density, scratch, &mut brick.density));
@@ -118,11 +122,11 @@ impl<'a> Resampler<'a> {
             brick.densest = brick.density.iter().copied().fold(0.0, f32::max);
             (brick.densest > 0.0).then_some(brick)
         };
-        let bricks = (0..layers.len() * masonry.of_layer()).into_par_iter().map_init(Scratch::default, gather);
+        let bricks = (0..layers.len() * brick_grid.of_layer()).into_par_iter().map_init(Scratch::default, gather);
         let mut all: Vec<Option<Brick>> = bricks.collect();
         let mut out = Vec::with_capacity(layers.len());
         while !all.is_empty() {
-            let rest = all.split_off(masonry.of_layer().min(all.len()));
+            let rest = all.split_off(brick_grid.of_layer().min(all.len()));
             out.push(std::mem::replace(&mut all, rest));
         }
         out
@@ -150,14 +154,14 @@ struct Bins {
 
 impl Bins {
     fn new(
-        masonry: &Masonry,
+        brick_grid: &BrickGrid,
         chunk: &[Particle],
         own: impl Fn(&Particle) -> bool,
         layers: Range<usize>,
         hidden: &[bool],
     ) -> Bins {
-        let nearest = masonry.depth[layers.start * BRICK];
-        let farthest = masonry.depth[layers.end * BRICK - 1];
+        let nearest = brick_grid.depth[layers.start * BRICK];
+        let farthest = brick_grid.depth[layers.end * BRICK - 1];
         let mut pairs: Vec<(u32, u32)> = Vec::new();
         for (index, particle) in chunk.iter().enumerate() {
             let [_, _, z, h] = particle.place;
@@ -165,12 +169,12 @@ impl Bins {
                 continue;
             }
             for layer in layers.clone() {
-                let Some([columns, rows]) = masonry.reached(particle, layer) else { continue };
+                let Some([columns, rows]) = brick_grid.reached(particle, layer) else { continue };
                 for row in rows[0]..=rows[1] {
                     for column in columns[0]..=columns[1] {
-                        let place = row * masonry.bricks[0] + column;
+                        let place = row * brick_grid.bricks[0] + column;
                         if hidden.get(place) != Some(&true) {
-                            let brick = (layer - layers.start) * masonry.of_layer() + place;
+                            let brick = (layer - layers.start) * brick_grid.of_layer() + place;
                             pairs.push((brick as u32, index as u32));
                         }
                     }
@@ -180,7 +184,7 @@ impl Bins {
         if pairs.is_empty() {
             return Bins { starts: Vec::new(), indices: Vec::new() };
         }
-        let mut starts = vec![0u32; layers.len() * masonry.of_layer() + 1];
+        let mut starts = vec![0u32; layers.len() * brick_grid.of_layer() + 1];
         pairs.iter().for_each(|(brick, _)| starts[*brick as usize] += 1);
         let mut next = 0;
         for start in &mut starts {
@@ -207,7 +211,7 @@ impl Bins {
 
 /// One brick on its way to be filled.
 struct Gather<'a> {
-    masonry: &'a Masonry,
+    brick_grid: &'a BrickGrid,
     /// Stored column, stored row and slice of its first cell.
     corner: [usize; 3],
     kernel: Kernel,
@@ -234,7 +238,7 @@ impl Gather<'_> {
     fn fill<S: Simd, const SPLINE: bool>(self, simd: S) {
         for (bins, chunk) in self.bins.iter().zip(&self.particles.chunks) {
             for &index in bins.of(self.index) {
-                add::<S, SPLINE>(simd, self.masonry, self.corner, &chunk[index as usize], self.brick);
+                add::<S, SPLINE>(simd, self.brick_grid, self.corner, &chunk[index as usize], self.brick);
             }
         }
     }
@@ -242,7 +246,7 @@ impl Gather<'_> {
 
 /// The only brick of a grid that has no other; `None` where nothing is.
 pub fn lone_brick(
-    masonry: &Masonry,
+    brick_grid: &BrickGrid,
     particles: impl Iterator<Item = Particle>,
     attribute: bool,
     kernel: Kernel,
@@ -250,14 +254,14 @@ pub fn lone_brick(
     let cells = || vec![0.0f32; CELLS].into_boxed_slice();
     let weighted = if attribute { cells() } else { Box::default() };
     let mut brick = Brick { density: cells(), weighted, densest: 0.0 };
-    Arch::new().dispatch(Alone { masonry, kernel, particles, brick: &mut brick });
+    Arch::new().dispatch(Alone { brick_grid, kernel, particles, brick: &mut brick });
     brick.densest = brick.density.iter().copied().fold(0.0, f32::max);
     (brick.densest > 0.0).then_some(brick)
 }
 
 /// A brick without others, and what fills it.
 struct Alone<'a, I> {
-    masonry: &'a Masonry,
+    brick_grid: &'a BrickGrid,
     kernel: Kernel,
     particles: I,
     brick: &'a mut Brick,
@@ -270,8 +274,8 @@ impl<I: Iterator<Item = Particle>> WithSimd for Alone<'_, I> {
     fn with_simd<S: Simd>(self, simd: S) {
         for particle in self.particles {
             match self.kernel {
-                Kernel::CubicSpline => add::<S, true>(simd, self.masonry, [0; 3], &particle, self.brick),
-                Kernel::Poly6 => add::<S, false>(simd, self.masonry, [0; 3], &particle, self.brick),
+                Kernel::CubicSpline => add::<S, true>(simd, self.brick_grid, [0; 3], &particle, self.brick),
+                Kernel::Poly6 => add::<S, false>(simd, self.brick_grid, [0; 3], &particle, self.brick),
             }
         }
     }
@@ -292,7 +296,7 @@ const CENTERS: [f32; BRICK] = {
 #[inline(always)]
 fn add<S: Simd, const SPLINE: bool>(
     simd: S,
-    masonry: &Masonry,
+    brick_grid: &BrickGrid,
     corner: [usize; 3],
     particle: &Particle,
     brick: &mut Brick,
@@ -303,7 +307,7 @@ fn add<S: Simd, const SPLINE: bool>(
     let factor = if SPLINE { 8.0 / PI } else { 315.0 / (64.0 * PI) } / cube;
     let amplitude = simd.splat_f32s(particle.mass * factor);
     let amplitude_s = simd.splat_f32s(particle.weighted * factor);
-    let depths = &masonry.depth[corner[2]..corner[2] + BRICK];
+    let depths = &brick_grid.depth[corner[2]..corner[2] + BRICK];
     let from = depths.partition_point(|&depth| depth <= z - h);
     let per_square = 1.0 / (h * h);
     let [zero, half, one] = [0.0, 0.5, 1.0].map(|value| simd.splat_f32s(value));
@@ -314,12 +318,12 @@ fn add<S: Simd, const SPLINE: bool>(
         if square <= 0.0 {
             break;
         }
-        let per_cell = masonry.per_cell[corner[2] + slice];
-        let spacing = masonry.spacing[corner[2] + slice];
+        let per_cell = brick_grid.per_cell[corner[2] + slice];
+        let spacing = brick_grid.spacing[corner[2] + slice];
         let radius = square.sqrt() * per_cell;
         // The particle's place in the cells of this slice of the brick.
-        let column = x * per_cell + masonry.middle[0] - corner[0] as f32;
-        let row = masonry.middle[1] - y * per_cell - corner[1] as f32;
+        let column = x * per_cell + brick_grid.middle[0] - corner[0] as f32;
+        let row = brick_grid.middle[1] - y * per_cell - corner[1] as f32;
         let range = |center: f32| {
             // Casts saturate: below zero becomes 0.
             let first = (center - radius + 0.5) as usize;

@@ -1,7 +1,7 @@
 //! Isosurfaces along a ray: where it crosses them, which way they face, and how they are lit.
 
 use super::block::{Block, Place, SIDE};
-use super::bricks::Masonry;
+use super::bricks::BrickGrid;
 
 /// One isosurface.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -118,7 +118,7 @@ fn refine([before, from, to, after]: [f32; 4], value: f32) -> f32 {
 /// cells at any field of view.
 pub fn gradient(
     block: &Block,
-    masonry: &Masonry,
+    brick_grid: &BrickGrid,
     place: &Place,
     middle: [f32; 2],
     slice: usize,
@@ -134,8 +134,8 @@ pub fn gradient(
     let along_y = 0.5 * (here(&moved(1, 2)) - here(&moved(1, 0)));
     let [before, from, to] = [2, 1, 0].map(|back| block.density(place, z - back));
     let after = block.density(place, (z + 1).min(SIDE - 1));
-    let last = masonry.slices - 1;
-    let depth = |slice: usize| masonry.depth[slice.min(last)];
+    let last = brick_grid.slices - 1;
+    let depth = |slice: usize| brick_grid.depth[slice.min(last)];
     // Differences at both ends of the step, weighted by where the crossing is.
     let differ = |low: f32, high: f32, from: usize, to: usize| match depth(to) - depth(from) {
         distance if distance > 0.0 => (high - low) / distance,
@@ -146,10 +146,10 @@ pub fn gradient(
     let along_z = start + at * (end - start);
     let z_here = depth(slice.saturating_sub(1)) + at * (depth(slice) - depth(slice.saturating_sub(1)));
     let spacing = {
-        let [a, b] = [slice.saturating_sub(1), slice].map(|slice| masonry.spacing[slice.min(last)]);
+        let [a, b] = [slice.saturating_sub(1), slice].map(|slice| brick_grid.spacing[slice.min(last)]);
         a + at * (b - a)
     };
-    let shear = if masonry.perspective { (middle[0] * along_x + middle[1] * along_y) / z_here } else { 0.0 };
+    let shear = if brick_grid.perspective { (middle[0] * along_x + middle[1] * along_y) / z_here } else { 0.0 };
     // Rows go down, `y` goes up.
     [along_x / spacing, -along_y / spacing, along_z - shear]
 }

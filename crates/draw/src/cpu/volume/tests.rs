@@ -83,7 +83,7 @@ pub(in crate::cpu) fn perspective(eye: DVec3, width: u32, height: u32) -> View {
 /// The whole grid in one slab.
 fn resampled(view: &View, cloud: &Cloud, options: &VolumeOptions) -> (Prepared, Slab) {
     let prepared = prepare(view, &[cloud.batch()], options).unwrap();
-    let layers = 0..prepared.masonry().bricks[2];
+    let layers = 0..prepared.brick_grid().bricks[2];
     let (layers, _) = Resampler::new(&prepared, options.kernel).resample(layers, &[]);
     (prepared, Slab { first: 0, layers })
 }
@@ -106,7 +106,7 @@ struct Errors {
 /// Looks at every `stride`-th cell that holds something.
 fn compare(view: &View, cloud: &Cloud, options: &VolumeOptions, stride: usize) -> Errors {
     let (prepared, slab) = resampled(view, cloud, options);
-    let (grid, masonry) = (&prepared.grid, prepared.masonry());
+    let (grid, brick_grid) = (&prepared.grid, prepared.brick_grid());
     let field = ExactField::new(&[cloud.batch()], options.kernel);
     let [k, l, m] = grid.size.map(|size| size as usize);
     let (mut squares, mut norms) = ([0.0f64; 3], [0.0f64; 3]);
@@ -114,7 +114,7 @@ fn compare(view: &View, cloud: &Cloud, options: &VolumeOptions, stride: usize) -
     let mut block = Block::default();
     for index in (0..k * l * m).step_by(stride) {
         let cell = [index % k, index / k % l, index / k / l];
-        let found = slab.at(cell, masonry);
+        let found = slab.at(cell, brick_grid);
         if found[0] == 0.0 {
             continue;
         }
@@ -132,14 +132,14 @@ fn compare(view: &View, cloud: &Cloud, options: &VolumeOptions, stride: usize) -
         }
         // At the end of the step into the cell.
         let [x, y] = [cell[0] + BORDER, cell[1] + BORDER];
-        let layer = ((cell[2] + 1) / BRICK).min(masonry.bricks[2] - 1);
-        if !block.fill(&slab, masonry, [x / BRICK, y / BRICK, layer], 0.0) {
+        let layer = ((cell[2] + 1) / BRICK).min(brick_grid.bricks[2] - 1);
+        if !block.fill(&slab, brick_grid, [x / BRICK, y / BRICK, layer], 0.0) {
             continue;
         }
         let place = Place { x: x % BRICK + BEFORE, y: y % BRICK + BEFORE, shares: [0.0; 2] };
         let middle = [0, 1].map(|axis| (cell[axis] as f64 + 0.5 - grid.middle[axis]) as f32);
         let z = cell[2] + FRONT - layer * BRICK;
-        let ours = gradient(&block, masonry, &place, middle, cell[2], z, 1.0).map(f64::from);
+        let ours = gradient(&block, brick_grid, &place, middle, cell[2], z, 1.0).map(f64::from);
         let ours = ours[0] * view.right + ours[1] * view.up + ours[2] * view.forward;
         let error = (ours - exact.gradient).length();
         squares[2] += error * error;
@@ -238,7 +238,7 @@ fn one_particle_is_its_kernel() {
     let (mut mass, mut cells) = (0.0, 0);
     for index in 0..k * l * m {
         let cell = [index % k, index / k % l, index / k / l];
-        let [density, weighted] = slab.at(cell.map(|c| c as usize), prepared.masonry()).map(f64::from);
+        let [density, weighted] = slab.at(cell.map(|c| c as usize), prepared.brick_grid()).map(f64::from);
         let center = prepared.grid.center(cell);
         let away = (world(&view, center) - DVec3::new(0.1, -0.2, 0.3)).length();
         let expected = 2.0 * Kernel::CubicSpline.value(away / 0.5) / 0.125;
@@ -262,7 +262,7 @@ fn particles_below_the_grid_keep_their_mass() {
         let (prepared, slab) = resampled(&view, &cloud, &options);
         let [k, l, m] = prepared.grid.size.map(|size| size as usize);
         assert_eq!(prepared.particles.raised, 1);
-        let cells = (0..k * l * m).map(|i| slab.at([i % k, i / k % l, i / k / l], prepared.masonry())[0]);
+        let cells = (0..k * l * m).map(|i| slab.at([i % k, i / k % l, i / k / l], prepared.brick_grid())[0]);
         let mass: f64 = cells.map(f64::from).sum::<f64>() * 0.05f64.powi(3);
         assert!((mass / 3.0 - 1.0).abs() < 0.015, "{mass}");
         // Left as it is, it falls between the cells.
@@ -282,7 +282,7 @@ fn a_uniform_lattice_has_its_density_everywhere() {
         let cell = [index % k, index / k % l, index / k / l];
         let at = world(&view, prepared.grid.center(cell));
         if at.abs().max_element() < 0.75 {
-            let [density, weighted] = slab.at(cell.map(|c| c as usize), prepared.masonry()).map(f64::from);
+            let [density, weighted] = slab.at(cell.map(|c| c as usize), prepared.brick_grid()).map(f64::from);
             assert!((density - 1.0).abs() < 0.01, "{density} at {at}");
             // The mean of a linear attribute is that attribute.
             assert!((weighted / density - at.x).abs() < 0.02, "{} at {at}", weighted / density);

@@ -1,0 +1,184 @@
+//! How a mode is drawn: what a technique needs, which backends it has, what it is handed and what it hands back. What draws
+//! asks the technique and never for the mode.
+
+use super::{Footprint, Settings};
+use crate::color::transfer::TransferFunction;
+use crate::color::{Accumulation, Colors};
+use crate::cpu::volume::{Caster, VolumeError, VolumeLevels, VolumeReport};
+use crate::cpu::{Counts, SplatOptions, Splats, draw_counted};
+use crate::hierarchy::Purpose;
+use crate::view::View;
+
+/// What a technique's pictures are made of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Output {
+    /// `P` and `P S`, sums over particles in any order, which a transfer function colours. Particles may be left out where
+    /// others weigh more.
+    Sums,
+    /// `P` and `P S` of another kind (a maximum, a first hit), which a transfer function colours all the same.
+    Values,
+    /// Colours, straight from the particles and the transfer function.
+    Light,
+}
+
+/// What draws a mode on a graphics adapter.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Adapter {
+    /// Nothing does.
+    None,
+    /// The splat passes.
+    Splats,
+    /// The resampling and ray marching of the perspective grid: [`Job::caster`].
+    RayMarcher,
+    /// Passes that the mode's plugin adds. They fill the cells of the picture in place of the splat passes.
+    Plugin,
+}
+
+/// What a technique needs of the data, and of the view around the picture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Needs {
+    /// What the inner nodes that are drawn are made for, where a file has several kinds.
+    pub purpose: Purpose,
+    /// The shape of a particle in the picture.
+    pub footprint: Footprint,
+    /// Whether each particle's own density is drawn with, beside its weight.
+    pub densities: bool,
+    /// How far beyond the picture it looks, pixels.
+    pub margin_px: u32,
+    /// Whether it resamples all of the data where that is, whatever the view.
+    pub of_data: bool,
+}
+
+impl Default for Needs {
+    fn default() -> Needs {
+        Needs { purpose: Purpose::Splats, footprint: Footprint::Kernel, densities: false, margin_px: 1, of_data: false }
+    }
+}
+
+/// How a mode is drawn.
+pub trait Technique: Sync {
+    /// What its pictures are made of.
+    fn output(&self) -> Output;
+
+    /// What it needs with these settings.
+    fn needs(&self, _settings: &Settings) -> Needs {
+        Needs::default()
+    }
+
+    /// What draws it on an adapter.
+    fn adapter(&self) -> Adapter {
+        Adapter::None
+    }
+
+    /// Whether [`Technique::draw`] draws.
+    fn on_processor(&self) -> bool {
+        true
+    }
+
+    /// Changes settings that depend on the view, so that all faces of a panorama are drawn alike.
+    fn for_panorama(&self, _settings: &mut Settings) {}
+
+    /// Draws on the processor; [`super::Mode::draw`] calls it for techniques that do.
+    ///
+    /// # Errors
+    /// [`VolumeError`] for settings that do not fit the data or each other, and when nothing is in view.
+    fn draw(&self, job: &Job<'_>) -> Result<Raw, VolumeError>;
+}
+
+/// What is to be drawn, and how.
+pub struct Job<'a> {
+    /// The camera.
+    pub view: &'a View,
+    /// The particles, their weights those of the mode.
+    pub batches: &'a [Splats<'a>],
+    /// The kernel that the smoothing lengths belong to, and what may be left out.
+    pub options: SplatOptions,
+    /// The mode's settings.
+    pub settings: &'a Settings,
+    /// What volumes emit and absorb; the mode's own where it is `None`.
+    pub transfer: Option<&'a TransferFunction>,
+    /// The data's diameter, world units; 0 for sums, which have no use for it.
+    pub diameter: f64,
+    /// The data's largest density; 0 for sums.
+    pub densest: f64,
+    /// What draws modes of the perspective grid.
+    pub caster: &'a dyn Caster,
+}
+
+/// A picture before it is shown.
+#[derive(Clone, Debug)]
+pub enum Raw {
+    /// `P` and `P S`, and what became of the particles.
+    Sums(Accumulation, Counts),
+    /// Colours.
+    Light(Painted),
+}
+
+impl Raw {
+    /// `P` and `P S`.
+    ///
+    /// # Errors
+    /// [`VolumeError::Setting`] for colours.
+    pub fn sums(self, mode: &super::Mode) -> Result<(Accumulation, Counts), VolumeError> {
+        match self {
+            Raw::Sums(accumulation, counts) => Ok((accumulation, counts)),
+            Raw::Light(_) => Err(other_output(mode, "a mode that a transfer function colours")),
+        }
+    }
+
+    /// Colours.
+    ///
+    /// # Errors
+    /// [`VolumeError::Setting`] for sums.
+    pub fn light(self, mode: &super::Mode) -> Result<Painted, VolumeError> {
+        match self {
+            Raw::Light(painted) => Ok(painted),
+            Raw::Sums(..) => Err(other_output(mode, "a mode that draws colours straight from particles")),
+        }
+    }
+}
+
+fn other_output(mode: &super::Mode, expected: &str) -> VolumeError {
+    VolumeError::Setting { field: "mode", found: mode.name.into(), expected: expected.into() }
+}
+
+/// A picture in colours.
+#[derive(Clone, Debug)]
+pub struct Painted {
+    /// The colours.
+    pub colors: Colors,
+    /// What drawing took.
+    pub report: VolumeReport,
+    /// The ranges that were used.
+    pub levels: VolumeLevels,
+    /// The isosurfaces' densities.
+    pub isovalues: Vec<f64>,
+}
+
+/// Sums of splats, by every backend.
+pub struct SplatSums {
+    /// The shape of a particle in the picture.
+    pub footprint: fn(&Settings) -> Footprint,
+}
+
+/// Sums of splats as wide as their smoothing lengths.
+pub static SPLAT_SUMS: SplatSums = SplatSums { footprint: |_| Footprint::Kernel };
+
+impl Technique for SplatSums {
+    fn output(&self) -> Output {
+        Output::Sums
+    }
+
+    fn needs(&self, settings: &Settings) -> Needs {
+        Needs { footprint: (self.footprint)(settings), ..Needs::default() }
+    }
+
+    fn adapter(&self) -> Adapter {
+        Adapter::Splats
+    }
+
+    fn draw(&self, job: &Job<'_>) -> Result<Raw, VolumeError> {
+        let (accumulation, counts) = draw_counted(job.view, job.batches, &job.options);
+        Ok(Raw::Sums(accumulation, counts))
+    }
+}

@@ -1,0 +1,150 @@
+//! Shaders composed as Bevy composes them and validated by naga: deepfield's own, and those of other crates by the same function.
+//! No graphics adapter is needed.
+
+use super::{ShaderFile, sources};
+use crate::gpu::composite::composite_defs;
+use crate::gpu::splat::compute::pipeline::{accumulate_defs, slices_defs};
+use crate::gpu::splat::raster::pipeline::blend_defs;
+use crate::gpu::volume::programs::{self as volume, Kind, Step};
+use crate::model::Kernel;
+use bevy::asset::{AssetId, uuid::Uuid};
+use bevy::shader::{Shader, ShaderCache, ShaderCacheError, ShaderCacheSource, ShaderDefVal};
+use std::collections::BTreeSet;
+use wgpu::naga::Module;
+use wgpu::naga::valid::{Capabilities, ValidationFlags, Validator};
+
+/// One way to build a shader.
+pub struct Variant {
+    /// Its path or name.
+    pub path: &'static str,
+    /// Its definitions.
+    pub defs: Vec<ShaderDefVal>,
+    /// Whether it needs subgroups.
+    pub subgroup: bool,
+    /// Its entry points.
+    pub entries: Vec<&'static str>,
+}
+
+/// The entry points of a volume shader.
+fn entries_of(kind: Kind) -> Vec<&'static str> {
+    Step::ALL.into_iter().filter(|step| step.kind() == kind).map(Step::entry).collect()
+}
+
+/// All that deepfield's pipelines are made of.
+pub fn variants() -> Vec<Variant> {
+    let plain = |path, defs, entries: Vec<&'static str>| Variant { path, defs, subgroup: false, entries };
+    let mut all = vec![
+        plain("splat/project.wgsl", vec![], vec!["count", "place"]),
+        plain("splat/scan.wgsl", vec![], vec!["main"]),
+        plain("splat/reconstruct.wgsl", vec![], vec!["main"]),
+        plain("splat/upsample.wgsl", vec![], vec!["vertex", "along_x", "along_y"]),
+    ];
+    for subgroup in [false, true] {
+        all.push(plain("splat/slices.wgsl", slices_defs(subgroup), vec!["finish", "merge"]));
+    }
+    for encoded in [false, true] {
+        all.push(plain("composite/composite.wgsl", composite_defs(encoded), vec!["vertex", "fragment"]));
+    }
+    for kind in Kind::ALL {
+        let mut built = Vec::new();
+        for index in 0..16 {
+            let variant = volume::Variant {
+                kernel: Kernel::ALL[index & 1],
+                attribute: index & 2 > 0,
+                surfaces: index & 4 > 0,
+                vectors: index & 8 > 0,
+            };
+            let defs = kind.defs(variant);
+            if !built.contains(&defs) {
+                let subgroup = variant.vectors && kind == Kind::Gather;
+                all.push(Variant { path: kind.shader(), defs: defs.clone(), subgroup, entries: entries_of(kind) });
+                built.push(defs);
+            }
+        }
+    }
+    for (kernel, perspective) in Kernel::ALL.into_iter().flat_map(|kernel| [(kernel, false), (kernel, true)]) {
+        all.push(plain("splat/blend.wgsl", blend_defs(kernel, perspective), vec!["vertex", "fragment"]));
+        for subgroup in [false, true] {
+            let defs = accumulate_defs(kernel, perspective, subgroup);
+            all.push(Variant { path: "splat/accumulate.wgsl", defs, subgroup, entries: vec!["main"] });
+        }
+    }
+    all
+}
+
+/// The module of a shader among `shaders` (paths and texts), validated with the least that it may rely on.
+///
+/// # Errors
+/// What is wrong, where naga knows the place with its file and line.
+pub fn compose(shaders: &[(&str, String)], variant: &Variant) -> Result<Module, String> {
+    let features = if variant.subgroup { wgpu::Features::SUBGROUP } else { wgpu::Features::empty() };
+    let mut cache = ShaderCache::new((), features, wgpu::DownlevelFlags::empty(), |(), source, _| match source {
+        ShaderCacheSource::Naga(module) => Ok(module),
+        _ => Err(ShaderCacheError::CreateShaderModule("not WGSL".to_owned())),
+    });
+    let mut wanted = None;
+    for (index, (path, text)) in shaders.iter().enumerate() {
+        let id = AssetId::<Shader>::Uuid { uuid: Uuid::from_u128(index as u128) };
+        cache.set_shader(id, Shader::from_wgsl(text.clone(), *path));
+        if *path == variant.path {
+            wanted = Some(id);
+        }
+    }
+    let id = wanted.ok_or_else(|| format!("no shader {}", variant.path))?;
+    let module = cache.get(0, id, &variant.defs).map_err(|error| match error {
+        ShaderCacheError::ProcessShaderError(error) => one_line(&error.emit_to_string(&cache.composer)),
+        error => format!("{}: {error}", variant.path),
+    })?;
+    let capabilities = if variant.subgroup { Capabilities::SUBGROUP } else { Capabilities::empty() };
+    let mut validator = Validator::new(ValidationFlags::all(), capabilities);
+    validator.validate(&module).map_err(|error| format!("{}: {:?}", variant.path, error.into_inner()))?;
+    for &entry in &variant.entries {
+        if !module.entry_points.iter().any(|point| point.name == entry) {
+            return Err(format!("{}: no entry point {entry}", variant.path));
+        }
+    }
+    Ok(Module::clone(&module))
+}
+
+/// `FILE:LINE:COLUMN: what is wrong` of a message that shows the place in the file.
+fn one_line(message: &str) -> String {
+    let mut lines = message.lines().map(str::trim);
+    let what = lines.next().unwrap_or_default().trim_start_matches("error:").trim();
+    let place = message.lines().find_map(|line| line.split_once("\u{250c}\u{2500} ").map(|(_, place)| place.trim()));
+    // Below the place stand what is meant and, last, why.
+    let why: Vec<&str> = lines.filter_map(|line| line.split_once("= ").map(|(_, why)| why.trim())).collect();
+    let what = [&[what], &why[..]].concat().join(": ");
+    place.map_or_else(|| what.clone(), |place| format!("{place}: {what}"))
+}
+
+/// The texts of deepfield's shaders and of `files`.
+pub fn texts(files: &[ShaderFile]) -> Vec<(&'static str, String)> {
+    let own = sources().map(|(path, text)| (path, text.into_owned()));
+    own.chain(files.iter().map(|file| (file.name, file.text.to_owned()))).collect()
+}
+
+/// Every way in which pipelines build one of `files`.
+pub fn variants_of(files: &[ShaderFile]) -> Vec<Variant> {
+    let of = |file: &ShaderFile| {
+        let name = file.name;
+        (file.variants)().into_iter().map(move |variant| Variant { path: name, ..variant })
+    };
+    files.iter().flat_map(of).collect()
+}
+
+/// Composes and validates shaders of another crate, among deepfield's, for every set of definitions that their pipelines use:
+/// for a test in that crate.
+///
+/// # Errors
+/// The first mistake; an entry point that no pipeline uses is one.
+pub fn check(files: &[ShaderFile]) -> Result<(), String> {
+    let texts = texts(files);
+    for variant in variants_of(files) {
+        let module = compose(&texts, &variant)?;
+        let names: BTreeSet<&str> = module.entry_points.iter().map(|point| point.name.as_str()).collect();
+        if names != variant.entries.iter().copied().collect() {
+            return Err(format!("{}: entry points {names:?}, expected {:?}", variant.path, variant.entries));
+        }
+    }
+    Ok(())
+}

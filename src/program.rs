@@ -1,0 +1,95 @@
+//! The program as a value: what another crate adds to deepfield, and the command line that it is started with.
+
+use crate::commands::{self, Command};
+use crate::import::{self, Format};
+use crate::mode::Mode;
+use crate::modes;
+use clap::{CommandFactory, FromArgMatches, Parser};
+use std::process::ExitCode;
+
+/// Explore huge point data: snapshots, star catalogues and their hierarchies on disk.
+///
+/// Without a command, deepfield opens its demo dataset in a window, or renders it to a file where there is no display.
+#[derive(Parser)]
+#[command(
+    version,
+    after_help = "Examples:
+  deepfield                                        the demo dataset
+  deepfield view snapshot_099.hdf5                 look around in a snapshot
+  deepfield render snapshot_099.hdf5 -o halo.png   the same picture without a window
+  deepfield info snapshot_099.hdf5                 what the file holds"
+)]
+struct CommandLine {
+    #[command(subcommand)]
+    command: Option<Command>,
+}
+
+/// deepfield, with modes, formats and plugins of other crates. All that names modes or recognises files knows them: the
+/// command line, RON files, panels, scenes, tours and followers.
+///
+/// ```no_run
+/// use deepfield::mode::Mode;
+/// static MODE: Mode = Mode { name: "my-volume", help: "a volume of mine", ..deepfield::modes::grid::MODE };
+///
+/// fn main() -> std::process::ExitCode {
+///     deepfield::Program::default().mode(&MODE).run()
+/// }
+/// ```
+#[derive(Default)]
+pub struct Program {
+    /// What could not be registered.
+    refused: Vec<String>,
+}
+
+impl Program {
+    /// With one more mode. Its name must not be another one's.
+    pub fn mode(mut self, mode: &'static Mode) -> Program {
+        self.refused.extend(modes::register(mode).err());
+        self
+    }
+
+    /// With one more format of sources. Its name must not be another one's.
+    pub fn format(mut self, format: &'static dyn Format) -> Program {
+        self.refused.extend(import::register(format).err());
+        self
+    }
+
+    /// With a plugin in every application that draws with an adapter: the window, and those without one. It is added
+    /// behind deepfield's render plugins, so its passes can be ordered against theirs.
+    #[cfg(feature = "viewer")]
+    pub fn plugin(self, plugin: fn(&mut bevy::app::App)) -> Program {
+        crate::gpu::plugins::register(plugin);
+        self
+    }
+
+    /// Parses the command line, calls one command, and turns its outcome into an exit code: 0 for success, 2 for wrong
+    /// usage, 1 for failure with one line on standard error.
+    pub fn run(self) -> ExitCode {
+        if let Some(refused) = self.refused.first() {
+            eprintln!("deepfield: {refused}");
+            return ExitCode::FAILURE;
+        }
+        let outcome = match command_line() {
+            Some(command) => command.run(),
+            None => commands::demo::run(),
+        };
+        match outcome {
+            Ok(()) => ExitCode::SUCCESS,
+            Err(error) => {
+                // One line, whatever a library's message looks like.
+                let text: Vec<String> = error.to_string().lines().map(|line| line.trim().to_owned()).collect();
+                eprintln!("deepfield: {}", text.join(" "));
+                ExitCode::FAILURE
+            }
+        }
+    }
+}
+
+/// The command that is asked for; leaves the program where there is a mistake, or help was asked for.
+fn command_line() -> Option<Command> {
+    let command = CommandLine::command();
+    let examples = command.get_after_help().map(ToString::to_string).unwrap_or_default();
+    let known = format!("{examples}\n\nModes: {}\nFormats: {}", modes::names(), import::names());
+    let matches = command.after_help(known).get_matches();
+    CommandLine::from_arg_matches(&matches).unwrap_or_else(|error| error.exit()).command
+}
