@@ -4,7 +4,7 @@
 //! Where the sources are not there, as for an installed program, there is nothing to watch. The shaders of volumes are built when their
 //! renderer opens, and are taken up with the next start.
 
-use super::messages::Messages;
+use super::state::notices::Notices;
 use crate::gpu::shaders::check::{Variant, compose, texts, variants, variants_of};
 use crate::gpu::shaders::{SHADERS, ShaderFiles, load};
 use bevy::prelude::*;
@@ -88,7 +88,7 @@ fn reload(
     mut watcher: ResMut<Watcher>,
     server: Res<AssetServer>,
     mut shaders: ResMut<Assets<Shader>>,
-    mut messages: ResMut<Messages>,
+    mut messages: ResMut<Notices>,
 ) {
     if watcher.looked.is_some_and(|looked| looked.elapsed() < EVERY) {
         return;

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 const ROOMS: [&[&str]; 3] = [
     &["model", "codec", "import", "hierarchy", "store", "build", "synth"],
     &["view", "stream", "color", "cpu", "mode", "modes", "annotate", "explore", "look", "picture", "tour"],
-    &["gpu", "window", "show", "command_line", "bench", "commands"],
+    &["gpu", "window", "show", "command_line", "bench", "commands", "program"],
 ];
 
 /// The rooms of the window in the same way. What is directly in `window` is the list of its plugins: it uses all of them, and
@@ -56,6 +56,7 @@ const WINDOW: [&[&str]; 4] = [
         "touring",
         "cpu_backend",
         "gpu_backend",
+        "shader_reload",
     ],
     // What the user does and reads.
     &["looking", "screenshot", "history", "shortcuts", "dropped", "overlay", "panel", "ui", "status"],
