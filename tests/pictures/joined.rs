@@ -5,7 +5,7 @@ use crate::support::{demo, draw_source, in_repository};
 use deepfield::build::{BuildOptions, build_source};
 use deepfield::explore::{Data, Members, ProbeOptions, Region, Work, probe};
 use deepfield::import::{LoadOptions, load};
-use deepfield::model::{Dataset, Placement};
+use deepfield::model::{Dataset, Placement, ReadMethod};
 use deepfield::modes::{self, Depiction, Settings, cpu};
 use deepfield::raster::accumulation::relative_error;
 use deepfield::raster::{Accumulation, Method};
@@ -44,7 +44,7 @@ fn fixture() -> Fixture {
 }
 
 fn open(members: &[Member]) -> PageFile {
-    open_members(members, |path| Ok::<_, StoreError>(path.to_owned())).unwrap().0
+    open_members(members, ReadMethod::default(), |path| Ok::<_, StoreError>(path.to_owned())).unwrap().0
 }
 
 fn draw(file: &Arc<PageFile>, families: Option<Vec<u32>>, view: &View, tau: f64) -> Accumulation {
@@ -154,7 +154,8 @@ fn pages_and_probes_of_several_are_those_of_all() {
 #[test]
 fn what_does_not_fit_together_is_told_or_refused() {
     let Fixture { members, _folder, .. } = fixture();
-    let join = |members: &[Member]| open_members(members, |path| Ok::<_, StoreError>(path.to_owned()));
+    let join =
+        |members: &[Member]| open_members(members, ReadMethod::default(), |path| Ok::<_, StoreError>(path.to_owned()));
     let (_, notes) = join(&members).unwrap();
     assert!(notes.iter().all(|note| note.contains("collapse")), "{notes:?}");
     let unscaled = [members[0].clone(), Member { scale: None, ..members[1].clone() }];
