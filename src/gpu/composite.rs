@@ -118,7 +118,7 @@ fn init_composite_pipeline(mut commands: Commands, server: Res<AssetServer>) {
 
 /// The composite pass of one camera.
 #[derive(Component)]
-struct CompositeBindings {
+pub struct CompositeBindings {
     group: BindGroup,
     pipeline: CachedRenderPipelineId,
     uniform: Buffer,

@@ -5,7 +5,6 @@ use super::DeepfieldRenderPlugins;
 use super::capabilities::Technique;
 use super::device::{Gpu, GpuError, open};
 use super::headless::HeadlessRequest;
-use super::mode_view::ModeView;
 use super::readback::{read_buffer, read_texture};
 use super::scene::{NodeState, ParticleScene};
 use super::splat::{Bindings, SplatBuffers, pipeline_error};

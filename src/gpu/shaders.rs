@@ -42,7 +42,7 @@ pub fn add(app: &mut App, file: ShaderFile) {
 /// Puts a text among the embedded assets.
 fn embed(app: &mut App, path: &str, text: Vec<u8>) {
     let full = Path::new(env!("CARGO_MANIFEST_DIR")).join("shaders").join(path);
-    let mut registry = app.world_mut().resource_mut::<EmbeddedAssetRegistry>();
+    let registry = app.world_mut().resource_mut::<EmbeddedAssetRegistry>();
     registry.insert_asset(full, &PathBuf::from("deepfield").join(path), text);
 }
 

@@ -268,7 +268,7 @@ pub(super) fn draw_on_cpu(
                 let start = Instant::now();
                 let plan = (economy, kept_plan, limit);
                 let (picture, plan, (taken, cut)) =
-                    draw(&file, &depiction, &source, &view, size, plan, (&transfer, known))?;
+                    draw(&file, &depiction, &source, &view, size, plan, (&transfer, known), on_cpu)?;
                 let picture = Arc::new(picture);
                 let milliseconds = 1000.0 * start.elapsed().as_secs_f64();
                 (Drawn { key, picture, painted: None, milliseconds }, plan, Some(taken), cut)

@@ -340,5 +340,7 @@ mod tests {
     fn a_partial_preset_keeps_defaults() {
         let preset = Preset::parse("a.ron", "(panel: (open: false))").unwrap();
         assert_eq!(preset, Preset { panel: PanelPreset { open: false, ..default() }, ..default() });
+        let mapped = Preset::parse("a.ron", "(residency: (read: mapped))").unwrap();
+        assert_eq!(mapped.residency, ResidencyPreset { read: ReadMethod::Mapped, ..default() });
     }
 }

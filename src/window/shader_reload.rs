@@ -88,7 +88,7 @@ fn reload(
     mut watcher: ResMut<Watcher>,
     server: Res<AssetServer>,
     mut shaders: ResMut<Assets<Shader>>,
-    mut messages: ResMut<Notices>,
+    mut notices: ResMut<Notices>,
 ) {
     if watcher.looked.is_some_and(|looked| looked.elapsed() < EVERY) {
         return;
@@ -104,13 +104,13 @@ fn reload(
             Ok(()) => {
                 let shader = Shader::from_wgsl(text, format!("embedded://deepfield/{name}"));
                 match shaders.insert(load(&server, name).id(), shader) {
-                    Ok(()) => messages.info(format!("{}: in use", path.display())),
-                    Err(error) => messages.error(format!("{}: {error}", path.display())),
+                    Ok(()) => notices.info(format!("{}: in use", path.display())),
+                    Err(error) => notices.error(format!("{}: {error}", path.display())),
                 }
             }
             Err(error) => {
                 let place = error.replace(name, &path.to_string_lossy());
-                messages.error(format!("{place}; the last good shader stays"));
+                notices.error(format!("{place}; the last good shader stays"));
             }
         }
     }

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 const ROOMS: [&[&str]; 3] = [
     &["model", "codec", "import", "hierarchy", "store", "build", "synth"],
     &["view", "stream", "color", "cpu", "mode", "modes", "annotate", "explore", "look", "picture", "tour"],
-    &["gpu", "window", "show", "command_line", "bench", "commands"],
+    &["gpu", "window", "show", "command_line", "bench", "commands", "program"],
 ];
 
 /// The rooms of the window in the same way. What is directly in `window` is the list of its plugins: it uses all of them, and
@@ -56,24 +56,20 @@ const WINDOW: [&[&str]; 4] = [
         "touring",
         "cpu_backend",
         "gpu_backend",
+        "shader_reload",
     ],
     // What the user does and reads.
     &["looking", "screenshot", "history", "shortcuts", "dropped", "overlay", "panel", "ui", "status"],
 ];
 
 /// Imports against the direction that are known: the file, what it uses, and why it still does.
-const KNOWN: [(&str, &str, &str); 3] = [
+const KNOWN: [(&str, &str, &str); 2] = [
     (
         "src/bench/compare.rs",
         "commands::exact_source",
         "reads all particles as `render --exact` does, which is still in commands",
     ),
     ("src/bench/compare.rs", "commands::render", "draws as `render` does, which is still in commands"),
-    (
-        "crates/draw/src/mode/depiction.rs",
-        "modes::grid",
-        "knows volumes by their settings, until a mode says what it needs",
-    ),
 ];
 
 /// A path in a source file: the line where it stands, and its segments from the package's root on.

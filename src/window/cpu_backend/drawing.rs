@@ -42,7 +42,7 @@ fn shown<'a>(dataset: &'a Dataset, families: &[FamilyName]) -> Vec<&'a Family> {
 
 /// Draws the source with `size` pixels; blocks for as long as it takes. What is left out is what `plan` says, or what
 /// is found to be within the settings, which is handed back; and then as much as a sample of `limit` particles needs. Also
-/// says how many it took.
+/// says how many it took. A picture that is not shown but measured is of splats where the processor does not draw the mode.
 pub(super) fn draw(
     file: &PageFile,
     depiction: &Depiction,
@@ -51,6 +51,7 @@ pub(super) fn draw(
     size: UVec2,
     (economy, plan, limit): (Economy, Option<Plan>, u64),
     (transfer, levels): (&TransferFunction, Option<Levels>),
+    is_shown: bool,
 ) -> Result<(Accumulation, Plan, (u64, bool)), String> {
     let metadata = file.metadata();
     let nodes = match source {
@@ -73,8 +74,11 @@ pub(super) fn draw(
         let (fitting, taken) = governor::within(limit, plan, view, depiction, metadata, nodes, &important);
         let decoded = processor::decode_planned(view, depiction, metadata, nodes, &fitting);
         let view = View { width: size.x, height: size.y, ..*view };
-        let drawn = processor::draw_planned(&view, depiction, metadata, &decoded, Method::Pyramid, &fitting)?;
-        Ok((drawn.0, plan, (taken, fitting != plan)))
+        let drawn = match is_shown || depiction.mode.technique.on_processor() {
+            true => processor::draw_planned(&view, depiction, metadata, &decoded, Method::Pyramid, &fitting)?.0,
+            false => processor::sum_planned(&view, depiction, metadata, &decoded, &fitting)?,
+        };
+        Ok((drawn, plan, (taken, fitting != plan)))
     });
     drawn.map_err(|error| error.to_string())
 }

@@ -12,7 +12,7 @@ pub enum Severity {
     Error,
 }
 
-/// One message.
+/// One notice.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Notice {
     /// How bad it is.
@@ -23,7 +23,7 @@ pub struct Notice {
     pub at_secs: f64,
 }
 
-/// The latest messages, oldest first.
+/// The latest notices, oldest first.
 #[derive(Resource, Clone, Debug, Default)]
 pub struct Notices {
     list: VecDeque<Notice>,
@@ -31,7 +31,7 @@ pub struct Notices {
     now_secs: f64,
 }
 
-/// How many messages are kept.
+/// How many notices are kept.
 const KEPT: usize = 1000;
 
 impl Notices {
@@ -67,13 +67,13 @@ impl Notices {
         self.said
     }
 
-    /// Seconds since a message was said.
+    /// Seconds since a notice was given.
     pub fn age_secs(&self, message: &Notice) -> f64 {
         self.now_secs - message.at_secs
     }
 }
 
-/// Keeps the clock by which messages age.
+/// Keeps the clock by which notices age.
 pub(crate) fn advance_notices(time: Res<Time<Real>>, mut messages: ResMut<Notices>) {
     messages.bypass_change_detection().now_secs = time.elapsed_secs_f64();
 }

@@ -5,7 +5,6 @@ use crate::codec::Codebook;
 use crate::color::transfer::{Range, Scale, TransferFunction};
 use crate::hierarchy::Purpose;
 use crate::model::{Dataset, Family};
-use crate::modes::grid;
 use crate::store::{FamilyMetadata, Metadata, Node};
 use crate::view::{Detail, View};
 
@@ -180,7 +179,7 @@ impl Depiction {
     pub fn detail(&self, view: &View, tau: f64, metadata: &Metadata) -> Detail {
         match self.purpose(metadata) {
             Purpose::Splats => Detail::Error { tau },
-            Purpose::Samples => grid::sampling(view, &self.settings, metadata.bounds()),
+            Purpose::Samples => self.mode.technique.detail(view, &self.settings, metadata.bounds(), tau),
         }
     }
 

@@ -7,7 +7,8 @@ use crate::color::{Accumulation, Colors};
 use crate::cpu::volume::{Caster, VolumeError, VolumeLevels, VolumeReport};
 use crate::cpu::{Counts, SplatOptions, Splats, draw_counted};
 use crate::hierarchy::Purpose;
-use crate::view::View;
+use crate::model::Bounds;
+use crate::view::{Detail, View};
 
 /// What a technique's pictures are made of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -63,6 +64,12 @@ pub trait Technique: Sync {
     /// What it needs with these settings.
     fn needs(&self, _settings: &Settings) -> Needs {
         Needs::default()
+    }
+
+    /// How far the nodes of levels that are made for volumes are refined, of data within `bounds` and where splats may be
+    /// displaced by `tau` pixels.
+    fn detail(&self, _view: &View, _settings: &Settings, _bounds: Bounds, tau: f64) -> Detail {
+        Detail::Error { tau }
     }
 
     /// What draws it on an adapter.
@@ -180,5 +187,51 @@ impl Technique for SplatSums {
     fn draw(&self, job: &Job<'_>) -> Result<Raw, VolumeError> {
         let (accumulation, counts) = draw_counted(job.view, job.batches, &job.options);
         Ok(Raw::Sums(accumulation, counts))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cpu::volume::Processor;
+    use crate::mode::Mode;
+    use crate::modes::{column_density, grid};
+    use crate::view::Projection;
+    use glam::DVec3;
+
+    struct AdapterOnly;
+
+    impl Technique for AdapterOnly {
+        fn output(&self) -> Output {
+            Output::Values
+        }
+
+        fn adapter(&self) -> Adapter {
+            Adapter::Plugin
+        }
+
+        fn on_processor(&self) -> bool {
+            false
+        }
+
+        fn draw(&self, _: &Job<'_>) -> Result<Raw, VolumeError> {
+            unreachable!("the processor is not asked")
+        }
+    }
+
+    #[test]
+    fn what_a_mode_cannot_do_it_says() {
+        static MODE: Mode = Mode { name: "adapter-only", technique: &AdapterOnly, ..grid::MODE };
+        let projection = Projection::Orthographic { height: 1.0 };
+        let view = View::look_at(DVec3::Z, DVec3::ZERO, DVec3::Y, projection, 2, 2).unwrap();
+        let (settings, options) = (Settings::default(), SplatOptions::default());
+        let (view, batches, settings, caster) = (&view, &[][..], &settings, &Processor);
+        let job = Job { view, batches, options, settings, transfer: None, diameter: 1.0, densest: 1.0, caster };
+        let refused = MODE.draw(&job).unwrap_err().to_string();
+        assert!(refused.contains("adapter-only is drawn by a graphics adapter only"), "{refused}");
+        assert_eq!(MODE.all_settings().count(), 0, "what may be left out of sums is no setting of others");
+        let sums = column_density::MODE.draw(&job).unwrap();
+        let refused = sums.light(&column_density::MODE).unwrap_err().to_string();
+        assert!(refused.contains("mode is column-density, expected a mode that draws colours"), "{refused}");
     }
 }

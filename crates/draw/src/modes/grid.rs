@@ -301,7 +301,7 @@ pub fn light(settings: &Settings) -> Option<Light> {
 
 /// The detail in which the nodes of data within these bounds are drawn. An automatic near plane is not known before there are
 /// particles: it is taken to be where it is for data of which all is in view.
-pub fn sampling(view: &View, settings: &Settings, bounds: Bounds) -> Detail {
+fn sampling(view: &View, settings: &Settings, bounds: Bounds) -> Detail {
     let corner = |index: usize| {
         let pick = |axis: usize| if index >> axis & 1 == 0 { bounds.min[axis] } else { bounds.max[axis] };
         view.to_camera(DVec3::new(pick(0), pick(1), pick(2))).z
@@ -325,6 +325,10 @@ impl Technique for Marched {
 
     fn needs(&self, _: &Settings) -> Needs {
         Needs { purpose: Purpose::Samples, ..Needs::default() }
+    }
+
+    fn detail(&self, view: &View, settings: &Settings, bounds: Bounds, _: f64) -> Detail {
+        sampling(view, settings, bounds)
     }
 
     fn adapter(&self) -> Adapter {

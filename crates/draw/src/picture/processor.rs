@@ -3,7 +3,7 @@
 use crate::color::Accumulation;
 use crate::cpu::overdraw::{Overdraw, overdraw};
 use crate::cpu::volume::{Processor, VolumeError};
-use crate::cpu::{Counts, Extent, Method, Positions, SplatError, SplatOptions, Splats, around};
+use crate::cpu::{Counts, Extent, Method, Positions, SplatError, SplatOptions, Splats, around, draw_counted};
 use crate::mode::sample::Sample;
 use crate::mode::{CodeTable, Depiction, Footprint, Job, Output, Plan, SourceColumns};
 use crate::model::{Bounds, Dataset, Family};
@@ -249,6 +249,20 @@ pub fn draw_planned(
     let batches = batches(depiction, nodes)?;
     let known = || (metadata.bounds(), densest_of(metadata));
     draw_batches(view, depiction, &batches, options(metadata, method, plan), known)
+}
+
+/// Sums of splats, whatever the mode draws: for ranges of pictures that the processor does not draw.
+///
+/// # Errors
+/// [`SplatError`] as [`Splats::new`].
+pub fn sum_planned(
+    view: &View,
+    depiction: &Depiction,
+    metadata: &Metadata,
+    nodes: &[DecodedNode],
+    plan: &Plan,
+) -> Result<Accumulation, SplatError> {
+    Ok(draw_counted(view, &batches(depiction, nodes)?, &options(metadata, Method::Pyramid, plan)).0)
 }
 
 /// Draws batches of a mode whose pictures a transfer function colours. `known` finds the data's bounds and its largest
