@@ -24,7 +24,7 @@ use crate::synth::{dataset, merger::Merger};
 use crate::view::View;
 use glam::DVec3;
 use serde::Serialize;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::{Duration, Instant};
 
 /// What is compared, and how.

@@ -23,7 +23,7 @@ use crate::picture::paint::{Subject, densest, densest_of};
 use crate::picture::panorama::{Texels, assemble};
 use crate::picture::processor::{self, SeenFamily};
 use crate::stream::SceneSelection;
-use crate::view::{Detail, Eye, Eyes, Panorama, Projection, Sampling, Sections, Stereo, Surround, View};
+use crate::view::{Detail, Eye, Eyes, Panorama, Projection, Sampling, Sections, Stereo, View};
 use std::collections::BTreeMap;
 
 type Failure = Box<dyn std::error::Error + Send + Sync>;

@@ -18,7 +18,7 @@ pub use crate::look::Backend;
 use crate::look::{ERROR_PX, shown_families};
 #[cfg(feature = "viewer")]
 use crate::mode::Adapter;
-use crate::mode::{Depiction, Economy, Mode, Plan};
+use crate::mode::{Economy, Mode, Plan};
 use crate::model::FamilyName;
 use crate::picture::look::transfer_of;
 use crate::picture::{pilot, processor};

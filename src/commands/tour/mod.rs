@@ -11,10 +11,9 @@ mod video;
 
 use super::CommandResult;
 use super::arguments::{PictureSize, not_negative, positive};
-use super::projected::usual_size;
 use super::projection_options::ProjectionOptions;
 use super::render::Backend;
-use crate::look::data_file;
+use crate::look::{Shot, data_file};
 use crate::tour::{TourFile, around_data};
 use crate::view::{CubeLayout, Surround};
 use frames::{Frames, Pattern};
@@ -202,8 +201,7 @@ fn open(arguments: &Arguments) -> Result<Show, Box<dyn std::error::Error + Send 
     }
     if arguments.size.is_none() && tour.projection != was {
         // The tour's size is meant for its own projection.
-        let usual = usual_size(arguments.projection.named(tour.projection));
-        tour.size = (usual.width, usual.height);
+        tour.size = Shot { surround: tour.projection, ..Shot::default() }.size();
     }
     if let Some(error_px) = arguments.error_px {
         tour.keyframes.iter_mut().for_each(|keyframe| keyframe.look.error_px = Some(error_px));
