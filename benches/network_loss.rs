@@ -147,7 +147,7 @@ impl Screen {
                 let mut seen = kept.lock().unwrap();
                 for event in events {
                     if let FollowerEvent::Scene(scene) = event {
-                        seen.settings = scene.error_px.map(|error_px| (Instant::now(), error_px));
+                        seen.settings = scene.look.error_px.map(|error_px| (Instant::now(), error_px));
                     }
                 }
                 let frame = follower.frame().map_or(0, |frame| frame.number);
@@ -177,7 +177,7 @@ impl Drop for Screen {
 fn scene(error_px: f64) -> String {
     let data = DatasetRef { path: "box.df".into(), ..DatasetRef::of("box.df".as_ref(), "a.scene.ron".as_ref()) };
     let mut scene = SceneFile::new(vec![data]);
-    scene.error_px = Some(error_px);
+    scene.look.error_px = Some(error_px);
     scene.text("a".as_ref()).unwrap()
 }
 
