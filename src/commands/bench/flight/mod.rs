@@ -11,12 +11,12 @@ pub mod series;
 
 use super::splat::Failure;
 use crate::build::{BuildOptions, build_source};
-use crate::commands::arguments::{PictureSize, bytes, not_negative, positive};
+use crate::commands::arguments::{PictureSize, bytes, mode_name, not_negative, positive};
 use crate::commands::cache;
 use crate::commands::progress_bar::TerminalProgress;
 use crate::import::LoadOptions;
 use crate::modes::governor::Governor;
-use crate::modes::{Depiction, Economy, Mode, Plan, Settings};
+use crate::modes::{Depiction, Economy, MODES, Mode, Plan, Settings};
 use crate::raster::output;
 use crate::store::PageFile;
 use crate::stream::{CopyOptions, StreamOptions, first_frame};
@@ -50,8 +50,8 @@ pub struct Options {
     /// Largest displacement of a particle on screen, pixels.
     #[arg(long, value_name = "TAU", default_value_t = 0.8, value_parser = positive)]
     pub error_px: f64,
-    /// Visualization mode.
-    #[arg(long, value_name = "NAME", default_value = "density-squared", value_parser = crate::commands::arguments::mode_name)]
+    /// Visualization mode, one that is made of splats; `bench compare` measures the others.
+    #[arg(long, value_name = "NAME", default_value = "density-squared", value_parser = splat_mode)]
     pub mode: &'static Mode,
     /// Pages in main memory at most.
     #[arg(long, value_name = "BYTES", default_value = "2GiB", value_parser = bytes)]
@@ -87,6 +87,16 @@ pub struct Options {
     /// Folder for flight.csv, flight.svg, flight.png and the like, or compare.csv and the pictures [default: flight, compare].
     #[arg(long, value_name = "FOLDER")]
     pub output: Option<PathBuf>,
+}
+
+/// The mode of that name, if a flight can draw it: its frames, samples and checks are those of splats.
+fn splat_mode(text: &str) -> Result<&'static Mode, String> {
+    let mode = mode_name(text)?;
+    if mode.painter().is_none() {
+        return Ok(mode);
+    }
+    let splats: Vec<&str> = MODES.iter().filter(|mode| mode.painter().is_none()).map(|mode| mode.name).collect();
+    Err(format!("a flight draws {}; `deepfield bench compare` measures {text}", splats.join(", ")))
 }
 
 impl Options {
@@ -232,7 +242,7 @@ fn with_canvas<T>(
         budget: options.main_memory,
         in_flight: usize::from(options.requests),
         stall: Duration::from_secs(5),
-        prefetch: true,
+        ..StreamOptions::default()
     };
     let mut engine = Engine {
         file,
@@ -398,4 +408,22 @@ fn line(name: &str, summary: &Summary) {
         100.0 * summary.not_converged,
         summary.worst_error_px
     );
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_flight_takes_modes_of_splats_and_names_them_for_any_other() {
+        for mode in MODES {
+            match splat_mode(mode.name) {
+                Ok(taken) => assert!(taken.painter().is_none() && std::ptr::eq(taken, mode)),
+                Err(why) => {
+                    assert!(mode.painter().is_some());
+                    assert!(why.contains("density-squared") && why.contains(mode.name), "{why}");
+                }
+            }
+        }
+    }
 }
