@@ -9,6 +9,7 @@ pub mod catalogue;
 pub mod demo;
 mod drawing;
 mod exact_source;
+pub mod hierarchy_options;
 pub mod info;
 pub mod key;
 mod lettering;
