@@ -23,6 +23,8 @@ struct CommandLine {
 }
 
 fn main() -> ExitCode {
+    #[cfg(feature = "viewer")]
+    deepfield::gpu::environment::prepare();
     let outcome = match CommandLine::parse().command {
         Some(command) => command.run(),
         None => deepfield::commands::demo::run(),

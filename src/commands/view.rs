@@ -100,7 +100,7 @@ pub struct Settings {
     /// For the windows of a show, which one process keeps open: where it is told what.
     #[arg(long, hide = true, value_name = "FOLDER")]
     pub supervised: Option<PathBuf>,
-    /// Preset: desktop, laptop or headless.
+    /// Preset: desktop, laptop, headless or planetarium (docs/presets.md).
     #[arg(long, value_name = "NAME", default_value = "desktop")]
     pub preset: String,
     /// A file that is rewritten with the window's state as JSON whenever it changes, for scripts.
@@ -185,7 +185,7 @@ pub fn show(path: &Path, settings: &Settings) -> CommandResult {
             return super::supervise::supervise(path, settings);
         }
         match crate::gpu::device::probe() {
-            Ok(_) => return window(path, settings),
+            Ok(adapter) => return window(path, settings, adapter.backend.into()),
             Err(error) => format!("No window: {error}"),
         }
     } else {
@@ -221,7 +221,7 @@ fn has_display() -> bool {
 }
 
 #[cfg(feature = "viewer")]
-fn window(path: &Path, settings: &Settings) -> CommandResult {
+fn window(path: &Path, settings: &Settings, drivers: wgpu::Backends) -> CommandResult {
     use crate::app::live::orbits::{Orbits, OrbitsPlugin};
     use crate::app::{Backend, OpenRequest, WindowOptions, run_window};
     use crate::supervisor::RunFolder;
@@ -241,6 +241,7 @@ fn window(path: &Path, settings: &Settings) -> CommandResult {
     // A follower opens what the leader says.
     let request = settings.follow.is_none().then_some(request);
     let mut options = WindowOptions::new(request, opener);
+    options.drivers = drivers;
     options.show = show;
     options.output = settings.output.clone();
     options.supervised = settings.supervised.as_deref().map(RunFolder::at);

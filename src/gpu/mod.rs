@@ -16,6 +16,7 @@ pub mod arena;
 pub mod capabilities;
 pub mod composite;
 pub mod device;
+pub mod environment;
 pub mod headless;
 pub mod page_copies;
 pub mod parts;
