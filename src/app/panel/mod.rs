@@ -97,14 +97,17 @@ impl PanelState<'_, '_> {
     /// Draws a dock's contents.
     pub fn show(&mut self, ui: &mut Ui, dock: Dock) {
         if dock == Dock::Left {
-            self.header(ui);
-            self.opening(ui);
-            if self.scene.is_none() && self.openings.progress().is_none() {
-                ui.add_space(12.0);
-                let hint = "Nothing is open. Drop a snapshot, a catalogue, a page file or a scene here.";
-                ui.label(RichText::new(hint).color(theme::LABEL));
-                ui.add_space(12.0);
-            }
+            ui.scope(|ui| {
+                ui.set_max_width(ui.available_width() - theme::SCROLL_ROOM);
+                self.header(ui);
+                self.opening(ui);
+                if self.scene.is_none() && self.openings.progress().is_none() {
+                    ui.add_space(12.0);
+                    let hint = "Nothing is open. Drop a snapshot, a catalogue, a page file or a scene here.";
+                    ui.label(RichText::new(hint).color(theme::LABEL));
+                    ui.add_space(12.0);
+                }
+            });
         }
         section::show_dock(ui, dock, self);
     }
@@ -113,8 +116,6 @@ impl PanelState<'_, '_> {
     fn header(&mut self, ui: &mut Ui) {
         let [past, future] = self.history.steps();
         ui.horizontal(|ui| {
-            // As wide as what is below it, which leaves room for a scroll bar.
-            ui.set_max_width(ui.available_width() - 4.0);
             ui.label(RichText::new("deepfield").size(17.0).color(theme::TEXT).strong());
             ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
                 ui.spacing_mut().item_spacing.x = 4.0;
