@@ -88,7 +88,10 @@ impl SceneSelection {
 impl Scene {
     /// Draws all families of `file`; resident pages may take `budget` bytes.
     pub fn new(file: Arc<PageFile>, budget: u64) -> Scene {
-        Scene::with_options(file, StreamOptions { budget, in_flight: 16, stall: STALL, prefetch: false })
+        Scene::with_options(
+            file,
+            StreamOptions { budget, in_flight: 16, stall: STALL, prefetch: false, ..StreamOptions::default() },
+        )
     }
 
     /// The same with all options.

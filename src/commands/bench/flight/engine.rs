@@ -5,7 +5,7 @@ use super::canvas::Canvas;
 use super::path::Flight;
 use super::series::Frame;
 use crate::hierarchy::Levels;
-use crate::modes::governor::{self, Governor};
+use crate::modes::governor::{self, Governor, SampleSizes};
 use crate::modes::{Depiction, Economy, Plan, pilot};
 use crate::raster::Accumulation;
 use crate::raster::transfer::TransferFunction;
@@ -115,7 +115,7 @@ impl Engine<'_> {
     pub fn governed(&self, view: &View, selection: &SceneSelection, frame_ms: Option<f64>) -> (Plan, u64) {
         let metadata = self.file.metadata();
         let important = governor::most_important(&self.depiction, metadata);
-        let limit = frame_ms.map_or(u64::MAX, |frame_ms| self.governor.limit(frame_ms));
+        let limit = frame_ms.map_or(u64::MAX, |frame_ms| self.governor.limit(frame_ms, SampleSizes::default()));
         governor::within(limit, self.plan, view, &self.depiction, metadata, &selection.nodes, &important)
     }
 
