@@ -77,6 +77,11 @@ impl Program {
         };
         match outcome {
             Ok(()) => ExitCode::SUCCESS,
+            Err(error) if error.is::<clap::Error>() => {
+                // What only the files that are named make wrong.
+                eprint!("{error}");
+                ExitCode::from(2)
+            }
             Err(error) => {
                 // One line, whatever a library's message looks like.
                 let text: Vec<String> = error.to_string().lines().map(|line| line.trim().to_owned()).collect();

@@ -10,10 +10,11 @@ use crate::color::output;
 use crate::color::transfer::{Hue, Range, TransferFunction, UnitLength};
 use crate::command_line::arguments::{PictureSize, family_name, positive, vector};
 use crate::commands::exact_source::{framed_of, load_exact};
-use crate::commands::render;
+use crate::commands::request::Request;
 use crate::cpu::Method;
 use crate::cpu::volume::particles::SMALLEST;
 use crate::cpu::volume::{Processor, VolumeLevels};
+use crate::look::{Attribute, CameraConfig, LookPatch, Shot};
 use crate::mode::{Depiction, Mode, Painted, SettingValue, Settings};
 use crate::model::{Dataset, Family, FamilyName};
 use crate::modes::{cartesian, column_density, grid, isosurface, layered, sorted_splats, spheres, volume};
@@ -23,7 +24,7 @@ use crate::synth::{dataset, merger::Merger};
 use crate::view::View;
 use glam::DVec3;
 use serde::Serialize;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::{Duration, Instant};
 
 /// What is compared, and how.
@@ -120,11 +121,16 @@ pub fn measure(arguments: &Arguments) -> Result<Report, Failure> {
     let options = &arguments.compare;
     let folder = arguments.flight.output.as_deref().unwrap_or(Path::new("compare"));
     std::fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
-    let mut picture = render::Arguments::new(arguments.path.clone().unwrap_or_default(), PathBuf::new());
-    picture.family = options.family;
-    picture.attribute.clone_from(&options.attribute);
-    (picture.eye, picture.target, picture.fov) = (options.eye, options.target, options.fov);
-    picture.size = Some(arguments.flight.size.unwrap_or(PictureSize { width: 600, height: 400 }));
+    let PictureSize { width, height } = arguments.flight.size.unwrap_or(PictureSize { width: 600, height: 400 });
+    let [eye, target] = [options.eye, options.target].map(|place| place.map(|place| place.to_array()));
+    let shot = Shot {
+        look: LookPatch { attribute: options.attribute.clone().map(Attribute::Named), ..LookPatch::default() },
+        camera: CameraConfig { eye, target, fov: options.fov, ..CameraConfig::default() },
+        size: Some((width, height)),
+        ..Shot::default()
+    };
+    let path = arguments.path.as_deref().unwrap_or(Path::new(""));
+    let picture = Request { family: options.family, ..Request::new(path, shot) };
     let (source, dataset) = match &arguments.path {
         Some(path) => (path.display().to_string(), load_exact(&picture)?.1),
         None => {
@@ -133,7 +139,7 @@ pub fn measure(arguments: &Arguments) -> Result<Report, Failure> {
         }
     };
     let framed = framed_of(&dataset);
-    let view = render::view(&picture, framed, dataset.periodic_box())?;
+    let view = picture.shot.view(framed, dataset.periodic_box())?;
     let mut bench = Bench::new(&dataset, view, framed.size().length(), options, arguments.repeat)?;
     let outcomes = bench.run(options)?;
     let orbits = compare_orbit::measure(&bench, options.target.unwrap_or(framed.center()), options)?;

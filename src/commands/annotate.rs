@@ -1,7 +1,7 @@
 //! What `deepfield render` writes into its pictures.
 
 use super::progress_bar::TerminalProgress;
-use super::render_arguments::Arguments;
+use super::request::Request;
 use crate::annotate::{self, Annotations, Label, Legend, Paper, Subject, Units};
 use crate::color::Image;
 use crate::color::transfer::{Levels, TransferFunction};
@@ -105,15 +105,15 @@ impl Stage {
     /// # Errors
     /// What is wrong with the catalogue of the objects to name.
     pub fn new(
-        arguments: &Arguments,
+        request: &Request,
         view: View,
         bounds: Bounds,
         units: Units,
         depiction: &Depiction,
     ) -> Result<Stage, ExploreError> {
-        let target = arguments.target.unwrap_or(bounds.center());
-        let paper = Paper::of(arguments.background.unwrap_or_default());
-        let catalogue = arguments.annotate.labels.as_deref().or(arguments.labels.as_deref());
+        let target = request.shot.camera.target.map_or(bounds.center(), DVec3::from);
+        let paper = Paper::of(request.look().background.unwrap_or_default());
+        let catalogue = request.shot.labels.as_deref();
         let labels = catalogue.map_or(Ok(Vec::new()), |path| labels_of(path, &units.length))?;
         Ok(Stage { view, target, bounds, units, paper, labels, marks: None, depiction: depiction.clone() })
     }
@@ -149,16 +149,15 @@ impl Stage {
     /// When a selection makes no sense, or the source cannot be read.
     pub fn with_exact_selections(
         self,
-        arguments: &Arguments,
+        request: &Request,
         path: &Path,
         families: &[FamilyName],
     ) -> Result<Stage, ExploreError> {
-        let (shown, alone) = marks::shown(&arguments.selections);
+        let (shown, alone) = marks::shown(request.look().selections.as_deref().unwrap_or_default());
         if shown.is_empty() {
             return Ok(self);
         }
-        let first = &arguments.first;
-        if !arguments.with.is_empty() || first.offset != glam::DVec3::ZERO || first.scale.is_some() {
+        if !matches!(&request.members[..], [only] if only.offset == DVec3::ZERO && only.scale.is_none()) {
             eprintln!("deepfield: an exact picture of several or moved datasets leaves the selections out");
             return Ok(self);
         }

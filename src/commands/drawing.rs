@@ -5,15 +5,13 @@ use super::annotate::Stage;
 use super::lettering::{self, Sheet};
 use super::paint::{self, Outcome};
 use super::picture_statistics::write_statistics;
-use super::projected;
-use super::render::{self, Arguments, Picture};
-use super::scene_arguments::filled;
+use super::render::{self, Picture};
+use super::request::Request;
 use super::studio::Studio;
-use crate::annotate::Annotations;
 use crate::annotate::overlay::mix_into;
 use crate::color::transfer::{Levels, TransferFunction};
 use crate::color::{Image, composite, output};
-use crate::look::SceneFile;
+use crate::picture::look::transfer_of;
 use std::path::Path;
 
 type Failure = Box<dyn std::error::Error + Send + Sync>;
@@ -36,46 +34,40 @@ pub(super) struct Coloration {
 }
 
 impl Drawing {
-    /// Draws what the arguments say; pages that `studio` has are not read again, and it is opened where it is `None`.
+    /// Draws what the request says; pages that `studio` has are not read again, and it is opened where it is `None`.
     ///
     /// # Errors
     /// When the source cannot be read, a setting does not fit the data, or no adapter draws.
-    pub fn new(arguments: &Arguments, studio: &mut Option<Studio>) -> Result<Drawing, Failure> {
-        if studio.is_none() && !arguments.exact {
-            *studio = Some(Studio::open(&arguments.members())?);
+    pub fn new(request: &Request, studio: &mut Option<Studio>) -> Result<Drawing, Failure> {
+        if studio.is_none() && request.exact.is_none() {
+            *studio = Some(Studio::open(&request.members)?);
         }
-        let studio = studio.as_mut().filter(|_| !arguments.exact);
-        Ok(match arguments.mode.filter(|mode| mode.is_light()) {
-            Some(mode) => Drawing::Colors(Box::new(paint::draw(arguments, mode, studio)?)),
-            None => Drawing::Splats(Box::new(render::draw(arguments, studio)?)),
+        let studio = studio.as_mut().filter(|_| request.exact.is_none());
+        Ok(match request.look().mode.filter(|mode| mode.is_light()) {
+            Some(mode) => Drawing::Colors(Box::new(paint::draw(request, mode, studio)?)),
+            None => Drawing::Splats(Box::new(render::draw(request, studio)?)),
         })
     }
 
     /// How its values become colours.
-    pub fn coloration(&self, arguments: &Arguments) -> Coloration {
-        match self {
-            Drawing::Splats(picture) => {
-                let transfer = render::transfer(arguments, &picture.stage.depiction);
-                let levels = transfer.levels(&picture.accumulation);
-                Coloration { transfer, levels }
-            }
+    pub fn coloration(&self, request: &Request) -> Coloration {
+        let transfer = transfer_of(request.look(), &self.stage().depiction);
+        let levels = match self {
+            Drawing::Splats(picture) => transfer.levels(&picture.accumulation),
             Drawing::Colors(outcome) => {
-                let depiction = &outcome.stage.depiction;
-                let usual = || depiction.suited(TransferFunction::of_volumes(depiction.attribute.is_some()));
-                let transfer = arguments.volume.clone().unwrap_or_else(usual).for_volume();
-                let levels = Levels { p: outcome.painted.levels.density, s: outcome.painted.levels.attribute };
-                Coloration { transfer, levels }
+                Levels { p: outcome.painted.levels.density, s: outcome.painted.levels.attribute }
             }
-        }
+        };
+        Coloration { transfer, levels }
     }
 
     /// The finished picture.
     ///
     /// # Errors
     /// Projections and eyes that make no sense.
-    pub fn image(&self, arguments: &Arguments, annotations: Option<&Annotations>) -> Result<Image, Failure> {
-        let coloration = self.coloration(arguments);
-        let background = arguments.background.unwrap_or_default();
+    pub fn image(&self, request: &Request) -> Result<Image, Failure> {
+        let coloration = self.coloration(request);
+        let background = request.look().background.unwrap_or_default();
         let stage = self.stage();
         let mut image = match self {
             Drawing::Splats(picture) => {
@@ -85,8 +77,8 @@ impl Drawing {
             Drawing::Colors(outcome) => outcome.painted.colors.image_on(background),
         };
         stage.mark(&mut image);
-        if let Some(annotations) = annotations {
-            for sheet in self.sheets(arguments, &image)? {
+        if let Some(annotations) = &request.look().annotations {
+            for sheet in self.sheets(request, &image)? {
                 sheet.lay(&mut image, |image| {
                     stage.annotate(image, &sheet.view, annotations, &coloration.transfer, &coloration.levels);
                     Ok::<(), Failure>(())
@@ -104,38 +96,25 @@ impl Drawing {
     }
 
     /// What is written on in the finished picture.
-    fn sheets(&self, arguments: &Arguments, image: &Image) -> Result<Vec<Sheet>, Failure> {
-        let (surround, stereo) = projected::asked(arguments)?;
+    fn sheets(&self, request: &Request, image: &Image) -> Result<Vec<Sheet>, Failure> {
+        let (surround, stereo) = (request.shot.surround, request.shot.stereo);
         Ok(lettering::sheets(&self.stage().view, [image.width, image.height], surround, stereo)?)
     }
 
-    /// [`Drawing::image`] with what the arguments' film does to it.
+    /// [`Drawing::image`] with what the request's film does to it.
     ///
     /// # Errors
     /// As [`Drawing::new`] for the picture that it is blended with, and where a picture over it cannot be read.
-    pub fn finished(
-        &self,
-        arguments: &Arguments,
-        annotations: Option<&Annotations>,
-        studio: &mut Option<Studio>,
-    ) -> Result<Image, Failure> {
-        let mut image = self.image(arguments, annotations)?;
-        let Some(film) = &arguments.film else { return Ok(image) };
+    pub fn finished(&self, request: &Request, studio: &mut Option<Studio>) -> Result<Image, Failure> {
+        let mut image = self.image(request)?;
+        let Some(film) = &request.shot.film else { return Ok(image) };
         if let Some(from) = &film.from {
-            let Arguments { size, backend, background, exact, .. } = *arguments;
-            let own = Arguments::new(arguments.path.clone(), arguments.output.clone());
-            let own = Arguments { size, backend, background, exact, ..own };
-            let mut members = arguments.members();
-            if let (Some(first), Some(dataset)) = (members.first_mut(), from.datasets.first()) {
-                first.families = dataset.families.clone();
-            }
-            let before = filled(own, SceneFile::clone(from), members, Path::new("")).with_economy();
-            let annotations = render::annotations(&before, false)?;
-            let mut mixed = Drawing::new(&before, studio)?.image(&before, annotations.as_ref())?;
+            let before = request.before(from);
+            let mut mixed = Drawing::new(&before, studio)?.image(&before)?;
             mix_into(&mut mixed, &image, film.share);
             image = mixed;
         }
-        for sheet in self.sheets(arguments, &image)? {
+        for sheet in self.sheets(request, &image)? {
             // Paths of pictures are complete by now.
             sheet.lay(&mut image, |image| film.overlay.paint(image, Path::new("")))?;
         }

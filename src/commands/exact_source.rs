@@ -1,15 +1,15 @@
-//! The source particles behind a picture at full precision, and how the arguments want to see them.
+//! The source particles behind a picture at full precision, and how a request wants to see them.
 
 use super::cache;
 use super::progress_bar::TerminalProgress;
-use super::render_arguments::Arguments;
+use super::request::Request;
 use super::statistics::Times;
 use crate::explore::data::source_path;
 use crate::import::{AttributeChoice, LoadOptions, load};
 use crate::look::Member;
 use crate::mode::Depiction;
 use crate::model::{Bounds, Dataset, Family, FamilyName};
-use crate::modes;
+use crate::picture::look;
 use crate::store::PageFile;
 use crate::view::frame;
 use glam::DVec3;
@@ -32,17 +32,10 @@ impl ExactSource {
     ///
     /// # Errors
     /// When a source cannot be read, or a setting does not fit the data.
-    pub fn open(
-        arguments: &Arguments,
-        times: &mut Times,
-    ) -> Result<ExactSource, Box<dyn std::error::Error + Send + Sync>> {
-        let (path, dataset) = times.measure("load", || load_exact(arguments))?;
-        let fields = dataset.families.iter().flat_map(|family| &family.attributes).map(|field| field.name.as_str());
-        let mode = arguments.mode.unwrap_or_else(|| modes::usual(fields));
-        let (settings, attribute) = (arguments.settings.clone(), arguments.attribute.as_deref());
-        let mut depiction = Depiction::of_dataset(mode, settings, attribute, &dataset)
-            .map_err(|why| format!("{}: {why}", path.display()))?;
-        depiction.attribute = depiction.attribute.filter(|_| !arguments.plain);
+    pub fn open(request: &Request, times: &mut Times) -> Result<ExactSource, Box<dyn std::error::Error + Send + Sync>> {
+        let (path, dataset) = times.measure("load", || load_exact(request))?;
+        let depiction =
+            look::depict_particles(request.look(), &dataset).map_err(|why| format!("{}: {why}", path.display()))?;
         let framed = framed_of(&dataset);
         Ok(ExactSource { path, dataset, depiction, framed })
     }
@@ -67,9 +60,9 @@ pub fn framed_of(dataset: &Dataset) -> Bounds {
 
 /// The particles that an exact picture draws: those of the source, or of the one that a page file was built from; of several
 /// datasets all, each where it lies.
-pub fn load_exact(arguments: &Arguments) -> Result<(PathBuf, Dataset), Box<dyn std::error::Error + Send + Sync>> {
-    let members = arguments.members();
-    let (path, mut whole) = load_one(arguments, &members[0])?;
+pub fn load_exact(request: &Request) -> Result<(PathBuf, Dataset), Box<dyn std::error::Error + Send + Sync>> {
+    let members = &request.members;
+    let (path, mut whole) = load_one(request, &members[0])?;
     let units = (whole.length_unit.clone(), whole.mass_unit.clone());
     let place = |member: &Member, dataset: &mut Dataset| {
         let placement = member.placement((&dataset.length_unit, &dataset.mass_unit), (&units.0, &units.1));
@@ -78,7 +71,7 @@ pub fn load_exact(arguments: &Arguments) -> Result<(PathBuf, Dataset), Box<dyn s
     };
     let mut is_here = place(&members[0], &mut whole);
     for member in &members[1..] {
-        let (_, mut next) = load_one(arguments, member)?;
+        let (_, mut next) = load_one(request, member)?;
         is_here &= place(member, &mut next) && next.provenance.box_size == whole.provenance.box_size;
         whole.families.append(&mut next.families);
         whole.skipped.append(&mut next.skipped);
@@ -88,23 +81,21 @@ pub fn load_exact(arguments: &Arguments) -> Result<(PathBuf, Dataset), Box<dyn s
 }
 
 fn load_one(
-    arguments: &Arguments,
+    request: &Request,
     member: &Member,
 ) -> Result<(PathBuf, Dataset), Box<dyn std::error::Error + Send + Sync>> {
     let source = source_of(&member.path)?;
-    let attributes = arguments
-        .attribute
-        .iter()
-        .map(String::as_str)
-        .chain(arguments.mode.iter().flat_map(|mode| mode.weight_attributes).copied());
+    let attribute = request.look().attribute_name();
+    let attributes =
+        attribute.into_iter().chain(request.look().mode.iter().flat_map(|mode| mode.weight_attributes).copied());
     let own = ["mass", "density", "smoothing-length"];
     let named: Vec<String> = attributes.filter(|name| !own.contains(name)).map(str::to_owned).collect();
     let options = LoadOptions {
-        families: match arguments.family {
+        families: match request.family {
             Some(family) => vec![family],
             None => member.families.clone().unwrap_or_default(),
         },
-        attributes: if arguments.attribute.is_some() && !named.is_empty() {
+        attributes: if attribute.is_some() && !named.is_empty() {
             AttributeChoice::Named(named)
         } else {
             AttributeChoice::Usual

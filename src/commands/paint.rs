@@ -4,12 +4,12 @@ use super::CommandResult;
 use super::annotate::Stage;
 use super::exact_source::ExactSource;
 use super::projected;
-use super::render::view;
-use super::render_arguments::{Arguments, Backend};
+use super::request::Request;
 use super::statistics::{Shown, Times, write_json};
 use super::studio::{Studio, look_ahead};
 use crate::annotate::Units;
 use crate::cpu::volume::{Caster, Processor, VolumeError};
+use crate::look::{Backend, ERROR_PX};
 use crate::mode::{Adapter, Mode, Painted};
 use crate::model::Bounds;
 use crate::picture::paint::{Subject, paint_nodes, paint_particles};
@@ -78,24 +78,24 @@ pub(super) struct Outcome {
 /// # Errors
 /// When the source cannot be read, or a setting does not fit the data.
 pub(super) fn draw(
-    arguments: &Arguments,
+    request: &Request,
     mode: &'static Mode,
     studio: Option<&mut Studio>,
 ) -> Result<Outcome, Box<dyn std::error::Error + Send + Sync>> {
-    if arguments.overdraw.is_some() {
+    if request.overdraw.is_some() {
         return Err(format!("--overdraw: the mode {} has no splats", mode.name).into());
     }
     // Settings come from the file that the user wrote, if there is one.
-    let named = arguments.config.as_ref().unwrap_or(&arguments.path).display();
-    arguments.settings.check(mode).map_err(|error| format!("{named}: {error}"))?;
-    if projected::is_projected(arguments)? {
-        return projected::paint(arguments, studio).map_err(|error| format!("{named}: {error}").into());
+    let named = request.named.display();
+    request.look().settings.check(mode).map_err(|error| format!("{named}: {error}"))?;
+    if request.shot.is_projected() {
+        return projected::paint(request, studio).map_err(|error| format!("{named}: {error}").into());
     }
-    let caster = &*caster(arguments, mode)?;
+    let caster = &*caster(request, mode)?;
     let mut times = Times::default();
     let outcome = match studio {
-        None => paint_exact(arguments, caster, &mut times)?,
-        Some(studio) => paint_pages(arguments, caster, studio, &mut times)?,
+        None => paint_exact(request, caster, &mut times)?,
+        Some(studio) => paint_pages(request, caster, studio, &mut times)?,
     };
     Ok(Outcome { caster: caster.name().map(str::to_owned), milliseconds: times.medians(), ..outcome })
 }
@@ -106,10 +106,10 @@ pub(super) fn write_statistics(path: &Path, outcome: &Outcome) -> CommandResult 
 }
 
 /// What draws: the processor, unless an adapter is asked for, or there is one with a graphics card.
-fn caster(arguments: &Arguments, mode: &Mode) -> Result<Box<dyn Caster>, Box<dyn std::error::Error + Send + Sync>> {
+fn caster(request: &Request, mode: &Mode) -> Result<Box<dyn Caster>, Box<dyn std::error::Error + Send + Sync>> {
     let only = |names: &str| format!("--backend: only {names} the mode {}", mode.name);
     let marched = mode.technique.adapter() == Adapter::RayMarcher;
-    match arguments.backend {
+    match request.backend {
         Some(Backend::Raster) if marched => return Err(only("compute and cpu draw").into()),
         Some(Backend::Compute | Backend::Raster) if !marched => return Err(only("cpu draws").into()),
         #[cfg(not(feature = "viewer"))]
@@ -129,34 +129,37 @@ fn caster(arguments: &Arguments, mode: &Mode) -> Result<Box<dyn Caster>, Box<dyn
 }
 
 fn paint_pages(
-    arguments: &Arguments,
+    request: &Request,
     caster: &dyn Caster,
     studio: &mut Studio,
     times: &mut Times,
 ) -> Result<Outcome, Box<dyn std::error::Error + Send + Sync>> {
-    let (framed, depiction) = (studio.choose(arguments)?, studio.depict(arguments)?);
+    let (framed, depiction) = (studio.choose(request)?, studio.depict(request)?);
     let Studio { file, scene, ahead, .. } = studio;
     let metadata = file.metadata();
-    let view = view(arguments, framed, metadata.periodic_box())?;
+    let view = request.shot.view(framed, metadata.periodic_box())?;
     scene.purpose = depiction.purpose(metadata);
-    let detail = depiction.detail(&view, arguments.error_px.unwrap_or(0.8), metadata);
+    let detail = depiction.detail(&view, request.look().error_px.unwrap_or(ERROR_PX), metadata);
     let mut tell = |message| eprintln!("deepfield: {message}");
     let selection = times.measure("load", || scene.converge(&view, detail, &mut tell))?;
     look_ahead(scene, ahead.take(), detail);
     let mut painted = None;
-    for _ in 0..arguments.repeat {
+    for _ in 0..request.times() {
         painted = Some(times.frame(|times| {
             let selection = times.measure("select", || scene.select(&view, detail));
             let decode = || processor::cut(&view, processor::decode(&depiction, metadata, &selection.nodes));
             let nodes = times.measure("decode", decode);
             let paint = |subject: &Subject<'_>| paint_nodes(&view, &depiction, metadata, &nodes, subject);
-            measured(arguments, framed, caster, times, paint)
+            measured(request, framed, caster, times, paint)
         })?);
     }
     Ok(Outcome {
         painted: painted.ok_or("nothing was drawn")?,
-        stage: Stage::new(arguments, view, framed, Units::of_pages(metadata, &depiction), &depiction)?
-            .with_selections(&arguments.selections, file, &selection.nodes)?,
+        stage: Stage::new(request, view, framed, Units::of_pages(metadata, &depiction), &depiction)?.with_selections(
+            request.look().selections.as_deref().unwrap_or_default(),
+            file,
+            &selection.nodes,
+        )?,
         levels: scene.purpose.name(),
         attribute: depiction.attribute.map(|coloring| coloring.name),
         converged: selection.converged,
@@ -169,25 +172,25 @@ fn paint_pages(
 }
 
 fn paint_exact(
-    arguments: &Arguments,
+    request: &Request,
     caster: &dyn Caster,
     times: &mut Times,
 ) -> Result<Outcome, Box<dyn std::error::Error + Send + Sync>> {
-    let source = ExactSource::open(arguments, times)?;
+    let source = ExactSource::open(request, times)?;
     let ExactSource { path, dataset, depiction, framed } = &source;
     let families = source.families();
-    let view = view(arguments, *framed, dataset.periodic_box())?;
+    let view = request.shot.view(*framed, dataset.periodic_box())?;
     let mut painted = None;
-    for _ in 0..arguments.repeat {
+    for _ in 0..request.times() {
         painted = Some(times.frame(|times| {
             let paint = |subject: &Subject<'_>| paint_particles(&view, depiction, dataset, &families, subject);
-            measured(arguments, *framed, caster, times, paint)
+            measured(request, *framed, caster, times, paint)
         })?);
     }
     Ok(Outcome {
         painted: painted.ok_or("nothing was drawn")?,
-        stage: Stage::new(arguments, view, *framed, Units::of_dataset(dataset, depiction), depiction)?
-            .with_exact_selections(arguments, path, &source.names())?,
+        stage: Stage::new(request, view, *framed, Units::of_dataset(dataset, depiction), depiction)?
+            .with_exact_selections(request, path, &source.names())?,
         levels: "source",
         attribute: depiction.attribute.as_ref().map(|coloring| coloring.name.clone()),
         converged: true,
@@ -201,15 +204,15 @@ fn paint_exact(
 
 /// Paints, and notes how long the parts took.
 fn measured(
-    arguments: &Arguments,
+    request: &Request,
     framed: Bounds,
     caster: &dyn Caster,
     times: &mut Times,
     paint: impl FnOnce(&Subject<'_>) -> Result<Painted, VolumeError>,
 ) -> Result<Painted, String> {
-    let subject = Subject { transfer: arguments.volume.as_ref(), diameter: framed.size().length(), caster };
+    let subject = Subject { transfer: request.look().transfer.as_ref(), diameter: framed.size().length(), caster };
     let painted = times.measure("draw", || paint(&subject)).map_err(|error| {
-        let named = arguments.config.as_ref().unwrap_or(&arguments.path).display();
+        let named = request.named.display();
         format!("{named}: {error}")
     })?;
     times.note("resample", painted.report.resampling);

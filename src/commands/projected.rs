@@ -4,19 +4,18 @@
 //! the panorama's own rate.
 
 use super::annotate::Stage;
-use super::arguments::PictureSize;
 use super::exact_source::ExactSource;
 use super::paint::Outcome;
 use super::picture_statistics::LeftOut;
-use super::projection_options::ProjectionName;
-use super::render::{Picture, view};
-use super::render_arguments::{Arguments, Backend};
+use super::render::Picture;
+use super::request::Request;
 use super::statistics::Times;
 use super::studio::Studio;
 use crate::annotate::Units;
 use crate::cpu::volume::Processor;
-use crate::cpu::{Counts, Method, SplatOptions, Splats};
+use crate::cpu::{Counts, SplatOptions, Splats};
 use crate::hierarchy::Purpose;
+use crate::look::{Backend, ERROR_PX};
 use crate::mode::{Depiction, Economy, Footprint, Painted, Plan};
 use crate::model::{Bounds, Kernel, PeriodicBox};
 use crate::picture::around::{Alike, sketch, with_images};
@@ -24,7 +23,7 @@ use crate::picture::paint::{Subject, densest, densest_of};
 use crate::picture::panorama::{Texels, assemble};
 use crate::picture::processor::{self, SeenFamily};
 use crate::stream::SceneSelection;
-use crate::view::{Detail, Eye, Eyes, Panorama, Projection, Sampling, Sections, Stereo, Surround, View};
+use crate::view::{Detail, Eye, Eyes, Panorama, Projection, Sampling, Sections, Stereo, View};
 use std::collections::BTreeMap;
 
 type Failure = Box<dyn std::error::Error + Send + Sync>;
@@ -56,47 +55,23 @@ impl Shot<'_> {
     }
 }
 
-/// The projection and the eyes that the arguments ask for.
-///
-/// # Errors
-/// Options that do not belong together, and numbers out of range.
-pub(super) fn asked(arguments: &Arguments) -> Result<(Surround, Option<Stereo>), String> {
-    arguments.projection.over(arguments.surround, arguments.stereo_pair)
-}
-
-/// Whether the picture is more than one flat view.
-pub(super) fn is_projected(arguments: &Arguments) -> Result<bool, String> {
-    asked(arguments).map(|(surround, stereo)| !surround.is_flat() || stereo.is_some())
-}
-
-/// The size that a picture has unless told otherwise.
-pub(super) fn usual_size(named: ProjectionName) -> PictureSize {
-    let [width, height] = match named {
-        ProjectionName::Flat => [1200, 800],
-        ProjectionName::Dome => [2048, 2048],
-        ProjectionName::Equirectangular => [4096, 2048],
-        ProjectionName::Cube => [1024, 1024],
-    };
-    PictureSize { width, height }
-}
-
 impl Projector {
-    fn new(arguments: &Arguments, framed: Bounds, periodic: Option<PeriodicBox>) -> Result<Projector, Failure> {
-        if matches!(arguments.backend, Some(Backend::Compute | Backend::Raster)) {
+    fn new(request: &Request, framed: Bounds, periodic: Option<PeriodicBox>) -> Result<Projector, Failure> {
+        if matches!(request.backend, Some(Backend::Compute | Backend::Raster)) {
             return Err("--backend: only cpu draws projections and stereo pictures".into());
         }
-        if arguments.overdraw.is_some() {
+        if request.overdraw.is_some() {
             return Err("--overdraw: is for flat pictures".into());
         }
-        let economy = arguments.settings.file_economy();
+        let economy = request.look().budget.file_economy();
         if economy.presence > 0.0 || economy.thinning > 0.0 {
             eprintln!("deepfield: presence and thinning are for flat pictures; nothing is left out");
         }
-        if !arguments.selections.is_empty() {
+        if request.look().selections.as_ref().is_some_and(|sets| !sets.is_empty()) {
             eprintln!("deepfield: selections are shown in flat pictures only");
         }
-        let (surround, stereo) = asked(arguments)?;
-        let mut base = view(arguments, framed, periodic)?;
+        let (surround, stereo) = (request.shot.surround, request.shot.stereo);
+        let mut base = request.shot.view(framed, periodic)?;
         if stereo.is_some() && matches!(base.projection, Projection::Orthographic { .. }) {
             return Err("--stereo: an orthographic picture has no place for two eyes".into());
         }
@@ -194,18 +169,18 @@ fn seen(depiction: &Depiction, shot: &Shot<'_>) -> View {
 ///
 /// # Errors
 /// As [`super::render::run`].
-pub(super) fn draw(arguments: &Arguments, studio: Option<&mut Studio>) -> Result<Picture, Failure> {
+pub(super) fn draw(request: &Request, studio: Option<&mut Studio>) -> Result<Picture, Failure> {
     let (mut times, mut tally) = (Times::default(), Tally::new());
     match studio {
         None => {
-            let source = ExactSource::open(arguments, &mut times)?;
+            let source = ExactSource::open(request, &mut times)?;
             let ExactSource { dataset, depiction, framed, .. } = &source;
-            let projector = Projector::new(arguments, *framed, dataset.periodic_box())?;
-            let stage =
-                Stage::new(arguments, projector.base, *framed, Units::of_dataset(dataset, depiction), depiction)?;
+            let projector = Projector::new(request, *framed, dataset.periodic_box())?;
+            let stage = Stage::new(request, projector.base, *framed, Units::of_dataset(dataset, depiction), depiction)?;
             let particles = SeenFamily::of(&projector.base, depiction, &source.families());
             let batches = processor::seen_batches(depiction, &particles)?;
-            let options = SplatOptions { method: Method::Exact, kernel: dataset.kernel, ..SplatOptions::default() };
+            let method = request.exact.unwrap_or_default();
+            let options = SplatOptions { method, kernel: dataset.kernel, ..SplatOptions::default() };
             let known = || (dataset.bounds(), densest(&source.families()));
             let shoot =
                 || projector.shoot(SPLATS, |shot| splats(shot, depiction, &batches, options, known, &mut tally));
@@ -214,14 +189,13 @@ pub(super) fn draw(arguments: &Arguments, studio: Option<&mut Studio>) -> Result
             Ok(picture_of(&texels, stage, tally, times.medians()))
         }
         Some(studio) => {
-            let (framed, depiction) = (studio.choose(arguments)?, studio.depict(arguments)?);
+            let (framed, depiction) = (studio.choose(request)?, studio.depict(request)?);
             let Studio { file, scene, .. } = studio;
             let metadata = file.metadata();
             scene.purpose = Purpose::Splats;
-            let projector = Projector::new(arguments, framed, metadata.periodic_box())?;
-            let stage =
-                Stage::new(arguments, projector.base, framed, Units::of_pages(metadata, &depiction), &depiction)?;
-            let tau = arguments.error_px.unwrap_or(0.8);
+            let projector = Projector::new(request, framed, metadata.periodic_box())?;
+            let stage = Stage::new(request, projector.base, framed, Units::of_pages(metadata, &depiction), &depiction)?;
+            let tau = request.look().error_px.unwrap_or(ERROR_PX);
             let options = SplatOptions { kernel: metadata.kernel, ..SplatOptions::default() };
             let shoot = || {
                 projector.shoot(SPLATS, |shot| {
@@ -288,17 +262,16 @@ impl Studied {
 ///
 /// # Errors
 /// As [`super::render::run`].
-pub(super) fn paint(arguments: &Arguments, studio: Option<&mut Studio>) -> Result<Outcome, Failure> {
+pub(super) fn paint(request: &Request, studio: Option<&mut Studio>) -> Result<Outcome, Failure> {
     let (mut times, mut tally) = (Times::default(), Tally::new());
-    let transfer = arguments.volume.as_ref();
+    let transfer = request.look().transfer.as_ref();
     let (painted, stage, levels) = match studio {
         None => {
-            let source = ExactSource::open(arguments, &mut times)?;
+            let source = ExactSource::open(request, &mut times)?;
             let ExactSource { dataset, depiction, framed, .. } = &source;
             let families = source.families();
-            let projector = Projector::new(arguments, *framed, dataset.periodic_box())?;
-            let stage =
-                Stage::new(arguments, projector.base, *framed, Units::of_dataset(dataset, depiction), depiction)?;
+            let projector = Projector::new(request, *framed, dataset.periodic_box())?;
+            let stage = Stage::new(request, projector.base, *framed, Units::of_dataset(dataset, depiction), depiction)?;
             let particles = SeenFamily::of(&projector.base, depiction, &families);
             let batches = processor::seen_batches(depiction, &particles)?;
             let (base, kernel) = (&projector.base, dataset.kernel);
@@ -312,12 +285,12 @@ pub(super) fn paint(arguments: &Arguments, studio: Option<&mut Studio>) -> Resul
             (studied.outcome(texels)?, stage, "source")
         }
         Some(studio) => {
-            let (framed, depiction) = (studio.choose(arguments)?, studio.depict(arguments)?);
+            let (framed, depiction) = (studio.choose(request)?, studio.depict(request)?);
             let Studio { file, scene, .. } = studio;
             let metadata = file.metadata();
-            let projector = Projector::new(arguments, framed, metadata.periodic_box())?;
+            let projector = Projector::new(request, framed, metadata.periodic_box())?;
             let base = &projector.base;
-            let stage = Stage::new(arguments, *base, framed, Units::of_pages(metadata, &depiction), &depiction)?;
+            let stage = Stage::new(request, *base, framed, Units::of_pages(metadata, &depiction), &depiction)?;
             scene.purpose = depiction.purpose(metadata);
             let bounds = with_images(base, metadata.bounds());
             let mut tell = |message| eprintln!("deepfield: {message}");
@@ -350,7 +323,7 @@ pub(super) fn paint(arguments: &Arguments, studio: Option<&mut Studio>) -> Resul
                         tally.add(&selected, shot);
                         return studied.paint(shot, &all_batches);
                     }
-                    let tau = arguments.error_px.unwrap_or(0.8) * shot.scale();
+                    let tau = request.look().error_px.unwrap_or(ERROR_PX) * shot.scale();
                     let detail = studied.alike.depiction.detail(shot.view, tau, metadata);
                     let selection = scene.converge(shot.view, detail, &mut tell)?;
                     tally.add(&selection, shot);

@@ -48,7 +48,7 @@ pub enum ProjectionName {
 
 impl ProjectionOptions {
     /// The projection's name, where a file says `own`.
-    pub fn named(&self, own: Surround) -> ProjectionName {
+    fn named(&self, own: Surround) -> ProjectionName {
         self.projection.unwrap_or(match own {
             Surround::Flat => ProjectionName::Flat,
             Surround::Dome { .. } => ProjectionName::Dome,

@@ -2,30 +2,28 @@
 
 use super::CommandResult;
 use super::annotate::Stage;
-use super::arguments::PictureSize;
 use super::drawing::Drawing;
 use super::exact_source::ExactSource;
-use super::picture_config::PictureConfig;
 use super::picture_statistics::LeftOut;
 use super::projected;
-use super::projection_options::ProjectionName;
-pub use super::render_arguments::{Arguments, Backend};
+pub use super::render_arguments::Arguments;
+use super::request::Request;
 use super::statistics::Times;
 use super::studio::{Studio, look_ahead};
-use crate::annotate::{Annotations, Units};
-use crate::color::transfer::TransferFunction;
+use crate::annotate::Units;
 use crate::color::{Accumulation, Image, output};
 use crate::cpu::Method;
 use crate::hierarchy::Purpose;
-use crate::look::shown_families;
+pub use crate::look::Backend;
+use crate::look::{ERROR_PX, shown_families};
 #[cfg(feature = "viewer")]
 use crate::mode::Adapter;
-use crate::mode::{Depiction, Economy, Mode, Plan};
-use crate::model::{Bounds, FamilyName, PeriodicBox};
+use crate::mode::{Economy, Mode, Plan};
+use crate::model::FamilyName;
+use crate::picture::look::transfer_of;
 use crate::picture::{pilot, processor};
 use crate::store::PageFile;
-use crate::view::{CubeLayout, Projection, Side, Surround, View};
-use glam::DVec3;
+use crate::view::{CubeLayout, Side, Surround};
 use std::collections::BTreeMap;
 
 /// Why an adapter does not draw in a program without the viewer.
@@ -53,46 +51,44 @@ pub(super) struct Picture {
 /// # Errors
 /// When the source cannot be read, a setting does not fit the data, no adapter draws, or a file cannot be written.
 pub fn run(arguments: &Arguments) -> CommandResult {
-    let arguments = match &arguments.config {
-        Some(path) => PictureConfig::read(path)?.complete(arguments),
-        // One named on the command line is for whatever is drawn.
-        None => Arguments { volume: arguments.transfer.clone(), ..arguments.clone() },
-    };
-    let arguments = super::scene_arguments::complete(arguments.with_files()?)?.with_economy();
-    let arguments = &arguments;
+    let request = arguments.request()?;
     match arguments.threads {
         Some(threads) => {
-            rayon::ThreadPoolBuilder::new().num_threads(threads.into()).build()?.install(|| render(arguments))
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.into()).build()?;
+            pool.install(|| render(arguments, request))
         }
-        None => render(arguments),
+        None => render(arguments, request),
     }
 }
 
-fn render(arguments: &Arguments) -> CommandResult {
-    let is_exr = match arguments.output.extension().and_then(|extension| extension.to_str()) {
+fn render(arguments: &Arguments, mut request: Request) -> CommandResult {
+    let output = &arguments.output;
+    let is_exr = match output.extension().and_then(|extension| extension.to_str()) {
         Some("png") => false,
         Some("exr") => true,
-        _ => return Err(format!("{}: expected a name that ends in .png or .exr", arguments.output.display()).into()),
+        _ => return Err(format!("{}: expected a name that ends in .png or .exr", output.display()).into()),
     };
-    let annotations = annotations(arguments, is_exr)?;
+    if is_exr {
+        if arguments.annotate.is_given() {
+            let why = "an EXR picture holds numbers, only PNG pictures are annotated";
+            return Err(format!("{}: {why}", output.display()).into());
+        }
+        request.shot.look.annotations = None;
+    }
+    let request = &request;
     let mut studio = None;
-    let drawing = Drawing::new(arguments, &mut studio)?;
+    let drawing = Drawing::new(request, &mut studio)?;
     match is_exr {
-        _ if projected::asked(arguments)?.0 == (Surround::Cube { layout: CubeLayout::Files }) => {
+        _ if request.shot.surround == (Surround::Cube { layout: CubeLayout::Files }) => {
             if is_exr {
                 return Err("--layout files: writes .png; a strip can be .exr".into());
             }
-            for (side, face) in
-                Side::ALL.iter().zip(faces(&drawing.finished(arguments, annotations.as_ref(), &mut studio)?))
-            {
-                output::write_png(&arguments.output.with_extension(format!("{}.png", side.as_str())), &face)?;
+            for (side, face) in Side::ALL.iter().zip(faces(&drawing.finished(request, &mut studio)?)) {
+                output::write_png(&output.with_extension(format!("{}.png", side.as_str())), &face)?;
             }
         }
-        true => drawing.write_exr(&arguments.output)?,
-        false => {
-            let image = drawing.finished(arguments, annotations.as_ref(), &mut studio)?;
-            output::write_png(&arguments.output, &image)?;
-        }
+        true => drawing.write_exr(output)?,
+        false => output::write_png(output, &drawing.finished(request, &mut studio)?)?,
     }
     if let Some(raw) = &arguments.raw {
         drawing.write_npy(raw)?;
@@ -120,89 +116,71 @@ fn faces(strip: &Image) -> Vec<Image> {
 /// # Errors
 /// As [`run`].
 pub(super) fn draw(
-    arguments: &Arguments,
+    request: &Request,
     studio: Option<&mut Studio>,
 ) -> Result<Picture, Box<dyn std::error::Error + Send + Sync>> {
-    if cfg!(not(feature = "viewer")) && matches!(arguments.backend, Some(Backend::Compute | Backend::Raster)) {
+    if cfg!(not(feature = "viewer")) && matches!(request.backend, Some(Backend::Compute | Backend::Raster)) {
         return Err(ONLY_CPU.into());
     }
-    if projected::is_projected(arguments)? {
-        return projected::draw(arguments, studio);
+    if request.shot.is_projected() {
+        return projected::draw(request, studio);
     }
     match studio {
-        Some(studio) => draw_pages(arguments, studio),
-        None => draw_exact(arguments),
+        Some(studio) => draw_pages(request, studio),
+        None => draw_exact(request),
     }
-}
-
-/// What is written into the picture.
-pub(super) fn annotations(arguments: &Arguments, is_exr: bool) -> Result<Option<Annotations>, String> {
-    let asked = arguments.annotate.over(arguments.annotations.clone());
-    match asked {
-        Some(_) if is_exr && arguments.annotate.is_given() => Err(format!(
-            "{}: an EXR picture holds numbers, only PNG pictures are annotated",
-            arguments.output.display()
-        )),
-        annotations => Ok(annotations.filter(|_| !is_exr)),
-    }
-}
-
-/// The transfer function that colours a picture.
-pub(super) fn transfer(arguments: &Arguments, depiction: &Depiction) -> TransferFunction {
-    let name = depiction.mode.transfer[usize::from(depiction.attribute.is_some())];
-    let usual = || TransferFunction::preset(name).map(|preset| depiction.suited(preset));
-    arguments.transfer.clone().or_else(usual).unwrap_or_default()
 }
 
 /// Draws the selected nodes of a page file.
-fn draw_pages(arguments: &Arguments, studio: &mut Studio) -> Result<Picture, Box<dyn std::error::Error + Send + Sync>> {
-    let (framed, depiction) = (studio.choose(arguments)?, studio.depict(arguments)?);
+fn draw_pages(request: &Request, studio: &mut Studio) -> Result<Picture, Box<dyn std::error::Error + Send + Sync>> {
+    let (framed, depiction) = (studio.choose(request)?, studio.depict(request)?);
     let Studio { file, scene, ahead, .. } = studio;
     let metadata = file.metadata();
     scene.purpose = Purpose::Splats;
-    let view = view(arguments, framed, metadata.periodic_box())?;
+    let view = request.shot.view(framed, metadata.periodic_box())?;
     let seen = depiction.selection_view(&view);
-    let tau = arguments.error_px.unwrap_or(0.8);
+    let tau = request.look().error_px.unwrap_or(ERROR_PX);
     let mut times = Times::default();
     let mut tell = |message| eprintln!("deepfield: {message}");
     let selection = times.measure("load", || scene.converge(&seen, tau, &mut tell))?;
     look_ahead(scene, ahead.take(), tau);
-    let economy = arguments.settings.file_economy();
-    let transfer = transfer(arguments, &depiction);
+    let economy = request.look().budget.file_economy();
+    let transfer = transfer_of(request.look(), &depiction);
     let plan = times
         .measure("plan", || pilot::plan(&view, &depiction, metadata, &selection.nodes, &economy, &transfer, None))?;
     let mut left_out = LeftOut::new(&economy, &plan);
-    if let Some(path) = &arguments.overdraw {
+    if let Some(path) = &request.overdraw {
         let nodes = processor::decode_planned(&view, &depiction, metadata, &selection.nodes, &plan);
         let overdraw = processor::overdraw_of(&view, &depiction, metadata, &nodes, &plan)?;
         output::write_png(path, &overdraw.image())?;
         left_out.overdraw = Some((overdraw.mean(), overdraw.max()));
     }
-    let picture = Picture {
-        accumulation: Accumulation::default(),
-        stage: Stage::new(arguments, view, framed, Units::of_pages(metadata, &depiction), &depiction)?
-            .with_selections(&arguments.selections, file, &selection.nodes)?,
-        mode: depiction.mode,
-        attribute: depiction.attribute.as_ref().map(|coloring| coloring.name.clone()),
-        economy: left_out.clone(),
-        converged: selection.converged,
-        error_pixels: selection.error_pixels,
-        particles: selection.particles,
-        nodes: selection.nodes.len(),
-        backend: "cpu",
-        adapter: "cpu".into(),
-        milliseconds: BTreeMap::new(),
-    };
+    let picture =
+        Picture {
+            accumulation: Accumulation::default(),
+            stage: Stage::new(request, view, framed, Units::of_pages(metadata, &depiction), &depiction)?
+                .with_selections(request.look().selections.as_deref().unwrap_or_default(), file, &selection.nodes)?,
+            mode: depiction.mode,
+            attribute: depiction.attribute.as_ref().map(|coloring| coloring.name.clone()),
+            economy: left_out.clone(),
+            converged: selection.converged,
+            error_pixels: selection.error_pixels,
+            particles: selection.particles,
+            nodes: selection.nodes.len(),
+            backend: "cpu",
+            adapter: "cpu".into(),
+            milliseconds: BTreeMap::new(),
+        };
     #[cfg(feature = "viewer")]
-    if let Some(backend) = gpu_backend(depiction.mode, arguments.backend)? {
-        let request =
+    if let Some(backend) = gpu_backend(depiction.mode, request.backend)? {
+        let headless =
             || crate::gpu::depiction::request_nodes(&view, &depiction, metadata, &selection.nodes, &plan, backend);
-        if let Some(picture) = draw_on_gpu(arguments, request, picture.clone(), &times)? {
+        if let Some(picture) = draw_on_gpu(request, headless, picture.clone(), &times)? {
             return Ok(picture);
         }
     }
     let mut accumulation = Accumulation::default();
-    for _ in 0..arguments.repeat {
+    for _ in 0..request.times() {
         times.frame(|times| {
             let selection = times.measure("select", || scene.select(&seen, tau));
             let nodes = times
@@ -252,13 +230,13 @@ pub(super) fn has_graphics_card() -> bool {
 /// Draws with an adapter. `None` where there is none and the user did not ask for one, so that the CPU draws.
 #[cfg(feature = "viewer")]
 fn draw_on_gpu(
-    arguments: &Arguments,
-    request: impl FnOnce() -> crate::gpu::HeadlessRequest,
+    request: &Request,
+    headless: impl FnOnce() -> crate::gpu::HeadlessRequest,
     picture: Picture,
     times: &Times,
 ) -> Result<Option<Picture>, crate::gpu::GpuError> {
-    let request = crate::gpu::HeadlessRequest { repeat: arguments.repeat, ..request() };
-    match crate::gpu::render_headless(request) {
+    let headless = crate::gpu::HeadlessRequest { repeat: request.times(), ..headless() };
+    match crate::gpu::render_headless(headless) {
         Ok(frame) => {
             let mut milliseconds = times.clone().medians();
             milliseconds.extend(frame.stats.passes.medians().map(|(pass, time)| (pass.to_owned(), time)));
@@ -267,7 +245,7 @@ fn draw_on_gpu(
             let economy = LeftOut { splats: frame.stats.splats, ..picture.economy.clone() };
             Ok(Some(Picture { accumulation: frame.accumulation, economy, backend, adapter, milliseconds, ..picture }))
         }
-        Err(error) if arguments.backend.is_none() => {
+        Err(error) if request.backend.is_none() => {
             eprintln!("deepfield: {error}; drawing with the CPU instead");
             Ok(None)
         }
@@ -276,16 +254,16 @@ fn draw_on_gpu(
 }
 
 /// Draws every particle of the source; for a page file, of the source that it was built from.
-fn draw_exact(arguments: &Arguments) -> Result<Picture, Box<dyn std::error::Error + Send + Sync>> {
+fn draw_exact(request: &Request) -> Result<Picture, Box<dyn std::error::Error + Send + Sync>> {
     let mut times = Times::default();
-    let source = ExactSource::open(arguments, &mut times)?;
+    let source = ExactSource::open(request, &mut times)?;
     let ExactSource { path, dataset, depiction, framed } = &source;
     let families = source.families();
-    let view = view(arguments, *framed, dataset.periodic_box())?;
+    let view = request.shot.view(*framed, dataset.periodic_box())?;
     let picture = Picture {
         accumulation: Accumulation::default(),
-        stage: Stage::new(arguments, view, *framed, Units::of_dataset(dataset, depiction), depiction)?
-            .with_exact_selections(arguments, path, &source.names())?,
+        stage: Stage::new(request, view, *framed, Units::of_dataset(dataset, depiction), depiction)?
+            .with_exact_selections(request, path, &source.names())?,
         mode: depiction.mode,
         attribute: depiction.attribute.as_ref().map(|coloring| coloring.name.clone()),
         economy: LeftOut::new(&Economy::NONE, &Plan::default()),
@@ -298,17 +276,20 @@ fn draw_exact(arguments: &Arguments) -> Result<Picture, Box<dyn std::error::Erro
         milliseconds: BTreeMap::new(),
     };
     #[cfg(feature = "viewer")]
-    if let Some(backend) = gpu_backend(depiction.mode, arguments.backend)? {
-        let request = || crate::gpu::depiction::request_particles(&view, depiction, dataset, &families, backend);
-        if let Some(picture) = draw_on_gpu(arguments, request, picture.clone(), &times)? {
+    let backend = if request.exact == Some(Method::Exact) { Some(Backend::Cpu) } else { request.backend };
+    #[cfg(feature = "viewer")]
+    if let Some(backend) = gpu_backend(depiction.mode, backend)? {
+        let headless = || crate::gpu::depiction::request_particles(&view, depiction, dataset, &families, backend);
+        if let Some(picture) = draw_on_gpu(request, headless, picture.clone(), &times)? {
             return Ok(picture);
         }
     }
+    let method = request.exact.unwrap_or_default();
     let mut accumulation = Accumulation::default();
-    for _ in 0..arguments.repeat {
+    for _ in 0..request.times() {
         times.frame(|times| {
-            let drawn = times
-                .measure("draw", || processor::draw_particles(&view, depiction, dataset, &families, Method::Exact));
+            let drawn =
+                times.measure("draw", || processor::draw_particles(&view, depiction, dataset, &families, method));
             drawn.map(|drawn| accumulation = drawn)
         })?;
     }
@@ -319,50 +300,22 @@ fn draw_exact(arguments: &Arguments) -> Result<Picture, Box<dyn std::error::Erro
 ///
 /// # Errors
 /// Where the family that the user names is not there, or none of those that a scene shows.
-pub(super) fn families(arguments: &Arguments, file: &PageFile) -> Result<Vec<u32>, String> {
+pub(super) fn families(request: &Request, file: &PageFile) -> Result<Vec<u32>, String> {
     let families = &file.metadata().families;
     let all = |shown: &dyn Fn(usize) -> bool| -> Vec<u32> {
         (0..families.len()).filter(|&i| shown(i)).map(|i| i as u32).collect()
     };
-    let missing = |name: FamilyName| format!("{}: no particles of family {name}", arguments.path.display());
-    let (found, absent) = match arguments.family {
+    let missing = |name: FamilyName| format!("{}: no particles of family {name}", request.path().display());
+    let (found, absent) = match request.family {
         Some(name) => (all(&|i| families[i].name == name), vec![name]),
         None => {
-            let (shown, missing) = shown_families(file, &arguments.members());
+            let (shown, missing) = shown_families(file, &request.members);
             (all(&|i| shown[i]), missing)
         }
     };
     match (found.is_empty(), absent.first()) {
         (false, _) => Ok(found),
         (true, Some(&name)) => Err(missing(name)),
-        (true, None) => Err(format!("{}: the scene shows no family", arguments.path.display())),
+        (true, None) => Err(format!("{}: the scene shows no family", request.path().display())),
     }
-}
-
-/// The camera that the arguments describe; around `bounds` where they say nothing.
-pub fn view(
-    arguments: &Arguments,
-    bounds: Bounds,
-    periodic: Option<PeriodicBox>,
-) -> Result<View, crate::view::ViewError> {
-    let named = arguments.projection.named(arguments.surround);
-    let PictureSize { width, height } = arguments.size.unwrap_or(projected::usual_size(named));
-    let fov_y = arguments.fov.unwrap_or(45.0).to_radians();
-    let around = View::around(bounds, fov_y, width, height)?;
-    let target = arguments.target.unwrap_or(bounds.center());
-    let eye = arguments.eye.unwrap_or(around.eye + (target - bounds.center()));
-    if named != ProjectionName::Flat {
-        // From the middle of the data, unless told otherwise: what there is to see is all around.
-        let eye = arguments.eye.unwrap_or(bounds.center());
-        let ahead = if eye == bounds.center() { eye - DVec3::Z * bounds.size().length().max(1e-30) } else { target };
-        let (target, up) = (arguments.target.unwrap_or(ahead), arguments.up.unwrap_or(DVec3::Y));
-        let view = View::look_at(eye, target, up, Projection::Perspective { fov_y }, width, height)?;
-        return Ok(arguments.cut.applied(&view, eye, periodic));
-    }
-    let projection = match arguments.ortho {
-        Some(height) => Projection::Orthographic { height },
-        None => Projection::Perspective { fov_y },
-    };
-    let view = View::look_at(eye, target, arguments.up.unwrap_or(DVec3::Y), projection, width, height)?;
-    Ok(arguments.cut.applied(&view, target, periodic))
 }

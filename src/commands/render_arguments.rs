@@ -1,22 +1,26 @@
-//! What the command line of `deepfield render` says, and what a scene or a tour adds to it.
+//! What the command line of `deepfield render` says, and what it comes to over a scene and a configuration.
 
 use super::annotate::AnnotateOptions;
 use super::arguments::{PictureSize, family_name, mode_name, not_negative, positive, transfer_named, vector};
 use super::projection_options::ProjectionOptions;
-use crate::annotate::Annotations;
+use super::request::Request;
 use crate::color::composite::Background;
 use crate::color::transfer::TransferFunction;
-use crate::explore::SelectionSet;
-use crate::import::ImportError;
-use crate::look::{Film, Member, data_file};
-use crate::mode::{Mode, SettingKind, SettingValue, Settings, economy};
+use crate::cpu::Method;
+use crate::look::{
+    Attribute, Backend, CameraConfig, LookPatch, Member, PictureConfig, SceneFile, Shot, data_file, is_scene_file,
+};
+use crate::mode::{Mode, SettingValue, economy};
 use crate::model::FamilyName;
-use crate::view::{CutSettings, Periodic, Stereo, Surround};
+use crate::modes;
+use crate::view::{CutSettings, Periodic};
 use glam::DVec3;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+
+type Failure = Box<dyn std::error::Error + Send + Sync>;
 
 /// Renders a picture of a snapshot, catalogue or page file.
-#[derive(clap::Args, Clone, Debug)]
+#[derive(clap::Args, Clone, Debug, Default)]
 #[command(after_help = "Examples:
   deepfield render snapshot_099.hdf5 -o box.png
   deepfield render galaxy.df -o disk.png --mode density-squared --attribute temperature --size 1920x1080
@@ -83,18 +87,19 @@ pub struct Arguments {
     /// How directions become a picture, and for which eyes.
     #[command(flatten)]
     pub projection: ProjectionOptions,
-    /// How directions become a picture where the options say nothing.
-    #[arg(skip)]
-    pub surround: Surround,
-    /// A picture for two eyes where the options say nothing.
-    #[arg(skip)]
-    pub stereo_pair: Option<Stereo>,
     /// Largest displacement of a particle on screen, pixels [default: 0.8].
     #[arg(long, value_name = "TAU", value_parser = positive)]
     pub error_px: Option<f64>,
     /// Draw every source particle at full precision: no level of detail, no quantisation.
     #[arg(long, conflicts_with = "error_px")]
     pub exact: bool,
+    /// Draw every source particle, and evaluate the integral over each pixel's area: slow, what other pictures are compared with.
+    #[arg(long, conflicts_with_all = ["error_px", "exact", "overdraw"])]
+    pub reference: bool,
+    /// A setting of the mode (`deepfield modes` lists them), its value in RON: radius=3.0, iso-colors='["#ff8000"]'. Can be given
+    /// several times.
+    #[arg(long, value_name = "NAME=VALUE", value_parser = setting_value)]
+    pub set: Vec<(String, SettingValue)>,
     /// Drop particles fainter than 1/N of the darkest colour's P, with their light; 0: none [default: 0].
     #[arg(long, value_name = "N", value_parser = not_negative)]
     pub presence: Option<f64>,
@@ -119,130 +124,246 @@ pub struct Arguments {
     /// What is written into the picture.
     #[command(flatten)]
     pub annotate: AnnotateOptions,
-    /// What is written into the picture where the options say nothing.
-    #[arg(skip)]
-    pub annotations: Option<Annotations>,
-    /// Settings of the mode.
-    #[arg(skip)]
-    pub settings: Settings,
-    /// The catalogue of a scene.
-    #[arg(skip)]
-    pub labels: Option<PathBuf>,
-    /// A scene's selections.
-    #[arg(skip)]
-    pub selections: Vec<SelectionSet>,
-    /// What a tour's picture has beyond a scene; its images' paths are complete.
-    #[arg(skip)]
-    pub film: Option<Film>,
-    /// Where the first dataset of a scene lies, and which of its families are shown; its path is `path`.
-    #[arg(skip)]
-    pub first: Member,
-    /// No attribute colours the picture, even if the mode has a usual one.
-    #[arg(skip)]
-    pub plain: bool,
-    /// What is left out of the data and faded.
-    #[arg(skip)]
-    pub cut: CutSettings,
     /// What colours mean: a preset (density, density-hue, stars, volume, volume-hue) or a RON file like those in
     /// assets/transfer [default: the mode's].
     #[arg(long, value_name = "NAME|FILE.ron", value_parser = transfer_named)]
     pub transfer: Option<TransferFunction>,
-    /// What volumes emit and absorb; the mode's own where it is `None`.
-    #[arg(skip)]
-    pub volume: Option<TransferFunction>,
     /// What is behind the picture: black, transparent (an alpha channel) or a colour #rrggbb [default: black].
     #[arg(long, value_name = "COLOUR")]
     pub background: Option<Background>,
 }
 
 impl Arguments {
-    /// A picture of `path` in `output` with everything else as it is by default.
-    pub fn new(path: PathBuf, output: PathBuf) -> Arguments {
-        Arguments {
-            path,
-            output,
-            raw: None,
-            size: None,
-            backend: None,
-            mode: None,
-            family: None,
-            attribute: None,
-            config: None,
-            scene: None,
-            periodic: None,
-            eye: None,
-            target: None,
-            up: None,
-            fov: None,
-            ortho: None,
-            projection: ProjectionOptions::default(),
-            surround: Surround::Flat,
-            stereo_pair: None,
-            error_px: None,
-            exact: false,
-            presence: None,
-            thinning: None,
-            overdraw: None,
-            no_culling: false,
-            repeat: 1,
-            threads: None,
-            json: None,
-            annotate: AnnotateOptions::default(),
-            annotations: None,
-            settings: Settings::default(),
-            first: Member::default(),
-            with: Vec::new(),
-            labels: None,
-            selections: Vec::new(),
-            film: None,
-            plain: false,
-            cut: CutSettings::default(),
-            transfer: None,
-            volume: None,
-            background: None,
-        }
-    }
-
-    /// The datasets that are drawn.
-    pub fn members(&self) -> Vec<Member> {
-        let first = Member { path: self.path.clone(), ..self.first.clone() };
-        std::iter::once(first).chain(self.with.iter().cloned()).collect()
-    }
-
-    /// The same with the files that are meant in place of folders.
+    /// The request that the command line comes to, over the configuration and the scene that it names.
     ///
     /// # Errors
-    /// Where a folder holds no or more than one source.
-    pub(super) fn with_files(self) -> Result<Arguments, ImportError> {
-        let with = self.with.iter().map(Member::resolved).collect::<Result<_, _>>()?;
-        Ok(Arguments { path: data_file(&self.path)?, with, ..self })
+    /// Where a file cannot be found or read, or what is asked does not go together; [`clap::Error`] for a setting that the mode has
+    /// not, or a value that it does not take.
+    pub fn request(&self) -> Result<Request, Failure> {
+        let config = self.config.as_deref().map(PictureConfig::read).transpose()?.unwrap_or_default();
+        let path = data_file(&self.path)?;
+        let (base, mut members) = match named(&path, self.scene.as_deref()) {
+            Some((scene, data)) => open_scene(&scene, data)?,
+            None => (Shot::default(), vec![Member::new(path)]),
+        };
+        for member in &self.with {
+            members.push(member.resolved()?);
+        }
+        let mut shot = self.over(config.clone(), base)?;
+        self.set_values(&mut shot.look)?;
+        (shot.surround, shot.stereo) = self.projection.over(shot.surround, shot.stereo)?;
+        for member in &mut members {
+            member.families = member.families.take().or_else(|| shot.look.families.clone());
+        }
+        let named =
+            self.config.as_deref().or(members.first().map(|member| member.path.as_path())).unwrap_or(&self.path);
+        Ok(Request {
+            named: named.to_owned(),
+            members,
+            shot,
+            family: self.family.or(config.family),
+            backend: self.backend.or(config.backend),
+            exact: match (self.exact, self.reference) {
+                (_, true) => Some(Method::Exact),
+                (true, false) => Some(Method::Pyramid),
+                (false, false) => None,
+            },
+            overdraw: self.overdraw.clone(),
+            repeat: self.repeat,
+        })
     }
 
-    /// The same, with the options about what may be left out among the settings.
-    pub(super) fn with_economy(mut self) -> Arguments {
-        self.cut.periodic = self.periodic.unwrap_or(self.cut.periodic);
-        for (setting, value) in [(&economy::PRESENCE, self.presence), (&economy::THINNING, self.thinning)] {
-            if let SettingKind::Number { min, max, .. } = setting.kind
-                && let Some(value) = value
-            {
-                self.settings.set(setting, SettingValue::Number(value.clamp(min, max)));
-            }
+    /// The picture that the command line says, where it says nothing the configuration, and where that says nothing the scene.
+    fn over(&self, config: PictureConfig, base: Shot) -> Result<Shot, Failure> {
+        let PictureConfig { mut look, volume, .. } = config;
+        let mode = self.mode.or(look.mode).or(base.look.mode);
+        if mode.is_some_and(|mode| mode.is_light()) {
+            look.transfer = volume;
         }
-        if self.no_culling {
-            self.settings.set(&economy::CULLING, SettingValue::Flag(false));
+        if let Some(mode) = self.mode {
+            // A file's colours are for whatever is drawn; its settings are those of its mode.
+            (look.mode, look.settings) = (Some(mode), look.settings.of_mode(mode));
         }
-        self
+        let mut look = look.then(&LookPatch {
+            attribute: self.attribute.clone().map(Attribute::Named),
+            transfer: self.transfer.clone(),
+            error_px: self.error_px,
+            background: self.background,
+            ..LookPatch::default()
+        });
+        look.annotations = self.annotate.over(look.annotations.or(base.look.annotations.clone()));
+        look.cut = look.cut.filter(|cut| *cut != CutSettings::default());
+        let [eye, target, up] = [self.eye, self.target, self.up].map(|place| place.map(|place| place.to_array()));
+        let mut shot = base.then(Shot {
+            look,
+            camera: config.camera.then(CameraConfig { eye, target, up, fov: self.fov, ortho: self.ortho }),
+            size: self.size.map(|size| (size.width, size.height)).or(config.size),
+            surround: config.projection,
+            stereo: config.stereo,
+            labels: self.annotate.labels.clone().or(config.catalogue),
+            film: None,
+        });
+        if let Some(periodic) = self.periodic {
+            shot.look.cut.get_or_insert_default().periodic = periodic;
+        }
+        Ok(shot)
+    }
+
+    /// Sets what the command line says of the settings of the mode, and of what may be left undrawn.
+    fn set_values(&self, look: &mut LookPatch) -> Result<(), Failure> {
+        let budget = [
+            (&economy::PRESENCE, self.presence.map(SettingValue::Number)),
+            (&economy::THINNING, self.thinning.map(SettingValue::Number)),
+            (&economy::CULLING, self.no_culling.then_some(SettingValue::Flag(false))),
+        ];
+        let budget = budget.into_iter().filter_map(|(setting, value)| Some((setting.name.to_owned(), value?)));
+        for (name, value) in budget.chain(self.set.iter().cloned()) {
+            // Without a name the mode is the data's usual one, which is one of these.
+            let usual =
+                || modes::all().into_iter().filter(|mode| !mode.weight_attributes.is_empty()).chain([modes::first()]);
+            let possible: Vec<&Mode> = look.mode.map_or_else(|| usual().collect(), |mode| vec![mode]);
+            let known = |mode: &&Mode| mode.all_settings().find(|setting| setting.name == name);
+            let Some(setting) = possible.iter().find_map(known) else {
+                let mut names: Vec<&str> =
+                    possible.iter().flat_map(|mode| mode.all_settings()).map(|own| own.name).collect();
+                names.sort_unstable();
+                names.dedup();
+                let expected = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
+                let mode = look.mode.map_or("the data's usual mode", |mode| mode.name);
+                return Err(usage(format!("{mode} has no setting {name}, expected {expected}")));
+            };
+            setting.check(&value).map_err(|error| usage(error.to_string()))?;
+            let values = if economy::is_common(&name) { &mut look.budget } else { &mut look.settings };
+            values.set(setting, value);
+        }
+        Ok(())
     }
 }
 
-/// What draws.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, serde::Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Backend {
-    /// Compute passes.
-    Compute,
-    /// Blended quads, for adapters without compute shaders; needs blending of 32-bit floats.
-    Raster,
-    /// The processor.
-    Cpu,
+/// Wrong usage that only the files that are named make wrong.
+fn usage(message: String) -> Failure {
+    Box::new(clap::Error::raw(clap::error::ErrorKind::InvalidValue, message + "\n"))
+}
+
+/// `NAME=VALUE`; a value that is one word needs no quotes.
+fn setting_value(text: &str) -> Result<(String, SettingValue), String> {
+    let (name, value) = text.split_once('=').ok_or("expected NAME=VALUE")?;
+    let is_word = value.starts_with(char::is_alphabetic) && value.chars().all(|c| c.is_alphanumeric() || c == '-');
+    let value = match ron::from_str(value) {
+        Ok(value) => value,
+        Err(_) if is_word => SettingValue::Name(value.to_owned()),
+        Err(error) => return Err(format!("{}: expected a number, true, false, a name or a list", error.code)),
+    };
+    Ok((name.trim().to_owned(), value))
+}
+
+/// The scene and the data that the command line names: a scene's own data where it names no other. `None` without a scene.
+fn named(path: &Path, scene: Option<&Path>) -> Option<(PathBuf, Option<PathBuf>)> {
+    match scene {
+        Some(scene) => Some((scene.to_owned(), (!path.as_os_str().is_empty()).then(|| path.to_owned()))),
+        None => is_scene_file(path).then(|| (path.to_owned(), None)),
+    }
+}
+
+/// What a scene says, with its data or in its place other data.
+fn open_scene(path: &Path, data: Option<PathBuf>) -> Result<(Shot, Vec<Member>), Failure> {
+    let mut scene = SceneFile::read(path)?;
+    if let Some(film) = &mut scene.film {
+        let folder = path.parent().unwrap_or(Path::new(""));
+        film.overlay.images.iter_mut().for_each(|image| image.path = folder.join(&image.path));
+    }
+    let members = match data {
+        // Other data in the light of the scene: its families are those that the scene's first dataset shows.
+        Some(data) => {
+            let families = scene.datasets.first().and_then(|dataset| dataset.families.clone());
+            vec![Member { families, ..Member::new(data) }]
+        }
+        None => {
+            let located = scene.locate(path)?;
+            located.notes.iter().for_each(|note| eprintln!("deepfield: {note}"));
+            located.members
+        }
+    };
+    Ok((Shot::of_scene(scene, path), members))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::look::{Camera, DatasetRef};
+
+    fn config(text: &str) -> PictureConfig {
+        PictureConfig::parse("p.ron", text).unwrap()
+    }
+
+    #[test]
+    fn the_examples_are_read_and_the_command_line_overrides_them() {
+        let own = Arguments { error_px: Some(3.0), fov: Some(20.0), ..Arguments::default() };
+        let shot = own.over(config(include_str!("../../configs/picture.ron")), Shot::default()).unwrap();
+        assert_eq!(shot.look.mode, modes::find("density-squared"));
+        assert_eq!((shot.look.error_px, shot.camera.fov, shot.camera.ortho), (Some(3.0), Some(20.0), None));
+        assert!(shot.look.transfer.is_some());
+        let volume = config(include_str!("../../configs/volume.ron"));
+        let shot = Arguments::default().over(volume, Shot::default()).unwrap();
+        assert!(shot.look.transfer.is_some() && shot.look.mode.is_some_and(|mode| mode.is_light()));
+    }
+
+    #[test]
+    fn the_command_line_overrides_the_scene() {
+        let folder = tempfile::tempdir().unwrap();
+        let data = folder.path().join("box.df");
+        std::fs::write(&data, b"data").unwrap();
+        let path = folder.path().join("a.scene.ron");
+        let mut scene = SceneFile::new(vec![DatasetRef::of(&data, &path)]);
+        scene.look.mode = modes::find("points");
+        scene.look.settings.0.insert("radius".into(), SettingValue::Number(3.0));
+        scene.look.attribute = Some(Attribute::None);
+        scene.size = Some((300, 200));
+        scene.labels = Some("groups.hdf5".into());
+        scene.camera =
+            Some(Camera { eye: [1.0, 2.0, 3.0], target: [0.0; 3], up: [0.0, 1.0, 0.0], fov: 33.0, ortho: Some(5.0) });
+        scene.write(&path).unwrap();
+
+        let arguments = Arguments { path: path.clone(), ..Arguments::default() };
+        let all = arguments.request().unwrap();
+        assert_eq!(all.path(), folder.path().join("box.df"));
+        assert!(all.look().is_plain() && all.shot.size == Some((300, 200)) && all.look().settings.0.len() == 1);
+        assert_eq!((all.shot.camera.ortho, all.shot.camera.eye), (Some(5.0), Some([1.0, 2.0, 3.0])));
+        assert_eq!(all.shot.labels, Some(folder.path().join("groups.hdf5")));
+        let (mode, attribute) = (modes::find("volume"), Some("mass".to_owned()));
+        let own = Arguments { fov: Some(20.0), mode, attribute, ..arguments };
+        let some = own.request().unwrap();
+        assert_eq!((some.shot.camera.fov, some.shot.camera.ortho), (Some(20.0), None));
+        assert!(some.look().settings.0.is_empty() && !some.look().is_plain(), "settings of another mode");
+        // The scene of other data.
+        let other = Arguments { scene: Some(path), path: "other.df".into(), ..Arguments::default() };
+        assert_eq!(other.request().unwrap().path(), Path::new("other.df"));
+    }
+
+    #[test]
+    fn settings_are_those_of_the_mode() {
+        let with = |mode: &str, set: &str| {
+            let set = vec![setting_value(set)?];
+            let mut look = LookPatch { mode: modes::find(mode), ..LookPatch::default() };
+            let own = Arguments { set, ..Arguments::default() };
+            own.set_values(&mut look).map(|()| look).map_err(|error| error.to_string())
+        };
+        assert_eq!(with("points", "radius=3").unwrap().settings.0["radius"], SettingValue::Number(3.0));
+        assert_eq!(with("", "radius=3.5").unwrap().settings.0["radius"], SettingValue::Number(3.5));
+        assert_eq!(
+            with("isosurface", "kernel=poly6").unwrap().settings.0["kernel"],
+            SettingValue::Name("poly6".into())
+        );
+        assert_eq!(with("points", "presence=9").unwrap().budget.0["presence"], SettingValue::Number(9.0));
+        for (mode, set, expected) in [
+            ("points", "radios=3", "points has no setting radios, expected culling, presence, radius"),
+            ("points", "radius=99", "radius is 99, expected a number from 0.5 to 30"),
+            ("volume", "presence=9", "volume has no setting presence"),
+            ("points", "radius", "expected NAME=VALUE"),
+            ("points", "radius=(", "expected a number, true"),
+        ] {
+            let message = with(mode, set).unwrap_err();
+            assert!(message.contains(expected), "{set}: {message}");
+        }
+    }
 }

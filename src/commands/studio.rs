@@ -3,11 +3,11 @@
 use super::cache;
 use super::progress_bar::TerminalProgress;
 use super::render::families;
-use super::render_arguments::Arguments;
+use super::request::Request;
 use crate::look::{Member, open_members};
 use crate::mode::Depiction;
 use crate::model::{Bounds, ReadMethod};
-use crate::modes;
+use crate::picture::look;
 use crate::store::PageFile;
 use crate::stream::{Scene, first_frame};
 use crate::view::{Detail, View};
@@ -56,27 +56,20 @@ impl Studio {
         }
     }
 
-    /// The mode and the attribute that the arguments name, on the open data.
+    /// The mode and the attribute that the request names, on the open data.
     ///
     /// # Errors
     /// When they or a setting do not fit the data.
-    pub fn depict(&self, arguments: &Arguments) -> Result<Depiction, String> {
-        let metadata = self.file.metadata();
-        let fields = metadata.families.iter().flat_map(|family| &family.attributes).map(|field| field.name.as_str());
-        let mode = arguments.mode.unwrap_or_else(|| modes::usual(fields));
-        let (settings, attribute) = (arguments.settings.clone(), arguments.attribute.as_deref());
-        let mut depiction = Depiction::of_pages(mode, settings, attribute, metadata)
-            .map_err(|why| format!("{}: {why}", arguments.path.display()))?;
-        depiction.attribute = depiction.attribute.filter(|_| !arguments.plain);
-        Ok(depiction)
+    pub fn depict(&self, request: &Request) -> Result<Depiction, String> {
+        look::depict(request.look(), self.file.metadata()).map_err(|why| format!("{}: {why}", request.path().display()))
     }
 
-    /// Draws the families that the arguments name from now on. The box that a picture of them is framed by.
+    /// Draws the families that the request names from now on. The box that a picture of them is framed by.
     ///
     /// # Errors
     /// When the data has none of them.
-    pub fn choose(&mut self, arguments: &Arguments) -> Result<Bounds, String> {
-        let families = families(arguments, &self.file)?;
+    pub fn choose(&mut self, request: &Request) -> Result<Bounds, String> {
+        let families = families(request, &self.file)?;
         self.scene.families = families.clone();
         match &self.framed {
             Some((known, framed)) if *known == families => Ok(*framed),

@@ -209,7 +209,9 @@ pub fn show(path: &Path, settings: &WindowArguments) -> CommandResult {
         scene: settings.scene.clone(),
         with: settings.with.clone(),
         annotate: super::annotate::AnnotateOptions { labels: settings.labels.clone(), ..Default::default() },
-        ..render::Arguments::new(path.to_owned(), output.clone())
+        path: path.to_owned(),
+        output: output.clone(),
+        ..Default::default()
     })?;
     println!("{reason}: the picture is in {}", output.display());
     Ok(())

@@ -247,7 +247,7 @@ pub(super) fn draw_on_cpu(
         }
         None => Source::Nodes(Arc::clone(&selection.nodes)),
     };
-    let (levels, on_cpu) = (look.levels, *backend == ActiveBackend::Cpu);
+    let (levels, economy, on_cpu) = (look.levels, look.economy, *backend == ActiveBackend::Cpu);
     let complete = selection.complete;
     let (known, old_plan) = (look.settled.then_some(look.levels), cpu.plan);
     // Finding a plan takes longer than there is between two pictures of a motion.
@@ -267,7 +267,7 @@ pub(super) fn draw_on_cpu(
             }
             None => {
                 let start = Instant::now();
-                let plan = (kept_plan, limit);
+                let plan = (economy, kept_plan, limit);
                 let (picture, plan, (taken, cut)) =
                     draw(&file, &depiction, &source, &view, size, plan, (&transfer, known), on_cpu)?;
                 let picture = Arc::new(picture);

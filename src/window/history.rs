@@ -168,7 +168,7 @@ mod tests {
                 SettingKind::Colors { .. } => SettingValue::Names(vec![format!("#{:06x}", (value * 1e7) as u32)]),
             };
             setting.check(&new).unwrap();
-            settings.mode_settings.set(setting, new);
+            settings.set(setting, new);
             return;
         }
         match pick - own.len() {
@@ -185,7 +185,8 @@ mod tests {
             7 => settings.lens.parallel = value < 0.5,
             8 => {
                 let region = Region::sphere(DVec3::splat(value), 0.1 + more);
-                settings.selections.push(SelectionSet::new("s", region, settings.selections.len()));
+                let number = settings.selections.len();
+                settings.selections.push(SelectionSet::new("s", region, number));
             }
             _ => {
                 settings.cut = CutSettings {

@@ -7,7 +7,7 @@ use super::transfer_presets::TransferPresets;
 use crate::annotate::{Legend, Units};
 use crate::color::transfer::{Levels, Lut, Scale, TransferFunction};
 use crate::look::Attribute;
-use crate::mode::Depiction;
+use crate::mode::{Depiction, Economy};
 use crate::store::Metadata;
 use bevy::prelude::*;
 use bevy_egui::egui::Color32;
@@ -28,6 +28,8 @@ pub struct Look {
     pub lut: Arc<Lut>,
     /// Its settings.
     pub transfer: TransferFunction,
+    /// What the picture may leave undrawn.
+    pub economy: Economy,
     /// The ranges in use; automatic ones glide to those of the present view.
     pub levels: Levels,
     /// Whether the ranges have arrived.
@@ -79,6 +81,7 @@ pub(crate) fn follow_settings(
                     depiction_revision: 1,
                     lut,
                     transfer: settings.transfer.clone(),
+                    economy: settings.budget.economy(),
                     levels: Levels { p: [1e-6, 1.0], s: [0.0, 1.0] },
                     settled: false,
                     generation: scene.generation,
@@ -92,7 +95,8 @@ pub(crate) fn follow_settings(
     };
     let stale = look.generation != scene.generation
         || look.attribute != settings.attribute
-        || look.depiction.settings != settings.mode_settings
+        || look.depiction.settings != settings.look.settings
+        || look.economy != settings.budget.economy()
         || !std::ptr::eq(look.depiction.mode, settings.mode);
     let kept = settings.keep_transfer;
     if kept {
@@ -117,6 +121,7 @@ pub(crate) fn follow_settings(
                 // Another file, mode or attribute has other ranges altogether: no gliding there.
                 look.seeded &= !other_kind && !other_attribute && look.generation == scene.generation;
                 look.depiction = depiction;
+                look.economy = settings.budget.economy();
                 depicted = true;
                 look.depiction_revision += 1;
                 look.generation = scene.generation;
@@ -125,7 +130,7 @@ pub(crate) fn follow_settings(
             Err(error) => {
                 messages.error(error);
                 settings.attribute = look.attribute.clone();
-                settings.mode = look.depiction.mode;
+                settings.look.mode = look.depiction.mode;
             }
         }
     }
@@ -149,7 +154,7 @@ fn depict(scene: &Scene, settings: &Settings) -> Result<Depiction, String> {
         Attribute::Automatic | Attribute::None => None,
     };
     let metadata = scene.file.metadata();
-    let mut depiction = Depiction::of_pages(settings.mode, settings.mode_settings.clone(), name, metadata)?;
+    let mut depiction = Depiction::of_pages(settings.mode, settings.look.settings.clone(), name, metadata)?;
     if settings.attribute == Attribute::None {
         depiction.attribute = None;
     }

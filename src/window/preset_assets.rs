@@ -2,7 +2,7 @@
 
 use super::options::WindowOptions;
 use super::preset::{Preset, PresetLoader};
-use super::scene::{Settings, economy_of};
+use super::scene::{Settings, budget_of};
 use super::state::notices::Notices;
 use bevy::asset::io::{AssetSourceBuilder, AssetSourceId};
 use bevy::asset::{AssetLoadFailedEvent, io::file::FileAssetReader};
@@ -83,9 +83,9 @@ fn apply_preset(
     if loaded.camera.field_of_view_deg != preset.camera.field_of_view_deg {
         settings.lens.fov_deg = loaded.camera.field_of_view_deg;
     }
-    let economy = economy_of(&loaded);
-    if economy != economy_of(&preset) {
-        settings.mode_settings.0.extend(economy.0);
+    let budget = budget_of(&loaded);
+    if budget != budget_of(&preset) {
+        settings.budget.0.extend(budget.0);
     }
     if preset.set_if_neq(loaded) {
         messages.info(format!("preset {} loaded", file.options.preset));

@@ -4,17 +4,13 @@ use super::camera::{Lens, Viewpoint};
 use super::facts::Facts;
 use super::picture::Picture;
 use super::preset::Preset;
-use crate::annotate::Annotations;
-use crate::color::transfer::TransferFunction;
-use crate::explore::SelectionSet;
 use crate::explore::data::source_path;
-use crate::look::{Attribute, Member};
+use crate::look::{Attribute, Look, LookPatch, Member};
 use crate::mode::economy::{PRESENCE, THINNING};
 use crate::mode::{Mode, SettingValue};
 use crate::model::{Bounds, PeriodicBox};
 use crate::modes;
 use crate::store::PageFile;
-use crate::view::CutSettings;
 use bevy::prelude::*;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -53,30 +49,17 @@ impl Scene {
 }
 
 /// How the user wants to see the data: everything that the panel edits.
-#[derive(Resource, Clone)]
+#[derive(Resource, Clone, Deref, DerefMut)]
 pub struct Settings {
-    /// The mode.
-    pub mode: &'static Mode,
+    /// What the picture looks like.
+    #[deref]
+    pub look: Look,
     /// Whether the user chose the mode; else each file begins with its usual one.
     pub mode_chosen: bool,
-    /// Its settings.
-    pub mode_settings: crate::mode::Settings,
-    /// The attribute that gives the hue.
-    pub attribute: Attribute,
-    /// Colour maps and ranges.
-    pub transfer: TransferFunction,
-    /// What is written into the picture.
-    pub annotations: Annotations,
-    /// The screen-space error `tau`, pixels.
-    pub error_px: f64,
     /// Whether each family is drawn, in the order of the file's families.
     pub families: Vec<bool>,
     /// Projection and field of view.
     pub lens: Lens,
-    /// What is left out of the data and faded.
-    pub cut: CutSettings,
-    /// Coloured selections.
-    pub selections: Vec<SelectionSet>,
     /// Whether the transfer function belongs to the mode that has just been set, and is not to be chosen anew for it: where
     /// settings come back from the history or from a scene. Not a setting itself.
     pub keep_transfer: bool,
@@ -84,34 +67,19 @@ pub struct Settings {
 
 impl PartialEq for Settings {
     fn eq(&self, other: &Settings) -> bool {
-        std::ptr::eq(self.mode, other.mode)
-            && self.mode_settings == other.mode_settings
-            && self.attribute == other.attribute
-            && self.transfer == other.transfer
-            && self.annotations == other.annotations
-            && self.error_px == other.error_px
-            && self.families == other.families
-            && self.lens == other.lens
-            && self.cut == other.cut
-            && self.selections == other.selections
+        self.look == other.look && self.families == other.families && self.lens == other.lens
     }
 }
 
 impl Settings {
     /// The settings before anything is open; the first mode where `mode` names none.
     pub fn new(preset: &Preset, mode: Option<&str>) -> Settings {
+        let look = Look::of(mode.and_then(modes::find).unwrap_or(modes::first()));
         Settings {
-            mode: mode.and_then(modes::find).unwrap_or(modes::first()),
+            look: Look { budget: budget_of(preset), error_px: preset.drawing.error_px, ..look },
             mode_chosen: mode.is_some(),
-            mode_settings: economy_of(preset),
-            attribute: Attribute::Automatic,
-            transfer: TransferFunction::default(),
-            annotations: Annotations::default(),
-            error_px: preset.drawing.error_px,
             families: Vec::new(),
             lens: Lens { fov_deg: preset.camera.field_of_view_deg, parallel: false },
-            cut: CutSettings::default(),
-            selections: Vec::new(),
             keep_transfer: false,
         }
     }
@@ -123,21 +91,38 @@ impl Settings {
     }
 
     pub(super) fn change_mode(&mut self, mode: &'static Mode) {
-        if !std::ptr::eq(self.mode, mode) {
-            self.mode = mode;
-            self.mode_settings = self.mode_settings.common();
+        if self.mode != mode {
+            self.look.mode = mode;
+            self.look.settings = crate::mode::Settings::default();
+        }
+    }
+
+    /// Makes them what a patch says of data with these attributes, with the settings of the mode that it says and no others. The name
+    /// of an attribute that the data has not.
+    pub fn show(&mut self, said: &LookPatch, attributes: &[String]) -> Option<String> {
+        self.mode_chosen |= said.mode.is_some();
+        self.keep_transfer |= said.transfer.is_some();
+        self.look.settings = crate::mode::Settings::default();
+        self.look = self.look.with(said);
+        match &self.attribute {
+            Attribute::Named(name) if !attributes.contains(name) => {
+                let name = name.clone();
+                self.attribute = Attribute::Automatic;
+                Some(name)
+            }
+            _ => None,
         }
     }
 }
 
-/// The settings of every mode that a preset sets.
-pub(crate) fn economy_of(preset: &Preset) -> crate::mode::Settings {
-    let mut settings = crate::mode::Settings::default();
+/// What may be left undrawn by a preset.
+pub(crate) fn budget_of(preset: &Preset) -> crate::mode::Settings {
+    let mut budget = crate::mode::Settings::default();
     let drawing = &preset.drawing;
     for (setting, value) in [(&PRESENCE, drawing.presence), (&THINNING, drawing.thinning)] {
-        settings.set(setting, SettingValue::Number(value));
+        budget.set(setting, SettingValue::Number(value));
     }
-    settings
+    budget
 }
 
 /// The viewpoint that shows the whole dataset in the picture.

@@ -10,11 +10,9 @@ use super::scene::{Scene, Settings};
 use super::state::notices::Notices;
 use super::state::panels::{Closed, Shown};
 use crate::look::dataset::relative_to;
-use crate::look::{Attribute, Bookmark, Camera, DatasetRef, Fingerprint, Member, Panels, SceneFile};
+use crate::look::{Bookmark, Camera, DatasetRef, Fingerprint, LookPatch, Member, Panels, SceneFile};
 use crate::model::FamilyName;
-use crate::modes;
 use crate::store::PartInfo;
-use crate::tour::Look;
 use bevy::ecs::system::SystemParam;
 use bevy::math::DVec3;
 use bevy::prelude::*;
@@ -118,36 +116,6 @@ pub(crate) fn families_of(scene: &Scene, settings: &Settings) -> Vec<Option<Vec<
     scene.file.parts().map(of).collect()
 }
 
-/// A scene of these datasets as the settings show it.
-pub(crate) fn with_settings(datasets: Vec<DatasetRef>, settings: &Settings) -> SceneFile {
-    SceneFile {
-        mode: Some(settings.mode.name.to_owned()),
-        settings: settings.mode_settings.clone(),
-        attribute: settings.attribute.clone(),
-        transfer: Some(settings.transfer.clone()),
-        annotations: Some(settings.annotations.clone()),
-        error_px: Some(settings.error_px),
-        cut: settings.cut,
-        selections: settings.selections.clone(),
-        ..SceneFile::new(datasets)
-    }
-}
-
-/// What a scene says of settings, as a tour's moment says it; of all families.
-pub(crate) fn look_of(scene: &SceneFile) -> Look {
-    Look {
-        mode: scene.mode.clone(),
-        settings: scene.settings.clone(),
-        attribute: scene.attribute.clone(),
-        families: None,
-        transfer: scene.transfer.clone(),
-        annotations: scene.annotations.clone(),
-        error_px: scene.error_px,
-        cut: scene.cut,
-        selections: scene.selections.clone(),
-    }
-}
-
 /// The scene that the window shows of these datasets, to be saved at `path`.
 pub(crate) fn scene_file(
     datasets: Vec<DatasetRef>,
@@ -164,7 +132,8 @@ pub(crate) fn scene_file(
         bookmarks: parts.bookmarks.0.clone(),
         labels: parts.objects.path().map(|labels| relative_to(labels, path)),
         panels: Panels { shown: parts.shown.panel, closed: Some(parts.closed.0.iter().cloned().collect()) },
-        ..with_settings(datasets, settings)
+        look: settings.look.patch(),
+        ..SceneFile::new(datasets)
     }
 }
 
@@ -229,28 +198,9 @@ pub(crate) fn apply(
     };
     notes.iter().for_each(|note| messages.error(note));
     let told = |what: String| format!("{}: {what}", path.display());
-    if let Some(mode) = scene.mode.as_deref().and_then(modes::find) {
-        settings.choose_mode(mode);
-        settings.mode_settings = scene.settings.clone();
+    if let Some(name) = settings.show(&LookPatch::beginning().then(&scene.look), attributes) {
+        messages.error(told(format!("the data has no attribute {name}; the usual one is shown")));
     }
-    settings.attribute = match &scene.attribute {
-        Attribute::Named(name) if !attributes.contains(name) => {
-            messages.error(told(format!("the data has no attribute {name}; the usual one is shown")));
-            Attribute::Automatic
-        }
-        known => known.clone(),
-    };
-    if let Some(transfer) = &scene.transfer {
-        settings.transfer = transfer.clone();
-        settings.keep_transfer = true;
-    }
-    if let Some(annotations) = &scene.annotations {
-        settings.annotations.clone_from(annotations);
-    }
-    if let Some(error_px) = scene.error_px {
-        settings.error_px = error_px;
-    }
-    settings.cut = scene.cut;
     if let Some(camera) = &scene.camera {
         let lens;
         (*viewpoint, lens) = viewpoint_of(camera);
@@ -260,7 +210,6 @@ pub(crate) fn apply(
     }
     parts.bookmarks.0.clone_from(&scene.bookmarks);
     parts.objects.open_of_scene(scene.labels.as_deref().map(|labels| crate::look::dataset::located(labels, path)));
-    settings.selections.clone_from(&scene.selections);
     parts.shown.panel = scene.panels.shown;
     if let Some(closed) = &scene.panels.closed {
         parts.closed.0 = closed.iter().cloned().collect();

@@ -26,7 +26,7 @@ fn frame(i: u64, now: Duration) -> Frame {
 fn scene(error_px: f64) -> String {
     let data = DatasetRef { path: "box.df".into(), ..DatasetRef::of("box.df".as_ref(), "a.scene.ron".as_ref()) };
     let mut scene = SceneFile::new(vec![data]);
-    scene.error_px = Some(error_px);
+    scene.look.error_px = Some(error_px);
     scene.text("a".as_ref()).unwrap()
 }
 
@@ -46,7 +46,7 @@ impl Screen {
     fn step(&mut self, now: Duration) {
         for event in self.follower.receive(now) {
             match event {
-                FollowerEvent::Scene(scene) => self.error_px = scene.error_px,
+                FollowerEvent::Scene(scene) => self.error_px = scene.look.error_px,
                 FollowerEvent::Tour(tour) => self.tour = tour.map(|led| led.tour),
                 FollowerEvent::Joined => self.told.push("joined".into()),
                 FollowerEvent::Lost(why) | FollowerEvent::Refused(why) => self.told.push(why),

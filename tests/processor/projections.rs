@@ -69,7 +69,7 @@ fn check_angles(folder: &Path, catalogue: &Path, stars: &[DVec3]) {
             &[
                 catalogue.to_str().unwrap(),
                 // A catalogue reaches as far as its furthest star: a page file is too coarse for the nearest ones.
-                "--exact",
+                "--reference",
                 "-o",
                 folder.join("dome.png").to_str().unwrap(),
                 "--raw",

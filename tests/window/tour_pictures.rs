@@ -54,7 +54,7 @@ fn recorded(folder: &Path, tour: &Path, time: f64) -> (Image, [[f64; 2]; 2]) {
     assert!(command.status().unwrap().success());
     let name = format!("f{}", (1e6 * time).round() as u64);
     let scene = SceneFile::read(&out.join("scenes").join(format!("{name}.scene.ron"))).unwrap();
-    let numbers = scene.transfer.unwrap().numbers().unwrap();
+    let numbers = scene.look.transfer.unwrap().numbers().unwrap();
     (read_png(&out.join(format!("{name}.png"))).unwrap(), [numbers.p, numbers.s])
 }
 

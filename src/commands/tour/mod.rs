@@ -11,10 +11,9 @@ mod video;
 
 use super::CommandResult;
 use super::arguments::{PictureSize, not_negative, positive};
-use super::projected::usual_size;
 use super::projection_options::ProjectionOptions;
 use super::render::Backend;
-use crate::look::data_file;
+use crate::look::{Shot, data_file};
 use crate::tour::{TourFile, around_data};
 use crate::view::{CubeLayout, Surround};
 use frames::{Frames, Pattern};
@@ -171,7 +170,7 @@ fn open(arguments: &Arguments) -> Result<Show, Box<dyn std::error::Error + Send 
         (Some(data), _) => {
             let mut tour = around_data(arguments.seconds.unwrap_or(10.0).max(2.0));
             tour.size = (1280, 720);
-            tour.keyframes[0].mode = arguments.mode.map(|mode| mode.name.to_owned());
+            tour.keyframes[0].look.mode = arguments.mode;
             (tour, None, data_file(data)?)
         }
         (None, Some(path)) => {
@@ -202,11 +201,10 @@ fn open(arguments: &Arguments) -> Result<Show, Box<dyn std::error::Error + Send 
     }
     if arguments.size.is_none() && tour.projection != was {
         // The tour's size is meant for its own projection.
-        let usual = usual_size(arguments.projection.named(tour.projection));
-        tour.size = (usual.width, usual.height);
+        tour.size = Shot { surround: tour.projection, ..Shot::default() }.size();
     }
     if let Some(error_px) = arguments.error_px {
-        tour.keyframes.iter_mut().for_each(|keyframe| keyframe.error_px = Some(error_px));
+        tour.keyframes.iter_mut().for_each(|keyframe| keyframe.look.error_px = Some(error_px));
     }
     Show::open(tour, file, data, arguments)
 }

@@ -5,14 +5,13 @@ use crate::annotate::overlay::Overlay;
 use crate::color::{Image, output};
 use crate::commands::CommandResult;
 use crate::commands::drawing::Drawing;
-use crate::commands::render;
-use crate::commands::scene_arguments::filled;
+use crate::commands::request::Request;
 use crate::commands::studio::Studio;
-use crate::look::{Camera, DatasetRef, Film, Member, SceneFile};
+use crate::look::{Backend, Camera, DatasetRef, Film, LookPatch, Member, SceneFile, Shot};
 use crate::model::Bounds;
 use crate::tour::exposure::is_searched;
 use crate::tour::sketch::{Format, measure};
-use crate::tour::{Exposure, Look, State, Surroundings, Timeline, TourFile};
+use crate::tour::{Exposure, State, Surroundings, Timeline, TourFile};
 use std::path::{Path, PathBuf};
 
 /// A tour that is shown.
@@ -28,7 +27,7 @@ pub(super) struct Show {
     exposure: Exposure,
     /// The tour's folder.
     folder: PathBuf,
-    backend: render::Backend,
+    backend: Backend,
     memory: u64,
 }
 
@@ -55,7 +54,7 @@ impl Show {
         arguments: &Arguments,
     ) -> Result<Show, Box<dyn std::error::Error + Send + Sync>> {
         let mut studio = Studio::open(&[Member::new(data.clone())])?;
-        let framed: Bounds = studio.choose(&render::Arguments::new(data.clone(), PathBuf::new()))?;
+        let framed: Bounds = studio.choose(&Request::new(&data, Shot::default()))?;
         let parent = file.as_deref().and_then(Path::parent).filter(|parent| !parent.as_os_str().is_empty());
         let folder = parent.unwrap_or(Path::new(".")).to_owned();
         let surroundings = Surroundings {
@@ -73,7 +72,7 @@ impl Show {
             timeline,
             studio: Some(studio),
             folder: folder.canonicalize().unwrap_or(folder),
-            backend: arguments.backend.unwrap_or(render::Backend::Cpu),
+            backend: arguments.backend.unwrap_or(Backend::Cpu),
             memory: arguments.memory.unwrap_or(MEMORY),
         })
     }
@@ -89,20 +88,19 @@ impl Show {
     }
 
     /// The scene of a look from a camera, as a file in `place` names the data.
-    fn scene(&self, look: &Look, camera: Camera, place: &Path) -> SceneFile {
+    fn scene(&self, look: &LookPatch, camera: Camera, place: &Path) -> SceneFile {
         let dataset = DatasetRef::of(&self.data, place);
         let TourFile { size, projection, stereo, .. } = self.tour;
-        SceneFile { size: Some(size), camera: Some(camera), projection, stereo, ..look.scene(dataset) }
+        let look = look.clone();
+        SceneFile { look, size: Some(size), camera: Some(camera), projection, stereo, ..SceneFile::new(vec![dataset]) }
     }
 
-    /// The arguments that draw a scene.
-    fn arguments(&self, scene: SceneFile) -> render::Arguments {
-        let own = render::Arguments {
-            backend: Some(self.backend),
-            ..render::Arguments::new(self.data.clone(), PathBuf::new())
-        };
-        let families = scene.datasets.first().and_then(|dataset| dataset.families.clone());
-        filled(own, scene, vec![Member { families, ..Member::new(self.data.clone()) }], Path::new("")).with_economy()
+    /// The request that a scene is drawn for.
+    fn request(&self, scene: SceneFile) -> Request {
+        let families = scene.look.families.clone();
+        let members = vec![Member { families, ..Member::new(self.data.clone()) }];
+        let own = Request::new(&self.data, Shot::of_scene(scene, Path::new("")));
+        Request { members, backend: Some(self.backend), ..own }
     }
 
     /// What is shown at a time, as a scene file in `place` says it: a scene with numbers for all ranges that are found from pictures.
@@ -134,8 +132,8 @@ impl Show {
         &mut self,
         keyframe: usize,
         time: f64,
-        look: &Look,
-    ) -> Result<Look, Box<dyn std::error::Error + Send + Sync>> {
+        look: &LookPatch,
+    ) -> Result<LookPatch, Box<dyn std::error::Error + Send + Sync>> {
         if is_searched(look)
             && let Some((around, _)) = self.exposure.around(keyframe, time)
         {
@@ -165,23 +163,26 @@ impl Show {
         shot: &SceneFile,
         next: Option<f64>,
     ) -> Result<Take, Box<dyn std::error::Error + Send + Sync>> {
-        let arguments = self.arguments(shot.clone());
+        let request = self.request(shot.clone());
         if let Some(studio) = &mut self.studio {
             studio.keep_within(self.memory);
             let (width, height) = self.tour.size;
             let state = next.map(|next| self.timeline.state(next));
             let view = state.and_then(|state| {
                 let view = state.camera.view(width, height).ok()?;
-                Some(state.look.cut.applied(&view, state.camera.target.into(), studio.file.metadata().periodic_box()))
+                Some(state.look.cut.unwrap_or_default().applied(
+                    &view,
+                    state.camera.target.into(),
+                    studio.file.metadata().periodic_box(),
+                ))
             });
             studio.ahead = view;
         }
-        let drawing = Drawing::new(&arguments, &mut self.studio)?;
+        let drawing = Drawing::new(&request, &mut self.studio)?;
         if !drawing.is_converged() {
             return Err(format!("{}: pages that the frame needs cannot be read", self.data.display()).into());
         }
-        let annotations = render::annotations(&arguments, false)?;
-        let image = drawing.finished(&arguments, annotations.as_ref(), &mut self.studio)?;
+        let image = drawing.finished(&request, &mut self.studio)?;
         Ok(Take { image, drawing })
     }
 

@@ -13,7 +13,7 @@ pub(super) fn text(show: &Show) -> String {
     let _ = writeln!(text, "{title}: {:.1} s{again}, {} keyframes\n", timeline.duration(), timeline.stops().len());
     let _ =
         writeln!(text, "{:>3}  {:>8}  {:>6}  {:<7}  {:>7}  {:>7}  what", "", "reached", "pause", "way", "turn", "zoom");
-    let mut mode = String::new();
+    let mut mode = "";
     let mut warnings = 0;
     for (stop, remark) in timeline.stops().iter().zip(remarks(timeline, &show.tour.comfort)) {
         let way = match stop.motion {
@@ -24,9 +24,9 @@ pub(super) fn text(show: &Show) -> String {
         };
         let state = timeline.state(stop.arrive);
         let mut what: Vec<String> = stop.label.iter().map(|label| format!("[{label}]")).collect();
-        let own = state.look.mode.clone().unwrap_or_default();
+        let own = state.look.mode.map_or("", |mode| mode.name);
         if own != mode {
-            what.push(own.clone());
+            what.push(own.to_owned());
             mode = own;
         }
         if !state.caption.text.is_empty() {

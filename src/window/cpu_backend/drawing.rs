@@ -4,7 +4,7 @@ use crate::color::transfer::{Levels, TransferFunction};
 use crate::color::{Accumulation, Image};
 use crate::cpu::Method;
 use crate::cpu::volume::{Caster, OpaqueDepths, Processor, VolumeError};
-use crate::mode::{Depiction, Plan};
+use crate::mode::{Depiction, Economy, Plan};
 use crate::model::{Dataset, Family, FamilyName};
 use crate::picture::paint::{Subject, paint_nodes, paint_particles};
 use crate::picture::{governor, pilot, processor};
@@ -49,7 +49,7 @@ pub(super) fn draw(
     source: &Source,
     view: &View,
     size: UVec2,
-    (plan, limit): (Option<Plan>, u64),
+    (economy, plan, limit): (Economy, Option<Plan>, u64),
     (transfer, levels): (&TransferFunction, Option<Levels>),
     is_shown: bool,
 ) -> Result<(Accumulation, Plan, (u64, bool)), String> {
@@ -65,7 +65,6 @@ pub(super) fn draw(
         }
     };
     // What may be left out is decided for the whole picture, also where this one has fewer pixels.
-    let economy = depiction.settings.economy();
     let plan = match plan {
         Some(plan) => Ok(plan),
         None => pilot::plan(view, depiction, metadata, nodes, &economy, transfer, levels),

@@ -33,7 +33,7 @@ fn show(ui: &mut Ui, state: &PanelState<'_, '_>, settings: &mut Settings) {
     });
     attribute_combo(ui, state, settings);
     for setting in settings.mode.all_settings() {
-        mode_setting(ui, setting, &mut settings.mode_settings);
+        mode_setting(ui, setting, settings.values(setting));
     }
     let error = theme::NumberRow {
         label: "Error bound",

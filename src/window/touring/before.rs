@@ -5,11 +5,12 @@
 use super::{Player, Ranges};
 use crate::color::Image;
 use crate::color::transfer::Levels;
+use crate::look::LookPatch;
 use crate::mode::{Footprint, Mode};
 use crate::picture::governor::Governor;
 use crate::stream;
 use crate::tour::sketch::{Drawing, SketchError, depict, draw};
-use crate::tour::{self, Blend, State, Timeline};
+use crate::tour::{Blend, State, Timeline};
 use crate::view::View;
 use crate::window::lens::view_of;
 use crate::window::look::Look;
@@ -35,7 +36,7 @@ const BUDGET: u64 = 1 << 30;
 #[derive(Clone, PartialEq)]
 struct Key {
     view: View,
-    look: tour::Look,
+    look: LookPatch,
     levels: Option<Levels>,
     limit: u64,
     generation: u32,
@@ -232,7 +233,8 @@ pub fn draw_before(
         (true, false) => before.governor.limit(motion.volume_ms, motion.sample_sizes()),
     };
     let (place, lens) = viewpoint_of(&blend.camera);
-    let own = Settings { lens, cut: blend.look.cut, ..settings.clone() };
+    let cut = blend.look.cut.unwrap_or_default();
+    let own = Settings { lens, look: crate::look::Look { cut, ..settings.look.clone() }, ..settings.clone() };
     let Ok(view) = view_of(&place, &own, scene.periodic, size, aim.as_deref()) else { return };
     let key = Key { view, look: exposed.unwrap_or(blend.look), levels, limit, generation: scene.generation };
     let keyframe = then.keyframe;

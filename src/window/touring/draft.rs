@@ -1,8 +1,7 @@
 //! Editing a tour: keyframes of what is shown, moved in time, copied and removed.
 
-use super::look::difference;
-use crate::look::Camera;
-use crate::tour::{Keyframe, Look, Timeline, TourFile};
+use crate::look::{Camera, LookPatch};
+use crate::tour::{Keyframe, Timeline, TourFile};
 
 /// Least time between two keyframes, seconds.
 const APART: f64 = 0.05;
@@ -24,7 +23,13 @@ fn at(keyframe: &Keyframe) -> f64 {
 }
 
 /// Adds a keyframe with this look from this camera at a time, or behind the last one where that is `None`. Its number.
-pub fn keep(tour: &mut TourFile, timeline: Option<&Timeline>, time: Option<f64>, camera: Camera, look: &Look) -> usize {
+pub fn keep(
+    tour: &mut TourFile,
+    timeline: Option<&Timeline>,
+    time: Option<f64>,
+    camera: Camera,
+    look: &LookPatch,
+) -> usize {
     if let Some(timeline) = timeline {
         *tour = timed(tour, timeline);
     }
@@ -33,8 +38,10 @@ pub fn keep(tour: &mut TourFile, timeline: Option<&Timeline>, time: Option<f64>,
     let index = tour.keyframes.partition_point(|keyframe| at(keyframe) < time);
     // One that is there already is replaced: it is the same moment.
     let same = tour.keyframes.get(index).is_some_and(|next| at(next) - time < APART);
-    let before = tour.keyframes[..index].iter().fold(Look::default(), |look, keyframe| look.changed(keyframe));
-    let keyframe = Keyframe { at: Some(time), camera: Some(camera), ..difference(&before, look) };
+    let before =
+        tour.keyframes[..index].iter().fold(LookPatch::beginning(), |look, keyframe| look.then(&keyframe.look));
+    let keyframe =
+        Keyframe { at: Some(time), camera: Some(camera), look: before.patch_to(look), ..Keyframe::default() };
     if same {
         let old = &mut tour.keyframes[index];
         *old = Keyframe {
@@ -86,20 +93,12 @@ pub fn remove(tour: &mut TourFile, timeline: &Timeline, index: usize) {
     *tour = timed(tour, timeline);
     // The next one has to say what it had from the one that goes.
     if let (Some(next), Some(stop)) = (tour.keyframes.get(index + 1).cloned(), timeline.stops().get(index + 1)) {
-        let before = tour.keyframes[..index].iter().fold(Look::default(), |look, keyframe| look.changed(keyframe));
+        let before =
+            tour.keyframes[..index].iter().fold(LookPatch::beginning(), |look, keyframe| look.then(&keyframe.look));
         let words = next.caption.clone().or_else(|| tour.keyframes[index].caption.clone());
         let images = next.images.clone().or_else(|| tour.keyframes[index].images.clone());
-        let said = difference(&before, &timeline.look(index + 1, stop.arrive));
         tour.keyframes[index + 1] = Keyframe {
-            mode: said.mode,
-            settings: said.settings,
-            attribute: said.attribute,
-            families: said.families,
-            transfer: said.transfer,
-            annotations: said.annotations,
-            error_px: said.error_px,
-            cut: said.cut,
-            selections: said.selections,
+            look: before.patch_to(&timeline.look(index + 1, stop.arrive)),
             camera: Some(timeline.state(stop.arrive).camera),
             around: None,
             orbit: 0.0,

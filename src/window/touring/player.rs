@@ -3,8 +3,9 @@
 use super::clock::{Clock, ClockState};
 use super::{draft, look};
 use crate::look::DatasetRef;
+use crate::look::LookPatch;
 use crate::model::FamilyName;
-use crate::tour::{Look, State, Surroundings, Timeline, TourFile};
+use crate::tour::{State, Surroundings, Timeline, TourFile};
 use crate::window::camera::{Anchor, Flight, Navigation, Viewpoint};
 use crate::window::free_name::free_name;
 use crate::window::input::{PointerOwner, is_control};
@@ -71,7 +72,7 @@ pub struct Player {
     timeline: Option<Arc<Timeline>>,
     clock: Clock,
     state: Option<State>,
-    shown: Option<Look>,
+    shown: Option<LookPatch>,
     asked: Vec<Asked>,
     /// The keyframe that is edited in the panel.
     pub selected: Option<usize>,
@@ -317,7 +318,7 @@ pub fn play_tour(
 }
 
 /// Makes keyframes of a flight that is recorded.
-fn record(player: &mut Player, now: f64, (camera, look): &(crate::look::Camera, Look)) {
+fn record(player: &mut Player, now: f64, (camera, look): &(crate::look::Camera, LookPatch)) {
     let Some(recording) = player.recording else { return };
     let time = now - recording.since;
     if time >= recording.last + SAMPLE {
@@ -326,7 +327,7 @@ fn record(player: &mut Player, now: f64, (camera, look): &(crate::look::Camera, 
     }
 }
 
-fn add_keyframe(player: &mut Player, time: Option<f64>, camera: &crate::look::Camera, look: &Look) {
+fn add_keyframe(player: &mut Player, time: Option<f64>, camera: &crate::look::Camera, look: &LookPatch) {
     let tour = player.tour.get_or_insert_with(|| TourFile::new(Vec::new()));
     let kept = draft::keep(tour, player.timeline.as_deref(), time, *camera, look);
     player.selected = Some(kept);
@@ -348,7 +349,7 @@ fn carry_out(
     asked: Asked,
     now: f64,
     scene: &Scene,
-    (camera, look): &(crate::look::Camera, Look),
+    (camera, look): &(crate::look::Camera, LookPatch),
     messages: &mut Notices,
 ) {
     let timeline = player.timeline.clone();

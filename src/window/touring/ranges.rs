@@ -3,6 +3,7 @@
 
 use super::Player;
 use crate::color::transfer::{Levels, TransferFunction};
+use crate::look::LookPatch;
 use crate::mode::Footprint;
 use crate::stream;
 use crate::tour::exposure::{Exposure, Measured, Moment, is_searched};
@@ -90,7 +91,7 @@ impl Rehearsed {
 
     /// The ranges of the picture's look at a moment of the tour, where they are known and the picture shows what was measured.
     fn levels(&self, state: &State, look: &Look) -> Option<Levels> {
-        let shown = crate::tour::Look { transfer: Some(look.transfer.clone()), ..state.look.clone() };
+        let shown = LookPatch { transfer: Some(look.transfer.clone()), ..state.look.clone() };
         if is_searched(&shown) {
             let measured = self.exposure.measured(state.keyframe, state.time)?;
             let scales = |transfer: &TransferFunction| (transfer.scale, transfer.hue.as_ref().map(|hue| hue.scale));
@@ -116,13 +117,7 @@ impl Ranges {
     }
 
     /// A look after a keyframe as it is at a time of this tour, with numbers for its ranges; `None` before they are known.
-    pub fn exposed(
-        &self,
-        timeline: &Arc<Timeline>,
-        keyframe: usize,
-        time: f64,
-        look: &crate::tour::Look,
-    ) -> Option<crate::tour::Look> {
+    pub fn exposed(&self, timeline: &Arc<Timeline>, keyframe: usize, time: f64, look: &LookPatch) -> Option<LookPatch> {
         let tour = self.tour.as_ref().filter(|tour| Arc::ptr_eq(&tour.timeline, timeline))?;
         tour.exposure.exposed(keyframe, time, look)
     }

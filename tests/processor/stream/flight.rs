@@ -2,7 +2,7 @@
 //! waited for, and `render` says what it could not read.
 
 use super::disk::{offset_of, sound};
-use crate::support::run;
+use crate::support::{program, run};
 use serde_json::Value;
 use std::io::{Seek, SeekFrom, Write};
 
@@ -44,7 +44,7 @@ fn without_a_display_nothing_is_printed_and_the_processor_asks_for_no_adapter() 
     std::fs::write(folder.path().join("sound.df"), sound()).unwrap();
     let render = |backend: &[&str], loader_tells: &str| {
         let arguments = ["render", "sound.df", "-o", "p.png", "--size", "60x40"];
-        let mut command = Command::new(env!("CARGO_BIN_EXE_deepfield"));
+        let mut command = program();
         command.args(arguments).args(backend).current_dir(folder.path()).env("VK_LOADER_DEBUG", loader_tells);
         for name in ["DISPLAY", "WAYLAND_DISPLAY", "XDG_RUNTIME_DIR", "NODEVICE_SELECT"] {
             command.env_remove(name);

@@ -1,8 +1,6 @@
 //! Values of a scene that are of the right type and make no sense all the same.
 
-use super::{Camera, SceneFile, VERSION};
-use crate::explore::ExploreError;
-use crate::mode::setting::SettingError;
+use super::{Camera, ERRORS_PX, SceneFile, VERSION};
 use crate::model::ron_file::RonError;
 use crate::model::ron_place::Place;
 use crate::modes;
@@ -33,21 +31,8 @@ pub(super) fn check(scene: &SceneFile, file: &str, text: &str) -> Result<(), Ron
             return Err(place.refuse(&["datasets", "scale"], scale, "a positive number, 1e-30 to 1e30"));
         }
     }
-    let mode = match &scene.mode {
-        Some(name) => {
-            modes::find(name).ok_or_else(|| place.refuse(&["mode"], name, format!("one of {}", modes::names())))?
-        }
-        None => modes::first(),
-    };
-    scene.settings.check(mode).map_err(|error| match error {
-        SettingError::Unknown { name, expected, .. } => {
-            place.refuse(&["settings", &name], &name, format!("a setting of {}: {expected}", mode.name))
-        }
-        SettingError::Value { name, found, expected } => place.refuse(&["settings", name], found, expected),
-    })?;
-    if let Some(error_px) = scene.error_px.filter(|value| !(0.05..=64.0).contains(value)) {
-        return Err(place.refuse(&["error_px"], error_px, "0.05 to 64 pixels"));
-    }
+    let refuse = |path: &[&str], found, expected| place.refuse(path, found, expected);
+    scene.look.check(scene.look.mode.unwrap_or(modes::first()), ERRORS_PX, &refuse)?;
     if let Some((width, height)) = scene.size
         && !((1..=32768).contains(&width) && (1..=32768).contains(&height))
     {
@@ -71,9 +56,6 @@ pub(super) fn check(scene: &SceneFile, file: &str, text: &str) -> Result<(), Ron
         }
         check_camera(&place, &["bookmarks", "camera"], &bookmark.camera)?;
     }
-    if scene.selections.iter().filter(|set| set.follow).count() > 1 {
-        return Err(place.refuse(&["selections", "follow"], "two that are followed", "one at most"));
-    }
     if let Some(film) = &scene.film {
         if !(0.0..=1.0).contains(&film.share) {
             return Err(place.refuse(&["film", "share"], film.share, "a number from 0 to 1"));
@@ -84,15 +66,6 @@ pub(super) fn check(scene: &SceneFile, file: &str, text: &str) -> Result<(), Ron
             }
             check(from, file, text)?;
         }
-    }
-    for set in &scene.selections {
-        set.check().map_err(|error| match error {
-            ExploreError::Value { field, found, expected } => {
-                let last = field.rsplit('.').next().unwrap_or(&field);
-                place.refuse(&["selections", &set.name, last], found, expected)
-            }
-            other => place.refuse(&["selections"], other, "a selection"),
-        })?;
     }
     Ok(())
 }

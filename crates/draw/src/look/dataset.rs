@@ -123,7 +123,9 @@ impl SceneFile {
         let mut all = Located::default();
         for dataset in &self.datasets {
             let one = dataset.locate(scene)?;
-            all.members.extend(one.members);
+            let families = |member: Member| member.families.clone().or(self.look.families.clone());
+            all.members
+                .extend(one.members.into_iter().map(|member| Member { families: families(member.clone()), ..member }));
             all.notes.extend(one.notes);
         }
         Ok(all)

@@ -9,18 +9,23 @@ pub mod members;
 
 mod check;
 mod film;
+mod mix;
+mod patch;
+pub mod picture_config;
+mod shot;
 mod text;
 
 pub use dataset::{DatasetRef, Fingerprint, Located};
 pub use film::Film;
 pub use members::{Member, data_file, open_members, shown_families};
+pub use mix::mix;
+pub use patch::{ERROR_PX, ERRORS_PX, Look, LookPatch};
+pub(crate) use patch::{define_look_text, with_look_fields};
+pub use picture_config::{Backend, CameraConfig, PictureConfig};
+pub use shot::Shot;
 pub use text::{SceneError, is_scene_file};
 
-use crate::annotate::Annotations;
-use crate::color::transfer::TransferFunction;
-use crate::explore::SelectionSet;
-use crate::mode::Settings;
-use crate::view::{CutSettings, Projection, Stereo, Surround, View, ViewError};
+use crate::view::{Projection, Stereo, Surround, View, ViewError};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -30,61 +35,52 @@ pub const VERSION: u32 = 1;
 
 /// A scene.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(from = "SceneText", into = "SceneText")]
 pub struct SceneFile {
     /// [`VERSION`].
     pub version: u32,
     /// What is shown, in the units of the first.
     pub datasets: Vec<DatasetRef>,
-    /// Visualization mode; the data's usual one where it is `None`.
-    #[serde(default)]
-    pub mode: Option<String>,
-    /// Settings of the mode that differ from their defaults.
-    #[serde(default)]
-    pub settings: Settings,
-    /// Which attribute gives the hue.
-    #[serde(default)]
-    pub attribute: Attribute,
-    /// From values to colours, for splats and volumes; the mode's own where it is `None`.
-    #[serde(default)]
-    pub transfer: Option<TransferFunction>,
-    /// What is written into the picture; the program's own where it is `None`.
-    #[serde(default)]
-    pub annotations: Option<Annotations>,
-    /// Largest displacement of a particle on screen, pixels; the program's own where it is `None`.
-    #[serde(default)]
-    pub error_px: Option<f64>,
+    /// What it looks like; the program's own where it says nothing.
+    pub look: LookPatch,
     /// Size of the picture, pixels.
-    #[serde(default)]
     pub size: Option<(u32, u32)>,
     /// Where the camera stands; around the data where it is `None`.
-    #[serde(default)]
     pub camera: Option<Camera>,
     /// How directions become a picture of `deepfield render`; the window shows flat ones.
-    #[serde(default)]
     pub projection: Surround,
     /// A picture for each eye, of `deepfield render`.
-    #[serde(default)]
     pub stereo: Option<Stereo>,
-    /// What is left out and faded.
-    #[serde(default)]
-    pub cut: CutSettings,
     /// Viewpoints on number keys.
-    #[serde(default)]
     pub bookmarks: Vec<Bookmark>,
-    /// Coloured selections.
-    #[serde(default)]
-    pub selections: Vec<SelectionSet>,
     /// A catalogue of named objects; where it is relative, from the scene file's folder.
-    #[serde(default)]
     pub labels: Option<PathBuf>,
     /// The window's panels.
-    #[serde(default)]
     pub panels: Panels,
     /// What a tour's picture has beyond a scene.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub film: Option<Film>,
 }
+
+with_look_fields!(define_look_text! { written SceneText of SceneFile, attribute Attribute, {
+    version: u32,
+    datasets: Vec<DatasetRef>,
+    #[serde(default)]
+    size: Option<(u32, u32)>,
+    #[serde(default)]
+    camera: Option<Camera>,
+    #[serde(default)]
+    projection: Surround,
+    #[serde(default)]
+    stereo: Option<Stereo>,
+    #[serde(default)]
+    bookmarks: Vec<Bookmark>,
+    #[serde(default)]
+    labels: Option<PathBuf>,
+    #[serde(default)]
+    panels: Panels,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    film: Option<Film>,
+}});
 
 /// Which attribute gives the hue.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -161,19 +157,12 @@ impl SceneFile {
         SceneFile {
             version: VERSION,
             datasets,
-            mode: None,
-            settings: Settings::default(),
-            attribute: Attribute::default(),
-            transfer: None,
-            annotations: None,
-            error_px: None,
+            look: LookPatch::default(),
             size: None,
             camera: None,
             projection: Surround::Flat,
             stereo: None,
-            cut: CutSettings::default(),
             bookmarks: Vec::new(),
-            selections: Vec::new(),
             labels: None,
             panels: Panels::default(),
             film: None,

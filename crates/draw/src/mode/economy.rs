@@ -1,4 +1,4 @@
-//! What a picture may leave undrawn: settings that every mode of sums has, and what they come to for one picture.
+//! What a picture may leave undrawn: settings of any picture of sums and of no mode, and what they come to for one picture.
 //!
 //! - Culling: particles that no pixel sees cost nothing.
 //! - Presence acceleration (F12 4.7.3, 4.9.2): a particle whose brightest pixel stays below `P_min / n` is dropped. Light is
@@ -8,7 +8,7 @@
 //!   `min(1, c (m / m_mean) (h in pixels)^(3/4))`: small splats disturb few pixels, and one that stands for many source
 //!   particles is worth as much as they. `c` follows from a budget for the colour error; see [`crate::picture::pilot`].
 
-use super::{Conserved, Depiction, Footprint, Output, Setting, SettingKind, SettingValue, Settings};
+use super::{Conserved, Depiction, Footprint, Output, Setting, SettingError, SettingKind, SettingValue, Settings};
 use crate::mode::sample::Sample;
 use crate::model::Bounds;
 use crate::store::{FamilyMetadata, Node};
@@ -38,8 +38,13 @@ pub static THINNING: Setting = Setting {
     help: "mean colour error that drawing a weighted sample of the particles may cause; 0: all are drawn (as in files unless set)",
 };
 
-/// The settings that every mode of sums has.
+/// What any picture of sums may leave undrawn.
 pub static COMMON: [&Setting; 3] = [&CULLING, &PRESENCE, &THINNING];
+
+/// Whether a setting is one of [`COMMON`].
+pub fn is_common(name: &str) -> bool {
+    COMMON.iter().any(|setting| setting.name == name)
+}
 
 /// What a picture may leave undrawn, as the user has set it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -83,16 +88,22 @@ impl Settings {
         }
     }
 
-    /// Sets one of [`COMMON`].
+    /// Whether these are all of [`COMMON`], with values that they take.
+    ///
+    /// # Errors
+    /// [`SettingError`] for the first that is not.
+    pub fn check_common(&self) -> Result<(), SettingError> {
+        self.check_against("what may be left undrawn", COMMON.into_iter())
+    }
+
+    /// Sets one.
     pub fn set(&mut self, setting: &Setting, value: SettingValue) {
         self.0.insert(setting.name.to_owned(), value);
     }
 
-    /// Those of [`COMMON`] that are set: what stays when the mode changes.
+    /// Those of [`COMMON`], as files have had them among the settings of a mode.
     pub fn common(&self) -> Settings {
-        let is_common = |name: &str| COMMON.iter().any(|setting| setting.name == name);
-        let own = self.0.iter().filter(|(name, _)| is_common(name));
-        Settings(own.map(|(name, value)| (name.clone(), value.clone())).collect())
+        self.filtered(is_common)
     }
 }
 
@@ -185,7 +196,9 @@ mod tests {
         settings.set(&THINNING, SettingValue::Number(2.0));
         assert_eq!(settings.file_economy().thinning, 2.0);
         assert_eq!(settings.common(), settings);
+        settings.check_common().unwrap();
         settings.0.insert("radius".into(), SettingValue::Number(1.0));
+        assert!(settings.check_common().is_err());
         assert_eq!(settings.common().0.len(), 1);
     }
 }

@@ -4,6 +4,7 @@
 
 pub mod depiction;
 pub mod economy;
+mod named;
 pub mod sample;
 pub mod setting;
 pub mod technique;
@@ -95,10 +96,15 @@ impl std::fmt::Debug for Mode {
 }
 
 impl Mode {
-    /// Its settings, then those that every mode of sums has.
+    /// Its settings.
+    pub fn own_settings(&self) -> impl Iterator<Item = &'static Setting> + Clone + use<> {
+        self.settings.iter().copied().flatten().copied()
+    }
+
+    /// Its settings, then those of what a picture of sums may leave undrawn.
     pub fn all_settings(&self) -> impl Iterator<Item = &'static Setting> + use<> {
-        let common: &[&Setting] = if self.technique.output() == Output::Sums { &economy::COMMON } else { &[] };
-        self.settings.iter().copied().flatten().chain(common).copied()
+        let common: &[&'static Setting] = if self.is_light() { &[] } else { &economy::COMMON };
+        self.own_settings().chain(common.iter().copied())
     }
 
     /// Whether its pictures are colours straight from the particles, not values that a transfer function colours.

@@ -184,17 +184,37 @@ impl Settings {
     /// # Errors
     /// [`SettingError`] for the first that it has not or does not take.
     pub fn check(&self, mode: &super::Mode) -> Result<(), SettingError> {
+        self.check_against(mode.name, mode.own_settings())
+    }
+
+    /// The same for the settings `known` of whatever is called `mode`.
+    pub(super) fn check_against(
+        &self,
+        mode: &'static str,
+        known: impl Iterator<Item = &'static Setting> + Clone,
+    ) -> Result<(), SettingError> {
         for (name, value) in &self.0 {
-            match mode.all_settings().find(|setting| setting.name == name) {
+            match known.clone().find(|setting| setting.name == name) {
                 Some(setting) => setting.check(value)?,
                 None => {
-                    let names: Vec<&str> = mode.all_settings().map(|setting| setting.name).collect();
-                    let expected = names.join(", ");
-                    return Err(SettingError::Unknown { mode: mode.name, name: name.clone(), expected });
+                    let names: Vec<&str> = known.map(|setting| setting.name).collect();
+                    let expected = if names.is_empty() { "none".into() } else { names.join(", ") };
+                    return Err(SettingError::Unknown { mode, name: name.clone(), expected });
                 }
             }
         }
         Ok(())
+    }
+
+    /// Those with such names.
+    pub fn filtered(&self, is_wanted: impl Fn(&str) -> bool) -> Settings {
+        let wanted = self.0.iter().filter(|(name, _)| is_wanted(name));
+        Settings(wanted.map(|(name, value)| (name.clone(), value.clone())).collect())
+    }
+
+    /// Those that a mode has.
+    pub fn of_mode(&self, mode: &super::Mode) -> Settings {
+        self.filtered(|name| mode.own_settings().any(|setting| setting.name == name))
     }
 
     /// The number that `setting` has here, or its default.
@@ -254,7 +274,7 @@ mod tests {
         for (wrong, part) in [
             (r#"{"radius": 1e9}"#, "radius is 1000000000, expected a number from"),
             (r#"{"radius": true}"#, "radius is true, expected a number from"),
-            (r#"{"radios": 1.0}"#, "points has no setting radios, expected radius, culling, "),
+            (r#"{"radios": 1.0}"#, "points has no setting radios, expected radius"),
         ] {
             let settings: Settings = ron::from_str(wrong).unwrap();
             let message = settings.check(&points::MODE).unwrap_err().to_string();

@@ -3,6 +3,7 @@
 pub mod around;
 pub mod fade;
 pub mod governor;
+pub mod look;
 pub mod paint;
 pub mod panorama;
 pub mod pilot;

@@ -2,9 +2,8 @@
 
 use super::file::{Keyframe, TourFile, VERSION, What};
 use super::place::TourPlace;
-use crate::explore::ExploreError;
+use crate::look::ERRORS_PX;
 use crate::mode::Mode;
-use crate::mode::setting::SettingError;
 use crate::model::ron_file::RonError;
 use crate::model::ron_place::Place;
 use crate::modes;
@@ -59,13 +58,11 @@ pub(super) fn check(tour: &TourFile, file: &str, text: &str) -> Result<(), RonEr
         {
             return Err(place.refuse_in(index, &["label"], label, "a name that no other keyframe has"));
         }
-        if let Some(name) = &keyframe.mode {
-            let expected = || format!("one of {}", modes::names());
-            mode = modes::find(name).ok_or_else(|| place.refuse_in(index, &["mode"], name, expected()))?;
-        }
+        mode = keyframe.look.mode.unwrap_or(mode);
         reached = check_times(&place, index, keyframe, reached)?;
         check_camera(&place, index, keyframe)?;
-        check_look(&place, index, keyframe, mode)?;
+        let refuse = |path: &[&str], found, expected| place.refuse_in(index, path, found, expected);
+        keyframe.look.check(mode, ERRORS_PX, &refuse)?;
     }
     Ok(())
 }
@@ -137,29 +134,6 @@ fn check_camera(place: &Place<'_>, index: usize, keyframe: &Keyframe) -> Result<
             format!("{middle:?}, {radius}"),
             "finite numbers, a radius above 0",
         ));
-    }
-    Ok(())
-}
-
-fn check_look(place: &Place<'_>, index: usize, keyframe: &Keyframe, mode: &Mode) -> Result<(), RonError> {
-    keyframe.settings.check(mode).map_err(|error| match error {
-        SettingError::Unknown { name, expected, .. } => {
-            let expected = format!("a setting of {}: {expected}", mode.name);
-            place.refuse_in(index, &["settings", &name], &name, expected)
-        }
-        SettingError::Value { name, found, expected } => place.refuse_in(index, &["settings", name], found, expected),
-    })?;
-    if let Some(error_px) = keyframe.error_px.filter(|value| !(0.05..=64.0).contains(value)) {
-        return Err(place.refuse_in(index, &["error_px"], error_px, "0.05 to 64 pixels"));
-    }
-    for set in keyframe.selections.iter().flatten() {
-        set.check().map_err(|error| match error {
-            ExploreError::Value { field, found, expected } => {
-                let last = field.rsplit('.').next().unwrap_or(&field);
-                place.refuse_in(index, &["selections", &set.name, last], found, expected)
-            }
-            other => place.refuse_in(index, &["selections"], other, "a selection"),
-        })?;
     }
     Ok(())
 }

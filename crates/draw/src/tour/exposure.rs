@@ -2,8 +2,9 @@
 //! moments a second and a half apart, and follow curves between those: the same ones in a recording and in the window.
 
 use super::spline::{cubic, velocity_of_number};
-use super::{Look, Move, Timeline};
+use super::{Move, Timeline};
 use crate::color::transfer::{Levels, Range, Scale, TransferFunction};
+use crate::look::LookPatch;
 use crate::mode::Mode;
 use std::collections::HashMap;
 
@@ -138,7 +139,7 @@ impl Exposure {
 
     /// A look after a keyframe as it is at a time, with numbers for ranges that are found from pictures; `None` before they are
     /// known.
-    pub fn exposed(&self, keyframe: usize, time: f64, look: &Look) -> Option<Look> {
+    pub fn exposed(&self, keyframe: usize, time: f64, look: &LookPatch) -> Option<LookPatch> {
         if !is_searched(look) {
             return Some(look.clone());
         }
@@ -149,7 +150,7 @@ impl Exposure {
 }
 
 /// Whether a look leaves ranges to be found from its pictures.
-pub fn is_searched(look: &Look) -> bool {
+pub fn is_searched(look: &LookPatch) -> bool {
     let is_auto = |transfer: &TransferFunction| {
         transfer.range == Range::Auto || transfer.hue.as_ref().is_some_and(|hue| hue.range == Range::Auto)
     };
@@ -157,7 +158,7 @@ pub fn is_searched(look: &Look) -> bool {
 }
 
 /// The look with numbers in place of automatic ranges: between `found[1]` and `found[2]` at a share of the way.
-fn fixed(look: &Look, found: [&Measured; 4], share: f64) -> Look {
+fn fixed(look: &LookPatch, found: [&Measured; 4], share: f64) -> LookPatch {
     let between = |scale: Scale, value: &dyn Fn(&Measured) -> f64| {
         let log = scale == Scale::Log && found.iter().all(|each| value(each) > 0.0);
         let at = |i: usize| if log { value(found[i]).ln() } else { value(found[i]) };
@@ -201,7 +202,10 @@ mod tests {
         let tour = TourFile::new(vec![
             Keyframe { label: label.map(str::to_owned), ..keyframe(0.0, 0.0) },
             keyframe(6.0, 40.0),
-            Keyframe { mode: Some("points".into()), ..keyframe(10.0, 20.0) },
+            Keyframe {
+                look: LookPatch { mode: crate::modes::find("points"), ..LookPatch::default() },
+                ..keyframe(10.0, 20.0)
+            },
             keyframe(12.0, 20.0),
         ]);
         let framed = Bounds { min: DVec3::ZERO, max: DVec3::ONE };
@@ -215,7 +219,7 @@ mod tests {
         Measured { mode: modes::first(), attribute: None, transfer: TransferFunction::default(), levels }
     }
 
-    fn high(look: &Look) -> f64 {
+    fn high(look: &LookPatch) -> f64 {
         match look.transfer.as_ref().unwrap().range {
             Range::Fixed(_, high) => high,
             Range::Auto => panic!("no numbers"),
@@ -244,7 +248,7 @@ mod tests {
         assert!((found / (100.0 * 2f64.powf(time)) - 1.0).abs() < 1e-9);
         // Numbers stay what they are.
         let transfer = TransferFunction { range: Range::Fixed(3.0, 5.0), ..TransferFunction::default() };
-        let set = Look { transfer: Some(transfer), ..state.look };
+        let set = LookPatch { transfer: Some(transfer), ..state.look };
         assert_eq!(exposure.exposed(3, 11.0, &set).as_ref(), Some(&set));
         // A picture that blends from the run before has the ranges of that run's end.
         moments.iter().for_each(|moment| exposure.take(*moment, measured(10.0 + exposure.time(*moment))));

@@ -1,14 +1,11 @@
 //! A tour as a user writes it: RON, of which a misspelled field is an error that names the place.
 
-use crate::annotate::{Annotations, overlay::Picture};
-use crate::color::transfer::TransferFunction;
-use crate::explore::{ExploreError, SelectionSet};
-use crate::look::{Attribute, Camera, DatasetRef};
-use crate::mode::Settings;
-use crate::model::FamilyName;
+use crate::annotate::overlay::Picture;
+use crate::explore::ExploreError;
+use crate::look::{Attribute, Camera, DatasetRef, LookPatch, define_look_text, with_look_fields};
 use crate::model::new_file;
 use crate::model::ron_file::{self, RonError};
-use crate::view::{CutSettings, Stereo, Surround};
+use crate::view::{Stereo, Surround};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -86,7 +83,7 @@ fn up() -> [f64; 3] {
 
 /// A moment of a tour. What it does not say stays as it was.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
+#[serde(from = "KeyframeText", into = "KeyframeText")]
 pub struct Keyframe {
     /// A name to go to.
     pub label: Option<String>,
@@ -101,7 +98,6 @@ pub struct Keyframe {
     /// Whether the camera comes to rest here even without a pause.
     pub rest: bool,
     /// How the camera comes here.
-    #[serde(rename = "move")]
     pub motion: Move,
     /// How numbers other than the camera's change on the way here.
     pub easing: Easing,
@@ -113,29 +109,44 @@ pub struct Keyframe {
     pub around: Option<Around>,
     /// Degrees that the camera turns around what it looks at on the way here, to the right.
     pub orbit: f64,
-    /// Visualization mode.
-    pub mode: Option<String>,
-    /// Settings of the mode, beside those that were set before.
-    pub settings: Settings,
-    /// Which attribute gives the hue.
-    pub attribute: Option<Attribute>,
-    /// The families that are drawn.
-    pub families: Option<Vec<FamilyName>>,
-    /// From values to colours.
-    pub transfer: Option<TransferFunction>,
-    /// What is written into the picture.
-    pub annotations: Option<Annotations>,
-    /// Largest displacement of a particle on screen, pixels.
-    pub error_px: Option<f64>,
-    /// What is left out and faded.
-    pub cut: Option<CutSettings>,
-    /// Coloured selections.
-    pub selections: Option<Vec<SelectionSet>>,
+    /// What it looks like from here on.
+    pub look: LookPatch,
     /// Words at the foot of the picture; none for an empty text.
     pub caption: Option<String>,
     /// Pictures that are laid over it: logos.
     pub images: Option<Vec<Picture>>,
 }
+
+with_look_fields!(define_look_text! { written KeyframeText of Keyframe, attribute Attribute, {
+    #[serde(default)]
+    label: Option<String>,
+    #[serde(default)]
+    at: Option<f64>,
+    #[serde(default)]
+    after: Option<f64>,
+    #[serde(default)]
+    pause: f64,
+    #[serde(default)]
+    hold: bool,
+    #[serde(default)]
+    rest: bool,
+    #[serde(default, rename = "move")]
+    motion: Move,
+    #[serde(default)]
+    easing: Easing,
+    #[serde(default)]
+    fade: f64,
+    #[serde(default)]
+    camera: Option<Camera>,
+    #[serde(default)]
+    around: Option<Around>,
+    #[serde(default)]
+    orbit: f64,
+    #[serde(default)]
+    caption: Option<String>,
+    #[serde(default)]
+    images: Option<Vec<Picture>>,
+}});
 
 /// How a camera comes to a keyframe.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]

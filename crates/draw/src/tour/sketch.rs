@@ -1,7 +1,6 @@
 //! Pictures of a tour's looks, drawn by the processor from the page file itself: to find the ranges of their colours in advance, and
 //! for what another picture is blended with.
 
-use super::Look;
 use super::exposure::Measured;
 use crate::color::composite::composite_at;
 use crate::color::transfer::{Levels, TransferFunction};
@@ -9,10 +8,10 @@ use crate::color::{Accumulation, Image};
 use crate::cpu::volume::{Processor, VolumeError};
 use crate::cpu::{Method, SplatError, SplatOptions};
 use crate::hierarchy::Purpose;
-use crate::look::{Attribute, Camera};
+use crate::look::{Camera, ERROR_PX, LookPatch};
 use crate::mode::{Depiction, Footprint, Plan};
-use crate::modes;
 use crate::picture::around::{Alike, sketch, with_images};
+use crate::picture::look::{self, transfer_of};
 use crate::picture::paint::{Subject, densest_of, find_levels, paint_nodes};
 use crate::picture::panorama::assemble;
 use crate::picture::{governor, pilot, processor};
@@ -28,8 +27,6 @@ use thiserror::Error;
 const SIDE: u32 = 540;
 /// How the faces of a panorama are sampled: with a few more pixels than it has, since splats may be as small as one.
 const FACES: Sampling = Sampling { oversampling: 1.5, density: 1.5, margin: 0 };
-/// Largest displacement of a particle on screen where a look says nothing, pixels.
-const ERROR: f64 = 0.8;
 
 /// A picture that cannot be drawn.
 #[derive(Debug, Error)]
@@ -78,32 +75,12 @@ impl Format {
 ///
 /// # Errors
 /// When they do not fit the data.
-pub fn depict(look: &Look, metadata: &Metadata) -> Result<Depiction, SketchError> {
-    let fields = metadata.families.iter().flat_map(|family| &family.attributes).map(|field| field.name.as_str());
-    let mode = look.mode.as_deref().and_then(modes::find).unwrap_or_else(|| modes::usual(fields));
-    let attribute = match &look.attribute {
-        Attribute::Named(name) => Some(name.as_str()),
-        Attribute::Automatic | Attribute::None => None,
-    };
-    let depiction = Depiction::of_pages(mode, look.settings.clone(), attribute, metadata);
-    let mut depiction = depiction.map_err(SketchError::Depiction)?;
-    depiction.attribute = depiction.attribute.filter(|_| look.attribute != Attribute::None);
-    Ok(depiction)
-}
-
-/// The transfer function of a look: its own, or the usual one.
-fn transfer_of(look: &Look, depiction: &Depiction) -> TransferFunction {
-    let painted = depiction.mode.is_light();
-    let usual = || match painted {
-        true => Some(TransferFunction::of_volumes(depiction.attribute.is_some())),
-        false => TransferFunction::preset(depiction.mode.transfer[usize::from(depiction.attribute.is_some())]),
-    };
-    let own = look.transfer.clone().or_else(|| usual().map(|usual| depiction.suited(usual))).unwrap_or_default();
-    if painted { own.for_volume() } else { own }
+pub fn depict(look: &LookPatch, metadata: &Metadata) -> Result<Depiction, SketchError> {
+    look::depict(look, metadata).map_err(SketchError::Depiction)
 }
 
 /// Shows the families and levels of a look from now on.
-fn choose(scene: &mut Scene, look: &Look, depiction: &Depiction, metadata: &Metadata) {
+fn choose(scene: &mut Scene, look: &LookPatch, depiction: &Depiction, metadata: &Metadata) {
     let is_shown = |index: &u32| {
         let name = metadata.families.get(*index as usize).map(|family| family.name);
         look.families.as_ref().is_none_or(|shown| name.is_some_and(|name| shown.contains(&name)))
@@ -119,7 +96,7 @@ fn choose(scene: &mut Scene, look: &Look, depiction: &Depiction, metadata: &Meta
 /// [`SketchError`] when the look does not fit the data, or nothing of it can be read.
 pub fn measure(
     scene: &mut Scene,
-    look: &Look,
+    look: &LookPatch,
     camera: &Camera,
     format: Format,
     tell: &mut dyn FnMut(String),
@@ -132,9 +109,10 @@ pub fn measure(
     let (width, height) = format.sketch(depiction.footprint()).size;
     let is_flat = format.surround.is_flat();
     let middle = if is_flat { camera.target } else { camera.eye };
-    let mut view = look.cut.applied(&camera.view(width, height)?, middle.into(), metadata.periodic_box());
+    let mut view =
+        look.cut.unwrap_or_default().applied(&camera.view(width, height)?, middle.into(), metadata.periodic_box());
     view.cut.around = !is_flat && view.cut.fade_rate > 0.0;
-    let tau = look.error_px.unwrap_or(ERROR);
+    let tau = look.error_px.unwrap_or(ERROR_PX);
     let panorama = Panorama::around(&view, format.surround)?;
     let levels = match (depiction.mode.is_light(), panorama) {
         (false, None) => transfer.levels(&splats(scene, look, &depiction, &transfer, (&view, tau, u64::MAX), tell)?.0),
@@ -200,7 +178,7 @@ pub struct Drawing {
 /// As [`measure`].
 pub fn draw(
     scene: &mut Scene,
-    look: &Look,
+    look: &LookPatch,
     view: &View,
     Drawing { levels, diameter, limit }: Drawing,
     tell: &mut dyn FnMut(String),
@@ -210,7 +188,7 @@ pub fn draw(
     let depiction = depict(look, metadata)?;
     choose(scene, look, &depiction, metadata);
     let mut transfer = transfer_of(look, &depiction);
-    let tau = look.error_px.unwrap_or(ERROR);
+    let tau = look.error_px.unwrap_or(ERROR_PX);
     if !depiction.mode.is_light() {
         let (picture, taken) = splats(scene, look, &depiction, &transfer, (view, tau, limit), tell)?;
         let levels = levels.unwrap_or_else(|| transfer.levels(&picture));
@@ -238,7 +216,7 @@ pub fn draw(
 /// `P` and `S` of a view, of so many particles at most; and how many it took.
 fn splats(
     scene: &mut Scene,
-    look: &Look,
+    look: &LookPatch,
     depiction: &Depiction,
     transfer: &TransferFunction,
     (view, tau, limit): (&View, f64, u64),
@@ -247,7 +225,7 @@ fn splats(
     let file = Arc::clone(scene.streamer.residency.tree());
     let metadata = file.metadata();
     let selection = scene.converge(&depiction.selection_view(view), tau, tell)?;
-    let economy = look.settings.file_economy();
+    let economy = look.budget.file_economy();
     let plan = pilot::plan(view, depiction, metadata, &selection.nodes, &economy, transfer, None)?;
     let important = governor::most_important(depiction, metadata);
     let (plan, taken) = governor::within(limit, plan, view, depiction, metadata, &selection.nodes, &important);

@@ -2,12 +2,11 @@
 
 use super::around::Surroundings;
 use super::file::{Easing, Keyframe, Move, TourError, TourFile};
-use super::look::{Look, mix};
 use super::path::{Knot, Path, Pose};
 use super::spline::turn;
 use super::zoom_pan::ZoomPan;
 use crate::annotate::overlay::Picture;
-use crate::look::Camera;
+use crate::look::{Camera, LookPatch, mix};
 use glam::DVec3;
 use std::collections::BTreeMap;
 
@@ -29,7 +28,7 @@ pub struct Stop {
     /// Seconds in which the picture blends from what was.
     pub fade: f64,
     easing: Easing,
-    look: Look,
+    look: LookPatch,
     caption: String,
     images: Vec<Picture>,
 }
@@ -44,7 +43,7 @@ pub struct State {
     /// Where the camera stands.
     pub camera: Camera,
     /// Everything else of the picture.
-    pub look: Look,
+    pub look: LookPatch,
     /// The picture that this one is blended with.
     pub blend: Option<Blend>,
     /// Words at the foot.
@@ -59,7 +58,7 @@ pub struct Blend {
     /// Its camera.
     pub camera: Camera,
     /// Everything else of it.
-    pub look: Look,
+    pub look: LookPatch,
     /// How much of the other is seen, from 0 to 1.
     pub share: f64,
 }
@@ -103,7 +102,7 @@ impl Timeline {
         let mut knots: Vec<Knot> = Vec::with_capacity(tour.keyframes.len());
         for (index, keyframe) in tour.keyframes.iter().enumerate() {
             let before = stops.last();
-            let look = before.map(|stop| stop.look.clone()).unwrap_or_default().changed(keyframe);
+            let look = before.map_or_else(LookPatch::beginning, |stop| stop.look.clone()).then(&keyframe.look);
             let pose = pose(index, keyframe, knots.last().map(|knot| &knot.pose), &look, surroundings, up)?;
             let (arrive, stretched) = match knots.last() {
                 None => (keyframe.at.or(keyframe.after).unwrap_or(0.0), 0.0),
@@ -180,7 +179,7 @@ impl Timeline {
     }
 
     /// The look after a keyframe, on the way to the next.
-    pub fn look(&self, keyframe: usize, time: f64) -> Look {
+    pub fn look(&self, keyframe: usize, time: f64) -> LookPatch {
         let stop = &self.stops[keyframe];
         let Some(next) = self.stops.get(keyframe + 1) else { return stop.look.clone() };
         let way = next.arrive - stop.leave;
@@ -262,12 +261,12 @@ fn pose(
     index: usize,
     keyframe: &Keyframe,
     before: Option<&Pose>,
-    look: &Look,
+    look: &LookPatch,
     surroundings: &Surroundings,
     up: DVec3,
 ) -> Result<Pose, TourError> {
     let camera = match &keyframe.around {
-        Some(around) => Some(surroundings.camera(index, around, &look.selections, up)?),
+        Some(around) => Some(surroundings.camera(index, around, look.selections.as_deref().unwrap_or_default(), up)?),
         None => keyframe.camera,
     };
     let orbit = keyframe.orbit.to_radians();

@@ -3,8 +3,7 @@
 use super::data::{self, Found};
 use crate::color::transfer::Levels;
 use crate::look::dataset::located;
-use crate::look::{DatasetRef, Member, SceneFile, shown_families};
-use crate::model::FamilyName;
+use crate::look::{DatasetRef, LookPatch, Member, SceneFile, shown_families};
 use crate::show::protocol::{Follower, FollowerEvent, Report, Severity as Told};
 use crate::window::camera::{Flight, Navigation, Viewpoint};
 use crate::window::input::is_control;
@@ -15,12 +14,12 @@ use crate::window::options::OpenRequest;
 use crate::window::pages::Upcoming;
 use crate::window::picture::DataCamera;
 use crate::window::scene::{Scene, Settings};
-use crate::window::scene_io::{look_of, viewpoint_of};
+use crate::window::scene_io::viewpoint_of;
 use crate::window::state::answer::Answer;
 use crate::window::state::choices::Choices;
 use crate::window::state::notices::{Notices, Severity};
 use crate::window::statistics::{Converged, FrameClock, Statistics};
-use crate::window::touring::{self, Player};
+use crate::window::touring::Player;
 use bevy::prelude::*;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -200,9 +199,8 @@ pub(crate) fn show_led_picture(
 
 /// The leader's settings, exactly.
 fn show_scene(file: &SceneFile, scene: &Scene, choices: &Choices, settings: &mut Settings) {
-    let families: Vec<FamilyName> = scene.file.metadata().families.iter().map(|family| family.name).collect();
-    touring::look::show(None, &look_of(file), &choices.attributes, &families, settings);
-    settings.mode_settings.clone_from(&file.settings);
+    settings.show(&LookPatch::beginning().then(&file.look), &choices.attributes);
+    settings.budget.clone_from(&file.look.budget);
     let with =
         |(member, dataset): (&Member, &DatasetRef)| Member { families: dataset.families.clone(), ..member.clone() };
     let members: Vec<Member> = scene.members.iter().zip(&file.datasets).map(with).collect();

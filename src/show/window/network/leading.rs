@@ -1,5 +1,6 @@
 //! The leader's side of a show: what is sent of each frame, and what is heard of the followers.
 
+use crate::look::{DatasetRef, SceneError, SceneFile};
 use crate::show::protocol::{Frame, Leader, LeaderEvent, Ranges, Severity, TourTime};
 use crate::tour::TourFile;
 use crate::window::camera::Viewpoint;
@@ -7,7 +8,7 @@ use crate::window::look::Look;
 use crate::window::objects::Objects;
 use crate::window::picture::{DataCamera, Picture};
 use crate::window::scene::{Scene, Settings};
-use crate::window::scene_io::{ShownData, camera_of, with_settings};
+use crate::window::scene_io::{ShownData, camera_of};
 use crate::window::state::notices::Notices;
 use crate::window::touring::Player;
 use bevy::prelude::*;
@@ -57,15 +58,23 @@ impl Leading {
             }
         }
         let datasets = self.data.of(scene, settings);
-        let labels = labels.map(Path::to_owned);
-        let mut file = with_settings(datasets, settings);
-        file.labels = labels.as_ref().map(|path| path.canonicalize().unwrap_or_else(|_| path.clone()));
-        match file.text(Path::new("the show")).map(|text| self.leader.set_scene(text)) {
+        match Leading::text(datasets, settings, labels).map(|text| self.leader.set_scene(text)) {
             Ok(true) => {}
             Ok(false) => messages.error("the settings are too long to be sent: followers keep those before"),
             Err(error) => messages.error(error.to_string()),
         }
+        let labels = labels.map(Path::to_owned);
         self.sent = Some(Sent { settings: settings.clone(), generation: scene.generation, labels });
+    }
+
+    /// What followers of a window that shows these datasets are told.
+    ///
+    /// # Errors
+    /// [`SceneError`] if RON cannot say it.
+    pub fn text(datasets: Vec<DatasetRef>, settings: &Settings, labels: Option<&Path>) -> Result<String, SceneError> {
+        let labels = labels.map(|path| path.canonicalize().unwrap_or_else(|_| path.to_owned()));
+        let file = SceneFile { look: settings.look.patch(), labels, ..SceneFile::new(datasets) };
+        file.text(Path::new("the show"))
     }
 
     /// Gives the followers the tour that is open, where it has changed.

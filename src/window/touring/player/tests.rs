@@ -230,8 +230,8 @@ fn views_and_flights_become_a_tour_that_is_saved() {
 fn settings_follow_the_tour() {
     let mut colored = tour(false);
     colored.keyframes[1].hold = false;
-    colored.keyframes[1].mode = Some("density-squared".into());
-    colored.keyframes[2].error_px = Some(3.0);
+    colored.keyframes[1].look.mode = crate::modes::find("density-squared");
+    colored.keyframes[2].look.error_px = Some(3.0);
     let mut window = Window::new();
     window.open(&colored);
     window.frame(0.0);

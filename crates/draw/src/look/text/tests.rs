@@ -6,7 +6,7 @@ use crate::annotate::overlay::{Corner, Overlay};
 use crate::color::transfer::{Hue, Range, TransferFunction};
 use crate::explore::{IdSet, Members, Region, SelectionSet, Show};
 use crate::look::Film;
-use crate::look::{Attribute, Bookmark, Camera, DatasetRef, Fingerprint, Panels};
+use crate::look::{Attribute, Bookmark, Camera, DatasetRef, Fingerprint, LookPatch, Panels};
 use crate::mode::{SettingValue, Settings};
 use crate::modes::volume_isosurface;
 use crate::view::cut::{Axis, ClipBox, Fade, Slab};
@@ -31,6 +31,7 @@ fn full() -> SceneFile {
     settings.0.insert("kernel".into(), SettingValue::Name("poly6".into()));
     settings.0.insert("isovalues".into(), SettingValue::Numbers(vec![0.1, 3.0]));
     settings.0.insert("iso-colors".into(), SettingValue::Names(vec!["#ff8000".into(), "#00ff00".into()]));
+    let budget = Settings([("presence".into(), SettingValue::Number(20.0))].into());
     let dataset = DatasetRef {
         path: "snapdir/box \"1\".hdf5".into(),
         fingerprint: Some(Fingerprint { bytes: 123_456_789_012, crc32c: u32::MAX }),
@@ -39,16 +40,42 @@ fn full() -> SceneFile {
         scale: Some(0.25),
     };
     SceneFile {
-        mode: Some(volume_isosurface::MODE.name.to_owned()),
-        settings,
-        attribute: Attribute::Named("temperature".into()),
-        transfer: Some(TransferFunction {
-            range: Range::Fixed(1e-3, 7.5),
-            hue: Some(Hue { reverse: true, ..Hue::default() }),
-            ..TransferFunction::default()
-        }),
-        annotations: Some(Annotations { caption: "a \"box\"".into(), scale: Some(1.5), ..Annotations::default() }),
-        error_px: Some(1.25),
+        look: LookPatch {
+            mode: Some(&volume_isosurface::MODE),
+            settings,
+            budget,
+            attribute: Some(Attribute::Named("temperature".into())),
+            families: Some(vec![crate::model::FamilyName::Stars]),
+            transfer: Some(TransferFunction {
+                range: Range::Fixed(1e-3, 7.5),
+                hue: Some(Hue { reverse: true, ..Hue::default() }),
+                ..TransferFunction::default()
+            }),
+            annotations: Some(Annotations { caption: "a \"box\"".into(), scale: Some(1.5), ..Annotations::default() }),
+            error_px: Some(1.25),
+            cut: Some(crate::view::CutSettings {
+                clip: Some(ClipBox { min: DVec3::splat(-1.5), max: DVec3::new(1.0, 2.0, 3.0) }),
+                slab: Some(Slab { axis: Axis::Y, middle: 0.25, thickness: 0.1 }),
+                fade: Some(Fade { start: 10.0, length: 3.5 }),
+                periodic: crate::view::Periodic::Tiled([2, 3, 1]),
+            }),
+            selections: Some(vec![
+                SelectionSet::new(
+                    "core",
+                    Region::sphere(DVec3::new(0.1, 0.2, 0.3), 1.0 / 3.0)
+                        .with_range("temperature", Some(1e4), Some(1e6))
+                        .with_family(crate::model::FamilyName::Gas),
+                    2,
+                ),
+                SelectionSet {
+                    show: Show::Alone,
+                    follow: true,
+                    members: Members::Ids(IdSet::new(vec![1, 2, 3, 9, u64::MAX])),
+                    ..SelectionSet::new("ids", Region::whole(), 0)
+                },
+            ]),
+            background: Some(crate::color::composite::Background::Transparent),
+        },
         size: Some((976, 720)),
         camera: Some(camera(0.0)),
         projection: crate::view::Surround::Dome { aperture: 210.0, tilt: 15.0 },
@@ -58,30 +85,9 @@ fn full() -> SceneFile {
             zero_parallax: 3.0,
             eyes: crate::view::Eyes::OverUnder,
         }),
-        cut: crate::view::CutSettings {
-            clip: Some(ClipBox { min: DVec3::splat(-1.5), max: DVec3::new(1.0, 2.0, 3.0) }),
-            slab: Some(Slab { axis: Axis::Y, middle: 0.25, thickness: 0.1 }),
-            fade: Some(Fade { start: 10.0, length: 3.5 }),
-            periodic: crate::view::Periodic::Tiled([2, 3, 1]),
-        },
         bookmarks: vec![
             Bookmark { key: 0, name: "the \"halo\"".into(), camera: camera(1.0) },
             Bookmark { key: 9, name: String::new(), camera: Camera { ortho: None, ..camera(2.0) } },
-        ],
-        selections: vec![
-            SelectionSet::new(
-                "core",
-                Region::sphere(DVec3::new(0.1, 0.2, 0.3), 1.0 / 3.0)
-                    .with_range("temperature", Some(1e4), Some(1e6))
-                    .with_family(crate::model::FamilyName::Gas),
-                2,
-            ),
-            SelectionSet {
-                show: Show::Alone,
-                follow: true,
-                members: Members::Ids(IdSet::new(vec![1, 2, 3, 9, u64::MAX])),
-                ..SelectionSet::new("ids", Region::whole(), 0)
-            },
         ],
         labels: Some("groups.hdf5".into()),
         panels: Panels { shown: false, closed: Some(vec!["data".into()]) },

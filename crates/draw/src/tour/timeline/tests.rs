@@ -34,18 +34,18 @@ fn what_is_not_said_stays_and_numbers_are_mixed() {
     let timeline = timeline(EXAMPLE);
     assert_eq!(timeline.duration(), 13.0);
     let half = timeline.state(3.0);
-    let slab = half.look.cut.slab.unwrap();
+    let slab = half.look.cut.unwrap().slab.unwrap();
     assert!((slab.middle - 3.0).abs() < 1e-12 && (slab.thickness - 1.0).abs() < 1e-12, "{slab:?}");
     let range = half.look.transfer.clone().unwrap().range;
     assert_eq!(range, crate::color::transfer::Range::Fixed(10.0, 1000.0));
-    assert_eq!(half.look.mode.as_deref(), Some("density-squared"));
+    assert_eq!(half.look.mode.map(|mode| mode.name), Some("density-squared"));
     // Categories switch at the keyframe, and fade.
-    assert_eq!(timeline.state(9.99).look.mode.as_deref(), Some("density-squared"));
+    assert_eq!(timeline.state(9.99).look.mode.map(|mode| mode.name), Some("density-squared"));
     let fading = timeline.state(10.5);
-    assert_eq!(fading.look.mode.as_deref(), Some("volume"));
+    assert_eq!(fading.look.mode.map(|mode| mode.name), Some("volume"));
     assert!(fading.look.transfer.is_none(), "another mode has other colours");
     let blend = fading.blend.unwrap();
-    assert!(blend.look.mode.as_deref() == Some("density-squared") && blend.share == 0.5, "{}", blend.share);
+    assert!(blend.look.mode.map(|mode| mode.name) == Some("density-squared") && blend.share == 0.5, "{}", blend.share);
     assert!(timeline.state(11.0).blend.is_none());
 }
 
@@ -166,7 +166,7 @@ proptest! {
         prop_assert_eq!(&state, &timeline.state(time));
         prop_assert!((0.0..=timeline.duration()).contains(&state.time));
         prop_assert!(state.camera.view(64, 48).is_ok());
-        let mode = state.look.mode.as_deref().and_then(crate::modes::find).unwrap();
+        let mode = state.look.mode.unwrap();
         prop_assert!(state.look.settings.check(mode).is_ok());
     }
 }

@@ -1,0 +1,160 @@
+//! A picture as a user writes it in RON: the file that `deepfield render --config` reads.
+
+use super::{Attribute, LookPatch, define_look_text, with_look_fields};
+use crate::color::transfer::TransferFunction;
+use crate::model::FamilyName;
+use crate::model::ron_file::{self, RonError};
+use crate::model::ron_place::Place;
+use crate::modes;
+use crate::view::{Stereo, Surround};
+use serde::Deserialize;
+use std::path::{Path, PathBuf};
+
+/// A picture's settings; what is left out keeps its default, and what the command line names overrides it.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(from = "PictureText")]
+pub struct PictureConfig {
+    /// What it looks like.
+    pub look: LookPatch,
+    /// The family to draw.
+    pub family: Option<FamilyName>,
+    /// What volumes emit and absorb, for the modes that draw them.
+    pub volume: Option<TransferFunction>,
+    /// Width and height, pixels.
+    pub size: Option<(u32, u32)>,
+    /// What draws.
+    pub backend: Option<Backend>,
+    /// Where the camera stands.
+    pub camera: CameraConfig,
+    /// How directions become a picture: flat, dome(aperture: 180.0, tilt: 0.0), equirectangular or cube(layout: cross).
+    pub projection: Surround,
+    /// A picture for each eye.
+    pub stereo: Option<Stereo>,
+    /// A catalogue whose objects are named in the picture.
+    pub catalogue: Option<PathBuf>,
+}
+
+with_look_fields!(
+    define_look_text! { read [serde::Deserialize] PictureText of PictureConfig, attribute AttributeName, {
+        #[serde(default)]
+        family: Option<FamilyName>,
+        #[serde(default)]
+        volume: Option<TransferFunction>,
+        #[serde(default)]
+        size: Option<(u32, u32)>,
+        #[serde(default)]
+        backend: Option<Backend>,
+        #[serde(default)]
+        camera: CameraConfig,
+        #[serde(default)]
+        projection: Surround,
+        #[serde(default)]
+        stereo: Option<Stereo>,
+        #[serde(default)]
+        catalogue: Option<PathBuf>,
+    }}
+);
+
+/// The attribute that colours the picture, by its name alone.
+#[derive(Deserialize)]
+#[serde(transparent)]
+struct AttributeName(String);
+
+impl From<AttributeName> for Attribute {
+    fn from(AttributeName(name): AttributeName) -> Attribute {
+        Attribute::Named(name)
+    }
+}
+
+/// Where the camera stands, in world units.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct CameraConfig {
+    /// Position.
+    pub eye: Option<[f64; 3]>,
+    /// The point looked at.
+    pub target: Option<[f64; 3]>,
+    /// The direction that points up.
+    pub up: Option<[f64; 3]>,
+    /// Vertical field of view, degrees.
+    pub fov: Option<f64>,
+    /// Height of an orthographic picture.
+    pub ortho: Option<f64>,
+}
+
+/// What draws.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Backend {
+    /// Compute passes.
+    Compute,
+    /// Blended quads, for adapters without compute shaders; needs blending of 32-bit floats.
+    Raster,
+    /// The processor.
+    Cpu,
+}
+
+impl PictureConfig {
+    /// Reads a RON file.
+    ///
+    /// # Errors
+    /// [`RonError`] with file, line, column and field.
+    pub fn read(path: &Path) -> Result<PictureConfig, RonError> {
+        let (file, text) = ron_file::read_text(path)?;
+        PictureConfig::parse(&file, &text)
+    }
+
+    /// Reads RON text; `file` is what errors call it.
+    ///
+    /// # Errors
+    /// [`RonError`] with file, line, column and field.
+    pub fn parse(file: &str, text: &str) -> Result<PictureConfig, RonError> {
+        let config: PictureConfig = ron_file::parse(file, text)?;
+        let place = Place { file, text };
+        let refuse = |path: &[&str], found, expected| place.refuse(path, found, expected);
+        let any = f64::MIN_POSITIVE..=f64::MAX;
+        config.look.check(config.look.mode.unwrap_or(modes::first()), any, &refuse)?;
+        for (field, value) in [("fov", config.camera.fov), ("ortho", config.camera.ortho)] {
+            if let Some(value) = value.filter(|value| !(*value > 0.0 && value.is_finite())) {
+                return Err(place.refuse(&["camera", field], value, "a number greater than 0"));
+            }
+        }
+        if let Some((field, found, expected)) = config.projection.mistake() {
+            return Err(place.refuse(&["projection", field], found, expected));
+        }
+        if let Some((_, found, expected)) = config.stereo.as_ref().and_then(Stereo::mistake) {
+            return Err(place.refuse(&["stereo"], found, expected));
+        }
+        Ok(config)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn mistakes_are_named_with_their_place() {
+        for (text, expected) in [
+            ("(\n  moed: \"points\",\n)", "p.ron:2:"),
+            ("(size: \"big\")", "size: "),
+            ("(mode: \"points\", settings: {\"radios\": 9.0})", "radios, expected a setting of points: radius"),
+            ("(camera: (eye: (0.0, 0.0)))", "p.ron:1:"),
+            ("(mode: \"pionts\")", "mode: found pionts, expected one of column-density"),
+            (
+                "(mode: \"points\", settings: {\"radius\": 99.0})",
+                "p.ron:1:38: radius: found 99, expected a number from",
+            ),
+            (
+                "(volume: (opacity: [(0.5, 0.1), (0.2, 0.4)], brightness: [(0.0, 1.0)]))",
+                "p.ron:1:43: opacity: points are not sorted: 0.5 comes before 0.2",
+            ),
+            ("(mode: \"isosurface\", settings: {\"kernel\": \"gauss\"})", "kernel: found gauss, expected one of data"),
+            ("(projection: dome(aperture: 361.0))", "aperture: found 361, expected above 0 and at most 360 degrees"),
+            ("(error_px: -1.0)", "error_px: found -1, expected a number greater than 0"),
+        ] {
+            let message = PictureConfig::parse("p.ron", text).unwrap_err().to_string();
+            assert!(message.contains(expected), "{text}: {message}");
+        }
+    }
+}
