@@ -69,6 +69,8 @@ impl Program {
             eprintln!("deepfield: {refused}");
             return ExitCode::FAILURE;
         }
+        #[cfg(feature = "viewer")]
+        crate::gpu::environment::prepare();
         let outcome = match command_line() {
             Some(command) => command.run(),
             None => commands::demo::run(),

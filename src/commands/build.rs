@@ -2,6 +2,7 @@
 
 use super::CommandResult;
 use super::arguments::bytes;
+use super::hierarchy_options::HierarchyOptions;
 use super::progress_bar::TerminalProgress;
 use crate::build::{BuildOptions, build_source};
 use crate::codec::VqBits;
@@ -16,6 +17,7 @@ use std::path::PathBuf;
   deepfield build snap_099.0 -o gas.df --family gas --attributes temperature,metallicity --vq-bits 16
   deepfield build positions.hdf5 -o halo.df --smoothing knn:64
   deepfield build merger.hdf5 -o merger.df --volume-levels
+  deepfield build snapshot_099.hdf5 -o slow-disk.df --page-size 8MiB --thinning-budget 0
   deepfield build huge.0.hdf5 -o /data/huge.df --memory 2GiB --temporary /scratch")]
 pub struct Arguments {
     /// The source; any file of a snapshot in several files.
@@ -56,6 +58,9 @@ pub struct Arguments {
     /// How the source and temporary files are read. The file is the same for both.
     #[arg(long, value_name = "HOW", value_enum, default_value_t)]
     pub read: ReadMethod,
+    /// How the hierarchy is built.
+    #[command(flatten)]
+    pub hierarchy: HierarchyOptions,
 }
 
 fn smoothing(text: &str) -> Result<Smoothing, String> {
@@ -83,6 +88,7 @@ pub fn run(arguments: &Arguments) -> CommandResult {
         read: arguments.read,
         ..BuildOptions::with_vq_bits(arguments.vq_bits)
     };
+    arguments.hierarchy.apply(&mut options);
     options.octree.exact_positions = arguments.exact_positions;
     options.octree.volume_levels = arguments.volume_levels;
     let load_options = LoadOptions {

@@ -6,6 +6,7 @@ pub mod catalogue;
 pub mod demo;
 mod drawing;
 pub mod exact_source;
+pub mod hierarchy_options;
 pub mod info;
 pub mod key;
 mod lettering;

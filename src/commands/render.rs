@@ -224,7 +224,7 @@ fn gpu_backend(mode: &Mode, backend: Option<Backend>) -> Result<Option<crate::gp
 /// Whether there is an adapter that is not the processor.
 #[cfg(feature = "viewer")]
 pub(super) fn has_graphics_card() -> bool {
-    !matches!(crate::gpu::device::probe(), Ok(wgpu::DeviceType::Cpu) | Err(_))
+    crate::gpu::device::probe().is_ok_and(|adapter| adapter.device_type != wgpu::DeviceType::Cpu)
 }
 
 /// Draws with an adapter. `None` where there is none and the user did not ask for one, so that the CPU draws.

@@ -101,7 +101,7 @@ pub struct WindowArguments {
     /// For the windows of a show, which one process keeps open: where it is told what.
     #[arg(long, hide = true, value_name = "FOLDER")]
     pub supervised: Option<PathBuf>,
-    /// Preset: desktop, laptop or headless.
+    /// Preset: desktop, laptop, headless or planetarium (docs/presets.md).
     #[arg(long, value_name = "NAME", default_value = "desktop")]
     pub preset: String,
     /// A file that is rewritten with the window's state as JSON whenever it changes, for scripts.
@@ -187,7 +187,7 @@ pub fn show(path: &Path, settings: &WindowArguments) -> CommandResult {
             return super::supervise::supervise(path, settings);
         }
         match crate::gpu::device::probe() {
-            Ok(_) => return window(path, settings),
+            Ok(adapter) => return window(path, settings, adapter.backend.into()),
             Err(error) => format!("No window: {error}"),
         }
     } else {
@@ -225,7 +225,7 @@ fn has_display() -> bool {
 }
 
 #[cfg(feature = "viewer")]
-fn window(path: &Path, settings: &WindowArguments) -> CommandResult {
+fn window(path: &Path, settings: &WindowArguments, drivers: wgpu::Backends) -> CommandResult {
     use crate::show::supervisor::RunFolder;
     use crate::show::window::{ShowOptions, run_show_window};
     use crate::window::live::orbits::{Orbits, OrbitsPlugin};
@@ -250,6 +250,7 @@ fn window(path: &Path, settings: &WindowArguments) -> CommandResult {
     // A follower opens what the leader says.
     let request = settings.follow.is_none().then_some(request);
     let mut options = WindowOptions::new(request, opener);
+    options.drivers = drivers;
     options.fullscreen = settings.fullscreen;
     options.size = settings.size.map(|size| (size.width, size.height));
     options.preset = settings.preset.clone();

@@ -13,7 +13,8 @@ use bevy::tasks::block_on;
 use std::sync::Arc;
 use thiserror::Error;
 use wgpu::{
-    Adapter, Backends, DeviceDescriptor, DeviceType, ExperimentalFeatures, Features, Instance, Limits, PowerPreference,
+    Adapter, AdapterInfo, Backends, DeviceDescriptor, ExperimentalFeatures, Features, Instance, InstanceDescriptor,
+    Limits, PowerPreference,
 };
 
 /// What can go wrong with a GPU.
@@ -114,8 +115,7 @@ impl Gpu {
 /// # Errors
 /// [`GpuError::NoAdapter`], [`GpuError::NoDevice`].
 pub fn open(options: &DeviceOptions) -> Result<Gpu, GpuError> {
-    let instance = Instance::default();
-    let adapter = block_on(find(&instance))?;
+    let (instance, adapter) = block_on(find())?;
     let info = adapter.get_info();
     let name = match info.driver_info.as_str() {
         "" => info.name.clone(),
@@ -149,18 +149,37 @@ pub fn open(options: &DeviceOptions) -> Result<Gpu, GpuError> {
     Ok(Gpu { creation, adapter: name, capabilities, device, queue, handle: adapter })
 }
 
-/// The kind of the adapter that would be opened. Bevy panics where there is none.
+/// What the adapter is that would be opened. Bevy panics where there is none.
 ///
 /// # Errors
 /// [`GpuError::NoAdapter`].
-pub fn probe() -> Result<DeviceType, GpuError> {
-    block_on(find(&Instance::default())).map(|adapter| adapter.get_info().device_type)
+pub fn probe() -> Result<AdapterInfo, GpuError> {
+    block_on(find()).map(|(_, adapter)| adapter.get_info())
 }
 
-async fn find(instance: &Instance) -> Result<Adapter, GpuError> {
+/// The adapter that the environment asks for, or the fastest one, and its instance. OpenGL is started only where nothing else
+/// has an adapter: it loads a compiler and a window system's libraries, for a driver that does less.
+async fn find() -> Result<(Instance, Adapter), GpuError> {
+    let asked = Backends::from_env().unwrap_or(Backends::all());
+    let mut missing = None;
+    for backends in [asked - Backends::GL, asked & Backends::GL] {
+        if backends.is_empty() {
+            continue;
+        }
+        let instance =
+            Instance::new(InstanceDescriptor { backends, ..InstanceDescriptor::new_without_display_handle() });
+        match find_in(&instance, backends).await {
+            Ok(adapter) => return Ok((instance, adapter)),
+            Err(error) => missing = missing.or(Some(error)),
+        }
+    }
+    Err(missing.unwrap_or_else(|| GpuError::NoAdapter("WGPU_BACKEND names no backend".into())))
+}
+
+async fn find_in(instance: &Instance, backends: Backends) -> Result<Adapter, GpuError> {
     if let Ok(wanted) = std::env::var("WGPU_ADAPTER_NAME") {
         let wanted = wanted.to_lowercase();
-        let all = instance.enumerate_adapters(Backends::from_env().unwrap_or(Backends::all())).await;
+        let all = instance.enumerate_adapters(backends).await;
         let found = all.into_iter().find(|adapter| adapter.get_info().name.to_lowercase().contains(&wanted));
         return found.ok_or_else(|| GpuError::NoAdapter(format!("none is named {wanted}")));
     }

@@ -17,6 +17,7 @@ pub mod capabilities;
 pub mod composite;
 pub mod depiction;
 pub mod device;
+pub mod environment;
 pub mod headless;
 pub mod mode_view;
 pub mod page_copies;

@@ -1,9 +1,9 @@
 //! Drawing with the processor, on background tasks: the whole picture for the `cpu` backend, and for every backend the
 //! measurement of how bright the view is.
 //!
-//! While the view moves, as large a sample of the particles is drawn as the preset's time for a picture allows, with half as
-//! many pixels a side where that is not all of them; volumes have a fixed limit, and as many pixels as there is time for. When the
-//! view rests, the full picture follows.
+//! While the view moves, as large a sample of the particles is drawn as the preset's time for a picture allows, with fewer
+//! pixels where that is not all of them; volumes have a fixed limit, and as many pixels as there is time for. When the
+//! view rests, the full picture follows. What is given up for that is the preset's [`MotionPreset`].
 
 mod drawing;
 
@@ -13,8 +13,8 @@ use super::look::{Held, Look};
 use super::occlusion::Occlusion;
 use super::pages::ViewSelection;
 use super::picture::Picture;
-use super::picture_sizes::{MOVING_MS, drawing_size, moving_size, volume_limit};
-use super::preset::Preset;
+use super::picture_sizes::{drawing_size, moving_size, volume_limit};
+use super::preset::{MotionPreset, Preset};
 use super::scene::{Scene, Settings};
 use super::state::notices::Notices;
 use super::statistics::{ActiveBackend, Converged, Statistics};
@@ -102,8 +102,8 @@ impl CpuPicture {
     }
 
     /// Whether the view or its nodes have changed a moment ago.
-    pub fn is_moving(&self) -> bool {
-        self.moved.is_some_and(|(_, since)| since.elapsed().as_millis() < REST_MS)
+    pub fn is_moving(&self, motion: &MotionPreset) -> bool {
+        self.moved.is_some_and(|(_, since)| since.elapsed().as_millis() < u128::from(motion.rest_ms))
     }
 
     /// Whether the present selection has been drawn or measured.
@@ -112,8 +112,6 @@ impl CpuPicture {
     }
 }
 
-/// How long the view must rest before the full picture is drawn, milliseconds.
-const REST_MS: u128 = 120;
 /// Least time between two measurements of a view that moves and that the GPU draws, milliseconds.
 const MEASURE_MS: u128 = 300;
 
@@ -176,21 +174,24 @@ pub(super) fn draw_on_cpu(
     if statistics.live.is_some() && live.particles().is_none() {
         statistics.live = None;
     }
-    let moving = cpu.is_moving();
+    let motion = &preset.motion;
+    let moving = cpu.is_moving(motion);
     let fixed_discs = matches!(look.depiction.footprint(), Footprint::Pixels(_));
     let full = picture.size();
     let limit = match preset.drawing.frame_ms {
-        frame_ms if frame_ms > 0.0 && moving && *backend == ActiveBackend::Cpu => cpu.governor.limit(frame_ms),
+        frame_ms if frame_ms > 0.0 && moving && *backend == ActiveBackend::Cpu => {
+            cpu.governor.limit(frame_ms, motion.sample_sizes())
+        }
         _ => u64::MAX,
     };
     let painted = look.depiction.mode.is_light();
     let size = match painted && moving {
         true => {
-            let budget = if preset.drawing.frame_ms > 0.0 { preset.drawing.frame_ms } else { MOVING_MS };
+            let budget = if preset.drawing.frame_ms > 0.0 { preset.drawing.frame_ms } else { motion.volume_ms };
             let last = cpu.drawn.as_ref().filter(|drawn| drawn.painted.is_some());
-            moving_size(full, last.map(|drawn| (drawn.key.size, drawn.milliseconds)), budget)
+            moving_size(full, last.map(|drawn| (drawn.key.size, drawn.milliseconds)), budget, motion)
         }
-        false => drawing_size(full, statistics.particles > limit, *backend, fixed_discs),
+        false => drawing_size(full, statistics.particles > limit, *backend, fixed_discs, motion),
     };
     let key = DrawKey {
         selection: selection.revision,
@@ -198,7 +199,7 @@ pub(super) fn draw_on_cpu(
         depiction: look.depiction_revision,
         generation: scene.generation,
         size,
-        particles: volume_limit(painted && moving, caster.is_on_adapter(), statistics.particles),
+        particles: volume_limit(painted && moving, caster.is_on_adapter(), statistics.particles, motion),
     };
     // Ranges that are given are not looked for in each picture.
     let given = held.0.filter(|levels| painted && levels.p[0] > 0.0 && levels.p[0] < levels.p[1]);

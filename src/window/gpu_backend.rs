@@ -253,10 +253,10 @@ pub(super) fn draw_on_gpu(
         commands.entity(entity).insert(ModeView { mode, settings });
     }
     let frame_ms = preset.drawing.frame_ms;
-    let (usual, moving) = (measured.plan(), measured.is_moving() && frame_ms > 0.0);
+    let (usual, moving) = (measured.plan(), measured.is_moving(&preset.motion) && frame_ms > 0.0);
     if tables.drawn != Some((selection.revision, usual, moving)) {
         tables.drawn = Some((selection.revision, usual, moving));
-        let limit = if moving { tables.governor.limit(frame_ms) } else { u64::MAX };
+        let limit = if moving { tables.governor.limit(frame_ms, preset.motion.sample_sizes()) } else { u64::MAX };
         let important: Vec<Vec<f32>> =
             tables.tables.iter().map(|books| books.iter().map(|table| table.1).collect()).collect();
         let (plan, taken) =

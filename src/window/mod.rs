@@ -57,10 +57,16 @@ use crate::gpu::{DeepfieldRenderPlugins, ParticleScene};
 use bevy::camera::CameraUpdateSystems;
 use bevy::log::LogPlugin;
 use bevy::prelude::*;
+use bevy::render::{RenderPlugin, settings::WgpuSettings};
 use bevy::window::{CursorOptions, PresentMode, WindowMode, WindowResolution};
 use bevy_egui::{EguiPlugin, EguiPostUpdateSet, EguiPrimaryContextPass};
 use camera::{CameraPlugin, CameraSystems};
 use pages::PageSystems;
+
+/// What is logged. Packets that are refused are an everyday matter. That an X server has no settings or a monitor no size
+/// (winit), or that a driver draws on the processor (bevy_render; the statistics say which adapter it is), nobody who starts the
+/// program can change.
+const LOG_FILTER: &str = "warn,deepfield=info,wgpu_hal=error,renetcode=off,winit=error,bevy_render::renderer=error";
 
 /// Opens the window and runs until it is closed.
 ///
@@ -91,8 +97,11 @@ pub fn build_window(options: WindowOptions) -> Result<App, AppError> {
                 primary_cursor_options: Some(CursorOptions { visible: !options.audience, ..default() }),
                 ..default()
             })
-            // Packets that are refused are an everyday matter, and no news.
-            .set(LogPlugin { filter: "warn,deepfield=info,wgpu_hal=error,renetcode=off".to_owned(), ..default() }),
+            .set(RenderPlugin {
+                render_creation: WgpuSettings { backends: Some(options.drivers), ..default() }.into(),
+                ..default()
+            })
+            .set(LogPlugin { filter: LOG_FILTER.to_owned(), ..default() }),
     );
     let extension = options.extension.clone();
     app.add_plugins(WindowApp { options, preset });
@@ -160,7 +169,8 @@ impl Plugin for WindowApp {
         app.insert_resource(ParticleScene::new(residency.gpu_budget_mib << 20, residency.upload_mib << 20));
         app.add_plugins((
             DeepfieldRenderPlugins,
-            EguiPlugin::default(),
+            // Panels have few textures. Asked for arrays of them, it warns of adapters that have none.
+            EguiPlugin { bindless_mode_array_size: None, ..default() },
             CameraPlugin,
             pointer_motion::PointerMotionPlugin,
             touring::TouringPlugin { open: self.options.tour.clone() },

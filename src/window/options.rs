@@ -40,10 +40,12 @@ pub struct WindowOptions {
     pub opener: Opener,
     /// Window size in logical pixels; the preset's where it is `None`.
     pub size: Option<(u32, u32)>,
-    /// Which preset in `configs/`: `desktop`, `laptop` or `headless`.
+    /// Which preset in `configs/`: `desktop`, `laptop`, `headless` or `planetarium`.
     pub preset: String,
     /// The renderer; the preset's where it is `None`.
     pub backend: Option<Backend>,
+    /// The graphics drivers that are asked for an adapter: those that are known to have one, or all.
+    pub drivers: wgpu::Backends,
     /// Whether it fills the screen.
     pub fullscreen: bool,
     /// The screen-space error in pixels; the preset's where it is `None`.
@@ -73,6 +75,7 @@ impl WindowOptions {
             size: None,
             preset: "desktop".to_owned(),
             backend: None,
+            drivers: wgpu::Backends::from_env().unwrap_or(wgpu::Backends::all()),
             fullscreen: false,
             error_px: None,
             frame_ms: None,

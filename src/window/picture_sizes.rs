@@ -1,21 +1,24 @@
 //! How large pictures are drawn, and of how many particles, while the view moves and when it rests.
 
+use crate::window::preset::MotionPreset;
 use crate::window::statistics::ActiveBackend;
 use bevy::prelude::*;
 
-/// Time that a volume's picture in motion may take where the preset says none, milliseconds.
-pub(crate) const MOVING_MS: f64 = 50.0;
-/// Particles that a volume in motion takes at most, drawn by the processor and by an adapter.
-const MOVING_PARTICLES: [u64; 2] = [200_000, 4_000_000];
 /// Longest side of the picture that is drawn only to measure the exposure, pixels.
 const SKETCH: u32 = 320;
 
 /// The size of the picture to draw now; `strained`: there is no time for all particles.
-pub(crate) fn drawing_size(full: UVec2, strained: bool, backend: ActiveBackend, fixed_discs: bool) -> UVec2 {
+pub(crate) fn drawing_size(
+    full: UVec2,
+    strained: bool,
+    backend: ActiveBackend,
+    fixed_discs: bool,
+    motion: &MotionPreset,
+) -> UVec2 {
     let shrink = match backend {
         // Discs of a fixed number of pixels would cover another share of a smaller picture.
         _ if fixed_discs => 1,
-        ActiveBackend::Cpu if strained => 2,
+        ActiveBackend::Cpu if strained => motion.splat_shrink,
         ActiveBackend::Cpu => 1,
         ActiveBackend::Gpu => full.max_element().div_ceil(SKETCH).max(1),
     };
@@ -23,20 +26,20 @@ pub(crate) fn drawing_size(full: UVec2, strained: bool, backend: ActiveBackend, 
 }
 
 /// The size of a volume's picture in motion, from the size and milliseconds of the last one: a volume has as many cells as
-/// the cube of a side. A quarter at least.
-pub(crate) fn moving_size(full: UVec2, last: Option<(UVec2, f64)>, budget: f64) -> UVec2 {
-    let shrink = last.map_or(4.0, |(size, milliseconds)| {
+/// the cube of a side.
+pub(crate) fn moving_size(full: UVec2, last: Option<(UVec2, f64)>, budget: f64, motion: &MotionPreset) -> UVec2 {
+    let shrink = last.map_or(motion.volume_shrink, |(size, milliseconds)| {
         let sides = f64::from(full.max_element()) / f64::from(size.max_element().max(1));
         (milliseconds / budget).cbrt() * sides
     });
     // In quarters of a step, so that times that differ a little do not make another picture.
-    let shrink = ((4.0 * shrink).ceil() / 4.0).clamp(1.0, 4.0);
+    let shrink = ((4.0 * shrink).ceil() / 4.0).min(motion.volume_shrink).max(1.0);
     (full.as_dvec2() / shrink).as_uvec2().max(UVec2::ONE)
 }
 
 /// How many particles a volume's picture may take of so many in the view: all at rest.
-pub(crate) fn volume_limit(moving: bool, on_adapter: bool, particles: u64) -> u64 {
-    let most = MOVING_PARTICLES[usize::from(on_adapter)];
+pub(crate) fn volume_limit(moving: bool, on_adapter: bool, particles: u64, motion: &MotionPreset) -> u64 {
+    let most = if on_adapter { motion.volume_particles_gpu } else { motion.volume_particles };
     if moving && particles > most { most } else { u64::MAX }
 }
 
@@ -47,28 +50,39 @@ mod tests {
     #[test]
     fn volumes_in_motion_are_as_large_as_there_is_time_for() {
         let full = UVec2::new(1000, 600);
-        assert_eq!(moving_size(full, None, 50.0), full / 4);
-        assert_eq!(moving_size(full, Some((full, 40.0)), 50.0), full);
-        assert_eq!(moving_size(full, Some((full, 400.0)), 50.0), full / 2);
-        assert_eq!(moving_size(full, Some((full / 2, 50.0)), 50.0), full / 2);
-        assert_eq!(moving_size(full, Some((full / 4, 1e6)), 50.0), full / 4);
+        let motion = MotionPreset::default();
+        let size = |last, motion: &MotionPreset| moving_size(full, last, 50.0, motion);
+        assert_eq!(size(None, &motion), full / 4);
+        assert_eq!(size(Some((full, 40.0)), &motion), full);
+        assert_eq!(size(Some((full, 400.0)), &motion), full / 2);
+        assert_eq!(size(Some((full / 2, 50.0)), &motion), full / 2);
+        assert_eq!(size(Some((full / 4, 1e6)), &motion), full / 4);
+        let sharper = MotionPreset { volume_shrink: 2.0, ..motion };
+        assert_eq!(size(None, &sharper), full / 2);
+        assert_eq!(size(Some((full / 4, 1e6)), &sharper), full / 2);
     }
 
     #[test]
     fn volumes_in_motion_take_a_sample_of_many_particles() {
-        assert_eq!(volume_limit(true, false, 1_000), u64::MAX);
-        assert_eq!(volume_limit(true, false, 1_000_000), MOVING_PARTICLES[0]);
-        assert_eq!(volume_limit(true, true, 1_000_000), u64::MAX);
-        assert_eq!(volume_limit(false, false, 1_000_000_000), u64::MAX);
+        let motion = MotionPreset::default();
+        assert_eq!(volume_limit(true, false, 1_000, &motion), u64::MAX);
+        assert_eq!(volume_limit(true, false, 1_000_000, &motion), 200_000);
+        assert_eq!(volume_limit(true, true, 1_000_000, &motion), u64::MAX);
+        assert_eq!(volume_limit(false, false, 1_000_000_000, &motion), u64::MAX);
+        let few = MotionPreset { volume_particles: 300, volume_particles_gpu: 500, ..motion };
+        assert_eq!([false, true].map(|on_adapter| volume_limit(true, on_adapter, 1_000, &few)), [300, 500]);
     }
 
     #[test]
     fn strain_costs_pixels_and_rest_brings_them_back() {
         let full = UVec2::new(1000, 600);
-        assert_eq!(drawing_size(full, false, ActiveBackend::Cpu, false), full);
-        assert_eq!(drawing_size(full, true, ActiveBackend::Cpu, false), full / 2);
-        assert_eq!(drawing_size(full, true, ActiveBackend::Cpu, true), full);
-        let sketch = drawing_size(full, false, ActiveBackend::Gpu, false);
+        let motion = MotionPreset::default();
+        assert_eq!(drawing_size(full, false, ActiveBackend::Cpu, false, &motion), full);
+        assert_eq!(drawing_size(full, true, ActiveBackend::Cpu, false, &motion), full / 2);
+        assert_eq!(drawing_size(full, true, ActiveBackend::Cpu, true, &motion), full);
+        let sharp = MotionPreset { splat_shrink: 1, ..motion.clone() };
+        assert_eq!(drawing_size(full, true, ActiveBackend::Cpu, false, &sharp), full);
+        let sketch = drawing_size(full, false, ActiveBackend::Gpu, false, &motion);
         assert!(sketch.max_element() <= SKETCH);
     }
 }

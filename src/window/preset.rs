@@ -9,7 +9,9 @@ use super::asset_text::asset_text;
 use crate::mode::Settings;
 use crate::model::ReadMethod;
 use crate::model::ron_file::{self, RonError};
-use crate::stream::{CopyOptions, StreamOptions};
+use crate::model::ron_place::Place;
+use crate::picture::governor::{self, SampleSizes};
+use crate::stream::{CopyOptions, LookAhead, StreamOptions};
 use bevy::asset::{AssetLoader, LoadContext, io::Reader};
 use bevy::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -17,10 +19,11 @@ use std::time::Duration;
 use thiserror::Error;
 
 /// The presets that the program knows by name, with their embedded text.
-const EMBEDDED: [(&str, &str); 3] = [
+pub(super) const EMBEDDED: [(&str, &str); 4] = [
     ("desktop", include_str!("../../configs/desktop.ron")),
     ("laptop", include_str!("../../configs/laptop.ron")),
     ("headless", include_str!("../../configs/headless.ron")),
+    ("planetarium", include_str!("../../configs/planetarium.ron")),
 ];
 
 /// Which renderer draws the picture.
@@ -87,6 +90,8 @@ pub struct ResidencyPreset {
     /// How page files that are opened from now on are read, and their sources.
     #[reflect(ignore)]
     pub read: ReadMethod,
+    /// How far ahead, if they are.
+    pub ahead: AheadPreset,
 }
 
 impl Default for ResidencyPreset {
@@ -99,6 +104,7 @@ impl Default for ResidencyPreset {
             stall_secs: 5.0,
             prefetch: true,
             read: ReadMethod::default(),
+            ahead: AheadPreset::default(),
         }
     }
 }
@@ -111,6 +117,13 @@ impl ResidencyPreset {
             in_flight: self.requests,
             stall: Duration::from_secs_f64(self.stall_secs),
             prefetch: self.prefetch,
+            ahead: LookAhead {
+                loads: self.ahead.loads,
+                least_secs: self.ahead.least_secs,
+                most_secs: self.ahead.most_secs,
+                pages: self.ahead.pages,
+                share: self.ahead.share,
+            },
         }
     }
 
@@ -119,6 +132,75 @@ impl ResidencyPreset {
     pub fn copy_options(&self) -> CopyOptions {
         let budget = self.gpu_budget_mib << 20;
         CopyOptions { budget: budget - budget / 8, on_their_way: 2 * (self.upload_mib << 20) }
+    }
+}
+
+/// How far ahead of the camera pages are read (F12 4.8.2).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Reflect)]
+#[serde(default, deny_unknown_fields)]
+pub struct AheadPreset {
+    /// The camera's way is looked ahead for so many times the time that the largest page takes to come.
+    pub loads: f64,
+    /// For so long at least, seconds.
+    pub least_secs: f64,
+    /// For so long at most, seconds.
+    pub most_secs: f64,
+    /// Pages that are asked for at once, at most.
+    pub pages: usize,
+    /// Share of [`ResidencyPreset::requests`] that may be for pages that nothing misses yet.
+    pub share: f64,
+}
+
+impl Default for AheadPreset {
+    fn default() -> Self {
+        let LookAhead { loads, least_secs, most_secs, pages, share } = LookAhead::default();
+        Self { loads, least_secs, most_secs, pages, share }
+    }
+}
+
+/// What a picture gives up while the view moves or pages come in. At rest everything is drawn.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Reflect)]
+#[serde(default, deny_unknown_fields)]
+pub struct MotionPreset {
+    /// How long the view must rest before the full picture is drawn, milliseconds.
+    pub rest_ms: u64,
+    /// Particles of the first picture of splats, before it is known what they cost.
+    pub first_particles: u64,
+    /// Particles of a picture of splats at least, however slow the machine is.
+    pub least_particles: u64,
+    /// What the sides of a picture of splats are divided by where the processor has no time for all its particles.
+    pub splat_shrink: u32,
+    /// Particles that a volume takes at most where the processor draws it.
+    pub volume_particles: u64,
+    /// The same where the adapter does.
+    pub volume_particles_gpu: u64,
+    /// What the sides of a volume's picture are divided by at most, as time demands.
+    pub volume_shrink: f64,
+    /// Milliseconds that a volume's picture may take where [`DrawingPreset::frame_ms`] sets no limit, and the picture that a tour
+    /// fades from.
+    pub volume_ms: f64,
+}
+
+impl Default for MotionPreset {
+    fn default() -> Self {
+        let SampleSizes { first, least } = SampleSizes::default();
+        Self {
+            rest_ms: 120,
+            first_particles: first,
+            least_particles: least,
+            splat_shrink: 2,
+            volume_particles: 200_000,
+            volume_particles_gpu: 4_000_000,
+            volume_shrink: 4.0,
+            volume_ms: 50.0,
+        }
+    }
+}
+
+impl MotionPreset {
+    /// How many particles a picture of splats may have, whatever they cost.
+    pub fn sample_sizes(&self) -> SampleSizes {
+        SampleSizes { first: self.first_particles, least: self.least_particles }
     }
 }
 
@@ -197,13 +279,23 @@ pub struct PanelPreset {
     pub right_width: f32,
     /// Factor on the size of text and controls; 0: by the monitor's own scale and its height.
     pub scale: f32,
+    /// Factor on the light of the panels, for a dark room.
+    pub brightness: f32,
     /// Names of the sections that are closed at the start.
     pub closed: Vec<String>,
 }
 
 impl Default for PanelPreset {
     fn default() -> Self {
-        Self { open: true, right: true, width: 304.0, right_width: 256.0, scale: 0.0, closed: Vec::new() }
+        Self {
+            open: true,
+            right: true,
+            width: 304.0,
+            right_width: 256.0,
+            scale: 0.0,
+            brightness: 1.0,
+            closed: Vec::new(),
+        }
     }
 }
 
@@ -217,6 +309,8 @@ pub struct Preset {
     pub residency: ResidencyPreset,
     /// How the picture is made.
     pub drawing: DrawingPreset,
+    /// What it gives up in motion.
+    pub motion: MotionPreset,
     /// How the camera answers.
     pub camera: CameraPreset,
     /// The panel.
@@ -230,7 +324,7 @@ pub enum PresetError {
     #[error(transparent)]
     Ron(#[from] RonError),
     /// No preset of that name.
-    #[error("no preset named {0}: expected desktop, laptop or headless")]
+    #[error("no preset named {0}: expected one of {names}", names = EMBEDDED.map(|(name, _)| name).join(", "))]
     Unknown(String),
 }
 
@@ -246,13 +340,15 @@ impl Preset {
     /// Reads RON text; `file` is what errors call it.
     pub fn parse(file: &str, text: &str) -> Result<Preset, RonError> {
         let preset: Preset = ron_file::parse(file, text)?;
-        preset.check(file)?;
+        preset.check(Place { file, text })?;
         Ok(preset)
     }
 
     /// Checks every number against its range.
-    fn check(&self, file: &str) -> Result<(), RonError> {
-        let Preset { window, residency, drawing, camera, panel } = self;
+    fn check(&self, place: Place) -> Result<(), RonError> {
+        let Preset { window, residency, drawing, motion, camera, panel } = self;
+        let ahead = &residency.ahead;
+        let least = governor::LEAST as f64;
         let checks = [
             ("window.width", f64::from(window.width), 320.0, 16384.0, "320 to 16384"),
             ("window.height", f64::from(window.height), 240.0, 16384.0, "240 to 16384"),
@@ -261,6 +357,19 @@ impl Preset {
             ("residency.upload_mib", residency.upload_mib as f64, 1.0, 65536.0, "1 to 65536"),
             ("residency.stall_secs", residency.stall_secs, 0.1, 3600.0, "0.1 to 3600"),
             ("residency.requests", residency.requests as f64, 1.0, 4096.0, "1 to 4096"),
+            ("residency.ahead.loads", ahead.loads, 0.0, 1000.0, "0 to 1000"),
+            ("residency.ahead.least_secs", ahead.least_secs, 0.0, 60.0, "0 to 60"),
+            ("residency.ahead.most_secs", ahead.most_secs, ahead.least_secs, 600.0, "least_secs to 600"),
+            ("residency.ahead.pages", ahead.pages as f64, 1.0, 1.0e6, "1 to 1000000"),
+            ("residency.ahead.share", ahead.share, 0.0, 1.0, "0 to 1"),
+            ("motion.rest_ms", motion.rest_ms as f64, 0.0, 10_000.0, "0 to 10000"),
+            ("motion.first_particles", motion.first_particles as f64, least, 1.0e12, "20000 to 1e12"),
+            ("motion.least_particles", motion.least_particles as f64, least, 1.0e12, "20000 to 1e12"),
+            ("motion.splat_shrink", f64::from(motion.splat_shrink), 1.0, 8.0, "1 to 8"),
+            ("motion.volume_particles", motion.volume_particles as f64, 1000.0, 1.0e12, "1000 to 1e12"),
+            ("motion.volume_particles_gpu", motion.volume_particles_gpu as f64, 1000.0, 1.0e12, "1000 to 1e12"),
+            ("motion.volume_shrink", motion.volume_shrink, 1.0, 16.0, "1 to 16"),
+            ("motion.volume_ms", motion.volume_ms, 1.0, 10_000.0, "1 to 10000"),
             ("drawing.error_px", drawing.error_px, 0.05, 64.0, "0.05 to 64"),
             ("drawing.frame_ms", drawing.frame_ms, 0.0, 10_000.0, "0 to 10000"),
             ("drawing.presence", drawing.presence, 0.0, 1.0e9, "0 to 1e9"),
@@ -273,14 +382,15 @@ impl Preset {
             ("camera.flight_secs", camera.flight_secs, 0.0, 60.0, "0 to 60"),
             ("panel.width", f64::from(panel.width), 240.0, 640.0, "240 to 640"),
             ("panel.right_width", f64::from(panel.right_width), 200.0, 640.0, "200 to 640"),
+            ("panel.brightness", f64::from(panel.brightness), 0.1, 1.0, "0.1 to 1"),
         ];
         for (field, value, least, most, expected) in checks {
             if !(least..=most).contains(&value) {
-                return Err(RonError::value(file, field, value, expected));
+                return Err(place.refuse(&field.split('.').collect::<Vec<_>>(), value, expected));
             }
         }
         if !(panel.scale == 0.0 || (0.5..=4.0).contains(&panel.scale)) {
-            return Err(RonError::value(file, "panel.scale", panel.scale, "0 (automatic), or 0.5 to 4"));
+            return Err(place.refuse(&["panel", "scale"], panel.scale, "0 (automatic), or 0.5 to 4"));
         }
         Ok(())
     }
@@ -320,7 +430,41 @@ mod tests {
         assert_eq!(presets[0].residency.budget_mib, 4096);
         assert_ne!(presets[0], presets[1]);
         assert_ne!(presets[0], presets[2]);
-        assert!(Preset::embedded("tablet").unwrap_err().to_string().contains("tablet"));
+        let unknown = Preset::embedded("tablet").unwrap_err().to_string();
+        assert_eq!(unknown, "no preset named tablet: expected one of desktop, laptop, headless, planetarium");
+    }
+
+    #[test]
+    fn the_planetarium_is_dark_and_leaves_the_presenter_what_a_show_needs() {
+        let preset = Preset::embedded("planetarium").unwrap();
+        assert!(preset.panel.brightness < 0.6 && preset.drawing.frame_ms > 0.0 && preset.drawing.frame_ms < 20.0);
+        for section in ["show", "tour", "bookmarks", "messages"] {
+            assert!(!preset.panel.closed.iter().any(|closed| closed == section), "{section}");
+        }
+    }
+
+    #[test]
+    fn what_is_read_ahead_is_what_the_preset_says() {
+        let preset = Preset::parse("a.ron", "(residency: (ahead: (loads: 5.0, pages: 7, share: 0.25)))").unwrap();
+        let ahead = LookAhead { loads: 5.0, pages: 7, share: 0.25, ..LookAhead::default() };
+        assert_eq!(preset.residency.stream_options().ahead, ahead);
+        assert_eq!(Preset::default().residency.stream_options().ahead, LookAhead::default());
+    }
+
+    #[test]
+    fn settings_of_motion_and_prefetching_are_checked_with_their_place() {
+        for (text, refusal) in [
+            ("(motion: (\n  volume_shrink: 0.5))", "a.ron:2:3: volume_shrink: found 0.5, expected 1 to 16"),
+            ("(motion: (\n  least_particles: 10))", "a.ron:2:3: least_particles: found 10, expected 20000 to 1e12"),
+            ("(residency: (ahead: (\nshare: 1.5)))", "a.ron:2:1: share: found 1.5, expected 0 to 1"),
+            ("(panel: (\n brightness: 0.0))", "a.ron:2:2: brightness: found 0, expected 0.1 to 1"),
+        ] {
+            assert_eq!(Preset::parse("a.ron", text).unwrap_err().to_string(), refusal);
+        }
+        for wrong in ["motion: (particles: 5)", "residency: (ahead: (seconds: 5))", "motion: (rest_ms: -1)"] {
+            let error = Preset::parse("a.ron", &format!("(\n    {wrong},\n)")).unwrap_err().to_string();
+            assert!(error.starts_with("a.ron:2:"), "{error}");
+        }
     }
 
     #[test]
@@ -331,9 +475,9 @@ mod tests {
     }
 
     #[test]
-    fn a_value_out_of_range_names_the_field() {
+    fn a_value_out_of_range_names_its_place() {
         let error = Preset::parse("a.ron", "(drawing: (error_px: -1.0))").unwrap_err().to_string();
-        assert_eq!(error, "a.ron: drawing.error_px is -1, expected 0.05 to 64");
+        assert_eq!(error, "a.ron:1:12: error_px: found -1, expected 0.05 to 64");
     }
 
     #[test]

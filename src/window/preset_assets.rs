@@ -4,15 +4,22 @@ use super::options::WindowOptions;
 use super::preset::{Preset, PresetLoader};
 use super::scene::{Settings, budget_of};
 use super::state::notices::Notices;
-use bevy::asset::io::AssetSourceBuilder;
+use bevy::asset::io::{AssetSourceBuilder, AssetSourceId};
 use bevy::asset::{AssetLoadFailedEvent, io::file::FileAssetReader};
 use bevy::prelude::*;
 
 /// Registers the folders that assets come from, where they exist. Must run before Bevy's default plugins.
 pub fn register_sources(app: &mut App) {
-    let folder = FileAssetReader::get_base_path().join("configs");
+    let base = FileAssetReader::get_base_path();
+    let folder = base.join("configs");
     if folder.is_dir() {
         app.register_asset_source("configs", AssetSourceBuilder::platform_default(&folder.to_string_lossy(), None));
+    }
+    // Nothing is loaded from Bevy's usual folder: where it is missing, nobody has to hear that it cannot be watched.
+    if !base.join("assets").is_dir() {
+        let mut usual = AssetSourceBuilder::platform_default("assets", None);
+        (usual.watcher, usual.watch_warning) = (None, None);
+        app.register_asset_source(AssetSourceId::Default, usual);
     }
 }
 

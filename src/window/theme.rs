@@ -82,9 +82,24 @@ pub fn apply(ctx: &egui::Context) {
     });
 }
 
-/// The panel's frame.
+/// Room at the right of a dock's contents, where the scroll bar is when there is one.
+pub const SCROLL_ROOM: f32 = 12.0;
+
+/// The panel's frame; [`SCROLL_ROOM`] comes on top at the right.
 pub fn panel_frame() -> egui::Frame {
-    egui::Frame::NONE.fill(PANEL).inner_margin(Margin { left: 14, right: 12, top: 10, bottom: 10 })
+    egui::Frame::NONE.fill(PANEL).inner_margin(Margin { left: 14, right: 4, top: 10, bottom: 10 })
+}
+
+/// Takes light from what lies in the rectangles, pop-ups included; `brightness` is the share of it that stays.
+pub fn dim(ctx: &egui::Context, rects: &[egui::Rect], brightness: f32) {
+    if brightness >= 1.0 {
+        return;
+    }
+    let shade = Color32::from_black_alpha((255.0 * (1.0 - brightness)).round() as u8);
+    let painter = ctx.layer_painter(egui::LayerId::new(egui::Order::Debug, egui::Id::new("dim")));
+    for rect in rects {
+        painter.rect_filled(*rect, 0.0, shade);
+    }
 }
 
 /// The frame of cards that lie over the picture.

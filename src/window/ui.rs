@@ -65,6 +65,7 @@ pub(super) fn draw_window(
     let builder = egui::UiBuilder::new().layer_id(egui::LayerId::background()).max_rect(window);
     let mut root = egui::Ui::new(ctx.clone(), "window".into(), builder);
     let mut rect = window;
+    let mut docks = Vec::new();
     for dock in [Dock::Left, Dock::Right].into_iter().filter(|dock| shown.dock(*dock) && !owner.is_locked()) {
         // A narrow window has no room for both.
         if dock == Dock::Right && rect.width() - preset.panel.right_width < LEAST_PICTURE && rect != window {
@@ -83,7 +84,12 @@ pub(super) fn draw_window(
             Dock::Left => rect.min.x += width,
             Dock::Right => rect.max.x -= width,
         }
+        docks.push(match dock {
+            Dock::Left => window.with_max_x(rect.min.x),
+            Dock::Right => window.with_min_x(rect.max.x),
+        });
     }
+    theme::dim(&ctx, &docks, preset.panel.brightness);
     picture.rect = Rect::from_corners(Vec2::new(rect.min.x, rect.min.y), Vec2::new(rect.max.x, rect.max.y));
     picture.scale = ctx.pixels_per_point();
     let painter = root.painter().with_clip_rect(rect);

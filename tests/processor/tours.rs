@@ -191,7 +191,8 @@ fn the_shipped_tour_is_as_the_issue_asks_and_comfortable() {
     for name in ["assets/tours/demo.ron", "assets/tours/demo-dome.ron"] {
         let path = in_repository(name);
         let tour_file = deepfield::tour::TourFile::read(&path).unwrap();
-        let modes: std::collections::BTreeSet<_> = tour_file.keyframes.iter().filter_map(|k| k.mode.clone()).collect();
+        let modes: std::collections::BTreeSet<_> =
+            tour_file.keyframes.iter().filter_map(|k| k.look.mode.map(|mode| mode.name)).collect();
         assert!(tour_file.keyframes.len() >= 10 && modes.len() >= 3);
         assert!(tour_file.keyframes.iter().filter(|keyframe| keyframe.caption.is_some()).count() >= 5);
         let output = run(tour(&[&path.display().to_string(), "--check"]));

@@ -8,7 +8,7 @@ use crate::color::Accumulation;
 use crate::color::transfer::TransferFunction;
 use crate::hierarchy::Purpose;
 use crate::mode::{Depiction, Economy, Plan};
-use crate::picture::governor::{self, Governor};
+use crate::picture::governor::{self, Governor, SampleSizes};
 use crate::picture::pilot;
 use crate::store::PageFile;
 use crate::stream::{Scene, SceneSelection, StreamOptions, Streamer};
@@ -116,7 +116,7 @@ impl Engine<'_> {
     pub fn governed(&self, view: &View, selection: &SceneSelection, frame_ms: Option<f64>) -> (Plan, u64) {
         let metadata = self.file.metadata();
         let important = governor::most_important(&self.depiction, metadata);
-        let limit = frame_ms.map_or(u64::MAX, |frame_ms| self.governor.limit(frame_ms));
+        let limit = frame_ms.map_or(u64::MAX, |frame_ms| self.governor.limit(frame_ms, SampleSizes::default()));
         governor::within(limit, self.plan, view, &self.depiction, metadata, &selection.nodes, &important)
     }
 

@@ -12,7 +12,7 @@ pub mod series;
 use super::splat::Failure;
 use crate::build::{BuildOptions, build_source};
 use crate::color::output;
-use crate::command_line::arguments::{PictureSize, bytes, not_negative, positive};
+use crate::command_line::arguments::{PictureSize, bytes, mode_name, not_negative, positive};
 use crate::command_line::cache;
 use crate::command_line::progress_bar::TerminalProgress;
 use crate::import::LoadOptions;
@@ -50,8 +50,8 @@ pub struct Options {
     /// Largest displacement of a particle on screen, pixels.
     #[arg(long, value_name = "TAU", default_value_t = 0.8, value_parser = positive)]
     pub error_px: f64,
-    /// Visualization mode.
-    #[arg(long, value_name = "NAME", default_value = "density-squared", value_parser = crate::command_line::arguments::mode_name)]
+    /// Visualization mode, one that is made of splats; `bench compare` measures the others.
+    #[arg(long, value_name = "NAME", default_value = "density-squared", value_parser = splat_mode)]
     pub mode: &'static Mode,
     /// Pages in main memory at most.
     #[arg(long, value_name = "BYTES", default_value = "2GiB", value_parser = bytes)]
@@ -87,6 +87,17 @@ pub struct Options {
     /// Folder for flight.csv, flight.svg, flight.png and the like, or compare.csv and the pictures [default: flight, compare].
     #[arg(long, value_name = "FOLDER")]
     pub output: Option<PathBuf>,
+}
+
+/// The mode of that name, if a flight can draw it: its frames, samples and checks are those of splats.
+fn splat_mode(text: &str) -> Result<&'static Mode, String> {
+    let mode = mode_name(text)?;
+    if !mode.is_light() {
+        return Ok(mode);
+    }
+    let splats: Vec<&str> =
+        crate::modes::all().into_iter().filter(|mode| !mode.is_light()).map(|mode| mode.name).collect();
+    Err(format!("a flight draws {}; `deepfield bench compare` measures {text}", splats.join(", ")))
 }
 
 impl Options {
@@ -232,7 +243,7 @@ fn with_canvas<T>(
         budget: options.main_memory,
         in_flight: usize::from(options.requests),
         stall: Duration::from_secs(5),
-        prefetch: true,
+        ..StreamOptions::default()
     };
     let mut engine = Engine {
         file,
@@ -398,4 +409,22 @@ fn line(name: &str, summary: &Summary) {
         100.0 * summary.not_converged,
         summary.worst_error_px
     );
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_flight_takes_modes_of_splats_and_names_them_for_any_other() {
+        for mode in crate::modes::all() {
+            match splat_mode(mode.name) {
+                Ok(taken) => assert!(!taken.is_light() && std::ptr::eq(taken, mode)),
+                Err(why) => {
+                    assert!(mode.is_light());
+                    assert!(why.contains("density-squared") && why.contains(mode.name), "{why}");
+                }
+            }
+        }
+    }
 }

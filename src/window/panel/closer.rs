@@ -17,11 +17,13 @@ fn show(ui: &mut Ui, state: &mut PanelState<'_, '_>) {
     ui.horizontal(|ui| {
         ui.spacing_mut().item_spacing.x = 2.0;
         ui.spacing_mut().button_padding.x = 2.0;
-        let width = (ui.available_width() - 2.0 * (Tool::ALL.len() - 1) as f32) / Tool::ALL.len() as f32;
-        for tool in Tool::ALL {
+        let widths = Tool::ALL.map(|tool| theme::text_size(ui.painter(), tool.title(), theme::SMALL).x);
+        let gaps = 2.0 * (widths.len() - 1) as f32;
+        let spare = (ui.available_width() - gaps - widths.iter().sum::<f32>()) / widths.len() as f32;
+        for (tool, width) in Tool::ALL.into_iter().zip(widths) {
             let chosen = *state.looking.tool == tool;
             let text = RichText::new(tool.title()).size(theme::SMALL);
-            let response = ui.add_sized([width, 20.0], egui::Button::selectable(chosen, text));
+            let response = ui.add_sized([width + spare.max(4.0), 20.0], egui::Button::selectable(chosen, text));
             theme::register(ui, &format!("tool:{}", tool.title()), response.rect);
             if response.on_hover_text(tool.help()).clicked() {
                 state.looking.tool.set_if_neq(tool);

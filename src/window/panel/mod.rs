@@ -116,14 +116,17 @@ impl PanelState<'_, '_> {
     /// Draws a dock's contents.
     pub fn show(&mut self, ui: &mut Ui, dock: Dock) {
         if dock == Dock::Left {
-            self.header(ui);
-            self.opening(ui);
-            if self.scene.is_none() && self.openings.progress().is_none() {
-                ui.add_space(12.0);
-                let hint = "Nothing is open. Drop a snapshot, a catalogue, a page file or a scene here.";
-                ui.label(RichText::new(hint).color(theme::LABEL));
-                ui.add_space(12.0);
-            }
+            ui.scope(|ui| {
+                ui.set_max_width(ui.available_width() - theme::SCROLL_ROOM);
+                self.header(ui);
+                self.opening(ui);
+                if self.scene.is_none() && self.openings.progress().is_none() {
+                    ui.add_space(12.0);
+                    let hint = "Nothing is open. Drop a snapshot, a catalogue, a page file or a scene here.";
+                    ui.label(RichText::new(hint).color(theme::LABEL));
+                    ui.add_space(12.0);
+                }
+            });
         }
         section::show_dock(ui, dock, self);
     }
@@ -132,8 +135,6 @@ impl PanelState<'_, '_> {
     fn header(&mut self, ui: &mut Ui) {
         let [past, future] = self.history.steps();
         ui.horizontal(|ui| {
-            // As wide as what is below it, which leaves room for a scroll bar.
-            ui.set_max_width(ui.available_width() - 4.0);
             ui.label(RichText::new("deepfield").size(17.0).color(theme::TEXT).strong());
             ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
                 ui.spacing_mut().item_spacing.x = 4.0;
@@ -178,6 +179,20 @@ impl PanelState<'_, '_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_desktop_preset_names_every_section_and_none_sends_users_to_the_source() {
+        for (name, text) in crate::window::preset::EMBEDDED {
+            for closed in &crate::window::preset::Preset::embedded(name).unwrap().panel.closed {
+                assert!(SECTIONS.iter().any(|section| section.name == closed), "{name}: {closed}");
+            }
+            assert!(!text.contains("src/"), "{name}: a user has no source");
+        }
+        let desktop = crate::window::preset::EMBEDDED[0].1;
+        for section in SECTIONS {
+            assert!(desktop.contains(section.name), "desktop.ron does not name the section {}", section.name);
+        }
+    }
 
     static OWN: Section = Section { name: "own", title: "Own", dock: Dock::Right, applies: |_| true, show: |_, _| {} };
 

@@ -70,22 +70,33 @@ impl SectionData {
 /// Draws the sections of a dock below each other.
 pub fn show_dock(ui: &mut Ui, dock: Dock, state: &mut PanelState<'_, '_>) {
     ScrollArea::vertical().id_salt(("dock", dock)).auto_shrink([false, false]).show(ui, |ui| {
-        // Room for the scroll bar, so that values do not jump when it appears.
-        ui.set_max_width(ui.available_width() - 4.0);
+        let width = ui.available_width() - theme::SCROLL_ROOM;
         for section in state.sections.0.clone().into_iter().filter(|section| section.dock == dock) {
             if !(section.applies)(state) {
                 continue;
             }
-            let open = !state.closed.0.contains(section.name);
-            if heading(ui, section, open) {
-                state.closed.toggle(section.name);
-            }
-            if open {
-                ui.push_id(section.name, |ui| (section.show)(ui, state));
-                ui.add_space(5.0);
-            }
+            of_width(ui, width, section.name, |ui| {
+                let open = !state.closed.0.contains(section.name);
+                if heading(ui, section, open) {
+                    state.closed.toggle(section.name);
+                }
+                if open {
+                    (section.show)(ui, state);
+                    ui.add_space(5.0);
+                }
+            });
         }
     });
+}
+
+/// Draws below what is there, in this width whatever the contents want: a row that is too wide must not push those of other
+/// sections under the scroll bar.
+fn of_width(ui: &mut Ui, width: f32, name: &str, show: impl FnOnce(&mut Ui)) {
+    let at = ui.cursor().min;
+    let room = egui::Rect::from_min_size(at, vec2(width, ui.available_height()));
+    let mut child = ui.new_child(egui::UiBuilder::new().id_salt(name).max_rect(room));
+    show(&mut child);
+    ui.advance_cursor_after_rect(egui::Rect::from_min_size(at, vec2(width, child.min_rect().height())));
 }
 
 /// The heading with a mark that says whether the section is open; whether it was clicked.
@@ -112,4 +123,28 @@ fn heading(ui: &mut Ui, section: &Section, open: bool) -> bool {
         ui.ctx().set_cursor_icon(CursorIcon::PointingHand);
     }
     response.clicked()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_row_that_is_too_wide_leaves_those_below_their_width() {
+        let ctx = egui::Context::default();
+        let mut below = None;
+        let _ = ctx.run_ui(egui::RawInput::default(), |ui| {
+            let left = ui.cursor().min.x;
+            of_width(ui, 100.0, "wide", |ui| {
+                ui.allocate_exact_size(vec2(150.0, 20.0), Sense::hover());
+            });
+            of_width(ui, 100.0, "below", |ui| {
+                let (rect, _) = ui.allocate_exact_size(vec2(ui.available_width(), 20.0), Sense::hover());
+                below = Some((rect.left() - left, rect.width(), rect.top()));
+            });
+        });
+        let (left, width, top) = below.unwrap();
+        assert_eq!((left, width), (0.0, 100.0));
+        assert!(top >= 20.0, "it is below: {top}");
+    }
 }

@@ -15,7 +15,8 @@ use crate::view::View;
 use crate::window::lens::view_of;
 use crate::window::look::Look;
 use crate::window::picture::Picture;
-use crate::window::picture_sizes::{MOVING_MS, drawing_size, moving_size, volume_limit};
+use crate::window::picture_sizes::{drawing_size, moving_size, volume_limit};
+use crate::window::preset::Preset;
 use crate::window::scene::{Scene, Settings};
 use crate::window::scene_io::viewpoint_of;
 use crate::window::state::aim::Aim;
@@ -182,7 +183,7 @@ pub fn draw_before(
     player: Res<Player>,
     ranges: Res<Ranges>,
     (scene, settings, look): (Option<Res<Scene>>, Res<Settings>, Option<Res<Look>>),
-    (picture, aim): (Res<Picture>, Option<Res<Aim>>),
+    (picture, aim, preset): (Res<Picture>, Option<Res<Aim>>, Res<Preset>),
     mut messages: ResMut<Notices>,
 ) {
     let before = before.bypass_change_detection();
@@ -217,17 +218,19 @@ pub fn draw_before(
     let levels = numbers.or(before.last.filter(|(mode, _)| std::ptr::eq(*mode, depiction.mode)).map(|last| last.1));
     let painted = depiction.mode.is_light();
     let full = picture.size();
+    let motion = &preset.motion;
     let size = match (is_moving, painted) {
         (false, _) => full,
-        (true, true) => moving_size(full, before.cost, MOVING_MS),
+        (true, true) => moving_size(full, before.cost, motion.volume_ms, motion),
         (true, false) => {
-            drawing_size(full, true, ActiveBackend::Cpu, matches!(depiction.footprint(), Footprint::Pixels(_)))
+            let fixed_discs = matches!(depiction.footprint(), Footprint::Pixels(_));
+            drawing_size(full, true, ActiveBackend::Cpu, fixed_discs, motion)
         }
     };
     let limit = match (is_moving, painted) {
         (false, _) => u64::MAX,
-        (true, true) => volume_limit(true, false, u64::MAX),
-        (true, false) => before.governor.limit(MOVING_MS),
+        (true, true) => volume_limit(true, false, u64::MAX, motion),
+        (true, false) => before.governor.limit(motion.volume_ms, motion.sample_sizes()),
     };
     let (place, lens) = viewpoint_of(&blend.camera);
     let cut = blend.look.cut.unwrap_or_default();
@@ -286,6 +289,7 @@ mod tests {
             .init_resource::<Held>()
             .init_resource::<Before>()
             .init_resource::<Exposure>()
+            .init_resource::<Preset>()
             .init_resource::<TransferPresets>()
             .add_systems(Update, systems.chain().after(play_tour));
         window.open(&TourFile::parse("test", TOUR).unwrap());

@@ -305,6 +305,39 @@ fn any_number_of_threads_writes_the_same_bytes() {
 }
 
 #[test]
+fn every_option_of_the_hierarchy_changes_what_it_says_and_is_noted() {
+    let folder = tempfile::tempdir().unwrap();
+    let usual = small_leaves(VqBits::Eight, 300);
+    let notes = |options: &BuildOptions| build_in(&folder, vec![clustered(500, 9)], options).1.provenance.notes;
+    assert_eq!(notes(&BuildOptions::default()), ["made up"]);
+    // Pages; nodes; particles of grid nodes; those that thinning leaves out; relays.
+    let count = |change: fn(&mut BuildOptions), note: &str| {
+        let mut options = usual.clone();
+        change(&mut options);
+        let (path, metadata) = build_in(&folder, vec![clustered(30_000, 9)], &options);
+        let noted = &metadata.provenance.notes[1];
+        assert!(metadata.provenance.notes.len() == 2 && noted.contains(note), "{noted}");
+        let tree = Tree::read(&path);
+        let of = |encoding: Encoding| tree.nodes().filter(|at| tree.node(*at).encoding == encoding).collect::<Vec<_>>();
+        let grid: u64 = of(Encoding::Grid).iter().map(|at| u64::from(tree.node(*at).particles)).sum();
+        let skipped: u64 = metadata.families[0].levels.iter().map(|level| level.skipped).sum();
+        [tree.pages.len() as u64, tree.nodes().count() as u64, grid, skipped, of(Encoding::Relay).len() as u64]
+    };
+    let [pages, nodes, _, skipped, relays] = count(|_| {}, "leaves of 300 particles");
+    assert!(skipped > 0 && relays > 0, "{skipped} {relays}");
+    assert!(count(|options| options.page_bytes = 64 << 10, "pages of 65536 bytes")[0] > pages);
+    assert!(count(|options| options.octree.leaf_capacity = 30, "leaves of 30 particles")[1] > nodes);
+    // Where more merges, fewer nodes are relays.
+    let whole = |options: &mut BuildOptions| options.octree.relay_fraction = 1.0;
+    let fused = |options: &mut BuildOptions| (options.octree.relay_fraction, options.octree.fusion) = (1.0, 8.0);
+    assert!(count(fused, "fusion within 8 cells")[2] < count(whole, "relays from 1")[2]);
+    assert_eq!(count(|options| options.octree.thinning_budget = 0.0, "thinning of 0")[3], 0);
+    assert!(count(|options| options.octree.thinning_budget = 0.05, "thinning of 0.05")[3] > skipped);
+    assert_eq!(count(whole, "relays from 1")[4], 0);
+    assert!(count(|options| options.octree.relay_fraction = 0.1, "relays from 0.1")[4] > relays);
+}
+
+#[test]
 fn degenerate_particles_build() {
     let folder = tempfile::tempdir().unwrap();
     let column = |values: &[f32], count: usize| (0..count).map(|i| values[i % values.len()]).collect::<Vec<f32>>();

@@ -21,7 +21,7 @@ fn everything(file: &PageFile) -> (View, f64) {
 }
 
 fn options(stall: Duration) -> StreamOptions {
-    StreamOptions { budget: u64::MAX, in_flight: 4, stall, prefetch: false }
+    StreamOptions { budget: u64::MAX, in_flight: 4, stall, prefetch: false, ..StreamOptions::default() }
 }
 
 /// Converges a scene of the file and says what was told.

@@ -2,7 +2,7 @@
 //! waited for, and `render` says what it could not read.
 
 use super::disk::{offset_of, sound};
-use crate::support::run;
+use crate::support::{program, run};
 use serde_json::Value;
 use std::io::{Seek, SeekFrom, Write};
 
@@ -26,6 +26,37 @@ fn a_flight_writes_its_series_and_its_pictures_are_those_that_were_waited_for() 
     let series = std::fs::read_to_string(folder.path().join("flight/flight-cpu.csv")).unwrap();
     assert_eq!(series.lines().count() as u64, 1 + outcome["flight"]["frames"].as_u64().unwrap());
     assert!(std::fs::read_to_string(folder.path().join("flight/flight-cpu.svg")).unwrap().contains("<polyline"));
+}
+
+#[test]
+fn a_flight_refuses_modes_that_it_does_not_measure() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = run(folder.path(), &["bench", "flight", "--mode", "volume", "--sizes", "1000", "--duration", "1"]);
+    let told = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(2), "{told}");
+    assert!(told.contains("density-squared") && told.contains("bench compare"), "{told}");
+    assert!(!folder.path().join("flight").exists());
+}
+
+#[test]
+fn without_a_display_nothing_is_printed_and_the_processor_asks_for_no_adapter() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("sound.df"), sound()).unwrap();
+    let render = |backend: &[&str], loader_tells: &str| {
+        let arguments = ["render", "sound.df", "-o", "p.png", "--size", "60x40"];
+        let mut command = program();
+        command.args(arguments).args(backend).current_dir(folder.path()).env("VK_LOADER_DEBUG", loader_tells);
+        for name in ["DISPLAY", "WAYLAND_DISPLAY", "XDG_RUNTIME_DIR", "NODEVICE_SELECT"] {
+            command.env_remove(name);
+        }
+        let output = command.output().unwrap();
+        (output.status.success(), String::from_utf8_lossy(&output.stderr).into_owned())
+    };
+    // Vulkan's loader would say so.
+    assert_eq!(render(&["--backend", "cpu"], "all"), (true, String::new()));
+    assert_eq!(render(&[], "none"), (true, String::new()));
+    let (drawn, told) = render(&["--backend", "compute"], "none");
+    assert!(told.is_empty() || !drawn && told.lines().count() == 1, "{told}");
 }
 
 #[test]

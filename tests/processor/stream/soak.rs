@@ -63,7 +63,8 @@ fn soak(frames: u32) {
     let (whole, largest) = (memory.iter().sum::<u64>(), memory.iter().copied().max().unwrap());
     let budget = (whole * 7 / 10).max(4 * largest);
     println!("{} pages of {} MiB, {} MiB of them may be there", memory.len(), whole >> 20, budget >> 20);
-    let options = StreamOptions { budget, in_flight: 4, stall: Duration::from_secs(60), prefetch: true };
+    let stall = Duration::from_secs(60);
+    let options = StreamOptions { budget, in_flight: 4, stall, prefetch: true, ..StreamOptions::default() };
     let mut streamer = Streamer::new(Arc::clone(&file), options);
     let copy_budget = budget * 9 / 10;
     streamer.keep_copies(Some(CopyOptions { budget: copy_budget, on_their_way: 8 << 20 }));

@@ -20,7 +20,7 @@ use crate::hierarchy::{AttributeInfo, LevelInfo, OctreeOptions};
 use crate::import::{ImportError, LoadOptions, SourceStream, open_with, replaced_densities, streams};
 use crate::model::progress::Progress;
 use crate::model::{Dataset, Family, FamilyName, FamilyStream, ParticleStream, ReadMethod, StreamError, Unit};
-use crate::store::paging::write_trees;
+use crate::store::paging::{PAGE_BYTES, write_trees};
 use crate::store::temporary::{clean, folder_of};
 use crate::store::{FamilyMetadata, Metadata, PageFileWriter, StoreError, VolumeTree};
 use memory::Memory;
@@ -47,7 +47,7 @@ const PREFERRED: [&str; 10] = [
 ];
 
 /// What to build, and with what.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct BuildOptions {
     /// Families to keep; none named: all.
     pub families: Vec<FamilyName>,
@@ -55,6 +55,8 @@ pub struct BuildOptions {
     pub attributes: Option<Vec<String>>,
     /// How the trees are built.
     pub octree: OctreeOptions,
+    /// Bytes that a page aims at; only a page of a single node may be longer.
+    pub page_bytes: usize,
     /// Bytes of memory that the build may take; `None`: half of what the machine has free.
     pub memory: Option<u64>,
     /// Folder for temporary files; `None`: that of the output.
@@ -65,10 +67,39 @@ pub struct BuildOptions {
     pub read: ReadMethod,
 }
 
+impl Default for BuildOptions {
+    fn default() -> BuildOptions {
+        BuildOptions {
+            families: Vec::new(),
+            attributes: None,
+            octree: OctreeOptions::default(),
+            page_bytes: PAGE_BYTES,
+            memory: None,
+            temporary: None,
+            threads: None,
+            read: ReadMethod::default(),
+        }
+    }
+}
+
 impl BuildOptions {
     /// The default options with this many bits for a codebook index.
     pub fn with_vq_bits(vq_bits: VqBits) -> BuildOptions {
         BuildOptions { octree: OctreeOptions { vq_bits, ..OctreeOptions::default() }, ..BuildOptions::default() }
+    }
+
+    /// What of the hierarchy differs from the defaults, for the file's provenance; `None`: nothing.
+    fn hierarchy_note(&self) -> Option<String> {
+        let (own, usual) = (&self.octree, OctreeOptions::default());
+        let differing = [
+            (self.page_bytes != PAGE_BYTES, format!("pages of {} bytes", self.page_bytes)),
+            (own.leaf_capacity != usual.leaf_capacity, format!("leaves of {} particles", own.leaf_capacity)),
+            (own.fusion != usual.fusion, format!("fusion within {} cells", own.fusion)),
+            (own.thinning_budget != usual.thinning_budget, format!("thinning of {}", own.thinning_budget)),
+            (own.relay_fraction != usual.relay_fraction, format!("relays from {}", own.relay_fraction)),
+        ];
+        let differing: Vec<_> = differing.into_iter().filter(|(differs, _)| *differs).map(|(_, what)| what).collect();
+        (!differing.is_empty()).then(|| format!("built with {}", differing.join(", ")))
     }
 }
 
@@ -321,7 +352,7 @@ impl<'a> Build<'a> {
         };
         let number = self.families.len() as u32;
         let nodes = (&coded.splats.nodes[..], coded.volume.as_ref().map(|tree| &tree.nodes[..]));
-        let (splats, volume) = write_trees(&mut self.writer, number, nodes, sections, progress)?;
+        let (splats, volume) = write_trees(&mut self.writer, number, nodes, options.page_bytes, sections, progress)?;
         let with_bytes = |levels: &[LevelInfo], bytes: Vec<u64>| {
             levels.iter().zip(bytes).map(|(level, bytes)| LevelInfo { bytes, ..*level }).collect()
         };
@@ -362,6 +393,7 @@ impl<'a> Build<'a> {
         families.iter_mut().for_each(|family| set_units(&mut family.quantities, &about.mass_unit, &about.length_unit));
         let mut provenance = about.provenance;
         provenance.notes.extend(self.notes);
+        provenance.notes.extend(self.options.hierarchy_note());
         let metadata = Metadata {
             length_unit: about.length_unit,
             mass_unit: about.mass_unit,

@@ -61,7 +61,7 @@ impl FamilyName {
         // A set is complete before its lock is given back.
         let mut names = NAMES.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(known) = names.get(name) {
-            return Some(FamilyName(*known));
+            return Some(FamilyName(known));
         }
         if !is_name || names.len() >= MOST {
             return None;

@@ -17,7 +17,7 @@ use crate::model::progress::Progress;
 use rayon::prelude::*;
 use std::collections::VecDeque;
 
-/// Bytes that a page aims at (F12 4.8.1); only a page of a single node may be longer.
+/// Bytes that a page aims at (F12 4.8.1) unless a build says otherwise; only a page of a single node may be longer.
 pub const PAGE_BYTES: usize = 3 << 20;
 
 /// A node of a tree that is to be written.
@@ -55,8 +55,8 @@ struct Group {
     parent_page: Option<usize>,
 }
 
-/// The nodes of each page, in order, as far as they are `own`. Parents come before children.
-fn plan(nodes: &[Vec<PlannedNode>], own: impl Fn(&PlannedNode) -> bool) -> Vec<Vec<Place>> {
+/// The nodes of each page of about `page_bytes`, in order, as far as they are `own`. Parents come before children.
+fn plan(nodes: &[Vec<PlannedNode>], page_bytes: usize, own: impl Fn(&PlannedNode) -> bool) -> Vec<Vec<Place>> {
     let own = |&(depth, index): &Place| own(&nodes[depth][index]);
     let bytes = |&(depth, index): &Place| nodes[depth][index].bytes();
     let children = |(depth, index): Place| -> Vec<Place> {
@@ -73,7 +73,7 @@ fn plan(nodes: &[Vec<PlannedNode>], own: impl Fn(&PlannedNode) -> bool) -> Vec<V
         // Siblings that do not fit go on waiting, at the front.
         let fitting = group.members.iter().take_while(|member| {
             len += bytes(member);
-            len <= PAGE_BYTES
+            len <= page_bytes
         });
         let fitting = fitting.count().max(1);
         let rest = group.members.split_off(fitting);
@@ -92,7 +92,7 @@ fn plan(nodes: &[Vec<PlannedNode>], own: impl Fn(&PlannedNode) -> bool) -> Vec<V
                 if below.is_empty() {
                     continue;
                 }
-                if len + more <= PAGE_BYTES {
+                if len + more <= page_bytes {
                     len += more;
                     page.extend(below);
                 } else {
@@ -102,9 +102,9 @@ fn plan(nodes: &[Vec<PlannedNode>], own: impl Fn(&PlannedNode) -> bool) -> Vec<V
             let joins = |other: &Group| {
                 other.parent_page == group.parent_page
                     && other.parent_page.is_some()
-                    && len + other.members.iter().map(bytes).sum::<usize>() <= PAGE_BYTES
+                    && len + other.members.iter().map(bytes).sum::<usize>() <= page_bytes
             };
-            if len > PAGE_BYTES / 2 || !waiting.front().is_some_and(joins) {
+            if len > page_bytes / 2 || !waiting.front().is_some_and(joins) {
                 break;
             }
             let Some(other) = waiting.pop_front() else { break };
@@ -158,7 +158,7 @@ impl<'a> Paged<'a> {
 }
 
 /// Appends the pages of a family's trees to a file: that for splats, and that for volumes if there is one, which has the same
-/// nodes and shares the leaves. `sections` gives the particles of the node of a depth and index.
+/// nodes and shares the leaves. Pages aim at `page_bytes`; `sections` gives the particles of the node of a depth and index.
 ///
 /// # Errors
 /// When the file cannot be written; those of `sections`.
@@ -166,12 +166,13 @@ pub fn write_trees<E: From<StoreError> + Send>(
     writer: &mut PageFileWriter,
     family: u32,
     (splats, volume): (&[Vec<PlannedNode>], Option<&[Vec<PlannedNode>]>),
+    page_bytes: usize,
     sections: impl Fn(Purpose, usize, usize) -> Result<Sections, E> + Sync,
     progress: &dyn Progress,
 ) -> Result<(Written, Option<Written>), E> {
     let is_inner = |node: &PlannedNode| node.node.encoding != Encoding::Leaf;
-    let volume_pages = volume.map_or(Vec::new(), |nodes| plan(nodes, is_inner));
-    let splat_pages = plan(splats, |_| true);
+    let volume_pages = volume.map_or(Vec::new(), |nodes| plan(nodes, page_bytes, is_inner));
+    let splat_pages = plan(splats, page_bytes, |_| true);
     progress.begin("writing pages", (volume_pages.len() + splat_pages.len()) as u64);
     let first = writer.page_count();
     let behind = first + volume_pages.len() as u32;

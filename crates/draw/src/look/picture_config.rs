@@ -88,7 +88,7 @@ pub struct CameraConfig {
 pub enum Backend {
     /// Compute passes.
     Compute,
-    /// Blended triangles: not implemented, a window says so and uses compute passes.
+    /// Blended quads, for adapters without compute shaders; needs blending of 32-bit floats.
     Raster,
     /// The processor.
     Cpu,

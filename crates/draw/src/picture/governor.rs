@@ -19,22 +19,35 @@ pub struct Governor {
     milliseconds: Option<f64>,
 }
 
-/// Particles of the first picture, before anything was measured.
-const FIRST: u64 = 200_000;
-/// No picture has fewer, however slow the machine is: a picture must remain.
-const LEAST: u64 = 20_000;
+/// How many particles pictures have, whatever they cost.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SampleSizes {
+    /// The first picture's, before anything was measured.
+    pub first: u64,
+    /// No picture has fewer, however slow the machine is: a picture must remain. At least [`LEAST`], below which no picture
+    /// is measured.
+    pub least: u64,
+}
+
+impl Default for SampleSizes {
+    fn default() -> SampleSizes {
+        SampleSizes { first: 200_000, least: LEAST }
+    }
+}
+
+/// A picture of fewer particles says what a frame costs, not what a particle does.
+pub const LEAST: u64 = 20_000;
 /// Weight of a new measurement. Half: costs change as fast as the view does.
 const WEIGHT: f64 = 0.5;
 
 impl Governor {
     /// How many particles a picture may have to be drawn in so many milliseconds.
-    pub fn limit(&self, frame_ms: f64) -> u64 {
-        self.milliseconds.map_or(FIRST, |each| ((frame_ms / each) as u64).max(LEAST))
+    pub fn limit(&self, frame_ms: f64, sizes: SampleSizes) -> u64 {
+        self.milliseconds.map_or(sizes.first, |each| ((frame_ms / each) as u64).max(sizes.least))
     }
 
     /// A picture of so many particles has taken so long.
     pub fn drew(&mut self, particles: u64, milliseconds: f64) {
-        // A nearly empty picture says what a frame costs, not what a particle does.
         if particles < LEAST || !(milliseconds > 0.0 && milliseconds.is_finite()) {
             return;
         }
@@ -94,11 +107,11 @@ mod tests {
         #[test]
         fn the_limit_follows_what_pictures_cost(each_us in 0.01..50.0_f64, then_us in 0.01..50.0_f64, target in 5.0..200.0_f64) {
             let mut governor = Governor::default();
-            let mut limit = governor.limit(target);
+            let mut limit = governor.limit(target, SampleSizes::default());
             for each in [each_us, then_us] {
                 for _ in 0..40 {
                     governor.drew(limit, limit as f64 * each * 1e-3);
-                    limit = governor.limit(target);
+                    limit = governor.limit(target, SampleSizes::default());
                 }
                 let took = limit as f64 * each * 1e-3;
                 prop_assert!(took <= 1.02 * target || limit == LEAST, "{took} ms of {target}");
@@ -106,7 +119,10 @@ mod tests {
             }
             governor.drew(3, 1e9);
             governor.drew(1 << 30, f64::NAN);
-            prop_assert_eq!(governor.limit(target), limit);
+            prop_assert_eq!(governor.limit(target, SampleSizes::default()), limit);
+            let sizes = SampleSizes { first: 5, least: 1 << 40 };
+            prop_assert_eq!(Governor::default().limit(target, sizes), 5);
+            prop_assert_eq!(governor.limit(target, sizes), 1 << 40);
         }
     }
 }

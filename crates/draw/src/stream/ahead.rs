@@ -5,6 +5,27 @@ use crate::store::{NodeRef, PageId};
 use crate::view::{Detail, NodeTree, View};
 use std::collections::HashMap;
 
+/// How far ahead of the camera pages are read.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LookAhead {
+    /// The camera's way is looked ahead for so many times the time that the largest page takes to load.
+    pub loads: f64,
+    /// Least time that is looked ahead for, seconds: some frames, in which a page is copied to the GPU and drawn.
+    pub least_secs: f64,
+    /// Most time that is looked ahead for, seconds: beyond it, nobody knows where the camera will be.
+    pub most_secs: f64,
+    /// Pages that are asked for ahead of time at once: more would be outdated before their turn comes.
+    pub pages: usize,
+    /// Share of the pages read at a time that may be ones that nothing misses yet.
+    pub share: f64,
+}
+
+impl Default for LookAhead {
+    fn default() -> LookAhead {
+        LookAhead { loads: 3.0, least_secs: 0.3, most_secs: 10.0, pages: 256, share: 0.5 }
+    }
+}
+
 /// The pages within the sphere, each with the way that the camera has to move until it needs them (world units).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Ahead {
@@ -17,8 +38,9 @@ pub struct Ahead {
 }
 
 impl Ahead {
-    /// With what another view will need, which comes as surely as what a camera that moves that way needs at once.
-    pub fn with(mut self, other: Ahead) -> Ahead {
+    /// With what another view will need, which comes as surely as what a camera that moves that way needs at once; of what is
+    /// missing, `pages` at most.
+    pub fn with(mut self, other: Ahead, pages: usize) -> Ahead {
         for (own, others) in [(&mut self.resident, other.resident), (&mut self.missing, other.missing)] {
             let mut known: HashMap<PageId, usize> = own.iter().enumerate().map(|(i, (page, _))| (*page, i)).collect();
             for (page, _) in others {
@@ -31,23 +53,27 @@ impl Ahead {
                 }
             }
         }
-        self.sort();
+        self.sort(pages);
         self
     }
 
-    fn sort(&mut self) {
+    fn sort(&mut self, pages: usize) {
         self.resident.sort_unstable_by(|a, b| b.1.total_cmp(&a.1).then_with(|| b.0.cmp(&a.0)));
         self.missing.sort_unstable_by(|a, b| a.1.total_cmp(&b.1).then_with(|| a.0.cmp(&b.0)));
-        self.missing.truncate(MOST_MISSING);
+        self.missing.truncate(pages);
     }
 }
 
-/// Pages that are asked for ahead of time at once: more would be outdated before their turn comes.
-const MOST_MISSING: usize = 256;
-
 /// Everything below `roots` that may be needed refined, to be drawn in this detail, after a turn by any angle and a move by
-/// `distance`.
-pub fn ahead(view: &View, detail: Detail, distance: f64, residency: &Residency, roots: &[NodeRef]) -> Ahead {
+/// `distance`; of what is missing, `pages` at most.
+pub fn ahead(
+    view: &View,
+    detail: Detail,
+    distance: f64,
+    pages: usize,
+    residency: &Residency,
+    roots: &[NodeRef],
+) -> Ahead {
     let mut travels: HashMap<PageId, f64> = HashMap::new();
     let mut open = Vec::with_capacity(64);
     for root in roots {
@@ -69,6 +95,6 @@ pub fn ahead(view: &View, detail: Detail, distance: f64, residency: &Residency, 
     let (resident, missing): (Vec<_>, Vec<_>) =
         travels.into_iter().partition(|(page, _)| residency.page(*page).is_some());
     let mut ahead = Ahead { resident, missing, distance };
-    ahead.sort();
+    ahead.sort(pages);
     ahead
 }

@@ -15,7 +15,7 @@ pub mod streamer;
 mod recency;
 mod report;
 
-pub use ahead::Ahead;
+pub use ahead::{Ahead, LookAhead};
 pub use copies::{Copies, CopyOptions, CopyPlan};
 pub use frame::first_frame;
 pub use residency::{Failure, PageState, Residency, ResidencyStatistics};

@@ -1,5 +1,6 @@
 //! How fast the camera moves and pages come, and how far ahead of the camera to read because of that.
 
+use super::ahead::LookAhead;
 use glam::DVec3;
 use std::time::Duration;
 
@@ -7,12 +8,6 @@ use std::time::Duration;
 const KEEP: f64 = 0.95;
 /// Time over which the camera's speed is smoothed, seconds.
 const SPEED_SECS: f64 = 0.4;
-/// The camera's way is looked ahead for so many times the time that the largest page takes to load.
-const SAFETY: f64 = 3.0;
-/// Least time that is looked ahead for: some frames, in which a page is copied to the GPU and drawn.
-const LEAST_SECS: f64 = 0.3;
-/// Most time that is looked ahead for: beyond it, nobody knows where the camera will be.
-const MOST_SECS: f64 = 10.0;
 
 /// Running estimates of the disk's latency and rate, and of the camera's speed.
 #[derive(Clone, Copy, Debug, Default)]
@@ -72,8 +67,8 @@ impl Pace {
     }
 
     /// `d_prefetch` (F12 4.8.2): the way that the camera goes while a page of `largest` bytes comes, with some to spare.
-    pub fn prefetch_distance(&self, largest: u64) -> f64 {
-        self.speed * (SAFETY * self.load_secs(largest)).clamp(LEAST_SECS, MOST_SECS)
+    pub fn prefetch_distance(&self, largest: u64, ahead: &LookAhead) -> f64 {
+        self.speed * (ahead.loads * self.load_secs(largest)).min(ahead.most_secs).max(ahead.least_secs)
     }
 }
 
@@ -107,10 +102,17 @@ mod tests {
             pace.moved(DVec3::X * 7.0 * now.as_secs_f64(), now);
         }
         assert!((pace.speed() - 7.0).abs() < 0.01);
-        assert!((pace.prefetch_distance(3_000_000) - 7.0 * SAFETY * 0.5).abs() < 0.05);
+        let ahead = LookAhead::default();
+        assert!((pace.prefetch_distance(3_000_000, &ahead) - 7.0 * ahead.loads * 0.5).abs() < 0.05);
+        let far = LookAhead { loads: 6.0, ..ahead };
+        assert!((pace.prefetch_distance(3_000_000, &far) - 7.0 * 6.0 * 0.5).abs() < 0.1);
+        let near = LookAhead { most_secs: 0.4, ..ahead };
+        assert!((pace.prefetch_distance(3_000_000, &near) - 7.0 * 0.4).abs() < 0.05);
+        let long = LookAhead { least_secs: 2.0, ..ahead };
+        assert!((pace.prefetch_distance(3_000_000, &long) - 7.0 * 2.0).abs() < 0.05);
         for i in 300..500 {
             pace.moved(DVec3::X * 42.0, Duration::from_millis(20 * i));
         }
-        assert!(pace.prefetch_distance(3_000_000) < 0.05, "a camera at rest needs nothing ahead but turns");
+        assert!(pace.prefetch_distance(3_000_000, &ahead) < 0.05, "a camera at rest needs nothing ahead but turns");
     }
 }

@@ -174,9 +174,9 @@ impl Residency {
         self.ahead = ahead.missing.iter().copied().filter(|(page, _)| self.may_load(*page)).collect();
     }
 
-    /// The next page to read, marked as loading, unless `in_flight` pages are being read already (half of that for
+    /// The next page to read, marked as loading, unless `in_flight` pages are being read already (`in_advance` for
     /// pages that nothing misses yet), nothing is asked for, or the budget is full of what is needed more. Makes room.
-    pub fn next_to_load(&mut self, in_flight: usize) -> Option<PageId> {
+    pub fn next_to_load(&mut self, in_flight: usize, in_advance: usize) -> Option<PageId> {
         if self.loading.len() >= in_flight || self.stalled.len() >= MOST_STALLED {
             return None;
         }
@@ -192,7 +192,7 @@ impl Residency {
             }
             self.missed.pop_front();
         }
-        if self.loading.len() >= in_flight.div_ceil(2) {
+        if self.loading.len() >= in_advance {
             return None;
         }
         while let Some((page, travel)) = self.ahead.pop_front() {

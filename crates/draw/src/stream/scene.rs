@@ -94,7 +94,10 @@ impl SceneSelection {
 impl Scene {
     /// Draws all families of `tree`; resident pages may take `budget` bytes.
     pub fn new(tree: impl Tree + 'static, budget: u64) -> Scene {
-        Scene::with_options(tree, StreamOptions { budget, in_flight: 16, stall: STALL, prefetch: false })
+        Scene::with_options(
+            tree,
+            StreamOptions { budget, in_flight: 16, stall: STALL, prefetch: false, ..StreamOptions::default() },
+        )
     }
 
     /// The same with all options.

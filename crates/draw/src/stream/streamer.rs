@@ -6,7 +6,7 @@
 //! [`Streamer::plan_copies`] tell what goes and what the renderer has to copy. None of them waits for a disk, and pages
 //! are decoded and given back on other threads.
 
-use super::ahead::{Ahead, ahead};
+use super::ahead::{Ahead, LookAhead, ahead};
 use super::copies::{Copies, CopyOptions, CopyPlan};
 use super::loader::Loader;
 use super::pace::Pace;
@@ -30,11 +30,14 @@ pub struct StreamOptions {
     pub stall: Duration,
     /// Whether pages are read before they are needed.
     pub prefetch: bool,
+    /// How far ahead.
+    pub ahead: LookAhead,
 }
 
 impl Default for StreamOptions {
     fn default() -> StreamOptions {
-        StreamOptions { budget: 2 << 30, in_flight: 8, stall: Duration::from_secs(5), prefetch: true }
+        let stall = Duration::from_secs(5);
+        StreamOptions { budget: 2 << 30, in_flight: 8, stall, prefetch: true, ahead: LookAhead::default() }
     }
 }
 
@@ -157,11 +160,11 @@ impl Streamer {
         self.pace.moved(view.eye, now);
         if self.options.prefetch && self.walked.is_none_or(|then| now >= then + WALK) {
             self.walked = Some(now);
-            let distance = self.prefetch_distance();
-            self.ahead = ahead(view, detail, distance, &self.residency, roots);
+            let (distance, pages) = (self.prefetch_distance(), self.options.ahead.pages);
+            self.ahead = ahead(view, detail, distance, pages, &self.residency, roots);
             if let Some(next) = &self.upcoming {
-                let next = ahead(next, detail, 0.0, &self.residency, roots);
-                self.ahead = std::mem::take(&mut self.ahead).with(next);
+                let next = ahead(next, detail, 0.0, pages, &self.residency, roots);
+                self.ahead = std::mem::take(&mut self.ahead).with(next, pages);
             }
             self.residency.anticipate(&self.ahead);
             if let Some(copies) = &mut self.copies {
@@ -186,7 +189,10 @@ impl Streamer {
 
     /// Begins to read what is missing. The pages that are being read from now on.
     pub fn serve(&mut self) -> Vec<PageId> {
-        let started: Vec<PageId> = std::iter::from_fn(|| self.residency.next_to_load(self.options.in_flight)).collect();
+        let StreamOptions { in_flight, ahead, .. } = self.options;
+        let in_advance = (ahead.share * in_flight as f64).ceil() as usize;
+        let next = || self.residency.next_to_load(in_flight, in_advance);
+        let started: Vec<PageId> = std::iter::from_fn(next).collect();
         started.iter().for_each(|&page| self.loader.start(page));
         // Pages go on the loader's threads, as soon as nobody else would have to free their memory.
         for page in self.discarded.extract_if(.., |page| Arc::strong_count(page) == 1) {
@@ -228,7 +234,7 @@ impl Streamer {
 
     /// `d_prefetch` now, world units.
     pub fn prefetch_distance(&self) -> f64 {
-        self.pace.prefetch_distance(self.residency.tree().largest_page_bytes())
+        self.pace.prefetch_distance(self.residency.tree().largest_page_bytes(), &self.options.ahead)
     }
 
     /// Whether anything may still come for the last selection: pages are being read, or will be tried again soon.
