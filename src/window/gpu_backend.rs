@@ -118,7 +118,8 @@ pub(super) fn choose_backend(
     if *active == wanted && copies.0 == uses_copies {
         return;
     }
-    if !by_pages && !(adapter_of_mode == Adapter::RayMarcher && caster.is_on_adapter()) {
+    let marched = adapter_of_mode == Adapter::RayMarcher && caster.is_on_adapter();
+    if !(by_pages || marched) {
         messages.info(format!("the processor draws {}", mode.name));
     }
     *active = wanted;

@@ -125,6 +125,6 @@ fn links_are_followed_and_lead_nowhere_without_harm() {
     // A file that cannot be read does not stand in the way of one that can.
     use std::os::unix::fs::PermissionsExt;
     let secret = file(folder.path(), "secret.hdf5", b"\x89HDF\r\n\x1a\n");
-    std::fs::set_permissions(&secret, std::fs::Permissions::from_mode(0)).unwrap();
+    std::fs::set_permissions(&secret, std::fs::Permissions::from_mode(0o000)).unwrap();
     assert_eq!(open(folder.path()).unwrap().description().path, at("snapshot.hdf5"));
 }

@@ -4,7 +4,6 @@
 
 pub mod depiction;
 pub mod economy;
-mod named;
 pub mod sample;
 pub mod setting;
 pub mod technique;

@@ -7,6 +7,7 @@ pub mod density_squared;
 pub mod grid;
 pub mod isosurface;
 pub mod layered;
+mod named;
 pub mod points;
 pub mod sorted_splats;
 pub mod spheres;

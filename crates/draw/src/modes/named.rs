@@ -1,6 +1,6 @@
 //! Modes in files: by their names.
 
-use super::Mode;
+use crate::mode::Mode;
 use crate::modes;
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
 
