@@ -161,7 +161,7 @@ impl Plugin for WindowApp {
         app.add_plugins((
             DeepfieldRenderPlugins,
             // Panels have few textures. Asked for arrays of them, it warns of adapters that have none.
-            EguiPlugin { bindless_mode_array_size: None, ..default() },
+            EguiPlugin { bindless_mode_array_size: None },
             CameraPlugin,
             pointer_motion::PointerMotionPlugin,
             touring::TouringPlugin { open: self.options.tour.clone() },
