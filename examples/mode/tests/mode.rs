@@ -54,7 +54,7 @@ fn the_processor_draws_the_golden_image() {
     let found = difference(&drawn, &pixels(&here("tests/golden/brightest.png")));
     assert!(found < 0.15, "differs by {found}/255");
     // A setting on, and the picture is another one.
-    std::fs::write(folder.path().join("ripples.ron"), r#"(settings: {"ripples": 8.0})"#).unwrap();
+    std::fs::write(folder.path().join("ripples.ron"), r#"(mode: "brightest", settings: {"ripples": 8.0})"#).unwrap();
     let rippled = render(folder.path(), "rippled.png", &["--backend", "cpu", "--config", "ripples.ron"]);
     assert!(difference(&rippled, &drawn) > 1.0);
 }
@@ -66,7 +66,7 @@ fn an_adapter_draws_the_golden_image() {
     let drawn = render(folder.path(), "picture.png", &["--backend", "compute"]);
     let found = difference(&drawn, &pixels(&here("tests/golden/brightest.png")));
     assert!(found < 0.15, "differs by {found}/255");
-    std::fs::write(folder.path().join("ripples.ron"), r#"(settings: {"ripples": 8.0})"#).unwrap();
+    std::fs::write(folder.path().join("ripples.ron"), r#"(mode: "brightest", settings: {"ripples": 8.0})"#).unwrap();
     let [adapter, processor] = ["compute", "cpu"]
         .map(|backend| render(folder.path(), "rippled.png", &["--backend", backend, "--config", "ripples.ron"]));
     let found = difference(&adapter, &processor);
@@ -79,8 +79,8 @@ fn the_shader_is_valid() {
     use brightest::adapter::SHADER;
     use deepfield::gpu::shaders::{ShaderFile, check};
     check(&[SHADER]).unwrap();
-    let text: &'static str = SHADER.text.replace("value * particle.quantity", "value * particle").leak();
-    let line = text.lines().position(|line| line.contains("value * particle)")).unwrap() + 1;
+    let text: &'static str = SHADER.text.replace("value * particle.quantity", "value * particle.quantities").leak();
+    let line = text.lines().position(|line| line.contains("particle.quantities")).unwrap() + 1;
     let wrong = check(&[ShaderFile { text, ..SHADER }]).unwrap_err();
     assert!(wrong.starts_with(&format!("brightest/brightest.wgsl:{line}:")), "{wrong}");
 }

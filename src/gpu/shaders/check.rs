@@ -92,7 +92,7 @@ pub fn compose(shaders: &[(&str, String)], variant: &Variant) -> Result<Module, 
     }
     let id = wanted.ok_or_else(|| format!("no shader {}", variant.path))?;
     let module = cache.get(0, id, &variant.defs).map_err(|error| match error {
-        ShaderCacheError::ProcessShaderError(error) => one_line(&error.emit_to_string(&cache.composer)),
+        ShaderCacheError::ProcessShaderError(error) => one_line(&error.emit_to_string(&cache.composer), variant.path),
         error => format!("{}: {error}", variant.path),
     })?;
     let capabilities = if variant.subgroup { Capabilities::SUBGROUP } else { Capabilities::empty() };
@@ -106,15 +106,15 @@ pub fn compose(shaders: &[(&str, String)], variant: &Variant) -> Result<Module, 
     Ok(Module::clone(&module))
 }
 
-/// `FILE:LINE:COLUMN: what is wrong` of a message that shows the place in the file.
-fn one_line(message: &str) -> String {
+/// `FILE:LINE:COLUMN: what is wrong` of a message about `path` that shows the place in the file; of some mistakes naga knows none.
+fn one_line(message: &str, path: &str) -> String {
     let mut lines = message.lines().map(str::trim);
     let what = lines.next().unwrap_or_default().trim_start_matches("error:").trim();
     let place = message.lines().find_map(|line| line.split_once("\u{250c}\u{2500} ").map(|(_, place)| place.trim()));
     // Below the place stand what is meant and, last, why.
     let why: Vec<&str> = lines.filter_map(|line| line.split_once("= ").map(|(_, why)| why.trim())).collect();
     let what = [&[what], &why[..]].concat().join(": ");
-    place.map_or_else(|| what.clone(), |place| format!("{place}: {what}"))
+    format!("{}: {what}", place.unwrap_or(path))
 }
 
 /// The texts of deepfield's shaders and of `files`.
