@@ -64,7 +64,7 @@ fn planes_that_make_no_sense_are_named_by_every_mode() {
         let behind = with(r#""near": 500.0, "far": 300.0"#);
         fails(&format!("planes-{mode}"), &behind, &["near is 500, expected a depth in front of far, which is 300"]);
         let negative = with(r#""near": -1.0"#);
-        fails(&format!("negative-{mode}"), &negative, &["settings.near is -1, expected a number from 0"]);
+        fails(&format!("negative-{mode}"), &negative, &["near: found -1, expected a number from 0"]);
         let beyond = with(r#""far": 0.001"#);
         fails(&format!("beyond-{mode}"), &beyond, &["no particles are in view"]);
     }
@@ -91,7 +91,7 @@ fn transfer_functions_and_kernels_are_checked() {
         fails(&format!("range-{mode}"), &range, &[".ron:2:", "range"]);
         if mode != "spheres" {
             let kernel = format!("(mode: \"{mode}\", settings: {{\"kernel\": \"gauss\"}})");
-            let parts = ["settings.kernel is gauss, expected one of data, cubic-spline, poly6"];
+            let parts = ["kernel: found gauss, expected one of data, cubic-spline, poly6"];
             fails(&format!("kernel-{mode}"), &kernel, &parts);
         }
     }
@@ -105,7 +105,7 @@ fn surfaces_that_cannot_be_there_are_named() {
         let with = |settings: &str| format!("(mode: \"{mode}\", settings: {{{content}{settings}}})");
         let parts = ["isovalues[1] is 1000000", "expected a density greater than 0 and at most the data's largest"];
         fails(&format!("iso-{mode}"), &with(r#""isovalues": [1e-9, 1e6]"#), &parts);
-        let parts = ["settings.isovalues is [-1], expected a list of up to 8 numbers from 0"];
+        let parts = ["isovalues: found [-1], expected a list of up to 8 numbers from 0"];
         fails(&format!("iso-negative-{mode}"), &with(r#""isovalues": [-1.0]"#), &parts);
         let lists = with(r#""isovalues": [1e-9], "iso-opacities": [0.5, 1.0]"#);
         let parts = ["iso-opacities is a list of 2, expected as many as isovalues, 1"];
@@ -117,23 +117,19 @@ fn surfaces_that_cannot_be_there_are_named() {
 
 #[test]
 fn numbers_of_layers_and_cells_are_checked() {
-    let parts = ["settings.layers is 0, expected a number from 1 to 4096"];
+    let parts = ["layers: found 0, expected a number from 1 to 4096"];
     fails("layers", "(mode: \"layered\", settings: {\"layers\": 0.0})", &parts);
     fails(
         "assignment",
         "(mode: \"layered\", settings: {\"assignment\": \"all\"})",
-        &["assignment is all, expected one of"],
+        &["assignment: found all, expected one of"],
     );
-    let parts = ["settings.cells is 0, expected a number from 2 to 4096"];
+    let parts = ["cells: found 0, expected a number from 2 to 4096"];
     fails("no-cells", "(mode: \"cartesian\", settings: {\"cells\": 0.0})", &parts);
     let large = "(mode: \"cartesian\", settings: {\"cells\": 4096.0, \"memory\": 64.0})";
     fails("cells", large, &["cells is 4096, expected fewer: a grid of", "and memory is 64 MiB"]);
-    fails("resolution", "(mode: \"volume\", settings: {\"resolution\": 0.0})", &["settings.resolution is 0, expected"]);
-    fails(
-        "radius",
-        "(mode: \"spheres\", settings: {\"sphere-radius\": 0.0})",
-        &["settings.sphere-radius is 0, expected"],
-    );
+    fails("resolution", "(mode: \"volume\", settings: {\"resolution\": 0.0})", &["resolution: found 0, expected"]);
+    fails("radius", "(mode: \"spheres\", settings: {\"sphere-radius\": 0.0})", &["sphere-radius: found 0, expected"]);
     let others = "(mode: \"sorted-splats\", settings: {\"layers\": 3.0})";
     fails("others", others, &["layers, expected a setting of sorted-splats: opacity, near, far"]);
 }

@@ -143,7 +143,7 @@ mod tests {
             ("(mode: \"pionts\")", "mode: found pionts, expected one of column-density"),
             (
                 "(mode: \"points\", settings: {\"radius\": 99.0})",
-                "p.ron:1:38: radius: found 99, expected a number from",
+                "p.ron:1:30: radius: found 99, expected a number from",
             ),
             (
                 "(volume: (opacity: [(0.5, 0.1), (0.2, 0.4)], brightness: [(0.0, 1.0)]))",

@@ -102,7 +102,8 @@ impl Mode {
 
     /// Its settings, then those of what a picture of sums may leave undrawn.
     pub fn all_settings(&self) -> impl Iterator<Item = &'static Setting> + use<> {
-        let common: &[&'static Setting] = if self.is_light() { &[] } else { &economy::COMMON };
+        let is_sum = self.technique.output() == Output::Sums;
+        let common: &[&'static Setting] = if is_sum { &economy::COMMON } else { &[] };
         self.own_settings().chain(common.iter().copied())
     }
 

@@ -69,7 +69,7 @@ fn keys_lead_to_labels() {
 #[test]
 fn mistakes_are_named_with_their_place() {
     for (keyframes, expected) in [
-        ("(),\n(mode: \"pionts\")", "t.tour.ron:2:2: mode: found pionts, expected one of column-density"),
+        ("(),\n(mode: \"pionts\")", "t.tour.ron:2:9: mode: found pionts, expected one of column-density"),
         ("(),\n(), (pause: -1.0)", "t.tour.ron:2:6: pause: found -1"),
         ("(),\n(puase: 1.0)", "t.tour.ron:2:"),
         ("(pause: 3.0),\n(at: 2.0)", "t.tour.ron:2:2: at: found 2, expected 3 or later"),
