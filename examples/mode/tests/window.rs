@@ -1,5 +1,4 @@
-//! The mode in a window, under a virtual X server: an adapter draws it, the panel has its settings, its ripples move, and a shader
-//! that is mended or broken on the way is taken up or refused.
+//! The mode in a window, under a virtual X server: an adapter draws it, and the panel has its settings.
 
 #![cfg(all(target_os = "linux", feature = "viewer"))]
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test that cannot go on has failed")]
