@@ -9,17 +9,17 @@ use crate::color::composite::{Image, color_error, composite};
 use crate::color::output;
 use crate::color::transfer::{Hue, Range, TransferFunction, UnitLength};
 use crate::command_line::arguments::{PictureSize, family_name, positive, vector};
-use crate::commands::exact_source::{framed_of, load_exact};
-use crate::commands::request::Request;
-use crate::cpu::Method;
+use crate::command_line::progress_bar::Terminal;
+use crate::cpu::volume::VolumeLevels;
 use crate::cpu::volume::particles::SMALLEST;
-use crate::cpu::volume::{Processor, VolumeLevels};
-use crate::look::{Attribute, CameraConfig, LookPatch, Shot};
-use crate::mode::{Depiction, Mode, Painted, SettingValue, Settings};
-use crate::model::{Dataset, Family, FamilyName};
+use crate::look::{Attribute, CameraConfig, LookPatch, Member, Shot};
+use crate::mode::{Depiction, Mode, Painted, Plan, SettingValue, Settings};
+use crate::model::FamilyName;
 use crate::modes::{cartesian, column_density, grid, isosurface, layered, sorted_splats, spheres, volume};
-use crate::picture::paint::{Subject, paint_particles};
-use crate::picture::processor;
+use crate::picture::Subject;
+use crate::picture::source::{Wanted, framed, particles};
+use crate::store::{InMemory, Metadata, Tree};
+use crate::stream::{SceneNode, first_nodes};
 use crate::synth::{dataset, merger::Merger};
 use crate::view::View;
 use glam::DVec3;
@@ -129,23 +129,25 @@ pub fn measure(arguments: &Arguments) -> Result<Report, Failure> {
         size: Some((width, height)),
         ..Shot::default()
     };
-    let path = arguments.path.as_deref().unwrap_or(Path::new(""));
-    let picture = Request { family: options.family, ..Request::new(path, shot) };
     let (source, dataset) = match &arguments.path {
-        Some(path) => (path.display().to_string(), load_exact(&picture)?.1),
+        Some(path) => (path.display().to_string(), {
+            let wanted = Wanted::of([&shot.look], options.family);
+            particles(&[Member::new(path)], &wanted, &Terminal)?.1
+        }),
         None => {
             let particles = arguments.sizes.first().copied().unwrap_or(200_000);
             (format!("synth merger -n {particles}"), dataset(&Merger::new(arguments.seed, particles)))
         }
     };
-    let framed = framed_of(&dataset);
-    let view = picture.shot.view(framed, dataset.periodic_box())?;
-    let mut bench = Bench::new(&dataset, view, framed.size().length(), options, arguments.repeat)?;
+    let framed = framed(&dataset);
+    let view = shot.view(framed, dataset.periodic_box())?;
+    let tree = InMemory::new(dataset);
+    let mut bench = Bench::new(&tree, view, framed.size().length(), options, arguments.repeat)?;
     let outcomes = bench.run(options)?;
     let orbits = compare_orbit::measure(&bench, options.target.unwrap_or(framed.center()), options)?;
     let report = Report {
         source,
-        particles: dataset.len(),
+        particles: tree.metadata().particles() as usize,
         size: [view.width, view.height],
         density: bench.levels.density,
         isovalue: bench.isovalue,
@@ -159,8 +161,8 @@ pub fn measure(arguments: &Arguments) -> Result<Report, Failure> {
 
 /// What all pictures share.
 pub(super) struct Bench<'a> {
-    pub(super) dataset: &'a Dataset,
-    pub(super) families: Vec<&'a Family>,
+    pub(super) metadata: &'a Metadata,
+    pub(super) nodes: Vec<SceneNode>,
     pub(super) view: View,
     diameter: f64,
     pub(super) attribute: Option<&'a str>,
@@ -194,7 +196,7 @@ pub(super) fn number(name: &'static str, value: f64) -> Set {
 impl<'a> Bench<'a> {
     /// Draws the references, whose ranges all others then have.
     fn new(
-        dataset: &'a Dataset,
+        tree: &'a InMemory,
         view: View,
         diameter: f64,
         options: &'a Options,
@@ -202,8 +204,8 @@ impl<'a> Bench<'a> {
     ) -> Result<Bench<'a>, Failure> {
         let attribute = options.attribute.as_deref();
         let mut bench = Bench {
-            dataset,
-            families: dataset.families.iter().collect(),
+            metadata: tree.metadata(),
+            nodes: first_nodes(tree, &view)?,
             view,
             diameter,
             attribute,
@@ -236,9 +238,9 @@ impl<'a> Bench<'a> {
 
     pub(super) fn paint(&self, mode: &'static Mode, settings: Settings, view: &View) -> Result<Painted, Failure> {
         settings.check(mode)?;
-        let depiction = Depiction::of_dataset(mode, settings, self.attribute, self.dataset)?;
-        let subject = Subject { transfer: Some(&self.transfer), diameter: self.diameter, caster: &Processor };
-        Ok(paint_particles(view, &depiction, self.dataset, &self.families, &subject)?)
+        let depiction = Depiction::new(mode, settings, self.attribute, self.metadata)?;
+        let subject = Subject::new(self.metadata, &depiction, &self.transfer, self.diameter);
+        Ok(subject.draw_nodes(view, &self.nodes, &Plan::default())?.light(mode)?)
     }
 
     fn run(&mut self, options: &Options) -> Result<Vec<Outcome>, Failure> {
@@ -273,14 +275,14 @@ impl<'a> Bench<'a> {
     /// The order-independent splats (F12 chapter 4).
     fn columns(&mut self) -> Result<Outcome, Failure> {
         let mode = &column_density::MODE;
-        let depiction = Depiction::of_dataset(mode, Settings::default(), self.attribute, self.dataset)?;
+        let depiction = Depiction::new(mode, Settings::default(), self.attribute, self.metadata)?;
         let preset = mode.transfer[usize::from(self.attribute.is_some())];
         let transfer = TransferFunction::preset(preset).unwrap_or_default();
         let (mut splatting, mut coloring, mut image, mut bytes) = (Vec::new(), Vec::new(), None, 0);
         for _ in 0..self.repeat {
             let start = Instant::now();
-            let picture =
-                processor::draw_particles(&self.view, &depiction, self.dataset, &self.families, Method::Pyramid)?;
+            let subject = Subject::new(self.metadata, &depiction, &transfer, self.diameter);
+            let (picture, _) = subject.draw_nodes(&self.view, &self.nodes, &Plan::default())?.sums(mode)?;
             splatting.push(start.elapsed());
             let start = Instant::now();
             image = Some(composite(&picture, &transfer));
@@ -288,7 +290,7 @@ impl<'a> Bench<'a> {
             bytes = 4 * (picture.p.len() + picture.ps.len()) as u64;
         }
         let image = image.ok_or("nothing was drawn")?;
-        let particles = self.dataset.len() as u64;
+        let particles = self.metadata.particles();
         Ok(self.outcome("column-density".into(), mode, image, [splatting, coloring], [particles, bytes]))
     }
 

@@ -9,9 +9,9 @@ use crate::cpu::cartesian::octree::Octree;
 use crate::cpu::cartesian::{Region, march, region};
 use crate::cpu::volume::particles::SMALLEST;
 use crate::cpu::volume::{Classifier, Scenery, VolumeOptions};
-use crate::cpu::{Extent, Positions, Splats};
 use crate::mode::{Depiction, SettingValue, Settings};
 use crate::modes::{grid, volume};
+use crate::picture::decode::{batches, decode};
 use crate::view::View;
 use glam::{DQuat, DVec3};
 use serde::Serialize;
@@ -120,13 +120,9 @@ pub(super) fn measure(bench: &Bench<'_>, middle: DVec3, options: &Options) -> Re
         }
         orbits.push(series.finish(name.into()));
     }
-    let depiction = Depiction::of_dataset(&volume::MODE, Settings::default(), bench.attribute, bench.dataset)?;
-    let columns: Vec<_> = bench.families.iter().map(|family| depiction.source_columns(family)).collect();
-    let batches = bench.families.iter().zip(&columns).map(|(family, columns)| {
-        let (positions, extent) = (Positions::World(&family.positions), Extent::World(&family.smoothing_length));
-        Splats::new(positions, extent, &columns.weight, columns.attribute.as_deref())
-    });
-    let batches: Vec<Splats<'_>> = batches.collect::<Result<_, _>>()?;
+    let depiction = Depiction::new(&volume::MODE, Settings::default(), bench.attribute, bench.metadata)?;
+    let decoded = decode(&depiction, bench.metadata, &bench.nodes);
+    let batches = batches(&depiction, &decoded)?;
     let scenery = Scenery {
         classifier: Classifier::new(&bench.transfer, bench.levels, bench.attribute.is_some()),
         volume: true,
@@ -134,7 +130,7 @@ pub(super) fn measure(bench: &Bench<'_>, middle: DVec3, options: &Options) -> Re
         light: None,
         termination: 0.999,
     };
-    let kernel = bench.dataset.kernel;
+    let kernel = bench.metadata.kernel;
     let (bounds, _) =
         region(&bench.view, &batches, Region::Data, &VolumeOptions { kernel, ..VolumeOptions::default() })?;
     for width in WIDTHS {

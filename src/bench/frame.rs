@@ -5,10 +5,9 @@ use super::{Arguments, Times};
 use crate::build::{BuildOptions, build};
 use crate::codec::VqBits;
 use crate::color::transfer::TransferFunction;
-use crate::cpu::Method;
 use crate::mode::{Depiction, Economy, Plan, Settings};
 use crate::modes::column_density;
-use crate::picture::{pilot, processor};
+use crate::picture::Subject;
 use crate::store::PageFile;
 use crate::stream::{Scene, SceneNode};
 use crate::synth::{Generator, clusters::Clusters, dataset};
@@ -58,18 +57,18 @@ pub fn measure(arguments: &Arguments) -> Result<Vec<Outcome>, Failure> {
             ("whole", View::look_at(center + DVec3::Z * size.z, center, DVec3::Y, whole, pixels, pixels)?),
             ("inside", View::look_at(center + 0.2 * size, center, DVec3::Y, inside, pixels, pixels)?),
         ];
-        let depiction = Depiction::of_pages(&column_density::MODE, Settings::default(), None, file.metadata())?;
+        let depiction = Depiction::new(&column_density::MODE, Settings::default(), None, file.metadata())?;
         for (name, view) in views {
             let nodes = Scene::new(Arc::clone(&file), u64::MAX).converge_blocking(&view, ERROR_PX)?.nodes;
             let economy = Economy { thinning: arguments.thinning, ..Economy::NONE };
             let transfer = TransferFunction::preset(depiction.mode.transfer[0]).unwrap_or_default();
+            let subject = Subject::new(file.metadata(), &depiction, &transfer, size.length());
             // A window finds it beside its frames.
-            let plan = pilot::plan(&view, &depiction, file.metadata(), &nodes, &economy, &transfer, None)?;
-            let kept = processor::decode_planned(&view, &depiction, file.metadata(), &nodes, &plan);
+            let plan = subject.plan(&view, &nodes, &economy, None)?;
+            let kept = subject.decode(&view, &nodes, &plan);
             let drawn = kept.iter().map(|node| node.len() as u64).sum();
             drop(kept);
-            let frame =
-                Frame { plan, file: &file, view, depiction: &depiction, nodes: &nodes, repeat: arguments.repeat };
+            let frame = Frame { plan, view, subject, nodes: &nodes, repeat: arguments.repeat };
             for (backend, times) in frame.draw(arguments)? {
                 let seconds = Times::of(times);
                 eprintln!(
@@ -86,9 +85,8 @@ pub fn measure(arguments: &Arguments) -> Result<Vec<Outcome>, Failure> {
 /// A frame that is drawn by all backends.
 struct Frame<'a> {
     plan: Plan,
-    file: &'a PageFile,
     view: View,
-    depiction: &'a Depiction,
+    subject: Subject<'a>,
     nodes: &'a [SceneNode],
     repeat: u32,
 }
@@ -106,11 +104,10 @@ impl Frame<'_> {
         #[cfg(feature = "viewer")]
         for backend in [crate::gpu::Backend::Compute, crate::gpu::Backend::Raster] {
             if wanted(backend.name()) {
-                let metadata = self.file.metadata();
                 let request = crate::gpu::depiction::request_nodes(
                     &self.view,
-                    self.depiction,
-                    metadata,
+                    self.subject.depiction,
+                    self.subject.metadata,
                     self.nodes,
                     &self.plan,
                     backend,
@@ -127,9 +124,7 @@ impl Frame<'_> {
         let mut times = Vec::new();
         for repetition in 0..=self.repeat {
             let start = Instant::now();
-            let metadata = self.file.metadata();
-            let nodes = processor::decode_planned(&self.view, self.depiction, metadata, self.nodes, &self.plan);
-            processor::draw_planned(&self.view, self.depiction, metadata, &nodes, Method::Pyramid, &self.plan)?;
+            self.subject.draw_nodes(&self.view, self.nodes, &self.plan)?;
             // The first run pays for tables and pages of memory.
             if repetition > 0 {
                 times.push(start.elapsed());

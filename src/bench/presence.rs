@@ -11,10 +11,10 @@ use crate::color::composite::{Image, color_error, composite_at};
 use crate::color::transfer::{Levels, TransferFunction};
 use crate::command_line::cache;
 use crate::command_line::progress_bar::TerminalProgress;
-use crate::cpu::{Counts, Method};
+use crate::cpu::Counts;
 use crate::mode::{Depiction, Economy, Mode, Plan, Settings};
 use crate::modes::{column_density, density_squared};
-use crate::picture::{pilot, processor};
+use crate::picture::Subject;
 use crate::store::PageFile;
 use crate::stream::{Scene, SceneNode, first_frame};
 use crate::synth::{clusters::Clusters, dataset};
@@ -115,7 +115,7 @@ pub fn measure(arguments: &Arguments) -> Result<Report, Failure> {
     );
     for mode in [&column_density::MODE, &density_squared::MODE] {
         for (name, view) in views(&file, arguments.pixels)? {
-            Subject::new(&file, mode, name, view)?.measure(arguments, &mut report.outcomes)?;
+            DrawnView::new(&file, mode, name, view)?.measure(arguments, &mut report.outcomes)?;
         }
     }
     for mode in [&column_density::MODE, &density_squared::MODE] {
@@ -165,7 +165,7 @@ fn views(file: &PageFile, pixels: u32) -> Result<[(&'static str, View); 3], Fail
 }
 
 /// A picture that is drawn with more and less left out.
-struct Subject<'a> {
+struct DrawnView<'a> {
     file: &'a PageFile,
     name: &'static str,
     view: View,
@@ -174,18 +174,18 @@ struct Subject<'a> {
     nodes: Vec<SceneNode>,
 }
 
-impl Subject<'_> {
+impl DrawnView<'_> {
     fn new<'a>(
         file: &'a Arc<PageFile>,
         mode: &'static Mode,
         name: &'static str,
         view: View,
-    ) -> Result<Subject<'a>, Failure> {
-        let depiction = Depiction::of_pages(mode, Settings::default(), None, file.metadata())?;
+    ) -> Result<DrawnView<'a>, Failure> {
+        let depiction = Depiction::new(mode, Settings::default(), None, file.metadata())?;
         let preset = mode.transfer[usize::from(depiction.attribute.is_some())];
         let transfer = TransferFunction::preset(preset).unwrap_or_default();
         let nodes = Scene::new(Arc::clone(file), u64::MAX).converge_blocking(&view, ERROR_PX)?.nodes;
-        Ok(Subject { file, name, view, depiction, transfer, nodes })
+        Ok(DrawnView { file, name, view, depiction, transfer, nodes })
     }
 
     /// Draws with a plan, which is found again each time.
@@ -195,18 +195,18 @@ impl Subject<'_> {
         levels: Option<Levels>,
         repeat: u32,
     ) -> Result<(Accumulation, Counts, Times), Failure> {
-        let metadata = self.file.metadata();
+        // Sums have no use for a diameter.
+        let subject = Subject::new(self.file.metadata(), &self.depiction, &self.transfer, 0.0);
+        let (view, nodes) = (&self.view, &self.nodes[..]);
         let mut times = Vec::new();
         let mut drawn = None;
         for repetition in 0..=repeat {
             let start = Instant::now();
-            let (view, depiction, nodes) = (&self.view, &self.depiction, &self.nodes);
             let plan = match levels {
-                Some(_) => pilot::plan(view, depiction, metadata, nodes, economy, &self.transfer, levels)?,
+                Some(_) => subject.plan(view, nodes, economy, levels)?,
                 None => Plan::default(),
             };
-            let decoded = processor::decode_planned(view, depiction, metadata, nodes, &plan);
-            drawn = Some(processor::draw_planned(view, depiction, metadata, &decoded, Method::Pyramid, &plan)?);
+            drawn = Some(subject.draw_nodes(view, nodes, &plan)?.sums(self.depiction.mode)?);
             // The first run pays for tables and pages of memory.
             if repetition > 0 {
                 times.push(start.elapsed());

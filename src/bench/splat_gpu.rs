@@ -1,11 +1,13 @@
 //! The GPU backends as contenders of `bench splat`.
 
 use super::splat::{Contender, Drawn, Failure};
-use crate::gpu::depiction::request_particles;
+use crate::gpu::depiction::request_nodes;
 use crate::gpu::{Backend, HeadlessRenderer, HeadlessRequest};
-use crate::mode::{Depiction, Settings};
+use crate::mode::{Depiction, Plan, Settings};
 use crate::model::Dataset;
 use crate::modes::column_density;
+use crate::store::{InMemory, Tree};
+use crate::stream::first_nodes;
 use crate::view::View;
 use std::time::Duration;
 
@@ -47,10 +49,10 @@ impl Contender for Gpu {
     }
 
     fn draw(&mut self, data: &Dataset, view: &View, _: bool, repeat: u32) -> Result<Drawn, Failure> {
-        let mode = &column_density::MODE;
-        let depiction = Depiction::of_dataset(mode, Settings::default(), None, data)?;
-        let families: Vec<_> = data.families.iter().collect();
-        let request = request_particles(view, &depiction, data, &families, self.backend);
+        let tree = InMemory::new(data.clone());
+        let depiction = Depiction::new(&column_density::MODE, Settings::default(), None, tree.metadata())?;
+        let nodes = first_nodes(&tree, view)?;
+        let request = request_nodes(view, &depiction, tree.metadata(), &nodes, &Plan::default(), self.backend);
         let (name, drawn) = draw(&request, repeat)?;
         self.name = name;
         Ok(drawn)

@@ -4,13 +4,12 @@
 use super::arguments::bytes;
 use crate::build::{BuildOptions, build_source};
 use crate::import::LoadOptions;
-use crate::look::data_file;
+use crate::look::{data_file, is_page_file};
 use crate::model::Progress;
 use crate::store::PageFile;
 use crate::store::temporary::free_bytes;
 use etcetera::BaseStrategy;
 use std::hash::{DefaultHasher, Hash, Hasher};
-use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
@@ -25,17 +24,6 @@ pub fn folder(name: &str) -> Result<PathBuf, std::io::Error> {
     std::fs::create_dir_all(&folder)
         .map_err(|error| std::io::Error::new(error.kind(), format!("{}: {error}", folder.display())))?;
     Ok(folder)
-}
-
-/// Whether the file at `path` is a page file, by its first bytes.
-///
-/// # Errors
-/// When the file cannot be read; the message names it.
-pub fn is_page_file(path: &Path) -> Result<bool, std::io::Error> {
-    let name = |error: std::io::Error| std::io::Error::new(error.kind(), format!("{}: {error}", path.display()));
-    let mut head = Vec::with_capacity(16);
-    std::fs::File::open(path).map_err(name)?.take(16).read_to_end(&mut head).map_err(name)?;
-    Ok(PageFile::recognises(&head))
 }
 
 /// The path of a page file for `path`: itself if it is one, else one in the cache, built first unless it is there

@@ -1,7 +1,22 @@
-//! Progress of long work as a bar on the terminal; nothing where standard error is no terminal.
+//! What there is to tell on the terminal: sentences, and the progress of long work as a bar; no bar where standard error is no
+//! terminal.
 
 use crate::model::progress::Progress;
+use crate::picture::Reporter;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+
+/// Standard error.
+pub struct Terminal;
+
+impl Reporter for Terminal {
+    fn tell(&self, message: String) {
+        eprintln!("deepfield: {message}");
+    }
+
+    fn progress(&self) -> Box<dyn Progress> {
+        Box::new(TerminalProgress::new())
+    }
+}
 
 /// A bar on standard error.
 pub struct TerminalProgress {

@@ -1,6 +1,6 @@
 //! `deepfield info`: what a source holds, as a table for people or as JSON for programs.
 
-use super::{CommandResult, cache, page_file_info};
+use super::{CommandResult, page_file_info};
 use crate::import::{FamilySummary, Statistic, Summary, summarize};
 use crate::look::data_file;
 use crate::store::PageFile;
@@ -30,7 +30,7 @@ pub fn run(arguments: &Arguments) -> CommandResult {
     let Arguments { path, json } = arguments;
     let path = &data_file(path)?;
     // What cannot be read is left to the importer's message.
-    let text = if cache::is_page_file(path).unwrap_or(false) {
+    let text = if crate::look::is_page_file(path).unwrap_or(false) {
         let file = PageFile::open(path)?;
         if *json {
             serde_json::to_string_pretty(&page_file_info::json(&file))? + "\n"

@@ -1,7 +1,6 @@
 //! How regions are named on the command line, and which data they are looked for in.
 
 use super::arguments::{family_name, positive};
-use super::cache;
 use crate::explore::{Catalogue, Data, Object, Region, Shape, ValueRange, source_of};
 use crate::import::{Source, open_with};
 use crate::look::data_file;
@@ -142,7 +141,7 @@ impl Opened {
     /// When it cannot be opened.
     pub fn open(path: &Path, method: ReadMethod) -> Result<Opened, Failure> {
         let path = &data_file(path)?;
-        Ok(match cache::is_page_file(path)? {
+        Ok(match crate::look::is_page_file(path)? {
             true => Opened::Pages(Box::new(PageFile::open_with(path, method)?)),
             false => Opened::Source(open_with(path, method)?),
         })

@@ -13,6 +13,7 @@ use crate::look::{
 use crate::mode::{Mode, SettingValue, economy};
 use crate::model::FamilyName;
 use crate::modes;
+use crate::picture::SessionOptions;
 use crate::view::{CutSettings, Periodic};
 use glam::DVec3;
 use std::path::{Path, PathBuf};
@@ -157,10 +158,8 @@ impl Arguments {
         }
         let named =
             self.config.as_deref().or(members.first().map(|member| member.path.as_path())).unwrap_or(&self.path);
-        Ok(Request {
+        let options = SessionOptions {
             named: named.to_owned(),
-            members,
-            shot,
             family: self.family.or(config.family),
             backend: self.backend.or(config.backend),
             exact: match (self.exact, self.reference) {
@@ -170,7 +169,8 @@ impl Arguments {
             },
             overdraw: self.overdraw.clone(),
             repeat: self.repeat,
-        })
+        };
+        Ok(Request { members, shot, options })
     }
 
     /// The picture that the command line says, where it says nothing the configuration, and where that says nothing the scene.
@@ -326,18 +326,18 @@ mod tests {
 
         let arguments = Arguments { path: path.clone(), ..Arguments::default() };
         let all = arguments.request().unwrap();
-        assert_eq!(all.path(), folder.path().join("box.df"));
-        assert!(all.look().is_plain() && all.shot.size == Some((300, 200)) && all.look().settings.0.len() == 1);
+        assert_eq!(all.members[0].path, folder.path().join("box.df"));
+        assert!(all.shot.look.is_plain() && all.shot.size == Some((300, 200)) && all.shot.look.settings.0.len() == 1);
         assert_eq!((all.shot.camera.ortho, all.shot.camera.eye), (Some(5.0), Some([1.0, 2.0, 3.0])));
         assert_eq!(all.shot.labels, Some(folder.path().join("groups.hdf5")));
         let (mode, attribute) = (modes::find("volume"), Some("mass".to_owned()));
         let own = Arguments { fov: Some(20.0), mode, attribute, ..arguments };
         let some = own.request().unwrap();
         assert_eq!((some.shot.camera.fov, some.shot.camera.ortho), (Some(20.0), None));
-        assert!(some.look().settings.0.is_empty() && !some.look().is_plain(), "settings of another mode");
+        assert!(some.shot.look.settings.0.is_empty() && !some.shot.look.is_plain(), "settings of another mode");
         // The scene of other data.
         let other = Arguments { scene: Some(path), path: "other.df".into(), ..Arguments::default() };
-        assert_eq!(other.request().unwrap().path(), Path::new("other.df"));
+        assert_eq!(other.request().unwrap().members[0].path, Path::new("other.df"));
     }
 
     #[test]

@@ -1,38 +1,146 @@
-//! What a picture's command tells about it: the statistics that all pictures have, and the times of its passes.
+//! What `render --json` tells about a picture.
 
 use super::CommandResult;
 use crate::color::output;
+use crate::mode::{Painted, Raw};
+use crate::picture::{LeftOut, Picture};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::Path;
-use std::time::{Duration, Instant};
 
-/// What the statistics of every picture begin with.
+/// Statistics of a picture.
 #[derive(Debug, Serialize)]
-pub(super) struct Shown<'a> {
+struct Statistics<'a> {
     /// Whether everything that the view needs at its error bound was drawn.
-    pub converged: bool,
+    converged: bool,
     /// Largest displacement of a drawn particle, pixels.
-    pub error_px: f64,
+    error_px: f64,
     /// Particles of the selection.
-    pub particles_drawn: u64,
+    particles_drawn: u64,
     /// Nodes of the selection.
-    pub nodes_drawn: usize,
+    nodes_drawn: usize,
     /// What drew.
-    pub backend: &'a str,
+    backend: &'a str,
     /// Its name and driver.
-    pub adapter: &'a str,
+    adapter: &'a str,
     /// Visualization mode.
-    pub mode: &'static str,
+    mode: &'static str,
     /// The attribute that colours the picture.
-    pub attribute: Option<&'a str>,
+    attribute: Option<&'a str>,
     /// Pixels.
-    pub width: u32,
+    width: u32,
     /// Pixels.
-    pub height: u32,
+    height: u32,
+    #[serde(flatten)]
+    values: Values<'a>,
+    milliseconds: &'a BTreeMap<String, f64>,
+}
+
+/// What sums and colours tell of themselves.
+#[derive(Debug, Serialize)]
+#[serde(untagged)]
+enum Values<'a> {
+    Sums {
+        /// What was left out, and how that was decided.
+        economy: &'a LeftOut,
+        sum: f64,
+    },
+    Light {
+        levels: &'static str,
+        grid: Grid,
+        ranges: Ranges<'a>,
+    },
+}
+
+/// What the grid was, and what was done in it.
+#[derive(Debug, Serialize)]
+struct Grid {
+    size: [u32; 3],
+    near: f64,
+    far: f64,
+    slabs: usize,
+    particles: u64,
+    raised: u64,
+    pairs: u64,
+    bricks: u64,
+    hidden: u64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    samples: Option<u64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    crossings: Option<u64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    memory_bytes: Option<u64>,
+}
+
+/// The ranges in use.
+#[derive(Debug, Serialize)]
+struct Ranges<'a> {
+    density: [f64; 2],
+    attribute: [f64; 2],
+    unit_length: f64,
+    isovalues: &'a [f64],
+}
+
+/// Writes a picture's statistics to a file, or to standard output for `-`.
+///
+/// # Errors
+/// When the file cannot be written.
+pub(super) fn write(path: &Path, picture: &Picture) -> CommandResult {
+    let [backend, adapter] = &picture.drawn_by;
+    let [width, height] = picture.size();
+    write_json(
+        path,
+        &Statistics {
+            converged: picture.converged,
+            error_px: picture.error_px,
+            particles_drawn: picture.particles,
+            nodes_drawn: picture.nodes,
+            backend,
+            adapter,
+            mode: picture.annotation.depiction.mode.name,
+            attribute: picture.attribute(),
+            width,
+            height,
+            values: values(picture),
+            milliseconds: &picture.milliseconds,
+        },
+    )
+}
+
+fn values(picture: &Picture) -> Values<'_> {
+    let Painted { report, levels, isovalues, .. } = match &picture.values {
+        Raw::Sums(sums, _) => return Values::Sums { economy: &picture.left_out, sum: sums.sum() },
+        Raw::Light(painted) => painted,
+    };
+    Values::Light {
+        levels: picture.drawn_from,
+        grid: Grid {
+            size: report.grid,
+            near: report.planes[0],
+            far: report.planes[1],
+            slabs: report.slabs,
+            particles: report.particles,
+            raised: report.raised,
+            pairs: report.pairs,
+            bricks: report.bricks,
+            hidden: report.hidden,
+            samples: report.samples,
+            crossings: report.crossings,
+            memory_bytes: report.memory,
+        },
+        ranges: Ranges {
+            density: levels.density,
+            attribute: levels.attribute,
+            unit_length: levels.unit_length,
+            isovalues,
+        },
+    }
 }
 
 /// Writes statistics of any kind to a file, or to standard output for `-`.
+///
+/// # Errors
+/// When the file cannot be written.
 pub(super) fn write_json(path: &Path, statistics: &impl Serialize) -> CommandResult {
     let text = serde_json::to_string_pretty(statistics)? + "\n";
     if path == Path::new("-") {
@@ -41,42 +149,4 @@ pub(super) fn write_json(path: &Path, statistics: &impl Serialize) -> CommandRes
         output::write_atomically(path, text.as_bytes())?;
     }
     Ok(())
-}
-
-/// Wall-clock times of passes, over several repetitions.
-#[derive(Clone, Default)]
-pub(super) struct Times {
-    samples: BTreeMap<String, Vec<f64>>,
-}
-
-impl Times {
-    /// Runs and times one pass.
-    pub(super) fn measure<T>(&mut self, pass: &str, work: impl FnOnce() -> T) -> T {
-        let start = Instant::now();
-        let result = work();
-        self.samples.entry(pass.to_owned()).or_default().push(1e3 * start.elapsed().as_secs_f64());
-        result
-    }
-
-    /// Takes in a time that was measured elsewhere.
-    pub(super) fn note(&mut self, pass: &str, time: Duration) {
-        self.samples.entry(pass.to_owned()).or_default().push(1e3 * time.as_secs_f64());
-    }
-
-    /// Runs and times a frame that consists of passes.
-    pub(super) fn frame<T>(&mut self, work: impl FnOnce(&mut Times) -> T) -> T {
-        let start = Instant::now();
-        let result = work(self);
-        self.samples.entry("frame".to_owned()).or_default().push(1e3 * start.elapsed().as_secs_f64());
-        result
-    }
-
-    /// The median of each pass, milliseconds.
-    pub(super) fn medians(self) -> BTreeMap<String, f64> {
-        let median = |mut samples: Vec<f64>| {
-            samples.sort_by(f64::total_cmp);
-            samples[samples.len() / 2]
-        };
-        self.samples.into_iter().map(|(pass, samples)| (pass, median(samples))).collect()
-    }
 }

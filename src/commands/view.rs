@@ -48,7 +48,7 @@ pub struct WindowArguments {
     pub size: Option<PictureSize>,
     /// What draws [default: the best there is].
     #[arg(long)]
-    pub backend: Option<render::Backend>,
+    pub backend: Option<crate::look::Backend>,
     /// Visualization mode; `deepfield modes` lists them.
     #[arg(long, value_name = "NAME", value_parser = super::arguments::mode_name)]
     pub mode: Option<&'static crate::mode::Mode>,
@@ -148,7 +148,7 @@ pub fn run(arguments: &Arguments) -> CommandResult {
     }
     // Found out here, a missing file is an error on the command line rather than a message in an empty window.
     let is_given = !path.as_os_str().is_empty();
-    if is_given && super::cache::is_page_file(&path)? && settings.simulate {
+    if is_given && crate::look::is_page_file(&path)? && settings.simulate {
         return Err(format!("{}: --simulate takes a snapshot, this is a page file", path.display()).into());
     }
     if settings.follow.is_some() && is_scene_file(&path) {
@@ -255,9 +255,9 @@ fn window(path: &Path, settings: &WindowArguments, drivers: wgpu::Backends) -> C
     options.size = settings.size.map(|size| (size.width, size.height));
     options.preset = settings.preset.clone();
     options.backend = settings.backend.map(|backend| match backend {
-        render::Backend::Compute => Backend::Compute,
-        render::Backend::Raster => Backend::Raster,
-        render::Backend::Cpu => Backend::Cpu,
+        crate::look::Backend::Compute => Backend::Compute,
+        crate::look::Backend::Raster => Backend::Raster,
+        crate::look::Backend::Cpu => Backend::Cpu,
     });
     options.error_px = settings.error_px;
     options.frame_ms = settings.frame_ms;

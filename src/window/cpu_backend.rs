@@ -23,17 +23,18 @@ use super::volume_caster::VolumeCaster;
 use crate::color::composite::composite_at;
 use crate::color::transfer::{Levels, TransferFunction};
 use crate::color::{Accumulation, Image as Colors};
-use crate::cpu::volume::{Caster, Processor};
-use crate::mode::{Adapter, Footprint, Plan};
+use crate::cpu::volume::{Caster, OpaqueDepths, Processor};
+use crate::mode::{Adapter, Economy, Footprint, Plan, Raw};
+use crate::picture::Subject;
 use crate::picture::fade::faded;
 use crate::picture::governor::Governor;
-use crate::view::View;
+use crate::store::Tree;
 use bevy::asset::RenderAssetUsages;
 use bevy::image::ImageSampler;
 use bevy::prelude::*;
 use bevy::render::render_resource::{Extent3d, TextureDimension, TextureFormat};
 use bevy::tasks::{AsyncComputeTaskPool, Task, futures::check_ready};
-use drawing::{PaintedPicture, Source, draw, paint};
+use drawing::{Limits, Outcome, Source, Values, draw};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -58,6 +59,18 @@ struct Drawn {
     /// For modes that draw colours: these, and the settings they were drawn with.
     painted: Option<Arc<PaintedPicture>>,
     milliseconds: f64,
+}
+
+/// A picture in colours, and what they mean.
+struct PaintedPicture {
+    image: Colors,
+    levels: Levels,
+    transfer: TransferFunction,
+    /// Why not the adapter but the processor has drawn it.
+    trouble: Option<String>,
+    /// How many particles it took, where those are not all.
+    sampled: Option<u64>,
+    opaque: Option<Arc<OpaqueDepths>>,
 }
 
 /// What a background task hands back.
@@ -257,22 +270,45 @@ pub(super) fn draw_on_cpu(
     cpu.task = Some(AsyncComputeTaskPool::get().spawn(async move {
         let (drawn, plan, taken, cut) = match reused {
             Some(drawn) => (drawn, old_plan, None, false),
-            None if painted => {
-                let start = Instant::now();
-                let (view, with) = (View { width: size.x, height: size.y, ..view }, (&*caster, key.particles));
-                let painted =
-                    Some(Arc::new(paint(&file, &depiction, &source, &view, diameter, (&transfer, levels), with)?));
-                let milliseconds = 1000.0 * start.elapsed().as_secs_f64();
-                (Drawn { key, picture: Arc::default(), painted, milliseconds }, old_plan, None, false)
-            }
             None => {
                 let start = Instant::now();
-                let plan = (economy, kept_plan, limit);
-                let (picture, plan, (taken, cut)) =
-                    draw(&file, &depiction, &source, &view, size, plan, (&transfer, known), on_cpu)?;
-                let picture = Arc::new(picture);
+                let (own, nodes) = source.nodes(&view)?;
+                let metadata = own.as_ref().map_or(file.metadata(), |tree| tree.metadata());
+                let subject = Subject::new(metadata, &depiction, &transfer, diameter);
+                let subject = Subject { caster: &*caster, ..subject };
+                let limits = match (&own, painted) {
+                    (Some(_), _) => Limits { economy: Economy::NONE, plan: None, particles: u64::MAX },
+                    (None, true) => Limits { economy: Economy::NONE, plan: None, particles: key.particles },
+                    (None, false) => Limits { economy, plan: kept_plan, particles: limit },
+                };
+                let outcome = draw(&subject, &nodes, (&view, size), &limits, known, on_cpu);
+                let Outcome { values, plan, taken, is_cut, trouble } = outcome.map_err(|error| error.to_string())?;
                 let milliseconds = 1000.0 * start.elapsed().as_secs_f64();
-                (Drawn { key, picture, painted: None, milliseconds }, plan, Some(taken), cut)
+                let sampled = is_cut.then_some(taken);
+                let painted = |image, levels, opaque, sampled| {
+                    let transfer = transfer.clone();
+                    let painted = Arc::new(PaintedPicture { image, levels, transfer, trouble, sampled, opaque });
+                    (
+                        Drawn { key, picture: Arc::default(), painted: Some(painted), milliseconds },
+                        old_plan,
+                        None,
+                        false,
+                    )
+                };
+                match values {
+                    Values::Drawn(Raw::Sums(sums, _)) => {
+                        let picture = Arc::new(sums);
+                        (Drawn { key, picture, painted: None, milliseconds }, plan, Some(taken), is_cut)
+                    }
+                    Values::Drawn(Raw::Light(light)) => {
+                        let found = Levels { p: light.levels.density, s: light.levels.attribute };
+                        // A sample's wider kernels may hide what all particles together do not.
+                        let opaque = light.report.opaque.filter(|_| sampled.is_none());
+                        painted(light.colors.image(), found, opaque, sampled)
+                    }
+                    // A view without data is a black picture, and no error.
+                    Values::Nothing => painted(Colors::black(size.x, size.y), levels, None, None),
+                }
             }
         };
         let (exposure, colors) = match &drawn.painted {

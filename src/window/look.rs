@@ -42,7 +42,7 @@ pub struct Look {
 impl Look {
     /// What the colours mean.
     pub fn legend(&self, metadata: &Metadata) -> Legend {
-        let units = Units::of_pages(metadata, &self.depiction);
+        let units = Units::of(metadata, &self.depiction);
         Legend::of(&self.depiction, &self.transfer, Arc::clone(&self.lut), &self.levels, &units)
     }
 
@@ -154,7 +154,7 @@ fn depict(scene: &Scene, settings: &Settings) -> Result<Depiction, String> {
         Attribute::Automatic | Attribute::None => None,
     };
     let metadata = scene.file.metadata();
-    let mut depiction = Depiction::of_pages(settings.mode, settings.look.settings.clone(), name, metadata)?;
+    let mut depiction = Depiction::new(settings.mode, settings.look.settings.clone(), name, metadata)?;
     if settings.attribute == Attribute::None {
         depiction.attribute = None;
     }

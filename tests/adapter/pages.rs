@@ -1,7 +1,7 @@
 //! Page files on the GPU techniques: the same selection, the same picture and the same colours as on the CPU.
 
 use crate::support::golden::check_against;
-use crate::support::{Built, built, demo, view_from};
+use crate::support::{Built, built, demo, draw_nodes, sum_nodes, view_from};
 use deepfield::codec::VqBits;
 use deepfield::color::Accumulation;
 use deepfield::color::accumulation::relative_error;
@@ -13,7 +13,6 @@ use deepfield::gpu::{Backend, HeadlessFrame, HeadlessRequest, render_headless};
 use deepfield::mode::{Depiction, Plan, Settings};
 use deepfield::model::Bounds;
 use deepfield::modes;
-use deepfield::picture::processor;
 use deepfield::store::PageFile;
 use deepfield::stream::{Scene, SceneNode};
 use deepfield::view::{Cut, View};
@@ -26,10 +25,9 @@ const BACKENDS: [Backend; 2] = [Backend::Compute, Backend::Raster];
 fn draw_both(file: &Arc<PageFile>, mode: &str, view: &View, backend: Backend) -> (Accumulation, HeadlessFrame) {
     let metadata = file.metadata();
     let mode = modes::find(mode).unwrap();
-    let depiction = Depiction::of_pages(mode, Settings::default(), None, metadata).unwrap();
+    let depiction = Depiction::new(mode, Settings::default(), None, metadata).unwrap();
     let selection = Scene::new(Arc::clone(file), u64::MAX).converge_blocking(view, 0.8).unwrap();
-    let nodes = processor::cut(view, processor::decode(&depiction, metadata, &selection.nodes));
-    let cpu = processor::draw_nodes(view, &depiction, metadata, &nodes, Method::Pyramid).unwrap();
+    let cpu = sum_nodes(view, &depiction, metadata, &selection.nodes);
     let transfer = TransferFunction::preset(mode.transfer[usize::from(cpu.has_attribute())]);
     let request = request_nodes(view, &depiction, metadata, &selection.nodes, &Plan::default(), backend);
     (cpu, render_headless(HeadlessRequest { transfer, ..request }).unwrap())
@@ -107,7 +105,7 @@ fn regions_have_the_cpus_colors() {
     let view = view_from(&built.dataset, DVec3::new(0.35, 0.3, 1.0), 1.5, 161, 90);
     let metadata = built.file.metadata();
     let mode = modes::find("density-squared").unwrap();
-    let depiction = Depiction::of_pages(mode, Settings::default(), None, metadata).unwrap();
+    let depiction = Depiction::new(mode, Settings::default(), None, metadata).unwrap();
     let selection = Scene::new(Arc::clone(&built.file), u64::MAX).converge_blocking(&view, 0.8).unwrap();
     let request = request_nodes(&view, &depiction, metadata, &selection.nodes, &Plan::default(), Backend::Compute);
     let text = "(brightness: [(0.0, 0.0), (0.3, 0.6), (1.0, 1.0)], opacity: [(0.0, 0.2), (1.0, 1.0)], hue: (), \
@@ -127,10 +125,9 @@ fn page_files_are_drawn_where_buffers_are_small() {
     let built = built(&demo(), VqBits::Eight);
     let view = view_from(&built.dataset, DVec3::new(-0.7, 0.2, 0.4), 1.5, 160, 120);
     let metadata = built.file.metadata();
-    let depiction = Depiction::of_pages(modes::first(), Settings::default(), None, metadata).unwrap();
+    let depiction = Depiction::new(modes::first(), Settings::default(), None, metadata).unwrap();
     let nodes = Scene::new(Arc::clone(&built.file), u64::MAX).converge_blocking(&view, 0.8).unwrap().nodes;
-    let decoded = processor::decode(&depiction, metadata, &nodes);
-    let cpu = processor::draw_nodes(&view, &depiction, metadata, &decoded, Method::Pyramid).unwrap();
+    let cpu = sum_nodes(&view, &depiction, metadata, &nodes);
     let limit = 1 << 19;
     let bytes: u64 = nodes.iter().map(particle_bytes).sum();
     assert!(bytes > 3 * limit, "{bytes} bytes of particles fit few buffers");
@@ -164,15 +161,15 @@ impl Shot {
         let built = built(&demo(), VqBits::Eight);
         let view = view_from(&built.dataset, DVec3::new(-0.7, 0.2, 0.4), distance, 160, 120);
         let metadata = built.file.metadata();
-        let depiction = Depiction::of_pages(modes::first(), Settings::default(), None, metadata).unwrap();
+        let depiction = Depiction::new(modes::first(), Settings::default(), None, metadata).unwrap();
         let nodes = Scene::new(Arc::clone(&built.file), u64::MAX).converge_blocking(&view, 0.8).unwrap().nodes;
         Shot { built, view, depiction, nodes }
     }
 
     fn cpu(&self, plan: &Plan) -> (Accumulation, Counts) {
         let metadata = self.built.file.metadata();
-        let nodes = processor::decode_planned(&self.view, &self.depiction, metadata, &self.nodes, plan);
-        processor::draw_planned(&self.view, &self.depiction, metadata, &nodes, Method::Pyramid, plan).unwrap()
+        let drawn = draw_nodes(&self.view, &self.depiction, metadata, &self.nodes, Method::Pyramid, plan);
+        drawn.sums(self.depiction.mode).unwrap()
     }
 
     fn gpu(&self, plan: &Plan, backend: Backend) -> HeadlessFrame {

@@ -9,11 +9,12 @@ use deepfield::cpu::volume::{
 };
 use deepfield::cpu::{self, Positions, Splats};
 use deepfield::gpu::{DeviceOptions, VolumeRenderer, Withheld};
-use deepfield::mode::{Adapter, Depiction, Settings};
+use deepfield::look::LookPatch;
+use deepfield::mode::{Adapter, Depiction, Plan, Settings};
 use deepfield::model::{Bounds, Kernel};
 use deepfield::modes;
-use deepfield::picture::paint::{Subject, paint_nodes};
-use deepfield::picture::processor;
+use deepfield::picture::Subject;
+use deepfield::picture::look::transfer_of;
 use deepfield::stream::Scene;
 use deepfield::synth::merger::Merger;
 use deepfield::view::perspective_grid::GridOptions;
@@ -310,12 +311,13 @@ fn the_demo_data_look_as_on_the_cpu() {
     let view = view_from(&built.dataset, DVec3::new(0.35, 0.3, 1.0), 1.5, 120, 80);
     let renderer = renderer();
     for mode in modes::all().into_iter().filter(|mode| mode.technique.adapter() == Adapter::RayMarcher) {
-        let depiction = Depiction::of_pages(mode, Settings::default(), None, metadata).unwrap();
+        let depiction = Depiction::new(mode, Settings::default(), None, metadata).unwrap();
         let selection = Scene::new(Arc::clone(&built.file), u64::MAX).converge_blocking(&view, 0.8).unwrap();
-        let nodes = processor::decode(&depiction, metadata, &selection.nodes);
+        let transfer = transfer_of(&LookPatch::default(), &depiction);
+        let subject = Subject::new(metadata, &depiction, &transfer, metadata.bounds().size().length());
         let paint = |caster| {
-            let subject = Subject { transfer: None, diameter: metadata.bounds().size().length(), caster };
-            paint_nodes(&view, &depiction, metadata, &nodes, &subject).unwrap().colors
+            let drawn = Subject { caster, ..subject }.draw_nodes(&view, &selection.nodes, &Plan::default()).unwrap();
+            drawn.light(mode).unwrap().colors
         };
         let (l2, most) = difference(&paint(&renderer), &paint(&Processor));
         println!("{}: L2 {l2:.2e}, at most {most:.2e}", mode.name);

@@ -5,15 +5,15 @@ use deepfield::codec::VqBits;
 use deepfield::color::Accumulation;
 use deepfield::color::composite::Image;
 use deepfield::cpu::Method;
-use deepfield::cpu::volume::Processor;
 use deepfield::import::{LoadOptions, load};
-use deepfield::mode::{Depiction, Settings};
+use deepfield::look::LookPatch;
+use deepfield::mode::{Depiction, Plan, Raw, Settings};
 use deepfield::model::{Bounds, Dataset};
 use deepfield::modes;
-use deepfield::picture::paint::{Subject, paint_nodes};
-use deepfield::picture::processor;
-use deepfield::store::PageFile;
-use deepfield::stream::Scene;
+use deepfield::picture::Subject;
+use deepfield::picture::look::transfer_of;
+use deepfield::store::{InMemory, Metadata, PageFile, Tree};
+use deepfield::stream::{Scene, SceneNode, first_nodes};
 use deepfield::view::{Projection, View};
 use glam::DVec3;
 use std::path::Path;
@@ -44,32 +44,52 @@ pub fn built_from_dataset(dataset: Dataset, vq_bits: VqBits) -> Built {
     Built { dataset, file: Arc::new(PageFile::open(&path).unwrap()), _folder: folder }
 }
 
+/// What the CPU renderer draws of nodes by a plan, in the mode's usual colours.
+pub fn draw_nodes(
+    view: &View,
+    depiction: &Depiction,
+    metadata: &Metadata,
+    nodes: &[SceneNode],
+    method: Method,
+    plan: &Plan,
+) -> Raw {
+    let transfer = transfer_of(&LookPatch::default(), depiction);
+    let subject = Subject::new(metadata, depiction, &transfer, metadata.bounds().size().length());
+    Subject { method, ..subject }.draw_nodes(view, nodes, plan).unwrap()
+}
+
+/// `P` and `P S` of all particles of nodes, by the CPU renderer.
+pub fn sum_nodes(view: &View, depiction: &Depiction, metadata: &Metadata, nodes: &[SceneNode]) -> Accumulation {
+    let drawn = draw_nodes(view, depiction, metadata, nodes, Method::Pyramid, &Plan::default());
+    drawn.sums(depiction.mode).unwrap().0
+}
+
 /// The picture of the page file at `tau`, by the CPU renderer.
 pub fn draw_pages(file: &Arc<PageFile>, mode: &str, view: &View, tau: f64) -> Accumulation {
     let metadata = file.metadata();
-    let depiction = Depiction::of_pages(modes::find(mode).unwrap(), Settings::default(), None, metadata).unwrap();
+    let depiction = Depiction::new(modes::find(mode).unwrap(), Settings::default(), None, metadata).unwrap();
     let mut scene = Scene::new(Arc::clone(file), u64::MAX);
     let selection = scene.converge_blocking(view, tau).unwrap();
     assert!(selection.converged);
-    let nodes = processor::decode(&depiction, metadata, &selection.nodes);
-    processor::draw_nodes(view, &depiction, metadata, &nodes, Method::Pyramid).unwrap()
+    sum_nodes(view, &depiction, metadata, &selection.nodes)
 }
 
 /// The colours of the page file at `tau`, of a mode that draws colours.
 pub fn paint_pages(file: &Arc<PageFile>, mode: &str, view: &View, tau: f64) -> Image {
     let metadata = file.metadata();
-    let depiction = Depiction::of_pages(modes::find(mode).unwrap(), Settings::default(), None, metadata).unwrap();
+    let depiction = Depiction::new(modes::find(mode).unwrap(), Settings::default(), None, metadata).unwrap();
     let selection = Scene::new(Arc::clone(file), u64::MAX).converge_blocking(view, tau).unwrap();
-    let nodes = processor::decode(&depiction, metadata, &selection.nodes);
-    let subject = Subject { transfer: None, diameter: metadata.bounds().size().length(), caster: &Processor };
-    paint_nodes(view, &depiction, metadata, &nodes, &subject).unwrap().colors.image()
+    let drawn = draw_nodes(view, &depiction, metadata, &selection.nodes, Method::Pyramid, &Plan::default());
+    drawn.light(depiction.mode).unwrap().colors.image()
 }
 
 /// The picture of the source particles, by the CPU renderer.
 pub fn draw_source(dataset: &Dataset, mode: &str, view: &View, method: Method) -> Accumulation {
-    let depiction = Depiction::of_dataset(modes::find(mode).unwrap(), Settings::default(), None, dataset).unwrap();
-    let families: Vec<_> = dataset.families.iter().collect();
-    processor::draw_particles(view, &depiction, dataset, &families, method).unwrap()
+    let tree = InMemory::new(dataset.clone());
+    let metadata = tree.metadata();
+    let depiction = Depiction::new(modes::find(mode).unwrap(), Settings::default(), None, metadata).unwrap();
+    let nodes = first_nodes(&tree, view).unwrap();
+    draw_nodes(view, &depiction, metadata, &nodes, method, &Plan::default()).sums(depiction.mode).unwrap().0
 }
 
 /// A perspective view of the middle of the data from `distance` (in sizes of its box) along `direction`.

@@ -65,14 +65,7 @@ const WINDOW: [&[&str]; 4] = [
 ];
 
 /// Imports against the direction that are known: the file, what it uses, and why it still does.
-const KNOWN: [(&str, &str, &str); 2] = [
-    (
-        "src/bench/compare.rs",
-        "commands::exact_source",
-        "reads all particles as `render --exact` does, which is still in commands",
-    ),
-    ("src/bench/compare.rs", "commands::request", "draws as `render` does, which is still in commands"),
-];
+const KNOWN: [(&str, &str, &str); 0] = [];
 
 /// A path in a source file: the line where it stands, and its segments from the package's root on.
 struct Import {

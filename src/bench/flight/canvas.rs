@@ -3,9 +3,9 @@
 
 use super::super::splat::Failure;
 use crate::color::Accumulation;
-use crate::cpu::Method;
+use crate::color::transfer::TransferFunction;
 use crate::mode::{Depiction, Plan};
-use crate::picture::processor;
+use crate::picture::Subject;
 use crate::store::PageFile;
 use crate::stream::{CopyOptions, SceneNode, Streamer};
 use crate::view::View;
@@ -62,9 +62,10 @@ impl Canvas for CpuCanvas {
     }
 
     fn draw(&mut self, view: &View, nodes: &[SceneNode], plan: &Plan) -> Result<(), Failure> {
-        let metadata = self.file.metadata();
-        let decoded = processor::decode_planned(view, &self.depiction, metadata, nodes, plan);
-        self.picture = processor::draw_planned(view, &self.depiction, metadata, &decoded, Method::Pyramid, plan)?.0;
+        // Sums have no use for colours and diameters.
+        let transfer = TransferFunction::default();
+        let subject = Subject::new(self.file.metadata(), &self.depiction, &transfer, 0.0);
+        self.picture = subject.draw_nodes(view, nodes, plan)?.sums(self.depiction.mode)?.0;
         Ok(())
     }
 

@@ -9,7 +9,7 @@ use crate::color::composite::{color_error, composite_at};
 use crate::color::output;
 use crate::color::transfer::TransferFunction;
 use crate::mode::Plan;
-use crate::picture::processor;
+use crate::picture::Subject;
 use serde::Serialize;
 
 /// A halt.
@@ -58,16 +58,16 @@ pub fn check(
     let plans = [(governed, ""), (everything, "-whole")];
     let name = |what: &str, kind: &str| options.folder().join(format!("{what}-{backend}-{seconds:.0}s{kind}.png"));
     let nodes = &streamed.selection.nodes;
-    let metadata = engine.file.metadata();
+    let preset = options.mode.transfer[usize::from(waited.has_attribute())];
+    let transfer = TransferFunction::preset(preset).unwrap_or_default();
+    // Sums have no use for a diameter.
+    let subject = Subject::new(engine.file.metadata(), &engine.depiction, &transfer, 0.0);
     let mut overdraw = [(0.0, 0); 2];
     for (&(plan, kind), out) in plans.iter().zip(&mut overdraw) {
-        let decoded = processor::decode_planned(&view, &engine.depiction, metadata, nodes, &plan);
-        let counted = processor::overdraw_of(&view, &engine.depiction, metadata, &decoded, &plan)?;
+        let counted = subject.overdraw(&view, &subject.decode(&view, nodes, &plan), &plan)?;
         output::write_png(&name("overdraw", kind), &counted.image())?;
         *out = (counted.mean(), counted.max());
     }
-    let preset = options.mode.transfer[usize::from(waited.has_attribute())];
-    let transfer = TransferFunction::preset(preset).unwrap_or_default();
     let mut pictures = Vec::with_capacity(plans.len());
     for (plan, _) in &plans {
         engine.canvas.draw(&view, nodes, plan)?;

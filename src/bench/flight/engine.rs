@@ -8,8 +8,8 @@ use crate::color::Accumulation;
 use crate::color::transfer::TransferFunction;
 use crate::hierarchy::Purpose;
 use crate::mode::{Depiction, Economy, Plan};
+use crate::picture::Subject;
 use crate::picture::governor::{self, Governor, SampleSizes};
-use crate::picture::pilot;
 use crate::store::PageFile;
 use crate::stream::{Scene, SceneSelection, StreamOptions, Streamer};
 use crate::view::View;
@@ -129,9 +129,9 @@ impl Engine<'_> {
         let selection = self.converge(streamer, view)?.selection;
         let preset = self.depiction.mode.transfer[usize::from(self.depiction.attribute.is_some())];
         let transfer = TransferFunction::preset(preset).unwrap_or_default();
-        let metadata = self.file.metadata();
-        let (depiction, economy) = (&self.depiction, &self.economy);
-        self.plan = pilot::plan(view, depiction, metadata, &selection.nodes, economy, &transfer, None)?;
+        // Sums have no use for a diameter.
+        let subject = Subject::new(self.file.metadata(), &self.depiction, &transfer, 0.0);
+        self.plan = subject.plan(view, &selection.nodes, &self.economy, None)?;
         Ok(())
     }
 

@@ -232,7 +232,7 @@ fn with_canvas<T>(
     let fov_y = 45_f64.to_radians();
     let view = View::around(frame, fov_y, width, height)?;
     let flight = Flight::through(frame, options.velocity, options.duration, fov_y);
-    let depiction = Depiction::of_pages(options.mode, Settings::default(), None, metadata)?;
+    let depiction = Depiction::new(options.mode, Settings::default(), None, metadata)?;
     let opening = at.elapsed();
     let copies = CopyOptions { budget: options.gpu_memory, on_their_way: 2 * options.upload };
     let mut canvas: Box<dyn Canvas> = match backend {

@@ -106,7 +106,7 @@ pub(super) fn record(
                 shot.write(scene)?;
             }
             if let Some(exr) = &files.exr {
-                take.drawing.write_exr(exr)?;
+                take.picture.write_exr(exr)?;
             }
             if let Some(png) = &files.png {
                 output::write_png(png, &take.image)?;

@@ -4,13 +4,11 @@ use super::Arguments;
 use crate::annotate::overlay::Overlay;
 use crate::color::{Image, output};
 use crate::commands::CommandResult;
-use crate::commands::drawing::Drawing;
-use crate::commands::request::Request;
-use crate::commands::studio::Studio;
+use crate::commands::request;
 use crate::look::{Backend, Camera, DatasetRef, Film, LookPatch, Member, SceneFile, Shot};
-use crate::model::Bounds;
+use crate::picture::ranges::Format;
+use crate::picture::{Picture, Session, SessionOptions};
 use crate::tour::exposure::is_searched;
-use crate::tour::sketch::{Format, measure};
 use crate::tour::{Exposure, State, Surroundings, Timeline, TourFile};
 use std::path::{Path, PathBuf};
 
@@ -22,12 +20,10 @@ pub(super) struct Show {
     pub data: PathBuf,
     /// When what is shown.
     pub timeline: Timeline,
-    /// The open data.
-    pub studio: Option<Studio>,
+    session: Session,
     exposure: Exposure,
     /// The tour's folder.
     folder: PathBuf,
-    backend: Backend,
     memory: u64,
 }
 
@@ -36,7 +32,7 @@ pub(super) struct Take {
     /// The finished picture.
     pub image: Image,
     /// What it was made from.
-    pub drawing: Drawing,
+    pub picture: Picture,
 }
 
 /// Memory that pages keep between frames unless it is set.
@@ -53,8 +49,10 @@ impl Show {
         data: PathBuf,
         arguments: &Arguments,
     ) -> Result<Show, Box<dyn std::error::Error + Send + Sync>> {
-        let mut studio = Studio::open(&[Member::new(data.clone())])?;
-        let framed: Bounds = studio.choose(&Request::new(&data, Shot::default()))?;
+        let backend = Some(arguments.backend.unwrap_or(Backend::Cpu));
+        let options = SessionOptions { backend, ..SessionOptions::default() };
+        let mut session = request::open(&[Member::new(data.clone())], options, [])?;
+        let framed = session.framed(&LookPatch::default())?;
         let parent = file.as_deref().and_then(Path::parent).filter(|parent| !parent.as_os_str().is_empty());
         let folder = parent.unwrap_or(Path::new(".")).to_owned();
         let surroundings = Surroundings {
@@ -70,9 +68,8 @@ impl Show {
             tour,
             data,
             timeline,
-            studio: Some(studio),
+            session,
             folder: folder.canonicalize().unwrap_or(folder),
-            backend: arguments.backend.unwrap_or(Backend::Cpu),
             memory: arguments.memory.unwrap_or(MEMORY),
         })
     }
@@ -93,14 +90,6 @@ impl Show {
         let TourFile { size, projection, stereo, .. } = self.tour;
         let look = look.clone();
         SceneFile { look, size: Some(size), camera: Some(camera), projection, stereo, ..SceneFile::new(vec![dataset]) }
-    }
-
-    /// The request that a scene is drawn for.
-    fn request(&self, scene: SceneFile) -> Request {
-        let families = scene.look.families.clone();
-        let members = vec![Member { families, ..Member::new(self.data.clone()) }];
-        let own = Request::new(&self.data, Shot::of_scene(scene, Path::new("")));
-        Request { members, backend: Some(self.backend), ..own }
     }
 
     /// What is shown at a time, as a scene file in `place` says it: a scene with numbers for all ranges that are found from pictures.
@@ -143,9 +132,7 @@ impl Show {
                 }
                 let state = self.timeline.state(self.exposure.time(moment));
                 let format = Format { size: self.tour.size, surround: self.tour.projection };
-                let studio = self.studio.as_mut().ok_or("the data is not open")?;
-                let mut tell = |message| eprintln!("deepfield: {message}");
-                let measured = measure(&mut studio.scene, &state.look, &state.camera, format, &mut tell)?;
+                let measured = self.session.ranges(&state.look, &state.camera, format)?;
                 self.exposure.take(moment, measured);
             }
             // Moments long past are not needed again by one who goes on.
@@ -163,27 +150,21 @@ impl Show {
         shot: &SceneFile,
         next: Option<f64>,
     ) -> Result<Take, Box<dyn std::error::Error + Send + Sync>> {
-        let request = self.request(shot.clone());
-        if let Some(studio) = &mut self.studio {
-            studio.keep_within(self.memory);
-            let (width, height) = self.tour.size;
-            let state = next.map(|next| self.timeline.state(next));
-            let view = state.and_then(|state| {
-                let view = state.camera.view(width, height).ok()?;
-                Some(state.look.cut.unwrap_or_default().applied(
-                    &view,
-                    state.camera.target.into(),
-                    studio.file.metadata().periodic_box(),
-                ))
-            });
-            studio.ahead = view;
-        }
-        let drawing = Drawing::new(&request, &mut self.studio)?;
-        if !drawing.is_converged() {
+        self.session.keep_within(self.memory);
+        let (width, height) = self.tour.size;
+        let periodic = self.session.tree().metadata().periodic_box();
+        let ahead = next.map(|next| self.timeline.state(next)).and_then(|state| {
+            let view = state.camera.view(width, height).ok()?;
+            Some(state.look.cut.unwrap_or_default().applied(&view, state.camera.target.into(), periodic))
+        });
+        self.session.look_ahead(ahead);
+        let shot = Shot::of_scene(shot.clone(), Path::new(""));
+        let picture = self.session.draw(&shot)?;
+        if !picture.converged {
             return Err(format!("{}: pages that the frame needs cannot be read", self.data.display()).into());
         }
-        let image = drawing.finished(&request, &mut self.studio)?;
-        Ok(Take { image, drawing })
+        let image = self.session.finished(&shot, &picture)?;
+        Ok(Take { image, picture })
     }
 
     /// Draws one frame into a file.
@@ -195,7 +176,7 @@ impl Show {
         let take = self.take(&shot, None)?;
         match output.extension().and_then(|extension| extension.to_str()) {
             Some("png") => Ok(output::write_png(output, &take.image)?),
-            Some("exr") => Ok(take.drawing.write_exr(output)?),
+            Some("exr") => Ok(take.picture.write_exr(output)?),
             _ => Err(format!("{}: expected a name that ends in .png or .exr", output.display()).into()),
         }
     }

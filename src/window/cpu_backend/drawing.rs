@@ -1,31 +1,16 @@
 //! A picture drawn by the processor: of nodes of the open file, or of live particles.
 
-use crate::color::transfer::{Levels, TransferFunction};
-use crate::color::{Accumulation, Image};
-use crate::cpu::Method;
-use crate::cpu::volume::{Caster, OpaqueDepths, Processor, VolumeError};
-use crate::mode::{Depiction, Economy, Plan};
-use crate::model::{Dataset, Family, FamilyName};
-use crate::picture::paint::{Subject, paint_nodes, paint_particles};
-use crate::picture::{governor, pilot, processor};
-use crate::store::PageFile;
-use crate::stream::SceneNode;
+use crate::color::transfer::Levels;
+use crate::cpu::volume::{Processor, VolumeError};
+use crate::mode::{Economy, Plan, Raw};
+use crate::model::{Dataset, FamilyName};
+use crate::picture::Subject;
+use crate::store::InMemory;
+use crate::stream::{SceneNode, first_nodes};
 use crate::view::View;
 use crate::view::perspective_grid::GridError;
 use bevy::prelude::UVec2;
 use std::sync::Arc;
-
-/// A picture in colours, and what they mean.
-pub(super) struct PaintedPicture {
-    pub image: Image,
-    pub levels: Levels,
-    pub transfer: TransferFunction,
-    /// Why not the adapter but the processor has drawn it.
-    pub trouble: Option<String>,
-    /// How many particles it took, where those are not all.
-    pub sampled: Option<u64>,
-    pub opaque: Option<Arc<OpaqueDepths>>,
-}
 
 /// Whose particles are drawn.
 pub(super) enum Source {
@@ -35,97 +20,83 @@ pub(super) enum Source {
     Live(Arc<Dataset>, Vec<FamilyName>),
 }
 
-/// The families of live particles that are shown.
-fn shown<'a>(dataset: &'a Dataset, families: &[FamilyName]) -> Vec<&'a Family> {
-    dataset.families.iter().filter(|family| families.contains(&family.name)).collect()
+/// What a picture is to leave out.
+pub(super) struct Limits {
+    /// What the settings allow.
+    pub economy: Economy,
+    /// What that came to for the picture before, where it is to be the same.
+    pub plan: Option<Plan>,
+    /// How many particles it may take.
+    pub particles: u64,
 }
 
-/// Draws the source with `size` pixels; blocks for as long as it takes. What is left out is what `plan` says, or what
-/// is found to be within the settings, which is handed back; and then as much as a sample of `limit` particles needs. Also
-/// says how many it took. A picture that is not shown but measured is of splats where the processor does not draw the mode.
-pub(super) fn draw(
-    file: &PageFile,
-    depiction: &Depiction,
-    source: &Source,
-    view: &View,
-    size: UVec2,
-    (economy, plan, limit): (Economy, Option<Plan>, u64),
-    (transfer, levels): (&TransferFunction, Option<Levels>),
-    is_shown: bool,
-) -> Result<(Accumulation, Plan, (u64, bool)), String> {
-    let metadata = file.metadata();
-    let nodes = match source {
-        Source::Nodes(nodes) => nodes,
-        Source::Live(dataset, families) => {
-            let view = View { width: size.x, height: size.y, ..*view };
-            let families = shown(dataset, families);
-            let drawn = processor::draw_particles(&view, depiction, dataset, &families, Method::Pyramid);
-            let taken = families.iter().map(|family| family.len() as u64).sum();
-            return drawn.map(|drawn| (drawn, Plan::default(), (taken, false))).map_err(|error| error.to_string());
-        }
-    };
-    // What may be left out is decided for the whole picture, also where this one has fewer pixels.
-    let plan = match plan {
-        Some(plan) => Ok(plan),
-        None => pilot::plan(view, depiction, metadata, nodes, &economy, transfer, levels),
-    };
-    let drawn = plan.and_then(|plan| {
-        let important = governor::most_important(depiction, metadata);
-        let (fitting, taken) = governor::within(limit, plan, view, depiction, metadata, nodes, &important);
-        let decoded = processor::decode_planned(view, depiction, metadata, nodes, &fitting);
-        let view = View { width: size.x, height: size.y, ..*view };
-        let drawn = match is_shown || depiction.mode.technique.on_processor() {
-            true => processor::draw_planned(&view, depiction, metadata, &decoded, Method::Pyramid, &fitting)?.0,
-            false => processor::sum_planned(&view, depiction, metadata, &decoded, &fitting)?,
-        };
-        Ok((drawn, plan, (taken, fitting != plan)))
-    });
-    drawn.map_err(|error| error.to_string())
+/// What was drawn.
+pub(super) struct Outcome {
+    pub values: Values,
+    /// What the settings came to.
+    pub plan: Plan,
+    /// How many particles it took, and whether that is less than the plan would.
+    pub taken: u64,
+    pub is_cut: bool,
+    /// Why not the adapter but the processor has drawn it.
+    pub trouble: Option<String>,
 }
 
-/// Draws the source in the colours of a mode that has no splats; blocks for as long as it takes.
-pub(super) fn paint(
-    file: &PageFile,
-    depiction: &Depiction,
-    source: &Source,
-    view: &View,
-    diameter: f64,
-    (transfer, levels): (&TransferFunction, Levels),
-    (caster, limit): (&dyn Caster, u64),
-) -> Result<PaintedPicture, String> {
-    let metadata = file.metadata();
-    let (decoded, sampled) = match source {
-        Source::Nodes(nodes) => {
-            let important = governor::most_important(depiction, metadata);
-            let (plan, taken) = governor::within(limit, Plan::default(), view, depiction, metadata, nodes, &important);
-            let decoded = processor::decode_planned(view, depiction, metadata, nodes, &plan);
-            (decoded, (!plan.is_complete()).then_some(taken))
-        }
-        Source::Live(..) => (Vec::new(), None),
-    };
-    let with = |caster| {
-        let subject = Subject { transfer: Some(transfer), diameter, caster };
-        match source {
-            Source::Nodes(_) => paint_nodes(view, depiction, metadata, &decoded, &subject),
-            Source::Live(dataset, families) => {
-                paint_particles(view, depiction, dataset, &shown(dataset, families), &subject)
+/// A picture's values.
+pub(super) enum Values {
+    /// Sums or light.
+    Drawn(Raw),
+    /// Nothing is in view.
+    Nothing,
+}
+
+impl Source {
+    /// The particles' tree, where they have one of their own, and what of it lies in a view.
+    pub fn nodes(&self, view: &View) -> Result<(Option<InMemory>, Arc<[SceneNode]>), String> {
+        match self {
+            Source::Nodes(nodes) => Ok((None, Arc::clone(nodes))),
+            Source::Live(dataset, shown) => {
+                let families = dataset.families.iter().filter(|family| shown.contains(&family.name)).cloned().collect();
+                let tree = InMemory::new(Dataset { families, ..Dataset::clone(dataset) });
+                let nodes = first_nodes(&tree, view).map_err(|error| error.to_string())?;
+                Ok((Some(tree), nodes.into()))
             }
         }
-    };
-    let (painted, trouble) = match with(caster) {
-        Err(VolumeError::Device(why)) => (with(&Processor), Some(why)),
-        painted => (painted, None),
-    };
-    // A view without data is a black picture, and no error.
-    if matches!(painted, Err(VolumeError::Grid(GridError::NothingInView))) {
-        let rgba = vec![[0, 0, 0, 255]; view.width as usize * view.height as usize];
-        let image = Image { width: view.width, height: view.height, rgba };
-        return Ok(PaintedPicture { image, levels, transfer: transfer.clone(), trouble, sampled: None, opaque: None });
     }
-    let painted = painted.map_err(|error| error.to_string())?;
-    let levels = Levels { p: painted.levels.density, s: painted.levels.attribute };
-    let image = painted.colors.image();
-    // A sample's wider kernels may hide what all particles together do not.
-    let opaque = painted.report.opaque.filter(|_| sampled.is_none());
-    Ok(PaintedPicture { image, levels, transfer: transfer.clone(), trouble, sampled, opaque })
+}
+
+/// Draws nodes with `size` pixels; blocks for as long as it takes. `known` are ranges of the colours that what may be left out
+/// depends on. A picture that is not shown but measured is of splats where the processor does not draw the mode.
+pub(super) fn draw(
+    subject: &Subject<'_>,
+    nodes: &[SceneNode],
+    (view, size): (&View, UVec2),
+    limits: &Limits,
+    known: Option<Levels>,
+    is_shown: bool,
+) -> Result<Outcome, VolumeError> {
+    // What may be left out is decided for the whole picture, also where this one has fewer pixels.
+    let plan = match limits.plan {
+        Some(plan) => plan,
+        None => subject.plan(view, nodes, &limits.economy, known)?,
+    };
+    let (fitting, taken) = subject.within(limits.particles, plan, view, nodes);
+    let decoded = subject.decode(view, nodes, &fitting);
+    let view = View { width: size.x, height: size.y, ..*view };
+    let mut trouble = None;
+    let drawn = match subject.depiction.mode.technique.on_processor() || is_shown {
+        false => subject.sum(&view, &decoded, &fitting).map_err(VolumeError::from),
+        true => match subject.draw(&view, &decoded, &fitting) {
+            Err(VolumeError::Device(why)) => {
+                trouble = Some(why);
+                Subject { caster: &Processor, ..*subject }.draw(&view, &decoded, &fitting)
+            }
+            drawn => drawn,
+        },
+    };
+    let values = match drawn {
+        Err(VolumeError::Grid(GridError::NothingInView)) => Values::Nothing,
+        drawn => Values::Drawn(drawn?),
+    };
+    Ok(Outcome { values, plan, taken, is_cut: fitting != plan, trouble })
 }

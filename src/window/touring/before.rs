@@ -8,8 +8,8 @@ use crate::color::transfer::Levels;
 use crate::look::LookPatch;
 use crate::mode::{Footprint, Mode};
 use crate::picture::governor::Governor;
-use crate::stream;
-use crate::tour::sketch::{Drawing, SketchError, depict, draw};
+use crate::picture::look::depict;
+use crate::picture::{PictureError, Session};
 use crate::tour::{Blend, State, Timeline};
 use crate::view::View;
 use crate::window::lens::view_of;
@@ -58,7 +58,7 @@ struct Wanted {
 struct Coming {
     wanted: Wanted,
     since: Instant,
-    answer: Answer<(stream::Scene, Result<(Image, u64), SketchError>)>,
+    answer: Answer<(Session, Result<(Image, u64), PictureError>)>,
 }
 
 /// A picture that has been drawn.
@@ -78,8 +78,8 @@ pub struct Before {
     share: Option<f32>,
     awaited: bool,
     settled: bool,
-    /// Pages that were read for it, and the [`Scene::generation`] of their file.
-    pages: Option<(u32, stream::Scene)>,
+    /// What draws it, and the [`Scene::generation`] of its file.
+    session: Option<(u32, Session)>,
     /// What could not be drawn.
     failed: Option<Key>,
     /// The mode and ranges of the last frame without a blend.
@@ -124,8 +124,8 @@ impl Before {
         }
         let Coming { wanted, since, answer } = coming;
         let drawn = match answer {
-            Answer::Here((pages, drawn)) => {
-                self.pages = Some((wanted.key.generation, pages));
+            Answer::Here((session, drawn)) => {
+                self.session = Some((wanted.key.generation, session));
                 drawn.map_err(|error| error.to_string())
             }
             Answer::Failed(why) => Err(why),
@@ -151,14 +151,14 @@ impl Before {
 
     /// Begins to draw.
     fn start(&mut self, wanted: Wanted, scene: &Scene) {
-        let known = self.pages.take().filter(|(generation, _)| *generation == scene.generation);
-        let mut pages = known.map_or_else(|| stream::Scene::new(Arc::clone(&scene.file), BUDGET), |(_, pages)| pages);
+        let known = self.session.take().filter(|(generation, _)| *generation == scene.generation);
+        let mut session = known.map_or_else(|| Session::of(Arc::clone(&scene.file), BUDGET), |(_, session)| session);
         let Key { view, look, levels, limit, .. } = wanted.key.clone();
-        let drawing = Drawing { levels, diameter: wanted.diameter, limit };
+        let diameter = wanted.diameter;
         let answer = Answer::ask("blend", move |_| {
             // What is missing is told where the picture itself is drawn.
-            let drawn = draw(&mut pages, &look, &view, drawing, &mut |_| {});
-            Ok::<_, SketchError>((pages, drawn))
+            let drawn = session.image(&look, &view, levels, diameter, limit);
+            Ok::<_, PictureError>((session, drawn))
         });
         self.coming = Some(Coming { wanted, since: Instant::now(), answer });
     }
@@ -191,7 +191,7 @@ pub fn draw_before(
     (before.share, before.awaited, before.settled) = (None, false, true);
     let (Some(scene), Some(state), Some(timeline)) = (scene, player.state(), player.timeline()) else {
         if before.coming.is_none() && player.tour().is_none() {
-            (before.drawn, before.pages) = (None, None);
+            (before.drawn, before.session) = (None, None);
         }
         return;
     };
@@ -259,8 +259,8 @@ pub fn draw_before(
 #[allow(clippy::unwrap_used, reason = "a failed helper fails its test")]
 mod tests {
     use super::*;
+    use crate::picture::ranges::Format;
     use crate::tour::TourFile;
-    use crate::tour::sketch::{Format, measure};
     use crate::view::Surround;
     use crate::window::exposure::Exposure;
     use crate::window::look::{Held, follow_settings, glide_levels};
@@ -329,13 +329,13 @@ mod tests {
         assert!((share - 0.5).abs() < 1e-6 && before(&window).is_settled() && !before(&window).is_awaited(), "{share}");
         // It is the picture of the end of what was before, with the ranges that a recording finds there.
         let scene = window.app.world().resource::<Scene>();
-        let mut pages = stream::Scene::new(Arc::clone(&scene.file), u64::MAX);
+        let mut session = Session::of(Arc::clone(&scene.file), u64::MAX);
         let end = timeline.state(3.0 - 1e-6);
         let format = Format { size: (300, 200), surround: Surround::Flat };
-        let found = measure(&mut pages, &end.look, &end.camera, format, &mut |_| {}).unwrap();
-        let drawing = Drawing { levels: Some(found.levels), diameter: scene.frame.size().length(), limit: u64::MAX };
+        let found = session.ranges(&end.look, &end.camera, format).unwrap();
+        let diameter = scene.frame.size().length();
         let view = end.camera.view(900, 600).unwrap();
-        let (expected, _) = draw(&mut pages, &end.look, &view, drawing, &mut |_| {}).unwrap();
+        let (expected, _) = session.image(&end.look, &view, Some(found.levels), diameter, u64::MAX).unwrap();
         let pairs = image.rgba.as_flattened().iter().zip(expected.rgba.as_flattened());
         let most = pairs.map(|(a, b)| a.abs_diff(*b)).max();
         assert!((image.width, image.height) == (900, 600) && most <= Some(1), "{most:?}");

@@ -5,9 +5,10 @@ use super::Player;
 use crate::color::transfer::{Levels, TransferFunction};
 use crate::look::LookPatch;
 use crate::mode::Footprint;
-use crate::stream;
-use crate::tour::exposure::{Exposure, Measured, Moment, is_searched};
-use crate::tour::sketch::{Format, SketchError, depict, measure};
+use crate::picture::look::depict;
+use crate::picture::ranges::{Format, Measured};
+use crate::picture::{PictureError, Session};
+use crate::tour::exposure::{Exposure, Moment, is_searched};
 use crate::tour::{State, Timeline, TourFile};
 use crate::view::Surround;
 use crate::window::look::{Held, Look};
@@ -26,8 +27,8 @@ const BUDGET: u64 = 512 << 20;
 pub struct Ranges {
     tour: Option<Rehearsed>,
     coming: Option<Coming>,
-    /// The pages that were read for it, and the [`Scene::generation`] of their file.
-    pages: Option<(u32, stream::Scene)>,
+    /// What draws for it, and the [`Scene::generation`] of its file.
+    session: Option<(u32, Session)>,
 }
 
 /// A moment that is being drawn.
@@ -35,7 +36,7 @@ struct Coming {
     timeline: Arc<Timeline>,
     moment: Moment,
     generation: u32,
-    answer: Answer<(stream::Scene, Result<Measured, SketchError>)>,
+    answer: Answer<(Session, Result<Measured, PictureError>)>,
 }
 
 /// A tour, and what is known of it.
@@ -131,8 +132,8 @@ impl Ranges {
         }
         let tour = self.tour.as_mut().filter(|tour| Arc::ptr_eq(&tour.timeline, &coming.timeline));
         let measured = match coming.answer {
-            Answer::Here((pages, measured)) => {
-                self.pages = Some((coming.generation, pages));
+            Answer::Here((session, measured)) => {
+                self.session = Some((coming.generation, session));
                 measured.ok()
             }
             _ => None,
@@ -148,8 +149,8 @@ impl Ranges {
     /// Begins to draw a moment.
     fn start(&mut self, moment: Moment, scene: &Scene) {
         let Some(tour) = &self.tour else { return };
-        let known = self.pages.take().filter(|(generation, _)| *generation == scene.generation);
-        let mut pages = known.map_or_else(|| stream::Scene::new(Arc::clone(&scene.file), BUDGET), |(_, pages)| pages);
+        let known = self.session.take().filter(|(generation, _)| *generation == scene.generation);
+        let mut session = known.map_or_else(|| Session::of(Arc::clone(&scene.file), BUDGET), |(_, session)| session);
         let State { look, camera, .. } = tour.timeline.state(tour.exposure.time(moment));
         let format = match tour.rows {
             // Dots are compared with those of a window, whose picture is flat.
@@ -164,8 +165,8 @@ impl Ranges {
         };
         let draw = move || {
             // What is missing is told where the picture itself is drawn.
-            let measured = measure(&mut pages, &look, &camera, format, &mut |_| {});
-            (pages, measured)
+            let measured = session.ranges(&look, &camera, format);
+            (session, measured)
         };
         let answer = Answer::ask("tour", move |_| {
             // A part of the processor only: the window's picture needs it more.
@@ -190,7 +191,7 @@ pub fn measure_ahead(
     let (Some(scene), Some(tour), Some(timeline)) = (scene, player.tour(), player.timeline()) else {
         // In the frame of an edit there is no timeline.
         if player.tour().is_none() {
-            (ranges.tour, ranges.pages) = (None, None);
+            (ranges.tour, ranges.session) = (None, None);
         }
         return;
     };
@@ -210,8 +211,8 @@ pub fn measure_ahead(
     let (keyframe, time) = player.state().map_or((0, 0.0), |state| (state.keyframe, state.time));
     match ranges.tour.as_ref().and_then(|tour| tour.next(keyframe, time)) {
         Some(moment) => ranges.start(moment, &scene),
-        // All ranges are known: the pages are not needed any more.
-        None => ranges.pages = None,
+        // All ranges are known: its pages are not needed any more.
+        None => ranges.session = None,
     }
 }
 
@@ -289,7 +290,7 @@ mod tests {
             known == all && all > 0
         });
         let file = Arc::clone(&window.app.world().resource::<Scene>().file);
-        let mut pages = stream::Scene::new(file, u64::MAX);
+        let mut session = Session::of(file, u64::MAX);
         let format = Format { size: (320, 180), surround: Surround::Flat };
         let timeline = Arc::clone(window.player().timeline().unwrap());
         let mut modes = HashSet::new();
@@ -301,7 +302,7 @@ mod tests {
             modes.insert(own.depiction.mode.name);
             assert!(own.settled);
             // A picture of this very moment finds the same, as far as a curve between moments can be that.
-            let here = measure(&mut pages, &state.look, &state.camera, format, &mut |_| {}).unwrap();
+            let here = session.ranges(&state.look, &state.camera, format).unwrap();
             let ratio = |range: [f64; 2]| range[1] / range[0];
             let apart = |a: f64, b: f64| (a / b).ln().abs() / ratio(here.levels.p).ln();
             for k in 0..2 {

@@ -1,12 +1,11 @@
 //! Energy is conserved: the integral of a column-density picture is the mass in view.
 
-use crate::support::{built, demo, draw_pages, draw_source, in_reference_data, in_repository};
+use crate::support::{built, demo, draw_pages, draw_source, in_reference_data, in_repository, sum_nodes};
 use deepfield::codec::VqBits;
 use deepfield::cpu::Method;
 use deepfield::mode::{Depiction, SettingValue, Settings};
 use deepfield::model::Dataset;
 use deepfield::modes;
-use deepfield::picture::processor;
 use deepfield::stream::Scene;
 use deepfield::view::{Projection, View};
 use glam::DVec3;
@@ -74,7 +73,7 @@ fn discs_reach_into_the_picture_from_outside() {
     let metadata = built.file.metadata();
     let settings = Settings(BTreeMap::from([("radius".to_owned(), SettingValue::Number(30.0))]));
     let mode = modes::find("points").unwrap();
-    let depiction = Depiction::of_pages(mode, settings, None, metadata).unwrap();
+    let depiction = Depiction::new(mode, settings, None, metadata).unwrap();
     // Beside the data, further from it than a smoothing length and nearer than a disc's radius.
     let bounds = built.dataset.bounds();
     let reach =
@@ -86,8 +85,7 @@ fn discs_reach_into_the_picture_from_outside() {
     let view = View::look_at(eye, center, DVec3::Y, projection, 24, 16).unwrap();
     let selection = Scene::new(built.file.clone(), u64::MAX);
     let draw = |seen: &View, mut scene: Scene| {
-        let nodes = processor::decode(&depiction, metadata, &scene.converge_blocking(seen, 0.1).unwrap().nodes);
-        processor::draw_nodes(&view, &depiction, metadata, &nodes, Method::Pyramid).unwrap().sum()
+        sum_nodes(&view, &depiction, metadata, &scene.converge_blocking(seen, 0.1).unwrap().nodes).sum()
     };
     let found = draw(&depiction.selection_view(&view), selection);
     // With all that there is.

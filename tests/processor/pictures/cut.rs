@@ -1,15 +1,12 @@
 //! What a view leaves out and fades: the picture's integral is that of the particles that are left, from a page file and from
 //! the source, and nodes beyond the box are not selected.
 
-use crate::support::{built, demo, draw_source};
+use crate::support::{built, demo, draw_nodes, draw_source, sum_nodes};
 use deepfield::codec::VqBits;
 use deepfield::cpu::Method;
-use deepfield::cpu::volume::Processor;
-use deepfield::mode::{Depiction, Settings};
+use deepfield::mode::{Depiction, Plan, Settings};
 use deepfield::model::Bounds;
 use deepfield::modes;
-use deepfield::picture::paint::{Subject, paint_nodes};
-use deepfield::picture::processor;
 use deepfield::stream::Scene;
 use deepfield::view::cut::{Axis, ClipBox, Fade, Slab};
 use deepfield::view::{Cut, CutSettings, Projection, View};
@@ -53,12 +50,10 @@ fn the_picture_holds_the_mass_that_is_left() {
         assert!((exact / mass - 1.0).abs() < 1e-4, "{settings:?}: {exact} of {mass}");
 
         let mode = modes::find("column-density").unwrap();
-        let depiction = Depiction::of_pages(mode, Settings::default(), None, metadata).unwrap();
+        let depiction = Depiction::new(mode, Settings::default(), None, metadata).unwrap();
         let mut scene = Scene::new(Arc::clone(file), u64::MAX);
         let selection = scene.converge_blocking(&view, 0.001).unwrap();
-        let nodes = processor::cut(&view, processor::decode(&depiction, metadata, &selection.nodes));
-        let drawn = processor::draw_nodes(&view, &depiction, metadata, &nodes, Method::Pyramid).unwrap();
-        let found = drawn.sum() * pixel;
+        let found = sum_nodes(&view, &depiction, metadata, &selection.nodes).sum() * pixel;
         // Particles that the quantised positions move across a face: few.
         assert!((found / mass - 1.0).abs() < 2e-3, "{settings:?}: {found} of {mass}");
         nodes_drawn.push(selection.nodes.len());
@@ -84,10 +79,9 @@ fn every_mode_of_colors_leaves_out_the_same() {
     let view = View::look_at(eye, bounds.center(), DVec3::Y, projection, 64, 64).unwrap().with_cut(cut);
     let selection = Scene::new(Arc::clone(&built.file), u64::MAX).converge_blocking(&view, 0.8).unwrap();
     for mode in modes::all().into_iter().filter(|mode| mode.is_light()) {
-        let depiction = Depiction::of_pages(mode, Settings::default(), None, metadata).unwrap();
-        let nodes = processor::cut(&view, processor::decode(&depiction, metadata, &selection.nodes));
-        let subject = Subject { transfer: None, diameter: bounds.size().length(), caster: &Processor };
-        let image = paint_nodes(&view, &depiction, metadata, &nodes, &subject).unwrap().colors.image();
+        let depiction = Depiction::new(mode, Settings::default(), None, metadata).unwrap();
+        let drawn = draw_nodes(&view, &depiction, metadata, &selection.nodes, Method::Pyramid, &Plan::default());
+        let image = drawn.light(mode).unwrap().colors.image();
         let light = |columns: std::ops::Range<usize>| -> u64 {
             let pixels = (0..64).flat_map(|y| columns.clone().map(move |x| y * 64 + x));
             pixels.map(|at| image.rgba[at][..3].iter().map(|&c| u64::from(c)).sum::<u64>()).sum()

@@ -6,10 +6,10 @@ use deepfield::codec::VqBits;
 use deepfield::color::Accumulation;
 use deepfield::color::composite::{color_error, composite_at};
 use deepfield::color::transfer::TransferFunction;
-use deepfield::cpu::{Counts, Method};
+use deepfield::cpu::Counts;
 use deepfield::mode::{Depiction, Economy, Plan, SettingValue, Settings, economy};
 use deepfield::modes;
-use deepfield::picture::{pilot, processor};
+use deepfield::picture::Subject;
 use deepfield::stream::{Scene, SceneSelection};
 use deepfield::synth::{clusters::Clusters, dataset};
 use deepfield::view::{Projection, View};
@@ -28,24 +28,26 @@ struct Shot<'a> {
 impl Shot<'_> {
     fn new<'a>(built: &'a Built, mode: &str, view: View) -> Shot<'a> {
         let mode = modes::find(mode).unwrap();
-        let depiction = Depiction::of_pages(mode, Settings::default(), None, built.file.metadata()).unwrap();
+        let depiction = Depiction::new(mode, Settings::default(), None, built.file.metadata()).unwrap();
         let selection = Scene::new(Arc::clone(&built.file), u64::MAX).converge_blocking(&view, 0.8).unwrap();
         let transfer = TransferFunction::preset(mode.transfer[usize::from(depiction.attribute.is_some())]).unwrap();
         Shot { built, depiction, view, selection, transfer }
     }
 
+    fn subject(&self) -> Subject<'_> {
+        Subject::new(self.built.file.metadata(), &self.depiction, &self.transfer, 0.0)
+    }
+
     fn plan(&self, economy: Economy) -> Plan {
-        let (metadata, nodes) = (self.built.file.metadata(), &self.selection.nodes);
-        pilot::plan(&self.view, &self.depiction, metadata, nodes, &economy, &self.transfer, None).unwrap()
+        self.subject().plan(&self.view, &self.selection.nodes, &economy, None).unwrap()
     }
 
     /// The picture, what became of the decoded particles, and their number.
     fn draw(&self, plan: &Plan) -> (Accumulation, Counts, u64) {
-        let metadata = self.built.file.metadata();
-        let nodes = processor::decode_planned(&self.view, &self.depiction, metadata, &self.selection.nodes, plan);
+        let nodes = self.subject().decode(&self.view, &self.selection.nodes, plan);
         let kept = nodes.iter().map(|node| node.len() as u64).sum();
-        let (picture, counts) =
-            processor::draw_planned(&self.view, &self.depiction, metadata, &nodes, Method::Pyramid, plan).unwrap();
+        let drawn = self.subject().draw(&self.view, &nodes, plan).unwrap();
+        let (picture, counts) = drawn.sums(self.depiction.mode).unwrap();
         (picture, counts, kept)
     }
 }

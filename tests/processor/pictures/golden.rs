@@ -47,13 +47,13 @@ fn an_annotated_picture_is_its_golden_image() {
     let view = view_from(&built.dataset, DVec3::new(0.6, 0.4, 1.0), 1.9, 640, 440);
     let metadata = built.file.metadata();
     let depiction =
-        Depiction::of_pages(modes::find("density-squared").unwrap(), Settings::default(), None, metadata).unwrap();
+        Depiction::new(modes::find("density-squared").unwrap(), Settings::default(), None, metadata).unwrap();
     let picture = draw_pages(&built.file, "density-squared", &view, 0.8);
     let transfer = TransferFunction::preset("density-hue").unwrap();
     let levels = transfer.levels(&picture);
     let mut image = composite_at(&picture, &transfer, &levels);
     let lut = Arc::new(transfer.bake_lut());
-    let legend = Legend::of(&depiction, &transfer, lut, &levels, &Units::of_pages(metadata, &depiction));
+    let legend = Legend::of(&depiction, &transfer, lut, &levels, &Units::of(metadata, &depiction));
     let bounds = metadata.bounds();
     let label = |name: &str, at: [f64; 3], radius: f64| Label {
         name: name.into(),

@@ -1,7 +1,7 @@
 //! Several datasets in one scene: the picture of all is the sum of the pictures of each where it lies, within the errors of the source
 //! placed there; pages, nodes and probes know no difference.
 
-use crate::support::{demo, draw_source, in_repository};
+use crate::support::{demo, draw_source, in_repository, sum_nodes};
 use deepfield::build::{BuildOptions, build_source};
 use deepfield::color::Accumulation;
 use deepfield::color::accumulation::relative_error;
@@ -12,7 +12,6 @@ use deepfield::look::{Member, open_members, shown_families};
 use deepfield::mode::{Depiction, Settings};
 use deepfield::model::{Dataset, Placement, ReadMethod};
 use deepfield::modes;
-use deepfield::picture::processor;
 use deepfield::store::{PageFile, PageId, StoreError};
 use deepfield::stream::Scene;
 use deepfield::view::{Projection, View};
@@ -53,13 +52,12 @@ fn open(members: &[Member]) -> PageFile {
 fn draw(file: &Arc<PageFile>, families: Option<Vec<u32>>, view: &View, tau: f64) -> Accumulation {
     let metadata = file.metadata();
     let mode = modes::find("column-density").unwrap();
-    let depiction = Depiction::of_pages(mode, Settings::default(), None, metadata).unwrap();
+    let depiction = Depiction::new(mode, Settings::default(), None, metadata).unwrap();
     let mut scene = Scene::new(Arc::clone(file), u64::MAX);
     scene.families = families.unwrap_or(scene.families);
     let selection = scene.converge_blocking(view, tau).unwrap();
     assert!(selection.converged);
-    let nodes = processor::decode(&depiction, metadata, &selection.nodes);
-    processor::draw_nodes(view, &depiction, metadata, &nodes, Method::Pyramid).unwrap()
+    sum_nodes(view, &depiction, metadata, &selection.nodes)
 }
 
 /// What one file's own placement in the scene makes of its source.

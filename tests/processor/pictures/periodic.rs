@@ -1,14 +1,13 @@
 //! Periodic boxes: images add up to what one gets by drawing the box from shifted eyes, and wrapping moves each particle to its
 //! nearest image; from a page file as from the source.
 
-use crate::support::{built, demo, draw_source};
+use crate::support::{built, demo, draw_source, sum_nodes};
 use deepfield::codec::VqBits;
 use deepfield::color::Accumulation;
 use deepfield::color::accumulation::relative_error;
 use deepfield::cpu::Method;
 use deepfield::mode::{Depiction, Settings};
 use deepfield::modes;
-use deepfield::picture::processor;
 use deepfield::stream::Scene;
 use deepfield::view::{CutSettings, Periodic, Projection, View};
 use glam::DVec3;
@@ -31,10 +30,9 @@ fn images_add_up_and_wrapping_keeps_the_mass() {
     assert_eq!(dataset.periodic_box().map(|of| of.edge), Some(edge));
     let pages = |view: &View| -> Accumulation {
         let mode = modes::find("column-density").unwrap();
-        let depiction = Depiction::of_pages(mode, Settings::default(), None, metadata).unwrap();
+        let depiction = Depiction::new(mode, Settings::default(), None, metadata).unwrap();
         let selection = Scene::new(Arc::clone(file), u64::MAX).converge_blocking(view, 0.01).unwrap();
-        let nodes = processor::cut(view, processor::decode(&depiction, metadata, &selection.nodes));
-        processor::draw_nodes(view, &depiction, metadata, &nodes, Method::Pyramid).unwrap()
+        sum_nodes(view, &depiction, metadata, &selection.nodes)
     };
     let source = |view: &View| draw_source(dataset, "column-density", view, Method::Pyramid);
     let target = DVec3::new(0.05, 0.9, 0.3) * edge;

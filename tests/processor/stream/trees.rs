@@ -1,13 +1,14 @@
 //! Trees that are no page files, streamed, selected and drawn as page files are: particles in memory, and a made-up hierarchy whose
 //! nodes have three or six children in slabs, spans of time, and moving content.
 
+use crate::support::{draw_nodes, sum_nodes};
 use deepfield::codec::{Codebook, CodebookScope, QuantityError};
-use deepfield::cpu::Method;
+use deepfield::cpu::{Extent, Method, Positions, SplatOptions, Splats, draw_counted};
 use deepfield::explore::{Data, Members, ProbeOptions, Region, Work, probe};
 use deepfield::mode::{Depiction, Plan, Settings};
 use deepfield::model::{Bounds, Dataset, Family, FamilyName, Kernel, Provenance, Unit};
 use deepfield::modes;
-use deepfield::picture::processor::{batches, cut, decode, decode_planned, draw_nodes, draw_particles};
+use deepfield::picture::decode::{batches, decode_planned};
 use deepfield::store::{
     Branch, Content, InMemory, Metadata, Node, NodeRef, Page, PageBytes, PageId, Particles, StoreError, Tree,
 };
@@ -208,14 +209,12 @@ fn view(time: f64) -> View {
 }
 
 fn depiction(metadata: &Metadata) -> Depiction {
-    Depiction::of_pages(modes::find("column-density").unwrap(), Settings::default(), None, metadata).unwrap()
+    Depiction::new(modes::find("column-density").unwrap(), Settings::default(), None, metadata).unwrap()
 }
 
 fn picture(view: &View, tree: &dyn Tree, selection: &SceneSelection) -> Vec<f32> {
     let metadata = tree.metadata();
-    let depiction = depiction(metadata);
-    let nodes = decode(&depiction, metadata, &selection.nodes);
-    draw_nodes(view, &depiction, metadata, &nodes, Method::Pyramid).unwrap().p
+    sum_nodes(view, &depiction(metadata), metadata, &selection.nodes).p
 }
 
 #[test]
@@ -264,14 +263,19 @@ fn particles_in_memory_are_drawn_as_they_are_to_the_bit() {
     let tree = InMemory::new(dataset.clone());
     let metadata = tree.metadata().clone();
     let mut scene = Scene::new(Arc::new(tree), u64::MAX);
-    let families: Vec<&Family> = dataset.families.iter().collect();
     let selection = scene.converge_blocking(&plain, 0.0).unwrap();
     assert!(selection.converged && selection.particles == dataset.len() as u64);
     let depiction = depiction(&metadata);
     for method in [Method::Pyramid, Method::Exact] {
-        let nodes = cut(&plain, decode(&depiction, &metadata, &selection.nodes));
-        let drawn = draw_nodes(&plain, &depiction, &metadata, &nodes, method).unwrap();
-        let expected = draw_particles(&plain, &depiction, &dataset, &families, method).unwrap();
+        let plan = Plan::default();
+        let drawn = draw_nodes(&plain, &depiction, &metadata, &selection.nodes, method, &plan);
+        let (drawn, _) = drawn.sums(depiction.mode).unwrap();
+        let batches = dataset.families.iter().map(|family| {
+            let (positions, extent) = (Positions::World(&family.positions), Extent::World(&family.smoothing_length));
+            Splats::new(positions, extent, &family.mass, None).unwrap()
+        });
+        let options = SplatOptions { method, kernel: dataset.kernel, ..SplatOptions::default() };
+        let (expected, _) = draw_counted(&plain, &batches.collect::<Vec<_>>(), &options);
         assert!(drawn.p.iter().zip(&expected.p).all(|(a, b)| a.to_bits() == b.to_bits()));
     }
     // A thinned picture draws some of them.

@@ -3,13 +3,11 @@
 use crate::support::Random;
 use deepfield::build::{BuildOptions, build};
 use deepfield::color::transfer::{Range, TransferFunction};
-use deepfield::cpu::volume::Processor;
 use deepfield::hierarchy::{OctreeOptions, Purpose};
-use deepfield::mode::{Depiction, Painted, SettingValue, Settings};
+use deepfield::mode::{Depiction, Painted, Plan, SettingValue, Settings};
 use deepfield::model::{Dataset, Family, FamilyName, Kernel, Provenance, Unit};
 use deepfield::modes;
-use deepfield::picture::paint::{Subject, paint_nodes};
-use deepfield::picture::processor;
+use deepfield::picture::Subject;
 use deepfield::store::PageFile;
 use deepfield::stream::{Scene, SceneSelection};
 use deepfield::view::{Occluder, Projection, View};
@@ -42,10 +40,9 @@ fn eclipse() -> Family {
 
 /// What a view is painted with: ranges and planes that do not depend on what is there.
 fn paint(file: &PageFile, depiction: &Depiction, view: &View, selection: &SceneSelection) -> Painted {
-    let nodes = processor::decode(depiction, file.metadata(), &selection.nodes);
     let transfer = TransferFunction { range: Range::Fixed(1e-2, 100.0), ..TransferFunction::of_volumes(false) };
-    let subject = Subject { transfer: Some(&transfer), diameter: 4.0, caster: &Processor };
-    paint_nodes(view, depiction, file.metadata(), &nodes, &subject).unwrap()
+    let subject = Subject::new(file.metadata(), depiction, &transfer, 4.0);
+    subject.draw_nodes(view, &selection.nodes, &Plan::default()).unwrap().light(depiction.mode).unwrap()
 }
 
 #[test]
@@ -68,7 +65,7 @@ fn what_is_hidden_need_not_be_there() {
         let settings = values.map(|(name, value)| (name.to_owned(), SettingValue::Number(value)));
         let settings = Settings(settings.into_iter().collect());
         let mode = modes::find("volume").unwrap();
-        let depiction = Depiction::of_pages(mode, settings, None, file.metadata()).unwrap();
+        let depiction = Depiction::new(mode, settings, None, file.metadata()).unwrap();
         assert_eq!(depiction.purpose(file.metadata()) == Purpose::Samples, volume_levels);
         let projection = Projection::Perspective { fov_y: 0.6 };
         let view = View::look_at(DVec3::new(0.0, 0.0, 3.0), DVec3::ZERO, DVec3::Y, projection, 200, 160).unwrap();

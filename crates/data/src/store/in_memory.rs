@@ -8,7 +8,7 @@ use super::page_file::PageBytes;
 use super::tree::Tree;
 use crate::codec::{Codebook, CodebookScope, QuantityError, VqBits};
 use crate::hierarchy::RootCell;
-use crate::hierarchy::attribute_info::set_units;
+use crate::hierarchy::attribute_info::{Histogram, Range, set_units};
 use crate::model::{Dataset, Family, Unit};
 use std::path::Path;
 use std::sync::Arc;
@@ -21,7 +21,7 @@ pub struct InMemory {
 }
 
 impl InMemory {
-    /// The tree of a dataset; families without particles are left out.
+    /// The tree of a dataset; families without particles are left out. Its metadata has no histograms.
     pub fn new(dataset: Dataset) -> InMemory {
         let Dataset { families, length_unit, mass_unit, kernel, skipped, provenance } = dataset;
         let mut metadata = Metadata {
@@ -48,6 +48,10 @@ impl InMemory {
 /// What is known of a family.
 fn described(family: &Family, root_page: PageId) -> FamilyMetadata {
     let unit = Unit::default();
+    // Counting what lies where takes longer than a picture, and pictures do not ask.
+    let column = |name: &str, unit: &Unit, values: &[f32]| {
+        AttributeInfo::new(name, unit, &Range::of(values), Histogram::default())
+    };
     let bounds = family.bounds();
     let sum = |weight: &dyn Fn(usize) -> f64| (0..family.len()).map(weight).sum();
     FamilyMetadata {
@@ -59,11 +63,11 @@ fn described(family: &Family, root_page: PageId) -> FamilyMetadata {
         root: RootCell::around(bounds, 1.0),
         root_page,
         quantities: [
-            AttributeInfo::of("mass", &unit, &family.mass),
-            AttributeInfo::of("density", &unit, &family.density),
-            AttributeInfo::of("smoothing-length", &unit, &family.smoothing_length),
+            column("mass", &unit, &family.mass),
+            column("density", &unit, &family.density),
+            column("smoothing-length", &unit, &family.smoothing_length),
         ],
-        attributes: family.attributes.iter().map(|own| AttributeInfo::of(&own.name, &own.unit, &own.values)).collect(),
+        attributes: family.attributes.iter().map(|own| column(&own.name, &own.unit, &own.values)).collect(),
         levels: Vec::new(),
         volume: None,
         codebooks: Vec::new(),

@@ -4,7 +4,7 @@ use super::display_list::Rgba;
 use super::number;
 use crate::color::transfer::{Levels, Lut, Scale, TransferFunction};
 use crate::mode::Depiction;
-use crate::model::{Dataset, Unit};
+use crate::model::Unit;
 use crate::store::Metadata;
 use std::sync::Arc;
 
@@ -36,8 +36,8 @@ pub struct Units {
 }
 
 impl Units {
-    /// Those of a page file.
-    pub fn of_pages(metadata: &Metadata, depiction: &Depiction) -> Units {
+    /// Those of some data.
+    pub fn of(metadata: &Metadata, depiction: &Depiction) -> Units {
         let columns = metadata.families.iter().flat_map(|family| family.attributes.iter().chain(&family.quantities));
         let named = depiction.attribute.as_ref();
         let mut attribute =
@@ -47,24 +47,6 @@ impl Units {
             length: metadata.length_unit.clone(),
             attribute: attribute.next().cloned().unwrap_or_default(),
         }
-    }
-
-    /// Those of particles in memory.
-    pub fn of_dataset(dataset: &Dataset, depiction: &Depiction) -> Units {
-        let (mass, length) = (dataset.mass_unit.clone(), dataset.length_unit.clone());
-        let named = depiction.attribute.as_ref().map(|coloring| coloring.name.as_str());
-        let columns = dataset.families.iter().flat_map(|family| &family.attributes);
-        let attribute = match named {
-            Some("mass") => mass.clone(),
-            Some("smoothing-length") => length.clone(),
-            Some("density") => crate::modes::grid::density_unit(&mass, &length),
-            named => columns
-                .filter(|column| Some(column.name.as_str()) == named)
-                .map(|column| column.unit.clone())
-                .next()
-                .unwrap_or_default(),
-        };
-        Units { mass, length, attribute }
     }
 }
 

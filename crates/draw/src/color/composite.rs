@@ -17,6 +17,13 @@ pub struct Image {
     pub rgba: Vec<[u8; 4]>,
 }
 
+impl Image {
+    /// A black picture.
+    pub fn black(width: u32, height: u32) -> Image {
+        Image { width, height, rgba: vec![[0, 0, 0, 255]; width as usize * height as usize] }
+    }
+}
+
 /// Colours of a picture, with the transfer function's ranges found from the picture where they are automatic.
 pub fn composite(picture: &Accumulation, function: &TransferFunction) -> Image {
     composite_at(picture, function, &function.levels(picture))

@@ -4,6 +4,7 @@ use crate::import::{ImportError, file_in};
 use crate::model::{FamilyName, Placement, ReadMethod, Unit};
 use crate::store::{PageFile, StoreError};
 use glam::DVec3;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
@@ -50,6 +51,17 @@ impl Member {
 /// [`ImportError`] with a list of what is there, where a folder holds none or several. Whether `path` exists is not asked.
 pub fn data_file(path: &Path) -> Result<PathBuf, ImportError> {
     file_in(path, &[("page file", PageFile::recognises)])
+}
+
+/// Whether the file at `path` is a page file, by its first bytes.
+///
+/// # Errors
+/// When the file cannot be read; the message names it.
+pub fn is_page_file(path: &Path) -> Result<bool, std::io::Error> {
+    let name = |error: std::io::Error| std::io::Error::new(error.kind(), format!("{}: {error}", path.display()));
+    let mut head = Vec::with_capacity(16);
+    std::fs::File::open(path).map_err(name)?.take(16).read_to_end(&mut head).map_err(name)?;
+    Ok(PageFile::recognises(&head))
 }
 
 /// `FILE`, `FILE@X,Y,Z` or `FILE@X,Y,Z*SCALE`, as the command line has it.

@@ -17,7 +17,7 @@ mod text;
 
 pub use dataset::{DatasetRef, Fingerprint, Located};
 pub use film::Film;
-pub use members::{Member, data_file, open_members, shown_families};
+pub use members::{Member, data_file, is_page_file, open_members, shown_families};
 pub use mix::mix;
 pub use patch::{ERROR_PX, ERRORS_PX, Look, LookPatch};
 pub(crate) use patch::{define_look_text, with_look_fields};

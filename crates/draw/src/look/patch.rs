@@ -231,6 +231,11 @@ pub const ERROR_PX: f64 = 0.8;
 pub const ERRORS_PX: RangeInclusive<f64> = 0.05..=64.0;
 
 impl LookPatch {
+    /// Largest displacement of a particle on screen, pixels; the usual one where it says nothing.
+    pub fn error_px(&self) -> f64 {
+        self.error_px.unwrap_or(ERROR_PX)
+    }
+
     /// What a scene or a tour begins with: all of the data, its usual hue, and no selections.
     pub fn beginning() -> LookPatch {
         LookPatch {

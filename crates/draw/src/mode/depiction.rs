@@ -1,10 +1,9 @@
-//! A mode as the user has set it, applied to data: weights and attributes of source particles and of codebook entries.
+//! A mode as the user has set it, applied to data: weights and attributes of particles and of codebook entries.
 
 use super::{Columns, Conserved, Footprint, Mode, Needs, Settings, economy};
 use crate::codec::Codebook;
 use crate::color::transfer::{Range, Scale, TransferFunction};
 use crate::hierarchy::Purpose;
-use crate::model::{Dataset, Family};
 use crate::store::{FamilyMetadata, Metadata, Node};
 use crate::view::{Detail, View};
 
@@ -47,7 +46,7 @@ pub struct CodeTable {
     pub most_important: f32,
 }
 
-/// Weights and attributes of a family's source particles.
+/// Weights and attributes of particles.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SourceColumns {
     /// Weight `w` of each particle.
@@ -59,61 +58,21 @@ pub struct SourceColumns {
 }
 
 impl Depiction {
-    /// `mode` for a page file; `attribute` as the user named it, else the mode's usual one if the data has it.
+    /// `mode` for some data; `attribute` as the user named it, else the mode's usual one if the data has it.
     ///
     /// # Errors
     /// The names that the data has, when it has none called `attribute`.
-    pub fn of_pages(
+    pub fn new(
         mode: &'static Mode,
         settings: Settings,
         attribute: Option<&str>,
         metadata: &Metadata,
     ) -> Result<Depiction, String> {
-        let known: Vec<(&str, f64, f64, f64)> = metadata
-            .families
-            .iter()
-            .flat_map(|family| {
-                let columns = family.quantities.iter().chain(&family.attributes);
-                columns.map(|info| (info.name.as_str(), info.mean, family.count as f64, info.min))
-            })
-            .collect();
-        Depiction::new(mode, settings, attribute, &known)
-    }
-
-    /// `mode` for particles in memory; `attribute` as in [`Depiction::of_pages`].
-    ///
-    /// # Errors
-    /// The names that the data has, when it has none called `attribute`.
-    pub fn of_dataset(
-        mode: &'static Mode,
-        settings: Settings,
-        attribute: Option<&str>,
-        dataset: &Dataset,
-    ) -> Result<Depiction, String> {
-        let mut known = Vec::new();
-        for family in &dataset.families {
-            let own =
-                [("mass", &family.mass), ("density", &family.density), ("smoothing-length", &family.smoothing_length)];
-            let others = family.attributes.iter().map(|attribute| (attribute.name.as_str(), &attribute.values));
-            for (name, values) in own.into_iter().chain(others) {
-                let finite = values.iter().filter(|value| value.is_finite());
-                let (sum, count, least) = finite.fold((0.0, 0.0, f64::INFINITY), |(sum, n, least), &value| {
-                    (sum + f64::from(value), n + 1.0, least.min(f64::from(value)))
-                });
-                known.push((name, if count > 0.0 { sum / count } else { 0.0 }, count, least));
-            }
-        }
-        Depiction::new(mode, settings, attribute, &known)
-    }
-
-    /// `known` holds name, mean, number and least of the values of each column, family by family.
-    fn new(
-        mode: &'static Mode,
-        settings: Settings,
-        attribute: Option<&str>,
-        known: &[(&str, f64, f64, f64)],
-    ) -> Result<Depiction, String> {
-        let mut names: Vec<&str> = known.iter().map(|column| column.0).collect();
+        let columns = metadata.families.iter().flat_map(|family| {
+            let columns = family.quantities.iter().chain(&family.attributes);
+            columns.map(|info| (info, family.count as f64))
+        });
+        let mut names: Vec<&str> = columns.clone().map(|(info, _)| info.name.as_str()).collect();
         names.sort_unstable();
         names.dedup();
         let attribute = match mode.attribute(attribute, &names) {
@@ -121,12 +80,11 @@ impl Depiction {
                 return Err(format!("attribute {name} is not in the data, expected one of {}", names.join(", ")));
             }
             Some(name) => {
-                let columns = known.iter().filter(|column| column.0 == name);
+                let own = columns.filter(|(info, _)| info.name == name);
                 let (sum, count) =
-                    columns.fold((0.0, 0.0), |(sum, n), column| (sum + column.1 * column.2, n + column.2));
+                    own.clone().fold((0.0, 0.0), |(sum, n), (info, count)| (sum + info.mean * count, n + count));
                 let fallback = if count > 0.0 { (sum / count) as f32 } else { 0.0 };
-                let least =
-                    known.iter().filter(|column| column.0 == name).map(|column| column.3).fold(f64::INFINITY, f64::min);
+                let least = own.map(|(info, _)| info.min).fold(f64::INFINITY, f64::min);
                 Some(Coloring { name: name.to_owned(), fallback, least: if least.is_finite() { least } else { 0.0 } })
             }
             None => None,
@@ -185,19 +143,7 @@ impl Depiction {
 
     /// What the codes of a codebook of `family` stand for.
     pub fn table(&self, family: &FamilyMetadata, codebook: &Codebook) -> CodeTable {
-        let attributes: Vec<(&str, &[f32])> = family
-            .attributes
-            .iter()
-            .zip(&codebook.attributes)
-            .map(|(info, values)| (info.name.as_str(), values.as_slice()))
-            .collect();
-        let columns = Columns {
-            mass: &codebook.mass,
-            density: &codebook.density,
-            smoothing_length: &codebook.smoothing_length,
-            attributes: &attributes,
-        };
-        let SourceColumns { weight, attribute, density } = self.columns(&columns);
+        let SourceColumns { weight, attribute, density } = self.columns_of(family, codebook);
         let pairs = codebook.mass.iter().zip(&codebook.smoothing_length);
         let importance: Vec<f32> = pairs.map(|(&m, &h)| economy::importance(m, h)).collect();
         let most_important = importance.iter().copied().fold(0.0, f32::max);
@@ -214,25 +160,22 @@ impl Depiction {
         }
     }
 
-    /// Weights and attributes of the particles of `family`.
-    pub fn source_columns(&self, family: &Family) -> SourceColumns {
-        let attributes: Vec<(&str, &[f32])> =
-            family.attributes.iter().map(|attribute| (attribute.name.as_str(), attribute.values.as_slice())).collect();
-        self.columns(&Columns {
-            mass: &family.mass,
-            density: &family.density,
-            smoothing_length: &family.smoothing_length,
+    /// Weights and attributes of values of `family`.
+    pub fn columns_of(&self, family: &FamilyMetadata, values: &Codebook) -> SourceColumns {
+        let named = family.attributes.iter().map(|info| info.name.as_str());
+        let attributes: Vec<(&str, &[f32])> = named.zip(values.attributes.iter().map(Vec::as_slice)).collect();
+        let columns = Columns {
+            mass: &values.mass,
+            density: &values.density,
+            smoothing_length: &values.smoothing_length,
             attributes: &attributes,
-        })
-    }
-
-    fn columns(&self, columns: &Columns<'_>) -> SourceColumns {
-        let weight = (self.mode.weight)(columns);
+        };
+        let weight = (self.mode.weight)(&columns);
         let attribute = self.attribute.as_ref().map(|coloring| match columns.named(&coloring.name) {
             Some(values) => values.iter().map(|&a| if a.is_finite() { a } else { coloring.fallback }).collect(),
             None => vec![coloring.fallback; weight.len()],
         });
-        SourceColumns { weight, attribute, density: self.needs().densities.then(|| columns.density.to_vec()) }
+        SourceColumns { weight, attribute, density: self.needs().densities.then(|| values.density.clone()) }
     }
 }
 

@@ -130,7 +130,12 @@ impl Default for Plan {
 impl Plan {
     /// Whether every particle in view is drawn.
     pub fn is_complete(&self) -> bool {
-        self.faintest <= 0.0 && self.keep == f32::INFINITY && self.share >= 1.0
+        self.faintest <= 0.0 && !self.samples()
+    }
+
+    /// Whether of some nodes a sample is drawn.
+    pub fn samples(&self) -> bool {
+        self.keep < f32::INFINITY || self.share < 1.0
     }
 
     /// The particles of `node` that are drawn in `view`; `most_important` is that of its codebook's table.

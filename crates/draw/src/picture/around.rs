@@ -8,14 +8,14 @@
 //!   all, as faces have wider pixels in their middle than towards their edges.
 //! - A Cartesian grid is laid around all the data.
 
+use super::subject::Subject;
 use crate::color::transfer::{Range, TransferFunction};
 use crate::cpu::volume::range::FieldRange;
 use crate::cpu::volume::{VolumeError, range};
 use crate::cpu::{Extent, SplatError, Splats};
-use crate::mode::{Depiction, Painted, SettingValue};
-use crate::model::{Bounds, Kernel};
+use crate::mode::{Depiction, Painted, Plan, SettingValue};
+use crate::model::Bounds;
 use crate::modes::grid;
-use crate::picture::paint::{Subject, paint};
 use crate::view::perspective_grid::GridError;
 use crate::view::{PerspectiveGrid, Projection, View, ViewError};
 use glam::DVec3;
@@ -68,14 +68,13 @@ impl Alike {
     /// # Errors
     /// [`VolumeError`] where there is nothing in the data.
     pub fn new(
+        subject: &Subject<'_>,
         view: &View,
-        depiction: &Depiction,
         bounds: Bounds,
         pixel: f64,
-        transfer: Option<&TransferFunction>,
-        (all, kernel): (&[Splats<'_>], Kernel),
+        all: &[Splats<'_>],
     ) -> Result<Alike, VolumeError> {
-        let mut depiction = depiction.clone();
+        let mut depiction = subject.depiction.clone();
         let of_data = depiction.needs().of_data;
         let settings = &mut depiction.settings;
         let corner = |index: usize| {
@@ -96,13 +95,12 @@ impl Alike {
             false => smallest / settings.number(&grid::RESOLUTION),
         };
         depiction.mode.technique.for_panorama(settings);
-        let usual = || depiction.suited(TransferFunction::of_volumes(depiction.attribute.is_some()));
-        let mut transfer = transfer.cloned().unwrap_or_else(usual).for_volume();
+        let mut transfer = subject.transfer.clone().for_volume();
         let needs_hue = transfer.hue.as_ref().is_some_and(|hue| hue.range == Range::Auto);
         if transfer.range == Range::Auto || needs_hue {
             let flat = |_| VolumeError::Grid(GridError::NothingInView);
             let FieldRange { density, attribute } =
-                range::measure(&sketch(view, bounds).map_err(flat)?, all, kernel, None, None)?;
+                range::measure(&sketch(view, bounds).map_err(flat)?, all, subject.metadata.kernel, None, None)?;
             if transfer.range == Range::Auto {
                 transfer.range = Range::Fixed(density[0], density[1]);
             }
@@ -120,10 +118,9 @@ impl Alike {
     /// [`VolumeError`] for settings that do not fit.
     pub fn paint(
         &self,
+        subject: &Subject<'_>,
         view: &View,
         batches: &[Splats<'_>],
-        (kernel, densest): (Kernel, f64),
-        subject: &Subject<'_>,
     ) -> Result<Option<Painted>, VolumeError> {
         let raised: Vec<Option<Raised>> = batches.par_iter().map(|batch| self.raised(view.eye, batch)).collect();
         let batches = batches.iter().zip(&raised).map(|(batch, raised)| match raised {
@@ -134,8 +131,8 @@ impl Alike {
             }
         });
         let batches = batches.collect::<Result<Vec<_>, SplatError>>()?;
-        let subject = Subject { transfer: Some(&self.transfer), ..*subject };
-        match paint(view, &self.depiction, &batches, kernel, densest, &subject) {
+        let subject = Subject { depiction: &self.depiction, transfer: &self.transfer, ..*subject };
+        match subject.draw_batches(view, &batches, &Plan::default()).and_then(|raw| raw.light(self.depiction.mode)) {
             Ok(painted) => Ok(Some(painted)),
             Err(VolumeError::Grid(GridError::NothingInView)) => Ok(None),
             // No particle in this face is dense enough; where none is in any, that is said before.

@@ -3,32 +3,18 @@
 use crate::color::transfer::TransferFunction;
 use crate::look::LookPatch;
 use crate::mode::Depiction;
-use crate::model::Dataset;
 use crate::modes;
 use crate::store::Metadata;
 
-/// A look's mode and attribute on a page file.
+/// A look's mode and attribute on some data.
 ///
 /// # Errors
 /// The names that the data has, when it has no such attribute.
 pub fn depict(look: &LookPatch, metadata: &Metadata) -> Result<Depiction, String> {
     let fields = metadata.families.iter().flat_map(|family| &family.attributes).map(|field| field.name.as_str());
     let mode = look.mode.unwrap_or_else(|| modes::usual(fields));
-    Ok(colored(look, Depiction::of_pages(mode, look.settings.clone(), look.attribute_name(), metadata)?))
-}
-
-/// The same on particles in memory.
-///
-/// # Errors
-/// As [`depict`].
-pub fn depict_particles(look: &LookPatch, dataset: &Dataset) -> Result<Depiction, String> {
-    let fields = dataset.families.iter().flat_map(|family| &family.attributes).map(|field| field.name.as_str());
-    let mode = look.mode.unwrap_or_else(|| modes::usual(fields));
-    Ok(colored(look, Depiction::of_dataset(mode, look.settings.clone(), look.attribute_name(), dataset)?))
-}
-
-fn colored(look: &LookPatch, depiction: Depiction) -> Depiction {
-    Depiction { attribute: depiction.attribute.clone().filter(|_| !look.is_plain()), ..depiction }
+    let depiction = Depiction::new(mode, look.settings.clone(), look.attribute_name(), metadata)?;
+    Ok(Depiction { attribute: depiction.attribute.clone().filter(|_| !look.is_plain()), ..depiction })
 }
 
 /// The transfer function of a look: its own, or the usual one.

@@ -1,10 +1,30 @@
-//! From what is wanted to a picture: nodes are decoded, drawn, coloured and put together.
+//! From what is wanted to a picture: [`Session`] selects, reads, decodes, draws, colours and annotates, for every command, tour
+//! and window.
 
+pub mod adapter;
+pub mod annotation;
 pub mod around;
+pub mod decode;
 pub mod fade;
 pub mod governor;
+pub mod left_out;
+mod lettering;
 pub mod look;
-pub mod paint;
 pub mod panorama;
-pub mod pilot;
-pub mod processor;
+mod pilot;
+mod projected;
+pub mod ranges;
+pub mod session;
+pub mod source;
+pub mod subject;
+mod times;
+
+mod drawn;
+mod error;
+
+pub use adapter::{Adapter, AdapterFrame, AdapterJob};
+pub use drawn::{Coloration, Picture};
+pub use error::PictureError;
+pub use left_out::LeftOut;
+pub use session::{Reporter, Session, SessionOptions};
+pub use subject::Subject;

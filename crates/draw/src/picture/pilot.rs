@@ -14,17 +14,16 @@
 //! with `F_i^2` spread as `F_i` is. A few tries find the `c` whose predicted error is the budget. The cost does not depend on
 //! how many particles the picture has.
 
+use super::decode::{DecodedNode, cut, decode_some};
+use super::subject::Subject;
 use crate::color::Accumulation;
 use crate::color::composite::color_distance;
 use crate::color::transfer::{Levels, Scale, TransferFunction};
-use crate::cpu::Method;
 use crate::cpu::volume::VolumeError;
+use crate::mode::CodeTable;
 use crate::mode::economy::{Economy, Plan, can_thin, magnification};
 use crate::mode::sample::Sample;
-use crate::mode::{CodeTable, Depiction};
 use crate::model::Kernel;
-use crate::picture::processor;
-use crate::store::Metadata;
 use crate::stream::SceneNode;
 use crate::view::View;
 
@@ -42,15 +41,14 @@ const ERROR_OF_SIGMA: f64 = 0.8;
 ///
 /// # Errors
 /// [`VolumeError`] as the CPU renderer.
-pub fn plan(
+pub(super) fn plan(
+    subject: &Subject<'_>,
     view: &View,
-    depiction: &Depiction,
-    metadata: &Metadata,
     nodes: &[SceneNode],
     economy: &Economy,
-    transfer: &TransferFunction,
     levels: Option<Levels>,
 ) -> Result<Plan, VolumeError> {
+    let &Subject { depiction, transfer, .. } = subject;
     let mut plan = Plan { culling: economy.culling, ..Plan::default() };
     let thins = economy.thinning > 0.0 && can_thin(depiction);
     if !economy.needs_levels() || (!thins && levels.is_some_and(|_| economy.presence <= 0.0)) {
@@ -60,7 +58,7 @@ pub fn plan(
         plan.faintest = faintest(economy, &levels);
         return Ok(plan);
     }
-    let mut pilot = Pilot::new(view, depiction, metadata, nodes);
+    let mut pilot = Pilot::new(subject, view, nodes);
     let picture = pilot.draw(1.0)?;
     let levels = levels.unwrap_or_else(|| transfer.levels(&Accumulation { ps: Vec::new(), ..picture }));
     plan.faintest = faintest(economy, &levels);
@@ -77,16 +75,16 @@ fn faintest(economy: &Economy, levels: &Levels) -> f32 {
 
 /// Some particles of a picture, and what their absence would do.
 struct Pilot<'a> {
+    subject: Subject<'a>,
     view: View,
-    depiction: &'a Depiction,
-    metadata: &'a Metadata,
-    nodes: Vec<processor::DecodedNode>,
+    nodes: Vec<DecodedNode<'a>>,
     /// For each particle `w min(integral of F^2, 1/pixel)`, and its probability for `c = 1`.
     columns: Vec<(Vec<f32>, Vec<f32>)>,
 }
 
 impl<'a> Pilot<'a> {
-    fn new(view: &View, depiction: &'a Depiction, metadata: &'a Metadata, nodes: &[SceneNode]) -> Pilot<'a> {
+    fn new(subject: &Subject<'a>, view: &View, nodes: &'a [SceneNode]) -> Pilot<'a> {
+        let Subject { metadata, depiction, .. } = *subject;
         let particles: u64 =
             nodes.iter().map(|node| u64::from(node.page.nodes[node.node.node as usize].particles)).sum();
         let share = (PARTICLES / particles.max(1) as f64).min(1.0) as f32;
@@ -98,7 +96,7 @@ impl<'a> Pilot<'a> {
             // Their kernels stay as they are: what their absence would do is what is measured.
             if share < 1.0 { Sample { growth: 1.0, ..Sample::even(seed, share) } } else { Sample::ALL }
         };
-        let decoded = processor::cut(view, processor::decode_some(depiction, metadata, nodes, even, sample));
+        let decoded = cut(view, decode_some(depiction, metadata, nodes, even, Some(sample)));
         let mut columns = Vec::with_capacity(decoded.len());
         for (drawn, node) in nodes.iter().zip(&decoded) {
             let family = &metadata.families[drawn.page.family as usize];
@@ -118,7 +116,7 @@ impl<'a> Pilot<'a> {
         let shrink = (f64::from(SIDE) / f64::from(view.width.max(view.height))).min(1.0);
         let side = |pixels: u32| ((f64::from(pixels) * shrink).round() as u32).max(1);
         let view = view.resized(side(view.width), side(view.height));
-        Pilot { view, depiction, metadata, nodes: decoded, columns }
+        Pilot { subject: *subject, view, nodes: decoded, columns }
     }
 
     /// `P`, and in the attribute's channel `V` for thinning by `c`.
@@ -127,7 +125,8 @@ impl<'a> Pilot<'a> {
             let lost = |(&v, &p): (&f32, &f32)| if c * p >= 1.0 { 0.0 } else { v * (1.0 / (c * p).max(1e-12) - 1.0) };
             node.set_attribute(variance.iter().zip(probability).map(lost).collect());
         }
-        processor::draw_nodes(&self.view, self.depiction, self.metadata, &self.nodes, Method::Pyramid)
+        let drawn = self.subject.draw(&self.view, &self.nodes, &Plan::default())?;
+        Ok(drawn.sums(self.subject.depiction.mode)?.0)
     }
 
     /// The `c` whose predicted error is `budget`; infinite where no thinning is within it.

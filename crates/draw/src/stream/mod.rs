@@ -19,5 +19,5 @@ pub use ahead::{Ahead, LookAhead};
 pub use copies::{Copies, CopyOptions, CopyPlan};
 pub use frame::first_frame;
 pub use residency::{Failure, PageState, Residency, ResidencyStatistics};
-pub use scene::{Scene, SceneNode, SceneSelection};
+pub use scene::{Scene, SceneNode, SceneSelection, first_nodes};
 pub use streamer::{Arrivals, StreamOptions, Streamer};

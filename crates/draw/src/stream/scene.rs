@@ -168,6 +168,21 @@ impl Scene {
     }
 }
 
+/// The first nodes of all families of a tree, in every image that a view draws: of a tree in memory, all of it.
+///
+/// # Errors
+/// [`StoreError`] if a page cannot be read.
+pub fn first_nodes(tree: &dyn Tree, view: &View) -> Result<Vec<SceneNode>, StoreError> {
+    let families: Vec<u32> = (0..tree.metadata().families.len() as u32).collect();
+    let mut nodes = Vec::new();
+    for node in tree.roots(&families, Purpose::Splats) {
+        let page = Arc::new(tree.read_page(node.page)?);
+        let image = |offset| SceneNode { page: Arc::clone(&page), node, error_pixels: 0.0, offset, time: view.time };
+        nodes.extend(view.images.offsets().map(image));
+    }
+    Ok(nodes)
+}
+
 /// A particle that is displaced by less than this share of its kernel's radius is in its place however large it is drawn: what
 /// that changes in the picture is far below what the quantised smoothing lengths do.
 const KERNEL_SHARE: f64 = 1.0 / 128.0;

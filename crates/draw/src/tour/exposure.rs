@@ -3,9 +3,9 @@
 
 use super::spline::{cubic, velocity_of_number};
 use super::{Move, Timeline};
-use crate::color::transfer::{Levels, Range, Scale, TransferFunction};
+use crate::color::transfer::{Range, Scale, TransferFunction};
 use crate::look::LookPatch;
-use crate::mode::Mode;
+use crate::picture::ranges::Measured;
 use std::collections::HashMap;
 
 /// Seconds between two moments at which ranges are found, at most.
@@ -26,19 +26,6 @@ struct Run {
 pub struct Moment {
     run: usize,
     step: u32,
-}
-
-/// What was found from a moment's picture.
-#[derive(Clone, Debug)]
-pub struct Measured {
-    /// The mode that drew it.
-    pub mode: &'static Mode,
-    /// The attribute that coloured it.
-    pub attribute: Option<String>,
-    /// The transfer function in use.
-    pub transfer: TransferFunction,
-    /// Its ranges.
-    pub levels: Levels,
 }
 
 /// The ranges along a tour, as far as they are known.
@@ -191,6 +178,7 @@ fn fixed(look: &LookPatch, found: [&Measured; 4], share: f64) -> LookPatch {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::color::transfer::Levels;
     use crate::model::Bounds;
     use crate::modes;
     use crate::tour::{Keyframe, Surroundings, TourFile};

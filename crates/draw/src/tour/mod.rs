@@ -5,7 +5,6 @@
 
 pub mod exposure;
 pub mod path;
-pub mod sketch;
 pub mod spline;
 pub mod zoom_pan;
 

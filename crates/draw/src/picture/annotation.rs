@@ -1,0 +1,175 @@
+//! What is written into a picture and marked in it.
+
+use super::drawn::Coloration;
+use super::session::Reporter;
+use crate::annotate::{self, Annotations, Label, Legend, Paper, Subject, Units};
+use crate::color::Image;
+use crate::explore::data::source_of;
+use crate::explore::marks::{self, Layer, Marks};
+use crate::explore::{Catalogue, Data, ExploreError, FoundIds, IdSet, Members, Places, SelectionSet, Work};
+use crate::look::Shot;
+use crate::mode::Depiction;
+use crate::model::{Bounds, FamilyName, Unit};
+use crate::store::{Metadata, PageFile};
+use crate::stream::SceneNode;
+use crate::view::View;
+use glam::DVec3;
+use std::path::Path;
+use std::sync::Arc;
+
+/// What a picture shows, and from where.
+#[derive(Clone)]
+pub struct Annotation {
+    /// The camera; of a panorama or a pair of pictures, the one in their middle.
+    pub view: View,
+    /// The mode and the attribute.
+    pub depiction: Depiction,
+    target: DVec3,
+    bounds: Bounds,
+    units: Units,
+    paper: Paper,
+    labels: Vec<Label>,
+    /// Selections over the picture.
+    marks: Option<Layer>,
+}
+
+/// The objects of a catalogue as labels, the most important one first.
+///
+/// # Errors
+/// What is wrong with the catalogue.
+fn labels_of(catalogue: &Path, unit: &Unit, reporter: &dyn Reporter) -> Result<Vec<Label>, ExploreError> {
+    let catalogue = Catalogue::read(catalogue)?;
+    catalogue.unlike(unit).into_iter().for_each(|why| reporter.tell(why.to_string()));
+    Ok(catalogue.labels())
+}
+
+impl Annotation {
+    /// For a shot of what lies in `bounds`.
+    ///
+    /// # Errors
+    /// What is wrong with the catalogue of the objects to name.
+    pub(super) fn new(
+        shot: &Shot,
+        view: View,
+        bounds: Bounds,
+        metadata: &Metadata,
+        depiction: &Depiction,
+        reporter: &dyn Reporter,
+    ) -> Result<Annotation, ExploreError> {
+        let units = Units::of(metadata, depiction);
+        let target = shot.camera.target.map_or(bounds.center(), DVec3::from);
+        let paper = Paper::of(shot.look.background.unwrap_or_default());
+        let labels = shot.labels.as_deref().map(|path| labels_of(path, &units.length, reporter)).transpose()?;
+        let labels = labels.unwrap_or_default();
+        Ok(Annotation { view, target, bounds, units, paper, labels, marks: None, depiction: depiction.clone() })
+    }
+
+    /// With selections over the picture of these nodes.
+    ///
+    /// # Errors
+    /// When a selection makes no sense.
+    pub(super) fn with_selections(
+        self,
+        selections: &[SelectionSet],
+        file: &PageFile,
+        nodes: &[SceneNode],
+        reporter: &dyn Reporter,
+    ) -> Result<Annotation, ExploreError> {
+        let has_ids = |set: &SelectionSet| matches!(set.members, Members::Ids(_));
+        let by_id = marks::shown(selections).0.into_iter().any(has_ids);
+        let left_out = |what: &str, error: &ExploreError| reporter.tell(not_drawn(what, error));
+        let source = match by_id.then(|| source_of(file)).transpose() {
+            Ok(source) => source,
+            Err(error) => {
+                left_out("selections by id", &error);
+                None
+            }
+        };
+        let find = |ids: &IdSet| {
+            let progress = reporter.progress();
+            let found = FoundIds::of(source.as_ref()?.as_ref(), ids, file.metadata(), Work::told(&*progress));
+            found.map(|found| found.highlighter).map_err(|error| left_out("a selection by id", &error)).ok()
+        };
+        let marks = Marks::new(selections, file.metadata(), Data::Pages(file).periodic_edge()?, find)?;
+        let layer = (!marks.is_empty()).then(|| marks.draw(&self.view, nodes));
+        Ok(Annotation { marks: layer, ..self })
+    }
+
+    /// With selections over the picture of the particles of the source at `path`; of `families` alone.
+    ///
+    /// # Errors
+    /// When a selection makes no sense, or the source cannot be read.
+    pub(super) fn with_source_selections(
+        self,
+        selections: &[SelectionSet],
+        path: &Path,
+        families: &[FamilyName],
+        reporter: &dyn Reporter,
+    ) -> Result<Annotation, ExploreError> {
+        let (shown, alone) = marks::shown(selections);
+        let source = crate::import::open(path)?;
+        let periodic = Data::Source(source.as_ref()).periodic_edge()?;
+        let mut sets = Vec::new();
+        for set in shown {
+            match Places::of(source.as_ref(), &set.members, periodic, Work::told(&*reporter.progress())) {
+                // What the source does not have is left out, as in other pictures.
+                Err(error @ ExploreError::Missing { .. }) => reporter.tell(not_drawn(&set.name, &error)),
+                places => sets.push((places?, set.rgb().unwrap_or([255; 3]))),
+            }
+        }
+        Ok(Annotation { marks: Some(marks::draw_places(&self.view, &sets, alone, families)), ..self })
+    }
+
+    /// Lays the selections over the finished picture.
+    pub(super) fn mark(&self, image: &mut Image) {
+        if let Some(layer) = &self.marks {
+            layer.blend(image);
+        }
+    }
+
+    /// Writes what is asked for into the finished picture, or on a sheet in it that `view` sees.
+    pub(super) fn write(
+        &self,
+        image: &mut Image,
+        view: &View,
+        annotations: &Annotations,
+        Coloration { transfer, levels }: &Coloration,
+    ) {
+        let lut = match self.depiction.mode.is_light() {
+            true => transfer.bake_colors(),
+            false => transfer.bake_lut(),
+        };
+        let legend = Legend::of(&self.depiction, transfer, Arc::new(lut), levels, &self.units);
+        let scale = annotations.scale_for(image.width, image.height);
+        let subject = Subject {
+            view,
+            scale,
+            target: self.target,
+            bounds: self.bounds,
+            length_unit: &self.units.length.to_string(),
+            legend: Some(&legend),
+            labels: &self.labels,
+        };
+        annotate::paint(image, &annotate::layout(annotations, &subject), scale, self.paper);
+    }
+}
+
+/// Says that a selection is not drawn, and why.
+fn not_drawn(what: &str, error: &ExploreError) -> String {
+    format!("{what}: left out of the picture: {error}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn labels_are_the_largest_objects_first() {
+        let folder = tempfile::tempdir().unwrap();
+        let catalogue = folder.path().join("clusters.csv");
+        std::fs::write(&catalogue, "name,x,y,z,radius,mass\nsmall,1,2,3,0.5,1\nlarge,4,5,6,2,9\n").unwrap();
+        let labels = labels_of(&catalogue, &Unit::default(), &()).unwrap();
+        assert_eq!((labels.len(), labels[0].name.as_str(), labels[0].radius), (2, "large", Some(2.0)));
+        assert!(labels_of(&folder.path().join("none.csv"), &Unit::default(), &()).is_err());
+    }
+}

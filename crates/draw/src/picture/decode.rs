@@ -1,0 +1,277 @@
+//! Nodes of a tree, decoded: what of their particles a picture draws, as batches for the CPU renderer.
+
+use crate::cpu::{Extent, Positions, SplatError, Splats};
+use crate::mode::sample::Sample;
+use crate::mode::{CodeTable, Depiction, Footprint, Plan, SourceColumns};
+use crate::store::{Metadata, Node, Page, Particles};
+use crate::stream::SceneNode;
+use crate::view::View;
+use glam::DVec3;
+use rayon::prelude::*;
+use std::borrow::Cow;
+
+/// The particles of one node, decoded: structure of arrays.
+#[derive(Clone, Debug, Default)]
+pub struct DecodedNode<'a> {
+    origin: DVec3,
+    /// Edge of the frame, world units; offsets are fractions of it.
+    size: f64,
+    offsets: Vec<[f32; 3]>,
+    /// World positions of those that are not told in the frame, instead of `offsets`.
+    places: Cow<'a, [[f64; 3]]>,
+    smoothing_length: Cow<'a, [f32]>,
+    weight: Vec<f32>,
+    attribute: Option<Vec<f32>>,
+    density: Option<Vec<f32>>,
+}
+
+impl<'a> DecodedNode<'a> {
+    /// All of a node that holds particles of its own, displaced by `offset`; what is as the node holds it is borrowed.
+    fn whole(held: Cow<'a, Particles>, columns: SourceColumns, scale: f32, offset: DVec3) -> DecodedNode<'a> {
+        let SourceColumns { mut weight, attribute, density } = columns;
+        if scale != 1.0 {
+            weight.iter_mut().for_each(|weight| *weight *= scale);
+        }
+        let (mut places, smoothing_length) = match held {
+            Cow::Borrowed(held) => (Cow::from(&held.positions), Cow::from(&held.values.smoothing_length)),
+            Cow::Owned(held) => (held.positions.into(), held.values.smoothing_length.into()),
+        };
+        if offset != DVec3::ZERO {
+            let moved = |&place: &[f64; 3]| (DVec3::from_array(place) + offset).to_array();
+            places = places.par_iter().map(moved).collect::<Vec<_>>().into();
+        }
+        DecodedNode { places, smoothing_length, weight, attribute, density, ..DecodedNode::default() }
+    }
+
+    /// A sample of a node that holds particles of its own, with a table of them, displaced by `offset`.
+    fn some(held: &Particles, table: &CodeTable, scale: f32, sample: Sample, offset: DVec3) -> DecodedNode<'a> {
+        let mut out = DecodedNode {
+            attribute: table.attribute.as_ref().map(|_| Vec::new()),
+            density: table.density.as_ref().map(|_| Vec::new()),
+            ..DecodedNode::default()
+        };
+        let (mut places, mut lengths) = (Vec::new(), Vec::new());
+        let importance = |i: u32| table.importance[i as usize];
+        sample.each(held.len() as u32, importance, |i, factor| {
+            let i = i as usize;
+            places.push((DVec3::from_array(held.positions[i]) + offset).to_array());
+            lengths.push(sample.growth * table.smoothing_length[i]);
+            out.weight.push(factor * (scale * table.weight[i]));
+            for (out, column) in [(&mut out.attribute, &table.attribute), (&mut out.density, &table.density)] {
+                if let (Some(out), Some(column)) = (out, column) {
+                    out.push(column[i]);
+                }
+            }
+        });
+        DecodedNode { places: places.into(), smoothing_length: lengths.into(), ..out }
+    }
+
+    /// Decodes what is drawn of one node, with the table of its codebook.
+    fn coded(depiction: &Depiction, page: &Page, index: usize, table: &CodeTable, sample: Sample) -> DecodedNode<'a> {
+        let node: &Node = &page.nodes[index];
+        let particles = page.particles(index);
+        let scale = depiction.node_scale(node);
+        if !sample.is_all() {
+            let mut out = DecodedNode { origin: node.frame.min, size: node.frame.size, ..DecodedNode::default() };
+            out.attribute = table.attribute.as_ref().map(|_| Vec::new());
+            out.density = table.density.as_ref().map(|_| Vec::new());
+            let mut lengths = Vec::new();
+            let code = |i: u32| usize::from(particles.codes[i as usize]);
+            let importance = |i: u32| table.importance[code(i)];
+            sample.each(particles.len() as u32, importance, |i, factor| {
+                out.offsets.push(particles.fraction(i as usize));
+                lengths.push(sample.growth * table.smoothing_length[code(i)]);
+                out.weight.push(factor * (scale * table.weight[code(i)]));
+                let optional = [(&mut out.attribute, &table.attribute), (&mut out.density, &table.density)];
+                for (out, column) in optional {
+                    if let (Some(out), Some(column)) = (out, column) {
+                        out.push(column[code(i)]);
+                    }
+                }
+            });
+            return DecodedNode { smoothing_length: lengths.into(), ..out };
+        }
+        let at =
+            |column: &[f32]| -> Vec<f32> { particles.codes.iter().map(|&code| column[usize::from(code)]).collect() };
+        DecodedNode {
+            origin: node.frame.min,
+            size: node.frame.size,
+            places: Cow::default(),
+            offsets: (0..particles.len()).map(|i| particles.fraction(i)).collect(),
+            smoothing_length: at(&table.smoothing_length).into(),
+            weight: particles.codes.iter().map(|&code| scale * table.weight[usize::from(code)]).collect(),
+            attribute: table.attribute.as_deref().map(at),
+            density: table.density.as_deref().map(at),
+        }
+    }
+}
+
+impl DecodedNode<'_> {
+    /// Number of particles that are drawn.
+    pub fn len(&self) -> usize {
+        self.weight.len()
+    }
+
+    /// Weights, the sample's factor included.
+    pub(super) fn weight(&self) -> &[f32] {
+        &self.weight
+    }
+
+    /// Smoothing lengths, world units.
+    pub(super) fn smoothing_length(&self) -> &[f32] {
+        &self.smoothing_length
+    }
+
+    /// The attribute; empty if there is none.
+    pub(super) fn attribute(&self) -> &[f32] {
+        self.attribute.as_deref().unwrap_or_default()
+    }
+
+    /// Drops the particles that the view leaves out, and fades the others.
+    fn cut(&mut self, view: &View) {
+        let DecodedNode { origin, size, offsets, places, smoothing_length, weight, attribute, density } = self;
+        let (places, smoothing_length) = (places.to_mut(), smoothing_length.to_mut());
+        let mut kept = 0;
+        for i in 0..weight.len() {
+            let position = match places.get(i) {
+                Some(&place) => DVec3::from_array(place),
+                None => *origin + *size * glam::Vec3::from_array(offsets[i]).as_dvec3(),
+            };
+            if !view.cut.keeps(position) {
+                continue;
+            }
+            match places.is_empty() {
+                true => offsets[kept] = offsets[i],
+                false => places[kept] = places[i],
+            }
+            smoothing_length[kept] = smoothing_length[i];
+            weight[kept] = (f64::from(weight[i]) * view.fade(position)) as f32;
+            for column in [&mut *attribute, &mut *density].into_iter().flatten() {
+                column[kept] = column[i];
+            }
+            kept += 1;
+        }
+        offsets.truncate(kept);
+        places.truncate(kept);
+        let columns = [Some(smoothing_length), Some(weight), attribute.as_mut(), density.as_mut()];
+        columns.into_iter().flatten().for_each(|column| column.truncate(kept));
+    }
+
+    /// Replaces the attribute; it has one value for each particle.
+    pub(super) fn set_attribute(&mut self, attribute: Vec<f32>) {
+        self.attribute = Some(attribute);
+    }
+
+    /// Whether nothing is drawn.
+    pub fn is_empty(&self) -> bool {
+        self.weight.is_empty()
+    }
+}
+
+/// Decodes all particles of the selected nodes, in parallel; [`cut`] leaves out what a view does.
+pub fn decode<'a>(depiction: &Depiction, metadata: &Metadata, nodes: &'a [SceneNode]) -> Vec<DecodedNode<'a>> {
+    decode_some(depiction, metadata, nodes, |table| table, ALL)
+}
+
+/// Decodes what `plan` draws of the selected nodes and the view does not leave out, in parallel.
+pub fn decode_planned<'a>(
+    view: &View,
+    depiction: &Depiction,
+    metadata: &Metadata,
+    nodes: &'a [SceneNode],
+    plan: &Plan,
+) -> Vec<DecodedNode<'a>> {
+    let sample = |drawn: &SceneNode, table: &CodeTable| {
+        let family = &metadata.families[drawn.page.family as usize];
+        plan.sample(
+            &view.of_image(drawn.offset),
+            depiction,
+            family,
+            &drawn.page.nodes[drawn.node.node as usize],
+            table.most_important,
+        )
+    };
+    let decoded = match plan.samples() {
+        true => decode_some(depiction, metadata, nodes, |table| table, Some(sample)),
+        false => decode(depiction, metadata, nodes),
+    };
+    cut(view, decoded)
+}
+
+/// Decoded nodes without the particles that the view leaves out, the others faded as it says.
+pub fn cut<'a>(view: &View, mut nodes: Vec<DecodedNode<'a>>) -> Vec<DecodedNode<'a>> {
+    if !view.cut.is_none() {
+        nodes.par_iter_mut().for_each(|node| node.cut(view));
+    }
+    nodes
+}
+
+/// No sample: all particles.
+const ALL: Option<fn(&SceneNode, &CodeTable) -> Sample> = None;
+
+/// Decodes the samples of the selected nodes that `sample` gives for the table of a node's codebook, in parallel, with
+/// tables as `change` makes them; without `sample` all particles, as they are.
+pub(super) fn decode_some<'a>(
+    depiction: &Depiction,
+    metadata: &Metadata,
+    nodes: &'a [SceneNode],
+    change: impl Fn(CodeTable) -> CodeTable + Sync,
+    sample: Option<impl Fn(&SceneNode, &CodeTable) -> Sample + Sync>,
+) -> Vec<DecodedNode<'a>> {
+    let tables: Vec<Vec<CodeTable>> = metadata
+        .families
+        .iter()
+        .map(|family| family.codebooks.iter().map(|codebook| change(depiction.table(family, codebook))).collect())
+        .collect();
+    nodes
+        .par_iter()
+        .map(|drawn| {
+            let index = drawn.node.node as usize;
+            if let Some(content) = drawn.page.content(index) {
+                let held = content.particles(drawn.time);
+                let family = &metadata.families[drawn.page.family as usize];
+                let scale = depiction.node_scale(&drawn.page.nodes[index]);
+                let Some(sample) = &sample else {
+                    let columns = depiction.columns_of(family, &held.values);
+                    return DecodedNode::whole(held, columns, scale, drawn.offset);
+                };
+                let table = change(depiction.table(family, &held.values));
+                return DecodedNode::some(&held, &table, scale, sample(drawn, &table), drawn.offset);
+            }
+            let codebook = usize::from(drawn.page.nodes[index].codebook);
+            let table = &tables[drawn.page.family as usize][codebook];
+            let sample = sample.as_ref().map_or(Sample::ALL, |sample| sample(drawn, table));
+            let mut node = DecodedNode::coded(depiction, &drawn.page, index, table, sample);
+            node.origin += drawn.offset;
+            node
+        })
+        .collect()
+}
+
+/// The splats of decoded nodes.
+///
+/// # Errors
+/// [`SplatError`] as [`Splats::new`].
+pub fn batches<'a>(depiction: &Depiction, nodes: &'a [DecodedNode<'_>]) -> Result<Vec<Splats<'a>>, SplatError> {
+    let footprint = depiction.footprint();
+    nodes
+        .iter()
+        .map(|node| {
+            let relative = Positions::Relative { origin: node.origin, scale: node.size, offsets: &node.offsets };
+            Splats::new(
+                if node.places.is_empty() { relative } else { Positions::World(&node.places) },
+                extent(footprint, &node.smoothing_length),
+                &node.weight,
+                node.attribute.as_deref(),
+            )?
+            .with_density(node.density.as_deref())
+        })
+        .collect()
+}
+
+fn extent(footprint: Footprint, smoothing_length: &[f32]) -> Extent<'_> {
+    match footprint {
+        Footprint::Kernel => Extent::World(smoothing_length),
+        Footprint::Pixels(radius) => Extent::Pixels(radius),
+    }
+}

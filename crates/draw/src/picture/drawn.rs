@@ -1,0 +1,137 @@
+//! A picture that is drawn and not yet written.
+
+use super::annotation::Annotation;
+use super::error::PictureError;
+use super::left_out::LeftOut;
+use super::lettering::{self, Sheet};
+use crate::annotate::overlay::mix_into;
+use crate::color::transfer::{Levels, TransferFunction};
+use crate::color::{Image, composite, output};
+use crate::look::{Film, Shot};
+use crate::mode::Raw;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// What was drawn, before it becomes colours, and how.
+pub struct Picture {
+    /// Sums, or colours in linear light.
+    pub values: Raw,
+    /// What it shows, and what is written into it.
+    pub annotation: Annotation,
+    /// The colours that sums become; of other pictures, those they were drawn with.
+    pub transfer: TransferFunction,
+    /// Whether everything that the view needs at its error bound was drawn.
+    pub converged: bool,
+    /// Largest displacement of a drawn particle, pixels.
+    pub error_px: f64,
+    /// Particles of what was selected.
+    pub particles: u64,
+    /// Nodes of it.
+    pub nodes: usize,
+    /// What inner nodes it was drawn from, by name; `source` where source particles were drawn.
+    pub drawn_from: &'static str,
+    /// What of it sums left out.
+    pub left_out: LeftOut,
+    /// Backend and adapter that drew.
+    pub drawn_by: [String; 2],
+    /// Median of each pass, milliseconds.
+    pub milliseconds: BTreeMap<String, f64>,
+}
+
+/// How a picture's values became colours: everything that is found from the picture unless it is set.
+#[derive(Clone, Debug)]
+pub struct Coloration {
+    /// The transfer function in use.
+    pub transfer: TransferFunction,
+    /// Its ranges.
+    pub levels: Levels,
+}
+
+impl Picture {
+    /// The attribute that colours it.
+    pub fn attribute(&self) -> Option<&str> {
+        self.annotation.depiction.attribute.as_ref().map(|coloring| coloring.name.as_str())
+    }
+
+    /// Width and height, pixels.
+    pub fn size(&self) -> [u32; 2] {
+        match &self.values {
+            Raw::Sums(sums, _) => [sums.width, sums.height],
+            Raw::Light(painted) => [painted.colors.width, painted.colors.height],
+        }
+    }
+
+    /// How its values become colours.
+    pub fn coloration(&self) -> Coloration {
+        let levels = match &self.values {
+            Raw::Sums(sums, _) => self.transfer.levels(sums),
+            Raw::Light(painted) => Levels { p: painted.levels.density, s: painted.levels.attribute },
+        };
+        Coloration { transfer: self.transfer.clone(), levels }
+    }
+
+    /// In colours, with selections and annotations; without what the shot's film does to it
+    /// ([`super::Session::finished`]).
+    ///
+    /// # Errors
+    /// Projections and eyes that make no sense.
+    pub fn image(&self, shot: &Shot) -> Result<Image, PictureError> {
+        let coloration = self.coloration();
+        let background = shot.look.background.unwrap_or_default();
+        let mut image = match &self.values {
+            Raw::Sums(sums, _) => composite::composite_on(sums, &self.transfer, &coloration.levels, background),
+            Raw::Light(painted) => painted.colors.image_on(background),
+        };
+        self.annotation.mark(&mut image);
+        if let Some(annotations) = &shot.look.annotations {
+            for sheet in self.sheets(shot, &image)? {
+                sheet.lay(&mut image, |image| {
+                    self.annotation.write(image, &sheet.view, annotations, &coloration);
+                    Ok::<(), PictureError>(())
+                })?;
+            }
+        }
+        Ok(image)
+    }
+
+    /// What is written on in the finished picture.
+    fn sheets(&self, shot: &Shot, image: &Image) -> Result<Vec<Sheet>, PictureError> {
+        Ok(lettering::sheets(&self.annotation.view, [image.width, image.height], shot.surround, shot.stereo)?)
+    }
+
+    /// Its image after what a film does to it: blended with the image `before`, then laid over.
+    pub(super) fn filmed(&self, shot: &Shot, film: &Film, before: Option<Image>) -> Result<Image, PictureError> {
+        let mut image = self.image(shot)?;
+        if let Some(mut mixed) = before {
+            mix_into(&mut mixed, &image, film.share);
+            image = mixed;
+        }
+        for sheet in self.sheets(shot, &image)? {
+            // Paths of pictures are complete by now.
+            sheet.lay(&mut image, |image| film.overlay.paint(image, Path::new("")))?;
+        }
+        Ok(image)
+    }
+
+    /// Writes the raw channels as EXR.
+    ///
+    /// # Errors
+    /// When the file cannot be written.
+    pub fn write_exr(&self, path: &Path) -> Result<(), output::OutputError> {
+        match &self.values {
+            Raw::Sums(sums, _) => output::write_exr(path, sums),
+            Raw::Light(painted) => output::write_exr_colors(path, &painted.colors),
+        }
+    }
+
+    /// Writes the raw channels as a NumPy array.
+    ///
+    /// # Errors
+    /// When the file cannot be written.
+    pub fn write_npy(&self, path: &Path) -> Result<(), output::OutputError> {
+        match &self.values {
+            Raw::Sums(sums, _) => output::write_npy(path, sums),
+            Raw::Light(painted) => output::write_npy_colors(path, &painted.colors),
+        }
+    }
+}

@@ -1,0 +1,259 @@
+//! Pictures of all directions, and pictures for two eyes: drawn view by view and put together before they become colours.
+//!
+//! The processor draws them. Nodes are selected for each face, so the error bound holds in every direction, in pixels of
+//! the panorama's own rate.
+
+use super::around::{Alike, sketch, with_images};
+use super::decode::{batches, cut, decode};
+use super::error::PictureError;
+use super::panorama::{Texels, assemble};
+use super::session::Reporter;
+use super::subject::Subject;
+use crate::color::Accumulation;
+use crate::color::transfer::Levels;
+use crate::cpu::{Counts, Splats};
+use crate::hierarchy::Purpose;
+use crate::mode::{Footprint, Needs, Painted, Plan, Raw};
+use crate::stream::{Scene, SceneSelection};
+use crate::view::{Detail, Eye, Eyes, Panorama, Projection, Sampling, Sections, Stereo, Surround, View};
+
+/// How splats are sampled: with a few more pixels than the panorama has, since they may be as small as one.
+const SPLATS: Sampling = Sampling { oversampling: 1.5, density: 1.5, margin: 0 };
+/// How colours are sampled: rays cost more than splats, and a volume's grid is smooth.
+const COLORS: Sampling = Sampling { oversampling: 1.0, density: 1.5, margin: 1 };
+
+/// What is put together.
+pub(super) struct Projector {
+    /// The camera, in the middle of both eyes.
+    pub base: View,
+    panorama: Option<Panorama>,
+    stereo: Option<Stereo>,
+}
+
+/// A view to be drawn.
+struct Face<'a> {
+    view: &'a View,
+    /// Angle of a panorama's pixel, and the view's pixels for one of these; `None` for a flat picture.
+    around: Option<[f64; 2]>,
+}
+
+impl Face<'_> {
+    /// The view's pixels for one of the picture.
+    fn scale(&self) -> f64 {
+        self.around.map_or(1.0, |[_, scale]| scale)
+    }
+}
+
+/// What was selected for all views together.
+pub(super) struct Tally {
+    pub converged: bool,
+    pub error_px: f64,
+    pub particles: u64,
+    pub nodes: usize,
+    pub counts: Counts,
+}
+
+impl Tally {
+    fn new() -> Tally {
+        Tally { converged: true, error_px: 0.0, particles: 0, nodes: 0, counts: Counts::default() }
+    }
+
+    fn add(&mut self, selection: &SceneSelection, face: &Face<'_>) {
+        self.converged &= selection.converged;
+        self.error_px = self.error_px.max(selection.error_pixels / face.scale());
+        self.particles += selection.particles;
+        self.nodes += selection.nodes.len();
+    }
+}
+
+impl Projector {
+    /// Around a camera.
+    ///
+    /// # Errors
+    /// Projections and eyes that make no sense.
+    pub fn new(mut base: View, surround: Surround, stereo: Option<Stereo>) -> Result<Projector, PictureError> {
+        if stereo.is_some() && matches!(base.projection, Projection::Orthographic { .. }) {
+            return Err(PictureError::Asked("--stereo: an orthographic picture has no place for two eyes".into()));
+        }
+        let panorama = Panorama::around(&base, surround)?;
+        base.cut.around = panorama.is_some() && base.cut.fade_rate > 0.0;
+        Ok(Projector { base, panorama, stereo })
+    }
+
+    /// Puts the picture together.
+    fn shoot<const N: usize>(
+        &self,
+        sampling: Sampling,
+        mut draw: impl FnMut(&Face<'_>) -> Result<Texels<N>, PictureError>,
+    ) -> Result<Texels<N>, PictureError> {
+        let mut whole: Option<Texels<N>> = None;
+        let eyes = self.stereo.map_or(&[][..], |stereo| stereo.eyes.each());
+        let each: Vec<Option<Eye>> =
+            if eyes.is_empty() { vec![None] } else { eyes.iter().copied().map(Some).collect() };
+        for eye in each {
+            let pair = self.stereo.zip(eye);
+            let picture = match (&self.panorama, pair) {
+                (None, None) => draw(&Face { view: &self.base, around: None })?,
+                (None, Some((stereo, eye))) => draw(&Face { view: &stereo.off_axis(&self.base, eye)?, around: None })?,
+                (Some(panorama), pair) => {
+                    let pixel = panorama.pixel_angle();
+                    let circle = pair.map(|(stereo, eye)| stereo.omnidirectional(eye, pixel)).transpose()?;
+                    let sections = Sections::new(*panorama, circle, sampling);
+                    let around = Some([pixel, sections.oversampling()]);
+                    assemble(&sections, &self.base, |view| draw(&Face { view, around }))?
+                }
+            };
+            let below = self.stereo.is_some_and(|stereo| stereo.eyes == Eyes::OverUnder);
+            whole = Some(match whole {
+                None => picture,
+                Some(first) => first.beside(&picture, below),
+            });
+        }
+        whole.ok_or_else(|| PictureError::Asked("nothing was drawn".into()))
+    }
+
+    /// The angle of a pixel in the picture's middle.
+    fn pixel(&self) -> f64 {
+        self.panorama.map_or(1.0 / self.base.focal_pixels(), |panorama| panorama.pixel_angle())
+    }
+
+    /// Draws what `scene` shows of a subject, with splats displaced by `tau` pixels at most.
+    ///
+    /// # Errors
+    /// [`PictureError`] as [`super::Session::draw`].
+    pub fn draw(
+        &self,
+        scene: &mut Scene,
+        subject: &Subject<'_>,
+        tau: f64,
+        reporter: &dyn Reporter,
+    ) -> Result<(Raw, Tally), PictureError> {
+        let mut tally = Tally::new();
+        let raw = match subject.depiction.mode.is_light() {
+            true => Raw::Light(self.colors(scene, subject, tau, &mut tally, reporter)?),
+            false => {
+                let texels = self.sums(scene, subject, tau, &mut tally, reporter)?;
+                Raw::Sums(texels.accumulation(subject.depiction.attribute.is_some()), tally.counts)
+            }
+        };
+        Ok((raw, tally))
+    }
+
+    /// Sums, face by face.
+    fn sums(
+        &self,
+        scene: &mut Scene,
+        subject: &Subject<'_>,
+        tau: f64,
+        tally: &mut Tally,
+        reporter: &dyn Reporter,
+    ) -> Result<Texels<2>, PictureError> {
+        let &Subject { metadata, depiction, .. } = subject;
+        self.shoot(SPLATS, |face| {
+            let seen = seen(depiction.footprint(), face);
+            let selection = scene.converge(&seen, tau * face.scale(), &mut |why| reporter.tell(why))?;
+            tally.add(&selection, face);
+            let nodes = cut(face.view, decode(depiction, metadata, &selection.nodes));
+            let batches = batches(depiction, &nodes)?;
+            let drawn = match face.around {
+                Some([pixel, _]) => subject.draw_face(face.view, &batches, pixel),
+                None => subject.draw_batches(face.view, &batches, &Plan::default()),
+            };
+            let (sums, counts) = drawn?.sums(depiction.mode)?;
+            tally.counts += counts;
+            Ok(sums.into())
+        })
+    }
+
+    /// Colours, face by face.
+    fn colors(
+        &self,
+        scene: &mut Scene,
+        subject: &Subject<'_>,
+        tau: f64,
+        tally: &mut Tally,
+        reporter: &dyn Reporter,
+    ) -> Result<Painted, PictureError> {
+        let &Subject { metadata, depiction, .. } = subject;
+        let Needs { margin_px, of_data, .. } = depiction.needs();
+        let everything = self.select_all(scene, subject, reporter)?;
+        let all = cut(&self.base, decode(depiction, metadata, &everything.nodes));
+        let all = batches(depiction, &all)?;
+        let alike = self.alike(subject, &all)?;
+        // What the last view that showed something was painted with.
+        let mut last: Option<Painted> = None;
+        let texels = self.shoot(Sampling { margin: margin_px, ..COLORS }, |face| {
+            let painted = match of_data {
+                true => {
+                    tally.add(&everything, face);
+                    alike.paint(subject, face.view, &all)?
+                }
+                false => {
+                    let detail = alike.depiction.detail(face.view, tau * face.scale(), metadata);
+                    let selection = scene.converge(face.view, detail, &mut |why| reporter.tell(why))?;
+                    tally.add(&selection, face);
+                    let nodes = cut(face.view, decode(depiction, metadata, &selection.nodes));
+                    alike.paint(subject, face.view, &batches(depiction, &nodes)?)?
+                }
+            };
+            let Some(mut painted) = painted else { return Ok(Texels::black(face.view.width, face.view.height)) };
+            let colors = std::mem::take(&mut painted.colors);
+            last = Some(painted);
+            Ok(colors.into())
+        })?;
+        let last = last.ok_or_else(|| PictureError::Asked("eye, target: no particles are in view".into()))?;
+        Ok(Painted { colors: texels.into(), ..last })
+    }
+
+    /// The nodes that all faces find their ranges in: those of all the data, as a parallel view of it has them.
+    fn select_all(
+        &self,
+        scene: &mut Scene,
+        subject: &Subject<'_>,
+        reporter: &dyn Reporter,
+    ) -> Result<SceneSelection, PictureError> {
+        let all = sketch(&self.base, with_images(&self.base, subject.metadata.bounds()))?;
+        let detail = match scene.purpose {
+            Purpose::Splats => Detail::Error { tau: 1.0 },
+            Purpose::Samples => Detail::Sampling { sigma: 1.0 / all.focal_pixels(), near: 0.0 },
+        };
+        Ok(scene.converge(&all, detail, &mut |why| reporter.tell(why))?)
+    }
+
+    /// What all faces share, where `all` are the particles of all the data.
+    fn alike(&self, subject: &Subject<'_>, all: &[Splats<'_>]) -> Result<Alike, PictureError> {
+        let bounds = with_images(&self.base, subject.metadata.bounds());
+        Ok(Alike::new(subject, &self.base, bounds, self.pixel(), all)?)
+    }
+
+    /// The ranges of its colours.
+    ///
+    /// # Errors
+    /// As [`Projector::draw`].
+    pub fn levels(
+        &self,
+        scene: &mut Scene,
+        subject: &Subject<'_>,
+        tau: f64,
+        reporter: &dyn Reporter,
+    ) -> Result<Levels, PictureError> {
+        if !subject.depiction.mode.is_light() {
+            let texels = self.sums(scene, subject, tau, &mut Tally::new(), reporter)?;
+            return Ok(subject.transfer.levels(&texels.accumulation(subject.depiction.attribute.is_some())));
+        }
+        let all = self.select_all(scene, subject, reporter)?;
+        let all = cut(&self.base, decode(subject.depiction, subject.metadata, &all.nodes));
+        let alike = self.alike(subject, &batches(subject.depiction, &all)?)?;
+        // No picture is asked for ranges that are numbers by now.
+        Ok(alike.transfer.levels(&Accumulation::default()))
+    }
+}
+
+/// The view by which nodes are selected: discs reach into a face from outside.
+fn seen(footprint: Footprint, face: &Face<'_>) -> View {
+    match footprint {
+        Footprint::Kernel => *face.view,
+        // A face's pixels are narrower towards its edges, by half and more.
+        Footprint::Pixels(radius) => face.view.padded((3.0 * face.scale() * f64::from(radius)).ceil() as u32),
+    }
+}

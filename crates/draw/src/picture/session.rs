@@ -1,0 +1,539 @@
+//! Open data, of which pictures are drawn: what one picture has read is there for the next.
+
+use super::adapter::{self, Adapter, AdapterJob, Passes};
+use super::annotation::Annotation;
+use super::drawn::Picture;
+use super::error::PictureError;
+use super::left_out::LeftOut;
+use super::look::{depict, transfer_of};
+use super::projected::Projector;
+use super::source::{self, Wanted};
+use super::subject::Subject;
+use super::times::Times;
+use crate::color::composite::composite_at;
+use crate::color::transfer::{Levels, TransferFunction};
+use crate::color::{Image, output};
+use crate::cpu::Method;
+use crate::cpu::volume::{Caster, Processor, VolumeError};
+use crate::explore::selection::Show;
+use crate::look::{Backend, LookPatch, Member, SceneFile, Shot, open_members, shown_families};
+use crate::mode::{Depiction, Economy, Mode, Output, Plan, Raw};
+use crate::model::{Bounds, FamilyName, Progress, ReadMethod};
+use crate::store::{InMemory, PageFile, Tree};
+use crate::stream::{Scene, SceneSelection, first_frame};
+use crate::view::View;
+use crate::view::perspective_grid::GridError;
+use glam::DVec3;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// Who is told what there is to tell while data is opened and pictures are drawn, and shows how long it takes.
+pub trait Reporter: Send + Sync {
+    /// A sentence for the user.
+    fn tell(&self, message: String);
+
+    /// Shows the progress of one long work.
+    fn progress(&self) -> Box<dyn Progress + '_>;
+}
+
+/// Nobody is told.
+impl Reporter for () {
+    fn tell(&self, _: String) {}
+
+    fn progress(&self) -> Box<dyn Progress + '_> {
+        Box::new(())
+    }
+}
+
+/// How data is opened and drawn, whatever the picture.
+#[derive(Default)]
+pub struct SessionOptions {
+    /// Draws every source particle at full precision, in this way; the page file where it is `None`.
+    pub exact: Option<Method>,
+    /// The one family that is drawn.
+    pub family: Option<FamilyName>,
+    /// What draws; the best there is where it is `None`.
+    pub backend: Option<Backend>,
+    /// Where a picture of how many splats lie over each pixel goes.
+    pub overdraw: Option<PathBuf>,
+    /// How many times a picture is drawn, for times; 0 counts as 1.
+    pub repeat: u32,
+    /// What messages about settings name: the file that has them; the data where it is empty.
+    pub named: PathBuf,
+}
+
+/// What the data is.
+enum Data {
+    /// A page file, or several as one.
+    Pages(Arc<PageFile>),
+    /// The particles of sources, of which the first is here.
+    Source(PathBuf),
+}
+
+/// Open data, and what draws pictures of it.
+pub struct Session {
+    options: SessionOptions,
+    members: Vec<Member>,
+    data: Data,
+    scene: Scene,
+    /// What the first picture of some families shows, since that takes reading.
+    framed: Option<(Vec<u32>, Bounds)>,
+    /// How long the source took to load, until a picture has told it.
+    loading: Option<Duration>,
+    ahead: Option<View>,
+    adapter: Option<Box<dyn Adapter>>,
+    caster: Option<Arc<dyn Caster>>,
+    reporter: Arc<dyn Reporter>,
+}
+
+impl Session {
+    /// Opens datasets as one. `page_file` turns what a user names into a page file; source particles are loaded as the shots
+    /// that will be drawn need them.
+    ///
+    /// # Errors
+    /// When a source cannot be read or built, or they do not fit together.
+    pub fn open<'a>(
+        members: &[Member],
+        options: SessionOptions,
+        shots: impl IntoIterator<Item = &'a Shot>,
+        page_file: impl FnMut(&Path) -> Result<PathBuf, PictureError>,
+        reporter: Arc<dyn Reporter>,
+    ) -> Result<Session, PictureError> {
+        if options.exact.is_none() {
+            let (file, notes) = open_members(members, ReadMethod::default(), page_file)?;
+            notes.into_iter().for_each(|note| reporter.tell(note));
+            // Nothing limits what a picture holds: it has to be converged.
+            let session = Session::of(Arc::new(file), u64::MAX);
+            return Ok(Session { members: members.to_vec(), options, reporter, ..session });
+        }
+        let from = |shot: &'a Shot| shot.film.as_ref().and_then(|film| Some(&film.from.as_ref()?.look));
+        let looks = shots.into_iter().flat_map(|shot| [Some(&shot.look), from(shot)]).flatten();
+        let start = Instant::now();
+        let (path, dataset) = source::particles(members, &Wanted::of(looks, options.family), &*reporter)?;
+        let loading = Some(start.elapsed());
+        let framed = source::framed(&dataset);
+        let scene = Scene::new(InMemory::new(dataset), u64::MAX);
+        let framed = Some((scene.families.clone(), framed));
+        let data = Data::Source(path);
+        let members = members.to_vec();
+        Ok(Session {
+            options,
+            members,
+            data,
+            scene,
+            framed,
+            loading,
+            ahead: None,
+            adapter: None,
+            caster: None,
+            reporter,
+        })
+    }
+
+    /// Draws an open page file; its pages may take `budget_bytes`.
+    pub fn of(file: Arc<PageFile>, budget_bytes: u64) -> Session {
+        Session {
+            options: SessionOptions::default(),
+            members: Vec::new(),
+            scene: Scene::new(Arc::clone(&file), budget_bytes),
+            data: Data::Pages(file),
+            framed: None,
+            loading: None,
+            ahead: None,
+            adapter: None,
+            caster: None,
+            reporter: Arc::new(()),
+        }
+    }
+
+    /// The same with an adapter, which draws what it is asked for or is faster at.
+    #[must_use]
+    pub fn with_adapter(self, adapter: Option<Box<dyn Adapter>>) -> Session {
+        Session { adapter, ..self }
+    }
+
+    /// The open tree.
+    pub fn tree(&self) -> &Arc<dyn Tree> {
+        self.scene.streamer.residency.tree()
+    }
+
+    /// Forgets pages where they take more than so many bytes.
+    pub fn keep_within(&mut self, bytes: u64) {
+        if self.scene.streamer.residency.statistics().bytes > bytes {
+            self.scene = Scene::new(Arc::clone(self.tree()), u64::MAX);
+        }
+    }
+
+    /// What this view needs, the one of the picture after the next one, is read while the next one is drawn.
+    pub fn look_ahead(&mut self, view: Option<View>) {
+        self.ahead = view;
+    }
+
+    /// The box that a picture of a look's families is framed by.
+    ///
+    /// # Errors
+    /// When the data has none of them.
+    pub fn framed(&mut self, look: &LookPatch) -> Result<Bounds, PictureError> {
+        let families = self.families(look)?;
+        match &self.framed {
+            Some((known, framed)) if *known == families => Ok(*framed),
+            _ => {
+                let framed = first_frame(&**self.tree(), &families);
+                self.framed = Some((families, framed));
+                Ok(framed)
+            }
+        }
+    }
+
+    /// Draws a shot, converged.
+    ///
+    /// # Errors
+    /// [`PictureError`] when the data cannot be read, a setting does not fit it, or nothing draws the mode.
+    pub fn draw(&mut self, shot: &Shot) -> Result<Picture, PictureError> {
+        let framed = self.framed(&shot.look)?;
+        let (tree, depiction, transfer) = self.show(&shot.look)?;
+        if let Some(mode) = shot.look.mode.filter(|mode| mode.is_light()) {
+            self.check_light(&shot.look, mode)?;
+        }
+        let view = shot.view(framed, tree.metadata().periodic_box())?;
+        let shown = Shown { shot, view, framed, depiction: &depiction, transfer: &transfer };
+        let drawn = match shot.is_projected() {
+            true => self.draw_projected(&*tree, &shown),
+            false => self.draw_flat(&*tree, &shown),
+        };
+        // Settings come from the file that the user wrote, if there is one.
+        drawn.map_err(|error| match error {
+            PictureError::Volume(error) => PictureError::of(self.named(), error),
+            error => error,
+        })
+    }
+
+    /// A drawn picture in colours, with what the shot's film does to it.
+    ///
+    /// # Errors
+    /// As [`Session::draw`] for the picture that it is blended with, and where a picture over it cannot be read.
+    pub fn finished(&mut self, shot: &Shot, picture: &Picture) -> Result<Image, PictureError> {
+        let Some(film) = &shot.film else { return picture.image(shot) };
+        let before = film.from.as_deref().map(|from| self.before(shot, from)).transpose()?;
+        picture.filmed(shot, film, before)
+    }
+
+    /// The picture that a film blends the one of `shot` with: another scene of the same data, as large, drawn by the same.
+    fn before(&mut self, shot: &Shot, from: &SceneFile) -> Result<Image, PictureError> {
+        let mut before = Shot::of_scene(from.clone(), Path::new(""));
+        before.size = shot.size;
+        before.look.background = shot.look.background;
+        let own = from.datasets.first().and_then(|dataset| dataset.families.clone());
+        before.look.families = own.or(before.look.families);
+        before.film = None;
+        let shown = self.members.first_mut().and_then(|first| first.families.take());
+        let drawn = self.draw(&before);
+        if let Some(first) = self.members.first_mut() {
+            first.families = shown;
+        }
+        drawn?.image(&before)
+    }
+
+    /// A look's picture of a view as the processor draws it, of about `limit` particles at most, black where nothing is in view; its
+    /// colours have the ranges `levels`, or their own. And how many particles it took.
+    ///
+    /// # Errors
+    /// As [`Session::draw`].
+    pub fn image(
+        &mut self,
+        look: &LookPatch,
+        view: &View,
+        levels: Option<Levels>,
+        diameter: f64,
+        limit: u64,
+    ) -> Result<(Image, u64), PictureError> {
+        let (tree, depiction, mut transfer) = self.show(look)?;
+        if let Some(levels) = levels.filter(|_| depiction.mode.is_light()) {
+            transfer = transfer.with_levels(&levels);
+        }
+        let selection = self.select(&depiction, view, look.error_px())?;
+        let subject = Subject::new(tree.metadata(), &depiction, &transfer, diameter);
+        let plan = subject.plan(view, &selection.nodes, &look.budget.file_economy(), None)?;
+        let (plan, taken) = subject.within(limit, plan, view, &selection.nodes);
+        let image = match subject.draw_nodes(view, &selection.nodes, &plan) {
+            Ok(Raw::Sums(sums, _)) => composite_at(&sums, &transfer, &levels.unwrap_or_else(|| transfer.levels(&sums))),
+            Ok(Raw::Light(painted)) => painted.colors.image(),
+            Err(VolumeError::Grid(GridError::NothingInView)) => Image::black(view.width, view.height),
+            Err(error) => return Err(error.into()),
+        };
+        Ok((image, taken))
+    }
+
+    /// What messages about settings name.
+    fn named(&self) -> &Path {
+        match self.options.named.as_os_str().is_empty() {
+            true => self.path(),
+            false => &self.options.named,
+        }
+    }
+
+    fn check_light(&self, look: &LookPatch, mode: &Mode) -> Result<(), PictureError> {
+        if self.options.overdraw.is_some() {
+            return Err(PictureError::Asked(format!("--overdraw: the mode {} has no splats", mode.name)));
+        }
+        look.settings.check(mode).map_err(|error| PictureError::of(self.named(), error))
+    }
+
+    /// Draws a look's families and levels from now on. What it comes to on the data.
+    pub(super) fn show(
+        &mut self,
+        look: &LookPatch,
+    ) -> Result<(Arc<dyn Tree>, Depiction, TransferFunction), PictureError> {
+        let tree = Arc::clone(self.tree());
+        let depiction = depict(look, tree.metadata()).map_err(|why| PictureError::of(self.path(), why))?;
+        self.scene.families = self.families(look)?;
+        self.scene.purpose = depiction.purpose(tree.metadata());
+        let transfer = transfer_of(look, &depiction);
+        Ok((tree, depiction, transfer))
+    }
+
+    /// Selects what a view of a picture needs, and waits for it.
+    pub(super) fn select(
+        &mut self,
+        depiction: &Depiction,
+        view: &View,
+        tau: f64,
+    ) -> Result<SceneSelection, PictureError> {
+        let detail = depiction.detail(view, tau, self.tree().metadata());
+        let reporter = &*self.reporter;
+        Ok(self.scene.converge(&depiction.selection_view(view), detail, &mut |why| reporter.tell(why))?)
+    }
+
+    /// What selects, and who is told.
+    pub(super) fn parts(&mut self) -> (&mut Scene, &dyn Reporter) {
+        (&mut self.scene, &*self.reporter)
+    }
+
+    /// Indices of the families that a look draws.
+    fn families(&self, look: &LookPatch) -> Result<Vec<u32>, PictureError> {
+        let families = &self.tree().metadata().families;
+        let (shown, missing): (Vec<bool>, _) = match (&self.data, self.options.family) {
+            // Nothing else was loaded.
+            (Data::Source(_), _) => (vec![true; families.len()], Vec::new()),
+            (_, Some(only)) => (families.iter().map(|family| family.name == only).collect(), vec![only]),
+            (Data::Pages(file), None) => {
+                let own = |member: &Member| Member {
+                    families: member.families.clone().or_else(|| look.families.clone()),
+                    ..member.clone()
+                };
+                match self.members.is_empty() {
+                    true => shown_families(file, &[own(&Member::default())]),
+                    false => shown_families(file, &self.members.iter().map(own).collect::<Vec<_>>()),
+                }
+            }
+        };
+        let found: Vec<u32> = (0..).zip(shown).filter_map(|(index, shown)| shown.then_some(index)).collect();
+        match (found.is_empty(), missing.first()) {
+            (false, _) => Ok(found),
+            (true, Some(name)) => Err(PictureError::of(self.path(), format!("no particles of family {name}"))),
+            (true, None) => Err(PictureError::of(self.path(), "the scene shows no family")),
+        }
+    }
+
+    /// What a user calls the data.
+    fn path(&self) -> &Path {
+        self.members.first().map_or_else(|| self.tree().path(), |member| &member.path)
+    }
+
+    fn draw_projected(&mut self, tree: &dyn Tree, shown: &Shown<'_>) -> Result<Picture, PictureError> {
+        let asked = |why: &str| Err(PictureError::Asked(why.to_owned()));
+        if matches!(self.options.backend, Some(Backend::Compute | Backend::Raster)) {
+            return asked("--backend: only cpu draws projections and stereo pictures");
+        }
+        if self.options.overdraw.is_some() {
+            return asked("--overdraw: is for flat pictures");
+        }
+        let Shown { shot, view, depiction, .. } = *shown;
+        let economy = shot.look.budget.file_economy();
+        if economy.presence > 0.0 || economy.thinning > 0.0 {
+            self.reporter.tell("presence and thinning are for flat pictures; nothing is left out".into());
+        }
+        if shot.look.selections.as_ref().is_some_and(|sets| !sets.is_empty()) {
+            self.reporter.tell("selections are shown in flat pictures only".into());
+        }
+        let projector = Projector::new(view, shot.surround, shot.stereo)?;
+        let mut times = Times::default();
+        let subject = self.subject(tree, shown, &Processor);
+        let draw = || projector.draw(&mut self.scene, &subject, shot.look.error_px(), &*self.reporter);
+        let (values, tally) = times.measure("frame", draw)?;
+        let (outside, splats) = match depiction.mode.is_light() {
+            true => (None, None),
+            false => (Some(tally.counts.outside), Some(tally.counts.drawn)),
+        };
+        Ok(Picture {
+            values,
+            converged: tally.converged,
+            error_px: tally.error_px,
+            particles: tally.particles,
+            nodes: tally.nodes,
+            left_out: LeftOut { outside, splats, ..LeftOut::new(&Economy::NONE, &Plan::default()) },
+            milliseconds: times.medians(),
+            ..self.blank(shown, projector.base)?
+        })
+    }
+
+    /// A picture of nothing, which says what it shows.
+    fn blank(&self, shown: &Shown<'_>, view: View) -> Result<Picture, PictureError> {
+        let Shown { shot, framed, depiction, transfer, .. } = *shown;
+        let metadata = self.tree().metadata();
+        let is_source = matches!(self.data, Data::Source(_));
+        Ok(Picture {
+            values: Raw::Sums(Default::default(), Default::default()),
+            annotation: Annotation::new(shot, view, framed, metadata, depiction, &*self.reporter)?,
+            transfer: transfer.clone(),
+            converged: true,
+            error_px: 0.0,
+            particles: 0,
+            nodes: 0,
+            drawn_from: if is_source { "source" } else { self.scene.purpose.name() },
+            left_out: LeftOut::default(),
+            drawn_by: ["cpu", "cpu"].map(str::to_owned),
+            milliseconds: Default::default(),
+        })
+    }
+
+    fn subject<'a>(&self, tree: &'a dyn Tree, shown: &Shown<'a>, caster: &'a dyn Caster) -> Subject<'a> {
+        let method = self.options.exact.filter(|_| !shown.depiction.mode.is_light()).unwrap_or_default();
+        let diameter = shown.framed.size().length();
+        Subject { method, caster, ..Subject::new(tree.metadata(), shown.depiction, shown.transfer, diameter) }
+    }
+
+    /// The passes of an adapter that draw a mode, and what draws it on the perspective grid.
+    fn drawer(&mut self, mode: &Mode) -> Result<(Option<Passes>, Arc<dyn Caster>), PictureError> {
+        let on_processor: Arc<dyn Caster> = Arc::new(Processor);
+        let backend = match self.options.exact {
+            Some(Method::Exact) => Some(Backend::Cpu),
+            _ => self.options.backend,
+        };
+        let passes = adapter::passes(mode, backend, self.adapter.as_deref_mut()).map_err(PictureError::Asked)?;
+        if passes.is_none() || mode.technique.output() != Output::Light {
+            return Ok((passes, on_processor));
+        }
+        if self.caster.is_none() {
+            match self.adapter.as_mut().map(|adapter| adapter.caster()) {
+                Some(Err(error)) if self.options.backend.is_some() => return Err(PictureError::Asked(error)),
+                Some(Err(error)) => self.reporter.tell(format!("{error}; drawing with the CPU instead")),
+                found => self.caster = found.and_then(Result::ok),
+            }
+        }
+        Ok((None, self.caster.clone().unwrap_or(on_processor)))
+    }
+
+    fn draw_flat(&mut self, tree: &dyn Tree, shown: &Shown<'_>) -> Result<Picture, PictureError> {
+        let Shown { shot, view, depiction, .. } = *shown;
+        let (metadata, mode) = (tree.metadata(), depiction.mode);
+        let is_sum = mode.technique.output() == Output::Sums;
+        let (passes, caster) = self.drawer(mode)?;
+        let subject = self.subject(tree, shown, &*caster);
+        let tau = shot.look.error_px();
+        let (seen, detail) = (depiction.selection_view(&view), depiction.detail(&view, tau, metadata));
+        let mut times = Times::default();
+        let start = Instant::now();
+        let selection = self.select(depiction, &view, tau)?;
+        times.note("load", start.elapsed() + self.loading.take().unwrap_or_default());
+        if let Some(ahead) = self.ahead.take() {
+            self.scene.select(&ahead, detail);
+            self.scene.streamer.serve();
+        }
+        // What is asked for at full precision is drawn as a whole.
+        let economy = if self.options.exact.is_some() { Economy::NONE } else { shot.look.budget.file_economy() };
+        let plan = match is_sum && self.options.exact.is_none() {
+            true => times.measure("plan", || subject.plan(&view, &selection.nodes, &economy, None))?,
+            false => Plan::default(),
+        };
+        let mut left_out = LeftOut::new(&economy, &plan);
+        if let Some(path) = &self.options.overdraw {
+            let overdraw = subject.overdraw(&view, &subject.decode(&view, &selection.nodes, &plan), &plan)?;
+            output::write_png(path, &overdraw.image())?;
+            left_out.overdraw = Some((overdraw.mean(), overdraw.max()));
+        }
+        let blank = self.blank(shown, view)?;
+        let picture = Picture {
+            annotation: self.marked(blank.annotation, &shot.look, &selection)?,
+            converged: selection.converged,
+            error_px: selection.error_pixels,
+            particles: selection.particles,
+            nodes: selection.nodes.len(),
+            ..blank
+        };
+        let repeat = self.options.repeat.max(1);
+        if let Some((passes, adapter)) = passes.zip(self.adapter.as_mut()) {
+            let nodes = &selection.nodes;
+            let job = AdapterJob { view: &view, depiction, metadata, nodes, plan: &plan, passes, repeat };
+            match adapter.draw(&job) {
+                Ok(frame) => {
+                    let mut milliseconds = times.medians();
+                    milliseconds.extend(frame.milliseconds);
+                    let values = Raw::Sums(frame.accumulation, Default::default());
+                    let left_out = LeftOut { splats: frame.splats, ..left_out };
+                    let drawn_by = [frame.backend.to_owned(), frame.adapter];
+                    return Ok(Picture { values, left_out, drawn_by, milliseconds, ..picture });
+                }
+                Err(error) if self.options.backend.is_some() => return Err(PictureError::Asked(error)),
+                Err(error) => self.reporter.tell(format!("{error}; drawing with the CPU instead")),
+            }
+        }
+        let mut values = picture.values;
+        for _ in 0..repeat {
+            values = times.frame(|times| {
+                let selection = times.measure("select", || self.scene.select(&seen, detail));
+                let nodes = times.measure("decode", || subject.decode(&view, &selection.nodes, &plan));
+                let drawn = times.measure("draw", || subject.draw(&view, &nodes, &plan))?;
+                let kept: u64 = nodes.iter().map(|node| node.len() as u64).sum();
+                left_out.thinned = Some(selection.particles - kept);
+                Ok::<_, VolumeError>(drawn)
+            })?;
+            match &values {
+                Raw::Sums(_, counts) => {
+                    (left_out.faint, left_out.outside) = (Some(counts.faint), Some(counts.outside));
+                    left_out.splats = Some(counts.drawn);
+                }
+                Raw::Light(painted) => {
+                    times.note("resample", painted.report.resampling);
+                    times.note("render", painted.report.rendering);
+                }
+            }
+        }
+        let drawn_by = caster.name().map(str::to_owned);
+        Ok(Picture { values, left_out, drawn_by, milliseconds: times.medians(), ..picture })
+    }
+
+    /// An annotation with a look's selections.
+    fn marked(
+        &self,
+        annotation: Annotation,
+        look: &LookPatch,
+        selection: &SceneSelection,
+    ) -> Result<Annotation, PictureError> {
+        let selections = look.selections.as_deref().unwrap_or_default();
+        Ok(match &self.data {
+            Data::Pages(file) => annotation.with_selections(selections, file, &selection.nodes, &*self.reporter)?,
+            Data::Source(_) if selections.iter().all(|set| set.show == Show::Hidden) => annotation,
+            Data::Source(path) => {
+                if !matches!(&self.members[..], [only] if only.offset == DVec3::ZERO && only.scale.is_none()) {
+                    let why = "an exact picture of several or moved datasets leaves the selections out";
+                    self.reporter.tell(why.into());
+                    return Ok(annotation);
+                }
+                let names: Vec<FamilyName> = self.tree().metadata().families.iter().map(|own| own.name).collect();
+                annotation.with_source_selections(selections, path, &names, &*self.reporter)?
+            }
+        })
+    }
+}
+
+/// A shot on the open data.
+#[derive(Clone, Copy)]
+struct Shown<'a> {
+    shot: &'a Shot,
+    view: View,
+    framed: Bounds,
+    depiction: &'a Depiction,
+    transfer: &'a TransferFunction,
+}

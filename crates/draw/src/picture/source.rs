@@ -1,0 +1,105 @@
+//! Source particles at their full precision, as a tree.
+
+use super::error::PictureError;
+use super::session::Reporter;
+use crate::explore::data::source_path;
+use crate::import::{AttributeChoice, LoadOptions, load};
+use crate::look::{LookPatch, Member, is_page_file};
+use crate::model::{Bounds, Dataset, FamilyName};
+use crate::store::PageFile;
+use crate::view::frame;
+use glam::DVec3;
+use std::path::{Path, PathBuf};
+
+/// What is loaded of sources.
+#[derive(Clone, Debug, Default)]
+pub struct Wanted {
+    /// The one family that is drawn; what members say where it is `None`.
+    pub family: Option<FamilyName>,
+    /// Attributes.
+    pub attributes: AttributeChoice,
+}
+
+impl Wanted {
+    /// What these looks need.
+    pub fn of<'a>(looks: impl IntoIterator<Item = &'a LookPatch>, family: Option<FamilyName>) -> Wanted {
+        let both = |all: AttributeChoice, own: AttributeChoice| match (all, own) {
+            (all, own) if all == own => all,
+            (AttributeChoice::Named(all), AttributeChoice::Named(own)) => AttributeChoice::Named([all, own].concat()),
+            _ => AttributeChoice::All,
+        };
+        Wanted { family, attributes: looks.into_iter().map(attributes_of).reduce(both).unwrap_or_default() }
+    }
+}
+
+/// The attributes that a look needs.
+fn attributes_of(look: &LookPatch) -> AttributeChoice {
+    let Some(attribute) = look.attribute_name() else { return AttributeChoice::Usual };
+    let weights = look.mode.iter().flat_map(|mode| mode.weight_attributes).copied();
+    let own = ["mass", "density", "smoothing-length"];
+    let named = [attribute].into_iter().chain(weights).filter(|name| !own.contains(name));
+    match named.map(str::to_owned).collect::<Vec<_>>() {
+        named if named.is_empty() => AttributeChoice::Usual,
+        named => AttributeChoice::Named(named),
+    }
+}
+
+/// The particles of members, each where it lies: those of the source, or of the one that a page file was built from. With the
+/// path of the first source.
+///
+/// # Errors
+/// When a source cannot be read or is not there any more.
+pub fn particles(
+    members: &[Member],
+    wanted: &Wanted,
+    reporter: &dyn Reporter,
+) -> Result<(PathBuf, Dataset), PictureError> {
+    let Some((first, others)) = members.split_first() else { return Err(PictureError::Asked("no data".into())) };
+    let (path, mut whole) = load_one(first, wanted, reporter)?;
+    let units = (whole.length_unit.clone(), whole.mass_unit.clone());
+    let place = |member: &Member, dataset: &mut Dataset| {
+        let placement = member.placement((&dataset.length_unit, &dataset.mass_unit), (&units.0, &units.1));
+        placement.place(dataset);
+        placement.is_here()
+    };
+    let mut is_here = place(first, &mut whole);
+    for member in others {
+        let (_, mut next) = load_one(member, wanted, reporter)?;
+        is_here &= place(member, &mut next) && next.provenance.box_size == whole.provenance.box_size;
+        whole.families.append(&mut next.families);
+        whole.skipped.append(&mut next.skipped);
+    }
+    whole.provenance.box_size = whole.provenance.box_size.filter(|_| is_here);
+    Ok((path, whole))
+}
+
+fn load_one(member: &Member, wanted: &Wanted, reporter: &dyn Reporter) -> Result<(PathBuf, Dataset), PictureError> {
+    let source = source_of(&member.path)?;
+    let options = LoadOptions {
+        families: wanted.family.map_or_else(|| member.families.clone().unwrap_or_default(), |family| vec![family]),
+        attributes: wanted.attributes.clone(),
+        ..LoadOptions::default()
+    };
+    let dataset = load(&source, &options, &*reporter.progress())?;
+    Ok((source, dataset))
+}
+
+/// The source itself, or the one that a page file was built from, if it is still there.
+fn source_of(path: &Path) -> Result<PathBuf, PictureError> {
+    if !is_page_file(path).map_err(|error| PictureError::Asked(error.to_string()))? {
+        return Ok(path.to_owned());
+    }
+    let file = PageFile::open(path)?;
+    source_path(&file).ok_or_else(|| {
+        let source = file.metadata().provenance.path.display();
+        let why = format!("--exact draws the source {source}, which is not there any more; name the source instead");
+        PictureError::of(path, why)
+    })
+}
+
+/// The box that a picture of all these particles is framed by.
+pub fn framed(dataset: &Dataset) -> Bounds {
+    let positions = dataset.families.iter().flat_map(|family| &family.positions);
+    let samples: Vec<(DVec3, f64)> = positions.map(|&position| (DVec3::from_array(position), 1.0)).collect();
+    frame::frame(dataset.bounds(), &samples)
+}

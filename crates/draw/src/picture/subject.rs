@@ -1,0 +1,156 @@
+//! What is drawn, whatever the view: a mode with its colours on some data. Nodes in memory become a picture's values here: what
+//! a picture may leave out is planned, the rest is decoded and drawn.
+
+use super::decode::{DecodedNode, batches, decode_planned};
+use super::{governor, pilot};
+use crate::color::transfer::{Levels, TransferFunction};
+use crate::cpu::overdraw::{Overdraw, overdraw};
+use crate::cpu::volume::{Caster, Processor, VolumeError};
+use crate::cpu::{Method, SplatError, SplatOptions, Splats, around, draw_counted};
+use crate::mode::{Depiction, Economy, Job, Output, Plan, Raw};
+use crate::modes::grid::Look;
+use crate::store::Metadata;
+use crate::stream::SceneNode;
+use crate::view::View;
+
+/// What is drawn, and how.
+#[derive(Clone, Copy)]
+pub struct Subject<'a> {
+    /// What is known of the data.
+    pub metadata: &'a Metadata,
+    /// The mode and the attribute.
+    pub depiction: &'a Depiction,
+    /// The colours: what volumes emit and absorb, and what may be left out of sums without being seen.
+    pub transfer: &'a TransferFunction,
+    /// The data's diameter without far outliers, world units.
+    pub diameter: f64,
+    /// How splats are evaluated.
+    pub method: Method,
+    /// What draws modes of the perspective grid.
+    pub caster: &'a dyn Caster,
+}
+
+impl<'a> Subject<'a> {
+    /// As the processor draws it fast.
+    pub fn new(
+        metadata: &'a Metadata,
+        depiction: &'a Depiction,
+        transfer: &'a TransferFunction,
+        diameter: f64,
+    ) -> Subject<'a> {
+        Subject { metadata, depiction, transfer, diameter, method: Method::default(), caster: &Processor }
+    }
+
+    /// What `economy` comes to for the picture of `nodes`, whose colours have the ranges `levels`, or those that are found for
+    /// it. Nothing is left out of pictures that are not sums.
+    ///
+    /// # Errors
+    /// [`VolumeError`] as [`Subject::draw`].
+    pub fn plan(
+        &self,
+        view: &View,
+        nodes: &[SceneNode],
+        economy: &Economy,
+        levels: Option<Levels>,
+    ) -> Result<Plan, VolumeError> {
+        match self.depiction.mode.technique.output() {
+            Output::Sums => pilot::plan(self, view, nodes, economy, levels),
+            Output::Values | Output::Light => Ok(Plan::default()),
+        }
+    }
+
+    /// `plan`, or as even a sample as is within `limit` particles; and how many that are.
+    pub fn within(&self, limit: u64, plan: Plan, view: &View, nodes: &[SceneNode]) -> (Plan, u64) {
+        let important = governor::most_important(self.depiction, self.metadata);
+        governor::within(limit, plan, view, self.depiction, self.metadata, nodes, &important)
+    }
+
+    /// What a plan draws of nodes in a view.
+    pub fn decode<'n>(&self, view: &View, nodes: &'n [SceneNode], plan: &Plan) -> Vec<DecodedNode<'n>> {
+        decode_planned(view, self.depiction, self.metadata, nodes, plan)
+    }
+
+    /// Draws decoded nodes with a plan's culling and presence acceleration.
+    ///
+    /// # Errors
+    /// [`VolumeError`] as [`crate::mode::Mode::draw`].
+    pub fn draw(&self, view: &View, nodes: &[DecodedNode<'_>], plan: &Plan) -> Result<Raw, VolumeError> {
+        self.draw_batches(view, &batches(self.depiction, nodes)?, plan)
+    }
+
+    /// Decodes nodes and draws them.
+    ///
+    /// # Errors
+    /// As [`Subject::draw`].
+    pub fn draw_nodes(&self, view: &View, nodes: &[SceneNode], plan: &Plan) -> Result<Raw, VolumeError> {
+        self.draw(view, &self.decode(view, nodes, plan), plan)
+    }
+
+    /// Draws batches of particles.
+    ///
+    /// # Errors
+    /// As [`Subject::draw`].
+    pub fn draw_batches(&self, view: &View, batches: &[Splats<'_>], plan: &Plan) -> Result<Raw, VolumeError> {
+        self.depiction.mode.draw(&self.job(view, batches, plan))
+    }
+
+    /// Draws batches on a face of a panorama whose pixels are `pixel` radians wide.
+    ///
+    /// # Errors
+    /// As [`Subject::draw`].
+    pub fn draw_face(&self, view: &View, batches: &[Splats<'_>], pixel: f64) -> Result<Raw, VolumeError> {
+        match self.depiction.mode.technique.output() {
+            Output::Sums => {
+                let (sums, counts) = around::draw_face(view, batches, pixel, &self.options(&Plan::default()))?;
+                Ok(Raw::Sums(sums, counts))
+            }
+            Output::Values | Output::Light => self.draw_batches(view, batches, &Plan::default()),
+        }
+    }
+
+    /// Sums of splats, whatever the mode draws: for ranges of pictures that the processor does not draw.
+    ///
+    /// # Errors
+    /// [`SplatError`] as [`Splats::new`].
+    pub fn sum(&self, view: &View, nodes: &[DecodedNode<'_>], plan: &Plan) -> Result<Raw, SplatError> {
+        let (sums, counts) = draw_counted(view, &batches(self.depiction, nodes)?, &self.options(plan));
+        Ok(Raw::Sums(sums, counts))
+    }
+
+    /// How many of the splats lie over each pixel.
+    ///
+    /// # Errors
+    /// [`SplatError`] as [`Splats::new`].
+    pub fn overdraw(&self, view: &View, nodes: &[DecodedNode<'_>], plan: &Plan) -> Result<Overdraw, SplatError> {
+        Ok(overdraw(view, &batches(self.depiction, nodes)?, &self.options(plan)))
+    }
+
+    /// The ranges of the colours of these nodes' picture, found without drawing it where that can be.
+    ///
+    /// # Errors
+    /// As [`Subject::draw`].
+    pub fn levels(&self, view: &View, nodes: &[DecodedNode<'_>], plan: &Plan) -> Result<Levels, VolumeError> {
+        if !self.depiction.mode.is_light() {
+            return Ok(self.transfer.levels(&self.draw(view, nodes, plan)?.sums(self.depiction.mode)?.0));
+        }
+        let found = Look::new(&self.job(view, &batches(self.depiction, nodes)?, plan))?.levels;
+        Ok(Levels { p: found.density, s: found.attribute })
+    }
+
+    fn options(&self, plan: &Plan) -> SplatOptions {
+        let Plan { culling, faintest, .. } = *plan;
+        SplatOptions { method: self.method, kernel: self.metadata.kernel, culling, faintest }
+    }
+
+    fn job<'j>(&'j self, view: &'j View, batches: &'j [Splats<'j>], plan: &Plan) -> Job<'j> {
+        let Subject { metadata, depiction, caster, .. } = *self;
+        let (transfer, diameter) = match depiction.mode.technique.output() {
+            Output::Sums => (None, 0.0),
+            Output::Values => (None, metadata.bounds().size().length()),
+            Output::Light => (Some(self.transfer), self.diameter),
+        };
+        let densest = metadata.families.iter().map(|family| family.quantities[1].max).fold(0.0, f64::max);
+        let (options, settings) = (self.options(plan), &depiction.settings);
+        Job { view, batches, options, settings, transfer, diameter, densest, caster }
+    }
+}
