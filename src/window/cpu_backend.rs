@@ -34,7 +34,7 @@ use bevy::image::ImageSampler;
 use bevy::prelude::*;
 use bevy::render::render_resource::{Extent3d, TextureDimension, TextureFormat};
 use bevy::tasks::{AsyncComputeTaskPool, Task, futures::check_ready};
-use drawing::{Limits, Outcome, Source, Values, draw};
+use drawing::{Limits, Outcome, Source, draw};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -296,18 +296,18 @@ pub(super) fn draw_on_cpu(
                     )
                 };
                 match values {
-                    Values::Drawn(Raw::Sums(sums, _)) => {
+                    Some(Raw::Sums(sums, _)) => {
                         let picture = Arc::new(sums);
                         (Drawn { key, picture, painted: None, milliseconds }, plan, Some(taken), is_cut)
                     }
-                    Values::Drawn(Raw::Light(light)) => {
+                    Some(Raw::Light(light)) => {
                         let found = Levels { p: light.levels.density, s: light.levels.attribute };
                         // A sample's wider kernels may hide what all particles together do not.
                         let opaque = light.report.opaque.filter(|_| sampled.is_none());
                         painted(light.colors.image(), found, opaque, sampled)
                     }
                     // A view without data is a black picture, and no error.
-                    Values::Nothing => painted(Colors::black(size.x, size.y), levels, None, None),
+                    None => painted(Colors::black(size.x, size.y), levels, None, None),
                 }
             }
         };

@@ -32,7 +32,8 @@ pub(super) struct Limits {
 
 /// What was drawn.
 pub(super) struct Outcome {
-    pub values: Values,
+    /// Sums or light; `None` where nothing is in view.
+    pub values: Option<Raw>,
     /// What the settings came to.
     pub plan: Plan,
     /// How many particles it took, and whether that is less than the plan would.
@@ -40,14 +41,6 @@ pub(super) struct Outcome {
     pub is_cut: bool,
     /// Why not the adapter but the processor has drawn it.
     pub trouble: Option<String>,
-}
-
-/// A picture's values.
-pub(super) enum Values {
-    /// Sums or light.
-    Drawn(Raw),
-    /// Nothing is in view.
-    Nothing,
 }
 
 impl Source {
@@ -95,8 +88,8 @@ pub(super) fn draw(
         },
     };
     let values = match drawn {
-        Err(VolumeError::Grid(GridError::NothingInView)) => Values::Nothing,
-        drawn => Values::Drawn(drawn?),
+        Err(VolumeError::Grid(GridError::NothingInView)) => None,
+        drawn => Some(drawn?),
     };
     Ok(Outcome { values, plan, taken, is_cut: fitting != plan, trouble })
 }
