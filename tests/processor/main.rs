@@ -28,6 +28,7 @@ mod pictures {
     mod guarantee;
     mod joined;
     mod periodic;
+    mod session;
 }
 mod panoramas;
 mod projections;

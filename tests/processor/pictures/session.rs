@@ -1,0 +1,100 @@
+//! One way to a picture: what a session draws of a shot is what a tour blends and what ranges are found for, in every mode, of pages
+//! and of source particles.
+
+use crate::support::{demo, in_repository};
+use deepfield::cpu::Method;
+use deepfield::look::{Camera, Film, LookPatch, Member, SceneFile, Shot};
+use deepfield::model::FamilyName;
+use deepfield::modes;
+use deepfield::picture::ranges::Format;
+use deepfield::picture::{PictureError, Session, SessionOptions};
+use deepfield::view::Surround;
+use std::path::Path;
+use std::sync::Arc;
+
+const SIZE: (u32, u32) = (90, 60);
+
+/// A session on the demo data, of its pages or of its source.
+fn session(folder: &Path, exact: Option<Method>) -> Session {
+    let pages = folder.join("demo.df");
+    let page_file = |source: &Path| -> Result<_, PictureError> {
+        if !pages.exists() {
+            let (load, build) = Default::default();
+            deepfield::build::build_source(source, &load, &build, &pages, &()).unwrap();
+        }
+        Ok(pages.clone())
+    };
+    let options = SessionOptions { exact, ..SessionOptions::default() };
+    Session::open(&[Member::new(demo())], options, [&Shot::default()], page_file, Arc::new(())).unwrap()
+}
+
+fn shot(mode: &'static deepfield::mode::Mode, session: &mut Session) -> (Shot, Camera) {
+    let look = LookPatch { mode: Some(mode), ..LookPatch::default() };
+    let bounds = session.framed(&look).unwrap();
+    let eye = bounds.center() + bounds.size() * 0.9;
+    let camera =
+        Camera { eye: eye.into(), target: bounds.center().into(), up: [0.0, 1.0, 0.0], fov: 45.0, ortho: None };
+    let scene = SceneFile { look, size: Some(SIZE), camera: Some(camera), ..SceneFile::new(Vec::new()) };
+    (Shot::of_scene(scene, Path::new("")), camera)
+}
+
+#[test]
+fn every_mode_comes_to_the_same_picture_and_ranges_on_every_way() {
+    let folder = tempfile::tempdir().unwrap();
+    for exact in [None, Some(Method::Pyramid)] {
+        let mut session = session(folder.path(), exact);
+        for mode in modes::all() {
+            let (shot, camera) = shot(mode, &mut session);
+            let picture = session.draw(&shot).unwrap();
+            assert!(picture.converged && picture.size() == [SIZE.0, SIZE.1], "{}", mode.name);
+            let image = picture.image(&shot).unwrap();
+            assert!(image.rgba.iter().any(|pixel| pixel[..3] != image.rgba[0][..3]), "{}: one colour", mode.name);
+            let diameter = session.framed(&shot.look).unwrap().size().length();
+            let view = camera.view(SIZE.0, SIZE.1).unwrap();
+            let (blended, _) = session.image(&shot.look, &view, None, diameter, u64::MAX).unwrap();
+            assert!(blended == image, "{}", mode.name);
+            let format = Format { size: SIZE, surround: Surround::Flat };
+            let found = session.ranges(&shot.look, &camera, format).unwrap();
+            assert_eq!(found.levels, picture.coloration().levels, "{}", mode.name);
+        }
+    }
+}
+
+#[test]
+fn a_film_shows_the_picture_before_then_its_own() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut session = session(folder.path(), None);
+    let (before, camera) = shot(modes::find("points").unwrap(), &mut session);
+    let (own, _) = shot(modes::find("volume").unwrap(), &mut session);
+    let [before_image, own_image] =
+        [&before, &own].map(|shot| session.draw(shot).and_then(|picture| picture.image(shot)).unwrap());
+    assert!(before_image != own_image);
+    for (share, expected) in [(0.0, &before_image), (1.0, &own_image)] {
+        let from = SceneFile { look: before.look.clone(), camera: Some(camera), ..SceneFile::new(Vec::new()) };
+        let film = Some(Film { from: Some(Box::new(from)), share, ..Film::default() });
+        let shot = Shot { film, ..own.clone() };
+        let picture = session.draw(&shot).unwrap();
+        assert!(session.finished(&shot, &picture).unwrap() == *expected, "{share}");
+    }
+}
+
+#[test]
+fn what_does_not_fit_says_why() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut session = session(folder.path(), None);
+    let (shot, _) = shot(modes::find("column-density").unwrap(), &mut session);
+    let family = |name: &str| FamilyName::parse(name).map(|name| vec![name]);
+    let absent = Shot { look: LookPatch { families: family("stars"), ..shot.look.clone() }, ..shot.clone() };
+    let why = session.draw(&absent).err().unwrap().to_string();
+    assert!(why.contains("no particles of family stars") && why.contains("lcdm"), "{why}");
+    let none = session.draw(&Shot { size: Some((0, 10)), ..shot });
+    assert!(none.is_err());
+    let missing = Session::open(
+        &[Member::new(in_repository("none.hdf5"))],
+        SessionOptions { exact: Some(Method::Pyramid), ..SessionOptions::default() },
+        [&Shot::default()],
+        |path| Ok(path.to_owned()),
+        Arc::new(()),
+    );
+    assert!(missing.err().unwrap().to_string().contains("none.hdf5"));
+}
