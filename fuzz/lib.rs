@@ -1,10 +1,12 @@
 //! What every target does with its bytes.
 
+#[path = "../tests/support/page_checksums.rs"]
+mod page_checksums;
+
 use deepfield::import::{LoadOptions, formats, load_source, summarize_source};
 use deepfield::show::protocol::message::{Frame, FromFollower, FromLeader, Message, Report};
 use deepfield::show::rig::{Cover, Mesh, OutputsFile, Pfm, Projector};
 use deepfield::look::SceneFile;
-use deepfield::store::layout::PAGE_ENTRY_LEN;
 use deepfield::store::{PageFile, PageId, verify};
 use deepfield::tour::TourFile;
 use std::io::Write;
@@ -55,7 +57,7 @@ pub fn rigs(bytes: &[u8]) {
 /// those), reads every particle of every page and verifies the file.
 pub fn pages(bytes: &[u8]) {
     let mut forged = bytes.to_vec();
-    forge(&mut forged);
+    page_checksums::correct(&mut forged);
     for bytes in [bytes, &forged] {
         let Some(file) = file(bytes) else { return };
         let read = PageFile::open(file.path()).map(|pages| (0..pages.page_count()).all(|id| read(&pages, PageId(id))));
@@ -80,31 +82,6 @@ fn read(pages: &PageFile, id: PageId) -> bool {
         }
     }
     true
-}
-
-/// Gives the header, the footer and every page inside the file the checksums that their bytes have.
-fn forge(bytes: &mut [u8]) {
-    let word = |bytes: &[u8], at: usize| {
-        bytes.get(at..at + 4).and_then(|word| word.try_into().ok()).map_or(0, |word| u32::from_le_bytes(word) as usize)
-    };
-    let footer = word(bytes, 24);
-    if bytes.len() < 64 || footer > bytes.len() {
-        return;
-    }
-    for entry in (0..word(bytes, 44)).map(|page| footer + page * PAGE_ENTRY_LEN) {
-        if entry + PAGE_ENTRY_LEN > bytes.len() {
-            break;
-        }
-        let (offset, len) = (word(bytes, entry), word(bytes, entry + 8));
-        if let Some(page) = offset.checked_add(len).and_then(|end| bytes.get(offset..end)) {
-            let crc = crc32c::crc32c(page);
-            bytes[entry + 20..entry + 24].copy_from_slice(&crc.to_le_bytes());
-        }
-    }
-    let crc = crc32c::crc32c(&bytes[footer..]);
-    bytes[40..44].copy_from_slice(&crc.to_le_bytes());
-    let crc = crc32c::crc32c(&bytes[..60]);
-    bytes[60..64].copy_from_slice(&crc.to_le_bytes());
 }
 
 /// A file of these bytes, gone when dropped.

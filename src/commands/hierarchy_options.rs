@@ -28,6 +28,10 @@ pub struct HierarchyOptions {
     /// 1. Less takes less space, and draws up to 1/share times the particles that a view needs.
     #[arg(long, value_name = "SHARE", default_value_t = OctreeOptions::default().relay_fraction, value_parser = relay_share)]
     pub relay_share: f64,
+    /// Particles up to which a family's root cell is as large as their box, 1 or more; for each factor of 8 beyond, it is twice as
+    /// large, up to 16 times. Fewer bring the first picture sooner, more take fewer levels.
+    #[arg(long, value_name = "N", default_value_t = OctreeOptions::default().root_particles, value_parser = root_particles)]
+    pub root_particles: u64,
 }
 
 impl HierarchyOptions {
@@ -38,6 +42,7 @@ impl HierarchyOptions {
         options.octree.fusion = self.fusion;
         options.octree.thinning_budget = self.thinning_budget;
         options.octree.relay_fraction = self.relay_share;
+        options.octree.root_particles = self.root_particles;
     }
 }
 
@@ -63,6 +68,11 @@ fn budget(text: &str) -> Result<f64, String> {
 
 fn relay_share(text: &str) -> Result<f64, String> {
     number(text, 0.1, 1.0)
+}
+
+fn root_particles(text: &str) -> Result<u64, String> {
+    let value = text.parse().ok().filter(|value| *value > 0);
+    value.ok_or_else(|| "expected a whole number of at least 1".into())
 }
 
 fn number(text: &str, least: f64, most: f64) -> Result<f64, String> {
@@ -95,12 +105,13 @@ mod tests {
 
     #[test]
     fn every_option_sets_its_own_field_and_refuses_what_is_out_of_range() {
-        let set: [(&str, &str, fn(&mut BuildOptions), &[&str]); 5] = [
+        let set: [(&str, &str, fn(&mut BuildOptions), &[&str]); 6] = [
             ("--page-size", "256KiB", |options| options.page_bytes = 256 << 10, &["1KiB", "65MiB", "large"]),
             ("--leaf-particles", "100", |options| options.octree.leaf_capacity = 100, &["0", "15", "1048577", "1.5"]),
             ("--fusion", "1.5", |options| options.octree.fusion = 1.5, &["-1", "8.1", "nan"]),
             ("--thinning-budget", "0", |options| options.octree.thinning_budget = 0.0, &["-0.1", "0.51", "inf"]),
             ("--relay-share", "0.9", |options| options.octree.relay_fraction = 0.9, &["0", "0.09", "1.01"]),
+            ("--root-particles", "1000", |options| options.octree.root_particles = 1000, &["0", "-1", "1e6"]),
         ];
         for (name, value, change, wrong) in set {
             let mut expected = BuildOptions::default();

@@ -1,7 +1,7 @@
 //! `deepfield info`: what a source holds, as a table for people or as JSON for programs.
 
 use super::{CommandResult, page_file_info};
-use crate::import::{FamilySummary, Statistic, Summary, summarize};
+use crate::import::{FamilySummary, Field, Statistic, Summary, summarize};
 use crate::look::data_file;
 use crate::store::PageFile;
 use std::fmt::Write as _;
@@ -54,10 +54,11 @@ fn table(summary: &Summary) -> String {
 }
 
 fn write_table(text: &mut String, summary: &Summary) -> std::fmt::Result {
-    let files = if summary.files == 1 { String::new() } else { format!(" in {} files", summary.files) };
-    writeln!(text, "{}, {} bytes{files}: {} particles", summary.format, summary.bytes, summary.particles)?;
-    writeln!(text, "length unit: {}, mass unit: {}", summary.length_unit, summary.mass_unit)?;
-    for (name, value) in [("time", summary.time), ("redshift", summary.redshift), ("box", summary.box_size)] {
+    let about = &summary.about;
+    let files = if about.files == 1 { String::new() } else { format!(" in {} files", about.files) };
+    writeln!(text, "{}, {} bytes{files}: {} particles", about.format, about.bytes, summary.particles)?;
+    writeln!(text, "length unit: {}, mass unit: {}", about.length_unit, about.mass_unit)?;
+    for (name, value) in [("time", about.time), ("redshift", about.redshift), ("box", about.box_size)] {
         if let Some(value) = value {
             writeln!(text, "{name}: {}", short(value))?;
         }
@@ -68,7 +69,7 @@ fn write_table(text: &mut String, summary: &Summary) -> std::fmt::Result {
     for skipped in &summary.skipped {
         writeln!(text, "left out: {} particles, {}", skipped.count, skipped.reason)?;
     }
-    summary.notes.iter().try_for_each(|note| writeln!(text, "note: {note}"))
+    about.notes.iter().try_for_each(|note| writeln!(text, "note: {note}"))
 }
 
 fn write_family(text: &mut String, family: &FamilySummary) -> std::fmt::Result {
@@ -82,8 +83,9 @@ fn write_family(text: &mut String, family: &FamilySummary) -> std::fmt::Result {
         let rows = values(&field.min).into_iter().zip(values(&field.max)).zip(values(&field.mean));
         for (component, ((min, max), mean)) in rows.enumerate() {
             let letter = ["-x", "-y", "-z"].get(component).map_or(format!("-{component}"), |letter| letter.to_string());
-            let name = if field.components == 1 { field.name.clone() } else { format!("{}{letter}", field.name) };
-            let unit = field.unit.to_string();
+            let Field { name, components, .. } = &field.about;
+            let name = if *components == 1 { name.clone() } else { format!("{name}{letter}") };
+            let unit = field.about.unit.to_string();
             writeln!(text, "  {name:<28} {unit:<24} {:>14} {:>14} {:>14}", short(min), short(max), short(mean))?;
         }
     }

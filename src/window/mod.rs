@@ -42,8 +42,8 @@ pub mod theme;
 pub mod touring;
 pub mod transfer_presets;
 
-mod asset_text;
 mod preset_assets;
+mod ron_asset;
 mod shader_reload;
 mod status;
 mod ui;

@@ -5,14 +5,12 @@
 //! folder `configs` (beside the manifest under cargo, else beside the executable or in `BEVY_ASSET_ROOT`), the file
 //! there wins. Unknown fields and wrong values are refused with file, line and column; the last good preset stays.
 
-use super::asset_text::asset_text;
 use crate::mode::Settings;
 use crate::model::ReadMethod;
 use crate::model::ron_file::{self, RonError};
 use crate::model::ron_place::Place;
 use crate::picture::governor::{self, SampleSizes};
 use crate::stream::{CopyOptions, LookAhead, StreamOptions};
-use bevy::asset::{AssetLoader, LoadContext, io::Reader};
 use bevy::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
@@ -393,30 +391,6 @@ impl Preset {
             return Err(place.refuse(&["panel", "scale"], panel.scale, "0 (automatic), or 0.5 to 4"));
         }
         Ok(())
-    }
-}
-
-/// Loads `*.ron` files of the source `configs` as [`Preset`]s.
-#[derive(Default, TypePath)]
-pub struct PresetLoader;
-
-impl AssetLoader for PresetLoader {
-    type Asset = Preset;
-    type Settings = ();
-    type Error = RonError;
-
-    async fn load(
-        &self,
-        reader: &mut dyn Reader,
-        _settings: &(),
-        load_context: &mut LoadContext<'_>,
-    ) -> Result<Preset, RonError> {
-        let (file, text) = asset_text(reader, load_context).await?;
-        Preset::parse(&file, &text)
-    }
-
-    fn extensions(&self) -> &[&str] {
-        &["ron"]
     }
 }
 

@@ -1,7 +1,8 @@
 //! Presets as assets: where they are found, and what happens when they change while the program runs.
 
 use super::options::WindowOptions;
-use super::preset::{Preset, PresetLoader};
+use super::preset::Preset;
+use super::ron_asset::{RonAssetLoader, refusal};
 use super::scene::{Settings, budget_of};
 use super::state::notices::Notices;
 use bevy::asset::io::{AssetSourceBuilder, AssetSourceId};
@@ -45,7 +46,7 @@ struct PresetFile {
 impl Plugin for PresetPlugin {
     fn build(&self, app: &mut App) {
         app.init_asset::<Preset>()
-            .init_asset_loader::<PresetLoader>()
+            .register_asset_loader(RonAssetLoader(Preset::parse))
             .add_systems(Update, apply_preset.run_if(resource_exists::<PresetFile>));
         if FileAssetReader::get_base_path().join("configs").is_dir() {
             let path = format!("configs://{}.ron", self.options.preset);
@@ -92,29 +93,11 @@ fn apply_preset(
     }
 }
 
-/// What to say about a preset that cannot be loaded: the loader's own words, which name file, line and column.
-pub(super) fn refusal(error: &bevy::asset::AssetLoadError) -> String {
-    match error {
-        bevy::asset::AssetLoadError::AssetLoaderError(error) => error.error().to_string(),
-        other => other.to_string(),
-    }
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::ron_asset::tests::wait;
     use super::*;
     use std::sync::Arc;
-    use std::time::{Duration, Instant};
-
-    /// Runs frames until a condition holds.
-    fn wait(app: &mut App, what: &str, condition: impl Fn(&World) -> bool) {
-        let start = Instant::now();
-        while !condition(app.world()) {
-            assert!(start.elapsed() < Duration::from_secs(60), "waited in vain for: {what}");
-            app.update();
-            std::thread::sleep(Duration::from_millis(5));
-        }
-    }
 
     #[test]
     fn a_changed_preset_is_applied_and_a_wrong_one_is_refused_with_its_place() {
@@ -126,7 +109,7 @@ mod tests {
         app.register_asset_source("configs", source);
         app.add_plugins((MinimalPlugins, AssetPlugin { watch_for_changes_override: Some(true), ..default() }))
             .init_asset::<Preset>()
-            .init_asset_loader::<PresetLoader>()
+            .register_asset_loader(RonAssetLoader(Preset::parse))
             .init_resource::<Notices>()
             .insert_resource(Preset::default())
             .insert_resource(Settings::new(&Preset::default(), None))

@@ -1,43 +1,17 @@
 //! Transfer functions by name in the window: files under `assets/transfer` as Bevy assets, reloaded when they change, and
 //! written when the user saves.
 
-use super::asset_text::asset_text;
+use super::ron_asset::{RonAssetLoader, refusal};
 use super::scene::Settings;
 use super::state::notices::Notices;
 use crate::color::transfer::{TransferFunction, presets};
-use crate::model::ron_file::RonError;
-use bevy::asset::io::Reader;
-use bevy::asset::{AssetLoadFailedEvent, AssetLoader, LoadContext};
+use bevy::asset::AssetLoadFailedEvent;
 use bevy::prelude::*;
 use std::path::PathBuf;
 
 /// A preset's file.
 #[derive(Asset, TypePath, Clone, Debug, PartialEq)]
 pub struct TransferAsset(TransferFunction);
-
-/// Loads [`TransferAsset`]s.
-#[derive(Default, TypePath)]
-struct TransferLoader;
-
-impl AssetLoader for TransferLoader {
-    type Asset = TransferAsset;
-    type Settings = ();
-    type Error = RonError;
-
-    async fn load(
-        &self,
-        reader: &mut dyn Reader,
-        _settings: &(),
-        load_context: &mut LoadContext<'_>,
-    ) -> Result<TransferAsset, RonError> {
-        let (file, text) = asset_text(reader, load_context).await?;
-        TransferFunction::parse(&text, &file).map(TransferAsset)
-    }
-
-    fn extensions(&self) -> &[&str] {
-        &["ron"]
-    }
-}
 
 /// A preset.
 struct Preset {
@@ -109,7 +83,7 @@ pub struct TransferPresetsPlugin {
 impl Plugin for TransferPresetsPlugin {
     fn build(&self, app: &mut App) {
         app.init_asset::<TransferAsset>()
-            .init_asset_loader::<TransferLoader>()
+            .register_asset_loader(RonAssetLoader(|file, text| TransferFunction::parse(text, file).map(TransferAsset)))
             .insert_resource(TransferPresets { folder: self.folder.clone(), ..default() })
             .add_systems(Startup, load)
             .add_systems(Update, (follow_files, save_presets).chain());
@@ -144,7 +118,7 @@ fn follow_files(
     mut messages: ResMut<Notices>,
 ) {
     for failure in failures.read() {
-        messages.error(super::preset_assets::refusal(&failure.error));
+        messages.error(refusal(&failure.error));
     }
     for event in events.read() {
         let (AssetEvent::Added { id } | AssetEvent::Modified { id }) = event else { continue };
@@ -191,17 +165,8 @@ fn save_presets(mut presets: ResMut<TransferPresets>, assets: Res<AssetServer>, 
 
 #[cfg(test)]
 mod tests {
+    use super::super::ron_asset::tests::wait;
     use super::*;
-
-    /// Runs frames until a condition holds.
-    fn wait(app: &mut App, what: &str, condition: impl Fn(&World) -> bool) {
-        let start = std::time::Instant::now();
-        while !condition(app.world()) {
-            assert!(start.elapsed().as_secs() < 60, "waited in vain for: {what}");
-            app.update();
-            std::thread::sleep(std::time::Duration::from_millis(5));
-        }
-    }
 
     #[test]
     fn files_are_followed_written_and_refused_with_their_place() {

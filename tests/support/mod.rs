@@ -4,6 +4,7 @@
 
 mod files;
 pub mod golden;
+pub mod page_checksums;
 mod pages;
 pub mod parquet;
 mod program;

@@ -74,12 +74,10 @@ pub enum Geometry {
 /// # Errors
 /// [`MpcdiError`].
 pub fn regions(path: &Path) -> Result<Vec<String>, MpcdiError> {
-    let fail = |message: String| MpcdiError { path: path.to_owned(), message };
-    let mut archive = Archive::open(path).map_err(fail)?;
-    let text = archive.text().map_err(fail)?;
-    let document = Document::parse(&text).map_err(|error| fail(format!("its XML: {error}")))?;
-    let found = all(document.root(), "region").filter(|region| attribute(*region, "xResolution").is_some());
-    Ok(found.filter_map(|region| attribute(region, "id")).map(str::to_owned).collect())
+    read_document(path, |document, _| {
+        let found = all(document.root(), "region").filter(|region| attribute(*region, "xResolution").is_some());
+        Ok(found.filter_map(|region| attribute(region, "id")).map(str::to_owned).collect())
+    })
 }
 
 /// Reads a region of an archive, the only one where `id` is `None`; `rows` is the order of its warp's, where it is known.
@@ -87,11 +85,19 @@ pub fn regions(path: &Path) -> Result<Vec<String>, MpcdiError> {
 /// # Errors
 /// [`MpcdiError`].
 pub fn read(path: &Path, id: Option<&str>, rows: Option<Rows>) -> Result<Region, MpcdiError> {
+    read_document(path, |document, archive| region(document, archive, id, rows))
+}
+
+/// What `find` finds in an archive and its XML.
+fn read_document<T>(
+    path: &Path,
+    find: impl FnOnce(&Document, &mut Archive) -> Result<T, String>,
+) -> Result<T, MpcdiError> {
     let fail = |message: String| MpcdiError { path: path.to_owned(), message };
     let mut archive = Archive::open(path).map_err(fail)?;
     let text = archive.text().map_err(fail)?;
     let document = Document::parse(&text).map_err(|error| fail(format!("its XML: {error}")))?;
-    region(&document, &mut archive, id, rows).map_err(fail)
+    find(&document, &mut archive).map_err(fail)
 }
 
 /// What a rig is kept in.

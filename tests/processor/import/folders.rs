@@ -28,7 +28,7 @@ fn one_snapshot_in_one_or_several_files_is_opened_among_other_files() {
     ] {
         let folder = folder_of(files);
         let alone = summarize(&folder.path().join(files[0].1)).unwrap();
-        assert_eq!(alone.files, count);
+        assert_eq!(alone.about.files, count);
         // Text whose first line could be that of a table, text in no format, hidden files and folders.
         file(folder.path(), "parameters.txt", b"name,value,unit\nBoxSize,100,kpc\n");
         file(folder.path(), "README", b"A run.\n");

@@ -89,7 +89,7 @@ fn gizmo_families_and_arrays() {
 fn a_gadget_4_snapshot_has_its_known_numbers() {
     // Step 25 of the sequence: 1472 particles, total mass 1, u and h ranges as the reference reader gives them.
     let summary = summarize(&data("gas_sphere_collapse_025.hdf5")).unwrap();
-    assert_eq!((summary.particles, summary.time), (1472, Some(1.5)));
+    assert_eq!((summary.particles, summary.about.time), (1472, Some(1.5)));
     assert!((summary.families[0].mass - 1.0).abs() < 1e-7);
     let loaded = load(&data("gas_sphere_collapse_025.hdf5"), &LoadOptions::default(), &()).unwrap();
     let range = |values: &[f32]| values.iter().fold((f32::MAX, f32::MIN), |(a, b), v| (a.min(*v), b.max(*v)));

@@ -22,7 +22,7 @@ fn survives(folder: &Path, bytes: &[u8]) -> Result<(), TestCaseError> {
             let skipped: u64 = dataset.skipped.iter().map(|skipped| skipped.count).sum();
             prop_assert_eq!(dataset.len() as u64 + skipped, summary.particles);
             prop_assert_eq!(&dataset.skipped, &summary.skipped);
-            prop_assert!(dataset.provenance.notes.starts_with(&summary.notes), "{:?}", summary.notes);
+            prop_assert!(dataset.provenance.notes.starts_with(&summary.about.notes), "{:?}", summary.about.notes);
             for family in &dataset.families {
                 prop_assert!(family.positions.iter().flatten().all(|x| x.is_finite()));
                 for column in [&family.mass, &family.smoothing_length, &family.density] {

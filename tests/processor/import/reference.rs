@@ -19,7 +19,7 @@ fn every_expected_source_has_its_counts_masses_and_bounds() {
         let name = source["path"].as_str().unwrap();
         let summary = summarize(&in_reference_data(name)).unwrap();
         assert_eq!(Some(summary.particles), source["particles"].as_u64(), "{name}");
-        assert_eq!(Some(summary.format.as_str()), source["format"].as_str(), "{name}");
+        assert_eq!(Some(summary.about.format.as_str()), source["format"].as_str(), "{name}");
         assert!(summary.skipped.is_empty(), "{name}");
         for family in source["families"].as_array().unwrap() {
             let own = family_of(&summary, family["name"].as_str().unwrap());
@@ -96,7 +96,7 @@ fn fields_have_their_known_statistics() {
     for (name, family, field, min, max, mean) in STATISTICS {
         let summary = summarize(&in_reference_data(name)).unwrap();
         let family = family_of(&summary, family);
-        let own = family.fields.iter().find(|own| own.name == *field).unwrap_or_else(|| panic!("{name} {field}"));
+        let own = family.fields.iter().find(|own| own.about.name == *field).unwrap_or_else(|| panic!("{name} {field}"));
         let first = |statistic: &Statistic| match statistic {
             Statistic::Scalar(value) => *value,
             Statistic::Vector(values) => values[0],

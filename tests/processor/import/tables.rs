@@ -41,7 +41,7 @@ fn parallaxes_become_distances_and_stars_without_are_left_out() {
     let path = file(folder.path(), "stars", text.as_bytes());
     let summary = summarize(&path).unwrap();
     assert_eq!((summary.particles, summary.skipped[0].count), (4, 1));
-    assert_eq!(summary.length_unit.to_string(), "pc");
+    assert_eq!(summary.about.length_unit.to_string(), "pc");
     let loaded = load(&path, &LoadOptions::default(), &()).unwrap();
     let stars = loaded.family(FamilyName::Stars).unwrap();
     let expected = [[10.0, 0.0, 0.0], [0.0, 100.0, 0.0], [0.0, 0.0, 1.0]];

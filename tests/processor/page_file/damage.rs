@@ -1,10 +1,11 @@
 //! Damaged and hostile page files: every flipped bit and every truncation is found, and nothing panics.
 
+use crate::support::page_checksums;
 use deepfield::build::{BuildOptions, build};
 use deepfield::codec::VqBits;
 use deepfield::hierarchy::OctreeOptions;
 use deepfield::model::{Attribute, Dataset, Family, FamilyName, Kernel, Provenance, Unit};
-use deepfield::store::layout::{ALIGNMENT, HEADER_LEN, PAGE_ENTRY_LEN};
+use deepfield::store::layout::{ALIGNMENT, HEADER_LEN};
 use deepfield::store::{PageFile, PageId, verify};
 use proptest::prelude::*;
 use std::io::{Seek, SeekFrom, Write};
@@ -130,31 +131,6 @@ fn what_is_no_page_file_is_refused_in_one_line() {
     }
 }
 
-/// Gives a changed file right checksums again, as somebody who means harm would.
-fn forge(bytes: &mut [u8]) {
-    let u32_at = |bytes: &[u8], at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap()) as usize;
-    let footer = u32_at(bytes, 24);
-    let pages = u32_at(bytes, 44);
-    if footer > bytes.len() {
-        return;
-    }
-    for page in 0..pages {
-        let entry = footer + page * PAGE_ENTRY_LEN;
-        if entry + PAGE_ENTRY_LEN > bytes.len() {
-            break;
-        }
-        let (offset, len) = (u32_at(bytes, entry), u32_at(bytes, entry + 8));
-        if let Some(page) = offset.checked_add(len).and_then(|end| bytes.get(offset..end)) {
-            let crc = crc32c::crc32c(page);
-            bytes[entry + 20..entry + 24].copy_from_slice(&crc.to_le_bytes());
-        }
-    }
-    let crc = crc32c::crc32c(&bytes[footer..]);
-    bytes[40..44].copy_from_slice(&crc.to_le_bytes());
-    let crc = crc32c::crc32c(&bytes[..60]);
-    bytes[60..64].copy_from_slice(&crc.to_le_bytes());
-}
-
 proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..crate::cases::cases(1500) })]
 
@@ -171,7 +147,7 @@ proptest! {
             let at = range.start + at.index(range.len());
             bytes[at..].iter_mut().zip(value.to_le_bytes()).take(width).for_each(|(place, byte)| *place = byte);
         }
-        forge(&mut bytes);
+        page_checksums::correct(&mut bytes);
         let folder = tempfile::tempdir().unwrap();
         check(&bytes, &folder.path().join("forged.df"));
     }

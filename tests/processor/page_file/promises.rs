@@ -338,6 +338,26 @@ fn every_option_of_the_hierarchy_changes_what_it_says_and_is_noted() {
 }
 
 #[test]
+fn families_with_more_particles_have_larger_roots_whose_nodes_draw_less() {
+    let folder = tempfile::tempdir().unwrap();
+    // Size of the root cell, and what its node draws.
+    let root = |root_particles: u64| {
+        let usual = small_leaves(VqBits::Eight, 300);
+        let options = BuildOptions { octree: OctreeOptions { root_particles, ..usual.octree }, ..usual };
+        let (_, metadata) = build_in(&folder, vec![clustered(30_000, 9)], &options);
+        let noted = metadata.provenance.notes[1].contains(&format!("a larger root beyond {root_particles} particles"));
+        assert_eq!(noted, root_particles != OctreeOptions::default().root_particles);
+        let family = &metadata.families[0];
+        (family.root.size, family.levels[0].sprites + family.levels[0].points)
+    };
+    let (size, drawn) = root(OctreeOptions::default().root_particles);
+    assert_eq!(root(30_000), (size, drawn));
+    let (larger, fewer) = root(1000);
+    assert!(larger == 4.0 * size && fewer < drawn, "{larger} {size} {fewer} {drawn}");
+    assert_eq!(root(1).0, 16.0 * size);
+}
+
+#[test]
 fn degenerate_particles_build() {
     let folder = tempfile::tempdir().unwrap();
     let column = |values: &[f32], count: usize| (0..count).map(|i| values[i % values.len()]).collect::<Vec<f32>>();

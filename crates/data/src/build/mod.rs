@@ -97,6 +97,10 @@ impl BuildOptions {
             (own.fusion != usual.fusion, format!("fusion within {} cells", own.fusion)),
             (own.thinning_budget != usual.thinning_budget, format!("thinning of {}", own.thinning_budget)),
             (own.relay_fraction != usual.relay_fraction, format!("relays from {}", own.relay_fraction)),
+            (
+                own.root_particles != usual.root_particles,
+                format!("a larger root beyond {} particles", own.root_particles),
+            ),
         ];
         let differing: Vec<_> = differing.into_iter().filter(|(differs, _)| *differs).map(|(_, what)| what).collect();
         (!differing.is_empty()).then(|| format!("built with {}", differing.join(", ")))

@@ -2,6 +2,7 @@
 
 use super::ImportError;
 use crate::model::{FamilyName, Kernel, Unit};
+use serde::Serialize;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -25,18 +26,19 @@ pub enum FieldKind {
 }
 
 /// One field of one family.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Field {
     /// Standard name in kebab case (`position`, `smoothing-length`, `internal-energy`), or the source's own name where
     /// there is no standard one.
     pub name: String,
     /// The source's own name for it: block label, path of the data set, column.
     pub stored_as: String,
-    /// Unit of the values as [`Source::read`] gives them.
+    /// Unit of the values as [`Source::read`] gives them; empty when unknown.
     pub unit: Unit,
     /// Values per particle, at least 1.
     pub components: usize,
     /// What it is to the import.
+    #[serde(skip)]
     pub kind: FieldKind,
 }
 
@@ -65,9 +67,10 @@ impl FamilyInfo {
 }
 
 /// What a source says about itself.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Description {
     /// The file that was named.
+    #[serde(skip)]
     pub path: PathBuf,
     /// The format's name: `gadget`, `gadget-hdf5`, `hdf5`, `swift`, `tipsy`, `csv`, ...
     pub format: String,
@@ -90,6 +93,7 @@ pub struct Description {
     /// What the import assumed or converted, one sentence each.
     pub notes: Vec<String>,
     /// The families that hold particles, in Gadget's order.
+    #[serde(skip)]
     pub families: Vec<FamilyInfo>,
 }
 

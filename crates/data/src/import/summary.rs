@@ -2,8 +2,8 @@
 
 use super::check::{LeftOut, Survey, chunks};
 use super::choice::Chosen;
-use super::{FamilyInfo, ImportError, Smoothing, Source};
-use crate::model::{Bounds, FamilyName, Kernel, Skipped, Unit};
+use super::{Description, FamilyInfo, Field, ImportError, Smoothing, Source};
+use crate::model::{Bounds, FamilyName, Skipped};
 use rayon::prelude::*;
 use serde::Serialize;
 use std::path::Path;
@@ -21,14 +21,9 @@ pub enum Statistic {
 /// Statistics of one field over all its finite values.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FieldSummary {
-    /// Standard name, or the source's own.
-    pub name: String,
-    /// The source's own name.
-    pub stored_as: String,
-    /// Unit of the values; empty when unknown.
-    pub unit: Unit,
-    /// Values per particle.
-    pub components: usize,
+    /// The field.
+    #[serde(flatten)]
+    pub about: Field,
     /// Smallest value.
     pub min: Statistic,
     /// Largest value.
@@ -59,34 +54,17 @@ pub struct FamilySummary {
 pub struct Summary {
     /// What the data is: `particles`.
     pub kind: &'static str,
-    /// The format's name.
-    pub format: String,
-    /// Size of all files, bytes.
-    pub bytes: u64,
-    /// Number of files.
-    pub files: usize,
+    /// What the source says about itself; the notes also say what a load assumes, converts or estimates.
+    #[serde(flatten)]
+    pub about: Description,
     /// Number of particles in the source, all families.
     pub particles: u64,
-    /// Unit of positions and smoothing lengths.
-    pub length_unit: Unit,
-    /// Unit of masses.
-    pub mass_unit: Unit,
-    /// Kernel that smoothing lengths belong to.
-    pub kernel: Kernel,
-    /// Simulation time.
-    pub time: Option<f64>,
-    /// Redshift.
-    pub redshift: Option<f64>,
-    /// Edge of the periodic box.
-    pub box_size: Option<f64>,
     /// The families that hold particles.
     pub families: Vec<FamilySummary>,
     /// The box around all finite positions; absent if there is none.
     pub bounds: Option<Bounds>,
     /// Particles that [`super::load`] leaves out, by reason.
     pub skipped: Vec<Skipped>,
-    /// What the import assumes, converts or estimates.
-    pub notes: Vec<String>,
 }
 
 /// Opens the source at `path` and reads every field once, in bounded chunks.
@@ -102,34 +80,24 @@ pub fn summarize(path: &Path) -> Result<Summary, ImportError> {
 /// # Errors
 /// [`ImportError`] when the source cannot be read.
 pub fn summarize_source(source: &dyn Source) -> Result<Summary, ImportError> {
-    let about = source.description();
+    let mut about = source.description().clone();
     let mut families = Vec::with_capacity(about.families.len());
     let mut left_out = LeftOut::default();
-    let mut notes = about.notes.clone();
-    for (index, info) in about.families.iter().enumerate() {
+    for (index, info) in source.description().families.iter().enumerate() {
         let chosen = Chosen::of(source, index, &Smoothing::Auto)?;
         let survey = Survey::of(source, index, info, &chosen)?;
         left_out.add(&survey.left_out);
         families.push(summarize_family(source, index, info, &survey)?);
-        notes.extend(chosen.notes);
+        about.notes.extend(chosen.notes);
     }
     let bounds = families.iter().filter_map(|family| family.bounds).reduce(Bounds::union);
     Ok(Summary {
         kind: "particles",
-        format: about.format.clone(),
-        bytes: about.bytes,
-        files: about.files,
         particles: about.particles(),
-        length_unit: about.length_unit.clone(),
-        mass_unit: about.mass_unit.clone(),
-        kernel: about.kernel,
-        time: about.time,
-        redshift: about.redshift,
-        box_size: about.box_size,
+        about,
         families,
         bounds,
         skipped: left_out.into_skipped(),
-        notes,
     })
 }
 
@@ -199,10 +167,7 @@ fn summarize_family(
         let running = running(source, index, number, info.count)?;
         let values: u64 = running.iter().map(|component| component.count).sum();
         fields.push(FieldSummary {
-            name: field.name.clone(),
-            stored_as: field.stored_as.clone(),
-            unit: field.unit.clone(),
-            components: field.components,
+            about: field.clone(),
             min: statistic(&running, |component| component.min),
             max: statistic(&running, |component| component.max),
             mean: statistic(&running, |component| component.sum / component.count as f64),

@@ -2,7 +2,7 @@
 //! between them, and a thin background. Smoothing lengths follow the local density as in SPH with 64 neighbours.
 
 use super::random::{Random, cbrt};
-use super::{CHUNK, Chunk, Generator, Scalar};
+use super::{Chunk, Generator, Scalar};
 use crate::model::{Bounds, FamilyName};
 use std::f64::consts::PI;
 
@@ -170,12 +170,12 @@ impl Generator for Clusters {
     }
 
     fn chunk(&self, index: u64) -> Chunk {
-        let count = self.count.saturating_sub(index * CHUNK).min(CHUNK);
+        let range = self.chunk_range(index);
         let mut random = Random::new(self.seed, index);
-        let mut chunk = Chunk::with_capacity(count as usize, 1);
+        let mut chunk = Chunk::with_capacity((range.end - range.start) as usize, 1);
         let mean_density = TOTAL_MASS / (BOX * BOX * BOX);
         let all = self.count as f64;
-        for _ in 0..count {
+        for _ in range {
             let (position, density, dispersion) = self.particle(&mut random);
             // Rounding may reach the box's edge, which is its beginning.
             let place = |x: f64| (wrap(x) * BOX) as f32;
@@ -193,6 +193,7 @@ impl Generator for Clusters {
 
 #[cfg(test)]
 mod tests {
+    use super::super::CHUNK;
     use super::*;
     use crate::synth::dataset;
 

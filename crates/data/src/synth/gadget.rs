@@ -1,7 +1,6 @@
 //! Writes generated particles as a Gadget binary snapshot, format 2, little-endian.
 
 use super::{CHUNK, Chunk, Generator};
-use crate::model::FamilyName;
 use crate::model::progress::Progress;
 use rayon::prelude::*;
 use std::io::{Seek, SeekFrom, Write};
@@ -158,7 +157,7 @@ fn frame(out: &mut (impl Write + Seek + Send), at: u64, label: &str, length: u64
 
 /// Gadget's header: 256 bytes.
 fn header(generator: &dyn Generator, part: &Part) -> Vec<u8> {
-    let kind = FamilyName::GADGET.iter().position(|name| *name == generator.family()).unwrap_or(0);
+    let kind = generator.family().gadget_type().unwrap_or(0);
     let mut header = Vec::with_capacity(256);
     let counts = |header: &mut Vec<u8>, count: u32| {
         (0..6).for_each(|other| header.extend(if other == kind { count } else { 0 }.to_le_bytes()));

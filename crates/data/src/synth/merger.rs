@@ -5,7 +5,7 @@
 //! place: they differ about 1400-fold, as in the data sets of F12 chapter 5. Lengths in Mm, masses in Msun.
 
 use super::random::{Random, cbrt};
-use super::{CHUNK, Chunk, Generator, Scalar};
+use super::{Chunk, Generator, Scalar};
 use crate::model::{Bounds, FamilyName};
 use std::f64::consts::PI;
 
@@ -265,7 +265,7 @@ impl Generator for Merger {
     }
 
     fn chunk(&self, index: u64) -> Chunk {
-        let range = (index * CHUNK).min(self.count)..((index + 1) * CHUNK).min(self.count);
+        let range = self.chunk_range(index);
         let mut random = Random::new(self.seed, index);
         let mut chunk = Chunk::with_capacity((range.end - range.start) as usize, 2);
         for _ in range {

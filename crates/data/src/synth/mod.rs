@@ -14,6 +14,7 @@ pub mod random;
 
 use crate::model::{Attribute, Bounds, Dataset, Family, FamilyName, Kernel, Provenance, Unit};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Particles that are generated together.
 pub const CHUNK: u64 = 1 << 16;
@@ -94,7 +95,12 @@ pub trait Generator: Sync {
     /// The further scalars of a chunk.
     fn scalars(&self) -> &'static [Scalar];
 
-    /// The particles from `index * CHUNK` on, at most [`CHUNK`] of them.
+    /// Which particles are in a chunk: those from `index * CHUNK` on, at most [`CHUNK`] of them.
+    fn chunk_range(&self, index: u64) -> Range<u64> {
+        (index * CHUNK).min(self.len())..((index + 1) * CHUNK).min(self.len())
+    }
+
+    /// The particles of [`Generator::chunk_range`].
     fn chunk(&self, index: u64) -> Chunk;
 }
 

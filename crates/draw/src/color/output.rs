@@ -58,17 +58,7 @@ pub fn write_exr(path: &Path, picture: &Accumulation) -> Result<(), OutputError>
         let s = (0..picture.p.len()).map(|index| picture.s(index).unwrap_or(0.0)).collect();
         channels.push(AnyChannel::new("S", FlatSamples::F32(s)));
     }
-    let size = (picture.width as usize, picture.height as usize);
-    let layer = Layer::new(
-        size,
-        LayerAttributes::named("accumulation"),
-        Encoding::FAST_LOSSLESS,
-        AnyChannels::sort(channels.into_iter().collect()),
-    );
-    let mut bytes = std::io::Cursor::new(Vec::new());
-    // In one thread blocks are written in their order, so that the same picture is the same file.
-    exr::prelude::Image::from_layer(layer).write().non_parallel().to_buffered(&mut bytes).map_err(encode(path))?;
-    write_atomically(path, bytes.get_ref())
+    write_channels(path, "accumulation", [picture.width, picture.height], channels)
 }
 
 /// Writes premultiplied colours in linear light as 32-bit floats, channels `R`, `G`, `B` and `A`.
@@ -79,13 +69,24 @@ pub fn write_exr_colors(path: &Path, colors: &Colors) -> Result<(), OutputError>
     let channel = |(k, name): (usize, &'static str)| {
         AnyChannel::new(name, FlatSamples::F32(colors.rgba.iter().map(|pixel| pixel[k]).collect()))
     };
+    let channels = ["R", "G", "B", "A"].into_iter().enumerate().map(channel);
+    write_channels(path, "colors", [colors.width, colors.height], channels)
+}
+
+fn write_channels(
+    path: &Path,
+    name: &str,
+    size: [u32; 2],
+    channels: impl IntoIterator<Item = AnyChannel<FlatSamples>>,
+) -> Result<(), OutputError> {
     let layer = Layer::new(
-        (colors.width as usize, colors.height as usize),
-        LayerAttributes::named("colors"),
+        (size[0] as usize, size[1] as usize),
+        LayerAttributes::named(name),
         Encoding::FAST_LOSSLESS,
-        AnyChannels::sort(["R", "G", "B", "A"].into_iter().enumerate().map(channel).collect()),
+        AnyChannels::sort(channels.into_iter().collect()),
     );
     let mut bytes = std::io::Cursor::new(Vec::new());
+    // In one thread blocks are written in their order, so that the same picture is the same file.
     exr::prelude::Image::from_layer(layer).write().non_parallel().to_buffered(&mut bytes).map_err(encode(path))?;
     write_atomically(path, bytes.get_ref())
 }

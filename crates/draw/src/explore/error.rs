@@ -10,7 +10,7 @@ pub enum ExploreError {
     /// The page file could not be read.
     #[error(transparent)]
     Store(#[from] StoreError),
-    /// The source could not be read.
+    /// The source, or a file of objects or ids, could not be read.
     #[error(transparent)]
     Import(#[from] ImportError),
     /// RON could not be read.
@@ -25,18 +25,6 @@ pub enum ExploreError {
         action: &'static str,
         /// What the operating system said.
         source: std::io::Error,
-    },
-    /// A file contradicts its format.
-    #[error("{}: {field}: found {found}, expected {expected}", path.display())]
-    Malformed {
-        /// The file.
-        path: PathBuf,
-        /// The line, column or data set.
-        field: String,
-        /// What is there.
-        found: String,
-        /// What should be there.
-        expected: String,
     },
     /// A field, family or object that was asked for is not in the data.
     #[error("{}: {what}: not there, expected {expected}", path.display())]
@@ -69,19 +57,14 @@ impl ExploreError {
         ExploreError::Io { path: path.into(), action, source }
     }
 
-    /// An [`ExploreError::Malformed`].
+    /// A file that contradicts its format: an [`ImportError::Malformed`].
     pub fn malformed(
         path: &Path,
         field: impl Into<String>,
         found: impl ToString,
         expected: impl Into<String>,
     ) -> ExploreError {
-        ExploreError::Malformed {
-            path: path.into(),
-            field: field.into(),
-            found: found.to_string(),
-            expected: expected.into(),
-        }
+        ImportError::malformed(path, field, found, expected).into()
     }
 
     /// An [`ExploreError::Missing`].

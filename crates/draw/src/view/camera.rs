@@ -142,14 +142,7 @@ impl View {
     /// The same camera with a picture that is `pixels` larger on every side.
     pub fn padded(&self, pixels: u32) -> View {
         let [width, height] = [self.width, self.height].map(|size| size.saturating_add(2 * pixels));
-        let growth = f64::from(height) / f64::from(self.height);
-        let projection = match self.projection {
-            Projection::Perspective { fov_y } => {
-                Projection::Perspective { fov_y: 2.0 * (growth * (0.5 * fov_y).tan()).atan() }
-            }
-            Projection::Orthographic { height } => Projection::Orthographic { height: height * growth },
-        };
-        View { projection, width, height, ..*self }
+        View { projection: self.projection_of(height), width, height, ..*self }
     }
 
     /// The same camera with as many pixels; its height shows what it showed.
@@ -160,16 +153,20 @@ impl View {
 
     /// The part of the picture that is so large and has its top left corner at these pixels, which may lie outside.
     pub fn part(&self, corner: [f64; 2], width: u32, height: u32) -> View {
+        let middle = self.middle();
+        let shift = [middle[0] - corner[0] - 0.5 * f64::from(width), middle[1] - corner[1] - 0.5 * f64::from(height)];
+        View { projection: self.projection_of(height), width, height, shift, ..*self }
+    }
+
+    /// The projection of a picture with pixels of the same size that is `height` pixels high.
+    fn projection_of(&self, height: u32) -> Projection {
         let growth = f64::from(height) / f64::from(self.height);
-        let projection = match self.projection {
+        match self.projection {
             Projection::Perspective { fov_y } => {
                 Projection::Perspective { fov_y: 2.0 * (growth * (0.5 * fov_y).tan()).atan() }
             }
             Projection::Orthographic { height } => Projection::Orthographic { height: height * growth },
-        };
-        let middle = self.middle();
-        let shift = [middle[0] - corner[0] - 0.5 * f64::from(width), middle[1] - corner[1] - 0.5 * f64::from(height)];
-        View { projection, width, height, shift, ..*self }
+        }
     }
 
     /// Where the middle line of sight meets the picture, pixels.

@@ -74,6 +74,7 @@ impl Detail {
 #[cfg(test)]
 mod tests {
     use super::super::Extent;
+    use super::super::travel::tests::moved_views;
     use super::*;
     use crate::model::Bounds;
     use glam::DVec3;
@@ -99,31 +100,22 @@ mod tests {
             min in prop::array::uniform3(-6.0..6.0f64),
             size in 0.001..0.5f64,
             inside in prop::array::uniform3(0.0..1.0f64),
-            step in prop::array::uniform3(-0.5..0.5f64),
-            gaze in prop::array::uniform3(-1.0..1.0f64),
+            (before, after) in moved_views(),
             sigma in 1e-3..1e-2f64,
-            ortho in any::<bool>(),
         ) {
-            let projection =
-                if ortho { Projection::Orthographic { height: 3.0 } } else { Projection::Perspective { fov_y: 0.8 } };
-            let eye = DVec3::new(0.3, -0.2, 3.0);
-            let before = View::look_at(eye, DVec3::ZERO, DVec3::Y, projection, 640, 360).unwrap();
-            let step = DVec3::from(step);
-            let gaze = if ortho { before.forward } else { DVec3::from(gaze) };
-            prop_assume!(gaze.cross(DVec3::Y).length() > 1e-3);
-            let after = View::look_at(eye + step, eye + step + gaze, DVec3::Y, projection, 640, 360).unwrap();
+            let is_orthographic = matches!(before.projection, Projection::Orthographic { .. });
             let min = DVec3::from(min);
             let node = info(min, size, size / 16.0);
             let detail = Detail::Sampling { sigma, near: 0.1 };
             if detail.suffices(&before, &node, 0.0) {
                 let depth = before.to_camera(min + size * DVec3::from(inside)).z;
-                let distance = if ortho { sigma } else { sigma * depth.max(0.1) };
+                let distance = if is_orthographic { sigma } else { sigma * depth.max(0.1) };
                 prop_assert!(node.spacing <= distance * (1.0 + 1e-9));
             }
             // The distance is to the box's nearest point, the rule counts its nearest depth: they differ by its diagonal.
-            let slack = if ortho { 0.0 } else { 2.0 * 3f64.sqrt() * size };
+            let slack = if is_orthographic { 0.0 } else { 2.0 * 3f64.sqrt() * size };
             if after.sees(&node.extent) && !detail.suffices(&after, &node, 0.0) {
-                prop_assert!(detail.travel(&before, &node) <= step.length() + slack + 1e-9);
+                prop_assert!(detail.travel(&before, &node) <= after.eye.distance(before.eye) + slack + 1e-9);
             }
         }
     }

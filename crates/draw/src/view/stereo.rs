@@ -95,15 +95,20 @@ impl Stereo {
         wrong.map(|(name, length)| (name, length, "a positive length"))
     }
 
+    /// How far an eye is to the right of the middle, world units.
+    fn offset(&self, eye: Eye) -> Result<f64, ViewError> {
+        match self.mistake() {
+            Some((name, value, expected)) => Err(ViewError::OutOfRange { name, value, expected }),
+            None => Ok(0.5 * eye.sign() * self.separation),
+        }
+    }
+
     /// The view of one eye before a flat screen.
     ///
     /// # Errors
     /// [`ViewError::OutOfRange`] for lengths that make no sense.
     pub fn off_axis(&self, view: &View, eye: Eye) -> Result<View, ViewError> {
-        if let Some((name, value, expected)) = self.mistake() {
-            return Err(ViewError::OutOfRange { name, value, expected });
-        }
-        let offset = 0.5 * eye.sign() * self.separation;
+        let offset = self.offset(eye)?;
         let shift = offset * view.focal_pixels() / self.zero_parallax;
         Ok(View { eye: view.eye + offset * view.right, shift: [view.shift[0] + shift, view.shift[1]], ..*view })
     }
@@ -114,10 +119,7 @@ impl Stereo {
     /// # Errors
     /// [`ViewError::OutOfRange`] for lengths that make no sense.
     pub fn omnidirectional(&self, eye: Eye, pixel: f64) -> Result<Omnidirectional, ViewError> {
-        if let Some((name, value, expected)) = self.mistake() {
-            return Err(ViewError::OutOfRange { name, value, expected });
-        }
-        let offset = 0.5 * eye.sign() * self.separation;
+        let offset = self.offset(eye)?;
         let half_slice = 0.5 * pixel * self.zero_parallax / offset.abs();
         let slices = (PI / half_slice).ceil().clamp(8.0, f64::from(Omnidirectional::MOST_SLICES));
         Ok(Omnidirectional { offset, slices: slices as u32 })

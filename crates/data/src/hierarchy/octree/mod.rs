@@ -53,7 +53,8 @@ use crate::model::Bounds;
 
 /// Fewest and most particles of a bucket: enough for parallel work on small families, and little enough to fit in memory.
 const BUCKET_PARTICLES: (u64, u64) = (1 << 17, 1 << 20);
-/// Buckets that a family is cut into where that gives neither too few nor too many particles for each.
+/// Buckets that a family is cut into where that gives neither too few nor too many particles for each. No option of a build:
+/// a build's memory decides how many are built at once and what waits on the disk, and a file must not depend on memory.
 const BUCKETS: u64 = 1024;
 
 /// How a tree is built.

@@ -8,6 +8,7 @@
 use super::local::{between, corners};
 use super::power::Power;
 use crate::synth::fft::{ComplexCube, Direction};
+use crate::synth::random::mix_bits;
 use rayon::prelude::*;
 use std::f64::consts::PI;
 
@@ -125,13 +126,8 @@ fn collapse(delta: f32) -> f32 {
 
 /// A random number of a mode: a hash of the seed and the wave vector.
 fn hash(seed: u64, k: [i32; 3]) -> u64 {
-    let mix = |value: u64| {
-        let value = (value ^ (value >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let value = (value ^ (value >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        value ^ (value >> 31)
-    };
     let packed = k.iter().fold(0u64, |packed, &k| packed << 20 | (k + (1 << 19)) as u64);
-    mix(mix(seed ^ 0x517c_c1b7_2722_0a95).wrapping_add(packed.wrapping_mul(0x9e37_79b9_7f4a_7c15)))
+    mix_bits(mix_bits(seed ^ 0x517c_c1b7_2722_0a95).wrapping_add(packed.wrapping_mul(0x9e37_79b9_7f4a_7c15)))
 }
 
 impl Spectrum {

@@ -12,7 +12,7 @@ mod nfw;
 mod power;
 
 use super::random::Random;
-use super::{CHUNK, Chunk, Generator, Scalar};
+use super::{Chunk, Generator, Scalar};
 use crate::model::progress::Progress;
 use crate::model::{Bounds, FamilyName};
 use field::Field;
@@ -285,7 +285,7 @@ impl Generator for Cosmology {
     }
 
     fn chunk(&self, index: u64) -> Chunk {
-        let range = (index * CHUNK).min(self.count)..((index + 1) * CHUNK).min(self.count);
+        let range = self.chunk_range(index);
         let mut random = Random::new(self.seed, index);
         let mut chunk = Chunk::with_capacity((range.end - range.start) as usize, 1);
         let border = self.catalogue.particles;
