@@ -31,7 +31,7 @@ pub fn of(settings: &Settings, families: &[FamilyName]) -> LookPatch {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
     use crate::color::transfer::Range;
     use crate::explore::{Region, SelectionSet};
@@ -110,7 +110,7 @@ mod tests {
     }
 
     /// Settings of a mode with each off its default.
-    fn unusual_settings(mode: &'static Mode) -> Settings {
+    pub(crate) fn unusual_settings(mode: &'static Mode) -> Settings {
         let mut settings = Settings::new(&Preset::embedded("desktop").unwrap(), None);
         settings.choose_mode(mode);
         settings.families = vec![false, true];
@@ -150,7 +150,7 @@ mod tests {
                 assert_eq!(window.show(&LookPatch::beginning().then(said), &attributes), None);
                 assert_eq!(window.look, wanted.look, "{what} of {}", mode.name);
             };
-            // A saved scene, and the state of a window that fails.
+            // A saved scene.
             let path = std::path::Path::new("a.scene.ron");
             let scene = scene_file(dataset(), &wanted, &viewpoint, &picture, &parts, path);
             shows(&SceneFile::parse("a scene", &scene.text(path).unwrap()).unwrap().look, "a scene");

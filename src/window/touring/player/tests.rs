@@ -12,7 +12,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// A window without anything but what plays.
-pub(in crate::window::touring) struct Window {
+pub(crate) struct Window {
     pub app: App,
     now: Instant,
     _folder: tempfile::TempDir,
