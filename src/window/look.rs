@@ -65,7 +65,7 @@ pub(crate) fn follow_settings(
     scene: Option<Res<Scene>>,
     mut settings: ResMut<Settings>,
     look: Option<ResMut<Look>>,
-    mut messages: ResMut<Notices>,
+    mut notices: ResMut<Notices>,
     mut presets: ResMut<TransferPresets>,
 ) {
     let Some(scene) = scene else { return };
@@ -89,7 +89,7 @@ pub(crate) fn follow_settings(
                     seeded: false,
                 });
             }
-            Err(error) => messages.error(format!("{}: {error}", scene.path.display())),
+            Err(error) => notices.error(format!("{}: {error}", scene.path.display())),
         }
         return;
     };
@@ -128,7 +128,7 @@ pub(crate) fn follow_settings(
                 look.attribute = settings.attribute.clone();
             }
             Err(error) => {
-                messages.error(error);
+                notices.error(error);
                 settings.attribute = look.attribute.clone();
                 settings.look.mode = look.depiction.mode;
             }

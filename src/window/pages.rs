@@ -194,12 +194,12 @@ pub fn follow_scene(
 pub fn finish_loads(
     mut commands: Commands,
     streaming: Option<ResMut<Streaming>>,
-    mut messages: ResMut<Notices>,
+    mut notices: ResMut<Notices>,
     mut pages: Query<&mut PageStatus>,
 ) {
     let Some(mut streaming) = streaming else { return };
     let arrivals = streaming.streamer.arrive();
-    arrivals.messages.into_iter().for_each(|message| messages.error(message));
+    arrivals.messages.into_iter().for_each(|message| notices.error(message));
     for id in arrivals.pages {
         let Some(entity) = streaming.entity(id) else { continue };
         let Ok(mut status) = pages.get_mut(entity) else { continue };
@@ -218,7 +218,7 @@ pub fn finish_loads(
     if streaming.streamer.residency.statistics().over_budget && !streaming.told_memory {
         streaming.told_memory = true;
         let budget = streaming.preset.budget_mib;
-        messages
+        notices
             .error(format!("the view needs more than the {budget} MiB of residency.budget_mib: it is shown coarser"));
     }
 }

@@ -105,7 +105,7 @@ pub(super) fn fly_to_pick(
     selection: Res<ViewSelection>,
     picture: Res<Picture>,
     preset: Res<Preset>,
-    mut messages: ResMut<Notices>,
+    mut notices: ResMut<Notices>,
     camera: Single<(Entity, &Viewpoint, &mut Navigation), (With<DataCamera>, With<Anchor>)>,
 ) {
     let Some(at) = click.bypass_change_detection().0.take() else { return };
@@ -123,7 +123,7 @@ pub(super) fn fly_to_pick(
             let flight = Flight::to_place(*viewpoint, picked.position, distance, preset.camera.flight_secs);
             commands.entity(entity).insert(flight);
         }
-        None => messages.info("nothing under the cursor to fly to"),
+        None => notices.info("nothing under the cursor to fly to"),
     }
 }
 

@@ -115,12 +115,12 @@ pub(super) fn draw_window(
     }
     if let Some(state) = panel.player.state().cloned() {
         let folder = panel.player.path().and_then(Path::parent).map(Path::to_owned).unwrap_or_default();
-        let mut tell = |why: String| panel.messages.error(why);
+        let mut tell = |why: String| panel.notices.error(why);
         overlay::tour::draw(&painter, rect, &state, &folder, &mut pictures, &mut tell);
     }
-    // An audience reads no messages.
+    // An audience reads no notices.
     if !owner.is_locked() {
-        overlay::draw_messages(&painter, rect, &panel.messages);
+        overlay::draw_notices(&painter, rect, &panel.notices);
     }
     if shown.help {
         help::draw(&ctx, rect);

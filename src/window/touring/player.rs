@@ -140,18 +140,18 @@ impl Player {
         *self = Player { tour: Some(tour), path, edited, ..Player::default() };
     }
 
-    fn open(&mut self, path: PathBuf, messages: &mut Notices) {
+    fn open(&mut self, path: PathBuf, notices: &mut Notices) {
         match TourFile::read(&path) {
             Ok(tour) => {
                 let text = std::fs::read_to_string(&path).unwrap_or_default();
                 *self = Player { tour: Some(tour), path: Some(path), text, ..Player::default() };
             }
-            Err(error) => messages.error(error.to_string()),
+            Err(error) => notices.error(error.to_string()),
         }
     }
 
     /// Resolves the tour for the open data; where that fails there is no timeline.
-    fn resolve(&mut self, scene: &Scene, aspect: f64, messages: &mut Notices) {
+    fn resolve(&mut self, scene: &Scene, aspect: f64, notices: &mut Notices) {
         self.generation = scene.generation;
         let Some(tour) = &self.tour else {
             self.timeline = None;
@@ -163,14 +163,14 @@ impl Player {
         self.timeline = match Timeline::new(tour, &surroundings) {
             Ok(timeline) => Some(Arc::new(timeline)),
             Err(error) => {
-                messages.error(error.to_string());
+                notices.error(error.to_string());
                 None
             }
         };
     }
 
     /// Saves the tour: where it came from, or beside the data.
-    fn save(&mut self, scene: &Scene, messages: &mut Notices) {
+    fn save(&mut self, scene: &Scene, notices: &mut Notices) {
         let Some(tour) = &mut self.tour else { return };
         let stem = scene.path.file_stem().map_or_else(|| "tour".into(), |stem| stem.to_string_lossy().into_owned());
         let path = self.path.clone().unwrap_or_else(|| free_name(&scene.path, &stem, "tour.ron"));
@@ -179,11 +179,11 @@ impl Player {
         }
         match tour.write(&path) {
             Ok(()) => {
-                messages.info(format!("tour saved in {}", path.display()));
+                notices.info(format!("tour saved in {}", path.display()));
                 self.path = Some(path);
                 self.edited = false;
             }
-            Err(error) => messages.error(error.to_string()),
+            Err(error) => notices.error(error.to_string()),
         }
     }
 }
@@ -251,7 +251,7 @@ pub fn play_tour(
     mut player: ResMut<Player>,
     mut settings: ResMut<Settings>,
     mut upcoming: ResMut<Upcoming>,
-    mut messages: ResMut<Notices>,
+    mut notices: ResMut<Notices>,
     camera: Cameras,
 ) {
     let player = player.bypass_change_detection();
@@ -260,7 +260,7 @@ pub fn play_tour(
         if let Some(at) = player.asked.iter().position(|asked| matches!(asked, Asked::Open(_)))
             && let Asked::Open(path) = player.asked.remove(at)
         {
-            player.open(path, &mut messages);
+            player.open(path, &mut notices);
             player.asked.push(Asked::Toggle);
         }
         return;
@@ -270,7 +270,7 @@ pub fn play_tour(
     let size = picture.size();
     let aspect = player.aspect.unwrap_or(f64::from(size.x) / f64::from(size.y.max(1)));
     if player.generation != scene.generation {
-        player.resolve(&scene, aspect, &mut messages);
+        player.resolve(&scene, aspect, &mut notices);
         player.shown = None;
     }
     let names: Vec<FamilyName> = scene.file.metadata().families.iter().map(|family| family.name).collect();
@@ -278,9 +278,9 @@ pub fn play_tour(
     for asked in std::mem::take(&mut player.asked) {
         let take_over =
             matches!(asked, Asked::Toggle | Asked::Next | Asked::Back | Asked::Seek(_) | Asked::Go(_) | Asked::GoOn(_));
-        carry_out(player, asked, now, &scene, &seen, &mut messages);
+        carry_out(player, asked, now, &scene, &seen, &mut notices);
         if player.timeline.is_none() {
-            player.resolve(&scene, aspect, &mut messages);
+            player.resolve(&scene, aspect, &mut notices);
         }
         if take_over && player.timeline.is_some() {
             commands.entity(entity).remove::<Flight>();
@@ -350,19 +350,19 @@ fn carry_out(
     now: f64,
     scene: &Scene,
     (camera, look): &(crate::look::Camera, LookPatch),
-    messages: &mut Notices,
+    notices: &mut Notices,
 ) {
     let timeline = player.timeline.clone();
     match (asked, timeline) {
         (Asked::Open(path), _) => {
-            player.open(path, messages);
+            player.open(path, notices);
             if player.tour.is_some() {
                 player.generation = scene.generation;
                 player.asked.push(Asked::Toggle);
             }
         }
         (Asked::Close, _) => *player = Player { generation: player.generation, ..Player::default() },
-        (Asked::Save, _) => player.save(scene, messages),
+        (Asked::Save, _) => player.save(scene, notices),
         (Asked::Record, timeline) => {
             let is_new = player.recording.is_none();
             player.clock.stand(now);
@@ -372,7 +372,7 @@ fn carry_out(
                 None => add_keyframe(player, Some(end), camera, look),
             }
             player.recording = is_new.then_some(Recording { since: now - end, last: end });
-            messages.info(match is_new {
+            notices.info(match is_new {
                 true => "the flight is recorded: go where the tour is to go, then press Record again".to_owned(),
                 false => {
                     let count = player.tour.as_ref().map_or(0, |tour| tour.keyframes.len());

@@ -91,7 +91,7 @@ pub(crate) fn keep_state(
     (time, scene): (Res<Time<Real>>, Option<Res<Scene>>),
     (settings, picture, player): (Res<Settings>, Res<Picture>, Res<Player>),
     parts: SceneParts,
-    mut messages: ResMut<Notices>,
+    mut notices: ResMut<Notices>,
     windows: Query<&Window, With<PrimaryWindow>>,
     camera: Single<&Viewpoint, With<DataCamera>>,
 ) {
@@ -99,7 +99,7 @@ pub(crate) fn keep_state(
     if let Some(outcome) = keeping.writing.as_mut().and_then(check_ready) {
         keeping.writing = None;
         if let Err(why) = outcome {
-            messages.error(format!("what is shown is not kept for the case that this window fails: {why}"));
+            notices.error(format!("what is shown is not kept for the case that this window fails: {why}"));
         }
     }
     // A source of live particles, or nothing at all, is not gone on with; nor is what has yet to come.

@@ -24,10 +24,10 @@ impl Player {
         moment: Option<(f64, bool)>,
         (heard, now): (f64, f64),
         scene: &Scene,
-        messages: &mut Notices,
+        notices: &mut Notices,
     ) -> Option<Viewpoint> {
         if self.tour.is_some() && self.generation != scene.generation {
-            self.resolve(scene, self.aspect.unwrap_or(1.0), messages);
+            self.resolve(scene, self.aspect.unwrap_or(1.0), notices);
         }
         let (Some((time, running)), Some(timeline)) = (moment, &self.timeline) else {
             self.clock.stand(now);

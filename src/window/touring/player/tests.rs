@@ -243,7 +243,7 @@ fn settings_follow_the_tour() {
     // A tour that cannot be read is told, and the one that is open stays.
     window.ask(Asked::Open("/nowhere/a.tour.ron".into()));
     assert!(window.player().tour().is_some());
-    let messages: Vec<String> =
-        window.app.world().resource::<Notices>().all().map(|message| message.text.clone()).collect();
-    assert!(messages.iter().any(|text| text.contains("/nowhere/a.tour.ron")), "{messages:?}");
+    let notices: Vec<String> =
+        window.app.world().resource::<Notices>().all().map(|notice| notice.text.clone()).collect();
+    assert!(notices.iter().any(|text| text.contains("/nowhere/a.tour.ron")), "{notices:?}");
 }
