@@ -4,7 +4,7 @@ use super::camera::{Anchor, Flight, Viewpoint};
 use super::facts::Facts;
 use super::open::Opened;
 use super::picture::{DataCamera, Picture};
-use super::scene::{Scene, Settings, home};
+use super::scene::{Scene, Settings, TransferKept, home};
 use super::scene_io::{self, SceneParts};
 use super::state::choices::Choices;
 use super::state::notices::Notices;
@@ -28,6 +28,7 @@ pub(crate) fn adopt_opened(
     mut choices: ResMut<Choices>,
     mut notices: ResMut<Notices>,
     mut parts: SceneParts,
+    mut kept: MessageWriter<TransferKept>,
     camera: Single<(Entity, &mut Viewpoint, &mut Anchor, &mut PanOrbitCamera), With<DataCamera>>,
 ) {
     let Some(Opened { path, members, notes, file, frame, scene: opened }) = opened.read().last().cloned() else {
@@ -67,6 +68,9 @@ pub(crate) fn adopt_opened(
     let attributes = &choices.attributes;
     let opened = opened.as_deref();
     scene_io::apply(opened, attributes, &mut settings, camera, &mut parts, &mut commands, &mut notices);
+    if opened.is_some_and(|opened| opened.scene.look.transfer.is_some()) {
+        kept.write(TransferKept);
+    }
     let facts = Facts::of(&file, &members);
     let told = |family: FamilyName| format!("{}: the data has no particles of family {family}", path.display());
     notes.into_iter().chain(missing.into_iter().map(told)).for_each(|note| notices.error(note));

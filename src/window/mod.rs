@@ -215,6 +215,7 @@ impl Plugin for WindowApp {
         .init_resource::<statistics::FrameClock>()
         .init_resource::<statistics::Statistics>()
         .add_message::<open::Opened>()
+        .add_message::<scene::TransferKept>()
         .add_systems(
             Startup,
             (

@@ -11,7 +11,7 @@ use crate::window::free_name::free_name;
 use crate::window::input::{PointerOwner, is_control};
 use crate::window::pages::Upcoming;
 use crate::window::picture::{DataCamera, Picture};
-use crate::window::scene::{Scene, Settings};
+use crate::window::scene::{Scene, Settings, TransferKept};
 use crate::window::scene_io::{camera_of, viewpoint_of};
 use crate::window::state::choices::Choices;
 use crate::window::state::notices::Notices;
@@ -248,6 +248,7 @@ pub fn play_tour(
     picture: Res<Picture>,
     choices: Res<Choices>,
     (buttons, scroll, owner): (Res<ButtonInput<MouseButton>>, Res<AccumulatedMouseScroll>, Res<PointerOwner>),
+    mut kept: MessageWriter<TransferKept>,
     mut player: ResMut<Player>,
     mut settings: ResMut<Settings>,
     mut upcoming: ResMut<Upcoming>,
@@ -309,7 +310,9 @@ pub fn play_tour(
         settings.lens = lens;
     }
     if player.shown.as_ref() != Some(&state.look) {
-        look::show(player.shown.as_ref(), &state.look, &choices.attributes, &names, &mut settings);
+        if look::show(player.shown.as_ref(), &state.look, &choices.attributes, &names, &mut settings) {
+            kept.write(TransferKept);
+        }
         player.shown = Some(state.look.clone());
     }
     let next = player.clock.is_running().then(|| viewpoint_of(&timeline.state(at + FORESIGHT).camera).0);

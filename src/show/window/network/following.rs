@@ -13,7 +13,7 @@ use crate::window::open::Openings;
 use crate::window::options::OpenRequest;
 use crate::window::pages::Upcoming;
 use crate::window::picture::DataCamera;
-use crate::window::scene::{Scene, Settings};
+use crate::window::scene::{Scene, Settings, TransferKept};
 use crate::window::scene_io::viewpoint_of;
 use crate::window::state::answer::Answer;
 use crate::window::state::choices::Choices;
@@ -168,6 +168,7 @@ pub(crate) fn show_led_picture(
     mut objects: ResMut<Objects>,
     mut upcoming: ResMut<Upcoming>,
     mut notices: ResMut<Notices>,
+    mut kept: MessageWriter<TransferKept>,
     camera: Single<(Entity, &mut Viewpoint, &mut Navigation), With<DataCamera>>,
 ) {
     let following = following.bypass_change_detection();
@@ -176,6 +177,9 @@ pub(crate) fn show_led_picture(
     following.generation = scene.generation;
     if let Some(file) = following.scene.as_deref().filter(|_| is_new) {
         show_scene(file, &scene, &choices, &mut settings);
+        if file.look.transfer.is_some() {
+            kept.write(TransferKept);
+        }
         if following.labels != file.labels {
             following.labels.clone_from(&file.labels);
             objects.open_of_scene(file.labels.as_deref().map(|labels| located(labels, Path::new(""))));

@@ -12,7 +12,7 @@ use crate::window::open::{Opened, Openings, finish_opening};
 use crate::window::pages::Upcoming;
 use crate::window::picture::{DataCamera, Picture};
 use crate::window::preset::Preset;
-use crate::window::scene::{Scene, Settings};
+use crate::window::scene::{Scene, Settings, TransferKept};
 use crate::window::scene_io::{Bookmarks, SceneFiles};
 use crate::window::state::choices::Choices;
 use crate::window::state::notices::Notices;
@@ -75,6 +75,7 @@ fn window() -> App {
         .init_resource::<ButtonInput<MouseButton>>()
         .init_resource::<AccumulatedMouseScroll>()
         .add_message::<Opened>()
+        .add_message::<TransferKept>()
         .add_systems(Update, (finish_opening, adopt_opened, player::play_tour.run_if(not(is_led))).chain());
     let mut orbit = PanOrbitCamera::default();
     let anchor = Anchor::adopt(&viewpoint, &mut orbit);

@@ -61,6 +61,7 @@ impl Window {
             .init_resource::<Upcoming>()
             .init_resource::<Notices>()
             .init_resource::<Player>()
+            .add_message::<TransferKept>()
             .add_systems(Update, (take_keys, play_tour).chain());
         let viewpoint =
             Viewpoint { eye: DVec3::new(25.0, 25.0, 150.0), target: DVec3::splat(25.0), up: DVec3::Y, fov_y: 0.7 };
