@@ -20,7 +20,7 @@ use bevy_egui::{EguiContexts, egui};
 use std::path::Path;
 
 /// The least width that both docks leave to the picture, logical pixels.
-const LEAST_PICTURE: f32 = 320.0;
+const LEAST_PICTURE_PX: f32 = 320.0;
 
 /// Where the panels' named controls are, logical pixels.
 #[derive(Resource, Default)]
@@ -68,7 +68,7 @@ pub(super) fn draw_window(
     let mut docks = Vec::new();
     for dock in [Dock::Left, Dock::Right].into_iter().filter(|dock| shown.dock(*dock) && !owner.is_locked()) {
         // A narrow window has no room for both.
-        if dock == Dock::Right && rect.width() - preset.panel.right_width < LEAST_PICTURE && rect != window {
+        if dock == Dock::Right && rect.width() - preset.panel.right_width < LEAST_PICTURE_PX && rect != window {
             continue;
         }
         let (side, width) = match dock {

@@ -22,9 +22,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// Seconds between two keyframes of a flight that is recorded.
-const SAMPLE: f64 = 1.5;
+const SAMPLE_SECS: f64 = 1.5;
 /// How far ahead of the camera data is read, seconds.
-const FORESIGHT: f64 = 1.0;
+const FORESIGHT_SECS: f64 = 1.0;
 
 /// What is asked of the player, by a key or the panel.
 #[derive(Clone, Debug, PartialEq)]
@@ -88,10 +88,10 @@ pub struct Player {
 /// A flight that becomes keyframes.
 #[derive(Clone, Copy, Debug)]
 struct Recording {
-    /// The program's time at its begin, less the tour's time then.
-    since: f64,
-    /// The tour's time of the last keyframe.
-    last: f64,
+    /// The program's time at its begin, less the tour's time then, seconds.
+    since_secs: f64,
+    /// The tour's time of the last keyframe, seconds.
+    last_secs: f64,
 }
 
 impl Player {
@@ -315,7 +315,7 @@ pub fn play_tour(
         }
         player.shown = Some(state.look.clone());
     }
-    let next = player.clock.is_running().then(|| viewpoint_of(&timeline.state(at + FORESIGHT).camera).0);
+    let next = player.clock.is_running().then(|| viewpoint_of(&timeline.state(at + FORESIGHT_SECS).camera).0);
     upcoming.set_if_neq(Upcoming(next));
     player.state = Some(state);
 }
@@ -323,10 +323,10 @@ pub fn play_tour(
 /// Makes keyframes of a flight that is recorded.
 fn record(player: &mut Player, now: f64, (camera, look): &(crate::look::Camera, LookPatch)) {
     let Some(recording) = player.recording else { return };
-    let time = now - recording.since;
-    if time >= recording.last + SAMPLE {
+    let time = now - recording.since_secs;
+    if time >= recording.last_secs + SAMPLE_SECS {
         add_keyframe(player, Some(time), camera, look);
-        player.recording = Some(Recording { last: time, ..recording });
+        player.recording = Some(Recording { last_secs: time, ..recording });
     }
 }
 
@@ -369,12 +369,12 @@ fn carry_out(
         (Asked::Record, timeline) => {
             let is_new = player.recording.is_none();
             player.clock.stand(now);
-            let end = timeline.as_ref().map_or(0.0, |timeline| timeline.duration() + SAMPLE);
+            let end = timeline.as_ref().map_or(0.0, |timeline| timeline.duration() + SAMPLE_SECS);
             match player.recording.take() {
-                Some(recording) => add_keyframe(player, Some(now - recording.since), camera, look),
+                Some(recording) => add_keyframe(player, Some(now - recording.since_secs), camera, look),
                 None => add_keyframe(player, Some(end), camera, look),
             }
-            player.recording = is_new.then_some(Recording { since: now - end, last: end });
+            player.recording = is_new.then_some(Recording { since_secs: now - end, last_secs: end });
             notices.info(match is_new {
                 true => "the flight is recorded: go where the tour is to go, then press Record again".to_owned(),
                 false => {

@@ -167,7 +167,7 @@ fn a_presenter_is_waited_for_and_leads() {
     window.frame(0.5);
     let time = window.player().state().unwrap().time;
     assert!((time - halo - 1.0 - 0.5).abs() < 1e-9, "{time}");
-    let ahead = window.player().timeline().unwrap().state(time + FORESIGHT).camera;
+    let ahead = window.player().timeline().unwrap().state(time + FORESIGHT_SECS).camera;
     let upcoming = window.app.world().resource::<Upcoming>().0.unwrap();
     assert!(upcoming.eye.distance(DVec3::from(ahead.eye)) < 1e-9, "what comes is known");
     window.ask(Asked::Back);
