@@ -23,8 +23,10 @@ impl Plugin for ShaderReloadPlugin {
         let files = app.world().get_resource::<ShaderFiles>().cloned().unwrap_or_default().0;
         // Where other assets are that may be edited, else where the program was compiled.
         let roots = [FileAssetReader::get_base_path(), PathBuf::from(env!("CARGO_MANIFEST_DIR"))];
-        let own = roots.map(|root| root.join("shaders")).into_iter().find(|folder| folder.is_dir()).unwrap_or_default();
-        let own = SHADERS.iter().map(|(name, _)| (*name, own.join(name)));
+        let own = SHADERS.iter().filter_map(|(name, _)| {
+            let mut paths = roots.iter().map(|root| root.join("shaders").join(name));
+            Some((*name, paths.find(|path| path.is_file())?))
+        });
         let watched = own.chain(files.iter().map(|file| (file.name, PathBuf::from(file.file))));
         let watched: Vec<Watched> = watched.filter_map(|(name, path)| Watched::new(name, path)).collect();
         app.insert_resource(ShaderTexts(texts(&files)));
