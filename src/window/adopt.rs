@@ -4,7 +4,7 @@ use super::camera::{Anchor, Flight, Viewpoint};
 use super::facts::Facts;
 use super::open::Opened;
 use super::picture::{DataCamera, Picture};
-use super::scene::{Scene, Settings, home};
+use super::scene::{Scene, Settings, TransferKept, home};
 use super::scene_io::{self, SceneParts};
 use super::state::choices::Choices;
 use super::state::notices::Notices;
@@ -26,8 +26,9 @@ pub(crate) fn adopt_opened(
     picture: Res<Picture>,
     mut settings: ResMut<Settings>,
     mut choices: ResMut<Choices>,
-    mut messages: ResMut<Notices>,
+    mut notices: ResMut<Notices>,
     mut parts: SceneParts,
+    mut kept: MessageWriter<TransferKept>,
     camera: Single<(Entity, &mut Viewpoint, &mut Anchor, &mut PanOrbitCamera), With<DataCamera>>,
 ) {
     let Some(Opened { path, members, notes, file, frame, scene: opened }) = opened.read().last().cloned() else {
@@ -45,7 +46,7 @@ pub(crate) fn adopt_opened(
             *anchor = Anchor::adopt(&home, &mut orbit);
             commands.entity(entity).remove::<Flight>();
         }
-        Err(error) => messages.error(format!("{}: {error}", path.display())),
+        Err(error) => notices.error(format!("{}: {error}", path.display())),
     }
     choices.attributes = attribute_names(metadata);
     if let Attribute::Named(name) = &settings.attribute
@@ -66,11 +67,14 @@ pub(crate) fn adopt_opened(
     let camera = (entity, &mut *viewpoint, &mut *anchor, &mut *orbit);
     let attributes = &choices.attributes;
     let opened = opened.as_deref();
-    scene_io::apply(opened, attributes, &mut settings, camera, &mut parts, &mut commands, &mut messages);
+    scene_io::apply(opened, attributes, &mut settings, camera, &mut parts, &mut commands, &mut notices);
+    if opened.is_some_and(|opened| opened.scene.look.transfer.is_some()) {
+        kept.write(TransferKept);
+    }
     let facts = Facts::of(&file, &members);
     let told = |family: FamilyName| format!("{}: the data has no particles of family {family}", path.display());
-    notes.into_iter().chain(missing.into_iter().map(told)).for_each(|note| messages.error(note));
-    messages.info(match members.len() {
+    notes.into_iter().chain(missing.into_iter().map(told)).for_each(|note| notices.error(note));
+    notices.info(match members.len() {
         1 => format!("opened {}", path.display()),
         more => format!("opened {} with {} more", path.display(), more - 1),
     });

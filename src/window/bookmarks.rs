@@ -63,7 +63,7 @@ pub(super) fn run_bookmarks(
     mut settings: ResMut<Settings>,
     mut asked: ResMut<AskedBookmark>,
     mut bookmarks: ResMut<Bookmarks>,
-    mut messages: ResMut<Notices>,
+    mut notices: ResMut<Notices>,
     camera: Single<(Entity, &Viewpoint, &mut Navigation), With<DataCamera>>,
 ) {
     let pressed = DIGITS.iter().position(|key| keys.just_pressed(*key)).filter(|_| owner.keyboard_is_free());
@@ -76,7 +76,7 @@ pub(super) fn run_bookmarks(
         BookmarkAction::Keep(key) => {
             let name = bookmarks.on(key).map_or_else(String::new, |before| before.name.clone());
             bookmarks.keep(Bookmark { key, name, camera: camera_of(viewpoint, &settings.lens) });
-            messages.info(format!("viewpoint kept on key {key}"));
+            notices.info(format!("viewpoint kept on key {key}"));
         }
         BookmarkAction::Visit(key) => match bookmarks.on(key) {
             Some(bookmark) => {
@@ -88,7 +88,7 @@ pub(super) fn run_bookmarks(
                 let flight = Flight::to_viewpoint(*viewpoint, target, preset.camera.flight_secs);
                 commands.entity(entity).insert(flight);
             }
-            None => messages.info(format!("no viewpoint on key {key}: Ctrl+{key} keeps the present one there")),
+            None => notices.info(format!("no viewpoint on key {key}: Ctrl+{key} keeps the present one there")),
         },
         BookmarkAction::Forget(key) => bookmarks.0.retain(|bookmark| bookmark.key != key),
     }

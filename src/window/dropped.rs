@@ -86,9 +86,8 @@ mod tests {
             app.update();
             std::thread::sleep(Duration::from_millis(1));
         }
-        let messages: Vec<String> =
-            app.world().resource::<Notices>().all().map(|message| message.text.clone()).collect();
-        assert_eq!(messages, ["dropped.hdf5: not readable"]);
+        let notices: Vec<String> = app.world().resource::<Notices>().all().map(|notice| notice.text.clone()).collect();
+        assert_eq!(notices, ["dropped.hdf5: not readable"]);
 
         // A catalogue is told from data by its content, off the main thread, and opened beside the data.
         let folder = tempfile::tempdir().unwrap();

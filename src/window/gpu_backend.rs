@@ -69,7 +69,7 @@ pub(super) fn choose_backend(
     mut statistics: ResMut<Statistics>,
     mut tables: ResMut<GpuTables>,
     mut cameras: Query<(Entity, &mut Camera), With<DataCamera>>,
-    mut messages: ResMut<Notices>,
+    mut notices: ResMut<Notices>,
     (caster, live): (Res<VolumeCaster>, Res<LiveParticles>),
     slots: Query<Entity, With<GpuSlot>>,
 ) {
@@ -106,7 +106,7 @@ pub(super) fn choose_backend(
         && let Some(missing) = refusal
     {
         let used = found.map_or("cpu", Technique::name);
-        messages.error(format!("{used} draws: the graphics adapter lacks {missing}"));
+        notices.error(format!("{used} draws: the graphics adapter lacks {missing}"));
     }
     if tables.technique != found {
         tables.technique = found;
@@ -120,7 +120,7 @@ pub(super) fn choose_backend(
     }
     let marched = adapter_of_mode == Adapter::RayMarcher && caster.is_on_adapter();
     if !(by_pages || marched) {
-        messages.info(format!("the processor draws {}", mode.name));
+        notices.info(format!("the processor draws {}", mode.name));
     }
     *active = wanted;
     copies.0 = uses_copies;
@@ -175,7 +175,7 @@ pub(super) fn upload_pages(
     particles: Res<ParticleScene>,
     streaming: Option<ResMut<Streaming>>,
     mut tables: ResMut<GpuTables>,
-    mut messages: ResMut<Notices>,
+    mut notices: ResMut<Notices>,
 ) {
     let Some(mut streaming) = streaming else { return };
     let generation = streaming.generation;
@@ -196,7 +196,7 @@ pub(super) fn upload_pages(
     if streaming.streamer.copies.as_ref().is_some_and(|copies| copies.is_full())
         && tables.told_full.replace(generation) != Some(generation)
     {
-        messages.error("the graphics memory is full (residency.gpu_budget_mib): a coarser picture is shown");
+        notices.error("the graphics memory is full (residency.gpu_budget_mib): a coarser picture is shown");
     }
 }
 

@@ -4,7 +4,7 @@
 //! and what the program itself adjusts after a choice (the transfer function of another mode) belongs to the choice.
 
 use super::input::{PointerOwner, is_control};
-use super::scene::{Scene, Settings};
+use super::scene::{Scene, Settings, TransferKept};
 use super::touring::Player;
 use bevy::prelude::*;
 use std::collections::VecDeque;
@@ -102,6 +102,7 @@ pub(super) fn undo_and_redo(
     owner: Res<PointerOwner>,
     mut history: ResMut<History>,
     mut settings: ResMut<Settings>,
+    mut kept: MessageWriter<TransferKept>,
 ) {
     let held = |pair: [KeyCode; 2]| keys.any_pressed(pair);
     let control = is_control(&keys) && owner.keyboard_is_free();
@@ -113,7 +114,8 @@ pub(super) fn undo_and_redo(
     };
     let Some(step) = history.asked.take().or(pressed) else { return };
     if let Some(next) = history.step(step, &settings) {
-        *settings = Settings { keep_transfer: true, ..next };
+        *settings = next;
+        kept.write(TransferKept);
     }
 }
 

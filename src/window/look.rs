@@ -1,7 +1,7 @@
 //! How the picture looks: the mode applied to the open data, and the transfer function with the ranges in use.
 
 use super::exposure::Exposure;
-use super::scene::{Scene, Settings};
+use super::scene::{Scene, Settings, TransferKept};
 use super::state::notices::Notices;
 use super::transfer_presets::TransferPresets;
 use crate::annotate::{Legend, Units};
@@ -65,14 +65,16 @@ pub(crate) fn follow_settings(
     scene: Option<Res<Scene>>,
     mut settings: ResMut<Settings>,
     look: Option<ResMut<Look>>,
-    mut messages: ResMut<Notices>,
+    mut notices: ResMut<Notices>,
     mut presets: ResMut<TransferPresets>,
+    mut kept: MessageReader<TransferKept>,
 ) {
+    let kept = kept.read().count() > 0;
     let Some(scene) = scene else { return };
     let Some(mut look) = look else {
         match depict(&scene, &settings) {
             Ok(depiction) => {
-                if !std::mem::take(&mut settings.keep_transfer) {
+                if !kept {
                     settings.transfer = initial_transfer(&depiction, &mut presets);
                 }
                 let lut = Arc::new(bake(&depiction, &settings.transfer));
@@ -89,7 +91,7 @@ pub(crate) fn follow_settings(
                     seeded: false,
                 });
             }
-            Err(error) => messages.error(format!("{}: {error}", scene.path.display())),
+            Err(error) => notices.error(format!("{}: {error}", scene.path.display())),
         }
         return;
     };
@@ -98,10 +100,6 @@ pub(crate) fn follow_settings(
         || look.depiction.settings != settings.look.settings
         || look.economy != settings.budget.economy()
         || !std::ptr::eq(look.depiction.mode, settings.mode);
-    let kept = settings.keep_transfer;
-    if kept {
-        settings.keep_transfer = false;
-    }
     let mut depicted = false;
     if stale {
         match depict(&scene, &settings) {
@@ -128,7 +126,7 @@ pub(crate) fn follow_settings(
                 look.attribute = settings.attribute.clone();
             }
             Err(error) => {
-                messages.error(error);
+                notices.error(error);
                 settings.attribute = look.attribute.clone();
                 settings.look.mode = look.depiction.mode;
             }
@@ -220,6 +218,34 @@ fn approach(from: [f64; 2], to: [f64; 2], scale: Scale, share: f64) -> ([f64; 2]
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::color::transfer::Range;
+    use crate::modes;
+    use crate::window::touring::player::tests::Window;
+
+    #[test]
+    fn a_mode_begins_with_its_own_colours_unless_they_came_with_it() {
+        let mut window = Window::new();
+        window.app.init_resource::<TransferPresets>().add_systems(Last, follow_settings);
+        window.frame(0.0);
+        let mut first = window.app.world().resource::<Settings>().clone();
+        first.transfer.range = Range::Fixed(0.5, 7.0);
+        window.app.insert_resource(first.clone());
+        window.frame(0.0);
+        for kept in [false, true] {
+            window.app.world_mut().resource_mut::<Settings>().choose_mode(modes::find("volume").unwrap());
+            window.frame(0.0);
+            assert!(window.app.world().resource::<Settings>().transfer != first.transfer);
+            window.app.insert_resource(first.clone());
+            if kept {
+                window.app.world_mut().write_message(TransferKept);
+            }
+            // It stays so in the frames after that.
+            for _ in 0..2 {
+                window.frame(0.0);
+                assert_eq!(window.app.world().resource::<Settings>().transfer == first.transfer, kept);
+            }
+        }
+    }
 
     #[test]
     fn ranges_glide_and_arrive_exactly() {

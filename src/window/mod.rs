@@ -215,6 +215,7 @@ impl Plugin for WindowApp {
         .init_resource::<statistics::FrameClock>()
         .init_resource::<statistics::Statistics>()
         .add_message::<open::Opened>()
+        .add_message::<scene::TransferKept>()
         .add_systems(
             Startup,
             (
@@ -257,7 +258,8 @@ impl Plugin for WindowApp {
                     .chain(),
                 shortcuts::run_shortcuts.in_set(WindowSystems::TakeInput),
                 gpu_backend::follow_budgets.run_if(resource_changed::<Preset>),
-                volume_caster::choose_caster.run_if(resource_changed::<Preset>),
+                volume_caster::choose_caster
+                    .run_if(resource_changed::<Preset>.or_else(resource_changed::<shader_reload::ShaderTexts>)),
                 gpu_backend::choose_backend.run_if(
                     resource_changed::<Preset>.or_else(gpu_backend::technique_changed).or_else(live::came_or_went),
                 ),

@@ -89,7 +89,7 @@ pub(super) fn receive_catalogue(
     mut objects: ResMut<Objects>,
     mut openings: ResMut<Openings>,
     scene: Option<Res<Scene>>,
-    mut messages: ResMut<Notices>,
+    mut notices: ResMut<Notices>,
 ) {
     let objects = objects.bypass_change_detection();
     if objects.dropped.receive() {
@@ -109,13 +109,13 @@ pub(super) fn receive_catalogue(
         Answer::Here(catalogue) => {
             objects.labels = catalogue.labels();
             let count = crate::annotate::number::count(catalogue.objects.len() as u64);
-            messages.info(format!("{count} objects of {}", catalogue.path.display()));
+            notices.info(format!("{count} objects of {}", catalogue.path.display()));
             let unit = scene.map(|scene| scene.file.metadata().length_unit.clone());
             if let Some(why) = unit.and_then(|unit| catalogue.unlike(&unit)) {
-                messages.error(why);
+                notices.error(why);
             }
         }
-        Answer::Failed(why) => messages.error(why),
+        Answer::Failed(why) => notices.error(why),
         Answer::Nothing | Answer::Coming(_) => {}
     }
 }

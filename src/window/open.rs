@@ -139,7 +139,7 @@ pub(super) fn follow_preset(preset: Res<Preset>, mut openings: ResMut<Openings>)
 /// Hands over files that have arrived and reports those that cannot be opened.
 pub(crate) fn finish_opening(
     mut openings: ResMut<Openings>,
-    mut messages: ResMut<Notices>,
+    mut notices: ResMut<Notices>,
     mut opened: MessageWriter<Opened>,
 ) {
     let Some(opening) = openings.bypass_change_detection().current.as_mut() else { return };
@@ -158,7 +158,7 @@ pub(crate) fn finish_opening(
         Ok(file) => {
             opened.write(file);
         }
-        Err(error) => messages.error(error),
+        Err(error) => notices.error(error),
     }
 }
 

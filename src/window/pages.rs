@@ -194,12 +194,12 @@ pub fn follow_scene(
 pub fn finish_loads(
     mut commands: Commands,
     streaming: Option<ResMut<Streaming>>,
-    mut messages: ResMut<Notices>,
+    mut notices: ResMut<Notices>,
     mut pages: Query<&mut PageStatus>,
 ) {
     let Some(mut streaming) = streaming else { return };
     let arrivals = streaming.streamer.arrive();
-    arrivals.messages.into_iter().for_each(|message| messages.error(message));
+    arrivals.messages.into_iter().for_each(|message| notices.error(message));
     for id in arrivals.pages {
         let Some(entity) = streaming.entity(id) else { continue };
         let Ok(mut status) = pages.get_mut(entity) else { continue };
@@ -218,7 +218,7 @@ pub fn finish_loads(
     if streaming.streamer.residency.statistics().over_budget && !streaming.told_memory {
         streaming.told_memory = true;
         let budget = streaming.preset.budget_mib;
-        messages
+        notices
             .error(format!("the view needs more than the {budget} MiB of residency.budget_mib: it is shown coarser"));
     }
 }
@@ -327,7 +327,7 @@ pub fn start_loads(
     statistics.pages_loading = residency.loading + residency.stalled + residency.queued;
     statistics.pages_failed = residency.failed;
     statistics.bytes = residency.bytes;
-    statistics.budget_bytes = residency.budget;
+    statistics.budget_bytes = residency.budget_bytes;
     let copies = streaming.streamer.copies.as_ref();
     statistics.copies = copies.map(|copies| [copies.bytes(), copies.options().budget]);
 }
@@ -503,7 +503,7 @@ mod tests {
         let pick = |cursor| crate::window::pick::pick(&view, file.metadata(), &selection.nodes, cursor);
         let picked = pick([480.0, 360.0]).expect("the box is full of particles");
         let pixel = view.to_pixels(view.to_camera(picked.position)).unwrap();
-        assert!((pixel[0] - 480.0).hypot(pixel[1] - 360.0) <= crate::window::pick::REACH + 1e-6);
+        assert!((pixel[0] - 480.0).hypot(pixel[1] - 360.0) <= crate::window::pick::REACH_PX + 1e-6);
         assert!((picked.pixels - (pixel[0] - 480.0).hypot(pixel[1] - 360.0)).abs() < 1e-6);
         let bounds = file.metadata().bounds();
         assert!(picked.position.clamp(bounds.min - DVec3::ONE, bounds.max + DVec3::ONE) == picked.position);

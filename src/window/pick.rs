@@ -32,7 +32,7 @@ pub struct Picked {
 }
 
 /// How far from the cursor particles are looked for, pixels.
-pub const REACH: f64 = 14.0;
+pub const REACH_PX: f64 = 14.0;
 
 /// The particle under `cursor` (picture pixels) among the drawn nodes.
 pub fn pick(view: &View, metadata: &Metadata, nodes: &[SceneNode], cursor: [f64; 2]) -> Option<Picked> {
@@ -51,7 +51,7 @@ pub fn pick(view: &View, metadata: &Metadata, nodes: &[SceneNode], cursor: [f64;
             let camera = view.to_camera(particles.position(i) + drawn.offset);
             let Some([px, py]) = view.to_pixels(camera) else { continue };
             let pixels = (px - cursor[0]).hypot(py - cursor[1]);
-            if pixels > REACH || camera.z <= 0.0 {
+            if pixels > REACH_PX || camera.z <= 0.0 {
                 continue;
             }
             let position = view.eye + view.right * camera.x + view.up * camera.y + view.forward * camera.z;
@@ -60,7 +60,7 @@ pub fn pick(view: &View, metadata: &Metadata, nodes: &[SceneNode], cursor: [f64;
             }
             let column = |values: &[f32]| values.get(code).map_or(0.0, |&value| f64::from(value));
             let (density, smoothing_length) = (column(&codebook.density), column(&codebook.smoothing_length));
-            let closeness = 1.0 - pixels / (REACH * 1.001);
+            let closeness = 1.0 - pixels / (REACH_PX * 1.001);
             let score = closeness * closeness * density.max(f64::MIN_POSITIVE).powf(0.5) / camera.z.powf(0.25);
             if best.as_ref().is_none_or(|(highest, _)| score > *highest) {
                 let particle = ParticleRef { node: drawn.node, index: i as u32 };
@@ -84,7 +84,7 @@ fn near_cursor(view: &View, extent: &Extent, [x, y]: [f64; 2]) -> bool {
             high[axis] = high[axis].max(pixel[axis]);
         }
     }
-    (low[0] - REACH..=high[0] + REACH).contains(&x) && (low[1] - REACH..=high[1] + REACH).contains(&y)
+    (low[0] - REACH_PX..=high[0] + REACH_PX).contains(&x) && (low[1] - REACH_PX..=high[1] + REACH_PX).contains(&y)
 }
 
 /// How close a flight goes: to a fifth of the present distance, but not into the kernel of what was picked.
@@ -105,7 +105,7 @@ pub(super) fn fly_to_pick(
     selection: Res<ViewSelection>,
     picture: Res<Picture>,
     preset: Res<Preset>,
-    mut messages: ResMut<Notices>,
+    mut notices: ResMut<Notices>,
     camera: Single<(Entity, &Viewpoint, &mut Navigation), (With<DataCamera>, With<Anchor>)>,
 ) {
     let Some(at) = click.bypass_change_detection().0.take() else { return };
@@ -123,7 +123,7 @@ pub(super) fn fly_to_pick(
             let flight = Flight::to_place(*viewpoint, picked.position, distance, preset.camera.flight_secs);
             commands.entity(entity).insert(flight);
         }
-        None => messages.info("nothing under the cursor to fly to"),
+        None => notices.info("nothing under the cursor to fly to"),
     }
 }
 
@@ -147,7 +147,7 @@ mod tests {
         assert!(near_cursor(&view(), &cube(DVec3::ZERO, 0.5), [400.0, 300.0]));
         assert!(!near_cursor(&view(), &cube(DVec3::ZERO, 0.5), [700.0, 300.0]));
         assert!(near_cursor(&view(), &cube(DVec3::ZERO, 50.0), [700.0, 300.0]), "a box around the eye");
-        assert!(near_cursor(&view(), &cube(DVec3::ZERO, 0.0), [400.0 + REACH, 300.0]));
+        assert!(near_cursor(&view(), &cube(DVec3::ZERO, 0.0), [400.0 + REACH_PX, 300.0]));
     }
 
     #[test]

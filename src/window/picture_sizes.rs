@@ -5,7 +5,7 @@ use crate::window::statistics::ActiveBackend;
 use bevy::prelude::*;
 
 /// Longest side of the picture that is drawn only to measure the exposure, pixels.
-const SKETCH: u32 = 320;
+const SKETCH_PX: u32 = 320;
 
 /// The size of the picture to draw now; `strained`: there is no time for all particles.
 pub(crate) fn drawing_size(
@@ -20,7 +20,7 @@ pub(crate) fn drawing_size(
         _ if fixed_discs => 1,
         ActiveBackend::Cpu if strained => motion.splat_shrink,
         ActiveBackend::Cpu => 1,
-        ActiveBackend::Gpu => full.max_element().div_ceil(SKETCH).max(1),
+        ActiveBackend::Gpu => full.max_element().div_ceil(SKETCH_PX).max(1),
     };
     (full / shrink).max(UVec2::ONE)
 }
@@ -83,6 +83,6 @@ mod tests {
         let sharp = MotionPreset { splat_shrink: 1, ..motion.clone() };
         assert_eq!(drawing_size(full, true, ActiveBackend::Cpu, false, &sharp), full);
         let sketch = drawing_size(full, false, ActiveBackend::Gpu, false, &motion);
-        assert!(sketch.max_element() <= SKETCH);
+        assert!(sketch.max_element() <= SKETCH_PX);
     }
 }

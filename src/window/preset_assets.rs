@@ -64,10 +64,10 @@ fn apply_preset(
     presets: Res<Assets<Preset>>,
     mut preset: ResMut<Preset>,
     mut settings: ResMut<Settings>,
-    mut messages: ResMut<Notices>,
+    mut notices: ResMut<Notices>,
 ) {
     for failure in failures.read() {
-        messages.error(refusal(&failure.error));
+        notices.error(refusal(&failure.error));
     }
     let changed = events.read().any(
         |event| matches!(event, AssetEvent::Added { id } | AssetEvent::Modified { id } if *id == file.handle.id()),
@@ -89,7 +89,7 @@ fn apply_preset(
         settings.budget.0.extend(budget.0);
     }
     if preset.set_if_neq(loaded) {
-        messages.info(format!("preset {} loaded", file.options.preset));
+        notices.info(format!("preset {} loaded", file.options.preset));
     }
 }
 
@@ -122,10 +122,8 @@ mod tests {
 
         std::fs::write(&file, "(\n    drawing: (error_pixels: 3.0),\n)").unwrap();
         let refused = |world: &World| {
-            let messages = world.resource::<Notices>();
-            messages
-                .all()
-                .any(|message| message.text.contains("desktop.ron:2:") && message.text.contains("error_pixels"))
+            let notices = world.resource::<Notices>();
+            notices.all().any(|notice| notice.text.contains("desktop.ron:2:") && notice.text.contains("error_pixels"))
         };
         wait(&mut app, "a message with file, line and field", refused);
         assert_eq!(error_px(app.world()), 2.0, "the last good preset stays");

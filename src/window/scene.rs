@@ -60,10 +60,11 @@ pub struct Settings {
     pub families: Vec<bool>,
     /// Projection and field of view.
     pub lens: Lens,
-    /// Whether the transfer function belongs to the mode that has just been set, and is not to be chosen anew for it: where
-    /// settings come back from the history or from a scene. Not a setting itself.
-    pub keep_transfer: bool,
 }
+
+/// The transfer function was set together with the mode and the attribute: it is not chosen anew for them.
+#[derive(Message)]
+pub struct TransferKept;
 
 impl PartialEq for Settings {
     fn eq(&self, other: &Settings) -> bool {
@@ -80,7 +81,6 @@ impl Settings {
             mode_chosen: mode.is_some(),
             families: Vec::new(),
             lens: Lens { fov_deg: preset.camera.field_of_view_deg, parallel: false },
-            keep_transfer: false,
         }
     }
 
@@ -101,7 +101,6 @@ impl Settings {
     /// of an attribute that the data has not.
     pub fn show(&mut self, said: &LookPatch, attributes: &[String]) -> Option<String> {
         self.mode_chosen |= said.mode.is_some();
-        self.keep_transfer |= said.transfer.is_some();
         self.look.settings = crate::mode::Settings::default();
         self.look = self.look.with(said);
         match &self.attribute {

@@ -151,7 +151,7 @@ pub(crate) fn save_scene(
     settings: Res<Settings>,
     picture: Res<Picture>,
     mut parts: SceneParts,
-    mut messages: ResMut<Notices>,
+    mut notices: ResMut<Notices>,
     camera: Single<&Viewpoint, With<DataCamera>>,
 ) {
     let control = is_control(&keys) && owner.keyboard_is_free();
@@ -173,10 +173,10 @@ pub(crate) fn save_scene(
     let file = scene_file(datasets, &settings, &camera, &picture, &parts, &path);
     match file.write(&path) {
         Ok(()) => {
-            messages.info(format!("scene saved in {}", path.display()));
+            notices.info(format!("scene saved in {}", path.display()));
             parts.files.path = Some(path);
         }
-        Err(error) => messages.error(error.to_string()),
+        Err(error) => notices.error(error.to_string()),
     }
 }
 
@@ -188,7 +188,7 @@ pub(crate) fn apply(
     (entity, viewpoint, anchor, orbit): (Entity, &mut Viewpoint, &mut Anchor, &mut PanOrbitCamera),
     parts: &mut SceneParts<'_>,
     commands: &mut Commands,
-    messages: &mut Notices,
+    notices: &mut Notices,
 ) {
     let Some(OpenedScene { path, scene, notes }) = opened else {
         parts.files.path = None;
@@ -196,10 +196,10 @@ pub(crate) fn apply(
         // Selections stay: the same particles, or the same region, of another snapshot.
         return;
     };
-    notes.iter().for_each(|note| messages.error(note));
+    notes.iter().for_each(|note| notices.error(note));
     let told = |what: String| format!("{}: {what}", path.display());
     if let Some(name) = settings.show(&LookPatch::beginning().then(&scene.look), attributes) {
-        messages.error(told(format!("the data has no attribute {name}; the usual one is shown")));
+        notices.error(told(format!("the data has no attribute {name}; the usual one is shown")));
     }
     if let Some(camera) = &scene.camera {
         let lens;

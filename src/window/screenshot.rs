@@ -39,15 +39,15 @@ fn write(image: Image, path: &Path) -> Result<PathBuf, String> {
 }
 
 /// Reports pictures that have been written.
-pub(super) fn report_screenshots(mut screenshots: ResMut<Screenshots>, mut messages: ResMut<Notices>) {
+pub(super) fn report_screenshots(mut screenshots: ResMut<Screenshots>, mut notices: ResMut<Notices>) {
     screenshots.bypass_change_detection().0.retain_mut(|task| match check_ready(task) {
         None => true,
         Some(Ok(path)) => {
-            messages.info(format!("saved {}", path.display()));
+            notices.info(format!("saved {}", path.display()));
             false
         }
         Some(Err(error)) => {
-            messages.error(error);
+            notices.error(error);
             false
         }
     });

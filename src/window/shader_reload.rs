@@ -1,12 +1,12 @@
 //! While a mode is developed: a shader file that changes is taken up by the running window. It is composed and validated before
 //! anything draws with it, so that a mistake is told with its file and line and the last good picture stays.
 //!
-//! Where the sources are not there, as for an installed program, there is nothing to watch. The shaders of volumes are built when their
-//! renderer opens, and are taken up with the next start.
+//! Where the sources are not there, as for an installed program, there is nothing to watch.
 
 use super::state::notices::Notices;
 use crate::gpu::shaders::check::{Variant, compose, texts, variants, variants_of};
 use crate::gpu::shaders::{SHADERS, ShaderFiles, load};
+use bevy::asset::io::file::FileAssetReader;
 use bevy::prelude::*;
 use bevy::shader::Shader;
 use std::path::{Path, PathBuf};
@@ -21,14 +21,18 @@ pub(super) struct ShaderReloadPlugin;
 impl Plugin for ShaderReloadPlugin {
     fn build(&self, app: &mut App) {
         let files = app.world().get_resource::<ShaderFiles>().cloned().unwrap_or_default().0;
-        let own = Path::new(env!("CARGO_MANIFEST_DIR")).join("shaders");
-        let own = SHADERS.iter().map(|(name, _)| (*name, own.join(name)));
+        // Where other assets are that may be edited, else where the program was compiled.
+        let roots = [FileAssetReader::get_base_path(), PathBuf::from(env!("CARGO_MANIFEST_DIR"))];
+        let own = SHADERS.iter().filter_map(|(name, _)| {
+            let mut paths = roots.iter().map(|root| root.join("shaders").join(name));
+            Some((*name, paths.find(|path| path.is_file())?))
+        });
         let watched = own.chain(files.iter().map(|file| (file.name, PathBuf::from(file.file))));
         let watched: Vec<Watched> = watched.filter_map(|(name, path)| Watched::new(name, path)).collect();
+        app.insert_resource(ShaderTexts(texts(&files)));
         if !watched.is_empty() {
-            let variants = || variants().into_iter().chain(variants_of(&files));
-            let (texts, variants) = (texts(&files), variants().collect());
-            app.insert_resource(Watcher { watched, texts, variants, looked: None }).add_systems(Update, reload);
+            let variants = variants().into_iter().chain(variants_of(&files)).collect();
+            app.insert_resource(Watcher { watched, variants, looked: None }).add_systems(Update, reload);
         }
     }
 }
@@ -60,32 +64,35 @@ fn written(path: &Path) -> Option<SystemTime> {
     std::fs::metadata(path).and_then(|about| about.modified()).ok()
 }
 
-/// The files, and the shaders in use.
+/// The shaders in use: their paths and texts.
+#[derive(Resource)]
+pub(super) struct ShaderTexts(pub Vec<(&'static str, String)>);
+
+impl ShaderTexts {
+    /// The same with another text of one of them, if all that is made of them is right then.
+    fn with(&self, name: &str, text: &str, variants: &[Variant]) -> Result<ShaderTexts, String> {
+        let mut texts = self.0.clone();
+        texts.iter_mut().filter(|(other, _)| *other == name).for_each(|(_, old)| text.clone_into(old));
+        let is_library = text.contains("#define_import_path");
+        for variant in variants.iter().filter(|variant| is_library || variant.path == name) {
+            compose(&texts, variant)?;
+        }
+        Ok(ShaderTexts(texts))
+    }
+}
+
+/// The files, and all that is made of them.
 #[derive(Resource)]
 struct Watcher {
     watched: Vec<Watched>,
-    texts: Vec<(&'static str, String)>,
     variants: Vec<Variant>,
     looked: Option<Instant>,
-}
-
-impl Watcher {
-    /// Takes a text over, if all shaders are right with it.
-    fn take(&mut self, name: &str, text: String) -> Result<(), String> {
-        let mut texts = self.texts.clone();
-        texts.iter_mut().filter(|(other, _)| *other == name).for_each(|(_, old)| old.clone_from(&text));
-        let is_library = text.contains("#define_import_path");
-        for variant in self.variants.iter().filter(|variant| is_library || variant.path == name) {
-            compose(&texts, variant)?;
-        }
-        self.texts = texts;
-        Ok(())
-    }
 }
 
 /// Takes up what has changed.
 fn reload(
     mut watcher: ResMut<Watcher>,
+    mut texts: ResMut<ShaderTexts>,
     server: Res<AssetServer>,
     mut shaders: ResMut<Assets<Shader>>,
     mut notices: ResMut<Notices>,
@@ -100,8 +107,9 @@ fn reload(
         .filter_map(|file| file.changed().map(|text| (file.name, file.path.clone(), text)))
         .collect();
     for (name, path, text) in changed {
-        match watcher.take(name, text.clone()) {
-            Ok(()) => {
+        match texts.with(name, &text, &watcher.variants) {
+            Ok(with) => {
+                *texts = with;
                 let shader = Shader::from_wgsl(text, format!("embedded://deepfield/{name}"));
                 match shaders.insert(load(&server, name).id(), shader) {
                     Ok(()) => notices.info(format!("{}: in use", path.display())),
@@ -121,15 +129,17 @@ mod tests {
     use super::*;
 
     #[test]
-    fn mistakes_are_told_with_their_line_and_not_taken_over() {
-        let mut watcher = Watcher { watched: vec![], texts: texts(&[]), variants: variants(), looked: None };
+    fn mistakes_are_told_with_their_line() {
+        let (variants, texts) = (variants(), ShaderTexts(texts(&[])));
         let name = "composite/composite.wgsl";
-        let good = watcher.texts.iter().find(|text| text.0 == name).unwrap().1.clone();
-        let wrong = watcher.take(name, format!("{good}\nfn wrong() -> f32 {{ return 1u; }}\n")).unwrap_err();
+        let text = |texts: &ShaderTexts| texts.0.iter().find(|text| text.0 == name).unwrap().1.clone();
+        let good = text(&texts);
+        let wrong = format!("{good}\nfn wrong() -> f32 {{ return 1u; }}\n");
+        let wrong = texts.with(name, &wrong, &variants).map(|_| ()).unwrap_err();
         let line = good.lines().count() + 2;
         assert!(wrong.contains(&format!("{name}:{line}:")), "{wrong}");
-        assert!(!wrong.contains('\n') && watcher.texts.iter().any(|text| text.0 == name && text.1 == good));
-        watcher.take(name, format!("{good}\nfn right() -> f32 {{ return 1.0; }}\n")).unwrap();
-        assert!(watcher.texts.iter().any(|text| text.0 == name && text.1 != good));
+        assert!(!wrong.contains('\n'));
+        let right = format!("{good}\nfn right() -> f32 {{ return 1.0; }}\n");
+        assert_eq!(text(&texts.with(name, &right, &variants).unwrap()), right);
     }
 }

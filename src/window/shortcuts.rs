@@ -28,7 +28,7 @@ pub(super) fn run_shortcuts(
     distance: Res<DataDistance>,
     mut shown: ResMut<Shown>,
     mut tool: ResMut<Tool>,
-    mut messages: ResMut<Notices>,
+    mut notices: ResMut<Notices>,
     (mut exit, show): (MessageWriter<AppExit>, Option<Res<ShowStatus>>),
     mut windows: Query<&mut Window, With<PrimaryWindow>>,
     camera: Single<
@@ -81,7 +81,7 @@ pub(super) fn run_shortcuts(
                         let flight = Flight::to_viewpoint(*viewpoint, target, preset.camera.flight_secs);
                         commands.entity(entity).insert(flight);
                     }
-                    Err(error) => messages.error(error.to_string()),
+                    Err(error) => notices.error(error.to_string()),
                 }
             }
             Action::Leave if shown.help => shown.help = false,
@@ -97,7 +97,7 @@ pub(super) fn run_shortcuts(
             }
             // An audience is watching.
             Action::Leave if show.as_ref().is_some_and(|show| show.role == Role::Leader) => {
-                messages.info("Ctrl+Q ends the show")
+                notices.info("Ctrl+Q ends the show")
             }
             Action::Leave => {
                 exit.write(AppExit::Success);

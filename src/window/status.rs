@@ -129,7 +129,7 @@ pub(super) fn write_status(
     picture: Res<Picture>,
     converged: Res<Converged>,
     statistics: Res<Statistics>,
-    mut messages: ResMut<Notices>,
+    mut notices: ResMut<Notices>,
     (history, files, closed, controls): (Res<History>, Res<SceneFiles>, Res<Closed>, Res<Controls>),
     looking: LookingState,
     (player, ranges, look): (Res<Player>, Res<Ranges>, Option<Res<Look>>),
@@ -210,7 +210,7 @@ pub(super) fn write_status(
                 (name.as_str(), [left, top, right, bottom, f32::from(u8::from(*in_sight))])
             })
             .collect(),
-        messages: messages.all().map(|message| message.text.as_str()).collect(),
+        messages: notices.all().map(|notice| notice.text.as_str()).collect(),
     };
     let Ok(text) = serde_json::to_string_pretty(&status) else { return };
     if text == file.written {
@@ -220,7 +220,7 @@ pub(super) fn write_status(
     match std::fs::write(&beside, &text).and_then(|()| std::fs::rename(&beside, &path)) {
         Ok(()) => file.written = text,
         Err(error) => {
-            messages.error(format!("{}: {error}", path.display()));
+            notices.error(format!("{}: {error}", path.display()));
             file.path = None;
         }
     }

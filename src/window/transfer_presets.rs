@@ -115,10 +115,10 @@ fn follow_files(
     files: Res<Assets<TransferAsset>>,
     mut presets: ResMut<TransferPresets>,
     mut settings: ResMut<Settings>,
-    mut messages: ResMut<Notices>,
+    mut notices: ResMut<Notices>,
 ) {
     for failure in failures.read() {
-        messages.error(refusal(&failure.error));
+        notices.error(refusal(&failure.error));
     }
     for event in events.read() {
         let (AssetEvent::Added { id } | AssetEvent::Modified { id }) = event else { continue };
@@ -127,26 +127,26 @@ fn follow_files(
         let Some(TransferAsset(transfer)) = files.get(*id) else { continue };
         if let Some(transfer) = presets.take_in(&name, transfer, &settings.transfer) {
             settings.transfer = transfer;
-            messages.info(format!("colours {name} loaded"));
+            notices.info(format!("colours {name} loaded"));
         }
     }
 }
 
 /// Writes the preset that is to be written.
-fn save_presets(mut presets: ResMut<TransferPresets>, assets: Res<AssetServer>, mut messages: ResMut<Notices>) {
+fn save_presets(mut presets: ResMut<TransferPresets>, assets: Res<AssetServer>, mut notices: ResMut<Notices>) {
     if presets.to_save.is_none() {
         return;
     }
     let Some((name, transfer)) = presets.to_save.take() else { return };
     let Some(folder) = presets.folder.clone() else {
-        messages.error(
+        notices.error(
             "there is no folder assets/transfer beside the program to write presets to; BEVY_ASSET_ROOT may name one",
         );
         return;
     };
     match transfer.save(&name, &folder) {
         Ok(path) => {
-            messages.info(format!("saved {}", path.display()));
+            notices.info(format!("saved {}", path.display()));
             match presets.all.iter_mut().find(|preset| preset.name == name) {
                 Some(preset) => {
                     preset.transfer = Some(transfer);
@@ -159,7 +159,7 @@ fn save_presets(mut presets: ResMut<TransferPresets>, assets: Res<AssetServer>, 
             }
             presets.chosen = Some(name);
         }
-        Err(error) => messages.error(error.to_string()),
+        Err(error) => notices.error(error.to_string()),
     }
 }
 
@@ -192,7 +192,7 @@ mod tests {
         std::fs::write(&file, "(\n  gama: 4.0,\n)").unwrap();
         let refused = |world: &World| {
             let mut all = world.resource::<Notices>().all();
-            all.any(|message| message.text.contains("mine.ron:2:") && message.text.contains("gama"))
+            all.any(|notice| notice.text.contains("mine.ron:2:") && notice.text.contains("gama"))
         };
         wait(&mut app, "a message with file, line and field", refused);
         assert_eq!(app.world().resource::<Settings>().transfer.gamma, 3.0, "the last good one stays");
@@ -205,8 +205,7 @@ mod tests {
         });
         assert_eq!(TransferFunction::named("other", Some(&files)).unwrap(), edited);
         app.world_mut().resource_mut::<TransferPresets>().ask_to_save("../other".into(), edited);
-        let refused =
-            |world: &World| world.resource::<Notices>().all().any(|message| message.text.contains("../other"));
+        let refused = |world: &World| world.resource::<Notices>().all().any(|notice| notice.text.contains("../other"));
         wait(&mut app, "a refused name", refused);
     }
 

@@ -20,7 +20,7 @@ use bevy_egui::{EguiContexts, egui};
 use std::path::Path;
 
 /// The least width that both docks leave to the picture, logical pixels.
-const LEAST_PICTURE: f32 = 320.0;
+const LEAST_PICTURE_PX: f32 = 320.0;
 
 /// Where the panels' named controls are, logical pixels.
 #[derive(Resource, Default)]
@@ -68,7 +68,7 @@ pub(super) fn draw_window(
     let mut docks = Vec::new();
     for dock in [Dock::Left, Dock::Right].into_iter().filter(|dock| shown.dock(*dock) && !owner.is_locked()) {
         // A narrow window has no room for both.
-        if dock == Dock::Right && rect.width() - preset.panel.right_width < LEAST_PICTURE && rect != window {
+        if dock == Dock::Right && rect.width() - preset.panel.right_width < LEAST_PICTURE_PX && rect != window {
             continue;
         }
         let (side, width) = match dock {
@@ -115,12 +115,12 @@ pub(super) fn draw_window(
     }
     if let Some(state) = panel.player.state().cloned() {
         let folder = panel.player.path().and_then(Path::parent).map(Path::to_owned).unwrap_or_default();
-        let mut tell = |why: String| panel.messages.error(why);
+        let mut tell = |why: String| panel.notices.error(why);
         overlay::tour::draw(&painter, rect, &state, &folder, &mut pictures, &mut tell);
     }
-    // An audience reads no messages.
+    // An audience reads no notices.
     if !owner.is_locked() {
-        overlay::draw_messages(&painter, rect, &panel.messages);
+        overlay::draw_notices(&painter, rect, &panel.notices);
     }
     if shown.help {
         help::draw(&ctx, rect);

@@ -1,7 +1,9 @@
 //! Who draws the modes of the perspective grid in the window: the graphics adapter by compute passes, where the preset lets
 //! it and it is more than the processor in disguise; else the processor.
 
+use super::look::Look;
 use super::preset::{Backend, Preset};
+use super::shader_reload::ShaderTexts;
 use crate::cpu::volume::{Caster, Processor};
 use crate::gpu::{Capabilities, VolumeRenderer, Withheld};
 use bevy::prelude::*;
@@ -61,15 +63,23 @@ fn wants_adapter(backend: Backend, compute: bool, device: DeviceType) -> bool {
     }
 }
 
-/// Follows the preset.
+/// Follows the preset, and shaders that have changed: those are drawn with from the next picture on.
 pub(super) fn choose_caster(
     preset: Res<Preset>,
+    shaders: Res<ShaderTexts>,
     device: Option<Res<RenderDevice>>,
     queue: Option<Res<RenderQueue>>,
     adapter: Option<Res<RenderAdapter>>,
     info: Option<Res<RenderAdapterInfo>>,
     mut caster: ResMut<VolumeCaster>,
+    look: Option<ResMut<Look>>,
 ) {
+    if shaders.is_changed() && !shaders.is_added() {
+        *caster = VolumeCaster::default();
+        if let Some(mut look) = look {
+            look.depiction_revision += 1;
+        }
+    }
     let graphics = device.zip(queue).zip(adapter).zip(info);
     let able = graphics.map(|(((device, queue), adapter), info)| {
         let capabilities = Capabilities::of(&device, &adapter, &info, Withheld::default());
@@ -81,7 +91,8 @@ pub(super) fn choose_caster(
     match wanted {
         Some((device, queue, adapter, info, capabilities)) if !caster.on_adapter && !caster.gave_up => {
             let name = format!("{} ({})", info.name, info.driver_info);
-            let renderer = VolumeRenderer::new(device.clone(), queue.clone(), &adapter, name, &capabilities);
+            let (device, queue) = (device.clone(), queue.clone());
+            let renderer = VolumeRenderer::new(device, queue, &adapter, name, &capabilities, &shaders.0);
             *caster = VolumeCaster { caster: Arc::new(renderer), on_adapter: true, ..VolumeCaster::default() };
         }
         None if caster.on_adapter => *caster = VolumeCaster::default(),

@@ -13,6 +13,7 @@ mod network;
 mod outputs;
 mod panels;
 mod picture;
+mod shaders;
 mod tools;
 mod tour;
 mod tour_pictures;

@@ -28,6 +28,7 @@ mod timer;
 
 use super::capabilities::Capabilities;
 use super::device::{DeviceOptions, GpuError, open};
+use super::shaders::check::texts;
 use crate::color::Colors;
 use crate::cpu::volume::{Caster, Prepared, Scenery, VolumeError, VolumeOptions, VolumeReport};
 use crate::view::View;
@@ -76,18 +77,19 @@ impl VolumeRenderer {
             let missing = "compute shaders with eight storage buffers";
             return Err(GpuError::Unsupported { adapter: gpu.adapter, backend: "compute", missing });
         }
-        Ok(VolumeRenderer::new(gpu.device, gpu.queue, &gpu.handle, gpu.adapter, &gpu.capabilities))
+        Ok(VolumeRenderer::new(gpu.device, gpu.queue, &gpu.handle, gpu.adapter, &gpu.capabilities, &texts(&[])))
     }
 
-    /// Draws with an open adapter, which must have the capability `compute`.
+    /// Draws with an open adapter, which must have the capability `compute`, and these shaders: their paths and texts.
     pub fn new(
         device: RenderDevice,
         queue: RenderQueue,
         handle: &RenderAdapter,
         adapter: String,
         capabilities: &Capabilities,
+        shaders: &[(&'static str, String)],
     ) -> VolumeRenderer {
-        let state = Mutex::new(State { programs: Programs::new(&device, handle), store: Store::default() });
+        let state = Mutex::new(State { programs: Programs::new(&device, handle, shaders), store: Store::default() });
         VolumeRenderer { device, queue, adapter, vectors: capabilities.vector_subgroups, state }
     }
 

@@ -5,10 +5,9 @@
 
 use super::layout::{Portion, Turn, VolumeUniform};
 use crate::gpu::device::GpuError;
-use crate::gpu::shaders::sources;
 use crate::model::Kernel;
+use bevy::asset::Handle;
 use bevy::asset::uuid::Uuid;
-use bevy::asset::{AssetId, Handle};
 use bevy::platform::collections::HashMap;
 use bevy::render::render_resource::binding_types::{
     storage_buffer_read_only_sized, storage_buffer_sized, uniform_buffer_sized,
@@ -231,22 +230,21 @@ impl Kind {
 /// Compiled steps.
 pub struct Programs {
     cache: PipelineCache,
+    shaders: HashMap<&'static str, Handle<Shader>>,
     known: HashMap<(Step, Vec<ShaderDefVal>), CachedComputePipelineId>,
 }
 
-/// The identifier of a shader in the cache.
-fn shader_id(index: usize) -> Uuid {
-    Uuid::from_u128(index as u128 + 1)
-}
-
 impl Programs {
-    /// Nothing compiled yet.
-    pub fn new(device: &RenderDevice, adapter: &RenderAdapter) -> Programs {
+    /// Nothing compiled yet of these shaders, which are paths and texts.
+    pub fn new(device: &RenderDevice, adapter: &RenderAdapter, shaders: &[(&'static str, String)]) -> Programs {
         let mut cache = PipelineCache::new(device.clone(), adapter.clone(), true);
-        for (index, (path, text)) in sources().enumerate() {
-            cache.set_shader(AssetId::Uuid { uuid: shader_id(index) }, Shader::from_wgsl(text.into_owned(), path));
-        }
-        Programs { cache, known: HashMap::default() }
+        let mut take = |(index, (path, text)): (usize, &(&'static str, String))| {
+            let handle = Handle::Uuid(Uuid::from_u128(index as u128 + 1), PhantomData);
+            cache.set_shader(handle.id(), Shader::from_wgsl(text.clone(), *path));
+            (*path, handle)
+        };
+        let shaders = shaders.iter().enumerate().map(&mut take).collect();
+        Programs { cache, shaders, known: HashMap::default() }
     }
 
     /// The bindings of a kind.
@@ -260,16 +258,15 @@ impl Programs {
     /// [`GpuError::Shader`].
     pub fn get(&mut self, variant: Variant) -> Result<HashMap<Step, ComputePipeline>, GpuError> {
         for step in Step::ALL {
-            let Programs { cache, known } = self;
+            let Programs { cache, shaders, known } = self;
             let defs = step.kind().defs(variant);
             known.entry((step, defs.clone())).or_insert_with(|| {
-                let path = step.kind().shader();
                 // Every kind's shader is embedded; a test composes them all.
-                let index = sources().position(|(known, _)| known == path).unwrap_or_default();
+                let shader = shaders.get(step.kind().shader()).cloned().unwrap_or_default();
                 cache.queue_compute_pipeline(ComputePipelineDescriptor {
                     label: Some(step.entry().into()),
                     layout: vec![step.kind().layout()],
-                    shader: Handle::<Shader>::Uuid(shader_id(index), PhantomData),
+                    shader,
                     entry_point: Some(step.entry().into()),
                     shader_defs: defs,
                     ..ComputePipelineDescriptor::default()

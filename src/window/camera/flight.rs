@@ -14,7 +14,7 @@ pub struct Flight {
     /// Target at the end.
     pub target: DVec3,
     /// Distance from the target at the end, world units.
-    pub distance: f64,
+    pub distance_world: f64,
     /// Yaw and pitch at the end, radians.
     pub angles: (f64, f64),
     /// How long it takes, seconds.
@@ -26,13 +26,13 @@ pub struct Flight {
 impl Flight {
     /// A flight to `target`, ending `distance` away from it, looking in the same direction as now.
     pub fn to_place(from: Viewpoint, target: DVec3, distance: f64, duration_secs: f64) -> Flight {
-        Flight { from, target, distance, angles: from.angles(), duration_secs, elapsed_secs: 0.0 }
+        Flight { from, target, distance_world: distance, angles: from.angles(), duration_secs, elapsed_secs: 0.0 }
     }
 
     /// A flight to another viewpoint.
     pub fn to_viewpoint(from: Viewpoint, to: Viewpoint, duration_secs: f64) -> Flight {
-        let (distance, angles) = (to.distance(), to.angles());
-        Flight { from, target: to.target, distance, angles, duration_secs, elapsed_secs: 0.0 }
+        let (distance_world, angles) = (to.distance(), to.angles());
+        Flight { from, target: to.target, distance_world, angles, duration_secs, elapsed_secs: 0.0 }
     }
 
     /// Whether it has arrived.
@@ -51,7 +51,7 @@ impl Flight {
         }
         let t = (self.elapsed_secs / self.duration_secs).clamp(0.0, 1.0);
         let eased = t * t * t * (t * (6.0 * t - 15.0) + 10.0);
-        let ratio = self.distance / self.from.distance();
+        let ratio = self.distance_world / self.from.distance();
         let along = if (ratio - 1.0).abs() < 1e-3 { eased } else { (ratio.powf(eased) - 1.0) / (ratio - 1.0) };
         self.at(eased, along)
     }
@@ -59,7 +59,7 @@ impl Flight {
     /// The viewpoint `eased` of the way in angle and (geometric) distance, and `along` of the target's way.
     fn at(&self, eased: f64, along: f64) -> Viewpoint {
         let start = self.from.distance();
-        let distance = start * (self.distance / start).powf(eased);
+        let distance = start * (self.distance_world / start).powf(eased);
         let target = self.from.target.lerp(self.target, along);
         let (yaw, pitch) = self.from.angles();
         let turn =

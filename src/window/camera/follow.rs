@@ -124,7 +124,7 @@ mod tests {
     use super::*;
     use bevy_panorbit_camera::PanOrbitCamera;
 
-    const FRAME: f64 = 1.0 / 60.0;
+    const FRAME_SECS: f64 = 1.0 / 60.0;
 
     fn following_app() -> (App, Entity) {
         let mut app = App::new();
@@ -143,7 +143,7 @@ mod tests {
 
     fn go_on(app: &mut App, goal: Option<DVec3>) {
         app.world_mut().resource_mut::<Follow>().goal = goal;
-        app.world_mut().resource_mut::<Time<Real>>().advance_by(std::time::Duration::from_secs_f64(FRAME));
+        app.world_mut().resource_mut::<Time<Real>>().advance_by(std::time::Duration::from_secs_f64(FRAME_SECS));
         app.update();
     }
 
@@ -161,7 +161,7 @@ mod tests {
         let (mut app, camera) = following_app();
         // Beside the middle of the picture: following does not centre what is there already.
         let place = |frame: u32| {
-            let t = f64::from(frame) * FRAME;
+            let t = f64::from(frame) * FRAME_SECS;
             DVec3::new(10.3, 20.2, 30.0) + DVec3::new(4.0 * t, (2.0 * t).sin(), -3.0 * t)
         };
         go_on(&mut app, Some(place(0)));

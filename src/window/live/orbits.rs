@@ -8,13 +8,13 @@ use rayon::prelude::*;
 use std::sync::Arc;
 
 /// Seconds that an orbit takes at the radius that holds half of the mass.
-const PERIOD: f64 = 20.0;
+const PERIOD_SECS: f64 = 20.0;
 /// Share of the speed of a circular orbit at the beginning.
 const BEGIN: f64 = 0.8;
 /// Radii at which the mass within is known.
 const RADII: usize = 512;
 /// No step is longer, seconds: a frame that took long must not throw particles out.
-const LONGEST_STEP: f64 = 0.05;
+const LONGEST_STEP_SECS: f64 = 0.05;
 
 /// The mass within each radius.
 #[derive(Clone, Debug)]
@@ -53,7 +53,8 @@ impl Field {
         }
         let half = if half > 0.0 { half } else { 1.0 };
         // Kepler's third law at the radius of half the mass gives the constant of gravity.
-        let gravity = (std::f64::consts::TAU / PERIOD).powi(2) * half.powi(3) / (0.5 * total).max(f64::MIN_POSITIVE);
+        let gravity =
+            (std::f64::consts::TAU / PERIOD_SECS).powi(2) * half.powi(3) / (0.5 * total).max(f64::MIN_POSITIVE);
         pull.iter_mut().for_each(|mass| *mass *= gravity);
         Field { center, radius, pull, soft: 0.02 * half }
     }
@@ -102,8 +103,8 @@ impl Orbits {
 
     /// Goes on by so many seconds (leapfrog: kick, drift, kick), in steps that are short enough.
     pub fn advance(&mut self, seconds: f64) {
-        let steps = (seconds / LONGEST_STEP).ceil().clamp(1.0, 10.0);
-        let step = (seconds / steps).min(LONGEST_STEP);
+        let steps = (seconds / LONGEST_STEP_SECS).ceil().clamp(1.0, 10.0);
+        let step = (seconds / steps).min(LONGEST_STEP_SECS);
         let Orbits { state, velocities, field } = self;
         // Whoever still draws the state before keeps it.
         let state = Arc::make_mut(state);

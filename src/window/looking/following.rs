@@ -57,7 +57,7 @@ pub(super) fn find_center(
     scene: Option<Res<Scene>>,
     settings: Res<Settings>,
     live: Res<LiveParticles>,
-    mut messages: ResMut<Notices>,
+    mut notices: ResMut<Notices>,
 ) {
     let (following, follow) = (following.bypass_change_detection(), follow.bypass_change_detection());
     // A scene says where the camera stands.
@@ -95,8 +95,8 @@ pub(super) fn find_center(
             if following.answer.receive() {
                 match &following.answer {
                     Answer::Here(Some(center)) => following.center = Some(*center),
-                    Answer::Here(None) => messages.error(format!("{}: no particle of it is here to follow", set.name)),
-                    Answer::Failed(why) => messages.error(format!("{} cannot be followed: {why}", set.name)),
+                    Answer::Here(None) => notices.error(format!("{}: no particle of it is here to follow", set.name)),
+                    Answer::Failed(why) => notices.error(format!("{} cannot be followed: {why}", set.name)),
                     Answer::Nothing | Answer::Coming(_) => {}
                 }
             }

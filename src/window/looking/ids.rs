@@ -97,7 +97,7 @@ impl ByIds {
 }
 
 /// Puts the ids that have been found in the place of the region.
-pub(super) fn keep_ids(mut by_ids: ResMut<ByIds>, mut settings: ResMut<Settings>, mut messages: ResMut<Notices>) {
+pub(super) fn keep_ids(mut by_ids: ResMut<ByIds>, mut settings: ResMut<Settings>, mut notices: ResMut<Notices>) {
     let by_ids = by_ids.bypass_change_detection();
     if !by_ids.answer.receive() {
         return;
@@ -108,10 +108,10 @@ pub(super) fn keep_ids(mut by_ids: ResMut<ByIds>, mut settings: ResMut<Settings>
             // It may have been removed meanwhile.
             let Some(at) = settings.selections.iter().position(|set| set.members == of) else { return };
             let set = &mut settings.selections[at];
-            messages.info(format!("{}: {count} particles, from now on known by their ids", set.name));
+            notices.info(format!("{}: {count} particles, from now on known by their ids", set.name));
             set.members = Members::Ids(ids);
         }
-        (Answer::Failed(why), _) => messages.error(why),
+        (Answer::Failed(why), _) => notices.error(why),
         _ => {}
     }
 }

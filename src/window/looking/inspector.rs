@@ -10,7 +10,7 @@ use bevy::prelude::*;
 use std::sync::Arc;
 
 /// Sources up to which the row is looked for without being asked, bytes: reading them takes less than a second.
-const SMALL: u64 = 64 << 20;
+const SMALL_BYTES: u64 = 64 << 20;
 
 /// All that is known of the particle that was clicked.
 #[derive(Resource, Default)]
@@ -47,7 +47,7 @@ pub(super) fn receive_particle(mut inspector: ResMut<Inspector>, scene: Option<R
     let inspector = inspector.bypass_change_detection();
     inspector.row.receive();
     let Some(scene) = scene else { return };
-    let is_small = (1..=SMALL).contains(&scene.file.metadata().provenance.bytes);
+    let is_small = (1..=SMALL_BYTES).contains(&scene.file.metadata().provenance.bytes);
     if inspector.report.receive() && is_small && scene.source().is_some() {
         inspector.ask_source(&scene);
     }

@@ -95,7 +95,7 @@ impl Keeping {
 }
 
 /// Takes what has been worked out.
-pub(super) fn receive_tables(mut keeping: ResMut<Keeping>, mut messages: ResMut<Notices>) {
+pub(super) fn receive_tables(mut keeping: ResMut<Keeping>, mut notices: ResMut<Notices>) {
     let keeping = keeping.bypass_change_detection();
     keeping.plot.receive();
     if keeping.export.receive() {
@@ -103,9 +103,9 @@ pub(super) fn receive_tables(mut keeping: ResMut<Keeping>, mut messages: ResMut<
             Answer::Here((path, exported)) => {
                 let whence = if exported.exact { "" } else { " (from the page file: no ids, values as quantised)" };
                 let rows = crate::annotate::number::count(exported.rows);
-                messages.info(format!("{rows} particles written to {}{whence}", path.display()));
+                notices.info(format!("{rows} particles written to {}{whence}", path.display()));
             }
-            Answer::Failed(why) => messages.error(why),
+            Answer::Failed(why) => notices.error(why),
             Answer::Nothing | Answer::Coming(_) => {}
         }
     }

@@ -121,7 +121,7 @@ fn use_tool(
     mut measure: ResMut<Measure>,
     mut inspector: ResMut<Inspector>,
     mut prober: ResMut<Prober>,
-    mut messages: ResMut<Notices>,
+    mut notices: ResMut<Notices>,
     camera: Single<&super::camera::Viewpoint, With<super::picture::DataCamera>>,
 ) {
     let (Some(scene), Some(view), Some(at)) = (scene, selection.view, pointer.at) else { return };
@@ -158,8 +158,8 @@ fn use_tool(
                 let region = std::mem::take(&mut *stroke).region(drawn);
                 match region.map(|region| region.check().map(|()| region)) {
                     Some(Ok(region)) => prober.start(&scene.file, Members::Region(region), None),
-                    Some(Err(error)) => messages.error(error.to_string()),
-                    None => messages.info(drawn.help()),
+                    Some(Err(error)) => notices.error(error.to_string()),
+                    None => notices.info(drawn.help()),
                 }
             }
         }

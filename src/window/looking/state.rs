@@ -69,7 +69,7 @@ pub(super) fn fly_to_visit(
     mut visit: ResMut<Visit>,
     picture: Res<Picture>,
     preset: Res<Preset>,
-    mut messages: ResMut<Notices>,
+    mut notices: ResMut<Notices>,
     camera: Single<(Entity, &Viewpoint, &mut Navigation), With<DataCamera>>,
 ) {
     let Some(bounds) = visit.bypass_change_detection().0.take() else { return };
@@ -82,6 +82,6 @@ pub(super) fn fly_to_visit(
             let flight = Flight::to_place(*viewpoint, bounds.center(), distance, preset.camera.flight_secs);
             commands.entity(entity).insert(flight);
         }
-        Err(error) => messages.error(error.to_string()),
+        Err(error) => notices.error(error.to_string()),
     }
 }

@@ -1,4 +1,4 @@
-//! What is drawn over the picture: legend, scale bar, axes and names, messages, the help page.
+//! What is drawn over the picture: legend, scale bar, axes and names, notices, the help page.
 
 pub mod annotations;
 pub mod help;
@@ -11,22 +11,22 @@ use bevy_egui::egui::{self, Align2, Color32, FontId, Stroke, StrokeKind, pos2, v
 /// How long a message stays over the picture, seconds: good news, and errors.
 const SHOWN_SECS: [f64; 2] = [4.0, 12.0];
 
-/// Draws the latest messages at the top of the picture; they fade after a while.
-pub fn draw_messages(painter: &egui::Painter, picture: egui::Rect, messages: &Notices) {
+/// Draws the latest notices at the top of the picture; they fade after a while.
+pub fn draw_notices(painter: &egui::Painter, picture: egui::Rect, notices: &Notices) {
     let mut top = picture.top() + 14.0;
-    for message in messages.all().rev().take(3) {
-        let shown = SHOWN_SECS[usize::from(message.severity == Severity::Error)];
-        let left = shown - messages.age_secs(message);
+    for notice in notices.all().rev().take(3) {
+        let shown = SHOWN_SECS[usize::from(notice.severity == Severity::Error)];
+        let left = shown - notices.age_secs(notice);
         if left <= 0.0 {
             continue;
         }
         let opacity = (left as f32).min(1.0);
-        let (text, mark) = match message.severity {
+        let (text, mark) = match notice.severity {
             Severity::Info => (theme::TEXT, theme::ACCENT),
             Severity::Error => (theme::TEXT, theme::BAD),
         };
         let width = (picture.width() - 80.0).clamp(100.0, 620.0);
-        let galley = painter.layout(message.text.clone(), FontId::proportional(theme::BODY), text, width);
+        let galley = painter.layout(notice.text.clone(), FontId::proportional(theme::BODY), text, width);
         let size = galley.size() + vec2(28.0, 14.0);
         let card = egui::Rect::from_min_size(pos2(picture.center().x - 0.5 * size.x, top), size);
         painter.rect_filled(card, 6.0, theme::PANEL.gamma_multiply(0.94 * opacity));

@@ -70,10 +70,10 @@ impl Plugin for PanelPlugin {
 }
 
 /// Tells of names in the preset's list of closed sections that no section has.
-fn refuse_unknown_sections(preset: Res<Preset>, sections: Res<Sections>, mut messages: ResMut<Notices>) {
+fn refuse_unknown_sections(preset: Res<Preset>, sections: Res<Sections>, mut notices: ResMut<Notices>) {
     for name in preset.panel.closed.iter().filter(|name| !sections.names().any(|known| known == name.as_str())) {
         let names: Vec<&str> = sections.names().collect();
-        messages.error(format!("panel.closed: found {name}, expected some of {}", names.join(", ")));
+        notices.error(format!("panel.closed: found {name}, expected some of {}", names.join(", ")));
     }
 }
 
@@ -84,8 +84,8 @@ pub struct PanelState<'w, 's> {
     pub scene: Option<Res<'w, Scene>>,
     /// What is shown of the settings in the picture.
     pub look: Option<Res<'w, Look>>,
-    /// The latest messages.
-    pub messages: ResMut<'w, Notices>,
+    /// The latest notices.
+    pub notices: ResMut<'w, Notices>,
     /// What the user has chosen.
     pub settings: ResMut<'w, Settings>,
     /// Which sections are closed.

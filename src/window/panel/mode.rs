@@ -21,16 +21,7 @@ pub static SECTION: Section = Section {
 };
 
 fn show(ui: &mut Ui, state: &PanelState<'_, '_>, settings: &mut Settings) {
-    theme::combo(ui, "Mode", settings.mode.name, |ui| {
-        for mode in modes::all() {
-            let chosen = std::ptr::eq(settings.mode, mode);
-            let label = ui.selectable_label(chosen, mode.name).on_hover_text(mode.help);
-            theme::register(ui, &format!("mode:{}", mode.name), label.rect);
-            if label.clicked() {
-                settings.choose_mode(mode);
-            }
-        }
-    });
+    mode_combo(ui, settings);
     attribute_combo(ui, state, settings);
     for setting in settings.mode.all_settings() {
         mode_setting(ui, setting, settings.values(setting));
@@ -45,6 +36,20 @@ fn show(ui: &mut Ui, state: &PanelState<'_, '_>, settings: &mut Settings) {
     error
         .show(ui, &mut settings.error_px)
         .on_hover_text("No drawn particle is farther than this from where it belongs on the screen, in pixels.");
+}
+
+/// Which mode is shown.
+fn mode_combo(ui: &mut Ui, settings: &mut Settings) {
+    theme::combo(ui, "Mode", settings.mode.name, |ui| {
+        for mode in modes::all() {
+            let chosen = std::ptr::eq(settings.mode, mode);
+            let label = ui.selectable_label(chosen, mode.name).on_hover_text(mode.help);
+            theme::register(ui, &format!("mode:{}", mode.name), label.rect);
+            if label.clicked() {
+                settings.choose_mode(mode);
+            }
+        }
+    });
 }
 
 /// Which attribute gives the hue.
@@ -168,7 +173,46 @@ fn parse_list(setting: &Setting, text: &str) -> Option<SettingValue> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::mode::Mode;
     use crate::modes::grid::{ISO_COLORS, ISOVALUES};
+    use crate::window::preset::Preset;
+    use bevy_egui::egui::{Context, Event, Modifiers, MouseWheelUnit, PointerButton, Pos2, RawInput, TouchPhase, vec2};
+
+    #[test]
+    fn a_mode_of_another_crate_is_chosen_from_the_list() {
+        static MODE: Mode = Mode { name: "mode-of-another-crate", ..modes::grid::MODE };
+        modes::register(&MODE).unwrap();
+        let mut settings = Settings::new(&Preset::default(), None);
+        let ctx = Context::default();
+        let mut frame = |events: Vec<Event>| {
+            let mut output = ctx.run_ui(RawInput { events, ..RawInput::default() }, |ui| {
+                ui.set_max_width(300.0);
+                mode_combo(ui, &mut settings);
+            });
+            // Nobody draws them.
+            output.textures_delta.clear();
+            theme::take_controls(&ctx)
+        };
+        let click = |pos: Pos2| {
+            let (button, modifiers) = (PointerButton::Primary, Modifiers::NONE);
+            let [down, up] = [true, false].map(|pressed| Event::PointerButton { pos, button, pressed, modifiers });
+            vec![Event::PointerMoved(pos), down, up]
+        };
+        let (combo, _) = frame(Vec::new())["mode"];
+        frame(click(combo.center()));
+        // A list is laid out in one frame and shown in the next; it is longer than what is in sight.
+        frame(Vec::new());
+        let mut at = |events| frame(events)[&format!("mode:{}", MODE.name)];
+        let (mut entry, mut in_sight) = at(vec![Event::PointerMoved(combo.center_bottom() + vec2(0.0, 20.0))]);
+        for _ in 0..100 {
+            let (unit, delta, phase) = (MouseWheelUnit::Point, vec2(0.0, -20.0), TouchPhase::Move);
+            let wheel = Event::MouseWheel { unit, delta, phase, modifiers: Modifiers::NONE };
+            (entry, in_sight) = at(if in_sight { Vec::new() } else { vec![wheel] });
+        }
+        assert!(in_sight);
+        frame(click(entry.center()));
+        assert!(settings.mode_chosen && std::ptr::eq(settings.mode, &MODE));
+    }
 
     #[test]
     fn lists_are_read_from_text() {

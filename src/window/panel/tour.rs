@@ -10,10 +10,10 @@ use bevy_egui::egui::{self, CursorIcon, Rect, RichText, Sense, Stroke, TextEdit,
 pub static SECTION: Section =
     Section { name: "tour", title: "Tour", dock: Dock::Right, applies: |state| state.scene.is_some(), show };
 
-/// Height of the timeline: the upper part is the clock's, the lower the keyframes'.
-const HEIGHT: f32 = 34.0;
-/// Half the width of a keyframe's mark.
-const MARK: f32 = 5.0;
+/// Height of the timeline: the upper part is the clock's, the lower the keyframes'. Logical pixels.
+const HEIGHT_PX: f32 = 34.0;
+/// Half the width of a keyframe's mark, logical pixels.
+const MARK_PX: f32 = 5.0;
 
 fn show(ui: &mut Ui, state: &mut PanelState<'_, '_>) {
     let player = &*state.player;
@@ -90,10 +90,10 @@ fn transport(ui: &mut Ui, player: &Player, timeline: &Timeline, asked: &mut Vec<
 
 /// The timeline: a click or drag above shows a time, keyframes below are chosen and dragged.
 fn strip(ui: &mut Ui, player: &Player, timeline: &Timeline, asked: &mut Vec<Asked>, selected: &mut Option<usize>) {
-    let (rect, _) = ui.allocate_exact_size(vec2(ui.available_width(), HEIGHT), Sense::hover());
+    let (rect, _) = ui.allocate_exact_size(vec2(ui.available_width(), HEIGHT_PX), Sense::hover());
     theme::register(ui, "tour:timeline", rect);
-    let bar = Rect::from_min_max(rect.min, pos2(rect.right(), rect.top() + 0.45 * HEIGHT));
-    let range = (rect.left() + MARK)..=(rect.right() - MARK);
+    let bar = Rect::from_min_max(rect.min, pos2(rect.right(), rect.top() + 0.45 * HEIGHT_PX));
+    let range = (rect.left() + MARK_PX)..=(rect.right() - MARK_PX);
     let duration = timeline.duration().max(1e-9);
     let width = f64::from(range.end() - range.start());
     let x = |time: f64| range.start() + (width * (time / duration).clamp(0.0, 1.0)) as f32;
@@ -110,10 +110,11 @@ fn strip(ui: &mut Ui, player: &Player, timeline: &Timeline, asked: &mut Vec<Aske
         let stay = Rect::from_x_y_ranges(x(stop.arrive)..=x(stop.leave), (middle - 1.5)..=(middle + 1.5));
         painter.rect_filled(stay, 0.0, color.gamma_multiply(0.6));
         let at = pos2(x(stop.arrive), middle);
-        let mark = Rect::from_center_size(at, egui::Vec2::splat(2.0 * MARK + 2.0));
+        let mark = Rect::from_center_size(at, egui::Vec2::splat(2.0 * MARK_PX + 2.0));
         theme::register(ui, &format!("tour:{i}"), mark);
         let response = ui.interact(mark, ui.id().with(("mark", i)), Sense::click_and_drag());
-        let corners = [vec2(0.0, -MARK), vec2(MARK, 0.0), vec2(0.0, MARK), vec2(-MARK, 0.0)].map(|side| at + side);
+        let corners =
+            [vec2(0.0, -MARK_PX), vec2(MARK_PX, 0.0), vec2(0.0, MARK_PX), vec2(-MARK_PX, 0.0)].map(|side| at + side);
         let hot = if response.hovered() || response.dragged() { theme::TEXT } else { color };
         painter.add(egui::Shape::convex_polygon(corners.to_vec(), hot, Stroke::NONE));
         if stop.hold {

@@ -68,14 +68,14 @@ impl Notices {
     }
 
     /// Seconds since a notice was given.
-    pub fn age_secs(&self, message: &Notice) -> f64 {
-        self.now_secs - message.at_secs
+    pub fn age_secs(&self, notice: &Notice) -> f64 {
+        self.now_secs - notice.at_secs
     }
 }
 
 /// Keeps the clock by which notices age.
-pub(crate) fn advance_notices(time: Res<Time<Real>>, mut messages: ResMut<Notices>) {
-    messages.bypass_change_detection().now_secs = time.elapsed_secs_f64();
+pub(crate) fn advance_notices(time: Res<Time<Real>>, mut notices: ResMut<Notices>) {
+    notices.bypass_change_detection().now_secs = time.elapsed_secs_f64();
 }
 
 #[cfg(test)]
@@ -83,12 +83,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn old_messages_make_room() {
-        let mut messages = Notices::default();
+    fn old_notices_make_room() {
+        let mut notices = Notices::default();
         for i in 0..KEPT + 5 {
-            messages.error(format!("{i}"));
+            notices.error(format!("{i}"));
         }
-        assert_eq!((messages.all().count(), messages.said()), (KEPT, KEPT as u64 + 5));
-        assert_eq!(messages.all().next().unwrap().text, "5");
+        assert_eq!((notices.all().count(), notices.said()), (KEPT, KEPT as u64 + 5));
+        assert_eq!(notices.all().next().unwrap().text, "5");
     }
 }

@@ -65,11 +65,11 @@ pub struct Stroke {
 }
 
 /// Pixels that the pointer moves at least between two points of a stroke.
-const STEP: f64 = 2.0;
+const STEP_PX: f64 = 2.0;
 /// Pixels that a region is large at least; less is a slip of the hand.
-const LEAST: f64 = 4.0;
+const LEAST_PX: f64 = 4.0;
 /// Most points of a stroke.
-const MOST: usize = 8192;
+const MOST_POINTS: usize = 8192;
 
 impl Stroke {
     /// Begins one at a place in the world that is under the pointer.
@@ -79,8 +79,8 @@ impl Stroke {
 
     /// Goes on to where the pointer is.
     pub fn extend(&mut self, at: [f64; 2]) {
-        let far = self.points.last().is_none_or(|last| distance(*last, at) >= STEP);
-        if self.origin.is_some() && far && self.points.len() < MOST {
+        let far = self.points.last().is_none_or(|last| distance(*last, at) >= STEP_PX);
+        if self.origin.is_some() && far && self.points.len() < MOST_POINTS {
             self.points.push(at);
         }
     }
@@ -92,13 +92,13 @@ impl Stroke {
         let depth = view.to_camera(center).z;
         let reach = |at: [f64; 2]| view.at_depth(at, depth).distance(center);
         match tool {
-            Tool::Sphere | Tool::Cube if distance(first, last) < LEAST => None,
+            Tool::Sphere | Tool::Cube if distance(first, last) < LEAST_PX => None,
             Tool::Sphere => Some(Region::sphere(center, reach(last))),
             Tool::Cube => Some(Region::cuboid(center - reach(last), center + reach(last))),
             Tool::Lasso => {
                 let spread = self.points.iter().map(|point| distance(first, *point)).fold(0.0, f64::max);
                 let polygon = self.points.iter().map(|&[x, y]| (x, y)).collect();
-                (self.points.len() >= 3 && spread >= LEAST).then(|| Region::lasso(Lasso::on(&view, polygon)))
+                (self.points.len() >= 3 && spread >= LEAST_PX).then(|| Region::lasso(Lasso::on(&view, polygon)))
             }
             Tool::Inspect | Tool::Measure => None,
         }
@@ -159,6 +159,6 @@ mod tests {
         let mut stroke = Stroke::default();
         stroke.begin(DVec3::ZERO, view(), [0.0, 0.0]);
         (0..50_000).for_each(|i| stroke.extend([f64::from(i % 500) * 3.0, f64::from(i / 500) * 3.0]));
-        assert_eq!(stroke.points.len(), MOST);
+        assert_eq!(stroke.points.len(), MOST_POINTS);
     }
 }

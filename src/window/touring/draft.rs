@@ -4,9 +4,9 @@ use crate::look::{Camera, LookPatch};
 use crate::tour::{Keyframe, Timeline, TourFile};
 
 /// Least time between two keyframes, seconds.
-const APART: f64 = 0.05;
+const APART_SECS: f64 = 0.05;
 /// Seconds from the last keyframe to one that is added behind it.
-const USUAL: f64 = 4.0;
+const USUAL_SECS: f64 = 4.0;
 
 /// The same tour with the time of each keyframe said, so that moving one does not move those after it.
 pub fn timed(tour: &TourFile, timeline: &Timeline) -> TourFile {
@@ -33,11 +33,11 @@ pub fn keep(
     if let Some(timeline) = timeline {
         *tour = timed(tour, timeline);
     }
-    let end = tour.keyframes.last().map_or(0.0, |last| at(last) + last.pause + USUAL);
+    let end = tour.keyframes.last().map_or(0.0, |last| at(last) + last.pause + USUAL_SECS);
     let time = time.unwrap_or(end).max(0.0);
     let index = tour.keyframes.partition_point(|keyframe| at(keyframe) < time);
     // One that is there already is replaced: it is the same moment.
-    let same = tour.keyframes.get(index).is_some_and(|next| at(next) - time < APART);
+    let same = tour.keyframes.get(index).is_some_and(|next| at(next) - time < APART_SECS);
     let before =
         tour.keyframes[..index].iter().fold(LookPatch::beginning(), |look, keyframe| look.then(&keyframe.look));
     let keyframe =
@@ -67,9 +67,9 @@ pub fn keep(
 /// Moves a keyframe to another time, between those beside it.
 pub fn retime(tour: &mut TourFile, timeline: &Timeline, index: usize, time: f64) {
     *tour = timed(tour, timeline);
-    let before = index.checked_sub(1).and_then(|i| tour.keyframes.get(i)).map_or(0.0, |k| at(k) + k.pause + APART);
+    let before = index.checked_sub(1).and_then(|i| tour.keyframes.get(i)).map_or(0.0, |k| at(k) + k.pause + APART_SECS);
     let Some(own) = tour.keyframes.get(index) else { return };
-    let after = tour.keyframes.get(index + 1).map_or(f64::MAX, |next| at(next) - own.pause - APART);
+    let after = tour.keyframes.get(index + 1).map_or(f64::MAX, |next| at(next) - own.pause - APART_SECS);
     let time = if time.is_finite() { time.clamp(before, after.max(before)) } else { at(own) };
     tour.keyframes[index].at = Some(time);
 }
@@ -79,7 +79,7 @@ pub fn copy(tour: &mut TourFile, timeline: &Timeline, index: usize) -> Option<us
     let stop = timeline.stops().get(index)?;
     let time = match timeline.stops().get(index + 1) {
         Some(next) => 0.5 * (stop.leave + next.arrive),
-        None => stop.leave + USUAL,
+        None => stop.leave + USUAL_SECS,
     };
     let (camera, look) = (timeline.state(stop.arrive).camera, timeline.look(index, stop.arrive));
     Some(keep(tour, Some(timeline), Some(time), camera, &look))

@@ -5,14 +5,15 @@ use crate::model::FamilyName;
 use crate::window::scene::Settings;
 
 /// Makes the settings show a look: what has changed since `before`, the look that was shown last, so that whatever the user does
-/// meanwhile stays until the tour says otherwise. `attributes`: those of the data; `families`: its families in their order.
+/// meanwhile stays until the tour says otherwise; whether the transfer function is among that. `attributes`: those of the data;
+/// `families`: its families in their order.
 pub fn show(
     before: Option<&LookPatch>,
     look: &LookPatch,
     attributes: &[String],
     families: &[FamilyName],
     settings: &mut Settings,
-) {
+) -> bool {
     let mut said = before.map_or_else(|| look.clone(), |before| before.patch_to(look));
     let same_settings = before.is_some_and(|before| before.settings == look.settings && before.mode == look.mode);
     said.settings = if same_settings { settings.look.settings.clone() } else { look.settings.clone() };
@@ -21,6 +22,7 @@ pub fn show(
         let shown = |name: &FamilyName| look.families.as_ref().is_none_or(|names| names.contains(name));
         settings.families = families.iter().map(shown).collect();
     }
+    said.transfer.is_some()
 }
 
 /// The look that the settings show.
@@ -31,7 +33,7 @@ pub fn of(settings: &Settings, families: &[FamilyName]) -> LookPatch {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
     use crate::color::transfer::Range;
     use crate::explore::{Region, SelectionSet};
@@ -110,7 +112,7 @@ mod tests {
     }
 
     /// Settings of a mode with each off its default.
-    fn unusual_settings(mode: &'static Mode) -> Settings {
+    pub(crate) fn unusual_settings(mode: &'static Mode) -> Settings {
         let mut settings = Settings::new(&Preset::embedded("desktop").unwrap(), None);
         settings.choose_mode(mode);
         settings.families = vec![false, true];
@@ -150,7 +152,7 @@ mod tests {
                 assert_eq!(window.show(&LookPatch::beginning().then(said), &attributes), None);
                 assert_eq!(window.look, wanted.look, "{what} of {}", mode.name);
             };
-            // A saved scene, and the state of a window that fails.
+            // A saved scene.
             let path = std::path::Path::new("a.scene.ron");
             let scene = scene_file(dataset(), &wanted, &viewpoint, &picture, &parts, path);
             shows(&SceneFile::parse("a scene", &scene.text(path).unwrap()).unwrap().look, "a scene");

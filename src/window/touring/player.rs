@@ -11,7 +11,7 @@ use crate::window::free_name::free_name;
 use crate::window::input::{PointerOwner, is_control};
 use crate::window::pages::Upcoming;
 use crate::window::picture::{DataCamera, Picture};
-use crate::window::scene::{Scene, Settings};
+use crate::window::scene::{Scene, Settings, TransferKept};
 use crate::window::scene_io::{camera_of, viewpoint_of};
 use crate::window::state::choices::Choices;
 use crate::window::state::notices::Notices;
@@ -22,9 +22,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// Seconds between two keyframes of a flight that is recorded.
-const SAMPLE: f64 = 1.5;
+const SAMPLE_SECS: f64 = 1.5;
 /// How far ahead of the camera data is read, seconds.
-const FORESIGHT: f64 = 1.0;
+const FORESIGHT_SECS: f64 = 1.0;
 
 /// What is asked of the player, by a key or the panel.
 #[derive(Clone, Debug, PartialEq)]
@@ -88,10 +88,10 @@ pub struct Player {
 /// A flight that becomes keyframes.
 #[derive(Clone, Copy, Debug)]
 struct Recording {
-    /// The program's time at its begin, less the tour's time then.
-    since: f64,
-    /// The tour's time of the last keyframe.
-    last: f64,
+    /// The program's time at its begin, less the tour's time then, seconds.
+    since_secs: f64,
+    /// The tour's time of the last keyframe, seconds.
+    last_secs: f64,
 }
 
 impl Player {
@@ -140,18 +140,18 @@ impl Player {
         *self = Player { tour: Some(tour), path, edited, ..Player::default() };
     }
 
-    fn open(&mut self, path: PathBuf, messages: &mut Notices) {
+    fn open(&mut self, path: PathBuf, notices: &mut Notices) {
         match TourFile::read(&path) {
             Ok(tour) => {
                 let text = std::fs::read_to_string(&path).unwrap_or_default();
                 *self = Player { tour: Some(tour), path: Some(path), text, ..Player::default() };
             }
-            Err(error) => messages.error(error.to_string()),
+            Err(error) => notices.error(error.to_string()),
         }
     }
 
     /// Resolves the tour for the open data; where that fails there is no timeline.
-    fn resolve(&mut self, scene: &Scene, aspect: f64, messages: &mut Notices) {
+    fn resolve(&mut self, scene: &Scene, aspect: f64, notices: &mut Notices) {
         self.generation = scene.generation;
         let Some(tour) = &self.tour else {
             self.timeline = None;
@@ -163,14 +163,14 @@ impl Player {
         self.timeline = match Timeline::new(tour, &surroundings) {
             Ok(timeline) => Some(Arc::new(timeline)),
             Err(error) => {
-                messages.error(error.to_string());
+                notices.error(error.to_string());
                 None
             }
         };
     }
 
     /// Saves the tour: where it came from, or beside the data.
-    fn save(&mut self, scene: &Scene, messages: &mut Notices) {
+    fn save(&mut self, scene: &Scene, notices: &mut Notices) {
         let Some(tour) = &mut self.tour else { return };
         let stem = scene.path.file_stem().map_or_else(|| "tour".into(), |stem| stem.to_string_lossy().into_owned());
         let path = self.path.clone().unwrap_or_else(|| free_name(&scene.path, &stem, "tour.ron"));
@@ -179,11 +179,11 @@ impl Player {
         }
         match tour.write(&path) {
             Ok(()) => {
-                messages.info(format!("tour saved in {}", path.display()));
+                notices.info(format!("tour saved in {}", path.display()));
                 self.path = Some(path);
                 self.edited = false;
             }
-            Err(error) => messages.error(error.to_string()),
+            Err(error) => notices.error(error.to_string()),
         }
     }
 }
@@ -248,10 +248,11 @@ pub fn play_tour(
     picture: Res<Picture>,
     choices: Res<Choices>,
     (buttons, scroll, owner): (Res<ButtonInput<MouseButton>>, Res<AccumulatedMouseScroll>, Res<PointerOwner>),
+    mut kept: MessageWriter<TransferKept>,
     mut player: ResMut<Player>,
     mut settings: ResMut<Settings>,
     mut upcoming: ResMut<Upcoming>,
-    mut messages: ResMut<Notices>,
+    mut notices: ResMut<Notices>,
     camera: Cameras,
 ) {
     let player = player.bypass_change_detection();
@@ -260,7 +261,7 @@ pub fn play_tour(
         if let Some(at) = player.asked.iter().position(|asked| matches!(asked, Asked::Open(_)))
             && let Asked::Open(path) = player.asked.remove(at)
         {
-            player.open(path, &mut messages);
+            player.open(path, &mut notices);
             player.asked.push(Asked::Toggle);
         }
         return;
@@ -270,7 +271,7 @@ pub fn play_tour(
     let size = picture.size();
     let aspect = player.aspect.unwrap_or(f64::from(size.x) / f64::from(size.y.max(1)));
     if player.generation != scene.generation {
-        player.resolve(&scene, aspect, &mut messages);
+        player.resolve(&scene, aspect, &mut notices);
         player.shown = None;
     }
     let names: Vec<FamilyName> = scene.file.metadata().families.iter().map(|family| family.name).collect();
@@ -278,9 +279,9 @@ pub fn play_tour(
     for asked in std::mem::take(&mut player.asked) {
         let take_over =
             matches!(asked, Asked::Toggle | Asked::Next | Asked::Back | Asked::Seek(_) | Asked::Go(_) | Asked::GoOn(_));
-        carry_out(player, asked, now, &scene, &seen, &mut messages);
+        carry_out(player, asked, now, &scene, &seen, &mut notices);
         if player.timeline.is_none() {
-            player.resolve(&scene, aspect, &mut messages);
+            player.resolve(&scene, aspect, &mut notices);
         }
         if take_over && player.timeline.is_some() {
             commands.entity(entity).remove::<Flight>();
@@ -309,10 +310,12 @@ pub fn play_tour(
         settings.lens = lens;
     }
     if player.shown.as_ref() != Some(&state.look) {
-        look::show(player.shown.as_ref(), &state.look, &choices.attributes, &names, &mut settings);
+        if look::show(player.shown.as_ref(), &state.look, &choices.attributes, &names, &mut settings) {
+            kept.write(TransferKept);
+        }
         player.shown = Some(state.look.clone());
     }
-    let next = player.clock.is_running().then(|| viewpoint_of(&timeline.state(at + FORESIGHT).camera).0);
+    let next = player.clock.is_running().then(|| viewpoint_of(&timeline.state(at + FORESIGHT_SECS).camera).0);
     upcoming.set_if_neq(Upcoming(next));
     player.state = Some(state);
 }
@@ -320,10 +323,10 @@ pub fn play_tour(
 /// Makes keyframes of a flight that is recorded.
 fn record(player: &mut Player, now: f64, (camera, look): &(crate::look::Camera, LookPatch)) {
     let Some(recording) = player.recording else { return };
-    let time = now - recording.since;
-    if time >= recording.last + SAMPLE {
+    let time = now - recording.since_secs;
+    if time >= recording.last_secs + SAMPLE_SECS {
         add_keyframe(player, Some(time), camera, look);
-        player.recording = Some(Recording { last: time, ..recording });
+        player.recording = Some(Recording { last_secs: time, ..recording });
     }
 }
 
@@ -350,29 +353,29 @@ fn carry_out(
     now: f64,
     scene: &Scene,
     (camera, look): &(crate::look::Camera, LookPatch),
-    messages: &mut Notices,
+    notices: &mut Notices,
 ) {
     let timeline = player.timeline.clone();
     match (asked, timeline) {
         (Asked::Open(path), _) => {
-            player.open(path, messages);
+            player.open(path, notices);
             if player.tour.is_some() {
                 player.generation = scene.generation;
                 player.asked.push(Asked::Toggle);
             }
         }
         (Asked::Close, _) => *player = Player { generation: player.generation, ..Player::default() },
-        (Asked::Save, _) => player.save(scene, messages),
+        (Asked::Save, _) => player.save(scene, notices),
         (Asked::Record, timeline) => {
             let is_new = player.recording.is_none();
             player.clock.stand(now);
-            let end = timeline.as_ref().map_or(0.0, |timeline| timeline.duration() + SAMPLE);
+            let end = timeline.as_ref().map_or(0.0, |timeline| timeline.duration() + SAMPLE_SECS);
             match player.recording.take() {
-                Some(recording) => add_keyframe(player, Some(now - recording.since), camera, look),
+                Some(recording) => add_keyframe(player, Some(now - recording.since_secs), camera, look),
                 None => add_keyframe(player, Some(end), camera, look),
             }
-            player.recording = is_new.then_some(Recording { since: now - end, last: end });
-            messages.info(match is_new {
+            player.recording = is_new.then_some(Recording { since_secs: now - end, last_secs: end });
+            notices.info(match is_new {
                 true => "the flight is recorded: go where the tour is to go, then press Record again".to_owned(),
                 false => {
                     let count = player.tour.as_ref().map_or(0, |tour| tour.keyframes.len());

@@ -15,7 +15,7 @@ pub mod volume;
 pub mod volume_isosurface;
 
 use crate::color::transfer::TransferFunction;
-use crate::mode::Mode;
+use crate::mode::{Mode, economy};
 use std::sync::{PoisonError, RwLock};
 
 /// The modes that come with deepfield; the first is the default.
@@ -38,11 +38,18 @@ static REGISTERED: RwLock<Vec<&'static Mode>> = RwLock::new(Vec::new());
 /// Adds a mode. All that names modes knows it from now on, so this comes before anything is parsed.
 ///
 /// # Errors
-/// What is wrong with the mode: a name that another one has, or a setting whose default it does not take, or a
-/// transfer function that does not exist.
+/// What is wrong with the mode: a name that another one has, or a setting that is called as one of the budget's, or whose
+/// default it does not take, or a transfer function that does not exist.
 pub fn register(mode: &'static Mode) -> Result<(), String> {
     if find(mode.name).is_some() {
         return Err(format!("mode {}: expected a name that no other mode has", mode.name));
+    }
+    if let Some(setting) = mode.own_settings().find(|setting| economy::is_common(setting.name)) {
+        let common = economy::COMMON.map(|setting| setting.name).join(", ");
+        return Err(format!(
+            "mode {}, setting {}: expected another name than those of the budget ({common})",
+            mode.name, setting.name
+        ));
     }
     for setting in mode.all_settings() {
         setting.check(&setting.default()).map_err(|error| format!("mode {}, default of {error}", mode.name))?;
@@ -86,7 +93,7 @@ pub fn names() -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mode::Columns;
+    use crate::mode::{Columns, Setting, SettingKind};
 
     #[test]
     fn catalogues_begin_as_points() {
@@ -115,6 +122,18 @@ mod tests {
         register(&OTHER).unwrap();
         assert!(std::ptr::eq(find("registered-in-a-test").unwrap(), &OTHER));
         assert!(names().ends_with("registered-in-a-test") && register(&OTHER).is_err());
+    }
+
+    #[test]
+    fn settings_of_the_budget_are_no_settings_of_a_mode() {
+        static TAKEN: [&Setting; 2] = [
+            &grid::DETAIL,
+            &Setting { name: "presence", unit: "", kind: SettingKind::Flag { default: true }, help: "" },
+        ];
+        static MODE: Mode = Mode { name: "with-presence", settings: &[&TAKEN], ..grid::MODE };
+        let wrong = register(&MODE).unwrap_err();
+        assert!(wrong.starts_with("mode with-presence, setting presence: expected another name"), "{wrong}");
+        assert!(wrong.ends_with("(culling, presence, thinning)") && find(MODE.name).is_none(), "{wrong}");
     }
 
     #[test]

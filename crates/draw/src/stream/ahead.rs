@@ -34,7 +34,7 @@ pub struct Ahead {
     /// Pages that are not, the most urgent first.
     pub missing: Vec<(PageId, f64)>,
     /// The sphere's radius beyond `d_min`: `d_prefetch`, world units.
-    pub distance: f64,
+    pub distance_world: f64,
 }
 
 impl Ahead {
@@ -65,11 +65,11 @@ impl Ahead {
 }
 
 /// Everything below `roots` that may be needed refined, to be drawn in this detail, after a turn by any angle and a move by
-/// `distance`; of what is missing, `pages` at most.
+/// `distance_world`; of what is missing, `pages` at most.
 pub fn ahead(
     view: &View,
     detail: Detail,
-    distance: f64,
+    distance_world: f64,
     pages: usize,
     residency: &Residency,
     roots: &[NodeRef],
@@ -83,7 +83,7 @@ pub fn ahead(
     while let Some(id) = open.pop() {
         let Some(info) = residency.node(id) else { continue };
         let travel = detail.travel(view, &info);
-        if travel > distance || !info.is_at(view.time) || !view.cut.reaches(&info.extent.bounds) {
+        if travel > distance_world || !info.is_at(view.time) || !view.cut.reaches(&info.extent.bounds) {
             continue;
         }
         for child in residency.children(id) {
@@ -94,7 +94,7 @@ pub fn ahead(
     }
     let (resident, missing): (Vec<_>, Vec<_>) =
         travels.into_iter().partition(|(page, _)| residency.page(*page).is_some());
-    let mut ahead = Ahead { resident, missing, distance };
+    let mut ahead = Ahead { resident, missing, distance_world };
     ahead.sort(pages);
     ahead
 }

@@ -107,7 +107,7 @@ impl Copies {
 
     /// As [`super::Residency::anticipate`].
     pub(super) fn anticipate(&mut self, ahead: &Ahead) {
-        self.recency.anticipate(&ahead.resident, 0.1 * ahead.distance);
+        self.recency.anticipate(&ahead.resident, 0.1 * ahead.distance_world);
     }
 
     /// The present frame uses the copies of these pages.

@@ -13,7 +13,7 @@ use std::sync::Arc;
 const NODES: usize = 128;
 
 /// Pages that are read at most beside those of the roots, bytes in memory: the first picture of a large file waits for them.
-const READ: u64 = 12 << 20;
+const READ_BYTES: u64 = 12 << 20;
 
 /// Particles of one node that are looked at, about.
 const SAMPLES: usize = 1 << 13;
@@ -29,7 +29,7 @@ fn within(tree: &dyn Tree, families: &[u32], nodes: usize) -> Bounds {
     let metadata = tree.metadata();
     let chosen = || families.iter().filter_map(|&index| metadata.families.get(index as usize));
     let full = chosen().fold(Bounds::EMPTY, |bounds, family| bounds.union(family.bounds));
-    let mut pages = Pages { tree, read: HashMap::new(), left: READ };
+    let mut pages = Pages { tree, read: HashMap::new(), left_bytes: READ_BYTES };
     // The heaviest node is replaced by its children, until only leaves are left or enough nodes are open: what stays
     // merged is then light.
     let mut open: BinaryHeap<(u64, NodeRef)> = tree
@@ -79,7 +79,7 @@ struct Pages<'a> {
     tree: &'a dyn Tree,
     read: HashMap<PageId, Option<Arc<Page>>>,
     /// Bytes that may still be read.
-    left: u64,
+    left_bytes: u64,
 }
 
 impl Pages<'_> {
@@ -88,13 +88,13 @@ impl Pages<'_> {
         let mut wanted: Vec<PageId> = children.iter().map(|child| child.page).collect();
         wanted.dedup();
         wanted.retain(|page| !self.read.contains_key(page));
-        wanted.into_iter().map(|page| self.tree.page_memory(page)).sum::<u64>() <= self.left
+        wanted.into_iter().map(|page| self.tree.page_memory(page)).sum::<u64>() <= self.left_bytes
     }
 
     /// A node and its page, if that can be read.
     fn node(&mut self, at: NodeRef) -> Option<(Arc<Page>, Node)> {
         if !self.read.contains_key(&at.page) {
-            self.left = self.left.saturating_sub(self.tree.page_memory(at.page));
+            self.left_bytes = self.left_bytes.saturating_sub(self.tree.page_memory(at.page));
         }
         let page = self.read.entry(at.page).or_insert_with(|| self.tree.read_page(at.page).ok().map(Arc::new));
         let page = Arc::clone(page.as_ref()?);

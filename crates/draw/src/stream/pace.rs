@@ -4,9 +4,11 @@ use super::ahead::LookAhead;
 use glam::DVec3;
 use std::time::Duration;
 
-/// Share of the past that each new measurement of the disk leaves.
+/// Share of the past that each new measurement of the disk leaves. No setting: it counts reads and not time, so that after some
+/// twenty pages a slow disk is known as well as a fast one. How far ahead is read for what is known is [`LookAhead::loads`].
 const KEEP: f64 = 0.95;
-/// Time over which the camera's speed is smoothed, seconds.
+/// Time over which the camera's speed is smoothed, seconds. No setting: a steady camera's way ahead does not depend on it, that of
+/// one whose speed has changed is within 5 % after three times as long, and nothing but what is read ahead depends on that way.
 const SPEED_SECS: f64 = 0.4;
 
 /// Running estimates of the disk's latency and rate, and of the camera's speed.

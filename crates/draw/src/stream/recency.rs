@@ -21,7 +21,7 @@ struct Use {
     frame: u64,
     /// The sphere that held it last, and how far the camera was from needing it then.
     sphere: u64,
-    travel: f64,
+    travel_world: f64,
 }
 
 /// Pages with their bytes and last uses.
@@ -34,12 +34,12 @@ pub(super) struct Recency {
     sphere: u64,
     /// By how much more urgent a page must be to take the place of another one of the sphere, so that they do not take
     /// turns.
-    slack: f64,
+    slack_world: f64,
 }
 
 impl Recency {
     pub fn new() -> Recency {
-        Recency { uses: LruCache::unbounded(), bytes: 0, frame: 0, sphere: 0, slack: 0.0 }
+        Recency { uses: LruCache::unbounded(), bytes: 0, frame: 0, sphere: 0, slack_world: 0.0 }
     }
 
     /// Bytes of all pages.
@@ -66,12 +66,12 @@ impl Recency {
 
     /// A new prefetching sphere holds these pages, the least urgent first. To be called before the frame's
     /// [`Recency::touch`], whose pages must stay the last to go.
-    pub fn anticipate(&mut self, pages: &[(PageId, f64)], slack: f64) {
+    pub fn anticipate(&mut self, pages: &[(PageId, f64)], slack_world: f64) {
         self.sphere += 1;
-        self.slack = slack;
+        self.slack_world = slack_world;
         for (page, travel) in pages {
             if let Some(used) = self.uses.get_mut(page) {
-                (used.sphere, used.travel) = (self.sphere, *travel);
+                (used.sphere, used.travel_world) = (self.sphere, *travel);
             }
         }
     }
@@ -79,8 +79,8 @@ impl Recency {
     /// A page has come, for a reason.
     pub fn insert(&mut self, page: PageId, bytes: u64, demand: Demand) {
         let used = match demand {
-            Demand::Miss => Use { bytes, frame: self.frame, sphere: 0, travel: 0.0 },
-            Demand::Ahead(travel) => Use { bytes, frame: 0, sphere: self.sphere, travel },
+            Demand::Miss => Use { bytes, frame: self.frame, sphere: 0, travel_world: 0.0 },
+            Demand::Ahead(travel) => Use { bytes, frame: 0, sphere: self.sphere, travel_world: travel },
         };
         self.bytes += bytes;
         if let Some(old) = self.uses.put(page, used) {
@@ -102,7 +102,7 @@ impl Recency {
         let goes = used.frame < self.frame
             && match demand {
                 Demand::Miss => true,
-                Demand::Ahead(travel) => !wanted || used.travel > travel + self.slack,
+                Demand::Ahead(travel) => !wanted || used.travel_world > travel + self.slack_world,
             };
         if goes {
             self.remove(page);

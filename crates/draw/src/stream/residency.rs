@@ -59,7 +59,7 @@ pub struct ResidencyStatistics {
     /// Memory that resident pages take, bytes.
     pub bytes: u64,
     /// How much they may take, bytes.
-    pub budget: u64,
+    pub budget_bytes: u64,
     /// Whether the last frame needed more than the budget.
     pub over_budget: bool,
 }
@@ -90,14 +90,14 @@ pub struct Residency {
     to_tell: Vec<(PageId, String)>,
     evicted: Vec<(PageId, Option<Arc<Page>>)>,
     now: Duration,
-    budget: u64,
+    budget_bytes: u64,
     over_budget: bool,
 }
 
 impl Residency {
-    /// No page of `tree` is resident yet; resident pages may take `budget` bytes. The roots are loaded even if the
+    /// No page of `tree` is resident yet; resident pages may take `budget_bytes`. The roots are loaded even if the
     /// budget is smaller than they are, since nothing can be drawn without them.
-    pub fn new(tree: Arc<dyn Tree>, budget: u64) -> Residency {
+    pub fn new(tree: Arc<dyn Tree>, budget_bytes: u64) -> Residency {
         Residency {
             tree,
             states: HashMap::new(),
@@ -112,7 +112,7 @@ impl Residency {
             to_tell: Vec::new(),
             evicted: Vec::new(),
             now: Duration::ZERO,
-            budget,
+            budget_bytes,
             over_budget: false,
         }
     }
@@ -170,7 +170,7 @@ impl Residency {
     /// that is free, that holds pages outside the sphere, or less urgent ones of it; never pages of the current frame.
     /// To be called before the frame's [`Residency::touch`].
     pub fn anticipate(&mut self, ahead: &Ahead) {
-        self.recency.anticipate(&ahead.resident, 0.1 * ahead.distance);
+        self.recency.anticipate(&ahead.resident, 0.1 * ahead.distance_world);
         self.ahead = ahead.missing.iter().copied().filter(|(page, _)| self.may_load(*page)).collect();
     }
 
@@ -292,7 +292,7 @@ impl Residency {
             queued: self.missed.len(),
             failed: self.failures().count(),
             bytes: self.recency.bytes(),
-            budget: self.budget,
+            budget_bytes: self.budget_bytes,
             over_budget: self.over_budget,
         }
     }
@@ -316,7 +316,7 @@ impl Residency {
 
     /// Evicts until there is room for so many bytes more; false where that needs pages that have to stay.
     fn make_room(&mut self, bytes: u64, demand: Demand) -> bool {
-        while self.recency.bytes() + self.loading_bytes + bytes > self.budget {
+        while self.recency.bytes() + self.loading_bytes + bytes > self.budget_bytes {
             let Some(page) = self.recency.evict(demand) else { return false };
             let held = match self.states.remove(&page) {
                 Some(PageState::Resident(held)) => Some(held),

@@ -13,7 +13,7 @@ use crate::window::open::Openings;
 use crate::window::options::OpenRequest;
 use crate::window::pages::Upcoming;
 use crate::window::picture::DataCamera;
-use crate::window::scene::{Scene, Settings};
+use crate::window::scene::{Scene, Settings, TransferKept};
 use crate::window::scene_io::viewpoint_of;
 use crate::window::state::answer::Answer;
 use crate::window::state::choices::Choices;
@@ -111,14 +111,14 @@ pub(crate) fn receive_from_leader(
     mut following: ResMut<Following>,
     time: Res<Time<Real>>,
     mut player: ResMut<Player>,
-    mut messages: ResMut<Notices>,
+    mut notices: ResMut<Notices>,
 ) {
     let following = following.bypass_change_detection();
     let now = time.elapsed();
     for event in following.follower.receive(now) {
         match event {
-            FollowerEvent::Joined => messages.info(format!("follows the leader at {}", following.follower.leader())),
-            FollowerEvent::Lost(why) | FollowerEvent::Refused(why) => messages.error(why),
+            FollowerEvent::Joined => notices.info(format!("follows the leader at {}", following.follower.leader())),
+            FollowerEvent::Lost(why) | FollowerEvent::Refused(why) => notices.error(why),
             FollowerEvent::Scene(scene) => following.take(scene),
             FollowerEvent::Tour(None) => *player = Player::default(),
             FollowerEvent::Tour(Some(led)) => player.follow(led.tour, led.text, &led.folder, led.aspect),
@@ -134,7 +134,7 @@ pub(crate) fn find_data(
     mut following: ResMut<Following>,
     scene: Option<Res<Scene>>,
     mut openings: ResMut<Openings>,
-    mut messages: ResMut<Notices>,
+    mut notices: ResMut<Notices>,
 ) {
     let following = following.bypass_change_detection();
     if !following.finding.receive() {
@@ -142,14 +142,14 @@ pub(crate) fn find_data(
     }
     match &following.finding {
         Answer::Here(found) => {
-            found.notes.iter().for_each(|note| messages.error(note));
+            found.notes.iter().for_each(|note| notices.error(note));
             following.members = Some(found.members.clone());
             if !scene.is_some_and(|scene| following.fits(&scene)) {
                 openings.start(OpenRequest { members: found.members.clone(), scene: None });
             }
         }
         Answer::Failed(why) => {
-            messages.error(why);
+            notices.error(why);
             following.members = None;
         }
         Answer::Nothing | Answer::Coming(_) => {}
@@ -167,7 +167,8 @@ pub(crate) fn show_led_picture(
     mut player: ResMut<Player>,
     mut objects: ResMut<Objects>,
     mut upcoming: ResMut<Upcoming>,
-    mut messages: ResMut<Notices>,
+    mut notices: ResMut<Notices>,
+    mut kept: MessageWriter<TransferKept>,
     camera: Single<(Entity, &mut Viewpoint, &mut Navigation), With<DataCamera>>,
 ) {
     let following = following.bypass_change_detection();
@@ -176,6 +177,9 @@ pub(crate) fn show_led_picture(
     following.generation = scene.generation;
     if let Some(file) = following.scene.as_deref().filter(|_| is_new) {
         show_scene(file, &scene, &choices, &mut settings);
+        if file.look.transfer.is_some() {
+            kept.write(TransferKept);
+        }
         if following.labels != file.labels {
             following.labels.clone_from(&file.labels);
             objects.open_of_scene(file.labels.as_deref().map(|labels| located(labels, Path::new(""))));
@@ -193,7 +197,7 @@ pub(crate) fn show_led_picture(
     following.shown = frame.number;
     let heard = following.follower.heard().unwrap_or_default().as_secs_f64();
     let moment = frame.tour.map(|moment| (moment.time, moment.running));
-    let next = player.show_moment(moment, (heard, time.elapsed_secs_f64()), &scene, &mut messages);
+    let next = player.show_moment(moment, (heard, time.elapsed_secs_f64()), &scene, &mut notices);
     upcoming.set_if_neq(Upcoming(next));
 }
 
@@ -229,14 +233,14 @@ pub(crate) fn report_to_leader(
     clock: Res<FrameClock>,
     statistics: Res<Statistics>,
     converged: Res<Converged>,
-    messages: Res<Notices>,
+    notices: Res<Notices>,
 ) {
     let following = following.bypass_change_detection();
-    let new = messages.said().saturating_sub(following.told) as usize;
-    following.told = messages.said();
-    let skipped = messages.all().count().saturating_sub(new);
-    for message in messages.all().skip(skipped).filter(|message| message.severity == Severity::Error) {
-        following.follower.tell(Told::Error, &message.text);
+    let new = notices.said().saturating_sub(following.told) as usize;
+    following.told = notices.said();
+    let skipped = notices.all().count().saturating_sub(new);
+    for notice in notices.all().skip(skipped).filter(|notice| notice.severity == Severity::Error) {
+        following.follower.tell(Told::Error, &notice.text);
     }
     following.follower.send(Report {
         session: 0,

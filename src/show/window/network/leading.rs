@@ -49,7 +49,7 @@ impl Leading {
     }
 
     /// Gives the followers all that is shown, where it has changed.
-    fn send_scene(&mut self, scene: &Scene, settings: &Settings, labels: Option<&Path>, messages: &mut Notices) {
+    fn send_scene(&mut self, scene: &Scene, settings: &Settings, labels: Option<&Path>, notices: &mut Notices) {
         if let Some(sent) = &self.sent {
             // The lens goes with the camera.
             let same = Settings { lens: sent.settings.lens, ..settings.clone() } == sent.settings;
@@ -60,8 +60,8 @@ impl Leading {
         let datasets = self.data.of(scene, settings);
         match Leading::text(datasets, settings, labels).map(|text| self.leader.set_scene(text)) {
             Ok(true) => {}
-            Ok(false) => messages.error("the settings are too long to be sent: followers keep those before"),
-            Err(error) => messages.error(error.to_string()),
+            Ok(false) => notices.error("the settings are too long to be sent: followers keep those before"),
+            Err(error) => notices.error(error.to_string()),
         }
         let labels = labels.map(Path::to_owned);
         self.sent = Some(Sent { settings: settings.clone(), generation: scene.generation, labels });
@@ -78,7 +78,7 @@ impl Leading {
     }
 
     /// Gives the followers the tour that is open, where it has changed.
-    fn send_tour(&mut self, player: &Player, aspect: f64, messages: &mut Notices) {
+    fn send_tour(&mut self, player: &Player, aspect: f64, notices: &mut Notices) {
         let folder = player.path().and_then(Path::parent).map(Path::to_owned).unwrap_or_default();
         let same = match (&self.tour, player.tour()) {
             (None, None) => true,
@@ -92,7 +92,7 @@ impl Leading {
         let text = player.tour().map(TourFile::to_ron).unwrap_or_default();
         let folder = std::path::absolute(&folder).unwrap_or(folder).to_string_lossy().into_owned();
         if !self.leader.set_tour(text, folder, aspect) {
-            messages.error("the tour is too long to be sent: followers show no captions");
+            notices.error("the tour is too long to be sent: followers show no captions");
         }
     }
 }
@@ -101,26 +101,26 @@ impl Leading {
 pub(crate) fn receive_from_followers(
     mut leading: ResMut<Leading>,
     time: Res<Time<Real>>,
-    mut messages: ResMut<Notices>,
+    mut notices: ResMut<Notices>,
 ) {
     let leading = leading.bypass_change_detection();
     if !std::mem::replace(&mut leading.told_address, true)
         && let Some(address) = leading.leader.address()
     {
-        messages.info(format!("leads the show at {address}"));
+        notices.info(format!("leads the show at {address}"));
     }
     for event in leading.leader.receive(time.elapsed()) {
         match event {
-            LeaderEvent::Came { name, again: false } => messages.info(format!("{name} follows")),
-            LeaderEvent::Came { name, again: true } => messages.info(format!("{name} follows again")),
+            LeaderEvent::Came { name, again: false } => notices.info(format!("{name} follows")),
+            LeaderEvent::Came { name, again: true } => notices.info(format!("{name} follows again")),
             LeaderEvent::Gone { name } => {
-                messages.error(format!("{name} is gone; its last picture stays, and it comes back by itself"));
+                notices.error(format!("{name} is gone; its last picture stays, and it comes back by itself"));
             }
-            LeaderEvent::Told { name, severity: Severity::Error, text } => messages.error(format!("{name}: {text}")),
-            LeaderEvent::Told { name, severity: Severity::Info, text } => messages.info(format!("{name}: {text}")),
+            LeaderEvent::Told { name, severity: Severity::Error, text } => notices.error(format!("{name}: {text}")),
+            LeaderEvent::Told { name, severity: Severity::Info, text } => notices.info(format!("{name}: {text}")),
             LeaderEvent::Refused { address, why } => {
                 let who = address.map_or_else(|| "somebody".to_owned(), |address| address.to_string());
-                messages.error(format!("{who} cannot follow: {why}"));
+                notices.error(format!("{who} cannot follow: {why}"));
             }
         }
     }
@@ -136,15 +136,15 @@ pub(crate) fn send_frame(
     player: Res<Player>,
     objects: Res<Objects>,
     picture: Res<Picture>,
-    mut messages: ResMut<Notices>,
+    mut notices: ResMut<Notices>,
     camera: Single<&Viewpoint, With<DataCamera>>,
 ) {
     let leading = leading.bypass_change_detection();
     let now = time.elapsed_secs_f64();
     let size = picture.size();
-    leading.send_tour(&player, f64::from(size.x) / f64::from(size.y), messages.bypass_change_detection());
+    leading.send_tour(&player, f64::from(size.x) / f64::from(size.y), notices.bypass_change_detection());
     if let Some(scene) = scene {
-        leading.send_scene(&scene, &settings, objects.path(), messages.bypass_change_detection());
+        leading.send_scene(&scene, &settings, objects.path(), notices.bypass_change_detection());
     }
     let is_range = |[low, high]: [f64; 2]| low.is_finite() && high.is_finite() && low <= high;
     let ranges = look.map(|look| Ranges { p: look.levels.p, s: look.levels.s });

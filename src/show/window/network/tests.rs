@@ -12,7 +12,7 @@ use crate::window::open::{Opened, Openings, finish_opening};
 use crate::window::pages::Upcoming;
 use crate::window::picture::{DataCamera, Picture};
 use crate::window::preset::Preset;
-use crate::window::scene::{Scene, Settings};
+use crate::window::scene::{Scene, Settings, TransferKept};
 use crate::window::scene_io::{Bookmarks, SceneFiles};
 use crate::window::state::choices::Choices;
 use crate::window::state::notices::Notices;
@@ -75,6 +75,7 @@ fn window() -> App {
         .init_resource::<ButtonInput<MouseButton>>()
         .init_resource::<AccumulatedMouseScroll>()
         .add_message::<Opened>()
+        .add_message::<TransferKept>()
         .add_systems(Update, (finish_opening, adopt_opened, player::play_tour.run_if(not(is_led))).chain());
     let mut orbit = PanOrbitCamera::default();
     let anchor = Anchor::adopt(&viewpoint, &mut orbit);
@@ -110,8 +111,8 @@ fn shown(app: &App) -> u64 {
     app.world().resource::<Following>().shown()
 }
 
-fn messages(app: &App) -> Vec<String> {
-    app.world().resource::<Notices>().all().map(|message| message.text.clone()).collect()
+fn notices(app: &App) -> Vec<String> {
+    app.world().resource::<Notices>().all().map(|notice| notice.text.clone()).collect()
 }
 
 /// Leads all to the place of frame `i`, and lets everybody draw a frame.
@@ -143,7 +144,7 @@ fn two_windows_stay_within_a_frame_for_a_thousand_frames_and_one_is_killed_on_th
         if followers.iter().flatten().any(|follower| shown(follower) == 0) {
             // Its data is being opened, on a thread of its own.
             std::thread::sleep(Duration::from_millis(1));
-            assert!(start.elapsed() < PATIENCE, "{:?}", messages(followers[1].as_ref().unwrap()));
+            assert!(start.elapsed() < PATIENCE, "{:?}", notices(followers[1].as_ref().unwrap()));
         } else {
             checked += 1;
         }
@@ -173,9 +174,9 @@ fn two_windows_stay_within_a_frame_for_a_thousand_frames_and_one_is_killed_on_th
     }
     let all = leader.world().resource::<Leading>().leader().followers().to_vec();
     assert!(all.len() == 2 && all.iter().all(|info| info.is_in_step()), "{all:?}");
-    let told = messages(&leader);
+    let told = notices(&leader);
     for text in ["left follows", "right follows", "right follows again"] {
-        assert!(told.iter().any(|message| message == text), "{told:?}");
+        assert!(told.iter().any(|notice| notice == text), "{told:?}");
     }
 }
 
@@ -195,7 +196,7 @@ fn a_tour_goes_on_without_the_leader() {
         leader.update();
         follower.update();
         std::thread::sleep(Duration::from_millis(1));
-        assert!(start.elapsed() < PATIENCE, "{:?}", messages(&follower));
+        assert!(start.elapsed() < PATIENCE, "{:?}", notices(&follower));
     }
     assert_eq!(follower.world().resource::<Scene>().path, copy);
     leader.world_mut().resource_mut::<Player>().ask(Asked::Open(path));
@@ -220,7 +221,7 @@ fn a_tour_goes_on_without_the_leader() {
     assert!((last - 4.0).abs() < 1e-9, "{last}");
     let state = follower.world().resource::<Player>().state().cloned().unwrap();
     assert_eq!(viewpoint(&mut follower).eye.to_array(), state.camera.eye);
-    assert!(messages(&follower).iter().any(|message| message.contains("is lost")), "{:?}", messages(&follower));
+    assert!(notices(&follower).iter().any(|notice| notice.contains("is lost")), "{:?}", notices(&follower));
 }
 
 #[test]
@@ -233,11 +234,11 @@ fn a_follower_without_the_data_says_so_and_shows_nothing_else() {
     std::fs::remove_file(&data).unwrap();
     let mut follower = follower(address, &key, "wall", Vec::new());
     let start = Instant::now();
-    while !messages(&leader).iter().any(|message| message.starts_with("wall: the data is not here")) {
+    while !notices(&leader).iter().any(|notice| notice.starts_with("wall: the data is not here")) {
         leader.update();
         follower.update();
         std::thread::sleep(Duration::from_millis(1));
-        assert!(start.elapsed() < PATIENCE, "{:?} {:?}", messages(&leader), messages(&follower));
+        assert!(start.elapsed() < PATIENCE, "{:?} {:?}", notices(&leader), notices(&follower));
     }
     assert_eq!(shown(&follower), 0);
     let info = leader.world().resource::<Leading>().leader().followers()[0].clone();

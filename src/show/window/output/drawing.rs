@@ -16,7 +16,7 @@ pub fn draw_output(
     mut contexts: EguiContexts,
     mut output: ResMut<OutputWindow>,
     mut layer: ResMut<MarkLayer>,
-    (player, mut messages): (Res<Player>, ResMut<Notices>),
+    (player, mut notices): (Res<Player>, ResMut<Notices>),
     picture: Res<Picture>,
     selection: Res<ViewSelection>,
 ) -> Result {
@@ -43,7 +43,7 @@ pub fn draw_output(
         match words.write(&ctx, state, &folder, bent.projector.sheet(bent.fov_y).aspect()) {
             Ok(Some(texture)) => drop(painter.add(lettering::lay(bent, texture, window))),
             Ok(None) => {}
-            Err(error) => messages.error(error.to_string()),
+            Err(error) => notices.error(error.to_string()),
         }
     }
     if let Some(light) = bent.projector.mask() {

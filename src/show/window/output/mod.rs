@@ -68,7 +68,7 @@ impl OutputWindow {
     }
 
     /// Fits the picture to the window's size and the show's field of view.
-    fn fit(&mut self, size: [u32; 2], fov_y: f64, messages: &mut Notices) -> Result<(), OutputError> {
+    fn fit(&mut self, size: [u32; 2], fov_y: f64, notices: &mut Notices) -> Result<(), OutputError> {
         let projector = match self.bent.take() {
             Some(bent) if bent.size == size && (bent.fov_y == fov_y || !bent.projector.is_flat()) => {
                 self.bent = Some(bent);
@@ -79,7 +79,7 @@ impl OutputWindow {
                 self.mask = None;
                 let projector = Projector::open(&self.output, &self.folder, size)?;
                 if before.is_none() {
-                    projector.notes().iter().for_each(|note| messages.error(note.clone()));
+                    projector.notes().iter().for_each(|note| notices.error(note.clone()));
                 }
                 projector
             }
@@ -107,7 +107,7 @@ fn aim_picture(
     mut commands: Commands,
     mut output: ResMut<OutputWindow>,
     mut picture: ResMut<Picture>,
-    mut messages: ResMut<Notices>,
+    mut notices: ResMut<Notices>,
     known: Option<Res<Aim>>,
     windows: Query<&Window, With<PrimaryWindow>>,
     camera: Single<&Viewpoint, With<DataCamera>>,
@@ -115,10 +115,10 @@ fn aim_picture(
     let Ok(window) = windows.single() else { return };
     let size = [window.physical_width().max(1), window.physical_height().max(1)];
     let output = output.bypass_change_detection();
-    if let Err(error) = output.fit(size, camera.fov_y, messages.bypass_change_detection()) {
+    if let Err(error) = output.fit(size, camera.fov_y, notices.bypass_change_detection()) {
         let text = error.to_string();
         if output.told.as_ref() != Some(&text) {
-            messages.error(text.clone());
+            notices.error(text.clone());
             output.told = Some(text);
         }
         return;

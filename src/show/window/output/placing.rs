@@ -122,7 +122,7 @@ fn look(window: Entity) -> Option<(Vec<MonitorPlace>, Option<Area>)> {
 pub(crate) fn place_window(
     output: Res<OutputWindow>,
     mut placed: ResMut<Placed>,
-    mut messages: ResMut<Notices>,
+    mut notices: ResMut<Notices>,
     time: Res<Time<Real>>,
     monitors: Query<(Entity, &Monitor)>,
     mut windows: Query<(Entity, &mut Window), With<PrimaryWindow>>,
@@ -147,10 +147,10 @@ pub(crate) fn place_window(
         let before = placed.goal.replace(goal.clone());
         placed.wrong = 0;
         match (&goal, before) {
-            (Goal::Missing, before) => tell(output, before.is_some(), &places, &mut messages),
+            (Goal::Missing, before) => tell(output, before.is_some(), &places, &mut notices),
             (_, Some(Goal::Missing)) => {
                 let wanted = output.monitor.as_ref().map(monitor_name).unwrap_or_default();
-                messages.error(format!("{wanted} is back, and the window on it"));
+                notices.error(format!("{wanted} is back, and the window on it"));
             }
             _ => {}
         }
@@ -192,7 +192,7 @@ fn put(window: &mut Window, area: Area) {
 }
 
 /// Says that the window's monitor is not there.
-fn tell(output: &Output, was_there: bool, places: &[MonitorPlace], messages: &mut Notices) {
+fn tell(output: &Output, was_there: bool, places: &[MonitorPlace], notices: &mut Notices) {
     let wanted = output.monitor.as_ref().map(monitor_name).unwrap_or_default();
     let there: Vec<String> =
         places.iter().enumerate().map(|(i, place)| format!("{} {}", i + 1, place.name).trim().to_owned()).collect();
@@ -200,7 +200,7 @@ fn tell(output: &Output, was_there: bool, places: &[MonitorPlace], messages: &mu
         true => ("is gone", "is hidden"),
         false => ("is not there", "stays on the desktop"),
     };
-    messages.error(format!("{wanted} {gone}: the window {stays} until it is there; there are {}", there.join(", ")));
+    notices.error(format!("{wanted} {gone}: the window {stays} until it is there; there are {}", there.join(", ")));
 }
 
 #[cfg(test)]

@@ -51,12 +51,12 @@ pub fn add(app: &mut App, folder: RunFolder, of_its_own: bool, went_on: Option<r
 }
 
 /// Takes in what is said; ends the window where nobody is there any more.
-fn receive_lines(mut supervised: ResMut<Supervised>, mut messages: ResMut<Notices>, mut exit: MessageWriter<AppExit>) {
+fn receive_lines(mut supervised: ResMut<Supervised>, mut notices: ResMut<Notices>, mut exit: MessageWriter<AppExit>) {
     let supervised = supervised.bypass_change_detection();
     let lines = supervised.lines.get_mut().unwrap_or_else(PoisonError::into_inner);
     loop {
         match lines.try_recv() {
-            Ok(Line::Said(text)) => messages.error(text),
+            Ok(Line::Said(text)) => notices.error(text),
             Ok(Line::Output { name, process }) => {
                 match supervised.outputs.iter_mut().find(|(known, _)| *known == name) {
                     Some(output) => output.1 = process,
@@ -73,13 +73,13 @@ fn receive_lines(mut supervised: ResMut<Supervised>, mut messages: ResMut<Notice
 }
 
 /// Says, once, that the window can be seen.
-fn report_shown(mut supervised: ResMut<Supervised>, mut messages: ResMut<Notices>) {
+fn report_shown(mut supervised: ResMut<Supervised>, mut notices: ResMut<Notices>) {
     let supervised = supervised.bypass_change_detection();
     supervised.frames = supervised.frames.saturating_add(1);
     if supervised.frames == SEEN
         && let Err(error) = supervised.folder.set_shown()
     {
-        messages.error(format!("this window is not opened again when it fails: {error}"));
+        notices.error(format!("this window is not opened again when it fails: {error}"));
     }
 }
 

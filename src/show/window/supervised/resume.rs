@@ -91,7 +91,7 @@ pub(crate) fn keep_state(
     (time, scene): (Res<Time<Real>>, Option<Res<Scene>>),
     (settings, picture, player): (Res<Settings>, Res<Picture>, Res<Player>),
     parts: SceneParts,
-    mut messages: ResMut<Notices>,
+    mut notices: ResMut<Notices>,
     windows: Query<&Window, With<PrimaryWindow>>,
     camera: Single<&Viewpoint, With<DataCamera>>,
 ) {
@@ -99,7 +99,7 @@ pub(crate) fn keep_state(
     if let Some(outcome) = keeping.writing.as_mut().and_then(check_ready) {
         keeping.writing = None;
         if let Err(why) = outcome {
-            messages.error(format!("what is shown is not kept for the case that this window fails: {why}"));
+            notices.error(format!("what is shown is not kept for the case that this window fails: {why}"));
         }
     }
     // A source of live particles, or nothing at all, is not gone on with; nor is what has yet to come.
@@ -187,6 +187,19 @@ pub(crate) fn restore_state(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::look::{Attribute, Member, SceneFile};
+    use crate::modes;
+    use crate::tour::Keyframe;
+    use crate::window::adopt::adopt_opened;
+    use crate::window::objects::Objects;
+    use crate::window::open::{Opened, OpenedScene};
+    use crate::window::scene_io::{Bookmarks, SceneFiles};
+    use crate::window::state::panels::{Closed, Shown};
+    use crate::window::touring::look::tests::unusual_settings;
+    use crate::window::touring::player::tests::Window;
+    use bevy::tasks::TaskPool;
+    use std::sync::Arc;
+    use std::sync::mpsc::channel;
 
     #[test]
     fn what_was_left_is_read_again() {
@@ -204,5 +217,63 @@ mod tests {
         assert_eq!(State::read(&folder), Some((state, folder.scene())));
         std::fs::write(folder.state(), "(at: 1.5e9, saves_to").unwrap();
         assert!(State::read(&folder).is_none(), "half of one is none");
+    }
+
+    /// A window without anything but what plays, with what a scene sets.
+    fn window() -> Window {
+        let mut window = Window::new();
+        window
+            .app
+            .init_resource::<SceneFiles>()
+            .init_resource::<Bookmarks>()
+            .init_resource::<Closed>()
+            .init_resource::<Shown>()
+            .init_resource::<Objects>();
+        window
+    }
+
+    #[test]
+    fn every_mode_and_a_tour_through_it_go_on_with_all_their_settings() {
+        IoTaskPool::get_or_init(TaskPool::new);
+        let folder = tempfile::tempdir().unwrap();
+        let folder = RunFolder::at(folder.path());
+        let mut failed = window();
+        failed
+            .app
+            .init_resource::<Keeping>()
+            .insert_resource(Supervised::new(folder.clone(), channel().1))
+            .add_systems(Last, keep_state);
+        let mut scene = failed.app.world_mut().resource_mut::<Scene>();
+        let (path, file, frame) = (scene.path.clone(), Arc::clone(&scene.file), scene.frame);
+        scene.members = vec![Member::new(&path)];
+        let attribute = file.metadata().families[0].quantities[0].name.clone();
+        let mut next = window();
+        next.app.add_message::<Opened>().add_systems(First, (adopt_opened, restore_state).chain());
+        for mode in modes::all() {
+            let mut wanted = unusual_settings(mode);
+            (wanted.attribute, wanted.families) = (Attribute::Named(attribute.clone()), vec![true]);
+            let tour = TourFile::new(vec![Keyframe { look: wanted.look.patch(), ..Keyframe::default() }]);
+            failed.app.insert_resource(wanted.clone());
+            failed.app.world_mut().resource_mut::<Player>().restore(tour.clone(), None, true);
+            failed.frame(INTERVAL.as_secs_f64());
+            while failed.app.world().resource::<Keeping>().writing.is_some() {
+                std::thread::sleep(Duration::from_millis(1));
+                failed.frame(0.0);
+            }
+            let (state, scene) = State::read(&folder).unwrap();
+            let scene = OpenedScene { scene: SceneFile::read(&scene).unwrap(), path: scene, notes: Vec::new() };
+            next.app.insert_resource(GoingOn(state)).world_mut().write_message(Opened {
+                path: path.clone(),
+                members: vec![Member::new(&path)],
+                notes: Vec::new(),
+                file: Arc::clone(&file),
+                frame,
+                scene: Some(Arc::new(scene)),
+            });
+            next.frame(0.0);
+            assert!(*next.app.world().resource::<Settings>() == wanted, "{}", mode.name);
+            assert_eq!(next.player().tour(), Some(&tour), "{}", mode.name);
+            assert!(next.player().is_edited());
+        }
     }
 }

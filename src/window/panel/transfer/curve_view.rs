@@ -20,11 +20,11 @@ pub struct Backdrop<'a> {
 }
 
 /// Height of the plot, logical pixels.
-const HEIGHT: f32 = 104.0;
+const HEIGHT_PX: f32 = 104.0;
 
 /// Draws the plot, and gives the curve where it was edited.
 pub fn show(ui: &mut Ui, id: &str, curve: &Curve, backdrop: &Backdrop<'_>) -> Option<Curve> {
-    let plot = Plot::new(ui, id, HEIGHT);
+    let plot = Plot::new(ui, id, HEIGHT_PX);
     let memory = plot.response.id;
     let (mut edit, mut chosen) = ui.data(|data| {
         (data.get_temp::<CurveEdit>(memory).unwrap_or_default(), data.get_temp::<Option<usize>>(memory).flatten())

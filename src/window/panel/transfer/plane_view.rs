@@ -9,11 +9,11 @@ use crate::window::theme;
 use bevy_egui::egui::{self, Color32, DragValue, RichText, Stroke, Ui};
 
 /// Height of the plot, logical pixels.
-const HEIGHT: f32 = 150.0;
+const HEIGHT_PX: f32 = 150.0;
 
 /// Draws the plot and the chosen region's fields, and gives the plane where it was edited.
 pub fn show(ui: &mut Ui, plane: &Plane, joint: Option<&Joint>, color: &dyn Fn(f32, f32) -> Color32) -> Option<Plane> {
-    let plot = Plot::new(ui, "plane", HEIGHT);
+    let plot = Plot::new(ui, "plane", HEIGHT_PX);
     let memory = plot.response.id;
     let (mut edit, mut chosen) = ui.data(|data| {
         (data.get_temp::<PlaneEdit>(memory).unwrap_or_default(), data.get_temp::<Option<usize>>(memory).flatten())

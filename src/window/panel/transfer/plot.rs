@@ -7,7 +7,7 @@ use bevy_egui::egui::{self, Color32, Pos2, Rect, Response, Sense, Stroke, Ui, Ve
 pub type At = (f32, f32);
 
 /// How near the pointer must be to a handle, logical pixels.
-const REACH: f32 = 9.0;
+const REACH_PX: f32 = 9.0;
 
 /// A plot that was laid out.
 pub struct Plot {
@@ -57,7 +57,7 @@ impl Plot {
 
     /// How near the pointer must be, in places.
     pub fn reach(&self) -> At {
-        (REACH / self.rect.width(), REACH / self.rect.height())
+        (REACH_PX / self.rect.width(), REACH_PX / self.rect.height())
     }
 
     /// What the pointer asks for in this frame.

@@ -1,6 +1,6 @@
 //! A tour that another machine leads: it says what time it is, and this one shows words and pictures of that moment.
 
-use super::{FORESIGHT, Player};
+use super::{FORESIGHT_SECS, Player};
 use crate::tour::TourFile;
 use crate::window::camera::Viewpoint;
 use crate::window::scene::Scene;
@@ -24,10 +24,10 @@ impl Player {
         moment: Option<(f64, bool)>,
         (heard, now): (f64, f64),
         scene: &Scene,
-        messages: &mut Notices,
+        notices: &mut Notices,
     ) -> Option<Viewpoint> {
         if self.tour.is_some() && self.generation != scene.generation {
-            self.resolve(scene, self.aspect.unwrap_or(1.0), messages);
+            self.resolve(scene, self.aspect.unwrap_or(1.0), notices);
         }
         let (Some((time, running)), Some(timeline)) = (moment, &self.timeline) else {
             self.clock.stand(now);
@@ -37,7 +37,7 @@ impl Player {
         self.clock.lead(heard, time, running);
         let at = self.clock.tick(now, timeline);
         let state = timeline.state(at);
-        let next = running.then(|| viewpoint_of(&timeline.state(at + FORESIGHT).camera).0);
+        let next = running.then(|| viewpoint_of(&timeline.state(at + FORESIGHT_SECS).camera).0);
         self.shown = Some(state.look.clone());
         self.state = Some(state);
         next

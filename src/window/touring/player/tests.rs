@@ -12,7 +12,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// A window without anything but what plays.
-pub(in crate::window::touring) struct Window {
+pub(crate) struct Window {
     pub app: App,
     now: Instant,
     _folder: tempfile::TempDir,
@@ -61,6 +61,7 @@ impl Window {
             .init_resource::<Upcoming>()
             .init_resource::<Notices>()
             .init_resource::<Player>()
+            .add_message::<TransferKept>()
             .add_systems(Update, (take_keys, play_tour).chain());
         let viewpoint =
             Viewpoint { eye: DVec3::new(25.0, 25.0, 150.0), target: DVec3::splat(25.0), up: DVec3::Y, fov_y: 0.7 };
@@ -166,7 +167,7 @@ fn a_presenter_is_waited_for_and_leads() {
     window.frame(0.5);
     let time = window.player().state().unwrap().time;
     assert!((time - halo - 1.0 - 0.5).abs() < 1e-9, "{time}");
-    let ahead = window.player().timeline().unwrap().state(time + FORESIGHT).camera;
+    let ahead = window.player().timeline().unwrap().state(time + FORESIGHT_SECS).camera;
     let upcoming = window.app.world().resource::<Upcoming>().0.unwrap();
     assert!(upcoming.eye.distance(DVec3::from(ahead.eye)) < 1e-9, "what comes is known");
     window.ask(Asked::Back);
@@ -243,7 +244,7 @@ fn settings_follow_the_tour() {
     // A tour that cannot be read is told, and the one that is open stays.
     window.ask(Asked::Open("/nowhere/a.tour.ron".into()));
     assert!(window.player().tour().is_some());
-    let messages: Vec<String> =
-        window.app.world().resource::<Notices>().all().map(|message| message.text.clone()).collect();
-    assert!(messages.iter().any(|text| text.contains("/nowhere/a.tour.ron")), "{messages:?}");
+    let notices: Vec<String> =
+        window.app.world().resource::<Notices>().all().map(|notice| notice.text.clone()).collect();
+    assert!(notices.iter().any(|text| text.contains("/nowhere/a.tour.ron")), "{notices:?}");
 }
