@@ -13,7 +13,7 @@ use crate::command_line::progress_bar::Terminal;
 use crate::cpu::volume::VolumeLevels;
 use crate::cpu::volume::particles::SMALLEST;
 use crate::look::{Attribute, CameraConfig, LookPatch, Member, Shot};
-use crate::mode::{Depiction, Mode, Painted, Plan, SettingValue, Settings};
+use crate::mode::{Depiction, LightPicture, Mode, Plan, SettingValue, Settings};
 use crate::model::FamilyName;
 use crate::modes::{cartesian, column_density, grid, isosurface, layered, sorted_splats, spheres, volume};
 use crate::picture::Subject;
@@ -236,7 +236,7 @@ impl<'a> Bench<'a> {
         Ok(bench)
     }
 
-    pub(super) fn paint(&self, mode: &'static Mode, settings: Settings, view: &View) -> Result<Painted, Failure> {
+    pub(super) fn paint(&self, mode: &'static Mode, settings: Settings, view: &View) -> Result<LightPicture, Failure> {
         settings.check(mode)?;
         let depiction = Depiction::new(mode, settings, self.attribute, self.metadata)?;
         let subject = Subject::new(self.metadata, &depiction, &self.transfer, self.diameter);
@@ -302,7 +302,7 @@ impl<'a> Bench<'a> {
             rendering.push(now.report.rendering);
             painted = Some(now);
         }
-        let Painted { colors, report, .. } = painted.ok_or("nothing was drawn")?;
+        let LightPicture { colors, report, .. } = painted.ok_or("nothing was drawn")?;
         let numbers = [report.particles, report.memory.unwrap_or(0)];
         Ok(self.outcome(name, mode, colors.image(), [resampling, rendering], numbers))
     }

@@ -5,7 +5,7 @@ use super::{Arguments, Times};
 use crate::build::{BuildOptions, build};
 use crate::codec::VqBits;
 use crate::color::transfer::TransferFunction;
-use crate::mode::{Depiction, Economy, Plan, Settings};
+use crate::mode::{Depiction, LodBudget, Plan, Settings};
 use crate::modes::column_density;
 use crate::picture::Subject;
 use crate::store::PageFile;
@@ -60,11 +60,11 @@ pub fn measure(arguments: &Arguments) -> Result<Vec<Outcome>, Failure> {
         let depiction = Depiction::new(&column_density::MODE, Settings::default(), None, file.metadata())?;
         for (name, view) in views {
             let nodes = Scene::new(Arc::clone(&file), u64::MAX).converge_blocking(&view, ERROR_PX)?.nodes;
-            let economy = Economy { thinning: arguments.thinning, ..Economy::NONE };
+            let lod_budget = LodBudget { thinning: arguments.thinning, ..LodBudget::NONE };
             let transfer = TransferFunction::preset(depiction.mode.transfer[0]).unwrap_or_default();
             let subject = Subject::new(file.metadata(), &depiction, &transfer, size.length());
             // A window finds it beside its frames.
-            let plan = subject.plan(&view, &nodes, &economy, None)?;
+            let plan = subject.plan(&view, &nodes, &lod_budget, None)?;
             let kept = subject.decode(&view, &nodes, &plan);
             let drawn = kept.iter().map(|node| node.len() as u64).sum();
             drop(kept);

@@ -12,7 +12,7 @@ use crate::color::transfer::{Levels, TransferFunction};
 use crate::command_line::cache;
 use crate::command_line::progress_bar::TerminalProgress;
 use crate::cpu::Counts;
-use crate::mode::{Depiction, Economy, Mode, Plan, Settings};
+use crate::mode::{Depiction, LodBudget, Mode, Plan, Settings};
 use crate::modes::{column_density, density_squared};
 use crate::picture::Subject;
 use crate::store::PageFile;
@@ -191,7 +191,7 @@ impl DrawnView<'_> {
     /// Draws with a plan, which is found again each time.
     fn draw(
         &self,
-        economy: &Economy,
+        lod_budget: &LodBudget,
         levels: Option<Levels>,
         repeat: u32,
     ) -> Result<(Accumulation, Counts, Times), Failure> {
@@ -203,7 +203,7 @@ impl DrawnView<'_> {
         for repetition in 0..=repeat {
             let start = Instant::now();
             let plan = match levels {
-                Some(_) => subject.plan(view, nodes, economy, levels)?,
+                Some(_) => subject.plan(view, nodes, lod_budget, levels)?,
                 None => Plan::default(),
             };
             drawn = Some(subject.draw_nodes(view, nodes, &plan)?.sums(self.depiction.mode)?);
@@ -217,13 +217,13 @@ impl DrawnView<'_> {
     }
 
     fn measure(&self, arguments: &Arguments, outcomes: &mut Vec<Outcome>) -> Result<(), Failure> {
-        let (all, counts, seconds_of) = self.draw(&Economy::NONE, None, arguments.repeat)?;
+        let (all, counts, seconds_of) = self.draw(&LodBudget::NONE, None, arguments.repeat)?;
         let levels = self.transfer.levels(&all);
         let colors: Image = composite_at(&all, &self.transfer, &levels);
-        let presence = SERIES.map(|n| ("presence", n, Economy { presence: n, ..Economy::NONE }));
-        let thinning = BUDGETS.map(|budget| ("thinning", budget, Economy { thinning: budget, ..Economy::NONE }));
-        for (by, setting, economy) in presence.into_iter().chain(thinning) {
-            let (picture, left, seconds) = self.draw(&economy, Some(levels), arguments.repeat)?;
+        let presence = SERIES.map(|n| ("presence", n, LodBudget { presence: n, ..LodBudget::NONE }));
+        let thinning = BUDGETS.map(|budget| ("thinning", budget, LodBudget { thinning: budget, ..LodBudget::NONE }));
+        for (by, setting, lod_budget) in presence.into_iter().chain(thinning) {
+            let (picture, left, seconds) = self.draw(&lod_budget, Some(levels), arguments.repeat)?;
             let (error_mean, error_max) = color_error(&composite_at(&picture, &self.transfer, &levels), &colors);
             let outcome = Outcome {
                 mode: self.depiction.mode.name,

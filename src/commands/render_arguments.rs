@@ -10,7 +10,7 @@ use crate::cpu::Method;
 use crate::look::{
     Attribute, Backend, CameraConfig, LookPatch, Member, PictureConfig, SceneFile, Shot, data_file, is_scene_file,
 };
-use crate::mode::{Mode, SettingValue, economy};
+use crate::mode::{Mode, SettingValue, lod_budget};
 use crate::model::FamilyName;
 use crate::modes;
 use crate::picture::SessionOptions;
@@ -212,9 +212,9 @@ impl Arguments {
     /// Sets what the command line says of the settings of the mode, and of what may be left undrawn.
     fn set_values(&self, look: &mut LookPatch) -> Result<(), Failure> {
         let budget = [
-            (&economy::PRESENCE, self.presence.map(SettingValue::Number)),
-            (&economy::THINNING, self.thinning.map(SettingValue::Number)),
-            (&economy::CULLING, self.no_culling.then_some(SettingValue::Flag(false))),
+            (&lod_budget::PRESENCE, self.presence.map(SettingValue::Number)),
+            (&lod_budget::THINNING, self.thinning.map(SettingValue::Number)),
+            (&lod_budget::CULLING, self.no_culling.then_some(SettingValue::Flag(false))),
         ];
         let budget = budget.into_iter().filter_map(|(setting, value)| Some((setting.name.to_owned(), value?)));
         for (name, value) in budget.chain(self.set.iter().cloned()) {
@@ -233,7 +233,7 @@ impl Arguments {
                 return Err(usage(format!("{mode} has no setting {name}, expected {expected}")));
             };
             setting.check(&value).map_err(|error| usage(error.to_string()))?;
-            let values = if economy::is_common(&name) { &mut look.budget } else { &mut look.settings };
+            let values = if lod_budget::is_common(&name) { &mut look.budget } else { &mut look.settings };
             values.set(setting, value);
         }
         Ok(())

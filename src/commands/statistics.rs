@@ -2,7 +2,7 @@
 
 use super::CommandResult;
 use crate::color::output;
-use crate::mode::{Painted, Raw};
+use crate::mode::{LightPicture, Raw};
 use crate::picture::{LeftOut, Picture};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -108,7 +108,7 @@ pub(super) fn write(path: &Path, picture: &Picture) -> CommandResult {
 }
 
 fn values(picture: &Picture) -> Values<'_> {
-    let Painted { report, levels, isovalues, .. } = match &picture.values {
+    let LightPicture { report, levels, isovalues, .. } = match &picture.values {
         Raw::Sums(sums, _) => return Values::Sums { economy: &picture.left_out, sum: sums.sum() },
         Raw::Light(painted) => painted,
     };

@@ -4,7 +4,7 @@ use super::depiction::request_nodes;
 use super::view::Backend;
 use super::volume::VolumeRenderer;
 use super::{HeadlessRequest, device, render_headless};
-use crate::cpu::volume::Caster;
+use crate::cpu::volume::RayCaster;
 use crate::picture::adapter::{Adapter, AdapterFrame, AdapterJob, Passes};
 use std::sync::Arc;
 
@@ -39,7 +39,7 @@ impl Adapter for Offscreen {
         })
     }
 
-    fn caster(&mut self) -> Result<Arc<dyn Caster>, String> {
+    fn caster(&mut self) -> Result<Arc<dyn RayCaster>, String> {
         let renderer = VolumeRenderer::open(&Default::default()).map_err(|error| error.to_string())?;
         Ok(Arc::new(renderer))
     }

@@ -23,11 +23,11 @@ use super::volume_caster::VolumeCaster;
 use crate::color::composite::composite_at;
 use crate::color::transfer::{Levels, TransferFunction};
 use crate::color::{Accumulation, Image as Colors};
-use crate::cpu::volume::{Caster, OpaqueDepths, Processor};
-use crate::mode::{Adapter, Economy, Footprint, Plan, Raw};
+use crate::cpu::volume::{CpuRayCaster, OpaqueDepths, RayCaster};
+use crate::mode::{Adapter, Footprint, LodBudget, Plan, Raw};
 use crate::picture::Subject;
+use crate::picture::drawing_cost::DrawingCost;
 use crate::picture::fade::faded;
-use crate::picture::governor::Governor;
 use crate::store::Tree;
 use bevy::asset::RenderAssetUsages;
 use bevy::image::ImageSampler;
@@ -95,7 +95,7 @@ pub struct CpuPicture {
     drawn: Option<Drawn>,
     plan: Plan,
     colored: Option<(DrawKey, Levels, TransferFunction)>,
-    governor: Governor,
+    drawing_cost: DrawingCost,
     moved: Option<([u64; 2], Instant)>,
     measured: Option<Instant>,
     /// What the task draws, and what could not be drawn.
@@ -193,7 +193,7 @@ pub(super) fn draw_on_cpu(
     let full = picture.size();
     let limit = match preset.drawing.frame_ms {
         frame_ms if frame_ms > 0.0 && moving && *backend == ActiveBackend::Cpu => {
-            cpu.governor.limit(frame_ms, motion.sample_sizes())
+            cpu.drawing_cost.limit(frame_ms, motion.sample_sizes())
         }
         _ => u64::MAX,
     };
@@ -260,13 +260,13 @@ pub(super) fn draw_on_cpu(
         }
         None => Source::Nodes(Arc::clone(&selection.nodes)),
     };
-    let (levels, economy, on_cpu) = (look.levels, look.economy, *backend == ActiveBackend::Cpu);
+    let (levels, lod_budget, on_cpu) = (look.levels, look.lod_budget, *backend == ActiveBackend::Cpu);
     let complete = selection.complete;
     let (known, old_plan) = (look.settled.then_some(look.levels), cpu.plan);
     // Finding a plan takes longer than there is between two pictures of a motion.
     let kept_plan = (moving && *backend == ActiveBackend::Cpu).then_some(old_plan);
     // Splats have no use for it.
-    let caster: Arc<dyn Caster> = if cast { caster.caster() } else { Arc::new(Processor) };
+    let caster: Arc<dyn RayCaster> = if cast { caster.caster() } else { Arc::new(CpuRayCaster) };
     cpu.task = Some(AsyncComputeTaskPool::get().spawn(async move {
         let (drawn, plan, taken, cut) = match reused {
             Some(drawn) => (drawn, old_plan, None, false),
@@ -277,9 +277,9 @@ pub(super) fn draw_on_cpu(
                 let subject = Subject::new(metadata, &depiction, &transfer, diameter);
                 let subject = Subject { caster: &*caster, ..subject };
                 let limits = match (&own, painted) {
-                    (Some(_), _) => Limits { economy: Economy::NONE, plan: None, particles: u64::MAX },
-                    (None, true) => Limits { economy: Economy::NONE, plan: None, particles: key.particles },
-                    (None, false) => Limits { economy, plan: kept_plan, particles: limit },
+                    (Some(_), _) => Limits { lod_budget: LodBudget::NONE, plan: None, particles: u64::MAX },
+                    (None, true) => Limits { lod_budget: LodBudget::NONE, plan: None, particles: key.particles },
+                    (None, false) => Limits { lod_budget, plan: kept_plan, particles: limit },
                 };
                 let outcome = draw(&subject, &nodes, (&view, size), &limits, known, on_cpu);
                 let Outcome { values, plan, taken, is_cut, trouble } = outcome.map_err(|error| error.to_string())?;
@@ -344,7 +344,7 @@ fn take_in(
         if let Some(taken) = done.taken {
             statistics.draw_ms = Some(done.drawn.milliseconds);
             statistics.sampled = done.cut.then_some(taken);
-            cpu.governor.drew(taken, done.drawn.milliseconds);
+            cpu.drawing_cost.drew(taken, done.drawn.milliseconds);
         }
     }
     if let Some(painted) = &done.drawn.painted {

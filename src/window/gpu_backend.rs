@@ -21,7 +21,7 @@ use crate::gpu::{self, Composite, DrawItem, Fading, ModeView, ParticleScene, Spl
 use crate::gpu::{Capabilities, TableId, Technique, Withheld};
 use crate::mode::{Adapter, Footprint, Plan};
 use crate::modes;
-use crate::picture::governor::{self, Governor};
+use crate::picture::drawing_cost::{self, DrawingCost};
 use crate::store::Metadata;
 use bevy::diagnostic::DiagnosticsStore;
 use bevy::prelude::*;
@@ -38,7 +38,7 @@ pub struct GpuTables {
     tables: Vec<Vec<(TableId, f32)>>,
     /// The selection that the camera draws, what the settings leave out of it, and whether it moves.
     drawn: Option<(u64, Plan, bool)>,
-    governor: Governor,
+    drawing_cost: DrawingCost,
     /// Particles that the last pictures took, and when the last one was changed.
     taken: [u64; 3],
     changed: Option<Instant>,
@@ -257,11 +257,11 @@ pub(super) fn draw_on_gpu(
     let (usual, moving) = (measured.plan(), measured.is_moving(&preset.motion) && frame_ms > 0.0);
     if tables.drawn != Some((selection.revision, usual, moving)) {
         tables.drawn = Some((selection.revision, usual, moving));
-        let limit = if moving { tables.governor.limit(frame_ms, preset.motion.sample_sizes()) } else { u64::MAX };
+        let limit = if moving { tables.drawing_cost.limit(frame_ms, preset.motion.sample_sizes()) } else { u64::MAX };
         let important: Vec<Vec<f32>> =
             tables.tables.iter().map(|books| books.iter().map(|table| table.1).collect()).collect();
         let (plan, taken) =
-            governor::within(limit, usual, &view, &look.depiction, metadata, &selection.nodes, &important);
+            drawing_cost::within(limit, usual, &view, &look.depiction, metadata, &selection.nodes, &important);
         statistics.sampled = (plan != usual).then_some(taken);
         tables.taken = [taken, tables.taken[0], tables.taken[1]];
         tables.changed = Some(Instant::now());
@@ -325,7 +325,7 @@ pub(super) fn draw_on_gpu(
         && tables.changed.is_some_and(|changed| at > changed)
         && most.zip(least).is_some_and(|(&most, &least)| most <= 2 * least)
     {
-        tables.governor.drew(taken, milliseconds);
+        tables.drawing_cost.drew(taken, milliseconds);
         tables.changed = None;
     }
     // Passes are timed only once their shaders are there, so a first time means a first picture.

@@ -7,7 +7,7 @@ use super::transfer_presets::TransferPresets;
 use crate::annotate::{Legend, Units};
 use crate::color::transfer::{Levels, Lut, Scale, TransferFunction};
 use crate::look::Attribute;
-use crate::mode::{Depiction, Economy};
+use crate::mode::{Depiction, LodBudget};
 use crate::store::Metadata;
 use bevy::prelude::*;
 use bevy_egui::egui::Color32;
@@ -29,7 +29,7 @@ pub struct Look {
     /// Its settings.
     pub transfer: TransferFunction,
     /// What the picture may leave undrawn.
-    pub economy: Economy,
+    pub lod_budget: LodBudget,
     /// The ranges in use; automatic ones glide to those of the present view.
     pub levels: Levels,
     /// Whether the ranges have arrived.
@@ -83,7 +83,7 @@ pub(crate) fn follow_settings(
                     depiction_revision: 1,
                     lut,
                     transfer: settings.transfer.clone(),
-                    economy: settings.budget.economy(),
+                    lod_budget: settings.budget.lod_budget(),
                     levels: Levels { p: [1e-6, 1.0], s: [0.0, 1.0] },
                     settled: false,
                     generation: scene.generation,
@@ -98,7 +98,7 @@ pub(crate) fn follow_settings(
     let stale = look.generation != scene.generation
         || look.attribute != settings.attribute
         || look.depiction.settings != settings.look.settings
-        || look.economy != settings.budget.economy()
+        || look.lod_budget != settings.budget.lod_budget()
         || !std::ptr::eq(look.depiction.mode, settings.mode);
     let mut depicted = false;
     if stale {
@@ -119,7 +119,7 @@ pub(crate) fn follow_settings(
                 // Another file, mode or attribute has other ranges altogether: no gliding there.
                 look.seeded &= !other_kind && !other_attribute && look.generation == scene.generation;
                 look.depiction = depiction;
-                look.economy = settings.budget.economy();
+                look.lod_budget = settings.budget.lod_budget();
                 depicted = true;
                 look.depiction_revision += 1;
                 look.generation = scene.generation;

@@ -9,7 +9,7 @@ use crate::mode::Settings;
 use crate::model::ReadMethod;
 use crate::model::ron_file::{self, RonError};
 use crate::model::ron_place::Place;
-use crate::picture::governor::{self, SampleSizes};
+use crate::picture::drawing_cost::{self, SampleSizes};
 use crate::stream::{CopyOptions, LookAhead, StreamOptions};
 use bevy::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -221,13 +221,13 @@ pub struct DrawingPreset {
 
 impl Default for DrawingPreset {
     fn default() -> Self {
-        let economy = Settings::default().economy();
+        let lod_budget = Settings::default().lod_budget();
         Self {
             backend: Backend::Auto,
             error_px: 0.8,
             frame_ms: 40.0,
-            presence: economy.presence,
-            thinning: economy.thinning,
+            presence: lod_budget.presence,
+            thinning: lod_budget.thinning,
         }
     }
 }
@@ -346,7 +346,7 @@ impl Preset {
     fn check(&self, place: Place) -> Result<(), RonError> {
         let Preset { window, residency, drawing, motion, camera, panel } = self;
         let ahead = &residency.ahead;
-        let least = governor::LEAST as f64;
+        let least = drawing_cost::LEAST as f64;
         let checks = [
             ("window.width", f64::from(window.width), 320.0, 16384.0, "320 to 16384"),
             ("window.height", f64::from(window.height), 240.0, 16384.0, "240 to 16384"),

@@ -6,7 +6,7 @@ use super::picture::Picture;
 use super::preset::Preset;
 use crate::explore::data::source_path;
 use crate::look::{Attribute, Look, LookPatch, Member};
-use crate::mode::economy::{PRESENCE, THINNING};
+use crate::mode::lod_budget::{PRESENCE, THINNING};
 use crate::mode::{Mode, SettingValue};
 use crate::model::{Bounds, PeriodicBox};
 use crate::modes;

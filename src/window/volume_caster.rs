@@ -4,7 +4,7 @@
 use super::look::Look;
 use super::preset::{Backend, Preset};
 use super::shader_reload::ShaderTexts;
-use crate::cpu::volume::{Caster, Processor};
+use crate::cpu::volume::{CpuRayCaster, RayCaster};
 use crate::gpu::{Capabilities, VolumeRenderer, Withheld};
 use bevy::prelude::*;
 use bevy::render::renderer::{RenderAdapter, RenderAdapterInfo, RenderDevice, RenderQueue};
@@ -14,7 +14,7 @@ use wgpu::DeviceType;
 /// What draws.
 #[derive(Resource, Debug)]
 pub struct VolumeCaster {
-    caster: Arc<dyn Caster>,
+    caster: Arc<dyn RayCaster>,
     on_adapter: bool,
     /// Whether the adapter is not asked any more.
     gave_up: bool,
@@ -24,13 +24,13 @@ pub struct VolumeCaster {
 
 impl Default for VolumeCaster {
     fn default() -> VolumeCaster {
-        VolumeCaster { caster: Arc::new(Processor), on_adapter: false, gave_up: false, keeps: false }
+        VolumeCaster { caster: Arc::new(CpuRayCaster), on_adapter: false, gave_up: false, keeps: false }
     }
 }
 
 impl VolumeCaster {
     /// What draws, for a picture.
-    pub fn caster(&mut self) -> Arc<dyn Caster> {
+    pub fn caster(&mut self) -> Arc<dyn RayCaster> {
         self.keeps = true;
         Arc::clone(&self.caster)
     }

@@ -5,7 +5,8 @@ use deepfield::codec::VqBits;
 use deepfield::color::Colors;
 use deepfield::color::transfer::TransferFunction;
 use deepfield::cpu::volume::{
-    Caster, Classifier, Light, Processor, Scenery, Surface, VolumeLevels, VolumeOptions, VolumeReport, draw, prepare,
+    Classifier, CpuRayCaster, Light, RayCaster, Scenery, Surface, VolumeLevels, VolumeOptions, VolumeReport, draw,
+    prepare,
 };
 use deepfield::cpu::{self, Positions, Splats};
 use deepfield::gpu::{DeviceOptions, VolumeRenderer, Withheld};
@@ -129,7 +130,7 @@ fn renderer() -> VolumeRenderer {
 }
 
 fn picture(
-    caster: &dyn Caster,
+    caster: &dyn RayCaster,
     view: &View,
     cloud: &Cloud,
     scenery: &Scenery,
@@ -160,7 +161,7 @@ fn compare(
     let mut prepared = prepare(view, &[cloud.batch()], options).unwrap();
     prepared.levels.truncate(1);
     let mut report = VolumeReport::default();
-    let expected = Processor.cast(view, &prepared, scenery, options, &mut report).unwrap();
+    let expected = CpuRayCaster.cast(view, &prepared, scenery, options, &mut report).unwrap();
     let (found, report) = picture(renderer, view, cloud, scenery, options);
     let (l2, most) = difference(&found, &expected);
     println!("{what}: L2 {l2:.2e}, at most {most:.2e}, {} slabs, {} pairs", report.slabs, report.pairs);
@@ -180,13 +181,13 @@ fn regions_of_density_and_attribute_are_the_cpus() {
     let planar = Scenery { classifier: Classifier::new(&transfer, levels, true), ..cloud.volume() };
     let (view, options) = (near([2.0, 1.0, 3.0], 96, 72), VolumeOptions::default());
     let [with, without] =
-        [&planar, &cloud.volume()].map(|scenery| picture(&Processor, &view, &cloud, scenery, &options).0);
+        [&planar, &cloud.volume()].map(|scenery| picture(&CpuRayCaster, &view, &cloud, scenery, &options).0);
     assert!(difference(&with, &without).0 > 0.1, "the regions do not show");
     // A value between two hues may be rounded to either.
     let (found, _) = picture(&renderer, &view, &cloud, &planar, &options);
     let mut prepared = prepare(&view, &[cloud.batch()], &options).unwrap();
     prepared.levels.truncate(1);
-    let expected = Processor.cast(&view, &prepared, &planar, &options, &mut VolumeReport::default()).unwrap();
+    let expected = CpuRayCaster.cast(&view, &prepared, &planar, &options, &mut VolumeReport::default()).unwrap();
     let (l2, most) = difference(&found, &expected);
     println!("regions: L2 {l2:.2e}, at most {most:.2e}");
     assert!(l2 < 2e-4, "regions: L2 {l2}, at most {most}");
@@ -288,7 +289,7 @@ fn what_is_hidden_is_left_out_and_changes_nothing() {
         println!("{what}: {} pairs, culled {} with {} hidden", more.pairs, less.pairs, less.hidden);
         assert_eq!(all, culled, "{what}");
         // What streaming may leave out is what the CPU's picture hides.
-        let (_, expected) = picture(&Processor, &view, &merger, &scenery, &with(true));
+        let (_, expected) = picture(&CpuRayCaster, &view, &merger, &scenery, &with(true));
         let [found, expected] = [less.opaque.as_deref(), expected.opaque.as_deref()].map(Option::unwrap);
         let extents: Vec<Extent> = (0..16i32.pow(3)).map(cube).collect();
         let [found, expected] =
@@ -319,7 +320,7 @@ fn the_demo_data_look_as_on_the_cpu() {
             let drawn = Subject { caster, ..subject }.draw_nodes(&view, &selection.nodes, &Plan::default()).unwrap();
             drawn.light(mode).unwrap().colors
         };
-        let (l2, most) = difference(&paint(&renderer), &paint(&Processor));
+        let (l2, most) = difference(&paint(&renderer), &paint(&CpuRayCaster));
         println!("{}: L2 {l2:.2e}, at most {most:.2e}", mode.name);
         assert!(l2 < 5e-5, "{}: {l2} {most}", mode.name);
     }

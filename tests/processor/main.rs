@@ -23,10 +23,10 @@ mod pictures {
     mod color_error;
     mod conservation;
     mod cut;
-    mod economy;
     mod golden;
     mod guarantee;
     mod joined;
+    mod lod_budget;
     mod periodic;
     mod session;
 }

@@ -7,9 +7,9 @@ use super::series::Frame;
 use crate::color::Accumulation;
 use crate::color::transfer::TransferFunction;
 use crate::hierarchy::Purpose;
-use crate::mode::{Depiction, Economy, Plan};
+use crate::mode::{Depiction, LodBudget, Plan};
 use crate::picture::Subject;
-use crate::picture::governor::{self, Governor, SampleSizes};
+use crate::picture::drawing_cost::{self, DrawingCost, SampleSizes};
 use crate::store::PageFile;
 use crate::stream::{Scene, SceneSelection, StreamOptions, Streamer};
 use crate::view::View;
@@ -29,13 +29,13 @@ pub struct Engine<'a> {
     /// How pages are streamed.
     pub options: StreamOptions,
     /// What pictures may leave undrawn, and what that comes to; see [`Engine::prepare`].
-    pub economy: Economy,
-    /// See `economy`.
+    pub lod_budget: LodBudget,
+    /// See `lod_budget`.
     pub plan: Plan,
     /// Milliseconds that a frame of a flight may take to draw; none: as long as it needs.
     pub frame_ms: Option<f64>,
     /// What drawing has cost so far.
-    pub governor: Governor,
+    pub drawing_cost: DrawingCost,
     /// The backend that draws.
     pub canvas: &'a mut dyn Canvas,
     /// What there is to tell about pages that cannot be read.
@@ -92,7 +92,7 @@ impl Engine<'_> {
         let (plan, taken) = self.governed(view, &selection, frame_ms);
         let streamed = start.elapsed();
         self.canvas.draw(view, &selection.nodes, &plan)?;
-        self.governor.drew(taken, 1e3 * (start.elapsed() - streamed).as_secs_f64());
+        self.drawing_cost.drew(taken, 1e3 * (start.elapsed() - streamed).as_secs_f64());
         let frame = Frame {
             seconds: 0.0,
             frame_ms: 1e3 * start.elapsed().as_secs_f64(),
@@ -112,12 +112,12 @@ impl Engine<'_> {
         Ok((frame, selection))
     }
 
-    /// What of a selection is drawn in so many milliseconds, and how many particles that takes (see [`governor::within`]).
+    /// What of a selection is drawn in so many milliseconds, and how many particles that takes (see [`drawing_cost::within`]).
     pub fn governed(&self, view: &View, selection: &SceneSelection, frame_ms: Option<f64>) -> (Plan, u64) {
         let metadata = self.file.metadata();
-        let important = governor::most_important(&self.depiction, metadata);
-        let limit = frame_ms.map_or(u64::MAX, |frame_ms| self.governor.limit(frame_ms, SampleSizes::default()));
-        governor::within(limit, self.plan, view, &self.depiction, metadata, &selection.nodes, &important)
+        let important = drawing_cost::most_important(&self.depiction, metadata);
+        let limit = frame_ms.map_or(u64::MAX, |frame_ms| self.drawing_cost.limit(frame_ms, SampleSizes::default()));
+        drawing_cost::within(limit, self.plan, view, &self.depiction, metadata, &selection.nodes, &important)
     }
 
     /// Converges the view that a flight begins with, and finds there what its pictures leave undrawn.
@@ -131,7 +131,7 @@ impl Engine<'_> {
         let transfer = TransferFunction::preset(preset).unwrap_or_default();
         // Sums have no use for a diameter.
         let subject = Subject::new(self.file.metadata(), &self.depiction, &transfer, 0.0);
-        self.plan = subject.plan(view, &selection.nodes, &self.economy, None)?;
+        self.plan = subject.plan(view, &selection.nodes, &self.lod_budget, None)?;
         Ok(())
     }
 

@@ -16,8 +16,8 @@ use crate::command_line::arguments::{PictureSize, bytes, mode_name, not_negative
 use crate::command_line::cache;
 use crate::command_line::progress_bar::TerminalProgress;
 use crate::import::LoadOptions;
-use crate::mode::{Depiction, Economy, Mode, Plan, Settings};
-use crate::picture::governor::Governor;
+use crate::mode::{Depiction, LodBudget, Mode, Plan, Settings};
+use crate::picture::drawing_cost::DrawingCost;
 use crate::store::PageFile;
 use crate::stream::{CopyOptions, StreamOptions, first_frame};
 use crate::synth::cosmology::{Cosmology, DEFAULT_EDGE};
@@ -252,10 +252,10 @@ fn with_canvas<T>(
         size: (width, height),
         options: streaming,
         canvas: &mut *canvas,
-        economy: Economy { culling: true, presence: options.presence, thinning: options.sampling },
+        lod_budget: LodBudget { culling: true, presence: options.presence, thinning: options.sampling },
         plan: Plan::default(),
         frame_ms: (options.frame_ms > 0.0).then_some(options.frame_ms),
-        governor: Governor::default(),
+        drawing_cost: DrawingCost::default(),
         messages: Vec::new(),
     };
     // A program that runs has opened its adapter before it opens a file.
@@ -342,18 +342,18 @@ fn fly(engine: &mut Engine, options: &Options, opened: &Opened, backend: &str) -
 
 /// Flies without each saving in turn.
 fn ablate(engine: &mut Engine, options: &Options, flights: &mut Vec<(String, Summary)>) -> Result<(), Failure> {
-    let usual = engine.economy;
+    let usual = engine.lod_budget;
     let without = [
-        ("without presence acceleration", Economy { presence: 0.0, ..usual }),
-        ("without culling of particles", Economy { culling: false, ..usual }),
-        ("without samples", Economy { thinning: 0.0, ..usual }),
-        ("without any of these", Economy { culling: false, presence: 0.0, thinning: 0.0 }),
+        ("without presence acceleration", LodBudget { presence: 0.0, ..usual }),
+        ("without culling of particles", LodBudget { culling: false, ..usual }),
+        ("without samples", LodBudget { thinning: 0.0, ..usual }),
+        ("without any of these", LodBudget { culling: false, presence: 0.0, thinning: 0.0 }),
     ];
-    for (name, economy) in without {
-        engine.economy = economy;
+    for (name, lod_budget) in without {
+        engine.lod_budget = lod_budget;
         flights.push((name.into(), once(engine, options)?));
     }
-    engine.economy = usual;
+    engine.lod_budget = usual;
     let streaming = std::mem::replace(&mut engine.options.prefetch, false);
     flights.push(("without prefetching".into(), once(engine, options)?));
     engine.options.prefetch = streaming;

@@ -22,7 +22,7 @@ pub struct Frame {
     pub upload_bytes: u64,
     /// Particles in the drawn nodes.
     pub particles: u64,
-    /// Those of them that the sample takes, see [`crate::picture::governor::within`].
+    /// Those of them that the sample takes, see [`crate::picture::drawing_cost::within`].
     pub taken: u64,
     /// Drawn nodes.
     pub nodes: u64,

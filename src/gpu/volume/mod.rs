@@ -1,7 +1,7 @@
 //! Volumes and isosurfaces through the perspective grid (F12 chapter 5) by compute passes: step for step what
 //! [`crate::cpu::volume`] does, which is what its pictures are held against.
 //!
-//! [`VolumeRenderer`] is a [`Caster`]: it gets particles in camera space and the grid around them, and gives colours back. It
+//! [`VolumeRenderer`] is a [`RayCaster`]: it gets particles in camera space and the grid around them, and gives colours back. It
 //! draws outside of frames, on the thread that asks; [`cut`] says how the grid fits into the adapter's memory. For
 //! each slab, from front to back, and each batch of particles ([`draw`]):
 //!
@@ -30,7 +30,7 @@ use super::capabilities::Capabilities;
 use super::device::{DeviceOptions, GpuError, open};
 use super::shaders::check::texts;
 use crate::color::Colors;
-use crate::cpu::volume::{Caster, Prepared, Scenery, VolumeError, VolumeOptions, VolumeReport};
+use crate::cpu::volume::{Prepared, RayCaster, Scenery, VolumeError, VolumeOptions, VolumeReport};
 use crate::view::View;
 use bevy::render::renderer::{RenderAdapter, RenderDevice, RenderQueue};
 use bevy::tasks::block_on;
@@ -148,7 +148,7 @@ impl VolumeRenderer {
     }
 }
 
-impl Caster for VolumeRenderer {
+impl RayCaster for VolumeRenderer {
     fn cast(
         &self,
         view: &View,

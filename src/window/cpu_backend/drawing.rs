@@ -1,8 +1,8 @@
 //! A picture drawn by the processor: of nodes of the open file, or of live particles.
 
 use crate::color::transfer::Levels;
-use crate::cpu::volume::{Processor, VolumeError};
-use crate::mode::{Economy, Plan, Raw};
+use crate::cpu::volume::{CpuRayCaster, VolumeError};
+use crate::mode::{LodBudget, Plan, Raw};
 use crate::model::{Dataset, FamilyName};
 use crate::picture::Subject;
 use crate::store::InMemory;
@@ -23,7 +23,7 @@ pub(super) enum Source {
 /// What a picture is to leave out.
 pub(super) struct Limits {
     /// What the settings allow.
-    pub economy: Economy,
+    pub lod_budget: LodBudget,
     /// What that came to for the picture before, where it is to be the same.
     pub plan: Option<Plan>,
     /// How many particles it may take.
@@ -71,7 +71,7 @@ pub(super) fn draw(
     // What may be left out is decided for the whole picture, also where this one has fewer pixels.
     let plan = match limits.plan {
         Some(plan) => plan,
-        None => subject.plan(view, nodes, &limits.economy, known)?,
+        None => subject.plan(view, nodes, &limits.lod_budget, known)?,
     };
     let (fitting, taken) = subject.within(limits.particles, plan, view, nodes);
     let decoded = subject.decode(view, nodes, &fitting);
@@ -82,7 +82,7 @@ pub(super) fn draw(
         true => match subject.draw(&view, &decoded, &fitting) {
             Err(VolumeError::Device(why)) => {
                 trouble = Some(why);
-                Subject { caster: &Processor, ..*subject }.draw(&view, &decoded, &fitting)
+                Subject { caster: &CpuRayCaster, ..*subject }.draw(&view, &decoded, &fitting)
             }
             drawn => drawn,
         },

@@ -7,7 +7,7 @@ use crate::color::Image;
 use crate::color::transfer::Levels;
 use crate::look::LookPatch;
 use crate::mode::{Footprint, Mode};
-use crate::picture::governor::Governor;
+use crate::picture::drawing_cost::DrawingCost;
 use crate::picture::look::depict;
 use crate::picture::{PictureError, Session};
 use crate::tour::{Blend, State, Timeline};
@@ -86,7 +86,7 @@ pub struct Before {
     last: Option<(&'static Mode, Levels)>,
     /// Size and milliseconds of the last picture of a volume.
     cost: Option<(UVec2, f64)>,
-    governor: Governor,
+    drawing_cost: DrawingCost,
 }
 
 impl Before {
@@ -137,7 +137,7 @@ impl Before {
                 let size = UVec2::new(image.width, image.height);
                 self.cost = Some((size, milliseconds));
                 if !wanted.painted {
-                    self.governor.drew(taken, milliseconds);
+                    self.drawing_cost.drew(taken, milliseconds);
                 }
                 self.number += 1;
                 self.drawn = Some(Drawn { wanted, image: Arc::new(image) });
@@ -230,7 +230,7 @@ pub fn draw_before(
     let limit = match (is_moving, painted) {
         (false, _) => u64::MAX,
         (true, true) => volume_limit(true, false, u64::MAX, motion),
-        (true, false) => before.governor.limit(motion.volume_ms, motion.sample_sizes()),
+        (true, false) => before.drawing_cost.limit(motion.volume_ms, motion.sample_sizes()),
     };
     let (place, lens) = viewpoint_of(&blend.camera);
     let cut = blend.look.cut.unwrap_or_default();

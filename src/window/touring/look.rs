@@ -39,7 +39,7 @@ pub(crate) mod tests {
     use crate::explore::{Region, SelectionSet};
     use crate::look::Attribute;
     use crate::look::{DatasetRef, SceneFile};
-    use crate::mode::{Economy, Mode, Setting, SettingKind, SettingValue, economy};
+    use crate::mode::{LodBudget, Mode, Setting, SettingKind, SettingValue, lod_budget};
     use crate::modes;
     use crate::show::window::network::leading::Leading;
     use crate::tour::TourFile;
@@ -116,7 +116,7 @@ pub(crate) mod tests {
         let mut settings = Settings::new(&Preset::embedded("desktop").unwrap(), None);
         settings.choose_mode(mode);
         settings.families = vec![false, true];
-        for setting in economy::COMMON.into_iter().chain(mode.own_settings()) {
+        for setting in lod_budget::COMMON.into_iter().chain(mode.own_settings()) {
             let value = unusual(setting);
             assert!(setting.check(&value).is_ok() && value != setting.default(), "{}", setting.name);
             settings.set(setting, value);
@@ -183,7 +183,7 @@ pub(crate) mod tests {
                 ])
             };
             for look in looks("{\"presence\": 5.0, \"thinning\": 2.0}").unwrap() {
-                assert_eq!(look.budget.economy(), Economy { culling: true, presence: 5.0, thinning: 2.0 });
+                assert_eq!(look.budget.lod_budget(), LodBudget { culling: true, presence: 5.0, thinning: 2.0 });
                 assert!(look.settings.0.is_empty(), "{}", mode.name);
             }
             let wrong: Result<_, String> = looks("{\"thinning\": 99.0}");

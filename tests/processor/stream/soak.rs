@@ -15,16 +15,16 @@ use std::time::Duration;
 const TAU: f64 = 3.0;
 
 /// A camera that flies at random: it glides towards places in the box, and now and then jumps.
-struct Pilot {
+struct Estimate {
     random: Random,
     eye: DVec3,
     goal: DVec3,
     speed: f64,
 }
 
-impl Pilot {
-    fn new(seed: u64) -> Pilot {
-        Pilot { random: Random(seed), eye: DVec3::splat(0.5), goal: DVec3::ONE, speed: 0.01 }
+impl Estimate {
+    fn new(seed: u64) -> Estimate {
+        Estimate { random: Random(seed), eye: DVec3::splat(0.5), goal: DVec3::ONE, speed: 0.01 }
     }
 
     fn anywhere(&mut self) -> DVec3 {
@@ -69,7 +69,7 @@ fn soak(frames: u32) {
     let copy_budget = budget * 9 / 10;
     streamer.keep_copies(Some(CopyOptions { budget: copy_budget, on_their_way: 8 << 20 }));
     let roots = streamer.roots(0..file.metadata().families.len() as u32, Purpose::Splats);
-    let mut pilot = Pilot::new(7);
+    let mut pilot = Estimate::new(7);
     let (mut reads, mut evicted, mut converged, mut prefetched) = (0, 0, 0, 0);
     let mut before = None;
     for frame in 0..frames {

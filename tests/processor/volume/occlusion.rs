@@ -4,7 +4,7 @@ use crate::support::Random;
 use deepfield::build::{BuildOptions, build};
 use deepfield::color::transfer::{Range, TransferFunction};
 use deepfield::hierarchy::{OctreeOptions, Purpose};
-use deepfield::mode::{Depiction, Painted, Plan, SettingValue, Settings};
+use deepfield::mode::{Depiction, LightPicture, Plan, SettingValue, Settings};
 use deepfield::model::{Dataset, Family, FamilyName, Kernel, Provenance, Unit};
 use deepfield::modes;
 use deepfield::picture::Subject;
@@ -39,7 +39,7 @@ fn eclipse() -> Family {
 }
 
 /// What a view is painted with: ranges and planes that do not depend on what is there.
-fn paint(file: &PageFile, depiction: &Depiction, view: &View, selection: &SceneSelection) -> Painted {
+fn paint(file: &PageFile, depiction: &Depiction, view: &View, selection: &SceneSelection) -> LightPicture {
     let transfer = TransferFunction { range: Range::Fixed(1e-2, 100.0), ..TransferFunction::of_volumes(false) };
     let subject = Subject::new(file.metadata(), depiction, &transfer, 4.0);
     subject.draw_nodes(view, &selection.nodes, &Plan::default()).unwrap().light(depiction.mode).unwrap()

@@ -2,7 +2,7 @@
 
 use super::LookPatch;
 use crate::color::transfer::{Curve, Range, Scale, TransferFunction};
-use crate::mode::{Setting, SettingKind, SettingValue, Settings, economy};
+use crate::mode::{Setting, SettingKind, SettingValue, Settings, lod_budget};
 use crate::modes;
 use crate::view::CutSettings;
 use crate::view::cut::{ClipBox, Fade, Slab};
@@ -18,7 +18,7 @@ pub fn mix(a: &LookPatch, b: &LookPatch, share: f64) -> LookPatch {
     LookPatch {
         settings: if same_mode { mix_settings(own, &a.settings, &b.settings, share) } else { a.settings.clone() },
         budget: match same_mode {
-            true => mix_settings(economy::COMMON.into_iter(), &a.budget, &b.budget, share),
+            true => mix_settings(lod_budget::COMMON.into_iter(), &a.budget, &b.budget, share),
             false => a.budget.clone(),
         },
         transfer: match (&a.transfer, &b.transfer) {

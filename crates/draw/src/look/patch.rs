@@ -7,7 +7,7 @@ use crate::color::composite::Background;
 use crate::color::transfer::TransferFunction;
 use crate::explore::ExploreError;
 use crate::mode::setting::SettingError;
-use crate::mode::{Mode, Setting, SettingValue, Settings, economy};
+use crate::mode::{Mode, Setting, SettingValue, Settings, lod_budget};
 use crate::model::FamilyName;
 use crate::model::ron_file::RonError;
 use crate::modes;
@@ -45,7 +45,7 @@ macro_rules! define_looks {
             pub mode: &'static Mode,
             /// Settings of the mode that differ from their defaults; none of another mode.
             pub settings: Settings,
-            /// What may be left undrawn, where that differs from its default: settings of no mode ([`economy::COMMON`]).
+            /// What may be left undrawn, where that differs from its default: settings of no mode ([`lod_budget::COMMON`]).
             pub budget: Settings,
             /// Which attribute gives the hue.
             pub attribute: Attribute,
@@ -59,7 +59,7 @@ macro_rules! define_looks {
             pub mode: Option<&'static Mode>,
             /// Settings of the mode.
             pub settings: Settings,
-            /// What may be left undrawn, of [`economy::COMMON`].
+            /// What may be left undrawn, of [`lod_budget::COMMON`].
             pub budget: Settings,
             /// Which attribute gives the hue.
             pub attribute: Option<Attribute>,
@@ -215,7 +215,7 @@ impl Look {
 
     /// The values that a setting of [`Mode::all_settings`] stands among.
     pub fn values(&mut self, setting: &Setting) -> &mut Settings {
-        if economy::is_common(setting.name) { &mut self.budget } else { &mut self.settings }
+        if lod_budget::is_common(setting.name) { &mut self.budget } else { &mut self.settings }
     }
 
     /// Sets one of [`Mode::all_settings`].
@@ -249,7 +249,7 @@ impl LookPatch {
     /// The same, with what earlier files have among the settings of a mode and belongs to none.
     pub(crate) fn with_early_budget(mut self) -> LookPatch {
         let early = self.settings.common();
-        self.settings.0.retain(|name, _| !economy::is_common(name));
+        self.settings.0.retain(|name, _| !lod_budget::is_common(name));
         self.budget = Settings(early.0.into_iter().chain(self.budget.0).collect());
         self
     }

@@ -1,6 +1,6 @@
 //! A mode as the user has set it, applied to data: weights and attributes of particles and of codebook entries.
 
-use super::{Columns, Conserved, Footprint, Mode, Needs, Settings, economy};
+use super::{Columns, Conserved, Footprint, Mode, Needs, Settings, lod_budget};
 use crate::codec::Codebook;
 use crate::color::transfer::{Range, Scale, TransferFunction};
 use crate::hierarchy::Purpose;
@@ -40,7 +40,7 @@ pub struct CodeTable {
     pub attribute: Option<Vec<f32>>,
     /// The particles' own densities, if the mode draws with them.
     pub density: Option<Vec<f32>>,
-    /// How much a particle's absence would show; see [`economy::importance`].
+    /// How much a particle's absence would show; see [`lod_budget::importance`].
     pub importance: Vec<f32>,
     /// The largest of them.
     pub most_important: f32,
@@ -145,7 +145,7 @@ impl Depiction {
     pub fn table(&self, family: &FamilyMetadata, codebook: &Codebook) -> CodeTable {
         let SourceColumns { weight, attribute, density } = self.columns_of(family, codebook);
         let pairs = codebook.mass.iter().zip(&codebook.smoothing_length);
-        let importance: Vec<f32> = pairs.map(|(&m, &h)| economy::importance(m, h)).collect();
+        let importance: Vec<f32> = pairs.map(|(&m, &h)| lod_budget::importance(m, h)).collect();
         let most_important = importance.iter().copied().fold(0.0, f32::max);
         let smoothing_length = codebook.smoothing_length.clone();
         CodeTable { smoothing_length, weight, attribute, density, importance, most_important }

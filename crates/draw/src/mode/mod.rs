@@ -3,15 +3,15 @@
 //! the manual.
 
 pub mod depiction;
-pub mod economy;
+pub mod lod_budget;
 pub mod sample;
 pub mod setting;
 pub mod technique;
 
 pub use depiction::{CodeTable, Coloring, Depiction, SourceColumns};
-pub use economy::{Economy, Plan};
+pub use lod_budget::{LodBudget, Plan};
 pub use setting::{Setting, SettingError, SettingKind, SettingValue, Settings};
-pub use technique::{Adapter, Job, Needs, Output, Painted, Raw, SPLAT_SUMS, SplatSums, Technique};
+pub use technique::{Adapter, Job, LightPicture, Needs, Output, Raw, SPLAT_SUMS, SplatSums, Technique};
 
 use crate::cpu::volume::VolumeError;
 use crate::model::Unit;
@@ -103,7 +103,7 @@ impl Mode {
     /// Its settings, then those of what a picture of sums may leave undrawn.
     pub fn all_settings(&self) -> impl Iterator<Item = &'static Setting> + use<> {
         let is_sum = self.technique.output() == Output::Sums;
-        let common: &[&'static Setting] = if is_sum { &economy::COMMON } else { &[] };
+        let common: &[&'static Setting] = if is_sum { &lod_budget::COMMON } else { &[] };
         self.own_settings().chain(common.iter().copied())
     }
 

@@ -4,7 +4,7 @@
 use super::{Footprint, Settings};
 use crate::color::transfer::TransferFunction;
 use crate::color::{Accumulation, Colors};
-use crate::cpu::volume::{Caster, VolumeError, VolumeLevels, VolumeReport};
+use crate::cpu::volume::{RayCaster, VolumeError, VolumeLevels, VolumeReport};
 use crate::cpu::{Counts, SplatOptions, Splats, draw_counted};
 use crate::hierarchy::Purpose;
 use crate::model::Bounds;
@@ -109,7 +109,7 @@ pub struct Job<'a> {
     /// The data's largest density; 0 for sums.
     pub densest: f64,
     /// What draws modes of the perspective grid.
-    pub caster: &'a dyn Caster,
+    pub caster: &'a dyn RayCaster,
 }
 
 /// A picture before it is shown.
@@ -118,7 +118,7 @@ pub enum Raw {
     /// `P` and `P S`, and what became of the particles.
     Sums(Accumulation, Counts),
     /// Colours.
-    Light(Painted),
+    Light(LightPicture),
 }
 
 impl Raw {
@@ -137,7 +137,7 @@ impl Raw {
     ///
     /// # Errors
     /// [`VolumeError::Setting`] for sums.
-    pub fn light(self, mode: &super::Mode) -> Result<Painted, VolumeError> {
+    pub fn light(self, mode: &super::Mode) -> Result<LightPicture, VolumeError> {
         match self {
             Raw::Light(painted) => Ok(painted),
             Raw::Sums(..) => Err(other_output(mode, "a mode that draws colours straight from particles")),
@@ -151,7 +151,7 @@ fn other_output(mode: &super::Mode, expected: &str) -> VolumeError {
 
 /// A picture in colours.
 #[derive(Clone, Debug)]
-pub struct Painted {
+pub struct LightPicture {
     /// The colours.
     pub colors: Colors,
     /// What drawing took.
@@ -193,7 +193,7 @@ impl Technique for SplatSums {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cpu::volume::Processor;
+    use crate::cpu::volume::CpuRayCaster;
     use crate::mode::Mode;
     use crate::modes::{column_density, grid};
     use crate::view::Projection;
@@ -225,7 +225,7 @@ mod tests {
         let projection = Projection::Orthographic { height: 1.0 };
         let view = View::look_at(DVec3::Z, DVec3::ZERO, DVec3::Y, projection, 2, 2).unwrap();
         let (settings, options) = (Settings::default(), SplatOptions::default());
-        let (view, batches, settings, caster) = (&view, &[][..], &settings, &Processor);
+        let (view, batches, settings, caster) = (&view, &[][..], &settings, &CpuRayCaster);
         let job = Job { view, batches, options, settings, transfer: None, diameter: 1.0, densest: 1.0, caster };
         let refused = MODE.draw(&job).unwrap_err().to_string();
         assert!(refused.contains("adapter-only is drawn by a graphics adapter only"), "{refused}");

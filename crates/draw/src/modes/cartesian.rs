@@ -3,7 +3,9 @@
 use super::grid::{self, Layers, Look};
 use crate::cpu::cartesian::{self, CartesianOptions, Region};
 use crate::cpu::volume::VolumeError;
-use crate::mode::{Job, Mode, Needs, Output, Painted, Raw, Setting, SettingKind, SettingValue, Settings, Technique};
+use crate::mode::{
+    Job, LightPicture, Mode, Needs, Output, Raw, Setting, SettingKind, SettingValue, Settings, Technique,
+};
 
 /// Cells along the longest side.
 pub static CELLS: Setting = Setting {
@@ -67,7 +69,7 @@ impl Technique for Cartesian {
             memory: (settings.number(&MEMORY) * f64::from(1 << 20)) as u64,
         };
         let (colors, report) = cartesian::draw(job.view, job.batches, &scenery, &options, &look.options)?;
-        Ok(Raw::Light(Painted { colors, report, levels: look.levels, isovalues }))
+        Ok(Raw::Light(LightPicture { colors, report, levels: look.levels, isovalues }))
     }
 }
 

@@ -6,7 +6,7 @@ use crate::cpu::volume::particles::SMALLEST;
 use crate::cpu::volume::{self, Classifier, Light, Scenery, Surface, VolumeError, VolumeLevels, VolumeOptions, range};
 use crate::hierarchy::Purpose;
 use crate::mode::{
-    Adapter, Columns, Conserved, Job, Mode, Needs, Output, Painted, Raw, Setting, SettingKind, Settings, Technique,
+    Adapter, Columns, Conserved, Job, LightPicture, Mode, Needs, Output, Raw, Setting, SettingKind, Settings, Technique,
 };
 use crate::model::{Bounds, Kernel, Unit};
 use crate::view::perspective_grid::GridOptions;
@@ -339,7 +339,7 @@ impl Technique for Marched {
         let look = Look::new(job)?;
         let (scenery, isovalues) = look.scenery(job, self.0)?;
         let (colors, report) = volume::draw(job.view, job.batches, &scenery, &look.options, job.caster)?;
-        Ok(Raw::Light(Painted { colors, report, levels: look.levels, isovalues }))
+        Ok(Raw::Light(LightPicture { colors, report, levels: look.levels, isovalues }))
     }
 }
 

@@ -3,7 +3,7 @@
 use super::grid::{self, Look};
 use crate::cpu::layered::{self, Assignment, MOST_LAYERS};
 use crate::cpu::volume::VolumeError;
-use crate::mode::{Job, Mode, Output, Painted, Raw, Setting, SettingKind, Technique};
+use crate::mode::{Job, LightPicture, Mode, Output, Raw, Setting, SettingKind, Technique};
 
 /// Number of layers.
 pub static LAYERS: Setting = Setting {
@@ -37,7 +37,7 @@ impl Technique for Layered {
         };
         let way = (settings.number(&LAYERS).round() as u32, assignment, settings.number(&grid::TERMINATION) as f32);
         let (colors, report) = layered::draw(job.view, job.batches, &look.classifier, way, &look.options)?;
-        Ok(Raw::Light(Painted { colors, report, levels: look.levels, isovalues: Vec::new() }))
+        Ok(Raw::Light(LightPicture { colors, report, levels: look.levels, isovalues: Vec::new() }))
     }
 }
 

@@ -15,7 +15,7 @@ pub mod volume;
 pub mod volume_isosurface;
 
 use crate::color::transfer::TransferFunction;
-use crate::mode::{Mode, economy};
+use crate::mode::{Mode, lod_budget};
 use std::sync::{PoisonError, RwLock};
 
 /// The modes that come with deepfield; the first is the default.
@@ -44,8 +44,8 @@ pub fn register(mode: &'static Mode) -> Result<(), String> {
     if find(mode.name).is_some() {
         return Err(format!("mode {}: expected a name that no other mode has", mode.name));
     }
-    if let Some(setting) = mode.own_settings().find(|setting| economy::is_common(setting.name)) {
-        let common = economy::COMMON.map(|setting| setting.name).join(", ");
+    if let Some(setting) = mode.own_settings().find(|setting| lod_budget::is_common(setting.name)) {
+        let common = lod_budget::COMMON.map(|setting| setting.name).join(", ");
         return Err(format!(
             "mode {}, setting {}: expected another name than those of the budget ({common})",
             mode.name, setting.name

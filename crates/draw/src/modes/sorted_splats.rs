@@ -3,7 +3,7 @@
 use super::grid::{self, Look};
 use crate::cpu::sorted;
 use crate::cpu::volume::VolumeError;
-use crate::mode::{Job, Mode, Needs, Output, Painted, Raw, Settings, Technique};
+use crate::mode::{Job, LightPicture, Mode, Needs, Output, Raw, Settings, Technique};
 
 struct SortedSplats;
 
@@ -20,7 +20,7 @@ impl Technique for SortedSplats {
         let look = Look::new(job)?;
         let termination = job.settings.number(&grid::TERMINATION) as f32;
         let (colors, report) = sorted::draw(job.view, job.batches, &look.classifier, termination, &look.options)?;
-        Ok(Raw::Light(Painted { colors, report, levels: look.levels, isovalues: Vec::new() }))
+        Ok(Raw::Light(LightPicture { colors, report, levels: look.levels, isovalues: Vec::new() }))
     }
 }
 

@@ -4,7 +4,7 @@ use super::grid::{self, Look};
 use crate::cpu::screen_spheres::{NEIGHBOURHOOD, SphereOptions, front};
 use crate::cpu::volume::VolumeError;
 use crate::cpu::volume::raycast::SURFACE_BRIGHTNESS;
-use crate::mode::{Job, Mode, Needs, Output, Painted, Raw, Setting, SettingKind, Settings, Technique};
+use crate::mode::{Job, LightPicture, Mode, Needs, Output, Raw, Setting, SettingKind, Settings, Technique};
 use std::time::Instant;
 
 /// Radius of a sphere.
@@ -77,7 +77,7 @@ impl Technique for Spheres {
         let light = grid::light(settings);
         let colors = surface.shade(job.view, light.as_ref(), color);
         report.rendering = start.elapsed();
-        Ok(Raw::Light(Painted { colors, report, levels: look.levels, isovalues: vec![threshold] }))
+        Ok(Raw::Light(LightPicture { colors, report, levels: look.levels, isovalues: vec![threshold] }))
     }
 }
 

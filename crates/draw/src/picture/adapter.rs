@@ -2,7 +2,7 @@
 //! one to its sessions.
 
 use crate::color::Accumulation;
-use crate::cpu::volume::Caster;
+use crate::cpu::volume::RayCaster;
 use crate::look::Backend;
 use crate::mode;
 use crate::mode::{Depiction, Mode, Plan};
@@ -27,7 +27,7 @@ pub trait Adapter: Send + Sync {
     ///
     /// # Errors
     /// What is missing.
-    fn caster(&mut self) -> Result<Arc<dyn Caster>, String>;
+    fn caster(&mut self) -> Result<Arc<dyn RayCaster>, String>;
 }
 
 /// What an adapter draws.

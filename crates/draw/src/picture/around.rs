@@ -13,7 +13,7 @@ use crate::color::transfer::{Range, TransferFunction};
 use crate::cpu::volume::range::FieldRange;
 use crate::cpu::volume::{VolumeError, range};
 use crate::cpu::{Extent, SplatError, Splats};
-use crate::mode::{Depiction, Painted, Plan, SettingValue};
+use crate::mode::{Depiction, LightPicture, Plan, SettingValue};
 use crate::model::Bounds;
 use crate::modes::grid;
 use crate::view::perspective_grid::GridError;
@@ -26,7 +26,7 @@ const SIDE: u32 = 512;
 
 /// A mode and its settings, as all faces have them.
 #[derive(Clone)]
-pub struct Alike {
+pub struct SharedLook {
     /// The mode, with the planes set.
     pub depiction: Depiction,
     /// The transfer function, with its ranges set.
@@ -61,7 +61,7 @@ pub fn sketch(view: &View, bounds: Bounds) -> Result<View, ViewError> {
     whole(view, bounds, SIDE)
 }
 
-impl Alike {
+impl SharedLook {
     /// What all faces share: for an eye and data within `bounds`, where a pixel is `pixel` radians wide. `all` are the
     /// particles that [`sketch`] selects.
     ///
@@ -73,7 +73,7 @@ impl Alike {
         bounds: Bounds,
         pixel: f64,
         all: &[Splats<'_>],
-    ) -> Result<Alike, VolumeError> {
+    ) -> Result<SharedLook, VolumeError> {
         let mut depiction = subject.depiction.clone();
         let of_data = depiction.needs().of_data;
         let settings = &mut depiction.settings;
@@ -109,7 +109,7 @@ impl Alike {
                 hue.range = Range::Fixed(low, high);
             }
         }
-        Ok(Alike { depiction, transfer, least })
+        Ok(SharedLook { depiction, transfer, least })
     }
 
     /// Paints a face; `None` where it shows nothing.
@@ -121,7 +121,7 @@ impl Alike {
         subject: &Subject<'_>,
         view: &View,
         batches: &[Splats<'_>],
-    ) -> Result<Option<Painted>, VolumeError> {
+    ) -> Result<Option<LightPicture>, VolumeError> {
         let raised: Vec<Option<Raised>> = batches.par_iter().map(|batch| self.raised(view.eye, batch)).collect();
         let batches = batches.iter().zip(&raised).map(|(batch, raised)| match raised {
             None => Ok(*batch),

@@ -1,6 +1,6 @@
 //! What a picture left out of what was selected for it, for its statistics.
 
-use crate::mode::{Economy, Plan};
+use crate::mode::{LodBudget, Plan};
 use serde::Serialize;
 
 /// What a picture left out of what was selected. Counts that the backend does not have are `null`.
@@ -28,11 +28,11 @@ pub struct LeftOut {
 
 impl LeftOut {
     /// What was decided; nothing is counted yet.
-    pub fn new(economy: &Economy, plan: &Plan) -> LeftOut {
+    pub fn new(lod_budget: &LodBudget, plan: &Plan) -> LeftOut {
         LeftOut {
             culling: plan.culling,
-            presence: economy.presence,
-            thinning: economy.thinning,
+            presence: lod_budget.presence,
+            thinning: lod_budget.thinning,
             faintest: plan.faintest,
             ..LeftOut::default()
         }

@@ -3,7 +3,7 @@
 //! The processor draws them. Nodes are selected for each face, so the error bound holds in every direction, in pixels of
 //! the panorama's own rate.
 
-use super::around::{Alike, sketch, with_images};
+use super::around::{SharedLook, sketch, with_images};
 use super::decode::{batches, cut, decode};
 use super::error::PictureError;
 use super::panorama::{Texels, assemble};
@@ -13,7 +13,7 @@ use crate::color::Accumulation;
 use crate::color::transfer::Levels;
 use crate::cpu::{Counts, Splats};
 use crate::hierarchy::Purpose;
-use crate::mode::{Footprint, Needs, Painted, Plan, Raw};
+use crate::mode::{Footprint, LightPicture, Needs, Plan, Raw};
 use crate::stream::{Scene, SceneSelection};
 use crate::view::{Detail, Eye, Eyes, Panorama, Projection, Sampling, Sections, Stereo, Surround, View};
 
@@ -173,27 +173,27 @@ impl Projector {
         tau: f64,
         tally: &mut Tally,
         reporter: &dyn Reporter,
-    ) -> Result<Painted, PictureError> {
+    ) -> Result<LightPicture, PictureError> {
         let &Subject { metadata, depiction, .. } = subject;
         let Needs { margin_px, of_data, .. } = depiction.needs();
         let everything = self.select_all(scene, subject, reporter)?;
         let all = cut(&self.base, decode(depiction, metadata, &everything.nodes));
         let all = batches(depiction, &all)?;
-        let alike = self.alike(subject, &all)?;
+        let shared = self.shared(subject, &all)?;
         // What the last view that showed something was painted with.
-        let mut last: Option<Painted> = None;
+        let mut last: Option<LightPicture> = None;
         let texels = self.shoot(Sampling { margin: margin_px, ..COLORS }, |face| {
             let painted = match of_data {
                 true => {
                     tally.add(&everything, face);
-                    alike.paint(subject, face.view, &all)?
+                    shared.paint(subject, face.view, &all)?
                 }
                 false => {
-                    let detail = alike.depiction.detail(face.view, tau * face.scale(), metadata);
+                    let detail = shared.depiction.detail(face.view, tau * face.scale(), metadata);
                     let selection = scene.converge(face.view, detail, &mut |why| reporter.tell(why))?;
                     tally.add(&selection, face);
                     let nodes = cut(face.view, decode(depiction, metadata, &selection.nodes));
-                    alike.paint(subject, face.view, &batches(depiction, &nodes)?)?
+                    shared.paint(subject, face.view, &batches(depiction, &nodes)?)?
                 }
             };
             let Some(mut painted) = painted else { return Ok(Texels::black(face.view.width, face.view.height)) };
@@ -202,7 +202,7 @@ impl Projector {
             Ok(colors.into())
         })?;
         let last = last.ok_or_else(|| PictureError::Asked("eye, target: no particles are in view".into()))?;
-        Ok(Painted { colors: texels.into(), ..last })
+        Ok(LightPicture { colors: texels.into(), ..last })
     }
 
     /// The nodes that all faces find their ranges in: those of all the data, as a parallel view of it has them.
@@ -221,9 +221,9 @@ impl Projector {
     }
 
     /// What all faces share, where `all` are the particles of all the data.
-    fn alike(&self, subject: &Subject<'_>, all: &[Splats<'_>]) -> Result<Alike, PictureError> {
+    fn shared(&self, subject: &Subject<'_>, all: &[Splats<'_>]) -> Result<SharedLook, PictureError> {
         let bounds = with_images(&self.base, subject.metadata.bounds());
-        Ok(Alike::new(subject, &self.base, bounds, self.pixel(), all)?)
+        Ok(SharedLook::new(subject, &self.base, bounds, self.pixel(), all)?)
     }
 
     /// The ranges of its colours.
@@ -243,9 +243,9 @@ impl Projector {
         }
         let all = self.select_all(scene, subject, reporter)?;
         let all = cut(&self.base, decode(subject.depiction, subject.metadata, &all.nodes));
-        let alike = self.alike(subject, &batches(subject.depiction, &all)?)?;
+        let shared = self.shared(subject, &batches(subject.depiction, &all)?)?;
         // No picture is asked for ranges that are numbers by now.
-        Ok(alike.transfer.levels(&Accumulation::default()))
+        Ok(shared.transfer.levels(&Accumulation::default()))
     }
 }
 

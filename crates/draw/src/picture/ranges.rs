@@ -67,8 +67,8 @@ impl Session {
         let levels = match format.surround.is_flat() {
             true => {
                 let selection = self.select(&depiction, &view, tau)?;
-                let economy = look.budget.file_economy();
-                let plan = subject.plan(&view, &selection.nodes, &economy, None)?;
+                let lod_budget = look.budget.file_budget();
+                let plan = subject.plan(&view, &selection.nodes, &lod_budget, None)?;
                 subject.levels(&view, &subject.decode(&view, &selection.nodes, &plan), &plan)?
             }
             false => {

@@ -14,10 +14,10 @@ use crate::color::composite::composite_at;
 use crate::color::transfer::{Levels, TransferFunction};
 use crate::color::{Image, output};
 use crate::cpu::Method;
-use crate::cpu::volume::{Caster, Processor, VolumeError};
+use crate::cpu::volume::{CpuRayCaster, RayCaster, VolumeError};
 use crate::explore::selection::Show;
 use crate::look::{Backend, LookPatch, Member, SceneFile, Shot, open_members, shown_families};
-use crate::mode::{Depiction, Economy, Mode, Output, Plan, Raw};
+use crate::mode::{Depiction, LodBudget, Mode, Output, Plan, Raw};
 use crate::model::{Bounds, FamilyName, Progress, ReadMethod};
 use crate::store::{InMemory, PageFile, Tree};
 use crate::stream::{Scene, SceneSelection, first_frame};
@@ -83,7 +83,7 @@ pub struct Session {
     loading: Option<Duration>,
     ahead: Option<View>,
     adapter: Option<Box<dyn Adapter>>,
-    caster: Option<Arc<dyn Caster>>,
+    caster: Option<Arc<dyn RayCaster>>,
     reporter: Arc<dyn Reporter>,
 }
 
@@ -254,7 +254,7 @@ impl Session {
         }
         let selection = self.select(&depiction, view, look.error_px())?;
         let subject = Subject::new(tree.metadata(), &depiction, &transfer, diameter);
-        let plan = subject.plan(view, &selection.nodes, &look.budget.file_economy(), None)?;
+        let plan = subject.plan(view, &selection.nodes, &look.budget.file_budget(), None)?;
         let (plan, taken) = subject.within(limit, plan, view, &selection.nodes);
         let image = match subject.draw_nodes(view, &selection.nodes, &plan) {
             Ok(Raw::Sums(sums, _)) => composite_at(&sums, &transfer, &levels.unwrap_or_else(|| transfer.levels(&sums))),
@@ -350,8 +350,8 @@ impl Session {
             return asked("--overdraw: is for flat pictures");
         }
         let Shown { shot, view, depiction, .. } = *shown;
-        let economy = shot.look.budget.file_economy();
-        if economy.presence > 0.0 || economy.thinning > 0.0 {
+        let lod_budget = shot.look.budget.file_budget();
+        if lod_budget.presence > 0.0 || lod_budget.thinning > 0.0 {
             self.reporter.tell("presence and thinning are for flat pictures; nothing is left out".into());
         }
         if shot.look.selections.as_ref().is_some_and(|sets| !sets.is_empty()) {
@@ -359,7 +359,7 @@ impl Session {
         }
         let projector = Projector::new(view, shot.surround, shot.stereo)?;
         let mut times = Times::default();
-        let subject = self.subject(tree, shown, &Processor);
+        let subject = self.subject(tree, shown, &CpuRayCaster);
         let draw = || projector.draw(&mut self.scene, &subject, shot.look.error_px(), &*self.reporter);
         let (values, tally) = times.measure("frame", draw)?;
         let (outside, splats) = match depiction.mode.is_light() {
@@ -372,7 +372,7 @@ impl Session {
             error_px: tally.error_px,
             particles: tally.particles,
             nodes: tally.nodes,
-            left_out: LeftOut { outside, splats, ..LeftOut::new(&Economy::NONE, &Plan::default()) },
+            left_out: LeftOut { outside, splats, ..LeftOut::new(&LodBudget::NONE, &Plan::default()) },
             milliseconds: times.medians(),
             ..self.blank(shown, projector.base)?
         })
@@ -398,15 +398,15 @@ impl Session {
         })
     }
 
-    fn subject<'a>(&self, tree: &'a dyn Tree, shown: &Shown<'a>, caster: &'a dyn Caster) -> Subject<'a> {
+    fn subject<'a>(&self, tree: &'a dyn Tree, shown: &Shown<'a>, caster: &'a dyn RayCaster) -> Subject<'a> {
         let method = self.options.exact.filter(|_| !shown.depiction.mode.is_light()).unwrap_or_default();
         let diameter = shown.framed.size().length();
         Subject { method, caster, ..Subject::new(tree.metadata(), shown.depiction, shown.transfer, diameter) }
     }
 
     /// The passes of an adapter that draw a mode, and what draws it on the perspective grid.
-    fn drawer(&mut self, mode: &Mode) -> Result<(Option<Passes>, Arc<dyn Caster>), PictureError> {
-        let on_processor: Arc<dyn Caster> = Arc::new(Processor);
+    fn drawer(&mut self, mode: &Mode) -> Result<(Option<Passes>, Arc<dyn RayCaster>), PictureError> {
+        let on_processor: Arc<dyn RayCaster> = Arc::new(CpuRayCaster);
         let backend = match self.options.exact {
             Some(Method::Exact) => Some(Backend::Cpu),
             _ => self.options.backend,
@@ -442,12 +442,12 @@ impl Session {
             self.scene.streamer.serve();
         }
         // What is asked for at full precision is drawn as a whole.
-        let economy = if self.options.exact.is_some() { Economy::NONE } else { shot.look.budget.file_economy() };
+        let lod_budget = if self.options.exact.is_some() { LodBudget::NONE } else { shot.look.budget.file_budget() };
         let plan = match is_sum && self.options.exact.is_none() {
-            true => times.measure("plan", || subject.plan(&view, &selection.nodes, &economy, None))?,
+            true => times.measure("plan", || subject.plan(&view, &selection.nodes, &lod_budget, None))?,
             false => Plan::default(),
         };
-        let mut left_out = LeftOut::new(&economy, &plan);
+        let mut left_out = LeftOut::new(&lod_budget, &plan);
         if let Some(path) = &self.options.overdraw {
             let overdraw = subject.overdraw(&view, &subject.decode(&view, &selection.nodes, &plan), &plan)?;
             output::write_png(path, &overdraw.image())?;

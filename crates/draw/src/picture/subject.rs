@@ -2,12 +2,12 @@
 //! a picture may leave out is planned, the rest is decoded and drawn.
 
 use super::decode::{DecodedNode, batches, decode_planned};
-use super::{governor, pilot};
+use super::{drawing_cost, sampling_error};
 use crate::color::transfer::{Levels, TransferFunction};
 use crate::cpu::overdraw::{Overdraw, overdraw};
-use crate::cpu::volume::{Caster, Processor, VolumeError};
+use crate::cpu::volume::{CpuRayCaster, RayCaster, VolumeError};
 use crate::cpu::{Method, SplatError, SplatOptions, Splats, around, draw_counted};
-use crate::mode::{Depiction, Economy, Job, Output, Plan, Raw};
+use crate::mode::{Depiction, Job, LodBudget, Output, Plan, Raw};
 use crate::modes::grid::Look;
 use crate::store::Metadata;
 use crate::stream::SceneNode;
@@ -27,7 +27,7 @@ pub struct Subject<'a> {
     /// How splats are evaluated.
     pub method: Method,
     /// What draws modes of the perspective grid.
-    pub caster: &'a dyn Caster,
+    pub caster: &'a dyn RayCaster,
 }
 
 impl<'a> Subject<'a> {
@@ -38,10 +38,10 @@ impl<'a> Subject<'a> {
         transfer: &'a TransferFunction,
         diameter: f64,
     ) -> Subject<'a> {
-        Subject { metadata, depiction, transfer, diameter, method: Method::default(), caster: &Processor }
+        Subject { metadata, depiction, transfer, diameter, method: Method::default(), caster: &CpuRayCaster }
     }
 
-    /// What `economy` comes to for the picture of `nodes`, whose colours have the ranges `levels`, or those that are found for
+    /// What `lod_budget` comes to for the picture of `nodes`, whose colours have the ranges `levels`, or those that are found for
     /// it. Nothing is left out of pictures that are not sums.
     ///
     /// # Errors
@@ -50,19 +50,19 @@ impl<'a> Subject<'a> {
         &self,
         view: &View,
         nodes: &[SceneNode],
-        economy: &Economy,
+        lod_budget: &LodBudget,
         levels: Option<Levels>,
     ) -> Result<Plan, VolumeError> {
         match self.depiction.mode.technique.output() {
-            Output::Sums => pilot::plan(self, view, nodes, economy, levels),
+            Output::Sums => sampling_error::plan(self, view, nodes, lod_budget, levels),
             Output::Values | Output::Light => Ok(Plan::default()),
         }
     }
 
     /// `plan`, or as even a sample as is within `limit` particles; and how many that are.
     pub fn within(&self, limit: u64, plan: Plan, view: &View, nodes: &[SceneNode]) -> (Plan, u64) {
-        let important = governor::most_important(self.depiction, self.metadata);
-        governor::within(limit, plan, view, self.depiction, self.metadata, nodes, &important)
+        let important = drawing_cost::most_important(self.depiction, self.metadata);
+        drawing_cost::within(limit, plan, view, self.depiction, self.metadata, nodes, &important)
     }
 
     /// What a plan draws of nodes in a view.

@@ -199,8 +199,8 @@ pub fn prepare(view: &View, batches: &[Splats<'_>], options: &VolumeOptions) -> 
     Ok(Prepared::new(grid, particles))
 }
 
-/// What resamples the particles of a view and casts rays through them: [`Processor`], or an adapter.
-pub trait Caster: std::fmt::Debug + Send + Sync {
+/// What resamples the particles of a view and casts rays through them: [`CpuRayCaster`], or an adapter.
+pub trait RayCaster: std::fmt::Debug + Send + Sync {
     /// Draws what `scenery` says of `prepared`, and adds to the report what that took.
     ///
     /// # Errors
@@ -225,18 +225,18 @@ pub trait Caster: std::fmt::Debug + Send + Sync {
 
 /// The CPU renderer. Its pictures do not depend on the number of threads.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Processor;
+pub struct CpuRayCaster;
 
 /// Draws what `scenery` says of batches.
 ///
 /// # Errors
-/// [`VolumeError`] as [`prepare`] and [`Caster::cast`].
+/// [`VolumeError`] as [`prepare`] and [`RayCaster::cast`].
 pub fn draw(
     view: &View,
     batches: &[Splats<'_>],
     scenery: &Scenery,
     options: &VolumeOptions,
-    caster: &dyn Caster,
+    caster: &dyn RayCaster,
 ) -> Result<(Colors, VolumeReport), VolumeError> {
     let start = Instant::now();
     let prepared = prepare(view, batches, options)?;
@@ -252,7 +252,7 @@ pub fn draw(
     Ok((colors, report))
 }
 
-impl Caster for Processor {
+impl RayCaster for CpuRayCaster {
     fn cast(
         &self,
         view: &View,

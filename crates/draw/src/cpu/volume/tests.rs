@@ -64,7 +64,7 @@ pub(in crate::cpu) fn draw(
     scenery: &Scenery,
     options: &VolumeOptions,
 ) -> Result<(Colors, VolumeReport), VolumeError> {
-    super::draw(view, batches, scenery, options, &Processor)
+    super::draw(view, batches, scenery, options, &CpuRayCaster)
 }
 
 pub(in crate::cpu) fn merger(count: u64) -> Cloud {

@@ -7,7 +7,7 @@ use deepfield::color::Accumulation;
 use deepfield::color::composite::{color_error, composite_at};
 use deepfield::color::transfer::TransferFunction;
 use deepfield::cpu::Counts;
-use deepfield::mode::{Depiction, Economy, Plan, SettingValue, Settings, economy};
+use deepfield::mode::{Depiction, LodBudget, Plan, SettingValue, Settings, lod_budget};
 use deepfield::modes;
 use deepfield::picture::Subject;
 use deepfield::stream::{Scene, SceneSelection};
@@ -38,8 +38,8 @@ impl Shot<'_> {
         Subject::new(self.built.file.metadata(), &self.depiction, &self.transfer, 0.0)
     }
 
-    fn plan(&self, economy: Economy) -> Plan {
-        self.subject().plan(&self.view, &self.selection.nodes, &economy, None).unwrap()
+    fn plan(&self, lod_budget: LodBudget) -> Plan {
+        self.subject().plan(&self.view, &self.selection.nodes, &lod_budget, None).unwrap()
     }
 
     /// The picture, what became of the decoded particles, and their number.
@@ -87,17 +87,17 @@ fn culling_changes_no_pixel() {
 fn nothing_is_left_out_unless_asked_for() {
     let built = built(&demo(), VqBits::Eight);
     let shot = Shot::new(&built, "density-squared", views(&built)[0]);
-    assert_eq!(shot.plan(Economy::NONE), Plan::default());
+    assert_eq!(shot.plan(LodBudget::NONE), Plan::default());
     let mut settings = Settings::default();
-    settings.set(&economy::PRESENCE, SettingValue::Number(0.0));
-    assert_eq!(shot.plan(settings.file_economy()), Plan::default());
+    settings.set(&lod_budget::PRESENCE, SettingValue::Number(0.0));
+    assert_eq!(shot.plan(settings.file_budget()), Plan::default());
     let (all, counts, kept) = shot.draw(&Plan::default());
     assert_eq!((counts.faint, kept), (0, shot.selection.particles));
     // Few enough that no pixel can notice, and then what the picture is made of.
-    let harmless = shot.plan(Economy { presence: 1e9, ..Economy::NONE });
+    let harmless = shot.plan(LodBudget { presence: 1e9, ..LodBudget::NONE });
     assert!(harmless.faintest > 0.0);
     assert_eq!(shot.draw(&harmless).0, all);
-    let (dark, counts, _) = shot.draw(&shot.plan(Economy { presence: 1e-3, ..Economy::NONE }));
+    let (dark, counts, _) = shot.draw(&shot.plan(LodBudget { presence: 1e-3, ..LodBudget::NONE }));
     assert!(counts.faint > 1000 && dark.sum() < all.sum());
 }
 
@@ -110,7 +110,7 @@ fn check_thinning(built: &Built, mode: &str) -> f64 {
         let levels = shot.transfer.levels(&all);
         let colors = composite_at(&all, &shot.transfer, &levels);
         for budget in [0.5, 2.0, 8.0] {
-            let plan = shot.plan(Economy { thinning: budget, ..Economy::NONE });
+            let plan = shot.plan(LodBudget { thinning: budget, ..LodBudget::NONE });
             let (picture, _, kept) = shot.draw(&plan);
             let (mean, largest) = color_error(&composite_at(&picture, &shot.transfer, &levels), &colors);
             let share = kept as f64 / shot.selection.particles as f64;

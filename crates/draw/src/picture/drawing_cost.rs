@@ -1,12 +1,12 @@
 //! A steady frame rate: how large a sample of a view's particles can be drawn in the time that a frame has.
 //!
 //! What drawing costs is about proportional to the particles that are drawn, with a factor that depends on the machine, the
-//! mode and the view. The governor measures it picture by picture; the sample is then the largest that fits, found
+//! mode and the view. It is measured picture by picture; the sample is then the largest that fits, found
 //! from the nodes alone, so that its cost does not depend on how many particles they hold. The sample is even
 //! ([`crate::mode::sample`]): no light is lost on average, and larger samples contain the smaller ones, so that a
 //! picture that comes to rest gains particles and none moves.
 
-use crate::mode::economy::Plan;
+use crate::mode::lod_budget::Plan;
 use crate::mode::{CodeTable, Depiction, Output};
 use crate::store::Metadata;
 use crate::stream::SceneNode;
@@ -14,7 +14,7 @@ use crate::view::View;
 
 /// How much drawing costs, from the pictures drawn so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Governor {
+pub struct DrawingCost {
     /// Milliseconds for each particle, smoothed; none before the first picture.
     milliseconds: Option<f64>,
 }
@@ -40,7 +40,7 @@ pub const LEAST: u64 = 20_000;
 /// Weight of a new measurement. Half: costs change as fast as the view does.
 const WEIGHT: f64 = 0.5;
 
-impl Governor {
+impl DrawingCost {
     /// How many particles a picture may have to be drawn in so many milliseconds.
     pub fn limit(&self, frame_ms: f64, sizes: SampleSizes) -> u64 {
         self.milliseconds.map_or(sizes.first, |each| ((frame_ms / each) as u64).max(sizes.least))
@@ -106,23 +106,23 @@ mod tests {
     proptest! {
         #[test]
         fn the_limit_follows_what_pictures_cost(each_us in 0.01..50.0_f64, then_us in 0.01..50.0_f64, target in 5.0..200.0_f64) {
-            let mut governor = Governor::default();
-            let mut limit = governor.limit(target, SampleSizes::default());
+            let mut drawing_cost = DrawingCost::default();
+            let mut limit = drawing_cost.limit(target, SampleSizes::default());
             for each in [each_us, then_us] {
                 for _ in 0..40 {
-                    governor.drew(limit, limit as f64 * each * 1e-3);
-                    limit = governor.limit(target, SampleSizes::default());
+                    drawing_cost.drew(limit, limit as f64 * each * 1e-3);
+                    limit = drawing_cost.limit(target, SampleSizes::default());
                 }
                 let took = limit as f64 * each * 1e-3;
                 prop_assert!(took <= 1.02 * target || limit == LEAST, "{took} ms of {target}");
                 prop_assert!(took >= 0.98 * target || limit == LEAST, "{took} ms of {target}");
             }
-            governor.drew(3, 1e9);
-            governor.drew(1 << 30, f64::NAN);
-            prop_assert_eq!(governor.limit(target, SampleSizes::default()), limit);
+            drawing_cost.drew(3, 1e9);
+            drawing_cost.drew(1 << 30, f64::NAN);
+            prop_assert_eq!(drawing_cost.limit(target, SampleSizes::default()), limit);
             let sizes = SampleSizes { first: 5, least: 1 << 40 };
-            prop_assert_eq!(Governor::default().limit(target, sizes), 5);
-            prop_assert_eq!(governor.limit(target, sizes), 1 << 40);
+            prop_assert_eq!(DrawingCost::default().limit(target, sizes), 5);
+            prop_assert_eq!(drawing_cost.limit(target, sizes), 1 << 40);
         }
     }
 }

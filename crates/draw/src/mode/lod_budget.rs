@@ -48,7 +48,7 @@ pub fn is_common(name: &str) -> bool {
 
 /// What a picture may leave undrawn, as the user has set it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Economy {
+pub struct LodBudget {
     /// See [`CULLING`].
     pub culling: bool,
     /// See [`PRESENCE`].
@@ -57,9 +57,9 @@ pub struct Economy {
     pub thinning: f64,
 }
 
-impl Economy {
+impl LodBudget {
     /// Nothing that is seen is left out.
-    pub const NONE: Economy = Economy { culling: true, presence: 0.0, thinning: 0.0 };
+    pub const NONE: LodBudget = LodBudget { culling: true, presence: 0.0, thinning: 0.0 };
 
     /// Whether it needs to know the picture's range of `P`.
     pub fn needs_levels(&self) -> bool {
@@ -69,8 +69,8 @@ impl Economy {
 
 impl Settings {
     /// What the window's picture may leave undrawn.
-    pub fn economy(&self) -> Economy {
-        Economy {
+    pub fn lod_budget(&self) -> LodBudget {
+        LodBudget {
             culling: self.number(&CULLING) != 0.0,
             presence: self.number(&PRESENCE),
             thinning: self.number(&THINNING),
@@ -78,13 +78,13 @@ impl Settings {
     }
 
     /// What a picture that goes into a file may leave undrawn: nothing that is seen, unless it was set.
-    pub fn file_economy(&self) -> Economy {
+    pub fn file_budget(&self) -> LodBudget {
         let set = |setting: &Setting| self.0.contains_key(setting.name);
-        let economy = self.economy();
-        Economy {
-            presence: if set(&PRESENCE) { economy.presence } else { 0.0 },
-            thinning: if set(&THINNING) { economy.thinning } else { 0.0 },
-            ..economy
+        let lod_budget = self.lod_budget();
+        LodBudget {
+            presence: if set(&PRESENCE) { lod_budget.presence } else { 0.0 },
+            thinning: if set(&THINNING) { lod_budget.thinning } else { 0.0 },
+            ..lod_budget
         }
     }
 
@@ -117,7 +117,7 @@ pub struct Plan {
     /// The `c` of thinning; infinite: all particles are drawn.
     pub keep: f32,
     /// Below 1: this share of the particles of every node is drawn instead, each as likely as any other; see
-    /// [`crate::picture::governor`].
+    /// [`crate::picture::drawing_cost`].
     pub share: f32,
 }
 
@@ -197,9 +197,9 @@ mod tests {
     #[test]
     fn files_leave_nothing_out_unless_asked() {
         let mut settings = Settings::default();
-        assert_eq!(settings.file_economy(), Economy::NONE);
+        assert_eq!(settings.file_budget(), LodBudget::NONE);
         settings.set(&THINNING, SettingValue::Number(2.0));
-        assert_eq!(settings.file_economy().thinning, 2.0);
+        assert_eq!(settings.file_budget().thinning, 2.0);
         assert_eq!(settings.common(), settings);
         settings.check_common().unwrap();
         settings.0.insert("radius".into(), SettingValue::Number(1.0));

@@ -1,6 +1,6 @@
 //! How much of a picture may stay undrawn, found from a small picture of a few of its particles.
 //!
-//! Thinning (see [`crate::mode::economy`]) keeps particle `i` with probability `p_i` and counts it `1/p_i` times. Tossed one by
+//! Thinning (see [`crate::mode::lod_budget`]) keeps particle `i` with probability `p_i` and counts it `1/p_i` times. Tossed one by
 //! one, that gives a pixel the variance
 //!
 //! `V = sum_i (w_i F_i)^2 (1/p_i - 1)`
@@ -21,7 +21,7 @@ use crate::color::composite::color_distance;
 use crate::color::transfer::{Levels, Scale, TransferFunction};
 use crate::cpu::volume::VolumeError;
 use crate::mode::CodeTable;
-use crate::mode::economy::{Economy, Plan, can_thin, magnification};
+use crate::mode::lod_budget::{LodBudget, Plan, can_thin, magnification};
 use crate::mode::sample::Sample;
 use crate::model::Kernel;
 use crate::stream::SceneNode;
@@ -36,7 +36,7 @@ const TRIES: usize = 7;
 /// Mean of `|x|` for a normal distribution of unit variance. That samples are stratified is left as a reserve.
 const ERROR_OF_SIGMA: f64 = 0.8;
 
-/// What `economy` comes to for the picture of `nodes` in `view`, coloured by `transfer` with the ranges `levels`; where
+/// What `lod_budget` comes to for the picture of `nodes` in `view`, coloured by `transfer` with the ranges `levels`; where
 /// they are `None`, with those that the transfer function finds in the pilot's picture.
 ///
 /// # Errors
@@ -45,36 +45,36 @@ pub(super) fn plan(
     subject: &Subject<'_>,
     view: &View,
     nodes: &[SceneNode],
-    economy: &Economy,
+    lod_budget: &LodBudget,
     levels: Option<Levels>,
 ) -> Result<Plan, VolumeError> {
     let &Subject { depiction, transfer, .. } = subject;
-    let mut plan = Plan { culling: economy.culling, ..Plan::default() };
-    let thins = economy.thinning > 0.0 && can_thin(depiction);
-    if !economy.needs_levels() || (!thins && levels.is_some_and(|_| economy.presence <= 0.0)) {
+    let mut plan = Plan { culling: lod_budget.culling, ..Plan::default() };
+    let thins = lod_budget.thinning > 0.0 && can_thin(depiction);
+    if !lod_budget.needs_levels() || (!thins && levels.is_some_and(|_| lod_budget.presence <= 0.0)) {
         return Ok(plan);
     }
     if !thins && let Some(levels) = levels {
-        plan.faintest = faintest(economy, &levels);
+        plan.faintest = faintest(lod_budget, &levels);
         return Ok(plan);
     }
-    let mut pilot = Pilot::new(subject, view, nodes);
+    let mut pilot = Estimate::new(subject, view, nodes);
     let picture = pilot.draw(1.0)?;
     let levels = levels.unwrap_or_else(|| transfer.levels(&Accumulation { ps: Vec::new(), ..picture }));
-    plan.faintest = faintest(economy, &levels);
+    plan.faintest = faintest(lod_budget, &levels);
     if thins {
         let curve = Curve::new(transfer, levels, depiction.attribute.is_some());
-        plan.keep = pilot.solve(economy.thinning, &curve)?;
+        plan.keep = pilot.solve(lod_budget.thinning, &curve)?;
     }
     Ok(plan)
 }
 
-fn faintest(economy: &Economy, levels: &Levels) -> f32 {
-    if economy.presence > 0.0 { (levels.p[0] / economy.presence).max(0.0) as f32 } else { 0.0 }
+fn faintest(lod_budget: &LodBudget, levels: &Levels) -> f32 {
+    if lod_budget.presence > 0.0 { (levels.p[0] / lod_budget.presence).max(0.0) as f32 } else { 0.0 }
 }
 
 /// Some particles of a picture, and what their absence would do.
-struct Pilot<'a> {
+struct Estimate<'a> {
     subject: Subject<'a>,
     view: View,
     nodes: Vec<DecodedNode<'a>>,
@@ -82,8 +82,8 @@ struct Pilot<'a> {
     columns: Vec<(Vec<f32>, Vec<f32>)>,
 }
 
-impl<'a> Pilot<'a> {
-    fn new(subject: &Subject<'a>, view: &View, nodes: &'a [SceneNode]) -> Pilot<'a> {
+impl<'a> Estimate<'a> {
+    fn new(subject: &Subject<'a>, view: &View, nodes: &'a [SceneNode]) -> Estimate<'a> {
         let Subject { metadata, depiction, .. } = *subject;
         let particles: u64 =
             nodes.iter().map(|node| u64::from(node.page.nodes[node.node.node as usize].particles)).sum();
@@ -116,7 +116,7 @@ impl<'a> Pilot<'a> {
         let shrink = (f64::from(SIDE) / f64::from(view.width.max(view.height))).min(1.0);
         let side = |pixels: u32| ((f64::from(pixels) * shrink).round() as u32).max(1);
         let view = view.resized(side(view.width), side(view.height));
-        Pilot { subject: *subject, view, nodes: decoded, columns }
+        Estimate { subject: *subject, view, nodes: decoded, columns }
     }
 
     /// `P`, and in the attribute's channel `V` for thinning by `c`.
