@@ -20,7 +20,7 @@ const ROOMS: [&[&str]; 3] = [
 const WINDOW: [&[&str]; 4] = [
     // What several rooms read and write.
     &[
-        "asset_text",
+        "ron_asset",
         "free_name",
         "preset",
         "options",
@@ -54,11 +54,11 @@ const WINDOW: [&[&str]; 4] = [
         "pick",
         "picture_sizes",
         "pointer_motion",
+        "shader_reload",
         "volume_caster",
         "touring",
         "cpu_backend",
         "gpu_backend",
-        "shader_reload",
     ],
     // What the user does and reads.
     &["looking", "screenshot", "history", "shortcuts", "dropped", "overlay", "panel", "ui", "status"],

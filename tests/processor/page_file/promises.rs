@@ -270,6 +270,26 @@ fn metadata_and_nodes_survive_the_file() {
 }
 
 #[test]
+fn a_family_that_is_none_of_gadgets_keeps_its_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let named = |name: &str| Family { name: FamilyName::parse(name).unwrap(), ..clustered(400, 6) };
+    for volume_levels in [false, true] {
+        let mut options = small_leaves(VqBits::Eight, 50);
+        options.octree.volume_levels = volume_levels;
+        let version = |path: &std::path::Path| std::fs::read(path).unwrap()[8];
+        let (path, written) = build_in(&folder, vec![named("gas"), named("tracer")], &options);
+        let file = PageFile::open(&path).unwrap();
+        assert_eq!((version(&path), file.metadata()), (4, &written));
+        let (index, tracer) = written.family(FamilyName::parse("tracer").unwrap()).unwrap();
+        assert!(tracer.count == 400 && tracer.volume.is_some() == volume_levels);
+        assert_eq!(file.read_page(tracer.root_page).unwrap().family, index as u32);
+        // A file says no more than it has to, so that older programs read it.
+        let (path, _) = build_in(&folder, vec![named("gas")], &options);
+        assert_eq!(version(&path), if volume_levels { 3 } else { 2 });
+    }
+}
+
+#[test]
 fn a_mapped_file_has_the_same_pages_for_threads_that_read_at_once() {
     let folder = tempfile::tempdir().unwrap();
     let (path, _) = build_in(&folder, vec![clustered(40_000, 6)], &small_leaves(VqBits::Eight, 100));

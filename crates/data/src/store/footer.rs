@@ -1,8 +1,8 @@
-//! The footer: page table, metadata, attribute tables and codebooks as bytes and back. Files with levels for volumes have
-//! version 3, all others version 2.
+//! The footer: page table, metadata, attribute tables and codebooks as bytes and back. Files with families that are none of
+//! Gadget's have version 4, else files with levels for volumes version 3, and all others version 2.
 
 use super::error::Damage;
-use super::layout::{PAGE_ENTRY_LEN, PageEntry, VERSION, VERSION_VOLUME};
+use super::layout::{PAGE_ENTRY_LEN, PageEntry, VERSION, VERSION_NAMED, VERSION_VOLUME};
 use super::metadata::{AttributeInfo, AttributeMerge, FamilyMetadata, Histogram, LevelInfo, Metadata, VolumeTree};
 use super::page::PageId;
 use super::wire::{Decoder, Encoder};
@@ -13,9 +13,17 @@ use crate::model::{Bounds, FamilyName, Kernel, Provenance, Skipped, Unit};
 /// The bit that tells the scope of a codebook of levels for volumes.
 const VOLUME_SCOPE: u8 = 1 << 7;
 
+/// In place of a family's Gadget type: its name follows.
+const NAMED: u8 = u8::MAX;
+
 /// The first version that can hold a file.
 pub(super) fn version(metadata: &Metadata) -> u32 {
-    if metadata.families.iter().any(|family| family.volume.is_some()) { VERSION_VOLUME } else { VERSION }
+    let any = |is: fn(&FamilyMetadata) -> bool| metadata.families.iter().any(is);
+    match (any(|family| family.name.gadget_type().is_none()), any(|family| family.volume.is_some())) {
+        (true, _) => VERSION_NAMED,
+        (false, true) => VERSION_VOLUME,
+        (false, false) => VERSION,
+    }
 }
 
 /// The footer's bytes.
@@ -96,8 +104,10 @@ fn decode_provenance(input: &mut Decoder) -> Result<Provenance, Damage> {
 }
 
 fn encode_family(out: &mut Encoder, family: &FamilyMetadata, version: u32) {
-    // The writer refuses families of other names.
-    out.u8(family.name.gadget_type().unwrap_or(0));
+    out.u8(family.name.gadget_type().unwrap_or(NAMED));
+    if family.name.gadget_type().is_none() {
+        out.text(family.name.as_str());
+    }
     out.u64(family.count);
     out.f64(family.mass);
     out.f64(family.mass_density);
@@ -124,6 +134,17 @@ fn encode_family(out: &mut Encoder, family: &FamilyMetadata, version: u32) {
     }
 }
 
+fn decode_family_name(input: &mut Decoder, version: u32) -> Result<FamilyName, Damage> {
+    let code = input.u8("a family")?;
+    if code == NAMED && version >= VERSION_NAMED {
+        let name = input.text("a family's name")?;
+        let found = FamilyName::parse(&name).filter(|name| name.gadget_type().is_none());
+        return found.ok_or_else(|| Damage::new("footer", format!("a family's name, found {name:?}")));
+    }
+    let expected = || Damage::new("footer", format!("a family below {}, found {code}", FamilyName::GADGET.len()));
+    FamilyName::GADGET.get(usize::from(code)).copied().ok_or_else(expected)
+}
+
 fn encode_levels(out: &mut Encoder, levels: &[LevelInfo]) {
     out.u32(levels.len() as u32);
     for level in levels {
@@ -146,10 +167,7 @@ fn encode_levels(out: &mut Encoder, levels: &[LevelInfo]) {
 }
 
 fn decode_family(input: &mut Decoder, version: u32) -> Result<FamilyMetadata, Damage> {
-    let name = input.u8("a family")?;
-    let name = *FamilyName::GADGET
-        .get(usize::from(name))
-        .ok_or_else(|| Damage::new("footer", format!("a family below {}, found {name}", FamilyName::GADGET.len())))?;
+    let name = decode_family_name(input, version)?;
     let count = input.u64("a family's count")?;
     let mass = input.f64("a family's mass")?;
     let mass_density = input.f64("a family's sum of mass times density")?;
@@ -301,4 +319,27 @@ fn decode_codebook(input: &mut Decoder, attributes: usize) -> Result<Codebook, D
             .map(|_| Ok(QuantityError { mean: input.f64("an error")?, max: input.f64("an error")? }))
             .collect::<Result<_, Damage>>()?,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_names_that_need_it_are_written_out() {
+        let decode = |code: u8, name: &str, version| {
+            let mut out = Encoder::default();
+            out.u8(code);
+            out.text(name);
+            decode_family_name(&mut Decoder::new(&out.bytes), version).map_err(|damage| damage.expected)
+        };
+        assert_eq!(decode(NAMED, "tracer", VERSION_NAMED).ok(), FamilyName::parse("tracer"));
+        assert_eq!(decode(4, "", VERSION).ok(), Some(FamilyName::Stars));
+        for wrong in ["stars", "", "Tracer", "a b", &"g".repeat(300)] {
+            assert!(decode(NAMED, wrong, VERSION_NAMED).is_err_and(|why| why.contains("a family's name")), "{wrong}");
+        }
+        for (code, version) in [(NAMED, VERSION_VOLUME), (6, VERSION_NAMED)] {
+            assert!(decode(code, "tracer", version).is_err_and(|why| why.contains("a family below 6")));
+        }
+    }
 }

@@ -14,6 +14,8 @@ pub const MAGIC: [u8; 8] = *b"\x89DFP\r\n\x1a\n";
 pub const VERSION: u32 = 2;
 /// Version of files with levels for volumes.
 pub const VERSION_VOLUME: u32 = 3;
+/// Version of files with families that are none of Gadget's.
+pub const VERSION_NAMED: u32 = 4;
 /// Pages and the footer start at multiples of this; the header takes one such block.
 pub const ALIGNMENT: u64 = 4096;
 /// Bytes of the header that hold something; the rest of its block is zero.
@@ -39,7 +41,7 @@ pub fn align_up(value: u64, alignment: u64) -> Option<u64> {
 /// The fixed header.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Header {
-    /// [`VERSION`] or [`VERSION_VOLUME`].
+    /// [`VERSION`], [`VERSION_VOLUME`] or [`VERSION_NAMED`].
     pub version: u32,
     /// Length of the whole file, bytes.
     pub file_len: u64,
@@ -87,7 +89,7 @@ impl Header {
             return Err(HeaderError::NotAPageFile("its first eight bytes"));
         }
         let version = u32_at(bytes, 8);
-        if !(VERSION..=VERSION_VOLUME).contains(&version) {
+        if !(VERSION..=VERSION_NAMED).contains(&version) {
             return Err(HeaderError::Version(version));
         }
         let damaged = |expected: &str| HeaderError::Damaged(Damage::new("header", expected));

@@ -3,7 +3,7 @@
 use super::disk::{Change, Disk};
 use super::error::StoreError;
 use super::footer;
-use super::layout::{ALIGNMENT, HEADER_LEN, Header, HeaderError, PAGE_HEADER_LEN, PageEntry, VERSION, VERSION_VOLUME};
+use super::layout::{ALIGNMENT, HEADER_LEN, Header, HeaderError, PAGE_HEADER_LEN, PageEntry, VERSION, VERSION_NAMED};
 use super::metadata::Metadata;
 use super::page::{NODE_MEMORY, Page, PageId};
 use crate::hierarchy::Purpose;
@@ -39,7 +39,7 @@ impl Reader {
         let header = Header::decode(&head, real_len).map_err(|error| match error {
             HeaderError::NotAPageFile(expected) => StoreError::NotAPageFile { path: path.to_path_buf(), expected },
             HeaderError::Version(found) => {
-                StoreError::Version { path: path.to_path_buf(), found, supported: [VERSION, VERSION_VOLUME] }
+                StoreError::Version { path: path.to_path_buf(), found, supported: [VERSION, VERSION_NAMED] }
             }
             HeaderError::Damaged(damage) => damage.in_file(path),
         })?;

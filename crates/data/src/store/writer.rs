@@ -95,9 +95,6 @@ impl PageFileWriter {
 
     /// Writes footer and header, waits until the disk has them, and moves the file to its name. Returns its length.
     pub fn finish(self, metadata: &Metadata) -> Result<u64, StoreError> {
-        if let Some(family) = metadata.families.iter().find(|family| family.name.gadget_type().is_none()) {
-            return Err(self.unwritable(&format!("page files of this version have no family {}", family.name)));
-        }
         let footer = footer::encode(metadata, &self.table);
         let header = Header {
             version: footer::version(metadata),
