@@ -11,7 +11,7 @@ use crate::look::{
     Attribute, Backend, CameraConfig, LookPatch, Member, PictureConfig, SceneFile, Shot, data_file, is_scene_file,
 };
 use crate::mode::{Mode, SettingValue, lod_budget};
-use crate::model::FamilyName;
+use crate::model::{FamilyName, ReadMethod};
 use crate::modes;
 use crate::picture::SessionOptions;
 use crate::view::{CutSettings, Periodic};
@@ -113,6 +113,9 @@ pub struct Arguments {
     /// Do not drop particles outside the view one by one: to measure what that saves.
     #[arg(long)]
     pub no_culling: bool,
+    /// How the page file is read; mapped only where nobody writes it meanwhile.
+    #[arg(long, value_enum, value_name = "HOW", default_value_t)]
+    pub read: ReadMethod,
     /// Draw so many times and report median times.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     pub repeat: u32,
@@ -167,6 +170,7 @@ impl Arguments {
                 (true, false) => Some(Method::Pyramid),
                 (false, false) => None,
             },
+            read: self.read,
             overdraw: self.overdraw.clone(),
             repeat: self.repeat,
         };
@@ -331,8 +335,9 @@ mod tests {
         assert_eq!((all.shot.camera.ortho, all.shot.camera.eye), (Some(5.0), Some([1.0, 2.0, 3.0])));
         assert_eq!(all.shot.labels, Some(folder.path().join("groups.hdf5")));
         let (mode, attribute) = (modes::find("volume"), Some("mass".to_owned()));
-        let own = Arguments { fov: Some(20.0), mode, attribute, ..arguments };
+        let own = Arguments { fov: Some(20.0), mode, attribute, read: ReadMethod::Mapped, ..arguments };
         let some = own.request().unwrap();
+        assert_eq!((all.options.read, some.options.read), (ReadMethod::Positioned, ReadMethod::Mapped));
         assert_eq!((some.shot.camera.fov, some.shot.camera.ortho), (Some(20.0), None));
         assert!(some.shot.look.settings.0.is_empty() && !some.shot.look.is_plain(), "settings of another mode");
         // The scene of other data.

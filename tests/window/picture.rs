@@ -1,7 +1,7 @@
 //! The window, driven as a user would: under a virtual X server the program opens the demo dataset, a drag on the mouse
 //! turns the picture, keys hide the panel and save a screenshot, and closing the window ends the program with code 0.
 
-use super::desktop::{Desktop, HEIGHT, PATIENCE, Program, Screen, columns, distance, is_panel, point, repeat};
+use super::desktop::{Desktop, HEIGHT, PATIENCE, Program, Screen, columns, distance, is_panel, keep, point, repeat};
 use crate::support::program;
 use serde_json::Value;
 use std::path::Path;
@@ -222,6 +222,7 @@ fn wheel_right_drag_flying_and_help() {
     const ESCAPE: u32 = 0xff1b;
     desktop.press(F1);
     program.wait("F1 shows the help page", |status| status["help"] == true);
+    keep(&desktop, "help.png");
     desktop.press(ESCAPE);
     program.wait("Escape leaves the help page", |status| status["help"] == false && status["flying"] == true);
     desktop.press(ESCAPE);

@@ -53,6 +53,8 @@ pub struct SessionOptions {
     pub exact: Option<Method>,
     /// The one family that is drawn.
     pub family: Option<FamilyName>,
+    /// How bytes of page files come into memory.
+    pub read: ReadMethod,
     /// What draws; the best there is where it is `None`.
     pub backend: Option<Backend>,
     /// Where a picture of how many splats lie over each pixel goes.
@@ -101,7 +103,7 @@ impl Session {
         reporter: Arc<dyn Reporter>,
     ) -> Result<Session, PictureError> {
         if options.exact.is_none() {
-            let (file, notes) = open_members(members, ReadMethod::default(), page_file)?;
+            let (file, notes) = open_members(members, options.read, page_file)?;
             notes.into_iter().for_each(|note| reporter.tell(note));
             // Nothing limits what a picture holds: it has to be converged.
             let session = Session::of(Arc::new(file), u64::MAX);
