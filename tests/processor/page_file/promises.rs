@@ -282,7 +282,7 @@ fn a_family_that_is_none_of_gadgets_keeps_its_name() {
         assert_eq!((version(&path), file.metadata()), (4, &written));
         let (index, tracer) = written.family(FamilyName::parse("tracer").unwrap()).unwrap();
         assert!(tracer.count == 400 && tracer.volume.is_some() == volume_levels);
-        assert_eq!(file.read_page(tracer.root_page).unwrap().family, index as u32);
+        assert_eq!(file.read_page(tracer.root_page).unwrap().family, index);
         // A file says no more than it has to, so that older programs read it.
         let (path, _) = build_in(&folder, vec![named("gas")], &options);
         assert_eq!(version(&path), if volume_levels { 3 } else { 2 });
