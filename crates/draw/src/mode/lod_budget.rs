@@ -6,7 +6,8 @@
 //! - Thinning: of the particles of a node a stratified sample is drawn ([`crate::mode::sample`]), what is kept counting
 //!   for what is not, so that no light is lost on average. A particle is kept with probability
 //!   `min(1, c (m / m_mean) (h in pixels)^(3/4))`: small splats disturb few pixels, and one that stands for many source
-//!   particles is worth as much as they. `c` follows from a budget for the colour error; see [`crate::picture::pilot`].
+//!   particles is worth as much as they. `c` follows from a budget for the colour error; see
+//!   [`crate::picture::subject::Subject::plan`].
 
 use super::{Conserved, Depiction, Footprint, Output, Setting, SettingError, SettingKind, SettingValue, Settings};
 use crate::mode::sample::Sample;
