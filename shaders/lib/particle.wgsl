@@ -55,7 +55,11 @@ struct Particle {
     /// 0: not drawn.
     weight: f32,
     quantity: f32,
+    /// Its own density, where the node's table tells densities; not that of the sums.
+    density: f32,
 }
+
+const NOTHING: Particle = Particle(vec3<f32>(0.0), 0.0, 0.0, 0.0, 0.0);
 
 const ENCODING_GRID: u32 = 0u;
 const ENCODING_LEAF: u32 = 1u;
@@ -68,7 +72,8 @@ const ENCODING_WORLD: u32 = 2u;
 /// loop for four numbers costs little more than for one.
 @group(0) @binding(3) var<storage, read> words: array<u32>;
 @group(0) @binding(4) var<storage, read> vectors: array<vec4<f32>>;
-/// Attribute tables: smoothing length, weight, attribute and importance of each entry.
+/// Attribute tables: smoothing length, weight, attribute and importance of each entry; behind a table's last one the
+/// densities of four entries each, where it has them.
 @group(0) @binding(5) var<storage, read> entries: array<vec4<f32>>;
 
 /// A workgroup's block; an empty one beyond the last.
@@ -89,12 +94,13 @@ fn camera_axes() -> mat3x3<f32> {
 fn load_packed(axes: mat3x3<f32>, node: Node, index: u32, leaf: bool) -> Particle {
     let word = words[node.codes + (index >> 1u)];
     let code = select(word & 0xffffu, word >> 16u, (index & 1u) == 1u);
-    let entry = entries[node.table + min(code, node.table_length - 1u)];
+    let at = min(code, node.table_length - 1u);
+    let entry = entries[node.table + at];
     var factor = 1.0;
     if node.ranks != 0u {
         factor = sample_factor(node.seed, node.scale, index, select(entry.w, 1.0, node.even == 1u));
         if factor == 0.0 {
-            return Particle(vec3(0.0), 0.0, 0.0, 0.0);
+            return NOTHING;
         }
     }
     let stride = select(1u, 2u, leaf);
@@ -103,14 +109,15 @@ fn load_packed(axes: mat3x3<f32>, node: Node, index: u32, leaf: bool) -> Particl
     let grid = vec3(low & 0x3ffu, (low >> 10u) & 0x3ffu, (low >> 20u) & 0x3ffu);
     let fine = vec3(low & 0x1fffffu, (low >> 21u) | ((high & 0x3ffu) << 11u), (high >> 10u) & 0x1fffffu);
     let steps = vec3<f32>(vec3<i32>(select(grid, fine, leaf)) - node.eye_steps) - node.eye_rest;
-    return Particle(axes * (steps * node.step), entry.x * node.growth, entry.y * factor, entry.z);
+    let densities = entries[node.table + node.table_length + (at >> 2u)];
+    return Particle(axes * (steps * node.step), entry.x * node.growth, entry.y * factor, entry.z, densities[at & 3u]);
 }
 
 fn load_raw(axes: mat3x3<f32>, node: Node, index: u32, world: bool) -> Particle {
     let at = (node.positions >> 2u) + 2u * index;
     let first = vectors[at];
     let second = vectors[at + 1u];
-    return Particle(select(first.xyz, axes * (first.xyz - node.eye_rest), world), first.w, second.x, second.y);
+    return Particle(select(first.xyz, axes * (first.xyz - node.eye_rest), world), first.w, second.x, second.y, second.z);
 }
 
 /// What the view leaves of the weight of a particle at a place in camera space (src/view/cut.rs).
@@ -129,7 +136,7 @@ fn load_particle(axes: mat3x3<f32>, node: Node, number: u32) -> Particle {
         let group = number / node.ranks;
         index = group * GROUP + lane_of(tosses(node.seed + group), number % node.ranks);
     }
-    var particle = Particle(vec3(0.0), 0.0, 0.0, 0.0);
+    var particle = NOTHING;
     if index >= node.count {
         return particle;
     }

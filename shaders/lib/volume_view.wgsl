@@ -52,6 +52,14 @@ struct VolumeView {
     shininess: f32,
     /// Index of the first entry of the plane of hues and places in the table; 0: none.
     plane: u32,
+    /// Least smoothing length, cells.
+    smallest: f32,
+    /// The kernel's leading factor, for a smoothing length of 1.
+    kernel_factor: f32,
+    /// One of so many particles is drawn, with the mass and the volume of all.
+    stride: u32,
+    /// Factor on the smoothing lengths of those.
+    growth: f32,
     /// For each level of bins: its first bin, and its bins along x, y and z. A bin of level `l` is `2^l` bricks wide.
     levels: array<vec4<u32>, 14>,
     /// For each surface its density, its opacity, and 1 where its colour is set.

@@ -2,10 +2,10 @@
 // compute shaders. The same projection and the same sums as by compute.
 //
 // One instance for each particle, BLOCK of them for each block; a quad holds the cells whose centres the splat reaches.
-#import deepfield::kernel::{box_profile, evaluate, first, second, shear, bend}
 #import deepfield::particle::{view, nodes, blocks, camera_axes, load_particle}
 #import deepfield::projection::{camera, project}
-#import deepfield::splat_view::{Splat, oblique, atlas_corner, SMALL, EVERYWHERE, INVISIBLE, DROPPED}
+#import deepfield::splat_pixel::{Lens, integrated, sampled}
+#import deepfield::splat_view::{Splat, atlas_corner, SMALL, EVERYWHERE, INVISIBLE, DROPPED}
 
 struct Quad {
     @builtin(position) position: vec4<f32>,
@@ -52,36 +52,6 @@ fn vertex(@builtin(vertex_index) corner: u32, @builtin(instance_index) instance:
     return quad;
 }
 
-/// The mean over the cell of a splat that is sampled at its centre; see `add_sampled` in accumulate.wgsl.
-fn sampled(splat: Splat, pixel: vec2<f32>, kind: u32) -> f32 {
-    let d = pixel - splat.head.xy;
-    var square = splat.head.z * d.x * d.x + 2.0 * splat.head.w * d.x * d.y + splat.tail.x * d.y * d.y;
-#ifdef OBLIQUE
-    square *= oblique(view.middle, view.focal, view.perspective, pixel);
-    if kind == EVERYWHERE && splat.tail.w > 0.0 {
-        let along = dot(splat.head.xy - view.middle, pixel - view.middle) / (view.focal * view.focal);
-        square = select(1.0, square, 1.0 + along > 0.0);
-    }
-#endif
-    return evaluate(box_profile((splat.head.z + splat.tail.x) * (1.0 / 24.0)), vec4(square)).x;
-}
-
-/// The integral over the pixel of a small splat; see `add_small` in accumulate.wgsl.
-fn integrated(splat: Splat, pixel: vec2<f32>) -> f32 {
-    let low = (pixel - splat.head.xy - 0.5) * splat.head.zw;
-    let edges = vec4(low.x, low.x + splat.head.z, low.y, low.y + splat.head.w);
-    let u = first(edges);
-    let v = second(edges);
-    var value = (u.y - u.x) * (u.w - u.z) - (v.y - v.x) * (v.w - v.z);
-#ifdef OBLIQUE
-    let tilt = splat.tail.x;
-    let s = shear(edges);
-    let b = bend(edges);
-    value += tilt * ((s.y - s.x) * (s.w - s.z) + 0.5 * tilt * (b.y - b.x) * (b.w - b.z));
-#endif
-    return value;
-}
-
 @fragment
 fn fragment(quad: Quad) -> @location(0) vec2<f32> {
     let splat = Splat(quad.head, quad.tail);
@@ -90,7 +60,7 @@ fn fragment(quad: Quad) -> @location(0) vec2<f32> {
     if quad.kind == SMALL {
         value = integrated(splat, pixel);
     } else {
-        value = sampled(splat, pixel, quad.kind);
+        value = sampled(splat, Lens(view.middle, view.focal, view.perspective), pixel, quad.kind);
     }
     return value * splat.tail.yz;
 }

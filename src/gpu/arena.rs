@@ -4,7 +4,9 @@
 //! of at most [`PART_BYTES`]; each part lies in one chunk. Uploads are limited per frame; a node that finds no room
 //! within the byte budget is rejected, and the main world decides what to remove.
 
-use super::scene::{NodeId, NodeState, ParticleScene, Payload, RAW_WORDS, SceneCommand, TableEntry, TableId, Words};
+use super::scene::{
+    NodeId, NodeState, ParticleScene, Payload, RAW_WORDS, SceneCommand, Table, TableEntry, TableId, Words,
+};
 use super::splat::layout::Encoding;
 use crate::mode::sample::GROUP;
 use bevy::prelude::*;
@@ -56,7 +58,7 @@ pub struct Arena {
     chunks: Vec<Chunk>,
     chunk_bytes: u64,
     nodes: HashMap<NodeId, ResidentNode>,
-    tables: HashMap<TableId, Vec<TableEntry>>,
+    tables: HashMap<TableId, Table>,
     table_ranges: HashMap<TableId, (u32, u32)>,
     table_buffer: Option<Buffer>,
     /// Counts changes, so that a picture knows whether it still holds.
@@ -200,8 +202,13 @@ impl Arena {
         self.table_ranges.clear();
         for id in ids {
             let table = &self.tables[&id];
-            self.table_ranges.insert(id, (entries.len() as u32, table.len() as u32));
-            entries.extend_from_slice(table);
+            self.table_ranges.insert(id, (entries.len() as u32, table.entries.len() as u32));
+            entries.extend_from_slice(&table.entries);
+            // Four densities in the place of an entry.
+            entries.extend(table.densities.chunks(4).map(|four| {
+                let at = |i: usize| four.get(i).copied().unwrap_or(0.0);
+                TableEntry { smoothing_length: at(0), weight: at(1), attribute: at(2), importance: at(3) }
+            }));
         }
         let bytes: &[u8] = bytemuck::cast_slice(&entries);
         if self.table_buffer.as_ref().is_none_or(|buffer| buffer.size() < bytes.len() as u64) {
@@ -264,8 +271,8 @@ pub fn update_arena(
                 state.resident_bytes = state.resident_bytes.saturating_sub(bytes);
                 arena.generation += 1;
             }
-            SceneCommand::InsertTable(id, entries) => {
-                arena.tables.insert(id, entries);
+            SceneCommand::InsertTable(id, table) => {
+                arena.tables.insert(id, table);
                 tables_changed = true;
             }
             SceneCommand::RemoveTable(id) => {

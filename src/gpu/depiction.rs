@@ -1,13 +1,14 @@
 //! A depiction drawn by the GPU techniques without a window: nodes of a tree, coded or as they are.
 
 use crate::codec::Codebook;
-use crate::gpu::TableEntry;
 use crate::gpu::{
     self, Backend, DeviceOptions, HeadlessNode, HeadlessRequest, ModeView, NodeId, NodeUpload, Payload, RawParticle,
 };
+use crate::gpu::{Table, TableEntry};
 use crate::mode::sample::Sample;
 use crate::mode::{CodeTable, Depiction, Footprint, Plan, SourceColumns};
 use crate::model::Kernel;
+use crate::picture::decode::reach;
 use crate::store::{FamilyMetadata, Metadata, Particles};
 use crate::stream::SceneNode;
 use crate::view::View;
@@ -26,20 +27,21 @@ pub fn footprint(depiction: &Depiction, kernel: Kernel) -> gpu::Footprint {
 }
 
 /// The renderer's table of one codebook.
-pub fn table(depiction: &Depiction, family: &FamilyMetadata, codebook: &Codebook) -> Vec<TableEntry> {
+pub fn table(depiction: &Depiction, family: &FamilyMetadata, codebook: &Codebook) -> Table {
     entries(&depiction.table(family, codebook))
 }
 
 /// The renderer's form of a table.
-pub fn entries(table: &CodeTable) -> Vec<TableEntry> {
-    (0..table.weight.len())
+pub fn entries(table: &CodeTable) -> Table {
+    let entries = (0..table.weight.len())
         .map(|i| TableEntry {
             smoothing_length: table.smoothing_length[i],
             weight: table.weight[i],
             attribute: table.attribute.as_ref().map_or(0.0, |attribute| attribute[i]),
             importance: table.importance[i],
         })
-        .collect()
+        .collect();
+    Table { entries, densities: table.density.clone().unwrap_or_default() }
 }
 
 /// A request for selected nodes of a tree.
@@ -65,11 +67,12 @@ pub fn request_nodes(
         let weight_scale = depiction.node_scale(node);
         if let Some(content) = drawn.page.content(index as usize) {
             let held = content.particles(drawn.time);
-            own_content(view, depiction, family, (&held, weight_scale), drawn.offset, &mut requested);
+            own_content(view, depiction, family, (&held, weight_scale), drawn, &mut requested);
             continue;
         }
         let table = first_table[drawn.page.family as usize] + usize::from(node.codebook);
         let most_important = tables[table].most_important;
+        let sample = plan.sample(&view.of_image(drawn.offset), depiction, family, node, most_important);
         requested.push(HeadlessNode {
             upload: NodeUpload {
                 id: NodeId { source: drawn.page.family, page: drawn.node.page.0, node: index },
@@ -80,7 +83,8 @@ pub fn request_nodes(
             table: Some(table),
             weight_scale,
             offset: drawn.offset,
-            sample: plan.sample(&view.of_image(drawn.offset), depiction, family, node, most_important),
+            sample,
+            reach: reach(drawn, sample.growth),
         });
     }
     let tables = tables.iter().map(entries).collect();
@@ -110,16 +114,18 @@ fn own_content(
     depiction: &Depiction,
     family: &FamilyMetadata,
     (held, scale): (&Particles, f32),
-    offset: DVec3,
+    drawn: &SceneNode,
     nodes: &mut Vec<HeadlessNode>,
 ) {
-    let SourceColumns { weight, attribute, .. } = depiction.columns_of(family, &held.values);
+    let offset = drawn.offset;
+    let SourceColumns { weight, attribute, density } = depiction.columns_of(family, &held.values);
     let particle = |i: usize| RawParticle {
         position: view.to_camera(DVec3::from_array(held.positions[i]) + offset).as_vec3().to_array(),
         smoothing_length: held.values.smoothing_length[i],
         weight: scale * weight[i],
         attribute: attribute.as_ref().map_or(0.0, |attribute| attribute[i]),
-        unused: [0.0; 2],
+        density: density.as_ref().map_or(0.0, |density| density[i]),
+        unused: 0.0,
     };
     for start in (0..held.len()).step_by(BATCH) {
         let particles = (start..held.len().min(start + BATCH)).into_par_iter().map(particle).collect();
@@ -130,6 +136,7 @@ fn own_content(
             weight_scale: 1.0,
             offset: DVec3::ZERO,
             sample: Sample::ALL,
+            reach: reach(drawn, 1.0),
         });
     }
 }

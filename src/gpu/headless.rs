@@ -1,17 +1,17 @@
 //! Draws one view without a window, until its picture is complete, and reads it back.
 
-use super::device::{DeviceOptions, GpuError, open};
+use super::device::{DeviceOptions, GpuError};
 use super::mode_view::ModeView;
 use super::parts::Parts;
 use super::renderer::HeadlessRenderer;
-use super::scene::{NodeUpload, TableEntry};
+use super::scene::{NodeUpload, Table};
 use super::timing::{PassTimes, median};
 use super::view::{Backend, Footprint};
 use crate::color::Accumulation;
 use crate::color::composite::{self, Image as Picture};
 use crate::color::transfer::TransferFunction;
 use crate::mode::sample::Sample;
-use crate::view::View;
+use crate::view::{Extent, View};
 use bevy::math::DVec3;
 /// One node to draw.
 #[derive(Clone, Debug)]
@@ -26,6 +26,8 @@ pub struct HeadlessNode {
     pub offset: DVec3,
     /// Which of its particles are drawn.
     pub sample: Sample,
+    /// How far its particles reach, displaced as its image is.
+    pub reach: Extent,
 }
 
 /// What to draw, and how.
@@ -46,7 +48,7 @@ pub struct HeadlessRequest {
     /// The particles.
     pub nodes: Vec<HeadlessNode>,
     /// Attribute tables of packed nodes.
-    pub tables: Vec<Vec<TableEntry>>,
+    pub tables: Vec<Table>,
     /// Whether the `S` channel is wanted.
     pub attribute: bool,
     /// Colours; `None`: only the accumulation.
@@ -89,14 +91,20 @@ pub struct HeadlessStats {
 ///
 /// # Errors
 /// [`GpuError`]: no adapter, one that cannot carry the backend out, a shader that does not compile on it, too little memory.
-pub fn render_headless(mut request: HeadlessRequest) -> Result<HeadlessFrame, GpuError> {
-    let gpu = open(&request.device)?;
-    let technique = gpu.technique(request.backend)?;
+pub fn render_headless(request: HeadlessRequest) -> Result<HeadlessFrame, GpuError> {
+    render(&mut HeadlessRenderer::bare(&request.device, request.backend)?, request)
+}
+
+/// The same with an adapter that is open.
+///
+/// # Errors
+/// As [`render_headless`].
+pub fn render(renderer: &mut HeadlessRenderer, mut request: HeadlessRequest) -> Result<HeadlessFrame, GpuError> {
     let whole = request.view;
-    let parts = Parts::of(&whole, request.footprint, technique, &gpu.device.limits())
+    let parts = Parts::of(&whole, request.footprint, renderer.technique(), &renderer.limits())
         .ok_or_else(|| GpuError::NoRoom(format!("{}x{} pixels", whole.width, whole.height)))?;
     request.view = parts.view(&whole, 0);
-    let mut renderer = HeadlessRenderer::new(gpu, technique, &request)?;
+    renderer.load(&request)?;
     renderer.complete()?;
     let (mut frames, passes) = renderer.measure(request.repeat)?;
     let (mut accumulation, mut splats) = renderer.accumulation(request.attribute)?;

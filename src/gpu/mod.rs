@@ -8,7 +8,8 @@
 //! 3. A camera with a [`SplatView`] accumulates `P` and `P S` of its list of nodes; with a [`Composite`] it shows them in
 //!    its target. Replace the component's list to change what is drawn, [`SplatView::view`] to move the camera. An
 //!    unchanged picture is not accumulated again.
-//! 4. [`timing::PassTimes`] collects milliseconds per pass, [`ParticleScene::stats`] memory.
+//! 4. A camera with a [`LightView`] beside its [`SplatView`] shows the light that a mode's passes draw of these nodes.
+//! 5. [`timing::PassTimes`] collects milliseconds per pass, [`ParticleScene::stats`] memory.
 //!
 //! [`render_headless`] does all that for one picture without a window.
 
@@ -19,6 +20,10 @@ pub mod depiction;
 pub mod device;
 pub mod environment;
 pub mod headless;
+pub mod layered;
+pub mod light;
+pub mod matter;
+pub mod measure;
 pub mod mode_view;
 pub mod offscreen;
 pub mod page_copies;
@@ -28,7 +33,11 @@ pub mod readback;
 pub mod renderer;
 pub mod scene;
 pub mod shaders;
+pub mod sorted_splats;
+pub mod spheres;
 pub mod splat;
+pub mod target;
+pub mod tiles;
 pub mod timing;
 pub mod view;
 pub mod volume;
@@ -36,12 +45,18 @@ pub mod volume;
 pub use capabilities::{Capabilities, Technique, Withheld};
 pub use device::{DeviceOptions, Gpu, GpuError, open};
 pub use headless::{HeadlessFrame, HeadlessNode, HeadlessRequest, HeadlessStats, render_headless};
+pub use layered::Layered;
+pub use light::{LightCells, LightView};
 pub use mode_view::{ModePlugin, ModeView};
 pub use offscreen::Offscreen;
 pub use renderer::HeadlessRenderer;
-pub use scene::{NodeId, NodeState, NodeUpload, ParticleScene, Payload, RawParticle, SceneStats, TableEntry, TableId};
+pub use scene::{
+    NodeId, NodeState, NodeUpload, ParticleScene, Payload, RawParticle, SceneStats, Table, TableEntry, TableId,
+};
+pub use sorted_splats::SortedSplats;
+pub use spheres::Spheres;
 pub use view::{Backend, Composite, DrawItem, Fading, Footprint, SplatView};
-pub use volume::VolumeRenderer;
+pub use volume::{VolumeFindings, VolumeJob, VolumeNews, VolumeView};
 
 use bevy::app::{PluginGroup, PluginGroupBuilder};
 use bevy::render::diagnostic::RenderDiagnosticsPlugin;
@@ -55,6 +70,12 @@ impl PluginGroup for DeepfieldRenderPlugins {
             .add(shaders::ShaderPlugin)
             .add(splat::SplatPlugin)
             .add(composite::CompositePlugin)
+            .add(light::LightPlugin)
+            .add(volume::VolumePlugin)
+            .add(measure::MeasurePlugin)
+            .add(sorted_splats::SortedSplatsPlugin)
+            .add(spheres::SpheresPlugin)
+            .add(layered::LayeredPlugin)
             .add(RenderDiagnosticsPlugin)
             .add(plugins::OtherCrates)
     }

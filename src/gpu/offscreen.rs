@@ -1,17 +1,80 @@
 //! The adapter that draws pictures which no window shows.
 
 use super::depiction::request_nodes;
+use super::device::GpuError;
+use super::headless::HeadlessRequest;
+use super::layered::Layered;
+use super::renderer::HeadlessRenderer;
+use super::sorted_splats::SortedSplats;
+use super::spheres::Spheres;
+use super::timing::PassTimes;
 use super::view::Backend;
-use super::volume::VolumeRenderer;
-use super::{HeadlessRequest, device, render_headless};
-use crate::cpu::volume::RayCaster;
-use crate::picture::adapter::{Adapter, AdapterFrame, AdapterJob, Passes};
+use super::volume::{Shows, VolumeJob, VolumeView};
+use super::{device, headless};
+use crate::color::Colors;
+use crate::cpu::volume::extents::{planes_and_widest, planes_of};
+use crate::cpu::volume::range::Sketch;
+use crate::cpu::volume::{FieldRange, VolumeError, VolumeOptions, VolumeReport};
+use crate::mode::LightPasses;
+use crate::picture::adapter::{Adapter, AdapterFrame, AdapterJob, AdapterValues, Passes};
+use crate::view::perspective_grid::GridError;
+use crate::view::{Extent, PerspectiveGrid, View};
+use bevy::prelude::Bundle;
 use std::sync::Arc;
+use std::sync::mpsc::{Sender, channel};
+use std::thread::{self, JoinHandle};
 
-/// The best adapter there is, opened when something is to be drawn.
-#[derive(Debug, Default)]
+/// The best adapter there is: opened when something is to be drawn, and kept for the next picture.
+#[derive(Default)]
 pub struct Offscreen {
     is_card: Option<bool>,
+    studio: Option<Studio>,
+    /// Counts jobs.
+    number: u64,
+}
+
+/// What is done with the renderer, if one is open.
+type Work = Box<dyn FnOnce(&mut Option<HeadlessRenderer>) + Send>;
+
+/// The thread that holds the renderer: an application stays on the thread that made it, and whoever draws need not.
+struct Studio {
+    work: Option<Sender<Work>>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Studio {
+    fn open() -> Result<Studio, GpuError> {
+        let (work, received) = channel::<Work>();
+        let hold = move || {
+            let mut renderer = None;
+            received.into_iter().for_each(|work| work(&mut renderer));
+        };
+        let thread = thread::Builder::new().name("adapter".into()).spawn(hold);
+        let thread = thread.map_err(|error| GpuError::Failed(format!("(no thread for it: {error})")))?;
+        Ok(Studio { work: Some(work), thread: Some(thread) })
+    }
+
+    /// Has the thread do something, and waits for what comes of it; `None` where it has ended.
+    fn run<T: Send + 'static>(
+        &self,
+        work: impl FnOnce(&mut Option<HeadlessRenderer>) -> T + Send + 'static,
+    ) -> Option<T> {
+        let (answer, received) = channel();
+        let work: Work = Box::new(move |renderer| {
+            // Who asked waits below.
+            let _ = answer.send(work(renderer));
+        });
+        self.work.as_ref()?.send(work).ok()?;
+        received.recv().ok()
+    }
+}
+
+impl Drop for Studio {
+    fn drop(&mut self) {
+        // The thread ends with its work, and the adapter is given back before the program goes on.
+        self.work = None;
+        let _ = self.thread.take().map(JoinHandle::join);
+    }
 }
 
 impl Adapter for Offscreen {
@@ -21,17 +84,50 @@ impl Adapter for Offscreen {
     }
 
     fn draw(&mut self, job: &AdapterJob<'_>) -> Result<AdapterFrame, String> {
-        let AdapterJob { view, depiction, metadata, nodes, plan, passes, repeat } = *job;
-        let backend = match passes {
-            Passes::Best => Backend::Auto,
-            Passes::Compute => Backend::Compute,
-            Passes::Raster => Backend::Raster,
+        let frame = match job.light {
+            Some(plan) => self.light(job, &plan.passes),
+            None => self.sums(job),
         };
-        let request = request_nodes(view, depiction, metadata, nodes, plan, backend);
-        let frame = render_headless(HeadlessRequest { repeat, ..request }).map_err(|error| error.to_string())?;
+        frame.map_err(|error| error.to_string())
+    }
+
+    fn ranges(&mut self, job: &AdapterJob<'_>, options: &VolumeOptions) -> Result<FieldRange, VolumeError> {
+        let request = request(job);
+        let particles = request.nodes.iter().map(|node| node.upload.payload.len()).sum();
+        let sketch = Sketch::of(job.view, particles, options);
+        let (grid, _) = sketch.grid(within(job, &request))?;
+        let wanted = self.job(sketch.view, grid, sketch.options, sketch.stride as u32, Shows::Ranges);
+        let volume = volume(job, &request, [None, Some(wanted)]);
+        let found = self.with(move |slot| loaded(slot, &request)?.ranges(volume));
+        let found = found.map_err(|error| VolumeError::Device(error.to_string()))?;
+        found.ok_or(VolumeError::Grid(GridError::NothingInView))
+    }
+}
+
+impl Offscreen {
+    /// Has the renderer's thread do something.
+    fn with<T: Send + 'static>(
+        &mut self,
+        work: impl FnOnce(&mut Option<HeadlessRenderer>) -> Result<T, GpuError> + Send + 'static,
+    ) -> Result<T, GpuError> {
+        let studio = match self.studio.take() {
+            Some(studio) => studio,
+            None => Studio::open()?,
+        };
+        let done = studio.run(work).unwrap_or_else(|| Err(GpuError::Failed("(its thread has ended)".into())));
+        // After a failure the next picture begins with an adapter that is opened anew.
+        if done.is_ok() {
+            self.studio = Some(studio);
+        }
+        done
+    }
+
+    fn sums(&mut self, job: &AdapterJob<'_>) -> Result<AdapterFrame, GpuError> {
+        let request = request(job);
+        let frame = self.with(move |slot| headless::render(able(slot, &request)?, request))?;
         let passes = frame.stats.passes.medians().map(|(pass, time)| (pass.to_owned(), time));
         Ok(AdapterFrame {
-            accumulation: frame.accumulation,
+            values: AdapterValues::Sums(frame.accumulation),
             splats: frame.stats.splats,
             backend: frame.stats.backend,
             adapter: frame.stats.adapter,
@@ -39,8 +135,164 @@ impl Adapter for Offscreen {
         })
     }
 
-    fn caster(&mut self) -> Result<Arc<dyn RayCaster>, String> {
-        let renderer = VolumeRenderer::open(&Default::default()).map_err(|error| error.to_string())?;
-        Ok(Arc::new(renderer))
+    fn light(&mut self, job: &AdapterJob<'_>, passes: &LightPasses) -> Result<AdapterFrame, GpuError> {
+        let request = request(job);
+        let asked = |error: VolumeError| GpuError::Asked(error.to_string());
+        let sigma = PerspectiveGrid::sigma_of(job.view, 1.0);
+        let (scenery, options) = match passes {
+            LightPasses::March(scenery, options) => (scenery, options),
+            LightPasses::Sorted { classifier, options, termination, density_scale } => {
+                let ends = [options.near, options.far];
+                let planes = planes_of(job.view, within(job, &request), options.smallest * sigma, ends);
+                let sorted = SortedSplats {
+                    classifier: Arc::new(classifier.clone()),
+                    planes: planes.map_err(asked)?,
+                    termination: *termination,
+                    smallest: options.smallest,
+                    density_scale: *density_scale,
+                };
+                return self.tiles(request, sorted.planes, sorted);
+            }
+            LightPasses::Layered { classifier, options, layers, assignment, termination } => {
+                let ends = [options.near, options.far];
+                let planes = planes_of(job.view, within(job, &request), options.smallest * sigma, ends);
+                let layered = Layered {
+                    classifier: Arc::new(classifier.clone()),
+                    planes: planes.map_err(asked)?,
+                    layers: *layers,
+                    assignment: *assignment,
+                    termination: *termination,
+                    smallest: options.smallest,
+                    longest: within(job, &request).map(|extent| extent.margin).fold(0.0, f64::max),
+                };
+                return self.tiles(request, layered.planes, layered);
+            }
+            LightPasses::Spheres { options, light, colors, density_scale } => {
+                let planes = planes_of(job.view, within(job, &request), 0.0, [options.near, options.far]);
+                let spheres = Spheres {
+                    radius: options.radius,
+                    least: options.least,
+                    smoothing: options.smoothing,
+                    planes: planes.map_err(asked)?,
+                    density_scale: *density_scale,
+                    light: *light,
+                    colors: colors.clone(),
+                };
+                return self.tiles(request, spheres.planes, spheres);
+            }
+        };
+        let (grid, _) = planes_and_widest(job.view, within(job, &request), options).map_err(asked)?;
+        let wanted = self.job(*job.view, grid, *options, 1, Shows::Light(Arc::new(scenery.clone())));
+        let volume = volume(job, &request, [Some(wanted), None]);
+        self.with(move |slot| {
+            let renderer = loaded(slot, &request)?;
+            let (colors, found, (passes, frame)) = renderer.volume(volume, request.repeat)?;
+            let report = VolumeReport {
+                grid: grid.size,
+                planes: [grid.near, grid.far],
+                slabs: found.slabs[1],
+                particles: renderer.particles(),
+                pairs: found.pairs,
+                bricks: found.bricks,
+                opaque: found.opaque.map(|(_, opaque)| opaque),
+                ..VolumeReport::default()
+            };
+            Ok(light_frame(colors, report, renderer, &passes, frame))
+        })
+    }
+
+    /// Draws by passes that complete a picture in one frame.
+    fn tiles(
+        &mut self,
+        request: HeadlessRequest,
+        planes: [f64; 2],
+        components: impl Bundle,
+    ) -> Result<AdapterFrame, GpuError> {
+        let [width, height] = [request.view.width, request.view.height];
+        self.with(move |slot| {
+            let renderer = loaded(slot, &request)?;
+            let (colors, (passes, frame)) = renderer.frames(components, request.repeat)?;
+            let particles = renderer.particles();
+            let report = VolumeReport { grid: [width, height, 1], planes, particles, ..VolumeReport::default() };
+            Ok(light_frame(colors, report, renderer, &passes, frame))
+        })
+    }
+
+    fn job(
+        &mut self,
+        view: View,
+        grid: PerspectiveGrid,
+        options: VolumeOptions,
+        stride: u32,
+        shows: Shows,
+    ) -> VolumeJob {
+        self.number += 1;
+        VolumeJob { number: self.number, view, grid, options, stride, shows }
+    }
+}
+
+/// What is handed back of a picture of light.
+fn light_frame(
+    colors: Colors,
+    report: VolumeReport,
+    renderer: &HeadlessRenderer,
+    passes: &PassTimes,
+    frame: f64,
+) -> AdapterFrame {
+    let passes = passes.medians().map(|(pass, time)| (pass.to_owned(), time));
+    AdapterFrame {
+        values: AdapterValues::Light(colors, report),
+        splats: None,
+        backend: "compute",
+        adapter: renderer.adapter().to_owned(),
+        milliseconds: passes.chain([("frame".to_owned(), frame)]).collect(),
+    }
+}
+
+/// A renderer that serves a request: the one that is open, or another.
+fn able<'a>(
+    slot: &'a mut Option<HeadlessRenderer>,
+    request: &HeadlessRequest,
+) -> Result<&'a mut HeadlessRenderer, GpuError> {
+    match slot.take().filter(|renderer| renderer.serves(request.backend)) {
+        Some(renderer) => Ok(slot.insert(renderer)),
+        None => Ok(slot.insert(HeadlessRenderer::bare(&request.device, request.backend)?)),
+    }
+}
+
+/// The same, with the request's particles.
+fn loaded<'a>(
+    slot: &'a mut Option<HeadlessRenderer>,
+    request: &HeadlessRequest,
+) -> Result<&'a mut HeadlessRenderer, GpuError> {
+    let renderer = able(slot, request)?;
+    renderer.load(request)?;
+    Ok(renderer)
+}
+
+/// What the renderer needs for a job.
+fn request(job: &AdapterJob<'_>) -> HeadlessRequest {
+    let backend = match job.passes {
+        Passes::Best => Backend::Auto,
+        Passes::Compute => Backend::Compute,
+        Passes::Raster => Backend::Raster,
+    };
+    let request = request_nodes(job.view, job.depiction, job.metadata, job.nodes, job.plan, backend);
+    HeadlessRequest { repeat: job.repeat, ..request }
+}
+
+/// The extents of a request's particles, without what the view leaves out.
+fn within<'a>(job: &'a AdapterJob<'_>, request: &'a HeadlessRequest) -> impl Iterator<Item = Extent> + 'a {
+    request.nodes.iter().filter_map(|node| node.reach.within(&job.view.cut.bounds))
+}
+
+fn volume(job: &AdapterJob<'_>, request: &HeadlessRequest, [light, ranges]: [Option<VolumeJob>; 2]) -> VolumeView {
+    VolumeView {
+        extents: request.nodes.iter().map(|node| node.reach).collect(),
+        light,
+        ranges,
+        attribute: job.depiction.attribute.is_some(),
+        memory: u64::MAX,
+        slabs: 4,
     }
 }

@@ -3,16 +3,23 @@
 
 use super::DeepfieldRenderPlugins;
 use super::capabilities::Technique;
-use super::device::{Gpu, GpuError, open};
-use super::headless::HeadlessRequest;
+use super::device::{DeviceOptions, GpuError, open};
+use super::headless::{HeadlessNode, HeadlessRequest};
+use super::layered::Layered;
+use super::light::{LightCells, LightView};
+use super::mode_view::ModeView;
 use super::readback::{read_buffer, read_texture};
-use super::scene::{NodeState, ParticleScene};
+use super::scene::{NodeId, NodeState, ParticleScene, Payload, TableId};
+use super::sorted_splats::SortedSplats;
+use super::spheres::Spheres;
 use super::splat::{Bindings, SplatBuffers, pipeline_error};
-use super::timing::PassTimes;
-use super::view::{Composite, DrawItem, SplatView};
-use crate::color::Accumulation;
+use super::timing::{PassTimes, median};
+use super::view::{Backend, Composite, DrawItem, SplatView};
+use super::volume::{VolumeFindings, VolumeNews, VolumeView};
 use crate::color::composite::Image as Picture;
 use crate::color::transfer::TransferFunction;
+use crate::color::{Accumulation, Colors};
+use crate::cpu::volume::FieldRange;
 use crate::view::View;
 use bevy::asset::RenderAssetUsages;
 use bevy::camera::RenderTarget;
@@ -24,7 +31,7 @@ use bevy::render::render_asset::RenderAssets;
 use bevy::render::render_resource::{
     Extent3d, PipelineCache, PollType, TextureDimension, TextureFormat, TextureUsages,
 };
-use bevy::render::renderer::RenderDevice;
+use bevy::render::renderer::{RenderDevice, RenderQueue};
 use bevy::render::texture::GpuImage;
 use bevy::render::{RenderApp, RenderPlugin};
 use bevy::window::ExitCondition;
@@ -32,6 +39,7 @@ use bevy::winit::WinitPlugin;
 use std::collections::HashSet;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
+use wgpu::Limits;
 
 /// Most frames and time that a picture may take to complete: shaders are compiled in it.
 const PATIENCE: Duration = Duration::from_secs(300);
@@ -45,6 +53,9 @@ pub struct HeadlessRenderer {
     technique: Technique,
     particles: u64,
     size: UVec2,
+    /// Nodes and tables that are there.
+    held: Vec<NodeId>,
+    tables: Vec<TableId>,
 }
 
 impl HeadlessRenderer {
@@ -53,19 +64,19 @@ impl HeadlessRenderer {
     /// # Errors
     /// [`GpuError`]: no adapter, one that cannot carry the backend out, or too little memory.
     pub fn open(request: &HeadlessRequest) -> Result<HeadlessRenderer, GpuError> {
-        let gpu = open(&request.device)?;
-        let technique = gpu.technique(request.backend)?;
-        HeadlessRenderer::new(gpu, technique, request)
+        let mut renderer = HeadlessRenderer::bare(&request.device, request.backend)?;
+        renderer.load(request)?;
+        Ok(renderer)
     }
 
-    /// Uploads the particles to an open adapter, which can hold all of the view.
+    /// Opens the adapter without any particles.
     ///
     /// # Errors
-    /// [`GpuError`]: too little memory.
-    pub fn new(gpu: Gpu, technique: Technique, request: &HeadlessRequest) -> Result<HeadlessRenderer, GpuError> {
-        let bytes: u64 = request.nodes.iter().map(|node| node.upload.payload.bytes()).sum();
-        // Fragments at the end of chunks are lost; twice the bytes always suffices.
-        let scene = ParticleScene::new((2 * bytes).max(64 << 20), u64::MAX);
+    /// [`GpuError`]: no adapter, or one that cannot carry the backend out.
+    pub fn bare(options: &DeviceOptions, backend: Backend) -> Result<HeadlessRenderer, GpuError> {
+        let gpu = open(options)?;
+        let technique = gpu.technique(backend)?;
+        let scene = ParticleScene::new(0, u64::MAX);
         let mut app = App::new();
         app.add_plugins(
             DefaultPlugins
@@ -83,25 +94,121 @@ impl HeadlessRenderer {
                 .disable::<LogPlugin>()
                 .disable::<PipelinedRenderingPlugin>(),
         );
-        app.insert_resource(scene.clone()).insert_resource(request.device.withheld).add_plugins(DeepfieldRenderPlugins);
+        app.insert_resource(scene).insert_resource(options.withheld).add_plugins(DeepfieldRenderPlugins);
+        let camera = app
+            .world_mut()
+            .spawn((
+                Camera3d::default(),
+                Camera { clear_color: ClearColorConfig::Custom(Color::BLACK), ..Camera::default() },
+                Msaa::Off,
+                Tonemapping::None,
+            ))
+            .id();
+        app.finish();
+        app.cleanup();
+        Ok(HeadlessRenderer {
+            app,
+            camera,
+            target: Handle::default(),
+            adapter: gpu.adapter,
+            technique,
+            particles: 0,
+            size: UVec2::ZERO,
+            held: Vec::new(),
+            tables: Vec::new(),
+        })
+    }
 
-        let tables: Vec<_> = request.tables.iter().map(|table| scene.insert_table(table.clone())).collect();
-        let items = request
-            .nodes
-            .iter()
-            .map(|node| DrawItem {
-                node: node.upload.id,
-                table: node.table.and_then(|table| tables.get(table).copied()),
-                weight_scale: node.weight_scale,
-                offset: node.offset,
-                sample: node.sample,
-            })
-            .collect();
-        let mut known = HashSet::new();
+    /// Whether it can carry a backend out.
+    pub fn serves(&self, backend: Backend) -> bool {
+        match backend {
+            Backend::Auto => true,
+            Backend::Compute => self.technique == Technique::Compute,
+            Backend::Raster => self.technique == Technique::Raster,
+        }
+    }
+
+    /// What the adapter can hold.
+    pub fn limits(&self) -> Limits {
+        self.app.world().resource::<RenderDevice>().limits()
+    }
+
+    /// Holds a request's particles from now on and shows them; nodes of pages that have been there before stay.
+    ///
+    /// # Errors
+    /// [`GpuError`]: too little memory.
+    pub fn load(&mut self, request: &HeadlessRequest) -> Result<(), GpuError> {
+        let scene = self.scene().clone();
+        let bytes: u64 = request.nodes.iter().map(|node| node.upload.payload.bytes()).sum();
+        // Fragments at the end of chunks are lost; twice the bytes always suffices.
+        scene.set_budgets((2 * bytes).max(64 << 20).max(scene.stats().budget_bytes), u64::MAX);
+        // A page's nodes are what their names say; all else is named anew for each picture.
+        let is_page = |node: &HeadlessNode| matches!(node.upload.payload, Payload::Page { .. });
+        let wanted: HashSet<NodeId> =
+            request.nodes.iter().filter(|node| is_page(node)).map(|node| node.upload.id).collect();
+        let mut held = std::mem::take(&mut self.held);
+        scene.remove_nodes(held.extract_if(.., |id| !wanted.contains(id)));
+        std::mem::take(&mut self.tables).into_iter().for_each(|table| scene.remove_table(table));
+        self.tables = request.tables.iter().map(|table| scene.insert_table(table.clone())).collect();
+        let mut known: HashSet<NodeId> = held.iter().copied().collect();
         let first = request.nodes.iter().filter(|node| known.insert(node.upload.id));
         scene.insert_nodes(first.map(|node| node.upload.clone()));
+        self.held = known.into_iter().collect();
+        self.particles = request.nodes.iter().map(|node| node.upload.payload.len() as u64).sum();
 
-        let size = UVec2::new(request.view.width, request.view.height);
+        self.resize(UVec2::new(request.view.width, request.view.height));
+        let item = |node: &HeadlessNode| DrawItem {
+            node: node.upload.id,
+            table: node.table.and_then(|table| self.tables.get(table).copied()),
+            weight_scale: node.weight_scale,
+            offset: node.offset,
+            sample: node.sample,
+        };
+        let items = request.nodes.iter().map(item).collect();
+        // Nothing is drawn before everything is there.
+        self.app.world_mut().entity_mut(self.camera).remove::<(
+            SplatView,
+            ModeView,
+            Composite,
+            LightView,
+            VolumeView,
+            Layered,
+            SortedSplats,
+            Spheres,
+        )>();
+        match self.upload(&scene, request, bytes) {
+            // What pictures before have left of the adapter's memory is in pieces.
+            Err(GpuError::OutOfMemory { .. }) if !wanted.is_empty() || scene.stats().resident_nodes > 0 => {
+                scene.remove_nodes(self.held.iter().copied());
+                let mut known = HashSet::new();
+                let first = request.nodes.iter().filter(|node| known.insert(node.upload.id));
+                scene.insert_nodes(first.map(|node| node.upload.clone()));
+                self.upload(&scene, request, bytes)?;
+            }
+            done => done?,
+        }
+        let view = SplatView {
+            view: request.view,
+            footprint: request.footprint,
+            backend: request.backend,
+            culling: request.culling,
+            faintest: request.faintest,
+            items,
+            always: false,
+        };
+        let mut camera = self.app.world_mut().entity_mut(self.camera);
+        camera.insert(view);
+        if let Some(mode) = &request.mode {
+            camera.insert(mode.clone());
+        }
+        Ok(())
+    }
+
+    /// Draws into a target of this size from now on.
+    fn resize(&mut self, size: UVec2) {
+        if self.size == size {
+            return;
+        }
         let mut target = Image::new_uninit(
             Extent3d { width: size.x, height: size.y, depth_or_array_layers: 1 },
             TextureDimension::D2,
@@ -111,36 +218,92 @@ impl HeadlessRenderer {
         );
         target.texture_descriptor.usage |=
             TextureUsages::RENDER_ATTACHMENT | TextureUsages::COPY_SRC | TextureUsages::TEXTURE_BINDING;
-        let target = app.world_mut().resource_mut::<Assets<Image>>().add(target);
-        let camera = app
-            .world_mut()
-            .spawn((
-                Camera3d::default(),
-                Camera { clear_color: ClearColorConfig::Custom(Color::BLACK), ..Camera::default() },
-                RenderTarget::Image(target.clone().into()),
-                Msaa::Off,
-                Tonemapping::None,
-                SplatView {
-                    view: request.view,
-                    footprint: request.footprint,
-                    backend: request.backend,
-                    culling: request.culling,
-                    faintest: request.faintest,
-                    items,
-                    always: false,
-                },
-            ))
-            .id();
-        if let Some(mode) = &request.mode {
-            app.world_mut().entity_mut(camera).insert(mode.clone());
+        let world = self.app.world_mut();
+        self.target = world.resource_mut::<Assets<Image>>().add(target);
+        world.entity_mut(self.camera).insert(RenderTarget::Image(self.target.clone().into()));
+        self.size = size;
+    }
+
+    /// Draws a volume of the particles, as often as asked: its light, what was found out, and the median milliseconds of its passes and
+    /// of a whole picture.
+    ///
+    /// # Errors
+    /// [`GpuError`]: a shader does not compile, the driver fails, or nothing fits.
+    pub fn volume(
+        &mut self,
+        mut volume: VolumeView,
+        repeat: u32,
+    ) -> Result<(Colors, VolumeFindings, (PassTimes, f64)), GpuError> {
+        let mut frames = Vec::new();
+        let mut passes = PassTimes::default();
+        let number = volume.light.as_ref().map_or(0, |job| job.number);
+        let found = loop {
+            let round = frames.len() as u64;
+            if let Some(job) = &mut volume.light {
+                job.number = number + (round << 32);
+            }
+            self.insert((LightView::default(), volume.clone()));
+            let wanted = volume.light.as_ref().map(|job| job.number);
+            let start = Instant::now();
+            let found = self.until(&mut passes, |found| match found.no_room {
+                no_room if no_room.is_some() && no_room == wanted => Err(()),
+                _ => Ok(found.drawn == wanted),
+            })?;
+            frames.push(start.elapsed().as_secs_f64() * 1e3);
+            // The first one compiles the shaders.
+            if frames.len() > repeat.max(1) as usize || repeat <= 1 {
+                break found;
+            }
+        };
+        if frames.len() > 1 {
+            frames.remove(0);
         }
-        app.finish();
-        app.cleanup();
-        let mut renderer =
-            HeadlessRenderer { app, camera, target, adapter: gpu.adapter, technique, particles: 0, size };
-        renderer.particles = request.nodes.iter().map(|node| node.upload.payload.len() as u64).sum();
-        renderer.upload(&scene, request, bytes)?;
-        Ok(renderer)
+        Ok((self.light()?, found, (passes, median(&mut frames))))
+    }
+
+    /// Draws what passes make of components in one frame, as often as asked: its light, and the median milliseconds of its passes and of a
+    /// frame.
+    ///
+    /// # Errors
+    /// As [`HeadlessRenderer::volume`].
+    pub fn frames(&mut self, components: impl Bundle, repeat: u32) -> Result<(Colors, (PassTimes, f64)), GpuError> {
+        self.insert((LightView::default(), components));
+        self.complete()?;
+        let (mut frames, passes) = self.measure(repeat)?;
+        Ok((self.light()?, (passes, median(&mut frames))))
+    }
+
+    /// Finds between which values the mass of the particles' field lies; `None` where there is none.
+    ///
+    /// # Errors
+    /// As [`HeadlessRenderer::volume`].
+    pub fn ranges(&mut self, volume: VolumeView) -> Result<Option<FieldRange>, GpuError> {
+        let wanted = volume.ranges.as_ref().map(|job| job.number);
+        self.insert((LightView::default(), volume));
+        let found = self.until(&mut PassTimes::default(), |found| match found.no_room {
+            no_room if no_room.is_some() && no_room == wanted => Err(()),
+            _ => Ok(found.ranges.map(|(number, _)| number) == wanted),
+        })?;
+        Ok(found.ranges.and_then(|(_, range)| range))
+    }
+
+    /// Draws frames until something has been found out; there is no room for it where `is_there` fails.
+    fn until(
+        &mut self,
+        passes: &mut PassTimes,
+        is_there: impl Fn(&VolumeFindings) -> Result<bool, ()>,
+    ) -> Result<VolumeFindings, GpuError> {
+        let start = Instant::now();
+        loop {
+            self.frame()?;
+            passes.collect(self.app.world());
+            let found = self.app.world().resource::<VolumeNews>().now();
+            match is_there(&found) {
+                Ok(true) => return Ok(found),
+                Ok(false) => self.check_shaders(start)?,
+                Err(()) => return Err(GpuError::NoRoom(format!("{}x{} pixels", self.size.x, self.size.y))),
+            }
+        }
     }
 
     /// The adapter's name and driver.
@@ -217,6 +380,25 @@ impl HeadlessRenderer {
         query.iter(world).next()
     }
 
+    /// Gives the camera more components, such as those of a mode's passes.
+    pub fn insert(&mut self, components: impl Bundle) {
+        self.app.world_mut().entity_mut(self.camera).insert(components);
+    }
+
+    fn cells(&mut self) -> Option<&LightCells> {
+        let world = self.render_world();
+        let mut query = world.query::<&LightCells>();
+        query.iter(world).next()
+    }
+
+    /// Whether all of the picture is there.
+    fn is_complete(&mut self) -> bool {
+        match self.app.world().get::<LightView>(self.camera) {
+            Some(_) => self.cells().is_some_and(|cells| cells.complete),
+            None => self.buffers().is_some_and(|buffers| buffers.accumulated.load(Ordering::Relaxed)),
+        }
+    }
+
     /// Draws frames until shaders are compiled and the picture is there.
     ///
     /// # Errors
@@ -225,20 +407,29 @@ impl HeadlessRenderer {
         let start = Instant::now();
         loop {
             self.frame()?;
-            if self.buffers().is_some_and(|buffers| buffers.accumulated.load(Ordering::Relaxed)) {
+            if self.is_complete() {
                 return Ok(());
             }
-            let world = self.render_world();
-            let error = world.get_resource::<PipelineCache>().and_then(pipeline_error);
-            if let Some(error) = error {
-                return Err(GpuError::Shader(error));
-            }
-            if start.elapsed() > PATIENCE {
-                return Err(GpuError::Shader("the shaders took too long to load".into()));
-            }
+            self.check_shaders(start)?;
+        }
+    }
+
+    /// Whether a picture that was begun at `start` may still come.
+    fn check_shaders(&mut self, start: Instant) -> Result<(), GpuError> {
+        let world = self.render_world();
+        let cache = world.get_resource::<PipelineCache>();
+        if let Some(error) = cache.and_then(pipeline_error) {
+            return Err(GpuError::Shader(error));
+        }
+        let is_compiling = cache.is_some_and(|cache| cache.waiting_pipelines().next().is_some());
+        if is_compiling && start.elapsed() > PATIENCE {
+            return Err(GpuError::Shader("the shaders took too long to load".into()));
+        }
+        if is_compiling {
             // Shader files are read on another thread.
             std::thread::sleep(Duration::from_millis(1));
         }
+        Ok(())
     }
 
     /// Milliseconds of `repeat` complete frames, and of their passes.
@@ -281,21 +472,20 @@ impl HeadlessRenderer {
     /// [`GpuError::Failed`].
     pub fn accumulation(&mut self, attribute: bool) -> Result<(Accumulation, Option<u64>), GpuError> {
         let failed = || GpuError::Failed("(reading the picture back)".into());
-        let device = self.app.world().resource::<RenderDevice>().clone();
-        let queue = self.app.world().resource::<bevy::render::renderer::RenderQueue>().clone();
+        let (device, queue) = self.gpu();
         let size = self.size;
         let buffers = self.buffers().ok_or_else(failed)?;
         let (width, stride) = (size.x as usize, buffers.stride as usize);
         let bytes = 8 * u64::from(buffers.stride) * u64::from(size.y);
         let cells = read_buffer(&device, &queue, &buffers.shared.cells, 0, bytes).ok_or_else(failed)?;
         let splats = match &buffers.bindings {
-            Bindings::Compute(bindings) if buffers.particles.is_empty() => {
+            Some(Bindings::Compute(bindings)) => {
                 // What is outside comes last and is not counted.
                 let outside = u64::from(buffers.grids.uniform.bin_count - 1) * 4;
                 let counted = read_buffer(&device, &queue, &bindings.starts, outside, 4).ok_or_else(failed)?;
                 counted.first_chunk::<4>().map(|bytes| u64::from(u32::from_le_bytes(*bytes)))
             }
-            Bindings::Compute(_) | Bindings::Raster(_) => None,
+            Some(Bindings::Raster(_)) | None => None,
         };
         let cells: &[[f32; 2]] = bytemuck::cast_slice(&cells);
         let cells = cells.chunks(stride).flat_map(|row| &row[..width.min(row.len())]);
@@ -309,24 +499,50 @@ impl HeadlessRenderer {
         Ok((accumulation, splats))
     }
 
+    /// Reads the light of the camera's passes back.
+    ///
+    /// # Errors
+    /// [`GpuError::Failed`].
+    pub fn light(&mut self) -> Result<Colors, GpuError> {
+        let failed = || GpuError::Failed("(reading the light back)".into());
+        let (device, queue) = self.gpu();
+        let cells = self.cells().ok_or_else(failed)?;
+        let [width, height] = cells.size;
+        let bytes = 16 * u64::from(width) * u64::from(height);
+        let rgba = read_buffer(&device, &queue, &cells.buffer, 0, bytes).ok_or_else(failed)?;
+        Ok(Colors { width, height, rgba: bytemuck::pod_collect_to_vec(&rgba) })
+    }
+
     /// Colours the picture and reads it back.
     ///
     /// # Errors
     /// [`GpuError::Failed`].
     pub fn colors(&mut self, transfer: &TransferFunction, accumulation: &Accumulation) -> Result<Picture, GpuError> {
         let composite = Composite::new(transfer, transfer.levels(accumulation), accumulation.has_attribute());
-        self.app.world_mut().entity_mut(self.camera).insert(composite);
+        self.insert(composite);
+        self.shown()
+    }
+
+    /// Reads back what the camera's target shows.
+    ///
+    /// # Errors
+    /// [`GpuError::Failed`].
+    pub fn shown(&mut self) -> Result<Picture, GpuError> {
         // The first frame compiles the pipeline.
         for _ in 0..3 {
             self.frame()?;
         }
         let failed = || GpuError::Failed("(reading the colours back)".into());
-        let device = self.app.world().resource::<RenderDevice>().clone();
-        let queue = self.app.world().resource::<bevy::render::renderer::RenderQueue>().clone();
+        let (device, queue) = self.gpu();
         let (target, size) = (self.target.clone(), self.size);
         let images = self.render_world().resource::<RenderAssets<GpuImage>>();
         let image = images.get(&target).ok_or_else(failed)?;
         let rgba = read_texture(&device, &queue, &image.texture, size).ok_or_else(failed)?;
         Ok(Picture { width: size.x, height: size.y, rgba })
+    }
+
+    fn gpu(&self) -> (RenderDevice, RenderQueue) {
+        let world = self.app.world();
+        (world.resource::<RenderDevice>().clone(), world.resource::<RenderQueue>().clone())
     }
 }

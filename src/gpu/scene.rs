@@ -53,8 +53,10 @@ pub struct RawParticle {
     pub weight: f32,
     /// The attribute `a`; `w a` is accumulated into `P S`.
     pub attribute: f32,
+    /// Its own density, for modes that draw with it; 0 for others.
+    pub density: f32,
     /// Makes it eight numbers.
-    pub unused: [f32; 2],
+    pub unused: f32,
 }
 
 /// The particles of one node. Packed positions are those of [`crate::codec::coordinates`].
@@ -183,12 +185,27 @@ pub struct SceneStats {
     pub upload_bytes_per_frame: u64,
 }
 
+/// What the codes of nodes mean in one mode.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Table {
+    /// For each code.
+    pub entries: Vec<TableEntry>,
+    /// Each code's own density, for modes that draw with it; empty for others.
+    pub densities: Vec<f32>,
+}
+
+impl From<Vec<TableEntry>> for Table {
+    fn from(entries: Vec<TableEntry>) -> Table {
+        Table { entries, densities: Vec::new() }
+    }
+}
+
 /// What the render world has to carry out.
 #[derive(Debug)]
 pub(super) enum SceneCommand {
     Insert(NodeUpload),
     Remove(NodeId),
-    InsertTable(TableId, Vec<TableEntry>),
+    InsertTable(TableId, Table),
     RemoveTable(TableId),
 }
 
@@ -250,11 +267,11 @@ impl ParticleScene {
 
     /// Uploads a table of up to 65536 entries: what the codes of a node mean in one mode (one table for each level and
     /// family of a file). Codes beyond its end draw its last entry.
-    pub fn insert_table(&self, entries: Vec<TableEntry>) -> TableId {
+    pub fn insert_table(&self, table: impl Into<Table>) -> TableId {
         let mut state = self.lock();
         let id = TableId(state.next_table);
         state.next_table += 1;
-        state.queue.push_back(SceneCommand::InsertTable(id, entries));
+        state.queue.push_back(SceneCommand::InsertTable(id, table.into()));
         id
     }
 

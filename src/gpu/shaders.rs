@@ -1,7 +1,7 @@
 //! The shaders, embedded in the program so that an installed one needs no folder beside it.
 
 use super::splat::constants;
-use super::volume;
+use super::{tiles, volume};
 use bevy::asset::io::embedded::EmbeddedAssetRegistry;
 use bevy::prelude::*;
 use bevy::shader::Shader;
@@ -62,13 +62,36 @@ pub const SHADERS: &[(&str, &str)] = &[
     ("splat/reconstruct.wgsl", include_str!("../../shaders/splat/reconstruct.wgsl")),
     ("lib/volume_view.wgsl", include_str!("../../shaders/lib/volume_view.wgsl")),
     ("lib/prefix.wgsl", include_str!("../../shaders/lib/prefix.wgsl")),
+    ("volume/project.wgsl", include_str!("../../shaders/volume/project.wgsl")),
     ("volume/bin.wgsl", include_str!("../../shaders/volume/bin.wgsl")),
     ("volume/scan.wgsl", include_str!("../../shaders/volume/scan.wgsl")),
     ("volume/sort.wgsl", include_str!("../../shaders/volume/sort.wgsl")),
     ("volume/plan.wgsl", include_str!("../../shaders/volume/plan.wgsl")),
     ("volume/gather.wgsl", include_str!("../../shaders/volume/gather.wgsl")),
+    ("volume/measure.wgsl", include_str!("../../shaders/volume/measure.wgsl")),
     ("volume/occlusion.wgsl", include_str!("../../shaders/volume/occlusion.wgsl")),
     ("volume/raycast.wgsl", include_str!("../../shaders/volume/raycast.wgsl")),
+    ("lib/frame.wgsl", include_str!("../../shaders/lib/frame.wgsl")),
+    ("composite/light.wgsl", include_str!("../../shaders/composite/light.wgsl")),
+    ("measure/reduce.wgsl", include_str!("../../shaders/measure/reduce.wgsl")),
+    ("lib/tile_view.wgsl", include_str!("../../shaders/lib/tile_view.wgsl")),
+    ("lib/tile_walk.wgsl", include_str!("../../shaders/lib/tile_walk.wgsl")),
+    ("lib/matter.wgsl", include_str!("../../shaders/lib/matter.wgsl")),
+    ("sort/scan.wgsl", include_str!("../../shaders/sort/scan.wgsl")),
+    ("tiles/gather.wgsl", include_str!("../../shaders/tiles/gather.wgsl")),
+    ("tiles/plan.wgsl", include_str!("../../shaders/tiles/plan.wgsl")),
+    ("tiles/pairs.wgsl", include_str!("../../shaders/tiles/pairs.wgsl")),
+    ("sorted/arrange.wgsl", include_str!("../../shaders/sorted/arrange.wgsl")),
+    ("sorted/blend.wgsl", include_str!("../../shaders/sorted/blend.wgsl")),
+    ("lib/sphere_view.wgsl", include_str!("../../shaders/lib/sphere_view.wgsl")),
+    ("spheres/arrange.wgsl", include_str!("../../shaders/spheres/arrange.wgsl")),
+    ("spheres/nearest.wgsl", include_str!("../../shaders/spheres/nearest.wgsl")),
+    ("spheres/surface.wgsl", include_str!("../../shaders/spheres/surface.wgsl")),
+    ("lib/tile_reach.wgsl", include_str!("../../shaders/lib/tile_reach.wgsl")),
+    ("lib/splat_pixel.wgsl", include_str!("../../shaders/lib/splat_pixel.wgsl")),
+    ("lib/layer_view.wgsl", include_str!("../../shaders/lib/layer_view.wgsl")),
+    ("layered/arrange.wgsl", include_str!("../../shaders/layered/arrange.wgsl")),
+    ("layered/blend.wgsl", include_str!("../../shaders/layered/blend.wgsl")),
     ("composite/composite.wgsl", include_str!("../../shaders/composite/composite.wgsl")),
 ];
 
@@ -76,7 +99,8 @@ pub const SHADERS: &[(&str, &str)] = &[
 pub fn sources() -> impl Iterator<Item = (&'static str, Cow<'static, str>)> {
     let files = SHADERS.iter().map(|&(path, text)| (path, Cow::Borrowed(text)));
     let volume = (volume::constants::PATH, Cow::Owned(volume::constants::wgsl()));
-    files.chain([(constants::PATH, Cow::Owned(constants::wgsl())), volume])
+    let tiles = (tiles::constants::PATH, Cow::Owned(tiles::constants::wgsl()));
+    files.chain([(constants::PATH, Cow::Owned(constants::wgsl())), volume, tiles])
 }
 
 /// The shaders that others import; held, or the imports would never resolve.

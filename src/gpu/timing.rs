@@ -17,7 +17,7 @@ pub struct TimedPasses(pub Vec<&'static str>);
 
 impl Default for TimedPasses {
     fn default() -> TimedPasses {
-        TimedPasses(vec!["project", "accumulate", "reconstruct", "composite"])
+        TimedPasses(vec!["project", "accumulate", "reconstruct", "list", "composite"])
     }
 }
 

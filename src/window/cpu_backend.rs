@@ -1,5 +1,4 @@
-//! Drawing with the processor, on background tasks: the whole picture for the `cpu` backend, and for every backend the
-//! measurement of how bright the view is.
+//! Drawing with the processor, on background tasks, and the measurement of how bright the view is; idle while an adapter draws.
 //!
 //! While the view moves, as large a sample of the particles is drawn as the preset's time for a picture allows, with fewer
 //! pixels where that is not all of them; volumes have a fixed limit, and as many pixels as there is time for. When the
@@ -19,11 +18,10 @@ use super::scene::{Scene, Settings};
 use super::state::notices::Notices;
 use super::statistics::{ActiveBackend, Converged, Statistics};
 use super::touring::Before;
-use super::volume_caster::VolumeCaster;
 use crate::color::composite::composite_at;
 use crate::color::transfer::{Levels, TransferFunction};
 use crate::color::{Accumulation, Image as Colors};
-use crate::cpu::volume::{CpuRayCaster, OpaqueDepths, RayCaster};
+use crate::cpu::volume::OpaqueDepths;
 use crate::mode::{Adapter, Footprint, LodBudget, Plan, Raw};
 use crate::picture::Subject;
 use crate::picture::drawing_cost::DrawingCost;
@@ -66,8 +64,6 @@ struct PaintedPicture {
     image: Colors,
     levels: Levels,
     transfer: TransferFunction,
-    /// Why not the adapter but the processor has drawn it.
-    trouble: Option<String>,
     /// How many particles it took, where those are not all.
     sampled: Option<u64>,
     opaque: Option<Arc<OpaqueDepths>>,
@@ -85,7 +81,7 @@ struct Done {
     complete: bool,
     exposure: Exposure,
     /// The picture in colours, and what they were made with.
-    colors: Option<(Colors, Levels, TransferFunction)>,
+    colors: (Colors, Levels, TransferFunction),
 }
 
 /// The processor's picture and the task that draws the next one.
@@ -97,7 +93,6 @@ pub struct CpuPicture {
     colored: Option<(DrawKey, Levels, TransferFunction)>,
     drawing_cost: DrawingCost,
     moved: Option<([u64; 2], Instant)>,
-    measured: Option<Instant>,
     /// What the task draws, and what could not be drawn.
     tried: Option<(DrawKey, TransferFunction)>,
     failed: Option<(DrawKey, TransferFunction)>,
@@ -109,24 +104,11 @@ pub struct CpuPicture {
 }
 
 impl CpuPicture {
-    /// What the last picture left out: what the next one may leave out too.
-    pub fn plan(&self) -> Plan {
-        self.plan
-    }
-
     /// Whether the view or its nodes have changed a moment ago.
     pub fn is_moving(&self, motion: &MotionPreset) -> bool {
         self.moved.is_some_and(|(_, since)| since.elapsed().as_millis() < u128::from(motion.rest_ms))
     }
-
-    /// Whether the present selection has been drawn or measured.
-    pub fn is_current(&self, selection: &ViewSelection) -> bool {
-        self.drawn.as_ref().is_some_and(|drawn| drawn.key.selection == selection.revision)
-    }
 }
-
-/// Least time between two measurements of a view that moves and that the GPU draws, milliseconds.
-const MEASURE_MS: u128 = 300;
 
 /// Takes in what has been drawn, and starts to draw what is wanted now.
 pub(super) fn draw_on_cpu(
@@ -140,18 +122,13 @@ pub(super) fn draw_on_cpu(
     mut statistics: ResMut<Statistics>,
     mut converged: ResMut<Converged>,
     mut occlusion: ResMut<Occlusion>,
-    (mut messages, mut caster): (ResMut<Notices>, ResMut<VolumeCaster>),
+    mut messages: ResMut<Notices>,
     (live, settings, held): (Res<LiveParticles>, Res<Settings>, Res<Held>),
 ) {
     let cpu = &mut *cpu;
-    let cast = look.as_ref().is_some_and(|look| look.depiction.mode.technique.adapter() == Adapter::RayMarcher)
-        && caster.is_on_adapter();
-    if !cast {
-        caster.rest();
-    }
-    let name = if cast { "compute" } else { "cpu" };
-    if *backend == ActiveBackend::Cpu && statistics.backend != name {
-        statistics.backend = name.to_owned();
+    let on_cpu = *backend == ActiveBackend::Cpu;
+    if on_cpu && statistics.backend != "cpu" {
+        "cpu".clone_into(&mut statistics.backend);
     }
     let (Some(scene), Some(look), Some(view)) = (scene, look, selection.view) else {
         cpu.task = None;
@@ -161,21 +138,27 @@ pub(super) fn draw_on_cpu(
     if cpu.moved.is_none_or(|(before, _)| before != revisions) {
         cpu.moved = Some((revisions, Instant::now()));
     }
+    if !on_cpu {
+        // Nothing of it is shown, and pages are not decoded for nothing.
+        *cpu = CpuPicture { moved: cpu.moved, ..default() };
+        return;
+    }
     if let Some(outcome) = cpu.task.as_mut().and_then(check_ready) {
         cpu.task = None;
         match outcome {
             Ok(done) => {
-                if let Some(trouble) = done.drawn.painted.as_ref().and_then(|painted| painted.trouble.clone()) {
-                    messages.error(format!("{trouble}; the processor draws instead"));
-                    caster.give_up();
-                }
                 let state = done.drawn.key.live;
                 let painted = done.drawn.painted.as_ref();
                 let opaque = painted.and_then(|painted| painted.opaque.clone());
                 // Live particles hide nothing of the file.
                 let opaque = opaque.filter(|_| live.particles().is_none());
-                occlusion.drew(opaque, (done.drawn.key.generation, done.drawn.key.depiction), done.complete);
-                take_in(cpu, done, *backend, &mut exposure, &mut statistics);
+                // Of the other modes, pictures with and without what is hidden have been found to differ at silhouettes here.
+                let opaque = opaque.filter(|_| look.depiction.mode.technique.adapter() == Adapter::Light);
+                // A sample's wider kernels may hide what all particles together do not: it says nothing.
+                if painted.is_none_or(|painted| painted.sampled.is_none()) {
+                    occlusion.drew(opaque, (done.drawn.key.generation, done.drawn.key.depiction), done.complete);
+                }
+                take_in(cpu, done, &mut exposure, &mut statistics);
                 statistics.live = live.particles().map(|_| state);
             }
             Err(error) => {
@@ -192,9 +175,7 @@ pub(super) fn draw_on_cpu(
     let fixed_discs = matches!(look.depiction.footprint(), Footprint::Pixels(_));
     let full = picture.size();
     let limit = match preset.drawing.frame_ms {
-        frame_ms if frame_ms > 0.0 && moving && *backend == ActiveBackend::Cpu => {
-            cpu.drawing_cost.limit(frame_ms, motion.sample_sizes())
-        }
+        frame_ms if frame_ms > 0.0 && moving => cpu.drawing_cost.limit(frame_ms, motion.sample_sizes()),
         _ => u64::MAX,
     };
     let painted = look.depiction.mode.is_light();
@@ -204,7 +185,7 @@ pub(super) fn draw_on_cpu(
             let last = cpu.drawn.as_ref().filter(|drawn| drawn.painted.is_some());
             moving_size(full, last.map(|drawn| (drawn.key.size, drawn.milliseconds)), budget, motion)
         }
-        false => drawing_size(full, statistics.particles > limit, *backend, fixed_discs, motion),
+        false => drawing_size(full, statistics.particles > limit, fixed_discs, motion),
     };
     let key = DrawKey {
         selection: selection.revision,
@@ -212,7 +193,7 @@ pub(super) fn draw_on_cpu(
         depiction: look.depiction_revision,
         generation: scene.generation,
         size,
-        particles: volume_limit(painted && moving, caster.is_on_adapter(), statistics.particles, motion),
+        particles: volume_limit(painted && moving, false, statistics.particles, motion),
     };
     // Ranges that are given are not looked for in each picture.
     let given = held.0.filter(|levels| painted && levels.p[0] > 0.0 && levels.p[0] < levels.p[1]);
@@ -223,12 +204,10 @@ pub(super) fn draw_on_cpu(
         .colored
         .as_ref()
         .is_some_and(|(drawn, levels, with)| *drawn == key && *levels == look.levels && *with == transfer);
-    let current = drawn.is_some() && (*backend == ActiveBackend::Gpu || colored);
-    if *backend == ActiveBackend::Cpu {
-        // What is hidden may have changed with the last picture.
-        let chosen = selection.complete && selection.occlusion == occlusion.revision;
-        converged.0 = current && chosen && !moving && size == full && look.settled;
-    }
+    let current = drawn.is_some() && colored;
+    // What is hidden may have changed with the last picture.
+    let chosen = selection.complete && selection.occlusion == occlusion.revision;
+    converged.0 = current && chosen && !moving && size == full && look.settled;
     // The ranges of a transfer function that has changed are measured in the picture that is there.
     if cpu.task.is_some() || (current && look.settled && !look.is_changed()) {
         return;
@@ -241,12 +220,6 @@ pub(super) fn draw_on_cpu(
     if cpu.failed.as_ref() == Some(&trial) {
         return;
     }
-    // While the adapter draws, ranges are measured only so often: drawing has the processor first.
-    let paced = cpu.measured.is_none_or(|since| since.elapsed().as_millis() > MEASURE_MS);
-    if *backend == ActiveBackend::Gpu && moving && !paced {
-        return;
-    }
-    cpu.measured = Some(Instant::now());
     cpu.tried = Some(trial);
     let drawn_with = |drawn: &&Drawn| drawn.painted.as_ref().is_none_or(|painted| painted.transfer == transfer);
     let reused = drawn.filter(drawn_with).cloned();
@@ -260,13 +233,11 @@ pub(super) fn draw_on_cpu(
         }
         None => Source::Nodes(Arc::clone(&selection.nodes)),
     };
-    let (levels, lod_budget, on_cpu) = (look.levels, look.lod_budget, *backend == ActiveBackend::Cpu);
+    let (levels, lod_budget) = (look.levels, look.lod_budget);
     let complete = selection.complete;
     let (known, old_plan) = (look.settled.then_some(look.levels), cpu.plan);
     // Finding a plan takes longer than there is between two pictures of a motion.
-    let kept_plan = (moving && *backend == ActiveBackend::Cpu).then_some(old_plan);
-    // Splats have no use for it.
-    let caster: Arc<dyn RayCaster> = if cast { caster.caster() } else { Arc::new(CpuRayCaster) };
+    let kept_plan = moving.then_some(old_plan);
     cpu.task = Some(AsyncComputeTaskPool::get().spawn(async move {
         let (drawn, plan, taken, cut) = match reused {
             Some(drawn) => (drawn, old_plan, None, false),
@@ -275,19 +246,18 @@ pub(super) fn draw_on_cpu(
                 let (own, nodes) = source.nodes(&view)?;
                 let metadata = own.as_ref().map_or(file.metadata(), |tree| tree.metadata());
                 let subject = Subject::new(metadata, &depiction, &transfer, diameter);
-                let subject = Subject { caster: &*caster, ..subject };
                 let limits = match (&own, painted) {
                     (Some(_), _) => Limits { lod_budget: LodBudget::NONE, plan: None, particles: u64::MAX },
                     (None, true) => Limits { lod_budget: LodBudget::NONE, plan: None, particles: key.particles },
                     (None, false) => Limits { lod_budget, plan: kept_plan, particles: limit },
                 };
-                let outcome = draw(&subject, &nodes, (&view, size), &limits, known, on_cpu);
-                let Outcome { values, plan, taken, is_cut, trouble } = outcome.map_err(|error| error.to_string())?;
+                let outcome = draw(&subject, &nodes, (&view, size), &limits, known);
+                let Outcome { values, plan, taken, is_cut } = outcome.map_err(|error| error.to_string())?;
                 let milliseconds = 1000.0 * start.elapsed().as_secs_f64();
                 let sampled = is_cut.then_some(taken);
                 let painted = |image, levels, opaque, sampled| {
                     let transfer = transfer.clone();
-                    let painted = Arc::new(PaintedPicture { image, levels, transfer, trouble, sampled, opaque });
+                    let painted = Arc::new(PaintedPicture { image, levels, transfer, sampled, opaque });
                     (
                         Drawn { key, picture: Arc::default(), painted: Some(painted), milliseconds },
                         old_plan,
@@ -302,9 +272,7 @@ pub(super) fn draw_on_cpu(
                     }
                     Some(Raw::Light(light)) => {
                         let found = Levels { p: light.levels.density, s: light.levels.attribute };
-                        // A sample's wider kernels may hide what all particles together do not.
-                        let opaque = light.report.opaque.filter(|_| sampled.is_none());
-                        painted(light.colors.image(), found, opaque, sampled)
+                        painted(light.colors.image(), found, light.report.opaque, sampled)
                     }
                     // A view without data is a black picture, and no error.
                     None => painted(Colors::black(size.x, size.y), levels, None, None),
@@ -314,11 +282,10 @@ pub(super) fn draw_on_cpu(
         let (exposure, colors) = match &drawn.painted {
             Some(painted) => {
                 let exposure = Exposure::of_codebooks(file.metadata(), &depiction, &transfer, painted.levels);
-                (exposure, on_cpu.then(|| (painted.image.clone(), levels, transfer.clone())))
+                (exposure, (painted.image.clone(), levels, transfer.clone()))
             }
             None => {
-                let colors =
-                    on_cpu.then(|| (composite_at(&drawn.picture, &transfer, &levels), levels, transfer.clone()));
+                let colors = (composite_at(&drawn.picture, &transfer, &levels), levels, transfer.clone());
                 (Exposure::of(&drawn.picture, &transfer), colors)
             }
         };
@@ -327,25 +294,16 @@ pub(super) fn draw_on_cpu(
 }
 
 /// Takes in a finished task's work.
-fn take_in(
-    cpu: &mut CpuPicture,
-    done: Done,
-    backend: ActiveBackend,
-    exposure: &mut ResMut<Exposure>,
-    statistics: &mut ResMut<Statistics>,
-) {
+fn take_in(cpu: &mut CpuPicture, done: Done, exposure: &mut ResMut<Exposure>, statistics: &mut ResMut<Statistics>) {
     exposure.set_if_neq(done.exposure);
-    if let Some((colors, levels, transfer)) = done.colors
-        && backend == ActiveBackend::Cpu
-    {
-        cpu.count += 1;
-        cpu.finished = Some((cpu.count, Arc::new(colors)));
-        cpu.colored = Some((done.drawn.key, levels, transfer));
-        if let Some(taken) = done.taken {
-            statistics.draw_ms = Some(done.drawn.milliseconds);
-            statistics.sampled = done.cut.then_some(taken);
-            cpu.drawing_cost.drew(taken, done.drawn.milliseconds);
-        }
+    let (colors, levels, transfer) = done.colors;
+    cpu.count += 1;
+    cpu.finished = Some((cpu.count, Arc::new(colors)));
+    cpu.colored = Some((done.drawn.key, levels, transfer));
+    if let Some(taken) = done.taken {
+        statistics.draw_ms = Some(done.drawn.milliseconds);
+        statistics.sampled = done.cut.then_some(taken);
+        cpu.drawing_cost.drew(taken, done.drawn.milliseconds);
     }
     if let Some(painted) = &done.drawn.painted {
         statistics.draw_ms = Some(done.drawn.milliseconds);

@@ -5,6 +5,7 @@
 //! a hole.
 
 use super::cpu_backend::CpuPicture;
+use super::exposure::Exposure;
 use super::live::LiveParticles;
 use super::look::Look;
 use super::pages::{GpuSlot, PageCopies, PageKey, PageStatus, Streaming, ViewSelection};
@@ -14,20 +15,26 @@ use super::scene::{Scene, Settings};
 use super::state::notices::Notices;
 use super::statistics::{ActiveBackend, Converged, Statistics};
 use super::touring::Before;
-use super::volume_caster::VolumeCaster;
+use crate::color::Accumulation;
+use crate::gpu::measure::{Measure, MeasuredPicture};
 use crate::gpu::page_copies::{self, CopyState, node_id};
 use crate::gpu::timing::TimedPasses;
-use crate::gpu::{self, Composite, DrawItem, Fading, ModeView, ParticleScene, SplatView};
+use crate::gpu::{self, Composite, DrawItem, Fading, LightView, ModeView, ParticleScene, SplatView, VolumeView};
 use crate::gpu::{Capabilities, TableId, Technique, Withheld};
-use crate::mode::{Adapter, Footprint, Plan};
+use crate::mode::{Adapter, Footprint, LodBudget, Plan};
 use crate::modes;
+use crate::picture::Subject;
+use crate::picture::decode::reach;
 use crate::picture::drawing_cost::{self, DrawingCost};
 use crate::store::Metadata;
+use crate::stream::SceneNode;
+use crate::view::Extent;
 use bevy::diagnostic::DiagnosticsStore;
 use bevy::prelude::*;
 use bevy::render::renderer::{RenderAdapter, RenderAdapterInfo, RenderDevice};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
+use wgpu::DeviceType;
 
 /// What the renderer holds for the present look of the present file.
 #[derive(Resource, Default)]
@@ -38,6 +45,11 @@ pub struct GpuTables {
     tables: Vec<Vec<(TableId, f32)>>,
     /// The selection that the camera draws, what the settings leave out of it, and whether it moves.
     drawn: Option<(u64, Plan, bool)>,
+    /// What the camera draws.
+    items: Arc<[DrawItem]>,
+    /// When a picture was last taken for ranges and histograms.
+    measured: Option<Instant>,
+    exposed: Option<usize>,
     drawing_cost: DrawingCost,
     /// Particles that the last pictures took, and when the last one was changed.
     taken: [u64; 3],
@@ -49,6 +61,9 @@ pub struct GpuTables {
     /// The file for which it was told that the graphics memory is full.
     told_full: Option<u32>,
 }
+
+/// Least time between two looks at how bright a view is that moves.
+const MEASURE_EVERY: Duration = Duration::from_millis(100);
 
 /// Whether something else draws the mode on an adapter than before.
 pub(super) fn technique_changed(settings: Res<Settings>, mut before: Local<Option<Adapter>>) -> bool {
@@ -70,16 +85,20 @@ pub(super) fn choose_backend(
     mut tables: ResMut<GpuTables>,
     mut cameras: Query<(Entity, &mut Camera), With<DataCamera>>,
     mut notices: ResMut<Notices>,
-    (caster, live): (Res<VolumeCaster>, Res<LiveParticles>),
+    live: Res<LiveParticles>,
     slots: Query<Entity, With<GpuSlot>>,
 ) {
     let asked = preset.drawing.backend;
     let mode = settings.map_or(modes::first(), |settings| settings.mode);
     let adapter_of_mode = mode.technique.adapter();
-    let by_pages = matches!(adapter_of_mode, Adapter::Splats | Adapter::Plugin);
+    // A driver without a graphics card draws on the processor too, and volumes slower than our own renderer.
+    let is_card = info.as_ref().is_some_and(|info| info.device_type != DeviceType::Cpu);
     let wanted = match asked {
         // What changes every frame has no pages to copy.
-        _ if !by_pages || live.particles().is_some() => None,
+        _ if matches!(adapter_of_mode, Adapter::None | Adapter::Tiles) || live.particles().is_some() => None,
+        Backend::Compute if adapter_of_mode == Adapter::Light => Some(gpu::Backend::Compute),
+        Backend::Auto if adapter_of_mode == Adapter::Light && is_card => Some(gpu::Backend::Compute),
+        _ if adapter_of_mode == Adapter::Light => None,
         Backend::Auto | Backend::Compute | Backend::Raster if adapter_of_mode == Adapter::Plugin => {
             Some(gpu::Backend::Compute)
         }
@@ -95,7 +114,7 @@ pub(super) fn choose_backend(
             let capabilities = Capabilities::of(device, adapter, info, Withheld::default());
             let found = capabilities.technique(wanted);
             let other = match adapter_of_mode {
-                Adapter::Plugin => found,
+                Adapter::Plugin | Adapter::Light => found,
                 _ => found.or_else(|_| capabilities.technique(gpu::Backend::Auto)),
             };
             (other.ok(), found.err())
@@ -118,8 +137,7 @@ pub(super) fn choose_backend(
     if *active == wanted && copies.0 == uses_copies {
         return;
     }
-    let marched = adapter_of_mode == Adapter::RayMarcher && caster.is_on_adapter();
-    if !(by_pages || marched) {
+    if matches!(adapter_of_mode, Adapter::None | Adapter::Tiles) {
         notices.info(format!("the processor draws {}", mode.name));
     }
     *active = wanted;
@@ -130,14 +148,14 @@ pub(super) fn choose_backend(
     });
     for (entity, mut camera) in &mut cameras {
         camera.is_active = uses_copies;
-        commands.entity(entity).remove::<(SplatView, Composite, ModeView)>();
+        commands.entity(entity).remove::<(SplatView, Composite, ModeView, LightView, VolumeView, Measure)>();
     }
 }
 
 /// Gives the arena the preset's budgets.
 pub(super) fn follow_budgets(preset: Res<Preset>, particles: Res<ParticleScene>) {
     let residency = &preset.residency;
-    particles.set_budgets(residency.gpu_budget_mib << 20, residency.upload_mib << 20);
+    particles.set_budgets(residency.gpu_bytes()[0], residency.upload_mib << 20);
 }
 
 /// Notes pages that have arrived in the arena.
@@ -219,6 +237,69 @@ fn make_tables(particles: &ParticleScene, look: &Look, metadata: &Metadata) -> V
     metadata.families.iter().map(|family| family.codebooks.iter().map(|book| table(family, book)).collect()).collect()
 }
 
+/// What is drawn of a selection.
+pub(super) struct Listed {
+    /// The nodes.
+    pub items: Arc<[DrawItem]>,
+    /// How far the particles of each reach.
+    pub extents: Arc<[Extent]>,
+    /// What is left out of them.
+    pub plan: Plan,
+    /// How many particles are drawn.
+    pub taken: u64,
+}
+
+impl GpuTables {
+    /// Has tables for a look; true where they are other ones than before.
+    pub(super) fn follow(&mut self, particles: &ParticleScene, look: &Look, scene: &Scene) -> bool {
+        let wanted = (scene.generation, look.depiction_revision);
+        if self.made_for == Some(wanted) {
+            return false;
+        }
+        let made = make_tables(particles, look, scene.file.metadata());
+        let old = std::mem::replace(&mut self.tables, made);
+        old.into_iter().flatten().for_each(|(table, _)| particles.remove_table(table));
+        self.made_for = Some(wanted);
+        self.drawn = None;
+        true
+    }
+
+    /// Lists what is drawn of a selection: as even a sample as is within `limit` particles, else what `usual` says.
+    pub(super) fn list(
+        &self,
+        selection: &ViewSelection,
+        look: &Look,
+        scene: &Scene,
+        (limit, usual): (u64, Plan),
+    ) -> Listed {
+        let Some(view) = selection.view else {
+            return Listed { items: Arc::default(), extents: Arc::default(), plan: usual, taken: 0 };
+        };
+        let metadata = scene.file.metadata();
+        let important: Vec<Vec<f32>> =
+            self.tables.iter().map(|books| books.iter().map(|table| table.1).collect()).collect();
+        let (plan, taken) =
+            drawing_cost::within(limit, usual, &view, &look.depiction, metadata, &selection.nodes, &important);
+        let item = |drawn: &SceneNode| {
+            let node = drawn.page.nodes.get(drawn.node.node as usize)?;
+            let family = metadata.families.get(drawn.page.family as usize)?;
+            let tables = self.tables.get(drawn.page.family as usize)?;
+            let (table, most_important) = *tables.get(usize::from(node.codebook))?;
+            let sample = plan.sample(&view.of_image(drawn.offset), &look.depiction, family, node, most_important);
+            let item = DrawItem {
+                node: node_id(scene.generation, drawn.node.page, drawn.node.node),
+                table: Some(table),
+                weight_scale: look.depiction.node_scale(node),
+                offset: drawn.offset,
+                sample,
+            };
+            Some((item, reach(drawn, sample.growth)))
+        };
+        let (items, extents): (Vec<_>, Vec<_>) = selection.nodes.iter().filter_map(item).unzip();
+        Listed { items: items.into(), extents: extents.into(), plan, taken }
+    }
+}
+
 /// Tells the data camera what to draw and how to show it.
 pub(super) fn draw_on_gpu(
     mut commands: Commands,
@@ -227,8 +308,9 @@ pub(super) fn draw_on_gpu(
     scene: Option<Res<Scene>>,
     look: Option<Res<Look>>,
     selection: Res<ViewSelection>,
-    (measured, preset, before): (Res<CpuPicture>, Res<Preset>, Res<Before>),
+    (motion, preset, before): (Res<CpuPicture>, Res<Preset>, Res<Before>),
     (diagnostics, timed): (Option<Res<DiagnosticsStore>>, Res<TimedPasses>),
+    (measured, mut exposure): (Res<MeasuredPicture>, ResMut<Exposure>),
     mut tables: ResMut<GpuTables>,
     mut converged: ResMut<Converged>,
     mut statistics: ResMut<Statistics>,
@@ -238,50 +320,35 @@ pub(super) fn draw_on_gpu(
         return;
     }
     let Some(technique) = tables.technique else { return };
+    let (Some(scene), Some(look), Some(view)) = (scene, look, selection.view) else { return };
+    if look.depiction.mode.technique.adapter() == Adapter::Light {
+        return;
+    }
     if statistics.backend != technique.name() {
         technique.name().clone_into(&mut statistics.backend);
     }
-    let (Some(scene), Some(look), Some(view)) = (scene, look, selection.view) else { return };
     let (entity, composite) = camera.into_inner();
     let metadata = scene.file.metadata();
-    let wanted = (scene.generation, look.depiction_revision);
-    if tables.made_for != Some(wanted) {
-        let old = std::mem::replace(&mut tables.tables, make_tables(&particles, &look, metadata));
-        old.into_iter().flatten().for_each(|(table, _)| particles.remove_table(table));
-        tables.made_for = Some(wanted);
-        tables.drawn = None;
+    let tables = &mut *tables;
+    if tables.follow(&particles, &look, &scene) {
         let (mode, settings) = (look.depiction.mode, look.depiction.settings.clone());
-        commands.entity(entity).insert(ModeView { mode, settings });
+        commands.entity(entity).insert((ModeView { mode, settings }, Measure)).remove::<(LightView, VolumeView)>();
     }
     let frame_ms = preset.drawing.frame_ms;
-    let (usual, moving) = (measured.plan(), measured.is_moving(&preset.motion) && frame_ms > 0.0);
-    if tables.drawn != Some((selection.revision, usual, moving)) {
-        tables.drawn = Some((selection.revision, usual, moving));
-        let limit = if moving { tables.drawing_cost.limit(frame_ms, preset.motion.sample_sizes()) } else { u64::MAX };
-        let important: Vec<Vec<f32>> =
-            tables.tables.iter().map(|books| books.iter().map(|table| table.1).collect()).collect();
-        let (plan, taken) =
-            drawing_cost::within(limit, usual, &view, &look.depiction, metadata, &selection.nodes, &important);
+    let moving = motion.is_moving(&preset.motion);
+    // Samples that are weighed take particles to plan; the adapter draws all of them at rest.
+    let lod_budget = LodBudget { thinning: 0.0, ..look.lod_budget };
+    let subject = Subject::new(metadata, &look.depiction, &look.transfer, 0.0);
+    let usual = subject.plan(&view, &[], &lod_budget, Some(look.levels)).unwrap_or_default();
+    let pressed = moving && frame_ms > 0.0;
+    if tables.drawn != Some((selection.revision, usual, pressed)) {
+        tables.drawn = Some((selection.revision, usual, pressed));
+        let limit = if pressed { tables.drawing_cost.limit(frame_ms, preset.motion.sample_sizes()) } else { u64::MAX };
+        let Listed { items, plan, taken, .. } = tables.list(&selection, &look, &scene, (limit, usual));
         statistics.sampled = (plan != usual).then_some(taken);
         tables.taken = [taken, tables.taken[0], tables.taken[1]];
         tables.changed = Some(Instant::now());
-        let items: Vec<DrawItem> = selection
-            .nodes
-            .iter()
-            .filter_map(|drawn| {
-                let node = drawn.page.nodes.get(drawn.node.node as usize)?;
-                let family = metadata.families.get(drawn.page.family as usize)?;
-                let tables = tables.tables.get(drawn.page.family as usize)?;
-                let (table, most_important) = *tables.get(usize::from(node.codebook))?;
-                Some(DrawItem {
-                    node: node_id(scene.generation, drawn.node.page, drawn.node.node),
-                    table: Some(table),
-                    weight_scale: look.depiction.node_scale(node),
-                    offset: drawn.offset,
-                    sample: plan.sample(&view.of_image(drawn.offset), &look.depiction, family, node, most_important),
-                })
-            })
-            .collect();
+        tables.items = items;
         let backend = match technique {
             Technique::Compute => gpu::Backend::Compute,
             Technique::Raster => gpu::Backend::Raster,
@@ -290,9 +357,21 @@ pub(super) fn draw_on_gpu(
             Footprint::Kernel => gpu::Footprint::Kernel(metadata.kernel),
             Footprint::Pixels(radius) => gpu::Footprint::Pixels { radius },
         };
-        let (culling, faintest, items) = (plan.culling, plan.faintest, items.into());
+        let (culling, faintest, items) = (plan.culling, plan.faintest, Arc::clone(&tables.items));
         let shown = SplatView { view, footprint, backend, culling, faintest, items, always: false };
         commands.entity(entity).insert(shown);
+    }
+    let found = measured.get();
+    let is_current = found.as_ref().is_some_and(|found| found.view == view && Arc::ptr_eq(&found.items, &tables.items));
+    let paced = tables.measured.is_none_or(|since| since.elapsed() > MEASURE_EVERY);
+    if let Some(found) = found
+        && (is_current || paced)
+        && (exposure.levels.is_none() || tables.exposed != Some(Arc::as_ptr(&found) as usize) || look.is_changed())
+    {
+        tables.exposed = Some(Arc::as_ptr(&found) as usize);
+        tables.measured = Some(Instant::now());
+        let ps = if look.depiction.attribute.is_some() { found.cells.ps.clone() } else { Vec::new() };
+        exposure.set_if_neq(Exposure::of(&Accumulation { ps, ..found.cells.clone() }, &look.transfer));
     }
     let hue = look.transfer.hue.clone().unwrap_or_default();
     let shown = Composite {
@@ -329,13 +408,13 @@ pub(super) fn draw_on_gpu(
         tables.changed = None;
     }
     // Passes are timed only once their shaders are there, so a first time means a first picture.
-    converged.0 = selection.complete && !moving && same && look.settled && has_drawn && measured.is_current(&selection);
+    converged.0 = selection.complete && !moving && same && look.settled && has_drawn && is_current;
     converged.0 &= before.is_settled();
 }
 
 /// Milliseconds that all passes of the last picture took together, when that was known, and those of each; `None` before the first
 /// picture.
-fn pass_times(
+pub(super) fn pass_times(
     diagnostics: &DiagnosticsStore,
     timed: &[&'static str],
 ) -> Option<(f64, Instant, Vec<(&'static str, f64)>)> {
@@ -367,7 +446,6 @@ mod tests {
         world.init_resource::<Statistics>();
         world.init_resource::<GpuTables>();
         world.init_resource::<Notices>();
-        world.init_resource::<VolumeCaster>();
         world.init_resource::<LiveParticles>();
         let mut told = |backend| {
             world.resource_mut::<Preset>().drawing.backend = backend;

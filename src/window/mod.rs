@@ -17,6 +17,7 @@ pub mod gpu_backend;
 pub mod history;
 pub mod input;
 pub mod lens;
+mod light_backend;
 pub mod live;
 pub mod look;
 pub mod looking;
@@ -47,7 +48,6 @@ mod ron_asset;
 mod shader_reload;
 mod status;
 mod ui;
-mod volume_caster;
 
 pub use live::LiveParticles;
 pub use options::{AppError, Extension, OpenRequest, Opener, WindowOptions};
@@ -166,7 +166,7 @@ impl Plugin for WindowApp {
         }
         let settings = scene::Settings::new(&self.preset, self.options.mode.as_deref());
         let residency = &self.preset.residency;
-        app.insert_resource(ParticleScene::new(residency.gpu_budget_mib << 20, residency.upload_mib << 20));
+        app.insert_resource(ParticleScene::new(residency.gpu_bytes()[0], residency.upload_mib << 20));
         app.add_plugins((
             DeepfieldRenderPlugins,
             // Panels have few textures. Asked for arrays of them, it warns of adapters that have none.
@@ -207,7 +207,7 @@ impl Plugin for WindowApp {
         .init_resource::<cpu_backend::CpuPicture>()
         .init_resource::<live::LiveParticles>()
         .init_resource::<gpu_backend::GpuTables>()
-        .init_resource::<volume_caster::VolumeCaster>()
+        .init_resource::<light_backend::LightPictures>()
         .init_resource::<statistics::ActiveBackend>()
         .init_resource::<pick::DoubleClick>()
         .init_resource::<screenshot::Screenshots>()
@@ -218,13 +218,7 @@ impl Plugin for WindowApp {
         .add_message::<scene::TransferKept>()
         .add_systems(
             Startup,
-            (
-                volume_caster::choose_caster,
-                picture::spawn_cameras,
-                bevy::ecs::schedule::ApplyDeferred,
-                gpu_backend::choose_backend,
-            )
-                .chain(),
+            (picture::spawn_cameras, bevy::ecs::schedule::ApplyDeferred, gpu_backend::choose_backend).chain(),
         )
         .add_observer(gpu_backend::free_slot)
         .add_systems(
@@ -258,8 +252,6 @@ impl Plugin for WindowApp {
                     .chain(),
                 shortcuts::run_shortcuts.in_set(WindowSystems::TakeInput),
                 gpu_backend::follow_budgets.run_if(resource_changed::<Preset>),
-                volume_caster::choose_caster
-                    .run_if(resource_changed::<Preset>.or_else(resource_changed::<shader_reload::ShaderTexts>)),
                 gpu_backend::choose_backend.run_if(
                     resource_changed::<Preset>.or_else(gpu_backend::technique_changed).or_else(live::came_or_went),
                 ),
@@ -279,6 +271,7 @@ impl Plugin for WindowApp {
                     cpu_backend::show_on_cpu,
                     gpu_backend::upload_pages,
                     gpu_backend::draw_on_gpu,
+                    light_backend::draw_light_on_gpu,
                 )
                     .chain()
                     .in_set(PageSystems::Serve)

@@ -1,28 +1,30 @@
 //! What the picture hides of the file (F12 5.7.2): volumes that have been drawn hide nodes, and nothing below those is read.
 //!
 //! Every picture says at which depth its pixels became opaque. Traversal leaves the nodes behind as they are
-//! ([`Occlusion::occluder`]), and page entities say whether all that was looked at in them is hidden ([`PageOcclusion`]). A
+//! ([`Occlusion::occluder`]), and page entities say whether all of their nodes are hidden ([`PageOcclusion`]): what is below those is
+//! not read ahead, and they make room first. While the camera moves, what is still hidden is told from the last picture as far as
+//! that can be ([`OpaqueDepths::seen_from`]), until there is a new one. A
 //! picture that was drawn before everything had come may hide too much: then the next one says so, and what it shows is asked
 //! for. Pictures of complete selections hide together only what each of them does, so that this comes to an end.
 
+use super::pages::{PageExtent, PageKey, Present, Streaming};
 use crate::cpu::volume::OpaqueDepths;
-use crate::store::{NodeRef, PageId};
-use crate::view::{Occluder, Selection, View};
+use crate::cpu::volume::behind::FromElsewhere;
+use crate::view::{Occluder, View};
 use bevy::prelude::*;
-use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 
-/// Whether anything of a page shows.
+/// Whether anything of a resident page shows.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum PageOcclusion {
     /// Something does, or may.
     #[default]
     Seen,
-    /// All of its nodes that were looked at are behind something.
+    /// All of its nodes are behind something, from wherever the camera may be until something has been read.
     Hidden,
 }
 
-/// What the pictures of the present view hide.
+/// What the last pictures hide.
 #[derive(Resource, Default)]
 pub struct Occlusion {
     /// What has to stay the same for a picture to say anything: the scene's generation and the depiction's revision.
@@ -36,7 +38,7 @@ pub struct Occlusion {
 }
 
 impl Occlusion {
-    /// A picture was drawn, with what it hides, of a selection that was complete or not.
+    /// A picture of all particles was drawn, with what it hides, of a selection that was complete or not.
     pub fn drew(&mut self, opaque: Option<Arc<OpaqueDepths>>, key: (u32, u64), complete: bool) {
         let Some(new) = opaque.filter(|opaque| !opaque.is_clear()) else {
             if self.current.is_some() {
@@ -44,7 +46,7 @@ impl Occlusion {
             }
             return;
         };
-        let same = |old: &Arc<OpaqueDepths>| is_same_camera(old.view(), new.view());
+        let same = |old: &Arc<OpaqueDepths>| old.is_of(new.view());
         if self.key != key || !self.latest.as_ref().is_none_or(same) {
             *self = Occlusion { key, revision: self.revision, ..default() };
         }
@@ -70,28 +72,44 @@ impl Occlusion {
 
     /// What hides nodes from a view.
     pub fn occluder(&self, view: &View, key: (u32, u64)) -> Option<Arc<dyn Occluder>> {
-        let current = self.current.as_ref().filter(|_| self.key == key)?;
-        is_same_camera(current.view(), view).then(|| Arc::clone(current) as Arc<dyn Occluder>)
+        self.current.as_ref().filter(|_| self.key == key)?.occluder(view)
+    }
+
+    /// What is hidden from everywhere within `reach` of a view's eye, wherever it looks.
+    fn lasting(&self, view: &View, key: (u32, u64), reach: f64) -> Option<FromElsewhere> {
+        self.current.as_ref().filter(|_| self.key == key)?.seen_from(view, reach)
     }
 }
 
-/// Whether two views are one but for their pixels.
-fn is_same_camera(a: &View, b: &View) -> bool {
-    View { width: b.width, height: b.height, ..*a } == *b
+/// Asks what hides nodes and pages from the present view: nodes as they are looked at, pages from everywhere that the camera may be until
+/// something has been read.
+pub(super) fn occlude(
+    streaming: Option<ResMut<Streaming>>,
+    occlusion: Res<Occlusion>,
+    present: Present,
+    mut pages: Query<(&PageExtent, &mut PageOcclusion)>,
+) {
+    let Some(mut streaming) = streaming else { return };
+    let Some(view) = present.view(&streaming) else { return };
+    let key = present.key(&streaming);
+    streaming.streamer.occluder = occlusion.occluder(&view, key);
+    let lasting = occlusion.lasting(&view, key, streaming.streamer.prefetch_distance());
+    for (PageExtent(extent), mut state) in &mut pages {
+        let hides = |lasting: &FromElsewhere| view.images.offsets().all(|offset| lasting.hides(&extent.moved(offset)));
+        let is_hidden = lasting.as_ref().is_some_and(hides);
+        state.set_if_neq(if is_hidden { PageOcclusion::Hidden } else { PageOcclusion::Seen });
+    }
 }
 
-/// The pages of the nodes that were looked at, and whether all of those are hidden.
-pub fn of_pages(selection: &Selection<NodeRef>) -> HashMap<PageId, PageOcclusion> {
-    let hidden: HashSet<NodeRef> = selection.hidden.iter().copied().collect();
-    let mut pages = HashMap::new();
-    for id in &selection.visited {
-        let own = if hidden.contains(id) { PageOcclusion::Hidden } else { PageOcclusion::Seen };
-        let page = pages.entry(id.page).or_insert(own);
-        if own == PageOcclusion::Seen {
-            *page = own;
-        }
+/// Tells the streamer which pages are hidden.
+pub(super) fn hide_pages(
+    streaming: Option<ResMut<Streaming>>,
+    changed: Query<(&PageKey, &PageOcclusion), Changed<PageOcclusion>>,
+) {
+    let Some(mut streaming) = streaming else { return };
+    for (key, state) in &changed {
+        streaming.streamer.hide(key.id, *state == PageOcclusion::Hidden);
     }
-    pages
 }
 
 #[cfg(test)]
@@ -140,24 +158,15 @@ mod tests {
         assert!(occlusion.revision == revision && !hides(&occlusion, 5.0) && hides(&occlusion, 9.0));
         occlusion.drew(opaque(64, 8.0), key, true);
         assert!(!hides(&occlusion, 7.5) && hides(&occlusion, 9.5));
-        // Another depiction, another camera, a clear picture: nothing is known.
+        // From a little aside it is the same, but for the picture's edges; from elsewhere nothing is known.
+        let from = |occlusion: &Occlusion, eye: DVec3| {
+            let view = View { eye, ..view(64) };
+            occlusion.occluder(&view, key).is_some_and(|occluder| occluder.hides(&at(9.5)))
+        };
+        assert!(from(&occlusion, DVec3::new(0.2, 0.1, 10.1)) && !from(&occlusion, DVec3::new(0.0, 0.0, 1.0)));
+        // Another depiction, a clear picture: nothing is known.
         assert!(occlusion.occluder(&view(64), (1, 2)).is_none());
-        assert!(occlusion.occluder(&View { eye: DVec3::ONE, ..view(64) }, key).is_none());
         occlusion.drew(opaque(64, f32::INFINITY), key, true);
         assert!(occlusion.occluder(&view(64), key).is_none());
-    }
-
-    #[test]
-    fn a_page_is_hidden_if_all_that_was_looked_at_in_it_is() {
-        let node = |page: u32, node: u32| NodeRef { page: PageId(page), node };
-        let selection = Selection {
-            draw: Vec::new(),
-            missing: Vec::new(),
-            visited: vec![node(0, 0), node(1, 0), node(1, 1), node(2, 0), node(2, 1)],
-            hidden: vec![node(1, 0), node(2, 0), node(2, 1)],
-        };
-        let pages = of_pages(&selection);
-        let found = [0, 1, 2].map(|page| pages[&PageId(page)]);
-        assert_eq!(found, [PageOcclusion::Seen, PageOcclusion::Seen, PageOcclusion::Hidden]);
     }
 }

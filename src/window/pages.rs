@@ -2,8 +2,8 @@
 //! [`crate::stream::Streamer`] for one step; every page that is loading, resident or failed is an entity that shows
 //! afterwards where it stands.
 //!
-//! A frame, after the camera has settled: reads that have ended are taken in ([`finish_loads`]); the tree is traversed
-//! top-down and the nodes to draw are chosen, with a parent standing in for what is not there ([`traverse`]); pages that
+//! A frame, after the camera has settled: reads that have ended are taken in ([`finish_loads`]); what the last pictures hide is
+//! marked ([`super::occlusion`]); the tree is traversed top-down and the nodes to draw are chosen, with a parent standing in for what is not there ([`traverse`]); pages that
 //! are missed are read on threads of their own, the most missed first, then those that the camera comes near to, and
 //! the least recently used ones make room within the budget ([`start_loads`]). The frame never waits for the disk. All
 //! of that is the streamer's work.
@@ -14,7 +14,7 @@
 use super::camera::{CameraSystems, DataDistance, Viewpoint, distance_to_boxes};
 use super::lens::view_of;
 use super::look::Look;
-use super::occlusion::{self, Occlusion, PageOcclusion};
+use super::occlusion::{Occlusion, PageOcclusion, hide_pages, occlude};
 use super::picture::{DataCamera, Picture};
 use super::preset::{Preset, ResidencyPreset};
 use super::scene::{Scene, Settings};
@@ -24,8 +24,9 @@ use crate::hierarchy::Purpose;
 use crate::model::Bounds;
 use crate::store::{Page, PageId};
 use crate::stream::{PageState, SceneNode, Streamer};
-use crate::view::View;
+use crate::view::{Extent, View};
 use crate::window::state::aim::Aim;
+use bevy::ecs::system::SystemParam;
 use bevy::prelude::*;
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -50,17 +51,17 @@ pub enum PageStatus {
     Failed(String),
 }
 
-/// The box around a resident page's nodes, world units.
+/// The box around a resident page's nodes, and how far their particles reach.
 #[derive(Component, Clone, Copy, Debug, PartialEq)]
-pub struct PageBounds(pub Bounds);
+pub struct PageExtent(pub Extent);
 
-/// Depth of a resident page's coarsest node; 0 for the root.
-#[derive(Component, Clone, Copy, Debug, PartialEq, Eq)]
-pub struct PageDepth(pub u8);
-
-/// The frame that last drew from a page.
-#[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct LastUse(pub u64);
+impl PageExtent {
+    fn of(page: &Page) -> PageExtent {
+        let bounds = page.nodes.iter().fold(Bounds::EMPTY, |bounds, node| bounds.union(node.bounds));
+        let margin = page.nodes.iter().fold(0.0, |most: f32, node| most.max(node.smoothing_length_max));
+        PageExtent(Extent { bounds, margin: f64::from(margin) })
+    }
+}
 
 /// Where a renderer's copy of a page stands; only while a renderer keeps copies.
 #[derive(Component, Clone, Copy, Debug, PartialEq, Eq)]
@@ -103,7 +104,6 @@ pub struct Streaming {
     /// The [`Scene::generation`] of the file.
     pub generation: u32,
     preset: ResidencyPreset,
-    frame: u64,
     told_memory: bool,
 }
 
@@ -117,7 +117,6 @@ impl Streaming {
             entities: HashMap::new(),
             generation: scene.generation,
             preset: preset.clone(),
-            frame: 0,
             told_memory: false,
         }
     }
@@ -128,12 +127,39 @@ impl Streaming {
     }
 }
 
+/// What the window looks at.
+#[derive(SystemParam)]
+pub struct Present<'w, 's> {
+    settings: Res<'w, Settings>,
+    picture: Res<'w, Picture>,
+    look: Option<Res<'w, Look>>,
+    aim: Option<Res<'w, Aim>>,
+    camera: Single<'w, 's, &'static Viewpoint, With<DataCamera>>,
+}
+
+impl Present<'_, '_> {
+    /// The present view.
+    pub fn view(&self, streaming: &Streaming) -> Option<View> {
+        self.view_from(&self.camera, streaming)
+    }
+
+    fn view_from(&self, viewpoint: &Viewpoint, streaming: &Streaming) -> Option<View> {
+        let periodic = streaming.streamer.residency.tree().metadata().periodic_box();
+        view_of(viewpoint, &self.settings, periodic, self.picture.size(), self.aim.as_deref()).ok()
+    }
+
+    /// What has to stay the same for a picture to say anything of the next: the scene's generation and the depiction's revision.
+    pub fn key(&self, streaming: &Streaming) -> (u32, u64) {
+        (streaming.generation, self.look.as_ref().map_or(0, |look| look.depiction_revision))
+    }
+}
+
 /// When pages are handled within a frame; all of it runs in `PostUpdate`, after the camera has settled.
 #[derive(SystemSet, Clone, Debug, PartialEq, Eq, Hash)]
 pub enum PageSystems {
     /// A new file, reads that have ended, renderers' copies that have arrived.
     Arrive,
-    /// Choosing what to draw.
+    /// Marking what is hidden, choosing what to draw.
     Traverse,
     /// Reading what is missed, evicting what is not used, drawing.
     Serve,
@@ -156,7 +182,7 @@ impl Plugin for PagesPlugin {
                 PostUpdate,
                 (
                     (follow_scene, finish_loads).chain().in_set(PageSystems::Arrive),
-                    traverse.in_set(PageSystems::Traverse),
+                    (occlude, hide_pages, traverse).chain().in_set(PageSystems::Traverse),
                     (start_loads, evict).chain().in_set(PageSystems::Serve),
                 ),
             );
@@ -205,10 +231,8 @@ pub fn finish_loads(
         let Ok(mut status) = pages.get_mut(entity) else { continue };
         match streaming.streamer.residency.state(id) {
             Some(PageState::Resident(page)) => {
-                let bounds = page.nodes.iter().fold(Bounds::EMPTY, |bounds, node| bounds.union(node.bounds));
-                let depth = page.nodes.iter().map(|node| node.depth).min().unwrap_or(0);
                 *status = PageStatus::Resident(Arc::clone(page));
-                commands.entity(entity).insert((PageBounds(bounds), PageDepth(depth)));
+                commands.entity(entity).insert(PageExtent::of(page));
             }
             Some(PageState::Failed(failure)) => *status = PageStatus::Failed(failure.why.clone()),
             // Without room, it is evicted at once.
@@ -226,23 +250,17 @@ pub fn finish_loads(
 /// Chooses what the view draws and what it misses.
 pub fn traverse(
     streaming: Option<ResMut<Streaming>>,
-    settings: Res<Settings>,
-    picture: Res<Picture>,
-    look: Option<Res<Look>>,
+    present: Present,
     mut selection: ResMut<ViewSelection>,
     mut statistics: ResMut<Statistics>,
     mut distance: ResMut<DataDistance>,
-    (occlusion, mut occluded): (Res<Occlusion>, Query<&mut PageOcclusion>),
-    (upcoming, aim): (Res<Upcoming>, Option<Res<Aim>>),
-    mut last_uses: Query<&mut LastUse>,
-    camera: Single<&Viewpoint, With<DataCamera>>,
+    (occlusion, upcoming): (Res<Occlusion>, Res<Upcoming>),
 ) {
     let Some(mut streaming) = streaming else { return };
-    let size = picture.size();
-    let periodic = streaming.streamer.residency.tree().metadata().periodic_box();
-    let Ok(view) = view_of(&camera, &settings, periodic, size, aim.as_deref()) else { return };
+    let Some(view) = present.view(&streaming) else { return };
+    let Present { settings, look, .. } = &present;
+    let upcoming = upcoming.0.and_then(|next| present.view_from(&next, &streaming));
     let streaming = &mut *streaming;
-    streaming.frame += 1;
     let families = settings.families.iter().enumerate().filter(|(_, visible)| **visible);
     let depiction = look.as_ref().map(|look| &look.depiction);
     let metadata = streaming.streamer.residency.tree().metadata();
@@ -251,18 +269,9 @@ pub fn traverse(
     let seen = depiction.map_or(view, |depiction| depiction.selection_view(&view));
     let tau = settings.error_px;
     let detail = depiction.map_or(tau.into(), |depiction| depiction.detail(&view, tau, metadata));
-    let key = (streaming.generation, look.as_ref().map_or(0, |look| look.depiction_revision));
-    let hides = depiction.is_some_and(|depiction| depiction.mode.is_light());
-    streaming.streamer.occluder = occlusion.occluder(&view, key).filter(|_| hides);
-    let upcoming = upcoming.0.and_then(|next| view_of(&next, &settings, periodic, size, aim.as_deref()).ok());
     streaming.streamer.upcoming =
         upcoming.map(|next| depiction.map_or(next, |depiction| depiction.selection_view(&next)));
     let chosen = streaming.streamer.select(&seen, detail, &roots);
-    for (page, now) in occlusion::of_pages(&chosen) {
-        if let Some(mut state) = streaming.entity(page).and_then(|entity| occluded.get_mut(entity).ok()) {
-            state.set_if_neq(now);
-        }
-    }
     let nodes: Vec<SceneNode> = chosen
         .draw
         .iter()
@@ -277,11 +286,6 @@ pub fn traverse(
             })
         })
         .collect();
-    for page in nodes.iter().map(|drawn| drawn.node.page) {
-        if let Some(mut last_use) = streaming.entity(page).and_then(|entity| last_uses.get_mut(entity).ok()) {
-            last_use.0 = streaming.frame;
-        }
-    }
     let place = |drawn: &SceneNode| Some(drawn.page.nodes.get(drawn.node.node as usize)?.bounds.moved(drawn.offset));
     let boxes = nodes.iter().filter_map(place);
     distance.0 = distance_to_boxes(view.eye, boxes);
@@ -318,8 +322,7 @@ pub fn start_loads(
             continue;
         }
         let key = PageKey { id, generation: streaming.generation };
-        let entity =
-            commands.spawn((key, PageStatus::Loading, LastUse(streaming.frame), PageOcclusion::default())).id();
+        let entity = commands.spawn((key, PageStatus::Loading, PageOcclusion::default())).id();
         streaming.entities.insert(id, entity);
     }
     let residency = streaming.streamer.residency.statistics();
@@ -346,6 +349,7 @@ pub fn evict(mut commands: Commands, streaming: Option<ResMut<Streaming>>) {
 mod tests {
     use super::*;
     use crate::build::{BuildOptions, build_source};
+    use crate::cpu::volume::OpaqueDepths;
     use crate::import::LoadOptions;
     use crate::store::PageFile;
     use crate::window::facts::Facts;
@@ -423,11 +427,11 @@ mod tests {
         assert_eq!(app.world().resource::<Statistics>().particles, file.metadata().particles());
         let resident = app.world().resource::<Streaming>().streamer.residency.statistics().resident;
         assert_eq!(pages(&mut app), resident);
-        let mut described = app.world_mut().query::<(&PageStatus, &PageBounds, &PageDepth, &LastUse)>();
+        let mut described = app.world_mut().query::<(&PageStatus, &PageExtent)>();
         let bounds = file.metadata().bounds();
-        for (status, page, ..) in described.iter(app.world()) {
-            assert!(matches!(status, PageStatus::Resident(_)));
-            assert!(page.0.min.cmpge(bounds.min - 1e-3).all() && page.0.max.cmple(bounds.max + 1e-3).all());
+        for (status, PageExtent(Extent { bounds: page, margin })) in described.iter(app.world()) {
+            assert!(matches!(status, PageStatus::Resident(_)) && *margin > 0.0);
+            assert!(page.min.cmpge(bounds.min - 1e-3).all() && page.max.cmple(bounds.max + 1e-3).all());
         }
         assert!(app.world().resource::<DataDistance>().0.is_some_and(|distance| distance > 0.0));
     }
@@ -462,6 +466,56 @@ mod tests {
             std::thread::sleep(std::time::Duration::from_millis(2));
         }
         assert!(app.world().resource::<ViewSelection>().complete);
+    }
+
+    #[test]
+    fn pages_behind_a_picture_are_hidden_while_the_camera_moves_until_they_may_show() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = demo(folder.path());
+        let mut app = streaming_app(&file, 1024);
+        let around = Viewpoint::around(file.metadata().bounds(), 0.8, 960, 720).unwrap();
+        let way = around.eye - around.target;
+        let first = Viewpoint { eye: around.target + 2.0 * way, ..around };
+        let look_from = |app: &mut App, viewpoint: Viewpoint| {
+            let mut cameras = app.world_mut().query::<&mut Viewpoint>();
+            *cameras.single_mut(app.world_mut()).unwrap() = viewpoint;
+            app.update();
+        };
+        look_from(&mut app, first);
+        complete(&mut app);
+        // A wall before all of it.
+        let view = app.world().resource::<ViewSelection>().view.unwrap();
+        let wall = (0.9 * way.length()) as f32;
+        let opaque = OpaqueDepths::new(&view, vec![wall; (view.width * view.height) as usize], 1.0, 2.0);
+        app.world_mut().resource_mut::<Occlusion>().drew(Some(Arc::new(opaque)), (1, 0), true);
+        let hidden = |app: &mut App| {
+            let mut pages = app.world_mut().query::<(&PageKey, &PageOcclusion)>();
+            let pages: Vec<_> = pages.iter(app.world()).map(|(key, state)| (key.id, *state)).collect();
+            let residency = &app.world().resource::<Streaming>().streamer.residency;
+            let is_hidden = |state: PageOcclusion| state == PageOcclusion::Hidden;
+            assert!(pages.iter().all(|&(page, state)| residency.is_hidden(page) == is_hidden(state)));
+            pages.iter().filter(|(_, state)| is_hidden(*state)).count() as f64 / pages.len() as f64
+        };
+        let speed_falls = |app: &mut App| {
+            std::thread::sleep(std::time::Duration::from_millis(1500));
+            (0..2).for_each(|_| app.update());
+        };
+        speed_falls(&mut app);
+        assert_eq!(hidden(&mut app), 1.0);
+        assert!(app.world().resource::<Statistics>().hidden > 0 && app.world().resource::<ViewSelection>().complete);
+        let turned = Viewpoint { target: first.target + 0.05 * way.any_orthogonal_vector(), ..first };
+        look_from(&mut app, turned);
+        assert_eq!(hidden(&mut app), 1.0, "a turn shows nothing");
+        let aside = 0.02 * way.length() * way.any_orthonormal_vector();
+        look_from(&mut app, Viewpoint { eye: first.eye + aside, ..first });
+        speed_falls(&mut app);
+        assert_eq!(hidden(&mut app), 1.0, "a step aside shows nothing");
+        look_from(&mut app, Viewpoint { eye: first.target - 2.0 * way, ..first });
+        speed_falls(&mut app);
+        assert_eq!(hidden(&mut app), 0.0, "from the other side nothing is known");
+        app.world_mut().resource_mut::<Occlusion>().drew(None, (1, 0), true);
+        look_from(&mut app, first);
+        assert_eq!(hidden(&mut app), 0.0, "a clear picture hides nothing");
     }
 
     #[test]

@@ -1,27 +1,12 @@
 //! How large pictures are drawn, and of how many particles, while the view moves and when it rests.
 
 use crate::window::preset::MotionPreset;
-use crate::window::statistics::ActiveBackend;
 use bevy::prelude::*;
 
-/// Longest side of the picture that is drawn only to measure the exposure, pixels.
-const SKETCH_PX: u32 = 320;
-
 /// The size of the picture to draw now; `strained`: there is no time for all particles.
-pub(crate) fn drawing_size(
-    full: UVec2,
-    strained: bool,
-    backend: ActiveBackend,
-    fixed_discs: bool,
-    motion: &MotionPreset,
-) -> UVec2 {
-    let shrink = match backend {
-        // Discs of a fixed number of pixels would cover another share of a smaller picture.
-        _ if fixed_discs => 1,
-        ActiveBackend::Cpu if strained => motion.splat_shrink,
-        ActiveBackend::Cpu => 1,
-        ActiveBackend::Gpu => full.max_element().div_ceil(SKETCH_PX).max(1),
-    };
+pub(crate) fn drawing_size(full: UVec2, strained: bool, fixed_discs: bool, motion: &MotionPreset) -> UVec2 {
+    // Discs of a fixed number of pixels would cover another share of a smaller picture.
+    let shrink = if strained && !fixed_discs { motion.splat_shrink } else { 1 };
     (full / shrink).max(UVec2::ONE)
 }
 
@@ -77,12 +62,10 @@ mod tests {
     fn strain_costs_pixels_and_rest_brings_them_back() {
         let full = UVec2::new(1000, 600);
         let motion = MotionPreset::default();
-        assert_eq!(drawing_size(full, false, ActiveBackend::Cpu, false, &motion), full);
-        assert_eq!(drawing_size(full, true, ActiveBackend::Cpu, false, &motion), full / 2);
-        assert_eq!(drawing_size(full, true, ActiveBackend::Cpu, true, &motion), full);
+        assert_eq!(drawing_size(full, false, false, &motion), full);
+        assert_eq!(drawing_size(full, true, false, &motion), full / 2);
+        assert_eq!(drawing_size(full, true, true, &motion), full);
         let sharp = MotionPreset { splat_shrink: 1, ..motion.clone() };
-        assert_eq!(drawing_size(full, true, ActiveBackend::Cpu, false, &sharp), full);
-        let sketch = drawing_size(full, false, ActiveBackend::Gpu, false, &motion);
-        assert!(sketch.max_element() <= SKETCH_PX);
+        assert_eq!(drawing_size(full, true, false, &sharp), full);
     }
 }

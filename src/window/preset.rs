@@ -75,7 +75,7 @@ impl Default for WindowPreset {
 pub struct ResidencyPreset {
     /// Pages in main memory at most, MiB. What was used longest ago makes room.
     pub budget_mib: u64,
-    /// Copies of pages in the graphics adapter's memory at most, MiB.
+    /// The graphics adapter's memory at most, MiB: copies of pages, and what volumes work in.
     pub gpu_budget_mib: u64,
     /// Copied to the graphics adapter in one frame at most, MiB.
     pub upload_mib: u64,
@@ -125,10 +125,16 @@ impl ResidencyPreset {
         }
     }
 
+    /// Bytes of the graphics adapter's memory for copies of pages, and for what volumes work in.
+    pub fn gpu_bytes(&self) -> [u64; 2] {
+        let budget = self.gpu_budget_mib << 20;
+        [budget - budget / 8, budget / 8]
+    }
+
     /// How copies in the graphics adapter's memory are kept. A part of its budget is left for gaps between them, and
     /// two frames' worth of copies are on their way while one is being made.
     pub fn copy_options(&self) -> CopyOptions {
-        let budget = self.gpu_budget_mib << 20;
+        let [budget, _] = self.gpu_bytes();
         CopyOptions { budget: budget - budget / 8, on_their_way: 2 * (self.upload_mib << 20) }
     }
 }

@@ -42,6 +42,10 @@ pub struct Statistics {
     pub draw_ms: Option<f64>,
     /// Its passes' times, milliseconds.
     pub passes: Vec<(&'static str, f64)>,
+    /// Slabs of a volume that the adapter has drawn, and how many its picture has; none for other pictures.
+    pub slabs: Option<[usize; 2]>,
+    /// Bytes of the adapter's memory that volumes work in.
+    pub work_bytes: u64,
 }
 
 /// What draws the picture.

@@ -19,6 +19,7 @@ use crate::annotate::Annotations;
 use crate::color::transfer::TransferFunction;
 use crate::explore::SelectionSet;
 use crate::look::Attribute;
+use crate::picture::decode::decoded_nodes;
 use crate::view::CutSettings;
 use bevy::prelude::*;
 use serde::Serialize;
@@ -85,6 +86,12 @@ struct Status<'a> {
     nodes_hidden: usize,
     pages_resident: usize,
     pages_failed: usize,
+    /// Nodes that the processor has decoded for pictures since the start.
+    decoded: u64,
+    /// Slabs of a volume that the adapter has drawn, and how many its picture has.
+    slabs: Option<[usize; 2]>,
+    /// Milliseconds of the passes of the last picture.
+    passes: BTreeMap<&'static str, f64>,
     backend: &'a str,
     adapter: &'a str,
     /// What can be undone and redone.
@@ -165,6 +172,9 @@ pub(super) fn write_status(
         nodes_hidden: statistics.hidden,
         pages_resident: statistics.pages_resident,
         pages_failed: statistics.pages_failed,
+        decoded: decoded_nodes(),
+        slabs: statistics.slabs,
+        passes: statistics.passes.iter().copied().collect(),
         backend: &statistics.backend,
         adapter: &statistics.adapter,
         history: history.steps(),

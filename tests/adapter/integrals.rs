@@ -9,8 +9,8 @@ use deepfield::gpu::{
     Payload, RawParticle, TableEntry, Withheld, render_headless,
 };
 use deepfield::mode::sample::Sample;
-use deepfield::model::Kernel;
-use deepfield::view::{Projection, View};
+use deepfield::model::{Bounds, Kernel};
+use deepfield::view::{self, Projection, View};
 use glam::DVec3;
 
 struct Particles {
@@ -56,7 +56,8 @@ impl Particles {
                 smoothing_length: self.smoothing_length[i],
                 weight: self.weight[i],
                 attribute: self.attribute[i],
-                unused: [0.0; 2],
+                density: 0.0,
+                unused: 0.0,
             })
             .collect();
         request(view, footprint, backend, vec![node(DVec3::ZERO, 0.0, Payload::Camera(raw))], vec![])
@@ -70,7 +71,9 @@ impl Particles {
 fn node(min: DVec3, size: f64, payload: Payload) -> HeadlessNode {
     let table = matches!(payload, Payload::Grid { .. } | Payload::Leaf { .. }).then_some(0);
     let upload = NodeUpload { id: NodeId { source: 0, page: 0, node: 0 }, min, size, payload };
-    HeadlessNode { upload, table, weight_scale: 1.0, offset: DVec3::ZERO, sample: Sample::ALL }
+    // Splats do without.
+    let reach = view::Extent { bounds: Bounds::EMPTY, margin: 0.0 };
+    HeadlessNode { upload, table, weight_scale: 1.0, offset: DVec3::ZERO, sample: Sample::ALL, reach }
 }
 
 fn request(
@@ -88,7 +91,7 @@ fn request(
         culling: true,
         faintest: 0.0,
         nodes,
-        tables,
+        tables: tables.into_iter().map(Into::into).collect(),
         attribute: true,
         transfer: None,
         repeat: 1,

@@ -6,5 +6,7 @@
 mod support;
 
 mod integrals;
+mod light;
+mod light_modes;
 mod pages;
 mod volumes;

@@ -4,17 +4,25 @@ use crate::support::{built, demo, view_from};
 use deepfield::codec::VqBits;
 use deepfield::color::Colors;
 use deepfield::color::transfer::TransferFunction;
+use deepfield::cpu::volume::extents::{self, planes_and_widest};
+use deepfield::cpu::volume::range::{self, Sketch};
 use deepfield::cpu::volume::{
-    Classifier, CpuRayCaster, Light, RayCaster, Scenery, Surface, VolumeLevels, VolumeOptions, VolumeReport, draw,
-    prepare,
+    Classifier, FieldRange, Light, Scenery, Surface, VolumeLevels, VolumeOptions, VolumeReport, cast, draw, prepare,
 };
 use deepfield::cpu::{self, Positions, Splats};
-use deepfield::gpu::{DeviceOptions, VolumeRenderer, Withheld};
+use deepfield::gpu::volume::Shows;
+use deepfield::gpu::{
+    Backend, DeviceOptions, Footprint, HeadlessNode, HeadlessRenderer, HeadlessRequest, NodeId, NodeUpload, Offscreen,
+    Payload, RawParticle, VolumeFindings, VolumeJob, VolumeView, Withheld,
+};
 use deepfield::look::LookPatch;
-use deepfield::mode::{Adapter, Depiction, Plan, Settings};
+use deepfield::mode::sample::Sample;
+use deepfield::mode::{Adapter, Depiction, Plan, SettingValue, Settings};
 use deepfield::model::{Bounds, Kernel};
 use deepfield::modes;
 use deepfield::picture::Subject;
+use deepfield::picture::adapter::{Adapter as _, AdapterJob, AdapterValues, Passes};
+use deepfield::picture::decode::decoded_nodes;
 use deepfield::picture::look::transfer_of;
 use deepfield::stream::Scene;
 use deepfield::synth::merger::Merger;
@@ -125,18 +133,108 @@ fn near(eye: [f64; 3], width: u32, height: u32) -> View {
     look(DVec3::from_array(eye), Projection::Perspective { fov_y: 0.8 }, width, height)
 }
 
-fn renderer() -> VolumeRenderer {
-    VolumeRenderer::open(&DeviceOptions::default()).unwrap()
+/// An adapter that draws clouds.
+struct Renderer {
+    renderer: HeadlessRenderer,
+    number: u64,
+    /// Bytes that a volume may work in.
+    memory: u64,
 }
 
-fn picture(
-    caster: &dyn RayCaster,
-    view: &View,
-    cloud: &Cloud,
-    scenery: &Scenery,
-    options: &VolumeOptions,
-) -> (Colors, VolumeReport) {
-    draw(view, &[cloud.batch()], scenery, options, caster).unwrap()
+impl Renderer {
+    fn open(device: &DeviceOptions) -> Renderer {
+        Renderer { renderer: HeadlessRenderer::bare(device, Backend::Compute).unwrap(), number: 0, memory: 1 << 30 }
+    }
+
+    /// Loads a cloud in nodes of its own encoding, and says what is to be drawn of it.
+    fn load(&mut self, view: &View, cloud: &Cloud) -> Vec<Extent> {
+        let extent = extents::of(&[cloud.batch()])[0];
+        let particle = |i: usize| RawParticle {
+            position: view.to_camera(DVec3::from_array(cloud.positions[i])).as_vec3().to_array(),
+            smoothing_length: cloud.h[i],
+            weight: cloud.mass[i],
+            attribute: cloud.attribute.as_ref().map_or(0.0, |attribute| attribute[i]),
+            density: 0.0,
+            unused: 0.0,
+        };
+        let all: Vec<RawParticle> = (0..cloud.h.len()).map(particle).collect();
+        let node = |(index, particles): (usize, &[RawParticle])| HeadlessNode {
+            upload: NodeUpload {
+                id: NodeId { source: self.number as u32, page: 0, node: index as u32 },
+                min: DVec3::ZERO,
+                size: 0.0,
+                payload: Payload::Camera(particles.to_vec()),
+            },
+            table: None,
+            weight_scale: 1.0,
+            offset: DVec3::ZERO,
+            sample: Sample::ALL,
+            reach: extent,
+        };
+        let nodes: Vec<HeadlessNode> = all.chunks(6_000).enumerate().map(node).collect();
+        let extents = vec![extent; nodes.len()];
+        let request = HeadlessRequest {
+            view: *view,
+            mode: None,
+            footprint: Footprint::Kernel(Kernel::CubicSpline),
+            backend: Backend::Compute,
+            culling: true,
+            faintest: 0.0,
+            nodes,
+            tables: Vec::new(),
+            attribute: cloud.attribute.is_some(),
+            transfer: None,
+            repeat: 1,
+            device: DeviceOptions::default(),
+        };
+        self.renderer.load(&request).unwrap();
+        extents
+    }
+
+    fn view(&mut self, cloud: &Cloud, extents: Vec<Extent>, job: VolumeJob) -> VolumeView {
+        let (light, ranges) = match job.shows {
+            Shows::Light(_) => (Some(job), None),
+            Shows::Ranges => (None, Some(job)),
+        };
+        let attribute = cloud.attribute.is_some();
+        VolumeView { extents: extents.into(), light, ranges, attribute, memory: self.memory, slabs: 3 }
+    }
+
+    fn draw(
+        &mut self,
+        view: &View,
+        cloud: &Cloud,
+        scenery: &Scenery,
+        options: &VolumeOptions,
+    ) -> (Colors, VolumeFindings) {
+        self.number += 1;
+        let extents = self.load(view, cloud);
+        let (grid, _) = planes_and_widest(view, extents.iter().copied(), options).unwrap();
+        let shows = Shows::Light(Arc::new(scenery.clone()));
+        let job = VolumeJob { number: self.number, view: *view, grid, options: *options, stride: 1, shows };
+        let volume = self.view(cloud, extents, job);
+        let (colors, found, _) = self.renderer.volume(volume, 1).unwrap();
+        (colors, found)
+    }
+
+    fn ranges(&mut self, view: &View, cloud: &Cloud, options: &VolumeOptions) -> Option<FieldRange> {
+        self.number += 1;
+        let extents = self.load(view, cloud);
+        let sketch = Sketch::of(view, cloud.h.len(), options);
+        let (grid, _) = sketch.grid(extents.iter().copied()).unwrap();
+        let Sketch { view, options, stride } = sketch;
+        let job = VolumeJob { number: self.number, view, grid, options, stride: stride as u32, shows: Shows::Ranges };
+        let volume = self.view(cloud, extents, job);
+        self.renderer.ranges(volume).unwrap()
+    }
+}
+
+fn renderer() -> Renderer {
+    Renderer::open(&DeviceOptions::default())
+}
+
+fn on_cpu(view: &View, cloud: &Cloud, scenery: &Scenery, options: &VolumeOptions) -> (Colors, VolumeReport) {
+    draw(view, &[cloud.batch()], scenery, options).unwrap()
 }
 
 /// Relative L2 of all channels, and the largest difference.
@@ -151,7 +249,7 @@ fn difference(found: &Colors, expected: &Colors) -> (f64, f32) {
 
 /// Against exact sums: without the coarser grids to which the CPU renderer brings wide particles.
 fn compare(
-    renderer: &VolumeRenderer,
+    renderer: &mut Renderer,
     view: &View,
     cloud: &Cloud,
     scenery: &Scenery,
@@ -161,16 +259,16 @@ fn compare(
     let mut prepared = prepare(view, &[cloud.batch()], options).unwrap();
     prepared.levels.truncate(1);
     let mut report = VolumeReport::default();
-    let expected = CpuRayCaster.cast(view, &prepared, scenery, options, &mut report).unwrap();
-    let (found, report) = picture(renderer, view, cloud, scenery, options);
+    let expected = cast(view, &prepared, scenery, options, &mut report);
+    let (found, report) = renderer.draw(view, cloud, scenery, options);
     let (l2, most) = difference(&found, &expected);
-    println!("{what}: L2 {l2:.2e}, at most {most:.2e}, {} slabs, {} pairs", report.slabs, report.pairs);
+    println!("{what}: L2 {l2:.2e}, at most {most:.2e}, {} slabs, {} pairs", report.slabs[1], report.pairs);
     assert!(l2 < 5e-5, "{what}: L2 {l2}, at most {most}");
 }
 
 #[test]
 fn regions_of_density_and_attribute_are_the_cpus() {
-    let renderer = renderer();
+    let mut renderer = renderer();
     let cloud = Cloud::merger(20_000);
     let plane = "(plane: (opacity: 0.2, brightness: 0.6, regions: [ \
                  (at: (0.6, 0.3), radius: (0.3, 0.25), opacity: 4.0, color: \"#30ff60\"), \
@@ -180,14 +278,13 @@ fn regions_of_density_and_attribute_are_the_cpus() {
     let levels = VolumeLevels { density: cloud.density, attribute: cloud.range, unit_length: cloud.unit };
     let planar = Scenery { classifier: Classifier::new(&transfer, levels, true), ..cloud.volume() };
     let (view, options) = (near([2.0, 1.0, 3.0], 96, 72), VolumeOptions::default());
-    let [with, without] =
-        [&planar, &cloud.volume()].map(|scenery| picture(&CpuRayCaster, &view, &cloud, scenery, &options).0);
+    let [with, without] = [&planar, &cloud.volume()].map(|scenery| on_cpu(&view, &cloud, scenery, &options).0);
     assert!(difference(&with, &without).0 > 0.1, "the regions do not show");
     // A value between two hues may be rounded to either.
-    let (found, _) = picture(&renderer, &view, &cloud, &planar, &options);
+    let (found, _) = renderer.draw(&view, &cloud, &planar, &options);
     let mut prepared = prepare(&view, &[cloud.batch()], &options).unwrap();
     prepared.levels.truncate(1);
-    let expected = CpuRayCaster.cast(&view, &prepared, &planar, &options, &mut VolumeReport::default()).unwrap();
+    let expected = cast(&view, &prepared, &planar, &options, &mut VolumeReport::default());
     let (l2, most) = difference(&found, &expected);
     println!("regions: L2 {l2:.2e}, at most {most:.2e}");
     assert!(l2 < 2e-4, "regions: L2 {l2}, at most {most}");
@@ -195,51 +292,58 @@ fn regions_of_density_and_attribute_are_the_cpus() {
 
 #[test]
 fn volumes_are_the_cpus() {
-    let renderer = renderer();
+    let mut renderer = renderer();
     let options = VolumeOptions::default();
     let one = Cloud::one();
-    compare(&renderer, &near([0.5, 0.3, 3.0], 64, 48), &one, &one.volume(), &options, "one particle");
+    compare(&mut renderer, &near([0.5, 0.3, 3.0], 64, 48), &one, &one.volume(), &options, "one particle");
     let lattice = Cloud::lattice(12);
     for kernel in Kernel::ALL {
         let options = VolumeOptions { kernel, ..options };
         let view = near([1.5, 1.3, 3.6], 96, 64);
-        compare(&renderer, &view, &lattice, &lattice.volume(), &options, &format!("lattice, {kernel:?}"));
+        compare(&mut renderer, &view, &lattice, &lattice.volume(), &options, &format!("lattice, {kernel:?}"));
     }
     let flat = look(DVec3::new(1.0, 2.0, 3.0), Projection::Orthographic { height: 3.0 }, 70, 70);
-    compare(&renderer, &flat, &lattice, &lattice.volume(), &options, "lattice, orthographic");
+    compare(&mut renderer, &flat, &lattice, &lattice.volume(), &options, "lattice, orthographic");
     let merger = Cloud::merger(6_000);
     for resolution in [1.0, 0.5, 1.0 / 3.0] {
         let options = VolumeOptions { grid: GridOptions { resolution, lambda: true }, ..options };
         let view = near([25.0, 18.0, 40.0], 150, 101);
-        compare(&renderer, &view, &merger, &merger.volume(), &options, &format!("merger at resolution {resolution}"));
+        compare(
+            &mut renderer,
+            &view,
+            &merger,
+            &merger.volume(),
+            &options,
+            &format!("merger at resolution {resolution}"),
+        );
     }
     // As adapters draw that are not the processor in disguise.
     let withheld = Withheld { subgroup: true, ..Withheld::default() };
-    let other = VolumeRenderer::open(&DeviceOptions { withheld, ..DeviceOptions::default() }).unwrap();
+    let mut other = Renderer::open(&DeviceOptions { withheld, ..DeviceOptions::default() });
     let view = near([25.0, 18.0, 40.0], 90, 70);
-    compare(&other, &view, &merger, &merger.volume(), &options, "merger without subgroups");
+    compare(&mut other, &view, &merger, &merger.volume(), &options, "merger without subgroups");
     // Some particles are larger than the picture, and the eye is within them.
     let options = VolumeOptions { near: Some(2.0), far: Some(60.0), ..options };
-    compare(&renderer, &near([6.0, 4.0, 9.0], 80, 60), &merger, &merger.volume(), &options, "within the merger");
+    compare(&mut renderer, &near([6.0, 4.0, 9.0], 80, 60), &merger, &merger.volume(), &options, "within the merger");
 }
 
 #[test]
 fn surfaces_are_the_cpus() {
-    let renderer = renderer();
+    let mut renderer = renderer();
     let options = VolumeOptions::default();
     let one = Cloud::one();
     let view = near([0.5, 0.3, 3.0], 64, 48);
-    compare(&renderer, &view, &one, &one.surfaces(false, [0.3, 0.5, 1.0]), &options, "one particle");
+    compare(&mut renderer, &view, &one, &one.surfaces(false, [0.3, 0.5, 1.0]), &options, "one particle");
     let merger = Cloud::merger(6_000);
     for resolution in [1.0, 0.5] {
         let options = VolumeOptions { grid: GridOptions { resolution, lambda: true }, ..options };
         let view = near([25.0, 18.0, 40.0], 90, 70);
         for volume in [false, true] {
             let what = format!("merger at resolution {resolution}, with volume: {volume}");
-            compare(&renderer, &view, &merger, &merger.surfaces(volume, [0.2, 0.4, 1.0]), &options, &what);
+            compare(&mut renderer, &view, &merger, &merger.surfaces(volume, [0.2, 0.4, 1.0]), &options, &what);
         }
         let dark = Scenery { light: None, ..merger.surfaces(false, [0.2, 0.4, 1.0]) };
-        compare(&renderer, &view, &merger, &dark, &options, "without light");
+        compare(&mut renderer, &view, &merger, &dark, &options, "without light");
     }
 }
 
@@ -250,24 +354,24 @@ fn slabs_windows_and_batches_change_nothing() {
     let scenery = merger.surfaces(true, [0.2, 0.4, 1.0]);
     let grid = GridOptions { resolution: 0.5, lambda: false };
     let with = |memory| VolumeOptions { memory, grid, ..VolumeOptions::default() };
-    let renderer = renderer();
-    let (one, whole) = picture(&renderer, &view, &merger, &scenery, &with(1 << 30));
-    let (again, _) = picture(&renderer, &view, &merger, &scenery, &with(1 << 30));
+    let mut renderer = renderer();
+    let (one, whole) = renderer.draw(&view, &merger, &scenery, &with(1 << 30));
+    let (again, _) = renderer.draw(&view, &merger, &scenery, &with(1 << 30));
     assert_eq!(one, again, "the same to the last bit");
-    let (many, thin) = picture(&renderer, &view, &merger, &scenery, &with(1));
-    assert!(whole.slabs == 1 && thin.slabs > 5, "{} {}", whole.slabs, thin.slabs);
+    let (many, thin) = renderer.draw(&view, &merger, &scenery, &with(1));
+    assert!(whole.slabs[1] == 1 && thin.slabs[1] > 5, "{:?} {:?}", whole.slabs, thin.slabs);
     let (l2, most) = difference(&many, &one);
-    println!("slabs: {l2} {most} {thin:?}");
+    println!("slabs: {l2} {most} {:?}", thin.slabs);
     assert!(l2 < 1e-5 && most < 1e-3, "slabs: {l2} {most}");
 
     // Cells of half the picture fit, and 16384 particles.
     let mut limits = wgpu::Limits { max_storage_buffer_binding_size: 1 << 19, ..wgpu::Limits::default() };
     limits.max_buffer_size = limits.max_storage_buffer_binding_size;
     let small = DeviceOptions { constrained_limits: Some(limits), ..DeviceOptions::default() };
-    let (parts, report) = picture(&VolumeRenderer::open(&small).unwrap(), &view, &merger, &scenery, &with(1 << 30));
-    assert!(report.slabs >= 2 * thin.slabs, "{report:?}");
+    let (parts, report) = Renderer::open(&small).draw(&view, &merger, &scenery, &with(1 << 30));
+    assert!(report.slabs[1] >= 2 * thin.slabs[1], "{:?}", report.slabs);
     let (l2, most) = difference(&parts, &one);
-    println!("windows and batches: {l2} {most} {report:?}");
+    println!("windows and batches: {l2} {most} {:?}", report.slabs);
     assert!(l2 < 1e-5 && most < 1e-3, "windows and batches: {l2} {most}");
 }
 
@@ -281,16 +385,17 @@ fn cube(index: i32) -> Extent {
 fn what_is_hidden_is_left_out_and_changes_nothing() {
     let merger = Cloud::merger(20_000);
     let view = near([25.0, 18.0, 40.0], 100, 72);
-    let renderer = renderer();
+    let mut renderer = renderer();
     for (scenery, what) in [(merger.surfaces(false, [1.0; 3]), "surfaces"), (merger.volume(), "volume")] {
         let with = |occlusion| VolumeOptions { memory: 1, occlusion, ..VolumeOptions::default() };
-        let (all, more) = picture(&renderer, &view, &merger, &scenery, &with(false));
-        let (culled, less) = picture(&renderer, &view, &merger, &scenery, &with(true));
-        println!("{what}: {} pairs, culled {} with {} hidden", more.pairs, less.pairs, less.hidden);
+        let (all, more) = renderer.draw(&view, &merger, &scenery, &with(false));
+        let (culled, less) = renderer.draw(&view, &merger, &scenery, &with(true));
+        println!("{what}: {} pairs, culled {}", more.pairs, less.pairs);
         assert_eq!(all, culled, "{what}");
         // What streaming may leave out is what the CPU's picture hides.
-        let (_, expected) = picture(&CpuRayCaster, &view, &merger, &scenery, &with(true));
-        let [found, expected] = [less.opaque.as_deref(), expected.opaque.as_deref()].map(Option::unwrap);
+        let (_, expected) = on_cpu(&view, &merger, &scenery, &with(true));
+        let [found, expected] = [less.opaque.as_ref().map(|(_, opaque)| &**opaque), expected.opaque.as_deref()];
+        let [found, expected] = [found, expected].map(Option::unwrap);
         let extents: Vec<Extent> = (0..16i32.pow(3)).map(cube).collect();
         let [found, expected] =
             [found, expected].map(|opaque| extents.iter().map(|at| opaque.hides(at)).collect::<Vec<_>>());
@@ -298,10 +403,7 @@ fn what_is_hidden_is_left_out_and_changes_nothing() {
         let hidden = found.iter().filter(|hidden| **hidden).count();
         println!("{what}: {hidden} cubes hidden, {differ} otherwise than by the CPU");
         assert!(hidden > 0 && differ <= hidden / 50, "{what}: {hidden} {differ}");
-        assert!(
-            more.opaque.is_none() && more.hidden == 0 && less.hidden > 0 && less.pairs < more.pairs,
-            "{what}: {more:?} {less:?}"
-        );
+        assert!(more.opaque.is_none() && less.pairs < more.pairs, "{what}: {} {}", more.pairs, less.pairs);
     }
 }
 
@@ -310,18 +412,81 @@ fn the_demo_data_look_as_on_the_cpu() {
     let built = built(&demo(), VqBits::Eight);
     let metadata = built.file.metadata();
     let view = view_from(&built.dataset, DVec3::new(0.35, 0.3, 1.0), 1.5, 120, 80);
-    let renderer = renderer();
-    for mode in modes::all().into_iter().filter(|mode| mode.technique.adapter() == Adapter::RayMarcher) {
-        let depiction = Depiction::new(mode, Settings::default(), None, metadata).unwrap();
+    let mut adapter = Offscreen::default();
+    for mode in
+        modes::all().into_iter().filter(|mode| matches!(mode.technique.adapter(), Adapter::Light | Adapter::Tiles))
+    {
+        let mut settings = Settings::default();
+        if mode.own_settings().any(|setting| setting.name == "layers") {
+            // A driver without a card takes a minute for 128 of them.
+            settings.0.insert("layers".into(), SettingValue::Number(8.0));
+        }
+        let depiction = Depiction::new(mode, settings, None, metadata).unwrap();
         let selection = Scene::new(Arc::clone(&built.file), u64::MAX).converge_blocking(&view, 0.8).unwrap();
         let transfer = transfer_of(&LookPatch::default(), &depiction);
         let subject = Subject::new(metadata, &depiction, &transfer, metadata.bounds().size().length());
-        let paint = |caster| {
-            let drawn = Subject { caster, ..subject }.draw_nodes(&view, &selection.nodes, &Plan::default()).unwrap();
-            drawn.light(mode).unwrap().colors
+        let (plan, nodes) = (Plan::default(), &selection.nodes);
+        let before = decoded_nodes();
+        let job = AdapterJob {
+            view: &view,
+            depiction: &depiction,
+            metadata,
+            nodes,
+            plan: &plan,
+            passes: Passes::Compute,
+            light: None,
+            repeat: 1,
         };
-        let (l2, most) = difference(&paint(&renderer), &paint(&CpuRayCaster));
+        let light = subject.light(&view, &mut |options| adapter.ranges(&job, options)).unwrap().unwrap();
+        let frame = adapter.draw(&AdapterJob { light: Some(&light), ..job }).unwrap();
+        assert_eq!(decoded_nodes(), before, "{}: the adapter alone loads particles", mode.name);
+        let AdapterValues::Light(found, _) = frame.values else { panic!("{}: no light", mode.name) };
+        let drawn = subject.draw_nodes(&view, nodes, &plan).unwrap().light(mode).unwrap();
+        // Ranges are those of the processor's sketch but for rounding at the borders of its classes.
+        for (found, expected) in
+            [(light.levels.density, drawn.levels.density), (light.levels.attribute, drawn.levels.attribute)]
+        {
+            for (a, b) in found.iter().zip(expected) {
+                assert!((a - b).abs() <= 0.02 * b.abs(), "{}: {found:?} {expected:?}", mode.name);
+            }
+        }
+        let (l2, most) = difference(&found, &drawn.colors);
         println!("{}: L2 {l2:.2e}, at most {most:.2e}", mode.name);
-        assert!(l2 < 5e-5, "{}: {l2} {most}", mode.name);
+        // On the silhouettes of spheres a pixel may show one or the other.
+        let bound = if mode.technique.adapter() == Adapter::Tiles { 2e-2 } else { 5e-5 };
+        assert!(l2 < bound, "{}: {l2} {most}", mode.name);
     }
+}
+
+#[test]
+fn ranges_are_those_of_the_processors_sketch() {
+    let mut renderer = renderer();
+    let options = VolumeOptions::default();
+    for cloud in [Cloud::merger(20_000), Cloud::merger(600_000), Cloud::lattice(12)] {
+        for view in [near([25.0, 18.0, 40.0], 300, 200), near([6.0, 4.0, 9.0], 80, 120)] {
+            let expected = range::measure(&view, &[cloud.batch()], &options).unwrap();
+            let found = renderer.ranges(&view, &cloud, &options).unwrap();
+            println!("{found:?} {expected:?}");
+            let pairs = |of: fn(&FieldRange) -> [f64; 2]| of(&found).into_iter().zip(of(&expected));
+            for (a, b) in pairs(|range| range.density).chain(pairs(|range| range.attribute)) {
+                // A class is 1/64 of an octave wide, and what wide particles add is interpolated by the processor.
+                assert!((a - b).abs() <= 0.035 * b.abs(), "{found:?} {expected:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn volumes_work_within_their_budget() {
+    let merger = Cloud::merger(200_000);
+    let view = near([25.0, 18.0, 40.0], 200, 150);
+    let (mut renderer, options) = (renderer(), VolumeOptions::default());
+    let (whole, most) = renderer.draw(&view, &merger, &merger.volume(), &options);
+    let mut small = Renderer { memory: 24 << 20, ..Renderer::open(&DeviceOptions::default()) };
+    let (thin, least) = small.draw(&view, &merger, &merger.volume(), &options);
+    println!("{} and {} bytes, {:?} and {:?} slabs", most.bytes, least.bytes, most.slabs, least.slabs);
+    assert!(most.bytes > 40 << 20 && least.bytes < 24 << 20, "{} {}", most.bytes, least.bytes);
+    assert!(least.slabs[1] > most.slabs[1], "{:?} {:?}", most.slabs, least.slabs);
+    let (l2, largest) = difference(&thin, &whole);
+    assert!(l2 < 1e-5, "{l2} {largest}");
 }

@@ -2,6 +2,7 @@
 
 #![allow(dead_code, unused_imports, reason = "each program uses a part of it")]
 
+mod eclipse;
 mod files;
 pub mod golden;
 pub mod page_checksums;
@@ -10,6 +11,7 @@ pub mod parquet;
 mod program;
 mod random;
 
+pub use eclipse::eclipse;
 pub use files::{demo, in_reference_data, in_repository};
 pub use pages::{
     Built, built, built_from, built_from_dataset, core, draw_nodes, draw_pages, draw_source, paint_pages, sum_nodes,

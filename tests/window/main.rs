@@ -7,9 +7,11 @@
 mod support;
 
 mod desktop;
+mod frames;
 mod ids;
 mod looking;
 mod network;
+mod occlusion;
 mod outputs;
 mod panels;
 mod picture;

@@ -62,8 +62,8 @@ fn write_while_the_window_runs(mode: &str, shader: &str, line: &str, green: &str
 
 #[test]
 fn splats_are_drawn_with_what_is_written() {
-    let green = "return vec4(0.0, max(color.r, max(color.g, color.b)), 0.0, color.a);\n}";
-    write_while_the_window_runs("column-density", "composite/composite.wgsl", "return color;\n}", green);
+    let green = "shown(vec4(0.0, max(color.r, max(color.g, color.b)), 0.0, color.a), pixel)";
+    write_while_the_window_runs("column-density", "composite/composite.wgsl", "shown(color, pixel)", green);
 }
 
 #[test]

@@ -2,10 +2,13 @@
 //! No graphics adapter is needed.
 
 use super::{ShaderFile, sources};
-use crate::gpu::composite::composite_defs;
 use crate::gpu::splat::compute::pipeline::{accumulate_defs, slices_defs};
 use crate::gpu::splat::raster::pipeline::blend_defs;
+use crate::gpu::target::target_defs;
+use crate::gpu::tiles::constants::walk_defs;
+use crate::gpu::tiles::pipelines as tiles;
 use crate::gpu::volume::programs::{self as volume, Kind, Step};
+use crate::gpu::{layered, sorted_splats};
 use crate::model::Kernel;
 use bevy::asset::{AssetId, uuid::Uuid};
 use bevy::shader::{Shader, ShaderCache, ShaderCacheError, ShaderCacheSource, ShaderDefVal};
@@ -37,13 +40,35 @@ pub fn variants() -> Vec<Variant> {
         plain("splat/project.wgsl", vec![], vec!["count", "place"]),
         plain("splat/scan.wgsl", vec![], vec!["main"]),
         plain("splat/reconstruct.wgsl", vec![], vec!["main"]),
+        plain("measure/reduce.wgsl", vec![], vec!["reduce"]),
         plain("splat/upsample.wgsl", vec![], vec!["vertex", "along_x", "along_y"]),
     ];
     for subgroup in [false, true] {
         all.push(plain("splat/slices.wgsl", slices_defs(subgroup), vec!["finish", "merge"]));
     }
     for encoded in [false, true] {
-        all.push(plain("composite/composite.wgsl", composite_defs(encoded), vec!["vertex", "fragment"]));
+        for path in ["composite/composite.wgsl", "composite/light.wgsl"] {
+            all.push(plain(path, target_defs(encoded), vec!["vertex", "fragment"]));
+        }
+    }
+    for kind in tiles::Kind::ALL.into_iter().filter(|kind| *kind != tiles::Kind::Sort) {
+        let steps = tiles::Step::ALL.map(tiles::Step::entry);
+        let entries = steps.iter().filter(|(of, _)| *of == kind).map(|(_, entry)| *entry).collect();
+        all.push(plain(kind.shader(), vec![], entries));
+    }
+    for path in ["sorted/arrange.wgsl", "spheres/arrange.wgsl", "layered/arrange.wgsl"] {
+        all.push(plain(path, vec![], vec!["arrange"]));
+    }
+    all.push(plain("spheres/surface.wgsl", vec![], vec!["smooth_hits", "shade"]));
+    for is_software in [false, true] {
+        all.push(plain("spheres/nearest.wgsl", walk_defs(is_software), vec!["nearest"]));
+        for kernel in Kernel::ALL {
+            all.push(plain("sorted/blend.wgsl", sorted_splats::blend_defs(kernel, is_software), vec!["blend"]));
+            for oblique in [false, true] {
+                let defs = layered::blend_defs(kernel, oblique, is_software);
+                all.push(plain("layered/blend.wgsl", defs, vec!["blend", "finish"]));
+            }
+        }
     }
     for kind in Kind::ALL {
         let mut built = Vec::new();

@@ -4,10 +4,18 @@
 use super::SHADERS;
 use super::check::{Variant, compose, variants};
 use crate::gpu::composite::CompositeUniform;
+use crate::gpu::layered::LayerUniform;
+use crate::gpu::light::LightUniform;
+use crate::gpu::matter::LookupUniform;
+use crate::gpu::measure::Reduction;
 use crate::gpu::scene::{RAW_WORDS, RawParticle, TableEntry};
+use crate::gpu::sorted_splats::SortedUniform;
+use crate::gpu::spheres::SphereUniform;
 use crate::gpu::splat::layout::{
     Block, Encoding, Level, Node, PATCH_BYTES, PLACE_BYTES, Pass, SPLAT_BYTES, SplatUniform,
 };
+use crate::gpu::target::FrameUniform;
+use crate::gpu::tiles::layout::{Portion as TilePortion, SPOT_BYTES, TileUniform};
 use crate::gpu::volume::layout::{Portion, Turn, VolumeUniform};
 use std::collections::BTreeSet;
 use wgpu::naga::{AddressSpace, Handle, Module, ScalarKind, Type, TypeInner};
@@ -217,8 +225,11 @@ fn written(path: &str, name: &str) -> Option<Layout> {
         "vectors" => plain(size_of::<RawParticle>() / 2, ScalarKind::Float),
         "batch" => layout!(Pass { add, further, level, unused, source, unused_end }),
         "composite" => {
-            layout!(CompositeUniform { size, lut_size, p_map, s_map, p_log, s_log, origin, stride, share, before_size })
+            layout!(CompositeUniform { lut_size, p_map, s_map, p_log, s_log, stride, unused })
         }
+        "frame" => layout!(FrameUniform { size, before_size, origin, share, unused }),
+        "picture" => layout!(LightUniform { size }),
+        "light" => plain(16, ScalarKind::Float),
         "volume" => layout!(VolumeUniform {
             window,
             middle,
@@ -245,10 +256,56 @@ fn written(path: &str, name: &str) -> Option<Layout> {
             specular,
             shininess,
             plane,
+            smallest,
+            kernel_factor,
+            stride,
+            growth,
             levels,
             surfaces,
             colors,
         }),
+        "tiles" => layout!(TileUniform {
+            size,
+            middle,
+            planes,
+            focal,
+            perspective,
+            least,
+            density_scale,
+            extent,
+            lead,
+            smallest,
+            first_key,
+            interval_shift,
+            level_count,
+            layers,
+            layer_rate,
+            spread,
+            unused,
+            levels,
+        }),
+        "layered" => layout!(LayerUniform { termination, least, moment, unused }),
+        "caps" => plain(16, ScalarKind::Float),
+        "portion" | "round" if !volume => layout!(TilePortion { length, slab, first_block, most }),
+        "slabs" => plain(16, ScalarKind::Uint),
+        "lookup" => {
+            layout!(LookupUniform { attribute_map, attribute_log, first_entry, last_entry, hues, plane, unused })
+        }
+        "sorted" => layout!(SortedUniform { termination, unused }),
+        "spheres" => layout!(SphereUniform {
+            near,
+            smoothing,
+            lit,
+            ambient,
+            specular,
+            shininess,
+            of_attribute,
+            log_scale,
+            color_map,
+            last_color,
+            unused,
+        }),
+        "gradient" => plain(16, ScalarKind::Float),
         "portion" => layout!(Portion {
             origin,
             first_pixel,
@@ -264,15 +321,16 @@ fn written(path: &str, name: &str) -> Option<Layout> {
             nearest,
             farthest,
         }),
+        "reduction" => layout!(Reduction { size, reduced, stride, side, one, unused }),
         "turn" => layout!(Turn { number, unused }),
-        "spots" | "depths" | "rays" => plain(16, ScalarKind::Float),
+        "spots" | "depths" | "rays" if volume => plain(16, ScalarKind::Float),
         "amounts" => plain(8, ScalarKind::Float),
         "places" if volume => plain(8, ScalarKind::Uint),
         "readers" => plain(8, ScalarKind::Sint),
-        "table" if path == "volume/raycast.wgsl" => plain(16, ScalarKind::Float),
+        "table" if path == "volume/raycast.wgsl" || !volume => plain(16, ScalarKind::Float),
         "words" | "lut" | "before" | "starts" | "bins" | "slice_count" | "dispatch" => plain(4, ScalarKind::Uint),
         // Read back as pairs of P and P S.
-        "cells" => plain(8, ScalarKind::Float),
+        "cells" | "reduced_cells" => plain(8, ScalarKind::Float),
         _ => return None,
     })
 }
@@ -294,7 +352,10 @@ fn buffers_are_laid_out_as_the_program_writes_them() {
                 (None, "slices" | "tile_slices") => assert_eq!(found.0, 8, "{place}"),
                 (None, "patches") => assert_eq!(64 * found.0 as u64, PATCH_BYTES, "{place}"),
                 (None, "places") => assert_eq!(found.0 as u64, PLACE_BYTES, "{place}"),
-                (None, _) if variant.path.starts_with("volume/") => assert_eq!(found.0, 4, "{place}"),
+                (None, "spots" | "arranged") => assert_eq!(found.0 as u64, SPOT_BYTES, "{place}"),
+                (None, "hits" | "smoothed" | "pending") => assert_eq!(found.0, 16, "{place}"),
+                (None, "ranges" | "reaches") => assert_eq!(found.0, 8, "{place}"),
+                (None, _) if !variant.path.starts_with("splat/") => assert_eq!(found.0, 4, "{place}"),
                 _ => panic!("unknown: {place}"),
             }
             compared.insert(name.to_owned());
@@ -322,7 +383,7 @@ fn buffers_are_laid_out_as_the_program_writes_them() {
             }
         }
     }
-    assert_eq!(compared.len(), 44, "{compared:?}");
+    assert_eq!(compared.len(), 67, "{compared:?}");
 }
 
 #[test]

@@ -6,8 +6,9 @@
 use super::layout::{BLOCK, Block, Node};
 use super::resources::ALIGNMENT;
 use crate::gpu::arena::Arena;
-use crate::gpu::view::SplatView;
+use crate::gpu::view::DrawItem;
 use crate::mode::sample::Sample;
+use glam::DVec3;
 use std::ops::Range;
 
 /// Blocks that follow each other and lie in one chunk.
@@ -51,12 +52,19 @@ pub struct DrawList {
 }
 
 impl DrawList {
-    /// Lists the nodes of a view in batches of at most `capacity` candidates.
-    pub fn new(view: &SplatView, arena: &Arena, capacity: u32) -> DrawList {
+    /// Lists nodes seen from `eye` in batches of at most `capacity` candidates.
+    pub fn new(eye: DVec3, items: &[DrawItem], arena: &Arena, capacity: u32) -> DrawList {
+        let (mut list, parts) = DrawList::parts(eye, items, arena, 1);
+        list.batches = list.cut(&parts, capacity);
+        list
+    }
+
+    /// The resident ones of some nodes, and their parts in the order of their chunks, so that a batch binds each chunk once. One of
+    /// `stride` particles is a candidate.
+    pub fn parts(eye: DVec3, items: &[DrawItem], arena: &Arena, stride: u32) -> (DrawList, Vec<PartToDraw>) {
         let mut list = DrawList::default();
-        // Parts by chunk, so that a batch binds each chunk once.
         let mut parts: Vec<PartToDraw> = Vec::new();
-        for item in view.items.iter() {
+        for (index, item) in items.iter().enumerate() {
             let Some(node) = arena.node(item.node) else { continue };
             let table = item.table.and_then(|table| arena.table(table));
             let packed = (node.encoding as u32) < 2;
@@ -68,10 +76,10 @@ impl DrawList {
             for part in &node.parts {
                 let sample = if packed { item.sample.from(first) } else { Sample::ALL };
                 first += part.count;
-                let candidates = sample.candidates(part.count);
-                parts.push(PartToDraw { chunk: part.chunk, node: list.nodes.len() as u32, candidates });
+                let candidates = sample.candidates(part.count).div_ceil(stride);
+                parts.push(PartToDraw { chunk: part.chunk, node: list.nodes.len() as u32, item: index, candidates });
                 let (eye_steps, eye_rest) =
-                    Node::eye(view.view.eye - item.offset, node.min, if packed { node.step } else { 0.0 });
+                    Node::eye(eye - item.offset, node.min, if packed { node.step } else { 0.0 });
                 list.nodes.push(Node {
                     eye_steps,
                     eye_rest,
@@ -93,18 +101,18 @@ impl DrawList {
             }
         }
         parts.sort_by_key(|part| (part.chunk, part.node));
-        list.cut(&parts, capacity);
-        list
+        (list, parts)
     }
 
-    /// Cuts parts, in the order of their chunks, into blocks and batches.
-    fn cut(&mut self, parts: &[PartToDraw], capacity: u32) {
+    /// Cuts parts, in the order of their chunks, into blocks and batches: one at least, that draws nothing.
+    pub fn cut<'a>(&mut self, parts: impl IntoIterator<Item = &'a PartToDraw>, capacity: u32) -> Vec<DrawBatch> {
+        let mut batches = Vec::new();
         let (mut ranges, mut particles, mut places) = (Vec::new(), 0, 0);
-        for &PartToDraw { chunk, node, candidates } in parts {
+        for &PartToDraw { chunk, node, candidates, .. } in parts {
             let mut first = 0;
             while first < candidates {
                 if particles == capacity {
-                    self.batches.push(DrawBatch { ranges: std::mem::take(&mut ranges), particles, places });
+                    batches.push(DrawBatch { ranges: std::mem::take(&mut ranges), particles, places });
                     (particles, places) = (0, 0);
                 }
                 let count = BLOCK.min(candidates - first).min(capacity - particles);
@@ -124,9 +132,10 @@ impl DrawList {
             }
         }
         // One batch at least: it writes zeros where nothing is.
-        if particles > 0 || self.batches.is_empty() {
-            self.batches.push(DrawBatch { ranges, particles, places });
+        if particles > 0 || batches.is_empty() {
+            batches.push(DrawBatch { ranges, particles, places });
         }
+        batches
     }
 
     /// The instances that stand for a range's particles: [`BLOCK`] numbers are kept for each block. Full blocks that follow
@@ -145,9 +154,14 @@ impl DrawList {
 }
 
 /// A part of a node, and how many of its particles are looked at.
-struct PartToDraw {
+pub struct PartToDraw {
+    /// The chunk that it lies in.
     chunk: usize,
+    /// Its entry in the list of nodes.
     node: u32,
+    /// Which of the items it belongs to.
+    pub item: usize,
+    /// Particles that are looked at.
     candidates: u32,
 }
 
@@ -160,11 +174,11 @@ mod tests {
         let parts: Vec<PartToDraw> = [(0, 5000), (0, 1), (2, 1024)]
             .iter()
             .zip(0..)
-            .map(|(&(chunk, candidates), node)| PartToDraw { chunk, node, candidates })
+            .map(|(&(chunk, candidates), node)| PartToDraw { chunk, node, item: 0, candidates })
             .collect();
         for capacity in [u32::MAX, 1000, 3000] {
             let mut list = DrawList::default();
-            list.cut(&parts, capacity);
+            list.batches = list.cut(&parts, capacity);
             let mut seen = vec![0; 3];
             for batch in &list.batches {
                 let (mut particles, mut place) = (0, 0);
@@ -192,10 +206,11 @@ mod tests {
     #[test]
     fn blocks_are_cheap() {
         // A hundred million particles in nodes of 8000.
-        let parts: Vec<PartToDraw> = (0..12_500).map(|node| PartToDraw { chunk: 0, node, candidates: 8000 }).collect();
+        let parts: Vec<PartToDraw> =
+            (0..12_500).map(|node| PartToDraw { chunk: 0, node, item: 0, candidates: 8000 }).collect();
         let start = std::time::Instant::now();
         let mut list = DrawList::default();
-        list.cut(&parts, 1 << 22);
+        list.batches = list.cut(&parts, 1 << 22);
         println!("{} blocks in {:?}", list.blocks.len(), start.elapsed());
         assert_eq!(list.blocks.iter().map(|block| u64::from(block.count)).sum::<u64>(), 100_000_000);
     }

@@ -23,20 +23,20 @@
 
 pub mod compute;
 pub mod constants;
+pub mod draw_list;
 pub mod layout;
 pub mod profile;
 pub mod raster;
+pub mod resources;
 
-mod draw_list;
 mod particles;
 mod pass;
 mod pipelines;
 mod prepare;
-mod resources;
 
 pub use particles::{ParticleBatch, particle_layout, workgroups};
 pub use pass::accumulate_splats;
-pub use pipelines::{SplatPipelines, pipeline_error};
+pub use pipelines::{SplatPipelines, init_splat_pipelines, pipeline_error};
 pub use prepare::{Bindings, SplatBuffers, prepare_splats};
 
 use super::arena::{Arena, update_arena};

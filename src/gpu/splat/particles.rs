@@ -18,6 +18,12 @@ pub struct ParticleBatch {
     pub group: BindGroup,
     /// Workgroups along x and y: one for each block, which `deepfield::particle::block_of` finds.
     pub workgroups: (u32, u32),
+    /// Number of its first block: batches follow each other, with some numbers left out in between.
+    pub first: u32,
+    /// Number of blocks.
+    pub blocks: u32,
+    /// The most particles that are drawn of it.
+    pub particles: u32,
 }
 
 /// The layout of group 0 for compute passes.
@@ -59,7 +65,14 @@ pub(super) fn batches(
             tables.as_entire_binding(),
         ));
         let group = device.create_bind_group("deepfield particles", &layout, &entries);
-        ParticleBatch { group, workgroups: workgroups(range.blocks as u32) }
+        let blocks = &list.blocks[range.first..range.first + range.blocks];
+        ParticleBatch {
+            group,
+            workgroups: workgroups(range.blocks as u32),
+            first: range.first as u32,
+            blocks: range.blocks as u32,
+            particles: blocks.iter().map(|block| block.count).sum(),
+        }
     });
     batch.collect()
 }

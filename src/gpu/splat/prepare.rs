@@ -11,8 +11,10 @@ use super::raster::{self, RasterBindings};
 use super::resources::at_least;
 use crate::gpu::arena::Arena;
 use crate::gpu::capabilities::Technique;
+use crate::gpu::light::LightView;
 use crate::gpu::mode_view::ModeView;
 use crate::gpu::view::{DrawItem, Footprint, SplatView};
+use crate::gpu::volume::VolumeView;
 use crate::view::View;
 use bevy::prelude::*;
 use bevy::render::render_resource::{Buffer, BufferUsages, PipelineCache};
@@ -67,9 +69,9 @@ pub struct SplatBuffers {
     pub stride: u32,
     /// What both techniques need.
     pub shared: Shared,
-    /// What the technique binds.
-    pub bindings: Bindings,
-    /// The particles, for passes that a mode's plugin adds; none for other modes.
+    /// What the technique binds; nothing where passes of a mode draw.
+    pub bindings: Option<Bindings>,
+    /// The particles, for passes of a mode's own; none for other modes.
     pub particles: Vec<ParticleBatch>,
     /// Whether every frame accumulates.
     pub always: bool,
@@ -107,7 +109,10 @@ impl Key {
 /// Prepares every camera that draws particles.
 pub fn prepare_splats(
     mut commands: Commands,
-    mut cameras: Query<(Entity, &SplatView, Option<&ModeView>, Option<&mut SplatBuffers>)>,
+    mut cameras: Query<
+        (Entity, &SplatView, Option<&ModeView>, Has<LightView>, Option<&mut SplatBuffers>),
+        Without<VolumeView>,
+    >,
     arena: Res<Arena>,
     mut scratch: ResMut<Scratch>,
     pipelines: Option<ResMut<SplatPipelines>>,
@@ -116,7 +121,7 @@ pub fn prepare_splats(
     queue: Res<RenderQueue>,
 ) {
     let Some(mut pipelines) = pipelines else { return };
-    for (entity, view, mode, mut before) in &mut cameras {
+    for (entity, view, mode, draws_light, mut before) in &mut cameras {
         // Whoever sets a backend asks for the adapter's capabilities before.
         let Ok(technique) = pipelines.capabilities.technique(view.backend) else { continue };
         let key = Key {
@@ -125,7 +130,7 @@ pub fn prepare_splats(
             culling: view.culling,
             faintest: view.faintest,
             technique,
-            has_passes: mode.is_some_and(ModeView::has_passes),
+            has_passes: draws_light || mode.is_some_and(ModeView::has_passes),
             items: view.items.clone(),
             generation: arena.generation,
         };
@@ -175,7 +180,8 @@ fn build(
             (stride, stride * view.view.height, u32::MAX)
         }
     };
-    let list = DrawList::new(view, arena, capacity);
+    // Passes of a mode cut the particles as they like.
+    let list = DrawList::new(view.view.eye, &view.items, arena, if key.has_passes { u32::MAX } else { capacity });
 
     let kept = |buffer: fn(&Shared) -> &Buffer| before.map(|before| buffer(&before.shared).clone());
     let uniform =
@@ -196,21 +202,24 @@ fn build(
         true => particles::batches(&shared, &list, arena, cache, device),
         false => Vec::new(),
     };
-    let before = before.map(|before| &before.bindings);
+    let before = before.and_then(|before| before.bindings.as_ref());
     let bindings = match key.technique {
+        _ if key.has_passes => None,
         Technique::Compute => {
             let pipelines = pipelines.compute.as_mut()?;
             pipelines.ask_for(grids.kernel, grids.oblique, cache);
             let before = before.and_then(Bindings::compute);
             let gpu = (device, queue);
-            Bindings::Compute(compute::bind(&shared, &grids, &list, before, scratch, arena, pipelines, cache, gpu))
+            Some(Bindings::Compute(compute::bind(
+                &shared, &grids, &list, before, scratch, arena, pipelines, cache, gpu,
+            )))
         }
         Technique::Raster => {
             let pipelines = pipelines.raster.as_mut()?;
             pipelines.ask_for(grids.kernel, grids.oblique, cache);
             let before = before.and_then(Bindings::raster);
             let gpu = (device, queue);
-            Bindings::Raster(raster::bind(&shared, &grids, &list, before, arena, pipelines, cache, gpu))
+            Some(Bindings::Raster(raster::bind(&shared, &grids, &list, before, arena, pipelines, cache, gpu)))
         }
     };
     Some(SplatBuffers {

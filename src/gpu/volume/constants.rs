@@ -1,7 +1,9 @@
 //! What Rust and the volume shaders both need, written as a shader module: one source, and constants that a shader's
 //! compiler sees.
 
+use crate::cpu::volume::bricks::BORDER;
 use crate::cpu::volume::classify::{BRIGHTNESSES, HIDDEN_BITS, HUES};
+use crate::cpu::volume::range;
 use crate::cpu::volume::raycast::SURFACE_BRIGHTNESS;
 
 /// Path of the module among the shaders.
@@ -36,6 +38,7 @@ pub fn wgsl() -> String {
         ("BRICK_SHIFT", BRICK_SHIFT),
         ("BRICK", BRICK),
         ("CELLS", CELLS),
+        ("BORDER", BORDER as u32),
         ("HEADER", HEADER),
         ("TURN", TURN),
         ("BIN_GROUP", BIN_GROUP),
@@ -45,6 +48,8 @@ pub fn wgsl() -> String {
         ("HIDDEN_BITS", HIDDEN_BITS),
         ("HUES", HUES as u32),
         ("BRIGHTNESSES", BRIGHTNESSES as u32),
+        ("RANGE_CLASSES", range::CLASSES as u32),
+        ("RANGE_HIDDEN_BITS", range::HIDDEN_BITS),
     ];
     let mut text = String::from("#define_import_path deepfield::volume_constants\n");
     for (name, number) in numbers {

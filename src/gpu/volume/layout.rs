@@ -4,13 +4,12 @@
 
 use super::constants::{BRICK, MOST_LEVELS};
 use super::cut::Cut;
+use super::view::{Shows, VolumeJob};
 use crate::color::transfer::Scale;
 use crate::cpu::volume::bricks::BrickGrid;
-use crate::cpu::volume::particles::Particle;
 use crate::cpu::volume::surface::MOST_SURFACES;
 use crate::cpu::volume::{Light, Scenery};
 use crate::model::Kernel;
-use crate::view::PerspectiveGrid;
 use bytemuck::{Pod, Zeroable};
 use std::f32::consts::PI;
 
@@ -71,6 +70,14 @@ pub struct VolumeUniform {
     pub shininess: f32,
     /// Index of the first entry of the plane of hues and places in the table; 0: none.
     pub plane: u32,
+    /// Least smoothing length, cells.
+    pub smallest: f32,
+    /// The kernel's leading factor, for a smoothing length of 1.
+    pub kernel_factor: f32,
+    /// One of so many particles is drawn.
+    pub stride: u32,
+    /// Factor on the smoothing lengths of those.
+    pub growth: f32,
     /// First bin, and bins along x, y and z, of each level.
     pub levels: [[u32; 4]; MOST_LEVELS],
     /// Density, opacity, and 1 for a colour that is set.
@@ -139,19 +146,50 @@ pub fn levels(bricks: [u32; 3]) -> ([[u32; 4]; MOST_LEVELS], u32, u32) {
 }
 
 impl VolumeUniform {
-    /// What the shaders read of a picture.
-    pub fn new(grid: &PerspectiveGrid, brick_grid: &BrickGrid, scenery: &Scenery, cut: &Cut) -> VolumeUniform {
-        let tables = scenery.classifier.tables();
+    /// What the shaders read of a job.
+    pub fn new(job: &VolumeJob, brick_grid: &BrickGrid, cut: &Cut) -> VolumeUniform {
+        let grid = &job.grid;
         let span = match grid.perspective {
             true => (grid.far / grid.near).ln(),
             false => grid.far - grid.near,
         };
+        let (levels, level_count, bin_count) = levels([cut.window[0], cut.window[1], cut.layers]);
+        let uniform = VolumeUniform {
+            window: cut.window,
+            middle: brick_grid.middle,
+            ring: cut.ring,
+            slices: grid.size[2],
+            last_layer: grid.size[2].div_ceil(BRICK) - 1,
+            level_count,
+            bin_count,
+            perspective: grid.perspective.into(),
+            sigma: grid.sigma as f32,
+            near: grid.near as f32,
+            slice_rate: (f64::from(grid.size[2]) / span) as f32,
+            smallest: job.options.smallest as f32,
+            kernel_factor: match job.options.kernel {
+                Kernel::CubicSpline => 8.0 / PI,
+                Kernel::Poly6 => 315.0 / (64.0 * PI),
+            },
+            stride: job.stride,
+            growth: f64::from(job.stride).cbrt() as f32,
+            levels,
+            ..VolumeUniform::zeroed()
+        };
+        match &job.shows {
+            Shows::Ranges => uniform,
+            Shows::Light(scenery) => uniform.with(scenery),
+        }
+    }
+
+    /// With what is shown of the field.
+    fn with(self, scenery: &Scenery) -> VolumeUniform {
+        let tables = scenery.classifier.tables();
         let [min, max] = tables.attribute;
         let (attribute_map, attribute_log) = match tables.scale {
             Scale::Log => ([1.0 / (max / min).log2(), -min.log2() / (max / min).log2()], 1),
             Scale::Linear => ([1.0 / (max - min), -min / (max - min)], 0),
         };
-        let (levels, level_count, bin_count) = levels([cut.window[0], cut.window[1], cut.layers]);
         let light = scenery.light.unwrap_or(Light { ambient: 1.0, specular: 0.0, shininess: 1.0 });
         let (mut surfaces, mut colors) = ([[0.0; 4]; MOST_SURFACES], [[0.0; 4]; MOST_SURFACES]);
         for (index, surface) in scenery.surfaces.iter().take(MOST_SURFACES).enumerate() {
@@ -162,19 +200,8 @@ impl VolumeUniform {
         // Larger than any density, and still a number that every driver can hold.
         let nothing = f32::MAX;
         VolumeUniform {
-            window: cut.window,
-            middle: brick_grid.middle,
             attribute_map: attribute_map.map(|number| number as f32),
-            ring: cut.ring,
-            slices: grid.size[2],
-            last_layer: grid.size[2].div_ceil(BRICK) - 1,
-            level_count,
-            bin_count,
-            perspective: grid.perspective.into(),
             surface_count: scenery.surfaces.len().min(MOST_SURFACES) as u32,
-            sigma: grid.sigma as f32,
-            near: grid.near as f32,
-            slice_rate: (f64::from(grid.size[2]) / span) as f32,
             least: scenery.least().min(nothing),
             faintest: if scenery.volume { scenery.classifier.least().min(nothing) } else { nothing },
             termination: scenery.termination,
@@ -187,9 +214,9 @@ impl VolumeUniform {
             specular: light.specular,
             shininess: light.shininess,
             plane: if tables.plane.is_empty() { 0 } else { (tables.densities.len() + tables.hues.len()) as u32 },
-            levels,
             surfaces,
             colors,
+            ..self
         }
     }
 }
@@ -218,17 +245,6 @@ pub fn depths(brick_grid: &BrickGrid) -> Vec<[f32; 4]> {
 /// next.
 pub fn places(of_columns: &[(usize, f32)], of_rows: &[(usize, f32)]) -> Vec<[u32; 2]> {
     of_columns.iter().chain(of_rows).map(|&(cell, share)| [cell as u32, share.to_bits()]).collect()
-}
-
-/// A particle in `spots`, and in `amounts`: its masses come with the kernel's factor, in the CPU renderer's arithmetic.
-pub fn particle(particle: &Particle, kernel: Kernel) -> ([f32; 4], [f32; 2]) {
-    let h = particle.place[3];
-    // The kernel's leading factor; the shader has what is left of it.
-    let factor = match kernel {
-        Kernel::CubicSpline => 8.0 / PI,
-        Kernel::Poly6 => 315.0 / (64.0 * PI),
-    } / (h * h * h);
-    (particle.place, [particle.mass * factor, particle.weighted * factor])
 }
 
 #[cfg(test)]

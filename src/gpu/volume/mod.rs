@@ -1,181 +1,74 @@
-//! Volumes and isosurfaces through the perspective grid (F12 chapter 5) by compute passes: step for step what
+//! Volumes and isosurfaces through the perspective grid (F12 chapter 5) by compute passes of the frame: step for step what
 //! [`crate::cpu::volume`] does, which is what its pictures are held against.
 //!
-//! [`VolumeRenderer`] is a [`RayCaster`]: it gets particles in camera space and the grid around them, and gives colours back. It
-//! draws outside of frames, on the thread that asks; [`cut`] says how the grid fits into the adapter's memory. For
-//! each slab, from front to back, and each batch of particles ([`draw`]):
+//! A camera with a [`VolumeView`] beside its [`SplatView`](super::SplatView) draws the particles of that list as a volume. The grid is cut
+//! as the adapter's memory asks ([`cut`]); each frame draws as many slabs as it has time for ([`prepare`]), from front to back, and a
+//! picture that is complete becomes the camera's [`LightCells`](super::light::LightCells). For each slab and each batch of the particles
+//! that reach into it ([`pass`]):
 //!
-//! 1. `count`, `pair`: particles are binned, each to eight bins at most of one of several levels.
-//! 2. `tally`, `move_pairs`: pairs of bin and particle are sorted by bins; equal ones keep their order, so that
+//! 1. `project`: particles are loaded from the arena, brought to camera space and enlarged to what the grid can hold.
+//! 2. `count`, `pair`: they are binned, each to eight bins at most of one of several levels.
+//! 3. `tally`, `move_pairs`: pairs of bin and particle are sorted by bins; equal ones keep their order, so that
 //!    nothing depends on which workgroup is first.
-//! 3. `gather`: each brick of 8 x 8 x 8 cells sums up its own particles, in registers.
+//! 4. `gather`: each brick of 8 x 8 x 8 cells sums up its own particles, in registers.
 //!
 //! Then, for each slab:
 //!
-//! 4. `cast_rays`: all rays go through it; what they have gathered is carried to the next one.
-//! 5. `occlude`, `pyramid`: columns of bricks behind opaque pixels are left out from now on, and when there are no others
-//!    the picture is complete.
+//! 5. `cast_rays`: all rays go through it; what they have gathered is carried to the next one.
+//! 6. `occlude`, `pyramid`: columns of bricks behind opaque pixels are left out from now on.
+//!
+//! A job of [`Shows::Ranges`] does `measure` instead: the masses of all densities and attributes, which are read back without waiting.
 
 pub mod constants;
 pub mod cut;
 pub mod layout;
 pub mod programs;
 
-mod draw;
-mod inputs;
+mod pass;
+mod prepare;
 mod store;
-mod timer;
+mod view;
+mod work;
 
-use super::capabilities::Capabilities;
-use super::device::{DeviceOptions, GpuError, open};
-use super::shaders::check::texts;
-use crate::color::Colors;
-use crate::cpu::volume::{Prepared, RayCaster, Scenery, VolumeError, VolumeOptions, VolumeReport};
-use crate::view::View;
-use bevy::render::renderer::{RenderAdapter, RenderDevice, RenderQueue};
-use bevy::tasks::block_on;
-use draw::{Picture, Room};
-use programs::Programs;
-use std::sync::{Mutex, PoisonError};
-use store::Store;
-use wgpu::{Error, ErrorFilter};
+pub use pass::draw_volumes;
+pub use view::{Shows, VolumeFindings, VolumeJob, VolumeNews, VolumeView};
 
-/// Least room that is tried.
-const LEAST_MEMORY: u64 = 1 << 22;
-/// Most particles that are binned at once.
-const MOST_BATCH: u64 = 1 << 20;
+use super::arena::update_arena;
+use super::light::show_light;
+use super::splat::init_splat_pipelines;
+use super::timing::TimedPasses;
+use bevy::core_pipeline::core_3d::{main_opaque_pass_3d, main_transparent_pass_3d};
+use bevy::core_pipeline::{Core3d, Core3dSystems};
+use bevy::prelude::*;
+use bevy::render::extract_component::ExtractComponentPlugin;
+use bevy::render::{Render, RenderApp, RenderStartup, RenderSystems};
 
-/// Draws volumes with an adapter.
-pub struct VolumeRenderer {
-    device: RenderDevice,
-    queue: RenderQueue,
-    adapter: String,
-    vectors: bool,
-    state: Mutex<State>,
-}
+/// Adds the volume passes, behind those of splats.
+pub struct VolumePlugin;
 
-/// What is kept from picture to picture.
-struct State {
-    programs: Programs,
-    store: Store,
-}
-
-impl std::fmt::Debug for VolumeRenderer {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_tuple("VolumeRenderer").field(&self.adapter).finish()
-    }
-}
-
-impl VolumeRenderer {
-    /// Opens the adapter that the environment asks for, or the fastest one.
-    ///
-    /// # Errors
-    /// [`GpuError`]: no adapter, or one without compute shaders.
-    pub fn open(options: &DeviceOptions) -> Result<VolumeRenderer, GpuError> {
-        let gpu = open(options)?;
-        if !gpu.capabilities.compute {
-            let missing = "compute shaders with eight storage buffers";
-            return Err(GpuError::Unsupported { adapter: gpu.adapter, backend: "compute", missing });
-        }
-        Ok(VolumeRenderer::new(gpu.device, gpu.queue, &gpu.handle, gpu.adapter, &gpu.capabilities, &texts(&[])))
-    }
-
-    /// Draws with an open adapter, which must have the capability `compute`, and these shaders: their paths and texts.
-    pub fn new(
-        device: RenderDevice,
-        queue: RenderQueue,
-        handle: &RenderAdapter,
-        adapter: String,
-        capabilities: &Capabilities,
-        shaders: &[(&'static str, String)],
-    ) -> VolumeRenderer {
-        let state = Mutex::new(State { programs: Programs::new(&device, handle, shaders), store: Store::default() });
-        VolumeRenderer { device, queue, adapter, vectors: capabilities.vector_subgroups, state }
-    }
-
-    /// Draws, with less memory at a time where there is too little.
-    fn draw(
-        &self,
-        view: &View,
-        prepared: &Prepared,
-        scenery: &Scenery,
-        options: &VolumeOptions,
-    ) -> Result<(Colors, VolumeReport), GpuError> {
-        let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
-        let State { programs, store } = &mut *state;
-        let limits = self.device.limits();
-        let limit = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
-        let mut room = Room {
-            // A larger slab than the grid is none.
-            memory: options.memory.min(limit),
-            limit,
-            batch: MOST_BATCH.min(limit / (4 * layout::MOST_BINS)),
-        };
-        loop {
-            let (device, queue, vectors) = (&self.device, &self.queue, self.vectors);
-            let picture = Picture { device, queue, view, prepared, scenery, options, vectors };
-            match self.watched(|| picture.draw(programs, store, &room)) {
-                Err(GpuError::NoRoom(_)) if room.memory > LEAST_MEMORY => {
-                    store.clear();
-                    room.memory /= 2;
-                    room.batch = (room.batch / 2).max(1 << 14);
-                }
-                result => return result,
-            }
-        }
-    }
-
-    /// Does something, and takes the driver's errors for its result.
-    fn watched<T>(&self, work: impl FnOnce() -> Result<T, GpuError>) -> Result<T, GpuError> {
-        let device = self.device.wgpu_device();
-        let others = [ErrorFilter::Validation, ErrorFilter::Internal].map(|filter| device.push_error_scope(filter));
-        let memory = device.push_error_scope(ErrorFilter::OutOfMemory);
-        let result = work();
-        let full = block_on(memory.pop());
-        // The last one is on top.
-        let [validation, internal] = others;
-        let failed = [block_on(internal.pop()), block_on(validation.pop())];
-        if full.is_some() {
-            return Err(GpuError::NoRoom(self.adapter.clone()));
-        }
-        match failed.into_iter().flatten().next() {
-            Some(Error::Validation { description, .. } | Error::Internal { description, .. }) => {
-                Err(GpuError::Failed(format!("a volume on {}: {description}", self.adapter)))
-            }
-            Some(error) => Err(GpuError::Failed(format!("a volume on {}: {error}", self.adapter))),
-            None => result,
-        }
-    }
-}
-
-impl RayCaster for VolumeRenderer {
-    fn cast(
-        &self,
-        view: &View,
-        prepared: &Prepared,
-        scenery: &Scenery,
-        options: &VolumeOptions,
-        report: &mut VolumeReport,
-    ) -> Result<Colors, VolumeError> {
-        let drawn = self.draw(view, prepared, scenery, options);
-        let (colors, work) = drawn.map_err(|error| VolumeError::Device(error.to_string()))?;
-        report.slabs = work.slabs;
-        report.pairs = work.pairs;
-        report.bricks = work.bricks;
-        report.hidden = work.hidden;
-        report.opaque = work.opaque;
-        report.resampling += work.resampling;
-        report.rendering = work.rendering;
-        Ok(colors)
-    }
-
-    fn name(&self) -> [&str; 2] {
-        ["compute", &self.adapter]
-    }
-
-    fn rest(&self) -> bool {
-        // Whoever draws now still needs it.
-        let state = self.state.try_lock();
-        state.map(|mut state| state.store.clear()).is_ok()
+impl Plugin for VolumePlugin {
+    fn build(&self, app: &mut App) {
+        app.add_plugins(ExtractComponentPlugin::<VolumeView>::default());
+        app.world_mut().get_resource_or_init::<TimedPasses>().0.extend(["resample", "cast"]);
+        let news = app.world_mut().get_resource_or_init::<VolumeNews>().clone();
+        let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
+        render_app
+            .insert_resource(news)
+            .add_systems(RenderStartup, prepare::init_volume_pipelines.after(init_splat_pipelines))
+            .add_systems(
+                Render,
+                (
+                    prepare::prepare_volumes.in_set(RenderSystems::PrepareBindGroups).after(update_arena),
+                    prepare::ask_for_answers.in_set(RenderSystems::Cleanup),
+                ),
+            )
+            .add_systems(
+                Core3d,
+                draw_volumes
+                    .in_set(Core3dSystems::MainPass)
+                    .after(main_opaque_pass_3d)
+                    .before(show_light)
+                    .before(main_transparent_pass_3d),
+            );
     }
 }

@@ -1,29 +1,27 @@
 //! The compute pipelines of volumes: which shader each step runs, and what it binds.
-//!
-//! They live in a pipeline cache of their own, that is driven by hand: volumes are drawn outside of frames, on whatever
-//! thread asks, with Bevy's application or without.
 
 use super::layout::{Portion, Turn, VolumeUniform};
-use crate::gpu::device::GpuError;
+use crate::gpu::shaders;
+use crate::gpu::splat::particle_layout;
 use crate::model::Kernel;
-use bevy::asset::Handle;
-use bevy::asset::uuid::Uuid;
+use bevy::asset::{AssetServer, Handle};
 use bevy::platform::collections::HashMap;
+use bevy::prelude::Resource;
 use bevy::render::render_resource::binding_types::{
     storage_buffer_read_only_sized, storage_buffer_sized, uniform_buffer_sized,
 };
 use bevy::render::render_resource::{
-    BindGroupLayout, BindGroupLayoutDescriptor, BindGroupLayoutEntryBuilder, CachedComputePipelineId,
-    CachedPipelineState, ComputePipeline, ComputePipelineDescriptor, PipelineCache, ShaderStages,
+    BindGroupLayoutDescriptor, BindGroupLayoutEntryBuilder, CachedComputePipelineId, ComputePipeline,
+    ComputePipelineDescriptor, PipelineCache, ShaderStages,
 };
-use bevy::render::renderer::{RenderAdapter, RenderDevice};
 use bevy::shader::{Shader, ShaderDefVal};
-use std::marker::PhantomData;
 use std::num::NonZeroU64;
 
 /// One entry point of a shader.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Step {
+    /// Loads particles, one workgroup a block.
+    Project,
     /// Counts the particles of each bin, one invocation a particle.
     Count,
     /// Writes pairs of bin and particle, one invocation a particle.
@@ -48,6 +46,8 @@ pub enum Step {
     DispatchBricks,
     /// Resamples, one workgroup a brick.
     Gather,
+    /// How much mass the field has at each value, one workgroup a brick.
+    Measure,
     /// What rays may meet in each brick, one invocation a brick.
     FindReach,
     /// Rays, one invocation a pixel.
@@ -61,6 +61,8 @@ pub enum Step {
 /// What a step binds; steps of the same kind share it, and their shader.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Kind {
+    /// `project.wgsl`.
+    Project,
     /// `bin.wgsl`.
     Bin,
     /// `scan.wgsl`.
@@ -71,6 +73,8 @@ pub enum Kind {
     Plan,
     /// `gather.wgsl`.
     Gather,
+    /// `measure.wgsl`.
+    Measure,
     /// `occlusion.wgsl`.
     Occlusion,
     /// `raycast.wgsl`.
@@ -99,7 +103,8 @@ impl Variant {
 
 impl Step {
     /// Every step.
-    pub const ALL: [Step; 16] = [
+    pub const ALL: [Step; 18] = [
+        Step::Project,
         Step::Count,
         Step::Pair,
         Step::SumBins,
@@ -112,6 +117,7 @@ impl Step {
         Step::Plan,
         Step::DispatchBricks,
         Step::Gather,
+        Step::Measure,
         Step::FindReach,
         Step::CastRays,
         Step::Occlude,
@@ -121,6 +127,7 @@ impl Step {
     /// The name of its entry point.
     pub const fn entry(self) -> &'static str {
         match self {
+            Step::Project => "project",
             Step::Count => "count",
             Step::Pair => "pair",
             Step::SumBins => "sum_bins",
@@ -133,6 +140,7 @@ impl Step {
             Step::Plan => "plan",
             Step::DispatchBricks => "dispatch_bricks",
             Step::Gather => "gather",
+            Step::Measure => "measure",
             Step::FindReach => "find_reach",
             Step::CastRays => "cast_rays",
             Step::Occlude => "occlude",
@@ -143,11 +151,13 @@ impl Step {
     /// What it binds.
     pub const fn kind(self) -> Kind {
         match self {
+            Step::Project => Kind::Project,
             Step::Count | Step::Pair => Kind::Bin,
             Step::SumBins | Step::ScanParts | Step::SpreadBins | Step::ScanPairs | Step::ScanTable => Kind::Scan,
             Step::Tally | Step::MovePairs => Kind::Sort,
             Step::Plan | Step::DispatchBricks => Kind::Plan,
             Step::Gather => Kind::Gather,
+            Step::Measure => Kind::Measure,
             Step::FindReach | Step::Occlude | Step::Pyramid => Kind::Occlusion,
             Step::CastRays => Kind::Raycast,
         }
@@ -156,17 +166,28 @@ impl Step {
 
 impl Kind {
     /// Every kind.
-    pub const ALL: [Kind; 7] =
-        [Kind::Bin, Kind::Scan, Kind::Sort, Kind::Plan, Kind::Gather, Kind::Occlusion, Kind::Raycast];
+    pub const ALL: [Kind; 9] = [
+        Kind::Project,
+        Kind::Bin,
+        Kind::Scan,
+        Kind::Sort,
+        Kind::Plan,
+        Kind::Gather,
+        Kind::Measure,
+        Kind::Occlusion,
+        Kind::Raycast,
+    ];
 
     /// The path of its shader.
     pub const fn shader(self) -> &'static str {
         match self {
+            Kind::Project => "volume/project.wgsl",
             Kind::Bin => "volume/bin.wgsl",
             Kind::Scan => "volume/scan.wgsl",
             Kind::Sort => "volume/sort.wgsl",
             Kind::Plan => "volume/plan.wgsl",
             Kind::Gather => "volume/gather.wgsl",
+            Kind::Measure => "volume/measure.wgsl",
             Kind::Occlusion => "volume/occlusion.wgsl",
             Kind::Raycast => "volume/raycast.wgsl",
         }
@@ -175,7 +196,7 @@ impl Kind {
     /// Shader definitions of a variant.
     pub fn defs(self, variant: Variant) -> Vec<ShaderDefVal> {
         let mut defs = Vec::new();
-        if matches!(self, Kind::Plan | Kind::Gather | Kind::Occlusion | Kind::Raycast) {
+        if matches!(self, Kind::Plan | Kind::Gather | Kind::Measure | Kind::Occlusion | Kind::Raycast) {
             defs.push(ShaderDefVal::UInt("PARTS".into(), variant.parts()));
         }
         if self == Kind::Gather && variant.vectors {
@@ -184,7 +205,7 @@ impl Kind {
         if self == Kind::Gather && variant.kernel == Kernel::Poly6 {
             defs.push("POLY6".into());
         }
-        if matches!(self, Kind::Gather | Kind::Raycast) && variant.attribute {
+        if matches!(self, Kind::Gather | Kind::Measure | Kind::Raycast) && variant.attribute {
             defs.push("ATTRIBUTE".into());
         }
         if self == Kind::Raycast && variant.surfaces {
@@ -193,8 +214,8 @@ impl Kind {
         defs
     }
 
-    /// Its bindings.
-    fn layout(self) -> BindGroupLayoutDescriptor {
+    /// Its bindings; those of [`Kind::Project`] are group 1, behind the particles.
+    pub fn layout(self) -> BindGroupLayoutDescriptor {
         let uniform = |bytes: usize, moves| uniform_buffer_sized(moves, NonZeroU64::new(bytes as u64));
         let view = || uniform(size_of::<VolumeUniform>(), false);
         let portion = || uniform(size_of::<Portion>(), true);
@@ -202,6 +223,7 @@ impl Kind {
         let read = || storage_buffer_read_only_sized(false, None);
         let write = || storage_buffer_sized(false, None);
         let list = match self {
+            Kind::Project => vec![view(), write(), write(), read()],
             Kind::Bin => vec![view(), portion(), read(), read(), write(), write(), write(), write()],
             Kind::Scan => vec![view(), portion(), write(), write(), write()],
             Kind::Sort => vec![turn(), read(), read(), read(), write(), write(), write()],
@@ -212,6 +234,7 @@ impl Kind {
                 list.extend([write(), write()]);
                 list
             }
+            Kind::Measure => vec![view(), portion(), read(), read(), read(), write()],
             Kind::Occlusion => vec![view(), portion(), read(), write(), read(), read(), write(), write()],
             Kind::Raycast => {
                 let mut list = vec![view(), portion()];
@@ -227,61 +250,51 @@ impl Kind {
     }
 }
 
-/// Compiled steps.
-pub struct Programs {
-    cache: PipelineCache,
-    shaders: HashMap<&'static str, Handle<Shader>>,
+/// The pipelines of all variants that have been asked for.
+#[derive(Resource)]
+pub struct VolumePipelines {
+    shaders: HashMap<Kind, Handle<Shader>>,
     known: HashMap<(Step, Vec<ShaderDefVal>), CachedComputePipelineId>,
+    /// Whether subgroups have exactly eight lanes.
+    pub vectors: bool,
 }
 
-impl Programs {
-    /// Nothing compiled yet of these shaders, which are paths and texts.
-    pub fn new(device: &RenderDevice, adapter: &RenderAdapter, shaders: &[(&'static str, String)]) -> Programs {
-        let mut cache = PipelineCache::new(device.clone(), adapter.clone(), true);
-        let mut take = |(index, (path, text)): (usize, &(&'static str, String))| {
-            let handle = Handle::Uuid(Uuid::from_u128(index as u128 + 1), PhantomData);
-            cache.set_shader(handle.id(), Shader::from_wgsl(text.clone(), *path));
-            (*path, handle)
-        };
-        let shaders = shaders.iter().enumerate().map(&mut take).collect();
-        Programs { cache, shaders, known: HashMap::default() }
+impl VolumePipelines {
+    /// Loads the shaders.
+    pub fn new(server: &AssetServer, vectors: bool) -> VolumePipelines {
+        let shaders = Kind::ALL.into_iter().map(|kind| (kind, shaders::load(server, kind.shader()))).collect();
+        VolumePipelines { shaders, known: HashMap::default(), vectors }
     }
 
-    /// The bindings of a kind.
-    pub fn layout(&self, kind: Kind) -> BindGroupLayout {
-        self.cache.get_bind_group_layout(&kind.layout())
-    }
-
-    /// The pipelines of a variant, compiled when needed.
-    ///
-    /// # Errors
-    /// [`GpuError::Shader`].
-    pub fn get(&mut self, variant: Variant) -> Result<HashMap<Step, ComputePipeline>, GpuError> {
+    /// Has the pipelines of a variant compiled.
+    pub fn ask_for(&mut self, variant: Variant, cache: &PipelineCache) {
+        let VolumePipelines { shaders, known, .. } = self;
         for step in Step::ALL {
-            let Programs { cache, shaders, known } = self;
-            let defs = step.kind().defs(variant);
+            let kind = step.kind();
+            let defs = kind.defs(variant);
             known.entry((step, defs.clone())).or_insert_with(|| {
-                // Every kind's shader is embedded; a test composes them all.
-                let shader = shaders.get(step.kind().shader()).cloned().unwrap_or_default();
+                let mut layout = vec![kind.layout()];
+                if kind == Kind::Project {
+                    layout.insert(0, particle_layout());
+                }
                 cache.queue_compute_pipeline(ComputePipelineDescriptor {
                     label: Some(step.entry().into()),
-                    layout: vec![step.kind().layout()],
-                    shader,
+                    layout,
+                    // Every kind has its shader: see `new`.
+                    shader: shaders.get(&kind).cloned().unwrap_or_default(),
                     entry_point: Some(step.entry().into()),
                     shader_defs: defs,
                     ..ComputePipelineDescriptor::default()
                 })
             });
         }
-        self.cache.process_queue();
+    }
+
+    /// The pipelines of a variant; `None` as long as one is not compiled.
+    pub fn get<'a>(&self, variant: Variant, cache: &'a PipelineCache) -> Option<HashMap<Step, &'a ComputePipeline>> {
         let ready = |step: Step| {
-            let unknown = || GpuError::Shader(step.entry().into());
-            let id = *self.known.get(&(step, step.kind().defs(variant))).ok_or_else(unknown)?;
-            match (self.cache.get_compute_pipeline(id), self.cache.get_compute_pipeline_state(id)) {
-                (Some(pipeline), _) => Ok((step, pipeline.clone())),
-                (None, CachedPipelineState::Err(error)) => Err(GpuError::Shader(format!("{}: {error}", step.entry()))),
-                (None, _) => Err(unknown()),
-            }
+            let id = *self.known.get(&(step, step.kind().defs(variant)))?;
+            Some((step, cache.get_compute_pipeline(id)?))
         };
         Step::ALL.into_iter().map(ready).collect()
     }

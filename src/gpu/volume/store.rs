@@ -70,6 +70,11 @@ impl Store {
         held
     }
 
+    /// What all of them take.
+    pub fn bytes(&self) -> u64 {
+        self.buffers.values().map(|buffer| buffer.size()).sum()
+    }
+
     /// Frees everything.
     pub fn clear(&mut self) {
         self.buffers.clear();

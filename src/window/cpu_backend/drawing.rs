@@ -1,7 +1,7 @@
 //! A picture drawn by the processor: of nodes of the open file, or of live particles.
 
 use crate::color::transfer::Levels;
-use crate::cpu::volume::{CpuRayCaster, VolumeError};
+use crate::cpu::volume::VolumeError;
 use crate::mode::{LodBudget, Plan, Raw};
 use crate::model::{Dataset, FamilyName};
 use crate::picture::Subject;
@@ -39,8 +39,6 @@ pub(super) struct Outcome {
     /// How many particles it took, and whether that is less than the plan would.
     pub taken: u64,
     pub is_cut: bool,
-    /// Why not the adapter but the processor has drawn it.
-    pub trouble: Option<String>,
 }
 
 impl Source {
@@ -59,14 +57,13 @@ impl Source {
 }
 
 /// Draws nodes with `size` pixels; blocks for as long as it takes. `known` are ranges of the colours that what may be left out
-/// depends on. A picture that is not shown but measured is of splats where the processor does not draw the mode.
+/// depends on.
 pub(super) fn draw(
     subject: &Subject<'_>,
     nodes: &[SceneNode],
     (view, size): (&View, UVec2),
     limits: &Limits,
     known: Option<Levels>,
-    is_shown: bool,
 ) -> Result<Outcome, VolumeError> {
     // What may be left out is decided for the whole picture, also where this one has fewer pixels.
     let plan = match limits.plan {
@@ -76,20 +73,9 @@ pub(super) fn draw(
     let (fitting, taken) = subject.within(limits.particles, plan, view, nodes);
     let decoded = subject.decode(view, nodes, &fitting);
     let view = View { width: size.x, height: size.y, ..*view };
-    let mut trouble = None;
-    let drawn = match subject.depiction.mode.technique.on_processor() || is_shown {
-        false => subject.sum(&view, &decoded, &fitting).map_err(VolumeError::from),
-        true => match subject.draw(&view, &decoded, &fitting) {
-            Err(VolumeError::Device(why)) => {
-                trouble = Some(why);
-                Subject { caster: &CpuRayCaster, ..*subject }.draw(&view, &decoded, &fitting)
-            }
-            drawn => drawn,
-        },
-    };
-    let values = match drawn {
+    let values = match subject.draw(&view, &decoded, &fitting) {
         Err(VolumeError::Grid(GridError::NothingInView)) => None,
         drawn => Some(drawn?),
     };
-    Ok(Outcome { values, plan, taken, is_cut: fitting != plan, trouble })
+    Ok(Outcome { values, plan, taken, is_cut: fitting != plan })
 }

@@ -22,7 +22,6 @@ use crate::window::scene_io::viewpoint_of;
 use crate::window::state::aim::Aim;
 use crate::window::state::answer::Answer;
 use crate::window::state::notices::Notices;
-use crate::window::statistics::ActiveBackend;
 use bevy::prelude::*;
 use std::sync::Arc;
 use std::time::Instant;
@@ -224,7 +223,7 @@ pub fn draw_before(
         (true, true) => moving_size(full, before.cost, motion.volume_ms, motion),
         (true, false) => {
             let fixed_discs = matches!(depiction.footprint(), Footprint::Pixels(_));
-            drawing_size(full, true, ActiveBackend::Cpu, fixed_discs, motion)
+            drawing_size(full, true, fixed_discs, motion)
         }
     };
     let limit = match (is_moving, painted) {

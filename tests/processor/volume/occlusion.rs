@@ -1,11 +1,10 @@
 //! Volumes hide what lies behind them (F12 5.7.2): what is hidden need not be there, and the picture is the same.
 
-use crate::support::Random;
+use crate::support::eclipse;
 use deepfield::build::{BuildOptions, build};
 use deepfield::color::transfer::{Range, TransferFunction};
 use deepfield::hierarchy::{OctreeOptions, Purpose};
 use deepfield::mode::{Depiction, LightPicture, Plan, SettingValue, Settings};
-use deepfield::model::{Dataset, Family, FamilyName, Kernel, Provenance, Unit};
 use deepfield::modes;
 use deepfield::picture::Subject;
 use deepfield::store::PageFile;
@@ -13,30 +12,6 @@ use deepfield::stream::{Scene, SceneSelection};
 use deepfield::view::{Occluder, Projection, View};
 use glam::DVec3;
 use std::sync::Arc;
-
-/// A dense ball in front of a wide cloud.
-fn eclipse() -> Family {
-    let mut random = Random(77);
-    let mut next = || random.next() - 0.5;
-    let mut family = Family {
-        name: FamilyName::Gas,
-        positions: Vec::new(),
-        mass: Vec::new(),
-        smoothing_length: Vec::new(),
-        density: Vec::new(),
-        attributes: Vec::new(),
-    };
-    for i in 0..60_000 {
-        let at = [next(), next(), next()];
-        let is_ball = i % 3 == 0;
-        let (scale, z, h) = if is_ball { (0.5, 1.0, 0.05) } else { (1.0, -1.5, 0.03) };
-        family.positions.push([scale * at[0], scale * at[1], scale * at[2] + z]);
-        family.smoothing_length.push(h);
-        family.mass.push(if is_ball { 1.0 } else { 0.05 });
-        family.density.push(1.0);
-    }
-    family
-}
 
 /// What a view is painted with: ranges and planes that do not depend on what is there.
 fn paint(file: &PageFile, depiction: &Depiction, view: &View, selection: &SceneSelection) -> LightPicture {
@@ -49,14 +24,7 @@ fn paint(file: &PageFile, depiction: &Depiction, view: &View, selection: &SceneS
 fn what_is_hidden_need_not_be_there() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("eclipse.df");
-    let dataset = Dataset {
-        families: vec![eclipse()],
-        length_unit: Unit::default(),
-        mass_unit: Unit::default(),
-        kernel: Kernel::CubicSpline,
-        skipped: Vec::new(),
-        provenance: Provenance::default(),
-    };
+    let dataset = eclipse();
     for volume_levels in [true, false] {
         let octree = OctreeOptions { leaf_capacity: 200, volume_levels, ..OctreeOptions::default() };
         build(dataset.clone(), &BuildOptions { octree, ..BuildOptions::default() }, &path, &()).unwrap();

@@ -131,7 +131,7 @@ fn numbers_of_layers_and_cells_are_checked() {
     fails("resolution", "(mode: \"volume\", settings: {\"resolution\": 0.0})", &["resolution: found 0, expected"]);
     fails("radius", "(mode: \"spheres\", settings: {\"sphere-radius\": 0.0})", &["sphere-radius: found 0, expected"]);
     let others = "(mode: \"sorted-splats\", settings: {\"layers\": 3.0})";
-    fails("others", others, &["layers, expected a setting of sorted-splats: opacity, near, far"]);
+    fails("others", others, &["layers, expected a setting of sorted-splats: opacity, occlusion, near, far"]);
 }
 
 #[test]

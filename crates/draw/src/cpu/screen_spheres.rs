@@ -9,22 +9,23 @@ use super::Splats;
 use super::footprint::Lens;
 use super::screen_tiles::{Reach, Tiles};
 use super::volume::particles::{Taken, project};
-use super::volume::{Light, VolumeError, VolumeReport};
+use super::volume::{Light, OpaqueDepths, VolumeError, VolumeReport, extents};
 use crate::color::Colors;
-use crate::view::perspective_grid::planes;
+use crate::color::transfer::Scale;
 use crate::view::{PerspectiveGrid, Projection, View};
 use glam::DVec3;
 use rayon::prelude::*;
+use std::sync::Arc;
 use std::time::Instant;
 
 /// Widest filter, pixels.
-const WIDEST: f32 = 40.0;
+pub const WIDEST: f32 = 40.0;
 /// Pixels around one that its smoothed surface depends on.
 pub const NEIGHBOURHOOD: u32 = (WIDEST as u32 + 1) * ROUNDS as u32;
 /// Rounds of the filter: its two directions are passed one after the other, which one round alone would show.
-const ROUNDS: usize = 2;
+pub const ROUNDS: usize = 2;
 /// Neighbours count whose depth differs by less than so many radii.
-const NEIGHBOUR: f32 = 2.0;
+pub const NEIGHBOUR: f32 = 2.0;
 /// Pairs of a tile and a particle that are held at once.
 const PAIRS: usize = 1 << 22;
 
@@ -41,6 +42,28 @@ pub struct SphereOptions {
     pub near: Option<f64>,
     /// Depth of the far plane; around the data without.
     pub far: Option<f64>,
+}
+
+/// Colours of a surface by one value.
+#[derive(Clone, Debug)]
+pub struct SurfaceColors {
+    /// From the low end of the range to the high one, linear light.
+    pub colors: Arc<[[f32; 4]]>,
+    /// Whether they follow the attribute, not the density.
+    pub of_attribute: bool,
+    /// How values are placed.
+    pub scale: Scale,
+    /// Values at the ends.
+    pub range: [f64; 2],
+}
+
+impl PartialEq for SurfaceColors {
+    fn eq(&self, other: &SurfaceColors) -> bool {
+        Arc::ptr_eq(&self.colors, &other.colors)
+            && self.of_attribute == other.of_attribute
+            && self.scale == other.scale
+            && self.range == other.range
+    }
 }
 
 /// What a pixel shows.
@@ -88,9 +111,9 @@ pub fn front(
 ) -> Result<(Front, VolumeReport), VolumeError> {
     let start = Instant::now();
     let sigma = PerspectiveGrid::sigma_of(view, 1.0);
-    let particles = project(view, batches, &Taken { sigma, smallest: 0.0, stride: 1 });
-    let perspective = matches!(view.projection, Projection::Perspective { .. });
-    let [near, far] = planes(particles.depths, options.near, options.far, perspective)?;
+    let taken = Taken { sigma, smallest: 0.0, stride: 1 };
+    let [near, far] = extents::planes_around(view, batches, &taken, [options.near, options.far])?;
+    let particles = project(view, batches, &taken).unless_empty()?;
     let chunks = particles.chunks.par_iter().zip(&particles.densities);
     let of_chunk = chunks.flat_map_iter(|(chunk, densities)| {
         chunk.iter().zip(densities).filter_map(|(particle, &density)| {
@@ -183,6 +206,12 @@ fn nearest(lens: &Lens, [columns, rows]: &[std::ops::Range<usize>; 2], sphere: &
 }
 
 impl Front {
+    /// What spheres of a radius (smoothing lengths) hide, before they are smoothed: smoothing looks at no more than what each pixel shows.
+    pub fn opaque(&self, view: &View, radius: f64) -> OpaqueDepths {
+        let depths = self.hits.iter().map(|hit| hit.depth).collect();
+        OpaqueDepths::new(view, depths, 1.0, 0.0).reaching(radius)
+    }
+
     /// Smooths depths, densities and attributes. Silhouettes stay where they are.
     pub fn smooth(&mut self, view: &View, smoothing: f64) {
         if smoothing <= 0.0 {

@@ -14,11 +14,11 @@ use super::profile::{Profile, Profiles};
 use super::screen_tiles::{Reach, TILE, Tiles};
 use super::volume::particles::{Taken, project};
 use super::volume::raycast::Ray;
-use super::volume::{Classifier, VolumeError, VolumeOptions, VolumeReport};
+use super::volume::{Classifier, OpaqueDepths, VolumeError, VolumeOptions, VolumeReport, extents};
 use crate::color::Colors;
-use crate::view::perspective_grid::planes;
-use crate::view::{PerspectiveGrid, Projection, View};
+use crate::view::{PerspectiveGrid, View};
 use rayon::prelude::*;
+use std::sync::Arc;
 use std::time::Instant;
 
 /// Pairs of a tile and a particle that are held at once.
@@ -52,6 +52,8 @@ impl Splat {
 /// The rays of a tile, row by row, and how many of them go on.
 struct Tile {
     rays: Vec<Ray>,
+    /// The depth of the last splat that each ray meets; infinite for those that go on.
+    ends: Vec<f32>,
     open: usize,
 }
 
@@ -68,9 +70,9 @@ pub fn draw(
 ) -> Result<(Colors, VolumeReport), VolumeError> {
     let start = Instant::now();
     let sigma = PerspectiveGrid::sigma_of(view, 1.0);
-    let particles = project(view, batches, &Taken { sigma, smallest: options.smallest, stride: 1 });
-    let perspective = matches!(view.projection, Projection::Perspective { .. });
-    let [near, far] = planes(particles.depths, options.near, options.far, perspective)?;
+    let taken = Taken { sigma, smallest: options.smallest, stride: 1 };
+    let [near, far] = extents::planes_around(view, batches, &taken, [options.near, options.far])?;
+    let particles = project(view, batches, &taken).unless_empty()?;
     let mut report = VolumeReport {
         planes: [near, far],
         particles: particles.len(),
@@ -117,7 +119,7 @@ pub fn draw(
         .map(|tile| {
             let [columns, rows] = tiles.pixels(tile);
             let count = columns.len() * rows.len();
-            Tile { rays: vec![Ray::default(); count], open: count }
+            Tile { rays: vec![Ray::default(); count], ends: vec![f32::INFINITY; count], open: count }
         })
         .collect();
     let pixels = view.width as u64 * u64::from(view.height) * size_of::<Ray>() as u64;
@@ -144,15 +146,22 @@ pub fn draw(
     }
     let (width, height) = (view.width as usize, view.height as usize);
     let mut rgba = vec![[0.0; 4]; width * height];
+    let mut ends = vec![f32::INFINITY; width * height];
     for (index, tile) in drawn.iter().enumerate() {
         let [columns, rows] = tiles.pixels(index);
-        for (y, rays) in rows.zip(tile.rays.chunks(columns.len().max(1))) {
-            let out = &mut rgba[y * width + columns.start..y * width + columns.end];
-            out.iter_mut()
+        let rays = tile.rays.chunks(columns.len().max(1)).zip(tile.ends.chunks(columns.len().max(1)));
+        for (y, (rays, own)) in rows.zip(rays) {
+            let row = y * width + columns.start..y * width + columns.end;
+            ends[row.clone()].copy_from_slice(own);
+            rgba[row]
+                .iter_mut()
                 .zip(rays)
                 .for_each(|(out, ray)| *out = [ray.color[0], ray.color[1], ray.color[2], ray.alpha]);
         }
     }
+    // Pixels are the cells to whose size small particles are enlarged.
+    let opaque = options.occlusion.then(|| OpaqueDepths::new(view, ends, 1.0, options.smallest));
+    report.opaque = opaque.map(Arc::new);
     Ok((Colors { width: view.width, height: view.height, rgba }, report))
 }
 
@@ -188,13 +197,17 @@ impl Tile {
                 *out = lens.square(&line, x as f64 + 0.5) as f32;
             }
             let start = (row - rows.start) * columns.len() + covered.start - columns.start;
-            for (ray, &square) in self.rays[start..].iter_mut().zip(&square).take(covered.len()) {
+            let rays = self.rays[start..].iter_mut().zip(&mut self.ends[start..]);
+            for ((ray, end), &square) in rays.zip(&square).take(covered.len()) {
                 if square >= 1.0 || ray.alpha >= termination {
                     continue;
                 }
                 ray.under(splat.color, opacity(splat.depth * evaluate(profile, square)));
                 met += 1;
-                self.open -= usize::from(ray.alpha >= termination);
+                if ray.alpha >= termination {
+                    *end = splat.place[2];
+                    self.open -= 1;
+                }
             }
         }
         met
@@ -223,6 +236,7 @@ mod tests {
     use crate::cpu::volume::tests::{Cloud, RAMP, look, merger, perspective, scenery};
     use crate::model::Kernel;
     use crate::synth::random::Random;
+    use crate::view::Projection;
     use glam::DVec3;
 
     fn sorted(view: &View, cloud: &Cloud, densities: &[f32], scenery: &Scenery) -> Colors {

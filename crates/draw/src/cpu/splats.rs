@@ -1,5 +1,6 @@
 //! What is drawn: borrowed columns of particles.
 
+use crate::view;
 use glam::DVec3;
 use thiserror::Error;
 
@@ -78,6 +79,7 @@ pub struct Splats<'a> {
     weight: &'a [f32],
     attribute: Option<&'a [f32]>,
     density: Option<&'a [f32]>,
+    reach: Option<view::Extent>,
 }
 
 impl<'a> Splats<'a> {
@@ -103,7 +105,7 @@ impl<'a> Splats<'a> {
         if let Some(attribute) = attribute {
             check("attribute", attribute.len())?;
         }
-        Ok(Splats { positions, extent, weight, attribute, density: None })
+        Ok(Splats { positions, extent, weight, attribute, density: None, reach: None })
     }
 
     /// The same with each particle's own density, for what is classified particle by particle.
@@ -115,6 +117,11 @@ impl<'a> Splats<'a> {
             found if found == self.len() => Ok(Splats { density, ..self }),
             found => Err(SplatError::Length { column: "density", found, expected: self.len() }),
         }
+    }
+
+    /// The same with a box around the particles and what they reach at most out of it, where that is known.
+    pub fn with_reach(self, reach: Option<view::Extent>) -> Splats<'a> {
+        Splats { reach, ..self }
     }
 
     /// Number of particles.
@@ -135,6 +142,11 @@ impl<'a> Splats<'a> {
     /// Extents of the particles.
     pub fn extent(&self) -> Extent<'a> {
         self.extent
+    }
+
+    /// A box around the particles and what they reach at most out of it, where that is known.
+    pub fn reach(&self) -> Option<view::Extent> {
+        self.reach
     }
 
     /// Weights `w`.

@@ -11,7 +11,10 @@ pub mod technique;
 pub use depiction::{CodeTable, Coloring, Depiction, SourceColumns};
 pub use lod_budget::{LodBudget, Plan};
 pub use setting::{Setting, SettingError, SettingKind, SettingValue, Settings};
-pub use technique::{Adapter, Job, LightPicture, Needs, Output, Raw, SPLAT_SUMS, SplatSums, Technique};
+pub use technique::{
+    Adapter, FindRanges, Job, LightPasses, LightPicture, LightPlan, Needs, Output, Raw, SPLAT_SUMS, SplatSums,
+    Technique, Terms,
+};
 
 use crate::cpu::volume::VolumeError;
 use crate::model::Unit;

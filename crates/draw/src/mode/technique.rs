@@ -4,10 +4,14 @@
 use super::{Footprint, Settings};
 use crate::color::transfer::TransferFunction;
 use crate::color::{Accumulation, Colors};
-use crate::cpu::volume::{RayCaster, VolumeError, VolumeLevels, VolumeReport};
+use crate::cpu::layered::Assignment;
+use crate::cpu::screen_spheres::{SphereOptions, SurfaceColors};
+use crate::cpu::volume::{
+    Classifier, FieldRange, Light, Scenery, VolumeError, VolumeLevels, VolumeOptions, VolumeReport,
+};
 use crate::cpu::{Counts, SplatOptions, Splats, draw_counted};
 use crate::hierarchy::Purpose;
-use crate::model::Bounds;
+use crate::model::{Bounds, Kernel};
 use crate::view::{Detail, View};
 
 /// What a technique's pictures are made of.
@@ -29,8 +33,10 @@ pub enum Adapter {
     None,
     /// The splat passes.
     Splats,
-    /// The resampling and ray marching of the perspective grid: [`Job::caster`].
-    RayMarcher,
+    /// The passes for what [`Technique::light`] says, slab by slab in the window's frames.
+    Light,
+    /// The same, of particles by tiles of the picture: for files; the window has the processor draw them.
+    Tiles,
     /// Passes that the mode's plugin adds. They fill the cells of the picture in place of the splat passes.
     Plugin,
 }
@@ -46,13 +52,22 @@ pub struct Needs {
     pub densities: bool,
     /// How far beyond the picture it looks, pixels.
     pub margin_px: u32,
+    /// Whether depth is divided between the near and the far plane, so that where samples lie depends on both.
+    pub slices: bool,
     /// Whether it resamples all of the data where that is, whatever the view.
     pub of_data: bool,
 }
 
 impl Default for Needs {
     fn default() -> Needs {
-        Needs { purpose: Purpose::Splats, footprint: Footprint::Kernel, densities: false, margin_px: 1, of_data: false }
+        Needs {
+            purpose: Purpose::Splats,
+            footprint: Footprint::Kernel,
+            densities: false,
+            margin_px: 1,
+            slices: false,
+            of_data: false,
+        }
     }
 }
 
@@ -85,6 +100,15 @@ pub trait Technique: Sync {
     /// Changes settings that depend on the view, so that all faces of a panorama are drawn alike.
     fn for_panorama(&self, _settings: &mut Settings) {}
 
+    /// What an adapter's passes draw, of techniques that have [`Adapter::Light`]; `ranges` finds those of the field for colours that
+    /// have none.
+    ///
+    /// # Errors
+    /// [`VolumeError`] as [`Technique::draw`], and as `ranges`.
+    fn light(&self, _terms: &Terms<'_>, _ranges: &mut FindRanges<'_>) -> Result<Option<LightPlan>, VolumeError> {
+        Ok(None)
+    }
+
     /// Draws on the processor; [`super::Mode::draw`] calls it for techniques that do.
     ///
     /// # Errors
@@ -108,8 +132,101 @@ pub struct Job<'a> {
     pub diameter: f64,
     /// The data's largest density; 0 for sums.
     pub densest: f64,
-    /// What draws modes of the perspective grid.
-    pub caster: &'a dyn RayCaster,
+}
+
+impl<'a> Job<'a> {
+    /// What the picture depends on beside the particles.
+    pub fn terms(&self) -> Terms<'a> {
+        let Job { view, settings, transfer, diameter, densest, .. } = *self;
+        let attribute = self.batches.iter().any(|batch| batch.attribute().is_some());
+        Terms {
+            view,
+            settings,
+            transfer,
+            attribute,
+            kernel: self.options.kernel,
+            diameter,
+            densest,
+            density_scale: 1.0,
+        }
+    }
+}
+
+/// What a picture of light depends on beside its particles.
+#[derive(Clone, Copy)]
+pub struct Terms<'a> {
+    /// The camera.
+    pub view: &'a View,
+    /// The mode's settings.
+    pub settings: &'a Settings,
+    /// What volumes emit and absorb; the mode's own where it is `None`.
+    pub transfer: Option<&'a TransferFunction>,
+    /// Whether particles have an attribute.
+    pub attribute: bool,
+    /// The kernel that the smoothing lengths belong to.
+    pub kernel: Kernel,
+    /// The data's diameter, world units.
+    pub diameter: f64,
+    /// The data's largest density.
+    pub densest: f64,
+    /// Factor on the particles' own densities where no particle is known: see [`crate::cpu::volume::particles::density_scale`].
+    pub density_scale: f32,
+}
+
+/// Finds between which values the mass of a field lies that is sampled like this.
+pub type FindRanges<'a> = dyn FnMut(&VolumeOptions) -> Result<FieldRange, VolumeError> + 'a;
+
+/// What an adapter's passes draw.
+#[derive(Clone, Debug)]
+pub struct LightPlan {
+    /// By which passes, and with what.
+    pub passes: LightPasses,
+    /// The ranges of its colours.
+    pub levels: VolumeLevels,
+    /// The isosurfaces' densities.
+    pub isovalues: Vec<f64>,
+}
+
+/// Passes of an adapter that draw light.
+#[derive(Clone, Debug)]
+pub enum LightPasses {
+    /// Rays through the perspective grid.
+    March(Scenery, VolumeOptions),
+    /// Splats in the order of their depth, each with its own density.
+    Sorted {
+        /// What densities and attributes emit and absorb.
+        classifier: Classifier,
+        /// Planes and least size.
+        options: VolumeOptions,
+        /// Rays end at this opacity.
+        termination: f32,
+        /// Factor on the particles' own densities.
+        density_scale: f32,
+    },
+    /// Splats in layers of depth.
+    Layered {
+        /// What densities and attributes emit and absorb.
+        classifier: Classifier,
+        /// Planes and least size.
+        options: VolumeOptions,
+        /// Number of layers.
+        layers: u32,
+        /// Which layers a particle counts in.
+        assignment: Assignment,
+        /// Rays end at this opacity.
+        termination: f32,
+    },
+    /// Spheres under one surface.
+    Spheres {
+        /// Their size, and which there are.
+        options: SphereOptions,
+        /// How the surface is lit; plain colours without.
+        light: Option<Light>,
+        /// Its colours.
+        colors: SurfaceColors,
+        /// Factor on the particles' own densities.
+        density_scale: f32,
+    },
 }
 
 /// A picture before it is shown.
@@ -193,7 +310,6 @@ impl Technique for SplatSums {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cpu::volume::CpuRayCaster;
     use crate::mode::Mode;
     use crate::modes::{column_density, grid};
     use crate::view::Projection;
@@ -225,8 +341,8 @@ mod tests {
         let projection = Projection::Orthographic { height: 1.0 };
         let view = View::look_at(DVec3::Z, DVec3::ZERO, DVec3::Y, projection, 2, 2).unwrap();
         let (settings, options) = (Settings::default(), SplatOptions::default());
-        let (view, batches, settings, caster) = (&view, &[][..], &settings, &CpuRayCaster);
-        let job = Job { view, batches, options, settings, transfer: None, diameter: 1.0, densest: 1.0, caster };
+        let (view, batches, settings) = (&view, &[][..], &settings);
+        let job = Job { view, batches, options, settings, transfer: None, diameter: 1.0, densest: 1.0 };
         let refused = MODE.draw(&job).unwrap_err().to_string();
         assert!(refused.contains("adapter-only is drawn by a graphics adapter only"), "{refused}");
         assert_eq!(MODE.all_settings().count(), 0, "what may be left out of sums is no setting of others");

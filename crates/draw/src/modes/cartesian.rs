@@ -47,7 +47,7 @@ impl Technique for Cartesian {
     }
 
     fn needs(&self, _: &Settings) -> Needs {
-        Needs { of_data: true, ..Needs::default() }
+        Needs { of_data: true, slices: true, ..Needs::default() }
     }
 
     fn for_panorama(&self, settings: &mut Settings) {
@@ -62,7 +62,7 @@ impl Technique for Cartesian {
             "volume-isosurface" => Layers::BOTH,
             _ => Layers::VOLUME,
         };
-        let (scenery, isovalues) = look.scenery(job, layers)?;
+        let (scenery, isovalues) = look.scenery(&job.terms(), layers)?;
         let options = CartesianOptions {
             cells: settings.number(&CELLS).round() as u32,
             region: if settings.name(&REGION) == "data" { Region::Data } else { Region::View },

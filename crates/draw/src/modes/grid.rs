@@ -3,10 +3,13 @@
 use crate::color::colors::to_linear;
 use crate::color::transfer::{Range, TransferFunction, UnitLength};
 use crate::cpu::volume::particles::SMALLEST;
-use crate::cpu::volume::{self, Classifier, Light, Scenery, Surface, VolumeError, VolumeLevels, VolumeOptions, range};
+use crate::cpu::volume::{
+    self, Classifier, FieldRange, Light, Scenery, Surface, VolumeError, VolumeLevels, VolumeOptions, range,
+};
 use crate::hierarchy::Purpose;
 use crate::mode::{
-    Adapter, Columns, Conserved, Job, LightPicture, Mode, Needs, Output, Raw, Setting, SettingKind, Settings, Technique,
+    Adapter, Columns, Conserved, FindRanges, Job, LightPasses, LightPicture, LightPlan, Mode, Needs, Output, Raw,
+    Setting, SettingKind, Settings, Technique, Terms,
 };
 use crate::model::{Bounds, Kernel, Unit};
 use crate::view::perspective_grid::GridOptions;
@@ -68,7 +71,7 @@ pub static OCCLUSION: Setting = Setting {
     name: "occlusion",
     unit: "",
     kind: SettingKind::Flag { default: true },
-    help: "what lies behind opaque pixels is not resampled; off only to measure what that saves",
+    help: "what lies behind opaque pixels is left out; off only to measure what that saves",
 };
 /// Least size of particles.
 pub static SMALLEST_CELLS: Setting = Setting {
@@ -214,10 +217,21 @@ impl Look {
     /// # Errors
     /// [`VolumeError`] for settings that do not fit the data or each other, and when nothing is in view.
     pub fn new(job: &Job<'_>) -> Result<Look, VolumeError> {
-        let options = options(job);
-        let attribute = job.batches.iter().any(|batch| batch.attribute().is_some());
-        let transfer = job.transfer.cloned().unwrap_or_else(|| TransferFunction::of_volumes(attribute)).for_volume();
-        let levels = levels(job, &transfer, &options)?;
+        Look::of(&job.terms(), |options| range::measure(job.view, job.batches, options))
+    }
+
+    /// The same where `measure` finds ranges of the field.
+    ///
+    /// # Errors
+    /// As [`Look::new`].
+    pub fn of(
+        terms: &Terms<'_>,
+        measure: impl FnMut(&VolumeOptions) -> Result<FieldRange, VolumeError>,
+    ) -> Result<Look, VolumeError> {
+        let options = options(terms);
+        let attribute = terms.attribute;
+        let transfer = terms.transfer.cloned().unwrap_or_else(|| TransferFunction::of_volumes(attribute)).for_volume();
+        let levels = levels(terms, &transfer, &options, measure)?;
         let classifier = Classifier::new(&transfer, levels, attribute);
         Ok(Look { options, transfer, levels, classifier })
     }
@@ -240,12 +254,12 @@ impl Look {
     ///
     /// # Errors
     /// [`VolumeError`] for surfaces that cannot be there, and lists that do not fit each other.
-    pub fn scenery(&self, job: &Job<'_>, layers: Layers) -> Result<(Scenery, Vec<f64>), VolumeError> {
-        let settings = job.settings;
+    pub fn scenery(&self, terms: &Terms<'_>, layers: Layers) -> Result<(Scenery, Vec<f64>), VolumeError> {
+        let settings = terms.settings;
         let isovalues = settings.numbers(&ISOVALUES);
-        let possible = |value: f64| value > 0.0 && value <= job.densest;
+        let possible = |value: f64| value > 0.0 && value <= terms.densest;
         if let Some((index, &value)) = isovalues.iter().enumerate().find(|(_, value)| !possible(**value)) {
-            return Err(VolumeError::IsoValue { index, value, largest: job.densest });
+            return Err(VolumeError::IsoValue { index, value, largest: terms.densest });
         }
         let chosen: Vec<f64> = match isovalues {
             _ if layers.surfaces.is_empty() => Vec::new(),
@@ -299,8 +313,8 @@ pub fn light(settings: &Settings) -> Option<Light> {
     })
 }
 
-/// The detail in which the nodes of data within these bounds are drawn. An automatic near plane is not known before there are
-/// particles: it is taken to be where it is for data of which all is in view.
+/// The detail in which the nodes of data within these bounds are drawn. An automatic near plane is not known before nodes
+/// are selected: it is taken to be where it is for data of which all is in view.
 fn sampling(view: &View, settings: &Settings, bounds: Bounds) -> Detail {
     let corner = |index: usize| {
         let pick = |axis: usize| if index >> axis & 1 == 0 { bounds.min[axis] } else { bounds.max[axis] };
@@ -324,7 +338,7 @@ impl Technique for Marched {
     }
 
     fn needs(&self, _: &Settings) -> Needs {
-        Needs { purpose: Purpose::Samples, ..Needs::default() }
+        Needs { purpose: Purpose::Samples, slices: true, ..Needs::default() }
     }
 
     fn detail(&self, view: &View, settings: &Settings, bounds: Bounds, _: f64) -> Detail {
@@ -332,24 +346,30 @@ impl Technique for Marched {
     }
 
     fn adapter(&self) -> Adapter {
-        Adapter::RayMarcher
+        Adapter::Light
+    }
+
+    fn light(&self, terms: &Terms<'_>, ranges: &mut FindRanges<'_>) -> Result<Option<LightPlan>, VolumeError> {
+        let look = Look::of(terms, ranges)?;
+        let (scenery, isovalues) = look.scenery(terms, self.0)?;
+        Ok(Some(LightPlan { passes: LightPasses::March(scenery, look.options), levels: look.levels, isovalues }))
     }
 
     fn draw(&self, job: &Job<'_>) -> Result<Raw, VolumeError> {
         let look = Look::new(job)?;
-        let (scenery, isovalues) = look.scenery(job, self.0)?;
-        let (colors, report) = volume::draw(job.view, job.batches, &scenery, &look.options, job.caster)?;
+        let (scenery, isovalues) = look.scenery(&job.terms(), self.0)?;
+        let (colors, report) = volume::draw(job.view, job.batches, &scenery, &look.options)?;
         Ok(Raw::Light(LightPicture { colors, report, levels: look.levels, isovalues }))
     }
 }
 
-fn options(job: &Job<'_>) -> VolumeOptions {
-    let settings = job.settings;
+fn options(terms: &Terms<'_>) -> VolumeOptions {
+    let settings = terms.settings;
     let plane = |setting: &Setting| Some(settings.number(setting)).filter(|&depth| depth > 0.0);
     let kernel = match settings.name(&KERNEL).as_str() {
         "cubic-spline" => Kernel::CubicSpline,
         "poly6" => Kernel::Poly6,
-        _ => job.options.kernel,
+        _ => terms.kernel,
     };
     VolumeOptions {
         grid: GridOptions { resolution: settings.number(&RESOLUTION), lambda: settings.flag(&LAMBDA) },
@@ -363,11 +383,16 @@ fn options(job: &Job<'_>) -> VolumeOptions {
 }
 
 /// Numbers for the ranges that are automatic.
-fn levels(job: &Job<'_>, transfer: &TransferFunction, options: &VolumeOptions) -> Result<VolumeLevels, VolumeError> {
+fn levels(
+    terms: &Terms<'_>,
+    transfer: &TransferFunction,
+    options: &VolumeOptions,
+    mut measure: impl FnMut(&VolumeOptions) -> Result<FieldRange, VolumeError>,
+) -> Result<VolumeLevels, VolumeError> {
     let hue = transfer.hue.clone().unwrap_or_default();
     let needs = transfer.range == Range::Auto || transfer.hue.as_ref().is_some_and(|hue| hue.range == Range::Auto);
     let measured = match needs {
-        true => Some(range::measure(job.view, job.batches, options.kernel, options.near, options.far)?),
+        true => Some(measure(options)?),
         false => None,
     };
     let fixed = |range: Range, measured: Option<[f64; 2]>| match range {
@@ -383,10 +408,10 @@ fn levels(job: &Job<'_>, transfer: &TransferFunction, options: &VolumeOptions) -
         });
     }
     let unit = match transfer.unit_length {
-        UnitLength::Auto => 0.01 * job.diameter,
+        UnitLength::Auto => 0.01 * terms.diameter,
         UnitLength::Fixed(length) => length,
     };
     let attribute = hue.scale.usable(fixed(hue.range, measured.map(|range| Range::apart(range.attribute))));
-    let unit_length = unit.max(1e-30) / job.settings.number(&OPACITY);
+    let unit_length = unit.max(1e-30) / terms.settings.number(&OPACITY);
     Ok(VolumeLevels { density, attribute, unit_length })
 }

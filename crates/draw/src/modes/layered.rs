@@ -3,7 +3,10 @@
 use super::grid::{self, Look};
 use crate::cpu::layered::{self, Assignment, MOST_LAYERS};
 use crate::cpu::volume::VolumeError;
-use crate::mode::{Job, LightPicture, Mode, Output, Raw, Setting, SettingKind, Technique};
+use crate::mode::{
+    Adapter, FindRanges, Job, LightPasses, LightPicture, LightPlan, Mode, Needs, Output, Raw, Setting, SettingKind,
+    Settings, Technique, Terms,
+};
 
 /// Number of layers.
 pub static LAYERS: Setting = Setting {
@@ -21,6 +24,15 @@ pub static ASSIGNMENT: Setting = Setting {
     help: "kernel: each layer gets what of a particle lies in it; nearest: all goes to its centre's layer (F12 5.10)",
 };
 
+/// Number of layers, which of them particles count in, and the opacity at which rays end.
+fn way(settings: &Settings) -> (u32, Assignment, f32) {
+    let assignment = match settings.name(&ASSIGNMENT).as_str() {
+        "nearest" => Assignment::Nearest,
+        _ => Assignment::Kernel,
+    };
+    (settings.number(&LAYERS).round() as u32, assignment, settings.number(&grid::TERMINATION) as f32)
+}
+
 struct Layered;
 
 impl Technique for Layered {
@@ -28,14 +40,30 @@ impl Technique for Layered {
         Output::Light
     }
 
+    fn needs(&self, _: &Settings) -> Needs {
+        Needs { slices: true, ..Needs::default() }
+    }
+
+    fn adapter(&self) -> Adapter {
+        Adapter::Tiles
+    }
+
+    fn light(&self, terms: &Terms<'_>, ranges: &mut FindRanges<'_>) -> Result<Option<LightPlan>, VolumeError> {
+        let look = Look::of(terms, ranges)?;
+        let (layers, assignment, termination) = way(terms.settings);
+        let passes = LightPasses::Layered {
+            classifier: look.classifier,
+            options: look.options,
+            layers,
+            assignment,
+            termination,
+        };
+        Ok(Some(LightPlan { passes, levels: look.levels, isovalues: Vec::new() }))
+    }
+
     fn draw(&self, job: &Job<'_>) -> Result<Raw, VolumeError> {
         let look = Look::new(job)?;
-        let settings = job.settings;
-        let assignment = match settings.name(&ASSIGNMENT).as_str() {
-            "nearest" => Assignment::Nearest,
-            _ => Assignment::Kernel,
-        };
-        let way = (settings.number(&LAYERS).round() as u32, assignment, settings.number(&grid::TERMINATION) as f32);
+        let way = way(job.settings);
         let (colors, report) = layered::draw(job.view, job.batches, &look.classifier, way, &look.options)?;
         Ok(Raw::Light(LightPicture { colors, report, levels: look.levels, isovalues: Vec::new() }))
     }
@@ -45,7 +73,7 @@ impl Technique for Layered {
 pub static MODE: Mode = Mode {
     name: "layered",
     help: "a volume for very large data: splats in layers of depth, each layer classified and blended front to back",
-    settings: &[&[&grid::OPACITY, &LAYERS, &ASSIGNMENT], grid::COMMON],
+    settings: &[&[&grid::OPACITY, &LAYERS, &ASSIGNMENT, &grid::OCCLUSION], grid::COMMON],
     technique: &Layered,
     ..grid::MODE
 };

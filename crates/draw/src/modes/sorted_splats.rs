@@ -3,7 +3,10 @@
 use super::grid::{self, Look};
 use crate::cpu::sorted;
 use crate::cpu::volume::VolumeError;
-use crate::mode::{Job, LightPicture, Mode, Needs, Output, Raw, Settings, Technique};
+use crate::mode::{
+    Adapter, FindRanges, Job, LightPasses, LightPicture, LightPlan, Mode, Needs, Output, Raw, Settings, Technique,
+    Terms,
+};
 
 struct SortedSplats;
 
@@ -14,6 +17,21 @@ impl Technique for SortedSplats {
 
     fn needs(&self, _: &Settings) -> Needs {
         Needs { densities: true, ..Needs::default() }
+    }
+
+    fn adapter(&self) -> Adapter {
+        Adapter::Tiles
+    }
+
+    fn light(&self, terms: &Terms<'_>, ranges: &mut FindRanges<'_>) -> Result<Option<LightPlan>, VolumeError> {
+        let look = Look::of(terms, ranges)?;
+        let passes = LightPasses::Sorted {
+            classifier: look.classifier,
+            options: look.options,
+            termination: terms.settings.number(&grid::TERMINATION) as f32,
+            density_scale: terms.density_scale,
+        };
+        Ok(Some(LightPlan { passes, levels: look.levels, isovalues: Vec::new() }))
     }
 
     fn draw(&self, job: &Job<'_>) -> Result<Raw, VolumeError> {
@@ -28,7 +46,7 @@ impl Technique for SortedSplats {
 pub static MODE: Mode = Mode {
     name: "sorted-splats",
     help: "splats sorted by depth, each coloured by its own density or attribute and blended over those behind it",
-    settings: &[&[&grid::OPACITY], grid::COMMON],
+    settings: &[&[&grid::OPACITY, &grid::OCCLUSION], grid::COMMON],
     technique: &SortedSplats,
     ..grid::MODE
 };

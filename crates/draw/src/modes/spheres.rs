@@ -1,10 +1,16 @@
 //! `spheres`: particles as spheres with a surface smoothed in the picture (F12 5.9).
 
 use super::grid::{self, Look};
-use crate::cpu::screen_spheres::{NEIGHBOURHOOD, SphereOptions, front};
+use crate::color::transfer::Scale;
+use crate::cpu::screen_spheres::{NEIGHBOURHOOD, SphereOptions, SurfaceColors, front};
 use crate::cpu::volume::VolumeError;
+use crate::cpu::volume::classify::BRIGHTNESSES;
 use crate::cpu::volume::raycast::SURFACE_BRIGHTNESS;
-use crate::mode::{Job, LightPicture, Mode, Needs, Output, Raw, Setting, SettingKind, Settings, Technique};
+use crate::mode::{
+    Adapter, FindRanges, Job, LightPasses, LightPicture, LightPlan, Mode, Needs, Output, Raw, Setting, SettingKind,
+    Settings, Technique, Terms,
+};
+use std::sync::Arc;
 use std::time::Instant;
 
 /// Radius of a sphere.
@@ -36,6 +42,50 @@ pub const PLACE: f32 = 0.62;
 
 struct Spheres;
 
+/// The least density of a particle that is drawn.
+fn threshold(look: &Look, terms: &Terms<'_>) -> Result<f64, VolumeError> {
+    let threshold = match terms.settings.number(&THRESHOLD) {
+        set if set > 0.0 => set,
+        _ => look.density_at(PLACE),
+    };
+    if threshold > terms.densest {
+        return Err(VolumeError::Setting {
+            field: "threshold",
+            found: threshold.to_string(),
+            expected: format!("a density of at most the data's largest, {}", terms.densest),
+        });
+    }
+    Ok(threshold)
+}
+
+fn options(look: &Look, settings: &Settings, least: f64) -> SphereOptions {
+    SphereOptions {
+        radius: settings.number(&RADIUS),
+        least,
+        smoothing: settings.number(&SMOOTHING),
+        near: look.options.near,
+        far: look.options.far,
+    }
+}
+
+/// Steps of a colour map on surfaces.
+const STEPS: usize = 200;
+
+/// The colours of the surface: those of the attribute, or of the density where there is none.
+pub fn surface_colors(look: &Look) -> SurfaceColors {
+    let opaque = |[r, g, b]: [f32; 3]| [r, g, b, 1.0];
+    if look.classifier.has_hues() {
+        let tables = look.classifier.tables();
+        let column = (SURFACE_BRIGHTNESS * (BRIGHTNESSES - 1) as f32).round() as usize;
+        let colors = tables.hues.chunks(BRIGHTNESSES).map(|row| opaque(row[column])).collect();
+        return SurfaceColors { colors, of_attribute: true, scale: tables.scale, range: tables.attribute };
+    }
+    let gradient = look.transfer.color_map.sample(256);
+    let color = |step: usize| opaque(look.surface_color(&gradient, look.density_at(step as f32 / STEPS as f32)));
+    let colors = (0..=STEPS).map(color).collect();
+    SurfaceColors { colors, of_attribute: false, scale: Scale::Log, range: look.levels.density }
+}
+
 impl Technique for Spheres {
     fn output(&self) -> Output {
         Output::Light
@@ -45,29 +95,30 @@ impl Technique for Spheres {
         Needs { densities: true, margin_px: NEIGHBOURHOOD, ..Needs::default() }
     }
 
+    fn adapter(&self) -> Adapter {
+        Adapter::Tiles
+    }
+
+    fn light(&self, terms: &Terms<'_>, ranges: &mut FindRanges<'_>) -> Result<Option<LightPlan>, VolumeError> {
+        let look = Look::of(terms, ranges)?;
+        let threshold = threshold(&look, terms)?;
+        let passes = LightPasses::Spheres {
+            options: options(&look, terms.settings, threshold),
+            light: grid::light(terms.settings),
+            colors: surface_colors(&look),
+            density_scale: terms.density_scale,
+        };
+        Ok(Some(LightPlan { passes, levels: look.levels, isovalues: vec![threshold] }))
+    }
+
     fn draw(&self, job: &Job<'_>) -> Result<Raw, VolumeError> {
         let look = Look::new(job)?;
         let settings = job.settings;
-        let threshold = match settings.number(&THRESHOLD) {
-            set if set > 0.0 => set,
-            _ => look.density_at(PLACE),
-        };
-        if threshold > job.densest {
-            return Err(VolumeError::Setting {
-                field: "threshold",
-                found: threshold.to_string(),
-                expected: format!("a density of at most the data's largest, {}", job.densest),
-            });
-        }
-        let options = SphereOptions {
-            radius: settings.number(&RADIUS),
-            least: threshold,
-            smoothing: settings.number(&SMOOTHING),
-            near: look.options.near,
-            far: look.options.far,
-        };
+        let threshold = threshold(&look, &job.terms())?;
+        let options = options(&look, settings, threshold);
         let (mut surface, mut report) = front(job.view, job.batches, &options)?;
         let start = Instant::now();
+        report.opaque = look.options.occlusion.then(|| Arc::new(surface.opaque(job.view, options.radius)));
         surface.smooth(job.view, options.smoothing);
         let gradient = look.transfer.color_map.sample(256);
         let color = |density: f32, attribute: f32| match look.classifier.has_hues() {
@@ -85,7 +136,7 @@ impl Technique for Spheres {
 pub static MODE: Mode = Mode {
     name: "spheres",
     help: "dense particles as spheres under one surface that is smoothed in the picture; coloured by density or attribute",
-    settings: &[&[&THRESHOLD, &RADIUS, &SMOOTHING], grid::LIGHT, &[&grid::NEAR, &grid::FAR]],
+    settings: &[&[&THRESHOLD, &RADIUS, &SMOOTHING], grid::LIGHT, &[&grid::NEAR, &grid::FAR, &grid::OCCLUSION]],
     technique: &Spheres,
     ..grid::MODE
 };

@@ -1,36 +1,36 @@
 //! What a graphics adapter does for pictures that no window shows. Nothing here knows of one: a program that has adapters hands
 //! one to its sessions.
 
-use crate::color::Accumulation;
-use crate::cpu::volume::RayCaster;
+use crate::color::{Accumulation, Colors};
+use crate::cpu::volume::{FieldRange, VolumeError, VolumeOptions, VolumeReport};
 use crate::look::Backend;
 use crate::mode;
-use crate::mode::{Depiction, Mode, Plan};
+use crate::mode::{Depiction, LightPlan, Mode, Plan};
 use crate::store::Metadata;
 use crate::stream::SceneNode;
 use crate::view::View;
 use std::collections::BTreeMap;
-use std::sync::Arc;
 
 /// A graphics adapter.
 pub trait Adapter: Send + Sync {
     /// Whether it is a graphics card. A driver without one draws on the processor too, and slower than our own renderer.
     fn is_card(&mut self) -> bool;
 
-    /// `P` and `P S` of nodes.
+    /// Draws nodes.
     ///
     /// # Errors
     /// What is missing.
     fn draw(&mut self, job: &AdapterJob<'_>) -> Result<AdapterFrame, String>;
 
-    /// What draws modes of the perspective grid.
+    /// Between which values the mass of the nodes' field lies.
     ///
     /// # Errors
-    /// What is missing.
-    fn caster(&mut self) -> Result<Arc<dyn RayCaster>, String>;
+    /// [`VolumeError::Device`]: what is missing; [`VolumeError::Grid`] where nothing is in view.
+    fn ranges(&mut self, job: &AdapterJob<'_>, options: &VolumeOptions) -> Result<FieldRange, VolumeError>;
 }
 
 /// What an adapter draws.
+#[derive(Clone, Copy)]
 pub struct AdapterJob<'a> {
     /// The camera and the picture's size.
     pub view: &'a View,
@@ -42,8 +42,10 @@ pub struct AdapterJob<'a> {
     pub nodes: &'a [SceneNode],
     /// What of that is left out.
     pub plan: &'a Plan,
-    /// By which passes.
+    /// By which passes sums are drawn.
     pub passes: Passes,
+    /// What is drawn of modes that draw light.
+    pub light: Option<&'a LightPlan>,
     /// How often, for times.
     pub repeat: u32,
 }
@@ -62,8 +64,8 @@ pub enum Passes {
 /// What an adapter has drawn.
 #[derive(Clone, Debug)]
 pub struct AdapterFrame {
-    /// `P` and `P S`.
-    pub accumulation: Accumulation,
+    /// The picture's values.
+    pub values: AdapterValues,
     /// Splats that reach the picture, where they are counted.
     pub splats: Option<u64>,
     /// The passes that drew.
@@ -72,6 +74,15 @@ pub struct AdapterFrame {
     pub adapter: String,
     /// Median of each pass, milliseconds.
     pub milliseconds: BTreeMap<String, f64>,
+}
+
+/// The values of a picture.
+#[derive(Clone, Debug)]
+pub enum AdapterValues {
+    /// `P` and `P S`.
+    Sums(Accumulation),
+    /// Colours, and what is known of the work.
+    Light(Colors, VolumeReport),
 }
 
 /// The passes of an adapter that draw a mode for somebody who asks for `backend`; `None` where the processor does.
@@ -96,13 +107,13 @@ pub(super) fn passes(
     };
     match (backend, mode.technique.adapter()) {
         (Some(Backend::Cpu), _) | (None, Has::None) => Ok(None),
-        (Some(Backend::Compute), Has::Splats | Has::Plugin | Has::RayMarcher) => Ok(Some(Passes::Compute)),
+        (Some(Backend::Compute), Has::Splats | Has::Plugin | Has::Light | Has::Tiles) => Ok(Some(Passes::Compute)),
         (Some(Backend::Raster), Has::Splats) => Ok(Some(Passes::Raster)),
         (Some(_), Has::Plugin) if !on_processor => only("compute draws"),
-        (Some(_), Has::Plugin | Has::RayMarcher) => only("compute and cpu draw"),
+        (Some(_), Has::Plugin | Has::Light | Has::Tiles) => only("compute and cpu draw"),
         (Some(_), _) => only("cpu draws"),
         (None, Has::Splats) => Ok(adapter.is_card().then_some(Passes::Best)),
-        (None, Has::RayMarcher) => Ok(adapter.is_card().then_some(Passes::Compute)),
+        (None, Has::Light | Has::Tiles) => Ok(adapter.is_card().then_some(Passes::Compute)),
         (None, Has::Plugin) => Ok((!on_processor || adapter.is_card()).then_some(Passes::Compute)),
     }
 }

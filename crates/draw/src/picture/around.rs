@@ -11,7 +11,7 @@
 use super::subject::Subject;
 use crate::color::transfer::{Range, TransferFunction};
 use crate::cpu::volume::range::FieldRange;
-use crate::cpu::volume::{VolumeError, range};
+use crate::cpu::volume::{VolumeError, VolumeOptions, range};
 use crate::cpu::{Extent, SplatError, Splats};
 use crate::mode::{Depiction, LightPicture, Plan, SettingValue};
 use crate::model::Bounds;
@@ -99,8 +99,9 @@ impl SharedLook {
         let needs_hue = transfer.hue.as_ref().is_some_and(|hue| hue.range == Range::Auto);
         if transfer.range == Range::Auto || needs_hue {
             let flat = |_| VolumeError::Grid(GridError::NothingInView);
+            let options = VolumeOptions { kernel: subject.metadata.kernel, ..VolumeOptions::default() };
             let FieldRange { density, attribute } =
-                range::measure(&sketch(view, bounds).map_err(flat)?, all, subject.metadata.kernel, None, None)?;
+                range::measure(&sketch(view, bounds).map_err(flat)?, all, &options)?;
             if transfer.range == Range::Auto {
                 transfer.range = Range::Fixed(density[0], density[1]);
             }

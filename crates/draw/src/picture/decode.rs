@@ -5,10 +5,19 @@ use crate::mode::sample::Sample;
 use crate::mode::{CodeTable, Depiction, Footprint, Plan, SourceColumns};
 use crate::store::{Metadata, Node, Page, Particles};
 use crate::stream::SceneNode;
-use crate::view::View;
+use crate::view::{self, View};
 use glam::DVec3;
 use rayon::prelude::*;
 use std::borrow::Cow;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// Nodes that have been decoded since the program began.
+static DECODED: AtomicU64 = AtomicU64::new(0);
+
+/// How many nodes have been decoded for pictures since the program began: none while an adapter draws.
+pub fn decoded_nodes() -> u64 {
+    DECODED.load(Ordering::Relaxed)
+}
 
 /// The particles of one node, decoded: structure of arrays.
 #[derive(Clone, Debug, Default)]
@@ -23,6 +32,8 @@ pub struct DecodedNode<'a> {
     weight: Vec<f32>,
     attribute: Option<Vec<f32>>,
     density: Option<Vec<f32>>,
+    /// `None` where the view leaves out all.
+    reach: Option<view::Extent>,
 }
 
 impl<'a> DecodedNode<'a> {
@@ -102,6 +113,7 @@ impl<'a> DecodedNode<'a> {
             weight: particles.codes.iter().map(|&code| scale * table.weight[usize::from(code)]).collect(),
             attribute: table.attribute.as_deref().map(at),
             density: table.density.as_deref().map(at),
+            reach: None,
         }
     }
 }
@@ -129,8 +141,9 @@ impl DecodedNode<'_> {
 
     /// Drops the particles that the view leaves out, and fades the others.
     fn cut(&mut self, view: &View) {
-        let DecodedNode { origin, size, offsets, places, smoothing_length, weight, attribute, density } = self;
+        let DecodedNode { origin, size, offsets, places, smoothing_length, weight, attribute, density, reach } = self;
         let (places, smoothing_length) = (places.to_mut(), smoothing_length.to_mut());
+        *reach = reach.and_then(|reach| reach.within(&view.cut.bounds));
         let mut kept = 0;
         for i in 0..weight.len() {
             let position = match places.get(i) {
@@ -166,6 +179,12 @@ impl DecodedNode<'_> {
     pub fn is_empty(&self) -> bool {
         self.weight.is_empty()
     }
+}
+
+/// A box around what is drawn of a node, and how far that reaches at most out of it, where smoothing lengths grow by a factor.
+pub fn reach(drawn: &SceneNode, growth: f32) -> view::Extent {
+    let node = &drawn.page.nodes[drawn.node.node as usize];
+    view::Extent { bounds: node.bounds.moved(drawn.offset), margin: f64::from(growth * node.smoothing_length_max) }
 }
 
 /// Decodes all particles of the selected nodes, in parallel; [`cut`] leaves out what a view does.
@@ -218,6 +237,7 @@ pub(super) fn decode_some<'a>(
     change: impl Fn(CodeTable) -> CodeTable + Sync,
     sample: Option<impl Fn(&SceneNode, &CodeTable) -> Sample + Sync>,
 ) -> Vec<DecodedNode<'a>> {
+    DECODED.fetch_add(nodes.len() as u64, Ordering::Relaxed);
     let tables: Vec<Vec<CodeTable>> = metadata
         .families
         .iter()
@@ -233,17 +253,20 @@ pub(super) fn decode_some<'a>(
                 let scale = depiction.node_scale(&drawn.page.nodes[index]);
                 let Some(sample) = &sample else {
                     let columns = depiction.columns_of(family, &held.values);
-                    return DecodedNode::whole(held, columns, scale, drawn.offset);
+                    let node = DecodedNode::whole(held, columns, scale, drawn.offset);
+                    return DecodedNode { reach: Some(reach(drawn, 1.0)), ..node };
                 };
                 let table = change(depiction.table(family, &held.values));
-                return DecodedNode::some(&held, &table, scale, sample(drawn, &table), drawn.offset);
+                let sample = sample(drawn, &table);
+                let node = DecodedNode::some(&held, &table, scale, sample, drawn.offset);
+                return DecodedNode { reach: Some(reach(drawn, sample.growth)), ..node };
             }
             let codebook = usize::from(drawn.page.nodes[index].codebook);
             let table = &tables[drawn.page.family as usize][codebook];
             let sample = sample.as_ref().map_or(Sample::ALL, |sample| sample(drawn, table));
             let mut node = DecodedNode::coded(depiction, &drawn.page, index, table, sample);
             node.origin += drawn.offset;
-            node
+            DecodedNode { reach: Some(reach(drawn, sample.growth)), ..node }
         })
         .collect()
 }
@@ -258,13 +281,13 @@ pub fn batches<'a>(depiction: &Depiction, nodes: &'a [DecodedNode<'_>]) -> Resul
         .iter()
         .map(|node| {
             let relative = Positions::Relative { origin: node.origin, scale: node.size, offsets: &node.offsets };
-            Splats::new(
+            let batch = Splats::new(
                 if node.places.is_empty() { relative } else { Positions::World(&node.places) },
                 extent(footprint, &node.smoothing_length),
                 &node.weight,
                 node.attribute.as_deref(),
-            )?
-            .with_density(node.density.as_deref())
+            )?;
+            Ok(batch.with_density(node.density.as_deref())?.with_reach(node.reach))
         })
         .collect()
 }

@@ -7,6 +7,7 @@ pub mod around;
 pub mod decode;
 pub mod drawing_cost;
 pub mod fade;
+mod hiding;
 pub mod left_out;
 mod lettering;
 pub mod look;

@@ -1,9 +1,10 @@
 //! Open data, of which pictures are drawn: what one picture has read is there for the next.
 
-use super::adapter::{self, Adapter, AdapterJob, Passes};
+use super::adapter::{self, Adapter, AdapterFrame, AdapterJob, AdapterValues, Passes};
 use super::annotation::Annotation;
 use super::drawn::Picture;
 use super::error::PictureError;
+use super::hiding::{self, Hiding};
 use super::left_out::LeftOut;
 use super::look::{depict, transfer_of};
 use super::projected::Projector;
@@ -14,15 +15,15 @@ use crate::color::composite::composite_at;
 use crate::color::transfer::{Levels, TransferFunction};
 use crate::color::{Image, output};
 use crate::cpu::Method;
-use crate::cpu::volume::{CpuRayCaster, RayCaster, VolumeError};
+use crate::cpu::volume::VolumeError;
 use crate::explore::selection::Show;
 use crate::look::{Backend, LookPatch, Member, SceneFile, Shot, open_members, shown_families};
-use crate::mode::{Depiction, LodBudget, Mode, Output, Plan, Raw};
+use crate::mode::{Depiction, LightPicture, LightPlan, LodBudget, Mode, Output, Plan, Raw};
 use crate::model::{Bounds, FamilyName, Progress, ReadMethod};
-use crate::store::{InMemory, PageFile, Tree};
+use crate::store::{InMemory, NodeRef, PageFile, Tree};
 use crate::stream::{Scene, SceneSelection, first_frame};
-use crate::view::View;
 use crate::view::perspective_grid::GridError;
+use crate::view::{Hidden, View};
 use glam::DVec3;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -85,7 +86,8 @@ pub struct Session {
     loading: Option<Duration>,
     ahead: Option<View>,
     adapter: Option<Box<dyn Adapter>>,
-    caster: Option<Arc<dyn RayCaster>>,
+    /// What the last picture hides.
+    hiding: Option<Hiding>,
     reporter: Arc<dyn Reporter>,
 }
 
@@ -128,7 +130,7 @@ impl Session {
             loading,
             ahead: None,
             adapter: None,
-            caster: None,
+            hiding: None,
             reporter,
         })
     }
@@ -144,7 +146,7 @@ impl Session {
             loading: None,
             ahead: None,
             adapter: None,
-            caster: None,
+            hiding: None,
             reporter: Arc::new(()),
         }
     }
@@ -361,7 +363,7 @@ impl Session {
         }
         let projector = Projector::new(view, shot.surround, shot.stereo)?;
         let mut times = Times::default();
-        let subject = self.subject(tree, shown, &CpuRayCaster);
+        let subject = self.subject(tree, shown);
         let draw = || projector.draw(&mut self.scene, &subject, shot.look.error_px(), &*self.reporter);
         let (values, tally) = times.measure("frame", draw)?;
         let (outside, splats) = match depiction.mode.is_light() {
@@ -400,48 +402,89 @@ impl Session {
         })
     }
 
-    fn subject<'a>(&self, tree: &'a dyn Tree, shown: &Shown<'a>, caster: &'a dyn RayCaster) -> Subject<'a> {
+    fn subject<'a>(&self, tree: &'a dyn Tree, shown: &Shown<'a>) -> Subject<'a> {
         let method = self.options.exact.filter(|_| !shown.depiction.mode.is_light()).unwrap_or_default();
         let diameter = shown.framed.size().length();
-        Subject { method, caster, ..Subject::new(tree.metadata(), shown.depiction, shown.transfer, diameter) }
+        Subject { method, ..Subject::new(tree.metadata(), shown.depiction, shown.transfer, diameter) }
     }
 
-    /// The passes of an adapter that draw a mode, and what draws it on the perspective grid.
-    fn drawer(&mut self, mode: &Mode) -> Result<(Option<Passes>, Arc<dyn RayCaster>), PictureError> {
-        let on_processor: Arc<dyn RayCaster> = Arc::new(CpuRayCaster);
+    /// The passes of an adapter that draw a mode.
+    fn passes(&mut self, mode: &Mode) -> Result<Option<Passes>, PictureError> {
         let backend = match self.options.exact {
             Some(Method::Exact) => Some(Backend::Cpu),
             _ => self.options.backend,
         };
-        let passes = adapter::passes(mode, backend, self.adapter.as_deref_mut()).map_err(PictureError::Asked)?;
-        if passes.is_none() || mode.technique.output() != Output::Light {
-            return Ok((passes, on_processor));
-        }
-        if self.caster.is_none() {
-            match self.adapter.as_mut().map(|adapter| adapter.caster()) {
-                Some(Err(error)) if self.options.backend.is_some() => return Err(PictureError::Asked(error)),
-                Some(Err(error)) => self.reporter.tell(format!("{error}; drawing with the CPU instead")),
-                found => self.caster = found.and_then(Result::ok),
-            }
-        }
-        Ok((None, self.caster.clone().unwrap_or(on_processor)))
+        adapter::passes(mode, backend, self.adapter.as_deref_mut()).map_err(PictureError::Asked)
     }
 
+    /// Draws a picture. Where it is certain that what is hidden changes nothing, what the picture before hides (or a sketch, if there was
+    /// none) is neither read nor drawn, as long as the picture itself hides it too.
     fn draw_flat(&mut self, tree: &dyn Tree, shown: &Shown<'_>) -> Result<Picture, PictureError> {
+        let Shown { view, depiction, transfer, .. } = *shown;
+        let start = Instant::now();
+        let is_sure = matches!(self.data, Data::Pages(_)) && hiding::is_sure(depiction, transfer);
+        let mut known = match self.hiding.take() {
+            _ if !is_sure => None,
+            Some(hiding) if hiding.is_of(depiction) => Some(hiding),
+            // The processor decodes nothing for an adapter's picture.
+            _ if self.passes(depiction.mode)?.is_some() => None,
+            _ => self.sketch(tree, shown)?,
+        };
+        let mut attempts = 0..hiding::ATTEMPTS;
+        loop {
+            // The last one hides nothing.
+            known = known.filter(|_| attempts.next().is_some());
+            let mut times = Times::default();
+            if is_sure {
+                times.note("hide", start.elapsed());
+            }
+            self.scene.streamer.occluder = known.as_ref().and_then(|known| known.opaque.occluder(&view));
+            let drawn = self.draw_selected(tree, shown, &mut times, known.as_ref());
+            self.scene.streamer.occluder = None;
+            let (picture, hidden) = drawn?;
+            known = Hiding::of(depiction, &picture.values).filter(|_| is_sure);
+            if hidden.is_empty() || known.as_ref().is_some_and(|known| known.shows(&hidden, &picture.values, depiction))
+            {
+                self.hiding = known;
+                return Ok(Picture { milliseconds: times.medians(), ..picture });
+            }
+        }
+    }
+
+    /// What a small picture hides.
+    fn sketch(&mut self, tree: &dyn Tree, shown: &Shown<'_>) -> Result<Option<Hiding>, PictureError> {
+        let Shown { shot, view, depiction, .. } = *shown;
+        let small = hiding::sketch_view(&view);
+        let selection = self.select(depiction, &small, shot.look.error_px())?;
+        let drawn = self.subject(tree, shown).draw_nodes(&small, &selection.nodes, &Plan::default());
+        // What is wrong with the picture, it says itself.
+        Ok(drawn.ok().and_then(|values| Hiding::of(depiction, &values)))
+    }
+
+    /// Selects and draws with what hides nodes; and what was hidden.
+    fn draw_selected(
+        &mut self,
+        tree: &dyn Tree,
+        shown: &Shown<'_>,
+        times: &mut Times,
+        known: Option<&Hiding>,
+    ) -> Result<(Picture, Vec<Hidden<NodeRef>>), PictureError> {
         let Shown { shot, view, depiction, .. } = *shown;
         let (metadata, mode) = (tree.metadata(), depiction.mode);
         let is_sum = mode.technique.output() == Output::Sums;
-        let (passes, caster) = self.drawer(mode)?;
-        let subject = self.subject(tree, shown, &*caster);
+        let passes = self.passes(mode)?;
+        let subject = self.subject(tree, shown);
         let tau = shot.look.error_px();
         let (seen, detail) = (depiction.selection_view(&view), depiction.detail(&view, tau, metadata));
-        let mut times = Times::default();
         let start = Instant::now();
         let selection = self.select(depiction, &view, tau)?;
         times.note("load", start.elapsed() + self.loading.take().unwrap_or_default());
         if let Some(ahead) = self.ahead.take() {
+            let from_there = known.and_then(|known| known.opaque.occluder(&ahead));
+            let from_here = std::mem::replace(&mut self.scene.streamer.occluder, from_there);
             self.scene.select(&ahead, detail);
             self.scene.streamer.serve();
+            self.scene.streamer.occluder = from_here;
         }
         // What is asked for at full precision is drawn as a whole.
         let lod_budget = if self.options.exact.is_some() { LodBudget::NONE } else { shot.look.budget.file_budget() };
@@ -467,18 +510,21 @@ impl Session {
         let repeat = self.options.repeat.max(1);
         if let Some((passes, adapter)) = passes.zip(self.adapter.as_mut()) {
             let nodes = &selection.nodes;
-            let job = AdapterJob { view: &view, depiction, metadata, nodes, plan: &plan, passes, repeat };
-            match adapter.draw(&job) {
-                Ok(frame) => {
-                    let mut milliseconds = times.medians();
-                    milliseconds.extend(frame.milliseconds);
-                    let values = Raw::Sums(frame.accumulation, Default::default());
+            let job = AdapterJob { view: &view, depiction, metadata, nodes, plan: &plan, passes, light: None, repeat };
+            match draw_on(&mut **adapter, &subject, job) {
+                Ok((values, frame)) => {
+                    times.extend(frame.milliseconds);
                     let left_out = LeftOut { splats: frame.splats, ..left_out };
                     let drawn_by = [frame.backend.to_owned(), frame.adapter];
-                    return Ok(Picture { values, left_out, drawn_by, milliseconds, ..picture });
+                    return Ok((Picture { values, left_out, drawn_by, ..picture }, selection.hidden));
                 }
-                Err(error) if self.options.backend.is_some() => return Err(PictureError::Asked(error)),
-                Err(error) => self.reporter.tell(format!("{error}; drawing with the CPU instead")),
+                Err(VolumeError::Device(error)) if self.options.backend.is_some() => {
+                    return Err(PictureError::Asked(error));
+                }
+                Err(VolumeError::Device(error)) => {
+                    self.reporter.tell(format!("{error}; drawing with the CPU instead"));
+                }
+                Err(error) => return Err(error.into()),
             }
         }
         let mut values = picture.values;
@@ -502,8 +548,7 @@ impl Session {
                 }
             }
         }
-        let drawn_by = caster.name().map(str::to_owned);
-        Ok(Picture { values, left_out, drawn_by, milliseconds: times.medians(), ..picture })
+        Ok((Picture { values, left_out, ..picture }, selection.hidden))
     }
 
     /// An annotation with a look's selections.
@@ -528,6 +573,27 @@ impl Session {
             }
         })
     }
+}
+
+/// Has an adapter draw a subject's picture: its values, and what else there is to say.
+fn draw_on(
+    adapter: &mut dyn Adapter,
+    subject: &Subject<'_>,
+    job: AdapterJob<'_>,
+) -> Result<(Raw, AdapterFrame), VolumeError> {
+    let light = match subject.depiction.mode.is_light() {
+        true => subject.light(job.view, &mut |options| adapter.ranges(&job, options))?,
+        false => None,
+    };
+    let mut frame = adapter.draw(&AdapterJob { light: light.as_ref(), ..job }).map_err(VolumeError::Device)?;
+    let values = match (std::mem::replace(&mut frame.values, AdapterValues::Sums(Default::default())), light) {
+        (AdapterValues::Light(colors, report), Some(LightPlan { levels, isovalues, .. })) => {
+            Raw::Light(LightPicture { colors, report, levels, isovalues })
+        }
+        (AdapterValues::Sums(sums), None) => Raw::Sums(sums, Default::default()),
+        _ => return Err(VolumeError::Device(format!("the adapter does not draw {}", subject.depiction.mode.name))),
+    };
+    Ok((values, frame))
 }
 
 /// A shot on the open data.

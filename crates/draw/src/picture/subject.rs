@@ -3,11 +3,13 @@
 
 use super::decode::{DecodedNode, batches, decode_planned};
 use super::{drawing_cost, sampling_error};
+use crate::codec::{Codebook, CodebookScope};
 use crate::color::transfer::{Levels, TransferFunction};
 use crate::cpu::overdraw::{Overdraw, overdraw};
-use crate::cpu::volume::{CpuRayCaster, RayCaster, VolumeError};
-use crate::cpu::{Method, SplatError, SplatOptions, Splats, around, draw_counted};
-use crate::mode::{Depiction, Job, LodBudget, Output, Plan, Raw};
+use crate::cpu::volume::VolumeError;
+use crate::cpu::volume::particles::density_scale;
+use crate::cpu::{Method, SplatError, SplatOptions, Splats, around};
+use crate::mode::{Depiction, FindRanges, Job, LightPlan, LodBudget, Output, Plan, Raw, Terms};
 use crate::modes::grid::Look;
 use crate::store::Metadata;
 use crate::stream::SceneNode;
@@ -26,8 +28,6 @@ pub struct Subject<'a> {
     pub diameter: f64,
     /// How splats are evaluated.
     pub method: Method,
-    /// What draws modes of the perspective grid.
-    pub caster: &'a dyn RayCaster,
 }
 
 impl<'a> Subject<'a> {
@@ -38,7 +38,7 @@ impl<'a> Subject<'a> {
         transfer: &'a TransferFunction,
         diameter: f64,
     ) -> Subject<'a> {
-        Subject { metadata, depiction, transfer, diameter, method: Method::default(), caster: &CpuRayCaster }
+        Subject { metadata, depiction, transfer, diameter, method: Method::default() }
     }
 
     /// What `lod_budget` comes to for the picture of `nodes`, whose colours have the ranges `levels`, or those that are found for
@@ -108,13 +108,22 @@ impl<'a> Subject<'a> {
         }
     }
 
-    /// Sums of splats, whatever the mode draws: for ranges of pictures that the processor does not draw.
+    /// What an adapter's passes draw in a view, of modes that draw light; `ranges` finds those of the field.
     ///
     /// # Errors
-    /// [`SplatError`] as [`Splats::new`].
-    pub fn sum(&self, view: &View, nodes: &[DecodedNode<'_>], plan: &Plan) -> Result<Raw, SplatError> {
-        let (sums, counts) = draw_counted(view, &batches(self.depiction, nodes)?, &self.options(plan));
-        Ok(Raw::Sums(sums, counts))
+    /// As [`Subject::draw`], and as `ranges`.
+    pub fn light(&self, view: &View, ranges: &mut FindRanges<'_>) -> Result<Option<LightPlan>, VolumeError> {
+        let terms = Terms {
+            view,
+            settings: &self.depiction.settings,
+            transfer: Some(self.transfer),
+            attribute: self.depiction.attribute.is_some(),
+            kernel: self.metadata.kernel,
+            diameter: self.diameter,
+            densest: self.densest(),
+            density_scale: self.density_scale(),
+        };
+        self.depiction.mode.technique.light(&terms, ranges)
     }
 
     /// How many of the splats lie over each pixel.
@@ -143,14 +152,28 @@ impl<'a> Subject<'a> {
     }
 
     fn job<'j>(&'j self, view: &'j View, batches: &'j [Splats<'j>], plan: &Plan) -> Job<'j> {
-        let Subject { metadata, depiction, caster, .. } = *self;
+        let Subject { metadata, depiction, .. } = *self;
         let (transfer, diameter) = match depiction.mode.technique.output() {
             Output::Sums => (None, 0.0),
             Output::Values => (None, metadata.bounds().size().length()),
             Output::Light => (Some(self.transfer), self.diameter),
         };
-        let densest = metadata.families.iter().map(|family| family.quantities[1].max).fold(0.0, f64::max);
         let (options, settings) = (self.options(plan), &depiction.settings);
-        Job { view, batches, options, settings, transfer, diameter, densest, caster }
+        Job { view, batches, options, settings, transfer, diameter, densest: self.densest() }
+    }
+
+    /// The factor on particles' own densities, by what codebooks have.
+    fn density_scale(&self) -> f32 {
+        if !self.depiction.needs().densities {
+            return 1.0;
+        }
+        let books = self.metadata.families.iter().flat_map(|family| &family.codebooks);
+        let leaves = books.filter(|book| book.scope == CodebookScope::Leaves);
+        let ratio = |book: &Codebook, i: usize| book.density[i] * book.smoothing_length[i].powi(3) / book.mass[i];
+        density_scale(leaves.flat_map(|book| (0..book.len()).map(move |i| ratio(book, i))))
+    }
+
+    fn densest(&self) -> f64 {
+        self.metadata.families.iter().map(|family| family.quantities[1].max).fold(0.0, f64::max)
     }
 }

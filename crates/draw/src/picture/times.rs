@@ -23,6 +23,11 @@ impl Times {
         self.samples.entry(pass.to_owned()).or_default().push(1e3 * time.as_secs_f64());
     }
 
+    /// Takes in times of passes that were measured elsewhere, milliseconds.
+    pub(crate) fn extend(&mut self, milliseconds: impl IntoIterator<Item = (String, f64)>) {
+        milliseconds.into_iter().for_each(|(pass, time)| self.samples.entry(pass).or_default().push(time));
+    }
+
     /// Runs and times a frame that consists of passes.
     pub(crate) fn frame<T>(&mut self, work: impl FnOnce(&mut Times) -> T) -> T {
         let start = Instant::now();

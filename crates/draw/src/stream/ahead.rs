@@ -65,11 +65,12 @@ impl Ahead {
 }
 
 /// Everything below `roots` that may be needed refined, to be drawn in this detail, after a turn by any angle and a move by
-/// `distance_world`; of what is missing, `pages` at most.
+/// `distance_world`, but for what is below hidden pages if those are left out (they are hidden from a camera in one place, and need not
+/// be from another); of what is missing, `pages` at most.
 pub fn ahead(
     view: &View,
     detail: Detail,
-    distance_world: f64,
+    (distance_world, leaves_out_hidden): (f64, bool),
     pages: usize,
     residency: &Residency,
     roots: &[NodeRef],
@@ -81,7 +82,9 @@ pub fn ahead(
         open.push(*root);
     }
     while let Some(id) = open.pop() {
-        let Some(info) = residency.node(id) else { continue };
+        let Some(info) = residency.node(id).filter(|_| !(leaves_out_hidden && residency.is_hidden(id.page))) else {
+            continue;
+        };
         let travel = detail.travel(view, &info);
         if travel > distance_world || !info.is_at(view.time) || !view.cut.reaches(&info.extent.bounds) {
             continue;

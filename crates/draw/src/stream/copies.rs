@@ -110,6 +110,11 @@ impl Copies {
         self.recency.anticipate(&ahead.resident, 0.1 * ahead.distance_world);
     }
 
+    /// As [`super::Residency::hide`].
+    pub(super) fn hide(&mut self, page: PageId, is_hidden: bool) {
+        self.recency.hide(page, is_hidden);
+    }
+
     /// The present frame uses the copies of these pages.
     pub(super) fn touch(&mut self, pages: impl IntoIterator<Item = PageId>) {
         let mut last = None;

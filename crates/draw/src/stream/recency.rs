@@ -1,8 +1,9 @@
-//! The order in which cached pages go: what nobody wants first, the least recently used of it foremost; then what the
-//! prefetching sphere holds, the least urgent foremost; what the present frame uses never.
+//! The order in which cached pages go: what nobody wants and is hidden first, then the least recently used of what nobody wants; then
+//! what the prefetching sphere holds, the least urgent foremost; what the present frame uses never.
 
 use crate::store::PageId;
 use lru::LruCache;
+use std::collections::BTreeSet;
 
 /// Why room is needed.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -29,6 +30,8 @@ struct Use {
 pub(super) struct Recency {
     /// Those that go first are the least recently used ones.
     uses: LruCache<PageId, Use>,
+    /// Those of them that are hidden.
+    hidden: BTreeSet<PageId>,
     bytes: u64,
     frame: u64,
     sphere: u64,
@@ -39,7 +42,8 @@ pub(super) struct Recency {
 
 impl Recency {
     pub fn new() -> Recency {
-        Recency { uses: LruCache::unbounded(), bytes: 0, frame: 0, sphere: 0, slack_world: 0.0 }
+        let (uses, hidden) = (LruCache::unbounded(), BTreeSet::new());
+        Recency { uses, hidden, bytes: 0, frame: 0, sphere: 0, slack_world: 0.0 }
     }
 
     /// Bytes of all pages.
@@ -62,6 +66,19 @@ impl Recency {
         if let Some(used) = self.uses.get_mut(&page) {
             used.frame = self.frame;
         }
+    }
+
+    /// From now on a page is hidden, or is not.
+    pub fn hide(&mut self, page: PageId, is_hidden: bool) {
+        match is_hidden && self.uses.contains(&page) {
+            true => self.hidden.insert(page),
+            false => self.hidden.remove(&page),
+        };
+    }
+
+    /// Whether a page is hidden.
+    pub fn is_hidden(&self, page: PageId) -> bool {
+        self.hidden.contains(&page)
     }
 
     /// A new prefetching sphere holds these pages, the least urgent first. To be called before the frame's
@@ -90,6 +107,7 @@ impl Recency {
 
     /// A page has gone.
     pub fn remove(&mut self, page: PageId) {
+        self.hidden.remove(&page);
         if let Some(used) = self.uses.pop(&page) {
             self.bytes = self.bytes.saturating_sub(used.bytes);
         }
@@ -97,8 +115,15 @@ impl Recency {
 
     /// The page that has to go next, if any may for that reason; it is forgotten.
     pub fn evict(&mut self, demand: Demand) -> Option<PageId> {
+        let is_wanted = |used: &Use| used.sphere == self.sphere && self.sphere > 0;
+        let is_unused = |used: &Use| used.frame < self.frame && !is_wanted(used);
+        let hidden = self.hidden.iter().copied().find(|page| self.uses.peek(page).is_some_and(is_unused));
+        if let Some(page) = hidden {
+            self.remove(page);
+            return Some(page);
+        }
         let (&page, used) = self.uses.peek_lru()?;
-        let wanted = used.sphere == self.sphere && self.sphere > 0;
+        let wanted = is_wanted(used);
         let goes = used.frame < self.frame
             && match demand {
                 Demand::Miss => true,
@@ -135,5 +160,24 @@ mod tests {
         recency.begin_frame();
         assert_eq!(pages(&mut recency, Demand::Miss), [5]);
         assert_eq!((recency.len(), recency.bytes()), (0, 0));
+    }
+
+    #[test]
+    fn what_is_hidden_and_unwanted_goes_first() {
+        let mut recency = Recency::new();
+        recency.begin_frame();
+        (0..6).for_each(|page| recency.insert(PageId(page), 10, Demand::Miss));
+        [2, 3, 4, 5, 9].into_iter().for_each(|page| recency.hide(PageId(page), true));
+        recency.hide(PageId(4), false);
+        assert_eq!([2, 3, 4, 5, 9].map(|page| recency.is_hidden(PageId(page))), [true, true, false, true, false]);
+        recency.begin_frame();
+        recency.anticipate(&[(PageId(2), 1.0), (PageId(1), 1.0)], 0.5);
+        recency.touch(PageId(5));
+        // 2 will be wanted, though it is hidden; 5 is drawn.
+        assert_eq!(pages(&mut recency, Demand::Ahead(7.0)), [3, 0, 4]);
+        recency.begin_frame();
+        assert_eq!(pages(&mut recency, Demand::Miss), [5, 2, 1]);
+        recency.insert(PageId(5), 10, Demand::Miss);
+        assert!(!recency.is_hidden(PageId(5)), "what comes anew is not known to be");
     }
 }

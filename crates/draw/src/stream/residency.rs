@@ -143,6 +143,17 @@ impl Residency {
         self.over_budget = false;
     }
 
+    /// From now on all nodes of a resident page are hidden, from wherever the camera may soon be, or not all are. What is below them is
+    /// not read, and they make room first unless a frame or the prefetching sphere uses them.
+    pub fn hide(&mut self, page: PageId, is_hidden: bool) {
+        self.recency.hide(page, is_hidden);
+    }
+
+    /// Whether all nodes of a page are known to be hidden.
+    pub fn is_hidden(&self, page: PageId) -> bool {
+        self.recency.is_hidden(page)
+    }
+
     /// The current frame uses these nodes' pages.
     pub fn touch(&mut self, nodes: impl IntoIterator<Item = NodeRef>) {
         let mut last = None;
@@ -346,5 +357,9 @@ impl NodeTree for Residency {
 
     fn children(&self, id: NodeRef) -> impl Iterator<Item = NodeRef> {
         self.page(id.page).map_or(&[][..], |page| page.children(id.node as usize)).iter().copied()
+    }
+
+    fn is_hidden(&self, id: NodeRef) -> bool {
+        Residency::is_hidden(self, id.page)
     }
 }

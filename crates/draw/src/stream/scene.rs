@@ -4,7 +4,7 @@ use super::{PageState, StreamOptions, Streamer};
 use crate::hierarchy::Purpose;
 use crate::model::Bounds;
 use crate::store::{Metadata, NodeRef, Page, StoreError, Tree};
-use crate::view::{Detail, Extent, Selection, View};
+use crate::view::{Detail, Extent, Hidden, Selection, View};
 use glam::DVec3;
 use std::sync::Arc;
 use std::time::Duration;
@@ -47,6 +47,8 @@ pub struct SceneSelection {
     pub error_pixels: f64,
     /// Particles in the drawn nodes.
     pub particles: u64,
+    /// The nodes that the streamer's occluder hides.
+    pub hidden: Vec<Hidden<NodeRef>>,
 }
 
 /// Time without an answer after which a single picture does without a page.
@@ -87,6 +89,7 @@ impl SceneSelection {
             converged: selection.is_converged(),
             missing: selection.missing.len(),
             particles: selection.particles(),
+            hidden: selection.hidden.clone(),
         }
     }
 }

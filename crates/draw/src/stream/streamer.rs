@@ -148,6 +148,14 @@ impl Streamer {
         self.copies = options.map(Copies::new);
     }
 
+    /// From now on all nodes of a page are hidden, or not all are: see [`Residency::hide`].
+    pub fn hide(&mut self, page: PageId, is_hidden: bool) {
+        self.residency.hide(page, is_hidden);
+        if let Some(copies) = &mut self.copies {
+            copies.hide(page, is_hidden);
+        }
+    }
+
     /// Starts a frame: chooses what `view` draws below `roots` in this detail (a number is an error in pixels), and notes what it
     /// lacks.
     pub fn select(&mut self, view: &View, detail: impl Into<Detail>, roots: &[NodeRef]) -> Selection<NodeRef> {
@@ -161,9 +169,9 @@ impl Streamer {
         if self.options.prefetch && self.walked.is_none_or(|then| now >= then + WALK) {
             self.walked = Some(now);
             let (distance, pages) = (self.prefetch_distance(), self.options.ahead.pages);
-            self.ahead = ahead(view, detail, distance, pages, &self.residency, roots);
+            self.ahead = ahead(view, detail, (distance, true), pages, &self.residency, roots);
             if let Some(next) = &self.upcoming {
-                let next = ahead(next, detail, 0.0, pages, &self.residency, roots);
+                let next = ahead(next, detail, (0.0, false), pages, &self.residency, roots);
                 self.ahead = std::mem::take(&mut self.ahead).with(next, pages);
             }
             self.residency.anticipate(&self.ahead);
@@ -278,5 +286,9 @@ impl NodeTree for Drawable<'_> {
 
     fn children(&self, id: NodeRef) -> impl Iterator<Item = NodeRef> {
         self.residency.children(id)
+    }
+
+    fn is_hidden(&self, id: NodeRef) -> bool {
+        NodeTree::is_hidden(self.residency, id)
     }
 }

@@ -19,6 +19,12 @@ impl Extent {
         Extent { bounds: self.bounds.moved(offset), ..*self }
     }
 
+    /// What particles within `bounds` have of it; `None` for none.
+    pub fn within(&self, bounds: &Bounds) -> Option<Extent> {
+        let bounds = Bounds { min: self.bounds.min.max(bounds.min), max: self.bounds.max.min(bounds.max) };
+        (!bounds.is_empty()).then_some(Extent { bounds, ..*self })
+    }
+
     /// Half the box's extent along a unit vector.
     fn half_extent_along(&self, direction: DVec3) -> f64 {
         0.5 * self.bounds.size().dot(direction.abs())
@@ -65,6 +71,11 @@ impl View {
     /// Smallest depth of a point of the box (without its margin), world units; negative behind the eye.
     pub fn nearest_depth(&self, extent: &Extent) -> f64 {
         self.to_camera(extent.bounds.center()).z - extent.half_extent_along(self.forward)
+    }
+
+    /// Largest depth of a point of the box (without its margin), world units.
+    pub fn farthest_depth(&self, extent: &Extent) -> f64 {
+        self.to_camera(extent.bounds.center()).z + extent.half_extent_along(self.forward)
     }
 
     /// An upper bound of `1 / cos(theta)` over all points that lie both in the box and in a perspective picture,

@@ -23,5 +23,5 @@ pub use images::{Images, Periodic};
 pub use panorama::{CubeLayout, Panorama, Side, Surround};
 pub use perspective_grid::PerspectiveGrid;
 pub use sections::{Sampling, Sections};
-pub use selection::{Drawn, Missing, NodeInfo, NodeTree, Occluder, Selection, select, select_unhidden};
+pub use selection::{Drawn, Hidden, Missing, NodeInfo, NodeTree, Occluder, Selection, select, select_unhidden};
 pub use stereo::{Eye, Eyes, Omnidirectional, Stereo, StereoKind};

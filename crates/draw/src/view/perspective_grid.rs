@@ -234,16 +234,28 @@ impl PerspectiveGrid {
     }
 }
 
-/// The depths between which extents reach into a view; `None` if none does. A perspective view's begin at the eye.
-pub fn depth_range(view: &View, extents: impl IntoIterator<Item = Extent>) -> Option<[f64; 2]> {
+/// The extents that a view sees when smoothing lengths below `least` are raised to it, with the margins that they then have.
+/// `least` is in world units: at depth 1, growing with depth, in perspective; at every depth otherwise.
+pub fn seen(view: &View, extents: impl IntoIterator<Item = Extent>, least: f64) -> impl Iterator<Item = Extent> {
+    extents.into_iter().filter_map(move |extent| {
+        let least = match view.projection {
+            Projection::Perspective { .. } => least * view.farthest_depth(&extent).max(0.0),
+            Projection::Orthographic { .. } => least,
+        };
+        let raised = Extent { margin: extent.margin.max(least), ..extent };
+        view.sees(&raised).then_some(raised)
+    })
+}
+
+/// The depths between which extents that are [`seen`] reach; `None` if none is. A perspective view's begin at the eye.
+pub fn depth_range(view: &View, seen: impl IntoIterator<Item = Extent>) -> Option<[f64; 2]> {
     let mut range: Option<[f64; 2]> = None;
-    for extent in extents {
-        if !view.sees(&extent) {
-            continue;
-        }
-        let nearest = view.nearest_depth(&extent);
-        let farthest = 2.0 * view.to_camera(extent.bounds.center()).z - nearest;
-        let [near, far] = [(nearest - extent.margin).max(0.0), farthest + extent.margin];
+    for extent in seen {
+        let [near, far] = [view.nearest_depth(&extent) - extent.margin, view.farthest_depth(&extent) + extent.margin];
+        let near = match view.projection {
+            Projection::Perspective { .. } => near.max(0.0),
+            Projection::Orthographic { .. } => near,
+        };
         let known = range.get_or_insert([near, far]);
         *known = [known[0].min(near), known[1].max(far)];
     }
@@ -386,8 +398,18 @@ mod tests {
             margin: 0.2,
         };
         // The eye is at z = 1 and looks along -z; the second is beside the picture, the third behind the eye.
-        let range = depth_range(&view, [at(0.0, -1.1), at(90.0, -5.0), at(0.0, 4.0)]).unwrap();
-        assert!((range[0] - 1.8).abs() < 1e-12 && (range[1] - 2.3).abs() < 1e-12, "{range:?}");
-        assert_eq!(depth_range(&view, [at(90.0, -5.0)]), None);
+        let range = |view, least, extents: &[Extent]| depth_range(view, seen(view, extents.iter().copied(), least));
+        let [near, far] = range(&view, 0.0, &[at(0.0, -1.1), at(90.0, -5.0), at(0.0, 4.0)]).unwrap();
+        assert!((near - 1.8).abs() < 1e-12 && (far - 2.3).abs() < 1e-12, "{near} {far}");
+        assert_eq!(range(&view, 0.0, &[at(90.0, -5.0)]), None);
+        // A particle 2.1 from the eye that is raised to a quarter of its depth; one that is raised into the picture.
+        let [near, far] = range(&view, 0.25, &[at(0.0, -1.1)]).unwrap();
+        assert!((near - (2.0 - 0.525)).abs() < 1e-12 && (far - 2.1 * 1.25).abs() < 1e-12, "{near} {far}");
+        assert!(range(&view, 0.0, &[at(5.0, -1.0)]).is_none() && range(&view, 2.0, &[at(5.0, -1.0)]).is_some());
+        // A perspective view begins at the eye, an orthographic one has both sides of it.
+        assert_eq!(range(&view, 0.0, &[at(0.0, 0.85)]).unwrap()[0], 0.0);
+        let flat = View { projection: Projection::Orthographic { height: 1.0 }, ..view };
+        let [near, far] = range(&flat, 0.4, &[at(0.0, 0.85)]).unwrap();
+        assert!((near + 0.35).abs() < 1e-12 && (far - 0.55).abs() < 1e-12, "{near} {far}");
     }
 }

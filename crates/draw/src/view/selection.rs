@@ -46,6 +46,11 @@ pub trait NodeTree {
 
     /// The nodes that refine a resident node.
     fn children(&self, id: Self::Id) -> impl Iterator<Item = Self::Id>;
+
+    /// Whether the node is known to be hidden from the view, before an [`Occluder`] is asked.
+    fn is_hidden(&self, _id: Self::Id) -> bool {
+        false
+    }
 }
 
 /// A node that the view needs and that is not resident.
@@ -70,6 +75,15 @@ pub struct Drawn<Id> {
     pub offset: DVec3,
 }
 
+/// A node behind something.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hidden<Id> {
+    /// The node.
+    pub id: Id,
+    /// Where it is, in the image that is hidden.
+    pub extent: Extent,
+}
+
 /// The nodes a view draws, and what it lacks.
 #[derive(Clone, Debug)]
 pub struct Selection<Id> {
@@ -80,7 +94,7 @@ pub struct Selection<Id> {
     /// Every resident node that was looked at, the drawn ones included.
     pub visited: Vec<Id>,
     /// Those of them that are hidden: they are drawn as they are, if they hold anything, and nothing below them is asked for.
-    pub hidden: Vec<Id>,
+    pub hidden: Vec<Hidden<Id>>,
 }
 
 impl<Id> Selection<Id> {
@@ -163,9 +177,10 @@ impl<Tree: NodeTree> Traversal<'_, Tree> {
         }
         let error_pixels = self.view.error_pixels(&info.extent, info.delta);
         let suffices = self.detail.suffices(&self.view, &info, error_pixels);
-        let is_hidden = self.occluder.is_some_and(|occluder| occluder.hides(&info.extent.moved(self.offset)));
+        let extent = info.extent.moved(self.offset);
+        let is_hidden = self.tree.is_hidden(id) || self.occluder.is_some_and(|occluder| occluder.hides(&extent));
         if is_hidden {
-            self.selection.hidden.push(id);
+            self.selection.hidden.push(Hidden { id, extent });
         }
         if !suffices && !is_hidden && !info.is_leaf && self.refine(id, error_pixels) {
             return true;
@@ -213,6 +228,7 @@ mod tests {
         depth: u8,
         absent: HashSet<(u8, [u32; 3])>,
         relays: HashSet<(u8, [u32; 3])>,
+        hidden: HashSet<(u8, [u32; 3])>,
     }
 
     impl NodeTree for Full {
@@ -241,6 +257,10 @@ mod tests {
             let octants = if id.0 < self.depth { 8 } else { 0 };
             (0..octants).map(move |octant| (id.0 + 1, [0, 1, 2].map(|axis| 2 * id.1[axis] + (octant >> axis & 1))))
         }
+
+        fn is_hidden(&self, id: Self::Id) -> bool {
+            self.hidden.contains(&id)
+        }
     }
 
     fn view(eye: DVec3) -> View {
@@ -250,7 +270,7 @@ mod tests {
 
     #[test]
     fn drawn_nodes_cover_what_is_seen_exactly_once_within_tau() {
-        let tree = Full { depth: 5, absent: HashSet::new(), relays: HashSet::new() };
+        let tree = Full { depth: 5, absent: HashSet::new(), relays: HashSet::new(), hidden: HashSet::new() };
         for distance in [0.2, 0.9, 2.0, 5.0, 30.0] {
             let view = view(DVec3::splat(0.5) + distance * DVec3::new(0.3, 0.5, 0.81));
             let selection = select(&view, 0.8, &tree, &[(0, [0; 3])]);
@@ -278,7 +298,7 @@ mod tests {
     /// `d_min` is right to a percent: the node is drawn just beyond it and refined just within it.
     #[test]
     fn a_node_is_refined_at_d_min() {
-        let tree = Full { depth: 1, absent: HashSet::new(), relays: HashSet::new() };
+        let tree = Full { depth: 1, absent: HashSet::new(), relays: HashSet::new(), hidden: HashSet::new() };
         let delta = 3f64.sqrt() / 2.0 / 256.0;
         let tau = 0.8;
         let focal = 768.0 / (2.0 * 0.45f64.tan());
@@ -295,7 +315,7 @@ mod tests {
     #[test]
     fn a_parent_stands_in_for_children_that_are_not_resident() {
         let absent = HashSet::from([(1, [0, 0, 0]), (1, [1, 1, 1])]);
-        let tree = Full { depth: 3, absent, relays: HashSet::new() };
+        let tree = Full { depth: 3, absent, relays: HashSet::new(), hidden: HashSet::new() };
         let selection = select(&view(DVec3::new(0.5, 0.5, 2.0)), 0.01, &tree, &[(0, [0; 3])]);
         assert_eq!(selection.draw.iter().map(|node| node.id).collect::<Vec<_>>(), [(0, [0; 3])]);
         assert_eq!(selection.missing.len(), 2);
@@ -314,7 +334,7 @@ mod tests {
     #[test]
     fn hidden_nodes_are_not_refined_and_nothing_below_them_is_missed() {
         let absent = HashSet::from([(2, [0, 0, 0])]);
-        let tree = Full { depth: 3, absent, relays: HashSet::from([(1, [1, 1, 0])]) };
+        let tree = Full { depth: 3, absent, relays: HashSet::from([(1, [1, 1, 0])]), hidden: HashSet::new() };
         let view = view(DVec3::new(0.5, 0.5, 2.0));
         let root = [(0, [0; 3])];
         assert!(!select(&view, 0.01, &tree, &root).is_converged());
@@ -323,15 +343,20 @@ mod tests {
         assert_eq!(selection.hidden.len(), 4);
         let back: Vec<_> = selection.draw.iter().filter(|node| node.id.1[2] < 1 << node.id.0 >> 1).collect();
         assert_eq!(back.len(), 3, "all but the one without particles");
-        assert!(back.iter().all(|node| node.id.0 == 1 && selection.hidden.contains(&node.id)));
+        let is_hidden = |id| selection.hidden.iter().any(|hidden| hidden.id == id && hidden.extent.bounds.max.z <= 0.5);
+        assert!(back.iter().all(|node| node.id.0 == 1 && is_hidden(node.id)));
         assert_eq!(selection.draw.len(), 3 + 256);
+        // What is known to be hidden is no less so.
+        let hidden = HashSet::from([0, 1].map(|x| (1, [x, 0, 1])));
+        let selection = select_unhidden(&view, 0.01, Some(&Wall), &Full { hidden, ..tree }, &root);
+        assert_eq!((selection.hidden.len(), selection.draw.len()), (6, 3 + 2 + 128));
     }
 
     #[test]
     fn an_ancestor_stands_in_for_a_node_without_particles_that_cannot_be_refined() {
         let absent = HashSet::from([(2, [0, 0, 0])]);
         let relays = HashSet::from([(1, [0, 0, 0])]);
-        let tree = Full { depth: 3, absent, relays };
+        let tree = Full { depth: 3, absent, relays, hidden: HashSet::new() };
         let selection = select(&view(DVec3::new(0.5, 0.5, 2.0)), 0.01, &tree, &[(0, [0; 3])]);
         assert_eq!(selection.draw.iter().map(|node| node.id).collect::<Vec<_>>(), [(0, [0; 3])]);
         assert!(selection.missing.iter().any(|missing| missing.id == (2, [0, 0, 0])));

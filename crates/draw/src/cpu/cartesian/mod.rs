@@ -12,11 +12,11 @@ mod tests;
 use super::volume::bricks::{BORDER, BRICK, BrickGrid, Slab};
 use super::volume::particles::{Taken, project};
 use super::volume::resample::Resampler;
-use super::volume::{Prepared, Scenery, VolumeError, VolumeOptions, VolumeReport};
+use super::volume::{Prepared, Scenery, VolumeError, VolumeOptions, VolumeReport, extents};
 use super::{Extent, Splats};
 use crate::color::Colors;
 use crate::model::Bounds;
-use crate::view::perspective_grid::{GridError, planes};
+use crate::view::perspective_grid::{self, GridError};
 use crate::view::{Cut, Images, PerspectiveGrid, Projection, View};
 use glam::{DVec3, Vec3};
 use march::{Field, Room};
@@ -69,9 +69,10 @@ pub fn region(
     options: &VolumeOptions,
 ) -> Result<(Bounds, [f64; 2]), VolumeError> {
     let sigma = PerspectiveGrid::sigma_of(view, 1.0);
-    let seen = project(view, batches, &Taken { sigma, smallest: 0.0, stride: 1 });
+    let taken = Taken { sigma, smallest: 0.0, stride: 1 };
+    let depths = extents::planes_around(view, batches, &taken, [options.near, options.far])?;
+    let seen = project(view, batches, &taken).unless_empty()?;
     let perspective = matches!(view.projection, Projection::Perspective { .. });
-    let depths = planes(seen.depths, options.near, options.far, perspective)?;
     let world = |camera: DVec3| view.eye + camera.x * view.right + camera.y * view.up + camera.z * view.forward;
     let grown = |bounds: Bounds, at: DVec3, h: f64| Bounds { min: bounds.min.min(at - h), max: bounds.max.max(at + h) };
     if region == Region::Data {
@@ -157,7 +158,8 @@ impl Cartesian {
             perspective: false,
         };
         let particles = project(&view, batches, &Taken { sigma: cell, smallest: options.smallest, stride: 1 });
-        let prepared = Prepared::new(grid, particles);
+        let seen: Vec<_> = perspective_grid::seen(&view, extents::of(batches), options.smallest * cell).collect();
+        let prepared = Prepared::new(grid, extents::widest(&view, &seen, cell), particles);
         let layers = 0..prepared.brick_grid().bricks[2];
         let (layers, work) = Resampler::new(&prepared, options.kernel).resample(layers, &[]);
         let Prepared { particles, mut levels, .. } = prepared;

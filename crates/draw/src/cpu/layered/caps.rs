@@ -81,6 +81,11 @@ impl Caps {
         }
     }
 
+    /// At equal steps of `zeta` from 0 to 1: the integrals of `A` and `A_2` from 0 to there, and of `zeta A` from there to 1.
+    pub fn values(&self) -> &[[f64; 3]] {
+        &self.values
+    }
+
     /// The part between planes at `from` and `to`, in `h` from the centre. `None` where nothing is.
     pub fn between(&self, from: f64, to: f64) -> Option<Cut> {
         let (low, high) = (self.below(from), self.below(to));

@@ -16,21 +16,24 @@ mod tests;
 
 use super::volume::particles::{Particle, Projected, Taken, project};
 use super::volume::raycast::Ray;
-use super::volume::{Classifier, VolumeError, VolumeOptions, VolumeReport};
+use super::volume::{Classifier, OpaqueDepths, VolumeError, VolumeOptions, VolumeReport, extents};
 use super::{Extent, Positions, SplatOptions, Splats};
 use crate::color::Accumulation;
 use crate::color::Colors;
-use crate::view::perspective_grid::planes;
 use crate::view::{PerspectiveGrid, Projection, View};
 use caps::Caps;
 use glam::DVec3;
 use rayon::prelude::*;
+use std::sync::Arc;
 use std::time::Instant;
 
 /// Most layers.
 pub const MOST_LAYERS: u32 = 4096;
 /// Parts of particles that are held at once, as long as one layer has no more.
 const HELD: u64 = 1 << 21;
+/// How far splats reach in a layer's picture, smoothing lengths: those of 6 cells of the image pyramid's levels are interpolated through
+/// four cells of each, which make 8.
+const SPREAD: f64 = 2.5;
 /// Bytes of a part: as it is cut, and in its layer's columns.
 const PART_BYTES: u64 = 64;
 
@@ -119,9 +122,10 @@ pub fn draw(
     }
     let start = Instant::now();
     let sigma = PerspectiveGrid::sigma_of(view, 1.0);
-    let particles = project(view, batches, &Taken { sigma, smallest: options.smallest, stride: 1 });
+    let taken = Taken { sigma, smallest: options.smallest, stride: 1 };
+    let [near, far] = extents::planes_around(view, batches, &taken, [options.near, options.far])?;
+    let particles = project(view, batches, &taken).unless_empty()?;
     let perspective = matches!(view.projection, Projection::Perspective { .. });
-    let [near, far] = planes(particles.depths, options.near, options.far, perspective)?;
     let (middle, size) = (view.middle(), [view.width, view.height, layers]);
     let grid = PerspectiveGrid { size, near, far, sigma, cell: 1.0, middle, perspective };
     let edges = (0..=layers).map(|layer| grid.depth(f64::from(layer))).collect();
@@ -161,7 +165,7 @@ pub fn draw(
             report.resampling += start.elapsed();
             let start = Instant::now();
             let thickness = (cutter.edges[layer + 1] - cutter.edges[layer]) as f32;
-            let (samples, open) = blend(&mut rays, &picture, &cutter.grid, thickness, classifier, termination);
+            let (samples, open) = blend(&mut rays, &picture, (&cutter.grid, layer), thickness, classifier, termination);
             *report.samples.get_or_insert(0) += samples;
             report.rendering += start.elapsed();
             if !open {
@@ -171,6 +175,14 @@ pub fn draw(
         first = end;
     }
     let rgba = rays.iter().map(|ray| [ray.color[0], ray.color[1], ray.color[2], ray.alpha]).collect();
+    if options.occlusion {
+        let end = |ray: &Ray| match ray.alpha >= termination {
+            true => (cutter.edges[ray.end as usize + 1] as f32).next_up(),
+            false => f32::INFINITY,
+        };
+        let opaque = OpaqueDepths::new(view, rays.iter().map(end).collect(), 1.0, options.smallest);
+        report.opaque = Some(Arc::new(opaque.reaching(SPREAD)));
+    }
     Ok((Colors { width: view.width, height: view.height, rgba }, report))
 }
 
@@ -230,7 +242,7 @@ fn splat(view: &View, columns: &Columns, attribute: bool, options: &SplatOptions
 fn blend(
     rays: &mut [Ray],
     picture: &Accumulation,
-    grid: &PerspectiveGrid,
+    (grid, layer): (&PerspectiveGrid, usize),
     thickness: f32,
     classifier: &Classifier,
     termination: f32,
@@ -250,6 +262,7 @@ fn blend(
                 let matter = classifier.matter(density, weighted);
                 ray.under(matter.color, 1.0 - (-matter.extinction * distance).exp());
                 samples += 1;
+                ray.end = layer as u32;
             }
             open |= ray.alpha < termination;
         }

@@ -1,6 +1,6 @@
 //! The cells around one brick, copied together: what the rays through it read, interpolation and gradients included.
 
-use super::bricks::{BRICK, BrickGrid, Slab};
+use super::bricks::{BRICK, Brick, BrickGrid, Slab};
 
 /// Cells along a block's side: one more than the brick before it and two behind it across, three slices in front of it.
 pub const SIDE: usize = BRICK + 3;
@@ -22,20 +22,19 @@ impl Block {
     pub fn fill(&mut self, slab: &Slab, brick_grid: &BrickGrid, [column, row, layer]: [usize; 3], least: f32) -> bool {
         // Bricks around, the layer in front included; what is not in the slab reads as empty.
         let near = |index: usize, offset: usize| (index + offset).wrapping_sub(1);
-        let brick =
-            |dx: usize, dy: usize, dz: usize| slab.brick(near(column, dx), near(row, dy), near(layer, dz), brick_grid);
-        let bricks = (0..18).filter_map(|index| brick(index % 3, index / 3 % 3, index / 9));
+        let bricks: [[[Option<&Brick>; 3]; 3]; 2] = [0, 1].map(|dz| {
+            [0, 1, 2]
+                .map(|dy| [0, 1, 2].map(|dx| slab.brick(near(column, dx), near(row, dy), near(layer, dz), brick_grid)))
+        });
         let (mut densest, mut attribute) = (0.0f32, false);
-        for brick in bricks {
+        for brick in bricks.as_flattened().as_flattened().iter().flatten() {
             densest = densest.max(brick.densest);
             attribute |= !brick.weighted.is_empty();
         }
         if densest <= least || densest <= 0.0 {
             return false;
         }
-        self.density.clear();
         self.density.resize(SIDE * SIDE * SIDE, 0.0);
-        self.weighted.clear();
         self.weighted.resize(if attribute { SIDE * SIDE * SIDE } else { 0 }, 0.0);
         for z in 0..SIDE {
             // Slices beyond the grid's ends repeat the last one, so that the ends have no surfaces.
@@ -43,14 +42,11 @@ impl Block {
             let dz = (slice / BRICK + 1).saturating_sub(layer);
             for y in 0..SIDE {
                 let (dy, in_y) = split(y);
-                for (dx, from, to, in_x) in [(0, 0, 1, BRICK - 1), (1, 1, BRICK + 1, 0), (2, BRICK + 1, SIDE, 0)] {
-                    let Some(brick) = brick(dx, dy, dz) else { continue };
-                    let start = (slice % BRICK * BRICK + in_y) * BRICK + in_x;
-                    let (out, cells) = ((z * SIDE + y) * SIDE + from, to - from);
-                    self.density[out..out + cells].copy_from_slice(&brick.density[start..start + cells]);
-                    if attribute && !brick.weighted.is_empty() {
-                        self.weighted[out..out + cells].copy_from_slice(&brick.weighted[start..start + cells]);
-                    }
+                let (start, out) = ((slice % BRICK * BRICK + in_y) * BRICK, (z * SIDE + y) * SIDE);
+                let bricks = &bricks[dz][dy];
+                copy_row(&mut self.density[out..out + SIDE], bricks, |brick| brick.density.get(start..));
+                if attribute {
+                    copy_row(&mut self.weighted[out..out + SIDE], bricks, |brick| brick.weighted.get(start..));
                 }
             }
         }
@@ -58,7 +54,7 @@ impl Block {
     }
 
     /// Density and `sum m A W` at a place of a slice: bilinear between four cells.
-    #[inline]
+    #[inline(always)]
     pub fn sample(&self, at: &Place, z: usize) -> [f32; 2] {
         let start = (z * SIDE + at.y) * SIDE + at.x;
         let read = |cells: &[f32]| match at.shares {
@@ -76,6 +72,16 @@ impl Block {
     pub fn density(&self, at: &Place, z: usize) -> f32 {
         self.sample(at, z)[0]
     }
+}
+
+/// Fills a row of a block with what begins the rows of three bricks, the middle one of which is its own.
+#[inline(always)]
+fn copy_row(out: &mut [f32], bricks: &[Option<&Brick>; 3], cells: impl Fn(&Brick) -> Option<&[f32]>) {
+    let [before, own, behind] =
+        bricks.map(|brick| brick.and_then(&cells).and_then(|cells| cells.first_chunk()).unwrap_or(&[0.0; BRICK]));
+    out[..BEFORE].copy_from_slice(&before[BRICK - BEFORE..]);
+    out[BEFORE..BEFORE + BRICK].copy_from_slice(own);
+    out[BEFORE + BRICK..].copy_from_slice(&behind[..SIDE - BRICK - BEFORE]);
 }
 
 /// Which of three bricks a cell of a block is in, and where.

@@ -20,7 +20,7 @@ pub struct Brick {
     pub density: Box<[f32]>,
     /// `sum m A W`; empty without attribute.
     pub weighted: Box<[f32]>,
-    /// The largest density.
+    /// The largest density; on coarser levels by amount, since cubics overshoot.
     pub densest: f32,
 }
 
@@ -108,8 +108,9 @@ impl BrickGrid {
             let [low, high] = [center - radius, center + radius];
             let low = middle + (low * ends[0]).min(low * ends[1]) - 0.51;
             let high = middle + (high * ends[0]).max(high * ends[1]) - 0.49;
-            // Casts saturate.
-            let [from, to] = [low.ceil().max(0.0) as usize / BRICK, high.floor() as usize / BRICK];
+            // Casts saturate, and round towards zero.
+            let first = low as usize;
+            let [from, to] = [(first + usize::from((first as f32) < low)) / BRICK, high as usize / BRICK];
             (high >= 0.0 && from < bricks && from <= to).then_some([from, to.min(bricks - 1)])
         };
         Some([span(x, self.middle[0], self.bricks[0])?, span(-y, self.middle[1], self.bricks[1])?])

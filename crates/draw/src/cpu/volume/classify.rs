@@ -146,7 +146,7 @@ impl Classifier {
     }
 
     /// What a positive density and `sum m A W` there stand for.
-    #[inline]
+    #[inline(always)]
     pub fn matter(&self, density: f32, weighted: f32) -> Matter {
         let bits = density.to_bits();
         let index = (bits >> HIDDEN_BITS).saturating_sub(self.first) as usize;

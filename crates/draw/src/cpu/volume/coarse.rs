@@ -10,9 +10,11 @@
 //! Coordinate `x` of a level, in its stored cells, is `x / 2 + BORDER` in the next, along all axes, so that every cell has
 //! the four around it.
 
-use super::bricks::{BORDER, BRICK, BrickGrid};
+use super::bricks::{BORDER, BRICK, Brick, BrickGrid, Slab};
 use super::particles::Particle;
 use crate::view::PerspectiveGrid;
+use pulp::{Simd, WithSimd};
+use rayon::prelude::*;
 use std::ops::Range;
 
 /// Least smoothing length on a coarser level, in its cells.
@@ -23,6 +25,13 @@ pub const MOST_LEVELS: usize = 7;
 const REACH: usize = BRICK / 2 + 4;
 /// Cubics through four cells, a quarter of a cell behind the second; in reverse, a quarter before the third.
 const WEIGHTS: [f32; 4] = [-0.0546875, 0.8203125, 0.2734375, -0.0390625];
+
+/// How much larger than the cells that it reads an interpolated value may be: the cube of what the weights' amounts add up to.
+const OVERSHOOT: f32 = {
+    let [a, b, c, d] = WEIGHTS;
+    let sum = b + c - a - d;
+    sum * sum * sum
+};
 
 /// The smoothing length of a particle in cells of the grid, where it reaches farthest and cells are widest.
 pub fn cells_of(particle: &Particle, grid: &PerspectiveGrid) -> f32 {
@@ -90,9 +99,80 @@ pub fn hidden_by(hidden: &[bool], finer: &BrickGrid, coarser: &BrickGrid) -> Vec
     out
 }
 
-/// Adds the interpolated field of the next coarser level to a brick. `cells_of` has the cells of a brick of that level, by
-/// column, row and layer; `None` where nothing is.
-pub fn add_interpolated<'a>(
+/// Cells along the side of a part of a brick. What is read of a brick are whole parts.
+const PART: usize = 4;
+/// Parts along a brick's side.
+const PARTS: usize = BRICK / PART;
+
+/// The largest amounts in parts of a level's bricks: what interpolation from them is bounded by.
+pub struct Peaks<'a> {
+    brick_grid: &'a BrickGrid,
+    first: usize,
+    least: f32,
+    /// For each brick, layer by layer; `None` where interpolation from it alone is below `least`.
+    peaks: Vec<Option<[f32; PARTS * PARTS * PARTS]>>,
+}
+
+impl<'a> Peaks<'a> {
+    /// The peaks of layers of a level, where densities up to `least` show nothing.
+    pub fn new(brick_grid: &'a BrickGrid, slab: &Slab, least: f32) -> Peaks<'a> {
+        let of_brick = |brick: &Brick| {
+            let mut peaks = [0.0f32; PARTS * PARTS * PARTS];
+            for (row, cells) in brick.density.chunks_exact(BRICK).enumerate() {
+                let (y, z) = (row % BRICK / PART, row / BRICK / PART);
+                for (x, cells) in cells.chunks_exact(PART).enumerate() {
+                    let peak = &mut peaks[(z * PARTS + y) * PARTS + x];
+                    *peak = cells.iter().fold(*peak, |peak, cell| peak.max(cell.abs()));
+                }
+            }
+            peaks
+        };
+        let shown =
+            |brick: &Option<Brick>| brick.as_ref().filter(|brick| OVERSHOOT * brick.densest > least).map(of_brick);
+        let peaks = slab.layers.par_iter().flat_map_iter(|layer| layer.iter().map(shown)).collect();
+        Peaks { brick_grid, first: slab.first, least, peaks }
+    }
+
+    /// Whether what a brick of the next finer level reads may be more than shows nothing.
+    pub fn show(&self, brick: [usize; 3]) -> bool {
+        let [columns, rows, _] = self.brick_grid.bricks;
+        let parts = |axis: usize| (0..REACH / PART).map(move |part| brick[axis] * (PARTS / 2) + part);
+        parts(2).any(|z| {
+            parts(1).any(|y| {
+                parts(0).any(|x| {
+                    let place = ((z / PARTS - self.first) * rows + y / PARTS) * columns + x / PARTS;
+                    let part = ((z % PARTS) * PARTS + y % PARTS) * PARTS + x % PARTS;
+                    self.peaks[place].as_ref().is_some_and(|peaks| OVERSHOOT * peaks[part] > self.least)
+                })
+            })
+        })
+    }
+}
+
+/// Adds the interpolated field of the next coarser level to a brick, in the lanes that it is dispatched for.
+pub struct Interpolate<'a, F> {
+    /// The brick.
+    pub brick: [usize; 3],
+    /// The cells of a brick of the next level, by column, row and layer; `None` where nothing is.
+    pub cells_of: F,
+    /// Memory that is used again.
+    pub scratch: &'a mut Scratch,
+    /// The brick's cells.
+    pub out: &'a mut [f32],
+}
+
+impl<'c, F: Fn([usize; 3]) -> Option<&'c [f32]>> WithSimd for Interpolate<'_, F> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let Interpolate { brick, cells_of, scratch, out } = self;
+        add_interpolated(brick, cells_of, scratch, out);
+    }
+}
+
+#[inline(always)]
+fn add_interpolated<'a>(
     brick: [usize; 3],
     cells_of: impl Fn([usize; 3]) -> Option<&'a [f32]>,
     scratch: &mut Scratch,
@@ -115,17 +195,26 @@ pub fn add_interpolated<'a>(
             for j in 0..y.2 {
                 let from = ((z.1 + k) * BRICK + y.1 + j) * BRICK + x.1;
                 let to = ((z.0 + k) * REACH + y.0 + j) * REACH + x.0;
-                around_it[to..to + x.2].copy_from_slice(&cells[from..from + x.2]);
+                for (to, from) in
+                    around_it[to..to + x.2].chunks_exact_mut(PART).zip(cells[from..from + x.2].chunks_exact(PART))
+                {
+                    to.copy_from_slice(from);
+                }
             }
         }
     }
     along_x.resize(REACH * REACH * BRICK, 0.0);
-    for (row, out) in around_it.chunks_exact(REACH).zip(along_x.chunks_exact_mut(BRICK)) {
-        for (half, pair) in out.chunks_exact_mut(2).enumerate() {
-            for (odd, out) in pair.iter_mut().enumerate() {
-                let four = &row[half + odd..half + odd + 4];
-                *out = (0..4).map(|tap| weight(odd, tap) * four[tap]).sum();
+    for (row, out) in around_it.as_chunks::<REACH>().0.iter().zip(along_x.as_chunks_mut::<BRICK>().0) {
+        let mut halves = [[0.0; BRICK / 2]; 2];
+        for (odd, half) in halves.iter_mut().enumerate() {
+            let [wa, wb, wc, wd] = [weight(odd, 0), weight(odd, 1), weight(odd, 2), weight(odd, 3)];
+            for (cell, out) in half.iter_mut().enumerate() {
+                let at = cell + odd;
+                *out = wa * row[at] + wb * row[at + 1] + wc * row[at + 2] + wd * row[at + 3];
             }
+        }
+        for (cell, out) in out.iter_mut().enumerate() {
+            *out = halves[cell % 2][cell / 2];
         }
     }
     // Rows of a slice, then slices: both are sums of whole rows.

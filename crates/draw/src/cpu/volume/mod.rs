@@ -9,6 +9,7 @@ pub mod bricks;
 pub mod classify;
 pub mod coarse;
 pub mod exact;
+pub mod extents;
 pub mod occlusion;
 pub mod particles;
 pub mod range;
@@ -29,13 +30,12 @@ pub use surface::{Light, Surface};
 use super::Splats;
 use crate::color::Colors;
 use crate::model::Kernel;
-use crate::view::perspective_grid::{GridError, GridOptions, planes};
-use crate::view::{PerspectiveGrid, Projection, View};
+use crate::view::perspective_grid::{GridError, GridOptions};
+use crate::view::{PerspectiveGrid, View};
 use bricks::{BRICK, BrickGrid, Slab};
 use occlusion::OpacityPyramid;
 use particles::{Particle, Projected, Taken};
 use raycast::Rays;
-use rayon::prelude::*;
 use resample::Resampler;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -163,10 +163,8 @@ pub struct Prepared {
 }
 
 impl Prepared {
-    /// These particles, to be resampled on this grid.
-    pub fn new(grid: PerspectiveGrid, particles: Projected) -> Prepared {
-        let widest = particles.chunks.par_iter().flatten().map(|particle| coarse::cells_of(particle, &grid));
-        let widest = widest.reduce(|| 0.0, f32::max);
+    /// These particles, to be resampled on this grid. Smoothing lengths are at most `widest` of its cells.
+    pub fn new(grid: PerspectiveGrid, widest: f32, particles: Projected) -> Prepared {
         Prepared { levels: coarse::brick_grids(&grid, widest), grid, particles }
     }
 
@@ -186,57 +184,21 @@ impl Prepared {
 /// # Errors
 /// [`VolumeError::Grid`] when nothing is in view or the grid makes no sense.
 pub fn prepare(view: &View, batches: &[Splats<'_>], options: &VolumeOptions) -> Result<Prepared, VolumeError> {
-    if let (Some(near), Some(far)) = (options.near, options.far)
-        && near >= far
-    {
-        return Err(GridError::NearBehindFar { near, far }.into());
-    }
-    let sigma = PerspectiveGrid::sigma_of(view, options.grid.resolution);
-    let particles = particles::project(view, batches, &Taken { sigma, smallest: options.smallest, stride: 1 });
-    let perspective = matches!(view.projection, Projection::Perspective { .. });
-    let depths = planes(particles.depths, options.near, options.far, perspective)?;
-    let grid = PerspectiveGrid::new(view, depths, &options.grid)?;
-    Ok(Prepared::new(grid, particles))
+    let (grid, widest) = extents::planes_and_widest(view, extents::of(batches), options)?;
+    let taken = Taken { sigma: grid.sigma, smallest: options.smallest, stride: 1 };
+    let particles = particles::project(view, batches, &taken).unless_empty()?;
+    Ok(Prepared::new(grid, widest, particles))
 }
-
-/// What resamples the particles of a view and casts rays through them: [`CpuRayCaster`], or an adapter.
-pub trait RayCaster: std::fmt::Debug + Send + Sync {
-    /// Draws what `scenery` says of `prepared`, and adds to the report what that took.
-    ///
-    /// # Errors
-    /// [`VolumeError::Device`] when an adapter fails.
-    fn cast(
-        &self,
-        view: &View,
-        prepared: &Prepared,
-        scenery: &Scenery,
-        options: &VolumeOptions,
-        report: &mut VolumeReport,
-    ) -> Result<Colors, VolumeError>;
-
-    /// The backend's and the adapter's name.
-    fn name(&self) -> [&str; 2];
-
-    /// Frees what is kept from picture to picture, as nothing will be drawn for a while. False if that has to wait.
-    fn rest(&self) -> bool {
-        true
-    }
-}
-
-/// The CPU renderer. Its pictures do not depend on the number of threads.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct CpuRayCaster;
 
 /// Draws what `scenery` says of batches.
 ///
 /// # Errors
-/// [`VolumeError`] as [`prepare`] and [`RayCaster::cast`].
+/// [`VolumeError`] as [`prepare`].
 pub fn draw(
     view: &View,
     batches: &[Splats<'_>],
     scenery: &Scenery,
     options: &VolumeOptions,
-    caster: &dyn RayCaster,
 ) -> Result<(Colors, VolumeReport), VolumeError> {
     let start = Instant::now();
     let prepared = prepare(view, batches, options)?;
@@ -248,63 +210,58 @@ pub fn draw(
         resampling: start.elapsed(),
         ..VolumeReport::default()
     };
-    let colors = caster.cast(view, &prepared, scenery, options, &mut report)?;
+    let colors = cast(view, &prepared, scenery, options, &mut report);
     Ok((colors, report))
 }
 
-impl RayCaster for CpuRayCaster {
-    fn cast(
-        &self,
-        view: &View,
-        prepared: &Prepared,
-        scenery: &Scenery,
-        options: &VolumeOptions,
-        report: &mut VolumeReport,
-    ) -> Result<Colors, VolumeError> {
-        let (grid, brick_grid, particles) = (&prepared.grid, prepared.brick_grid(), &prepared.particles);
-        let cell_bytes = 4 * (1 + u64::from(particles.attribute));
-        let slabs = grid.slabs(options.memory, cell_bytes, BRICK as u32);
-        report.slabs = slabs.len();
-        let mut rays = Rays::new(grid, brick_grid, view.width, view.height);
-        let (mut kept, mut hidden) = (Slab::default(), Vec::new());
-        let mut resampler = Resampler::new(prepared, options.kernel);
-        for slab in slabs {
-            let start = Instant::now();
-            let layers = slab.slices.start as usize / BRICK..(slab.slices.end as usize).div_ceil(BRICK);
-            let (resampled, work) = resampler.resample(layers.clone(), &hidden);
-            report.pairs += work.pairs;
-            report.bricks += work.bricks;
-            report.resampling += start.elapsed();
-            let start = Instant::now();
-            let first = if kept.layers.is_empty() { layers.start } else { kept.first };
-            let mut held = Slab { first, layers: kept.layers };
-            held.layers.extend(resampled);
-            let held_now = particles.bytes() + held.bytes() + rays.bytes();
-            report.memory = report.memory.max(Some(held_now));
-            let effort = rays.advance(grid, brick_grid, &held, slab.steps, scenery);
-            *report.samples.get_or_insert(0) += effort.samples;
-            *report.crossings.get_or_insert(0) += effort.crossings;
-            kept = held.split_last(|layers| resampler.recycle(layers));
-            if options.occlusion {
-                hidden = hidden_columns(&rays, brick_grid, view, scenery.termination);
-                report.hidden += hidden.iter().filter(|hidden| **hidden).count() as u64;
-            }
-            report.rendering += start.elapsed();
-            if !hidden.is_empty() && hidden.iter().all(|hidden| *hidden) {
-                break;
-            }
-        }
+/// Resamples the particles of a view, casts rays through them, and adds to the report what that took. The picture does not depend
+/// on the number of threads.
+pub fn cast(
+    view: &View,
+    prepared: &Prepared,
+    scenery: &Scenery,
+    options: &VolumeOptions,
+    report: &mut VolumeReport,
+) -> Colors {
+    let (grid, brick_grid, particles) = (&prepared.grid, prepared.brick_grid(), &prepared.particles);
+    let cell_bytes = 4 * (1 + u64::from(particles.attribute));
+    let slabs = grid.slabs(options.memory, cell_bytes, BRICK as u32);
+    report.slabs = slabs.len();
+    let mut rays = Rays::new(grid, brick_grid, view.width, view.height);
+    let (mut kept, mut hidden) = (Slab::default(), Vec::new());
+    let mut resampler = Resampler::new(prepared, options.kernel).showing_above(scenery.least());
+    for slab in slabs {
+        let start = Instant::now();
+        let layers = slab.slices.start as usize / BRICK..(slab.slices.end as usize).div_ceil(BRICK);
+        let (resampled, work) = resampler.resample(layers.clone(), &hidden);
+        report.pairs += work.pairs;
+        report.bricks += work.bricks;
+        report.resampling += start.elapsed();
+        let start = Instant::now();
+        let first = if kept.layers.is_empty() { layers.start } else { kept.first };
+        let mut held = Slab { first, layers: kept.layers };
+        held.layers.extend(resampled);
+        let held_now = particles.bytes() + held.bytes() + rays.bytes();
+        report.memory = report.memory.max(Some(held_now));
+        let effort = rays.advance(grid, brick_grid, &held, slab.steps, scenery);
+        *report.samples.get_or_insert(0) += effort.samples;
+        *report.crossings.get_or_insert(0) += effort.crossings;
+        kept = held.split_last(|layers| resampler.recycle(layers));
         if options.occlusion {
-            let depths = rays.opaque_depths(grid, scenery.termination);
-            report.opaque = Some(Arc::new(OpaqueDepths::new(view, depths, grid.cell, options.smallest)));
+            hidden = hidden_columns(&rays, brick_grid, view, scenery.termination);
+            report.hidden += hidden.iter().filter(|hidden| **hidden).count() as u64;
         }
-        let rgba = rays.picture(|ray| [ray.color[0], ray.color[1], ray.color[2], ray.alpha]);
-        Ok(Colors { width: view.width, height: view.height, rgba })
+        report.rendering += start.elapsed();
+        if !hidden.is_empty() && hidden.iter().all(|hidden| *hidden) {
+            break;
+        }
     }
-
-    fn name(&self) -> [&str; 2] {
-        ["cpu"; 2]
+    if options.occlusion {
+        let depths = rays.opaque_depths(grid, scenery.termination);
+        report.opaque = Some(Arc::new(OpaqueDepths::new(view, depths, grid.cell, options.smallest)));
     }
+    let rgba = rays.picture(|ray| [ray.color[0], ray.color[1], ray.color[2], ray.alpha]);
+    Colors { width: view.width, height: view.height, rgba }
 }
 
 /// The columns of bricks that no ray reads any more.

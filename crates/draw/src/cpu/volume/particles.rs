@@ -7,6 +7,7 @@
 //! particles as they are, for comparisons with the exact sum.
 
 use super::super::{Extent, Splats};
+use crate::view::perspective_grid::GridError;
 use crate::view::{Projection, View};
 use rayon::prelude::*;
 
@@ -34,8 +35,6 @@ pub struct Projected {
     pub chunks: Vec<Vec<Particle>>,
     /// The particles' own densities, one for each in `chunks`, where every batch has them; less for those that were raised.
     pub densities: Vec<Vec<f32>>,
-    /// Least and largest depth that a particle in the picture reaches.
-    pub depths: Option<[f64; 2]>,
     /// Particles whose size was raised.
     pub raised: u64,
     /// Whether there is an attribute.
@@ -58,6 +57,14 @@ impl Projected {
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
+
+    /// The same.
+    ///
+    /// # Errors
+    /// [`GridError::NothingInView`] when there are none: extents may reach into a picture that no particle does.
+    pub fn unless_empty(self) -> Result<Projected, GridError> {
+        if self.is_empty() { Err(GridError::NothingInView) } else { Ok(self) }
+    }
 }
 
 /// What is taken of the batches.
@@ -69,6 +76,11 @@ pub struct Taken {
     pub smallest: f64,
     /// Every how-manieth particle is taken, for a sketch: it counts for the others in mass and volume.
     pub stride: usize,
+}
+
+/// The factor on smoothing lengths where every `stride`-th particle counts for the others.
+pub fn growth(stride: usize) -> f64 {
+    (stride as f64).cbrt()
 }
 
 /// Projects batches. Particles without extent in world units and those with a value that is not finite are left out.
@@ -83,8 +95,6 @@ pub fn project(view: &View, batches: &[Splats<'_>], taken: &Taken) -> Projected 
     for part in parts {
         all.raised += part.raised;
         if !part.particles.is_empty() {
-            let [near, far] = all.depths.unwrap_or(part.depths);
-            all.depths = Some([near.min(part.depths[0]), far.max(part.depths[1])]);
             // Nodes of a page file may hold few particles each; short chunks would cost more than they hold.
             match (all.chunks.last_mut(), all.densities.last_mut()) {
                 (Some(last), Some(densities)) if last.len() + part.particles.len() <= CHUNK => {
@@ -114,36 +124,40 @@ impl Projected {
     fn reconcile(&mut self) {
         let particles = self.chunks.iter().flatten().zip(self.densities.iter().flatten());
         let ratio = |(particle, density): (&Particle, &f32)| density * particle.place[3].powi(3) / particle.mass;
-        let mut ratios: Vec<f32> = particles.map(ratio).filter(|ratio| *ratio > 0.0 && ratio.is_finite()).collect();
-        if ratios.is_empty() {
-            return;
-        }
-        let middle = ratios.len() / 2;
-        let median = *ratios.select_nth_unstable_by(middle, f32::total_cmp).1;
-        let (usual, most) = USUAL;
-        if median > usual * most || median < usual / most {
-            let factor = usual / median;
+        let factor = density_scale(particles.map(ratio));
+        if factor != 1.0 {
             self.densities.iter_mut().flatten().for_each(|density| *density *= factor);
         }
     }
 }
 
+/// The factor on particles' own densities that makes them of the size of the sums that are drawn, by `rho h^3 / m` of each; 1 where they
+/// are, and where nothing is known.
+pub fn density_scale(ratios: impl Iterator<Item = f32>) -> f32 {
+    let mut ratios: Vec<f32> = ratios.filter(|ratio| *ratio > 0.0 && ratio.is_finite()).collect();
+    if ratios.is_empty() {
+        return 1.0;
+    }
+    let middle = ratios.len() / 2;
+    let median = *ratios.select_nth_unstable_by(middle, f32::total_cmp).1;
+    let (usual, most) = USUAL;
+    if median > usual * most || median < usual / most { usual / median } else { 1.0 }
+}
+
 struct Part {
     particles: Vec<Particle>,
     densities: Vec<f32>,
-    depths: [f64; 2],
     raised: u64,
 }
 
 fn part(view: &View, batch: &Splats<'_>, start: usize, taken: &Taken) -> Part {
-    let mut part =
-        Part { particles: Vec::new(), densities: Vec::new(), depths: [f64::INFINITY, f64::NEG_INFINITY], raised: 0 };
+    let mut part = Part { particles: Vec::new(), densities: Vec::new(), raised: 0 };
     let Extent::World(lengths) = batch.extent() else { return part };
     let perspective = matches!(view.projection, Projection::Perspective { .. });
     let edges = view.edges();
     // Lengths of the side planes' normals.
     let norms = edges.map(|sides| sides.map(|side| if perspective { side.hypot(1.0) } else { 1.0 }));
-    let (factor, growth) = (taken.stride as f32, (taken.stride as f64).cbrt());
+    let (factor, growth) = (taken.stride as f32, growth(taken.stride));
     let end = batch.len().min(start + CHUNK * taken.stride);
     for i in (start..end).step_by(taken.stride) {
         let place = view.to_camera(batch.positions().world(i));
@@ -165,8 +179,6 @@ fn part(view: &View, batch: &Splats<'_>, start: usize, taken: &Taken) -> Part {
             continue;
         }
         part.raised += u64::from(raised);
-        let nearest = if perspective { (place.z - h).max(0.0) } else { place.z - h };
-        part.depths = [part.depths[0].min(nearest), part.depths[1].max(place.z + h)];
         let [x, y, z] = place.as_vec3().to_array();
         part.particles.push(Particle { place: [x, y, z, h as f32], mass, weighted });
         if let Some(densities) = batch.density() {

@@ -1,14 +1,13 @@
 //! Automatic ranges of a volume: percentiles of the field as a sketch shows it, resampled with few cells and, where there are
 //! many, a part of the particles.
 
-use super::bricks::BRICK;
-use super::particles::{SMALLEST, Taken, project};
+use super::bricks::{BORDER, BRICK};
+use super::particles::{Taken, growth, project};
 use super::resample::Resampler;
-use super::{Prepared, VolumeError};
+use super::{Prepared, VolumeError, VolumeOptions, extents};
 use crate::cpu::Splats;
-use crate::model::Kernel;
-use crate::view::perspective_grid::{GridOptions, planes};
-use crate::view::{PerspectiveGrid, Projection, View};
+use crate::view::perspective_grid::{GridError, GridOptions};
+use crate::view::{Extent, PerspectiveGrid, View};
 
 /// Longest side of the sketch, cells.
 const SIDE: u32 = 96;
@@ -24,39 +23,72 @@ pub struct FieldRange {
     pub attribute: [f64; 2],
 }
 
+/// What ranges are found from: fewer cells than the picture has and, where there are many, a part of the particles.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sketch {
+    /// The camera.
+    pub view: View,
+    /// How it is sampled.
+    pub options: VolumeOptions,
+    /// One of so many particles is taken.
+    pub stride: usize,
+}
+
+impl Sketch {
+    /// For a picture of so many particles that is sampled like this.
+    pub fn of(view: &View, particles: usize, options: &VolumeOptions) -> Sketch {
+        let shrink = (f64::from(SIDE) / f64::from(view.width.max(view.height))).min(1.0);
+        let side = |pixels: u32| ((f64::from(pixels) * shrink).round() as u32).max(1);
+        let VolumeOptions { near, far, kernel, .. } = *options;
+        let grid = GridOptions { resolution: 1.0, lambda: false };
+        Sketch {
+            view: view.resized(side(view.width), side(view.height)),
+            options: VolumeOptions { grid, near, far, kernel, ..VolumeOptions::default() },
+            stride: particles.div_ceil(PARTICLES).max(1),
+        }
+    }
+
+    /// Its grid around extents, and an upper bound of smoothing lengths in cells.
+    ///
+    /// # Errors
+    /// [`VolumeError`] when nothing is in view.
+    pub fn grid(&self, extents: impl IntoIterator<Item = Extent>) -> Result<(PerspectiveGrid, f32), VolumeError> {
+        let grown = |extent: Extent| Extent { margin: extent.margin * growth(self.stride), ..extent };
+        extents::planes_and_widest(&self.view, extents.into_iter().map(grown), &self.options)
+    }
+}
+
 /// Finds the ranges of what `view` sees between the planes that are set.
 ///
 /// # Errors
 /// [`VolumeError`] when nothing is in view.
-pub fn measure(
-    view: &View,
-    batches: &[Splats<'_>],
-    kernel: Kernel,
-    near: Option<f64>,
-    far: Option<f64>,
-) -> Result<FieldRange, VolumeError> {
-    let shrink = (f64::from(SIDE) / f64::from(view.width.max(view.height))).min(1.0);
-    let side = |pixels: u32| ((f64::from(pixels) * shrink).round() as u32).max(1);
-    let view = view.resized(side(view.width), side(view.height));
-    let particles: usize = batches.iter().map(Splats::len).sum();
-    let sigma = PerspectiveGrid::sigma_of(&view, 1.0);
-    let taken = Taken { sigma, smallest: SMALLEST, stride: particles.div_ceil(PARTICLES).max(1) };
-    let projected = project(&view, batches, &taken);
-    let perspective = matches!(view.projection, Projection::Perspective { .. });
-    let depths = planes(projected.depths, near, far, perspective)?;
-    let grid = PerspectiveGrid::new(&view, depths, &GridOptions { resolution: 1.0, lambda: false })?;
-    let prepared = Prepared::new(grid, projected);
+pub fn measure(view: &View, batches: &[Splats<'_>], options: &VolumeOptions) -> Result<FieldRange, VolumeError> {
+    let sketch = Sketch::of(view, batches.iter().map(Splats::len).sum(), options);
+    let (grid, widest) = sketch.grid(extents::of(batches))?;
+    let taken = Taken { sigma: grid.sigma, smallest: sketch.options.smallest, stride: sketch.stride };
+    let prepared = Prepared::new(grid, widest, project(&sketch.view, batches, &taken).unless_empty()?);
+    let own = |column: usize, axis: usize| (BORDER..BORDER + grid.size[axis] as usize).contains(&column);
     let brick_grid = prepared.brick_grid();
     let (mut densities, mut attributes) = (Histogram::default(), Histogram::default());
-    let mut resampler = Resampler::new(&prepared, kernel);
+    let mut resampler = Resampler::new(&prepared, options.kernel);
     // A few layers at a time: the depth of an outlier may be great.
     for first in (0..brick_grid.bricks[2]).step_by(8) {
         let layers = first..(first + 8).min(brick_grid.bricks[2]);
         let (layers, _) = resampler.resample(layers, &[]);
         for (layer, bricks) in layers.iter().enumerate() {
-            for brick in bricks.iter().flatten() {
+            for (place, brick) in bricks.iter().enumerate().filter_map(|(place, brick)| Some((place, brick.as_ref()?)))
+            {
+                let corner = [place % brick_grid.bricks[0], place / brick_grid.bricks[0]].map(|brick| brick * BRICK);
                 for (index, &density) in brick.density.iter().enumerate().filter(|(_, density)| **density > 0.0) {
-                    let width = f64::from(brick_grid.spacing[(first + layer) * BRICK + index / (BRICK * BRICK)]);
+                    let slice = (first + layer) * BRICK + index / (BRICK * BRICK);
+                    // The picture's own cells.
+                    if slice >= brick_grid.slices
+                        || !own(corner[0] + index % BRICK, 0)
+                        || !own(corner[1] + index / BRICK % BRICK, 1)
+                    {
+                        continue;
+                    }
+                    let width = f64::from(brick_grid.spacing[slice]);
                     let mass = f64::from(density) * width.powi(3);
                     densities.add(density, mass);
                     if let Some(weighted) = brick.weighted.get(index) {
@@ -67,22 +99,33 @@ pub fn measure(
         }
         resampler.recycle(layers);
     }
-    let [low, high] =
-        densities.percentiles([0.03, 0.995]).ok_or(crate::view::perspective_grid::GridError::NothingInView)?;
-    let [cold, hot] = attributes.percentiles([0.03, 0.97]).unwrap_or([0.0, 1.0]);
-    // Two decades at least: a field that is nearly constant has no structure to spread colours over.
-    Ok(FieldRange { density: [low.min(1e-2 * high), high], attribute: [cold, hot] })
+    FieldRange::of(&densities, &attributes)
+}
+
+impl FieldRange {
+    /// The ranges of a field with so much mass at each density and at each value of the attribute.
+    ///
+    /// # Errors
+    /// [`GridError::NothingInView`] without any mass.
+    pub fn of(densities: &Histogram, attributes: &Histogram) -> Result<FieldRange, VolumeError> {
+        let [low, high] = densities.percentiles([0.03, 0.995]).ok_or(GridError::NothingInView)?;
+        let [cold, hot] = attributes.percentiles([0.03, 0.97]).unwrap_or([0.0, 1.0]);
+        // Two decades at least: a field that is nearly constant has no structure to spread colours over.
+        Ok(FieldRange { density: [low.min(1e-2 * high), high], attribute: [cold, hot] })
+    }
 }
 
 /// Mass by the leading bits of a value: 64 classes an octave, ascending.
-struct Histogram(Vec<f64>);
+pub struct Histogram(pub Vec<f64>);
 
 /// Bits of a float that a histogram does not see.
-const HIDDEN_BITS: u32 = 17;
+pub const HIDDEN_BITS: u32 = 17;
+/// Classes of a histogram.
+pub const CLASSES: usize = 1 << (32 - HIDDEN_BITS);
 
 impl Default for Histogram {
     fn default() -> Histogram {
-        Histogram(vec![0.0; 1 << (32 - HIDDEN_BITS)])
+        Histogram(vec![0.0; CLASSES])
     }
 }
 

@@ -48,8 +48,8 @@ pub struct Ray {
     pub alpha: f32,
     /// Share of the present cell that has been drawn.
     done: f32,
-    /// The step in which it ended.
-    end: u32,
+    /// The step, or the layer, in which it ended.
+    pub(in crate::cpu) end: u32,
 }
 
 impl Ray {

@@ -6,7 +6,7 @@
 
 use super::Prepared;
 use super::bricks::{BRICK, Brick, BrickGrid, CELLS, Layer, Slab};
-use super::coarse::{self, Scratch};
+use super::coarse::{self, Interpolate, Peaks, Scratch};
 use super::particles::{Particle, Projected};
 use crate::model::Kernel;
 use pulp::{Arch, Simd, WithSimd};
@@ -28,17 +28,34 @@ pub struct Work {
 pub struct Resampler<'a> {
     prepared: &'a Prepared,
     kernel: Kernel,
+    /// Depths between which the particles of each chunk reach.
+    reach: Vec<[f32; 2]>,
     /// Layers of each coarser level, for those before it.
     held: Vec<Slab>,
     /// The cells of bricks that were done with.
     spare: Mutex<Vec<Box<[f32]>>>,
+    /// Densities up to this show nothing.
+    least: f32,
+    /// The layer that was resampled last, and for each of its bricks whether it may show.
+    last: Option<(usize, Vec<bool>)>,
 }
 
 impl<'a> Resampler<'a> {
     /// Nothing is resampled yet.
     pub fn new(prepared: &'a Prepared, kernel: Kernel) -> Resampler<'a> {
         let held = vec![Slab::default(); prepared.levels.len()];
-        Resampler { prepared, kernel, held, spare: Mutex::default() }
+        let nothing = [f32::INFINITY, f32::NEG_INFINITY];
+        let with =
+            |[from, to]: [f32; 2], Particle { place: [_, _, z, h], .. }: &Particle| [from.min(z - h), to.max(z + h)];
+        let reach = prepared.particles.chunks.par_iter().map(|chunk| chunk.iter().fold(nothing, with)).collect();
+        Resampler { prepared, kernel, reach, held, spare: Mutex::default(), least: 0.0, last: None }
+    }
+
+    /// The same for a picture in which densities up to `least` show nothing: bricks are left out where nothing in them or next
+    /// to them is denser.
+    #[must_use]
+    pub fn showing_above(self, least: f32) -> Resampler<'a> {
+        Resampler { least, ..self }
     }
 
     /// Resamples `layers` of the grid, fastest if they follow those of the last call. Bricks of columns that are `hidden` (one
@@ -78,21 +95,28 @@ impl<'a> Resampler<'a> {
     }
 
     /// The bricks of some layers of a level: its own particles, and the field of the coarser levels.
-    fn fill(&self, level: usize, layers: Range<usize>, hidden: &[bool], work: &mut Work) -> Vec<Layer> {
+    fn fill(&mut self, level: usize, layers: Range<usize>, hidden: &[bool], work: &mut Work) -> Vec<Layer> {
         let Prepared { levels, particles, .. } = self.prepared;
         let brick_grid = &levels[level];
         let own = |particle: &Particle| levels.len() == 1 || self.prepared.level_of(particle) == level;
-        let bins: Vec<Bins> = particles
-            .chunks
-            .par_iter()
-            .map(|chunk| Bins::new(brick_grid, chunk, own, layers.clone(), hidden))
-            .collect();
-        work.pairs += bins.iter().map(|bins| bins.indices.len() as u64).sum::<u64>();
+        let [nearest, farthest] = ends(brick_grid, &layers);
+        let of_chunk = |(chunk, [from, to]): (&Vec<Particle>, &[f32; 2])| match *from > farthest || *to < nearest {
+            true => Vec::new(),
+            false => pairs(brick_grid, chunk, own, layers.clone(), hidden),
+        };
+        let of_chunks: Vec<_> = particles.chunks.par_iter().zip(&self.reach).map(of_chunk).collect();
+        let bins = Bins::new(layers.len() * brick_grid.of_layer(), &of_chunks);
+        drop(of_chunks);
+        work.pairs += bins.particles.len() as u64;
+        let wanted = match level {
+            0 => self.shown(&layers, hidden, &bins),
+            _ => vec![true; layers.len() * brick_grid.of_layer()],
+        };
         let coarser = levels.get(level + 1).map(|coarser| (coarser, &self.held[level + 1]));
         let arch = Arch::new();
         let gather = |scratch: &mut Scratch, index: usize| {
             let (layer, place) = (layers.start + index / brick_grid.of_layer(), index % brick_grid.of_layer());
-            if hidden.get(place) == Some(&true) {
+            if !wanted[index] || hidden.get(place) == Some(&true) {
                 return None;
             }
             let at = [place % brick_grid.bricks[0], place / brick_grid.bricks[0], layer];
@@ -100,7 +124,7 @@ impl<'a> Resampler<'a> {
                 move |[column, row, layer]: [usize; 3]| slab.brick(column, row, layer, brick_grid)
             });
             let under = smooth.filter(|brick| coarse::around(at).any(|at| brick(at).is_some()));
-            if under.is_none() && bins.iter().all(|bins| bins.of(index).is_empty()) {
+            if under.is_none() && bins.of(index).is_empty() {
                 return None;
             }
             let weighted = if particles.attribute { self.cells() } else { Box::default() };
@@ -109,17 +133,17 @@ impl<'a> Resampler<'a> {
             arch.dispatch(Gather { brick_grid, corner, kernel, particles, bins: &bins, index, brick: &mut brick });
             if let Some(under) = under {
                 let density = |at| under(at).map(|brick: &Brick| &brick.density[..]);
-                arch.dispatch(|| coarse::add_interpolated(at, density, scratch, &mut brick.density));
+                arch.dispatch(Interpolate { brick: at, cells_of: density, scratch, out: &mut brick.density });
                 if particles.attribute {
                     let weighted = |at| under(at).map(|brick: &Brick| &brick.weighted[..]);
-                    arch.dispatch(|| coarse::add_interpolated(at, weighted, scratch, &mut brick.weighted));
+                    arch.dispatch(Interpolate { brick: at, cells_of: weighted, scratch, out: &mut brick.weighted });
                 }
                 if level == 0 {
                     // Cubics overshoot by a little where the field ends; a density is not negative.
                     brick.density.iter_mut().for_each(|density| *density = density.max(0.0));
                 }
             }
-            brick.densest = brick.density.iter().copied().fold(0.0, f32::max);
+            brick.densest = brick.density.iter().fold(0.0, |densest, density| densest.max(density.abs()));
             (brick.densest > 0.0).then_some(brick)
         };
         let bricks = (0..layers.len() * brick_grid.of_layer()).into_par_iter().map_init(Scratch::default, gather);
@@ -130,6 +154,38 @@ impl<'a> Resampler<'a> {
             out.push(std::mem::replace(&mut all, rest));
         }
         out
+    }
+
+    /// For each brick of layers of the grid, whether it or one next to it may show something.
+    fn shown(&mut self, layers: &Range<usize>, hidden: &[bool], bins: &Bins) -> Vec<bool> {
+        let levels = &self.prepared.levels;
+        let (brick_grid, of_layer) = (&levels[0], levels[0].of_layer());
+        let smooth = levels.get(1).map(|coarser| Peaks::new(coarser, &self.held[1], self.least));
+        let may_show = |index: usize| {
+            let (layer, place) = (layers.start + index / of_layer, index % of_layer);
+            let at = [place % brick_grid.bricks[0], place / brick_grid.bricks[0], layer];
+            let is_hidden = hidden.get(place) == Some(&true);
+            !is_hidden && (!bins.of(index).is_empty() || smooth.as_ref().is_some_and(|peaks| peaks.show(at)))
+        };
+        let dense: Vec<bool> = (0..layers.len() * of_layer).into_par_iter().map(may_show).collect();
+        let last = dense[dense.len() - of_layer..].to_vec();
+        let before = self.last.replace((layers.end - 1, last)).filter(|(layer, _)| layer + 1 == layers.start);
+        let columns = brick_grid.bricks[0];
+        let near = |index: usize, count: usize| index.saturating_sub(1)..(index + 2).min(count);
+        let any = |layer: &[bool], place: usize| {
+            let rows = near(place / columns, brick_grid.bricks[1]);
+            rows.flat_map(|row| near(place % columns, columns).map(move |column| row * columns + column))
+                .any(|place| layer[place])
+        };
+        let shown = |index: usize| {
+            let (layer, place) = (index / of_layer, index % of_layer);
+            // What is not known may show.
+            let first = layer == 0 && layers.start > 0 && before.as_ref().is_none_or(|(_, dense)| any(dense, place));
+            let last = layer + 1 == layers.len() && layers.end < brick_grid.bricks[2];
+            let known = near(layer, layers.len());
+            first || last || known.into_iter().any(|layer| any(&dense[layer * of_layer..(layer + 1) * of_layer], place))
+        };
+        (0..dense.len()).into_par_iter().map(shown).collect()
     }
 
     /// Cells of 0. New memory costs more than clearing old: the system hands it out page by page.
@@ -145,67 +201,74 @@ impl<'a> Resampler<'a> {
     }
 }
 
-/// Particles of one chunk by the bricks that they reach.
-struct Bins {
-    /// Where each brick's indices start, and the end; empty when no particle reaches the slab.
-    starts: Vec<u32>,
-    indices: Vec<u32>,
-}
-
-impl Bins {
-    fn new(
-        brick_grid: &BrickGrid,
-        chunk: &[Particle],
-        own: impl Fn(&Particle) -> bool,
-        layers: Range<usize>,
-        hidden: &[bool],
-    ) -> Bins {
-        let nearest = brick_grid.depth[layers.start * BRICK];
-        let farthest = brick_grid.depth[layers.end * BRICK - 1];
-        let mut pairs: Vec<(u32, u32)> = Vec::new();
-        for (index, particle) in chunk.iter().enumerate() {
-            let [_, _, z, h] = particle.place;
-            if z - h > farthest || z + h < nearest || !own(particle) {
-                continue;
-            }
-            for layer in layers.clone() {
-                let Some([columns, rows]) = brick_grid.reached(particle, layer) else { continue };
-                for row in rows[0]..=rows[1] {
-                    for column in columns[0]..=columns[1] {
-                        let place = row * brick_grid.bricks[0] + column;
-                        if hidden.get(place) != Some(&true) {
-                            let brick = (layer - layers.start) * brick_grid.of_layer() + place;
-                            pairs.push((brick as u32, index as u32));
-                        }
+/// Pairs of a brick in `layers` and a particle of a chunk that reaches it: their numbers, in the order of the particles.
+fn pairs(
+    brick_grid: &BrickGrid,
+    chunk: &[Particle],
+    own: impl Fn(&Particle) -> bool,
+    layers: Range<usize>,
+    hidden: &[bool],
+) -> Vec<[u32; 2]> {
+    let [nearest, farthest] = ends(brick_grid, &layers);
+    let mut pairs = Vec::new();
+    for (index, particle) in chunk.iter().enumerate() {
+        let [_, _, z, h] = particle.place;
+        if z - h > farthest || z + h < nearest || !own(particle) {
+            continue;
+        }
+        for layer in layers.clone() {
+            let Some([columns, rows]) = brick_grid.reached(particle, layer) else { continue };
+            for row in rows[0]..=rows[1] {
+                for column in columns[0]..=columns[1] {
+                    let place = row * brick_grid.bricks[0] + column;
+                    if hidden.get(place) != Some(&true) {
+                        let brick = (layer - layers.start) * brick_grid.of_layer() + place;
+                        pairs.push([brick as u32, index as u32]);
                     }
                 }
             }
         }
-        if pairs.is_empty() {
-            return Bins { starts: Vec::new(), indices: Vec::new() };
-        }
-        let mut starts = vec![0u32; layers.len() * brick_grid.of_layer() + 1];
-        pairs.iter().for_each(|(brick, _)| starts[*brick as usize] += 1);
+    }
+    pairs
+}
+
+/// Depths of the first and the last slice of layers.
+fn ends(brick_grid: &BrickGrid, layers: &Range<usize>) -> [f32; 2] {
+    [brick_grid.depth[layers.start * BRICK], brick_grid.depth[layers.end * BRICK - 1]]
+}
+
+/// Particles by the bricks that they reach.
+struct Bins {
+    /// Where each brick's particles start, and the end.
+    starts: Vec<u32>,
+    /// Chunk, and number in it.
+    particles: Vec<[u32; 2]>,
+}
+
+impl Bins {
+    /// Sorts the pairs of all chunks by their bricks, of which there are `count`.
+    fn new(count: usize, chunks: &[Vec<[u32; 2]>]) -> Bins {
+        let mut starts = vec![0u32; count + 1];
+        chunks.iter().flatten().for_each(|[brick, _]| starts[*brick as usize] += 1);
         let mut next = 0;
         for start in &mut starts {
             next += std::mem::replace(start, next);
         }
         let mut cursor = starts.clone();
-        let mut indices = vec![0; pairs.len()];
-        for (brick, index) in pairs {
-            let slot = &mut cursor[brick as usize];
-            indices[*slot as usize] = index;
-            *slot += 1;
+        let mut particles = vec![[0; 2]; next as usize];
+        for (chunk, pairs) in chunks.iter().enumerate() {
+            for [brick, particle] in pairs {
+                let slot = &mut cursor[*brick as usize];
+                particles[*slot as usize] = [chunk as u32, *particle];
+                *slot += 1;
+            }
         }
-        Bins { starts, indices }
+        Bins { starts, particles }
     }
 
     /// The particles of a brick.
-    fn of(&self, brick: usize) -> &[u32] {
-        match self.starts.get(brick..brick + 2) {
-            Some(&[from, to]) => &self.indices[from as usize..to as usize],
-            _ => &[],
-        }
+    fn of(&self, brick: usize) -> &[[u32; 2]] {
+        &self.particles[self.starts[brick] as usize..self.starts[brick + 1] as usize]
     }
 }
 
@@ -216,7 +279,7 @@ struct Gather<'a> {
     corner: [usize; 3],
     kernel: Kernel,
     particles: &'a Projected,
-    bins: &'a [Bins],
+    bins: &'a Bins,
     index: usize,
     brick: &'a mut Brick,
 }
@@ -236,10 +299,9 @@ impl WithSimd for Gather<'_> {
 impl Gather<'_> {
     #[inline(always)]
     fn fill<S: Simd, const SPLINE: bool>(self, simd: S) {
-        for (bins, chunk) in self.bins.iter().zip(&self.particles.chunks) {
-            for &index in bins.of(self.index) {
-                add::<S, SPLINE>(simd, self.brick_grid, self.corner, &chunk[index as usize], self.brick);
-            }
+        for &[chunk, index] in self.bins.of(self.index) {
+            let particle = &self.particles.chunks[chunk as usize][index as usize];
+            add::<S, SPLINE>(simd, self.brick_grid, self.corner, particle, self.brick);
         }
     }
 }
@@ -302,28 +364,28 @@ fn add<S: Simd, const SPLINE: bool>(
     brick: &mut Brick,
 ) {
     let [x, y, z, h] = particle.place;
-    let cube = h * h * h;
+    let per_length = 1.0 / h;
     // The kernel's leading factor; what is left of it is written out below.
-    let factor = if SPLINE { 8.0 / PI } else { 315.0 / (64.0 * PI) } / cube;
+    let factor = if SPLINE { 8.0 / PI } else { 315.0 / (64.0 * PI) } * per_length * per_length * per_length;
     let amplitude = simd.splat_f32s(particle.mass * factor);
     let amplitude_s = simd.splat_f32s(particle.weighted * factor);
-    let depths = &brick_grid.depth[corner[2]..corner[2] + BRICK];
-    let from = depths.partition_point(|&depth| depth <= z - h);
-    let per_square = 1.0 / (h * h);
+    let slices = corner[2]..corner[2] + BRICK;
+    let (depths, per_cells) = (&brick_grid.depth[slices.clone()], &brick_grid.per_cell[slices.clone()]);
+    let spacings = &brick_grid.spacing[slices];
+    // Counted: searching is a chain of jumps that cannot be foreseen.
+    let before = |end: f32| depths.iter().map(|&depth| u32::from(depth <= end)).sum::<u32>() as usize;
+    let reached = before(z - h)..before(z + h);
     let [zero, half, one] = [0.0, 0.5, 1.0].map(|value| simd.splat_f32s(value));
-    let (lanes, _) = S::as_simd_f32s(&CENTERS);
-    for (slice, &depth) in depths.iter().enumerate().skip(from) {
-        let away = depth - z;
-        let square = h * h - away * away;
-        if square <= 0.0 {
-            break;
-        }
-        let per_cell = brick_grid.per_cell[corner[2] + slice];
-        let spacing = brick_grid.spacing[corner[2] + slice];
-        let radius = square.sqrt() * per_cell;
+    let (centers, _) = S::as_simd_f32s(&CENTERS);
+    let (density, _) = S::as_mut_simd_f32s(&mut brick.density);
+    let (weighted, _) = S::as_mut_simd_f32s(&mut brick.weighted);
+    let [middle_x, middle_y] = [0, 1].map(|axis| brick_grid.middle[axis] - corner[axis] as f32);
+    for slice in reached {
+        let (per_cell, spacing) = (per_cells[slice], spacings[slice]);
+        let away = (depths[slice] - z) * per_length;
+        let radius = h * (1.0 - away * away).max(0.0).sqrt() * per_cell;
         // The particle's place in the cells of this slice of the brick.
-        let column = x * per_cell + brick_grid.middle[0] - corner[0] as f32;
-        let row = brick_grid.middle[1] - y * per_cell - corner[1] as f32;
+        let (column, row) = (x * per_cell + middle_x, middle_y - y * per_cell);
         let range = |center: f32| {
             // Casts saturate: below zero becomes 0.
             let first = (center - radius + 0.5) as usize;
@@ -333,22 +395,15 @@ fn add<S: Simd, const SPLINE: bool>(
         if left >= right || top >= bottom {
             continue;
         }
-        let scale = spacing * spacing * per_square;
-        let base = away * away * per_square;
-        let vectors = left / S::F32_LANES..right.div_ceil(S::F32_LANES);
-        let (scales, shift) = (simd.splat_f32s(scale), simd.splat_f32s(-column));
-        for j in top..bottom {
-            let dy = j as f32 + 0.5 - row;
-            let rest = simd.splat_f32s(base + dy * dy * scale);
-            let start = (slice * BRICK + j) * BRICK;
-            let (density, _) = S::as_mut_simd_f32s(&mut brick.density[start..start + BRICK]);
-            let mut weighted: &mut [S::f32s] = &mut [];
-            if !brick.weighted.is_empty() {
-                (weighted, _) = S::as_mut_simd_f32s(&mut brick.weighted[start..start + BRICK]);
-            }
-            for v in vectors.clone() {
-                let dx = simd.add_f32s(lanes[v], shift);
-                let q2 = simd.mul_add_e_f32s(simd.mul_f32s(dx, dx), scales, rest);
+        let cell = spacing * per_length;
+        let (scale, shift, base) = (simd.splat_f32s(cell), simd.splat_f32s(column), away * away);
+        let reached = left / S::F32_LANES..right.div_ceil(S::F32_LANES);
+        for (v, &center) in centers.iter().enumerate().take(reached.end).skip(reached.start) {
+            let dx = simd.mul_f32s(simd.sub_f32s(center, shift), scale);
+            let dx2 = simd.mul_f32s(dx, dx);
+            for j in top..bottom {
+                let dy = (j as f32 + 0.5 - row) * cell;
+                let q2 = simd.add_f32s(dx2, simd.splat_f32s(base + dy * dy));
                 let value = if SPLINE {
                     // 2 (1 - q)^3 - 8 (1/2 - q)^3, each where it is positive.
                     let q = simd.sqrt_f32s(q2);
@@ -361,9 +416,10 @@ fn add<S: Simd, const SPLINE: bool>(
                     let t = simd.max_f32s(simd.sub_f32s(one, q2), zero);
                     simd.mul_f32s(simd.mul_f32s(t, t), t)
                 };
-                density[v] = simd.mul_add_e_f32s(amplitude, value, density[v]);
-                if let Some(out) = weighted.get_mut(v) {
-                    *out = simd.mul_add_e_f32s(amplitude_s, value, *out);
+                let cells = (slice * BRICK + j) * (BRICK / S::F32_LANES) + v;
+                density[cells] = simd.mul_add_e_f32s(amplitude, value, density[cells]);
+                if let Some(weighted) = weighted.get_mut(cells) {
+                    *weighted = simd.mul_add_e_f32s(amplitude_s, value, *weighted);
                 }
             }
         }

@@ -12,6 +12,7 @@ use crate::cpu::{Extent, Positions};
 use crate::model::{Dataset, Family};
 use crate::synth::merger::Merger;
 use crate::synth::random::Random;
+use crate::view::Projection;
 use glam::DVec3;
 
 /// Columns of particles that own their values.
@@ -64,7 +65,7 @@ pub(in crate::cpu) fn draw(
     scenery: &Scenery,
     options: &VolumeOptions,
 ) -> Result<(Colors, VolumeReport), VolumeError> {
-    super::draw(view, batches, scenery, options, &CpuRayCaster)
+    super::draw(view, batches, scenery, options)
 }
 
 pub(in crate::cpu) fn merger(count: u64) -> Cloud {
@@ -340,6 +341,48 @@ pub(in crate::cpu) fn difference(a: &Colors, b: &Colors) -> f32 {
     pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
 }
 
+#[test]
+fn bricks_are_left_out_only_where_none_around_them_shows() {
+    let (cloud, view, _) = merger_scene();
+    let options = VolumeOptions::default();
+    let prepared = prepare(&view, &[cloud.batch()], &options).unwrap();
+    assert!(prepared.levels.len() > 2);
+    let [columns, rows, layers] = prepared.brick_grid().bricks;
+    let with = |least: f32, thickness: usize| -> Vec<_> {
+        let mut resampler = Resampler::new(&prepared, options.kernel).showing_above(least);
+        let slabs = (0..layers).step_by(thickness).map(|first| first..(first + thickness).min(layers));
+        slabs.flat_map(|layers| resampler.resample(layers, &[]).0).collect()
+    };
+    let all = with(0.0, layers);
+    let count = |layers: &[bricks::Layer]| layers.iter().flatten().flatten().count();
+    for (least, thickness) in [(1e-7, layers), (1e-7, 3), (1e-6, 5), (1e-5, layers)] {
+        let some = with(least, thickness);
+        for (place, brick) in
+            all.iter().flatten().enumerate().filter_map(|(place, brick)| Some((place, brick.as_ref()?)))
+        {
+            let at = [place % columns, place / columns % rows, place / columns / rows];
+            if brick.densest <= least {
+                continue;
+            }
+            let near = |axis: usize, count: usize| at[axis].saturating_sub(1)..(at[axis] + 2).min(count);
+            for (z, y, x) in near(2, layers)
+                .flat_map(|z| near(1, rows).map(move |y| (z, y)))
+                .flat_map(|(z, y)| near(0, columns).map(move |x| (z, y, x)))
+            {
+                let [found, expected] = [&some, &all].map(|layers| layers[z][y * columns + x].as_ref());
+                let cells =
+                    |brick: Option<&bricks::Brick>| brick.map(|brick| (brick.density.clone(), brick.weighted.clone()));
+                assert!(
+                    cells(found) == cells(expected),
+                    "{x} {y} {z} beside {at:?}, above {least} in layers of {thickness}"
+                );
+            }
+        }
+        println!("above {least}, {thickness} layers at once: {} of {} bricks", count(&some), count(&all));
+        assert!(count(&some) < count(&all));
+    }
+}
+
 fn merger_scene() -> (Cloud, View, Scenery) {
     let surface = |value, opacity, color| Surface { value, color, opacity };
     let surfaces =
@@ -459,7 +502,7 @@ fn a_surface_is_where_the_field_has_its_value() {
 fn the_range_is_that_of_the_data() {
     let cloud = Cloud::lattice(24, 2.0);
     let view = perspective(DVec3::new(0.2, 0.1, 3.5), 300, 200);
-    let range = range::measure(&view, &[cloud.batch()], Kernel::CubicSpline, None, None).unwrap();
+    let range = range::measure(&view, &[cloud.batch()], &VolumeOptions::default()).unwrap();
     assert!((range.density[1] - 1.0).abs() < 0.1 && range.density[0] <= 0.01 * range.density[1], "{range:?}");
     assert!((-1.1..-0.7).contains(&range.attribute[0]) && (0.7..1.1).contains(&range.attribute[1]), "{range:?}");
 }

@@ -1,0 +1,191 @@
+//! What a picture need not read, since it hides it (F12 5.7.2), where no window shows pictures one after the other.
+//!
+//! What the picture before hides, or a small one, is an estimate: nodes behind it are drawn as they are, and nothing below them is
+//! read. The picture itself then says whether it hides them too. If it does, no ray has read anything of them, whatever they
+//! hold, and the picture is that of all nodes, bit by bit; if not, it is drawn again with what it hides itself, and in the end with
+//! all nodes. That holds where nothing else depends on what is hidden ([`is_sure`]): ranges that are found from all that is in
+//! view would, and so would slices up to the depth of the last particle.
+
+use crate::color::transfer::{Range, TransferFunction};
+use crate::cpu::volume::OpaqueDepths;
+use crate::mode::{Adapter, Depiction, Raw, Settings};
+use crate::modes::grid;
+use crate::store::NodeRef;
+use crate::view::{Hidden, Occluder, PerspectiveGrid, Projection, View};
+use std::sync::Arc;
+
+/// Pictures that are drawn in the hope that they hide what was left out, before one is drawn of everything.
+pub(super) const ATTEMPTS: usize = 2;
+/// How much smaller than the picture each side of a sketch is, and its longer side at least, pixels: what is small hides nothing, since
+/// some pixels around an extent count as well.
+const SKETCH: f64 = 4.0;
+const SKETCH_SIDE: f64 = 160.0;
+
+/// What a picture hides, if anything.
+pub(super) struct Hiding {
+    /// Where it is opaque.
+    pub opaque: Arc<OpaqueDepths>,
+    mode: &'static str,
+    settings: Settings,
+}
+
+/// Whether a picture does not depend on what it hides, as far as that is known before it is drawn: its ranges are numbers, and where
+/// slices lie between the planes, the far one is set.
+pub(super) fn is_sure(depiction: &Depiction, transfer: &TransferFunction) -> bool {
+    let is_given = |range: Range| range != Range::Auto;
+    let settings = &depiction.settings;
+    // Of other modes it is not understood well enough.
+    depiction.mode.technique.adapter() == Adapter::Light
+        && settings.flag(&grid::OCCLUSION)
+        && is_given(transfer.range)
+        && (depiction.attribute.is_none() || transfer.hue.as_ref().is_none_or(|hue| is_given(hue.range)))
+        && (!depiction.needs().slices || settings.number(&grid::FAR) > 0.0)
+}
+
+/// The view of a sketch.
+pub(super) fn sketch_view(view: &View) -> View {
+    let shrink = SKETCH.min(f64::from(view.width.max(view.height)) / SKETCH_SIDE).max(1.0);
+    let side = |pixels: u32| ((f64::from(pixels) / shrink).round() as u32).max(1);
+    view.resized(side(view.width), side(view.height))
+}
+
+impl Hiding {
+    /// What a picture hides; `None` of one that does not say.
+    pub fn of(depiction: &Depiction, values: &Raw) -> Option<Hiding> {
+        let Raw::Light(light) = values else { return None };
+        let opaque = light.report.opaque.clone()?;
+        Some(Hiding { opaque, mode: depiction.mode.name, settings: depiction.settings.clone() })
+    }
+
+    /// Whether a depiction's pictures hide as much.
+    pub fn is_of(&self, depiction: &Depiction) -> bool {
+        self.mode == depiction.mode.name && self.settings == depiction.settings
+    }
+
+    /// Whether the picture that this is of shows that it would be the same with what was hidden from it: it hides that too, and its
+    /// near plane is where it is for what is in front.
+    pub fn shows(&self, hidden: &[Hidden<NodeRef>], values: &Raw, depiction: &Depiction) -> bool {
+        let Raw::Light(light) = values else { return false };
+        let [near, far] = light.report.planes;
+        let is_flat = matches!(self.opaque.view().projection, Projection::Orthographic { .. });
+        let is_set = depiction.settings.number(&grid::NEAR) > 0.0;
+        let has_own_near = is_set || is_flat || near > PerspectiveGrid::NEAREST * far;
+        has_own_near && hidden.iter().all(|hidden| self.opaque.hides(&hidden.extent))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "a failed helper fails its test")]
+
+    use super::*;
+    use crate::build::{self, BuildOptions};
+    use crate::hierarchy::OctreeOptions;
+    use crate::look::{CameraConfig, LookPatch, Shot};
+    use crate::mode::SettingValue;
+    use crate::model::{Dataset, Family, FamilyName, Kernel, Provenance, Unit};
+    use crate::modes;
+    use crate::picture::{Picture, Session};
+    use crate::store::PageFile;
+    use crate::synth::random::Random;
+
+    /// A dense cube in front of a wide cloud.
+    fn eclipse() -> Dataset {
+        let mut random = Random::new(7, 7);
+        let mut family = Family {
+            name: FamilyName::Gas,
+            positions: Vec::new(),
+            mass: Vec::new(),
+            smoothing_length: Vec::new(),
+            density: Vec::new(),
+            attributes: Vec::new(),
+        };
+        for i in 0..60_000 {
+            let at = [0; 3].map(|_| 0.5 * random.signed());
+            let (scale, z, h, mass) = if i % 3 == 0 { (0.8, 1.0, 0.08, 1.0) } else { (2.0, -2.0, 0.06, 0.4) };
+            family.positions.push([scale * at[0], scale * at[1], scale * at[2] + z]);
+            family.smoothing_length.push(h);
+            family.mass.push(mass);
+            let density = if i % 3 == 0 { 4e4 } else { 2e3 };
+            family.density.push(density);
+        }
+        Dataset {
+            families: vec![family],
+            length_unit: Unit::default(),
+            mass_unit: Unit::default(),
+            kernel: Kernel::CubicSpline,
+            skipped: Vec::new(),
+            provenance: Provenance::default(),
+        }
+    }
+
+    fn shot(mode: &str, eye: [f64; 3], range: Range, occlusion: bool) -> Shot {
+        let mode = modes::find(mode).unwrap();
+        let mut settings = Settings::default();
+        let numbers = |values: &[f64]| SettingValue::Numbers(values.to_vec());
+        for (name, value) in [
+            ("occlusion", SettingValue::Flag(occlusion)),
+            ("opacity", SettingValue::Number(50.0)),
+            ("near", SettingValue::Number(0.5)),
+            ("far", SettingValue::Number(6.0)),
+            ("isovalues", numbers(&[1e3, 1e4])),
+            ("iso-opacities", numbers(&[0.3, 1.0])),
+            ("threshold", SettingValue::Number(1e3)),
+        ] {
+            if mode.own_settings().any(|setting| setting.name == name) {
+                settings.0.insert(name.to_owned(), value);
+            }
+        }
+        let transfer = TransferFunction { range, ..TransferFunction::of_volumes(false) };
+        let (mode, transfer) = (Some(mode), Some(transfer));
+        let look = LookPatch { mode, settings, transfer, error_px: Some(0.2), ..LookPatch::default() };
+        let camera = CameraConfig {
+            eye: Some(eye),
+            target: Some([0.0; 3]),
+            up: Some([0.0, 1.0, 0.0]),
+            fov: Some(34.0),
+            ortho: None,
+        };
+        Shot { look, camera, size: Some((240, 192)), ..Shot::default() }
+    }
+
+    fn bits(picture: &Picture) -> Vec<u32> {
+        let Raw::Light(light) = &picture.values else { panic!("colours") };
+        light.colors.rgba.as_flattened().iter().map(|channel| channel.to_bits()).collect()
+    }
+
+    #[test]
+    fn pictures_are_the_same_to_the_bit_without_what_they_hide() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = |volume_levels: bool| {
+            let path = folder.path().join(format!("{volume_levels}.df"));
+            let octree = OctreeOptions { leaf_capacity: 200, volume_levels, ..OctreeOptions::default() };
+            build::build(eclipse(), &BuildOptions { octree, ..BuildOptions::default() }, &path, &()).unwrap();
+            Arc::new(PageFile::open(&path).unwrap())
+        };
+        let [plain, with_levels] = [false, true].map(file);
+        for (mode, file) in [("volume", &with_levels), ("isosurface", &with_levels), ("volume-isosurface", &plain)] {
+            let range = Range::Fixed(1.0, 1e6);
+            let mut session = Session::of(Arc::clone(file), u64::MAX);
+            // After a sketch, as a tour's camera goes on, and from where the picture before tells nothing.
+            for (eye, is_near) in [([0.0, 0.0, 3.0], true), ([0.03, 0.01, 2.98], true), ([0.9, 0.0, 2.6], false)] {
+                let found = session.draw(&shot(mode, eye, range, true)).unwrap();
+                let all = Session::of(Arc::clone(file), u64::MAX).draw(&shot(mode, eye, range, false)).unwrap();
+                println!("{mode} {eye:?}: {} of {} nodes", found.nodes, all.nodes);
+                assert!(bits(&found) == bits(&all), "{mode}, {eye:?}");
+                assert!(
+                    found.converged && (found.nodes < all.nodes || !is_near),
+                    "{mode}, {eye:?}: {} nodes",
+                    found.nodes
+                );
+            }
+            // Ranges that are found from all that is there need all that is there.
+            let auto = |occlusion| {
+                let shot = shot(mode, [0.0, 0.0, 3.0], Range::Auto, occlusion);
+                Session::of(Arc::clone(file), u64::MAX).draw(&shot).unwrap()
+            };
+            let (found, all) = (auto(true), auto(false));
+            assert!(found.nodes == all.nodes && bits(&found) == bits(&all), "{mode}");
+        }
+    }
+}

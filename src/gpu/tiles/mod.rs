@@ -1,0 +1,50 @@
+//! Particles by the tiles of the picture that they reach, front to back: for modes whose pictures depend on the order.
+//!
+//! [`TileList`] cuts a camera's particles into slabs of depth that fit into memory. For each slab, from front to back:
+//!
+//! 1. `count`, `gather`: particles are decoded and projected; those that are seen are written in the order of the draw list.
+//! 2. `number_spots`, then `tally` and `move_pairs` for each digit of their keys: they are sorted by depth. The mode's own
+//!    pass brings what it draws of them into that order, and says which tiles that reaches (`deepfield::tile_reach`).
+//! 3. `count_pairs`, `write_pairs`: pairs of bin and particle, four at most for each particle of any size; sorted by
+//!    bins, `find_ranges` finds each bin's. Sorting keeps the order of equal keys, so that nothing depends on
+//!    which workgroup is first.
+//! 4. The mode's own pass walks over each tile's particles, one invocation for each pixel (`deepfield::tile_walk`): its
+//!    bins in all levels, merged.
+//!
+//! Particles of equal depth have the order of the draw list.
+
+pub mod constants;
+pub mod layout;
+pub mod pipelines;
+
+mod list;
+
+pub use list::{Drawing, TileList};
+
+/// Layers of depth, equally deep but for the depth itself in perspective.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Layering {
+    /// How many there are between the planes.
+    pub count: u32,
+    /// The most that one particle reaches, if it is listed in each of them; without, it is listed in that of its centre.
+    pub spread: Option<u32>,
+}
+
+/// Which particles are listed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TileRequest {
+    /// Depths of the first and the last particle.
+    pub planes: [f64; 2],
+    /// Densities up to this are left out.
+    pub least: f32,
+    /// Factor on densities.
+    pub density_scale: f32,
+    /// Radius of what is drawn of a particle, in smoothing lengths.
+    pub extent: f32,
+    /// Particles are sorted by the depth of their centre less this share of their radius.
+    pub lead: f32,
+    /// Least smoothing length, pixels.
+    pub smallest: f64,
+    /// Layers that particles are sorted by, in place of their depth.
+    pub layers: Option<Layering>,
+}

@@ -1,0 +1,198 @@
+//! Encodes the slabs that a frame draws.
+
+use super::constants::{BIN_GROUP, SCAN_GROUP};
+use super::prepare::VolumeWork;
+use super::programs::{Step, VolumePipelines};
+use super::view::Shows;
+use super::work::{ALL_BRICKS, ALL_PAIRS, Batch, CROWDED, EFFORT, SORT_GROUPS, SlabWork, Work, offset};
+use bevy::platform::collections::HashMap;
+use bevy::prelude::*;
+use bevy::render::diagnostic::RecordDiagnostics;
+use bevy::render::render_resource::{
+    BindGroup, Buffer, CommandEncoder, ComputePass, ComputePassDescriptor, ComputePipeline, PipelineCache,
+};
+use bevy::render::renderer::{RenderContext, ViewQuery};
+use std::sync::atomic::Ordering;
+
+/// Invocations of a workgroup over bricks.
+const BRICK_GROUP: u32 = 64;
+/// Invocations of a workgroup over pixels, along each axis.
+const PIXEL_GROUP: u32 = 8;
+
+/// Workgroups along x, y and z for `count` of them: one dimension holds at most 65535.
+fn groups(count: u32) -> [u32; 3] {
+    let (x, y) = crate::gpu::splat::workgroups(count);
+    [x, y, 1]
+}
+
+/// A pass in which steps are taken.
+struct Steps<'a> {
+    pass: ComputePass<'a>,
+    pipelines: &'a HashMap<Step, &'a ComputePipeline>,
+}
+
+impl Steps<'_> {
+    fn take(&mut self, step: Step, bindings: &BindGroup, offsets: &[u32], [x, y, z]: [u32; 3]) {
+        self.set(step, bindings, offsets);
+        self.pass.dispatch_workgroups(x, y, z);
+    }
+
+    fn take_as_told(&mut self, step: Step, bindings: &BindGroup, offsets: &[u32], told: &Buffer, at: u64) {
+        self.set(step, bindings, offsets);
+        self.pass.dispatch_workgroups_indirect(told, at);
+    }
+
+    fn set(&mut self, step: Step, bindings: &BindGroup, offsets: &[u32]) {
+        if let Some(pipeline) = self.pipelines.get(&step) {
+            self.pass.set_pipeline(pipeline);
+        }
+        self.pass.set_bind_group(0, bindings, offsets);
+    }
+}
+
+/// Draws the slabs that the frame has time for.
+pub fn draw_volumes(
+    view: ViewQuery<&VolumeWork>,
+    pipelines: Option<Res<VolumePipelines>>,
+    cache: Res<PipelineCache>,
+    mut context: RenderContext,
+) {
+    let work = view.into_inner();
+    let Some(pipelines) = pipelines else { return };
+    let diagnostics = context.diagnostic_recorder();
+    let diagnostics = diagnostics.as_deref();
+    for (work, planned) in work.planned() {
+        let Some(pipelines) = pipelines.get(work.variant, &cache) else { continue };
+        let encoder = context.command_encoder();
+        for slab in &work.slabs[planned.clone()] {
+            if slab.opens {
+                begin_pane(work, encoder);
+            }
+            let span = diagnostics.time_span(encoder, "resample");
+            for (index, batch) in slab.batches.iter().enumerate() {
+                encoder.clear_buffer(&work.buffers.bins.buffer, 0, Some(work.buffers.bins.bytes));
+                encoder.clear_buffer(&work.buffers.items.buffer, 0, Some(16));
+                let pass = encoder.begin_compute_pass(&ComputePassDescriptor::default());
+                let mut steps = Steps { pass, pipelines: &pipelines };
+                resample(work, &mut steps, slab, batch, offset(slab.first_portion + index));
+            }
+            span.end(encoder);
+            let span = diagnostics.time_span(encoder, "cast");
+            finish_slab(work, encoder, &pipelines, slab);
+            span.end(encoder);
+            if slab.closes {
+                end_pane(work, encoder, slab);
+            }
+        }
+        work.done.store(planned.end, Ordering::Relaxed);
+    }
+}
+
+/// Forgets what an earlier window has left.
+fn begin_pane(work: &Work, encoder: &mut CommandEncoder) {
+    let buffers = &work.buffers;
+    for held in [&buffers.rays, &buffers.progress, &buffers.densest, &buffers.hidden] {
+        encoder.clear_buffer(&held.buffer, 0, Some(held.bytes));
+    }
+    if work.done.load(Ordering::Relaxed) == 0 {
+        encoder.clear_buffer(&buffers.work.buffer, 0, None);
+        encoder.clear_buffer(&buffers.dispatch.buffer, 0, None);
+        encoder.clear_buffer(&buffers.masses.buffer, 0, None);
+    }
+    // Somebody sees something before anything has been drawn.
+    encoder.copy_buffer_to_buffer(&work.one.buffer, 0, &buffers.visible.buffer, 0, 4);
+}
+
+/// Adds a batch of particles to a slab's cells.
+fn resample(work: &Work, steps: &mut Steps<'_>, slab: &SlabWork, batch: &Batch, at: u32) {
+    let (bound, buffers) = (&work.groups, &work.buffers);
+    let [of_bins, of_pairs, of_digits] = &bound.scans;
+    let once = [1, 1, 1];
+    for loaded in &batch.loaded {
+        steps.pass.set_bind_group(1, &bound.project, &[]);
+        let (x, y) = loaded.workgroups;
+        steps.take(Step::Project, &loaded.particles, &[], [x, y, 1]);
+    }
+    let particles = groups(batch.candidates.div_ceil(BIN_GROUP));
+    steps.take(Step::Count, &bound.bin, &[at], particles);
+    steps.take(Step::ScanPairs, of_pairs, &[at], once);
+    steps.take(Step::Pair, &bound.bin, &[at], particles);
+    let bins = [(work.bin_count + 1).div_ceil(SCAN_GROUP), 1, 1];
+    steps.take(Step::SumBins, of_bins, &[at], bins);
+    steps.take(Step::ScanParts, of_bins, &[at], once);
+    steps.take(Step::SpreadBins, of_bins, &[at], bins);
+    for digit in 0..work.digits as usize {
+        let sort = &bound.sorts[digit % 2];
+        steps.take_as_told(Step::Tally, sort, &[offset(digit)], &buffers.work.buffer, SORT_GROUPS);
+        steps.take(Step::ScanTable, of_digits, &[at], once);
+        steps.take_as_told(Step::MovePairs, sort, &[offset(digit)], &buffers.work.buffer, SORT_GROUPS);
+    }
+    let bricks = work.cut.columns() * slab.layers;
+    steps.take(Step::Plan, &bound.plan, &[at], groups(bricks.div_ceil(BRICK_GROUP)));
+    steps.take(Step::DispatchBricks, &bound.plan, &[at], once);
+    for turn in 0..batch.turns as usize {
+        let told = if turn == 0 { 0 } else { CROWDED };
+        steps.take_as_told(Step::Gather, &bound.gather, &[at, offset(turn)], &buffers.dispatch.buffer, told);
+    }
+}
+
+/// Measures a slab that has been resampled; or casts rays through it, and finds what they hide.
+fn finish_slab(
+    work: &Work,
+    encoder: &mut CommandEncoder,
+    pipelines: &HashMap<Step, &ComputePipeline>,
+    slab: &SlabWork,
+) {
+    let at = offset(slab.first_portion);
+    let columns = work.cut.columns();
+    let occlusion = work.job.options.occlusion && matches!(work.job.shows, Shows::Light(_));
+    if occlusion {
+        encoder.clear_buffer(&work.buffers.visible.buffer, 0, Some(4));
+    }
+    let pass = encoder.begin_compute_pass(&ComputePassDescriptor::default());
+    let mut steps = Steps { pass, pipelines };
+    if let Some(measure) = &work.groups.measure {
+        steps.take(Step::Measure, measure, &[at], groups(columns * slab.layers));
+    }
+    if let Some([hides, rays]) = &work.groups.rays {
+        steps.take(Step::FindReach, hides, &[at], groups((columns * slab.layers).div_ceil(BRICK_GROUP)));
+        let [x, y] = work.panes[slab.pane].size().map(|pixels| pixels.div_ceil(PIXEL_GROUP));
+        steps.take(Step::CastRays, rays, &[at], [x, y, 1]);
+        if occlusion {
+            steps.take(Step::Occlude, hides, &[at], groups(columns));
+            steps.take(Step::Pyramid, hides, &[at], [1, 1, 1]);
+        }
+    }
+}
+
+/// Copies what a pane has come to where the picture is put together, and what is to be read back.
+fn end_pane(work: &Work, encoder: &mut CommandEncoder, slab: &SlabWork) {
+    let pane = &work.panes[slab.pane];
+    let [width, height] = pane.size().map(u64::from);
+    let [left, top] = pane.pixels[0].map(u64::from);
+    let whole = u64::from(work.job.view.width);
+    let buffers = &work.buffers;
+    let mut put = |from: &Buffer, to: &Buffer, start: u64, bytes: u64| match width == whole {
+        true => encoder.copy_buffer_to_buffer(from, 0, to, start + bytes * top * whole, bytes * width * height),
+        false => {
+            for row in 0..height {
+                let at = start + bytes * ((top + row) * whole + left);
+                encoder.copy_buffer_to_buffer(from, bytes * row * width, to, at, bytes * width);
+            }
+        }
+    };
+    if let Some(target) = &work.target {
+        put(&buffers.rays.buffer, target, 0, 16);
+    }
+    let Some(answer) = &work.answer else { return };
+    match work.job.shows {
+        Shows::Light(_) => {
+            if work.job.options.occlusion {
+                put(&buffers.progress.buffer, answer, EFFORT, 4);
+            }
+            encoder.copy_buffer_to_buffer(&buffers.work.buffer, ALL_PAIRS, answer, 0, 4);
+            encoder.copy_buffer_to_buffer(&buffers.dispatch.buffer, ALL_BRICKS, answer, 4, 4);
+        }
+        Shows::Ranges => encoder.copy_buffer_to_buffer(&buffers.masses.buffer, 0, answer, 0, answer.size()),
+    }
+}

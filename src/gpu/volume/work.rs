@@ -1,0 +1,597 @@
+//! A picture on its way: how it is cut, what its passes bind, and how far it has come.
+
+use super::constants::{BIN_GROUP, BRICK, DIGITS, HEADER, SCAN_GROUP, SORT_BLOCK, TURN};
+use super::cut::{Cut, Window};
+use super::layout::{self, MOST_BINS, Portion, Turn, VolumeUniform};
+use super::programs::{Kind, Variant};
+use super::store::{Held, Store};
+use super::view::{Shows, VolumeJob, VolumeView};
+use crate::cpu::volume::bricks::{BORDER, BrickGrid};
+use crate::cpu::volume::{range, raycast};
+use crate::gpu::arena::Arena;
+use crate::gpu::splat::draw_list::{DrawBatch, DrawList, PartToDraw};
+use crate::gpu::splat::layout::{Grids, Node};
+use crate::gpu::splat::{particle_layout, resources::slice, workgroups};
+use crate::gpu::view::{DrawItem, Footprint};
+use crate::view::View;
+use bevy::render::render_resource::{
+    BindGroup, BindGroupEntries, BindGroupEntry, Buffer, BufferDescriptor, BufferUsages, PipelineCache,
+};
+use bevy::render::renderer::{RenderDevice, RenderQueue};
+use std::sync::Arc;
+use std::sync::atomic::AtomicUsize;
+
+/// Uniforms of a list begin at multiples of this.
+const STRIDE: usize = 256;
+/// Words of `work` and of `dispatch`.
+const WORK_WORDS: u64 = 8;
+/// Where `work` has the workgroups of the sorting, bytes.
+pub const SORT_GROUPS: u64 = 8;
+/// Where `dispatch` has the workgroups of crowded bricks, bytes.
+pub const CROWDED: u64 = 12;
+/// Where `work` has the number of pairs of all slabs, bytes.
+pub const ALL_PAIRS: u64 = 20;
+/// Where `dispatch` has the number of bricks of all slabs, bytes.
+pub const ALL_BRICKS: u64 = 24;
+/// Bytes of the numbers at the beginning of what is read back of a picture.
+pub const EFFORT: u64 = 8;
+/// Bytes that each particle of a batch takes in what is shared by all slabs: keys and pairs, twice each, and what is loaded.
+pub const BATCH_BYTES: u64 = 4 * 4 * MOST_BINS + 24 + 8;
+
+/// How much may be used at once.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Room {
+    /// Bytes of cells.
+    pub cells: u64,
+    /// Bytes of one buffer.
+    pub limit: u64,
+    /// Particles of a batch.
+    pub batch: u32,
+}
+
+impl Room {
+    /// Least room that is tried, bytes.
+    pub const LEAST: u64 = 1 << 23;
+    /// Most particles that are binned at once.
+    const MOST_BATCH: u64 = 1 << 20;
+    const LEAST_BATCH: u64 = 1 << 14;
+
+    /// Bytes that pixels take whatever the room: light twice, ends of rays twice.
+    pub fn of_pixels(view: &View) -> u64 {
+        40 * u64::from(view.width) * u64::from(view.height)
+    }
+
+    /// Shares memory out where cells may take no more than `cells` bytes and one buffer `limit`.
+    pub fn of(memory: u64, cells: u64, limit: u64) -> Room {
+        let batch = (memory / 3 / BATCH_BYTES).min(limit / (4 * MOST_BINS)).clamp(Room::LEAST_BATCH, Room::MOST_BATCH);
+        Room { cells: cells.min(memory / 2).min(limit), limit, batch: batch as u32 }
+    }
+}
+
+/// A window, and the pixels that it draws.
+#[derive(Clone, Copy, Debug)]
+pub struct Pane {
+    /// The window.
+    pub window: Window,
+    /// First pixel, and behind the last.
+    pub pixels: [[u32; 2]; 2],
+}
+
+impl Pane {
+    /// Width and height, pixels.
+    pub fn size(&self) -> [u32; 2] {
+        let [first, behind] = self.pixels;
+        [0, 1].map(|axis: usize| behind[axis] - first[axis])
+    }
+
+    /// Number of pixels.
+    pub fn len(&self) -> u64 {
+        self.size().map(u64::from).iter().product()
+    }
+}
+
+/// Blocks of particles in one chunk of the arena.
+pub struct Loaded {
+    /// Group 0 of [`Kind::Project`].
+    pub particles: BindGroup,
+    /// Workgroups along x and y.
+    pub workgroups: (u32, u32),
+}
+
+/// A batch of a slab's particles.
+pub struct Batch {
+    /// Where they are loaded from.
+    pub loaded: Vec<Loaded>,
+    /// Places of particles that are looked at.
+    pub candidates: u32,
+    /// Turns that its most crowded brick may take.
+    pub turns: u32,
+}
+
+/// A slab of one pane.
+pub struct SlabWork {
+    /// Its batches, one at least.
+    pub batches: Vec<Batch>,
+    /// Number of its first portion.
+    pub first_portion: usize,
+    /// Layers of bricks.
+    pub layers: u32,
+    /// Which pane it belongs to, and whether it is the first or the last of it.
+    pub pane: usize,
+    /// Whether nothing has been drawn of the pane before.
+    pub opens: bool,
+    /// Whether the pane is complete with it.
+    pub closes: bool,
+}
+
+/// Bind groups that all slabs share.
+pub struct Groups {
+    /// Group 1 of [`Kind::Project`].
+    pub project: BindGroup,
+    /// [`Kind::Bin`].
+    pub bin: BindGroup,
+    /// [`Kind::Scan`] over bins, over the pairs of workgroups, over digits.
+    pub scans: [BindGroup; 3],
+    /// [`Kind::Sort`], for even and odd digits.
+    pub sorts: [BindGroup; 2],
+    /// [`Kind::Plan`].
+    pub plan: BindGroup,
+    /// [`Kind::Gather`].
+    pub gather: BindGroup,
+    /// [`Kind::Measure`]; of pictures there is none.
+    pub measure: Option<BindGroup>,
+    /// [`Kind::Occlusion`] and [`Kind::Raycast`]; of ranges there are none.
+    pub rays: Option<[BindGroup; 2]>,
+}
+
+/// Buffers that the encoder clears, copies or is told by.
+pub struct Buffers {
+    /// Number of particles of each bin.
+    pub bins: Held,
+    /// The list of bricks.
+    pub items: Held,
+    /// The largest density of each part of each brick.
+    pub densest: Held,
+    /// What is hidden.
+    pub hidden: Held,
+    /// Light and opacity of a pane.
+    pub rays: Held,
+    /// Shares of cells, or steps in which rays ended.
+    pub progress: Held,
+    /// Number of columns that somebody sees.
+    pub visible: Held,
+    /// Numbers of pairs and blocks.
+    pub work: Held,
+    /// Numbers of bricks.
+    pub dispatch: Held,
+    /// Mass of each class of values.
+    pub masses: Held,
+}
+
+/// A picture on its way.
+pub struct Work {
+    /// What is wanted.
+    pub job: VolumeJob,
+    /// What it was begun with.
+    items: Arc<[DrawItem]>,
+    nodes: Vec<Node>,
+    /// The arena's state in which the particles were last known to be where the bindings say.
+    pub generation: u64,
+    /// What is compiled into the shaders.
+    pub variant: Variant,
+    /// How the grid is cut.
+    pub cut: Cut,
+    /// The windows' pixels.
+    pub panes: Vec<Pane>,
+    /// All slabs of all panes, in the order in which they are drawn.
+    pub slabs: Vec<SlabWork>,
+    /// Digits that pairs are sorted by.
+    pub digits: u32,
+    /// Bins of all levels.
+    pub bin_count: u32,
+    /// Bindings.
+    pub groups: Groups,
+    /// Buffers.
+    pub buffers: Buffers,
+    /// Where the picture goes, `vec4<f32>` a pixel.
+    pub target: Option<Buffer>,
+    /// What is read back when it is complete: the masses of [`Shows::Ranges`]; of pictures [`EFFORT`] bytes of numbers, and the ends of
+    /// all rays where occlusion is wanted.
+    pub answer: Option<Buffer>,
+    /// The number 1.
+    pub one: Held,
+    /// Slabs that have been encoded.
+    pub done: AtomicUsize,
+}
+
+/// The offset of an entry of a list of uniforms.
+pub fn offset(entry: usize) -> u32 {
+    (entry * STRIDE) as u32
+}
+
+/// Uniforms, each at its offset.
+fn strided<T: bytemuck::Pod>(entries: impl IntoIterator<Item = T>) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    for entry in entries {
+        bytes.extend_from_slice(bytemuck::bytes_of(&entry));
+        bytes.resize(bytes.len().next_multiple_of(STRIDE), 0);
+    }
+    bytes
+}
+
+/// What a job is begun with.
+pub struct Means<'a> {
+    /// The particles.
+    pub arena: &'a Arena,
+    /// Creates buffers.
+    pub device: &'a RenderDevice,
+    /// Takes bytes.
+    pub queue: &'a RenderQueue,
+    /// Knows layouts.
+    pub cache: &'a PipelineCache,
+    /// Whether subgroups have exactly eight lanes.
+    pub vectors: bool,
+}
+
+/// The windows that have pixels, and what all passes read of pixels: places of columns and rows, readers of bricks.
+fn panes(job: &VolumeJob, cut: &Cut) -> (Vec<Pane>, Vec<[u32; 2]>, Vec<[i32; 2]>) {
+    let grid = &job.grid;
+    let places = [job.view.width, job.view.height].map(|pixels| raycast::places(grid, pixels));
+    let brick = BRICK as usize;
+    let first_pixel =
+        |axis: usize, bricks: u32| places[axis].partition_point(|(cell, _)| *cell < bricks as usize * brick) as u32;
+    let pane = |window: &Window| Pane {
+        window: *window,
+        pixels: [window.own_first, window.own_behind]
+            .map(|bricks| [0, 1].map(|axis: usize| first_pixel(axis, bricks[axis]))),
+    };
+    let panes = cut.windows.iter().map(pane).filter(|pane| pane.len() > 0).collect();
+    let readers = |axis: usize| {
+        let bricks = (grid.size[axis] as usize + 2 * BORDER).div_ceil(brick);
+        let places = &places[axis];
+        (0..bricks)
+            .map(move |index| raycast::readers(places, index * brick..(index + 1) * brick).map(|pixel| pixel as i32))
+    };
+    let readers = readers(0).chain(readers(1)).collect();
+    (panes, layout::places(&places[0], &places[1]), readers)
+}
+
+impl Work {
+    /// Begins a job; `None` where nothing fits into the room.
+    pub fn begin(
+        job: &VolumeJob,
+        shown: &VolumeView,
+        (view, items): (&View, &Arc<[DrawItem]>),
+        room: &Room,
+        store: &mut Store,
+        means: &Means<'_>,
+    ) -> Option<Work> {
+        let Means { arena, device, queue, cache, vectors } = *means;
+        let attribute = shown.attribute;
+        let brick_grid = BrickGrid::new(&job.grid);
+        let cut = Cut::new(&job.grid, attribute, room.cells, room.limit)?;
+        let (panes, places, readers) = panes(job, &cut);
+        let variant = Variant {
+            kernel: job.options.kernel,
+            attribute,
+            surfaces: matches!(&job.shows, Shows::Light(scenery) if !scenery.surfaces.is_empty()),
+            vectors,
+        };
+        let uniform = VolumeUniform::new(job, &brick_grid, &cut);
+        let digits = (u32::BITS - uniform.bin_count.leading_zeros()).div_ceil(super::constants::DIGIT_BITS);
+
+        // Per slab only what reaches into it (F12 5.7.1).
+        let (mut list, parts) = DrawList::parts(view.eye, items, arena, job.stride);
+        let reaches: Vec<[f64; 2]> = shown.extents.iter().map(|extent| reach(job, extent)).collect();
+        let mut batches_of: Vec<Vec<DrawBatch>> = Vec::with_capacity(cut.slabs.len());
+        for slab in &cut.slabs {
+            let end = slab.slices.end.next_multiple_of(BRICK);
+            let [near, far] = [slab.slices.start, end].map(|slice| job.grid.depth(f64::from(slice)));
+            let overlaps =
+                |part: &&PartToDraw| reaches.get(part.item).is_none_or(|reach| reach[0] <= far && reach[1] >= near);
+            batches_of.push(list.cut(parts.iter().filter(overlaps), room.batch));
+        }
+        let most = |number: fn(&DrawBatch) -> u32| batches_of.iter().flatten().map(number).max().unwrap_or(0).max(1);
+        let most_places = u64::from(most(|batch| batch.places));
+        let most_turns = most(|batch| batch.places).div_ceil(TURN);
+
+        let particles = Particles::new(view, job, &list, store, means);
+        let (mut slabs, mut portions) = (Vec::new(), Vec::new());
+        for (pane_index, pane) in panes.iter().enumerate() {
+            for (index, (slab, batches)) in cut.slabs.iter().zip(&batches_of).enumerate() {
+                let first_layer = slab.slices.start / BRICK;
+                let layers = slab.slices.end.div_ceil(BRICK) - first_layer;
+                let first_portion = portions.len();
+                portions.extend(batches.iter().enumerate().map(|(number, batch)| Portion {
+                    origin: pane.window.origin,
+                    first_pixel: pane.pixels[0],
+                    behind_pixel: pane.pixels[1],
+                    rows: job.view.width,
+                    brick_rows: cut.bricks_across,
+                    first_layer,
+                    layers,
+                    first_step: slab.steps.start,
+                    behind_step: slab.steps.end,
+                    candidates: batch.places,
+                    opening: u32::from(number == 0),
+                    nearest: brick_grid.depth[(first_layer * BRICK) as usize],
+                    farthest: brick_grid.depth[((first_layer + layers) * BRICK - 1) as usize],
+                }));
+                let bound = |batch: &DrawBatch| Batch {
+                    loaded: batch.ranges.iter().map(|range| particles.bind(range, arena, device, cache)).collect(),
+                    candidates: batch.places,
+                    turns: batch.places.div_ceil(TURN).max(1),
+                };
+                slabs.push(SlabWork {
+                    batches: batches.iter().map(bound).collect(),
+                    first_portion,
+                    layers,
+                    pane: pane_index,
+                    opens: index == 0,
+                    closes: index + 1 == cut.slabs.len(),
+                });
+            }
+        }
+
+        // What outlives a slab has a buffer for each kind of job, since both are on their way at the same time.
+        let own = match job.shows {
+            Shows::Light(_) => 0,
+            Shows::Ranges => 1,
+        };
+        let mut put = |name, index, bytes: &[u8]| store.holding(device, queue, name, index, bytes);
+        let all = put("deepfield volume", own, bytemuck::bytes_of(&uniform));
+        let one = put("deepfield volume one", 0, bytemuck::bytes_of(&1u32));
+        let portions = put("deepfield volume portions", own, &strided(portions));
+        let turn = |number: u32| Turn { number, unused: [0; 3] };
+        let turns = put("deepfield volume turns", own, &strided((0..most_turns.max(digits)).map(turn)));
+        let depths = put("deepfield volume depths", own, bytemuck::cast_slice(&layout::depths(&brick_grid)));
+        let places = put("deepfield volume places", own, bytemuck::cast_slice(&places));
+        let readers = put("deepfield volume readers", own, bytemuck::cast_slice(&readers));
+        let table = match &job.shows {
+            Shows::Light(scenery) => {
+                Some(put("deepfield volume table", 0, bytemuck::cast_slice(&layout::table(scenery))))
+            }
+            Shows::Ranges => None,
+        };
+
+        let mut make = |name, index, bytes| store.room(device, name, index, bytes);
+        let spots = make("deepfield volume spots", 0, 16 * most_places);
+        let amounts = make("deepfield volume amounts", 0, 8 * most_places);
+        let pairs = MOST_BINS * u64::from(most(|batch| batch.particles));
+        let bins = make("deepfield volume bins", 0, 4 * (u64::from(uniform.bin_count) + 1));
+        let parts = (u64::from(uniform.bin_count) + 1).div_ceil(u64::from(SCAN_GROUP));
+        let parts = make("deepfield volume parts", 0, 4 * parts);
+        let sums = make("deepfield volume sums", 0, 4 * most_places.div_ceil(u64::from(BIN_GROUP)));
+        let digit_table = 4 * u64::from(DIGITS) * pairs.div_ceil(u64::from(SORT_BLOCK));
+        let digit_table = make("deepfield volume digits", 0, digit_table);
+        let keys = [0, 1].map(|side| make("deepfield volume keys", side, 4 * pairs));
+        let listed = [0, 1].map(|side| make("deepfield volume pairs", side, 4 * pairs));
+        let work = make("deepfield volume work", 0, 4 * WORK_WORDS);
+        let dispatch = make("deepfield volume dispatch", 0, 4 * WORK_WORDS);
+        let slab = u64::from(cut.columns()) * u64::from(cut.layers);
+        let items_held = make("deepfield volume bricks", 0, 4 * (u64::from(HEADER) + 2 * slab));
+        let field = make("deepfield volume field", own, cut.bytes(attribute));
+        let densest = make("deepfield volume densest", own, 4 * u64::from(variant.parts()) * cut.bricks());
+        let reach = make("deepfield volume reach", own, 4 * cut.bricks());
+        let hidden = make("deepfield volume hidden", own, 4 * u64::from(uniform.bin_count));
+        let visible = make("deepfield volume visible", own, 4);
+        let pixels = match job.shows {
+            Shows::Light(_) => panes.iter().map(Pane::len).max().unwrap_or(0),
+            Shows::Ranges => 0,
+        };
+        let rays = make("deepfield volume rays", own, 16 * pixels);
+        let progress = make("deepfield volume progress", own, 4 * pixels);
+        let masses = make("deepfield volume masses", own, if own == 1 { 8 * range::CLASSES as u64 } else { 0 });
+
+        let group = |kind: Kind, list: &[bevy::render::render_resource::BindingResource<'_>]| {
+            let entries: Vec<BindGroupEntry<'_>> = list
+                .iter()
+                .enumerate()
+                .map(|(binding, resource)| BindGroupEntry { binding: binding as u32, resource: resource.clone() })
+                .collect();
+            device.create_bind_group(kind.shader(), &cache.get_bind_group_layout(&kind.layout()), &entries)
+        };
+        let portion = || portions.part(size_of::<Portion>() as u64);
+        let turn = || turns.part(size_of::<Turn>() as u64);
+        // After an odd number of digits the pairs are on the other side.
+        let sorted = &listed[digits as usize % 2];
+        let scan = |list: &Held| {
+            let bound = [all.binding(), portion(), list.binding(), parts.binding(), work.binding()];
+            group(Kind::Scan, &bound)
+        };
+        let sort = |side: usize| {
+            let (from, to) = (side, 1 - side);
+            let list = [
+                turn(),
+                work.binding(),
+                keys[from].binding(),
+                listed[from].binding(),
+                keys[to].binding(),
+                listed[to].binding(),
+                digit_table.binding(),
+            ];
+            group(Kind::Sort, &list)
+        };
+        let bin = [
+            all.binding(),
+            portion(),
+            spots.binding(),
+            hidden.binding(),
+            bins.binding(),
+            sums.binding(),
+            keys[0].binding(),
+            listed[0].binding(),
+        ];
+        let plan = [
+            all.binding(),
+            portion(),
+            bins.binding(),
+            hidden.binding(),
+            densest.binding(),
+            items_held.binding(),
+            dispatch.binding(),
+        ];
+        let gather = [
+            all.binding(),
+            portion(),
+            turn(),
+            spots.binding(),
+            amounts.binding(),
+            bins.binding(),
+            sorted.binding(),
+            items_held.binding(),
+            depths.binding(),
+            field.binding(),
+            densest.binding(),
+        ];
+        let measure = || {
+            let list =
+                [all.binding(), portion(), depths.binding(), field.binding(), densest.binding(), masses.binding()];
+            group(Kind::Measure, &list)
+        };
+        let rays_groups = |table: &Held| {
+            let occlusion = [
+                all.binding(),
+                portion(),
+                densest.binding(),
+                reach.binding(),
+                rays.binding(),
+                readers.binding(),
+                hidden.binding(),
+                visible.binding(),
+            ];
+            let raycast = [
+                all.binding(),
+                portion(),
+                depths.binding(),
+                field.binding(),
+                densest.binding(),
+                reach.binding(),
+                table.binding(),
+                rays.binding(),
+                progress.binding(),
+                places.binding(),
+            ];
+            [group(Kind::Occlusion, &occlusion), group(Kind::Raycast, &raycast)]
+        };
+        let project = [all.binding(), spots.binding(), amounts.binding(), visible.binding()];
+        let groups = Groups {
+            project: group(Kind::Project, &project),
+            bin: group(Kind::Bin, &bin),
+            scans: [scan(&bins), scan(&sums), scan(&digit_table)],
+            sorts: [sort(0), sort(1)],
+            plan: group(Kind::Plan, &plan),
+            gather: group(Kind::Gather, &gather),
+            measure: (own == 1).then(measure),
+            rays: table.as_ref().map(rays_groups),
+        };
+        let buffers =
+            Buffers { bins, items: items_held, densest, hidden, rays, progress, visible, work, dispatch, masses };
+        let buffer = |size: u64, label, usage| {
+            let usage = usage | BufferUsages::COPY_DST;
+            device.create_buffer(&BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false })
+        };
+        let pixels = u64::from(job.view.width) * u64::from(job.view.height);
+        let is_light = matches!(job.shows, Shows::Light(_));
+        let answer_bytes = match is_light {
+            true => EFFORT + if job.options.occlusion { 4 * pixels } else { 0 },
+            false => 8 * range::CLASSES as u64,
+        };
+        let target = || buffer(16 * pixels, "deepfield light", BufferUsages::STORAGE | BufferUsages::COPY_SRC);
+        Some(Work {
+            job: job.clone(),
+            items: Arc::clone(items),
+            nodes: list.nodes,
+            generation: arena.generation,
+            variant,
+            cut,
+            panes,
+            slabs,
+            digits,
+            bin_count: uniform.bin_count,
+            groups,
+            buffers,
+            target: is_light.then(target),
+            answer: Some(buffer(answer_bytes, "deepfield volume answer", BufferUsages::MAP_READ)),
+            one,
+            done: AtomicUsize::new(0),
+        })
+    }
+
+    /// Whether this is the job, and the particles still lie where the bindings say.
+    pub fn is_current(&mut self, job: &VolumeJob, view: &View, items: &Arc<[DrawItem]>, arena: &Arena) -> bool {
+        self.job.is_same(job) && Arc::ptr_eq(&self.items, items) && self.is_intact(view, arena)
+    }
+
+    /// Whether all of its particles, and no others of its list, lie where the bindings say.
+    pub fn is_intact(&mut self, view: &View, arena: &Arena) -> bool {
+        if self.generation != arena.generation {
+            let (list, _) = DrawList::parts(view.eye, &self.items, arena, self.job.stride);
+            if list.nodes != self.nodes {
+                return false;
+            }
+            self.generation = arena.generation;
+        }
+        true
+    }
+}
+
+/// Between which depths particles within an extent may reach, those that the grid enlarges included.
+fn reach(job: &VolumeJob, extent: &crate::view::Extent) -> [f64; 2] {
+    let nearest = job.view.nearest_depth(extent);
+    let farthest = 2.0 * job.view.to_camera(extent.bounds.center()).z - nearest;
+    let margin = |depth: f64| {
+        let enlarged = job.options.smallest * job.grid.spacing(depth.max(0.0));
+        (extent.margin * f64::from(job.stride).cbrt()).max(enlarged)
+    };
+    [nearest - margin(farthest), farthest + margin(farthest)]
+}
+
+/// What loads particles.
+struct Particles {
+    view: Held,
+    nodes: Held,
+    blocks: Held,
+    tables: Option<Buffer>,
+}
+
+impl Particles {
+    fn new(view: &View, job: &VolumeJob, list: &DrawList, store: &mut Store, means: &Means<'_>) -> Particles {
+        let own = usize::from(matches!(job.shows, Shows::Ranges));
+        let kernel = Footprint::Kernel(job.options.kernel);
+        // The camera alone counts, and what it leaves out.
+        let uniform = Grids::new(view, kernel, true, 0.0).uniform;
+        let Means { device, queue, arena, .. } = *means;
+        let mut put = |name, bytes: &[u8]| store.holding(device, queue, name, own, bytes);
+        Particles {
+            view: put("deepfield volume camera", bytemuck::bytes_of(&uniform)),
+            nodes: put("deepfield volume nodes", bytemuck::cast_slice(&list.nodes)),
+            blocks: put("deepfield volume blocks", bytemuck::cast_slice(&list.blocks)),
+            tables: arena.table_buffer().cloned(),
+        }
+    }
+
+    fn bind(
+        &self,
+        range: &crate::gpu::splat::draw_list::BlockRange,
+        arena: &Arena,
+        device: &RenderDevice,
+        cache: &PipelineCache,
+    ) -> Loaded {
+        let (offset, bytes) = range.bytes();
+        let tables = self.tables.as_ref().unwrap_or(&self.nodes.buffer);
+        let entries = BindGroupEntries::sequential((
+            self.view.binding(),
+            self.nodes.binding(),
+            slice(&self.blocks.buffer, offset, bytes),
+            arena.chunk(range.chunk).as_entire_binding(),
+            arena.chunk(range.chunk).as_entire_binding(),
+            tables.as_entire_binding(),
+        ));
+        let layout = cache.get_bind_group_layout(&particle_layout());
+        Loaded {
+            particles: device.create_bind_group("deepfield volume particles", &layout, &entries),
+            workgroups: workgroups(range.blocks as u32),
+        }
+    }
+}

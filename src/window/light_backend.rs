@@ -1,0 +1,336 @@
+//! Drawing modes of light with the adapter: the data camera gets the same list of nodes as for splats, and what its passes draw of it.
+//!
+//! Ranges of colours are found by the adapter too, from a sketch of the field, before the picture is drawn with them. While the view
+//! moves, pictures have fewer pixels and a sample of the particles; one that is on its way is completed before the next begins.
+
+use super::cpu_backend::CpuPicture;
+use super::exposure::Exposure;
+use super::gpu_backend::{GpuTables, Listed, pass_times};
+use super::look::{Held, Look};
+use super::occlusion::Occlusion;
+use super::pages::ViewSelection;
+use super::picture::{DataCamera, Picture};
+use super::picture_sizes::{moving_size, volume_limit};
+use super::preset::Preset;
+use super::scene::Scene;
+use super::shader_reload::ShaderTexts;
+use super::state::notices::Notices;
+use super::statistics::{ActiveBackend, Converged, Statistics};
+use super::touring::Before;
+use crate::color::transfer::{Levels, TransferFunction};
+use crate::cpu::volume::extents::planes_and_widest;
+use crate::cpu::volume::range::Sketch;
+use crate::cpu::volume::{FieldRange, VolumeError};
+use crate::gpu::measure::Measure;
+use crate::gpu::timing::TimedPasses;
+use crate::gpu::volume::{Shows, VolumeJob, VolumeNews};
+use crate::gpu::{self, Composite, DrawItem, Fading, LightView, ModeView, ParticleScene, SplatView, VolumeView};
+use crate::mode::{Adapter, LightPasses, LightPlan, Plan};
+use crate::picture::Subject;
+use crate::view::Extent;
+use crate::view::perspective_grid::GridError;
+use bevy::diagnostic::DiagnosticsStore;
+use bevy::prelude::*;
+use std::collections::VecDeque;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// After this time a picture is tried again with as many pixels as wanted.
+const PATIENCE: Duration = Duration::from_secs(10);
+/// Least time between two looks for ranges of a view that moves.
+const MEASURE_EVERY: Duration = Duration::from_millis(300);
+
+/// Pictures that are remembered until they are complete.
+const MOST_ASKED: usize = 64;
+/// After this time a shader that has been written is in use.
+const RELOAD: Duration = Duration::from_millis(500);
+
+/// What a list was made for.
+#[derive(Clone, Copy, PartialEq)]
+struct ListKey {
+    selection: u64,
+    limit: u64,
+}
+
+/// What a picture was asked for with.
+#[derive(Clone, PartialEq)]
+struct PictureKey {
+    list: ListKey,
+    size: UVec2,
+    depiction: u64,
+    transfer: TransferFunction,
+    ranges: Option<FieldRange>,
+}
+
+/// The pictures of light that the adapter draws.
+#[derive(Resource, Default)]
+pub(super) struct LightPictures {
+    list: Option<ListKey>,
+    items: Arc<[DrawItem]>,
+    extents: Arc<[Extent]>,
+    asked: Option<PictureKey>,
+    /// The picture that was asked for last.
+    light: Option<VolumeJob>,
+    /// When pictures were asked for, and with how many pixels.
+    began: VecDeque<(u64, Instant, UVec2)>,
+    /// Pixels and milliseconds of the last complete one.
+    last: Option<(UVec2, f64)>,
+    levels: Option<Levels>,
+    /// What ranges are looked for, and what was found last.
+    sketch: Option<VolumeJob>,
+    sketched: Option<(ListKey, Instant)>,
+    ranges: Option<FieldRange>,
+    /// What could not be drawn.
+    failed: Option<PictureKey>,
+    /// Pixels are this many times as wide, since when.
+    coarser: Option<(u32, Instant)>,
+    /// When a shader was changed of which pictures may not have been drawn yet.
+    reloaded: Option<Instant>,
+    slabs: u32,
+    /// Counts jobs.
+    number: u64,
+    /// What has been told.
+    told_coarser: bool,
+    told_thinner: bool,
+    seen: u64,
+}
+
+impl LightPictures {
+    fn next(&mut self) -> u64 {
+        self.number += 1;
+        self.number
+    }
+}
+
+/// Tells the data camera what light to draw.
+pub(super) fn draw_light_on_gpu(
+    mut commands: Commands,
+    active: Res<ActiveBackend>,
+    (particles, news): (Res<ParticleScene>, Res<VolumeNews>),
+    (scene, look, held): (Option<Res<Scene>>, Option<Res<Look>>, Res<Held>),
+    selection: Res<ViewSelection>,
+    (motion, preset, before, picture): (Res<CpuPicture>, Res<Preset>, Res<Before>, Res<Picture>),
+    mut tables: ResMut<GpuTables>,
+    mut pictures: ResMut<LightPictures>,
+    (mut exposure, mut occlusion): (ResMut<Exposure>, ResMut<Occlusion>),
+    (mut converged, mut statistics): (ResMut<Converged>, ResMut<Statistics>),
+    (diagnostics, timed): (Option<Res<DiagnosticsStore>>, Res<TimedPasses>),
+    (mut notices, shaders): (ResMut<Notices>, Option<Res<ShaderTexts>>),
+    camera: Single<(Entity, Option<&LightView>), With<DataCamera>>,
+) {
+    let (Some(scene), Some(look), Some(view)) = (scene, look, selection.view) else { return };
+    let is_mine = *active == ActiveBackend::Gpu && look.depiction.mode.technique.adapter() == Adapter::Light;
+    let pictures = &mut *pictures;
+    if !is_mine {
+        if pictures.list.is_some() {
+            (statistics.slabs, statistics.work_bytes) = (None, 0);
+            *pictures = LightPictures { number: pictures.number, ..default() };
+        }
+        return;
+    }
+    if statistics.backend != "compute" {
+        "compute".clone_into(&mut statistics.backend);
+    }
+    let (entity, shown) = camera.into_inner();
+    let metadata = scene.file.metadata();
+    if tables.follow(&particles, &look, &scene) {
+        commands.entity(entity).remove::<(Composite, Measure, ModeView)>();
+        *pictures = LightPictures { number: pictures.number, ..default() };
+    }
+    if shaders.is_some_and(|shaders| shaders.is_changed() && !shaders.is_added()) {
+        pictures.reloaded = Some(Instant::now());
+    }
+    // The render world takes a moment to hear of it.
+    if pictures.reloaded.is_some_and(|since| since.elapsed() > RELOAD) {
+        (pictures.reloaded, pictures.asked) = (None, None);
+    }
+    let found = news.now();
+    if found.ranges.is_some_and(|(number, _)| pictures.sketch.as_ref().is_some_and(|job| job.number == number)) {
+        pictures.ranges = found.ranges.and_then(|(_, range)| range);
+        pictures.sketch = None;
+    }
+    if found.no_room.is_some() && found.no_room == pictures.sketch.as_ref().map(|job| job.number) {
+        pictures.sketch = None;
+        notices.error("the graphics memory is too small for the ranges of this volume's colours");
+    }
+
+    // What is drawn, of how many particles, with how many pixels.
+    let moving = motion.is_moving(&preset.motion);
+    let full = picture.size();
+    let limit = volume_limit(moving, true, statistics.particles, &preset.motion);
+    let list = ListKey { selection: selection.revision, limit };
+    if pictures.list != Some(list) {
+        let Listed { items, extents, plan, taken } = tables.list(&selection, &look, &scene, (limit, Plan::default()));
+        (pictures.items, pictures.extents) = (items, extents);
+        pictures.list = Some(list);
+        statistics.sampled = (!plan.is_complete()).then_some(taken);
+    }
+    let frame_ms = if preset.drawing.frame_ms > 0.0 { preset.drawing.frame_ms } else { preset.motion.volume_ms };
+    let wanted_size = if moving { moving_size(full, pictures.last, frame_ms, &preset.motion) } else { full };
+    if pictures.coarser.is_some_and(|(_, since)| since.elapsed() > PATIENCE) {
+        pictures.coarser = None;
+    }
+    let size = match pictures.coarser {
+        Some((factor, _)) => (wanted_size / factor).max(UVec2::ONE),
+        None => wanted_size,
+    };
+    let drawn_view = view.resized(size.x, size.y);
+    let given = held.0.filter(|levels| levels.p[0] > 0.0 && levels.p[0] < levels.p[1]);
+    let transfer = given.map_or_else(|| look.transfer.clone(), |levels| look.transfer.clone().with_levels(&levels));
+    let subject = Subject::new(metadata, &look.depiction, &transfer, scene.frame.size().length());
+    let seen = |extents: &[Extent]| -> Vec<Extent> {
+        extents.iter().filter_map(|extent| extent.within(&view.cut.bounds)).collect()
+    };
+
+    // Ranges are looked for once for each list, and not too often while it changes in every frame.
+    let mut wants_ranges = None;
+    let key = PictureKey {
+        list,
+        size,
+        depiction: look.depiction_revision,
+        transfer: transfer.clone(),
+        ranges: pictures.ranges,
+    };
+    let asked_before = pictures.asked.as_ref() == Some(&key) || pictures.failed.as_ref() == Some(&key);
+    let plan = if asked_before && !moving {
+        None
+    } else {
+        let known = pictures.ranges;
+        Some(subject.light(&drawn_view, &mut |options| {
+            wants_ranges = Some(*options);
+            known.ok_or(VolumeError::Grid(GridError::NothingInView))
+        }))
+    };
+    if let Some(options) = wants_ranges {
+        let stale = pictures.sketched.is_none_or(|(known, since)| {
+            known != list && (!moving || known.selection == 0 || since.elapsed() > MEASURE_EVERY)
+        });
+        if stale && pictures.sketch.is_none() {
+            let taken: usize = statistics.sampled.unwrap_or(statistics.particles) as usize;
+            let sketch = Sketch::of(&view, taken, &options);
+            pictures.sketched = Some((list, Instant::now()));
+            match sketch.grid(seen(&pictures.extents)) {
+                Ok((grid, _)) => {
+                    pictures.sketch = Some(VolumeJob {
+                        number: pictures.next(),
+                        view: sketch.view,
+                        grid,
+                        options: sketch.options,
+                        stride: sketch.stride as u32,
+                        shows: Shows::Ranges,
+                    });
+                }
+                Err(_) => pictures.ranges = None,
+            }
+        }
+    }
+    // A picture at rest waits for its own ranges.
+    let awaits = pictures.sketch.is_some() && (!moving || pictures.ranges.is_none());
+    let is_new = pictures.asked.as_ref() != Some(&key);
+    match plan {
+        Some(Ok(Some(LightPlan { passes: LightPasses::March(scenery, options), levels, .. }))) if !awaits && is_new => {
+            pictures.levels = Some(Levels { p: levels.density, s: levels.attribute });
+            // Where nothing is in view there is a black picture, and no error.
+            let grid = planes_and_widest(&drawn_view, seen(&pictures.extents), &options).ok();
+            pictures.light = grid.map(|(grid, _)| VolumeJob {
+                number: pictures.next(),
+                view: drawn_view,
+                grid,
+                options,
+                stride: 1,
+                shows: Shows::Light(Arc::new(scenery)),
+            });
+            pictures.began.push_back((pictures.number, Instant::now(), size));
+            if pictures.began.len() > MOST_ASKED {
+                pictures.began.pop_front();
+            }
+            pictures.asked = Some(key.clone());
+        }
+        Some(Err(VolumeError::Grid(GridError::NothingInView))) if !awaits => {
+            pictures.light = None;
+            pictures.asked = Some(key.clone());
+        }
+        Some(Err(error)) if !awaits && pictures.failed.as_ref() != Some(&key) => {
+            notices.error(error.to_string());
+            pictures.failed = Some(key.clone());
+        }
+        _ => {}
+    }
+
+    let number = pictures.light.as_ref().map(|job| job.number);
+    let is_drawn = number.is_none() || found.drawn == number;
+    if let Some(drawn) = found.drawn.filter(|drawn| *drawn != pictures.seen) {
+        pictures.seen = drawn;
+        if let Some(&(_, began, size)) = pictures.began.iter().find(|(number, ..)| *number == drawn) {
+            let milliseconds = 1e3 * began.elapsed().as_secs_f64();
+            pictures.last = Some((size, milliseconds));
+            statistics.draw_ms = Some(milliseconds);
+        }
+        // A sample's wider kernels may hide what all particles together do not: it says nothing.
+        if Some(drawn) == number && statistics.sampled.is_none() {
+            let opaque = found.opaque.as_ref().filter(|(of, _)| *of == drawn);
+            let opaque = opaque.map(|(_, opaque)| Arc::clone(opaque));
+            occlusion.drew(opaque, (scene.generation, look.depiction_revision), selection.complete);
+        }
+    }
+    if found.no_room.is_some() && found.no_room == number && pictures.coarser.is_none_or(|(by, _)| by < 16) {
+        let by = pictures.coarser.map_or(2, |(by, _)| 2 * by);
+        pictures.coarser = Some((by, Instant::now()));
+        if !std::mem::replace(&mut pictures.told_coarser, true) {
+            notices.error("the graphics memory is too small for this volume: it is drawn with fewer pixels");
+        }
+    }
+    if found.thinner && !std::mem::replace(&mut pictures.told_thinner, true) {
+        notices.info("the graphics memory is short: volumes are drawn in thinner slabs");
+    }
+    (statistics.slabs, statistics.work_bytes) = (Some(found.slabs), found.bytes);
+    if let Some(levels) = pictures.levels.filter(|levels| exposure.levels != Some(*levels) || look.is_changed()) {
+        exposure.set_if_neq(Exposure::of_codebooks(metadata, &look.depiction, &transfer, levels));
+    }
+
+    let times = diagnostics.as_deref().and_then(|diagnostics| pass_times(diagnostics, &timed.0));
+    statistics.passes = times.map(|(_, _, passes)| passes).unwrap_or_default();
+    // As many slabs a frame as there is time for: twice as many while frames are short, half where they are long.
+    let spent: f64 = statistics.passes.iter().map(|(_, milliseconds)| milliseconds).sum();
+    pictures.slabs = match pictures.slabs {
+        0 => 1,
+        slabs if spent > frame_ms => (slabs / 2).max(1),
+        slabs if spent < 0.4 * frame_ms && !is_drawn => (2 * slabs).min(1024),
+        slabs => slabs,
+    };
+    let wanted = VolumeView {
+        extents: Arc::clone(&pictures.extents),
+        light: pictures.light.clone(),
+        ranges: pictures.sketch.clone(),
+        attribute: look.depiction.attribute.is_some(),
+        memory: preset.residency.gpu_bytes()[1],
+        slabs: pictures.slabs,
+    };
+    let fading = before.fade().map(|(image, share)| Fading { image: Arc::clone(image), share });
+    let light = LightView { before: fading };
+    let same = shown == Some(&light);
+    let splats = SplatView {
+        view,
+        footprint: gpu::Footprint::Kernel(metadata.kernel),
+        backend: gpu::Backend::Compute,
+        culling: true,
+        faintest: 0.0,
+        items: Arc::clone(&pictures.items),
+        always: false,
+    };
+    commands.entity(entity).insert((splats, wanted));
+    if !same {
+        commands.entity(entity).insert(light);
+    }
+    let chosen = selection.complete && selection.occlusion == occlusion.revision;
+    let is_asked = pictures.asked.as_ref() == Some(&key);
+    converged.0 = chosen
+        && !moving
+        && is_asked
+        && !awaits
+        && is_drawn
+        && pictures.reloaded.is_none()
+        && size == full
+        && look.settled
+        && before.is_settled();
+}
