@@ -16,7 +16,7 @@ use super::state::notices::Notices;
 use super::statistics::{ActiveBackend, Converged, Statistics};
 use super::touring::Before;
 use crate::color::Accumulation;
-use crate::gpu::measure::{Measure, MeasuredPicture};
+use crate::gpu::measure::{Measure, Measured, MeasuredPicture};
 use crate::gpu::page_copies::{self, CopyState, node_id};
 use crate::gpu::timing::TimedPasses;
 use crate::gpu::{self, Composite, DrawItem, Fading, LightView, ModeView, ParticleScene, SplatView, VolumeView};
@@ -49,7 +49,8 @@ pub struct GpuTables {
     items: Arc<[DrawItem]>,
     /// When a picture was last taken for ranges and histograms.
     measured: Option<Instant>,
-    exposed: Option<usize>,
+    /// The picture that they are of.
+    exposed: Option<Arc<Measured>>,
     drawing_cost: DrawingCost,
     /// Particles that the last pictures took, and when the last one was changed.
     taken: [u64; 3],
@@ -366,9 +367,11 @@ pub(super) fn draw_on_gpu(
     let paced = tables.measured.is_none_or(|since| since.elapsed() > MEASURE_EVERY);
     if let Some(found) = found
         && (is_current || paced)
-        && (exposure.levels.is_none() || tables.exposed != Some(Arc::as_ptr(&found) as usize) || look.is_changed())
+        && (exposure.levels.is_none()
+            || !tables.exposed.as_ref().is_some_and(|known| Arc::ptr_eq(known, &found))
+            || look.is_changed())
     {
-        tables.exposed = Some(Arc::as_ptr(&found) as usize);
+        tables.exposed = Some(Arc::clone(&found));
         tables.measured = Some(Instant::now());
         let ps = if look.depiction.attribute.is_some() { found.cells.ps.clone() } else { Vec::new() };
         exposure.set_if_neq(Exposure::of(&Accumulation { ps, ..found.cells.clone() }, &look.transfer));
