@@ -5,7 +5,7 @@
 //! within the byte budget is rejected, and the main world decides what to remove.
 
 use super::scene::{
-    NodeId, NodeState, ParticleScene, Payload, RAW_WORDS, SceneCommand, Table, TableEntry, TableId, Words,
+    NodeId, NodeState, ParticleScene, Payload, RAW_WORDS, RawParticle, SceneCommand, Table, TableEntry, TableId, Words,
 };
 use super::splat::layout::Encoding;
 use crate::mode::sample::GROUP;
@@ -20,6 +20,8 @@ use std::collections::HashMap;
 const PART_BYTES: usize = 8 << 20;
 /// Allocations are multiples of this many bytes.
 const GRANULE: u64 = 16;
+/// Numbers of chunks that are lent begin here.
+const LENT: usize = 1 << 24;
 
 /// Particles of one node in one chunk.
 pub struct Part {
@@ -31,7 +33,8 @@ pub struct Part {
     pub codes: u32,
     /// Number of particles.
     pub count: u32,
-    allocation: Allocation,
+    /// Without one the chunk is a buffer that is lent.
+    allocation: Option<Allocation>,
     bytes: u64,
 }
 
@@ -57,6 +60,10 @@ struct Chunk {
 pub struct Arena {
     chunks: Vec<Chunk>,
     chunk_bytes: u64,
+    /// Buffers of others that nodes lie in, by the number of their chunk.
+    lent: HashMap<usize, Buffer>,
+    /// How many have been lent so far.
+    lent_count: usize,
     nodes: HashMap<NodeId, ResidentNode>,
     tables: HashMap<TableId, Table>,
     table_ranges: HashMap<TableId, (u32, u32)>,
@@ -81,14 +88,9 @@ impl Arena {
         self.table_buffer.as_ref()
     }
 
-    /// The buffer of a chunk; parts only name chunks that exist.
+    /// The buffer of a chunk; parts of resident nodes only name chunks that exist.
     pub fn chunk(&self, index: usize) -> &Buffer {
-        &self.chunks[index].buffer
-    }
-
-    /// Number of chunks.
-    pub fn chunk_count(&self) -> usize {
-        self.chunks.len()
+        if index < LENT { &self.chunks[index].buffer } else { &self.lent[&index] }
     }
 
     fn free(&mut self, id: NodeId) -> u64 {
@@ -96,7 +98,10 @@ impl Arena {
         node.parts
             .into_iter()
             .map(|part| {
-                self.chunks[part.chunk].allocator.free(part.allocation);
+                match part.allocation {
+                    Some(allocation) => self.chunks[part.chunk].allocator.free(allocation),
+                    None => drop(self.lent.remove(&part.chunk)),
+                }
                 part.bytes
             })
             .sum()
@@ -138,6 +143,7 @@ impl Arena {
         queue: &RenderQueue,
     ) -> Option<u64> {
         let (encoding, words, codes, stride) = match payload.words() {
+            Words::Lent(buffer, count) => return self.adopt(id, min, buffer, count, device),
             Words::Grid(words, codes) => (Encoding::Grid, words, codes, 1),
             Words::Leaf(words, codes) => (Encoding::Leaf, words, codes, 2),
             Words::World(words) => (Encoding::World, words, &[][..], RAW_WORDS),
@@ -185,7 +191,7 @@ impl Arena {
                 positions: positions_word,
                 codes: positions_word + (positions.len() / 4) as u32,
                 count: (last - first) as u32,
-                allocation,
+                allocation: Some(allocation),
                 bytes,
             });
             total += bytes;
@@ -193,6 +199,22 @@ impl Arena {
         }
         self.nodes.insert(id, node);
         Some(total)
+    }
+
+    /// Takes a node of a buffer of somebody else's; `None` where shaders cannot read as much of it.
+    fn adopt(&mut self, id: NodeId, min: DVec3, buffer: &Buffer, count: u32, device: &RenderDevice) -> Option<u64> {
+        let limits = device.limits();
+        let largest = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
+        let needed = u64::from(count) * size_of::<RawParticle>() as u64;
+        if needed > buffer.size() || buffer.size() > largest || !buffer.usage().contains(BufferUsages::STORAGE) {
+            return None;
+        }
+        let chunk = LENT + self.lent_count;
+        self.lent_count += 1;
+        self.lent.insert(chunk, buffer.clone());
+        let part = Part { chunk, positions: 0, codes: 0, count, allocation: None, bytes: 0 };
+        self.nodes.insert(id, ResidentNode { min, step: 0.0, encoding: Encoding::World, parts: vec![part] });
+        Some(0)
     }
 
     fn rebuild_tables(&mut self, device: &RenderDevice, queue: &RenderQueue) {

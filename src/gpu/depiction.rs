@@ -6,13 +6,13 @@ use crate::gpu::{
 };
 use crate::gpu::{Table, TableEntry};
 use crate::mode::sample::Sample;
-use crate::mode::{CodeTable, Depiction, Footprint, Plan, SourceColumns};
-use crate::model::Kernel;
+use crate::mode::{CodeTable, Columns, Depiction, Footprint, Plan, SourceColumns};
+use crate::model::{Bounds, Family, Kernel};
 use crate::picture::decode::reach;
 use crate::store::{FamilyMetadata, Metadata, Particles};
 use crate::stream::SceneNode;
-use crate::view::View;
-use glam::DVec3;
+use crate::view::{Extent, View};
+use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 /// Particles of one payload: few enough that any adapter binds them.
@@ -107,6 +107,37 @@ pub fn request_nodes(
 /// The name of particles that lie where this picture's camera sees them: no other picture has them.
 const OWN: u32 = u32::MAX;
 
+/// The particle at an index of its columns, with a factor on its weight.
+fn raw(i: usize, position: Vec3, smoothing_length: f32, columns: &SourceColumns, scale: f32) -> RawParticle {
+    RawParticle {
+        position: position.to_array(),
+        smoothing_length,
+        weight: scale * columns.weight[i],
+        attribute: columns.attribute.as_ref().map_or(0.0, |attribute| attribute[i]),
+        density: columns.density.as_ref().map_or(0.0, |density| density[i]),
+        unused: 0.0,
+    }
+}
+
+/// A family's particles as they are, for any camera: payloads, the origin of each, and how far its particles reach.
+pub fn world_payloads(depiction: &Depiction, family: &Family) -> Vec<(Payload, DVec3, Extent)> {
+    let attributes: Vec<(&str, &[f32])> =
+        family.attributes.iter().map(|attribute| (attribute.name.as_str(), &attribute.values[..])).collect();
+    let Family { positions, mass, density, smoothing_length, .. } = family;
+    let columns = depiction.values_of(&Columns { mass, density, smoothing_length, attributes: &attributes });
+    let batch = |start: usize| {
+        let range = start..family.len().min(start + BATCH);
+        let place = |i: usize| DVec3::from_array(positions[i]);
+        let around = |i: usize| (place(i), place(i), smoothing_length[i]);
+        let widest = |a: (DVec3, DVec3, f32), b: (DVec3, DVec3, f32)| (a.0.min(b.0), a.1.max(b.1), a.2.max(b.2));
+        let (min, max, margin) = range.clone().into_par_iter().map(around).reduce(|| around(start), widest);
+        let particle = |i: usize| raw(i, (place(i) - min).as_vec3(), smoothing_length[i], &columns, 1.0);
+        let particles = range.into_par_iter().map(particle).collect();
+        (Payload::World(particles), min, Extent { bounds: Bounds { min, max }, margin: f64::from(margin) })
+    };
+    (0..family.len()).step_by(BATCH).map(batch).collect()
+}
+
 /// Adds a node whose particles are not coded, with the factor on their weights; their places are found in double precision,
 /// relative to the camera.
 fn own_content(
@@ -118,14 +149,10 @@ fn own_content(
     nodes: &mut Vec<HeadlessNode>,
 ) {
     let offset = drawn.offset;
-    let SourceColumns { weight, attribute, density } = depiction.columns_of(family, &held.values);
-    let particle = |i: usize| RawParticle {
-        position: view.to_camera(DVec3::from_array(held.positions[i]) + offset).as_vec3().to_array(),
-        smoothing_length: held.values.smoothing_length[i],
-        weight: scale * weight[i],
-        attribute: attribute.as_ref().map_or(0.0, |attribute| attribute[i]),
-        density: density.as_ref().map_or(0.0, |density| density[i]),
-        unused: 0.0,
+    let columns = depiction.columns_of(family, &held.values);
+    let particle = |i: usize| {
+        let position = view.to_camera(DVec3::from_array(held.positions[i]) + offset).as_vec3();
+        raw(i, position, held.values.smoothing_length[i], &columns, scale)
     };
     for start in (0..held.len()).step_by(BATCH) {
         let particles = (start..held.len().min(start + BATCH)).into_par_iter().map(particle).collect();

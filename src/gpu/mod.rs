@@ -37,6 +37,7 @@ pub mod sorted_splats;
 pub mod spheres;
 pub mod splat;
 pub mod target;
+pub mod tile_passes;
 pub mod tiles;
 pub mod timing;
 pub mod view;
@@ -55,6 +56,7 @@ pub use scene::{
 };
 pub use sorted_splats::SortedSplats;
 pub use spheres::Spheres;
+pub use tiles::TilePicture;
 pub use view::{Backend, Composite, DrawItem, Fading, Footprint, SplatView};
 pub use volume::{VolumeFindings, VolumeJob, VolumeNews, VolumeView};
 
@@ -73,9 +75,9 @@ impl PluginGroup for DeepfieldRenderPlugins {
             .add(light::LightPlugin)
             .add(volume::VolumePlugin)
             .add(measure::MeasurePlugin)
-            .add(sorted_splats::SortedSplatsPlugin)
-            .add(spheres::SpheresPlugin)
-            .add(layered::LayeredPlugin)
+            .add(tiles::TilePlugin::<SortedSplats>::default())
+            .add(tiles::TilePlugin::<Spheres>::default())
+            .add(tiles::TilePlugin::<Layered>::default())
             .add(RenderDiagnosticsPlugin)
             .add(plugins::OtherCrates)
     }

@@ -3,23 +3,20 @@
 use super::depiction::request_nodes;
 use super::device::GpuError;
 use super::headless::HeadlessRequest;
-use super::layered::Layered;
 use super::renderer::HeadlessRenderer;
-use super::sorted_splats::SortedSplats;
-use super::spheres::Spheres;
+use super::tile_passes::TilePasses;
 use super::timing::PassTimes;
 use super::view::Backend;
 use super::volume::{Shows, VolumeJob, VolumeView};
 use super::{device, headless};
 use crate::color::Colors;
-use crate::cpu::volume::extents::{planes_and_widest, planes_of};
+use crate::cpu::volume::extents::planes_and_widest;
 use crate::cpu::volume::range::Sketch;
 use crate::cpu::volume::{FieldRange, VolumeError, VolumeOptions, VolumeReport};
 use crate::mode::LightPasses;
 use crate::picture::adapter::{Adapter, AdapterFrame, AdapterJob, AdapterValues, Passes};
 use crate::view::perspective_grid::GridError;
 use crate::view::{Extent, PerspectiveGrid, View};
-use bevy::prelude::Bundle;
 use std::sync::Arc;
 use std::sync::mpsc::{Sender, channel};
 use std::thread::{self, JoinHandle};
@@ -138,48 +135,11 @@ impl Offscreen {
     fn light(&mut self, job: &AdapterJob<'_>, passes: &LightPasses) -> Result<AdapterFrame, GpuError> {
         let request = request(job);
         let asked = |error: VolumeError| GpuError::Asked(error.to_string());
-        let sigma = PerspectiveGrid::sigma_of(job.view, 1.0);
-        let (scenery, options) = match passes {
-            LightPasses::March(scenery, options) => (scenery, options),
-            LightPasses::Sorted { classifier, options, termination, density_scale } => {
-                let ends = [options.near, options.far];
-                let planes = planes_of(job.view, within(job, &request), options.smallest * sigma, ends);
-                let sorted = SortedSplats {
-                    classifier: Arc::new(classifier.clone()),
-                    planes: planes.map_err(asked)?,
-                    termination: *termination,
-                    smallest: options.smallest,
-                    density_scale: *density_scale,
-                };
-                return self.tiles(request, sorted.planes, sorted);
-            }
-            LightPasses::Layered { classifier, options, layers, assignment, termination } => {
-                let ends = [options.near, options.far];
-                let planes = planes_of(job.view, within(job, &request), options.smallest * sigma, ends);
-                let layered = Layered {
-                    classifier: Arc::new(classifier.clone()),
-                    planes: planes.map_err(asked)?,
-                    layers: *layers,
-                    assignment: *assignment,
-                    termination: *termination,
-                    smallest: options.smallest,
-                    longest: within(job, &request).map(|extent| extent.margin).fold(0.0, f64::max),
-                };
-                return self.tiles(request, layered.planes, layered);
-            }
-            LightPasses::Spheres { options, light, colors, density_scale } => {
-                let planes = planes_of(job.view, within(job, &request), 0.0, [options.near, options.far]);
-                let spheres = Spheres {
-                    radius: options.radius,
-                    least: options.least,
-                    smoothing: options.smoothing,
-                    planes: planes.map_err(asked)?,
-                    density_scale: *density_scale,
-                    light: *light,
-                    colors: colors.clone(),
-                };
-                return self.tiles(request, spheres.planes, spheres);
-            }
+        let LightPasses::March(scenery, options) = passes else {
+            let extents: Vec<Extent> = within(job, &request).collect();
+            let found = TilePasses::of(passes, job.view, &extents).map_err(asked)?;
+            let passes = found.ok_or_else(|| GpuError::Failed("(no passes for this mode)".into()))?;
+            return self.tiles(request, passes);
         };
         let (grid, _) = planes_and_widest(job.view, within(job, &request), options).map_err(asked)?;
         let wanted = self.job(*job.view, grid, *options, 1, Shows::Light(Arc::new(scenery.clone())));
@@ -202,16 +162,12 @@ impl Offscreen {
     }
 
     /// Draws by passes that complete a picture in one frame.
-    fn tiles(
-        &mut self,
-        request: HeadlessRequest,
-        planes: [f64; 2],
-        components: impl Bundle,
-    ) -> Result<AdapterFrame, GpuError> {
+    fn tiles(&mut self, request: HeadlessRequest, passes: TilePasses) -> Result<AdapterFrame, GpuError> {
         let [width, height] = [request.view.width, request.view.height];
+        let planes = passes.planes();
         self.with(move |slot| {
             let renderer = loaded(slot, &request)?;
-            let (colors, (passes, frame)) = renderer.frames(components, request.repeat)?;
+            let (colors, (passes, frame)) = renderer.tiles(passes, request.repeat)?;
             let particles = renderer.particles();
             let report = VolumeReport { grid: [width, height, 1], planes, particles, ..VolumeReport::default() };
             Ok(light_frame(colors, report, renderer, &passes, frame))
@@ -292,6 +248,7 @@ fn volume(job: &AdapterJob<'_>, request: &HeadlessRequest, [light, ranges]: [Opt
         light,
         ranges,
         attribute: job.depiction.attribute.is_some(),
+        ranges_only: false,
         memory: u64::MAX,
         slabs: 4,
     }

@@ -5,14 +5,12 @@ use super::DeepfieldRenderPlugins;
 use super::capabilities::Technique;
 use super::device::{DeviceOptions, GpuError, open};
 use super::headless::{HeadlessNode, HeadlessRequest};
-use super::layered::Layered;
 use super::light::{LightCells, LightView};
 use super::mode_view::ModeView;
 use super::readback::{read_buffer, read_texture};
 use super::scene::{NodeId, NodeState, ParticleScene, Payload, TableId};
-use super::sorted_splats::SortedSplats;
-use super::spheres::Spheres;
 use super::splat::{Bindings, SplatBuffers, pipeline_error};
+use super::tile_passes::TilePasses;
 use super::timing::{PassTimes, median};
 use super::view::{Backend, Composite, DrawItem, SplatView};
 use super::volume::{VolumeFindings, VolumeNews, VolumeView};
@@ -166,16 +164,10 @@ impl HeadlessRenderer {
         };
         let items = request.nodes.iter().map(item).collect();
         // Nothing is drawn before everything is there.
-        self.app.world_mut().entity_mut(self.camera).remove::<(
-            SplatView,
-            ModeView,
-            Composite,
-            LightView,
-            VolumeView,
-            Layered,
-            SortedSplats,
-            Spheres,
-        )>();
+        let world = self.app.world_mut();
+        world.entity_mut(self.camera).remove::<(SplatView, ModeView, Composite, LightView, VolumeView)>();
+        TilePasses::hide(&mut world.commands().entity(self.camera));
+        world.flush();
         match self.upload(&scene, request, bytes) {
             // What pictures before have left of the adapter's memory is in pieces.
             Err(GpuError::OutOfMemory { .. }) if !wanted.is_empty() || scene.stats().resident_nodes > 0 => {
@@ -261,13 +253,15 @@ impl HeadlessRenderer {
         Ok((self.light()?, found, (passes, median(&mut frames))))
     }
 
-    /// Draws what passes make of components in one frame, as often as asked: its light, and the median milliseconds of its passes and of a
-    /// frame.
+    /// Draws what passes by tiles do, as often as asked: its light, and the median milliseconds of its passes and of a frame.
     ///
     /// # Errors
     /// As [`HeadlessRenderer::volume`].
-    pub fn frames(&mut self, components: impl Bundle, repeat: u32) -> Result<(Colors, (PassTimes, f64)), GpuError> {
-        self.insert((LightView::default(), components));
+    pub fn tiles(&mut self, passes: TilePasses, repeat: u32) -> Result<(Colors, (PassTimes, f64)), GpuError> {
+        self.insert(LightView::default());
+        let world = self.app.world_mut();
+        passes.show(1, &mut world.commands().entity(self.camera));
+        world.flush();
         self.complete()?;
         let (mut frames, passes) = self.measure(repeat)?;
         Ok((self.light()?, (passes, median(&mut frames))))

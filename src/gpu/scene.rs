@@ -7,6 +7,7 @@
 
 use crate::store::{Page, Positions};
 use bevy::prelude::Resource;
+use bevy::render::render_resource::Buffer;
 use glam::DVec3;
 use std::collections::{HashMap, VecDeque};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -87,6 +88,13 @@ pub enum Payload {
     World(Vec<RawParticle>),
     /// Source particles in camera space (right, up, depth; computed in double precision): valid for one camera only.
     Camera(Vec<RawParticle>),
+    /// Source particles as [`Payload::World`] has them, in a storage buffer of somebody else's, which passes read where it is.
+    Lent {
+        /// The buffer: [`RawParticle`]s from its beginning.
+        buffer: Buffer,
+        /// How many.
+        count: u32,
+    },
 }
 
 /// A payload as the words that the arena holds.
@@ -99,6 +107,8 @@ pub(super) enum Words<'a> {
     World(&'a [u32]),
     /// Eight words a particle, in camera space.
     Camera(&'a [u32]),
+    /// They are on the adapter.
+    Lent(&'a Buffer, u32),
 }
 
 impl Payload {
@@ -115,6 +125,7 @@ impl Payload {
             Payload::Leaf { positions, codes } => Words::Leaf(bytemuck::cast_slice(positions), codes),
             Payload::World(particles) => Words::World(bytemuck::cast_slice(particles)),
             Payload::Camera(particles) => Words::Camera(bytemuck::cast_slice(particles)),
+            Payload::Lent { buffer, count } => Words::Lent(buffer, *count),
         }
     }
 
@@ -124,6 +135,7 @@ impl Payload {
             Words::Grid(positions, codes) => positions.len().min(codes.len()),
             Words::Leaf(positions, codes) => (positions.len() / 2).min(codes.len()),
             Words::World(words) | Words::Camera(words) => words.len() / RAW_WORDS,
+            Words::Lent(_, count) => count as usize,
         }
     }
 
@@ -132,13 +144,14 @@ impl Payload {
         self.len() == 0
     }
 
-    /// Bytes that it takes on the GPU.
+    /// Bytes that its copy takes on the GPU.
     pub fn bytes(&self) -> u64 {
         match self.words() {
             Words::Grid(positions, codes) | Words::Leaf(positions, codes) => {
                 (size_of_val(positions) + size_of_val(codes).next_multiple_of(4)) as u64
             }
             Words::World(words) | Words::Camera(words) => size_of_val(words) as u64,
+            Words::Lent(..) => 0,
         }
     }
 }
@@ -151,7 +164,7 @@ pub(super) const RAW_WORDS: usize = size_of::<RawParticle>() / size_of::<u32>();
 pub struct NodeUpload {
     /// Its name.
     pub id: NodeId,
-    /// The cell's lowest corner in world units (the origin of [`Payload::World`]).
+    /// The cell's lowest corner in world units (the origin of [`Payload::World`] and [`Payload::Lent`]).
     pub min: DVec3,
     /// The cell's edge length in world units; only the packed encodings use it.
     pub size: f64,

@@ -22,7 +22,7 @@ use crate::color::composite::composite_at;
 use crate::color::transfer::{Levels, TransferFunction};
 use crate::color::{Accumulation, Image as Colors};
 use crate::cpu::volume::OpaqueDepths;
-use crate::mode::{Adapter, Footprint, LodBudget, Plan, Raw};
+use crate::mode::{Footprint, LodBudget, Plan, Raw};
 use crate::picture::Subject;
 use crate::picture::drawing_cost::DrawingCost;
 use crate::picture::fade::faded;
@@ -152,8 +152,7 @@ pub(super) fn draw_on_cpu(
                 let opaque = painted.and_then(|painted| painted.opaque.clone());
                 // Live particles hide nothing of the file.
                 let opaque = opaque.filter(|_| live.particles().is_none());
-                // Of the other modes, pictures with and without what is hidden have been found to differ at silhouettes here.
-                let opaque = opaque.filter(|_| look.depiction.mode.technique.adapter() == Adapter::Light);
+                let opaque = opaque.filter(|_| look.depiction.needs().hides);
                 // A sample's wider kernels may hide what all particles together do not: it says nothing.
                 if painted.is_none_or(|painted| painted.sampled.is_none()) {
                     occlusion.drew(opaque, (done.drawn.key.generation, done.drawn.key.depiction), done.complete);

@@ -6,7 +6,9 @@
 
 use super::cpu_backend::CpuPicture;
 use super::exposure::Exposure;
+use super::listed::Listed;
 use super::live::LiveParticles;
+use super::live::copies::LiveCopies;
 use super::look::Look;
 use super::pages::{GpuSlot, PageCopies, PageKey, PageStatus, Streaming, ViewSelection};
 use super::picture::DataCamera;
@@ -18,6 +20,7 @@ use super::touring::Before;
 use crate::color::Accumulation;
 use crate::gpu::measure::{Measure, Measured, MeasuredPicture};
 use crate::gpu::page_copies::{self, CopyState, node_id};
+use crate::gpu::tile_passes::TilePasses;
 use crate::gpu::timing::TimedPasses;
 use crate::gpu::{self, Composite, DrawItem, Fading, LightView, ModeView, ParticleScene, SplatView, VolumeView};
 use crate::gpu::{Capabilities, TableId, Technique, Withheld};
@@ -28,7 +31,6 @@ use crate::picture::decode::reach;
 use crate::picture::drawing_cost::{self, DrawingCost};
 use crate::store::Metadata;
 use crate::stream::SceneNode;
-use crate::view::Extent;
 use bevy::diagnostic::DiagnosticsStore;
 use bevy::prelude::*;
 use bevy::render::renderer::{RenderAdapter, RenderAdapterInfo, RenderDevice};
@@ -43,8 +45,9 @@ pub struct GpuTables {
     made_for: Option<(u32, u64)>,
     /// One table for each family and codebook, and its largest importance.
     tables: Vec<Vec<(TableId, f32)>>,
-    /// The selection that the camera draws, what the settings leave out of it, and whether it moves.
-    drawn: Option<(u64, Plan, bool)>,
+    /// The selection that the camera draws, the state of live particles in its place, what the settings leave out of it, and whether it
+    /// moves.
+    drawn: Option<(u64, Option<u32>, Plan, bool)>,
     /// What the camera draws.
     items: Arc<[DrawItem]>,
     /// When a picture was last taken for ranges and histograms.
@@ -95,8 +98,7 @@ pub(super) fn choose_backend(
     // A driver without a graphics card draws on the processor too, and volumes slower than our own renderer.
     let is_card = info.as_ref().is_some_and(|info| info.device_type != DeviceType::Cpu);
     let wanted = match asked {
-        // What changes every frame has no pages to copy.
-        _ if matches!(adapter_of_mode, Adapter::None | Adapter::Tiles) || live.particles().is_some() => None,
+        _ if adapter_of_mode == Adapter::None => None,
         Backend::Compute if adapter_of_mode == Adapter::Light => Some(gpu::Backend::Compute),
         Backend::Auto if adapter_of_mode == Adapter::Light && is_card => Some(gpu::Backend::Compute),
         _ if adapter_of_mode == Adapter::Light => None,
@@ -134,11 +136,15 @@ pub(super) fn choose_backend(
     }
     statistics.adapter = graphics.map_or_else(String::new, |(_, info)| format!("{} ({})", info.name, info.driver_info));
     let wanted = if found.is_some() { ActiveBackend::Gpu } else { ActiveBackend::Cpu };
-    let uses_copies = wanted == ActiveBackend::Gpu;
+    // While something else is shown, the file's pages have no place there.
+    let uses_copies = wanted == ActiveBackend::Gpu && !live.is_shown();
+    if wanted == ActiveBackend::Cpu && live.is_shown() && live.particles().is_none() {
+        notices.error("the processor cannot draw particles in the graphics adapter's memory: the file is shown");
+    }
     if *active == wanted && copies.0 == uses_copies {
         return;
     }
-    if matches!(adapter_of_mode, Adapter::None | Adapter::Tiles) {
+    if adapter_of_mode == Adapter::None {
         notices.info(format!("the processor draws {}", mode.name));
     }
     *active = wanted;
@@ -148,8 +154,9 @@ pub(super) fn choose_backend(
         commands.entity(page).remove::<GpuSlot>();
     });
     for (entity, mut camera) in &mut cameras {
-        camera.is_active = uses_copies;
+        camera.is_active = wanted == ActiveBackend::Gpu;
         commands.entity(entity).remove::<(SplatView, Composite, ModeView, LightView, VolumeView, Measure)>();
+        TilePasses::hide(&mut commands.entity(entity));
     }
 }
 
@@ -238,18 +245,6 @@ fn make_tables(particles: &ParticleScene, look: &Look, metadata: &Metadata) -> V
     metadata.families.iter().map(|family| family.codebooks.iter().map(|book| table(family, book)).collect()).collect()
 }
 
-/// What is drawn of a selection.
-pub(super) struct Listed {
-    /// The nodes.
-    pub items: Arc<[DrawItem]>,
-    /// How far the particles of each reach.
-    pub extents: Arc<[Extent]>,
-    /// What is left out of them.
-    pub plan: Plan,
-    /// How many particles are drawn.
-    pub taken: u64,
-}
-
 impl GpuTables {
     /// Has tables for a look; true where they are other ones than before.
     pub(super) fn follow(&mut self, particles: &ParticleScene, look: &Look, scene: &Scene) -> bool {
@@ -309,6 +304,7 @@ pub(super) fn draw_on_gpu(
     scene: Option<Res<Scene>>,
     look: Option<Res<Look>>,
     selection: Res<ViewSelection>,
+    (live, copies): (Res<LiveParticles>, Res<LiveCopies>),
     (motion, preset, before): (Res<CpuPicture>, Res<Preset>, Res<Before>),
     (diagnostics, timed): (Option<Res<DiagnosticsStore>>, Res<TimedPasses>),
     (measured, mut exposure): (Res<MeasuredPicture>, ResMut<Exposure>),
@@ -333,7 +329,9 @@ pub(super) fn draw_on_gpu(
     let tables = &mut *tables;
     if tables.follow(&particles, &look, &scene) {
         let (mode, settings) = (look.depiction.mode, look.depiction.settings.clone());
-        commands.entity(entity).insert((ModeView { mode, settings }, Measure)).remove::<(LightView, VolumeView)>();
+        let mut camera = commands.entity(entity);
+        camera.insert((ModeView { mode, settings }, Measure)).remove::<(LightView, VolumeView)>();
+        TilePasses::hide(&mut camera);
     }
     let frame_ms = preset.drawing.frame_ms;
     let moving = motion.is_moving(&preset.motion);
@@ -342,10 +340,14 @@ pub(super) fn draw_on_gpu(
     let subject = Subject::new(metadata, &look.depiction, &look.transfer, 0.0);
     let usual = subject.plan(&view, &[], &lod_budget, Some(look.levels)).unwrap_or_default();
     let pressed = moving && frame_ms > 0.0;
-    if tables.drawn != Some((selection.revision, usual, pressed)) {
-        tables.drawn = Some((selection.revision, usual, pressed));
+    let drawn = (selection.revision, live.is_shown().then(|| copies.number()), usual, pressed);
+    if tables.drawn != Some(drawn) {
+        tables.drawn = Some(drawn);
         let limit = if pressed { tables.drawing_cost.limit(frame_ms, preset.motion.sample_sizes()) } else { u64::MAX };
-        let Listed { items, plan, taken, .. } = tables.list(&selection, &look, &scene, (limit, usual));
+        let Listed { items, plan, taken, .. } = match live.is_shown() {
+            true => copies.listed(&view, usual),
+            false => tables.list(&selection, &look, &scene, (limit, usual)),
+        };
         statistics.sampled = (plan != usual).then_some(taken);
         tables.taken = [taken, tables.taken[0], tables.taken[1]];
         tables.changed = Some(Instant::now());

@@ -5,7 +5,10 @@
 
 use super::cpu_backend::CpuPicture;
 use super::exposure::Exposure;
-use super::gpu_backend::{GpuTables, Listed, pass_times};
+use super::gpu_backend::{GpuTables, pass_times};
+use super::listed::Listed;
+use super::live::LiveParticles;
+use super::live::copies::LiveCopies;
 use super::look::{Held, Look};
 use super::occlusion::Occlusion;
 use super::pages::ViewSelection;
@@ -22,13 +25,15 @@ use crate::cpu::volume::extents::planes_and_widest;
 use crate::cpu::volume::range::Sketch;
 use crate::cpu::volume::{FieldRange, VolumeError};
 use crate::gpu::measure::Measure;
+use crate::gpu::tile_passes::TilePasses;
+use crate::gpu::tiles::TileNews;
 use crate::gpu::timing::TimedPasses;
 use crate::gpu::volume::{Shows, VolumeJob, VolumeNews};
 use crate::gpu::{self, Composite, DrawItem, Fading, LightView, ModeView, ParticleScene, SplatView, VolumeView};
 use crate::mode::{Adapter, LightPasses, LightPlan, Plan};
 use crate::picture::Subject;
-use crate::view::Extent;
 use crate::view::perspective_grid::GridError;
+use crate::view::{Extent, View};
 use bevy::diagnostic::DiagnosticsStore;
 use bevy::prelude::*;
 use std::collections::VecDeque;
@@ -49,6 +54,8 @@ const RELOAD: Duration = Duration::from_millis(500);
 #[derive(Clone, Copy, PartialEq)]
 struct ListKey {
     selection: u64,
+    /// The state of live particles, if they are what is drawn.
+    live: Option<u32>,
     limit: u64,
 }
 
@@ -62,6 +69,23 @@ struct PictureKey {
     ranges: Option<FieldRange>,
 }
 
+/// A picture that the adapter draws.
+enum Light {
+    /// A volume, slab by slab.
+    Volume(VolumeJob),
+    /// By tiles: its number, from where, and by which passes.
+    Tiles(u64, View, TilePasses),
+}
+
+impl Light {
+    fn number(&self) -> u64 {
+        match self {
+            Light::Volume(job) => job.number,
+            Light::Tiles(number, ..) => *number,
+        }
+    }
+}
+
 /// The pictures of light that the adapter draws.
 #[derive(Resource, Default)]
 pub(super) struct LightPictures {
@@ -70,7 +94,7 @@ pub(super) struct LightPictures {
     extents: Arc<[Extent]>,
     asked: Option<PictureKey>,
     /// The picture that was asked for last.
-    light: Option<VolumeJob>,
+    light: Option<Light>,
     /// When pictures were asked for, and with how many pixels.
     began: VecDeque<(u64, Instant, UVec2)>,
     /// Pixels and milliseconds of the last complete one.
@@ -87,6 +111,8 @@ pub(super) struct LightPictures {
     /// When a shader was changed of which pictures may not have been drawn yet.
     reloaded: Option<Instant>,
     slabs: u32,
+    /// How many particles are in the list.
+    taken: u64,
     /// Counts jobs.
     number: u64,
     /// What has been told.
@@ -106,9 +132,10 @@ impl LightPictures {
 pub(super) fn draw_light_on_gpu(
     mut commands: Commands,
     active: Res<ActiveBackend>,
-    (particles, news): (Res<ParticleScene>, Res<VolumeNews>),
+    (particles, news, tile_news): (Res<ParticleScene>, Res<VolumeNews>, Res<TileNews>),
     (scene, look, held): (Option<Res<Scene>>, Option<Res<Look>>, Res<Held>),
     selection: Res<ViewSelection>,
+    (live, mut copies): (Res<LiveParticles>, ResMut<LiveCopies>),
     (motion, preset, before, picture): (Res<CpuPicture>, Res<Preset>, Res<Before>, Res<Picture>),
     mut tables: ResMut<GpuTables>,
     mut pictures: ResMut<LightPictures>,
@@ -125,6 +152,7 @@ pub(super) fn draw_light_on_gpu(
         if pictures.list.is_some() {
             (statistics.slabs, statistics.work_bytes) = (None, 0);
             *pictures = LightPictures { number: pictures.number, ..default() };
+            copies.note_pictures(None);
         }
         return;
     }
@@ -157,11 +185,17 @@ pub(super) fn draw_light_on_gpu(
     // What is drawn, of how many particles, with how many pixels.
     let moving = motion.is_moving(&preset.motion);
     let full = picture.size();
-    let limit = volume_limit(moving, true, statistics.particles, &preset.motion);
-    let list = ListKey { selection: selection.revision, limit };
+    let limit = match live.is_shown() {
+        true => u64::MAX,
+        false => volume_limit(moving, true, statistics.particles, &preset.motion),
+    };
+    let list = ListKey { selection: selection.revision, limit, live: live.is_shown().then(|| copies.number()) };
     if pictures.list != Some(list) {
-        let Listed { items, extents, plan, taken } = tables.list(&selection, &look, &scene, (limit, Plan::default()));
-        (pictures.items, pictures.extents) = (items, extents);
+        let Listed { items, extents, plan, taken } = match live.is_shown() {
+            true => copies.listed(&view, Plan::default()),
+            false => tables.list(&selection, &look, &scene, (limit, Plan::default())),
+        };
+        (pictures.items, pictures.extents, pictures.taken) = (items, extents, taken);
         pictures.list = Some(list);
         statistics.sampled = (!plan.is_complete()).then_some(taken);
     }
@@ -206,8 +240,7 @@ pub(super) fn draw_light_on_gpu(
             known != list && (!moving || known.selection == 0 || since.elapsed() > MEASURE_EVERY)
         });
         if stale && pictures.sketch.is_none() {
-            let taken: usize = statistics.sampled.unwrap_or(statistics.particles) as usize;
-            let sketch = Sketch::of(&view, taken, &options);
+            let sketch = Sketch::of(&view, pictures.taken as usize, &options);
             pictures.sketched = Some((list, Instant::now()));
             match sketch.grid(seen(&pictures.extents)) {
                 Ok((grid, _)) => {
@@ -228,19 +261,19 @@ pub(super) fn draw_light_on_gpu(
     let awaits = pictures.sketch.is_some() && (!moving || pictures.ranges.is_none());
     let is_new = pictures.asked.as_ref() != Some(&key);
     match plan {
-        Some(Ok(Some(LightPlan { passes: LightPasses::March(scenery, options), levels, .. }))) if !awaits && is_new => {
+        Some(Ok(Some(LightPlan { passes, levels, .. }))) if !awaits && is_new => {
             pictures.levels = Some(Levels { p: levels.density, s: levels.attribute });
-            // Where nothing is in view there is a black picture, and no error.
-            let grid = planes_and_widest(&drawn_view, seen(&pictures.extents), &options).ok();
-            pictures.light = grid.map(|(grid, _)| VolumeJob {
-                number: pictures.next(),
-                view: drawn_view,
-                grid,
-                options,
-                stride: 1,
-                shows: Shows::Light(Arc::new(scenery)),
-            });
-            pictures.began.push_back((pictures.number, Instant::now(), size));
+            let number = pictures.next();
+            pictures.light = match light_of(number, passes, &drawn_view, &seen(&pictures.extents)) {
+                Ok(light) => Some(light),
+                // A view without data is a black picture, and no error.
+                Err(VolumeError::Grid(GridError::NothingInView)) => None,
+                Err(error) => {
+                    notices.error(error.to_string());
+                    None
+                }
+            };
+            pictures.began.push_back((number, Instant::now(), size));
             if pictures.began.len() > MOST_ASKED {
                 pictures.began.pop_front();
             }
@@ -257,9 +290,13 @@ pub(super) fn draw_light_on_gpu(
         _ => {}
     }
 
-    let number = pictures.light.as_ref().map(|job| job.number);
-    let is_drawn = number.is_none() || found.drawn == number;
-    if let Some(drawn) = found.drawn.filter(|drawn| *drawn != pictures.seen) {
+    let number = pictures.light.as_ref().map(Light::number);
+    let drawn = match &pictures.light {
+        Some(Light::Tiles(..)) => tile_news.drawn(),
+        _ => found.drawn,
+    };
+    let is_drawn = number.is_none() || drawn == number;
+    if let Some(drawn) = drawn.filter(|drawn| *drawn != pictures.seen) {
         pictures.seen = drawn;
         if let Some(&(_, began, size)) = pictures.began.iter().find(|(number, ..)| *number == drawn) {
             let milliseconds = 1e3 * began.elapsed().as_secs_f64();
@@ -269,10 +306,13 @@ pub(super) fn draw_light_on_gpu(
         // A sample's wider kernels may hide what all particles together do not: it says nothing.
         if Some(drawn) == number && statistics.sampled.is_none() {
             let opaque = found.opaque.as_ref().filter(|(of, _)| *of == drawn);
-            let opaque = opaque.map(|(_, opaque)| Arc::clone(opaque));
+            // Live particles hide nothing of the file.
+            let opaque = opaque.filter(|_| !live.is_shown()).map(|(_, opaque)| Arc::clone(opaque));
             occlusion.drew(opaque, (scene.generation, look.depiction_revision), selection.complete);
         }
     }
+    let takes_frames = matches!(pictures.light, Some(Light::Volume(_)));
+    copies.note_pictures(takes_frames.then_some([pictures.number, pictures.seen]));
     if found.no_room.is_some() && found.no_room == number && pictures.coarser.is_none_or(|(by, _)| by < 16) {
         let by = pictures.coarser.map_or(2, |(by, _)| 2 * by);
         pictures.coarser = Some((by, Instant::now()));
@@ -283,7 +323,8 @@ pub(super) fn draw_light_on_gpu(
     if found.thinner && !std::mem::replace(&mut pictures.told_thinner, true) {
         notices.info("the graphics memory is short: volumes are drawn in thinner slabs");
     }
-    (statistics.slabs, statistics.work_bytes) = (Some(found.slabs), found.bytes);
+    let slabs = matches!(pictures.light, Some(Light::Volume(_))).then_some(found.slabs);
+    (statistics.slabs, statistics.work_bytes) = (slabs, found.bytes);
     if let Some(levels) = pictures.levels.filter(|levels| exposure.levels != Some(*levels) || look.is_changed()) {
         exposure.set_if_neq(Exposure::of_codebooks(metadata, &look.depiction, &transfer, levels));
     }
@@ -298,31 +339,42 @@ pub(super) fn draw_light_on_gpu(
         slabs if spent < 0.4 * frame_ms && !is_drawn => (2 * slabs).min(1024),
         slabs => slabs,
     };
-    let wanted = VolumeView {
-        extents: Arc::clone(&pictures.extents),
-        light: pictures.light.clone(),
-        ranges: pictures.sketch.clone(),
-        attribute: look.depiction.attribute.is_some(),
-        memory: preset.residency.gpu_bytes()[1],
-        slabs: pictures.slabs,
+    let (job, tiles) = match &pictures.light {
+        Some(Light::Volume(job)) => (Some(job.clone()), None),
+        Some(Light::Tiles(number, from, passes)) => (None, Some((*number, *from, passes.clone()))),
+        None => (None, None),
     };
+    let mut camera = commands.entity(entity);
+    camera.insert((
+        VolumeView {
+            extents: Arc::clone(&pictures.extents),
+            light: job,
+            ranges: pictures.sketch.clone(),
+            ranges_only: tiles.is_some(),
+            attribute: look.depiction.attribute.is_some(),
+            memory: preset.residency.gpu_bytes()[1],
+            slabs: pictures.slabs,
+        },
+        SplatView {
+            view: tiles.as_ref().map_or(view, |(_, from, _)| *from),
+            footprint: gpu::Footprint::Kernel(metadata.kernel),
+            backend: gpu::Backend::Compute,
+            culling: true,
+            faintest: 0.0,
+            items: Arc::clone(&pictures.items),
+            always: false,
+        },
+    ));
+    match tiles {
+        Some((number, _, passes)) => passes.show(number, &mut camera),
+        None => TilePasses::hide(&mut camera),
+    }
     let fading = before.fade().map(|(image, share)| Fading { image: Arc::clone(image), share });
     let light = LightView { before: fading };
-    let same = shown == Some(&light);
-    let splats = SplatView {
-        view,
-        footprint: gpu::Footprint::Kernel(metadata.kernel),
-        backend: gpu::Backend::Compute,
-        culling: true,
-        faintest: 0.0,
-        items: Arc::clone(&pictures.items),
-        always: false,
-    };
-    commands.entity(entity).insert((splats, wanted));
-    if !same {
-        commands.entity(entity).insert(light);
+    if shown != Some(&light) {
+        camera.insert(light);
     }
-    let chosen = selection.complete && selection.occlusion == occlusion.revision;
+    let chosen = live.is_shown() || selection.complete && selection.occlusion == occlusion.revision;
     let is_asked = pictures.asked.as_ref() == Some(&key);
     converged.0 = chosen
         && !moving
@@ -333,4 +385,17 @@ pub(super) fn draw_light_on_gpu(
         && size == full
         && look.settled
         && before.is_settled();
+}
+
+/// The picture that a technique's passes draw.
+fn light_of(number: u64, passes: LightPasses, view: &View, extents: &[Extent]) -> Result<Light, VolumeError> {
+    if let Some(tiles) = TilePasses::of(&passes, view, extents)? {
+        return Ok(Light::Tiles(number, *view, tiles));
+    }
+    let LightPasses::March(scenery, options) = passes else {
+        return Err(VolumeError::Device("no passes draw this mode".into()));
+    };
+    let (grid, _) = planes_and_widest(view, extents.iter().copied(), &options)?;
+    let shows = Shows::Light(Arc::new(scenery));
+    Ok(Light::Volume(VolumeJob { number, view: *view, grid, options, stride: 1, shows }))
 }

@@ -18,6 +18,7 @@ pub mod history;
 pub mod input;
 pub mod lens;
 mod light_backend;
+mod listed;
 pub mod live;
 pub mod look;
 pub mod looking;
@@ -49,7 +50,7 @@ mod shader_reload;
 mod status;
 mod ui;
 
-pub use live::LiveParticles;
+pub use live::{LiveBuffer, LiveParticles};
 pub use options::{AppError, Extension, OpenRequest, Opener, WindowOptions};
 pub use preset::{Backend, Preset};
 
@@ -206,6 +207,7 @@ impl Plugin for WindowApp {
         .insert_resource(state::choices::Choices::of_program())
         .init_resource::<cpu_backend::CpuPicture>()
         .init_resource::<live::LiveParticles>()
+        .init_resource::<live::copies::LiveCopies>()
         .init_resource::<gpu_backend::GpuTables>()
         .init_resource::<light_backend::LightPictures>()
         .init_resource::<statistics::ActiveBackend>()
@@ -270,6 +272,7 @@ impl Plugin for WindowApp {
                     cpu_backend::draw_on_cpu,
                     cpu_backend::show_on_cpu,
                     gpu_backend::upload_pages,
+                    live::copies::copy_live,
                     gpu_backend::draw_on_gpu,
                     light_backend::draw_light_on_gpu,
                 )

@@ -11,7 +11,7 @@ use deepfield::cpu::{self, Method, Positions, Splats, sorted};
 use deepfield::gpu::depiction::request_nodes;
 use deepfield::gpu::{
     Backend, DeviceOptions, Footprint, HeadlessNode, HeadlessRenderer, HeadlessRequest, Layered, LightView, NodeId,
-    NodeUpload, Payload, RawParticle, SortedSplats, Spheres,
+    NodeUpload, Payload, RawParticle, SortedSplats, Spheres, TilePicture,
 };
 use deepfield::look::LookPatch;
 use deepfield::mode::sample::Sample;
@@ -155,7 +155,7 @@ fn sorted_both(view: &View, cloud: &Cloud, device: DeviceOptions) -> (Colors, Co
         smallest: options.smallest,
         density_scale: 1.0,
     };
-    renderer.insert((LightView::default(), component));
+    renderer.insert((LightView::default(), TilePicture { number: 1, mode: component }));
     (twice(&mut renderer, cloud), expected)
 }
 
@@ -227,7 +227,7 @@ fn spheres_both(view: &View, cloud: &Cloud, smoothing: f64) -> (Colors, Colors) 
         colors,
     };
     let mut renderer = HeadlessRenderer::open(&cloud.request(view)).unwrap();
-    renderer.insert((LightView::default(), component));
+    renderer.insert((LightView::default(), TilePicture { number: 1, mode: component }));
     (twice(&mut renderer, cloud), expected)
 }
 
@@ -271,7 +271,7 @@ fn layered_both(
         longest: cloud.h.iter().copied().fold(0.0, f32::max).into(),
     };
     let mut renderer = HeadlessRenderer::open(&HeadlessRequest { device, ..cloud.request(view) }).unwrap();
-    renderer.insert((LightView::default(), component));
+    renderer.insert((LightView::default(), TilePicture { number: 1, mode: component }));
     (twice(&mut renderer, cloud), expected)
 }
 
@@ -370,7 +370,7 @@ fn sorted_splats_of_page_files_are_the_processors() {
             smallest: look.options.smallest,
             density_scale: 1.0,
         };
-        renderer.insert((LightView::default(), component));
+        renderer.insert((LightView::default(), TilePicture { number: 1, mode: component }));
         let (mean, most) = difference(&drawn(&mut renderer), &expected.colors);
         println!("{name}: mean {mean:.3}, at most {most}");
         assert!(mean < 0.02 && most <= 2, "{name}: mean {mean}, at most {most}");
@@ -394,7 +394,7 @@ fn spheres_of_page_files_are_the_processors() {
             colors: modes::spheres::surface_colors(&pages.look(&expected)),
         };
         let mut renderer = pages.adapter(&view, &nodes, &plan);
-        renderer.insert((LightView::default(), component));
+        renderer.insert((LightView::default(), TilePicture { number: 1, mode: component }));
         let found = drawn(&mut renderer);
         let (mean, _) = difference(&found, &expected.colors);
         let pairs = found.rgba.iter().zip(&expected.colors.rgba);

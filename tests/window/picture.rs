@@ -153,10 +153,16 @@ fn motion_is_drawn_with_a_sample_on_the_graphics_adapter() {
 
 #[test]
 fn particles_that_another_system_moves_are_drawn_state_by_state() {
-    for mode in ["column-density", "volume"] {
+    for (mode, backend) in [
+        ("column-density", "cpu"),
+        ("volume", "cpu"),
+        ("column-density", "compute"),
+        ("volume", "compute"),
+        ("sorted-splats", "compute"),
+    ] {
         let folder = tempfile::tempdir().unwrap();
         let desktop = Desktop::start();
-        let arguments = ["--backend", "cpu", "--simulate", "--mode", mode, "--frame-ms", "200"];
+        let arguments = ["--backend", backend, "--simulate", "--mode", mode, "--frame-ms", "200"];
         let mut program = Program::start(&desktop, folder.path(), &arguments);
         let state = |status: &Value| status["live"].as_u64().unwrap_or(0);
         let first = program.wait("a state of the simulation", |status| state(status) > 0);
@@ -167,6 +173,7 @@ fn particles_that_another_system_moves_are_drawn_state_by_state() {
         desktop.wait("that they move", |screen| screen.difference(&before, picture.clone()) > 0.02);
         assert_eq!(later["eye"], first["eye"], "{later:#}");
         assert_eq!(later["converged"], false, "what moves has no last picture: {later:#}");
+        assert_eq!(later["backend"], backend, "{later:#}");
         desktop.close(desktop.window().expect("a window of the size that was asked for"));
         assert_eq!(program.exit_code(), Some(0));
     }

@@ -109,10 +109,14 @@ impl Key {
 /// Prepares every camera that draws particles.
 pub fn prepare_splats(
     mut commands: Commands,
-    mut cameras: Query<
-        (Entity, &SplatView, Option<&ModeView>, Has<LightView>, Option<&mut SplatBuffers>),
-        Without<VolumeView>,
-    >,
+    mut cameras: Query<(
+        Entity,
+        &SplatView,
+        Option<&ModeView>,
+        Has<LightView>,
+        Option<&VolumeView>,
+        Option<&mut SplatBuffers>,
+    )>,
     arena: Res<Arena>,
     mut scratch: ResMut<Scratch>,
     pipelines: Option<ResMut<SplatPipelines>>,
@@ -121,7 +125,10 @@ pub fn prepare_splats(
     queue: Res<RenderQueue>,
 ) {
     let Some(mut pipelines) = pipelines else { return };
-    for (entity, view, mode, draws_light, mut before) in &mut cameras {
+    for (entity, view, mode, draws_light, volume, mut before) in &mut cameras {
+        if volume.is_some_and(|volume| !volume.ranges_only) {
+            continue;
+        }
         // Whoever sets a backend asks for the adapter's capabilities before.
         let Ok(technique) = pipelines.capabilities.technique(view.backend) else { continue };
         let key = Key {

@@ -11,15 +11,17 @@
 //! 4. The mode's own pass walks over each tile's particles, one invocation for each pixel (`deepfield::tile_walk`): its
 //!    bins in all levels, merged.
 //!
-//! Particles of equal depth have the order of the draw list.
+//! Particles of equal depth have the order of the draw list. A mode that draws like this is a [`TileMode`].
 
 pub mod constants;
 pub mod layout;
 pub mod pipelines;
 
 mod list;
+mod mode;
 
 pub use list::{Drawing, TileList};
+pub use mode::{Binding, Canvas, TileMode, TileNews, TilePicture, TilePlugin};
 
 /// Layers of depth, equally deep but for the depth itself in perspective.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -65,7 +65,13 @@ impl VolumeWork {
 /// Prepares every camera that draws a volume.
 pub fn prepare_volumes(
     mut commands: Commands,
-    mut cameras: Query<(Entity, Option<(&VolumeView, &SplatView)>, Option<&mut VolumeWork>, Option<&mut LightCells>)>,
+    mut cameras: Query<(
+        Entity,
+        Option<(&VolumeView, &SplatView)>,
+        Option<&mut VolumeWork>,
+        Option<&mut LightCells>,
+        Has<SplatBuffers>,
+    )>,
     arena: Res<Arena>,
     pipelines: Option<ResMut<VolumePipelines>>,
     cache: Res<PipelineCache>,
@@ -73,11 +79,13 @@ pub fn prepare_volumes(
     news: Res<VolumeNews>,
 ) {
     let Some(mut pipelines) = pipelines else { return };
-    for (entity, wanted, work, cells) in &mut cameras {
+    for (entity, wanted, work, cells, has_splats) in &mut cameras {
         let Some((shown, list)) = wanted else { continue };
+        if has_splats && !shown.ranges_only {
+            commands.entity(entity).remove::<SplatBuffers>();
+        }
         let Some(mut work) = work else {
-            // Splats are not drawn any more.
-            commands.entity(entity).insert(VolumeWork::default()).remove::<SplatBuffers>();
+            commands.entity(entity).insert(VolumeWork::default());
             continue;
         };
         let means = Means { arena: &arena, device: &device, queue: &queue, cache: &cache, vectors: pipelines.vectors };
@@ -88,8 +96,8 @@ pub fn prepare_volumes(
             work.light = None;
         }
         if shown.light.is_none() {
-            work.light = None;
-            if cells.is_some() {
+            let had_light = work.light.take().is_some();
+            if cells.is_some() && (had_light || !shown.ranges_only) {
                 commands.entity(entity).remove::<LightCells>();
             }
         }

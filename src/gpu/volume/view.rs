@@ -8,7 +8,7 @@ use bevy::prelude::{Component, Resource};
 use bevy::render::extract_component::ExtractComponent;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// The particles in a camera's [`SplatView`](crate::gpu::SplatView) are drawn as a volume, in place of splats.
+/// The particles in a camera's [`SplatView`](crate::gpu::SplatView) are drawn as a volume, in place of splats, or looked at as one.
 #[derive(Component, Clone, Debug, ExtractComponent)]
 #[extract_component_sync_target((Self, VolumeWork, LightCells))]
 pub struct VolumeView {
@@ -18,6 +18,8 @@ pub struct VolumeView {
     pub light: Option<VolumeJob>,
     /// Whose ranges are looked for.
     pub ranges: Option<VolumeJob>,
+    /// Other passes draw the camera's light: only ranges are looked for.
+    pub ranges_only: bool,
     /// Whether particles have an attribute.
     pub attribute: bool,
     /// Bytes of the adapter's memory that may be used.

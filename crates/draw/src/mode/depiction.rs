@@ -164,18 +164,22 @@ impl Depiction {
     pub fn columns_of(&self, family: &FamilyMetadata, values: &Codebook) -> SourceColumns {
         let named = family.attributes.iter().map(|info| info.name.as_str());
         let attributes: Vec<(&str, &[f32])> = named.zip(values.attributes.iter().map(Vec::as_slice)).collect();
-        let columns = Columns {
+        self.values_of(&Columns {
             mass: &values.mass,
             density: &values.density,
             smoothing_length: &values.smoothing_length,
             attributes: &attributes,
-        };
-        let weight = (self.mode.weight)(&columns);
+        })
+    }
+
+    /// Weights and attributes of particles.
+    pub fn values_of(&self, columns: &Columns<'_>) -> SourceColumns {
+        let weight = (self.mode.weight)(columns);
         let attribute = self.attribute.as_ref().map(|coloring| match columns.named(&coloring.name) {
             Some(values) => values.iter().map(|&a| if a.is_finite() { a } else { coloring.fallback }).collect(),
             None => vec![coloring.fallback; weight.len()],
         });
-        SourceColumns { weight, attribute, density: self.needs().densities.then(|| values.density.clone()) }
+        SourceColumns { weight, attribute, density: self.needs().densities.then(|| columns.density.to_vec()) }
     }
 }
 

@@ -33,10 +33,8 @@ pub enum Adapter {
     None,
     /// The splat passes.
     Splats,
-    /// The passes for what [`Technique::light`] says, slab by slab in the window's frames.
+    /// The passes for what [`Technique::light`] says.
     Light,
-    /// The same, of particles by tiles of the picture: for files; the window has the processor draw them.
-    Tiles,
     /// Passes that the mode's plugin adds. They fill the cells of the picture in place of the splat passes.
     Plugin,
 }
@@ -56,6 +54,8 @@ pub struct Needs {
     pub slices: bool,
     /// Whether it resamples all of the data where that is, whatever the view.
     pub of_data: bool,
+    /// Whether what lies behind a picture's opaque pixels may be left out of the next picture.
+    pub hides: bool,
 }
 
 impl Default for Needs {
@@ -67,6 +67,7 @@ impl Default for Needs {
             margin_px: 1,
             slices: false,
             of_data: false,
+            hides: false,
         }
     }
 }

@@ -338,7 +338,7 @@ impl Technique for Marched {
     }
 
     fn needs(&self, _: &Settings) -> Needs {
-        Needs { purpose: Purpose::Samples, slices: true, ..Needs::default() }
+        Needs { purpose: Purpose::Samples, slices: true, hides: true, ..Needs::default() }
     }
 
     fn detail(&self, view: &View, settings: &Settings, bounds: Bounds, _: f64) -> Detail {

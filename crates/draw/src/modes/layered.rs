@@ -45,7 +45,7 @@ impl Technique for Layered {
     }
 
     fn adapter(&self) -> Adapter {
-        Adapter::Tiles
+        Adapter::Light
     }
 
     fn light(&self, terms: &Terms<'_>, ranges: &mut FindRanges<'_>) -> Result<Option<LightPlan>, VolumeError> {

@@ -20,7 +20,7 @@ impl Technique for SortedSplats {
     }
 
     fn adapter(&self) -> Adapter {
-        Adapter::Tiles
+        Adapter::Light
     }
 
     fn light(&self, terms: &Terms<'_>, ranges: &mut FindRanges<'_>) -> Result<Option<LightPlan>, VolumeError> {

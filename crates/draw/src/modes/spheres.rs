@@ -96,7 +96,7 @@ impl Technique for Spheres {
     }
 
     fn adapter(&self) -> Adapter {
-        Adapter::Tiles
+        Adapter::Light
     }
 
     fn light(&self, terms: &Terms<'_>, ranges: &mut FindRanges<'_>) -> Result<Option<LightPlan>, VolumeError> {

@@ -107,13 +107,13 @@ pub(super) fn passes(
     };
     match (backend, mode.technique.adapter()) {
         (Some(Backend::Cpu), _) | (None, Has::None) => Ok(None),
-        (Some(Backend::Compute), Has::Splats | Has::Plugin | Has::Light | Has::Tiles) => Ok(Some(Passes::Compute)),
+        (Some(Backend::Compute), Has::Splats | Has::Plugin | Has::Light) => Ok(Some(Passes::Compute)),
         (Some(Backend::Raster), Has::Splats) => Ok(Some(Passes::Raster)),
         (Some(_), Has::Plugin) if !on_processor => only("compute draws"),
-        (Some(_), Has::Plugin | Has::Light | Has::Tiles) => only("compute and cpu draw"),
+        (Some(_), Has::Plugin | Has::Light) => only("compute and cpu draw"),
         (Some(_), _) => only("cpu draws"),
         (None, Has::Splats) => Ok(adapter.is_card().then_some(Passes::Best)),
-        (None, Has::Light | Has::Tiles) => Ok(adapter.is_card().then_some(Passes::Compute)),
+        (None, Has::Light) => Ok(adapter.is_card().then_some(Passes::Compute)),
         (None, Has::Plugin) => Ok((!on_processor || adapter.is_card()).then_some(Passes::Compute)),
     }
 }

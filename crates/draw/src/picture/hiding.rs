@@ -8,7 +8,7 @@
 
 use crate::color::transfer::{Range, TransferFunction};
 use crate::cpu::volume::OpaqueDepths;
-use crate::mode::{Adapter, Depiction, Raw, Settings};
+use crate::mode::{Depiction, Raw, Settings};
 use crate::modes::grid;
 use crate::store::NodeRef;
 use crate::view::{Hidden, Occluder, PerspectiveGrid, Projection, View};
@@ -34,8 +34,7 @@ pub(super) struct Hiding {
 pub(super) fn is_sure(depiction: &Depiction, transfer: &TransferFunction) -> bool {
     let is_given = |range: Range| range != Range::Auto;
     let settings = &depiction.settings;
-    // Of other modes it is not understood well enough.
-    depiction.mode.technique.adapter() == Adapter::Light
+    depiction.needs().hides
         && settings.flag(&grid::OCCLUSION)
         && is_given(transfer.range)
         && (depiction.attribute.is_none() || transfer.hue.as_ref().is_none_or(|hue| is_given(hue.range)))

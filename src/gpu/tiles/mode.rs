@@ -1,0 +1,247 @@
+//! Modes that draw particles by tiles: what a camera says of one, when its lists are made anew, and when its picture is drawn.
+
+use super::TileRequest;
+use super::layout::Tiling;
+use super::list::TileList;
+use super::pipelines::{Steps, TilePipelines, init_when_used};
+use crate::gpu::light::{self, LightCells, LightView, prepare_light, show_light};
+use crate::gpu::splat::{SplatBuffers, prepare_splats};
+use crate::gpu::target::written;
+use crate::gpu::timing::TimedPasses;
+use crate::gpu::view::SplatView;
+use crate::model::Kernel;
+use crate::view::View;
+use bevy::core_pipeline::core_3d::{main_opaque_pass_3d, main_transparent_pass_3d};
+use bevy::core_pipeline::{Core3d, Core3dSystems};
+use bevy::prelude::*;
+use bevy::render::extract_component::{ExtractComponent, ExtractComponentPlugin};
+use bevy::render::render_resource::{
+    BindGroup, BindGroupEntry, BindGroupLayoutDescriptor, BindingResource, Buffer, BufferUsages, PipelineCache,
+};
+use bevy::render::renderer::{RenderContext, RenderDevice, RenderQueue, ViewQuery};
+use bevy::render::sync_component::SyncComponent;
+use bevy::render::{Render, RenderApp, RenderSystems};
+use std::marker::PhantomData;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// A mode whose passes draw particles by tiles.
+pub trait TileMode: Clone + PartialEq + Send + Sync + 'static {
+    /// The names of its passes' times, beside that of the lists.
+    const PASSES: &'static [&'static str];
+
+    /// Layouts and pipelines.
+    type Pipelines: Resource;
+
+    /// What its passes bind for one camera.
+    type Bound: Send + Sync + 'static;
+
+    /// Has its pipelines compiled, for a processor as the adapter or a card.
+    fn pipelines(server: &AssetServer, cache: &PipelineCache, is_software: bool) -> Self::Pipelines;
+
+    /// Which particles of a view it lists.
+    fn request(&self, view: &View) -> TileRequest;
+
+    /// Binds what its passes need; of the picture `before` what is still right may be taken over.
+    fn bind(&self, before: Option<(&Self, &Self::Bound)>, to: &Binding<'_, Self>) -> Self::Bound;
+
+    /// Draws into the camera's [`LightCells`]; `None` while its pipelines are not compiled.
+    fn draw(&self, bound: &Self::Bound, on: &Canvas<'_, Self>, context: &mut RenderContext) -> Option<()>;
+}
+
+/// On a camera with a [`LightView`]: its particles are drawn by a mode's passes (main world, extracted).
+#[derive(Component, Clone, Debug)]
+pub struct TilePicture<M: TileMode> {
+    /// The caller's name for the picture, by which [`TileNews`] tells that it is complete; not 0.
+    pub number: u64,
+    /// What is drawn.
+    pub mode: M,
+}
+
+impl<M: TileMode> SyncComponent for TilePicture<M> {
+    type Target = (Self, TileBindings<M>);
+}
+
+impl<M: TileMode> ExtractComponent for TilePicture<M> {
+    type QueryData = &'static Self;
+    type QueryFilter = ();
+    type Out = Self;
+
+    fn extract_component(picture: &Self) -> Option<Self> {
+        Some(picture.clone())
+    }
+}
+
+/// The last complete picture. Clones share it.
+#[derive(Resource, Clone, Debug, Default)]
+pub struct TileNews(Arc<AtomicU64>);
+
+impl TileNews {
+    /// Its number, if there is one.
+    pub fn drawn(&self) -> Option<u64> {
+        Some(self.0.load(Ordering::Acquire)).filter(|number| *number > 0)
+    }
+}
+
+/// What a mode's passes are bound to.
+pub struct Binding<'a, M: TileMode> {
+    /// The mode's layouts.
+    pub pipelines: &'a M::Pipelines,
+    /// The particles by tiles.
+    pub list: &'a TileList,
+    /// The picture's pixels.
+    pub cells: &'a LightCells,
+    /// The particles' kernel.
+    pub kernel: Kernel,
+    cache: &'a PipelineCache,
+    device: &'a RenderDevice,
+    queue: &'a RenderQueue,
+}
+
+impl<M: TileMode> Binding<'_, M> {
+    /// A new buffer that holds these bytes.
+    pub fn buffer(&self, bytes: &[u8], usage: BufferUsages) -> Buffer {
+        written(None, bytes, usage, self.device, self.queue)
+    }
+
+    /// A new buffer of four numbers for each pixel, or the one before where it is as large.
+    pub fn pixels(&self, before: Option<&Buffer>) -> Buffer {
+        match before {
+            Some(before) if before.size() == self.cells.buffer.size() => before.clone(),
+            _ => light::cells(None, self.cells.size, self.device).buffer,
+        }
+    }
+
+    /// Binds resources one after the other.
+    pub fn group(&self, layout: &BindGroupLayoutDescriptor, resources: &[BindingResource<'_>]) -> BindGroup {
+        let numbered = (0..).zip(resources);
+        let entries: Vec<_> =
+            numbered.map(|(binding, resource)| BindGroupEntry { binding, resource: resource.clone() }).collect();
+        self.device.create_bind_group(&*layout.label, &self.cache.get_bind_group_layout(layout), &entries)
+    }
+}
+
+/// What a mode draws on.
+pub struct Canvas<'a, M: TileMode> {
+    /// The mode's pipelines.
+    pub pipelines: &'a M::Pipelines,
+    /// The compiled passes of the lists.
+    pub steps: Steps<'a>,
+    /// The particles.
+    pub particles: &'a SplatBuffers,
+    /// The same by tiles.
+    pub list: &'a TileList,
+    /// The picture's pixels.
+    pub cells: &'a LightCells,
+    /// Compiled pipelines.
+    pub cache: &'a PipelineCache,
+}
+
+/// What the passes of a camera bind, and what that was made of (render world).
+#[derive(Component)]
+pub struct TileBindings<M: TileMode> {
+    list: TileList,
+    bound: M::Bound,
+    of: M,
+}
+
+/// Adds a mode's passes.
+pub struct TilePlugin<M>(PhantomData<fn() -> M>);
+
+impl<M> Default for TilePlugin<M> {
+    fn default() -> TilePlugin<M> {
+        TilePlugin(PhantomData)
+    }
+}
+
+impl<M: TileMode> Plugin for TilePlugin<M> {
+    fn build(&self, app: &mut App) {
+        app.add_plugins(ExtractComponentPlugin::<TilePicture<M>>::default());
+        app.world_mut().get_resource_or_init::<TimedPasses>().0.extend(M::PASSES);
+        let news = app.world_mut().get_resource_or_init::<TileNews>().clone();
+        let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
+        init_when_used::<TilePicture<M>, M::Pipelines, _>(render_app, init_pipelines::<M>);
+        render_app
+            .insert_resource(news)
+            .add_systems(
+                Render,
+                prepare::<M>.in_set(RenderSystems::PrepareBindGroups).after(prepare_splats).before(prepare_light),
+            )
+            .add_systems(
+                Core3d,
+                draw::<M>
+                    .in_set(Core3dSystems::MainPass)
+                    .after(main_opaque_pass_3d)
+                    .before(show_light)
+                    .before(main_transparent_pass_3d),
+            );
+    }
+}
+
+/// Has a mode's pipelines compiled.
+fn init_pipelines<M: TileMode>(
+    mut commands: Commands,
+    server: Res<AssetServer>,
+    cache: Res<PipelineCache>,
+    tiles: Res<TilePipelines>,
+) {
+    commands.insert_resource(M::pipelines(&server, &cache, tiles.is_software));
+}
+
+/// Makes lists anew for cameras whose particles or mode are other ones than before.
+fn prepare<M: TileMode>(
+    mut commands: Commands,
+    cameras: Query<
+        (Entity, &SplatView, &TilePicture<M>, Ref<SplatBuffers>, Option<&TileBindings<M>>, Option<&LightCells>),
+        With<LightView>,
+    >,
+    pipelines: Option<Res<M::Pipelines>>,
+    tile_pipelines: Option<Res<TilePipelines>>,
+    cache: Res<PipelineCache>,
+    (device, queue): (Res<RenderDevice>, Res<RenderQueue>),
+) {
+    let (Some(pipelines), Some(tile_pipelines)) = (pipelines, tile_pipelines) else { return };
+    for (entity, view, picture, particles, before, cells) in &cameras {
+        if before.is_some_and(|before| before.of == picture.mode) && cells.is_some() && !particles.is_changed() {
+            continue;
+        }
+        let tiling = Tiling::new(&view.view, &picture.mode.request(&view.view));
+        let known = before.map(|before| &before.list);
+        let list = TileList::new(tiling, &particles, known, &tile_pipelines, &cache, (&device, &queue));
+        let cells = light::cells(cells, tiling.uniform.size, &device);
+        let binding = Binding {
+            pipelines: &*pipelines,
+            list: &list,
+            cells: &cells,
+            kernel: particles.grids.kernel,
+            cache: &cache,
+            device: &device,
+            queue: &queue,
+        };
+        let bound = picture.mode.bind(before.map(|before| (&before.of, &before.bound)), &binding);
+        commands.entity(entity).insert((TileBindings { list, bound, of: picture.mode.clone() }, cells));
+    }
+}
+
+/// Draws the particles of a camera into its [`LightCells`].
+fn draw<M: TileMode>(
+    view: ViewQuery<(&SplatBuffers, &TileBindings<M>, &mut LightCells, &LightView, &TilePicture<M>)>,
+    pipelines: Option<Res<M::Pipelines>>,
+    tile_pipelines: Option<Res<TilePipelines>>,
+    cache: Res<PipelineCache>,
+    news: Res<TileNews>,
+    mut context: RenderContext,
+) {
+    let (particles, bindings, mut cells, _, picture) = view.into_inner();
+    if !cells.complete || particles.always {
+        let (Some(pipelines), Some(tile_pipelines)) = (pipelines, tile_pipelines) else { return };
+        let Some(steps) = tile_pipelines.ready(&cache) else { return };
+        let canvas =
+            Canvas { pipelines: &*pipelines, steps, particles, list: &bindings.list, cells: &cells, cache: &cache };
+        if bindings.of.draw(&bindings.bound, &canvas, &mut context).is_none() {
+            return;
+        }
+        cells.complete = true;
+    }
+    news.0.store(picture.number, Ordering::Release);
+}
