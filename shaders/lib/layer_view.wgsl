@@ -1,4 +1,4 @@
-// What the passes share that draw layers. The Rust twin of `LayerView` is in src/gpu/layered/mod.rs; a test in src/gpu/shaders/
+// What the passes share that draw layers. The Rust twin of `LayerView` is in src/gpu/layered.rs; a test in src/gpu/shaders/
 // compares the layouts.
 #define_import_path deepfield::layer_view
 

@@ -1,4 +1,4 @@
-// What the passes share that draw particles as spheres. The Rust twin is `SphereUniform` in src/gpu/spheres/mod.rs; a test in
+// What the passes share that draw particles as spheres. The Rust twin is `SphereUniform` in src/gpu/spheres.rs; a test in
 // src/gpu/shaders/ compares the layouts.
 #define_import_path deepfield::sphere_view
 

@@ -24,12 +24,20 @@ fn sampled(splat: Splat, lens: Lens, pixel: vec2<f32>, kind: u32) -> f32 {
         square = select(1.0, square, 1.0 + along > 0.0);
     }
 #endif
+    // Most of a tile's splats do not reach the pixel; the profile is zero there.
+    if square >= 1.0 {
+        return 0.0;
+    }
     return evaluate(box_profile((splat.head.z + splat.tail.x) * (1.0 / 24.0)), vec4(square)).x;
 }
 
 /// The integral over the pixel of a small splat; see `add_small` in accumulate.wgsl.
 fn integrated(splat: Splat, pixel: vec2<f32>) -> f32 {
     let low = (pixel - splat.head.xy - 0.5) * splat.head.zw;
+    // Beyond its ends all integrals are the same.
+    if any(low >= vec2(1.0)) || any(low + splat.head.zw <= vec2(-1.0)) {
+        return 0.0;
+    }
     let edges = vec4(low.x, low.x + splat.head.z, low.y, low.y + splat.head.w);
     let u = first(edges);
     let v = second(edges);

@@ -101,7 +101,7 @@ pub fn render_headless(request: HeadlessRequest) -> Result<HeadlessFrame, GpuErr
 /// As [`render_headless`].
 pub fn render(renderer: &mut HeadlessRenderer, mut request: HeadlessRequest) -> Result<HeadlessFrame, GpuError> {
     let whole = request.view;
-    let parts = Parts::of(&whole, request.footprint, renderer.technique(), &renderer.limits())
+    let parts = Parts::of(&whole, request.footprint, renderer.technique(), &renderer.device().0.limits())
         .ok_or_else(|| GpuError::NoRoom(format!("{}x{} pixels", whole.width, whole.height)))?;
     request.view = parts.view(&whole, 0);
     renderer.load(&request)?;

@@ -37,7 +37,6 @@ use bevy::winit::WinitPlugin;
 use std::collections::HashSet;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
-use wgpu::Limits;
 
 /// Most frames and time that a picture may take to complete: shaders are compiled in it.
 const PATIENCE: Duration = Duration::from_secs(300);
@@ -126,9 +125,10 @@ impl HeadlessRenderer {
         }
     }
 
-    /// What the adapter can hold.
-    pub fn limits(&self) -> Limits {
-        self.app.world().resource::<RenderDevice>().limits()
+    /// The adapter's device, and the queue of its work.
+    pub fn device(&self) -> (RenderDevice, RenderQueue) {
+        let world = self.app.world();
+        (world.resource::<RenderDevice>().clone(), world.resource::<RenderQueue>().clone())
     }
 
     /// Holds a request's particles from now on and shows them; nodes of pages that have been there before stay.
@@ -262,9 +262,24 @@ impl HeadlessRenderer {
         let world = self.app.world_mut();
         passes.show(1, &mut world.commands().entity(self.camera));
         world.flush();
+        let start = Instant::now();
         self.complete()?;
-        let (mut frames, passes) = self.measure(repeat)?;
+        let mut frames = vec![start.elapsed().as_secs_f64() * 1e3];
+        let mut passes = PassTimes::default();
+        if repeat > 1 {
+            (frames, passes) = self.measure(repeat)?;
+        } else {
+            // GPU times arrive some frames late.
+            for _ in 0..4 {
+                self.timed_frame(&mut passes)?;
+            }
+        }
         Ok((self.light()?, (passes, median(&mut frames))))
+    }
+
+    /// What has been found out about the volume on its way.
+    pub fn volume_findings(&self) -> VolumeFindings {
+        self.app.world().resource::<VolumeNews>().now()
     }
 
     /// Finds between which values the mass of the particles' field lies; `None` where there is none.
@@ -291,7 +306,7 @@ impl HeadlessRenderer {
         loop {
             self.frame()?;
             passes.collect(self.app.world());
-            let found = self.app.world().resource::<VolumeNews>().now();
+            let found = self.volume_findings();
             match is_there(&found) {
                 Ok(true) => return Ok(found),
                 Ok(false) => self.check_shaders(start)?,
@@ -466,7 +481,7 @@ impl HeadlessRenderer {
     /// [`GpuError::Failed`].
     pub fn accumulation(&mut self, attribute: bool) -> Result<(Accumulation, Option<u64>), GpuError> {
         let failed = || GpuError::Failed("(reading the picture back)".into());
-        let (device, queue) = self.gpu();
+        let (device, queue) = self.device();
         let size = self.size;
         let buffers = self.buffers().ok_or_else(failed)?;
         let (width, stride) = (size.x as usize, buffers.stride as usize);
@@ -499,7 +514,7 @@ impl HeadlessRenderer {
     /// [`GpuError::Failed`].
     pub fn light(&mut self) -> Result<Colors, GpuError> {
         let failed = || GpuError::Failed("(reading the light back)".into());
-        let (device, queue) = self.gpu();
+        let (device, queue) = self.device();
         let cells = self.cells().ok_or_else(failed)?;
         let [width, height] = cells.size;
         let bytes = 16 * u64::from(width) * u64::from(height);
@@ -527,16 +542,11 @@ impl HeadlessRenderer {
             self.frame()?;
         }
         let failed = || GpuError::Failed("(reading the colours back)".into());
-        let (device, queue) = self.gpu();
+        let (device, queue) = self.device();
         let (target, size) = (self.target.clone(), self.size);
         let images = self.render_world().resource::<RenderAssets<GpuImage>>();
         let image = images.get(&target).ok_or_else(failed)?;
         let rgba = read_texture(&device, &queue, &image.texture, size).ok_or_else(failed)?;
         Ok(Picture { width: size.x, height: size.y, rgba })
-    }
-
-    fn gpu(&self) -> (RenderDevice, RenderQueue) {
-        let world = self.app.world();
-        (world.resource::<RenderDevice>().clone(), world.resource::<RenderQueue>().clone())
     }
 }

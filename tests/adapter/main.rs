@@ -8,5 +8,6 @@ mod support;
 mod integrals;
 mod light;
 mod light_modes;
+mod live;
 mod pages;
 mod volumes;

@@ -12,8 +12,8 @@ use deepfield::cpu::volume::{
 use deepfield::cpu::{self, Positions, Splats};
 use deepfield::gpu::volume::Shows;
 use deepfield::gpu::{
-    Backend, DeviceOptions, Footprint, HeadlessNode, HeadlessRenderer, HeadlessRequest, NodeId, NodeUpload, Offscreen,
-    Payload, RawParticle, VolumeFindings, VolumeJob, VolumeView, Withheld,
+    Backend, DeviceOptions, Footprint, HeadlessNode, HeadlessRenderer, HeadlessRequest, LightView, NodeId, NodeUpload,
+    Offscreen, Payload, RawParticle, VolumeFindings, VolumeJob, VolumeView, Withheld,
 };
 use deepfield::look::LookPatch;
 use deepfield::mode::sample::Sample;
@@ -495,4 +495,33 @@ fn volumes_work_within_their_budget() {
     assert!(least.slabs[1] > most.slabs[1], "{:?} {:?}", most.slabs, least.slabs);
     let (l2, largest) = difference(&thin, &whole);
     assert!(l2 < 1e-5, "{l2} {largest}");
+}
+
+#[test]
+fn a_device_that_is_lost_between_slabs_is_an_error_and_the_next_one_draws() {
+    let cloud = Cloud::lattice(12);
+    let view = near([1.2, 0.9, 2.4], 64, 48);
+    let options = VolumeOptions { memory: 1 << 20, ..VolumeOptions::default() };
+    let mut lost = renderer();
+    lost.memory = 1 << 20;
+    lost.number += 1;
+    let extents = lost.load(&view, &cloud);
+    let (grid, _) = planes_and_widest(&view, extents.iter().copied(), &options).unwrap();
+    let shows = Shows::Light(Arc::new(cloud.volume()));
+    let job = VolumeJob { number: 1, view, grid, options, stride: 1, shows };
+    let volume = VolumeView { slabs: 1, ..lost.view(&cloud, extents, job) };
+    lost.renderer.insert((LightView::default(), volume));
+    let done = |renderer: &Renderer| renderer.renderer.volume_findings().slabs;
+    while done(&lost)[0] == 0 {
+        lost.renderer.frame().unwrap();
+    }
+    let [before, all] = done(&lost);
+    assert!(before < all, "{before} of {all} slabs: the device is to be lost between them");
+    lost.renderer.device().0.wgpu_device().destroy();
+    let error = (0..4).find_map(|_| lost.renderer.frame().err()).expect("frames on a lost device are errors");
+    assert!(error.to_string().contains("64x48 pixels"), "{error}");
+    drop(lost);
+    let (found, _) = renderer().draw(&view, &cloud, &cloud.volume(), &options);
+    let (l2, _) = difference(&found, &on_cpu(&view, &cloud, &cloud.volume(), &options).0);
+    assert!(l2 < 1e-2, "{l2}");
 }
