@@ -49,6 +49,7 @@ const WINDOW: [&[&str]; 4] = [
     // What is drawn.
     &[
         "occlusion",
+        "listed",
         "live",
         "pages",
         "pick",
