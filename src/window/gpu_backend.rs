@@ -12,8 +12,10 @@ use super::pages::{GpuSlot, PageCopies, PageKey, PageStatus, Streaming, ViewSele
 use super::picture::DataCamera;
 use super::preset::{Backend, Preset};
 use super::scene::{Scene, Settings};
+use super::state::aim::Aim;
 use super::state::notices::Notices;
 use super::statistics::{ActiveBackend, Converged, Statistics};
+use super::surround_backend;
 use super::touring::Before;
 use crate::color::Accumulation;
 use crate::gpu::measure::{Measure, Measured, MeasuredPicture};
@@ -88,14 +90,18 @@ pub(super) fn choose_backend(
     mut notices: ResMut<Notices>,
     live: Res<LiveParticles>,
     slots: Query<Entity, With<GpuSlot>>,
+    aim: Option<Res<Aim>>,
 ) {
     let asked = preset.drawing.backend;
+    let surrounds =
+        settings.as_ref().is_some_and(|settings| surround_backend::is_wanted(settings, &live, aim.as_deref()));
     let mode = settings.map_or(modes::first(), |settings| settings.mode);
     let adapter_of_mode = mode.technique.adapter();
     // A driver without a graphics card draws on the processor too, and volumes slower than our own renderer.
     let is_card = info.as_ref().is_some_and(|info| info.device_type != DeviceType::Cpu);
     let wanted = match asked {
-        // What changes every frame has no pages to copy.
+        // What changes every frame has no pages to copy, and panoramas are put together from pages themselves.
+        _ if surrounds => None,
         _ if matches!(adapter_of_mode, Adapter::None | Adapter::Tiles) || live.particles().is_some() => None,
         Backend::Compute if adapter_of_mode == Adapter::Light => Some(gpu::Backend::Compute),
         Backend::Auto if adapter_of_mode == Adapter::Light && is_card => Some(gpu::Backend::Compute),
@@ -133,7 +139,11 @@ pub(super) fn choose_backend(
         tables.drawn = None;
     }
     statistics.adapter = graphics.map_or_else(String::new, |(_, info)| format!("{} ({})", info.name, info.driver_info));
-    let wanted = if found.is_some() { ActiveBackend::Gpu } else { ActiveBackend::Cpu };
+    let wanted = match found {
+        Some(_) => ActiveBackend::Gpu,
+        None if surrounds => ActiveBackend::Surround,
+        None => ActiveBackend::Cpu,
+    };
     let uses_copies = wanted == ActiveBackend::Gpu;
     if *active == wanted && copies.0 == uses_copies {
         return;

@@ -27,6 +27,8 @@ use super::picture::Picture;
 use super::scene::Scene;
 use super::state::notices::Notices;
 use super::state::tool::{Stroke, Tool};
+use super::statistics::ActiveBackend;
+use super::surround_backend::NO_PLACES;
 use crate::explore::Members;
 use bevy::math::DVec3;
 use bevy::prelude::*;
@@ -116,7 +118,7 @@ fn use_tool(
     tool: Res<Tool>,
     scene: Option<Res<Scene>>,
     selection: Res<ViewSelection>,
-    picture: Res<Picture>,
+    (picture, backend): (Res<Picture>, Res<ActiveBackend>),
     mut stroke: ResMut<Stroke>,
     mut measure: ResMut<Measure>,
     mut inspector: ResMut<Inspector>,
@@ -126,6 +128,12 @@ fn use_tool(
 ) {
     let (Some(scene), Some(view), Some(at)) = (scene, selection.view, pointer.at) else { return };
     if !(pointer.pressed || pointer.held || pointer.released || pointer.clicked) {
+        return;
+    }
+    if *backend == ActiveBackend::Surround {
+        if pointer.clicked {
+            notices.info(NO_PLACES);
+        }
         return;
     }
     let at = picture.pixel(at).as_dvec2().to_array();

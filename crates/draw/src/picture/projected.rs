@@ -150,6 +150,7 @@ impl Projector {
     ) -> Result<Texels<2>, PictureError> {
         let &Subject { metadata, depiction, .. } = subject;
         self.shoot(SPLATS, |face| {
+            go_on(reporter)?;
             let seen = seen(depiction.footprint(), face);
             let selection = scene.converge(&seen, tau * face.scale(), &mut |why| reporter.tell(why))?;
             tally.add(&selection, face);
@@ -183,6 +184,7 @@ impl Projector {
         // What the last view that showed something was painted with.
         let mut last: Option<LightPicture> = None;
         let texels = self.shoot(Sampling { margin: margin_px, ..COLORS }, |face| {
+            go_on(reporter)?;
             let painted = match of_data {
                 true => {
                     tally.add(&everything, face);
@@ -247,6 +249,11 @@ impl Projector {
         // No picture is asked for ranges that are numbers by now.
         Ok(shared.transfer.levels(&Accumulation::default()))
     }
+}
+
+/// Asks whether anybody still waits.
+fn go_on(reporter: &dyn Reporter) -> Result<(), PictureError> {
+    if reporter.is_stopped() { Err(PictureError::Stopped) } else { Ok(()) }
 }
 
 /// The view by which nodes are selected: discs reach into a face from outside.

@@ -36,6 +36,12 @@ pub trait Reporter: Send + Sync {
 
     /// Shows the progress of one long work.
     fn progress(&self) -> Box<dyn Progress + '_>;
+
+    /// Whether nobody waits for the picture any more. Asked between the views that pictures of all directions and for two eyes are put
+    /// together from.
+    fn is_stopped(&self) -> bool {
+        false
+    }
 }
 
 /// Nobody is told.
@@ -149,6 +155,17 @@ impl Session {
             hiding: None,
             reporter: Arc::new(()),
         }
+    }
+
+    /// The same with somebody who is told.
+    #[must_use]
+    pub fn with_reporter(self, reporter: Arc<dyn Reporter>) -> Session {
+        Session { reporter, ..self }
+    }
+
+    /// Draws these families of the datasets of the page file from now on.
+    pub fn show_members(&mut self, members: Vec<Member>) {
+        self.members = members;
     }
 
     /// The same with an adapter, which draws what it is asked for or is faster at.
