@@ -83,12 +83,11 @@ impl Adapter for Offscreen {
         *self.is_card.get_or_insert_with(probe)
     }
 
-    fn draw(&mut self, job: &AdapterJob<'_>) -> Result<AdapterFrame, String> {
-        let frame = match job.light {
+    fn draw(&mut self, job: &AdapterJob<'_>) -> Result<AdapterFrame, VolumeError> {
+        match job.light {
             Some(plan) => self.light(job, &plan.passes),
-            None => self.sums(job),
-        };
-        frame.map_err(|error| error.to_string())
+            None => self.sums(job).map_err(device),
+        }
     }
 
     fn ranges(&mut self, job: &AdapterJob<'_>, options: &VolumeOptions) -> Result<FieldRange, VolumeError> {
@@ -99,7 +98,7 @@ impl Adapter for Offscreen {
         let wanted = self.job(sketch.view, grid, sketch.options, sketch.stride as u32, Shows::Ranges);
         let volume = volume(job, &request, [None, Some(wanted)]);
         let found = self.with(move |slot| loaded(slot, &request)?.ranges(volume));
-        let found = found.map_err(|error| VolumeError::Device(error.to_string()))?;
+        let found = found.map_err(device)?;
         found.ok_or(VolumeError::Grid(GridError::NothingInView))
     }
 }
@@ -135,9 +134,8 @@ impl Offscreen {
         })
     }
 
-    fn light(&mut self, job: &AdapterJob<'_>, passes: &LightPasses) -> Result<AdapterFrame, GpuError> {
+    fn light(&mut self, job: &AdapterJob<'_>, passes: &LightPasses) -> Result<AdapterFrame, VolumeError> {
         let request = request(job);
-        let asked = |error: VolumeError| GpuError::Asked(error.to_string());
         let sigma = PerspectiveGrid::sigma_of(job.view, 1.0);
         let (scenery, options) = match passes {
             LightPasses::March(scenery, options) => (scenery, options),
@@ -146,26 +144,26 @@ impl Offscreen {
                 let planes = planes_of(job.view, within(job, &request), options.smallest * sigma, ends);
                 let sorted = SortedSplats {
                     classifier: Arc::new(classifier.clone()),
-                    planes: planes.map_err(asked)?,
+                    planes: planes?,
                     termination: *termination,
                     smallest: options.smallest,
                     density_scale: *density_scale,
                 };
-                return self.tiles(request, sorted.planes, sorted);
+                return self.tiles(request, sorted.planes, sorted).map_err(device);
             }
             LightPasses::Layered { classifier, options, layers, assignment, termination } => {
                 let ends = [options.near, options.far];
                 let planes = planes_of(job.view, within(job, &request), options.smallest * sigma, ends);
                 let layered = Layered {
                     classifier: Arc::new(classifier.clone()),
-                    planes: planes.map_err(asked)?,
+                    planes: planes?,
                     layers: *layers,
                     assignment: *assignment,
                     termination: *termination,
                     smallest: options.smallest,
                     longest: within(job, &request).map(|extent| extent.margin).fold(0.0, f64::max),
                 };
-                return self.tiles(request, layered.planes, layered);
+                return self.tiles(request, layered.planes, layered).map_err(device);
             }
             LightPasses::Spheres { options, light, colors, density_scale } => {
                 let planes = planes_of(job.view, within(job, &request), 0.0, [options.near, options.far]);
@@ -173,18 +171,18 @@ impl Offscreen {
                     radius: options.radius,
                     least: options.least,
                     smoothing: options.smoothing,
-                    planes: planes.map_err(asked)?,
+                    planes: planes?,
                     density_scale: *density_scale,
                     light: *light,
                     colors: colors.clone(),
                 };
-                return self.tiles(request, spheres.planes, spheres);
+                return self.tiles(request, spheres.planes, spheres).map_err(device);
             }
         };
-        let (grid, _) = planes_and_widest(job.view, within(job, &request), options).map_err(asked)?;
+        let (grid, _) = planes_and_widest(job.view, within(job, &request), options)?;
         let wanted = self.job(*job.view, grid, *options, 1, Shows::Light(Arc::new(scenery.clone())));
         let volume = volume(job, &request, [Some(wanted), None]);
-        self.with(move |slot| {
+        let drawn = self.with(move |slot| {
             let renderer = loaded(slot, &request)?;
             let (colors, found, (passes, frame)) = renderer.volume(volume, request.repeat)?;
             let report = VolumeReport {
@@ -198,7 +196,8 @@ impl Offscreen {
                 ..VolumeReport::default()
             };
             Ok(light_frame(colors, report, renderer, &passes, frame))
-        })
+        });
+        drawn.map_err(device)
     }
 
     /// Draws by passes that complete a picture in one frame.
@@ -229,6 +228,10 @@ impl Offscreen {
         self.number += 1;
         VolumeJob { number: self.number, view, grid, options, stride, shows }
     }
+}
+
+fn device(error: GpuError) -> VolumeError {
+    VolumeError::Device(error.to_string())
 }
 
 /// What is handed back of a picture of light.

@@ -9,4 +9,5 @@ mod integrals;
 mod light;
 mod light_modes;
 mod pages;
+mod panoramas;
 mod volumes;
