@@ -12,7 +12,6 @@ use super::preset::Preset;
 use super::scene::Scene;
 use super::state::notices::Notices;
 use super::statistics::ActiveBackend;
-use super::surround_backend::NO_PLACES;
 use crate::explore::particle::ParticleRef;
 use crate::store::Metadata;
 use crate::stream::SceneNode;
@@ -32,6 +31,10 @@ pub struct Picked {
     /// Distance from the cursor, pixels.
     pub pixels: f64,
 }
+
+/// Said where the mouse asks for places in pictures of all directions and of two eyes.
+pub const NO_PLACES: &str =
+    "what is under the mouse is known in flat pictures of one eye only: choose such a projection first (section View)";
 
 /// How far from the cursor particles are looked for, pixels.
 pub const REACH_PX: f64 = 14.0;

@@ -34,10 +34,6 @@ use std::sync::Arc;
 use std::time::Instant;
 use task::{Done, Drawn, Facts, Told, draw};
 
-/// Said where a tool would look for places in the picture.
-pub(super) const NO_PLACES: &str =
-    "what is under the mouse is known in flat pictures of one eye only: choose such a projection first (section View)";
-
 /// Share of the preset's memory for pages that a panorama's may take, beside those of the flat view.
 const MEMORY_SHARE: u64 = 2;
 
