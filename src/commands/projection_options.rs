@@ -7,7 +7,7 @@ use crate::view::{CubeLayout, Eyes, Stereo, StereoKind, Surround};
 #[derive(clap::Args, Clone, Debug, Default)]
 pub struct ProjectionOptions {
     /// flat (perspective, or orthographic with --ortho), dome (dome master: azimuthal equidistant), cube or equirectangular
-    /// [default: flat]. --size is a cube's face; eye and target: where the panorama's middle is, and its front.
+    /// [default: flat]: around the camera's eye, with its target as the front. The size of a cube's picture is one face's.
     #[arg(long, value_name = "NAME")]
     pub projection: Option<ProjectionName>,
     /// Angle from rim to rim of a dome master, degrees, up to 360 [default: 180].

@@ -1,9 +1,12 @@
 //! `deepfield view`: a source or page file in a window; without a display, its picture in a file.
 
 use super::arguments::PictureSize;
+use super::projection_options::ProjectionOptions;
 use super::{CommandResult, render};
 use crate::look::{Member, SceneFile, data_file, is_scene_file};
 use crate::tour::TourFile;
+#[cfg(feature = "viewer")]
+use crate::view::{Stereo, Surround};
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 
@@ -19,6 +22,7 @@ use std::path::{Path, PathBuf};
   deepfield view hipparcos.csv --mode points
   deepfield view before.hdf5 --with after.hdf5@120,0,0   two datasets side by side
   deepfield view snapshot_099.scene.ron            what was saved with Ctrl+S
+  deepfield view snapshot_099.hdf5 --projection dome --tilt 20 --fullscreen    a fisheye projector: Tab hides the panels
   deepfield view --tour assets/tours/demo.ron --fullscreen    Space plays and stands, arrows lead on and back
   deepfield view snapshot_099.hdf5 --lead --show-key show.key      others follow: docs/shows.md
   deepfield view snapshot_099.hdf5 --follow 192.168.0.10 --show-key show.key --name left
@@ -95,6 +99,9 @@ pub struct WindowArguments {
     /// For a follower: the output that it displays.
     #[arg(long, value_name = "FILE.ron#NAME", requires = "follow", value_parser = named_output)]
     pub output: Option<(PathBuf, String)>,
+    /// What the picture is of all directions, or for two eyes.
+    #[command(flatten)]
+    pub projection: ProjectionOptions,
     /// Fills the screen; F11 does so later.
     #[arg(long, conflicts_with = "output")]
     pub fullscreen: bool,
@@ -208,6 +215,7 @@ pub fn show(path: &Path, settings: &WindowArguments) -> CommandResult {
         error_px: settings.error_px,
         scene: settings.scene.clone(),
         with: settings.with.clone(),
+        projection: settings.projection.clone(),
         annotate: super::annotate::AnnotateOptions { labels: settings.labels.clone(), ..Default::default() },
         path: path.to_owned(),
         output: output.clone(),
@@ -236,6 +244,7 @@ fn window(path: &Path, settings: &WindowArguments, drivers: wgpu::Backends) -> C
         output: settings.output.clone(),
         supervised: settings.supervised.as_deref().map(RunFolder::at),
     };
+    let projection = projection_of(path, settings)?;
     let opener = Arc::new(|path: &Path, progress: &dyn crate::model::Progress| {
         super::cache::page_file_of(path, progress).map_err(|error| error.to_string())
     });
@@ -246,6 +255,7 @@ fn window(path: &Path, settings: &WindowArguments, drivers: wgpu::Backends) -> C
             .chain(settings.with.iter().cloned())
             .collect(),
         scene: settings.scene.clone(),
+        projection: Some(projection),
     };
     // A follower opens what the leader says.
     let request = settings.follow.is_none().then_some(request);
@@ -262,6 +272,7 @@ fn window(path: &Path, settings: &WindowArguments, drivers: wgpu::Backends) -> C
     options.error_px = settings.error_px;
     options.frame_ms = settings.frame_ms;
     options.mode = settings.mode.map(|mode| mode.name.to_owned());
+    options.projection = projection;
     options.status = settings.status.clone();
     options.labels = settings.labels.clone();
     options.tour = settings.tour.clone();
@@ -274,6 +285,23 @@ fn window(path: &Path, settings: &WindowArguments, drivers: wgpu::Backends) -> C
         }));
     }
     Ok(run_show_window(options, show)?)
+}
+
+/// How directions become a picture to begin with, and for which eyes: as the scene or the tour says that is opened, with what the
+/// command line does.
+#[cfg(feature = "viewer")]
+fn projection_of(
+    path: &Path,
+    settings: &WindowArguments,
+) -> Result<(Surround, Option<Stereo>), Box<dyn std::error::Error + Send + Sync>> {
+    let scene = settings.scene.as_deref().or_else(|| is_scene_file(path).then_some(path));
+    let (surround, stereo) = match (&settings.tour, scene) {
+        // What is wrong with a tour, the window says.
+        (Some(tour), _) => TourFile::read(tour).map_or((Surround::Flat, None), |tour| (tour.projection, tour.stereo)),
+        (None, Some(scene)) => SceneFile::read(scene).map(|scene| (scene.projection, scene.stereo))?,
+        (None, None) => (Surround::Flat, None),
+    };
+    Ok(settings.projection.over(surround, stereo)?)
 }
 
 /// The part that the window has in a show on several machines.

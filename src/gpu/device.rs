@@ -53,9 +53,6 @@ pub enum GpuError {
     /// Not even the smallest part of a picture or a volume fits.
     #[error("the graphics memory is too small for a part of the picture ({0})")]
     NoRoom(String),
-    /// What was asked for makes no sense.
-    #[error("{0}")]
-    Asked(String),
     /// Particle data larger than what the adapter can hold.
     #[error("{needed} bytes of particles exceed the adapter's memory budget of {budget} bytes")]
     OutOfMemory {

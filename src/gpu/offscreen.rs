@@ -80,12 +80,11 @@ impl Adapter for Offscreen {
         *self.is_card.get_or_insert_with(probe)
     }
 
-    fn draw(&mut self, job: &AdapterJob<'_>) -> Result<AdapterFrame, String> {
-        let frame = match job.light {
+    fn draw(&mut self, job: &AdapterJob<'_>) -> Result<AdapterFrame, VolumeError> {
+        match job.light {
             Some(plan) => self.light(job, &plan.passes),
-            None => self.sums(job),
-        };
-        frame.map_err(|error| error.to_string())
+            None => self.sums(job).map_err(device),
+        }
     }
 
     fn ranges(&mut self, job: &AdapterJob<'_>, options: &VolumeOptions) -> Result<FieldRange, VolumeError> {
@@ -96,7 +95,7 @@ impl Adapter for Offscreen {
         let wanted = self.job(sketch.view, grid, sketch.options, sketch.stride as u32, Shows::Ranges);
         let volume = volume(job, &request, [None, Some(wanted)]);
         let found = self.with(move |slot| loaded(slot, &request)?.ranges(volume));
-        let found = found.map_err(|error| VolumeError::Device(error.to_string()))?;
+        let found = found.map_err(device)?;
         found.ok_or(VolumeError::Grid(GridError::NothingInView))
     }
 }
@@ -132,19 +131,18 @@ impl Offscreen {
         })
     }
 
-    fn light(&mut self, job: &AdapterJob<'_>, passes: &LightPasses) -> Result<AdapterFrame, GpuError> {
+    fn light(&mut self, job: &AdapterJob<'_>, passes: &LightPasses) -> Result<AdapterFrame, VolumeError> {
         let request = request(job);
-        let asked = |error: VolumeError| GpuError::Asked(error.to_string());
         let LightPasses::March(scenery, options) = passes else {
             let extents: Vec<Extent> = within(job, &request).collect();
-            let found = TilePasses::of(passes, job.view, &extents).map_err(asked)?;
-            let passes = found.ok_or_else(|| GpuError::Failed("(no passes for this mode)".into()))?;
-            return self.tiles(request, passes);
+            let found = TilePasses::of(passes, job.view, &extents)?;
+            let passes = found.ok_or_else(|| VolumeError::Device("no passes draw this mode".into()))?;
+            return self.tiles(request, passes).map_err(device);
         };
-        let (grid, _) = planes_and_widest(job.view, within(job, &request), options).map_err(asked)?;
+        let (grid, _) = planes_and_widest(job.view, within(job, &request), options)?;
         let wanted = self.job(*job.view, grid, *options, 1, Shows::Light(Arc::new(scenery.clone())));
         let volume = volume(job, &request, [Some(wanted), None]);
-        self.with(move |slot| {
+        let drawn = self.with(move |slot| {
             let renderer = loaded(slot, &request)?;
             let (colors, found, (passes, frame)) = renderer.volume(volume, request.repeat)?;
             let report = VolumeReport {
@@ -158,7 +156,8 @@ impl Offscreen {
                 ..VolumeReport::default()
             };
             Ok(light_frame(colors, report, renderer, &passes, frame))
-        })
+        });
+        drawn.map_err(device)
     }
 
     /// Draws by passes that complete a picture in one frame.
@@ -185,6 +184,10 @@ impl Offscreen {
         self.number += 1;
         VolumeJob { number: self.number, view, grid, options, stride, shows }
     }
+}
+
+fn device(error: GpuError) -> VolumeError {
+    VolumeError::Device(error.to_string())
 }
 
 /// What is handed back of a picture of light.

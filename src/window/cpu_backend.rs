@@ -11,7 +11,7 @@ use super::live::LiveParticles;
 use super::look::{Held, Look};
 use super::occlusion::Occlusion;
 use super::pages::ViewSelection;
-use super::picture::Picture;
+use super::picture::{Letterbox, Picture, to_image};
 use super::picture_sizes::{drawing_size, moving_size, volume_limit};
 use super::preset::{MotionPreset, Preset};
 use super::scene::{Scene, Settings};
@@ -27,10 +27,7 @@ use crate::picture::Subject;
 use crate::picture::drawing_cost::DrawingCost;
 use crate::picture::fade::faded;
 use crate::store::Tree;
-use bevy::asset::RenderAssetUsages;
-use bevy::image::ImageSampler;
 use bevy::prelude::*;
-use bevy::render::render_resource::{Extent3d, TextureDimension, TextureFormat};
 use bevy::tasks::{AsyncComputeTaskPool, Task, futures::check_ready};
 use drawing::{Limits, Outcome, Source, draw};
 use std::sync::Arc;
@@ -319,6 +316,7 @@ pub(super) fn show_on_cpu(
     before: Res<Before>,
     picture: Res<Picture>,
     mut images: ResMut<Assets<Image>>,
+    mut letterbox: ResMut<Letterbox>,
     mut converged: ResMut<Converged>,
 ) {
     let cpu = cpu.bypass_change_detection();
@@ -345,15 +343,6 @@ pub(super) fn show_on_cpu(
     if images.insert(&picture.image, to_image(colors)).is_err() {
         warn!("the picture's image is gone");
     }
+    letterbox.set_if_neq(Letterbox(None));
     cpu.shown = Some(wanted);
-}
-
-/// Colours as an image that egui shows; smoothed where it is stretched.
-fn to_image(colors: Colors) -> Image {
-    let size = Extent3d { width: colors.width, height: colors.height, depth_or_array_layers: 1 };
-    let bytes = bytemuck::allocation::cast_vec::<[u8; 4], u8>(colors.rgba);
-    let mut image =
-        Image::new(size, TextureDimension::D2, bytes, TextureFormat::Rgba8UnormSrgb, RenderAssetUsages::default());
-    image.sampler = ImageSampler::linear();
-    image
 }

@@ -14,8 +14,10 @@ use super::pages::{GpuSlot, PageCopies, PageKey, PageStatus, Streaming, ViewSele
 use super::picture::DataCamera;
 use super::preset::{Backend, Preset};
 use super::scene::{Scene, Settings};
+use super::state::aim::Aim;
 use super::state::notices::Notices;
 use super::statistics::{ActiveBackend, Converged, Statistics};
+use super::surround_backend;
 use super::touring::Before;
 use crate::color::Accumulation;
 use crate::gpu::measure::{Measure, Measured, MeasuredPicture};
@@ -91,14 +93,18 @@ pub(super) fn choose_backend(
     mut notices: ResMut<Notices>,
     live: Res<LiveParticles>,
     slots: Query<Entity, With<GpuSlot>>,
+    aim: Option<Res<Aim>>,
 ) {
     let asked = preset.drawing.backend;
+    let surrounds =
+        settings.as_ref().is_some_and(|settings| surround_backend::is_wanted(settings, &live, aim.as_deref()));
     let mode = settings.map_or(modes::first(), |settings| settings.mode);
     let adapter_of_mode = mode.technique.adapter();
     // A driver without a graphics card draws on the processor too, and volumes slower than our own renderer.
     let is_card = info.as_ref().is_some_and(|info| info.device_type != DeviceType::Cpu);
     let wanted = match asked {
-        _ if adapter_of_mode == Adapter::None => None,
+        // Panoramas are put together from pages themselves.
+        _ if surrounds || adapter_of_mode == Adapter::None => None,
         Backend::Compute if adapter_of_mode == Adapter::Light => Some(gpu::Backend::Compute),
         Backend::Auto if adapter_of_mode == Adapter::Light && is_card => Some(gpu::Backend::Compute),
         _ if adapter_of_mode == Adapter::Light => None,
@@ -135,10 +141,14 @@ pub(super) fn choose_backend(
         tables.drawn = None;
     }
     statistics.adapter = graphics.map_or_else(String::new, |(_, info)| format!("{} ({})", info.name, info.driver_info));
-    let wanted = if found.is_some() { ActiveBackend::Gpu } else { ActiveBackend::Cpu };
+    let wanted = match found {
+        Some(_) => ActiveBackend::Gpu,
+        None if surrounds => ActiveBackend::Surround,
+        None => ActiveBackend::Cpu,
+    };
     // While something else is shown, the file's pages have no place there.
     let uses_copies = wanted == ActiveBackend::Gpu && !live.is_shown();
-    if wanted == ActiveBackend::Cpu && live.is_shown() && live.particles().is_none() {
+    if wanted != ActiveBackend::Gpu && live.is_shown() && live.particles().is_none() {
         notices.error("the processor cannot draw particles in the graphics adapter's memory: the file is shown");
     }
     if *active == wanted && copies.0 == uses_copies {

@@ -149,7 +149,7 @@ mod tests {
     use crate::mode::{SettingKind, SettingValue};
     use crate::modes;
     use crate::view::cut::{Axis, ClipBox, Fade, Slab};
-    use crate::view::{CutSettings, Periodic};
+    use crate::view::{CutSettings, Eyes, Periodic, Stereo, StereoKind, Surround};
     use crate::window::preset::Preset;
     use bevy::math::DVec3;
     use proptest::prelude::*;
@@ -157,7 +157,7 @@ mod tests {
     /// One edit, from three random numbers: of any setting of the mode, or of anything else that the panels edit.
     fn edit(settings: &mut Settings, [what, value, more]: [f64; 3]) {
         let own: Vec<_> = settings.mode.all_settings().collect();
-        let pick = (what * (own.len() + 10) as f64) as usize;
+        let pick = (what * (own.len() + 11) as f64) as usize;
         if let Some(setting) = own.get(pick) {
             let between = |min: f64, max: f64, at: f64| min + at * (max.min(1e6) - min);
             let new = match setting.kind {
@@ -189,6 +189,12 @@ mod tests {
                 let region = Region::sphere(DVec3::splat(value), 0.1 + more);
                 let number = settings.selections.len();
                 settings.selections.push(SelectionSet::new("s", region, number));
+            }
+            9 => {
+                settings.surround = Surround::Dome { aperture: 180.0 + 180.0 * value, tilt: 90.0 * more };
+                let (kind, eyes) = (StereoKind::Omnidirectional, Eyes::OverUnder);
+                let pair = Stereo { kind, separation: value, zero_parallax: 1.0, eyes };
+                settings.stereo = (more < 0.5).then_some(pair);
             }
             _ => {
                 settings.cut = CutSettings {

@@ -40,6 +40,7 @@ pub mod screenshot;
 pub mod shortcuts;
 pub mod state;
 pub mod statistics;
+pub mod surround_backend;
 pub mod theme;
 pub mod touring;
 pub mod transfer_presets;
@@ -165,7 +166,9 @@ impl Plugin for WindowApp {
             objects.is_given = true;
             objects.open(path);
         }
-        let settings = scene::Settings::new(&self.preset, self.options.mode.as_deref());
+        let (surround, stereo) = self.options.projection;
+        let settings =
+            scene::Settings { surround, stereo, ..scene::Settings::new(&self.preset, self.options.mode.as_deref()) };
         let residency = &self.preset.residency;
         app.insert_resource(ParticleScene::new(residency.gpu_bytes()[0], residency.upload_mib << 20));
         app.add_plugins((
@@ -206,6 +209,8 @@ impl Plugin for WindowApp {
         .init_resource::<state::notices::Notices>()
         .insert_resource(state::choices::Choices::of_program())
         .init_resource::<cpu_backend::CpuPicture>()
+        .init_resource::<surround_backend::SurroundPicture>()
+        .init_resource::<picture::Letterbox>()
         .init_resource::<live::LiveParticles>()
         .init_resource::<live::copies::LiveCopies>()
         .init_resource::<gpu_backend::GpuTables>()
@@ -255,7 +260,10 @@ impl Plugin for WindowApp {
                 shortcuts::run_shortcuts.in_set(WindowSystems::TakeInput),
                 gpu_backend::follow_budgets.run_if(resource_changed::<Preset>),
                 gpu_backend::choose_backend.run_if(
-                    resource_changed::<Preset>.or_else(gpu_backend::technique_changed).or_else(live::came_or_went),
+                    resource_changed::<Preset>
+                        .or_else(gpu_backend::technique_changed)
+                        .or_else(live::came_or_went)
+                        .or_else(surround_backend::came_or_went),
                 ),
             )
                 .chain(),
@@ -268,9 +276,10 @@ impl Plugin for WindowApp {
                 pick::fly_to_pick.before(CameraSystems::Steer).after(EguiPostUpdateSet::ProcessOutput),
                 gpu_backend::receive_copies.in_set(PageSystems::Arrive).after(pages::finish_loads),
                 (
-                    touring::before::draw_before,
+                    touring::before::draw_before.run_if(not(surround_backend::is_active)),
                     cpu_backend::draw_on_cpu,
                     cpu_backend::show_on_cpu,
+                    surround_backend::draw_surround,
                     gpu_backend::upload_pages,
                     live::copies::copy_live,
                     gpu_backend::draw_on_gpu,

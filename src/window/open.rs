@@ -120,7 +120,10 @@ fn data_of(request: OpenRequest) -> Result<(Vec<Member>, Option<OpenedScene>), S
         None if own.first().is_some_and(|first| is_scene_file(&first.path)) => own.remove(0).path,
         None => return Ok((own, None)),
     };
-    let scene = SceneFile::read(&path).map_err(|error| error.to_string())?;
+    let mut scene = SceneFile::read(&path).map_err(|error| error.to_string())?;
+    if let Some((surround, stereo)) = request.projection {
+        (scene.projection, scene.stereo) = (surround, stereo);
+    }
     let mut notes = Vec::new();
     if own.is_empty() {
         let located = scene.locate(&path).map_err(|error| error.to_string())?;
@@ -174,7 +177,7 @@ mod tests {
         std::fs::write(&path, "(version: 1, datasets: [(path: \"box.df\")])").unwrap();
         let open = |path: &Path, scene: Option<&Path>| {
             let members = vec![Member::new(path)];
-            data_of(OpenRequest { members, scene: scene.map(Path::to_owned) })
+            data_of(OpenRequest { members, scene: scene.map(Path::to_owned), projection: None })
         };
         let (members, scene) = open(&path, None).unwrap();
         assert_eq!((members, scene.unwrap().path), (vec![Member::new(&data)], path.clone()));

@@ -3,6 +3,7 @@
 use super::preset::{Backend, Preset, PresetError};
 use crate::look::Member;
 use crate::model::progress::Progress;
+use crate::view::{Stereo, Surround};
 use bevy::prelude::App;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -22,12 +23,14 @@ pub struct OpenRequest {
     pub members: Vec<Member>,
     /// A scene to show the data with, whatever data it names itself.
     pub scene: Option<PathBuf>,
+    /// How directions become a picture, and for which eyes, in place of what the scene says.
+    pub projection: Option<(Surround, Option<Stereo>)>,
 }
 
 impl OpenRequest {
     /// One file.
     pub fn of(path: impl Into<PathBuf>) -> OpenRequest {
-        OpenRequest { members: vec![Member::new(path)], scene: None }
+        OpenRequest { members: vec![Member::new(path)], ..OpenRequest::default() }
     }
 }
 
@@ -54,6 +57,8 @@ pub struct WindowOptions {
     pub frame_ms: Option<f64>,
     /// The mode to begin with; chosen by the data where it is `None`.
     pub mode: Option<String>,
+    /// How directions become a picture to begin with, and for which eyes.
+    pub projection: (Surround, Option<Stereo>),
     /// A file that is rewritten with the window's state as JSON whenever it changes (for scripts and tests).
     pub status: Option<PathBuf>,
     /// The caller's plugins and systems.
@@ -80,6 +85,7 @@ impl WindowOptions {
             error_px: None,
             frame_ms: None,
             mode: None,
+            projection: (Surround::Flat, None),
             status: None,
             extension: None,
             labels: None,

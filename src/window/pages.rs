@@ -19,7 +19,7 @@ use super::picture::{DataCamera, Picture};
 use super::preset::{Preset, ResidencyPreset};
 use super::scene::{Scene, Settings};
 use super::state::notices::Notices;
-use super::statistics::Statistics;
+use super::statistics::{ActiveBackend, Statistics};
 use crate::hierarchy::Purpose;
 use crate::model::Bounds;
 use crate::store::{Page, PageId};
@@ -30,6 +30,10 @@ use bevy::ecs::system::SystemParam;
 use bevy::prelude::*;
 use std::collections::HashMap;
 use std::sync::Arc;
+
+/// What the sides of the flat view are divided by while a panorama is shown, which reads its pages itself: what is ahead of the camera is
+/// known well enough for the speed of flights, and little memory is taken for it.
+const SURROUND_SHRINK: u32 = 8;
 
 /// Which page an entity is.
 #[derive(Component, Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -134,6 +138,7 @@ pub struct Present<'w, 's> {
     picture: Res<'w, Picture>,
     look: Option<Res<'w, Look>>,
     aim: Option<Res<'w, Aim>>,
+    backend: Res<'w, ActiveBackend>,
     camera: Single<'w, 's, &'static Viewpoint, With<DataCamera>>,
 }
 
@@ -145,7 +150,11 @@ impl Present<'_, '_> {
 
     fn view_from(&self, viewpoint: &Viewpoint, streaming: &Streaming) -> Option<View> {
         let periodic = streaming.streamer.residency.tree().metadata().periodic_box();
-        view_of(viewpoint, &self.settings, periodic, self.picture.size(), self.aim.as_deref()).ok()
+        let size = match *self.backend {
+            ActiveBackend::Surround => (self.picture.size() / SURROUND_SHRINK).max(UVec2::ONE),
+            ActiveBackend::Cpu | ActiveBackend::Gpu => self.picture.size(),
+        };
+        view_of(viewpoint, &self.settings, periodic, size, self.aim.as_deref()).ok()
     }
 
     /// What has to stay the same for a picture to say anything of the next: the scene's generation and the depiction's revision.
@@ -171,6 +180,7 @@ pub struct PagesPlugin;
 impl Plugin for PagesPlugin {
     fn build(&self, app: &mut App) {
         app.init_resource::<PageCopies>()
+            .init_resource::<ActiveBackend>()
             .init_resource::<Occlusion>()
             .init_resource::<Upcoming>()
             .init_resource::<ViewSelection>()

@@ -11,6 +11,7 @@ use super::picture::{DataCamera, Picture};
 use super::preset::Preset;
 use super::scene::Scene;
 use super::state::notices::Notices;
+use super::statistics::ActiveBackend;
 use crate::explore::particle::ParticleRef;
 use crate::store::Metadata;
 use crate::stream::SceneNode;
@@ -30,6 +31,10 @@ pub struct Picked {
     /// Distance from the cursor, pixels.
     pub pixels: f64,
 }
+
+/// Said where the mouse asks for places in pictures of all directions and of two eyes.
+pub const NO_PLACES: &str =
+    "what is under the mouse is known in flat pictures of one eye only: choose such a projection first (section View)";
 
 /// How far from the cursor particles are looked for, pixels.
 pub const REACH_PX: f64 = 14.0;
@@ -104,13 +109,17 @@ pub(super) fn fly_to_pick(
     scene: Option<Res<Scene>>,
     selection: Res<ViewSelection>,
     picture: Res<Picture>,
-    preset: Res<Preset>,
+    (backend, preset): (Res<ActiveBackend>, Res<Preset>),
     mut notices: ResMut<Notices>,
     camera: Single<(Entity, &Viewpoint, &mut Navigation), (With<DataCamera>, With<Anchor>)>,
 ) {
     let Some(at) = click.bypass_change_detection().0.take() else { return };
     let (Some(scene), Some(view)) = (scene, selection.view) else { return };
     if !owner.is_picture() {
+        return;
+    }
+    if *backend == ActiveBackend::Surround {
+        notices.info(NO_PLACES);
         return;
     }
     let cursor = picture.pixel(at).as_dvec2().to_array();

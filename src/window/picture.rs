@@ -7,6 +7,7 @@
 use super::camera::{Anchor, Fly, Navigation, Viewpoint};
 use super::preset::Preset;
 use super::statistics::ActiveBackend;
+use crate::color::Image as Colors;
 use bevy::asset::RenderAssetUsages;
 use bevy::camera::{RenderTarget, visibility::RenderLayers};
 use bevy::core_pipeline::tonemapping::Tonemapping;
@@ -42,6 +43,22 @@ impl Picture {
     }
 }
 
+/// Width and height of a picture that has a shape of its own, pixels: it stands in the middle of its place, as large as it fits, with
+/// black around it. Without, a picture fills its place.
+#[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Letterbox(pub Option<UVec2>);
+
+impl Letterbox {
+    /// Where the picture stands in a place, logical pixels, of which each is `scale` physical ones. What fits exactly is not resampled.
+    pub fn within(&self, place: Rect, scale: f32) -> Rect {
+        let Some(shape) = self.0.map(|size| size.max(UVec2::ONE).as_vec2()) else { return place };
+        let room = (place.size() * scale).round();
+        let size = (shape * (room / shape).min_element()).round().min(room);
+        let corner = place.min + ((room - size) / 2.0).floor() / scale;
+        Rect::from_corners(corner, corner + size / scale)
+    }
+}
+
 /// Marks the camera that looks at the data.
 #[derive(Component, Clone, Copy, Debug, Default)]
 pub struct DataCamera;
@@ -60,6 +77,16 @@ fn picture_image(size: UVec2) -> Image {
         | TextureUsages::COPY_SRC
         | TextureUsages::RENDER_ATTACHMENT;
     image.sampler = ImageSampler::nearest();
+    image
+}
+
+/// Colours as an image that egui shows; smoothed where it is stretched.
+pub(super) fn to_image(colors: Colors) -> Image {
+    let size = Extent3d { width: colors.width, height: colors.height, depth_or_array_layers: 1 };
+    let bytes = bytemuck::allocation::cast_vec::<[u8; 4], u8>(colors.rgba);
+    let mut image =
+        Image::new(size, TextureDimension::D2, bytes, TextureFormat::Rgba8UnormSrgb, RenderAssetUsages::default());
+    image.sampler = ImageSampler::linear();
     image
 }
 
@@ -115,6 +142,7 @@ pub(super) fn fit_picture(
     picture: Res<Picture>,
     backend: Res<ActiveBackend>,
     mut images: ResMut<Assets<Image>>,
+    mut letterbox: ResMut<Letterbox>,
     mut active: ResMut<ActiveCameraData>,
 ) {
     let size = picture.size();
@@ -123,6 +151,7 @@ pub(super) fn fit_picture(
         image.size() == size && image.texture_descriptor.usage.contains(TextureUsages::RENDER_ATTACHMENT)
     };
     if *backend == ActiveBackend::Gpu && !images.get(&picture.image).is_some_and(fits) {
+        letterbox.0 = None;
         // The image is replaced in place, so that the camera and egui keep their handles.
         if images.insert(&picture.image, picture_image(size)).is_err() {
             warn!("the picture's image is gone");
@@ -147,5 +176,18 @@ mod tests {
         };
         assert_eq!(picture.size(), UVec2::new(1960, 1440));
         assert_eq!(picture.pixel(Vec2::new(310.0, 5.0)), Vec2::new(20.0, 10.0));
+    }
+
+    #[test]
+    fn a_picture_with_a_shape_of_its_own_stands_in_the_middle() {
+        let place = Rect::new(300.0, 0.0, 1281.0, 720.0);
+        let within = |size: Option<[u32; 2]>, scale| Letterbox(size.map(UVec2::from)).within(place, scale);
+        assert_eq!(within(None, 2.0), place);
+        // Pixel on pixel where it fits, and as large where it is smaller.
+        for side in [720, 180, 90] {
+            assert_eq!(within(Some([side; 2]), 1.0), Rect::new(430.0, 0.0, 1150.0, 720.0), "{side}");
+        }
+        assert_eq!(within(Some([1440; 2]), 2.0), Rect::new(430.5, 0.0, 1150.5, 720.0));
+        assert_eq!(within(Some([980, 490]), 1.0), Rect::new(300.0, 114.0, 1281.0, 605.0));
     }
 }

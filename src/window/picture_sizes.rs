@@ -1,5 +1,6 @@
 //! How large pictures are drawn, and of how many particles, while the view moves and when it rests.
 
+use crate::view::{CubeLayout, Eyes, Stereo, Surround};
 use crate::window::preset::MotionPreset;
 use bevy::prelude::*;
 
@@ -22,6 +23,25 @@ pub(crate) fn moving_size(full: UVec2, last: Option<(UVec2, f64)>, budget: f64, 
     (full.as_dvec2() / shrink).as_uvec2().max(UVec2::ONE)
 }
 
+/// The size of a panorama, or of the picture of one eye, as large as the whole fits into a room of so many pixels. As on the command
+/// line, that of a cube is one face's.
+pub(crate) fn panorama_size(room: UVec2, surround: Surround, stereo: Option<Stereo>) -> UVec2 {
+    let eyes = match stereo.map(|stereo| stereo.eyes) {
+        Some(Eyes::SideBySide) => UVec2::new(2, 1),
+        Some(Eyes::OverUnder) => UVec2::new(1, 2),
+        Some(Eyes::Left | Eyes::Right) | None => UVec2::ONE,
+    };
+    let room = room / eyes;
+    let size = match surround {
+        Surround::Flat => room,
+        Surround::Dome { .. } => UVec2::splat(room.min_element()),
+        Surround::Equirectangular => UVec2::new(2, 1) * (room.x / 2).min(room.y),
+        Surround::Cube { layout: CubeLayout::Cross } => UVec2::splat((room.x / 4).min(room.y / 3)),
+        Surround::Cube { .. } => UVec2::splat((room.x / 6).min(room.y)),
+    };
+    size.max(UVec2::ONE)
+}
+
 /// How many particles a volume's picture may take of so many in the view: all at rest.
 pub(crate) fn volume_limit(moving: bool, on_adapter: bool, particles: u64, motion: &MotionPreset) -> u64 {
     let most = if on_adapter { motion.volume_particles_gpu } else { motion.volume_particles };
@@ -31,6 +51,7 @@ pub(crate) fn volume_limit(moving: bool, on_adapter: bool, particles: u64, motio
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::view::StereoKind;
 
     #[test]
     fn volumes_in_motion_are_as_large_as_there_is_time_for() {
@@ -45,6 +66,25 @@ mod tests {
         let sharper = MotionPreset { volume_shrink: 2.0, ..motion };
         assert_eq!(size(None, &sharper), full / 2);
         assert_eq!(size(Some((full / 4, 1e6)), &sharper), full / 2);
+    }
+
+    #[test]
+    fn panoramas_are_as_large_as_the_whole_fits() {
+        let room = UVec2::new(1920, 1080);
+        let size = |surround, eyes: Option<Eyes>| {
+            let pair = |eyes| Stereo { kind: StereoKind::Omnidirectional, separation: 0.1, zero_parallax: 2.0, eyes };
+            panorama_size(room, surround, eyes.map(pair)).to_array()
+        };
+        let dome = Surround::Dome { aperture: 180.0, tilt: 0.0 };
+        assert_eq!(size(dome, None), [1080, 1080]);
+        assert_eq!(size(dome, Some(Eyes::SideBySide)), [960, 960]);
+        assert_eq!(size(dome, Some(Eyes::Left)), [1080, 1080]);
+        assert_eq!(size(Surround::Equirectangular, None), [1920, 960]);
+        assert_eq!(size(Surround::Equirectangular, Some(Eyes::OverUnder)), [1080, 540]);
+        assert_eq!(size(Surround::Cube { layout: CubeLayout::Cross }, None), [360, 360]);
+        assert_eq!(size(Surround::Cube { layout: CubeLayout::Strip }, None), [320, 320]);
+        assert_eq!(size(Surround::Flat, Some(Eyes::SideBySide)), [960, 1080]);
+        assert_eq!(panorama_size(UVec2::ONE, Surround::Cube { layout: CubeLayout::Files }, None), UVec2::ONE);
     }
 
     #[test]

@@ -11,6 +11,7 @@ use crate::mode::{Mode, SettingValue};
 use crate::model::{Bounds, PeriodicBox};
 use crate::modes;
 use crate::store::PageFile;
+use crate::view::{Stereo, Surround};
 use bevy::prelude::*;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -60,6 +61,10 @@ pub struct Settings {
     pub families: Vec<bool>,
     /// Projection and field of view.
     pub lens: Lens,
+    /// How directions become a picture.
+    pub surround: Surround,
+    /// A picture for each eye.
+    pub stereo: Option<Stereo>,
 }
 
 /// The transfer function was set together with the mode and the attribute: it is not chosen anew for them.
@@ -68,7 +73,11 @@ pub struct TransferKept;
 
 impl PartialEq for Settings {
     fn eq(&self, other: &Settings) -> bool {
-        self.look == other.look && self.families == other.families && self.lens == other.lens
+        self.look == other.look
+            && self.families == other.families
+            && self.lens == other.lens
+            && self.surround == other.surround
+            && self.stereo == other.stereo
     }
 }
 
@@ -81,7 +90,14 @@ impl Settings {
             mode_chosen: mode.is_some(),
             families: Vec::new(),
             lens: Lens { fov_deg: preset.camera.field_of_view_deg, parallel: false },
+            surround: Surround::Flat,
+            stereo: None,
         }
+    }
+
+    /// Whether the picture is more than one flat view.
+    pub fn is_projected(&self) -> bool {
+        !self.surround.is_flat() || self.stereo.is_some()
     }
 
     /// Changes the mode as the user wants it; its settings begin with their defaults.

@@ -6,6 +6,7 @@ use super::input::{PointerOwner, is_control};
 use super::objects::Objects;
 use super::open::OpenedScene;
 use super::picture::{DataCamera, Picture};
+use super::picture_sizes::panorama_size;
 use super::scene::{Scene, Settings};
 use super::state::notices::Notices;
 use super::state::panels::{Closed, Shown};
@@ -125,10 +126,15 @@ pub(crate) fn scene_file(
     parts: &SceneParts<'_>,
     path: &Path,
 ) -> SceneFile {
-    let size = picture.size();
+    let size = match settings.is_projected() {
+        true => panorama_size(picture.size(), settings.surround, settings.stereo),
+        false => picture.size(),
+    };
     SceneFile {
         size: Some((size.x, size.y)),
         camera: Some(camera_of(viewpoint, &settings.lens)),
+        projection: settings.surround,
+        stereo: settings.stereo,
         bookmarks: parts.bookmarks.0.clone(),
         labels: parts.objects.path().map(|labels| relative_to(labels, path)),
         panels: Panels { shown: parts.shown.panel, closed: Some(parts.closed.0.iter().cloned().collect()) },
@@ -201,6 +207,7 @@ pub(crate) fn apply(
     if let Some(name) = settings.show(&LookPatch::beginning().then(&scene.look), attributes) {
         notices.error(told(format!("the data has no attribute {name}; the usual one is shown")));
     }
+    (settings.surround, settings.stereo) = (scene.projection, scene.stereo);
     if let Some(camera) = &scene.camera {
         let lens;
         (*viewpoint, lens) = viewpoint_of(camera);

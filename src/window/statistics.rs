@@ -56,6 +56,8 @@ pub enum ActiveBackend {
     Cpu,
     /// Passes of the data camera.
     Gpu,
+    /// Background tasks that put pictures of all directions, and for two eyes, together.
+    Surround,
 }
 
 /// Whether the picture shows all that the view needs at its error bound: every page is resident, uploaded and drawn.

@@ -20,7 +20,7 @@ use crate::color::transfer::TransferFunction;
 use crate::explore::SelectionSet;
 use crate::look::Attribute;
 use crate::picture::decode::decoded_nodes;
-use crate::view::CutSettings;
+use crate::view::{CutSettings, Stereo, Surround};
 use bevy::prelude::*;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -119,6 +119,8 @@ struct SettingsStatus<'a> {
     families: &'a [bool],
     fov: f64,
     parallel: bool,
+    projection: Surround,
+    stereo: Option<Stereo>,
     cut: CutSettings,
     selections: &'a [SelectionSet],
     closed: &'a Closed,
@@ -194,6 +196,8 @@ pub(super) fn write_status(
             families: &settings.families,
             fov: settings.lens.fov_deg,
             parallel: settings.lens.parallel,
+            projection: settings.surround,
+            stereo: settings.stereo,
             cut: settings.cut,
             selections: &settings.selections,
             closed: &closed,

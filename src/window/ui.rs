@@ -9,12 +9,15 @@ use super::looking::pointer::PicturePointer;
 use super::overlay::{self, annotations, help};
 use super::panel::PanelState;
 use super::pick::DoubleClick;
-use super::picture::{DataCamera, Picture};
+use super::picture::{DataCamera, Letterbox, Picture};
 use super::preset::Preset;
+use super::scene::Scene;
 use super::state::panels::{Dock, Shown};
 use super::state::tool::Stroke;
+use super::statistics::ActiveBackend;
 use super::theme;
 use crate::annotate;
+use crate::view::View;
 use bevy::prelude::*;
 use bevy_egui::{EguiContexts, egui};
 use std::path::Path;
@@ -45,8 +48,8 @@ pub(super) fn draw_window(
     mut clicked: ResMut<DoubleClick>,
     mut pointer: ResMut<PicturePointer>,
     (mut layer, stroke, mut pictures): (ResMut<MarkLayer>, Res<Stroke>, ResMut<overlay::tour::TourPictures>),
-    shown: Res<Shown>,
-    preset: Res<Preset>,
+    (shown, preset): (Res<Shown>, Res<Preset>),
+    (backend, letterbox): (Res<ActiveBackend>, Res<Letterbox>),
 ) -> Result {
     let ctx = contexts.ctx_mut()?.clone();
     if !*styled {
@@ -95,25 +98,32 @@ pub(super) fn draw_window(
     let painter = root.painter().with_clip_rect(rect);
     let whole = egui::Rect::from_min_max(egui::pos2(0.0, 0.0), egui::pos2(1.0, 1.0));
     let periodic = panel.scene.as_ref().and_then(|scene| scene.periodic);
-    let view = view_of(camera.0, &panel.settings, periodic, picture.size(), None).ok();
+    // What belongs to places is written into panoramas, and cannot be drawn over them.
+    let is_flat = *backend != ActiveBackend::Surround;
+    let view = view_of(camera.0, &panel.settings, periodic, picture.size(), None).ok().filter(|_| is_flat);
     let tint = layer.tint();
     let marked = match &view {
         Some(view) => layer.textures(&ctx, view),
         None => &[],
     };
     let tint = if marked.is_empty() { egui::Color32::WHITE } else { tint };
-    painter.image(picture.texture, rect, whole, tint);
+    let Rect { min, max } = letterbox.within(picture.rect, picture.scale);
+    let place = egui::Rect::from_min_max(egui::pos2(min.x, min.y), egui::pos2(max.x, max.y));
+    painter.image(picture.texture, place, whole, tint);
     for (texture, place) in marked {
         let at = |share: egui::Pos2| rect.lerp_inside(share.to_vec2());
         let part = egui::Rect::from_min_max(at(place.min), at(place.max));
         painter.image(texture.id(), part, whole, egui::Color32::WHITE);
     }
-    draw_overlays(&painter, rect, &panel, &picture, *camera);
     if let (Some(view), Some(scene)) = (view, &panel.scene) {
+        draw_annotations(&painter, rect, (&panel, scene), &picture, (&view, camera.0));
         let places = Looking::of(&panel.looking, &stroke);
         places.draw(&painter, rect, &picture, view, &scene.length_unit);
     }
-    if let Some(state) = panel.player.state().cloned() {
+    if *camera.1 == Navigation::Fly && panel.scene.is_some() {
+        overlay::draw_hint(&painter, rect, "flying      W A S D  Q E      drag to look      F to orbit");
+    }
+    if let Some(state) = panel.player.state().cloned().filter(|_| is_flat) {
         let folder = panel.player.path().and_then(Path::parent).map(Path::to_owned).unwrap_or_default();
         let mut tell = |why: String| panel.notices.error(why);
         overlay::tour::draw(&painter, rect, &state, &folder, &mut pictures, &mut tell);
@@ -137,7 +147,7 @@ pub(super) fn draw_window(
     });
     pointer.update(at.map(|at| Vec2::new(at.x, at.y)), over_picture, left);
     let tool = *panel.looking.tool;
-    if let Some(cursor) = drawing::cursor(tool).filter(|_| over_picture) {
+    if let Some(cursor) = drawing::cursor(tool).filter(|_| over_picture && is_flat) {
         ctx.set_cursor_icon(cursor);
     }
     let double_click = ctx.input(|input| input.pointer.button_double_clicked(egui::PointerButton::Primary));
@@ -146,7 +156,7 @@ pub(super) fn draw_window(
     }
     let any_button = ctx.input(|input| input.pointer.any_down());
     owner.update(over_picture, any_button, ctx.dragged_id().is_some(), ctx.egui_wants_keyboard_input());
-    owner.tool_draws = tool.takes_drags() && pointer.held;
+    owner.tool_draws = tool.takes_drags() && pointer.held && is_flat;
     // Tab belongs to the panel's visibility, not to egui's focus.
     if let Some(focused) = ctx.memory(|memory| memory.focused())
         && ctx.input(|input| input.key_pressed(egui::Key::Tab))
@@ -156,32 +166,25 @@ pub(super) fn draw_window(
     Ok(())
 }
 
-/// Draws what lies over the picture.
-fn draw_overlays(
+/// Draws what is written over the picture.
+fn draw_annotations(
     painter: &egui::Painter,
     rect: egui::Rect,
-    state: &PanelState<'_, '_>,
+    (state, scene): (&PanelState<'_, '_>, &Scene),
     picture: &Picture,
-    (viewpoint, navigation): (&Viewpoint, &Navigation),
+    (view, viewpoint): (&View, &Viewpoint),
 ) {
-    let Some(scene) = &state.scene else { return };
-    let size = picture.size();
-    if let Ok(view) = view_of(viewpoint, &state.settings, scene.periodic, size, None) {
-        let legend = state.look.as_ref().map(|look| look.legend(scene.file.metadata()));
-        let subject = annotate::Subject {
-            view: &view,
-            scale: picture.scale,
-            target: viewpoint.target,
-            bounds: scene.frame,
-            length_unit: &scene.length_unit,
-            legend: legend.as_ref(),
-            labels: &state.looking.objects.labels,
-        };
-        annotations::paint(painter, rect, &annotate::layout(&state.settings.annotations, &subject));
-    }
-    if *navigation == Navigation::Fly {
-        overlay::draw_hint(painter, rect, "flying      W A S D  Q E      drag to look      F to orbit");
-    }
+    let legend = state.look.as_ref().map(|look| look.legend(scene.file.metadata()));
+    let subject = annotate::Subject {
+        view,
+        scale: picture.scale,
+        target: viewpoint.target,
+        bounds: scene.frame,
+        length_unit: &scene.length_unit,
+        legend: legend.as_ref(),
+        labels: &state.looking.objects.labels,
+    };
+    annotations::paint(painter, rect, &annotate::layout(&state.settings.annotations, &subject));
 }
 
 #[cfg(test)]

@@ -10,4 +10,5 @@ mod light;
 mod light_modes;
 mod live;
 mod pages;
+mod panoramas;
 mod volumes;

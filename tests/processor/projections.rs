@@ -305,7 +305,7 @@ fn what_does_not_fit_together_is_refused() {
     for (options, expected) in [
         (&["--projection", "cube", "--aperture", "90"][..], "--projection dome"),
         (&["--projection", "dome", "--aperture", "361"][..], "at most 360"),
-        (&["--projection", "dome", "--backend", "compute"][..], "cpu"),
+        (&["--projection", "dome", "--mode", "points", "--backend", "compute"][..], "cpu"),
         (
             &["--projection", "cube", "--stereo", "omnidirectional", "--eye-separation", "1", "--zero-parallax", "2"][..],
             "dome and equirectangular",

@@ -14,6 +14,7 @@ mod network;
 mod occlusion;
 mod outputs;
 mod panels;
+mod panorama;
 mod picture;
 mod shaders;
 mod tools;

@@ -22,11 +22,12 @@ pub use state::{LookingState, RangeDraft, Visit};
 use super::camera::CameraSystems;
 use super::input::{PointerOwner, TOOL_KEYS, is_control};
 use super::pages::{PageSystems, ViewSelection};
-use super::pick::pick;
+use super::pick::{NO_PLACES, pick};
 use super::picture::Picture;
 use super::scene::Scene;
 use super::state::notices::Notices;
 use super::state::tool::{Stroke, Tool};
+use super::statistics::ActiveBackend;
 use crate::explore::Members;
 use bevy::math::DVec3;
 use bevy::prelude::*;
@@ -116,7 +117,7 @@ fn use_tool(
     tool: Res<Tool>,
     scene: Option<Res<Scene>>,
     selection: Res<ViewSelection>,
-    picture: Res<Picture>,
+    (picture, backend): (Res<Picture>, Res<ActiveBackend>),
     mut stroke: ResMut<Stroke>,
     mut measure: ResMut<Measure>,
     mut inspector: ResMut<Inspector>,
@@ -126,6 +127,12 @@ fn use_tool(
 ) {
     let (Some(scene), Some(view), Some(at)) = (scene, selection.view, pointer.at) else { return };
     if !(pointer.pressed || pointer.held || pointer.released || pointer.clicked) {
+        return;
+    }
+    if *backend == ActiveBackend::Surround {
+        if pointer.clicked {
+            notices.info(NO_PLACES);
+        }
         return;
     }
     let at = picture.pixel(at).as_dvec2().to_array();

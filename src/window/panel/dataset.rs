@@ -25,7 +25,7 @@ pub static SECTION: Section = Section {
         if let (Some(removed), Some(scene)) = (removed, &state.scene) {
             let mut members = scene.members.clone();
             members.remove(removed.min(members.len().saturating_sub(1)));
-            state.openings.start(OpenRequest { members, scene: None });
+            state.openings.start(OpenRequest { members, ..OpenRequest::default() });
         }
         if state.settings.families != families {
             let edited = crate::window::scene::Settings { families, ..state.settings.clone() };

@@ -13,6 +13,7 @@ mod messages;
 mod mode;
 mod objects;
 mod probe;
+mod projection;
 mod selections;
 mod statistics;
 mod tour;

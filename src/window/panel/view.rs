@@ -1,6 +1,6 @@
 //! The section about the view: projection, field of view, and what is left out of the data or fades.
 
-use super::{Dock, PanelState, Section, theme};
+use super::{Dock, PanelState, Section, projection, theme};
 use crate::model::Bounds;
 use crate::view::Periodic;
 use crate::view::cut::{Axis, ClipBox, Fade, Slab};
@@ -24,13 +24,8 @@ pub static SECTION: Section = Section {
 fn show(ui: &mut Ui, state: &PanelState<'_, '_>, settings: &mut Settings) {
     let Some(scene) = &state.scene else { return };
     let bounds = scene.bounds;
-    let names = ["perspective", "orthographic"];
-    theme::combo(ui, "Projection", names[usize::from(settings.lens.parallel)], |ui| {
-        for (name, parallel) in names.into_iter().zip([false, true]) {
-            let label = ui.selectable_value(&mut settings.lens.parallel, parallel, name);
-            theme::register(ui, &format!("projection:{name}"), label.rect);
-        }
-    });
+    let distance = state.camera.iter().next().map_or(bounds.size().length(), |viewpoint| viewpoint.distance());
+    projection::show(ui, distance, settings);
     let field = theme::NumberRow {
         label: "Field of view",
         unit: "°",
@@ -38,15 +33,16 @@ fn show(ui: &mut Ui, state: &PanelState<'_, '_>, settings: &mut Settings) {
         log: false,
         default: Some(state.preset.camera.field_of_view_deg),
     };
-    field.show(ui, &mut settings.lens.fov_deg).on_hover_text(
-        "Vertical angle of view in degrees. An orthographic picture is as high as that is at the target.",
-    );
+    if settings.surround.is_flat() {
+        field.show(ui, &mut settings.lens.fov_deg).on_hover_text(
+            "Vertical angle of view in degrees. An orthographic picture is as high as that is at the target.",
+        );
+    }
     if scene.periodic.is_some() {
         periodic(ui, settings);
     }
     clip(ui, bounds, settings);
     slab(ui, bounds, settings);
-    let distance = state.camera.iter().next().map_or(bounds.size().length(), |viewpoint| viewpoint.distance());
     fade(ui, distance, settings);
 }
 

@@ -19,7 +19,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 /// Particles nearer than so many smoothing lengths are summed ray by ray.
-const NEAR: f64 = 2.0;
+pub const NEAR: f64 = 2.0;
 /// Distance of those rays, radians.
 const STEP: f64 = 0.008;
 
@@ -108,7 +108,7 @@ pub fn draw_face(
 }
 
 /// Adds pictures of the same size.
-fn add(picture: &mut Accumulation, other: &Accumulation) {
+pub fn add(picture: &mut Accumulation, other: &Accumulation) {
     if picture.ps.is_empty() && !other.ps.is_empty() {
         picture.ps = vec![0.0; picture.p.len()];
     }

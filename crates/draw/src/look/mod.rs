@@ -47,9 +47,9 @@ pub struct SceneFile {
     pub size: Option<(u32, u32)>,
     /// Where the camera stands; around the data where it is `None`.
     pub camera: Option<Camera>,
-    /// How directions become a picture of `deepfield render`; the window shows flat ones.
+    /// How directions become a picture.
     pub projection: Surround,
-    /// A picture for each eye, of `deepfield render`.
+    /// A picture for each eye.
     pub stereo: Option<Stereo>,
     /// Viewpoints on number keys.
     pub bookmarks: Vec<Bookmark>,

@@ -1,11 +1,12 @@
 //! What a graphics adapter does for pictures that no window shows. Nothing here knows of one: a program that has adapters hands
 //! one to its sessions.
 
+use super::subject::Subject;
 use crate::color::{Accumulation, Colors};
 use crate::cpu::volume::{FieldRange, VolumeError, VolumeOptions, VolumeReport};
 use crate::look::Backend;
 use crate::mode;
-use crate::mode::{Depiction, LightPlan, Mode, Plan};
+use crate::mode::{Depiction, LightPicture, LightPlan, Mode, Plan, Raw};
 use crate::store::Metadata;
 use crate::stream::SceneNode;
 use crate::view::View;
@@ -19,8 +20,8 @@ pub trait Adapter: Send + Sync {
     /// Draws nodes.
     ///
     /// # Errors
-    /// What is missing.
-    fn draw(&mut self, job: &AdapterJob<'_>) -> Result<AdapterFrame, String>;
+    /// [`VolumeError::Device`]: what is missing; others as [`crate::mode::Mode::draw`].
+    fn draw(&mut self, job: &AdapterJob<'_>) -> Result<AdapterFrame, VolumeError>;
 
     /// Between which values the mass of the nodes' field lies.
     ///
@@ -83,6 +84,30 @@ pub enum AdapterValues {
     Sums(Accumulation),
     /// Colours, and what is known of the work.
     Light(Colors, VolumeReport),
+}
+
+/// Has an adapter draw a subject's picture: its values, and what else there is to say.
+///
+/// # Errors
+/// As [`Adapter::draw`].
+pub(super) fn draw_on(
+    adapter: &mut dyn Adapter,
+    subject: &Subject<'_>,
+    job: AdapterJob<'_>,
+) -> Result<(Raw, AdapterFrame), VolumeError> {
+    let light = match subject.depiction.mode.is_light() {
+        true => subject.light(job.view, &mut |options| adapter.ranges(&job, options))?,
+        false => None,
+    };
+    let mut frame = adapter.draw(&AdapterJob { light: light.as_ref(), ..job })?;
+    let values = match (std::mem::replace(&mut frame.values, AdapterValues::Sums(Default::default())), light) {
+        (AdapterValues::Light(colors, report), Some(LightPlan { levels, isovalues, .. })) => {
+            Raw::Light(LightPicture { colors, report, levels, isovalues })
+        }
+        (AdapterValues::Sums(sums), None) => Raw::Sums(sums, Default::default()),
+        _ => return Err(VolumeError::Device(format!("the adapter does not draw {}", subject.depiction.mode.name))),
+    };
+    Ok((values, frame))
 }
 
 /// The passes of an adapter that draw a mode for somebody who asks for `backend`; `None` where the processor does.

@@ -132,14 +132,15 @@ impl SharedLook {
             }
         });
         let batches = batches.collect::<Result<Vec<_>, SplatError>>()?;
-        let subject = Subject { depiction: &self.depiction, transfer: &self.transfer, ..*subject };
-        match subject.draw_batches(view, &batches, &Plan::default()).and_then(|raw| raw.light(self.depiction.mode)) {
-            Ok(painted) => Ok(Some(painted)),
-            Err(VolumeError::Grid(GridError::NothingInView)) => Ok(None),
-            // No particle in this face is dense enough; where none is in any, that is said before.
-            Err(VolumeError::Setting { field: "threshold", .. }) => Ok(None),
-            Err(error) => Err(error),
-        }
+        let subject = self.subject(subject);
+        unless_empty(
+            subject.draw_batches(view, &batches, &Plan::default()).and_then(|raw| raw.light(self.depiction.mode)),
+        )
+    }
+
+    /// A subject as all faces have it.
+    pub fn subject<'a>(&'a self, subject: &Subject<'a>) -> Subject<'a> {
+        Subject { depiction: &self.depiction, transfer: &self.transfer, ..*subject }
     }
 
     /// A batch whose smallest particles are as large as the panorama's pixels ask for, its masses what they are.
@@ -158,6 +159,20 @@ impl SharedLook {
             densities.iter().enumerate().map(thinner).collect()
         });
         Some(Raised { h, density })
+    }
+}
+
+/// The light of a face; `None` where it shows nothing.
+///
+/// # Errors
+/// Whatever else is wrong.
+pub(super) fn unless_empty(drawn: Result<LightPicture, VolumeError>) -> Result<Option<LightPicture>, VolumeError> {
+    match drawn {
+        Ok(painted) => Ok(Some(painted)),
+        Err(VolumeError::Grid(GridError::NothingInView)) => Ok(None),
+        // No particle in this face is dense enough; where none is in any, that is said before.
+        Err(VolumeError::Setting { field: "threshold", .. }) => Ok(None),
+        Err(error) => Err(error),
     }
 }
 

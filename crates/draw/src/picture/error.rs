@@ -49,6 +49,9 @@ pub enum PictureError {
     /// A file that cannot be written.
     #[error(transparent)]
     Output(#[from] OutputError),
+    /// Nobody waits for it any more.
+    #[error("the picture was given up")]
+    Stopped,
     /// Data that cannot be opened.
     #[error(transparent)]
     Open(#[from] Box<dyn std::error::Error + Send + Sync>),

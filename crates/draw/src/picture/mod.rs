@@ -2,6 +2,7 @@
 //! and window.
 
 pub mod adapter;
+mod adapter_faces;
 pub mod annotation;
 pub mod around;
 pub mod decode;

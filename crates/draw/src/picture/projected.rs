@@ -1,8 +1,10 @@
 //! Pictures of all directions, and pictures for two eyes: drawn view by view and put together before they become colours.
 //!
-//! The processor draws them. Nodes are selected for each face, so the error bound holds in every direction, in pixels of
+//! The processor draws them, or an adapter ([`super::adapter_faces`]). Nodes are selected for each face, so the error bound holds in every direction, in pixels of
 //! the panorama's own rate.
 
+use super::adapter::{Adapter, Passes};
+use super::adapter_faces;
 use super::around::{SharedLook, sketch, with_images};
 use super::decode::{batches, cut, decode};
 use super::error::PictureError;
@@ -13,7 +15,7 @@ use crate::color::Accumulation;
 use crate::color::transfer::Levels;
 use crate::cpu::{Counts, Splats};
 use crate::hierarchy::Purpose;
-use crate::mode::{Footprint, LightPicture, Needs, Plan, Raw};
+use crate::mode::{self, Depiction, Footprint, LightPicture, Needs, Raw};
 use crate::stream::{Scene, SceneSelection};
 use crate::view::{Detail, Eye, Eyes, Panorama, Projection, Sampling, Sections, Stereo, Surround, View};
 
@@ -21,6 +23,28 @@ use crate::view::{Detail, Eye, Eyes, Panorama, Projection, Sampling, Sections, S
 const SPLATS: Sampling = Sampling { oversampling: 1.5, density: 1.5, margin: 0 };
 /// How colours are sampled: rays cost more than splats, and a volume's grid is smooth.
 const COLORS: Sampling = Sampling { oversampling: 1.0, density: 1.5, margin: 1 };
+
+/// What draws faces.
+pub(super) struct Means<'a> {
+    /// What selects nodes.
+    pub scene: &'a mut Scene,
+    /// An adapter, with the passes that draw the mode; else the processor draws.
+    pub adapter: Option<(Passes, &'a mut (dyn Adapter + 'static))>,
+    /// Who is told.
+    pub reporter: &'a dyn Reporter,
+}
+
+impl Means<'_> {
+    /// Waits until what a view needs is there.
+    fn converge(&mut self, view: &View, detail: impl Into<Detail>) -> Result<SceneSelection, PictureError> {
+        Ok(self.scene.converge(view, detail, &mut |why| self.reporter.tell(why))?)
+    }
+
+    /// Asks whether anybody still waits.
+    fn go_on(&self) -> Result<(), PictureError> {
+        if self.reporter.is_stopped() { Err(PictureError::Stopped) } else { Ok(()) }
+    }
+}
 
 /// What is put together.
 pub(super) struct Projector {
@@ -51,11 +75,13 @@ pub(super) struct Tally {
     pub particles: u64,
     pub nodes: usize,
     pub counts: Counts,
+    /// Backend and adapter that drew; `None` where the processor did.
+    pub drawn_by: Option<[String; 2]>,
 }
 
 impl Tally {
     fn new() -> Tally {
-        Tally { converged: true, error_px: 0.0, particles: 0, nodes: 0, counts: Counts::default() }
+        Tally { converged: true, error_px: 0.0, particles: 0, nodes: 0, counts: Counts::default(), drawn_by: None }
     }
 
     fn add(&mut self, selection: &SceneSelection, face: &Face<'_>) {
@@ -117,22 +143,32 @@ impl Projector {
         self.panorama.map_or(1.0 / self.base.focal_pixels(), |panorama| panorama.pixel_angle())
     }
 
-    /// Draws what `scene` shows of a subject, with splats displaced by `tau` pixels at most.
+    /// What of a depiction no adapter draws so that all faces are alike, if anything.
+    pub fn only_on_processor(&self, depiction: &Depiction) -> Option<String> {
+        self.panorama?;
+        if self.base.cut.around {
+            return Some("panoramas that fade with the distance".into());
+        }
+        let is_able = match depiction.mode.technique.adapter() {
+            // Discs have as many pixels everywhere in a flat picture.
+            mode::Adapter::Splats => matches!(depiction.footprint(), Footprint::Kernel),
+            // A field is the same in all faces; particles that are drawn in their order are cut by each face's own planes.
+            mode::Adapter::Light => depiction.needs().purpose == Purpose::Samples,
+            mode::Adapter::None | mode::Adapter::Plugin => false,
+        };
+        (!is_able).then(|| format!("panoramas of {}", depiction.mode.name))
+    }
+
+    /// Draws a subject, with splats displaced by `tau` pixels at most.
     ///
     /// # Errors
     /// [`PictureError`] as [`super::Session::draw`].
-    pub fn draw(
-        &self,
-        scene: &mut Scene,
-        subject: &Subject<'_>,
-        tau: f64,
-        reporter: &dyn Reporter,
-    ) -> Result<(Raw, Tally), PictureError> {
+    pub fn draw(&self, means: &mut Means<'_>, subject: &Subject<'_>, tau: f64) -> Result<(Raw, Tally), PictureError> {
         let mut tally = Tally::new();
         let raw = match subject.depiction.mode.is_light() {
-            true => Raw::Light(self.colors(scene, subject, tau, &mut tally, reporter)?),
+            true => Raw::Light(self.colors(means, subject, tau, &mut tally)?),
             false => {
-                let texels = self.sums(scene, subject, tau, &mut tally, reporter)?;
+                let texels = self.sums(means, subject, tau, &mut tally)?;
                 Raw::Sums(texels.accumulation(subject.depiction.attribute.is_some()), tally.counts)
             }
         };
@@ -142,24 +178,25 @@ impl Projector {
     /// Sums, face by face.
     fn sums(
         &self,
-        scene: &mut Scene,
+        means: &mut Means<'_>,
         subject: &Subject<'_>,
         tau: f64,
         tally: &mut Tally,
-        reporter: &dyn Reporter,
     ) -> Result<Texels<2>, PictureError> {
-        let &Subject { metadata, depiction, .. } = subject;
+        let depiction = subject.depiction;
         self.shoot(SPLATS, |face| {
+            means.go_on()?;
             let seen = seen(depiction.footprint(), face);
-            let selection = scene.converge(&seen, tau * face.scale(), &mut |why| reporter.tell(why))?;
+            let selection = means.converge(&seen, tau * face.scale())?;
             tally.add(&selection, face);
-            let nodes = cut(face.view, decode(depiction, metadata, &selection.nodes));
-            let batches = batches(depiction, &nodes)?;
-            let drawn = match face.around {
-                Some([pixel, _]) => subject.draw_face(face.view, &batches, pixel),
-                None => subject.draw_batches(face.view, &batches, &Plan::default()),
+            let pixel = face.around.map(|[pixel, _]| pixel);
+            let (sums, counts) = match &mut means.adapter {
+                Some((passes, adapter)) => {
+                    let painter = (*passes, &mut **adapter);
+                    adapter_faces::sums(painter, subject, face.view, &selection.nodes, pixel, &mut tally.drawn_by)?
+                }
+                None => subject.sum_face(face.view, &selection.nodes, pixel)?,
             };
-            let (sums, counts) = drawn?.sums(depiction.mode)?;
             tally.counts += counts;
             Ok(sums.into())
         })
@@ -168,21 +205,21 @@ impl Projector {
     /// Colours, face by face.
     fn colors(
         &self,
-        scene: &mut Scene,
+        means: &mut Means<'_>,
         subject: &Subject<'_>,
         tau: f64,
         tally: &mut Tally,
-        reporter: &dyn Reporter,
     ) -> Result<LightPicture, PictureError> {
         let &Subject { metadata, depiction, .. } = subject;
         let Needs { margin_px, of_data, .. } = depiction.needs();
-        let everything = self.select_all(scene, subject, reporter)?;
+        let everything = self.select_all(means, subject)?;
         let all = cut(&self.base, decode(depiction, metadata, &everything.nodes));
         let all = batches(depiction, &all)?;
         let shared = self.shared(subject, &all)?;
         // What the last view that showed something was painted with.
         let mut last: Option<LightPicture> = None;
         let texels = self.shoot(Sampling { margin: margin_px, ..COLORS }, |face| {
+            means.go_on()?;
             let painted = match of_data {
                 true => {
                     tally.add(&everything, face);
@@ -190,10 +227,19 @@ impl Projector {
                 }
                 false => {
                     let detail = shared.depiction.detail(face.view, tau * face.scale(), metadata);
-                    let selection = scene.converge(face.view, detail, &mut |why| reporter.tell(why))?;
+                    let selection = means.converge(face.view, detail)?;
                     tally.add(&selection, face);
-                    let nodes = cut(face.view, decode(depiction, metadata, &selection.nodes));
-                    shared.paint(subject, face.view, &batches(depiction, &nodes)?)?
+                    match &mut means.adapter {
+                        Some((passes, adapter)) => {
+                            let painter = (*passes, &mut **adapter);
+                            let shared = shared.subject(subject);
+                            adapter_faces::light(painter, &shared, face.view, &selection.nodes, &mut tally.drawn_by)?
+                        }
+                        None => {
+                            let nodes = cut(face.view, decode(depiction, metadata, &selection.nodes));
+                            shared.paint(subject, face.view, &batches(depiction, &nodes)?)?
+                        }
+                    }
                 }
             };
             let Some(mut painted) = painted else { return Ok(Texels::black(face.view.width, face.view.height)) };
@@ -206,18 +252,13 @@ impl Projector {
     }
 
     /// The nodes that all faces find their ranges in: those of all the data, as a parallel view of it has them.
-    fn select_all(
-        &self,
-        scene: &mut Scene,
-        subject: &Subject<'_>,
-        reporter: &dyn Reporter,
-    ) -> Result<SceneSelection, PictureError> {
+    fn select_all(&self, means: &mut Means<'_>, subject: &Subject<'_>) -> Result<SceneSelection, PictureError> {
         let all = sketch(&self.base, with_images(&self.base, subject.metadata.bounds()))?;
-        let detail = match scene.purpose {
+        let detail = match means.scene.purpose {
             Purpose::Splats => Detail::Error { tau: 1.0 },
             Purpose::Samples => Detail::Sampling { sigma: 1.0 / all.focal_pixels(), near: 0.0 },
         };
-        Ok(scene.converge(&all, detail, &mut |why| reporter.tell(why))?)
+        means.converge(&all, detail)
     }
 
     /// What all faces share, where `all` are the particles of all the data.
@@ -230,18 +271,12 @@ impl Projector {
     ///
     /// # Errors
     /// As [`Projector::draw`].
-    pub fn levels(
-        &self,
-        scene: &mut Scene,
-        subject: &Subject<'_>,
-        tau: f64,
-        reporter: &dyn Reporter,
-    ) -> Result<Levels, PictureError> {
+    pub fn levels(&self, means: &mut Means<'_>, subject: &Subject<'_>, tau: f64) -> Result<Levels, PictureError> {
         if !subject.depiction.mode.is_light() {
-            let texels = self.sums(scene, subject, tau, &mut Tally::new(), reporter)?;
+            let texels = self.sums(means, subject, tau, &mut Tally::new())?;
             return Ok(subject.transfer.levels(&texels.accumulation(subject.depiction.attribute.is_some())));
         }
-        let all = self.select_all(scene, subject, reporter)?;
+        let all = self.select_all(means, subject)?;
         let all = cut(&self.base, decode(subject.depiction, subject.metadata, &all.nodes));
         let shared = self.shared(subject, &batches(subject.depiction, &all)?)?;
         // No picture is asked for ranges that are numbers by now.

@@ -73,8 +73,7 @@ impl Session {
             }
             false => {
                 let projector = Projector::new(view, format.surround, None)?;
-                let (scene, reporter) = self.parts();
-                projector.levels(scene, &subject, tau, reporter)?
+                projector.levels(&mut self.means(), &subject, tau)?
             }
         };
         let attribute = depiction.attribute.map(|coloring| coloring.name);

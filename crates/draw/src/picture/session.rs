@@ -1,13 +1,13 @@
 //! Open data, of which pictures are drawn: what one picture has read is there for the next.
 
-use super::adapter::{self, Adapter, AdapterFrame, AdapterJob, AdapterValues, Passes};
+use super::adapter::{self, Adapter, AdapterJob, Passes, draw_on};
 use super::annotation::Annotation;
 use super::drawn::Picture;
 use super::error::PictureError;
 use super::hiding::{self, Hiding};
 use super::left_out::LeftOut;
 use super::look::{depict, transfer_of};
-use super::projected::Projector;
+use super::projected::{Means, Projector};
 use super::source::{self, Wanted};
 use super::subject::Subject;
 use super::times::Times;
@@ -18,7 +18,7 @@ use crate::cpu::Method;
 use crate::cpu::volume::VolumeError;
 use crate::explore::selection::Show;
 use crate::look::{Backend, LookPatch, Member, SceneFile, Shot, open_members, shown_families};
-use crate::mode::{Depiction, LightPicture, LightPlan, LodBudget, Mode, Output, Plan, Raw};
+use crate::mode::{Depiction, LodBudget, Mode, Output, Plan, Raw};
 use crate::model::{Bounds, FamilyName, Progress, ReadMethod};
 use crate::store::{InMemory, NodeRef, PageFile, Tree};
 use crate::stream::{Scene, SceneSelection, first_frame};
@@ -36,6 +36,12 @@ pub trait Reporter: Send + Sync {
 
     /// Shows the progress of one long work.
     fn progress(&self) -> Box<dyn Progress + '_>;
+
+    /// Whether nobody waits for the picture any more. Asked between the views that pictures of all directions and for two eyes are put
+    /// together from.
+    fn is_stopped(&self) -> bool {
+        false
+    }
 }
 
 /// Nobody is told.
@@ -149,6 +155,17 @@ impl Session {
             hiding: None,
             reporter: Arc::new(()),
         }
+    }
+
+    /// The same with somebody who is told.
+    #[must_use]
+    pub fn with_reporter(self, reporter: Arc<dyn Reporter>) -> Session {
+        Session { reporter, ..self }
+    }
+
+    /// Draws these families of the datasets of the page file from now on.
+    pub fn show_members(&mut self, members: Vec<Member>) {
+        self.members = members;
     }
 
     /// The same with an adapter, which draws what it is asked for or is faster at.
@@ -309,9 +326,9 @@ impl Session {
         Ok(self.scene.converge(&depiction.selection_view(view), detail, &mut |why| reporter.tell(why))?)
     }
 
-    /// What selects, and who is told.
-    pub(super) fn parts(&mut self) -> (&mut Scene, &dyn Reporter) {
-        (&mut self.scene, &*self.reporter)
+    /// What draws faces of panoramas on the processor.
+    pub(super) fn means(&mut self) -> Means<'_> {
+        Means { scene: &mut self.scene, adapter: None, reporter: &*self.reporter }
     }
 
     /// Indices of the families that a look draws.
@@ -347,9 +364,6 @@ impl Session {
 
     fn draw_projected(&mut self, tree: &dyn Tree, shown: &Shown<'_>) -> Result<Picture, PictureError> {
         let asked = |why: &str| Err(PictureError::Asked(why.to_owned()));
-        if matches!(self.options.backend, Some(Backend::Compute | Backend::Raster)) {
-            return asked("--backend: only cpu draws projections and stereo pictures");
-        }
         if self.options.overdraw.is_some() {
             return asked("--overdraw: is for flat pictures");
         }
@@ -362,14 +376,34 @@ impl Session {
             self.reporter.tell("selections are shown in flat pictures only".into());
         }
         let projector = Projector::new(view, shot.surround, shot.stereo)?;
+        let passes = self.passes(depiction.mode)?;
+        let passes = match (passes, projector.only_on_processor(depiction), self.options.backend) {
+            (Some(_), Some(why), Some(_)) => return asked(&format!("--backend: only cpu draws {why}")),
+            (Some(_), Some(_), None) => None,
+            (passes, _, _) => passes,
+        };
         let mut times = Times::default();
         let subject = self.subject(tree, shown);
-        let draw = || projector.draw(&mut self.scene, &subject, shot.look.error_px(), &*self.reporter);
-        let (values, tally) = times.measure("frame", draw)?;
+        let (tau, is_asked) = (shot.look.error_px(), self.options.backend.is_some());
+        let on_adapter = passes.zip(self.adapter.as_deref_mut());
+        let mut means = Means { scene: &mut self.scene, adapter: on_adapter, reporter: &*self.reporter };
+        let drawn = times.measure("frame", || projector.draw(&mut means, &subject, tau));
+        let (values, tally) = match drawn {
+            Err(PictureError::Volume(VolumeError::Device(error))) if is_asked => return asked(&error),
+            Err(PictureError::Volume(VolumeError::Device(error))) => {
+                self.reporter.tell(format!("{error}; drawing with the CPU instead"));
+                let mut means = Means { scene: &mut self.scene, adapter: None, reporter: &*self.reporter };
+                times.measure("frame", || projector.draw(&mut means, &subject, tau))?
+            }
+            drawn => drawn?,
+        };
+        let on_processor = tally.drawn_by.is_none();
         let (outside, splats) = match depiction.mode.is_light() {
             true => (None, None),
-            false => (Some(tally.counts.outside), Some(tally.counts.drawn)),
+            // An adapter does not count what lies outside.
+            false => (on_processor.then_some(tally.counts.outside), Some(tally.counts.drawn)),
         };
+        let blank = self.blank(shown, projector.base)?;
         Ok(Picture {
             values,
             converged: tally.converged,
@@ -378,7 +412,8 @@ impl Session {
             nodes: tally.nodes,
             left_out: LeftOut { outside, splats, ..LeftOut::new(&LodBudget::NONE, &Plan::default()) },
             milliseconds: times.medians(),
-            ..self.blank(shown, projector.base)?
+            drawn_by: tally.drawn_by.unwrap_or(blank.drawn_by),
+            ..blank
         })
     }
 
@@ -573,27 +608,6 @@ impl Session {
             }
         })
     }
-}
-
-/// Has an adapter draw a subject's picture: its values, and what else there is to say.
-fn draw_on(
-    adapter: &mut dyn Adapter,
-    subject: &Subject<'_>,
-    job: AdapterJob<'_>,
-) -> Result<(Raw, AdapterFrame), VolumeError> {
-    let light = match subject.depiction.mode.is_light() {
-        true => subject.light(job.view, &mut |options| adapter.ranges(&job, options))?,
-        false => None,
-    };
-    let mut frame = adapter.draw(&AdapterJob { light: light.as_ref(), ..job }).map_err(VolumeError::Device)?;
-    let values = match (std::mem::replace(&mut frame.values, AdapterValues::Sums(Default::default())), light) {
-        (AdapterValues::Light(colors, report), Some(LightPlan { levels, isovalues, .. })) => {
-            Raw::Light(LightPicture { colors, report, levels, isovalues })
-        }
-        (AdapterValues::Sums(sums), None) => Raw::Sums(sums, Default::default()),
-        _ => return Err(VolumeError::Device(format!("the adapter does not draw {}", subject.depiction.mode.name))),
-    };
-    Ok((values, frame))
 }
 
 /// A shot on the open data.

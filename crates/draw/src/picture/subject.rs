@@ -1,14 +1,15 @@
 //! What is drawn, whatever the view: a mode with its colours on some data. Nodes in memory become a picture's values here: what
 //! a picture may leave out is planned, the rest is decoded and drawn.
 
-use super::decode::{DecodedNode, batches, decode_planned};
+use super::decode::{DecodedNode, batches, cut, decode, decode_planned};
 use super::{drawing_cost, sampling_error};
 use crate::codec::{Codebook, CodebookScope};
+use crate::color::Accumulation;
 use crate::color::transfer::{Levels, TransferFunction};
 use crate::cpu::overdraw::{Overdraw, overdraw};
 use crate::cpu::volume::VolumeError;
 use crate::cpu::volume::particles::density_scale;
-use crate::cpu::{Method, SplatError, SplatOptions, Splats, around};
+use crate::cpu::{Counts, Method, SplatError, SplatOptions, Splats, around};
 use crate::mode::{Depiction, FindRanges, Job, LightPlan, LodBudget, Output, Plan, Raw, Terms};
 use crate::modes::grid::Look;
 use crate::store::Metadata;
@@ -94,17 +95,23 @@ impl<'a> Subject<'a> {
         self.depiction.mode.draw(&self.job(view, batches, plan))
     }
 
-    /// Draws batches on a face of a panorama whose pixels are `pixel` radians wide.
+    /// Sums of nodes on a face of a panorama whose pixels are `pixel` radians wide, or in a flat picture.
     ///
     /// # Errors
     /// As [`Subject::draw`].
-    pub fn draw_face(&self, view: &View, batches: &[Splats<'_>], pixel: f64) -> Result<Raw, VolumeError> {
-        match self.depiction.mode.technique.output() {
-            Output::Sums => {
-                let (sums, counts) = around::draw_face(view, batches, pixel, &self.options(&Plan::default()))?;
-                Ok(Raw::Sums(sums, counts))
+    pub(super) fn sum_face(
+        &self,
+        view: &View,
+        nodes: &[SceneNode],
+        pixel: Option<f64>,
+    ) -> Result<(Accumulation, Counts), VolumeError> {
+        let nodes = cut(view, decode(self.depiction, self.metadata, nodes));
+        let batches = batches(self.depiction, &nodes)?;
+        match (pixel, self.depiction.mode.technique.output()) {
+            (Some(pixel), Output::Sums) => {
+                Ok(around::draw_face(view, &batches, pixel, &self.options(&Plan::default()))?)
             }
-            Output::Values | Output::Light => self.draw_batches(view, batches, &Plan::default()),
+            _ => self.draw_batches(view, &batches, &Plan::default())?.sums(self.depiction.mode),
         }
     }
 

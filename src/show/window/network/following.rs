@@ -145,7 +145,7 @@ pub(crate) fn find_data(
             found.notes.iter().for_each(|note| notices.error(note));
             following.members = Some(found.members.clone());
             if !scene.is_some_and(|scene| following.fits(&scene)) {
-                openings.start(OpenRequest { members: found.members.clone(), scene: None });
+                openings.start(OpenRequest { members: found.members.clone(), ..OpenRequest::default() });
             }
         }
         Answer::Failed(why) => {

@@ -51,8 +51,9 @@ impl Leading {
     /// Gives the followers all that is shown, where it has changed.
     fn send_scene(&mut self, scene: &Scene, settings: &Settings, labels: Option<&Path>, notices: &mut Notices) {
         if let Some(sent) = &self.sent {
-            // The lens goes with the camera.
-            let same = Settings { lens: sent.settings.lens, ..settings.clone() } == sent.settings;
+            // The lens goes with the camera, and each window has a projection of its own.
+            let Settings { lens, surround, stereo, .. } = sent.settings;
+            let same = Settings { lens, surround, stereo, ..settings.clone() } == sent.settings;
             if same && sent.generation == scene.generation && sent.labels.as_deref() == labels {
                 return;
             }

@@ -1,0 +1,97 @@
+//! Faces of panoramas and pictures of two eyes by an adapter against those of the processor.
+
+use crate::support::{built, demo};
+use deepfield::codec::VqBits;
+use deepfield::color::accumulation::relative_error;
+use deepfield::gpu::Offscreen;
+use deepfield::look::{Backend, CameraConfig, LookPatch, Member, Shot};
+use deepfield::mode::{Raw, SettingValue, Settings};
+use deepfield::modes;
+use deepfield::picture::{Picture, Session, SessionOptions};
+use deepfield::view::{CutSettings, Eyes, Stereo, StereoKind, Surround, cut};
+use std::path::Path;
+use std::sync::Arc;
+
+const DOME: Surround = Surround::Dome { aperture: 210.0, tilt: 20.0 };
+
+/// From the middle of the data, where particles are all around.
+fn shot(mode: &str, surround: Surround) -> Shot {
+    let mode = modes::find(mode);
+    let camera =
+        CameraConfig { eye: Some([25.0, 25.0, 24.0]), target: Some([25.0, 26.0, 0.0]), ..CameraConfig::default() };
+    Shot { look: LookPatch { mode, ..LookPatch::default() }, camera, size: Some((96, 96)), surround, ..Shot::default() }
+}
+
+fn with(shot: Shot, name: &str, value: f64) -> Shot {
+    let settings = Settings([(name.to_owned(), SettingValue::Number(value))].into());
+    Shot { look: LookPatch { settings, ..shot.look }, ..shot }
+}
+
+fn session(file: &Path, backend: Backend) -> Session {
+    let options = SessionOptions { backend: Some(backend), ..SessionOptions::default() };
+    let opened = Session::open(&[Member::new(file)], options, [], |path| Ok(path.to_owned()), Arc::new(()));
+    opened.unwrap().with_adapter(Some(Box::new(Offscreen::default())))
+}
+
+fn values(picture: &Picture) -> Vec<f32> {
+    match &picture.values {
+        Raw::Sums(sums, _) => sums.p.clone(),
+        Raw::Light(painted) => painted.colors.rgba.as_flattened().to_vec(),
+    }
+}
+
+#[test]
+fn panoramas_and_pairs_are_those_of_the_processor() {
+    let built = built(&demo(), VqBits::Eight);
+    let [mut cpu, mut compute, mut raster] =
+        [Backend::Cpu, Backend::Compute, Backend::Raster].map(|backend| session(built.file.path(), backend));
+    let dome = |mode: &str| shot(mode, DOME);
+    let pair = Stereo { kind: StereoKind::OffAxis, separation: 0.5, zero_parallax: 10.0, eyes: Eyes::SideBySide };
+    let pair = |mode: &str| Shot { stereo: Some(pair), ..shot(mode, Surround::Flat) };
+    for (what, shot, bound) in [
+        ("sums", dome("column-density"), 2e-3),
+        ("squares", shot("density-squared", Surround::Equirectangular), 1e-3),
+        ("a cube", shot("column-density", Surround::Cube { layout: Default::default() }), 2e-3),
+        ("a volume", with(dome("volume"), "smallest", 0.0), 1e-4),
+        // The smallest particles are enlarged by their depth, not by their distance.
+        ("a volume of enlarged particles", dome("volume"), 8e-2),
+        ("a surface", with(dome("isosurface"), "smallest", 0.0), 1e-3),
+        ("a pair", pair("column-density"), 2e-3),
+        ("a pair of discs", pair("points"), 1e-3),
+        ("a pair of volumes", pair("volume"), 1e-2),
+    ] {
+        let expected = cpu.draw(&shot).unwrap();
+        assert_eq!(expected.drawn_by, ["cpu", "cpu"]);
+        let is_sum = matches!(expected.values, Raw::Sums(..));
+        for (name, session) in [("compute", &mut compute), ("raster", &mut raster)] {
+            if name == "raster" && !is_sum {
+                let why = session.draw(&shot).err().unwrap().to_string();
+                assert!(why.starts_with("--backend: only"), "{what}: {why}");
+                continue;
+            }
+            let found = session.draw(&shot).unwrap();
+            assert_eq!(found.drawn_by[0], name, "{what}");
+            assert_eq!((found.converged, found.particles, found.nodes), (true, expected.particles, expected.nodes));
+            let (l1, l2) = relative_error(&values(&found), &values(&expected));
+            println!("{what} by {name}: L1 {l1}, L2 {l2}");
+            assert!(l1 < bound && l2 < bound, "{what} by {name}: L1 {l1}, L2 {l2}");
+            assert!(values(&expected).iter().filter(|value| **value > 0.0).count() > 2000, "{what}: nothing to see");
+        }
+    }
+}
+
+#[test]
+fn what_an_adapter_would_draw_otherwise_on_each_face_is_refused() {
+    let built = built(&demo(), VqBits::Eight);
+    let mut session = session(built.file.path(), Backend::Compute);
+    let mut refused = |shot: &Shot| session.draw(shot).err().unwrap().to_string();
+    for mode in ["points", "spheres", "layered", "sorted-splats"] {
+        let why = refused(&shot(mode, DOME));
+        assert_eq!(why, format!("--backend: only cpu draws panoramas of {mode}"));
+    }
+    let fade = Some(cut::Fade { start: 5.0, length: 5.0 });
+    let fading = shot("column-density", DOME);
+    let cut = Some(CutSettings { fade, ..CutSettings::default() });
+    let fading = Shot { look: LookPatch { cut, ..fading.look }, ..fading };
+    assert_eq!(refused(&fading), "--backend: only cpu draws panoramas that fade with the distance");
+}
