@@ -67,6 +67,13 @@ impl Wanted {
         Wanted { area, shot: Shot { size: Some((size.x, size.y)), ..self.shot }, ..self }
     }
 
+    /// Has these numbers for automatic ranges, of a picture of light.
+    fn fix_ranges(&mut self, found: &Levels) {
+        for look in [&mut self.shot.look, &mut self.content.shot.look] {
+            look.transfer = look.transfer.take().map(|transfer| transfer.with_levels(found));
+        }
+    }
+
     /// The picture that it is blended with, and how much of it is seen.
     fn blend(&self) -> Option<(&SceneFile, f32)> {
         let film = self.shot.film.as_ref()?;
@@ -154,6 +161,17 @@ impl SurroundPicture {
             }
         };
         since.elapsed().as_millis() < u128::from(rest_ms)
+    }
+
+    /// Whether the same values are shown as are wanted, from wherever.
+    fn has_shown(&self, wanted: &Wanted) -> bool {
+        let same = |shown: &Wanted| {
+            let [known, next] = [&shown.content, &wanted.content];
+            known.generation == next.generation
+                && known.members == next.members
+                && known.shot.look.is_measured_like(&next.shot.look)
+        };
+        self.shown.as_ref().is_some_and(same)
     }
 
     /// Begins to draw.
@@ -328,10 +346,17 @@ pub(super) fn draw_surround(
     let wanted = match is_moving {
         true => {
             let budget = if drawing.frame_ms > 0.0 { drawing.frame_ms } else { motion.volume_ms };
-            let area = moving_size(wanted.area, surround.cost, budget, motion);
-            let mut small = wanted.within(area);
+            // What other values cost says nothing.
+            let cost = surround.cost.filter(|_| surround.has_shown(&wanted));
+            let area = moving_size(wanted.area, cost, budget, motion);
+            let mut small = wanted.clone().within(area);
+            let is_light = look.depiction.mode.is_light();
             // In a small picture words hide much and are hardly legible.
             small.shot.look.annotations = None;
+            // Ranges of light are those of all the data, wherever the camera is: they are not looked for in each picture.
+            if let Some(found) = exposure.levels.filter(|_| is_light && surround.has_shown(&wanted)) {
+                small.fix_ranges(&found);
+            }
             small
         }
         false => wanted,

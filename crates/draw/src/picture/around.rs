@@ -96,8 +96,7 @@ impl SharedLook {
         };
         depiction.mode.technique.for_panorama(settings);
         let mut transfer = subject.transfer.clone().for_volume();
-        let needs_hue = transfer.hue.as_ref().is_some_and(|hue| hue.range == Range::Auto);
-        if transfer.range == Range::Auto || needs_hue {
+        if transfer.numbers().is_none() {
             let flat = |_| VolumeError::Grid(GridError::NothingInView);
             let options = VolumeOptions { kernel: subject.metadata.kernel, ..VolumeOptions::default() };
             let FieldRange { density, attribute } =

@@ -212,7 +212,11 @@ impl Projector {
     ) -> Result<LightPicture, PictureError> {
         let &Subject { metadata, depiction, .. } = subject;
         let Needs { margin_px, of_data, .. } = depiction.needs();
-        let everything = self.select_all(means, subject)?;
+        // Where no face needs all the data, it is read for ranges that are looked for.
+        let everything = match of_data || subject.transfer.numbers().is_none() {
+            true => self.select_all(means, subject)?,
+            false => SceneSelection::default(),
+        };
         let all = cut(&self.base, decode(depiction, metadata, &everything.nodes));
         let all = batches(depiction, &all)?;
         let shared = self.shared(subject, &all)?;
