@@ -4,6 +4,9 @@
 
 /// Stored cells reach two cells beyond the picture on every side: stored column `c` is column `c - 2` of the grid. Bricks
 /// are 8 x 8 x 8 stored cells; a layer is all bricks of 8 slices.
+///
+/// A tier is such a grid: tier 0 is the picture's own, cells of tier `t` are `2^t` times as wide and as deep. Particles of wide
+/// kernels belong to coarser tiers, whose fields are interpolated. Coordinate `x` of a tier is `x / 2 + 2` in the next.
 struct VolumeView {
     /// Bricks along x and y of the window: the part of the picture that is drawn at once.
     window: vec2<u32>,
@@ -17,8 +20,8 @@ struct VolumeView {
     slices: u32,
     /// The last layer.
     last_layer: u32,
-    /// Levels of bins.
-    level_count: u32,
+    /// Tiers in use.
+    tier_count: u32,
     /// Bins of all levels.
     bin_count: u32,
     /// 1: perspective.
@@ -29,8 +32,8 @@ struct VolumeView {
     sigma: f32,
     /// Depth of the near plane.
     near: f32,
-    /// Slices for a factor of e in depth (perspective) or a unit of depth.
-    slice_rate: f32,
+    /// Most bricks that a slab fills.
+    brick_room: u32,
     /// Densities up to this show nothing.
     least: f32,
     /// Densities up to this do not show in the volume.
@@ -60,12 +63,49 @@ struct VolumeView {
     stride: u32,
     /// Factor on the smoothing lengths of those.
     growth: f32,
-    /// For each level of bins: its first bin, and its bins along x, y and z. A bin of level `l` is `2^l` bricks wide.
-    levels: array<vec4<u32>, 14>,
+    /// The tiers, finest first.
+    tiers: array<Tier, 7>,
+    /// For each level of bins of each tier: its first bin, and its bins along x, y and z. A bin of a tier's level `l` is `2^l`
+    /// bricks wide.
+    levels: array<vec4<u32>, 80>,
     /// For each surface its density, its opacity, and 1 where its colour is set.
     surfaces: array<vec4<f32>, 8>,
     /// Their colours, linear light.
     colors: array<vec4<f32>, 8>,
+}
+
+/// A grid of cells.
+struct Tier {
+    /// Bricks along x and y of the window.
+    window: vec2<u32>,
+    /// The middle line of sight, stored cells.
+    middle: vec2<f32>,
+    /// Layers that are held.
+    ring: u32,
+    /// Where its bricks begin among those that are held, and its slices among those of all tiers.
+    first_brick: u32,
+    first_slice: u32,
+    /// Its levels of bins: first, and their number.
+    first_level: u32,
+    level_count: u32,
+    /// Width of a cell at depth 1 (perspective) or everywhere.
+    sigma: f32,
+    /// Slices for a factor of e in depth (perspective) or a unit of depth, and those before the near plane.
+    slice_rate: f32,
+    slice_shift: f32,
+}
+
+/// What a slab fills of a tier.
+struct TierPortion {
+    /// The window's first brick.
+    origin: vec2<u32>,
+    /// First layer, and their number.
+    first_layer: u32,
+    layers: u32,
+    /// Depths of the centres of their first and last slice.
+    nearest: f32,
+    farthest: f32,
+    unused: vec2<u32>,
 }
 
 /// One slab of one window, and one batch of particles.
@@ -88,12 +128,14 @@ struct Portion {
     candidates: u32,
     /// 1: the first batch of the slab.
     opening: u32,
-    /// Depths of the centres of the slab's first and last slice.
-    nearest: f32,
-    farthest: f32,
+    /// Bricks of all tiers that are filled.
+    bricks: u32,
+    unused: u32,
+    /// What is filled of each tier: of the finest the slab's own layers.
+    tiers: array<TierPortion, 7>,
 }
 
-/// Which part of crowded bricks is gathered, or which digit is sorted by.
+/// Which part of crowded bricks is gathered, which digit is sorted by, or which tier is interpolated to.
 struct Turn {
     number: u32,
     unused_a: u32,

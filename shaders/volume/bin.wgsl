@@ -3,11 +3,12 @@
 // the pairs into the order of the bins, in which each bin's particles keep theirs: so sums are the same to the last bit in
 // every run, whichever workgroup is first.
 //
-// Level 0 has a bin for each brick, level l one for each 2^l bricks along every axis. A particle goes to the finest level
-// where it touches at most two bins along each axis, so to eight bins at most: near particles of any size cannot make the
-// lists longer than eight times the particles, and a brick finds all that may reach it in one bin of each level.
+// A particle goes to the coarsest tier in whose cells its kernel is still wide wherever it reaches. There, level 0 has a bin
+// for each brick, level l one for each 2^l bricks along every axis. A particle goes to the finest level where it touches
+// at most two bins along each axis, so to eight bins at most: near particles of any size cannot make the lists longer
+// than eight times the particles, and a brick finds all that may reach it in one bin of each level.
 #import deepfield::volume_view::{VolumeView, Portion, number_of}
-#import deepfield::volume_constants::{BIN_GROUP, BRICK, BRICK_SHIFT}
+#import deepfield::volume_constants::{BIN_GROUP, BRICK, BRICK_SHIFT, WIDE}
 #import deepfield::prefix::sum_up_to
 
 @group(0) @binding(0) var<uniform> volume: VolumeView;
@@ -26,7 +27,7 @@
 
 const NOWHERE: u32 = 0xffffffffu;
 
-/// The bins that a particle touches: first and last along each axis, in one level.
+/// The bins that a particle touches: first and last along each axis, in one level of those of all tiers.
 struct Reach {
     low: vec3<u32>,
     high: vec3<u32>,
@@ -34,43 +35,71 @@ struct Reach {
     touches: bool,
 }
 
+/// The tier that a particle belongs to, by its width where cells are widest.
+fn tier_of(spot: vec4<f32>) -> u32 {
+    let cell = volume.sigma * select(1.0, spot.z + spot.w, volume.perspective != 0u);
+    let cells = spot.w / cell;
+    var tier = 0u;
+    while tier + 1u < volume.tier_count && cells >= WIDE * f32(2u << tier) {
+        tier += 1u;
+    }
+    return tier;
+}
+
 fn reach_of(spot: vec4<f32>) -> Reach {
     var reach = Reach(vec3(0u), vec3(0u), 0u, false);
     let h = spot.w;
-    let nearest = portion.nearest;
-    let farthest = portion.farthest;
+    if h <= 0.0 {
+        return reach;
+    }
+    let tier_index = tier_of(spot);
+    let layers = portion.tiers[tier_index].layers;
+    if layers == 0u {
+        return reach;
+    }
+    let nearest = portion.tiers[tier_index].nearest;
+    let farthest = portion.tiers[tier_index].farthest;
     let away = max(max(nearest - spot.z, spot.z - farthest), 0.0);
     let square = h * h - away * away;
     if !(square > 0.0) {
         return reach;
     }
     let radius = sqrt(square);
-    // The ends of the particle within the slab; the end where it covers more cells counts.
+    // The ends of the particle within what is filled; the end where it covers more cells counts.
     let ends = vec2(max(nearest, spot.z - h), min(farthest, spot.z + h));
     let perspective = volume.perspective != 0u;
-    let rate = 1.0 / (volume.sigma * select(vec2(1.0), ends, perspective));
+    let rate = 1.0 / (volume.tiers[tier_index].sigma * select(vec2(1.0), ends, perspective));
     let center = vec2(spot.x, -spot.y);
     let left = center - radius;
     let right = center + radius;
-    let along = volume.slice_rate * select(ends - volume.near, log(ends / volume.near), perspective);
+    let slice_rate = volume.tiers[tier_index].slice_rate;
+    let along = fma(
+        vec2(slice_rate),
+        select(ends - volume.near, log(ends / volume.near), perspective),
+        vec2(volume.tiers[tier_index].slice_shift),
+    );
     // A cell's centre lies at a half. Some room for rounding, and for how well an adapter knows logarithms; what gets into a
     // bin without reaching it is turned down later.
     let rounding = select(5.0e-7 * max(abs(ends.x), abs(ends.y)), 2.0e-5, perspective);
-    let room = vec3(0.02, 0.02, 0.02 + rounding * volume.slice_rate);
-    let window_low = vec3<f32>(vec3(portion.origin, portion.first_layer) * BRICK);
-    let window_high = window_low + vec3<f32>(vec3(volume.window, portion.layers) * BRICK - 1u);
-    let low = ceil(vec3(volume.middle + min(left * rate.x, left * rate.y), along.x) - 0.5 - room);
-    let high = floor(vec3(volume.middle + max(right * rate.x, right * rate.y), along.y) - 0.5 + room);
+    let room = vec3(0.02, 0.02, 0.02 + rounding * slice_rate);
+    let first_brick = vec3(portion.tiers[tier_index].origin, portion.tiers[tier_index].first_layer);
+    let window_low = vec3<f32>(first_brick * BRICK);
+    let window_high = window_low + vec3<f32>(vec3(volume.tiers[tier_index].window, layers) * BRICK - 1u);
+    let middle = volume.tiers[tier_index].middle;
+    let low = ceil(vec3(middle + min(left * rate.x, left * rate.y), along.x) - 0.5 - room);
+    let high = floor(vec3(middle + max(right * rate.x, right * rate.y), along.y) - 0.5 + room);
     if any(high < window_low) || any(low > window_high) || any(low > high) {
         return reach;
     }
     let first = vec3<u32>(max(low, window_low) - window_low) >> vec3(BRICK_SHIFT);
     let last = vec3<u32>(min(high, window_high) - window_low) >> vec3(BRICK_SHIFT);
+    let level_count = volume.tiers[tier_index].level_count;
     var level = 0u;
-    while level + 1u < volume.level_count && any((last >> vec3(level)) - (first >> vec3(level)) > vec3(1u)) {
+    while level + 1u < level_count && any((last >> vec3(level)) - (first >> vec3(level)) > vec3(1u)) {
         level += 1u;
     }
-    return Reach(first >> vec3(level), last >> vec3(level), level, true);
+    let first_level = volume.tiers[tier_index].first_level;
+    return Reach(first >> vec3(level), last >> vec3(level), first_level + level, true);
 }
 
 /// One of the eight bins that a particle may touch; NOWHERE if it does not, or nobody would look.

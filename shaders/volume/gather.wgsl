@@ -1,5 +1,6 @@
 // Resampling (F12 5.5): every brick gathers its own particles, so nothing is added by two invocations and no atomics on
-// floats are needed. Each cell holds `sum m W(|r - r_j|, h_j)` at its centre, and `sum m A W` where there is an attribute.
+// floats are needed. Each cell holds `sum m W(|r - r_j|, h_j)` at its centre, and `sum m A W` where there is an attribute. Bricks
+// of all tiers are alike; what coarser ones add is interpolated later (interpolate.wgsl).
 //
 // One workgroup of 64 invocations for each brick of 8 x 8 x 8 cells. An invocation owns one column of eight cells along z, in
 // registers: what is computed of a particle once serves eight cells, and a row of the brick is written in one go. The
@@ -12,11 +13,10 @@
 // part one after the other. What is read of memory is most of the work there, and this reads least.
 //
 // Crowded bricks take several turns: a software driver ends an invocation's loops after 65535 rounds, without a word.
-#import deepfield::volume_view::{VolumeView, Portion, Turn, number_of}
+#import deepfield::volume_view::{Turn, number_of}
+#import deepfield::volume_bricks::{volume, portion, brick_of}
 #import deepfield::volume_constants::{BRICK, CELLS, HEADER, TURN}
 
-@group(0) @binding(0) var<uniform> volume: VolumeView;
-@group(0) @binding(1) var<uniform> portion: Portion;
 @group(0) @binding(2) var<uniform> turn: Turn;
 @group(0) @binding(3) var<storage, read> spots: array<vec4<f32>>;
 /// Mass, and mass times attribute, with the kernel's factor over h^3.
@@ -83,12 +83,11 @@ fn gather(
     if at >= listed {
         return;
     }
-    let grid = volume.levels[0];
-    let brick = items[HEADER + select(0u, grid.y * grid.z * grid.w, later) + at];
-    let columns = grid.y * grid.z;
-    let place = vec3(brick % grid.y, brick / grid.y % grid.z, brick / columns);
-    let layer = portion.first_layer + place.z;
-    let corner = vec3(portion.origin + place.xy, layer) * BRICK;
+    let brick = brick_of(items[HEADER + select(0u, volume.brick_room, later) + at]);
+    let place = brick.place;
+    let corner = vec3(portion.tiers[brick.tier].origin + place.xy, brick.layer) * BRICK;
+    let first_slice = volume.tiers[brick.tier].first_slice + corner.z;
+    let middle = volume.tiers[brick.tier].middle;
 
     // Where the columns' cells lie, in camera space.
     var near_depth: vec4<f32>;
@@ -96,14 +95,14 @@ fn gather(
     var near_spacing: vec4<f32>;
     var far_spacing: vec4<f32>;
     for (var i = 0u; i < 4u; i++) {
-        let front = depths[corner.z + i];
-        let back = depths[corner.z + 4u + i];
+        let front = depths[first_slice + i];
+        let back = depths[first_slice + 4u + i];
         near_depth[i] = front.x;
         near_spacing[i] = front.y;
         far_depth[i] = back.x;
         far_spacing[i] = back.y;
     }
-    let low_cell = (vec2(f32(corner.x), f32(corner.y + 2u * part)) + 0.5 - volume.middle) * vec2(1.0, -1.0);
+    let low_cell = (vec2(f32(corner.x), f32(corner.y + 2u * part)) + 0.5 - middle) * vec2(1.0, -1.0);
     let near_x = (low_cell.x + f32(lane)) * near_spacing;
     let far_x = (low_cell.x + f32(lane)) * far_spacing;
     let near_upper = low_cell.y * near_spacing;
@@ -130,12 +129,14 @@ fn gather(
     var near_lower_weighted = vec4(0.0);
     var far_lower_weighted = vec4(0.0);
 #endif
+    var touched = false;
     // Turn 0 takes the first candidates of all levels together, turn 1 the next, ...
     var before = turn.number * TURN;
     var left_over = TURN;
-    let level_count = volume.level_count;
+    let first_level = volume.tiers[brick.tier].first_level;
+    let level_count = volume.tiers[brick.tier].level_count;
     for (var level = 0u; level < level_count; level++) {
-        let bin_grid = volume.levels[level];
+        let bin_grid = volume.levels[first_level + level];
         let bin_place = place >> vec3(level);
         let bin = bin_grid.x + (bin_place.z * bin_grid.z + bin_place.y) * bin_grid.y + bin_place.x;
         var begin = bins[bin];
@@ -159,6 +160,7 @@ fn gather(
             if pending == 0u {
                 continue;
             }
+            touched = true;
             loop {
                 let source = firstTrailingBit(pending);
                 pending &= pending - 1u;
@@ -195,7 +197,11 @@ fn gather(
         }
     }
 
-    let held = layer % volume.ring * columns + brick % columns;
+    // Coarse bins hold much that lies beside the part: what is not written is not read either.
+    if !touched {
+        return;
+    }
+    let held = brick.held;
     // What an earlier batch or turn has written.
     let add = densest[held * #{PARTS}u + part] > 0.0;
     let column = 2u * part * BRICK + lane;
@@ -233,12 +239,11 @@ fn gather(
     if at >= listed {
         return;
     }
-    let grid = volume.levels[0];
-    let brick = items[HEADER + select(0u, grid.y * grid.z * grid.w, later) + at];
-    let columns = grid.y * grid.z;
-    let place = vec3(brick % grid.y, brick / grid.y % grid.z, brick / columns);
-    let layer = portion.first_layer + place.z;
-    let corner = vec3(portion.origin + place.xy, layer) * BRICK;
+    let brick = brick_of(items[HEADER + select(0u, volume.brick_room, later) + at]);
+    let place = brick.place;
+    let corner = vec3(portion.tiers[brick.tier].origin + place.xy, brick.layer) * BRICK;
+    let first_slice = volume.tiers[brick.tier].first_slice + corner.z;
+    let middle = volume.tiers[brick.tier].middle;
 
     // Where the column's cells lie, in camera space.
     var near_depth: vec4<f32>;
@@ -246,22 +251,22 @@ fn gather(
     var near_spacing: vec4<f32>;
     var far_spacing: vec4<f32>;
     for (var i = 0u; i < 4u; i++) {
-        let front = depths[corner.z + i];
-        let back = depths[corner.z + 4u + i];
+        let front = depths[first_slice + i];
+        let back = depths[first_slice + 4u + i];
         near_depth[i] = front.x;
         near_spacing[i] = front.y;
         far_depth[i] = back.x;
         far_spacing[i] = back.y;
     }
     let cell = vec2<f32>(corner.xy) + vec2(f32(lane % BRICK), f32(lane / BRICK)) + 0.5;
-    let offset = (cell - volume.middle) * vec2(1.0, -1.0);
+    let offset = (cell - middle) * vec2(1.0, -1.0);
     let near_x = offset.x * near_spacing;
     let near_y = offset.y * near_spacing;
     let far_x = offset.x * far_spacing;
     let far_y = offset.y * far_spacing;
 
     // The box around all of the brick's cell centres.
-    let low_cell = (vec2<f32>(corner.xy) + 0.5 - volume.middle) * vec2(1.0, -1.0);
+    let low_cell = (vec2<f32>(corner.xy) + 0.5 - middle) * vec2(1.0, -1.0);
     let high_cell = low_cell + vec2(7.0, -7.0);
     let spacings = vec2(near_spacing.x, far_spacing.w);
     let left = min(low_cell.x * spacings.x, low_cell.x * spacings.y);
@@ -280,9 +285,10 @@ fn gather(
     // Turn 0 takes the first candidates of all levels together, turn 1 the next, ...
     var before = turn.number * TURN;
     var left_over = TURN;
-    let level_count = volume.level_count;
+    let first_level = volume.tiers[brick.tier].first_level;
+    let level_count = volume.tiers[brick.tier].level_count;
     for (var level = 0u; level < level_count; level++) {
-        let bin_grid = volume.levels[level];
+        let bin_grid = volume.levels[first_level + level];
         let bin_place = place >> vec3(level);
         let bin = bin_grid.x + (bin_place.z * bin_grid.z + bin_place.y) * bin_grid.y + bin_place.x;
         var begin = bins[bin];
@@ -360,7 +366,7 @@ fn gather(
         }
     }
 
-    let held = layer % volume.ring * columns + brick % columns;
+    let held = brick.held;
     // What an earlier batch or turn has written.
     let add = densest[held] > 0.0;
 #ifdef ATTRIBUTE

@@ -1,6 +1,6 @@
 // What rays need not look at: `find_reach` finds the densest cell that the rays through a brick may read, `occlude` the columns
 // of bricks whose pixels are all opaque, behind which nothing is resampled any more, and `pyramid` the same for the bins
-// of all levels (F12 5.7.2).
+// of all tiers and levels (F12 5.7.2).
 #import deepfield::volume_view::{VolumeView, Portion, number_of}
 
 @group(0) @binding(0) var<uniform> volume: VolumeView;
@@ -88,24 +88,51 @@ fn occlude(
     }
 }
 
-// One workgroup: each level's flags from those of the level below.
+/// Whether all columns of a tier that read one of the next are hidden: those at twice its place, before and behind it.
+fn all_hidden(tier: u32, place: vec2<u32>) -> u32 {
+    let flags = volume.levels[volume.tiers[tier].first_level].x;
+    let window = vec2<i32>(volume.tiers[tier].window);
+    let middle = 2 * vec2<i32>(portion.tiers[tier + 1u].origin + place) - vec2<i32>(portion.tiers[tier].origin);
+    let low = max(middle - 1, vec2(0));
+    let high = min(middle + 1, window - 1);
+    var every = 1u;
+    for (var y = low.y; y <= high.y; y++) {
+        for (var x = low.x; x <= high.x; x++) {
+            every &= hidden[flags + u32(y * window.x + x)];
+        }
+    }
+    return every;
+}
+
+// One workgroup: each tier's flags from those of the tier before, and each level's from those of the level below.
 @compute @workgroup_size(256)
 fn pyramid(@builtin(local_invocation_index) lane: u32) {
-    let level_count = volume.level_count;
-    for (var level = 1u; level < level_count; level++) {
-        storageBarrier();
-        let fine = volume.levels[level - 1u];
-        let coarse = volume.levels[level];
-        for (var i = lane; i < coarse.y * coarse.z; i += 256u) {
-            let first = 2u * vec2(i % coarse.y, i / coarse.y);
-            let last = min(first + 1u, fine.yz - 1u);
-            var every = 1u;
-            for (var y = first.y; y <= last.y; y++) {
-                for (var x = first.x; x <= last.x; x++) {
-                    every &= hidden[fine.x + y * fine.y + x];
-                }
+    let tier_count = volume.tier_count;
+    for (var tier = 0u; tier < tier_count; tier++) {
+        let first_level = volume.tiers[tier].first_level;
+        let level_count = volume.tiers[tier].level_count;
+        if tier > 0u {
+            storageBarrier();
+            let own = volume.levels[first_level];
+            for (var i = lane; i < own.y * own.z; i += 256u) {
+                hidden[own.x + i] = all_hidden(tier - 1u, vec2(i % own.y, i / own.y));
             }
-            hidden[coarse.x + i] = every;
+        }
+        for (var level = first_level + 1u; level < first_level + level_count; level++) {
+            storageBarrier();
+            let fine = volume.levels[level - 1u];
+            let coarse = volume.levels[level];
+            for (var i = lane; i < coarse.y * coarse.z; i += 256u) {
+                let first = 2u * vec2(i % coarse.y, i / coarse.y);
+                let last = min(first + 1u, fine.yz - 1u);
+                var every = 1u;
+                for (var y = first.y; y <= last.y; y++) {
+                    for (var x = first.x; x <= last.x; x++) {
+                        every &= hidden[fine.x + y * fine.y + x];
+                    }
+                }
+                hidden[coarse.x + i] = every;
+            }
         }
     }
 }

@@ -55,6 +55,25 @@ impl Cloud {
         }
     }
 
+    /// Particles of all widths, among them some that fill the picture: about as many cells wide as smoothing lengths are
+    /// wide in thousandths.
+    fn wide(count: usize) -> Cloud {
+        // Places by multiples of irrational numbers: spread out evenly, and the same in every run.
+        let share = |i: usize, step: f64| ((i + 1) as f64 * step).fract();
+        let position = |i: usize| [0.754_877, 0.569_840, 0.430_159].map(|step| 2.0 * share(i, step) - 1.0);
+        let h: Vec<f32> = (0..count).map(|i| 0.02 * 60.0f64.powf(share(i, 0.618_034).powi(2)) as f32).collect();
+        let positions: Vec<[f64; 3]> = (0..count).map(position).collect();
+        Cloud {
+            mass: h.iter().map(|h| h.powf(1.5)).collect(),
+            attribute: Some(positions.iter().map(|at| 2.0 + at[1] as f32).collect()),
+            positions,
+            h,
+            density: [1.0, 1e3],
+            range: [1.0, 3.0],
+            unit: 0.5,
+        }
+    }
+
     /// A lattice of mass density 1 in the cube of width 2.
     fn lattice(count: i32) -> Cloud {
         let spacing = 2.0 / f64::from(count);
@@ -255,7 +274,7 @@ fn difference(found: &Colors, expected: &Colors) -> (f64, f32) {
     ((square / norm).sqrt(), pairs().map(|(a, b)| (a - b).abs()).fold(0.0, f32::max))
 }
 
-/// Against exact sums: without the coarser grids to which the CPU renderer brings wide particles.
+/// Against the CPU renderer, which brings wide particles to coarser grids too.
 fn compare(
     renderer: &mut Renderer,
     view: &View,
@@ -264,10 +283,7 @@ fn compare(
     options: &VolumeOptions,
     what: &str,
 ) {
-    let mut prepared = prepare(view, &[cloud.batch()], options).unwrap();
-    prepared.levels.truncate(1);
-    let mut report = VolumeReport::default();
-    let expected = cast(view, &prepared, scenery, options, &mut report);
+    let (expected, _) = on_cpu(view, cloud, scenery, options);
     let (found, report) = renderer.draw(view, cloud, scenery, options);
     let (l2, most) = difference(&found, &expected);
     println!("{what}: L2 {l2:.2e}, at most {most:.2e}, {} slabs, {} pairs", report.slabs[1], report.pairs);
@@ -290,10 +306,7 @@ fn regions_of_density_and_attribute_are_the_cpus() {
     assert!(difference(&with, &without).0 > 0.1, "the regions do not show");
     // A value between two hues may be rounded to either.
     let (found, _) = renderer.draw(&view, &cloud, &planar, &options);
-    let mut prepared = prepare(&view, &[cloud.batch()], &options).unwrap();
-    prepared.levels.truncate(1);
-    let expected = cast(&view, &prepared, &planar, &options, &mut VolumeReport::default());
-    let (l2, most) = difference(&found, &expected);
+    let (l2, most) = difference(&found, &with);
     println!("regions: L2 {l2:.2e}, at most {most:.2e}");
     assert!(l2 < 2e-4, "regions: L2 {l2}, at most {most}");
 }
@@ -333,6 +346,45 @@ fn volumes_are_the_cpus() {
     // Some particles are larger than the picture, and the eye is within them.
     let options = VolumeOptions { near: Some(2.0), far: Some(60.0), ..options };
     compare(&mut renderer, &near([6.0, 4.0, 9.0], 80, 60), &merger, &merger.volume(), &options, "within the merger");
+}
+
+#[test]
+fn wide_kernels_go_to_the_cpus_coarser_grids() {
+    let mut renderer = renderer();
+    let cloud = Cloud::wide(600);
+    let options = VolumeOptions::default();
+    let view = near([1.5, 1.3, 3.6], 160, 120);
+    let prepared = prepare(&view, &[cloud.batch()], &options).unwrap();
+    let mut of_level = vec![0; prepared.levels.len()];
+    prepared.particles.chunks.iter().flatten().for_each(|particle| of_level[prepared.level_of(particle)] += 1);
+    println!("particles of each level: {of_level:?}");
+    assert!(of_level.len() >= 3 && of_level.iter().all(|particles| *particles > 0), "{of_level:?}");
+    // What coarser grids are wrong by shows: the picture without them differs by far more than what is allowed below.
+    let mut exact = prepare(&view, &[cloud.batch()], &options).unwrap();
+    exact.levels.truncate(1);
+    let exact = cast(&view, &exact, &cloud.volume(), &options, &mut VolumeReport::default());
+    let (l2, _) = difference(&exact, &on_cpu(&view, &cloud, &cloud.volume(), &options).0);
+    println!("without coarser grids: L2 {l2:.2e}");
+    for scenery in [cloud.volume(), cloud.surfaces(true, [0.2, 0.4, 1.0])] {
+        compare(&mut renderer, &view, &cloud, &scenery, &options, "wide kernels");
+        // Thin slabs read layers of coarser grids that slabs before them have filled.
+        let thin = VolumeOptions { memory: 1, ..options };
+        compare(&mut renderer, &view, &cloud, &scenery, &thin, "wide kernels in thin slabs");
+    }
+    let within = VolumeOptions { near: Some(0.05), far: Some(4.0), ..options };
+    compare(&mut renderer, &near([0.3, 0.2, 0.6], 90, 70), &cloud, &cloud.volume(), &within, "within wide kernels");
+    let plain = Cloud { attribute: None, ..Cloud::wide(600) };
+    let flat = look(DVec3::new(1.0, 2.0, 3.0), Projection::Orthographic { height: 3.0 }, 110, 90);
+    compare(&mut renderer, &flat, &plain, &plain.volume(), &options, "wide kernels, orthographic");
+    let withheld = Withheld { subgroup: true, ..Withheld::default() };
+    let mut other = Renderer::open(&DeviceOptions { withheld, ..DeviceOptions::default() });
+    compare(&mut other, &view, &cloud, &cloud.volume(), &options, "wide kernels without subgroups");
+
+    // Windows of the picture, each with its own part of every grid.
+    let limits =
+        wgpu::Limits { max_storage_buffer_binding_size: 1 << 20, max_buffer_size: 1 << 20, ..Default::default() };
+    let mut small = Renderer::open(&DeviceOptions { constrained_limits: Some(limits), ..DeviceOptions::default() });
+    compare(&mut small, &view, &cloud, &cloud.volume(), &options, "wide kernels in windows");
 }
 
 #[test]

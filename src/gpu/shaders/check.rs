@@ -81,7 +81,7 @@ pub fn variants() -> Vec<Variant> {
             };
             let defs = kind.defs(variant);
             if !built.contains(&defs) {
-                let subgroup = variant.vectors && kind == Kind::Gather;
+                let subgroup = variant.vectors && kind.has_subgroups();
                 all.push(Variant { path: kind.shader(), defs: defs.clone(), subgroup, entries: entries_of(kind) });
                 built.push(defs);
             }

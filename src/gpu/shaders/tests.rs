@@ -16,7 +16,7 @@ use crate::gpu::splat::layout::{
 };
 use crate::gpu::target::FrameUniform;
 use crate::gpu::tiles::layout::{Portion as TilePortion, SPOT_BYTES, TileUniform};
-use crate::gpu::volume::layout::{Portion, Turn, VolumeUniform};
+use crate::gpu::volume::layout::{Portion, TierPortion, TierUniform, Turn, VolumeUniform};
 use std::collections::BTreeSet;
 use wgpu::naga::{AddressSpace, Handle, Module, ScalarKind, Type, TypeInner};
 
@@ -100,12 +100,18 @@ impl Scalars for u32 {
 impl Scalars for Level {
     const KIND: Option<ScalarKind> = None;
 }
+impl Scalars for TierUniform {
+    const KIND: Option<ScalarKind> = None;
+}
+impl Scalars for TierPortion {
+    const KIND: Option<ScalarKind> = None;
+}
 impl<T: Scalars, const N: usize> Scalars for [T; N] {
     const KIND: Option<ScalarKind> = T::KIND;
 }
 
 /// A member of a structure: name, offset, size, scalars.
-#[derive(Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 struct Member(String, usize, usize, Option<ScalarKind>);
 
 /// A structure as the program writes it: bytes and members.
@@ -237,13 +243,13 @@ fn written(path: &str, name: &str) -> Option<Layout> {
             ring,
             slices,
             last_layer,
-            level_count,
+            tier_count,
             bin_count,
             perspective,
             surface_count,
             sigma,
             near,
-            slice_rate,
+            brick_room,
             least,
             faintest,
             termination,
@@ -260,6 +266,7 @@ fn written(path: &str, name: &str) -> Option<Layout> {
             kernel_factor,
             stride,
             growth,
+            tiers,
             levels,
             surfaces,
             colors,
@@ -318,8 +325,9 @@ fn written(path: &str, name: &str) -> Option<Layout> {
             behind_step,
             candidates,
             opening,
-            nearest,
-            farthest,
+            bricks,
+            unused,
+            tiers,
         }),
         "reduction" => layout!(Reduction { size, reduced, stride, side, one, unused }),
         "turn" => layout!(Turn { number, unused }),
@@ -381,9 +389,33 @@ fn buffers_are_laid_out_as_the_program_writes_them() {
                 assert_eq!(shader_layout(&module, base), expected, "{place}: levels");
                 assert_eq!(stride as usize, expected.0, "{place}: levels");
             }
+            let tiers = match name {
+                "volume" => Some(layout!(TierUniform {
+                    window,
+                    middle,
+                    ring,
+                    first_brick,
+                    first_slice,
+                    first_level,
+                    level_count,
+                    sigma,
+                    slice_rate,
+                    slice_shift,
+                })),
+                "portion" if variant.path.starts_with("volume/") => {
+                    Some(layout!(TierPortion { origin, first_layer, layers, nearest, farthest, unused }))
+                }
+                _ => None,
+            };
+            if let Some(expected) = tiers {
+                let TypeInner::Struct { members, .. } = &module.types[variable.ty].inner else { panic!("{place}") };
+                let tiers = members.iter().find(|member| member.name.as_deref() == Some("tiers")).unwrap();
+                let TypeInner::Array { base, stride, .. } = module.types[tiers.ty].inner else { panic!("{place}") };
+                assert_eq!((shader_layout(&module, base), stride as usize), (expected.clone(), expected.0), "{place}");
+            }
         }
     }
-    assert_eq!(compared.len(), 67, "{compared:?}");
+    assert_eq!(compared.len(), 68, "{compared:?}");
 }
 
 #[test]

@@ -3,6 +3,7 @@
 
 use crate::cpu::volume::bricks::BORDER;
 use crate::cpu::volume::classify::{BRIGHTNESSES, HIDDEN_BITS, HUES};
+use crate::cpu::volume::coarse;
 use crate::cpu::volume::range;
 use crate::cpu::volume::raycast::SURFACE_BRIGHTNESS;
 
@@ -15,12 +16,15 @@ const BRICK_SHIFT: u32 = 3;
 pub const BRICK: u32 = 1 << BRICK_SHIFT;
 /// Cells of a brick.
 pub const CELLS: u32 = BRICK * BRICK * BRICK;
+/// Where the list of bricks has the numbers of those that are interpolated, one for each tier.
+const CHOSEN: u32 = 4;
 /// Words before the list of bricks.
-pub const HEADER: u32 = 4;
+pub const HEADER: u32 = 12;
 /// Particles that a brick gathers in one turn: a software driver ends an invocation's loops after 65535 rounds.
 pub const TURN: u32 = 1 << 15;
-/// Most levels of bins: the last one's bins are 2^13 bricks wide.
-pub const MOST_LEVELS: usize = 14;
+/// Most levels of bins, of all tiers together: the finest tier's last one has bins that are 2^13 bricks wide, and each
+/// tier has half the bricks of the one before.
+pub const MOST_LEVELS: usize = 80;
 /// Particles of a workgroup that bins them.
 pub const BIN_GROUP: u32 = 256;
 /// Bins of a workgroup that sums them.
@@ -39,6 +43,7 @@ pub fn wgsl() -> String {
         ("BRICK", BRICK),
         ("CELLS", CELLS),
         ("BORDER", BORDER as u32),
+        ("CHOSEN", CHOSEN),
         ("HEADER", HEADER),
         ("TURN", TURN),
         ("BIN_GROUP", BIN_GROUP),
@@ -55,5 +60,10 @@ pub fn wgsl() -> String {
     for (name, number) in numbers {
         text += &format!("const {name}: u32 = {number}u;\n");
     }
-    text + &format!("const SURFACE_BRIGHTNESS: f32 = {SURFACE_BRIGHTNESS:e};\n")
+    let shares = [("SURFACE_BRIGHTNESS", SURFACE_BRIGHTNESS), ("WIDE", coarse::WIDE), ("OVERSHOOT", coarse::OVERSHOOT)];
+    for (name, share) in shares {
+        text += &format!("const {name}: f32 = {share:e};\n");
+    }
+    let [a, b, c, d] = coarse::WEIGHTS;
+    text + &format!("const WEIGHTS: vec4<f32> = vec4<f32>({a:e}, {b:e}, {c:e}, {d:e});\n")
 }

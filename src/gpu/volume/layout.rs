@@ -6,7 +6,8 @@ use super::constants::{BRICK, MOST_LEVELS};
 use super::cut::Cut;
 use super::view::{Shows, VolumeJob};
 use crate::color::transfer::Scale;
-use crate::cpu::volume::bricks::BrickGrid;
+use crate::cpu::volume::bricks::{BORDER, BrickGrid};
+use crate::cpu::volume::coarse;
 use crate::cpu::volume::surface::MOST_SURFACES;
 use crate::cpu::volume::{Light, Scenery};
 use crate::model::Kernel;
@@ -15,6 +16,35 @@ use std::f32::consts::PI;
 
 /// Bins that a particle may be in.
 pub const MOST_BINS: u64 = 8;
+
+/// Most tiers: the picture's own grid and the coarser ones.
+pub const MOST_TIERS: usize = coarse::MOST_LEVELS;
+
+/// WGSL `Tier`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct TierUniform {
+    /// Bricks along x and y of a window.
+    pub window: [u32; 2],
+    /// The middle line of sight, stored cells.
+    pub middle: [f32; 2],
+    /// Layers that are held.
+    pub ring: u32,
+    /// Where its bricks begin among those that are held.
+    pub first_brick: u32,
+    /// Where its slices begin among those of all tiers.
+    pub first_slice: u32,
+    /// Its first level of bins.
+    pub first_level: u32,
+    /// Its levels of bins.
+    pub level_count: u32,
+    /// Width of a cell at depth 1 (perspective) or everywhere.
+    pub sigma: f32,
+    /// Slices for a factor of e in depth (perspective) or a unit of depth.
+    pub slice_rate: f32,
+    /// The near plane's place, slices.
+    pub slice_shift: f32,
+}
 
 /// WGSL `VolumeView`.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
@@ -32,8 +62,8 @@ pub struct VolumeUniform {
     pub slices: u32,
     /// The last layer.
     pub last_layer: u32,
-    /// Levels of bins.
-    pub level_count: u32,
+    /// Tiers in use.
+    pub tier_count: u32,
     /// Bins of all levels.
     pub bin_count: u32,
     /// 1: perspective.
@@ -44,8 +74,8 @@ pub struct VolumeUniform {
     pub sigma: f32,
     /// Depth of the near plane.
     pub near: f32,
-    /// Slices for a factor of e in depth (perspective) or a unit of depth.
-    pub slice_rate: f32,
+    /// Most bricks that a slab fills.
+    pub brick_room: u32,
     /// Densities up to this show nothing.
     pub least: f32,
     /// Densities up to this do not show in the volume.
@@ -78,12 +108,32 @@ pub struct VolumeUniform {
     pub stride: u32,
     /// Factor on the smoothing lengths of those.
     pub growth: f32,
-    /// First bin, and bins along x, y and z, of each level.
+    /// The tiers, finest first.
+    pub tiers: [TierUniform; MOST_TIERS],
+    /// First bin, and bins along x, y and z, of each level of each tier.
     pub levels: [[u32; 4]; MOST_LEVELS],
     /// Density, opacity, and 1 for a colour that is set.
     pub surfaces: [[f32; 4]; MOST_SURFACES],
     /// Colours of the surfaces.
     pub colors: [[f32; 4]; MOST_SURFACES],
+}
+
+/// WGSL `TierPortion`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct TierPortion {
+    /// The window's first brick.
+    pub origin: [u32; 2],
+    /// First layer that is filled.
+    pub first_layer: u32,
+    /// Number of these layers.
+    pub layers: u32,
+    /// Depth of the centre of their first slice.
+    pub nearest: f32,
+    /// Depth of the centre of their last slice.
+    pub farthest: f32,
+    /// Padding.
+    pub unused: [u32; 2],
 }
 
 /// WGSL `Portion`.
@@ -112,60 +162,86 @@ pub struct Portion {
     pub candidates: u32,
     /// 1: the first batch of the slab.
     pub opening: u32,
-    /// Depth of the centre of the slab's first slice.
-    pub nearest: f32,
-    /// Depth of the centre of its last slice.
-    pub farthest: f32,
+    /// Bricks of all tiers that are filled.
+    pub bricks: u32,
+    /// Padding.
+    pub unused: u32,
+    /// The same of each tier.
+    pub tiers: [TierPortion; MOST_TIERS],
 }
 
 /// WGSL `Turn`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Turn {
-    /// Number of the turn or the digit.
+    /// Number of the turn, the digit or the tier.
     pub number: u32,
     /// Padding.
     pub unused: [u32; 3],
 }
 
-/// The levels of bins over a slab of a window: first bin, and bins along x, y and z, each; their number; and the number of
-/// bins. The last level is so coarse that any particle touches at most two of its bins along each axis.
-pub fn levels(bricks: [u32; 3]) -> ([[u32; 4]; MOST_LEVELS], u32, u32) {
-    let mut levels = [[0; 4]; MOST_LEVELS];
-    let (mut bins, mut count) = (0, 0);
-    for (level, out) in levels.iter_mut().enumerate() {
-        let [x, y, z] = bricks.map(|bricks| ((bricks.max(1) - 1) >> level) + 1);
-        *out = [bins, x, y, z];
+/// The levels of bins over so many bricks: first bin, and bins along x, y and z, each; they begin with bin `first`. The last level is
+/// so coarse that any particle touches at most two of its bins along each axis.
+pub fn levels(bricks: [u32; 3], first: u32) -> Vec<[u32; 4]> {
+    let mut levels = Vec::new();
+    let mut bins = first;
+    loop {
+        let [x, y, z] = bricks.map(|bricks| ((bricks.max(1) - 1) >> levels.len()) + 1);
+        levels.push([bins, x, y, z]);
         bins += x * y * z;
-        count += 1;
         if x.max(y).max(z) <= 2 {
-            break;
+            return levels;
         }
     }
-    (levels, count, bins)
 }
 
 impl VolumeUniform {
-    /// What the shaders read of a job.
-    pub fn new(job: &VolumeJob, brick_grid: &BrickGrid, cut: &Cut) -> VolumeUniform {
+    /// What the shaders read of a job whose tiers have these bricks.
+    pub fn new(job: &VolumeJob, grids: &[BrickGrid], cut: &Cut) -> VolumeUniform {
         let grid = &job.grid;
         let span = match grid.perspective {
             true => (grid.far / grid.near).ln(),
             false => grid.far - grid.near,
         };
-        let (levels, level_count, bin_count) = levels([cut.window[0], cut.window[1], cut.layers]);
+        let slice_rate = f64::from(grid.size[2]) / span;
+        let (mut tiers, mut all_levels) = ([TierUniform::zeroed(); MOST_TIERS], [[0; 4]; MOST_LEVELS]);
+        let (mut bin_count, mut first_level, mut first_brick, mut first_slice) = (0, 0, 0, 0);
+        let (mut scale, mut slice_shift) = (1.0, 0.0);
+        for ((out, tier), brick_grid) in tiers.iter_mut().zip(&cut.tiers).zip(grids) {
+            let levels = levels([tier.window[0], tier.window[1], tier.layers], bin_count);
+            *out = TierUniform {
+                window: tier.window,
+                middle: brick_grid.middle,
+                ring: tier.ring,
+                first_brick,
+                first_slice,
+                first_level: first_level as u32,
+                level_count: levels.len() as u32,
+                sigma: (scale * grid.sigma) as f32,
+                slice_rate: (slice_rate / scale) as f32,
+                slice_shift: slice_shift as f32,
+            };
+            bin_count = levels.last().map_or(bin_count, |[first, x, y, z]| first + x * y * z);
+            all_levels[first_level..first_level + levels.len()].copy_from_slice(&levels);
+            first_level += levels.len();
+            first_brick += tier.bricks_held() as u32;
+            first_slice += brick_grid.depth.len() as u32;
+            scale *= 2.0;
+            slice_shift = 0.5 * slice_shift + BORDER as f64;
+        }
+        let finest = cut.finest();
         let uniform = VolumeUniform {
-            window: cut.window,
-            middle: brick_grid.middle,
-            ring: cut.ring,
+            window: finest.window,
+            middle: grids[0].middle,
+            ring: finest.ring,
             slices: grid.size[2],
             last_layer: grid.size[2].div_ceil(BRICK) - 1,
-            level_count,
+            tier_count: cut.tiers.len() as u32,
             bin_count,
             perspective: grid.perspective.into(),
             sigma: grid.sigma as f32,
             near: grid.near as f32,
-            slice_rate: (f64::from(grid.size[2]) / span) as f32,
+            brick_room: cut.tiers.iter().map(|tier| tier.columns() * tier.layers).sum(),
             smallest: job.options.smallest as f32,
             kernel_factor: match job.options.kernel {
                 Kernel::CubicSpline => 8.0 / PI,
@@ -173,7 +249,8 @@ impl VolumeUniform {
             },
             stride: job.stride,
             growth: f64::from(job.stride).cbrt() as f32,
-            levels,
+            tiers,
+            levels: all_levels,
             ..VolumeUniform::zeroed()
         };
         match &job.shows {
@@ -233,12 +310,13 @@ pub fn table(scenery: &Scenery) -> Vec<[f32; 4]> {
         .collect()
 }
 
-/// Depth, spacing, cells per length and thickness of each slice.
-pub fn depths(brick_grid: &BrickGrid) -> Vec<[f32; 4]> {
-    let of = |slice: usize| {
-        [brick_grid.depth[slice], brick_grid.spacing[slice], brick_grid.per_cell[slice], brick_grid.thickness[slice]]
+/// Depth, spacing, cells per length and thickness of each slice of each tier.
+pub fn depths(grids: &[BrickGrid]) -> Vec<[f32; 4]> {
+    let of_tier = |brick_grid: &BrickGrid| -> Vec<[f32; 4]> {
+        let BrickGrid { depth, spacing, per_cell, thickness, .. } = brick_grid;
+        (0..depth.len()).map(|slice| [depth[slice], spacing[slice], per_cell[slice], thickness[slice]]).collect()
     };
-    (0..brick_grid.depth.len()).map(of).collect()
+    grids.iter().flat_map(of_tier).collect()
 }
 
 /// For each column of pixels, then for each row, the stored cell before its rays, and the bits of the share of the way to the
@@ -254,11 +332,24 @@ mod tests {
     #[test]
     fn levels_end_where_two_bins_hold_all() {
         for bricks in [[1, 1, 1], [2, 2, 1], [65, 65, 15], [490, 280, 3], [8192, 1, 64]] {
-            let (levels, count, bins) = levels(bricks);
-            let [first, x, y, z] = levels[count as usize - 1];
-            assert_eq!(bins, first + x * y * z);
+            let levels = levels(bricks, 7);
+            let [_, x, y, z] = levels[levels.len() - 1];
             assert!(x <= 2 && y <= 2 && z <= 2, "{bricks:?}");
-            assert_eq!(levels[0], [0, bricks[0], bricks[1], bricks[2]]);
+            assert_eq!(levels[0], [7, bricks[0], bricks[1], bricks[2]]);
+            for (fine, coarse) in levels.iter().zip(&levels[1..]) {
+                assert_eq!(coarse[0], fine[0] + fine[1] * fine[2] * fine[3]);
+            }
         }
+    }
+
+    #[test]
+    fn all_tiers_levels_have_room() {
+        let mut bricks = [1 << 13; 3];
+        let mut all = 0;
+        for _ in 0..MOST_TIERS {
+            all += levels(bricks, 0).len();
+            bricks = bricks.map(|bricks| bricks / 2 + 2);
+        }
+        assert!(all <= MOST_LEVELS, "{all}");
     }
 }

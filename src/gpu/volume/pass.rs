@@ -1,10 +1,10 @@
 //! Encodes the slabs that a frame draws.
 
-use super::constants::{BIN_GROUP, SCAN_GROUP};
+use super::constants::{BIN_GROUP, HEADER, SCAN_GROUP};
 use super::prepare::VolumeWork;
 use super::programs::{Step, VolumePipelines};
 use super::view::Shows;
-use super::work::{ALL_BRICKS, ALL_PAIRS, Batch, CROWDED, EFFORT, SORT_GROUPS, SlabWork, Work, offset};
+use super::work::{ALL_BRICKS, ALL_PAIRS, Batch, CHOSEN_GROUPS, CROWDED, EFFORT, SORT_GROUPS, SlabWork, Work, offset};
 use bevy::platform::collections::HashMap;
 use bevy::prelude::*;
 use bevy::render::diagnostic::RecordDiagnostics;
@@ -71,10 +71,13 @@ pub fn draw_volumes(
             let span = diagnostics.time_span(encoder, "resample");
             for (index, batch) in slab.batches.iter().enumerate() {
                 encoder.clear_buffer(&work.buffers.bins.buffer, 0, Some(work.buffers.bins.bytes));
-                encoder.clear_buffer(&work.buffers.items.buffer, 0, Some(16));
+                encoder.clear_buffer(&work.buffers.items.buffer, 0, Some(4 * u64::from(HEADER)));
                 let pass = encoder.begin_compute_pass(&ComputePassDescriptor::default());
                 let mut steps = Steps { pass, pipelines: &pipelines };
                 resample(work, &mut steps, slab, batch, offset(slab.first_portion + index));
+                if index + 1 == slab.batches.len() {
+                    interpolate(work, &mut steps, slab);
+                }
             }
             span.end(encoder);
             let span = diagnostics.time_span(encoder, "cast");
@@ -127,12 +130,29 @@ fn resample(work: &Work, steps: &mut Steps<'_>, slab: &SlabWork, batch: &Batch, 
         steps.take(Step::ScanTable, of_digits, &[at], once);
         steps.take_as_told(Step::MovePairs, sort, &[offset(digit)], &buffers.work.buffer, SORT_GROUPS);
     }
-    let bricks = work.cut.columns() * slab.layers;
+    let bricks: u32 = slab.bricks.iter().sum();
     steps.take(Step::Plan, &bound.plan, &[at], groups(bricks.div_ceil(BRICK_GROUP)));
     steps.take(Step::DispatchBricks, &bound.plan, &[at], once);
     for turn in 0..batch.turns as usize {
         let told = if turn == 0 { 0 } else { CROWDED };
         steps.take_as_told(Step::Gather, &bound.gather, &[at, offset(turn)], &buffers.dispatch.buffer, told);
+    }
+}
+
+/// Adds to each tier what the next coarser one holds.
+fn interpolate(work: &Work, steps: &mut Steps<'_>, slab: &SlabWork) {
+    let (bound, buffers) = (&work.groups, &work.buffers);
+    let at = offset(slab.first_portion);
+    for tier in (0..slab.bricks.len() - 1).rev().filter(|tier| slab.bricks[*tier] > 0) {
+        let at = [at, offset(tier)];
+        // Of the finest tier the last layer of the slab before is looked at too.
+        let before = if tier == 0 { work.cut.finest().columns() } else { 0 };
+        if tier == 0 {
+            steps.take(Step::Mark, &bound.choose, &at, groups(slab.bricks[0].div_ceil(BRICK_GROUP)));
+        }
+        steps.take(Step::Choose, &bound.choose, &at, groups((slab.bricks[tier] + before).div_ceil(BRICK_GROUP)));
+        steps.take(Step::DispatchChosen, &bound.choose, &at, [1, 1, 1]);
+        steps.take_as_told(Step::Interpolate, &bound.interpolate, &at, &buffers.dispatch.buffer, CHOSEN_GROUPS);
     }
 }
 
@@ -144,7 +164,7 @@ fn finish_slab(
     slab: &SlabWork,
 ) {
     let at = offset(slab.first_portion);
-    let columns = work.cut.columns();
+    let columns = work.cut.finest().columns();
     let occlusion = work.job.options.occlusion && matches!(work.job.shows, Shows::Light(_));
     if occlusion {
         encoder.clear_buffer(&work.buffers.visible.buffer, 0, Some(4));

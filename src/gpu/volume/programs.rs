@@ -46,6 +46,14 @@ pub enum Step {
     DispatchBricks,
     /// Resamples, one workgroup a brick.
     Gather,
+    /// Which bricks may show something, one invocation a brick.
+    Mark,
+    /// Lists bricks to which wide particles add something, one invocation a brick.
+    Choose,
+    /// Says how many there are, one invocation.
+    DispatchChosen,
+    /// Adds the next coarser tier's field, one workgroup a brick.
+    Interpolate,
     /// How much mass the field has at each value, one workgroup a brick.
     Measure,
     /// What rays may meet in each brick, one invocation a brick.
@@ -73,6 +81,10 @@ pub enum Kind {
     Plan,
     /// `gather.wgsl`.
     Gather,
+    /// `choose.wgsl`.
+    Choose,
+    /// `interpolate.wgsl`.
+    Interpolate,
     /// `measure.wgsl`.
     Measure,
     /// `occlusion.wgsl`.
@@ -103,7 +115,7 @@ impl Variant {
 
 impl Step {
     /// Every step.
-    pub const ALL: [Step; 18] = [
+    pub const ALL: [Step; 22] = [
         Step::Project,
         Step::Count,
         Step::Pair,
@@ -117,6 +129,10 @@ impl Step {
         Step::Plan,
         Step::DispatchBricks,
         Step::Gather,
+        Step::Mark,
+        Step::Choose,
+        Step::DispatchChosen,
+        Step::Interpolate,
         Step::Measure,
         Step::FindReach,
         Step::CastRays,
@@ -140,6 +156,10 @@ impl Step {
             Step::Plan => "plan",
             Step::DispatchBricks => "dispatch_bricks",
             Step::Gather => "gather",
+            Step::Mark => "mark",
+            Step::Choose => "choose",
+            Step::DispatchChosen => "dispatch_chosen",
+            Step::Interpolate => "interpolate",
             Step::Measure => "measure",
             Step::FindReach => "find_reach",
             Step::CastRays => "cast_rays",
@@ -157,6 +177,8 @@ impl Step {
             Step::Tally | Step::MovePairs => Kind::Sort,
             Step::Plan | Step::DispatchBricks => Kind::Plan,
             Step::Gather => Kind::Gather,
+            Step::Mark | Step::Choose | Step::DispatchChosen => Kind::Choose,
+            Step::Interpolate => Kind::Interpolate,
             Step::Measure => Kind::Measure,
             Step::FindReach | Step::Occlude | Step::Pyramid => Kind::Occlusion,
             Step::CastRays => Kind::Raycast,
@@ -166,13 +188,15 @@ impl Step {
 
 impl Kind {
     /// Every kind.
-    pub const ALL: [Kind; 9] = [
+    pub const ALL: [Kind; 11] = [
         Kind::Project,
         Kind::Bin,
         Kind::Scan,
         Kind::Sort,
         Kind::Plan,
         Kind::Gather,
+        Kind::Choose,
+        Kind::Interpolate,
         Kind::Measure,
         Kind::Occlusion,
         Kind::Raycast,
@@ -187,25 +211,34 @@ impl Kind {
             Kind::Sort => "volume/sort.wgsl",
             Kind::Plan => "volume/plan.wgsl",
             Kind::Gather => "volume/gather.wgsl",
+            Kind::Choose => "volume/choose.wgsl",
+            Kind::Interpolate => "volume/interpolate.wgsl",
             Kind::Measure => "volume/measure.wgsl",
             Kind::Occlusion => "volume/occlusion.wgsl",
             Kind::Raycast => "volume/raycast.wgsl",
         }
     }
 
+    /// Whether it uses subgroups where [`Variant::vectors`] says that they are vectors.
+    pub const fn has_subgroups(self) -> bool {
+        matches!(self, Kind::Gather | Kind::Interpolate)
+    }
+
     /// Shader definitions of a variant.
     pub fn defs(self, variant: Variant) -> Vec<ShaderDefVal> {
         let mut defs = Vec::new();
-        if matches!(self, Kind::Plan | Kind::Gather | Kind::Measure | Kind::Occlusion | Kind::Raycast) {
+        let is_one_of = |kinds: &[Kind]| kinds.contains(&self);
+        let with_cells = is_one_of(&[Kind::Gather, Kind::Interpolate, Kind::Measure, Kind::Raycast]);
+        if with_cells || is_one_of(&[Kind::Plan, Kind::Choose, Kind::Occlusion]) {
             defs.push(ShaderDefVal::UInt("PARTS".into(), variant.parts()));
         }
-        if self == Kind::Gather && variant.vectors {
+        if self.has_subgroups() && variant.vectors {
             defs.push("SUBGROUP".into());
         }
         if self == Kind::Gather && variant.kernel == Kernel::Poly6 {
             defs.push("POLY6".into());
         }
-        if matches!(self, Kind::Gather | Kind::Measure | Kind::Raycast) && variant.attribute {
+        if with_cells && variant.attribute {
             defs.push("ATTRIBUTE".into());
         }
         if self == Kind::Raycast && variant.surfaces {
@@ -234,6 +267,8 @@ impl Kind {
                 list.extend([write(), write()]);
                 list
             }
+            Kind::Choose => vec![view(), portion(), turn(), read(), read(), write(), write(), write()],
+            Kind::Interpolate => vec![view(), portion(), turn(), read(), write(), write()],
             Kind::Measure => vec![view(), portion(), read(), read(), read(), write()],
             Kind::Occlusion => vec![view(), portion(), read(), write(), read(), read(), write(), write()],
             Kind::Raycast => {

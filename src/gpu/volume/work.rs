@@ -2,33 +2,38 @@
 
 use super::constants::{BIN_GROUP, BRICK, DIGITS, HEADER, SCAN_GROUP, SORT_BLOCK, TURN};
 use super::cut::{Cut, Window};
-use super::layout::{self, MOST_BINS, Portion, Turn, VolumeUniform};
+use super::layout::{self, MOST_BINS, MOST_TIERS, Portion, TierPortion, Turn, VolumeUniform};
 use super::programs::{Kind, Variant};
 use super::store::{Held, Store};
 use super::view::{Shows, VolumeJob, VolumeView};
 use crate::cpu::volume::bricks::{BORDER, BrickGrid};
-use crate::cpu::volume::{range, raycast};
+use crate::cpu::volume::particles::growth;
+use crate::cpu::volume::{coarse, extents, range, raycast};
 use crate::gpu::arena::Arena;
 use crate::gpu::splat::draw_list::{DrawBatch, DrawList, PartToDraw};
 use crate::gpu::splat::layout::{Grids, Node};
 use crate::gpu::splat::{particle_layout, resources::slice, workgroups};
 use crate::gpu::view::{DrawItem, Footprint};
-use crate::view::View;
+use crate::view::perspective_grid::seen;
+use crate::view::{Extent, View};
 use bevy::render::render_resource::{
     BindGroup, BindGroupEntries, BindGroupEntry, Buffer, BufferDescriptor, BufferUsages, PipelineCache,
 };
 use bevy::render::renderer::{RenderDevice, RenderQueue};
+use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::AtomicUsize;
 
 /// Uniforms of a list begin at multiples of this.
-const STRIDE: usize = 256;
+const STRIDE: usize = 512;
 /// Words of `work` and of `dispatch`.
-const WORK_WORDS: u64 = 8;
+const WORK_WORDS: u64 = 12;
 /// Where `work` has the workgroups of the sorting, bytes.
 pub const SORT_GROUPS: u64 = 8;
 /// Where `dispatch` has the workgroups of crowded bricks, bytes.
 pub const CROWDED: u64 = 12;
+/// Where `dispatch` has the workgroups of bricks that are interpolated, bytes.
+pub const CHOSEN_GROUPS: u64 = 28;
 /// Where `work` has the number of pairs of all slabs, bytes.
 pub const ALL_PAIRS: u64 = 20;
 /// Where `dispatch` has the number of bricks of all slabs, bytes.
@@ -116,6 +121,8 @@ pub struct SlabWork {
     pub first_portion: usize,
     /// Layers of bricks.
     pub layers: u32,
+    /// Bricks of each tier that may be filled.
+    pub bricks: Vec<u32>,
     /// Which pane it belongs to, and whether it is the first or the last of it.
     pub pane: usize,
     /// Whether nothing has been drawn of the pane before.
@@ -138,6 +145,10 @@ pub struct Groups {
     pub plan: BindGroup,
     /// [`Kind::Gather`].
     pub gather: BindGroup,
+    /// [`Kind::Choose`].
+    pub choose: BindGroup,
+    /// [`Kind::Interpolate`].
+    pub interpolate: BindGroup,
     /// [`Kind::Measure`]; of pictures there is none.
     pub measure: Option<BindGroup>,
     /// [`Kind::Occlusion`] and [`Kind::Raycast`]; of ranges there are none.
@@ -268,8 +279,8 @@ impl Work {
     ) -> Option<Work> {
         let Means { arena, device, queue, cache, vectors } = *means;
         let attribute = shown.attribute;
-        let brick_grid = BrickGrid::new(&job.grid);
-        let cut = Cut::new(&job.grid, attribute, room.cells, room.limit)?;
+        let grids = coarse::brick_grids(&job.grid, widest(job, &shown.extents));
+        let cut = Cut::new(&job.grid, grids.len(), attribute, room.cells, room.limit)?;
         let (panes, places, readers) = panes(job, &cut);
         let variant = Variant {
             kernel: job.options.kernel,
@@ -277,18 +288,18 @@ impl Work {
             surfaces: matches!(&job.shows, Shows::Light(scenery) if !scenery.surfaces.is_empty()),
             vectors,
         };
-        let uniform = VolumeUniform::new(job, &brick_grid, &cut);
+        let uniform = VolumeUniform::new(job, &grids, &cut);
         let digits = (u32::BITS - uniform.bin_count.leading_zeros()).div_ceil(super::constants::DIGIT_BITS);
 
-        // Per slab only what reaches into it (F12 5.7.1).
+        // Per slab only what reaches into what it fills (F12 5.7.1).
         let (mut list, parts) = DrawList::parts(view.eye, items, arena, job.stride);
-        let reaches: Vec<[f64; 2]> = shown.extents.iter().map(|extent| reach(job, extent)).collect();
+        let reaches: Vec<Reach> = shown.extents.iter().map(|extent| Reach::of(job, extent)).collect();
+        let filled = cut.filled();
         let mut batches_of: Vec<Vec<DrawBatch>> = Vec::with_capacity(cut.slabs.len());
-        for slab in &cut.slabs {
-            let end = slab.slices.end.next_multiple_of(BRICK);
-            let [near, far] = [slab.slices.start, end].map(|slice| job.grid.depth(f64::from(slice)));
-            let overlaps =
-                |part: &&PartToDraw| reaches.get(part.item).is_none_or(|reach| reach[0] <= far && reach[1] >= near);
+        for layers in &filled {
+            let ends: Vec<Option<[f32; 2]>> =
+                grids.iter().zip(layers).map(|(grid, layers)| ends(grid, layers)).collect();
+            let overlaps = |part: &&PartToDraw| reaches.get(part.item).is_none_or(|reach| reach.is_within(&ends));
             batches_of.push(list.cut(parts.iter().filter(overlaps), room.batch));
         }
         let most = |number: fn(&DrawBatch) -> u32| batches_of.iter().flatten().map(number).max().unwrap_or(0).max(1);
@@ -298,24 +309,33 @@ impl Work {
         let particles = Particles::new(view, job, &list, store, means);
         let (mut slabs, mut portions) = (Vec::new(), Vec::new());
         for (pane_index, pane) in panes.iter().enumerate() {
-            for (index, (slab, batches)) in cut.slabs.iter().zip(&batches_of).enumerate() {
-                let first_layer = slab.slices.start / BRICK;
-                let layers = slab.slices.end.div_ceil(BRICK) - first_layer;
+            let origins = cut.origins(&pane.window);
+            for (index, ((slab, layers), batches)) in cut.slabs.iter().zip(&filled).zip(&batches_of).enumerate() {
+                let own = layers[0].clone();
+                let bricks: Vec<u32> =
+                    cut.tiers.iter().zip(layers).map(|(tier, layers)| tier.columns() * layers.len() as u32).collect();
+                let mut tiers = [TierPortion::default(); MOST_TIERS];
+                for (((out, layers), origin), grid) in tiers.iter_mut().zip(layers).zip(&origins).zip(&grids) {
+                    let [nearest, farthest] = ends(grid, layers).unwrap_or_default();
+                    let (first_layer, layers) = (layers.start, layers.len() as u32);
+                    *out = TierPortion { origin: *origin, first_layer, layers, nearest, farthest, unused: [0; 2] };
+                }
                 let first_portion = portions.len();
                 portions.extend(batches.iter().enumerate().map(|(number, batch)| Portion {
                     origin: pane.window.origin,
                     first_pixel: pane.pixels[0],
                     behind_pixel: pane.pixels[1],
                     rows: job.view.width,
-                    brick_rows: cut.bricks_across,
-                    first_layer,
-                    layers,
+                    brick_rows: cut.finest().bricks[0],
+                    first_layer: own.start,
+                    layers: own.len() as u32,
                     first_step: slab.steps.start,
                     behind_step: slab.steps.end,
                     candidates: batch.places,
                     opening: u32::from(number == 0),
-                    nearest: brick_grid.depth[(first_layer * BRICK) as usize],
-                    farthest: brick_grid.depth[((first_layer + layers) * BRICK - 1) as usize],
+                    bricks: bricks.iter().sum(),
+                    unused: 0,
+                    tiers,
                 }));
                 let bound = |batch: &DrawBatch| Batch {
                     loaded: batch.ranges.iter().map(|range| particles.bind(range, arena, device, cache)).collect(),
@@ -325,7 +345,8 @@ impl Work {
                 slabs.push(SlabWork {
                     batches: batches.iter().map(bound).collect(),
                     first_portion,
-                    layers,
+                    layers: own.len() as u32,
+                    bricks,
                     pane: pane_index,
                     opens: index == 0,
                     closes: index + 1 == cut.slabs.len(),
@@ -343,8 +364,9 @@ impl Work {
         let one = put("deepfield volume one", 0, bytemuck::bytes_of(&1u32));
         let portions = put("deepfield volume portions", own, &strided(portions));
         let turn = |number: u32| Turn { number, unused: [0; 3] };
-        let turns = put("deepfield volume turns", own, &strided((0..most_turns.max(digits)).map(turn)));
-        let depths = put("deepfield volume depths", own, bytemuck::cast_slice(&layout::depths(&brick_grid)));
+        let turns =
+            put("deepfield volume turns", own, &strided((0..most_turns.max(digits).max(MOST_TIERS as u32)).map(turn)));
+        let depths = put("deepfield volume depths", own, bytemuck::cast_slice(&layout::depths(&grids)));
         let places = put("deepfield volume places", own, bytemuck::cast_slice(&places));
         let readers = put("deepfield volume readers", own, bytemuck::cast_slice(&readers));
         let table = match &job.shows {
@@ -368,11 +390,13 @@ impl Work {
         let listed = [0, 1].map(|side| make("deepfield volume pairs", side, 4 * pairs));
         let work = make("deepfield volume work", 0, 4 * WORK_WORDS);
         let dispatch = make("deepfield volume dispatch", 0, 4 * WORK_WORDS);
-        let slab = u64::from(cut.columns()) * u64::from(cut.layers);
-        let items_held = make("deepfield volume bricks", 0, 4 * (u64::from(HEADER) + 2 * slab));
+        // Those that are gathered and the crowded ones of them; later those that are interpolated, two words each.
+        let room_of_items = 2 * u64::from(uniform.brick_room) + 2 * u64::from(cut.finest().columns());
+        let items_held = make("deepfield volume bricks", 0, 4 * (u64::from(HEADER) + room_of_items));
         let field = make("deepfield volume field", own, cut.bytes(attribute));
         let densest = make("deepfield volume densest", own, 4 * u64::from(variant.parts()) * cut.bricks());
-        let reach = make("deepfield volume reach", own, 4 * cut.bricks());
+        let reach = make("deepfield volume reach", own, 4 * cut.finest().bricks_held());
+        let marks = make("deepfield volume marks", own, 8 * cut.finest().bricks_held());
         let hidden = make("deepfield volume hidden", own, 4 * u64::from(uniform.bin_count));
         let visible = make("deepfield volume visible", own, 4);
         let pixels = match job.shows {
@@ -444,6 +468,17 @@ impl Work {
             field.binding(),
             densest.binding(),
         ];
+        let choose = [
+            all.binding(),
+            portion(),
+            turn(),
+            hidden.binding(),
+            densest.binding(),
+            marks.binding(),
+            items_held.binding(),
+            dispatch.binding(),
+        ];
+        let interpolate = [all.binding(), portion(), turn(), items_held.binding(), field.binding(), densest.binding()];
         let measure = || {
             let list =
                 [all.binding(), portion(), depths.binding(), field.binding(), densest.binding(), masses.binding()];
@@ -482,6 +517,8 @@ impl Work {
             sorts: [sort(0), sort(1)],
             plan: group(Kind::Plan, &plan),
             gather: group(Kind::Gather, &gather),
+            choose: group(Kind::Choose, &choose),
+            interpolate: group(Kind::Interpolate, &interpolate),
             measure: (own == 1).then(measure),
             rays: table.as_ref().map(rays_groups),
         };
@@ -536,15 +573,54 @@ impl Work {
     }
 }
 
-/// Between which depths particles within an extent may reach, those that the grid enlarges included.
-fn reach(job: &VolumeJob, extent: &crate::view::Extent) -> [f64; 2] {
-    let nearest = job.view.nearest_depth(extent);
-    let farthest = 2.0 * job.view.to_camera(extent.bounds.center()).z - nearest;
-    let margin = |depth: f64| {
-        let enlarged = job.options.smallest * job.grid.spacing(depth.max(0.0));
-        (extent.margin * f64::from(job.stride).cbrt()).max(enlarged)
-    };
-    [nearest - margin(farthest), farthest + margin(farthest)]
+/// An upper bound of the smoothing lengths of a job's particles in cells of its grid.
+fn widest(job: &VolumeJob, extents: &[Extent]) -> f32 {
+    let grown = extents.iter().map(|extent| with_growth(job, extent));
+    let seen: Vec<Extent> = seen(&job.view, grown, job.options.smallest * job.grid.sigma).collect();
+    extents::widest(&job.view, &seen, job.grid.sigma)
+}
+
+/// An extent whose particles are as large as the job draws them.
+fn with_growth(job: &VolumeJob, extent: &Extent) -> Extent {
+    Extent { margin: extent.margin * growth(job.stride as usize), ..*extent }
+}
+
+/// Depths of the centres of the first and the last slice of layers of a tier; `None` without any.
+fn ends(brick_grid: &BrickGrid, layers: &Range<u32>) -> Option<[f32; 2]> {
+    let last = (layers.end * BRICK).checked_sub(1).filter(|_| !layers.is_empty())?;
+    Some([(layers.start * BRICK) as usize, last as usize].map(|slice| brick_grid.depth[slice]))
+}
+
+/// Where the particles within an extent may show.
+struct Reach {
+    /// Between these depths, those that the grid enlarges included.
+    depths: [f64; 2],
+    /// Tiers that they may belong to.
+    tiers: usize,
+}
+
+impl Reach {
+    fn of(job: &VolumeJob, extent: &Extent) -> Reach {
+        let nearest = job.view.nearest_depth(extent);
+        let farthest = 2.0 * job.view.to_camera(extent.bounds.center()).z - nearest;
+        let grown = with_growth(job, extent);
+        let margin = |depth: f64| {
+            let enlarged = job.options.smallest * job.grid.spacing(depth.max(0.0));
+            grown.margin.max(enlarged)
+        };
+        // A little more than what is compared, for what rounding makes of particles.
+        let cells = 1.001 * extents::widest(&job.view, &[grown], job.grid.sigma);
+        let enlarged = 1.001 * job.options.smallest as f32;
+        let tiers = coarse::levels_of(cells.max(enlarged), MOST_TIERS);
+        Reach { depths: [nearest - margin(farthest), farthest + margin(farthest)], tiers }
+    }
+
+    /// Whether they may reach between the ends of what is filled of some tier.
+    fn is_within(&self, ends: &[Option<[f32; 2]>]) -> bool {
+        let [from, to] = self.depths;
+        let mut ends = ends.iter().take(self.tiers).flatten();
+        ends.any(|[near, far]| from <= f64::from(*far) && to >= f64::from(*near))
+    }
 }
 
 /// What loads particles.

@@ -24,10 +24,10 @@ pub const MOST_LEVELS: usize = 7;
 /// Cells of the next level that a brick's interpolation reads along an axis.
 const REACH: usize = BRICK / 2 + 4;
 /// Cubics through four cells, a quarter of a cell behind the second; in reverse, a quarter before the third.
-const WEIGHTS: [f32; 4] = [-0.0546875, 0.8203125, 0.2734375, -0.0390625];
+pub const WEIGHTS: [f32; 4] = [-0.0546875, 0.8203125, 0.2734375, -0.0390625];
 
 /// How much larger than the cells that it reads an interpolated value may be: the cube of what the weights' amounts add up to.
-const OVERSHOOT: f32 = {
+pub const OVERSHOOT: f32 = {
     let [a, b, c, d] = WEIGHTS;
     let sum = b + c - a - d;
     sum * sum * sum
@@ -42,8 +42,12 @@ pub fn cells_of(particle: &Particle, grid: &PerspectiveGrid) -> f32 {
 
 /// The level that a particle is resampled on.
 pub fn level_of(particle: &Particle, grid: &PerspectiveGrid, levels: usize) -> usize {
-    let cells = cells_of(particle, grid);
-    (1..levels).take_while(|level| cells >= WIDE * (1 << level) as f32).count()
+    levels_of(cells_of(particle, grid), levels) - 1
+}
+
+/// How many levels particles of up to so many cells take, of `most`: one at least.
+pub fn levels_of(cells: f32, most: usize) -> usize {
+    1 + (1..most).take_while(|level| cells >= WIDE * (1 << level) as f32).count()
 }
 
 /// The bricks of each level, finest first, where the largest smoothing length is `widest` cells of the grid.
