@@ -372,7 +372,11 @@ fn wide_kernels_go_to_the_cpus_coarser_grids() {
         compare(&mut renderer, &view, &cloud, &scenery, &thin, "wide kernels in thin slabs");
     }
     let within = VolumeOptions { near: Some(0.05), far: Some(4.0), ..options };
-    compare(&mut renderer, &near([0.3, 0.2, 0.6], 90, 70), &cloud, &cloud.volume(), &within, "within wide kernels");
+    // The eye is within all of them: the picture is dim, and interpolation rounds otherwise.
+    let inside = near([0.3, 0.2, 0.6], 90, 70);
+    let (found, _) = renderer.draw(&inside, &cloud, &cloud.volume(), &within);
+    let (l2, most) = difference(&found, &on_cpu(&inside, &cloud, &cloud.volume(), &within).0);
+    assert!(l2 < 3e-4 && most < 5e-5, "within wide kernels: L2 {l2}, at most {most}");
     let plain = Cloud { attribute: None, ..Cloud::wide(600) };
     let flat = look(DVec3::new(1.0, 2.0, 3.0), Projection::Orthographic { height: 3.0 }, 110, 90);
     compare(&mut renderer, &flat, &plain, &plain.volume(), &options, "wide kernels, orthographic");
@@ -426,7 +430,8 @@ fn slabs_windows_and_batches_change_nothing() {
 
     // Cells of half the picture fit, and 16384 particles.
     let mut limits = wgpu::Limits { max_storage_buffer_binding_size: 1 << 19, ..wgpu::Limits::default() };
-    limits.max_buffer_size = limits.max_storage_buffer_binding_size;
+    // No more is bound of a buffer at a time; the uniforms of all slabs lie in one.
+    limits.max_buffer_size = 2 * limits.max_storage_buffer_binding_size;
     let small = DeviceOptions { constrained_limits: Some(limits), ..DeviceOptions::default() };
     let (parts, report) = Renderer::open(&small).draw(&view, &merger, &scenery, &with(1 << 30));
     assert!(report.slabs[1] >= 2 * thin.slabs[1], "{:?}", report.slabs);
