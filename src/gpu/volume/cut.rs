@@ -231,11 +231,10 @@ mod tests {
             // All that a brick reads of the next tier is held, and filled once.
             for window in &cut.windows {
                 let origins = cut.origins(window);
-                for tier in 1..cut.tiers.len() {
+                for (finer, tier) in origins.iter().zip(&cut.tiers).zip(origins.iter().zip(&cut.tiers).skip(1)) {
                     for axis in 0..2 {
-                        let first = origins[tier - 1][axis];
-                        let read = read_by(first..first + cut.tiers[tier - 1].window[axis]);
-                        let held = origins[tier][axis]..origins[tier][axis] + cut.tiers[tier].window[axis];
+                        let ends = |(first, tier): (&[u32; 2], &Tier)| first[axis]..first[axis] + tier.window[axis];
+                        let (read, held) = (read_by(ends(finer)), ends(tier));
                         prop_assert!(held.start <= read.start && held.end >= read.end, "{held:?} {read:?}");
                     }
                 }
