@@ -10,12 +10,14 @@
 //! 2. `count`, `pair`: they are binned, each to eight bins at most of one of several levels.
 //! 3. `tally`, `move_pairs`: pairs of bin and particle are sorted by bins; equal ones keep their order, so that
 //!    nothing depends on which workgroup is first.
-//! 4. `gather`: each brick of 8 x 8 x 8 cells sums up its own particles, in registers.
+//! 4. `gather`: each brick of 8 x 8 x 8 cells sums up its own particles, in registers; wide ones in bricks of the coarser grids
+//!    that [`crate::cpu::volume::coarse`] brings them to, the tiers.
 //!
 //! Then, for each slab:
 //!
-//! 5. `cast_rays`: all rays go through it; what they have gathered is carried to the next one.
-//! 6. `occlude`, `pyramid`: columns of bricks behind opaque pixels are left out from now on.
+//! 5. `mark`, `choose`, `interpolate`: each tier gets what the next coarser one holds, where that may show.
+//! 6. `cast_rays`: all rays go through it; what they have gathered is carried to the next one.
+//! 7. `occlude`, `pyramid`: columns of bricks behind opaque pixels are left out from now on.
 //!
 //! A job of [`Shows::Ranges`] does `measure` instead: the masses of all densities and attributes, which are read back without waiting.
 
