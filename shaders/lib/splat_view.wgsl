@@ -51,7 +51,9 @@ struct SplatView {
     atlas: vec2<u32>,
     /// Where the middle line of sight meets the picture, pixels: outside of a part that does not hold it.
     middle: vec2<f32>,
-    unused: vec2<f32>,
+    /// Tiles and cells of all levels.
+    tile_count: u32,
+    cell_count: u32,
     /// Pixels per world unit (at depth 1 in perspective).
     focal: f32,
     near: f32,

@@ -1,7 +1,7 @@
 // Sums the splats of every tile of every pyramid level, without atomics: each invocation owns one column of eight cells
 // and walks over the bins whose splats may reach its tile.
 //
-// One workgroup for each 8 x 8 tile. Level 0 also takes the small splats. In: splats sorted by bin. Out: the pyramid's
+// One workgroup for each 8 x 8 tile, of each layer where there are several. Level 0 also takes the small splats. In: splats sorted by bin. Out: the pyramid's
 // cells, each written (first batch) or added to (further ones).
 //
 // Crowded tiles are cut into slices of `view.slice` splats of each range of bins: a workgroup takes a tile's first slice
@@ -13,6 +13,9 @@
 // splats at a time and then draw those that reach the tile one after the other. Without, each invocation looks at each
 // splat.
 #import deepfield::splat_view::{SplatView, Pass, Splat, oblique, SAMPLED, SMALL, EVERYWHERE}
+#ifdef LAYERS
+#import deepfield::layer_group::{layers, has_layer, goes_on}
+#endif
 #import deepfield::kernel::{box_profile, evaluate, first, second, shear, bend}
 
 @group(0) @binding(0) var<uniform> view: SplatView;
@@ -20,9 +23,9 @@
 @group(0) @binding(2) var<storage, read> splats: array<Splat>;
 @group(0) @binding(3) var<storage, read> starts: array<u32>;
 @group(0) @binding(4) var<storage, read_write> cells: array<vec2<f32>>;
-/// Tile and number of each further slice of a crowded tile.
+/// Tile, among those of all layers, and number of each further slice of a crowded tile.
 @group(0) @binding(5) var<storage, read_write> slices: array<vec2<u32>>;
-/// For each tile the first of its further slices, and their number.
+/// For each tile of each layer the first of its further slices, and their number.
 @group(0) @binding(6) var<storage, read_write> tile_slices: array<vec2<u32>>;
 /// Number of further slices.
 @group(0) @binding(7) var<storage, read_write> slice_count: array<atomic<u32>>;
@@ -219,6 +222,23 @@ fn main(
         tile = slices[item].x;
         slice = slices[item].y;
     }
+#ifdef LAYERS
+    let layer = tile / view.tile_count;
+    if !has_layer(layer) {
+        if local.x == 0u && item < arrayLength(&tile_slices) {
+            tile_slices[item] = vec2(0u);
+        }
+        return;
+    }
+    let bins = (layers.first + layer) * view.bin_count;
+    let first_cell = layer * view.cell_count;
+    let adds = goes_on();
+    tile -= layer * view.tile_count;
+#else
+    let bins = 0u;
+    let first_cell = 0u;
+    let adds = batch.add != 0u;
+#endif
     var level = view.level_count - 1u;
     while level > 0u && view.levels[level].first_tile > tile {
         level -= 1u;
@@ -252,16 +272,16 @@ fn main(
     let reach = 2u * grid.margin;
     var longest = 0u;
     for (var row = tile_y; row <= tile_y + reach; row++) {
-        let bin = grid.first_bin + row * grid.bins_x + tile_x;
+        let bin = bins + grid.first_bin + row * grid.bins_x + tile_x;
         longest = max(longest, add_bins(&column, place, bin, bin + reach + 1u, slice, SAMPLED, local.x));
     }
     if level == view.level_count - 1u {
-        let bin = view.everywhere_bin;
+        let bin = bins + view.everywhere_bin;
         longest = max(longest, add_bins(&column, place, bin, bin + 1u, slice, EVERYWHERE, local.x));
     }
     if level == 0u {
         for (var row = tile_y; row <= tile_y + reach; row++) {
-            let bin = view.small_bin + row * grid.bins_x + tile_x;
+            let bin = bins + view.small_bin + row * grid.bins_x + tile_x;
             longest = max(longest, add_bins(&column, place, bin, bin + reach + 1u, slice, SMALL, local.x));
         }
     }
@@ -282,15 +302,15 @@ fn main(
         }
         // The list holds all that there can be.
         let room = min(further, arrayLength(&slices) - min(begin, arrayLength(&slices)));
-        tile_slices[tile] = vec2(begin, room);
+        tile_slices[item] = vec2(begin, room);
         for (var i = 0u; i < room; i++) {
-            slices[begin + i] = vec2(tile, i + 1u);
+            slices[begin + i] = vec2(item, i + 1u);
         }
     }
     if cell.x >= grid.width {
         return;
     }
-    let first = grid.first_cell + cell.y * grid.width + cell.x;
+    let first = first_cell + grid.first_cell + cell.y * grid.width + cell.x;
     for (var i = 0u; i < 8u; i++) {
         if cell.y + i < grid.height {
             var value = vec2(column.p_top[i & 3u], column.ps_top[i & 3u]);
@@ -298,7 +318,7 @@ fn main(
                 value = vec2(column.p_bottom[i & 3u], column.ps_bottom[i & 3u]);
             }
             let target_cell = first + i * grid.width;
-            if batch.add != 0u {
+            if adds {
                 value += cells[target_cell];
             }
             cells[target_cell] = value;

@@ -4,12 +4,10 @@
 // One workgroup for each block of up to BLOCK candidates of one node. `count` gives each particle that is drawn its bin and
 // its place in the bin, and puts them in a row, so that `place` has nothing to do with the others; `place` projects again and
 // writes each splat to its place in the order, which costs less than to keep the splats in between.
-#import deepfield::constants::TILE
-#import deepfield::particle::{block_of, view, nodes, blocks, Block, camera_axes, load_particle}
-#import deepfield::projection::{camera, project, Projected}
-#import deepfield::splat_view::{Splat, SMALL, EVERYWHERE, INVISIBLE, DROPPED}
-
-const NOWHERE: u32 = 0xffffffffu;
+#import deepfield::particle::{block_of, nodes, blocks, Block, camera_axes, load_particle}
+#import deepfield::projection::{camera, project}
+#import deepfield::splat_bins::{bin_of, NOWHERE}
+#import deepfield::splat_view::Splat
 
 /// Bits of a candidate's number in its block, above its place in the bin: there are at most 2^22 splats.
 const PLACE_BITS: u32 = 22u;
@@ -20,26 +18,6 @@ const PLACE_BITS: u32 = 22u;
 /// Number of splats in each bin; then, for `place`, in the bins before it.
 @group(0) @binding(7) var<storage, read_write> bins: array<atomic<u32>>;
 @group(0) @binding(8) var<storage, read_write> splats: array<Splat>;
-
-/// The bin of a splat; NOWHERE if it is not drawn. The grid of the small splats' bins is like level 0. The last bin is for
-/// what no pixel sees, unless that is culled.
-fn bin_of(projected: Projected) -> u32 {
-    if projected.kind == DROPPED {
-        return NOWHERE;
-    }
-    let outside = select(view.bin_count - 1u, NOWHERE, view.culling != 0u);
-    let grid = view.levels[projected.level];
-    let cell = projected.splat.head.xy / grid.scale + f32(grid.pad);
-    let bin = floor(cell / f32(TILE)) + f32(grid.margin);
-    let inside = all(bin >= vec2(0.0)) && all(bin < vec2(f32(grid.bins_x), f32(grid.bins_y)));
-    let at = vec2<u32>(clamp(bin, vec2(0.0), vec2(f32(grid.bins_x - 1u), f32(grid.bins_y - 1u))));
-    let first = select(grid.first_bin, view.small_bin, projected.kind == SMALL);
-    let found = select(outside, first + at.y * grid.bins_x + at.x, inside);
-    if projected.kind == EVERYWHERE {
-        return view.everywhere_bin;
-    }
-    return select(found, outside, projected.kind == INVISIBLE);
-}
 
 /// Particles of the workgroup's block that are drawn.
 var<workgroup> live: atomic<u32>;

@@ -1,10 +1,13 @@
 // Adds a pyramid level to the next finer one, interpolated at its cell centres by a separable filter of eight taps for
 // each of its two phases.
 //
-// One invocation for each 4 x 16 cells of the finer level: it walks down over sixteen rows of the coarser one,
+// One invocation for each 4 x 16 cells of each layer's finer level: it walks down over sixteen rows of the coarser one,
 // interpolates each along x once, and keeps the last nine. Loads are what this costs, 2.5 for each finer cell.
 #import deepfield::constants as constants
 #import deepfield::splat_view::{SplatView, Pass}
+#ifdef LAYERS
+#import deepfield::layer_group::has_layer
+#endif
 
 @group(0) @binding(0) var<uniform> view: SplatView;
 @group(0) @binding(1) var<uniform> batch: Pass;
@@ -70,13 +73,19 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     if corner.x >= fine.width || corner.y >= fine.height {
         return;
     }
+#ifdef LAYERS
+    if !has_layer(id.z) {
+        return;
+    }
+#endif
+    let layer = id.z * view.cell_count;
     // The window's first cell: fine.pad is even, coarse.pad large enough.
     let start = (vec2<i32>(corner) - i32(fine.pad)) / 2 + i32(coarse.pad) - 4;
     let last = vec2(i32(coarse.width), i32(coarse.height)) - 1;
-    let first_cell = i32(coarse.first_cell);
+    let first_cell = i32(layer + coarse.first_cell);
     let stride = i32(coarse.width);
     let room = fine.width - corner.x;
-    let fine_first = fine.first_cell + corner.x;
+    let fine_first = layer + fine.first_cell + corner.x;
 
     let zero = Four(vec4(0.0), vec4(0.0));
     var a = zero;

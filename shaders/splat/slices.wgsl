@@ -6,7 +6,7 @@
 @group(0) @binding(1) var<storage, read> slice_count: array<u32>;
 /// Workgroups along x, y and z that sum the slices.
 @group(0) @binding(2) var<storage, read_write> dispatch: array<u32>;
-/// For each tile the first of its slices, and their number.
+/// For each tile of each layer the first of its slices, and their number.
 @group(0) @binding(3) var<storage, read> tile_slices: array<vec2<u32>>;
 @group(0) @binding(4) var<storage, read> patches: array<vec2<f32>>;
 @group(0) @binding(5) var<storage, read_write> cells: array<vec2<f32>>;
@@ -23,21 +23,23 @@ fn finish() {
     dispatch[2] = 1u;
 }
 
-// One row of eight invocations for each tile: a column each.
+// One row of eight invocations for each tile of each layer: a column each.
 @compute @workgroup_size(8, 8)
 fn merge(
     @builtin(workgroup_id) group: vec3<u32>,
     @builtin(num_workgroups) groups: vec3<u32>,
     @builtin(local_invocation_id) local: vec3<u32>,
 ) {
-    let tile = (group.y * groups.x + group.x) * 8u + local.y;
-    if tile >= arrayLength(&tile_slices) {
+    let item = (group.y * groups.x + group.x) * 8u + local.y;
+    if item >= arrayLength(&tile_slices) {
         return;
     }
-    let slices = tile_slices[tile];
+    let slices = tile_slices[item];
     if slices.y == 0u {
         return;
     }
+    let layer = item / view.tile_count;
+    let tile = item - layer * view.tile_count;
     var level = view.level_count - 1u;
     while level > 0u && view.levels[level].first_tile > tile {
         level -= 1u;
@@ -54,6 +56,6 @@ fn merge(
         for (var slice = slices.x; slice < slices.x + slices.y; slice++) {
             sum += patches[slice * PATCH + row * 8u + local.x];
         }
-        cells[grid.first_cell + (corner.y + row) * grid.width + x] += sum;
+        cells[layer * view.cell_count + grid.first_cell + (corner.y + row) * grid.width + x] += sum;
     }
 }

@@ -32,7 +32,7 @@ fn divide() {
     var first = 0u;
     var skipped = 0u;
     for (var slab = 0u; slab < portion.length; slab++) {
-        let end = end_of(sums[first] + portion.most);
+        let end = min(end_of(sums[first] + portion.most), first + portion.intervals);
         if end > first && skipped == 0u {
             slabs[slab] = vec4(first, end, 0u, 0u);
             first = end;

@@ -45,6 +45,8 @@ pub struct Capabilities {
     pub raster: bool,
     /// Subgroups of exactly eight: a processor's vectors.
     pub vector_subgroups: bool,
+    /// Whether a processor is the adapter.
+    pub is_software: bool,
 }
 
 /// Storage buffers that one shader binds at most: `project.wgsl`.
@@ -75,6 +77,7 @@ impl Capabilities {
                 && info.subgroup_min_size == 8
                 && info.subgroup_max_size == 8
                 && !withheld.subgroup,
+            is_software: info.device_type == wgpu::DeviceType::Cpu,
         }
     }
 
@@ -99,7 +102,7 @@ mod tests {
 
     #[test]
     fn automatic_choice_takes_what_is_there() {
-        let adapter = |compute, raster| Capabilities { compute, raster, vector_subgroups: false };
+        let adapter = |compute, raster| Capabilities { compute, raster, vector_subgroups: false, is_software: false };
         for (backend, both, only_compute, only_raster, none) in [
             (Backend::Auto, Some(Technique::Compute), Some(Technique::Compute), Some(Technique::Raster), None),
             (Backend::Compute, Some(Technique::Compute), Some(Technique::Compute), None, None),

@@ -93,7 +93,9 @@ pub const SHADERS: &[(&str, &str)] = &[
     ("lib/tile_reach.wgsl", include_str!("../../shaders/lib/tile_reach.wgsl")),
     ("lib/splat_pixel.wgsl", include_str!("../../shaders/lib/splat_pixel.wgsl")),
     ("lib/layer_view.wgsl", include_str!("../../shaders/lib/layer_view.wgsl")),
-    ("layered/arrange.wgsl", include_str!("../../shaders/layered/arrange.wgsl")),
+    ("lib/layer_group.wgsl", include_str!("../../shaders/lib/layer_group.wgsl")),
+    ("lib/splat_bins.wgsl", include_str!("../../shaders/lib/splat_bins.wgsl")),
+    ("layered/project.wgsl", include_str!("../../shaders/layered/project.wgsl")),
     ("layered/blend.wgsl", include_str!("../../shaders/layered/blend.wgsl")),
     ("composite/composite.wgsl", include_str!("../../shaders/composite/composite.wgsl")),
 ];

@@ -1,11 +1,13 @@
 //! Order-dependent splatting (F12 5.9) on the adapter: particles by tiles, classified each on its own and blended front to back
 //! for each pixel, as [`crate::cpu::sorted`] does, which its pictures are held against.
 
+use super::capabilities::Capabilities;
 use super::matter::{LookupUniform, table};
 use super::splat::constants::kernel_defs;
+use super::splat::layout::Grids;
 use super::tiles::constants::walk_defs;
 use super::tiles::pipelines::{arrange_layout, layout, queue, read, uniform, walk_layout, write};
-use super::tiles::{Binding, Canvas, Drawing, TileMode, TileRequest};
+use super::tiles::{Binding, Canvas, Drawing, TileList, TileMode, TileRequest};
 use crate::cpu::volume::Classifier;
 use crate::model::Kernel;
 use crate::view::View;
@@ -71,6 +73,7 @@ pub struct SortedPipelines {
 
 /// What the passes of a camera bind.
 pub struct SortedGroups {
+    list: TileList,
     table: Buffer,
     arrange: BindGroup,
     blend: BindGroup,
@@ -81,21 +84,21 @@ impl TileMode for SortedSplats {
     type Pipelines = SortedPipelines;
     type Bound = SortedGroups;
 
-    fn pipelines(server: &AssetServer, cache: &PipelineCache, is_software: bool) -> SortedPipelines {
+    fn pipelines(server: &AssetServer, cache: &PipelineCache, on: &Capabilities) -> SortedPipelines {
         let lookup = layout("deepfield matter", vec![uniform(size_of::<LookupUniform>(), false), read()]);
         let light = layout("deepfield blend", vec![uniform(size_of::<SortedUniform>(), false), write()]);
         let arrange_layouts = vec![arrange_layout(), lookup.clone()];
         let arrange = queue(cache, server, ("sorted/arrange.wgsl", "arrange"), arrange_layouts, vec![]);
         let of_kernel = |kernel| {
             let layouts = vec![walk_layout(), light.clone()];
-            let defs = blend_defs(kernel, is_software);
+            let defs = blend_defs(kernel, on.is_software);
             (kernel, queue(cache, server, ("sorted/blend.wgsl", "blend"), layouts, defs))
         };
         let blend = Kernel::ALL.into_iter().map(of_kernel).collect();
         SortedPipelines { lookup, light, arrange, blend }
     }
 
-    fn request(&self, _: &View) -> TileRequest {
+    fn request(&self, _: &View, _: &Grids) -> TileRequest {
         TileRequest {
             planes: self.planes,
             least: self.classifier.least(),
@@ -117,7 +120,8 @@ impl TileMode for SortedSplats {
         let light = to.buffer(bytemuck::bytes_of(&light), BufferUsages::UNIFORM);
         let arrange = to.group(&to.pipelines.lookup, &[lookup.as_entire_binding(), table.as_entire_binding()]);
         let blend = to.group(&to.pipelines.light, &[light.as_entire_binding(), to.cells.buffer.as_entire_binding()]);
-        SortedGroups { table, arrange, blend }
+        let list = to.tiles(before.map(|(_, groups)| &groups.list));
+        SortedGroups { list, table, arrange, blend }
     }
 
     fn draw(&self, bound: &SortedGroups, on: &Canvas<'_, Self>, context: &mut RenderContext) -> Option<()> {
@@ -127,7 +131,7 @@ impl TileMode for SortedSplats {
         context.command_encoder().clear_buffer(&on.cells.buffer, 0, None);
         let drawing =
             Drawing { arrange, arrange_group: Some(&bound.arrange), walk, walk_group: &bound.blend, name: "blend" };
-        on.list.draw(on.particles, &on.steps, &drawing, context);
+        bound.list.draw(on.spots, on.particles, &on.steps, &drawing, context);
         Some(())
     }
 }

@@ -1,10 +1,12 @@
 //! Particles as spheres under one smooth surface (F12 5.9) on the adapter, as [`crate::cpu::screen_spheres`] does, which its
 //! pictures are held against: the nearest sphere of each pixel, by tiles; a filter over their depths; normals and light.
 
+use super::capabilities::Capabilities;
 use super::matter::map_to_place;
+use super::splat::layout::Grids;
 use super::tiles::constants::walk_defs;
 use super::tiles::pipelines::{arrange_layout, layout, portion, queue, read, tile_view, uniform, walk_layout, write};
-use super::tiles::{Binding, Canvas, Drawing, TileMode, TileRequest};
+use super::tiles::{Binding, Canvas, Drawing, TileList, TileMode, TileRequest};
 use crate::cpu::screen_spheres::{ROUNDS, SurfaceColors};
 use crate::cpu::volume::Light;
 use crate::view::{Projection, View};
@@ -98,6 +100,7 @@ pub struct SpherePipelines {
 
 /// What the passes of a camera bind.
 pub struct SphereGroups {
+    list: TileList,
     hits: [Buffer; 2],
     nearest: BindGroup,
     /// From the first hits to the second, and back.
@@ -109,7 +112,7 @@ impl TileMode for Spheres {
     type Pipelines = SpherePipelines;
     type Bound = SphereGroups;
 
-    fn pipelines(server: &AssetServer, cache: &PipelineCache, is_software: bool) -> SpherePipelines {
+    fn pipelines(server: &AssetServer, cache: &PipelineCache, on: &Capabilities) -> SpherePipelines {
         let view = || uniform(size_of::<SphereUniform>(), false);
         let hits = layout("deepfield hits", vec![view(), write()]);
         let surface =
@@ -117,13 +120,13 @@ impl TileMode for Spheres {
         let queue = |shader, layout, defs| queue(cache, server, shader, layout, defs);
         let arrange = queue(("spheres/arrange.wgsl", "arrange"), vec![arrange_layout()], vec![]);
         let walk = vec![walk_layout(), hits.clone()];
-        let nearest = queue(("spheres/nearest.wgsl", "nearest"), walk, walk_defs(is_software));
+        let nearest = queue(("spheres/nearest.wgsl", "nearest"), walk, walk_defs(on.is_software));
         let smooth = queue(("spheres/surface.wgsl", "smooth_hits"), vec![surface.clone()], vec![]);
         let shade = queue(("spheres/surface.wgsl", "shade"), vec![surface.clone()], vec![]);
         SpherePipelines { hits, surface, arrange, nearest, smooth, shade }
     }
 
-    fn request(&self, view: &View) -> TileRequest {
+    fn request(&self, view: &View, _: &Grids) -> TileRequest {
         // A sphere may be seen whose centre lies before the near plane.
         let first = match view.projection {
             Projection::Perspective { .. } => f64::from(f32::MIN_POSITIVE),
@@ -141,14 +144,15 @@ impl TileMode for Spheres {
     }
 
     fn bind(&self, before: Option<(&Self, &SphereGroups)>, to: &Binding<'_, Self>) -> SphereGroups {
+        let list = to.tiles(before.map(|(_, groups)| &groups.list));
         let hits = [0, 1].map(|index: usize| to.pixels(before.map(|(_, groups)| &groups.hits[index])));
         let uniform = to.buffer(bytemuck::bytes_of(&SphereUniform::new(self)), BufferUsages::UNIFORM);
         let colors = to.buffer(bytemuck::cast_slice(&self.colors.colors), BufferUsages::STORAGE);
         let nearest = to.group(&to.pipelines.hits, &[uniform.as_entire_binding(), hits[0].as_entire_binding()]);
         let surface = [0, 1].map(|from: usize| {
             let bound = [
-                to.list.uniform().as_entire_binding(),
-                to.list.portions(),
+                to.spots.uniform().as_entire_binding(),
+                list.portions(),
                 uniform.as_entire_binding(),
                 hits[from].as_entire_binding(),
                 hits[1 - from].as_entire_binding(),
@@ -157,7 +161,7 @@ impl TileMode for Spheres {
             ];
             to.group(&to.pipelines.surface, &bound)
         });
-        SphereGroups { hits, nearest, surface }
+        SphereGroups { list, hits, nearest, surface }
     }
 
     fn draw(&self, bound: &SphereGroups, on: &Canvas<'_, Self>, context: &mut RenderContext) -> Option<()> {
@@ -166,17 +170,17 @@ impl TileMode for Spheres {
         let (arrange, walk, smooth, shade) = (get(arrange)?, get(nearest)?, get(smooth)?, get(shade)?);
         context.command_encoder().clear_buffer(&bound.hits[0], 0, None);
         let drawing = Drawing { arrange, arrange_group: None, walk, walk_group: &bound.nearest, name: "nearest" };
-        on.list.draw(on.particles, &on.steps, &drawing, context);
+        bound.list.draw(on.spots, on.particles, &on.steps, &drawing, context);
         let diagnostics = context.diagnostic_recorder();
         let diagnostics = diagnostics.as_deref();
         let encoder = context.command_encoder();
         let span = diagnostics.time_span(encoder, "surface");
         {
             let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor::default());
-            let [x, y] = on.list.tiling().tiles;
+            let [x, y] = on.spots.tiling().tiles;
             let mut run = |pipeline, round: usize| {
                 pass.set_pipeline(pipeline);
-                pass.set_bind_group(0, &bound.surface[round % 2], &[on.list.numbered(round)]);
+                pass.set_bind_group(0, &bound.surface[round % 2], &[bound.list.numbered(round)]);
                 pass.dispatch_workgroups(x, y, 1);
             };
             if self.smoothing > 0.0 {

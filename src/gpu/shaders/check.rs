@@ -2,13 +2,13 @@
 //! No graphics adapter is needed.
 
 use super::{ShaderFile, sources};
-use crate::gpu::splat::compute::pipeline::{accumulate_defs, slices_defs};
+use crate::gpu::sorted_splats;
+use crate::gpu::splat::compute::sums::{accumulate_defs, layer_defs, slices_defs};
 use crate::gpu::splat::raster::pipeline::blend_defs;
 use crate::gpu::target::target_defs;
 use crate::gpu::tiles::constants::walk_defs;
 use crate::gpu::tiles::pipelines as tiles;
 use crate::gpu::volume::programs::{self as volume, Kind, Step};
-use crate::gpu::{layered, sorted_splats};
 use crate::model::Kernel;
 use bevy::asset::{AssetId, uuid::Uuid};
 use bevy::shader::{Shader, ShaderCache, ShaderCacheError, ShaderCacheSource, ShaderDefVal};
@@ -39,10 +39,14 @@ pub fn variants() -> Vec<Variant> {
     let mut all = vec![
         plain("splat/project.wgsl", vec![], vec!["count", "place"]),
         plain("splat/scan.wgsl", vec![], vec!["main"]),
-        plain("splat/reconstruct.wgsl", vec![], vec!["main"]),
+        plain("layered/project.wgsl", vec![], vec!["count", "place"]),
+        plain("layered/blend.wgsl", vec![], vec!["blend"]),
         plain("measure/reduce.wgsl", vec![], vec!["reduce"]),
         plain("splat/upsample.wgsl", vec![], vec!["vertex", "along_x", "along_y"]),
     ];
+    for layers in [false, true] {
+        all.push(plain("splat/reconstruct.wgsl", layer_defs(layers), vec!["main"]));
+    }
     for subgroup in [false, true] {
         all.push(plain("splat/slices.wgsl", slices_defs(subgroup), vec!["finish", "merge"]));
     }
@@ -56,7 +60,7 @@ pub fn variants() -> Vec<Variant> {
         let entries = steps.iter().filter(|(of, _)| *of == kind).map(|(_, entry)| *entry).collect();
         all.push(plain(kind.shader(), vec![], entries));
     }
-    for path in ["sorted/arrange.wgsl", "spheres/arrange.wgsl", "layered/arrange.wgsl"] {
+    for path in ["sorted/arrange.wgsl", "spheres/arrange.wgsl"] {
         all.push(plain(path, vec![], vec!["arrange"]));
     }
     all.push(plain("spheres/surface.wgsl", vec![], vec!["smooth_hits", "shade"]));
@@ -64,10 +68,6 @@ pub fn variants() -> Vec<Variant> {
         all.push(plain("spheres/nearest.wgsl", walk_defs(is_software), vec!["nearest"]));
         for kernel in Kernel::ALL {
             all.push(plain("sorted/blend.wgsl", sorted_splats::blend_defs(kernel, is_software), vec!["blend"]));
-            for oblique in [false, true] {
-                let defs = layered::blend_defs(kernel, oblique, is_software);
-                all.push(plain("layered/blend.wgsl", defs, vec!["blend", "finish"]));
-            }
         }
     }
     for kind in Kind::ALL {
@@ -89,8 +89,8 @@ pub fn variants() -> Vec<Variant> {
     }
     for (kernel, perspective) in Kernel::ALL.into_iter().flat_map(|kernel| [(kernel, false), (kernel, true)]) {
         all.push(plain("splat/blend.wgsl", blend_defs(kernel, perspective), vec!["vertex", "fragment"]));
-        for subgroup in [false, true] {
-            let defs = accumulate_defs(kernel, perspective, subgroup);
+        for (subgroup, layers) in [(false, false), (false, true), (true, false), (true, true)] {
+            let defs = accumulate_defs(kernel, perspective, subgroup, layers);
             all.push(Variant { path: "splat/accumulate.wgsl", defs, subgroup, entries: vec!["main"] });
         }
     }

@@ -4,7 +4,7 @@
 use super::SHADERS;
 use super::check::{Variant, compose, variants};
 use crate::gpu::composite::CompositeUniform;
-use crate::gpu::layered::LayerUniform;
+use crate::gpu::layered::{LayerGroup, LayerUniform};
 use crate::gpu::light::LightUniform;
 use crate::gpu::matter::LookupUniform;
 use crate::gpu::measure::Reduction;
@@ -185,7 +185,8 @@ fn written(path: &str, name: &str) -> Option<Layout> {
             size,
             atlas,
             middle,
-            unused,
+            tile_count,
+            cell_count,
             focal,
             near,
             perspective,
@@ -291,9 +292,10 @@ fn written(path: &str, name: &str) -> Option<Layout> {
             unused,
             levels,
         }),
-        "layered" => layout!(LayerUniform { termination, least, moment, unused }),
+        "layered" => layout!(LayerUniform { termination, least, unused }),
+        "layers" => layout!(LayerGroup { slab, slabs, first, layers }),
         "caps" => plain(16, ScalarKind::Float),
-        "portion" | "round" if !volume => layout!(TilePortion { length, slab, first_block, most }),
+        "portion" | "round" if !volume => layout!(TilePortion { length, slab, first_block, most, intervals, unused }),
         "slabs" => plain(16, ScalarKind::Uint),
         "lookup" => {
             layout!(LookupUniform { attribute_map, attribute_log, first_entry, last_entry, hues, plane, unused })
@@ -361,7 +363,7 @@ fn buffers_are_laid_out_as_the_program_writes_them() {
                 (None, "patches") => assert_eq!(64 * found.0 as u64, PATCH_BYTES, "{place}"),
                 (None, "places") => assert_eq!(found.0 as u64, PLACE_BYTES, "{place}"),
                 (None, "spots" | "arranged") => assert_eq!(found.0 as u64, SPOT_BYTES, "{place}"),
-                (None, "hits" | "smoothed" | "pending") => assert_eq!(found.0, 16, "{place}"),
+                (None, "hits" | "smoothed") => assert_eq!(found.0, 16, "{place}"),
                 (None, "ranges" | "reaches") => assert_eq!(found.0, 8, "{place}"),
                 (None, _) if !variant.path.starts_with("splat/") => assert_eq!(found.0, 4, "{place}"),
                 _ => panic!("unknown: {place}"),

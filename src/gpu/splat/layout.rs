@@ -73,8 +73,10 @@ pub struct SplatUniform {
     pub atlas: [u32; 2],
     /// Where the middle line of sight meets the picture, pixels.
     pub middle: [f32; 2],
-    /// Padding.
-    pub unused: [f32; 2],
+    /// Tiles of all levels.
+    pub tile_count: u32,
+    /// Cells of all levels.
+    pub cell_count: u32,
     /// Pixels per world unit (at depth 1 in perspective).
     pub focal: f32,
     /// Particles at this depth or before it are dropped.
@@ -317,7 +319,8 @@ impl Grids {
             size: [view.width, view.height],
             atlas,
             middle: view.middle().map(|pixels| pixels as f32),
-            unused: [0.0; 2],
+            tile_count: tiles,
+            cell_count: cells,
             focal: focal as f32,
             near: 0.0,
             perspective: u32::from(perspective),

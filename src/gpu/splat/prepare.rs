@@ -43,14 +43,6 @@ pub enum Bindings {
 }
 
 impl Bindings {
-    /// Those of compute passes.
-    pub fn compute(&self) -> Option<&ComputeBindings> {
-        match self {
-            Bindings::Compute(bindings) => Some(bindings),
-            Bindings::Raster(_) => None,
-        }
-    }
-
     /// Those of blended quads.
     pub fn raster(&self) -> Option<&RasterBindings> {
         match self {
@@ -209,22 +201,18 @@ fn build(
         true => particles::batches(&shared, &list, arena, cache, device),
         false => Vec::new(),
     };
-    let before = before.and_then(|before| before.bindings.as_ref());
     let bindings = match key.technique {
         _ if key.has_passes => None,
         Technique::Compute => {
             let pipelines = pipelines.compute.as_mut()?;
-            pipelines.ask_for(grids.kernel, grids.oblique, cache);
-            let before = before.and_then(Bindings::compute);
+            pipelines.sums.ask_for(grids.kernel, grids.oblique, cache);
             let gpu = (device, queue);
-            Some(Bindings::Compute(compute::bind(
-                &shared, &grids, &list, before, scratch, arena, pipelines, cache, gpu,
-            )))
+            Some(Bindings::Compute(compute::bind(&shared, &grids, &list, scratch, arena, pipelines, cache, gpu)))
         }
         Technique::Raster => {
             let pipelines = pipelines.raster.as_mut()?;
             pipelines.ask_for(grids.kernel, grids.oblique, cache);
-            let before = before.and_then(Bindings::raster);
+            let before = before.and_then(|before| before.bindings.as_ref()).and_then(Bindings::raster);
             let gpu = (device, queue);
             Some(Bindings::Raster(raster::bind(&shared, &grids, &list, before, arena, pipelines, cache, gpu)))
         }

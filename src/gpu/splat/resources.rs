@@ -30,6 +30,11 @@ pub fn at_least(
     }
 }
 
+/// All of a buffer.
+pub fn whole(buffer: &Buffer) -> BindingResource<'_> {
+    buffer.as_entire_binding()
+}
+
 /// A range of a buffer, bytes.
 pub fn slice(buffer: &Buffer, offset: u64, size: u64) -> BindingResource<'_> {
     BindingResource::Buffer(BufferBinding { buffer, offset, size: NonZeroU64::new(size) })

@@ -62,6 +62,10 @@ pub struct Portion {
     pub first_block: u32,
     /// The most that there may be.
     pub most: u32,
+    /// Most intervals of depth of a slab.
+    pub intervals: u32,
+    /// Padding.
+    pub unused: [u32; 3],
 }
 
 /// Bytes of WGSL `Spot`, and of what modes make of it.
@@ -102,6 +106,8 @@ pub struct Tiling {
     pub key_bits: u32,
     /// How often a particle may be listed.
     pub most_parts: u32,
+    /// Most layers of a slab, where there are layers.
+    pub layers_at_once: Option<u32>,
 }
 
 impl Tiling {
@@ -140,7 +146,8 @@ impl Tiling {
             unused: 0,
             levels,
         };
-        Tiling { uniform, tiles, bins, key_bits, most_parts: spread.unwrap_or(1) }
+        let layers_at_once = request.layers.map(|layers| layers.at_once);
+        Tiling { uniform, tiles, bins, key_bits, most_parts: spread.unwrap_or(1), layers_at_once }
     }
 }
 

@@ -1,8 +1,11 @@
 //! Particles by the tiles of the picture that they reach, front to back: for modes whose pictures depend on the order.
 //!
-//! [`TileList`] cuts a camera's particles into slabs of depth that fit into memory. For each slab, from front to back:
+//! [`SpotList`] cuts a camera's particles into slabs of depth that fit into memory. For each slab, from front to back:
 //!
 //! 1. `count`, `gather`: particles are decoded and projected; those that are seen are written in the order of the draw list.
+//!
+//! [`TileList`] then, for the same slab:
+//!
 //! 2. `number_spots`, then `tally` and `move_pairs` for each digit of their keys: they are sorted by depth. The mode's own
 //!    pass brings what it draws of them into that order, and says which tiles that reaches (`deepfield::tile_reach`).
 //! 3. `count_pairs`, `write_pairs`: pairs of bin and particle, four at most for each particle of any size; sorted by
@@ -11,7 +14,8 @@
 //! 4. The mode's own pass walks over each tile's particles, one invocation for each pixel (`deepfield::tile_walk`): its
 //!    bins in all levels, merged.
 //!
-//! Particles of equal depth have the order of the draw list. A mode that draws like this is a [`TileMode`].
+//! Particles of equal depth have the order of the draw list. A mode that draws slabs is a [`TileMode`]; layers
+//! ([`crate::gpu::layered`]) need no order within them and sum splats in place of 2 to 4.
 
 pub mod constants;
 pub mod layout;
@@ -19,9 +23,11 @@ pub mod pipelines;
 
 mod list;
 mod mode;
+pub mod spots;
 
 pub use list::{Drawing, TileList};
 pub use mode::{Binding, Canvas, TileMode, TileNews, TilePicture, TilePlugin};
+pub use spots::SpotList;
 
 /// Layers of depth, equally deep but for the depth itself in perspective.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -30,6 +36,8 @@ pub struct Layering {
     pub count: u32,
     /// The most that one particle reaches, if it is listed in each of them; without, it is listed in that of its centre.
     pub spread: Option<u32>,
+    /// The most of a slab.
+    pub at_once: u32,
 }
 
 /// Which particles are listed.

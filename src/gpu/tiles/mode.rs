@@ -1,22 +1,24 @@
-//! Modes that draw particles by tiles: what a camera says of one, when its lists are made anew, and when its picture is drawn.
+//! Modes that draw slabs of particles: what a camera says of one, when its lists are made anew, and when its picture is drawn.
 
 use super::TileRequest;
 use super::layout::Tiling;
 use super::list::TileList;
 use super::pipelines::{Steps, TilePipelines, init_when_used};
+use super::spots::{self, SpotList};
+use crate::gpu::capabilities::Capabilities;
 use crate::gpu::light::{self, LightCells, LightView, prepare_light, show_light};
-use crate::gpu::splat::{SplatBuffers, prepare_splats};
+use crate::gpu::splat::layout::Grids;
+use crate::gpu::splat::{SplatBuffers, SplatPipelines, prepare_splats};
 use crate::gpu::target::written;
 use crate::gpu::timing::TimedPasses;
 use crate::gpu::view::SplatView;
-use crate::model::Kernel;
 use crate::view::View;
 use bevy::core_pipeline::core_3d::{main_opaque_pass_3d, main_transparent_pass_3d};
 use bevy::core_pipeline::{Core3d, Core3dSystems};
 use bevy::prelude::*;
 use bevy::render::extract_component::{ExtractComponent, ExtractComponentPlugin};
 use bevy::render::render_resource::{
-    BindGroup, BindGroupEntry, BindGroupLayoutDescriptor, BindingResource, Buffer, BufferUsages, PipelineCache,
+    BindGroup, BindGroupLayoutDescriptor, BindingResource, Buffer, BufferUsages, PipelineCache,
 };
 use bevy::render::renderer::{RenderContext, RenderDevice, RenderQueue, ViewQuery};
 use bevy::render::sync_component::SyncComponent;
@@ -25,7 +27,7 @@ use std::marker::PhantomData;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// A mode whose passes draw particles by tiles.
+/// A mode whose passes draw particles in slabs of depth.
 pub trait TileMode: Clone + PartialEq + Send + Sync + 'static {
     /// The names of its passes' times, beside that of the lists.
     const PASSES: &'static [&'static str];
@@ -36,11 +38,11 @@ pub trait TileMode: Clone + PartialEq + Send + Sync + 'static {
     /// What its passes bind for one camera.
     type Bound: Send + Sync + 'static;
 
-    /// Has its pipelines compiled, for a processor as the adapter or a card.
-    fn pipelines(server: &AssetServer, cache: &PipelineCache, is_software: bool) -> Self::Pipelines;
+    /// Has its pipelines compiled.
+    fn pipelines(server: &AssetServer, cache: &PipelineCache, on: &Capabilities) -> Self::Pipelines;
 
-    /// Which particles of a view it lists.
-    fn request(&self, view: &View) -> TileRequest;
+    /// Which particles of a view it lists; `grids` are those that its splats are sorted by.
+    fn request(&self, view: &View, grids: &Grids) -> TileRequest;
 
     /// Binds what its passes need; of the picture `before` what is still right may be taken over.
     fn bind(&self, before: Option<(&Self, &Self::Bound)>, to: &Binding<'_, Self>) -> Self::Bound;
@@ -87,37 +89,41 @@ impl TileNews {
 pub struct Binding<'a, M: TileMode> {
     /// The mode's layouts.
     pub pipelines: &'a M::Pipelines,
-    /// The particles by tiles.
-    pub list: &'a TileList,
+    /// The particles in slabs.
+    pub spots: &'a SpotList,
     /// The picture's pixels.
     pub cells: &'a LightCells,
-    /// The particles' kernel.
-    pub kernel: Kernel,
-    cache: &'a PipelineCache,
-    device: &'a RenderDevice,
-    queue: &'a RenderQueue,
+    /// The particles, and the grids that splats are sorted by.
+    pub particles: &'a SplatBuffers,
+    /// Compiled pipelines.
+    pub cache: &'a PipelineCache,
+    /// The adapter, and what is written to it.
+    pub gpu: (&'a RenderDevice, &'a RenderQueue),
+    tiles: &'a TilePipelines,
 }
 
 impl<M: TileMode> Binding<'_, M> {
     /// A new buffer that holds these bytes.
     pub fn buffer(&self, bytes: &[u8], usage: BufferUsages) -> Buffer {
-        written(None, bytes, usage, self.device, self.queue)
+        written(None, bytes, usage, self.gpu.0, self.gpu.1)
     }
 
     /// A new buffer of four numbers for each pixel, or the one before where it is as large.
     pub fn pixels(&self, before: Option<&Buffer>) -> Buffer {
         match before {
             Some(before) if before.size() == self.cells.buffer.size() => before.clone(),
-            _ => light::cells(None, self.cells.size, self.device).buffer,
+            _ => light::cells(None, self.cells.size, self.gpu.0).buffer,
         }
     }
 
     /// Binds resources one after the other.
     pub fn group(&self, layout: &BindGroupLayoutDescriptor, resources: &[BindingResource<'_>]) -> BindGroup {
-        let numbered = (0..).zip(resources);
-        let entries: Vec<_> =
-            numbered.map(|(binding, resource)| BindGroupEntry { binding, resource: resource.clone() }).collect();
-        self.device.create_bind_group(&*layout.label, &self.cache.get_bind_group_layout(layout), &entries)
+        spots::bind(layout, resources, self.cache, self.gpu.0)
+    }
+
+    /// The particles by tiles; buffers are taken over from the list before.
+    pub fn tiles(&self, before: Option<&TileList>) -> TileList {
+        TileList::new(self.spots, before, self.tiles, self.cache, self.gpu)
     }
 }
 
@@ -129,8 +135,8 @@ pub struct Canvas<'a, M: TileMode> {
     pub steps: Steps<'a>,
     /// The particles.
     pub particles: &'a SplatBuffers,
-    /// The same by tiles.
-    pub list: &'a TileList,
+    /// The same in slabs.
+    pub spots: &'a SpotList,
     /// The picture's pixels.
     pub cells: &'a LightCells,
     /// Compiled pipelines.
@@ -140,7 +146,7 @@ pub struct Canvas<'a, M: TileMode> {
 /// What the passes of a camera bind, and what that was made of (render world).
 #[derive(Component)]
 pub struct TileBindings<M: TileMode> {
-    list: TileList,
+    spots: SpotList,
     bound: M::Bound,
     of: M,
 }
@@ -183,9 +189,9 @@ fn init_pipelines<M: TileMode>(
     mut commands: Commands,
     server: Res<AssetServer>,
     cache: Res<PipelineCache>,
-    tiles: Res<TilePipelines>,
+    splats: Res<SplatPipelines>,
 ) {
-    commands.insert_resource(M::pipelines(&server, &cache, tiles.is_software));
+    commands.insert_resource(M::pipelines(&server, &cache, &splats.capabilities));
 }
 
 /// Makes lists anew for cameras whose particles or mode are other ones than before.
@@ -205,21 +211,21 @@ fn prepare<M: TileMode>(
         if before.is_some_and(|before| before.of == picture.mode) && cells.is_some() && !particles.is_changed() {
             continue;
         }
-        let tiling = Tiling::new(&view.view, &picture.mode.request(&view.view));
-        let known = before.map(|before| &before.list);
-        let list = TileList::new(tiling, &particles, known, &tile_pipelines, &cache, (&device, &queue));
+        let tiling = Tiling::new(&view.view, &picture.mode.request(&view.view, &particles.grids));
+        let known = before.map(|before| &before.spots);
+        let spots = SpotList::new(tiling, &particles, known, &cache, (&device, &queue));
         let cells = light::cells(cells, tiling.uniform.size, &device);
         let binding = Binding {
             pipelines: &*pipelines,
-            list: &list,
+            spots: &spots,
             cells: &cells,
-            kernel: particles.grids.kernel,
+            particles: &particles,
             cache: &cache,
-            device: &device,
-            queue: &queue,
+            gpu: (&device, &queue),
+            tiles: &tile_pipelines,
         };
         let bound = picture.mode.bind(before.map(|before| (&before.of, &before.bound)), &binding);
-        commands.entity(entity).insert((TileBindings { list, bound, of: picture.mode.clone() }, cells));
+        commands.entity(entity).insert((TileBindings { spots, bound, of: picture.mode.clone() }, cells));
     }
 }
 
@@ -237,7 +243,7 @@ fn draw<M: TileMode>(
         let (Some(pipelines), Some(tile_pipelines)) = (pipelines, tile_pipelines) else { return };
         let Some(steps) = tile_pipelines.ready(&cache) else { return };
         let canvas =
-            Canvas { pipelines: &*pipelines, steps, particles, list: &bindings.list, cells: &cells, cache: &cache };
+            Canvas { pipelines: &*pipelines, steps, particles, spots: &bindings.spots, cells: &cells, cache: &cache };
         if bindings.of.draw(&bindings.bound, &canvas, &mut context).is_none() {
             return;
         }

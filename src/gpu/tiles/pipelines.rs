@@ -12,7 +12,6 @@ use bevy::render::render_resource::{
     BindGroupLayoutDescriptor, BindGroupLayoutEntryBuilder, CachedComputePipelineId, ComputePipeline,
     ComputePipelineDescriptor, PipelineCache, ShaderStages,
 };
-use bevy::render::renderer::RenderAdapterInfo;
 use bevy::render::{Render, RenderStartup, RenderSystems};
 use bevy::shader::ShaderDefVal;
 use std::num::NonZeroU64;
@@ -249,7 +248,7 @@ fn init_tile_pipelines(
     mut commands: Commands,
     server: Res<AssetServer>,
     cache: Res<PipelineCache>,
-    info: Res<RenderAdapterInfo>,
+    splats: Res<SplatPipelines>,
 ) {
     let steps = Step::ALL.map(|step| {
         let (kind, entry) = step.entry();
@@ -259,5 +258,5 @@ fn init_tile_pipelines(
         }
         queue(&cache, &server, (kind.shader(), entry), layout, vec![])
     });
-    commands.insert_resource(TilePipelines { steps, is_software: info.device_type == wgpu::DeviceType::Cpu });
+    commands.insert_resource(TilePipelines { steps, is_software: splats.capabilities.is_software });
 }

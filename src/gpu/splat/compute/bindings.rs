@@ -1,11 +1,12 @@
 //! Buffers and bind groups of the compute passes of one view.
 
 use super::pipeline::ComputePipelines;
+use super::sums::{SumScratch, Summed, Sums};
 use crate::gpu::arena::Arena;
 use crate::gpu::splat::draw_list::{DrawBatch, DrawList};
-use crate::gpu::splat::layout::{Grids, MAX_LEVELS, PATCH_BYTES, PLACE_BYTES, Pass, SPLAT_BYTES};
+use crate::gpu::splat::layout::{Grids, PLACE_BYTES, SPLAT_BYTES};
 use crate::gpu::splat::prepare::Shared;
-use crate::gpu::splat::resources::{ALIGNMENT, at_least, slice};
+use crate::gpu::splat::resources::{at_least, slice};
 use bevy::prelude::*;
 use bevy::render::render_resource::{BindGroup, BindGroupEntries, Buffer, BufferUsages, PipelineCache};
 use bevy::render::renderer::{RenderDevice, RenderQueue};
@@ -13,20 +14,13 @@ use bevy::render::renderer::{RenderDevice, RenderQueue};
 /// Most splats that are sorted at a time; `PLACE_BITS` in project.wgsl.
 pub const MAX_BATCH: u64 = 1 << 22;
 
-/// Bytes for each tile: its first further slice and their number.
-const TILE_SLICES_BYTES: u64 = 8;
-
 /// Buffers that all views share, since their passes run one after the other.
 #[derive(Resource, Default)]
 pub struct Scratch {
     splats: Option<Buffer>,
     places: Option<Buffer>,
-    slices: Option<Buffer>,
-    tile_slices: Option<Buffer>,
-    slice_count: Option<Buffer>,
-    dispatch: Option<Buffer>,
-    patches: Option<Buffer>,
     starts: Option<Buffer>,
+    sums: SumScratch,
 }
 
 /// What the passes of one view bind.
@@ -35,31 +29,10 @@ pub struct ComputeBindings {
     pub batches: Vec<Vec<(BindGroup, u32)>>,
     /// Bindings of `scan`.
     pub scan: BindGroup,
-    /// Bindings of `accumulate`.
-    pub accumulate: BindGroup,
-    /// Bindings of `finish` and `merge`.
-    pub slices: BindGroup,
-    /// Bindings of `reconstruct`.
-    pub reconstruct: BindGroup,
     /// Splat counts, then first places, of the bins; behind the last bin the number of splats.
     pub starts: Buffer,
-    /// Number of further slices of crowded tiles.
-    pub slice_count: Buffer,
-    /// Workgroups that sum them.
-    pub dispatch: Buffer,
-    passes: Buffer,
-}
-
-impl ComputeBindings {
-    /// Offset of the parameters of `accumulate`: whether it adds, and whether it sums further slices.
-    pub fn sum(add: bool, further: bool) -> u32 {
-        (u32::from(add) + 2 * u32::from(further)) * ALIGNMENT as u32
-    }
-
-    /// Offset of the parameters of `reconstruct` for a coarser level.
-    pub fn reconstruction(level: u32) -> u32 {
-        (level + 4) * ALIGNMENT as u32
-    }
+    /// What follows.
+    pub sums: Sums,
 }
 
 /// Binds what the passes of a view need.
@@ -67,7 +40,6 @@ pub fn bind(
     shared: &Shared,
     grids: &Grids,
     list: &DrawList,
-    before: Option<&ComputeBindings>,
     scratch: &mut Scratch,
     arena: &Arena,
     pipelines: &ComputePipelines,
@@ -75,25 +47,6 @@ pub fn bind(
     (device, queue): (&RenderDevice, &RenderQueue),
 ) -> ComputeBindings {
     let storage = BufferUsages::STORAGE | BufferUsages::COPY_DST;
-    let passes = before.map_or_else(
-        || {
-            let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
-            let bytes = u64::from(ComputeBindings::reconstruction(MAX_LEVELS as u32));
-            let buffer = at_least(None, bytes, usage, "deepfield splat passes", device);
-            let write = |offset: u32, pass: Pass| {
-                queue.write_buffer(&buffer, offset.into(), bytemuck::bytes_of(&pass));
-            };
-            for (add, further) in [(false, false), (true, false), (false, true)] {
-                let pass = Pass { add: add.into(), further: further.into(), ..Pass::default() };
-                write(ComputeBindings::sum(add, further), pass);
-            }
-            for level in 0..MAX_LEVELS as u32 {
-                write(ComputeBindings::reconstruction(level), Pass { level, ..Pass::default() });
-            }
-            buffer
-        },
-        |before| before.passes.clone(),
-    );
     let most_of = |number: fn(&DrawBatch) -> u32| list.batches.iter().map(number).max().unwrap_or(0).max(1);
     let most = u64::from(most_of(|batch| batch.particles));
     let most_places = u64::from(most_of(|batch| batch.places));
@@ -105,18 +58,6 @@ pub fn bind(
     };
     let splats = scratch_buffer(|s| &mut s.splats, most * SPLAT_BYTES, storage, "deepfield splats");
     let places = scratch_buffer(|s| &mut s.places, most_places * PLACE_BYTES, storage, "deepfield splat places");
-    let most_slices = grids.most_slices(most);
-    let slices = scratch_buffer(|s| &mut s.slices, most_slices * 8, storage, "deepfield slices");
-    let patches = scratch_buffer(|s| &mut s.patches, most_slices * PATCH_BYTES, storage, "deepfield patches");
-    let tile_slices = scratch_buffer(
-        |s| &mut s.tile_slices,
-        u64::from(grids.tiles) * TILE_SLICES_BYTES,
-        storage,
-        "deepfield slices of tiles",
-    );
-    let slice_count = scratch_buffer(|s| &mut s.slice_count, 4, storage, "deepfield number of slices");
-    let indirect = storage | BufferUsages::INDIRECT;
-    let dispatch = scratch_buffer(|s| &mut s.dispatch, 12, indirect, "deepfield dispatch of slices");
     let starts_bytes = u64::from(grids.uniform.bin_count + 1) * 4;
     let starts =
         scratch_buffer(|s| &mut s.starts, starts_bytes, storage | BufferUsages::COPY_SRC, "deepfield splat bins");
@@ -145,51 +86,25 @@ pub fn bind(
         });
         groups.collect()
     });
-    let pass_size = size_of::<Pass>() as u64;
-    // As long as there are tiles: `merge` asks for it.
-    let tiles = || slice(&tile_slices, 0, u64::from(grids.tiles) * TILE_SLICES_BYTES);
+    let summed = Summed {
+        view: &shared.uniform,
+        grids,
+        splats: &splats,
+        most,
+        starts: &starts,
+        cells: &shared.cells,
+        layers: 1,
+    };
+    let batches = batches.collect();
+    let sums = Sums::new(&summed, &mut scratch.sums, &pipelines.sums, cache, (device, queue));
     ComputeBindings {
-        batches: batches.collect(),
+        batches,
         scan: device.create_bind_group(
             "deepfield scan",
             &cache.get_bind_group_layout(&pipelines.scan_layout),
             &BindGroupEntries::sequential((view(), starts.as_entire_binding())),
         ),
-        accumulate: device.create_bind_group(
-            "deepfield accumulate",
-            &cache.get_bind_group_layout(&pipelines.accumulate_layout),
-            &BindGroupEntries::sequential((
-                view(),
-                slice(&passes, 0, pass_size),
-                splats.as_entire_binding(),
-                starts.as_entire_binding(),
-                shared.cells.as_entire_binding(),
-                slices.as_entire_binding(),
-                tiles(),
-                slice_count.as_entire_binding(),
-                patches.as_entire_binding(),
-            )),
-        ),
-        slices: device.create_bind_group(
-            "deepfield slices",
-            &cache.get_bind_group_layout(&pipelines.slices_layout),
-            &BindGroupEntries::sequential((
-                view(),
-                slice_count.as_entire_binding(),
-                dispatch.as_entire_binding(),
-                tiles(),
-                patches.as_entire_binding(),
-                shared.cells.as_entire_binding(),
-            )),
-        ),
-        reconstruct: device.create_bind_group(
-            "deepfield reconstruct",
-            &cache.get_bind_group_layout(&pipelines.reconstruct_layout),
-            &BindGroupEntries::sequential((view(), slice(&passes, 0, pass_size), shared.cells.as_entire_binding())),
-        ),
         starts,
-        slice_count,
-        dispatch,
-        passes,
+        sums,
     }
 }

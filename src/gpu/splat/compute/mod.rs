@@ -3,6 +3,7 @@
 mod bindings;
 mod pass;
 pub(in crate::gpu) mod pipeline;
+pub(in crate::gpu) mod sums;
 
 pub use bindings::{ComputeBindings, MAX_BATCH, Scratch, bind};
 pub use pass::encode;
