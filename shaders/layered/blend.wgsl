@@ -1,6 +1,6 @@
 // Classifies each layer's mean density, and blends it under what is in front of it (F12 5.10), as
 // crates/draw/src/cpu/layered/mod.rs does. One invocation for each pixel.
-#import deepfield::layer_group::{layers, first_of_slab, has_layer, is_open}
+#import deepfield::layer_group::{layers, first_of_slab, layers_of_group, is_open}
 #import deepfield::layer_view::LayerView
 #import deepfield::matter::matter_of
 #import deepfield::splat_view::SplatView
@@ -35,7 +35,8 @@ fn blend(@builtin(global_invocation_id) pixel: vec3<u32>) {
     var ray = light[at];
     let secant = inverseSqrt(line_through(tiles, pixel.xy).inverse);
     let first = first_of_slab() + layers.first;
-    for (var layer = 0u; has_layer(layer) && ray.a < layered.termination; layer++) {
+    let count = layers_of_group();
+    for (var layer = 0u; layer < count && ray.a < layered.termination; layer++) {
         ray = under(ray, first + layer, cells[layer * view.cell_count + at], secant);
     }
     light[at] = ray;

@@ -13,6 +13,11 @@ struct LayerGroup {
     first: u32,
     /// The most layers that there may be.
     layers: u32,
+    /// Where the dispatches begin whose workgroups along z are the layers, and their number.
+    dispatch: u32,
+    dispatches: u32,
+    unused_a: u32,
+    unused_b: u32,
 }
 
 @group(1) @binding(2) var<uniform> layers: LayerGroup;
@@ -24,10 +29,11 @@ fn first_of_slab() -> u32 {
     return slabs[layers.slab].x;
 }
 
-/// Whether the slab has so many more layers behind the group's first.
-fn has_layer(layer: u32) -> bool {
+/// How many layers of the group the slab has.
+fn layers_of_group() -> u32 {
     let slab = slabs[layers.slab];
-    return layer < layers.layers && slab.x + layers.first + layer < slab.y;
+    let first = slab.x + layers.first;
+    return min(slab.y - min(first, slab.y), layers.layers);
 }
 
 /// Whether the slab goes on with the one layer of the slab before, which has more particles than one slab can hold.

@@ -51,11 +51,11 @@ struct Portion {
     first_block: u32,
     /// The most that there may be.
     most: u32,
-    /// Most intervals of depth of a slab.
+    /// Number of intervals of depth, and the most of a slab.
     intervals: u32,
+    at_once: u32,
     unused_a: u32,
     unused_b: u32,
-    unused_c: u32,
 }
 
 /// A particle in camera space.

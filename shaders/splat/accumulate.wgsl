@@ -1,7 +1,7 @@
 // Sums the splats of every tile of every pyramid level, without atomics: each invocation owns one column of eight cells
 // and walks over the bins whose splats may reach its tile.
 //
-// One workgroup for each 8 x 8 tile, of each layer where there are several. Level 0 also takes the small splats. In: splats sorted by bin. Out: the pyramid's
+// One workgroup for each 8 x 8 tile; along z for each layer, where there are several. Level 0 also takes the small splats. In: splats sorted by bin. Out: the pyramid's
 // cells, each written (first batch) or added to (further ones).
 //
 // Crowded tiles are cut into slices of `view.slice` splats of each range of bins: a workgroup takes a tile's first slice
@@ -14,7 +14,7 @@
 // splat.
 #import deepfield::splat_view::{SplatView, Pass, Splat, oblique, SAMPLED, SMALL, EVERYWHERE}
 #ifdef LAYERS
-#import deepfield::layer_group::{layers, has_layer, goes_on}
+#import deepfield::layer_group::{layers, goes_on}
 #endif
 #import deepfield::kernel::{box_profile, evaluate, first, second, shear, bend}
 
@@ -214,29 +214,21 @@ fn main(
     // Which slice of which tile of which level.
     let item = (group.y * groups.x + group.x) * #{TILES_PER_GROUP}u + local.y;
     var tile = item;
+    var layer = group.z;
     var slice = 0u;
     if batch.further != 0u {
         if item >= atomicLoad(&slice_count[0]) || item >= arrayLength(&slices) {
             return;
         }
-        tile = slices[item].x;
+        layer = slices[item].x / view.tile_count;
+        tile = slices[item].x - layer * view.tile_count;
         slice = slices[item].y;
     }
 #ifdef LAYERS
-    let layer = tile / view.tile_count;
-    if !has_layer(layer) {
-        if local.x == 0u && item < arrayLength(&tile_slices) {
-            tile_slices[item] = vec2(0u);
-        }
-        return;
-    }
     let bins = (layers.first + layer) * view.bin_count;
-    let first_cell = layer * view.cell_count;
     let adds = goes_on();
-    tile -= layer * view.tile_count;
 #else
     let bins = 0u;
-    let first_cell = 0u;
     let adds = batch.add != 0u;
 #endif
     var level = view.level_count - 1u;
@@ -302,15 +294,16 @@ fn main(
         }
         // The list holds all that there can be.
         let room = min(further, arrayLength(&slices) - min(begin, arrayLength(&slices)));
-        tile_slices[item] = vec2(begin, room);
+        let own = layer * view.tile_count + tile;
+        tile_slices[own] = vec2(begin, room);
         for (var i = 0u; i < room; i++) {
-            slices[begin + i] = vec2(item, i + 1u);
+            slices[begin + i] = vec2(own, i + 1u);
         }
     }
     if cell.x >= grid.width {
         return;
     }
-    let first = first_cell + grid.first_cell + cell.y * grid.width + cell.x;
+    let first = layer * view.cell_count + grid.first_cell + cell.y * grid.width + cell.x;
     for (var i = 0u; i < 8u; i++) {
         if cell.y + i < grid.height {
             var value = vec2(column.p_top[i & 3u], column.ps_top[i & 3u]);

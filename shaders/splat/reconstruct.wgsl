@@ -5,9 +5,6 @@
 // interpolates each along x once, and keeps the last nine. Loads are what this costs, 2.5 for each finer cell.
 #import deepfield::constants as constants
 #import deepfield::splat_view::{SplatView, Pass}
-#ifdef LAYERS
-#import deepfield::layer_group::has_layer
-#endif
 
 @group(0) @binding(0) var<uniform> view: SplatView;
 @group(0) @binding(1) var<uniform> batch: Pass;
@@ -73,11 +70,6 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     if corner.x >= fine.width || corner.y >= fine.height {
         return;
     }
-#ifdef LAYERS
-    if !has_layer(id.z) {
-        return;
-    }
-#endif
     let layer = id.z * view.cell_count;
     // The window's first cell: fine.pad is even, coarse.pad large enough.
     let start = (vec2<i32>(corner) - i32(fine.pad)) / 2 + i32(coarse.pad) - 4;

@@ -23,23 +23,22 @@ fn finish() {
     dispatch[2] = 1u;
 }
 
-// One row of eight invocations for each tile of each layer: a column each.
+// One row of eight invocations for each tile: a column each. Workgroups along z are layers.
 @compute @workgroup_size(8, 8)
 fn merge(
     @builtin(workgroup_id) group: vec3<u32>,
     @builtin(num_workgroups) groups: vec3<u32>,
     @builtin(local_invocation_id) local: vec3<u32>,
 ) {
-    let item = (group.y * groups.x + group.x) * 8u + local.y;
-    if item >= arrayLength(&tile_slices) {
+    let tile = (group.y * groups.x + group.x) * 8u + local.y;
+    let layer = group.z;
+    if tile >= view.tile_count {
         return;
     }
-    let slices = tile_slices[item];
+    let slices = tile_slices[layer * view.tile_count + tile];
     if slices.y == 0u {
         return;
     }
-    let layer = item / view.tile_count;
-    let tile = item - layer * view.tile_count;
     var level = view.level_count - 1u;
     while level > 0u && view.levels[level].first_tile > tile {
         level -= 1u;

@@ -95,6 +95,7 @@ pub const SHADERS: &[(&str, &str)] = &[
     ("lib/layer_view.wgsl", include_str!("../../shaders/lib/layer_view.wgsl")),
     ("lib/layer_group.wgsl", include_str!("../../shaders/lib/layer_group.wgsl")),
     ("lib/splat_bins.wgsl", include_str!("../../shaders/lib/splat_bins.wgsl")),
+    ("layered/plan.wgsl", include_str!("../../shaders/layered/plan.wgsl")),
     ("layered/project.wgsl", include_str!("../../shaders/layered/project.wgsl")),
     ("layered/blend.wgsl", include_str!("../../shaders/layered/blend.wgsl")),
     ("composite/composite.wgsl", include_str!("../../shaders/composite/composite.wgsl")),

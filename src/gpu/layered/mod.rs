@@ -109,6 +109,8 @@ pub struct LayeredPipelines {
     layers: BindGroupLayoutDescriptor,
     canvas: BindGroupLayoutDescriptor,
     matter: BindGroupLayoutDescriptor,
+    plan_layout: BindGroupLayoutDescriptor,
+    plan: CachedComputePipelineId,
     count: CachedComputePipelineId,
     place: CachedComputePipelineId,
     blend: CachedComputePipelineId,
@@ -144,12 +146,15 @@ impl TileMode for Layered {
             let layouts = vec![project.clone(), layers.clone()];
             queue(cache, server, ("layered/project.wgsl", entry), layouts, vec![])
         };
+        let plan_layout = layout("deepfield plan of layers", vec![write()]);
+        let plan_layouts = vec![plan_layout.clone(), layers.clone()];
         let blend_layouts = vec![canvas.clone(), matter.clone()];
         let mut sums = SumPipelines::new(server, cache, on.vector_subgroups, Some(layers.clone()));
         for (kernel, oblique) in Kernel::ALL.into_iter().flat_map(|kernel| [(kernel, false), (kernel, true)]) {
             sums.ask_for(kernel, oblique, cache);
         }
         LayeredPipelines {
+            plan: queue(cache, server, ("layered/plan.wgsl", "plan"), plan_layouts, vec![]),
             count: of("count"),
             place: of("place"),
             blend: queue(cache, server, ("layered/blend.wgsl", "blend"), blend_layouts, vec![]),
@@ -158,6 +163,7 @@ impl TileMode for Layered {
             layers,
             canvas,
             matter,
+            plan_layout,
         }
     }
 
@@ -198,9 +204,9 @@ impl TileMode for Layered {
     }
 
     fn draw(&self, bound: &LayeredGroups, on: &Canvas<'_, Self>, context: &mut RenderContext) -> Option<()> {
-        let LayeredPipelines { count, place, blend, .. } = on.pipelines;
+        let LayeredPipelines { plan, count, place, blend, .. } = on.pipelines;
         let get = |&id| on.cache.get_compute_pipeline(id);
-        let (project, blend) = ([get(count)?, get(place)?], get(blend)?);
+        let (plan, project, blend) = (get(plan)?, [get(count)?, get(place)?], get(blend)?);
         let grids = &on.particles.grids;
         let sum = on.pipelines.sums.ready(grids, on.cache)?;
         let LayeredGroups { sums, canvas, matter, .. } = bound;
@@ -209,22 +215,21 @@ impl TileMode for Layered {
         let diagnostics = context.diagnostic_recorder();
         let diagnostics = diagnostics.as_deref();
         let encoder = context.command_encoder();
+        sums.plan(plan, encoder);
         for slab in 0..on.spots.slabs() {
             let span = diagnostics.time_span(encoder, "list");
             on.spots.gather(slab, on.particles, &on.steps, encoder);
             sums.project(slab, on.spots, project, &on.steps, encoder);
             span.end(encoder);
             let span = diagnostics.time_span(encoder, "layers");
-            for &group in sums.groups(slab) {
-                let layers = Some((&sums.layers, group));
-                sums.sums.accumulate(sum, grids, false, layers, encoder);
-                sums.sums.reconstruct(sum, grids, layers, encoder);
+            for layers in sums.groups(slab) {
+                sums.sums.accumulate(sum, grids, false, Some(layers), encoder);
+                sums.sums.reconstruct(sum, grids, Some(layers), encoder);
                 let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor::default());
                 pass.set_pipeline(blend);
                 pass.set_bind_group(0, canvas, &[]);
-                pass.set_bind_group(1, matter, &[group]);
-                let [x, y] = grids.uniform.size.map(|pixels| pixels.div_ceil(BLEND_GROUP));
-                pass.dispatch_workgroups(x, y, 1);
+                pass.set_bind_group(1, matter, &[layers.offset]);
+                layers.dispatch(on.pipelines.sums.workgroups(grids).len() as u32, &mut pass);
             }
             span.end(encoder);
         }

@@ -1,7 +1,7 @@
 //! Splats of layers in the order of their bins, and the pyramids that they are summed in: buffers, bind groups and dispatches.
 
-use super::LAYER_BINDINGS;
-use crate::gpu::splat::compute::sums::{SumScratch, Summed, Sums};
+use super::{BLEND_GROUP, LAYER_BINDINGS};
+use crate::gpu::splat::compute::sums::{Layers, SumScratch, Summed, Sums};
 use crate::gpu::splat::layout::{Grids, PLACE_BYTES, SPLAT_BYTES};
 use crate::gpu::splat::resources::{ALIGNMENT, at_least, slice, whole};
 use crate::gpu::tiles::layout::Portion;
@@ -29,6 +29,12 @@ pub struct LayerGroup {
     pub first: u32,
     /// The most layers that there may be.
     pub layers: u32,
+    /// Where the dispatches begin whose workgroups along z are the layers.
+    pub dispatch: u32,
+    /// Number of these dispatches.
+    pub dispatches: u32,
+    /// Padding.
+    pub unused: [u32; 2],
 }
 
 /// Layers whose bins a slab has room for.
@@ -53,6 +59,16 @@ struct Buffers {
     parts: Buffer,
     cells: Buffer,
     portions: Buffer,
+    dispatches: Buffer,
+}
+
+/// Some layers of a slab.
+#[derive(Clone, Copy)]
+struct Group {
+    /// Its [`LayerGroup`]'s offset.
+    offset: u32,
+    /// Its first dispatch.
+    dispatch: u32,
 }
 
 /// What the passes bind, and the buffers in which layers are summed.
@@ -63,11 +79,11 @@ pub struct LayerSums {
     pub sums: Sums,
     project: BindGroup,
     scan: BindGroup,
-    /// Which layers are summed, for passes of [`Sums`].
-    pub layers: BindGroup,
+    layers: BindGroup,
     bins: Scan,
-    /// For each slab the offsets of its groups of layers.
-    groups: Vec<Vec<u32>>,
+    plan: BindGroup,
+    /// For each slab its groups of layers.
+    groups: Vec<Vec<Group>>,
 }
 
 impl LayerSums {
@@ -90,9 +106,19 @@ impl LayerSums {
         let length = of_slab * grids.uniform.bin_count + 1;
         let bins = Scan { length, portion: push(bytemuck::bytes_of(&Portion { length, ..Portion::default() })) };
         let slabs = spots.slabs() as u32;
-        let mut group = |slab, first| push(bytemuck::bytes_of(&LayerGroup { slab, slabs, first, layers: of_group }));
-        let of_slab_groups = |slab| (0..of_slab).step_by(of_group as usize).map(|first| group(slab, first)).collect();
-        let groups: Vec<Vec<u32>> = (0..slabs).map(of_slab_groups).collect();
+        // What sums, and what blends.
+        let pixels = grids.uniform.size.map(|pixels| pixels.div_ceil(BLEND_GROUP));
+        let passes = [to.pipelines.sums.workgroups(grids), vec![pixels.into()]].concat();
+        let mut dispatches: Vec<[u32; 3]> = Vec::new();
+        let mut group = |slab, first| {
+            let [dispatch, count] = [dispatches.len() as u32, passes.len() as u32];
+            dispatches.extend(passes.iter().map(|&(x, y)| [x, y, 0]));
+            let group =
+                LayerGroup { slab, slabs, first, layers: of_group, dispatch, dispatches: count, unused: [0; 2] };
+            Group { offset: push(bytemuck::bytes_of(&group)), dispatch }
+        };
+        let groups_of = |slab| (0..of_slab).step_by(of_group as usize).map(|first| group(slab, first)).collect();
+        let groups: Vec<Vec<Group>> = (0..slabs).map(groups_of).collect();
 
         let storage = BufferUsages::STORAGE | BufferUsages::COPY_DST;
         let kept = |of: fn(&Buffers) -> &Buffer| before.map(|before| of(&before.buffers).clone());
@@ -106,8 +132,16 @@ impl LayerSums {
             parts: take(|b| &b.parts, scan_parts(length) * 4, "deepfield parts of sums"),
             cells: take(|b| &b.cells, u64::from(of_group) * u64::from(grids.cells) * 8, "deepfield layers"),
             portions: at_least(kept(|b| &b.portions), portions.len() as u64, moving, "deepfield layer groups", device),
+            dispatches: at_least(
+                kept(|b| &b.dispatches),
+                size_of_val(dispatches.as_slice()) as u64,
+                storage | BufferUsages::INDIRECT,
+                "deepfield dispatches of layers",
+                device,
+            ),
         };
         queue.write_buffer(&buffers.portions, 0, &portions);
+        queue.write_buffer(&buffers.dispatches, 0, bytemuck::cast_slice(&dispatches));
 
         let view = &to.particles.shared.uniform;
         let summed = Summed {
@@ -138,7 +172,8 @@ impl LayerSums {
             &to.cache.get_bind_group_layout(&to.pipelines.layers),
             &LayerSums::bindings(&buffers.portions, spots),
         );
-        LayerSums { buffers, scratch, sums, project, scan, layers, bins, groups }
+        let plan = to.group(&to.pipelines.plan_layout, &[whole(&buffers.dispatches)]);
+        LayerSums { buffers, scratch, sums, project, scan, layers, bins, plan, groups }
     }
 
     /// What says which layers are summed.
@@ -166,12 +201,12 @@ impl LayerSums {
         steps: &Steps<'_>,
         encoder: &mut CommandEncoder,
     ) {
-        let Some(&group) = self.groups[slab].first() else { return };
+        let Some(group) = self.groups[slab].first() else { return };
         encoder.clear_buffer(&self.buffers.starts, 0, None);
         let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor::default());
         let run = |pipeline, pass: &mut ComputePass<'_>| {
-            pass.set_bind_group(1, &self.layers, &[group]);
-            spots::each(pass, pipeline, &[&self.project], spots.most().into());
+            pass.set_bind_group(1, &self.layers, &[group.offset]);
+            spots::each(pass, pipeline, &[&self.project], spots.work());
         };
         run(count, &mut pass);
         spots::scan(&mut pass, steps, &self.scan, self.bins);
@@ -183,8 +218,24 @@ impl LayerSums {
         &self.buffers.cells
     }
 
-    /// For each group of a slab's layers its offset in [`LayerSums::layers`].
-    pub fn groups(&self, slab: usize) -> &[u32] {
-        &self.groups[slab]
+    /// Finds how many layers each slab has.
+    pub fn plan(&self, plan: &ComputePipeline, encoder: &mut CommandEncoder) {
+        let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor::default());
+        pass.set_pipeline(plan);
+        pass.set_bind_group(0, &self.plan, &[]);
+        for group in self.groups.iter().flatten() {
+            pass.set_bind_group(1, &self.layers, &[group.offset]);
+            pass.dispatch_workgroups(1, 1, 1);
+        }
+    }
+
+    /// The groups of a slab's layers.
+    pub fn groups(&self, slab: usize) -> impl Iterator<Item = Layers<'_>> {
+        self.groups[slab].iter().map(|group| Layers {
+            group: &self.layers,
+            offset: group.offset,
+            dispatches: &self.buffers.dispatches,
+            first: group.dispatch,
+        })
     }
 }

@@ -3,7 +3,7 @@
 
 use super::{ShaderFile, sources};
 use crate::gpu::sorted_splats;
-use crate::gpu::splat::compute::sums::{accumulate_defs, layer_defs, slices_defs};
+use crate::gpu::splat::compute::sums::{accumulate_defs, slices_defs};
 use crate::gpu::splat::raster::pipeline::blend_defs;
 use crate::gpu::target::target_defs;
 use crate::gpu::tiles::constants::walk_defs;
@@ -40,13 +40,12 @@ pub fn variants() -> Vec<Variant> {
         plain("splat/project.wgsl", vec![], vec!["count", "place"]),
         plain("splat/scan.wgsl", vec![], vec!["main"]),
         plain("layered/project.wgsl", vec![], vec!["count", "place"]),
+        plain("layered/plan.wgsl", vec![], vec!["plan"]),
         plain("layered/blend.wgsl", vec![], vec!["blend"]),
+        plain("splat/reconstruct.wgsl", vec![], vec!["main"]),
         plain("measure/reduce.wgsl", vec![], vec!["reduce"]),
         plain("splat/upsample.wgsl", vec![], vec!["vertex", "along_x", "along_y"]),
     ];
-    for layers in [false, true] {
-        all.push(plain("splat/reconstruct.wgsl", layer_defs(layers), vec!["main"]));
-    }
     for subgroup in [false, true] {
         all.push(plain("splat/slices.wgsl", slices_defs(subgroup), vec!["finish", "merge"]));
     }

@@ -293,9 +293,11 @@ fn written(path: &str, name: &str) -> Option<Layout> {
             levels,
         }),
         "layered" => layout!(LayerUniform { termination, least, unused }),
-        "layers" => layout!(LayerGroup { slab, slabs, first, layers }),
+        "layers" => layout!(LayerGroup { slab, slabs, first, layers, dispatch, dispatches, unused }),
         "caps" => plain(16, ScalarKind::Float),
-        "portion" | "round" if !volume => layout!(TilePortion { length, slab, first_block, most, intervals, unused }),
+        "portion" | "round" if !volume => {
+            layout!(TilePortion { length, slab, first_block, most, intervals, at_once, unused })
+        }
         "slabs" => plain(16, ScalarKind::Uint),
         "lookup" => {
             layout!(LookupUniform { attribute_map, attribute_log, first_entry, last_entry, hues, plane, unused })
@@ -338,7 +340,9 @@ fn written(path: &str, name: &str) -> Option<Layout> {
         "places" if volume => plain(8, ScalarKind::Uint),
         "readers" => plain(8, ScalarKind::Sint),
         "table" if path == "volume/raycast.wgsl" || !volume => plain(16, ScalarKind::Float),
-        "words" | "lut" | "before" | "starts" | "bins" | "slice_count" | "dispatch" => plain(4, ScalarKind::Uint),
+        "words" | "lut" | "before" | "starts" | "bins" | "slice_count" | "dispatch" | "dispatches" => {
+            plain(4, ScalarKind::Uint)
+        }
         // Read back as pairs of P and P S.
         "cells" | "reduced_cells" => plain(8, ScalarKind::Float),
         _ => return None,

@@ -62,10 +62,12 @@ pub struct Portion {
     pub first_block: u32,
     /// The most that there may be.
     pub most: u32,
-    /// Most intervals of depth of a slab.
+    /// Number of intervals of depth.
     pub intervals: u32,
+    /// The most of a slab.
+    pub at_once: u32,
     /// Padding.
-    pub unused: [u32; 3],
+    pub unused: [u32; 2],
 }
 
 /// Bytes of WGSL `Spot`, and of what modes make of it.

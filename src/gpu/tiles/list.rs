@@ -3,7 +3,7 @@
 use super::constants::{MOST_BINS, THREADS, turns};
 use super::layout::SPOT_BYTES;
 use super::pipelines::{Kind, Step, Steps, TilePipelines, arrange_layout, walk_layout};
-use super::spots::{Portions, Scan, SpotList, bind, bind_scan, each, one, portion_of, scan, scan_parts};
+use super::spots::{Portions, Scan, SpotList, WORK_BYTES, bind, bind_scan, each, one, portion_of, scan, scan_parts};
 use crate::gpu::splat::resources::{at_least, whole};
 use crate::gpu::splat::{SplatBuffers, workgroups};
 use crate::gpu::volume::constants::{DIGIT_BITS, DIGITS, SORT_BLOCK};
@@ -103,7 +103,13 @@ impl TileList {
             pair_sums: take(|b| &b.pair_sums, pair_list.into(), "deepfield sums of pairs"),
             table: take(|b| &b.table, table_list.into(), "deepfield digits"),
             parts: take(|b| &b.parts, scan_parts(pair_list.max(table_list)), "deepfield parts of sums"),
-            pair_work: take(|b| &b.pair_work, 2, "deepfield number of pairs"),
+            pair_work: at_least(
+                kept(|b| &b.pair_work),
+                WORK_BYTES,
+                storage | BufferUsages::INDIRECT,
+                "deepfield number of pairs",
+                device,
+            ),
             arranged: take(|b| &b.arranged, u64::from(most) * SPOT_BYTES / 4, "deepfield spots in order"),
             reaches: take(|b| &b.reaches, 2 * u64::from(most), "deepfield reaches"),
             keys: [
@@ -166,18 +172,18 @@ impl TileList {
             spots.gather(slab, particles, steps, encoder);
             {
                 let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor::default());
-                each(&mut pass, steps.get(Step::NumberSpots), &[&groups.spots], most);
+                let work = spots.work();
+                each(&mut pass, steps.get(Step::NumberSpots), &[&groups.spots], work);
                 self.sort(&mut pass, steps, &groups.sort_spots, depth_digits, most);
                 let arrange_groups: Vec<&BindGroup> =
                     [&groups.arrange[depth_digits % 2]].into_iter().chain(drawing.arrange_group).collect();
-                each(&mut pass, drawing.arrange, &arrange_groups, most);
-                each(&mut pass, steps.get(Step::CountPairs), &[&groups.pairs], most);
+                each(&mut pass, drawing.arrange, &arrange_groups, work);
+                each(&mut pass, steps.get(Step::CountPairs), &[&groups.pairs], work);
                 scan(&mut pass, steps, &groups.scan_pairs, self.pairs);
                 one(&mut pass, steps.get(Step::SettlePairs), &groups.settle_pairs, self.settle_pairs);
-                each(&mut pass, steps.get(Step::WritePairs), &[&groups.pairs], most);
-                let pairs = MOST_BINS * most;
-                self.sort(&mut pass, steps, &groups.sort_pairs, bin_digits, pairs);
-                each(&mut pass, steps.get(Step::FindRanges), &[&groups.ranges[bin_digits % 2]], pairs);
+                each(&mut pass, steps.get(Step::WritePairs), &[&groups.pairs], work);
+                self.sort(&mut pass, steps, &groups.sort_pairs, bin_digits, MOST_BINS * most);
+                each(&mut pass, steps.get(Step::FindRanges), &[&groups.ranges[bin_digits % 2]], &buffers.pair_work);
             }
             span.end(encoder);
             let span = diagnostics.time_span(encoder, drawing.name);

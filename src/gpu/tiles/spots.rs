@@ -1,10 +1,10 @@
 //! The particles of one view in slabs of depth that fit into memory: buffers, bind groups and the dispatches that fill them.
 
-use super::constants::{INTERVALS, SCAN_GROUP, THREADS};
+use super::constants::{INTERVALS, SCAN_GROUP};
 use super::layout::{Portion, SPOT_BYTES, TileUniform, Tiling};
 use super::pipelines::{Kind, Step, Steps};
 use crate::gpu::splat::resources::{ALIGNMENT, at_least, slice, whole};
-use crate::gpu::splat::{ParticleBatch, SplatBuffers, workgroups};
+use crate::gpu::splat::{ParticleBatch, SplatBuffers};
 use bevy::render::diagnostic::RecordDiagnostics;
 use bevy::render::render_resource::{
     BindGroup, BindGroupEntry, BindGroupLayoutDescriptor, BindingResource, Buffer, BufferUsages, CommandEncoder,
@@ -88,13 +88,17 @@ fn each_batch(
     }
 }
 
-/// One invocation for each of `most` things.
-pub fn each(pass: &mut ComputePass<'_>, pipeline: &ComputePipeline, groups: &[&BindGroup], most: u64) {
+/// One invocation for each of the things that are counted in `work`.
+pub fn each(pass: &mut ComputePass<'_>, pipeline: &ComputePipeline, groups: &[&BindGroup], work: &Buffer) {
     pass.set_pipeline(pipeline);
     (0..).zip(groups).for_each(|(index, group)| pass.set_bind_group(index, *group, &[]));
-    let (x, y) = workgroups(most.div_ceil(u64::from(THREADS)) as u32);
-    pass.dispatch_workgroups(x, y, 1);
+    pass.dispatch_workgroups_indirect(work, WORKGROUPS);
 }
+
+/// A number of things, of blocks of them to be sorted, and workgroups along x, y and z for one invocation each.
+pub(super) const WORK_BYTES: u64 = 20;
+/// Where the workgroups stand.
+const WORKGROUPS: u64 = 8;
 
 /// One invocation.
 pub(super) fn one(pass: &mut ComputePass<'_>, pipeline: &ComputePipeline, group: &BindGroup, portion: u32) {
@@ -174,13 +178,13 @@ pub struct SpotList {
     blocks: Scan,
 }
 
-/// How many slabs there may be of at most `most` of so many particles, and of at most so many of all layers.
-fn slab_count(candidates: u64, most: u32, layers: [u32; 2]) -> u32 {
-    let by_layers = layers[0].max(1).div_ceil(layers[1].max(1));
+/// How many slabs there may be of at most `most` of so many particles, and of at most `at_once` of all intervals of depth.
+fn slab_count(candidates: u64, most: u32, [intervals, at_once]: [u32; 2]) -> u32 {
+    let wide = intervals.div_ceil(at_once.max(1)).max(1);
     match candidates.div_ceil(most.into()) {
-        0 | 1 => by_layers,
-        // Two slabs that follow each other have more than there is room for, or one ends where layers do.
-        full => 2 * full as u32 + 1 + by_layers,
+        0 | 1 => wide,
+        // Two slabs that follow each other have more than there is room for, or the first is as wide as can be.
+        full => 2 * full as u32 + wide,
     }
 }
 
@@ -200,15 +204,19 @@ impl SpotList {
         // Buffers have room to grow, a quarter of their size.
         let limit = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size) * 4 / 5;
         let most = candidates.clamp(1, MOST_SPOTS.min(limit / SPOT_BYTES).max(1)) as u32;
-        let intervals_at_once = tiling.layers_at_once.unwrap_or(INTERVALS);
-        let slab_count = slab_count(candidates, most, [tiling.uniform.layers, intervals_at_once]);
+        // Each layer is an interval of its own.
+        let (depths, at_once) = match tiling.layers_at_once {
+            Some(at_once) => (tiling.uniform.layers, at_once),
+            None => (INTERVALS, INTERVALS),
+        };
+        let slab_count = slab_count(candidates, most, [depths, at_once]);
         let block_count = batches.last().map_or(0, |last| last.first + last.blocks);
 
         let mut portions = Portions::default();
         let [intervals, blocks] =
             [INTERVALS + 1, block_count + 1].map(|length| Scan { length, portion: portions.length(length) });
         let survey = (candidates > u64::from(most)).then(|| {
-            let divide = Portion { length: slab_count, most, intervals: intervals_at_once, ..Portion::default() };
+            let divide = Portion { length: slab_count, most, intervals: depths, at_once, ..Portion::default() };
             (portions.of_batches(batches, 0, most), portions.push(divide))
         });
         let slabs = (0..slab_count)
@@ -232,12 +240,18 @@ impl SpotList {
             intervals: take(|b| &b.intervals, intervals.length.into(), "deepfield intervals of depth"),
             block_sums: take(|b| &b.block_sums, blocks.length.into(), "deepfield sums of blocks"),
             parts: take(|b| &b.parts, parts, "deepfield parts of sums"),
-            work: take(|b| &b.work, 2, "deepfield number of particles"),
+            work: at_least(
+                kept(|b| &b.work),
+                WORK_BYTES,
+                storage | BufferUsages::INDIRECT,
+                "deepfield number of particles",
+                device,
+            ),
             spots: take(|b| &b.spots, u64::from(most) * SPOT_BYTES / 4, "deepfield spots"),
         };
         queue.write_buffer(&buffers.uniform, 0, bytemuck::bytes_of(&tiling.uniform));
         if survey.is_none() {
-            let at = |slab: u32| (slab * intervals_at_once).min(INTERVALS);
+            let at = |slab: u32| (slab * at_once).min(depths);
             let slabs: Vec<[u32; 4]> = (0..slab_count).map(|slab| [at(slab), at(slab + 1), 0, 0]).collect();
             queue.write_buffer(&buffers.slabs, 0, bytemuck::cast_slice(&slabs));
         }
@@ -266,7 +280,7 @@ impl SpotList {
         &self.buffers.slabs
     }
 
-    /// Number of the slab's particles, and of blocks of them to be sorted.
+    /// Number of the slab's particles, for [`each`] of them.
     pub fn work(&self) -> &Buffer {
         &self.buffers.work
     }

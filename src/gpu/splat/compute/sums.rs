@@ -15,8 +15,8 @@ use bevy::render::render_resource::binding_types::{
 };
 use bevy::render::render_resource::{
     BindGroup, BindGroupEntries, BindGroupLayoutDescriptor, BindGroupLayoutEntries, Buffer, BufferUsages,
-    CachedComputePipelineId, CommandEncoder, ComputePassDescriptor, ComputePipeline, ComputePipelineDescriptor,
-    PipelineCache, ShaderStages,
+    CachedComputePipelineId, CommandEncoder, ComputePass, ComputePassDescriptor, ComputePipeline,
+    ComputePipelineDescriptor, PipelineCache, ShaderStages,
 };
 use bevy::render::renderer::{RenderDevice, RenderQueue};
 use bevy::shader::{Shader, ShaderDefVal};
@@ -62,7 +62,9 @@ pub struct SumSteps<'a> {
 pub fn accumulate_defs(kernel: Kernel, oblique: bool, subgroup: bool, layers: bool) -> Vec<ShaderDefVal> {
     let mut defs = kernel_defs(kernel);
     defs.extend(slices_defs(subgroup));
-    defs.extend(layer_defs(layers));
+    if layers {
+        defs.push("LAYERS".into());
+    }
     if oblique {
         defs.push("OBLIQUE".into());
     }
@@ -70,11 +72,6 @@ pub fn accumulate_defs(kernel: Kernel, oblique: bool, subgroup: bool, layers: bo
         defs.push("SUBGROUP".into());
     }
     defs
-}
-
-/// Shader definitions of passes over one picture or several layers.
-pub fn layer_defs(layers: bool) -> Vec<ShaderDefVal> {
-    if layers { vec!["LAYERS".into()] } else { vec![] }
 }
 
 /// Shader definitions of the passes that follow the accumulate pass.
@@ -122,21 +119,14 @@ impl SumPipelines {
             let defs = slices_defs(vector_subgroups);
             queue(cache, vec![slices_layout.clone()], &slices, entry, defs)
         };
-        let reconstruct_layouts = [reconstruct_layout.clone()].into_iter().chain(layers_layout.clone()).collect();
-        let reconstruct = queue(
-            cache,
-            reconstruct_layouts,
-            &shaders::load(server, "splat/reconstruct.wgsl"),
-            "main",
-            layer_defs(layers_layout.is_some()),
-        );
+        let reconstruct = shaders::load(server, "splat/reconstruct.wgsl");
         SumPipelines {
             accumulate: HashMap::default(),
             accumulate_shader: shaders::load(server, "splat/accumulate.wgsl"),
             vector_subgroups,
             finish: of_slices("finish"),
             merge: of_slices("merge"),
-            reconstruct,
+            reconstruct: queue(cache, vec![reconstruct_layout.clone()], &reconstruct, "main", vec![]),
             accumulate_layout,
             slices_layout,
             reconstruct_layout,
@@ -219,11 +209,30 @@ pub struct Sums {
     reconstruct: BindGroup,
     slice_count: Buffer,
     dispatch: Buffer,
-    layers: u32,
 }
 
-/// Which layers are summed: what that binds, and the offset there.
-pub type Layers<'a> = Option<(&'a BindGroup, u32)>;
+/// Which layers are summed.
+#[derive(Clone, Copy)]
+pub struct Layers<'a> {
+    /// What says which.
+    pub group: &'a BindGroup,
+    /// Where it does.
+    pub offset: u32,
+    /// Workgroups along x, y and z of dispatches.
+    pub dispatches: &'a Buffer,
+    /// The first of those of [`SumPipelines::workgroups`].
+    pub first: u32,
+}
+
+impl Layers<'_> {
+    /// Dispatches the pass with this number.
+    pub fn dispatch(&self, number: u32, pass: &mut ComputePass<'_>) {
+        pass.dispatch_workgroups_indirect(self.dispatches, u64::from(self.first + number) * DISPATCH_BYTES);
+    }
+}
+
+/// Bytes of a dispatch's workgroups.
+const DISPATCH_BYTES: u64 = 12;
 
 /// Offset of the parameters of `accumulate`: whether it adds, and whether it sums further slices.
 fn sum(add: bool, further: bool) -> u32 {
@@ -313,7 +322,6 @@ impl Sums {
             ),
             slice_count,
             dispatch,
-            layers: of.layers,
         }
     }
 
@@ -323,50 +331,85 @@ impl Sums {
         steps: SumSteps<'_>,
         grids: &Grids,
         add: bool,
-        layers: Layers<'_>,
+        layers: Option<Layers<'_>>,
         encoder: &mut CommandEncoder,
     ) {
         encoder.clear_buffer(&self.slice_count, 0, None);
-        let tiles = grids.tiles * self.layers;
+        let first = |pass: &mut ComputePass<'_>, further: bool| {
+            pass.set_pipeline(steps.accumulate);
+            pass.set_bind_group(0, &self.accumulate, &[sum(add && !further, further)]);
+            if let Some(layers) = layers {
+                pass.set_bind_group(1, layers.group, &[layers.offset]);
+            }
+        };
         {
             let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor::default());
-            pass.set_pipeline(steps.accumulate);
-            pass.set_bind_group(0, &self.accumulate, &[sum(add, false)]);
-            if let Some((group, offset)) = layers {
-                pass.set_bind_group(1, group, &[offset]);
-            }
-            let (x, y) = workgroups(tiles.div_ceil(steps.tiles_per_group));
-            pass.dispatch_workgroups(x, y, 1);
+            first(&mut pass, false);
+            steps.run(ACCUMULATE, grids, layers, &mut pass);
             pass.set_pipeline(steps.finish);
             pass.set_bind_group(0, &self.slices, &[]);
             pass.dispatch_workgroups(1, 1, 1);
         }
         // A pass of its own: the same buffer held the dispatch's size as storage.
         let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor::default());
-        pass.set_pipeline(steps.accumulate);
-        pass.set_bind_group(0, &self.accumulate, &[sum(false, true)]);
-        if let Some((group, offset)) = layers {
-            pass.set_bind_group(1, group, &[offset]);
-        }
+        first(&mut pass, true);
         pass.dispatch_workgroups_indirect(&self.dispatch, 0);
         pass.set_pipeline(steps.merge);
         pass.set_bind_group(0, &self.slices, &[]);
-        let (x, y) = workgroups(tiles.div_ceil(8));
-        pass.dispatch_workgroups(x, y, 1);
+        steps.run(MERGE, grids, layers, &mut pass);
     }
 
     /// Brings all levels to the finest.
-    pub fn reconstruct(&self, steps: SumSteps<'_>, grids: &Grids, layers: Layers<'_>, encoder: &mut CommandEncoder) {
+    pub fn reconstruct(
+        &self,
+        steps: SumSteps<'_>,
+        grids: &Grids,
+        layers: Option<Layers<'_>>,
+        encoder: &mut CommandEncoder,
+    ) {
         let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor::default());
         pass.set_pipeline(steps.reconstruct);
-        if let Some((group, offset)) = layers {
-            pass.set_bind_group(1, group, &[offset]);
-        }
         for level in (1..grids.uniform.level_count).rev() {
-            let finer = &grids.uniform.levels[level as usize - 1];
             pass.set_bind_group(0, &self.reconstruct, &[reconstruction(level)]);
+            steps.run(RECONSTRUCT + level, grids, layers, &mut pass);
+        }
+    }
+}
+
+/// Numbers of passes; `RECONSTRUCT` and a level's number are that of the pass that brings it to the next finer one.
+const ACCUMULATE: u32 = 0;
+const MERGE: u32 = 1;
+const RECONSTRUCT: u32 = 1;
+
+impl SumPipelines {
+    /// Workgroups along x and y of every pass; along z they are layers.
+    pub fn workgroups(&self, grids: &Grids) -> Vec<(u32, u32)> {
+        let tiles_per_group = tiles_per_group(self.vector_subgroups);
+        (0..RECONSTRUCT + grids.uniform.level_count)
+            .map(|number| workgroups_of(number, tiles_per_group, grids))
+            .collect()
+    }
+}
+
+fn workgroups_of(number: u32, tiles_per_group: u32, grids: &Grids) -> (u32, u32) {
+    match number {
+        ACCUMULATE => workgroups(grids.tiles.div_ceil(tiles_per_group)),
+        MERGE => workgroups(grids.tiles.div_ceil(8)),
+        _ => {
+            let finer = &grids.uniform.levels[(number - RECONSTRUCT - 1) as usize];
             let [x, y] = RECONSTRUCTED.map(|cells| cells * RECONSTRUCT_GROUP);
-            pass.dispatch_workgroups(finer.width.div_ceil(x), finer.height.div_ceil(y), self.layers);
+            (finer.width.div_ceil(x), finer.height.div_ceil(y))
+        }
+    }
+}
+
+impl SumSteps<'_> {
+    fn run(&self, number: u32, grids: &Grids, layers: Option<Layers<'_>>, pass: &mut ComputePass<'_>) {
+        if let Some(layers) = layers {
+            layers.dispatch(number, pass);
+        } else {
+            let (x, y) = workgroups_of(number, self.tiles_per_group, grids);
+            pass.dispatch_workgroups(x, y, 1);
         }
     }
 }
