@@ -60,7 +60,7 @@ fn splats_are_measured_by_the_adapter() {
 
 #[test]
 fn layers_converge_in_the_frame() {
-    turn("layered", &["list", "layers"], |status| {
+    turn("layered", &["layers"], |status| {
         assert!(status["slabs"].is_null() && status["ranges"][1] == true, "{status:#}");
     });
 }

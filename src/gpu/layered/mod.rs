@@ -210,18 +210,16 @@ impl TileMode for Layered {
         let grids = &on.particles.grids;
         let sum = on.pipelines.sums.ready(grids, on.cache)?;
         let LayeredGroups { sums, canvas, matter, .. } = bound;
-        context.command_encoder().clear_buffer(&on.cells.buffer, 0, None);
-        on.spots.divide(on.particles, &on.steps, context);
         let diagnostics = context.diagnostic_recorder();
         let diagnostics = diagnostics.as_deref();
         let encoder = context.command_encoder();
+        let span = diagnostics.time_span(encoder, "layers");
+        encoder.clear_buffer(&on.cells.buffer, 0, None);
+        on.spots.divide(on.particles, &on.steps, encoder);
         sums.plan(plan, encoder);
         for slab in 0..on.spots.slabs() {
-            let span = diagnostics.time_span(encoder, "list");
             on.spots.gather(slab, on.particles, &on.steps, encoder);
             sums.project(slab, on.spots, project, &on.steps, encoder);
-            span.end(encoder);
-            let span = diagnostics.time_span(encoder, "layers");
             for layers in sums.groups(slab) {
                 sums.sums.accumulate(sum, grids, false, Some(layers), encoder);
                 sums.sums.reconstruct(sum, grids, Some(layers), encoder);
@@ -231,8 +229,8 @@ impl TileMode for Layered {
                 pass.set_bind_group(1, matter, &[layers.offset]);
                 layers.dispatch(on.pipelines.sums.workgroups(grids).len() as u32, &mut pass);
             }
-            span.end(encoder);
         }
+        span.end(encoder);
         Some(())
     }
 }

@@ -162,10 +162,12 @@ impl TileList {
         let (buffers, groups) = (&self.buffers, &self.groups);
         let [depth_digits, bin_digits] = self.sorted_digits;
         let most = u64::from(spots.most());
-        spots.divide(particles, steps, context);
+        let encoder = context.command_encoder();
         for slab in 0..spots.slabs() {
-            let encoder = context.command_encoder();
             let span = diagnostics.time_span(encoder, "list");
+            if slab == 0 {
+                spots.divide(particles, steps, encoder);
+            }
             for buffer in [&buffers.pair_sums, &buffers.ranges, &buffers.progress] {
                 encoder.clear_buffer(buffer, 0, None);
             }

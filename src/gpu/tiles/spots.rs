@@ -5,12 +5,11 @@ use super::layout::{Portion, SPOT_BYTES, TileUniform, Tiling};
 use super::pipelines::{Kind, Step, Steps};
 use crate::gpu::splat::resources::{ALIGNMENT, at_least, slice, whole};
 use crate::gpu::splat::{ParticleBatch, SplatBuffers};
-use bevy::render::diagnostic::RecordDiagnostics;
 use bevy::render::render_resource::{
     BindGroup, BindGroupEntry, BindGroupLayoutDescriptor, BindingResource, Buffer, BufferUsages, CommandEncoder,
     ComputePass, ComputePassDescriptor, ComputePipeline, PipelineCache,
 };
-use bevy::render::renderer::{RenderContext, RenderDevice, RenderQueue};
+use bevy::render::renderer::{RenderDevice, RenderQueue};
 
 /// Most particles that are listed at a time.
 const MOST_SPOTS: u64 = 1 << 22;
@@ -296,20 +295,13 @@ impl SpotList {
     }
 
     /// Finds slabs, where that takes a look at the particles.
-    pub fn divide(&self, particles: &SplatBuffers, steps: &Steps<'_>, context: &mut RenderContext) {
+    pub fn divide(&self, particles: &SplatBuffers, steps: &Steps<'_>, encoder: &mut CommandEncoder) {
         let Some((survey, divide)) = &self.survey else { return };
-        let diagnostics = context.diagnostic_recorder();
-        let diagnostics = diagnostics.as_deref();
-        let encoder = context.command_encoder();
-        let span = diagnostics.time_span(encoder, "list");
         encoder.clear_buffer(&self.buffers.intervals, 0, None);
-        {
-            let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor::default());
-            each_batch(&mut pass, steps.get(Step::Survey), particles, &self.groups.survey, survey);
-            scan(&mut pass, steps, &self.groups.scan_intervals, self.intervals);
-            one(&mut pass, steps.get(Step::Divide), &self.groups.divide, *divide);
-        }
-        span.end(encoder);
+        let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor::default());
+        each_batch(&mut pass, steps.get(Step::Survey), particles, &self.groups.survey, survey);
+        scan(&mut pass, steps, &self.groups.scan_intervals, self.intervals);
+        one(&mut pass, steps.get(Step::Divide), &self.groups.divide, *divide);
     }
 
     /// Lists a slab's particles.
