@@ -5,7 +5,7 @@
 //!   far is the distance of the data's farthest corner and near a 256th of it.
 //! - Ranges of densities and attributes are those of all the data.
 //! - Particles too small for the picture are raised to the least size in the panorama's pixels, in every direction; the same for
-//!   all, as faces have wider pixels in their middle than towards their edges.
+//!   all, as faces have wider pixels in their middle than towards their edges. Modes that raise none in a flat picture do not here.
 //! - A Cartesian grid is laid around all the data.
 
 use super::subject::Subject;
@@ -90,9 +90,10 @@ impl SharedLook {
             settings.set(&grid::NEAR, SettingValue::Number(PerspectiveGrid::NEAREST * far));
         }
         let smallest = settings.number(&grid::SMALLEST_CELLS) * pixel;
-        let least = match of_data {
-            true => 0.0,
-            false => smallest / settings.number(&grid::RESOLUTION),
+        let raises = depiction.mode.own_settings().any(|own| own.name == grid::SMALLEST_CELLS.name);
+        let least = match raises && !of_data {
+            true => smallest / settings.number(&grid::RESOLUTION),
+            false => 0.0,
         };
         depiction.mode.technique.for_panorama(settings);
         let mut transfer = subject.transfer.clone().for_volume();

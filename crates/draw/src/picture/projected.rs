@@ -152,8 +152,7 @@ impl Projector {
         let is_able = match depiction.mode.technique.adapter() {
             // Discs have as many pixels everywhere in a flat picture.
             mode::Adapter::Splats => matches!(depiction.footprint(), Footprint::Kernel),
-            // A field is the same in all faces; particles that are drawn in their order are cut by each face's own planes.
-            mode::Adapter::Light => depiction.needs().purpose == Purpose::Samples,
+            mode::Adapter::Light => !depiction.needs().of_data,
             mode::Adapter::None | mode::Adapter::Plugin => false,
         };
         (!is_able).then(|| format!("panoramas of {}", depiction.mode.name))
