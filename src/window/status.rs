@@ -86,6 +86,7 @@ struct Status<'a> {
     nodes_hidden: usize,
     pages_resident: usize,
     pages_failed: usize,
+    memory: MemoryStatus,
     /// Nodes that the processor has decoded for pictures since the start.
     decoded: u64,
     /// Slabs of a volume that the adapter has drawn, and how many its picture has.
@@ -104,6 +105,14 @@ struct Status<'a> {
     /// The panels' controls: left, top, right and bottom; 1 where they are in sight, else 0.
     controls: BTreeMap<&'a str, [f32; 5]>,
     messages: Vec<&'a str>,
+}
+
+/// Bytes: what is held, and what may be.
+#[derive(Serialize)]
+struct MemoryStatus {
+    pages: [u64; 2],
+    copies: Option<[u64; 2]>,
+    volumes: u64,
 }
 
 /// What the panels set.
@@ -174,6 +183,11 @@ pub(super) fn write_status(
         nodes_hidden: statistics.hidden,
         pages_resident: statistics.pages_resident,
         pages_failed: statistics.pages_failed,
+        memory: MemoryStatus {
+            pages: [statistics.bytes, statistics.budget_bytes],
+            copies: statistics.copies,
+            volumes: statistics.work_bytes,
+        },
         decoded: decoded_nodes(),
         slabs: statistics.slabs,
         passes: statistics.passes.iter().copied().collect(),

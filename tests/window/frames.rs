@@ -1,7 +1,7 @@
 //! Pictures that the adapter draws in the frame: nothing of them is decoded by the processor, and volumes converge while one flies.
 
 use super::desktop::{Desktop, PATIENCE, Program, Screen, columns, middle};
-use crate::support::{demo, in_repository};
+use crate::support::demo;
 use serde_json::Value;
 use std::time::{Duration, Instant};
 
@@ -10,13 +10,8 @@ use std::time::{Duration, Instant};
 fn turn(mode: &str, passes: &[&str], check: fn(&Value)) {
     let folder = tempfile::tempdir().unwrap();
     let desktop = Desktop::start();
-    // A driver without a card takes a minute for as many layers and particles as are usual.
-    let (settings, data) = match mode {
-        "layered" => (r#""layers": 8.0"#, in_repository("tests/data/gas_sphere_collapse_025.hdf5")),
-        _ => ("", demo()),
-    };
     let scene = folder.path().join("turn.scene.ron");
-    let text = format!(r#"(version: 1, datasets: [(path: {data:?})], mode: "{mode}", settings: {{{settings}}})"#);
+    let text = format!(r#"(version: 1, datasets: [(path: {:?})], mode: "{mode}")"#, demo());
     std::fs::write(&scene, text).unwrap();
     let mut program = Program::open(&desktop, folder.path(), &scene, [640, 240], &["--backend", "compute"]);
     // Times come some frames late.

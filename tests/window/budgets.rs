@@ -1,0 +1,107 @@
+//! Budgets of memory under a stress that fills them: one flies through more than they allow, and they hold at every moment.
+
+use super::desktop::{Desktop, PATIENCE, Program, Screen, columns, middle};
+use crate::support::program;
+use serde_json::Value;
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+/// MiB for pages in main memory and for the adapter's: both smaller than the file.
+const BUDGETS: [u64; 2] = [5, 6];
+/// Particles, of some seven bytes each on disk.
+const PARTICLES: &str = "1e6";
+
+fn run(arguments: &[&str], folder: &Path) {
+    let status = program().args(arguments).current_dir(folder).status().unwrap();
+    assert!(status.success(), "{arguments:?}");
+}
+
+/// Buttons of the mouse wheel.
+const NEARER: u8 = 4;
+const FARTHER: u8 = 5;
+
+fn wheel(desktop: &Desktop, at: [i16; 2], button: u8) {
+    desktop.fake_input(6, 0, at);
+    for _ in 0..4 {
+        desktop.fake_input(4, button, [0; 2]);
+        desktop.fake_input(5, button, [0; 2]);
+    }
+}
+
+/// What is held, and what may be.
+fn bytes(status: &Value, name: &str) -> [u64; 2] {
+    let pair = &status["memory"][name];
+    [0, 1].map(|index: usize| pair[index].as_u64().unwrap_or_else(|| panic!("{name}: {status:#}")))
+}
+
+#[test]
+fn budgets_hold_while_one_flies_through_more_than_they_allow() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    run(&["synth", "merger", "-n", PARTICLES, "-o", "merger.gadget2"], folder);
+    run(&["build", "merger.gadget2", "-o", "merger.df"], folder);
+    let file = folder.join("merger.df");
+    let [pages_mib, adapter_mib] = BUDGETS;
+    assert!(file.metadata().unwrap().len() > pages_mib.max(adapter_mib) << 20, "the budgets hold the whole file");
+    std::fs::create_dir(folder.join("configs")).unwrap();
+    let preset = format!(
+        "(residency: (budget_mib: {pages_mib}, gpu_budget_mib: {adapter_mib}, upload_mib: 1), drawing: (error_px: 0.3))"
+    );
+    std::fs::write(folder.join("configs/small.ron"), preset).unwrap();
+    let desktop = Desktop::start();
+    for mode in ["column-density", "volume"] {
+        let scene = folder.join("stress.scene.ron");
+        let text = format!(r#"(version: 1, datasets: [(path: {file:?})], mode: "{mode}")"#);
+        std::fs::write(&scene, text).unwrap();
+        let arguments = ["--backend", "compute", "--preset", "small"];
+        let variables = [("BEVY_ASSET_ROOT", folder)];
+        let size = [640, 240];
+        let mut program = Program::open_with(&desktop, folder, &scene, size, &arguments, &variables);
+        let first = program.wait("a picture", |status| status["particles_drawn"].as_u64() > Some(0));
+        let is_lit = |screen: &Screen| screen.share(columns(&first), |[r, g, b]| r.max(g).max(b) > 40) > 0.02;
+        desktop.wait("the picture", is_lit);
+        let [x, y] = middle(&first);
+        let mut most = [0; 3];
+        let look = |program: &Program, most: &mut [u64; 3]| {
+            let status = program.status();
+            // A file that is being replaced reads as nothing.
+            if status.is_null() {
+                return;
+            }
+            for (index, name) in ["pages", "copies"].into_iter().enumerate() {
+                let [held, allowed] = bytes(&status, name);
+                assert!(held <= allowed && allowed <= BUDGETS[index] << 20, "{mode}: {name}: {status:#}");
+                most[index] = most[index].max(held);
+            }
+            let volumes = status["memory"]["volumes"].as_u64().unwrap();
+            assert!(volumes <= adapter_mib << 17, "{mode}: volumes: {status:#}");
+            most[2] = most[2].max(volumes);
+            assert_eq!(status["decoded"], 0, "{mode}: {status:#}");
+        };
+        // Near, around and away again, so that pages come and go.
+        let start = Instant::now();
+        for step in 0.. {
+            match step % 4 {
+                0 => desktop.drag([x, y], [x + 90, y + 15]),
+                1 => wheel(&desktop, [x, y], NEARER),
+                2 => desktop.drag([x, y], [x - 50, y - 30]),
+                _ if step % 8 == 3 => wheel(&desktop, [x, y], NEARER),
+                _ => wheel(&desktop, [x, y], FARTHER),
+            }
+            for _ in 0..6 {
+                std::thread::sleep(Duration::from_millis(80));
+                look(&program, &mut most);
+            }
+            let is_full = most[0] << 1 > BUDGETS[0] << 20 && most[1] << 1 > BUDGETS[1] << 20;
+            if step >= 12 && is_full {
+                break;
+            }
+            assert!(start.elapsed() < PATIENCE, "{mode}: the budgets are not filled: {most:?} bytes");
+        }
+        assert_eq!(most[2] > 0, mode == "volume", "{mode}: {most:?} bytes");
+        println!("{mode}: at most {most:?} bytes of pages, copies, volumes");
+        desktop.wait("the picture after it all", |screen| {
+            screen.share(columns(&first), |[r, g, b]| r.max(g).max(b) > 20) > 0.005
+        });
+    }
+}
