@@ -7,9 +7,9 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 /// MiB for pages in main memory and for the adapter's: both smaller than the file.
-const BUDGETS: [u64; 2] = [5, 6];
+const BUDGETS: [u64; 2] = [16, 16];
 /// Particles, of some seven bytes each on disk.
-const PARTICLES: &str = "1e6";
+const PARTICLES: &str = "3e6";
 
 fn run(arguments: &[&str], folder: &Path) {
     let status = program().args(arguments).current_dir(folder).status().unwrap();
@@ -47,13 +47,13 @@ fn budgets_hold_while_one_flies_through_more_than_they_allow() {
     let preset = format!(
         "(residency: (budget_mib: {pages_mib}, gpu_budget_mib: {adapter_mib}, upload_mib: 1), drawing: (error_px: 0.3))"
     );
-    std::fs::write(folder.join("configs/small.ron"), preset).unwrap();
+    std::fs::write(folder.join("configs/laptop.ron"), preset).unwrap();
     let desktop = Desktop::start();
     for mode in ["column-density", "volume"] {
         let scene = folder.join("stress.scene.ron");
         let text = format!(r#"(version: 1, datasets: [(path: {file:?})], mode: "{mode}")"#);
         std::fs::write(&scene, text).unwrap();
-        let arguments = ["--backend", "compute", "--preset", "small"];
+        let arguments = ["--backend", "compute", "--preset", "laptop"];
         let variables = [("BEVY_ASSET_ROOT", folder)];
         let size = [640, 240];
         let mut program = Program::open_with(&desktop, folder, &scene, size, &arguments, &variables);
@@ -61,8 +61,9 @@ fn budgets_hold_while_one_flies_through_more_than_they_allow() {
         let is_lit = |screen: &Screen| screen.share(columns(&first), |[r, g, b]| r.max(g).max(b) > 40) > 0.02;
         desktop.wait("the picture", is_lit);
         let [x, y] = middle(&first);
-        let mut most = [0; 3];
-        let look = |program: &Program, most: &mut [u64; 3]| {
+        // Of pages and copies as a share of what they may be, of volumes in bytes.
+        let mut most = [0.0, 0.0, 0.0];
+        let look = |program: &Program, most: &mut [f64; 3]| {
             let status = program.status();
             // A file that is being replaced reads as nothing.
             if status.is_null() {
@@ -71,11 +72,11 @@ fn budgets_hold_while_one_flies_through_more_than_they_allow() {
             for (index, name) in ["pages", "copies"].into_iter().enumerate() {
                 let [held, allowed] = bytes(&status, name);
                 assert!(held <= allowed && allowed <= BUDGETS[index] << 20, "{mode}: {name}: {status:#}");
-                most[index] = most[index].max(held);
+                most[index] = most[index].max(held as f64 / allowed as f64);
             }
             let volumes = status["memory"]["volumes"].as_u64().unwrap();
-            assert!(volumes <= adapter_mib << 17, "{mode}: volumes: {status:#}");
-            most[2] = most[2].max(volumes);
+            assert!(volumes <= (adapter_mib << 17).max(8 << 20), "{mode}: volumes: {status:#}");
+            most[2] = most[2].max(volumes as f64);
             assert_eq!(status["decoded"], 0, "{mode}: {status:#}");
         };
         // Near, around and away again, so that pages come and go.
@@ -92,14 +93,13 @@ fn budgets_hold_while_one_flies_through_more_than_they_allow() {
                 std::thread::sleep(Duration::from_millis(80));
                 look(&program, &mut most);
             }
-            let is_full = most[0] << 1 > BUDGETS[0] << 20 && most[1] << 1 > BUDGETS[1] << 20;
-            if step >= 12 && is_full {
+            if step >= 12 && most[0] > 0.5 && most[1] > 0.5 {
                 break;
             }
-            assert!(start.elapsed() < PATIENCE, "{mode}: the budgets are not filled: {most:?} bytes");
+            assert!(start.elapsed() < PATIENCE, "{mode}: the budgets are not filled: {most:?}");
         }
-        assert_eq!(most[2] > 0, mode == "volume", "{mode}: {most:?} bytes");
-        println!("{mode}: at most {most:?} bytes of pages, copies, volumes");
+        assert_eq!(most[2] > 0.0, mode == "volume", "{mode}: {most:?}");
+        println!("{mode}: at most {most:?} of pages, copies, volumes");
         desktop.wait("the picture after it all", |screen| {
             screen.share(columns(&first), |[r, g, b]| r.max(g).max(b) > 20) > 0.005
         });

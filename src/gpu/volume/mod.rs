@@ -34,6 +34,7 @@ mod work;
 
 pub use pass::draw_volumes;
 pub use view::{Shows, VolumeFindings, VolumeJob, VolumeNews, VolumeView};
+pub use work::Room;
 
 use super::arena::update_arena;
 use super::light::show_light;
