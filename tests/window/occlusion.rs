@@ -47,12 +47,13 @@ fn pictures_at_rest_are_those_of_everything_after_the_camera_has_moved() {
     let file = folder.path().join("eclipse.df");
     let octree = OctreeOptions { leaf_capacity: 200, volume_levels: true, ..OctreeOptions::default() };
     build(eclipse(), &BuildOptions { octree, ..BuildOptions::default() }, &file, &()).unwrap();
-    let mode = "volume";
-    let [found, all] = [true, false].map(|occlusion| fly(folder.path(), &file, mode, occlusion));
-    for ((found, at), (all, everything)) in found.iter().zip(&all) {
-        assert!(found == all, "{mode}: {at:#}");
-        assert!(at["nodes_hidden"].as_u64().unwrap() > 0 && everything["nodes_hidden"] == 0, "{mode}: {at:#}");
-        let particles = |status: &Value| status["particles_drawn"].as_u64().unwrap();
-        assert!(particles(at) < particles(everything), "{mode}: {at:#}");
+    for mode in ["volume", "layered", "sorted-splats", "spheres"] {
+        let [found, all] = [true, false].map(|occlusion| fly(folder.path(), &file, mode, occlusion));
+        for ((found, at), (all, everything)) in found.iter().zip(&all) {
+            assert!(found == all, "{mode}: {at:#}");
+            assert!(at["nodes_hidden"].as_u64().unwrap() > 0 && everything["nodes_hidden"] == 0, "{mode}: {at:#}");
+            let particles = |status: &Value| status["particles_drawn"].as_u64().unwrap();
+            assert!(particles(at) < particles(everything), "{mode}: {at:#}");
+        }
     }
 }

@@ -69,6 +69,7 @@ pub struct Layer {
 
 impl Layer {
     /// The tile that holds a point (pixels), or the nearest one, and the pixel coordinates of its buffer's corner.
+    #[inline]
     fn tile_at(&self, point: [f64; 2]) -> (usize, [f64; 2]) {
         let tile: [usize; 2] = std::array::from_fn(|k| {
             let cell = point[k] * self.per_pixel + self.padding as f64;
@@ -216,6 +217,7 @@ pub fn sort(
 }
 
 /// The tile of a footprint and its record; `None` when it does not fit into the tile's buffer.
+#[inline]
 fn place(layer: &Layer, footprint: &Footprint) -> Option<(usize, Record)> {
     let (amplitude, amplitude_s) = (footprint.amplitude as f32, footprint.amplitude_s as f32);
     match footprint.shape {
