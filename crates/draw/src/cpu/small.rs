@@ -10,8 +10,8 @@ use crate::model::Kernel;
 use pulp::Simd;
 use std::sync::OnceLock;
 
-/// The cumulative integral of the line-of-sight kernel over [-1, 1]^2 in single precision, as a sum of few products of a function of `x`
-/// and one of `y`, which a kernel that depends on the distance alone nearly is.
+/// The cumulative integral of the line-of-sight kernel over [-1, 1]^2 in single precision, as a sum of few products of a
+/// function of `x` and one of `y`, which a kernel that depends on the distance alone nearly is.
 ///
 /// The functions are found by cross approximation with full pivoting (Bebendorf, Numerische Mathematik 86, 2000): what is left is
 /// largest somewhere, and the product of its row and its column there, over its value, leaves zero in both. The first pivot is

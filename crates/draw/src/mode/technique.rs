@@ -54,8 +54,8 @@ pub struct Needs {
     pub slices: bool,
     /// Whether it resamples all of the data where that is, whatever the view.
     pub of_data: bool,
-    /// Whether what lies behind a picture's opaque pixels may be left out of the next picture: whether each particle's part in the
-    /// picture depends on itself alone, and on what is in front of it. Sums say nothing (all of them show), nor does what resamples all
+    /// Whether what lies behind a picture's opaque pixels may be left out of the next picture: whether each particle's part
+    /// in the picture depends on itself alone, and on what is in front of it. Sums hide nothing, nor does what resamples all
     /// of the data, hidden or not.
     pub hides: bool,
 }

@@ -128,9 +128,9 @@ pub fn density_scale_of(batches: &[Splats<'_>]) -> f32 {
     density_scale(ratios.into_iter())
 }
 
-/// Some files have no masses, or densities in another unit: then the particles' own densities are not of the size of the sums that
-/// are drawn. This is the factor that makes the median of `rho h^3 / m` what it is where both belong together; 1 where they do, and where
-/// nothing is known.
+/// Some files have no masses, or densities in another unit: then the particles' own densities are not of the size of the
+/// sums that are drawn. This is the factor that makes the median of `rho h^3 / m` what it is where both belong together; 1
+/// where they do, and where nothing is known.
 ///
 /// It is a property of the data, never of the particles that one picture takes: a picture would change with what it need not
 /// read.
