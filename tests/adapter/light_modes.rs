@@ -146,7 +146,7 @@ const TERMINATION: f32 = 0.999;
 fn sorted_both(view: &View, cloud: &Cloud, device: DeviceOptions) -> (Colors, Colors) {
     let classifier = cloud.classifier();
     let options = VolumeOptions { smallest: 1.5, ..VolumeOptions::default() };
-    let (expected, report) = sorted::draw(view, &[cloud.batch()], &classifier, TERMINATION, &options).unwrap();
+    let (expected, report) = sorted::draw(view, &[cloud.batch()], &classifier, (TERMINATION, 1.0), &options).unwrap();
     let mut renderer = HeadlessRenderer::open(&HeadlessRequest { device, ..cloud.request(view) }).unwrap();
     let component = SortedSplats {
         classifier,
@@ -202,7 +202,7 @@ fn slabs_of_depth_change_nothing() {
 
 fn spheres_both(view: &View, cloud: &Cloud, smoothing: f64) -> (Colors, Colors) {
     let options = SphereOptions { radius: 0.5, least: 0.1, smoothing, near: None, far: None };
-    let (mut front, report) = front(view, &[cloud.batch()], &options).unwrap();
+    let (mut front, report) = front(view, &[cloud.batch()], 1.0, &options).unwrap();
     front.smooth(view, smoothing);
     let light = Light { ambient: 0.12, specular: 0.15, shininess: 40.0 };
     let hue = |step: usize| [0.2 + 0.01 * step as f32, 0.9 - 0.01 * step as f32, 0.5, 1.0];

@@ -127,7 +127,7 @@ impl Lens {
                 if !(radius > 0.0 && radius.is_finite()) {
                     return None;
                 }
-                let center = self.view.to_pixels(camera)?;
+                let center = self.center(camera)?;
                 let amplitude = per_area / (radius * radius);
                 Some(Footprint {
                     min: center.map(|x| x - radius),
@@ -146,9 +146,14 @@ impl Lens {
         self.focal
     }
 
-    /// Where a point in camera space appears, pixels.
+    /// Where a point in camera space appears, pixels: as [`View::to_pixels`], whose focal length costs a tangent each time.
     pub fn center(&self, camera: DVec3) -> Option<[f64; 2]> {
-        self.view.to_pixels(camera)
+        let scale = match self.view.projection {
+            Projection::Perspective { .. } if camera.z > 0.0 => self.focal / camera.z,
+            Projection::Perspective { .. } => return None,
+            Projection::Orthographic { .. } => self.focal,
+        };
+        Some([self.middle[0] + camera.x * scale, self.middle[1] - camera.y * scale])
     }
 
     /// The tangent of the angle between the view's axis and a point of the picture (pixels), as a vector.
@@ -179,7 +184,7 @@ impl Lens {
             Projection::Perspective { .. } if camera.z > 0.0 => self.sphere(camera, h, 1.0, 0.0),
             Projection::Perspective { .. } => None,
             Projection::Orthographic { .. } => {
-                let center = self.view.to_pixels(camera)?;
+                let center = self.center(camera)?;
                 let radius = h * self.focal;
                 let (min, max) = (center.map(|x| x - radius), center.map(|x| x + radius));
                 (radius > 0.0 && radius.is_finite()).then(|| Footprint {

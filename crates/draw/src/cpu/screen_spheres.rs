@@ -99,7 +99,8 @@ struct Sphere {
     hit: Hit,
 }
 
-/// Finds the first sphere along each line of sight. Where two are at the same depth, which one a pixel shows does not depend on
+/// Finds the first sphere along each line of sight, of particles whose own densities count `density_scale`-fold
+/// ([`super::volume::particles::density_scale`]). Where two are at the same depth, which one a pixel shows does not depend on
 /// the number of threads.
 ///
 /// # Errors
@@ -107,6 +108,7 @@ struct Sphere {
 pub fn front(
     view: &View,
     batches: &[Splats<'_>],
+    density_scale: f32,
     options: &SphereOptions,
 ) -> Result<(Front, VolumeReport), VolumeError> {
     let start = Instant::now();
@@ -117,7 +119,7 @@ pub fn front(
     let chunks = particles.chunks.par_iter().zip(&particles.densities);
     let of_chunk = chunks.flat_map_iter(|(chunk, densities)| {
         chunk.iter().zip(densities).filter_map(|(particle, &density)| {
-            let [x, y, z, h] = particle.place;
+            let ([x, y, z, h], density) = (particle.place, density * density_scale);
             let attribute = if particle.mass != 0.0 { particle.weighted / particle.mass } else { 0.0 };
             let hit = Hit { depth: z, radius: h * options.radius as f32, density, attribute };
             (f64::from(density) >= options.least && f64::from(z) <= far).then_some(Sphere { place: [x, y, z], hit })
@@ -336,7 +338,7 @@ mod tests {
 
     fn seen(view: &View, cloud: &Cloud) -> Front {
         let densities = vec![2.0; cloud.h.len()];
-        front(view, &[cloud.batch().with_density(Some(&densities)).unwrap()], &OPTIONS).unwrap().0
+        front(view, &[cloud.batch().with_density(Some(&densities)).unwrap()], 1.0, &OPTIONS).unwrap().0
     }
 
     /// Where each pixel's line of sight meets the sphere around the origin, and the cosine there.
@@ -412,7 +414,7 @@ mod tests {
         let view = look(DVec3::new(0.0, 0.0, 9.0), Projection::Orthographic { height: 3.0 }, 20, 20);
         let densities: Vec<f32> = (0..64).map(|i| i as f32 / 16.0).collect();
         let batch = cloud.batch().with_density(Some(&densities)).unwrap();
-        let with = |least| front(&view, &[batch], &SphereOptions { least, ..OPTIONS });
+        let with = |least| front(&view, &[batch], 1.0, &SphereOptions { least, ..OPTIONS });
         assert!(with(3.75).is_ok());
         assert_eq!(
             with(4.0).unwrap_err().to_string(),

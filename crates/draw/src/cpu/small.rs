@@ -10,13 +10,29 @@ use crate::model::Kernel;
 use pulp::Simd;
 use std::sync::OnceLock;
 
-/// The cumulative integral of the line-of-sight kernel over the whole square [-1, 1]^2 in single precision, read with
-/// bilinear interpolation (error below 6e-5).
+/// The cumulative integral of the line-of-sight kernel over [-1, 1]^2 in single precision, as a sum of few products of a
+/// function of `x` and one of `y`, which a kernel that depends on the distance alone nearly is.
+///
+/// The functions are found by cross approximation with full pivoting (Bebendorf, Numerische Mathematik 86, 2000): what is left is
+/// largest somewhere, and the product of its row and its column there, over its value, leaves zero in both. The first pivot is
+/// the corner, so that the integral over anything that goes right across the kernel is exact but for rounding: shares of pixels
+/// add up to 1 whatever the radius. Elsewhere products and linear interpolation are off by less than 4e-5.
 pub struct CornerTable {
-    values: Vec<f32>,
+    nodes: Vec<Node>,
 }
 
+/// The functions of a [`CornerTable`] at one coordinate.
+#[derive(Clone, Copy, Default)]
+struct Node {
+    across: [f32; RANK],
+    down: [f32; RANK],
+}
+
+/// Products in a [`CornerTable`].
+const RANK: usize = 4;
+
 impl CornerTable {
+    /// Steps from 0 to 1. The functions are odd.
     const STEPS: usize = 128;
 
     /// The table of a kernel, computed once for the whole program.
@@ -24,29 +40,40 @@ impl CornerTable {
         static TABLES: [OnceLock<CornerTable>; Kernel::ALL.len()] = [const { OnceLock::new() }; Kernel::ALL.len()];
         TABLES[kernel as usize].get_or_init(|| {
             let table = CumulativeTable::of(kernel);
-            let at = |i: usize| 2.0 * i as f64 / CornerTable::STEPS as f64 - 1.0;
-            let row =
-                |j: usize| (0..=CornerTable::STEPS).map(move |i| table.rectangle(-1.0, -1.0, at(i), at(j)) as f32);
-            CornerTable { values: (0..=CornerTable::STEPS).flat_map(row).collect() }
+            let count = CornerTable::STEPS + 1;
+            let at = |i: usize| i as f64 / CornerTable::STEPS as f64;
+            let mut left: Vec<f64> = (0..count * count).map(|i| table.at(at(i % count), at(i / count))).collect();
+            let mut half = vec![Node::default(); count];
+            for rank in 0..RANK {
+                let pivot = (0..count * count).max_by(|&a, &b| left[a].abs().total_cmp(&left[b].abs())).unwrap_or(0);
+                let (column, row, value) = (pivot % count, pivot / count, left[pivot]);
+                let across: Vec<f64> = left[row * count..(row + 1) * count].to_vec();
+                let down: Vec<f64> = (0..count).map(|j| left[j * count + column] / value).collect();
+                for (i, left) in left.iter_mut().enumerate() {
+                    *left -= down[i / count] * across[i % count];
+                }
+                for (i, node) in half.iter_mut().enumerate() {
+                    (node.across[rank], node.down[rank]) = (across[i] as f32, down[i] as f32);
+                }
+            }
+            let opposite = |node: &Node| Node { across: node.across.map(|v| -v), down: node.down.map(|v| -v) };
+            CornerTable { nodes: half[1..].iter().rev().map(opposite).chain(half.iter().copied()).collect() }
         })
     }
 
-    /// Grid cell and fraction of a coordinate within [-1, 1]; coordinates outside count as at the edge.
+    /// The functions at a coordinate; outside [-1, 1] as at the edge.
     #[inline(always)]
-    fn locate(at: f32) -> (usize, f32) {
-        let position = (at.clamp(-1.0, 1.0) + 1.0) * (0.5 * CornerTable::STEPS as f32);
-        let index = (position as usize).min(CornerTable::STEPS - 1);
-        (index, position - index as f32)
-    }
-
-    /// Integral of the kernel below `y` and left of `x`.
-    #[inline(always)]
-    fn at(&self, (i, u): (usize, f32), (j, v): (usize, f32)) -> f32 {
-        let start = j * (CornerTable::STEPS + 1) + i;
-        let lower = &self.values[start..start + 2];
-        let upper = &self.values[start + CornerTable::STEPS + 1..start + CornerTable::STEPS + 3];
-        let (below, above) = (lower[0] + u * (lower[1] - lower[0]), upper[0] + u * (upper[1] - upper[0]));
-        below + v * (above - below)
+    fn at(&self, coordinate: f32, functions: impl Fn(&Node) -> [f32; RANK]) -> [f32; RANK] {
+        let position = (coordinate.clamp(-1.0, 1.0) + 1.0) * CornerTable::STEPS as f32;
+        let index = (position as usize).min(2 * CornerTable::STEPS - 1);
+        let share = position - index as f32;
+        let pair = &self.nodes[index..index + 2];
+        let (before, after) = (functions(&pair[0]), functions(&pair[1]));
+        let mut values = before;
+        for (value, after) in values.iter_mut().zip(after) {
+            *value += share * (after - *value);
+        }
+        values
     }
 }
 
@@ -68,32 +95,40 @@ pub fn corners(canvas: &mut Canvas<'_>, table: &CornerTable, circle: &Circle) {
     }
     let inverse = 1.0 / circle.radius;
     let area = circle.radius * circle.radius;
-    let (amplitude, amplitude_s) = (circle.amplitude * area, circle.amplitude_s * area);
-    let mut edges = [(0usize, 0.0f32); ACROSS + 1];
-    for (k, edge) in edges.iter_mut().enumerate() {
-        *edge = CornerTable::locate(((left + k) as f32 - circle.x) * inverse);
-    }
-    let count = right - left;
-    let line = |y: usize| {
-        let edge = CornerTable::locate((y as f32 - circle.y) * inverse);
-        let mut values = [0.0f32; ACROSS + 1];
-        for k in 0..=count {
-            values[k] = table.at(edges[k], edge);
+    // Differences of the functions of x over each pixel; right of the circle they are 0, so that rows need no end.
+    let mut across = [[0.0f32; ACROSS]; RANK];
+    let mut before = table.at((left as f32 - circle.x) * inverse, |node| node.across);
+    for k in 0..ACROSS {
+        let after = table.at(((left + k + 1) as f32 - circle.x) * inverse, |node| node.across);
+        for rank in 0..RANK {
+            across[rank][k] = (after[rank] - before[rank]) * area;
         }
-        values
-    };
-    let mut above = line(top);
+        before = after;
+    }
+    let mut above = table.at((top as f32 - circle.y) * inverse, |node| node.down);
     for y in top..bottom {
-        let below = line(y + 1);
-        let start = y * canvas.stride + left;
-        for k in 0..count {
-            let share = (below[k + 1] - below[k]) - (above[k + 1] - above[k]);
-            canvas.p[start + k] += amplitude * share;
-            if !canvas.ps.is_empty() {
-                canvas.ps[start + k] += amplitude_s * share;
+        let below = table.at(((y + 1) as f32 - circle.y) * inverse, |node| node.down);
+        let mut shares = [0.0f32; ACROSS];
+        for rank in 0..RANK {
+            let down = below[rank] - above[rank];
+            for k in 0..ACROSS {
+                shares[k] += down * across[rank][k];
             }
         }
+        let start = y * canvas.stride + left;
+        add(&mut canvas.p[start..start + ACROSS], circle.amplitude, &shares);
+        if !canvas.ps.is_empty() {
+            add(&mut canvas.ps[start..start + ACROSS], circle.amplitude_s, &shares);
+        }
         above = below;
+    }
+}
+
+/// Adds `amplitude * shares` to a part of a row.
+#[inline(always)]
+fn add(row: &mut [f32], amplitude: f32, shares: &[f32; ACROSS]) {
+    for (out, share) in row.iter_mut().zip(shares) {
+        *out += amplitude * share;
     }
 }
 
@@ -173,4 +208,35 @@ pub fn draw<S: Simd>(
     let (amplitude, amplitude_s) = (circle.amplitude * shrink, circle.amplitude_s * shrink);
     let blurred = Circle { radius, amplitude, amplitude_s, ..circle };
     lanes::uniform_circles(simd, canvas, profiles.blurred(circle.radius), std::iter::once(blurred));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Cumulative integrals as products, against the table that they are made of.
+    #[test]
+    fn few_products_are_the_cumulative_integral() {
+        for kernel in Kernel::ALL {
+            let (table, exact) = (CornerTable::of(kernel), CumulativeTable::of(kernel));
+            let integral = |x: f64, y: f64| -> f64 {
+                let (across, down) = (table.at(x as f32, |node| node.across), table.at(y as f32, |node| node.down));
+                across.iter().zip(down).map(|(a, b)| f64::from(a * b)).sum()
+            };
+            let mut worst = 0.0f64;
+            for i in 0..=200 {
+                for j in 0..=200 {
+                    let [x, y] = [i, j].map(|k| f64::from(k) * 0.0107 - 1.07);
+                    worst = worst.max((integral(x, y) - exact.at(x, y)).abs());
+                }
+            }
+            assert!(worst < 4e-5, "{kernel:?}: {worst}");
+            // Right across the kernel nothing is lost, between nodes of the table.
+            for (from, to) in [(-1.0, 1.0), (-0.25, 0.125), (0.625, 0.632_812_5)] {
+                let strip = |at: &dyn Fn(f64, f64) -> f64| at(1.0, to) - at(1.0, from) - at(-1.0, to) + at(-1.0, from);
+                let expected = strip(&|x, y| exact.at(x, y));
+                assert!((strip(&integral) - expected).abs() < 1e-6, "{kernel:?} {from} {to}");
+            }
+        }
+    }
 }

@@ -57,7 +57,8 @@ struct Tile {
     open: usize,
 }
 
-/// Draws batches with their own densities. Rays end at an opacity of `termination`.
+/// Draws batches with their own densities, which count `density_scale`-fold ([`super::volume::particles::density_scale`]). Rays end
+/// at an opacity of `termination`.
 ///
 /// # Errors
 /// [`VolumeError`] when nothing is in view, the planes make no sense, or the particles have no densities.
@@ -65,7 +66,7 @@ pub fn draw(
     view: &View,
     batches: &[Splats<'_>],
     classifier: &Classifier,
-    termination: f32,
+    (termination, density_scale): (f32, f32),
     options: &VolumeOptions,
 ) -> Result<(Colors, VolumeReport), VolumeError> {
     let start = Instant::now();
@@ -88,7 +89,7 @@ pub fn draw(
     let classified = chunks.flat_map_iter(|(chunk, densities)| {
         let pairs = chunk.iter().zip(densities);
         pairs.filter_map(|(particle, &density)| {
-            let depth = f64::from(particle.place[2]);
+            let (depth, density) = (f64::from(particle.place[2]), density * density_scale);
             if !(depth >= near && depth <= far && density > classifier.least() && particle.mass > 0.0) {
                 return None;
             }
@@ -242,7 +243,7 @@ mod tests {
     fn sorted(view: &View, cloud: &Cloud, densities: &[f32], scenery: &Scenery) -> Colors {
         let batch = cloud.batch().with_density(Some(densities)).unwrap();
         let options = VolumeOptions { smallest: 0.0, ..VolumeOptions::default() };
-        draw(view, &[batch], &scenery.classifier, scenery.termination, &options).unwrap().0
+        draw(view, &[batch], &scenery.classifier, (scenery.termination, 1.0), &options).unwrap().0
     }
 
     #[test]
@@ -328,7 +329,8 @@ mod tests {
     fn particles_without_densities_are_refused() {
         let scenery = scenery(RAMP, [1e-8, 1e-3], 4.0, vec![]);
         let view = perspective(DVec3::new(0.0, 0.0, 9.0), 30, 20);
-        let error = draw(&view, &[Cloud::lattice(3, 2.0).batch()], &scenery.classifier, 1.0, &VolumeOptions::default());
+        let error =
+            draw(&view, &[Cloud::lattice(3, 2.0).batch()], &scenery.classifier, (1.0, 1.0), &VolumeOptions::default());
         assert!(error.unwrap_err().to_string().starts_with("density is not there"));
     }
 }

@@ -53,8 +53,10 @@ impl Record {
 /// One layer of the picture.
 #[derive(Clone, Copy, Debug)]
 pub struct Layer {
-    /// Width of a cell, pixels.
+    /// Width of a cell, pixels: a power of two.
     pub cell: f64,
+    /// Cells along a pixel.
+    per_pixel: f64,
     /// Cells around the picture.
     pub padding: usize,
     /// Cells in a row and in a column, padding included.
@@ -67,9 +69,10 @@ pub struct Layer {
 
 impl Layer {
     /// The tile that holds a point (pixels), or the nearest one, and the pixel coordinates of its buffer's corner.
+    #[inline]
     fn tile_at(&self, point: [f64; 2]) -> (usize, [f64; 2]) {
         let tile: [usize; 2] = std::array::from_fn(|k| {
-            let cell = point[k] / self.cell + self.padding as f64;
+            let cell = point[k] * self.per_pixel + self.padding as f64;
             // The cast saturates.
             (cell as usize / TILE).min(self.tiles[k] - 1)
         });
@@ -120,7 +123,8 @@ pub fn layers(view: &View) -> Vec<Layer> {
     let mut layer = |level: usize, padding: usize| {
         let size = [view.width, view.height].map(|pixels| pyramid::cells_of(pixels, level) + 2 * padding);
         let tiles = size.map(|cells| cells.div_ceil(TILE));
-        let layer = Layer { cell: f64::from(1u32 << level), padding, size, tiles, first };
+        let cell = f64::from(1u32 << level);
+        let layer = Layer { cell, per_pixel: 1.0 / cell, padding, size, tiles, first };
         first += tiles[0] * tiles[1];
         layer
     };
@@ -164,25 +168,24 @@ pub fn sort(
     let mut starts = vec![0u32; tiles + 1];
     let mut placed: Vec<(u32, Record)> = Vec::with_capacity(pieces.iter().map(|piece| piece.1.len()).sum());
     let (mut wide, mut outside, mut counts) = (Vec::new(), Vec::new(), Counts::default());
-    for (splats, index) in pieces.iter().flat_map(|(splats, range)| range.clone().map(move |index| (splats, index))) {
-        let Some(footprint) = lens.footprint(splats, index) else { continue };
-        // A level's padding is at most twice the radius of the splats on it.
-        let small = footprint.radius < SMALLEST_RADIUS;
-        let seen = lens.sees(&footprint, if small { 1.0 } else { 2.0 * footprint.radius });
-        if seen && options.faintest > 0.0 && lens.presence(&footprint, options.kernel) < f64::from(options.faintest) {
-            counts.faint += 1;
-            continue;
-        }
-        counts.drawn += u64::from(seen);
-        counts.outside += u64::from(!seen);
-        if !seen && options.culling {
-            continue;
-        }
-        let layer = if small { 0 } else { 1 + pyramid::level_of(footprint.radius, layers.len() - 2) };
-        let circles = if small { small::circles(lens, profiles, &footprint) } else { [None; 2] };
-        let footprints = if circles[0].is_some() { circles } else { [Some(footprint), None] };
-        for footprint in footprints.into_iter().flatten() {
-            match place(&layers[layer], &footprint) {
+    for (splats, range) in pieces {
+        for index in range.clone() {
+            let Some(footprint) = lens.footprint(splats, index) else { continue };
+            // A level's padding is at most twice the radius of the splats on it.
+            let small = footprint.radius < SMALLEST_RADIUS;
+            let seen = lens.sees(&footprint, if small { 1.0 } else { 2.0 * footprint.radius });
+            if seen && options.faintest > 0.0 && lens.presence(&footprint, options.kernel) < f64::from(options.faintest)
+            {
+                counts.faint += 1;
+                continue;
+            }
+            counts.drawn += u64::from(seen);
+            counts.outside += u64::from(!seen);
+            if !seen && options.culling {
+                continue;
+            }
+            let layer = if small { 0 } else { 1 + pyramid::level_of(footprint.radius, layers.len() - 2) };
+            let mut put = |footprint: &Footprint| match place(&layers[layer], footprint) {
                 // It has been through everything that a splat goes through; none of its tile's cells is in its reach.
                 Some(placed) if !seen => outside.push(placed),
                 None if !seen => {}
@@ -190,7 +193,11 @@ pub fn sort(
                     starts[tile] += 1;
                     placed.push((tile as u32, record));
                 }
-                None => wide.push((layer, footprint)),
+                None => wide.push((layer, *footprint)),
+            };
+            match if small { small::circles(lens, profiles, &footprint) } else { [None; 2] } {
+                [None, _] => put(&footprint),
+                circles => circles.iter().flatten().for_each(put),
             }
         }
     }
@@ -210,16 +217,17 @@ pub fn sort(
 }
 
 /// The tile of a footprint and its record; `None` when it does not fit into the tile's buffer.
+#[inline]
 fn place(layer: &Layer, footprint: &Footprint) -> Option<(usize, Record)> {
     let (amplitude, amplitude_s) = (footprint.amplitude as f32, footprint.amplitude_s as f32);
     match footprint.shape {
         Shape::Circle { center } => {
-            let radius = footprint.radius / layer.cell;
+            let radius = footprint.radius * layer.per_pixel;
             if radius > 2.0 * SMALLEST_RADIUS {
                 return None;
             }
             let (tile, corner) = layer.tile_at(center);
-            let local = |k: usize| ((center[k] - corner[k]) / layer.cell) as f32;
+            let local = |k: usize| ((center[k] - corner[k]) * layer.per_pixel) as f32;
             Some((tile, Record { place: [local(0), local(1), radius as f32, 0.0], amplitude, amplitude_s }))
         }
         Shape::Sphere { camera, h } => {

@@ -54,7 +54,9 @@ pub struct Needs {
     pub slices: bool,
     /// Whether it resamples all of the data where that is, whatever the view.
     pub of_data: bool,
-    /// Whether what lies behind a picture's opaque pixels may be left out of the next picture.
+    /// Whether what lies behind a picture's opaque pixels may be left out of the next picture: whether each particle's part
+    /// in the picture depends on itself alone, and on what is in front of it. Sums hide nothing, nor does what resamples all
+    /// of the data, hidden or not.
     pub hides: bool,
 }
 
@@ -133,23 +135,16 @@ pub struct Job<'a> {
     pub diameter: f64,
     /// The data's largest density; 0 for sums.
     pub densest: f64,
+    /// Factor on the particles' own densities: see [`crate::cpu::volume::particles::density_scale`].
+    pub density_scale: f32,
 }
 
 impl<'a> Job<'a> {
     /// What the picture depends on beside the particles.
     pub fn terms(&self) -> Terms<'a> {
-        let Job { view, settings, transfer, diameter, densest, .. } = *self;
+        let Job { view, settings, transfer, diameter, densest, density_scale, .. } = *self;
         let attribute = self.batches.iter().any(|batch| batch.attribute().is_some());
-        Terms {
-            view,
-            settings,
-            transfer,
-            attribute,
-            kernel: self.options.kernel,
-            diameter,
-            densest,
-            density_scale: 1.0,
-        }
+        Terms { view, settings, transfer, attribute, kernel: self.options.kernel, diameter, densest, density_scale }
     }
 }
 
@@ -170,7 +165,7 @@ pub struct Terms<'a> {
     pub diameter: f64,
     /// The data's largest density.
     pub densest: f64,
-    /// Factor on the particles' own densities where no particle is known: see [`crate::cpu::volume::particles::density_scale`].
+    /// Factor on the particles' own densities: see [`crate::cpu::volume::particles::density_scale`].
     pub density_scale: f32,
 }
 
@@ -343,7 +338,8 @@ mod tests {
         let view = View::look_at(DVec3::Z, DVec3::ZERO, DVec3::Y, projection, 2, 2).unwrap();
         let (settings, options) = (Settings::default(), SplatOptions::default());
         let (view, batches, settings) = (&view, &[][..], &settings);
-        let job = Job { view, batches, options, settings, transfer: None, diameter: 1.0, densest: 1.0 };
+        let job =
+            Job { view, batches, options, settings, transfer: None, diameter: 1.0, densest: 1.0, density_scale: 1.0 };
         let refused = MODE.draw(&job).unwrap_err().to_string();
         assert!(refused.contains("adapter-only is drawn by a graphics adapter only"), "{refused}");
         assert_eq!(MODE.all_settings().count(), 0, "what may be left out of sums is no setting of others");

@@ -40,8 +40,9 @@ impl Technique for Layered {
         Output::Light
     }
 
+    /// Planes lie between the near and the far one, so pictures hide only where the far one is set ([`Needs::slices`]).
     fn needs(&self, _: &Settings) -> Needs {
-        Needs { slices: true, ..Needs::default() }
+        Needs { slices: true, hides: true, ..Needs::default() }
     }
 
     fn adapter(&self) -> Adapter {

@@ -16,7 +16,7 @@ impl Technique for SortedSplats {
     }
 
     fn needs(&self, _: &Settings) -> Needs {
-        Needs { densities: true, ..Needs::default() }
+        Needs { densities: true, hides: true, ..Needs::default() }
     }
 
     fn adapter(&self) -> Adapter {
@@ -37,7 +37,8 @@ impl Technique for SortedSplats {
     fn draw(&self, job: &Job<'_>) -> Result<Raw, VolumeError> {
         let look = Look::new(job)?;
         let termination = job.settings.number(&grid::TERMINATION) as f32;
-        let (colors, report) = sorted::draw(job.view, job.batches, &look.classifier, termination, &look.options)?;
+        let way = (termination, job.density_scale);
+        let (colors, report) = sorted::draw(job.view, job.batches, &look.classifier, way, &look.options)?;
         Ok(Raw::Light(LightPicture { colors, report, levels: look.levels, isovalues: Vec::new() }))
     }
 }

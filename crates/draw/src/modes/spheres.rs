@@ -92,7 +92,7 @@ impl Technique for Spheres {
     }
 
     fn needs(&self, _: &Settings) -> Needs {
-        Needs { densities: true, margin_px: NEIGHBOURHOOD, ..Needs::default() }
+        Needs { densities: true, margin_px: NEIGHBOURHOOD, hides: true, ..Needs::default() }
     }
 
     fn adapter(&self) -> Adapter {
@@ -116,7 +116,7 @@ impl Technique for Spheres {
         let settings = job.settings;
         let threshold = threshold(&look, &job.terms())?;
         let options = options(&look, settings, threshold);
-        let (mut surface, mut report) = front(job.view, job.batches, &options)?;
+        let (mut surface, mut report) = front(job.view, job.batches, job.density_scale, &options)?;
         let start = Instant::now();
         report.opaque = look.options.occlusion.then(|| Arc::new(surface.opaque(job.view, options.radius)));
         surface.smooth(job.view, options.smoothing);

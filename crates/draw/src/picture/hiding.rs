@@ -87,65 +87,97 @@ mod tests {
     use crate::picture::{Picture, Session};
     use crate::store::PageFile;
     use crate::synth::random::Random;
+    use proptest::prelude::*;
+    use proptest::test_runner::TestRunner;
+    use std::cell::Cell;
+    use std::path::Path;
 
-    /// A dense cube in front of a wide cloud.
-    fn eclipse() -> Dataset {
-        let mut random = Random::new(7, 7);
-        let mut family = Family {
-            name: FamilyName::Gas,
-            positions: Vec::new(),
-            mass: Vec::new(),
-            smoothing_length: Vec::new(),
-            density: Vec::new(),
-            attributes: Vec::new(),
-        };
-        for i in 0..60_000 {
-            let at = [0; 3].map(|_| 0.5 * random.signed());
-            let (scale, z, h, mass) = if i % 3 == 0 { (0.8, 1.0, 0.08, 1.0) } else { (2.0, -2.0, 0.06, 0.4) };
-            family.positions.push([scale * at[0], scale * at[1], scale * at[2] + z]);
-            family.smoothing_length.push(h);
-            family.mass.push(mass);
-            let density = if i % 3 == 0 { 4e4 } else { 2e3 };
-            family.density.push(density);
+    /// A dense block in front of a wide cloud.
+    #[derive(Clone, Copy, Debug)]
+    struct Eclipse {
+        particles: usize,
+        /// Edge of the block, and how far it is shifted to the right.
+        block: [f64; 2],
+        /// Edge of the cloud.
+        cloud: f64,
+        /// Smoothing lengths of block and cloud.
+        lengths: [f32; 2],
+        /// Densities of block and cloud are 4e4 and 2e3 such units.
+        unit: f32,
+    }
+
+    const ECLIPSE: Eclipse =
+        Eclipse { particles: 60_000, block: [0.8, 0.0], cloud: 2.0, lengths: [0.08, 0.06], unit: 1.0 };
+
+    impl Eclipse {
+        fn dataset(&self) -> Dataset {
+            let mut random = Random::new(7, 7);
+            let mut family = Family {
+                name: FamilyName::Gas,
+                positions: Vec::new(),
+                mass: Vec::new(),
+                smoothing_length: Vec::new(),
+                density: Vec::new(),
+                attributes: Vec::new(),
+            };
+            for i in 0..self.particles {
+                let at = [0; 3].map(|_| 0.5 * random.signed());
+                let is_block = i % 3 == 0;
+                let (scale, x, z) =
+                    if is_block { (self.block[0], self.block[1], 1.0) } else { (self.cloud, 0.0, -2.0) };
+                family.positions.push([scale * at[0] + x, scale * at[1], scale * at[2] + z]);
+                family.smoothing_length.push(self.lengths[usize::from(!is_block)]);
+                family.mass.push(if is_block { 1.0 } else { 0.4 });
+                family.density.push(self.unit * if is_block { 4e4 } else { 2e3 });
+            }
+            Dataset {
+                families: vec![family],
+                length_unit: Unit::default(),
+                mass_unit: Unit::default(),
+                kernel: Kernel::CubicSpline,
+                skipped: Vec::new(),
+                provenance: Provenance::default(),
+            }
         }
-        Dataset {
-            families: vec![family],
-            length_unit: Unit::default(),
-            mass_unit: Unit::default(),
-            kernel: Kernel::CubicSpline,
-            skipped: Vec::new(),
-            provenance: Provenance::default(),
+
+        fn file(&self, path: &Path, volume_levels: bool) -> Arc<PageFile> {
+            let octree = OctreeOptions { leaf_capacity: 200, volume_levels, ..OctreeOptions::default() };
+            build::build(self.dataset(), &BuildOptions { octree, ..BuildOptions::default() }, path, &()).unwrap();
+            Arc::new(PageFile::open(path).unwrap())
         }
     }
 
-    fn shot(mode: &str, eye: [f64; 3], range: Range, occlusion: bool) -> Shot {
+    /// Settings that make each mode opaque where the block is, and `own`, as far as the mode has them.
+    fn shot(mode: &str, camera: CameraConfig, range: Range, own: &[(&str, SettingValue)]) -> Shot {
         let mode = modes::find(mode).unwrap();
         let mut settings = Settings::default();
         let numbers = |values: &[f64]| SettingValue::Numbers(values.to_vec());
-        for (name, value) in [
-            ("occlusion", SettingValue::Flag(occlusion)),
+        let usual = [
             ("opacity", SettingValue::Number(50.0)),
             ("near", SettingValue::Number(0.5)),
             ("far", SettingValue::Number(6.0)),
             ("isovalues", numbers(&[1e3, 1e4])),
             ("iso-opacities", numbers(&[0.3, 1.0])),
             ("threshold", SettingValue::Number(1e3)),
-        ] {
-            if mode.own_settings().any(|setting| setting.name == name) {
-                settings.0.insert(name.to_owned(), value);
+        ];
+        for (name, value) in usual.iter().chain(own) {
+            if mode.own_settings().any(|setting| setting.name == *name) {
+                settings.0.insert((*name).to_owned(), value.clone());
             }
         }
         let transfer = TransferFunction { range, ..TransferFunction::of_volumes(false) };
         let (mode, transfer) = (Some(mode), Some(transfer));
         let look = LookPatch { mode, settings, transfer, error_px: Some(0.2), ..LookPatch::default() };
-        let camera = CameraConfig {
-            eye: Some(eye),
-            target: Some([0.0; 3]),
-            up: Some([0.0, 1.0, 0.0]),
-            fov: Some(34.0),
-            ortho: None,
-        };
         Shot { look, camera, size: Some((240, 192)), ..Shot::default() }
+    }
+
+    fn camera(eye: [f64; 3]) -> CameraConfig {
+        let (target, up) = (Some([0.0; 3]), Some([0.0, 1.0, 0.0]));
+        CameraConfig { eye: Some(eye), target, up, fov: Some(34.0), ortho: None }
+    }
+
+    fn occlusion(is_on: bool) -> (&'static str, SettingValue) {
+        ("occlusion", SettingValue::Flag(is_on))
     }
 
     fn bits(picture: &Picture) -> Vec<u32> {
@@ -153,23 +185,27 @@ mod tests {
         light.colors.rgba.as_flattened().iter().map(|channel| channel.to_bits()).collect()
     }
 
+    const RANGE: Range = Range::Fixed(1.0, 1e6);
+
     #[test]
     fn pictures_are_the_same_to_the_bit_without_what_they_hide() {
         let folder = tempfile::tempdir().unwrap();
-        let file = |volume_levels: bool| {
-            let path = folder.path().join(format!("{volume_levels}.df"));
-            let octree = OctreeOptions { leaf_capacity: 200, volume_levels, ..OctreeOptions::default() };
-            build::build(eclipse(), &BuildOptions { octree, ..BuildOptions::default() }, &path, &()).unwrap();
-            Arc::new(PageFile::open(&path).unwrap())
-        };
-        let [plain, with_levels] = [false, true].map(file);
-        for (mode, file) in [("volume", &with_levels), ("isosurface", &with_levels), ("volume-isosurface", &plain)] {
-            let range = Range::Fixed(1.0, 1e6);
+        let [plain, with_levels] =
+            [false, true].map(|levels| ECLIPSE.file(&folder.path().join(format!("{levels}.df")), levels));
+        for (mode, file) in [
+            ("volume", &with_levels),
+            ("isosurface", &with_levels),
+            ("volume-isosurface", &plain),
+            ("layered", &plain),
+            ("sorted-splats", &plain),
+            ("spheres", &plain),
+        ] {
             let mut session = Session::of(Arc::clone(file), u64::MAX);
             // After a sketch, as a tour's camera goes on, and from where the picture before tells nothing.
             for (eye, is_near) in [([0.0, 0.0, 3.0], true), ([0.03, 0.01, 2.98], true), ([0.9, 0.0, 2.6], false)] {
-                let found = session.draw(&shot(mode, eye, range, true)).unwrap();
-                let all = Session::of(Arc::clone(file), u64::MAX).draw(&shot(mode, eye, range, false)).unwrap();
+                let shot = |is_on: bool| shot(mode, camera(eye), RANGE, &[occlusion(is_on)]);
+                let found = session.draw(&shot(true)).unwrap();
+                let all = Session::of(Arc::clone(file), u64::MAX).draw(&shot(false)).unwrap();
                 println!("{mode} {eye:?}: {} of {} nodes", found.nodes, all.nodes);
                 assert!(bits(&found) == bits(&all), "{mode}, {eye:?}");
                 assert!(
@@ -179,12 +215,53 @@ mod tests {
                 );
             }
             // Ranges that are found from all that is there need all that is there.
-            let auto = |occlusion| {
-                let shot = shot(mode, [0.0, 0.0, 3.0], Range::Auto, occlusion);
+            let auto = |is_on: bool| {
+                let shot = shot(mode, camera([0.0, 0.0, 3.0]), Range::Auto, &[occlusion(is_on)]);
                 Session::of(Arc::clone(file), u64::MAX).draw(&shot).unwrap()
             };
             let (found, all) = (auto(true), auto(false));
             assert!(found.nodes == all.nodes && bits(&found) == bits(&all), "{mode}");
+        }
+    }
+
+    /// What hides and what is hidden, in files whose densities are not in the unit of their masses too, seen from anywhere.
+    #[test]
+    fn whatever_hides_something_changes_no_bit_of_the_picture() {
+        let folder = tempfile::tempdir().unwrap();
+        let modes = ["layered", "sorted-splats", "spheres"];
+        let scene =
+            (0.4..1.2, -0.3..0.3, 0.8..2.5, 0.05..0.1f32, 0.03..0.12f32, prop::sample::select(vec![1.0, 1e-4, 1e6f32]));
+        let eye = (-0.6..0.6, -0.6..0.6, 2.2..4.0, prop::option::of(1.0..3.0));
+        let looks = (0..modes.len(), prop::sample::select(vec![10.0, 50.0, 400.0]), prop::bool::ANY);
+        let saved = modes.map(|_| Cell::new(0));
+        let config = ProptestConfig { cases: 36, failure_persistence: None, ..ProptestConfig::default() };
+        let tried =
+            TestRunner::new(config).run(&(scene, eye, looks), |(scene, (x, y, z, ortho), (mode, opacity, nearest))| {
+                let (block, shift, cloud, near, far, unit) = scene;
+                let eclipse = Eclipse { particles: 24_000, block: [block, shift], cloud, lengths: [near, far], unit };
+                let file = eclipse.file(&folder.path().join("eclipse.df"), false);
+                let own = [
+                    ("opacity", SettingValue::Number(opacity)),
+                    // Below the data's densest in each unit.
+                    ("threshold", SettingValue::Number(1.0)),
+                    ("assignment", SettingValue::Name(if nearest { "nearest" } else { "kernel" }.into())),
+                ];
+                let camera = match ortho {
+                    Some(_) => CameraConfig { ortho, fov: None, ..camera([x, y, z]) },
+                    None => camera([x, y, z]),
+                };
+                let draw = |is_on: bool| {
+                    let own = [&own[..], &[occlusion(is_on)]].concat();
+                    Session::of(Arc::clone(&file), u64::MAX).draw(&shot(modes[mode], camera, RANGE, &own)).unwrap()
+                };
+                let (found, all) = (draw(true), draw(false));
+                saved[mode].set(saved[mode].get() + all.nodes - found.nodes);
+                prop_assert!(bits(&found) == bits(&all), "{} of {} nodes", found.nodes, all.nodes);
+                Ok(())
+            });
+        tried.unwrap();
+        for (mode, saved) in modes.iter().zip(&saved) {
+            assert!(saved.get() > 100, "{mode}: {} nodes", saved.get());
         }
     }
 }

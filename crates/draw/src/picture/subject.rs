@@ -8,7 +8,7 @@ use crate::color::Accumulation;
 use crate::color::transfer::{Levels, TransferFunction};
 use crate::cpu::overdraw::{Overdraw, overdraw};
 use crate::cpu::volume::VolumeError;
-use crate::cpu::volume::particles::density_scale;
+use crate::cpu::volume::particles::{density_scale, density_scale_of};
 use crate::cpu::{Counts, Method, SplatError, SplatOptions, Splats, around};
 use crate::mode::{Depiction, FindRanges, Job, LightPlan, LodBudget, Output, Plan, Raw, Terms};
 use crate::modes::grid::Look;
@@ -128,7 +128,7 @@ impl<'a> Subject<'a> {
             kernel: self.metadata.kernel,
             diameter: self.diameter,
             densest: self.densest(),
-            density_scale: self.density_scale(),
+            density_scale: self.density_scale(&[]),
         };
         self.depiction.mode.technique.light(&terms, ranges)
     }
@@ -166,16 +166,20 @@ impl<'a> Subject<'a> {
             Output::Light => (Some(self.transfer), self.diameter),
         };
         let (options, settings) = (self.options(plan), &depiction.settings);
-        Job { view, batches, options, settings, transfer, diameter, densest: self.densest() }
+        let density_scale = self.density_scale(batches);
+        Job { view, batches, options, settings, transfer, diameter, densest: self.densest(), density_scale }
     }
 
-    /// The factor on particles' own densities, by what codebooks have.
-    fn density_scale(&self) -> f32 {
+    /// The factor on particles' own densities, by what the codebooks of leaves have; of data without any, by what `batches` have.
+    fn density_scale(&self, batches: &[Splats<'_>]) -> f32 {
         if !self.depiction.needs().densities {
             return 1.0;
         }
         let books = self.metadata.families.iter().flat_map(|family| &family.codebooks);
-        let leaves = books.filter(|book| book.scope == CodebookScope::Leaves);
+        let mut leaves = books.filter(|book| book.scope == CodebookScope::Leaves).peekable();
+        if leaves.peek().is_none() {
+            return density_scale_of(batches);
+        }
         let ratio = |book: &Codebook, i: usize| book.density[i] * book.smoothing_length[i].powi(3) / book.mass[i];
         density_scale(leaves.flat_map(|book| (0..book.len()).map(move |i| ratio(book, i))))
     }

@@ -111,28 +111,29 @@ pub fn project(view: &View, batches: &[Splats<'_>], taken: &Taken) -> Projected 
     if !batches.iter().all(|batch| batch.density().is_some()) {
         all.densities.clear();
     }
-    all.reconcile();
     all
 }
 
 /// `rho h^3 / m` of a particle with some forty others within its support, and how far from it densities may be.
 const USUAL: (f32, f32) = (10.0, 30.0);
 
-impl Projected {
-    /// Some files have no masses, or densities in another unit: then the particles' own densities are not of the size of the sums
-    /// that are drawn. They are scaled so that the median is as it is where both belong together.
-    fn reconcile(&mut self) {
-        let particles = self.chunks.iter().flatten().zip(self.densities.iter().flatten());
-        let ratio = |(particle, density): (&Particle, &f32)| density * particle.place[3].powi(3) / particle.mass;
-        let factor = density_scale(particles.map(ratio));
-        if factor != 1.0 {
-            self.densities.iter_mut().flatten().for_each(|density| *density *= factor);
-        }
+/// The factor on the particles' own densities in batches: see [`density_scale`]. 1 where some have none.
+pub fn density_scale_of(batches: &[Splats<'_>]) -> f32 {
+    let mut ratios = Vec::new();
+    for batch in batches {
+        let (Some(densities), Extent::World(lengths)) = (batch.density(), batch.extent()) else { return 1.0 };
+        let columns = densities.iter().zip(lengths).zip(batch.weight());
+        ratios.extend(columns.map(|((density, h), mass)| density * h.powi(3) / mass));
     }
+    density_scale(ratios.into_iter())
 }
 
-/// The factor on particles' own densities that makes them of the size of the sums that are drawn, by `rho h^3 / m` of each; 1 where they
-/// are, and where nothing is known.
+/// Some files have no masses, or densities in another unit: then the particles' own densities are not of the size of the
+/// sums that are drawn. This is the factor that makes the median of `rho h^3 / m` what it is where both belong together; 1
+/// where they do, and where nothing is known.
+///
+/// It is a property of the data, never of the particles that one picture takes: a picture would change with what it need not
+/// read.
 pub fn density_scale(ratios: impl Iterator<Item = f32>) -> f32 {
     let mut ratios: Vec<f32> = ratios.filter(|ratio| *ratio > 0.0 && ratio.is_finite()).collect();
     if ratios.is_empty() {
@@ -200,16 +201,24 @@ mod tests {
     fn densities_of_another_unit_are_brought_to_that_of_the_sums() {
         // Density 1 everywhere.
         let cloud = Cloud::lattice(8, 2.0);
-        let view = perspective(DVec3::new(0.0, 0.0, 9.0), 40, 30);
         let with = |density: f32| {
             let densities = vec![density; cloud.h.len()];
-            let batch = cloud.batch().with_density(Some(&densities)).unwrap();
-            project(&view, &[batch], &Taken { sigma: 1e-3, smallest: 0.0, stride: 1 }).densities.concat()
+            density * density_scale_of(&[cloud.batch().with_density(Some(&densities)).unwrap()])
         };
-        assert!(with(1.0).iter().all(|&density| density == 1.0));
-        assert!(with(2e7).iter().chain(&with(1e-9)).all(|density| (0.3..3.0).contains(density)));
-        assert!(
-            project(&view, &[cloud.batch()], &Taken { sigma: 1e-3, smallest: 0.0, stride: 1 }).densities.is_empty()
-        );
+        assert_eq!(with(1.0), 1.0);
+        assert!([2e7, 1e-9].map(with).iter().all(|density| (0.3..3.0).contains(density)));
+        assert_eq!(density_scale_of(&[cloud.batch()]), 1.0);
+    }
+
+    #[test]
+    fn densities_are_those_of_the_batches_and_there_if_all_have_some() {
+        let cloud = Cloud::lattice(8, 2.0);
+        let view = perspective(DVec3::new(0.0, 0.0, 9.0), 40, 30);
+        let taken = Taken { sigma: 1e-3, smallest: 0.0, stride: 1 };
+        let densities = vec![2e7; cloud.h.len()];
+        let batch = cloud.batch().with_density(Some(&densities)).unwrap();
+        let projected = project(&view, &[batch], &taken);
+        assert!(!projected.is_empty() && projected.densities.concat().iter().all(|&density| density == 2e7));
+        assert!(project(&view, &[batch, cloud.batch()], &taken).densities.is_empty());
     }
 }

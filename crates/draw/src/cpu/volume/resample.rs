@@ -354,6 +354,15 @@ const CENTERS: [f32; BRICK] = {
     centers
 };
 
+/// Adds `factor * values` to cells, of which there are as many as lanes.
+#[inline(always)]
+fn add_scaled<S: Simd>(simd: S, cells: &mut [f32], factor: S::f32s, values: S::f32s) {
+    let (vectors, _) = S::as_mut_simd_f32s(cells);
+    for out in vectors {
+        *out = simd.mul_add_e_f32s(factor, values, *out);
+    }
+}
+
 /// Adds a particle to the cells of a brick that its support reaches.
 #[inline(always)]
 fn add<S: Simd, const SPLINE: bool>(
@@ -376,9 +385,6 @@ fn add<S: Simd, const SPLINE: bool>(
     let before = |end: f32| depths.iter().map(|&depth| u32::from(depth <= end)).sum::<u32>() as usize;
     let reached = before(z - h)..before(z + h);
     let [zero, half, one] = [0.0, 0.5, 1.0].map(|value| simd.splat_f32s(value));
-    let (centers, _) = S::as_simd_f32s(&CENTERS);
-    let (density, _) = S::as_mut_simd_f32s(&mut brick.density);
-    let (weighted, _) = S::as_mut_simd_f32s(&mut brick.weighted);
     let [middle_x, middle_y] = [0, 1].map(|axis| brick_grid.middle[axis] - corner[axis] as f32);
     for slice in reached {
         let (per_cell, spacing) = (per_cells[slice], spacings[slice]);
@@ -397,9 +403,12 @@ fn add<S: Simd, const SPLINE: bool>(
         }
         let cell = spacing * per_length;
         let (scale, shift, base) = (simd.splat_f32s(cell), simd.splat_f32s(column), away * away);
-        let reached = left / S::F32_LANES..right.div_ceil(S::F32_LANES);
-        for (v, &center) in centers.iter().enumerate().take(reached.end).skip(reached.start) {
-            let dx = simd.mul_f32s(simd.sub_f32s(center, shift), scale);
+        // Most particles are a few cells wide: one vector, wherever it begins, holds what two may share that begin at fixed places.
+        let lanes = S::F32_LANES;
+        let first = if right - left <= lanes { left.min(BRICK - lanes) } else { left / lanes * lanes };
+        for first in (first..right).step_by(lanes) {
+            let (centers, _) = S::as_simd_f32s(&CENTERS[first..first + lanes]);
+            let dx = simd.mul_f32s(simd.sub_f32s(centers[0], shift), scale);
             let dx2 = simd.mul_f32s(dx, dx);
             for j in top..bottom {
                 let dy = (j as f32 + 0.5 - row) * cell;
@@ -416,10 +425,11 @@ fn add<S: Simd, const SPLINE: bool>(
                     let t = simd.max_f32s(simd.sub_f32s(one, q2), zero);
                     simd.mul_f32s(simd.mul_f32s(t, t), t)
                 };
-                let cells = (slice * BRICK + j) * (BRICK / S::F32_LANES) + v;
-                density[cells] = simd.mul_add_e_f32s(amplitude, value, density[cells]);
-                if let Some(weighted) = weighted.get_mut(cells) {
-                    *weighted = simd.mul_add_e_f32s(amplitude_s, value, *weighted);
+                let start = (slice * BRICK + j) * BRICK + first;
+                let cells = start..start + lanes;
+                add_scaled(simd, &mut brick.density[cells.clone()], amplitude, value);
+                if let Some(weighted) = brick.weighted.get_mut(cells) {
+                    add_scaled(simd, weighted, amplitude_s, value);
                 }
             }
         }
