@@ -249,6 +249,7 @@ fn written(path: &str, name: &str) -> Option<Layout> {
             surface_count,
             sigma,
             near,
+            slice_rate,
             brick_room,
             least,
             faintest,
@@ -266,6 +267,7 @@ fn written(path: &str, name: &str) -> Option<Layout> {
             kernel_factor,
             stride,
             growth,
+            unused,
             tiers,
             levels,
             surfaces,
@@ -392,18 +394,15 @@ fn buffers_are_laid_out_as_the_program_writes_them() {
             let tiers = match name {
                 "volume" => Some(layout!(TierUniform {
                     window,
-                    middle,
                     ring,
                     first_brick,
                     first_slice,
                     first_level,
                     level_count,
-                    sigma,
-                    slice_rate,
-                    slice_shift,
+                    unused,
                 })),
                 "portion" if variant.path.starts_with("volume/") => {
-                    Some(layout!(TierPortion { origin, first_layer, layers, nearest, farthest, unused }))
+                    Some(layout!(TierPortion { origin, layers, nearest, farthest }))
                 }
                 _ => None,
             };
