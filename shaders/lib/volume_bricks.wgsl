@@ -17,8 +17,8 @@ fn first_layer_of(filled: TierPortion) -> u32 {
     return filled.layers & 0xffffffu;
 }
 
-/// The first layer of a tier that the slab may read: of the finest tier the last layer of the slab before is filled up too, where it
-/// has turned out to show, and a brick reads from half its place on.
+/// The first layer of a tier that the slab may read: of the finest tier the last layer of the slab before is filled up too, where
+/// it has turned out to show, and a brick reads from half its place on.
 fn first_layer_read(tier: u32) -> u32 {
     return (max(portion.first_layer, 1u) - 1u) >> tier;
 }

@@ -5,8 +5,8 @@
 // One workgroup of 64 invocations for each brick of 8 x 8 x 8 cells. An invocation owns one column of eight cells along z, in
 // registers: what is computed of a particle once serves eight cells, and a row of the brick is written in one go. The
 // particles come 64 at a time through the workgroup's memory: one indirect read for the 64 cells' columns together, of those
-// that may reach the brick by the quarters of the bin they are in, and a test against the brick. What is left of the 64 moves up, in its
-// order: a software driver goes through a loop's body for all that it counts, whatever is skipped in it.
+// that may reach the brick by the quarters of the bin they are in, and a test against the brick. What is left of the 64 moves
+// up, in its order: a software driver goes through a loop's body for all that it counts, whatever is skipped in it.
 //
 // With SUBGROUP (subgroups of exactly eight, as on a CPU driver) a workgroup is one subgroup, and a brick has four parts
 // of two rows each: a lane owns two columns of a part. Lanes look at eight candidates at a time and list those that may reach
@@ -102,6 +102,20 @@ fn parts_of(candidate: u32, row: u32, level: u32) -> u32 {
     return select(select(15u, of_half, level == 1u), along_y, level == 0u);
 }
 
+/// The values of lanes 0 to 3.
+fn first_lanes(value: f32) -> vec4<f32> {
+    return vec4(
+        subgroupBroadcast(value, 0u), subgroupBroadcast(value, 1u), subgroupBroadcast(value, 2u), subgroupBroadcast(value, 3u),
+    );
+}
+
+/// The values of lanes 4 to 7.
+fn last_lanes(value: f32) -> vec4<f32> {
+    return vec4(
+        subgroupBroadcast(value, 4u), subgroupBroadcast(value, 5u), subgroupBroadcast(value, 6u), subgroupBroadcast(value, 7u),
+    );
+}
+
 /// Squared distance of a place from a box.
 fn square_from(place: vec3<f32>, low: vec3<f32>, high: vec3<f32>) -> f32 {
     let away = max(max(low - place, place - high), vec3(0.0));
@@ -127,10 +141,10 @@ fn gather(
 
     // Where the cells lie, in camera space.
     let slice = depths[first_slice + lane];
-    let near_depth = vec4(subgroupBroadcast(slice.x, 0u), subgroupBroadcast(slice.x, 1u), subgroupBroadcast(slice.x, 2u), subgroupBroadcast(slice.x, 3u));
-    let far_depth = vec4(subgroupBroadcast(slice.x, 4u), subgroupBroadcast(slice.x, 5u), subgroupBroadcast(slice.x, 6u), subgroupBroadcast(slice.x, 7u));
-    let near_spacing = vec4(subgroupBroadcast(slice.y, 0u), subgroupBroadcast(slice.y, 1u), subgroupBroadcast(slice.y, 2u), subgroupBroadcast(slice.y, 3u));
-    let far_spacing = vec4(subgroupBroadcast(slice.y, 4u), subgroupBroadcast(slice.y, 5u), subgroupBroadcast(slice.y, 6u), subgroupBroadcast(slice.y, 7u));
+    let near_depth = first_lanes(slice.x);
+    let far_depth = last_lanes(slice.x);
+    let near_spacing = first_lanes(slice.y);
+    let far_spacing = last_lanes(slice.y);
     let low_cell = (vec2<f32>(corner.xy) + 0.5 - middle) * vec2(1.0, -1.0);
     let near_x = (low_cell.x + f32(lane)) * near_spacing;
     let far_x = (low_cell.x + f32(lane)) * far_spacing;

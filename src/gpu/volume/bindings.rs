@@ -96,8 +96,8 @@ pub struct Bindings {
     pub one: Held,
     /// Where the picture goes, `vec4<f32>` a pixel.
     pub target: Option<Buffer>,
-    /// What is read back when it is complete: the masses of [`Shows::Ranges`]; of pictures [`EFFORT`] bytes of numbers, and the ends of
-    /// all rays where occlusion is wanted.
+    /// What is read back when it is complete: the masses of [`Shows::Ranges`]; of pictures [`EFFORT`] bytes of numbers, and the ends
+    /// of all rays where occlusion is wanted.
     pub answer: Buffer,
 }
 
