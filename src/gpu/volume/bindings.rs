@@ -2,7 +2,7 @@
 
 use super::constants::{BIN_GROUP, DIGITS, HEADER, SCAN_GROUP, SORT_BLOCK};
 use super::cut::Cut;
-use super::layout::{self, MOST_BINS, MOST_TIERS, Portion, Turn, VolumeUniform};
+use super::layout::{self, MOST_BINS, MOST_TIERS, Portion, REACH_BYTES, Turn, VolumeUniform};
 use super::programs::{Kind, Variant};
 use super::store::{Held, Store};
 use super::view::{Shows, VolumeJob};
@@ -33,8 +33,6 @@ pub const EFFORT: u64 = 8;
 /// Bytes that each particle of a batch takes in what is shared by all slabs: keys and pairs, twice each, what is loaded and
 /// where it reaches.
 pub const BATCH_BYTES: u64 = 4 * 4 * MOST_BINS + 24 + REACH_BYTES + 8;
-/// Bytes of WGSL `Reach` in bin.wgsl.
-const REACH_BYTES: u64 = 12;
 
 /// Bind groups that all slabs share.
 pub struct Groups {

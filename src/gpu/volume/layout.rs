@@ -15,6 +15,9 @@ use bytemuck::{Pod, Zeroable};
 use std::f32::consts::PI;
 use std::ops::Range;
 
+/// Bytes of WGSL `Reach` in bin.wgsl.
+pub const REACH_BYTES: u64 = 12;
+
 /// Bins that a particle may be in.
 pub const MOST_BINS: u64 = 8;
 
