@@ -6,7 +6,8 @@
 /// are 8 x 8 x 8 stored cells; a layer is all bricks of 8 slices.
 ///
 /// A tier is such a grid: tier 0 is the picture's own, cells of tier `t` are `2^t` times as wide and as deep. Particles of wide
-/// kernels belong to coarser tiers, whose fields are interpolated. Coordinate `x` of a tier is `x / 2 + 2` in the next.
+/// kernels belong to coarser tiers, whose fields are interpolated. Coordinate `x` of a tier is `x / 2 + BORDER` in the next, so
+/// `2 BORDER` is the same in all.
 struct VolumeView {
     /// Bricks along x and y of the window: the part of the picture that is drawn at once.
     window: vec2<u32>,
@@ -32,6 +33,8 @@ struct VolumeView {
     sigma: f32,
     /// Depth of the near plane.
     near: f32,
+    /// Slices for a factor of e in depth (perspective) or a unit of depth.
+    slice_rate: f32,
     /// Most bricks that a slab fills.
     brick_room: u32,
     /// Densities up to this show nothing.
@@ -63,6 +66,9 @@ struct VolumeView {
     stride: u32,
     /// Factor on the smoothing lengths of those.
     growth: f32,
+    unused_a: u32,
+    unused_b: u32,
+    unused_c: u32,
     /// The tiers, finest first.
     tiers: array<Tier, 7>,
     /// For each level of bins of each tier: its first bin, and its bins along x, y and z. A bin of a tier's level `l` is `2^l`
@@ -78,8 +84,6 @@ struct VolumeView {
 struct Tier {
     /// Bricks along x and y of the window.
     window: vec2<u32>,
-    /// The middle line of sight, stored cells.
-    middle: vec2<f32>,
     /// Layers that are held.
     ring: u32,
     /// Where its bricks begin among those that are held, and its slices among those of all tiers.
@@ -88,24 +92,18 @@ struct Tier {
     /// Its levels of bins: first, and their number.
     first_level: u32,
     level_count: u32,
-    /// Width of a cell at depth 1 (perspective) or everywhere.
-    sigma: f32,
-    /// Slices for a factor of e in depth (perspective) or a unit of depth, and those before the near plane.
-    slice_rate: f32,
-    slice_shift: f32,
+    unused: u32,
 }
 
 /// What a slab fills of a tier.
 struct TierPortion {
-    /// The window's first brick.
-    origin: vec2<u32>,
-    /// First layer, and their number.
-    first_layer: u32,
+    /// The window's first brick: column, and row from bit 16 on.
+    origin: u32,
+    /// First layer, and their number from bit 24 on.
     layers: u32,
     /// Depths of the centres of their first and last slice.
     nearest: f32,
     farthest: f32,
-    unused: vec2<u32>,
 }
 
 /// One slab of one window, and one batch of particles.

@@ -11,7 +11,7 @@
 // With SUBGROUP (subgroups of exactly eight, as on a CPU driver) a workgroup is one subgroup, lanes lie along x, and all else
 // is in registers: four coarse slices at a time, of each of which lanes have first four rows and then eight.
 #import deepfield::volume_view::{Turn, number_of}
-#import deepfield::volume_bricks::{volume, portion}
+#import deepfield::volume_bricks::{volume, portion, first_brick_of, first_layer_read}
 #import deepfield::volume_constants::{BRICK, BRICK_SHIFT, CELLS, CHOSEN, HEADER, WEIGHTS}
 
 @group(0) @binding(2) var<uniform> turn: Turn;
@@ -45,15 +45,14 @@ fn task_of(item: u32) -> Task {
     let window = volume.tiers[tier].window;
     let columns = window.x * window.y;
     let index = items[HEADER + 2u * item];
-    let first_layer = portion.tiers[tier].first_layer;
-    let layer = select(first_layer, max(first_layer, 1u) - 1u, tier == 0u) + index / columns;
+    let layer = first_layer_read(tier) + index / columns;
     let column = index % columns;
-    let brick = vec3(portion.tiers[tier].origin + vec2(column % window.x, column / window.x), layer);
+    let brick = vec3(first_brick_of(portion.tiers[tier]) + vec2(column % window.x, column / window.x), layer);
     var task: Task;
     task.tier = tier;
     task.held = volume.tiers[tier].first_brick + layer % volume.tiers[tier].ring * columns + column;
     task.odd = brick & vec3(1u);
-    task.first = (brick >> vec3(1u)) - vec3(portion.tiers[tier + 1u].origin, 0u);
+    task.first = (brick >> vec3(1u)) - vec3(first_brick_of(portion.tiers[tier + 1u]), 0u);
     task.parts = items[HEADER + 2u * item + 1u];
     return task;
 }

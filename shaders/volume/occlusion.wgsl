@@ -1,13 +1,12 @@
-// What rays need not look at: `find_reach` finds the densest cell that the rays through a brick may read, `occlude` the columns
+// What rays need not look at: `find_reach` finds the bricks whose rays may read a cell that shows, `occlude` the columns
 // of bricks whose pixels are all opaque, behind which nothing is resampled any more, and `pyramid` the same for the bins
 // of all tiers and levels (F12 5.7.2).
-#import deepfield::volume_view::{VolumeView, Portion, number_of}
+#import deepfield::volume_view::number_of
+#import deepfield::volume_bricks::{volume, portion, first_brick_of}
 
-@group(0) @binding(0) var<uniform> volume: VolumeView;
-@group(0) @binding(1) var<uniform> portion: Portion;
 @group(0) @binding(2) var<storage, read> densest: array<f32>;
-/// The largest density in each brick, those around it and those in front.
-@group(0) @binding(3) var<storage, read_write> reach: array<f32>;
+/// For each column of bricks two times one bit for each of 32 layers of the slab: rays may meet something there.
+@group(0) @binding(3) var<storage, read_write> reach: array<atomic<u32>>;
 @group(0) @binding(4) var<storage, read> rays: array<vec4<f32>>;
 /// For each column of bricks of the picture, then for each row, the first and the last pixel whose rays read it.
 @group(0) @binding(5) var<storage, read> readers: array<vec2<i32>>;
@@ -43,7 +42,10 @@ fn find_reach(
             }
         }
     }
-    reach[layer % volume.ring * columns + brick % columns] = found;
+    if found > volume.least {
+        let z = layer - portion.first_layer;
+        atomicOr(&reach[2u * (brick % columns) + (z >> 5u)], 1u << (z & 31u));
+    }
 }
 
 /// Whether some pixel is not opaque yet.
@@ -92,7 +94,7 @@ fn occlude(
 fn all_hidden(tier: u32, place: vec2<u32>) -> u32 {
     let flags = volume.levels[volume.tiers[tier].first_level].x;
     let window = vec2<i32>(volume.tiers[tier].window);
-    let middle = 2 * vec2<i32>(portion.tiers[tier + 1u].origin + place) - vec2<i32>(portion.tiers[tier].origin);
+    let middle = 2 * vec2<i32>(first_brick_of(portion.tiers[tier + 1u]) + place) - vec2<i32>(first_brick_of(portion.tiers[tier]));
     let low = max(middle - 1, vec2(0));
     let high = min(middle + 1, window - 1);
     var every = 1u;

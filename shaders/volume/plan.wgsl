@@ -1,8 +1,8 @@
 // Lists the bricks that something may reach and somebody sees, so that the others cost nothing; and those with so many
 // particles that they take several turns.
 #import deepfield::volume_view::number_of
-#import deepfield::volume_bricks::{volume, portion, brick_of_tier, first_bin}
-#import deepfield::volume_constants::{HEADER, TURN}
+#import deepfield::volume_bricks::{volume, portion, brick_of_tier, first_bin, layers_of}
+#import deepfield::volume_constants::HEADER
 
 /// Where each bin's particles begin.
 @group(0) @binding(2) var<storage, read> bins: array<u32>;
@@ -31,7 +31,7 @@ fn plan(
     var index = number;
     loop {
         let window = volume.tiers[tier].window;
-        let filled = window.x * window.y * portion.tiers[tier].layers;
+        let filled = window.x * window.y * layers_of(portion.tiers[tier]);
         if index < filled || tier + 1u == volume.tier_count {
             break;
         }
@@ -61,7 +61,7 @@ fn plan(
     }
     let name = first_bin(tier) + index;
     atomicStore(&items[HEADER + atomicAdd(&items[0], 1u)], name);
-    if total > TURN {
+    if total > #{TURN}u {
         atomicStore(&items[HEADER + volume.brick_room + atomicAdd(&items[1], 1u)], name);
     }
 }
@@ -70,7 +70,7 @@ fn plan(
 @compute @workgroup_size(1)
 fn dispatch_bricks() {
     for (var list = 0u; list < 2u; list++) {
-        let number = atomicLoad(&items[list]) * #{PARTS}u;
+        let number = atomicLoad(&items[list]);
         // One dimension holds at most 65535.
         dispatch[3u * list] = min(number, 32768u);
         dispatch[3u * list + 1u] = (number + 32767u) / 32768u;

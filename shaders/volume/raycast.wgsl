@@ -2,6 +2,12 @@
 // both; step for step what src/raster/volume/raycast.rs does, whose comments say why.
 //
 // One invocation for each pixel, whose state is carried from slab to slab in `rays` and `progress`.
+//
+// What rays do rarely stands behind the loops over what they do often: a software driver goes through all that a loop holds in
+// every round, and on a graphics card rays would wait for each other. So rays go past cells that do not show, through cells that
+// do, to surfaces, and to the next layer that is not empty in four loops, each within the one that follows.
+//
+// With CENTERED (cells are pixels) rays go through the cells' centres.
 #import deepfield::volume_view::{VolumeView, Portion}
 #import deepfield::volume_constants::{
     BRICK, BRICK_SHIFT, BRIGHTNESSES, CELLS, HIDDEN_BITS, HUES, SURFACE_BRIGHTNESS,
@@ -13,7 +19,8 @@
 @group(0) @binding(2) var<storage, read> depths: array<vec4<f32>>;
 @group(0) @binding(3) var<storage, read> field: array<f32>;
 @group(0) @binding(4) var<storage, read> densest: array<f32>;
-@group(0) @binding(5) var<storage, read> reach: array<f32>;
+/// For each column of bricks one bit for each of the slab's layers: rays may meet something there.
+@group(0) @binding(5) var<storage, read> reach: array<vec2<u32>>;
 /// Extinction and colour of each density, or its brightness and its place in the range in place of the colour where there are
 /// hues; then the hues, each from dark to bright; then colours and factors on the extinction for hues and places.
 @group(0) @binding(6) var<storage, read> table: array<vec4<f32>>;
@@ -26,6 +33,7 @@
 @group(0) @binding(9) var<storage, read> places: array<vec2<u32>>;
 
 const NO_CROSSING: f32 = 2.0;
+const NOTHING: u32 = 0xffffffffu;
 const LANES: vec4<u32> = vec4<u32>(0u, 1u, 2u, 3u);
 
 /// What every sample asks for: a software driver fetches uniforms for each lane, every time.
@@ -58,6 +66,26 @@ struct Place {
     here: u32,
     front: u32,
     last_slice: u32,
+#ifdef CENTERED
+    /// The ray's own cell in the first slice of the layer and the one in front; NOTHING where the part holds nothing.
+    here_cell: u32,
+    front_cell: u32,
+#endif
+}
+
+#ifdef ATTRIBUTE
+const VALUES: u32 = 2u;
+#else
+const VALUES: u32 = 1u;
+#endif
+
+/// Density and `sum m A W` by the index of a cell.
+fn values_at(at: u32) -> vec2<f32> {
+#ifdef ATTRIBUTE
+    return vec2(field[at], field[at + CELLS]);
+#else
+    return vec2(field[at], 0.0);
+#endif
 }
 
 /// Density and `sum m A W` of a stored cell.
@@ -70,13 +98,7 @@ fn cell_at(place: Place, cell: vec2<u32>, slice: u32) -> vec2<f32> {
     if any(brick >= place.window) || densest[held * #{PARTS}u + inside.y * #{PARTS}u / BRICK] <= 0.0 {
         return vec2(0.0);
     }
-    let within = (((inside.z << BRICK_SHIFT) | inside.y) << BRICK_SHIFT) | inside.x;
-#ifdef ATTRIBUTE
-    let at = held * 2u * CELLS + within;
-    return vec2(field[at], field[at + CELLS]);
-#else
-    return vec2(field[held * CELLS + within], 0.0);
-#endif
+    return values_at(held * VALUES * CELLS + ((((inside.z << BRICK_SHIFT) | inside.y) << BRICK_SHIFT) | inside.x));
 }
 
 /// Density and `sum m A W` before the ray, moved by whole cells: bilinear. Slices beyond the grid's ends repeat the last one.
@@ -84,16 +106,38 @@ fn sample(place: Place, moved: vec2<i32>, slice: i32) -> vec2<f32> {
     let z = min(u32(max(slice, 0)), place.last_slice);
     let cell = vec2<u32>(vec2<i32>(place.cell) + moved);
     let a = cell_at(place, cell, z);
-    if all(place.shares == vec2(0.0)) {
-        return a;
-    }
+#ifdef CENTERED
+    return a;
+#else
     let b = cell_at(place, cell + vec2(1u, 0u), z);
     let c = cell_at(place, cell + vec2(0u, 1u), z);
     let d = cell_at(place, cell + vec2(1u, 1u), z);
     let u = place.shares.x;
     let v = place.shares.y;
     return (a + u * (b - a)) * (1.0 - v) + (c + u * (d - c)) * v;
+#endif
 }
+
+/// Density and `sum m A W` where the ray passes a slice of the layer or the one in front.
+fn on_ray(place: Place, slice: u32) -> vec2<f32> {
+#ifdef CENTERED
+    let first = select(place.front_cell, place.here_cell, (slice >> BRICK_SHIFT) == place.layer);
+    if first == NOTHING {
+        return vec2(0.0);
+    }
+    return values_at(first + (slice & (BRICK - 1u)) * BRICK * BRICK);
+#else
+    return sample(place, vec2(0), i32(slice));
+#endif
+}
+
+#ifdef CENTERED
+/// Where a ray's own cells of a layer begin in a brick that is held, `within` it; NOTHING where its part holds nothing.
+fn first_cell(held: u32, within: vec2<u32>) -> u32 {
+    let holds = densest[held * #{PARTS}u + within.y * #{PARTS}u / BRICK] > 0.0;
+    return select(NOTHING, held * VALUES * CELLS + within.y * BRICK + within.x, holds);
+}
+#endif
 
 /// What is behind, seen through what is here.
 fn under(ray: ptr<function, Ray>, color: vec3<f32>, alpha: f32) {
@@ -286,7 +330,10 @@ fn cast_rays(@builtin(global_invocation_id) invocation: vec3<u32>) {
     if gathered.w >= termination {
         return;
     }
-    var ray = Ray(gathered.rgb, gathered.w, progress[index]);
+    var ray = Ray(gathered.rgb, gathered.w, 0.0);
+#ifdef SURFACES
+    ray.done = progress[index];
+#endif
 
     let column = (brick.y - place.origin.y) * place.window.x + brick.x - place.origin.x;
     let columns = place.window.x * place.window.y;
@@ -296,7 +343,6 @@ fn cast_rays(@builtin(global_invocation_id) invocation: vec3<u32>) {
     let slices = volume.slices;
     let ring = volume.ring;
     let last_layer = volume.last_layer;
-    let least = volume.least;
     let faintest = volume.faintest;
     let behind = portion.behind_step;
 #ifdef SURFACES
@@ -312,58 +358,61 @@ fn cast_rays(@builtin(global_invocation_id) invocation: vec3<u32>) {
     }
 #endif
 
+    var layers_left = reach[column];
     var step = portion.first_step;
-    var before = vec2(0.0);
-    var known = false;
-    while step < behind && ray.alpha < termination {
-        // The layer of the slice after the step, for a gradient's sake; the last layer's steps go to the end.
-        let layer = min((step + 1u) >> BRICK_SHIFT, last_layer);
+    while any(layers_left != vec2(0u)) && ray.alpha < termination {
+        let of_low = layers_left.x != 0u;
+        let layer = portion.first_layer + firstTrailingBit(select(layers_left.y, layers_left.x, of_low)) + select(32u, 0u, of_low);
+        layers_left = select(
+            vec2(0u, layers_left.y & (layers_left.y - 1u)), vec2(layers_left.x & (layers_left.x - 1u), layers_left.y), of_low,
+        );
+        // A layer has the steps whose next slice is in it, for a gradient's sake; the last one those to the end. Before the first
+        // slice there is nothing.
+        let start = max(max(layer << BRICK_SHIFT, 2u) - 1u, portion.first_step);
         let end = select(behind, min(behind, (layer << BRICK_SHIFT) + BRICK - 1u), layer < last_layer);
+        if start != step {
+            ray.done = 0.0;
+        }
+        step = start;
         place.layer = layer;
         place.here = layer % ring * columns;
         place.front = (layer + ring - 1u) % ring * columns;
-        if reach[place.here + column] <= least {
-            ray.done = 0.0;
-            step = end;
-            known = false;
-            continue;
-        }
-        if !known && step > 0u {
-            before = sample(place, vec2(0), i32(step) - 1);
-        }
-        known = true;
-        // What happens at crossings stands behind the loop over steps: a software driver goes through all that a loop holds
-        // in every round, and on a graphics card rays would wait for each other.
+#ifdef CENTERED
+        let within = place.cell & vec2(BRICK - 1u);
+        place.here_cell = first_cell(place.here + column, within);
+        place.front_cell = first_cell(place.front + column, within);
+#endif
+#ifdef SURFACES
         while step < end && ray.alpha < termination {
-            var now = vec2(0.0);
             var crossed = false;
-            for (; step < end; step++) {
-                now = vec2(0.0);
-                if step < slices {
-                    now = sample(place, vec2(0), i32(step));
-                }
-                if step == 0u || (before.x <= least && now.x <= least) {
+            var before = on_ray(place, step - 1u).x;
+            while step < end && ray.alpha < termination {
+                var now = 0.0;
+                for (; step < end; step++) {
+                    now = 0.0;
+                    if step < slices {
+                        now = on_ray(place, step).x;
+                        crossed = any((vec4(before) < low_values) != (vec4(now) < low_values))
+                            || any((vec4(before) < high_values) != (vec4(now) < high_values));
+                    }
+                    if crossed || before > faintest {
+                        break;
+                    }
                     ray.done = 0.0;
                     before = now;
-                    continue;
                 }
-#ifdef SURFACES
-                crossed = step < slices && (any((vec4(before.x) < low_values) != (vec4(now.x) < low_values))
-                    || any((vec4(before.x) < high_values) != (vec4(now.x) < high_values)));
-                if crossed {
+                if crossed || step == end {
                     break;
                 }
-#endif
-                through(&ray, step - 1u, before, 1.0 - ray.done, secant, faintest);
+                through(&ray, step - 1u, on_ray(place, step - 1u), 1.0 - ray.done, secant, faintest);
                 ray.done = 0.0;
                 before = now;
-                if ray.alpha >= termination {
-                    break;
-                }
+                step += select(0u, 1u, ray.alpha < termination);
             }
-#ifdef SURFACES
             if crossed {
                 let first = sample(place, vec2(0), i32(step) - 2).x;
+                let before = on_ray(place, step - 1u);
+                let now = on_ray(place, step);
                 let last = sample(place, vec2(0), i32(step) + 1).x;
                 let samples = vec4(first, before.x, now.x, last);
                 let low_crossed = (vec4(before.x) < low_values) != (vec4(now.x) < low_values);
@@ -404,13 +453,38 @@ fn cast_rays(@builtin(global_invocation_id) invocation: vec3<u32>) {
                 }
                 through(&ray, step - 1u, before, 1.0 - ray.done, secant, faintest);
                 ray.done = next_done;
-                before = now;
-                step += 1u;
+                step += select(0u, 1u, ray.alpha < termination);
             }
-#endif
         }
+#else
+        while step < end && ray.alpha < termination {
+            var value = vec2(0.0);
+            for (; step < end; step++) {
+                value = on_ray(place, step - 1u);
+                if value.x > faintest {
+                    break;
+                }
+            }
+            if step < end {
+                through(&ray, step - 1u, value, 1.0, secant, faintest);
+                step += select(0u, 1u, ray.alpha < termination);
+            }
+        }
+#endif
     }
-    rays[index] = vec4(ray.color, ray.alpha);
     // Of a ray that has ended nobody wants to know the share, but where that was.
-    progress[index] = select(ray.done, f32(step), ray.alpha >= termination);
+    let has_ended = ray.alpha >= termination;
+    if ray.alpha != gathered.w {
+        rays[index] = vec4(ray.color, ray.alpha);
+    }
+#ifdef SURFACES
+    if !has_ended && step != behind {
+        ray.done = 0.0;
+    }
+    progress[index] = select(ray.done, f32(step), has_ended);
+#else
+    if has_ended {
+        progress[index] = f32(step);
+    }
+#endif
 }

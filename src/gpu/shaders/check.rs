@@ -71,12 +71,13 @@ pub fn variants() -> Vec<Variant> {
     }
     for kind in Kind::ALL {
         let mut built = Vec::new();
-        for index in 0..16 {
+        for index in 0..32 {
             let variant = volume::Variant {
                 kernel: Kernel::ALL[index & 1],
                 attribute: index & 2 > 0,
                 surfaces: index & 4 > 0,
-                vectors: index & 8 > 0,
+                centered: index & 8 > 0,
+                vectors: index & 16 > 0,
             };
             let defs = kind.defs(variant);
             if !built.contains(&defs) {

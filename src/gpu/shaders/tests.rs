@@ -16,7 +16,7 @@ use crate::gpu::splat::layout::{
 };
 use crate::gpu::target::FrameUniform;
 use crate::gpu::tiles::layout::{Portion as TilePortion, SPOT_BYTES, TileUniform};
-use crate::gpu::volume::layout::{Portion, TierPortion, TierUniform, Turn, VolumeUniform};
+use crate::gpu::volume::layout::{Portion, REACH_BYTES, TierPortion, TierUniform, Turn, VolumeUniform};
 use std::collections::BTreeSet;
 use wgpu::naga::{AddressSpace, Handle, Module, ScalarKind, Type, TypeInner};
 
@@ -250,6 +250,7 @@ fn written(path: &str, name: &str) -> Option<Layout> {
             surface_count,
             sigma,
             near,
+            slice_rate,
             brick_room,
             least,
             faintest,
@@ -267,6 +268,7 @@ fn written(path: &str, name: &str) -> Option<Layout> {
             kernel_factor,
             stride,
             growth,
+            unused,
             tiers,
             levels,
             surfaces,
@@ -368,6 +370,11 @@ fn buffers_are_laid_out_as_the_program_writes_them() {
                 (None, "places") => assert_eq!(found.0 as u64, PLACE_BYTES, "{place}"),
                 (None, "spots" | "arranged") => assert_eq!(found.0 as u64, SPOT_BYTES, "{place}"),
                 (None, "hits" | "smoothed") => assert_eq!(found.0, 16, "{place}"),
+                (None, "reaches") if variant.path == "volume/bin.wgsl" => {
+                    assert_eq!(found.0 as u64, REACH_BYTES, "{place}");
+                }
+                // Two times 32 layers.
+                (None, "reach") if variant.path == "volume/raycast.wgsl" => assert_eq!(found.0, 8, "{place}"),
                 (None, "ranges" | "reaches") => assert_eq!(found.0, 8, "{place}"),
                 (None, _) if !variant.path.starts_with("splat/") => assert_eq!(found.0, 4, "{place}"),
                 _ => panic!("unknown: {place}"),
@@ -398,18 +405,15 @@ fn buffers_are_laid_out_as_the_program_writes_them() {
             let tiers = match name {
                 "volume" => Some(layout!(TierUniform {
                     window,
-                    middle,
                     ring,
                     first_brick,
                     first_slice,
                     first_level,
                     level_count,
-                    sigma,
-                    slice_rate,
-                    slice_shift,
+                    unused,
                 })),
                 "portion" if variant.path.starts_with("volume/") => {
-                    Some(layout!(TierPortion { origin, first_layer, layers, nearest, farthest, unused }))
+                    Some(layout!(TierPortion { origin, layers, nearest, farthest }))
                 }
                 _ => None,
             };
@@ -421,7 +425,7 @@ fn buffers_are_laid_out_as_the_program_writes_them() {
             }
         }
     }
-    assert_eq!(compared.len(), 68, "{compared:?}");
+    assert_eq!(compared.len(), 70, "{compared:?}");
 }
 
 #[test]

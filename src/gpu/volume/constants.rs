@@ -20,11 +20,11 @@ pub const CELLS: u32 = BRICK * BRICK * BRICK;
 const CHOSEN: u32 = 4;
 /// Words before the list of bricks.
 pub const HEADER: u32 = 12;
-/// Particles that a brick gathers in one turn: a software driver ends an invocation's loops after 65535 rounds.
-pub const TURN: u32 = 1 << 15;
 /// Most levels of bins, of all tiers together: the finest tier's last one has bins that are 2^13 bricks wide, and each
 /// tier has half the bricks of the one before.
 pub const MOST_LEVELS: usize = 80;
+/// Bits of a particle's place in its batch, beside which pairs hold three times four bits.
+pub const PARTICLE_BITS: u32 = 20;
 /// Particles of a workgroup that bins them.
 pub const BIN_GROUP: u32 = 256;
 /// Bins of a workgroup that sums them.
@@ -45,7 +45,7 @@ pub fn wgsl() -> String {
         ("BORDER", BORDER as u32),
         ("CHOSEN", CHOSEN),
         ("HEADER", HEADER),
-        ("TURN", TURN),
+        ("PARTICLE_BITS", PARTICLE_BITS),
         ("BIN_GROUP", BIN_GROUP),
         ("SORT_BLOCK", SORT_BLOCK),
         ("DIGIT_BITS", DIGIT_BITS),

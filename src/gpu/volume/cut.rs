@@ -10,7 +10,8 @@ use crate::view::PerspectiveGrid;
 use crate::view::perspective_grid::Slab;
 use std::ops::Range;
 
-/// Most layers of a slab: a ray's loops over one slab stay far below what a software driver allows (65535 rounds).
+/// Most layers of a slab: rays have a bit for each. Their loops over one slab stay far below what a software driver allows
+/// (65535 rounds).
 const MOST_LAYERS: u32 = 64;
 /// Bricks around those whose pixels a window draws: rays read two cells beyond their own.
 const AROUND: u32 = 1;

@@ -6,13 +6,17 @@ use super::constants::{BRICK, MOST_LEVELS};
 use super::cut::Cut;
 use super::view::{Shows, VolumeJob};
 use crate::color::transfer::Scale;
-use crate::cpu::volume::bricks::{BORDER, BrickGrid};
+use crate::cpu::volume::bricks::BrickGrid;
 use crate::cpu::volume::coarse;
 use crate::cpu::volume::surface::MOST_SURFACES;
 use crate::cpu::volume::{Light, Scenery};
 use crate::model::Kernel;
 use bytemuck::{Pod, Zeroable};
 use std::f32::consts::PI;
+use std::ops::Range;
+
+/// Bytes of WGSL `Reach` in bin.wgsl.
+pub const REACH_BYTES: u64 = 12;
 
 /// Bins that a particle may be in.
 pub const MOST_BINS: u64 = 8;
@@ -26,8 +30,6 @@ pub const MOST_TIERS: usize = coarse::MOST_LEVELS;
 pub struct TierUniform {
     /// Bricks along x and y of a window.
     pub window: [u32; 2],
-    /// The middle line of sight, stored cells.
-    pub middle: [f32; 2],
     /// Layers that are held.
     pub ring: u32,
     /// Where its bricks begin among those that are held.
@@ -38,12 +40,8 @@ pub struct TierUniform {
     pub first_level: u32,
     /// Its levels of bins.
     pub level_count: u32,
-    /// Width of a cell at depth 1 (perspective) or everywhere.
-    pub sigma: f32,
-    /// Slices for a factor of e in depth (perspective) or a unit of depth.
-    pub slice_rate: f32,
-    /// The near plane's place, slices.
-    pub slice_shift: f32,
+    /// Padding.
+    pub unused: u32,
 }
 
 /// WGSL `VolumeView`.
@@ -74,6 +72,8 @@ pub struct VolumeUniform {
     pub sigma: f32,
     /// Depth of the near plane.
     pub near: f32,
+    /// Slices for a factor of e in depth (perspective) or a unit of depth.
+    pub slice_rate: f32,
     /// Most bricks that a slab fills.
     pub brick_room: u32,
     /// Densities up to this show nothing.
@@ -108,6 +108,8 @@ pub struct VolumeUniform {
     pub stride: u32,
     /// Factor on the smoothing lengths of those.
     pub growth: f32,
+    /// Padding.
+    pub unused: [u32; 3],
     /// The tiers, finest first.
     pub tiers: [TierUniform; MOST_TIERS],
     /// First bin, and bins along x, y and z, of each level of each tier.
@@ -122,18 +124,23 @@ pub struct VolumeUniform {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct TierPortion {
-    /// The window's first brick.
-    pub origin: [u32; 2],
-    /// First layer that is filled.
-    pub first_layer: u32,
-    /// Number of these layers.
+    /// The window's first brick: column, and row from bit 16 on.
+    pub origin: u32,
+    /// First layer that is filled, and their number from bit 24 on.
     pub layers: u32,
     /// Depth of the centre of their first slice.
     pub nearest: f32,
     /// Depth of the centre of their last slice.
     pub farthest: f32,
-    /// Padding.
-    pub unused: [u32; 2],
+}
+
+impl TierPortion {
+    /// A window that begins with a brick, of which layers are filled whose ends have these depths.
+    pub fn new([column, row]: [u32; 2], layers: &Range<u32>, [nearest, farthest]: [f32; 2]) -> TierPortion {
+        let number = layers.len() as u32;
+        debug_assert!(column < 1 << 16 && row < 1 << 16 && layers.start < 1 << 24 && number < 1 << 8);
+        TierPortion { origin: column | row << 16, layers: layers.start | number << 24, nearest, farthest }
+    }
 }
 
 /// WGSL `Portion`.
@@ -203,31 +210,24 @@ impl VolumeUniform {
             true => (grid.far / grid.near).ln(),
             false => grid.far - grid.near,
         };
-        let slice_rate = f64::from(grid.size[2]) / span;
         let (mut tiers, mut all_levels) = ([TierUniform::zeroed(); MOST_TIERS], [[0; 4]; MOST_LEVELS]);
         let (mut bin_count, mut first_level, mut first_brick, mut first_slice) = (0, 0, 0, 0);
-        let (mut scale, mut slice_shift) = (1.0, 0.0);
         for ((out, tier), brick_grid) in tiers.iter_mut().zip(&cut.tiers).zip(grids) {
             let levels = levels([tier.window[0], tier.window[1], tier.layers], bin_count);
             *out = TierUniform {
                 window: tier.window,
-                middle: brick_grid.middle,
                 ring: tier.ring,
                 first_brick,
                 first_slice,
                 first_level: first_level as u32,
                 level_count: levels.len() as u32,
-                sigma: (scale * grid.sigma) as f32,
-                slice_rate: (slice_rate / scale) as f32,
-                slice_shift: slice_shift as f32,
+                unused: 0,
             };
             bin_count = levels.last().map_or(bin_count, |[first, x, y, z]| first + x * y * z);
             all_levels[first_level..first_level + levels.len()].copy_from_slice(&levels);
             first_level += levels.len();
             first_brick += tier.bricks_held() as u32;
             first_slice += brick_grid.depth.len() as u32;
-            scale *= 2.0;
-            slice_shift = 0.5 * slice_shift + BORDER as f64;
         }
         let finest = cut.finest();
         let uniform = VolumeUniform {
@@ -241,6 +241,7 @@ impl VolumeUniform {
             perspective: grid.perspective.into(),
             sigma: grid.sigma as f32,
             near: grid.near as f32,
+            slice_rate: (f64::from(grid.size[2]) / span) as f32,
             brick_room: cut.tiers.iter().map(|tier| tier.columns() * tier.layers).sum(),
             smallest: job.options.smallest as f32,
             kernel_factor: match job.options.kernel {

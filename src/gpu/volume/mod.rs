@@ -7,7 +7,8 @@
 //! that reach into it ([`pass`]):
 //!
 //! 1. `project`: particles are loaded from the arena, brought to camera space and enlarged to what the grid can hold.
-//! 2. `count`, `pair`: they are binned, each to eight bins at most of one of several levels.
+//! 2. `count`, `pair`: they are binned, each to eight bins at most of one of several levels; a pair of bin and particle knows which
+//!    quarters of the bin the particle may reach.
 //! 3. `tally`, `move_pairs`: pairs of bin and particle are sorted by bins; equal ones keep their order, so that
 //!    nothing depends on which workgroup is first.
 //! 4. `gather`: each brick of 8 x 8 x 8 cells sums up its own particles, in registers; wide ones in bricks of the coarser grids
@@ -15,7 +16,7 @@
 //!
 //! Then, for each slab:
 //!
-//! 5. `mark`, `choose`, `interpolate`: each tier gets what the next coarser one holds, where that may show.
+//! 5. `bound`, `mark`, `need`, `choose`, `interpolate`: each tier gets what the next coarser one holds, where that may show.
 //! 6. `cast_rays`: all rays go through it; what they have gathered is carried to the next one.
 //! 7. `occlude`, `pyramid`: columns of bricks behind opaque pixels are left out from now on.
 //!
@@ -26,6 +27,7 @@ pub mod cut;
 pub mod layout;
 pub mod programs;
 
+mod bindings;
 mod pass;
 mod prepare;
 mod store;

@@ -1,10 +1,11 @@
 //! Encodes the slabs that a frame draws.
 
+use super::bindings::{ALL_BRICKS, ALL_PAIRS, CHOSEN_GROUPS, CROWDED, EFFORT, SORT_GROUPS, offset};
 use super::constants::{BIN_GROUP, HEADER, SCAN_GROUP};
 use super::prepare::VolumeWork;
 use super::programs::{Step, VolumePipelines};
 use super::view::Shows;
-use super::work::{ALL_BRICKS, ALL_PAIRS, Batch, CHOSEN_GROUPS, CROWDED, EFFORT, SORT_GROUPS, SlabWork, Work, offset};
+use super::work::{Batch, SlabWork, Work};
 use bevy::platform::collections::HashMap;
 use bevy::prelude::*;
 use bevy::render::diagnostic::RecordDiagnostics;
@@ -139,18 +140,33 @@ fn resample(work: &Work, steps: &mut Steps<'_>, slab: &SlabWork, batch: &Batch, 
     }
 }
 
-/// Adds to each tier what the next coarser one holds.
+/// Adds to each tier what the next coarser one holds, coarsest first, where something may show: choose.wgsl says which passes
+/// find that.
 fn interpolate(work: &Work, steps: &mut Steps<'_>, slab: &SlabWork) {
     let (bound, buffers) = (&work.groups, &work.buffers);
     let at = offset(slab.first_portion);
-    for tier in (0..slab.bricks.len() - 1).rev().filter(|tier| slab.bricks[*tier] > 0) {
+    let tiers = slab.bricks.len();
+    if tiers == 1 {
+        return;
+    }
+    let filled = |tier: usize| groups(slab.bricks[tier].div_ceil(BRICK_GROUP));
+    let read = |tier: usize| groups((work.cut.tiers[tier].bricks_held() as u32).div_ceil(BRICK_GROUP));
+    for tier in (0..tiers).rev() {
         let at = [at, offset(tier)];
-        // Of the finest tier the last layer of the slab before is looked at too.
-        let before = if tier == 0 { work.cut.finest().columns() } else { 0 };
-        if tier == 0 {
-            steps.take(Step::Mark, &bound.choose, &at, groups(slab.bricks[0].div_ceil(BRICK_GROUP)));
+        if tier > 0 && slab.bricks[tier] > 0 {
+            steps.take(Step::Bound, &bound.choose, &at, filled(tier));
         }
-        steps.take(Step::Choose, &bound.choose, &at, groups((slab.bricks[tier] + before).div_ceil(BRICK_GROUP)));
+        if tier == 0 || (tier == 1 && tiers > 2) {
+            steps.take(Step::Mark, &bound.choose, &at, filled(0));
+        }
+        // Nothing is added to the coarsest tier.
+        if tier + 1 == tiers {
+            continue;
+        }
+        if tier == 1 {
+            steps.take(Step::Need, &bound.choose, &at, read(0));
+        }
+        steps.take(Step::Choose, &bound.choose, &at, read(tier));
         steps.take(Step::DispatchChosen, &bound.choose, &at, [1, 1, 1]);
         steps.take_as_told(Step::Interpolate, &bound.interpolate, &at, &buffers.dispatch.buffer, CHOSEN_GROUPS);
     }
@@ -169,6 +185,7 @@ fn finish_slab(
     if occlusion {
         encoder.clear_buffer(&work.buffers.visible.buffer, 0, Some(4));
     }
+    encoder.clear_buffer(&work.buffers.reach.buffer, 0, Some(work.buffers.reach.bytes));
     let pass = encoder.begin_compute_pass(&ComputePassDescriptor::default());
     let mut steps = Steps { pass, pipelines };
     if let Some(measure) = &work.groups.measure {

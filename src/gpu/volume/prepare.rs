@@ -1,9 +1,10 @@
 //! Follows what the main world wants drawn: begins pictures, says which of their slabs a frame draws, and takes in what is complete.
 
+use super::bindings::EFFORT;
 use super::programs::VolumePipelines;
 use super::store::Store;
 use super::view::{Shows, VolumeJob, VolumeNews, VolumeView};
-use super::work::{EFFORT, Means, Room, Work};
+use super::work::{Means, Room, Work};
 use crate::cpu::volume::range::{CLASSES, Histogram};
 use crate::cpu::volume::{FieldRange, OpaqueDepths, raycast};
 use crate::gpu::arena::Arena;

@@ -46,8 +46,12 @@ pub enum Step {
     DispatchBricks,
     /// Resamples, one workgroup a brick.
     Gather,
+    /// How dense bricks of coarser grids may become, one invocation a brick.
+    Bound,
     /// Which bricks may show something, one invocation a brick.
     Mark,
+    /// Which bricks of the next coarser grid are needed, one invocation a brick.
+    Need,
     /// Lists bricks to which wide particles add something, one invocation a brick.
     Choose,
     /// Says how many there are, one invocation.
@@ -102,6 +106,8 @@ pub struct Variant {
     pub attribute: bool,
     /// Whether there are surfaces.
     pub surfaces: bool,
+    /// Whether cells are pixels, so that all rays go through cells' centres.
+    pub centered: bool,
     /// Whether subgroups have exactly eight lanes: a processor's vectors.
     pub vectors: bool,
 }
@@ -111,11 +117,18 @@ impl Variant {
     pub fn parts(self) -> u32 {
         if self.vectors { 4 } else { 1 }
     }
+
+    /// Particles that a brick gathers in one turn, `TURN` in the shaders: a software driver ends an invocation's loops after 65535
+    /// rounds in all. With vectors a particle takes a round for each part that it reaches, one in eight for each that it may reach,
+    /// and one in eight where it is looked for; without, a round.
+    pub fn turn(self) -> u32 {
+        if self.vectors { 1 << 13 } else { 1 << 15 }
+    }
 }
 
 impl Step {
     /// Every step.
-    pub const ALL: [Step; 22] = [
+    pub const ALL: [Step; 24] = [
         Step::Project,
         Step::Count,
         Step::Pair,
@@ -129,7 +142,9 @@ impl Step {
         Step::Plan,
         Step::DispatchBricks,
         Step::Gather,
+        Step::Bound,
         Step::Mark,
+        Step::Need,
         Step::Choose,
         Step::DispatchChosen,
         Step::Interpolate,
@@ -156,7 +171,9 @@ impl Step {
             Step::Plan => "plan",
             Step::DispatchBricks => "dispatch_bricks",
             Step::Gather => "gather",
+            Step::Bound => "bound",
             Step::Mark => "mark",
+            Step::Need => "need",
             Step::Choose => "choose",
             Step::DispatchChosen => "dispatch_chosen",
             Step::Interpolate => "interpolate",
@@ -177,7 +194,7 @@ impl Step {
             Step::Tally | Step::MovePairs => Kind::Sort,
             Step::Plan | Step::DispatchBricks => Kind::Plan,
             Step::Gather => Kind::Gather,
-            Step::Mark | Step::Choose | Step::DispatchChosen => Kind::Choose,
+            Step::Bound | Step::Mark | Step::Need | Step::Choose | Step::DispatchChosen => Kind::Choose,
             Step::Interpolate => Kind::Interpolate,
             Step::Measure => Kind::Measure,
             Step::FindReach | Step::Occlude | Step::Pyramid => Kind::Occlusion,
@@ -221,7 +238,7 @@ impl Kind {
 
     /// Whether it uses subgroups where [`Variant::vectors`] says that they are vectors.
     pub const fn has_subgroups(self) -> bool {
-        matches!(self, Kind::Gather | Kind::Interpolate)
+        matches!(self, Kind::Bin | Kind::Gather | Kind::Interpolate)
     }
 
     /// Shader definitions of a variant.
@@ -231,6 +248,9 @@ impl Kind {
         let with_cells = is_one_of(&[Kind::Gather, Kind::Interpolate, Kind::Measure, Kind::Raycast]);
         if with_cells || is_one_of(&[Kind::Plan, Kind::Choose, Kind::Occlusion]) {
             defs.push(ShaderDefVal::UInt("PARTS".into(), variant.parts()));
+        }
+        if is_one_of(&[Kind::Plan, Kind::Gather]) {
+            defs.push(ShaderDefVal::UInt("TURN".into(), variant.turn()));
         }
         if self.has_subgroups() && variant.vectors {
             defs.push("SUBGROUP".into());
@@ -243,6 +263,12 @@ impl Kind {
         }
         if self == Kind::Raycast && variant.surfaces {
             defs.push("SURFACES".into());
+        }
+        if self == Kind::Choose && variant.centered && !variant.surfaces {
+            defs.push("ALONE".into());
+        }
+        if self == Kind::Raycast && variant.centered {
+            defs.push("CENTERED".into());
         }
         defs
     }
@@ -257,7 +283,7 @@ impl Kind {
         let write = || storage_buffer_sized(false, None);
         let list = match self {
             Kind::Project => vec![view(), write(), write(), read()],
-            Kind::Bin => vec![view(), portion(), read(), read(), write(), write(), write(), write()],
+            Kind::Bin => vec![view(), portion(), read(), read(), write(), write(), write(), write(), write()],
             Kind::Scan => vec![view(), portion(), write(), write(), write()],
             Kind::Sort => vec![turn(), read(), read(), read(), write(), write(), write()],
             Kind::Plan => vec![view(), portion(), read(), read(), write(), write(), write()],
@@ -267,7 +293,7 @@ impl Kind {
                 list.extend([write(), write()]);
                 list
             }
-            Kind::Choose => vec![view(), portion(), turn(), read(), read(), write(), write(), write()],
+            Kind::Choose => vec![view(), portion(), turn(), read(), read(), write(), write(), write(), write()],
             Kind::Interpolate => vec![view(), portion(), turn(), read(), write(), write()],
             Kind::Measure => vec![view(), portion(), read(), read(), read(), write()],
             Kind::Occlusion => vec![view(), portion(), read(), write(), read(), read(), write(), write()],

@@ -1,14 +1,15 @@
-//! A picture on its way: how it is cut, what its passes bind, and how far it has come.
+//! A picture on its way: how it is cut, which particles each slab reads, and how far it has come.
 
-use super::constants::{BIN_GROUP, BRICK, DIGITS, HEADER, SCAN_GROUP, SORT_BLOCK, TURN};
+use super::bindings::{BATCH_BYTES, Bindings, Buffers, Groups, Wanted};
+use super::constants::{BRICK, PARTICLE_BITS};
 use super::cut::{Cut, Window};
-use super::layout::{self, MOST_BINS, MOST_TIERS, Portion, TierPortion, Turn, VolumeUniform};
-use super::programs::{Kind, Variant};
+use super::layout::{self, MOST_BINS, MOST_TIERS, Portion, TierPortion, VolumeUniform};
+use super::programs::Variant;
 use super::store::{Held, Store};
 use super::view::{Shows, VolumeJob, VolumeView};
 use crate::cpu::volume::bricks::{BORDER, BrickGrid};
 use crate::cpu::volume::particles::growth;
-use crate::cpu::volume::{coarse, extents, range, raycast};
+use crate::cpu::volume::{coarse, extents, raycast};
 use crate::gpu::arena::Arena;
 use crate::gpu::splat::draw_list::{DrawBatch, DrawList, PartToDraw};
 use crate::gpu::splat::layout::{Grids, Node};
@@ -16,32 +17,11 @@ use crate::gpu::splat::{particle_layout, resources::slice, workgroups};
 use crate::gpu::view::{DrawItem, Footprint};
 use crate::view::perspective_grid::seen;
 use crate::view::{Extent, View};
-use bevy::render::render_resource::{
-    BindGroup, BindGroupEntries, BindGroupEntry, Buffer, BufferDescriptor, BufferUsages, PipelineCache,
-};
+use bevy::render::render_resource::{BindGroup, BindGroupEntries, Buffer, PipelineCache};
 use bevy::render::renderer::{RenderDevice, RenderQueue};
 use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::AtomicUsize;
-
-/// Uniforms of a list begin at multiples of this.
-const STRIDE: usize = 512;
-/// Words of `work` and of `dispatch`.
-const WORK_WORDS: u64 = 12;
-/// Where `work` has the workgroups of the sorting, bytes.
-pub const SORT_GROUPS: u64 = 8;
-/// Where `dispatch` has the workgroups of crowded bricks, bytes.
-pub const CROWDED: u64 = 12;
-/// Where `dispatch` has the workgroups of bricks that are interpolated, bytes.
-pub const CHOSEN_GROUPS: u64 = 28;
-/// Where `work` has the number of pairs of all slabs, bytes.
-pub const ALL_PAIRS: u64 = 20;
-/// Where `dispatch` has the number of bricks of all slabs, bytes.
-pub const ALL_BRICKS: u64 = 24;
-/// Bytes of the numbers at the beginning of what is read back of a picture.
-pub const EFFORT: u64 = 8;
-/// Bytes that each particle of a batch takes in what is shared by all slabs: keys and pairs, twice each, and what is loaded.
-pub const BATCH_BYTES: u64 = 4 * 4 * MOST_BINS + 24 + 8;
 
 /// How much may be used at once.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -57,8 +37,8 @@ pub struct Room {
 impl Room {
     /// Least room that is tried, bytes.
     pub const LEAST: u64 = 1 << 23;
-    /// Most particles that are binned at once.
-    const MOST_BATCH: u64 = 1 << 20;
+    /// Most particles that are binned at once. Each may have a block of its own, which has a place more.
+    const MOST_BATCH: u64 = 1 << (PARTICLE_BITS - 1);
     const LEAST_BATCH: u64 = 1 << 14;
 
     /// Bytes that pixels take whatever the room: light twice, ends of rays twice.
@@ -131,54 +111,6 @@ pub struct SlabWork {
     pub closes: bool,
 }
 
-/// Bind groups that all slabs share.
-pub struct Groups {
-    /// Group 1 of [`Kind::Project`].
-    pub project: BindGroup,
-    /// [`Kind::Bin`].
-    pub bin: BindGroup,
-    /// [`Kind::Scan`] over bins, over the pairs of workgroups, over digits.
-    pub scans: [BindGroup; 3],
-    /// [`Kind::Sort`], for even and odd digits.
-    pub sorts: [BindGroup; 2],
-    /// [`Kind::Plan`].
-    pub plan: BindGroup,
-    /// [`Kind::Gather`].
-    pub gather: BindGroup,
-    /// [`Kind::Choose`].
-    pub choose: BindGroup,
-    /// [`Kind::Interpolate`].
-    pub interpolate: BindGroup,
-    /// [`Kind::Measure`]; of pictures there is none.
-    pub measure: Option<BindGroup>,
-    /// [`Kind::Occlusion`] and [`Kind::Raycast`]; of ranges there are none.
-    pub rays: Option<[BindGroup; 2]>,
-}
-
-/// Buffers that the encoder clears, copies or is told by.
-pub struct Buffers {
-    /// Number of particles of each bin.
-    pub bins: Held,
-    /// The list of bricks.
-    pub items: Held,
-    /// The largest density of each part of each brick.
-    pub densest: Held,
-    /// What is hidden.
-    pub hidden: Held,
-    /// Light and opacity of a pane.
-    pub rays: Held,
-    /// Shares of cells, or steps in which rays ended.
-    pub progress: Held,
-    /// Number of columns that somebody sees.
-    pub visible: Held,
-    /// Numbers of pairs and blocks.
-    pub work: Held,
-    /// Numbers of bricks.
-    pub dispatch: Held,
-    /// Mass of each class of values.
-    pub masses: Held,
-}
-
 /// A picture on its way.
 pub struct Work {
     /// What is wanted.
@@ -206,28 +138,12 @@ pub struct Work {
     pub buffers: Buffers,
     /// Where the picture goes, `vec4<f32>` a pixel.
     pub target: Option<Buffer>,
-    /// What is read back when it is complete: the masses of [`Shows::Ranges`]; of pictures [`EFFORT`] bytes of numbers, and the ends of
-    /// all rays where occlusion is wanted.
+    /// What is read back when it is complete: [`Bindings::answer`].
     pub answer: Option<Buffer>,
     /// The number 1.
     pub one: Held,
     /// Slabs that have been encoded.
     pub done: AtomicUsize,
-}
-
-/// The offset of an entry of a list of uniforms.
-pub fn offset(entry: usize) -> u32 {
-    (entry * STRIDE) as u32
-}
-
-/// Uniforms, each at its offset.
-fn strided<T: bytemuck::Pod>(entries: impl IntoIterator<Item = T>) -> Vec<u8> {
-    let mut bytes = Vec::new();
-    for entry in entries {
-        bytes.extend_from_slice(bytemuck::bytes_of(&entry));
-        bytes.resize(bytes.len().next_multiple_of(STRIDE), 0);
-    }
-    bytes
 }
 
 /// What a job is begun with.
@@ -277,7 +193,7 @@ impl Work {
         store: &mut Store,
         means: &Means<'_>,
     ) -> Option<Work> {
-        let Means { arena, device, queue, cache, vectors } = *means;
+        let Means { arena, device, cache, vectors, .. } = *means;
         let attribute = shown.attribute;
         let grids = coarse::brick_grids(&job.grid, widest(job, &shown.extents));
         let cut = Cut::new(&job.grid, grids.len(), attribute, room.cells, room.limit)?;
@@ -286,6 +202,7 @@ impl Work {
             kernel: job.options.kernel,
             attribute,
             surfaces: matches!(&job.shows, Shows::Light(scenery) if !scenery.surfaces.is_empty()),
+            centered: places.iter().all(|[_, share]| f32::from_bits(*share) == 0.0),
             vectors,
         };
         let uniform = VolumeUniform::new(job, &grids, &cut);
@@ -304,7 +221,7 @@ impl Work {
         }
         let most = |number: fn(&DrawBatch) -> u32| batches_of.iter().flatten().map(number).max().unwrap_or(0).max(1);
         let most_places = u64::from(most(|batch| batch.places));
-        let most_turns = most(|batch| batch.places).div_ceil(TURN);
+        let most_turns = most(|batch| batch.places).div_ceil(variant.turn());
 
         let particles = Particles::new(view, job, &list, store, means);
         let (mut slabs, mut portions) = (Vec::new(), Vec::new());
@@ -316,9 +233,7 @@ impl Work {
                     cut.tiers.iter().zip(layers).map(|(tier, layers)| tier.columns() * layers.len() as u32).collect();
                 let mut tiers = [TierPortion::default(); MOST_TIERS];
                 for (((out, layers), origin), grid) in tiers.iter_mut().zip(layers).zip(&origins).zip(&grids) {
-                    let [nearest, farthest] = ends(grid, layers).unwrap_or_default();
-                    let (first_layer, layers) = (layers.start, layers.len() as u32);
-                    *out = TierPortion { origin: *origin, first_layer, layers, nearest, farthest, unused: [0; 2] };
+                    *out = TierPortion::new(*origin, layers, ends(grid, layers).unwrap_or_default());
                 }
                 let first_portion = portions.len();
                 portions.extend(batches.iter().enumerate().map(|(number, batch)| Portion {
@@ -340,7 +255,7 @@ impl Work {
                 let bound = |batch: &DrawBatch| Batch {
                     loaded: batch.ranges.iter().map(|range| particles.bind(range, arena, device, cache)).collect(),
                     candidates: batch.places,
-                    turns: batch.places.div_ceil(TURN).max(1),
+                    turns: batch.places.div_ceil(variant.turn()).max(1),
                 };
                 slabs.push(SlabWork {
                     batches: batches.iter().map(bound).collect(),
@@ -354,187 +269,23 @@ impl Work {
             }
         }
 
-        // What outlives a slab has a buffer for each kind of job, since both are on their way at the same time.
-        let own = match job.shows {
-            Shows::Light(_) => 0,
-            Shows::Ranges => 1,
+        let pixels = panes.iter().map(Pane::len).max().unwrap_or(0);
+        let wanted = Wanted {
+            job,
+            variant,
+            cut: &cut,
+            grids: &grids,
+            uniform: &uniform,
+            portions,
+            places: &places,
+            readers: &readers,
+            pixels,
+            particles: u64::from(most(|batch| batch.particles)),
+            candidates: most_places,
+            turns: most_turns,
+            digits,
         };
-        let mut put = |name, index, bytes: &[u8]| store.holding(device, queue, name, index, bytes);
-        let all = put("deepfield volume", own, bytemuck::bytes_of(&uniform));
-        let one = put("deepfield volume one", 0, bytemuck::bytes_of(&1u32));
-        let portions = put("deepfield volume portions", own, &strided(portions));
-        let turn = |number: u32| Turn { number, unused: [0; 3] };
-        let turns =
-            put("deepfield volume turns", own, &strided((0..most_turns.max(digits).max(MOST_TIERS as u32)).map(turn)));
-        let depths = put("deepfield volume depths", own, bytemuck::cast_slice(&layout::depths(&grids)));
-        let places = put("deepfield volume places", own, bytemuck::cast_slice(&places));
-        let readers = put("deepfield volume readers", own, bytemuck::cast_slice(&readers));
-        let table = match &job.shows {
-            Shows::Light(scenery) => {
-                Some(put("deepfield volume table", 0, bytemuck::cast_slice(&layout::table(scenery))))
-            }
-            Shows::Ranges => None,
-        };
-
-        let mut make = |name, index, bytes| store.room(device, name, index, bytes);
-        let spots = make("deepfield volume spots", 0, 16 * most_places);
-        let amounts = make("deepfield volume amounts", 0, 8 * most_places);
-        let pairs = MOST_BINS * u64::from(most(|batch| batch.particles));
-        let bins = make("deepfield volume bins", 0, 4 * (u64::from(uniform.bin_count) + 1));
-        let parts = (u64::from(uniform.bin_count) + 1).div_ceil(u64::from(SCAN_GROUP));
-        let parts = make("deepfield volume parts", 0, 4 * parts);
-        let sums = make("deepfield volume sums", 0, 4 * most_places.div_ceil(u64::from(BIN_GROUP)));
-        let digit_table = 4 * u64::from(DIGITS) * pairs.div_ceil(u64::from(SORT_BLOCK));
-        let digit_table = make("deepfield volume digits", 0, digit_table);
-        let keys = [0, 1].map(|side| make("deepfield volume keys", side, 4 * pairs));
-        let listed = [0, 1].map(|side| make("deepfield volume pairs", side, 4 * pairs));
-        let work = make("deepfield volume work", 0, 4 * WORK_WORDS);
-        let dispatch = make("deepfield volume dispatch", 0, 4 * WORK_WORDS);
-        // Those that are gathered and the crowded ones of them; later those that are interpolated, two words each.
-        let room_of_items = 2 * u64::from(uniform.brick_room) + 2 * u64::from(cut.finest().columns());
-        let items_held = make("deepfield volume bricks", 0, 4 * (u64::from(HEADER) + room_of_items));
-        let field = make("deepfield volume field", own, cut.bytes(attribute));
-        let densest = make("deepfield volume densest", own, 4 * u64::from(variant.parts()) * cut.bricks());
-        let reach = make("deepfield volume reach", own, 4 * cut.finest().bricks_held());
-        let marks = make("deepfield volume marks", own, 8 * cut.finest().bricks_held());
-        let hidden = make("deepfield volume hidden", own, 4 * u64::from(uniform.bin_count));
-        let visible = make("deepfield volume visible", own, 4);
-        let pixels = match job.shows {
-            Shows::Light(_) => panes.iter().map(Pane::len).max().unwrap_or(0),
-            Shows::Ranges => 0,
-        };
-        let rays = make("deepfield volume rays", own, 16 * pixels);
-        let progress = make("deepfield volume progress", own, 4 * pixels);
-        let masses = make("deepfield volume masses", own, if own == 1 { 8 * range::CLASSES as u64 } else { 0 });
-
-        let group = |kind: Kind, list: &[bevy::render::render_resource::BindingResource<'_>]| {
-            let entries: Vec<BindGroupEntry<'_>> = list
-                .iter()
-                .enumerate()
-                .map(|(binding, resource)| BindGroupEntry { binding: binding as u32, resource: resource.clone() })
-                .collect();
-            device.create_bind_group(kind.shader(), &cache.get_bind_group_layout(&kind.layout()), &entries)
-        };
-        let portion = || portions.part(size_of::<Portion>() as u64);
-        let turn = || turns.part(size_of::<Turn>() as u64);
-        // After an odd number of digits the pairs are on the other side.
-        let sorted = &listed[digits as usize % 2];
-        let scan = |list: &Held| {
-            let bound = [all.binding(), portion(), list.binding(), parts.binding(), work.binding()];
-            group(Kind::Scan, &bound)
-        };
-        let sort = |side: usize| {
-            let (from, to) = (side, 1 - side);
-            let list = [
-                turn(),
-                work.binding(),
-                keys[from].binding(),
-                listed[from].binding(),
-                keys[to].binding(),
-                listed[to].binding(),
-                digit_table.binding(),
-            ];
-            group(Kind::Sort, &list)
-        };
-        let bin = [
-            all.binding(),
-            portion(),
-            spots.binding(),
-            hidden.binding(),
-            bins.binding(),
-            sums.binding(),
-            keys[0].binding(),
-            listed[0].binding(),
-        ];
-        let plan = [
-            all.binding(),
-            portion(),
-            bins.binding(),
-            hidden.binding(),
-            densest.binding(),
-            items_held.binding(),
-            dispatch.binding(),
-        ];
-        let gather = [
-            all.binding(),
-            portion(),
-            turn(),
-            spots.binding(),
-            amounts.binding(),
-            bins.binding(),
-            sorted.binding(),
-            items_held.binding(),
-            depths.binding(),
-            field.binding(),
-            densest.binding(),
-        ];
-        let choose = [
-            all.binding(),
-            portion(),
-            turn(),
-            hidden.binding(),
-            densest.binding(),
-            marks.binding(),
-            items_held.binding(),
-            dispatch.binding(),
-        ];
-        let interpolate = [all.binding(), portion(), turn(), items_held.binding(), field.binding(), densest.binding()];
-        let measure = || {
-            let list =
-                [all.binding(), portion(), depths.binding(), field.binding(), densest.binding(), masses.binding()];
-            group(Kind::Measure, &list)
-        };
-        let rays_groups = |table: &Held| {
-            let occlusion = [
-                all.binding(),
-                portion(),
-                densest.binding(),
-                reach.binding(),
-                rays.binding(),
-                readers.binding(),
-                hidden.binding(),
-                visible.binding(),
-            ];
-            let raycast = [
-                all.binding(),
-                portion(),
-                depths.binding(),
-                field.binding(),
-                densest.binding(),
-                reach.binding(),
-                table.binding(),
-                rays.binding(),
-                progress.binding(),
-                places.binding(),
-            ];
-            [group(Kind::Occlusion, &occlusion), group(Kind::Raycast, &raycast)]
-        };
-        let project = [all.binding(), spots.binding(), amounts.binding(), visible.binding()];
-        let groups = Groups {
-            project: group(Kind::Project, &project),
-            bin: group(Kind::Bin, &bin),
-            scans: [scan(&bins), scan(&sums), scan(&digit_table)],
-            sorts: [sort(0), sort(1)],
-            plan: group(Kind::Plan, &plan),
-            gather: group(Kind::Gather, &gather),
-            choose: group(Kind::Choose, &choose),
-            interpolate: group(Kind::Interpolate, &interpolate),
-            measure: (own == 1).then(measure),
-            rays: table.as_ref().map(rays_groups),
-        };
-        let buffers =
-            Buffers { bins, items: items_held, densest, hidden, rays, progress, visible, work, dispatch, masses };
-        let buffer = |size: u64, label, usage| {
-            let usage = usage | BufferUsages::COPY_DST;
-            device.create_buffer(&BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false })
-        };
-        let pixels = u64::from(job.view.width) * u64::from(job.view.height);
-        let is_light = matches!(job.shows, Shows::Light(_));
-        let answer_bytes = match is_light {
-            true => EFFORT + if job.options.occlusion { 4 * pixels } else { 0 },
-            false => 8 * range::CLASSES as u64,
-        };
-        let target = || buffer(16 * pixels, "deepfield light", BufferUsages::STORAGE | BufferUsages::COPY_SRC);
+        let Bindings { groups, buffers, one, target, answer } = Bindings::new(wanted, store, means);
         Some(Work {
             job: job.clone(),
             items: Arc::clone(items),
@@ -548,8 +299,8 @@ impl Work {
             bin_count: uniform.bin_count,
             groups,
             buffers,
-            target: is_light.then(target),
-            answer: Some(buffer(answer_bytes, "deepfield volume answer", BufferUsages::MAP_READ)),
+            target,
+            answer: Some(answer),
             one,
             done: AtomicUsize::new(0),
         })

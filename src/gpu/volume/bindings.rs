@@ -1,0 +1,349 @@
+//! What the passes of a picture work in: buffers, and the bind groups over them.
+
+use super::constants::{BIN_GROUP, DIGITS, HEADER, SCAN_GROUP, SORT_BLOCK};
+use super::cut::Cut;
+use super::layout::{self, MOST_BINS, MOST_TIERS, Portion, REACH_BYTES, Turn, VolumeUniform};
+use super::programs::{Kind, Variant};
+use super::store::{Held, Store};
+use super::view::{Shows, VolumeJob};
+use super::work::Means;
+use crate::cpu::volume::bricks::BrickGrid;
+use crate::cpu::volume::range;
+use bevy::render::render_resource::{
+    BindGroup, BindGroupEntry, BindingResource, Buffer, BufferDescriptor, BufferUsages,
+};
+
+/// Uniforms of a list begin at multiples of this.
+const STRIDE: usize = 256;
+const _: () = assert!(size_of::<Portion>() <= STRIDE);
+/// Words of `work` and of `dispatch`.
+const WORK_WORDS: u64 = 12;
+/// Where `work` has the workgroups of the sorting, bytes.
+pub const SORT_GROUPS: u64 = 8;
+/// Where `dispatch` has the workgroups of crowded bricks, bytes.
+pub const CROWDED: u64 = 12;
+/// Where `dispatch` has the workgroups of bricks that are interpolated, bytes.
+pub const CHOSEN_GROUPS: u64 = 28;
+/// Where `work` has the number of pairs of all slabs, bytes.
+pub const ALL_PAIRS: u64 = 20;
+/// Where `dispatch` has the number of bricks of all slabs, bytes.
+pub const ALL_BRICKS: u64 = 24;
+/// Bytes of the numbers at the beginning of what is read back of a picture.
+pub const EFFORT: u64 = 8;
+/// Bytes that each particle of a batch takes in what is shared by all slabs: keys and pairs, twice each, what is loaded and
+/// where it reaches.
+pub const BATCH_BYTES: u64 = 4 * 4 * MOST_BINS + 24 + REACH_BYTES + 8;
+
+/// Bind groups that all slabs share.
+pub struct Groups {
+    /// Group 1 of [`Kind::Project`].
+    pub project: BindGroup,
+    /// [`Kind::Bin`].
+    pub bin: BindGroup,
+    /// [`Kind::Scan`] over bins, over the pairs of workgroups, over digits.
+    pub scans: [BindGroup; 3],
+    /// [`Kind::Sort`], for even and odd digits.
+    pub sorts: [BindGroup; 2],
+    /// [`Kind::Plan`].
+    pub plan: BindGroup,
+    /// [`Kind::Gather`].
+    pub gather: BindGroup,
+    /// [`Kind::Choose`].
+    pub choose: BindGroup,
+    /// [`Kind::Interpolate`].
+    pub interpolate: BindGroup,
+    /// [`Kind::Measure`]; of pictures there is none.
+    pub measure: Option<BindGroup>,
+    /// [`Kind::Occlusion`] and [`Kind::Raycast`]; of ranges there are none.
+    pub rays: Option<[BindGroup; 2]>,
+}
+
+/// Buffers that the encoder clears, copies or is told by.
+pub struct Buffers {
+    /// Number of particles of each bin.
+    pub bins: Held,
+    /// The list of bricks.
+    pub items: Held,
+    /// The largest density of each part of each brick.
+    pub densest: Held,
+    /// What is hidden.
+    pub hidden: Held,
+    /// Layers in which rays may meet something.
+    pub reach: Held,
+    /// Light and opacity of a pane.
+    pub rays: Held,
+    /// Shares of cells, or steps in which rays ended.
+    pub progress: Held,
+    /// Number of columns that somebody sees.
+    pub visible: Held,
+    /// Numbers of pairs and blocks.
+    pub work: Held,
+    /// Numbers of bricks.
+    pub dispatch: Held,
+    /// Mass of each class of values.
+    pub masses: Held,
+}
+
+/// What a picture binds.
+pub struct Bindings {
+    /// Bind groups.
+    pub groups: Groups,
+    /// Buffers.
+    pub buffers: Buffers,
+    /// The number 1.
+    pub one: Held,
+    /// Where the picture goes, `vec4<f32>` a pixel.
+    pub target: Option<Buffer>,
+    /// What is read back when it is complete: the masses of [`Shows::Ranges`]; of pictures [`EFFORT`] bytes of numbers, and the ends
+    /// of all rays where occlusion is wanted.
+    pub answer: Buffer,
+}
+
+/// What a picture is made of, as far as its buffers ask.
+pub struct Wanted<'a> {
+    /// What is wanted.
+    pub job: &'a VolumeJob,
+    /// What is compiled into the shaders.
+    pub variant: Variant,
+    /// How the grid is cut.
+    pub cut: &'a Cut,
+    /// The grids of all tiers.
+    pub grids: &'a [BrickGrid],
+    /// What all passes read.
+    pub uniform: &'a VolumeUniform,
+    /// The batches of all slabs.
+    pub portions: Vec<Portion>,
+    /// Places of columns and rows of pixels.
+    pub places: &'a [[u32; 2]],
+    /// Pixels that read columns and rows of bricks.
+    pub readers: &'a [[i32; 2]],
+    /// Most pixels of a pane.
+    pub pixels: u64,
+    /// Most particles of a batch.
+    pub particles: u64,
+    /// Most places of particles of a batch.
+    pub candidates: u64,
+    /// Most turns of a batch.
+    pub turns: u32,
+    /// Digits that pairs are sorted by.
+    pub digits: u32,
+}
+
+/// The offset of an entry of a list of uniforms.
+pub fn offset(entry: usize) -> u32 {
+    (entry * STRIDE) as u32
+}
+
+/// Uniforms, each at its offset.
+fn strided<T: bytemuck::Pod>(entries: impl IntoIterator<Item = T>) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    for entry in entries {
+        bytes.extend_from_slice(bytemuck::bytes_of(&entry));
+        bytes.resize(bytes.len().next_multiple_of(STRIDE), 0);
+    }
+    bytes
+}
+
+impl Bindings {
+    /// Takes what is wanted from a store.
+    pub fn new(wanted: Wanted<'_>, store: &mut Store, means: &Means<'_>) -> Bindings {
+        let Wanted { job, variant, cut, grids, uniform, portions, places, readers, .. } = wanted;
+        let Wanted { pixels, particles, candidates, turns, digits, .. } = wanted;
+        let Means { device, queue, cache, .. } = *means;
+        // What outlives a slab has a buffer for each kind of job, since both are on their way at the same time.
+        let own = match job.shows {
+            Shows::Light(_) => 0,
+            Shows::Ranges => 1,
+        };
+        let mut put = |name, index, bytes: &[u8]| store.holding(device, queue, name, index, bytes);
+        let all = put("deepfield volume", own, bytemuck::bytes_of(uniform));
+        let one = put("deepfield volume one", 0, bytemuck::bytes_of(&1u32));
+        let portions = put("deepfield volume portions", own, &strided(portions));
+        let turn = |number: u32| Turn { number, unused: [0; 3] };
+        let turns =
+            put("deepfield volume turns", own, &strided((0..turns.max(digits).max(MOST_TIERS as u32)).map(turn)));
+        let depths = put("deepfield volume depths", own, bytemuck::cast_slice(&layout::depths(grids)));
+        let places = put("deepfield volume places", own, bytemuck::cast_slice(places));
+        let readers = put("deepfield volume readers", own, bytemuck::cast_slice(readers));
+        let table = match &job.shows {
+            Shows::Light(scenery) => {
+                Some(put("deepfield volume table", 0, bytemuck::cast_slice(&layout::table(scenery))))
+            }
+            Shows::Ranges => None,
+        };
+
+        let mut make = |name, index, bytes| store.room(device, name, index, bytes);
+        let spots = make("deepfield volume spots", 0, 16 * candidates);
+        let amounts = make("deepfield volume amounts", 0, 8 * candidates);
+        let pairs = MOST_BINS * particles;
+        let reached = make("deepfield volume reached", 0, REACH_BYTES * candidates);
+        let bins = make("deepfield volume bins", 0, 4 * (u64::from(uniform.bin_count) + 1));
+        let parts = (u64::from(uniform.bin_count) + 1).div_ceil(u64::from(SCAN_GROUP));
+        let parts = make("deepfield volume parts", 0, 4 * parts);
+        let sums = make("deepfield volume sums", 0, 4 * candidates.div_ceil(u64::from(BIN_GROUP)));
+        let digit_table = 4 * u64::from(DIGITS) * pairs.div_ceil(u64::from(SORT_BLOCK));
+        let digit_table = make("deepfield volume digits", 0, digit_table);
+        let keys = [0, 1].map(|side| make("deepfield volume keys", side, 4 * pairs));
+        let listed = [0, 1].map(|side| make("deepfield volume pairs", side, 4 * pairs));
+        let work = make("deepfield volume work", 0, 4 * WORK_WORDS);
+        let dispatch = make("deepfield volume dispatch", 0, 4 * WORK_WORDS);
+        // Those that are gathered and the crowded ones of them; later those that are interpolated, two words each.
+        let room_of_items = 2 * u64::from(uniform.brick_room) + 2 * u64::from(cut.finest().columns());
+        let items_held = make("deepfield volume bricks", 0, 4 * (u64::from(HEADER) + room_of_items));
+        let field = make("deepfield volume field", own, cut.bytes(variant.attribute));
+        let densest = make("deepfield volume densest", own, 4 * u64::from(variant.parts()) * cut.bricks());
+        let reach = make("deepfield volume reach", own, 8 * u64::from(cut.finest().columns()));
+        let marks = make("deepfield volume marks", own, 8 * cut.bricks());
+        let bounds = make("deepfield volume bounds", own, 4 * cut.bricks());
+        let hidden = make("deepfield volume hidden", own, 4 * u64::from(uniform.bin_count));
+        let visible = make("deepfield volume visible", own, 4);
+        let pixels = if own == 0 { pixels } else { 0 };
+        let rays = make("deepfield volume rays", own, 16 * pixels);
+        let progress = make("deepfield volume progress", own, 4 * pixels);
+        let masses = make("deepfield volume masses", own, if own == 1 { 8 * range::CLASSES as u64 } else { 0 });
+
+        let group = |kind: Kind, list: &[BindingResource<'_>]| {
+            let entries: Vec<BindGroupEntry<'_>> = list
+                .iter()
+                .enumerate()
+                .map(|(binding, resource)| BindGroupEntry { binding: binding as u32, resource: resource.clone() })
+                .collect();
+            device.create_bind_group(kind.shader(), &cache.get_bind_group_layout(&kind.layout()), &entries)
+        };
+        let portion = || portions.part(size_of::<Portion>() as u64);
+        let turn = || turns.part(size_of::<Turn>() as u64);
+        // After an odd number of digits the pairs are on the other side.
+        let sorted = &listed[digits as usize % 2];
+        let scan = |list: &Held| {
+            let bound = [all.binding(), portion(), list.binding(), parts.binding(), work.binding()];
+            group(Kind::Scan, &bound)
+        };
+        let sort = |side: usize| {
+            let (from, to) = (side, 1 - side);
+            let list = [
+                turn(),
+                work.binding(),
+                keys[from].binding(),
+                listed[from].binding(),
+                keys[to].binding(),
+                listed[to].binding(),
+                digit_table.binding(),
+            ];
+            group(Kind::Sort, &list)
+        };
+        let bin = [
+            all.binding(),
+            portion(),
+            spots.binding(),
+            hidden.binding(),
+            bins.binding(),
+            sums.binding(),
+            keys[0].binding(),
+            listed[0].binding(),
+            reached.binding(),
+        ];
+        let plan = [
+            all.binding(),
+            portion(),
+            bins.binding(),
+            hidden.binding(),
+            densest.binding(),
+            items_held.binding(),
+            dispatch.binding(),
+        ];
+        let gather = [
+            all.binding(),
+            portion(),
+            turn(),
+            spots.binding(),
+            amounts.binding(),
+            bins.binding(),
+            sorted.binding(),
+            items_held.binding(),
+            depths.binding(),
+            field.binding(),
+            densest.binding(),
+        ];
+        let choose = [
+            all.binding(),
+            portion(),
+            turn(),
+            hidden.binding(),
+            densest.binding(),
+            marks.binding(),
+            items_held.binding(),
+            dispatch.binding(),
+            bounds.binding(),
+        ];
+        let interpolate = [all.binding(), portion(), turn(), items_held.binding(), field.binding(), densest.binding()];
+        let measure = || {
+            let list =
+                [all.binding(), portion(), depths.binding(), field.binding(), densest.binding(), masses.binding()];
+            group(Kind::Measure, &list)
+        };
+        let rays_groups = |table: &Held| {
+            let occlusion = [
+                all.binding(),
+                portion(),
+                densest.binding(),
+                reach.binding(),
+                rays.binding(),
+                readers.binding(),
+                hidden.binding(),
+                visible.binding(),
+            ];
+            let raycast = [
+                all.binding(),
+                portion(),
+                depths.binding(),
+                field.binding(),
+                densest.binding(),
+                reach.binding(),
+                table.binding(),
+                rays.binding(),
+                progress.binding(),
+                places.binding(),
+            ];
+            [group(Kind::Occlusion, &occlusion), group(Kind::Raycast, &raycast)]
+        };
+        let project = [all.binding(), spots.binding(), amounts.binding(), visible.binding()];
+        let groups = Groups {
+            project: group(Kind::Project, &project),
+            bin: group(Kind::Bin, &bin),
+            scans: [scan(&bins), scan(&sums), scan(&digit_table)],
+            sorts: [sort(0), sort(1)],
+            plan: group(Kind::Plan, &plan),
+            gather: group(Kind::Gather, &gather),
+            choose: group(Kind::Choose, &choose),
+            interpolate: group(Kind::Interpolate, &interpolate),
+            measure: (own == 1).then(measure),
+            rays: table.as_ref().map(rays_groups),
+        };
+        let buffers = Buffers {
+            bins,
+            items: items_held,
+            densest,
+            hidden,
+            reach,
+            rays,
+            progress,
+            visible,
+            work,
+            dispatch,
+            masses,
+        };
+        let buffer = |size: u64, label, usage| {
+            let usage = usage | BufferUsages::COPY_DST;
+            device.create_buffer(&BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false })
+        };
+        let pixels = u64::from(job.view.width) * u64::from(job.view.height);
+        let is_light = matches!(job.shows, Shows::Light(_));
+        let answer_bytes = match is_light {
+            true => EFFORT + if job.options.occlusion { 4 * pixels } else { 0 },
+            false => 8 * range::CLASSES as u64,
+        };
+        let target = || buffer(16 * pixels, "deepfield light", BufferUsages::STORAGE | BufferUsages::COPY_SRC);
+        let answer = buffer(answer_bytes, "deepfield volume answer", BufferUsages::MAP_READ);
+        Bindings { groups, buffers, one, target: is_light.then(target), answer }
+    }
+}
