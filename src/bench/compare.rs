@@ -195,9 +195,7 @@ pub(super) struct Bench<'a> {
     references: [Image; 2],
     images: Vec<Image>,
     backend: Backend,
-    /// What draws for the backend, if it is not the processor.
-    adapter: Option<Box<dyn Adapter>>,
-    /// What that calls itself, once it has drawn.
+    /// What the adapter calls itself, once it has drawn.
     adapter_name: Option<String>,
 }
 
@@ -210,9 +208,13 @@ fn adapter(backend: Backend) -> Result<Option<Box<dyn Adapter>>, Failure> {
         return Ok(None);
     }
     #[cfg(feature = "viewer")]
-    return Ok(Some(Box::new(crate::gpu::Offscreen::default())));
+    {
+        Ok(Some(Box::new(crate::gpu::Offscreen::default())))
+    }
     #[cfg(not(feature = "viewer"))]
-    Err("this deepfield was built without the feature `viewer`, so only --backend cpu draws".into())
+    {
+        Err("this deepfield was built without the feature `viewer`, so only --backend cpu draws".into())
+    }
 }
 
 /// How long a picture took.
@@ -250,6 +252,8 @@ impl<'a> Bench<'a> {
         options: &'a Options,
         repeat: u32,
     ) -> Result<Bench<'a>, Failure> {
+        // That the program has no adapters is said before anything is drawn.
+        adapter(options.backend)?;
         let attribute = options.attribute.as_deref();
         let mut bench = Bench {
             metadata: tree.metadata(),
@@ -264,7 +268,6 @@ impl<'a> Bench<'a> {
             references: [const { Image { width: 0, height: 0, rgba: Vec::new() } }; 2],
             images: Vec::new(),
             backend: options.backend,
-            adapter: adapter(options.backend)?,
             adapter_name: None,
         };
         // Particles stay as large as they are in the other pictures, in more cells.
@@ -329,9 +332,10 @@ impl<'a> Bench<'a> {
         depiction: &Depiction,
         transfer: &TransferFunction,
     ) -> Result<Option<(Raw, AdapterFrame)>, Failure> {
-        let Some(adapter) = &mut self.adapter else { return Ok(None) };
+        // Each technique has an adapter of its own: one that is kept counts the last times of an earlier technique's passes.
+        let Some(mut adapter) = adapter(self.backend)? else { return Ok(None) };
         // An error says only that other backends draw the mode.
-        let Ok(Some(passes)) = passes(depiction.mode, Some(self.backend), Some(&mut **adapter)) else {
+        let Ok(Some(passes)) = passes(depiction.mode, Some(self.backend), Some(&mut *adapter)) else {
             return Ok(None);
         };
         let subject = Subject::new(self.metadata, depiction, transfer, self.diameter);
@@ -346,7 +350,7 @@ impl<'a> Bench<'a> {
             // The first of several is not counted: it compiles the shaders.
             repeat: self.repeat.max(2),
         };
-        let drawn = draw_on(&mut **adapter, &subject, job)?;
+        let drawn = draw_on(&mut *adapter, &subject, job)?;
         self.adapter_name = Some(drawn.1.adapter.clone());
         Ok(Some(drawn))
     }

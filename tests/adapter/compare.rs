@@ -2,9 +2,12 @@
 //! draw is said to be the processor's.
 
 use crate::support::run;
+use deepfield::annotate::overlay::read_png;
+use deepfield::color::composite::color_error;
 use serde_json::Value;
 
-/// Largest difference of an adapter's colour error from the processor's, of 255: what rounding of colours to bytes can do.
+/// Largest mean colour error of an adapter's picture against the processor's, and difference of their errors against the references, of
+/// 255: less than the rounding of one colour to bytes.
 const TOLERANCE: f64 = 0.5;
 
 #[test]
@@ -31,6 +34,13 @@ fn a_comparison_by_passes_is_that_of_the_processor() {
         assert_eq!(drawn["backend"], if is_cartesian { "cpu" } else { "compute" }, "{name}");
         assert_eq!(drawn["resampling"].is_null(), !is_cartesian, "{name}");
         assert!(drawn["total"]["median"].as_f64().unwrap() > 0.0, "{name}");
+        let marches = ["volume", "isosurface"].contains(&drawn["mode"].as_str().unwrap());
+        assert!(marches || drawn["passes"]["cast"].is_null(), "{name} has the times of another technique: {drawn:#}");
+        let file = format!("{}.png", name.replace(", ", "-").replace(' ', "-"));
+        let [picture, reference] =
+            ["compute", "cpu"].map(|output| read_png(&folder.path().join(output).join(&file)).unwrap());
+        let (error, largest) = color_error(&picture, &reference);
+        assert!(error < TOLERANCE, "{name}: mean colour error {error}, largest {largest}");
         for kind in ["error_volume", "error_surface"] {
             let [found, wanted] = [drawn, expected].map(|outcome| outcome[kind].as_f64().unwrap());
             assert!((found - wanted).abs() < TOLERANCE, "{name}: {kind} {found}, by the processor {wanted}");
