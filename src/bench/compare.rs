@@ -12,18 +12,20 @@ use crate::command_line::arguments::{PictureSize, family_name, positive, vector}
 use crate::command_line::progress_bar::Terminal;
 use crate::cpu::volume::VolumeLevels;
 use crate::cpu::volume::particles::SMALLEST;
-use crate::look::{Attribute, CameraConfig, LookPatch, Member, Shot};
-use crate::mode::{Depiction, LightPicture, Mode, Plan, SettingValue, Settings};
+use crate::look::{Attribute, Backend, CameraConfig, LookPatch, Member, Shot};
+use crate::mode::{Depiction, LightPicture, Mode, Plan, Raw, SettingValue, Settings};
 use crate::model::FamilyName;
 use crate::modes::{cartesian, column_density, grid, isosurface, layered, sorted_splats, spheres, volume};
-use crate::picture::Subject;
+use crate::picture::adapter::{draw_on, passes};
 use crate::picture::source::{Wanted, framed, particles};
+use crate::picture::{Adapter, AdapterFrame, AdapterJob, Subject};
 use crate::store::{InMemory, Metadata, Tree};
 use crate::stream::{SceneNode, first_nodes};
 use crate::synth::{dataset, merger::Merger};
 use crate::view::View;
 use glam::DVec3;
 use serde::Serialize;
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
@@ -62,6 +64,9 @@ pub struct Options {
     /// octree of bricks that are kept; fewer than 2: none.
     #[arg(long, value_name = "N", default_value_t = 6, value_parser = clap::value_parser!(u16).range(0..=1000))]
     pub frames: u16,
+    /// What draws the pictures of `bench compare`, where it draws the mode; the processor draws the others and the references.
+    #[arg(long, value_name = "NAME", value_enum, default_value_t = Backend::Cpu)]
+    pub backend: Backend,
 }
 
 /// Cells per pixel of a reference.
@@ -76,20 +81,33 @@ pub struct Outcome {
     pub name: String,
     /// Visualization mode.
     pub mode: &'static str,
-    /// Projecting, sorting, splatting or resampling, seconds.
-    pub resampling: Times,
-    /// From that to colours, seconds.
-    pub rendering: Times,
-    /// All of it, seconds.
-    pub total: Times,
+    /// What drew it: `cpu` where no passes of the backend that is asked for draw the mode.
+    pub backend: String,
+    /// Projecting, sorting, splatting or resampling by the processor, seconds.
+    pub resampling: Option<Times>,
+    /// From that to colours by the processor, seconds.
+    pub rendering: Option<Times>,
+    /// All of it, seconds; by an adapter, of a frame of particles that it holds.
+    pub total: Total,
+    /// Median of each pass of an adapter, milliseconds.
+    pub passes: BTreeMap<String, f64>,
     /// Particles that reach into the picture.
     pub particles: u64,
-    /// Most memory held at once by particles, fields and pictures, bytes.
-    pub memory: u64,
+    /// Most memory held at once by particles, fields and pictures, bytes, where it is counted.
+    pub memory: Option<u64>,
     /// Mean colour error against the finer volume, of 255.
     pub error_volume: f64,
     /// Mean colour error against the finer isosurface, of 255.
     pub error_surface: f64,
+}
+
+/// The times of whole pictures, seconds.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Total {
+    /// The middle one.
+    pub median: f64,
+    /// The fastest; adapters say only the middle one.
+    pub fastest: Option<f64>,
 }
 
 /// What the suite finds.
@@ -99,6 +117,8 @@ pub struct Report {
     pub source: String,
     /// Number of particles.
     pub particles: usize,
+    /// Name and driver of the adapter, where one drew.
+    pub adapter: Option<String>,
     /// Pixels.
     pub size: [u32; 2],
     /// The range of densities, the surfaces' density, and the length that opacities are meant for.
@@ -148,6 +168,7 @@ pub fn measure(arguments: &Arguments) -> Result<Report, Failure> {
     let report = Report {
         source,
         particles: tree.metadata().particles() as usize,
+        adapter: bench.adapter_name.clone(),
         size: [view.width, view.height],
         density: bench.levels.density,
         isovalue: bench.isovalue,
@@ -173,6 +194,35 @@ pub(super) struct Bench<'a> {
     /// The finer volume and isosurface.
     references: [Image; 2],
     images: Vec<Image>,
+    backend: Backend,
+    /// What the adapter calls itself, once it has drawn.
+    adapter_name: Option<String>,
+}
+
+/// The adapter of a backend.
+///
+/// # Errors
+/// When there is none in this program.
+fn adapter(backend: Backend) -> Result<Option<Box<dyn Adapter>>, Failure> {
+    if backend == Backend::Cpu {
+        return Ok(None);
+    }
+    #[cfg(feature = "viewer")]
+    {
+        Ok(Some(Box::new(crate::gpu::Offscreen::default())))
+    }
+    #[cfg(not(feature = "viewer"))]
+    {
+        Err("this deepfield was built without the feature `viewer`, so only --backend cpu draws".into())
+    }
+}
+
+/// How long a picture took.
+enum Spent {
+    /// The processor: resampling and rendering of each repetition.
+    Processor([Vec<Duration>; 2]),
+    /// An adapter: its passes' name, and their medians with that of a frame, milliseconds.
+    Adapter(&'static str, BTreeMap<String, f64>),
 }
 
 /// A name and a value.
@@ -202,6 +252,8 @@ impl<'a> Bench<'a> {
         options: &'a Options,
         repeat: u32,
     ) -> Result<Bench<'a>, Failure> {
+        // That the program has no adapters is said before anything is drawn.
+        adapter(options.backend)?;
         let attribute = options.attribute.as_deref();
         let mut bench = Bench {
             metadata: tree.metadata(),
@@ -215,6 +267,8 @@ impl<'a> Bench<'a> {
             isovalue: 0.0,
             references: [const { Image { width: 0, height: 0, rgba: Vec::new() } }; 2],
             images: Vec::new(),
+            backend: options.backend,
+            adapter_name: None,
         };
         // Particles stay as large as they are in the other pictures, in more cells.
         let finely = [
@@ -272,12 +326,47 @@ impl<'a> Bench<'a> {
         Ok(outcomes)
     }
 
+    /// Draws with the passes of the backend that is asked for; `None` where they do not draw the mode.
+    fn on_adapter(
+        &mut self,
+        depiction: &Depiction,
+        transfer: &TransferFunction,
+    ) -> Result<Option<(Raw, AdapterFrame)>, Failure> {
+        // Each technique has an adapter of its own: one that is kept counts the last times of an earlier technique's passes.
+        let Some(mut adapter) = adapter(self.backend)? else { return Ok(None) };
+        // An error says only that other backends draw the mode.
+        let Ok(Some(passes)) = passes(depiction.mode, Some(self.backend), Some(&mut *adapter)) else {
+            return Ok(None);
+        };
+        let subject = Subject::new(self.metadata, depiction, transfer, self.diameter);
+        let job = AdapterJob {
+            view: &self.view,
+            depiction,
+            metadata: self.metadata,
+            nodes: &self.nodes,
+            plan: &Plan::default(),
+            passes,
+            light: None,
+            // The first of several is not counted: it compiles the shaders.
+            repeat: self.repeat.max(2),
+        };
+        let drawn = draw_on(&mut *adapter, &subject, job)?;
+        self.adapter_name = Some(drawn.1.adapter.clone());
+        Ok(Some(drawn))
+    }
+
     /// The order-independent splats (F12 chapter 4).
     fn columns(&mut self) -> Result<Outcome, Failure> {
         let mode = &column_density::MODE;
         let depiction = Depiction::new(mode, Settings::default(), self.attribute, self.metadata)?;
         let preset = mode.transfer[usize::from(self.attribute.is_some())];
         let transfer = TransferFunction::preset(preset).unwrap_or_default();
+        let particles = self.metadata.particles();
+        if let Some((values, frame)) = self.on_adapter(&depiction, &transfer)? {
+            let image = composite(&values.sums(mode)?.0, &transfer);
+            let spent = Spent::Adapter(frame.backend, frame.milliseconds);
+            return Ok(self.outcome("column-density".into(), mode, image, spent, (particles, None)));
+        }
         let (mut splatting, mut coloring, mut image, mut bytes) = (Vec::new(), Vec::new(), None, 0);
         for _ in 0..self.repeat {
             let start = Instant::now();
@@ -290,11 +379,19 @@ impl<'a> Bench<'a> {
             bytes = 4 * (picture.p.len() + picture.ps.len()) as u64;
         }
         let image = image.ok_or("nothing was drawn")?;
-        let particles = self.metadata.particles();
-        Ok(self.outcome("column-density".into(), mode, image, [splatting, coloring], [particles, bytes]))
+        let spent = Spent::Processor([splatting, coloring]);
+        Ok(self.outcome("column-density".into(), mode, image, spent, (particles, Some(bytes))))
     }
 
     fn measure(&mut self, name: String, mode: &'static Mode, settings: Settings) -> Result<Outcome, Failure> {
+        settings.check(mode)?;
+        let depiction = Depiction::new(mode, settings.clone(), self.attribute, self.metadata)?;
+        let transfer = self.transfer.clone();
+        if let Some((values, frame)) = self.on_adapter(&depiction, &transfer)? {
+            let LightPicture { colors, report, .. } = values.light(mode)?;
+            let spent = Spent::Adapter(frame.backend, frame.milliseconds);
+            return Ok(self.outcome(name, mode, colors.image(), spent, (report.particles, report.memory)));
+        }
         let (mut resampling, mut rendering, mut painted) = (Vec::new(), Vec::new(), None);
         for _ in 0..self.repeat {
             let now = self.paint(mode, settings.clone(), &self.view)?;
@@ -303,8 +400,8 @@ impl<'a> Bench<'a> {
             painted = Some(now);
         }
         let LightPicture { colors, report, .. } = painted.ok_or("nothing was drawn")?;
-        let numbers = [report.particles, report.memory.unwrap_or(0)];
-        Ok(self.outcome(name, mode, colors.image(), [resampling, rendering], numbers))
+        let spent = Spent::Processor([resampling, rendering]);
+        Ok(self.outcome(name, mode, colors.image(), spent, (report.particles, report.memory)))
     }
 
     fn outcome(
@@ -312,18 +409,31 @@ impl<'a> Bench<'a> {
         name: String,
         mode: &'static Mode,
         image: Image,
-        [resampling, rendering]: [Vec<Duration>; 2],
-        [particles, memory]: [u64; 2],
+        spent: Spent,
+        (particles, memory): (u64, Option<u64>),
     ) -> Outcome {
-        let total = resampling.iter().zip(&rendering).map(|(a, b)| *a + *b).collect();
         let [error_volume, error_surface] = [0, 1].map(|k| color_error(&image, &self.references[k]).0);
         self.images.push(image);
+        let (backend, [resampling, rendering], total, passes) = match spent {
+            Spent::Processor([resampling, rendering]) => {
+                let total = resampling.iter().zip(&rendering).map(|(a, b)| *a + *b).collect();
+                let parts = [resampling, rendering].map(|times| Some(Times::of(times)));
+                let Times { median, fastest } = Times::of(total);
+                ("cpu", parts, Total { median, fastest: Some(fastest) }, BTreeMap::new())
+            }
+            Spent::Adapter(backend, mut passes) => {
+                let frame = passes.remove("frame").unwrap_or_default() / 1e3;
+                (backend, [None; 2], Total { median: frame, fastest: None }, passes)
+            }
+        };
         Outcome {
             name,
             mode: mode.name,
-            resampling: Times::of(resampling),
-            rendering: Times::of(rendering),
-            total: Times::of(total),
+            backend: backend.to_owned(),
+            resampling,
+            rendering,
+            total,
+            passes,
             particles,
             memory,
             error_volume,
@@ -353,13 +463,16 @@ impl<'a> Bench<'a> {
         let path = folder.join("compare.csv");
         let named = |error: csv::Error| format!("{}: {error}", path.display());
         let mut writer = csv::Writer::from_writer(Vec::new());
-        let header = "name,mode,resampling_s,rendering_s,total_s,particles,memory_bytes,error_volume,error_surface";
+        let header =
+            "name,mode,backend,resampling_s,rendering_s,total_s,particles,memory_bytes,error_volume,error_surface";
         writer.write_record(header.split(',')).map_err(named)?;
         for o in &report.outcomes {
-            let times = [o.resampling.median, o.rendering.median, o.total.median].map(|time| time.to_string());
-            let counts = [o.particles, o.memory].map(|count| count.to_string());
+            let median = |times: Option<Times>| times.map_or(String::new(), |times| times.median.to_string());
+            let times = [median(o.resampling), median(o.rendering), o.total.median.to_string()];
+            let counts = [Some(o.particles), o.memory];
+            let counts = counts.map(|count| count.map_or(String::new(), |count| count.to_string()));
             let errors = [o.error_volume, o.error_surface].map(|error| error.to_string());
-            let names = [o.name.clone(), o.mode.to_owned()];
+            let names = [o.name.clone(), o.mode.to_owned(), o.backend.clone()];
             writer.write_record(names.iter().chain(&times).chain(&counts).chain(&errors)).map_err(named)?;
         }
         let bytes = writer.into_inner().map_err(|error| format!("{}: {error}", path.display()))?;
@@ -376,20 +489,27 @@ impl<'a> Bench<'a> {
 
 fn print_head() {
     eprintln!(
-        "{:34} {:>10} {:>10} {:>10} {:>10} {:>10} {:>10}",
-        "technique", "resample s", "render s", "total s", "MiB", "to volume", "to surface"
+        "{:34} {:>10} {:>10} {:>10} {:>10} {:>10} {:>10} {:>10}",
+        "technique", "drawn by", "resample s", "render s", "total s", "MiB", "to volume", "to surface"
     );
 }
 
 fn print_row(outcome: &Outcome) {
+    let or_dash = |text: Option<String>| text.unwrap_or_else(|| "-".into());
+    let seconds = |times: Option<Times>| or_dash(times.map(|times| format!("{:.3}", times.median)));
     eprintln!(
-        "{:34} {:>10.3} {:>10.3} {:>10.3} {:>10.1} {:>10.2} {:>10.2}",
+        "{:34} {:>10} {:>10} {:>10} {:>10.3} {:>10} {:>10.2} {:>10.2}",
         outcome.name,
-        outcome.resampling.median,
-        outcome.rendering.median,
+        outcome.backend,
+        seconds(outcome.resampling),
+        seconds(outcome.rendering),
         outcome.total.median,
-        outcome.memory as f64 / f64::from(1 << 20),
+        or_dash(outcome.memory.map(|bytes| format!("{:.1}", bytes as f64 / f64::from(1 << 20)))),
         outcome.error_volume,
         outcome.error_surface
     );
+    let passes: Vec<String> = outcome.passes.iter().map(|(pass, time)| format!("{pass} {time:.1}")).collect();
+    if !passes.is_empty() {
+        eprintln!("    milliseconds: {}", passes.join(", "));
+    }
 }

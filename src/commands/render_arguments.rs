@@ -108,7 +108,7 @@ pub struct Arguments {
     #[arg(long, value_name = "E", value_parser = not_negative)]
     pub thinning: Option<f64>,
     /// Also save a picture of how many splats lie over each pixel: 0 black, 500 magenta, 3000 red.
-    #[arg(long, value_name = "FILE.png", conflicts_with = "exact")]
+    #[arg(long, value_name = "FILE.png")]
     pub overdraw: Option<PathBuf>,
     /// Do not drop particles outside the view one by one: to measure what that saves.
     #[arg(long)]

@@ -90,7 +90,7 @@ pub enum AdapterValues {
 ///
 /// # Errors
 /// As [`Adapter::draw`].
-pub(super) fn draw_on(
+pub fn draw_on(
     adapter: &mut dyn Adapter,
     subject: &Subject<'_>,
     job: AdapterJob<'_>,
@@ -114,7 +114,7 @@ pub(super) fn draw_on(
 ///
 /// # Errors
 /// What draws the mode, where the backend that is asked for does not.
-pub(super) fn passes(
+pub fn passes(
     mode: &Mode,
     backend: Option<Backend>,
     adapter: Option<&mut (dyn Adapter + 'static)>,
