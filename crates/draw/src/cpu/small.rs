@@ -100,9 +100,8 @@ pub fn corners(canvas: &mut Canvas<'_>, table: &CornerTable, circle: &Circle) {
     let mut before = table.at((left as f32 - circle.x) * inverse, |node| node.across);
     for k in 0..ACROSS {
         let after = table.at(((left + k + 1) as f32 - circle.x) * inverse, |node| node.across);
-        for rank in 0..RANK {
-            across[rank][k] = (after[rank] - before[rank]) * area;
-        }
+        let ends = after.iter().zip(&before);
+        across.iter_mut().zip(ends).for_each(|(row, (after, before))| row[k] = (after - before) * area);
         before = after;
     }
     let mut above = table.at((top as f32 - circle.y) * inverse, |node| node.down);
