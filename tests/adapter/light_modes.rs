@@ -280,8 +280,9 @@ fn layers_are_blended_as_on_the_processor() {
     let wide = Cloud::random(3_000, 0.01, 0.6);
     let many = Cloud::random(20_000, 0.02, 0.1);
     // More splats lie over a tile than one invocation sums.
-    let mut crowded = Cloud::random(30_000, 0.01, 0.03);
+    let mut crowded = Cloud::random(30_000, 0.03, 0.06);
     crowded.positions.iter_mut().flatten().for_each(|x| *x *= 0.005);
+    crowded.mass.iter_mut().for_each(|mass| *mass *= 0.02);
     for (name, view, cloud, way) in [
         ("crowded", perspective([0.02, 0.02, 0.2], 121, 90), &crowded, (3, Assignment::Nearest)),
         ("many, nearest", perspective([0.5, 1.5, 2.5], 161, 90), &many, (64, Assignment::Nearest)),

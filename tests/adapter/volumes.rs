@@ -15,6 +15,7 @@ use deepfield::gpu::{
     Backend, DeviceOptions, Footprint, HeadlessNode, HeadlessRenderer, HeadlessRequest, LightView, NodeId, NodeUpload,
     Offscreen, Payload, RawParticle, VolumeFindings, VolumeJob, VolumeView, Withheld,
 };
+use deepfield::hierarchy::Purpose;
 use deepfield::look::LookPatch;
 use deepfield::mode::sample::Sample;
 use deepfield::mode::{Adapter, Depiction, Plan, SettingValue, Settings};
@@ -542,7 +543,8 @@ fn the_demo_data_look_as_on_the_cpu() {
         let (l2, most) = difference(&found, &drawn.colors);
         println!("{}: L2 {l2:.2e}, at most {most:.2e}", mode.name);
         // On the silhouettes of spheres a pixel may show one or the other.
-        let bound = if !mode.technique.needs(&Settings::default()).hides { 2e-2 } else { 5e-5 };
+        let is_field = mode.technique.needs(&Settings::default()).purpose == Purpose::Samples;
+        let bound = if is_field { 5e-5 } else { 2e-2 };
         assert!(l2 < bound, "{}: {l2} {most}", mode.name);
     }
 }

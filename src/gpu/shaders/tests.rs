@@ -425,7 +425,7 @@ fn buffers_are_laid_out_as_the_program_writes_them() {
             }
         }
     }
-    assert_eq!(compared.len(), 70, "{compared:?}");
+    assert_eq!(compared.len(), 71, "{compared:?}");
 }
 
 #[test]
