@@ -204,7 +204,14 @@ impl VolumeWork {
         let mut memory = self.lowered.map_or(shown.memory, |(bytes, _)| bytes.min(shown.memory)).max(Room::LEAST);
         *known = None;
         loop {
-            let room = Room::of(memory.saturating_sub(Room::of_pixels(&job.view)), job.options.memory, limit);
+            // A sixteenth is for uniforms and lists of bins.
+            let free = (memory - memory / 16).saturating_sub(Room::of_pixels(&job.view));
+            let cells = match job.shows {
+                // Beside the half that a picture's cells may take, and the third that particles may, which both share.
+                Shows::Ranges => job.options.memory.min(free / 6),
+                Shows::Light(_) => job.options.memory,
+            };
+            let room = Room::of(free, cells, limit);
             let scope = means.device.wgpu_device().push_error_scope(ErrorFilter::OutOfMemory);
             let begun = Work::begin(job, shown, (&list.view, &list.items), &room, &mut self.store, means);
             let is_full = block_on(scope.pop()).is_some();

@@ -36,7 +36,7 @@ pub struct Room {
 
 impl Room {
     /// Least room that is tried, bytes.
-    pub const LEAST: u64 = 1 << 24;
+    pub const LEAST: u64 = 1 << 23;
     /// Most particles that are binned at once. Each may have a block of its own, which has a place more.
     const MOST_BATCH: u64 = 1 << (PARTICLE_BITS - 1);
     const LEAST_BATCH: u64 = 1 << 14;
