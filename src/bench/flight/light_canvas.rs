@@ -36,20 +36,20 @@ impl LightCanvas {
     }
 
     fn paint(&mut self, view: &View, nodes: &[SceneNode], plan: &Plan) -> Result<LightPicture, VolumeError> {
-        let LightCanvas { depiction, transfer, .. } = &*self;
-        let metadata = self.file.metadata();
+        let LightCanvas { file, depiction, transfer, adapter, name, .. } = self;
+        let metadata = file.metadata();
         let subject = Subject::new(metadata, depiction, transfer, metadata.bounds().size().length());
-        let raw = match &mut self.adapter {
+        let raw = match adapter {
             Some(adapter) => {
                 let passes = Passes::Compute;
                 let job = AdapterJob { view, depiction, metadata, nodes, plan, passes, light: None, repeat: 1 };
                 let (raw, frame) = draw_on(&mut **adapter, &subject, job)?;
-                self.name = (frame.backend.to_owned(), frame.adapter);
+                *name = (frame.backend.to_owned(), frame.adapter);
                 raw
             }
             None => subject.draw_nodes(view, nodes, plan)?,
         };
-        raw.light(self.depiction.mode)
+        raw.light(depiction.mode)
     }
 }
 
