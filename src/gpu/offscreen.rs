@@ -164,11 +164,14 @@ impl Offscreen {
     fn tiles(&mut self, request: HeadlessRequest, passes: TilePasses) -> Result<AdapterFrame, GpuError> {
         let [width, height] = [request.view.width, request.view.height];
         let planes = passes.planes();
+        self.number += 1;
+        let number = self.number;
         self.with(move |slot| {
             let renderer = loaded(slot, &request)?;
-            let (colors, (passes, frame)) = renderer.tiles(passes, request.repeat)?;
+            let (colors, opaque, (passes, frame)) = renderer.tiles(number, passes, request.repeat)?;
             let particles = renderer.particles();
-            let report = VolumeReport { grid: [width, height, 1], planes, particles, ..VolumeReport::default() };
+            let report =
+                VolumeReport { grid: [width, height, 1], planes, particles, opaque, ..VolumeReport::default() };
             Ok(light_frame(colors, report, renderer, &passes, frame))
         })
     }

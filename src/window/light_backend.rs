@@ -291,9 +291,12 @@ pub(super) fn draw_light_on_gpu(
     }
 
     let number = pictures.light.as_ref().map(Light::number);
-    let drawn = match &pictures.light {
-        Some(Light::Tiles(..)) => tile_news.drawn(),
-        _ => found.drawn,
+    let (drawn, opaque) = match &pictures.light {
+        Some(Light::Tiles(..)) => tile_news.drawn().map_or((None, None), |(drawn, opaque)| (Some(drawn), opaque)),
+        _ => {
+            let opaque = found.opaque.as_ref().filter(|(of, _)| Some(*of) == found.drawn);
+            (found.drawn, opaque.map(|(_, opaque)| Arc::clone(opaque)))
+        }
     };
     let is_drawn = number.is_none() || drawn == number;
     if let Some(drawn) = drawn.filter(|drawn| *drawn != pictures.seen) {
@@ -305,9 +308,8 @@ pub(super) fn draw_light_on_gpu(
         }
         // A sample's wider kernels may hide what all particles together do not: it says nothing.
         if Some(drawn) == number && statistics.sampled.is_none() {
-            let opaque = found.opaque.as_ref().filter(|(of, _)| *of == drawn);
             // Live particles hide nothing of the file.
-            let opaque = opaque.filter(|_| !live.is_shown()).map(|(_, opaque)| Arc::clone(opaque));
+            let opaque = opaque.filter(|_| !live.is_shown());
             occlusion.drew(opaque, (scene.generation, look.depiction_revision), selection.complete);
         }
     }

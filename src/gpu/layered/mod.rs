@@ -18,9 +18,9 @@ use super::splat::layout::{Grids, SplatUniform};
 use super::splat::resources::whole;
 use super::tiles::pipelines::{layout, queue, read, tile_view, uniform, write};
 use super::tiles::{Binding, Canvas, Layering, TileMode, TileRequest};
-use crate::cpu::layered::Assignment;
 use crate::cpu::layered::caps::Caps;
-use crate::cpu::volume::Classifier;
+use crate::cpu::layered::{Assignment, layers_between, opaque};
+use crate::cpu::volume::{Classifier, OpaqueDepths};
 use crate::model::Kernel;
 use crate::view::{Projection, View};
 use bevy::asset::AssetServer;
@@ -139,7 +139,7 @@ impl TileMode for Layered {
         let entries: Vec<_> = numbered.map(|(index, entry)| entry.build(index, ShaderStages::COMPUTE)).collect();
         let layers = BindGroupLayoutDescriptor::new("deepfield layers of a slab", &entries);
         let light = uniform(size_of::<LayerUniform>(), false);
-        let canvas = layout("deepfield blend of layers", vec![view(), tile_view(), light, read(), write()]);
+        let canvas = layout("deepfield blend of layers", vec![view(), tile_view(), light, read(), write(), write()]);
         let lookup = [uniform(size_of::<LookupUniform>(), false), read()];
         let matter = layout("deepfield matter of layers", lookup.into_iter().chain(group()).collect());
         let of = |entry| {
@@ -197,7 +197,7 @@ impl TileMode for Layered {
         let caps = to.buffer(bytemuck::cast_slice(&caps), BufferUsages::STORAGE);
         let sums = LayerSums::new(before.map(|(_, groups)| &groups.sums), &caps, to);
         let view = &to.particles.shared.uniform;
-        let canvas = [view, to.spots.uniform(), &uniform, sums.cells(), &to.cells.buffer];
+        let canvas = [view, to.spots.uniform(), &uniform, sums.cells(), &to.cells.buffer, to.ends];
         let canvas = to.group(&to.pipelines.canvas, &canvas.map(whole));
         let matter = sums.with([lookup.as_entire_binding(), table.as_entire_binding()], to);
         LayeredGroups { sums, table, canvas, matter }
@@ -232,5 +232,9 @@ impl TileMode for Layered {
         }
         span.end(encoder);
         Some(())
+    }
+    fn opaque(&self, view: &View, ends: &[f32]) -> OpaqueDepths {
+        let grid = layers_between(view, self.planes, self.layers);
+        opaque(view, &grid, self.smallest, ends.iter().map(|&end| (end >= 1.0).then_some(end as u32)))
     }
 }
