@@ -101,6 +101,11 @@ impl Adapter for Offscreen {
 }
 
 impl Offscreen {
+    /// One that draws all that it can, though the processor may be faster.
+    pub fn preferred() -> Offscreen {
+        Offscreen { is_card: Some(true), ..Offscreen::default() }
+    }
+
     /// Has the renderer's thread do something.
     fn with<T: Send + 'static>(
         &mut self,
