@@ -268,7 +268,7 @@ impl HeadlessRenderer {
     ) -> Result<(Colors, Option<Arc<OpaqueDepths>>, (PassTimes, f64)), GpuError> {
         self.insert(LightView::default());
         let world = self.app.world_mut();
-        passes.show(number, &mut world.commands().entity(self.camera));
+        passes.show(number, u64::MAX, &mut world.commands().entity(self.camera));
         world.flush();
         let start = Instant::now();
         self.complete()?;
@@ -283,11 +283,11 @@ impl HeadlessRenderer {
             }
         }
         let opaque = loop {
-            let drawn = self.app.world().resource::<TileNews>().drawn();
-            match drawn.filter(|(drawn, _)| *drawn == number) {
-                Some((_, opaque)) => break opaque,
-                None => self.frame()?,
+            let found = self.app.world().resource::<TileNews>().now();
+            if found.drawn == Some(number) {
+                break found.opaque;
             }
+            self.frame()?;
             self.check_shaders(start)?;
         };
         Ok((self.light()?, opaque, (passes, median(&mut frames))))

@@ -8,6 +8,7 @@ use super::splat::layout::Grids;
 use super::splat::resources::whole;
 use super::tiles::constants::walk_defs;
 use super::tiles::pipelines::{arrange_layout, layout, queue, read, uniform, walk_layout, write};
+use super::tiles::spots::listed_within;
 use super::tiles::{Binding, Canvas, Drawing, TileList, TileMode, TileRequest};
 use crate::cpu::volume::{Classifier, OpaqueDepths};
 use crate::model::Kernel;
@@ -99,7 +100,7 @@ impl TileMode for SortedSplats {
         SortedPipelines { lookup, light, arrange, blend }
     }
 
-    fn request(&self, _: &View, _: &Grids) -> TileRequest {
+    fn request(&self, _: &View, _: &Grids, memory: u64) -> TileRequest {
         TileRequest {
             planes: self.planes,
             least: self.classifier.least(),
@@ -108,6 +109,7 @@ impl TileMode for SortedSplats {
             lead: 0.0,
             smallest: self.smallest,
             layers: None,
+            at_a_time: listed_within(memory, TileList::SPOT_BYTES),
         }
     }
 
@@ -123,6 +125,10 @@ impl TileMode for SortedSplats {
         let blend = to.group(&to.pipelines.light, &[&light, &to.cells.buffer, to.ends].map(whole));
         let list = to.tiles(before.map(|(_, groups)| &groups.list));
         SortedGroups { list, table, arrange, blend }
+    }
+
+    fn bytes(bound: &SortedGroups) -> u64 {
+        bound.list.bytes()
     }
 
     fn draw(&self, bound: &SortedGroups, on: &Canvas<'_, Self>, context: &mut RenderContext) -> Option<()> {

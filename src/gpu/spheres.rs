@@ -7,6 +7,7 @@ use super::splat::layout::Grids;
 use super::splat::resources::whole;
 use super::tiles::constants::walk_defs;
 use super::tiles::pipelines::{arrange_layout, layout, portion, queue, read, tile_view, uniform, walk_layout, write};
+use super::tiles::spots::listed_within;
 use super::tiles::{Binding, Canvas, Drawing, TileList, TileMode, TileRequest};
 use crate::cpu::screen_spheres::{ROUNDS, SurfaceColors};
 use crate::cpu::volume::{Light, OpaqueDepths};
@@ -127,7 +128,7 @@ impl TileMode for Spheres {
         SpherePipelines { hits, surface, arrange, nearest, smooth, shade }
     }
 
-    fn request(&self, view: &View, _: &Grids) -> TileRequest {
+    fn request(&self, view: &View, _: &Grids, memory: u64) -> TileRequest {
         // A sphere may be seen whose centre lies before the near plane.
         let first = match view.projection {
             Projection::Perspective { .. } => f64::from(f32::MIN_POSITIVE),
@@ -141,6 +142,7 @@ impl TileMode for Spheres {
             lead: 1.0,
             smallest: 0.0,
             layers: None,
+            at_a_time: listed_within(memory, TileList::SPOT_BYTES),
         }
     }
 
@@ -163,6 +165,10 @@ impl TileMode for Spheres {
             to.group(&to.pipelines.surface, &bound)
         });
         SphereGroups { list, hits, nearest, surface }
+    }
+
+    fn bytes(bound: &SphereGroups) -> u64 {
+        bound.list.bytes()
     }
 
     fn draw(&self, bound: &SphereGroups, on: &Canvas<'_, Self>, context: &mut RenderContext) -> Option<()> {

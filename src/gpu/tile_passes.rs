@@ -92,18 +92,18 @@ impl TilePasses {
         }
     }
 
-    /// Has a camera draw this picture, and no other by tiles.
-    pub fn show(self, number: u64, camera: &mut EntityCommands) {
+    /// Has a camera draw this picture, and no other by tiles; lists, and what is made of them, may take so many bytes.
+    pub fn show(self, number: u64, memory: u64, camera: &mut EntityCommands) {
         let occlusion = self.occlusion;
         match self.mode {
             TileModes::Sorted(mode) => camera
-                .insert(TilePicture { number, mode, occlusion })
+                .insert(TilePicture { number, mode, occlusion, memory })
                 .remove::<(TilePicture<Layered>, TilePicture<Spheres>)>(),
             TileModes::Layered(mode) => camera
-                .insert(TilePicture { number, mode, occlusion })
+                .insert(TilePicture { number, mode, occlusion, memory })
                 .remove::<(TilePicture<SortedSplats>, TilePicture<Spheres>)>(),
             TileModes::Spheres(mode) => camera
-                .insert(TilePicture { number, mode, occlusion })
+                .insert(TilePicture { number, mode, occlusion, memory })
                 .remove::<(TilePicture<SortedSplats>, TilePicture<Layered>)>(),
         };
     }

@@ -291,8 +291,9 @@ pub(super) fn draw_light_on_gpu(
     }
 
     let number = pictures.light.as_ref().map(Light::number);
+    let tiles_found = tile_news.now();
     let (drawn, opaque) = match &pictures.light {
-        Some(Light::Tiles(..)) => tile_news.drawn().map_or((None, None), |(drawn, opaque)| (Some(drawn), opaque)),
+        Some(Light::Tiles(..)) => (tiles_found.drawn, tiles_found.opaque.clone()),
         _ => {
             let opaque = found.opaque.as_ref().filter(|(of, _)| Some(*of) == found.drawn);
             (found.drawn, opaque.map(|(_, opaque)| Arc::clone(opaque)))
@@ -325,8 +326,11 @@ pub(super) fn draw_light_on_gpu(
     if found.thinner && !std::mem::replace(&mut pictures.told_thinner, true) {
         notices.info("the graphics memory is short: volumes are drawn in thinner slabs");
     }
-    let slabs = matches!(pictures.light, Some(Light::Volume(_))).then_some(found.slabs);
-    (statistics.slabs, statistics.work_bytes) = (slabs, found.bytes);
+    (statistics.slabs, statistics.work_bytes) = match pictures.light {
+        Some(Light::Tiles(..)) => (None, found.bytes + tiles_found.bytes),
+        Some(Light::Volume(_)) => (Some(found.slabs), found.bytes),
+        None => (None, found.bytes),
+    };
     if let Some(levels) = pictures.levels.filter(|levels| exposure.levels != Some(*levels) || look.is_changed()) {
         exposure.set_if_neq(Exposure::of_codebooks(metadata, &look.depiction, &transfer, levels));
     }
@@ -368,7 +372,7 @@ pub(super) fn draw_light_on_gpu(
         },
     ));
     match tiles {
-        Some((number, _, passes)) => passes.show(number, &mut camera),
+        Some((number, _, passes)) => passes.show(number, preset.residency.gpu_bytes()[1], &mut camera),
         None => TilePasses::hide(&mut camera),
     }
     let fading = before.fade().map(|(image, share)| Fading { image: Arc::clone(image), share });

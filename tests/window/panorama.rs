@@ -132,7 +132,8 @@ fn faces_in_the_window_are_drawn_by_the_adapter_that_is_asked_for() {
     // From within the data. The adapter has no discs of a pixel's size for panoramas: the processor draws them unasked.
     let text = |mode: &str| {
         format!(
-            r#"(version: 1, datasets: [(path: {data:?})], mode: "{mode}", projection: dome(aperture: 180.0, tilt: 0.0), size: Some((400, 400)),
+            r#"(version: 1, datasets: [(path: {data:?})], mode: "{mode}", projection: dome(aperture: 180.0, tilt: 0.0), size: (400, 400),
+                annotations: (legend: false, scale_bar: false, labels: 0),
                 camera: (eye: (32.0, 32.0, 32.0), target: (32.0, 32.0, 0.0), up: (0.0, 1.0, 0.0), fov: 45.0))"#
         )
     };

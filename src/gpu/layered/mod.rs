@@ -167,8 +167,8 @@ impl TileMode for Layered {
         }
     }
 
-    fn request(&self, view: &View, grids: &Grids) -> TileRequest {
-        let at_once = sums::layers_of_slab(self.layers, grids);
+    fn request(&self, view: &View, grids: &Grids, memory: u64) -> TileRequest {
+        let at_once = sums::layers_of_slab(self.layers, grids, memory);
         TileRequest {
             planes: self.planes,
             // Densities are those of the layers.
@@ -178,6 +178,7 @@ impl TileMode for Layered {
             lead: 0.0,
             smallest: self.smallest,
             layers: Some(Layering { count: self.layers, spread: self.spread(view), at_once }),
+            at_a_time: sums::listed_within(memory),
         }
     }
 
@@ -201,6 +202,10 @@ impl TileMode for Layered {
         let canvas = to.group(&to.pipelines.canvas, &canvas.map(whole));
         let matter = sums.with([lookup.as_entire_binding(), table.as_entire_binding()], to);
         LayeredGroups { sums, table, canvas, matter }
+    }
+
+    fn bytes(bound: &LayeredGroups) -> u64 {
+        bound.sums.bytes()
     }
 
     fn draw(&self, bound: &LayeredGroups, on: &Canvas<'_, Self>, context: &mut RenderContext) -> Option<()> {

@@ -28,7 +28,7 @@ use bevy::render::sync_component::SyncComponent;
 use bevy::render::{Render, RenderApp, RenderSystems};
 use std::marker::PhantomData;
 use std::mem;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::task::Poll;
 
 /// A mode whose passes draw particles in slabs of depth.
@@ -45,11 +45,15 @@ pub trait TileMode: Clone + PartialEq + Send + Sync + 'static {
     /// Has its pipelines compiled.
     fn pipelines(server: &AssetServer, cache: &PipelineCache, on: &Capabilities) -> Self::Pipelines;
 
-    /// Which particles of a view it lists; `grids` are those that its splats are sorted by.
-    fn request(&self, view: &View, grids: &Grids) -> TileRequest;
+    /// Which particles of a view it lists, and how many at a time, with so many bytes for all that it works in but pixels; `grids` are
+    /// those that its splats are sorted by.
+    fn request(&self, view: &View, grids: &Grids, memory: u64) -> TileRequest;
 
     /// Binds what its passes need; of the picture `before` what is still right may be taken over.
     fn bind(&self, before: Option<(&Self, &Self::Bound)>, to: &Binding<'_, Self>) -> Self::Bound;
+
+    /// Bytes that it works in beside the list of particles, but pixels.
+    fn bytes(bound: &Self::Bound) -> u64;
 
     /// Draws into the camera's [`LightCells`], and into [`Binding::ends`]; `None` while its pipelines are not compiled.
     fn draw(&self, bound: &Self::Bound, on: &Canvas<'_, Self>, context: &mut RenderContext) -> Option<()>;
@@ -67,6 +71,8 @@ pub struct TilePicture<M: TileMode> {
     pub mode: M,
     /// Whether [`TileNews`] says what the picture hides.
     pub occlusion: bool,
+    /// Bytes that lists, and what the mode makes of them, may take.
+    pub memory: u64,
 }
 
 impl<M: TileMode> SyncComponent for TilePicture<M> {
@@ -83,22 +89,35 @@ impl<M: TileMode> ExtractComponent for TilePicture<M> {
     }
 }
 
-/// The last complete picture, and what it hides where that was asked for. Clones share it.
-#[derive(Resource, Clone, Debug, Default)]
-pub struct TileNews(Arc<Mutex<Option<Drawn>>>);
+/// What is known of pictures by tiles.
+#[derive(Clone, Debug, Default)]
+pub struct TileFindings {
+    /// The number of the last complete picture, if there is one.
+    pub drawn: Option<u64>,
+    /// What it hides, where that was asked for.
+    pub opaque: Option<Arc<OpaqueDepths>>,
+    /// Bytes of the lists, and of what the mode makes of them; pixels are not counted.
+    pub bytes: u64,
+}
 
-/// A complete picture's number, and what it hides.
-type Drawn = (u64, Option<Arc<OpaqueDepths>>);
+/// What the render world tells the main world of pictures by tiles. Clones share it.
+#[derive(Resource, Clone, Debug, Default)]
+pub struct TileNews(Arc<Mutex<TileFindings>>);
 
 impl TileNews {
-    /// Its number, if there is one, and what it hides.
-    pub fn drawn(&self) -> Option<Drawn> {
-        // One assignment: whoever panicked left something consistent.
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    /// What is known now.
+    pub fn now(&self) -> TileFindings {
+        self.lock().clone()
     }
 
-    fn set(&self, drawn: Drawn) {
-        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = Some(drawn);
+    fn drew(&self, number: u64, opaque: Option<Arc<OpaqueDepths>>) {
+        let mut found = self.lock();
+        (found.drawn, found.opaque) = (Some(number), opaque);
+    }
+
+    fn lock(&self) -> MutexGuard<'_, TileFindings> {
+        // Every change is one assignment: whoever panicked left something consistent.
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -114,6 +133,8 @@ pub struct Binding<'a, M: TileMode> {
     pub ends: &'a Buffer,
     /// The particles, and the grids that splats are sorted by.
     pub particles: &'a SplatBuffers,
+    /// Bytes that the mode may work in.
+    pub memory: u64,
     /// Compiled pipelines.
     pub cache: &'a PipelineCache,
     /// The adapter, and what is written to it.
@@ -168,6 +189,7 @@ pub struct TileBindings<M: TileMode> {
     spots: SpotList,
     bound: M::Bound,
     of: M,
+    memory: u64,
     view: View,
     ends: Buffer,
     /// The last picture whose ends have been asked for.
@@ -244,10 +266,13 @@ fn prepare<M: TileMode>(
     tile_pipelines: Option<Res<TilePipelines>>,
     cache: Res<PipelineCache>,
     (device, queue): (Res<RenderDevice>, Res<RenderQueue>),
+    news: Res<TileNews>,
 ) {
     let (Some(pipelines), Some(tile_pipelines)) = (pipelines, tile_pipelines) else { return };
     for (entity, view, picture, particles, mut before, cells) in &mut cameras {
-        if before.as_ref().is_some_and(|before| before.of == picture.mode) && cells.is_some() && !particles.is_changed()
+        if before.as_ref().is_some_and(|before| before.of == picture.mode && before.memory == picture.memory)
+            && cells.is_some()
+            && !particles.is_changed()
         {
             continue;
         }
@@ -255,9 +280,10 @@ fn prepare<M: TileMode>(
         let (asked, answers) =
             before.as_mut().map(|before| (before.asked, mem::take(&mut before.answers))).unwrap_or_default();
         let before = before.as_deref();
-        let tiling = Tiling::new(&view.view, &picture.mode.request(&view.view, &particles.grids));
+        let request = picture.mode.request(&view.view, &particles.grids, picture.memory);
+        let tiling = Tiling::new(&view.view, &request);
         let known = before.map(|before| &before.spots);
-        let spots = SpotList::new(tiling, &particles, known, &cache, (&device, &queue));
+        let spots = SpotList::new(tiling, request.at_a_time, &particles, known, &cache, (&device, &queue));
         let cells = light::cells(cells, tiling.uniform.size, &device);
         let pixels = tiling.uniform.size.map(u64::from).iter().product::<u64>();
         let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
@@ -269,15 +295,18 @@ fn prepare<M: TileMode>(
             cells: &cells,
             ends: &ends,
             particles: &particles,
+            memory: picture.memory,
             cache: &cache,
             gpu: (&device, &queue),
             tiles: &tile_pipelines,
         };
         let bound = picture.mode.bind(before.map(|before| (&before.of, &before.bound)), &binding);
+        news.lock().bytes = spots.bytes() + M::bytes(&bound);
         let of = picture.mode.clone();
-        commands
-            .entity(entity)
-            .insert((TileBindings { spots, bound, of, view: view.view, ends, asked, answers }, cells));
+        commands.entity(entity).insert((
+            TileBindings { spots, bound, of, memory: picture.memory, view: view.view, ends, asked, answers },
+            cells,
+        ));
     }
 }
 
@@ -305,7 +334,7 @@ fn draw<M: TileMode>(
     }
     let number = picture.number;
     if !picture.occlusion {
-        news.set((number, None));
+        news.drew(number, None);
     } else if bindings.asked != number {
         let answer = Answer::new(bindings.ends.size(), "deepfield ends that are read", &device);
         context.command_encoder().copy_buffer_to_buffer(&bindings.ends, 0, answer.buffer(), 0, bindings.ends.size());
@@ -332,7 +361,7 @@ fn take_in<M: TileMode>(mut cameras: Query<&mut TileBindings<M>>, news: Res<Tile
                 let ends: Vec<f32> = words.iter().take(pixels).map(|word| f32::from_le_bytes(*word)).collect();
                 Arc::new(of.opaque(view, &ends))
             });
-            news.set((*number, opaque));
+            news.drew(*number, opaque);
             false
         });
     }

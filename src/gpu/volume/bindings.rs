@@ -11,7 +11,7 @@ use crate::cpu::volume::bricks::BrickGrid;
 use crate::cpu::volume::range;
 use crate::gpu::answer::Answer;
 use crate::gpu::light;
-use bevy::render::render_resource::{BindGroup, BindGroupEntry, BindingResource, Buffer, BufferUsages};
+use bevy::render::render_resource::{BindGroup, BindGroupEntry, BindingResource, Buffer};
 
 /// Uniforms of a list begin at multiples of this.
 const STRIDE: usize = 256;

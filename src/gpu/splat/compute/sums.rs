@@ -4,7 +4,7 @@
 use crate::gpu::shaders;
 use crate::gpu::splat::constants::kernel_defs;
 use crate::gpu::splat::layout::{Grids, MAX_LEVELS, PATCH_BYTES, Pass, RECONSTRUCTED, SplatUniform};
-use crate::gpu::splat::resources::{ALIGNMENT, at_least, slice};
+use crate::gpu::splat::resources::{ALIGNMENT, at_least, size_of_all, slice};
 use crate::gpu::splat::workgroups;
 use crate::model::Kernel;
 use bevy::asset::AssetServer;
@@ -182,6 +182,14 @@ pub struct SumScratch {
     dispatch: Option<Buffer>,
     patches: Option<Buffer>,
     passes: Option<Buffer>,
+}
+
+impl SumScratch {
+    /// Bytes of all buffers.
+    pub fn bytes(&self) -> u64 {
+        let SumScratch { slices, tile_slices, slice_count, dispatch, patches, passes } = self;
+        size_of_all([slices, tile_slices, slice_count, dispatch, patches, passes].into_iter().flatten())
+    }
 }
 
 /// What is summed.

@@ -174,7 +174,7 @@ pub fn draw(
     }
     let rgba = rays.iter().map(|ray| [ray.color[0], ray.color[1], ray.color[2], ray.alpha]).collect();
     if options.occlusion {
-        let ends = rays.iter().map(|ray| (ray.alpha >= termination).then(|| ray.end as u32 + 1));
+        let ends = rays.iter().map(|ray| (ray.alpha >= termination).then(|| ray.end + 1));
         report.opaque = Some(Arc::new(opaque(view, &cutter.grid, options.smallest, ends)));
     }
     Ok((Colors { width: view.width, height: view.height, rgba }, report))
