@@ -350,6 +350,9 @@ pub(super) fn draw_light_on_gpu(
         Some(Light::Tiles(number, from, passes)) => (None, Some((*number, *from, passes.clone()))),
         None => (None, None),
     };
+    // Where lists are drawn, volumes find no more than ranges.
+    let [_, memory] = preset.residency.gpu_bytes();
+    let memory = [memory, memory / 2][usize::from(tiles.is_some())];
     let mut camera = commands.entity(entity);
     camera.insert((
         VolumeView {
@@ -358,7 +361,7 @@ pub(super) fn draw_light_on_gpu(
             ranges: pictures.sketch.clone(),
             ranges_only: tiles.is_some(),
             attribute: look.depiction.attribute.is_some(),
-            memory: preset.residency.gpu_bytes()[1],
+            memory,
             slabs: pictures.slabs,
         },
         SplatView {
@@ -372,7 +375,7 @@ pub(super) fn draw_light_on_gpu(
         },
     ));
     match tiles {
-        Some((number, _, passes)) => passes.show(number, preset.residency.gpu_bytes()[1], &mut camera),
+        Some((number, _, passes)) => passes.show(number, memory, &mut camera),
         None => TilePasses::hide(&mut camera),
     }
     let fading = before.fade().map(|(image, share)| Fading { image: Arc::clone(image), share });

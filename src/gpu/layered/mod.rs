@@ -178,7 +178,7 @@ impl TileMode for Layered {
             lead: 0.0,
             smallest: self.smallest,
             layers: Some(Layering { count: self.layers, spread: self.spread(view), at_once }),
-            at_a_time: sums::listed_within(memory),
+            at_a_time: sums::listed_within(memory, grids),
         }
     }
 

@@ -14,8 +14,8 @@ use bevy::render::render_resource::{
 };
 use bytemuck::{Pod, Zeroable};
 
-/// Most bytes of a slab's bins, and of the pyramids that are summed at once, where one layer takes less. Each has a quarter of the
-/// memory, the particles have half.
+/// Most bytes of a slab's bins, and of the pyramids that are summed at once, where one layer takes less. Each has a sixth of the
+/// memory, the particles have half; the rest is for lists of slabs and room to grow.
 const BYTES_AT_ONCE: u64 = 64 << 20;
 
 /// WGSL `LayerGroup`: layers of a slab that are summed at once.
@@ -49,13 +49,12 @@ fn layers_of_group(layers: u32, grids: &Grids, memory: u64) -> u32 {
 }
 
 fn at_once(layers: u32, bytes: u64, memory: u64) -> u32 {
-    // Buffers have room to grow, a quarter of their size.
-    (BYTES_AT_ONCE.min(memory / 5) / bytes.max(1)).clamp(1, layers.max(1).into()) as u32
+    (BYTES_AT_ONCE.min(memory / 6) / bytes.max(1)).clamp(1, layers.max(1).into()) as u32
 }
 
 /// Particles that may be listed at a time.
-pub fn listed_within(memory: u64) -> u64 {
-    spots::listed_within(memory / 2, SPLAT_BYTES + PLACE_BYTES)
+pub fn listed_within(memory: u64, grids: &Grids) -> u64 {
+    spots::listed_within(memory / 2, SPLAT_BYTES + PLACE_BYTES + grids.slice_bytes())
 }
 
 /// Buffers that are kept from view to view.

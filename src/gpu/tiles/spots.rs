@@ -179,8 +179,8 @@ pub struct SpotList {
 
 /// How many particles may be listed at a time in so much memory, if a mode takes so many bytes for each beside the list.
 pub fn listed_within(memory: u64, bytes: u64) -> u64 {
-    // Buffers have room to grow, a quarter of their size.
-    memory / 5 * 4 / (SPOT_BYTES + bytes)
+    // Buffers have room to grow, a quarter of their size; and a sixteenth is for lists of bins and of intervals.
+    memory / 4 * 3 / (SPOT_BYTES + bytes)
 }
 
 /// How many slabs there may be of at most `most` of so many particles, and of at most `at_once` of all intervals of depth.

@@ -84,6 +84,10 @@ pub fn prepare_volumes(
         }
         if shown.light.is_none() {
             let had_light = work.light.take().is_some();
+            if had_light {
+                // Ranges need less.
+                work.store.clear();
+            }
             if cells.is_some() && (had_light || !shown.ranges_only) {
                 commands.entity(entity).remove::<LightCells>();
             }
