@@ -101,6 +101,11 @@ impl Adapter for Offscreen {
 }
 
 impl Offscreen {
+    /// One that draws all that it can, though the processor may be faster.
+    pub fn preferred() -> Offscreen {
+        Offscreen { is_card: Some(true), ..Offscreen::default() }
+    }
+
     /// Has the renderer's thread do something.
     fn with<T: Send + 'static>(
         &mut self,
@@ -164,11 +169,14 @@ impl Offscreen {
     fn tiles(&mut self, request: HeadlessRequest, passes: TilePasses) -> Result<AdapterFrame, GpuError> {
         let [width, height] = [request.view.width, request.view.height];
         let planes = passes.planes();
+        self.number += 1;
+        let number = self.number;
         self.with(move |slot| {
             let renderer = loaded(slot, &request)?;
-            let (colors, (passes, frame)) = renderer.tiles(passes, request.repeat)?;
+            let (colors, opaque, (passes, frame)) = renderer.tiles(number, passes, request.repeat)?;
             let particles = renderer.particles();
-            let report = VolumeReport { grid: [width, height, 1], planes, particles, ..VolumeReport::default() };
+            let report =
+                VolumeReport { grid: [width, height, 1], planes, particles, opaque, ..VolumeReport::default() };
             Ok(light_frame(colors, report, renderer, &passes, frame))
         })
     }

@@ -11,13 +11,14 @@ use super::readback::{read_buffer, read_texture};
 use super::scene::{NodeId, NodeState, ParticleScene, Payload, TableId};
 use super::splat::{Bindings, SplatBuffers, pipeline_error};
 use super::tile_passes::TilePasses;
+use super::tiles::TileNews;
 use super::timing::{PassTimes, median};
 use super::view::{Backend, Composite, DrawItem, SplatView};
 use super::volume::{VolumeFindings, VolumeNews, VolumeView};
 use crate::color::composite::Image as Picture;
 use crate::color::transfer::TransferFunction;
 use crate::color::{Accumulation, Colors};
-use crate::cpu::volume::FieldRange;
+use crate::cpu::volume::{FieldRange, OpaqueDepths};
 use crate::view::View;
 use bevy::asset::RenderAssetUsages;
 use bevy::camera::RenderTarget;
@@ -35,6 +36,7 @@ use bevy::render::{RenderApp, RenderPlugin};
 use bevy::window::ExitCondition;
 use bevy::winit::WinitPlugin;
 use std::collections::HashSet;
+use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
@@ -253,14 +255,20 @@ impl HeadlessRenderer {
         Ok((self.light()?, found, (passes, median(&mut frames))))
     }
 
-    /// Draws what passes by tiles do, as often as asked: its light, and the median milliseconds of its passes and of a frame.
+    /// Draws what passes by tiles do, as often as asked: its light, what it hides where that is asked for, and the median milliseconds
+    /// of its passes and of a frame. Every picture has another number.
     ///
     /// # Errors
     /// As [`HeadlessRenderer::volume`].
-    pub fn tiles(&mut self, passes: TilePasses, repeat: u32) -> Result<(Colors, (PassTimes, f64)), GpuError> {
+    pub fn tiles(
+        &mut self,
+        number: u64,
+        passes: TilePasses,
+        repeat: u32,
+    ) -> Result<(Colors, Option<Arc<OpaqueDepths>>, (PassTimes, f64)), GpuError> {
         self.insert(LightView::default());
         let world = self.app.world_mut();
-        passes.show(1, &mut world.commands().entity(self.camera));
+        passes.show(number, u64::MAX, &mut world.commands().entity(self.camera));
         world.flush();
         let start = Instant::now();
         self.complete()?;
@@ -274,7 +282,15 @@ impl HeadlessRenderer {
                 self.timed_frame(&mut passes)?;
             }
         }
-        Ok((self.light()?, (passes, median(&mut frames))))
+        let opaque = loop {
+            let found = self.app.world().resource::<TileNews>().now();
+            if found.drawn == Some(number) {
+                break found.opaque;
+            }
+            self.frame()?;
+            self.check_shaders(start)?;
+        };
+        Ok((self.light()?, opaque, (passes, median(&mut frames))))
     }
 
     /// What has been found out about the volume on its way.

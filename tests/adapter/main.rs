@@ -6,6 +6,7 @@
 mod support;
 
 mod compare;
+mod flight;
 mod integrals;
 mod light;
 mod light_modes;

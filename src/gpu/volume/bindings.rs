@@ -9,9 +9,9 @@ use super::view::{Shows, VolumeJob};
 use super::work::Means;
 use crate::cpu::volume::bricks::BrickGrid;
 use crate::cpu::volume::range;
-use bevy::render::render_resource::{
-    BindGroup, BindGroupEntry, BindingResource, Buffer, BufferDescriptor, BufferUsages,
-};
+use crate::gpu::answer::Answer;
+use crate::gpu::light;
+use bevy::render::render_resource::{BindGroup, BindGroupEntry, BindingResource, Buffer};
 
 /// Uniforms of a list begin at multiples of this.
 const STRIDE: usize = 256;
@@ -96,7 +96,7 @@ pub struct Bindings {
     pub target: Option<Buffer>,
     /// What is read back when it is complete: the masses of [`Shows::Ranges`]; of pictures [`EFFORT`] bytes of numbers, and the ends
     /// of all rays where occlusion is wanted.
-    pub answer: Buffer,
+    pub answer: Answer,
 }
 
 /// What a picture is made of, as far as its buffers ask.
@@ -332,18 +332,14 @@ impl Bindings {
             dispatch,
             masses,
         };
-        let buffer = |size: u64, label, usage| {
-            let usage = usage | BufferUsages::COPY_DST;
-            device.create_buffer(&BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false })
-        };
         let pixels = u64::from(job.view.width) * u64::from(job.view.height);
         let is_light = matches!(job.shows, Shows::Light(_));
         let answer_bytes = match is_light {
             true => EFFORT + if job.options.occlusion { 4 * pixels } else { 0 },
             false => 8 * range::CLASSES as u64,
         };
-        let target = || buffer(16 * pixels, "deepfield light", BufferUsages::STORAGE | BufferUsages::COPY_SRC);
-        let answer = buffer(answer_bytes, "deepfield volume answer", BufferUsages::MAP_READ);
+        let target = || light::cells(None, [job.view.width, job.view.height], device).buffer;
+        let answer = Answer::new(answer_bytes, "deepfield volume answer", device);
         Bindings { groups, buffers, one, target: is_light.then(target), answer }
     }
 }

@@ -6,6 +6,7 @@ use super::prepare::VolumeWork;
 use super::programs::{Step, VolumePipelines};
 use super::view::Shows;
 use super::work::{Batch, SlabWork, Work};
+use crate::gpu::answer::Answer;
 use bevy::platform::collections::HashMap;
 use bevy::prelude::*;
 use bevy::render::diagnostic::RecordDiagnostics;
@@ -221,7 +222,7 @@ fn end_pane(work: &Work, encoder: &mut CommandEncoder, slab: &SlabWork) {
     if let Some(target) = &work.target {
         put(&buffers.rays.buffer, target, 0, 16);
     }
-    let Some(answer) = &work.answer else { return };
+    let Some(answer) = work.answer.as_ref().map(Answer::buffer) else { return };
     match work.job.shows {
         Shows::Light(_) => {
             if work.job.options.occlusion {
