@@ -10,6 +10,7 @@ use super::view::Backend;
 use super::volume::{Shows, VolumeJob, VolumeView};
 use super::{device, headless};
 use crate::color::Colors;
+use crate::cpu::overdraw::Overdraw;
 use crate::cpu::volume::extents::planes_and_widest;
 use crate::cpu::volume::range::Sketch;
 use crate::cpu::volume::{FieldRange, VolumeError, VolumeOptions, VolumeReport};
@@ -97,6 +98,11 @@ impl Adapter for Offscreen {
         let found = self.with(move |slot| loaded(slot, &request)?.ranges(volume));
         let found = found.map_err(device)?;
         found.ok_or(VolumeError::Grid(GridError::NothingInView))
+    }
+
+    fn overdraw(&mut self, job: &AdapterJob<'_>) -> Result<Overdraw, VolumeError> {
+        let request = request(job);
+        self.with(move |slot| headless::overdraw(able(slot, &request)?, request)).map_err(device)
     }
 }
 

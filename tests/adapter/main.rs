@@ -10,6 +10,7 @@ mod integrals;
 mod light;
 mod light_modes;
 mod live;
+mod overdraw;
 mod pages;
 mod panoramas;
 mod volumes;
