@@ -11,7 +11,7 @@ use super::readback::{read_buffer, read_texture};
 use super::scene::{NodeId, NodeState, ParticleScene, Payload, TableId};
 use super::splat::{Bindings, CountOverdraw, OverdrawBuffers, SplatBuffers, SplatPipelines, pipeline_error};
 use super::tile_passes::TilePasses;
-use super::timing::{PassTimes, median};
+use super::timing::{LATE, PassTimes, median};
 use super::view::{Backend, Composite, DrawItem, SplatView};
 use super::volume::{VolumeFindings, VolumeNews, VolumeView};
 use crate::color::composite::Image as Picture;
@@ -171,6 +171,10 @@ impl HeadlessRenderer {
             .remove::<(SplatView, ModeView, Composite, LightView, VolumeView, CountOverdraw)>();
         TilePasses::hide(&mut world.commands().entity(self.camera));
         world.flush();
+        // The times of what was drawn before come in these frames, and in none that follow.
+        for _ in 0..LATE {
+            self.frame()?;
+        }
         match self.upload(&scene, request, bytes) {
             // What pictures before have left of the adapter's memory is in pieces.
             Err(GpuError::OutOfMemory { .. }) if !wanted.is_empty() || scene.stats().resident_nodes > 0 => {
@@ -230,7 +234,7 @@ impl HeadlessRenderer {
         repeat: u32,
     ) -> Result<(Colors, VolumeFindings, (PassTimes, f64)), GpuError> {
         let mut frames = Vec::new();
-        let mut passes = PassTimes::default();
+        let mut passes = PassTimes::from_now(self.app.world());
         let number = volume.light.as_ref().map_or(0, |job| job.number);
         let found = loop {
             let round = frames.len() as u64;
@@ -266,14 +270,13 @@ impl HeadlessRenderer {
         passes.show(1, &mut world.commands().entity(self.camera));
         world.flush();
         let start = Instant::now();
+        let mut passes = PassTimes::from_now(self.app.world());
         self.complete()?;
         let mut frames = vec![start.elapsed().as_secs_f64() * 1e3];
-        let mut passes = PassTimes::default();
         if repeat > 1 {
             (frames, passes) = self.measure(repeat)?;
         } else {
-            // GPU times arrive some frames late.
-            for _ in 0..4 {
+            for _ in 0..LATE {
                 self.timed_frame(&mut passes)?;
             }
         }
@@ -452,15 +455,15 @@ impl HeadlessRenderer {
         self.view_mut(|view| view.always = true);
         self.frame()?;
         let mut frames = Vec::new();
-        let mut passes = PassTimes::default();
+        let mut passes = PassTimes::from_now(self.app.world());
         for _ in 0..repeat.max(1) {
             frames.push(self.timed_frame(&mut passes)?.as_secs_f64() * 1e3);
         }
-        // GPU times arrive some frames late.
-        for _ in 0..4 {
+        // Nothing is drawn while the last times arrive.
+        self.view_mut(|view| view.always = false);
+        for _ in 0..LATE {
             self.timed_frame(&mut passes)?;
         }
-        self.view_mut(|view| view.always = false);
         Ok((frames, passes))
     }
 

@@ -13,4 +13,5 @@ mod live;
 mod overdraw;
 mod pages;
 mod panoramas;
+mod times;
 mod volumes;

@@ -137,10 +137,8 @@ pub fn prepare_splats(
         if let Some(before) = &mut before
             && before.key.is_same(&key)
         {
-            // What is not changed is not marked as changed.
-            if before.always != view.always {
-                before.always = view.always;
-            }
+            // The picture is what it was, however often it is drawn.
+            before.bypass_change_detection().always = view.always;
             continue;
         }
         let buffers =
