@@ -156,6 +156,7 @@ impl Offscreen {
                 planes: [grid.near, grid.far],
                 slabs: found.slabs[1],
                 particles: renderer.particles(),
+                raised: found.raised,
                 pairs: found.pairs,
                 bricks: found.bricks,
                 opaque: found.opaque.map(|(_, opaque)| opaque),

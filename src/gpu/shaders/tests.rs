@@ -269,6 +269,7 @@ fn written(path: &str, name: &str) -> Option<Layout> {
             stride,
             growth,
             unused,
+            cells,
             tiers,
             levels,
             surfaces,
