@@ -10,6 +10,7 @@ use super::view::Backend;
 use super::volume::{Shows, VolumeJob, VolumeView};
 use super::{device, headless};
 use crate::color::Colors;
+use crate::cpu::overdraw::Overdraw;
 use crate::cpu::volume::extents::planes_and_widest;
 use crate::cpu::volume::range::Sketch;
 use crate::cpu::volume::{FieldRange, VolumeError, VolumeOptions, VolumeReport};
@@ -98,6 +99,11 @@ impl Adapter for Offscreen {
         let found = found.map_err(device)?;
         found.ok_or(VolumeError::Grid(GridError::NothingInView))
     }
+
+    fn overdraw(&mut self, job: &AdapterJob<'_>) -> Result<Overdraw, VolumeError> {
+        let request = request(job);
+        self.with(move |slot| headless::overdraw(able(slot, &request)?, request)).map_err(device)
+    }
 }
 
 impl Offscreen {
@@ -155,6 +161,7 @@ impl Offscreen {
                 planes: [grid.near, grid.far],
                 slabs: found.slabs[1],
                 particles: renderer.particles(),
+                raised: found.raised,
                 pairs: found.pairs,
                 bricks: found.bricks,
                 opaque: found.opaque.map(|(_, opaque)| opaque),

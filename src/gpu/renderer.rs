@@ -9,15 +9,16 @@ use super::light::{LightCells, LightView};
 use super::mode_view::ModeView;
 use super::readback::{read_buffer, read_texture};
 use super::scene::{NodeId, NodeState, ParticleScene, Payload, TableId};
-use super::splat::{Bindings, SplatBuffers, pipeline_error};
+use super::splat::{Bindings, CountOverdraw, OverdrawBuffers, SplatBuffers, SplatPipelines, pipeline_error};
 use super::tile_passes::TilePasses;
 use super::tiles::TileNews;
-use super::timing::{PassTimes, median};
+use super::timing::{LATE, PassTimes, median};
 use super::view::{Backend, Composite, DrawItem, SplatView};
 use super::volume::{VolumeFindings, VolumeNews, VolumeView};
 use crate::color::composite::Image as Picture;
 use crate::color::transfer::TransferFunction;
 use crate::color::{Accumulation, Colors};
+use crate::cpu::overdraw::{Differences, Overdraw};
 use crate::cpu::volume::{FieldRange, OpaqueDepths};
 use crate::view::View;
 use bevy::asset::RenderAssetUsages;
@@ -167,9 +168,15 @@ impl HeadlessRenderer {
         let items = request.nodes.iter().map(item).collect();
         // Nothing is drawn before everything is there.
         let world = self.app.world_mut();
-        world.entity_mut(self.camera).remove::<(SplatView, ModeView, Composite, LightView, VolumeView)>();
+        world
+            .entity_mut(self.camera)
+            .remove::<(SplatView, ModeView, Composite, LightView, VolumeView, CountOverdraw)>();
         TilePasses::hide(&mut world.commands().entity(self.camera));
         world.flush();
+        // The times of what was drawn before come in these frames, and in none that follow.
+        for _ in 0..LATE {
+            self.frame()?;
+        }
         match self.upload(&scene, request, bytes) {
             // What pictures before have left of the adapter's memory is in pieces.
             Err(GpuError::OutOfMemory { .. }) if !wanted.is_empty() || scene.stats().resident_nodes > 0 => {
@@ -229,7 +236,7 @@ impl HeadlessRenderer {
         repeat: u32,
     ) -> Result<(Colors, VolumeFindings, (PassTimes, f64)), GpuError> {
         let mut frames = Vec::new();
-        let mut passes = PassTimes::default();
+        let mut passes = PassTimes::from_now(self.app.world());
         let number = volume.light.as_ref().map_or(0, |job| job.number);
         let found = loop {
             let round = frames.len() as u64;
@@ -271,14 +278,13 @@ impl HeadlessRenderer {
         passes.show(number, u64::MAX, &mut world.commands().entity(self.camera));
         world.flush();
         let start = Instant::now();
+        let mut passes = PassTimes::from_now(self.app.world());
         self.complete()?;
         let mut frames = vec![start.elapsed().as_secs_f64() * 1e3];
-        let mut passes = PassTimes::default();
         if repeat > 1 {
             (frames, passes) = self.measure(repeat)?;
         } else {
-            // GPU times arrive some frames late.
-            for _ in 0..4 {
+            for _ in 0..LATE {
                 self.timed_frame(&mut passes)?;
             }
         }
@@ -465,15 +471,15 @@ impl HeadlessRenderer {
         self.view_mut(|view| view.always = true);
         self.frame()?;
         let mut frames = Vec::new();
-        let mut passes = PassTimes::default();
+        let mut passes = PassTimes::from_now(self.app.world());
         for _ in 0..repeat.max(1) {
             frames.push(self.timed_frame(&mut passes)?.as_secs_f64() * 1e3);
         }
-        // GPU times arrive some frames late.
-        for _ in 0..4 {
+        // Nothing is drawn while the last times arrive.
+        self.view_mut(|view| view.always = false);
+        for _ in 0..LATE {
             self.timed_frame(&mut passes)?;
         }
-        self.view_mut(|view| view.always = false);
         Ok((frames, passes))
     }
 
@@ -489,6 +495,42 @@ impl HeadlessRenderer {
         if let Some(mut view) = self.app.world_mut().get_mut::<SplatView>(self.camera) {
             change(&mut view);
         }
+    }
+
+    /// Counts the splats over each pixel; the picture is not drawn.
+    ///
+    /// # Errors
+    /// [`GpuError`]: an adapter without compute shaders, a shader that does not compile, or the driver fails.
+    pub fn overdraw(&mut self) -> Result<Overdraw, GpuError> {
+        let lacks = |pipelines: &SplatPipelines| pipelines.capabilities.technique(Backend::Compute).err();
+        if let Some(missing) = self.render_world().get_resource().and_then(lacks) {
+            return Err(GpuError::Unsupported { adapter: self.adapter.clone(), backend: "compute", missing });
+        }
+        self.insert(CountOverdraw);
+        let start = Instant::now();
+        let differences = loop {
+            self.frame()?;
+            if let Some(differences) = self.differences()? {
+                break differences;
+            }
+            self.check_shaders(start)?;
+        };
+        self.app.world_mut().entity_mut(self.camera).remove::<CountOverdraw>();
+        Ok(differences.sum())
+    }
+
+    /// What has been counted, once it is.
+    fn differences(&mut self) -> Result<Option<Differences>, GpuError> {
+        let (device, queue) = self.device();
+        let world = self.render_world();
+        let mut query = world.query::<&OverdrawBuffers>();
+        let Some(buffers) = query.iter(world).next().filter(|buffers| buffers.counted.load(Ordering::Relaxed)) else {
+            return Ok(None);
+        };
+        let ([width, height], bytes) = (buffers.size, buffers.bytes());
+        let found = read_buffer(&device, &queue, &buffers.differences, 0, bytes);
+        let found = found.ok_or_else(|| GpuError::Failed("(reading the overdraw back)".into()))?;
+        Ok(Some(Differences::found(width, height, bytemuck::pod_collect_to_vec(&found))))
     }
 
     /// Reads the accumulation back, and the number of splats where the technique counts them.

@@ -11,6 +11,8 @@ mod integrals;
 mod light;
 mod light_modes;
 mod live;
+mod overdraw;
 mod pages;
 mod panoramas;
+mod times;
 mod volumes;

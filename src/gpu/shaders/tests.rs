@@ -269,6 +269,7 @@ fn written(path: &str, name: &str) -> Option<Layout> {
             stride,
             growth,
             unused,
+            cells,
             tiers,
             levels,
             surfaces,
@@ -345,6 +346,8 @@ fn written(path: &str, name: &str) -> Option<Layout> {
         "words" | "lut" | "before" | "starts" | "bins" | "slice_count" | "dispatch" | "dispatches" => {
             plain(4, ScalarKind::Uint)
         }
+        // Read back.
+        "differences" => plain(4, ScalarKind::Sint),
         // Read back as pairs of P and P S.
         "cells" | "reduced_cells" => plain(8, ScalarKind::Float),
         _ => return None,
@@ -425,7 +428,7 @@ fn buffers_are_laid_out_as_the_program_writes_them() {
             }
         }
     }
-    assert_eq!(compared.len(), 71, "{compared:?}");
+    assert_eq!(compared.len(), 72, "{compared:?}");
 }
 
 #[test]

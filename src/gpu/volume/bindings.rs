@@ -24,12 +24,10 @@ pub const SORT_GROUPS: u64 = 8;
 pub const CROWDED: u64 = 12;
 /// Where `dispatch` has the workgroups of bricks that are interpolated, bytes.
 pub const CHOSEN_GROUPS: u64 = 28;
-/// Where `work` has the number of pairs of all slabs, bytes.
-pub const ALL_PAIRS: u64 = 20;
 /// Where `dispatch` has the number of bricks of all slabs, bytes.
 pub const ALL_BRICKS: u64 = 24;
 /// Bytes of the numbers at the beginning of what is read back of a picture.
-pub const EFFORT: u64 = 8;
+pub const EFFORT: u64 = 12;
 /// Bytes that each particle of a batch takes in what is shared by all slabs: keys and pairs, twice each, what is loaded and
 /// where it reaches.
 pub const BATCH_BYTES: u64 = 4 * 4 * MOST_BINS + 24 + REACH_BYTES + 8;
@@ -241,6 +239,7 @@ impl Bindings {
             keys[0].binding(),
             listed[0].binding(),
             reached.binding(),
+            work.binding(),
         ];
         let plan = [
             all.binding(),

@@ -1,7 +1,7 @@
 //! Encodes the slabs that a frame draws.
 
-use super::bindings::{ALL_BRICKS, ALL_PAIRS, CHOSEN_GROUPS, CROWDED, EFFORT, SORT_GROUPS, offset};
-use super::constants::{BIN_GROUP, HEADER, SCAN_GROUP};
+use super::bindings::{ALL_BRICKS, CHOSEN_GROUPS, CROWDED, EFFORT, SORT_GROUPS, offset};
+use super::constants::{ALL_PAIRS, ALL_RAISED, BIN_GROUP, HEADER, SCAN_GROUP};
 use super::prepare::VolumeWork;
 use super::programs::{Step, VolumePipelines};
 use super::view::Shows;
@@ -203,6 +203,11 @@ fn finish_slab(
     }
 }
 
+/// Where a list of numbers has one of them, bytes.
+fn word(number: u32) -> u64 {
+    4 * u64::from(number)
+}
+
 /// Copies what a pane has come to where the picture is put together, and what is to be read back.
 fn end_pane(work: &Work, encoder: &mut CommandEncoder, slab: &SlabWork) {
     let pane = &work.panes[slab.pane];
@@ -228,8 +233,11 @@ fn end_pane(work: &Work, encoder: &mut CommandEncoder, slab: &SlabWork) {
             if work.job.options.occlusion {
                 put(&buffers.progress.buffer, answer, EFFORT, 4);
             }
-            encoder.copy_buffer_to_buffer(&buffers.work.buffer, ALL_PAIRS, answer, 0, 4);
-            encoder.copy_buffer_to_buffer(&buffers.dispatch.buffer, ALL_BRICKS, answer, 4, 4);
+            let numbers =
+                [(&buffers.work, word(ALL_PAIRS)), (&buffers.dispatch, ALL_BRICKS), (&buffers.work, word(ALL_RAISED))];
+            for ((held, at), place) in numbers.into_iter().zip((0..).step_by(4)) {
+                encoder.copy_buffer_to_buffer(&held.buffer, at, answer, place, 4);
+            }
         }
         Shows::Ranges => encoder.copy_buffer_to_buffer(&buffers.masses.buffer, 0, answer, 0, answer.size()),
     }

@@ -150,8 +150,9 @@ impl VolumeWork {
                     let (effort, ends) =
                         bytes.as_deref().unwrap_or_default().split_at_checked(EFFORT as usize).unwrap_or_default();
                     let (numbers, _) = effort.as_chunks::<4>();
-                    if let [pairs, bricks] = numbers {
-                        [news.pairs, news.bricks] = [pairs, bricks].map(|number| u32::from_le_bytes(*number).into());
+                    if let [pairs, bricks, raised] = numbers {
+                        [news.pairs, news.bricks, news.raised] =
+                            [pairs, bricks, raised].map(|number| u32::from_le_bytes(*number).into());
                     }
                     let opaque = (!ends.is_empty()).then(|| (number, Arc::new(opaque_of(job, ends))));
                     (news.opaque, news.drawn) = (opaque, Some(number));
