@@ -21,7 +21,7 @@ use bevy::core_pipeline::{Core3d, Core3dSystems};
 use bevy::prelude::*;
 use bevy::render::extract_component::{ExtractComponent, ExtractComponentPlugin};
 use bevy::render::render_resource::{
-    BindGroup, BindGroupLayoutDescriptor, BindingResource, Buffer, BufferUsages, PipelineCache,
+    BindGroup, BindGroupLayoutDescriptor, BindingResource, Buffer, BufferUsages, COPY_BUFFER_ALIGNMENT, PipelineCache,
 };
 use bevy::render::renderer::{RenderContext, RenderDevice, RenderQueue, ViewQuery};
 use bevy::render::sync_component::SyncComponent;
@@ -197,11 +197,12 @@ pub struct TileBindings<M: TileMode> {
     answers: Vec<Ends<M>>,
 }
 
-/// The ends of a complete picture, on their way.
+/// The ends of a complete picture, on their way; the first one alone where nobody asks what the picture hides.
 struct Ends<M> {
     number: u64,
     of: M,
     view: View,
+    occlusion: bool,
     answer: Answer,
 }
 
@@ -333,29 +334,29 @@ fn draw<M: TileMode>(
         cells.complete = true;
     }
     let number = picture.number;
-    if !picture.occlusion {
-        news.drew(number, None);
-    } else if bindings.asked != number {
-        let answer = Answer::new(bindings.ends.size(), "deepfield ends that are read", &device);
-        context.command_encoder().copy_buffer_to_buffer(&bindings.ends, 0, answer.buffer(), 0, bindings.ends.size());
+    if bindings.asked != number {
+        // Commands are carried out later than they are given: that a picture is complete is read back, too.
+        let bytes = if picture.occlusion { bindings.ends.size() } else { COPY_BUFFER_ALIGNMENT };
+        let answer = Answer::new(bytes, "deepfield ends that are read", &device);
+        context.command_encoder().copy_buffer_to_buffer(&bindings.ends, 0, answer.buffer(), 0, bytes);
         answer.copied();
         let (of, view) = (bindings.of.clone(), bindings.view);
         bindings.asked = number;
-        bindings.answers.push(Ends { number, of, view, answer });
+        bindings.answers.push(Ends { number, of, view, occlusion: picture.occlusion, answer });
     }
 }
 
-/// Asks for what complete pictures hide.
+/// Asks for what complete pictures say.
 fn ask_for_ends<M: TileMode>(cameras: Query<&TileBindings<M>>) {
     cameras.iter().flat_map(|bindings| &bindings.answers).for_each(|ends| ends.answer.ask());
 }
 
-/// Takes in what complete pictures hide.
+/// Takes in what complete pictures say.
 fn take_in<M: TileMode>(mut cameras: Query<&mut TileBindings<M>>, news: Res<TileNews>) {
     for mut bindings in &mut cameras {
-        bindings.bypass_change_detection().answers.retain(|Ends { number, of, view, answer }| {
+        bindings.bypass_change_detection().answers.retain(|Ends { number, of, view, occlusion, answer }| {
             let Poll::Ready(bytes) = answer.take() else { return true };
-            let opaque = bytes.map(|bytes| {
+            let opaque = bytes.filter(|_| *occlusion).map(|bytes| {
                 let (words, _) = bytes.as_chunks::<4>();
                 let pixels = view.width as usize * view.height as usize;
                 let ends: Vec<f32> = words.iter().take(pixels).map(|word| f32::from_le_bytes(*word)).collect();
