@@ -36,7 +36,7 @@ impl TilePasses {
             planes_of(view, extents.iter().copied(), smallest, ends)
         };
         Ok(Some(match passes {
-            LightPasses::March(..) => return Ok(None),
+            LightPasses::March(..) | LightPasses::Cartesian(..) => return Ok(None),
             LightPasses::Sorted { classifier, options, termination, density_scale } => {
                 TilePasses::Sorted(SortedSplats {
                     classifier: Arc::new(classifier.clone()),

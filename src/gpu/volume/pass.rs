@@ -2,6 +2,7 @@
 
 use super::bindings::{ALL_BRICKS, ALL_PAIRS, CHOSEN_GROUPS, CROWDED, EFFORT, SORT_GROUPS, offset};
 use super::constants::{BIN_GROUP, HEADER, SCAN_GROUP};
+use super::march;
 use super::prepare::VolumeWork;
 use super::programs::{Step, VolumePipelines};
 use super::view::Shows;
@@ -98,6 +99,10 @@ fn begin_pane(work: &Work, encoder: &mut CommandEncoder) {
     for held in [&buffers.rays, &buffers.progress, &buffers.densest, &buffers.hidden] {
         encoder.clear_buffer(&held.buffer, 0, Some(held.bytes));
     }
+    if work.job.cartesian().is_some() {
+        // Parts of bricks that nothing reaches are not written, but read.
+        encoder.clear_buffer(&buffers.field.buffer, 0, Some(buffers.field.bytes));
+    }
     if work.done.load(Ordering::Relaxed) == 0 {
         encoder.clear_buffer(&buffers.work.buffer, 0, None);
         encoder.clear_buffer(&buffers.dispatch.buffer, 0, None);
@@ -172,7 +177,8 @@ fn interpolate(work: &Work, steps: &mut Steps<'_>, slab: &SlabWork) {
     }
 }
 
-/// Measures a slab that has been resampled; or casts rays through it, and finds what they hide.
+/// Measures a slab that has been resampled; or casts rays through it, and finds what they hide; or, with the last slab of a Cartesian
+/// grid, through all of it.
 fn finish_slab(
     work: &Work,
     encoder: &mut CommandEncoder,
@@ -200,6 +206,13 @@ fn finish_slab(
             steps.take(Step::Pyramid, hides, &[at], [1, 1, 1]);
         }
     }
+    if let (Some([march, matter]), Some(picture), true) = (&work.groups.march, work.job.cartesian(), slab.closes) {
+        steps.pass.set_bind_group(1, matter, &[]);
+        let rooms: u32 = march::rooms(picture).iter().product();
+        steps.take(Step::FindRooms, march, &[], groups(rooms.div_ceil(BRICK_GROUP)));
+        let [x, y] = [picture.view.width, picture.view.height].map(|pixels| pixels.div_ceil(PIXEL_GROUP));
+        steps.take(Step::March, march, &[], [x, y, 1]);
+    }
 }
 
 /// Copies what a pane has come to where the picture is put together, and what is to be read back.
@@ -218,12 +231,12 @@ fn end_pane(work: &Work, encoder: &mut CommandEncoder, slab: &SlabWork) {
             }
         }
     };
-    if let Some(target) = &work.target {
+    if let (Some(target), Shows::Light(_)) = (&work.target, &work.job.shows) {
         put(&buffers.rays.buffer, target, 0, 16);
     }
     let Some(answer) = &work.answer else { return };
     match work.job.shows {
-        Shows::Light(_) => {
+        Shows::Light(_) | Shows::Cartesian(_) => {
             if work.job.options.occlusion {
                 put(&buffers.progress.buffer, answer, EFFORT, 4);
             }
