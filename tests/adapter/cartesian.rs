@@ -64,7 +64,9 @@ fn grids_are_resampled_and_marched_as_on_the_processor() {
                     let (found, _) = on_adapter(&mut renderer, view, cloud, &scenery, &laid, &options).unwrap();
                     let (l2, most) = difference(&found, &expected);
                     println!("{what} of {of}, {from}, {region:?}: L2 {l2:.2e}, at most {most:.2e}");
-                    assert!(l2 < 1e-3, "{what} of {of}, {from}, {region:?}: L2 {l2}, at most {most}");
+                    // A value between two hues may be rounded to either.
+                    let bound = if cloud.attribute.is_some() { 3e-4 } else { 6e-5 };
+                    assert!(l2 < bound, "{what} of {of}, {from}, {region:?}: L2 {l2}, at most {most}");
                 }
             }
         }
@@ -82,7 +84,7 @@ fn wide_particles_reach_all_of_a_grid() {
         let (found, _) = on_adapter(&mut renderer, &view, &wide, &scenery, &laid, &VolumeOptions::default()).unwrap();
         let (l2, most) = difference(&found, &expected);
         println!("{cells} cells: L2 {l2:.2e}, at most {most:.2e}");
-        assert!(l2 < 1e-3, "{cells} cells: L2 {l2}, at most {most}");
+        assert!(l2 < 5e-5, "{cells} cells: L2 {l2}, at most {most}");
     }
 }
 

@@ -56,6 +56,9 @@ fn panoramas_and_pairs_are_those_of_the_processor() {
         // The smallest particles are enlarged by their depth, not by their distance.
         ("a volume of enlarged particles", dome("volume"), 8e-2),
         ("a surface", with(dome("isosurface"), "smallest", 0.0), 1e-3),
+        // Its box is that of all the data, and so the same for all faces.
+        ("a Cartesian grid", with(dome("cartesian"), "cells", 64.0), 1e-3),
+        ("a pair of Cartesian grids", with(pair("cartesian"), "cells", 64.0), 1e-3),
         ("layers", with(dome("layered"), "smallest", 0.0), 5e-3),
         ("sorted splats", with(dome("sorted-splats"), "smallest", 0.0), 1e-4),
         ("spheres", dome("spheres"), 1e-4),
