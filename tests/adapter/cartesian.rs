@@ -107,6 +107,27 @@ fn slabs_of_a_grid_change_nothing() {
 }
 
 #[test]
+fn a_grid_that_is_held_is_not_filled_again() {
+    let merger = Cloud::merger(20_000);
+    let (here, there) = (near([25.0, 18.0, 40.0], 100, 72), near([-30.0, 18.0, 20.0], 64, 90));
+    let laid = grid(64, Region::Data);
+    let options = VolumeOptions { memory: 1, ..VolumeOptions::default() };
+    let passes = |scenery, laid| LightPasses::Cartesian(scenery, options, laid);
+    let (surfaces, volume) = (merger.surfaces(true, [0.2, 0.4, 1.0]), merger.volume());
+    let mut renderer = renderer();
+    let (fresh, filled) = renderer.pass(&there, &merger, &passes(volume.clone(), laid)).unwrap();
+    let slabs = filled.slabs[1];
+    assert!(slabs > 5, "{slabs}");
+    renderer.pass(&here, &merger, &passes(surfaces, laid)).unwrap();
+    let (kept, found) = renderer.again(&there, &merger, &passes(volume.clone(), laid)).unwrap();
+    assert_eq!(found.slabs, [1, 1]);
+    assert_eq!(kept, fresh);
+    // Another grid is.
+    let (_, found) = renderer.again(&there, &merger, &passes(volume, grid(65, Region::Data))).unwrap();
+    assert!(found.slabs[1] >= slabs, "{:?}", found.slabs);
+}
+
+#[test]
 fn a_grid_that_does_not_fit_is_refused_and_what_fits_is_told() {
     let merger = Cloud::merger(2_000);
     let view = near([25.0, 18.0, 40.0], 60, 40);

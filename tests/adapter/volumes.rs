@@ -268,13 +268,28 @@ impl Renderer {
         cloud: &Cloud,
         passes: &LightPasses,
     ) -> Result<(Colors, VolumeFindings), GpuError> {
-        self.number += 1;
-        let (extents, attribute) = (extents::of(&[cloud.batch()]), cloud.attribute.is_some());
-        let job = VolumeJob::picture_of(self.number, passes, view, &extents, attribute).unwrap().unwrap();
-        let extents = self.load(&job.view, cloud);
-        let volume = self.view(cloud, extents, job);
+        let job = self.job(view, cloud, passes);
+        self.load(&job.view, cloud);
+        self.again(view, cloud, passes)
+    }
+
+    /// The same of what has been loaded.
+    pub fn again(
+        &mut self,
+        view: &View,
+        cloud: &Cloud,
+        passes: &LightPasses,
+    ) -> Result<(Colors, VolumeFindings), GpuError> {
+        let job = self.job(view, cloud, passes);
+        let volume = self.view(cloud, extents::of(&[cloud.batch()]), job);
         let (colors, found, _) = self.renderer.volume(volume, 1)?;
         Ok((colors, found))
+    }
+
+    fn job(&mut self, view: &View, cloud: &Cloud, passes: &LightPasses) -> VolumeJob {
+        self.number += 1;
+        let (extents, attribute) = (extents::of(&[cloud.batch()]), cloud.attribute.is_some());
+        VolumeJob::picture_of(self.number, passes, view, &extents, attribute).unwrap().unwrap()
     }
 
     fn ranges(&mut self, view: &View, cloud: &Cloud, options: &VolumeOptions) -> Option<FieldRange> {

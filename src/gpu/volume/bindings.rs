@@ -12,7 +12,8 @@ use crate::cpu::volume::bricks::BrickGrid;
 use crate::cpu::volume::range;
 use crate::gpu::matter::{self, LookupUniform};
 use bevy::render::render_resource::{
-    BindGroup, BindGroupEntry, BindGroupLayoutDescriptor, BindingResource, Buffer, BufferDescriptor, BufferUsages,
+    BindGroup, BindGroupEntry, BindGroupLayoutDescriptor, BindingResource, Buffer, BufferDescriptor, BufferId,
+    BufferUsages,
 };
 
 /// Uniforms of a list begin at multiples of this.
@@ -88,6 +89,13 @@ pub struct Buffers {
     pub dispatch: Held,
     /// Mass of each class of values.
     pub masses: Held,
+}
+
+impl Buffers {
+    /// The buffers that hold all of a Cartesian grid.
+    pub fn of_grid(&self) -> [BufferId; 2] {
+        [&self.field, &self.densest].map(|held| held.buffer.id())
+    }
 }
 
 /// What a picture binds.

@@ -203,6 +203,10 @@ impl VolumeWork {
         let limits = means.device.limits();
         let limit = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
         let mut memory = self.lowered.map_or(shown.memory, |(bytes, _)| bytes.min(shown.memory)).max(Room::LEAST);
+        let held = known.as_mut().and_then(|known| {
+            let holds = known.holds_grid_of(job, shown.attribute, &list.items, means.arena);
+            holds.then(|| known.buffers.of_grid())
+        });
         *known = None;
         loop {
             // A sixteenth is for uniforms and lists of bins.
@@ -217,7 +221,11 @@ impl VolumeWork {
             let begun = Work::begin(job, shown, (job.camera(&list.view), &list.items), &room, &mut self.store, means);
             let is_full = block_on(scope.pop()).is_some();
             match begun {
-                Some(work) if !is_full => {
+                Some(mut work) if !is_full => {
+                    // If not, one of them had to be made anew.
+                    if held == Some(work.buffers.of_grid()) {
+                        work.keep_grid();
+                    }
                     news.lock().thinner = self.lowered.is_some();
                     *known = Some(work);
                     return true;

@@ -321,6 +321,28 @@ impl Work {
         self.job.is_same(job) && Arc::ptr_eq(&self.items, items) && self.is_intact(view, arena)
     }
 
+    /// Whether it has filled the Cartesian grid of another picture's job.
+    pub fn holds_grid_of(&mut self, job: &VolumeJob, attribute: bool, items: &Arc<[DrawItem]>, arena: &Arena) -> bool {
+        let (Shows::Cartesian(known), Shows::Cartesian(wanted)) = (&self.job.shows, &job.shows) else { return false };
+        let fades = job.view.cut.fade_rate != 0.0;
+        // The same picture once more is drawn from the beginning: somebody measures it.
+        !Arc::ptr_eq(known, wanted)
+            && self.is_complete()
+            && known.lattice == wanted.lattice
+            && (known.view == wanted.view || !fades)
+            && self.job.view == job.view
+            && self.job.options == job.options
+            && self.variant.attribute == attribute
+            && Arc::ptr_eq(&self.items, items)
+            && self.is_intact(&job.view, arena)
+    }
+
+    /// Leaves out what fills the grid: a picture before has done it.
+    pub fn keep_grid(&mut self) {
+        let last = self.slabs.pop();
+        self.slabs = last.into_iter().map(|last| SlabWork { batches: Vec::new(), opens: false, ..last }).collect();
+    }
+
     /// Whether all of its particles, and no others of its list, lie where the bindings say.
     pub fn is_intact(&mut self, view: &View, arena: &Arena) -> bool {
         if self.generation != arena.generation {
