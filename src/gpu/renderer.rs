@@ -312,7 +312,10 @@ impl HeadlessRenderer {
                 Ok(false) => self.check_shaders(start)?,
                 Err(()) => {
                     let pixels = || GpuError::NoRoom(format!("{}x{} pixels", self.size.x, self.size.y));
-                    return Err(found.most_cells.map_or_else(pixels, |most| GpuError::GridTooLarge { most }));
+                    return Err(found
+                        .most_cells
+                        .filter(|most| *most > 1)
+                        .map_or_else(pixels, |most| GpuError::GridTooLarge { most }));
                 }
             }
         }

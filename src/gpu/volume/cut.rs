@@ -230,6 +230,30 @@ mod tests {
 
     proptest! {
         #[test]
+        fn all_of_a_grid_is_held_or_it_does_not_fit(
+            size in prop::array::uniform3(1u32..700), slab in 0u64..1 << 26, tiers in 1usize..=7, attribute in any::<bool>(),
+            room in 0.5..2.0f64,
+        ) {
+            let [k, l, m] = size;
+            let grid = PerspectiveGrid {
+                size, near: 0.0, far: f64::from(m), sigma: 1.0, cell: 1.0,
+                middle: [k, l].map(|cells| 0.5 * f64::from(cells)), perspective: false,
+            };
+            let bricks = [k + 4, l + 4, m].map(|cells| u64::from(cells.div_ceil(BRICK)));
+            let cells = bricks.iter().product::<u64>() * u64::from(CELLS) * if attribute { 8 } else { 4 };
+            let memory = (room * cells as f64) as u64;
+            let Some(cut) = Cut::whole(&grid, tiers, attribute, slab, memory) else {
+                // Coarser grids of one slab, and a layer that is read besides, come on top.
+                prop_assert!(room < 1.1 || bricks.iter().any(|&bricks| bricks < 16), "{bricks:?} {room}");
+                return Ok(());
+            };
+            prop_assert!(cut.bytes(attribute) <= memory && cut.windows.len() == 1);
+            prop_assert!(u64::from(cut.finest().ring) >= bricks[2]);
+            let filled: Vec<u32> = cut.filled().iter().flat_map(|tiers| tiers[0].clone()).collect();
+            prop_assert!(filled.iter().copied().eq(0..bricks[2] as u32), "{filled:?}");
+        }
+
+        #[test]
         fn every_brick_and_step_is_drawn_once(
             width in 1u32..900, height in 1u32..900, depth in 1.01..8.0f64, memory in 0u64..1 << 26,
             limit in 1u64 << 18..1 << 28, attribute in any::<bool>(), tiers in 1usize..=7,
