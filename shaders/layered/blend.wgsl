@@ -13,6 +13,8 @@
 @group(0) @binding(3) var<storage, read> cells: array<vec2<f32>>;
 /// Light and opacity of each pixel.
 @group(0) @binding(4) var<storage, read_write> light: array<vec4<f32>>;
+/// Number of the layer with which each pixel becomes opaque, from 1.
+@group(0) @binding(5) var<storage, read_write> ends: array<f32>;
 
 /// Blends a layer under a ray, whose way through layers is longer than the middle one's by the secant.
 fn under(ray: vec4<f32>, layer: u32, sums: vec2<f32>, secant: f32) -> vec4<f32> {
@@ -36,8 +38,14 @@ fn blend(@builtin(global_invocation_id) pixel: vec3<u32>) {
     let secant = inverseSqrt(line_through(tiles, pixel.xy).inverse);
     let first = first_of_slab() + layers.first;
     let count = layers_of_group();
-    for (var layer = 0u; layer < count && ray.a < layered.termination; layer++) {
+    var layer = 0u;
+    let was_open = ray.a < layered.termination;
+    while layer < count && ray.a < layered.termination {
         ray = under(ray, first + layer, cells[layer * view.cell_count + at], secant);
+        layer++;
     }
     light[at] = ray;
+    if was_open && ray.a >= layered.termination {
+        ends[at] = f32(first + layer);
+    }
 }

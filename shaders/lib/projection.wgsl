@@ -45,18 +45,35 @@ struct Projected {
     kind: u32,
 }
 
+/// Pixels per world unit at a depth.
+fn magnification_at(camera: Camera, depth: f32) -> f32 {
+    return camera.focal / select(1.0, max(depth, camera.near), camera.perspective);
+}
+
+/// The smoothing length, or the length that has the wanted radius in pixels on the axis.
+fn length_of(camera: Camera, particle: Particle, magnification: f32) -> f32 {
+    return select(particle.smoothing_length, camera.fixed_radius / magnification, camera.fixed_radius > 0.0);
+}
+
+/// The most that any pixel has of a particle of weight 1 and smoothing length `h` (F12 4.7.3): its peak, or where it is smaller than
+/// a pixel, all of it.
+fn concentration(camera: Camera, h: f32, magnification: f32) -> f32 {
+    let inverse = 1.0 / h;
+    let minor = h * magnification;
+    return select(min(camera.peak * inverse * inverse, magnification * magnification),
+        min(camera.peak / (minor * minor), 1.0), camera.fixed_radius > 0.0);
+}
+
 /// A particle's splat, and where it is drawn.
 fn project(camera: Camera, particle: Particle) -> Projected {
     let p = particle.position;
     let perspective = camera.perspective;
     let half_size = 0.5 * camera.size;
     let in_front = p.z > camera.near;
-    let depth = select(1.0, max(p.z, camera.near), perspective);
-    let magnification = camera.focal / depth;
+    let magnification = magnification_at(camera, p.z);
     let center = camera.middle + vec2(p.x, -p.y) * magnification;
 
-    // The smoothing length, or the length that has the wanted radius in pixels on the axis.
-    let h = select(particle.smoothing_length, camera.fixed_radius / magnification, camera.fixed_radius > 0.0);
+    let h = length_of(camera, particle, magnification);
     let minor = h * magnification;
 
     // The cone of rays that touch the particle: theta off the axis, alpha its half opening (F12 figure 4.7).
@@ -122,11 +139,9 @@ fn project(camera: Camera, particle: Particle) -> Projected {
         result.level = select(result.level, camera.level_count - 1u, everywhere);
     }
     // Presence acceleration (F12 4.9.2): the most that it adds to a pixel.
-    let concentration = select(min(camera.peak * inverse * inverse, magnification * magnification),
-        min(camera.peak / (minor * minor), 1.0), is_point);
     if !visible {
         result.kind = INVISIBLE;
-    } else if camera.faintest > 0.0 && particle.weight * concentration < camera.faintest {
+    } else if camera.faintest > 0.0 && particle.weight * concentration(camera, h, magnification) < camera.faintest {
         result.kind = DROPPED;
     }
     if particle.weight == 0.0 {

@@ -1,6 +1,7 @@
 // Which tiles something in the picture reaches, as bins. Level 0 has a bin for each tile, level l one for each 2^l by 2^l tiles.
 // What is drawn goes to the finest level where it touches at most two bins along either axis, so to four bins at most.
 #define_import_path deepfield::tile_reach
+#import deepfield::rectangle::rectangle_of
 #import deepfield::tile_constants::TILE_SHIFT
 #import deepfield::tile_view::TileView
 
@@ -27,23 +28,9 @@ fn tiles_between(tiles: TileView, low: vec2<f32>, high: vec2<f32>) -> vec2<u32> 
 
 /// The tiles of a sphere.
 fn tiles_of(tiles: TileView, place: vec4<f32>) -> vec2<u32> {
-    let radius = place.w;
-    // Rows go down, y goes up.
-    let across = vec2(place.x, -place.y);
-    var low = vec2(0.0);
-    var high = vec2<f32>(tiles.size);
-    if tiles.perspective == 0u {
-        low = tiles.middle + (across - radius) * tiles.focal;
-        high = tiles.middle + (across + radius) * tiles.focal;
-    } else if place.z > radius {
-        // The planes through the eye that touch the sphere.
-        let ahead = (place.z - radius) * (place.z + radius);
-        let spread = radius * sqrt(across * across + ahead);
-        low = tiles.middle + tiles.focal * (across * place.z - spread) / ahead;
-        high = tiles.middle + tiles.focal * (across * place.z + spread) / ahead;
-    }
+    let around = rectangle_of(tiles.middle, tiles.focal, tiles.perspective != 0u, place);
     // Some room for rounding.
-    return tiles_between(tiles, low - 0.02, high + 0.02);
+    return tiles_between(tiles, around.low - 0.02, around.high + 0.02);
 }
 
 /// The bins of such tiles.

@@ -66,9 +66,9 @@ struct VolumeView {
     stride: u32,
     /// Factor on the smoothing lengths of those.
     growth: f32,
-    unused_a: u32,
-    unused_b: u32,
-    unused_c: u32,
+    unused: u32,
+    /// Width and height of the picture, cells; the last ones may lie in it in part.
+    cells: vec2<f32>,
     /// The tiers, finest first.
     tiers: array<Tier, 7>,
     /// For each level of bins of each tier: its first bin, and its bins along x, y and z. A bin of a tier's level `l` is `2^l`

@@ -20,6 +20,8 @@ struct Sorted {
 @group(1) @binding(0) var<uniform> sorted: Sorted;
 /// Light and opacity of each pixel.
 @group(1) @binding(1) var<storage, read_write> light: array<vec4<f32>>;
+/// Depth of the particle with which each pixel becomes opaque.
+@group(1) @binding(2) var<storage, read_write> ends: array<f32>;
 
 /// `1 - exp(-depth)`.
 fn opacity(depth: f32) -> f32 {
@@ -54,6 +56,7 @@ fn blend(@builtin(workgroup_id) group: vec3<u32>, @builtin(global_invocation_id)
             ray += share * vec4(splat.matter.rgb, 1.0);
         }
         if ray.a >= termination {
+            ends[at] = splat.place.z;
             break;
         }
         advance(&walk);

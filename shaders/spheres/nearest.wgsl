@@ -6,6 +6,8 @@
 @group(0) @binding(4) var<storage, read> arranged: array<Spot>;
 @group(1) @binding(0) var<uniform> spheres: SphereView;
 @group(1) @binding(1) var<storage, read_write> hits: array<Hit>;
+/// Their depths; 0 where there is none.
+@group(1) @binding(2) var<storage, read_write> ends: array<f32>;
 
 @compute @workgroup_size(8, 8)
 fn nearest(@builtin(workgroup_id) group: vec3<u32>, @builtin(global_invocation_id) pixel: vec3<u32>) {
@@ -45,6 +47,7 @@ fn nearest(@builtin(workgroup_id) group: vec3<u32>, @builtin(global_invocation_i
         head = head_of(&walk);
     }
     hits[at] = hit;
+    ends[at] = select(0.0, hit.depth, hit.depth < FAR);
     // All pixels that go on have come equally far.
     if !is_hidden {
         progress[tile] = head;

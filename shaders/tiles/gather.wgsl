@@ -5,6 +5,7 @@
 // slab, `count` counts those of each block, and `gather` writes them.
 #import deepfield::particle::{block_of, blocks, nodes, camera_axes, load_particle, Block}
 #import deepfield::prefix::sum_up_to
+#import deepfield::rectangle::reaches_between
 #import deepfield::tile_constants::{INTERVALS, SHARE}
 #import deepfield::tile_view::{TileView, Portion, Spot, key_of, layer_of}
 
@@ -23,20 +24,14 @@ fn is_seen(spot: Spot) -> bool {
     let p = spot.place.xyz;
     let radius = spot.place.w * tiles.extent;
     let perspective = tiles.perspective != 0u;
-    let depth = select(1.0, p.z, perspective);
-    let low = tiles.middle / tiles.focal;
+    let low = -tiles.middle / tiles.focal;
     let high = (vec2<f32>(tiles.size) - tiles.middle) / tiles.focal;
-    // Rows go down, y goes up.
-    let across = vec2(p.x, -p.y);
-    let low_norm = select(vec2(1.0), sqrt(1.0 + low * low), perspective);
-    let high_norm = select(vec2(1.0), sqrt(1.0 + high * high), perspective);
     // Some room for rounding: what is not seen after all meets no pixel.
-    let room = 1.0e-5 * (abs(across) + abs(depth));
-    let outside = any(-across - low * depth > radius * low_norm + room)
-        || any(across - high * depth > radius * high_norm + room);
+    let room = 1.0e-5 * (abs(p.xy) + select(1.0, abs(p.z), perspective));
+    let inside = reaches_between(low, high, perspective, vec4(p, radius), room);
     let around = select(0.0, spot.place.w, tiles.spread != 0u);
     return spot.mass > 0.0 && radius > 0.0 && spot.density > tiles.least && p.z + around >= tiles.planes.x
-        && p.z - around <= tiles.planes.y && !outside;
+        && p.z - around <= tiles.planes.y && inside;
 }
 
 /// The keys that a particle is listed with, of those of a slab: the first, and how many follow each other.

@@ -10,11 +10,15 @@
 // holds which quarters of the bin it may reach along each axis, so that bricks of coarse bins can turn most of them down by that
 // alone.
 //
+// `count` also counts the particles that the grid has enlarged: each in the slab of its centre, since nodes are looked at in every
+// slab that they reach.
+//
 // With SUBGROUP (subgroups of exactly eight, as on a CPU driver) a workgroup is one subgroup that looks at eight particles
 // after the other, and no barrier is needed.
+#import deepfield::rectangle::reaches_between
 #import deepfield::volume_view::number_of
 #import deepfield::volume_bricks::{volume, portion, first_brick_of, first_layer_of, layers_of, scale_of, middle_of}
-#import deepfield::volume_constants::{BIN_GROUP, BORDER, BRICK, BRICK_SHIFT, PARTICLE_BITS, WIDE}
+#import deepfield::volume_constants::{ALL_RAISED, BIN_GROUP, BORDER, BRICK, BRICK_SHIFT, PARTICLE_BITS, WIDE}
 #ifndef SUBGROUP
 #import deepfield::prefix::sum_up_to
 #endif
@@ -32,6 +36,8 @@
 @group(0) @binding(7) var<storage, read_write> candidates: array<u32>;
 /// What `count` finds of each particle, for `pair`.
 @group(0) @binding(8) var<storage, read_write> reaches: array<Reach>;
+/// At ALL_RAISED the number of particles that have been enlarged; see scan.wgsl.
+@group(0) @binding(9) var<storage, read_write> work: array<atomic<u32>>;
 
 /// The bins that a particle touches, in one level of those of all tiers: two along each axis at most.
 struct Reach {
@@ -139,12 +145,38 @@ fn bin_of(reach: Reach, corner: u32) -> u32 {
     return reach.bin + (corner & 1u) + ((corner >> 1u) & 1u) * row + (corner >> 2u) * layer;
 }
 
-/// Counts a particle into its bins; how many they are.
+/// The finest tier's layer that a depth lies in.
+fn layer_at(depth: f32) -> u32 {
+    let inside = max(depth, volume.near);
+    let along = select(inside - volume.near, log(inside / volume.near), volume.perspective != 0u);
+    return min(u32(volume.slice_rate * along) >> BRICK_SHIFT, volume.last_layer);
+}
+
+/// Whether the grid has enlarged a particle that reaches into the picture, and this slab counts it.
+fn is_raised_here(spot: vec4<f32>) -> bool {
+    let perspective = volume.perspective != 0u;
+    let least = volume.smallest * volume.sigma * select(1.0, max(spot.z, 0.0), perspective);
+    // Some room for rounding. Windows look at the same particles: the first one counts.
+    if spot.w <= 0.0 || spot.w > least * 1.000001 || any(portion.first_pixel > vec2(0u)) {
+        return false;
+    }
+    let layer = layer_at(spot.z);
+    let low = (f32(BORDER) - volume.middle) * volume.sigma;
+    let high = low + volume.cells * volume.sigma;
+    return layer >= portion.first_layer && layer < portion.first_layer + portion.layers
+        && reaches_between(low, high, perspective, spot, vec2(0.0));
+}
+
+/// Where a number of raised particles begins above the number of pairs: a workgroup has 2^11 of these at most.
+const RAISED_SHIFT: u32 = 16u;
+
+/// Counts a particle into its bins; how many they are, and above RAISED_SHIFT whether it counts as enlarged.
 fn enter(particle: u32) -> u32 {
     if particle >= portion.candidates {
         return 0u;
     }
-    let reach = reach_of(spots[particle]);
+    let spot = spots[particle];
+    let reach = reach_of(spot);
     reaches[particle] = reach;
     var corners = reach.quarters >> 24u;
     while corners != 0u {
@@ -152,7 +184,18 @@ fn enter(particle: u32) -> u32 {
         corners &= corners - 1u;
         atomicAdd(&bins[bin_of(reach, corner)], 1u);
     }
-    return countOneBits(reach.quarters >> 24u);
+    return countOneBits(reach.quarters >> 24u) | (select(0u, 1u, is_raised_here(spot)) << RAISED_SHIFT);
+}
+
+/// Notes what a workgroup's particles have come to.
+fn note(number: u32, total: u32) {
+    if number < arrayLength(&sums) {
+        sums[number] = total & ((1u << RAISED_SHIFT) - 1u);
+    }
+    let raised = total >> RAISED_SHIFT;
+    if raised > 0u {
+        atomicAdd(&work[ALL_RAISED], raised);
+    }
 }
 
 /// What `count` has found of a particle; none behind the last.
@@ -186,13 +229,13 @@ fn count(
     @builtin(local_invocation_index) lane: u32,
 ) {
     let number = number_of(group, groups);
-    var pairs = 0u;
+    var entered = 0u;
     for (var i = lane; i < BIN_GROUP; i += 8u) {
-        pairs += enter(number * BIN_GROUP + i);
+        entered += enter(number * BIN_GROUP + i);
     }
-    let total = subgroupAdd(pairs);
-    if lane == 0u && number < arrayLength(&sums) {
-        sums[number] = total;
+    let total = subgroupAdd(entered);
+    if lane == 0u {
+        note(number, total);
     }
 }
 
@@ -221,8 +264,8 @@ fn count(
 ) {
     let number = number_of(group, groups);
     let total = sum_up_to(lane, enter(number * BIN_GROUP + lane));
-    if lane == BIN_GROUP - 1u && number < arrayLength(&sums) {
-        sums[number] = total;
+    if lane == BIN_GROUP - 1u {
+        note(number, total);
     }
 }
 

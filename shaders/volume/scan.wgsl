@@ -4,7 +4,7 @@
 // (`scan_parts`), the places (`spread_bins`). Shorter lists are done by one workgroup: `scan_pairs` the pairs of each
 // workgroup of bin.wgsl, `scan_table` the digits of each block of sort.wgsl.
 #import deepfield::volume_view::{VolumeView, Portion}
-#import deepfield::volume_constants::{BIN_GROUP, DIGITS, SORT_BLOCK}
+#import deepfield::volume_constants::{ALL_PAIRS, BIN_GROUP, DIGITS, SORT_BLOCK}
 #import deepfield::prefix::{sum_up_to, THREADS}
 
 /// Bins of an invocation.
@@ -17,7 +17,7 @@ const SHARE: u32 = 4u;
 /// For each 1024 bins their sum; then the sum of those before.
 @group(0) @binding(3) var<storage, read_write> parts: array<u32>;
 /// Number of pairs, and of blocks of pairs; workgroups along x, y and z for these blocks; number of pairs of
-/// all slabs.
+/// all slabs, and of particles that the grid has enlarged.
 @group(0) @binding(4) var<storage, read_write> work: array<u32>;
 
 /// The bins and an end behind them.
@@ -105,7 +105,7 @@ fn scan_pairs(@builtin(local_invocation_index) lane: u32) {
         work[2] = min(blocks, 32768u);
         work[3] = (blocks + 32767u) / 32768u;
         work[4] = 1u;
-        work[5] += pairs;
+        work[ALL_PAIRS] += pairs;
     }
 }
 

@@ -195,6 +195,7 @@ pub(super) struct Bench<'a> {
     references: [Image; 2],
     images: Vec<Image>,
     backend: Backend,
+    adapter: Option<Box<dyn Adapter>>,
     /// What the adapter calls itself, once it has drawn.
     adapter_name: Option<String>,
 }
@@ -253,7 +254,7 @@ impl<'a> Bench<'a> {
         repeat: u32,
     ) -> Result<Bench<'a>, Failure> {
         // That the program has no adapters is said before anything is drawn.
-        adapter(options.backend)?;
+        let adapter = adapter(options.backend)?;
         let attribute = options.attribute.as_deref();
         let mut bench = Bench {
             metadata: tree.metadata(),
@@ -268,6 +269,7 @@ impl<'a> Bench<'a> {
             references: [const { Image { width: 0, height: 0, rgba: Vec::new() } }; 2],
             images: Vec::new(),
             backend: options.backend,
+            adapter,
             adapter_name: None,
         };
         // Particles stay as large as they are in the other pictures, in more cells.
@@ -332,8 +334,7 @@ impl<'a> Bench<'a> {
         depiction: &Depiction,
         transfer: &TransferFunction,
     ) -> Result<Option<(Raw, AdapterFrame)>, Failure> {
-        // Each technique has an adapter of its own: one that is kept counts the last times of an earlier technique's passes.
-        let Some(mut adapter) = adapter(self.backend)? else { return Ok(None) };
+        let Some(adapter) = self.adapter.as_deref_mut() else { return Ok(None) };
         // An error says only that other backends draw the mode.
         let Ok(Some(passes)) = passes(depiction.mode, Some(self.backend), Some(&mut *adapter)) else {
             return Ok(None);
@@ -350,7 +351,7 @@ impl<'a> Bench<'a> {
             // The first of several is not counted: it compiles the shaders.
             repeat: self.repeat.max(2),
         };
-        let drawn = draw_on(&mut *adapter, &subject, job)?;
+        let drawn = draw_on(adapter, &subject, job)?;
         self.adapter_name = Some(drawn.1.adapter.clone());
         Ok(Some(drawn))
     }

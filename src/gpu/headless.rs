@@ -10,6 +10,7 @@ use super::view::{Backend, Footprint};
 use crate::color::Accumulation;
 use crate::color::composite::{self, Image as Picture};
 use crate::color::transfer::TransferFunction;
+use crate::cpu::overdraw::Overdraw;
 use crate::mode::sample::Sample;
 use crate::view::{Extent, View};
 use bevy::math::DVec3;
@@ -108,8 +109,7 @@ pub fn render_headless(request: HeadlessRequest) -> Result<HeadlessFrame, GpuErr
 /// As [`render_headless`].
 pub fn render(renderer: &mut HeadlessRenderer, mut request: HeadlessRequest) -> Result<HeadlessFrame, GpuError> {
     let whole = request.view;
-    let parts = Parts::of(&whole, request.footprint, renderer.technique(), &renderer.device().0.limits())
-        .ok_or_else(|| GpuError::NoRoom(format!("{}x{} pixels", whole.width, whole.height)))?;
+    let parts = parts_of(renderer, &request)?;
     request.view = parts.view(&whole, 0);
     renderer.load(&request)?;
     renderer.complete()?;
@@ -143,4 +143,36 @@ pub fn render(renderer: &mut HeadlessRenderer, mut request: HeadlessRequest) -> 
         frame: median(&mut frames),
     };
     Ok(HeadlessFrame { accumulation, picture, stats })
+}
+
+/// Counts the splats over each pixel of a view with an adapter that is open, in parts as [`render`] draws them.
+///
+/// # Errors
+/// As [`render_headless`].
+pub fn overdraw(renderer: &mut HeadlessRenderer, mut request: HeadlessRequest) -> Result<Overdraw, GpuError> {
+    let whole = request.view;
+    let parts = parts_of(renderer, &request)?;
+    request.view = parts.view(&whole, 0);
+    // Passes of a mode have nothing to do.
+    request.mode = None;
+    renderer.load(&request)?;
+    let first = renderer.overdraw()?;
+    if parts.count() == 1 {
+        return Ok(first);
+    }
+    let [width, height] = [whole.width, whole.height];
+    let mut counts = vec![0; width as usize * height as usize];
+    parts.join_values(&mut counts, &first.counts, 0);
+    for index in 1..parts.count() {
+        renderer.look(parts.view(&whole, index));
+        parts.join_values(&mut counts, &renderer.overdraw()?.counts, index);
+    }
+    Ok(Overdraw { width, height, counts })
+}
+
+/// The parts that a request's picture is drawn in.
+fn parts_of(renderer: &HeadlessRenderer, request: &HeadlessRequest) -> Result<Parts, GpuError> {
+    let View { width, height, .. } = request.view;
+    Parts::of(&request.view, request.footprint, renderer.technique(), &renderer.device().0.limits())
+        .ok_or_else(|| GpuError::NoRoom(format!("{width}x{height} pixels")))
 }

@@ -2,6 +2,7 @@
 //!
 //! A camera with [`Measure`] has every picture measured that it accumulates, but for those that come while one is being read.
 
+use super::answer::Answer;
 use super::shaders;
 use super::splat::resources::at_least;
 use super::splat::{SplatBuffers, accumulate_splats, prepare_splats};
@@ -18,16 +19,16 @@ use bevy::render::render_resource::binding_types::{
     storage_buffer_read_only_sized, storage_buffer_sized, uniform_buffer_sized,
 };
 use bevy::render::render_resource::{
-    BindGroup, BindGroupEntries, BindGroupLayoutDescriptor, BindGroupLayoutEntries, Buffer, BufferDescriptor,
-    BufferUsages, CachedComputePipelineId, ComputePassDescriptor, ComputePipelineDescriptor, MapMode, PipelineCache,
-    ShaderStages,
+    BindGroup, BindGroupEntries, BindGroupLayoutDescriptor, BindGroupLayoutEntries, Buffer, BufferUsages,
+    CachedComputePipelineId, ComputePassDescriptor, ComputePipelineDescriptor, PipelineCache, ShaderStages,
 };
 use bevy::render::renderer::{RenderContext, RenderDevice, RenderQueue, ViewQuery};
 use bevy::render::{Render, RenderApp, RenderStartup, RenderSystems};
 use bytemuck::{Pod, Zeroable};
 use std::num::NonZeroU64;
-use std::sync::atomic::{AtomicU8, Ordering};
+use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex, PoisonError};
+use std::task::Poll;
 
 /// Longest side of what is read back, pixels.
 const SIDE: u32 = 320;
@@ -159,17 +160,6 @@ fn init_measure_pipeline(
     commands.insert_resource(MeasurePipeline { layout, pipeline });
 }
 
-/// States of a [`Measurement`]: its cells are to be reduced.
-const WANTED: u8 = 0;
-/// They are, and have been copied.
-const COPIED: u8 = 1;
-/// They are on their way.
-const ASKED: u8 = 2;
-/// They can be read.
-const THERE: u8 = 3;
-/// Nothing is to be done.
-const DONE: u8 = 4;
-
 /// The measurement of a camera's picture (render world).
 #[derive(Component)]
 pub struct Measurement {
@@ -179,8 +169,7 @@ pub struct Measurement {
     group: BindGroup,
     uniform: Buffer,
     reduced: Buffer,
-    answer: Buffer,
-    state: Arc<AtomicU8>,
+    answer: Answer,
 }
 
 fn prepare_measurements(
@@ -193,17 +182,16 @@ fn prepare_measurements(
     let Some(pipeline) = pipeline else { return };
     for (entity, buffers, view, known) in &cameras {
         if let Some(known) = known {
-            match known.state.load(Ordering::Acquire) {
-                THERE => {
-                    let cells = known.read();
+            match known.answer.take() {
+                Poll::Ready(Some(bytes)) => {
                     let items = Arc::clone(&known.items);
-                    measured.set(Measured { view: known.view, items, cells });
-                    known.state.store(DONE, Ordering::Release);
+                    measured.set(Measured { view: known.view, items, cells: known.cells(&bytes) });
                 }
-                DONE => {}
+                // What cannot be read is measured again with the next picture.
+                Poll::Ready(None) => {}
+                Poll::Pending if known.answer.is_open() => {}
                 // A picture that comes while one is being read is measured after it.
-                COPIED | ASKED => continue,
-                _ => {}
+                Poll::Pending => continue,
             }
             let same = known.view == view.view && Arc::ptr_eq(&known.items, &view.items);
             if same && !buffers.is_changed() {
@@ -220,12 +208,7 @@ fn prepare_measurements(
         queue.write_buffer(&uniform, 0, bytemuck::bytes_of(&reduction));
         let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC;
         let reduced = at_least(kept(|known| &known.reduced), bytes, usage, "deepfield reduced picture", &device);
-        let answer = device.create_buffer(&BufferDescriptor {
-            label: Some("deepfield measured picture"),
-            size: bytes,
-            usage: BufferUsages::MAP_READ | BufferUsages::COPY_DST,
-            mapped_at_creation: false,
-        });
+        let answer = Answer::new(bytes, "deepfield measured picture", &device);
         let group = device.create_bind_group(
             "deepfield measure",
             &cache.get_bind_group_layout(&pipeline.layout),
@@ -243,7 +226,6 @@ fn prepare_measurements(
             uniform,
             reduced,
             answer,
-            state: Arc::new(AtomicU8::new(WANTED)),
         });
     }
 }
@@ -256,8 +238,7 @@ fn measure_splats(
     mut context: RenderContext,
 ) {
     let (buffers, measurement) = view.into_inner();
-    let is_wanted = measurement.state.load(Ordering::Acquire) == WANTED;
-    if !is_wanted || !buffers.accumulated.load(Ordering::Relaxed) {
+    if !measurement.answer.is_open() || !buffers.accumulated.load(Ordering::Relaxed) {
         return;
     }
     let Some(pipeline) = pipeline.and_then(|pipeline| cache.get_compute_pipeline(pipeline.pipeline)) else { return };
@@ -272,40 +253,27 @@ fn measure_splats(
         let [x, y] = measurement.reduction.reduced.map(|pixels| pixels.div_ceil(GROUP));
         pass.dispatch_workgroups(x, y, 1);
     }
-    let answer = &measurement.answer;
+    let answer = measurement.answer.buffer();
     encoder.copy_buffer_to_buffer(&measurement.reduced, 0, answer, 0, answer.size());
     span.end(encoder);
-    measurement.state.store(COPIED, Ordering::Release);
+    measurement.answer.copied();
 }
 
-/// Asks for what has been copied; the frame does not wait for it.
+/// Asks for what has been copied.
 fn ask_for_cells(cameras: Query<&Measurement>) {
-    for measurement in &cameras {
-        let state = &measurement.state;
-        if state.compare_exchange(COPIED, ASKED, Ordering::AcqRel, Ordering::Acquire).is_ok() {
-            let state = Arc::clone(state);
-            measurement.answer.slice(..).map_async(MapMode::Read, move |result| {
-                // What cannot be read is measured again with the next picture.
-                state.store(if result.is_ok() { THERE } else { DONE }, Ordering::Release);
-            });
-        }
-    }
+    cameras.iter().for_each(|measurement| measurement.answer.ask());
 }
 
 impl Measurement {
-    /// The cells that are there.
-    fn read(&self) -> Accumulation {
+    /// The cells that have been read.
+    fn cells(&self, bytes: &[u8]) -> Accumulation {
         let [width, height] = self.reduction.reduced;
         let mut cells = Accumulation::new(width, height, true);
-        {
-            let bytes = self.answer.slice(..).get_mapped_range();
-            let (words, _) = bytes.as_chunks::<8>();
-            for (word, (p, ps)) in words.iter().zip(cells.p.iter_mut().zip(&mut cells.ps)) {
-                let [a, b, c, d, e, f, g, h] = *word;
-                (*p, *ps) = (f32::from_le_bytes([a, b, c, d]), f32::from_le_bytes([e, f, g, h]));
-            }
+        let (words, _) = bytes.as_chunks::<8>();
+        for (word, (p, ps)) in words.iter().zip(cells.p.iter_mut().zip(&mut cells.ps)) {
+            let [a, b, c, d, e, f, g, h] = *word;
+            (*p, *ps) = (f32::from_le_bytes([a, b, c, d]), f32::from_le_bytes([e, f, g, h]));
         }
-        self.answer.unmap();
         cells
     }
 }

@@ -13,6 +13,7 @@
 //!
 //! [`render_headless`] does all that for one picture without a window.
 
+pub mod answer;
 pub mod arena;
 pub mod capabilities;
 pub mod composite;

@@ -10,6 +10,7 @@ use super::view::Backend;
 use super::volume::{Shows, VolumeJob, VolumeView};
 use super::{device, headless};
 use crate::color::Colors;
+use crate::cpu::overdraw::Overdraw;
 use crate::cpu::volume::range::Sketch;
 use crate::cpu::volume::{FieldRange, VolumeError, VolumeOptions, VolumeReport};
 use crate::mode::LightPasses;
@@ -98,9 +99,19 @@ impl Adapter for Offscreen {
         let found = found.map_err(device)?;
         found.ok_or(VolumeError::Grid(GridError::NothingInView))
     }
+
+    fn overdraw(&mut self, job: &AdapterJob<'_>) -> Result<Overdraw, VolumeError> {
+        let request = request(job);
+        self.with(move |slot| headless::overdraw(able(slot, &request)?, request)).map_err(device)
+    }
 }
 
 impl Offscreen {
+    /// One that draws all that it can, though the processor may be faster.
+    pub fn preferred() -> Offscreen {
+        Offscreen { is_card: Some(true), ..Offscreen::default() }
+    }
+
     /// Has the renderer's thread do something.
     fn with<T: Send + 'static>(
         &mut self,
@@ -158,6 +169,7 @@ impl Offscreen {
                 planes,
                 slabs: found.slabs[1],
                 particles: renderer.particles(),
+                raised: found.raised,
                 pairs: found.pairs,
                 bricks: found.bricks,
                 opaque: found.opaque.map(|(_, opaque)| opaque),
@@ -179,11 +191,13 @@ impl Offscreen {
     fn tiles(&mut self, request: HeadlessRequest, passes: TilePasses) -> Result<AdapterFrame, GpuError> {
         let [width, height] = [request.view.width, request.view.height];
         let planes = passes.planes();
+        let number = self.next();
         self.with(move |slot| {
             let renderer = loaded(slot, &request)?;
-            let (colors, (passes, frame)) = renderer.tiles(passes, request.repeat)?;
+            let (colors, opaque, (passes, frame)) = renderer.tiles(number, passes, request.repeat)?;
             let particles = renderer.particles();
-            let report = VolumeReport { grid: [width, height, 1], planes, particles, ..VolumeReport::default() };
+            let report =
+                VolumeReport { grid: [width, height, 1], planes, particles, opaque, ..VolumeReport::default() };
             Ok(light_frame(colors, report, renderer, &passes, frame))
         })
     }

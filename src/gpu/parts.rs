@@ -67,15 +67,19 @@ impl Parts {
 
     /// Puts a part where it belongs.
     pub fn join(&self, whole: &mut Accumulation, part: &Accumulation, index: usize) {
+        self.join_values(&mut whole.p, &part.p, index);
+        self.join_values(&mut whole.ps, &part.ps, index);
+    }
+
+    /// Puts the values of a part's pixels where they belong.
+    pub fn join_values<T: Copy>(&self, whole: &mut [T], part: &[T], index: usize) {
         let [left, top] = self.corner(index).map(|pixels| pixels as usize);
         let [width, height] = self.whole.map(|pixels| pixels as usize);
         let stride = self.part[0] as usize;
         let (columns, rows) = (stride.min(width - left), (self.part[1] as usize).min(height - top));
-        for (to, from) in [(&mut whole.p, &part.p), (&mut whole.ps, &part.ps)] {
-            for (y, line) in from.chunks(stride).take(rows).enumerate() {
-                let start = (top + y) * width + left;
-                to[start..start + columns].copy_from_slice(&line[..columns]);
-            }
+        for (y, line) in part.chunks(stride).take(rows).enumerate() {
+            let start = (top + y) * width + left;
+            whole[start..start + columns].copy_from_slice(&line[..columns]);
         }
     }
 }

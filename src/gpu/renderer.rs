@@ -9,15 +9,17 @@ use super::light::{LightCells, LightView};
 use super::mode_view::ModeView;
 use super::readback::{read_buffer, read_texture};
 use super::scene::{NodeId, NodeState, ParticleScene, Payload, TableId};
-use super::splat::{Bindings, SplatBuffers, pipeline_error};
+use super::splat::{Bindings, CountOverdraw, OverdrawBuffers, SplatBuffers, SplatPipelines, pipeline_error};
 use super::tile_passes::TilePasses;
-use super::timing::{PassTimes, median};
+use super::tiles::TileNews;
+use super::timing::{LATE, PassTimes, median};
 use super::view::{Backend, Composite, DrawItem, SplatView};
 use super::volume::{VolumeFindings, VolumeNews, VolumeView};
 use crate::color::composite::Image as Picture;
 use crate::color::transfer::TransferFunction;
 use crate::color::{Accumulation, Colors};
-use crate::cpu::volume::FieldRange;
+use crate::cpu::overdraw::{Differences, Overdraw};
+use crate::cpu::volume::{FieldRange, OpaqueDepths};
 use crate::view::View;
 use bevy::asset::RenderAssetUsages;
 use bevy::camera::RenderTarget;
@@ -35,6 +37,7 @@ use bevy::render::{RenderApp, RenderPlugin};
 use bevy::window::ExitCondition;
 use bevy::winit::WinitPlugin;
 use std::collections::HashSet;
+use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
@@ -165,9 +168,15 @@ impl HeadlessRenderer {
         let items = request.nodes.iter().map(item).collect();
         // Nothing is drawn before everything is there.
         let world = self.app.world_mut();
-        world.entity_mut(self.camera).remove::<(SplatView, ModeView, Composite, LightView, VolumeView)>();
+        world
+            .entity_mut(self.camera)
+            .remove::<(SplatView, ModeView, Composite, LightView, VolumeView, CountOverdraw)>();
         TilePasses::hide(&mut world.commands().entity(self.camera));
         world.flush();
+        // The times of what was drawn before come in these frames, and in none that follow.
+        for _ in 0..LATE {
+            self.frame()?;
+        }
         match self.upload(&scene, request, bytes) {
             // What pictures before have left of the adapter's memory is in pieces.
             Err(GpuError::OutOfMemory { .. }) if !wanted.is_empty() || scene.stats().resident_nodes > 0 => {
@@ -227,7 +236,7 @@ impl HeadlessRenderer {
         repeat: u32,
     ) -> Result<(Colors, VolumeFindings, (PassTimes, f64)), GpuError> {
         let mut frames = Vec::new();
-        let mut passes = PassTimes::default();
+        let mut passes = PassTimes::from_now(self.app.world());
         let number = volume.light.as_ref().map_or(0, |job| job.number);
         let found = loop {
             let round = frames.len() as u64;
@@ -253,28 +262,41 @@ impl HeadlessRenderer {
         Ok((self.light()?, found, (passes, median(&mut frames))))
     }
 
-    /// Draws what passes by tiles do, as often as asked: its light, and the median milliseconds of its passes and of a frame.
+    /// Draws what passes by tiles do, as often as asked: its light, what it hides where that is asked for, and the median milliseconds
+    /// of its passes and of a frame. Every picture has another number.
     ///
     /// # Errors
     /// As [`HeadlessRenderer::volume`].
-    pub fn tiles(&mut self, passes: TilePasses, repeat: u32) -> Result<(Colors, (PassTimes, f64)), GpuError> {
+    pub fn tiles(
+        &mut self,
+        number: u64,
+        passes: TilePasses,
+        repeat: u32,
+    ) -> Result<(Colors, Option<Arc<OpaqueDepths>>, (PassTimes, f64)), GpuError> {
         self.insert(LightView::default());
         let world = self.app.world_mut();
-        passes.show(1, &mut world.commands().entity(self.camera));
+        passes.show(number, u64::MAX, &mut world.commands().entity(self.camera));
         world.flush();
         let start = Instant::now();
+        let mut passes = PassTimes::from_now(self.app.world());
         self.complete()?;
         let mut frames = vec![start.elapsed().as_secs_f64() * 1e3];
-        let mut passes = PassTimes::default();
         if repeat > 1 {
             (frames, passes) = self.measure(repeat)?;
         } else {
-            // GPU times arrive some frames late.
-            for _ in 0..4 {
+            for _ in 0..LATE {
                 self.timed_frame(&mut passes)?;
             }
         }
-        Ok((self.light()?, (passes, median(&mut frames))))
+        let opaque = loop {
+            let found = self.app.world().resource::<TileNews>().now();
+            if found.drawn == Some(number) {
+                break found.opaque;
+            }
+            self.frame()?;
+            self.check_shaders(start)?;
+        };
+        Ok((self.light()?, opaque, (passes, median(&mut frames))))
     }
 
     /// What has been found out about the volume on its way.
@@ -455,15 +477,15 @@ impl HeadlessRenderer {
         self.view_mut(|view| view.always = true);
         self.frame()?;
         let mut frames = Vec::new();
-        let mut passes = PassTimes::default();
+        let mut passes = PassTimes::from_now(self.app.world());
         for _ in 0..repeat.max(1) {
             frames.push(self.timed_frame(&mut passes)?.as_secs_f64() * 1e3);
         }
-        // GPU times arrive some frames late.
-        for _ in 0..4 {
+        // Nothing is drawn while the last times arrive.
+        self.view_mut(|view| view.always = false);
+        for _ in 0..LATE {
             self.timed_frame(&mut passes)?;
         }
-        self.view_mut(|view| view.always = false);
         Ok((frames, passes))
     }
 
@@ -479,6 +501,42 @@ impl HeadlessRenderer {
         if let Some(mut view) = self.app.world_mut().get_mut::<SplatView>(self.camera) {
             change(&mut view);
         }
+    }
+
+    /// Counts the splats over each pixel; the picture is not drawn.
+    ///
+    /// # Errors
+    /// [`GpuError`]: an adapter without compute shaders, a shader that does not compile, or the driver fails.
+    pub fn overdraw(&mut self) -> Result<Overdraw, GpuError> {
+        let lacks = |pipelines: &SplatPipelines| pipelines.capabilities.technique(Backend::Compute).err();
+        if let Some(missing) = self.render_world().get_resource().and_then(lacks) {
+            return Err(GpuError::Unsupported { adapter: self.adapter.clone(), backend: "compute", missing });
+        }
+        self.insert(CountOverdraw);
+        let start = Instant::now();
+        let differences = loop {
+            self.frame()?;
+            if let Some(differences) = self.differences()? {
+                break differences;
+            }
+            self.check_shaders(start)?;
+        };
+        self.app.world_mut().entity_mut(self.camera).remove::<CountOverdraw>();
+        Ok(differences.sum())
+    }
+
+    /// What has been counted, once it is.
+    fn differences(&mut self) -> Result<Option<Differences>, GpuError> {
+        let (device, queue) = self.device();
+        let world = self.render_world();
+        let mut query = world.query::<&OverdrawBuffers>();
+        let Some(buffers) = query.iter(world).next().filter(|buffers| buffers.counted.load(Ordering::Relaxed)) else {
+            return Ok(None);
+        };
+        let ([width, height], bytes) = (buffers.size, buffers.bytes());
+        let found = read_buffer(&device, &queue, &buffers.differences, 0, bytes);
+        let found = found.ok_or_else(|| GpuError::Failed("(reading the overdraw back)".into()))?;
+        Ok(Some(Differences::found(width, height, bytemuck::pod_collect_to_vec(&found))))
     }
 
     /// Reads the accumulation back, and the number of splats where the technique counts them.

@@ -54,6 +54,8 @@ pub const SHADERS: &[(&str, &str)] = &[
     ("lib/projection.wgsl", include_str!("../../shaders/lib/projection.wgsl")),
     ("lib/kernel.wgsl", include_str!("../../shaders/lib/kernel.wgsl")),
     ("splat/project.wgsl", include_str!("../../shaders/splat/project.wgsl")),
+    ("lib/rectangle.wgsl", include_str!("../../shaders/lib/rectangle.wgsl")),
+    ("splat/overdraw.wgsl", include_str!("../../shaders/splat/overdraw.wgsl")),
     ("splat/scan.wgsl", include_str!("../../shaders/splat/scan.wgsl")),
     ("splat/accumulate.wgsl", include_str!("../../shaders/splat/accumulate.wgsl")),
     ("splat/slices.wgsl", include_str!("../../shaders/splat/slices.wgsl")),

@@ -5,10 +5,12 @@ use super::capabilities::Capabilities;
 use super::matter::{LookupUniform, table};
 use super::splat::constants::kernel_defs;
 use super::splat::layout::Grids;
+use super::splat::resources::whole;
 use super::tiles::constants::walk_defs;
 use super::tiles::pipelines::{arrange_layout, layout, queue, read, uniform, walk_layout, write};
+use super::tiles::spots::listed_within;
 use super::tiles::{Binding, Canvas, Drawing, TileList, TileMode, TileRequest};
-use crate::cpu::volume::Classifier;
+use crate::cpu::volume::{Classifier, OpaqueDepths};
 use crate::model::Kernel;
 use crate::view::View;
 use bevy::asset::AssetServer;
@@ -86,7 +88,7 @@ impl TileMode for SortedSplats {
 
     fn pipelines(server: &AssetServer, cache: &PipelineCache, on: &Capabilities) -> SortedPipelines {
         let lookup = layout("deepfield matter", vec![uniform(size_of::<LookupUniform>(), false), read()]);
-        let light = layout("deepfield blend", vec![uniform(size_of::<SortedUniform>(), false), write()]);
+        let light = layout("deepfield blend", vec![uniform(size_of::<SortedUniform>(), false), write(), write()]);
         let arrange_layouts = vec![arrange_layout(), lookup.clone()];
         let arrange = queue(cache, server, ("sorted/arrange.wgsl", "arrange"), arrange_layouts, vec![]);
         let of_kernel = |kernel| {
@@ -98,7 +100,7 @@ impl TileMode for SortedSplats {
         SortedPipelines { lookup, light, arrange, blend }
     }
 
-    fn request(&self, _: &View, _: &Grids) -> TileRequest {
+    fn request(&self, _: &View, _: &Grids, memory: u64) -> TileRequest {
         TileRequest {
             planes: self.planes,
             least: self.classifier.least(),
@@ -107,6 +109,7 @@ impl TileMode for SortedSplats {
             lead: 0.0,
             smallest: self.smallest,
             layers: None,
+            at_a_time: listed_within(memory, TileList::SPOT_BYTES),
         }
     }
 
@@ -119,9 +122,13 @@ impl TileMode for SortedSplats {
         let light = SortedUniform { termination: self.termination, unused: [0; 3] };
         let light = to.buffer(bytemuck::bytes_of(&light), BufferUsages::UNIFORM);
         let arrange = to.group(&to.pipelines.lookup, &[lookup.as_entire_binding(), table.as_entire_binding()]);
-        let blend = to.group(&to.pipelines.light, &[light.as_entire_binding(), to.cells.buffer.as_entire_binding()]);
+        let blend = to.group(&to.pipelines.light, &[&light, &to.cells.buffer, to.ends].map(whole));
         let list = to.tiles(before.map(|(_, groups)| &groups.list));
         SortedGroups { list, table, arrange, blend }
+    }
+
+    fn bytes(bound: &SortedGroups) -> u64 {
+        bound.list.bytes()
     }
 
     fn draw(&self, bound: &SortedGroups, on: &Canvas<'_, Self>, context: &mut RenderContext) -> Option<()> {
@@ -133,5 +140,9 @@ impl TileMode for SortedSplats {
             Drawing { arrange, arrange_group: Some(&bound.arrange), walk, walk_group: &bound.blend, name: "blend" };
         bound.list.draw(on.spots, on.particles, &on.steps, &drawing, context);
         Some(())
+    }
+    fn opaque(&self, view: &View, ends: &[f32]) -> OpaqueDepths {
+        let depths = ends.iter().map(|&end| if end == 0.0 { f32::INFINITY } else { end });
+        OpaqueDepths::new(view, depths.collect(), 1.0, self.smallest)
     }
 }

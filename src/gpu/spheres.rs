@@ -4,11 +4,13 @@
 use super::capabilities::Capabilities;
 use super::matter::map_to_place;
 use super::splat::layout::Grids;
+use super::splat::resources::whole;
 use super::tiles::constants::walk_defs;
 use super::tiles::pipelines::{arrange_layout, layout, portion, queue, read, tile_view, uniform, walk_layout, write};
+use super::tiles::spots::listed_within;
 use super::tiles::{Binding, Canvas, Drawing, TileList, TileMode, TileRequest};
 use crate::cpu::screen_spheres::{ROUNDS, SurfaceColors};
-use crate::cpu::volume::Light;
+use crate::cpu::volume::{Light, OpaqueDepths};
 use crate::view::{Projection, View};
 use bevy::asset::AssetServer;
 use bevy::prelude::*;
@@ -114,7 +116,7 @@ impl TileMode for Spheres {
 
     fn pipelines(server: &AssetServer, cache: &PipelineCache, on: &Capabilities) -> SpherePipelines {
         let view = || uniform(size_of::<SphereUniform>(), false);
-        let hits = layout("deepfield hits", vec![view(), write()]);
+        let hits = layout("deepfield hits", vec![view(), write(), write()]);
         let surface =
             layout("deepfield surface", vec![tile_view(), portion(), view(), read(), write(), read(), write()]);
         let queue = |shader, layout, defs| queue(cache, server, shader, layout, defs);
@@ -126,7 +128,7 @@ impl TileMode for Spheres {
         SpherePipelines { hits, surface, arrange, nearest, smooth, shade }
     }
 
-    fn request(&self, view: &View, _: &Grids) -> TileRequest {
+    fn request(&self, view: &View, _: &Grids, memory: u64) -> TileRequest {
         // A sphere may be seen whose centre lies before the near plane.
         let first = match view.projection {
             Projection::Perspective { .. } => f64::from(f32::MIN_POSITIVE),
@@ -140,6 +142,7 @@ impl TileMode for Spheres {
             lead: 1.0,
             smallest: 0.0,
             layers: None,
+            at_a_time: listed_within(memory, TileList::SPOT_BYTES),
         }
     }
 
@@ -148,7 +151,7 @@ impl TileMode for Spheres {
         let hits = [0, 1].map(|index: usize| to.pixels(before.map(|(_, groups)| &groups.hits[index])));
         let uniform = to.buffer(bytemuck::bytes_of(&SphereUniform::new(self)), BufferUsages::UNIFORM);
         let colors = to.buffer(bytemuck::cast_slice(&self.colors.colors), BufferUsages::STORAGE);
-        let nearest = to.group(&to.pipelines.hits, &[uniform.as_entire_binding(), hits[0].as_entire_binding()]);
+        let nearest = to.group(&to.pipelines.hits, &[&uniform, &hits[0], to.ends].map(whole));
         let surface = [0, 1].map(|from: usize| {
             let bound = [
                 to.spots.uniform().as_entire_binding(),
@@ -162,6 +165,10 @@ impl TileMode for Spheres {
             to.group(&to.pipelines.surface, &bound)
         });
         SphereGroups { list, hits, nearest, surface }
+    }
+
+    fn bytes(bound: &SphereGroups) -> u64 {
+        bound.list.bytes()
     }
 
     fn draw(&self, bound: &SphereGroups, on: &Canvas<'_, Self>, context: &mut RenderContext) -> Option<()> {
@@ -190,5 +197,10 @@ impl TileMode for Spheres {
         }
         span.end(encoder);
         Some(())
+    }
+    fn opaque(&self, view: &View, ends: &[f32]) -> OpaqueDepths {
+        // Before they are smoothed: smoothing looks at no more than what each pixel shows.
+        let depths = ends.iter().map(|&end| if end == 0.0 { f32::INFINITY } else { end });
+        OpaqueDepths::new(view, depths.collect(), 1.0, 0.0).reaching(self.radius)
     }
 }

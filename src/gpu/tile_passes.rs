@@ -11,9 +11,17 @@ use crate::view::{Extent, PerspectiveGrid, View};
 use bevy::prelude::EntityCommands;
 use std::sync::Arc;
 
-/// What the passes by tiles draw.
+/// What the passes by tiles draw, and whether it is told what that hides.
 #[derive(Clone, Debug)]
-pub enum TilePasses {
+pub struct TilePasses {
+    mode: TileModes,
+    /// Whether [`TileNews`](super::tiles::TileNews) says what the picture hides.
+    pub occlusion: bool,
+}
+
+/// One of the modes by tiles.
+#[derive(Clone, Debug)]
+enum TileModes {
     /// Splats in the order of their depth.
     Sorted(SortedSplats),
     /// Splats in layers of depth.
@@ -35,19 +43,20 @@ impl TilePasses {
             let smallest = smallest * PerspectiveGrid::sigma_of(view, 1.0);
             planes_of(view, extents.iter().copied(), smallest, ends)
         };
-        Ok(Some(match passes {
+        let (mode, occlusion) = match passes {
             LightPasses::March(..) | LightPasses::Cartesian(..) => return Ok(None),
             LightPasses::Sorted { classifier, options, termination, density_scale } => {
-                TilePasses::Sorted(SortedSplats {
+                let mode = TileModes::Sorted(SortedSplats {
                     classifier: Arc::new(classifier.clone()),
                     planes: planes(options.smallest, [options.near, options.far])?,
                     termination: *termination,
                     smallest: options.smallest,
                     density_scale: *density_scale,
-                })
+                });
+                (mode, options.occlusion)
             }
             LightPasses::Layered { classifier, options, layers, assignment, termination } => {
-                TilePasses::Layered(Layered {
+                let mode = TileModes::Layered(Layered {
                     classifier: Arc::new(classifier.clone()),
                     planes: planes(options.smallest, [options.near, options.far])?,
                     layers: *layers,
@@ -55,40 +64,46 @@ impl TilePasses {
                     termination: *termination,
                     smallest: options.smallest,
                     longest: extents.iter().map(|extent| extent.margin).fold(0.0, f64::max),
-                })
+                });
+                (mode, options.occlusion)
             }
-            LightPasses::Spheres { options, light, colors, density_scale } => TilePasses::Spheres(Spheres {
-                radius: options.radius,
-                least: options.least,
-                smoothing: options.smoothing,
-                planes: planes(0.0, [options.near, options.far])?,
-                density_scale: *density_scale,
-                light: *light,
-                colors: colors.clone(),
-            }),
-        }))
+            LightPasses::Spheres { options, light, colors, density_scale } => {
+                let mode = TileModes::Spheres(Spheres {
+                    radius: options.radius,
+                    least: options.least,
+                    smoothing: options.smoothing,
+                    planes: planes(0.0, [options.near, options.far])?,
+                    density_scale: *density_scale,
+                    light: *light,
+                    colors: colors.clone(),
+                });
+                (mode, options.occlusion)
+            }
+        };
+        Ok(Some(TilePasses { mode, occlusion }))
     }
 
     /// Depths of the first and the last particle that is drawn.
     pub fn planes(&self) -> [f64; 2] {
-        match self {
-            TilePasses::Sorted(mode) => mode.planes,
-            TilePasses::Layered(mode) => mode.planes,
-            TilePasses::Spheres(mode) => mode.planes,
+        match &self.mode {
+            TileModes::Sorted(mode) => mode.planes,
+            TileModes::Layered(mode) => mode.planes,
+            TileModes::Spheres(mode) => mode.planes,
         }
     }
 
-    /// Has a camera draw this picture, and no other by tiles.
-    pub fn show(self, number: u64, camera: &mut EntityCommands) {
-        match self {
-            TilePasses::Sorted(mode) => {
-                camera.insert(TilePicture { number, mode }).remove::<(TilePicture<Layered>, TilePicture<Spheres>)>()
-            }
-            TilePasses::Layered(mode) => camera
-                .insert(TilePicture { number, mode })
+    /// Has a camera draw this picture, and no other by tiles; lists, and what is made of them, may take so many bytes.
+    pub fn show(self, number: u64, memory: u64, camera: &mut EntityCommands) {
+        let occlusion = self.occlusion;
+        match self.mode {
+            TileModes::Sorted(mode) => camera
+                .insert(TilePicture { number, mode, occlusion, memory })
+                .remove::<(TilePicture<Layered>, TilePicture<Spheres>)>(),
+            TileModes::Layered(mode) => camera
+                .insert(TilePicture { number, mode, occlusion, memory })
                 .remove::<(TilePicture<SortedSplats>, TilePicture<Spheres>)>(),
-            TilePasses::Spheres(mode) => camera
-                .insert(TilePicture { number, mode })
+            TileModes::Spheres(mode) => camera
+                .insert(TilePicture { number, mode, occlusion, memory })
                 .remove::<(TilePicture<SortedSplats>, TilePicture<Layered>)>(),
         };
     }

@@ -23,7 +23,7 @@ use crate::color::Accumulation;
 use crate::gpu::measure::{Measure, Measured, MeasuredPicture};
 use crate::gpu::page_copies::{self, CopyState, node_id};
 use crate::gpu::tile_passes::TilePasses;
-use crate::gpu::timing::TimedPasses;
+use crate::gpu::timing::{TimedPasses, last_frame};
 use crate::gpu::{self, Composite, DrawItem, Fading, LightView, ModeView, ParticleScene, SplatView, VolumeView};
 use crate::gpu::{Capabilities, TableId, Technique, Withheld};
 use crate::mode::{Adapter, Footprint, LodBudget, Plan};
@@ -433,17 +433,12 @@ pub(super) fn pass_times(
     diagnostics: &DiagnosticsStore,
     timed: &[&'static str],
 ) -> Option<(f64, Instant, Vec<(&'static str, f64)>)> {
-    let time = |pass: &str, kind: &str| {
-        let path = format!("render/{pass}/{kind}");
-        diagnostics.iter().find(|d| d.path().as_str() == path).and_then(|d| d.measurement())
-    };
-    let time = |pass: &str| time(pass, "elapsed_gpu").or_else(|| time(pass, "elapsed_cpu"));
     // Colours alone are composed in every frame; passes of the mode before have not run for long.
-    let measured = || timed.iter().filter_map(|&pass| Some((pass, time(pass)?)));
-    let known = measured().filter(|(pass, _)| *pass != "composite").map(|(_, time)| time.time).max()?;
+    let measured = || timed.iter().filter_map(|&pass| Some((pass, last_frame(diagnostics, pass)?)));
+    let known = measured().filter(|(pass, _)| *pass != "composite").map(|(_, (time, _))| time).max()?;
     let of_now = |time: Instant| known.saturating_duration_since(time) < Duration::from_secs(1);
     let passes: Vec<(&'static str, f64)> =
-        measured().filter(|(_, time)| of_now(time.time)).map(|(pass, time)| (pass, time.value)).collect();
+        measured().filter(|(_, (time, _))| of_now(*time)).map(|(pass, (_, time))| (pass, time)).collect();
     Some((passes.iter().map(|pass| pass.1).sum(), known, passes))
 }
 

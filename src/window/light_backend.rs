@@ -305,9 +305,13 @@ pub(super) fn draw_light_on_gpu(
     }
 
     let number = pictures.light.as_ref().map(Light::number);
-    let drawn = match &pictures.light {
-        Some(Light::Tiles(..)) => tile_news.drawn(),
-        _ => found.drawn,
+    let tiles_found = tile_news.now();
+    let (drawn, opaque) = match &pictures.light {
+        Some(Light::Tiles(..)) => (tiles_found.drawn, tiles_found.opaque.clone()),
+        _ => {
+            let opaque = found.opaque.as_ref().filter(|(of, _)| Some(*of) == found.drawn);
+            (found.drawn, opaque.map(|(_, opaque)| Arc::clone(opaque)))
+        }
     };
     let is_drawn = number.is_none() || drawn == number;
     if let Some(drawn) = drawn.filter(|drawn| *drawn != pictures.seen) {
@@ -319,9 +323,8 @@ pub(super) fn draw_light_on_gpu(
         }
         // A sample's wider kernels may hide what all particles together do not: it says nothing.
         if Some(drawn) == number && statistics.sampled.is_none() {
-            let opaque = found.opaque.as_ref().filter(|(of, _)| *of == drawn);
             // Live particles hide nothing of the file.
-            let opaque = opaque.filter(|_| !live.is_shown()).map(|(_, opaque)| Arc::clone(opaque));
+            let opaque = opaque.filter(|_| !live.is_shown());
             occlusion.drew(opaque, (scene.generation, look.depiction_revision), selection.complete);
         }
     }
@@ -345,8 +348,11 @@ pub(super) fn draw_light_on_gpu(
     if found.thinner && !std::mem::replace(&mut pictures.told_thinner, true) {
         notices.info("the graphics memory is short: volumes are drawn in thinner slabs");
     }
-    let slabs = matches!(pictures.light, Some(Light::Volume(_))).then_some(found.slabs);
-    (statistics.slabs, statistics.work_bytes) = (slabs, found.bytes);
+    (statistics.slabs, statistics.work_bytes) = match pictures.light {
+        Some(Light::Tiles(..)) => (None, found.bytes + tiles_found.bytes),
+        Some(Light::Volume(_)) => (Some(found.slabs), found.bytes),
+        None => (None, found.bytes),
+    };
     if let Some(levels) = pictures.levels.filter(|levels| exposure.levels != Some(*levels) || look.is_changed()) {
         exposure.set_if_neq(Exposure::of_codebooks(metadata, &look.depiction, &transfer, levels));
     }
@@ -366,6 +372,9 @@ pub(super) fn draw_light_on_gpu(
         Some(Light::Tiles(number, from, passes)) => (None, Some((*number, *from, passes.clone()))),
         None => (None, None),
     };
+    // Where lists are drawn, volumes find no more than ranges.
+    let [_, memory] = preset.residency.gpu_bytes();
+    let memory = [memory, memory / 2][usize::from(tiles.is_some())];
     let mut camera = commands.entity(entity);
     camera.insert((
         VolumeView {
@@ -388,7 +397,7 @@ pub(super) fn draw_light_on_gpu(
         },
     ));
     match tiles {
-        Some((number, _, passes)) => passes.show(number, &mut camera),
+        Some((number, _, passes)) => passes.show(number, memory, &mut camera),
         None => TilePasses::hide(&mut camera),
     }
     let fading = before.fade().map(|(image, share)| Fading { image: Arc::clone(image), share });

@@ -126,10 +126,10 @@ impl ResidencyPreset {
         }
     }
 
-    /// Bytes of the graphics adapter's memory for copies of pages, and for what volumes work in.
+    /// Bytes of the graphics adapter's memory for copies of pages, and for what passes that draw light work in.
     pub fn gpu_bytes(&self) -> [u64; 2] {
         let budget = self.gpu_budget_mib << 20;
-        let volumes = (budget / 8).max(Room::LEAST).min(budget);
+        let volumes = (budget / 8).max(2 * Room::LEAST).min(budget);
         [budget - volumes, volumes]
     }
 
@@ -359,7 +359,7 @@ impl Preset {
             ("window.width", f64::from(window.width), 320.0, 16384.0, "320 to 16384"),
             ("window.height", f64::from(window.height), 240.0, 16384.0, "240 to 16384"),
             ("residency.budget_mib", residency.budget_mib as f64, 16.0, 1.0e9, "16 or more"),
-            ("residency.gpu_budget_mib", residency.gpu_budget_mib as f64, 16.0, 1.0e9, "16 or more"),
+            ("residency.gpu_budget_mib", residency.gpu_budget_mib as f64, 32.0, 1.0e9, "32 or more"),
             ("residency.upload_mib", residency.upload_mib as f64, 1.0, 65536.0, "1 to 65536"),
             ("residency.stall_secs", residency.stall_secs, 0.1, 3600.0, "0.1 to 3600"),
             ("residency.requests", residency.requests as f64, 1.0, 4096.0, "1 to 4096"),

@@ -1,5 +1,6 @@
-//! Domes, cubes, maps of all directions and stereo pairs in the window: put together by the processor on a thread of its own, around the
-//! present camera and from the page file itself; idle while the picture is flat.
+//! Domes, cubes, maps of all directions and stereo pairs in the window: put together on a thread of its own, around the present camera
+//! and from the page file itself; idle while the picture is flat. Their faces are drawn by the processor, or where the preset asks for
+//! the adapter, or has a graphics card, by a renderer beside the window's, which is closed with the last of them.
 //!
 //! What is drawn is the [`Shot`] that the scene would be as a file, so that the window shows what `deepfield render` writes, words
 //! included. While what is shown changes, pictures are as small as the preset's time for one demands; when it rests, the full one follows,
@@ -14,7 +15,7 @@ use super::look::{Held, Look};
 use super::objects::Objects;
 use super::picture::{DataCamera, Letterbox, Picture, to_image};
 use super::picture_sizes::{moving_size, panorama_size};
-use super::preset::Preset;
+use super::preset::{Backend, Preset};
 use super::scene::{Scene, Settings};
 use super::scene_io::{camera_of, families_of};
 use super::state::aim::Aim;
@@ -24,6 +25,7 @@ use super::statistics::{ActiveBackend, Converged, Statistics};
 use super::touring::{Player, Ranges};
 use crate::annotate::overlay::Overlay;
 use crate::color::transfer::Levels;
+use crate::gpu::Offscreen;
 use crate::look::{CameraConfig, Film, LookPatch, Member, SceneFile, Shot};
 use crate::mode::Settings as ModeSettings;
 use crate::picture::{PictureError, Session};
@@ -41,6 +43,8 @@ const MEMORY_SHARE: u64 = 2;
 #[derive(Clone, PartialEq)]
 struct Content {
     generation: u32,
+    /// What is asked to draw it.
+    backend: Backend,
     members: Vec<Member>,
     /// Without what is done to the finished picture.
     shot: Shot,
@@ -104,8 +108,8 @@ pub struct SurroundPicture {
     rests: Option<(Wanted, Instant)>,
     /// Room and milliseconds of the last picture.
     cost: Option<(UVec2, f64)>,
-    /// What draws it, and the [`Scene::generation`] of its file.
-    session: Option<(u32, Session)>,
+    /// What draws it, the [`Scene::generation`] of its file, and what it asks to draw.
+    session: Option<(u32, Backend, Session)>,
     told: Told,
 }
 
@@ -127,7 +131,7 @@ impl SurroundPicture {
         let Coming { wanted, answer, .. } = coming;
         let outcome = match answer {
             Answer::Here((session, outcome)) => {
-                self.session = Some((wanted.content.generation, session));
+                self.session = Some((wanted.content.generation, wanted.content.backend, session));
                 outcome
             }
             Answer::Failed(why) => Err(PictureError::Asked(why)),
@@ -176,11 +180,18 @@ impl SurroundPicture {
 
     /// Begins to draw.
     fn start(&mut self, wanted: Wanted, at_rest: bool, scene: &Scene, budget: u64) {
-        let known = self.session.take().filter(|(generation, _)| *generation == scene.generation);
-        let mut session = known.map_or_else(
-            || Session::of(Arc::clone(&scene.file), budget).with_reporter(Arc::new(self.told.clone())),
-            |(_, session)| session,
-        );
+        let backend = wanted.content.backend;
+        let known = self.session.take().filter(|(generation, by, _)| (*generation, *by) == (scene.generation, backend));
+        let open = || {
+            let adapter = match backend {
+                Backend::Cpu => None,
+                Backend::Auto => Some(Offscreen::default()),
+                Backend::Compute | Backend::Raster => Some(Offscreen::preferred()),
+            };
+            let session = Session::of(Arc::clone(&scene.file), budget).with_reporter(Arc::new(self.told.clone()));
+            session.with_adapter(adapter.map(|adapter| Box::new(adapter) as _))
+        };
+        let mut session = known.map_or_else(open, |(_, _, session)| session);
         let values = self.drawn.take();
         let (asked, file) = (wanted.clone(), Arc::clone(&scene.file));
         self.told.stop(false);
@@ -265,6 +276,7 @@ impl Shown<'_, '_> {
         let members = scene.members.iter().cloned().zip(families);
         let content = Content {
             generation: scene.generation,
+            backend: self.preset.drawing.backend,
             members: members.map(|(member, families)| Member { families, ..member }).collect(),
             shot: Shot {
                 look: LookPatch {

@@ -6,22 +6,23 @@ use deepfield::color::Colors;
 use deepfield::color::transfer::{Scale, TransferFunction};
 use deepfield::cpu::layered::{self, Assignment};
 use deepfield::cpu::screen_spheres::{SphereOptions, SurfaceColors, front};
-use deepfield::cpu::volume::{Classifier, Light, VolumeLevels, VolumeOptions, extents};
+use deepfield::cpu::volume::{Classifier, Light, VolumeLevels, VolumeOptions, VolumeReport, extents};
 use deepfield::cpu::{self, Method, Positions, Splats, sorted};
 use deepfield::gpu::depiction::request_nodes;
+use deepfield::gpu::tile_passes::TilePasses;
 use deepfield::gpu::{
     Backend, DeviceOptions, Footprint, HeadlessNode, HeadlessRenderer, HeadlessRequest, Layered, LightView, NodeId,
     NodeUpload, Payload, RawParticle, SortedSplats, Spheres, TilePicture,
 };
 use deepfield::look::LookPatch;
 use deepfield::mode::sample::Sample;
-use deepfield::mode::{Depiction, LightPicture, Plan, Settings};
-use deepfield::model::Kernel;
+use deepfield::mode::{Depiction, LightPasses, LightPicture, Plan, Settings};
+use deepfield::model::{Bounds, Kernel};
 use deepfield::modes::{self, grid::Look};
 use deepfield::picture::look::transfer_of;
 use deepfield::stream::{Scene, SceneNode};
 use deepfield::view::cut::{ClipBox, Fade};
-use deepfield::view::{CutSettings, Periodic, Projection, View};
+use deepfield::view::{CutSettings, Extent, Occluder, Periodic, Projection, View};
 use glam::DVec3;
 use std::sync::Arc;
 
@@ -142,8 +143,15 @@ fn twice(renderer: &mut HeadlessRenderer, cloud: &Cloud) -> Colors {
 }
 
 const TERMINATION: f32 = 0.999;
+/// More than any of the pictures needs.
+const MEMORY: u64 = 1 << 30;
 
-fn sorted_both(view: &View, cloud: &Cloud, device: DeviceOptions) -> (Colors, Colors) {
+/// An adapter without limits of its own.
+fn plenty() -> (DeviceOptions, u64) {
+    (DeviceOptions::default(), MEMORY)
+}
+
+fn sorted_both(view: &View, cloud: &Cloud, (device, memory): (DeviceOptions, u64)) -> (Colors, Colors) {
     let classifier = cloud.classifier();
     let options = VolumeOptions { smallest: 1.5, ..VolumeOptions::default() };
     let (expected, report) = sorted::draw(view, &[cloud.batch()], &classifier, (TERMINATION, 1.0), &options).unwrap();
@@ -155,7 +163,7 @@ fn sorted_both(view: &View, cloud: &Cloud, device: DeviceOptions) -> (Colors, Co
         smallest: options.smallest,
         density_scale: 1.0,
     };
-    renderer.insert((LightView::default(), TilePicture { number: 1, mode: component }));
+    renderer.insert((LightView::default(), TilePicture { number: 1, mode: component, occlusion: false, memory }));
     (twice(&mut renderer, cloud), expected)
 }
 
@@ -172,7 +180,7 @@ fn sorted_splats_are_blended_as_on_the_processor() {
         ("parallel", orthographic([1.5, 1.0, 2.5], 150, 100), &many),
         ("parallel from within", orthographic([0.1, 0.1, 0.2], 90, 100), &wide),
     ] {
-        let (found, expected) = sorted_both(&view, cloud, DeviceOptions::default());
+        let (found, expected) = sorted_both(&view, cloud, plenty());
         let (mean, most) = difference(&found, &expected);
         println!("{name}: mean {mean:.3}, at most {most}");
         assert!(mean < 0.02 && most <= 2, "{name}: mean {mean}, at most {most}");
@@ -188,20 +196,27 @@ fn slabs_of_depth_change_nothing() {
     let limits =
         wgpu::Limits { max_storage_buffer_binding_size: limit, max_buffer_size: limit, ..wgpu::Limits::default() };
     let small = DeviceOptions { constrained_limits: Some(limits), ..DeviceOptions::default() };
-    let (whole, _) = sorted_both(&view, &cloud, DeviceOptions::default());
-    let (slabs, _) = sorted_both(&view, &cloud, small.clone());
-    assert_eq!(difference(&slabs, &whole), (0.0, 0));
+    // Small buffers, or little memory for all of them: some 12000.
+    let (_, memory) = plenty();
+    let few = [(small, memory), (DeviceOptions::default(), 2 << 20)];
+    let (whole, _) = sorted_both(&view, &cloud, plenty());
+    for few in &few {
+        let (slabs, _) = sorted_both(&view, &cloud, few.clone());
+        assert_eq!(difference(&slabs, &whole), (0.0, 0));
+    }
     // Of layers some are more than one slab.
     for assignment in [Assignment::Nearest, Assignment::Kernel] {
-        let (whole, _) = layered_both(&view, &cloud, (2, assignment), DeviceOptions::default());
-        let (slabs, _) = layered_both(&view, &cloud, (2, assignment), small.clone());
-        let (mean, most) = difference(&slabs, &whole);
-        assert!(mean < 0.01 && most <= 1, "{assignment:?}: mean {mean}, at most {most}");
+        let (whole, _) = layered_both(&view, &cloud, (2, assignment), plenty());
+        for few in &few {
+            let (slabs, _) = layered_both(&view, &cloud, (2, assignment), few.clone());
+            let (mean, most) = difference(&slabs, &whole);
+            assert!(mean < 0.01 && most <= 1, "{assignment:?}: mean {mean}, at most {most}");
+        }
     }
 }
 
 fn spheres_both(view: &View, cloud: &Cloud, smoothing: f64) -> (Colors, Colors) {
-    let options = SphereOptions { radius: 0.5, least: 0.1, smoothing, near: None, far: None };
+    let options = SphereOptions { radius: 0.5, least: 0.1, smoothing, near: None, far: None, occlusion: true };
     let (mut front, report) = front(view, &[cloud.batch()], 1.0, &options).unwrap();
     front.smooth(view, smoothing);
     let light = Light { ambient: 0.12, specular: 0.15, shininess: 40.0 };
@@ -227,7 +242,8 @@ fn spheres_both(view: &View, cloud: &Cloud, smoothing: f64) -> (Colors, Colors) 
         colors,
     };
     let mut renderer = HeadlessRenderer::open(&cloud.request(view)).unwrap();
-    renderer.insert((LightView::default(), TilePicture { number: 1, mode: component }));
+    renderer
+        .insert((LightView::default(), TilePicture { number: 1, mode: component, occlusion: false, memory: MEMORY }));
     (twice(&mut renderer, cloud), expected)
 }
 
@@ -255,7 +271,7 @@ fn layered_both(
     view: &View,
     cloud: &Cloud,
     (layers, assignment): (u32, Assignment),
-    device: DeviceOptions,
+    (device, memory): (DeviceOptions, u64),
 ) -> (Colors, Colors) {
     let classifier = cloud.classifier();
     let options = VolumeOptions::default();
@@ -271,7 +287,7 @@ fn layered_both(
         longest: cloud.h.iter().copied().fold(0.0, f32::max).into(),
     };
     let mut renderer = HeadlessRenderer::open(&HeadlessRequest { device, ..cloud.request(view) }).unwrap();
-    renderer.insert((LightView::default(), TilePicture { number: 1, mode: component }));
+    renderer.insert((LightView::default(), TilePicture { number: 1, mode: component, occlusion: false, memory }));
     (drawn(&mut renderer), expected)
 }
 
@@ -293,10 +309,59 @@ fn layers_are_blended_as_on_the_processor() {
         ("parallel, nearest", orthographic([1.5, 1.0, 2.5], 150, 100), &many, (100, Assignment::Nearest)),
         ("parallel, cut", orthographic([0.1, 0.1, 0.2], 90, 100), &wide, (20, Assignment::Kernel)),
     ] {
-        let (found, expected) = layered_both(&view, cloud, way, DeviceOptions::default());
+        let (found, expected) = layered_both(&view, cloud, way, plenty());
         let (mean, most) = difference(&found, &expected);
         println!("{name}: mean {mean:.3}, at most {most}");
         assert!(mean < 0.1 && most <= 6, "{name}: mean {mean}, at most {most}");
+    }
+}
+
+/// One of 16^3 cubes within the cube of width 2.
+fn cube(index: i32) -> Extent {
+    let corner = DVec3::new(f64::from(index % 16), f64::from(index / 16 % 16), f64::from(index / 256));
+    let min = corner / 8.0 - 1.0;
+    Extent { bounds: Bounds { min, max: min + 0.1 }, margin: 0.02 }
+}
+
+#[test]
+fn what_is_opaque_hides_what_it_hides_on_the_processor() {
+    let cloud = Cloud::random(30_000, 0.05, 0.1);
+    let batch = [cloud.batch()];
+    let levels = VolumeLevels { density: [1e-2, 1e2], attribute: [0.0, 1.0], unit_length: 1e-3 };
+    let classifier = Classifier::new(&TransferFunction::of_volumes(true), levels, true);
+    let options = VolumeOptions { occlusion: true, ..VolumeOptions::default() };
+    let spheres = SphereOptions { radius: 0.5, least: 1.0, smoothing: 1.5, near: None, far: None, occlusion: true };
+    let colors =
+        SurfaceColors { colors: [[1.0; 4]; 2].into(), of_attribute: true, scale: Scale::Linear, range: [0.0, 1.0] };
+    let (termination, density_scale, layers, assignment) = (TERMINATION, 1.0, 48, Assignment::Kernel);
+    let sorted_splats = LightPasses::Sorted { classifier: classifier.clone(), options, termination, density_scale };
+    let in_layers = LightPasses::Layered { classifier: classifier.clone(), options, layers, assignment, termination };
+    let as_spheres = LightPasses::Spheres { options: spheres, light: None, colors, density_scale };
+    for view in [perspective([0.5, 1.5, 2.5], 161, 90), orthographic([1.5, 1.0, 2.5], 90, 100)] {
+        let of = |report: VolumeReport| report.opaque.unwrap();
+        let by_depth = sorted::draw(&view, &batch, &classifier, (termination, density_scale), &options).unwrap();
+        let by_layer = layered::draw(&view, &batch, &classifier, (layers, assignment, termination), &options).unwrap();
+        let (first, _) = front(&view, &batch, density_scale, &spheres).unwrap();
+        for (name, passes, expected) in [
+            ("sorted", &sorted_splats, of(by_depth.1)),
+            ("layered", &in_layers, of(by_layer.1)),
+            ("spheres", &as_spheres, Arc::new(first.opaque(&view, spheres.radius))),
+        ] {
+            let mut renderer = HeadlessRenderer::open(&cloud.request(&view)).unwrap();
+            let draw = TilePasses::of(passes, &view, &extents::of(&batch)).unwrap().unwrap();
+            let (colors, found, _) = renderer.tiles(7, draw.clone(), 1).unwrap();
+            let [found, expected] = [found.unwrap(), expected]
+                .map(|opaque| (0..16i32.pow(3)).map(|index| opaque.hides(&cube(index))).collect::<Vec<_>>());
+            let differ = found.iter().zip(&expected).filter(|(a, b)| a != b).count();
+            let hidden = expected.iter().filter(|hidden| **hidden).count();
+            println!("{name}: {hidden} cubes hidden, {differ} otherwise than by the processor");
+            assert!(hidden > 400 && differ * 50 <= hidden, "{name}: {hidden} {differ}");
+            // Nobody waits for what nobody asked for, and the picture is the same.
+            let mut unasked = draw;
+            unasked.occlusion = false;
+            let (same, none, _) = renderer.tiles(8, unasked, 1).unwrap();
+            assert!(none.is_none() && difference(&same, &colors).1 <= 1, "{name}");
+        }
     }
 }
 
@@ -375,7 +440,10 @@ fn sorted_splats_of_page_files_are_the_processors() {
             smallest: look.options.smallest,
             density_scale: 1.0,
         };
-        renderer.insert((LightView::default(), TilePicture { number: 1, mode: component }));
+        renderer.insert((
+            LightView::default(),
+            TilePicture { number: 1, mode: component, occlusion: false, memory: MEMORY },
+        ));
         let (mean, most) = difference(&drawn(&mut renderer), &expected.colors);
         println!("{name}: mean {mean:.3}, at most {most}");
         assert!(mean < 0.02 && most <= 2, "{name}: mean {mean}, at most {most}");
@@ -399,7 +467,10 @@ fn spheres_of_page_files_are_the_processors() {
             colors: modes::spheres::surface_colors(&pages.look(&expected)),
         };
         let mut renderer = pages.adapter(&view, &nodes, &plan);
-        renderer.insert((LightView::default(), TilePicture { number: 1, mode: component }));
+        renderer.insert((
+            LightView::default(),
+            TilePicture { number: 1, mode: component, occlusion: false, memory: MEMORY },
+        ));
         let found = drawn(&mut renderer);
         let (mean, _) = difference(&found, &expected.colors);
         let pairs = found.rgba.iter().zip(&expected.colors.rgba);

@@ -7,10 +7,13 @@ mod support;
 
 mod cartesian;
 mod compare;
+mod flight;
 mod integrals;
 mod light;
 mod light_modes;
 mod live;
+mod overdraw;
 mod pages;
 mod panoramas;
+mod times;
 mod volumes;

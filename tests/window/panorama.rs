@@ -121,3 +121,36 @@ fn a_dome_in_the_window_is_the_one_that_is_rendered_and_follows_the_camera() {
     assert_eq!(again["settings"]["projection"], dome(10.0), "the command line goes before the scene: {again:#}");
     assert_eq!(again["eye"], saved["eye"]);
 }
+
+#[test]
+fn faces_in_the_window_are_drawn_by_the_adapter_that_is_asked_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = folder.path().join("box.hdf5");
+    std::fs::copy(crate::support::demo(), &data).unwrap();
+    let desktop = Desktop::with_screen(SIZE);
+    let scene = folder.path().join("within.scene.ron");
+    // From within the data. The adapter has no discs of a pixel's size for panoramas: the processor draws them unasked.
+    let text = |mode: &str| {
+        format!(
+            r#"(version: 1, datasets: [(path: {data:?})], mode: "{mode}", projection: dome(aperture: 180.0, tilt: 0.0), size: (400, 400),
+                annotations: (legend: false, scale_bar: false, labels: 0),
+                camera: (eye: (32.0, 32.0, 32.0), target: (32.0, 32.0, 0.0), up: (0.0, 1.0, 0.0), fov: 45.0))"#
+        )
+    };
+    for (mode, backend) in [("column-density", "compute"), ("points", "cpu")] {
+        std::fs::write(&scene, text(mode)).unwrap();
+        let mut program = Program::open(&desktop, folder.path(), &scene, SIZE, &["--backend", "compute"]);
+        let status = program.wait("a converged picture", |status| status["converged"] == true);
+        assert_eq!(status["backend"], backend, "{mode}: {status:#}");
+        desktop.focus(desktop.window().unwrap());
+        desktop.press(TAB);
+        program.wait("the whole picture", |status| {
+            status["picture"] == json!([0.0, 0.0, 640.0, 400.0]) && status["converged"] == true
+        });
+        let expected = render(folder.path(), &scene);
+        desktop.wait("the rendered dome", |screen| difference(screen, &expected) < 0.005);
+        assert!(desktop.screenshot().share(120..520, |pixel| pixel[0] > 60) > 0.1, "{mode}: there is something to see");
+        desktop.close(desktop.window().unwrap());
+        assert_eq!(program.exit_code(), Some(0));
+    }
+}

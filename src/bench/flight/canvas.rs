@@ -1,10 +1,11 @@
-//! What a flight is drawn on: the processor, or the GPU techniques with copies of pages in the adapter's memory. Both
+//! What a flight is drawn on: of sums the processor, or the GPU techniques with copies of pages in the adapter's memory. Both
 //! draw what streaming has brought, as the window does.
 
 use super::super::splat::Failure;
 use crate::color::Accumulation;
 use crate::color::transfer::TransferFunction;
-use crate::mode::{Depiction, Plan};
+use crate::cpu::Counts;
+use crate::mode::{Depiction, Plan, Raw};
 use crate::picture::Subject;
 use crate::store::PageFile;
 use crate::stream::{CopyOptions, SceneNode, Streamer};
@@ -35,7 +36,7 @@ pub trait Canvas {
     ///
     /// # Errors
     /// What the backend reports.
-    fn picture(&mut self) -> Result<Accumulation, Failure>;
+    fn picture(&mut self) -> Result<Raw, Failure>;
 }
 
 /// The CPU renderer on all threads.
@@ -69,8 +70,8 @@ impl Canvas for CpuCanvas {
         Ok(())
     }
 
-    fn picture(&mut self) -> Result<Accumulation, Failure> {
-        Ok(self.picture.clone())
+    fn picture(&mut self) -> Result<Raw, Failure> {
+        Ok(Raw::Sums(self.picture.clone(), Counts::default()))
     }
 }
 
@@ -194,8 +195,8 @@ mod gpu {
             Ok(())
         }
 
-        fn picture(&mut self) -> Result<Accumulation, Failure> {
-            Ok(self.renderer.accumulation(self.depiction.attribute.is_some())?.0)
+        fn picture(&mut self) -> Result<Raw, Failure> {
+            Ok(Raw::Sums(self.renderer.accumulation(self.depiction.attribute.is_some())?.0, Counts::default()))
         }
     }
 }

@@ -5,10 +5,10 @@ use super::super::splat::Failure;
 use super::Options;
 use super::engine::Engine;
 use super::path::Flight;
-use crate::color::composite::{color_error, composite_at};
+use crate::color::composite::{Image, color_error, composite_at};
 use crate::color::output;
 use crate::color::transfer::TransferFunction;
-use crate::mode::Plan;
+use crate::mode::{Plan, Raw};
 use crate::picture::Subject;
 use serde::Serialize;
 
@@ -24,8 +24,25 @@ pub struct Check {
     pub difference: f64,
     /// Mean colour error, of 255, of the flight's picture of that place, a sample, from that of everything in view.
     pub color_error: f64,
-    /// Splats over a pixel, mean and most: of what the flight draws, and of everything in view.
-    pub overdraw: [(f64, u32); 2],
+    /// Splats over a pixel, mean and most: of what the flight draws, and of everything in view; none of light.
+    pub overdraw: Option<[(f64, u32); 2]>,
+}
+
+/// The values of a picture's pixels.
+fn values(picture: &Raw) -> &[f32] {
+    match picture {
+        Raw::Sums(sums, _) => &sums.p,
+        Raw::Light(painted) => painted.colors.rgba.as_flattened(),
+    }
+}
+
+/// A picture's colours, those of sums with the ranges that the picture of everything has.
+fn image(picture: &Raw, everything: &Raw, transfer: &TransferFunction) -> Image {
+    match (picture, everything) {
+        (Raw::Sums(sums, _), Raw::Sums(all, _)) => composite_at(sums, transfer, &transfer.levels(all)),
+        (Raw::Sums(sums, _), Raw::Light(_)) => composite_at(sums, transfer, &transfer.levels(sums)),
+        (Raw::Light(painted), _) => painted.colors.image(),
+    }
 }
 
 /// Seconds of flight before a halt.
@@ -49,8 +66,9 @@ pub fn check(
     let streamed = engine.converge(&mut streamer, &view)?;
     drop(streamer);
     let waited = engine.waited(&view)?;
-    let brightest = waited.p.iter().copied().fold(0.0_f32, f32::max);
-    let differences = streamed.picture.p.iter().zip(&waited.p).map(|(a, b)| f64::from((a - b).abs()));
+    let brightest = values(&waited).iter().copied().fold(0.0_f32, f32::max);
+    let pairs = values(&streamed.picture).iter().zip(values(&waited));
+    let differences = pairs.map(|(a, b)| f64::from((a - b).abs()));
     let difference = differences.fold(0.0, f64::max) / f64::from(brightest.max(f32::MIN_POSITIVE));
 
     let governed = engine.governed(&view, &streamed.selection, engine.frame_ms).0;
@@ -58,12 +76,12 @@ pub fn check(
     let plans = [(governed, ""), (everything, "-whole")];
     let name = |what: &str, kind: &str| options.folder().join(format!("{what}-{backend}-{seconds:.0}s{kind}.png"));
     let nodes = &streamed.selection.nodes;
-    let preset = options.mode.transfer[usize::from(waited.has_attribute())];
+    let preset = options.mode.transfer[usize::from(engine.depiction.attribute.is_some())];
     let transfer = TransferFunction::preset(preset).unwrap_or_default();
     // Sums have no use for a diameter.
     let subject = Subject::new(engine.file.metadata(), &engine.depiction, &transfer, 0.0);
-    let mut overdraw = [(0.0, 0); 2];
-    for (&(plan, kind), out) in plans.iter().zip(&mut overdraw) {
+    let mut overdraw = (!options.mode.is_light()).then_some([(0.0, 0); 2]);
+    for (&(plan, kind), out) in plans.iter().zip(overdraw.iter_mut().flatten()) {
         let counted = subject.overdraw(&view, &subject.decode(&view, nodes, &plan), &plan)?;
         output::write_png(&name("overdraw", kind), &counted.image())?;
         *out = (counted.mean(), counted.max());
@@ -73,8 +91,7 @@ pub fn check(
         engine.canvas.draw(&view, nodes, plan)?;
         pictures.push(engine.canvas.picture()?);
     }
-    let levels = transfer.levels(&pictures[1]);
-    let images: Vec<_> = pictures.iter().map(|picture| composite_at(picture, &transfer, &levels)).collect();
+    let images: Vec<_> = pictures.iter().map(|picture| image(picture, &pictures[1], &transfer)).collect();
     for (image, (_, kind)) in images.iter().zip(plans) {
         output::write_png(&name("flight", kind), image)?;
     }

@@ -4,10 +4,9 @@ use super::super::splat::Failure;
 use super::canvas::Canvas;
 use super::path::Flight;
 use super::series::Frame;
-use crate::color::Accumulation;
 use crate::color::transfer::TransferFunction;
 use crate::hierarchy::Purpose;
-use crate::mode::{Depiction, LodBudget, Plan};
+use crate::mode::{Depiction, LodBudget, Plan, Raw};
 use crate::picture::Subject;
 use crate::picture::drawing_cost::{self, DrawingCost, SampleSizes};
 use crate::store::PageFile;
@@ -49,7 +48,7 @@ pub struct Station {
     /// Seconds until everything was.
     pub converged: Option<f64>,
     /// The picture.
-    pub picture: Accumulation,
+    pub picture: Raw,
     /// What it shows.
     pub selection: SceneSelection,
 }
@@ -188,7 +187,7 @@ impl Engine<'_> {
     ///
     /// # Errors
     /// A root that cannot be read; what the canvas reports.
-    pub fn waited(&mut self, view: &View) -> Result<Accumulation, Failure> {
+    pub fn waited(&mut self, view: &View) -> Result<Raw, Failure> {
         let mut scene = Scene::new(Arc::clone(&self.file), u64::MAX);
         scene.converge(&self.depiction.selection_view(view), self.tau, &mut |_| {})?;
         // The canvas may need copies, so frames are drawn until it has them.

@@ -5,6 +5,7 @@
 pub mod canvas;
 pub mod check;
 pub mod engine;
+pub mod light_canvas;
 pub mod path;
 pub mod plot;
 pub mod series;
@@ -27,6 +28,7 @@ use crate::view::View;
 use canvas::{Canvas, CpuCanvas};
 use check::{Check, check};
 use engine::Engine;
+use light_canvas::LightCanvas;
 use path::Flight;
 use serde::Serialize;
 use series::Summary;
@@ -50,8 +52,9 @@ pub struct Options {
     /// Largest displacement of a particle on screen, pixels.
     #[arg(long, value_name = "TAU", default_value_t = 0.8, value_parser = positive)]
     pub error_px: f64,
-    /// Visualization mode, one that is made of splats; `bench compare` measures the others.
-    #[arg(long, value_name = "NAME", default_value = "density-squared", value_parser = splat_mode)]
+    /// Visualization mode. Those that draw light (`volume`, `spheres`) are drawn from main memory, and their ranges are the first
+    /// picture's.
+    #[arg(long, value_name = "NAME", default_value = "density-squared", value_parser = mode_name)]
     pub mode: &'static Mode,
     /// Pages in main memory at most.
     #[arg(long, value_name = "BYTES", default_value = "2GiB", value_parser = bytes)]
@@ -87,17 +90,6 @@ pub struct Options {
     /// Folder for flight.csv, flight.svg, flight.png and the like, or compare.csv and the pictures [default: flight, compare].
     #[arg(long, value_name = "FOLDER")]
     pub output: Option<PathBuf>,
-}
-
-/// The mode of that name, if a flight can draw it: its frames, samples and checks are those of splats.
-fn splat_mode(text: &str) -> Result<&'static Mode, String> {
-    let mode = mode_name(text)?;
-    if !mode.is_light() {
-        return Ok(mode);
-    }
-    let splats: Vec<&str> =
-        crate::modes::all().into_iter().filter(|mode| !mode.is_light()).map(|mode| mode.name).collect();
-    Err(format!("a flight draws {}; `deepfield bench compare` measures {text}", splats.join(", ")))
 }
 
 impl Options {
@@ -236,6 +228,7 @@ fn with_canvas<T>(
     let opening = at.elapsed();
     let copies = CopyOptions { budget: options.gpu_memory, on_their_way: 2 * options.upload };
     let mut canvas: Box<dyn Canvas> = match backend {
+        "cpu" if options.mode.is_light() => Box::new(LightCanvas::new(Arc::clone(&file), depiction.clone(), None)),
         "cpu" => Box::new(CpuCanvas::new(Arc::clone(&file), depiction.clone())),
         _ => on_gpu(backend, &file, &depiction, &view, copies)?,
     };
@@ -271,8 +264,18 @@ fn on_gpu(
     view: &View,
     copies: CopyOptions,
 ) -> Result<Box<dyn Canvas>, Failure> {
-    use crate::gpu::Backend;
+    use crate::gpu::{Backend, Offscreen};
     let backend = if backend == "raster" { Backend::Raster } else { Backend::Compute };
+    if depiction.mode.is_light() {
+        if backend == Backend::Raster {
+            return Err(format!("raster: only compute and cpu draw the mode {}", depiction.mode.name).into());
+        }
+        return Ok(Box::new(LightCanvas::new(
+            Arc::clone(file),
+            depiction.clone(),
+            Some(Box::new(Offscreen::default())),
+        )));
+    }
     Ok(Box::new(canvas::GpuCanvas::open(Arc::clone(file), depiction.clone(), backend, view, copies)?))
 }
 
@@ -383,10 +386,12 @@ fn print(outcome: &Outcome) {
     outcome.sweep.iter().for_each(|(width, height, summary)| line(&format!("{width}x{height}"), summary));
     for check in &outcome.checks {
         let state = if check.converged { "" } else { " (not converged)" };
+        let over = check.overdraw.map_or_else(String::new, |[sample, all]| {
+            format!(", with {:.1} splats over a pixel instead of {:.1}", sample.0, all.0)
+        });
         eprintln!(
-            "  at {:.1} s streamed and waited differ by {:.1e}{state}; the sample's colour error is {:.2} of 255, with {:.1} \
-             splats over a pixel instead of {:.1}",
-            check.seconds, check.difference, check.color_error, check.overdraw[0].0, check.overdraw[1].0
+            "  at {:.1} s streamed and waited differ by {:.1e}{state}; the sample's colour error is {:.2} of 255{over}",
+            check.seconds, check.difference, check.color_error
         );
     }
     outcome.messages.iter().for_each(|message| eprintln!("  {message}"));
@@ -409,22 +414,4 @@ fn line(name: &str, summary: &Summary) {
         100.0 * summary.not_converged,
         summary.worst_error_px
     );
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_flight_takes_modes_of_splats_and_names_them_for_any_other() {
-        for mode in crate::modes::all() {
-            match splat_mode(mode.name) {
-                Ok(taken) => assert!(!taken.is_light() && std::ptr::eq(taken, mode)),
-                Err(why) => {
-                    assert!(mode.is_light());
-                    assert!(why.contains("density-squared") && why.contains(mode.name), "{why}");
-                }
-            }
-        }
-    }
 }

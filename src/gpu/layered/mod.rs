@@ -18,9 +18,9 @@ use super::splat::layout::{Grids, SplatUniform};
 use super::splat::resources::whole;
 use super::tiles::pipelines::{layout, queue, read, tile_view, uniform, write};
 use super::tiles::{Binding, Canvas, Layering, TileMode, TileRequest};
-use crate::cpu::layered::Assignment;
 use crate::cpu::layered::caps::Caps;
-use crate::cpu::volume::Classifier;
+use crate::cpu::layered::{Assignment, layers_between, opaque};
+use crate::cpu::volume::{Classifier, OpaqueDepths};
 use crate::model::Kernel;
 use crate::view::{Projection, View};
 use bevy::asset::AssetServer;
@@ -139,7 +139,7 @@ impl TileMode for Layered {
         let entries: Vec<_> = numbered.map(|(index, entry)| entry.build(index, ShaderStages::COMPUTE)).collect();
         let layers = BindGroupLayoutDescriptor::new("deepfield layers of a slab", &entries);
         let light = uniform(size_of::<LayerUniform>(), false);
-        let canvas = layout("deepfield blend of layers", vec![view(), tile_view(), light, read(), write()]);
+        let canvas = layout("deepfield blend of layers", vec![view(), tile_view(), light, read(), write(), write()]);
         let lookup = [uniform(size_of::<LookupUniform>(), false), read()];
         let matter = layout("deepfield matter of layers", lookup.into_iter().chain(group()).collect());
         let of = |entry| {
@@ -167,8 +167,8 @@ impl TileMode for Layered {
         }
     }
 
-    fn request(&self, view: &View, grids: &Grids) -> TileRequest {
-        let at_once = sums::layers_of_slab(self.layers, grids);
+    fn request(&self, view: &View, grids: &Grids, memory: u64) -> TileRequest {
+        let at_once = sums::layers_of_slab(self.layers, grids, memory);
         TileRequest {
             planes: self.planes,
             // Densities are those of the layers.
@@ -178,6 +178,7 @@ impl TileMode for Layered {
             lead: 0.0,
             smallest: self.smallest,
             layers: Some(Layering { count: self.layers, spread: self.spread(view), at_once }),
+            at_a_time: sums::listed_within(memory, grids),
         }
     }
 
@@ -197,10 +198,14 @@ impl TileMode for Layered {
         let caps = to.buffer(bytemuck::cast_slice(&caps), BufferUsages::STORAGE);
         let sums = LayerSums::new(before.map(|(_, groups)| &groups.sums), &caps, to);
         let view = &to.particles.shared.uniform;
-        let canvas = [view, to.spots.uniform(), &uniform, sums.cells(), &to.cells.buffer];
+        let canvas = [view, to.spots.uniform(), &uniform, sums.cells(), &to.cells.buffer, to.ends];
         let canvas = to.group(&to.pipelines.canvas, &canvas.map(whole));
         let matter = sums.with([lookup.as_entire_binding(), table.as_entire_binding()], to);
         LayeredGroups { sums, table, canvas, matter }
+    }
+
+    fn bytes(bound: &LayeredGroups) -> u64 {
+        bound.sums.bytes()
     }
 
     fn draw(&self, bound: &LayeredGroups, on: &Canvas<'_, Self>, context: &mut RenderContext) -> Option<()> {
@@ -232,5 +237,9 @@ impl TileMode for Layered {
         }
         span.end(encoder);
         Some(())
+    }
+    fn opaque(&self, view: &View, ends: &[f32]) -> OpaqueDepths {
+        let grid = layers_between(view, self.planes, self.layers);
+        opaque(view, &grid, self.smallest, ends.iter().map(|&end| (end >= 1.0).then_some(end as u32)))
     }
 }

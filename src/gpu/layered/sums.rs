@@ -3,7 +3,7 @@
 use super::{BLEND_GROUP, LAYER_BINDINGS};
 use crate::gpu::splat::compute::sums::{Layers, SumScratch, Summed, Sums};
 use crate::gpu::splat::layout::{Grids, PLACE_BYTES, SPLAT_BYTES};
-use crate::gpu::splat::resources::{ALIGNMENT, at_least, slice, whole};
+use crate::gpu::splat::resources::{ALIGNMENT, at_least, size_of_all, slice, whole};
 use crate::gpu::tiles::layout::Portion;
 use crate::gpu::tiles::pipelines::Steps;
 use crate::gpu::tiles::spots::{self, Scan, bind_scan, scan_parts};
@@ -14,7 +14,8 @@ use bevy::render::render_resource::{
 };
 use bytemuck::{Pod, Zeroable};
 
-/// Bytes of a slab's bins, and of the pyramids that are summed at once, where one layer takes less.
+/// Most bytes of a slab's bins, and of the pyramids that are summed at once, where one layer takes less. Each has a sixth of the
+/// memory, the particles have half; the rest is for lists of slabs and room to grow.
 const BYTES_AT_ONCE: u64 = 64 << 20;
 
 /// WGSL `LayerGroup`: layers of a slab that are summed at once.
@@ -38,17 +39,22 @@ pub struct LayerGroup {
 }
 
 /// Layers whose bins a slab has room for.
-pub fn layers_of_slab(layers: u32, grids: &Grids) -> u32 {
-    at_once(layers, u64::from(grids.uniform.bin_count) * 4)
+pub fn layers_of_slab(layers: u32, grids: &Grids, memory: u64) -> u32 {
+    at_once(layers, u64::from(grids.uniform.bin_count) * 4, memory)
 }
 
 /// Layers whose pyramids are summed at once.
-fn layers_of_group(layers: u32, grids: &Grids) -> u32 {
-    at_once(layers, u64::from(grids.cells) * 8)
+fn layers_of_group(layers: u32, grids: &Grids, memory: u64) -> u32 {
+    at_once(layers, u64::from(grids.cells) * 8, memory)
 }
 
-fn at_once(layers: u32, bytes: u64) -> u32 {
-    (BYTES_AT_ONCE / bytes.max(1)).clamp(1, layers.max(1).into()) as u32
+fn at_once(layers: u32, bytes: u64, memory: u64) -> u32 {
+    (BYTES_AT_ONCE.min(memory / 6) / bytes.max(1)).clamp(1, layers.max(1).into()) as u32
+}
+
+/// Particles that may be listed at a time.
+pub fn listed_within(memory: u64, grids: &Grids) -> u64 {
+    spots::listed_within(memory / 2, SPLAT_BYTES + PLACE_BYTES + grids.slice_bytes())
 }
 
 /// Buffers that are kept from view to view.
@@ -94,7 +100,7 @@ impl LayerSums {
         let tiling = spots.tiling();
         let count = tiling.uniform.layers;
         let of_slab = tiling.layers_at_once.unwrap_or(count);
-        let of_group = layers_of_group(of_slab, grids);
+        let of_group = layers_of_group(of_slab, grids, to.memory);
 
         let mut portions = Vec::new();
         let mut push = |bytes: &[u8]| {
@@ -211,6 +217,12 @@ impl LayerSums {
         run(count, &mut pass);
         spots::scan(&mut pass, steps, &self.scan, self.bins);
         run(place, &mut pass);
+    }
+
+    /// Bytes of all buffers.
+    pub fn bytes(&self) -> u64 {
+        let Buffers { splats, places, starts, parts, cells, portions, dispatches } = &self.buffers;
+        size_of_all([splats, places, starts, parts, cells, portions, dispatches]) + self.scratch.bytes()
     }
 
     /// The pyramids.

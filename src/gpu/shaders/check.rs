@@ -38,6 +38,7 @@ pub fn variants() -> Vec<Variant> {
     let plain = |path, defs, entries: Vec<&'static str>| Variant { path, defs, subgroup: false, entries };
     let mut all = vec![
         plain("splat/project.wgsl", vec![], vec!["count", "place"]),
+        plain("splat/overdraw.wgsl", vec![], vec!["count"]),
         plain("splat/scan.wgsl", vec![], vec!["main"]),
         plain("layered/project.wgsl", vec![], vec!["count", "place"]),
         plain("layered/plan.wgsl", vec![], vec!["plan"]),

@@ -271,6 +271,7 @@ fn written(path: &str, name: &str) -> Option<Layout> {
             stride,
             growth,
             unused,
+            cells,
             tiers,
             levels,
             surfaces,
@@ -364,6 +365,8 @@ fn written(path: &str, name: &str) -> Option<Layout> {
         "words" | "lut" | "before" | "starts" | "bins" | "slice_count" | "dispatch" | "dispatches" => {
             plain(4, ScalarKind::Uint)
         }
+        // Read back.
+        "differences" => plain(4, ScalarKind::Sint),
         // Read back as pairs of P and P S.
         "cells" | "reduced_cells" => plain(8, ScalarKind::Float),
         _ => return None,
@@ -444,7 +447,7 @@ fn buffers_are_laid_out_as_the_program_writes_them() {
             }
         }
     }
-    assert_eq!(compared.len(), 73, "{compared:?}");
+    assert_eq!(compared.len(), 74, "{compared:?}");
 }
 
 #[test]

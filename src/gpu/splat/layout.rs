@@ -224,7 +224,9 @@ pub struct Pass {
 
 /// Most further slices of a picture: workgroups along one dimension.
 const MAX_SLICES: u64 = 65535;
-/// Bytes of a further slice's sums.
+/// Bytes of a further slice.
+pub const SLICE_BYTES: u64 = 8;
+/// Bytes of its sums.
 pub const PATCH_BYTES: u64 = (TILE * TILE) as u64 * 8;
 /// Bytes of WGSL `Splat`.
 pub const SPLAT_BYTES: u64 = 32;
@@ -259,10 +261,19 @@ impl Grids {
     /// The most slices beyond the first of every tile that `splats` can make: each splat is in ranges of
     /// `(2 margin + 1)^2` tiles, or of all tiles of the last level.
     pub fn most_slices(&self, splats: u64) -> u64 {
+        (splats / u64::from(self.uniform.slice) * self.most_tiles()).clamp(1, MAX_SLICES)
+    }
+
+    /// The bytes of further slices that each splat may ask for.
+    pub fn slice_bytes(&self) -> u64 {
+        (self.most_tiles() * (SLICE_BYTES + PATCH_BYTES)).div_ceil(self.uniform.slice.into())
+    }
+
+    /// The most tiles that one splat is summed for.
+    fn most_tiles(&self) -> u64 {
         let levels = &self.uniform.levels[..self.uniform.level_count as usize];
         let around = levels.iter().map(|level| u64::from(2 * level.margin + 1).pow(2)).max().unwrap_or(0);
-        let last = levels.last().map_or(0, |level| u64::from(self.tiles - level.first_tile));
-        (splats / u64::from(self.uniform.slice) * around.max(last)).clamp(1, MAX_SLICES)
+        around.max(levels.last().map_or(0, |level| u64::from(self.tiles - level.first_tile)))
     }
 
     /// Lays out the grids of a view.

@@ -25,6 +25,7 @@ pub mod compute;
 pub mod constants;
 pub mod draw_list;
 pub mod layout;
+pub mod overdraw;
 pub mod profile;
 pub mod raster;
 pub mod resources;
@@ -34,6 +35,7 @@ mod pass;
 mod pipelines;
 mod prepare;
 
+pub use overdraw::{CountOverdraw, OverdrawBuffers, OverdrawPlugin};
 pub use particles::{ParticleBatch, particle_layout, workgroups};
 pub use pass::accumulate_splats;
 pub use pipelines::{SplatPipelines, init_splat_pipelines, pipeline_error};
@@ -58,6 +60,7 @@ impl Plugin for SplatPlugin {
     fn build(&self, app: &mut App) {
         app.init_resource::<TimedPasses>();
         app.add_plugins((
+            OverdrawPlugin,
             ExtractComponentPlugin::<SplatView>::default(),
             ExtractComponentPlugin::<ModeView>::default(),
         ));

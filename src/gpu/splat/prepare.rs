@@ -5,6 +5,7 @@
 use super::compute::{self, ComputeBindings, Scratch};
 use super::draw_list::DrawList;
 use super::layout::{Grids, SPLAT_BYTES};
+use super::overdraw::CountOverdraw;
 use super::particles::{self, ParticleBatch};
 use super::pipelines::SplatPipelines;
 use super::raster::{self, RasterBindings};
@@ -63,7 +64,7 @@ pub struct SplatBuffers {
     pub shared: Shared,
     /// What the technique binds; nothing where passes of a mode draw.
     pub bindings: Option<Bindings>,
-    /// The particles, for passes of a mode's own; none for other modes.
+    /// The particles, for passes of a mode's own and those that count; none for the splat passes.
     pub particles: Vec<ParticleBatch>,
     /// Whether every frame accumulates.
     pub always: bool,
@@ -105,7 +106,7 @@ pub fn prepare_splats(
         Entity,
         &SplatView,
         Option<&ModeView>,
-        Has<LightView>,
+        (Has<LightView>, Has<CountOverdraw>),
         Option<&VolumeView>,
         Option<&mut SplatBuffers>,
     )>,
@@ -117,7 +118,7 @@ pub fn prepare_splats(
     queue: Res<RenderQueue>,
 ) {
     let Some(mut pipelines) = pipelines else { return };
-    for (entity, view, mode, draws_light, volume, mut before) in &mut cameras {
+    for (entity, view, mode, (draws_light, counts), volume, mut before) in &mut cameras {
         if volume.is_some_and(|volume| !volume.ranges_only) {
             continue;
         }
@@ -129,17 +130,15 @@ pub fn prepare_splats(
             culling: view.culling,
             faintest: view.faintest,
             technique,
-            has_passes: draws_light || mode.is_some_and(ModeView::has_passes),
+            has_passes: draws_light || counts || mode.is_some_and(ModeView::has_passes),
             items: view.items.clone(),
             generation: arena.generation,
         };
         if let Some(before) = &mut before
             && before.key.is_same(&key)
         {
-            // What is not changed is not marked as changed.
-            if before.always != view.always {
-                before.always = view.always;
-            }
+            // The picture is what it was, however often it is drawn.
+            before.bypass_change_detection().always = view.always;
             continue;
         }
         let buffers =

@@ -30,6 +30,11 @@ pub fn at_least(
     }
 }
 
+/// Bytes of buffers.
+pub fn size_of_all<'a>(buffers: impl IntoIterator<Item = &'a Buffer>) -> u64 {
+    buffers.into_iter().map(|buffer| buffer.size()).sum()
+}
+
 /// All of a buffer.
 pub fn whole(buffer: &Buffer) -> BindingResource<'_> {
     buffer.as_entire_binding()

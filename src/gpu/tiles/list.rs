@@ -4,7 +4,7 @@ use super::constants::{MOST_BINS, THREADS, turns};
 use super::layout::SPOT_BYTES;
 use super::pipelines::{Kind, Step, Steps, TilePipelines, arrange_layout, walk_layout};
 use super::spots::{Portions, Scan, SpotList, WORK_BYTES, bind, bind_scan, each, one, portion_of, scan, scan_parts};
-use crate::gpu::splat::resources::{at_least, whole};
+use crate::gpu::splat::resources::{at_least, size_of_all, whole};
 use crate::gpu::splat::{SplatBuffers, workgroups};
 use crate::gpu::volume::constants::{DIGIT_BITS, DIGITS, SORT_BLOCK};
 use bevy::render::diagnostic::RecordDiagnostics;
@@ -75,6 +75,9 @@ pub struct Drawing<'a> {
 }
 
 impl TileList {
+    /// Bytes for each particle: in order, where it reaches, and its pairs, twice each; and for each block of pairs a table of digits.
+    pub const SPOT_BYTES: u64 = SPOT_BYTES + 8 + MOST_BINS * (16 + 4 * DIGITS as u64 / SORT_BLOCK as u64);
+
     /// Lists particles by tiles. Buffers are taken over from the list before.
     pub fn new(
         spots: &SpotList,
@@ -136,6 +139,13 @@ impl TileList {
             pairs,
             table,
         }
+    }
+
+    /// Bytes of all buffers.
+    pub fn bytes(&self) -> u64 {
+        let b = &self.buffers;
+        let lists = [&b.portions, &b.pair_sums, &b.table, &b.parts, &b.pair_work, &b.arranged, &b.reaches];
+        size_of_all(lists.into_iter().chain([&b.ranges, &b.progress]).chain(&b.keys).chain(&b.ranks))
     }
 
     /// The binding of a [`super::layout::Portion`], which moves.

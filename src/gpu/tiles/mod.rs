@@ -26,7 +26,7 @@ mod mode;
 pub mod spots;
 
 pub use list::{Drawing, TileList};
-pub use mode::{Binding, Canvas, TileMode, TileNews, TilePicture, TilePlugin};
+pub use mode::{Binding, Canvas, TileFindings, TileMode, TileNews, TilePicture, TilePlugin};
 pub use spots::SpotList;
 
 /// Layers of depth, equally deep but for the depth itself in perspective.
@@ -57,4 +57,6 @@ pub struct TileRequest {
     pub smallest: f64,
     /// Layers that particles are sorted by, in place of their depth.
     pub layers: Option<Layering>,
+    /// Most particles that are listed at a time.
+    pub at_a_time: u64,
 }

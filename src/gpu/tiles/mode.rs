@@ -5,9 +5,12 @@ use super::layout::Tiling;
 use super::list::TileList;
 use super::pipelines::{Steps, TilePipelines, init_when_used};
 use super::spots::{self, SpotList};
+use crate::cpu::volume::OpaqueDepths;
+use crate::gpu::answer::Answer;
 use crate::gpu::capabilities::Capabilities;
 use crate::gpu::light::{self, LightCells, LightView, prepare_light, show_light};
 use crate::gpu::splat::layout::Grids;
+use crate::gpu::splat::resources::at_least;
 use crate::gpu::splat::{SplatBuffers, SplatPipelines, prepare_splats};
 use crate::gpu::target::written;
 use crate::gpu::timing::TimedPasses;
@@ -24,8 +27,9 @@ use bevy::render::renderer::{RenderContext, RenderDevice, RenderQueue, ViewQuery
 use bevy::render::sync_component::SyncComponent;
 use bevy::render::{Render, RenderApp, RenderSystems};
 use std::marker::PhantomData;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::mem;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::task::Poll;
 
 /// A mode whose passes draw particles in slabs of depth.
 pub trait TileMode: Clone + PartialEq + Send + Sync + 'static {
@@ -41,14 +45,21 @@ pub trait TileMode: Clone + PartialEq + Send + Sync + 'static {
     /// Has its pipelines compiled.
     fn pipelines(server: &AssetServer, cache: &PipelineCache, on: &Capabilities) -> Self::Pipelines;
 
-    /// Which particles of a view it lists; `grids` are those that its splats are sorted by.
-    fn request(&self, view: &View, grids: &Grids) -> TileRequest;
+    /// Which particles of a view it lists, and how many at a time, with so many bytes for all that it works in but pixels; `grids` are
+    /// those that its splats are sorted by.
+    fn request(&self, view: &View, grids: &Grids, memory: u64) -> TileRequest;
 
     /// Binds what its passes need; of the picture `before` what is still right may be taken over.
     fn bind(&self, before: Option<(&Self, &Self::Bound)>, to: &Binding<'_, Self>) -> Self::Bound;
 
-    /// Draws into the camera's [`LightCells`]; `None` while its pipelines are not compiled.
+    /// Bytes that it works in beside the list of particles, but pixels.
+    fn bytes(bound: &Self::Bound) -> u64;
+
+    /// Draws into the camera's [`LightCells`], and into [`Binding::ends`]; `None` while its pipelines are not compiled.
     fn draw(&self, bound: &Self::Bound, on: &Canvas<'_, Self>, context: &mut RenderContext) -> Option<()>;
+
+    /// What a picture hides, by what its passes have left in [`Binding::ends`], row by row.
+    fn opaque(&self, view: &View, ends: &[f32]) -> OpaqueDepths;
 }
 
 /// On a camera with a [`LightView`]: its particles are drawn by a mode's passes (main world, extracted).
@@ -58,6 +69,10 @@ pub struct TilePicture<M: TileMode> {
     pub number: u64,
     /// What is drawn.
     pub mode: M,
+    /// Whether [`TileNews`] says what the picture hides.
+    pub occlusion: bool,
+    /// Bytes that lists, and what the mode makes of them, may take.
+    pub memory: u64,
 }
 
 impl<M: TileMode> SyncComponent for TilePicture<M> {
@@ -74,14 +89,35 @@ impl<M: TileMode> ExtractComponent for TilePicture<M> {
     }
 }
 
-/// The last complete picture. Clones share it.
+/// What is known of pictures by tiles.
+#[derive(Clone, Debug, Default)]
+pub struct TileFindings {
+    /// The number of the last complete picture, if there is one.
+    pub drawn: Option<u64>,
+    /// What it hides, where that was asked for.
+    pub opaque: Option<Arc<OpaqueDepths>>,
+    /// Bytes of the lists, and of what the mode makes of them; pixels are not counted.
+    pub bytes: u64,
+}
+
+/// What the render world tells the main world of pictures by tiles. Clones share it.
 #[derive(Resource, Clone, Debug, Default)]
-pub struct TileNews(Arc<AtomicU64>);
+pub struct TileNews(Arc<Mutex<TileFindings>>);
 
 impl TileNews {
-    /// Its number, if there is one.
-    pub fn drawn(&self) -> Option<u64> {
-        Some(self.0.load(Ordering::Acquire)).filter(|number| *number > 0)
+    /// What is known now.
+    pub fn now(&self) -> TileFindings {
+        self.lock().clone()
+    }
+
+    fn drew(&self, number: u64, opaque: Option<Arc<OpaqueDepths>>) {
+        let mut found = self.lock();
+        (found.drawn, found.opaque) = (Some(number), opaque);
+    }
+
+    fn lock(&self) -> MutexGuard<'_, TileFindings> {
+        // Every change is one assignment: whoever panicked left something consistent.
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -93,8 +129,12 @@ pub struct Binding<'a, M: TileMode> {
     pub spots: &'a SpotList,
     /// The picture's pixels.
     pub cells: &'a LightCells,
+    /// For each pixel where it becomes opaque, in what [`TileMode::opaque`] takes for a depth, as `f32`; 0 where it does not.
+    pub ends: &'a Buffer,
     /// The particles, and the grids that splats are sorted by.
     pub particles: &'a SplatBuffers,
+    /// Bytes that the mode may work in.
+    pub memory: u64,
     /// Compiled pipelines.
     pub cache: &'a PipelineCache,
     /// The adapter, and what is written to it.
@@ -149,6 +189,20 @@ pub struct TileBindings<M: TileMode> {
     spots: SpotList,
     bound: M::Bound,
     of: M,
+    memory: u64,
+    view: View,
+    ends: Buffer,
+    /// The last picture whose ends have been asked for.
+    asked: u64,
+    answers: Vec<Ends<M>>,
+}
+
+/// The ends of a complete picture, on their way.
+struct Ends<M> {
+    number: u64,
+    of: M,
+    view: View,
+    answer: Answer,
 }
 
 /// Adds a mode's passes.
@@ -171,7 +225,14 @@ impl<M: TileMode> Plugin for TilePlugin<M> {
             .insert_resource(news)
             .add_systems(
                 Render,
-                prepare::<M>.in_set(RenderSystems::PrepareBindGroups).after(prepare_splats).before(prepare_light),
+                (
+                    (take_in::<M>, prepare::<M>)
+                        .chain()
+                        .in_set(RenderSystems::PrepareBindGroups)
+                        .after(prepare_splats)
+                        .before(prepare_light),
+                    ask_for_ends::<M>.in_set(RenderSystems::Cleanup),
+                ),
             )
             .add_systems(
                 Core3d,
@@ -197,57 +258,111 @@ fn init_pipelines<M: TileMode>(
 /// Makes lists anew for cameras whose particles or mode are other ones than before.
 fn prepare<M: TileMode>(
     mut commands: Commands,
-    cameras: Query<
-        (Entity, &SplatView, &TilePicture<M>, Ref<SplatBuffers>, Option<&TileBindings<M>>, Option<&LightCells>),
+    mut cameras: Query<
+        (Entity, &SplatView, &TilePicture<M>, Ref<SplatBuffers>, Option<&mut TileBindings<M>>, Option<&LightCells>),
         With<LightView>,
     >,
     pipelines: Option<Res<M::Pipelines>>,
     tile_pipelines: Option<Res<TilePipelines>>,
     cache: Res<PipelineCache>,
     (device, queue): (Res<RenderDevice>, Res<RenderQueue>),
+    news: Res<TileNews>,
 ) {
     let (Some(pipelines), Some(tile_pipelines)) = (pipelines, tile_pipelines) else { return };
-    for (entity, view, picture, particles, before, cells) in &cameras {
-        if before.is_some_and(|before| before.of == picture.mode) && cells.is_some() && !particles.is_changed() {
+    for (entity, view, picture, particles, mut before, cells) in &mut cameras {
+        if before.as_ref().is_some_and(|before| before.of == picture.mode && before.memory == picture.memory)
+            && cells.is_some()
+            && !particles.is_changed()
+        {
             continue;
         }
-        let tiling = Tiling::new(&view.view, &picture.mode.request(&view.view, &particles.grids));
+        // What has been asked for of pictures before is still wanted.
+        let (asked, answers) =
+            before.as_mut().map(|before| (before.asked, mem::take(&mut before.answers))).unwrap_or_default();
+        let before = before.as_deref();
+        let request = picture.mode.request(&view.view, &particles.grids, picture.memory);
+        let tiling = Tiling::new(&view.view, &request);
         let known = before.map(|before| &before.spots);
-        let spots = SpotList::new(tiling, &particles, known, &cache, (&device, &queue));
+        let spots = SpotList::new(tiling, request.at_a_time, &particles, known, &cache, (&device, &queue));
         let cells = light::cells(cells, tiling.uniform.size, &device);
+        let pixels = tiling.uniform.size.map(u64::from).iter().product::<u64>();
+        let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
+        let ends =
+            at_least(before.map(|before| before.ends.clone()), 4 * pixels, usage, "deepfield ends of rays", &device);
         let binding = Binding {
             pipelines: &*pipelines,
             spots: &spots,
             cells: &cells,
+            ends: &ends,
             particles: &particles,
+            memory: picture.memory,
             cache: &cache,
             gpu: (&device, &queue),
             tiles: &tile_pipelines,
         };
         let bound = picture.mode.bind(before.map(|before| (&before.of, &before.bound)), &binding);
-        commands.entity(entity).insert((TileBindings { spots, bound, of: picture.mode.clone() }, cells));
+        news.lock().bytes = spots.bytes() + M::bytes(&bound);
+        let of = picture.mode.clone();
+        commands.entity(entity).insert((
+            TileBindings { spots, bound, of, memory: picture.memory, view: view.view, ends, asked, answers },
+            cells,
+        ));
     }
 }
 
 /// Draws the particles of a camera into its [`LightCells`].
 fn draw<M: TileMode>(
-    view: ViewQuery<(&SplatBuffers, &TileBindings<M>, &mut LightCells, &LightView, &TilePicture<M>)>,
+    view: ViewQuery<(&SplatBuffers, &mut TileBindings<M>, &mut LightCells, &LightView, &TilePicture<M>)>,
     pipelines: Option<Res<M::Pipelines>>,
     tile_pipelines: Option<Res<TilePipelines>>,
     cache: Res<PipelineCache>,
+    device: Res<RenderDevice>,
     news: Res<TileNews>,
     mut context: RenderContext,
 ) {
-    let (particles, bindings, mut cells, _, picture) = view.into_inner();
+    let (particles, mut bindings, mut cells, _, picture) = view.into_inner();
     if !cells.complete || particles.always {
         let (Some(pipelines), Some(tile_pipelines)) = (pipelines, tile_pipelines) else { return };
         let Some(steps) = tile_pipelines.ready(&cache) else { return };
         let canvas =
             Canvas { pipelines: &*pipelines, steps, particles, spots: &bindings.spots, cells: &cells, cache: &cache };
+        context.command_encoder().clear_buffer(&bindings.ends, 0, None);
         if bindings.of.draw(&bindings.bound, &canvas, &mut context).is_none() {
             return;
         }
         cells.complete = true;
     }
-    news.0.store(picture.number, Ordering::Release);
+    let number = picture.number;
+    if !picture.occlusion {
+        news.drew(number, None);
+    } else if bindings.asked != number {
+        let answer = Answer::new(bindings.ends.size(), "deepfield ends that are read", &device);
+        context.command_encoder().copy_buffer_to_buffer(&bindings.ends, 0, answer.buffer(), 0, bindings.ends.size());
+        answer.copied();
+        let (of, view) = (bindings.of.clone(), bindings.view);
+        bindings.asked = number;
+        bindings.answers.push(Ends { number, of, view, answer });
+    }
+}
+
+/// Asks for what complete pictures hide.
+fn ask_for_ends<M: TileMode>(cameras: Query<&TileBindings<M>>) {
+    cameras.iter().flat_map(|bindings| &bindings.answers).for_each(|ends| ends.answer.ask());
+}
+
+/// Takes in what complete pictures hide.
+fn take_in<M: TileMode>(mut cameras: Query<&mut TileBindings<M>>, news: Res<TileNews>) {
+    for mut bindings in &mut cameras {
+        bindings.bypass_change_detection().answers.retain(|Ends { number, of, view, answer }| {
+            let Poll::Ready(bytes) = answer.take() else { return true };
+            let opaque = bytes.map(|bytes| {
+                let (words, _) = bytes.as_chunks::<4>();
+                let pixels = view.width as usize * view.height as usize;
+                let ends: Vec<f32> = words.iter().take(pixels).map(|word| f32::from_le_bytes(*word)).collect();
+                Arc::new(of.opaque(view, &ends))
+            });
+            news.drew(*number, opaque);
+            false
+        });
+    }
 }

@@ -3,7 +3,7 @@
 use super::constants::{INTERVALS, SCAN_GROUP};
 use super::layout::{Portion, SPOT_BYTES, TileUniform, Tiling};
 use super::pipelines::{Kind, Step, Steps};
-use crate::gpu::splat::resources::{ALIGNMENT, at_least, slice, whole};
+use crate::gpu::splat::resources::{ALIGNMENT, at_least, size_of_all, slice, whole};
 use crate::gpu::splat::{ParticleBatch, SplatBuffers};
 use bevy::render::render_resource::{
     BindGroup, BindGroupEntry, BindGroupLayoutDescriptor, BindingResource, Buffer, BufferUsages, CommandEncoder,
@@ -11,8 +11,8 @@ use bevy::render::render_resource::{
 };
 use bevy::render::renderer::{RenderDevice, RenderQueue};
 
-/// Most particles that are listed at a time.
-const MOST_SPOTS: u64 = 1 << 22;
+/// Particles that are listed at a time however little memory there is, and at most.
+const SPOTS: [u64; 2] = [1 << 14, 1 << 22];
 
 /// What differs between dispatches, and where each is in its buffer.
 #[derive(Default)]
@@ -177,6 +177,12 @@ pub struct SpotList {
     blocks: Scan,
 }
 
+/// How many particles may be listed at a time in so much memory, if a mode takes so many bytes for each beside the list.
+pub fn listed_within(memory: u64, bytes: u64) -> u64 {
+    // Buffers have room to grow, a quarter of their size; and a sixteenth is for lists of bins and of intervals.
+    memory / 4 * 3 / (SPOT_BYTES + bytes)
+}
+
 /// How many slabs there may be of at most `most` of so many particles, and of at most `at_once` of all intervals of depth.
 fn slab_count(candidates: u64, most: u32, [intervals, at_once]: [u32; 2]) -> u32 {
     let wide = intervals.div_ceil(at_once.max(1)).max(1);
@@ -188,9 +194,10 @@ fn slab_count(candidates: u64, most: u32, [intervals, at_once]: [u32; 2]) -> u32
 }
 
 impl SpotList {
-    /// Lists the particles of a camera. Buffers are taken over from the list before.
+    /// Lists the particles of a camera, about `at_a_time` at a time. Buffers are taken over from the list before.
     pub fn new(
         tiling: Tiling,
+        at_a_time: u64,
         particles: &SplatBuffers,
         before: Option<&SpotList>,
         cache: &PipelineCache,
@@ -202,7 +209,8 @@ impl SpotList {
         let limits = device.limits();
         // Buffers have room to grow, a quarter of their size.
         let limit = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size) * 4 / 5;
-        let most = candidates.clamp(1, MOST_SPOTS.min(limit / SPOT_BYTES).max(1)) as u32;
+        let [least, greatest] = SPOTS;
+        let most = candidates.clamp(1, at_a_time.clamp(least, greatest).min(limit / SPOT_BYTES).max(1)) as u32;
         // Each layer is an interval of its own.
         let (depths, at_once) = match tiling.layers_at_once {
             Some(at_once) => (tiling.uniform.layers, at_once),
@@ -287,6 +295,12 @@ impl SpotList {
     /// The slab's particles.
     pub fn spots(&self) -> &Buffer {
         &self.buffers.spots
+    }
+
+    /// Bytes of all buffers.
+    pub fn bytes(&self) -> u64 {
+        let Buffers { uniform, portions, slabs, intervals, block_sums, parts, work, spots } = &self.buffers;
+        size_of_all([uniform, portions, slabs, intervals, block_sums, parts, work, spots])
     }
 
     /// Most particles of a slab.

@@ -10,10 +10,11 @@ use super::view::{Shows, VolumeJob};
 use super::work::Means;
 use crate::cpu::volume::bricks::BrickGrid;
 use crate::cpu::volume::range;
+use crate::gpu::answer::Answer;
+use crate::gpu::light;
 use crate::gpu::matter::{self, LookupUniform};
 use bevy::render::render_resource::{
-    BindGroup, BindGroupEntry, BindGroupLayoutDescriptor, BindingResource, Buffer, BufferDescriptor, BufferId,
-    BufferUsages,
+    BindGroup, BindGroupEntry, BindGroupLayoutDescriptor, BindingResource, Buffer, BufferId,
 };
 
 /// Uniforms of a list begin at multiples of this.
@@ -27,12 +28,10 @@ pub const SORT_GROUPS: u64 = 8;
 pub const CROWDED: u64 = 12;
 /// Where `dispatch` has the workgroups of bricks that are interpolated, bytes.
 pub const CHOSEN_GROUPS: u64 = 28;
-/// Where `work` has the number of pairs of all slabs, bytes.
-pub const ALL_PAIRS: u64 = 20;
 /// Where `dispatch` has the number of bricks of all slabs, bytes.
 pub const ALL_BRICKS: u64 = 24;
 /// Bytes of the numbers at the beginning of what is read back of a picture.
-pub const EFFORT: u64 = 8;
+pub const EFFORT: u64 = 12;
 /// Bytes that each particle of a batch takes in what is shared by all slabs: keys and pairs, twice each, what is loaded and
 /// where it reaches.
 pub const BATCH_BYTES: u64 = 4 * 4 * MOST_BINS + 24 + REACH_BYTES + 8;
@@ -110,7 +109,7 @@ pub struct Bindings {
     pub target: Option<Buffer>,
     /// What is read back when it is complete: the masses of [`Shows::Ranges`]; of pictures [`EFFORT`] bytes of numbers, and the ends
     /// of all rays where occlusion is wanted.
-    pub answer: Buffer,
+    pub answer: Answer,
 }
 
 /// What a picture is made of, as far as its buffers ask.
@@ -221,13 +220,8 @@ impl Bindings {
         let progress = make("deepfield volume progress", own, 4 * pixels);
         let masses = make("deepfield volume masses", own, if own == 1 { 8 * range::CLASSES as u64 } else { 0 });
 
-        let buffer = |size: u64, label, usage| {
-            let usage = usage | BufferUsages::COPY_DST;
-            device.create_buffer(&BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false })
-        };
-        let seen = u64::from(job.seen_from().width) * u64::from(job.seen_from().height);
-        let target =
-            job.scenery().map(|_| buffer(16 * seen, "deepfield light", BufferUsages::STORAGE | BufferUsages::COPY_SRC));
+        let size = [job.seen_from().width, job.seen_from().height];
+        let target = job.scenery().map(|_| light::cells(None, size, device).buffer);
 
         let group_of = |layout: &BindGroupLayoutDescriptor, list: &[BindingResource<'_>]| {
             let entries: Vec<BindGroupEntry<'_>> = list
@@ -269,6 +263,7 @@ impl Bindings {
             keys[0].binding(),
             listed[0].binding(),
             reached.binding(),
+            work.binding(),
         ];
         let plan = [
             all.binding(),
@@ -374,10 +369,10 @@ impl Bindings {
             masses,
         };
         let answer_bytes = match job.shows {
-            Shows::Light(_) | Shows::Cartesian(_) => EFFORT + if job.options.occlusion { 4 * seen } else { 0 },
+            Shows::Light(_) | Shows::Cartesian(_) => EFFORT + if job.options.occlusion { 4 * u64::from(size[0]) * u64::from(size[1]) } else { 0 },
             Shows::Ranges => 8 * range::CLASSES as u64,
         };
-        let answer = buffer(answer_bytes, "deepfield volume answer", BufferUsages::MAP_READ);
+        let answer = Answer::new(answer_bytes, "deepfield volume answer", device);
         Bindings { groups, buffers, one, target, answer }
     }
 }

@@ -41,6 +41,11 @@ pub const DIGIT_BITS: u32 = 4;
 /// Different digits.
 pub const DIGITS: u32 = 1 << DIGIT_BITS;
 
+/// The number in `work` that is the pairs of all slabs.
+pub const ALL_PAIRS: u32 = 5;
+/// The number in `work` that is the particles that the grid has enlarged.
+pub const ALL_RAISED: u32 = 6;
+
 /// The module `deepfield::volume_constants`.
 pub fn wgsl() -> String {
     let numbers = [
@@ -55,6 +60,8 @@ pub fn wgsl() -> String {
         ("SORT_BLOCK", SORT_BLOCK),
         ("DIGIT_BITS", DIGIT_BITS),
         ("DIGITS", DIGITS),
+        ("ALL_PAIRS", ALL_PAIRS),
+        ("ALL_RAISED", ALL_RAISED),
         ("HIDDEN_BITS", HIDDEN_BITS),
         ("HUES", HUES as u32),
         ("BRIGHTNESSES", BRIGHTNESSES as u32),

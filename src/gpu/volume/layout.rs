@@ -109,7 +109,9 @@ pub struct VolumeUniform {
     /// Factor on the smoothing lengths of those.
     pub growth: f32,
     /// Padding.
-    pub unused: [u32; 3],
+    pub unused: u32,
+    /// Width and height of the picture, cells.
+    pub cells: [f32; 2],
     /// The tiers, finest first.
     pub tiers: [TierUniform; MOST_TIERS],
     /// First bin, and bins along x, y and z, of each level of each tier.
@@ -250,6 +252,7 @@ impl VolumeUniform {
             },
             stride: job.stride,
             growth: f64::from(job.stride).cbrt() as f32,
+            cells: job.view.edges().map(|[low, high]| ((high - low) / grid.sigma) as f32),
             tiers,
             levels: all_levels,
             ..VolumeUniform::zeroed()

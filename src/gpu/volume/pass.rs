@@ -1,12 +1,13 @@
 //! Encodes the slabs that a frame draws.
 
-use super::bindings::{ALL_BRICKS, ALL_PAIRS, CHOSEN_GROUPS, CROWDED, EFFORT, SORT_GROUPS, offset};
-use super::constants::{BIN_GROUP, HEADER, SCAN_GROUP};
+use super::bindings::{ALL_BRICKS, CHOSEN_GROUPS, CROWDED, EFFORT, SORT_GROUPS, offset};
+use super::constants::{ALL_PAIRS, ALL_RAISED, BIN_GROUP, HEADER, SCAN_GROUP};
 use super::march;
 use super::prepare::VolumeWork;
 use super::programs::{Step, VolumePipelines};
 use super::view::Shows;
 use super::work::{Batch, SlabWork, Work};
+use crate::gpu::answer::Answer;
 use bevy::platform::collections::HashMap;
 use bevy::prelude::*;
 use bevy::render::diagnostic::RecordDiagnostics;
@@ -215,6 +216,11 @@ fn finish_slab(
     }
 }
 
+/// Where a list of numbers has one of them, bytes.
+fn word(number: u32) -> u64 {
+    4 * u64::from(number)
+}
+
 /// Copies what a pane has come to where the picture is put together, and what is to be read back.
 fn end_pane(work: &Work, encoder: &mut CommandEncoder, slab: &SlabWork) {
     let pane = &work.panes[slab.pane];
@@ -234,14 +240,17 @@ fn end_pane(work: &Work, encoder: &mut CommandEncoder, slab: &SlabWork) {
     if let (Some(target), Shows::Light(_)) = (&work.target, &work.job.shows) {
         put(&buffers.rays.buffer, target, 0, 16);
     }
-    let Some(answer) = &work.answer else { return };
+    let Some(answer) = work.answer.as_ref().map(Answer::buffer) else { return };
     match work.job.shows {
         Shows::Light(_) | Shows::Cartesian(_) => {
             if work.job.options.occlusion {
                 put(&buffers.progress.buffer, answer, EFFORT, 4);
             }
-            encoder.copy_buffer_to_buffer(&buffers.work.buffer, ALL_PAIRS, answer, 0, 4);
-            encoder.copy_buffer_to_buffer(&buffers.dispatch.buffer, ALL_BRICKS, answer, 4, 4);
+            let numbers =
+                [(&buffers.work, word(ALL_PAIRS)), (&buffers.dispatch, ALL_BRICKS), (&buffers.work, word(ALL_RAISED))];
+            for ((held, at), place) in numbers.into_iter().zip((0..).step_by(4)) {
+                encoder.copy_buffer_to_buffer(&held.buffer, at, answer, place, 4);
+            }
         }
         Shows::Ranges => encoder.copy_buffer_to_buffer(&buffers.masses.buffer, 0, answer, 0, answer.size()),
     }

@@ -7,17 +7,19 @@ use super::view::{Shows, VolumeJob, VolumeNews, VolumeView};
 use super::work::{Means, Room, Work};
 use crate::cpu::volume::range::{CLASSES, Histogram};
 use crate::cpu::volume::{FieldRange, OpaqueDepths, raycast};
+use crate::gpu::answer::Answer;
 use crate::gpu::arena::Arena;
 use crate::gpu::light::LightCells;
 use crate::gpu::splat::{SplatBuffers, SplatPipelines};
 use crate::gpu::view::SplatView;
 use bevy::prelude::*;
-use bevy::render::render_resource::{Buffer, MapMode, PipelineCache};
+use bevy::render::render_resource::PipelineCache;
 use bevy::render::renderer::{RenderDevice, RenderQueue};
 use bevy::tasks::block_on;
 use std::ops::Range;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU8, Ordering};
+use std::sync::atomic::Ordering;
+use std::task::Poll;
 use std::time::{Duration, Instant};
 use wgpu::ErrorFilter;
 
@@ -32,28 +34,12 @@ pub struct VolumeWork {
     ranges: Option<Work>,
     planned: [Range<usize>; 2],
     /// What complete ones have to say.
-    answers: Vec<Answer>,
+    answers: Vec<(VolumeJob, Answer)>,
     /// Memory that was there when there was less than wanted, and when that was found out.
     lowered: Option<(u64, Instant)>,
     /// A job that did not fit at all, and when.
     refused: Option<(u64, Instant)>,
 }
-
-/// What is read back of a complete job.
-struct Answer {
-    job: VolumeJob,
-    buffer: Buffer,
-    state: Arc<AtomicU8>,
-}
-
-/// States of an [`Answer`]: not asked for yet.
-const NOT_ASKED: u8 = 0;
-/// On its way.
-const ASKED: u8 = 1;
-/// It can be read.
-const THERE: u8 = 2;
-/// It will never be.
-const FAILED: u8 = 3;
 
 impl VolumeWork {
     /// What the frame draws: pictures, and their slabs.
@@ -98,6 +84,10 @@ pub fn prepare_volumes(
         }
         if shown.light.is_none() {
             let had_light = work.light.take().is_some();
+            if had_light {
+                // Ranges need less.
+                work.store.clear();
+            }
             if cells.is_some() && (had_light || !shown.ranges_only) {
                 commands.entity(entity).remove::<LightCells>();
             }
@@ -146,29 +136,26 @@ impl VolumeWork {
     /// Notes what is complete, and takes in what has been read back.
     fn take_in(&mut self, news: &VolumeNews) {
         for work in [&mut self.ranges, &mut self.light].into_iter().flatten().filter(|work| work.is_complete()) {
-            if let Some(buffer) = work.answer.take() {
-                let state = Arc::new(AtomicU8::new(NOT_ASKED));
-                self.answers.push(Answer { job: work.job.clone(), buffer, state });
+            if let Some(answer) = work.answer.take() {
+                answer.copied();
+                self.answers.push((work.job.clone(), answer));
             }
         }
-        self.answers.retain(|answer| {
-            let bytes = match answer.state.load(Ordering::Acquire) {
-                THERE => Some(answer.buffer.slice(..).get_mapped_range().to_vec()),
-                FAILED => None,
-                _ => return true,
-            };
-            let number = answer.job.number;
+        self.answers.retain(|(job, answer)| {
+            let Poll::Ready(bytes) = answer.take() else { return true };
+            let number = job.number;
             let mut news = news.lock();
-            match answer.job.shows {
+            match job.shows {
                 Shows::Ranges => news.ranges = Some((number, bytes.and_then(|bytes| range_of(&bytes)))),
                 Shows::Light(_) | Shows::Cartesian(_) => {
                     let (effort, ends) =
                         bytes.as_deref().unwrap_or_default().split_at_checked(EFFORT as usize).unwrap_or_default();
                     let (numbers, _) = effort.as_chunks::<4>();
-                    if let [pairs, bricks] = numbers {
-                        [news.pairs, news.bricks] = [pairs, bricks].map(|number| u32::from_le_bytes(*number).into());
+                    if let [pairs, bricks, raised] = numbers {
+                        [news.pairs, news.bricks, news.raised] =
+                            [pairs, bricks, raised].map(|number| u32::from_le_bytes(*number).into());
                     }
-                    let opaque = (!ends.is_empty()).then(|| (number, Arc::new(opaque_of(&answer.job, ends))));
+                    let opaque = (!ends.is_empty()).then(|| (number, Arc::new(opaque_of(job, ends))));
                     (news.opaque, news.drawn) = (opaque, Some(number));
                 }
             }
@@ -255,17 +242,9 @@ impl Work {
     }
 }
 
-/// Asks for what complete pictures have to say; the frame does not wait for it.
+/// Asks for what complete pictures have to say.
 pub fn ask_for_answers(cameras: Query<&VolumeWork>) {
-    for answer in cameras.iter().flat_map(|work| &work.answers) {
-        let state = &answer.state;
-        if state.compare_exchange(NOT_ASKED, ASKED, Ordering::AcqRel, Ordering::Acquire).is_ok() {
-            let state = Arc::clone(state);
-            answer.buffer.slice(..).map_async(MapMode::Read, move |result| {
-                state.store(if result.is_ok() { THERE } else { FAILED }, Ordering::Release);
-            });
-        }
-    }
+    cameras.iter().flat_map(|work| &work.answers).for_each(|(_, answer)| answer.ask());
 }
 
 /// The ranges of a field by the masses of its classes; `None` where there is no mass.

@@ -298,7 +298,11 @@ impl Kind {
         let write = || storage_buffer_sized(false, None);
         let list = match self {
             Kind::Project => vec![view(), write(), write(), read()],
-            Kind::Bin => vec![view(), portion(), read(), read(), write(), write(), write(), write(), write()],
+            Kind::Bin => {
+                let mut list = vec![view(), portion(), read(), read()];
+                list.extend((0..6).map(|_| write()));
+                list
+            }
             Kind::Scan => vec![view(), portion(), write(), write(), write()],
             Kind::Sort => vec![turn(), read(), read(), read(), write(), write(), write()],
             Kind::Plan => vec![view(), portion(), read(), read(), write(), write(), write()],

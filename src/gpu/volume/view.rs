@@ -183,6 +183,8 @@ pub struct VolumeFindings {
     pub slabs: [usize; 2],
     /// Pairs of a bin and a particle in it, over all slabs of the last complete picture.
     pub pairs: u64,
+    /// Particles that the grid has enlarged, without those of slabs that nobody saw.
+    pub raised: u64,
     /// Bricks that something may have reached.
     pub bricks: u64,
     /// Bytes on the adapter.

@@ -10,6 +10,7 @@ use super::view::{Shows, VolumeJob, VolumeView};
 use crate::cpu::volume::bricks::{BORDER, BrickGrid};
 use crate::cpu::volume::particles::growth;
 use crate::cpu::volume::{coarse, extents, raycast};
+use crate::gpu::answer::Answer;
 use crate::gpu::arena::Arena;
 use crate::gpu::splat::draw_list::{DrawBatch, DrawList, PartToDraw};
 use crate::gpu::splat::layout::{Grids, Node};
@@ -146,7 +147,7 @@ pub struct Work {
     /// Where the picture goes, `vec4<f32>` a pixel.
     pub target: Option<Buffer>,
     /// What is read back when it is complete: [`Bindings::answer`].
-    pub answer: Option<Buffer>,
+    pub answer: Option<Answer>,
     /// The number 1.
     pub one: Held,
     /// Slabs that have been encoded.

@@ -64,13 +64,14 @@ pub struct Facts {
     nodes: usize,
     error_px: f64,
     levels: &'static str,
+    backend: String,
 }
 
 impl Facts {
     /// Tells them to whoever looks at the statistics.
     pub fn tell(&self, draw_ms: Option<f64>, statistics: &mut Statistics) {
-        if statistics.backend != "cpu" {
-            "cpu".clone_into(&mut statistics.backend);
+        if statistics.backend != self.backend {
+            self.backend.clone_into(&mut statistics.backend);
         }
         let &Facts { particles, nodes, error_px, levels, .. } = self;
         (statistics.particles, statistics.nodes, statistics.error_px) = (particles, nodes, error_px);
@@ -103,6 +104,7 @@ impl Drawn {
                 nodes: picture.nodes,
                 error_px: picture.error_px,
                 levels: picture.drawn_from,
+                backend: picture.drawn_by[0].clone(),
             },
         }
     }
@@ -171,6 +173,7 @@ mod tests {
     use crate::look::{LookPatch, Member, Shot};
     use crate::store::PageFile;
     use crate::view::Surround;
+    use crate::window::preset::Backend;
     use std::path::Path;
 
     #[test]
@@ -189,6 +192,7 @@ mod tests {
             let shot = Shot { look, size: Some((64, 64)), surround, ..Shot::default() };
             let content = Content {
                 generation: 1,
+                backend: Backend::Auto,
                 members: vec![Member::new(&output)],
                 shot: Shot { look: LookPatch::default(), size: None, ..shot.clone() },
             };

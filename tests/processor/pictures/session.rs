@@ -3,19 +3,25 @@
 
 use crate::support::{demo, in_repository};
 use deepfield::cpu::Method;
+use deepfield::cpu::overdraw::Overdraw;
+use deepfield::cpu::volume::{FieldRange, VolumeError, VolumeOptions};
 use deepfield::look::{Camera, Film, LookPatch, Member, SceneFile, Shot};
-use deepfield::model::FamilyName;
+use deepfield::model::{FamilyName, Progress};
 use deepfield::modes;
 use deepfield::picture::ranges::Format;
-use deepfield::picture::{PictureError, Session, SessionOptions};
+use deepfield::picture::{Adapter, AdapterFrame, AdapterJob, PictureError, Reporter, Session, SessionOptions};
 use deepfield::view::Surround;
 use std::path::Path;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 
 const SIZE: (u32, u32) = (90, 60);
 
 /// A session on the demo data, of its pages or of its source.
 fn session(folder: &Path, exact: Option<Method>) -> Session {
+    session_with(folder, SessionOptions { exact, ..SessionOptions::default() })
+}
+
+fn session_with(folder: &Path, options: SessionOptions) -> Session {
     let pages = folder.join("demo.df");
     let page_file = |source: &Path| -> Result<_, PictureError> {
         if !pages.exists() {
@@ -24,7 +30,6 @@ fn session(folder: &Path, exact: Option<Method>) -> Session {
         }
         Ok(pages.clone())
     };
-    let options = SessionOptions { exact, ..SessionOptions::default() };
     Session::open(&[Member::new(demo())], options, [&Shot::default()], page_file, Arc::new(())).unwrap()
 }
 
@@ -76,6 +81,70 @@ fn a_film_shows_the_picture_before_then_its_own() {
         let picture = session.draw(&shot).unwrap();
         assert!(session.finished(&shot, &picture).unwrap() == *expected, "{share}");
     }
+}
+
+/// A card that can do nothing.
+struct Broken;
+
+impl Broken {
+    fn fails<T>(what: &str) -> Result<T, VolumeError> {
+        Err(VolumeError::Device(format!("no {what} by a broken card")))
+    }
+}
+
+impl Adapter for Broken {
+    fn is_card(&mut self) -> bool {
+        true
+    }
+
+    fn draw(&mut self, _: &AdapterJob<'_>) -> Result<AdapterFrame, VolumeError> {
+        Broken::fails("picture")
+    }
+
+    fn ranges(&mut self, _: &AdapterJob<'_>, _: &VolumeOptions) -> Result<FieldRange, VolumeError> {
+        Broken::fails("ranges")
+    }
+
+    fn overdraw(&mut self, _: &AdapterJob<'_>) -> Result<Overdraw, VolumeError> {
+        Broken::fails("overdraw")
+    }
+}
+
+/// What a session has told.
+#[derive(Default)]
+struct Told(Mutex<Vec<String>>);
+
+impl Reporter for Told {
+    fn tell(&self, message: String) {
+        self.0.lock().unwrap().push(message);
+    }
+
+    fn progress(&self) -> Box<dyn Progress + '_> {
+        Box::new(())
+    }
+}
+
+#[test]
+fn the_processor_draws_and_counts_what_an_adapter_cannot() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("overdraw.png");
+    let with_overdraw = || SessionOptions { overdraw: Some(path.clone()), ..SessionOptions::default() };
+    let mut alone = session_with(folder.path(), with_overdraw());
+    let (shot, _) = shot(modes::find("column-density").unwrap(), &mut alone);
+    let expected = alone.draw(&shot).unwrap();
+    let told = Arc::new(Told::default());
+    let reporter: Arc<dyn Reporter> = told.clone();
+    let broken = session_with(folder.path(), with_overdraw()).with_reporter(reporter);
+    let picture = broken.with_adapter(Some(Box::new(Broken))).draw(&shot).unwrap();
+    assert_eq!(
+        *told.0.lock().unwrap(),
+        [
+            "no overdraw by a broken card; counting the overdraw with the CPU instead",
+            "no picture by a broken card; drawing with the CPU instead"
+        ]
+    );
+    assert!(picture.left_out.overdraw.is_some() && picture.left_out.overdraw == expected.left_out.overdraw);
+    assert!(picture.image(&shot).unwrap() == expected.image(&shot).unwrap());
 }
 
 #[test]

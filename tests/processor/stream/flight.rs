@@ -29,13 +29,21 @@ fn a_flight_writes_its_series_and_its_pictures_are_those_that_were_waited_for() 
 }
 
 #[test]
-fn a_flight_refuses_modes_that_it_does_not_measure() {
+fn modes_that_draw_light_are_flown_with_too() {
     let folder = tempfile::tempdir().unwrap();
-    let output = run(folder.path(), &["bench", "flight", "--mode", "volume", "--sizes", "1000", "--duration", "1"]);
+    std::fs::write(folder.path().join("sound.df"), sound()).unwrap();
+    let arguments = ["bench", "flight", "sound.df", "--backends", "cpu", "--mode", "volume", "--duration", "1"];
+    let more = ["--velocity", "0.1", "--size", "80x60", "--check", "1", "--json", "-"];
+    let output = run(folder.path(), &[&arguments[..], &more[..]].concat());
     let told = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert_eq!(output.status.code(), Some(2), "{told}");
-    assert!(told.contains("density-squared") && told.contains("bench compare"), "{told}");
-    assert!(!folder.path().join("flight").exists());
+    assert!(output.status.success(), "{told}");
+    let outcome: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let check = &outcome[0]["checks"][0];
+    assert_eq!((&check["converged"], check["difference"].as_f64()), (&Value::Bool(true), Some(0.0)), "{outcome:#}");
+    assert!(check["overdraw"].is_null(), "{outcome:#}");
+    // The picture is that of `render` in kind: it is no black one.
+    let picture = folder.path().join("flight/flight-cpu-0s-whole.png");
+    assert!(picture.metadata().unwrap().len() > 500, "an empty picture");
 }
 
 #[test]

@@ -4,7 +4,7 @@
 //! What the renderers themselves evaluate is less, since large splats go into coarse levels of the pyramid; the number of
 //! splats at a pixel is what the data asks of any renderer.
 
-use super::footprint::Lens;
+use super::footprint::{Footprint, Lens};
 use super::{SplatOptions, Splats};
 use crate::color::composite::Image;
 use crate::view::View;
@@ -26,13 +26,67 @@ const MAGENTA: f64 = 500.0;
 /// Overdraw that is red, and so is more.
 const RED: f64 = 3000.0;
 
-/// Counts the splats of all batches that [`super::draw`] would draw.
+/// The numbers' differences along x and y, one more along either side than the picture has pixels: a rectangle changes four of them,
+/// whatever its size.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Differences {
+    size: [u32; 2],
+    values: Vec<i32>,
+}
+
+impl Differences {
+    /// Those of a picture without splats.
+    pub fn none(width: u32, height: u32) -> Differences {
+        Differences { size: [width, height], values: vec![0; Differences::count(width, height)] }
+    }
+
+    /// Those that somebody else has found, row by row; what is missing at the end are zeros.
+    pub fn found(width: u32, height: u32, mut values: Vec<i32>) -> Differences {
+        values.resize(Differences::count(width, height), 0);
+        Differences { size: [width, height], values }
+    }
+
+    /// How many there are of a picture.
+    pub fn count(width: u32, height: u32) -> usize {
+        (width as usize + 1) * (height as usize + 1)
+    }
+
+    /// Adds a splat that reaches into the picture.
+    fn add(&mut self, footprint: &Footprint) {
+        let [width, height] = self.size.map(|size| size as usize);
+        // Casts saturate, so that infinite ends become those of the picture.
+        let [x, y] = [(0, width), (1, height)].map(|(k, size)| {
+            let first = footprint.min[k].floor() as usize;
+            (first, (footprint.max[k].ceil() as usize).clamp(first, size))
+        });
+        let stride = width + 1;
+        self.values[y.0 * stride + x.0] += 1;
+        self.values[y.0 * stride + x.1] -= 1;
+        self.values[y.1 * stride + x.0] -= 1;
+        self.values[y.1 * stride + x.1] += 1;
+    }
+
+    /// Sums them up.
+    pub fn sum(&self) -> Overdraw {
+        let [width, height] = self.size;
+        let mut counts = Vec::with_capacity(self.values.len());
+        let mut above = vec![0i32; width as usize];
+        for row in self.values.chunks_exact(width as usize + 1).take(height as usize) {
+            let mut sum = 0;
+            for (above, &difference) in above.iter_mut().zip(row) {
+                sum += difference;
+                *above += sum;
+                counts.push(above.unsigned_abs());
+            }
+        }
+        Overdraw { width, height, counts }
+    }
+}
+
+/// Counts the splats of all batches that [`super::draw`] would draw, without those that weigh nothing.
 pub fn overdraw(view: &View, batches: &[Splats<'_>], options: &SplatOptions) -> Overdraw {
     let lens = Lens::new(view);
-    let (width, height) = (view.width as usize, view.height as usize);
-    // Differences along x and y: a rectangle changes four of them, whatever its size.
-    let stride = width + 1;
-    let empty = || vec![0i32; stride * (height + 1)];
+    let empty = || Differences::none(view.width, view.height);
     let chunks = batches.iter().flat_map(|batch| (0..batch.len()).step_by(1 << 16).map(move |start| (batch, start)));
     let chunks: Vec<_> = chunks.collect();
     let differences = chunks
@@ -45,33 +99,17 @@ pub fn overdraw(view: &View, batches: &[Splats<'_>], options: &SplatOptions) -> 
                 if options.faintest > 0.0 && lens.presence(&footprint, options.kernel) < f64::from(options.faintest) {
                     continue;
                 }
-                // Casts saturate, so that infinite ends become those of the picture.
-                let [x, y] = [(0, width), (1, height)].map(|(k, size)| {
-                    let first = footprint.min[k].floor() as usize;
-                    (first, (footprint.max[k].ceil() as usize).clamp(first, size))
-                });
-                differences[y.0 * stride + x.0] += 1;
-                differences[y.0 * stride + x.1] -= 1;
-                differences[y.1 * stride + x.0] -= 1;
-                differences[y.1 * stride + x.1] += 1;
+                if footprint.amplitude != 0.0 {
+                    differences.add(&footprint);
+                }
             }
             differences
         })
         .reduce(empty, |mut sum, other| {
-            sum.iter_mut().zip(other).for_each(|(sum, value)| *sum += value);
+            sum.values.iter_mut().zip(other.values).for_each(|(sum, value)| *sum += value);
             sum
         });
-    let mut counts = Vec::with_capacity(width * height);
-    let mut above = vec![0i32; width];
-    for row in differences.chunks_exact(stride).take(height) {
-        let mut sum = 0;
-        for (above, &difference) in above.iter_mut().zip(row) {
-            sum += difference;
-            *above += sum;
-            counts.push(above.unsigned_abs());
-        }
-    }
-    Overdraw { width: view.width, height: view.height, counts }
+    differences.sum()
 }
 
 impl Overdraw {
@@ -115,7 +153,8 @@ mod tests {
         let positions: Vec<[f64; 3]> =
             (0..300).map(|i| [7, 11, 13].map(|step| f64::from(i * step % 101) / 50.0 - 1.0)).collect();
         let h: Vec<f32> = (0..300).map(|i| 0.002 * 1.02f32.powi(i)).collect();
-        let weight = vec![1.0; 300];
+        // Some weigh nothing: they are no splats.
+        let weight: Vec<f32> = (0..300).map(|i| if i % 7 == 0 { 0.0 } else { 1.0 }).collect();
         let splats = Splats::new(Positions::World(&positions), Extent::World(&h), &weight, None).unwrap();
         for projection in [Projection::Orthographic { height: 1.7 }, Projection::Perspective { fov_y: 0.9 }] {
             let eye = DVec3::new(0.2, 0.1, 1.4);
@@ -125,6 +164,7 @@ mod tests {
             for (index, &count) in found.counts.iter().enumerate() {
                 let [x, y] = [index % 61, index / 61].map(|pixel| pixel as f64);
                 let over = (0..300)
+                    .filter(|i| i % 7 != 0)
                     .filter_map(|i| lens.footprint(&splats, i))
                     .filter(|f| f.min[0] < x + 1.0 && f.max[0] > x && f.min[1] < y + 1.0 && f.max[1] > y);
                 assert_eq!(count as usize, 2 * over.count(), "{x} {y}");

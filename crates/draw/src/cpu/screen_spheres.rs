@@ -42,6 +42,8 @@ pub struct SphereOptions {
     pub near: Option<f64>,
     /// Depth of the far plane; around the data without.
     pub far: Option<f64>,
+    /// Whether it is told what a picture hides.
+    pub occlusion: bool,
 }
 
 /// Colours of a surface by one value.
@@ -334,7 +336,8 @@ mod tests {
     use super::*;
     use crate::cpu::volume::tests::{Cloud, look};
 
-    const OPTIONS: SphereOptions = SphereOptions { radius: 0.5, least: 1.0, smoothing: 1.5, near: None, far: None };
+    const OPTIONS: SphereOptions =
+        SphereOptions { radius: 0.5, least: 1.0, smoothing: 1.5, near: None, far: None, occlusion: false };
 
     fn seen(view: &View, cloud: &Cloud) -> Front {
         let densities = vec![2.0; cloud.h.len()];

@@ -65,6 +65,7 @@ fn options(look: &Look, settings: &Settings, least: f64) -> SphereOptions {
         smoothing: settings.number(&SMOOTHING),
         near: look.options.near,
         far: look.options.far,
+        occlusion: look.options.occlusion,
     }
 }
 
@@ -118,7 +119,7 @@ impl Technique for Spheres {
         let options = options(&look, settings, threshold);
         let (mut surface, mut report) = front(job.view, job.batches, job.density_scale, &options)?;
         let start = Instant::now();
-        report.opaque = look.options.occlusion.then(|| Arc::new(surface.opaque(job.view, options.radius)));
+        report.opaque = options.occlusion.then(|| Arc::new(surface.opaque(job.view, options.radius)));
         surface.smooth(job.view, options.smoothing);
         let gradient = look.transfer.color_map.sample(256);
         let color = |density: f32, attribute: f32| match look.classifier.has_hues() {

@@ -3,6 +3,7 @@
 
 use super::subject::Subject;
 use crate::color::{Accumulation, Colors};
+use crate::cpu::overdraw::Overdraw;
 use crate::cpu::volume::{FieldRange, VolumeError, VolumeOptions, VolumeReport};
 use crate::look::Backend;
 use crate::mode;
@@ -28,6 +29,12 @@ pub trait Adapter: Send + Sync {
     /// # Errors
     /// [`VolumeError::Device`]: what is missing; [`VolumeError::Grid`] where nothing is in view.
     fn ranges(&mut self, job: &AdapterJob<'_>, options: &VolumeOptions) -> Result<FieldRange, VolumeError>;
+
+    /// How many of the nodes' splats lie over each pixel: what [`crate::cpu::overdraw`] counts, but for rounding.
+    ///
+    /// # Errors
+    /// [`VolumeError::Device`]: what is missing.
+    fn overdraw(&mut self, job: &AdapterJob<'_>) -> Result<Overdraw, VolumeError>;
 }
 
 /// What an adapter draws.

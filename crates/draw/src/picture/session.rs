@@ -15,13 +15,14 @@ use crate::color::composite::composite_at;
 use crate::color::transfer::{Levels, TransferFunction};
 use crate::color::{Image, output};
 use crate::cpu::Method;
+use crate::cpu::overdraw::Overdraw;
 use crate::cpu::volume::VolumeError;
 use crate::explore::selection::Show;
 use crate::look::{Backend, LookPatch, Member, SceneFile, Shot, open_members, shown_families};
 use crate::mode::{Depiction, LodBudget, Mode, Output, Plan, Raw};
 use crate::model::{Bounds, FamilyName, Progress, ReadMethod};
 use crate::store::{InMemory, NodeRef, PageFile, Tree};
-use crate::stream::{Scene, SceneSelection, first_frame};
+use crate::stream::{Scene, SceneNode, SceneSelection, first_frame};
 use crate::view::perspective_grid::GridError;
 use crate::view::{Hidden, View};
 use glam::DVec3;
@@ -528,9 +529,21 @@ impl Session {
             false => Plan::default(),
         };
         let mut left_out = LeftOut::new(&lod_budget, &plan);
-        if let Some(path) = &self.options.overdraw {
-            let overdraw = subject.overdraw(&view, &subject.decode(&view, &selection.nodes, &plan), &plan)?;
-            output::write_png(path, &overdraw.image())?;
+        let repeat = self.options.repeat.max(1);
+        let nodes = &selection.nodes;
+        let job = passes.map(|passes| AdapterJob {
+            view: &view,
+            depiction,
+            metadata,
+            nodes,
+            plan: &plan,
+            passes,
+            light: None,
+            repeat,
+        });
+        if let Some(path) = self.options.overdraw.clone() {
+            let overdraw = self.overdraw(&subject, &view, nodes, &plan, job.as_ref())?;
+            output::write_png(&path, &overdraw.image())?;
             left_out.overdraw = Some((overdraw.mean(), overdraw.max()));
         }
         let blank = self.blank(shown, view)?;
@@ -542,10 +555,7 @@ impl Session {
             nodes: selection.nodes.len(),
             ..blank
         };
-        let repeat = self.options.repeat.max(1);
-        if let Some((passes, adapter)) = passes.zip(self.adapter.as_mut()) {
-            let nodes = &selection.nodes;
-            let job = AdapterJob { view: &view, depiction, metadata, nodes, plan: &plan, passes, light: None, repeat };
+        if let Some((job, adapter)) = job.zip(self.adapter.as_mut()) {
             match draw_on(&mut **adapter, &subject, job) {
                 Ok((values, frame)) => {
                     times.extend(frame.milliseconds);
@@ -584,6 +594,27 @@ impl Session {
             }
         }
         Ok((Picture { values, left_out, ..picture }, selection.hidden))
+    }
+
+    /// How many of a picture's splats lie over each pixel, counted by what draws it.
+    fn overdraw(
+        &mut self,
+        subject: &Subject<'_>,
+        view: &View,
+        nodes: &[SceneNode],
+        plan: &Plan,
+        job: Option<&AdapterJob<'_>>,
+    ) -> Result<Overdraw, PictureError> {
+        if let Some((job, adapter)) = job.zip(self.adapter.as_mut()) {
+            match adapter.overdraw(job) {
+                Err(VolumeError::Device(error)) => {
+                    // An adapter that draws may still be one that does not count.
+                    self.reporter.tell(format!("{error}; counting the overdraw with the CPU instead"));
+                }
+                counted => return Ok(counted?),
+            }
+        }
+        Ok(subject.overdraw(view, &subject.decode(view, nodes, plan), plan)?)
     }
 
     /// An annotation with a look's selections.

@@ -3,8 +3,8 @@
 
 use crate::gpu::shaders;
 use crate::gpu::splat::constants::kernel_defs;
-use crate::gpu::splat::layout::{Grids, MAX_LEVELS, PATCH_BYTES, Pass, RECONSTRUCTED, SplatUniform};
-use crate::gpu::splat::resources::{ALIGNMENT, at_least, slice};
+use crate::gpu::splat::layout::{Grids, MAX_LEVELS, PATCH_BYTES, Pass, RECONSTRUCTED, SLICE_BYTES, SplatUniform};
+use crate::gpu::splat::resources::{ALIGNMENT, at_least, size_of_all, slice};
 use crate::gpu::splat::workgroups;
 use crate::model::Kernel;
 use bevy::asset::AssetServer;
@@ -184,6 +184,14 @@ pub struct SumScratch {
     passes: Option<Buffer>,
 }
 
+impl SumScratch {
+    /// Bytes of all buffers.
+    pub fn bytes(&self) -> u64 {
+        let SumScratch { slices, tile_slices, slice_count, dispatch, patches, passes } = self;
+        size_of_all([slices, tile_slices, slice_count, dispatch, patches, passes].into_iter().flatten())
+    }
+}
+
 /// What is summed.
 pub struct Summed<'a> {
     /// The view's [`SplatUniform`].
@@ -274,7 +282,7 @@ impl Sums {
         };
         let passes = scratch.passes.get_or_insert_with(|| passes(device, queue)).clone();
         let most_slices = of.grids.most_slices(of.most);
-        let slices = take(&mut scratch.slices, most_slices * 8, storage, "deepfield slices");
+        let slices = take(&mut scratch.slices, most_slices * SLICE_BYTES, storage, "deepfield slices");
         let patches = take(&mut scratch.patches, most_slices * PATCH_BYTES, storage, "deepfield patches");
         let tile_slices_bytes = u64::from(of.grids.tiles) * u64::from(of.layers) * TILE_SLICES_BYTES;
         let tile_slices = take(&mut scratch.tile_slices, tile_slices_bytes, storage, "deepfield slices of tiles");

@@ -125,14 +125,12 @@ pub fn draw(
     let taken = Taken { sigma, smallest: options.smallest, stride: 1 };
     let [near, far] = extents::planes_around(view, batches, &taken, [options.near, options.far])?;
     let particles = project(view, batches, &taken).unless_empty()?;
-    let perspective = matches!(view.projection, Projection::Perspective { .. });
-    let (middle, size) = (view.middle(), [view.width, view.height, layers]);
-    let grid = PerspectiveGrid { size, near, far, sigma, cell: 1.0, middle, perspective };
+    let grid = layers_between(view, [near, far], layers);
     let edges = (0..=layers).map(|layer| grid.depth(f64::from(layer))).collect();
     let cutter = Cutter { edges, grid, caps: Caps::of(options.kernel), assignment };
     let counts = count(&cutter, &particles, layers as usize);
     let mut report = VolumeReport {
-        grid: size,
+        grid: grid.size,
         planes: [near, far],
         particles: particles.len(),
         raised: particles.raised,
@@ -176,14 +174,30 @@ pub fn draw(
     }
     let rgba = rays.iter().map(|ray| [ray.color[0], ray.color[1], ray.color[2], ray.alpha]).collect();
     if options.occlusion {
-        let end = |ray: &Ray| match ray.alpha >= termination {
-            true => (cutter.edges[ray.end as usize + 1] as f32).next_up(),
-            false => f32::INFINITY,
-        };
-        let opaque = OpaqueDepths::new(view, rays.iter().map(end).collect(), 1.0, options.smallest);
-        report.opaque = Some(Arc::new(opaque.reaching(SPREAD)));
+        let ends = rays.iter().map(|ray| (ray.alpha >= termination).then(|| ray.end + 1));
+        report.opaque = Some(Arc::new(opaque(view, &cutter.grid, options.smallest, ends)));
     }
     Ok((Colors { width: view.width, height: view.height, rgba }, report))
+}
+
+/// Layers of a view between two planes: a grid with one slice for each.
+pub fn layers_between(view: &View, [near, far]: [f64; 2], layers: u32) -> PerspectiveGrid {
+    let perspective = matches!(view.projection, Projection::Perspective { .. });
+    let (middle, size) = (view.middle(), [view.width, view.height, layers]);
+    PerspectiveGrid { size, near, far, sigma: PerspectiveGrid::sigma_of(view, 1.0), cell: 1.0, middle, perspective }
+}
+
+/// What a picture in layers hides: for each pixel how many layers it takes to make it opaque, row by row.
+pub fn opaque(
+    view: &View,
+    layers: &PerspectiveGrid,
+    smallest: f64,
+    ends: impl Iterator<Item = Option<u32>>,
+) -> OpaqueDepths {
+    let behind: Vec<f32> =
+        (0..=layers.size[2]).map(|layer| (layers.depth(f64::from(layer)) as f32).next_up()).collect();
+    let depth = |end: Option<u32>| end.and_then(|end| behind.get(end as usize)).copied().unwrap_or(f32::INFINITY);
+    OpaqueDepths::new(view, ends.map(depth).collect(), 1.0, smallest).reaching(SPREAD)
 }
 
 /// How many particles each layer has, parts of particles included.
