@@ -369,7 +369,9 @@ impl Bindings {
             masses,
         };
         let answer_bytes = match job.shows {
-            Shows::Light(_) | Shows::Cartesian(_) => EFFORT + if job.options.occlusion { 4 * u64::from(size[0]) * u64::from(size[1]) } else { 0 },
+            Shows::Light(_) | Shows::Cartesian(_) => {
+                EFFORT + if job.options.occlusion { 4 * u64::from(size[0]) * u64::from(size[1]) } else { 0 }
+            }
             Shows::Ranges => 8 * range::CLASSES as u64,
         };
         let answer = Answer::new(answer_bytes, "deepfield volume answer", device);
