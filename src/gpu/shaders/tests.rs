@@ -447,7 +447,7 @@ fn buffers_are_laid_out_as_the_program_writes_them() {
             }
         }
     }
-    assert_eq!(compared.len(), 74, "{compared:?}");
+    assert_eq!(compared.len(), 75, "{compared:?}");
 }
 
 #[test]
