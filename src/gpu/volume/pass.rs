@@ -71,7 +71,8 @@ pub fn draw_volumes(
             if slab.opens {
                 begin_pane(work, encoder);
             }
-            let span = diagnostics.time_span(encoder, "resample");
+            // Of a grid that is held there is none.
+            let span = (!slab.batches.is_empty()).then(|| diagnostics.time_span(encoder, "resample"));
             for (index, batch) in slab.batches.iter().enumerate() {
                 encoder.clear_buffer(&work.buffers.bins.buffer, 0, Some(work.buffers.bins.bytes));
                 encoder.clear_buffer(&work.buffers.items.buffer, 0, Some(4 * u64::from(HEADER)));
@@ -82,7 +83,9 @@ pub fn draw_volumes(
                     interpolate(work, &mut steps, slab);
                 }
             }
-            span.end(encoder);
+            if let Some(span) = span {
+                span.end(encoder);
+            }
             let span = diagnostics.time_span(encoder, "cast");
             finish_slab(work, encoder, &pipelines, slab);
             span.end(encoder);
