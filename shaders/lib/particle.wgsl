@@ -125,7 +125,7 @@ fn cut_factor(axes: mat3x3<f32>, position: vec3<f32>) -> f32 {
     // The rows of the rotation back are the columns of `axes`.
     let world = position * axes;
     let inside = all(world >= view.clip_min.xyz) && all(world <= view.clip_max.xyz);
-    return select(0.0, exp(-view.fade_rate * max(position.z - view.fade_start, 0.0)), inside);
+    return select(0.0, exp(-view.fade_rate * max(dot(view.fade_along.xyz, position) - view.fade_start, 0.0)), inside);
 }
 
 /// Candidate `number` of a node, whatever its encoding: its particles in order, or where ranks are left out, those of the

@@ -87,6 +87,8 @@ struct SplatView {
     /// Corners of the box that is drawn, relative to the eye in world axes.
     clip_min: vec4<f32>,
     clip_max: vec4<f32>,
+    /// Camera coordinates of the direction that depth is measured in for what fades.
+    fade_along: vec4<f32>,
     levels: array<Level, 16>,
 }
 

@@ -8,12 +8,14 @@
 // do, to surfaces, and to the next layer that is not empty in four loops, each within the one that follows.
 //
 // With CENTERED (cells are pixels) rays go through the cells' centres.
-#import deepfield::volume_view::{VolumeView, Portion}
+#import deepfield::isosurface::{
+    volume, Crossings, NO_CROSSING, crossings_of, is_crossed, shaded, surface_levels, take_nearest,
+}
+#import deepfield::volume_view::Portion
 #import deepfield::volume_constants::{
     BRICK, BRICK_SHIFT, BRIGHTNESSES, CELLS, HIDDEN_BITS, HUES, SURFACE_BRIGHTNESS,
 }
 
-@group(0) @binding(0) var<uniform> volume: VolumeView;
 @group(0) @binding(1) var<uniform> portion: Portion;
 /// Depth, spacing, cells per length and thickness of each slice.
 @group(0) @binding(2) var<storage, read> depths: array<vec4<f32>>;
@@ -32,9 +34,7 @@
 /// the next one.
 @group(0) @binding(9) var<storage, read> places: array<vec2<u32>>;
 
-const NO_CROSSING: f32 = 2.0;
 const NOTHING: u32 = 0xffffffffu;
-const LANES: vec4<u32> = vec4<u32>(0u, 1u, 2u, 3u);
 
 /// What every sample asks for: a software driver fetches uniforms for each lane, every time.
 struct Lookup {
@@ -208,40 +208,6 @@ fn through(ray: ptr<function, Ray>, slice: u32, value: vec2<f32>, share: f32, se
 }
 
 #ifdef SURFACES
-/// The cubic through the middle two of four samples, with central differences as tangents.
-fn cubic(samples: vec4<f32>, t: vec4<f32>) -> vec4<f32> {
-    let start = 0.5 * (samples.z - samples.x);
-    let end = 0.5 * (samples.w - samples.y);
-    let t2 = t * t;
-    let t3 = t2 * t;
-    return (2.0 * t3 - 3.0 * t2 + 1.0) * samples.y + (t3 - 2.0 * t2 + t) * start
-        + (3.0 * t2 - 2.0 * t3) * samples.z + (t3 - t2) * end;
-}
-
-/// Where the cubic has four values; meant for those that lie between the middle two samples.
-fn refine(samples: vec4<f32>, value: vec4<f32>) -> vec4<f32> {
-    var low = vec4(0.0);
-    var high = vec4(1.0);
-    var at_low = samples.y - value;
-    var at_high = samples.z - value;
-    // False position, with the bisection's guarantee: the sign changes between the ends.
-    for (var turn = 0; turn < 6; turn++) {
-        var middle = clamp(low + (high - low) * at_low / (at_low - at_high), low, high);
-        if turn % 3 == 2 {
-            middle = 0.5 * (low + high);
-        }
-        let at_middle = cubic(samples, middle) - value;
-        let same = (at_middle < vec4(0.0)) == (at_low < vec4(0.0));
-        low = select(low, middle, same);
-        at_low = select(at_low, at_middle, same);
-        high = select(middle, high, same);
-        at_high = select(at_middle, at_high, same);
-    }
-    let found = low + (high - low) * at_low / (at_low - at_high);
-    // Where the ends are equal the quotient is nothing.
-    return clamp(select(0.5 * (low + high), found, at_low != at_high), vec4(0.0), vec4(1.0));
-}
-
 fn depth_of(place: Place, slice: i32) -> vec2<f32> {
     return depths[min(u32(max(slice, 0)), place.last_slice)].xy;
 }
@@ -292,15 +258,8 @@ fn meet(
     }
     if volume.lit != 0u {
         let slope = gradient(place, middle, i32(step), at);
-        let length_squared = dot(slope, slope);
         let sigma = select(0.0, volume.sigma, volume.perspective != 0u);
-        let direction = normalize(vec3(middle.x * sigma, -middle.y * sigma, 1.0));
-        var cosine = 1.0;
-        if length_squared > 0.0 {
-            cosine = min(abs(dot(slope, direction)) * inverseSqrt(length_squared), 1.0);
-        }
-        let highlight = volume.specular * pow(cosine, volume.shininess);
-        color = color * (volume.ambient + (1.0 - volume.ambient) * cosine) + highlight;
+        color = shaded(color, slope, normalize(vec3(middle.x * sigma, -middle.y * sigma, 1.0)));
     }
     under(ray, color, surface.y);
 }
@@ -346,16 +305,7 @@ fn cast_rays(@builtin(global_invocation_id) invocation: vec3<u32>) {
     let faintest = volume.faintest;
     let behind = portion.behind_step;
 #ifdef SURFACES
-    var low_values = vec4(3.0e38);
-    var high_values = vec4(3.0e38);
-    for (var i = 0u; i < 4u; i++) {
-        if i < volume.surface_count {
-            low_values[i] = volume.surfaces[i].x;
-        }
-        if i + 4u < volume.surface_count {
-            high_values[i] = volume.surfaces[i + 4u].x;
-        }
-    }
+    let levels = surface_levels();
 #endif
 
     var layers_left = reach[column];
@@ -392,8 +342,7 @@ fn cast_rays(@builtin(global_invocation_id) invocation: vec3<u32>) {
                     now = 0.0;
                     if step < slices {
                         now = on_ray(place, step).x;
-                        crossed = any((vec4(before) < low_values) != (vec4(now) < low_values))
-                            || any((vec4(before) < high_values) != (vec4(now) < high_values));
+                        crossed = is_crossed(levels, before, now);
                     }
                     if crossed || before > faintest {
                         break;
@@ -414,33 +363,14 @@ fn cast_rays(@builtin(global_invocation_id) invocation: vec3<u32>) {
                 let before = on_ray(place, step - 1u);
                 let now = on_ray(place, step);
                 let last = sample(place, vec2(0), i32(step) + 1).x;
-                let samples = vec4(first, before.x, now.x, last);
-                let low_crossed = (vec4(before.x) < low_values) != (vec4(now.x) < low_values);
-                let high_crossed = (vec4(before.x) < high_values) != (vec4(now.x) < high_values);
-                var low_at = select(vec4(NO_CROSSING), refine(samples, low_values), low_crossed);
-                var high_at = select(vec4(NO_CROSSING), refine(samples, high_values), high_crossed);
+                var left = crossings_of(vec4(first, before.x, now.x, last), levels);
                 var next_done = 0.0;
                 for (var n = 0u; n < 8u; n++) {
-                    // The nearest that is left; of equal ones the first.
-                    var share = NO_CROSSING;
-                    var surface = 0u;
-                    for (var i = 0u; i < 4u; i++) {
-                        if low_at[i] < share {
-                            share = low_at[i];
-                            surface = i;
-                        }
-                    }
-                    for (var i = 0u; i < 4u; i++) {
-                        if high_at[i] < share {
-                            share = high_at[i];
-                            surface = i + 4u;
-                        }
-                    }
+                    let nearest = take_nearest(&left);
+                    let share = nearest.at;
                     if share == NO_CROSSING {
                         break;
                     }
-                    low_at = select(low_at, vec4(NO_CROSSING), LANES == vec4(surface));
-                    high_at = select(high_at, vec4(NO_CROSSING), LANES + 4u == vec4(surface));
                     let until = min(0.5 + share, 1.0);
                     through(&ray, step - 1u, before, until - ray.done, secant, faintest);
                     ray.done = until;
@@ -449,7 +379,7 @@ fn cast_rays(@builtin(global_invocation_id) invocation: vec3<u32>) {
                         through(&ray, step, now, beyond - next_done, secant, faintest);
                         next_done = beyond;
                     }
-                    meet(&ray, place, middle, step, share, surface, before, now);
+                    meet(&ray, place, middle, step, share, nearest.surface, before, now);
                 }
                 through(&ray, step - 1u, before, 1.0 - ray.done, secant, faintest);
                 ray.done = next_done;

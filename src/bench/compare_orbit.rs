@@ -8,7 +8,7 @@ use crate::color::composite::color_error;
 use crate::cpu::cartesian::octree::Octree;
 use crate::cpu::cartesian::{Region, march, region};
 use crate::cpu::volume::particles::SMALLEST;
-use crate::cpu::volume::{Classifier, Scenery, VolumeOptions};
+use crate::cpu::volume::{Classifier, Scenery, VolumeOptions, extents};
 use crate::mode::{Depiction, SettingValue, Settings};
 use crate::modes::{grid, volume};
 use crate::picture::decode::{batches, decode};
@@ -131,8 +131,8 @@ pub(super) fn measure(bench: &Bench<'_>, middle: DVec3, options: &Options) -> Re
         termination: 0.999,
     };
     let kernel = bench.metadata.kernel;
-    let (bounds, _) =
-        region(&bench.view, &batches, Region::Data, &VolumeOptions { kernel, ..VolumeOptions::default() })?;
+    let options = VolumeOptions { kernel, ..VolumeOptions::default() };
+    let (bounds, _) = region(&bench.view, &extents::of(&batches), Region::Data, &options)?;
     for width in WIDTHS {
         let mut series = Series::default();
         let mut octree = None;

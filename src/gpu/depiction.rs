@@ -53,6 +53,18 @@ pub fn request_nodes(
     plan: &Plan,
     backend: Backend,
 ) -> HeadlessRequest {
+    request_from((view, view), depiction, metadata, nodes, plan, backend)
+}
+
+/// A request for nodes that are selected for a view and whose particles another camera sees.
+pub fn request_from(
+    (view, camera): (&View, &View),
+    depiction: &Depiction,
+    metadata: &Metadata,
+    nodes: &[SceneNode],
+    plan: &Plan,
+    backend: Backend,
+) -> HeadlessRequest {
     let mut tables = Vec::new();
     let mut first_table = Vec::with_capacity(metadata.families.len());
     for family in &metadata.families {
@@ -67,7 +79,7 @@ pub fn request_nodes(
         let weight_scale = depiction.node_scale(node);
         if let Some(content) = drawn.page.content(index as usize) {
             let held = content.particles(drawn.time);
-            own_content(view, depiction, family, (&held, weight_scale), drawn, &mut requested);
+            own_content(camera, depiction, family, (&held, weight_scale), drawn, &mut requested);
             continue;
         }
         let table = first_table[drawn.page.family as usize] + usize::from(node.codebook);
@@ -141,7 +153,7 @@ pub fn world_payloads(depiction: &Depiction, family: &Family) -> Vec<(Payload, D
 /// Adds a node whose particles are not coded, with the factor on their weights; their places are found in double precision,
 /// relative to the camera.
 fn own_content(
-    view: &View,
+    camera: &View,
     depiction: &Depiction,
     family: &FamilyMetadata,
     (held, scale): (&Particles, f32),
@@ -151,7 +163,7 @@ fn own_content(
     let offset = drawn.offset;
     let columns = depiction.columns_of(family, &held.values);
     let particle = |i: usize| {
-        let position = view.to_camera(DVec3::from_array(held.positions[i]) + offset).as_vec3();
+        let position = camera.to_camera(DVec3::from_array(held.positions[i]) + offset).as_vec3();
         raw(i, position, held.values.smoothing_length[i], &columns, scale)
     };
     for start in (0..held.len()).step_by(BATCH) {

@@ -53,6 +53,12 @@ pub enum GpuError {
     /// Not even the smallest part of a picture or a volume fits.
     #[error("the graphics memory is too small for a part of the picture ({0})")]
     NoRoom(String),
+    /// A Cartesian grid that does not fit.
+    #[error("the graphics memory is too small for the grid: at most {most} cells along its longest side fit")]
+    GridTooLarge {
+        /// Most cells along its longest side.
+        most: u32,
+    },
     /// Particle data larger than what the adapter can hold.
     #[error("{needed} bytes of particles exceed the adapter's memory budget of {budget} bytes")]
     OutOfMemory {

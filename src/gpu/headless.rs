@@ -4,7 +4,7 @@ use super::device::{DeviceOptions, GpuError};
 use super::mode_view::ModeView;
 use super::parts::Parts;
 use super::renderer::HeadlessRenderer;
-use super::scene::{NodeUpload, Table};
+use super::scene::{NodeUpload, Payload, Table};
 use super::timing::{PassTimes, median};
 use super::view::{Backend, Footprint};
 use crate::color::Accumulation;
@@ -58,6 +58,13 @@ pub struct HeadlessRequest {
     pub repeat: u32,
     /// Limits and the like.
     pub device: DeviceOptions,
+}
+
+impl HeadlessRequest {
+    /// Whether some of the particles are in the space of one camera.
+    pub fn has_own_particles(&self) -> bool {
+        self.nodes.iter().any(|node| matches!(node.upload.payload, Payload::Camera(_)))
+    }
 }
 
 /// The complete picture.

@@ -1,6 +1,6 @@
 //! The adapter that draws pictures which no window shows.
 
-use super::depiction::request_nodes;
+use super::depiction::request_from;
 use super::device::GpuError;
 use super::headless::HeadlessRequest;
 use super::renderer::HeadlessRenderer;
@@ -11,14 +11,12 @@ use super::volume::{Shows, VolumeJob, VolumeView};
 use super::{device, headless};
 use crate::color::Colors;
 use crate::cpu::overdraw::Overdraw;
-use crate::cpu::volume::extents::planes_and_widest;
 use crate::cpu::volume::range::Sketch;
 use crate::cpu::volume::{FieldRange, VolumeError, VolumeOptions, VolumeReport};
 use crate::mode::LightPasses;
 use crate::picture::adapter::{Adapter, AdapterFrame, AdapterJob, AdapterValues, Passes};
 use crate::view::perspective_grid::GridError;
-use crate::view::{Extent, PerspectiveGrid, View};
-use std::sync::Arc;
+use crate::view::{Extent, View};
 use std::sync::mpsc::{Sender, channel};
 use std::thread::{self, JoinHandle};
 
@@ -93,7 +91,9 @@ impl Adapter for Offscreen {
         let particles = request.nodes.iter().map(|node| node.upload.payload.len()).sum();
         let sketch = Sketch::of(job.view, particles, options);
         let (grid, _) = sketch.grid(within(job, &request))?;
-        let wanted = self.job(sketch.view, grid, sketch.options, sketch.stride as u32, Shows::Ranges);
+        let Sketch { view, options, stride, .. } = sketch;
+        let (number, stride) = (self.next(), stride as u32);
+        let wanted = VolumeJob { number, view, grid, options, stride, shows: Shows::Ranges };
         let volume = volume(job, &request, [None, Some(wanted)]);
         let found = self.with(move |slot| loaded(slot, &request)?.ranges(volume));
         let found = found.map_err(device)?;
@@ -144,21 +144,29 @@ impl Offscreen {
 
     fn light(&mut self, job: &AdapterJob<'_>, passes: &LightPasses) -> Result<AdapterFrame, VolumeError> {
         let request = request(job);
-        let LightPasses::March(scenery, options) = passes else {
-            let extents: Vec<Extent> = within(job, &request).collect();
+        let extents: Vec<Extent> = within(job, &request).collect();
+        let attribute = job.depiction.attribute.is_some();
+        let Some(wanted) = VolumeJob::picture_of(self.next(), passes, job.view, &extents, attribute)? else {
             let found = TilePasses::of(passes, job.view, &extents)?;
             let passes = found.ok_or_else(|| VolumeError::Device("no passes draw this mode".into()))?;
             return self.tiles(request, passes).map_err(device);
         };
-        let (grid, _) = planes_and_widest(job.view, within(job, &request), options)?;
-        let wanted = self.job(*job.view, grid, *options, 1, Shows::Light(Arc::new(scenery.clone())));
+        let (grid, planes) = match wanted.cartesian() {
+            Some(picture) => (picture.lattice.cells, picture.planes),
+            None => (wanted.grid.size, [wanted.grid.near, wanted.grid.far]),
+        };
+        let request = match wanted.cartesian() {
+            // What no page codes is in the space of the camera that it is brought to.
+            Some(_) if request.has_own_particles() => request_for(job, &wanted.view),
+            _ => request,
+        };
         let volume = volume(job, &request, [Some(wanted), None]);
         let drawn = self.with(move |slot| {
             let renderer = loaded(slot, &request)?;
             let (colors, found, (passes, frame)) = renderer.volume(volume, request.repeat)?;
             let report = VolumeReport {
-                grid: grid.size,
-                planes: [grid.near, grid.far],
+                grid,
+                planes,
                 slabs: found.slabs[1],
                 particles: renderer.particles(),
                 raised: found.raised,
@@ -169,15 +177,21 @@ impl Offscreen {
             };
             Ok(light_frame(colors, report, renderer, &passes, frame))
         });
-        drawn.map_err(device)
+        drawn.map_err(|error| match (error, passes) {
+            (GpuError::GridTooLarge { most }, LightPasses::Cartesian(_, _, cartesian)) => VolumeError::Setting {
+                field: "cells",
+                found: cartesian.cells.to_string(),
+                expected: format!("at most {most}: the graphics memory has no room for more"),
+            },
+            (error, _) => device(error),
+        })
     }
 
     /// Draws by passes that complete a picture in one frame.
     fn tiles(&mut self, request: HeadlessRequest, passes: TilePasses) -> Result<AdapterFrame, GpuError> {
         let [width, height] = [request.view.width, request.view.height];
         let planes = passes.planes();
-        self.number += 1;
-        let number = self.number;
+        let number = self.next();
         self.with(move |slot| {
             let renderer = loaded(slot, &request)?;
             let (colors, opaque, (passes, frame)) = renderer.tiles(number, passes, request.repeat)?;
@@ -188,16 +202,9 @@ impl Offscreen {
         })
     }
 
-    fn job(
-        &mut self,
-        view: View,
-        grid: PerspectiveGrid,
-        options: VolumeOptions,
-        stride: u32,
-        shows: Shows,
-    ) -> VolumeJob {
+    fn next(&mut self) -> u64 {
         self.number += 1;
-        VolumeJob { number: self.number, view, grid, options, stride, shows }
+        self.number
     }
 }
 
@@ -246,12 +253,17 @@ fn loaded<'a>(
 
 /// What the renderer needs for a job.
 fn request(job: &AdapterJob<'_>) -> HeadlessRequest {
+    request_for(job, job.view)
+}
+
+/// The same with particles that `camera` sees.
+fn request_for(job: &AdapterJob<'_>, camera: &View) -> HeadlessRequest {
     let backend = match job.passes {
         Passes::Best => Backend::Auto,
         Passes::Compute => Backend::Compute,
         Passes::Raster => Backend::Raster,
     };
-    let request = request_nodes(job.view, job.depiction, job.metadata, job.nodes, job.plan, backend);
+    let request = request_from((job.view, camera), job.depiction, job.metadata, job.nodes, job.plan, backend);
     HeadlessRequest { repeat: job.repeat, ..request }
 }
 

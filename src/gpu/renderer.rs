@@ -332,7 +332,13 @@ impl HeadlessRenderer {
             match is_there(&found) {
                 Ok(true) => return Ok(found),
                 Ok(false) => self.check_shaders(start)?,
-                Err(()) => return Err(GpuError::NoRoom(format!("{}x{} pixels", self.size.x, self.size.y))),
+                Err(()) => {
+                    let pixels = || GpuError::NoRoom(format!("{}x{} pixels", self.size.x, self.size.y));
+                    return Err(found
+                        .most_cells
+                        .filter(|most| *most > 1)
+                        .map_or_else(pixels, |most| GpuError::GridTooLarge { most }));
+                }
             }
         }
     }

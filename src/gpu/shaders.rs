@@ -76,6 +76,8 @@ pub const SHADERS: &[(&str, &str)] = &[
     ("volume/measure.wgsl", include_str!("../../shaders/volume/measure.wgsl")),
     ("volume/occlusion.wgsl", include_str!("../../shaders/volume/occlusion.wgsl")),
     ("volume/raycast.wgsl", include_str!("../../shaders/volume/raycast.wgsl")),
+    ("lib/isosurface.wgsl", include_str!("../../shaders/lib/isosurface.wgsl")),
+    ("volume/march.wgsl", include_str!("../../shaders/volume/march.wgsl")),
     ("lib/frame.wgsl", include_str!("../../shaders/lib/frame.wgsl")),
     ("composite/light.wgsl", include_str!("../../shaders/composite/light.wgsl")),
     ("measure/reduce.wgsl", include_str!("../../shaders/measure/reduce.wgsl")),

@@ -21,7 +21,7 @@ use super::state::notices::Notices;
 use super::statistics::{ActiveBackend, Converged, Statistics};
 use super::touring::Before;
 use crate::color::transfer::{Levels, TransferFunction};
-use crate::cpu::volume::extents::planes_and_widest;
+use crate::cpu::cartesian::CartesianOptions;
 use crate::cpu::volume::range::Sketch;
 use crate::cpu::volume::{FieldRange, VolumeError};
 use crate::gpu::measure::Measure;
@@ -45,6 +45,9 @@ const PATIENCE: Duration = Duration::from_secs(10);
 /// Least time between two looks for ranges of a view that moves.
 const MEASURE_EVERY: Duration = Duration::from_millis(300);
 
+/// Fewer cells of a Cartesian grid along its longest side show nothing.
+const LEAST_CELLS: u32 = 8;
+
 /// Pictures that are remembered until they are complete.
 const MOST_ASKED: usize = 64;
 /// After this time a shader that has been written is in use.
@@ -64,6 +67,8 @@ struct ListKey {
 struct PictureKey {
     list: ListKey,
     size: UVec2,
+    /// Most cells of a Cartesian grid along its longest side, where memory is short.
+    most_cells: Option<u32>,
     depiction: u64,
     transfer: TransferFunction,
     ranges: Option<FieldRange>,
@@ -108,6 +113,8 @@ pub(super) struct LightPictures {
     failed: Option<PictureKey>,
     /// Pixels are this many times as wide, since when.
     coarser: Option<(u32, Instant)>,
+    /// Most cells of a Cartesian grid along its longest side that have turned out to fit, in so much memory and for this depiction.
+    most_cells: Option<(u32, [u64; 2])>,
     /// When a shader was changed of which pictures may not have been drawn yet.
     reloaded: Option<Instant>,
     slabs: u32,
@@ -118,6 +125,7 @@ pub(super) struct LightPictures {
     /// What has been told.
     told_coarser: bool,
     told_thinner: bool,
+    told_cells: Option<u32>,
     seen: u64,
 }
 
@@ -208,6 +216,9 @@ pub(super) fn draw_light_on_gpu(
         Some((factor, _)) => (wanted_size / factor).max(UVec2::ONE),
         None => wanted_size,
     };
+    let memory = preset.residency.gpu_bytes()[1];
+    let cells_known_for = [memory, look.depiction_revision];
+    pictures.most_cells = pictures.most_cells.filter(|(_, known_for)| *known_for == cells_known_for);
     let drawn_view = view.resized(size.x, size.y);
     let given = held.0.filter(|levels| levels.p[0] > 0.0 && levels.p[0] < levels.p[1]);
     let transfer = given.map_or_else(|| look.transfer.clone(), |levels| look.transfer.clone().with_levels(&levels));
@@ -221,6 +232,7 @@ pub(super) fn draw_light_on_gpu(
     let key = PictureKey {
         list,
         size,
+        most_cells: pictures.most_cells.map(|(cells, _)| cells),
         depiction: look.depiction_revision,
         transfer: transfer.clone(),
         ranges: pictures.ranges,
@@ -264,7 +276,9 @@ pub(super) fn draw_light_on_gpu(
         Some(Ok(Some(LightPlan { passes, levels, .. }))) if !awaits && is_new => {
             pictures.levels = Some(Levels { p: levels.density, s: levels.attribute });
             let number = pictures.next();
-            pictures.light = match light_of(number, passes, &drawn_view, &seen(&pictures.extents)) {
+            let passes = with_cells(passes, key.most_cells);
+            let attribute = look.depiction.attribute.is_some();
+            pictures.light = match light_of(number, &passes, (&drawn_view, &seen(&pictures.extents)), attribute) {
                 Ok(light) => Some(light),
                 // A view without data is a black picture, and no error.
                 Err(VolumeError::Grid(GridError::NothingInView)) => None,
@@ -316,7 +330,15 @@ pub(super) fn draw_light_on_gpu(
     }
     let takes_frames = matches!(pictures.light, Some(Light::Volume(_)));
     copies.note_pictures(takes_frames.then_some([pictures.number, pictures.seen]));
-    if found.no_room.is_some() && found.no_room == number && pictures.coarser.is_none_or(|(by, _)| by < 16) {
+    let is_refused = found.no_room.is_some() && found.no_room == number;
+    if let (true, Some(most)) = (is_refused, found.most_cells.filter(|most| *most >= LEAST_CELLS)) {
+        pictures.most_cells = Some((most, cells_known_for));
+        if pictures.told_cells.replace(most) != Some(most) {
+            notices.error(format!(
+                "the graphics memory is too small for so many cells: the grid is drawn with {most} along its longest side"
+            ));
+        }
+    } else if is_refused && pictures.coarser.is_none_or(|(by, _)| by < 16) {
         let by = pictures.coarser.map_or(2, |(by, _)| 2 * by);
         pictures.coarser = Some((by, Instant::now()));
         if !std::mem::replace(&mut pictures.told_coarser, true) {
@@ -396,15 +418,29 @@ pub(super) fn draw_light_on_gpu(
         && before.is_settled();
 }
 
-/// The picture that a technique's passes draw.
-fn light_of(number: u64, passes: LightPasses, view: &View, extents: &[Extent]) -> Result<Light, VolumeError> {
-    if let Some(tiles) = TilePasses::of(&passes, view, extents)? {
-        return Ok(Light::Tiles(number, *view, tiles));
+/// The picture that a technique's passes draw of particles within extents, from a camera. `attribute`: whether particles have one.
+fn light_of(
+    number: u64,
+    passes: &LightPasses,
+    (view, extents): (&View, &[Extent]),
+    attribute: bool,
+) -> Result<Light, VolumeError> {
+    if let Some(job) = VolumeJob::picture_of(number, passes, view, extents, attribute)? {
+        return Ok(Light::Volume(job));
     }
-    let LightPasses::March(scenery, options) = passes else {
-        return Err(VolumeError::Device("no passes draw this mode".into()));
-    };
-    let (grid, _) = planes_and_widest(view, extents.iter().copied(), &options)?;
-    let shows = Shows::Light(Arc::new(scenery));
-    Ok(Light::Volume(VolumeJob { number, view: *view, grid, options, stride: 1, shows }))
+    match TilePasses::of(passes, view, extents)? {
+        Some(tiles) => Ok(Light::Tiles(number, *view, tiles)),
+        None => Err(VolumeError::Device("no passes draw this mode".into())),
+    }
+}
+
+/// The same with no more cells than so many.
+fn with_cells(passes: LightPasses, most: Option<u32>) -> LightPasses {
+    match (passes, most) {
+        (LightPasses::Cartesian(scenery, options, cartesian), Some(most)) => {
+            let cells = cartesian.cells.min(most);
+            LightPasses::Cartesian(scenery, options, CartesianOptions { cells, ..cartesian })
+        }
+        (passes, _) => passes,
+    }
 }

@@ -5,6 +5,7 @@
 #[path = "../support/mod.rs"]
 mod support;
 
+mod cartesian;
 mod compare;
 mod flight;
 mod integrals;

@@ -8,7 +8,9 @@ use deepfield::look::{Backend, CameraConfig, LookPatch, Member, Shot};
 use deepfield::mode::{Raw, SettingValue, Settings};
 use deepfield::modes;
 use deepfield::picture::{Picture, Session, SessionOptions};
+use deepfield::view::cut::ClipBox;
 use deepfield::view::{CutSettings, Eyes, Stereo, StereoKind, Surround, cut};
+use glam::DVec3;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -56,6 +58,9 @@ fn panoramas_and_pairs_are_those_of_the_processor() {
         // The smallest particles are enlarged by their depth, not by their distance.
         ("a volume of enlarged particles", dome("volume"), 8e-2),
         ("a surface", with(dome("isosurface"), "smallest", 0.0), 1e-3),
+        // Its box is that of all the data, and so the same for all faces.
+        ("a Cartesian grid", with(dome("cartesian"), "cells", 64.0), 1e-3),
+        ("a pair of Cartesian grids", with(pair("cartesian"), "cells", 64.0), 1e-3),
         ("layers", with(dome("layered"), "smallest", 0.0), 5e-3),
         ("sorted splats", with(dome("sorted-splats"), "smallest", 0.0), 1e-4),
         ("spheres", dome("spheres"), 1e-4),
@@ -81,6 +86,30 @@ fn panoramas_and_pairs_are_those_of_the_processor() {
             assert!(l1 < bound && l2 < bound, "{what} by {name}: L1 {l1}, L2 {l2}");
             assert!(values(&expected).iter().filter(|value| **value > 0.0).count() > 2000, "{what}: nothing to see");
         }
+    }
+}
+
+#[test]
+fn what_is_left_out_of_a_cartesian_grid_is_what_the_processor_leaves_out() {
+    let built = built(&demo(), VqBits::Eight);
+    let [mut cpu, mut compute] = [Backend::Cpu, Backend::Compute].map(|backend| session(built.file.path(), backend));
+    let whole = with(shot("cartesian", Surround::Flat), "cells", 64.0);
+    let clip = Some(ClipBox { min: DVec3::new(4.0, 26.0, 2.0), max: DVec3::new(40.0, 48.0, 22.0) });
+    // Depth is that for the picture's camera, not along an axis of the grid.
+    let fade = Some(cut::Fade { start: 4.0, length: 6.0 });
+    let cuts = [(clip, None), (None, fade), (clip, fade)].map(|(clip, fade)| CutSettings {
+        clip,
+        fade,
+        ..CutSettings::default()
+    });
+    let before = values(&cpu.draw(&whole).unwrap());
+    for cut in cuts {
+        let shot = Shot { look: LookPatch { cut: Some(cut), ..whole.look.clone() }, ..whole.clone() };
+        let [expected, found] = [&mut cpu, &mut compute].map(|session| values(&session.draw(&shot).unwrap()));
+        let (_, changed) = relative_error(&expected, &before);
+        let (l1, l2) = relative_error(&found, &expected);
+        println!("{cut:?}: L1 {l1}, L2 {l2}, changed by {changed}");
+        assert!(changed > 0.05 && l1 < 1e-3 && l2 < 1e-3, "{cut:?}: L1 {l1}, L2 {l2}, changed by {changed}");
     }
 }
 

@@ -12,13 +12,13 @@ use deepfield::cpu::volume::{
 use deepfield::cpu::{self, Positions, Splats};
 use deepfield::gpu::volume::Shows;
 use deepfield::gpu::{
-    Backend, DeviceOptions, Footprint, HeadlessNode, HeadlessRenderer, HeadlessRequest, LightView, NodeId, NodeUpload,
-    Offscreen, Payload, RawParticle, VolumeFindings, VolumeJob, VolumeView, Withheld,
+    Backend, DeviceOptions, Footprint, GpuError, HeadlessNode, HeadlessRenderer, HeadlessRequest, LightView, NodeId,
+    NodeUpload, Offscreen, Payload, RawParticle, VolumeFindings, VolumeJob, VolumeView, Withheld,
 };
 use deepfield::hierarchy::Purpose;
 use deepfield::look::LookPatch;
 use deepfield::mode::sample::Sample;
-use deepfield::mode::{Adapter, Depiction, Plan, SettingValue, Settings};
+use deepfield::mode::{Adapter, Depiction, LightPasses, Needs, Plan, SettingValue, Settings};
 use deepfield::model::{Bounds, Kernel};
 use deepfield::modes;
 use deepfield::picture::Subject;
@@ -33,11 +33,11 @@ use glam::DVec3;
 use std::sync::Arc;
 
 /// Particles, their attribute and the densities and attributes that are to be seen.
-struct Cloud {
+pub struct Cloud {
     positions: Vec<[f64; 3]>,
     h: Vec<f32>,
     mass: Vec<f32>,
-    attribute: Option<Vec<f32>>,
+    pub attribute: Option<Vec<f32>>,
     density: [f64; 2],
     range: [f64; 2],
     unit: f64,
@@ -58,7 +58,7 @@ impl Cloud {
 
     /// Particles of all widths, among them some that fill the picture: about as many cells wide as smoothing lengths are
     /// wide in thousandths.
-    fn wide(count: usize) -> Cloud {
+    pub fn wide(count: usize) -> Cloud {
         // Places by multiples of irrational numbers: spread out evenly, and the same in every run.
         let share = |i: usize, step: f64| ((i + 1) as f64 * step).fract();
         let position = |i: usize| [0.754_877, 0.569_840, 0.430_159].map(|step| 2.0 * share(i, step) - 1.0);
@@ -92,7 +92,7 @@ impl Cloud {
     }
 
     /// A lattice of mass density 1 in the cube of width 2.
-    fn lattice(count: i32) -> Cloud {
+    pub fn lattice(count: i32) -> Cloud {
         let spacing = 2.0 / f64::from(count);
         let at = |n: i32| (f64::from(n % count) + 0.5) * spacing - 1.0;
         let positions: Vec<_> = (0..count.pow(3)).map(|i| [at(i), at(i / count), at(i / count / count)]).collect();
@@ -107,7 +107,7 @@ impl Cloud {
         }
     }
 
-    fn merger(count: u64) -> Cloud {
+    pub fn merger(count: u64) -> Cloud {
         let family = deepfield::synth::dataset(&Merger::new(3, count)).families.swap_remove(0);
         let attribute = family.attribute("internal-energy").unwrap().values.clone();
         let quantile = |values: &[f32], share: f64| {
@@ -126,7 +126,7 @@ impl Cloud {
         }
     }
 
-    fn batch(&self) -> Splats<'_> {
+    pub fn batch(&self) -> Splats<'_> {
         let extent = cpu::Extent::World(&self.h);
         Splats::new(Positions::World(&self.positions), extent, &self.mass, self.attribute.as_deref()).unwrap()
     }
@@ -137,7 +137,7 @@ impl Cloud {
         Classifier::new(&TransferFunction::of_volumes(attribute), levels, attribute)
     }
 
-    fn volume(&self) -> Scenery {
+    pub fn volume(&self) -> Scenery {
         let classifier = self.classifier();
         Scenery { classifier, volume: true, surfaces: Vec::new(), light: None, termination: 0.999 }
     }
@@ -148,7 +148,7 @@ impl Cloud {
         (min * (max / min).powf(place)) as f32
     }
 
-    fn surfaces(&self, volume: bool, opacities: [f32; 3]) -> Scenery {
+    pub fn surfaces(&self, volume: bool, opacities: [f32; 3]) -> Scenery {
         let surface = |(place, opacity, color)| Surface { value: self.density_at(place), color, opacity };
         let [a, b, c] = opacities;
         let surfaces = [(0.4, a, Some([0.9, 0.3, 0.1])), (0.65, b, None), (0.9, c, Some([0.2, 0.8, 0.5]))];
@@ -161,24 +161,24 @@ impl Cloud {
     }
 }
 
-fn look(eye: DVec3, projection: Projection, width: u32, height: u32) -> View {
+pub fn look(eye: DVec3, projection: Projection, width: u32, height: u32) -> View {
     View::look_at(eye, DVec3::ZERO, DVec3::new(0.1, 1.0, 0.0), projection, width, height).unwrap()
 }
 
-fn near(eye: [f64; 3], width: u32, height: u32) -> View {
+pub fn near(eye: [f64; 3], width: u32, height: u32) -> View {
     look(DVec3::from_array(eye), Projection::Perspective { fov_y: 0.8 }, width, height)
 }
 
 /// An adapter that draws clouds.
-struct Renderer {
-    renderer: HeadlessRenderer,
+pub struct Renderer {
+    pub renderer: HeadlessRenderer,
     number: u64,
     /// Bytes that a volume may work in.
-    memory: u64,
+    pub memory: u64,
 }
 
 impl Renderer {
-    fn open(device: &DeviceOptions) -> Renderer {
+    pub fn open(device: &DeviceOptions) -> Renderer {
         Renderer { renderer: HeadlessRenderer::bare(device, Backend::Compute).unwrap(), number: 0, memory: 1 << 30 }
     }
 
@@ -229,7 +229,7 @@ impl Renderer {
 
     fn view(&mut self, cloud: &Cloud, extents: Vec<Extent>, job: VolumeJob) -> VolumeView {
         let (light, ranges) = match job.shows {
-            Shows::Light(_) => (Some(job), None),
+            Shows::Light(_) | Shows::Cartesian(_) => (Some(job), None),
             Shows::Ranges => (None, Some(job)),
         };
         let attribute = cloud.attribute.is_some();
@@ -261,6 +261,37 @@ impl Renderer {
         (colors, found)
     }
 
+    /// What a technique's passes draw; an error where it does not fit.
+    pub fn pass(
+        &mut self,
+        view: &View,
+        cloud: &Cloud,
+        passes: &LightPasses,
+    ) -> Result<(Colors, VolumeFindings), GpuError> {
+        let job = self.job(view, cloud, passes);
+        self.load(&job.view, cloud);
+        self.again(view, cloud, passes)
+    }
+
+    /// The same of what has been loaded.
+    pub fn again(
+        &mut self,
+        view: &View,
+        cloud: &Cloud,
+        passes: &LightPasses,
+    ) -> Result<(Colors, VolumeFindings), GpuError> {
+        let job = self.job(view, cloud, passes);
+        let volume = self.view(cloud, extents::of(&[cloud.batch()]), job);
+        let (colors, found, _) = self.renderer.volume(volume, 1)?;
+        Ok((colors, found))
+    }
+
+    fn job(&mut self, view: &View, cloud: &Cloud, passes: &LightPasses) -> VolumeJob {
+        self.number += 1;
+        let (extents, attribute) = (extents::of(&[cloud.batch()]), cloud.attribute.is_some());
+        VolumeJob::picture_of(self.number, passes, view, &extents, attribute).unwrap().unwrap()
+    }
+
     fn ranges(&mut self, view: &View, cloud: &Cloud, options: &VolumeOptions) -> Option<FieldRange> {
         self.number += 1;
         let extents = self.load(view, cloud);
@@ -273,7 +304,7 @@ impl Renderer {
     }
 }
 
-fn renderer() -> Renderer {
+pub fn renderer() -> Renderer {
     Renderer::open(&DeviceOptions::default())
 }
 
@@ -282,7 +313,7 @@ fn on_cpu(view: &View, cloud: &Cloud, scenery: &Scenery, options: &VolumeOptions
 }
 
 /// Relative L2 of all channels, and the largest difference.
-fn difference(found: &Colors, expected: &Colors) -> (f64, f32) {
+pub fn difference(found: &Colors, expected: &Colors) -> (f64, f32) {
     assert_eq!((found.width, found.height), (expected.width, expected.height));
     let pairs = || found.rgba.as_flattened().iter().zip(expected.rgba.as_flattened());
     let square: f64 = pairs().map(|(a, b)| f64::from(a - b).powi(2)).sum();
@@ -511,9 +542,11 @@ fn the_demo_data_look_as_on_the_cpu() {
     let mut adapter = Offscreen::default();
     for mode in modes::all().into_iter().filter(|mode| mode.technique.adapter() == Adapter::Light) {
         let mut settings = Settings::default();
-        if mode.own_settings().any(|setting| setting.name == "layers") {
-            // A driver without a card takes a minute for 128 of them.
-            settings.0.insert("layers".into(), SettingValue::Number(8.0));
+        // A driver without a card takes a minute for 128 layers.
+        for (name, fewer) in [("layers", 8.0), ("cells", 96.0)] {
+            if mode.own_settings().any(|setting| setting.name == name) {
+                settings.0.insert(name.into(), SettingValue::Number(fewer));
+            }
         }
         let depiction = Depiction::new(mode, settings, None, metadata).unwrap();
         let selection = Scene::new(Arc::clone(&built.file), u64::MAX).converge_blocking(&view, 0.8).unwrap();
@@ -547,8 +580,11 @@ fn the_demo_data_look_as_on_the_cpu() {
         let (l2, most) = difference(&found, &drawn.colors);
         println!("{}: L2 {l2:.2e}, at most {most:.2e}", mode.name);
         // On the silhouettes of spheres a pixel may show one or the other.
-        let is_field = mode.technique.needs(&Settings::default()).purpose == Purpose::Samples;
-        let bound = if is_field { 5e-5 } else { 2e-2 };
+        let Needs { purpose, of_data, .. } = mode.technique.needs(&Settings::default());
+        let bound = match purpose == Purpose::Samples || of_data {
+            true => 5e-5,
+            false => 2e-2,
+        };
         assert!(l2 < bound, "{}: {l2} {most}", mode.name);
     }
 }

@@ -1,7 +1,7 @@
 //! Budgets of memory under a stress that fills them: one flies through more than they allow, and they hold at every moment.
 
 use super::desktop::{Desktop, PATIENCE, Program, Screen, columns, middle};
-use crate::support::program;
+use crate::support::{demo, program};
 use serde_json::Value;
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -106,4 +106,28 @@ fn budgets_hold_while_one_flies_through_more_than_they_allow() {
             screen.share(columns(&first), |[r, g, b]| r.max(g).max(b) > 20) > 0.005
         });
     }
+}
+
+#[test]
+fn a_grid_that_does_not_fit_is_drawn_with_fewer_cells() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    std::fs::create_dir(folder.join("configs")).unwrap();
+    std::fs::write(folder.join("configs/laptop.ron"), "(residency: (gpu_budget_mib: 32))").unwrap();
+    let scene = folder.join("grid.scene.ron");
+    let text = format!(r#"(version: 1, datasets: [(path: {:?})], mode: "cartesian")"#, demo());
+    std::fs::write(&scene, text).unwrap();
+    let desktop = Desktop::start();
+    let arguments = ["--backend", "compute", "--preset", "laptop"];
+    let variables = [("BEVY_ASSET_ROOT", folder)];
+    let mut program = Program::open_with(&desktop, folder, &scene, [640, 240], &arguments, &variables);
+    let is_told = |status: &Value| {
+        let messages = status["messages"].as_array().into_iter().flatten();
+        messages.filter_map(Value::as_str).any(|message| message.contains("too small for so many cells"))
+    };
+    let drawn = program.wait("a converged picture", |status| status["converged"] == true);
+    assert!(is_told(&drawn), "{drawn:#}");
+    assert!(drawn["memory"]["volumes"].as_u64().unwrap() <= 16 << 20, "{drawn:#}");
+    assert_eq!(drawn["decoded"], 0, "{drawn:#}");
+    desktop.wait("the picture", |screen| screen.share(columns(&drawn), |[r, g, b]| r.max(g).max(b) > 40) > 0.02);
 }

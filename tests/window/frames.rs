@@ -47,6 +47,16 @@ fn volumes_converge_in_the_frame() {
 }
 
 #[test]
+fn cartesian_grids_converge_in_the_frame() {
+    // A grid that is held is not resampled for the last picture.
+    turn("cartesian", &["cast"], |status| {
+        let slabs = status["slabs"].as_array().unwrap();
+        assert!(slabs[0] == slabs[1] && slabs[1].as_u64() > Some(0), "{status:#}");
+        assert!(status["ranges"][1] == true, "{status:#}");
+    });
+}
+
+#[test]
 fn splats_are_measured_by_the_adapter() {
     turn("column-density", &["accumulate"], |status| {
         assert!(status["slabs"].is_null() && status["ranges"][1] == true, "{status:#}");

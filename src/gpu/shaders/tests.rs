@@ -17,6 +17,7 @@ use crate::gpu::splat::layout::{
 use crate::gpu::target::FrameUniform;
 use crate::gpu::tiles::layout::{Portion as TilePortion, SPOT_BYTES, TileUniform};
 use crate::gpu::volume::layout::{Portion, REACH_BYTES, TierPortion, TierUniform, Turn, VolumeUniform};
+use crate::gpu::volume::march::MarchUniform;
 use std::collections::BTreeSet;
 use wgpu::naga::{AddressSpace, Handle, Module, ScalarKind, Type, TypeInner};
 
@@ -205,6 +206,7 @@ fn written(path: &str, name: &str) -> Option<Layout> {
             fade_rate,
             clip_min,
             clip_max,
+            fade_along,
             levels,
         }),
         "nodes" => {
@@ -336,13 +338,30 @@ fn written(path: &str, name: &str) -> Option<Layout> {
             unused,
             tiers,
         }),
+        "rays_view" => layout!(MarchUniform {
+            middle_place,
+            right,
+            down,
+            along,
+            along_right,
+            along_down,
+            low,
+            high,
+            rooms,
+            least,
+            middle,
+            planes,
+            size,
+            cell,
+            unused,
+        }),
         "reduction" => layout!(Reduction { size, reduced, stride, side, one, unused }),
         "turn" => layout!(Turn { number, unused }),
         "spots" | "depths" | "rays" if volume => plain(16, ScalarKind::Float),
         "amounts" => plain(8, ScalarKind::Float),
         "places" if volume => plain(8, ScalarKind::Uint),
         "readers" => plain(8, ScalarKind::Sint),
-        "table" if path == "volume/raycast.wgsl" || !volume => plain(16, ScalarKind::Float),
+        "table" if path != "volume/sort.wgsl" => plain(16, ScalarKind::Float),
         "words" | "lut" | "before" | "starts" | "bins" | "slice_count" | "dispatch" | "dispatches" => {
             plain(4, ScalarKind::Uint)
         }
@@ -428,7 +447,7 @@ fn buffers_are_laid_out_as_the_program_writes_them() {
             }
         }
     }
-    assert_eq!(compared.len(), 72, "{compared:?}");
+    assert_eq!(compared.len(), 75, "{compared:?}");
 }
 
 #[test]

@@ -113,6 +113,8 @@ pub struct SplatUniform {
     pub clip_min: [f32; 4],
     /// Highest corner of that box.
     pub clip_max: [f32; 4],
+    /// Camera coordinates of the direction that depth is measured in for what fades.
+    pub fade_along: [f32; 4],
     /// The levels, finest first.
     pub levels: [Level; MAX_LEVELS],
 }
@@ -246,6 +248,15 @@ pub struct Grids {
     pub oblique: bool,
 }
 
+impl SplatUniform {
+    /// The same for particles that another camera than the one at `own` sees: they fade with their depth for that one.
+    pub fn fading_for(self, own: &View, seen_by: &View) -> SplatUniform {
+        let [x, y, z] = [own.right, own.up, own.forward].map(|axis| axis.dot(seen_by.forward) as f32);
+        let start = seen_by.cut.fade_start - seen_by.forward.dot(own.eye - seen_by.eye);
+        SplatUniform { fade_along: [x, y, z, 0.0], fade_start: start as f32, ..self }
+    }
+}
+
 impl Grids {
     /// The most slices beyond the first of every tile that `splats` can make: each splat is in ranges of
     /// `(2 margin + 1)^2` tiles, or of all tiles of the last level.
@@ -351,6 +362,7 @@ impl Grids {
             fade_rate: view.cut.fade_rate as f32,
             clip_min: corner(view.cut.bounds.min - view.eye),
             clip_max: corner(view.cut.bounds.max - view.eye),
+            fade_along: [0.0, 0.0, 1.0, 0.0],
             levels,
         };
         Grids { uniform, cells, tiles, kernel, oblique: perspective && fixed_radius == 0.0 }

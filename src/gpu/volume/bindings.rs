@@ -3,7 +3,8 @@
 use super::constants::{BIN_GROUP, DIGITS, HEADER, SCAN_GROUP, SORT_BLOCK};
 use super::cut::Cut;
 use super::layout::{self, MOST_BINS, MOST_TIERS, Portion, REACH_BYTES, Turn, VolumeUniform};
-use super::programs::{Kind, Variant};
+use super::march::{self, MarchUniform};
+use super::programs::{Kind, Variant, matter_layout};
 use super::store::{Held, Store};
 use super::view::{Shows, VolumeJob};
 use super::work::Means;
@@ -11,7 +12,10 @@ use crate::cpu::volume::bricks::BrickGrid;
 use crate::cpu::volume::range;
 use crate::gpu::answer::Answer;
 use crate::gpu::light;
-use bevy::render::render_resource::{BindGroup, BindGroupEntry, BindingResource, Buffer};
+use crate::gpu::matter::{self, LookupUniform};
+use bevy::render::render_resource::{
+    BindGroup, BindGroupEntry, BindGroupLayoutDescriptor, BindingResource, Buffer, BufferId,
+};
 
 /// Uniforms of a list begin at multiples of this.
 const STRIDE: usize = 256;
@@ -52,8 +56,10 @@ pub struct Groups {
     pub interpolate: BindGroup,
     /// [`Kind::Measure`]; of pictures there is none.
     pub measure: Option<BindGroup>,
-    /// [`Kind::Occlusion`] and [`Kind::Raycast`]; of ranges there are none.
+    /// [`Kind::Occlusion`] and [`Kind::Raycast`], for pictures slab by slab.
     pub rays: Option<[BindGroup; 2]>,
+    /// [`Kind::March`] and what matter is read from, for pictures of Cartesian grids.
+    pub march: Option<[BindGroup; 2]>,
 }
 
 /// Buffers that the encoder clears, copies or is told by.
@@ -62,6 +68,8 @@ pub struct Buffers {
     pub bins: Held,
     /// The list of bricks.
     pub items: Held,
+    /// The cells.
+    pub field: Held,
     /// The largest density of each part of each brick.
     pub densest: Held,
     /// What is hidden.
@@ -80,6 +88,13 @@ pub struct Buffers {
     pub dispatch: Held,
     /// Mass of each class of values.
     pub masses: Held,
+}
+
+impl Buffers {
+    /// The buffers that hold all of a Cartesian grid.
+    pub fn of_grid(&self) -> [BufferId; 2] {
+        [&self.field, &self.densest].map(|held| held.buffer.id())
+    }
 }
 
 /// What a picture binds.
@@ -150,7 +165,7 @@ impl Bindings {
         let Means { device, queue, cache, .. } = *means;
         // What outlives a slab has a buffer for each kind of job, since both are on their way at the same time.
         let own = match job.shows {
-            Shows::Light(_) => 0,
+            Shows::Light(_) | Shows::Cartesian(_) => 0,
             Shows::Ranges => 1,
         };
         let mut put = |name, index, bytes: &[u8]| store.holding(device, queue, name, index, bytes);
@@ -163,12 +178,16 @@ impl Bindings {
         let depths = put("deepfield volume depths", own, bytemuck::cast_slice(&layout::depths(grids)));
         let places = put("deepfield volume places", own, bytemuck::cast_slice(places));
         let readers = put("deepfield volume readers", own, bytemuck::cast_slice(readers));
-        let table = match &job.shows {
-            Shows::Light(scenery) => {
-                Some(put("deepfield volume table", 0, bytemuck::cast_slice(&layout::table(scenery))))
-            }
-            Shows::Ranges => None,
-        };
+        let table = job.scenery().map(|scenery| matter::table(&scenery.classifier));
+        let table = table.map(|table| put("deepfield volume table", 0, bytemuck::cast_slice(&table)));
+        let march = job.cartesian().map(|picture| {
+            let lookup = LookupUniform::new(&picture.scenery.classifier);
+            [
+                put("deepfield volume march", 0, bytemuck::bytes_of(&MarchUniform::new(picture))),
+                put("deepfield volume lookup", 0, bytemuck::bytes_of(&lookup)),
+            ]
+        });
+        let rooms: u32 = job.cartesian().map_or(0, |picture| march::rooms(picture).iter().product());
 
         let mut make = |name, index, bytes| store.room(device, name, index, bytes);
         let spots = make("deepfield volume spots", 0, 16 * candidates);
@@ -195,19 +214,24 @@ impl Bindings {
         let bounds = make("deepfield volume bounds", own, 4 * cut.bricks());
         let hidden = make("deepfield volume hidden", own, 4 * u64::from(uniform.bin_count));
         let visible = make("deepfield volume visible", own, 4);
-        let pixels = if own == 0 { pixels } else { 0 };
+        let rooms = make("deepfield volume rooms", own, 4 * u64::from(rooms));
+        let pixels = if matches!(job.shows, Shows::Light(_)) { pixels } else { 0 };
         let rays = make("deepfield volume rays", own, 16 * pixels);
         let progress = make("deepfield volume progress", own, 4 * pixels);
         let masses = make("deepfield volume masses", own, if own == 1 { 8 * range::CLASSES as u64 } else { 0 });
 
-        let group = |kind: Kind, list: &[BindingResource<'_>]| {
+        let size = [job.seen_from().width, job.seen_from().height];
+        let target = job.scenery().map(|_| light::cells(None, size, device).buffer);
+
+        let group_of = |layout: &BindGroupLayoutDescriptor, list: &[BindingResource<'_>]| {
             let entries: Vec<BindGroupEntry<'_>> = list
                 .iter()
                 .enumerate()
                 .map(|(binding, resource)| BindGroupEntry { binding: binding as u32, resource: resource.clone() })
                 .collect();
-            device.create_bind_group(kind.shader(), &cache.get_bind_group_layout(&kind.layout()), &entries)
+            device.create_bind_group(&*layout.label, &cache.get_bind_group_layout(layout), &entries)
         };
+        let group = |kind: Kind, list: &[BindingResource<'_>]| group_of(&kind.layout(), list);
         let portion = || portions.part(size_of::<Portion>() as u64);
         let turn = || turns.part(size_of::<Turn>() as u64);
         // After an odd number of digits the pairs are on the other side.
@@ -305,6 +329,17 @@ impl Bindings {
             ];
             [group(Kind::Occlusion, &occlusion), group(Kind::Raycast, &raycast)]
         };
+        let march_groups = |(([march, lookup], table), target): ((&[Held; 2], &Held), &Buffer)| {
+            let bound = [
+                all.binding(),
+                march.binding(),
+                field.binding(),
+                densest.binding(),
+                rooms.binding(),
+                target.as_entire_binding(),
+            ];
+            [group(Kind::March, &bound), group_of(&matter_layout(), &[lookup.binding(), table.binding()])]
+        };
         let project = [all.binding(), spots.binding(), amounts.binding(), visible.binding()];
         let groups = Groups {
             project: group(Kind::Project, &project),
@@ -316,11 +351,13 @@ impl Bindings {
             choose: group(Kind::Choose, &choose),
             interpolate: group(Kind::Interpolate, &interpolate),
             measure: (own == 1).then(measure),
-            rays: table.as_ref().map(rays_groups),
+            rays: table.as_ref().filter(|_| march.is_none()).map(rays_groups),
+            march: march.as_ref().zip(table.as_ref()).zip(target.as_ref()).map(march_groups),
         };
         let buffers = Buffers {
             bins,
             items: items_held,
+            field,
             densest,
             hidden,
             reach,
@@ -331,14 +368,13 @@ impl Bindings {
             dispatch,
             masses,
         };
-        let pixels = u64::from(job.view.width) * u64::from(job.view.height);
-        let is_light = matches!(job.shows, Shows::Light(_));
-        let answer_bytes = match is_light {
-            true => EFFORT + if job.options.occlusion { 4 * pixels } else { 0 },
-            false => 8 * range::CLASSES as u64,
+        let answer_bytes = match job.shows {
+            Shows::Light(_) | Shows::Cartesian(_) => {
+                EFFORT + if job.options.occlusion { 4 * u64::from(size[0]) * u64::from(size[1]) } else { 0 }
+            }
+            Shows::Ranges => 8 * range::CLASSES as u64,
         };
-        let target = || light::cells(None, [job.view.width, job.view.height], device).buffer;
         let answer = Answer::new(answer_bytes, "deepfield volume answer", device);
-        Bindings { groups, buffers, one, target: is_light.then(target), answer }
+        Bindings { groups, buffers, one, target, answer }
     }
 }

@@ -1,7 +1,8 @@
 //! What Rust and the volume shaders both need, written as a shader module: one source, and constants that a shader's
 //! compiler sees.
 
-use crate::cpu::volume::bricks::BORDER;
+use crate::cpu::cartesian::march;
+use crate::cpu::volume::bricks::{self, BORDER};
 use crate::cpu::volume::classify::{BRIGHTNESSES, HIDDEN_BITS, HUES};
 use crate::cpu::volume::coarse;
 use crate::cpu::volume::range;
@@ -20,6 +21,10 @@ pub const CELLS: u32 = BRICK * BRICK * BRICK;
 const CHOSEN: u32 = 4;
 /// Words before the list of bricks.
 pub const HEADER: u32 = 12;
+/// Cells along the side of a room of a Cartesian grid: rays leave those in one step in which nothing shows, and where a ray has samples
+/// depends on that. The processor's rooms are its bricks.
+pub const ROOM: u32 = bricks::BRICK as u32;
+const _: () = assert!(ROOM.is_multiple_of(BRICK));
 /// Most levels of bins, of all tiers together: the finest tier's last one has bins that are 2^13 bricks wide, and each
 /// tier has half the bricks of the one before.
 pub const MOST_LEVELS: usize = 80;
@@ -60,6 +65,7 @@ pub fn wgsl() -> String {
         ("HIDDEN_BITS", HIDDEN_BITS),
         ("HUES", HUES as u32),
         ("BRIGHTNESSES", BRIGHTNESSES as u32),
+        ("ROOM", ROOM),
         ("RANGE_CLASSES", range::CLASSES as u32),
         ("RANGE_HIDDEN_BITS", range::HIDDEN_BITS),
     ];
@@ -67,7 +73,12 @@ pub fn wgsl() -> String {
     for (name, number) in numbers {
         text += &format!("const {name}: u32 = {number}u;\n");
     }
-    let shares = [("SURFACE_BRIGHTNESS", SURFACE_BRIGHTNESS), ("WIDE", coarse::WIDE), ("OVERSHOOT", coarse::OVERSHOOT)];
+    let shares = [
+        ("STEP", march::STEP),
+        ("SURFACE_BRIGHTNESS", SURFACE_BRIGHTNESS),
+        ("WIDE", coarse::WIDE),
+        ("OVERSHOOT", coarse::OVERSHOOT),
+    ];
     for (name, share) in shares {
         text += &format!("const {name}: f32 = {share:e};\n");
     }

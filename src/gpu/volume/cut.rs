@@ -92,9 +92,8 @@ impl Cut {
     /// Cuts a grid and its coarser ones, of `tiers` together, so that their cells, with one value or two each, take about
     /// `memory` bytes, and no more than `limit`. `None` where not even single bricks would fit.
     pub fn new(grid: &PerspectiveGrid, tiers: usize, attribute: bool, memory: u64, limit: u64) -> Option<Cut> {
-        let [k, l, m] = grid.size;
-        let [across, down] = [k, l].map(|cells| (cells + 2 * BORDER as u32).div_ceil(BRICK));
-        let bricks = [across, down, m.div_ceil(BRICK)];
+        let [k, l, _] = grid.size;
+        let bricks = Cut::bricks_of(grid);
         let sides = |parts: [u32; 2]| [0, 1].map(|axis: usize| bricks[axis].div_ceil(parts[axis]));
         let window_of = |parts: [u32; 2]| {
             let own = sides(parts);
@@ -128,6 +127,40 @@ impl Cut {
         let starts = |axis: usize| (0..bricks[axis]).step_by(own[axis] as usize);
         let windows = starts(1).flat_map(|y| starts(0).map(move |x| [x, y])).map(window_at).collect();
         Some(Cut { tiers, windows, slabs })
+    }
+
+    /// Cuts a grid so that all of its finest tier is held, in one window, and slabs of about `slab` bytes fill it one after the other.
+    /// `None` where that would take more than `memory` bytes.
+    pub fn whole(grid: &PerspectiveGrid, tiers: usize, attribute: bool, slab: u64, memory: u64) -> Option<Cut> {
+        let [k, l, m] = grid.size;
+        let bricks = Cut::bricks_of(grid);
+        let window = [bricks[0], bricks[1]];
+        let with = |layers: u32| {
+            let mut tiers = Tier::all(bricks, window, layers, tiers.max(1));
+            tiers[0].ring = bricks[2].max(layers + 1);
+            tiers
+        };
+        let fits = |layers: &u32| {
+            let filled = u64::from(window[0] * window[1]) * u64::from(*layers) * brick_bytes(attribute);
+            filled <= slab && bytes(&with(*layers), attribute) <= memory
+        };
+        let layers = (1..=MOST_LAYERS.min(bricks[2])).rev().find(fits).unwrap_or(1);
+        let tiers = with(layers);
+        if bytes(&tiers, attribute) > memory {
+            return None;
+        }
+        let slices = u64::from(layers * BRICK);
+        let slabs = grid.slabs(u64::from(k) * u64::from(l) * (slices + u64::from(Slab::OVERLAP)), 1, BRICK);
+        debug_assert!(slabs.last().is_some_and(|slab| slab.slices.end == m));
+        let all = Window { origin: [0; 2], own_first: [0; 2], own_behind: window };
+        Some(Cut { tiers, windows: vec![all], slabs })
+    }
+
+    /// Bricks of a grid along x, y and z.
+    fn bricks_of(grid: &PerspectiveGrid) -> [u32; 3] {
+        let [k, l, m] = grid.size;
+        let [across, down] = [k, l].map(|cells| (cells + 2 * BORDER as u32).div_ceil(BRICK));
+        [across, down, m.div_ceil(BRICK)]
     }
 
     /// The tier that is drawn.
@@ -179,8 +212,12 @@ impl Cut {
 
 /// Bytes of the cells of tiers.
 fn bytes(tiers: &[Tier], attribute: bool) -> u64 {
-    let brick = u64::from(CELLS) * if attribute { 8 } else { 4 };
-    brick * tiers.iter().map(Tier::bricks_held).sum::<u64>()
+    brick_bytes(attribute) * tiers.iter().map(Tier::bricks_held).sum::<u64>()
+}
+
+/// Bytes of the cells of a brick.
+fn brick_bytes(attribute: bool) -> u64 {
+    u64::from(CELLS) * if attribute { 8 } else { 4 }
 }
 
 #[cfg(test)]
@@ -192,6 +229,30 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
+        #[test]
+        fn all_of_a_grid_is_held_or_it_does_not_fit(
+            size in prop::array::uniform3(1u32..700), slab in 0u64..1 << 26, tiers in 1usize..=7, attribute in any::<bool>(),
+            room in 0.5..2.0f64,
+        ) {
+            let [k, l, m] = size;
+            let grid = PerspectiveGrid {
+                size, near: 0.0, far: f64::from(m), sigma: 1.0, cell: 1.0,
+                middle: [k, l].map(|cells| 0.5 * f64::from(cells)), perspective: false,
+            };
+            let bricks = [k + 4, l + 4, m].map(|cells| u64::from(cells.div_ceil(BRICK)));
+            let cells = bricks.iter().product::<u64>() * u64::from(CELLS) * if attribute { 8 } else { 4 };
+            let memory = (room * cells as f64) as u64;
+            let Some(cut) = Cut::whole(&grid, tiers, attribute, slab, memory) else {
+                // Coarser grids of one slab, and a layer that is read besides, come on top.
+                prop_assert!(room < 1.1 || bricks.iter().any(|&bricks| bricks < 16), "{bricks:?} {room}");
+                return Ok(());
+            };
+            prop_assert!(cut.bytes(attribute) <= memory && cut.windows.len() == 1);
+            prop_assert!(u64::from(cut.finest().ring) >= bricks[2]);
+            let filled: Vec<u32> = cut.filled().iter().flat_map(|tiers| tiers[0].clone()).collect();
+            prop_assert!(filled.iter().copied().eq(0..bricks[2] as u32), "{filled:?}");
+        }
+
         #[test]
         fn every_brick_and_step_is_drawn_once(
             width in 1u32..900, height in 1u32..900, depth in 1.01..8.0f64, memory in 0u64..1 << 26,

@@ -4,7 +4,7 @@
 
 use super::constants::{BRICK, MOST_LEVELS};
 use super::cut::Cut;
-use super::view::{Shows, VolumeJob};
+use super::view::VolumeJob;
 use crate::color::transfer::Scale;
 use crate::cpu::volume::bricks::BrickGrid;
 use crate::cpu::volume::coarse;
@@ -257,10 +257,10 @@ impl VolumeUniform {
             levels: all_levels,
             ..VolumeUniform::zeroed()
         };
-        match &job.shows {
-            Shows::Ranges => uniform,
-            Shows::Light(scenery) => uniform.with(scenery),
-        }
+        let shown = job.scenery().map_or(uniform, |scenery| uniform.with(scenery));
+        // Of a Cartesian grid everything is wanted: beside a cell that shows, rays read one that does not.
+        let least = if job.cartesian().is_some() { 0.0 } else { shown.least };
+        VolumeUniform { least, ..shown }
     }
 
     /// With what is shown of the field.
@@ -300,18 +300,6 @@ impl VolumeUniform {
             ..self
         }
     }
-}
-
-/// The shader's table: densities, then hues, then the plane.
-pub fn table(scenery: &Scenery) -> Vec<[f32; 4]> {
-    let tables = scenery.classifier.tables();
-    tables
-        .densities
-        .iter()
-        .copied()
-        .chain(tables.hues.iter().map(|&[r, g, b]| [r, g, b, 0.0]))
-        .chain(tables.plane.iter().copied())
-        .collect()
 }
 
 /// Depth, spacing, cells per length and thickness of each slice of each tier.

@@ -20,12 +20,20 @@
 //! 6. `cast_rays`: all rays go through it; what they have gathered is carried to the next one.
 //! 7. `occlude`, `pyramid`: columns of bricks behind opaque pixels are left out from now on.
 //!
+//! Of a Cartesian grid ([`Shows::Cartesian`]) the view is one along an axis, and the finest tier holds all layers: no slab takes the
+//! place of one before. In place of 6 and 7, when all of them are filled:
+//!
+//! 8. `find_rooms`: how dense the field is at most in rooms of it and around them.
+//! 9. `march`: rays of the picture's camera go through it ([`march`]).
+//!
 //! A job of [`Shows::Ranges`] does `measure` instead: the masses of all densities and attributes, which are read back without waiting.
 
 pub mod constants;
 pub mod cut;
 pub mod layout;
 pub mod programs;
+
+pub mod march;
 
 mod bindings;
 mod pass;
@@ -35,7 +43,7 @@ mod view;
 mod work;
 
 pub use pass::draw_volumes;
-pub use view::{Shows, VolumeFindings, VolumeJob, VolumeNews, VolumeView};
+pub use view::{CartesianPicture, Shows, VolumeFindings, VolumeJob, VolumeNews, VolumeView};
 pub use work::Room;
 
 use super::arena::update_arena;

@@ -2,6 +2,7 @@
 
 use super::bindings::{ALL_BRICKS, CHOSEN_GROUPS, CROWDED, EFFORT, SORT_GROUPS, offset};
 use super::constants::{ALL_PAIRS, ALL_RAISED, BIN_GROUP, HEADER, SCAN_GROUP};
+use super::march;
 use super::prepare::VolumeWork;
 use super::programs::{Step, VolumePipelines};
 use super::view::Shows;
@@ -70,7 +71,8 @@ pub fn draw_volumes(
             if slab.opens {
                 begin_pane(work, encoder);
             }
-            let span = diagnostics.time_span(encoder, "resample");
+            // Of a grid that is held there is none.
+            let span = (!slab.batches.is_empty()).then(|| diagnostics.time_span(encoder, "resample"));
             for (index, batch) in slab.batches.iter().enumerate() {
                 encoder.clear_buffer(&work.buffers.bins.buffer, 0, Some(work.buffers.bins.bytes));
                 encoder.clear_buffer(&work.buffers.items.buffer, 0, Some(4 * u64::from(HEADER)));
@@ -81,7 +83,9 @@ pub fn draw_volumes(
                     interpolate(work, &mut steps, slab);
                 }
             }
-            span.end(encoder);
+            if let Some(span) = span {
+                span.end(encoder);
+            }
             let span = diagnostics.time_span(encoder, "cast");
             finish_slab(work, encoder, &pipelines, slab);
             span.end(encoder);
@@ -98,6 +102,10 @@ fn begin_pane(work: &Work, encoder: &mut CommandEncoder) {
     let buffers = &work.buffers;
     for held in [&buffers.rays, &buffers.progress, &buffers.densest, &buffers.hidden] {
         encoder.clear_buffer(&held.buffer, 0, Some(held.bytes));
+    }
+    if work.job.cartesian().is_some() {
+        // Parts of bricks that nothing reaches are not written, but read.
+        encoder.clear_buffer(&buffers.field.buffer, 0, Some(buffers.field.bytes));
     }
     if work.done.load(Ordering::Relaxed) == 0 {
         encoder.clear_buffer(&buffers.work.buffer, 0, None);
@@ -173,7 +181,8 @@ fn interpolate(work: &Work, steps: &mut Steps<'_>, slab: &SlabWork) {
     }
 }
 
-/// Measures a slab that has been resampled; or casts rays through it, and finds what they hide.
+/// Measures a slab that has been resampled; or casts rays through it, and finds what they hide; or, with the last slab of a Cartesian
+/// grid, through all of it.
 fn finish_slab(
     work: &Work,
     encoder: &mut CommandEncoder,
@@ -201,6 +210,13 @@ fn finish_slab(
             steps.take(Step::Pyramid, hides, &[at], [1, 1, 1]);
         }
     }
+    if let (Some([march, matter]), Some(picture), true) = (&work.groups.march, work.job.cartesian(), slab.closes) {
+        steps.pass.set_bind_group(1, matter, &[]);
+        let rooms: u32 = march::rooms(picture).iter().product();
+        steps.take(Step::FindRooms, march, &[], groups(rooms.div_ceil(BRICK_GROUP)));
+        let [x, y] = [picture.view.width, picture.view.height].map(|pixels| pixels.div_ceil(PIXEL_GROUP));
+        steps.take(Step::March, march, &[], [x, y, 1]);
+    }
 }
 
 /// Where a list of numbers has one of them, bytes.
@@ -224,12 +240,12 @@ fn end_pane(work: &Work, encoder: &mut CommandEncoder, slab: &SlabWork) {
             }
         }
     };
-    if let Some(target) = &work.target {
+    if let (Some(target), Shows::Light(_)) = (&work.target, &work.job.shows) {
         put(&buffers.rays.buffer, target, 0, 16);
     }
     let Some(answer) = work.answer.as_ref().map(Answer::buffer) else { return };
     match work.job.shows {
-        Shows::Light(_) => {
+        Shows::Light(_) | Shows::Cartesian(_) => {
             if work.job.options.occlusion {
                 put(&buffers.progress.buffer, answer, EFFORT, 4);
             }

@@ -122,7 +122,8 @@ pub fn prepare_volumes(
             news.slabs = [light.done.load(Ordering::Relaxed), light.slabs.len()];
             if light.is_complete() {
                 let buffer = light.target.clone();
-                let size = [light.job.view.width, light.job.view.height];
+                let view = light.job.seen_from();
+                let size = [view.width, view.height];
                 if let Some(buffer) = buffer {
                     commands.entity(entity).insert(LightCells { buffer, size, complete: true });
                 }
@@ -146,7 +147,7 @@ impl VolumeWork {
             let mut news = news.lock();
             match job.shows {
                 Shows::Ranges => news.ranges = Some((number, bytes.and_then(|bytes| range_of(&bytes)))),
-                Shows::Light(_) => {
+                Shows::Light(_) | Shows::Cartesian(_) => {
                     let (effort, ends) =
                         bytes.as_deref().unwrap_or_default().split_at_checked(EFFORT as usize).unwrap_or_default();
                     let (numbers, _) = effort.as_chunks::<4>();
@@ -189,21 +190,29 @@ impl VolumeWork {
         let limits = means.device.limits();
         let limit = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
         let mut memory = self.lowered.map_or(shown.memory, |(bytes, _)| bytes.min(shown.memory)).max(Room::LEAST);
+        let held = known.as_mut().and_then(|known| {
+            let holds = known.holds_grid_of(job, shown.attribute, &list.items, means.arena);
+            holds.then(|| known.buffers.of_grid())
+        });
         *known = None;
         loop {
             // A sixteenth is for uniforms and lists of bins.
-            let free = (memory - memory / 16).saturating_sub(Room::of_pixels(&job.view));
-            let cells = match job.shows {
+            let free = (memory - memory / 16).saturating_sub(Room::of_pixels(job));
+            let room = match job.shows {
                 // Beside the half that a picture's cells may take, and the third that particles may, which both share.
-                Shows::Ranges => job.options.memory.min(free / 6),
-                Shows::Light(_) => job.options.memory,
+                Shows::Ranges => Room::of(free, job.options.memory.min(free / 6), limit),
+                Shows::Light(_) => Room::of(free, job.options.memory, limit),
+                Shows::Cartesian(_) => Room::of_whole(free, limit),
             };
-            let room = Room::of(free, cells, limit);
             let scope = means.device.wgpu_device().push_error_scope(ErrorFilter::OutOfMemory);
-            let begun = Work::begin(job, shown, (&list.view, &list.items), &room, &mut self.store, means);
+            let begun = Work::begin(job, shown, (job.camera(&list.view), &list.items), &room, &mut self.store, means);
             let is_full = block_on(scope.pop()).is_some();
             match begun {
-                Some(work) if !is_full => {
+                Some(mut work) if !is_full => {
+                    // If not, one of them had to be made anew.
+                    if held == Some(work.buffers.of_grid()) {
+                        work.keep_grid();
+                    }
                     news.lock().thinner = self.lowered.is_some();
                     *known = Some(work);
                     return true;
@@ -216,7 +225,9 @@ impl VolumeWork {
                 _ => {
                     self.store.clear();
                     self.refused = Some((job.number, Instant::now()));
-                    news.lock().no_room = Some(job.number);
+                    let mut news = news.lock();
+                    news.most_cells = job.cartesian().map(|picture| picture.most_cells(shown.attribute, room.cells));
+                    news.no_room = Some(job.number);
                     return false;
                 }
             }

@@ -1,6 +1,8 @@
 //! The compute pipelines of volumes: which shader each step runs, and what it binds.
 
 use super::layout::{Portion, Turn, VolumeUniform};
+use super::march::MarchUniform;
+use crate::gpu::matter::LookupUniform;
 use crate::gpu::shaders;
 use crate::gpu::splat::particle_layout;
 use crate::model::Kernel;
@@ -68,6 +70,10 @@ pub enum Step {
     Occlude,
     /// The same for coarser bins, one workgroup.
     Pyramid,
+    /// How dense a Cartesian grid is at most, one invocation a room.
+    FindRooms,
+    /// Rays through a Cartesian grid, one invocation a pixel.
+    March,
 }
 
 /// What a step binds; steps of the same kind share it, and their shader.
@@ -95,6 +101,8 @@ pub enum Kind {
     Occlusion,
     /// `raycast.wgsl`.
     Raycast,
+    /// `march.wgsl`.
+    March,
 }
 
 /// What is compiled into the shaders.
@@ -128,7 +136,7 @@ impl Variant {
 
 impl Step {
     /// Every step.
-    pub const ALL: [Step; 24] = [
+    pub const ALL: [Step; 26] = [
         Step::Project,
         Step::Count,
         Step::Pair,
@@ -153,6 +161,8 @@ impl Step {
         Step::CastRays,
         Step::Occlude,
         Step::Pyramid,
+        Step::FindRooms,
+        Step::March,
     ];
 
     /// The name of its entry point.
@@ -182,6 +192,8 @@ impl Step {
             Step::CastRays => "cast_rays",
             Step::Occlude => "occlude",
             Step::Pyramid => "pyramid",
+            Step::FindRooms => "find_rooms",
+            Step::March => "march",
         }
     }
 
@@ -199,13 +211,14 @@ impl Step {
             Step::Measure => Kind::Measure,
             Step::FindReach | Step::Occlude | Step::Pyramid => Kind::Occlusion,
             Step::CastRays => Kind::Raycast,
+            Step::FindRooms | Step::March => Kind::March,
         }
     }
 }
 
 impl Kind {
     /// Every kind.
-    pub const ALL: [Kind; 11] = [
+    pub const ALL: [Kind; 12] = [
         Kind::Project,
         Kind::Bin,
         Kind::Scan,
@@ -217,6 +230,7 @@ impl Kind {
         Kind::Measure,
         Kind::Occlusion,
         Kind::Raycast,
+        Kind::March,
     ];
 
     /// The path of its shader.
@@ -233,6 +247,7 @@ impl Kind {
             Kind::Measure => "volume/measure.wgsl",
             Kind::Occlusion => "volume/occlusion.wgsl",
             Kind::Raycast => "volume/raycast.wgsl",
+            Kind::March => "volume/march.wgsl",
         }
     }
 
@@ -245,7 +260,7 @@ impl Kind {
     pub fn defs(self, variant: Variant) -> Vec<ShaderDefVal> {
         let mut defs = Vec::new();
         let is_one_of = |kinds: &[Kind]| kinds.contains(&self);
-        let with_cells = is_one_of(&[Kind::Gather, Kind::Interpolate, Kind::Measure, Kind::Raycast]);
+        let with_cells = is_one_of(&[Kind::Gather, Kind::Interpolate, Kind::Measure, Kind::Raycast, Kind::March]);
         if with_cells || is_one_of(&[Kind::Plan, Kind::Choose, Kind::Occlusion]) {
             defs.push(ShaderDefVal::UInt("PARTS".into(), variant.parts()));
         }
@@ -261,7 +276,7 @@ impl Kind {
         if with_cells && variant.attribute {
             defs.push("ATTRIBUTE".into());
         }
-        if self == Kind::Raycast && variant.surfaces {
+        if is_one_of(&[Kind::Raycast, Kind::March]) && variant.surfaces {
             defs.push("SURFACES".into());
         }
         if self == Kind::Choose && variant.centered && !variant.surfaces {
@@ -273,7 +288,7 @@ impl Kind {
         defs
     }
 
-    /// Its bindings; those of [`Kind::Project`] are group 1, behind the particles.
+    /// Its bindings; those of [`Kind::Project`] are group 1, behind the particles. [`Kind::March`] has [`matter_layout`] too.
     pub fn layout(self) -> BindGroupLayoutDescriptor {
         let uniform = |bytes: usize, moves| uniform_buffer_sized(moves, NonZeroU64::new(bytes as u64));
         let view = || uniform(size_of::<VolumeUniform>(), false);
@@ -301,6 +316,9 @@ impl Kind {
             Kind::Interpolate => vec![view(), portion(), turn(), read(), write(), write()],
             Kind::Measure => vec![view(), portion(), read(), read(), read(), write()],
             Kind::Occlusion => vec![view(), portion(), read(), write(), read(), read(), write(), write()],
+            Kind::March => {
+                vec![view(), uniform(size_of::<MarchUniform>(), false), read(), read(), write(), write()]
+            }
             Kind::Raycast => {
                 let mut list = vec![view(), portion()];
                 list.extend((0..5).map(|_| read()));
@@ -313,6 +331,14 @@ impl Kind {
         let entries: Vec<_> = list.into_iter().enumerate().map(entry).collect();
         BindGroupLayoutDescriptor::new(self.shader(), &entries)
     }
+}
+
+/// What shaders bind that import `deepfield::matter`.
+pub fn matter_layout() -> BindGroupLayoutDescriptor {
+    let lookup = uniform_buffer_sized(false, NonZeroU64::new(size_of::<LookupUniform>() as u64));
+    let entries = [lookup, storage_buffer_read_only_sized(false, None)];
+    let entries = [0, 1].map(|binding: usize| entries[binding].build(binding as u32, ShaderStages::COMPUTE));
+    BindGroupLayoutDescriptor::new("deepfield volume matter", &entries)
 }
 
 /// The pipelines of all variants that have been asked for.
@@ -339,8 +365,10 @@ impl VolumePipelines {
             let defs = kind.defs(variant);
             known.entry((step, defs.clone())).or_insert_with(|| {
                 let mut layout = vec![kind.layout()];
-                if kind == Kind::Project {
-                    layout.insert(0, particle_layout());
+                match kind {
+                    Kind::Project => layout.insert(0, particle_layout()),
+                    Kind::March => layout.push(matter_layout()),
+                    _ => {}
                 }
                 cache.queue_compute_pipeline(ComputePipelineDescriptor {
                     label: Some(step.entry().into()),

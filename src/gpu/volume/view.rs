@@ -1,8 +1,13 @@
 //! What the main world says of a camera's volume, and what it hears of it.
 
+use super::cut::Cut;
+use super::layout::MOST_TIERS;
 use super::prepare::VolumeWork;
-use crate::cpu::volume::{FieldRange, OpaqueDepths, Scenery, VolumeOptions};
+use crate::cpu::cartesian::Lattice;
+use crate::cpu::volume::extents::planes_and_widest;
+use crate::cpu::volume::{FieldRange, OpaqueDepths, Scenery, VolumeError, VolumeOptions};
 use crate::gpu::light::LightCells;
+use crate::mode::LightPasses;
 use crate::view::{Extent, PerspectiveGrid, View};
 use bevy::prelude::{Component, Resource};
 use bevy::render::extract_component::ExtractComponent;
@@ -48,17 +53,111 @@ pub struct VolumeJob {
 /// What is wanted of a field.
 #[derive(Clone, Debug)]
 pub enum Shows {
-    /// Its picture.
+    /// Its picture from where its grid is laid, slab by slab.
     Light(Arc<Scenery>),
+    /// A picture of a Cartesian grid, all of which is held.
+    Cartesian(Arc<CartesianPicture>),
     /// Between which values its mass lies.
     Ranges,
 }
 
+/// What is shown of a Cartesian grid, from where.
+#[derive(Clone, Debug)]
+pub struct CartesianPicture {
+    /// The camera and the pixels of the picture; the job's own view is the grid's.
+    pub view: View,
+    /// Depths between which its rays go.
+    pub planes: [f64; 2],
+    /// The grid.
+    pub lattice: Lattice,
+    /// What is drawn of it.
+    pub scenery: Scenery,
+}
+
+impl CartesianPicture {
+    /// Most cells along the longest side with which the box's grid fits into so many bytes.
+    pub fn most_cells(&self, attribute: bool, bytes: u64) -> u32 {
+        let longest = self.lattice.cells.into_iter().max().unwrap_or(1);
+        let fits =
+            |cells: u32| Cut::whole(&self.lattice.coarser(cells).grid, MOST_TIERS, attribute, 0, bytes).is_some();
+        // What fits with some cells fits with fewer.
+        let (mut most, mut behind) = (0, longest);
+        while most + 1 < behind {
+            let cells = most.midpoint(behind);
+            *if fits(cells) { &mut most } else { &mut behind } = cells;
+        }
+        most
+    }
+}
+
 impl VolumeJob {
+    /// The picture that a technique's passes draw of particles within extents as the processor would; `None` for passes that are not those
+    /// of volumes. `attribute`: whether particles have one.
+    ///
+    /// # Errors
+    /// [`VolumeError`] for planes and grids that make no sense, and where nothing is in view.
+    pub fn picture_of(
+        number: u64,
+        passes: &LightPasses,
+        view: &View,
+        extents: &[Extent],
+        attribute: bool,
+    ) -> Result<Option<VolumeJob>, VolumeError> {
+        let (view, grid, options, shows) = match passes {
+            LightPasses::March(scenery, options) => {
+                let (grid, _) = planes_and_widest(view, extents.iter().copied(), options)?;
+                (*view, grid, *options, Shows::Light(Arc::new(scenery.clone())))
+            }
+            LightPasses::Cartesian(scenery, options, cartesian) => {
+                let (lattice, planes) = Lattice::of(view, extents, cartesian, attribute, options)?;
+                let picture = CartesianPicture { view: *view, planes, lattice, scenery: scenery.clone() };
+                // What is behind something else belongs to the grid too.
+                let options = VolumeOptions { occlusion: false, ..*options };
+                (lattice.view.with_cut(view.cut), lattice.grid, options, Shows::Cartesian(Arc::new(picture)))
+            }
+            _ => return Ok(None),
+        };
+        Ok(Some(VolumeJob { number, view, grid, options, stride: 1, shows }))
+    }
+
+    /// The camera and the pixels of the picture.
+    pub fn seen_from(&self) -> &View {
+        match &self.shows {
+            Shows::Cartesian(picture) => &picture.view,
+            Shows::Light(_) | Shows::Ranges => &self.view,
+        }
+    }
+
+    /// The camera that particles are brought to, of a list that is made for `list`.
+    pub fn camera<'a>(&'a self, list: &'a View) -> &'a View {
+        match &self.shows {
+            Shows::Cartesian(_) => &self.view,
+            Shows::Light(_) | Shows::Ranges => list,
+        }
+    }
+
+    /// What is drawn; `None` for ranges.
+    pub fn scenery(&self) -> Option<&Scenery> {
+        match &self.shows {
+            Shows::Light(scenery) => Some(scenery),
+            Shows::Cartesian(picture) => Some(&picture.scenery),
+            Shows::Ranges => None,
+        }
+    }
+
+    /// The Cartesian grid, if it is that.
+    pub fn cartesian(&self) -> Option<&CartesianPicture> {
+        match &self.shows {
+            Shows::Cartesian(picture) => Some(picture),
+            Shows::Light(_) | Shows::Ranges => None,
+        }
+    }
+
     /// Whether the same is wanted.
     pub fn is_same(&self, other: &VolumeJob) -> bool {
         let shows = match (&self.shows, &other.shows) {
             (Shows::Light(a), Shows::Light(b)) => Arc::ptr_eq(a, b),
+            (Shows::Cartesian(a), Shows::Cartesian(b)) => Arc::ptr_eq(a, b),
             (Shows::Ranges, Shows::Ranges) => true,
             _ => false,
         };
@@ -92,6 +191,8 @@ pub struct VolumeFindings {
     pub bytes: u64,
     /// The job for which there was no room even for the thinnest slabs.
     pub no_room: Option<u64>,
+    /// Most cells along the longest side of a Cartesian grid that would have fitted in its place.
+    pub most_cells: Option<u32>,
     /// Slabs are thinner than asked for, since the adapter has no more memory.
     pub thinner: bool,
 }

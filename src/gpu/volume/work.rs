@@ -42,15 +42,22 @@ impl Room {
     const MOST_BATCH: u64 = 1 << (PARTICLE_BITS - 1);
     const LEAST_BATCH: u64 = 1 << 14;
 
-    /// Bytes that pixels take whatever the room: light twice, ends of rays twice.
-    pub fn of_pixels(view: &View) -> u64 {
-        40 * u64::from(view.width) * u64::from(view.height)
+    /// Bytes that pixels take whatever the room: light twice, and slab by slab the ends of rays twice.
+    pub fn of_pixels(job: &VolumeJob) -> u64 {
+        let view = job.seen_from();
+        let bytes = if job.cartesian().is_some() { 32 } else { 40 };
+        bytes * u64::from(view.width) * u64::from(view.height)
     }
 
     /// Shares memory out where cells may take no more than `cells` bytes and one buffer `limit`.
     pub fn of(memory: u64, cells: u64, limit: u64) -> Room {
         let batch = (memory / 3 / BATCH_BYTES).min(limit / (4 * MOST_BINS)).clamp(Room::LEAST_BATCH, Room::MOST_BATCH);
         Room { cells: cells.min(memory / 2).min(limit), limit, batch: batch as u32 }
+    }
+
+    /// Shares memory out where all cells of a grid are held, which take the most of it.
+    pub fn of_whole(memory: u64, limit: u64) -> Room {
+        Room { cells: (memory - memory / 4).min(limit), ..Room::of(memory / 2, 0, limit) }
     }
 }
 
@@ -197,12 +204,15 @@ impl Work {
         let Means { arena, device, cache, vectors, .. } = *means;
         let attribute = shown.attribute;
         let grids = coarse::brick_grids(&job.grid, widest(job, &shown.extents));
-        let cut = Cut::new(&job.grid, grids.len(), attribute, room.cells, room.limit)?;
+        let cut = match job.cartesian() {
+            Some(_) => Cut::whole(&job.grid, grids.len(), attribute, job.options.memory, room.cells)?,
+            None => Cut::new(&job.grid, grids.len(), attribute, room.cells, room.limit)?,
+        };
         let (panes, places, readers) = panes(job, &cut);
         let variant = Variant {
             kernel: job.options.kernel,
             attribute,
-            surfaces: matches!(&job.shows, Shows::Light(scenery) if !scenery.surfaces.is_empty()),
+            surfaces: job.scenery().is_some_and(|scenery| !scenery.surfaces.is_empty()),
             centered: places.iter().all(|[_, share]| f32::from_bits(*share) == 0.0),
             vectors,
         };
@@ -312,10 +322,32 @@ impl Work {
         self.job.is_same(job) && Arc::ptr_eq(&self.items, items) && self.is_intact(view, arena)
     }
 
+    /// Whether it has filled the Cartesian grid of another picture's job.
+    pub fn holds_grid_of(&mut self, job: &VolumeJob, attribute: bool, items: &Arc<[DrawItem]>, arena: &Arena) -> bool {
+        let (Shows::Cartesian(known), Shows::Cartesian(wanted)) = (&self.job.shows, &job.shows) else { return false };
+        let fades = job.view.cut.fade_rate != 0.0;
+        // The same picture once more is drawn from the beginning: somebody measures it.
+        !Arc::ptr_eq(known, wanted)
+            && self.is_complete()
+            && known.lattice == wanted.lattice
+            && (known.view == wanted.view || !fades)
+            && self.job.view == job.view
+            && self.job.options == job.options
+            && self.variant.attribute == attribute
+            && Arc::ptr_eq(&self.items, items)
+            && self.is_intact(&job.view, arena)
+    }
+
+    /// Leaves out what fills the grid: a picture before has done it.
+    pub fn keep_grid(&mut self) {
+        let last = self.slabs.pop();
+        self.slabs = last.into_iter().map(|last| SlabWork { batches: Vec::new(), opens: false, ..last }).collect();
+    }
+
     /// Whether all of its particles, and no others of its list, lie where the bindings say.
     pub fn is_intact(&mut self, view: &View, arena: &Arena) -> bool {
         if self.generation != arena.generation {
-            let (list, _) = DrawList::parts(view.eye, &self.items, arena, self.job.stride);
+            let (list, _) = DrawList::parts(self.job.camera(view).eye, &self.items, arena, self.job.stride);
             if list.nodes != self.nodes {
                 return false;
             }
@@ -389,6 +421,10 @@ impl Particles {
         let kernel = Footprint::Kernel(job.options.kernel);
         // The camera alone counts, and what it leaves out.
         let uniform = Grids::new(view, kernel, true, 0.0).uniform;
+        let uniform = match job.cartesian() {
+            Some(picture) => uniform.fading_for(view, &picture.view),
+            None => uniform,
+        };
         let Means { device, queue, arena, .. } = *means;
         let mut put = |name, bytes: &[u8]| store.holding(device, queue, name, own, bytes);
         Particles {

@@ -4,6 +4,7 @@
 use super::{Footprint, Settings};
 use crate::color::transfer::TransferFunction;
 use crate::color::{Accumulation, Colors};
+use crate::cpu::cartesian::CartesianOptions;
 use crate::cpu::layered::Assignment;
 use crate::cpu::screen_spheres::{SphereOptions, SurfaceColors};
 use crate::cpu::volume::{
@@ -188,6 +189,8 @@ pub struct LightPlan {
 pub enum LightPasses {
     /// Rays through the perspective grid.
     March(Scenery, VolumeOptions),
+    /// Rays through a Cartesian grid.
+    Cartesian(Scenery, VolumeOptions, CartesianOptions),
     /// Splats in the order of their depth, each with its own density.
     Sorted {
         /// What densities and attributes emit and absorb.

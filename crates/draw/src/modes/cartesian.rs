@@ -4,7 +4,8 @@ use super::grid::{self, Layers, Look};
 use crate::cpu::cartesian::{self, CartesianOptions, Region};
 use crate::cpu::volume::VolumeError;
 use crate::mode::{
-    Job, LightPicture, Mode, Needs, Output, Raw, Setting, SettingKind, SettingValue, Settings, Technique,
+    Adapter, FindRanges, Job, LightPasses, LightPicture, LightPlan, Mode, Needs, Output, Raw, Setting, SettingKind,
+    SettingValue, Settings, Technique, Terms,
 };
 
 /// Cells along the longest side.
@@ -54,22 +55,40 @@ impl Technique for Cartesian {
         settings.set(&REGION, SettingValue::Name("data".into()));
     }
 
+    fn adapter(&self) -> Adapter {
+        Adapter::Light
+    }
+
+    fn light(&self, terms: &Terms<'_>, ranges: &mut FindRanges<'_>) -> Result<Option<LightPlan>, VolumeError> {
+        let look = Look::of(terms, ranges)?;
+        let (scenery, isovalues) = look.scenery(terms, layers(terms.settings))?;
+        let passes = LightPasses::Cartesian(scenery, look.options, options(terms.settings));
+        Ok(Some(LightPlan { passes, levels: look.levels, isovalues }))
+    }
+
     fn draw(&self, job: &Job<'_>) -> Result<Raw, VolumeError> {
         let look = Look::new(job)?;
-        let settings = job.settings;
-        let layers = match settings.name(&CONTENT).as_str() {
-            "isosurface" => Layers::SURFACES,
-            "volume-isosurface" => Layers::BOTH,
-            _ => Layers::VOLUME,
-        };
-        let (scenery, isovalues) = look.scenery(&job.terms(), layers)?;
-        let options = CartesianOptions {
-            cells: settings.number(&CELLS).round() as u32,
-            region: if settings.name(&REGION) == "data" { Region::Data } else { Region::View },
-            memory: (settings.number(&MEMORY) * f64::from(1 << 20)) as u64,
-        };
-        let (colors, report) = cartesian::draw(job.view, job.batches, &scenery, &options, &look.options)?;
+        let (scenery, isovalues) = look.scenery(&job.terms(), layers(job.settings))?;
+        let (colors, report) = cartesian::draw(job.view, job.batches, &scenery, &options(job.settings), &look.options)?;
         Ok(Raw::Light(LightPicture { colors, report, levels: look.levels, isovalues }))
+    }
+}
+
+/// What is drawn of the grid.
+fn layers(settings: &Settings) -> Layers {
+    match settings.name(&CONTENT).as_str() {
+        "isosurface" => Layers::SURFACES,
+        "volume-isosurface" => Layers::BOTH,
+        _ => Layers::VOLUME,
+    }
+}
+
+/// How the grid is laid.
+fn options(settings: &Settings) -> CartesianOptions {
+    CartesianOptions {
+        cells: settings.number(&CELLS).round() as u32,
+        region: if settings.name(&REGION) == "data" { Region::Data } else { Region::View },
+        memory: (settings.number(&MEMORY) * f64::from(1 << 20)) as u64,
     }
 }
 

@@ -152,7 +152,7 @@ impl Projector {
         let is_able = match depiction.mode.technique.adapter() {
             // Discs have as many pixels everywhere in a flat picture.
             mode::Adapter::Splats => matches!(depiction.footprint(), Footprint::Kernel),
-            mode::Adapter::Light => !depiction.needs().of_data,
+            mode::Adapter::Light => true,
             mode::Adapter::None | mode::Adapter::Plugin => false,
         };
         (!is_able).then(|| format!("panoramas of {}", depiction.mode.name))
@@ -223,26 +223,25 @@ impl Projector {
         let mut last: Option<LightPicture> = None;
         let texels = self.shoot(Sampling { margin: margin_px, ..COLORS }, |face| {
             means.go_on()?;
-            let painted = match of_data {
-                true => {
-                    tally.add(&everything, face);
-                    shared.paint(subject, face.view, &all)?
-                }
+            let own = match of_data {
+                true => None,
                 false => {
                     let detail = shared.depiction.detail(face.view, tau * face.scale(), metadata);
-                    let selection = means.converge(face.view, detail)?;
-                    tally.add(&selection, face);
-                    match &mut means.adapter {
-                        Some((passes, adapter)) => {
-                            let painter = (*passes, &mut **adapter);
-                            let shared = shared.subject(subject);
-                            adapter_faces::light(painter, &shared, face.view, &selection.nodes, &mut tally.drawn_by)?
-                        }
-                        None => {
-                            let nodes = cut(face.view, decode(depiction, metadata, &selection.nodes));
-                            shared.paint(subject, face.view, &batches(depiction, &nodes)?)?
-                        }
-                    }
+                    Some(means.converge(face.view, detail)?)
+                }
+            };
+            let selection = own.as_ref().unwrap_or(&everything);
+            tally.add(selection, face);
+            let painted = match (&mut means.adapter, &own) {
+                (Some((passes, adapter)), _) => {
+                    let painter = (*passes, &mut **adapter);
+                    let shared = shared.subject(subject);
+                    adapter_faces::light(painter, &shared, face.view, &selection.nodes, &mut tally.drawn_by)?
+                }
+                (None, None) => shared.paint(subject, face.view, &all)?,
+                (None, Some(selection)) => {
+                    let nodes = cut(face.view, decode(depiction, metadata, &selection.nodes));
+                    shared.paint(subject, face.view, &batches(depiction, &nodes)?)?
                 }
             };
             let Some(mut painted) = painted else { return Ok(Texels::black(face.view.width, face.view.height)) };

@@ -12,7 +12,7 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 /// Steps, in cells.
-const STEP: f32 = 0.5;
+pub const STEP: f32 = 0.5;
 
 /// A field that can be sampled anywhere within a box, in coordinates of its own, which are turned and scaled world coordinates.
 pub trait Field: Sync {

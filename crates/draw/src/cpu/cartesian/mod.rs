@@ -1,53 +1,32 @@
 //! A Cartesian grid in world space: the field resampled once, at one resolution everywhere, and rays cast through it with
 //! trilinear interpolation (F12 5.9).
 //!
-//! The particles are those of a parallel view along an axis, and the grid is its grid: so its bricks hold the exact SPH sum at
-//! every cell's centre, and empty ones take no memory.
+//! The particles are those of a parallel view along an axis, and the grid is its grid ([`Lattice`]): so its bricks hold the exact SPH
+//! sum at every cell's centre, and empty ones take no memory.
 
 pub mod march;
 pub mod octree;
+
+mod lattice;
 #[cfg(test)]
 mod tests;
 
-use super::volume::bricks::{BORDER, BRICK, BrickGrid, Slab};
+pub use lattice::{CartesianOptions, Lattice, Region, region};
+
+use super::Splats;
+use super::volume::bricks::{BRICK, BrickGrid, Slab};
 use super::volume::particles::{Taken, project};
 use super::volume::resample::Resampler;
 use super::volume::{Prepared, Scenery, VolumeError, VolumeOptions, VolumeReport, extents};
-use super::{Extent, Splats};
 use crate::color::Colors;
-use crate::model::Bounds;
-use crate::view::perspective_grid::{self, GridError};
-use crate::view::{Cut, Images, PerspectiveGrid, Projection, View};
+use crate::view::{View, perspective_grid};
 use glam::{DVec3, Vec3};
 use march::{Field, Room};
 use std::time::Instant;
 
-/// Which box is resampled.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Region {
-    /// Around the particles in view, as far as the view reaches.
-    #[default]
-    View,
-    /// Around all particles.
-    Data,
-}
-
-/// How a grid is laid.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct CartesianOptions {
-    /// Cells along the longest side of the box.
-    pub cells: u32,
-    /// Which box.
-    pub region: Region,
-    /// Memory that the cells may take if none is empty, bytes.
-    pub memory: u64,
-}
-
 /// A resampled field.
 pub struct Cartesian {
-    /// The parallel view whose grid it is.
-    view: View,
-    grid: PerspectiveGrid,
+    lattice: Lattice,
     brick_grid: BrickGrid,
     slab: Slab,
     /// For each brick, layer by layer, the largest density in it and around it.
@@ -55,109 +34,21 @@ pub struct Cartesian {
     attribute: bool,
 }
 
-/// A box of nothing: what boxes grow from.
-const NOTHING: Bounds = Bounds { min: DVec3::INFINITY, max: DVec3::NEG_INFINITY };
-
-/// The box that a region is, and the depths between which rays go.
-///
-/// # Errors
-/// [`VolumeError::Grid`] when nothing is in view or the planes make no sense.
-pub fn region(
-    view: &View,
-    batches: &[Splats<'_>],
-    region: Region,
-    options: &VolumeOptions,
-) -> Result<(Bounds, [f64; 2]), VolumeError> {
-    let sigma = PerspectiveGrid::sigma_of(view, 1.0);
-    let taken = Taken { sigma, smallest: 0.0, stride: 1 };
-    let depths = extents::planes_around(view, batches, &taken, [options.near, options.far])?;
-    let seen = project(view, batches, &taken).unless_empty()?;
-    let perspective = matches!(view.projection, Projection::Perspective { .. });
-    let world = |camera: DVec3| view.eye + camera.x * view.right + camera.y * view.up + camera.z * view.forward;
-    let grown = |bounds: Bounds, at: DVec3, h: f64| Bounds { min: bounds.min.min(at - h), max: bounds.max.max(at + h) };
-    if region == Region::Data {
-        let mut bounds = NOTHING;
-        for batch in batches {
-            let Extent::World(lengths) = batch.extent() else { continue };
-            for (index, &h) in lengths.iter().enumerate() {
-                let position = batch.positions().world(index);
-                if position.is_finite() && h > 0.0 && h.is_finite() {
-                    bounds = grown(bounds, position, f64::from(h));
-                }
-            }
-        }
-        return Ok((bounds, depths));
-    }
-    let particles = seen.chunks.iter().flatten().map(|particle| particle.place.map(f64::from));
-    let data = particles.fold(NOTHING, |bounds, [x, y, z, h]| grown(bounds, world(DVec3::new(x, y, z)), h));
-    let edges = view.edges();
-    let frustum = (0..8).fold(NOTHING, |bounds, corner| {
-        let depth = depths[corner / 4];
-        let scale = if perspective { depth } else { 1.0 };
-        let side = |axis: usize| edges[axis][corner >> axis & 1] * scale;
-        grown(bounds, world(DVec3::new(side(0), side(1), depth)), 0.0)
-    });
-    let bounds = Bounds { min: data.min.max(frustum.min), max: data.max.min(frustum.max) };
-    match (bounds.max - bounds.min).min_element() > 0.0 {
-        true => Ok((bounds, depths)),
-        false => Err(GridError::NothingInView.into()),
-    }
-}
-
 impl Cartesian {
-    /// Resamples batches within a box.
+    /// Resamples batches to a grid.
     ///
     /// # Errors
-    /// [`VolumeError::Setting`] when the grid would take more memory than allowed.
+    /// [`VolumeError::Grid`] when no particle reaches into it.
     pub fn new(
         batches: &[Splats<'_>],
-        bounds: Bounds,
-        cartesian: &CartesianOptions,
+        lattice: &Lattice,
         options: &VolumeOptions,
     ) -> Result<(Cartesian, VolumeReport), VolumeError> {
-        let size = bounds.max - bounds.min;
-        let cell = size.max_element() / f64::from(cartesian.cells.max(1));
-        let border = 2 * BORDER as u64;
-        let cells = size.to_array().map(|side| ((side / cell - 1e-9).ceil() as u64).max(1));
+        let Lattice { view, grid, cells } = *lattice;
+        let cell = grid.sigma;
         let attribute = batches.iter().any(|batch| batch.attribute().is_some());
-        let bytes =
-            cells.iter().fold(4 * (1 + u64::from(attribute)), |product, side| product.saturating_mul(side + border));
-        if bytes > cartesian.memory || cells.iter().any(|&side| side > 1 << 16) {
-            let [k, l, m] = cells;
-            let mib = |bytes: u64| bytes.div_ceil(1 << 20);
-            return Err(VolumeError::Setting {
-                field: "cells",
-                found: cartesian.cells.to_string(),
-                expected: format!(
-                    "fewer: a grid of {k} x {l} x {m} cells takes {} MiB, and memory is {} MiB",
-                    mib(bytes),
-                    mib(cartesian.memory)
-                ),
-            });
-        }
-        let [k, l, m] = cells.map(|side| side as u32);
-        // Looking along -z with y up, x is to the right.
-        let eye = DVec3::new(
-            bounds.min.x + 0.5 * f64::from(k) * cell,
-            bounds.min.y + 0.5 * f64::from(l) * cell,
-            bounds.min.z + f64::from(m) * cell,
-        );
-        let projection = Projection::Orthographic { height: f64::from(l) * cell };
-        let (right, up, forward) = (DVec3::X, DVec3::Y, DVec3::NEG_Z);
-        let (shift, cut, images) = ([0.0; 2], Cut::NONE, Images::ONE);
-        let view = View { eye, right, up, forward, projection, width: k, height: l, shift, cut, images, time: 0.0 };
-        let slices = m + border as u32;
-        let near = -(BORDER as f64) * cell;
-        let grid = PerspectiveGrid {
-            size: [k, l, slices],
-            near,
-            far: near + f64::from(slices) * cell,
-            sigma: cell,
-            cell: 1.0,
-            middle: [k, l].map(|cells| 0.5 * f64::from(cells)),
-            perspective: false,
-        };
-        let particles = project(&view, batches, &Taken { sigma: cell, smallest: options.smallest, stride: 1 });
+        let taken = Taken { sigma: cell, smallest: options.smallest, stride: 1 };
+        let particles = project(&view, batches, &taken).unless_empty()?;
         let seen: Vec<_> = perspective_grid::seen(&view, extents::of(batches), options.smallest * cell).collect();
         let prepared = Prepared::new(grid, extents::widest(&view, &seen, cell), particles);
         let layers = 0..prepared.brick_grid().bricks[2];
@@ -166,7 +57,7 @@ impl Cartesian {
         let brick_grid = levels.swap_remove(0);
         let slab = Slab { first: 0, layers };
         let report = VolumeReport {
-            grid: [k, l, m],
+            grid: cells,
             slabs: 1,
             particles: particles.len(),
             raised: particles.raised,
@@ -176,7 +67,7 @@ impl Cartesian {
             ..VolumeReport::default()
         };
         let reach = reach(&brick_grid, &slab);
-        Ok((Cartesian { view, grid, brick_grid, slab, reach, attribute }, report))
+        Ok((Cartesian { lattice: *lattice, brick_grid, slab, reach, attribute }, report))
     }
 
     /// Density and `sum m A W` at a world position: trilinear between the cells around it.
@@ -217,18 +108,15 @@ impl Field for Cartesian {
     const REACH: f32 = 1.0;
 
     fn place(&self, world: DVec3) -> DVec3 {
-        let [x, y, z] = self.grid.to_grid(self.view.to_camera(world));
-        DVec3::new(x + BORDER as f64, y + BORDER as f64, z)
+        self.lattice.place(world)
     }
 
     fn unit(&self) -> f64 {
-        self.grid.sigma
+        self.lattice.grid.sigma
     }
 
     fn bounds(&self) -> [DVec3; 2] {
-        let [k, l, slices] = self.grid.size.map(f64::from);
-        let border = BORDER as f64;
-        [DVec3::splat(border), DVec3::new(k + border, l + border, slices - border)]
+        self.lattice.bounds()
     }
 
     fn room(&self, place: Vec3, least: f32) -> Room {
@@ -286,8 +174,9 @@ pub fn draw(
     options: &VolumeOptions,
 ) -> Result<(Colors, VolumeReport), VolumeError> {
     let start = Instant::now();
-    let (bounds, planes) = region(view, batches, cartesian.region, options)?;
-    let (field, mut report) = Cartesian::new(batches, bounds, cartesian, options)?;
+    let attribute = batches.iter().any(|batch| batch.attribute().is_some());
+    let (lattice, planes) = Lattice::of(view, &extents::of(batches), cartesian, attribute, options)?;
+    let (field, mut report) = Cartesian::new(batches, &lattice, options)?;
     report.resampling = start.elapsed();
     let start = Instant::now();
     let (colors, effort) = march::cast(view, &field, scenery, planes);

@@ -8,6 +8,7 @@ use crate::cpu::volume::tests::{Cloud, RAMP, draw as draw_volume, look, merger, 
 use crate::cpu::volume::{Light, Surface};
 use crate::model::Kernel;
 use crate::synth::random::Random;
+use crate::view::Projection;
 
 const EXACTLY: VolumeOptions = VolumeOptions {
     grid: crate::view::perspective_grid::GridOptions { resolution: 1.0, lambda: true },
@@ -33,10 +34,11 @@ fn the_field_comes_to_the_exact_sum() {
     }
     let exact = ExactField::new(&[cloud.batch()], Kernel::CubicSpline);
     let view = perspective(DVec3::new(0.0, 0.0, 30.0), 60, 60);
-    let (bounds, _) = region(&view, &[cloud.batch()], Region::Data, &EXACTLY).unwrap();
+    let extents = extents::of(&[cloud.batch()]);
     let points: Vec<DVec3> = (0..500).map(|_| DVec3::from_array([0; 3].map(|_| 1.5 * random.signed()))).collect();
     let errors = [32, 64, 128].map(|cells| {
-        let (field, _) = Cartesian::new(&[cloud.batch()], bounds, &grid(cells), &EXACTLY).unwrap();
+        let (lattice, _) = Lattice::of(&view, &extents, &grid(cells), true, &EXACTLY).unwrap();
+        let (field, _) = Cartesian::new(&[cloud.batch()], &lattice, &EXACTLY).unwrap();
         let (mut squares, mut norms) = ([0.0; 2], [0.0; 2]);
         for &point in &points {
             let (found, sample) = (field.at(point), exact.at(point));
@@ -125,7 +127,7 @@ fn a_grid_that_does_not_fit_is_refused() {
 
 /// An octree for a view, and the depths between which its rays go.
 fn octree(view: &View, cloud: &Cloud, width: f64) -> (octree::Octree, [f64; 2]) {
-    let (bounds, planes) = region(view, &[cloud.batch()], Region::View, &EXACTLY).unwrap();
+    let (bounds, planes) = region(view, &extents::of(&[cloud.batch()]), Region::View, &EXACTLY).unwrap();
     let mut octree = octree::Octree::new(&[cloud.batch()], bounds, Kernel::CubicSpline, 0.0).unwrap();
     octree.prepare(view, width, planes[0]);
     (octree, planes)
@@ -140,7 +142,8 @@ fn bricks_of_an_octree_hold_the_exact_sum() {
     let points: Vec<DVec3> = (0..400).map(|_| DVec3::from_array([0; 3].map(|_| 12.0 * random.signed()))).collect();
     let errors = [1.0, 0.5].map(|width| {
         let (field, _) = octree(&view, &cloud, width);
-        let (mut square, mut norm, mut seen) = ([0.0; 2], [0.0; 2], 0);
+        // In L2 the one point next to the densest particle would be all.
+        let (mut amount, mut norm, mut seen) = ([0.0; 2], [0.0; 2], 0);
         for &point in &points {
             let place = field.place(point).as_vec3();
             let room = field.room(place, 0.0);
@@ -148,17 +151,17 @@ fn bricks_of_an_octree_hold_the_exact_sum() {
                 let expected = exact.at(point);
                 let values = field.at(&room, place).into_iter().zip([expected.density, expected.weighted]);
                 for (k, (found, value)) in values.enumerate() {
-                    square[k] += (f64::from(found) - value).powi(2);
-                    norm[k] += value * value;
+                    amount[k] += (f64::from(found) - value).abs();
+                    norm[k] += value.abs();
                 }
                 seen += 1;
             }
         }
         assert!(seen > 300, "{seen}");
-        (square[0] / norm[0]).max(square[1] / norm[1]).sqrt()
+        (amount[0] / norm[0]).max(amount[1] / norm[1])
     });
-    println!("relative L2 with cells of the view's width and of half of it: {errors:?}");
-    assert!(errors[0] < 0.12 && errors[1] < 0.4 * errors[0], "{errors:?}");
+    println!("relative L1 with cells of the view's width and of half of it: {errors:?}");
+    assert!(errors[0] < 0.06 && errors[1] < 0.45 * errors[0], "{errors:?}");
 }
 
 #[test]
@@ -167,7 +170,7 @@ fn an_octree_keeps_what_it_has_and_draws_the_volume() {
     let scenery = scenery(RAMP, [1e-8, 1e-3], 4.0, vec![Surface { value: 1e-5, color: None, opacity: 0.5 }]);
     let view = perspective(DVec3::new(60.0, 40.0, 90.0), 90, 60);
     let options = VolumeOptions { near: Some(40.0), far: Some(200.0), ..EXACTLY };
-    let (bounds, planes) = region(&view, &[cloud.batch()], Region::View, &options).unwrap();
+    let (bounds, planes) = region(&view, &extents::of(&[cloud.batch()]), Region::View, &options).unwrap();
     let mut tree = octree::Octree::new(&[cloud.batch()], bounds, Kernel::CubicSpline, 0.0).unwrap();
     let first = tree.prepare(&view, 1.0, planes[0]);
     assert!(first.bricks > 50 && first.resampled == first.bricks, "{first:?}");
