@@ -374,7 +374,7 @@ pub(super) fn draw_light_on_gpu(
     };
     // Where lists are drawn, volumes find no more than ranges.
     let [_, memory] = preset.residency.gpu_bytes();
-    let memory = [memory, memory / 2][usize::from(tiles.is_some())];
+    let memory = if tiles.is_some() { memory / 2 } else { memory };
     let mut camera = commands.entity(entity);
     camera.insert((
         VolumeView {

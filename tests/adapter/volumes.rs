@@ -411,7 +411,7 @@ fn wide_kernels_go_to_the_cpus_coarser_grids() {
     prepared.particles.chunks.iter().flatten().for_each(|particle| of_level[prepared.level_of(particle)] += 1);
     println!("particles of each level: {of_level:?}");
     assert!(of_level.len() >= 4 && of_level.iter().all(|particles| *particles > 0), "{of_level:?}");
-    // What coarser grids are wrong by shows: the picture without them differs by far more than what is allowed below.
+    // What coarser grids are wrong by shows: the picture without them differs by more than what is allowed below.
     let mut exact = prepare(&view, &[cloud.batch()], &options).unwrap();
     exact.levels.truncate(1);
     let exact = cast(&view, &exact, &cloud.volume(), &options, &mut VolumeReport::default());
