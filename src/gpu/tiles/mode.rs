@@ -318,7 +318,6 @@ fn draw<M: TileMode>(
     tile_pipelines: Option<Res<TilePipelines>>,
     cache: Res<PipelineCache>,
     device: Res<RenderDevice>,
-    news: Res<TileNews>,
     mut context: RenderContext,
 ) {
     let (particles, mut bindings, mut cells, _, picture) = view.into_inner();
