@@ -3,6 +3,7 @@
 use super::matter::map_to_place;
 use super::splat::{SplatBuffers, accumulate_splats};
 use super::target::{Frame, ShowPipelines, show, written};
+use super::timing::PassTimer;
 use super::view::{Composite, SplatView};
 use crate::color::transfer::Lut;
 use bevy::core_pipeline::core_3d::main_transparent_pass_3d;
@@ -120,9 +121,9 @@ fn prepare_composites(
 /// Draws the colours of an accumulated picture into the camera's target.
 pub fn composite_splats(
     view: ViewQuery<(&ViewTarget, &ExtractedCamera, &CompositeBindings, &Composite, &SplatView)>,
-    cache: Res<PipelineCache>,
+    (cache, timer): (Res<PipelineCache>, Res<PassTimer>),
     mut context: RenderContext,
 ) {
     let (target, camera, bindings, _, _) = view.into_inner();
-    show(bindings.pipeline, &bindings.group, (target, camera), &cache, &mut context);
+    show(bindings.pipeline, &bindings.group, (target, camera), (&cache, &timer), &mut context);
 }

@@ -5,7 +5,7 @@ use super::mode_view::ModeView;
 use super::parts::Parts;
 use super::renderer::HeadlessRenderer;
 use super::scene::{NodeUpload, Payload, Table};
-use super::timing::{PassTimes, median};
+use super::timing::{MeasuredPasses, median};
 use super::view::{Backend, Footprint};
 use crate::color::Accumulation;
 use crate::color::composite::{self, Image as Picture};
@@ -90,7 +90,7 @@ pub struct HeadlessStats {
     /// Splats that reach the picture, where the technique counts them and there are no parts.
     pub splats: Option<u64>,
     /// Median milliseconds of each GPU pass, where the adapter can tell; of a part where there are parts.
-    pub passes: PassTimes,
+    pub passes: MeasuredPasses,
     /// Median milliseconds from the start of a frame to the end of all its GPU work.
     pub frame: f64,
 }

@@ -6,14 +6,13 @@ use super::answer::Answer;
 use super::shaders;
 use super::splat::resources::at_least;
 use super::splat::{SplatBuffers, accumulate_splats, prepare_splats};
-use super::timing::TimedPasses;
+use super::timing::PassTimer;
 use super::view::{DrawItem, Footprint, SplatView};
 use crate::color::Accumulation;
 use crate::view::View;
 use bevy::core_pipeline::core_3d::main_transparent_pass_3d;
 use bevy::core_pipeline::{Core3d, Core3dSystems};
 use bevy::prelude::*;
-use bevy::render::diagnostic::RecordDiagnostics;
 use bevy::render::extract_component::{ExtractComponent, ExtractComponentPlugin};
 use bevy::render::render_resource::binding_types::{
     storage_buffer_read_only_sized, storage_buffer_sized, uniform_buffer_sized,
@@ -100,7 +99,6 @@ pub struct MeasurePlugin;
 impl Plugin for MeasurePlugin {
     fn build(&self, app: &mut App) {
         app.add_plugins(ExtractComponentPlugin::<Measure>::default());
-        app.world_mut().get_resource_or_init::<TimedPasses>().0.push("measure");
         let measured = app.world_mut().get_resource_or_init::<MeasuredPicture>().clone();
         let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
         render_app
@@ -234,7 +232,7 @@ fn prepare_measurements(
 fn measure_splats(
     view: ViewQuery<(&SplatBuffers, &Measurement)>,
     pipeline: Option<Res<MeasurePipeline>>,
-    cache: Res<PipelineCache>,
+    (cache, timer): (Res<PipelineCache>, Res<PassTimer>),
     mut context: RenderContext,
 ) {
     let (buffers, measurement) = view.into_inner();
@@ -242,10 +240,8 @@ fn measure_splats(
         return;
     }
     let Some(pipeline) = pipeline.and_then(|pipeline| cache.get_compute_pipeline(pipeline.pipeline)) else { return };
-    let diagnostics = context.diagnostic_recorder();
-    let diagnostics = diagnostics.as_deref();
     let encoder = context.command_encoder();
-    let span = diagnostics.time_span(encoder, "measure");
+    let span = timer.begin("measure", encoder);
     {
         let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor::default());
         pass.set_pipeline(pipeline);

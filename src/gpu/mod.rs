@@ -9,7 +9,7 @@
 //!    its target. Replace the component's list to change what is drawn, [`SplatView::view`] to move the camera. An
 //!    unchanged picture is not accumulated again.
 //! 4. A camera with a [`LightView`] beside its [`SplatView`] shows the light that a mode's passes draw of these nodes.
-//! 5. [`timing::PassTimes`] collects milliseconds per pass, [`ParticleScene::stats`] memory.
+//! 5. [`timing::PassTimer`] measures milliseconds of passes, [`ParticleScene::stats`] memory.
 //!
 //! [`render_headless`] does all that for one picture without a window.
 
@@ -62,7 +62,6 @@ pub use view::{Backend, Composite, DrawItem, Fading, Footprint, SplatView};
 pub use volume::{VolumeFindings, VolumeJob, VolumeNews, VolumeView};
 
 use bevy::app::{PluginGroup, PluginGroupBuilder};
-use bevy::render::diagnostic::RenderDiagnosticsPlugin;
 
 /// Everything that draws. Needs a [`ParticleScene`] in the world, and Bevy's plugins before it.
 pub struct DeepfieldRenderPlugins;
@@ -79,7 +78,7 @@ impl PluginGroup for DeepfieldRenderPlugins {
             .add(tiles::TilePlugin::<SortedSplats>::default())
             .add(tiles::TilePlugin::<Spheres>::default())
             .add(tiles::TilePlugin::<Layered>::default())
-            .add(RenderDiagnosticsPlugin)
+            .add(timing::TimingPlugin)
             .add(plugins::OtherCrates)
     }
 }

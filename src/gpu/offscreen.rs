@@ -5,7 +5,7 @@ use super::device::GpuError;
 use super::headless::HeadlessRequest;
 use super::renderer::HeadlessRenderer;
 use super::tile_passes::TilePasses;
-use super::timing::PassTimes;
+use super::timing::MeasuredPasses;
 use super::view::Backend;
 use super::volume::{Shows, VolumeJob, VolumeView};
 use super::{device, headless};
@@ -217,7 +217,7 @@ fn light_frame(
     colors: Colors,
     report: VolumeReport,
     renderer: &HeadlessRenderer,
-    passes: &PassTimes,
+    passes: &MeasuredPasses,
     frame: f64,
 ) -> AdapterFrame {
     let passes = passes.medians().map(|(pass, time)| (pass.to_owned(), time));

@@ -12,7 +12,7 @@ use super::scene::{NodeId, NodeState, ParticleScene, Payload, TableId};
 use super::splat::{Bindings, CountOverdraw, OverdrawBuffers, SplatBuffers, SplatPipelines, pipeline_error};
 use super::tile_passes::TilePasses;
 use super::tiles::TileNews;
-use super::timing::{LATE, PassTimes, median};
+use super::timing::{FrameTimes, MeasuredPasses, PassTimes, median};
 use super::view::{Backend, Composite, DrawItem, SplatView};
 use super::volume::{VolumeFindings, VolumeNews, VolumeView};
 use crate::color::composite::Image as Picture;
@@ -173,10 +173,6 @@ impl HeadlessRenderer {
             .remove::<(SplatView, ModeView, Composite, LightView, VolumeView, CountOverdraw)>();
         TilePasses::hide(&mut world.commands().entity(self.camera));
         world.flush();
-        // The times of what was drawn before come in these frames, and in none that follow.
-        for _ in 0..LATE {
-            self.frame()?;
-        }
         match self.upload(&scene, request, bytes) {
             // What pictures before have left of the adapter's memory is in pieces.
             Err(GpuError::OutOfMemory { .. }) if !wanted.is_empty() || scene.stats().resident_nodes > 0 => {
@@ -234,9 +230,10 @@ impl HeadlessRenderer {
         &mut self,
         mut volume: VolumeView,
         repeat: u32,
-    ) -> Result<(Colors, VolumeFindings, (PassTimes, f64)), GpuError> {
+    ) -> Result<(Colors, VolumeFindings, (MeasuredPasses, f64)), GpuError> {
         let mut frames = Vec::new();
-        let mut passes = PassTimes::from_now(self.app.world());
+        let mut passes = MeasuredPasses::default();
+        self.pass_times();
         let number = volume.light.as_ref().map_or(0, |job| job.number);
         let found = loop {
             let round = frames.len() as u64;
@@ -272,21 +269,19 @@ impl HeadlessRenderer {
         number: u64,
         passes: TilePasses,
         repeat: u32,
-    ) -> Result<(Colors, Option<Arc<OpaqueDepths>>, (PassTimes, f64)), GpuError> {
+    ) -> Result<(Colors, Option<Arc<OpaqueDepths>>, (MeasuredPasses, f64)), GpuError> {
         self.insert(LightView::default());
         let world = self.app.world_mut();
         passes.show(number, u64::MAX, &mut world.commands().entity(self.camera));
         world.flush();
         let start = Instant::now();
-        let mut passes = PassTimes::from_now(self.app.world());
+        let mut passes = MeasuredPasses::default();
+        self.pass_times();
         self.complete()?;
         let mut frames = vec![start.elapsed().as_secs_f64() * 1e3];
+        passes.add(self.pass_times());
         if repeat > 1 {
             (frames, passes) = self.measure(repeat)?;
-        } else {
-            for _ in 0..LATE {
-                self.timed_frame(&mut passes)?;
-            }
         }
         let opaque = loop {
             let found = self.app.world().resource::<TileNews>().now();
@@ -311,7 +306,7 @@ impl HeadlessRenderer {
     pub fn ranges(&mut self, volume: VolumeView) -> Result<Option<FieldRange>, GpuError> {
         let wanted = volume.ranges.as_ref().map(|job| job.number);
         self.insert((LightView::default(), volume));
-        let found = self.until(&mut PassTimes::default(), |found| match found.no_room {
+        let found = self.until(&mut MeasuredPasses::default(), |found| match found.no_room {
             no_room if no_room.is_some() && no_room == wanted => Err(()),
             _ => Ok(found.ranges.map(|(number, _)| number) == wanted),
         })?;
@@ -321,13 +316,13 @@ impl HeadlessRenderer {
     /// Draws frames until something has been found out; there is no room for it where `is_there` fails.
     fn until(
         &mut self,
-        passes: &mut PassTimes,
+        passes: &mut MeasuredPasses,
         is_there: impl Fn(&VolumeFindings) -> Result<bool, ()>,
     ) -> Result<VolumeFindings, GpuError> {
         let start = Instant::now();
         loop {
             self.frame()?;
-            passes.collect(self.app.world());
+            passes.add(self.pass_times());
             let found = self.volume_findings();
             match is_there(&found) {
                 Ok(true) => return Ok(found),
@@ -473,28 +468,25 @@ impl HeadlessRenderer {
     ///
     /// # Errors
     /// [`GpuError::Failed`].
-    pub fn measure(&mut self, repeat: u32) -> Result<(Vec<f64>, PassTimes), GpuError> {
+    pub fn measure(&mut self, repeat: u32) -> Result<(Vec<f64>, MeasuredPasses), GpuError> {
         self.view_mut(|view| view.always = true);
         self.frame()?;
         let mut frames = Vec::new();
-        let mut passes = PassTimes::from_now(self.app.world());
+        let mut passes = MeasuredPasses::default();
+        self.pass_times();
         for _ in 0..repeat.max(1) {
-            frames.push(self.timed_frame(&mut passes)?.as_secs_f64() * 1e3);
+            let start = Instant::now();
+            self.frame()?;
+            frames.push(start.elapsed().as_secs_f64() * 1e3);
+            passes.add(self.pass_times());
         }
-        // Nothing is drawn while the last times arrive.
         self.view_mut(|view| view.always = false);
-        for _ in 0..LATE {
-            self.timed_frame(&mut passes)?;
-        }
         Ok((frames, passes))
     }
 
-    fn timed_frame(&mut self, passes: &mut PassTimes) -> Result<Duration, GpuError> {
-        let start = Instant::now();
-        self.frame()?;
-        let time = start.elapsed();
-        passes.collect(self.app.world());
-        Ok(time)
+    /// The times of the frames since the last call, each of which has been waited for.
+    fn pass_times(&self) -> Vec<FrameTimes> {
+        self.app.world().resource::<PassTimes>().take()
     }
 
     fn view_mut(&mut self, change: impl FnOnce(&mut SplatView)) {

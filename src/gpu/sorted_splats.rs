@@ -82,7 +82,6 @@ pub struct SortedGroups {
 }
 
 impl TileMode for SortedSplats {
-    const PASSES: &'static [&'static str] = &["blend"];
     type Pipelines = SortedPipelines;
     type Bound = SortedGroups;
 
@@ -136,8 +135,14 @@ impl TileMode for SortedSplats {
         let walk = get(*on.pipelines.blend.get(&on.particles.grids.kernel)?)?;
         let arrange = get(on.pipelines.arrange)?;
         context.command_encoder().clear_buffer(&on.cells.buffer, 0, None);
-        let drawing =
-            Drawing { arrange, arrange_group: Some(&bound.arrange), walk, walk_group: &bound.blend, name: "blend" };
+        let drawing = Drawing {
+            arrange,
+            arrange_group: Some(&bound.arrange),
+            walk,
+            walk_group: &bound.blend,
+            name: "blend",
+            timer: on.timer,
+        };
         bound.list.draw(on.spots, on.particles, &on.steps, &drawing, context);
         Some(())
     }

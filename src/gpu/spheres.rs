@@ -14,7 +14,6 @@ use crate::cpu::volume::{Light, OpaqueDepths};
 use crate::view::{Projection, View};
 use bevy::asset::AssetServer;
 use bevy::prelude::*;
-use bevy::render::diagnostic::RecordDiagnostics;
 use bevy::render::render_resource::{
     BindGroup, BindGroupLayoutDescriptor, Buffer, BufferUsages, CachedComputePipelineId, ComputePassDescriptor,
     PipelineCache,
@@ -110,7 +109,6 @@ pub struct SphereGroups {
 }
 
 impl TileMode for Spheres {
-    const PASSES: &'static [&'static str] = &["nearest", "surface"];
     type Pipelines = SpherePipelines;
     type Bound = SphereGroups;
 
@@ -176,12 +174,11 @@ impl TileMode for Spheres {
         let get = |&id| on.cache.get_compute_pipeline(id);
         let (arrange, walk, smooth, shade) = (get(arrange)?, get(nearest)?, get(smooth)?, get(shade)?);
         context.command_encoder().clear_buffer(&bound.hits[0], 0, None);
-        let drawing = Drawing { arrange, arrange_group: None, walk, walk_group: &bound.nearest, name: "nearest" };
+        let (name, timer) = ("nearest", on.timer);
+        let drawing = Drawing { arrange, arrange_group: None, walk, walk_group: &bound.nearest, name, timer };
         bound.list.draw(on.spots, on.particles, &on.steps, &drawing, context);
-        let diagnostics = context.diagnostic_recorder();
-        let diagnostics = diagnostics.as_deref();
         let encoder = context.command_encoder();
-        let span = diagnostics.time_span(encoder, "surface");
+        let span = on.timer.begin("surface", encoder);
         {
             let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor::default());
             let [x, y] = on.spots.tiling().tiles;

@@ -4,13 +4,13 @@
 //! reaches the screen is what the processor's pictures are.
 
 use super::shaders;
+use super::timing::PassTimer;
 use super::view::Fading;
 use crate::color::Image as Picture;
 use bevy::asset::AssetServer;
 use bevy::platform::collections::HashMap;
 use bevy::prelude::*;
 use bevy::render::camera::ExtractedCamera;
-use bevy::render::diagnostic::RecordDiagnostics;
 use bevy::render::render_resource::binding_types::{storage_buffer_read_only_sized, uniform_buffer_sized};
 use bevy::render::render_resource::{
     BindGroup, BindGroupEntry, BindGroupLayoutDescriptor, Buffer, BufferInitDescriptor, BufferUsages,
@@ -174,15 +174,13 @@ pub fn show(
     pipeline: CachedRenderPipelineId,
     group: &BindGroup,
     (target, camera): (&ViewTarget, &ExtractedCamera),
-    cache: &PipelineCache,
+    (cache, timer): (&PipelineCache, &PassTimer),
     context: &mut RenderContext,
 ) {
     let Some(pipeline) = cache.get_render_pipeline(pipeline) else { return };
-    let diagnostics = context.diagnostic_recorder();
-    let diagnostics = diagnostics.as_deref();
     let attachment = target.get_unsampled_color_attachment();
     let encoder = context.command_encoder();
-    let span = diagnostics.time_span(encoder, "composite");
+    let span = timer.begin("composite", encoder);
     {
         let mut pass = encoder.begin_render_pass(&RenderPassDescriptor {
             label: Some("deepfield composite"),

@@ -11,6 +11,7 @@ use super::live::LiveParticles;
 use super::live::copies::LiveCopies;
 use super::look::Look;
 use super::pages::{GpuSlot, PageCopies, PageKey, PageStatus, Streaming, ViewSelection};
+use super::pass_times::LastPasses;
 use super::picture::DataCamera;
 use super::preset::{Backend, Preset};
 use super::scene::{Scene, Settings};
@@ -23,7 +24,6 @@ use crate::color::Accumulation;
 use crate::gpu::measure::{Measure, Measured, MeasuredPicture};
 use crate::gpu::page_copies::{self, CopyState, node_id};
 use crate::gpu::tile_passes::TilePasses;
-use crate::gpu::timing::{TimedPasses, last_frame};
 use crate::gpu::{self, Composite, DrawItem, Fading, LightView, ModeView, ParticleScene, SplatView, VolumeView};
 use crate::gpu::{Capabilities, TableId, Technique, Withheld};
 use crate::mode::{Adapter, Footprint, LodBudget, Plan};
@@ -33,7 +33,6 @@ use crate::picture::decode::reach;
 use crate::picture::drawing_cost::{self, DrawingCost};
 use crate::store::Metadata;
 use crate::stream::SceneNode;
-use bevy::diagnostic::DiagnosticsStore;
 use bevy::prelude::*;
 use bevy::render::renderer::{RenderAdapter, RenderAdapterInfo, RenderDevice};
 use std::sync::Arc;
@@ -316,7 +315,7 @@ pub(super) fn draw_on_gpu(
     selection: Res<ViewSelection>,
     (live, copies): (Res<LiveParticles>, Res<LiveCopies>),
     (motion, preset, before): (Res<CpuPicture>, Res<Preset>, Res<Before>),
-    (diagnostics, timed): (Option<Res<DiagnosticsStore>>, Res<TimedPasses>),
+    last_passes: Res<LastPasses>,
     (measured, mut exposure): (Res<MeasuredPicture>, ResMut<Exposure>),
     mut tables: ResMut<GpuTables>,
     mut converged: ResMut<Converged>,
@@ -408,14 +407,15 @@ pub(super) fn draw_on_gpu(
     if !same {
         commands.entity(entity).insert(shown);
     }
-    let times = diagnostics.as_deref().and_then(|diagnostics| pass_times(diagnostics, &timed.0));
+    let times = last_passes.of_picture();
     let has_drawn = times.is_some();
-    statistics.draw_ms = times.as_ref().map(|times| times.0);
-    statistics.passes = times.as_ref().map(|times| times.2.clone()).unwrap_or_default();
+    let (milliseconds, at) = times.as_ref().map(|times| (times.sum(), times.at)).unzip();
+    statistics.draw_ms = milliseconds;
+    statistics.passes = times.map(|times| times.passes).unwrap_or_default();
     // Times come a picture or two late: while the last samples differ much, nobody knows which one a time belongs to.
     let [taken, ..] = tables.taken;
     let [most, least] = [tables.taken.iter().max(), tables.taken.iter().min()];
-    if let Some((milliseconds, at, _)) = times
+    if let (Some(milliseconds), Some(at)) = (milliseconds, at)
         && tables.changed.is_some_and(|changed| at > changed)
         && most.zip(least).is_some_and(|(&most, &least)| most <= 2 * least)
     {
@@ -425,21 +425,6 @@ pub(super) fn draw_on_gpu(
     // Passes are timed only once their shaders are there, so a first time means a first picture.
     converged.0 = selection.complete && !moving && same && look.settled && has_drawn && is_current;
     converged.0 &= before.is_settled();
-}
-
-/// Milliseconds that all passes of the last picture took together, when that was known, and those of each; `None` before the first
-/// picture.
-pub(super) fn pass_times(
-    diagnostics: &DiagnosticsStore,
-    timed: &[&'static str],
-) -> Option<(f64, Instant, Vec<(&'static str, f64)>)> {
-    // Colours alone are composed in every frame; passes of the mode before have not run for long.
-    let measured = || timed.iter().filter_map(|&pass| Some((pass, last_frame(diagnostics, pass)?)));
-    let known = measured().filter(|(pass, _)| *pass != "composite").map(|(_, (time, _))| time).max()?;
-    let of_now = |time: Instant| known.saturating_duration_since(time) < Duration::from_secs(1);
-    let passes: Vec<(&'static str, f64)> =
-        measured().filter(|(_, (time, _))| of_now(*time)).map(|(pass, (_, time))| (pass, time)).collect();
-    Some((passes.iter().map(|pass| pass.1).sum(), known, passes))
 }
 
 #[cfg(test)]

@@ -5,13 +5,14 @@
 
 use super::cpu_backend::CpuPicture;
 use super::exposure::Exposure;
-use super::gpu_backend::{GpuTables, pass_times};
+use super::gpu_backend::GpuTables;
 use super::listed::Listed;
 use super::live::LiveParticles;
 use super::live::copies::LiveCopies;
 use super::look::{Held, Look};
 use super::occlusion::Occlusion;
 use super::pages::ViewSelection;
+use super::pass_times::LastPasses;
 use super::picture::{DataCamera, Picture};
 use super::picture_sizes::{moving_size, volume_limit};
 use super::preset::Preset;
@@ -27,14 +28,12 @@ use crate::cpu::volume::{FieldRange, VolumeError};
 use crate::gpu::measure::Measure;
 use crate::gpu::tile_passes::TilePasses;
 use crate::gpu::tiles::TileNews;
-use crate::gpu::timing::TimedPasses;
 use crate::gpu::volume::{Shows, VolumeJob, VolumeNews};
 use crate::gpu::{self, Composite, DrawItem, Fading, LightView, ModeView, ParticleScene, SplatView, VolumeView};
 use crate::mode::{Adapter, LightPasses, LightPlan, Plan};
 use crate::picture::Subject;
 use crate::view::perspective_grid::GridError;
 use crate::view::{Extent, View};
-use bevy::diagnostic::DiagnosticsStore;
 use bevy::prelude::*;
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -149,7 +148,7 @@ pub(super) fn draw_light_on_gpu(
     mut pictures: ResMut<LightPictures>,
     (mut exposure, mut occlusion): (ResMut<Exposure>, ResMut<Occlusion>),
     (mut converged, mut statistics): (ResMut<Converged>, ResMut<Statistics>),
-    (diagnostics, timed): (Option<Res<DiagnosticsStore>>, Res<TimedPasses>),
+    last_passes: Res<LastPasses>,
     (mut notices, shaders): (ResMut<Notices>, Option<Res<ShaderTexts>>),
     camera: Single<(Entity, Option<&LightView>), With<DataCamera>>,
 ) {
@@ -357,8 +356,7 @@ pub(super) fn draw_light_on_gpu(
         exposure.set_if_neq(Exposure::of_codebooks(metadata, &look.depiction, &transfer, levels));
     }
 
-    let times = diagnostics.as_deref().and_then(|diagnostics| pass_times(diagnostics, &timed.0));
-    statistics.passes = times.map(|(_, _, passes)| passes).unwrap_or_default();
+    statistics.passes = last_passes.of_picture().map(|times| times.passes).unwrap_or_default();
     // As many slabs a frame as there is time for: twice as many while frames are short, half where they are long.
     let spent: f64 = statistics.passes.iter().map(|(_, milliseconds)| milliseconds).sum();
     pictures.slabs = match pictures.slabs {

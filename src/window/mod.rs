@@ -29,6 +29,7 @@ pub mod options;
 pub mod overlay;
 pub mod pages;
 pub mod panel;
+mod pass_times;
 pub mod pick;
 pub mod picture;
 mod picture_sizes;
@@ -215,6 +216,7 @@ impl Plugin for WindowApp {
         .init_resource::<live::copies::LiveCopies>()
         .init_resource::<gpu_backend::GpuTables>()
         .init_resource::<light_backend::LightPictures>()
+        .init_resource::<pass_times::LastPasses>()
         .init_resource::<statistics::ActiveBackend>()
         .init_resource::<pick::DoubleClick>()
         .init_resource::<screenshot::Screenshots>()
@@ -230,7 +232,12 @@ impl Plugin for WindowApp {
         .add_observer(gpu_backend::free_slot)
         .add_systems(
             PreUpdate,
-            (state::notices::advance_notices, statistics::tick_frame_clock, screenshot::report_screenshots),
+            (
+                state::notices::advance_notices,
+                statistics::tick_frame_clock,
+                pass_times::follow_times,
+                screenshot::report_screenshots,
+            ),
         )
         .add_systems(
             Update,

@@ -31,6 +31,7 @@ const WINDOW: [&[&str]; 4] = [
         "camera",
         "picture",
         "picture_sizes",
+        "pass_times",
         "facts",
     ],
     // What is open, and how it is to be seen.

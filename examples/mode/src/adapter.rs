@@ -5,7 +5,6 @@ use crate::{MODE, RIPPLES, SPEED};
 use bevy::core_pipeline::core_3d::{main_opaque_pass_3d, main_transparent_pass_3d};
 use bevy::core_pipeline::{Core3d, Core3dSystems};
 use bevy::prelude::*;
-use bevy::render::diagnostic::RecordDiagnostics;
 use bevy::render::extract_component::ExtractComponent;
 use bevy::render::render_resource::binding_types::{storage_buffer_sized, uniform_buffer_sized};
 use bevy::render::render_resource::{
@@ -20,7 +19,7 @@ use deepfield::gpu::composite::composite_splats;
 use deepfield::gpu::shaders::{self, ShaderFile, Variant};
 use deepfield::gpu::splat::constants::kernel_defs;
 use deepfield::gpu::splat::{SplatBuffers, accumulate_splats, particle_layout, prepare_splats};
-use deepfield::gpu::timing::TimedPasses;
+use deepfield::gpu::timing::PassTimer;
 use deepfield::model::Kernel;
 use std::collections::HashMap;
 use std::num::NonZeroU64;
@@ -41,7 +40,6 @@ pub const SHADER: ShaderFile = ShaderFile {
 /// Adds the mode to an application.
 pub fn plugin(app: &mut App) {
     shaders::add(app, SHADER);
-    app.world_mut().get_resource_or_init::<TimedPasses>().0.push("brightest");
     app.add_plugins(ModePlugin {
         mode: &MODE,
         component: |settings| Brightest {
@@ -169,7 +167,7 @@ fn prepare(
 fn find_brightest(
     view: ViewQuery<(&SplatBuffers, &Bindings, &Brightest)>,
     pipelines: Option<Res<Pipelines>>,
-    cache: Res<PipelineCache>,
+    (cache, timer): (Res<PipelineCache>, Res<PassTimer>),
     mut context: RenderContext,
 ) {
     let (buffers, bindings, _) = view.into_inner();
@@ -178,10 +176,8 @@ fn find_brightest(
     }
     let ids = pipelines.as_ref().and_then(|pipelines| pipelines.of_kernel.get(&buffers.grids.kernel));
     let Some([Some(find), Some(color)]) = ids.map(|ids| ids.map(|id| cache.get_compute_pipeline(id))) else { return };
-    let diagnostics = context.diagnostic_recorder();
-    let diagnostics = diagnostics.as_deref();
     let encoder = context.command_encoder();
-    let span = diagnostics.time_span(encoder, "brightest");
+    let span = timer.begin("brightest", encoder);
     encoder.clear_buffer(&buffers.shared.cells, 0, None);
     for pipeline in [find, color] {
         let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor::default());

@@ -25,7 +25,6 @@ use crate::model::Kernel;
 use crate::view::{Projection, View};
 use bevy::asset::AssetServer;
 use bevy::prelude::*;
-use bevy::render::diagnostic::RecordDiagnostics;
 use bevy::render::render_resource::{
     BindGroup, BindGroupLayoutDescriptor, Buffer, BufferUsages, CachedComputePipelineId, ComputePassDescriptor,
     PipelineCache, ShaderStages,
@@ -126,7 +125,6 @@ pub struct LayeredGroups {
 }
 
 impl TileMode for Layered {
-    const PASSES: &'static [&'static str] = &["layers"];
     type Pipelines = LayeredPipelines;
     type Bound = LayeredGroups;
 
@@ -215,10 +213,8 @@ impl TileMode for Layered {
         let grids = &on.particles.grids;
         let sum = on.pipelines.sums.ready(grids, on.cache)?;
         let LayeredGroups { sums, canvas, matter, .. } = bound;
-        let diagnostics = context.diagnostic_recorder();
-        let diagnostics = diagnostics.as_deref();
         let encoder = context.command_encoder();
-        let span = diagnostics.time_span(encoder, "layers");
+        let span = on.timer.begin("layers", encoder);
         encoder.clear_buffer(&on.cells.buffer, 0, None);
         on.spots.divide(on.particles, &on.steps, encoder);
         sums.plan(plan, encoder);

@@ -2,6 +2,7 @@
 
 use super::splat::prepare_splats;
 use super::target::{Frame, ShowPipelines, show, written};
+use super::timing::PassTimer;
 use super::view::Fading;
 use bevy::core_pipeline::core_3d::{main_opaque_pass_3d, main_transparent_pass_3d};
 use bevy::core_pipeline::{Core3d, Core3dSystems};
@@ -121,9 +122,9 @@ pub fn prepare_light(
 /// Draws the light of a camera's passes into its target.
 pub fn show_light(
     view: ViewQuery<(&ViewTarget, &ExtractedCamera, &LightBindings, &LightView, &LightCells)>,
-    cache: Res<PipelineCache>,
+    (cache, timer): (Res<PipelineCache>, Res<PassTimer>),
     mut context: RenderContext,
 ) {
     let (target, camera, bindings, _, _) = view.into_inner();
-    show(bindings.pipeline, &bindings.group, (target, camera), &cache, &mut context);
+    show(bindings.pipeline, &bindings.group, (target, camera), (&cache, &timer), &mut context);
 }

@@ -45,7 +45,6 @@ use super::arena::{Arena, update_arena};
 use super::capabilities::Withheld;
 use super::mode_view::ModeView;
 use super::scene::ParticleScene;
-use super::timing::TimedPasses;
 use super::view::SplatView;
 use bevy::core_pipeline::core_3d::{main_opaque_pass_3d, main_transparent_pass_3d};
 use bevy::core_pipeline::{Core3d, Core3dSystems};
@@ -58,7 +57,6 @@ pub struct SplatPlugin;
 
 impl Plugin for SplatPlugin {
     fn build(&self, app: &mut App) {
-        app.init_resource::<TimedPasses>();
         app.add_plugins((
             OverdrawPlugin,
             ExtractComponentPlugin::<SplatView>::default(),

@@ -2,6 +2,7 @@
 
 use super::prepare::{Bindings, SplatBuffers};
 use super::{SplatPipelines, compute, raster};
+use crate::gpu::timing::PassTimer;
 use bevy::prelude::*;
 use bevy::render::render_resource::PipelineCache;
 use bevy::render::renderer::{RenderContext, ViewQuery};
@@ -11,7 +12,7 @@ use std::sync::atomic::Ordering;
 pub fn accumulate_splats(
     view: ViewQuery<&SplatBuffers>,
     pipelines: Option<Res<SplatPipelines>>,
-    cache: Res<PipelineCache>,
+    (cache, timer): (Res<PipelineCache>, Res<PassTimer>),
     mut context: RenderContext,
 ) {
     let buffers = view.into_inner();
@@ -21,10 +22,10 @@ pub fn accumulate_splats(
     let Some(pipelines) = pipelines else { return };
     let encoded = match (&buffers.bindings, &pipelines.compute, &pipelines.raster) {
         (Some(Bindings::Compute(bindings)), Some(pipelines), _) => {
-            compute::encode(buffers, bindings, pipelines, &cache, &mut context)
+            compute::encode(buffers, bindings, pipelines, &cache, &timer, &mut context)
         }
         (Some(Bindings::Raster(bindings)), _, Some(pipelines)) => {
-            raster::encode(buffers, bindings, pipelines, &cache, &mut context)
+            raster::encode(buffers, bindings, pipelines, &cache, &timer, &mut context)
         }
         _ => false,
     };

@@ -6,8 +6,8 @@ use super::pipelines::{Kind, Step, Steps, TilePipelines, arrange_layout, walk_la
 use super::spots::{Portions, Scan, SpotList, WORK_BYTES, bind, bind_scan, each, one, portion_of, scan, scan_parts};
 use crate::gpu::splat::resources::{at_least, size_of_all, whole};
 use crate::gpu::splat::{SplatBuffers, workgroups};
+use crate::gpu::timing::PassTimer;
 use crate::gpu::volume::constants::{DIGIT_BITS, DIGITS, SORT_BLOCK};
-use bevy::render::diagnostic::RecordDiagnostics;
 use bevy::render::render_resource::{
     BindGroup, BindingResource, Buffer, BufferUsages, ComputePass, ComputePassDescriptor, ComputePipeline,
     PipelineCache,
@@ -72,6 +72,8 @@ pub struct Drawing<'a> {
     pub walk_group: &'a BindGroup,
     /// The name of the walk's times.
     pub name: &'static str,
+    /// Measures it, and the list.
+    pub timer: &'a PassTimer,
 }
 
 impl TileList {
@@ -167,14 +169,12 @@ impl TileList {
         drawing: &Drawing<'_>,
         context: &mut RenderContext,
     ) {
-        let diagnostics = context.diagnostic_recorder();
-        let diagnostics = diagnostics.as_deref();
         let (buffers, groups) = (&self.buffers, &self.groups);
         let [depth_digits, bin_digits] = self.sorted_digits;
         let most = u64::from(spots.most());
         let encoder = context.command_encoder();
         for slab in 0..spots.slabs() {
-            let span = diagnostics.time_span(encoder, "list");
+            let span = drawing.timer.begin("list", encoder);
             if slab == 0 {
                 spots.divide(particles, steps, encoder);
             }
@@ -198,7 +198,7 @@ impl TileList {
                 each(&mut pass, steps.get(Step::FindRanges), &[&groups.ranges[bin_digits % 2]], &buffers.pair_work);
             }
             span.end(encoder);
-            let span = diagnostics.time_span(encoder, drawing.name);
+            let span = drawing.timer.begin(drawing.name, encoder);
             {
                 let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor::default());
                 pass.set_pipeline(drawing.walk);

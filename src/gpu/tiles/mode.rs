@@ -13,7 +13,7 @@ use crate::gpu::splat::layout::Grids;
 use crate::gpu::splat::resources::at_least;
 use crate::gpu::splat::{SplatBuffers, SplatPipelines, prepare_splats};
 use crate::gpu::target::written;
-use crate::gpu::timing::TimedPasses;
+use crate::gpu::timing::PassTimer;
 use crate::gpu::view::SplatView;
 use crate::view::View;
 use bevy::core_pipeline::core_3d::{main_opaque_pass_3d, main_transparent_pass_3d};
@@ -33,9 +33,6 @@ use std::task::Poll;
 
 /// A mode whose passes draw particles in slabs of depth.
 pub trait TileMode: Clone + PartialEq + Send + Sync + 'static {
-    /// The names of its passes' times, beside that of the lists.
-    const PASSES: &'static [&'static str];
-
     /// Layouts and pipelines.
     type Pipelines: Resource;
 
@@ -181,6 +178,8 @@ pub struct Canvas<'a, M: TileMode> {
     pub cells: &'a LightCells,
     /// Compiled pipelines.
     pub cache: &'a PipelineCache,
+    /// Measures passes.
+    pub timer: &'a PassTimer,
 }
 
 /// What the passes of a camera bind, and what that was made of (render world).
@@ -218,7 +217,6 @@ impl<M> Default for TilePlugin<M> {
 impl<M: TileMode> Plugin for TilePlugin<M> {
     fn build(&self, app: &mut App) {
         app.add_plugins(ExtractComponentPlugin::<TilePicture<M>>::default());
-        app.world_mut().get_resource_or_init::<TimedPasses>().0.extend(M::PASSES);
         let news = app.world_mut().get_resource_or_init::<TileNews>().clone();
         let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
         init_when_used::<TilePicture<M>, M::Pipelines, _>(render_app, init_pipelines::<M>);
@@ -316,7 +314,7 @@ fn draw<M: TileMode>(
     view: ViewQuery<(&SplatBuffers, &mut TileBindings<M>, &mut LightCells, &LightView, &TilePicture<M>)>,
     pipelines: Option<Res<M::Pipelines>>,
     tile_pipelines: Option<Res<TilePipelines>>,
-    cache: Res<PipelineCache>,
+    (cache, timer): (Res<PipelineCache>, Res<PassTimer>),
     device: Res<RenderDevice>,
     mut context: RenderContext,
 ) {
@@ -324,8 +322,15 @@ fn draw<M: TileMode>(
     if !cells.complete || particles.always {
         let (Some(pipelines), Some(tile_pipelines)) = (pipelines, tile_pipelines) else { return };
         let Some(steps) = tile_pipelines.ready(&cache) else { return };
-        let canvas =
-            Canvas { pipelines: &*pipelines, steps, particles, spots: &bindings.spots, cells: &cells, cache: &cache };
+        let canvas = Canvas {
+            pipelines: &*pipelines,
+            steps,
+            particles,
+            spots: &bindings.spots,
+            cells: &cells,
+            cache: &cache,
+            timer: &timer,
+        };
         context.command_encoder().clear_buffer(&bindings.ends, 0, None);
         if bindings.of.draw(&bindings.bound, &canvas, &mut context).is_none() {
             return;

@@ -49,7 +49,6 @@ pub use work::Room;
 use super::arena::update_arena;
 use super::light::show_light;
 use super::splat::init_splat_pipelines;
-use super::timing::TimedPasses;
 use bevy::core_pipeline::core_3d::{main_opaque_pass_3d, main_transparent_pass_3d};
 use bevy::core_pipeline::{Core3d, Core3dSystems};
 use bevy::prelude::*;
@@ -62,7 +61,6 @@ pub struct VolumePlugin;
 impl Plugin for VolumePlugin {
     fn build(&self, app: &mut App) {
         app.add_plugins(ExtractComponentPlugin::<VolumeView>::default());
-        app.world_mut().get_resource_or_init::<TimedPasses>().0.extend(["resample", "cast"]);
         let news = app.world_mut().get_resource_or_init::<VolumeNews>().clone();
         let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
         render_app

@@ -8,9 +8,9 @@ use super::programs::{Step, VolumePipelines};
 use super::view::Shows;
 use super::work::{Batch, SlabWork, Work};
 use crate::gpu::answer::Answer;
+use crate::gpu::timing::PassTimer;
 use bevy::platform::collections::HashMap;
 use bevy::prelude::*;
-use bevy::render::diagnostic::RecordDiagnostics;
 use bevy::render::render_resource::{
     BindGroup, Buffer, CommandEncoder, ComputePass, ComputePassDescriptor, ComputePipeline, PipelineCache,
 };
@@ -57,13 +57,11 @@ impl Steps<'_> {
 pub fn draw_volumes(
     view: ViewQuery<&VolumeWork>,
     pipelines: Option<Res<VolumePipelines>>,
-    cache: Res<PipelineCache>,
+    (cache, timer): (Res<PipelineCache>, Res<PassTimer>),
     mut context: RenderContext,
 ) {
     let work = view.into_inner();
     let Some(pipelines) = pipelines else { return };
-    let diagnostics = context.diagnostic_recorder();
-    let diagnostics = diagnostics.as_deref();
     for (work, planned) in work.planned() {
         let Some(pipelines) = pipelines.get(work.variant, &cache) else { continue };
         let encoder = context.command_encoder();
@@ -72,7 +70,7 @@ pub fn draw_volumes(
                 begin_pane(work, encoder);
             }
             // Of a grid that is held there is none.
-            let span = (!slab.batches.is_empty()).then(|| diagnostics.time_span(encoder, "resample"));
+            let span = (!slab.batches.is_empty()).then(|| timer.begin("resample", encoder));
             for (index, batch) in slab.batches.iter().enumerate() {
                 encoder.clear_buffer(&work.buffers.bins.buffer, 0, Some(work.buffers.bins.bytes));
                 encoder.clear_buffer(&work.buffers.items.buffer, 0, Some(4 * u64::from(HEADER)));
@@ -86,7 +84,7 @@ pub fn draw_volumes(
             if let Some(span) = span {
                 span.end(encoder);
             }
-            let span = diagnostics.time_span(encoder, "cast");
+            let span = timer.begin("cast", encoder);
             finish_slab(work, encoder, &pipelines, slab);
             span.end(encoder);
             if slab.closes {

@@ -3,7 +3,7 @@
 use super::{ComputeBindings, ComputePipelines};
 use crate::gpu::splat::SplatBuffers;
 use crate::gpu::splat::workgroups as groups;
-use bevy::render::diagnostic::RecordDiagnostics;
+use crate::gpu::timing::PassTimer;
 use bevy::render::render_resource::{BindGroup, ComputePass, ComputePassDescriptor, ComputePipeline, PipelineCache};
 use bevy::render::renderer::RenderContext;
 
@@ -23,6 +23,7 @@ pub fn encode(
     bindings: &ComputeBindings,
     pipelines: &ComputePipelines,
     cache: &PipelineCache,
+    timer: &PassTimer,
     context: &mut RenderContext,
 ) -> bool {
     let get = |id| cache.get_compute_pipeline(id);
@@ -31,11 +32,9 @@ pub fn encode(
     else {
         return false;
     };
-    let diagnostics = context.diagnostic_recorder();
-    let diagnostics = diagnostics.as_deref();
     let encoder = context.command_encoder();
     for (index, batch) in bindings.batches.iter().enumerate() {
-        let span = diagnostics.time_span(encoder, "project");
+        let span = timer.begin("project", encoder);
         encoder.clear_buffer(&bindings.starts, 0, None);
         {
             let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor::default());
@@ -47,11 +46,11 @@ pub fn encode(
         }
         span.end(encoder);
 
-        let span = diagnostics.time_span(encoder, "accumulate");
+        let span = timer.begin("accumulate", encoder);
         bindings.sums.accumulate(sums, &buffers.grids, index > 0, None, encoder);
         span.end(encoder);
     }
-    let span = diagnostics.time_span(encoder, "reconstruct");
+    let span = timer.begin("reconstruct", encoder);
     bindings.sums.reconstruct(sums, &buffers.grids, None, encoder);
     span.end(encoder);
     true

@@ -3,7 +3,7 @@
 use super::bindings::Target;
 use super::{RasterBindings, RasterPipelines};
 use crate::gpu::splat::SplatBuffers;
-use bevy::render::diagnostic::RecordDiagnostics;
+use crate::gpu::timing::PassTimer;
 use bevy::render::render_resource::{
     BindGroup, CommandEncoder, Extent3d, LoadOp, Operations, Origin3d, PipelineCache, RenderPassColorAttachment,
     RenderPassDescriptor, RenderPipeline, StoreOp, TexelCopyBufferInfo, TexelCopyBufferLayout, TexelCopyTextureInfo,
@@ -18,6 +18,7 @@ pub fn encode(
     bindings: &RasterBindings,
     pipelines: &RasterPipelines,
     cache: &PipelineCache,
+    timer: &PassTimer,
     context: &mut RenderContext,
 ) -> bool {
     let uniform = &buffers.grids.uniform;
@@ -25,11 +26,9 @@ pub fn encode(
     let blend = pipelines.blend(buffers.grids.kernel, buffers.grids.oblique).and_then(get);
     let upsample = pipelines.upsample().map(|ids| ids.map(get));
     let (Some(blend), Some([Some(along_x), Some(along_y)])) = (blend, upsample) else { return false };
-    let diagnostics = context.diagnostic_recorder();
-    let diagnostics = diagnostics.as_deref();
     let encoder = context.command_encoder();
 
-    let span = diagnostics.time_span(encoder, "accumulate");
+    let span = timer.begin("accumulate", encoder);
     {
         let mut pass = begin(encoder, &bindings.atlas, "deepfield blend");
         pass.set_pipeline(blend);
@@ -42,7 +41,7 @@ pub fn encode(
     }
     span.end(encoder);
 
-    let span = diagnostics.time_span(encoder, "reconstruct");
+    let span = timer.begin("reconstruct", encoder);
     for (target, [from_coarser, from_rows]) in bindings.levels.iter().zip(&bindings.upsample).rev() {
         fill(encoder, &target.along_x, along_x, from_coarser);
         fill(encoder, &target.along_y, along_y, from_rows);
