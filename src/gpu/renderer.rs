@@ -201,8 +201,10 @@ impl HeadlessRenderer {
         Ok(())
     }
 
-    /// Draws into a target of this size from now on.
+    /// Draws into a target of this size from now on, or of the largest that there can be: light is read from its cells.
     fn resize(&mut self, size: UVec2) {
+        let most = self.device().0.limits().max_texture_dimension_2d;
+        let size = size.min(UVec2::splat(most));
         if self.size == size {
             return;
         }

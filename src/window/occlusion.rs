@@ -7,22 +7,13 @@
 //! picture that was drawn before everything had come may hide too much: then the next one says so, and what it shows is asked
 //! for. Pictures of complete selections hide together only what each of them does, so that this comes to an end.
 
-use super::pages::{PageExtent, PageKey, Present, Streaming};
+use super::page_entities::{PageExtent, PageKey, PageOcclusion};
+use super::streaming::{Present, Streaming};
 use crate::cpu::volume::OpaqueDepths;
 use crate::cpu::volume::behind::FromElsewhere;
 use crate::view::{Occluder, View};
 use bevy::prelude::*;
 use std::sync::Arc;
-
-/// Whether anything of a resident page shows.
-#[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum PageOcclusion {
-    /// Something does, or may.
-    #[default]
-    Seen,
-    /// All of its nodes are behind something, from wherever the camera may be until something has been read.
-    Hidden,
-}
 
 /// What the last pictures hide.
 #[derive(Resource, Default)]

@@ -1,6 +1,6 @@
 //! Streaming in the frame: traversal, loading and eviction are systems, each of which asks the
 //! [`crate::stream::Streamer`] for one step; every page that is loading, resident or failed is an entity that shows
-//! afterwards where it stands.
+//! afterwards where it stands ([`super::page_entities`]).
 //!
 //! A frame, after the camera has settled: reads that have ended are taken in ([`finish_loads`]); what the last pictures hide is
 //! marked ([`super::occlusion`]); the tree is traversed top-down and the nodes to draw are chosen, with a parent standing in for what is not there ([`traverse`]); pages that
@@ -12,73 +12,18 @@
 //! ([`PageCopies`]); until then its parent is drawn.
 
 use super::camera::{CameraSystems, DataDistance, Viewpoint, distance_to_boxes};
-use super::lens::view_of;
-use super::look::Look;
-use super::occlusion::{Occlusion, PageOcclusion, hide_pages, occlude};
-use super::picture::{DataCamera, Picture};
-use super::preset::{Preset, ResidencyPreset};
-use super::scene::{Scene, Settings};
+use super::occlusion::{Occlusion, hide_pages, occlude};
+use super::page_entities::{PageCopies, PageExtent, PageKey, PageOcclusion, PageStatus, tell_evicted, tell_standings};
+use super::preset::Preset;
+use super::scene::Scene;
 use super::state::notices::Notices;
 use super::statistics::{ActiveBackend, Statistics};
+use super::streaming::{Present, Streaming};
 use crate::hierarchy::Purpose;
-use crate::model::Bounds;
-use crate::store::{Page, PageId};
-use crate::stream::{PageState, SceneNode, Streamer};
-use crate::view::{Extent, View};
-use crate::window::state::aim::Aim;
-use bevy::ecs::system::SystemParam;
+use crate::stream::{PageState, SceneNode};
+use crate::view::View;
 use bevy::prelude::*;
-use std::collections::HashMap;
 use std::sync::Arc;
-
-/// What the sides of the flat view are divided by while a panorama is shown, which reads its pages itself: what is ahead of the camera is
-/// known well enough for the speed of flights, and little memory is taken for it.
-const SURROUND_SHRINK: u32 = 8;
-
-/// Which page an entity is.
-#[derive(Component, Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub struct PageKey {
-    /// Number of the page in its file.
-    pub id: PageId,
-    /// The [`Scene::generation`] of the file.
-    pub generation: u32,
-}
-
-/// Where a page stands.
-#[derive(Component, Clone, Debug)]
-pub enum PageStatus {
-    /// It is being read.
-    Loading,
-    /// In memory.
-    Resident(Arc<Page>),
-    /// It cannot be read; the text says why.
-    Failed(String),
-}
-
-/// The box around a resident page's nodes, and how far their particles reach.
-#[derive(Component, Clone, Copy, Debug, PartialEq)]
-pub struct PageExtent(pub Extent);
-
-impl PageExtent {
-    fn of(page: &Page) -> PageExtent {
-        let bounds = page.nodes.iter().fold(Bounds::EMPTY, |bounds, node| bounds.union(node.bounds));
-        let margin = page.nodes.iter().fold(0.0, |most: f32, node| most.max(node.smoothing_length_max));
-        PageExtent(Extent { bounds, margin: f64::from(margin) })
-    }
-}
-
-/// Where a renderer's copy of a page stands; only while a renderer keeps copies.
-#[derive(Component, Clone, Copy, Debug, PartialEq, Eq)]
-pub enum GpuSlot {
-    /// On its way.
-    Queued,
-    /// There: the page may be drawn.
-    Resident,
-}
-
-/// Whether the renderer draws from copies of pages; if not, it draws from main memory and every resident page counts.
-#[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct PageCopies(pub bool);
 
 /// What the view draws in this frame.
 #[derive(Resource, Clone, Debug, Default)]
@@ -98,70 +43,6 @@ pub struct ViewSelection {
 /// Where the camera is known to be in a moment, as on a tour.
 #[derive(Resource, Clone, Copy, Debug, Default, PartialEq)]
 pub struct Upcoming(pub Option<Viewpoint>);
-
-/// The open file's pages.
-#[derive(Resource)]
-pub struct Streaming {
-    /// Which pages are in memory, and what is done about the others.
-    pub streamer: Streamer,
-    entities: HashMap<PageId, Entity>,
-    /// The [`Scene::generation`] of the file.
-    pub generation: u32,
-    preset: ResidencyPreset,
-    told_memory: bool,
-}
-
-impl Streaming {
-    /// Nothing of the scene's file is resident yet.
-    pub fn new(scene: &Scene, preset: &ResidencyPreset, copies: bool) -> Streaming {
-        let mut streamer = Streamer::new(Arc::clone(&scene.file), preset.stream_options());
-        streamer.keep_copies(copies.then(|| preset.copy_options()));
-        Streaming {
-            streamer,
-            entities: HashMap::new(),
-            generation: scene.generation,
-            preset: preset.clone(),
-            told_memory: false,
-        }
-    }
-
-    /// The entity of a page that is loading, resident or failed.
-    pub fn entity(&self, page: PageId) -> Option<Entity> {
-        self.entities.get(&page).copied()
-    }
-}
-
-/// What the window looks at.
-#[derive(SystemParam)]
-pub struct Present<'w, 's> {
-    settings: Res<'w, Settings>,
-    picture: Res<'w, Picture>,
-    look: Option<Res<'w, Look>>,
-    aim: Option<Res<'w, Aim>>,
-    backend: Res<'w, ActiveBackend>,
-    camera: Single<'w, 's, &'static Viewpoint, With<DataCamera>>,
-}
-
-impl Present<'_, '_> {
-    /// The present view.
-    pub fn view(&self, streaming: &Streaming) -> Option<View> {
-        self.view_from(&self.camera, streaming)
-    }
-
-    fn view_from(&self, viewpoint: &Viewpoint, streaming: &Streaming) -> Option<View> {
-        let periodic = streaming.streamer.residency.tree().metadata().periodic_box();
-        let size = match *self.backend {
-            ActiveBackend::Surround => (self.picture.size() / SURROUND_SHRINK).max(UVec2::ONE),
-            ActiveBackend::Cpu | ActiveBackend::Gpu => self.picture.size(),
-        };
-        view_of(viewpoint, &self.settings, periodic, size, self.aim.as_deref()).ok()
-    }
-
-    /// What has to stay the same for a picture to say anything of the next: the scene's generation and the depiction's revision.
-    pub fn key(&self, streaming: &Streaming) -> (u32, u64) {
-        (streaming.generation, self.look.as_ref().map_or(0, |look| look.depiction_revision))
-    }
-}
 
 /// When pages are handled within a frame; all of it runs in `PostUpdate`, after the camera has settled.
 #[derive(SystemSet, Clone, Debug, PartialEq, Eq, Hash)]
@@ -194,8 +75,10 @@ impl Plugin for PagesPlugin {
                     (follow_scene, finish_loads).chain().in_set(PageSystems::Arrive),
                     (occlude, hide_pages, traverse).chain().in_set(PageSystems::Traverse),
                     (start_loads, evict).chain().in_set(PageSystems::Serve),
+                    tell_standings.after(PageSystems::Serve),
                 ),
-            );
+            )
+            .add_observer(tell_evicted);
     }
 }
 
@@ -362,7 +245,11 @@ mod tests {
     use crate::cpu::volume::OpaqueDepths;
     use crate::import::LoadOptions;
     use crate::store::PageFile;
+    use crate::view::Extent;
     use crate::window::facts::Facts;
+    use crate::window::picture::{DataCamera, Picture};
+    use crate::window::scene::Settings;
+    use crate::window::statistics::PageCounts;
     use bevy::math::DVec3;
     use std::path::Path;
 
@@ -437,6 +324,8 @@ mod tests {
         assert_eq!(app.world().resource::<Statistics>().particles, file.metadata().particles());
         let resident = app.world().resource::<Streaming>().streamer.residency.statistics().resident;
         assert_eq!(pages(&mut app), resident);
+        let standing = PageCounts { drawable: resident, ..PageCounts::default() };
+        assert_eq!(app.world().resource::<Statistics>().pages, standing);
         let mut described = app.world_mut().query::<(&PageStatus, &PageExtent)>();
         let bounds = file.metadata().bounds();
         for (status, PageExtent(Extent { bounds: page, margin })) in described.iter(app.world()) {

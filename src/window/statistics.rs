@@ -1,6 +1,7 @@
 //! Numbers of the running program: frames, what is drawn, what is resident.
 
 use bevy::prelude::*;
+use serde::Serialize;
 use std::collections::VecDeque;
 
 /// What the last picture was made of.
@@ -32,6 +33,8 @@ pub struct Statistics {
     pub pages_loading: usize,
     /// Pages that cannot be read.
     pub pages_failed: usize,
+    /// Pages by where they stand.
+    pub pages: PageCounts,
     /// Bytes of the resident pages.
     pub bytes: u64,
     /// Bytes that they may take.
@@ -46,6 +49,23 @@ pub struct Statistics {
     pub slabs: Option<[usize; 2]>,
     /// Bytes of the adapter's memory that volumes work in.
     pub work_bytes: u64,
+}
+
+/// How many pages stand where.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct PageCounts {
+    /// Being read.
+    pub reading: usize,
+    /// In memory, where copies are drawn and there is none.
+    pub in_memory: usize,
+    /// On the way to the adapter.
+    pub copying: usize,
+    /// What can be drawn.
+    pub drawable: usize,
+    /// What cannot be read.
+    pub failed: usize,
+    /// Those in memory, copied or not, of which nothing shows.
+    pub hidden: usize,
 }
 
 /// What draws the picture.

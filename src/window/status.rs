@@ -12,7 +12,7 @@ use super::scene_io::SceneFiles;
 use super::state::notices::Notices;
 use super::state::panels::{Closed, Shown};
 use super::state::show::ShowStatus;
-use super::statistics::{Converged, Statistics};
+use super::statistics::{Converged, PageCounts, Statistics};
 use super::touring::{Player, Ranges};
 use super::ui::Controls;
 use crate::annotate::Annotations;
@@ -86,6 +86,7 @@ struct Status<'a> {
     nodes_hidden: usize,
     pages_resident: usize,
     pages_failed: usize,
+    pages: PageCounts,
     memory: MemoryStatus,
     /// Nodes that the processor has decoded for pictures since the start.
     decoded: u64,
@@ -183,6 +184,7 @@ pub(super) fn write_status(
         nodes_hidden: statistics.hidden,
         pages_resident: statistics.pages_resident,
         pages_failed: statistics.pages_failed,
+        pages: statistics.pages,
         memory: MemoryStatus {
             pages: [statistics.bytes, statistics.budget_bytes],
             copies: statistics.copies,

@@ -1,12 +1,14 @@
 //! Reading pages on threads of its own, so that no thread pool of anybody else ever waits for a disk.
 //!
 //! A read that is not answered for long is told and left to itself; another thread takes its place. The processor's part
-//! (checksum, decoding) runs on a few threads at a time only, so that it does not take the processor from what draws.
+//! (checksum, decoding) runs on a few threads at a time only, so that it does not take the processor from what draws. Both parts
+//! are spans, `read` and `decode`, of the page that they name.
 
 use crate::store::{Change, Page, PageId, StoreError, Tree};
 use std::collections::{HashMap, VecDeque};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
+use tracing::debug_span;
 
 /// A read that has ended.
 #[derive(Debug)]
@@ -200,7 +202,7 @@ fn work(shared: &Shared) {
         };
         state.reading.insert(page, Reading { since: Instant::now(), is_stalled: false });
         drop(state);
-        let fetched = shared.tree.fetch_page(page);
+        let fetched = debug_span!("read", page = page.0).in_scope(|| shared.tree.fetch_page(page));
         let change = shared.tree.change_of(page);
         state = shared.lock();
         let was_stuck = state.reading.remove(&page).is_some_and(|reading| reading.is_stalled);
@@ -209,7 +211,8 @@ fn work(shared: &Shared) {
         }
         state.decoding += 1;
         drop(state);
-        let outcome = fetched.and_then(|bytes| shared.tree.decode_page(bytes));
+        let decode = || fetched.and_then(|bytes| shared.tree.decode_page(bytes));
+        let outcome = debug_span!("decode", page = page.0).in_scope(decode);
         let bytes = shared.tree.page_bytes(page);
         state = shared.lock();
         state.decoding -= 1;
