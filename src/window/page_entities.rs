@@ -1,7 +1,7 @@
 //! What page entities say: which page each is, where it stands, and whether anything of it shows.
 //!
-//! A page comes, is copied for the adapter where that draws, and goes; every change is told as an event of the log's level "debug", the
-//! numbers of pages by where they stand are in [`Statistics`].
+//! A page comes, is copied for the adapter where that draws, and goes: each step is an event of the log (`RUST_LOG=deepfield=debug`),
+//! and how many pages stand where is in [`Statistics`].
 
 use super::statistics::{PageCounts, Statistics};
 use crate::model::Bounds;
@@ -106,7 +106,7 @@ pub(super) fn tell_standings(
         } += 1;
         counts.hidden += usize::from(*occlusion == PageOcclusion::Hidden);
         if status.is_changed() || slot.is_some_and(|slot| slot.is_changed()) {
-            debug!(page = key.id.0, ?standing, "page");
+            debug!(page = key.id.0, ?standing);
         }
     }
     statistics.pages = counts;
@@ -115,6 +115,6 @@ pub(super) fn tell_standings(
 /// Tells that a page's memory is given back.
 pub(super) fn tell_evicted(removed: On<Remove, PageKey>, pages: Query<&PageKey>) {
     if let Ok(key) = pages.get(removed.entity) {
-        debug!(page = key.id.0, "page evicted");
+        debug!(page = key.id.0, standing = "Evicted");
     }
 }

@@ -12,14 +12,15 @@ use deepfield::gpu::depiction::request_nodes;
 use deepfield::gpu::tile_passes::TilePasses;
 use deepfield::gpu::{
     Backend, DeviceOptions, Footprint, HeadlessNode, HeadlessRenderer, HeadlessRequest, Layered, LightView, NodeId,
-    NodeUpload, Payload, RawParticle, SortedSplats, Spheres, TilePicture,
+    NodeUpload, Offscreen, Payload, RawParticle, SortedSplats, Spheres, TilePicture,
 };
-use deepfield::look::LookPatch;
+use deepfield::look::{Backend as DrawnBy, CameraConfig, LookPatch, Member, Shot};
 use deepfield::mode::sample::Sample;
 use deepfield::mode::{Depiction, LightPasses, LightPicture, Plan, Settings};
 use deepfield::model::{Bounds, Kernel};
 use deepfield::modes::{self, grid::Look};
 use deepfield::picture::look::transfer_of;
+use deepfield::picture::{Session, SessionOptions};
 use deepfield::stream::{Scene, SceneNode};
 use deepfield::view::cut::{ClipBox, Fade};
 use deepfield::view::{CutSettings, Extent, Occluder, Periodic, Projection, View};
@@ -477,5 +478,29 @@ fn spheres_of_page_files_are_the_processors() {
         let other = pairs.filter(|(a, b)| (0..4).any(|k| (a[k] - b[k]).abs() > 0.02)).count();
         println!("{name}: mean {mean:.3}, {other} others of {}", found.rgba.len());
         assert!(mean < 0.05 && other * 1000 < found.rgba.len(), "{name}: mean {mean}, {other} others");
+    }
+}
+
+#[test]
+fn pictures_wider_than_the_adapters_textures_are_the_processors() {
+    let built = built(&demo(), VqBits::Eight);
+    let camera = CameraConfig { eye: Some([25.0, 25.0, 120.0]), target: Some([25.0; 3]), ..CameraConfig::default() };
+    for mode in ["volume", "sorted-splats"] {
+        let [by_processor, by_adapter] = [DrawnBy::Cpu, DrawnBy::Compute].map(|backend| {
+            let options = SessionOptions { backend: Some(backend), ..SessionOptions::default() };
+            let member = [Member::new(built.file.path())];
+            let opened = Session::open(&member, options, [], |path| Ok(path.to_owned()), Arc::new(())).unwrap();
+            let mut session = opened.with_adapter(Some(Box::new(Offscreen::default())));
+            let look = LookPatch { mode: modes::find(mode), ..LookPatch::default() };
+            // The least of the largest textures that adapters have is 8192 pixels, and most of them have no more than 16384.
+            let shot = Shot { look, camera, size: Some((16_500, 24)), ..Shot::default() };
+            session.draw(&shot).unwrap().image(&shot).unwrap()
+        });
+        let (lit, largest) = by_processor.rgba.iter().zip(&by_adapter.rgba).fold((0, 0), |(lit, largest), (a, b)| {
+            let apart = (0..4).map(|channel| a[channel].abs_diff(b[channel])).max();
+            (lit + usize::from(a[0] > 40), largest.max(apart.unwrap_or(0)))
+        });
+        assert_eq!((by_adapter.width, by_adapter.height), (16_500, 24));
+        assert!(lit > 300 && largest <= 2, "{mode}: {lit} pixels are lit, which differ by up to {largest} of 255");
     }
 }

@@ -15,6 +15,7 @@ fn use_the_window(arguments: &[&str]) {
     let first = program.wait("a converged picture", |status| status["converged"] == true);
     assert_eq!(first["particles_drawn"], 262_144, "the demo is drawn in full at this size: {first:#}");
     assert_eq!((&first["panel"], &first["pages_failed"]), (&Value::from(true), &Value::from(0)));
+    assert_eq!(first["pages"]["drawable"], first["pages_resident"], "{first:#}");
     let picture = columns(&first);
     let left = picture.start;
 

@@ -8,7 +8,7 @@ use crate::store::{Change, Page, PageId, StoreError, Tree};
 use std::collections::{HashMap, VecDeque};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
-use tracing::debug_span;
+use tracing::{debug, debug_span};
 
 /// A read that has ended.
 #[derive(Debug)]
@@ -213,10 +213,11 @@ fn work(shared: &Shared) {
         drop(state);
         let decode = || fetched.and_then(|bytes| shared.tree.decode_page(bytes));
         let outcome = debug_span!("decode", page = page.0).in_scope(decode);
-        let bytes = shared.tree.page_bytes(page);
+        let (bytes, took) = (shared.tree.page_bytes(page), asked.elapsed());
+        debug!(page = page.0, bytes, ?took);
         state = shared.lock();
         state.decoding -= 1;
-        state.done.push(Loaded { page, outcome, bytes, took: asked.elapsed(), change });
+        state.done.push(Loaded { page, outcome, bytes, took, change });
         shared.done.notify_all();
         shared.work.notify_all();
         if was_stuck {
@@ -228,5 +229,58 @@ fn work(shared: &Shared) {
             }
         }
         state.idle += 1;
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed helper fails its test")]
+mod tests {
+    use super::*;
+    use crate::store::InMemory;
+    use crate::synth::{self, merger::Merger};
+    use std::fmt::Debug;
+    use tracing::field::{Field, Visit};
+    use tracing::span::{Attributes, Id};
+    use tracing_subscriber::layer::{Context, Layer, SubscriberExt};
+
+    /// Names of spans and the pages that they name.
+    #[derive(Clone, Default)]
+    struct Spans(Arc<Mutex<Vec<(&'static str, u64)>>>);
+
+    struct OfPage(u64);
+
+    impl Visit for OfPage {
+        fn record_u64(&mut self, field: &Field, value: u64) {
+            if field.name() == "page" {
+                self.0 = value;
+            }
+        }
+
+        fn record_debug(&mut self, _: &Field, _: &dyn Debug) {}
+    }
+
+    impl<S: tracing::Subscriber> Layer<S> for Spans {
+        fn on_new_span(&self, attributes: &Attributes<'_>, _: &Id, _: Context<'_, S>) {
+            let mut page = OfPage(u64::MAX);
+            attributes.record(&mut page);
+            self.0.lock().unwrap().push((attributes.metadata().name(), page.0));
+        }
+    }
+
+    #[test]
+    fn reads_are_spans_of_their_page() {
+        let spans = Spans::default();
+        tracing::subscriber::set_global_default(tracing_subscriber::registry().with(spans.clone())).unwrap();
+        let loader =
+            Loader::new(Arc::new(InMemory::new(synth::dataset(&Merger::new(1, 8)))), 1, Duration::from_secs(60));
+        // There are no such pages, which takes as many steps to find out.
+        for page in [711, 712] {
+            loader.start(PageId(page));
+            loader.wait(Duration::from_secs(60));
+            assert!(loader.take_done()[0].outcome.is_err());
+        }
+        let spans = spans.0.lock().unwrap();
+        let of_here: Vec<_> = spans.iter().copied().filter(|(_, page)| (711..=712).contains(page)).collect();
+        assert_eq!(of_here, [("read", 711), ("decode", 711), ("read", 712), ("decode", 712)]);
     }
 }
