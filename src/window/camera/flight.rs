@@ -47,7 +47,10 @@ impl Flight {
     /// never leaves the picture.
     pub fn viewpoint(&self) -> Viewpoint {
         if self.is_over() {
-            return self.at(1.0, 1.0);
+            // The same to the last bit from wherever it came.
+            let (back, up) = back_and_up(self.angles.0, self.angles.1);
+            let eye = self.target + back * self.distance_world;
+            return Viewpoint { eye, target: self.target, up, fov_y: self.from.fov_y };
         }
         let t = (self.elapsed_secs / self.duration_secs).clamp(0.0, 1.0);
         let eased = t * t * t * (t * (6.0 * t - 15.0) + 10.0);
