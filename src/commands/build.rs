@@ -95,6 +95,7 @@ pub fn run(arguments: &Arguments) -> CommandResult {
         families: arguments.family.clone(),
         attributes: arguments.attributes.clone().map_or(AttributeChoice::Usual, AttributeChoice::Named),
         smoothing: arguments.smoothing.clone(),
+        ..LoadOptions::default()
     };
     let progress = TerminalProgress::new();
     let built = build_source(&arguments.source, &load_options, &options, &arguments.output, &progress)?;
