@@ -3,7 +3,7 @@
 use super::arguments::PictureSize;
 use super::projection_options::ProjectionOptions;
 use super::{CommandResult, render};
-use crate::look::{Member, SceneFile, data_file, is_scene_file};
+use crate::look::{DataKind, Member, SceneFile, data_file, is_scene_file};
 use crate::tour::TourFile;
 #[cfg(feature = "viewer")]
 use crate::view::{Stereo, Surround};
@@ -155,8 +155,8 @@ pub fn run(arguments: &Arguments) -> CommandResult {
     }
     // Found out here, a missing file is an error on the command line rather than a message in an empty window.
     let is_given = !path.as_os_str().is_empty();
-    if is_given && crate::look::is_page_file(&path)? && settings.simulate {
-        return Err(format!("{}: --simulate takes a snapshot, this is a page file", path.display()).into());
+    if is_given && DataKind::of(&path)? != DataKind::Source && settings.simulate {
+        return Err(format!("{}: --simulate takes a snapshot, this is a page file or a run", path.display()).into());
     }
     if settings.follow.is_some() && is_scene_file(&path) {
         return Err(

@@ -5,7 +5,7 @@ use super::options::{OpenRequest, Opener};
 use super::preset::Preset;
 use super::state::notices::Notices;
 use super::state::progress::SharedProgress;
-use crate::look::{Member, SceneFile, is_scene_file, open_members};
+use crate::look::{Member, OpenData, SceneFile, is_scene_file};
 use crate::model::progress::Progress;
 use crate::model::{Bounds, ReadMethod};
 use crate::store::{PageFile, StoreError};
@@ -53,7 +53,7 @@ pub struct Opened {
     pub members: Vec<Member>,
     /// What of them does not fit together.
     pub notes: Vec<String>,
-    /// The page file made of them.
+    /// The page file made of them; of runs, of the step that is shown.
     pub file: Arc<PageFile>,
     /// The box to look at first.
     pub frame: Bounds,
@@ -80,8 +80,16 @@ impl Openings {
             let members = members.iter().map(Member::resolved).collect::<Result<Vec<_>, _>>();
             let members = members.map_err(|error| error.to_string())?;
             let path = members.first().map(|member| member.path.clone()).unwrap_or_default();
-            let page_file = |path: &Path| opener(path, shared.as_ref()).map_err(Failure);
-            let (file, notes) = open_members(&members, read, page_file).map_err(|Failure(why)| why)?;
+            let built = |path: &Path| opener(path, shared.as_ref()).map_err(Failure);
+            let data = OpenData::open(&members, read, built).map_err(|Failure(why)| why)?;
+            let when = scene.as_ref().and_then(|opened| opened.scene.look.time);
+            // A time that the data does not have is told, and the beginning is shown.
+            let (moment, mut notes) = match data.moment(when) {
+                Ok(moment) => (moment, Vec::new()),
+                Err(error) => (data.moment(None).ok().flatten(), vec![error.to_string()]),
+            };
+            let (file, unlike) = data.at(moment.unwrap_or_default()).map_err(|error| error.to_string())?;
+            notes.extend(unlike);
             let families: Vec<u32> = (0..file.metadata().families.len() as u32).collect();
             let frame = first_frame(&file, &families);
             Ok(Opened { path, members, notes, file: Arc::new(file), frame, scene: scene.map(Arc::new) })

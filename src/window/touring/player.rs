@@ -159,7 +159,8 @@ impl Player {
         };
         let file = self.path.as_ref().map_or_else(|| "the tour".to_owned(), |path| path.display().to_string());
         let folder = self.path.as_ref().and_then(|path| path.parent()).map(Path::to_owned).unwrap_or_default();
-        let surroundings = Surroundings { file, text: self.text.clone(), folder, framed: scene.frame, aspect };
+        let surroundings =
+            Surroundings { file, text: self.text.clone(), folder, framed: scene.frame, aspect, times: None };
         self.timeline = match Timeline::new(tour, &surroundings) {
             Ok(timeline) => Some(Arc::new(timeline)),
             Err(error) => {

@@ -1,13 +1,11 @@
 //! From many snapshots to a run file: one page file after the other, each built as it would be alone.
 
 use super::{BuildError, BuildOptions, built_of, in_pool};
-use crate::import::{
-    AttributeChoice, Description, LoadOptions, Run, RunOptions, RunStep, has_attribute, open_run, open_with,
-};
+use crate::import::{AttributeChoice, Description, LoadOptions, Run, RunStep, has_attribute, open_with};
 use crate::model::{Placement, Progress, Unit};
 use crate::store::run::{Directory, RunFileWriter, Step};
 use crate::store::temporary::{clean, folder_of};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// What was built.
 #[derive(Clone, Debug, PartialEq)]
@@ -20,26 +18,21 @@ pub struct BuiltRun {
     pub temporary_bytes: u64,
 }
 
-/// Builds the run file `out` from the sources `files`, which are streamed one by one: memory and temporary files are those of the
-/// largest one alone.
+/// Builds the run file `out` from a run, whose sources are streamed one by one: memory and temporary files are those of the largest
+/// one alone. `skip_damaged`: leaves those out that turn out to be damaged.
 ///
 /// # Errors
-/// When a source cannot be read or does not fit to the others, or the file cannot be written. Nothing is left behind then, and a
-/// file that was there before stays as it was.
+/// When a source cannot be read, or the file not be written. Nothing is left behind then, and a file that was there before stays as it
+/// was.
 pub fn build_run(
-    files: &[PathBuf],
-    run_options: &RunOptions,
+    run: Run,
+    skip_damaged: bool,
     load_options: &LoadOptions,
     options: &BuildOptions,
     out: &Path,
     progress: &dyn Progress,
 ) -> Result<BuiltRun, BuildError> {
-    in_pool(options, || {
-        progress.begin("reading headers", 0);
-        let run = open_run(files, run_options, options.read)?;
-        run.notes.iter().for_each(|note| progress.say(&format!("note: {note}")));
-        build_steps(run, run_options.skip_damaged, load_options, options, out, progress)
-    })
+    in_pool(options, || build_steps(run, skip_damaged, load_options, options, out, progress))
 }
 
 fn build_steps(
@@ -50,6 +43,7 @@ fn build_steps(
     out: &Path,
     progress: &dyn Progress,
 ) -> Result<BuiltRun, BuildError> {
+    run.notes.iter().for_each(|note| progress.say(&format!("note: {note}")));
     for folder in std::iter::once(folder_of(out)).chain(options.temporary.as_deref()) {
         clean(out, folder);
     }

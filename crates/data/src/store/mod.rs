@@ -23,6 +23,8 @@ mod in_memory;
 mod joined;
 mod located;
 mod reader;
+#[cfg(test)]
+mod specification;
 mod tree;
 mod wire;
 

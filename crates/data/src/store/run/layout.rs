@@ -239,3 +239,92 @@ impl Header {
         Ok(header)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::store::specification::fields;
+    use glam::DVec3;
+    use proptest::prelude::*;
+
+    #[test]
+    fn the_header_is_as_specified() {
+        let directory = Section { offset: 22 << 40, len: 33 << 40 };
+        let header = Header { version: VERSION, file_len: 11 << 40, directory, directory_crc: 44 };
+        let bytes = header.encode();
+        let field = fields(include_str!("../../../../../docs/series-file.md"), "Header", &bytes);
+        assert_eq!(field("magic"), MAGIC);
+        assert_eq!(field("version"), VERSION.to_le_bytes());
+        assert_eq!(field("alignment"), (ALIGNMENT as u32).to_le_bytes());
+        assert_eq!(field("file_len"), (11_u64 << 40).to_le_bytes());
+        assert_eq!(field("directory_offset"), (22_u64 << 40).to_le_bytes());
+        assert_eq!(field("directory_len"), (33_u64 << 40).to_le_bytes());
+        assert_eq!(field("directory_crc"), 44_u32.to_le_bytes());
+        assert_eq!(field("header_crc"), crc32c::crc32c(&bytes[..60]).to_le_bytes());
+    }
+
+    fn directory(steps: usize, redshift: Option<f64>) -> (Directory, u64) {
+        let mut end = ALIGNMENT;
+        let step = |number: usize| {
+            let still = Section { offset: end, len: 5000 + number as u64 };
+            end = align_up(still.offset + still.len, ALIGNMENT).unwrap();
+            Step {
+                source: format!("snapshot_{number}.hdf5").into(),
+                format: "gadget-hdf5".into(),
+                source_bytes: 1 << 33,
+                time: number as f64 * 0.1,
+                redshift: redshift.map(|redshift| redshift - number as f64),
+                particles: 1 << 40,
+                mass: 1.5,
+                bounds: Bounds { min: DVec3::splat(-1.0), max: DVec3::new(1.0, 2.0, 3.0) },
+                length_scale: 1e-3,
+                mass_scale: 1.0,
+                still,
+            }
+        };
+        let steps = (0..steps).map(step).collect();
+        let notes = vec!["no file between a and c: the interval is longer".to_owned()];
+        let unit = Unit::new("kpc/h");
+        (Directory { length_unit: unit, box_size: Some(25.0), notes, steps, ..Directory::default() }, end)
+    }
+
+    #[test]
+    fn directories_come_back_and_broken_promises_are_found() {
+        let (whole, end) = directory(3, Some(9.0));
+        let bytes = whole.encode();
+        assert_eq!(Directory::decode(&bytes, end).unwrap(), whole);
+        assert_eq!(whole.times().redshifts, Some(vec![9.0, 8.0, 7.0]));
+        assert!(Directory::decode(&bytes, end + ALIGNMENT).is_err(), "a hole before the directory");
+        for cut in 0..bytes.len() {
+            assert!(Directory::decode(&bytes[..cut], end).is_err(), "{cut}");
+        }
+        type Break = fn(&mut Directory);
+        let breaks: [(Break, &str); 7] = [
+            (|d| d.steps.clear(), "at least one step"),
+            (|d| d.steps[1].time = 0.0, "a later time"),
+            (|d| d.steps[2].time = f64::NAN, "a finite time"),
+            (|d| d.steps[2].length_scale = 0.0, "positive scales"),
+            (|d| d.steps[1].still.offset += ALIGNMENT, "right after"),
+            (|d| d.steps[1].still.len = u64::MAX - 10, "right after"),
+            (|d| d.steps[2].still.len = 0, "right after"),
+        ];
+        for (damage, expected) in breaks {
+            let mut broken = whole.clone();
+            damage(&mut broken);
+            let told = Directory::decode(&broken.encode(), end).unwrap_err();
+            assert!(told.expected.contains(expected), "{told:?}, expected {expected}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn any_bytes_are_read_or_refused(at in 0_usize..600, byte: u8, extra in prop::collection::vec(any::<u8>(), 0..64)) {
+            let (whole, end) = directory(2, None);
+            let mut bytes = whole.encode();
+            let at = at % bytes.len();
+            bytes[at] = byte;
+            drop(Directory::decode(&bytes, end));
+            drop(Directory::decode(&extra, end));
+        }
+    }
+}
