@@ -4,7 +4,7 @@
 use super::arguments::bytes;
 use crate::build::{BuildOptions, build_source};
 use crate::import::LoadOptions;
-use crate::look::{data_file, is_page_file};
+use crate::look::{DataKind, data_file};
 use crate::model::Progress;
 use crate::store::PageFile;
 use crate::store::temporary::free_bytes;
@@ -26,14 +26,14 @@ pub fn folder(name: &str) -> Result<PathBuf, std::io::Error> {
     Ok(folder)
 }
 
-/// The path of a page file for `path`: itself if it is one, else one in the cache, built first unless it is there
-/// already.
+/// The path of a page file for `path`: itself if it is one or a run of them, else one in the cache, built first unless it is
+/// there already.
 ///
 /// # Errors
 /// When the source cannot be read or the page file not be written.
 pub fn page_file_of(path: &Path, progress: &dyn Progress) -> Result<PathBuf, Box<dyn std::error::Error + Send + Sync>> {
     let path = &data_file(path)?;
-    if is_page_file(path)? {
+    if DataKind::of(path)? != DataKind::Source {
         return Ok(path.to_owned());
     }
     let folder = folder("pages")?;

@@ -4,13 +4,14 @@ use super::CommandResult;
 use super::arguments::bytes;
 use super::hierarchy_options::HierarchyOptions;
 use super::progress_bar::TerminalProgress;
-use crate::build::{BuildOptions, build_source};
+use crate::build::{BuildOptions, build_run, build_source};
 use crate::codec::VqBits;
-use crate::import::{AttributeChoice, LoadOptions, Smoothing};
+use crate::import::{AttributeChoice, LoadOptions, RunOptions, Smoothing, Times, open_run, sources_of};
 use crate::model::{FamilyName, ReadMethod, Skipped};
-use std::path::PathBuf;
+use std::num::NonZeroUsize;
+use std::path::{Path, PathBuf};
 
-/// Builds a page file: the error-bounded hierarchy that deepfield draws.
+/// Builds a page file: the error-bounded hierarchy that deepfield draws; of several snapshots a run, which holds one for each.
 #[derive(clap::Args, Clone, Debug)]
 #[command(after_help = "Examples:
   deepfield build snapshot_099.hdf5 -o galaxy.df
@@ -18,10 +19,24 @@ use std::path::PathBuf;
   deepfield build positions.hdf5 -o halo.df --smoothing knn:64
   deepfield build merger.hdf5 -o merger.df --volume-levels
   deepfield build snapshot_099.hdf5 -o slow-disk.df --page-size 8MiB --thinning-budget 0
-  deepfield build huge.0.hdf5 -o /data/huge.df --memory 2GiB --temporary /scratch")]
+  deepfield build huge.0.hdf5 -o /data/huge.df --memory 2GiB --temporary /scratch
+  deepfield build snapshot_*.hdf5 -o run.df                  a run: the snapshots in the order of their times
+  deepfield build output/ -o run.df --every 5 --skip-damaged
+  deepfield build @steps.txt -o run.df --times 0:0.2         files named in a list, which have no times of their own")]
 pub struct Arguments {
-    /// The source; any file of a snapshot in several files.
-    pub source: PathBuf,
+    /// The source; any file of a snapshot in several files. Several of them, a folder or a quoted pattern of them, or @LIST with one in
+    /// each line make a run.
+    #[arg(required = true)]
+    pub sources: Vec<PathBuf>,
+    /// Times of the steps of a run in place of those in the headers: a list such as 0,0.5,2, FROM:STEP, or steps for their numbers.
+    #[arg(long, value_name = "TIMES", allow_hyphen_values = true)]
+    pub times: Option<Times>,
+    /// Keep only every N-th step of a run, from the first one on.
+    #[arg(long, value_name = "N")]
+    pub every: Option<NonZeroUsize>,
+    /// Leave steps out whose files are damaged.
+    #[arg(long)]
+    pub skip_damaged: bool,
     /// The page file to write.
     #[arg(short, long, value_name = "FILE.df")]
     pub output: PathBuf,
@@ -75,7 +90,7 @@ fn smoothing(text: &str) -> Result<Smoothing, String> {
     }
 }
 
-/// Builds and writes the page file.
+/// Builds and writes the page file or the run.
 ///
 /// # Errors
 /// When the source cannot be read or the page file not be written.
@@ -95,9 +110,41 @@ pub fn run(arguments: &Arguments) -> CommandResult {
         families: arguments.family.clone(),
         attributes: arguments.attributes.clone().map_or(AttributeChoice::Usual, AttributeChoice::Named),
         smoothing: arguments.smoothing.clone(),
+        ..LoadOptions::default()
     };
     let progress = TerminalProgress::new();
-    let built = build_source(&arguments.source, &load_options, &options, &arguments.output, &progress)?;
+    let sources = sources_of(&arguments.sources)?;
+    let is_one = arguments.times.is_none() && arguments.every.is_none();
+    if let (true, [source]) = (is_one, &sources[..]) {
+        return build_one(source, &load_options, &options, &arguments.output, &progress);
+    }
+    let run_options = RunOptions {
+        times: arguments.times.clone(),
+        every: arguments.every,
+        skip_damaged: arguments.skip_damaged,
+        attributes: arguments.attributes.clone(),
+    };
+    let run = open_run(&sources, &run_options, options.read)?;
+    match &run.steps[..] {
+        // Files of one snapshot.
+        [only] if is_one && !arguments.skip_damaged => {
+            build_one(&only.about.path, &load_options, &options, &arguments.output, &progress)
+        }
+        _ => build_run(run, arguments.skip_damaged, &load_options, &options, &arguments.output, &progress)
+            .map(drop)
+            .map_err(Into::into),
+    }
+}
+
+/// Builds the page file of one source.
+fn build_one(
+    source: &Path,
+    load_options: &LoadOptions,
+    options: &BuildOptions,
+    output: &Path,
+    progress: &TerminalProgress,
+) -> CommandResult {
+    let built = build_source(source, load_options, options, output, progress)?;
     for Skipped { reason, count } in &built.metadata.skipped {
         eprintln!("left out {count} particles: {reason}");
     }

@@ -1,20 +1,22 @@
 //! `deepfield info`: what a source holds, as a table for people or as JSON for programs.
 
-use super::{CommandResult, page_file_info};
+use super::{CommandResult, page_file_info, run_info};
 use crate::import::{FamilySummary, Field, Statistic, Summary, summarize};
-use crate::look::data_file;
-use crate::store::PageFile;
+use crate::look::{DataKind, data_file};
+use crate::model::ReadMethod;
+use crate::store::{PageFile, RunFile};
 use std::fmt::Write as _;
 use std::io::Write as _;
 use std::path::PathBuf;
 
-/// Prints what a source or page file holds: counts, fields, units, ranges; for a page file its levels and bytes too.
+/// Prints what a source, page file or run holds: counts, fields, units, ranges; for a page file its levels and bytes too, for a run its
+/// steps.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Examples:
   deepfield info snapshot_099.hdf5
   deepfield info galaxy.df --json")]
 pub struct Arguments {
-    /// The source or page file.
+    /// The source, page file or run.
     pub path: PathBuf,
     /// Print JSON instead of a table.
     #[arg(long)]
@@ -29,17 +31,21 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments) -> CommandResult {
     let Arguments { path, json } = arguments;
     let path = &data_file(path)?;
+    let pretty = |value: &serde_json::Value| serde_json::to_string_pretty(value).map(|text| text + "\n");
     // What cannot be read is left to the importer's message.
-    let text = if crate::look::is_page_file(path).unwrap_or(false) {
-        let file = PageFile::open(path)?;
-        if *json {
-            serde_json::to_string_pretty(&page_file_info::json(&file))? + "\n"
-        } else {
-            page_file_info::table(&file)
+    let text = match DataKind::of(path).unwrap_or(DataKind::Source) {
+        DataKind::Pages => {
+            let file = PageFile::open(path)?;
+            if *json { pretty(&page_file_info::json(&file))? } else { page_file_info::table(&file) }
         }
-    } else {
-        let summary = summarize(path)?;
-        if *json { serde_json::to_string_pretty(&summary)? + "\n" } else { table(&summary) }
+        DataKind::Run => {
+            let run = RunFile::open(path, ReadMethod::default())?;
+            if *json { pretty(&run_info::json(&run))? } else { run_info::table(&run) }
+        }
+        DataKind::Source => {
+            let summary = summarize(path)?;
+            if *json { serde_json::to_string_pretty(&summary)? + "\n" } else { table(&summary) }
+        }
     };
     std::io::stdout().write_all(text.as_bytes())?;
     Ok(())

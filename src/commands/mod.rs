@@ -4,6 +4,7 @@ pub mod annotate;
 pub mod build;
 pub mod catalogue;
 pub mod demo;
+pub mod extract;
 pub mod hierarchy_options;
 pub mod info;
 pub mod key;
@@ -15,6 +16,7 @@ pub mod region_options;
 pub mod render;
 pub mod render_arguments;
 pub mod request;
+mod run_info;
 pub mod select;
 pub mod statistics;
 #[cfg(feature = "viewer")]
@@ -32,8 +34,9 @@ pub use crate::command_line::{CommandResult, arguments, cache, progress_bar};
 pub enum Command {
     View(Box<view::Arguments>),
     Render(Box<render::Arguments>),
-    Build(build::Arguments),
+    Build(Box<build::Arguments>),
     Info(info::Arguments),
+    Extract(extract::Arguments),
     Verify(verify::Arguments),
     Probe(Box<probe::Arguments>),
     Select(Box<select::Arguments>),
@@ -56,6 +59,7 @@ impl Command {
             Command::Render(arguments) => render::run(arguments),
             Command::Build(arguments) => build::run(arguments),
             Command::Info(arguments) => info::run(arguments),
+            Command::Extract(arguments) => extract::run(arguments),
             Command::Verify(arguments) => verify::run(arguments),
             Command::Probe(arguments) => probe::run(arguments),
             Command::Select(arguments) => select::run(arguments),

@@ -7,7 +7,7 @@ use crate::explore::probe::{FamilyProbe, FieldStatistics, Probe, Profile};
 use crate::explore::{
     AxisOptions, Data, FieldHistogram, Fields, ProbeOptions, ProfileOptions, Region, Shape, Work, histogram, probe,
 };
-use crate::model::ReadMethod;
+use crate::model::{ReadMethod, When};
 use serde::Serialize;
 use std::fmt::Write as _;
 use std::io::Write as _;
@@ -25,8 +25,11 @@ use std::path::{Path, PathBuf};
   deepfield probe galaxy.df --family gas --where temperature:1e4..1e6 --where density:10.. --json -
   deepfield probe galaxy.df --family gas --histogram temperature --bins 20")]
 pub struct Arguments {
-    /// The source or page file.
+    /// The source, page file or run.
     pub path: PathBuf,
+    /// When, of a run: a time, step:12, z:1.5, a:0.4 or last [default: the first step].
+    #[arg(long, value_name = "WHEN", allow_hyphen_values = true)]
+    pub time: Option<When>,
     /// Which particles [default: all].
     #[command(flatten)]
     pub region: RegionOptions,
@@ -87,9 +90,9 @@ struct Answer<'a> {
 /// When the data cannot be read, or has no such field, family or object.
 pub fn run(arguments: &Arguments) -> CommandResult {
     let opened = if arguments.exact {
-        Opened::source(&arguments.path, arguments.read)?
+        Opened::source(&arguments.path, arguments.time, arguments.read)?
     } else {
-        Opened::open(&arguments.path, arguments.read)?
+        Opened::open(&arguments.path, arguments.time, arguments.read)?
     };
     let data = opened.data();
     let region = arguments.region.region(data)?;

@@ -3,9 +3,9 @@
 use super::arguments::{family_name, positive};
 use crate::explore::{Catalogue, Data, Object, Region, Shape, ValueRange, source_of};
 use crate::import::{Source, open_with};
-use crate::look::data_file;
-use crate::model::{FamilyName, ReadMethod, ron_file};
-use crate::store::PageFile;
+use crate::look::{DataKind, data_file, one_snapshot};
+use crate::model::{FamilyName, ReadMethod, When, ron_file};
+use crate::store::{PageFile, RunFile};
 use glam::DVec3;
 use std::path::{Path, PathBuf};
 
@@ -126,6 +126,14 @@ impl RegionOptions {
     }
 }
 
+/// The time that a page file or a source says of itself.
+///
+/// # Errors
+/// When it cannot be opened.
+pub fn own_time(path: &Path) -> Result<Option<f64>, Failure> {
+    Ok(Opened::open(path, None, ReadMethod::default())?.time())
+}
+
 /// A page file or a source, opened.
 pub enum Opened {
     /// A page file.
@@ -135,26 +143,48 @@ pub enum Opened {
 }
 
 impl Opened {
-    /// Opens what the path names, by its content, to be read in the way `method`.
+    /// Opens what the path names, by its content, to be read in the way `method`; of a run the step at or before `time`, its first one
+    /// where no time is named.
     ///
     /// # Errors
-    /// When it cannot be opened.
-    pub fn open(path: &Path, method: ReadMethod) -> Result<Opened, Failure> {
+    /// When it cannot be opened, or has no such time.
+    pub fn open(path: &Path, time: Option<When>, method: ReadMethod) -> Result<Opened, Failure> {
         let path = &data_file(path)?;
-        Ok(match crate::look::is_page_file(path)? {
-            true => Opened::Pages(Box::new(PageFile::open_with(path, method)?)),
-            false => Opened::Source(open_with(path, method)?),
-        })
+        let opened = match DataKind::of(path)? {
+            DataKind::Pages => Opened::Pages(Box::new(PageFile::open_with(path, method)?)),
+            DataKind::Source => Opened::Source(open_with(path, method)?),
+            DataKind::Run => {
+                let run = RunFile::open(path, method)?;
+                let moment = run.moment(time.unwrap_or(When::Step(0)))?;
+                if moment.u > 0.0 {
+                    let (step, at) = (moment.step, run.times().times[moment.step]);
+                    eprintln!("deepfield: {}: between steps: what is told is of step {step}, at {at}", path.display());
+                }
+                return Ok(Opened::Pages(Box::new(run.placed_still(moment.step)?)));
+            }
+        };
+        match time {
+            Some(_) => Err(one_snapshot(path, opened.time()).into()),
+            None => Ok(opened),
+        }
     }
 
-    /// Opens the source behind the path: what it names, or what the page file that it names was built from.
+    /// Opens the source behind the path: what it names, or what the page file that it names, or the step of a run, was built from.
     ///
     /// # Errors
     /// When it cannot be opened, or is not what the page file was built from.
-    pub fn source(path: &Path, method: ReadMethod) -> Result<Opened, Failure> {
-        match Opened::open(path, method)? {
+    pub fn source(path: &Path, time: Option<When>, method: ReadMethod) -> Result<Opened, Failure> {
+        match Opened::open(path, time, method)? {
             Opened::Pages(file) => Ok(Opened::Source(source_of(&file)?)),
             source => Ok(source),
+        }
+    }
+
+    /// The time that the data says of itself.
+    fn time(&self) -> Option<f64> {
+        match self {
+            Opened::Pages(file) => file.metadata().provenance.time,
+            Opened::Source(source) => source.description().time,
         }
     }
 

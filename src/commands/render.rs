@@ -1,10 +1,12 @@
 //! `deepfield render`: a picture of a source or page file, without a window.
 
 use super::CommandResult;
+use super::region_options::own_time;
 pub use super::render_arguments::Arguments;
 use super::request::{Request, open};
 use super::statistics;
 use crate::color::{Image, output};
+use crate::look::{DataKind, one_snapshot};
 use crate::view::{CubeLayout, Side, Surround};
 
 /// Renders the picture and writes it.
@@ -37,6 +39,15 @@ fn render(arguments: &Arguments, mut request: Request) -> CommandResult {
         request.shot.look.annotations = None;
     }
     let Request { members, shot, options } = request;
+    let has_times = members.iter().any(|member| matches!(DataKind::of(&member.path), Ok(DataKind::Run)));
+    if let (false, Some(_), Some(first)) = (has_times, shot.look.time, members.first()) {
+        let why = one_snapshot(&first.path, own_time(&first.path)?);
+        match arguments.time {
+            Some(_) => return Err(why.into()),
+            // What a scene says is for data like that which it was saved with.
+            None => eprintln!("deepfield: {why}; the scene's time is left out"),
+        }
+    }
     let mut session = open(&members, options, [&shot])?;
     let picture = session.draw(&shot)?;
     match is_exr {

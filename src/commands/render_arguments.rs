@@ -11,7 +11,7 @@ use crate::look::{
     Attribute, Backend, CameraConfig, LookPatch, Member, PictureConfig, SceneFile, Shot, data_file, is_scene_file,
 };
 use crate::mode::{Mode, SettingValue, lod_budget};
-use crate::model::{FamilyName, ReadMethod};
+use crate::model::{FamilyName, ReadMethod, When};
 use crate::modes;
 use crate::picture::SessionOptions;
 use crate::view::{CutSettings, Periodic};
@@ -31,10 +31,14 @@ type Failure = Box<dyn std::error::Error + Send + Sync>;
   deepfield render merger.hdf5 -o stars.png --family gas --mode volume-isosurface --exact
   deepfield render box.df -o dome.png --eye 25,25,25 --target 25,25,0 --projection dome --tilt 20 --size 4096x4096
   deepfield render box.df -o pair.png --stereo off-axis --eye-separation 0.2 --zero-parallax 6
+  deepfield render run.df --time step:12 -o then.png         a step of a run; also 9.6, z:1.5, a:0.4, last
   deepfield render galaxy.scene.ron -o disk.png              what the window has saved with Ctrl+S")]
 pub struct Arguments {
-    /// The source or page file, or a scene file.
+    /// The source, page file or run, or a scene file.
     pub path: PathBuf,
+    /// When, of a run: a time, step:12, z:1.5, a:0.4 or last; between stored steps the one before is shown [default: the first step].
+    #[arg(long, value_name = "WHEN", allow_hyphen_values = true)]
+    pub time: Option<When>,
     /// Another source or page file in the same picture, in the first one's units; @X,Y,Z says where its origin lies there and *SCALE
     /// how many of the first one's lengths one of its own is. Can be given several times.
     #[arg(long, value_name = "FILE[@X,Y,Z[*SCALE]]")]
@@ -193,6 +197,7 @@ impl Arguments {
             transfer: self.transfer.clone(),
             error_px: self.error_px,
             background: self.background,
+            time: self.time,
             ..LookPatch::default()
         });
         look.annotations = self.annotate.over(look.annotations.or(base.look.annotations.clone()));

@@ -3,7 +3,7 @@
 use super::region_options::{Opened, RegionOptions};
 use super::{CommandResult, progress_bar::TerminalProgress};
 use crate::explore::{Format, IdSet, Members, Work, export, ids_of};
-use crate::model::ReadMethod;
+use crate::model::{ReadMethod, When};
 use std::path::PathBuf;
 
 /// Writes the particles of a region, or those with certain ids: as a table with every field, or as a list of ids.
@@ -17,8 +17,11 @@ use std::path::PathBuf;
   deepfield select snapshot_010.hdf5 --ids halo.ids -o past.parquet  where they were
   deepfield select galaxy.hdf5 --family gas --where temperature:..1e4 -o cold.parquet")]
 pub struct Arguments {
-    /// The source or page file.
+    /// The source, page file or run.
     pub path: PathBuf,
+    /// When, of a run: a time, step:12, z:1.5, a:0.4 or last [default: the first step].
+    #[arg(long, value_name = "WHEN", allow_hyphen_values = true)]
+    pub time: Option<When>,
     /// Which particles [default: all].
     #[command(flatten)]
     pub region: RegionOptions,
@@ -35,15 +38,15 @@ pub struct Arguments {
 /// # Errors
 /// When the data cannot be read, or the file not be written.
 pub fn run(arguments: &Arguments) -> CommandResult {
-    let Arguments { path, region, ids, out } = arguments;
+    let Arguments { path, time, region, ids, out } = arguments;
     let extension = out.extension().and_then(|extension| extension.to_str()).unwrap_or_default().to_ascii_lowercase();
     let format = Format::of(out);
     if format.is_none() && extension != "ids" {
         return Err(format!("{}: expected a name that ends in .csv, .parquet or .ids", out.display()).into());
     }
-    let opened = match Opened::source(path, ReadMethod::default()) {
+    let opened = match Opened::source(path, *time, ReadMethod::default()) {
         Ok(source) => source,
-        Err(reason) => match Opened::open(path, ReadMethod::default())? {
+        Err(reason) => match Opened::open(path, *time, ReadMethod::default())? {
             // Ids are in the source alone.
             Opened::Pages(file) if format.is_some() && ids.is_none() => {
                 eprintln!("deepfield: {reason}: values are those of the page file, without ids");

@@ -3,7 +3,7 @@
 use super::CommandResult;
 use crate::color::output;
 use crate::mode::{LightPicture, Raw};
-use crate::picture::{LeftOut, Picture};
+use crate::picture::{LeftOut, Picture, ShownMoment};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -31,6 +31,9 @@ struct Statistics<'a> {
     width: u32,
     /// Pixels.
     height: u32,
+    /// When it is, of a run.
+    #[serde(flatten, skip_serializing_if = "Option::is_none")]
+    moment: Option<&'a ShownMoment>,
     #[serde(flatten)]
     values: Values<'a>,
     milliseconds: &'a BTreeMap<String, f64>,
@@ -101,6 +104,7 @@ pub(super) fn write(path: &Path, picture: &Picture) -> CommandResult {
             attribute: picture.attribute(),
             width,
             height,
+            moment: picture.moment.as_ref(),
             values: values(picture),
             milliseconds: &picture.milliseconds,
         },

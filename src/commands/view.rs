@@ -3,7 +3,8 @@
 use super::arguments::PictureSize;
 use super::projection_options::ProjectionOptions;
 use super::{CommandResult, render};
-use crate::look::{Member, SceneFile, data_file, is_scene_file};
+use crate::look::{DataKind, Member, SceneFile, data_file, is_scene_file};
+use crate::model::When;
 use crate::tour::TourFile;
 #[cfg(feature = "viewer")]
 use crate::view::{Stereo, Surround};
@@ -21,6 +22,7 @@ use std::path::{Path, PathBuf};
   deepfield view snapdir_099/snap_099.0.hdf5       any file of a snapshot in several files
   deepfield view hipparcos.csv --mode points
   deepfield view before.hdf5 --with after.hdf5@120,0,0   two datasets side by side
+  deepfield view run.df --time step:12             a run: T plays it, comma and full stop go from step to step
   deepfield view snapshot_099.scene.ron            what was saved with Ctrl+S
   deepfield view snapshot_099.hdf5 --projection dome --tilt 20 --fullscreen    a fisheye projector: Tab hides the panels
   deepfield view --tour assets/tours/demo.ron --fullscreen    Space plays and stands, arrows lead on and back
@@ -47,6 +49,9 @@ pub struct WindowArguments {
     /// A scene file whose settings and camera are used for the data.
     #[arg(long, value_name = "FILE.scene.ron")]
     pub scene: Option<PathBuf>,
+    /// When, of a run: a time, step:12, z:1.5, a:0.4 or last [default: the first step].
+    #[arg(long, value_name = "WHEN", allow_hyphen_values = true, conflicts_with = "follow")]
+    pub time: Option<When>,
     /// Window size in pixels [default: 1280x720].
     #[arg(long, value_name = "WxH")]
     pub size: Option<PictureSize>,
@@ -155,8 +160,8 @@ pub fn run(arguments: &Arguments) -> CommandResult {
     }
     // Found out here, a missing file is an error on the command line rather than a message in an empty window.
     let is_given = !path.as_os_str().is_empty();
-    if is_given && crate::look::is_page_file(&path)? && settings.simulate {
-        return Err(format!("{}: --simulate takes a snapshot, this is a page file", path.display()).into());
+    if is_given && DataKind::of(&path)? != DataKind::Source && settings.simulate {
+        return Err(format!("{}: --simulate takes a snapshot, this is a page file or a run", path.display()).into());
     }
     if settings.follow.is_some() && is_scene_file(&path) {
         return Err(
@@ -214,6 +219,7 @@ pub fn show(path: &Path, settings: &WindowArguments) -> CommandResult {
         mode: settings.mode,
         error_px: settings.error_px,
         scene: settings.scene.clone(),
+        time: settings.time,
         with: settings.with.clone(),
         projection: settings.projection.clone(),
         annotate: super::annotate::AnnotateOptions { labels: settings.labels.clone(), ..Default::default() },
@@ -256,6 +262,7 @@ fn window(path: &Path, settings: &WindowArguments, drivers: wgpu::Backends) -> C
             .collect(),
         scene: settings.scene.clone(),
         projection: Some(projection),
+        time: settings.time,
     };
     // A follower opens what the leader says.
     let request = settings.follow.is_none().then_some(request);

@@ -4,6 +4,7 @@ use super::camera::{Anchor, Flight, Viewpoint};
 use super::facts::Facts;
 use super::open::Opened;
 use super::picture::{DataCamera, Picture};
+use super::playhead::Playhead;
 use super::scene::{Scene, Settings, TransferKept, home};
 use super::scene_io::{self, SceneParts};
 use super::state::choices::Choices;
@@ -12,7 +13,6 @@ use crate::color::transfer::Range;
 use crate::look::{Attribute, shown_families};
 use crate::model::FamilyName;
 use crate::modes;
-use crate::store::Metadata;
 use crate::view::CutSettings;
 use bevy::prelude::*;
 use bevy_panorbit_camera::PanOrbitCamera;
@@ -31,7 +31,7 @@ pub(crate) fn adopt_opened(
     mut kept: MessageWriter<TransferKept>,
     camera: Single<(Entity, &mut Viewpoint, &mut Anchor, &mut PanOrbitCamera), With<DataCamera>>,
 ) {
-    let Some(Opened { path, members, notes, file, frame, scene: opened }) = opened.read().last().cloned() else {
+    let Some(Opened { path, members, notes, run, file, frame, scene: opened }) = opened.read().last().cloned() else {
         return;
     };
     let metadata = file.metadata();
@@ -48,7 +48,7 @@ pub(crate) fn adopt_opened(
         }
         Err(error) => notices.error(format!("{}: {error}", path.display())),
     }
-    choices.attributes = attribute_names(metadata);
+    choices.attributes = Choices::attributes_of(metadata);
     if let Attribute::Named(name) = &settings.attribute
         && !choices.attributes.contains(name)
     {
@@ -78,21 +78,28 @@ pub(crate) fn adopt_opened(
         1 => format!("opened {}", path.display()),
         more => format!("opened {} with {} more", path.display(), more - 1),
     });
-    let generation = scene.map_or(0, |scene| scene.generation) + 1;
+    let (dataset, generation) = scene.map_or((1, 1), |scene| (scene.dataset + 1, scene.generation + 1));
     let length_unit = metadata.length_unit.to_string();
     let (file, periodic) = (Arc::clone(&file), metadata.periodic_box());
-    commands.insert_resource(Scene { path, members, file, bounds, frame, periodic, length_unit, facts, generation });
-}
-
-/// The attributes of all families, each once: first those that only some have, then the quantities that all have.
-fn attribute_names(metadata: &Metadata) -> Vec<String> {
-    let mut names: Vec<String> = Vec::new();
-    let attributes = metadata.families.iter().flat_map(|family| &family.attributes);
-    let quantities = metadata.families.iter().flat_map(|family| &family.quantities);
-    for attribute in attributes.chain(quantities) {
-        if !names.contains(&attribute.name) {
-            names.push(attribute.name.clone());
-        }
+    let playhead = run.and_then(|(data, moment)| Playhead::new(data, moment));
+    let times = playhead.as_ref().map(|playhead| playhead.times().clone());
+    let time = playhead.as_ref().map(Playhead::time);
+    match playhead {
+        Some(playhead) => commands.insert_resource(playhead),
+        None => commands.remove_resource::<Playhead>(),
     }
-    names
+    commands.insert_resource(Scene {
+        path,
+        members,
+        file,
+        bounds,
+        frame,
+        periodic,
+        length_unit,
+        facts,
+        times,
+        time,
+        dataset,
+        generation,
+    });
 }

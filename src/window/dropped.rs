@@ -124,6 +124,9 @@ mod tests {
             frame: bounds,
             periodic: None,
             length_unit: String::new(),
+            times: None,
+            time: None,
+            dataset: 1,
             generation: 1,
         });
         let mut dropped = |shift: bool, adds: bool| {

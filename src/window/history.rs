@@ -31,7 +31,7 @@ pub struct History {
     future: Vec<Settings>,
     /// Settings that differ from the present ones, and for how many frames they have not changed.
     edited: Option<(Settings, u32)>,
-    generation: u32,
+    dataset: u32,
     /// A step that a button of the panel asks for.
     pub asked: Option<Step>,
 }
@@ -44,8 +44,8 @@ impl History {
 
     /// Forgets all steps; the next settings that stay are where it begins.
     pub fn restart(&mut self) {
-        let generation = self.generation;
-        *self = History { generation, ..History::default() };
+        let dataset = self.dataset;
+        *self = History { dataset, ..History::default() };
     }
 
     /// Looks at the settings of a frame; `busy`: an edit may be under way.
@@ -128,11 +128,11 @@ pub(super) fn record_settings(
     mut history: ResMut<History>,
 ) {
     let history = history.bypass_change_detection();
-    let generation = scene.map_or(0, |scene| scene.generation);
-    if history.generation != generation {
+    let dataset = scene.map_or(0, |scene| scene.dataset);
+    if history.dataset != dataset {
         // Settings of one file mean nothing for another.
         history.restart();
-        history.generation = generation;
+        history.dataset = dataset;
     }
     // A tour that plays is one step.
     let busy = buttons.get_pressed().next().is_some() || player.clock().is_running();

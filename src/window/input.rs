@@ -87,12 +87,22 @@ pub enum Action {
     ToggleFly,
     /// Flies back to the whole dataset.
     Home,
+    /// Plays the run, or stands.
+    PlayRun,
+    /// Goes a step of the run back; with Shift to the first one.
+    StepBack,
+    /// Goes a step of the run on; with Shift to the last one.
+    StepOn,
+    /// Plays the run half as fast.
+    PlaySlower,
+    /// Plays the run twice as fast.
+    PlayFaster,
     /// Leaves the help page, then flying, then the full screen, then the program.
     Leave,
 }
 
 /// The keys of the actions that happen at the press of a key.
-pub const KEYS: [(KeyCode, Action); 11] = [
+pub const KEYS: [(KeyCode, Action); 16] = [
     (KeyCode::Tab, Action::TogglePanel),
     (KeyCode::F2, Action::ToggleLeft),
     (KeyCode::F3, Action::ToggleRight),
@@ -103,6 +113,11 @@ pub const KEYS: [(KeyCode, Action); 11] = [
     (KeyCode::KeyF, Action::ToggleFly),
     (KeyCode::Home, Action::Home),
     (KeyCode::KeyH, Action::Home),
+    (KeyCode::KeyT, Action::PlayRun),
+    (KeyCode::Comma, Action::StepBack),
+    (KeyCode::Period, Action::StepOn),
+    (KeyCode::BracketLeft, Action::PlaySlower),
+    (KeyCode::BracketRight, Action::PlayFaster),
     (KeyCode::Escape, Action::Leave),
 ];
 
@@ -148,9 +163,12 @@ pub const HELP: [(&str, &[(&str, &str)]); 6] = [
         ],
     ),
     (
-        "Tour",
+        "Tours and runs",
         &[
-            ("Space", "play, stand, go on"),
+            ("T", "play the run, or stand"),
+            (",  .", "a step back, on; with Shift to the ends"),
+            ("[  ]", "slower, faster"),
+            ("Space", "play the tour, stand, go on"),
             ("Left  Right", "to the keyframes with names"),
             ("K", "make a keyframe of the view"),
             ("Drag a mark", "move a keyframe in time"),

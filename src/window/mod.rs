@@ -34,6 +34,7 @@ mod pass_times;
 pub mod pick;
 pub mod picture;
 mod picture_sizes;
+pub mod playhead;
 mod pointer_motion;
 pub mod preset;
 pub mod scene;
@@ -45,6 +46,7 @@ pub mod statistics;
 pub mod streaming;
 pub mod surround_backend;
 pub mod theme;
+pub mod time_dock;
 pub mod touring;
 pub mod transfer_presets;
 
@@ -249,6 +251,7 @@ impl Plugin for WindowApp {
                 open::finish_opening,
                 objects::receive_catalogue,
                 adopt::adopt_opened,
+                (playhead::play, playhead::show_step).chain(),
                 history::undo_and_redo,
                 lens::follow_lens,
                 scene_io::save_scene,
@@ -257,6 +260,7 @@ impl Plugin for WindowApp {
                     touring::player::take_keys,
                     touring::player::take_presenter_keys,
                     touring::player::play_tour.in_set(WindowSystems::PlayTour),
+                    touring::player::lead_time.in_set(WindowSystems::PlayTour),
                 )
                     .chain(),
                 (

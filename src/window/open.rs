@@ -5,9 +5,9 @@ use super::options::{OpenRequest, Opener};
 use super::preset::Preset;
 use super::state::notices::Notices;
 use super::state::progress::SharedProgress;
-use crate::look::{Member, SceneFile, is_scene_file, open_members};
+use crate::look::{Member, OpenData, SceneFile, is_scene_file};
 use crate::model::progress::Progress;
-use crate::model::{Bounds, ReadMethod};
+use crate::model::{Bounds, Moment, ReadMethod};
 use crate::store::{PageFile, StoreError};
 use crate::stream::first_frame;
 use bevy::prelude::*;
@@ -53,7 +53,9 @@ pub struct Opened {
     pub members: Vec<Member>,
     /// What of them does not fit together.
     pub notes: Vec<String>,
-    /// The page file made of them.
+    /// The datasets as they are open, and the moment that is shown, where one of them is a run.
+    pub run: Option<(OpenData, Moment)>,
+    /// The page file made of them; of runs, of the step that is shown.
     pub file: Arc<PageFile>,
     /// The box to look at first.
     pub frame: Bounds,
@@ -73,18 +75,27 @@ impl Openings {
         progress.begin("reading", 0);
         let named = request.members.last().map(|member| member.path.clone()).or_else(|| request.scene.clone());
         let (opener, path, shared) = (Arc::clone(&self.opener), named.unwrap_or_default(), Arc::clone(&progress));
-        let (read, (send, outcome)) = (self.read, channel());
+        let (read, time, (send, outcome)) = (self.read, request.time, channel());
         // A thread of its own: a disk that does not answer must not take one from a pool that draws.
         let open = move || {
             let (members, scene) = data_of(request)?;
             let members = members.iter().map(Member::resolved).collect::<Result<Vec<_>, _>>();
             let members = members.map_err(|error| error.to_string())?;
             let path = members.first().map(|member| member.path.clone()).unwrap_or_default();
-            let page_file = |path: &Path| opener(path, shared.as_ref()).map_err(Failure);
-            let (file, notes) = open_members(&members, read, page_file).map_err(|Failure(why)| why)?;
+            let built = |path: &Path| opener(path, shared.as_ref()).map_err(Failure);
+            let data = OpenData::open(&members, read, built).map_err(|Failure(why)| why)?;
+            let when = time.or(scene.as_ref().and_then(|opened| opened.scene.look.time));
+            // A time that the data does not have is told, and the beginning is shown.
+            let (moment, mut notes) = match data.moment(when) {
+                Ok(moment) => (moment, Vec::new()),
+                Err(error) => (data.moment(None).ok().flatten(), vec![error.to_string()]),
+            };
+            let (file, unlike) = data.at(moment.unwrap_or_default()).map_err(|error| error.to_string())?;
+            notes.extend(unlike);
             let families: Vec<u32> = (0..file.metadata().families.len() as u32).collect();
             let frame = first_frame(&file, &families);
-            Ok(Opened { path, members, notes, file: Arc::new(file), frame, scene: scene.map(Arc::new) })
+            let run = moment.map(|moment| (data, moment));
+            Ok(Opened { path, members, notes, run, file: Arc::new(file), frame, scene: scene.map(Arc::new) })
         };
         let failed = send.clone();
         // Nobody listens any more where another file was opened meanwhile.
@@ -177,7 +188,7 @@ mod tests {
         std::fs::write(&path, "(version: 1, datasets: [(path: \"box.df\")])").unwrap();
         let open = |path: &Path, scene: Option<&Path>| {
             let members = vec![Member::new(path)];
-            data_of(OpenRequest { members, scene: scene.map(Path::to_owned), projection: None })
+            data_of(OpenRequest { members, scene: scene.map(Path::to_owned), ..OpenRequest::default() })
         };
         let (members, scene) = open(&path, None).unwrap();
         assert_eq!((members, scene.unwrap().path), (vec![Member::new(&data)], path.clone()));

@@ -2,6 +2,7 @@
 
 use super::preset::{Backend, Preset, PresetError};
 use crate::look::Member;
+use crate::model::When;
 use crate::model::progress::Progress;
 use crate::view::{Stereo, Surround};
 use bevy::prelude::App;
@@ -25,6 +26,8 @@ pub struct OpenRequest {
     pub scene: Option<PathBuf>,
     /// How directions become a picture, and for which eyes, in place of what the scene says.
     pub projection: Option<(Surround, Option<Stereo>)>,
+    /// The moment of a run, in place of the one that the scene says.
+    pub time: Option<When>,
 }
 
 impl OpenRequest {

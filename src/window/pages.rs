@@ -287,6 +287,9 @@ mod tests {
                 frame: bounds,
                 length_unit: String::new(),
                 facts: Facts::of(file, &[]),
+                times: None,
+                time: None,
+                dataset: 1,
                 generation: 1,
             })
             .init_resource::<Notices>()

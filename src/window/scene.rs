@@ -8,7 +8,7 @@ use crate::explore::data::source_path;
 use crate::look::{Attribute, Look, LookPatch, Member};
 use crate::mode::lod_budget::{PRESENCE, THINNING};
 use crate::mode::{Mode, SettingValue};
-use crate::model::{Bounds, PeriodicBox};
+use crate::model::{Bounds, PeriodicBox, StepTimes, When};
 use crate::modes;
 use crate::store::PageFile;
 use crate::view::{Stereo, Surround};
@@ -35,11 +35,22 @@ pub struct Scene {
     pub length_unit: String,
     /// What the panel says about it.
     pub facts: Facts,
-    /// Counts up with every file that is opened; what belongs to another generation is stale.
+    /// When the steps of the run are, where it is one.
+    pub times: Option<StepTimes>,
+    /// The time of the step that is shown.
+    pub time: Option<f64>,
+    /// Counts up with every file that is opened.
+    pub dataset: u32,
+    /// Counts up with every page file that is shown, of a run with every step; what belongs to another generation is stale.
     pub generation: u32,
 }
 
 impl Scene {
+    /// The moment of the run that is shown, as files say it.
+    pub fn when(&self) -> Option<When> {
+        self.time.map(When::Time)
+    }
+
     /// The source, where it is still there: what the user named, unless that is a page file itself. None where there are several.
     pub fn source(&self) -> Option<PathBuf> {
         if !self.file.is_as_its_source() {

@@ -58,14 +58,14 @@ impl SceneParts<'_> {
 /// The open data as files elsewhere name it, by whole paths; looked at once, because its fingerprints have to be read.
 #[derive(Debug, Default)]
 pub(crate) struct ShownData {
-    generation: u32,
+    dataset: u32,
     datasets: Vec<DatasetRef>,
 }
 
 impl ShownData {
     /// The datasets of the scene, with the families that the settings show.
     pub fn of(&mut self, scene: &Scene, settings: &Settings) -> Vec<DatasetRef> {
-        if self.generation != scene.generation {
+        if self.dataset != scene.dataset {
             let of = |member: &Member| DatasetRef {
                 path: member.path.canonicalize().unwrap_or_else(|_| member.path.clone()),
                 fingerprint: Fingerprint::of(&member.path).ok(),
@@ -73,7 +73,7 @@ impl ShownData {
                 offset: member.offset.to_array(),
                 scale: member.scale,
             };
-            (self.generation, self.datasets) = (scene.generation, scene.members.iter().map(of).collect());
+            (self.dataset, self.datasets) = (scene.dataset, scene.members.iter().map(of).collect());
         }
         let data = self.datasets.iter().cloned().zip(families_of(scene, settings));
         data.map(|(dataset, families)| DatasetRef { families, ..dataset }).collect()
@@ -176,7 +176,8 @@ pub(crate) fn save_scene(
         DatasetRef { families, offset, scale, ..DatasetRef::of(&member.path, &path) }
     };
     let datasets = scene.members.iter().zip(families_of(&scene, &settings)).map(dataset).collect();
-    let file = scene_file(datasets, &settings, &camera, &picture, &parts, &path);
+    let mut file = scene_file(datasets, &settings, &camera, &picture, &parts, &path);
+    file.look.time = scene.when();
     match file.write(&path) {
         Ok(()) => {
             notices.info(format!("scene saved in {}", path.display()));

@@ -3,6 +3,7 @@
 use super::camera::{Anchor, DataDistance, Flight, Fly, Navigation, Viewpoint};
 use super::input::{Action, KEYS, PointerOwner, is_control};
 use super::picture::{DataCamera, Picture};
+use super::playhead::Playhead;
 use super::preset::Preset;
 use super::scene::{Scene, home};
 use super::screenshot;
@@ -29,7 +30,7 @@ pub(super) fn run_shortcuts(
     mut shown: ResMut<Shown>,
     mut tool: ResMut<Tool>,
     mut notices: ResMut<Notices>,
-    (mut exit, show): (MessageWriter<AppExit>, Option<Res<ShowStatus>>),
+    (mut exit, show, mut playhead): (MessageWriter<AppExit>, Option<Res<ShowStatus>>, Option<ResMut<Playhead>>),
     mut windows: Query<&mut Window, With<PrimaryWindow>>,
     camera: Single<
         (Entity, &mut Navigation, &mut Fly, &mut Viewpoint, &mut Anchor, &mut PanOrbitCamera),
@@ -59,6 +60,17 @@ pub(super) fn run_shortcuts(
                 }
             }
             Action::Screenshot => screenshot::take(&mut commands),
+            Action::PlayRun | Action::StepBack | Action::StepOn | Action::PlaySlower | Action::PlayFaster => {
+                let Some(playhead) = &mut playhead else { continue };
+                let to_end = keys.any_pressed([KeyCode::ShiftLeft, KeyCode::ShiftRight]);
+                match action {
+                    Action::StepBack | Action::StepOn if to_end => playhead.go_to_end(action == Action::StepOn),
+                    Action::StepBack => playhead.step(-1),
+                    Action::StepOn => playhead.step(1),
+                    Action::PlaySlower | Action::PlayFaster => playhead.change_speed(action == Action::PlayFaster),
+                    _ => playhead.toggle(),
+                }
+            }
             Action::ToggleFly => {
                 commands.entity(entity).remove::<Flight>();
                 *fly = Fly::default();

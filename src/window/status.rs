@@ -7,6 +7,7 @@ use super::looking::LookingState;
 use super::looking::report::Report;
 use super::open::Openings;
 use super::picture::{DataCamera, Picture};
+use super::playhead::Playhead;
 use super::scene::{Scene, Settings};
 use super::scene_io::SceneFiles;
 use super::state::notices::Notices;
@@ -103,9 +104,27 @@ struct Status<'a> {
     tour: Option<TourStatus<'a>>,
     show: Option<&'a ShowStatus>,
     looking: Report<'a>,
+    /// Where a run stands.
+    time: Option<TimeStatus>,
     /// The panels' controls: left, top, right and bottom; 1 where they are in sight, else 0.
     controls: BTreeMap<&'a str, [f32; 5]>,
     messages: Vec<&'a str>,
+}
+
+/// Where a run stands.
+#[derive(Serialize)]
+struct TimeStatus {
+    /// The present time, in the unit of the steps' times.
+    time: f64,
+    /// The step that is shown.
+    step: usize,
+    /// Whether it is the one of the present time.
+    there: bool,
+    playing: bool,
+    /// How many times as fast as usual it plays.
+    speed: f64,
+    /// Steps that cannot be shown.
+    damaged: Vec<usize>,
 }
 
 /// Bytes: what is held, and what may be.
@@ -151,7 +170,7 @@ pub(super) fn write_status(
     mut notices: ResMut<Notices>,
     (history, files, closed, controls): (Res<History>, Res<SceneFiles>, Res<Closed>, Res<Controls>),
     looking: LookingState,
-    (player, ranges, look): (Res<Player>, Res<Ranges>, Option<Res<Look>>),
+    (player, ranges, look, playhead): (Res<Player>, Res<Ranges>, Option<Res<Look>>, Option<Res<Playhead>>),
     show: Option<Res<ShowStatus>>,
     camera: Single<(&Viewpoint, &Navigation), With<DataCamera>>,
 ) {
@@ -230,6 +249,14 @@ pub(super) fn write_status(
             exposed: ranges.progress(),
         }),
         show: show.as_deref(),
+        time: playhead.map(|playhead| TimeStatus {
+            time: playhead.time(),
+            step: playhead.shown(),
+            there: playhead.is_there(),
+            playing: playhead.is_playing(),
+            speed: playhead.speed(),
+            damaged: playhead.damaged().iter().copied().collect(),
+        }),
         looking: Report::of(&looking, &settings.selections),
         controls: controls
             .0

@@ -10,12 +10,14 @@ use super::overlay::{self, annotations, help};
 use super::panel::PanelState;
 use super::pick::DoubleClick;
 use super::picture::{DataCamera, Letterbox, Picture};
+use super::playhead::Playhead;
 use super::preset::Preset;
 use super::scene::Scene;
 use super::state::panels::{Dock, Shown};
 use super::state::tool::Stroke;
 use super::statistics::ActiveBackend;
 use super::theme;
+use super::time_dock;
 use crate::annotate;
 use crate::view::View;
 use bevy::prelude::*;
@@ -48,7 +50,7 @@ pub(super) fn draw_window(
     mut clicked: ResMut<DoubleClick>,
     mut pointer: ResMut<PicturePointer>,
     (mut layer, stroke, mut pictures): (ResMut<MarkLayer>, Res<Stroke>, ResMut<overlay::tour::TourPictures>),
-    (shown, preset): (Res<Shown>, Res<Preset>),
+    (shown, preset, mut playhead): (Res<Shown>, Res<Preset>, Option<ResMut<Playhead>>),
     (backend, letterbox): (Res<ActiveBackend>, Res<Letterbox>),
 ) -> Result {
     let ctx = contexts.ctx_mut()?.clone();
@@ -91,6 +93,16 @@ pub(super) fn draw_window(
             Dock::Left => window.with_max_x(rect.min.x),
             Dock::Right => window.with_min_x(rect.max.x),
         });
+    }
+    if let Some(playhead) = playhead.as_mut().filter(|_| shown.panel && !owner.is_locked()) {
+        egui::Panel::bottom("time")
+            .resizable(false)
+            .exact_size(time_dock::HEIGHT_PX)
+            .show_separator_line(false)
+            .frame(theme::panel_frame())
+            .show(&mut root, |ui| time_dock::show(ui, playhead));
+        docks.push(rect.with_min_y(rect.max.y - time_dock::HEIGHT_PX));
+        rect.max.y -= time_dock::HEIGHT_PX;
     }
     theme::dim(&ctx, &docks, preset.panel.brightness);
     picture.rect = Rect::from_corners(Vec2::new(rect.min.x, rect.min.y), Vec2::new(rect.max.x, rect.max.y));

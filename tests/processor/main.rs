@@ -33,6 +33,7 @@ mod pictures {
 mod panoramas;
 mod projections;
 mod raster;
+mod runs;
 mod volume {
     mod levels;
     mod occlusion;

@@ -17,6 +17,7 @@ mod outputs;
 mod panels;
 mod panorama;
 mod picture;
+mod series;
 mod shaders;
 mod tools;
 mod tour;

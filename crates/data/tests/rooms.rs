@@ -42,6 +42,7 @@ const WINDOW: [&[&str]; 4] = [
         "open",
         "objects",
         "scene_io",
+        "playhead",
         "adopt",
         "bookmarks",
         "preset_assets",
@@ -66,7 +67,7 @@ const WINDOW: [&[&str]; 4] = [
         "light_backend",
     ],
     // What the user does and reads.
-    &["looking", "screenshot", "history", "shortcuts", "dropped", "overlay", "panel", "ui", "status"],
+    &["looking", "time_dock", "screenshot", "history", "shortcuts", "dropped", "overlay", "panel", "ui", "status"],
 ];
 
 /// A path in a source file: the line where it stands, and its segments from the package's root on.

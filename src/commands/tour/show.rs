@@ -61,7 +61,11 @@ impl Show {
             folder: folder.clone(),
             framed,
             aspect: f64::from(tour.size.0) / f64::from(tour.size.1),
+            times: session.run().map(|run| run.times().clone()),
         };
+        if surroundings.times.is_none() && tour.keyframes.iter().any(|keyframe| keyframe.look.time.is_some()) {
+            eprintln!("deepfield: {}: is one snapshot, so the tour's times are left out", data.display());
+        }
         let timeline = Timeline::new(&tour, &surroundings)?;
         Ok(Show {
             exposure: Exposure::new(&timeline),

@@ -1,6 +1,7 @@
 //! What the open data and the program offer to choose from.
 
 use crate::color::colormap::ColorMap;
+use crate::store::Metadata;
 use bevy::prelude::*;
 use bevy_egui::egui::Color32;
 
@@ -17,6 +18,19 @@ impl Choices {
     /// Colour maps with a few of their colours.
     pub fn color_maps(&self) -> &[(ColorMap, Vec<Color32>)] {
         &self.color_maps
+    }
+
+    /// The attributes of all families, each once: first those that only some have, then the quantities that all have.
+    pub fn attributes_of(metadata: &Metadata) -> Vec<String> {
+        let mut names: Vec<String> = Vec::new();
+        let attributes = metadata.families.iter().flat_map(|family| &family.attributes);
+        let quantities = metadata.families.iter().flat_map(|family| &family.quantities);
+        for attribute in attributes.chain(quantities) {
+            if !names.contains(&attribute.name) {
+                names.push(attribute.name.clone());
+            }
+        }
+        names
     }
 
     /// What does not depend on a dataset.

@@ -4,13 +4,14 @@ use super::clock::{Clock, ClockState};
 use super::{draft, look};
 use crate::look::DatasetRef;
 use crate::look::LookPatch;
-use crate::model::FamilyName;
+use crate::model::{FamilyName, When};
 use crate::tour::{State, Surroundings, Timeline, TourFile};
 use crate::window::camera::{Anchor, Flight, Navigation, Viewpoint};
 use crate::window::free_name::free_name;
 use crate::window::input::{PointerOwner, is_control};
 use crate::window::pages::Upcoming;
 use crate::window::picture::{DataCamera, Picture};
+use crate::window::playhead::Playhead;
 use crate::window::scene::{Scene, Settings, TransferKept};
 use crate::window::scene_io::{camera_of, viewpoint_of};
 use crate::window::state::choices::Choices;
@@ -79,8 +80,8 @@ pub struct Player {
     recording: Option<Recording>,
     /// Whether there are edits that are not saved.
     edited: bool,
-    /// The [`Scene::generation`] that the timeline was made for.
-    generation: u32,
+    /// The [`Scene::dataset`] that the timeline was made for.
+    dataset: u32,
     /// Width over height of the picture that the tour is for; this window's where it is `None`.
     aspect: Option<f64>,
 }
@@ -152,14 +153,21 @@ impl Player {
 
     /// Resolves the tour for the open data; where that fails there is no timeline.
     fn resolve(&mut self, scene: &Scene, aspect: f64, notices: &mut Notices) {
-        self.generation = scene.generation;
+        self.dataset = scene.dataset;
         let Some(tour) = &self.tour else {
             self.timeline = None;
             return;
         };
         let file = self.path.as_ref().map_or_else(|| "the tour".to_owned(), |path| path.display().to_string());
         let folder = self.path.as_ref().and_then(|path| path.parent()).map(Path::to_owned).unwrap_or_default();
-        let surroundings = Surroundings { file, text: self.text.clone(), folder, framed: scene.frame, aspect };
+        let surroundings = Surroundings {
+            file,
+            text: self.text.clone(),
+            folder,
+            framed: scene.frame,
+            aspect,
+            times: scene.times.clone(),
+        };
         self.timeline = match Timeline::new(tour, &surroundings) {
             Ok(timeline) => Some(Arc::new(timeline)),
             Err(error) => {
@@ -270,12 +278,13 @@ pub fn play_tour(
     let now = time.elapsed_secs_f64();
     let size = picture.size();
     let aspect = player.aspect.unwrap_or(f64::from(size.x) / f64::from(size.y.max(1)));
-    if player.generation != scene.generation {
+    if player.dataset != scene.dataset {
         player.resolve(&scene, aspect, &mut notices);
         player.shown = None;
     }
     let names: Vec<FamilyName> = scene.file.metadata().families.iter().map(|family| family.name).collect();
-    let seen = (camera_of(&viewpoint, &settings.lens), look::of(&settings, &names));
+    let shown = LookPatch { time: scene.when(), ..look::of(&settings, &names) };
+    let seen = (camera_of(&viewpoint, &settings.lens), shown);
     for asked in std::mem::take(&mut player.asked) {
         let take_over =
             matches!(asked, Asked::Toggle | Asked::Next | Asked::Back | Asked::Seek(_) | Asked::Go(_) | Asked::GoOn(_));
@@ -320,6 +329,14 @@ pub fn play_tour(
     player.state = Some(state);
 }
 
+/// Leads the playhead to the time of the data that the tour shows.
+pub fn lead_time(player: Res<Player>, playhead: Option<ResMut<Playhead>>) {
+    let time = player.state().and_then(|state| state.look.time);
+    if let (Some(When::Time(time)), Some(mut playhead)) = (time, playhead) {
+        playhead.lead(time);
+    }
+}
+
 /// Makes keyframes of a flight that is recorded.
 fn record(player: &mut Player, now: f64, (camera, look): &(crate::look::Camera, LookPatch)) {
     let Some(recording) = player.recording else { return };
@@ -360,11 +377,11 @@ fn carry_out(
         (Asked::Open(path), _) => {
             player.open(path, notices);
             if player.tour.is_some() {
-                player.generation = scene.generation;
+                player.dataset = scene.dataset;
                 player.asked.push(Asked::Toggle);
             }
         }
-        (Asked::Close, _) => *player = Player { generation: player.generation, ..Player::default() },
+        (Asked::Close, _) => *player = Player { dataset: player.dataset, ..Player::default() },
         (Asked::Save, _) => player.save(scene, notices),
         (Asked::Record, timeline) => {
             let is_new = player.recording.is_none();

@@ -8,9 +8,9 @@ use deepfield::color::accumulation::relative_error;
 use deepfield::cpu::Method;
 use deepfield::explore::{Data, Members, ProbeOptions, Region, Work, probe};
 use deepfield::import::{LoadOptions, load};
-use deepfield::look::{Member, open_members, shown_families};
+use deepfield::look::{Member, OpenData, shown_families};
 use deepfield::mode::{Depiction, Settings};
-use deepfield::model::{Dataset, Placement, ReadMethod};
+use deepfield::model::{Dataset, Moment, Placement, ReadMethod};
 use deepfield::modes;
 use deepfield::store::{PageFile, PageId, StoreError};
 use deepfield::stream::Scene;
@@ -46,7 +46,11 @@ fn fixture() -> Fixture {
 }
 
 fn open(members: &[Member]) -> PageFile {
-    open_members(members, ReadMethod::default(), |path| Ok::<_, StoreError>(path.to_owned())).unwrap().0
+    join(members).unwrap().0
+}
+
+fn join(members: &[Member]) -> Result<(PageFile, Vec<String>), StoreError> {
+    OpenData::open(members, ReadMethod::default(), |path| Ok::<_, StoreError>(path.to_owned()))?.at(Moment::default())
 }
 
 fn draw(file: &Arc<PageFile>, families: Option<Vec<u32>>, view: &View, tau: f64) -> Accumulation {
@@ -155,8 +159,6 @@ fn pages_and_probes_of_several_are_those_of_all() {
 #[test]
 fn what_does_not_fit_together_is_told_or_refused() {
     let Fixture { members, _folder, .. } = fixture();
-    let join =
-        |members: &[Member]| open_members(members, ReadMethod::default(), |path| Ok::<_, StoreError>(path.to_owned()));
     let (_, notes) = join(&members).unwrap();
     assert!(notes.iter().all(|note| note.contains("collapse")), "{notes:?}");
     let unscaled = [members[0].clone(), Member { scale: None, ..members[1].clone() }];

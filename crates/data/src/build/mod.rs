@@ -8,6 +8,7 @@ mod coding;
 mod estimates;
 mod memory;
 mod partition;
+mod run;
 mod spill;
 mod survey;
 mod tree;
@@ -17,14 +18,16 @@ use crate::codec::{AttributeMerge, VqBits};
 use crate::hierarchy::attribute_info::set_units;
 use crate::hierarchy::octree::{Context, Plan};
 use crate::hierarchy::{AttributeInfo, LevelInfo, OctreeOptions};
-use crate::import::{ImportError, LoadOptions, SourceStream, open_with, replaced_densities, streams};
+use crate::import::{ImportError, LoadOptions, Source, SourceStream, open_with, replaced_densities, streams};
 use crate::model::progress::Progress;
 use crate::model::{Dataset, Family, FamilyName, FamilyStream, ParticleStream, ReadMethod, StreamError, Unit};
 use crate::store::paging::{PAGE_BYTES, write_trees};
 use crate::store::temporary::{clean, folder_of};
+use crate::store::writer::CompletePageFile;
 use crate::store::{FamilyMetadata, Metadata, PageFileWriter, StoreError, VolumeTree};
 use memory::Memory;
 use partition::Partition;
+pub use run::{BuiltRun, build_run};
 use spill::Spill;
 use std::path::{Path, PathBuf};
 use survey::Survey;
@@ -222,14 +225,25 @@ pub fn build_source(
 ) -> Result<Built, BuildError> {
     in_pool(options, || {
         let source = open_with(path, options.read)?;
-        let choose = |names: &[&str]| chosen(names, options);
-        let streams = streams(source.as_ref(), load_options, &choose)?;
-        let mut build = Build::new(options, out, progress)?;
-        for stream in &streams.families {
-            build.family(stream)?;
-        }
-        build.finish(Dataset { skipped: SourceStream::skipped(&streams.families), ..streams.about })
+        built_of(source.as_ref(), load_options, options, out, progress)?.named()
     })
+}
+
+/// The page file of a source, without a name; it lies in the folder of `out`.
+fn built_of(
+    source: &dyn Source,
+    load_options: &LoadOptions,
+    options: &BuildOptions,
+    out: &Path,
+    progress: &dyn Progress,
+) -> Result<Unnamed, BuildError> {
+    let choose = |names: &[&str]| chosen(names, options);
+    let streams = streams(source, load_options, &choose)?;
+    let mut build = Build::new(options, out, progress)?;
+    for stream in &streams.families {
+        build.family(stream)?;
+    }
+    build.finish(Dataset { skipped: SourceStream::skipped(&streams.families), ..streams.about })
 }
 
 /// Builds the page file `out` from `dataset`, whose families are freed as they are used.
@@ -243,7 +257,7 @@ pub fn build(
     out: &Path,
     progress: &dyn Progress,
 ) -> Result<Built, BuildError> {
-    in_pool(options, || build_here(dataset, options, out, progress))
+    in_pool(options, || build_here(dataset, options, out, progress)?.named())
 }
 
 fn in_pool<R: Send>(
@@ -268,7 +282,7 @@ fn build_here(
     options: &BuildOptions,
     out: &Path,
     progress: &dyn Progress,
-) -> Result<Built, BuildError> {
+) -> Result<Unnamed, BuildError> {
     let families = std::mem::take(&mut dataset.families);
     let families = selected_families(families, options, &dataset.provenance.path)?;
     let mut build = Build::new(options, out, progress)?;
@@ -283,6 +297,21 @@ fn build_here(
         build.family(&FamilyStream::new(&family))?;
     }
     build.finish(dataset)
+}
+
+/// A page file that has no name yet.
+struct Unnamed {
+    metadata: Metadata,
+    file: CompletePageFile,
+    temporary_bytes: u64,
+}
+
+impl Unnamed {
+    /// Gives it its name.
+    fn named(self) -> Result<Built, BuildError> {
+        let Unnamed { metadata, file, temporary_bytes } = self;
+        Ok(Built { metadata, bytes: file.persist()?, temporary_bytes })
+    }
 }
 
 /// A page file that is being built, family by family.
@@ -388,7 +417,7 @@ impl<'a> Build<'a> {
     }
 
     /// Writes the footer.
-    fn finish(self, about: Dataset) -> Result<Built, BuildError> {
+    fn finish(self, about: Dataset) -> Result<Unnamed, BuildError> {
         let mut families = self.families;
         if families.is_empty() {
             let field = "particles that can be drawn".into();
@@ -407,8 +436,8 @@ impl<'a> Build<'a> {
             skipped: about.skipped,
             families,
         };
-        let bytes = self.writer.finish(&metadata)?;
-        Ok(Built { metadata, bytes, temporary_bytes: self.temporary_bytes })
+        let file = self.writer.complete(&metadata)?;
+        Ok(Unnamed { metadata, file, temporary_bytes: self.temporary_bytes })
     }
 }
 

@@ -1,7 +1,8 @@
 //! Which scalar attributes a load brings along, and how they come out of a source's fields.
 
-use super::{AttributeChoice, Description, FamilyInfo, FieldKind};
+use super::{AttributeChoice, Description, FamilyInfo, FieldKind, LoadOptions};
 use crate::model::Unit;
+use std::collections::BTreeSet;
 
 /// The attributes of [`AttributeChoice::Usual`].
 const USUAL: [&str; 5] = ["velocity-dispersion", "temperature", "internal-energy", "magnitude", "color-index"];
@@ -46,19 +47,20 @@ pub(super) struct Planned {
     pub part: Part,
 }
 
-/// The attributes of one family.
-pub(super) fn plan(about: &Description, info: &FamilyInfo, choice: &AttributeChoice) -> Vec<Planned> {
-    let names: Vec<String> = match choice {
+/// The attributes of one family, without those that are left out.
+pub(super) fn plan(about: &Description, info: &FamilyInfo, options: &LoadOptions) -> Vec<Planned> {
+    let is_kept = |name: &&str| !options.without.iter().any(|other| other == name);
+    let names: Vec<String> = match &options.attributes {
         AttributeChoice::Usual => {
-            let usual: Vec<String> =
-                USUAL.iter().filter(|name| info.named(name).is_some()).map(|name| name.to_string()).collect();
+            let usual = USUAL.iter().filter(|name| info.named(name).is_some() && is_kept(name));
+            let usual: Vec<String> = usual.map(|name| name.to_string()).collect();
             if usual.is_empty() { vec!["speed".into()] } else { usual }
         }
         AttributeChoice::All => scalars(info).chain(["speed".into()]).collect(),
         AttributeChoice::Named(names) => names.clone(),
     };
     let mut planned: Vec<Planned> = Vec::with_capacity(names.len());
-    for name in names {
+    for name in names.into_iter().filter(|name| is_kept(&name.as_str())) {
         if let Some(attribute) = named(about, info, &name)
             && !planned.iter().any(|other| other.name == attribute.name)
         {
@@ -97,13 +99,18 @@ fn scalars(info: &FamilyInfo) -> impl Iterator<Item = String> {
     fields.map(|field| field.name.clone())
 }
 
+/// Whether a family of the source has an attribute of that name, or one can be made of its vectors.
+pub fn has_attribute(about: &Description, name: &str) -> bool {
+    about.families.iter().any(|info| named(about, info, name).is_some())
+}
+
+/// The names that could be asked for in one family: its scalar fields, and the speed.
+pub(super) fn available_in(info: &FamilyInfo) -> BTreeSet<String> {
+    let speed = info.find(FieldKind::Velocity).map(|_| "speed".to_owned());
+    scalars(info).chain(speed).collect()
+}
+
 /// Every name that could be asked for, in any family, in order.
-pub(super) fn available(about: &Description) -> Vec<String> {
-    let mut names: Vec<String> = about.families.iter().flat_map(scalars).collect();
-    if about.families.iter().any(|info| info.find(FieldKind::Velocity).is_some()) {
-        names.push("speed".into());
-    }
-    names.sort();
-    names.dedup();
-    names
+pub(super) fn available(about: &Description) -> BTreeSet<String> {
+    about.families.iter().flat_map(available_in).collect()
 }

@@ -68,6 +68,14 @@ struct Claimant {
     other: Option<&'static str>,
 }
 
+/// The files of a folder that claim to be sources, by their first bytes.
+///
+/// # Errors
+/// When the folder cannot be read.
+pub(super) fn claimants(folder: &Path) -> Result<Vec<PathBuf>, ImportError> {
+    Ok(look_into(folder, &[])?.0.into_iter().map(|claimant| claimant.path).collect())
+}
+
 /// The files of a folder that claim to be sources or of the other kinds, in the order of their names; and the names of all that
 /// is there.
 fn look_into(folder: &Path, others: &[OtherKind]) -> Result<(Vec<Claimant>, Vec<String>), ImportError> {
@@ -101,13 +109,13 @@ fn described(about: &Description) -> String {
 }
 
 /// A file's name as it stands in a message of one line.
-fn name_of(path: &Path) -> String {
+pub(super) fn name_of(path: &Path) -> String {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     name.chars().map(|letter| if letter.is_control() { '?' } else { letter }).collect()
 }
 
 /// The first of `texts`, which are some of `total`.
-fn listed(texts: &[String], total: usize) -> String {
+pub(super) fn listed(texts: &[String], total: usize) -> String {
     let shown = texts.len().min(LISTED);
     let more = if total > shown { format!(" and {} more", total - shown) } else { String::new() };
     if shown == 0 { "nothing".into() } else { texts[..shown].join(", ") + &more }

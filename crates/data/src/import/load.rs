@@ -45,6 +45,8 @@ pub struct LoadOptions {
     pub families: Vec<FamilyName>,
     /// Which attributes.
     pub attributes: AttributeChoice,
+    /// Attributes that are left out all the same.
+    pub without: Vec<String>,
     /// Where smoothing lengths come from.
     pub smoothing: Smoothing,
 }
@@ -120,7 +122,8 @@ pub(super) fn check_families(about: &Description, options: &LoadOptions) -> Resu
     if let AttributeChoice::Named(names) = &options.attributes {
         for name in names {
             if about.families.iter().all(|info| attributes::named(about, info, name).is_none()) {
-                let expected = format!("one of {}", attributes::available(about).join(", "));
+                let expected =
+                    format!("one of {}", attributes::available(about).into_iter().collect::<Vec<_>>().join(", "));
                 return Err(ImportError::missing(&about.path, format!("attribute {name}"), expected));
             }
         }

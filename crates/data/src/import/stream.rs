@@ -38,7 +38,7 @@ pub fn streams<'a>(
         }
         let chosen = Chosen::of(source, index, &options.smoothing)?;
         notes.extend(chosen.notes.iter().cloned());
-        let planned = attributes::plan(about, info, &options.attributes);
+        let planned = attributes::plan(about, info, options);
         let names: Vec<&str> = planned.iter().map(|planned| planned.name.as_str()).collect();
         let planned: Vec<Planned> = choose(&names).into_iter().map(|index| planned[index].clone()).collect();
         families.push(SourceStream {

@@ -6,6 +6,7 @@ pub mod family_name;
 pub mod kernel;
 #[allow(unsafe_code, reason = "memory that a file is mapped to is read by address, and its faults are signals")]
 mod mapping;
+pub mod moment;
 pub mod new_file;
 pub mod particles;
 pub mod periodic;
@@ -21,6 +22,7 @@ pub mod units;
 pub use bounds::Bounds;
 pub use family_name::FamilyName;
 pub use kernel::Kernel;
+pub use moment::{Moment, StepTimes, When};
 pub use particles::{Attribute, Dataset, Family, Provenance, Skipped};
 pub use periodic::PeriodicBox;
 pub use placement::Placement;

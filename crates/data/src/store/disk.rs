@@ -9,6 +9,7 @@ use std::fmt;
 use std::fs::{File, Metadata};
 use std::io;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// Something that bytes are read from, by several threads at a time.
 pub trait Disk: fmt::Debug + Send + Sync {
@@ -107,6 +108,40 @@ impl Disk for LocalFile {
     }
 }
 
+/// A part of what is read: its own byte 0 is byte `offset` there.
+#[derive(Debug)]
+pub struct Window {
+    disk: Arc<dyn Disk>,
+    offset: u64,
+    len: u64,
+}
+
+impl Window {
+    /// The `len` bytes from `offset` on.
+    pub fn new(disk: Arc<dyn Disk>, offset: u64, len: u64) -> Window {
+        Window { disk, offset, len }
+    }
+}
+
+impl Disk for Window {
+    fn read_exact_at(&self, buffer: &mut [u8], offset: u64) -> io::Result<()> {
+        let end = offset.checked_add(buffer.len() as u64);
+        let start = self.offset.checked_add(offset);
+        match (start, end) {
+            (Some(start), Some(end)) if end <= self.len => self.disk.read_exact_at(buffer, start),
+            _ => Err(io::ErrorKind::UnexpectedEof.into()),
+        }
+    }
+
+    fn size(&self) -> io::Result<u64> {
+        Ok(self.disk.size()?.saturating_sub(self.offset).min(self.len))
+    }
+
+    fn change(&self) -> Option<Change> {
+        self.disk.change()
+    }
+}
+
 /// What tells a file from another one of the same name, and outlives writing to it. Times of change do not: the cache
 /// of page files sets them as files are used.
 #[cfg(unix)]
@@ -132,6 +167,27 @@ mod tests {
 
     fn write(path: &Path, bytes: usize) {
         std::fs::write(path, vec![1; bytes]).unwrap();
+    }
+
+    #[test]
+    fn a_window_shows_its_part_and_nothing_beside_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.df");
+        std::fs::write(&path, (0..100).collect::<Vec<u8>>()).unwrap();
+        let file = Arc::new(LocalFile::open(&path, ReadMethod::default()).unwrap().unwrap());
+        let window = Window::new(Arc::clone(&file) as Arc<dyn Disk>, 10, 20);
+        assert_eq!(window.size().unwrap(), 20);
+        let mut bytes = [0; 20];
+        window.read_exact_at(&mut bytes, 0).unwrap();
+        assert_eq!(bytes[..], (10..30).collect::<Vec<u8>>());
+        for (offset, len) in [(0, 21), (20, 1), (u64::MAX, 1), (u64::MAX - 5, 20)] {
+            let error = window.read_exact_at(&mut vec![0; len], offset).unwrap_err();
+            assert_eq!(error.kind(), io::ErrorKind::UnexpectedEof, "{offset}, {len}");
+        }
+        // A window beyond the end of the file is as short as what is there.
+        let beyond = Window::new(file, 90, 20);
+        assert_eq!(beyond.size().unwrap(), 10);
+        assert!(beyond.read_exact_at(&mut [0; 20], 0).is_err());
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! What can be wrong with a page file.
 
 use super::disk::Change;
+use crate::model::When;
 use std::path::{Path, PathBuf};
 
 /// An error of the page file's reader, writer or verifier; it names the file and what was expected where.
@@ -16,23 +17,37 @@ pub enum StoreError {
         /// The system's answer.
         source: std::io::Error,
     },
-    /// Not a page file at all.
-    #[error("{path}: not a deepfield page file: {expected}")]
-    NotAPageFile {
+    /// Not such a file at all.
+    #[error("{path}: not a deepfield {kind}: {expected}")]
+    NotThis {
         /// The file.
         path: PathBuf,
+        /// What it was opened as: a page file or a run.
+        kind: &'static str,
         /// What was expected.
         expected: &'static str,
     },
-    /// A page file of another version.
-    #[error("{path}: page-file version {found}; this program reads versions {} to {}", supported[0], supported[1])]
+    /// A file of another version.
+    #[error("{path}: {kind} of version {found}; this program reads versions {} to {}", supported[0], supported[1])]
     Version {
         /// The file.
         path: PathBuf,
+        /// What it is: a page file or a run.
+        kind: &'static str,
         /// Version in the file.
         found: u32,
         /// The first and the last version that are supported.
         supported: [u32; 2],
+    },
+    /// A moment that lies outside of a run.
+    #[error("{path}: --time {when}: {reason}")]
+    Moment {
+        /// The run.
+        path: PathBuf,
+        /// The moment that was named.
+        when: When,
+        /// What there is.
+        reason: String,
     },
     /// A page file whose content breaks a promise of the format.
     #[error("{path}: {place}: {expected}")]

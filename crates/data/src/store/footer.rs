@@ -55,7 +55,7 @@ pub(super) fn encode(metadata: &Metadata, table: &[PageEntry]) -> Vec<u8> {
 
 /// Reads a footer that belongs to a file of this version with `pages` pages.
 pub(super) fn decode(bytes: &[u8], version: u32, pages: u32) -> Result<(Metadata, Vec<PageEntry>), Damage> {
-    let mut input = Decoder::new(bytes);
+    let mut input = Decoder::new(bytes, "footer");
     let table_len = (pages as usize).checked_mul(PAGE_ENTRY_LEN);
     let table = input.bytes(table_len.unwrap_or(usize::MAX), "the page table")?;
     let table = table.chunks_exact(PAGE_ENTRY_LEN).filter_map(|entry| entry.try_into().ok()).map(PageEntry::decode);
@@ -331,7 +331,7 @@ mod tests {
             let mut out = Encoder::default();
             out.u8(code);
             out.text(name);
-            decode_family_name(&mut Decoder::new(&out.bytes), version).map_err(|damage| damage.expected)
+            decode_family_name(&mut Decoder::new(&out.bytes, "footer"), version).map_err(|damage| damage.expected)
         };
         assert_eq!(decode(NAMED, "tracer", VERSION_NAMED).ok(), FamilyName::parse("tracer"));
         assert_eq!(decode(4, "", VERSION).ok(), Some(FamilyName::Stars));

@@ -11,6 +11,7 @@ pub mod metadata;
 pub mod page;
 pub mod page_file;
 pub mod paging;
+pub mod run;
 pub mod temporary;
 pub mod verify;
 pub mod writer;
@@ -22,6 +23,8 @@ mod in_memory;
 mod joined;
 mod located;
 mod reader;
+#[cfg(test)]
+mod specification;
 mod tree;
 mod wire;
 
@@ -34,6 +37,7 @@ pub use located::{Located, SourcePlace};
 pub use metadata::{AttributeInfo, AttributeMerge, FamilyMetadata, Histogram, LevelInfo, Metadata, VolumeTree};
 pub use page::{Branch, Encoding, Frame, Node, NodeParticles, NodeRef, Page, PageId, Positions};
 pub use page_file::{PageBytes, PageFile, PartInfo};
+pub use run::{RunFile, RunFileWriter};
 pub use tree::Tree;
 pub use verify::{Verified, verify};
 pub use writer::PageFileWriter;

@@ -7,7 +7,7 @@ use super::disk::{Change, Disk, LocalFile};
 use super::error::StoreError;
 use super::metadata::Metadata;
 use super::page::{Page, PageId};
-use super::reader::{RawPage, Reader};
+use super::reader::{KIND, RawPage, Reader};
 use crate::model::{Placement, ReadMethod};
 use std::ops::Range;
 use std::path::Path;
@@ -86,7 +86,7 @@ impl PageFile {
     pub fn open_with(path: &Path, method: ReadMethod) -> Result<PageFile, StoreError> {
         let opened = LocalFile::open(path, method);
         let opened = opened.map_err(|source| StoreError::Io { path: path.to_path_buf(), action: "open", source })?;
-        let not_a_file = || StoreError::NotAPageFile { path: path.to_path_buf(), expected: "a regular file" };
+        let not_a_file = || StoreError::NotThis { path: path.to_path_buf(), kind: KIND, expected: "a regular file" };
         let file = PageFile::open_on(path, Arc::new(opened.ok_or_else(not_a_file)?))?;
         Ok(PageFile { read: method, ..file })
     }

@@ -11,6 +11,9 @@ use crate::model::Placement;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+/// What messages call such a file.
+pub(super) const KIND: &str = "page file";
+
 /// The bytes of a page as they came from the disk, unchecked.
 #[derive(Debug)]
 pub(super) struct RawPage {
@@ -37,9 +40,12 @@ impl Reader {
         let mut head = vec![0; (HEADER_LEN as u64).min(real_len) as usize];
         disk.read_exact_at(&mut head, 0).map_err(io("read the header"))?;
         let header = Header::decode(&head, real_len).map_err(|error| match error {
-            HeaderError::NotAPageFile(expected) => StoreError::NotAPageFile { path: path.to_path_buf(), expected },
+            HeaderError::NotAPageFile(expected) => {
+                StoreError::NotThis { path: path.to_path_buf(), kind: KIND, expected }
+            }
             HeaderError::Version(found) => {
-                StoreError::Version { path: path.to_path_buf(), found, supported: [VERSION, VERSION_NAMED] }
+                let supported = [VERSION, VERSION_NAMED];
+                StoreError::Version { path: path.to_path_buf(), kind: KIND, found, supported }
             }
             HeaderError::Damaged(damage) => damage.in_file(path),
         })?;

@@ -53,12 +53,16 @@ struct Verifier<'a> {
 
 /// Verifies a page file. Memory use follows the widest level of the tree, not the file.
 pub fn verify(path: &Path, progress: &dyn Progress) -> Result<Verified, StoreError> {
-    let file = PageFile::open(path)?;
-    let damaged = |damage: Damage| damage.in_file(path);
-    check_zeros(&file, HEADER_LEN as u64, ALIGNMENT)?;
+    verify_file(&PageFile::open(path)?, progress)
+}
+
+/// [`verify`] of an open page file; of several as one, of the first.
+pub(super) fn verify_file(file: &PageFile, progress: &dyn Progress) -> Result<Verified, StoreError> {
+    let damaged = |damage: Damage| damage.in_file(file.path());
+    check_zeros(file, HEADER_LEN as u64, ALIGNMENT)?;
     let families = &file.metadata().families;
     let mut verifier = Verifier {
-        file: &file,
+        file,
         promises: HashMap::new(),
         open: HashMap::new(),
         levels: families.iter().map(|family| KINDS.map(|kind| empty_levels(told(family, kind).len()))).collect(),
@@ -71,7 +75,7 @@ pub fn verify(path: &Path, progress: &dyn Progress) -> Result<Verified, StoreErr
         let entry = file.first().table()[number as usize];
         let next =
             file.first().table().get(number as usize + 1).map_or(file.first().footer_offset(), |next| next.offset);
-        check_zeros(&file, entry.offset + u64::from(entry.len), next)?;
+        check_zeros(file, entry.offset + u64::from(entry.len), next)?;
         progress.advance(1);
     }
     verifier.finish().map_err(damaged)

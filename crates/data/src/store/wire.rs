@@ -1,4 +1,4 @@
-//! Primitive values as little-endian bytes, for the footer: writing appends, reading checks every length first.
+//! Primitive values as little-endian bytes, for footers and directories: writing appends, reading checks every length first.
 
 use super::error::Damage;
 use glam::DVec3;
@@ -51,23 +51,28 @@ impl Encoder {
 /// Reads values off the front of a slice.
 pub(super) struct Decoder<'a> {
     rest: &'a [u8],
+    /// What messages call the bytes.
+    place: &'static str,
 }
 
 impl<'a> Decoder<'a> {
-    pub fn new(bytes: &'a [u8]) -> Decoder<'a> {
-        Decoder { rest: bytes }
+    pub fn new(bytes: &'a [u8], place: &'static str) -> Decoder<'a> {
+        Decoder { rest: bytes, place }
+    }
+
+    fn damage(&self, expected: impl Into<String>) -> Damage {
+        Damage::new(self.place, expected)
     }
 
     pub fn bytes(&mut self, len: usize, field: &str) -> Result<&'a [u8], Damage> {
-        let (head, rest) =
-            self.rest.split_at_checked(len).ok_or_else(|| Damage::new("footer", format!("room for {field}")))?;
+        let (head, rest) = self.rest.split_at_checked(len).ok_or_else(|| self.damage(format!("room for {field}")))?;
         self.rest = rest;
         Ok(head)
     }
 
     pub fn array<const N: usize>(&mut self, field: &str) -> Result<[u8; N], Damage> {
         let bytes = self.bytes(N, field)?;
-        bytes.try_into().map_err(|_| Damage::new("footer", format!("room for {field}")))
+        bytes.try_into().map_err(|_| self.damage(format!("room for {field}")))
     }
 
     pub fn u8(&mut self, field: &str) -> Result<u8, Damage> {
@@ -96,32 +101,32 @@ impl<'a> Decoder<'a> {
         match present {
             0 => Ok(None),
             1 => Ok(Some(value)),
-            other => Err(Damage::new("footer", format!("{field} to be present (1) or absent (0), found {other}"))),
+            other => Err(self.damage(format!("{field} to be present (1) or absent (0), found {other}"))),
         }
     }
 
     pub fn text(&mut self, field: &str) -> Result<String, Damage> {
         let len = self.u32(field)? as usize;
         let bytes = self.bytes(len, field)?;
-        String::from_utf8(bytes.to_vec()).map_err(|_| Damage::new("footer", format!("{field} in UTF-8")))
+        String::from_utf8(bytes.to_vec()).map_err(|_| self.damage(format!("{field} in UTF-8")))
     }
 
-    /// A count of things that take at least `least` bytes each in what follows: never more than the footer can hold.
+    /// A count of things that take at least `least` bytes each in what follows: never more than the bytes can hold.
     pub fn count(&mut self, least: usize, field: &str) -> Result<usize, Damage> {
         let count = self.u32(field)? as usize;
         match count.checked_mul(least) {
             Some(len) if len <= self.rest.len() => Ok(count),
-            _ => Err(Damage::new("footer", format!("room for {count} {field}"))),
+            _ => Err(self.damage(format!("room for {count} {field}"))),
         }
     }
 
     pub fn f32s(&mut self, count: usize, field: &str) -> Result<Vec<f32>, Damage> {
-        let len = count.checked_mul(4).ok_or_else(|| Damage::new("footer", format!("room for {field}")))?;
+        let len = count.checked_mul(4).ok_or_else(|| self.damage(format!("room for {field}")))?;
         let bytes = self.bytes(len, field)?;
         Ok(bytes.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect())
     }
 
     pub fn finish(self) -> Result<(), Damage> {
-        if self.rest.is_empty() { Ok(()) } else { Err(Damage::new("footer", "an end after its last field")) }
+        if self.rest.is_empty() { Ok(()) } else { Err(self.damage("an end after its last field")) }
     }
 }

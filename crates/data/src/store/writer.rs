@@ -50,7 +50,7 @@ pub fn encode_page(id: PageId, family: u32, nodes: &[PageNode]) -> Option<Vec<u8
     Some(out)
 }
 
-/// A page file that is being written. Dropping it without [`PageFileWriter::finish`] leaves nothing behind.
+/// A page file that is being written. Dropping it without [`PageFileWriter::complete`] leaves nothing behind.
 #[derive(Debug)]
 pub struct PageFileWriter {
     path: PathBuf,
@@ -93,8 +93,8 @@ impl PageFileWriter {
         self.table.len() as u32
     }
 
-    /// Writes footer and header, waits until the disk has them, and moves the file to its name. Returns its length.
-    pub fn finish(self, metadata: &Metadata) -> Result<u64, StoreError> {
+    /// Writes footer and header. Nothing has the file's name yet.
+    pub fn complete(self, metadata: &Metadata) -> Result<CompletePageFile, StoreError> {
         let footer = footer::encode(metadata, &self.table);
         let header = Header {
             version: footer::version(metadata),
@@ -104,14 +104,11 @@ impl PageFileWriter {
             footer_crc: crc32c::crc32c(&footer),
             pages: self.table.len() as u32,
         };
-        let path = self.path.clone();
         let mut file = self.file.file();
-        file.write_all(&footer).map_err(io(&path, "write"))?;
-        std::io::Seek::rewind(&mut file).map_err(io(&path, "write"))?;
-        file.write_all(&header.encode()).map_err(io(&path, "write"))?;
-        file.sync_all().map_err(io(&path, "write"))?;
-        self.file.persist(&path).map_err(io(&path, "rename the finished file to"))?;
-        Ok(header.file_len)
+        file.write_all(&footer).map_err(io(&self.path, "write"))?;
+        std::io::Seek::rewind(&mut file).map_err(io(&self.path, "write"))?;
+        file.write_all(&header.encode()).map_err(io(&self.path, "write"))?;
+        Ok(CompletePageFile { path: self.path, file: self.file, bytes: header.file_len })
     }
 
     /// Appends bytes and zeros up to the next aligned place.
@@ -123,6 +120,31 @@ impl PageFileWriter {
         file.write_all(&[0; ALIGNMENT as usize][..(aligned - end) as usize]).map_err(io(&self.path, "write"))?;
         self.end = aligned;
         Ok(())
+    }
+}
+
+/// A page file that is whole, but has no name yet. Dropping it leaves nothing behind.
+#[derive(Debug)]
+pub struct CompletePageFile {
+    path: PathBuf,
+    file: Temporary,
+    bytes: u64,
+}
+
+impl CompletePageFile {
+    /// Its bytes.
+    pub fn file(&self) -> &std::fs::File {
+        self.file.file()
+    }
+
+    /// Waits until the disk has it, and moves it to its name. Returns its length.
+    ///
+    /// # Errors
+    /// When the system refuses.
+    pub fn persist(self) -> Result<u64, StoreError> {
+        self.file.file().sync_all().map_err(io(&self.path, "write"))?;
+        self.file.persist(&self.path).map_err(io(&self.path, "rename the finished file to"))?;
+        Ok(self.bytes)
     }
 }
 

@@ -1,6 +1,6 @@
 //! Values of a scene that are of the right type and make no sense all the same.
 
-use super::{Camera, ERRORS_PX, SceneFile, VERSION};
+use super::{Camera, ERRORS_PX, SceneFile, VERSION, VERSION_TIME};
 use crate::model::ron_file::RonError;
 use crate::model::ron_place::Place;
 use crate::modes;
@@ -15,8 +15,8 @@ const MOST_DATASETS: usize = 64;
 /// The first mistake with its place.
 pub(super) fn check(scene: &SceneFile, file: &str, text: &str) -> Result<(), RonError> {
     let place = Place { file, text };
-    if scene.version != VERSION {
-        return Err(place.refuse(&["version"], scene.version, VERSION));
+    if !(VERSION..=VERSION_TIME).contains(&scene.version) {
+        return Err(place.refuse(&["version"], scene.version, format!("{VERSION} or {VERSION_TIME}")));
     }
     if !(1..=MOST_DATASETS).contains(&scene.datasets.len()) {
         let (found, expected) =

@@ -1,17 +1,17 @@
-//! The datasets of a scene, opened as one.
+//! The datasets of a scene: where each lies, and which of its families are drawn.
 
-use crate::import::{ImportError, file_in};
-use crate::model::{FamilyName, Placement, ReadMethod, Unit};
-use crate::store::{PageFile, StoreError};
+use super::data_file;
+use crate::import::ImportError;
+use crate::model::{FamilyName, Placement, Unit};
+use crate::store::PageFile;
 use glam::DVec3;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 /// A dataset to be shown, alone or with others.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Member {
-    /// The source or page file.
+    /// The source, page file or run.
     pub path: PathBuf,
     /// Where its origin lies in the scene.
     pub offset: DVec3,
@@ -45,25 +45,6 @@ impl Member {
     }
 }
 
-/// The source, page file or other file that a user means who names `path`: of a folder, the one source or page file in it.
-///
-/// # Errors
-/// [`ImportError`] with a list of what is there, where a folder holds none or several. Whether `path` exists is not asked.
-pub fn data_file(path: &Path) -> Result<PathBuf, ImportError> {
-    file_in(path, &[("page file", PageFile::recognises)])
-}
-
-/// Whether the file at `path` is a page file, by its first bytes.
-///
-/// # Errors
-/// When the file cannot be read; the message names it.
-pub fn is_page_file(path: &Path) -> Result<bool, std::io::Error> {
-    let name = |error: std::io::Error| std::io::Error::new(error.kind(), format!("{}: {error}", path.display()));
-    let mut head = Vec::with_capacity(16);
-    std::fs::File::open(path).map_err(name)?.take(16).read_to_end(&mut head).map_err(name)?;
-    Ok(PageFile::recognises(&head))
-}
-
 /// `FILE`, `FILE@X,Y,Z` or `FILE@X,Y,Z*SCALE`, as the command line has it.
 impl FromStr for Member {
     type Err = String;
@@ -85,29 +66,6 @@ impl FromStr for Member {
             _ => Err(format!("{place}: expected FILE@X,Y,Z or FILE@X,Y,Z*SCALE")),
         }
     }
-}
-
-/// Opens the datasets as one scene in the units of the first; `page_file` turns what a user names into a page file,
-/// which is read in the way `read`. Also says what does not fit together, a sentence each.
-///
-/// # Errors
-/// [`StoreError`] and the errors of `page_file`.
-pub fn open_members<E: From<StoreError>>(
-    members: &[Member],
-    read: ReadMethod,
-    mut page_file: impl FnMut(&Path) -> Result<PathBuf, E>,
-) -> Result<(PageFile, Vec<String>), E> {
-    let mut files: Vec<PageFile> = Vec::with_capacity(members.len());
-    for member in members {
-        files.push(PageFile::open_with(&page_file(&member.path)?, read)?);
-    }
-    let units = |file: &PageFile| (file.metadata().length_unit.clone(), file.metadata().mass_unit.clone());
-    let scene = files.first().map(units).unwrap_or_default();
-    let placed = files.into_iter().zip(members).map(|(file, member)| {
-        let (length, mass) = units(&file);
-        (file, member.placement((&length, &mass), (&scene.0, &scene.1)))
-    });
-    Ok(PageFile::join(placed.collect())?)
 }
 
 /// Whether each family of the scene is drawn, as its members say; and what they name that is not there.

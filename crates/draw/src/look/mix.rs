@@ -3,6 +3,7 @@
 use super::LookPatch;
 use crate::color::transfer::{Curve, Range, Scale, TransferFunction};
 use crate::mode::{Setting, SettingKind, SettingValue, Settings, lod_budget};
+use crate::model::When;
 use crate::modes;
 use crate::view::CutSettings;
 use crate::view::cut::{ClipBox, Fade, Slab};
@@ -26,8 +27,17 @@ pub fn mix(a: &LookPatch, b: &LookPatch, share: f64) -> LookPatch {
             _ => a.transfer.clone(),
         },
         error_px: a.error_px.zip(b.error_px).map(|(a, b)| logarithmic(a, b, share)).or(a.error_px),
+        time: mix_time(a.time, b.time, share),
         cut: a.cut.as_ref().zip(b.cut.as_ref()).map(|(a, b)| mix_cut(a, b, share)).or(a.cut),
         ..a.clone()
+    }
+}
+
+/// The time between two times, at a share of the way; the first where they are not named by numbers.
+pub fn mix_time(a: Option<When>, b: Option<When>, share: f64) -> Option<When> {
+    match (a, b) {
+        (Some(When::Time(first)), Some(When::Time(last))) => Some(When::Time(linear(first, last, share))),
+        _ => a,
     }
 }
 

@@ -10,6 +10,7 @@ pub mod members;
 mod check;
 mod film;
 mod mix;
+mod open_data;
 mod patch;
 pub mod picture_config;
 mod shot;
@@ -17,8 +18,9 @@ mod text;
 
 pub use dataset::{DatasetRef, Fingerprint, Located};
 pub use film::Film;
-pub use members::{Member, data_file, is_page_file, open_members, shown_families};
-pub use mix::mix;
+pub use members::{Member, shown_families};
+pub use mix::{mix, mix_time};
+pub use open_data::{DataKind, OpenData, data_file, one_snapshot};
 pub use patch::{ERROR_PX, ERRORS_PX, Look, LookPatch};
 pub(crate) use patch::{define_look_text, with_look_fields};
 pub use picture_config::{Backend, CameraConfig, PictureConfig};
@@ -30,14 +32,17 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
-/// The version of scene files that this program writes.
+/// The version of scene files without a time.
 pub const VERSION: u32 = 1;
+
+/// The version of scene files with a time, and the last one that this program reads.
+pub const VERSION_TIME: u32 = 2;
 
 /// A scene.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(from = "SceneText", into = "SceneText")]
 pub struct SceneFile {
-    /// [`VERSION`].
+    /// [`VERSION`] or [`VERSION_TIME`]; what is written is told by what there is.
     pub version: u32,
     /// What is shown, in the units of the first.
     pub datasets: Vec<DatasetRef>,

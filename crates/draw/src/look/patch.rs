@@ -8,8 +8,8 @@ use crate::color::transfer::TransferFunction;
 use crate::explore::ExploreError;
 use crate::mode::setting::SettingError;
 use crate::mode::{Mode, Setting, SettingValue, Settings, lod_budget};
-use crate::model::FamilyName;
 use crate::model::ron_file::RonError;
+use crate::model::{FamilyName, When};
 use crate::modes;
 use crate::view::CutSettings;
 use std::ops::RangeInclusive;
@@ -65,6 +65,8 @@ macro_rules! define_looks {
             pub attribute: Option<Attribute>,
             /// The families that are drawn.
             pub families: Option<Vec<FamilyName>>,
+            /// When it is, of data that has times.
+            pub time: Option<When>,
             $($(#[$doc])* pub $field: Option<$type>,)*
         }
 
@@ -90,6 +92,7 @@ macro_rules! define_looks {
                     budget: self.budget.clone(),
                     attribute: Some(self.attribute.clone()),
                     families: None,
+                    time: None,
                     $($field: Some(self.$field.clone()),)*
                 }
             }
@@ -108,6 +111,7 @@ macro_rules! define_looks {
                 all.budget.0.extend(next.budget.0.clone());
                 all.attribute = next.attribute.clone().or(all.attribute);
                 all.families = next.families.clone().or(all.families);
+                all.time = next.time.or(all.time);
                 $(all.$field = next.$field.clone().or(all.$field);)*
                 all
             }
@@ -129,6 +133,7 @@ macro_rules! define_looks {
                         (Some(_), None) => Some(FamilyName::GADGET.to_vec()),
                         (own, next) => next.clone().filter(|_| own != next),
                     },
+                    time: next.time.filter(|_| self.time != next.time),
                     $($field: next.$field.clone().filter(|_| self.$field != next.$field),)*
                 };
                 if another_mode {
@@ -168,14 +173,16 @@ macro_rules! define_look_text {
             attribute: Option<$attribute>,
             #[serde(default, skip_serializing_if = "Option::is_none")]
             families: Option<Vec<$crate::model::FamilyName>>,
+            #[serde(default, skip_serializing_if = "Option::is_none")]
+            time: Option<$crate::model::When>,
             $(#[serde(default, skip_serializing_if = "Option::is_none")] $field: Option<$type>,)*
         }
 
         impl From<$text> for $whole {
             fn from(text: $text) -> $whole {
-                let $text { $($own,)* mode, settings, budget, attribute, families, $($field,)* } = text;
+                let $text { $($own,)* mode, settings, budget, attribute, families, time, $($field,)* } = text;
                 let attribute = attribute.map(Into::into);
-                let look = $crate::look::LookPatch { mode, settings, budget, attribute, families, $($field,)* };
+                let look = $crate::look::LookPatch { mode, settings, budget, attribute, families, time, $($field,)* };
                 $whole { $($own,)* look: look.with_early_budget() }
             }
         }
@@ -187,8 +194,8 @@ macro_rules! define_look_text {
     ) => {
         impl From<$whole> for $text {
             fn from($whole { $($own,)* look }: $whole) -> $text {
-                let $crate::look::LookPatch { mode, settings, budget, attribute, families, $($field,)* } = look;
-                $text { $($own,)* mode, settings, budget, attribute, families, $($field,)* }
+                let $crate::look::LookPatch { mode, settings, budget, attribute, families, time, $($field,)* } = look;
+                $text { $($own,)* mode, settings, budget, attribute, families, time, $($field,)* }
             }
         }
     };

@@ -1,6 +1,6 @@
 //! Scenes as text: read with every mistake named by its place, written under a temporary name first.
 
-use super::{SceneFile, VERSION, check};
+use super::{SceneFile, VERSION, VERSION_TIME, check};
 use crate::model::new_file;
 use crate::model::ron_file::{self, RonError};
 use std::path::{Path, PathBuf};
@@ -12,7 +12,7 @@ pub enum SceneError {
     #[error(transparent)]
     Ron(#[from] RonError),
     /// It was written by a later version of the program.
-    #[error("{file}: version is {found}, expected {VERSION}: a later deepfield has written it")]
+    #[error("{file}: version is {found}, expected at most {VERSION_TIME}: a later deepfield has written it")]
     Version {
         /// The scene file.
         file: String,
@@ -63,12 +63,19 @@ impl SceneFile {
     /// # Errors
     /// [`SceneError::Ron`] and [`SceneError::Version`].
     pub fn parse(file: &str, text: &str) -> Result<SceneFile, SceneError> {
-        if let Some(found) = ron_file::later_version(text, VERSION) {
+        if let Some(found) = ron_file::later_version(text, VERSION_TIME) {
             return Err(SceneError::Version { file: file.to_owned(), found });
         }
         let scene: SceneFile = ron_file::parse(file, text)?;
         check::check(&scene, file, text)?;
         Ok(scene)
+    }
+
+    /// The first version that can say it.
+    fn least_version(&self) -> u32 {
+        let before = self.film.as_ref().and_then(|film| film.from.as_ref());
+        let has_time = self.look.time.is_some() || before.is_some_and(|before| before.look.time.is_some());
+        if has_time { VERSION_TIME } else { VERSION }
     }
 
     /// The scene as text.
@@ -81,7 +88,8 @@ impl SceneFile {
             path: path.to_owned(),
             source: std::io::Error::new(std::io::ErrorKind::InvalidData, error.to_string()),
         };
-        let body = ron::ser::to_string_pretty(self, style).map_err(fail)?;
+        let scene = SceneFile { version: self.least_version(), ..self.clone() };
+        let body = ron::ser::to_string_pretty(&scene, style).map_err(fail)?;
         Ok(format!("// A scene of deepfield: `deepfield view` and `deepfield render` open it.\n{body}\n"))
     }
 

@@ -9,6 +9,9 @@ use crate::color::transfer::{Levels, TransferFunction};
 use crate::color::{Image, composite, output};
 use crate::look::{Film, Shot};
 use crate::mode::Raw;
+use crate::model::Moment;
+use crate::store::RunFile;
+use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -36,6 +39,32 @@ pub struct Picture {
     pub drawn_by: [String; 2],
     /// Median of each pass, milliseconds.
     pub milliseconds: BTreeMap<String, f64>,
+    /// When it is; `None` for data without times.
+    pub moment: Option<ShownMoment>,
+}
+
+/// The moment of a run that a picture shows.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ShownMoment {
+    /// Its time, in the unit of the steps' times.
+    pub time: f64,
+    /// The stored step at or before it.
+    pub step: usize,
+    /// The interval that it lies in, by the step that begins it; `None` at a stored step.
+    pub interval: Option<usize>,
+    /// Place within the interval, from 0 to below 1.
+    pub u: f64,
+    /// What is shown between steps: `hold`, the step before.
+    pub interpolation: &'static str,
+}
+
+impl ShownMoment {
+    /// A moment of a run.
+    pub fn of(run: &RunFile, moment: Moment) -> ShownMoment {
+        let Moment { step, u } = moment;
+        let interval = (u > 0.0).then_some(step);
+        ShownMoment { time: run.times().time(moment), step, interval, u, interpolation: "hold" }
+    }
 }
 
 /// How a picture's values became colours: everything that is found from the picture unless it is set.

@@ -25,7 +25,7 @@ mod drawn;
 mod error;
 
 pub use adapter::{Adapter, AdapterFrame, AdapterJob};
-pub use drawn::{Coloration, Picture};
+pub use drawn::{Coloration, Picture, ShownMoment};
 pub use error::PictureError;
 pub use left_out::LeftOut;
 pub use session::{Reporter, Session, SessionOptions};

@@ -2,7 +2,7 @@
 
 use super::adapter::{self, Adapter, AdapterJob, Passes, draw_on};
 use super::annotation::Annotation;
-use super::drawn::Picture;
+use super::drawn::{Picture, ShownMoment};
 use super::error::PictureError;
 use super::hiding::{self, Hiding};
 use super::left_out::LeftOut;
@@ -18,10 +18,10 @@ use crate::cpu::Method;
 use crate::cpu::overdraw::Overdraw;
 use crate::cpu::volume::VolumeError;
 use crate::explore::selection::Show;
-use crate::look::{Backend, LookPatch, Member, SceneFile, Shot, open_members, shown_families};
+use crate::look::{Backend, LookPatch, Member, OpenData, SceneFile, Shot, shown_families};
 use crate::mode::{Depiction, LodBudget, Mode, Output, Plan, Raw};
-use crate::model::{Bounds, FamilyName, Progress, ReadMethod};
-use crate::store::{InMemory, NodeRef, PageFile, Tree};
+use crate::model::{Bounds, FamilyName, Moment, Progress, ReadMethod, When};
+use crate::store::{InMemory, NodeRef, PageFile, RunFile, Tree};
 use crate::stream::{Scene, SceneNode, SceneSelection, first_frame};
 use crate::view::perspective_grid::GridError;
 use crate::view::{Hidden, View};
@@ -86,6 +86,10 @@ pub struct Session {
     options: SessionOptions,
     members: Vec<Member>,
     data: Data,
+    /// What the page files are of, where they can be steps of runs.
+    opened: Option<OpenData>,
+    /// The moment of the run that is open.
+    moment: Moment,
     scene: Scene,
     /// What the first picture of some families shows, since that takes reading.
     framed: Option<(Vec<u32>, Bounds)>,
@@ -112,11 +116,12 @@ impl Session {
         reporter: Arc<dyn Reporter>,
     ) -> Result<Session, PictureError> {
         if options.exact.is_none() {
-            let (file, notes) = open_members(members, options.read, page_file)?;
+            let opened = OpenData::open(members, options.read, page_file)?;
+            let (file, notes) = opened.at(Moment::default())?;
             notes.into_iter().for_each(|note| reporter.tell(note));
             // Nothing limits what a picture holds: it has to be converged.
             let session = Session::of(Arc::new(file), u64::MAX);
-            return Ok(Session { members: members.to_vec(), options, reporter, ..session });
+            return Ok(Session { members: members.to_vec(), options, reporter, opened: Some(opened), ..session });
         }
         let from = |shot: &'a Shot| shot.film.as_ref().and_then(|film| Some(&film.from.as_ref()?.look));
         let looks = shots.into_iter().flat_map(|shot| [Some(&shot.look), from(shot)]).flatten();
@@ -132,6 +137,8 @@ impl Session {
             options,
             members,
             data,
+            opened: None,
+            moment: Moment::default(),
             scene,
             framed,
             loading,
@@ -149,6 +156,8 @@ impl Session {
             members: Vec::new(),
             scene: Scene::new(Arc::clone(&file), budget_bytes),
             data: Data::Pages(file),
+            opened: None,
+            moment: Moment::default(),
             framed: None,
             loading: None,
             ahead: None,
@@ -192,11 +201,36 @@ impl Session {
         self.ahead = view;
     }
 
+    /// The run whose clock is the data's.
+    pub fn run(&self) -> Option<&Arc<RunFile>> {
+        self.opened.as_ref().and_then(OpenData::run)
+    }
+
+    /// Opens the step that is shown at a moment, unless it is open: the one at or before it. Data without times has but one.
+    fn go_to(&mut self, when: Option<When>) -> Result<(), PictureError> {
+        let Some(opened) = &self.opened else { return Ok(()) };
+        let Some(moment) = opened.moment(when)? else { return Ok(()) };
+        if moment.step != self.moment.step {
+            let file = Arc::new(opened.at(moment)?.0);
+            self.scene = Scene::new(Arc::clone(&file), u64::MAX);
+            self.data = Data::Pages(file);
+            (self.framed, self.hiding) = (None, None);
+        }
+        self.moment = moment;
+        Ok(())
+    }
+
+    /// The moment of the run that the last picture shows; `None` for data without times.
+    fn shown_moment(&self) -> Option<ShownMoment> {
+        Some(ShownMoment::of(self.run()?, self.moment))
+    }
+
     /// The box that a picture of a look's families is framed by.
     ///
     /// # Errors
-    /// When the data has none of them.
+    /// When the data has none of them, or its step cannot be opened.
     pub fn framed(&mut self, look: &LookPatch) -> Result<Bounds, PictureError> {
+        self.go_to(look.time)?;
         let families = self.families(look)?;
         match &self.framed {
             Some((known, framed)) if *known == families => Ok(*framed),
@@ -307,6 +341,7 @@ impl Session {
         &mut self,
         look: &LookPatch,
     ) -> Result<(Arc<dyn Tree>, Depiction, TransferFunction), PictureError> {
+        self.go_to(look.time)?;
         let tree = Arc::clone(self.tree());
         let depiction = depict(look, tree.metadata()).map_err(|why| PictureError::of(self.path(), why))?;
         self.scene.families = self.families(look)?;
@@ -435,6 +470,7 @@ impl Session {
             left_out: LeftOut::default(),
             drawn_by: ["cpu", "cpu"].map(str::to_owned),
             milliseconds: Default::default(),
+            moment: self.shown_moment(),
         })
     }
 

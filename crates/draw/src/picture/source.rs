@@ -4,9 +4,9 @@ use super::error::PictureError;
 use super::session::Reporter;
 use crate::explore::data::source_path;
 use crate::import::{AttributeChoice, LoadOptions, load};
-use crate::look::{LookPatch, Member, is_page_file};
-use crate::model::{Bounds, Dataset, FamilyName};
-use crate::store::PageFile;
+use crate::look::{DataKind, LookPatch, Member};
+use crate::model::{Bounds, Dataset, FamilyName, ReadMethod, When};
+use crate::store::{PageFile, RunFile};
 use crate::view::frame;
 use glam::DVec3;
 use std::path::{Path, PathBuf};
@@ -18,17 +18,22 @@ pub struct Wanted {
     pub family: Option<FamilyName>,
     /// Attributes.
     pub attributes: AttributeChoice,
+    /// The moment of runs; the beginning where it is `None`.
+    pub time: Option<When>,
 }
 
 impl Wanted {
     /// What these looks need.
     pub fn of<'a>(looks: impl IntoIterator<Item = &'a LookPatch>, family: Option<FamilyName>) -> Wanted {
+        let mut time = None;
+        let looks = looks.into_iter().inspect(|look| time = time.or(look.time));
         let both = |all: AttributeChoice, own: AttributeChoice| match (all, own) {
             (all, own) if all == own => all,
             (AttributeChoice::Named(all), AttributeChoice::Named(own)) => AttributeChoice::Named([all, own].concat()),
             _ => AttributeChoice::All,
         };
-        Wanted { family, attributes: looks.into_iter().map(attributes_of).reduce(both).unwrap_or_default() }
+        let attributes = looks.map(attributes_of).reduce(both).unwrap_or_default();
+        Wanted { family, attributes, time }
     }
 }
 
@@ -74,7 +79,7 @@ pub fn particles(
 }
 
 fn load_one(member: &Member, wanted: &Wanted, reporter: &dyn Reporter) -> Result<(PathBuf, Dataset), PictureError> {
-    let source = source_of(&member.path)?;
+    let source = source_of(&member.path, wanted.time)?;
     let options = LoadOptions {
         families: wanted.family.map_or_else(|| member.families.clone().unwrap_or_default(), |family| vec![family]),
         attributes: wanted.attributes.clone(),
@@ -84,12 +89,16 @@ fn load_one(member: &Member, wanted: &Wanted, reporter: &dyn Reporter) -> Result
     Ok((source, dataset))
 }
 
-/// The source itself, or the one that a page file was built from, if it is still there.
-fn source_of(path: &Path) -> Result<PathBuf, PictureError> {
-    if !is_page_file(path).map_err(|error| PictureError::Asked(error.to_string()))? {
-        return Ok(path.to_owned());
-    }
-    let file = PageFile::open(path)?;
+/// The source itself, or the one that a page file, or the step of a run, was built from, if it is still there.
+fn source_of(path: &Path, time: Option<When>) -> Result<PathBuf, PictureError> {
+    let file = match DataKind::of(path).map_err(|error| PictureError::Asked(error.to_string()))? {
+        DataKind::Source => return Ok(path.to_owned()),
+        DataKind::Pages => PageFile::open(path)?,
+        DataKind::Run => {
+            let run = RunFile::open(path, ReadMethod::default())?;
+            run.still(time.map_or(Ok(0), |when| run.moment(when).map(|moment| moment.step))?)?
+        }
+    };
     source_path(&file).ok_or_else(|| {
         let source = file.metadata().provenance.path.display();
         let why = format!("--exact draws the source {source}, which is not there any more; name the source instead");

@@ -5,8 +5,8 @@ use super::place::TourPlace;
 use crate::explore::region::Shape;
 use crate::explore::{Catalogue, Members, SelectionSet};
 use crate::look::Camera;
-use crate::model::Bounds;
 use crate::model::ron_place::Place;
+use crate::model::{Bounds, StepTimes, When};
 use crate::view::View;
 use glam::{DQuat, DVec3};
 use std::path::PathBuf;
@@ -24,12 +24,32 @@ pub struct Surroundings {
     pub framed: Bounds,
     /// Width over height of the pictures.
     pub aspect: f64,
+    /// When the steps of the data are, where it has several.
+    pub times: Option<StepTimes>,
 }
 
 impl Surroundings {
     /// For messages.
     pub(super) fn place(&self) -> Place<'_> {
         Place { file: &self.file, text: &self.text }
+    }
+
+    /// When a keyframe's picture is, as a time of the data; `before`: that of the keyframe before. `None` for data without times.
+    ///
+    /// # Errors
+    /// [`TourError`] where that lies outside.
+    pub(super) fn time(
+        &self,
+        index: usize,
+        named: Option<When>,
+        before: Option<When>,
+    ) -> Result<Option<When>, TourError> {
+        let Some(times) = &self.times else { return Ok(None) };
+        let Some(named) = named else { return Ok(before.or(times.times.first().copied().map(When::Time))) };
+        let refuse =
+            |reason: String| self.place().refuse_in(index, &["time"], named, format!("a time of the data: {reason}"));
+        let moment = times.moment(named).map_err(refuse)?;
+        Ok(Some(When::Time(times.time(moment))))
     }
 
     /// The camera that shows all of the data.

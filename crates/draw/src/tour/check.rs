@@ -1,6 +1,6 @@
 //! Values of a tour that are of the right type and make no sense all the same.
 
-use super::file::{Keyframe, TourFile, VERSION, What};
+use super::file::{Keyframe, TourFile, VERSION, VERSION_TIME, What};
 use super::place::TourPlace;
 use crate::look::ERRORS_PX;
 use crate::mode::Mode;
@@ -18,8 +18,8 @@ const LONGEST: f64 = 86_400.0;
 /// The first mistake with its place.
 pub(super) fn check(tour: &TourFile, file: &str, text: &str) -> Result<(), RonError> {
     let place = Place { file, text };
-    if tour.version != VERSION {
-        return Err(place.refuse(&["version"], tour.version, VERSION));
+    if !(VERSION..=VERSION_TIME).contains(&tour.version) {
+        return Err(place.refuse(&["version"], tour.version, format!("{VERSION} or {VERSION_TIME}")));
     }
     let (width, height) = tour.size;
     if !((1..=32768).contains(&width) && (1..=32768).contains(&height)) {

@@ -197,8 +197,14 @@ mod tests {
             keyframe(12.0, 20.0),
         ]);
         let framed = Bounds { min: DVec3::ZERO, max: DVec3::ONE };
-        let surroundings =
-            Surroundings { file: "test".into(), text: String::new(), folder: "".into(), framed, aspect: 1.5 };
+        let surroundings = Surroundings {
+            file: "test".into(),
+            text: String::new(),
+            folder: "".into(),
+            framed,
+            aspect: 1.5,
+            times: None,
+        };
         Timeline::new(&tour, &surroundings).unwrap()
     }
 

@@ -10,14 +10,17 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// The version of tour files that this program reads and writes.
+/// The version of tour files without times of the data.
 pub const VERSION: u32 = 1;
+
+/// The version of tour files with times of the data, and the last one that this program reads.
+pub const VERSION_TIME: u32 = 2;
 
 /// A tour.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TourFile {
-    /// [`VERSION`].
+    /// [`VERSION`] or [`VERSION_TIME`]; what is written is told by what there is.
     pub version: u32,
     /// What it is called.
     #[serde(default)]
@@ -101,6 +104,8 @@ pub struct Keyframe {
     pub motion: Move,
     /// How numbers other than the camera's change on the way here.
     pub easing: Easing,
+    /// How the data's time changes on the way here.
+    pub time_easing: TimeEasing,
     /// Seconds in which the picture blends from what was to what is from here on.
     pub fade: f64,
     /// Where the camera stands.
@@ -134,6 +139,8 @@ with_look_fields!(define_look_text! { written KeyframeText of Keyframe, attribut
     motion: Move,
     #[serde(default)]
     easing: Easing,
+    #[serde(default, skip_serializing_if = "TimeEasing::is_usual")]
+    time_easing: TimeEasing,
     #[serde(default)]
     fade: f64,
     #[serde(default)]
@@ -191,6 +198,34 @@ impl Easing {
     }
 }
 
+/// How the data's time changes between keyframes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum TimeEasing {
+    /// Evenly.
+    #[default]
+    Linear,
+    /// Slow, fast, slow.
+    Smooth,
+    /// Not before the keyframe is reached.
+    Hold,
+}
+
+impl TimeEasing {
+    /// The share of the change at a share of the time.
+    pub fn at(self, u: f64) -> f64 {
+        match self {
+            TimeEasing::Linear => u,
+            TimeEasing::Smooth => Easing::Smooth.at(u),
+            TimeEasing::Hold => 0.0,
+        }
+    }
+
+    fn is_usual(&self) -> bool {
+        *self == TimeEasing::default()
+    }
+}
+
 /// A camera that looks at something from around it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -240,7 +275,7 @@ pub enum TourError {
     #[error(transparent)]
     Ron(#[from] RonError),
     /// It was written by a later version of the program.
-    #[error("{file}: version is {found}, expected {VERSION}: a later deepfield has written it")]
+    #[error("{file}: version is {found}, expected at most {VERSION_TIME}: a later deepfield has written it")]
     Version {
         /// The tour file.
         file: String,
@@ -300,7 +335,7 @@ impl TourFile {
     /// # Errors
     /// [`TourError::Ron`] and [`TourError::Version`].
     pub fn parse(file: &str, text: &str) -> Result<TourFile, TourError> {
-        if let Some(found) = ron_file::later_version(text, VERSION) {
+        if let Some(found) = ron_file::later_version(text, VERSION_TIME) {
             return Err(TourError::Version { file: file.to_owned(), found });
         }
         let tour: TourFile = ron_file::parse(file, text)?;
@@ -321,6 +356,8 @@ impl TourFile {
     pub fn to_ron(&self) -> String {
         // Plain numbers, names, lists and options always have a RON form.
         let style = ron::ser::PrettyConfig::new().depth_limit(4).struct_names(false);
-        ron::ser::to_string_pretty(self, style).unwrap_or_default()
+        let has_time = self.keyframes.iter().any(|keyframe| keyframe.look.time.is_some());
+        let version = if has_time { VERSION_TIME } else { VERSION };
+        ron::ser::to_string_pretty(&TourFile { version, ..self.clone() }, style).unwrap_or_default()
     }
 }

@@ -18,7 +18,7 @@ mod usual;
 
 pub use around::Surroundings;
 pub use exposure::Exposure;
-pub use file::{Around, Comfort, Easing, Keyframe, Move, TourError, TourFile, What};
+pub use file::{Around, Comfort, Easing, Keyframe, Move, TimeEasing, TourError, TourFile, What};
 pub use pace::{Remark, remarks};
 pub use path::{Path, Pose};
 pub use timeline::{Blend, Caption, State, Stop, Timeline};

@@ -1,12 +1,12 @@
 //! A tour resolved: what is shown at a time.
 
 use super::around::Surroundings;
-use super::file::{Easing, Keyframe, Move, TourError, TourFile};
+use super::file::{Easing, Keyframe, Move, TimeEasing, TourError, TourFile};
 use super::path::{Knot, Path, Pose};
 use super::spline::turn;
 use super::zoom_pan::ZoomPan;
 use crate::annotate::overlay::Picture;
-use crate::look::{Camera, LookPatch, mix};
+use crate::look::{Camera, LookPatch, mix, mix_time};
 use glam::DVec3;
 use std::collections::BTreeMap;
 
@@ -28,6 +28,7 @@ pub struct Stop {
     /// Seconds in which the picture blends from what was.
     pub fade: f64,
     easing: Easing,
+    time_easing: TimeEasing,
     look: LookPatch,
     caption: String,
     images: Vec<Picture>,
@@ -102,7 +103,8 @@ impl Timeline {
         let mut knots: Vec<Knot> = Vec::with_capacity(tour.keyframes.len());
         for (index, keyframe) in tour.keyframes.iter().enumerate() {
             let before = stops.last();
-            let look = before.map_or_else(LookPatch::beginning, |stop| stop.look.clone()).then(&keyframe.look);
+            let mut look = before.map_or_else(LookPatch::beginning, |stop| stop.look.clone()).then(&keyframe.look);
+            look.time = surroundings.time(index, keyframe.look.time, before.and_then(|stop| stop.look.time))?;
             let pose = pose(index, keyframe, knots.last().map(|knot| &knot.pose), &look, surroundings, up)?;
             let (arrive, stretched) = match knots.last() {
                 None => (keyframe.at.or(keyframe.after).unwrap_or(0.0), 0.0),
@@ -118,6 +120,7 @@ impl Timeline {
                 stretched,
                 fade: keyframe.fade,
                 easing: keyframe.easing,
+                time_easing: keyframe.time_easing,
                 caption: keyframe.caption.clone().or(before.map(|stop| stop.caption.clone())).unwrap_or_default(),
                 images: keyframe.images.clone().or(before.map(|stop| stop.images.clone())).unwrap_or_default(),
                 look,
@@ -183,10 +186,13 @@ impl Timeline {
         let stop = &self.stops[keyframe];
         let Some(next) = self.stops.get(keyframe + 1) else { return stop.look.clone() };
         let way = next.arrive - stop.leave;
-        match time > stop.leave && way > 0.0 {
-            true => mix(&stop.look, &next.look, next.easing.at(((time - stop.leave) / way).clamp(0.0, 1.0))),
-            false => stop.look.clone(),
+        if time <= stop.leave || way <= 0.0 {
+            return stop.look.clone();
         }
+        let share = ((time - stop.leave) / way).clamp(0.0, 1.0);
+        let mut look = mix(&stop.look, &next.look, next.easing.at(share));
+        look.time = mix_time(stop.look.time, next.look.time, next.time_easing.at(share));
+        look
     }
 
     /// The picture before a keyframe that fades into the one after it.

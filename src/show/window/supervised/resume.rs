@@ -119,7 +119,8 @@ pub(crate) fn keep_state(
         moment,
     });
     let path = supervised.folder.scene();
-    let file = scene_file(keeping.data.of(&scene, &settings), &settings, &camera, &picture, &parts, &path);
+    let mut file = scene_file(keeping.data.of(&scene, &settings), &settings, &camera, &picture, &parts, &path);
+    file.look.time = scene.when();
     let state = State {
         at: now(),
         saves_to: parts.saves_to().map(|path| std::path::absolute(path).unwrap_or_else(|_| path.to_owned())),
@@ -266,6 +267,7 @@ mod tests {
                 path: path.clone(),
                 members: vec![Member::new(&path)],
                 notes: Vec::new(),
+                run: None,
                 file: Arc::clone(&file),
                 frame,
                 scene: Some(Arc::new(scene)),

@@ -26,7 +26,7 @@ impl Player {
         scene: &Scene,
         notices: &mut Notices,
     ) -> Option<Viewpoint> {
-        if self.tour.is_some() && self.generation != scene.generation {
+        if self.tour.is_some() && self.dataset != scene.dataset {
             self.resolve(scene, self.aspect.unwrap_or(1.0), notices);
         }
         let (Some((time, running)), Some(timeline)) = (moment, &self.timeline) else {

@@ -44,6 +44,9 @@ impl Window {
             frame: bounds,
             periodic: None,
             length_unit: String::new(),
+            times: None,
+            time: None,
+            dataset: 1,
             generation: 1,
         };
         let now = Instant::now();

@@ -6,8 +6,9 @@ use crate::annotate::overlay::{Corner, Overlay};
 use crate::color::transfer::{Hue, Range, TransferFunction};
 use crate::explore::{IdSet, Members, Region, SelectionSet, Show};
 use crate::look::Film;
-use crate::look::{Attribute, Bookmark, Camera, DatasetRef, Fingerprint, LookPatch, Panels};
+use crate::look::{Attribute, Bookmark, Camera, DatasetRef, Fingerprint, LookPatch, Panels, VERSION_TIME};
 use crate::mode::{SettingValue, Settings};
+use crate::model::When;
 use crate::modes::volume_isosurface;
 use crate::view::cut::{Axis, ClipBox, Fade, Slab};
 use glam::DVec3;
@@ -40,12 +41,14 @@ fn full() -> SceneFile {
         scale: Some(0.25),
     };
     SceneFile {
+        version: VERSION_TIME,
         look: LookPatch {
             mode: Some(&volume_isosurface::MODE),
             settings,
             budget,
             attribute: Some(Attribute::Named("temperature".into())),
             families: Some(vec![crate::model::FamilyName::Stars]),
+            time: Some(When::ScaleFactor(0.4)),
             transfer: Some(TransferFunction {
                 range: Range::Fixed(1e-3, 7.5),
                 hue: Some(Hue { reverse: true, ..Hue::default() }),
@@ -216,8 +219,8 @@ fn values_out_of_range_are_named_with_their_place() {
         parse(&text.replacen(old, new, 1)).unwrap_err()
     };
     for (old, new, expected) in [
-        ("version: 1", "version: 0", ":3:5: version: found 0, expected 1"),
-        ("version: 1", "version: 2", "version is 2, expected 1: a later deepfield"),
+        ("version: 2", "version: 0", ":3:5: version: found 0, expected 1 or 2"),
+        ("version: 2", "version: 3", "version is 3, expected at most 2: a later deepfield"),
         ("\"volume-isosurface\"", "\"volumes\"", "mode: found volumes, expected one of column-density"),
         ("\"poly6\"", "\"gauss\"", "kernel: found gauss, expected one of data"),
         ("error_px: Some(1.25)", "error_px: Some(-1.0)", "error_px: found -1, expected 0.05 to 64"),

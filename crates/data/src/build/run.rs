@@ -1,0 +1,138 @@
+//! From many snapshots to a run file: one page file after the other, each built as it would be alone.
+
+use super::{BuildError, BuildOptions, built_of, in_pool};
+use crate::import::{AttributeChoice, Description, LoadOptions, Run, RunStep, has_attribute, open_with};
+use crate::model::{Placement, Progress, Unit};
+use crate::store::run::{Directory, RunFileWriter, Step};
+use crate::store::temporary::{clean, folder_of};
+use std::path::Path;
+
+/// What was built.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BuiltRun {
+    /// What the file's directory says.
+    pub directory: Directory,
+    /// Length of the file.
+    pub bytes: u64,
+    /// Most bytes that temporary files took, beside the file itself.
+    pub temporary_bytes: u64,
+}
+
+/// Builds the run file `out` from a run, whose sources are streamed one by one: memory and temporary files are those of the largest
+/// one alone. `skip_damaged`: leaves those out that turn out to be damaged.
+///
+/// # Errors
+/// When a source cannot be read, or the file not be written. Nothing is left behind then, and a file that was there before stays as it
+/// was.
+pub fn build_run(
+    run: Run,
+    skip_damaged: bool,
+    load_options: &LoadOptions,
+    options: &BuildOptions,
+    out: &Path,
+    progress: &dyn Progress,
+) -> Result<BuiltRun, BuildError> {
+    in_pool(options, || build_steps(run, skip_damaged, load_options, options, out, progress))
+}
+
+fn build_steps(
+    run: Run,
+    skip_damaged: bool,
+    load_options: &LoadOptions,
+    options: &BuildOptions,
+    out: &Path,
+    progress: &dyn Progress,
+) -> Result<BuiltRun, BuildError> {
+    run.notes.iter().for_each(|note| progress.say(&format!("note: {note}")));
+    for folder in std::iter::once(folder_of(out)).chain(options.temporary.as_deref()) {
+        clean(out, folder);
+    }
+    let mut writer = RunFileWriter::create(out)?;
+    let first = run.steps.first().map(|step| step.about.clone());
+    let mut directory = Directory {
+        time_unit: Unit::default(),
+        length_unit: first.as_ref().map(|about| about.length_unit.clone()).unwrap_or_default(),
+        mass_unit: first.as_ref().map(|about| about.mass_unit.clone()).unwrap_or_default(),
+        box_size: first.as_ref().and_then(|about| about.box_size),
+        notes: run.notes,
+        steps: Vec::with_capacity(run.steps.len()),
+    };
+    let (total, mut temporary_bytes, mut first_error) = (run.steps.len(), 0, None);
+    for (number, step) in run.steps.iter().enumerate() {
+        let here = StepProgress { progress, step: number + 1, total };
+        let load = LoadOptions { without: run.left_out.clone(), ..of_step(load_options, step, &run.steps) };
+        let source = open_with(&step.about.path, options.read).map_err(BuildError::from);
+        let built = source.and_then(|source| built_of(source.as_ref(), &load, options, out, &here));
+        match built {
+            Ok(built) => {
+                let still = writer.append(built.file.file())?;
+                temporary_bytes = temporary_bytes.max(built.temporary_bytes + still.len);
+                let metadata = &built.metadata;
+                let placement = Placement { scale: step.length, mass: step.mass, ..Placement::HERE };
+                directory.steps.push(Step {
+                    source: metadata.provenance.path.clone(),
+                    format: metadata.provenance.format.clone(),
+                    source_bytes: metadata.provenance.bytes,
+                    time: step.time,
+                    redshift: metadata.provenance.redshift,
+                    particles: metadata.particles(),
+                    mass: metadata.families.iter().map(|family| family.mass).sum::<f64>() * step.mass,
+                    bounds: placement.bounds(metadata.bounds()),
+                    length_scale: step.length,
+                    mass_scale: step.mass,
+                    still,
+                });
+            }
+            Err(BuildError::Import(error)) if skip_damaged => {
+                let note = format!("left out: {error}");
+                progress.say(&format!("note: {note}"));
+                directory.notes.push(note);
+                first_error = first_error.or(Some(error));
+            }
+            Err(error) => return Err(error),
+        }
+    }
+    if let (true, Some(error)) = (directory.steps.is_empty(), first_error) {
+        return Err(error.into());
+    }
+    let bytes = writer.finish(&directory)?;
+    Ok(BuiltRun { directory, bytes, temporary_bytes })
+}
+
+/// The options for one step: families and attributes that only other steps have are not asked of it.
+fn of_step(options: &LoadOptions, step: &RunStep, steps: &[RunStep]) -> LoadOptions {
+    let mut own = options.clone();
+    let is_there = |about: &Description, name| about.families.iter().any(|info| info.name == name);
+    let elsewhere = |name| steps.iter().any(|other| is_there(&other.about, name));
+    own.families.retain(|name| is_there(&step.about, *name) || !elsewhere(*name));
+    if own.families.is_empty() {
+        // None of them is here: the step says so itself.
+        own.families.clone_from(&options.families);
+    }
+    if let AttributeChoice::Named(names) = &mut own.attributes {
+        let elsewhere = |name: &str| steps.iter().any(|other| has_attribute(&other.about, name));
+        names.retain(|name| has_attribute(&step.about, name) || !elsewhere(name));
+    }
+    own
+}
+
+/// Says which step a stage belongs to.
+struct StepProgress<'a> {
+    progress: &'a dyn Progress,
+    step: usize,
+    total: usize,
+}
+
+impl Progress for StepProgress<'_> {
+    fn begin(&self, stage: &str, total: u64) {
+        self.progress.begin(&format!("step {} of {}: {stage}", self.step, self.total), total);
+    }
+
+    fn advance(&self, n: u64) {
+        self.progress.advance(n);
+    }
+
+    fn say(&self, line: &str) {
+        self.progress.say(line);
+    }
+}

@@ -1,0 +1,197 @@
+//! The run file: the page files of many steps, and a directory that says when each of them is. Its specification is
+//! `docs/series-file.md`.
+//!
+//! A step's still is a whole page file, to the byte what a build of that snapshot alone writes; it is opened through a window on the
+//! file.
+
+mod layout;
+mod verify;
+mod writer;
+
+pub use layout::{Directory, HEADER_LEN, MAGIC, Section, Step, VERSION};
+pub use verify::{VerifiedRun, verify_run};
+pub use writer::RunFileWriter;
+
+use super::disk::{Disk, LocalFile, Window};
+use super::error::StoreError;
+use super::page_file::PageFile;
+use crate::model::{Moment, Placement, ReadMethod, StepTimes, When};
+use layout::{Header, HeaderError};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// An open run. It holds the directory, never a still.
+#[derive(Debug)]
+pub struct RunFile {
+    path: PathBuf,
+    disk: Arc<dyn Disk>,
+    header: Header,
+    directory: Directory,
+    times: StepTimes,
+    read: ReadMethod,
+}
+
+impl RunFile {
+    /// Opens the file and checks its header and directory. Stills are checked as they are read.
+    ///
+    /// # Errors
+    /// [`StoreError`] where it cannot be read, is no run or is damaged.
+    pub fn open(path: &Path, method: ReadMethod) -> Result<RunFile, StoreError> {
+        let opened = LocalFile::open(path, method);
+        let opened = opened.map_err(|source| StoreError::Io { path: path.to_path_buf(), action: "open", source })?;
+        let not_a_file = || StoreError::NotThis { path: path.to_path_buf(), kind: KIND, expected: "a regular file" };
+        let run = RunFile::open_on(path, Arc::new(opened.ok_or_else(not_a_file)?))?;
+        Ok(RunFile { read: method, ..run })
+    }
+
+    /// The same for bytes that lie anywhere; `path` is what messages call them.
+    ///
+    /// # Errors
+    /// As [`RunFile::open`].
+    pub fn open_on(path: &Path, disk: Arc<dyn Disk>) -> Result<RunFile, StoreError> {
+        let io = |action| move |source| StoreError::Io { path: path.to_path_buf(), action, source };
+        let real_len = disk.size().map_err(io("look at"))?;
+        let mut head = vec![0; (HEADER_LEN as u64).min(real_len) as usize];
+        disk.read_exact_at(&mut head, 0).map_err(io("read the header"))?;
+        let header = Header::decode(&head, real_len).map_err(|error| match error {
+            HeaderError::NotARun(expected) => StoreError::NotThis { path: path.to_path_buf(), kind: KIND, expected },
+            HeaderError::Version(found) => {
+                StoreError::Version { path: path.to_path_buf(), kind: KIND, found, supported: [VERSION, VERSION] }
+            }
+            HeaderError::Damaged(damage) => damage.in_file(path),
+        })?;
+        let damaged = |place: &str, expected: &str| StoreError::Damaged {
+            path: path.to_path_buf(),
+            place: place.into(),
+            expected: expected.into(),
+        };
+        // The directory ends the file, so it is no longer than that.
+        let len = usize::try_from(header.directory.len);
+        let mut bytes = vec![0; len.map_err(|_| damaged("header", "a directory that fits in memory"))?];
+        disk.read_exact_at(&mut bytes, header.directory.offset).map_err(io("read the directory"))?;
+        if crc32c::crc32c(&bytes) != header.directory_crc {
+            return Err(damaged("directory", "its checksum"));
+        }
+        let directory = Directory::decode(&bytes, header.directory.offset).map_err(|damage| damage.in_file(path))?;
+        let times = directory.times();
+        Ok(RunFile { path: path.to_path_buf(), disk, header, directory, times, read: ReadMethod::default() })
+    }
+
+    /// Whether `bytes`, the first ones of a file, say that it is a run of any version.
+    pub fn recognises(bytes: &[u8]) -> bool {
+        bytes.starts_with(&MAGIC)
+    }
+
+    /// What it holds.
+    pub fn directory(&self) -> &Directory {
+        &self.directory
+    }
+
+    /// When its steps are.
+    pub fn times(&self) -> &StepTimes {
+        &self.times
+    }
+
+    /// The path as it was opened.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Length of the file, bytes.
+    pub fn bytes(&self) -> u64 {
+        self.header.file_len
+    }
+
+    /// Where `when` lies in the run.
+    ///
+    /// # Errors
+    /// [`StoreError::Moment`] where it lies outside.
+    pub fn moment(&self, when: When) -> Result<Moment, StoreError> {
+        let refused = |reason| StoreError::Moment { path: self.path.clone(), when, reason };
+        self.times.moment(when).map_err(refused)
+    }
+
+    /// The page file of a step as it was built, in its own units.
+    ///
+    /// # Errors
+    /// [`StoreError`] where there is no such step, or its header or footer cannot be read or is damaged.
+    pub fn still(&self, step: usize) -> Result<PageFile, StoreError> {
+        let file = PageFile::open_on(&self.path, Arc::new(self.window(step)?));
+        let file = file.map_err(|error| in_step(error, step))?;
+        Ok(PageFile { read: self.read, ..file })
+    }
+
+    /// The page file of a step where it lies in the run: in the run's units.
+    ///
+    /// # Errors
+    /// As [`RunFile::still`], and where its values leave the range of 32-bit floats in the run's units.
+    pub fn placed_still(&self, step: usize) -> Result<PageFile, StoreError> {
+        let still = self.still(step)?;
+        let Step { length_scale, mass_scale, .. } = self.step(step)?;
+        let placement = Placement { scale: *length_scale, mass: *mass_scale, ..Placement::HERE };
+        if placement.is_here() {
+            return Ok(still);
+        }
+        Ok(PageFile::join(vec![(still, placement)])?.0)
+    }
+
+    /// Copies a step's page file to the end of `out`; returns how many bytes it has.
+    ///
+    /// # Errors
+    /// Where the run cannot be read or `out` not be written; `target` is what messages call it.
+    pub fn copy_still(&self, step: usize, out: &mut dyn Write, target: &Path) -> Result<u64, StoreError> {
+        let window = self.window(step)?;
+        let len = self.step(step)?.still.len;
+        let mut buffer = vec![0; len.min(1 << 20) as usize];
+        let mut done = 0;
+        while done < len {
+            let part = &mut buffer[..(len - done).min(1 << 20) as usize];
+            let read = window.read_exact_at(part, done);
+            read.map_err(|source| StoreError::Io { path: self.path.clone(), action: "read a still", source })?;
+            let written = out.write_all(part);
+            written.map_err(|source| StoreError::Io { path: target.to_path_buf(), action: "write", source })?;
+            done += part.len() as u64;
+        }
+        Ok(len)
+    }
+
+    fn step(&self, step: usize) -> Result<&Step, StoreError> {
+        let last = self.directory.steps.len() - 1;
+        let refused = || StoreError::Moment {
+            path: self.path.clone(),
+            when: When::Step(u32::try_from(step).unwrap_or(u32::MAX)),
+            reason: format!("the run has steps 0 to {last}"),
+        };
+        self.directory.steps.get(step).ok_or_else(refused)
+    }
+
+    fn window(&self, step: usize) -> Result<Window, StoreError> {
+        let Section { offset, len } = self.step(step)?.still;
+        Ok(Window::new(Arc::clone(&self.disk), offset, len))
+    }
+
+    /// Bytes `[start, end)` of the file, for the verifier's look at the padding.
+    fn raw(&self, start: u64, end: u64) -> Result<Vec<u8>, StoreError> {
+        let mut bytes = vec![0; end.saturating_sub(start) as usize];
+        let read = self.disk.read_exact_at(&mut bytes, start);
+        read.map_err(|source| StoreError::Io { path: self.path.clone(), action: "read", source })?;
+        Ok(bytes)
+    }
+}
+
+/// What messages call such a file.
+const KIND: &str = "run";
+
+/// The error of a page file, which is a step's still.
+fn in_step(error: StoreError, step: usize) -> StoreError {
+    match error {
+        StoreError::Damaged { path, place, expected } => {
+            StoreError::Damaged { path, place: format!("step {step}, {place}"), expected }
+        }
+        StoreError::NotThis { path, expected, .. } => {
+            StoreError::Damaged { path, place: format!("step {step}"), expected: format!("a page file: {expected}") }
+        }
+        error => error,
+    }
+}

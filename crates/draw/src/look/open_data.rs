@@ -1,0 +1,142 @@
+//! What a user names, opened: page files, and runs of which one step at a time is shown.
+
+use super::Member;
+use crate::import::{ImportError, file_in};
+use crate::model::{Moment, ReadMethod, When};
+use crate::store::{PageFile, RunFile, StoreError};
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// What a file is, by its first bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DataKind {
+    /// A page file.
+    Pages,
+    /// A run of page files.
+    Run,
+    /// Anything else: a source, if an importer knows it.
+    Source,
+}
+
+impl DataKind {
+    /// What the file at `path` is.
+    ///
+    /// # Errors
+    /// When the file cannot be read; the message names it.
+    pub fn of(path: &Path) -> Result<DataKind, std::io::Error> {
+        let name = |error: std::io::Error| std::io::Error::new(error.kind(), format!("{}: {error}", path.display()));
+        let mut head = Vec::with_capacity(16);
+        std::fs::File::open(path).map_err(name)?.take(16).read_to_end(&mut head).map_err(name)?;
+        Ok(match () {
+            () if PageFile::recognises(&head) => DataKind::Pages,
+            () if RunFile::recognises(&head) => DataKind::Run,
+            () => DataKind::Source,
+        })
+    }
+}
+
+/// The source, page file, run or other file that a user means who names `path`: of a folder, the one of them in it.
+///
+/// # Errors
+/// [`ImportError`] with a list of what is there, where a folder holds none or several. Whether `path` exists is not asked.
+pub fn data_file(path: &Path) -> Result<PathBuf, ImportError> {
+    file_in(path, &[("page file", PageFile::recognises), ("run", RunFile::recognises)])
+}
+
+/// Why a moment of data that has only one cannot be asked for; `time` is its own.
+pub fn one_snapshot(path: &Path, time: Option<f64>) -> String {
+    let at = time.map_or_else(|| "without a time".into(), |time| format!("at {time}"));
+    format!("{}: --time: one snapshot, {at}", path.display())
+}
+
+/// A dataset of a scene, open.
+#[derive(Clone, Debug)]
+enum Data {
+    Pages(PathBuf),
+    Run(Arc<RunFile>),
+}
+
+/// The datasets of a scene, open. Of each run one step at a time is shown; the first run's clock is the scene's.
+#[derive(Clone, Debug)]
+pub struct OpenData {
+    members: Vec<(Member, Data)>,
+    read: ReadMethod,
+}
+
+impl OpenData {
+    /// Opens the datasets; `built` turns what a user names into a page file or a run. They are read in the way `read`.
+    ///
+    /// # Errors
+    /// [`StoreError`] and the errors of `built`.
+    pub fn open<E: From<StoreError>>(
+        members: &[Member],
+        read: ReadMethod,
+        mut built: impl FnMut(&Path) -> Result<PathBuf, E>,
+    ) -> Result<OpenData, E> {
+        let open = |member: &Member| {
+            let path = built(&member.path)?;
+            // What cannot be looked at is told where it is opened as a page file.
+            let data = match DataKind::of(&path) {
+                Ok(DataKind::Run) => Data::Run(Arc::new(RunFile::open(&path, read)?)),
+                _ => Data::Pages(path),
+            };
+            Ok((member.clone(), data))
+        };
+        Ok(OpenData { members: members.iter().map(open).collect::<Result<_, E>>()?, read })
+    }
+
+    /// The run whose clock is the scene's; `None` where no dataset is one.
+    pub fn run(&self) -> Option<&Arc<RunFile>> {
+        self.members.iter().find_map(|(_, data)| match data {
+            Data::Run(run) => Some(run),
+            Data::Pages(_) => None,
+        })
+    }
+
+    /// Where a moment lies in the run; the beginning where none is named. `None` where no dataset is a run.
+    ///
+    /// # Errors
+    /// [`StoreError::Moment`] where it lies outside.
+    pub fn moment(&self, when: Option<When>) -> Result<Option<Moment>, StoreError> {
+        let moment = |run: &Arc<RunFile>| when.map_or(Ok(Moment::default()), |when| run.moment(when));
+        self.run().map(moment).transpose()
+    }
+
+    /// The datasets as one scene in the units of the first, of each run the step at or before the moment. Also says what does not fit
+    /// together, a sentence each.
+    ///
+    /// # Errors
+    /// [`StoreError`] where a file cannot be read or cannot be shown with the others.
+    pub fn at(&self, moment: Moment) -> Result<(PageFile, Vec<String>), StoreError> {
+        let clock = self.run();
+        let time = clock.map(|run| run.times().time(moment));
+        let file = |data: &Data| match data {
+            Data::Pages(path) => PageFile::open_with(path, self.read),
+            Data::Run(run) if clock.is_some_and(|clock| Arc::ptr_eq(clock, run)) => run.placed_still(moment.step),
+            Data::Run(run) => run.placed_still(step_at(run, time)),
+        };
+        let files = self.members.iter().map(|(_, data)| file(data)).collect::<Result<Vec<_>, _>>()?;
+        let units = |file: &PageFile| (file.metadata().length_unit.clone(), file.metadata().mass_unit.clone());
+        // A run's units are its first step's, whichever step is shown.
+        let first_run = self.members.first().and_then(|(_, data)| match data {
+            Data::Run(run) => Some((run.directory().length_unit.clone(), run.directory().mass_unit.clone())),
+            Data::Pages(_) => None,
+        });
+        let scene = first_run.or(files.first().map(units)).unwrap_or_default();
+        let placed = files.into_iter().zip(&self.members).map(|(file, (member, data))| {
+            let (length, mass) = match data {
+                Data::Run(run) => (run.directory().length_unit.clone(), run.directory().mass_unit.clone()),
+                Data::Pages(_) => units(&file),
+            };
+            (file, member.placement((&length, &mass), (&scene.0, &scene.1)))
+        });
+        PageFile::join(placed.collect())
+    }
+}
+
+/// The step of another run that is shown at a time of the scene's clock: its last one that is not later, else its first.
+fn step_at(run: &RunFile, time: Option<f64>) -> usize {
+    let Some(time) = time else { return 0 };
+    run.times().times.partition_point(|step| *step <= time).saturating_sub(1)
+}

@@ -1,0 +1,305 @@
+//! The moment of a run that is shown: it stands or plays, and the step that it comes to is opened on a thread of its own and takes the
+//! place of the one before. The clock never waits: what is not there yet is skipped.
+
+use super::facts::Facts;
+use super::scene::{Scene, Settings};
+use super::state::choices::Choices;
+use super::state::notices::Notices;
+use crate::look::OpenData;
+use crate::model::{Moment, StepTimes};
+use crate::store::PageFile;
+use bevy::prelude::*;
+use std::collections::BTreeSet;
+use std::sync::mpsc::{Receiver, TryRecvError, channel};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Seconds in which a whole run plays at its usual speed.
+const WHOLE_RUN_SECS: f64 = 20.0;
+
+/// How many times as fast or as slow a run plays at most.
+const FASTEST: f64 = 64.0;
+
+/// Where the open run stands.
+#[derive(Resource)]
+pub struct Playhead {
+    data: OpenData,
+    times: StepTimes,
+    time: f64,
+    playing: bool,
+    speed: f64,
+    shown: usize,
+    opening: Option<Opening>,
+    /// Steps that could not be opened.
+    damaged: BTreeSet<usize>,
+}
+
+/// A step on its way.
+struct Opening {
+    step: usize,
+    outcome: Mutex<Receiver<Result<PageFile, String>>>,
+}
+
+impl Playhead {
+    /// Stands at a moment of the run among `data`, whose step is open; `None` where there is none.
+    pub fn new(data: OpenData, moment: Moment) -> Option<Playhead> {
+        let times = data.run()?.times().clone();
+        let time = times.time(moment);
+        let (shown, damaged) = (moment.step, BTreeSet::new());
+        Some(Playhead { data, times, time, playing: false, speed: 1.0, shown, opening: None, damaged })
+    }
+
+    /// When the steps are.
+    pub fn times(&self) -> &StepTimes {
+        &self.times
+    }
+
+    /// The present time, in the unit of the steps' times.
+    pub fn time(&self) -> f64 {
+        self.time
+    }
+
+    /// The step that is shown.
+    pub fn shown(&self) -> usize {
+        self.shown
+    }
+
+    /// Steps that cannot be shown.
+    pub fn damaged(&self) -> &BTreeSet<usize> {
+        &self.damaged
+    }
+
+    /// Whether time goes on.
+    pub fn is_playing(&self) -> bool {
+        self.playing
+    }
+
+    /// How many times as fast as usual it plays.
+    pub fn speed(&self) -> f64 {
+        self.speed
+    }
+
+    /// The step that is to be shown at the present time: the one at or before it.
+    fn wanted(&self) -> usize {
+        self.times.times.partition_point(|step| *step <= self.time).saturating_sub(1)
+    }
+
+    /// Whether what is shown is of the present time.
+    pub fn is_there(&self) -> bool {
+        self.wanted() == self.shown || self.damaged.contains(&self.wanted())
+    }
+
+    fn ends(&self) -> [f64; 2] {
+        [self.times.times.first(), self.times.times.last()].map(|end| end.copied().unwrap_or(0.0))
+    }
+
+    /// Goes to a time, and goes on playing from there.
+    pub fn seek(&mut self, time: f64) {
+        let [first, last] = self.ends();
+        self.time = time.clamp(first, last);
+    }
+
+    /// Goes where a tour leads; a tour's own clock plays.
+    pub fn lead(&mut self, time: f64) {
+        self.playing = false;
+        self.seek(time);
+    }
+
+    /// Goes so many steps on, or back; stands there.
+    pub fn step(&mut self, by: isize) {
+        let step = self.wanted().saturating_add_signed(by).min(self.times.times.len().saturating_sub(1));
+        self.playing = false;
+        self.time = self.times.times.get(step).copied().unwrap_or(self.time);
+    }
+
+    /// Goes to the first step or the last; stands there.
+    pub fn go_to_end(&mut self, last: bool) {
+        self.playing = false;
+        self.time = self.ends()[usize::from(last)];
+    }
+
+    /// Plays, from the beginning where it stands at the end, or stands.
+    pub fn toggle(&mut self) {
+        let [first, last] = self.ends();
+        self.playing = !self.playing && last > first;
+        if self.playing && self.time >= last {
+            self.time = first;
+        }
+    }
+
+    /// Plays twice as fast, or half as fast.
+    pub fn change_speed(&mut self, faster: bool) {
+        let factor = if faster { 2.0 } else { 0.5 };
+        self.speed = (self.speed * factor).clamp(FASTEST.recip(), FASTEST);
+    }
+
+    /// Seconds later.
+    fn advance(&mut self, seconds: f64) {
+        if !self.playing {
+            return;
+        }
+        let [first, last] = self.ends();
+        self.time = (self.time + seconds * self.speed * (last - first) / WHOLE_RUN_SECS).min(last);
+        self.playing = self.time < last;
+    }
+
+    /// Begins to open the step that is wanted, unless one is on its way.
+    fn open_wanted(&mut self) {
+        let step = self.wanted();
+        if self.opening.is_some() || self.is_there() {
+            return;
+        }
+        let (data, (send, outcome)) = (self.data.clone(), channel());
+        let open = move || data.at(Moment { step, u: 0.0 }).map(|(file, _)| file).map_err(|error| error.to_string());
+        // A thread of its own: a disk that does not answer must not take one from a pool that draws.
+        let thread = std::thread::Builder::new().name("deepfield step".into()).spawn(move || drop(send.send(open())));
+        // Without a thread, the end of the channel is the answer.
+        drop(thread);
+        self.opening = Some(Opening { step, outcome: Mutex::new(outcome) });
+    }
+
+    /// The step that has been opened since the last call.
+    fn arrived(&mut self) -> Option<(usize, Result<PageFile, String>)> {
+        let opening = self.opening.as_mut()?;
+        let outcome = opening.outcome.get_mut().unwrap_or_else(PoisonError::into_inner).try_recv();
+        let step = opening.step;
+        let result = match outcome {
+            Ok(result) => result,
+            Err(TryRecvError::Disconnected) => Err(format!("step {step}: opening it has failed")),
+            Err(TryRecvError::Empty) => return None,
+        };
+        self.opening = None;
+        Some((step, result))
+    }
+}
+
+/// Lets time go on.
+pub(super) fn play(time: Res<Time<Real>>, playhead: Option<ResMut<Playhead>>) {
+    if let Some(mut playhead) = playhead {
+        playhead.bypass_change_detection().advance(time.delta_secs_f64());
+    }
+}
+
+/// Shows the step that the playhead has come to: camera, cut and settings stay as they are.
+pub(super) fn show_step(
+    playhead: Option<ResMut<Playhead>>,
+    scene: Option<ResMut<Scene>>,
+    mut settings: ResMut<Settings>,
+    mut choices: ResMut<Choices>,
+    mut notices: ResMut<Notices>,
+) {
+    let (Some(mut playhead), Some(mut scene)) = (playhead, scene) else { return };
+    let playhead = playhead.bypass_change_detection();
+    match playhead.arrived() {
+        Some((step, Ok(file))) => {
+            playhead.shown = step;
+            scene.time = playhead.times.times.get(step).copied();
+            let families = families_of(&scene.file, &settings.families, &file);
+            if settings.families != families {
+                settings.families = families;
+            }
+            let names = Choices::attributes_of(file.metadata());
+            if choices.attributes != names {
+                choices.attributes = names;
+            }
+            let metadata = file.metadata();
+            (scene.bounds, scene.periodic) = (metadata.bounds(), metadata.periodic_box());
+            scene.facts = Facts::of(&file, &scene.members);
+            scene.file = Arc::new(file);
+            scene.generation += 1;
+        }
+        Some((step, Err(why))) => {
+            playhead.damaged.insert(step);
+            notices.error(why);
+        }
+        None => {}
+    }
+    playhead.open_wanted();
+}
+
+/// Whether each family of `next` is drawn: as it was in `before`; what comes is drawn.
+fn families_of(before: &PageFile, shown: &[bool], next: &PageFile) -> Vec<bool> {
+    let name = |file: &PageFile| file.metadata().families.iter().map(|family| family.name).collect::<Vec<_>>();
+    let (before, next) = (name(before), name(next));
+    // Several datasets may have families of the same name: they keep their order.
+    if before == next {
+        return shown.to_vec();
+    }
+    let known = |name| before.iter().position(|own| *own == name).and_then(|at| shown.get(at).copied());
+    next.into_iter().map(|name| known(name).unwrap_or(true)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::build::{BuildOptions, build_run};
+    use crate::import::{LoadOptions, RunOptions, Times, open_run};
+    use crate::look::Member;
+    use crate::model::ReadMethod;
+    use crate::store::StoreError;
+
+    /// A run of three steps, of which the last has a family less.
+    fn playhead(folder: &std::path::Path) -> Playhead {
+        let tables = [0, 1, 2].map(|step| {
+            let path = folder.join(format!("t{step}.csv"));
+            std::fs::write(&path, format!("x,y,z\n{step},0,0\n1,1,1\n")).unwrap();
+            path
+        });
+        let options = RunOptions { times: Some(Times::List(vec![0.0, 1.0, 4.0])), ..RunOptions::default() };
+        let run = open_run(&tables, &options, ReadMethod::default()).unwrap();
+        let out = folder.join("run.df");
+        build_run(run, false, &LoadOptions::default(), &BuildOptions::default(), &out, &()).unwrap();
+        let built = |path: &std::path::Path| Ok::<_, StoreError>(path.to_owned());
+        let data = OpenData::open(&[Member::new(out)], ReadMethod::default(), built).unwrap();
+        Playhead::new(data, Moment::default()).unwrap()
+    }
+
+    fn wait(playhead: &mut Playhead) -> (usize, PageFile) {
+        playhead.open_wanted();
+        loop {
+            if let Some((step, file)) = playhead.arrived() {
+                playhead.shown = step;
+                return (step, file.unwrap());
+            }
+            std::thread::sleep(std::time::Duration::from_millis(1));
+        }
+    }
+
+    #[test]
+    fn time_goes_evenly_from_step_to_step_and_stands_at_the_end() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut playhead = playhead(folder.path());
+        assert!(playhead.is_there() && !playhead.is_playing());
+        playhead.advance(100.0);
+        assert_eq!(playhead.time(), 0.0, "it stands");
+        playhead.toggle();
+        playhead.advance(WHOLE_RUN_SECS / 2.0);
+        assert_eq!((playhead.time(), playhead.wanted(), playhead.is_there()), (2.0, 1, false));
+        let (step, file) = wait(&mut playhead);
+        assert_eq!((step, file.metadata().bounds().min.x), (1, 1.0));
+        assert!(playhead.is_there() && playhead.opening.is_none());
+        playhead.change_speed(true);
+        playhead.advance(WHOLE_RUN_SECS);
+        assert_eq!((playhead.time(), playhead.is_playing()), (4.0, false));
+        playhead.toggle();
+        assert_eq!((playhead.time(), playhead.is_playing()), (0.0, true), "once more from the beginning");
+    }
+
+    #[test]
+    fn steps_are_gone_to_by_one_and_to_the_ends() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut playhead = playhead(folder.path());
+        let mut at = |go: &dyn Fn(&mut Playhead)| {
+            go(&mut playhead);
+            playhead.time()
+        };
+        assert_eq!(at(&|head| head.step(1)), 1.0);
+        assert_eq!(at(&|head| head.seek(3.0)), 3.0);
+        assert_eq!(at(&|head| head.step(-1)), 0.0, "from between the second and the third");
+        assert_eq!(at(&|head| head.step(-1)), 0.0);
+        assert_eq!(at(&|head| head.go_to_end(true)), 4.0);
+        assert_eq!(at(&|head| head.step(1)), 4.0);
+        assert_eq!(at(&|head| head.seek(99.0)), 4.0);
+        (0..20).for_each(|_| playhead.change_speed(false));
+        assert_eq!(playhead.speed(), 1.0 / FASTEST);
+    }
+}

@@ -1,0 +1,102 @@
+//! The dock at the foot of the window that has a run open: where it stands among its steps, and what lets it play.
+
+use super::playhead::Playhead;
+use super::theme;
+use bevy_egui::egui::{self, Align2, FontId, Sense, Stroke, StrokeKind, Ui, pos2, vec2};
+
+/// Height of the dock, logical pixels.
+pub const HEIGHT_PX: f32 = 40.0;
+
+/// Height of the line of time.
+const LINE_PX: f32 = 24.0;
+
+/// Width of what is written at its end.
+const WORDS_PX: f32 = 150.0;
+
+/// Draws the dock, and does what is asked of it.
+pub fn show(ui: &mut Ui, playhead: &mut Playhead) {
+    ui.horizontal_centered(|ui| {
+        ui.spacing_mut().item_spacing.x = 4.0;
+        if theme::button(ui, "time:first", "|<", true, "The first step (Shift+comma)") {
+            playhead.go_to_end(false);
+        }
+        if theme::button(ui, "time:back", "<", true, "A step back (comma)") {
+            playhead.step(-1);
+        }
+        let (text, help) = if playhead.is_playing() {
+            ("Stand", "Stands (T)")
+        } else {
+            ("Play", "Plays the run (T); [ and ] change the speed")
+        };
+        if theme::button(ui, "time:play", text, true, help) {
+            playhead.toggle();
+        }
+        if theme::button(ui, "time:on", ">", true, "A step on (full stop)") {
+            playhead.step(1);
+        }
+        if theme::button(ui, "time:last", ">|", true, "The last step (Shift+full stop)") {
+            playhead.go_to_end(true);
+        }
+        ui.add_space(8.0);
+        line(ui, playhead);
+        let (step, last) = (playhead.shown(), playhead.times().times.len().saturating_sub(1));
+        let speed = match playhead.speed() {
+            1.0 => String::new(),
+            faster if faster > 1.0 => format!("   {faster} x"),
+            slower => format!("   1/{} x", 1.0 / slower),
+        };
+        let time = playhead.time() as f32;
+        ui.label(format!("t = {time}")).on_hover_text("The time of the data, as the snapshots' headers count it");
+        ui.label(egui::RichText::new(format!("step {step} of {last}{speed}")).color(theme::LABEL));
+    });
+}
+
+/// The line of time: a mark for each step, and the playhead, which is dragged.
+fn line(ui: &mut Ui, playhead: &mut Playhead) {
+    let width = (ui.available_width() - WORDS_PX).max(40.0);
+    let (rect, response) = ui.allocate_exact_size(vec2(width, LINE_PX), Sense::click_and_drag());
+    theme::register(ui, "time:line", rect);
+    let times = &playhead.times().times;
+    let (first, last) = (times.first().copied().unwrap_or(0.0), times.last().copied().unwrap_or(0.0));
+    let span = if last > first { last - first } else { 1.0 };
+    let inner = rect.shrink2(vec2(6.0, 0.0));
+    let at = |time: f64| inner.left() + inner.width() * ((time - first) / span) as f32;
+    let painter = ui.painter();
+    let track = egui::Rect::from_center_size(inner.center(), vec2(inner.width(), 4.0));
+    painter.rect_filled(track, 2.0, theme::WELL);
+    painter.rect_filled(track.with_max_x(at(playhead.time())), 2.0, theme::ACCENT.gamma_multiply(0.5));
+    // Marks that would touch each other say nothing.
+    let gap = inner.width() / times.len().max(1) as f32;
+    for (step, time) in times.iter().enumerate() {
+        let is_damaged = playhead.damaged().contains(&step);
+        if gap < 3.0 && !is_damaged && step != playhead.shown() {
+            continue;
+        }
+        let (color, height) = match (is_damaged, step == playhead.shown()) {
+            (true, _) => (theme::BAD, 12.0),
+            (false, true) => (theme::TEXT, 12.0),
+            (false, false) => (theme::LABEL, 7.0),
+        };
+        let [top, foot] = [-0.5, 0.5].map(|side| pos2(at(*time), inner.center().y + side * height));
+        painter.line_segment([top, foot], Stroke::new(1.0, color));
+    }
+    let place = pos2(at(playhead.time()), inner.center().y);
+    let color = if playhead.is_there() { theme::ACCENT } else { theme::LABEL };
+    painter.circle(place, 5.0, color, Stroke::new(1.0, theme::PANEL));
+    if response.hovered() {
+        painter.rect_stroke(rect, 3.0, Stroke::new(1.0, theme::LINE), StrokeKind::Inside);
+    }
+    if let Some(pointer) = response.interact_pointer_pos().filter(|_| response.dragged() || response.clicked()) {
+        playhead.seek(first + span * f64::from(((pointer.x - inner.left()) / inner.width()).clamp(0.0, 1.0)));
+    } else if let Some(pointer) = response.hover_pos() {
+        let time = first + span * f64::from(((pointer.x - inner.left()) / inner.width()).clamp(0.0, 1.0));
+        let text = format!("{}", time as f32);
+        painter.text(
+            pos2(pointer.x, rect.top()),
+            Align2::CENTER_BOTTOM,
+            text,
+            FontId::proportional(theme::SMALL),
+            theme::TEXT,
+        );
+    }
+}

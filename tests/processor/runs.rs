@@ -1,0 +1,255 @@
+//! Runs of snapshots from the command line: each step is what the snapshot alone is, to the byte, moments are found and refused in
+//! words, tours go through them, and no damage goes unnoticed or panics.
+
+use crate::support::run;
+use serde_json::Value;
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+use std::process::Output;
+
+/// Times of the steps: intervals differ.
+const TIMES: [f64; 4] = [0.0, 0.5, 0.75, 2.0];
+
+/// Tables of particles that turn about the z axis, named so that numbers have to be read as numbers.
+fn snapshots(folder: &Path) -> Vec<PathBuf> {
+    let tables = TIMES.iter().zip([8, 9, 10, 11]).map(|(time, number)| {
+        let mut text = String::from("id,x [kpc],y [kpc],z [kpc],mass,h,temp\n");
+        for i in 0..500 {
+            let part = f64::from(i) / 500.0;
+            let (radius, angle) = (0.2 + part, 40.0 * part + time / (0.2 + part));
+            let (x, y, z) = (radius * angle.cos(), radius * angle.sin(), 0.1 * (31.0 * part).sin());
+            writeln!(text, "{},{x},{y},{z},{},0.1,{}", 1000 - i, 1.0 + part, 10.0 + f64::from(i)).unwrap();
+        }
+        let path = folder.join(format!("turn_{number}.csv"));
+        std::fs::write(&path, text).unwrap();
+        path
+    });
+    tables.collect()
+}
+
+/// The run of these tables, and its folder.
+fn built() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    snapshots(folder.path());
+    ok(folder.path(), &["build", "turn_*.csv", "-o", "run.df", "--times", "0,0.5,0.75,2"]);
+    folder
+}
+
+fn ok(folder: &Path, arguments: &[&str]) -> Output {
+    let output = run(folder, arguments);
+    assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
+    output
+}
+
+/// The last line of what a command says that fails.
+fn refused(folder: &Path, arguments: &[&str]) -> String {
+    let output = run(folder, arguments);
+    let told = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(1), "{arguments:?}: {told}");
+    told.lines().last().unwrap_or_default().to_owned()
+}
+
+fn json(folder: &Path, arguments: &[&str]) -> Value {
+    serde_json::from_slice(&ok(folder, arguments).stdout).unwrap()
+}
+
+fn read(folder: &Path, name: &str) -> Vec<u8> {
+    std::fs::read(folder.join(name)).unwrap()
+}
+
+#[test]
+fn a_step_is_the_snapshot_alone_to_the_byte() {
+    let folder = built();
+    let folder = folder.path();
+    let about = json(folder, &["info", "run.df", "--json"]);
+    assert_eq!(about["kind"], "run");
+    let times: Vec<f64> =
+        about["steps"].as_array().unwrap().iter().map(|step| step["time"].as_f64().unwrap()).collect();
+    assert_eq!(times, TIMES);
+    assert!(about["steps"].as_array().unwrap().iter().all(|step| step["particles"] == 500));
+    for (step, number) in [8, 9, 10, 11].into_iter().enumerate() {
+        let (step, source) = (step.to_string(), format!("turn_{number}.csv"));
+        ok(folder, &["extract", "run.df", "--step", &step, "-o", "one.df"]);
+        ok(folder, &["build", &source, "-o", "alone.df"]);
+        assert!(read(folder, "one.df") == read(folder, "alone.df"), "step {step}");
+    }
+    let small = ["--size", "96x72", "--backend", "cpu"];
+    for mode in ["column-density", "volume", "spheres"] {
+        let picture = |arguments: &[&str], name: &str| {
+            let raw = format!("{name}.npy");
+            ok(folder, &[&["render", "-o", name, "--raw", &raw, "--mode", mode], arguments, &small].concat());
+            (read(folder, name), read(folder, &raw))
+        };
+        let step = picture(&["run.df", "--time", "step:2"], "a.png");
+        assert!(step == picture(&["turn_10.csv"], "b.png"), "{mode}");
+        assert!(step != picture(&["run.df"], "c.png"), "{mode}: the first step is another picture");
+    }
+    // The particles that a region holds, with their ids while the source is there.
+    let rows = |arguments: &[&str], name: &str| {
+        ok(folder, &[&["select", "-o", name, "--sphere", "0,0,0,0.6"], arguments].concat());
+        read(folder, name)
+    };
+    assert!(rows(&["run.df", "--time", "0.75"], "a.csv") == rows(&["turn_10.csv"], "b.csv"));
+    let probed = json(folder, &["probe", "run.df", "--time", "last", "--json", "-"]);
+    assert_eq!(probed["count"], 500);
+}
+
+#[test]
+fn runs_are_the_same_file_whatever_the_order_of_names_and_the_threads() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let names: Vec<String> =
+        snapshots(folder).iter().map(|path| path.file_name().unwrap().to_string_lossy().into()).collect();
+    let times = ["--times", "0,0.5,0.75,2"];
+    let build = |names: &[&str], more: &[&str], out: &str| {
+        ok(folder, &[&["build", "-o", out], names, more].concat());
+        read(folder, out)
+    };
+    let names: Vec<&str> = names.iter().map(String::as_str).collect();
+    let whole = build(&names, &times, "a.df");
+    for threads in ["1", "7"] {
+        assert!(whole == build(&names, &[&times[..], &["--threads", threads]].concat(), "b.df"), "{threads}");
+    }
+    let backwards = build(&names.iter().rev().copied().collect::<Vec<_>>(), &["--times", "2,0.75,0.5,0"], "c.df");
+    // But for the note that they were sorted.
+    let [a, c] = ["a.df", "c.df"].map(|name| {
+        let mut about = json(folder, &["info", name, "--json"]);
+        about.as_object_mut().unwrap().retain(|key, _| key == "steps" || key == "intervals");
+        about
+    });
+    assert!(a == c && backwards.len() > 4096);
+    std::fs::write(folder.join("steps.txt"), names.join("\n")).unwrap();
+    assert!(whole == build(&["@steps.txt"], &times, "d.df"));
+    // Without its sources a run is still what it was.
+    let own = tempfile::tempdir().unwrap();
+    std::fs::copy(folder.join("a.df"), own.path().join("moved.df")).unwrap();
+    ok(own.path(), &["render", "moved.df", "--time", "last", "-o", "a.png", "--size", "64x64"]);
+    ok(own.path(), &["verify", "moved.df"]);
+}
+
+#[test]
+fn moments_outside_are_refused_and_moments_between_steps_show_the_step_before() {
+    let folder = built();
+    let folder = folder.path();
+    let out = ["-o", "a.png", "--size", "64x64", "--backend", "cpu"];
+    let at = |path: &str, time: &str| refused(folder, &[&["render", path, "--time", time], &out[..]].concat());
+    assert!(at("run.df", "30").ends_with("run.df: --time 30: the run goes from 0 to 2"), "{}", at("run.df", "30"));
+    assert!(at("run.df", "step:4").ends_with("the run has steps 0 to 3"));
+    assert!(at("run.df", "z:1").ends_with("the run's steps have no redshifts"));
+    assert!(at("turn_8.csv", "1").ends_with("turn_8.csv: --time: one snapshot, without a time"));
+    let lines = refused(folder, &["select", "run.df", "--time", "-1", "-o", "a.csv"]);
+    assert!(lines.ends_with("--time -1: the run goes from 0 to 2"), "{lines}");
+    let words = run(folder, &["render", "run.df", "--time", "later", "-o", "a.png"]);
+    assert_eq!(words.status.code(), Some(2));
+    let told = json(folder, &[&["render", "run.df", "--time", "1", "--json", "-"], &out[..]].concat());
+    let between = ["time", "step", "interval", "u", "interpolation"].map(|key| &told[key]);
+    assert_eq!(between, [&1.0.into(), &2.into(), &2.into(), &0.2.into(), &Value::from("hold")]);
+    let stored = json(folder, &[&["render", "run.df", "--time", "step:2", "--json", "-"], &out[..]].concat());
+    assert_eq!((&stored["time"], &stored["interval"]), (&0.75.into(), &Value::Null));
+    // A scene has its time, and says that it needs it.
+    let scene = r#"(version: 2, datasets: [(path: "run.df")], time: step(3), mode: "column-density", size: (64, 64))"#;
+    std::fs::write(folder.join("a.scene.ron"), scene).unwrap();
+    let told = json(folder, &["render", "a.scene.ron", "-o", "b.png", "--json", "-", "--backend", "cpu"]);
+    assert_eq!(told["step"], 3);
+    // Of one snapshot the scene's time is left out, and that is told.
+    let other = ok(folder, &["render", "turn_8.csv", "--scene", "a.scene.ron", "-o", "b.png", "--backend", "cpu"]);
+    assert!(String::from_utf8_lossy(&other.stderr).contains("the scene's time is left out"));
+}
+
+#[test]
+fn damaged_and_unlike_snapshots_are_refused_or_left_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    snapshots(folder);
+    let text = String::from_utf8(read(folder, "turn_9.csv")).unwrap();
+    std::fs::write(folder.join("turn_9.csv"), text.replace("500", "five")).unwrap();
+    std::fs::write(folder.join("turn_10.csv"), "x,y\n1,2\n").unwrap();
+    let build = ["build", "turn_*.csv", "-o", "run.df", "--times", "steps"];
+    let told = refused(folder, &build);
+    assert!(told.contains("turn_"), "{told}");
+    let left = |folder: &Path| {
+        let names = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap());
+        names.filter(|name| name.starts_with("run.df")).count()
+    };
+    assert_eq!(left(folder), 0, "nothing is left behind");
+    let told = ok(folder, &[&build[..], &["--skip-damaged"]].concat());
+    assert!(String::from_utf8_lossy(&told.stderr).contains("left out: turn_10.csv"));
+    let about = json(folder, &["info", "run.df", "--json"]);
+    let times: Vec<&Value> = about["steps"].as_array().unwrap().iter().map(|step| &step["time"]).collect();
+    assert!(!times.contains(&&Value::from(2.0)) && times.contains(&&Value::from(3.0)), "{times:?}");
+    assert!(about["notes"].to_string().contains("turn_10.csv"), "{}", about["notes"]);
+    assert!(refused(folder, &["build", "turn_8.csv", "turn_88.csv", "-o", "b.df"]).contains("turn_88.csv"));
+    assert!(refused(folder, &["build", "turn_8.csv", "turn_11.csv", "-o", "b.df"]).contains("--times"));
+}
+
+#[test]
+fn a_tour_goes_through_the_steps_and_each_frame_can_be_made_again() {
+    let folder = built();
+    let folder = folder.path();
+    let tour = r#"(version: 2, dataset: (path: "run.df"), size: (96, 64), rate: 8.0, keyframes: [
+        (time: 0.0, mode: "column-density"), (after: 1.0, time: 0.5, orbit: 30.0), (after: 0.5, time: step(3))])"#;
+    std::fs::write(folder.join("a.tour.ron"), tour).unwrap();
+    ok(folder, &["tour", "a.tour.ron", "--record", "frames", "--backend", "cpu"]);
+    let scene =
+        |frame: usize| String::from_utf8(read(folder, &format!("frames/scenes/frame-{frame:05}.scene.ron"))).unwrap();
+    // Evenly on the way: at the half of the second way the time is 1.25.
+    for (frame, time) in [
+        (0, "time: Some(0.0),"),
+        (4, "time: Some(0.25),"),
+        (8, "time: Some(0.5),"),
+        (10, "time: Some(1.25),"),
+        (12, "time: Some(2.0),"),
+    ] {
+        assert!(scene(frame).contains(time) && scene(frame).contains("version: 2"), "{frame}: {}", scene(frame));
+    }
+    for frame in [0, 5, 8, 11, 12] {
+        let path = format!("frames/scenes/frame-{frame:05}.scene.ron");
+        ok(folder, &["render", &path, "-o", "again.png", "--backend", "cpu"]);
+        assert!(read(folder, "again.png") == read(folder, &format!("frames/frame-{frame:05}.png")), "{frame}");
+    }
+    let outside = tour.replace("step(3)", "step(9)");
+    std::fs::write(folder.join("b.tour.ron"), outside).unwrap();
+    let told = refused(folder, &["tour", "b.tour.ron", "--check"]);
+    assert!(told.contains("b.tour.ron") && told.contains("step:9") && told.contains("steps 0 to 3"), "{told}");
+    // Data without times.
+    ok(folder, &["tour", "a.tour.ron", "turn_8.csv", "--check"]);
+}
+
+#[test]
+fn no_damage_goes_unnoticed_and_none_panics() {
+    let folder = built();
+    let folder = folder.path();
+    let whole = read(folder, "run.df");
+    let path = folder.join("bad.df");
+    let quiet = |bytes: &[u8], what: &str| {
+        std::fs::write(&path, bytes).unwrap();
+        let found = deepfield::store::run::verify_run(&path, &());
+        assert!(found.is_err(), "{what}");
+        // Whatever is wrong with it, what opens it ends with an error or a still.
+        if let Ok(run) = deepfield::store::RunFile::open(&path, Default::default()) {
+            for step in 0..run.directory().steps.len() {
+                drop(run.placed_still(step).map(|still| still.read_page(deepfield::store::PageId(0))));
+            }
+        }
+    };
+    assert!(deepfield::store::run::verify_run(&folder.join("run.df"), &()).is_ok());
+    for cut in (0..whole.len()).step_by(4096) {
+        quiet(&whole[..cut], &format!("cut to {cut}"));
+    }
+    let mut random: u64 = 7;
+    let mut next = |below: usize| {
+        random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (random >> 33) as usize % below
+    };
+    for round in 0..300 {
+        let mut bytes = whole.clone();
+        // Half of them near the directory.
+        let from = if round % 2 == 0 { whole.len() - whole.len().min(2048) } else { 0 };
+        let at = from + next(whole.len() - from);
+        bytes[at] ^= 1 << next(8);
+        quiet(&bytes, &format!("a bit of byte {at}"));
+    }
+    std::fs::write(&path, &whole[..whole.len() / 2]).unwrap();
+    let told = refused(folder, &["render", "bad.df", "-o", "a.png"]);
+    assert!(told.contains("bad.df") && told.contains("truncated"), "{told}");
+}

@@ -1,0 +1,76 @@
+//! A run in the window: keys and the dock go from step to step, time plays, and the camera and settings stay as they are.
+
+use super::desktop::{Desktop, Program, columns, keep};
+use crate::support::run;
+use serde_json::Value;
+use std::path::Path;
+
+/// A run of three steps: a ball that moves to the right.
+fn series(folder: &Path) {
+    for step in 0..3 {
+        let mut text = String::from("x,y,z,mass,h\n");
+        for i in 0..400 {
+            let part = f64::from(i) / 400.0;
+            let (x, y, z) = ((40.0 * part).cos(), (40.0 * part).sin(), 2.0 * part - 1.0);
+            text += &format!("{},{},{z},1,0.3\n", 0.4 * f64::from(step) + part * x, part * y);
+        }
+        std::fs::write(folder.join(format!("ball_{step}.csv")), text).unwrap();
+    }
+    let built = run(folder, &["build", "ball_*.csv", "-o", "run.df", "--times", "0,1,4"]);
+    assert!(built.status.success(), "{}", String::from_utf8_lossy(&built.stderr));
+}
+
+#[test]
+fn a_run_is_stepped_played_and_saved() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    series(folder);
+    let desktop = Desktop::with_screen([960, 600]);
+    let more = ["--backend", "cpu", "--mode", "column-density"];
+    let mut program = Program::open(&desktop, folder, &folder.join("run.df"), [960, 600], &more);
+    let is_at = |step: u64| {
+        move |status: &Value| {
+            // Ranges glide to where they come to rest.
+            let is_settled = status["converged"] == true && status["ranges"][1] == true;
+            is_settled && status["time"]["step"] == step && status["time"]["there"] == true
+        }
+    };
+    let begin = program.wait("the first step", is_at(0));
+    assert_eq!((&begin["time"]["time"], &begin["time"]["playing"]), (&0.0.into(), &false.into()));
+    desktop.focus(desktop.window().expect("a window of the size that was asked for"));
+    let press = |key: char| desktop.press(u32::from(key));
+    let pixels = |status: &Value| {
+        std::thread::sleep(std::time::Duration::from_millis(300));
+        let screen = desktop.wait("the picture", |_| true);
+        let rows = 80..500;
+        columns(status)
+            .flat_map(|x| rows.clone().map(move |y| (x, y)))
+            .map(|(x, y)| screen.at(x, y))
+            .collect::<Vec<_>>()
+    };
+    let first = pixels(&begin);
+    press('.');
+    let second = program.wait("the second step", is_at(1));
+    assert_eq!(second["time"]["time"], 1.0);
+    // The camera stays, and what is undone is not time.
+    for key in ["eye", "target", "history", "settings"] {
+        assert_eq!(begin[key], second[key], "{key}");
+    }
+    keep(&desktop, "series.png");
+    assert!(pixels(&second) != first, "another step is another picture");
+    press(',');
+    let back = program.wait("the first step again", is_at(0));
+    assert!(pixels(&back) == first, "and the first step is what it was");
+    // Played, it comes to the end and stands.
+    (0..4).for_each(|_| press(']'));
+    let faster = program.wait("a higher speed", |status| status["time"]["speed"] == 16.0);
+    assert_eq!(faster["time"]["step"], 0);
+    press('t');
+    let end = program.wait("the end", is_at(2));
+    assert_eq!((&end["time"]["time"], &end["time"]["playing"]), (&4.0.into(), &false.into()));
+    // The dock.
+    let line = &end["controls"]["time:line"];
+    let at = |i: usize| line[i].as_f64().unwrap() as i16;
+    desktop.click([at(0) + 8, (at(1) + at(3)) / 2]);
+    program.wait("the beginning of the line", is_at(0));
+}
