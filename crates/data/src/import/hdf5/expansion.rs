@@ -102,7 +102,7 @@ impl Expansion {
         }
         let labelled = position.is_some_and(|(a, _)| a == 1.0);
         let expands = match self.omega_matter.map(|omega| omega.value) {
-            Some(omega) if omega == 0.0 || omega > 0.0 => omega > 0.0,
+            Some(omega) if omega >= 0.0 => omega > 0.0,
             _ => labelled,
         };
         let times = header.time.zip(header.redshift);
