@@ -1,5 +1,6 @@
 //! What `deepfield info` says about a run: its steps, as a table for people or as JSON for programs.
 
+use crate::model::ClockVariable;
 use crate::store::RunFile;
 use crate::store::run::Step;
 use serde_json::{Value, json};
@@ -13,7 +14,7 @@ pub fn json(run: &RunFile) -> Value {
         "kind": "run",
         "format": "deepfield-run",
         "bytes": run.bytes(),
-        "clock": { "variable": "time", "unit": directory.time_unit },
+        "clock": { "variable": directory.clock, "unit": directory.time_unit },
         "length_unit": directory.length_unit,
         "mass_unit": directory.mass_unit,
         "box_size": directory.box_size,
@@ -63,7 +64,8 @@ fn write_table(text: &mut String, run: &RunFile) -> std::fmt::Result {
     let has_redshifts = directory.steps.iter().any(|step| step.redshift.is_some_and(|redshift| redshift != 0.0));
     let redshift = |words: String| if has_redshifts { format!(" {words:>10}") } else { String::new() };
     let heading = redshift("redshift".into());
-    writeln!(text, "\n  {:>6} {:>14}{heading} {:>14} {:>14}  source", "step", "time", "particles", "bytes")?;
+    let time = if directory.clock == ClockVariable::ScaleFactor { "scale factor" } else { "time" };
+    writeln!(text, "\n  {:>6} {time:>14}{heading} {:>14} {:>14}  source", "step", "particles", "bytes")?;
     for (index, step) in directory.steps.iter().enumerate() {
         let own = redshift(step.redshift.map_or(String::new(), |redshift| format!("{redshift:.4}")));
         let source = step.source.display();

@@ -6,7 +6,7 @@ use super::scene::{Scene, Settings};
 use super::state::choices::Choices;
 use super::state::notices::Notices;
 use crate::look::OpenData;
-use crate::model::{Moment, StepTimes};
+use crate::model::{ClockVariable, Moment, StepTimes};
 use crate::store::PageFile;
 use bevy::prelude::*;
 use std::collections::BTreeSet;
@@ -51,6 +51,11 @@ impl Playhead {
     /// When the steps are.
     pub fn times(&self) -> &StepTimes {
         &self.times
+    }
+
+    /// What times are.
+    pub fn clock(&self) -> ClockVariable {
+        self.data.run().map(|run| run.directory().clock).unwrap_or_default()
     }
 
     /// The present time, in the unit of the steps' times.

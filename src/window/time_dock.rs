@@ -2,6 +2,7 @@
 
 use super::playhead::Playhead;
 use super::theme;
+use crate::model::ClockVariable;
 use bevy_egui::egui::{self, Align2, FontId, Sense, Stroke, StrokeKind, Ui, pos2, vec2};
 
 /// Height of the dock, logical pixels.
@@ -46,7 +47,13 @@ pub fn show(ui: &mut Ui, playhead: &mut Playhead) {
             slower => format!("   1/{} x", 1.0 / slower),
         };
         let time = playhead.time() as f32;
-        ui.label(format!("t = {time}")).on_hover_text("The time of the data, as the snapshots' headers count it");
+        let (letter, help) = match playhead.clock() {
+            ClockVariable::Time => ("t", "The time of the data, as the snapshots' headers count it"),
+            ClockVariable::ScaleFactor => ("a", "The scale factor"),
+            ClockVariable::LogScaleFactor => ("ln a", "The logarithm of the scale factor"),
+        };
+        ui.label(format!("{letter} = {time}")).on_hover_text(help);
+        ui.add_space(6.0);
         ui.label(egui::RichText::new(format!("step {step} of {last}{speed}")).color(theme::LABEL));
     });
 }

@@ -50,6 +50,7 @@ fn build_steps(
     let mut writer = RunFileWriter::create(out)?;
     let first = run.steps.first().map(|step| step.about.clone());
     let mut directory = Directory {
+        clock: run.clock,
         time_unit: Unit::default(),
         length_unit: first.as_ref().map(|about| about.length_unit.clone()).unwrap_or_default(),
         mass_unit: first.as_ref().map(|about| about.mass_unit.clone()).unwrap_or_default(),

@@ -9,6 +9,7 @@ mod bytes;
 mod check;
 mod choice;
 mod error;
+mod expansion;
 mod folder;
 mod format;
 mod gadget;

@@ -1,7 +1,7 @@
 //! What every opened source can tell and read, whatever its format.
 
 use super::ImportError;
-use crate::model::{FamilyName, Kernel, Unit};
+use crate::model::{Cosmology, Epoch, FamilyName, Kernel, Motion, Unit};
 use serde::Serialize;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -88,6 +88,15 @@ pub struct Description {
     pub time: Option<f64>,
     /// Redshift, where the source says so.
     pub redshift: Option<f64>,
+    /// Scale factor of a comoving snapshot.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub scale_factor: Option<f64>,
+    /// The universe around a comoving snapshot, where the source says it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub cosmology: Option<Cosmology>,
+    /// What stored velocities mean.
+    #[serde(skip)]
+    pub motion: Motion,
     /// Edge of the periodic box, where there is one.
     pub box_size: Option<f64>,
     /// What the import assumed or converted, one sentence each.
@@ -110,6 +119,9 @@ impl Description {
             kernel: Kernel::CubicSpline,
             time: None,
             redshift: None,
+            scale_factor: None,
+            cosmology: None,
+            motion: Motion::Unknown,
             box_size: None,
             notes: Vec::new(),
             families: Vec::new(),
@@ -119,6 +131,11 @@ impl Description {
     /// Number of particles in all families.
     pub fn particles(&self) -> u64 {
         self.families.iter().map(|family| family.count).sum()
+    }
+
+    /// The source's place in time, and what its velocities mean.
+    pub fn epoch(&self) -> Epoch {
+        Epoch { time: self.time, scale_factor: self.scale_factor, cosmology: self.cosmology, motion: self.motion }
     }
 
     /// The field that a read asks for, after a look at whether it and the range exist and the buffer fits.

@@ -2,6 +2,8 @@
 //! SPH kernels; and how settings and parts of files are read. This room knows no file format, no hierarchy and no picture.
 
 pub mod bounds;
+pub mod clock;
+pub mod cosmology;
 pub mod family_name;
 pub mod kernel;
 #[allow(unsafe_code, reason = "memory that a file is mapped to is read by address, and its faults are signals")]
@@ -20,6 +22,8 @@ pub mod stream;
 pub mod units;
 
 pub use bounds::Bounds;
+pub use clock::{ClockVariable, Epoch, Motion};
+pub use cosmology::Cosmology;
 pub use family_name::FamilyName;
 pub use kernel::Kernel;
 pub use moment::{Moment, StepTimes, When};

@@ -1,7 +1,9 @@
 //! The 256 bytes of a Gadget header.
 
-use crate::import::ImportError;
 use crate::import::bytes::{Order, RangeFile};
+use crate::import::expansion::{self, Stated};
+use crate::import::{Description, ImportError};
+use crate::model::Motion;
 
 /// Number of particle types.
 pub(super) const TYPES: usize = 6;
@@ -20,6 +22,9 @@ pub(super) struct Header {
     pub box_size: f64,
     pub files: u64,
     pub cooling: bool,
+    /// Density of matter, 0 where nothing expands.
+    pub omega_matter: f64,
+    pub omega_lambda: f64,
 }
 
 impl Header {
@@ -38,11 +43,30 @@ impl Header {
             cooling: order.u32(&bytes, 120) == 1,
             files: (order.u32(&bytes, 124) as u64).max(1),
             box_size: order.f64(&bytes, 128),
+            omega_matter: order.f64(&bytes, 136),
+            omega_lambda: order.f64(&bytes, 144),
         };
         if let Some(mass) = header.masses.iter().find(|mass| !(mass.is_finite() && **mass >= 0.0)) {
             return Err(ImportError::malformed(&file.path, "header mass table", mass, "masses, or 0 for a mass block"));
         }
         Ok(header)
+    }
+
+    /// Adds to the description whether and how space expands. It does where there is matter and the time is the scale factor of the
+    /// redshift. Nothing says the units: Mpc/h and km/s are assumed, as most have them.
+    pub(super) fn describe_expansion(&self, description: &mut Description) {
+        if !expansion::is_scale_factor(self.time, self.redshift) || self.omega_matter == 0.0 {
+            description.motion = Motion::Coordinate;
+            return;
+        }
+        let stated = |name, value| Some(Stated { name, value });
+        let (matter, lambda) =
+            (stated("header Omega0", self.omega_matter), stated("header OmegaLambda", self.omega_lambda));
+        description.cosmology = expansion::cosmology(matter, lambda, expansion::HUBBLE, true, &mut description.notes);
+        // With a density that is none, nobody knows.
+        if self.omega_matter > 0.0 {
+            (description.scale_factor, description.motion) = (Some(self.time), Motion::Gadget);
+        }
     }
 
     /// Particles of the types in the set.

@@ -153,7 +153,7 @@ impl Snapshot {
         }
         let header = &files[0].header;
         let positive = |value: f64| (value > 0.0 && value.is_finite()).then_some(value);
-        let description = Description {
+        let mut description = Description {
             time: Some(header.time).filter(|time| time.is_finite()),
             redshift: Some(header.redshift).filter(|redshift| redshift.is_finite()),
             box_size: positive(header.box_size),
@@ -162,6 +162,7 @@ impl Snapshot {
             files: files.len(),
             ..Description::unitless(path, "gadget", files.iter().map(|file| file.file.length).sum())
         };
+        header.describe_expansion(&mut description);
         Ok(Snapshot { description, files, stored })
     }
 }

@@ -1,5 +1,6 @@
 //! The header of an HDF5 snapshot, whichever code wrote it.
 
+use super::expansion::Expansion;
 use super::file::{Attributes, H5Group};
 use super::units::System;
 use crate::import::ImportError;
@@ -24,6 +25,8 @@ pub(super) struct Header {
     pub kernel: Option<String>,
     /// SWIFT's support radius over its smoothing length, where the file says it.
     pub gamma: Option<f64>,
+    /// What it says of the expansion of space.
+    pub expansion: Expansion,
 }
 
 impl Header {
@@ -66,6 +69,10 @@ impl Header {
             }
             masses = header.numbers("MassTable").unwrap_or_default();
         }
+        let expansion = Expansion::read(
+            [header.as_ref(), parameters.as_ref(), optional("Cosmology")?.as_ref()],
+            [unit_group.as_ref(), optional("InternalCodeUnits")?.as_ref()],
+        );
         let files = ["NumFilesPerSnapshot", "NumFilesPerSnap", "NumFiles"].into_iter().find_map(number);
         Ok(Header {
             counts,
@@ -79,6 +86,7 @@ impl Header {
             swift,
             kernel,
             gamma,
+            expansion,
         })
     }
 }

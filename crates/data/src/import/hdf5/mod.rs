@@ -1,5 +1,6 @@
 //! HDF5: snapshots of Gadget-2, -3 and -4, AREPO, GIZMO, EAGLE and SWIFT, and bare files with coordinates.
 
+mod expansion;
 mod file;
 mod header;
 mod names;

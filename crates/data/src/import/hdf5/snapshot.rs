@@ -72,6 +72,10 @@ impl Snapshot {
         let masses =
             description.families.iter().find_map(|info| Some(info.fields[info.find(FieldKind::Mass)?].unit.clone()));
         description.mass_unit = masses.unwrap_or_default();
+        let powers =
+            [FieldKind::Position, FieldKind::Velocity].map(|kind| stated_powers(&description, &families, kind));
+        let [position, velocity] = powers;
+        files[0].header.expansion.describe(&files[0].header, position?, velocity?, &mut description);
         Ok(Snapshot { description, families })
     }
 }
@@ -233,6 +237,22 @@ fn open_family(
         fields: plan.into_iter().map(|planned| planned.field).collect(),
     });
     Ok(info.map(|info| (info, FamilyData { fields: stored })))
+}
+
+/// The powers of `a` and `h` that the first data set of a kind states.
+fn stated_powers(
+    description: &Description,
+    families: &[FamilyData],
+    kind: FieldKind,
+) -> Result<Option<(f64, f64)>, ImportError> {
+    for (info, data) in description.families.iter().zip(families) {
+        if let Some(Stored::Columns(columns, _)) = info.find(kind).map(|field| &data.fields[field])
+            && let Some(column) = columns.first()
+        {
+            return Ok(units::powers_of_a_and_h(&column.attributes()?));
+        }
+    }
+    Ok(None)
 }
 
 /// Whether a group holds AREPO's Monte Carlo tracers, which belong to cells and have no coordinates.

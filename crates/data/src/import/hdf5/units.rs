@@ -28,6 +28,17 @@ pub(super) fn in_words(attributes: &Attributes, kind: FieldKind) -> Result<Optio
     }
 }
 
+/// Powers of the scale factor and of the Hubble parameter in a data set's unit, where its attributes state them (Gadget-4 and
+/// AREPO; SWIFT; EAGLE).
+pub(super) fn powers_of_a_and_h(attributes: &Attributes) -> Option<(f64, f64)> {
+    let names = [
+        ("a_scaling", "h_scaling"),
+        ("a-scale exponent", "h-scale exponent"),
+        ("aexp-scale-exponent", "h-scale-exponent"),
+    ];
+    names.into_iter().find_map(|(a, h)| Some((attributes.number(a)?, attributes.number(h).unwrap_or(0.0))))
+}
+
 /// The base units of a snapshot in cgs, as far as it says.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct System {

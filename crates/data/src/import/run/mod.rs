@@ -6,7 +6,7 @@ mod names;
 use super::folder::name_of;
 use super::format::open_file;
 use super::{Description, ImportError, multifile};
-use crate::model::ReadMethod;
+use crate::model::{ClockVariable, ReadMethod};
 use std::collections::HashSet;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
@@ -63,7 +63,7 @@ pub struct RunOptions {
 pub struct RunStep {
     /// What its file says about itself.
     pub about: Description,
-    /// Its time: that of its header unless told otherwise.
+    /// Its time: that of its header, of comoving data the scale factor, unless told otherwise.
     pub time: f64,
     /// How many of the run's lengths, the first step's, one of its own is.
     pub length: f64,
@@ -78,6 +78,8 @@ pub struct Run {
     pub steps: Vec<RunStep>,
     /// Attributes that only some steps have, so that none keeps them.
     pub left_out: Vec<String>,
+    /// What times are.
+    pub clock: ClockVariable,
     /// What was assumed, converted or left out, one sentence each.
     pub notes: Vec<String>,
 }
@@ -121,7 +123,9 @@ pub fn open_run(files: &[PathBuf], options: &RunOptions, method: ReadMethod) -> 
     let mut steps: Vec<RunStep> = steps.into_iter().step_by(every).collect();
     agree::scale(&mut steps, &mut notes)?;
     let left_out = agree::left_out(&steps, options.attributes.as_deref(), &mut notes)?;
-    Ok(Run { steps, left_out, notes })
+    let is_comoving = options.times.is_none() && steps.iter().all(|step| step.about.scale_factor.is_some());
+    let clock = if is_comoving { ClockVariable::ScaleFactor } else { ClockVariable::Time };
+    Ok(Run { steps, left_out, clock, notes })
 }
 
 /// What each source says about itself, in the order of `files`, with a place in that order.
@@ -170,7 +174,7 @@ fn timed(opened: Vec<(usize, Description)>, times: Option<&Times>) -> Result<Vec
     }
     let own = |about: &Description| {
         let missing = || ImportError::missing(&about.path, "time", "one in its header, or --times");
-        about.time.filter(|time| time.is_finite()).ok_or_else(missing)
+        about.scale_factor.or(about.time).filter(|time| time.is_finite()).ok_or_else(missing)
     };
     let time = |number: usize, about: &Description| match times {
         None => own(about),

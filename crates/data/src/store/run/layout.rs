@@ -2,7 +2,7 @@
 //!
 //! `docs/series-file.md` holds the same tables; a test compares them with the constants here.
 
-use crate::model::{Bounds, StepTimes, Unit};
+use crate::model::{Bounds, ClockVariable, StepTimes, Unit};
 use crate::store::error::Damage;
 use crate::store::layout::{ALIGNMENT, align_up, u32_at, u64_at};
 use crate::store::wire::{Decoder, Encoder};
@@ -16,6 +16,8 @@ pub const VERSION: u32 = 1;
 pub const HEADER_LEN: usize = 64;
 /// What messages call the directory.
 const PLACE: &str = "directory";
+/// The clocks by their numbers in the directory.
+const CLOCKS: [ClockVariable; 3] = ClockVariable::ALL;
 /// Bytes that a step takes in the directory at least.
 const LEAST_STEP: usize = 4 + 4 + 8 + 8 + 9 + 8 + 8 + 48 + 16 + 16;
 
@@ -58,6 +60,8 @@ pub struct Step {
 /// Everything that is known of a run without reading a still.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Directory {
+    /// What times are.
+    pub clock: ClockVariable,
     /// Unit of times; empty where it is not known.
     pub time_unit: Unit,
     /// Unit of lengths: the first step's.
@@ -84,6 +88,7 @@ impl Directory {
     /// The directory's bytes.
     pub(super) fn encode(&self) -> Vec<u8> {
         let mut out = Encoder::default();
+        out.u8(CLOCKS.iter().position(|clock| *clock == self.clock).unwrap_or(0) as u8);
         for unit in [&self.time_unit, &self.length_unit, &self.mass_unit] {
             out.text(&unit.0);
         }
@@ -112,6 +117,9 @@ impl Directory {
     /// Reads a directory whose file ends its sections at `end`.
     pub(super) fn decode(bytes: &[u8], end: u64) -> Result<Directory, Damage> {
         let mut input = Decoder::new(bytes, PLACE);
+        let number = input.u8("the clock")?;
+        let clock = CLOCKS.get(usize::from(number)).copied();
+        let clock = clock.ok_or_else(|| Damage::new(PLACE, format!("a clock from 0 to 2, found {number}")))?;
         let mut unit = |what| input.text(what).map(Unit);
         let (time_unit, length_unit, mass_unit) =
             (unit("the unit of time")?, unit("the length unit")?, unit("the mass unit")?);
@@ -120,7 +128,7 @@ impl Directory {
         let count = input.count(LEAST_STEP, "steps")?;
         let steps = (0..count).map(|_| decode_step(&mut input)).collect::<Result<Vec<_>, _>>()?;
         input.finish()?;
-        let directory = Directory { time_unit, length_unit, mass_unit, box_size, notes, steps };
+        let directory = Directory { clock, time_unit, length_unit, mass_unit, box_size, notes, steps };
         directory.check(end)?;
         Ok(directory)
     }
