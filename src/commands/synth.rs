@@ -5,6 +5,7 @@ use super::arguments::{count, positive};
 use super::progress_bar::TerminalProgress;
 use crate::synth::cosmology::{Cosmology, DEFAULT_EDGE};
 use crate::synth::merger::Merger;
+use crate::synth::moving::{self, Births, Halo, Moving, Orbits, Pancake};
 use crate::synth::{Generator, clusters::Clusters, files, gadget};
 use std::path::PathBuf;
 
@@ -17,17 +18,41 @@ pub enum Kind {
     Merger,
     /// Gas in haloes, filaments and a thin background, quickly made
     Clusters,
+    /// A run: gas on closed orbits, half of them Kepler's
+    Orbits,
+    /// A run: waves that collapse in a periodic box of a universe that expands
+    Pancake,
+    /// A run: a halo at rest, whose particles move in its field
+    Halo,
+    /// A run: particles that are born, vanish and change from gas to stars
+    Births,
+}
+
+impl Kind {
+    /// Moving particles; `None` for the kinds of one snapshot.
+    fn moving(self, seed: u64, particles: u64, steps: usize) -> Option<Box<dyn Moving>> {
+        Some(match self {
+            Kind::Orbits => Box::new(Orbits::new(seed, particles)),
+            Kind::Pancake => Box::new(Pancake::new(seed, particles)),
+            Kind::Halo => Box::new(Halo::new(seed, particles)),
+            Kind::Births => Box::new(Births::new(seed, particles, steps)),
+            Kind::Cosmology | Kind::Merger | Kind::Clusters => return None,
+        })
+    }
 }
 
 /// Writes a seeded synthetic snapshot, of any size and the same on any machine, as Gadget binary files (format 2).
 ///
 /// Above 357 million particles the snapshot is in several files, FILE.0, FILE.1, ...; open any one of them. Particles
-/// are written as they are made, so that memory does not grow with their number (below 700 MB for cosmology).
+/// are written as they are made, so that memory does not grow with their number (below 700 MB for cosmology). A run is FILE_000,
+/// FILE_001, ...: where its particles are at any time, docs/series.md says.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Examples:
   deepfield synth cosmology -n 1e9 -o universe.gadget2         40 GB
   deepfield synth cosmology -n 1e7 --box 50 --seed 7 -o small.gadget2
-  deepfield synth merger -n 2e6 -o merger.gadget2")]
+  deepfield synth merger -n 2e6 -o merger.gadget2
+  deepfield synth orbits -n 1e5 --steps 32 -o orbits/run       a run of 32 snapshots
+  deepfield synth pancake -n 1e5 --steps 9 --irregular 3 -o pancake/run")]
 pub struct Arguments {
     /// What to make.
     pub kind: Kind,
@@ -43,6 +68,12 @@ pub struct Arguments {
     /// Edge of the box of a cosmology, Mpc/h [default: 100].
     #[arg(long = "box", value_name = "MPC", value_parser = edge)]
     pub edge: Option<f64>,
+    /// Steps of a run [default: 16].
+    #[arg(long, value_name = "K", value_parser = clap::value_parser!(u16).range(1..=10_000))]
+    pub steps: Option<u16>,
+    /// How many times as long as the shortest interval of a run the longest one may be [default: 1].
+    #[arg(long, value_name = "R", value_parser = irregular)]
+    pub irregular: Option<f64>,
     /// Most particles in one file.
     #[arg(long, value_name = "N", value_parser = count, default_value_t = gadget::MOST)]
     pub per_file: u64,
@@ -66,7 +97,13 @@ fn edge(text: &str) -> Result<f64, String> {
         .ok_or_else(|| "expected an edge from 1 to 10000 Mpc/h".into())
 }
 
-/// Writes the snapshot; nothing is left behind on failure.
+/// A ratio of lengths that leaves intervals apart.
+fn irregular(text: &str) -> Result<f64, String> {
+    let ratio = text.parse().ok().filter(|ratio: &f64| (1.0..=1000.0).contains(ratio));
+    ratio.ok_or_else(|| "expected a ratio from 1 to 1000".into())
+}
+
+/// Writes the snapshot, or those of a run; nothing is left behind on failure.
 ///
 /// # Errors
 /// When a file cannot be written; the message names it.
@@ -77,10 +114,20 @@ pub fn run(arguments: &Arguments) -> CommandResult {
         clap::Error::raw(clap::error::ErrorKind::ArgumentConflict, message).exit();
     }
     let progress = TerminalProgress::new();
+    let steps = usize::from(arguments.steps.unwrap_or(16));
+    if let Some(moving) = arguments.kind.moving(seed, particles, steps) {
+        let times = moving::times(&*moving, steps, arguments.irregular.unwrap_or(1.0), seed);
+        moving::write(&*moving, &times, seed, &arguments.output, &progress)?;
+        return Ok(());
+    }
+    if arguments.steps.is_some() || arguments.irregular.is_some() {
+        let message = "--steps, --irregular: only orbits, pancake, halo and births are runs\n";
+        clap::Error::raw(clap::error::ErrorKind::ArgumentConflict, message).exit();
+    }
     let generator: Box<dyn Generator> = match arguments.kind {
         Kind::Cosmology => Box::new(Cosmology::new(seed, particles, arguments.edge.unwrap_or(DEFAULT_EDGE), &progress)),
         Kind::Merger => Box::new(Merger::new(seed, particles)),
-        Kind::Clusters => Box::new(Clusters::new(seed, particles)),
+        _ => Box::new(Clusters::new(seed, particles)),
     };
     files::write(generator.as_ref(), &arguments.output, arguments.per_file, &progress)?;
     Ok(())

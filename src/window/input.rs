@@ -252,7 +252,13 @@ mod tests {
     fn every_key_is_on_the_help_page() {
         let page: String = HELP.iter().flat_map(|(_, rows)| rows.iter()).map(|(keys, _)| format!(" {keys} ")).collect();
         for key in KEYS.map(|(key, _)| key).into_iter().chain(TOOL_KEYS.map(|(key, _)| key)) {
-            let name = format!("{key:?}").replace("Key", "").replace("Escape", "Esc");
+            let name = match key {
+                KeyCode::Comma => ",".to_owned(),
+                KeyCode::Period => ".".to_owned(),
+                KeyCode::BracketLeft => "[".to_owned(),
+                KeyCode::BracketRight => "]".to_owned(),
+                key => format!("{key:?}").replace("Key", "").replace("Escape", "Esc"),
+            };
             assert!(page.contains(&format!(" {name} ")), "{name} is missing in {page}");
         }
     }

@@ -142,8 +142,8 @@ def groups():
 
 
 def comoving():
-    """Dark matter in an expanding universe, at rest: as Gadget-4 and as a run of SWIFT say so. SWIFT computes in other units than it
-    writes, Mpc and km/s."""
+    """Dark matter in an expanding universe, at rest: as Gadget-4 and as a run of SWIFT say so. SWIFT computes in other units
+    than it writes, Mpc and km/s."""
     units = dict(UnitLength_in_cm=3.085678e24, UnitMass_in_g=1.989e43, UnitVelocity_in_cm_per_s=1e5)
     def dark(file):
         group = file.create_group("PartType1")
@@ -158,12 +158,13 @@ def comoving():
         for attrs, powers in zip(dark(file), ((1.0, -1.0, 1.0, 0.0), (0.5, 0.0, 0.0, 1.0))):
             attrs.update(zip(("a_scaling", "h_scaling", "length_scaling", "velocity_scaling"), powers), mass_scaling=0.0)
     with h5py.File("comoving_swift.hdf5", "w") as file:
-        header(file, [0, 2], [0, 2], 1, [0] * 2, **{"Time": [0.002], "Redshift": [3.0], "Scale-factor": [0.25]}, BoxSize=[74.0] * 3)
+        header(file, [0, 2], [0, 2], 1, [0] * 2, BoxSize=[74.0] * 3,
+               **{"Time": [0.002], "Redshift": [3.0], "Scale-factor": [0.25]})
         file.create_group("Code").attrs["Code"] = np.bytes_("SWIFT")
         second = 3.08567758149e24 / 1e5
         for name, time in (("Units", second), ("InternalCodeUnits", second / 16)):
-            file.create_group(name).attrs.update({"Unit length in cgs (U_L)": [3.08567758149e24], "Unit mass in cgs (U_M)": [1.98841e43],
-                                                  "Unit time in cgs (U_t)": [time]})
+            file.create_group(name).attrs.update({"Unit length in cgs (U_L)": [3.08567758149e24],
+                                                  "Unit mass in cgs (U_M)": [1.98841e43], "Unit time in cgs (U_t)": [time]})
         file.create_group("Cosmology").attrs.update({"Cosmological run": np.array([1], np.int32), "Omega_m": [0.3125],
                                                      "Omega_lambda": [0.6875], "H0 [internal units]": [67.8 / 16], "h": [0.678],
                                                      "Scale-factor": [0.25], "Redshift": [3.0]})

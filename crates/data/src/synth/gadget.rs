@@ -140,7 +140,7 @@ fn columns(generator: &dyn Generator) -> Vec<Column> {
 
 /// What stands around a block's data: a record with its name and the length of the whole, then the data between two
 /// length markers. 20 bytes before the data, 4 after.
-fn frame(out: &mut (impl Write + Seek + Send), at: u64, label: &str, length: u64) -> std::io::Result<()> {
+pub(super) fn frame(out: &mut (impl Write + Seek + Send), at: u64, label: &str, length: u64) -> std::io::Result<()> {
     // Below 4 GiB: `write_part` has checked the count.
     let length = length as u32;
     let mut before = Vec::with_capacity(20);
@@ -155,31 +155,67 @@ fn frame(out: &mut (impl Write + Seek + Send), at: u64, label: &str, length: u64
     out.write_all(&length.to_le_bytes())
 }
 
-/// Gadget's header: 256 bytes.
+/// The header of one file of a generator's snapshot.
 fn header(generator: &dyn Generator, part: &Part) -> Vec<u8> {
-    let kind = generator.family().gadget_type().unwrap_or(0);
-    let mut header = Vec::with_capacity(256);
-    let counts = |header: &mut Vec<u8>, count: u32| {
-        (0..6).for_each(|other| header.extend(if other == kind { count } else { 0 }.to_le_bytes()));
-    };
-    // Counts by type in this file, masses by type, time, redshift, two flags.
-    counts(&mut header, (part.particles.end - part.particles.start) as u32);
-    (0..6).for_each(|other| {
-        header.extend(if other == kind { generator.particle_mass() } else { 0.0 }.to_le_bytes());
-    });
-    header.extend(1f64.to_le_bytes());
-    header.extend(0f64.to_le_bytes());
-    header.extend([0; 8]);
-    // Counts in all files, a flag, number of files, box, cosmology, two flags, upper halves of the counts.
-    counts(&mut header, generator.len() as u32);
-    header.extend([0; 4]);
-    header.extend(part.files.to_le_bytes());
+    let kind = usize::from(generator.family().gadget_type().unwrap_or(0));
+    let (mut counts, mut counts_of_all, mut masses) = ([0; 6], [0; 6], [0.0; 6]);
+    counts[kind] = (part.particles.end - part.particles.start) as u32;
+    counts_of_all[kind] = generator.len();
+    masses[kind] = generator.particle_mass();
     let box_size = if generator.periodic() { generator.bounds().size().x } else { 0.0 };
-    for value in [box_size, 0.3, 0.7, 0.7] {
-        header.extend(value.to_le_bytes());
+    let (time, redshift) = (1.0, 0.0);
+    let (files, omega_matter, omega_lambda, hubble) = (part.files, 0.3, 0.7, 0.7);
+    Header { counts, counts_of_all, masses, time, redshift, files, box_size, omega_matter, omega_lambda, hubble }
+        .encode()
+}
+
+/// Gadget's header.
+pub(super) struct Header {
+    /// Particles of each type in this file.
+    pub counts: [u32; 6],
+    /// The same in all files.
+    pub counts_of_all: [u64; 6],
+    /// Masses of all particles of a type; 0 where each has its own.
+    pub masses: [f64; 6],
+    /// Time, of comoving data the scale factor.
+    pub time: f64,
+    /// Redshift.
+    pub redshift: f64,
+    /// Number of files.
+    pub files: u32,
+    /// Edge of the periodic box, or 0.
+    pub box_size: f64,
+    /// Density of matter; 0 for what does not expand.
+    pub omega_matter: f64,
+    /// Density of the cosmological constant.
+    pub omega_lambda: f64,
+    /// Hubble's constant by 100 km/s/Mpc.
+    pub hubble: f64,
+}
+
+impl Header {
+    /// The header's 256 bytes.
+    pub fn encode(&self) -> Vec<u8> {
+        let mut header = Vec::with_capacity(256);
+        let counts = |header: &mut Vec<u8>, counts: [u32; 6]| {
+            counts.into_iter().for_each(|count| header.extend(count.to_le_bytes()));
+        };
+        // Counts by type in this file, masses by type, time, redshift, two flags.
+        counts(&mut header, self.counts);
+        for value in self.masses.into_iter().chain([self.time, self.redshift]) {
+            header.extend(value.to_le_bytes());
+        }
+        header.extend([0; 8]);
+        // Counts in all files, a flag, number of files, box, cosmology, two flags, upper halves of the counts.
+        counts(&mut header, self.counts_of_all.map(|count| count as u32));
+        header.extend([0; 4]);
+        header.extend(self.files.to_le_bytes());
+        for value in [self.box_size, self.omega_matter, self.omega_lambda, self.hubble] {
+            header.extend(value.to_le_bytes());
+        }
+        header.extend([0; 8]);
+        counts(&mut header, self.counts_of_all.map(|count| (count >> 32) as u32));
+        header.resize(256, 0);
+        header
     }
-    header.extend([0; 8]);
-    counts(&mut header, (generator.len() >> 32) as u32);
-    header.resize(256, 0);
-    header
 }

@@ -10,6 +10,7 @@ pub mod fft;
 pub mod files;
 pub mod gadget;
 pub mod merger;
+pub mod moving;
 pub mod random;
 
 use crate::model::{Attribute, Bounds, Dataset, Family, FamilyName, Kernel, Provenance, Unit};

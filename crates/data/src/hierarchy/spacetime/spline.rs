@@ -57,9 +57,9 @@ impl HermiteSpline {
     }
 
     /// A bound on the norm of [`HermiteSpline::position`] over the interval: the curve lies within the hull of its control
-    /// points, taken after it was halved `halvings` times. Each halving brings the bound closer and none lets it grow: for none, one,
-    /// two and three it is at most 5, 2, 1.14 and 1.04 times the largest norm (5 for Chebyshev's polynomial). It may exceed
-    /// [`HermiteSpline::weight_bound`], as for a track from 0 to 0 with one tangent.
+    /// points, taken after it was halved `halvings` times. Each halving brings the bound closer and none lets it grow: for
+    /// none, one, two and three it is at most 5, 2, 1.14 and 1.04 times the largest norm (5 for Chebyshev's polynomial). It
+    /// may exceed [`HermiteSpline::weight_bound`], as for a track from 0 to 0 with one tangent.
     pub fn hull_bound(&self, halvings: u32) -> f64 {
         hull_bound(self.control_points(), halvings)
     }
@@ -70,9 +70,9 @@ impl HermiteSpline {
     }
 
     /// How badly the steps' velocities account for the displacement: `c = |dx - w| / mean |dtau v|` with `w` the mean of both
-    /// tangents. Where it is large (above 0.15 to 0.25), the steps are too far apart for the orbit and a spline leads astray. 0 where
-    /// `|dx - w|` is not above a quarter of `smoothing_length` (world units): particles at rest jitter. Infinite for what moved without
-    /// having velocities.
+    /// tangents. Where it is large (above 0.15 to 0.25), the steps are too far apart for the orbit and a spline leads
+    /// astray. 0 where `|dx - w|` is not above a quarter of `smoothing_length` (world units): particles at rest jitter.
+    /// Infinite for what moved without having velocities.
     pub fn unresolved(&self, smoothing_length: f64) -> f64 {
         let ([r0, r1], [v0, v1]) = (self.positions, self.tangents);
         let miss = (r1 - r0 - 0.5 * (v0 + v1)).length();

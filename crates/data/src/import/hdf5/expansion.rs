@@ -1,7 +1,8 @@
 //! Whether and how space expands in an HDF5 snapshot, and what its velocities are, whichever code wrote it.
 //!
-//! Positions are comoving where `ComovingIntegrationOn` (Gadget-4, AREPO, GIZMO) or `Cosmological run` (SWIFT) says so, or there is an
-//! `ExpansionFactor` (EAGLE); without any of these (Gadget-2), where there is matter and the time is the scale factor of the redshift.
+//! Positions are comoving where `ComovingIntegrationOn` (Gadget-4, AREPO, GIZMO) or `Cosmological run` (SWIFT) says so, or
+//! there is an `ExpansionFactor` (EAGLE); without any of these (Gadget-2), where there is matter and the time is the scale
+//! factor of the redshift.
 
 use super::file::Attributes;
 use super::header::Header;
@@ -58,8 +59,8 @@ impl Expansion {
         }
     }
 
-    /// Adds to the description scale factor, cosmology and what velocities are. `position` and `velocity` are the powers of `a` and `h`
-    /// that their data sets state.
+    /// Adds to the description scale factor, cosmology and what velocities are. `position` and `velocity` are the powers of
+    /// `a` and `h` that their data sets state.
     pub(super) fn describe(
         &self,
         header: &Header,
