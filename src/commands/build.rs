@@ -4,10 +4,11 @@ use super::CommandResult;
 use super::arguments::bytes;
 use super::hierarchy_options::HierarchyOptions;
 use super::progress_bar::TerminalProgress;
-use crate::build::{BuildOptions, build_run, build_source};
+use crate::build::{BuildOptions, Matching, TrackOptions, build_run, build_source};
 use crate::codec::VqBits;
 use crate::import::{AttributeChoice, LoadOptions, RunOptions, Smoothing, Times, open_run, sources_of};
-use crate::model::{FamilyName, ReadMethod, Skipped};
+use crate::model::{ClockVariable, FamilyName, ReadMethod, Skipped};
+use crate::store::run::Tangents;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 
@@ -37,6 +38,21 @@ pub struct Arguments {
     /// Leave steps out whose files are damaged.
     #[arg(long)]
     pub skip_damaged: bool,
+    /// What the time of a run is counted in [default: the scale factor of comoving data, else time]. Particles move evenly in it between
+    /// steps whose velocities are the same.
+    #[arg(long, value_name = "CLOCK", value_parser = clock)]
+    pub clock: Option<ClockVariable>,
+    /// How particles of one step are found at the next: auto (ids; without ids the order, where velocities bear that out), ids, order or
+    /// none.
+    #[arg(long, value_name = "HOW", default_value = "auto")]
+    pub r#match: Matching,
+    /// Where the directions of tracks come from at steps: velocity, differences (of positions at neighbouring steps) or none (straight
+    /// lines) [default: velocities, where displacements bear them out].
+    #[arg(long, value_name = "HOW")]
+    pub tangents: Option<Tangents>,
+    /// Keep stored steps only, and nothing of how particles move between them.
+    #[arg(long)]
+    pub stills_only: bool,
     /// The page file to write.
     #[arg(short, long, value_name = "FILE.df")]
     pub output: PathBuf,
@@ -76,6 +92,11 @@ pub struct Arguments {
     /// How the hierarchy is built.
     #[command(flatten)]
     pub hierarchy: HierarchyOptions,
+}
+
+fn clock(text: &str) -> Result<ClockVariable, String> {
+    let found = ClockVariable::ALL.into_iter().find(|clock| clock.name() == text);
+    found.ok_or_else(|| "expected time, scale-factor or log-scale-factor".into())
 }
 
 fn smoothing(text: &str) -> Result<Smoothing, String> {
@@ -123,14 +144,17 @@ pub fn run(arguments: &Arguments) -> CommandResult {
         every: arguments.every,
         skip_damaged: arguments.skip_damaged,
         attributes: arguments.attributes.clone(),
+        clock: arguments.clock,
     };
+    let tracks = TrackOptions { matching: arguments.r#match, tangents: arguments.tangents };
+    let tracks = (!arguments.stills_only).then_some(&tracks);
     let run = open_run(&sources, &run_options, options.read)?;
     match &run.steps[..] {
         // Files of one snapshot.
         [only] if is_one && !arguments.skip_damaged => {
             build_one(&only.about.path, &load_options, &options, &arguments.output, &progress)
         }
-        _ => build_run(run, arguments.skip_damaged, &load_options, &options, &arguments.output, &progress)
+        _ => build_run(run, arguments.skip_damaged, tracks, &load_options, &options, &arguments.output, &progress)
             .map(drop)
             .map_err(Into::into),
     }

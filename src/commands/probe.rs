@@ -1,13 +1,13 @@
 //! `deepfield probe`: sums over everything in a region, as tables for people or as JSON for programs.
 
-use super::region_options::{Opened, RegionOptions};
+use super::region_options::{At, Opened, RegionOptions};
 use super::statistics::write_json;
 use super::{CommandResult, progress_bar::TerminalProgress};
 use crate::explore::probe::{FamilyProbe, FieldStatistics, Probe, Profile};
 use crate::explore::{
     AxisOptions, Data, FieldHistogram, Fields, ProbeOptions, ProfileOptions, Region, Shape, Work, histogram, probe,
 };
-use crate::model::{ReadMethod, When};
+use crate::model::ReadMethod;
 use serde::Serialize;
 use std::fmt::Write as _;
 use std::io::Write as _;
@@ -27,9 +27,9 @@ use std::path::{Path, PathBuf};
 pub struct Arguments {
     /// The source, page file or run.
     pub path: PathBuf,
-    /// When, of a run: a time, step:12, z:1.5, a:0.4 or last [default: the first step].
-    #[arg(long, value_name = "WHEN", allow_hyphen_values = true)]
-    pub time: Option<When>,
+    /// When it is asked.
+    #[command(flatten)]
+    pub when: At,
     /// Which particles [default: all].
     #[command(flatten)]
     pub region: RegionOptions,
@@ -90,9 +90,9 @@ struct Answer<'a> {
 /// When the data cannot be read, or has no such field, family or object.
 pub fn run(arguments: &Arguments) -> CommandResult {
     let opened = if arguments.exact {
-        Opened::source(&arguments.path, arguments.time, arguments.read)?
+        Opened::source(&arguments.path, arguments.when, arguments.read)?
     } else {
-        Opened::open(&arguments.path, arguments.time, arguments.read)?
+        Opened::open(&arguments.path, arguments.when, arguments.read)?
     };
     let data = opened.data();
     let region = arguments.region.region(data)?;

@@ -2,6 +2,7 @@
 
 use super::arguments::{family_name, positive};
 use crate::explore::{Catalogue, Data, Object, Region, Shape, ValueRange, source_of};
+use crate::hierarchy::spacetime::Interpolation;
 use crate::import::{Source, open_with};
 use crate::look::{DataKind, data_file, one_snapshot};
 use crate::model::{FamilyName, ReadMethod, When, ron_file};
@@ -126,12 +127,24 @@ impl RegionOptions {
     }
 }
 
+/// When it is asked, of a run.
+#[derive(clap::Args, Clone, Copy, Debug, Default)]
+pub struct At {
+    /// When, of a run: a time, step:12, z:1.5, a:0.4 or last [default: the first step].
+    #[arg(long, value_name = "TIME", allow_hyphen_values = true)]
+    pub time: Option<When>,
+    /// How particles of a run move between steps: auto (along splines, fading where steps are too far apart for them), hermite, linear,
+    /// fade or hold (the step before) [default: auto].
+    #[arg(long, value_name = "HOW")]
+    pub interpolation: Option<Interpolation>,
+}
+
 /// The time that a page file or a source says of itself.
 ///
 /// # Errors
 /// When it cannot be opened.
 pub fn own_time(path: &Path) -> Result<Option<f64>, Failure> {
-    Ok(Opened::open(path, None, ReadMethod::default())?.time())
+    Ok(Opened::open(path, At::default(), ReadMethod::default())?.time())
 }
 
 /// A page file or a source, opened.
@@ -143,12 +156,13 @@ pub enum Opened {
 }
 
 impl Opened {
-    /// Opens what the path names, by its content, to be read in the way `method`; of a run the step at or before `time`, its first one
-    /// where no time is named.
+    /// Opens what the path names, by its content, to be read in the way `method`; of a run with tracks its particles at that moment, of
+    /// one of stills alone the step at or before it.
     ///
     /// # Errors
     /// When it cannot be opened, or has no such time.
-    pub fn open(path: &Path, time: Option<When>, method: ReadMethod) -> Result<Opened, Failure> {
+    pub fn open(path: &Path, at: At, method: ReadMethod) -> Result<Opened, Failure> {
+        let At { time, interpolation } = at;
         let path = &data_file(path)?;
         let opened = match DataKind::of(path)? {
             DataKind::Pages => Opened::Pages(Box::new(PageFile::open_with(path, method)?)),
@@ -156,6 +170,10 @@ impl Opened {
             DataKind::Run => {
                 let run = RunFile::open(path, method)?;
                 let moment = run.moment(time.unwrap_or(When::Step(0)))?;
+                let interpolation = interpolation.unwrap_or_default();
+                if moment.u > 0.0 && interpolation != Interpolation::Hold && run.tracks().is_ok() {
+                    return Ok(Opened::Source(Box::new(run.at(moment, interpolation)?)));
+                }
                 if moment.u > 0.0 {
                     let (step, at) = (moment.step, run.times().times[moment.step]);
                     eprintln!("deepfield: {}: between steps: what is told is of step {step}, at {at}", path.display());
@@ -169,12 +187,21 @@ impl Opened {
         }
     }
 
-    /// Opens the source behind the path: what it names, or what the page file that it names, or the step of a run, was built from.
+    /// Opens the source behind the path: what it names, or what the page file that it names was built from. A run with tracks is its own
+    /// source; of one of stills alone it is what the step was built from.
     ///
     /// # Errors
     /// When it cannot be opened, or is not what the page file was built from.
-    pub fn source(path: &Path, time: Option<When>, method: ReadMethod) -> Result<Opened, Failure> {
-        match Opened::open(path, time, method)? {
+    pub fn source(path: &Path, at: At, method: ReadMethod) -> Result<Opened, Failure> {
+        let named = data_file(path)?;
+        if DataKind::of(&named)? == DataKind::Run {
+            let run = RunFile::open(&named, method)?;
+            if run.tracks().is_ok() {
+                let moment = run.moment(at.time.unwrap_or(When::Step(0)))?;
+                return Ok(Opened::Source(Box::new(run.at(moment, at.interpolation.unwrap_or_default())?)));
+            }
+        }
+        match Opened::open(path, at, method)? {
             Opened::Pages(file) => Ok(Opened::Source(source_of(&file)?)),
             source => Ok(source),
         }

@@ -7,6 +7,7 @@ use super::request::Request;
 use crate::color::composite::Background;
 use crate::color::transfer::TransferFunction;
 use crate::cpu::Method;
+use crate::hierarchy::spacetime::Interpolation;
 use crate::look::{
     Attribute, Backend, CameraConfig, LookPatch, Member, PictureConfig, SceneFile, Shot, data_file, is_scene_file,
 };
@@ -36,9 +37,13 @@ type Failure = Box<dyn std::error::Error + Send + Sync>;
 pub struct Arguments {
     /// The source, page file or run, or a scene file.
     pub path: PathBuf,
-    /// When, of a run: a time, step:12, z:1.5, a:0.4 or last; between stored steps the one before is shown [default: the first step].
+    /// When, of a run: a time, step:12, z:1.5, a:0.4 or last [default: the first step].
     #[arg(long, value_name = "WHEN", allow_hyphen_values = true)]
     pub time: Option<When>,
+    /// How particles of a run move between steps: auto (along splines, fading where steps are too far apart for them), hermite, linear,
+    /// fade or hold (the step before) [default: auto].
+    #[arg(long, value_name = "HOW")]
+    pub interpolation: Option<Interpolation>,
     /// Another source or page file in the same picture, in the first one's units; @X,Y,Z says where its origin lies there and *SCALE
     /// how many of the first one's lengths one of its own is. Can be given several times.
     #[arg(long, value_name = "FILE[@X,Y,Z[*SCALE]]")]
@@ -198,6 +203,7 @@ impl Arguments {
             error_px: self.error_px,
             background: self.background,
             time: self.time,
+            interpolation: self.interpolation,
             ..LookPatch::default()
         });
         look.annotations = self.annotate.over(look.annotations.or(base.look.annotations.clone()));

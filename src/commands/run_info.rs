@@ -2,7 +2,7 @@
 
 use crate::model::ClockVariable;
 use crate::store::RunFile;
-use crate::store::run::Step;
+use crate::store::run::{FamilyTracks, IntervalTracks, Step};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 
@@ -20,6 +20,7 @@ pub fn json(run: &RunFile) -> Value {
         "box_size": directory.box_size,
         "bytes_per_particle_step": run.bytes() as f64 / particles.max(1) as f64,
         "steps": directory.steps.iter().enumerate().map(|(index, step)| step_json(index, step)).collect::<Vec<_>>(),
+        "intervals": directory.intervals.iter().enumerate().map(|(from, found)| interval_json(run, from, found)).collect::<Vec<_>>(),
         "notes": directory.notes,
     })
 }
@@ -36,6 +37,30 @@ fn step_json(index: usize, step: &Step) -> Value {
         "source": step.source,
         "bytes": step.still.len,
     })
+}
+
+fn interval_json(run: &RunFile, from: usize, interval: &IntervalTracks) -> Value {
+    let layout = run.directory().tracks.iter().flat_map(|tracks| &tracks.families);
+    let families = layout.zip(&interval.families).map(|(family, FamilyTracks { matches, tracks, leaves, .. })| {
+        let [mean, max] = matches.position_error;
+        json!({
+            "name": family.name,
+            "tangents": family.tangents.name(),
+            "tracks": tracks,
+            "bytes": leaves.len,
+            "matched": matches.matched,
+            "born": matches.born,
+            "vanished": matches.vanished,
+            "changed": matches.changed,
+            "ambiguous": matches.ambiguous,
+            "crossing": matches.crossing,
+            "unresolved": matches.unresolved,
+            "velocity_factor": matches.velocity_factor,
+            "leave_one_out": matches.leave_one_out.map(|off| json!({ "rms": off.rms, "p99": off.p99, "max": off.max })),
+            "position_error": { "mean": mean, "max": max },
+        })
+    });
+    json!({ "from": from, "to": from + 1, "families": families.collect::<Vec<_>>() })
 }
 
 /// The facts as a table for people.
@@ -70,6 +95,34 @@ fn write_table(text: &mut String, run: &RunFile) -> std::fmt::Result {
         let own = redshift(step.redshift.map_or(String::new(), |redshift| format!("{redshift:.4}")));
         let source = step.source.display();
         writeln!(text, "  {index:>6} {:>14}{own} {:>14} {:>14}  {source}", step.time, step.particles, step.still.len)?;
+    }
+    write_tracks(text, run)
+}
+
+/// What became of the particles from each step to the next.
+fn write_tracks(text: &mut String, run: &RunFile) -> std::fmt::Result {
+    let Some(layout) = &run.directory().tracks else { return Ok(()) };
+    writeln!(
+        text,
+        "\n  {:>9} {:>11} {:>12} {:>10} {:>10} {:>10} {:>10} {:>10} {:>12}",
+        "interval", "family", "matched", "born", "vanished", "changed", "unresolved", "velocities", "bytes"
+    )?;
+    for (from, interval) in run.directory().intervals.iter().enumerate() {
+        for (family, FamilyTracks { matches, leaves, .. }) in layout.families.iter().zip(&interval.families) {
+            let factor = matches.velocity_factor.map_or("-".into(), |factor| format!("{factor:.3}"));
+            writeln!(
+                text,
+                "  {:>9} {:>11} {:>12} {:>10} {:>10} {:>10} {:>8.1} % {factor:>10} {:>12}",
+                format!("{from} to {}", from + 1),
+                family.name.as_str(),
+                matches.matched,
+                matches.born,
+                matches.vanished,
+                matches.changed,
+                100.0 * matches.unresolved,
+                leaves.len
+            )?;
+        }
     }
     Ok(())
 }

@@ -1,9 +1,9 @@
 //! `deepfield select`: the particles of a region, or those with certain ids, as a table or as a list of ids.
 
-use super::region_options::{Opened, RegionOptions};
+use super::region_options::{At, Opened, RegionOptions};
 use super::{CommandResult, progress_bar::TerminalProgress};
 use crate::explore::{Format, IdSet, Members, Work, export, ids_of};
-use crate::model::{ReadMethod, When};
+use crate::model::ReadMethod;
 use std::path::PathBuf;
 
 /// Writes the particles of a region, or those with certain ids: as a table with every field, or as a list of ids.
@@ -19,9 +19,9 @@ use std::path::PathBuf;
 pub struct Arguments {
     /// The source, page file or run.
     pub path: PathBuf,
-    /// When, of a run: a time, step:12, z:1.5, a:0.4 or last [default: the first step].
-    #[arg(long, value_name = "WHEN", allow_hyphen_values = true)]
-    pub time: Option<When>,
+    /// When it is asked.
+    #[command(flatten)]
+    pub when: At,
     /// Which particles [default: all].
     #[command(flatten)]
     pub region: RegionOptions,
@@ -38,15 +38,15 @@ pub struct Arguments {
 /// # Errors
 /// When the data cannot be read, or the file not be written.
 pub fn run(arguments: &Arguments) -> CommandResult {
-    let Arguments { path, time, region, ids, out } = arguments;
+    let Arguments { path, when, region, ids, out } = arguments;
     let extension = out.extension().and_then(|extension| extension.to_str()).unwrap_or_default().to_ascii_lowercase();
     let format = Format::of(out);
     if format.is_none() && extension != "ids" {
         return Err(format!("{}: expected a name that ends in .csv, .parquet or .ids", out.display()).into());
     }
-    let opened = match Opened::source(path, *time, ReadMethod::default()) {
+    let opened = match Opened::source(path, *when, ReadMethod::default()) {
         Ok(source) => source,
-        Err(reason) => match Opened::open(path, *time, ReadMethod::default())? {
+        Err(reason) => match Opened::open(path, *when, ReadMethod::default())? {
             // Ids are in the source alone.
             Opened::Pages(file) if format.is_some() && ids.is_none() => {
                 eprintln!("deepfield: {reason}: values are those of the page file, without ids");

@@ -252,7 +252,7 @@ mod tests {
         let options = RunOptions { times: Some(Times::List(vec![0.0, 1.0, 4.0])), ..RunOptions::default() };
         let run = open_run(&tables, &options, ReadMethod::default()).unwrap();
         let out = folder.join("run.df");
-        build_run(run, false, &LoadOptions::default(), &BuildOptions::default(), &out, &()).unwrap();
+        build_run(run, false, None, &LoadOptions::default(), &BuildOptions::default(), &out, &()).unwrap();
         let built = |path: &std::path::Path| Ok::<_, StoreError>(path.to_owned());
         let data = OpenData::open(&[Member::new(out)], ReadMethod::default(), built).unwrap();
         Playhead::new(data, Moment::default()).unwrap()

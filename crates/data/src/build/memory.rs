@@ -104,7 +104,7 @@ impl Memory {
 }
 
 /// Half of what the machine has free.
-fn default_memory() -> u64 {
+pub(super) fn default_memory() -> u64 {
     let text = std::fs::read_to_string("/proc/meminfo").unwrap_or_default();
     let available = text.lines().find_map(|line| line.strip_prefix("MemAvailable:"));
     let kibibytes = available.and_then(|text| text.trim().trim_end_matches("kB").trim().parse::<u64>().ok());

@@ -6,11 +6,15 @@
 
 mod coding;
 mod estimates;
+mod matching;
 mod memory;
 mod partition;
 mod run;
+mod shuffle;
 mod spill;
+mod states;
 mod survey;
+mod tracks;
 mod tree;
 
 use crate::codec::quantize::MAX_ATTRIBUTES;
@@ -31,6 +35,7 @@ pub use run::{BuiltRun, build_run};
 use spill::Spill;
 use std::path::{Path, PathBuf};
 use survey::Survey;
+pub use tracks::{Matching, TrackOptions};
 
 /// Attributes that are kept when the user names none: at most this many of [`PREFERRED`] and then of the others.
 pub const DEFAULT_ATTRIBUTES: usize = 4;

@@ -1,5 +1,6 @@
 //! From many snapshots to a run file: one page file after the other, each built as it would be alone.
 
+use super::tracks::{BuiltStep, TrackBuild, TrackOptions};
 use super::{BuildError, BuildOptions, built_of, in_pool};
 use crate::import::{AttributeChoice, Description, LoadOptions, Run, RunStep, has_attribute, open_with};
 use crate::model::{Placement, Progress, Unit};
@@ -19,7 +20,8 @@ pub struct BuiltRun {
 }
 
 /// Builds the run file `out` from a run, whose sources are streamed one by one: memory and temporary files are those of the largest
-/// one alone. `skip_damaged`: leaves those out that turn out to be damaged.
+/// one alone, and of tracks those of two steps. `skip_damaged`: leaves those out that turn out to be damaged. `tracks`: how particles
+/// become tracks; `None`: the file holds stills alone.
 ///
 /// # Errors
 /// When a source cannot be read, or the file not be written. Nothing is left behind then, and a file that was there before stays as it
@@ -27,17 +29,19 @@ pub struct BuiltRun {
 pub fn build_run(
     run: Run,
     skip_damaged: bool,
+    tracks: Option<&TrackOptions>,
     load_options: &LoadOptions,
     options: &BuildOptions,
     out: &Path,
     progress: &dyn Progress,
 ) -> Result<BuiltRun, BuildError> {
-    in_pool(options, || build_steps(run, skip_damaged, load_options, options, out, progress))
+    in_pool(options, || build_steps(run, skip_damaged, tracks, load_options, options, out, progress))
 }
 
 fn build_steps(
     run: Run,
     skip_damaged: bool,
+    tracks: Option<&TrackOptions>,
     load_options: &LoadOptions,
     options: &BuildOptions,
     out: &Path,
@@ -55,21 +59,32 @@ fn build_steps(
         length_unit: first.as_ref().map(|about| about.length_unit.clone()).unwrap_or_default(),
         mass_unit: first.as_ref().map(|about| about.mass_unit.clone()).unwrap_or_default(),
         box_size: first.as_ref().and_then(|about| about.box_size),
-        notes: run.notes,
+        notes: run.notes.clone(),
         steps: Vec::with_capacity(run.steps.len()),
+        tracks: None,
+        intervals: Vec::new(),
     };
+    let load =
+        |step: &RunStep| LoadOptions { without: run.left_out.clone(), ..of_step(load_options, step, &run.steps) };
+    let mut built_steps = Vec::with_capacity(run.steps.len());
     let (total, mut temporary_bytes, mut first_error) = (run.steps.len(), 0, None);
     for (number, step) in run.steps.iter().enumerate() {
         let here = StepProgress { progress, step: number + 1, total };
-        let load = LoadOptions { without: run.left_out.clone(), ..of_step(load_options, step, &run.steps) };
         let source = open_with(&step.about.path, options.read).map_err(BuildError::from);
-        let built = source.and_then(|source| built_of(source.as_ref(), &load, options, out, &here));
+        let built = source.and_then(|source| built_of(source.as_ref(), &load(step), options, out, &here));
         match built {
             Ok(built) => {
                 let still = writer.append(built.file.file())?;
                 temporary_bytes = temporary_bytes.max(built.temporary_bytes + still.len);
                 let metadata = &built.metadata;
                 let placement = Placement { scale: step.length, mass: step.mass, ..Placement::HERE };
+                let bounds = placement.bounds(metadata.bounds());
+                built_steps.push(BuiltStep {
+                    number,
+                    means: BuiltStep::means_of(metadata),
+                    bounds,
+                    particles: metadata.particles(),
+                });
                 directory.steps.push(Step {
                     source: metadata.provenance.path.clone(),
                     format: metadata.provenance.format.clone(),
@@ -78,7 +93,7 @@ fn build_steps(
                     redshift: metadata.provenance.redshift,
                     particles: metadata.particles(),
                     mass: metadata.families.iter().map(|family| family.mass).sum::<f64>() * step.mass,
-                    bounds: placement.bounds(metadata.bounds()),
+                    bounds,
                     length_scale: step.length,
                     mass_scale: step.mass,
                     still,
@@ -95,6 +110,16 @@ fn build_steps(
     }
     if let (true, Some(error)) = (directory.steps.is_empty(), first_error) {
         return Err(error.into());
+    }
+    if let Some(tracks) = tracks.filter(|_| built_steps.len() > 1) {
+        let load = |step: usize| load(&run.steps[built_steps[step].number]);
+        let (run, steps, box_size) = (&run, &built_steps[..], directory.box_size);
+        let built =
+            TrackBuild { run, steps, load: &load, tracks, options, out, box_size }.build(&mut writer, progress)?;
+        built.notes.iter().for_each(|note| progress.say(&format!("note: {note}")));
+        directory.notes.extend(built.notes);
+        temporary_bytes = temporary_bytes.max(built.temporary_bytes);
+        (directory.tracks, directory.intervals) = (Some(built.layout), built.intervals);
     }
     let bytes = writer.finish(&directory)?;
     Ok(BuiltRun { directory, bytes, temporary_bytes })
@@ -118,10 +143,11 @@ fn of_step(options: &LoadOptions, step: &RunStep, steps: &[RunStep]) -> LoadOpti
 }
 
 /// Says which step a stage belongs to.
-struct StepProgress<'a> {
-    progress: &'a dyn Progress,
-    step: usize,
-    total: usize,
+pub(super) struct StepProgress<'a> {
+    pub progress: &'a dyn Progress,
+    /// The step, counted from 1.
+    pub step: usize,
+    pub total: usize,
 }
 
 impl Progress for StepProgress<'_> {

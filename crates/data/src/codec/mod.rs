@@ -10,6 +10,7 @@ pub mod positions;
 pub mod quantize;
 pub mod quantizer;
 pub mod scaling;
+pub mod states;
 
 mod pca_split;
 

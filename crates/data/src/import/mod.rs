@@ -35,5 +35,5 @@ pub use load::{AttributeChoice, DEFAULT_NEIGHBOURS, LoadOptions, Smoothing, load
 pub use rows::{FamilyRows, Scalar};
 pub use run::{Run, RunOptions, RunStep, Times, open_run, sources_of};
 pub use source::{Description, FamilyInfo, Field, FieldKind, Source};
-pub use stream::{SourceStream, Streams, streams};
+pub use stream::{SourceStream, StateChunk, Streams, streams};
 pub use summary::{FamilySummary, FieldSummary, Statistic, Summary, summarize, summarize_source};

@@ -4,7 +4,7 @@ use super::attributes::{self, Planned};
 use super::check::{CHUNK_LENGTH, Flaws, LeftOut, chunks, drawable};
 use super::choice::Chosen;
 use super::load::{about_dataset, check_families};
-use super::{FamilyInfo, ImportError, LoadOptions, Source};
+use super::{FamilyInfo, FieldKind, ImportError, LoadOptions, Source};
 use crate::model::{Chunk, Dataset, FamilyName, ParticleStream, Skipped, StreamError, Unit};
 use std::cell::RefCell;
 use std::ops::Range;
@@ -55,6 +55,17 @@ pub fn streams<'a>(
     Ok(Streams { about: about_dataset(about, notes), families })
 }
 
+/// A run of particles, who they are and how they move.
+#[derive(Clone, Debug, Default)]
+pub struct StateChunk {
+    /// What every stream gives.
+    pub chunk: Chunk,
+    /// Their ids.
+    pub ids: Vec<u64>,
+    /// Their velocities, as the source has them.
+    pub velocities: Vec<[f64; 3]>,
+}
+
 /// One family of a source. Particles that cannot be drawn are left out, by the rule of [`super::load`].
 pub struct SourceStream<'a> {
     source: &'a dyn Source,
@@ -78,13 +89,62 @@ impl SourceStream<'_> {
         all.into_skipped()
     }
 
-    /// Reads a chunk as [`ParticleStream::read`] does.
+    /// Whether smoothing lengths or densities are to be estimated, for all particles or for some.
+    pub fn is_lacking(&self) -> bool {
+        self.chosen.smoothing_length.is_none() || self.chosen.density.is_none()
+    }
+
+    /// Unit of velocities; `None` where there are none.
+    pub fn velocity_unit(&self) -> Option<&Unit> {
+        self.info.find(FieldKind::Velocity).map(|field| &self.info.fields[field].unit)
+    }
+
+    /// Reads a chunk with who its particles are and how they move. Without velocities they are `NaN`; where `by_row`, ids are the
+    /// particles' rows in the source.
+    ///
+    /// # Errors
+    /// When the source cannot be read, or has no ids where they are asked for.
+    pub fn read_states(&self, number: usize, by_row: bool, into: &mut StateChunk) -> Result<(), ImportError> {
+        let keep = self.chunk(number, &mut into.chunk)?;
+        let range = self.range(number);
+        let len = (range.end - range.start) as usize;
+        into.ids.clear();
+        if by_row {
+            into.ids.extend(range.clone());
+        } else {
+            let field = self.info.find(FieldKind::Id).ok_or_else(|| {
+                let about = self.source.description();
+                ImportError::missing(&about.path, format!("{}: ids", self.info.name), "ids")
+            })?;
+            into.ids.resize(len, 0);
+            self.source.read_ids(self.family, field, range.clone(), &mut into.ids)?;
+        }
+        into.velocities.clear();
+        into.velocities.resize(len, [f64::NAN; 3]);
+        if let Some(field) = self.info.find(FieldKind::Velocity) {
+            self.source.read(self.family, field, range, into.velocities.as_flattened_mut())?;
+        }
+        if let Some(keep) = keep {
+            let mut flags = keep.iter();
+            into.ids.retain(|_| flags.next().copied().unwrap_or(false));
+            let mut flags = keep.iter();
+            into.velocities.retain(|_| flags.next().copied().unwrap_or(false));
+        }
+        Ok(())
+    }
+
+    /// The rows of a chunk.
+    fn range(&self, number: usize) -> Range<u64> {
+        let start = (number * CHUNK_LENGTH) as u64;
+        start..self.info.count.min(start + CHUNK_LENGTH as u64)
+    }
+
+    /// Reads a chunk as [`ParticleStream::read`] does; says which rows were kept, `None` where all were.
     ///
     /// # Errors
     /// When the source cannot be read.
-    pub(super) fn chunk(&self, number: usize, into: &mut Chunk) -> Result<(), ImportError> {
-        let start = (number * CHUNK_LENGTH) as u64;
-        let range = start..self.info.count.min(start + CHUNK_LENGTH as u64);
+    pub(super) fn chunk(&self, number: usize, into: &mut Chunk) -> Result<Option<Vec<bool>>, ImportError> {
+        let range = self.range(number);
         let len = (range.end - range.start) as usize;
         into.positions.resize(len, [0.0; 3]);
         self.source.read(self.family, self.chosen.position, range.clone(), into.positions.as_flattened_mut())?;
@@ -110,7 +170,8 @@ impl SourceStream<'_> {
         };
         let keep: Vec<bool> = (0..len).map(|i| flaws(i).none()).collect();
         let first = !self.counted[number].swap(true, Ordering::Relaxed);
-        if keep.contains(&false) {
+        let all = !keep.contains(&false);
+        if !all {
             if first {
                 let mut left_out = self.left_out.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
                 (0..len).for_each(|i| left_out.count(flaws(i)));
@@ -124,7 +185,7 @@ impl SourceStream<'_> {
             }
         }
         into.density.iter_mut().filter(|rho| !drawable(**rho)).for_each(|rho| *rho = f32::NAN);
-        Ok(())
+        Ok((!all).then_some(keep))
     }
 
     fn column(
@@ -173,6 +234,7 @@ impl ParticleStream for SourceStream<'_> {
     }
 
     fn read(&self, number: usize, into: &mut Chunk) -> Result<(), StreamError> {
-        Ok(self.chunk(number, into)?)
+        self.chunk(number, into)?;
+        Ok(())
     }
 }

@@ -77,6 +77,15 @@ impl ClockVariable {
     pub const ALL: [ClockVariable; 3] =
         [ClockVariable::Time, ClockVariable::ScaleFactor, ClockVariable::LogScaleFactor];
 
+    /// Its word on the command line and in JSON.
+    pub fn name(self) -> &'static str {
+        match self {
+            ClockVariable::Time => "time",
+            ClockVariable::ScaleFactor => "scale-factor",
+            ClockVariable::LogScaleFactor => "log-scale-factor",
+        }
+    }
+
     /// The clock of a run like this snapshot, where nobody chooses one: the scale factor of comoving data, else time.
     pub fn of(epoch: &Epoch) -> ClockVariable {
         if epoch.is_comoving() { ClockVariable::ScaleFactor } else { ClockVariable::Time }
@@ -132,6 +141,7 @@ mod tests {
     fn names_in_files() {
         let names = ClockVariable::ALL.map(|clock| serde_json::to_string(&clock).unwrap());
         assert_eq!(names, [r#""time""#, r#""scale-factor""#, r#""log-scale-factor""#]);
+        assert_eq!(names, ClockVariable::ALL.map(|clock| format!("{:?}", clock.name())));
     }
 
     #[test]

@@ -23,7 +23,7 @@ pub mod units;
 
 pub use bounds::Bounds;
 pub use clock::{ClockVariable, Epoch, Motion};
-pub use cosmology::Cosmology;
+pub use cosmology::{Cosmology, redshift_of, scale_factor_of};
 pub use family_name::FamilyName;
 pub use kernel::Kernel;
 pub use moment::{Moment, StepTimes, When};

@@ -1,5 +1,6 @@
 //! Moments of a run: how a user names one, and where it lies between the steps that are stored.
 
+use super::{redshift_of, scale_factor_of};
 use serde::de::{Error as _, Unexpected};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::fmt;
@@ -158,6 +159,18 @@ impl StepTimes {
                 })
             }
         }
+    }
+
+    /// The redshift of a moment, whose scale factor is between those of the steps; `None` where steps have none.
+    pub fn redshift(&self, moment: Moment) -> Option<f64> {
+        let redshifts = self.redshifts.as_ref()?;
+        let at = |step: usize| redshifts.get(step).or(redshifts.last()).copied();
+        let begin = at(moment.step)?;
+        if moment.u <= 0.0 {
+            return Some(begin);
+        }
+        let factors = [scale_factor_of(begin)?, scale_factor_of(at(moment.step + 1)?)?];
+        redshift_of(factors[0] + moment.u * (factors[1] - factors[0]))
     }
 
     /// The time of a moment, in the unit of the steps' times.

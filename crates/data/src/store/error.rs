@@ -49,6 +49,12 @@ pub enum StoreError {
         /// What there is.
         reason: String,
     },
+    /// A run of stills alone, where tracks are asked for.
+    #[error("{path}: the run holds stills alone; build it without --stills-only to have its particles between steps")]
+    NoTracks {
+        /// The run.
+        path: PathBuf,
+    },
     /// A page file whose content breaks a promise of the format.
     #[error("{path}: {place}: {expected}")]
     Damaged {

@@ -91,6 +91,10 @@ impl<'a> Decoder<'a> {
         self.array(field).map(f64::from_le_bytes)
     }
 
+    pub fn f32(&mut self, field: &str) -> Result<f32, Damage> {
+        self.array(field).map(f32::from_le_bytes)
+    }
+
     pub fn vec3(&mut self, field: &str) -> Result<DVec3, Damage> {
         Ok(DVec3::new(self.f64(field)?, self.f64(field)?, self.f64(field)?))
     }

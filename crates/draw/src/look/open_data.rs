@@ -110,7 +110,7 @@ impl OpenData {
     /// [`StoreError`] where a file cannot be read or cannot be shown with the others.
     pub fn at(&self, moment: Moment) -> Result<(PageFile, Vec<String>), StoreError> {
         let clock = self.run();
-        let time = clock.map(|run| run.times().time(moment));
+        let time = clock.map(|run| run.time(moment));
         let file = |data: &Data| match data {
             Data::Pages(path) => PageFile::open_with(path, self.read),
             Data::Run(run) if clock.is_some_and(|clock| Arc::ptr_eq(clock, run)) => run.placed_still(moment.step),

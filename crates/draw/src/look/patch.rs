@@ -6,6 +6,7 @@ use crate::annotate::Annotations;
 use crate::color::composite::Background;
 use crate::color::transfer::TransferFunction;
 use crate::explore::ExploreError;
+use crate::hierarchy::spacetime::Interpolation;
 use crate::mode::setting::SettingError;
 use crate::mode::{Mode, Setting, SettingValue, Settings, lod_budget};
 use crate::model::ron_file::RonError;
@@ -67,6 +68,8 @@ macro_rules! define_looks {
             pub families: Option<Vec<FamilyName>>,
             /// When it is, of data that has times.
             pub time: Option<When>,
+            /// How particles move between the steps of a run.
+            pub interpolation: Option<Interpolation>,
             $($(#[$doc])* pub $field: Option<$type>,)*
         }
 
@@ -93,6 +96,7 @@ macro_rules! define_looks {
                     attribute: Some(self.attribute.clone()),
                     families: None,
                     time: None,
+                    interpolation: None,
                     $($field: Some(self.$field.clone()),)*
                 }
             }
@@ -112,6 +116,7 @@ macro_rules! define_looks {
                 all.attribute = next.attribute.clone().or(all.attribute);
                 all.families = next.families.clone().or(all.families);
                 all.time = next.time.or(all.time);
+                all.interpolation = next.interpolation.or(all.interpolation);
                 $(all.$field = next.$field.clone().or(all.$field);)*
                 all
             }
@@ -134,6 +139,7 @@ macro_rules! define_looks {
                         (own, next) => next.clone().filter(|_| own != next),
                     },
                     time: next.time.filter(|_| self.time != next.time),
+                    interpolation: next.interpolation.filter(|_| self.interpolation != next.interpolation),
                     $($field: next.$field.clone().filter(|_| self.$field != next.$field),)*
                 };
                 if another_mode {
@@ -175,14 +181,16 @@ macro_rules! define_look_text {
             families: Option<Vec<$crate::model::FamilyName>>,
             #[serde(default, skip_serializing_if = "Option::is_none")]
             time: Option<$crate::model::When>,
+            #[serde(default, skip_serializing_if = "Option::is_none")]
+            interpolation: Option<$crate::hierarchy::spacetime::Interpolation>,
             $(#[serde(default, skip_serializing_if = "Option::is_none")] $field: Option<$type>,)*
         }
 
         impl From<$text> for $whole {
             fn from(text: $text) -> $whole {
-                let $text { $($own,)* mode, settings, budget, attribute, families, time, $($field,)* } = text;
+                let $text { $($own,)* mode, settings, budget, attribute, families, time, interpolation, $($field,)* } = text;
                 let attribute = attribute.map(Into::into);
-                let look = $crate::look::LookPatch { mode, settings, budget, attribute, families, time, $($field,)* };
+                let look = $crate::look::LookPatch { mode, settings, budget, attribute, families, time, interpolation, $($field,)* };
                 $whole { $($own,)* look: look.with_early_budget() }
             }
         }
@@ -194,8 +202,8 @@ macro_rules! define_look_text {
     ) => {
         impl From<$whole> for $text {
             fn from($whole { $($own,)* look }: $whole) -> $text {
-                let $crate::look::LookPatch { mode, settings, budget, attribute, families, time, $($field,)* } = look;
-                $text { $($own,)* mode, settings, budget, attribute, families, time, $($field,)* }
+                let $crate::look::LookPatch { mode, settings, budget, attribute, families, time, interpolation, $($field,)* } = look;
+                $text { $($own,)* mode, settings, budget, attribute, families, time, interpolation, $($field,)* }
             }
         }
     };

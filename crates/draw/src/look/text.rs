@@ -1,6 +1,6 @@
 //! Scenes as text: read with every mistake named by its place, written under a temporary name first.
 
-use super::{SceneFile, VERSION, VERSION_TIME, check};
+use super::{LookPatch, SceneFile, VERSION, VERSION_TIME, check};
 use crate::model::new_file;
 use crate::model::ron_file::{self, RonError};
 use std::path::{Path, PathBuf};
@@ -74,8 +74,8 @@ impl SceneFile {
     /// The first version that can say it.
     fn least_version(&self) -> u32 {
         let before = self.film.as_ref().and_then(|film| film.from.as_ref());
-        let has_time = self.look.time.is_some() || before.is_some_and(|before| before.look.time.is_some());
-        if has_time { VERSION_TIME } else { VERSION }
+        let is_timed = |look: &LookPatch| look.time.is_some() || look.interpolation.is_some();
+        if is_timed(&self.look) || before.is_some_and(|before| is_timed(&before.look)) { VERSION_TIME } else { VERSION }
     }
 
     /// The scene as text.

@@ -7,6 +7,7 @@ use crate::color::Image;
 use crate::explore::data::source_of;
 use crate::explore::marks::{self, Layer, Marks};
 use crate::explore::{Catalogue, Data, ExploreError, FoundIds, IdSet, Members, Places, SelectionSet, Work};
+use crate::import::Source;
 use crate::look::Shot;
 use crate::mode::Depiction;
 use crate::model::{Bounds, FamilyName, Unit};
@@ -95,23 +96,22 @@ impl Annotation {
         Ok(Annotation { marks: layer, ..self })
     }
 
-    /// With selections over the picture of the particles of the source at `path`; of `families` alone.
+    /// With selections over the picture of the particles of a source; of `families` alone.
     ///
     /// # Errors
     /// When a selection makes no sense, or the source cannot be read.
     pub(super) fn with_source_selections(
         self,
         selections: &[SelectionSet],
-        path: &Path,
+        source: &dyn Source,
         families: &[FamilyName],
         reporter: &dyn Reporter,
     ) -> Result<Annotation, ExploreError> {
         let (shown, alone) = marks::shown(selections);
-        let source = crate::import::open(path)?;
-        let periodic = Data::Source(source.as_ref()).periodic_edge()?;
+        let periodic = Data::Source(source).periodic_edge()?;
         let mut sets = Vec::new();
         for set in shown {
-            match Places::of(source.as_ref(), &set.members, periodic, Work::told(&*reporter.progress())) {
+            match Places::of(source, &set.members, periodic, Work::told(&*reporter.progress())) {
                 // What the source does not have is left out, as in other pictures.
                 Err(error @ ExploreError::Missing { .. }) => reporter.tell(not_drawn(&set.name, &error)),
                 places => sets.push((places?, set.rgb().unwrap_or([255; 3]))),

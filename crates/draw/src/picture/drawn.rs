@@ -7,6 +7,7 @@ use super::lettering::{self, Sheet};
 use crate::annotate::overlay::mix_into;
 use crate::color::transfer::{Levels, TransferFunction};
 use crate::color::{Image, composite, output};
+use crate::hierarchy::spacetime::Interpolation;
 use crate::look::{Film, Shot};
 use crate::mode::Raw;
 use crate::model::Moment;
@@ -44,7 +45,7 @@ pub struct Picture {
 }
 
 /// The moment of a run that a picture shows.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct ShownMoment {
     /// Its time, in the unit of the steps' times.
     pub time: f64,
@@ -54,16 +55,21 @@ pub struct ShownMoment {
     pub interval: Option<usize>,
     /// Place within the interval, from 0 to below 1.
     pub u: f64,
-    /// What is shown between steps: `hold`, the step before.
-    pub interpolation: &'static str,
+    /// What is shown between steps.
+    pub interpolation: Interpolation,
+    /// Particles that move along tracks; 0 where a stored step is shown.
+    pub tracks_drawn: u64,
+    /// Mass of what fades from place to place, since its steps are too far apart.
+    pub faded_mass: f64,
 }
 
 impl ShownMoment {
-    /// A moment of a run.
+    /// A moment of a run whose stored steps are shown.
     pub fn of(run: &RunFile, moment: Moment) -> ShownMoment {
         let Moment { step, u } = moment;
         let interval = (u > 0.0).then_some(step);
-        ShownMoment { time: run.times().time(moment), step, interval, u, interpolation: "hold" }
+        let time = run.time(moment);
+        ShownMoment { time, step, interval, u, interpolation: Interpolation::Hold, tracks_drawn: 0, faded_mass: 0.0 }
     }
 }
 

@@ -18,9 +18,12 @@ use crate::cpu::Method;
 use crate::cpu::overdraw::Overdraw;
 use crate::cpu::volume::VolumeError;
 use crate::explore::selection::Show;
+use crate::hierarchy::spacetime::Interpolation;
+use crate::import::{AttributeChoice, LoadOptions, Source, load_source, open};
 use crate::look::{Backend, LookPatch, Member, OpenData, SceneFile, Shot, shown_families};
 use crate::mode::{Depiction, LodBudget, Mode, Output, Plan, Raw};
-use crate::model::{Bounds, FamilyName, Moment, Progress, ReadMethod, When};
+use crate::model::{Bounds, FamilyName, Moment, Progress, ReadMethod};
+use crate::store::run::RunSnapshot;
 use crate::store::{InMemory, NodeRef, PageFile, RunFile, Tree};
 use crate::stream::{Scene, SceneNode, SceneSelection, first_frame};
 use crate::view::perspective_grid::GridError;
@@ -79,6 +82,8 @@ enum Data {
     Pages(Arc<PageFile>),
     /// The particles of sources, of which the first is here.
     Source(PathBuf),
+    /// The particles of a run between two steps.
+    Moment(Box<RunSnapshot>),
 }
 
 /// Open data, and what draws pictures of it.
@@ -90,6 +95,8 @@ pub struct Session {
     opened: Option<OpenData>,
     /// The moment of the run that is open.
     moment: Moment,
+    /// What moves there along tracks; `None` where a stored step is open.
+    moving: Option<ShownMoment>,
     scene: Scene,
     /// What the first picture of some families shows, since that takes reading.
     framed: Option<(Vec<u32>, Bounds)>,
@@ -139,6 +146,7 @@ impl Session {
             data,
             opened: None,
             moment: Moment::default(),
+            moving: None,
             scene,
             framed,
             loading,
@@ -158,6 +166,7 @@ impl Session {
             data: Data::Pages(file),
             opened: None,
             moment: Moment::default(),
+            moving: None,
             framed: None,
             loading: None,
             ahead: None,
@@ -206,15 +215,43 @@ impl Session {
         self.opened.as_ref().and_then(OpenData::run)
     }
 
-    /// Opens the step that is shown at a moment, unless it is open: the one at or before it. Data without times has but one.
-    fn go_to(&mut self, when: Option<When>) -> Result<(), PictureError> {
+    /// Opens what is shown at a moment, unless it is open: between the steps of a run its tracks, else the step at or before it. Data
+    /// without times has but one.
+    fn go_to(&mut self, look: &LookPatch) -> Result<(), PictureError> {
         let Some(opened) = &self.opened else { return Ok(()) };
-        let Some(moment) = opened.moment(when)? else { return Ok(()) };
-        if moment.step != self.moment.step {
-            let file = Arc::new(opened.at(moment)?.0);
-            self.scene = Scene::new(Arc::clone(&file), u64::MAX);
-            self.data = Data::Pages(file);
-            (self.framed, self.hiding) = (None, None);
+        let Some(moment) = opened.moment(look.time)? else { return Ok(()) };
+        let interpolation = look.interpolation.unwrap_or_default();
+        let run = opened.run().filter(|run| {
+            let moves = moment.u > 0.0 && interpolation != Interpolation::Hold;
+            // Runs among other datasets are shown by their steps.
+            moves && self.members.len() == 1 && run.tracks().is_ok()
+        });
+        let is_open = |moving: &ShownMoment| (self.moment, moving.interpolation) == (moment, interpolation);
+        match run {
+            Some(_) if self.moving.as_ref().is_some_and(is_open) => {}
+            Some(run) => {
+                let snapshot = run.at(moment, interpolation)?;
+                let options = LoadOptions { attributes: AttributeChoice::All, ..LoadOptions::default() };
+                let mut dataset = load_source(&snapshot, &options, &())?;
+                let units = (&dataset.length_unit.clone(), &dataset.mass_unit.clone());
+                self.members[0].placement(units, units).place(&mut dataset);
+                self.moving = Some(ShownMoment {
+                    interpolation,
+                    tracks_drawn: dataset.families.iter().map(|family| family.len() as u64).sum(),
+                    faded_mass: snapshot.faded_mass(),
+                    ..ShownMoment::of(run, moment)
+                });
+                self.scene = Scene::new(InMemory::new(dataset), u64::MAX);
+                self.data = Data::Moment(Box::new(snapshot));
+                (self.framed, self.hiding) = (None, None);
+            }
+            None if moment.step != self.moment.step || self.moving.is_some() => {
+                let file = Arc::new(opened.at(moment)?.0);
+                self.scene = Scene::new(Arc::clone(&file), u64::MAX);
+                self.data = Data::Pages(file);
+                (self.framed, self.hiding, self.moving) = (None, None, None);
+            }
+            None => {}
         }
         self.moment = moment;
         Ok(())
@@ -222,7 +259,7 @@ impl Session {
 
     /// The moment of the run that the last picture shows; `None` for data without times.
     fn shown_moment(&self) -> Option<ShownMoment> {
-        Some(ShownMoment::of(self.run()?, self.moment))
+        self.moving.or_else(|| Some(ShownMoment::of(self.run()?, self.moment)))
     }
 
     /// The box that a picture of a look's families is framed by.
@@ -230,7 +267,7 @@ impl Session {
     /// # Errors
     /// When the data has none of them, or its step cannot be opened.
     pub fn framed(&mut self, look: &LookPatch) -> Result<Bounds, PictureError> {
-        self.go_to(look.time)?;
+        self.go_to(look)?;
         let families = self.families(look)?;
         match &self.framed {
             Some((known, framed)) if *known == families => Ok(*framed),
@@ -341,7 +378,7 @@ impl Session {
         &mut self,
         look: &LookPatch,
     ) -> Result<(Arc<dyn Tree>, Depiction, TransferFunction), PictureError> {
-        self.go_to(look.time)?;
+        self.go_to(look)?;
         let tree = Arc::clone(self.tree());
         let depiction = depict(look, tree.metadata()).map_err(|why| PictureError::of(self.path(), why))?;
         self.scene.families = self.families(look)?;
@@ -373,6 +410,13 @@ impl Session {
         let (shown, missing): (Vec<bool>, _) = match (&self.data, self.options.family) {
             // Nothing else was loaded.
             (Data::Source(_), _) => (vec![true; families.len()], Vec::new()),
+            (Data::Moment(_), None) => {
+                let named = self.members.first().and_then(|member| member.families.as_ref()).or(look.families.as_ref());
+                let is_shown = |name| named.is_none_or(|named| named.contains(name));
+                let missing = named.into_iter().flatten();
+                let missing = missing.filter(|name| families.iter().all(|family| family.name != **name));
+                (families.iter().map(|family| is_shown(&family.name)).collect(), missing.copied().collect())
+            }
             (_, Some(only)) => (families.iter().map(|family| family.name == only).collect(), vec![only]),
             (Data::Pages(file), None) => {
                 let own = |member: &Member| Member {
@@ -663,15 +707,24 @@ impl Session {
         let selections = look.selections.as_deref().unwrap_or_default();
         Ok(match &self.data {
             Data::Pages(file) => annotation.with_selections(selections, file, &selection.nodes, &*self.reporter)?,
-            Data::Source(_) if selections.iter().all(|set| set.show == Show::Hidden) => annotation,
-            Data::Source(path) => {
+            _ if selections.iter().all(|set| set.show == Show::Hidden) => annotation,
+            Data::Source(_) | Data::Moment(_) => {
                 if !matches!(&self.members[..], [only] if only.offset == DVec3::ZERO && only.scale.is_none()) {
-                    let why = "an exact picture of several or moved datasets leaves the selections out";
+                    let why = "a picture of particles of several or moved datasets leaves the selections out";
                     self.reporter.tell(why.into());
                     return Ok(annotation);
                 }
                 let names: Vec<FamilyName> = self.tree().metadata().families.iter().map(|own| own.name).collect();
-                annotation.with_source_selections(selections, path, &names, &*self.reporter)?
+                let opened;
+                let source: &dyn Source = match &self.data {
+                    Data::Source(path) => {
+                        opened = open(path)?;
+                        opened.as_ref()
+                    }
+                    Data::Moment(snapshot) => &**snapshot,
+                    Data::Pages(_) => return Ok(annotation),
+                };
+                annotation.with_source_selections(selections, source, &names, &*self.reporter)?
             }
         })
     }

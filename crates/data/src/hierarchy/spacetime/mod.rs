@@ -1,7 +1,11 @@
 //! The space-time hierarchy of trajectories (F12 chapter 6): particles as tracks from step to step.
 
 pub mod differences;
+pub mod lattice;
 pub mod spline;
+pub mod tracks;
 
 pub use differences::{chord, difference_at};
+pub use lattice::Lattice;
 pub use spline::HermiteSpline;
+pub use tracks::{Interpolation, Interval, Moving, TrackEnd, TrackFlags, Tracks};

@@ -56,6 +56,8 @@ pub struct RunOptions {
     pub skip_damaged: bool,
     /// Attributes that were asked for by name.
     pub attributes: Option<Vec<String>>,
+    /// What time is counted in; `None`: the scale factor of comoving data, else time.
+    pub clock: Option<ClockVariable>,
 }
 
 /// A step of a run.
@@ -65,6 +67,8 @@ pub struct RunStep {
     pub about: Description,
     /// Its time: that of its header, of comoving data the scale factor, unless told otherwise.
     pub time: f64,
+    /// The value of the run's clock.
+    pub clock: f64,
     /// How many of the run's lengths, the first step's, one of its own is.
     pub length: f64,
     /// The same of masses.
@@ -80,6 +84,8 @@ pub struct Run {
     pub left_out: Vec<String>,
     /// What times are.
     pub clock: ClockVariable,
+    /// Whether times are those of the headers.
+    pub is_timed_by_headers: bool,
     /// What was assumed, converted or left out, one sentence each.
     pub notes: Vec<String>,
 }
@@ -124,8 +130,18 @@ pub fn open_run(files: &[PathBuf], options: &RunOptions, method: ReadMethod) -> 
     agree::scale(&mut steps, &mut notes)?;
     let left_out = agree::left_out(&steps, options.attributes.as_deref(), &mut notes)?;
     let is_comoving = options.times.is_none() && steps.iter().all(|step| step.about.scale_factor.is_some());
-    let clock = if is_comoving { ClockVariable::ScaleFactor } else { ClockVariable::Time };
-    Ok(Run { steps, left_out, clock, notes })
+    let usual = if is_comoving { ClockVariable::ScaleFactor } else { ClockVariable::Time };
+    let clock = options.clock.unwrap_or(usual);
+    if clock != usual {
+        for step in &mut steps {
+            let value = clock.value(&step.about.epoch()).filter(|_| is_comoving);
+            step.clock = value.ok_or_else(|| {
+                let expected = "comoving data whose header has a cosmology, and no --times";
+                ImportError::missing(&step.about.path, "--clock", expected)
+            })?;
+        }
+    }
+    Ok(Run { steps, left_out, clock, is_timed_by_headers: options.times.is_none(), notes })
 }
 
 /// What each source says about itself, in the order of `files`, with a place in that order.
@@ -184,7 +200,8 @@ fn timed(opened: Vec<(usize, Description)>, times: Option<&Times>) -> Result<Vec
         Some(Times::List(list)) => Ok(list.get(number).copied().unwrap_or(number as f64)),
     };
     let step = |(number, about): (usize, Description)| {
-        Ok(RunStep { time: time(number, &about)?, about, length: 1.0, mass: 1.0 })
+        let time = time(number, &about)?;
+        Ok(RunStep { time, clock: time, about, length: 1.0, mass: 1.0 })
     };
     opened.into_iter().map(step).collect()
 }

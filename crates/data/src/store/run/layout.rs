@@ -2,7 +2,8 @@
 //!
 //! `docs/series-file.md` holds the same tables; a test compares them with the constants here.
 
-use crate::model::{Bounds, ClockVariable, StepTimes, Unit};
+use super::track_layout::{IntervalTracks, TrackLayout};
+use crate::model::{Bounds, ClockVariable, Moment, StepTimes, Unit};
 use crate::store::error::Damage;
 use crate::store::layout::{ALIGNMENT, align_up, u32_at, u64_at};
 use crate::store::wire::{Decoder, Encoder};
@@ -10,8 +11,8 @@ use std::path::PathBuf;
 
 /// First bytes of the file.
 pub const MAGIC: [u8; 8] = *b"\x89DFS\r\n\x1a\n";
-/// Version of files of stills alone.
-pub const VERSION: u32 = 1;
+/// Version of the file.
+pub const VERSION: u32 = 2;
 /// Bytes of the header that hold something; the rest of its block is zero.
 pub const HEADER_LEN: usize = 64;
 /// What messages call the directory.
@@ -28,6 +29,24 @@ pub struct Section {
     pub offset: u64,
     /// Bytes, without the zeros up to the next section.
     pub len: u64,
+}
+
+impl Section {
+    /// Where the section behind it begins; `None` where no file reaches that far.
+    pub(super) fn after(self) -> Option<u64> {
+        self.offset.checked_add(self.len).and_then(|end| align_up(end, ALIGNMENT))
+    }
+
+    pub(super) fn decode(input: &mut Decoder) -> Result<Section, Damage> {
+        Ok(Section { offset: input.u64("a section's place")?, len: input.u64("a section's length")? })
+    }
+}
+
+impl Encoder {
+    pub(super) fn section(&mut self, section: Section) {
+        self.u64(section.offset);
+        self.u64(section.len);
+    }
 }
 
 /// A stored step.
@@ -74,6 +93,10 @@ pub struct Directory {
     pub notes: Vec<String>,
     /// The steps, each later than the one before; at least one.
     pub steps: Vec<Step>,
+    /// What the tracks have in common; `None` in a file of stills alone.
+    pub tracks: Option<TrackLayout>,
+    /// The tracks from each step to the next; none in a file of stills alone.
+    pub intervals: Vec<IntervalTracks>,
 }
 
 impl Directory {
@@ -83,6 +106,25 @@ impl Directory {
         // Scale factors that do not rise say nothing about when a step is.
         let rises = |redshifts: &Vec<f64>| redshifts.windows(2).all(|pair| pair[1] < pair[0]);
         StepTimes { times: self.steps.iter().map(|step| step.time).collect(), redshifts: redshifts.filter(rises) }
+    }
+
+    /// Whether positions are comoving: times are scale factors unless the clock counts time, which is that since the beginning.
+    pub fn is_comoving(&self) -> bool {
+        self.tracks.as_ref().is_some_and(|tracks| tracks.is_comoving)
+    }
+
+    /// The share of an interval of the clock that has passed at a moment whose `u` is by times, where the two differ: the times of
+    /// comoving steps are scale factors, and their clock may count time or the logarithm.
+    pub(super) fn clock_share(&self, moment: Moment) -> Option<f64> {
+        let tracks = self.tracks.as_ref().filter(|tracks| tracks.is_comoving)?;
+        if self.clock == ClockVariable::ScaleFactor || moment.u <= 0.0 {
+            return None;
+        }
+        let (begin, end) = (tracks.clock.get(moment.step)?, tracks.clock.get(moment.step + 1)?);
+        let factors = [self.steps.get(moment.step)?.time, self.steps.get(moment.step + 1)?.time];
+        let scale_factor = factors[0] + moment.u * (factors[1] - factors[0]);
+        let value = tracks.clock_at(self.clock, scale_factor)?;
+        Some(((value - begin) / (end - begin)).clamp(0.0, 1.0))
     }
 
     /// The directory's bytes.
@@ -108,8 +150,12 @@ impl Directory {
             out.vec3(step.bounds.max);
             out.f64(step.length_scale);
             out.f64(step.mass_scale);
-            out.u64(step.still.offset);
-            out.u64(step.still.len);
+            out.section(step.still);
+        }
+        out.u8(u8::from(self.tracks.is_some()));
+        if let Some(tracks) = &self.tracks {
+            tracks.encode(&mut out);
+            self.intervals.iter().for_each(|interval| interval.encode(&mut out));
         }
         out.bytes
     }
@@ -127,13 +173,25 @@ impl Directory {
         let notes = (0..input.count(4, "notes")?).map(|_| input.text("a note")).collect::<Result<_, _>>()?;
         let count = input.count(LEAST_STEP, "steps")?;
         let steps = (0..count).map(|_| decode_step(&mut input)).collect::<Result<Vec<_>, _>>()?;
+        let (tracks, intervals) = match input.u8("whether there are tracks")? {
+            0 => (None, Vec::new()),
+            1 => {
+                let layout = TrackLayout::decode(&mut input, steps.len())?;
+                let families = layout.families.len();
+                let interval = |_| IntervalTracks::decode(&mut input, families);
+                let intervals = (1..steps.len()).map(interval).collect::<Result<_, _>>()?;
+                (Some(layout), intervals)
+            }
+            other => return Err(Damage::new(PLACE, format!("tracks (1) or none (0), found {other}"))),
+        };
         input.finish()?;
-        let directory = Directory { clock, time_unit, length_unit, mass_unit, box_size, notes, steps };
+        let directory =
+            Directory { clock, time_unit, length_unit, mass_unit, box_size, notes, steps, tracks, intervals };
         directory.check(end)?;
         Ok(directory)
     }
 
-    /// Steps rise in time, and their stills follow one another from the header to the directory.
+    /// Steps rise in time; their stills, and then tracks, follow one another from the header to the directory.
     fn check(&self, end: u64) -> Result<(), Damage> {
         if self.steps.is_empty() {
             return Err(Damage::new(PLACE, "at least one step"));
@@ -148,14 +206,25 @@ impl Directory {
             if number > 0 && self.steps[number - 1].time >= step.time {
                 return Err(wrong("a later time than that of the step before"));
             }
-            let after = step.still.offset.checked_add(step.still.len).and_then(|end| align_up(end, ALIGNMENT));
+            let after = step.still.after().filter(|_| step.still.len > 0);
             next = match after {
-                Some(after) if step.still.offset == next && step.still.len > 0 && after <= end => after,
+                Some(after) if step.still.offset == next && after <= end => after,
                 _ => return Err(wrong("a still right after the one before")),
             };
         }
+        for (number, interval) in self.intervals.iter().enumerate() {
+            for section in interval.families.iter().flat_map(|family| [family.leaves, family.index]) {
+                next = match section.after() {
+                    Some(after) if section.offset == next && after <= end => after,
+                    _ => {
+                        let expected = "tracks right after those before";
+                        return Err(Damage::new(format!("{PLACE}, interval {number}"), expected));
+                    }
+                };
+            }
+        }
         if next != end {
-            return Err(Damage::new(PLACE, "to begin right after the last still"));
+            return Err(Damage::new(PLACE, "to begin right after the last section"));
         }
         Ok(())
     }
@@ -173,7 +242,7 @@ fn decode_step(input: &mut Decoder) -> Result<Step, Damage> {
         bounds: Bounds { min: input.vec3("a step's bounds")?, max: input.vec3("a step's bounds")? },
         length_scale: input.f64("a step's scale of lengths")?,
         mass_scale: input.f64("a step's scale of masses")?,
-        still: Section { offset: input.u64("a step's still")?, len: input.u64("a step's still")? },
+        still: Section::decode(input)?,
     })
 }
 

@@ -5,21 +5,29 @@
 //! file.
 
 mod layout;
+mod snapshot;
+mod track_layout;
+mod tracks;
 mod verify;
 mod writer;
 
 pub use layout::{Directory, HEADER_LEN, MAGIC, Section, Step, VERSION};
+pub use snapshot::RunSnapshot;
+pub use track_layout::{Deviation, FamilyTracks, IntervalTracks, Matches, Tangents, TrackFamily, TrackLayout, span};
+pub use tracks::{LEAF_TRACKS, LeafPart, TrackCoding, TrackIndex, TrackLeaf, as_stored, encode_ids};
 pub use verify::{VerifiedRun, verify_run};
 pub use writer::RunFileWriter;
 
 use super::disk::{Disk, LocalFile, Window};
 use super::error::StoreError;
 use super::page_file::PageFile;
+use crate::hierarchy::spacetime::{Interval, Tracks};
 use crate::model::{Moment, Placement, ReadMethod, StepTimes, When};
 use layout::{Header, HeaderError};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use tracks::decode_ids;
 
 /// An open run. It holds the directory, never a still.
 #[derive(Debug)]
@@ -109,7 +117,35 @@ impl RunFile {
     /// [`StoreError::Moment`] where it lies outside.
     pub fn moment(&self, when: When) -> Result<Moment, StoreError> {
         let refused = |reason| StoreError::Moment { path: self.path.clone(), when, reason };
-        self.times.moment(when).map_err(refused)
+        let moment = self.times.moment(when).map_err(refused)?;
+        Ok(Moment { u: self.directory.clock_share(moment).unwrap_or(moment.u), ..moment })
+    }
+
+    /// The time of a moment, in the unit of the steps' times.
+    pub fn time(&self, moment: Moment) -> f64 {
+        self.times.time(self.evenly(moment))
+    }
+
+    /// The redshift of a moment; `None` where steps have none.
+    pub fn redshift(&self, moment: Moment) -> Option<f64> {
+        self.times.redshift(self.evenly(moment))
+    }
+
+    /// A moment whose place in the interval is by the steps' times, not by the clock, where the two differ.
+    fn evenly(&self, moment: Moment) -> Moment {
+        if self.directory.clock_share(moment).is_none() || moment.u <= 0.0 {
+            return moment;
+        }
+        // Clocks go forward together, so halving finds it.
+        let (mut low, mut high) = (0.0, 1.0);
+        for _ in 0..60 {
+            let u = 0.5 * (low + high);
+            match self.directory.clock_share(Moment { u, ..moment }) {
+                Some(share) if share < moment.u => low = u,
+                _ => high = u,
+            }
+        }
+        Moment { u: 0.5 * (low + high), ..moment }
     }
 
     /// The page file of a step as it was built, in its own units.
@@ -134,6 +170,84 @@ impl RunFile {
             return Ok(still);
         }
         Ok(PageFile::join(vec![(still, placement)])?.0)
+    }
+
+    /// What tracks have in common.
+    ///
+    /// # Errors
+    /// Where the run has none.
+    pub fn tracks(&self) -> Result<&TrackLayout, StoreError> {
+        let none = || StoreError::NoTracks { path: self.path.clone() };
+        self.directory.tracks.as_ref().filter(|_| !self.directory.intervals.is_empty()).ok_or_else(none)
+    }
+
+    /// The interval after a step.
+    ///
+    /// # Errors
+    /// As [`RunFile::tracks`].
+    pub fn interval(&self, interval: usize) -> Result<Interval, StoreError> {
+        let layout = self.tracks()?;
+        Ok(Interval {
+            lattice: layout.lattice,
+            length: layout.length(interval),
+            spans: [layout.span(interval), layout.span(interval + 1)],
+            box_size: layout.box_size,
+        })
+    }
+
+    /// The leaves of a family (by its number in the layout) over an interval.
+    ///
+    /// # Errors
+    /// Where there are none, or they cannot be read or are damaged.
+    pub fn track_index(&self, interval: usize, family: usize) -> Result<TrackIndex, StoreError> {
+        let found = self.family_tracks(interval, family)?;
+        let bytes = self.raw(found.index.offset, found.index.offset + found.index.len)?;
+        let place = format!("interval {interval}, family {family}");
+        if crc32c::crc32c(&bytes) != found.index_crc {
+            return Err(self.damaged(place, "the checksum of its index"));
+        }
+        TrackIndex::decode(&bytes, found.tracks, found.leaves.len).map_err(|damage| damage.in_file(&self.path))
+    }
+
+    /// The tracks of a leaf, with or without their ids.
+    ///
+    /// # Errors
+    /// As [`RunFile::track_index`].
+    pub fn track_leaf(
+        &self,
+        interval: usize,
+        family: usize,
+        leaf: &TrackLeaf,
+        with_ids: bool,
+    ) -> Result<Tracks, StoreError> {
+        let layout = self.tracks()?;
+        let attributes = layout.families.get(family).map_or(0, |family| family.attributes.len());
+        let start = self.family_tracks(interval, family)?.leaves.offset + leaf.offset;
+        let place = || format!("interval {interval}, family {family}, leaf at {}", leaf.offset);
+        let states_end = start + u64::from(leaf.states.len);
+        let end = states_end + if with_ids { u64::from(leaf.ids.len) } else { 0 };
+        let bytes = self.raw(start, end)?;
+        let (states, ids) = bytes.split_at(leaf.states.len as usize);
+        let damaged = |expected: &str| self.damaged(place(), expected);
+        if crc32c::crc32c(states) != leaf.states.crc || (with_ids && crc32c::crc32c(ids) != leaf.ids.crc) {
+            return Err(damaged("its checksum"));
+        }
+        let interval = self.interval(interval)?;
+        let coding = TrackCoding { rates: interval.spans.map(|span| interval.length / span) };
+        let mut tracks = coding.decode(states, leaf.tracks as usize, attributes).map_err(damaged)?;
+        if with_ids {
+            tracks.ids = decode_ids(ids, leaf.tracks as usize).map_err(damaged)?;
+        }
+        Ok(tracks)
+    }
+
+    fn family_tracks(&self, interval: usize, family: usize) -> Result<&FamilyTracks, StoreError> {
+        let found = self.directory.intervals.get(interval).and_then(|interval| interval.families.get(family));
+        found.ok_or_else(|| self.damaged("directory".into(), &format!("an interval {interval} with a family {family}")))
+    }
+
+    fn damaged(&self, place: String, expected: &str) -> StoreError {
+        StoreError::Damaged { path: self.path.clone(), place, expected: expected.into() }
     }
 
     /// Copies a step's page file to the end of `out`; returns how many bytes it has.

@@ -1,6 +1,7 @@
 //! Writing a run file: still by still under a temporary name, renamed when everything is on the disk.
 
 use super::layout::{Directory, HEADER_LEN, Header, Section, VERSION};
+use super::tracks::TrackIndex;
 use crate::store::error::StoreError;
 use crate::store::layout::{ALIGNMENT, align_up};
 use crate::store::temporary::Temporary;
@@ -40,8 +41,44 @@ impl RunFileWriter {
         still.rewind().map_err(self.io("read a still of"))?;
         let len = std::io::copy(&mut still, &mut self.file.file()).map_err(self.io("write"))?;
         self.end += len;
-        self.pad(align_up(self.end, ALIGNMENT).unwrap_or(self.end))?;
+        self.close()?;
         Ok(Section { offset, len })
+    }
+
+    /// Begins a section that is appended to piece by piece.
+    pub fn begin(&self) -> Section {
+        Section { offset: self.end, len: 0 }
+    }
+
+    /// Appends to a section that [`RunFileWriter::begin`] has begun, and which is the last one.
+    ///
+    /// # Errors
+    /// When the run cannot be written.
+    pub fn extend(&mut self, section: &mut Section, bytes: &[u8]) -> Result<(), StoreError> {
+        self.file.file().write_all(bytes).map_err(self.io("write"))?;
+        self.end += bytes.len() as u64;
+        section.len += bytes.len() as u64;
+        Ok(())
+    }
+
+    /// Appends an index of tracks; returns where it is, and its CRC-32C.
+    ///
+    /// # Errors
+    /// When the run cannot be written.
+    pub fn append_index(&mut self, index: &TrackIndex) -> Result<(Section, u32), StoreError> {
+        let bytes = index.encode();
+        let mut section = self.begin();
+        self.extend(&mut section, &bytes)?;
+        self.close()?;
+        Ok((section, crc32c::crc32c(&bytes)))
+    }
+
+    /// Ends the last section: the next one begins at a place of its own.
+    ///
+    /// # Errors
+    /// When the run cannot be written.
+    pub fn close(&mut self) -> Result<(), StoreError> {
+        self.pad(align_up(self.end, ALIGNMENT).unwrap_or(self.end))
     }
 
     /// Writes directory and header, waits until the disk has them, and moves the file to its name. Returns its length.

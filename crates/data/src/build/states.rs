@@ -1,0 +1,397 @@
+//! The states of a step's particles, sent to buckets by their ids: where they are, how they move and what they are.
+
+use super::estimates::estimate;
+use super::memory::{Memory, default_memory};
+use super::partition::Partition;
+use super::shuffle::Shuffle;
+use super::spill::Spill;
+use super::survey::Survey;
+use super::{BuildError, BuildOptions};
+use crate::codec::morton::{self, MORTON_BITS};
+use crate::hierarchy::octree::Plan;
+use crate::hierarchy::spacetime::Lattice;
+use crate::hierarchy::spacetime::lattice::LATTICE_BITS;
+use crate::import::{SourceStream, StateChunk};
+use crate::model::{Chunk, FamilyName, ParticleStream, Progress, StreamError, Unit};
+use crate::store::temporary::folder_of;
+use rayon::prelude::*;
+use std::path::Path;
+use std::sync::Mutex;
+
+/// Words of a state before its attributes.
+const FIXED: usize = 15;
+/// Particles of a step, at most about, that are looked at for what no whole step is held in memory for.
+const SAMPLE: u64 = 1 << 16;
+/// Particles of a bucket of ids.
+const BUCKET: u64 = 1 << 15;
+/// Buckets of ids at most.
+const MOST_BUCKETS: u64 = 1 << 12;
+/// Parts that an id is carried in where only floats are: 16 bits each.
+const ID_PARTS: usize = 4;
+
+/// A particle at a step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct State<'a> {
+    pub id: u64,
+    /// The family's number in the run.
+    pub family: usize,
+    /// Where it is on the lattice, to a unit.
+    pub place: [i64; 3],
+    /// `dx/dtau`, run units by the clock's; `NaN` where it is not known.
+    pub velocity: [f32; 3],
+    /// Mass, density, smoothing length, then attributes.
+    pub values: &'a [f32],
+}
+
+impl State<'_> {
+    /// Reads a record.
+    pub fn of(record: &[u32]) -> State<'_> {
+        let long = |at: usize| u64::from(record[at]) | u64::from(record[at + 1]) << 32;
+        State {
+            id: long(0),
+            family: record[2] as usize,
+            place: [3, 5, 7].map(|at| long(at) as i64),
+            velocity: [9, 10, 11].map(|at| f32::from_bits(record[at])),
+            values: bytemuck::cast_slice(&record[12..]),
+        }
+    }
+
+    fn put(&self, words: usize, out: &mut Vec<u32>) {
+        let end = out.len() + words;
+        let long = |value: u64| [value as u32, (value >> 32) as u32];
+        out.extend(long(self.id));
+        out.push(self.family as u32);
+        self.place.into_iter().for_each(|x| out.extend(long(x as u64)));
+        out.extend(self.velocity.map(f32::to_bits));
+        out.extend(self.values.iter().map(|value| value.to_bits()));
+        out.resize(end, 0);
+    }
+
+    /// The smoothing length.
+    pub fn smoothing_length(&self) -> f32 {
+        self.values[2]
+    }
+
+    /// The Morton key of where it is.
+    pub fn key(&self) -> u64 {
+        key_of(self.place)
+    }
+}
+
+/// The Morton key of a place; that of the nearest one in the root cell for what lies outside.
+pub(super) fn key_of(place: [i64; 3]) -> u64 {
+    let most = (1 << LATTICE_BITS) - 1;
+    morton::encode(place.map(|x| (x.clamp(0, most) >> (LATTICE_BITS - MORTON_BITS)) as u32))
+}
+
+/// A number that looks random, the same for the same id.
+pub(super) fn hash(id: u64) -> u64 {
+    let mut z = id.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    z = (z ^ z >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
+    z ^ z >> 31
+}
+
+/// What the states of all steps have in common.
+#[derive(Clone, Debug)]
+pub(super) struct StateLayout {
+    pub lattice: Lattice,
+    /// Families, and the names and units of their attributes.
+    pub families: Vec<(FamilyName, Vec<(String, Unit)>)>,
+    /// Words of a record.
+    pub words: usize,
+    /// Buckets by id.
+    pub buckets: usize,
+    /// One of so many ids is sampled.
+    pub stride: u64,
+}
+
+impl StateLayout {
+    /// For steps of at most `most` particles.
+    pub fn new(lattice: Lattice, families: Vec<(FamilyName, Vec<(String, Unit)>)>, most: u64) -> StateLayout {
+        let attributes = families.iter().map(|(_, attributes)| attributes.len()).max().unwrap_or(0);
+        StateLayout {
+            lattice,
+            words: FIXED + attributes,
+            buckets: most.div_ceil(BUCKET).clamp(1, MOST_BUCKETS) as usize,
+            stride: most.div_ceil(SAMPLE).next_power_of_two(),
+            families,
+        }
+    }
+
+    /// Whether an id belongs to the sample.
+    pub fn is_sampled(&self, id: u64) -> bool {
+        hash(id) & (self.stride - 1) == 0
+    }
+
+    fn bucket(&self, record: &[u32]) -> usize {
+        let id = u64::from(record[0]) | u64::from(record[1]) << 32;
+        ((u128::from(hash(id)) * self.buckets as u128) >> 64) as usize
+    }
+}
+
+/// How far stored places are from those of the snapshot.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Rounding {
+    pub sum: f64,
+    pub max: f64,
+    pub count: u64,
+}
+
+impl Rounding {
+    pub fn with(self, other: Rounding) -> Rounding {
+        Rounding { sum: self.sum + other.sum, max: self.max.max(other.max), count: self.count + other.count }
+    }
+}
+
+/// All states of a step.
+pub(super) struct StepStates {
+    pub shuffle: Shuffle,
+    /// Of each family.
+    pub rounding: Vec<Rounding>,
+    /// The records of sampled ids, in the order of ids.
+    pub sample: Vec<u32>,
+}
+
+/// What the values of a step's family are multiplied with, or replaced by.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Scales {
+    /// Lengths.
+    pub length: f64,
+    /// Masses.
+    pub mass: f64,
+    /// Velocities, to give `dx/dtau`; `None`: they are of no use.
+    pub velocity: Option<f64>,
+    /// What stands for attributes that are missing: the mean of the others, as in the still.
+    pub means: Vec<f32>,
+}
+
+impl StepStates {
+    /// Without a particle; up to `room` bytes stay in memory.
+    pub fn new(layout: &StateLayout, options: &BuildOptions, out: &Path, room: u64) -> StepStates {
+        let folder = options.temporary.clone().unwrap_or_else(|| folder_of(out).to_owned());
+        let spill = Spill::new(out, &folder, room, options.read);
+        StepStates {
+            shuffle: Shuffle::new(layout.buckets, layout.words, spill),
+            rounding: vec![Rounding::default(); layout.families.len()],
+            sample: Vec::new(),
+        }
+    }
+
+    /// Adds a family of the step; `by_row`: particles are who their row says.
+    ///
+    /// # Errors
+    /// When it cannot be read, or its states not be put away.
+    pub fn add(
+        &mut self,
+        layout: &StateLayout,
+        stream: &SourceStream,
+        by_row: bool,
+        scales: &Scales,
+        (options, out): (&BuildOptions, &Path),
+        progress: &dyn Progress,
+    ) -> Result<(), BuildError> {
+        let found = layout.families.iter().position(|(name, _)| *name == stream.family());
+        let Some(family) = found else { return Ok(()) };
+        progress.begin(&format!("states of {}", stream.family()), stream.particles());
+        let sender = Sender { layout, family, scales, states: self, sample: Mutex::default() };
+        let rounding = if stream.is_lacking() {
+            sender.estimated(stream, by_row, (options, out), progress)?
+        } else {
+            sender.streamed(stream, by_row, progress)?
+        };
+        let sample = sender.sample.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner());
+        self.sample.extend(sample);
+        self.rounding[family] = self.rounding[family].with(rounding);
+        let mut records: Vec<&[u32]> = self.sample.chunks_exact(layout.words).collect();
+        records.sort_unstable();
+        self.sample = records.concat();
+        Ok(())
+    }
+}
+
+/// Sends the particles of a family to their buckets.
+struct Sender<'a> {
+    layout: &'a StateLayout,
+    family: usize,
+    scales: &'a Scales,
+    states: &'a StepStates,
+    sample: Mutex<Vec<u32>>,
+}
+
+impl Sender<'_> {
+    /// Chunk by chunk, where nothing has to be estimated.
+    fn streamed(&self, stream: &SourceStream, by_row: bool, progress: &dyn Progress) -> Result<Rounding, BuildError> {
+        let one = |scratch: &mut StateChunk, number: usize| {
+            stream.read_states(number, by_row, scratch)?;
+            let chunk = &scratch.chunk;
+            let columns: Vec<&[f32]> = [&chunk.mass, &chunk.density, &chunk.smoothing_length]
+                .into_iter()
+                .chain(&chunk.attributes)
+                .map(Vec::as_slice)
+                .collect();
+            let rounding = self.send(&scratch.ids, &chunk.positions, &scratch.velocities, &columns)?;
+            progress.advance(chunk.positions.len() as u64);
+            Ok(rounding)
+        };
+        let all = (0..stream.chunks()).into_par_iter().map_init(StateChunk::default, one);
+        let all: Vec<Rounding> = all.collect::<Result<_, BuildError>>()?;
+        // Summed in order, so that the number of threads changes nothing.
+        Ok(all.into_iter().fold(Rounding::default(), Rounding::with))
+    }
+
+    /// By way of the places where neighbours are found, as for the still: smoothing lengths and densities are those of the still.
+    fn estimated(
+        &self,
+        stream: &SourceStream,
+        by_row: bool,
+        (options, out): (&BuildOptions, &Path),
+        progress: &dyn Progress,
+    ) -> Result<Rounding, BuildError> {
+        let carrier = Carrier::new(stream, by_row);
+        let survey = Survey::of(&carrier, progress)?;
+        let octree = &options.octree;
+        let root = survey.root(octree);
+        let most = octree.bucket_size(survey.count);
+        let plan = Plan::new(&survey.keys(root), survey.weight, most);
+        let columns = carrier.attributes.len();
+        let halved =
+            BuildOptions { memory: Some(options.memory.unwrap_or_else(default_memory) / 2), ..options.clone() };
+        let memory = Memory::plan(&halved, out, survey.count, columns, most, plan.len())?;
+        let spill = Spill::new(out, &memory.folder, memory.particles, options.read);
+        let (mut partition, _) = Partition::of(&carrier, &survey.ranges, &plan, root, true, spill, progress)?;
+        if let Some(k) = stream.neighbours() {
+            estimate(&mut partition, k, root, memory.neighbour_block(), progress)?;
+        }
+        let own = stream.attributes().len();
+        let all = (0..partition.buckets()).into_par_iter().map(|bucket| {
+            let (places, columns) = partition.read(bucket)?;
+            let corner = root.min.to_array();
+            let positions: Vec<[f64; 3]> = places
+                .iter()
+                .map(|place| {
+                    let unit = place.unit();
+                    std::array::from_fn(|axis| corner[axis] + root.size * unit[axis])
+                })
+                .collect();
+            let (attributes, carried) = columns.attributes.split_at(own);
+            let (parts, velocities) = carried.split_at(ID_PARTS);
+            let id = |i: usize| parts.iter().rev().fold(0, |id, part| id << 16 | part[i] as u64);
+            let ids: Vec<u64> = (0..places.len()).map(id).collect();
+            let velocity = |i: usize| std::array::from_fn(|axis| f64::from(velocities[axis][i]));
+            let moving = stream.velocity_unit().is_some();
+            let velocities: Vec<[f64; 3]> =
+                (0..places.len()).map(|i| if moving { velocity(i) } else { [f64::NAN; 3] }).collect();
+            let columns: Vec<&[f32]> = [&columns.mass, &columns.density, &columns.smoothing_length]
+                .into_iter()
+                .chain(attributes)
+                .map(Vec::as_slice)
+                .collect();
+            self.send(&ids, &positions, &velocities, &columns)
+        });
+        let all: Vec<Rounding> = all.collect::<Result<_, BuildError>>()?;
+        Ok(all.into_iter().fold(Rounding::default(), Rounding::with))
+    }
+
+    /// Sends some particles.
+    fn send(
+        &self,
+        ids: &[u64],
+        positions: &[[f64; 3]],
+        velocities: &[[f64; 3]],
+        columns: &[&[f32]],
+    ) -> Result<Rounding, BuildError> {
+        let Scales { length, mass, velocity, means } = self.scales;
+        let (length, mass, velocity) = (*length, *mass, *velocity);
+        let scales = [mass, mass / (length * length * length), length];
+        let words = self.layout.words;
+        let lattice = &self.layout.lattice;
+        let mut records = Vec::with_capacity(ids.len() * words);
+        let mut sampled = Vec::new();
+        let mut rounding = Rounding::default();
+        let mut values = vec![0.0; columns.len()];
+        for i in 0..ids.len() {
+            for (k, (value, column)) in values.iter_mut().zip(columns).enumerate() {
+                *value = match scales.get(k) {
+                    Some(scale) => (f64::from(column[i]) * scale) as f32,
+                    None if column[i].is_nan() => means.get(k - 3).copied().unwrap_or(0.0),
+                    None => column[i],
+                };
+            }
+            let position = positions[i].map(|x| x * length);
+            let place = lattice.place(position);
+            let back = lattice.position(Lattice::settled(place, lattice.exponent(values[2])));
+            let error = (0..3).map(|axis| (back[axis] - position[axis]).powi(2)).sum::<f64>().sqrt();
+            rounding = rounding.with(Rounding { sum: error, max: error, count: 1 });
+            let state = State {
+                id: ids[i],
+                family: self.family,
+                place,
+                velocity: velocities[i].map(|v| velocity.map_or(f32::NAN, |factor| (v * factor) as f32)),
+                values: &values,
+            };
+            let start = records.len();
+            state.put(words, &mut records);
+            if self.layout.is_sampled(ids[i]) {
+                sampled.extend_from_slice(&records[start..]);
+            }
+        }
+        self.states.shuffle.put(&records, |record| self.layout.bucket(record))?;
+        self.sample.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).extend(sampled);
+        Ok(rounding)
+    }
+}
+
+/// A family whose ids and velocities are carried as attributes, so that they stay with the particles while neighbours are found.
+struct Carrier<'a> {
+    stream: &'a SourceStream<'a>,
+    by_row: bool,
+    attributes: Vec<(String, Unit)>,
+}
+
+impl<'a> Carrier<'a> {
+    fn new(stream: &'a SourceStream<'a>, by_row: bool) -> Carrier<'a> {
+        let mut attributes = stream.attributes().to_vec();
+        let carried = (0..ID_PARTS).map(|part| format!("id part {part}"));
+        attributes
+            .extend(carried.chain((0..3).map(|axis| format!("velocity {axis}"))).map(|name| (name, Unit::default())));
+        Carrier { stream, by_row, attributes }
+    }
+}
+
+impl ParticleStream for Carrier<'_> {
+    fn family(&self) -> FamilyName {
+        self.stream.family()
+    }
+
+    fn attributes(&self) -> &[(String, Unit)] {
+        &self.attributes
+    }
+
+    fn particles(&self) -> u64 {
+        self.stream.particles()
+    }
+
+    fn chunks(&self) -> usize {
+        self.stream.chunks()
+    }
+
+    fn neighbours(&self) -> Option<usize> {
+        self.stream.neighbours()
+    }
+
+    fn read(&self, number: usize, into: &mut Chunk) -> Result<(), StreamError> {
+        let mut states = StateChunk { chunk: std::mem::take(into), ..StateChunk::default() };
+        states.chunk.attributes.truncate(self.stream.attributes().len());
+        self.stream.read_states(number, self.by_row, &mut states)?;
+        let StateChunk { mut chunk, ids, velocities } = states;
+        for part in 0..ID_PARTS {
+            chunk.attributes.push(ids.iter().map(|id| (id >> (16 * part) & 0xffff) as f32).collect());
+        }
+        for axis in 0..3 {
+            chunk.attributes.push(velocities.iter().map(|velocity| velocity[axis] as f32).collect());
+        }
+        *into = chunk;
+        Ok(())
+    }
+}

@@ -1,0 +1,736 @@
+//! The tracks of a run, interval by interval: never more than the steps around one are in work.
+//!
+//! The states of each step are read once and sent to buckets by id ([`super::states`]); buckets are joined in memory
+//! ([`super::matching`]), and tracks go on to buckets by where they begin, which are cut into leaves, coded and written in order.
+
+use super::matching::{Found, Joining, TrackRecord, UNRESOLVED, Window, track_words};
+use super::memory::default_memory;
+use super::run::StepProgress;
+use super::shuffle::Shuffle;
+use super::spill::Spill;
+use super::states::{Scales, State, StateLayout, StepStates, key_of};
+use super::{BuildError, BuildOptions, chosen};
+use crate::codec::morton::MORTON_BITS;
+use crate::hierarchy::RootCell;
+use crate::hierarchy::octree::Plan;
+use crate::hierarchy::spacetime::{HermiteSpline, Interval, Lattice, TrackFlags, Tracks};
+use crate::import::{FieldKind, ImportError, LoadOptions, Run, Source, open_with, streams};
+use crate::model::periodic::PeriodicBox;
+use crate::model::{Bounds, ClockVariable, FamilyName, ParticleStream, Progress, Unit};
+use crate::store::Metadata;
+use crate::store::run::{
+    Deviation, FamilyTracks, IntervalTracks, LEAF_TRACKS, LeafPart, Matches, RunFileWriter, Tangents, TrackCoding,
+    TrackFamily, TrackIndex, TrackLayout, TrackLeaf, as_stored, encode_ids, span,
+};
+use crate::store::temporary::folder_of;
+use glam::DVec3;
+use rayon::prelude::*;
+use std::path::Path;
+
+/// Tracks of a bucket by place.
+const BUCKET: usize = 1 << 16;
+/// A node whose mass is unresolved to more than this share has tracks that fade.
+const FADING_NODE: f64 = 0.5;
+/// Tracks of such a node fade above this.
+const FADING: f32 = 0.15;
+/// Displacements by velocities outside of this mean that velocities are not what they seem.
+const FACTORS: std::ops::RangeInclusive<f64> = 0.8..=1.25;
+/// Share of the mass that no factor of velocities accounts for where steps are too far apart.
+const LOST: f64 = 0.25;
+/// What `H0` is where it was assumed to be 100, by the one assumed.
+const OTHER_HUBBLE: f64 = 1000.0;
+/// Share of a family whose ids may be repeated.
+const MOST_SHARED: f64 = 0.1;
+
+/// How particles of one step are found again at the next.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Matching {
+    /// By ids; without ids by their order, where velocities bear that out.
+    #[default]
+    Auto,
+    /// By ids.
+    Ids,
+    /// By their order in the sources.
+    Order,
+    /// Not at all: each step's particles fade away while those of the next come.
+    None,
+}
+
+impl std::str::FromStr for Matching {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Matching, String> {
+        match text {
+            "auto" => Ok(Matching::Auto),
+            "ids" => Ok(Matching::Ids),
+            "order" => Ok(Matching::Order),
+            "none" => Ok(Matching::None),
+            _ => Err("expected auto, ids, order or none".into()),
+        }
+    }
+}
+
+/// How the tracks of a run are built.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct TrackOptions {
+    /// How particles are found again.
+    pub matching: Matching,
+    /// Where tangents come from; `None`: velocities where there are some that displacements bear out.
+    pub tangents: Option<Tangents>,
+}
+
+/// A step as its still was built.
+pub(super) struct BuiltStep {
+    /// Its number in the [`Run`].
+    pub number: usize,
+    /// What the still's footer says of attributes: the mean of each, of each family.
+    pub means: Vec<(FamilyName, Vec<f32>)>,
+    /// The box around its positions, run units.
+    pub bounds: Bounds,
+    /// Particles.
+    pub particles: u64,
+}
+
+impl BuiltStep {
+    pub fn means_of(metadata: &Metadata) -> Vec<(FamilyName, Vec<f32>)> {
+        let means = |family: &crate::store::FamilyMetadata| {
+            family.attributes.iter().map(|attribute| attribute.mean as f32).collect()
+        };
+        metadata.families.iter().map(|family| (family.name, means(family))).collect()
+    }
+}
+
+/// What tracks are built from and with.
+pub(super) struct TrackBuild<'a> {
+    pub run: &'a Run,
+    pub steps: &'a [BuiltStep],
+    /// The options of each step's load.
+    pub load: &'a dyn Fn(usize) -> LoadOptions,
+    pub tracks: &'a TrackOptions,
+    pub options: &'a BuildOptions,
+    pub out: &'a Path,
+    pub box_size: Option<f64>,
+}
+
+/// What was built: for the directory.
+pub(super) struct BuiltTracks {
+    pub layout: TrackLayout,
+    pub intervals: Vec<IntervalTracks>,
+    pub notes: Vec<String>,
+    pub temporary_bytes: u64,
+}
+
+/// What the headers say of the run as a whole.
+struct Plans {
+    layout: StateLayout,
+    clock: Vec<f64>,
+    variable: ClockVariable,
+    /// Whether each family is matched by rows.
+    by_row: Vec<bool>,
+    units: Vec<Unit>,
+    periodic: Option<f64>,
+}
+
+impl TrackBuild<'_> {
+    /// Builds the tracks of all intervals and writes them.
+    ///
+    /// # Errors
+    /// When a source cannot be read again, particles cannot be matched, or the run not be written.
+    pub fn build(&self, writer: &mut RunFileWriter, progress: &dyn Progress) -> Result<BuiltTracks, BuildError> {
+        let plans = self.plan()?;
+        let families = plans.layout.families.len();
+        let mut notes = Vec::new();
+        let mut tangents = vec![(Tangents::Velocity, 1.0); families];
+        let mut is_decided = vec![false; families];
+        let mut window: Vec<StepStates> = Vec::new();
+        let mut intervals: Vec<IntervalTracks> = Vec::new();
+        let (count, mut temporary_bytes) = (self.steps.len(), 0);
+        // States of the step before and of the one after are held where tangents are differences.
+        let mut first = 0;
+        let mut totals = vec![Found::default(); families];
+        for number in 0..count - 1 {
+            let read_to = |window: &mut Vec<StepStates>, first: usize, last: usize| -> Result<(), BuildError> {
+                while first + window.len() <= last.min(count - 1) {
+                    let step = first + window.len();
+                    let here = StepProgress { progress, step: step + 1, total: count };
+                    window.push(self.states(&plans, step, &here)?);
+                }
+                Ok(())
+            };
+            read_to(&mut window, first, number + 1)?;
+            self.decide(&plans, (first, &window), number, &mut tangents, &mut is_decided, &mut notes)?;
+            let by_differences = tangents.iter().any(|(tangents, _)| *tangents == Tangents::Differences);
+            if by_differences {
+                read_to(&mut window, first, number + 2)?;
+            }
+            let (interval, found, on_disk) =
+                self.interval(&plans, (first, &window), number, &tangents, by_differences, writer, progress)?;
+            for (total, found) in totals.iter_mut().zip(&found) {
+                *total = total.with(*found);
+            }
+            temporary_bytes =
+                temporary_bytes.max(on_disk + window.iter().map(|states| states.shuffle.on_disk()).sum::<u64>());
+            intervals.push(interval);
+            // A step left out needs the one after: it is measured while all three are here.
+            let keep_from = if by_differences { number } else { number + 1 };
+            if number + 2 < count {
+                read_to(&mut window, first, number + 2)?;
+                for (family, deviation) in self.left_out(&plans, (first, &window), number, &tangents) {
+                    intervals[number].families[family].matches.leave_one_out = Some(deviation);
+                }
+            }
+            while first < keep_from {
+                window.remove(0);
+                first += 1;
+            }
+        }
+        for ((name, _), total) in plans.layout.families.iter().zip(&totals) {
+            self.check_shared(*name, total, &mut notes)?;
+        }
+        let families = plans.layout.families.iter().enumerate().map(|(family, (name, attributes))| TrackFamily {
+            name: *name,
+            tangents: tangents[family].0,
+            has_ids: !plans.by_row[family],
+            velocity_scale: tangents[family].1,
+            velocity_unit: plans.units[family].clone(),
+            attributes: attributes.clone(),
+        });
+        let about = &self.run.steps[self.steps[0].number].about;
+        let layout = TrackLayout {
+            lattice: plans.layout.lattice,
+            box_size: plans.periodic,
+            is_comoving: about.scale_factor.is_some() && self.run.is_timed_by_headers,
+            cosmology: about.cosmology,
+            motion: about.motion,
+            clock: plans.clock.clone(),
+            families: families.collect(),
+        };
+        Ok(BuiltTracks { layout, intervals, notes, temporary_bytes })
+    }
+
+    /// Looks at all headers.
+    fn plan(&self) -> Result<Plans, BuildError> {
+        let bounds = self.steps.iter().fold(Bounds::EMPTY, |all, step| all.union(step.bounds));
+        let periodic = PeriodicBox::of(self.box_size, bounds).map(|periodic| periodic.edge);
+        let root = match periodic {
+            // A whole number of units, so that images are exact.
+            Some(edge) if bounds.min.min_element() >= 0.0 && bounds.max.max_element() <= edge => {
+                RootCell { min: DVec3::ZERO, size: edge }
+            }
+            Some(edge) => RootCell { min: DVec3::splat(-0.5 * edge), size: 2.0 * edge },
+            None => RootCell::around(bounds, 1.0),
+        };
+        let mut families: Vec<(FamilyName, Vec<(String, Unit)>)> = Vec::new();
+        let mut units = Vec::new();
+        for (index, step) in self.steps.iter().enumerate() {
+            let about = &self.run.steps[step.number].about;
+            let is_new = |name: &FamilyName| families.iter().all(|(known, _)| known != name);
+            if !step.means.iter().any(|(name, _)| is_new(name)) {
+                continue;
+            }
+            let source = open_with(&about.path, self.options.read)?;
+            for stream in self.streams(source.as_ref(), index)?.families {
+                if step.means.iter().any(|(name, _)| *name == stream.family()) && is_new_in(&families, stream.family())
+                {
+                    families.push((stream.family(), stream.attributes().to_vec()));
+                    units.push(stream.velocity_unit().cloned().unwrap_or_default());
+                }
+            }
+        }
+        let by_row = families.iter().map(|(name, _)| self.by_row(*name)).collect::<Result<Vec<_>, _>>()?;
+        let most = self.steps.iter().map(|step| step.particles).max().unwrap_or(0);
+        let clock = self.steps.iter().map(|step| self.run.steps[step.number].clock).collect();
+        let layout = StateLayout::new(Lattice { root }, families, most);
+        Ok(Plans { layout, clock, variable: self.run.clock, by_row, units, periodic })
+    }
+
+    fn streams<'a>(&self, source: &'a dyn Source, step: usize) -> Result<crate::import::Streams<'a>, BuildError> {
+        Ok(streams(source, &(self.load)(step), &|names| chosen(names, self.options))?)
+    }
+
+    /// Whether a family is matched by rows; which must agree in number then.
+    fn by_row(&self, name: FamilyName) -> Result<bool, BuildError> {
+        let holding = self.steps.iter().filter(|step| step.means.iter().any(|(own, _)| *own == name));
+        let mut counts: Vec<(&Path, u64)> = Vec::new();
+        let mut lacking = None;
+        let mut has_velocities = true;
+        for step in holding {
+            let about = &self.run.steps[step.number].about;
+            let Some(info) = about.families.iter().find(|info| info.name == name) else { continue };
+            counts.push((&about.path, info.count));
+            has_velocities &= info.find(FieldKind::Velocity).is_some();
+            if info.find(FieldKind::Id).is_none() && lacking.is_none() {
+                lacking = Some(&*about.path);
+            }
+        }
+        let differ = counts.windows(2).find(|pair| pair[0].1 != pair[1].1);
+        match (self.tracks.matching, lacking) {
+            (Matching::None, lacking) => Ok(lacking.is_some()),
+            (Matching::Order, _) => match differ {
+                Some([(_, before), (path, count)]) => {
+                    let found = format!("{count} particles, {before} before");
+                    let expected = "as many as before for --match order";
+                    Err(ImportError::malformed(path, name.as_str(), found, expected).into())
+                }
+                _ => Ok(true),
+            },
+            (_, None) => Ok(false),
+            // Velocities will have to bear it out.
+            (Matching::Auto, Some(_)) if differ.is_none() && has_velocities => Ok(true),
+            (_, Some(path)) => Err(missing_ids(path, name).into()),
+        }
+    }
+
+    /// Reads the states of a step.
+    fn states(&self, plans: &Plans, step: usize, progress: &dyn Progress) -> Result<StepStates, BuildError> {
+        let own = &self.run.steps[self.steps[step].number];
+        let source = open_with(&own.about.path, self.options.read)?;
+        let streams = self.streams(source.as_ref(), step)?;
+        let room = self.memory() / 6;
+        let mut states = StepStates::new(&plans.layout, self.options, self.out, room);
+        for stream in &streams.families {
+            let means = self.steps[step].means.iter().find(|(name, _)| *name == stream.family());
+            let scales = Scales {
+                length: own.length,
+                mass: own.mass,
+                velocity: stream.velocity_unit().and_then(|_| plans.variable.velocity_factor(&own.about.epoch())),
+                means: means.map(|(_, means)| means.clone()).unwrap_or_default(),
+            };
+            let family = plans.layout.families.iter().position(|(name, _)| *name == stream.family());
+            let by_row = family.is_some_and(|family| plans.by_row[family]);
+            states.add(&plans.layout, stream, by_row, &scales, (self.options, self.out), progress)?;
+        }
+        Ok(states)
+    }
+
+    fn memory(&self) -> u64 {
+        self.options.memory.unwrap_or_else(default_memory)
+    }
+
+    /// Decides of families that are at both ends of an interval for the first time whether their velocities are what they seem.
+    fn decide(
+        &self,
+        plans: &Plans,
+        (first, window): (usize, &[StepStates]),
+        number: usize,
+        tangents: &mut [(Tangents, f64)],
+        is_decided: &mut [bool],
+        notes: &mut Vec<String>,
+    ) -> Result<(), BuildError> {
+        if is_decided.iter().all(|is_decided| *is_decided) {
+            return Ok(());
+        }
+        let sample = |step: usize| window.get(step - first).map(|states| states.sample.clone()).unwrap_or_default();
+        let states: Window = [Vec::new(), sample(number), sample(number + 1), Vec::new()];
+        let by_velocity = vec![(Tangents::Velocity, 1.0); tangents.len()];
+        let joining = self.joining(plans, number, &by_velocity);
+        let (_, found) = joining.join(&states);
+        for (family, (name, _)) in plans.layout.families.iter().enumerate() {
+            if is_decided[family] || found[family].matched == 0 {
+                continue;
+            }
+            is_decided[family] = true;
+            let has_velocities = window[number - first].has_velocities(&plans.layout, family);
+            let factor = found[family].velocity_factor();
+            let is_right = |scale: f64| factor.is_none_or(|factor| FACTORS.contains(&(factor / scale)));
+            let about = &self.run.steps[self.steps[number].number].about;
+            let assumed = about.cosmology.is_some_and(|cosmology| cosmology.hubble_assumed);
+            let other = [OTHER_HUBBLE, 1.0 / OTHER_HUBBLE].into_iter().find(|scale| assumed && is_right(*scale));
+            tangents[family] = match self.tracks.tangents {
+                Some(Tangents::Velocity) if !has_velocities => {
+                    let expected = "velocities for --tangents velocity";
+                    return Err(ImportError::missing(&about.path, format!("{name}: velocities"), expected).into());
+                }
+                Some(asked) => (asked, 1.0),
+                None if !has_velocities => {
+                    notes.push(format!("{name}: no velocities, so tracks follow the differences of positions"));
+                    (Tangents::Differences, 1.0)
+                }
+                None if is_right(1.0) => (Tangents::Velocity, 1.0),
+                None if let Some(scale) = other => {
+                    notes.push(format!("{name}: velocities fit displacements if H0 is {}", 100.0 / scale));
+                    (Tangents::Velocity, scale)
+                }
+                None if self.is_unresolved(plans, number, &states, factor, family) => (Tangents::Velocity, 1.0),
+                None => {
+                    let factor = factor.unwrap_or(0.0);
+                    notes.push(format!(
+                        "{name}: displacements are {factor:.3} times what velocities say, so tracks follow the differences of positions"
+                    ));
+                    (Tangents::Differences, 1.0)
+                }
+            };
+            if plans.by_row[family] && self.tracks.matching != Matching::None && has_velocities {
+                self.check_order(*name, &found[family], tangents[family].0, &about.path)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether displacements are as they are because the steps are too far apart for the orbits, and not because velocities are in
+    /// another unit: no factor makes the two agree.
+    fn is_unresolved(&self, plans: &Plans, number: usize, states: &Window, factor: Option<f64>, family: usize) -> bool {
+        let Some(factor) = factor.filter(|factor| factor.abs() > 0.0) else { return true };
+        let scaled = vec![(Tangents::Velocity, factor); plans.layout.families.len()];
+        let (_, found) = self.joining(plans, number, &scaled).join(states);
+        found[family].mass[1] > LOST * found[family].mass[0]
+    }
+
+    /// Whether displacements fit the velocities of particles that are matched by their rows.
+    fn check_order(&self, name: FamilyName, found: &Found, tangents: Tangents, path: &Path) -> Result<(), BuildError> {
+        if tangents == Tangents::Velocity {
+            return Ok(());
+        }
+        let factor = found.velocity_factor().unwrap_or(0.0);
+        let share = if found.mass[0] > 0.0 { found.mass[1] / found.mass[0] } else { 0.0 };
+        match self.tracks.matching {
+            Matching::Order => {
+                let what =
+                    format!("displacements that are {factor:.3} times velocities, {:.0} % do not fit", 100.0 * share);
+                let expected = "particles in one order for --match order";
+                Err(ImportError::malformed(path, name.as_str(), what, expected).into())
+            }
+            _ => Err(missing_ids(path, name).into()),
+        }
+    }
+
+    fn joining<'a>(&self, plans: &'a Plans, number: usize, tangents: &'a [(Tangents, f64)]) -> Joining<'a> {
+        let at = |step: Option<usize>| step.and_then(|step| plans.clock.get(step)).copied().unwrap_or(f64::NAN);
+        let unit = plans.layout.lattice.unit();
+        Joining {
+            layout: &plans.layout,
+            is_matching: self.tracks.matching != Matching::None,
+            clock: [at(number.checked_sub(1)), at(Some(number)), at(Some(number + 1)), at(Some(number + 2))],
+            spans: [span(&plans.clock, number), span(&plans.clock, number + 1)],
+            edge: plans.periodic.map(|edge| (edge / unit).round() as i64),
+            tangents,
+        }
+    }
+
+    /// Joins and writes one interval.
+    #[allow(clippy::too_many_arguments, reason = "what is known of all intervals, of this one, and where it goes")]
+    fn interval(
+        &self,
+        plans: &Plans,
+        (first, window): (usize, &[StepStates]),
+        number: usize,
+        tangents: &[(Tangents, f64)],
+        by_differences: bool,
+        writer: &mut RunFileWriter,
+        progress: &dyn Progress,
+    ) -> Result<(IntervalTracks, Vec<Found>, u64), BuildError> {
+        let layout = &plans.layout;
+        let at = |step: usize| step.checked_sub(first).and_then(|index| window.get(index));
+        let (begin, end) = (&window[number - first], &window[number + 1 - first]);
+        let joining = self.joining(plans, number, tangents);
+        let by_place: Vec<Plan> = (0..layout.families.len()).map(|family| begin.plan(layout, family)).collect();
+        let starts: Vec<usize> = by_place
+            .iter()
+            .scan(0, |at, plan| {
+                let start = *at;
+                *at += plan.len();
+                Some(start)
+            })
+            .collect();
+        let buckets = by_place.iter().map(Plan::len).sum();
+        let folder = self.options.temporary.clone().unwrap_or_else(|| folder_of(self.out).to_owned());
+        let spill = Spill::new(self.out, &folder, self.memory() / 6, self.options.read);
+        let sorted = Shuffle::new(buckets, track_words(layout), spill);
+        let place = format!("interval {} of {}", number + 1, plans.clock.len() - 1);
+        progress.begin(&format!("{place}: matching"), layout.buckets as u64);
+        let joined = (0..layout.buckets).into_par_iter().with_max_len(1).map(|bucket| {
+            let get = |states: Option<&StepStates>| states.map_or(Ok(Vec::new()), |states| states.shuffle.get(bucket));
+            let around = |step: Option<usize>| step.filter(|_| by_differences).and_then(at);
+            let states: Window = [
+                get(around(number.checked_sub(1)))?,
+                begin.shuffle.get(bucket)?,
+                end.shuffle.get(bucket)?,
+                get(around(Some(number + 2)))?,
+            ];
+            let (records, found) = joining.join(&states);
+            sorted.put(&records, |record| {
+                let track = TrackRecord::of(record);
+                starts[track.family] + by_place[track.family].bucket(key_of(track.places[0]))
+            })?;
+            progress.advance(1);
+            Ok(found)
+        });
+        let joined: Vec<Vec<Found>> = joined.collect::<Result<_, BuildError>>()?;
+        let none = vec![Found::default(); layout.families.len()];
+        let found = joined
+            .into_iter()
+            .fold(none, |all, more| all.into_iter().zip(more).map(|(all, more)| all.with(more)).collect());
+        progress.begin(&format!("{place}: writing tracks"), buckets as u64);
+        let space = Interval {
+            lattice: layout.lattice,
+            length: plans.clock[number + 1] - plans.clock[number],
+            spans: joining.spans,
+            box_size: plans.periodic,
+        };
+        let mut families = Vec::with_capacity(layout.families.len());
+        for (family, found) in found.iter().enumerate() {
+            let range = starts[family]..starts[family] + by_place[family].len();
+            let (leaves, index) = write_leaves(&sorted, range, layout, family, &space, writer, progress)?;
+            let (section, index_crc) = writer.append_index(&index)?;
+            let rounding = begin.rounding[family].with(end.rounding[family]);
+            let mean = if rounding.count > 0 { rounding.sum / rounding.count as f64 } else { 0.0 };
+            let mut matches = Matches { position_error: [mean, rounding.max], ..found.matches() };
+            if tangents[family].0 != Tangents::Velocity {
+                matches.velocity_factor = None;
+            }
+            families.push(FamilyTracks {
+                matches,
+                tracks: index.leaves.iter().map(|leaf| u64::from(leaf.tracks)).sum(),
+                leaves,
+                index: section,
+                index_crc,
+            });
+        }
+        Ok((IntervalTracks { families }, found, sorted.on_disk()))
+    }
+
+    /// How far a step's sampled particles are from the spline between the steps around it.
+    fn left_out(
+        &self,
+        plans: &Plans,
+        (first, window): (usize, &[StepStates]),
+        number: usize,
+        tangents: &[(Tangents, f64)],
+    ) -> Vec<(usize, Deviation)> {
+        let samples: Vec<&[u32]> =
+            (number..number + 3).filter_map(|step| window.get(step - first)).map(|states| &states.sample[..]).collect();
+        let [a, b, c] = samples[..] else { return Vec::new() };
+        let words = plans.layout.words;
+        let clock = &plans.clock[number..number + 3];
+        let u = (clock[1] - clock[0]) / (clock[2] - clock[0]);
+        let joining = self.joining(plans, number, tangents);
+        let lattice = plans.layout.lattice;
+        let mut all: Vec<Vec<f64>> = vec![Vec::new(); plans.layout.families.len()];
+        // Samples are in the order of ids; what shares one is left out.
+        let unique = |sample: &'_ [u32]| -> Vec<usize> {
+            let id = |i: usize| State::of(&sample[i * words..(i + 1) * words]).id;
+            let count = sample.len() / words;
+            let is_alone = |i: &usize| (*i == 0 || id(*i - 1) != id(*i)) && (*i + 1 == count || id(*i + 1) != id(*i));
+            (0..count).filter(is_alone).collect()
+        };
+        let sorted = [a, b, c].map(|sample| {
+            let mut own: Vec<State> = unique_states(sample, words, &unique(sample));
+            own.sort_by_key(|state| state.id);
+            own
+        });
+        let find = |states: &[State], id: u64| states.binary_search_by_key(&id, |state| state.id).ok();
+        for state in &sorted[0] {
+            let (Some(middle), Some(last)) = (find(&sorted[1], state.id), find(&sorted[2], state.id)) else { continue };
+            let (middle, last) = (sorted[1][middle], sorted[2][last]);
+            if middle.family != state.family || last.family != state.family {
+                continue;
+            }
+            let (Tangents::Velocity, scale) = tangents[state.family] else { continue };
+            let length = clock[2] - clock[0];
+            let velocity = |state: &State| DVec3::from(state.velocity.map(f64::from)) * scale * length;
+            let way = 0.5 * (velocity(state) + velocity(&last)) / lattice.unit();
+            let predicted = std::array::from_fn(|axis| state.place[axis].saturating_add(way[axis] as i64));
+            let end = joining.nearest_image(predicted, last.place);
+            let spline = HermiteSpline {
+                positions: [state.place, end].map(|place| DVec3::from(lattice.position(place))),
+                tangents: [velocity(state), velocity(&last)],
+            };
+            let there = spline.position(u);
+            let near = joining.nearest_image(lattice.place(there.to_array()), middle.place);
+            let distance = (DVec3::from(lattice.position(near)) - there).length();
+            if distance.is_finite() {
+                all[state.family].push(distance);
+            }
+        }
+        let deviation = |mut distances: Vec<f64>| {
+            distances.sort_by(f64::total_cmp);
+            let at = |share: f64| distances.get(((distances.len() - 1) as f64 * share).round() as usize).copied();
+            let squares: f64 = distances.iter().map(|distance| distance * distance).sum();
+            Deviation {
+                rms: (squares / distances.len() as f64).sqrt(),
+                p99: at(0.99).unwrap_or(0.0),
+                max: at(1.0).unwrap_or(0.0),
+            }
+        };
+        let found = all.into_iter().enumerate().filter(|(_, distances)| !distances.is_empty());
+        found.map(|(family, distances)| (family, deviation(distances))).collect()
+    }
+
+    /// Says which ids are repeated, and refuses what is mostly so.
+    fn check_shared(&self, name: FamilyName, total: &Found, notes: &mut Vec<String>) -> Result<(), BuildError> {
+        let Some(example) = total.shared else { return Ok(()) };
+        let all = total.matched + total.vanished + total.changed;
+        let path = &self.run.steps[self.steps[0].number].about.path;
+        if self.tracks.matching != Matching::None && total.ambiguous as f64 > MOST_SHARED * all as f64 {
+            let found = format!("{} of {all} that others have too, such as {example}", total.ambiguous);
+            let expected = "ids of their own, or --match order, --match none or --stills-only";
+            return Err(ImportError::malformed(path, format!("{name}: ids"), found, expected).into());
+        }
+        notes.push(format!(
+            "{name}: {} ids of {all}, counted in every interval, are those of other particles too, such as {example}",
+            total.ambiguous
+        ));
+        Ok(())
+    }
+}
+
+fn is_new_in(families: &[(FamilyName, Vec<(String, Unit)>)], name: FamilyName) -> bool {
+    families.iter().all(|(known, _)| *known != name)
+}
+
+fn unique_states<'a>(sample: &'a [u32], words: usize, which: &[usize]) -> Vec<State<'a>> {
+    which.iter().map(|i| State::of(&sample[i * words..(i + 1) * words])).collect()
+}
+
+fn missing_ids(path: &Path, name: FamilyName) -> ImportError {
+    let file = path.file_name().map_or_else(|| path.display().to_string(), |name| name.to_string_lossy().into_owned());
+    ImportError::missing(
+        path,
+        format!("{name}: ids"),
+        format!("missing in {file}, expected ids, or --match order, or --stills-only"),
+    )
+}
+
+impl StepStates {
+    /// The plan by which tracks that begin here are sorted.
+    fn plan(&self, layout: &StateLayout, family: usize) -> Plan {
+        let states = self.sample.chunks_exact(layout.words).map(State::of);
+        let mut keys: Vec<u64> = states.filter(|state| state.family == family).map(|state| state.key()).collect();
+        keys.sort_unstable();
+        Plan::new(&keys, layout.stride as f64, BUCKET)
+    }
+
+    /// Whether some of a family's particles have velocities.
+    fn has_velocities(&self, layout: &StateLayout, family: usize) -> bool {
+        let mut states = self.sample.chunks_exact(layout.words).map(State::of);
+        states.any(|state| state.family == family && state.velocity.iter().all(|v| v.is_finite()))
+    }
+}
+
+/// A leaf before it has a place in the file.
+struct Leaf {
+    about: TrackLeaf,
+    states: Vec<u8>,
+    ids: Vec<u8>,
+}
+
+/// Writes the leaves of a family's buckets, in order.
+fn write_leaves(
+    sorted: &Shuffle,
+    buckets: std::ops::Range<usize>,
+    layout: &StateLayout,
+    family: usize,
+    interval: &Interval,
+    writer: &mut RunFileWriter,
+    progress: &dyn Progress,
+) -> Result<(crate::store::run::Section, TrackIndex), BuildError> {
+    let mut section = writer.begin();
+    let mut index = TrackIndex::default();
+    let buckets: Vec<usize> = buckets.collect();
+    for some in buckets.chunks(rayon::current_num_threads().max(1)) {
+        let built = some.par_iter().map(|bucket| {
+            let leaves = leaves_of(&sorted.get(*bucket)?, layout, family, interval);
+            progress.advance(1);
+            Ok(leaves)
+        });
+        for leaf in built.collect::<Result<Vec<_>, BuildError>>()?.into_iter().flatten() {
+            let about = TrackLeaf { offset: section.len, ..leaf.about };
+            writer.extend(&mut section, &leaf.states)?;
+            writer.extend(&mut section, &leaf.ids)?;
+            index.leaves.push(about);
+        }
+    }
+    writer.close()?;
+    Ok((section, index))
+}
+
+/// The leaves of a bucket.
+fn leaves_of(records: &[u32], layout: &StateLayout, family: usize, interval: &Interval) -> Vec<Leaf> {
+    let words = track_words(layout);
+    let mut order: Vec<(u64, &[u32])> =
+        records.chunks_exact(words).map(|record| (key_of(TrackRecord::of(record).places[0]), record)).collect();
+    // By everything that a record holds, so that their order in the bucket does not matter.
+    order.sort_unstable();
+    let mut leaves = Vec::new();
+    let attributes = layout.families[family].1.len();
+    cut(&order, 0, &mut |tracks, depth| leaves.push(leaf(tracks, depth, attributes, interval)));
+    leaves
+}
+
+/// Cuts sorted tracks into cells of few.
+fn cut(tracks: &[(u64, &[u32])], depth: u32, put: &mut impl FnMut(&[(u64, &[u32])], u32)) {
+    let (Some((first, _)), Some((last, _))) = (tracks.first(), tracks.last()) else { return };
+    // The smallest cell that holds them all.
+    let common = ((first ^ last) << 1).leading_zeros() / 3;
+    let depth = common.min(MORTON_BITS).max(depth);
+    if tracks.len() <= LEAF_TRACKS || depth >= MORTON_BITS {
+        return put(tracks, depth);
+    }
+    let shift = 3 * (MORTON_BITS - depth - 1);
+    for cell in tracks.chunk_by(|a, b| a.0 >> shift == b.0 >> shift) {
+        cut(cell, depth + 1, put);
+    }
+}
+
+/// A leaf of tracks, coded.
+fn leaf(order: &[(u64, &[u32])], depth: u32, attributes: usize, interval: &Interval) -> Leaf {
+    let mut tracks = Tracks::new(attributes);
+    let (mut mass, mut unresolved_mass, mut c) = (0.0, 0.0, Vec::with_capacity(order.len()));
+    for (_, record) in order {
+        let record = TrackRecord::of(record);
+        tracks.ids.push(record.id);
+        tracks.flags.push(record.flags);
+        let half = record.values.len() / 2;
+        for (end, values) in [&record.values[..half], &record.values[half..]].into_iter().enumerate() {
+            let own = &mut tracks.ends[end];
+            own.mass.push(values[0]);
+            own.density.push(values[1]);
+            own.smoothing_length.push(values[2]);
+            own.attributes.iter_mut().zip(&values[3..]).for_each(|(column, value)| column.push(*value));
+            own.places.push(record.places[end]);
+            let exponent = interval.lattice.exponent(values[2]);
+            let velocity = record.velocities[end].map(f64::from);
+            own.movements.push(interval.lattice.movement(velocity, interval.spans[end], exponent));
+        }
+        let own = f64::from(record.values[0]);
+        mass += own;
+        unresolved_mass += if record.unresolved > UNRESOLVED { own } else { 0.0 };
+        c.push(record.unresolved);
+    }
+    if unresolved_mass > FADING_NODE * mass {
+        for (flags, _) in tracks.flags.iter_mut().zip(&c).filter(|(_, c)| **c > FADING) {
+            flags.0 |= TrackFlags::FADES;
+        }
+    }
+    tracks.ends.iter_mut().for_each(as_stored);
+    let mut about = TrackLeaf {
+        key: order.first().map_or(0, |(key, _)| *key),
+        depth: depth as u8,
+        tracks: order.len() as u32,
+        offset: 0,
+        states: LeafPart::default(),
+        ids: LeafPart::default(),
+        bounds: Bounds::EMPTY,
+        mass: [0.0; 2],
+        faded_mass: 0.0,
+        smoothing_length_max: 0.0,
+    };
+    for i in 0..tracks.len() {
+        let spline = interval.spline(&tracks, i);
+        about.bounds = spline.control_points().into_iter().fold(about.bounds, Bounds::with);
+        let weights = tracks.flags[i].weights();
+        for ((own, weight), mass) in tracks.ends.iter().zip(weights).zip(&mut about.mass) {
+            *mass += weight * f64::from(own.mass[i]);
+            about.smoothing_length_max = about.smoothing_length_max.max(own.smoothing_length[i]);
+        }
+        if tracks.flags[i].has(TrackFlags::FADES) {
+            about.faded_mass += f64::from(tracks.ends[0].mass[i]);
+        }
+    }
+    let coding = TrackCoding { rates: interval.spans.map(|span| interval.length / span) };
+    let (states, ids) = (coding.encode(&tracks), encode_ids(&tracks.ids));
+    let part = |bytes: &[u8]| LeafPart { len: bytes.len() as u32, crc: crc32c::crc32c(bytes) };
+    about.states = part(&states);
+    about.ids = part(&ids);
+    Leaf { about, states, ids }
+}

@@ -1,0 +1,361 @@
+//! The tracks of a family over an interval, as they lie in a run file: leaves, and an index of them.
+//!
+//! A leaf holds the tracks that begin in a cell of the octree over the run's root cell, in Morton order, as columns of
+//! [`crate::codec::states`]. Each leaf has two parts, so that nobody has to read ids who only draws.
+
+use crate::codec::morton::MORTON_BITS;
+use crate::codec::states::{MASS_BITS, VALUE_BITS, as_before, decode, decode_bounded, encode, float_of, round_float};
+use crate::hierarchy::spacetime::{TrackEnd, TrackFlags, Tracks};
+use crate::model::Bounds;
+use crate::store::error::Damage;
+use crate::store::wire::{Decoder, Encoder};
+
+/// Tracks of a leaf at most.
+pub const LEAF_TRACKS: usize = 4096;
+/// Most tracks that a leaf in a file may have: where more begin in one place than a cell can be cut for.
+const MOST_TRACKS: u32 = 1 << 24;
+/// What messages call an index.
+const PLACE: &str = "index of tracks";
+/// Bytes of a leaf in the index.
+const LEAF_BYTES: usize = 8 + 1 + 4 + 8 + 4 * 4 + 48 + 8 * 3 + 4;
+
+/// A part of a leaf in the file.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct LeafPart {
+    /// Bytes.
+    pub len: u32,
+    /// Their CRC-32C.
+    pub crc: u32,
+}
+
+/// A leaf of an octree over where tracks begin.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TrackLeaf {
+    /// First Morton key (21 bits a coordinate) of its cell.
+    pub key: u64,
+    /// The cell's depth.
+    pub depth: u8,
+    /// Number of tracks.
+    pub tracks: u32,
+    /// First byte, from the beginning of the section on; the ids follow the states.
+    pub offset: u64,
+    /// Everything but ids.
+    pub states: LeafPart,
+    /// The ids.
+    pub ids: LeafPart,
+    /// A box around all tracks for the whole interval, run units; smoothing lengths reach beyond it.
+    pub bounds: Bounds,
+    /// Mass at both ends, run units.
+    pub mass: [f64; 2],
+    /// Mass of tracks that fade from place to place.
+    pub faded_mass: f64,
+    /// The largest smoothing length at both ends, run units.
+    pub smoothing_length_max: f32,
+}
+
+/// The leaves of a family over an interval, in Morton order.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct TrackIndex {
+    /// The leaves.
+    pub leaves: Vec<TrackLeaf>,
+}
+
+impl TrackIndex {
+    /// The index as bytes.
+    pub(super) fn encode(&self) -> Vec<u8> {
+        let mut out = Encoder::default();
+        out.u32(self.leaves.len() as u32);
+        for leaf in &self.leaves {
+            out.u64(leaf.key);
+            out.u8(leaf.depth);
+            out.u32(leaf.tracks);
+            out.u64(leaf.offset);
+            [leaf.states, leaf.ids].into_iter().for_each(|part| {
+                out.u32(part.len);
+                out.u32(part.crc);
+            });
+            out.vec3(leaf.bounds.min);
+            out.vec3(leaf.bounds.max);
+            leaf.mass.into_iter().chain([leaf.faded_mass]).for_each(|mass| out.f64(mass));
+            out.f32s(&[leaf.smoothing_length_max]);
+        }
+        out.bytes
+    }
+
+    /// Reads an index of `tracks` tracks, whose leaves fill `len` bytes.
+    pub(super) fn decode(bytes: &[u8], tracks: u64, len: u64) -> Result<TrackIndex, Damage> {
+        let mut input = Decoder::new(bytes, PLACE);
+        let count = input.count(LEAF_BYTES, "leaves")?;
+        let leaves = (0..count).map(|_| decode_leaf(&mut input)).collect::<Result<Vec<_>, _>>()?;
+        input.finish()?;
+        let (mut sum, mut end, mut key) = (0, 0, 0);
+        for (number, leaf) in leaves.iter().enumerate() {
+            let wrong = |expected: &str| Damage::new(format!("{PLACE}, leaf {number}"), expected);
+            if leaf.offset != end || leaf.tracks == 0 || leaf.tracks > MOST_TRACKS {
+                return Err(wrong("tracks right after those of the leaf before"));
+            }
+            if u32::from(leaf.depth) > MORTON_BITS || leaf.key < key || leaf.key >> (3 * MORTON_BITS) != 0 {
+                return Err(wrong("a cell not before that of the leaf before"));
+            }
+            key = leaf.key;
+            sum += u64::from(leaf.tracks);
+            end += u64::from(leaf.states.len) + u64::from(leaf.ids.len);
+        }
+        if sum != tracks || end != len {
+            return Err(Damage::new(PLACE, format!("{tracks} tracks in {len} bytes, found {sum} in {end}")));
+        }
+        Ok(TrackIndex { leaves })
+    }
+}
+
+fn decode_leaf(input: &mut Decoder) -> Result<TrackLeaf, Damage> {
+    let (key, depth, tracks, offset) = (
+        input.u64("a leaf's cell")?,
+        input.u8("a leaf's depth")?,
+        input.u32("a leaf's tracks")?,
+        input.u64("a leaf's place")?,
+    );
+    let mut part = || Ok(LeafPart { len: input.u32("a leaf's length")?, crc: input.u32("a leaf's checksum")? });
+    let (states, ids) = (part()?, part()?);
+    Ok(TrackLeaf {
+        key,
+        depth,
+        tracks,
+        offset,
+        states,
+        ids,
+        bounds: Bounds { min: input.vec3("a leaf's bounds")?, max: input.vec3("a leaf's bounds")? },
+        mass: [input.f64("a leaf's mass")?, input.f64("a leaf's mass")?],
+        faded_mass: input.f64("a leaf's faded mass")?,
+        smoothing_length_max: input.f32("a leaf's largest smoothing length")?,
+    })
+}
+
+/// What tracks are coded with beside their own columns; the same for a whole interval.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TrackCoding {
+    /// By what a movement is multiplied to be that of the interval, at both ends: its length by the ends' spans.
+    pub rates: [f64; 2],
+}
+
+impl TrackCoding {
+    /// Where a track is at the end if it goes on as it began.
+    fn straight(&self, place: i64, movement: i64) -> i64 {
+        place.saturating_add((movement as f64 * self.rates[0]) as i64)
+    }
+
+    /// The movement at the end of a track whose velocity changes evenly.
+    fn evenly(&self, places: [i64; 2], movement: i64) -> i64 {
+        let mean = places[1].saturating_sub(places[0]) as f64;
+        ((2.0 * mean - movement as f64 * self.rates[0]) / self.rates[1]) as i64
+    }
+
+    /// What a smoothing length is expected to be where density changes: its cube times the density stays. All three are rounded
+    /// floats, which are nearly logarithms.
+    fn compressed(smoothing_length: i64, densities: [i64; 2]) -> i64 {
+        smoothing_length.saturating_sub(densities[1].saturating_sub(densities[0]) / 3)
+    }
+
+    /// The states of tracks, as bytes.
+    pub fn encode(&self, tracks: &Tracks) -> Vec<u8> {
+        let mut out = Vec::with_capacity(tracks.len() * 24);
+        let flags: Vec<i64> = tracks.flags.iter().map(|flags| i64::from(flags.0)).collect();
+        encode(&flags, as_before(0), &mut out);
+        let [begin, end] = &tracks.ends;
+        for axis in 0..3 {
+            let of = |values: &[[i64; 3]]| values.iter().map(|value| value[axis]).collect::<Vec<i64>>();
+            let [x0, v0, x1, v1] =
+                [&begin.places, &begin.movements, &end.places, &end.movements].map(|values| of(values));
+            encode(&x0, as_before(0), &mut out);
+            encode(&v0, as_before(0), &mut out);
+            encode(&x1, |i, _| self.straight(x0[i], v0[i]), &mut out);
+            encode(&v1, |i, _| self.evenly([x0[i], x1[i]], v0[i]), &mut out);
+        }
+        let rounded = |values: &[f32], bits| values.iter().map(|value| round_float(*value, bits)).collect::<Vec<i64>>();
+        let pair = |values: [&[f32]; 2], bits, out: &mut Vec<u8>| {
+            let [begin, end] = values.map(|values| rounded(values, bits));
+            encode(&begin, as_before(0), out);
+            encode(&end, |i, _| begin[i], out);
+            [begin, end]
+        };
+        pair([&begin.mass, &end.mass], MASS_BITS, &mut out);
+        let rho = pair([&begin.density, &end.density], VALUE_BITS, &mut out);
+        let [h0, h1] = [begin, end].map(|end| rounded(&end.smoothing_length, VALUE_BITS));
+        encode(&h0, |i, before| lengths_before(before, i, &rho[0]), &mut out);
+        encode(&h1, |i, _| TrackCoding::compressed(h0[i], [rho[0][i], rho[1][i]]), &mut out);
+        for (begin, end) in begin.attributes.iter().zip(&end.attributes) {
+            pair([begin, end], VALUE_BITS, &mut out);
+        }
+        out
+    }
+
+    /// Reads `count` tracks with so many attributes, without their ids.
+    ///
+    /// # Errors
+    /// What was expected.
+    pub fn decode(&self, mut bytes: &[u8], count: usize, attributes: usize) -> Result<Tracks, &'static str> {
+        let input = &mut bytes;
+        let mut tracks = Tracks::new(attributes);
+        for flags in decode(input, count, as_before(0))? {
+            match u8::try_from(flags) {
+                Ok(flags) if flags & !TrackFlags::ALL == 0 => tracks.flags.push(TrackFlags(flags)),
+                _ => return Err("flags that there are"),
+            }
+        }
+        let [begin, end] = &mut tracks.ends;
+        for values in [&mut begin.places, &mut begin.movements, &mut end.places, &mut end.movements] {
+            values.resize(count, [0; 3]);
+        }
+        for axis in 0..3 {
+            let x0 = decode_bounded(input, count, as_before(0))?;
+            let v0 = decode_bounded(input, count, as_before(0))?;
+            let x1 = decode_bounded(input, count, |i, _| self.straight(x0[i], v0[i]))?;
+            let v1 = decode_bounded(input, count, |i, _| self.evenly([x0[i], x1[i]], v0[i]))?;
+            for i in 0..count {
+                begin.places[i][axis] = x0[i];
+                begin.movements[i][axis] = v0[i];
+                end.places[i][axis] = x1[i];
+                end.movements[i][axis] = v1[i];
+            }
+        }
+        let pair = |input: &mut &[u8]| {
+            let begin = decode(input, count, as_before(0))?;
+            let end = decode(input, count, |i, _| begin[i])?;
+            Ok::<_, &'static str>([begin, end])
+        };
+        let floats = |values: &[i64], bits| values.iter().map(|number| float_of(*number, bits)).collect::<Vec<f32>>();
+        let both = |ends: [Vec<i64>; 2], bits| ends.map(|values| floats(&values, bits));
+        let mut mass = Vec::from(both(pair(input)?, MASS_BITS));
+        let rho = pair(input)?;
+        let h0 = decode(input, count, |i, before| lengths_before(before, i, &rho[0]))?;
+        let h1 = decode(input, count, |i, _| TrackCoding::compressed(h0[i], [rho[0][i], rho[1][i]]))?;
+        let mut lengths = Vec::from(both([h0, h1], VALUE_BITS));
+        let mut density = Vec::from(both(rho, VALUE_BITS));
+        for k in 0..attributes {
+            [begin.attributes[k], end.attributes[k]] = both(pair(input)?, VALUE_BITS);
+        }
+        for end in tracks.ends.iter_mut().rev() {
+            let take = |column: &mut Vec<Vec<f32>>| column.pop().unwrap_or_default();
+            (end.mass, end.density, end.smoothing_length) = (take(&mut mass), take(&mut density), take(&mut lengths));
+        }
+        if input.is_empty() { Ok(tracks) } else { Err("nothing after the last column") }
+    }
+}
+
+/// What the smoothing length of particle `i` is expected to be after that of the one before.
+fn lengths_before(before: &[i64], i: usize, density: &[i64]) -> i64 {
+    before.last().map_or(0, |last| TrackCoding::compressed(*last, [density[i - 1], density[i]]))
+}
+
+/// Ids, as bytes.
+pub fn encode_ids(ids: &[u64]) -> Vec<u8> {
+    let mut out = Vec::with_capacity(4 * ids.len());
+    encode(&ids.iter().map(|id| *id as i64).collect::<Vec<_>>(), as_before(0), &mut out);
+    out
+}
+
+/// Reads `count` ids.
+///
+/// # Errors
+/// What was expected.
+pub fn decode_ids(mut bytes: &[u8], count: usize) -> Result<Vec<u64>, &'static str> {
+    let ids = decode(&mut bytes, count, as_before(0))?;
+    if !bytes.is_empty() {
+        return Err("nothing after the ids");
+    }
+    Ok(ids.into_iter().map(|id| id as u64).collect())
+}
+
+/// The values of tracks as they will be read back: floats rounded.
+pub fn as_stored(end: &mut TrackEnd) {
+    let round = |values: &mut Vec<f32>, bits| {
+        values.iter_mut().for_each(|value| *value = float_of(round_float(*value, bits), bits))
+    };
+    round(&mut end.mass, MASS_BITS);
+    [&mut end.density, &mut end.smoothing_length]
+        .into_iter()
+        .chain(&mut end.attributes)
+        .for_each(|values| round(values, VALUE_BITS));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cases::cases;
+    use glam::DVec3;
+    use proptest::prelude::*;
+
+    fn end(count: usize, attributes: usize) -> impl Strategy<Value = TrackEnd> {
+        let vectors = || prop::collection::vec(prop::array::uniform3(-(1_i64 << 40)..1_i64 << 40), count);
+        let values = move || prop::collection::vec(any::<f32>().prop_filter("a number", |v| !v.is_nan()), count);
+        let others = prop::collection::vec(values(), attributes);
+        (vectors(), vectors(), values(), values(), values(), others).prop_map(
+            |(places, movements, mass, density, smoothing_length, attributes)| {
+                let mut end = TrackEnd { places, movements, mass, density, smoothing_length, attributes };
+                as_stored(&mut end);
+                end
+            },
+        )
+    }
+
+    fn tracks() -> impl Strategy<Value = Tracks> {
+        (0_usize..90, 0_usize..3).prop_flat_map(|(count, attributes)| {
+            let flags = prop::collection::vec((0..=TrackFlags::ALL).prop_map(TrackFlags), count);
+            let ids = prop::collection::vec(any::<u64>(), count);
+            (ids, flags, [end(count, attributes), end(count, attributes)]).prop_map(|(ids, flags, ends)| Tracks {
+                ids,
+                flags,
+                ends,
+            })
+        })
+    }
+
+    proptest! {
+        #![proptest_config(cases(64))]
+
+        #[test]
+        fn tracks_come_back(tracks in tracks(), rates in prop::array::uniform2(0.1..1.0f64), at: usize, byte: u8) {
+            let coding = TrackCoding { rates };
+            let (mut bytes, ids) = (coding.encode(&tracks), encode_ids(&tracks.ids));
+            let attributes = tracks.ends[0].attributes.len();
+            let back = coding.decode(&bytes, tracks.len(), attributes).unwrap();
+            prop_assert_eq!(Tracks { ids: decode_ids(&ids, tracks.len()).unwrap(), ..back }, tracks.clone());
+            prop_assert!(coding.decode(&bytes[..bytes.len().saturating_sub(1)], tracks.len(), attributes).is_err() || bytes.is_empty());
+            // Damage that a checksum does not find is no panic.
+            if !bytes.is_empty() {
+                let at = at % bytes.len();
+                bytes[at] = byte;
+                drop(coding.decode(&bytes, tracks.len(), attributes));
+            }
+        }
+    }
+
+    #[test]
+    fn indices_come_back_and_broken_ones_are_refused() {
+        let leaf = |key, offset| TrackLeaf {
+            key,
+            depth: 3,
+            tracks: 10,
+            offset,
+            states: LeafPart { len: 100, crc: 5 },
+            ids: LeafPart { len: 20, crc: 6 },
+            bounds: Bounds { min: DVec3::ZERO, max: DVec3::ONE },
+            mass: [1.0, 2.0],
+            faded_mass: 0.5,
+            smoothing_length_max: 0.25,
+        };
+        let index = TrackIndex { leaves: vec![leaf(0, 0), leaf(1 << 40, 120)] };
+        let bytes = index.encode();
+        assert_eq!(bytes.len(), 4 + 2 * LEAF_BYTES);
+        assert_eq!(TrackIndex::decode(&bytes, 20, 240).unwrap(), index);
+        assert!(TrackIndex::decode(&bytes, 21, 240).is_err() && TrackIndex::decode(&bytes, 20, 241).is_err());
+        for cut in 0..bytes.len() {
+            assert!(TrackIndex::decode(&bytes[..cut], 20, 240).is_err());
+        }
+        for wrong in
+            [leaf(1 << 40, 121), TrackLeaf { tracks: 0, ..leaf(0, 120) }, TrackLeaf { depth: 22, ..leaf(0, 120) }]
+        {
+            assert!(TrackIndex::decode(&TrackIndex { leaves: vec![leaf(0, 0), wrong] }.encode(), 20, 240).is_err());
+        }
+    }
+}
