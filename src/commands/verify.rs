@@ -2,18 +2,25 @@
 
 use super::CommandResult;
 use super::progress_bar::TerminalProgress;
+use crate::build::compare_with_sources;
 use crate::look::DataKind;
+use crate::model::ReadMethod;
+use crate::store::RunFile;
 use crate::store::run::{VerifiedRun, verify_run};
 use crate::store::verify::{Verified, verify};
 use std::path::PathBuf;
 
 /// Checks every byte and every structural promise of a page file or a run.
 #[derive(clap::Args, Debug)]
-#[command(after_help = "Example:
-  deepfield verify galaxy.df")]
+#[command(after_help = "Examples:
+  deepfield verify galaxy.df
+  deepfield verify run.df --sources            every particle at every step against its snapshot, too")]
 pub struct Arguments {
     /// The page file or run.
     pub path: PathBuf,
+    /// Compare the tracks of a run with the snapshots that it was built from, too, which still have to be there.
+    #[arg(long)]
+    pub sources: bool,
 }
 
 /// Verifies the file and says what was checked.
@@ -24,10 +31,20 @@ pub fn run(arguments: &Arguments) -> CommandResult {
     let path = arguments.path.display();
     // What cannot be looked at is told where it is opened as a page file.
     if let Ok(DataKind::Run) = DataKind::of(&arguments.path) {
-        let VerifiedRun { bytes, steps, stills } = verify_run(&arguments.path, &TerminalProgress::new())?;
+        let VerifiedRun { bytes, steps, stills, tracks } = verify_run(&arguments.path, &TerminalProgress::new())?;
         let Verified { pages, nodes, particles, .. } = stills;
-        println!("{path}: sound, {steps} steps, {pages} pages, {nodes} nodes, {particles} particles, {bytes} bytes");
+        println!(
+            "{path}: sound, {steps} steps, {pages} pages, {nodes} nodes, {particles} particles, {tracks} tracks, {bytes} bytes"
+        );
+        if arguments.sources {
+            let run = RunFile::open(&arguments.path, ReadMethod::default())?;
+            let compared = compare_with_sources(&run, &TerminalProgress::new())?;
+            println!("{path}: {compared} particles are where the snapshots have them");
+        }
         return Ok(());
+    }
+    if arguments.sources {
+        return Err(format!("{path}: --sources: is for runs").into());
     }
     let verified = verify(&arguments.path, &TerminalProgress::new())?;
     println!(

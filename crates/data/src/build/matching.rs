@@ -71,7 +71,8 @@ pub(super) struct Found {
     pub vanished: u64,
     pub changed: u64,
     pub ambiguous: u64,
-    /// An id that several particles share.
+    /// Ids that several particles share at the beginning, and the smallest of them.
+    pub shared_ids: u64,
     pub shared: Option<u64>,
     pub crossing: u64,
     /// Mass of what is matched, and of what of it is unresolved.
@@ -88,6 +89,7 @@ impl Found {
             vanished: self.vanished + other.vanished,
             changed: self.changed + other.changed,
             ambiguous: self.ambiguous + other.ambiguous,
+            shared_ids: self.shared_ids + other.shared_ids,
             shared: self.shared.into_iter().chain(other.shared).min(),
             crossing: self.crossing + other.crossing,
             mass: [0, 1].map(|k| self.mass[k] + other.mass[k]),
@@ -216,6 +218,9 @@ impl Joining<'_> {
                 own.shared = own.shared.into_iter().chain([known.state.id]).min();
             }
         }
+        if let (true, Some(first)) = (begin.len() > 1, begin.first()) {
+            found[first.state.family].shared_ids += 1;
+        }
         let (mut pair_of, mut taken) = (vec![None; begin.len()], vec![false; end.len()]);
         if !self.is_matching {
             // Each step stands for itself.
@@ -334,7 +339,9 @@ impl Joining<'_> {
         let is_straight = self.tangents[a.state.family].0 == Tangents::None;
         let unresolved =
             if is_straight { 0.0 } else { spline.unresolved(f64::from(a.state.smoothing_length())) as f32 };
-        let moved = spline.positions[1] - spline.positions[0];
+        // By places as the sources have them: what has just begun to move is no farther than places are rounded.
+        let turned = difference(place, b.place) + difference(b.state.place, a.state.place);
+        let moved = turned * self.layout.lattice.unit();
         let way = 0.5 * (spline.tangents[0] + spline.tangents[1]);
         if self.tangents[a.state.family].0 == Tangents::Velocity {
             own.products[0] += moved.dot(way);

@@ -4,6 +4,7 @@
 //! buckets are built one by one ([`tree`]), the nodes coded ([`coding`]) and written. Whatever has to be kept in between is kept
 //! in memory as far as [`BuildOptions::memory`] allows, and in temporary files beyond ([`spill`]); the output is the same.
 
+mod against_sources;
 mod coding;
 mod estimates;
 mod matching;
@@ -29,6 +30,7 @@ use crate::store::paging::{PAGE_BYTES, write_trees};
 use crate::store::temporary::{clean, folder_of};
 use crate::store::writer::CompletePageFile;
 use crate::store::{FamilyMetadata, Metadata, PageFileWriter, StoreError, VolumeTree};
+pub use against_sources::compare_with_sources;
 use memory::Memory;
 use partition::Partition;
 pub use run::{BuiltRun, build_run};

@@ -166,7 +166,8 @@ impl TrackBuild<'_> {
             let (interval, found, on_disk) =
                 self.interval(&plans, (first, &window), number, &tangents, by_differences, writer, progress)?;
             for (total, found) in totals.iter_mut().zip(&found) {
-                *total = total.with(*found);
+                let shared_ids = total.shared_ids.max(found.shared_ids);
+                *total = Found { shared_ids, ..total.with(*found) };
             }
             temporary_bytes =
                 temporary_bytes.max(on_disk + window.iter().map(|states| states.shuffle.on_disk()).sum::<u64>());
@@ -253,11 +254,12 @@ impl TrackBuild<'_> {
         let holding = self.steps.iter().filter(|step| step.means.iter().any(|(own, _)| *own == name));
         let mut counts: Vec<(&Path, u64)> = Vec::new();
         let mut lacking = None;
-        let mut has_velocities = true;
+        let (mut has_velocities, mut is_without_ids) = (true, true);
         for step in holding {
             let about = &self.run.steps[step.number].about;
             let Some(info) = about.families.iter().find(|info| info.name == name) else { continue };
             counts.push((&about.path, info.count));
+            is_without_ids &= about.format == "tipsy";
             has_velocities &= info.find(FieldKind::Velocity).is_some();
             if info.find(FieldKind::Id).is_none() && lacking.is_none() {
                 lacking = Some(&*about.path);
@@ -275,9 +277,9 @@ impl TrackBuild<'_> {
                 _ => Ok(true),
             },
             (_, None) => Ok(false),
-            // Velocities will have to bear it out.
-            (Matching::Auto, Some(_)) if differ.is_none() && has_velocities => Ok(true),
-            (_, Some(path)) => Err(missing_ids(path, name).into()),
+            // A format that has none keeps its particles in order; velocities will have to bear it out.
+            (Matching::Auto, Some(_)) if differ.is_none() && has_velocities && is_without_ids => Ok(true),
+            (_, Some(path)) => Err(missing_ids(path, name)),
         }
     }
 
@@ -361,7 +363,7 @@ impl TrackBuild<'_> {
                 }
             };
             if plans.by_row[family] && self.tracks.matching != Matching::None && has_velocities {
-                self.check_order(*name, &found[family], tangents[family].0, &about.path)?;
+                self.check_order(*name, &found[family], is_right(tangents[family].1), &about.path)?;
             }
         }
         Ok(())
@@ -377,12 +379,12 @@ impl TrackBuild<'_> {
     }
 
     /// Whether displacements fit the velocities of particles that are matched by their rows.
-    fn check_order(&self, name: FamilyName, found: &Found, tangents: Tangents, path: &Path) -> Result<(), BuildError> {
-        if tangents == Tangents::Velocity {
+    fn check_order(&self, name: FamilyName, found: &Found, is_right: bool, path: &Path) -> Result<(), BuildError> {
+        let share = if found.mass[0] > 0.0 { found.mass[1] / found.mass[0] } else { 0.0 };
+        if is_right && share <= LOST {
             return Ok(());
         }
         let factor = found.velocity_factor().unwrap_or(0.0);
-        let share = if found.mass[0] > 0.0 { found.mass[1] / found.mass[0] } else { 0.0 };
         match self.tracks.matching {
             Matching::Order => {
                 let what =
@@ -390,7 +392,7 @@ impl TrackBuild<'_> {
                 let expected = "particles in one order for --match order";
                 Err(ImportError::malformed(path, name.as_str(), what, expected).into())
             }
-            _ => Err(missing_ids(path, name).into()),
+            _ => Err(missing_ids(path, name)),
         }
     }
 
@@ -567,8 +569,8 @@ impl TrackBuild<'_> {
             return Err(ImportError::malformed(path, format!("{name}: ids"), found, expected).into());
         }
         notes.push(format!(
-            "{name}: {} ids of {all}, counted in every interval, are those of other particles too, such as {example}",
-            total.ambiguous
+            "{name}: up to {} ids are those of several particles at a step, such as {example}",
+            total.shared_ids
         ));
         Ok(())
     }
@@ -582,13 +584,10 @@ fn unique_states<'a>(sample: &'a [u32], words: usize, which: &[usize]) -> Vec<St
     which.iter().map(|i| State::of(&sample[i * words..(i + 1) * words])).collect()
 }
 
-fn missing_ids(path: &Path, name: FamilyName) -> ImportError {
+fn missing_ids(path: &Path, name: FamilyName) -> BuildError {
     let file = path.file_name().map_or_else(|| path.display().to_string(), |name| name.to_string_lossy().into_owned());
-    ImportError::missing(
-        path,
-        format!("{name}: ids"),
-        format!("missing in {file}, expected ids, or --match order, or --stills-only"),
-    )
+    let what = format!("{name}: ids: missing in {file}, expected ids, or --match order, or --stills-only");
+    BuildError::Selection { path: path.to_owned(), what }
 }
 
 impl StepStates {

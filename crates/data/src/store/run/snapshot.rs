@@ -83,6 +83,11 @@ impl RunFile {
 }
 
 impl RunSnapshot {
+    /// The ids of a family's particles, or their rows where they have none.
+    pub fn ids(&self, family: usize) -> &[u64] {
+        self.families.get(family).map_or(&[], |family| &family.ids)
+    }
+
     /// Mass of what fades from place to place.
     pub fn faded_mass(&self) -> f64 {
         self.families.iter().map(|family| family.faded_mass).sum()
