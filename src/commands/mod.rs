@@ -10,6 +10,7 @@ pub mod info;
 pub mod key;
 pub mod modes;
 pub mod page_file_info;
+pub mod paths;
 pub mod probe;
 pub mod projection_options;
 pub mod region_options;
@@ -40,6 +41,7 @@ pub enum Command {
     Verify(verify::Arguments),
     Probe(Box<probe::Arguments>),
     Select(Box<select::Arguments>),
+    Paths(Box<paths::Arguments>),
     Catalogue(catalogue::Arguments),
     Tour(Box<tour::Arguments>),
     Key(key::Arguments),
@@ -63,6 +65,7 @@ impl Command {
             Command::Verify(arguments) => verify::run(arguments),
             Command::Probe(arguments) => probe::run(arguments),
             Command::Select(arguments) => select::run(arguments),
+            Command::Paths(arguments) => paths::run(arguments),
             Command::Catalogue(arguments) => catalogue::run(arguments),
             Command::Tour(arguments) => tour::run(arguments),
             Command::Key(arguments) => key::run(arguments),

@@ -21,6 +21,7 @@ pub fn json(run: &RunFile) -> Value {
         "bytes_per_particle_step": run.bytes() as f64 / particles.max(1) as f64,
         "steps": directory.steps.iter().enumerate().map(|(index, step)| step_json(index, step)).collect::<Vec<_>>(),
         "intervals": directory.intervals.iter().enumerate().map(|(from, found)| interval_json(run, from, found)).collect::<Vec<_>>(),
+        "flow": [],
         "notes": directory.notes,
     })
 }

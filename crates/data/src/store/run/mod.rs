@@ -5,6 +5,7 @@
 //! file.
 
 mod layout;
+mod paths;
 mod snapshot;
 mod track_layout;
 mod tracks;
@@ -12,6 +13,7 @@ mod verify;
 mod writer;
 
 pub use layout::{Directory, HEADER_LEN, MAGIC, Section, Step, VERSION};
+pub use paths::RunPaths;
 pub use snapshot::RunSnapshot;
 pub use track_layout::{Deviation, FamilyTracks, IntervalTracks, Matches, Tangents, TrackFamily, TrackLayout, span};
 pub use tracks::{LEAF_TRACKS, LeafPart, TrackCoding, TrackIndex, TrackLeaf, as_stored, encode_ids};

@@ -1,0 +1,213 @@
+//! The tracks of a run as a source: two rows for each, its states at both ends of its interval.
+
+use super::RunFile;
+use super::track_layout::TrackFamily;
+use super::tracks::TrackLeaf;
+use crate::hierarchy::spacetime::{Interval, Tracks};
+use crate::import::{Description, FamilyInfo, Field, FieldKind, ImportError, Source};
+use crate::model::{Moment, Unit};
+use crate::store::error::StoreError;
+use std::ops::Range;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Decoded leaves that are kept: rows are asked for field by field, by several threads.
+const KEPT: usize = 64;
+
+/// The particles' tracks over some intervals.
+pub struct RunPaths {
+    run: Arc<RunFile>,
+    about: Description,
+    families: Vec<FamilyPaths>,
+    intervals: Vec<Interval>,
+    first_interval: usize,
+    kept: Mutex<Vec<(LeafPlace, Arc<Tracks>)>>,
+}
+
+/// Which leaf: interval (from the first on), family and number.
+type LeafPlace = (usize, usize, usize);
+
+struct FamilyPaths {
+    /// Its number in the run.
+    number: usize,
+    /// First track of each leaf in the family, with where it is, and the track's number in the interval.
+    leaves: Vec<(u64, LeafPlace, u64)>,
+    about: Vec<Vec<TrackLeaf>>,
+}
+
+/// Columns beside attributes: name, kind, components.
+const COLUMNS: [(&str, FieldKind, usize); 10] = [
+    ("position", FieldKind::Position, 3),
+    ("velocity", FieldKind::Velocity, 3),
+    ("mass", FieldKind::Mass, 1),
+    ("smoothing-length", FieldKind::SmoothingLength, 1),
+    ("density", FieldKind::Density, 1),
+    ("id", FieldKind::Id, 1),
+    ("interval", FieldKind::Other, 1),
+    ("track", FieldKind::Other, 1),
+    ("u", FieldKind::Other, 1),
+    ("tau", FieldKind::Other, 1),
+];
+
+impl RunPaths {
+    /// The tracks of all intervals that have more than a moment in common with the time from one moment to another.
+    ///
+    /// # Errors
+    /// Where the run has no tracks, their indices cannot be read or are damaged, or the time has no extent.
+    pub fn open(run: Arc<RunFile>, from: Moment, to: Moment) -> Result<RunPaths, StoreError> {
+        let layout = run.tracks()?;
+        let end = if to.u > 0.0 { to.step + 1 } else { to.step };
+        let range = from.step..end.min(run.directory().intervals.len());
+        let intervals = range.clone().map(|interval| run.interval(interval)).collect::<Result<Vec<_>, _>>()?;
+        let mut about = Description {
+            length_unit: run.directory().length_unit.clone(),
+            mass_unit: run.directory().mass_unit.clone(),
+            ..Description::unitless(run.path(), "deepfield-run", run.bytes())
+        };
+        let mut families = Vec::new();
+        for (number, info) in layout.families.iter().enumerate() {
+            let indices = range.clone().map(|interval| run.track_index(interval, number));
+            let indices = indices.collect::<Result<Vec<_>, _>>()?;
+            let (mut leaves, mut at) = (Vec::new(), 0);
+            for (interval, index) in indices.iter().enumerate() {
+                let mut in_interval = 0;
+                for (leaf, known) in index.leaves.iter().enumerate() {
+                    leaves.push((at, (interval, number, leaf), in_interval));
+                    at += u64::from(known.tracks);
+                    in_interval += u64::from(known.tracks);
+                }
+            }
+            if at > 0 {
+                about.families.push(described(info, 2 * at, &about));
+                let about = indices.into_iter().map(|index| index.leaves).collect();
+                families.push(FamilyPaths { number, leaves, about });
+            }
+        }
+        Ok(RunPaths { about, families, intervals, first_interval: range.start, kept: Mutex::default(), run })
+    }
+
+    /// A leaf's tracks.
+    fn leaf(&self, family: &FamilyPaths, place: LeafPlace) -> Result<Arc<Tracks>, StoreError> {
+        let known = |kept: &[(LeafPlace, Arc<Tracks>)]| {
+            kept.iter().find(|(known, _)| *known == place).map(|(_, tracks)| Arc::clone(tracks))
+        };
+        if let Some(tracks) = known(&self.kept.lock().unwrap_or_else(PoisonError::into_inner)) {
+            return Ok(tracks);
+        }
+        let (interval, _, leaf) = place;
+        let about = &family.about[interval][leaf];
+        let tracks = Arc::new(self.run.track_leaf(self.first_interval + interval, family.number, about, true)?);
+        let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
+        if kept.len() >= KEPT {
+            kept.remove(0);
+        }
+        kept.push((place, Arc::clone(&tracks)));
+        Ok(tracks)
+    }
+
+    /// Hands every row of a range to `put`: its place in the range, the leaf's place, its tracks, the first one's number in the interval,
+    /// which of them, and which end.
+    fn rows(&self, family: usize, range: Range<u64>, mut put: impl FnMut(usize, &Row)) -> Result<(), ImportError> {
+        let own = &self.families[family];
+        let damaged = |error: StoreError| {
+            let expected = "tracks as they were written";
+            ImportError::malformed(self.run.path(), "tracks", error.to_string(), expected)
+        };
+        let mut row = range.start;
+        while row < range.end {
+            let number = own.leaves.partition_point(|(first, ..)| *first <= row / 2) - 1;
+            let (first, place, first_track) = own.leaves[number];
+            let tracks = self.leaf(own, place).map_err(damaged)?;
+            let end = range.end.min(2 * (first + tracks.len() as u64));
+            for at in row..end {
+                let i = (at / 2 - first) as usize;
+                let row = Row {
+                    tracks: &tracks,
+                    interval: place.0,
+                    i,
+                    track: first_track + i as u64,
+                    end: (at % 2) as usize,
+                };
+                put((at - range.start) as usize, &row);
+            }
+            row = end;
+        }
+        Ok(())
+    }
+}
+
+/// One end of a track.
+struct Row<'a> {
+    tracks: &'a Tracks,
+    interval: usize,
+    i: usize,
+    track: u64,
+    end: usize,
+}
+
+/// What a family says of itself.
+fn described(info: &TrackFamily, rows: u64, about: &Description) -> FamilyInfo {
+    let unit = |kind| match kind {
+        FieldKind::Position | FieldKind::SmoothingLength => about.length_unit.clone(),
+        FieldKind::Mass => about.mass_unit.clone(),
+        _ => Unit::default(),
+    };
+    let field = |name: &str, kind, unit, components| Field {
+        name: name.into(),
+        stored_as: name.into(),
+        unit,
+        components,
+        kind,
+    };
+    let is_there = |kind: FieldKind| kind != FieldKind::Id || info.has_ids;
+    let columns = COLUMNS.into_iter().filter(|(_, kind, _)| is_there(*kind));
+    let mut fields: Vec<Field> =
+        columns.map(|(name, kind, components)| field(name, kind, unit(kind), components)).collect();
+    fields.extend(info.attributes.iter().map(|(name, unit)| field(name, FieldKind::Other, unit.clone(), 1)));
+    FamilyInfo { name: info.name, count: rows, fields }
+}
+
+impl Source for RunPaths {
+    fn description(&self) -> &Description {
+        &self.about
+    }
+
+    fn read(&self, family: usize, field: usize, range: Range<u64>, out: &mut [f64]) -> Result<(), ImportError> {
+        let found = self.about.check_range(family, field, &range, out.len())?;
+        let components = found.components;
+        let attributes = self.about.families[family].fields[..field]
+            .iter()
+            .filter(|other| other.kind == FieldKind::Other && !COLUMNS.iter().any(|(name, ..)| *name == other.name))
+            .count();
+        let clock = |interval: usize, end: usize| {
+            let layout = self.run.directory().tracks.as_ref();
+            layout.and_then(|layout| layout.clock.get(self.first_interval + interval + end)).copied().unwrap_or(0.0)
+        };
+        self.rows(family, range, |at, row| {
+            let Row { tracks, interval, i, track, end } = *row;
+            let own = &tracks.ends[end];
+            let space = &self.intervals[interval];
+            let out = &mut out[at * components..(at + 1) * components];
+            match (found.kind, found.name.as_str()) {
+                (FieldKind::Position, _) => out.copy_from_slice(&space.lattice.position(own.places[i])),
+                (FieldKind::Velocity, _) => {
+                    let unit = space.lattice.unit() / space.spans[end];
+                    out.iter_mut().zip(own.movements[i]).for_each(|(out, v)| *out = v as f64 * unit);
+                }
+                (FieldKind::Mass, _) => out[0] = tracks.flags[i].weights()[end] * f64::from(own.mass[i]),
+                (FieldKind::SmoothingLength, _) => out[0] = f64::from(own.smoothing_length[i]),
+                (FieldKind::Density, _) => out[0] = f64::from(own.density[i]),
+                (FieldKind::Id, _) => out[0] = tracks.ids[i] as f64,
+                (_, "interval") => out[0] = (self.first_interval + interval) as f64,
+                (_, "track") => out[0] = track as f64,
+                (_, "u") => out[0] = end as f64,
+                (_, "tau") => out[0] = clock(interval, end),
+                _ => out[0] = own.attributes.get(attributes).map_or(f64::NAN, |column| f64::from(column[i])),
+            }
+        })
+    }
+
+    fn read_ids(&self, family: usize, field: usize, range: Range<u64>, out: &mut [u64]) -> Result<(), ImportError> {
+        self.about.check_range(family, field, &range, out.len())?;
+        self.rows(family, range, |at, row| out[at] = row.tracks.ids[row.i])
+    }
+}

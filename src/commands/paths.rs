@@ -1,0 +1,71 @@
+//! `deepfield paths`: the tracks of a run's particles as a table.
+
+use super::region_options::RegionOptions;
+use super::{CommandResult, progress_bar::TerminalProgress};
+use crate::explore::{Data, Format, IdSet, Members, Work, export};
+use crate::look::data_file;
+use crate::model::{ReadMethod, When};
+use crate::store::RunFile;
+use crate::store::run::RunPaths;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// Writes the tracks of a run: for each particle and interval a row at each end, with its place, its velocity by the run's clock, and
+/// everything else that is known of it. Between the two it is on the cubic Hermite spline.
+#[derive(clap::Args, Clone, Debug)]
+#[command(after_help = "Examples:
+  deepfield paths run.df --ids halo.ids -o halo.csv
+  deepfield paths run.df --from 9.6 --to last --family stars -o stars.parquet
+  deepfield paths run.df --sphere 0.3,0,0,0.5 --from step:3 --to step:4 -o through.csv    every end of a track that lies there")]
+pub struct Arguments {
+    /// The run.
+    pub path: PathBuf,
+    /// The particles with the ids in this file [default: all].
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["sphere", "cuboid", "region", "ranges", "family", "at", "object"])]
+    pub ids: Option<PathBuf>,
+    /// From when on: a time, step:12, z:1.5, a:0.4 or last [default: the first step].
+    #[arg(long, value_name = "WHEN", allow_hyphen_values = true)]
+    pub from: Option<When>,
+    /// Until when [default: the last step].
+    #[arg(long, value_name = "WHEN", allow_hyphen_values = true)]
+    pub to: Option<When>,
+    /// Which tracks: 0, those of single particles.
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u32).range(0..=0))]
+    pub level: u32,
+    /// Which ends of tracks [default: all].
+    #[command(flatten)]
+    pub region: RegionOptions,
+    /// The table, .csv or .parquet.
+    #[arg(short, long, value_name = "OUT")]
+    pub out: PathBuf,
+}
+
+/// Writes the table.
+///
+/// # Errors
+/// When the run cannot be read or has no tracks, or the file not be written.
+pub fn run(arguments: &Arguments) -> CommandResult {
+    let out = &arguments.out;
+    let format = Format::of(out);
+    let format = format.ok_or_else(|| format!("{}: expected a name that ends in .csv or .parquet", out.display()))?;
+    let run = Arc::new(RunFile::open(&data_file(&arguments.path)?, ReadMethod::default())?);
+    let from = run.moment(arguments.from.unwrap_or(When::Step(0)))?;
+    let to = run.moment(arguments.to.unwrap_or(When::Last))?;
+    if run.time(from) >= run.time(to) {
+        let path = arguments.path.display();
+        return Err(
+            format!("{path}: --from: found {}, expected a time before --to, {}", run.time(from), run.time(to)).into()
+        );
+    }
+    let paths = RunPaths::open(run, from, to)?;
+    let data = Data::Source(&paths);
+    let members = match &arguments.ids {
+        Some(ids) => Members::Ids(IdSet::read(ids)?),
+        None => Members::Region(arguments.region.region(data)?),
+    };
+    let progress = TerminalProgress::new();
+    let rows = export(data, &members, format, out, None, Work::told(&progress))?.rows;
+    drop(progress);
+    println!("{}: {rows} rows", out.display());
+    Ok(())
+}
