@@ -49,6 +49,7 @@ fn full() -> SceneFile {
             attribute: Some(Attribute::Named("temperature".into())),
             families: Some(vec![crate::model::FamilyName::Stars]),
             time: Some(When::ScaleFactor(0.4)),
+            interpolation: Some(crate::hierarchy::spacetime::Interpolation::Linear),
             transfer: Some(TransferFunction {
                 range: Range::Fixed(1e-3, 7.5),
                 hue: Some(Hue { reverse: true, ..Hue::default() }),
