@@ -3,6 +3,7 @@
 
 use crate::support::run;
 use serde_json::Value;
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::Output;
@@ -57,6 +58,24 @@ fn read(folder: &Path, name: &str) -> Vec<u8> {
     std::fs::read(folder.join(name)).unwrap()
 }
 
+/// Places by id, of a table of particles.
+fn places(folder: &Path, name: &str) -> BTreeMap<u64, [f64; 3]> {
+    let text = String::from_utf8(read(folder, name)).unwrap();
+    let mut lines = text.lines();
+    let header: Vec<&str> = lines.next().unwrap().split(',').map(|name| name.split(' ').next().unwrap()).collect();
+    let at = |name: &str| header.iter().position(|own| *own == name).unwrap();
+    let (id, axes) = (at("id"), [at("x"), at("y"), at("z")]);
+    let row = |line: &str| {
+        let values: Vec<&str> = line.split(',').collect();
+        (values[id].parse().unwrap(), axes.map(|axis| values[axis].parse().unwrap()))
+    };
+    lines.map(row).collect()
+}
+
+fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
+    (0..3).map(|axis| (a[axis] - b[axis]).powi(2)).sum::<f64>().sqrt()
+}
+
 #[test]
 fn a_step_is_the_snapshot_alone_to_the_byte() {
     let folder = built();
@@ -84,12 +103,19 @@ fn a_step_is_the_snapshot_alone_to_the_byte() {
         assert!(step == picture(&["turn_10.csv"], "b.png"), "{mode}");
         assert!(step != picture(&["run.df"], "c.png"), "{mode}: the first step is another picture");
     }
-    // The particles that a region holds, with their ids while the source is there.
+    // The particles that a region holds, with their ids, whether the source is there or not.
     let rows = |arguments: &[&str], name: &str| {
         ok(folder, &[&["select", "-o", name, "--sphere", "0,0,0,0.6"], arguments].concat());
-        read(folder, name)
+        places(folder, name)
     };
-    assert!(rows(&["run.df", "--time", "0.75"], "a.csv") == rows(&["turn_10.csv"], "b.csv"));
+    let truth = rows(&["turn_10.csv"], "b.csv");
+    std::fs::rename(folder.join("turn_10.csv"), folder.join("gone.csv")).unwrap();
+    let found = rows(&["run.df", "--time", "0.75"], "a.csv");
+    assert!(truth.len() > 100 && found.keys().eq(truth.keys()));
+    for (id, place) in &truth {
+        // Within 1/512 of the smoothing length.
+        assert!(distance(found[id], *place) < 0.1 / 512.0, "{id}: {:?} {place:?}", found[id]);
+    }
     let probed = json(folder, &["probe", "run.df", "--time", "last", "--json", "-"]);
     assert_eq!(probed["count"], 500);
 }
@@ -128,7 +154,7 @@ fn runs_are_the_same_file_whatever_the_order_of_names_and_the_threads() {
 }
 
 #[test]
-fn moments_outside_are_refused_and_moments_between_steps_show_the_step_before() {
+fn moments_outside_are_refused_and_moments_between_steps_say_what_is_shown() {
     let folder = built();
     let folder = folder.path();
     let out = ["-o", "a.png", "--size", "64x64", "--backend", "cpu"];
@@ -143,7 +169,11 @@ fn moments_outside_are_refused_and_moments_between_steps_show_the_step_before() 
     assert_eq!(words.status.code(), Some(2));
     let told = json(folder, &[&["render", "run.df", "--time", "1", "--json", "-"], &out[..]].concat());
     let between = ["time", "step", "interval", "u", "interpolation"].map(|key| &told[key]);
-    assert_eq!(between, [&1.0.into(), &2.into(), &2.into(), &0.2.into(), &Value::from("hold")]);
+    assert_eq!(between, [&1.0.into(), &2.into(), &2.into(), &0.2.into(), &Value::from("auto")]);
+    assert_eq!((&told["tracks_drawn"], &told["faded_mass"]), (&500.into(), &0.0.into()));
+    let held = [&["render", "run.df", "--time", "1", "--interpolation", "hold", "--json", "-"], &out[..]].concat();
+    let told = json(folder, &held);
+    assert_eq!((&told["interpolation"], &told["tracks_drawn"]), (&Value::from("hold"), &0.into()));
     let stored = json(folder, &[&["render", "run.df", "--time", "step:2", "--json", "-"], &out[..]].concat());
     assert_eq!((&stored["time"], &stored["interval"]), (&0.75.into(), &Value::Null));
     // A scene has its time, and says that it needs it.
@@ -252,4 +282,64 @@ fn no_damage_goes_unnoticed_and_none_panics() {
     std::fs::write(&path, &whole[..whole.len() / 2]).unwrap();
     let told = refused(folder, &["render", "bad.df", "-o", "a.png"]);
     assert!(told.contains("bad.df") && told.contains("truncated"), "{told}");
+}
+
+#[test]
+fn particles_move_between_steps_in_pictures_selections_tables_and_tours() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    ok(folder, &["synth", "orbits", "-n", "500", "--steps", "5", "-o", "run"]);
+    let names: Vec<String> = (0..5).map(|step| format!("run_00{step}")).collect();
+    let build = [&["build", "-o", "run.df"], &names.iter().map(String::as_str).collect::<Vec<_>>()[..]].concat();
+    ok(folder, &build);
+    let about = json(folder, &["info", "run.df", "--json"]);
+    let family = &about["intervals"][0]["families"][0];
+    assert_eq!((&family["matched"], &family["tangents"]), (&500.into(), &"velocity".into()));
+    assert!((family["velocity_factor"].as_f64().unwrap() - 1.0).abs() < 0.05);
+    assert_eq!(about["intervals"].as_array().unwrap().len(), 4);
+    ok(folder, &["verify", "run.df", "--sources"]);
+    names.iter().for_each(|name| std::fs::remove_file(folder.join(name)).unwrap());
+    // A picture between steps is that of the particles that a selection has there.
+    let time = 0.5 * (about["steps"][1]["time"].as_f64().unwrap() + about["steps"][2]["time"].as_f64().unwrap());
+    let time = time.to_string();
+    let camera =
+        ["--size", "96x72", "--backend", "cpu", "--eye", "0,0,9", "--target", "0,0,0", "--mode", "column-density"];
+    let picture = |arguments: &[&str], name: &str| {
+        ok(folder, &[&["render", "-o", name], &camera[..], arguments].concat());
+        read(folder, name)
+    };
+    ok(folder, &["select", "run.df", "--time", &time, "-o", "there.csv"]);
+    let moved = picture(&["run.df", "--time", &time], "moved.png");
+    assert!(moved == picture(&["there.csv", "--exact"], "there.png"));
+    let others = ["hold", "linear", "fade"]
+        .map(|way| picture(&["run.df", "--time", &time, "--interpolation", way], "other.png"));
+    assert!(others.iter().all(|other| *other != moved));
+    // The table of tracks has both ends of each, and the ends of the first interval are where the second one begins.
+    let some: Vec<String> = places(folder, "there.csv").keys().take(7).map(u64::to_string).collect();
+    std::fs::write(folder.join("some.ids"), some.join("\n")).unwrap();
+    ok(folder, &["paths", "run.df", "--ids", "some.ids", "--to", "step:2", "-o", "some.csv"]);
+    let text = String::from_utf8(read(folder, "some.csv")).unwrap();
+    let header: Vec<&str> = text.lines().next().unwrap().split(',').collect();
+    let at = |name: &str| header.iter().position(|own| own.split(' ').next() == Some(name)).unwrap();
+    let ends = |interval: &str, u: &str| {
+        let rows = text.lines().skip(1).map(|line| line.split(',').collect::<Vec<_>>());
+        let own = rows.filter(|row| row[at("interval")] == interval && row[at("u")] == u);
+        let columns = ["id", "x", "y", "z", "vx", "vy", "vz", "mass"].map(at);
+        let mut ends: Vec<Vec<String>> = own.map(|row| columns.map(|column| row[column].to_owned()).to_vec()).collect();
+        ends.sort();
+        ends
+    };
+    assert_eq!(ends("0", "1").len(), 7);
+    assert_eq!(ends("0", "1"), ends("1", "0"));
+    assert!(refused(folder, &["paths", "run.df", "--from", "last", "-o", "none.csv"]).contains("--from"));
+    // A tour goes through the interval, and its scenes make its frames again.
+    let tour = r#"(version: 2, dataset: (path: "run.df"), size: (96, 72), rate: 4.0, keyframes: [
+        (time: step(1), mode: "column-density", interpolation: linear, camera: (eye: (0.0, 0.0, 9.0), target: (0.0, 0.0, 0.0))),
+        (after: 1.0, time: step(2))])"#;
+    std::fs::write(folder.join("show.ron"), tour).unwrap();
+    ok(folder, &["tour", "show.ron", "--record", "frames", "--backend", "cpu"]);
+    let frames: Vec<Vec<u8>> = (0..4).map(|i| read(folder, &format!("frames/frame-0000{i}.png"))).collect();
+    assert!(frames.windows(2).all(|pair| pair[0] != pair[1]));
+    ok(folder, &["render", "frames/scenes/frame-00002.scene.ron", "-o", "again.png", "--backend", "cpu"]);
+    assert!(read(folder, "again.png") == frames[2]);
 }

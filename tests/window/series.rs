@@ -16,7 +16,7 @@ fn series(folder: &Path) {
         }
         std::fs::write(folder.join(format!("ball_{step}.csv")), text).unwrap();
     }
-    let built = run(folder, &["build", "ball_*.csv", "-o", "run.df", "--times", "0,1,4"]);
+    let built = run(folder, &["build", "ball_*.csv", "-o", "run.df", "--times", "0,1,4", "--match", "order"]);
     assert!(built.status.success(), "{}", String::from_utf8_lossy(&built.stderr));
 }
 

@@ -76,6 +76,11 @@ fn plays_what_is_recorded(backend: &str) {
     let stand = || {
         if program.status()["tour"]["running"] == true {
             desktop.press(SPACE);
+            // Pressed twice it would run on; a slow machine takes a while to say that it stands.
+            let begin = Instant::now();
+            while program.status()["tour"]["running"] == true && begin.elapsed().as_secs() < 15 {
+                std::thread::sleep(std::time::Duration::from_millis(200));
+            }
         } else {
             desktop.press(LEFT);
             desktop.press(SPACE);

@@ -1,7 +1,7 @@
 //! A run at any moment as a source: what its tracks say between two steps, read as a snapshot is.
 
 use super::RunFile;
-use super::track_layout::TrackFamily;
+use super::track_layout::{Tangents, TrackFamily};
 use crate::hierarchy::spacetime::{Interpolation, Moving};
 use crate::import::{Description, FamilyInfo, Field, FieldKind, ImportError, Source};
 use crate::model::{Moment, Unit, scale_factor_of};
@@ -63,6 +63,11 @@ impl RunFile {
         for (family, info) in layout.families.iter().enumerate() {
             let index = self.track_index(number, family)?;
             let rules = info.rules();
+            // Tracks without tangents are straight.
+            let interpolation = match (info.tangents, interpolation) {
+                (Tangents::None, Interpolation::Auto | Interpolation::Hermite) => Interpolation::Linear,
+                (_, interpolation) => interpolation,
+            };
             let parts = index.leaves.par_iter().map(|leaf| {
                 let tracks = self.track_leaf(number, family, leaf, true)?;
                 let mut moving = Moving::default();
