@@ -9,6 +9,7 @@ use crate::model::{FamilyName, ReadMethod, When, ron_file};
 use crate::store::{PageFile, RunFile};
 use glam::DVec3;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 type Failure = Box<dyn std::error::Error + Send + Sync>;
 
@@ -168,7 +169,7 @@ impl Opened {
             DataKind::Pages => Opened::Pages(Box::new(PageFile::open_with(path, method)?)),
             DataKind::Source => Opened::Source(open_with(path, method)?),
             DataKind::Run => {
-                let run = RunFile::open(path, method)?;
+                let run = Arc::new(RunFile::open(path, method)?);
                 let moment = run.moment(time.unwrap_or(When::Step(0)))?;
                 let interpolation = interpolation.unwrap_or_default();
                 if moment.u > 0.0 && interpolation != Interpolation::Hold && run.tracks().is_ok() {
@@ -195,7 +196,7 @@ impl Opened {
     pub fn source(path: &Path, at: At, method: ReadMethod) -> Result<Opened, Failure> {
         let named = data_file(path)?;
         if DataKind::of(&named)? == DataKind::Run {
-            let run = RunFile::open(&named, method)?;
+            let run = Arc::new(RunFile::open(&named, method)?);
             if run.tracks().is_ok() {
                 let moment = run.moment(at.time.unwrap_or(When::Step(0)))?;
                 return Ok(Opened::Source(Box::new(run.at(moment, at.interpolation.unwrap_or_default())?)));

@@ -9,6 +9,7 @@ use crate::store::RunFile;
 use crate::store::run::{VerifiedRun, verify_run};
 use crate::store::verify::{Verified, verify};
 use std::path::PathBuf;
+use std::sync::Arc;
 
 /// Checks every byte and every structural promise of a page file or a run.
 #[derive(clap::Args, Debug)]
@@ -37,7 +38,7 @@ pub fn run(arguments: &Arguments) -> CommandResult {
             "{path}: sound, {steps} steps, {pages} pages, {nodes} nodes, {particles} particles, {tracks} tracks, {bytes} bytes"
         );
         if arguments.sources {
-            let run = RunFile::open(&arguments.path, ReadMethod::default())?;
+            let run = Arc::new(RunFile::open(&arguments.path, ReadMethod::default())?);
             let compared = compare_with_sources(&run, &TerminalProgress::new())?;
             println!("{path}: {compared} particles are where the snapshots have them");
         }

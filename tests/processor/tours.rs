@@ -93,6 +93,10 @@ fn recordings_are_the_same_files_however_they_are_interrupted() {
         child.kill().unwrap();
         child.wait().unwrap();
     }
+    // What a killed one was about to write, whenever that was.
+    for beginning in [".deepfield-frame", "scenes/.deepfield-scene"] {
+        std::fs::write(at("interrupted").join(beginning), b"half").unwrap();
+    }
     run(record("interrupted"));
     let interrupted = contents(&at("interrupted"));
     assert_eq!(once.keys().collect::<Vec<_>>(), interrupted.keys().collect::<Vec<_>>());

@@ -4,13 +4,14 @@
 
 use deepfield_data::build::{BuildOptions, Matching, TrackOptions, build_run, compare_with_sources};
 use deepfield_data::hierarchy::spacetime::{Interpolation, TrackFlags, Tracks};
-use deepfield_data::import::{FieldKind, LoadOptions, RunOptions, Source, open_run};
+use deepfield_data::import::{FieldKind, LoadOptions, RunOptions, Source, load_source, open_run};
 use deepfield_data::model::{ClockVariable, FamilyName, Moment, ReadMethod, When};
 use deepfield_data::store::RunFile;
 use deepfield_data::store::run::{Matches, RunSnapshot, Tangents, verify_run};
 use deepfield_data::synth::moving::{self, Births, Halo, Moving, Orbits, Pancake};
 use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// A generated run, its snapshots and times.
 struct Generated {
@@ -27,15 +28,15 @@ fn generated(kind: &dyn Moving, steps: usize, irregular: f64) -> Generated {
 }
 
 impl Generated {
-    fn built(&self, run: &RunOptions, tracks: TrackOptions, options: &BuildOptions) -> Result<RunFile, String> {
+    fn built(&self, run: &RunOptions, tracks: TrackOptions, options: &BuildOptions) -> Result<Arc<RunFile>, String> {
         let out = self.folder.path().join("run.df");
         let run = open_run(&self.files, run, ReadMethod::default()).map_err(|error| error.to_string())?;
         build_run(run, false, Some(&tracks), &LoadOptions::default(), options, &out, &())
             .map_err(|error| error.to_string())?;
-        Ok(RunFile::open(&out, ReadMethod::default()).unwrap())
+        Ok(Arc::new(RunFile::open(&out, ReadMethod::default()).unwrap()))
     }
 
-    fn usual(&self) -> RunFile {
+    fn usual(&self) -> Arc<RunFile> {
         self.built(&RunOptions::default(), TrackOptions::default(), &BuildOptions::default()).unwrap()
     }
 }
@@ -54,7 +55,7 @@ fn rows(snapshot: &RunSnapshot) -> Rows {
         };
         let (positions, mass, h) =
             (column(FieldKind::Position), column(FieldKind::Mass), column(FieldKind::SmoothingLength));
-        for (i, id) in snapshot.ids(family).iter().enumerate() {
+        for (i, id) in snapshot.ids(family).unwrap().iter().enumerate() {
             let position = [positions[3 * i], positions[3 * i + 1], positions[3 * i + 2]];
             rows.entry((info.name.to_string(), *id)).or_default().push((position, mass[i], h[i]));
         }
@@ -323,9 +324,11 @@ fn damaged_tracks_are_found_and_never_panic() {
         bytes[at] ^= 0x55;
         std::fs::write(path, bytes).unwrap();
         assert!(verify_run(path, &()).is_err(), "{at}");
-        if let Ok(run) = RunFile::open(path, ReadMethod::default()) {
+        if let Ok(run) = RunFile::open(path, ReadMethod::default()).map(Arc::new) {
             for step in 0..3 {
-                drop(run.at(Moment { step, u: 0.5 }, Interpolation::Auto));
+                if let Ok(snapshot) = run.at(Moment { step, u: 0.5 }, Interpolation::Auto) {
+                    drop(load_source(&snapshot, &LoadOptions::default(), &()));
+                }
             }
         }
     };

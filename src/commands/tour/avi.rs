@@ -51,7 +51,7 @@ const HEAD: usize = 12 + 12 + 64 + 12 + 64 + 48 + 12;
 pub(super) fn write(video: &Path, frames: &[PathBuf], rate: f64) -> Result<(), AviError> {
     let fail = |source| AviError::Io { path: video.to_owned(), source };
     let folder = video.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let mut file = new_file::builder().prefix(".deepfield-").tempfile_in(folder).map_err(fail)?;
+    let mut file = new_file::builder().tempfile_in(folder).map_err(fail)?;
     let mut out = BufWriter::new(file.as_file_mut());
     out.write_all(&[0; HEAD]).map_err(fail)?;
     let mut index: Vec<[u32; 2]> = Vec::with_capacity(frames.len());

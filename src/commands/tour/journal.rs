@@ -1,6 +1,7 @@
 //! Which frames of a folder are finished: a line for each file, written when the file is complete. A line that an interruption has cut
 //! off counts for nothing.
 
+use crate::model::new_file;
 use std::collections::HashMap;
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
@@ -77,14 +78,12 @@ impl Journal {
     ///
     /// # Errors
     /// When the file cannot be written.
-    pub fn sort(&mut self, files: &[PathBuf]) -> Result<(), String> {
+    pub fn finish(self, files: &[PathBuf]) -> Result<(), String> {
         let mut all: Vec<(&String, &Content)> = self.known.iter().collect();
         let place: HashMap<String, usize> = files.iter().enumerate().map(|(i, file)| (name_of(file), i)).collect();
         all.sort_by_key(|(name, _)| (place.get(*name).copied().unwrap_or(usize::MAX), (*name).clone()));
         let lines: String = all.iter().map(|(name, (bytes, crc))| format!("{crc:08x} {bytes} {name}\n")).collect();
-        let fail = |error: std::io::Error| format!("{}: {error}", self.path.display());
-        self.file.set_len(0).map_err(fail)?;
-        self.file.write_all(lines.as_bytes()).map_err(fail)
+        new_file::write(&self.path, &lines).map_err(|error| format!("{}: {error}", self.path.display()))
     }
 }
 
@@ -128,8 +127,10 @@ mod tests {
         let mut journal = Journal::open(folder.path()).unwrap();
         journal.note(std::slice::from_ref(&b)).unwrap();
         assert!(journal.is_finished(&a) && journal.is_finished(&b));
-        journal.sort(&[b.clone(), a.clone()]).unwrap();
+        journal.finish(&[b.clone(), a.clone()]).unwrap();
         assert!(std::fs::read_to_string(&path).unwrap().lines().next().unwrap().ends_with("b.png"));
+        let mut journal = Journal::open(folder.path()).unwrap();
+        assert!(journal.is_finished(&a) && journal.is_finished(&b));
         std::fs::write(&a, b"0ne").unwrap();
         assert!(!journal.is_finished(&a));
         journal.clear().unwrap();

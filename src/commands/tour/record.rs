@@ -6,6 +6,7 @@ use super::manifest::{self, Manifest};
 use super::show::Show;
 use super::{Arguments, Format};
 use crate::color::output;
+use crate::model::new_file;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
@@ -34,8 +35,6 @@ impl std::fmt::Display for Recorded {
     }
 }
 
-/// Files whose names begin so were being written when a recording was interrupted.
-const UNFINISHED: &str = ".deepfield-";
 /// The folder of scene files in that of the frames.
 const SCENES: &str = "scenes";
 
@@ -116,7 +115,7 @@ pub(super) fn record(
         progress.frame();
     }
     let all: Vec<PathBuf> = frames.range.clone().flat_map(|frame| Files::new(folder, arguments, frame).all()).collect();
-    journal.sort(&all)?;
+    journal.finish(&all)?;
     Ok(Recorded { folder: folder.to_owned(), drawn: open.len(), found: finished.len(), took: begun.elapsed() })
 }
 
@@ -147,7 +146,7 @@ fn begin(
     }
     for folder in [folder.to_owned(), folder.join(SCENES)] {
         for entry in std::fs::read_dir(&folder).into_iter().flatten().flatten() {
-            if entry.file_name().to_string_lossy().starts_with(UNFINISHED) {
+            if entry.file_name().to_string_lossy().starts_with(new_file::UNFINISHED) {
                 std::fs::remove_file(entry.path()).map_err(|error| format!("{}: {error}", entry.path().display()))?;
             }
         }

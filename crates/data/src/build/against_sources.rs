@@ -6,6 +6,7 @@ use crate::import::{FieldKind, LoadOptions, Source, StateChunk, open, streams};
 use crate::model::{FamilyName, Moment, ParticleStream, Progress};
 use crate::store::StoreError;
 use crate::store::run::{RunFile, RunSnapshot, Step};
+use std::sync::Arc;
 
 /// How much farther than told a place may be, for rounding in the comparison itself.
 const SLACK: f64 = 1e-9;
@@ -22,7 +23,7 @@ struct Placed {
 ///
 /// # Errors
 /// Where the run or a snapshot cannot be read, and for the first particle that is not where it should be.
-pub fn compare_with_sources(run: &RunFile, progress: &dyn Progress) -> Result<u64, BuildError> {
+pub fn compare_with_sources(run: &Arc<RunFile>, progress: &dyn Progress) -> Result<u64, BuildError> {
     let layout = run.tracks()?;
     let mut compared = 0;
     for (number, step) in run.directory().steps.iter().enumerate() {
@@ -114,5 +115,5 @@ fn of_run(source: &RunSnapshot, family: FamilyName) -> Result<Vec<Placed>, Build
     let mut positions = vec![0.0; 3 * count as usize];
     source.read(index, position, 0..count, &mut positions)?;
     let positions = positions.as_chunks::<3>().0;
-    Ok(source.ids(index).iter().zip(positions).map(|(id, position)| Placed { id: *id, position: *position }).collect())
+    Ok(source.ids(index)?.iter().zip(positions).map(|(id, position)| Placed { id: *id, position: *position }).collect())
 }

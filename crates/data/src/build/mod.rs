@@ -7,6 +7,7 @@
 mod against_sources;
 mod coding;
 mod estimates;
+mod left_out;
 mod matching;
 mod memory;
 mod partition;
@@ -15,6 +16,7 @@ mod shuffle;
 mod spill;
 mod states;
 mod survey;
+mod track_leaves;
 mod tracks;
 mod tree;
 

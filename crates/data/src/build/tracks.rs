@@ -3,24 +3,24 @@
 //! The states of each step are read once and sent to buckets by id ([`super::states`]); buckets are joined in memory
 //! ([`super::matching`]), and tracks go on to buckets by where they begin, which are cut into leaves, coded and written in order.
 
-use super::matching::{Found, Joining, TrackRecord, UNRESOLVED, Window, track_words};
+use super::left_out::left_out;
+use super::matching::{Found, Joining, TrackRecord, Window, track_words};
 use super::memory::default_memory;
 use super::run::StepProgress;
 use super::shuffle::Shuffle;
 use super::spill::Spill;
 use super::states::{Scales, State, StateLayout, StepStates, key_of};
+use super::track_leaves::write_leaves;
 use super::{BuildError, BuildOptions, chosen};
-use crate::codec::morton::MORTON_BITS;
 use crate::hierarchy::RootCell;
 use crate::hierarchy::octree::Plan;
-use crate::hierarchy::spacetime::{HermiteSpline, Interval, Lattice, TrackFlags, Tracks};
+use crate::hierarchy::spacetime::{Interval, Lattice};
 use crate::import::{FieldKind, ImportError, LoadOptions, Run, Source, open_with, streams};
 use crate::model::periodic::PeriodicBox;
 use crate::model::{Bounds, ClockVariable, FamilyName, ParticleStream, Progress, Unit};
 use crate::store::Metadata;
 use crate::store::run::{
-    Deviation, FamilyTracks, IntervalTracks, LEAF_TRACKS, LeafPart, Matches, RunFileWriter, Tangents, TrackCoding,
-    TrackFamily, TrackIndex, TrackLayout, TrackLeaf, as_stored, encode_ids, span,
+    FamilyTracks, IntervalTracks, Matches, RunFileWriter, Tangents, TrackFamily, TrackLayout, span,
 };
 use crate::store::temporary::folder_of;
 use glam::DVec3;
@@ -29,10 +29,6 @@ use std::path::Path;
 
 /// Tracks of a bucket by place.
 const BUCKET: usize = 1 << 16;
-/// A node whose mass is unresolved to more than this share has tracks that fade.
-const FADING_NODE: f64 = 0.5;
-/// Tracks of such a node fade above this.
-const FADING: f32 = 0.15;
 /// Displacements by velocities outside of this mean that velocities are not what they seem.
 const FACTORS: std::ops::RangeInclusive<f64> = 0.8..=1.25;
 /// Share of the mass that no factor of velocities accounts for where steps are too far apart.
@@ -176,7 +172,11 @@ impl TrackBuild<'_> {
             let keep_from = if by_differences { number } else { number + 1 };
             if number + 2 < count {
                 read_to(&mut window, first, number + 2)?;
-                for (family, deviation) in self.left_out(&plans, (first, &window), number, &tangents) {
+                let sample = |step: usize| window.get(step - first).map_or(&[][..], |states| &states.sample);
+                let joining = self.joining(&plans, number, &tangents);
+                let samples = [number, number + 1, number + 2].map(sample);
+                let clock = [number, number + 1, number + 2].map(|step| plans.clock[step]);
+                for (family, deviation) in left_out(&joining, samples, clock) {
                     intervals[number].families[family].matches.leave_one_out = Some(deviation);
                 }
             }
@@ -491,73 +491,6 @@ impl TrackBuild<'_> {
         Ok((IntervalTracks { families }, found, sorted.on_disk()))
     }
 
-    /// How far a step's sampled particles are from the spline between the steps around it.
-    fn left_out(
-        &self,
-        plans: &Plans,
-        (first, window): (usize, &[StepStates]),
-        number: usize,
-        tangents: &[(Tangents, f64)],
-    ) -> Vec<(usize, Deviation)> {
-        let samples: Vec<&[u32]> =
-            (number..number + 3).filter_map(|step| window.get(step - first)).map(|states| &states.sample[..]).collect();
-        let [a, b, c] = samples[..] else { return Vec::new() };
-        let words = plans.layout.words;
-        let clock = &plans.clock[number..number + 3];
-        let u = (clock[1] - clock[0]) / (clock[2] - clock[0]);
-        let joining = self.joining(plans, number, tangents);
-        let lattice = plans.layout.lattice;
-        let mut all: Vec<Vec<f64>> = vec![Vec::new(); plans.layout.families.len()];
-        // Samples are in the order of ids; what shares one is left out.
-        let unique = |sample: &'_ [u32]| -> Vec<usize> {
-            let id = |i: usize| State::of(&sample[i * words..(i + 1) * words]).id;
-            let count = sample.len() / words;
-            let is_alone = |i: &usize| (*i == 0 || id(*i - 1) != id(*i)) && (*i + 1 == count || id(*i + 1) != id(*i));
-            (0..count).filter(is_alone).collect()
-        };
-        let sorted = [a, b, c].map(|sample| {
-            let mut own: Vec<State> = unique_states(sample, words, &unique(sample));
-            own.sort_by_key(|state| state.id);
-            own
-        });
-        let find = |states: &[State], id: u64| states.binary_search_by_key(&id, |state| state.id).ok();
-        for state in &sorted[0] {
-            let (Some(middle), Some(last)) = (find(&sorted[1], state.id), find(&sorted[2], state.id)) else { continue };
-            let (middle, last) = (sorted[1][middle], sorted[2][last]);
-            if middle.family != state.family || last.family != state.family {
-                continue;
-            }
-            let (Tangents::Velocity, scale) = tangents[state.family] else { continue };
-            let length = clock[2] - clock[0];
-            let velocity = |state: &State| DVec3::from(state.velocity.map(f64::from)) * scale * length;
-            let way = 0.5 * (velocity(state) + velocity(&last)) / lattice.unit();
-            let predicted = std::array::from_fn(|axis| state.place[axis].saturating_add(way[axis] as i64));
-            let end = joining.nearest_image(predicted, last.place);
-            let spline = HermiteSpline {
-                positions: [state.place, end].map(|place| DVec3::from(lattice.position(place))),
-                tangents: [velocity(state), velocity(&last)],
-            };
-            let there = spline.position(u);
-            let near = joining.nearest_image(lattice.place(there.to_array()), middle.place);
-            let distance = (DVec3::from(lattice.position(near)) - there).length();
-            if distance.is_finite() {
-                all[state.family].push(distance);
-            }
-        }
-        let deviation = |mut distances: Vec<f64>| {
-            distances.sort_by(f64::total_cmp);
-            let at = |share: f64| distances.get(((distances.len() - 1) as f64 * share).round() as usize).copied();
-            let squares: f64 = distances.iter().map(|distance| distance * distance).sum();
-            Deviation {
-                rms: (squares / distances.len() as f64).sqrt(),
-                p99: at(0.99).unwrap_or(0.0),
-                max: at(1.0).unwrap_or(0.0),
-            }
-        };
-        let found = all.into_iter().enumerate().filter(|(_, distances)| !distances.is_empty());
-        found.map(|(family, distances)| (family, deviation(distances))).collect()
-    }
-
     /// Says which ids are repeated, and refuses what is mostly so.
     fn check_shared(&self, name: FamilyName, total: &Found, notes: &mut Vec<String>) -> Result<(), BuildError> {
         let Some(example) = total.shared else { return Ok(()) };
@@ -580,10 +513,6 @@ fn is_new_in(families: &[(FamilyName, Vec<(String, Unit)>)], name: FamilyName) -
     families.iter().all(|(known, _)| *known != name)
 }
 
-fn unique_states<'a>(sample: &'a [u32], words: usize, which: &[usize]) -> Vec<State<'a>> {
-    which.iter().map(|i| State::of(&sample[i * words..(i + 1) * words])).collect()
-}
-
 fn missing_ids(path: &Path, name: FamilyName) -> BuildError {
     let file = path.file_name().map_or_else(|| path.display().to_string(), |name| name.to_string_lossy().into_owned());
     let what = format!("{name}: ids: missing in {file}, expected ids, or --match order, or --stills-only");
@@ -604,132 +533,4 @@ impl StepStates {
         let mut states = self.sample.chunks_exact(layout.words).map(State::of);
         states.any(|state| state.family == family && state.velocity.iter().all(|v| v.is_finite()))
     }
-}
-
-/// A leaf before it has a place in the file.
-struct Leaf {
-    about: TrackLeaf,
-    states: Vec<u8>,
-    ids: Vec<u8>,
-}
-
-/// Writes the leaves of a family's buckets, in order.
-fn write_leaves(
-    sorted: &Shuffle,
-    buckets: std::ops::Range<usize>,
-    layout: &StateLayout,
-    family: usize,
-    interval: &Interval,
-    writer: &mut RunFileWriter,
-    progress: &dyn Progress,
-) -> Result<(crate::store::run::Section, TrackIndex), BuildError> {
-    let mut section = writer.begin();
-    let mut index = TrackIndex::default();
-    let buckets: Vec<usize> = buckets.collect();
-    for some in buckets.chunks(rayon::current_num_threads().max(1)) {
-        let built = some.par_iter().map(|bucket| {
-            let leaves = leaves_of(&sorted.get(*bucket)?, layout, family, interval);
-            progress.advance(1);
-            Ok(leaves)
-        });
-        for leaf in built.collect::<Result<Vec<_>, BuildError>>()?.into_iter().flatten() {
-            let about = TrackLeaf { offset: section.len, ..leaf.about };
-            writer.extend(&mut section, &leaf.states)?;
-            writer.extend(&mut section, &leaf.ids)?;
-            index.leaves.push(about);
-        }
-    }
-    writer.close()?;
-    Ok((section, index))
-}
-
-/// The leaves of a bucket.
-fn leaves_of(records: &[u32], layout: &StateLayout, family: usize, interval: &Interval) -> Vec<Leaf> {
-    let words = track_words(layout);
-    let mut order: Vec<(u64, &[u32])> =
-        records.chunks_exact(words).map(|record| (key_of(TrackRecord::of(record).places[0]), record)).collect();
-    // By everything that a record holds, so that their order in the bucket does not matter.
-    order.sort_unstable();
-    let mut leaves = Vec::new();
-    let attributes = layout.families[family].1.len();
-    cut(&order, 0, &mut |tracks, depth| leaves.push(leaf(tracks, depth, attributes, interval)));
-    leaves
-}
-
-/// Cuts sorted tracks into cells of few.
-fn cut(tracks: &[(u64, &[u32])], depth: u32, put: &mut impl FnMut(&[(u64, &[u32])], u32)) {
-    let (Some((first, _)), Some((last, _))) = (tracks.first(), tracks.last()) else { return };
-    // The smallest cell that holds them all.
-    let common = ((first ^ last) << 1).leading_zeros() / 3;
-    let depth = common.min(MORTON_BITS).max(depth);
-    if tracks.len() <= LEAF_TRACKS || depth >= MORTON_BITS {
-        return put(tracks, depth);
-    }
-    let shift = 3 * (MORTON_BITS - depth - 1);
-    for cell in tracks.chunk_by(|a, b| a.0 >> shift == b.0 >> shift) {
-        cut(cell, depth + 1, put);
-    }
-}
-
-/// A leaf of tracks, coded.
-fn leaf(order: &[(u64, &[u32])], depth: u32, attributes: usize, interval: &Interval) -> Leaf {
-    let mut tracks = Tracks::new(attributes);
-    let (mut mass, mut unresolved_mass, mut c) = (0.0, 0.0, Vec::with_capacity(order.len()));
-    for (_, record) in order {
-        let record = TrackRecord::of(record);
-        tracks.ids.push(record.id);
-        tracks.flags.push(record.flags);
-        let half = record.values.len() / 2;
-        for (end, values) in [&record.values[..half], &record.values[half..]].into_iter().enumerate() {
-            let own = &mut tracks.ends[end];
-            own.mass.push(values[0]);
-            own.density.push(values[1]);
-            own.smoothing_length.push(values[2]);
-            own.attributes.iter_mut().zip(&values[3..]).for_each(|(column, value)| column.push(*value));
-            own.places.push(record.places[end]);
-            let exponent = interval.lattice.exponent(values[2]);
-            let velocity = record.velocities[end].map(f64::from);
-            own.movements.push(interval.lattice.movement(velocity, interval.spans[end], exponent));
-        }
-        let own = f64::from(record.values[0]);
-        mass += own;
-        unresolved_mass += if record.unresolved > UNRESOLVED { own } else { 0.0 };
-        c.push(record.unresolved);
-    }
-    if unresolved_mass > FADING_NODE * mass {
-        for (flags, _) in tracks.flags.iter_mut().zip(&c).filter(|(_, c)| **c > FADING) {
-            flags.0 |= TrackFlags::FADES;
-        }
-    }
-    tracks.ends.iter_mut().for_each(as_stored);
-    let mut about = TrackLeaf {
-        key: order.first().map_or(0, |(key, _)| *key),
-        depth: depth as u8,
-        tracks: order.len() as u32,
-        offset: 0,
-        states: LeafPart::default(),
-        ids: LeafPart::default(),
-        bounds: Bounds::EMPTY,
-        mass: [0.0; 2],
-        faded_mass: 0.0,
-        smoothing_length_max: 0.0,
-    };
-    for i in 0..tracks.len() {
-        let spline = interval.spline(&tracks, i);
-        about.bounds = spline.control_points().into_iter().fold(about.bounds, Bounds::with);
-        let weights = tracks.flags[i].weights();
-        for ((own, weight), mass) in tracks.ends.iter().zip(weights).zip(&mut about.mass) {
-            *mass += weight * f64::from(own.mass[i]);
-            about.smoothing_length_max = about.smoothing_length_max.max(own.smoothing_length[i]);
-        }
-        if tracks.flags[i].has(TrackFlags::FADES) {
-            about.faded_mass += f64::from(tracks.ends[0].mass[i]);
-        }
-    }
-    let coding = TrackCoding { rates: interval.spans.map(|span| interval.length / span) };
-    let (states, ids) = (coding.encode(&tracks), encode_ids(&tracks.ids));
-    let part = |bytes: &[u8]| LeafPart { len: bytes.len() as u32, crc: crc32c::crc32c(bytes) };
-    about.states = part(&states);
-    about.ids = part(&ids);
-    Leaf { about, states, ids }
 }

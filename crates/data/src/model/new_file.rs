@@ -3,10 +3,13 @@
 use std::io::Write;
 use std::path::Path;
 
+/// How the names of files begin that are being written, or were when their program was killed.
+pub const UNFINISHED: &str = ".deepfield-";
+
 /// A builder of such files: the process's mask decides who may read them.
 pub fn builder() -> tempfile::Builder<'static, 'static> {
-    #[cfg_attr(not(unix), allow(unused_mut, reason = "only Unix has permissions to set"))]
     let mut builder = tempfile::Builder::new();
+    builder.prefix(UNFINISHED);
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
     builder
@@ -36,5 +39,7 @@ mod tests {
         let file = super::builder().tempfile_in(&folder).unwrap();
         let mode = |file: &std::fs::File| file.metadata().unwrap().permissions().mode();
         assert_eq!(mode(file.as_file()), mode(&plain));
+        // Recordings know those of a killed program by their names.
+        assert!(file.path().file_name().unwrap().to_string_lossy().starts_with(super::UNFINISHED));
     }
 }

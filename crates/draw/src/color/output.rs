@@ -136,7 +136,7 @@ fn write_with(
 ) -> Result<(), OutputError> {
     let io = |source| OutputError::Io { path: path.to_owned(), source };
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let mut file = new_file::builder().prefix(".deepfield-").tempfile_in(folder).map_err(io)?;
+    let mut file = new_file::builder().tempfile_in(folder).map_err(io)?;
     let mut out = BufWriter::new(file.as_file_mut());
     content(&mut out)?;
     out.flush().map_err(io)?;

@@ -25,6 +25,16 @@ impl TrackFlags {
         self.0 & flags == flags
     }
 
+    /// Which of three kinds it is counted in: those that come, those that go, and those that fade and do neither.
+    pub fn kind(self) -> Option<usize> {
+        match () {
+            () if self.has(Self::COMES) => Some(0),
+            () if self.has(Self::GOES) => Some(1),
+            () if self.has(Self::FADES) => Some(2),
+            () => None,
+        }
+    }
+
     /// The weights at both ends, 0 or 1.
     pub fn weights(self) -> [f64; 2] {
         [Self::COMES, Self::GOES].map(|flag| if self.has(flag) { 0.0 } else { 1.0 })
@@ -132,8 +142,6 @@ pub struct Moving {
     pub smoothing_length: Vec<f32>,
     /// Attributes.
     pub attributes: Vec<Vec<f32>>,
-    /// Mass of what fades from place to place, of all.
-    pub faded_mass: f64,
 }
 
 impl Interval {
@@ -205,7 +213,6 @@ impl Tracks {
                 for end in [0, 1].into_iter().filter(|end| shares[*end] > 0.0) {
                     let velocity = spline.tangents[end] / interval.length;
                     let mass = shares[end] * f64::from(self.ends[end].mass[i]);
-                    out.faded_mass += mass;
                     self.put(i, end as f64, rules, out);
                     out.place(interval.wrapped(spline.positions[end]), velocity, mass);
                 }

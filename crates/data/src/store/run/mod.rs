@@ -4,6 +4,7 @@
 //! A step's still is a whole page file, to the byte what a build of that snapshot alone writes; it is opened through a window on the
 //! file.
 
+mod kept;
 mod layout;
 mod paths;
 mod snapshot;

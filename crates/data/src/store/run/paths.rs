@@ -1,6 +1,7 @@
 //! The tracks of a run as a source: two rows for each, its states at both ends of its interval.
 
 use super::RunFile;
+use super::kept::Kept;
 use super::track_layout::TrackFamily;
 use super::tracks::TrackLeaf;
 use crate::hierarchy::spacetime::{Interval, Tracks};
@@ -8,10 +9,7 @@ use crate::import::{Description, FamilyInfo, Field, FieldKind, ImportError, Sour
 use crate::model::{Moment, Unit};
 use crate::store::error::StoreError;
 use std::ops::Range;
-use std::sync::{Arc, Mutex, PoisonError};
-
-/// Decoded leaves that are kept: rows are asked for field by field, by several threads.
-const KEPT: usize = 64;
+use std::sync::Arc;
 
 /// The particles' tracks over some intervals.
 pub struct RunPaths {
@@ -20,7 +18,7 @@ pub struct RunPaths {
     families: Vec<FamilyPaths>,
     intervals: Vec<Interval>,
     first_interval: usize,
-    kept: Mutex<Vec<(LeafPlace, Arc<Tracks>)>>,
+    kept: Kept<LeafPlace, Tracks>,
 }
 
 /// Which leaf: interval (from the first on), family and number.
@@ -82,26 +80,14 @@ impl RunPaths {
                 families.push(FamilyPaths { number, leaves, about });
             }
         }
-        Ok(RunPaths { about, families, intervals, first_interval: range.start, kept: Mutex::default(), run })
+        Ok(RunPaths { about, families, intervals, first_interval: range.start, kept: Kept::default(), run })
     }
 
     /// A leaf's tracks.
     fn leaf(&self, family: &FamilyPaths, place: LeafPlace) -> Result<Arc<Tracks>, StoreError> {
-        let known = |kept: &[(LeafPlace, Arc<Tracks>)]| {
-            kept.iter().find(|(known, _)| *known == place).map(|(_, tracks)| Arc::clone(tracks))
-        };
-        if let Some(tracks) = known(&self.kept.lock().unwrap_or_else(PoisonError::into_inner)) {
-            return Ok(tracks);
-        }
         let (interval, _, leaf) = place;
         let about = &family.about[interval][leaf];
-        let tracks = Arc::new(self.run.track_leaf(self.first_interval + interval, family.number, about, true)?);
-        let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
-        if kept.len() >= KEPT {
-            kept.remove(0);
-        }
-        kept.push((place, Arc::clone(&tracks)));
-        Ok(tracks)
+        self.kept.get(place, || self.run.track_leaf(self.first_interval + interval, family.number, about, true))
     }
 
     /// Hands every row of a range to `put`: its place in the range, the leaf's place, its tracks, the first one's number in the interval,

@@ -1,18 +1,39 @@
 //! A run at any moment as a source: what its tracks say between two steps, read as a snapshot is.
 
 use super::RunFile;
+use super::kept::Kept;
 use super::track_layout::{Tangents, TrackFamily};
-use crate::hierarchy::spacetime::{Interpolation, Moving};
+use super::tracks::TrackLeaf;
+use crate::codec::AttributeMerge;
+use crate::hierarchy::spacetime::{Interpolation, Interval, Moving};
 use crate::import::{Description, FamilyInfo, Field, FieldKind, ImportError, Source};
 use crate::model::{Moment, Unit, scale_factor_of};
 use crate::store::error::StoreError;
-use rayon::prelude::*;
 use std::ops::Range;
+use std::sync::Arc;
 
-/// The particles of a run at a moment, in memory.
+/// The particles of a run at a moment. Leaves are decoded as they are asked for, so a snapshot may be larger than memory.
 pub struct RunSnapshot {
+    run: Arc<RunFile>,
     about: Description,
-    families: Vec<Moving>,
+    families: Vec<FamilySnapshot>,
+    number: usize,
+    interval: Interval,
+    u: f64,
+    kept: Kept<(usize, usize), Moving>,
+    faded_mass: f64,
+}
+
+struct FamilySnapshot {
+    /// Its number in the run.
+    number: usize,
+    leaves: Vec<TrackLeaf>,
+    /// The first row of each leaf that has some, and the leaf.
+    starts: Vec<(u64, usize)>,
+    interpolation: Interpolation,
+    rules: Vec<AttributeMerge>,
+    /// What velocities by the clock are multiplied with to be as the snapshots have them.
+    velocity: f64,
 }
 
 /// Which of [`Moving`]'s columns a field is.
@@ -31,7 +52,7 @@ impl RunFile {
     ///
     /// # Errors
     /// Where the run has no tracks, or they cannot be read or are damaged.
-    pub fn at(&self, moment: Moment, interpolation: Interpolation) -> Result<RunSnapshot, StoreError> {
+    pub fn at(self: &Arc<Self>, moment: Moment, interpolation: Interpolation) -> Result<RunSnapshot, StoreError> {
         let layout = self.tracks()?;
         let last = self.directory().intervals.len();
         let (number, u) = if moment.step >= last { (last - 1, 1.0) } else { (moment.step, moment.u) };
@@ -59,71 +80,97 @@ impl RunFile {
             box_size: self.directory().box_size,
             ..Description::unitless(self.path(), "deepfield-run", self.bytes())
         };
-        let mut families = Vec::new();
+        let (mut families, mut faded_mass) = (Vec::new(), 0.0);
         for (family, info) in layout.families.iter().enumerate() {
-            let index = self.track_index(number, family)?;
-            let rules = info.rules();
             // Tracks without tangents are straight.
             let interpolation = match (info.tangents, interpolation) {
                 (Tangents::None, Interpolation::Auto | Interpolation::Hermite) => Interpolation::Linear,
                 (_, interpolation) => interpolation,
             };
-            let parts = index.leaves.par_iter().map(|leaf| {
-                let tracks = self.track_leaf(number, family, leaf, true)?;
-                let mut moving = Moving::default();
-                tracks.at(&interval, u, interpolation, &rules, &mut moving);
-                Ok(moving)
-            });
-            let parts: Vec<Moving> = parts.collect::<Result<_, StoreError>>()?;
-            let mut moving = joined(parts, rules.len());
-            let stored = 1.0 / (factor * info.velocity_scale);
-            moving.velocities.par_iter_mut().flatten().for_each(|v| *v *= stored);
-            if !moving.ids.is_empty() {
-                about.families.push(described(info, &moving, &about));
-                families.push(moving);
+            let leaves = self.track_index(number, family)?.leaves;
+            let (mut starts, mut rows) = (Vec::with_capacity(leaves.len()), 0);
+            for (leaf, known) in leaves.iter().enumerate() {
+                let own = known.particles(u, interpolation);
+                if own > 0 {
+                    starts.push((rows, leaf));
+                }
+                rows += own;
+                faded_mass += match interpolation {
+                    Interpolation::Auto if u > 0.0 && u < 1.0 => known.faded_mass,
+                    Interpolation::Fade if u > 0.0 && u < 1.0 => known.mass[0],
+                    _ => 0.0,
+                };
+            }
+            if rows > 0 {
+                about.families.push(described(info, rows, &about));
+                let velocity = 1.0 / (factor * info.velocity_scale);
+                let rules = info.rules();
+                families.push(FamilySnapshot { number: family, leaves, starts, interpolation, rules, velocity });
             }
         }
-        Ok(RunSnapshot { about, families })
+        let (run, kept) = (Arc::clone(self), Kept::default());
+        Ok(RunSnapshot { run, about, families, number, interval, u, kept, faded_mass })
     }
 }
 
 impl RunSnapshot {
-    /// The ids of a family's particles, or their rows where they have none.
-    pub fn ids(&self, family: usize) -> &[u64] {
-        self.families.get(family).map_or(&[], |family| &family.ids)
+    /// The ids of all particles of a family, or their rows where they have none.
+    ///
+    /// # Errors
+    /// When they cannot be read.
+    pub fn ids(&self, family: usize) -> Result<Vec<u64>, ImportError> {
+        let count = self.about.families.get(family).map_or(0, |info| info.count);
+        let mut ids = vec![0; count as usize];
+        self.rows(family, 0..count, |at, moving, rows| ids[at..at + rows.len()].copy_from_slice(&moving.ids[rows]))?;
+        Ok(ids)
     }
 
     /// Mass of what fades from place to place.
     pub fn faded_mass(&self) -> f64 {
-        self.families.iter().map(|family| family.faded_mass).sum()
+        self.faded_mass
     }
-}
 
-/// All parts, one after the other.
-fn joined(parts: Vec<Moving>, attributes: usize) -> Moving {
-    let count = parts.iter().map(|part| part.ids.len()).sum();
-    let mut all = Moving { attributes: vec![Vec::with_capacity(count); attributes], ..Moving::default() };
-    all.ids.reserve_exact(count);
-    all.positions.reserve_exact(count);
-    all.velocities.reserve_exact(count);
-    [&mut all.mass, &mut all.density, &mut all.smoothing_length]
-        .into_iter()
-        .for_each(|column| column.reserve_exact(count));
-    for part in parts {
-        all.ids.extend(part.ids);
-        all.positions.extend(part.positions);
-        all.velocities.extend(part.velocities);
-        all.mass.extend(part.mass);
-        all.density.extend(part.density);
-        all.smoothing_length.extend(part.smoothing_length);
-        all.attributes.iter_mut().zip(part.attributes).for_each(|(all, part)| all.extend(part));
-        all.faded_mass += part.faded_mass;
+    /// A leaf's particles.
+    fn leaf(&self, family: &FamilySnapshot, leaf: usize) -> Result<Arc<Moving>, StoreError> {
+        self.kept.get((family.number, leaf), || {
+            let about = &family.leaves[leaf];
+            let tracks = self.run.track_leaf(self.number, family.number, about, true)?;
+            let mut moving = Moving::default();
+            tracks.at(&self.interval, self.u, family.interpolation, &family.rules, &mut moving);
+            if moving.ids.len() as u64 != about.particles(self.u, family.interpolation) {
+                let place = format!("interval {}, family {}, leaf {leaf}", self.number, family.number);
+                return Err(self.run.damaged(place, "as many tracks that come, go and fade as its index says"));
+            }
+            moving.velocities.as_flattened_mut().iter_mut().for_each(|v| *v *= family.velocity);
+            Ok(moving)
+        })
     }
-    all
+
+    /// Hands all rows of a range to `put`, some at a time: the place of the first one in the range, the leaf's particles, and which of
+    /// them.
+    fn rows(
+        &self,
+        family: usize,
+        range: Range<u64>,
+        mut put: impl FnMut(usize, &Moving, Range<usize>),
+    ) -> Result<(), ImportError> {
+        let own = &self.families[family];
+        let mut row = range.start;
+        while row < range.end {
+            let (first, leaf) = own.starts[own.starts.partition_point(|(first, _)| *first <= row) - 1];
+            let moving = self.leaf(own, leaf).map_err(|error| {
+                ImportError::malformed(self.run.path(), "tracks", error.to_string(), "tracks as they were written")
+            })?;
+            let end = range.end.min(first + moving.ids.len() as u64);
+            put((row - range.start) as usize, &moving, (row - first) as usize..(end - first) as usize);
+            row = end;
+        }
+        Ok(())
+    }
 }
 
 /// What a family says of itself.
-fn described(info: &TrackFamily, moving: &Moving, about: &Description) -> FamilyInfo {
+fn described(info: &TrackFamily, rows: u64, about: &Description) -> FamilyInfo {
     let unit = |kind| match kind {
         FieldKind::Position | FieldKind::SmoothingLength => about.length_unit.clone(),
         FieldKind::Mass => about.mass_unit.clone(),
@@ -148,7 +195,7 @@ fn described(info: &TrackFamily, moving: &Moving, about: &Description) -> Family
         components: 1,
         kind: FieldKind::Other,
     }));
-    FamilyInfo { name: info.name, count: moving.ids.len() as u64, fields }
+    FamilyInfo { name: info.name, count: rows, fields }
 }
 
 impl Source for RunSnapshot {
@@ -158,32 +205,28 @@ impl Source for RunSnapshot {
 
     fn read(&self, family: usize, field: usize, range: Range<u64>, out: &mut [f64]) -> Result<(), ImportError> {
         let found = self.about.check_range(family, field, &range, out.len())?;
-        let moving = &self.families[family];
-        let rows = range.start as usize..range.end as usize;
-        let scalars = |column: &[f32], out: &mut [f64]| {
-            out.iter_mut().zip(&column[rows.clone()]).for_each(|(out, value)| *out = f64::from(*value));
-        };
-        match found.kind {
-            FieldKind::Position => out.copy_from_slice(moving.positions[rows].as_flattened()),
-            FieldKind::Velocity => out.copy_from_slice(moving.velocities[rows].as_flattened()),
-            FieldKind::Mass => scalars(&moving.mass, out),
-            FieldKind::SmoothingLength => scalars(&moving.smoothing_length, out),
-            FieldKind::Density => scalars(&moving.density, out),
-            FieldKind::Id => {
-                out.iter_mut().zip(&moving.ids[rows]).for_each(|(out, id)| *out = *id as f64);
-            }
-            FieldKind::Other => {
-                let fields = &self.about.families[family].fields;
-                let number = fields[..field].iter().filter(|field| field.kind == FieldKind::Other).count();
-                scalars(&moving.attributes[number], out);
-            }
-        }
-        Ok(())
+        let components = found.components;
+        let before = self.about.families[family].fields[..field].iter();
+        let attribute = before.filter(|field| field.kind == FieldKind::Other).count();
+        self.rows(family, range, |at, moving, rows| {
+            let out = &mut out[at * components..(at + rows.len()) * components];
+            let column = match found.kind {
+                FieldKind::Position => return out.copy_from_slice(moving.positions[rows].as_flattened()),
+                FieldKind::Velocity => return out.copy_from_slice(moving.velocities[rows].as_flattened()),
+                FieldKind::Id => {
+                    return out.iter_mut().zip(&moving.ids[rows]).for_each(|(out, id)| *out = *id as f64);
+                }
+                FieldKind::Mass => &moving.mass,
+                FieldKind::SmoothingLength => &moving.smoothing_length,
+                FieldKind::Density => &moving.density,
+                FieldKind::Other => &moving.attributes[attribute],
+            };
+            out.iter_mut().zip(&column[rows]).for_each(|(out, value)| *out = f64::from(*value));
+        })
     }
 
     fn read_ids(&self, family: usize, field: usize, range: Range<u64>, out: &mut [u64]) -> Result<(), ImportError> {
         self.about.check_range(family, field, &range, out.len())?;
-        out.copy_from_slice(&self.families[family].ids[range.start as usize..range.end as usize]);
-        Ok(())
+        self.rows(family, range, |at, moving, rows| out[at..at + rows.len()].copy_from_slice(&moving.ids[rows]))
     }
 }

@@ -5,7 +5,7 @@
 
 use crate::codec::morton::MORTON_BITS;
 use crate::codec::states::{MASS_BITS, VALUE_BITS, as_before, decode, decode_bounded, encode, float_of, round_float};
-use crate::hierarchy::spacetime::{TrackEnd, TrackFlags, Tracks};
+use crate::hierarchy::spacetime::{Interpolation, TrackEnd, TrackFlags, Tracks};
 use crate::model::Bounds;
 use crate::store::error::Damage;
 use crate::store::wire::{Decoder, Encoder};
@@ -17,7 +17,7 @@ const MOST_TRACKS: u32 = 1 << 24;
 /// What messages call an index.
 const PLACE: &str = "index of tracks";
 /// Bytes of a leaf in the index.
-const LEAF_BYTES: usize = 8 + 1 + 4 + 8 + 4 * 4 + 48 + 8 * 3 + 4;
+const LEAF_BYTES: usize = 8 + 1 + 4 + 4 * 3 + 8 + 4 * 4 + 48 + 8 * 3 + 4;
 
 /// A part of a leaf in the file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -37,6 +37,8 @@ pub struct TrackLeaf {
     pub depth: u8,
     /// Number of tracks.
     pub tracks: u32,
+    /// Of these how many come, how many go, and how many fade that do neither.
+    pub flagged: [u32; 3],
     /// First byte, from the beginning of the section on; the ids follow the states.
     pub offset: u64,
     /// Everything but ids.
@@ -51,6 +53,22 @@ pub struct TrackLeaf {
     pub faded_mass: f64,
     /// The largest smoothing length at both ends, run units.
     pub smoothing_length_max: f32,
+}
+
+impl TrackLeaf {
+    /// How many particles there are at `u` of the interval, as `interpolation` moves them: [`Tracks::at`] appends as many.
+    pub fn particles(&self, u: f64, interpolation: Interpolation) -> u64 {
+        let [tracks, comes, goes, fades] =
+            [self.tracks, self.flagged[0], self.flagged[1], self.flagged[2]].map(u64::from);
+        match interpolation {
+            // There is no weight where a track comes at the beginning, or goes at the end.
+            _ if u <= 0.0 || interpolation == Interpolation::Hold => tracks - comes,
+            _ if u >= 1.0 => tracks - goes,
+            Interpolation::Auto => tracks + fades,
+            Interpolation::Fade => tracks + (tracks - comes - goes),
+            Interpolation::Hermite | Interpolation::Linear | Interpolation::Hold => tracks,
+        }
+    }
 }
 
 /// The leaves of a family over an interval, in Morton order.
@@ -69,6 +87,7 @@ impl TrackIndex {
             out.u64(leaf.key);
             out.u8(leaf.depth);
             out.u32(leaf.tracks);
+            leaf.flagged.into_iter().for_each(|count| out.u32(count));
             out.u64(leaf.offset);
             [leaf.states, leaf.ids].into_iter().for_each(|part| {
                 out.u32(part.len);
@@ -97,6 +116,9 @@ impl TrackIndex {
             if u32::from(leaf.depth) > MORTON_BITS || leaf.key < key || leaf.key >> (3 * MORTON_BITS) != 0 {
                 return Err(wrong("a cell not before that of the leaf before"));
             }
+            if leaf.flagged.iter().map(|count| u64::from(*count)).sum::<u64>() > u64::from(leaf.tracks) {
+                return Err(wrong("no more tracks that come, go or fade than there are"));
+            }
             key = leaf.key;
             sum += u64::from(leaf.tracks);
             end += u64::from(leaf.states.len) + u64::from(leaf.ids.len);
@@ -109,18 +131,17 @@ impl TrackIndex {
 }
 
 fn decode_leaf(input: &mut Decoder) -> Result<TrackLeaf, Damage> {
-    let (key, depth, tracks, offset) = (
-        input.u64("a leaf's cell")?,
-        input.u8("a leaf's depth")?,
-        input.u32("a leaf's tracks")?,
-        input.u64("a leaf's place")?,
-    );
+    let (key, depth) = (input.u64("a leaf's cell")?, input.u8("a leaf's depth")?);
+    let mut count = || input.u32("a leaf's tracks");
+    let (tracks, flagged) = (count()?, [count()?, count()?, count()?]);
+    let offset = input.u64("a leaf's place")?;
     let mut part = || Ok(LeafPart { len: input.u32("a leaf's length")?, crc: input.u32("a leaf's checksum")? });
     let (states, ids) = (part()?, part()?);
     Ok(TrackLeaf {
         key,
         depth,
         tracks,
+        flagged,
         offset,
         states,
         ids,
@@ -198,8 +219,13 @@ impl TrackCoding {
         let mut tracks = Tracks::new(attributes);
         for flags in decode(input, count, as_before(0))? {
             match u8::try_from(flags) {
-                Ok(flags) if flags & !TrackFlags::ALL == 0 => tracks.flags.push(TrackFlags(flags)),
-                _ => return Err("flags that there are"),
+                Ok(flags)
+                    if flags & !TrackFlags::ALL == 0
+                        && !TrackFlags(flags).has(TrackFlags::COMES | TrackFlags::GOES) =>
+                {
+                    tracks.flags.push(TrackFlags(flags));
+                }
+                _ => return Err("flags that there are, and nothing that comes and goes"),
             }
         }
         let [begin, end] = &mut tracks.ends;
@@ -300,7 +326,9 @@ mod tests {
 
     fn tracks() -> impl Strategy<Value = Tracks> {
         (0_usize..90, 0_usize..3).prop_flat_map(|(count, attributes)| {
-            let flags = prop::collection::vec((0..=TrackFlags::ALL).prop_map(TrackFlags), count);
+            let flags = (0..=TrackFlags::ALL).prop_map(TrackFlags);
+            let is_known = |flags: &TrackFlags| !flags.has(TrackFlags::COMES | TrackFlags::GOES);
+            let flags = prop::collection::vec(flags.prop_filter("comes or goes", is_known), count);
             let ids = prop::collection::vec(any::<u64>(), count);
             (ids, flags, [end(count, attributes), end(count, attributes)]).prop_map(|(ids, flags, ends)| Tracks {
                 ids,
@@ -336,6 +364,7 @@ mod tests {
             key,
             depth: 3,
             tracks: 10,
+            flagged: [1, 2, 3],
             offset,
             states: LeafPart { len: 100, crc: 5 },
             ids: LeafPart { len: 20, crc: 6 },

@@ -71,7 +71,7 @@ fn verify_tracks(run: &RunFile, interval: usize, family: usize, progress: &dyn P
         };
         // Boxes are of the same arithmetic on every machine but for rounding.
         let slack = DVec3::splat(1e-9 * space.lattice.root.size);
-        let (mut mass, mut faded) = ([0.0; 2], 0.0);
+        let (mut mass, mut faded, mut flagged) = ([0.0; 2], 0.0, [0; 3]);
         for i in 0..tracks.len() {
             let points = space.spline(&tracks, i).control_points();
             if points
@@ -80,6 +80,9 @@ fn verify_tracks(run: &RunFile, interval: usize, family: usize, progress: &dyn P
             {
                 return Err(wrong("tracks within its box"));
             }
+            if let Some(kind) = tracks.flags[i].kind() {
+                flagged[kind] += 1;
+            }
             let weights = tracks.flags[i].weights();
             for ((own, weight), sum) in tracks.ends.iter().zip(weights).zip(&mut mass) {
                 *sum += weight * f64::from(own.mass[i]);
@@ -87,6 +90,9 @@ fn verify_tracks(run: &RunFile, interval: usize, family: usize, progress: &dyn P
             if tracks.flags[i].has(TrackFlags::FADES) {
                 faded += f64::from(tracks.ends[0].mass[i]);
             }
+        }
+        if flagged != leaf.flagged {
+            return Err(wrong("as many tracks that come, go and fade as it has"));
         }
         let agrees = |told: f64, sum: f64| (told - sum).abs() <= 1e-9 * told.abs().max(sum.abs());
         if !(agrees(leaf.mass[0], mass[0]) && agrees(leaf.mass[1], mass[1]) && agrees(leaf.faded_mass, faded)) {

@@ -4,7 +4,6 @@
 use super::TransferFunction;
 use crate::model::new_file;
 use crate::model::ron_file::{self, RonError};
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// Those that are built in: the files of this repository.
@@ -65,9 +64,7 @@ impl TransferFunction {
         }
         let path = folder.join(format!("{name}.ron"));
         let io = |source: std::io::Error| RonError::Io { file: path.display().to_string(), source };
-        let mut file = new_file::builder().prefix(".deepfield-").tempfile_in(folder).map_err(io)?;
-        file.write_all(self.to_ron().as_bytes()).and_then(|()| file.write_all(b"\n")).map_err(io)?;
-        file.persist(&path).map_err(|error| io(error.error))?;
+        new_file::write(&path, &format!("{}\n", self.to_ron())).map_err(io)?;
         Ok(path)
     }
 }
