@@ -146,7 +146,7 @@ pub fn measure(arguments: &Arguments) -> Result<Report, Failure> {
 /// All of it, closer, and from inside.
 fn views(file: &PageFile, pixels: u32) -> Result<[(&'static str, View); 3], Failure> {
     let families: Vec<u32> = (0..file.metadata().families.len() as u32).collect();
-    let bounds = first_frame(file, &families);
+    let bounds = first_frame(file, &families, 0.0);
     let (center, size) = (bounds.center(), bounds.size().max_element());
     let whole = View::look_at(
         center + size * DVec3::Z,

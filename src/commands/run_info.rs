@@ -42,13 +42,13 @@ fn step_json(index: usize, step: &Step) -> Value {
 
 fn interval_json(run: &RunFile, from: usize, interval: &IntervalTracks) -> Value {
     let layout = run.directory().tracks.iter().flat_map(|tracks| &tracks.families);
-    let families = layout.zip(&interval.families).map(|(family, FamilyTracks { matches, tracks, leaves, .. })| {
+    let families = layout.zip(&interval.families).map(|(family, FamilyTracks { matches, tracks, nodes, .. })| {
         let [mean, max] = matches.position_error;
         json!({
             "name": family.name,
             "tangents": family.tangents.name(),
             "tracks": tracks,
-            "bytes": leaves.len,
+            "bytes": nodes.len,
             "matched": matches.matched,
             "born": matches.born,
             "vanished": matches.vanished,
@@ -109,7 +109,7 @@ fn write_tracks(text: &mut String, run: &RunFile) -> std::fmt::Result {
         "interval", "family", "matched", "born", "vanished", "changed", "unresolved", "velocities", "bytes"
     )?;
     for (from, interval) in run.directory().intervals.iter().enumerate() {
-        for (family, FamilyTracks { matches, leaves, .. }) in layout.families.iter().zip(&interval.families) {
+        for (family, FamilyTracks { matches, nodes, .. }) in layout.families.iter().zip(&interval.families) {
             let factor = matches.velocity_factor.map_or("-".into(), |factor| format!("{factor:.3}"));
             writeln!(
                 text,
@@ -121,7 +121,7 @@ fn write_tracks(text: &mut String, run: &RunFile) -> std::fmt::Result {
                 matches.vanished,
                 matches.changed,
                 100.0 * matches.unresolved,
-                leaves.len
+                nodes.len
             )?;
         }
     }

@@ -31,7 +31,8 @@ pub(crate) fn adopt_opened(
     mut kept: MessageWriter<TransferKept>,
     camera: Single<(Entity, &mut Viewpoint, &mut Anchor, &mut PanOrbitCamera), With<DataCamera>>,
 ) {
-    let Some(Opened { path, members, notes, run, file, frame, scene: opened }) = opened.read().last().cloned() else {
+    let Some(Opened { path, members, notes, run, tracks, file, frame, scene: opened }) = opened.read().last().cloned()
+    else {
         return;
     };
     let metadata = file.metadata();
@@ -81,7 +82,7 @@ pub(crate) fn adopt_opened(
     let (dataset, generation) = scene.map_or((1, 1), |scene| (scene.dataset + 1, scene.generation + 1));
     let length_unit = metadata.length_unit.to_string();
     let (file, periodic) = (Arc::clone(&file), metadata.periodic_box());
-    let playhead = run.and_then(|(data, moment)| Playhead::new(data, moment));
+    let playhead = run.and_then(|(data, moment)| Playhead::new(data, moment, tracks));
     let times = playhead.as_ref().map(|playhead| playhead.times().clone());
     let time = playhead.as_ref().map(Playhead::time);
     match playhead {
@@ -97,6 +98,7 @@ pub(crate) fn adopt_opened(
         periodic,
         length_unit,
         facts,
+        moving: None,
         times,
         time,
         dataset,

@@ -220,10 +220,10 @@ pub(super) fn draw_on_cpu(
     let drawn_with = |drawn: &&Drawn| drawn.painted.as_ref().is_none_or(|painted| painted.transfer == transfer);
     let reused = drawn.filter(drawn_with).cloned();
     let diameter = scene.frame.size().length();
-    let (file, depiction) = (Arc::clone(&scene.file), look.depiction.clone());
+    let (shown, depiction) = (scene.tree(), look.depiction.clone());
     let source = match live.particles() {
         Some(particles) => {
-            let families = scene.file.metadata().families.iter().zip(&settings.families);
+            let families = scene.metadata().families.iter().zip(&settings.families);
             let shown = families.filter(|(_, shown)| **shown).map(|(family, _)| family.name).collect();
             Source::Live(Arc::clone(particles), shown)
         }
@@ -240,7 +240,7 @@ pub(super) fn draw_on_cpu(
             None => {
                 let start = Instant::now();
                 let (own, nodes) = source.nodes(&view)?;
-                let metadata = own.as_ref().map_or(file.metadata(), |tree| tree.metadata());
+                let metadata = own.as_ref().map_or(shown.metadata(), |tree| tree.metadata());
                 let subject = Subject::new(metadata, &depiction, &transfer, diameter);
                 let limits = match (&own, painted) {
                     (Some(_), _) => Limits { lod_budget: LodBudget::NONE, plan: None, particles: u64::MAX },
@@ -277,7 +277,7 @@ pub(super) fn draw_on_cpu(
         };
         let (exposure, colors) = match &drawn.painted {
             Some(painted) => {
-                let exposure = Exposure::of_codebooks(file.metadata(), &depiction, &transfer, painted.levels);
+                let exposure = Exposure::of_codebooks(shown.metadata(), &depiction, &transfer, painted.levels);
                 (exposure, (painted.image.clone(), levels, transfer.clone()))
             }
             None => {

@@ -124,6 +124,7 @@ mod tests {
             frame: bounds,
             periodic: None,
             length_unit: String::new(),
+            moving: None,
             times: None,
             time: None,
             dataset: 1,

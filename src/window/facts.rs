@@ -63,14 +63,6 @@ impl Facts {
         if bytes > 0 {
             rows.push(("Source", number::bytes(bytes)));
         }
-        let families = metadata.families.iter().map(|family| {
-            let mut details = format!("mass {} {}", number::quantity(family.mass), metadata.mass_unit);
-            for attribute in &family.attributes {
-                let [min, max] = [attribute.min, attribute.max].map(number::quantity);
-                details += &format!("\n{}  {min} to {max} {}", attribute.name, attribute.unit);
-            }
-            FamilyFact { name: family.name.to_string(), count: number::count(family.count), details }
-        });
         let skipped = metadata
             .skipped
             .iter()
@@ -81,7 +73,21 @@ impl Facts {
             details: part_details(&part, &member.path),
             first_family: part.families.start,
         });
-        Facts { rows, datasets: datasets.collect(), families: families.collect(), notes: told.chain(skipped).collect() }
+        let families = Facts::families_of(metadata);
+        Facts { rows, datasets: datasets.collect(), families, notes: told.chain(skipped).collect() }
+    }
+
+    /// What is said of the families.
+    pub fn families_of(metadata: &Metadata) -> Vec<FamilyFact> {
+        let families = metadata.families.iter().map(|family| {
+            let mut details = format!("mass {} {}", number::quantity(family.mass), metadata.mass_unit);
+            for attribute in &family.attributes {
+                let [min, max] = [attribute.min, attribute.max].map(number::quantity);
+                details += &format!("\n{}  {min} to {max} {}", attribute.name, attribute.unit);
+            }
+            FamilyFact { name: family.name.to_string(), count: number::count(family.count), details }
+        });
+        families.collect()
     }
 }
 

@@ -7,8 +7,8 @@
 use super::cpu_backend::CpuPicture;
 use super::exposure::Exposure;
 use super::listed::Listed;
-use super::live::LiveParticles;
 use super::live::copies::LiveCopies;
+use super::live::{LiveParticles, draws_own};
 use super::look::Look;
 use super::page_entities::{GpuSlot, PageCopies, PageKey, PageStatus};
 use super::pages::ViewSelection;
@@ -92,7 +92,7 @@ pub(super) fn choose_backend(
     mut tables: ResMut<GpuTables>,
     mut cameras: Query<(Entity, &mut Camera), With<DataCamera>>,
     mut notices: ResMut<Notices>,
-    live: Res<LiveParticles>,
+    (live, scene): (Res<LiveParticles>, Option<Res<Scene>>),
     slots: Query<Entity, With<GpuSlot>>,
     aim: Option<Res<Aim>>,
 ) {
@@ -148,7 +148,7 @@ pub(super) fn choose_backend(
         None => ActiveBackend::Cpu,
     };
     // While something else is shown, the file's pages have no place there.
-    let uses_copies = wanted == ActiveBackend::Gpu && !live.is_shown();
+    let uses_copies = wanted == ActiveBackend::Gpu && !draws_own(&live, scene.as_deref());
     if wanted != ActiveBackend::Gpu && live.is_shown() && live.particles().is_none() {
         notices.error("the processor cannot draw particles in the graphics adapter's memory: the file is shown");
     }
@@ -263,7 +263,7 @@ impl GpuTables {
         if self.made_for == Some(wanted) {
             return false;
         }
-        let made = make_tables(particles, look, scene.file.metadata());
+        let made = make_tables(particles, look, scene.metadata());
         let old = std::mem::replace(&mut self.tables, made);
         old.into_iter().flatten().for_each(|(table, _)| particles.remove_table(table));
         self.made_for = Some(wanted);
@@ -282,7 +282,7 @@ impl GpuTables {
         let Some(view) = selection.view else {
             return Listed { items: Arc::default(), extents: Arc::default(), plan: usual, taken: 0 };
         };
-        let metadata = scene.file.metadata();
+        let metadata = scene.metadata();
         let important: Vec<Vec<f32>> =
             self.tables.iter().map(|books| books.iter().map(|table| table.1).collect()).collect();
         let (plan, taken) =
@@ -336,7 +336,7 @@ pub(super) fn draw_on_gpu(
         technique.name().clone_into(&mut statistics.backend);
     }
     let (entity, composite) = camera.into_inner();
-    let metadata = scene.file.metadata();
+    let metadata = scene.metadata();
     let tables = &mut *tables;
     if tables.follow(&particles, &look, &scene) {
         let (mode, settings) = (look.depiction.mode, look.depiction.settings.clone());
@@ -351,11 +351,12 @@ pub(super) fn draw_on_gpu(
     let subject = Subject::new(metadata, &look.depiction, &look.transfer, 0.0);
     let usual = subject.plan(&view, &[], &lod_budget, Some(look.levels)).unwrap_or_default();
     let pressed = moving && frame_ms > 0.0;
-    let drawn = (selection.revision, live.is_shown().then(|| copies.number()), usual, pressed);
+    let draws_own = draws_own(&live, Some(&scene));
+    let drawn = (selection.revision, draws_own.then(|| copies.number()), usual, pressed);
     if tables.drawn != Some(drawn) {
         tables.drawn = Some(drawn);
         let limit = if pressed { tables.drawing_cost.limit(frame_ms, preset.motion.sample_sizes()) } else { u64::MAX };
-        let Listed { items, plan, taken, .. } = match live.is_shown() {
+        let Listed { items, plan, taken, .. } = match draws_own {
             true => copies.listed(&view, usual),
             false => tables.list(&selection, &look, &scene, (limit, usual)),
         };

@@ -7,8 +7,8 @@ use super::cpu_backend::CpuPicture;
 use super::exposure::Exposure;
 use super::gpu_backend::GpuTables;
 use super::listed::Listed;
-use super::live::LiveParticles;
 use super::live::copies::LiveCopies;
+use super::live::{LiveParticles, draws_own};
 use super::look::{Held, Look};
 use super::occlusion::Occlusion;
 use super::pages::ViewSelection;
@@ -167,7 +167,7 @@ pub(super) fn draw_light_on_gpu(
         "compute".clone_into(&mut statistics.backend);
     }
     let (entity, shown) = camera.into_inner();
-    let metadata = scene.file.metadata();
+    let metadata = scene.metadata();
     if tables.follow(&particles, &look, &scene) {
         commands.entity(entity).remove::<(Composite, Measure, ModeView)>();
         *pictures = LightPictures { number: pictures.number, ..default() };
@@ -192,13 +192,14 @@ pub(super) fn draw_light_on_gpu(
     // What is drawn, of how many particles, with how many pixels.
     let moving = motion.is_moving(&preset.motion);
     let full = picture.size();
-    let limit = match live.is_shown() {
+    let draws_own = draws_own(&live, Some(&scene));
+    let limit = match draws_own {
         true => u64::MAX,
         false => volume_limit(moving, true, statistics.particles, &preset.motion),
     };
-    let list = ListKey { selection: selection.revision, limit, live: live.is_shown().then(|| copies.number()) };
+    let list = ListKey { selection: selection.revision, limit, live: draws_own.then(|| copies.number()) };
     if pictures.list != Some(list) {
-        let Listed { items, extents, plan, taken } = match live.is_shown() {
+        let Listed { items, extents, plan, taken } = match draws_own {
             true => copies.listed(&view, Plan::default()),
             false => tables.list(&selection, &look, &scene, (limit, Plan::default())),
         };
@@ -323,7 +324,7 @@ pub(super) fn draw_light_on_gpu(
         // A sample's wider kernels may hide what all particles together do not: it says nothing.
         if Some(drawn) == number && statistics.sampled.is_none() {
             // Live particles hide nothing of the file.
-            let opaque = opaque.filter(|_| !live.is_shown());
+            let opaque = opaque.filter(|_| !draws_own);
             occlusion.drew(opaque, (scene.generation, look.depiction_revision), selection.complete);
         }
     }
@@ -403,7 +404,7 @@ pub(super) fn draw_light_on_gpu(
     if shown != Some(&light) {
         camera.insert(light);
     }
-    let chosen = live.is_shown() || selection.complete && selection.occlusion == occlusion.revision;
+    let chosen = draws_own || selection.complete && selection.occlusion == occlusion.revision;
     let is_asked = pictures.asked.as_ref() == Some(&key);
     converged.0 = chosen
         && !moving

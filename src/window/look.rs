@@ -151,7 +151,7 @@ fn depict(scene: &Scene, settings: &Settings) -> Result<Depiction, String> {
         Attribute::Named(name) => Some(name.as_str()),
         Attribute::Automatic | Attribute::None => None,
     };
-    let metadata = scene.file.metadata();
+    let metadata = scene.metadata();
     let mut depiction = Depiction::new(settings.mode, settings.look.settings.clone(), name, metadata)?;
     if settings.attribute == Attribute::None {
         depiction.attribute = None;

@@ -251,7 +251,7 @@ impl Plugin for WindowApp {
                 open::finish_opening,
                 objects::receive_catalogue,
                 adopt::adopt_opened,
-                (playhead::play, playhead::show_step).chain(),
+                (playhead::play, playhead::show_moment).chain(),
                 history::undo_and_redo,
                 lens::follow_lens,
                 scene_io::save_scene,

@@ -5,9 +5,11 @@ use super::options::{OpenRequest, Opener};
 use super::preset::Preset;
 use super::state::notices::Notices;
 use super::state::progress::SharedProgress;
+use crate::hierarchy::spacetime::Interpolation;
 use crate::look::{Member, OpenData, SceneFile, is_scene_file};
 use crate::model::progress::Progress;
 use crate::model::{Bounds, Moment, ReadMethod};
+use crate::store::run::RunTree;
 use crate::store::{PageFile, StoreError};
 use crate::stream::first_frame;
 use bevy::prelude::*;
@@ -55,6 +57,8 @@ pub struct Opened {
     pub notes: Vec<String>,
     /// The datasets as they are open, and the moment that is shown, where one of them is a run.
     pub run: Option<(OpenData, Moment)>,
+    /// Its tracks, where it has some.
+    pub tracks: Option<Arc<RunTree>>,
     /// The page file made of them; of runs, of the step that is shown.
     pub file: Arc<PageFile>,
     /// The box to look at first.
@@ -93,9 +97,14 @@ impl Openings {
             let (file, unlike) = data.at(moment.unwrap_or_default()).map_err(|error| error.to_string())?;
             notes.extend(unlike);
             let families: Vec<u32> = (0..file.metadata().families.len() as u32).collect();
-            let frame = first_frame(&file, &families);
+            let frame = first_frame(&file, &families, 0.0);
+            let interpolation = scene.as_ref().and_then(|opened| opened.scene.look.interpolation).unwrap_or_default();
+            let tracks = tracks_of(&data, &members, interpolation).unwrap_or_else(|error| {
+                notes.push(error.to_string());
+                None
+            });
             let run = moment.map(|moment| (data, moment));
-            Ok(Opened { path, members, notes, run, file: Arc::new(file), frame, scene: scene.map(Arc::new) })
+            Ok(Opened { path, members, notes, run, tracks, file: Arc::new(file), frame, scene: scene.map(Arc::new) })
         };
         let failed = send.clone();
         // Nobody listens any more where another file was opened meanwhile.
@@ -111,6 +120,24 @@ impl Openings {
         let opening = self.current.as_ref()?;
         let (stage, share) = opening.progress.state();
         Some((&opening.path, stage, share))
+    }
+}
+
+/// The tracks of the run that is the only dataset, where it lies as it is.
+fn tracks_of(
+    data: &OpenData,
+    members: &[Member],
+    interpolation: Interpolation,
+) -> Result<Option<Arc<RunTree>>, StoreError> {
+    let Some(run) = data.run().filter(|run| run.tracks().is_ok() && interpolation != Interpolation::Hold) else {
+        return Ok(None);
+    };
+    let units = (&run.directory().length_unit, &run.directory().mass_unit);
+    match members {
+        [only] if only.placement(units, units).is_here() => {
+            Ok(Some(Arc::new(RunTree::new(Arc::clone(run), interpolation)?)))
+        }
+        _ => Ok(None),
     }
 }
 

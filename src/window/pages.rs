@@ -97,6 +97,9 @@ pub fn follow_scene(
         && streaming.generation == scene.generation
         && streaming.preset == preset.residency
     {
+        if let Some(moving) = &scene.moving {
+            (streaming.time, streaming.next) = (moving.time, moving.next);
+        }
         // Another renderer begins without copies.
         if streaming.streamer.copies.is_some() != copies.0 {
             let options = streaming.preset.copy_options();
@@ -152,19 +155,32 @@ pub fn traverse(
     let Some(mut streaming) = streaming else { return };
     let Some(view) = present.view(&streaming) else { return };
     let Present { settings, look, .. } = &present;
-    let upcoming = upcoming.0.and_then(|next| present.view_from(&next, &streaming));
+    let upcoming = match (upcoming.0, streaming.next) {
+        (Some(next), _) => present.view_from(&next, &streaming),
+        (None, next) => next.map(|_| view),
+    };
     let streaming = &mut *streaming;
     let families = settings.families.iter().enumerate().filter(|(_, visible)| **visible);
+    let families: Vec<u32> = families.map(|(index, _)| index as u32).collect();
     let depiction = look.as_ref().map(|look| &look.depiction);
     let metadata = streaming.streamer.residency.tree().metadata();
     let levels = depiction.map_or(Purpose::Splats, |depiction| depiction.purpose(metadata));
-    let roots = streaming.streamer.roots(families.map(|(index, _)| index as u32), levels);
+    let roots = streaming.streamer.roots(families.iter().copied(), levels, view.time);
     let seen = depiction.map_or(view, |depiction| depiction.selection_view(&view));
     let tau = settings.error_px;
     let detail = depiction.map_or(tau.into(), |depiction| depiction.detail(&view, tau, metadata));
-    streaming.streamer.upcoming =
-        upcoming.map(|next| depiction.map_or(next, |depiction| depiction.selection_view(&next)));
+    streaming.streamer.upcoming = upcoming.map(|next| {
+        let next = View { time: streaming.next.unwrap_or(view.time), ..next };
+        let roots = streaming.streamer.roots(families.iter().copied(), levels, next.time);
+        (depiction.map_or(next, |depiction| depiction.selection_view(&next)), roots)
+    });
     let chosen = streaming.streamer.select(&seen, detail, &roots);
+    // The interval before is shown until something of this one is there.
+    let comes = chosen.draw.is_empty() && !chosen.is_converged();
+    if comes && !selection.nodes.is_empty() && selection.view.is_some_and(|old| old.time != view.time) {
+        selection.complete = false;
+        return;
+    }
     let nodes: Vec<SceneNode> = chosen
         .draw
         .iter()
@@ -287,6 +303,7 @@ mod tests {
                 frame: bounds,
                 length_unit: String::new(),
                 facts: Facts::of(file, &[]),
+                moving: None,
                 times: None,
                 time: None,
                 dataset: 1,

@@ -124,7 +124,7 @@ pub(super) fn fly_to_pick(
     }
     let cursor = picture.pixel(at).as_dvec2().to_array();
     let (entity, viewpoint, mut navigation) = camera.into_inner();
-    match pick(&view, scene.file.metadata(), &selection.nodes, cursor) {
+    match pick(&view, scene.metadata(), &selection.nodes, cursor) {
         Some(picked) => {
             *navigation = Navigation::Orbit;
             let now = viewpoint.eye.distance(picked.position);

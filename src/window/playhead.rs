@@ -1,13 +1,14 @@
-//! The moment of a run that is shown: it stands or plays, and the step that it comes to is opened on a thread of its own and takes the
-//! place of the one before. The clock never waits: what is not there yet is skipped.
+//! The moment of a run that is shown: it stands or plays. Between its steps the run's tracks are drawn; the step that it stands at is opened
+//! on a thread of its own and takes the place of what was shown. The clock never waits: what is not there yet is skipped.
 
 use super::facts::Facts;
-use super::scene::{Scene, Settings};
+use super::scene::{MovingRun, Scene, Settings};
 use super::state::choices::Choices;
 use super::state::notices::Notices;
 use crate::look::OpenData;
-use crate::model::{ClockVariable, Moment, StepTimes};
-use crate::store::PageFile;
+use crate::model::{ClockVariable, Moment, StepTimes, When};
+use crate::store::run::RunTree;
+use crate::store::{Metadata, PageFile, Tree};
 use bevy::prelude::*;
 use std::collections::BTreeSet;
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
@@ -15,6 +16,9 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 /// Seconds in which a whole run plays at its usual speed.
 const WHOLE_RUN_SECS: f64 = 20.0;
+
+/// Seconds of playing for which pages are read ahead.
+const AHEAD_SECS: f64 = 1.0;
 
 /// How many times as fast or as slow a run plays at most.
 const FASTEST: f64 = 64.0;
@@ -28,6 +32,12 @@ pub struct Playhead {
     playing: bool,
     speed: f64,
     shown: usize,
+    /// What moves between steps, and whether that is drawn.
+    tracks: Option<Arc<RunTree>>,
+    moving: bool,
+    /// Whether only steps are shown: because somebody wants that, or because panoramas and pairs are drawn of steps.
+    holds: bool,
+    surrounds: bool,
     opening: Option<Opening>,
     /// Steps that could not be opened.
     damaged: BTreeSet<usize>,
@@ -40,12 +50,25 @@ struct Opening {
 }
 
 impl Playhead {
-    /// Stands at a moment of the run among `data`, whose step is open; `None` where there is none.
-    pub fn new(data: OpenData, moment: Moment) -> Option<Playhead> {
+    /// Stands at a moment of the run among `data`, whose step is open, and whose tracks are these; `None` where there is none.
+    pub fn new(data: OpenData, moment: Moment, tracks: Option<Arc<RunTree>>) -> Option<Playhead> {
         let times = data.run()?.times().clone();
         let time = times.time(moment);
         let (shown, damaged) = (moment.step, BTreeSet::new());
-        Some(Playhead { data, times, time, playing: false, speed: 1.0, shown, opening: None, damaged })
+        Some(Playhead {
+            data,
+            times,
+            time,
+            playing: false,
+            speed: 1.0,
+            shown,
+            tracks,
+            moving: false,
+            holds: false,
+            surrounds: false,
+            opening: None,
+            damaged,
+        })
     }
 
     /// When the steps are.
@@ -63,9 +86,24 @@ impl Playhead {
         self.time
     }
 
-    /// The step that is shown.
+    /// The step that is shown, or the one before what is shown.
     pub fn shown(&self) -> usize {
-        self.shown
+        if self.moving { self.wanted() } else { self.shown }
+    }
+
+    /// Whether what is between the steps can be shown.
+    pub fn has_tracks(&self) -> bool {
+        self.tracks.is_some()
+    }
+
+    /// Whether only steps are shown, also where something moves between them.
+    pub fn holds(&self) -> bool {
+        self.holds || self.surrounds || self.tracks.is_none()
+    }
+
+    /// Shows steps alone from now on, or what moves between them.
+    pub fn hold(&mut self, holds: bool) {
+        self.holds = holds;
     }
 
     /// Steps that cannot be shown.
@@ -90,7 +128,30 @@ impl Playhead {
 
     /// Whether what is shown is of the present time.
     pub fn is_there(&self) -> bool {
-        self.wanted() == self.shown || self.damaged.contains(&self.wanted())
+        match self.moves_now() {
+            true => self.moving,
+            false => !self.moving && self.wanted() == self.shown || self.damaged.contains(&self.wanted()),
+        }
+    }
+
+    /// Whether tracks are to be drawn: while time goes on, and between steps.
+    fn moves_now(&self) -> bool {
+        !self.holds() && (self.playing || self.times.times.get(self.wanted()).is_none_or(|step| *step != self.time))
+    }
+
+    /// The tracks' clock at a time.
+    fn clock_at(&self, tree: &RunTree, time: f64) -> f64 {
+        let moment = tree.run().moment(When::Time(time)).unwrap_or_default();
+        tree.time(moment)
+    }
+
+    /// What is to be drawn of the tracks now.
+    fn motion(&self) -> Option<MovingRun> {
+        let tree = Arc::clone(self.tracks.as_ref().filter(|_| self.moves_now())?);
+        let [first, last] = self.ends();
+        let ahead = self.time + AHEAD_SECS * self.speed * (last - first) / WHOLE_RUN_SECS;
+        let next = self.playing.then(|| self.clock_at(&tree, ahead.min(last)));
+        Some(MovingRun { time: self.clock_at(&tree, self.time), next, tree })
     }
 
     fn ends(&self) -> [f64; 2] {
@@ -150,7 +211,7 @@ impl Playhead {
     /// Begins to open the step that is wanted, unless one is on its way.
     fn open_wanted(&mut self) {
         let step = self.wanted();
-        if self.opening.is_some() || self.is_there() {
+        if self.opening.is_some() || self.moves_now() || self.is_there() {
             return;
         }
         let (data, (send, outcome)) = (self.data.clone(), channel());
@@ -184,8 +245,8 @@ pub(super) fn play(time: Res<Time<Real>>, playhead: Option<ResMut<Playhead>>) {
     }
 }
 
-/// Shows the step that the playhead has come to: camera, cut and settings stay as they are.
-pub(super) fn show_step(
+/// Shows what the playhead has come to: camera, cut and settings stay as they are.
+pub(super) fn show_moment(
     playhead: Option<ResMut<Playhead>>,
     scene: Option<ResMut<Scene>>,
     mut settings: ResMut<Settings>,
@@ -194,36 +255,60 @@ pub(super) fn show_step(
 ) {
     let (Some(mut playhead), Some(mut scene)) = (playhead, scene) else { return };
     let playhead = playhead.bypass_change_detection();
-    match playhead.arrived() {
+    playhead.surrounds = settings.is_projected();
+    let arrived = playhead.arrived();
+    let motion = playhead.motion();
+    let still = match arrived {
         Some((step, Ok(file))) => {
             playhead.shown = step;
-            scene.time = playhead.times.times.get(step).copied();
-            let families = families_of(&scene.file, &settings.families, &file);
-            if settings.families != families {
-                settings.families = families;
-            }
-            let names = Choices::attributes_of(file.metadata());
-            if choices.attributes != names {
-                choices.attributes = names;
-            }
-            let metadata = file.metadata();
-            (scene.bounds, scene.periodic) = (metadata.bounds(), metadata.periodic_box());
-            scene.facts = Facts::of(&file, &scene.members);
-            scene.file = Arc::new(file);
-            scene.generation += 1;
+            Some(Arc::new(file))
         }
         Some((step, Err(why))) => {
             playhead.damaged.insert(step);
             notices.error(why);
+            None
         }
-        None => {}
+        // What has come back to the step that is open.
+        None => (playhead.moving && playhead.wanted() == playhead.shown).then(|| Arc::clone(&scene.file)),
+    };
+    let before = match (&motion, &scene.moving) {
+        (Some(_), Some(_)) => None,
+        (Some(_), None) => Some(scene.tree()),
+        (None, _) => still.is_some().then(|| scene.tree()),
+    };
+    if let Some(motion) = motion {
+        // Nothing else than its time changes.
+        let scene = scene.bypass_change_detection();
+        scene.time = Some(playhead.time);
+        scene.moving = Some(motion);
+        playhead.moving = true;
+    } else if let Some(file) = still {
+        scene.time = playhead.times.times.get(playhead.shown).copied();
+        scene.facts = Facts::of(&file, &scene.members);
+        (scene.file, scene.moving) = (file, None);
+        playhead.moving = false;
+    }
+    if let Some(before) = before {
+        let tree = scene.tree();
+        let families = families_of(before.metadata(), &settings.families, tree.metadata());
+        if settings.families != families {
+            settings.families = families;
+        }
+        let names = Choices::attributes_of(tree.metadata());
+        if choices.attributes != names {
+            choices.attributes = names;
+        }
+        let metadata = tree.metadata();
+        (scene.bounds, scene.periodic) = (metadata.bounds(), metadata.periodic_box());
+        scene.facts.families = Facts::families_of(metadata);
+        scene.generation += 1;
     }
     playhead.open_wanted();
 }
 
 /// Whether each family of `next` is drawn: as it was in `before`; what comes is drawn.
-fn families_of(before: &PageFile, shown: &[bool], next: &PageFile) -> Vec<bool> {
-    let name = |file: &PageFile| file.metadata().families.iter().map(|family| family.name).collect::<Vec<_>>();
+pub fn families_of(before: &Metadata, shown: &[bool], next: &Metadata) -> Vec<bool> {
+    let name = |data: &Metadata| data.families.iter().map(|family| family.name).collect::<Vec<_>>();
     let (before, next) = (name(before), name(next));
     // Several datasets may have families of the same name: they keep their order.
     if before == next {
@@ -255,7 +340,7 @@ mod tests {
         build_run(run, false, None, &LoadOptions::default(), &BuildOptions::default(), &out, &()).unwrap();
         let built = |path: &std::path::Path| Ok::<_, StoreError>(path.to_owned());
         let data = OpenData::open(&[Member::new(out)], ReadMethod::default(), built).unwrap();
-        Playhead::new(data, Moment::default()).unwrap()
+        Playhead::new(data, Moment::default(), None).unwrap()
     }
 
     fn wait(playhead: &mut Playhead) -> (usize, PageFile) {

@@ -10,7 +10,8 @@ use crate::mode::lod_budget::{PRESENCE, THINNING};
 use crate::mode::{Mode, SettingValue};
 use crate::model::{Bounds, PeriodicBox, StepTimes, When};
 use crate::modes;
-use crate::store::PageFile;
+use crate::store::run::RunTree;
+use crate::store::{Metadata, PageFile, Tree};
 use crate::view::{Stereo, Surround};
 use bevy::prelude::*;
 use std::path::PathBuf;
@@ -35,9 +36,11 @@ pub struct Scene {
     pub length_unit: String,
     /// What the panel says about it.
     pub facts: Facts,
+    /// What is drawn in its place while a run is between its steps.
+    pub moving: Option<MovingRun>,
     /// When the steps of the run are, where it is one.
     pub times: Option<StepTimes>,
-    /// The time of the step that is shown.
+    /// The time of the run that is shown.
     pub time: Option<f64>,
     /// Counts up with every file that is opened.
     pub dataset: u32,
@@ -45,7 +48,34 @@ pub struct Scene {
     pub generation: u32,
 }
 
+/// The tracks of a run, at a moment.
+#[derive(Clone, Debug)]
+pub struct MovingRun {
+    /// The tracks.
+    pub tree: Arc<RunTree>,
+    /// When, by the tree's clock.
+    pub time: f64,
+    /// When it will be in a moment, while it plays.
+    pub next: Option<f64>,
+}
+
 impl Scene {
+    /// What is drawn: the page file, or the tracks of its run.
+    pub fn tree(&self) -> Arc<dyn Tree> {
+        match &self.moving {
+            Some(moving) => Arc::clone(&moving.tree) as Arc<dyn Tree>,
+            None => Arc::clone(&self.file) as Arc<dyn Tree>,
+        }
+    }
+
+    /// What is known of what is drawn.
+    pub fn metadata(&self) -> &Metadata {
+        match &self.moving {
+            Some(moving) => moving.tree.metadata(),
+            None => self.file.metadata(),
+        }
+    }
+
     /// The moment of the run that is shown, as files say it.
     pub fn when(&self) -> Option<When> {
         self.time.map(When::Time)

@@ -107,7 +107,12 @@ pub fn viewpoint_of(camera: &Camera) -> (Viewpoint, Lens) {
 
 /// The families of each dataset that are drawn; `None` for all of them.
 pub(crate) fn families_of(scene: &Scene, settings: &Settings) -> Vec<Option<Vec<FamilyName>>> {
-    let all = &scene.file.metadata().families;
+    let all = &scene.metadata().families;
+    if scene.moving.is_some() {
+        let shown = all.iter().zip(&settings.families).filter(|(_, shown)| **shown).map(|(family, _)| family.name);
+        let names: Vec<FamilyName> = shown.collect();
+        return vec![(names.len() < all.len()).then_some(names)];
+    }
     let shown = |i: &usize| settings.families.get(*i).copied().unwrap_or(true);
     let of = |part: PartInfo<'_>| {
         let count = part.families.len();

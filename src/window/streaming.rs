@@ -14,7 +14,6 @@ use crate::window::state::aim::Aim;
 use bevy::ecs::system::SystemParam;
 use bevy::prelude::*;
 use std::collections::HashMap;
-use std::sync::Arc;
 
 /// What the sides of the flat view are divided by while a panorama is shown, which reads its pages itself: what is ahead of the camera is
 /// known well enough for the speed of flights, and little memory is taken for it.
@@ -28,6 +27,9 @@ pub struct Streaming {
     pub(super) entities: HashMap<PageId, Entity>,
     /// The [`Scene::generation`] of the file.
     pub generation: u32,
+    /// When it is seen, the data's unit of time, and when it will be in a moment.
+    pub(super) time: f64,
+    pub(super) next: Option<f64>,
     pub(super) preset: ResidencyPreset,
     pub(super) told_memory: bool,
 }
@@ -35,12 +37,14 @@ pub struct Streaming {
 impl Streaming {
     /// Nothing of the scene's file is resident yet.
     pub fn new(scene: &Scene, preset: &ResidencyPreset, copies: bool) -> Streaming {
-        let mut streamer = Streamer::new(Arc::clone(&scene.file), preset.stream_options());
+        let mut streamer = Streamer::new(scene.tree(), preset.stream_options());
         streamer.keep_copies(copies.then(|| preset.copy_options()));
         Streaming {
             streamer,
             entities: HashMap::new(),
             generation: scene.generation,
+            time: scene.moving.as_ref().map_or(0.0, |moving| moving.time),
+            next: None,
             preset: preset.clone(),
             told_memory: false,
         }
@@ -76,7 +80,8 @@ impl Present<'_, '_> {
             ActiveBackend::Surround => (self.picture.size() / SURROUND_SHRINK).max(UVec2::ONE),
             ActiveBackend::Cpu | ActiveBackend::Gpu => self.picture.size(),
         };
-        view_of(viewpoint, &self.settings, periodic, size, self.aim.as_deref()).ok()
+        let view = view_of(viewpoint, &self.settings, periodic, size, self.aim.as_deref()).ok()?;
+        Some(View { time: streaming.time, ..view })
     }
 
     /// What has to stay the same for a picture to say anything of the next: the scene's generation and the depiction's revision.

@@ -38,6 +38,14 @@ pub fn show(ui: &mut Ui, playhead: &mut Playhead) {
         if theme::button(ui, "time:last", ">|", true, "The last step (Shift+full stop)") {
             playhead.go_to_end(true);
         }
+        if playhead.has_tracks() {
+            let mut holds = playhead.holds();
+            let toggle = ui.checkbox(&mut holds, "Steps");
+            theme::register(ui, "time:steps", toggle.rect);
+            if toggle.on_hover_text("Shows the stored steps alone, and nothing that moves between them").changed() {
+                playhead.hold(holds);
+            }
+        }
         ui.add_space(8.0);
         line(ui, playhead);
         let (step, last) = (playhead.shown(), playhead.times().times.len().saturating_sub(1));

@@ -186,7 +186,7 @@ fn draw_annotations(
     picture: &Picture,
     (view, viewpoint): (&View, &Viewpoint),
 ) {
-    let legend = state.look.as_ref().map(|look| look.legend(scene.file.metadata()));
+    let legend = state.look.as_ref().map(|look| look.legend(scene.metadata()));
     let subject = annotate::Subject {
         view,
         scale: picture.scale,

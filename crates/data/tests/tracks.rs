@@ -3,11 +3,12 @@
 #![allow(clippy::unwrap_used, clippy::indexing_slicing, reason = "a test that cannot go on has failed")]
 
 use deepfield_data::build::{BuildOptions, Matching, TrackOptions, build_run, compare_with_sources};
+use deepfield_data::hierarchy::Purpose;
 use deepfield_data::hierarchy::spacetime::{Interpolation, TrackFlags, Tracks};
 use deepfield_data::import::{FieldKind, LoadOptions, RunOptions, Source, load_source, open_run};
 use deepfield_data::model::{ClockVariable, FamilyName, Moment, ReadMethod, When};
-use deepfield_data::store::RunFile;
-use deepfield_data::store::run::{Matches, RunSnapshot, Tangents, verify_run};
+use deepfield_data::store::run::{Matches, RunSnapshot, RunTree, Tangents, verify_run};
+use deepfield_data::store::{PageId, RunFile, Tree};
 use deepfield_data::synth::moving::{self, Births, Halo, Moving, Orbits, Pancake};
 use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
@@ -76,8 +77,8 @@ fn found(run: &RunFile, interval: usize, family: FamilyName) -> Matches {
 fn all_tracks(run: &RunFile, interval: usize) -> Tracks {
     let mut all = Tracks::default();
     for family in 0..run.tracks().unwrap().families.len() {
-        for leaf in run.track_index(interval, family).unwrap().leaves {
-            let tracks = run.track_leaf(interval, family, &leaf, true).unwrap();
+        for leaf in run.track_index(interval, family).unwrap().leaves() {
+            let tracks = run.node_tracks(interval, family, leaf, true).unwrap();
             all.ids.extend(tracks.ids);
             all.flags.extend(tracks.flags);
             for (all, own) in all.ends.iter_mut().zip(tracks.ends) {
@@ -318,7 +319,7 @@ fn damaged_tracks_are_found_and_never_panic() {
     let generated = generated(&Births::new(1, 300, 3), 3, 1.0);
     let run = generated.usual();
     let (path, bytes) = (run.path().to_path_buf(), std::fs::read(run.path()).unwrap());
-    let first = run.directory().intervals[0].families[0].leaves.offset as usize;
+    let first = run.directory().intervals[0].families[0].nodes.offset as usize;
     let damaged = |at: usize, path: &Path| {
         let mut bytes = bytes.clone();
         bytes[at] ^= 0x55;
@@ -335,4 +336,131 @@ fn damaged_tracks_are_found_and_never_panic() {
     for at in (first..bytes.len()).step_by(61) {
         damaged(at, &path);
     }
+}
+
+#[test]
+fn clusters_stand_for_what_is_below_them() {
+    // Enough for several buckets, so that there are nodes above those of buckets.
+    let kinds: [(Box<dyn Moving>, f64); 3] = [
+        (Box::new(Orbits::new(1, 90_000)), 0.2),
+        (Box::new(Pancake::new(1, 20_000)), 0.2),
+        (Box::new(Births::new(1, 12_000, 3)), 0.5),
+    ];
+    for (kind, coarse) in kinds {
+        let generated = generated(&*kind, 3, 2.0);
+        let run = generated.usual();
+        verify_run(run.path(), &()).unwrap();
+        for family in 0..run.tracks().unwrap().families.len() {
+            let (space, index) = (run.interval(1).unwrap(), run.track_index(1, family).unwrap());
+            let tracks: Vec<Tracks> =
+                index.nodes.iter().map(|node| run.node_tracks(1, family, node, node.is_leaf()).unwrap()).collect();
+            let inner = || index.nodes.iter().enumerate().filter(|(_, node)| !node.is_leaf());
+            assert!(index.leaves().count() == 1 || inner().count() > 0);
+            let leaves_of = |node: usize| {
+                let (mut open, mut leaves) = (vec![node], Vec::new());
+                while let Some(next) = open.pop() {
+                    open.extend(index.nodes[next].children.iter().map(|child| *child as usize));
+                    if index.nodes[next].is_leaf() {
+                        leaves.push(next);
+                    }
+                }
+                leaves
+            };
+            for (number, node) in inner() {
+                assert!((node.tracks as usize) < 9000 && node.delta > 0.0, "{} clusters", node.tracks);
+                let clusters = &tracks[number];
+                let leaves = leaves_of(number);
+                for u in [0.0, 0.3, 1.0] {
+                    let places = |tracks: &Tracks| -> Vec<glam::DVec3> {
+                        (0..tracks.len()).map(|i| space.spline(tracks, i).position(u)).collect()
+                    };
+                    let own = places(clusters);
+                    let (mut farthest, mut moments) = (0.0_f64, [(0.0, glam::DVec3::ZERO); 2]);
+                    for leaf in &leaves {
+                        // Some of them: all pairs take long.
+                        for (i, place) in places(&tracks[*leaf]).into_iter().enumerate() {
+                            let mass = f64::from(tracks[*leaf].ends[0].mass[i]);
+                            moments[0] = (moments[0].0 + mass, moments[0].1 + mass * place);
+                            if i % 37 == 0 {
+                                let near =
+                                    own.iter().map(|own| own.distance_squared(place)).fold(f64::INFINITY, f64::min);
+                                farthest = farthest.max(near.sqrt());
+                            }
+                        }
+                    }
+                    for (i, place) in own.iter().enumerate() {
+                        let mass = f64::from(clusters.ends[0].mass[i]);
+                        moments[1] = (moments[1].0 + mass, moments[1].1 + mass * *place);
+                    }
+                    assert!(farthest <= node.delta, "{farthest} from the nearest cluster, {}", node.delta);
+                    let [all, merged] = moments.map(|(mass, sum)| sum / mass);
+                    assert!((all - merged).length() < 0.02 * node.spacing + 1e-9, "{all} {merged}");
+                    assert!((moments[0].0 / moments[1].0 - 1.0).abs() < 2e-4);
+                }
+            }
+            let root = index.nodes.last().unwrap();
+            let extent = run.tracks().unwrap().lattice.root.size;
+            assert!(root.is_leaf() || root.delta < coarse * extent, "{} of {extent}", root.delta);
+        }
+    }
+}
+
+#[test]
+fn the_tree_of_a_run_shows_what_its_tracks_are_at_any_time() {
+    let births = Births::new(5, 9000, 4);
+    let generated = generated(&births, 4, 2.0);
+    let run = generated.usual();
+    for interpolation in [Interpolation::Auto, Interpolation::Linear, Interpolation::Fade, Interpolation::Hold] {
+        let tree = RunTree::new(Arc::clone(&run), interpolation).unwrap();
+        let families: Vec<u32> = (0..tree.metadata().families.len() as u32).collect();
+        for (step, u) in [(0, 0.0), (0, 0.4), (1, 0.7), (2, 0.5), (3, 0.0)] {
+            let moment = Moment { step, u };
+            let snapshot = run.at(moment, interpolation).unwrap();
+            let time = tree.time(moment);
+            let (mut drawn, mut coarse) = (Vec::new(), 0.0);
+            for root in tree.roots(&families, Purpose::Splats, time) {
+                assert!(tree.is_root(root.page));
+                let page = tree.read_page(root.page).unwrap();
+                let scale = f64::from(page.nodes[0].mass_scale);
+                let held = page.content(0).unwrap().particles(time);
+                coarse += held.values.mass.iter().map(|mass| scale * f64::from(*mass)).sum::<f64>();
+                let mut open = vec![page];
+                while let Some(page) = open.pop() {
+                    let node = &page.nodes[0];
+                    assert!(node.time[0] <= time && time < node.time[1]);
+                    let held = page.content(0).unwrap().particles(time);
+                    assert_eq!(held.len(), node.particles as usize);
+                    assert!(page.memory() >= tree.page_bytes(page.id));
+                    for (child, bounds) in page.children(0).iter().zip(page.child_bounds(0)) {
+                        open.push(tree.read_page(child.page).unwrap());
+                        assert_eq!(open.last().unwrap().nodes[0].bounds, *bounds);
+                    }
+                    if node.is_leaf() {
+                        for (i, place) in held.positions.iter().enumerate() {
+                            assert!(node.bounds.contains((*place).into()) || run.tracks().unwrap().box_size.is_some());
+                            drawn.extend((held.values.mass[i] > 0.0).then_some((*place, held.values.mass[i])));
+                        }
+                    }
+                }
+            }
+            let mut expected: Vec<([f64; 3], f32)> = Vec::new();
+            for row in rows(&snapshot).into_values().flatten() {
+                expected.extend((row.1 > 0.0).then_some((row.0, row.1 as f32)));
+            }
+            // Those that fade are in line with others, up to rounding.
+            let key = |row: &([f64; 3], f32)| (row.0.map(|x| (x * 1e9).round() as i64), row.1.to_bits());
+            let by_place = |a: &([f64; 3], f32), b: &([f64; 3], f32)| key(a).cmp(&key(b));
+            drawn.sort_by(by_place);
+            expected.sort_by(by_place);
+            assert_eq!(drawn.len(), expected.len(), "{interpolation:?} at {moment:?}");
+            for (drawn, expected) in drawn.iter().zip(&expected) {
+                let same = distance(drawn.0, expected.0) < 1e-12 && (drawn.1 / expected.1 - 1.0).abs() < 1e-6;
+                assert!(same, "{drawn:?} {expected:?} {interpolation:?} at {moment:?}");
+            }
+            let mass: f64 = expected.iter().map(|(_, mass)| f64::from(*mass)).sum();
+            assert!((coarse / mass - 1.0).abs() < 1e-3, "{coarse} {mass}");
+        }
+    }
+    let tree = RunTree::new(run, Interpolation::Auto).unwrap();
+    assert!(tree.read_page(PageId(tree.page_count())).is_err());
 }

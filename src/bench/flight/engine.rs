@@ -82,7 +82,7 @@ impl Engine<'_> {
         let copied = streamer.copies.as_ref().map_or(0, |copies| copies.copied_bytes());
         self.canvas.receive(streamer);
         let copied = streamer.copies.as_ref().map_or(0, |copies| copies.copied_bytes()) - copied;
-        let roots = streamer.roots(0..self.file.metadata().families.len() as u32, Purpose::Splats);
+        let roots = streamer.roots(0..self.file.metadata().families.len() as u32, Purpose::Splats, 0.0);
         let chosen = streamer.select(&self.depiction.selection_view(view), self.tau, &roots);
         streamer.serve();
         streamer.take_evicted();

@@ -219,7 +219,7 @@ fn with_canvas<T>(
     let file = Arc::new(PageFile::open(path)?);
     let metadata = file.metadata();
     let families: Vec<u32> = (0..metadata.families.len() as u32).collect();
-    let frame = first_frame(&file, &families);
+    let frame = first_frame(&file, &families, 0.0);
     let PictureSize { width, height } = options.size.unwrap_or(PictureSize { width: 1200, height: 800 });
     let fov_y = 45_f64.to_radians();
     let view = View::around(frame, fov_y, width, height)?;
@@ -367,7 +367,7 @@ fn ablate(engine: &mut Engine, options: &Options, flights: &mut Vec<(String, Sum
 fn once(engine: &mut Engine, options: &Options) -> Result<Summary, Failure> {
     let file = Arc::clone(&engine.file);
     let families: Vec<u32> = (0..file.metadata().families.len() as u32).collect();
-    let frame = first_frame(&file, &families);
+    let frame = first_frame(&file, &families, 0.0);
     let flight = Flight::through(frame, options.velocity, options.duration, 45_f64.to_radians());
     let mut streamer = engine.streamer();
     engine.prepare(&mut streamer, &flight.view(0.0, engine.size.0, engine.size.1)?)?;

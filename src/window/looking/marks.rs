@@ -155,7 +155,7 @@ fn has_outline(region: &Region) -> bool {
 
 /// What is to be marked; regions that make no sense were refused where they came from.
 fn marks_of(scene: &Scene, key: &Key, looked_up: &LookedUp) -> Marks {
-    let metadata = scene.file.metadata();
+    let metadata = scene.metadata();
     let periodic = Data::Pages(&scene.file).periodic_edge().unwrap_or(None);
     let mut marks = Marks::new(&key.sets, metadata, periodic, |ids| looked_up.highlighter(ids)).unwrap_or_default();
     // What is kept as a selection has that one's colour.

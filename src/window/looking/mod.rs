@@ -136,7 +136,7 @@ fn use_tool(
         return;
     }
     let at = picture.pixel(at).as_dvec2().to_array();
-    let under = || pick(&view, scene.file.metadata(), &selection.nodes, at);
+    let under = || pick(&view, scene.metadata(), &selection.nodes, at);
     // Where nothing is, the plane of the target is meant.
     let place = || match under() {
         Some(picked) => picked.position,

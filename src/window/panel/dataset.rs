@@ -59,7 +59,7 @@ fn show(ui: &mut Ui, state: &PanelState<'_, '_>, families: &mut [bool], adds: &m
     }
     ui.add_space(3.0);
     let mut removed = None;
-    let described = scene.facts.families.iter().zip(&scene.file.metadata().families).zip(families);
+    let described = scene.facts.families.iter().zip(&scene.metadata().families).zip(families);
     for (i, ((fact, family), visible)) in described.enumerate() {
         let heading = scene.facts.datasets.iter().position(|dataset| dataset.first_family == i);
         let number = scene.facts.datasets.iter().take_while(|dataset| dataset.first_family <= i).count();

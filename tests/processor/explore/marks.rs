@@ -24,7 +24,7 @@ proptest! {
             let page = file.read_page(PageId(id)).unwrap();
             let family = &metadata.families[page.family as usize];
             for (index, node) in page.nodes.iter().enumerate() {
-                let marked = marks.mark(&page, index, &mut bits);
+                let marked = marks.mark(&page, index, 0.0, &mut bits);
                 let held = page.particles(index);
                 let mut count = 0;
                 for i in 0..held.len() {
@@ -128,7 +128,7 @@ fn places_of_ids_are_marked_in_leaves_and_merged_nodes() {
         let page = file.read_page(PageId(id)).unwrap();
         let family = &file.metadata().families[page.family as usize];
         for (index, node) in page.nodes.iter().enumerate() {
-            let marked = marks.mark(&page, index, &mut bits);
+            let marked = marks.mark(&page, index, 0.0, &mut bits);
             let held = page.particles(index);
             for i in 0..held.len() {
                 let is_marked = match marked {

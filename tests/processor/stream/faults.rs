@@ -183,7 +183,7 @@ fn a_disk_of_50_ms_delays_the_picture_and_no_frame() {
     (0..file.page_count()).for_each(|page| disk.set(PageId(page), Answer::After(Duration::from_millis(50))));
     let mut scene = Scene::with_options(Arc::clone(&file), options(Duration::from_secs(20)));
     let (view, tau) = everything(&file);
-    let roots = scene.streamer.roots(scene.families.iter().copied(), scene.purpose);
+    let roots = scene.streamer.roots(scene.families.iter().copied(), scene.purpose, 0.0);
     let start = Instant::now();
     let mut frames = Vec::new();
     loop {
@@ -238,7 +238,7 @@ fn a_disk_that_stops_answering_stops_nothing_but_pages() {
     let mut scene = Scene::with_options(Arc::clone(&file), options(Duration::from_millis(100)));
     scene.converge(&view, 1e6, &mut |_| {}).unwrap();
     (0..file.page_count()).for_each(|page| disk.set(PageId(page), Answer::Never));
-    let roots = scene.streamer.roots(scene.families.iter().copied(), scene.purpose);
+    let roots = scene.streamer.roots(scene.families.iter().copied(), scene.purpose, 0.0);
     let mut told = Vec::new();
     let start = Instant::now();
     let mut frames = 0;

@@ -68,7 +68,7 @@ fn soak(frames: u32) {
     let mut streamer = Streamer::new(Arc::clone(&file), options);
     let copy_budget = budget * 9 / 10;
     streamer.keep_copies(Some(CopyOptions { budget: copy_budget, on_their_way: 8 << 20 }));
-    let roots = streamer.roots(0..file.metadata().families.len() as u32, Purpose::Splats);
+    let roots = streamer.roots(0..file.metadata().families.len() as u32, Purpose::Splats, 0.0);
     let mut pilot = Estimate::new(7);
     let (mut reads, mut evicted, mut converged, mut prefetched) = (0, 0, 0, 0);
     let mut before = None;

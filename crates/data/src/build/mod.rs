@@ -17,6 +17,7 @@ mod spill;
 mod states;
 mod survey;
 mod track_leaves;
+mod track_nodes;
 mod tracks;
 mod tree;
 

@@ -1,65 +1,19 @@
-//! Leaves of tracks: the buckets of an interval sorted by where tracks begin, cut into cells of few, coded and written.
+//! Leaves of tracks: a bucket of an interval sorted by where tracks begin, cut into cells of few.
 
-use super::BuildError;
 use super::matching::{TrackRecord, UNRESOLVED, track_words};
-use super::shuffle::Shuffle;
 use super::states::{StateLayout, key_of};
+use super::track_nodes::BuiltNode;
 use crate::codec::morton::MORTON_BITS;
 use crate::hierarchy::spacetime::{Interval, TrackFlags, Tracks};
-use crate::model::{Bounds, Progress};
-use crate::store::run::{
-    LEAF_TRACKS, LeafPart, RunFileWriter, Section, TrackCoding, TrackIndex, TrackLeaf, as_stored, encode_ids,
-};
-use rayon::prelude::*;
-use std::ops::Range;
+use crate::store::run::{LEAF_TRACKS, as_stored};
 
 /// A node whose mass is unresolved to more than this share has tracks that fade.
 const FADING_NODE: f64 = 0.5;
 /// Tracks of such a node fade above this.
 const FADING: f32 = 0.15;
 
-/// A leaf before it has a place in the file.
-struct Leaf {
-    about: TrackLeaf,
-    states: Vec<u8>,
-    ids: Vec<u8>,
-}
-
-/// Writes the leaves of a family's buckets, in order.
-///
-/// # Errors
-/// When tracks cannot be read back, or the run not be written.
-pub(super) fn write_leaves(
-    sorted: &Shuffle,
-    buckets: Range<usize>,
-    layout: &StateLayout,
-    family: usize,
-    interval: &Interval,
-    writer: &mut RunFileWriter,
-    progress: &dyn Progress,
-) -> Result<(Section, TrackIndex), BuildError> {
-    let mut section = writer.begin();
-    let mut index = TrackIndex::default();
-    let buckets: Vec<usize> = buckets.collect();
-    for some in buckets.chunks(rayon::current_num_threads().max(1)) {
-        let built = some.par_iter().map(|bucket| {
-            let leaves = leaves_of(&sorted.get(*bucket)?, layout, family, interval);
-            progress.advance(1);
-            Ok(leaves)
-        });
-        for leaf in built.collect::<Result<Vec<_>, BuildError>>()?.into_iter().flatten() {
-            let about = TrackLeaf { offset: section.len, ..leaf.about };
-            writer.extend(&mut section, &leaf.states)?;
-            writer.extend(&mut section, &leaf.ids)?;
-            index.leaves.push(about);
-        }
-    }
-    writer.close()?;
-    Ok((section, index))
-}
-
-/// The leaves of a bucket.
-fn leaves_of(records: &[u32], layout: &StateLayout, family: usize, interval: &Interval) -> Vec<Leaf> {
+/// The leaves of a bucket, in Morton order.
+pub(super) fn leaves_of(records: &[u32], layout: &StateLayout, family: usize, interval: &Interval) -> Vec<BuiltNode> {
     let words = track_words(layout);
     let mut order: Vec<(u64, &[u32])> =
         records.chunks_exact(words).map(|record| (key_of(TrackRecord::of(record).places[0]), record)).collect();
@@ -86,8 +40,8 @@ fn cut(tracks: &[(u64, &[u32])], depth: u32, put: &mut impl FnMut(&[(u64, &[u32]
     }
 }
 
-/// A leaf of tracks, coded.
-fn leaf(order: &[(u64, &[u32])], depth: u32, attributes: usize, interval: &Interval) -> Leaf {
+/// A leaf of tracks.
+fn leaf(order: &[(u64, &[u32])], depth: u32, attributes: usize, interval: &Interval) -> BuiltNode {
     let mut tracks = Tracks::new(attributes);
     let (mut mass, mut unresolved_mass, mut c) = (0.0, 0.0, Vec::with_capacity(order.len()));
     for (_, record) in order {
@@ -117,38 +71,6 @@ fn leaf(order: &[(u64, &[u32])], depth: u32, attributes: usize, interval: &Inter
         }
     }
     tracks.ends.iter_mut().for_each(as_stored);
-    let mut about = TrackLeaf {
-        key: order.first().map_or(0, |(key, _)| *key),
-        depth: depth as u8,
-        tracks: order.len() as u32,
-        flagged: [0; 3],
-        offset: 0,
-        states: LeafPart::default(),
-        ids: LeafPart::default(),
-        bounds: Bounds::EMPTY,
-        mass: [0.0; 2],
-        faded_mass: 0.0,
-        smoothing_length_max: 0.0,
-    };
-    for i in 0..tracks.len() {
-        let spline = interval.spline(&tracks, i);
-        about.bounds = spline.control_points().into_iter().fold(about.bounds, Bounds::with);
-        if let Some(kind) = tracks.flags[i].kind() {
-            about.flagged[kind] += 1;
-        }
-        let weights = tracks.flags[i].weights();
-        for ((own, weight), mass) in tracks.ends.iter().zip(weights).zip(&mut about.mass) {
-            *mass += weight * f64::from(own.mass[i]);
-            about.smoothing_length_max = about.smoothing_length_max.max(own.smoothing_length[i]);
-        }
-        if tracks.flags[i].has(TrackFlags::FADES) {
-            about.faded_mass += f64::from(tracks.ends[0].mass[i]);
-        }
-    }
-    let coding = TrackCoding { rates: interval.spans.map(|span| interval.length / span) };
-    let (states, ids) = (coding.encode(&tracks), encode_ids(&tracks.ids));
-    let part = |bytes: &[u8]| LeafPart { len: bytes.len() as u32, crc: crc32c::crc32c(bytes) };
-    about.states = part(&states);
-    about.ids = part(&ids);
-    Leaf { about, states, ids }
+    let cell = (order.first().map_or(0, |(key, _)| *key), depth as u8);
+    BuiltNode::leaf(interval, cell, tracks)
 }

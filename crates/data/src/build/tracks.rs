@@ -10,7 +10,7 @@ use super::run::StepProgress;
 use super::shuffle::Shuffle;
 use super::spill::Spill;
 use super::states::{Scales, State, StateLayout, StepStates, key_of};
-use super::track_leaves::write_leaves;
+use super::track_nodes::write_nodes;
 use super::{BuildError, BuildOptions, chosen};
 use crate::hierarchy::RootCell;
 use crate::hierarchy::octree::Plan;
@@ -472,7 +472,7 @@ impl TrackBuild<'_> {
         let mut families = Vec::with_capacity(layout.families.len());
         for (family, found) in found.iter().enumerate() {
             let range = starts[family]..starts[family] + by_place[family].len();
-            let (leaves, index) = write_leaves(&sorted, range, layout, family, &space, writer, progress)?;
+            let (nodes, index) = write_nodes(&sorted, range, layout, family, &space, writer, progress)?;
             let (section, index_crc) = writer.append_index(&index)?;
             let rounding = begin.rounding[family].with(end.rounding[family]);
             let mean = if rounding.count > 0 { rounding.sum / rounding.count as f64 } else { 0.0 };
@@ -482,8 +482,9 @@ impl TrackBuild<'_> {
             }
             families.push(FamilyTracks {
                 matches,
-                tracks: index.leaves.iter().map(|leaf| u64::from(leaf.tracks)).sum(),
-                leaves,
+                tracks: index.leaves().map(|leaf| leaf.sources).sum(),
+                count: index.nodes.len() as u32,
+                nodes,
                 index: section,
                 index_crc,
             });

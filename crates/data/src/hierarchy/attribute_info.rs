@@ -107,6 +107,44 @@ pub fn set_units(quantities: &mut [AttributeInfo; 3], mass: &Unit, length: &Unit
 }
 
 impl AttributeInfo {
+    /// The same quantity at several times, as one; `None` for none.
+    pub fn joined<'a>(all: impl IntoIterator<Item = &'a AttributeInfo>) -> Option<AttributeInfo> {
+        let all: Vec<&AttributeInfo> = all.into_iter().collect();
+        let first = *all.first()?;
+        let values = |info: &AttributeInfo| info.histogram.counts.iter().sum::<u64>();
+        let (sum, count) = all.iter().fold((0.0, 0), |(sum, count), info| {
+            let own = values(info).max(1);
+            (sum + info.mean * own as f64, count + own)
+        });
+        let least = all.iter().map(|info| info.min).fold(f64::INFINITY, f64::min);
+        let most = all.iter().map(|info| info.max).fold(f64::NEG_INFINITY, f64::max);
+        let logarithmic = all.iter().all(|info| info.histogram.logarithmic);
+        let coordinate = |value: f64| if logarithmic { value.log2() } else { value };
+        let (start, end) = (coordinate(least), coordinate(most));
+        let factor = if end > start { BINS as f64 / (end - start) } else { 0.0 };
+        let mut counts = vec![0; BINS];
+        for histogram in all.iter().map(|info| &info.histogram) {
+            let bins = histogram.counts.len().max(1) as f64;
+            for (bin, own) in histogram.counts.iter().enumerate() {
+                let share = (bin as f64 + 0.5) / bins;
+                let middle = match histogram.logarithmic {
+                    true => histogram.min * (histogram.max / histogram.min).powf(share),
+                    false => histogram.min + share * (histogram.max - histogram.min),
+                };
+                // The cast saturates.
+                counts[(((coordinate(middle) - start) * factor) as usize).min(BINS - 1)] += own;
+            }
+        }
+        Some(AttributeInfo {
+            min: least,
+            max: most,
+            mean: sum / count as f64,
+            missing: all.iter().map(|info| info.missing).sum(),
+            histogram: Histogram { logarithmic, min: least, max: most, counts },
+            ..first.clone()
+        })
+    }
+
     /// Describes a column that is in memory as a whole.
     pub fn of(name: &str, unit: &Unit, values: &[f32]) -> AttributeInfo {
         let range = Range::of(values);

@@ -146,7 +146,7 @@ mod tests {
         let families: Vec<u32> = (0..tree.page_count()).collect();
         assert_eq!(tree.metadata().particles(), dataset.len() as u64);
         assert_eq!(tree.metadata().bounds(), dataset.bounds());
-        for (root, family) in tree.roots(&families, Purpose::Samples).into_iter().zip(&dataset.families) {
+        for (root, family) in tree.roots(&families, Purpose::Samples, 0.0).into_iter().zip(&dataset.families) {
             assert!(tree.is_root(root.page));
             let page = tree.read_page(root.page).unwrap();
             let node = &page.nodes[root.node as usize];

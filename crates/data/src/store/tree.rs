@@ -54,8 +54,9 @@ pub trait Tree: Debug + Send + Sync {
         (0..self.page_count()).map(|page| self.page_bytes(PageId(page))).max().unwrap_or(0)
     }
 
-    /// The first nodes of these families (indices in the metadata), made for this purpose where there are such.
-    fn roots(&self, families: &[u32], purpose: Purpose) -> Vec<NodeRef> {
+    /// The first nodes of these families (indices in the metadata) at a time, in the data's unit, made for this purpose where there are
+    /// such.
+    fn roots(&self, families: &[u32], purpose: Purpose, _time: f64) -> Vec<NodeRef> {
         let families = families.iter().filter_map(|&family| self.metadata().families.get(family as usize));
         let page = |family: &super::FamilyMetadata| family.root_page_of(purpose).unwrap_or(family.root_page);
         families.map(|family| NodeRef { page: page(family), node: 0 }).collect()
@@ -130,8 +131,8 @@ impl Tree for PageFile {
 impl<T: Tree + ?Sized> Tree for Arc<T> {
     delegate!(self => (**self));
 
-    fn roots(&self, families: &[u32], purpose: Purpose) -> Vec<NodeRef> {
-        (**self).roots(families, purpose)
+    fn roots(&self, families: &[u32], purpose: Purpose, time: f64) -> Vec<NodeRef> {
+        (**self).roots(families, purpose, time)
     }
 
     fn is_root(&self, page: PageId) -> bool {

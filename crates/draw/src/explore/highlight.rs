@@ -77,12 +77,12 @@ impl Highlighter {
     }
 
     /// Marks the particles of node `node` of a page that are in the selection, by the positions and values that are drawn (of merged
-    /// particles: the merged ones). Where some are, `bits` gets a bit for each particle, particle `i` the bit `i % 64` of word
+    /// particles: the merged ones) at a time. Where some are, `bits` gets a bit for each particle, particle `i` the bit `i % 64` of word
     /// `i / 64`; its memory is used again. No such node: none.
-    pub fn mark(&self, page: &Page, node: usize, bits: &mut Vec<u64>) -> Marked {
+    pub fn mark(&self, page: &Page, node: usize, time: f64, bits: &mut Vec<u64>) -> Marked {
         bits.clear();
         let marked = match &self.by {
-            By::Region(region) => region.mark(page, node, bits),
+            By::Region(region) => region.mark(page, node, time, bits),
             By::Places(places) => places.mark(page, node, bits),
         };
         if !matches!(marked, Marked::Some(_)) {
@@ -93,7 +93,7 @@ impl Highlighter {
 }
 
 impl RegionMarks {
-    fn mark(&self, page: &Page, node: usize, bits: &mut Vec<u64>) -> Marked {
+    fn mark(&self, page: &Page, node: usize, time: f64, bits: &mut Vec<u64>) -> Marked {
         let family = self.families.get(page.family as usize).and_then(Option::as_ref);
         let (Some(family), Some(record)) = (family, page.nodes.get(node)) else { return Marked::None };
         let cover = self.shapes.cover(record.bounds);
@@ -101,7 +101,7 @@ impl RegionMarks {
             return Marked::None;
         }
         if let Some(content) = page.content(node) {
-            let held = content.particles(record.start());
+            let held = content.particles(time);
             bits.resize(held.len().div_ceil(64), 0);
             let is_in = |i: usize, (column, range): &(Column, ValueRange)| {
                 column.of(&held.values).get(i).is_some_and(|&value| range.contains(value.into()))

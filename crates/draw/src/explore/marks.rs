@@ -202,7 +202,7 @@ impl MarkedNode {
         let index = drawn.node.node as usize;
         let node = drawn.page.nodes.get(index)?;
         let mut bits = Vec::new();
-        let marked = highlighter.mark(&drawn.page, index, &mut bits);
+        let marked = highlighter.mark(&drawn.page, index, drawn.time, &mut bits);
         if marked == Marked::None {
             return None;
         }

@@ -187,6 +187,12 @@ pub fn reach(drawn: &SceneNode, growth: f32) -> view::Extent {
     view::Extent { bounds: node.bounds.moved(drawn.offset), margin: f64::from(growth * node.smoothing_length_max) }
 }
 
+/// The same of particles that bring their own places and are there now, wherever else their node has some.
+pub fn reach_now(drawn: &SceneNode, held: &Particles, growth: f32) -> view::Extent {
+    let largest = held.values.smoothing_length.iter().copied().fold(0.0, f32::max);
+    view::Extent { bounds: held.bounds().moved(drawn.offset), margin: f64::from(growth * largest) }
+}
+
 /// Decodes all particles of the selected nodes, in parallel; [`cut`] leaves out what a view does.
 pub fn decode<'a>(depiction: &Depiction, metadata: &Metadata, nodes: &'a [SceneNode]) -> Vec<DecodedNode<'a>> {
     decode_some(depiction, metadata, nodes, |table| table, ALL)
@@ -253,13 +259,13 @@ pub(super) fn decode_some<'a>(
                 let scale = depiction.node_scale(&drawn.page.nodes[index]);
                 let Some(sample) = &sample else {
                     let columns = depiction.columns_of(family, &held.values);
-                    let node = DecodedNode::whole(held, columns, scale, drawn.offset);
-                    return DecodedNode { reach: Some(reach(drawn, 1.0)), ..node };
+                    let reach = Some(reach_now(drawn, &held, 1.0));
+                    return DecodedNode { reach, ..DecodedNode::whole(held, columns, scale, drawn.offset) };
                 };
                 let table = change(depiction.table(family, &held.values));
                 let sample = sample(drawn, &table);
                 let node = DecodedNode::some(&held, &table, scale, sample, drawn.offset);
-                return DecodedNode { reach: Some(reach(drawn, sample.growth)), ..node };
+                return DecodedNode { reach: Some(reach_now(drawn, &held, sample.growth)), ..node };
             }
             let codebook = usize::from(drawn.page.nodes[index].codebook);
             let table = &tables[drawn.page.family as usize][codebook];

@@ -23,7 +23,7 @@ use crate::import::{AttributeChoice, LoadOptions, Source, load_source, open};
 use crate::look::{Backend, LookPatch, Member, OpenData, SceneFile, Shot, shown_families};
 use crate::mode::{Depiction, LodBudget, Mode, Output, Plan, Raw};
 use crate::model::{Bounds, FamilyName, Moment, Progress, ReadMethod};
-use crate::store::run::RunSnapshot;
+use crate::store::run::{RunSnapshot, RunTree};
 use crate::store::{InMemory, NodeRef, PageFile, RunFile, Tree};
 use crate::stream::{Scene, SceneNode, SceneSelection, first_frame};
 use crate::view::perspective_grid::GridError;
@@ -86,6 +86,9 @@ enum Data {
     Moment(Box<RunSnapshot>),
 }
 
+/// Pages of earlier intervals are kept while all take no more than so much.
+const KEPT_BYTES: u64 = 1 << 30;
+
 /// Open data, and what draws pictures of it.
 pub struct Session {
     options: SessionOptions,
@@ -97,6 +100,8 @@ pub struct Session {
     moment: Moment,
     /// What moves there along tracks; `None` where a stored step is open.
     moving: Option<ShownMoment>,
+    /// The tracks that are drawn, or were last.
+    tracks: Option<Arc<RunTree>>,
     scene: Scene,
     /// What the first picture of some families shows, since that takes reading.
     framed: Option<(Vec<u32>, Bounds)>,
@@ -147,6 +152,7 @@ impl Session {
             opened: None,
             moment: Moment::default(),
             moving: None,
+            tracks: None,
             scene,
             framed,
             loading,
@@ -167,6 +173,7 @@ impl Session {
             opened: None,
             moment: Moment::default(),
             moving: None,
+            tracks: None,
             framed: None,
             loading: None,
             ahead: None,
@@ -201,7 +208,8 @@ impl Session {
     /// Forgets pages where they take more than so many bytes.
     pub fn keep_within(&mut self, bytes: u64) {
         if self.scene.streamer.residency.statistics().bytes > bytes {
-            self.scene = Scene::new(Arc::clone(self.tree()), u64::MAX);
+            let time = self.scene.time;
+            self.scene = Scene { time, ..Scene::new(Arc::clone(self.tree()), u64::MAX) };
         }
     }
 
@@ -231,17 +239,33 @@ impl Session {
             Some(_) if self.moving.as_ref().is_some_and(is_open) => {}
             Some(run) => {
                 let snapshot = run.at(moment, interpolation)?;
-                let options = LoadOptions { attributes: AttributeChoice::All, ..LoadOptions::default() };
-                let mut dataset = load_source(&snapshot, &options, &())?;
-                let units = (&dataset.length_unit.clone(), &dataset.mass_unit.clone());
-                self.members[0].placement(units, units).place(&mut dataset);
-                self.moving = Some(ShownMoment {
-                    interpolation,
-                    tracks_drawn: dataset.families.iter().map(|family| family.len() as u64).sum(),
-                    faded_mass: snapshot.faded_mass(),
-                    ..ShownMoment::of(run, moment)
-                });
-                self.scene = Scene::new(InMemory::new(dataset), u64::MAX);
+                let directory = run.directory();
+                let units = (&directory.length_unit, &directory.mass_unit);
+                let placement = self.members[0].placement(units, units);
+                let is_open = |tree: &RunTree| tree.interpolation() == interpolation;
+                let held = self.scene.streamer.residency.statistics().bytes;
+                let is_kept = moment.step == self.moment.step || held <= KEPT_BYTES;
+                match &self.tracks {
+                    _ if !placement.is_here() => {
+                        let options = LoadOptions { attributes: AttributeChoice::All, ..LoadOptions::default() };
+                        let mut dataset = load_source(&snapshot, &options, &())?;
+                        placement.place(&mut dataset);
+                        self.scene = Scene::new(InMemory::new(dataset), u64::MAX);
+                    }
+                    Some(tree) if self.moving.is_some() && is_open(tree) && is_kept => {
+                        self.scene.time = Some(tree.time(moment));
+                    }
+                    _ => {
+                        let known = self.tracks.take().filter(|tree| is_open(tree));
+                        let tree =
+                            known.map_or_else(|| RunTree::new(Arc::clone(run), interpolation).map(Arc::new), Ok)?;
+                        self.scene = Scene::new(Arc::clone(&tree), u64::MAX);
+                        self.scene.time = Some(tree.time(moment));
+                        self.tracks = Some(tree);
+                    }
+                }
+                let faded_mass = snapshot.faded_mass();
+                self.moving = Some(ShownMoment { interpolation, faded_mass, ..ShownMoment::of(run, moment) });
                 self.data = Data::Moment(Box::new(snapshot));
                 (self.framed, self.hiding) = (None, None);
             }
@@ -257,9 +281,10 @@ impl Session {
         Ok(())
     }
 
-    /// The moment of the run that the last picture shows; `None` for data without times.
-    fn shown_moment(&self) -> Option<ShownMoment> {
-        self.moving.or_else(|| Some(ShownMoment::of(self.run()?, self.moment)))
+    /// The moment of the run that a picture of so many particles shows; `None` for data without times.
+    fn shown_moment(&self, particles: u64) -> Option<ShownMoment> {
+        let moving = self.moving.map(|moving| ShownMoment { tracks_drawn: particles, ..moving });
+        moving.or_else(|| Some(ShownMoment::of(self.run()?, self.moment)))
     }
 
     /// The box that a picture of a look's families is framed by.
@@ -272,7 +297,7 @@ impl Session {
         match &self.framed {
             Some((known, framed)) if *known == families => Ok(*framed),
             _ => {
-                let framed = first_frame(&**self.tree(), &families);
+                let framed = first_frame(&**self.tree(), &families, self.scene.time.unwrap_or(0.0));
                 self.framed = Some((families, framed));
                 Ok(framed)
             }
@@ -489,6 +514,7 @@ impl Session {
             converged: tally.converged,
             error_px: tally.error_px,
             particles: tally.particles,
+            moment: self.shown_moment(tally.particles),
             nodes: tally.nodes,
             left_out: LeftOut { outside, splats, ..LeftOut::new(&LodBudget::NONE, &Plan::default()) },
             milliseconds: times.medians(),
@@ -514,7 +540,7 @@ impl Session {
             left_out: LeftOut::default(),
             drawn_by: ["cpu", "cpu"].map(str::to_owned),
             milliseconds: Default::default(),
-            moment: self.shown_moment(),
+            moment: self.shown_moment(0),
         })
     }
 
@@ -632,6 +658,7 @@ impl Session {
             converged: selection.converged,
             error_px: selection.error_pixels,
             particles: selection.particles,
+            moment: self.shown_moment(selection.particles),
             nodes: selection.nodes.len(),
             ..blank
         };

@@ -18,14 +18,14 @@ const READ_BYTES: u64 = 12 << 20;
 /// Particles of one node that are looked at, about.
 const SAMPLES: usize = 1 << 13;
 
-/// The box to look at first: around `families` (indices in the metadata), without far outliers (see
+/// The box to look at first: around `families` (indices in the metadata) at a time, without far outliers (see
 /// [`crate::view::frame`]). Pages that cannot be read are left out here; drawing reports them.
-pub fn first_frame(tree: &dyn Tree, families: &[u32]) -> Bounds {
-    within(tree, families, NODES)
+pub fn first_frame(tree: &dyn Tree, families: &[u32], time: f64) -> Bounds {
+    within(tree, families, time, NODES)
 }
 
 /// [`first_frame`] from so many nodes.
-fn within(tree: &dyn Tree, families: &[u32], nodes: usize) -> Bounds {
+fn within(tree: &dyn Tree, families: &[u32], time: f64, nodes: usize) -> Bounds {
     let metadata = tree.metadata();
     let chosen = || families.iter().filter_map(|&index| metadata.families.get(index as usize));
     let full = chosen().fold(Bounds::EMPTY, |bounds, family| bounds.union(family.bounds));
@@ -33,12 +33,12 @@ fn within(tree: &dyn Tree, families: &[u32], nodes: usize) -> Bounds {
     // The heaviest node is replaced by its children, until only leaves are left or enough nodes are open: what stays
     // merged is then light.
     let mut open: BinaryHeap<(u64, NodeRef)> = tree
-        .roots(families, Purpose::Splats)
+        .roots(families, Purpose::Splats, time)
         .into_iter()
         .zip(chosen())
         .map(|(root, family)| (family.count, root))
         .collect();
-    let mut samples = Vec::new();
+    let (mut samples, mut now) = (Vec::new(), Bounds::EMPTY);
     let mut opened = 0;
     while let Some((_, at)) = open.pop() {
         let Some((page, node)) = pages.node(at) else { continue };
@@ -55,7 +55,11 @@ fn within(tree: &dyn Tree, families: &[u32], nodes: usize) -> Bounds {
             continue;
         }
         let Some(family) = metadata.families.get(page.family as usize) else { continue };
-        let Some(particles) = page.block(index, family, node.start()) else { continue };
+        let Some(particles) = page.block(index, family, time) else { continue };
+        // What moves is where it is now, wherever else the data has been.
+        if page.content(index).is_some() {
+            now = (0..particles.len()).map(|i| particles.position(i)).fold(now, Bounds::with);
+        }
         let stride = particles.len().div_ceil(SAMPLES).max(1);
         let taken = || (0..particles.len()).step_by(stride);
         // A merged particle stands for as many as its mass says: those of a dense place are few, and heavy.
@@ -71,7 +75,7 @@ fn within(tree: &dyn Tree, families: &[u32], nodes: usize) -> Bounds {
         let whole = particles.is_empty().then(|| (node.bounds.center(), node.source_particles as f64));
         samples.extend(places.chain(whole).filter(|(position, _): &(DVec3, f64)| position.is_finite()));
     }
-    frame::frame(full, &samples)
+    frame::frame(if now.is_empty() { full } else { now }, &samples)
 }
 
 /// The pages of a tree that have been read.
@@ -131,7 +135,7 @@ mod tests {
         build::build(dataset, &BuildOptions::default(), &path, &()).unwrap();
         let file = PageFile::open(&path).unwrap();
         for nodes in [1, 8, NODES] {
-            let found = within(&file, &[0], nodes).size();
+            let found = within(&file, &[0], 0.0, nodes).size();
             // Merging moves particles by a cell of the root, a 256th of it.
             let bound = 0.1 * exact + bounds.size() / 128.0;
             assert!((found - exact).abs().cmple(bound).all(), "{nodes} nodes: {found}, exact {exact}");

@@ -17,6 +17,8 @@ pub struct Scene {
     pub families: Vec<u32>,
     /// What the inner nodes that are drawn are made for, of families that have such.
     pub purpose: Purpose,
+    /// When all views of it are, the data's unit of time; `None`: each has its own time.
+    pub time: Option<f64>,
 }
 
 /// A node to draw, with the page that holds it.
@@ -106,13 +108,17 @@ impl Scene {
     /// The same with all options.
     pub fn with_options(tree: impl Tree + 'static, options: StreamOptions) -> Scene {
         let families = (0..tree.metadata().families.len() as u32).collect();
-        Scene { streamer: Streamer::new(tree, options), families, purpose: Purpose::Splats }
+        Scene { streamer: Streamer::new(tree, options), families, purpose: Purpose::Splats, time: None }
+    }
+
+    fn timed(&self, view: &View) -> View {
+        View { time: self.time.unwrap_or(view.time), ..*view }
     }
 
     /// Starts a frame: selects what `view` draws in this detail (a number is an error in pixels) from what is in memory.
     pub fn select(&mut self, view: &View, detail: impl Into<Detail>) -> SceneSelection {
-        let detail = detail.into();
-        let roots = self.streamer.roots(self.families.iter().copied(), self.purpose);
+        let (view, detail) = (&self.timed(view), detail.into());
+        let roots = self.streamer.roots(self.families.iter().copied(), self.purpose, view.time);
         let selection = self.streamer.select(view, detail, &roots);
         SceneSelection::of(&self.streamer, view, detail, &selection)
     }
@@ -129,8 +135,8 @@ impl Scene {
         detail: impl Into<Detail>,
         tell: &mut dyn FnMut(String),
     ) -> Result<SceneSelection, StoreError> {
-        let detail = detail.into();
-        let roots = self.streamer.roots(self.families.iter().copied(), self.purpose);
+        let (view, detail) = (&self.timed(view), detail.into());
+        let roots = self.streamer.roots(self.families.iter().copied(), self.purpose, view.time);
         loop {
             let selection = self.streamer.select(view, detail, &roots);
             self.streamer.serve();
@@ -178,7 +184,7 @@ impl Scene {
 pub fn first_nodes(tree: &dyn Tree, view: &View) -> Result<Vec<SceneNode>, StoreError> {
     let families: Vec<u32> = (0..tree.metadata().families.len() as u32).collect();
     let mut nodes = Vec::new();
-    for node in tree.roots(&families, Purpose::Splats) {
+    for node in tree.roots(&families, Purpose::Splats, view.time) {
         let page = Arc::new(tree.read_page(node.page)?);
         let image = |offset| SceneNode { page: Arc::clone(&page), node, error_pixels: 0.0, offset, time: view.time };
         nodes.extend(view.images.offsets().map(image));

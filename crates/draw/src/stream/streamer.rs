@@ -63,8 +63,8 @@ pub struct Streamer {
     pub copies: Option<Copies>,
     /// What hides nodes from the view that is selected for: nothing below them is read.
     pub occluder: Option<Arc<dyn Occluder>>,
-    /// A view that is known to come, as of a tour: what it needs is read ahead of time too.
-    pub upcoming: Option<View>,
+    /// A view that is known to come, as of a tour, and the roots below which it looks: what it needs is read ahead of time too.
+    pub upcoming: Option<(View, Vec<NodeRef>)>,
     loader: Loader,
     options: StreamOptions,
     pace: Pace,
@@ -108,10 +108,10 @@ impl Streamer {
         &self.options
     }
 
-    /// The first nodes of these families (indices in the file's metadata), made for this purpose where there are such.
-    pub fn roots(&self, families: impl IntoIterator<Item = u32>, purpose: Purpose) -> Vec<NodeRef> {
+    /// The first nodes of these families (indices in the file's metadata) at a time, made for this purpose where there are such.
+    pub fn roots(&self, families: impl IntoIterator<Item = u32>, purpose: Purpose, time: f64) -> Vec<NodeRef> {
         let families: Vec<u32> = families.into_iter().collect();
-        self.residency.tree().roots(&families, purpose)
+        self.residency.tree().roots(&families, purpose, time)
     }
 
     /// Takes in the pages that have been read.
@@ -170,7 +170,7 @@ impl Streamer {
             self.walked = Some(now);
             let (distance, pages) = (self.prefetch_distance(), self.options.ahead.pages);
             self.ahead = ahead(view, detail, (distance, true), pages, &self.residency, roots);
-            if let Some(next) = &self.upcoming {
+            if let Some((next, roots)) = &self.upcoming {
                 let next = ahead(next, detail, (0.0, false), pages, &self.residency, roots);
                 self.ahead = std::mem::take(&mut self.ahead).with(next, pages);
             }

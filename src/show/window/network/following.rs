@@ -13,6 +13,7 @@ use crate::window::open::Openings;
 use crate::window::options::OpenRequest;
 use crate::window::pages::Upcoming;
 use crate::window::picture::DataCamera;
+use crate::window::playhead::families_of;
 use crate::window::scene::{Scene, Settings, TransferKept};
 use crate::window::scene_io::viewpoint_of;
 use crate::window::state::answer::Answer;
@@ -208,7 +209,7 @@ fn show_scene(file: &SceneFile, scene: &Scene, choices: &Choices, settings: &mut
     let with =
         |(member, dataset): (&Member, &DatasetRef)| Member { families: dataset.families.clone(), ..member.clone() };
     let members: Vec<Member> = scene.members.iter().zip(&file.datasets).map(with).collect();
-    settings.families = shown_families(&scene.file, &members).0;
+    settings.families = families_of(scene.file.metadata(), &shown_families(&scene.file, &members).0, scene.metadata());
 }
 
 /// Colours are for the leader's ranges: those of this part of the picture are others.

@@ -268,6 +268,7 @@ mod tests {
                 members: vec![Member::new(&path)],
                 notes: Vec::new(),
                 run: None,
+                tracks: None,
                 file: Arc::clone(&file),
                 frame,
                 scene: Some(Arc::new(scene)),

@@ -44,6 +44,7 @@ impl Window {
             frame: bounds,
             periodic: None,
             length_unit: String::new(),
+            moving: None,
             times: None,
             time: None,
             dataset: 1,

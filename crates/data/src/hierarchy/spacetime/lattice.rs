@@ -47,6 +47,11 @@ impl Lattice {
         place.map(|x| x.saturating_add(half) >> exponent << exponent)
     }
 
+    /// The same of coordinates that are no whole numbers.
+    pub fn settle(place: [f64; 3], exponent: u32) -> [i64; 3] {
+        place.map(|x| rounded(x, exponent))
+    }
+
     /// The position of coordinates.
     pub fn position(&self, place: [i64; 3]) -> [f64; 3] {
         let min = self.root.min.to_array();

@@ -2,10 +2,12 @@
 
 pub mod differences;
 pub mod lattice;
+pub mod merge;
 pub mod spline;
 pub mod tracks;
 
 pub use differences::{chord, difference_at};
 pub use lattice::Lattice;
+pub use merge::{Clusters, Merged, merge};
 pub use spline::HermiteSpline;
 pub use tracks::{Interpolation, Interval, Moving, TrackEnd, TrackFlags, Tracks};

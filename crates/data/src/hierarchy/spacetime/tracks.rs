@@ -234,6 +234,83 @@ impl Tracks {
         }
     }
 
+    /// How many particles [`Tracks::drawn_at`] gives, at any time.
+    pub fn drawn(&self, interpolation: Interpolation) -> usize {
+        let twice = match interpolation {
+            Interpolation::Auto => self.flags.iter().filter(|flags| flags.has(TrackFlags::FADES)).count(),
+            Interpolation::Fade => self.len(),
+            Interpolation::Hermite | Interpolation::Linear | Interpolation::Hold => 0,
+        };
+        self.len() + twice
+    }
+
+    /// The particles as they are at `u` of the interval, from 0 to 1, for pictures: as [`Tracks::at`] has them, but always as many, some
+    /// without mass, and without ids and velocities. Those that fade are at their first place, and once more at their last behind all
+    /// others.
+    pub fn drawn_at(
+        &self,
+        interval: &Interval,
+        u: f64,
+        interpolation: Interpolation,
+        rules: &[AttributeMerge],
+    ) -> Moving {
+        let u = if interpolation == Interpolation::Hold { 0.0 } else { u };
+        let fades = |i: usize| match interpolation {
+            Interpolation::Auto => self.flags[i].has(TrackFlags::FADES),
+            Interpolation::Fade => true,
+            Interpolation::Hermite | Interpolation::Linear | Interpolation::Hold => false,
+        };
+        let [begin, end] = &self.ends;
+        let twice: Vec<usize> = (0..self.len()).filter(|i| fades(*i)).collect();
+        let count = self.len() + twice.len();
+        let mut out = Moving {
+            positions: Vec::with_capacity(count),
+            mass: Vec::with_capacity(count),
+            density: Vec::with_capacity(count),
+            smoothing_length: Vec::with_capacity(count),
+            attributes: vec![Vec::with_capacity(count); rules.len()],
+            ..Moving::default()
+        };
+        let shares = |i: usize| {
+            let [first, last] = self.flags[i].weights();
+            [((1.0 - u) * first) as f32, (u * last) as f32]
+        };
+        for i in 0..self.len() {
+            let fades = fades(i);
+            let position = match interpolation {
+                _ if fades => DVec3::from(interval.lattice.position(begin.places[i])),
+                Interpolation::Linear => {
+                    let [first, last] =
+                        [0, 1].map(|end| DVec3::from(interval.lattice.position(self.ends[end].places[i])));
+                    first + u * (last - first)
+                }
+                _ => interval.spline(self, i).position(u),
+            };
+            out.positions.push(interval.wrapped(position).to_array());
+            let [first, last] = shares(i);
+            out.mass.push(first * begin.mass[i] + if fades { 0.0 } else { last * end.mass[i] });
+        }
+        for &i in &twice {
+            let position = interval.lattice.position(end.places[i]);
+            out.positions.push(interval.wrapped(position.into()).to_array());
+            out.mass.push(shares(i)[1] * end.mass[i]);
+        }
+        let column = |first: &[f32], last: &[f32], is_log: bool, out: &mut Vec<f32>| {
+            out.extend(first.iter().zip(last).map(|(first, last)| between(*first, *last, u, is_log)));
+            for &i in &twice {
+                out[i] = first[i];
+                out.push(last[i]);
+            }
+        };
+        column(&begin.density, &end.density, true, &mut out.density);
+        column(&begin.smoothing_length, &end.smoothing_length, true, &mut out.smoothing_length);
+        let columns = begin.attributes.iter().zip(&end.attributes).zip(rules);
+        for (((first, last), rule), out) in columns.zip(&mut out.attributes) {
+            column(first, last, *rule != AttributeMerge::Magnitude, out);
+        }
+        out
+    }
+
     /// Appends what changes along a track, but for its place and mass.
     fn put(&self, i: usize, u: f64, rules: &[AttributeMerge], out: &mut Moving) {
         let [begin, end] = &self.ends;
@@ -264,10 +341,11 @@ fn between(begin: f32, end: f32, u: f64, is_log: bool) -> f32 {
     if u >= 1.0 {
         return end;
     }
+    let share = u as f32;
     let value = if is_log && begin > 0.0 && end > 0.0 {
-        f64::from(begin) * (u * f64::from(end / begin).ln()).exp()
+        begin * (share * (end / begin).ln()).exp()
     } else {
-        f64::from(begin) * (1.0 - u) + u * f64::from(end)
+        begin * (1.0 - share) + share * end
     };
-    (value as f32).clamp(begin.min(end), begin.max(end))
+    value.clamp(begin.min(end), begin.max(end))
 }

@@ -16,13 +16,15 @@ impl<K, T> Default for Kept<K, T> {
 }
 
 impl<K: PartialEq, T> Kept<K, T> {
+    /// What was made of a leaf, if it is here.
+    pub fn peek(&self, leaf: &K) -> Option<Arc<T>> {
+        let kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        kept.iter().find(|(known, _)| known == leaf).map(|(_, made)| Arc::clone(made))
+    }
+
     /// What was made of a leaf, or is now.
     pub fn get<E>(&self, leaf: K, make: impl FnOnce() -> Result<T, E>) -> Result<Arc<T>, E> {
-        let found = {
-            let kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-            kept.iter().find(|(known, _)| *known == leaf).map(|(_, made)| Arc::clone(made))
-        };
-        if let Some(made) = found {
+        if let Some(made) = self.peek(&leaf) {
             return Ok(made);
         }
         // Not under the lock: others go on meanwhile, at worst with the same leaf.

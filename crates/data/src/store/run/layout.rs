@@ -12,7 +12,7 @@ use std::path::PathBuf;
 /// First bytes of the file.
 pub const MAGIC: [u8; 8] = *b"\x89DFS\r\n\x1a\n";
 /// Version of the file.
-pub const VERSION: u32 = 2;
+pub const VERSION: u32 = 3;
 /// Bytes of the header that hold something; the rest of its block is zero.
 pub const HEADER_LEN: usize = 64;
 /// What messages call the directory.
@@ -213,7 +213,7 @@ impl Directory {
             };
         }
         for (number, interval) in self.intervals.iter().enumerate() {
-            for section in interval.families.iter().flat_map(|family| [family.leaves, family.index]) {
+            for section in interval.families.iter().flat_map(|family| [family.nodes, family.index]) {
                 next = match section.after() {
                     Some(after) if section.offset == next && after <= end => after,
                     _ => {

@@ -9,6 +9,7 @@ mod layout;
 mod paths;
 mod snapshot;
 mod track_layout;
+mod track_tree;
 mod tracks;
 mod verify;
 mod writer;
@@ -17,7 +18,8 @@ pub use layout::{Directory, HEADER_LEN, MAGIC, Section, Step, VERSION};
 pub use paths::RunPaths;
 pub use snapshot::RunSnapshot;
 pub use track_layout::{Deviation, FamilyTracks, IntervalTracks, Matches, Tangents, TrackFamily, TrackLayout, span};
-pub use tracks::{LEAF_TRACKS, LeafPart, TrackCoding, TrackIndex, TrackLeaf, as_stored, encode_ids};
+pub use track_tree::RunTree;
+pub use tracks::{LEAF_TRACKS, NodePart, TrackCoding, TrackIndex, TrackNode, as_stored, encode_ids};
 pub use verify::{VerifiedRun, verify_run};
 pub use writer::RunFileWriter;
 
@@ -198,7 +200,7 @@ impl RunFile {
         })
     }
 
-    /// The leaves of a family (by its number in the layout) over an interval.
+    /// The nodes of a family's tracks (by its number in the layout) over an interval.
     ///
     /// # Errors
     /// Where there are none, or they cannot be read or are damaged.
@@ -209,37 +211,63 @@ impl RunFile {
         if crc32c::crc32c(&bytes) != found.index_crc {
             return Err(self.damaged(place, "the checksum of its index"));
         }
-        TrackIndex::decode(&bytes, found.tracks, found.leaves.len).map_err(|damage| damage.in_file(&self.path))
+        let index = TrackIndex::decode(&bytes, found.tracks, found.nodes.len);
+        let index = index.map_err(|damage| damage.in_file(&self.path))?;
+        match index.nodes.len() == found.count as usize {
+            true => Ok(index),
+            false => Err(self.damaged(place, &format!("an index of {} nodes", found.count))),
+        }
     }
 
-    /// The tracks of a leaf, with or without their ids.
+    /// The tracks of a node; of a leaf with or without their ids.
     ///
     /// # Errors
     /// As [`RunFile::track_index`].
-    pub fn track_leaf(
+    pub fn node_tracks(
         &self,
         interval: usize,
         family: usize,
-        leaf: &TrackLeaf,
+        node: &TrackNode,
         with_ids: bool,
     ) -> Result<Tracks, StoreError> {
-        let layout = self.tracks()?;
-        let attributes = layout.families.get(family).map_or(0, |family| family.attributes.len());
-        let start = self.family_tracks(interval, family)?.leaves.offset + leaf.offset;
-        let place = || format!("interval {interval}, family {family}, leaf at {}", leaf.offset);
-        let states_end = start + u64::from(leaf.states.len);
-        let end = states_end + if with_ids { u64::from(leaf.ids.len) } else { 0 };
-        let bytes = self.raw(start, end)?;
-        let (states, ids) = bytes.split_at(leaf.states.len as usize);
+        self.decode_node(interval, family, node, &self.fetch_node(interval, family, node, with_ids)?)
+    }
+
+    /// The bytes of a node's tracks; of a leaf with or without those of their ids.
+    fn fetch_node(
+        &self,
+        interval: usize,
+        family: usize,
+        node: &TrackNode,
+        with_ids: bool,
+    ) -> Result<Vec<u8>, StoreError> {
+        let start = self.family_tracks(interval, family)?.nodes.offset + node.offset;
+        let states_end = start + u64::from(node.states.len);
+        self.raw(start, states_end + if with_ids { u64::from(node.ids.len) } else { 0 })
+    }
+
+    /// The tracks that [`RunFile::fetch_node`] has read.
+    fn decode_node(
+        &self,
+        interval: usize,
+        family: usize,
+        node: &TrackNode,
+        bytes: &[u8],
+    ) -> Result<Tracks, StoreError> {
+        let attributes = self.tracks()?.families.get(family).map_or(0, |family| family.attributes.len());
+        let place = || format!("interval {interval}, family {family}, tracks at {}", node.offset);
         let damaged = |expected: &str| self.damaged(place(), expected);
-        if crc32c::crc32c(states) != leaf.states.crc || (with_ids && crc32c::crc32c(ids) != leaf.ids.crc) {
+        let parts = bytes.split_at_checked(node.states.len as usize);
+        let (states, ids) = parts.ok_or_else(|| damaged("as many bytes as its index says"))?;
+        let with_ids = !ids.is_empty();
+        if crc32c::crc32c(states) != node.states.crc || (with_ids && crc32c::crc32c(ids) != node.ids.crc) {
             return Err(damaged("its checksum"));
         }
         let interval = self.interval(interval)?;
         let coding = TrackCoding { rates: interval.spans.map(|span| interval.length / span) };
-        let mut tracks = coding.decode(states, leaf.tracks as usize, attributes).map_err(damaged)?;
+        let mut tracks = coding.decode(states, node.tracks as usize, attributes).map_err(damaged)?;
         if with_ids {
-            tracks.ids = decode_ids(ids, leaf.tracks as usize).map_err(damaged)?;
+            tracks.ids = decode_ids(ids, node.tracks as usize).map_err(damaged)?;
         }
         Ok(tracks)
     }

@@ -3,7 +3,7 @@
 use super::RunFile;
 use super::kept::Kept;
 use super::track_layout::TrackFamily;
-use super::tracks::TrackLeaf;
+use super::tracks::TrackNode;
 use crate::hierarchy::spacetime::{Interval, Tracks};
 use crate::import::{Description, FamilyInfo, Field, FieldKind, ImportError, Source};
 use crate::model::{Moment, Unit};
@@ -29,7 +29,7 @@ struct FamilyPaths {
     number: usize,
     /// First track of each leaf in the family, with where it is, and the track's number in the interval.
     leaves: Vec<(u64, LeafPlace, u64)>,
-    about: Vec<Vec<TrackLeaf>>,
+    about: Vec<Vec<TrackNode>>,
 }
 
 /// Columns beside attributes: name, kind, components.
@@ -68,7 +68,7 @@ impl RunPaths {
             let (mut leaves, mut at) = (Vec::new(), 0);
             for (interval, index) in indices.iter().enumerate() {
                 let mut in_interval = 0;
-                for (leaf, known) in index.leaves.iter().enumerate() {
+                for (leaf, known) in index.leaves().enumerate() {
                     leaves.push((at, (interval, number, leaf), in_interval));
                     at += u64::from(known.tracks);
                     in_interval += u64::from(known.tracks);
@@ -76,7 +76,7 @@ impl RunPaths {
             }
             if at > 0 {
                 about.families.push(described(info, 2 * at, &about));
-                let about = indices.into_iter().map(|index| index.leaves).collect();
+                let about = indices.into_iter().map(|index| index.leaves().cloned().collect()).collect();
                 families.push(FamilyPaths { number, leaves, about });
             }
         }
@@ -87,7 +87,7 @@ impl RunPaths {
     fn leaf(&self, family: &FamilyPaths, place: LeafPlace) -> Result<Arc<Tracks>, StoreError> {
         let (interval, _, leaf) = place;
         let about = &family.about[interval][leaf];
-        self.kept.get(place, || self.run.track_leaf(self.first_interval + interval, family.number, about, true))
+        self.kept.get(place, || self.run.node_tracks(self.first_interval + interval, family.number, about, true))
     }
 
     /// Hands every row of a range to `put`: its place in the range, the leaf's place, its tracks, the first one's number in the interval,

@@ -3,7 +3,7 @@
 use super::RunFile;
 use super::kept::Kept;
 use super::track_layout::{Tangents, TrackFamily};
-use super::tracks::TrackLeaf;
+use super::tracks::TrackNode;
 use crate::codec::AttributeMerge;
 use crate::hierarchy::spacetime::{Interpolation, Interval, Moving};
 use crate::import::{Description, FamilyInfo, Field, FieldKind, ImportError, Source};
@@ -27,7 +27,7 @@ pub struct RunSnapshot {
 struct FamilySnapshot {
     /// Its number in the run.
     number: usize,
-    leaves: Vec<TrackLeaf>,
+    leaves: Vec<TrackNode>,
     /// The first row of each leaf that has some, and the leaf.
     starts: Vec<(u64, usize)>,
     interpolation: Interpolation,
@@ -87,7 +87,7 @@ impl RunFile {
                 (Tangents::None, Interpolation::Auto | Interpolation::Hermite) => Interpolation::Linear,
                 (_, interpolation) => interpolation,
             };
-            let leaves = self.track_index(number, family)?.leaves;
+            let leaves: Vec<TrackNode> = self.track_index(number, family)?.leaves().cloned().collect();
             let (mut starts, mut rows) = (Vec::with_capacity(leaves.len()), 0);
             for (leaf, known) in leaves.iter().enumerate() {
                 let own = known.particles(u, interpolation);
@@ -134,7 +134,7 @@ impl RunSnapshot {
     fn leaf(&self, family: &FamilySnapshot, leaf: usize) -> Result<Arc<Moving>, StoreError> {
         self.kept.get((family.number, leaf), || {
             let about = &family.leaves[leaf];
-            let tracks = self.run.track_leaf(self.number, family.number, about, true)?;
+            let tracks = self.run.node_tracks(self.number, family.number, about, true)?;
             let mut moving = Moving::default();
             tracks.at(&self.interval, self.u, family.interpolation, &family.rules, &mut moving);
             if moving.ids.len() as u64 != about.particles(self.u, family.interpolation) {

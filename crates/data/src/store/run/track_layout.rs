@@ -248,11 +248,13 @@ pub struct Matches {
 pub struct FamilyTracks {
     /// What was found.
     pub matches: Matches,
-    /// Number of tracks.
+    /// Number of tracks of source particles.
     pub tracks: u64,
-    /// Their leaves.
-    pub leaves: Section,
-    /// The index of the leaves.
+    /// Number of nodes.
+    pub count: u32,
+    /// The nodes.
+    pub nodes: Section,
+    /// The index of the nodes.
     pub index: Section,
     /// Its CRC-32C.
     pub index_crc: u32,
@@ -267,7 +269,7 @@ pub struct IntervalTracks {
 
 impl IntervalTracks {
     pub(super) fn encode(&self, out: &mut Encoder) {
-        for FamilyTracks { matches, tracks, leaves, index, index_crc } in &self.families {
+        for FamilyTracks { matches, tracks, count, nodes, index, index_crc } in &self.families {
             let Matches { matched, born, vanished, changed, ambiguous, crossing, .. } = *matches;
             [matched, born, vanished, changed, ambiguous, crossing].into_iter().for_each(|count| out.u64(count));
             out.f64(matches.unresolved);
@@ -277,7 +279,8 @@ impl IntervalTracks {
             let Deviation { rms, p99, max } = deviation.unwrap_or_default();
             [rms, p99, max].into_iter().chain(matches.position_error).for_each(|value| out.f64(value));
             out.u64(*tracks);
-            out.section(*leaves);
+            out.u32(*count);
+            out.section(*nodes);
             out.section(*index);
             out.u32(*index_crc);
         }
@@ -310,7 +313,8 @@ impl IntervalTracks {
             Ok(FamilyTracks {
                 matches,
                 tracks: input.u64("the number of tracks")?,
-                leaves: Section::decode(input)?,
+                count: input.u32("the number of nodes")?,
+                nodes: Section::decode(input)?,
                 index: Section::decode(input)?,
                 index_crc: input.u32("the checksum of an index")?,
             })

@@ -1,7 +1,8 @@
-//! The tracks of a family over an interval, as they lie in a run file: leaves, and an index of them.
+//! The tracks of a family over an interval, as they lie in a run file: nodes, and an index of them.
 //!
 //! A leaf holds the tracks that begin in a cell of the octree over the run's root cell, in Morton order, as columns of
-//! [`crate::codec::states`]. Each leaf has two parts, so that nobody has to read ids who only draws.
+//! [`crate::codec::states`]. It has two parts, so that nobody has to read ids who only draws. Other nodes hold clusters, which stand
+//! for all tracks of leaves that follow one another.
 
 use crate::codec::morton::MORTON_BITS;
 use crate::codec::states::{MASS_BITS, VALUE_BITS, as_before, decode, decode_bounded, encode, float_of, round_float};
@@ -10,31 +11,39 @@ use crate::model::Bounds;
 use crate::store::error::Damage;
 use crate::store::wire::{Decoder, Encoder};
 
-/// Tracks of a leaf at most.
-pub const LEAF_TRACKS: usize = 4096;
+/// Tracks of a leaf at most: as many as particles of a leaf in a page file, so that small runs are drawn as their steps are.
+pub const LEAF_TRACKS: usize = 16384;
 /// Most tracks that a leaf in a file may have: where more begin in one place than a cell can be cut for.
 const MOST_TRACKS: u32 = 1 << 24;
 /// What messages call an index.
 const PLACE: &str = "index of tracks";
-/// Bytes of a leaf in the index.
-const LEAF_BYTES: usize = 8 + 1 + 4 + 4 * 3 + 8 + 4 * 4 + 48 + 8 * 3 + 4;
+/// Bytes of a node without children in the index.
+const NODE_BYTES: usize = 8 + 1 + 4 + 4 * 3 + 8 + 4 * 4 + 48 + 8 * 3 + 4 + 8 * 3 + 4;
 
-/// A part of a leaf in the file.
+/// A part of a node in the file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct LeafPart {
+pub struct NodePart {
     /// Bytes.
     pub len: u32,
     /// Their CRC-32C.
     pub crc: u32,
 }
 
-/// A leaf of an octree over where tracks begin.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct TrackLeaf {
-    /// First Morton key (21 bits a coordinate) of its cell.
+/// Tracks that begin in one place: of a leaf those of source particles, of another node clusters.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TrackNode {
+    /// Morton key (21 bits a coordinate) of the first place in it.
     pub key: u64,
-    /// The cell's depth.
+    /// The depth of a leaf's cell in the octree; 0 for other nodes.
     pub depth: u8,
+    /// The nodes that refine it, by their numbers in the index, which are below its own; none for a leaf.
+    pub children: Vec<u32>,
+    /// Number of source particles that it stands for.
+    pub sources: u64,
+    /// Largest distance at any time of the interval that a source particle can have from its cluster, run units; 0 for a leaf.
+    pub delta: f64,
+    /// Longest edge of the cells that tracks were merged in, here and below, run units; 0 for a leaf.
+    pub spacing: f64,
     /// Number of tracks.
     pub tracks: u32,
     /// Of these how many come, how many go, and how many fade that do neither.
@@ -42,20 +51,25 @@ pub struct TrackLeaf {
     /// First byte, from the beginning of the section on; the ids follow the states.
     pub offset: u64,
     /// Everything but ids.
-    pub states: LeafPart,
-    /// The ids.
-    pub ids: LeafPart,
-    /// A box around all tracks for the whole interval, run units; smoothing lengths reach beyond it.
+    pub states: NodePart,
+    /// The ids, of a leaf.
+    pub ids: NodePart,
+    /// A box around all tracks of it and below it for the whole interval, run units; smoothing lengths reach beyond it.
     pub bounds: Bounds,
-    /// Mass at both ends, run units.
+    /// Mass of the source particles at both ends, run units.
     pub mass: [f64; 2],
-    /// Mass of tracks that fade from place to place.
+    /// Mass of those that fade from place to place.
     pub faded_mass: f64,
-    /// The largest smoothing length at both ends, run units.
+    /// The largest smoothing length at both ends, of it and below it, run units.
     pub smoothing_length_max: f32,
 }
 
-impl TrackLeaf {
+impl TrackNode {
+    /// Whether it holds the tracks of source particles.
+    pub fn is_leaf(&self) -> bool {
+        self.children.is_empty()
+    }
+
     /// How many particles there are at `u` of the interval, as `interpolation` moves them: [`Tracks::at`] appends as many.
     pub fn particles(&self, u: f64, interpolation: Interpolation) -> u64 {
         let [tracks, comes, goes, fades] =
@@ -71,21 +85,32 @@ impl TrackLeaf {
     }
 }
 
-/// The leaves of a family over an interval, in Morton order.
+/// The nodes of a family over an interval, as they follow one another in the file: children before parents, leaves in Morton order. The
+/// last one stands for all tracks.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TrackIndex {
-    /// The leaves.
-    pub leaves: Vec<TrackLeaf>,
+    /// The nodes.
+    pub nodes: Vec<TrackNode>,
 }
 
 impl TrackIndex {
+    /// The leaves, in Morton order.
+    pub fn leaves(&self) -> impl Iterator<Item = &TrackNode> {
+        self.nodes.iter().filter(|node| node.is_leaf())
+    }
+
     /// The index as bytes.
     pub(super) fn encode(&self) -> Vec<u8> {
         let mut out = Encoder::default();
-        out.u32(self.leaves.len() as u32);
-        for leaf in &self.leaves {
+        out.u32(self.nodes.len() as u32);
+        for leaf in &self.nodes {
             out.u64(leaf.key);
             out.u8(leaf.depth);
+            out.u32(leaf.children.len() as u32);
+            leaf.children.iter().for_each(|child| out.u32(*child));
+            out.u64(leaf.sources);
+            out.f64(leaf.delta);
+            out.f64(leaf.spacing);
             out.u32(leaf.tracks);
             leaf.flagged.into_iter().for_each(|count| out.u32(count));
             out.u64(leaf.offset);
@@ -101,54 +126,88 @@ impl TrackIndex {
         out.bytes
     }
 
-    /// Reads an index of `tracks` tracks, whose leaves fill `len` bytes.
+    /// Reads an index of `tracks` tracks of source particles, whose nodes fill `len` bytes.
     pub(super) fn decode(bytes: &[u8], tracks: u64, len: u64) -> Result<TrackIndex, Damage> {
         let mut input = Decoder::new(bytes, PLACE);
-        let count = input.count(LEAF_BYTES, "leaves")?;
-        let leaves = (0..count).map(|_| decode_leaf(&mut input)).collect::<Result<Vec<_>, _>>()?;
+        let count = input.count(NODE_BYTES, "nodes")?;
+        let nodes = (0..count).map(|_| decode_node(&mut input)).collect::<Result<Vec<_>, _>>()?;
         input.finish()?;
         let (mut sum, mut end, mut key) = (0, 0, 0);
-        for (number, leaf) in leaves.iter().enumerate() {
-            let wrong = |expected: &str| Damage::new(format!("{PLACE}, leaf {number}"), expected);
-            if leaf.offset != end || leaf.tracks == 0 || leaf.tracks > MOST_TRACKS {
-                return Err(wrong("tracks right after those of the leaf before"));
+        // What has no parent yet.
+        let mut open: Vec<bool> = Vec::with_capacity(nodes.len());
+        for (number, node) in nodes.iter().enumerate() {
+            let wrong = |expected: &str| Damage::new(format!("{PLACE}, node {number}"), expected);
+            if node.offset != end || node.tracks == 0 || node.tracks > MOST_TRACKS {
+                return Err(wrong("tracks right after those of the node before"));
             }
-            if u32::from(leaf.depth) > MORTON_BITS || leaf.key < key || leaf.key >> (3 * MORTON_BITS) != 0 {
-                return Err(wrong("a cell not before that of the leaf before"));
+            if u32::from(node.depth) > MORTON_BITS || node.key >> (3 * MORTON_BITS) != 0 {
+                return Err(wrong("a cell of the octree"));
             }
-            if leaf.flagged.iter().map(|count| u64::from(*count)).sum::<u64>() > u64::from(leaf.tracks) {
+            if node.flagged.iter().map(|count| u64::from(*count)).sum::<u64>() > u64::from(node.tracks) {
                 return Err(wrong("no more tracks that come, go or fade than there are"));
             }
-            key = leaf.key;
-            sum += u64::from(leaf.tracks);
-            end += u64::from(leaf.states.len) + u64::from(leaf.ids.len);
+            if !(node.delta >= 0.0 && node.delta.is_finite() && node.spacing >= 0.0 && node.spacing.is_finite()) {
+                return Err(wrong("distances"));
+            }
+            end += u64::from(node.states.len) + u64::from(node.ids.len);
+            if node.is_leaf() {
+                if node.sources != u64::from(node.tracks) || node.key < key {
+                    return Err(wrong("tracks of source particles, not before those of the leaf before"));
+                }
+                key = node.key;
+                sum += node.sources;
+            } else {
+                let mut sources = 0;
+                for &child in &node.children {
+                    let is_open = open.get_mut(child as usize).is_some_and(std::mem::take);
+                    if !is_open {
+                        return Err(wrong("children before it, each of one parent"));
+                    }
+                    sources += nodes[child as usize].sources;
+                }
+                if sources != node.sources || u64::from(node.tracks) > sources {
+                    return Err(wrong("as many source particles as its children have"));
+                }
+            }
+            open.push(true);
         }
         if sum != tracks || end != len {
             return Err(Damage::new(PLACE, format!("{tracks} tracks in {len} bytes, found {sum} in {end}")));
         }
-        Ok(TrackIndex { leaves })
+        if open.iter().filter(|is_open| **is_open).count() > 1 || open.last() == Some(&false) {
+            return Err(Damage::new(PLACE, "a last node above all others"));
+        }
+        Ok(TrackIndex { nodes })
     }
 }
 
-fn decode_leaf(input: &mut Decoder) -> Result<TrackLeaf, Damage> {
-    let (key, depth) = (input.u64("a leaf's cell")?, input.u8("a leaf's depth")?);
-    let mut count = || input.u32("a leaf's tracks");
+fn decode_node(input: &mut Decoder) -> Result<TrackNode, Damage> {
+    let (key, depth) = (input.u64("a node's place")?, input.u8("a leaf's depth")?);
+    let count = input.count(4, "children")?;
+    let children = (0..count).map(|_| input.u32("a child")).collect::<Result<_, _>>()?;
+    let (sources, delta, spacing) =
+        (input.u64("a node's particles")?, input.f64("a node's error")?, input.f64("a node's cells")?);
+    let mut count = || input.u32("a node's tracks");
     let (tracks, flagged) = (count()?, [count()?, count()?, count()?]);
-    let offset = input.u64("a leaf's place")?;
-    let mut part = || Ok(LeafPart { len: input.u32("a leaf's length")?, crc: input.u32("a leaf's checksum")? });
+    let offset = input.u64("a node's place")?;
+    let mut part = || Ok(NodePart { len: input.u32("a node's length")?, crc: input.u32("a node's checksum")? });
     let (states, ids) = (part()?, part()?);
-    Ok(TrackLeaf {
+    Ok(TrackNode {
         key,
         depth,
+        children,
+        sources,
+        delta,
+        spacing,
         tracks,
         flagged,
         offset,
         states,
         ids,
-        bounds: Bounds { min: input.vec3("a leaf's bounds")?, max: input.vec3("a leaf's bounds")? },
-        mass: [input.f64("a leaf's mass")?, input.f64("a leaf's mass")?],
-        faded_mass: input.f64("a leaf's faded mass")?,
-        smoothing_length_max: input.f32("a leaf's largest smoothing length")?,
+        bounds: Bounds { min: input.vec3("a node's bounds")?, max: input.vec3("a node's bounds")? },
+        mass: [input.f64("a node's mass")?, input.f64("a node's mass")?],
+        faded_mass: input.f64("a node's faded mass")?,
+        smoothing_length_max: input.f32("a node's largest smoothing length")?,
     })
 }
 
@@ -360,31 +419,55 @@ mod tests {
 
     #[test]
     fn indices_come_back_and_broken_ones_are_refused() {
-        let leaf = |key, offset| TrackLeaf {
+        let leaf = |key, offset| TrackNode {
+            children: Vec::new(),
+            sources: 10,
+            delta: 0.0,
+            spacing: 0.0,
             key,
             depth: 3,
             tracks: 10,
             flagged: [1, 2, 3],
             offset,
-            states: LeafPart { len: 100, crc: 5 },
-            ids: LeafPart { len: 20, crc: 6 },
+            states: NodePart { len: 100, crc: 5 },
+            ids: NodePart { len: 20, crc: 6 },
             bounds: Bounds { min: DVec3::ZERO, max: DVec3::ONE },
             mass: [1.0, 2.0],
             faded_mass: 0.5,
             smoothing_length_max: 0.25,
         };
-        let index = TrackIndex { leaves: vec![leaf(0, 0), leaf(1 << 40, 120)] };
+        let above = |children: &[u32], sources, offset| TrackNode {
+            children: children.to_vec(),
+            sources,
+            delta: 0.5,
+            spacing: 0.25,
+            ids: NodePart::default(),
+            ..leaf(0, offset)
+        };
+        let index = TrackIndex { nodes: vec![leaf(0, 0), leaf(1 << 40, 120), above(&[0, 1], 20, 240)] };
         let bytes = index.encode();
-        assert_eq!(bytes.len(), 4 + 2 * LEAF_BYTES);
-        assert_eq!(TrackIndex::decode(&bytes, 20, 240).unwrap(), index);
-        assert!(TrackIndex::decode(&bytes, 21, 240).is_err() && TrackIndex::decode(&bytes, 20, 241).is_err());
+        assert_eq!(bytes.len(), 4 + 3 * NODE_BYTES + 2 * 4);
+        assert_eq!(TrackIndex::decode(&bytes, 20, 340).unwrap(), index);
+        assert!(TrackIndex::decode(&bytes, 21, 340).is_err() && TrackIndex::decode(&bytes, 20, 341).is_err());
         for cut in 0..bytes.len() {
-            assert!(TrackIndex::decode(&bytes[..cut], 20, 240).is_err());
+            assert!(TrackIndex::decode(&bytes[..cut], 20, 340).is_err());
         }
-        for wrong in
-            [leaf(1 << 40, 121), TrackLeaf { tracks: 0, ..leaf(0, 120) }, TrackLeaf { depth: 22, ..leaf(0, 120) }]
-        {
-            assert!(TrackIndex::decode(&TrackIndex { leaves: vec![leaf(0, 0), wrong] }.encode(), 20, 240).is_err());
+        let two = || vec![leaf(0, 0), leaf(1 << 40, 120)];
+        for wrong in [
+            vec![leaf(0, 0), leaf(1 << 40, 121)],
+            vec![leaf(0, 0), TrackNode { tracks: 0, ..leaf(0, 120) }],
+            vec![leaf(0, 0), TrackNode { depth: 22, ..leaf(0, 120) }],
+            vec![leaf(0, 0), TrackNode { delta: f64::NAN, ..leaf(0, 120) }],
+            // No node above all others; children that are none, or not below; sums that are not theirs.
+            two(),
+            [two(), vec![above(&[0], 10, 240)]].concat(),
+            [two(), vec![above(&[0, 0], 20, 240)]].concat(),
+            [two(), vec![above(&[0, 1, 2], 20, 240)]].concat(),
+            [two(), vec![above(&[0, 1], 21, 240)]].concat(),
+        ] {
+            let end = wrong.last().map_or(0, |last| last.offset + u64::from(last.states.len + last.ids.len));
+            let sources = wrong.iter().filter(|node| node.is_leaf()).map(|node| node.sources).sum();
+            assert!(TrackIndex::decode(&TrackIndex { nodes: wrong }.encode(), sources, end).is_err());
         }
     }
 }

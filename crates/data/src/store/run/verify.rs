@@ -3,7 +3,7 @@
 use super::layout::{HEADER_LEN, Section, Step};
 use super::{RunFile, in_step};
 use crate::hierarchy::spacetime::TrackFlags;
-use crate::model::{Progress, ReadMethod};
+use crate::model::{Bounds, Progress, ReadMethod};
 use crate::store::error::StoreError;
 use crate::store::layout::ALIGNMENT;
 use crate::store::page_file::PageFile;
@@ -11,6 +11,9 @@ use crate::store::verify::{Verified, verify_file};
 use glam::DVec3;
 use rayon::prelude::*;
 use std::path::Path;
+
+/// By how much the masses of clusters may differ from those of the particles that they stand for: a float of 13 bits each.
+const CLUSTER_MASS: f64 = 1.0 / 8192.0;
 
 /// What was verified.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -64,44 +67,47 @@ fn verify_tracks(run: &RunFile, interval: usize, family: usize, progress: &dyn P
     let found = run.family_tracks(interval, family)?;
     let index = run.track_index(interval, family)?;
     let space = run.interval(interval)?;
-    index.leaves.par_iter().try_for_each(|leaf| {
-        let tracks = run.track_leaf(interval, family, leaf, true)?;
+    index.nodes.par_iter().try_for_each(|node| {
+        let tracks = run.node_tracks(interval, family, node, node.is_leaf())?;
         let wrong = |expected: &str| {
-            run.damaged(format!("interval {interval}, family {family}, leaf at {}", leaf.offset), expected)
+            run.damaged(format!("interval {interval}, family {family}, tracks at {}", node.offset), expected)
         };
         // Boxes are of the same arithmetic on every machine but for rounding.
         let slack = DVec3::splat(1e-9 * space.lattice.root.size);
+        let within = |inner: Bounds| {
+            inner.min.cmpge(node.bounds.min - slack).all() && inner.max.cmple(node.bounds.max + slack).all()
+        };
+        let children = || node.children.iter().map(|child| &index.nodes[*child as usize]);
+        if !(within(tracks.bounds(&space)) && children().all(|child| within(child.bounds))) {
+            return Err(wrong("tracks within its box"));
+        }
         let (mut mass, mut faded, mut flagged) = ([0.0; 2], 0.0, [0; 3]);
-        for i in 0..tracks.len() {
-            let points = space.spline(&tracks, i).control_points();
-            if points
-                .iter()
-                .any(|point| point.cmplt(leaf.bounds.min - slack).any() || point.cmpgt(leaf.bounds.max + slack).any())
-            {
-                return Err(wrong("tracks within its box"));
-            }
-            if let Some(kind) = tracks.flags[i].kind() {
+        for (i, flags) in tracks.flags.iter().enumerate() {
+            if let Some(kind) = flags.kind() {
                 flagged[kind] += 1;
             }
-            let weights = tracks.flags[i].weights();
-            for ((own, weight), sum) in tracks.ends.iter().zip(weights).zip(&mut mass) {
+            for ((own, weight), sum) in tracks.ends.iter().zip(flags.weights()).zip(&mut mass) {
                 *sum += weight * f64::from(own.mass[i]);
             }
-            if tracks.flags[i].has(TrackFlags::FADES) {
+            if flags.has(TrackFlags::FADES) {
                 faded += f64::from(tracks.ends[0].mass[i]);
             }
         }
-        if flagged != leaf.flagged {
+        if flagged != node.flagged {
             return Err(wrong("as many tracks that come, go and fade as it has"));
         }
-        let agrees = |told: f64, sum: f64| (told - sum).abs() <= 1e-9 * told.abs().max(sum.abs());
-        if !(agrees(leaf.mass[0], mass[0]) && agrees(leaf.mass[1], mass[1]) && agrees(leaf.faded_mass, faded)) {
+        // Clusters' masses are rounded, as those of particles are.
+        let slack = if node.is_leaf() { 1e-9 } else { CLUSTER_MASS };
+        let agrees = |told: f64, sum: f64| (told - sum).abs() <= slack * told.abs().max(sum.abs());
+        if !(agrees(node.mass[0], mass[0]) && agrees(node.mass[1], mass[1]) && agrees(node.faded_mass, faded)) {
             return Err(wrong("the masses of its tracks"));
         }
-        progress.advance(u64::from(leaf.tracks));
+        if node.is_leaf() {
+            progress.advance(node.sources);
+        }
         Ok(())
     })?;
-    check_padding(run, found.leaves)?;
+    check_padding(run, found.nodes)?;
     check_padding(run, found.index)?;
     Ok(found.tracks)
 }
