@@ -91,6 +91,11 @@ impl Playhead {
         if self.moving { self.wanted() } else { self.shown }
     }
 
+    /// Whether what moves between the steps is shown.
+    pub fn is_moving(&self) -> bool {
+        self.moving
+    }
+
     /// Whether what is between the steps can be shown.
     pub fn has_tracks(&self) -> bool {
         self.tracks.is_some()

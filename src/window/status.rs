@@ -120,6 +120,8 @@ struct TimeStatus {
     step: usize,
     /// Whether it is the one of the present time.
     there: bool,
+    /// Whether tracks are shown, at that time.
+    moves: bool,
     playing: bool,
     /// How many times as fast as usual it plays.
     speed: f64,
@@ -253,6 +255,7 @@ pub(super) fn write_status(
             time: playhead.time(),
             step: playhead.shown(),
             there: playhead.is_there(),
+            moves: playhead.is_moving(),
             playing: playhead.is_playing(),
             speed: playhead.speed(),
             damaged: playhead.damaged().iter().copied().collect(),

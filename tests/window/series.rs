@@ -74,3 +74,65 @@ fn a_run_is_stepped_played_and_saved() {
     desktop.click([at(0) + 8, (at(1) + at(3)) / 2]);
     program.wait("the beginning of the line", is_at(0));
 }
+
+#[test]
+fn what_moves_is_drawn_between_the_steps() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    series(folder);
+    let desktop = Desktop::with_screen([960, 600]);
+    for backend in ["cpu", "compute"] {
+        let more = ["--backend", backend, "--mode", "column-density"];
+        let mut program = Program::open(&desktop, folder, &folder.join("run.df"), [960, 600], &more);
+        let is_settled = |status: &Value| {
+            let rests = status["converged"] == true && status["ranges"][1] == true;
+            rests && status["time"]["there"] == true
+        };
+        let begin = program.wait("the first step", is_settled);
+        assert_eq!(begin["time"]["moves"], false);
+        desktop.focus(desktop.window().expect("a window of the size that was asked for"));
+        // The column around which the picture is bright.
+        let middle = |status: &Value| {
+            std::thread::sleep(std::time::Duration::from_millis(300));
+            let screen = desktop.wait("the picture", |_| true);
+            let (mut sum, mut all) = (0.0, 0.0);
+            for x in columns(status) {
+                let light: f64 = (80..500).map(|y| screen.at(x, y).iter().map(|c| f64::from(*c)).sum::<f64>()).sum();
+                (sum, all) = (sum + light * x as f64, all + light);
+            }
+            sum / all
+        };
+        let first = middle(&begin);
+        let line = begin["controls"]["time:line"].clone();
+        let at = |i: usize| line[i].as_f64().unwrap();
+        let go_to = |share: f64| {
+            let x = at(0) + 6.0 + share * (at(2) - at(0) - 12.0);
+            desktop.click([x as i16, (0.5 * (at(1) + at(3))) as i16]);
+        };
+        // Within the second interval, from 1 to 4.
+        go_to(0.6);
+        let between =
+            program.wait("a moment between two steps", |status| is_settled(status) && status["time"]["moves"] == true);
+        let time = between["time"]["time"].as_f64().unwrap();
+        assert!((time - 2.4).abs() < 0.03 && between["time"]["step"] == 1, "{time}");
+        keep(&desktop, &format!("series-between-{backend}.png"));
+        let there = middle(&between);
+        let click = |status: &Value, control: &str| {
+            let corner = |i: usize| status["controls"][control][i].as_f64().unwrap();
+            desktop.click([(0.5 * (corner(0) + corner(2))) as i16, (0.5 * (corner(1) + corner(3))) as i16]);
+        };
+        click(&between, "time:last");
+        let end = program.wait("the last step", |status| is_settled(status) && status["time"]["moves"] == false);
+        assert_eq!(end["time"]["step"], 2);
+        keep(&desktop, &format!("series-end-{backend}.png"));
+        let share = (there - first) / (middle(&end) - first);
+        // Without velocities, tangents are those of the parabola through all three steps.
+        let expected = (7.0 * time - time * time) / 12.0;
+        assert!((share - expected).abs() < 0.04, "{share} of the way at {time}, {expected} expected");
+        // Stored steps alone, where somebody asks for them.
+        click(&end, "time:steps");
+        go_to(0.6);
+        let held = program.wait("the step before", |status| is_settled(status) && status["time"]["step"] == 1);
+        assert_eq!((&held["time"]["moves"], held["time"]["time"].as_f64().unwrap() > 2.0), (&false.into(), true));
+    }
+}
