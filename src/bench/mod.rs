@@ -6,6 +6,7 @@ pub mod compare_orbit;
 pub mod flight;
 pub mod frame;
 pub mod pages;
+pub mod play;
 pub mod presence;
 pub mod sheet;
 pub mod splat;
@@ -25,12 +26,13 @@ use std::time::Duration;
   deepfield bench build --sizes 1000000 --json build.json
   deepfield bench compare merger.hdf5 --family gas --size 900x600 --repeat 3 --output compare
   deepfield bench flight cosmology.df --backends compute --duration 60 --output flight
+  deepfield bench play run.df --duration 10 --frame-ms 100
   deepfield bench flight --sizes 1000000 --backends cpu --duration 10 --ablations --sweep")]
 pub struct Arguments {
     /// What to measure: splat (drawing of particles as they are), frame (converged level of detail), presence (what
-    /// leaving particles out costs and saves), build (from a source to a page file), pages (reading and decoding) or
-    /// flight (a flight through a page file that streams in), or compare (every way to draw a volume or a surface).
-    #[arg(value_parser = ["splat", "frame", "presence", "build", "pages", "flight", "compare"])]
+    /// leaving particles out costs and saves), build (from a source to a page file), pages (reading and decoding),
+    /// flight (a flight through a page file that streams in) or play (a run while time goes on), or compare (every way to draw a volume or a surface).
+    #[arg(value_parser = ["splat", "frame", "presence", "build", "pages", "flight", "play", "compare"])]
     pub suite: String,
     /// What `bench presence` and `bench compare` draw and `bench flight` flies through: a source or page file [default:
     /// generated: clusters of the first of the sizes for `bench presence`, a merger for `bench compare`, cosmologies of all sizes
@@ -110,6 +112,7 @@ pub fn run(arguments: &Arguments) -> CommandResult {
         "frame" => serde_json::to_string_pretty(&frame::measure(arguments)?)?,
         "presence" => serde_json::to_string_pretty(&presence::measure(arguments)?)?,
         "flight" => serde_json::to_string_pretty(&flight::measure(arguments)?)?,
+        "play" => serde_json::to_string_pretty(&play::measure(arguments)?)?,
         "compare" => serde_json::to_string_pretty(&compare::measure(arguments)?)?,
         "build" => serde_json::to_string_pretty(&build::measure(arguments)?)?,
         "pages" => serde_json::to_string_pretty(&pages::measure(arguments)?)?,

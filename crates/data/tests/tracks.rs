@@ -367,7 +367,7 @@ fn clusters_stand_for_what_is_below_them() {
                 leaves
             };
             for (number, node) in inner() {
-                assert!((node.tracks as usize) < 9000 && node.delta > 0.0, "{} clusters", node.tracks);
+                assert!((node.tracks as usize) < 20_000 && node.delta > 0.0, "{} clusters", node.tracks);
                 let clusters = &tracks[number];
                 let leaves = leaves_of(number);
                 for u in [0.0, 0.3, 1.0] {

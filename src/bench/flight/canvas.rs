@@ -7,7 +7,7 @@ use crate::color::transfer::TransferFunction;
 use crate::cpu::Counts;
 use crate::mode::{Depiction, Plan, Raw};
 use crate::picture::Subject;
-use crate::store::PageFile;
+use crate::store::Tree;
 use crate::stream::{CopyOptions, SceneNode, Streamer};
 use crate::view::View;
 use std::sync::Arc;
@@ -41,15 +41,15 @@ pub trait Canvas {
 
 /// The CPU renderer on all threads.
 pub struct CpuCanvas {
-    file: Arc<PageFile>,
+    tree: Arc<dyn Tree>,
     depiction: Depiction,
     picture: Accumulation,
 }
 
 impl CpuCanvas {
-    /// Draws `file` as `depiction` says.
-    pub fn new(file: Arc<PageFile>, depiction: Depiction) -> CpuCanvas {
-        CpuCanvas { file, depiction, picture: Accumulation::default() }
+    /// Draws `tree` as `depiction` says.
+    pub fn new(tree: Arc<dyn Tree>, depiction: Depiction) -> CpuCanvas {
+        CpuCanvas { tree, depiction, picture: Accumulation::default() }
     }
 }
 
@@ -65,7 +65,7 @@ impl Canvas for CpuCanvas {
     fn draw(&mut self, view: &View, nodes: &[SceneNode], plan: &Plan) -> Result<(), Failure> {
         // Sums have no use for colours and diameters.
         let transfer = TransferFunction::default();
-        let subject = Subject::new(self.file.metadata(), &self.depiction, &transfer, 0.0);
+        let subject = Subject::new(self.tree.metadata(), &self.depiction, &transfer, 0.0);
         self.picture = subject.draw_nodes(view, nodes, plan)?.sums(self.depiction.mode)?.0;
         Ok(())
     }
@@ -87,7 +87,7 @@ mod gpu {
 
     /// The GPU techniques, without a window.
     pub struct GpuCanvas {
-        file: Arc<PageFile>,
+        tree: Arc<dyn Tree>,
         depiction: Depiction,
         backend: Backend,
         footprint: Footprint,
@@ -106,13 +106,13 @@ mod gpu {
         /// # Errors
         /// No adapter, or one that cannot carry the backend out.
         pub fn open(
-            file: Arc<PageFile>,
+            tree: Arc<dyn Tree>,
             depiction: Depiction,
             backend: Backend,
             view: &View,
             options: CopyOptions,
         ) -> Result<GpuCanvas, Failure> {
-            let metadata = file.metadata();
+            let metadata = tree.metadata();
             let mut renderer =
                 HeadlessRenderer::open(&request_nodes(view, &depiction, metadata, &[], &Plan::default(), backend))?;
             let scene = renderer.scene().clone();
@@ -132,7 +132,7 @@ mod gpu {
             let footprint = footprint(&depiction, metadata.kernel);
             // Shaders are compiled before the flight begins.
             renderer.complete()?;
-            Ok(GpuCanvas { file, depiction, backend, footprint, renderer, scene, tables, options })
+            Ok(GpuCanvas { tree, depiction, backend, footprint, renderer, scene, tables, options })
         }
     }
 
@@ -170,7 +170,7 @@ mod gpu {
         }
 
         fn draw(&mut self, view: &View, nodes: &[SceneNode], plan: &Plan) -> Result<(), Failure> {
-            let metadata = self.file.metadata();
+            let metadata = self.tree.metadata();
             let items: Vec<DrawItem> = nodes
                 .iter()
                 .filter_map(|drawn| {

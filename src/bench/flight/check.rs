@@ -79,7 +79,7 @@ pub fn check(
     let preset = options.mode.transfer[usize::from(engine.depiction.attribute.is_some())];
     let transfer = TransferFunction::preset(preset).unwrap_or_default();
     // Sums have no use for a diameter.
-    let subject = Subject::new(engine.file.metadata(), &engine.depiction, &transfer, 0.0);
+    let subject = Subject::new(engine.tree.metadata(), &engine.depiction, &transfer, 0.0);
     let mut overdraw = (!options.mode.is_light()).then_some([(0.0, 0); 2]);
     for (&(plan, kind), out) in plans.iter().zip(overdraw.iter_mut().flatten()) {
         let counted = subject.overdraw(&view, &subject.decode(&view, nodes, &plan), &plan)?;

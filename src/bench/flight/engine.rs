@@ -9,7 +9,7 @@ use crate::hierarchy::Purpose;
 use crate::mode::{Depiction, LodBudget, Plan, Raw};
 use crate::picture::Subject;
 use crate::picture::drawing_cost::{self, DrawingCost, SampleSizes};
-use crate::store::PageFile;
+use crate::store::Tree;
 use crate::stream::{Scene, SceneSelection, StreamOptions, Streamer};
 use crate::view::View;
 use std::sync::Arc;
@@ -17,8 +17,8 @@ use std::time::{Duration, Instant};
 
 /// What is flown with.
 pub struct Engine<'a> {
-    /// The page file.
-    pub file: Arc<PageFile>,
+    /// What is flown through.
+    pub tree: Arc<dyn Tree>,
     /// What is shown of it.
     pub depiction: Depiction,
     /// The screen-space error, pixels.
@@ -61,7 +61,7 @@ const ON_THE_WAY_MS: f64 = 50.0;
 impl Engine<'_> {
     /// Nothing is in memory yet.
     pub fn streamer(&self) -> Streamer {
-        let mut streamer = Streamer::new(Arc::clone(&self.file), self.options);
+        let mut streamer = Streamer::new(Arc::clone(&self.tree), self.options);
         streamer.keep_copies(self.canvas.copies());
         streamer
     }
@@ -70,7 +70,7 @@ impl Engine<'_> {
     ///
     /// # Errors
     /// What the canvas reports.
-    fn frame(
+    pub fn frame(
         &mut self,
         streamer: &mut Streamer,
         view: &View,
@@ -82,7 +82,7 @@ impl Engine<'_> {
         let copied = streamer.copies.as_ref().map_or(0, |copies| copies.copied_bytes());
         self.canvas.receive(streamer);
         let copied = streamer.copies.as_ref().map_or(0, |copies| copies.copied_bytes()) - copied;
-        let roots = streamer.roots(0..self.file.metadata().families.len() as u32, Purpose::Splats, 0.0);
+        let roots = streamer.roots(0..self.tree.metadata().families.len() as u32, Purpose::Splats, view.time);
         let chosen = streamer.select(&self.depiction.selection_view(view), self.tau, &roots);
         streamer.serve();
         streamer.take_evicted();
@@ -113,7 +113,7 @@ impl Engine<'_> {
 
     /// What of a selection is drawn in so many milliseconds, and how many particles that takes (see [`drawing_cost::within`]).
     pub fn governed(&self, view: &View, selection: &SceneSelection, frame_ms: Option<f64>) -> (Plan, u64) {
-        let metadata = self.file.metadata();
+        let metadata = self.tree.metadata();
         let important = drawing_cost::most_important(&self.depiction, metadata);
         let limit = frame_ms.map_or(u64::MAX, |frame_ms| self.drawing_cost.limit(frame_ms, SampleSizes::default()));
         drawing_cost::within(limit, self.plan, view, &self.depiction, metadata, &selection.nodes, &important)
@@ -129,7 +129,7 @@ impl Engine<'_> {
         let preset = self.depiction.mode.transfer[usize::from(self.depiction.attribute.is_some())];
         let transfer = TransferFunction::preset(preset).unwrap_or_default();
         // Sums have no use for a diameter.
-        let subject = Subject::new(self.file.metadata(), &self.depiction, &transfer, 0.0);
+        let subject = Subject::new(self.tree.metadata(), &self.depiction, &transfer, 0.0);
         self.plan = subject.plan(view, &selection.nodes, &self.lod_budget, None)?;
         Ok(())
     }
@@ -188,7 +188,7 @@ impl Engine<'_> {
     /// # Errors
     /// A root that cannot be read; what the canvas reports.
     pub fn waited(&mut self, view: &View) -> Result<Raw, Failure> {
-        let mut scene = Scene::new(Arc::clone(&self.file), u64::MAX);
+        let mut scene = Scene::new(Arc::clone(&self.tree), u64::MAX);
         scene.converge(&self.depiction.selection_view(view), self.tau, &mut |_| {})?;
         // The canvas may need copies, so frames are drawn until it has them.
         let mut streamer = scene.streamer;

@@ -9,7 +9,7 @@ use crate::cpu::volume::{VolumeError, VolumeReport};
 use crate::mode::{Depiction, LightPicture, Plan, Raw};
 use crate::picture::Subject;
 use crate::picture::adapter::{Adapter, AdapterJob, Passes, draw_on};
-use crate::store::PageFile;
+use crate::store::Tree;
 use crate::stream::{CopyOptions, SceneNode};
 use crate::view::View;
 use crate::view::perspective_grid::GridError;
@@ -17,7 +17,7 @@ use std::sync::Arc;
 
 /// Draws colours straight from particles.
 pub struct LightCanvas {
-    file: Arc<PageFile>,
+    tree: Arc<dyn Tree>,
     depiction: Depiction,
     transfer: TransferFunction,
     /// What draws; the processor where there is none.
@@ -27,17 +27,17 @@ pub struct LightCanvas {
 }
 
 impl LightCanvas {
-    /// Draws `file` as `depiction` says. Ranges of colours are those of the first picture, as in a tour.
-    pub fn new(file: Arc<PageFile>, depiction: Depiction, adapter: Option<Box<dyn Adapter>>) -> LightCanvas {
+    /// Draws `tree` as `depiction` says. Ranges of colours are those of the first picture, as in a tour.
+    pub fn new(tree: Arc<dyn Tree>, depiction: Depiction, adapter: Option<Box<dyn Adapter>>) -> LightCanvas {
         let preset = depiction.mode.transfer[usize::from(depiction.attribute.is_some())];
         let transfer = TransferFunction::preset(preset).unwrap_or_default().for_volume();
         let name = ("cpu".into(), format!("{} threads", rayon::current_num_threads()));
-        LightCanvas { file, depiction, transfer, adapter, name, picture: None }
+        LightCanvas { tree, depiction, transfer, adapter, name, picture: None }
     }
 
     fn paint(&mut self, view: &View, nodes: &[SceneNode], plan: &Plan) -> Result<LightPicture, VolumeError> {
-        let LightCanvas { file, depiction, transfer, adapter, name, .. } = self;
-        let metadata = file.metadata();
+        let LightCanvas { tree, depiction, transfer, adapter, name, .. } = self;
+        let metadata = tree.metadata();
         let subject = Subject::new(metadata, depiction, transfer, metadata.bounds().size().length());
         let raw = match adapter {
             Some(adapter) => {

@@ -19,7 +19,7 @@ use crate::command_line::progress_bar::TerminalProgress;
 use crate::import::LoadOptions;
 use crate::mode::{Depiction, LodBudget, Mode, Plan, Settings};
 use crate::picture::drawing_cost::DrawingCost;
-use crate::store::PageFile;
+use crate::store::{PageFile, Tree};
 use crate::stream::{CopyOptions, StreamOptions, first_frame};
 use crate::synth::cosmology::{Cosmology, DEFAULT_EDGE};
 use crate::synth::files;
@@ -93,6 +93,39 @@ pub struct Options {
 }
 
 impl Options {
+    /// What draws a tree as they say.
+    pub(super) fn engine<'a>(
+        &self,
+        tree: Arc<dyn Tree>,
+        depiction: Depiction,
+        size: (u32, u32),
+        canvas: &'a mut dyn Canvas,
+    ) -> Engine<'a> {
+        Engine {
+            tree,
+            depiction,
+            tau: self.error_px,
+            size,
+            options: StreamOptions {
+                budget: self.main_memory,
+                in_flight: usize::from(self.requests),
+                stall: Duration::from_secs(5),
+                ..StreamOptions::default()
+            },
+            canvas,
+            lod_budget: LodBudget { culling: true, presence: self.presence, thinning: self.sampling },
+            plan: Plan::default(),
+            frame_ms: (self.frame_ms > 0.0).then_some(self.frame_ms),
+            drawing_cost: DrawingCost::default(),
+            messages: Vec::new(),
+        }
+    }
+
+    /// The picture's size.
+    pub(super) fn picture_size(&self) -> PictureSize {
+        self.size.unwrap_or(PictureSize { width: 1200, height: 800 })
+    }
+
     /// The folder that a flight writes to.
     fn folder(&self) -> &Path {
         self.output.as_deref().unwrap_or(Path::new("flight"))
@@ -204,6 +237,7 @@ fn generated(seed: u64, particles: u64, thinning: bool) -> Result<PathBuf, Failu
 /// When a file was opened, and where its first picture is.
 struct Opened {
     at: Instant,
+    bytes: u64,
     view: View,
     flight: Flight,
 }
@@ -220,46 +254,29 @@ fn with_canvas<T>(
     let metadata = file.metadata();
     let families: Vec<u32> = (0..metadata.families.len() as u32).collect();
     let frame = first_frame(&file, &families, 0.0);
-    let PictureSize { width, height } = options.size.unwrap_or(PictureSize { width: 1200, height: 800 });
+    let PictureSize { width, height } = options.picture_size();
     let fov_y = 45_f64.to_radians();
     let view = View::around(frame, fov_y, width, height)?;
     let flight = Flight::through(frame, options.velocity, options.duration, fov_y);
     let depiction = Depiction::new(options.mode, Settings::default(), None, metadata)?;
     let opening = at.elapsed();
+    let (bytes, file) = (file.bytes(), file as Arc<dyn Tree>);
     let copies = CopyOptions { budget: options.gpu_memory, on_their_way: 2 * options.upload };
     let mut canvas: Box<dyn Canvas> = match backend {
         "cpu" if options.mode.is_light() => Box::new(LightCanvas::new(Arc::clone(&file), depiction.clone(), None)),
         "cpu" => Box::new(CpuCanvas::new(Arc::clone(&file), depiction.clone())),
         _ => on_gpu(backend, &file, &depiction, &view, copies)?,
     };
-    let streaming = StreamOptions {
-        budget: options.main_memory,
-        in_flight: usize::from(options.requests),
-        stall: Duration::from_secs(5),
-        ..StreamOptions::default()
-    };
-    let mut engine = Engine {
-        file,
-        depiction,
-        tau: options.error_px,
-        size: (width, height),
-        options: streaming,
-        canvas: &mut *canvas,
-        lod_budget: LodBudget { culling: true, presence: options.presence, thinning: options.sampling },
-        plan: Plan::default(),
-        frame_ms: (options.frame_ms > 0.0).then_some(options.frame_ms),
-        drawing_cost: DrawingCost::default(),
-        messages: Vec::new(),
-    };
+    let mut engine = options.engine(file, depiction, (width, height), &mut *canvas);
     // A program that runs has opened its adapter before it opens a file.
-    let opened = Opened { at: Instant::now().checked_sub(opening).unwrap_or(at), view, flight };
+    let opened = Opened { at: Instant::now().checked_sub(opening).unwrap_or(at), bytes, view, flight };
     work(&mut engine, &opened)
 }
 
 #[cfg(feature = "viewer")]
 fn on_gpu(
     backend: &str,
-    file: &Arc<PageFile>,
+    file: &Arc<dyn Tree>,
     depiction: &Depiction,
     view: &View,
     copies: CopyOptions,
@@ -282,7 +299,7 @@ fn on_gpu(
 #[cfg(not(feature = "viewer"))]
 fn on_gpu(
     backend: &str,
-    _file: &Arc<PageFile>,
+    _file: &Arc<dyn Tree>,
     _depiction: &Depiction,
     _view: &View,
     _copies: CopyOptions,
@@ -327,9 +344,9 @@ fn fly(engine: &mut Engine, options: &Options, opened: &Opened, backend: &str) -
     }
     let (name, adapter) = engine.canvas.name();
     Ok(Outcome {
-        path: engine.file.path().to_path_buf(),
-        particles: engine.file.metadata().particles(),
-        bytes: engine.file.bytes(),
+        path: engine.tree.path().to_path_buf(),
+        particles: engine.tree.metadata().particles(),
+        bytes: opened.bytes,
         backend: name,
         adapter,
         first_picture_s: until_now + first.first_picture,
@@ -365,9 +382,9 @@ fn ablate(engine: &mut Engine, options: &Options, flights: &mut Vec<(String, Sum
 
 /// One more flight, from a converged first picture.
 fn once(engine: &mut Engine, options: &Options) -> Result<Summary, Failure> {
-    let file = Arc::clone(&engine.file);
-    let families: Vec<u32> = (0..file.metadata().families.len() as u32).collect();
-    let frame = first_frame(&file, &families, 0.0);
+    let tree = Arc::clone(&engine.tree);
+    let families: Vec<u32> = (0..tree.metadata().families.len() as u32).collect();
+    let frame = first_frame(&tree, &families, 0.0);
     let flight = Flight::through(frame, options.velocity, options.duration, 45_f64.to_radians());
     let mut streamer = engine.streamer();
     engine.prepare(&mut streamer, &flight.view(0.0, engine.size.0, engine.size.1)?)?;

@@ -15,7 +15,7 @@ use rayon::prelude::*;
 use std::ops::Range;
 
 /// Clusters of a node, about.
-const CLUSTERS: usize = 4096;
+const CLUSTERS: usize = 16384;
 /// Nodes that have one above them together: each is refined by many, so that the coarse ones take little room.
 const CHILDREN: usize = 8;
 
