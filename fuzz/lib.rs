@@ -2,12 +2,18 @@
 
 #[path = "../tests/support/page_checksums.rs"]
 mod page_checksums;
+#[path = "../crates/data/tests/support/run_checksums.rs"]
+mod run_checksums;
 
 use deepfield::import::{LoadOptions, formats, load_source, summarize_source};
 use deepfield::show::protocol::message::{Frame, FromFollower, FromLeader, Message, Report};
 use deepfield::show::rig::{Cover, Mesh, OutputsFile, Pfm, Projector};
 use deepfield::look::SceneFile;
-use deepfield::store::{PageFile, PageId, verify};
+use deepfield::hierarchy::Purpose;
+use deepfield::hierarchy::spacetime::Interpolation;
+use deepfield::model::ReadMethod;
+use deepfield::store::run::{RunTree, verify_run};
+use deepfield::store::{PageFile, PageId, RunFile, Tree, verify};
 use deepfield::tour::TourFile;
 use std::io::Write;
 
@@ -63,6 +69,27 @@ pub fn pages(bytes: &[u8]) {
         let read = PageFile::open(file.path()).map(|pages| (0..pages.page_count()).all(|id| read(&pages, PageId(id))));
         let verified = verify(file.path(), &());
         assert!(verified.is_err() || read.is_ok_and(|all| all), "verified, but not readable");
+    }
+}
+
+/// Opens `bytes` as a run, once as they are and once with the checksums of header and directory made right, verifies it, and draws its
+/// tracks at some times.
+pub fn runs(bytes: &[u8]) {
+    let mut forged = bytes.to_vec();
+    run_checksums::correct(&mut forged);
+    for bytes in [bytes, &forged] {
+        let Some(file) = file(bytes) else { return };
+        drop(verify_run(file.path(), &()));
+        let Ok(run) = RunFile::open(file.path(), ReadMethod::default()) else { continue };
+        let Ok(tree) = RunTree::new(std::sync::Arc::new(run), Interpolation::Auto) else { continue };
+        let families: Vec<u32> = (0..tree.metadata().families.len() as u32).collect();
+        for time in [f64::NEG_INFINITY, 0.3, f64::INFINITY] {
+            for root in tree.roots(&families, Purpose::Splats, time) {
+                let Ok(page) = tree.read_page(root.page) else { continue };
+                let held = page.content(0).map(|content| content.particles(time).len());
+                assert_eq!(held, Some(page.nodes[0].particles as usize));
+            }
+        }
     }
 }
 

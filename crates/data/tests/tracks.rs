@@ -2,6 +2,9 @@
 
 #![allow(clippy::unwrap_used, clippy::indexing_slicing, reason = "a test that cannot go on has failed")]
 
+#[path = "support/run_checksums.rs"]
+mod run_checksums;
+
 use deepfield_data::build::{BuildOptions, Matching, TrackOptions, build_run, compare_with_sources};
 use deepfield_data::hierarchy::Purpose;
 use deepfield_data::hierarchy::spacetime::{Interpolation, TrackFlags, Tracks};
@@ -336,6 +339,42 @@ fn damaged_tracks_are_found_and_never_panic() {
     for at in (first..bytes.len()).step_by(61) {
         damaged(at, &path);
     }
+}
+
+#[test]
+fn directories_that_lie_are_refused_or_lead_to_errors() {
+    let generated = generated(&Births::new(1, 300, 3), 3, 1.0);
+    let run = generated.usual();
+    let (path, bytes) = (run.path().to_path_buf(), std::fs::read(run.path()).unwrap());
+    let directory = usize::try_from(u64::from_le_bytes(bytes[24..32].try_into().unwrap())).unwrap();
+    let (mut opened, mut random) = (0, 1_u64);
+    for _ in 0..1500 {
+        let mut bytes = bytes.clone();
+        for _ in 0..3 {
+            random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            let at = directory + (random >> 33) as usize % (bytes.len() - directory);
+            bytes[at] = [0, 1, 0x7f, 0xff, (random >> 24) as u8][(random >> 60) as usize % 5];
+        }
+        run_checksums::correct(&mut bytes);
+        std::fs::write(&path, bytes).unwrap();
+        let Ok(run) = RunFile::open(&path, ReadMethod::default()).map(Arc::new) else { continue };
+        opened += 1;
+        drop(verify_run(&path, &()));
+        if let Ok(tree) = RunTree::new(Arc::clone(&run), Interpolation::Auto) {
+            let families: Vec<u32> = (0..tree.metadata().families.len() as u32).collect();
+            for time in [f64::NEG_INFINITY, 0.3, 1.0, f64::NAN] {
+                let roots = tree.roots(&families, Purpose::Splats, time);
+                for page in roots.iter().filter_map(|root| tree.read_page(root.page).ok()) {
+                    let held = page.content(0).unwrap().particles(time);
+                    assert_eq!(held.len(), page.nodes[0].particles as usize);
+                }
+            }
+        }
+        if let Ok(snapshot) = run.at(Moment { step: 1, u: 0.5 }, Interpolation::Auto) {
+            drop(load_source(&snapshot, &LoadOptions::default(), &()));
+        }
+    }
+    assert!(opened > 100, "{opened} of 1500 were opened");
 }
 
 #[test]

@@ -54,6 +54,11 @@ pub trait Tree: Debug + Send + Sync {
         (0..self.page_count()).map(|page| self.page_bytes(PageId(page))).max().unwrap_or(0)
     }
 
+    /// How many pages are about as much to read and decode as a page of a page file.
+    fn pages_at_once(&self) -> usize {
+        1
+    }
+
     /// The first nodes of these families (indices in the metadata) at a time, in the data's unit, made for this purpose where there are
     /// such.
     fn roots(&self, families: &[u32], purpose: Purpose, _time: f64) -> Vec<NodeRef> {
@@ -130,6 +135,10 @@ impl Tree for PageFile {
 
 impl<T: Tree + ?Sized> Tree for Arc<T> {
     delegate!(self => (**self));
+
+    fn pages_at_once(&self) -> usize {
+        (**self).pages_at_once()
+    }
 
     fn roots(&self, families: &[u32], purpose: Purpose, time: f64) -> Vec<NodeRef> {
         (**self).roots(families, purpose, time)

@@ -43,12 +43,14 @@ impl Ahead {
     pub fn with(mut self, other: Ahead, pages: usize) -> Ahead {
         for (own, others) in [(&mut self.resident, other.resident), (&mut self.missing, other.missing)] {
             let mut known: HashMap<PageId, usize> = own.iter().enumerate().map(|(i, (page, _))| (*page, i)).collect();
-            for (page, _) in others {
+            // Roots stay before all others.
+            for (page, travel) in others {
+                let travel = travel.min(0.0);
                 match known.get(&page) {
-                    Some(&i) => own[i].1 = own[i].1.min(0.0),
+                    Some(&i) => own[i].1 = own[i].1.min(travel),
                     None => {
                         known.insert(page, own.len());
-                        own.push((page, 0.0));
+                        own.push((page, travel));
                     }
                 }
             }

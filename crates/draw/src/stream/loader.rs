@@ -91,19 +91,22 @@ impl Loader {
         Loader { shared: Arc::new(shared), stall }
     }
 
-    /// Begins to read a page; never waits.
+    /// Begins to read a page; never waits. Roots come before what others wait for: without them nothing can be drawn.
     pub fn start(&self, page: PageId) {
-        self.give(Job::Read(page, Instant::now()));
+        self.give(Job::Read(page, Instant::now()), self.shared.tree.is_root(page));
     }
 
     /// Gives back a page's memory, elsewhere.
     pub fn discard(&self, page: Arc<Page>) {
-        self.give(Job::Drop(page));
+        self.give(Job::Drop(page), false);
     }
 
-    fn give(&self, job: Job) {
+    fn give(&self, job: Job, is_first: bool) {
         let mut state = self.shared.lock();
-        state.jobs.push_back(job);
+        match is_first {
+            true => state.jobs.push_front(job),
+            false => state.jobs.push_back(job),
+        }
         self.staff(&mut state);
         self.shared.work.notify_all();
     }

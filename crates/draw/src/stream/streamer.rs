@@ -198,6 +198,7 @@ impl Streamer {
     /// Begins to read what is missing. The pages that are being read from now on.
     pub fn serve(&mut self) -> Vec<PageId> {
         let StreamOptions { in_flight, ahead, .. } = self.options;
+        let in_flight = in_flight * self.residency.tree().pages_at_once();
         let in_advance = (ahead.share * in_flight as f64).ceil() as usize;
         let next = || self.residency.next_to_load(in_flight, in_advance);
         let started: Vec<PageId> = std::iter::from_fn(next).collect();

@@ -254,7 +254,8 @@ impl Tracks {
         interpolation: Interpolation,
         rules: &[AttributeMerge],
     ) -> Moving {
-        let u = if interpolation == Interpolation::Hold { 0.0 } else { u };
+        // What stands still at the last step is that step.
+        let u = if interpolation == Interpolation::Hold && u < 1.0 { 0.0 } else { u };
         let fades = |i: usize| match interpolation {
             Interpolation::Auto => self.flags[i].has(TrackFlags::FADES),
             Interpolation::Fade => true,

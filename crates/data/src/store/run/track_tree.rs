@@ -23,6 +23,10 @@ use std::sync::Arc;
 /// Steps that are looked at for ranges of quantities at most.
 const LOOKED_AT: usize = 9;
 
+/// Bytes of a page of a page file, about, and pages that are read for it at most.
+const PAGE_BYTES: u64 = 1 << 20;
+const MOST_AT_ONCE: u64 = 16;
+
 /// A run's tracks, moved in one way.
 #[derive(Debug)]
 pub struct RunTree {
@@ -217,6 +221,10 @@ impl Tree for RunTree {
         all.map(|found| found.nodes.len.div_ceil(found.count.max(1).into())).max().unwrap_or(0)
     }
 
+    fn pages_at_once(&self) -> usize {
+        (PAGE_BYTES / self.largest_page_bytes().max(1)).clamp(1, MOST_AT_ONCE) as usize
+    }
+
     fn roots(&self, families: &[u32], _purpose: Purpose, time: f64) -> Vec<NodeRef> {
         let interval = self.interval_at(time);
         let root = |family: &u32| {
@@ -229,7 +237,7 @@ impl Tree for RunTree {
     }
 
     fn is_root(&self, page: PageId) -> bool {
-        page.0 < self.page_count() && self.first.contains(&(page.0 + 1))
+        page.0 < self.page_count() && self.first.binary_search(&(page.0 + 1)).is_ok()
     }
 }
 

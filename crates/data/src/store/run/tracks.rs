@@ -5,7 +5,9 @@
 //! for all tracks of leaves that follow one another.
 
 use crate::codec::morton::MORTON_BITS;
-use crate::codec::states::{MASS_BITS, VALUE_BITS, as_before, decode, decode_bounded, encode, float_of, round_float};
+use crate::codec::states::{
+    BLOCK, MASS_BITS, VALUE_BITS, as_before, decode, decode_bounded, encode, float_of, round_float,
+};
 use crate::hierarchy::spacetime::{Interpolation, TrackEnd, TrackFlags, Tracks};
 use crate::model::Bounds;
 use crate::store::error::Damage;
@@ -149,6 +151,10 @@ impl TrackIndex {
             if !(node.delta >= 0.0 && node.delta.is_finite() && node.spacing >= 0.0 && node.spacing.is_finite()) {
                 return Err(wrong("distances"));
             }
+            let box_is_finite = node.bounds.min.is_finite() && node.bounds.max.is_finite();
+            if !box_is_finite || !node.mass.iter().chain([&node.faded_mass]).all(|mass| mass.is_finite()) {
+                return Err(wrong("a box and masses"));
+            }
             end += u64::from(node.states.len) + u64::from(node.ids.len);
             if node.is_leaf() {
                 if node.sources != u64::from(node.tracks) || node.key < key {
@@ -274,6 +280,11 @@ impl TrackCoding {
     /// # Errors
     /// What was expected.
     pub fn decode(&self, mut bytes: &[u8], count: usize, attributes: usize) -> Result<Tracks, &'static str> {
+        // Before there is room for them: a block of a column takes two bytes at least.
+        let columns = 1 + 4 * 3 + 2 * (3 + attributes);
+        if count.div_ceil(BLOCK).saturating_mul(2 * columns) > bytes.len() {
+            return Err("no more tracks than its bytes can hold");
+        }
         let input = &mut bytes;
         let mut tracks = Tracks::new(attributes);
         for flags in decode(input, count, as_before(0))? {
