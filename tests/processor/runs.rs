@@ -154,6 +154,24 @@ fn runs_are_the_same_file_whatever_the_order_of_names_and_the_threads() {
 }
 
 #[test]
+fn a_run_is_played_forward_backward_and_in_jumps() {
+    let folder = built();
+    let size = ["--size", "120x80", "--duration", "0.6", "--backends", "cpu", "--json", "-"];
+    let told = json(folder.path(), &[&["bench", "play", "run.df"], &size[..]].concat());
+    assert_eq!((&told[0]["particles"], &told[0]["steps"]), (&500.into(), &4.into()));
+    for way in ["forward", "backward", "jumping"] {
+        let played = &told[0][way];
+        assert!(played["frames_per_second"].as_f64().unwrap() > 1.0, "{played}");
+        assert_eq!((&played["tracks"], &played["worst_error_px"]), (&500.0.into(), &0.0.into()), "{way}");
+    }
+    assert_eq!(told[0]["forward"]["late_frames"], 0);
+    let light = refused(folder.path(), &[&["bench", "play", "run.df", "--mode", "volume"], &size[..]].concat());
+    assert!(light.ends_with("bench play: volume draws light; choose a mode of sums"), "{light}");
+    let still = refused(folder.path(), &[&["bench", "play", "turn_8.csv"], &size[..]].concat());
+    assert!(still.contains("turn_8.csv"), "{still}");
+}
+
+#[test]
 fn moments_outside_are_refused_and_moments_between_steps_say_what_is_shown() {
     let folder = built();
     let folder = folder.path();

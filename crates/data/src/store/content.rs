@@ -19,6 +19,11 @@ pub trait Content: Debug + Send + Sync {
     /// What is drawn at a time, in the data's unit: always the same number of particles. What does not change is borrowed.
     fn particles(&self, time: f64) -> Cow<'_, Particles>;
 
+    /// Some of the particles at a time, by their numbers, each of which there is.
+    fn some(&self, time: f64, which: &[u32]) -> Particles {
+        self.particles(time).some(which)
+    }
+
     /// Bytes of memory that it takes.
     fn memory(&self) -> u64;
 }
@@ -43,6 +48,21 @@ impl Particles {
     /// Whether there is none.
     pub fn is_empty(&self) -> bool {
         self.positions.is_empty()
+    }
+
+    /// Some of them, by their numbers. Panics if there is none of such a number.
+    pub fn some(&self, which: &[u32]) -> Particles {
+        let column = |values: &Vec<f32>| which.iter().map(|i| values[*i as usize]).collect();
+        let values = Codebook {
+            particles: which.len() as u64,
+            mass: column(&self.values.mass),
+            density: column(&self.values.density),
+            smoothing_length: column(&self.values.smoothing_length),
+            attributes: self.values.attributes.iter().map(column).collect(),
+            errors: self.values.errors.clone(),
+            ..self.values
+        };
+        Particles { positions: which.iter().map(|i| self.positions[*i as usize]).collect(), values }
     }
 
     /// The box around the positions.

@@ -54,6 +54,25 @@ impl<'a> DecodedNode<'a> {
         DecodedNode { places, smoothing_length, weight, attribute, density, ..DecodedNode::default() }
     }
 
+    /// Particles of a node's own with the factors of a sample on their weights, of which there is one for each, displaced by `offset`.
+    fn taken(
+        held: &Particles,
+        table: &CodeTable,
+        (scale, factors): (f32, &[f32]),
+        growth: f32,
+        offset: DVec3,
+    ) -> DecodedNode<'a> {
+        let grown = |h: &f32| growth * h;
+        DecodedNode {
+            places: held.positions.iter().map(|at| (DVec3::from_array(*at) + offset).to_array()).collect(),
+            smoothing_length: table.smoothing_length.iter().map(grown).collect(),
+            weight: table.weight.iter().zip(factors).map(|(weight, factor)| factor * (scale * weight)).collect(),
+            attribute: table.attribute.clone(),
+            density: table.density.clone(),
+            ..DecodedNode::default()
+        }
+    }
+
     /// A sample of a node that holds particles of its own, with a table of them, displaced by `offset`.
     fn some(held: &Particles, table: &CodeTable, scale: f32, sample: Sample, offset: DVec3) -> DecodedNode<'a> {
         let mut out = DecodedNode {
@@ -206,14 +225,14 @@ pub fn decode_planned<'a>(
     nodes: &'a [SceneNode],
     plan: &Plan,
 ) -> Vec<DecodedNode<'a>> {
-    let sample = |drawn: &SceneNode, table: &CodeTable| {
+    let sample = |drawn: &SceneNode, most_important: f32| {
         let family = &metadata.families[drawn.page.family as usize];
         plan.sample(
             &view.of_image(drawn.offset),
             depiction,
             family,
             &drawn.page.nodes[drawn.node.node as usize],
-            table.most_important,
+            most_important,
         )
     };
     let decoded = match plan.samples() {
@@ -232,16 +251,16 @@ pub fn cut<'a>(view: &View, mut nodes: Vec<DecodedNode<'a>>) -> Vec<DecodedNode<
 }
 
 /// No sample: all particles.
-const ALL: Option<fn(&SceneNode, &CodeTable) -> Sample> = None;
+const ALL: Option<fn(&SceneNode, f32) -> Sample> = None;
 
-/// Decodes the samples of the selected nodes that `sample` gives for the table of a node's codebook, in parallel, with
+/// Decodes the samples of the selected nodes that `sample` gives for the largest importance in a node's table, in parallel, with
 /// tables as `change` makes them; without `sample` all particles, as they are.
 pub(super) fn decode_some<'a>(
     depiction: &Depiction,
     metadata: &Metadata,
     nodes: &'a [SceneNode],
     change: impl Fn(CodeTable) -> CodeTable + Sync,
-    sample: Option<impl Fn(&SceneNode, &CodeTable) -> Sample + Sync>,
+    sample: Option<impl Fn(&SceneNode, f32) -> Sample + Sync>,
 ) -> Vec<DecodedNode<'a>> {
     DECODED.fetch_add(nodes.len() as u64, Ordering::Relaxed);
     let tables: Vec<Vec<CodeTable>> = metadata
@@ -254,22 +273,41 @@ pub(super) fn decode_some<'a>(
         .map(|drawn| {
             let index = drawn.node.node as usize;
             if let Some(content) = drawn.page.content(index) {
-                let held = content.particles(drawn.time);
                 let family = &metadata.families[drawn.page.family as usize];
-                let scale = depiction.node_scale(&drawn.page.nodes[index]);
+                let own = &drawn.page.nodes[index];
+                let scale = depiction.node_scale(own);
+                // Of an even sample it is known beforehand who is in it.
+                let even = sample.as_ref().map(|sample| sample(drawn, f32::INFINITY)).filter(|sample| sample.even);
+                if let Some(sample) = even {
+                    let (mut which, mut factors) = (Vec::new(), Vec::new());
+                    sample.each(
+                        own.particles,
+                        |_| 0.0,
+                        |i, factor| {
+                            which.push(i);
+                            factors.push(factor);
+                        },
+                    );
+                    let held = content.some(drawn.time, &which);
+                    let table = change(depiction.table(family, &held.values));
+                    let reach = Some(reach_now(drawn, &held, sample.growth));
+                    let node = DecodedNode::taken(&held, &table, (scale, &factors), sample.growth, drawn.offset);
+                    return DecodedNode { reach, ..node };
+                }
+                let held = content.particles(drawn.time);
                 let Some(sample) = &sample else {
                     let columns = depiction.columns_of(family, &held.values);
                     let reach = Some(reach_now(drawn, &held, 1.0));
                     return DecodedNode { reach, ..DecodedNode::whole(held, columns, scale, drawn.offset) };
                 };
                 let table = change(depiction.table(family, &held.values));
-                let sample = sample(drawn, &table);
+                let sample = sample(drawn, table.most_important);
                 let node = DecodedNode::some(&held, &table, scale, sample, drawn.offset);
                 return DecodedNode { reach: Some(reach_now(drawn, &held, sample.growth)), ..node };
             }
             let codebook = usize::from(drawn.page.nodes[index].codebook);
             let table = &tables[drawn.page.family as usize][codebook];
-            let sample = sample.as_ref().map_or(Sample::ALL, |sample| sample(drawn, table));
+            let sample = sample.as_ref().map_or(Sample::ALL, |sample| sample(drawn, table.most_important));
             let mut node = DecodedNode::coded(depiction, &drawn.page, index, table, sample);
             node.origin += drawn.offset;
             DecodedNode { reach: Some(reach(drawn, sample.growth)), ..node }

@@ -91,7 +91,7 @@ impl<'a> Estimate<'a> {
         let square = mean_square(metadata.kernel);
         // Each is as likely to be drawn as any other, and has its importance as attribute.
         let even = |table: CodeTable| CodeTable { attribute: Some(table.importance.clone()), ..table };
-        let sample = |drawn: &SceneNode, _: &CodeTable| {
+        let sample = |drawn: &SceneNode, _: f32| {
             let seed = drawn.page.nodes[drawn.node.node as usize].seed;
             // Their kernels stay as they are: what their absence would do is what is measured.
             if share < 1.0 { Sample { growth: 1.0, ..Sample::even(seed, share) } } else { Sample::ALL }

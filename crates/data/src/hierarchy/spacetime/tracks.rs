@@ -246,13 +246,14 @@ impl Tracks {
 
     /// The particles as they are at `u` of the interval, from 0 to 1, for pictures: as [`Tracks::at`] has them, but always as many, some
     /// without mass, and without ids and velocities. Those that fade are at their first place, and once more at their last behind all
-    /// others.
+    /// others. Only some of them where `which` has their numbers, each below [`Tracks::drawn`].
     pub fn drawn_at(
         &self,
         interval: &Interval,
         u: f64,
         interpolation: Interpolation,
         rules: &[AttributeMerge],
+        which: Option<&[u32]>,
     ) -> Moving {
         // What stands still at the last step is that step.
         let u = if interpolation == Interpolation::Hold && u < 1.0 { 0.0 } else { u };
@@ -261,55 +262,50 @@ impl Tracks {
             Interpolation::Fade => true,
             Interpolation::Hermite | Interpolation::Linear | Interpolation::Hold => false,
         };
-        let [begin, end] = &self.ends;
-        let twice: Vec<usize> = (0..self.len()).filter(|i| fades(*i)).collect();
-        let count = self.len() + twice.len();
-        let mut out = Moving {
-            positions: Vec::with_capacity(count),
-            mass: Vec::with_capacity(count),
-            density: Vec::with_capacity(count),
-            smoothing_length: Vec::with_capacity(count),
-            attributes: vec![Vec::with_capacity(count); rules.len()],
-            ..Moving::default()
+        let twice: Vec<u32> = (0..self.len()).filter(|i| fades(*i)).map(|i| i as u32).collect();
+        // Each track, and where it is looked at: on its way, or at one of its ends.
+        let place = |number: usize| match number.checked_sub(self.len()) {
+            Some(second) => (twice[second] as usize, Some(1)),
+            None => (number, fades(number).then_some(0)),
         };
-        let shares = |i: usize| {
-            let [first, last] = self.flags[i].weights();
-            [((1.0 - u) * first) as f32, (u * last) as f32]
+        let drawn: Vec<(usize, Option<usize>)> = match which {
+            Some(which) => which.iter().map(|number| place(*number as usize)).collect(),
+            None => (0..self.len() + twice.len()).map(place).collect(),
         };
-        for i in 0..self.len() {
-            let fades = fades(i);
-            let position = match interpolation {
-                _ if fades => DVec3::from(interval.lattice.position(begin.places[i])),
-                Interpolation::Linear => {
-                    let [first, last] =
-                        [0, 1].map(|end| DVec3::from(interval.lattice.position(self.ends[end].places[i])));
-                    first + u * (last - first)
-                }
-                _ => interval.spline(self, i).position(u),
+        let position = |&(i, end): &(usize, Option<usize>)| {
+            let at = |end: usize| DVec3::from(interval.lattice.position(self.ends[end].places[i]));
+            let position = match (end, interpolation) {
+                (Some(end), _) => at(end),
+                (None, Interpolation::Linear) => at(0) + u * (at(1) - at(0)),
+                (None, _) => interval.spline(self, i).position(u),
             };
-            out.positions.push(interval.wrapped(position).to_array());
-            let [first, last] = shares(i);
-            out.mass.push(first * begin.mass[i] + if fades { 0.0 } else { last * end.mass[i] });
-        }
-        for &i in &twice {
-            let position = interval.lattice.position(end.places[i]);
-            out.positions.push(interval.wrapped(position.into()).to_array());
-            out.mass.push(shares(i)[1] * end.mass[i]);
-        }
-        let column = |first: &[f32], last: &[f32], is_log: bool, out: &mut Vec<f32>| {
-            out.extend(first.iter().zip(last).map(|(first, last)| between(*first, *last, u, is_log)));
-            for &i in &twice {
-                out[i] = first[i];
-                out.push(last[i]);
-            }
+            interval.wrapped(position).to_array()
         };
-        column(&begin.density, &end.density, true, &mut out.density);
-        column(&begin.smoothing_length, &end.smoothing_length, true, &mut out.smoothing_length);
-        let columns = begin.attributes.iter().zip(&end.attributes).zip(rules);
-        for (((first, last), rule), out) in columns.zip(&mut out.attributes) {
-            column(first, last, *rule != AttributeMerge::Magnitude, out);
+        let mass = |&(i, end): &(usize, Option<usize>)| {
+            let [first, last] = self.flags[i].weights();
+            let shares = [((1.0 - u) * first) as f32, (u * last) as f32];
+            let of = |end: usize| shares[end] * self.ends[end].mass[i];
+            end.map_or_else(|| of(0) + of(1), of)
+        };
+        let column = |of: &dyn Fn(&TrackEnd) -> &[f32], is_log: bool| -> Vec<f32> {
+            let ends = [of(&self.ends[0]), of(&self.ends[1])];
+            let value = |&(i, end): &(usize, Option<usize>)| match end {
+                Some(end) => ends[end][i],
+                None => between(ends[0][i], ends[1][i], u, is_log),
+            };
+            drawn.iter().map(value).collect()
+        };
+        let attribute =
+            |(k, rule): (usize, &AttributeMerge)| column(&|end| &end.attributes[k], *rule != AttributeMerge::Magnitude);
+        Moving {
+            ids: Vec::new(),
+            velocities: Vec::new(),
+            positions: drawn.iter().map(position).collect(),
+            mass: drawn.iter().map(mass).collect(),
+            density: column(&|end| &end.density, true),
+            smoothing_length: column(&|end| &end.smoothing_length, true),
+            attributes: rules.iter().enumerate().map(attribute).collect(),
         }
-        out
     }
 
     /// Appends what changes along a track, but for its place and mass.

@@ -190,6 +190,8 @@ impl Tree for RunTree {
         let bounds = in_box(about.bounds, &space);
         let node = Node {
             encoding: if about.is_leaf() { Encoding::Leaf } else { Encoding::Grid },
+            // Another one for each node, so that samples of neighbours have nothing in common.
+            seed: page.0.wrapping_mul(0x9e37_79b9),
             source_particles: about.sources,
             delta: about.delta,
             spacing: about.spacing,
@@ -257,10 +259,10 @@ struct MovingTracks {
     rules: Arc<[AttributeMerge]>,
 }
 
-impl Content for MovingTracks {
-    fn particles(&self, time: f64) -> Cow<'_, Particles> {
+impl MovingTracks {
+    fn at(&self, time: f64, which: Option<&[u32]>) -> Particles {
         let u = ((time - self.begin) / self.interval.length).clamp(0.0, 1.0);
-        let now = self.tracks.drawn_at(&self.interval, u, self.interpolation, &self.rules);
+        let now = self.tracks.drawn_at(&self.interval, u, self.interpolation, &self.rules, which);
         let values = Codebook {
             scope: CodebookScope::Leaves,
             particles: now.positions.len() as u64,
@@ -270,7 +272,17 @@ impl Content for MovingTracks {
             smoothing_length: now.smoothing_length,
             attributes: now.attributes,
         };
-        Cow::Owned(Particles { positions: now.positions, values })
+        Particles { positions: now.positions, values }
+    }
+}
+
+impl Content for MovingTracks {
+    fn particles(&self, time: f64) -> Cow<'_, Particles> {
+        Cow::Owned(self.at(time, None))
+    }
+
+    fn some(&self, time: f64, which: &[u32]) -> Particles {
+        self.at(time, Some(which))
     }
 
     fn memory(&self) -> u64 {
