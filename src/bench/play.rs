@@ -92,9 +92,10 @@ pub fn measure(arguments: &super::Arguments) -> Result<Vec<Outcome>, Failure> {
     let [begin, end] = ends;
     let at = |seconds: f64| begin + (end - begin) * (seconds / options.duration).clamp(0.0, 1.0);
     let seconds = options.duration;
-    let forward = play(&mut engine, &mut streamer, &view, seconds, &at, &|now| Some(at(now + AHEAD_SECS)))?;
+    let ahead = |at: &dyn Fn(f64) -> f64, now: f64| tree.next_interval(at(now), at(now + AHEAD_SECS));
+    let forward = play(&mut engine, &mut streamer, &view, seconds, &at, &|now| ahead(&at, now))?;
     let back = |now: f64| at(seconds - now);
-    let backward = play(&mut engine, &mut streamer, &view, seconds, &back, &|now| Some(back(now + AHEAD_SECS)))?;
+    let backward = play(&mut engine, &mut streamer, &view, seconds, &back, &|now| ahead(&back, now))?;
     // Far from each other, and from where they were before: multiples of the golden section.
     let jump = |now: f64| begin + (end - begin) * (0.618_034 * (1.0 + (now / JUMP_SECS).floor())).fract();
     let mut streamer = engine.streamer();

@@ -155,8 +155,9 @@ impl Playhead {
         let tree = Arc::clone(self.tracks.as_ref().filter(|_| self.moves_now())?);
         let [first, last] = self.ends();
         let ahead = self.time + AHEAD_SECS * self.speed * (last - first) / WHOLE_RUN_SECS;
-        let next = self.playing.then(|| self.clock_at(&tree, ahead.min(last)));
-        Some(MovingRun { time: self.clock_at(&tree, self.time), next, tree })
+        let (time, ahead) = (self.clock_at(&tree, self.time), self.clock_at(&tree, ahead.min(last)));
+        let next = self.playing.then(|| tree.next_interval(time, ahead)).flatten();
+        Some(MovingRun { time, next, tree })
     }
 
     fn ends(&self) -> [f64; 2] {

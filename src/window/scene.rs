@@ -55,7 +55,7 @@ pub struct MovingRun {
     pub tree: Arc<RunTree>,
     /// When, by the tree's clock.
     pub time: f64,
-    /// When it will be in a moment, while it plays.
+    /// When it will be in the next interval, while it plays, where that comes in a moment.
     pub next: Option<f64>,
 }
 

@@ -76,6 +76,19 @@ impl RunTree {
         at(moment.step) + moment.u * (at(moment.step + 1) - at(moment.step))
     }
 
+    /// When the tree is in the interval that comes next on the way from a time to another one, which may lie before it; `None` where none
+    /// begins on that way.
+    pub fn next_interval(&self, from: f64, to: f64) -> Option<f64> {
+        let (here, clock) = (self.interval_at(from), self.clock());
+        match to > from {
+            true => clock.get(here + 1).copied().filter(|begin| *begin <= to && self.interval_at(*begin) > here),
+            false => {
+                let end = clock.get(here).copied().filter(|end| here > 0 && *end >= to)?;
+                Some(0.5 * (end + clock[here - 1]))
+            }
+        }
+    }
+
     fn clock(&self) -> &[f64] {
         self.run.directory().tracks.as_ref().map_or(&[], |layout| &layout.clock)
     }
