@@ -154,6 +154,30 @@ fn runs_are_the_same_file_whatever_the_order_of_names_and_the_threads() {
 }
 
 #[test]
+fn a_tour_around_a_run_plays_it() {
+    let folder = built();
+    let folder = folder.path();
+    let around = ["tour", "--around", "run.df", "--seconds", "2", "--fps", "4", "--size", "64x36", "--record", "out"];
+    ok(folder, &around);
+    let time = |frame: usize| {
+        let path = folder.join(format!("out/scenes/frame-{frame:05}.scene.ron"));
+        let scene = deepfield::look::SceneFile::read(&path).unwrap();
+        match scene.look.time {
+            Some(deepfield::model::When::Time(time)) => time,
+            other => panic!("{other:?}"),
+        }
+    };
+    // From 0 to 2 in eight frames, evenly.
+    for frame in 0..8 {
+        assert!((time(frame) - 0.25 * frame as f64).abs() < 0.02, "{frame}: {}", time(frame));
+    }
+    ok(
+        folder,
+        &["tour", "--around", "turn_8.csv", "--seconds", "2", "--fps", "2", "--size", "64x36", "--record", "one"],
+    );
+}
+
+#[test]
 fn a_run_is_played_forward_backward_and_in_jumps() {
     let folder = built();
     let size = ["--size", "120x80", "--duration", "0.6", "--backends", "cpu", "--json", "-"];

@@ -9,7 +9,7 @@ use crate::look::{Backend, Camera, DatasetRef, Film, LookPatch, Member, SceneFil
 use crate::picture::ranges::Format;
 use crate::picture::{Picture, Session, SessionOptions};
 use crate::tour::exposure::is_searched;
-use crate::tour::{Exposure, State, Surroundings, Timeline, TourFile};
+use crate::tour::{Exposure, State, Surroundings, Timeline, TourFile, play_along};
 use std::path::{Path, PathBuf};
 
 /// A tour that is shown.
@@ -44,7 +44,7 @@ impl Show {
     /// # Errors
     /// When the data cannot be read, or a keyframe looks at something that is not there.
     pub fn open(
-        tour: TourFile,
+        mut tour: TourFile,
         file: Option<PathBuf>,
         data: PathBuf,
         arguments: &Arguments,
@@ -63,6 +63,9 @@ impl Show {
             aspect: f64::from(tour.size.0) / f64::from(tour.size.1),
             times: session.run().map(|run| run.times().clone()),
         };
+        if let (None, Some(times)) = (&file, &surroundings.times) {
+            play_along(&mut tour, times);
+        }
         if surroundings.times.is_none() && tour.keyframes.iter().any(|keyframe| keyframe.look.time.is_some()) {
             eprintln!("deepfield: {}: is one snapshot, so the tour's times are left out", data.display());
         }

@@ -22,4 +22,4 @@ pub use file::{Around, Comfort, Easing, Keyframe, Move, TimeEasing, TourError, T
 pub use pace::{Remark, remarks};
 pub use path::{Path, Pose};
 pub use timeline::{Blend, Caption, State, Stop, Timeline};
-pub use usual::around_data;
+pub use usual::{around_data, play_along};

@@ -1,6 +1,7 @@
 //! A tour of any data: once around it, and a little into it.
 
 use super::file::{Around, Keyframe, TourFile, What};
+use crate::model::{StepTimes, When};
 
 /// A tour around the data that takes so many seconds, 2 or more.
 pub fn around_data(seconds: f64) -> TourFile {
@@ -22,4 +23,17 @@ pub fn around_data(seconds: f64) -> TourFile {
     // A short one turns as fast as it has to.
     tour.comfort.turn = tour.comfort.turn.max(700.0 / seconds.max(1.0));
     tour
+}
+
+/// Lets the data's time go evenly from the first step to the last while a tour lasts.
+pub fn play_along(tour: &mut TourFile, times: &StepTimes) {
+    let (Some(first), Some(last)) = (times.times.first(), times.times.last()) else { return };
+    let total: f64 = tour.keyframes.iter().filter_map(|keyframe| keyframe.after).sum();
+    let mut passed = 0.0;
+    for keyframe in &mut tour.keyframes {
+        passed += keyframe.after.unwrap_or(0.0);
+        let share = if total > 0.0 { (passed / total).min(1.0) } else { 0.0 };
+        // Exactly the last step at the end.
+        keyframe.look.time = Some(When::Time(first * (1.0 - share) + last * share));
+    }
 }
