@@ -4,6 +4,7 @@
 //! A step's still is a whole page file, to the byte what a build of that snapshot alone writes; it is opened through a window on the
 //! file.
 
+mod flow;
 mod kept;
 mod layout;
 mod paths;
@@ -14,6 +15,7 @@ mod tracks;
 mod verify;
 mod writer;
 
+pub use flow::FlowTracks;
 pub use layout::{Directory, HEADER_LEN, MAGIC, Section, Step, VERSION};
 pub use paths::RunPaths;
 pub use snapshot::RunSnapshot;
