@@ -54,7 +54,7 @@ pub struct Arguments {
     /// [default: as many as keep the finest one small beside the particles].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=MOST_FLOW_LEVELS as i64))]
     pub flow_levels: Option<u32>,
-    /// The error of the coarsest flow level, in the run's length unit; each finer one has half of it [default: an eighth of how far the
+    /// The error of the coarsest flow level, in the run's length unit; each finer one has half of it [default: half of how far the
     /// middle 80 % of the particles reach].
     #[arg(long, value_name = "LENGTH", value_parser = super::arguments::positive)]
     pub flow_error: Option<f64>,

@@ -30,7 +30,7 @@ const CARRIED: usize = 3;
 pub struct FlowOptions {
     /// How many, at most [`MOST_FLOW_LEVELS`]; `None`: as many as keep the finest one small beside the particles.
     pub levels: Option<usize>,
-    /// The error of the coarsest one, run units; `None`: an eighth of how far the middle 80 % of the particles reach.
+    /// The error of the coarsest one, run units; `None`: half of how far the middle 80 % of the particles reach.
     pub error: Option<f64>,
 }
 

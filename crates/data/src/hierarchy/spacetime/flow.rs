@@ -20,7 +20,7 @@ use std::collections::{BinaryHeap, HashMap};
 const WITHIN: f64 = 1.0 - 1.0 / 512.0;
 /// What a velocity weighs against a place in the criterion that the next interval asks for. A tangent's weight in (6.1) is 4/27 at
 /// most; with more than that a cluster can stay together over the interval and not only fall apart in it.
-const AHEAD: f64 = 8.0 / 27.0;
+const AHEAD: f64 = 6.0 / 27.0;
 /// What a velocity weighs where clusters are split and where pairs are compared: the largest weight of a tangent in (6.1).
 const TANGENT_WEIGHT: f64 = 4.0 / 27.0;
 /// Places of clusters are rounded to less than this part of the error.
@@ -171,7 +171,7 @@ impl Flow<'_> {
 
 /// The errors of flow levels, the finest first: so many as there are asked for, else from a sample of the particles at the first step
 /// (their places, and movements in the first interval, world units; each stands for `weight` particles) as many as keep the finest
-/// level small beside the particles. The coarsest one is `root`, where it is said, else an eighth of how far the middle 80 % of the
+/// level small beside the particles. The coarsest one is `root`, where it is said, else half of how far the middle 80 % of the
 /// sample reach; each finer one is half of it.
 pub fn flow_errors(
     lattice: &Lattice,
@@ -187,7 +187,7 @@ pub fn flow_errors(
         let at = |share: f64| values.get((share * (values.len().max(1) - 1) as f64) as usize).copied().unwrap_or(0);
         (at(0.9) - at(0.1)) as f64 * lattice.unit()
     };
-    let own = || (0..3).map(extent).fold(0.0, f64::max) / 8.0;
+    let own = || (0..3).map(extent).fold(0.0, f64::max) / 2.0;
     let root = root.unwrap_or_else(own).max(lattice.unit() * ROUNDING);
     let errors = |levels: usize| (0..levels).rev().map(|level| root / f64::from(1_u32 << level)).collect::<Vec<_>>();
     if let Some(levels) = levels {
