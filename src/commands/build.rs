@@ -59,8 +59,11 @@ pub struct Arguments {
     #[arg(long, value_name = "LENGTH", value_parser = super::arguments::positive)]
     pub flow_error: Option<f64>,
     /// Keep stored steps only, and nothing of how particles move between them.
-    #[arg(long)]
+    #[arg(long, conflicts_with = "no_stills")]
     pub stills_only: bool,
+    /// Keep tracks only: less space, and pictures of steps are drawn from tracks, too, within their rounding.
+    #[arg(long)]
+    pub no_stills: bool,
     /// The page file to write.
     #[arg(short, long, value_name = "FILE.df")]
     pub output: PathBuf,
@@ -155,7 +158,12 @@ pub fn run(arguments: &Arguments) -> CommandResult {
         clock: arguments.clock,
     };
     let flow = FlowOptions { levels: arguments.flow_levels.map(|levels| levels as usize), error: arguments.flow_error };
-    let tracks = TrackOptions { matching: arguments.r#match, tangents: arguments.tangents, flow };
+    let tracks = TrackOptions {
+        matching: arguments.r#match,
+        tangents: arguments.tangents,
+        flow,
+        no_stills: arguments.no_stills,
+    };
     let tracks = (!arguments.stills_only).then_some(&tracks);
     let run = open_run(&sources, &run_options, options.read)?;
     match &run.steps[..] {

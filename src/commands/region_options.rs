@@ -172,7 +172,8 @@ impl Opened {
                 let run = Arc::new(RunFile::open(path, method)?);
                 let moment = run.moment(time.unwrap_or(When::Step(0)))?;
                 let interpolation = interpolation.unwrap_or_default();
-                if moment.u > 0.0 && interpolation != Interpolation::Hold && run.tracks().is_ok() {
+                let moves = moment.u > 0.0 && interpolation != Interpolation::Hold || !run.has_stills();
+                if moves && run.tracks().is_ok() {
                     return Ok(Opened::Source(Box::new(run.at(moment, interpolation)?)));
                 }
                 if moment.u > 0.0 {

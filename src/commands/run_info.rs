@@ -19,6 +19,7 @@ pub fn json(run: &RunFile) -> Value {
         "mass_unit": directory.mass_unit,
         "box_size": directory.box_size,
         "bytes_per_particle_step": run.bytes() as f64 / particles.max(1) as f64,
+        "stills": directory.has_stills,
         "steps": directory.steps.iter().enumerate().map(|(index, step)| step_json(index, step)).collect::<Vec<_>>(),
         "intervals": directory.intervals.iter().enumerate().map(|(from, found)| interval_json(run, from, found)).collect::<Vec<_>>(),
         "flow": flow_json(run),

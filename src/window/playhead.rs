@@ -103,12 +103,16 @@ impl Playhead {
 
     /// Whether only steps are shown, also where something moves between them.
     pub fn holds(&self) -> bool {
-        self.holds || self.surrounds || self.tracks.is_none()
+        (self.holds || self.surrounds) && self.has_stills() || self.tracks.is_none()
     }
 
     /// Shows steps alone from now on, or what moves between them.
     pub fn hold(&mut self, holds: bool) {
         self.holds = holds;
+    }
+
+    fn has_stills(&self) -> bool {
+        self.data.run().is_none_or(|run| run.has_stills())
     }
 
     /// Steps that cannot be shown.
@@ -141,7 +145,8 @@ impl Playhead {
 
     /// Whether tracks are to be drawn: while time goes on, and between steps.
     fn moves_now(&self) -> bool {
-        !self.holds() && (self.playing || self.times.times.get(self.wanted()).is_none_or(|step| *step != self.time))
+        let is_between = || self.times.times.get(self.wanted()).is_none_or(|step| *step != self.time);
+        !self.holds() && (self.playing || !self.has_stills() || is_between())
     }
 
     /// The tracks' clock at a time.

@@ -4,6 +4,7 @@ use super::tracks::{BuiltStep, TrackBuild, TrackOptions};
 use super::{BuildError, BuildOptions, built_of, in_pool};
 use crate::import::{AttributeChoice, Description, LoadOptions, Run, RunStep, has_attribute, open_with};
 use crate::model::{Placement, Progress, Unit};
+use crate::store::PageFileWriter;
 use crate::store::run::{Directory, RunFileWriter, Step};
 use crate::store::temporary::{clean, folder_of};
 use std::path::Path;
@@ -60,10 +61,12 @@ fn build_steps(
         mass_unit: first.as_ref().map(|about| about.mass_unit.clone()).unwrap_or_default(),
         box_size: first.as_ref().and_then(|about| about.box_size),
         notes: run.notes.clone(),
+        has_stills: true,
         steps: Vec::with_capacity(run.steps.len()),
         tracks: None,
         intervals: Vec::new(),
     };
+    directory.has_stills = run.steps.len() < 2 || tracks.is_none_or(|tracks| !tracks.no_stills);
     let load =
         |step: &RunStep| LoadOptions { without: run.left_out.clone(), ..of_step(load_options, step, &run.steps) };
     let mut built_steps = Vec::with_capacity(run.steps.len());
@@ -74,8 +77,15 @@ fn build_steps(
         let built = source.and_then(|source| built_of(source.as_ref(), &load(step), options, out, &here));
         match built {
             Ok(built) => {
-                let still = writer.append(built.file.file())?;
-                temporary_bytes = temporary_bytes.max(built.temporary_bytes + still.len);
+                let bytes = built.file.bytes();
+                let still = match directory.has_stills {
+                    true => writer.append(built.file.file())?,
+                    false => {
+                        let outline = PageFileWriter::create(out)?.complete(&built.metadata.outline())?;
+                        writer.append(outline.file())?
+                    }
+                };
+                temporary_bytes = temporary_bytes.max(built.temporary_bytes + bytes);
                 let metadata = &built.metadata;
                 let placement = Placement { scale: step.length, mass: step.mass, ..Placement::HERE };
                 let bounds = placement.bounds(metadata.bounds());

@@ -76,6 +76,8 @@ pub struct TrackOptions {
     pub tangents: Option<Tangents>,
     /// Which flow levels there are.
     pub flow: FlowOptions,
+    /// Whether the steps' stills are left out, so that pictures of steps are drawn from tracks, too.
+    pub no_stills: bool,
 }
 
 /// A step as its still was built.

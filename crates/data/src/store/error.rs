@@ -65,6 +65,12 @@ pub enum StoreError {
         /// What was expected there.
         expected: String,
     },
+    /// A run that keeps no stills.
+    #[error("{path}: it was built with --no-stills, and keeps tracks only")]
+    NoStills {
+        /// The run.
+        path: PathBuf,
+    },
     /// A run without the flow level that was asked for.
     #[error("{path}: flow level {level}: found {levels} of them, from 1 on")]
     NoFlowLevel {

@@ -37,6 +37,17 @@ impl Metadata {
         self.families.iter().all(|family| family.volume.is_some())
     }
 
+    /// What is still known where there are no pages.
+    pub fn outline(&self) -> Metadata {
+        let without = |family: &FamilyMetadata| FamilyMetadata {
+            levels: Vec::new(),
+            volume: None,
+            codebooks: Vec::new(),
+            ..family.clone()
+        };
+        Metadata { families: self.families.iter().map(without).collect(), ..self.clone() }
+    }
+
     /// The box around the source positions of all families.
     pub fn bounds(&self) -> Bounds {
         self.families.iter().fold(Bounds::EMPTY, |bounds, family| bounds.union(family.bounds))

@@ -64,7 +64,9 @@ pub trait Tree: Debug + Send + Sync {
     fn roots(&self, families: &[u32], purpose: Purpose, _time: f64) -> Vec<NodeRef> {
         let families = families.iter().filter_map(|&family| self.metadata().families.get(family as usize));
         let page = |family: &super::FamilyMetadata| family.root_page_of(purpose).unwrap_or(family.root_page);
-        families.map(|family| NodeRef { page: page(family), node: 0 }).collect()
+        // An outline has no pages.
+        let pages = families.map(page).filter(|page| page.0 < self.page_count());
+        pages.map(|page| NodeRef { page, node: 0 }).collect()
     }
 
     /// Whether a page holds a root: nothing can be drawn without it.

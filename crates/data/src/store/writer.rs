@@ -132,6 +132,11 @@ pub struct CompletePageFile {
 }
 
 impl CompletePageFile {
+    /// Its length.
+    pub fn bytes(&self) -> u64 {
+        self.bytes
+    }
+
     /// Its bytes.
     pub fn file(&self) -> &std::fs::File {
         self.file.file()

@@ -112,6 +112,9 @@ impl OpenData {
         let clock = self.run();
         let time = clock.map(|run| run.time(moment));
         let file = |data: &Data| match data {
+            Data::Run(run) if !run.has_stills() && self.members.len() > 1 => {
+                Err(StoreError::NoStills { path: run.path().to_path_buf() })
+            }
             Data::Pages(path) => PageFile::open_with(path, self.read),
             Data::Run(run) if clock.is_some_and(|clock| Arc::ptr_eq(clock, run)) => run.placed_still(moment.step),
             Data::Run(run) => run.placed_still(step_at(run, time)),

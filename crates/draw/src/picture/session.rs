@@ -230,7 +230,7 @@ impl Session {
         let Some(moment) = opened.moment(look.time)? else { return Ok(()) };
         let interpolation = look.interpolation.unwrap_or_default();
         let run = opened.run().filter(|run| {
-            let moves = moment.u > 0.0 && interpolation != Interpolation::Hold;
+            let moves = moment.u > 0.0 && interpolation != Interpolation::Hold || !run.has_stills();
             // Runs among other datasets are shown by their steps.
             moves && self.members.len() == 1 && run.tracks().is_ok()
         });

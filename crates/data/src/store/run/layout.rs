@@ -91,6 +91,8 @@ pub struct Directory {
     pub box_size: Option<f64>,
     /// What was assumed, converted or left out, one sentence each.
     pub notes: Vec<String>,
+    /// Whether steps have stills; else outlines of them, and pictures of steps are drawn from tracks.
+    pub has_stills: bool,
     /// The steps, each later than the one before; at least one.
     pub steps: Vec<Step>,
     /// What the tracks have in common; `None` in a file of stills alone.
@@ -137,6 +139,7 @@ impl Directory {
         out.option_f64(self.box_size);
         out.u32(self.notes.len() as u32);
         self.notes.iter().for_each(|note| out.text(note));
+        out.u8(u8::from(self.has_stills));
         out.u32(self.steps.len() as u32);
         for step in &self.steps {
             out.text(&step.source.to_string_lossy());
@@ -171,6 +174,10 @@ impl Directory {
             (unit("the unit of time")?, unit("the length unit")?, unit("the mass unit")?);
         let box_size = input.option_f64("the box size")?;
         let notes = (0..input.count(4, "notes")?).map(|_| input.text("a note")).collect::<Result<_, _>>()?;
+        let has_stills = match input.u8("whether there are stills")? {
+            number @ (0 | 1) => number == 1,
+            other => return Err(Damage::new(PLACE, format!("stills (1) or outlines (0), found {other}"))),
+        };
         let count = input.count(LEAST_STEP, "steps")?;
         let steps = (0..count).map(|_| decode_step(&mut input)).collect::<Result<Vec<_>, _>>()?;
         let (tracks, intervals) = match input.u8("whether there are tracks")? {
@@ -185,8 +192,18 @@ impl Directory {
             other => return Err(Damage::new(PLACE, format!("tracks (1) or none (0), found {other}"))),
         };
         input.finish()?;
-        let directory =
-            Directory { clock, time_unit, length_unit, mass_unit, box_size, notes, steps, tracks, intervals };
+        let directory = Directory {
+            clock,
+            time_unit,
+            length_unit,
+            mass_unit,
+            box_size,
+            notes,
+            has_stills,
+            steps,
+            tracks,
+            intervals,
+        };
         directory.check(end)?;
         Ok(directory)
     }
@@ -195,6 +212,9 @@ impl Directory {
     fn check(&self, end: u64) -> Result<(), Damage> {
         if self.steps.is_empty() {
             return Err(Damage::new(PLACE, "at least one step"));
+        }
+        if !self.has_stills && self.intervals.is_empty() {
+            return Err(Damage::new(PLACE, "stills or tracks"));
         }
         let mut next = ALIGNMENT;
         for (number, step) in self.steps.iter().enumerate() {
@@ -362,7 +382,7 @@ mod tests {
         let steps = (0..steps).map(step).collect();
         let notes = vec!["no file between a and c: the interval is longer".to_owned()];
         let unit = Unit::new("kpc/h");
-        (Directory { length_unit: unit, box_size: Some(25.0), notes, steps, ..Directory::default() }, end)
+        (Directory { length_unit: unit, box_size: Some(25.0), notes, has_stills: true, steps, ..Directory::default() }, end)
     }
 
     #[test]

@@ -282,11 +282,19 @@ impl RunFile {
         StoreError::Damaged { path: self.path.clone(), place, expected: expected.into() }
     }
 
+    /// Whether steps have stills; else what is shown of them is drawn from tracks.
+    pub fn has_stills(&self) -> bool {
+        self.directory.has_stills
+    }
+
     /// Copies a step's page file to the end of `out`; returns how many bytes it has.
     ///
     /// # Errors
     /// Where the run cannot be read or `out` not be written; `target` is what messages call it.
     pub fn copy_still(&self, step: usize, out: &mut dyn Write, target: &Path) -> Result<u64, StoreError> {
+        if !self.has_stills() {
+            return Err(StoreError::NoStills { path: self.path.clone() });
+        }
         let window = self.window(step)?;
         let len = self.step(step)?.still.len;
         let mut buffer = vec![0; len.min(1 << 20) as usize];

@@ -45,7 +45,14 @@ pub fn verify_run(path: &Path, progress: &dyn Progress) -> Result<VerifiedRun, S
             place: format!("directory, step {number}"),
             expected: expected.into(),
         })?;
-        let done = verify_file(&still, progress).map_err(|error| in_step(error, number))?;
+        let outline = || run.damaged(format!("step {number}"), "an outline without pages, or a still");
+        if (still.page_count() > 0) != run.directory.has_stills {
+            return Err(outline());
+        }
+        let done = match run.directory.has_stills {
+            true => verify_file(&still, progress).map_err(|error| in_step(error, number))?,
+            false => Verified { bytes: still.bytes(), particles: step.particles, ..Verified::default() },
+        };
         all.stills.bytes += done.bytes;
         all.stills.pages += done.pages;
         all.stills.nodes += done.nodes;
