@@ -21,7 +21,7 @@ use rayon::prelude::*;
 use std::path::Path;
 
 /// Particles of a region.
-const REGION: usize = 1 << 17;
+const REGION: usize = 1 << 16;
 /// Words of a record that says in which cluster a particle is: its bucket by id, its number there, and the cluster.
 const CARRIED: usize = 3;
 
@@ -276,7 +276,7 @@ impl Regions {
 
 /// The tracks of a region, in an order that depends on them alone.
 struct Region<'a> {
-    records: Vec<TrackRecord<'a>>,
+    records: Vec<&'a [u32]>,
     /// The place of each in the region's records.
     order: Vec<u32>,
     step: &'a FlowStep<'a>,
@@ -302,10 +302,11 @@ impl<'a> Region<'a> {
         let mut order: Vec<u32> = (0..(records.len() / words) as u32).collect();
         // Not by the numbers of clusters, which depend on the regions before.
         order.sort_unstable_by(|a, b| TrackRecord::content(record(*a)).cmp(&TrackRecord::content(record(*b))));
-        let records: Vec<TrackRecord> = order.iter().map(|i| TrackRecord::of(record(*i))).collect();
+        let records: Vec<&[u32]> = order.iter().map(|i| record(*i)).collect();
         let lattice = &step.layout.lattice;
         let states = [0, 1].map(|end| {
-            let state = |track: &TrackRecord| {
+            let state = |record: &&[u32]| {
+                let track = TrackRecord::of(record);
                 let exponent = lattice.exponent(track.values[end * track.values.len() / 2 + 2]);
                 let velocity = track.velocities[end].map(f64::from);
                 (step.in_box(track.places[end]), lattice.movement(velocity, step.space.spans[end], exponent))
@@ -315,13 +316,17 @@ impl<'a> Region<'a> {
         Region { records, order, step, rules, states }
     }
 
+    fn track(&self, i: usize) -> TrackRecord<'a> {
+        TrackRecord::of(self.records[i])
+    }
+
     fn lattice(&self) -> &'a Lattice {
         &self.step.layout.lattice
     }
 
     /// A quantity of a track at one end, as leaves have it: mass, density, smoothing length, attributes.
     fn value(&self, i: usize, end: usize, column: usize) -> f64 {
-        let values = self.records[i].values;
+        let values = self.track(i).values;
         let bits = if column == 0 { MASS_BITS } else { VALUE_BITS };
         f64::from(float_of(round_float(values[end * values.len() / 2 + column], bits), bits))
     }
@@ -344,7 +349,7 @@ impl<'a> Region<'a> {
     /// The clusters where tracks begin, and which records are there.
     fn first_clusters(&self, errors: &[f64]) -> (Gathered, Vec<u32>) {
         let present: Vec<usize> =
-            (0..self.records.len()).filter(|i| !self.records[*i].flags.has(TrackFlags::COMES)).collect();
+            (0..self.records.len()).filter(|i| !self.track(*i).flags.has(TrackFlags::COMES)).collect();
         let travellers: Vec<Traveller> = present.iter().map(|i| self.traveller(*i, 0, None)).collect();
         let rate = self.rates()[0];
         let next_rate = Some(rate);
@@ -356,11 +361,11 @@ impl<'a> Region<'a> {
     /// The clusters where tracks end, and the flow there.
     fn flow(&self, errors: &[f64], begins_at: &[ClusterList], before: &Before) -> BuiltRegion {
         let (lattice, rates, count) = (self.lattice(), self.rates(), self.records.len());
-        let which = |flag: u8| (0..count).filter(move |i| self.records[*i].flags.has(flag));
+        let which = |flag: u8| (0..count).filter(move |i| self.track(*i).flags.has(flag));
         let next_rate = self.step.next_length.map(|length| length / self.step.space.spans[1]);
         let at_end = Flow { lattice, errors, rate: rates[1], next_rate, is_joining: true, is_reversed: false };
-        let present: Vec<usize> = (0..count).filter(|i| !self.records[*i].flags.has(TrackFlags::GOES)).collect();
-        let begins = |i: usize| Some(self.records[i].numbers[0]).filter(|cluster| *cluster != NOBODY);
+        let present: Vec<usize> = (0..count).filter(|i| !self.track(*i).flags.has(TrackFlags::GOES)).collect();
+        let begins = |i: usize| Some(self.track(i).numbers[0]).filter(|cluster| *cluster != NOBODY);
         let travellers: Vec<Traveller> = present.iter().map(|i| self.traveller(*i, 1, begins(*i))).collect();
         let gathered = at_end.gather(&travellers, before);
         let mut ends = vec![NOBODY; count];
@@ -440,7 +445,7 @@ impl<'a> Region<'a> {
     fn push(&self, members: &[u32], places: [Place; 2], states: [([i64; 3], [i64; 3]); 2], out: &mut FlowTracks) {
         let first = members[0] as usize;
         // Which image of the box its end is in.
-        let record = &self.records[first];
+        let record = self.track(first);
         let inside = [0, 1].map(|end| self.states[end][first].0);
         for end in 0..2 {
             let column = |column: usize| members.iter().map(move |i| self.value(*i as usize, end, column));
@@ -488,7 +493,7 @@ impl<'a> Region<'a> {
         }
         let mass = |i: &u32| self.value(*i as usize, 0, 0);
         let all: f64 = members.iter().map(mass).sum();
-        let lost: f64 = members.iter().filter(|i| self.records[**i as usize].unresolved > UNRESOLVED).map(mass).sum();
+        let lost: f64 = members.iter().filter(|i| self.track(**i as usize).unresolved > UNRESOLVED).map(mass).sum();
         out.faded.push(if all > 0.0 { (lost / all) as f32 } else { 0.0 });
     }
 }

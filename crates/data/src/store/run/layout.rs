@@ -382,7 +382,17 @@ mod tests {
         let steps = (0..steps).map(step).collect();
         let notes = vec!["no file between a and c: the interval is longer".to_owned()];
         let unit = Unit::new("kpc/h");
-        (Directory { length_unit: unit, box_size: Some(25.0), notes, has_stills: true, steps, ..Directory::default() }, end)
+        (
+            Directory {
+                length_unit: unit,
+                box_size: Some(25.0),
+                notes,
+                has_stills: true,
+                steps,
+                ..Directory::default()
+            },
+            end,
+        )
     }
 
     #[test]
