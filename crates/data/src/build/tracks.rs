@@ -9,11 +9,12 @@ use super::memory::default_memory;
 use super::run::StepProgress;
 use super::shuffle::Shuffle;
 use super::spill::Spill;
-use super::states::{Scales, State, StateLayout, StepStates, key_of};
+use super::states::{Scales, State, StateLayout, StepStates};
 use super::track_nodes::write_nodes;
 use super::{BuildError, BuildOptions, chosen};
 use crate::hierarchy::RootCell;
 use crate::hierarchy::octree::Plan;
+use crate::hierarchy::spacetime::lattice::morton_key;
 use crate::hierarchy::spacetime::{Interval, Lattice};
 use crate::import::{FieldKind, ImportError, LoadOptions, Run, Source, open_with, streams};
 use crate::model::periodic::PeriodicBox;
@@ -452,7 +453,7 @@ impl TrackBuild<'_> {
             let (records, found) = joining.join(&states);
             sorted.put(&records, |record| {
                 let track = TrackRecord::of(record);
-                starts[track.family] + by_place[track.family].bucket(key_of(track.places[0]))
+                starts[track.family] + by_place[track.family].bucket(morton_key(track.places[0]))
             })?;
             progress.advance(1);
             Ok(found)

@@ -3,6 +3,7 @@
 use super::error::ExploreError;
 use super::ids::IdSet;
 use super::region::Region;
+use crate::model::When;
 use serde::{Deserialize, Serialize};
 
 /// A named, coloured selection.
@@ -26,11 +27,19 @@ pub struct SelectionSet {
 
 /// Which particles belong to a selection.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub enum Members {
     /// Those in a region, wherever they come from.
     Region(Region),
     /// Those with these ids, wherever they go.
     Ids(IdSet),
+    /// Those that are in a region of a run at a time, wherever they are at others.
+    Tracked {
+        /// The time.
+        at: When,
+        /// The region.
+        region: Region,
+    },
 }
 
 impl Members {
@@ -38,8 +47,26 @@ impl Members {
     pub fn ids(&self) -> Option<&IdSet> {
         match self {
             Members::Ids(ids) => Some(ids),
-            Members::Region(_) => None,
+            Members::Region(_) | Members::Tracked { .. } => None,
         }
+    }
+
+    /// The region that they are in, now or at their time.
+    pub fn region(&self) -> Option<&Region> {
+        match self {
+            Members::Region(region) | Members::Tracked { region, .. } => Some(region),
+            Members::Ids(_) => None,
+        }
+    }
+
+    /// Whether they are the same particles at all times.
+    pub fn stay(&self) -> bool {
+        !matches!(self, Members::Region(_))
+    }
+
+    /// Whether only version 2 of files can say them.
+    pub fn are_timed(&self) -> bool {
+        matches!(self, Members::Tracked { .. })
     }
 }
 
@@ -95,7 +122,7 @@ impl SelectionSet {
             return Err(ExploreError::value("color", &self.color, "a colour such as #e69f00"));
         }
         match &self.members {
-            Members::Region(region) => region.check(),
+            Members::Region(region) | Members::Tracked { region, .. } => region.check(),
             Members::Ids(_) => Ok(()),
         }
     }

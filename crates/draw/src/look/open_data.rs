@@ -1,6 +1,7 @@
 //! What a user names, opened: page files, and runs of which one step at a time is shown.
 
 use super::Member;
+use crate::explore::Following;
 use crate::import::{ImportError, file_in};
 use crate::model::{Moment, ReadMethod, When};
 use crate::store::{PageFile, RunFile, StoreError};
@@ -62,6 +63,8 @@ enum Data {
 pub struct OpenData {
     members: Vec<(Member, Data)>,
     read: ReadMethod,
+    /// Selections of the run whose clock is the scene's, where it has tracks.
+    following: Option<Arc<Following>>,
 }
 
 impl OpenData {
@@ -83,7 +86,17 @@ impl OpenData {
             };
             Ok((member.clone(), data))
         };
-        Ok(OpenData { members: members.iter().map(open).collect::<Result<_, E>>()?, read })
+        let members = members.iter().map(open).collect::<Result<_, E>>()?;
+        let opened = OpenData { members, read, following: None };
+        // Those of a run among other datasets, or that lies elsewhere, have other places than their tracks.
+        let is_alone = matches!(&opened.members[..], [(only, _)] if only.is_in_place());
+        let run = opened.run().filter(|_| is_alone).cloned();
+        Ok(OpenData { following: run.and_then(Following::new).map(Arc::new), ..opened })
+    }
+
+    /// What follows selections in the run; `None` for data that is none, that has no tracks, or that is one of several or moved.
+    pub fn following(&self) -> Option<&Arc<Following>> {
+        self.following.as_ref()
     }
 
     /// The run whose clock is the scene's; `None` where no dataset is one.

@@ -2,6 +2,7 @@
 
 use super::RunFile;
 use super::kept::Kept;
+use super::members::{MemberTracks, Wanted};
 use super::track_layout::TrackFamily;
 use super::tracks::TrackNode;
 use crate::hierarchy::spacetime::{Interval, Tracks};
@@ -27,9 +28,20 @@ type LeafPlace = (usize, usize, usize);
 struct FamilyPaths {
     /// Its number in the run.
     number: usize,
-    /// First track of each leaf in the family, with where it is, and the track's number in the interval.
-    leaves: Vec<(u64, LeafPlace, u64)>,
+    leaves: Vec<LeafPart>,
     about: Vec<Vec<TrackNode>>,
+}
+
+/// What is asked of a leaf.
+struct LeafPart {
+    /// Number of its first track that is asked for, in the family.
+    first: u64,
+    place: LeafPlace,
+    /// Number of its first track in the interval.
+    first_track: u64,
+    /// The tracks that are asked for; all where it is `None`.
+    rows: Option<Vec<u32>>,
+    count: u64,
 }
 
 /// Columns beside attributes: name, kind, components.
@@ -52,6 +64,23 @@ impl RunPaths {
     /// # Errors
     /// Where the run has no tracks, their indices cannot be read or are damaged, or the time has no extent.
     pub fn open(run: Arc<RunFile>, from: Moment, to: Moment) -> Result<RunPaths, StoreError> {
+        RunPaths::of(run, from, to, None)
+    }
+
+    /// The same of certain particles alone.
+    ///
+    /// # Errors
+    /// As [`RunPaths::open`].
+    pub fn of_members(
+        run: Arc<RunFile>,
+        from: Moment,
+        to: Moment,
+        wanted: Wanted<'_>,
+    ) -> Result<RunPaths, StoreError> {
+        RunPaths::of(run, from, to, Some(wanted))
+    }
+
+    fn of(run: Arc<RunFile>, from: Moment, to: Moment, wanted: Option<Wanted<'_>>) -> Result<RunPaths, StoreError> {
         let layout = run.tracks()?;
         let end = if to.u > 0.0 { to.step + 1 } else { to.step };
         let range = from.step..end.min(run.directory().intervals.len());
@@ -61,21 +90,45 @@ impl RunPaths {
             mass_unit: run.directory().mass_unit.clone(),
             ..Description::unitless(run.path(), "deepfield-run", run.bytes())
         };
+        // By interval and family: leaves, and which of their tracks.
+        let mut rows: Vec<Vec<Vec<(u32, Vec<u32>)>>> = Vec::new();
+        if let Some(wanted) = wanted {
+            let mut before: Option<MemberTracks> = None;
+            for interval in range.clone() {
+                let mut members = match &before {
+                    Some(before) => run.carry_members(before, wanted)?,
+                    None => run.find_members(interval, wanted)?,
+                };
+                rows.push(members.families.iter_mut().map(|family| std::mem::take(&mut family.rows)).collect());
+                before = Some(members);
+            }
+        }
         let mut families = Vec::new();
         for (number, info) in layout.families.iter().enumerate() {
             let indices = range.clone().map(|interval| run.track_index(interval, number));
             let indices = indices.collect::<Result<Vec<_>, _>>()?;
-            let (mut leaves, mut at) = (Vec::new(), 0);
+            let (mut leaves, mut first) = (Vec::new(), 0);
             for (interval, index) in indices.iter().enumerate() {
-                let mut in_interval = 0;
+                let mut first_track = 0;
+                let own = rows.get_mut(interval).and_then(|families| families.get_mut(number));
+                let mut members = own.map(std::mem::take).unwrap_or_default().into_iter().peekable();
                 for (leaf, known) in index.leaves().enumerate() {
-                    leaves.push((at, (interval, number, leaf), in_interval));
-                    at += u64::from(known.tracks);
-                    in_interval += u64::from(known.tracks);
+                    let own = members.next_if(|(other, _)| *other as usize == leaf).map(|(_, rows)| rows);
+                    let count = match &own {
+                        Some(rows) => rows.len() as u64,
+                        None if wanted.is_some() => 0,
+                        None => u64::from(known.tracks),
+                    };
+                    if count > 0 {
+                        leaves.push(LeafPart { first, place: (interval, number, leaf), first_track, rows: own, count });
+                    }
+                    first += count;
+                    first_track += u64::from(known.tracks);
                 }
             }
-            if at > 0 {
-                about.families.push(described(info, 2 * at, &about));
+            // Who asks for ids that nobody has is told that there are none of them.
+            if first > 0 || wanted.is_some() {
+                about.families.push(described(info, 2 * first, &about));
                 let about = indices.into_iter().map(|index| index.leaves().cloned().collect()).collect();
                 families.push(FamilyPaths { number, leaves, about });
             }
@@ -100,17 +153,18 @@ impl RunPaths {
         };
         let mut row = range.start;
         while row < range.end {
-            let number = own.leaves.partition_point(|(first, ..)| *first <= row / 2) - 1;
-            let (first, place, first_track) = own.leaves[number];
-            let tracks = self.leaf(own, place).map_err(damaged)?;
-            let end = range.end.min(2 * (first + tracks.len() as u64));
+            let number = own.leaves.partition_point(|leaf| leaf.first <= row / 2) - 1;
+            let leaf = &own.leaves[number];
+            let tracks = self.leaf(own, leaf.place).map_err(damaged)?;
+            let end = range.end.min(2 * (leaf.first + leaf.count));
             for at in row..end {
-                let i = (at / 2 - first) as usize;
+                let i = (at / 2 - leaf.first) as usize;
+                let i = leaf.rows.as_ref().map_or(i, |rows| rows[i] as usize);
                 let row = Row {
                     tracks: &tracks,
-                    interval: place.0,
+                    interval: leaf.place.0,
                     i,
-                    track: first_track + i as u64,
+                    track: leaf.first_track + i as u64,
                     end: (at % 2) as usize,
                 };
                 put((at - range.start) as usize, &row);
