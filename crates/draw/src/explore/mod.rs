@@ -19,6 +19,7 @@ pub mod ids;
 pub mod lasso;
 pub mod marks;
 pub mod moments;
+pub mod over_time;
 pub mod particle;
 pub mod places;
 pub mod probe;
@@ -43,6 +44,7 @@ pub use histogram::{Axis, AxisOptions, FieldHistogram, Scatter, histogram, scatt
 pub use identify::{Identified, PageParticle, find_id, identify, ids_of};
 pub use ids::IdSet;
 pub use lasso::{Lasso, LassoProjection};
+pub use over_time::{AtStep, OverTime, over_time};
 pub use places::{FoundIds, Places};
 pub use probe::{Fields, Probe, ProbeOptions, probe};
 pub use profile::ProfileOptions;
