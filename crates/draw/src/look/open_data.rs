@@ -2,9 +2,12 @@
 
 use super::Member;
 use crate::explore::Following;
+use crate::hierarchy::spacetime::Interpolation;
 use crate::import::{ImportError, file_in};
-use crate::model::{Moment, ReadMethod, When};
-use crate::store::{PageFile, RunFile, StoreError};
+use crate::model::{Bounds, FamilyName, Moment, ReadMethod, When};
+use crate::store::run::RunTree;
+use crate::store::{Metadata, PageFile, RunFile, StoreError, Tree};
+use crate::stream::first_frame;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -114,6 +117,30 @@ impl OpenData {
     pub fn moment(&self, when: Option<When>) -> Result<Option<Moment>, StoreError> {
         let moment = |run: &Arc<RunFile>| when.map_or(Ok(Moment::default()), |when| run.moment(when));
         self.run().map(moment).transpose()
+    }
+
+    /// The box that shows all of some families but far outliers, as they are at a moment; of all where none is named.
+    ///
+    /// # Errors
+    /// [`StoreError`] where the data cannot be read.
+    pub fn framed(
+        &self,
+        moment: Moment,
+        interpolation: Interpolation,
+        families: Option<&[FamilyName]>,
+    ) -> Result<Bounds, StoreError> {
+        let shown = |metadata: &Metadata| -> Vec<u32> {
+            let is_shown = |name: &FamilyName| families.is_none_or(|families| families.contains(name));
+            let all = (0..).zip(&metadata.families);
+            all.filter(|(_, family)| is_shown(&family.name)).map(|(index, _)| index).collect()
+        };
+        let moves = moment.u > 0.0 && interpolation != Interpolation::Hold;
+        if let Some(following) = self.following.as_ref().filter(|_| moves) {
+            let tree = RunTree::new(Arc::clone(following.run()), interpolation)?;
+            return Ok(first_frame(&tree, &shown(tree.metadata()), tree.time(moment)));
+        }
+        let file = self.at(moment)?.0;
+        Ok(first_frame(&file, &shown(file.metadata()), 0.0))
     }
 
     /// The datasets as one scene in the units of the first, of each run the step at or before the moment. Also says what does not fit

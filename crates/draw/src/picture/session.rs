@@ -218,6 +218,11 @@ impl Session {
         self.ahead = view;
     }
 
+    /// What is open, where it can be steps of runs.
+    pub fn opened(&self) -> Option<&OpenData> {
+        self.opened.as_ref()
+    }
+
     /// The run whose clock is the data's.
     pub fn run(&self) -> Option<&Arc<RunFile>> {
         self.opened.as_ref().and_then(OpenData::run)
