@@ -211,6 +211,12 @@ impl Followed {
         self.who.has(family, id)
     }
 
+    /// Whether the members' tracks over an interval are in memory.
+    pub fn knows(&self, interval: usize) -> bool {
+        let kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
+        kept.iter().any(|known| known.interval == interval)
+    }
+
     /// The members' tracks over an interval.
     ///
     /// # Errors

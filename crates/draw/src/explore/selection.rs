@@ -145,6 +145,7 @@ mod tests {
             blocks.next().unwrap().lines().map(|line| ron_file::parse("regions.md", line).unwrap()).collect();
         sets.iter().for_each(|set| set.check().unwrap());
         assert!(matches!(&sets[1].members, Members::Ids(ids) if ids.contains(2099) && ids.contains(1 << 60)));
+        assert!(matches!(&sets[2].members, Members::Tracked { at: When::Time(9.6), region } if region.shapes.len() == 1));
         assert_eq!(blocks.next(), None);
     }
 
@@ -153,7 +154,12 @@ mod tests {
         let set = SelectionSet::new("halo", Region::sphere(DVec3::ONE, 2.0), 7);
         assert_eq!((set.rgb(), set.color.as_str()), (Some([0x56, 0xb4, 0xe9]), "#56b4e9"));
         let ids = SelectionSet { members: Members::Ids(IdSet::new(vec![3, 4, 5, 9, u64::MAX])), ..set.clone() };
-        for set in [set, SelectionSet { show: Show::Alone, ..ids }] {
+        let all = [When::Time(-0.5), When::Step(3), When::Redshift(0.1), When::ScaleFactor(0.4), When::Last];
+        let tracked = all.map(|at| {
+            let members = Members::Tracked { at, region: Region::sphere(DVec3::X, 0.1) };
+            SelectionSet { members, ..set.clone() }
+        });
+        for set in [set, SelectionSet { show: Show::Alone, ..ids }].into_iter().chain(tracked) {
             let text = ron::ser::to_string_pretty(&set, ron::ser::PrettyConfig::default()).unwrap();
             assert_eq!(ron_file::parse::<SelectionSet>("s", &text).unwrap(), set, "{text}");
             set.check().unwrap();
@@ -163,6 +169,9 @@ mod tests {
         for (wrong, name) in [
             ("(name: \"a\", members: Region(()), colour: \"#000000\")", "colour"),
             ("(name: \"a\", members: Ids(\"5-3\"))", "5-3"),
+            ("(name: \"a\", members: Tracked(at: soon, region: ()))", "soon"),
+            ("(name: \"a\", members: Tracked(region: ()))", "at"),
+            ("(name: \"a\", members: Tracked(at: last, region: (), until: 3.0))", "until"),
         ] {
             let message = ron_file::parse::<SelectionSet>("s", wrong).unwrap_err().to_string();
             assert!(message.contains(name), "{message}");
