@@ -147,8 +147,9 @@ fn pictures_and_tours_follow_a_selection() {
     for time in ["0.5", "step(3)", "1.31"] {
         let mut pictures = Vec::new();
         for (name, set) in &sets {
-            let scene =
-                format!("(version: 2, datasets: [(path: \"run.df\")], time: {time}, selections: [{set}], size: (96, 72))");
+            let scene = format!(
+                "(version: 2, datasets: [(path: \"run.df\")], time: {time}, selections: [{set}], size: (96, 72))"
+            );
             std::fs::write(folder.join("a.scene.ron"), scene).unwrap();
             ok(folder, &["render", "a.scene.ron", "-o", &format!("{name}.png"), "--backend", "cpu"]);
             pictures.push(std::fs::read(folder.join(format!("{name}.png"))).unwrap());
@@ -174,7 +175,10 @@ fn pictures_and_tours_follow_a_selection() {
     let centre = |time: f64| -> DVec3 {
         let time = time.to_string();
         let who = ["--tracked-at", "0.5", "--sphere", "0.6,0.1,0,0.25"];
-        let found = json(folder, &[&["probe", "run.df", "--fields", "none", "--time", &time, "--json", "-"], &who[..]].concat());
+        let found = json(
+            folder,
+            &[&["probe", "run.df", "--fields", "none", "--time", &time, "--json", "-"], &who[..]].concat(),
+        );
         DVec3::from([0, 1, 2].map(|axis| found["center_of_mass"][axis].as_f64().unwrap()))
     };
     let mut offsets = Vec::new();

@@ -25,7 +25,8 @@ impl RunNow {
     pub fn of(scene: &Scene) -> Option<RunNow> {
         let following = scene.following.clone()?;
         let moment = following.run().moment(When::Time(scene.time?)).ok()?;
-        let interpolation = scene.moving.as_ref().map_or_else(Interpolation::default, |moving| moving.tree.interpolation());
+        let interpolation =
+            scene.moving.as_ref().map_or_else(Interpolation::default, |moving| moving.tree.interpolation());
         Some(RunNow { following, moment, interpolation })
     }
 }

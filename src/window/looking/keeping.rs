@@ -64,9 +64,8 @@ impl Keeping {
         };
         let out = free_name(&scene.path, name, extension);
         self.export = Answer::ask("export", move |work| {
-            let exported = asking.ask(&members, work, |data, members, periodic| {
-                export(data, members, format, &out, periodic, work)
-            })?;
+            let exported = asking
+                .ask(&members, work, |data, members, periodic| export(data, members, format, &out, periodic, work))?;
             Ok::<_, ExploreError>((out, exported))
         });
     }

@@ -74,7 +74,8 @@ fn plot(ui: &mut Ui, title: &str, unit: &str, points: &[[f64; 2]], now: Option<f
     painter.text(rect.right_top() + vec2(-5.0, 2.0), Align2::RIGHT_TOP, text(high), font.clone(), theme::LABEL);
     painter.text(rect.right_bottom() + vec2(-5.0, -2.0), Align2::RIGHT_BOTTOM, text(low), font, theme::LABEL);
     if let Some(pointer) = response.hover_pos() {
-        let nearest = points.iter().min_by(|a, b| (at(**a).x - pointer.x).abs().total_cmp(&(at(**b).x - pointer.x).abs()));
+        let nearest =
+            points.iter().min_by(|a, b| (at(**a).x - pointer.x).abs().total_cmp(&(at(**b).x - pointer.x).abs()));
         if let Some([time, value]) = nearest {
             response.on_hover_text(format!("{} at {}", text(*value), number::quantity(*time)));
         }

@@ -145,7 +145,9 @@ mod tests {
             blocks.next().unwrap().lines().map(|line| ron_file::parse("regions.md", line).unwrap()).collect();
         sets.iter().for_each(|set| set.check().unwrap());
         assert!(matches!(&sets[1].members, Members::Ids(ids) if ids.contains(2099) && ids.contains(1 << 60)));
-        assert!(matches!(&sets[2].members, Members::Tracked { at: When::Time(9.6), region } if region.shapes.len() == 1));
+        assert!(
+            matches!(&sets[2].members, Members::Tracked { at: When::Time(9.6), region } if region.shapes.len() == 1)
+        );
         assert_eq!(blocks.next(), None);
     }
 

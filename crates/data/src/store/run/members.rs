@@ -74,8 +74,7 @@ impl RunFile {
             let candidates = candidates(layout, &own.tracks, &leaves);
             let found = self.members_of(interval, family, &leaves, &candidates, wanted)?;
             // As many begin as ended, or one was looked for in the wrong place: at a face of the box.
-            let count =
-                |tracks: &Tracks, flag: u8| tracks.flags.iter().filter(|flags| !flags.has(flag)).count();
+            let count = |tracks: &Tracks, flag: u8| tracks.flags.iter().filter(|flags| !flags.has(flag)).count();
             match count(&found.tracks, TrackFlags::COMES) == count(&own.tracks, TrackFlags::GOES) {
                 true => Ok(found),
                 false => {

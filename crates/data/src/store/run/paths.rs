@@ -71,12 +71,7 @@ impl RunPaths {
     ///
     /// # Errors
     /// As [`RunPaths::open`].
-    pub fn of_members(
-        run: Arc<RunFile>,
-        from: Moment,
-        to: Moment,
-        wanted: Wanted<'_>,
-    ) -> Result<RunPaths, StoreError> {
+    pub fn of_members(run: Arc<RunFile>, from: Moment, to: Moment, wanted: Wanted<'_>) -> Result<RunPaths, StoreError> {
         RunPaths::of(run, from, to, Some(wanted))
     }
 

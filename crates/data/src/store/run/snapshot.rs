@@ -153,7 +153,15 @@ impl RunFile {
                     about.families.push(described(info, rows, &about));
                     let starts = if rows > 0 { vec![(0, 0)] } else { Vec::new() };
                     let (leaves, held) = (Vec::new(), Some(Arc::new(moving)));
-                    families.push(FamilySnapshot { number: family, leaves, held, starts, interpolation, rules, velocity });
+                    families.push(FamilySnapshot {
+                        number: family,
+                        leaves,
+                        held,
+                        starts,
+                        interpolation,
+                        rules,
+                        velocity,
+                    });
                     continue;
                 }
             };
