@@ -92,7 +92,7 @@ fn what_is_followed_is_who_was_there() {
     assert!(ids.lines().count() > 20, "{ids}");
     let tracked = [&["--tracked-at", "step:2"], &sphere[..]].concat();
     let lines = |text: &str| text.lines().filter(|line| !line.starts_with('#')).map(str::to_owned).collect::<Vec<_>>();
-    for time in ["step:0", "1.0", "step:2", "1.21", "step:3", "last"] {
+    for time in ["step:0", "0.31", "step:2", "0.7", "step:3", "last"] {
         ok(folder, &[&["select", "run.df", "--time", time, "-o", "now.ids"], &tracked[..]].concat());
         assert_eq!(lines(&ids), lines(&text(folder, "now.ids")), "{time}");
         for (name, who) in [("a.csv", &tracked[..]), ("b.csv", &["--ids", "there.ids"])] {
@@ -144,7 +144,7 @@ fn pictures_and_tours_follow_a_selection() {
         ("region", format!("(name: \"clump\", show: alone, members: Region({region}))")),
         ("hidden", "(name: \"none\", show: hidden, members: Region(()))".to_owned()),
     ];
-    for time in ["0.5", "step(3)", "1.31"] {
+    for time in ["0.5", "step(3)", "0.71"] {
         let mut pictures = Vec::new();
         for (name, set) in &sets {
             let scene = format!(
