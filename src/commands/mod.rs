@@ -8,6 +8,7 @@ pub mod extract;
 pub mod hierarchy_options;
 pub mod info;
 pub mod key;
+pub mod members_options;
 pub mod modes;
 pub mod page_file_info;
 pub mod paths;

@@ -1,11 +1,10 @@
 //! `deepfield paths`: the tracks of a run's particles as a table.
 
+use super::members_options::{MembersOptions, OpenRun};
 use super::region_options::RegionOptions;
 use super::{CommandResult, progress_bar::TerminalProgress};
-use crate::explore::{Data, Format, IdSet, Members, Work, export};
-use crate::look::data_file;
+use crate::explore::{Data, Format, Members, Region, Work, export};
 use crate::model::{ReadMethod, When};
-use crate::store::RunFile;
 use crate::store::run::{PathsOf, RunPaths};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -15,6 +14,7 @@ use std::sync::Arc;
 #[derive(clap::Args, Clone, Debug)]
 #[command(after_help = "Examples:
   deepfield paths run.df --ids halo.ids -o halo.csv
+  deepfield paths run.df --tracked-at 9.6 --sphere 0.3,0,0,0.5 -o halo.csv
   deepfield paths run.df --from 9.6 --to last --family stars -o stars.parquet
   deepfield paths run.df --level 2 -o flow.parquet        clusters of a flow level
   deepfield paths run.df --level 2 --members --from step:3 --to step:4 -o members.csv
@@ -22,9 +22,9 @@ use std::sync::Arc;
 pub struct Arguments {
     /// The run.
     pub path: PathBuf,
-    /// The particles with the ids in this file [default: all].
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["sphere", "cuboid", "region", "ranges", "family", "at", "object"])]
-    pub ids: Option<PathBuf>,
+    /// Which particles, wherever they are [default: all].
+    #[command(flatten)]
+    pub who: MembersOptions,
     /// From when on: a time, step:12, z:1.5, a:0.4 or last [default: the first step].
     #[arg(long, value_name = "WHEN", allow_hyphen_values = true)]
     pub from: Option<When>,
@@ -53,11 +53,13 @@ pub fn run(arguments: &Arguments) -> CommandResult {
     let out = &arguments.out;
     let format = Format::of(out);
     let format = format.ok_or_else(|| format!("{}: expected a name that ends in .csv or .parquet", out.display()))?;
-    let run = Arc::new(RunFile::open(&data_file(&arguments.path)?, ReadMethod::default())?);
+    let opened = OpenRun::open(&arguments.path, &arguments.who, &arguments.region, ReadMethod::default())?;
+    let path = arguments.path.display();
+    let opened = opened.ok_or_else(|| format!("{path}: expected a run: deepfield build makes one of snapshots"))?;
+    let run = &opened.run;
     let from = run.moment(arguments.from.unwrap_or(When::Step(0)))?;
     let to = run.moment(arguments.to.unwrap_or(When::Last))?;
     if run.time(from) >= run.time(to) {
-        let path = arguments.path.display();
         return Err(
             format!("{path}: --from: found {}, expected a time before --to, {}", run.time(from), run.time(to)).into()
         );
@@ -68,17 +70,24 @@ pub fn run(arguments: &Arguments) -> CommandResult {
         (level, false) => PathsOf::Clusters(level),
         (level, true) => PathsOf::Members(level),
     };
-    if let (PathsOf::Clusters(_), Some(_)) = (of, &arguments.ids) {
-        return Err(conflict("--ids: clusters have none; --members has those of their particles"));
-    }
-    let paths = RunPaths::open(run, of, from, to)?;
-    let data = Data::Source(&paths);
-    let members = match &arguments.ids {
-        Some(ids) => Members::Ids(IdSet::read(ids)?),
-        None => Members::Region(arguments.region.region(data)?),
-    };
     let progress = TerminalProgress::new();
-    let rows = export(data, &members, format, out, None, Work::told(&progress))?.rows;
+    let work = Work::told(&progress);
+    let followed = match &opened.following {
+        Some(following) => following.of(&opened.members, work)?,
+        None => None,
+    };
+    if let (PathsOf::Clusters(_), Some(_)) = (of, &followed) {
+        return Err(conflict("--level: clusters are no particles that can be followed; --members has theirs"));
+    }
+    let paths = match &followed {
+        Some(followed) => {
+            let wanted = |family, id| followed.has(family, id);
+            RunPaths::of_members(Arc::clone(run), of, from, to, &wanted)?
+        }
+        None => RunPaths::open(Arc::clone(run), of, from, to)?,
+    };
+    let members = if followed.is_some() { Members::Region(Region::whole()) } else { opened.members };
+    let rows = export(Data::Source(&paths), &members, format, out, None, work)?.rows;
     drop(progress);
     println!("{}: {rows} rows", out.display());
     Ok(())

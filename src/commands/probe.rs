@@ -1,13 +1,16 @@
 //! `deepfield probe`: sums over everything in a region, as tables for people or as JSON for programs.
 
+use super::members_options::{MembersOptions, OpenRun};
 use super::region_options::{At, Opened, RegionOptions};
 use super::statistics::write_json;
 use super::{CommandResult, progress_bar::TerminalProgress};
+use crate::color::output::write_atomically;
 use crate::explore::probe::{FamilyProbe, FieldStatistics, Probe, Profile};
 use crate::explore::{
-    AxisOptions, Data, FieldHistogram, Fields, ProbeOptions, ProfileOptions, Region, Shape, Work, histogram, probe,
+    AxisOptions, Data, FieldHistogram, Fields, Members, OverTime, ProbeOptions, ProfileOptions, Region, Shape, Work,
+    histogram, over_time, probe,
 };
-use crate::model::ReadMethod;
+use crate::model::{ReadMethod, When};
 use serde::Serialize;
 use std::fmt::Write as _;
 use std::io::Write as _;
@@ -23,6 +26,7 @@ use std::path::{Path, PathBuf};
   deepfield probe box.df --at groups.hdf5#0 --profile 12 --profile-field velocity-dispersion
   deepfield probe box.df --object \"Subhalo 12\" --catalogue groups.hdf5 --radius 0.5 --exact
   deepfield probe galaxy.df --family gas --where temperature:1e4..1e6 --where density:10.. --json -
+  deepfield probe run.df --tracked-at 9.6 --sphere 0.3,0,0,0.5 --over-time -o halo.csv
   deepfield probe galaxy.df --family gas --histogram temperature --bins 20")]
 pub struct Arguments {
     /// The source, page file or run.
@@ -33,6 +37,15 @@ pub struct Arguments {
     /// Which particles [default: all].
     #[command(flatten)]
     pub region: RegionOptions,
+    /// Which particles, wherever they are.
+    #[command(flatten)]
+    pub who: MembersOptions,
+    /// At every step of the run, one row each: time, count, mass, centre, velocities, and the mean of each field.
+    #[arg(long, conflicts_with_all = ["time", "interpolation", "profile", "histograms", "exact"])]
+    pub over_time: bool,
+    /// Write the table over time to a file.
+    #[arg(short, long, value_name = "FILE.csv", requires = "over_time")]
+    pub out: Option<PathBuf>,
     /// Shells of a radial profile in the sphere.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4096))]
     pub profile: Option<u32>,
@@ -78,6 +91,9 @@ fn fields(text: &str) -> Result<Vec<String>, String> {
 struct Answer<'a> {
     path: &'a Path,
     region: &'a Region,
+    /// Of those that are followed, when they are in the region.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    tracked_at: Option<When>,
     #[serde(flatten)]
     probe: &'a Probe,
     #[serde(skip_serializing_if = "Vec::is_empty")]
@@ -89,43 +105,101 @@ struct Answer<'a> {
 /// # Errors
 /// When the data cannot be read, or has no such field, family or object.
 pub fn run(arguments: &Arguments) -> CommandResult {
-    let opened = if arguments.exact {
-        Opened::source(&arguments.path, arguments.when, arguments.read)?
-    } else {
-        Opened::open(&arguments.path, arguments.when, arguments.read)?
+    let progress = TerminalProgress::new();
+    let work = Work::told(&progress);
+    let run = OpenRun::open(&arguments.path, &arguments.who, &arguments.region, arguments.read)?;
+    if arguments.over_time {
+        let path = arguments.path.display();
+        let run = run.ok_or_else(|| format!("{path}: --over-time: expected a run: deepfield build makes one"))?;
+        let wraps = !arguments.region.no_wrap;
+        let found = over_time(&run.run, run.following.as_ref(), &run.members, &arguments.fields(), wraps, work)?;
+        drop(progress);
+        return arguments.write_over_time(&found, &run.members);
+    }
+    let followed = run.as_ref().map(|run| run.snapshot(arguments.when, work)).transpose()?.flatten();
+    let (is_followed, is_region) = (followed.is_some(), arguments.who.is_region());
+    let opened = match followed {
+        Some(snapshot) => Opened::Source(Box::new(snapshot)),
+        // Page files hold no ids.
+        None if arguments.exact || !is_region => Opened::source(&arguments.path, arguments.when, arguments.read)?,
+        None => Opened::open(&arguments.path, arguments.when, arguments.read)?,
     };
     let data = opened.data();
-    let region = arguments.region.region(data)?;
+    let wanted = match &run {
+        Some(run) => run.members.clone(),
+        None => arguments.who.members(&arguments.region, data)?,
+    };
+    let region = wanted.region().cloned().unwrap_or_default();
+    let tracked_at = match &wanted {
+        Members::Tracked { at, .. } => Some(*at),
+        _ => None,
+    };
+    // What is followed is nothing else.
+    let members = if is_followed { Members::Region(Region::whole()) } else { wanted };
+    let following = run.as_ref().and_then(|run| run.following.as_ref()).filter(|_| is_followed);
+    let periodic = match following {
+        Some(following) => following.periodic().filter(|_| !arguments.region.no_wrap),
+        None => arguments.region.periodic(data)?,
+    };
     let options = ProbeOptions {
-        fields: match arguments.fields.as_slice() {
-            [] => Fields::All,
-            [none] if none == "none" => Fields::None,
-            names => Fields::Named(names.to_vec()),
-        },
+        fields: arguments.fields(),
         profile: arguments.profile.map(|shells| ProfileOptions {
             shells: shells as usize,
             inner: (arguments.profile_inner > 0.0).then_some(arguments.profile_inner),
             field: arguments.profile_field.clone(),
         }),
-        periodic: arguments.region.periodic(data)?,
+        periodic,
     };
-    let progress = TerminalProgress::new();
-    let work = Work::told(&progress);
-    let found = probe(data, &region, &options, work)?;
+    let found = probe(data, &members, &options, work)?;
     let bins = arguments.bins as usize;
     let histograms = arguments.histograms.iter().map(|names| {
         let axes: Vec<AxisOptions> = names.iter().map(|name| AxisOptions::new(name, bins)).collect();
-        histogram(data, &region, &axes, options.periodic, work)
+        histogram(data, &members, &axes, options.periodic, work)
     });
     let histograms = histograms.collect::<Result<Vec<_>, _>>()?;
     drop(progress);
     if let Some(out) = &arguments.json {
-        return write_json(out, &Answer { path: data.path(), region: &region, probe: &found, histograms });
+        return write_json(out, &Answer { path: data.path(), region: &region, tracked_at, probe: &found, histograms });
     }
     let mut text = tables(data, &region, &found);
     // Writing to a string cannot fail.
     let _ = histograms.iter().try_for_each(|histogram| write_histogram(&mut text, histogram));
     Ok(std::io::stdout().write_all(text.as_bytes())?)
+}
+
+impl Arguments {
+    /// Whose statistics.
+    fn fields(&self) -> Fields {
+        match self.fields.as_slice() {
+            [] => Fields::All,
+            [none] if none == "none" => Fields::None,
+            names => Fields::Named(names.to_vec()),
+        }
+    }
+
+    /// Writes what was found at every step: where it is asked for, else as a table for people.
+    fn write_over_time(&self, found: &OverTime, members: &Members) -> CommandResult {
+        if let Some(out) = &self.out {
+            write_atomically(out, found.csv().as_bytes())?;
+        }
+        if let Some(out) = &self.json {
+            return write_json(out, &AnswerOverTime { path: &self.path, members, over_time: found });
+        }
+        let text = match &self.out {
+            Some(out) => format!("{} steps in {}\n", found.steps.len(), out.display()),
+            None => found.csv(),
+        };
+        Ok(std::io::stdout().write_all(text.as_bytes())?)
+    }
+}
+
+/// What `--over-time --json` writes.
+#[derive(Serialize)]
+struct AnswerOverTime<'a> {
+    path: &'a Path,
+    members: &'a Members,
+    #[serde(flatten)]
+    over_time: &'a OverTime,
 }
 
 /// The tables for people.

@@ -1,8 +1,9 @@
 //! `deepfield select`: the particles of a region, or those with certain ids, as a table or as a list of ids.
 
+use super::members_options::{MembersOptions, OpenRun};
 use super::region_options::{At, Opened, RegionOptions};
 use super::{CommandResult, progress_bar::TerminalProgress};
-use crate::explore::{Format, IdSet, Members, Work, export, ids_of};
+use crate::explore::{Format, Members, Region, Work, export, ids_of};
 use crate::model::ReadMethod;
 use std::path::PathBuf;
 
@@ -15,6 +16,7 @@ use std::path::PathBuf;
   deepfield select snapshot_099.hdf5 --sphere 21.9,39.0,33.1,1.5 -o halo.csv
   deepfield select box.df --at groups.hdf5#0 -o halo.ids             which particles they are
   deepfield select snapshot_010.hdf5 --ids halo.ids -o past.parquet  where they were
+  deepfield select run.df --tracked-at 9.6 --sphere 21.9,39.0,33.1,1.5 --time last -o now.csv
   deepfield select galaxy.hdf5 --family gas --where temperature:..1e4 -o cold.parquet")]
 pub struct Arguments {
     /// The source, page file or run.
@@ -25,9 +27,9 @@ pub struct Arguments {
     /// Which particles [default: all].
     #[command(flatten)]
     pub region: RegionOptions,
-    /// The particles with the ids in this file, instead of a region.
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["sphere", "cuboid", "region", "ranges", "family", "at", "object"])]
-    pub ids: Option<PathBuf>,
+    /// Which particles, wherever they are.
+    #[command(flatten)]
+    pub who: MembersOptions,
     /// The table, .csv or .parquet, or the list of ids, .ids.
     #[arg(short, long, value_name = "OUT")]
     pub out: PathBuf,
@@ -38,31 +40,39 @@ pub struct Arguments {
 /// # Errors
 /// When the data cannot be read, or the file not be written.
 pub fn run(arguments: &Arguments) -> CommandResult {
-    let Arguments { path, when, region, ids, out } = arguments;
+    let Arguments { path, when, region, who, out } = arguments;
     let extension = out.extension().and_then(|extension| extension.to_str()).unwrap_or_default().to_ascii_lowercase();
     let format = Format::of(out);
     if format.is_none() && extension != "ids" {
         return Err(format!("{}: expected a name that ends in .csv, .parquet or .ids", out.display()).into());
     }
-    let opened = match Opened::source(path, *when, ReadMethod::default()) {
-        Ok(source) => source,
-        Err(reason) => match Opened::open(path, *when, ReadMethod::default())? {
-            // Ids are in the source alone.
-            Opened::Pages(file) if format.is_some() && ids.is_none() => {
-                eprintln!("deepfield: {reason}: values are those of the page file, without ids");
-                Opened::Pages(file)
-            }
-            _ => return Err(reason),
+    let progress = TerminalProgress::new();
+    let work = Work::told(&progress);
+    let run = OpenRun::open(path, who, region, ReadMethod::default())?;
+    let followed = run.as_ref().map(|run| run.snapshot(*when, work)).transpose()?.flatten();
+    let is_followed = followed.is_some();
+    let opened = match followed {
+        Some(snapshot) => Opened::Source(Box::new(snapshot)),
+        None => match Opened::source(path, *when, ReadMethod::default()) {
+            Ok(source) => source,
+            Err(reason) => match Opened::open(path, *when, ReadMethod::default())? {
+                // Ids are in the source alone.
+                Opened::Pages(file) if format.is_some() && who.is_region() => {
+                    eprintln!("deepfield: {reason}: values are those of the page file, without ids");
+                    Opened::Pages(file)
+                }
+                _ => return Err(reason),
+            },
         },
     };
     let data = opened.data();
-    let members = match ids {
-        Some(ids) => Members::Ids(IdSet::read(ids)?),
-        None => Members::Region(region.region(data)?),
+    let wanted = match run {
+        Some(run) => run.members,
+        None => who.members(region, data)?,
     };
-    let periodic = region.periodic(data)?;
-    let progress = TerminalProgress::new();
-    let work = Work::told(&progress);
+    // What is followed is nothing else.
+    let members = if is_followed { Members::Region(Region::whole()) } else { wanted.clone() };
+    let periodic = if is_followed { None } else { region.periodic(data)? };
     let rows = match (format, &opened) {
         (Some(format), _) => export(data, &members, format, out, periodic, work)?.rows,
         (None, Opened::Source(source)) => {
@@ -74,7 +84,7 @@ pub fn run(arguments: &Arguments) -> CommandResult {
     };
     drop(progress);
     println!("{rows} particles in {}", out.display());
-    if let Members::Ids(wanted) = &members
+    if let Members::Ids(wanted) = &wanted
         && rows < wanted.len()
     {
         println!("{} of {} ids are not there", wanted.len() - rows, wanted.len());

@@ -85,6 +85,8 @@ pub(crate) fn adopt_opened(
     let playhead = run.and_then(|(data, moment)| Playhead::new(data, moment, tracks));
     let times = playhead.as_ref().map(|playhead| playhead.times().clone());
     let time = playhead.as_ref().map(Playhead::time);
+    let opened = playhead.as_ref().map(|playhead| playhead.data().clone());
+    let following = opened.as_ref().and_then(|data| data.following().cloned());
     match playhead {
         Some(playhead) => commands.insert_resource(playhead),
         None => commands.remove_resource::<Playhead>(),
@@ -100,6 +102,8 @@ pub(crate) fn adopt_opened(
         facts,
         moving: None,
         times,
+        following,
+        opened,
         time,
         dataset,
         generation,

@@ -71,6 +71,11 @@ impl Playhead {
         })
     }
 
+    /// The run among the datasets.
+    pub fn data(&self) -> &OpenData {
+        &self.data
+    }
+
     /// When the steps are.
     pub fn times(&self) -> &StepTimes {
         &self.times

@@ -4,8 +4,9 @@ use super::camera::{Lens, Viewpoint};
 use super::facts::Facts;
 use super::picture::Picture;
 use super::preset::Preset;
+use crate::explore::Following;
 use crate::explore::data::source_path;
-use crate::look::{Attribute, Look, LookPatch, Member};
+use crate::look::{Attribute, Look, LookPatch, Member, OpenData};
 use crate::mode::lod_budget::{PRESENCE, THINNING};
 use crate::mode::{Mode, SettingValue};
 use crate::model::{Bounds, PeriodicBox, StepTimes, When};
@@ -40,6 +41,10 @@ pub struct Scene {
     pub moving: Option<MovingRun>,
     /// When the steps of the run are, where it is one.
     pub times: Option<StepTimes>,
+    /// What follows selections in the run, where it has tracks and is open alone.
+    pub following: Option<Arc<Following>>,
+    /// The run among the datasets.
+    pub opened: Option<OpenData>,
     /// The time of the run that is shown.
     pub time: Option<f64>,
     /// Counts up with every file that is opened.

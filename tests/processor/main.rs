@@ -64,3 +64,4 @@ mod explore {
 mod network;
 mod outputs;
 mod tours;
+mod tracked;

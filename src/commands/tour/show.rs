@@ -62,6 +62,7 @@ impl Show {
             framed,
             aspect: f64::from(tour.size.0) / f64::from(tour.size.1),
             times: session.run().map(|run| run.times().clone()),
+            data: session.opened().filter(|data| data.run().is_some()).cloned(),
         };
         if let (None, Some(times)) = (&file, &surroundings.times) {
             play_along(&mut tour, times);

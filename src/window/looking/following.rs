@@ -1,6 +1,7 @@
 //! The selection that the camera follows: where its centre of mass is, in the open file or among particles that move.
 
-use super::prober::{over, source_for};
+use super::asking::{Asking, RunNow};
+use super::followed::FollowedSets;
 use crate::explore::{Center, CenterSums, ExploreError, Members, Region, Shapes, center};
 use crate::model::{Dataset, Family};
 use crate::view::Periodic;
@@ -13,7 +14,6 @@ use crate::window::state::notices::Notices;
 use bevy::math::DVec3;
 use bevy::prelude::*;
 use rayon::prelude::*;
-use std::sync::Arc;
 
 /// The centre of what is followed.
 #[derive(Resource, Default)]
@@ -57,6 +57,7 @@ pub(super) fn find_center(
     scene: Option<Res<Scene>>,
     settings: Res<Settings>,
     live: Res<LiveParticles>,
+    sets: Res<FollowedSets>,
     mut notices: ResMut<Notices>,
 ) {
     let (following, follow) = (following.bypass_change_detection(), follow.bypass_change_detection());
@@ -83,12 +84,18 @@ pub(super) fn find_center(
         (Some(particles), Members::Region(region)) => {
             follow_live(following, particles, (live.state(), key), region, periodic);
         }
+        // Of a run, who stays the same is where their tracks are.
+        (None, members) if members.stay() && scene.following.is_some() => {
+            (following.live, following.asked, following.answer) = (None, None, Answer::Nothing);
+            let center = RunNow::of(&scene).and_then(|now| sets.center(members, &now));
+            following.center = center.or(following.center);
+        }
         _ => {
             following.live = None;
             if following.asked.as_ref() != Some(&key) {
-                let (file, source, members) = (Arc::clone(&scene.file), source_for(&scene, &key.1), key.1.clone());
+                let (asking, members) = (Asking::about(&scene, &key.1, false), key.1.clone());
                 following.answer = Answer::ask("centre", move |work| {
-                    over(&file, source.as_deref(), |data| center(data, &members, data.periodic_edge()?, work))
+                    asking.ask(&members, work, |data, members, periodic| center(data, members, periodic, work))
                 });
                 following.asked = Some(key);
             }

@@ -46,7 +46,10 @@ pub(super) fn look_up(mut looked_up: ResMut<LookedUp>, scene: Option<Res<Scene>>
     for lookup in &mut looked_up.sets {
         looked_up.revision += u64::from(lookup.answer.receive());
     }
-    let all = || settings.selections.iter().filter_map(|set| Some((set.members.ids()?, set.show)));
+    // A run with tracks knows its ids itself.
+    let is_followed = scene.following.is_some();
+    let sets = || settings.selections.iter().filter(|_| !is_followed);
+    let all = || sets().filter_map(|set| Some((set.members.ids()?, set.show)));
     looked_up.sets.retain(|lookup| all().any(|(ids, _)| *ids == lookup.ids));
     // Each reads all of the source.
     if looked_up.sets.iter().any(|lookup| matches!(lookup.answer, Answer::Coming(_))) {

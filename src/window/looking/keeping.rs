@@ -1,16 +1,15 @@
 //! What is done with a selection: written to a table, counted along one field, or drawn against two.
 
-use super::prober::{over, source_for};
+use super::asking::Asking;
 use crate::explore::export::{Exported, Format, export};
 use crate::explore::histogram::{AxisOptions, FieldHistogram, Scatter, histogram, scatter};
-use crate::explore::{ExploreError, Members};
+use crate::explore::{ExploreError, Fields, Members, OverTime, over_time};
 use crate::window::free_name::free_name;
 use crate::window::scene::Scene;
 use crate::window::state::answer::Answer;
 use crate::window::state::notices::Notices;
 use bevy::prelude::*;
 use std::path::PathBuf;
-use std::sync::Arc;
 
 /// Bins of a histogram.
 const BINS: usize = 48;
@@ -26,6 +25,8 @@ pub struct Keeping {
     pub plot: Answer<Plot>,
     /// What it was asked for.
     pub asked: Option<Asked>,
+    /// A selection over the steps of the run.
+    pub over_time: Answer<OverTime>,
     /// The fields to plot, as the panel's boxes say: along x, and along y unless numbers are counted.
     pub fields: (String, Option<String>),
 }
@@ -55,8 +56,7 @@ pub enum Plot {
 impl Keeping {
     /// Writes a selection to a table in the folder of the source or the working folder; from the source where that can be read.
     pub fn write(&mut self, scene: &Scene, name: &str, members: &Members, format: Format) {
-        let file = Arc::clone(&scene.file);
-        let source = scene.source();
+        let asking = Asking::about(scene, members, true);
         let members = members.clone();
         let extension = match format {
             Format::Csv => "csv",
@@ -64,10 +64,18 @@ impl Keeping {
         };
         let out = free_name(&scene.path, name, extension);
         self.export = Answer::ask("export", move |work| {
-            let exported = over(&file, source.as_deref(), |data| {
-                export(data, &members, format, &out, data.periodic_edge()?, work)
-            })?;
+            let exported = asking
+                .ask(&members, work, |data, members, periodic| export(data, members, format, &out, periodic, work))?;
             Ok::<_, ExploreError>((out, exported))
+        });
+    }
+
+    /// Sums up a selection at every step of the run.
+    pub fn over_time(&mut self, scene: &Scene, members: &Members) {
+        let Some(following) = scene.following.clone() else { return };
+        let members = members.clone();
+        self.over_time = Answer::ask("over time", move |work| {
+            over_time(following.run(), Some(&following), &members, &Fields::All, true, work)
         });
     }
 
@@ -76,17 +84,16 @@ impl Keeping {
         if self.asked.as_ref() == Some(&asked) {
             return;
         }
-        let (file, source) = (Arc::clone(&scene.file), asked.members.as_ref().and_then(|of| source_for(scene, of)));
+        let members = asked.members.clone().unwrap_or(Members::Region(crate::explore::Region::whole()));
+        let asking = Asking::about(scene, &members, false);
         self.asked = Some(asked.clone());
         self.plot = Answer::ask("plot", move |work| {
-            over(&file, source.as_deref(), |data| {
-                let periodic = data.periodic_edge()?;
-                let members = asked.members.unwrap_or(Members::Region(crate::explore::Region::whole()));
+            asking.ask(&members, work, |data, members, periodic| {
                 Ok(match &asked.y {
-                    Some(y) => Plot::Scatter(scatter(data, &members, [&asked.x, y], POINTS, periodic, work)?),
+                    Some(y) => Plot::Scatter(scatter(data, members, [&asked.x, y], POINTS, periodic, work)?),
                     None => {
                         let axes = [AxisOptions::new(asked.x.clone(), BINS)];
-                        Plot::Histogram(histogram(data, &members, &axes, periodic, work)?)
+                        Plot::Histogram(histogram(data, members, &axes, periodic, work)?)
                     }
                 })
             })
@@ -98,6 +105,7 @@ impl Keeping {
 pub(super) fn receive_tables(mut keeping: ResMut<Keeping>, mut notices: ResMut<Notices>) {
     let keeping = keeping.bypass_change_detection();
     keeping.plot.receive();
+    keeping.over_time.receive();
     if keeping.export.receive() {
         match &keeping.export {
             Answer::Here((path, exported)) => {

@@ -1,9 +1,12 @@
 //! The layer of selections over the picture: drawn again whenever the view, its nodes or the selections change.
 
+use super::asking::RunNow;
+use super::followed::FollowedSets;
 use super::ids::LookedUp;
 use super::prober::Prober;
-use crate::explore::marks::{Layer, Marks};
+use crate::explore::marks::{Layer, Marks, shown};
 use crate::explore::{Data, Members, Region, SelectionSet, Shape};
+use crate::model::FamilyName;
 use crate::stream::SceneNode;
 use crate::view::View;
 use crate::window::pages::ViewSelection;
@@ -29,6 +32,8 @@ struct Key {
     probed: Option<Members>,
     /// What was known of where ids are.
     looked_up: u64,
+    /// What was known of who is followed in a run, and the time of it.
+    followed: (u64, Option<f64>),
 }
 
 /// The layer.
@@ -103,7 +108,7 @@ pub(super) fn draw_marks(
     selection: Res<ViewSelection>,
     settings: Res<Settings>,
     prober: Res<Prober>,
-    looked_up: Res<LookedUp>,
+    (looked_up, followed): (Res<LookedUp>, Res<FollowedSets>),
 ) {
     let layer = layer.bypass_change_detection();
     let (Some(scene), Some(view)) = (scene, selection.view) else { return };
@@ -123,25 +128,28 @@ pub(super) fn draw_marks(
         sets: settings.selections.clone(),
         probed: prober.members.clone(),
         looked_up: looked_up.revision,
+        followed: (followed.revision, scene.time),
     };
     if layer.wanted.as_ref() == Some(&key) {
         return;
     }
-    let marks = marks_of(&scene, &key, &looked_up);
+    let marks = marks_of(&scene, &key, &looked_up, &followed);
     if marks.is_empty() {
         layer.layer = None;
         layer.wanted = Some(key);
         return;
     }
     let nodes: Arc<[SceneNode]> = Arc::clone(&selection.nodes);
+    let known = scene.metadata().families.iter().zip(&settings.families);
+    let families: Vec<FamilyName> = known.filter(|(_, shown)| **shown).map(|(family, _)| family.name).collect();
     let count =
         |node: &SceneNode| node.page.nodes.get(node.node.node as usize).map_or(0, |node| u64::from(node.particles));
     if nodes.iter().map(count).sum::<u64>() <= AT_ONCE {
-        let drawn = marks.draw(&view, &nodes);
+        let drawn = marks.draw(&view, &nodes, &families);
         layer.take(drawn, view);
     } else {
         let (send, receive) = channel();
-        rayon::spawn(move || drop(send.send(marks.draw(&view, &nodes))));
+        rayon::spawn(move || drop(send.send(marks.draw(&view, &nodes, &families))));
         layer.coming = Some(Mutex::new(receive));
     }
     layer.wanted = Some(key);
@@ -154,10 +162,17 @@ fn has_outline(region: &Region) -> bool {
 }
 
 /// What is to be marked; regions that make no sense were refused where they came from.
-fn marks_of(scene: &Scene, key: &Key, looked_up: &LookedUp) -> Marks {
+fn marks_of(scene: &Scene, key: &Key, looked_up: &LookedUp, followed: &FollowedSets) -> Marks {
     let metadata = scene.metadata();
     let periodic = Data::Pages(&scene.file).periodic_edge().unwrap_or(None);
     let mut marks = Marks::new(&key.sets, metadata, periodic, |ids| looked_up.highlighter(ids)).unwrap_or_default();
+    if let Some(now) = RunNow::of(scene) {
+        for set in shown(&key.sets).0.into_iter().filter(|set| set.members.stay()) {
+            if let Some(places) = followed.places(&set.members, &now) {
+                marks.add_places(places, set.rgb().unwrap_or([255; 3]));
+            }
+        }
+    }
     // What is kept as a selection has that one's colour.
     let kept = |members: &Members| key.sets.iter().any(|set| set.members == *members);
     match &key.probed {

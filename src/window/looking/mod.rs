@@ -5,7 +5,9 @@
 //! ([`Inspector`]), two points to measure between, or a region ([`Stroke`]) that is summed up ([`prober`]) and may be kept as a
 //! selection; [`marks`] and [`drawing`] show all that over the picture.
 
+pub mod asking;
 pub mod drawing;
+pub mod followed;
 pub mod following;
 pub mod ids;
 pub mod inspector;
@@ -24,6 +26,7 @@ use super::input::{PointerOwner, TOOL_KEYS, is_control};
 use super::pages::{PageSystems, ViewSelection};
 use super::pick::{NO_PLACES, pick};
 use super::picture::Picture;
+use super::playhead::Playhead;
 use super::scene::Scene;
 use super::state::notices::Notices;
 use super::state::tool::{Stroke, Tool};
@@ -57,6 +60,7 @@ impl Plugin for LookingPlugin {
             .init_resource::<marks::MarkLayer>()
             .init_resource::<ids::LookedUp>()
             .init_resource::<ids::ByIds>()
+            .init_resource::<followed::FollowedSets>()
             .init_resource::<following::FollowedSelection>()
             .add_systems(
                 Update,
@@ -64,7 +68,10 @@ impl Plugin for LookingPlugin {
                     (forget_other_data, inspector::receive_particle).chain(),
                     (take_tool, receive_sums, keeping::receive_tables),
                     (ids::keep_ids, ids::look_up).chain().after(crate::window::adopt::adopt_opened),
-                    following::find_center.after(crate::window::adopt::adopt_opened),
+                    (followed::follow, following::find_center)
+                        .chain()
+                        .after(crate::window::adopt::adopt_opened)
+                        .after(crate::window::playhead::show_moment),
                 ),
             )
             .add_systems(
@@ -90,24 +97,31 @@ fn take_tool(keys: Res<ButtonInput<KeyCode>>, owner: Res<PointerOwner>, mut tool
 }
 
 /// Takes what has been found out.
-fn receive_sums(mut prober: ResMut<Prober>) {
-    prober.bypass_change_detection().sums.receive();
+fn receive_sums(mut prober: ResMut<Prober>, scene: Option<Res<Scene>>, playhead: Option<Res<Playhead>>) {
+    let prober = prober.bypass_change_detection();
+    prober.sums.receive();
+    if let Some(scene) = scene {
+        prober.keep_up(&scene, playhead.is_some_and(|playhead| playhead.is_playing()));
+    }
 }
 
 /// Forgets what was found out about another file.
 fn forget_other_data(
     scene: Option<Res<Scene>>,
-    mut known: Local<u32>,
+    mut known: Local<(u32, u32)>,
     mut measure: ResMut<Measure>,
     mut inspector: ResMut<Inspector>,
     mut prober: ResMut<Prober>,
 ) {
-    let generation = scene.map_or(0, |scene| scene.generation);
-    if *known != generation {
-        *known = generation;
+    let now = scene.map_or((0, 0), |scene| (scene.dataset, scene.generation));
+    if *known != now {
+        // At another moment of a run a region is what it was; its sums are asked for once more.
+        if known.0 != now.0 {
+            *prober = Prober::default();
+        }
+        *known = now;
         measure.0.clear();
         *inspector = Inspector::default();
-        *prober = Prober::default();
     }
 }
 
@@ -164,7 +178,7 @@ fn use_tool(
                 stroke.extend(at);
                 let region = std::mem::take(&mut *stroke).region(drawn);
                 match region.map(|region| region.check().map(|()| region)) {
-                    Some(Ok(region)) => prober.start(&scene.file, Members::Region(region), None),
+                    Some(Ok(region)) => prober.start(&scene, Members::Region(region), false),
                     Some(Err(error)) => notices.error(error.to_string()),
                     None => notices.info(drawn.help()),
                 }

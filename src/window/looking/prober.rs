@@ -1,14 +1,14 @@
 //! Probes in the window: a region that is summed up over the whole data.
 
+use super::asking::Asking;
 use crate::explore::data::{open_source, source_of};
-use crate::explore::{Data, ExploreError, Members, Probe, ProbeOptions, ProfileOptions, Work, probe};
+use crate::explore::{ExploreError, Members, Probe, ProbeOptions, ProfileOptions, Work, probe};
 use crate::import::Source;
 use crate::store::PageFile;
 use crate::window::scene::Scene;
 use crate::window::state::answer::Answer;
 use bevy::prelude::*;
-use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::path::PathBuf;
 
 /// Shells of a profile.
 const SHELLS: usize = 24;
@@ -20,20 +20,46 @@ pub struct Prober {
     pub members: Option<Members>,
     /// Its sums.
     pub sums: Answer<Probe>,
+    /// The same of another moment, on their way.
+    again: Answer<Probe>,
+    /// The time of the run that was asked for last.
+    asked_at: Option<f64>,
+    /// Whether they are exact where they can be.
+    exact: bool,
 }
 
 impl Prober {
-    /// Sums up over the page file, or over the source where `source` names it; what was going on is stopped.
-    pub fn start(&mut self, file: &Arc<PageFile>, members: Members, source: Option<PathBuf>) {
-        let (file, asked) = (Arc::clone(file), members.clone());
-        self.members = Some(members);
-        self.sums = Answer::ask("probe", move |work| sum_up(&file, &asked, source.as_deref(), work));
+    /// Sums up what is there now, `exact` or as a page file has it; what was going on is stopped.
+    pub fn start(&mut self, scene: &Scene, members: Members, exact: bool) {
+        self.sums = Prober::ask(scene, &members, exact);
+        *self = Prober {
+            members: Some(members),
+            sums: std::mem::take(&mut self.sums),
+            again: Answer::Nothing,
+            asked_at: scene.time,
+            exact,
+        };
     }
-}
 
-/// The source that has to be asked about these members, if any: page files hold no ids.
-pub fn source_for(scene: &Scene, members: &Members) -> Option<PathBuf> {
-    members.ids().and_then(|_| scene.source())
+    fn ask(scene: &Scene, members: &Members, exact: bool) -> Answer<Probe> {
+        let (asking, asked) = (Asking::about(scene, members, exact), members.clone());
+        Answer::ask("probe", move |work| sum_up(&asking, &asked, work))
+    }
+
+    /// Asks once more where another moment of the run is shown; what was found stays until the answer is here.
+    pub(super) fn keep_up(&mut self, scene: &Scene, is_playing: bool) {
+        if self.again.receive() && matches!(self.again, Answer::Here(_) | Answer::Failed(_)) {
+            self.sums = std::mem::take(&mut self.again);
+        }
+        let Some(members) = &self.members else { return };
+        let is_busy = matches!(self.sums, Answer::Coming(_)) || matches!(self.again, Answer::Coming(_));
+        // Who is in a region now is found by looking at it: when time stands.
+        if scene.times.is_none() || self.asked_at == scene.time || is_busy || is_playing && !members.stay() {
+            return;
+        }
+        self.again = Prober::ask(scene, members, self.exact);
+        self.asked_at = scene.time;
+    }
 }
 
 /// The source of a page file: the one that is named, else the one that the file names itself.
@@ -47,32 +73,14 @@ pub fn opened(file: &PageFile, source: Option<PathBuf>) -> Result<Box<dyn Source
     }
 }
 
-fn sum_up(file: &PageFile, members: &Members, source: Option<&Path>, work: Work<'_>) -> Result<Probe, ExploreError> {
-    over(file, source, |data| {
+fn sum_up(asking: &Asking, members: &Members, work: Work<'_>) -> Result<Probe, ExploreError> {
+    asking.ask(members, work, |data, members, periodic| {
         let sphere = match members {
             Members::Region(region) => region.first_sphere(),
-            Members::Ids(_) => None,
+            Members::Ids(_) | Members::Tracked { .. } => None,
         };
         let profile = sphere.map(|_| ProfileOptions::logarithmic(SHELLS));
-        let options = ProbeOptions { profile, periodic: data.periodic_edge()?, ..ProbeOptions::default() };
+        let options = ProbeOptions { profile, periodic, ..ProbeOptions::default() };
         probe(data, members, &options, work)
     })
-}
-
-/// Asks the source where it is named, else the page file.
-///
-/// # Errors
-/// When the source cannot be opened, and those of what is asked.
-pub fn over<T>(
-    file: &PageFile,
-    source: Option<&Path>,
-    ask: impl FnOnce(Data<'_>) -> Result<T, ExploreError>,
-) -> Result<T, ExploreError> {
-    match source {
-        Some(path) => {
-            let source = open_source(path, file)?;
-            ask(Data::Source(source.as_ref()))
-        }
-        None => ask(Data::Pages(file)),
-    }
 }

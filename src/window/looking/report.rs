@@ -116,6 +116,13 @@ impl<'a> Report<'a> {
 }
 
 fn found<'a>(state: &'a LookingState<'_>, set: &SelectionSet) -> Option<Found<'a>> {
+    if let Some(who) = state.followed.of(&set.members) {
+        return Some(match who {
+            Answer::Here(who) => Found::Count(who.as_ref().map_or(0, |who| who.ids().len())),
+            Answer::Failed(why) => Found::Failed(why),
+            Answer::Coming(_) | Answer::Nothing => Found::Coming,
+        });
+    }
     Some(match state.looked_up.of(set.members.ids()?) {
         Some(Answer::Here(found)) => Found::Count(found.count),
         Some(Answer::Failed(why)) => Found::Failed(why),

@@ -1,5 +1,6 @@
 //! What the panel's sections about looking closer show and edit.
 
+use super::followed::FollowedSets;
 use super::following::FollowedSelection;
 use super::ids::{ByIds, LookedUp};
 use super::keeping::Keeping;
@@ -32,6 +33,8 @@ pub struct LookingState<'w> {
     pub keeping: ResMut<'w, Keeping>,
     /// Where the particles of sets of ids are.
     pub looked_up: Res<'w, LookedUp>,
+    /// Selections of a run that are followed.
+    pub followed: Res<'w, FollowedSets>,
     /// Regions on their way to becoming sets of ids.
     pub by_ids: ResMut<'w, ByIds>,
     /// The selection that the camera follows.

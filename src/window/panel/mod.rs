@@ -12,6 +12,7 @@ mod display;
 mod messages;
 mod mode;
 mod objects;
+mod over_time;
 mod probe;
 mod projection;
 mod selections;

@@ -66,7 +66,7 @@ fn show(ui: &mut Ui, state: &mut PanelState<'_, '_>) {
         *state.looking.visit = Visit(visit);
     }
     if let Some(region) = probe {
-        state.looking.prober.start(&scene.file, Members::Region(region), None);
+        state.looking.prober.start(scene, Members::Region(region), false);
     }
     if theme::button(ui, "objects:close", "Close", true, "Forget the catalogue") {
         *state.looking.objects = Objects::default();

@@ -19,14 +19,15 @@ pub static SECTION: Section = Section {
 
 fn show(ui: &mut Ui, state: &mut PanelState<'_, '_>) {
     let (Some(scene), Some(members)) = (&state.scene, state.looking.prober.members.clone()) else { return };
-    let file = std::sync::Arc::clone(&scene.file);
     let (unit, source) = (scene.length_unit.clone(), scene.source());
+    // In a run, particles are kept that are there now.
+    let now = scene.following.as_ref().and_then(|_| scene.when());
     let mut edited = members.clone();
     if let Members::Region(region) = &mut edited {
         shape(ui, region, &unit);
     }
     if edited != members && matches!(&edited, Members::Region(region) if region.check().is_ok()) {
-        state.looking.prober.start(&file, edited, None);
+        state.looking.prober.start(scene, edited, false);
     }
     let exact = match &state.looking.prober.sums {
         Answer::Nothing => false,
@@ -49,17 +50,24 @@ fn show(ui: &mut Ui, state: &mut PanelState<'_, '_>) {
     ui.add_space(4.0);
     ui.horizontal(|ui| {
         ui.spacing_mut().item_spacing.x = 3.0;
-        if theme::button(ui, "keep", "Keep", true, "Keep it as a selection") {
+        let keep = match (&members, now) {
+            (Members::Region(region), Some(at)) => {
+                let help = "Keep the particles that are in it now as a selection, wherever they go";
+                let tracked = Members::Tracked { at, region: region.clone() };
+                let particles = theme::button(ui, "keep-particles", "Keep particles", true, help).then_some(tracked);
+                let help = "Keep the region as a selection: who is in it at any time";
+                particles.or_else(|| theme::button(ui, "keep", "Keep", true, help).then(|| members.clone()))
+            }
+            _ => theme::button(ui, "keep", "Keep", true, "Keep it as a selection").then(|| members.clone()),
+        };
+        if let Some(members) = keep {
             let number = state.settings.selections.len();
-            let set = SelectionSet {
-                members: members.clone(),
-                ..SelectionSet::new(format!("Selection {}", number + 1), Region::whole(), number)
-            };
-            state.settings.selections.push(set);
+            let new = SelectionSet::new(format!("Selection {}", number + 1), Region::whole(), number);
+            state.settings.selections.push(SelectionSet { members, ..new });
         }
         let help = "Ask the source: exact values, velocities too; takes a pass over the whole file";
         if theme::button(ui, "exact", "Exact", source.is_some() && !exact, help) {
-            state.looking.prober.start(&file, members.clone(), source);
+            state.looking.prober.start(scene, members.clone(), true);
         }
         if theme::button(ui, "clear-probe", "Clear", true, "Forget the region") {
             *state.looking.prober = crate::window::looking::prober::Prober::default();

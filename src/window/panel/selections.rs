@@ -8,7 +8,6 @@ use crate::explore::selection::COLORS;
 use crate::explore::{Members, Region, SelectionSet, Show};
 use crate::window::looking::drawing::swatch;
 use crate::window::looking::keeping::{Asked, Plot};
-use crate::window::looking::prober::source_for;
 use crate::window::state::answer::Answer;
 use bevy_egui::egui::{self, Align2, ComboBox, FontId, Rect, RichText, Sense, TextEdit, Ui, pos2, vec2};
 
@@ -59,6 +58,7 @@ fn show(ui: &mut Ui, state: &mut PanelState<'_, '_>) {
         theme::bar(ui, share.unwrap_or(0.0), theme::ACCENT);
         ui.ctx().request_repaint();
     }
+    super::over_time::show(ui, state);
     plots(ui, state);
 }
 
@@ -100,13 +100,20 @@ fn actions(ui: &mut Ui, index: usize, set: &SelectionSet, state: &mut PanelState
         ui.spacing_mut().item_spacing.x = 3.0;
         ui.add_space(17.0);
         if theme::button(ui, &format!("selection:{index}:probe"), "Probe", true, "Sum it up over the whole data") {
-            state.looking.prober.start(&scene.file, set.members.clone(), source_for(scene, &set.members));
+            state.looking.prober.start(scene, set.members.clone(), false);
         }
         for (format, title) in [(Format::Csv, "CSV"), (Format::Parquet, "Parquet")] {
             let help = "Write its particles with ids and all fields to a table beside the data";
             let idle = !matches!(state.looking.keeping.export, Answer::Coming(_));
             if theme::button(ui, &format!("selection:{index}:{title}"), title, idle, help) {
                 state.looking.keeping.write(scene, &set.name, &set.members, format);
+            }
+        }
+        if scene.following.is_some() {
+            let help = "Plot its mass, way, velocities and fields over the steps of the run";
+            let idle = !matches!(state.looking.keeping.over_time, Answer::Coming(_));
+            if theme::button(ui, &format!("selection:{index}:over-time"), "Over time", idle, help) {
+                state.looking.keeping.over_time(scene, &set.members);
             }
         }
     });
@@ -141,6 +148,22 @@ fn by_ids(ui: &mut Ui, set: &SelectionSet, state: &PanelState<'_, '_>) {
         theme::bar(ui, progress.state().1.unwrap_or(0.0), theme::ACCENT);
         ui.ctx().request_repaint();
     };
+    if let Some(who) = state.looking.followed.of(&set.members) {
+        match who {
+            Answer::Here(who) => {
+                let count = who.as_ref().map_or(0, |who| who.ids().len());
+                let text = format!("{} particles, wherever they go", number::count(count));
+                ui.label(RichText::new(text).size(12.0).color(if count == 0 { theme::BAD } else { theme::LABEL }));
+            }
+            Answer::Coming(lookup) => coming(ui, "Looking for its particles", &lookup.progress),
+            Answer::Failed(why) => {
+                let text = format!("It cannot be followed: {why}");
+                ui.add(egui::Label::new(RichText::new(text).size(12.0).color(theme::BAD)).wrap());
+            }
+            Answer::Nothing => {}
+        }
+        return;
+    }
     let Some(ids) = set.members.ids() else {
         if let Answer::Coming(ids) = &state.looking.by_ids.answer
             && state.looking.by_ids.is_asked(&set.members)

@@ -46,7 +46,15 @@ pub(crate) mod tests {
     /// What a tour of tests is shown with.
     pub fn surroundings() -> Surroundings {
         let framed = Bounds { min: DVec3::ZERO, max: DVec3::splat(50.0) };
-        Surroundings { file: "test".into(), text: String::new(), folder: "".into(), framed, aspect: 1.5, times: None }
+        Surroundings {
+            file: "test".into(),
+            text: String::new(),
+            folder: "".into(),
+            framed,
+            aspect: 1.5,
+            times: None,
+            data: None,
+        }
     }
 
     /// Three keyframes; at the second, a presenter is waited for.

@@ -167,6 +167,7 @@ impl Player {
             framed: scene.frame,
             aspect,
             times: scene.times.clone(),
+            data: scene.opened.clone(),
         };
         self.timeline = match Timeline::new(tour, &surroundings) {
             Ok(timeline) => Some(Arc::new(timeline)),

@@ -5,11 +5,12 @@ use super::matching::{NOBODY, TrackRecord, UNRESOLVED, track_words};
 use super::memory::default_memory;
 use super::shuffle::Shuffle;
 use super::spill::Spill;
-use super::states::{State, StateLayout, StepStates, key_of};
+use super::states::{State, StateLayout, StepStates};
 use super::{BuildError, BuildOptions};
 use crate::codec::AttributeMerge;
 use crate::codec::states::{MASS_BITS, VALUE_BITS, float_of, round_float};
 use crate::hierarchy::octree::Plan;
+use crate::hierarchy::spacetime::lattice::morton_key;
 use crate::hierarchy::spacetime::{
     Before, ClusterList, Flow, Gathered, Interval, Lattice, TrackFlags, Tracks, Traveller, flow_errors,
 };
@@ -262,7 +263,7 @@ impl Regions {
     pub fn put(&self, step: &FlowStep<'_>, records: &[u32]) -> Result<(), BuildError> {
         self.tracks.put(records, |record| {
             let track = TrackRecord::of(record);
-            self.starts[track.family] + self.plans[track.family].bucket(key_of(step.in_box(track.places[self.end])))
+            self.starts[track.family] + self.plans[track.family].bucket(morton_key(step.in_box(track.places[self.end])))
         })
     }
 

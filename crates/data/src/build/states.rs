@@ -7,10 +7,9 @@ use super::shuffle::Shuffle;
 use super::spill::Spill;
 use super::survey::Survey;
 use super::{BuildError, BuildOptions};
-use crate::codec::morton::{self, MORTON_BITS};
 use crate::hierarchy::octree::Plan;
 use crate::hierarchy::spacetime::Lattice;
-use crate::hierarchy::spacetime::lattice::LATTICE_BITS;
+use crate::hierarchy::spacetime::lattice::morton_key;
 use crate::import::{SourceStream, StateChunk};
 use crate::model::{Chunk, FamilyName, ParticleStream, Progress, StreamError, Unit};
 use crate::store::temporary::folder_of;
@@ -77,14 +76,8 @@ impl State<'_> {
 
     /// The Morton key of where it is.
     pub fn key(&self) -> u64 {
-        key_of(self.place)
+        morton_key(self.place)
     }
-}
-
-/// The Morton key of a place; that of the nearest one in the root cell for what lies outside.
-pub(super) fn key_of(place: [i64; 3]) -> u64 {
-    let most = (1 << LATTICE_BITS) - 1;
-    morton::encode(place.map(|x| (x.clamp(0, most) >> (LATTICE_BITS - MORTON_BITS)) as u32))
 }
 
 /// A number that looks random, the same for the same id.

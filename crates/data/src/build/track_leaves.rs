@@ -1,9 +1,10 @@
 //! Leaves of tracks: a bucket of an interval sorted by where tracks begin, cut into cells of few.
 
 use super::matching::{TrackRecord, UNRESOLVED, track_words};
-use super::states::{StateLayout, key_of};
+use super::states::StateLayout;
 use super::track_nodes::BuiltNode;
 use crate::codec::morton::MORTON_BITS;
+use crate::hierarchy::spacetime::lattice::morton_key;
 use crate::hierarchy::spacetime::{Interval, TrackFlags, Tracks};
 use crate::store::run::{LEAF_TRACKS, as_stored};
 
@@ -22,7 +23,7 @@ pub(super) fn leaves_of(
 ) -> Vec<BuiltNode> {
     let words = track_words(layout);
     let mut order: Vec<(u64, &[u32])> =
-        records.chunks_exact(words).map(|record| (key_of(TrackRecord::of(record).places[0]), record)).collect();
+        records.chunks_exact(words).map(|record| (morton_key(TrackRecord::of(record).places[0]), record)).collect();
     // By everything that a record holds, so that their order in the bucket does not matter.
     order.sort_unstable();
     let mut leaves = Vec::new();

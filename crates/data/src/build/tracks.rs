@@ -10,11 +10,12 @@ use super::memory::default_memory;
 use super::run::StepProgress;
 use super::shuffle::Shuffle;
 use super::spill::Spill;
-use super::states::{Scales, State, StateLayout, StepStates, key_of};
+use super::states::{Scales, State, StateLayout, StepStates};
 use super::track_nodes::write_nodes;
 use super::{BuildError, BuildOptions, chosen};
 use crate::hierarchy::RootCell;
 use crate::hierarchy::octree::Plan;
+use crate::hierarchy::spacetime::lattice::morton_key;
 use crate::hierarchy::spacetime::{Interval, Lattice};
 use crate::import::{FieldKind, ImportError, LoadOptions, Run, Source, open_with, streams};
 use crate::model::periodic::PeriodicBox;
@@ -462,7 +463,7 @@ impl TrackBuild<'_> {
         let spill = Spill::new(self.out, &folder, self.memory() / 6, self.options.read);
         let sorted = Shuffle::new(buckets, track_words(layout), spill);
         let bucket_of =
-            |track: &TrackRecord| starts[track.family] + by_place[track.family].bucket(key_of(track.places[0]));
+            |track: &TrackRecord| starts[track.family] + by_place[track.family].bucket(morton_key(track.places[0]));
         let place = format!("interval {} of {}", number + 1, plans.clock.len() - 1);
         let states = |bucket: usize| -> Result<Window, BuildError> {
             let get = |states: Option<&StepStates>| states.map_or(Ok(Vec::new()), |states| states.shuffle.get(bucket));

@@ -31,6 +31,8 @@ const COVER: f64 = 0.9;
 #[derive(Debug, Default)]
 pub struct Marks {
     sets: Vec<(Arc<Highlighter>, [u8; 3])>,
+    /// Sets by the places of their particles, whatever nodes are drawn.
+    places: Vec<(Places, [u8; 3])>,
     alone: bool,
 }
 
@@ -61,12 +63,14 @@ impl Marks {
         mut found: impl FnMut(&IdSet) -> Option<Arc<Highlighter>>,
     ) -> Result<Marks, ExploreError> {
         let (shown, alone) = shown(sets);
-        let mut marks = Marks { sets: Vec::new(), alone };
+        let mut marks = Marks { sets: Vec::new(), places: Vec::new(), alone };
         for set in shown {
             let color = set.rgb().unwrap_or([255; 3]);
             match &set.members {
                 Members::Region(region) => marks.add(region, color, metadata, periodic)?,
                 Members::Ids(ids) => marks.sets.extend(found(ids).map(|highlighter| (highlighter, color))),
+                // Only a run knows who they are: [`Marks::add_places`].
+                Members::Tracked { .. } => {}
             }
         }
         Ok(marks)
@@ -87,13 +91,18 @@ impl Marks {
         Ok(())
     }
 
-    /// Whether nothing is marked.
-    pub fn is_empty(&self) -> bool {
-        self.sets.is_empty() && !self.alone
+    /// Adds particles by their places in a colour.
+    pub fn add_places(&mut self, places: Places, color: [u8; 3]) {
+        self.places.push((places, color));
     }
 
-    /// Draws the layer over a picture of these nodes.
-    pub fn draw(&self, view: &View, nodes: &[SceneNode]) -> Layer {
+    /// Whether nothing is marked.
+    pub fn is_empty(&self) -> bool {
+        self.sets.is_empty() && self.places.is_empty() && !self.alone
+    }
+
+    /// Draws the layer over a picture of these nodes; of sets by places the families `families` alone.
+    pub fn draw(&self, view: &View, nodes: &[SceneNode], families: &[FamilyName]) -> Layer {
         let radius = radius(view);
         let mut sums = Sums::new(view, radius);
         for (highlighter, color) in &self.sets {
@@ -102,6 +111,7 @@ impl Marks {
             let batches: Vec<Splats<'_>> = marked.iter().filter_map(|node| node.splats(radius)).collect();
             sums.add(view, &batches, *color);
         }
+        self.places.iter().for_each(|(places, color)| sums.add_places(view, places, *color, families));
         sums.layer(view, self.alone)
     }
 }
@@ -117,17 +127,8 @@ pub fn shown<'a>(sets: impl IntoIterator<Item = &'a SelectionSet>) -> (Vec<&'a S
 /// Draws the layer over a picture of a source's own particles: each set by the places of its particles, with its colour. Of
 /// `families` alone.
 pub fn draw_places(view: &View, sets: &[(Places, [u8; 3])], alone: bool, families: &[FamilyName]) -> Layer {
-    let radius = radius(view);
-    let mut sums = Sums::new(view, radius);
-    for (places, color) in sets {
-        let drawn = families.iter().copied();
-        let images = || view.images.offsets().collect::<Vec<DVec3>>();
-        let at = drawn.flat_map(|name| places.family(name)).flat_map(|at| images().into_iter().map(move |by| *at + by));
-        let positions: Vec<[f64; 3]> = at.filter(|at| view.cut.keeps(*at)).map(|at| at.to_array()).collect();
-        let weight = vec![1.0; positions.len()];
-        let splats = Splats::new(Positions::World(&positions), Extent::Pixels(radius), &weight, None);
-        sums.add(view, splats.ok().as_slice(), *color);
-    }
+    let mut sums = Sums::new(view, radius(view));
+    sets.iter().for_each(|(places, color)| sums.add_places(view, places, *color, families));
     sums.layer(view, alone)
 }
 
@@ -159,6 +160,17 @@ impl Sums {
             let p = p.max(0.0);
             *sum = [sum[0] + p * r, sum[1] + p * g, sum[2] + p * b, sum[3] + p];
         });
+    }
+
+    /// Adds particles of `families` by their places.
+    fn add_places(&mut self, view: &View, places: &Places, color: [u8; 3], families: &[FamilyName]) {
+        let drawn = families.iter().copied();
+        let images = || view.images.offsets().collect::<Vec<DVec3>>();
+        let at = drawn.flat_map(|name| places.family(name)).flat_map(|at| images().into_iter().map(move |by| *at + by));
+        let positions: Vec<[f64; 3]> = at.filter(|at| view.cut.keeps(*at)).map(|at| at.to_array()).collect();
+        let weight = vec![1.0; positions.len()];
+        let splats = Splats::new(Positions::World(&positions), Extent::Pixels(radius(view)), &weight, None);
+        self.add(view, splats.ok().as_slice(), color);
     }
 
     fn layer(&self, view: &View, alone: bool) -> Layer {
@@ -255,7 +267,7 @@ mod tests {
         // A massive halo, 2 units in radius: 8 pixels around the picture's middle.
         let mut set = SelectionSet::new("halo", Region::sphere(center, 2.0), 0);
         let layer =
-            |set: &SelectionSet| Marks::new([set], file.metadata(), None, |_| None).unwrap().draw(&view, &nodes);
+            |set: &SelectionSet| Marks::new([set], file.metadata(), None, |_| None).unwrap().draw(&view, &nodes, &[]);
         let drawn = layer(&set);
         let from_middle = |at: usize| ((at % 200) as f64 + 0.5 - 100.0).hypot((at / 200) as f64 + 0.5 - 100.0);
         let covered: Vec<usize> = (0..drawn.rgba.len()).filter(|&at| drawn.rgba[at][3] > 0).collect();
@@ -273,7 +285,7 @@ mod tests {
         let look_up = |wanted: &IdSet| (*wanted == ids).then(|| Arc::clone(&found.highlighter));
         let marks = Marks::new([&by_id], file.metadata(), None, look_up).unwrap();
         let exact = draw_places(&view, &[(places, set.rgb().unwrap())], false, &FamilyName::GADGET);
-        for (name, other) in [("ids", marks.draw(&view, &nodes)), ("places", exact)] {
+        for (name, other) in [("ids", marks.draw(&view, &nodes, &[])), ("places", exact)] {
             let differ =
                 (0..other.rgba.len()).filter(|&at| (other.rgba[at][3] > 128) != (drawn.rgba[at][3] > 128)).count();
             assert!(differ <= covered.len() / 10, "{name}: {differ} of {}", covered.len());

@@ -38,6 +38,11 @@ impl Places {
         Ok(Places { families: families.into_iter().zip(found).collect() })
     }
 
+    /// Places that are known, by family.
+    pub fn new(families: Vec<(FamilyName, Vec<DVec3>)>) -> Places {
+        Places { families }
+    }
+
     /// Number of particles.
     pub fn len(&self) -> usize {
         self.families.iter().map(|(_, places)| places.len()).sum()

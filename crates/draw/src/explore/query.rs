@@ -15,6 +15,8 @@ pub enum Of<'a> {
     Region(&'a Region),
     /// Those with these ids; only a source can tell.
     Ids(&'a IdSet),
+    /// Those that were in a region of a run at another time; only the run can tell ([`super::Following`]).
+    Tracked(&'a Region),
 }
 
 impl<'a> From<&'a Members> for Of<'a> {
@@ -22,6 +24,7 @@ impl<'a> From<&'a Members> for Of<'a> {
         match members {
             Members::Region(region) => Of::Region(region),
             Members::Ids(ids) => Of::Ids(ids),
+            Members::Tracked { region, .. } => Of::Tracked(region),
         }
     }
 }
@@ -70,6 +73,10 @@ impl<'a> Query<'a> {
         let region = match of {
             Of::Region(region) => region,
             Of::Ids(_) => &whole,
+            Of::Tracked(_) => {
+                let expected = "a run with tracks: deepfield build of several snapshots makes one";
+                return Err(ExploreError::missing(data.path(), "who was in a region at another time", expected));
+            }
         };
         let shapes = Shapes::new(region, periodic)?;
         for range in &region.ranges {
@@ -93,7 +100,7 @@ impl<'a> Query<'a> {
     pub(super) fn region(&self) -> Option<&'a Region> {
         match self.of {
             Of::Region(region) => Some(region),
-            Of::Ids(_) => None,
+            Of::Ids(_) | Of::Tracked(_) => None,
         }
     }
 

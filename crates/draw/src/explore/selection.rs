@@ -3,6 +3,7 @@
 use super::error::ExploreError;
 use super::ids::IdSet;
 use super::region::Region;
+use crate::model::When;
 use serde::{Deserialize, Serialize};
 
 /// A named, coloured selection.
@@ -26,11 +27,19 @@ pub struct SelectionSet {
 
 /// Which particles belong to a selection.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub enum Members {
     /// Those in a region, wherever they come from.
     Region(Region),
     /// Those with these ids, wherever they go.
     Ids(IdSet),
+    /// Those that are in a region of a run at a time, wherever they are at others.
+    Tracked {
+        /// The time.
+        at: When,
+        /// The region.
+        region: Region,
+    },
 }
 
 impl Members {
@@ -38,8 +47,26 @@ impl Members {
     pub fn ids(&self) -> Option<&IdSet> {
         match self {
             Members::Ids(ids) => Some(ids),
-            Members::Region(_) => None,
+            Members::Region(_) | Members::Tracked { .. } => None,
         }
+    }
+
+    /// The region that they are in, now or at their time.
+    pub fn region(&self) -> Option<&Region> {
+        match self {
+            Members::Region(region) | Members::Tracked { region, .. } => Some(region),
+            Members::Ids(_) => None,
+        }
+    }
+
+    /// Whether they are the same particles at all times.
+    pub fn stay(&self) -> bool {
+        !matches!(self, Members::Region(_))
+    }
+
+    /// Whether only version 2 of files can say them.
+    pub fn are_timed(&self) -> bool {
+        matches!(self, Members::Tracked { .. })
     }
 }
 
@@ -95,7 +122,7 @@ impl SelectionSet {
             return Err(ExploreError::value("color", &self.color, "a colour such as #e69f00"));
         }
         match &self.members {
-            Members::Region(region) => region.check(),
+            Members::Region(region) | Members::Tracked { region, .. } => region.check(),
             Members::Ids(_) => Ok(()),
         }
     }
@@ -118,6 +145,9 @@ mod tests {
             blocks.next().unwrap().lines().map(|line| ron_file::parse("regions.md", line).unwrap()).collect();
         sets.iter().for_each(|set| set.check().unwrap());
         assert!(matches!(&sets[1].members, Members::Ids(ids) if ids.contains(2099) && ids.contains(1 << 60)));
+        assert!(
+            matches!(&sets[2].members, Members::Tracked { at: When::Time(9.6), region } if region.shapes.len() == 1)
+        );
         assert_eq!(blocks.next(), None);
     }
 
@@ -126,7 +156,12 @@ mod tests {
         let set = SelectionSet::new("halo", Region::sphere(DVec3::ONE, 2.0), 7);
         assert_eq!((set.rgb(), set.color.as_str()), (Some([0x56, 0xb4, 0xe9]), "#56b4e9"));
         let ids = SelectionSet { members: Members::Ids(IdSet::new(vec![3, 4, 5, 9, u64::MAX])), ..set.clone() };
-        for set in [set, SelectionSet { show: Show::Alone, ..ids }] {
+        let all = [When::Time(-0.5), When::Step(3), When::Redshift(0.1), When::ScaleFactor(0.4), When::Last];
+        let tracked = all.map(|at| {
+            let members = Members::Tracked { at, region: Region::sphere(DVec3::X, 0.1) };
+            SelectionSet { members, ..set.clone() }
+        });
+        for set in [set, SelectionSet { show: Show::Alone, ..ids }].into_iter().chain(tracked) {
             let text = ron::ser::to_string_pretty(&set, ron::ser::PrettyConfig::default()).unwrap();
             assert_eq!(ron_file::parse::<SelectionSet>("s", &text).unwrap(), set, "{text}");
             set.check().unwrap();
@@ -136,6 +171,9 @@ mod tests {
         for (wrong, name) in [
             ("(name: \"a\", members: Region(()), colour: \"#000000\")", "colour"),
             ("(name: \"a\", members: Ids(\"5-3\"))", "5-3"),
+            ("(name: \"a\", members: Tracked(at: soon, region: ()))", "soon"),
+            ("(name: \"a\", members: Tracked(region: ()))", "at"),
+            ("(name: \"a\", members: Tracked(at: last, region: (), until: 3.0))", "until"),
         ] {
             let message = ron_file::parse::<SelectionSet>("s", wrong).unwrap_err().to_string();
             assert!(message.contains(name), "{message}");

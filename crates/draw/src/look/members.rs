@@ -36,6 +36,11 @@ impl Member {
         Placement { offset: self.offset, scale: exact(scale), mass: exact(mass) }
     }
 
+    /// Whether it lies where it is by itself.
+    pub fn is_in_place(&self) -> bool {
+        self.offset == DVec3::ZERO && self.scale.is_none()
+    }
+
     /// The same with the file that is meant in place of a folder.
     ///
     /// # Errors

@@ -1,9 +1,13 @@
 //! What a user names, opened: page files, and runs of which one step at a time is shown.
 
 use super::Member;
+use crate::explore::Following;
+use crate::hierarchy::spacetime::Interpolation;
 use crate::import::{ImportError, file_in};
-use crate::model::{Moment, ReadMethod, When};
-use crate::store::{PageFile, RunFile, StoreError};
+use crate::model::{Bounds, FamilyName, Moment, ReadMethod, When};
+use crate::store::run::RunTree;
+use crate::store::{Metadata, PageFile, RunFile, StoreError, Tree};
+use crate::stream::first_frame;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -62,6 +66,8 @@ enum Data {
 pub struct OpenData {
     members: Vec<(Member, Data)>,
     read: ReadMethod,
+    /// Selections of the run whose clock is the scene's, where it has tracks.
+    following: Option<Arc<Following>>,
 }
 
 impl OpenData {
@@ -83,7 +89,17 @@ impl OpenData {
             };
             Ok((member.clone(), data))
         };
-        Ok(OpenData { members: members.iter().map(open).collect::<Result<_, E>>()?, read })
+        let members = members.iter().map(open).collect::<Result<_, E>>()?;
+        let opened = OpenData { members, read, following: None };
+        // Those of a run among other datasets, or that lies elsewhere, have other places than their tracks.
+        let is_alone = matches!(&opened.members[..], [(only, _)] if only.is_in_place());
+        let run = opened.run().filter(|_| is_alone).cloned();
+        Ok(OpenData { following: run.and_then(Following::new).map(Arc::new), ..opened })
+    }
+
+    /// What follows selections in the run; `None` for data that is none, that has no tracks, or that is one of several or moved.
+    pub fn following(&self) -> Option<&Arc<Following>> {
+        self.following.as_ref()
     }
 
     /// The run whose clock is the scene's; `None` where no dataset is one.
@@ -101,6 +117,30 @@ impl OpenData {
     pub fn moment(&self, when: Option<When>) -> Result<Option<Moment>, StoreError> {
         let moment = |run: &Arc<RunFile>| when.map_or(Ok(Moment::default()), |when| run.moment(when));
         self.run().map(moment).transpose()
+    }
+
+    /// The box that shows all of some families but far outliers, as they are at a moment; of all where none is named.
+    ///
+    /// # Errors
+    /// [`StoreError`] where the data cannot be read.
+    pub fn framed(
+        &self,
+        moment: Moment,
+        interpolation: Interpolation,
+        families: Option<&[FamilyName]>,
+    ) -> Result<Bounds, StoreError> {
+        let shown = |metadata: &Metadata| -> Vec<u32> {
+            let is_shown = |name: &FamilyName| families.is_none_or(|families| families.contains(name));
+            let all = (0..).zip(&metadata.families);
+            all.filter(|(_, family)| is_shown(&family.name)).map(|(index, _)| index).collect()
+        };
+        let moves = moment.u > 0.0 && interpolation != Interpolation::Hold;
+        if let Some(following) = self.following.as_ref().filter(|_| moves) {
+            let tree = RunTree::new(Arc::clone(following.run()), interpolation)?;
+            return Ok(first_frame(&tree, &shown(tree.metadata()), tree.time(moment)));
+        }
+        let file = self.at(moment)?.0;
+        Ok(first_frame(&file, &shown(file.metadata()), 0.0))
     }
 
     /// The datasets as one scene in the units of the first, of each run the step at or before the moment. Also says what does not fit

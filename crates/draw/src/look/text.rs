@@ -1,6 +1,7 @@
 //! Scenes as text: read with every mistake named by its place, written under a temporary name first.
 
 use super::{LookPatch, SceneFile, VERSION, VERSION_TIME, check};
+use crate::explore::SelectionSet;
 use crate::model::new_file;
 use crate::model::ron_file::{self, RonError};
 use std::path::{Path, PathBuf};
@@ -74,7 +75,10 @@ impl SceneFile {
     /// The first version that can say it.
     fn least_version(&self) -> u32 {
         let before = self.film.as_ref().and_then(|film| film.from.as_ref());
-        let is_timed = |look: &LookPatch| look.time.is_some() || look.interpolation.is_some();
+        let is_tracked = |sets: &Vec<SelectionSet>| sets.iter().any(|set| set.members.are_timed());
+        let is_timed = |look: &LookPatch| {
+            look.time.is_some() || look.interpolation.is_some() || look.selections.as_ref().is_some_and(is_tracked)
+        };
         if is_timed(&self.look) || before.is_some_and(|before| is_timed(&before.look)) { VERSION_TIME } else { VERSION }
     }
 

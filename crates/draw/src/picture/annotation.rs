@@ -11,7 +11,7 @@ use crate::import::Source;
 use crate::look::Shot;
 use crate::mode::Depiction;
 use crate::model::{Bounds, FamilyName, Unit};
-use crate::store::{Metadata, PageFile};
+use crate::store::{Metadata, PageFile, StoreError};
 use crate::stream::SceneNode;
 use crate::view::View;
 use glam::DVec3;
@@ -65,7 +65,7 @@ impl Annotation {
         Ok(Annotation { view, target, bounds, units, paper, labels, marks: None, depiction: depiction.clone() })
     }
 
-    /// With selections over the picture of these nodes.
+    /// With selections over the picture of these nodes; `run` says where those are whose members stay the same, where they are of a run.
     ///
     /// # Errors
     /// When a selection makes no sense.
@@ -74,9 +74,11 @@ impl Annotation {
         selections: &[SelectionSet],
         file: &PageFile,
         nodes: &[SceneNode],
+        run: Option<FollowedPlaces<'_>>,
+        families: &[FamilyName],
         reporter: &dyn Reporter,
     ) -> Result<Annotation, ExploreError> {
-        let has_ids = |set: &SelectionSet| matches!(set.members, Members::Ids(_));
+        let has_ids = |set: &SelectionSet| matches!(set.members, Members::Ids(_)) && run.is_none();
         let by_id = marks::shown(selections).0.into_iter().any(has_ids);
         let left_out = |what: &str, error: &ExploreError| reporter.tell(not_drawn(what, error));
         let source = match by_id.then(|| source_of(file)).transpose() {
@@ -91,8 +93,19 @@ impl Annotation {
             let found = FoundIds::of(source.as_ref()?.as_ref(), ids, file.metadata(), Work::told(&*progress));
             found.map(|found| found.highlighter).map_err(|error| left_out("a selection by id", &error)).ok()
         };
-        let marks = Marks::new(selections, file.metadata(), Data::Pages(file).periodic_edge()?, find)?;
-        let layer = (!marks.is_empty()).then(|| marks.draw(&self.view, nodes));
+        let mut marks = Marks::new(selections, file.metadata(), Data::Pages(file).periodic_edge()?, find)?;
+        for set in marks::shown(selections).0 {
+            match (&run, &set.members) {
+                (_, Members::Region(_)) | (None, Members::Ids(_)) => {}
+                (Some(run), members) => {
+                    if let Some(places) = told(run(members), &set.name, reporter)? {
+                        marks.add_places(places, set.rgb().unwrap_or([255; 3]));
+                    }
+                }
+                (None, Members::Tracked { .. }) => reporter.tell(not_tracked(&set.name)),
+            }
+        }
+        let layer = (!marks.is_empty()).then(|| marks.draw(&self.view, nodes, families));
         Ok(Annotation { marks: layer, ..self })
     }
 
@@ -104,6 +117,7 @@ impl Annotation {
         self,
         selections: &[SelectionSet],
         source: &dyn Source,
+        run: Option<FollowedPlaces<'_>>,
         families: &[FamilyName],
         reporter: &dyn Reporter,
     ) -> Result<Annotation, ExploreError> {
@@ -111,10 +125,12 @@ impl Annotation {
         let periodic = Data::Source(source).periodic_edge()?;
         let mut sets = Vec::new();
         for set in shown {
-            match Places::of(source, &set.members, periodic, Work::told(&*reporter.progress())) {
-                // What the source does not have is left out, as in other pictures.
-                Err(error @ ExploreError::Missing { .. }) => reporter.tell(not_drawn(&set.name, &error)),
-                places => sets.push((places?, set.rgb().unwrap_or([255; 3]))),
+            let places = match (&run, &set.members) {
+                (Some(run), members) if members.stay() => run(members),
+                (_, members) => Places::of(source, members, periodic, Work::told(&*reporter.progress())),
+            };
+            if let Some(places) = told(places, &set.name, reporter)? {
+                sets.push((places, set.rgb().unwrap_or([255; 3])));
             }
         }
         Ok(Annotation { marks: Some(marks::draw_places(&self.view, &sets, alone, families)), ..self })
@@ -152,6 +168,29 @@ impl Annotation {
         };
         annotate::paint(image, &annotate::layout(annotations, &subject), scale, self.paper);
     }
+}
+
+/// Where the particles of a selection of a run are in the picture, whose members stay the same.
+pub(super) type FollowedPlaces<'a> = &'a dyn Fn(&Members) -> Result<Places, ExploreError>;
+
+/// What has been found of a selection; what the data does not have is told and left out.
+fn told(
+    found: Result<Places, ExploreError>,
+    name: &str,
+    reporter: &dyn Reporter,
+) -> Result<Option<Places>, ExploreError> {
+    match found {
+        Err(error @ (ExploreError::Missing { .. } | ExploreError::Store(StoreError::Moment { .. }))) => {
+            reporter.tell(not_drawn(name, &error));
+            Ok(None)
+        }
+        found => found.map(Some),
+    }
+}
+
+/// Says that a selection of a run is not drawn, as the data is none.
+fn not_tracked(name: &str) -> String {
+    format!("{name}: left out of the picture: only a run with tracks knows who was in a region at another time")
 }
 
 /// Says that a selection is not drawn, and why.

@@ -1,7 +1,7 @@
 //! Open data, of which pictures are drawn: what one picture has read is there for the next.
 
 use super::adapter::{self, Adapter, AdapterJob, Passes, draw_on};
-use super::annotation::Annotation;
+use super::annotation::{Annotation, FollowedPlaces};
 use super::drawn::{Picture, ShownMoment};
 use super::error::PictureError;
 use super::hiding::{self, Hiding};
@@ -18,6 +18,7 @@ use crate::cpu::Method;
 use crate::cpu::overdraw::Overdraw;
 use crate::cpu::volume::VolumeError;
 use crate::explore::selection::Show;
+use crate::explore::{Members, Places, Work};
 use crate::hierarchy::spacetime::Interpolation;
 use crate::import::{AttributeChoice, LoadOptions, Source, load_source, open};
 use crate::look::{Backend, LookPatch, Member, OpenData, SceneFile, Shot, shown_families};
@@ -28,7 +29,6 @@ use crate::store::{InMemory, NodeRef, PageFile, RunFile, Tree};
 use crate::stream::{Scene, SceneNode, SceneSelection, first_frame};
 use crate::view::perspective_grid::GridError;
 use crate::view::{Hidden, View};
-use glam::DVec3;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -216,6 +216,11 @@ impl Session {
     /// What this view needs, the one of the picture after the next one, is read while the next one is drawn.
     pub fn look_ahead(&mut self, view: Option<View>) {
         self.ahead = view;
+    }
+
+    /// What is open, where it can be steps of runs.
+    pub fn opened(&self) -> Option<&OpenData> {
+        self.opened.as_ref()
     }
 
     /// The run whose clock is the data's.
@@ -732,16 +737,31 @@ impl Session {
         selection: &SceneSelection,
     ) -> Result<Annotation, PictureError> {
         let selections = look.selections.as_deref().unwrap_or_default();
+        let families = &self.tree().metadata().families;
+        let names: Vec<FamilyName> =
+            self.scene.families.iter().filter_map(|index| Some(families.get(*index as usize)?.name)).collect();
+        let following = self.opened.as_ref().and_then(OpenData::following);
+        let interpolation = look.interpolation.unwrap_or_default();
+        let places = following.map(|following| {
+            move |members: &Members| {
+                let progress = self.reporter.progress();
+                let found = following.of(members, Work::told(&*progress))?;
+                let places = found.map(|found| found.places(self.moment, interpolation)).transpose()?;
+                Ok(Places::new(places.unwrap_or_default()))
+            }
+        });
+        let run = places.as_ref().map(|places| places as FollowedPlaces<'_>);
         Ok(match &self.data {
-            Data::Pages(file) => annotation.with_selections(selections, file, &selection.nodes, &*self.reporter)?,
+            Data::Pages(file) => {
+                annotation.with_selections(selections, file, &selection.nodes, run, &names, &*self.reporter)?
+            }
             _ if selections.iter().all(|set| set.show == Show::Hidden) => annotation,
             Data::Source(_) | Data::Moment(_) => {
-                if !matches!(&self.members[..], [only] if only.offset == DVec3::ZERO && only.scale.is_none()) {
+                if !matches!(&self.members[..], [only] if only.is_in_place()) {
                     let why = "a picture of particles of several or moved datasets leaves the selections out";
                     self.reporter.tell(why.into());
                     return Ok(annotation);
                 }
-                let names: Vec<FamilyName> = self.tree().metadata().families.iter().map(|own| own.name).collect();
                 let opened;
                 let source: &dyn Source = match &self.data {
                     Data::Source(path) => {
@@ -751,7 +771,7 @@ impl Session {
                     Data::Moment(snapshot) => &**snapshot,
                     Data::Pages(_) => return Ok(annotation),
                 };
-                annotation.with_source_selections(selections, source, &names, &*self.reporter)?
+                annotation.with_source_selections(selections, source, run, &names, &*self.reporter)?
             }
         })
     }

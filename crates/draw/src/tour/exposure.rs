@@ -204,6 +204,7 @@ mod tests {
             framed,
             aspect: 1.5,
             times: None,
+            data: None,
         };
         Timeline::new(&tour, &surroundings).unwrap()
     }

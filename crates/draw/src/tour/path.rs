@@ -48,6 +48,13 @@ impl Pose {
         Pose { camera: self.camera_at(up, self.focus(), self.distance(), yaw, self.rest), yaw, rest: self.rest }
     }
 
+    /// The same somewhere else.
+    pub fn moved(&self, by: DVec3) -> Pose {
+        let moved = |at: [f64; 3]| (DVec3::from(at) + by).to_array();
+        let Camera { eye, target, .. } = self.camera;
+        Pose { camera: Camera { eye: moved(eye), target: moved(target), ..self.camera }, ..*self }
+    }
+
     /// The point looked at.
     pub fn focus(&self) -> DVec3 {
         DVec3::from(self.camera.target)

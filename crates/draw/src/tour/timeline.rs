@@ -1,12 +1,13 @@
 //! A tour resolved: what is shown at a time.
 
-use super::around::Surroundings;
+use super::around::{DataMoment, Surroundings, center};
 use super::file::{Easing, Keyframe, Move, TimeEasing, TourError, TourFile};
 use super::path::{Knot, Path, Pose};
 use super::spline::turn;
 use super::zoom_pan::ZoomPan;
 use crate::annotate::overlay::Picture;
-use crate::look::{Camera, LookPatch, mix, mix_time};
+use crate::explore::Members;
+use crate::look::{Camera, LookPatch, OpenData, mix, mix_time};
 use glam::DVec3;
 use std::collections::BTreeMap;
 
@@ -73,10 +74,23 @@ pub struct Caption {
     pub opacity: f32,
 }
 
+/// The way around a selection that the camera follows: as seen from its centre.
+#[derive(Clone, Debug)]
+struct Followed {
+    members: Members,
+    path: Path,
+    /// Its centre at each keyframe.
+    centers: Vec<DVec3>,
+}
+
 /// A tour for the data that it is shown with.
 #[derive(Clone, Debug)]
 pub struct Timeline {
     path: Path,
+    followed: Vec<Followed>,
+    /// By keyframe: which of them the camera follows from there on.
+    follows: Vec<Option<usize>>,
+    data: Option<OpenData>,
     stops: Vec<Stop>,
     keys: BTreeMap<char, String>,
     repeats: bool,
@@ -129,8 +143,53 @@ impl Timeline {
             let rest = keyframe.rest || keyframe.hold;
             knots.push(Knot { arrive, leave, pose, motion: keyframe.motion, rest });
         }
+        let (mut followed, mut follows): (Vec<Followed>, _) = (Vec::new(), Vec::new());
+        for (index, stop) in stops.iter().enumerate() {
+            let mut sets = stop.look.selections.iter().flatten();
+            // Data that does not change has nobody to follow.
+            let set = sets.find(|set| set.follow).filter(|_| surroundings.data.is_some());
+            let Some(set) = set else {
+                follows.push(None);
+                continue;
+            };
+            let known = followed.iter().position(|known| known.members == set.members);
+            follows.push(match known {
+                Some(known) => Some(known),
+                None => {
+                    let way = around_selection(index, &set.members, &stops, &knots, surroundings, tour)?;
+                    followed.extend(way);
+                    followed.iter().position(|known| known.members == set.members)
+                }
+            });
+        }
         let path = Path::new(knots, up, tour.repeats);
-        Ok(Timeline { path, stops, keys: tour.keys.clone(), repeats: tour.repeats, up })
+        let (keys, data) = (tour.keys.clone(), surroundings.data.clone());
+        Ok(Timeline { path, followed, follows, data, stops, keys, repeats: tour.repeats, up })
+    }
+
+    /// The camera at a time: along its way, or along that as seen from the centre of what it follows.
+    pub fn camera(&self, time: f64) -> Camera {
+        let index = self.path.index(time);
+        let followed = self.follows.get(index).copied().flatten().and_then(|number| self.followed.get(number));
+        let Some(Followed { members, path, centers }) = followed else { return self.path.camera(time) };
+        let (here, share) = (&self.stops[index], self.share(index, time));
+        let Some(share) = share else { return self.path.camera(time) };
+        let next = &self.stops[index + 1];
+        let at = DataMoment {
+            time: mix_time(here.look.time, next.look.time, next.time_easing.at(share)),
+            ..DataMoment::of(&here.look)
+        };
+        // Where the data cannot be read, the way between the keyframes' centres is as good as any.
+        let between = || centers[index].lerp(centers[index + 1], share);
+        let center = center(self.data.as_ref(), members, at).ok().flatten().unwrap_or_else(between);
+        path.pose(time).moved(center).camera
+    }
+
+    /// The share of the way from a keyframe to the next that is gone at a time; `None` at the keyframe, and where there is no way.
+    fn share(&self, keyframe: usize, time: f64) -> Option<f64> {
+        let (stop, next) = (&self.stops[keyframe], self.stops.get(keyframe + 1)?);
+        let way = next.arrive - stop.leave;
+        (time > stop.leave && way > 0.0).then(|| ((time - stop.leave) / way).clamp(0.0, 1.0))
     }
 
     /// How long it is, seconds.
@@ -169,7 +228,7 @@ impl Timeline {
     pub fn state(&self, time: f64) -> State {
         let time = self.within(time);
         let keyframe = self.path.index(time);
-        let camera = self.path.camera(time);
+        let camera = self.camera(time);
         State {
             time,
             keyframe,
@@ -185,11 +244,7 @@ impl Timeline {
     pub fn look(&self, keyframe: usize, time: f64) -> LookPatch {
         let stop = &self.stops[keyframe];
         let Some(next) = self.stops.get(keyframe + 1) else { return stop.look.clone() };
-        let way = next.arrive - stop.leave;
-        if time <= stop.leave || way <= 0.0 {
-            return stop.look.clone();
-        }
-        let share = ((time - stop.leave) / way).clamp(0.0, 1.0);
+        let Some(share) = self.share(keyframe, time) else { return stop.look.clone() };
         let mut look = mix(&stop.look, &next.look, next.easing.at(share));
         look.time = mix_time(stop.look.time, next.look.time, next.time_easing.at(share));
         look
@@ -203,11 +258,11 @@ impl Timeline {
         if !(0.0..1.0).contains(&share) {
             return None;
         }
-        let camera = if stop.motion == Move::Cut { self.path.camera(self.stops[before].leave) } else { camera };
+        let camera = if stop.motion == Move::Cut { self.camera(self.stops[before].leave) } else { camera };
         // Where the way here ended: numbers have come all the way, unless they waited for the keyframe.
         let (last, numbers) = (&self.stops[before].look, if stop.easing == Easing::Hold { 0.0 } else { 1.0 });
         let look = mix(last, &stop.look, numbers);
-        let changes = camera != self.path.camera(time) || look != self.look(keyframe, time);
+        let changes = camera != self.camera(time) || look != self.look(keyframe, time);
         changes.then_some(Blend { camera, look, share: Easing::Smooth.at(share) })
     }
 
@@ -262,6 +317,29 @@ impl Timeline {
     }
 }
 
+/// The way around a selection, as it is seen from its centre; `None` where it has no centre at some keyframe, as without a particle.
+fn around_selection(
+    index: usize,
+    members: &Members,
+    stops: &[Stop],
+    knots: &[Knot],
+    surroundings: &Surroundings,
+    tour: &TourFile,
+) -> Result<Option<Followed>, TourError> {
+    let mut centers = Vec::with_capacity(stops.len());
+    for stop in stops {
+        let center = surroundings.center(members, DataMoment::of(&stop.look));
+        match center.map_err(|error| surroundings.failed(index, error))? {
+            Some(center) => centers.push(center),
+            None => return Ok(None),
+        }
+    }
+    let seen = knots.iter().zip(&centers).map(|(knot, center)| Knot { pose: knot.pose.moved(-*center), ..*knot });
+    let up = DVec3::from(tour.up).normalize_or(DVec3::Y);
+    let path = Path::new(seen.collect(), up, tour.repeats);
+    Ok(Some(Followed { members: members.clone(), path, centers }))
+}
+
 /// The camera of a keyframe.
 fn pose(
     index: usize,
@@ -272,7 +350,7 @@ fn pose(
     up: DVec3,
 ) -> Result<Pose, TourError> {
     let camera = match &keyframe.around {
-        Some(around) => Some(surroundings.camera(index, around, look.selections.as_deref().unwrap_or_default(), up)?),
+        Some(around) => Some(surroundings.camera(index, around, look, up)?),
         None => keyframe.camera,
     };
     let orbit = keyframe.orbit.to_radians();
@@ -280,7 +358,7 @@ fn pose(
         (Some(camera), before) => Pose::new(camera, up, before.map_or(0.0, |pose| pose.yaw) + orbit),
         (None, Some(pose)) if orbit == 0.0 => *pose,
         (None, Some(pose)) => pose.orbited(up, orbit),
-        (None, None) => Pose::new(surroundings.usual_camera(), up, 0.0).orbited(up, orbit),
+        (None, None) => Pose::new(surroundings.usual_camera(index, look)?, up, 0.0).orbited(up, orbit),
     })
 }
 

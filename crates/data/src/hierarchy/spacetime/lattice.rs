@@ -5,6 +5,7 @@
 //! the movement by as much within the longer one of the intervals that adjoin the step. Multiples of powers of two end in zero
 //! bits, so nothing about the rule is stored.
 
+use crate::codec::morton::{self, MORTON_BITS};
 use crate::hierarchy::RootCell;
 
 /// Bits of a coordinate within the root cell.
@@ -63,6 +64,13 @@ impl Lattice {
     pub fn movement(&self, velocity: [f64; 3], span: f64, exponent: u32) -> [i64; 3] {
         velocity.map(|v| rounded(v * span / self.unit(), exponent))
     }
+}
+
+/// The Morton key of a place; that of the nearest one in the root cell for what lies outside. Tracks are in the file in the order of the
+/// keys of their beginnings.
+pub fn morton_key(place: [i64; 3]) -> u64 {
+    let most = (1 << LATTICE_BITS) - 1;
+    morton::encode(place.map(|x| (x.clamp(0, most) >> (LATTICE_BITS - MORTON_BITS)) as u32))
 }
 
 /// `value` to the nearest multiple of `2^exponent`; 0 for what is no number.

@@ -177,6 +177,27 @@ impl Tracks {
         Tracks { ends: [end(), end()], ..Tracks::default() }
     }
 
+    /// Appends some tracks of others with as many attributes, by their numbers there; ids where those have them.
+    pub fn extend_from(&mut self, other: &Tracks, rows: &[u32]) {
+        let rows = || rows.iter().map(|row| *row as usize);
+        if !other.ids.is_empty() {
+            self.ids.extend(rows().map(|row| other.ids[row]));
+        }
+        self.flags.extend(rows().map(|row| other.flags[row]));
+        for (own, other) in self.ends.iter_mut().zip(&other.ends) {
+            own.places.extend(rows().map(|row| other.places[row]));
+            own.movements.extend(rows().map(|row| other.movements[row]));
+            let columns = [
+                (&mut own.mass, &other.mass),
+                (&mut own.density, &other.density),
+                (&mut own.smoothing_length, &other.smoothing_length),
+            ];
+            for (own, other) in columns.into_iter().chain(own.attributes.iter_mut().zip(&other.attributes)) {
+                own.extend(rows().map(|row| other[row]));
+            }
+        }
+    }
+
     /// Number of tracks.
     pub fn len(&self) -> usize {
         self.flags.len()

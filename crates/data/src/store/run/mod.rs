@@ -7,6 +7,7 @@
 mod flow;
 mod kept;
 mod layout;
+mod members;
 mod paths;
 mod snapshot;
 mod track_layout;
@@ -17,6 +18,7 @@ mod writer;
 
 pub use flow::{FlowParts, FlowTracks, MOST_FLOW_LEVELS, encode_members};
 pub use layout::{Directory, HEADER_LEN, MAGIC, Section, Step, VERSION};
+pub use members::{FamilyMembers, MemberTracks, Wanted};
 pub use paths::{PathsOf, RunPaths};
 pub use snapshot::RunSnapshot;
 pub use track_layout::{Deviation, FamilyTracks, IntervalTracks, Matches, Tangents, TrackFamily, TrackLayout, span};

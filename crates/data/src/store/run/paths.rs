@@ -4,6 +4,7 @@
 use super::RunFile;
 use super::flow::FlowTracks;
 use super::kept::Kept;
+use super::members::{MemberTracks, Wanted};
 use super::track_layout::TrackFamily;
 use super::tracks::TrackNode;
 use crate::hierarchy::spacetime::{Interval, Tracks};
@@ -65,9 +66,20 @@ struct FlowColumns {
 struct FamilyPaths {
     /// Its number in the run.
     number: usize,
-    /// First track of each leaf in the family, with where it is, and the track's number in the interval.
-    leaves: Vec<(u64, LeafPlace, u64)>,
+    leaves: Vec<LeafPart>,
     about: Vec<Vec<TrackNode>>,
+}
+
+/// What is asked of a leaf.
+struct LeafPart {
+    /// Number of its first track that is asked for, in the family.
+    first: u64,
+    place: LeafPlace,
+    /// Number of its first track in the interval.
+    first_track: u64,
+    /// The tracks that are asked for; all where it is `None`.
+    rows: Option<Vec<u32>>,
+    count: u64,
 }
 
 /// Columns beside attributes: name, kind, components.
@@ -93,6 +105,30 @@ impl RunPaths {
     /// # Errors
     /// Where the run has no tracks or no such flow level, or their indices cannot be read or are damaged.
     pub fn open(run: Arc<RunFile>, of: PathsOf, from: Moment, to: Moment) -> Result<RunPaths, StoreError> {
+        RunPaths::opened(run, of, from, to, None)
+    }
+
+    /// The same of certain particles alone; clusters are no particles, and come all of them.
+    ///
+    /// # Errors
+    /// As [`RunPaths::open`].
+    pub fn of_members(
+        run: Arc<RunFile>,
+        of: PathsOf,
+        from: Moment,
+        to: Moment,
+        wanted: Wanted<'_>,
+    ) -> Result<RunPaths, StoreError> {
+        RunPaths::opened(run, of, from, to, Some(wanted))
+    }
+
+    fn opened(
+        run: Arc<RunFile>,
+        of: PathsOf,
+        from: Moment,
+        to: Moment,
+        wanted: Option<Wanted<'_>>,
+    ) -> Result<RunPaths, StoreError> {
         let layout = run.tracks()?;
         let levels = layout.flow_errors.len();
         if let Some(level) = of.level().filter(|level| !(1..=levels).contains(level)) {
@@ -106,31 +142,62 @@ impl RunPaths {
             mass_unit: run.directory().mass_unit.clone(),
             ..Description::unitless(run.path(), "deepfield-run", run.bytes())
         };
+        // By interval and family: leaves, and which of their tracks.
+        let mut rows: Vec<Vec<Vec<(u32, Vec<u32>)>>> = Vec::new();
+        if let Some(wanted) = wanted {
+            let mut before: Option<MemberTracks> = None;
+            for interval in range.clone() {
+                let mut members = match &before {
+                    Some(before) => run.carry_members(before, wanted)?,
+                    None => run.find_members(interval, wanted)?,
+                };
+                rows.push(members.families.iter_mut().map(|family| std::mem::take(&mut family.rows)).collect());
+                before = Some(members);
+            }
+        }
         let mut families = Vec::new();
         for (number, info) in layout.families.iter().enumerate() {
             let mut nodes: Vec<Vec<TrackNode>> = Vec::with_capacity(intervals.len());
-            let (mut leaves, mut at) = (Vec::new(), 0);
-            for (interval, place) in range.clone().enumerate() {
-                let mut in_interval = 0;
-                let mut add = |number_of: usize, tracks: u32| {
-                    leaves.push((at, (interval, number, number_of), in_interval));
-                    at += u64::from(tracks);
-                    in_interval += u64::from(tracks);
-                };
+            let (mut leaves, mut first) = (Vec::new(), 0);
+            for (interval, step) in range.clone().enumerate() {
                 if let PathsOf::Clusters(level) = of {
-                    let (tracks, _) = run.family_tracks(place, number)?.flow.levels[level - 1];
-                    if tracks > 0 {
-                        add(level, tracks);
+                    let (tracks, _) = run.family_tracks(step, number)?.flow.levels[level - 1];
+                    let count = u64::from(tracks);
+                    if count > 0 {
+                        leaves.push(LeafPart {
+                            first,
+                            place: (interval, number, level),
+                            first_track: 0,
+                            rows: None,
+                            count,
+                        });
                     }
+                    first += count;
                     nodes.push(Vec::new());
                     continue;
                 }
-                let index = run.track_index(place, number)?;
-                index.leaves().enumerate().for_each(|(leaf, known)| add(leaf, known.tracks));
+                let index = run.track_index(step, number)?;
+                let mut first_track = 0;
+                let own = rows.get_mut(interval).and_then(|families| families.get_mut(number));
+                let mut members = own.map(std::mem::take).unwrap_or_default().into_iter().peekable();
+                for (leaf, known) in index.leaves().enumerate() {
+                    let own = members.next_if(|(other, _)| *other as usize == leaf).map(|(_, rows)| rows);
+                    let count = match &own {
+                        Some(rows) => rows.len() as u64,
+                        None if wanted.is_some() => 0,
+                        None => u64::from(known.tracks),
+                    };
+                    if count > 0 {
+                        leaves.push(LeafPart { first, place: (interval, number, leaf), first_track, rows: own, count });
+                    }
+                    first += count;
+                    first_track += u64::from(known.tracks);
+                }
                 nodes.push(index.leaves().cloned().collect());
             }
-            if at > 0 {
-                about.families.push(described(info, of, 2 * at, &about));
+            // Who asks for ids that nobody has is told that there are none of them.
+            if first > 0 || wanted.is_some() {
+                about.families.push(described(info, of, 2 * first, &about));
                 let about = nodes;
                 families.push(FamilyPaths { number, leaves, about });
             }
@@ -181,22 +248,24 @@ impl RunPaths {
         };
         let mut row = range.start;
         while row < range.end {
-            let number = own.leaves.partition_point(|(first, ..)| *first <= row / 2) - 1;
-            let (first, place, first_track) = own.leaves[number];
-            let read = self.leaf(own, place).map_err(damaged)?;
-            let end = range.end.min(2 * (first + read.tracks.len() as u64));
-            if end <= row {
+            let number = own.leaves.partition_point(|leaf| leaf.first <= row / 2) - 1;
+            let leaf = &own.leaves[number];
+            let read = self.leaf(own, leaf.place).map_err(damaged)?;
+            let end = range.end.min(2 * (leaf.first + leaf.count));
+            let is_whole = leaf.rows.is_some() || read.tracks.len() as u64 == leaf.count;
+            if end <= row || !is_whole {
                 let expected = "as many tracks as the directory says";
-                return Err(ImportError::malformed(self.run.path(), "tracks", "fewer of them", expected));
+                return Err(ImportError::malformed(self.run.path(), "tracks", "another number of them", expected));
             }
             for at in row..end {
-                let i = (at / 2 - first) as usize;
+                let i = (at / 2 - leaf.first) as usize;
+                let i = leaf.rows.as_ref().map_or(i, |rows| rows[i] as usize);
                 let row = Row {
                     tracks: &read.tracks,
                     flow: read.flow.as_ref(),
-                    interval: place.0,
+                    interval: leaf.place.0,
                     i,
-                    track: first_track + i as u64,
+                    track: leaf.first_track + i as u64,
                     end: (at % 2) as usize,
                 };
                 put((at - range.start) as usize, &row);

@@ -1,8 +1,10 @@
-//! A run at any moment as a source: what its tracks say between two steps, read as a snapshot is.
+//! A run at any moment as a source: what its tracks say between two steps, read as a snapshot is. Of all particles, of those that may be
+//! in some place, or of some that are known.
 
 use super::RunFile;
 use super::kept::Kept;
-use super::track_layout::{Tangents, TrackFamily};
+use super::members::MemberTracks;
+use super::track_layout::TrackFamily;
 use super::tracks::TrackNode;
 use crate::codec::AttributeMerge;
 use crate::hierarchy::spacetime::{Interpolation, Interval, Moving};
@@ -28,6 +30,8 @@ struct FamilySnapshot {
     /// Its number in the run.
     number: usize,
     leaves: Vec<TrackNode>,
+    /// All that there is of it, where that is in memory; as if it were of one leaf.
+    held: Option<Arc<Moving>>,
     /// The first row of each leaf that has some, and the leaf.
     starts: Vec<(u64, usize)>,
     interpolation: Interpolation,
@@ -46,6 +50,16 @@ const COLUMNS: [(&str, FieldKind, usize); 6] = [
     ("id", FieldKind::Id, 1),
 ];
 
+/// Which particles of a moment are asked for. Of a part, families without a particle stay, so that they can be named at any time.
+enum Part<'a> {
+    /// All of them.
+    All,
+    /// Those of the leaves of which this is so.
+    Leaves(&'a dyn Fn(&TrackNode) -> bool),
+    /// Those with these tracks.
+    Members(&'a MemberTracks),
+}
+
 impl RunFile {
     /// The particles at a moment, as `interpolation` moves them between the steps around it. At a step that is where the tracks begin
     /// which go on from there; at the last one, where those end that came there.
@@ -53,9 +67,49 @@ impl RunFile {
     /// # Errors
     /// Where the run has no tracks, or they cannot be read or are damaged.
     pub fn at(self: &Arc<Self>, moment: Moment, interpolation: Interpolation) -> Result<RunSnapshot, StoreError> {
-        let layout = self.tracks()?;
+        self.part_at(moment, interpolation, Part::All)
+    }
+
+    /// The same of the leaves of tracks alone of which `keep` says so by what the index knows of them.
+    ///
+    /// # Errors
+    /// As [`RunFile::at`].
+    pub fn leaves_at(
+        self: &Arc<Self>,
+        moment: Moment,
+        interpolation: Interpolation,
+        keep: impl Fn(&TrackNode) -> bool,
+    ) -> Result<RunSnapshot, StoreError> {
+        self.part_at(moment, interpolation, Part::Leaves(&keep))
+    }
+
+    /// The same of particles whose tracks are known: those over the interval of [`RunFile::interval_at`].
+    ///
+    /// # Errors
+    /// As [`RunFile::at`].
+    pub fn members_at(
+        self: &Arc<Self>,
+        moment: Moment,
+        interpolation: Interpolation,
+        members: &MemberTracks,
+    ) -> Result<RunSnapshot, StoreError> {
+        self.part_at(moment, interpolation, Part::Members(members))
+    }
+
+    /// The interval that says where particles are at a moment, and the place in it: of the last step, the end of the last interval.
+    pub fn interval_at(&self, moment: Moment) -> (usize, f64) {
         let last = self.directory().intervals.len();
-        let (number, u) = if moment.step >= last { (last - 1, 1.0) } else { (moment.step, moment.u) };
+        if moment.step >= last { (last.saturating_sub(1), 1.0) } else { (moment.step, moment.u) }
+    }
+
+    fn part_at(
+        self: &Arc<Self>,
+        moment: Moment,
+        interpolation: Interpolation,
+        part: Part<'_>,
+    ) -> Result<RunSnapshot, StoreError> {
+        let layout = self.tracks()?;
+        let (number, u) = self.interval_at(moment);
         // What stands still at the last step is that step.
         let interpolation = match interpolation {
             Interpolation::Hold if u >= 1.0 => Interpolation::Hermite,
@@ -82,12 +136,37 @@ impl RunFile {
         };
         let (mut families, mut faded_mass) = (Vec::new(), 0.0);
         for (family, info) in layout.families.iter().enumerate() {
-            // Tracks without tangents are straight.
-            let interpolation = match (info.tangents, interpolation) {
-                (Tangents::None, Interpolation::Auto | Interpolation::Hermite) => Interpolation::Linear,
-                (_, interpolation) => interpolation,
+            let interpolation = info.moved(interpolation);
+            let velocity = 1.0 / (factor * info.velocity_scale);
+            let rules = info.rules();
+            let keep = match &part {
+                Part::All => &|_: &TrackNode| true,
+                Part::Leaves(keep) => *keep,
+                Part::Members(members) => {
+                    let mut moving = Moving::default();
+                    let tracks = members.families.get(family).filter(|_| members.interval == number);
+                    if let Some(own) = tracks {
+                        own.tracks.at(&interval, u, interpolation, &rules, &mut moving);
+                    }
+                    moving.velocities.as_flattened_mut().iter_mut().for_each(|v| *v *= velocity);
+                    let rows = moving.mass.len() as u64;
+                    about.families.push(described(info, rows, &about));
+                    let starts = if rows > 0 { vec![(0, 0)] } else { Vec::new() };
+                    let (leaves, held) = (Vec::new(), Some(Arc::new(moving)));
+                    families.push(FamilySnapshot {
+                        number: family,
+                        leaves,
+                        held,
+                        starts,
+                        interpolation,
+                        rules,
+                        velocity,
+                    });
+                    continue;
+                }
             };
-            let leaves: Vec<TrackNode> = self.track_index(number, family)?.leaves().cloned().collect();
+            let leaves: Vec<TrackNode> =
+                self.track_index(number, family)?.leaves().filter(|leaf| keep(leaf)).cloned().collect();
             let (mut starts, mut rows) = (Vec::with_capacity(leaves.len()), 0);
             for (leaf, known) in leaves.iter().enumerate() {
                 let own = known.particles(u, interpolation);
@@ -101,11 +180,17 @@ impl RunFile {
                     _ => 0.0,
                 };
             }
-            if rows > 0 {
+            if rows > 0 || !matches!(part, Part::All) {
                 about.families.push(described(info, rows, &about));
-                let velocity = 1.0 / (factor * info.velocity_scale);
-                let rules = info.rules();
-                families.push(FamilySnapshot { number: family, leaves, starts, interpolation, rules, velocity });
+                families.push(FamilySnapshot {
+                    number: family,
+                    leaves,
+                    held: None,
+                    starts,
+                    interpolation,
+                    rules,
+                    velocity,
+                });
             }
         }
         let (run, kept) = (Arc::clone(self), Kept::default());
@@ -125,6 +210,30 @@ impl RunSnapshot {
         Ok(ids)
     }
 
+    /// The ids of some particles of a family, by their rows, which rise; their rows in the sources where they have none.
+    ///
+    /// # Errors
+    /// When they cannot be read.
+    pub fn ids_of(&self, family: usize, rows: &[u64]) -> Result<Vec<u64>, ImportError> {
+        let mut ids = Vec::with_capacity(rows.len());
+        let mut rows = rows.iter().copied().peekable();
+        while let Some(first) = rows.peek().copied() {
+            let own = self.families.get(family).map_or(&[][..], |own| &own.starts);
+            let next = own.partition_point(|(start, _)| *start <= first);
+            let count = self.about.families.get(family).map_or(0, |info| info.count);
+            let end = own.get(next).map_or(count, |(start, _)| *start);
+            if first >= end {
+                break;
+            }
+            self.rows(family, first..end, |_, moving, part| {
+                while let Some(row) = rows.next_if(|row| *row < end) {
+                    ids.extend(moving.ids.get(part.start + (row - first) as usize));
+                }
+            })?;
+        }
+        Ok(ids)
+    }
+
     /// Mass of what fades from place to place.
     pub fn faded_mass(&self) -> f64 {
         self.faded_mass
@@ -132,6 +241,9 @@ impl RunSnapshot {
 
     /// A leaf's particles.
     fn leaf(&self, family: &FamilySnapshot, leaf: usize) -> Result<Arc<Moving>, StoreError> {
+        if let Some(held) = &family.held {
+            return Ok(Arc::clone(held));
+        }
         self.kept.get((family.number, leaf), || {
             let about = &family.leaves[leaf];
             let tracks = self.run.node_tracks(self.number, family.number, about, true)?;

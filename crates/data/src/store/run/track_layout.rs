@@ -4,7 +4,7 @@ use super::flow::{FlowParts, MOST_FLOW_LEVELS};
 use super::layout::Section;
 use crate::codec::AttributeMerge;
 use crate::hierarchy::RootCell;
-use crate::hierarchy::spacetime::Lattice;
+use crate::hierarchy::spacetime::{Interpolation, Lattice};
 use crate::model::{ClockVariable, Cosmology, Epoch, FamilyName, Motion, Unit};
 use crate::store::error::Damage;
 use crate::store::wire::{Decoder, Encoder};
@@ -69,6 +69,14 @@ impl TrackFamily {
     /// How each attribute is averaged.
     pub fn rules(&self) -> Vec<AttributeMerge> {
         self.attributes.iter().map(|(name, _)| AttributeMerge::of(name)).collect()
+    }
+
+    /// How its particles move where somebody wants `interpolation`: tracks without tangents are straight.
+    pub fn moved(&self, interpolation: Interpolation) -> Interpolation {
+        match (self.tangents, interpolation) {
+            (Tangents::None, Interpolation::Auto | Interpolation::Hermite) => Interpolation::Linear,
+            (_, interpolation) => interpolation,
+        }
     }
 }
 

@@ -3,7 +3,7 @@
 
 use super::RunFile;
 use super::kept::Kept;
-use super::track_layout::{FamilyTracks, Tangents};
+use super::track_layout::FamilyTracks;
 use super::tracks::{TrackIndex, TrackNode};
 use crate::codec::{AttributeMerge, Codebook, CodebookScope, QuantityError};
 use crate::hierarchy::spacetime::{Interpolation, Interval, Tracks};
@@ -183,11 +183,7 @@ impl Tree for RunTree {
         let tracks = self.run.decode_node(number, family, about, bytes.bytes())?;
         let space = self.run.interval(number)?;
         let layout = self.run.tracks()?;
-        // Tracks without tangents are straight.
-        let interpolation = match (layout.families[family].tangents, self.interpolation) {
-            (Tangents::None, Interpolation::Auto | Interpolation::Hermite) => Interpolation::Linear,
-            (_, interpolation) => interpolation,
-        };
+        let interpolation = layout.families[family].moved(self.interpolation);
         let sums = |density: bool| {
             let of = |end: usize| {
                 let own = &tracks.ends[end];

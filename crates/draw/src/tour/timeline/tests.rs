@@ -13,6 +13,7 @@ fn surroundings(text: &str) -> Surroundings {
         framed: Bounds { min: DVec3::ZERO, max: DVec3::splat(10.0) },
         aspect: 1.5,
         times: None,
+        data: None,
     }
 }
 
