@@ -3,7 +3,7 @@
 
 use super::arguments::bytes;
 use crate::build::{BuildOptions, build_source};
-use crate::import::LoadOptions;
+use crate::import::{LoadOptions, file_of_step};
 use crate::look::{DataKind, data_file};
 use crate::model::Progress;
 use crate::store::PageFile;
@@ -153,11 +153,14 @@ pub fn prune(folder: &Path, budget: u64, keep: &Path) -> Result<Option<Removed>,
 /// A file name that changes when the source's path, length or time of change does, or the page file's version.
 fn cached_name(path: &Path) -> Result<String, std::io::Error> {
     let name = |error: std::io::Error| std::io::Error::new(error.kind(), format!("{}: {error}", path.display()));
-    let path = std::fs::canonicalize(path).map_err(name)?;
+    let file = file_of_step(path);
+    // What names a step in the file, if anything does.
+    let step = path.as_os_str().as_encoded_bytes()[file.as_os_str().len()..].to_vec();
+    let path = std::fs::canonicalize(file).map_err(name)?;
     let about = std::fs::metadata(&path).map_err(name)?;
     let changed = about.modified().ok().and_then(|time| time.duration_since(UNIX_EPOCH).ok());
     let mut hasher = DefaultHasher::new();
-    (&path, about.len(), changed, crate::store::layout::VERSION).hash(&mut hasher);
+    (&path, step, about.len(), changed, crate::store::layout::VERSION).hash(&mut hasher);
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
     Ok(format!("{stem}-{:016x}.df", hasher.finish()))
 }

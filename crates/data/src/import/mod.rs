@@ -20,6 +20,7 @@ pub(crate) mod neighbours;
 mod rows;
 mod run;
 mod source;
+mod step_at;
 mod step_name;
 mod stream;
 mod summary;
@@ -37,6 +38,7 @@ pub use load::{AttributeChoice, DEFAULT_NEIGHBOURS, LoadOptions, Smoothing, load
 pub use rows::{FamilyRows, Scalar};
 pub use run::{Run, RunOptions, RunStep, Times, open_run, sources_of};
 pub use source::{Description, FamilyInfo, Field, FieldKind, Source};
+pub use step_at::step_at;
 pub use step_name::{file_of_step, step_name};
 pub use stream::{SourceStream, StateChunk, Streams, streams};
 use table::text_head;

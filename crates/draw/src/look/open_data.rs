@@ -1,7 +1,7 @@
 //! What a user names, opened: page files, and runs of which one step at a time is shown.
 
 use super::Member;
-use crate::import::{ImportError, file_in};
+use crate::import::{ImportError, file_in, file_of_step};
 use crate::model::{Moment, ReadMethod, When};
 use crate::store::{PageFile, RunFile, StoreError};
 use std::io::Read;
@@ -27,7 +27,7 @@ impl DataKind {
     pub fn of(path: &Path) -> Result<DataKind, std::io::Error> {
         let name = |error: std::io::Error| std::io::Error::new(error.kind(), format!("{}: {error}", path.display()));
         let mut head = Vec::with_capacity(16);
-        std::fs::File::open(path).map_err(name)?.take(16).read_to_end(&mut head).map_err(name)?;
+        std::fs::File::open(file_of_step(path)).map_err(name)?.take(16).read_to_end(&mut head).map_err(name)?;
         Ok(match () {
             () if PageFile::recognises(&head) => DataKind::Pages,
             () if RunFile::recognises(&head) => DataKind::Run,

@@ -14,6 +14,10 @@ use std::sync::Arc;
 /// Rows that are read at a time; it is known where each so many begin.
 pub(super) const BLOCK: u64 = 1 << 14;
 
+/// The most frames of a short file, and how many bytes each further one has at least.
+const MOST_FRAMES: u64 = 1 << 17;
+const BYTES_OF_FRAME: u64 = 128;
+
 /// A frame.
 #[derive(Clone, Debug)]
 pub(super) struct Frame {
@@ -75,6 +79,11 @@ impl Index {
         let mut scan = Scan { labels: Labels::default(), layout: None };
         let mut frames: Vec<Result<Frame, Damage>> = Vec::new();
         loop {
+            // Frames take memory, and a file of nothing else might fill it.
+            if frames.len() as u64 > MOST_FRAMES + lines.end / BYTES_OF_FRAME {
+                let found = format!("{} in {} bytes", frames.len(), lines.end);
+                return Err(ImportError::malformed(path, "frames", found, "fewer, with more in them"));
+            }
             match scan.frame(&mut lines, text) {
                 Ok(None) => break,
                 Ok(Some(frame)) => frames.push(Ok(frame)),

@@ -63,11 +63,6 @@ impl Lines {
         Ok(Lines { path, reader, copy, most, line, is_ended: true, is_back: false, start: 0, end: 0, number: 0 })
     }
 
-    /// The file.
-    pub(super) fn path(&self) -> &Path {
-        &self.path
-    }
-
     /// The most bytes that the text can have.
     pub(super) fn most(&self) -> u64 {
         self.most
