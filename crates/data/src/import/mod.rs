@@ -41,5 +41,5 @@ pub use source::{Description, FamilyInfo, Field, FieldKind, Source};
 pub use step_at::step_at;
 pub use step_name::{file_of_step, step_name};
 pub use stream::{SourceStream, StateChunk, Streams, streams};
-use table::text_head;
 pub use summary::{FamilySummary, FieldSummary, Statistic, Summary, summarize, summarize_source};
+use table::text_head;

@@ -145,11 +145,7 @@ pub fn open_run(files: &[PathBuf], options: &RunOptions, method: ReadMethod) -> 
 }
 
 /// The sources with each that holds several steps in the place of its steps.
-fn steps_of(
-    files: &[PathBuf],
-    skip_damaged: bool,
-    notes: &mut Vec<String>,
-) -> Result<Vec<PathBuf>, ImportError> {
+fn steps_of(files: &[PathBuf], skip_damaged: bool, notes: &mut Vec<String>) -> Result<Vec<PathBuf>, ImportError> {
     let mut all = Vec::with_capacity(files.len());
     for file in files {
         match steps_in(file) {

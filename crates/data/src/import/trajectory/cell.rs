@@ -70,9 +70,9 @@ impl Cells {
     /// The first frame's, or with another frame's.
     pub(super) fn with(self, is_first: bool, cell: Option<&Cell>) -> Cells {
         let own = match cell {
-            Some(cell) if cell.repeats() => {
-                cell.cube().map_or(Cells::Other("no cube that repeats along all axes"), |edge| Cells::Cube(edge, cell.corner))
-            }
+            Some(cell) if cell.repeats() => cell
+                .cube()
+                .map_or(Cells::Other("no cube that repeats along all axes"), |edge| Cells::Cube(edge, cell.corner)),
             _ => Cells::Open,
         };
         match (self, own) {

@@ -160,9 +160,7 @@ impl Layout {
                     let is_scaled = *is_scaled;
                     (own("position", FieldKind::Position), Part::Place { columns, is_scaled, images })
                 }
-                (Role::Velocity, Some(_)) => {
-                    (own("velocity", FieldKind::Velocity), Part::Columns(one.columns.clone()))
-                }
+                (Role::Velocity, Some(_)) => (own("velocity", FieldKind::Velocity), Part::Columns(one.columns.clone())),
                 (Role::Momentum, Some(columns)) => match &mass {
                     Some(mass) => {
                         (own("velocity", FieldKind::Velocity), Part::Momentum(columns, Box::new(mass.part.clone())))
@@ -195,7 +193,8 @@ impl Layout {
     /// Adds a field, unless one of its kind or its name is there.
     fn add(&mut self, mut field: Field, part: Part) {
         let is_taken = |name: &str| self.fields.iter().any(|(other, _)| other.name == name);
-        let is_kind_taken = field.kind != FieldKind::Other && self.fields.iter().any(|(other, _)| other.kind == field.kind);
+        let is_kind_taken =
+            field.kind != FieldKind::Other && self.fields.iter().any(|(other, _)| other.kind == field.kind);
         if is_kind_taken || is_taken(&field.name) {
             (field.name, field.kind) = (field.stored_as.clone(), FieldKind::Other);
         }

@@ -122,7 +122,8 @@ impl FrameSource {
             let mut field = Field { unit: unit_of(field.kind, &units), ..field.clone() };
             let names_kinds = matches!(part, Part::Columns(columns) if columns.first() == layout.label.as_ref());
             let weighs_words = field.kind == FieldKind::Mass && layout.weighs_labels && kind != SpeciesKind::Elements;
-            let momentum_of_words = matches!(part, Part::Momentum(..)) && layout.weighs_labels && kind != SpeciesKind::Elements;
+            let momentum_of_words =
+                matches!(part, Part::Momentum(..)) && layout.weighs_labels && kind != SpeciesKind::Elements;
             if weighs_words || momentum_of_words || (names_kinds && kind == SpeciesKind::Unknown) {
                 continue;
             }
@@ -211,11 +212,7 @@ impl FrameSource {
     }
 
     /// Calls `each` for every block that holds a part of `range`: the block, its rows, and where they begin in the range.
-    fn blocks(
-        &self,
-        range: Range<u64>,
-        mut each: impl FnMut(&Block, Range<usize>, usize),
-    ) -> Result<(), ImportError> {
+    fn blocks(&self, range: Range<u64>, mut each: impl FnMut(&Block, Range<usize>, usize)) -> Result<(), ImportError> {
         let mut row = range.start;
         while row < range.end {
             let number = row / BLOCK;
@@ -242,7 +239,10 @@ fn notes(index: &Index, frame: &Frame, is_named: bool) -> Vec<String> {
     let mut notes = frame.layout.notes.clone();
     let steps = index.frames.len();
     if steps > 1 && !is_named {
-        notes.push(format!("{steps} steps are in this file; this is the first, #0 to #{} behind its name is any", steps - 1));
+        notes.push(format!(
+            "{steps} steps are in this file; this is the first, #0 to #{} behind its name is any",
+            steps - 1
+        ));
     }
     match index.time_of {
         TimeOf::Step => notes.push("the number of the time step is taken for the time".into()),
@@ -252,9 +252,13 @@ fn notes(index: &Index, frame: &Frame, is_named: bool) -> Vec<String> {
     let follows = frame.layout.fields.iter().any(|(_, part)| matches!(part, Part::Place { images: Some(_), .. }));
     match index.cells {
         Cells::Open => {}
-        _ if frame.layout.is_unwrapped => notes.push("positions are unwrapped, so the periodic cell is left out".into()),
+        _ if frame.layout.is_unwrapped => {
+            notes.push("positions are unwrapped, so the periodic cell is left out".into())
+        }
         Cells::Cube(_, [0.0, 0.0, 0.0]) => {}
-        Cells::Cube(_, [x, y, z]) => notes.push(format!("the periodic box begins at {x}, {y}, {z}, which is taken from positions")),
+        Cells::Cube(_, [x, y, z]) => {
+            notes.push(format!("the periodic box begins at {x}, {y}, {z}, which is taken from positions"))
+        }
         Cells::Other(why) => {
             let what = if follows { "image flags put particles to where they left it" } else { "nothing repeats" };
             notes.push(format!("the periodic cell is {why}: {what}"));

@@ -42,8 +42,18 @@ const VECTORS: &[Vector] = &[
     Vector("velocity", ["vx", "vy", "vz"], Role::Velocity, false),
     Vector("force", ["fx", "fy", "fz"], Role::Quantity("force", FieldKind::Other), false),
     Vector("dipole", ["mux", "muy", "muz"], Role::Quantity("dipole", FieldKind::Other), false),
-    Vector("angular-velocity", ["omegax", "omegay", "omegaz"], Role::Quantity("angular-velocity", FieldKind::Other), false),
-    Vector("angular-momentum", ["angmomx", "angmomy", "angmomz"], Role::Quantity("angular-momentum", FieldKind::Other), false),
+    Vector(
+        "angular-velocity",
+        ["omegax", "omegay", "omegaz"],
+        Role::Quantity("angular-velocity", FieldKind::Other),
+        false,
+    ),
+    Vector(
+        "angular-momentum",
+        ["angmomx", "angmomy", "angmomz"],
+        Role::Quantity("angular-momentum", FieldKind::Other),
+        false,
+    ),
     Vector("torque", ["tqx", "tqy", "tqz"], Role::Quantity("torque", FieldKind::Other), false),
 ];
 
@@ -103,9 +113,9 @@ impl Text for LammpsDump {
             is_begun = true;
             let at = lines.number;
             let field = |what: &str| format!("line {at}: {what}");
-            let item = line.strip_prefix(b"ITEM: ").ok_or_else(|| {
-                Damage::new(field("item"), quoted(&line), "ITEM: and its name")
-            })?;
+            let item = line
+                .strip_prefix(b"ITEM: ")
+                .ok_or_else(|| Damage::new(field("item"), quoted(&line), "ITEM: and its name"))?;
             let name: Vec<&[u8]> = words(item).collect();
             match name[..] {
                 [b"UNITS"] => {
@@ -130,8 +140,7 @@ impl Text for LammpsDump {
                     count = Some(parsed.ok_or_else(wrong)?);
                 }
                 [b"BOX", b"BOUNDS", ref flags @ ..] => {
-                    let rows: Vec<Vec<u8>> =
-                        (0..3).map(|_| next(lines, "BOX BOUNDS")).collect::<Result<_, _>>()?;
+                    let rows: Vec<Vec<u8>> = (0..3).map(|_| next(lines, "BOX BOUNDS")).collect::<Result<_, _>>()?;
                     let stated = bounds(flags, &rows).filter(Cell::is_finite);
                     let wrong = || {
                         let found = rows.iter().map(|row| quoted(row)).collect::<Vec<_>>().join(" ");
@@ -140,7 +149,8 @@ impl Text for LammpsDump {
                     cell = Some(stated.ok_or_else(wrong)?);
                 }
                 [b"ATOMS", ..] => {
-                    let missing = |what: &str| Damage::new(field("ATOMS"), format!("no {what} before"), format!("ITEM: {what}"));
+                    let missing =
+                        |what: &str| Damage::new(field("ATOMS"), format!("no {what} before"), format!("ITEM: {what}"));
                     let count = count.ok_or_else(|| missing("NUMBER OF ATOMS"))?;
                     let number = Some(number.ok_or_else(|| missing("TIMESTEP"))?);
                     if cell.is_none() {
@@ -149,10 +159,10 @@ impl Text for LammpsDump {
                     let same = before.filter(|before| before.stated == line && before.units == units);
                     let layout = match same {
                         Some(before) => Arc::clone(before),
-                        None => Arc::new(layout(&line, &name[1..], units).map_err(|damage| Damage {
-                            field: field("ATOMS"),
-                            ..damage
-                        })?),
+                        None => Arc::new(
+                            layout(&line, &name[1..], units)
+                                .map_err(|damage| Damage { field: field("ATOMS"), ..damage })?,
+                        ),
                     };
                     return Ok(Some(Head { count, layout, time, number, cell }));
                 }
@@ -182,7 +192,11 @@ fn bounds(flags: &[&[u8]], rows: &[Vec<u8>]) -> Option<Cell> {
     let numbers = |row: &Vec<u8>| words(row).map(number).collect::<Option<Vec<f64>>>();
     let rows: Vec<Vec<f64>> = rows.iter().map(numbers).collect::<Option<_>>()?;
     let is_general = flags.starts_with(&[b"abc", b"origin"]);
-    let named = if is_general { 2 } else { flags.iter().filter(|flag| [b"xy", b"xz", b"yz"].iter().any(|tilt| **flag == *tilt)).count() };
+    let named = if is_general {
+        2
+    } else {
+        flags.iter().filter(|flag| [b"xy", b"xz", b"yz"].iter().any(|tilt| **flag == *tilt)).count()
+    };
     // Before 2010 nothing was said of faces.
     let periodic = std::array::from_fn(|axis| flags.get(named + axis).is_some_and(|flag| *flag == b"pp"));
     if is_general {
@@ -228,7 +242,8 @@ fn layout(stated: &[u8], names: &[&[u8]], units: Option<Units>) -> Result<Layout
         let columns = vec![x, y, z];
         columns.iter().for_each(|column| taken[*column] = true);
         let role = role.clone();
-        let stored = if *name == "position" { names[x].clone() + "," + &names[y] + "," + &names[z] } else { (*name).into() };
+        let stored =
+            if *name == "position" { names[x].clone() + "," + &names[y] + "," + &names[z] } else { (*name).into() };
         named.push(Named { name: stored, role, word: Word::Number, columns });
     }
     for (column, name) in names.iter().enumerate().filter(|(column, _)| !taken[*column]) {
@@ -255,10 +270,14 @@ mod tests {
     fn boxes_are_what_the_manual_says() {
         let rows = |rows: [&str; 3]| rows.map(|row| row.as_bytes().to_vec()).to_vec();
         let cell = bounds(&[b"pp", b"pp", b"ff"], &rows(["-1 4", "0 5", "0 2.5"])).unwrap();
-        assert_eq!((cell.corner, cell.edges[0], cell.periodic), ([-1.0, 0.0, 0.0], [5.0, 0.0, 0.0], [true, true, false]));
+        assert_eq!(
+            (cell.corner, cell.edges[0], cell.periodic),
+            ([-1.0, 0.0, 0.0], [5.0, 0.0, 0.0], [true, true, false])
+        );
         assert_eq!(cell.cube(), None);
         // xlo 0, xhi 10, xy -3, xz 2: xlo_bound = -3, xhi_bound = 12; yz 1.
-        let cell = bounds(&[b"xy", b"xz", b"yz", b"pp", b"pp", b"pp"], &rows(["-3 12 -3", "0 11 2", "0 10 1"])).unwrap();
+        let cell =
+            bounds(&[b"xy", b"xz", b"yz", b"pp", b"pp", b"pp"], &rows(["-3 12 -3", "0 11 2", "0 10 1"])).unwrap();
         assert_eq!(cell.corner, [0.0; 3]);
         assert_eq!(cell.edges, [[10.0, 0.0, 0.0], [-3.0, 10.0, 0.0], [2.0, 1.0, 10.0]]);
         assert_eq!(cell.place([0.5, 0.5, 0.5]), [4.5, 5.5, 5.0]);

@@ -83,7 +83,9 @@ impl Text for Xyz {
         let properties = pairs.get(&["properties"]).unwrap_or_default();
         let layout = match before.filter(|before| before.stated == properties.as_bytes()) {
             Some(before) => Arc::clone(before),
-            None => Arc::new(layout(properties).map_err(|damage| Damage { field: field(lines, "Properties"), ..damage })?),
+            None => {
+                Arc::new(layout(properties).map_err(|damage| Damage { field: field(lines, "Properties"), ..damage })?)
+            }
         };
         let cell = cell(&pairs).map_err(|damage| Damage { field: field(lines, &damage.field), ..damage })?;
         let stated = |keys: &[&str]| {
@@ -120,9 +122,11 @@ fn layout(properties: &str) -> Result<Layout, Damage> {
     let mut next = 0usize;
     for [name, kind, columns] in triples {
         // More than that is refused by the layout, too.
-        let columns: usize = columns.parse().ok().filter(|columns| (1..=4096).contains(columns)).ok_or_else(|| {
-            Damage::new("Properties", format!("{name}:{kind}:{columns}"), "1 to 4096 columns")
-        })?;
+        let columns: usize = columns
+            .parse()
+            .ok()
+            .filter(|columns| (1..=4096).contains(columns))
+            .ok_or_else(|| Damage::new("Properties", format!("{name}:{kind}:{columns}"), "1 to 4096 columns"))?;
         let role = role_of(name, columns);
         let (role, word) = match (*kind, role) {
             ("S", Role::Species) => (Role::Species, Word::Label),

@@ -24,7 +24,8 @@ impl Pairs {
                 None => ("T".into(), after),
             };
             // A sign alone, without a key before it.
-            rest = if after.len() == rest.len() { &rest[rest.chars().next().map_or(0, char::len_utf8)..] } else { after };
+            rest =
+                if after.len() == rest.len() { &rest[rest.chars().next().map_or(0, char::len_utf8)..] } else { after };
             pairs.push((key.to_lowercase(), value));
         }
     }
