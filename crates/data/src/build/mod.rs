@@ -36,7 +36,7 @@ use crate::store::{FamilyMetadata, Metadata, PageFileWriter, StoreError, VolumeT
 pub use against_sources::compare_with_sources;
 use memory::Memory;
 use partition::Partition;
-pub use run::{BuiltRun, build_run};
+pub use run::{BuiltRun, StillOf, build_run, build_run_of};
 use spill::Spill;
 use std::path::{Path, PathBuf};
 use survey::Survey;
