@@ -165,7 +165,7 @@ fn run_file_of(sources: &[PathBuf], skip_damaged: bool, progress: &dyn Progress)
     match build(run.clone(), Some(&tracks)) {
         Ok(_) => {}
         // Particles without ids, or with those of others: steps can be shown all the same.
-        Err(BuildError::Import(error)) => {
+        Err(error @ (BuildError::Import(_) | BuildError::Selection { .. })) => {
             let mut run = run;
             run.notes.push(format!("no tracks: {error}"));
             build(run, None)?;
