@@ -1,8 +1,8 @@
-//! Tables: CSV, KStars, GeoJSON, plain and compressed.
+//! Text: CSV, KStars, GeoJSON, XYZ and LAMMPS dumps, plain and compressed.
 #![no_main]
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
-    for format in ["CSV", "KStars", "GeoJSON"] {
+    for format in ["CSV", "KStars", "GeoJSON", "XYZ", "LAMMPS"] {
         deepfield_fuzz::import(format, bytes);
     }
 });

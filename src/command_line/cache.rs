@@ -3,7 +3,7 @@
 
 use super::arguments::bytes;
 use crate::build::{BuildOptions, build_source};
-use crate::import::LoadOptions;
+use crate::import::{LoadOptions, file_of_step};
 use crate::look::{DataKind, data_file};
 use crate::model::Progress;
 use crate::store::PageFile;
@@ -42,15 +42,26 @@ pub fn page_file_of(path: &Path, progress: &dyn Progress) -> Result<PathBuf, Box
         mark_as_used(&cached);
         return Ok(cached);
     }
+    let stated = stated_budget()?;
+    build_source(path, &LoadOptions::default(), &BuildOptions::default(), &cached, progress)?;
+    make_room(&folder, stated, &cached)?;
+    Ok(cached)
+}
+
+/// The budget that the user has set.
+pub(super) fn stated_budget() -> Result<Option<u64>, String> {
     let stated = std::env::var(BUDGET_VARIABLE).ok();
     let stated = stated.map(|text| bytes(&text).map_err(|error| format!("{BUDGET_VARIABLE} is {text:?}: {error}")));
-    let stated = stated.transpose()?;
-    build_source(path, &LoadOptions::default(), &BuildOptions::default(), &cached, progress)?;
-    let budget = stated.unwrap_or_else(|| default_budget(&folder));
-    if let Some(removed) = prune(&folder, budget, &cached)? {
+    stated.transpose()
+}
+
+/// Removes what was used longest ago, so that the folder keeps to its budget; never `made`.
+pub(super) fn make_room(folder: &Path, stated: Option<u64>, made: &Path) -> Result<(), std::io::Error> {
+    let budget = stated.unwrap_or_else(|| default_budget(folder));
+    if let Some(removed) = prune(folder, budget, made)? {
         eprintln!("deepfield: {removed}");
     }
-    Ok(cached)
+    Ok(())
 }
 
 /// The environment variable that sets the cache's budget.
@@ -86,7 +97,7 @@ impl std::fmt::Display for Removed {
 }
 
 /// Notes that a page file was used. Nothing depends on whether that works but the order of removal.
-fn mark_as_used(file: &Path) {
+pub(super) fn mark_as_used(file: &Path) {
     if let Ok(file) = std::fs::File::options().append(true).open(file) {
         let _ = file.set_modified(SystemTime::now());
     }
@@ -151,13 +162,16 @@ pub fn prune(folder: &Path, budget: u64, keep: &Path) -> Result<Option<Removed>,
 }
 
 /// A file name that changes when the source's path, length or time of change does, or the page file's version.
-fn cached_name(path: &Path) -> Result<String, std::io::Error> {
+pub(super) fn cached_name(path: &Path) -> Result<String, std::io::Error> {
     let name = |error: std::io::Error| std::io::Error::new(error.kind(), format!("{}: {error}", path.display()));
-    let path = std::fs::canonicalize(path).map_err(name)?;
+    let file = file_of_step(path);
+    // What names a step in the file, if anything does.
+    let step = path.as_os_str().as_encoded_bytes()[file.as_os_str().len()..].to_vec();
+    let path = std::fs::canonicalize(file).map_err(name)?;
     let about = std::fs::metadata(&path).map_err(name)?;
     let changed = about.modified().ok().and_then(|time| time.duration_since(UNIX_EPOCH).ok());
     let mut hasher = DefaultHasher::new();
-    (&path, about.len(), changed, crate::store::layout::VERSION).hash(&mut hasher);
+    (&path, step, about.len(), changed, crate::store::layout::VERSION).hash(&mut hasher);
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
     Ok(format!("{stem}-{:016x}.df", hasher.finish()))
 }

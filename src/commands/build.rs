@@ -6,7 +6,7 @@ use super::hierarchy_options::HierarchyOptions;
 use super::progress_bar::TerminalProgress;
 use crate::build::{BuildOptions, FlowOptions, Matching, TrackOptions, build_run, build_source};
 use crate::codec::VqBits;
-use crate::import::{AttributeChoice, LoadOptions, RunOptions, Smoothing, Times, open_run, sources_of};
+use crate::import::{AttributeChoice, LoadOptions, RunOptions, Smoothing, Times, open_run, sources_of, steps_in};
 use crate::model::{ClockVariable, FamilyName, ReadMethod, Skipped};
 use crate::store::run::{MOST_FLOW_LEVELS, Tangents};
 use std::num::NonZeroUsize;
@@ -23,7 +23,8 @@ use std::path::{Path, PathBuf};
   deepfield build huge.0.hdf5 -o /data/huge.df --memory 2GiB --temporary /scratch
   deepfield build snapshot_*.hdf5 -o run.df                  a run: the snapshots in the order of their times
   deepfield build output/ -o run.df --every 5 --skip-damaged
-  deepfield build @steps.txt -o run.df --times 0:0.2         files named in a list, which have no times of their own")]
+  deepfield build @steps.txt -o run.df --times 0:0.2         files named in a list, which have no times of their own
+  deepfield build movie.xyz -o run.df                        a file of many steps: extended XYZ, LAMMPS dump")]
 pub struct Arguments {
     /// The source; any file of a snapshot in several files. Several of them, a folder or a quoted pattern of them, or @LIST with one in
     /// each line make a run.
@@ -147,7 +148,9 @@ pub fn run(arguments: &Arguments) -> CommandResult {
     let progress = TerminalProgress::new();
     let sources = sources_of(&arguments.sources)?;
     let is_one = arguments.times.is_none() && arguments.every.is_none();
-    if let (true, [source]) = (is_one, &sources[..]) {
+    if let (true, [source]) = (is_one, &sources[..])
+        && steps_in(source)? == 1
+    {
         return build_one(source, &load_options, &options, &arguments.output, &progress);
     }
     let run_options = RunOptions {

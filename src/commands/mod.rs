@@ -28,7 +28,7 @@ pub mod tour;
 pub mod verify;
 pub mod view;
 
-pub use crate::command_line::{CommandResult, arguments, cache, progress_bar};
+pub use crate::command_line::{CommandResult, arguments, cache, cached_run, progress_bar};
 
 /// The subcommands.
 #[derive(clap::Subcommand, Debug)]

@@ -3,7 +3,7 @@
 use super::arguments::{family_name, positive};
 use crate::explore::{Catalogue, Data, Object, Region, Shape, ValueRange, source_of};
 use crate::hierarchy::spacetime::Interpolation;
-use crate::import::{Source, open_with};
+use crate::import::{Source, open_with, step_at};
 use crate::look::{DataKind, data_file, one_snapshot};
 use crate::model::{FamilyName, ReadMethod, When, ron_file};
 use crate::store::{PageFile, RunFile};
@@ -165,6 +165,11 @@ impl Opened {
     pub fn open(path: &Path, at: At, method: ReadMethod) -> Result<Opened, Failure> {
         let At { time, interpolation } = at;
         let path = &data_file(path)?;
+        if let (Some(when), DataKind::Source) = (time, DataKind::of(path)?)
+            && let Some(step) = step_at(path, when, method)?
+        {
+            return Ok(Opened::Source(open_with(&step, method)?));
+        }
         let opened = match DataKind::of(path)? {
             DataKind::Pages => Opened::Pages(Box::new(PageFile::open_with(path, method)?)),
             DataKind::Source => Opened::Source(open_with(path, method)?),

@@ -6,6 +6,7 @@ pub use super::render_arguments::Arguments;
 use super::request::{Request, open};
 use super::statistics;
 use crate::color::{Image, output};
+use crate::import::step_at;
 use crate::look::{DataKind, one_snapshot};
 use crate::view::{CubeLayout, Side, Surround};
 
@@ -38,7 +39,13 @@ fn render(arguments: &Arguments, mut request: Request) -> CommandResult {
         }
         request.shot.look.annotations = None;
     }
-    let Request { members, shot, options } = request;
+    let Request { mut members, mut shot, options } = request;
+    if let (Some(when), Some(first)) = (shot.look.time, members.first_mut())
+        && matches!(DataKind::of(&first.path), Ok(DataKind::Source))
+        && let Some(step) = step_at(&first.path, when, options.read)?
+    {
+        (first.path, shot.look.time) = (step, None);
+    }
     let has_times = members.iter().any(|member| matches!(DataKind::of(&member.path), Ok(DataKind::Run)));
     if let (false, Some(_), Some(first)) = (has_times, shot.look.time, members.first()) {
         let why = one_snapshot(&first.path, own_time(&first.path)?);

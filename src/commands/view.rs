@@ -1,8 +1,10 @@
 //! `deepfield view`: a source or page file in a window; without a display, its picture in a file.
 
 use super::arguments::PictureSize;
+use super::cached_run::{CachedRun, Grown};
 use super::projection_options::ProjectionOptions;
 use super::{CommandResult, render};
+use crate::import::{file_of_step, sources_of, steps_in};
 use crate::look::{DataKind, Member, SceneFile, data_file, is_scene_file};
 use crate::model::When;
 use crate::tour::TourFile;
@@ -11,7 +13,10 @@ use crate::view::{Stereo, Surround};
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 
-/// Opens a snapshot, catalogue or page file in a window.
+/// What is wrong, in a line.
+type Failure = Box<dyn std::error::Error + Send + Sync>;
+
+/// Opens a snapshot, catalogue, page file or run in a window.
 ///
 /// A source is turned into a page file in the cache folder first. Where there is no display, the converged picture is
 /// written to a file in the current folder instead.
@@ -22,6 +27,9 @@ use std::path::{Path, PathBuf};
   deepfield view snapdir_099/snap_099.0.hdf5       any file of a snapshot in several files
   deepfield view hipparcos.csv --mode points
   deepfield view before.hdf5 --with after.hdf5@120,0,0   two datasets side by side
+  deepfield view 'snapshot_*.hdf5'                  a run of snapshots, built in the cache while its first step is shown
+  deepfield view output/ --follow-folder           a run that is still being written
+  deepfield view movie.xyz                         a file of many steps
   deepfield view run.df --time step:12             a run: T plays it, comma and full stop go from step to step
   deepfield view snapshot_099.scene.ron            what was saved with Ctrl+S
   deepfield view snapshot_099.hdf5 --projection dome --tilt 20 --fullscreen    a fisheye projector: Tab hides the panels
@@ -31,9 +39,13 @@ use std::path::{Path, PathBuf};
   deepfield view snapshot_099.hdf5 --outputs dome.ron                 a window for each projector of this machine
   deepfield view snapshot_099.hdf5 --simulate --mode volume   particles that move, straight from memory")]
 pub struct Arguments {
-    /// The source or page file, or a scene file; without it the data that the scene of --scene names.
+    /// The source or page file, or a scene file; without it the data that the scene of --scene names. Several sources, a folder or a
+    /// quoted pattern of them, @LIST, or a file of many steps are a run, which is built in the cache while its first step is shown.
     #[arg(required_unless_present_any = ["scene", "tour", "follow"])]
-    pub path: Option<PathBuf>,
+    pub paths: Vec<PathBuf>,
+    /// The folder is still being written by a simulation: what it writes becomes steps of the run that is shown.
+    #[arg(long, requires = "paths", conflicts_with_all = ["follow", "tour", "simulate", "with"])]
+    pub follow_folder: bool,
     /// How the window starts.
     #[command(flatten)]
     pub settings: WindowArguments,
@@ -149,7 +161,10 @@ fn address(text: &str) -> Result<SocketAddr, String> {
 pub fn run(arguments: &Arguments) -> CommandResult {
     let with = arguments.settings.with.iter().map(Member::resolved).collect::<Result<_, _>>()?;
     let settings = &WindowArguments { with, ..arguments.settings.clone() };
-    let path = match (&arguments.path, &settings.tour, &settings.scene) {
+    if let Some(run) = run_of(arguments)? {
+        return show_run(run, settings);
+    }
+    let path = match (arguments.paths.first(), &settings.tour, &settings.scene) {
         (Some(path), ..) => data_file(path)?,
         (None, Some(tour), None) => data_of_tour(tour, settings.supervised.is_none())?,
         (None, ..) => PathBuf::new(),
@@ -178,6 +193,58 @@ pub fn run(arguments: &Arguments) -> CommandResult {
     show(&path, settings)
 }
 
+/// The run that the command line names by its sources; `None` where it names one source, a page file, a run or a scene.
+fn run_of(arguments: &Arguments) -> Result<Option<CachedRun>, Failure> {
+    let names = &arguments.paths;
+    let run = || Ok(Some(CachedRun::new(names.clone(), arguments.follow_folder)));
+    match &names[..] {
+        [] => Ok(None),
+        _ if arguments.follow_folder => run(),
+        [only] if only.is_dir() => match data_file(only) {
+            Ok(_) => Ok(None),
+            Err(_) if sources_of(names).is_ok_and(|sources| sources.len() > 1) => run(),
+            Err(error) => Err(error.into()),
+        },
+        [only] if only.exists() => {
+            let is_source = matches!(DataKind::of(only), Ok(DataKind::Source)) && !is_scene_file(only);
+            // What is wrong with it is told where it is opened.
+            if is_source && steps_in(only).is_ok_and(|steps| steps > 1) { run() } else { Ok(None) }
+        }
+        // A pattern, a list, a step in a file, or what is not there.
+        [only] if file_of_step(only) != only => Ok(None),
+        [only] if only.to_str().is_some_and(|name| name.starts_with('@') || name.contains(['*', '?', '['])) => run(),
+        [_] => Ok(None),
+        _ => run(),
+    }
+}
+
+/// Shows a run that is built in the cache: its first step, or that of `--time`, at once. Without a display the picture is of the run as it
+/// is then.
+fn show_run(mut run: CachedRun, settings: &WindowArguments) -> CommandResult {
+    let with_others =
+        [!settings.with.is_empty(), settings.lead.is_some(), settings.outputs.is_some(), settings.tour.is_some()];
+    if with_others.contains(&true) || settings.simulate {
+        return Err("--with, --tour, --simulate, --lead and --outputs go with one file: build the run first".into());
+    }
+    #[cfg(feature = "viewer")]
+    if has_display()
+        && let Ok(adapter) = crate::gpu::device::probe()
+    {
+        let first = run.first(settings.time)?.unwrap_or_default();
+        let settings = WindowArguments { time: None, ..settings.clone() };
+        return window(&first, &settings, adapter.backend.into(), Some(run));
+    }
+    let progress = super::progress_bar::TerminalProgress::new();
+    run.first(None)?.ok_or("no step of a run is there yet")?;
+    loop {
+        match run.grow(&progress)? {
+            Grown::Run(path) => return show(&path, settings),
+            Grown::Later => std::thread::sleep(std::time::Duration::from_secs(1)),
+            Grown::Done => return Ok(()),
+        }
+    }
+}
+
 /// The data that a tour names; `tell`: says what is to be known about it.
 fn data_of_tour(tour: &Path, tell: bool) -> Result<PathBuf, Box<dyn std::error::Error + Send + Sync>> {
     let Some(dataset) = TourFile::read(tour)?.dataset else {
@@ -199,7 +266,7 @@ pub fn show(path: &Path, settings: &WindowArguments) -> CommandResult {
             return super::supervise::supervise(path, settings);
         }
         match crate::gpu::device::probe() {
-            Ok(adapter) => return window(path, settings, adapter.backend.into()),
+            Ok(adapter) => return window(path, settings, adapter.backend.into(), None),
             Err(error) => format!("No window: {error}"),
         }
     } else {
@@ -239,7 +306,7 @@ fn has_display() -> bool {
 }
 
 #[cfg(feature = "viewer")]
-fn window(path: &Path, settings: &WindowArguments, drivers: wgpu::Backends) -> CommandResult {
+fn window(path: &Path, settings: &WindowArguments, drivers: wgpu::Backends, run: Option<CachedRun>) -> CommandResult {
     use crate::show::supervisor::RunFolder;
     use crate::show::window::{ShowOptions, run_show_window};
     use crate::window::live::orbits::{Orbits, OrbitsPlugin};
@@ -265,8 +332,9 @@ fn window(path: &Path, settings: &WindowArguments, drivers: wgpu::Backends) -> C
         time: settings.time,
     };
     // A follower opens what the leader says.
-    let request = settings.follow.is_none().then_some(request);
-    let mut options = WindowOptions::new(request, opener);
+    let is_named = settings.follow.is_none() && (run.is_none() || !path.as_os_str().is_empty());
+    let mut options = WindowOptions::new(is_named.then_some(request), opener);
+    options.grower = run.map(grower);
     options.drivers = drivers;
     options.fullscreen = settings.fullscreen;
     options.size = settings.size.map(|size| (size.width, size.height));
@@ -292,6 +360,22 @@ fn window(path: &Path, settings: &WindowArguments, drivers: wgpu::Backends) -> C
         }));
     }
     Ok(run_show_window(options, show)?)
+}
+
+/// Builds a run again and again, as long as it grows.
+#[cfg(feature = "viewer")]
+fn grower(run: CachedRun) -> crate::window::Grower {
+    use crate::window::More;
+    use std::sync::{Arc, Mutex, PoisonError};
+    let run = Mutex::new(run);
+    Arc::new(move |progress: &dyn crate::model::Progress| {
+        let grown = run.lock().unwrap_or_else(PoisonError::into_inner).grow(progress);
+        grown.map_err(|error| error.to_string()).map(|grown| match grown {
+            Grown::Run(path) => More::Run(path),
+            Grown::Later => More::Later,
+            Grown::Done => More::Done,
+        })
+    })
 }
 
 /// How directions become a picture to begin with, and for which eyes: as the scene or the tour says that is opened, with what the

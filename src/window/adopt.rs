@@ -4,7 +4,7 @@ use super::camera::{Anchor, Flight, Viewpoint};
 use super::facts::Facts;
 use super::open::Opened;
 use super::picture::{DataCamera, Picture};
-use super::playhead::Playhead;
+use super::playhead::{Playhead, families_of};
 use super::scene::{Scene, Settings, TransferKept, home};
 use super::scene_io::{self, SceneParts};
 use super::state::choices::Choices;
@@ -23,66 +23,84 @@ pub(crate) fn adopt_opened(
     mut commands: Commands,
     mut opened: MessageReader<Opened>,
     scene: Option<Res<Scene>>,
+    before: Option<Res<Playhead>>,
     picture: Res<Picture>,
     mut settings: ResMut<Settings>,
     mut choices: ResMut<Choices>,
     mut notices: ResMut<Notices>,
     mut parts: SceneParts,
-    mut kept: MessageWriter<TransferKept>,
+    mut transfer_kept: MessageWriter<TransferKept>,
     camera: Single<(Entity, &mut Viewpoint, &mut Anchor, &mut PanOrbitCamera), With<DataCamera>>,
 ) {
-    let Some(Opened { path, members, notes, run, tracks, file, frame, scene: opened }) = opened.read().last().cloned()
+    let Some(Opened { path, members, notes, run, tracks, file, frame, scene: opened, keeps }) =
+        opened.read().last().cloned()
     else {
         return;
     };
     let metadata = file.metadata();
     let bounds = metadata.bounds();
     let (entity, mut viewpoint, mut anchor, mut orbit) = camera.into_inner();
-    // A selection that is followed is followed on, to where it is now.
-    let follows = scene.is_some() && settings.selections.iter().any(|set| set.follow);
-    match home(frame, viewpoint.fov_y, &picture) {
-        Ok(_) if follows => {}
-        Ok(home) => {
-            *viewpoint = home;
-            *anchor = Anchor::adopt(&home, &mut orbit);
-            commands.entity(entity).remove::<Flight>();
-        }
-        Err(error) => notices.error(format!("{}: {error}", path.display())),
-    }
+    // More of what is open changes nothing of how it is seen.
+    let kept =
+        scene.as_ref().filter(|_| keeps).map(|scene| families_of(scene.metadata(), &settings.families, metadata));
     choices.attributes = Choices::attributes_of(metadata);
-    if let Attribute::Named(name) = &settings.attribute
-        && !choices.attributes.contains(name)
-    {
-        settings.attribute = Attribute::Automatic;
-    }
-    if !settings.mode_chosen {
-        settings.change_mode(modes::usual(choices.attributes.iter().map(String::as_str)));
-    }
     let (shown, missing) = shown_families(&file, &members);
-    settings.families = shown;
-    settings.transfer.range = Range::Auto;
-    if let Some(hue) = &mut settings.transfer.hue {
-        hue.range = Range::Auto;
-    }
-    settings.cut = CutSettings::default();
-    let camera = (entity, &mut *viewpoint, &mut *anchor, &mut *orbit);
-    let attributes = &choices.attributes;
-    let opened = opened.as_deref();
-    scene_io::apply(opened, attributes, &mut settings, camera, &mut parts, &mut commands, &mut notices);
-    if opened.is_some_and(|opened| opened.scene.look.transfer.is_some()) {
-        kept.write(TransferKept);
+    if let Some(families) = kept {
+        if settings.families != families {
+            settings.families = families;
+        }
+    } else {
+        // A selection that is followed is followed on, to where it is now.
+        let follows = scene.is_some() && settings.selections.iter().any(|set| set.follow);
+        match home(frame, viewpoint.fov_y, &picture) {
+            Ok(_) if follows => {}
+            Ok(home) => {
+                *viewpoint = home;
+                *anchor = Anchor::adopt(&home, &mut orbit);
+                commands.entity(entity).remove::<Flight>();
+            }
+            Err(error) => notices.error(format!("{}: {error}", path.display())),
+        }
+        if let Attribute::Named(name) = &settings.attribute
+            && !choices.attributes.contains(name)
+        {
+            settings.attribute = Attribute::Automatic;
+        }
+        if !settings.mode_chosen {
+            settings.change_mode(modes::usual(choices.attributes.iter().map(String::as_str)));
+        }
+        settings.families = shown;
+        settings.transfer.range = Range::Auto;
+        if let Some(hue) = &mut settings.transfer.hue {
+            hue.range = Range::Auto;
+        }
+        settings.cut = CutSettings::default();
+        let camera = (entity, &mut *viewpoint, &mut *anchor, &mut *orbit);
+        let attributes = &choices.attributes;
+        let opened = opened.as_deref();
+        scene_io::apply(opened, attributes, &mut settings, camera, &mut parts, &mut commands, &mut notices);
+        if opened.is_some_and(|opened| opened.scene.look.transfer.is_some()) {
+            transfer_kept.write(TransferKept);
+        }
     }
     let facts = Facts::of(&file, &members);
     let told = |family: FamilyName| format!("{}: the data has no particles of family {family}", path.display());
     notes.into_iter().chain(missing.into_iter().map(told)).for_each(|note| notices.error(note));
     notices.info(match members.len() {
+        1 if keeps => {
+            let steps = run.as_ref().and_then(|(data, _)| Some(data.run()?.times().times.len())).unwrap_or_default();
+            format!("the run has {steps} steps")
+        }
         1 => format!("opened {}", path.display()),
         more => format!("opened {} with {} more", path.display(), more - 1),
     });
     let (dataset, generation) = scene.map_or((1, 1), |scene| (scene.dataset + 1, scene.generation + 1));
     let length_unit = metadata.length_unit.to_string();
     let (file, periodic) = (Arc::clone(&file), metadata.periodic_box());
-    let playhead = run.and_then(|(data, moment)| Playhead::new(data, moment, tracks));
+    let mut playhead = run.and_then(|(data, moment)| Playhead::new(data, moment, tracks));
+    if let (Some(playhead), Some(before)) = (&mut playhead, before.filter(|_| keeps)) {
+        playhead.go_on_from(&before);
+    }
     let times = playhead.as_ref().map(|playhead| playhead.times().clone());
     let time = playhead.as_ref().map(Playhead::time);
     let opened = playhead.as_ref().map(|playhead| playhead.data().clone());

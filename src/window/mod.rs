@@ -14,7 +14,8 @@ pub mod exposure;
 pub mod facts;
 pub mod free_name;
 pub mod gpu_backend;
-pub mod history;
+pub mod growing;
+mod history;
 pub mod input;
 pub mod lens;
 mod light_backend;
@@ -57,7 +58,7 @@ mod status;
 mod ui;
 
 pub use live::{LiveBuffer, LiveParticles};
-pub use options::{AppError, Extension, OpenRequest, Opener, WindowOptions};
+pub use options::{AppError, Extension, Grower, More, OpenRequest, Opener, WindowOptions};
 pub use preset::{Backend, Preset};
 
 use crate::gpu::{DeepfieldRenderPlugins, ParticleScene};
@@ -166,6 +167,9 @@ impl Plugin for WindowApp {
         if let Some(request) = self.options.open.clone() {
             openings.start(request);
         }
+        if let Some(grower) = self.options.grower.clone() {
+            app.insert_resource(growing::Growing::new(grower, self.options.opener.clone()));
+        }
         let mut objects = objects::Objects::default();
         if let Some(path) = self.options.labels.clone() {
             objects.is_given = true;
@@ -248,7 +252,7 @@ impl Plugin for WindowApp {
             (
                 open::follow_preset.run_if(resource_changed::<Preset>),
                 dropped::open_dropped_files.in_set(WindowSystems::TakeInput),
-                open::finish_opening,
+                (open::finish_opening, growing::grow.run_if(resource_exists::<growing::Growing>)).chain(),
                 objects::receive_catalogue,
                 adopt::adopt_opened,
                 (playhead::play, playhead::show_moment).chain(),

@@ -8,7 +8,7 @@ use super::state::progress::SharedProgress;
 use crate::hierarchy::spacetime::Interpolation;
 use crate::look::{Member, OpenData, SceneFile, is_scene_file};
 use crate::model::progress::Progress;
-use crate::model::{Bounds, Moment, ReadMethod};
+use crate::model::{Bounds, Moment, ReadMethod, When};
 use crate::store::run::RunTree;
 use crate::store::{PageFile, StoreError};
 use crate::stream::first_frame;
@@ -22,6 +22,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 pub struct Openings {
     opener: Opener,
     current: Option<Opening>,
+    /// What is built meanwhile: its name and how far it has come.
+    pub(super) behind: Option<(PathBuf, Arc<SharedProgress>)>,
     /// How page files are read.
     pub read: ReadMethod,
     /// Whether files that are dropped are shown with what is open, not in its place.
@@ -65,12 +67,14 @@ pub struct Opened {
     pub frame: Bounds,
     /// The scene that names it.
     pub scene: Option<Arc<OpenedScene>>,
+    /// Whether it is more of what is open, so that the view of it stays as it is.
+    pub keeps: bool,
 }
 
 impl Openings {
     /// Opens nothing yet.
     pub fn new(opener: Opener) -> Openings {
-        Openings { opener, current: None, read: ReadMethod::default(), adds_dropped: false }
+        Openings { opener, current: None, behind: None, read: ReadMethod::default(), adds_dropped: false }
     }
 
     /// Starts to open a file; one that is still on its way is abandoned.
@@ -83,28 +87,7 @@ impl Openings {
         // A thread of its own: a disk that does not answer must not take one from a pool that draws.
         let open = move || {
             let (members, scene) = data_of(request)?;
-            let members = members.iter().map(Member::resolved).collect::<Result<Vec<_>, _>>();
-            let members = members.map_err(|error| error.to_string())?;
-            let path = members.first().map(|member| member.path.clone()).unwrap_or_default();
-            let built = |path: &Path| opener(path, shared.as_ref()).map_err(Failure);
-            let data = OpenData::open(&members, read, built).map_err(|Failure(why)| why)?;
-            let when = time.or(scene.as_ref().and_then(|opened| opened.scene.look.time));
-            // A time that the data does not have is told, and the beginning is shown.
-            let (moment, mut notes) = match data.moment(when) {
-                Ok(moment) => (moment, Vec::new()),
-                Err(error) => (data.moment(None).ok().flatten(), vec![error.to_string()]),
-            };
-            let (file, unlike) = data.at(moment.unwrap_or_default()).map_err(|error| error.to_string())?;
-            notes.extend(unlike);
-            let families: Vec<u32> = (0..file.metadata().families.len() as u32).collect();
-            let frame = first_frame(&file, &families, 0.0);
-            let interpolation = scene.as_ref().and_then(|opened| opened.scene.look.interpolation).unwrap_or_default();
-            let tracks = tracks_of(&data, &members, interpolation).unwrap_or_else(|error| {
-                notes.push(error.to_string());
-                None
-            });
-            let run = moment.map(|moment| (data, moment));
-            Ok(Opened { path, members, notes, run, tracks, file: Arc::new(file), frame, scene: scene.map(Arc::new) })
+            open_members(members, scene, time, read, &opener, shared.as_ref())
         };
         let failed = send.clone();
         // Nobody listens any more where another file was opened meanwhile.
@@ -115,12 +98,61 @@ impl Openings {
         self.current = Some(Opening { path, progress, outcome: Mutex::new(outcome) });
     }
 
-    /// What is being opened: its path, the stage and the share of the stage that is done.
-    pub fn progress(&self) -> Option<(&Path, String, Option<f32>)> {
-        let opening = self.current.as_ref()?;
-        let (stage, share) = opening.progress.state();
-        Some((&opening.path, stage, share))
+    /// Whether a file that was asked for is on its way.
+    pub(super) fn is_opening(&self) -> bool {
+        self.current.is_some()
     }
+
+    /// What is being opened, or built meanwhile: its path, the stage and the share of the stage that is done.
+    pub fn progress(&self) -> Option<(&Path, String, Option<f32>)> {
+        let current = self.current.as_ref().map(|opening| (&opening.path, &opening.progress));
+        let (path, progress) = current.or(self.behind.as_ref().map(|(path, progress)| (path, progress)))?;
+        let (stage, share) = progress.state();
+        Some((path, stage, share))
+    }
+}
+
+/// Opens datasets as one scene, at a moment where they are a run.
+pub(super) fn open_members(
+    members: Vec<Member>,
+    scene: Option<OpenedScene>,
+    time: Option<When>,
+    read: ReadMethod,
+    opener: &Opener,
+    progress: &dyn Progress,
+) -> Result<Opened, String> {
+    let members = members.iter().map(Member::resolved).collect::<Result<Vec<_>, _>>();
+    let members = members.map_err(|error| error.to_string())?;
+    let path = members.first().map(|member| member.path.clone()).unwrap_or_default();
+    let built = |path: &Path| opener(path, progress).map_err(Failure);
+    let data = OpenData::open(&members, read, built).map_err(|Failure(why)| why)?;
+    let when = time.or(scene.as_ref().and_then(|opened| opened.scene.look.time));
+    // A time that the data does not have is told, and the beginning is shown.
+    let (moment, mut notes) = match data.moment(when) {
+        Ok(moment) => (moment, Vec::new()),
+        Err(error) => (data.moment(None).ok().flatten(), vec![error.to_string()]),
+    };
+    let (file, unlike) = data.at(moment.unwrap_or_default()).map_err(|error| error.to_string())?;
+    notes.extend(unlike);
+    let families: Vec<u32> = (0..file.metadata().families.len() as u32).collect();
+    let frame = first_frame(&file, &families, 0.0);
+    let interpolation = scene.as_ref().and_then(|opened| opened.scene.look.interpolation).unwrap_or_default();
+    let tracks = tracks_of(&data, &members, interpolation).unwrap_or_else(|error| {
+        notes.push(error.to_string());
+        None
+    });
+    let run = moment.map(|moment| (data, moment));
+    Ok(Opened {
+        path,
+        members,
+        notes,
+        run,
+        tracks,
+        file: Arc::new(file),
+        frame,
+        scene: scene.map(Arc::new),
+        keeps: false,
+    })
 }
 
 /// The tracks of the run that is the only dataset, where it lies as it is.

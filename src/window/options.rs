@@ -14,6 +14,21 @@ use thiserror::Error;
 /// on a background thread; the error is one line that names the file and the cause.
 pub type Opener = Arc<dyn Fn(&Path, &dyn Progress) -> Result<PathBuf, String> + Send + Sync>;
 
+/// Gives more of a run that is being built, or that a simulation is writing: the path of a run file that has more than the one before,
+/// [`More::Later`] where there is none yet, [`More::Done`] where there will be none. Runs on a background thread.
+pub type Grower = Arc<dyn Fn(&dyn Progress) -> Result<More, String> + Send + Sync>;
+
+/// What a [`Grower`] gives.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum More {
+    /// A run file.
+    Run(PathBuf),
+    /// It may be asked again.
+    Later,
+    /// It need not be asked again.
+    Done,
+}
+
 /// Adds a caller's own plugins and systems to the window, after all others.
 pub type Extension = Arc<dyn Fn(&mut App) + Send + Sync>;
 
@@ -44,6 +59,8 @@ pub struct WindowOptions {
     pub open: Option<OpenRequest>,
     /// How files are opened.
     pub opener: Opener,
+    /// The run whose first step is opened at the start.
+    pub grower: Option<Grower>,
     /// Window size in logical pixels; the preset's where it is `None`.
     pub size: Option<(u32, u32)>,
     /// Which preset in `configs/`: `desktop`, `laptop`, `headless` or `planetarium`.
@@ -80,6 +97,7 @@ impl WindowOptions {
         WindowOptions {
             open,
             opener,
+            grower: None,
             size: None,
             preset: "desktop".to_owned(),
             backend: None,

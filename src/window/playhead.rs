@@ -76,6 +76,13 @@ impl Playhead {
         &self.data
     }
 
+    /// Goes on as another one that has less of the run: at its time, playing where it plays.
+    pub fn go_on_from(&mut self, before: &Playhead) {
+        (self.playing, self.speed, self.holds, self.surrounds) =
+            (before.playing, before.speed, before.holds, before.surrounds);
+        self.seek(before.time);
+    }
+
     /// When the steps are.
     pub fn times(&self) -> &StepTimes {
         &self.times

@@ -67,7 +67,9 @@ pub fn compare_with_sources(run: &Arc<RunFile>, progress: &dyn Progress) -> Resu
                 let end = at + there[at..].iter().take_while(|other| other.id == id).count();
                 let (theirs, mine) = (&there[at..end], &here[at..end]);
                 let far = theirs.iter().find(|wanted| {
-                    !mine.iter().any(|found| found.id == id && distance(found.position, wanted.position) <= most)
+                    !mine.iter().any(|found| {
+                        found.id == id && distance(found.position, wanted.position, layout.box_size) <= most
+                    })
                 });
                 if let Some(Placed { id, position: [x, y, z] }) = far {
                     return Err(wrong(format!(
@@ -82,8 +84,13 @@ pub fn compare_with_sources(run: &Arc<RunFile>, progress: &dyn Progress) -> Resu
     Ok(compared)
 }
 
-fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
-    (0..3).map(|axis| (a[axis] - b[axis]).powi(2)).sum::<f64>().sqrt()
+/// How far apart two places are; of a periodic box, their nearest images: what is rounded over a face is at the other one.
+fn distance(a: [f64; 3], b: [f64; 3], edge: Option<f64>) -> f64 {
+    let along = |axis: usize| {
+        let difference = a[axis] - b[axis];
+        edge.map_or(difference, |edge| difference - edge * (difference / edge).round())
+    };
+    (0..3).map(|axis| along(axis).powi(2)).sum::<f64>().sqrt()
 }
 
 /// The particles of a snapshot that a build keeps, in the run's units.

@@ -38,7 +38,7 @@ pub use against_sources::compare_with_sources;
 pub use flow::FlowOptions;
 use memory::Memory;
 use partition::Partition;
-pub use run::{BuiltRun, build_run};
+pub use run::{BuiltRun, StillOf, build_run, build_run_of};
 use spill::Spill;
 use std::path::{Path, PathBuf};
 use survey::Survey;

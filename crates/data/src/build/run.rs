@@ -4,10 +4,11 @@ use super::tracks::{BuiltStep, TrackBuild, TrackOptions};
 use super::{BuildError, BuildOptions, built_of, in_pool};
 use crate::import::{AttributeChoice, Description, LoadOptions, Run, RunStep, has_attribute, open_with};
 use crate::model::{Placement, Progress, Unit};
-use crate::store::PageFileWriter;
-use crate::store::run::{Directory, RunFileWriter, Step};
+use crate::store::run::{Directory, RunFileWriter, Section, Step};
 use crate::store::temporary::{clean, folder_of};
-use std::path::Path;
+use crate::store::{Metadata, PageFile, PageFileWriter};
+use std::fs::File;
+use std::path::{Path, PathBuf};
 
 /// What was built.
 #[derive(Clone, Debug, PartialEq)]
@@ -36,7 +37,67 @@ pub fn build_run(
     out: &Path,
     progress: &dyn Progress,
 ) -> Result<BuiltRun, BuildError> {
-    in_pool(options, || build_steps(run, skip_damaged, tracks, load_options, options, out, progress))
+    build_run_of(run, skip_damaged, tracks, load_options, options, &|_, _| None, out, progress)
+}
+
+/// Finds a page file that was built of a step alone with the same options; `None`: it is to be built.
+pub type StillOf<'a> = &'a (dyn Fn(&RunStep, &dyn Progress) -> Option<PathBuf> + Sync);
+
+/// [`build_run`] that takes steps from page files where `still_of` finds some.
+///
+/// # Errors
+/// As [`build_run`].
+pub fn build_run_of(
+    run: Run,
+    skip_damaged: bool,
+    tracks: Option<&TrackOptions>,
+    load_options: &LoadOptions,
+    options: &BuildOptions,
+    still_of: StillOf,
+    out: &Path,
+    progress: &dyn Progress,
+) -> Result<BuiltRun, BuildError> {
+    in_pool(options, || build_steps(run, skip_damaged, tracks, load_options, options, still_of, out, progress))
+}
+
+/// The still of a step: what its file says, and what it takes.
+struct Still {
+    metadata: Metadata,
+    section: Section,
+    temporary_bytes: u64,
+}
+
+/// Appends the still of a step: a page file that is there already, or one that is built of its source; where stills are not kept, its
+/// outline.
+fn append_still(
+    step: &RunStep,
+    known: Option<PathBuf>,
+    keeps: bool,
+    load: &LoadOptions,
+    options: &BuildOptions,
+    out: &Path,
+    writer: &mut RunFileWriter,
+    progress: &dyn Progress,
+) -> Result<Still, BuildError> {
+    let open = |path: PathBuf| Some((PageFile::open_with(&path, options.read).ok()?, File::open(&path).ok()?));
+    if let Some((pages, file)) = known.and_then(open) {
+        let section = if keeps { writer.append(&file)? } else { append_outline(pages.metadata(), out, writer)? };
+        return Ok(Still { metadata: pages.metadata().clone(), section, temporary_bytes: section.len });
+    }
+    let source = open_with(&step.about.path, options.read)?;
+    let built = built_of(source.as_ref(), load, options, out, progress)?;
+    let section = match keeps {
+        true => writer.append(built.file.file())?,
+        false => append_outline(&built.metadata, out, writer)?,
+    };
+    let temporary_bytes = built.temporary_bytes + built.file.bytes();
+    Ok(Still { metadata: built.metadata, section, temporary_bytes })
+}
+
+/// Appends what a page file says of itself, without pages.
+fn append_outline(metadata: &Metadata, out: &Path, writer: &mut RunFileWriter) -> Result<Section, BuildError> {
+    let outline = PageFileWriter::create(out)?.complete(&metadata.outline())?;
+    Ok(writer.append(outline.file())?)
 }
 
 fn build_steps(
@@ -45,6 +106,7 @@ fn build_steps(
     tracks: Option<&TrackOptions>,
     load_options: &LoadOptions,
     options: &BuildOptions,
+    still_of: StillOf,
     out: &Path,
     progress: &dyn Progress,
 ) -> Result<BuiltRun, BuildError> {
@@ -73,20 +135,13 @@ fn build_steps(
     let (total, mut temporary_bytes, mut first_error) = (run.steps.len(), 0, None);
     for (number, step) in run.steps.iter().enumerate() {
         let here = StepProgress { progress, step: number + 1, total };
-        let source = open_with(&step.about.path, options.read).map_err(BuildError::from);
-        let built = source.and_then(|source| built_of(source.as_ref(), &load(step), options, out, &here));
-        match built {
-            Ok(built) => {
-                let bytes = built.file.bytes();
-                let still = match directory.has_stills {
-                    true => writer.append(built.file.file())?,
-                    false => {
-                        let outline = PageFileWriter::create(out)?.complete(&built.metadata.outline())?;
-                        writer.append(outline.file())?
-                    }
-                };
-                temporary_bytes = temporary_bytes.max(built.temporary_bytes + bytes);
-                let metadata = &built.metadata;
+        // Alone, a step would keep what others lack.
+        let known = if run.left_out.is_empty() { still_of(step, &here) } else { None };
+        let keeps = directory.has_stills;
+        match append_still(step, known, keeps, &load(step), options, out, &mut writer, &here) {
+            Ok(still) => {
+                temporary_bytes = temporary_bytes.max(still.temporary_bytes);
+                let metadata = &still.metadata;
                 let placement = Placement { scale: step.length, mass: step.mass, ..Placement::HERE };
                 let bounds = placement.bounds(metadata.bounds());
                 built_steps.push(BuiltStep {
@@ -96,7 +151,7 @@ fn build_steps(
                     particles: metadata.particles(),
                 });
                 directory.steps.push(Step {
-                    source: metadata.provenance.path.clone(),
+                    source: step.about.path.clone(),
                     format: metadata.provenance.format.clone(),
                     source_bytes: metadata.provenance.bytes,
                     time: step.time,
@@ -106,7 +161,7 @@ fn build_steps(
                     bounds,
                     length_scale: step.length,
                     mass_scale: step.mass,
-                    still,
+                    still: still.section,
                 });
             }
             Err(BuildError::Import(error)) if skip_damaged => {

@@ -271,12 +271,13 @@ impl TrackBuild<'_> {
         let holding = self.steps.iter().filter(|step| step.means.iter().any(|(own, _)| *own == name));
         let mut counts: Vec<(&Path, u64)> = Vec::new();
         let mut lacking = None;
-        let (mut has_velocities, mut is_without_ids) = (true, true);
+        let (mut has_velocities, mut is_without_ids, mut keeps_rows) = (true, true, true);
         for step in holding {
             let about = &self.run.steps[step.number].about;
             let Some(info) = about.families.iter().find(|info| info.name == name) else { continue };
             counts.push((&about.path, info.count));
             is_without_ids &= about.format == "tipsy";
+            keeps_rows &= about.keeps_rows;
             has_velocities &= info.find(FieldKind::Velocity).is_some();
             if info.find(FieldKind::Id).is_none() && lacking.is_none() {
                 lacking = Some(&*about.path);
@@ -296,6 +297,7 @@ impl TrackBuild<'_> {
             (_, None) => Ok(false),
             // A format that has none keeps its particles in order; velocities will have to bear it out.
             (Matching::Auto, Some(_)) if differ.is_none() && has_velocities && is_without_ids => Ok(true),
+            (Matching::Auto, Some(_)) if differ.is_none() && keeps_rows => Ok(true),
             (_, Some(path)) => Err(missing_ids(path, name)),
         }
     }

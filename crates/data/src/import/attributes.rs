@@ -7,6 +7,9 @@ use std::collections::BTreeSet;
 /// The attributes of [`AttributeChoice::Usual`].
 const USUAL: [&str; 5] = ["velocity-dispersion", "temperature", "internal-energy", "magnitude", "color-index"];
 
+/// What tells kinds of particles apart; kept beside the usual ones.
+const KINDS: [&str; 3] = ["atomic-number", "particle-type", "species"];
+
 /// How one number comes out of a field's components.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Part {
@@ -54,7 +57,9 @@ pub(super) fn plan(about: &Description, info: &FamilyInfo, options: &LoadOptions
         AttributeChoice::Usual => {
             let usual = USUAL.iter().filter(|name| info.named(name).is_some() && is_kept(name));
             let usual: Vec<String> = usual.map(|name| name.to_string()).collect();
-            if usual.is_empty() { vec!["speed".into()] } else { usual }
+            let usual = if usual.is_empty() { vec!["speed".into()] } else { usual };
+            let has = |kind: &&&str| info.fields.iter().any(|field| field.name == **kind);
+            usual.into_iter().chain(KINDS.iter().filter(has).map(|kind| kind.to_string())).collect()
         }
         AttributeChoice::All => scalars(info).chain(["speed".into()]).collect(),
         AttributeChoice::Named(names) => names.clone(),

@@ -19,8 +19,12 @@ impl RangeFile {
     /// Opens the file, to be read in the way `method`.
     pub(super) fn open(path: &Path, method: ReadMethod) -> Result<RangeFile, ImportError> {
         let io = |source| ImportError::io(path, "file", source);
-        let file = File::open(path).map_err(io)?;
-        let length = file.metadata().map_err(io)?.len();
+        RangeFile::of(path, File::open(path).map_err(io)?, method)
+    }
+
+    /// The same of an open file, which is called `path`.
+    pub(super) fn of(path: &Path, file: File, method: ReadMethod) -> Result<RangeFile, ImportError> {
+        let length = file.metadata().map_err(|source| ImportError::io(path, "file", source))?.len();
         Ok(RangeFile { path: path.into(), length, file: ReadFile::new(file, method) })
     }
 

@@ -20,6 +20,26 @@ pub trait Format: Sync {
     /// # Errors
     /// [`ImportError`] when the file is damaged, incomplete or holds nothing to draw.
     fn open(&self, path: &Path, method: ReadMethod) -> Result<Box<dyn Source>, ImportError>;
+
+    /// How many steps the file holds, each of which is a snapshot; those that turn out to be damaged are counted, too. Formats of one
+    /// snapshot leave this as it is. [`Format::open`] of several opens the first.
+    ///
+    /// # Errors
+    /// [`ImportError`] when the file cannot be read, or has none.
+    fn steps(&self, _path: &Path) -> Result<u64, ImportError> {
+        Ok(1)
+    }
+
+    /// Opens step `step`, from 0, of a file. The source's path is [`super::step_name`] of the two.
+    ///
+    /// # Errors
+    /// As [`Format::open`], and where there is no such step.
+    fn open_step(&self, path: &Path, step: u64, method: ReadMethod) -> Result<Box<dyn Source>, ImportError> {
+        match step {
+            0 => self.open(path, method),
+            _ => Err(ImportError::malformed(path, "step", step, "0, as the file holds one snapshot")),
+        }
+    }
 }
 
 /// How many bytes of a file [`Format::recognise`] sees.
@@ -30,6 +50,8 @@ static BUILT_IN: &[&dyn Format] = &[
     &super::hdf5::Hdf5,
     &super::gadget::Gadget,
     &super::tipsy::Tipsy,
+    &super::trajectory::LammpsDump,
+    &super::trajectory::Xyz,
     &super::table::GeoJson,
     &super::table::KStars,
     &super::table::Csv,
@@ -105,10 +127,29 @@ pub fn open_with(path: &Path, method: ReadMethod) -> Result<Box<dyn Source>, Imp
     open_file(&super::file_in(path, &[])?, method)
 }
 
-/// [`open_with`] of a file.
+/// [`open_with`] of a file, or of a step in a file.
 pub(super) fn open_file(path: &Path, method: ReadMethod) -> Result<Box<dyn Source>, ImportError> {
-    match format_of(&Head::read(path)?) {
-        Some(format) => format.open(path, method),
-        None => Err(ImportError::Unrecognised { path: path.into(), expected: names() }),
+    let (file, step) = super::step_name::parts(path);
+    let format = format_at(file)?;
+    match step {
+        Some(step) => format.open_step(file, step, method),
+        None => format.open(file, method),
     }
+}
+
+/// How many steps the source at `path` holds; a step in a file is one.
+///
+/// # Errors
+/// [`ImportError`] when the file cannot be read, or is of no known format.
+pub fn steps_in(path: &Path) -> Result<u64, ImportError> {
+    match super::step_name::parts(path) {
+        (_, Some(_)) => Ok(1),
+        (file, None) => format_at(file)?.steps(file),
+    }
+}
+
+/// The format of a file.
+fn format_at(path: &Path) -> Result<&'static dyn Format, ImportError> {
+    let unknown = || ImportError::Unrecognised { path: path.into(), expected: names() };
+    format_of(&Head::read(path)?).ok_or_else(unknown)
 }

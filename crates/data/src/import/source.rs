@@ -97,6 +97,12 @@ pub struct Description {
     /// What stored velocities mean.
     #[serde(skip)]
     pub motion: Motion,
+    /// How many steps are in the file, of which this is one.
+    #[serde(skip_serializing_if = "is_one")]
+    pub steps: u64,
+    /// Whether particles without ids stand in the same order at every step, as the format promises.
+    #[serde(skip)]
+    pub keeps_rows: bool,
     /// Edge of the periodic box, where there is one.
     pub box_size: Option<f64>,
     /// What the import assumed or converted, one sentence each.
@@ -104,6 +110,11 @@ pub struct Description {
     /// The families that hold particles, in Gadget's order.
     #[serde(skip)]
     pub families: Vec<FamilyInfo>,
+}
+
+/// Most files hold one step, which goes without saying.
+fn is_one(steps: &u64) -> bool {
+    *steps == 1
 }
 
 impl Description {
@@ -122,6 +133,8 @@ impl Description {
             scale_factor: None,
             cosmology: None,
             motion: Motion::Unknown,
+            steps: 1,
+            keeps_rows: false,
             box_size: None,
             notes: Vec::new(),
             families: Vec::new(),

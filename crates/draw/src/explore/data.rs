@@ -1,7 +1,7 @@
 //! The two kinds of data that can be asked: a page file and a source.
 
 use super::error::ExploreError;
-use crate::import::{FamilyInfo, FieldKind, Scalar, Source, open_with};
+use crate::import::{FamilyInfo, FieldKind, Scalar, Source, file_of_step, open_with};
 use crate::model::{Bounds, FamilyName, PeriodicBox, Unit};
 use crate::store::{FamilyMetadata, PageFile, Tree};
 use std::path::{Path, PathBuf};
@@ -138,7 +138,7 @@ pub fn source_path(file: &PageFile) -> Option<PathBuf> {
     }
     let named = &file.metadata().provenance.path;
     let beside = file.path().parent().map(|folder| folder.join(named));
-    [Some(named.clone()), beside].into_iter().flatten().find(|source| source.is_file())
+    [Some(named.clone()), beside].into_iter().flatten().find(|source| file_of_step(source).is_file())
 }
 
 /// Opens a source at `path`, from which a page file was built.

@@ -3,7 +3,7 @@
 use super::Member;
 use crate::explore::Following;
 use crate::hierarchy::spacetime::Interpolation;
-use crate::import::{ImportError, file_in};
+use crate::import::{ImportError, file_in, file_of_step};
 use crate::model::{Bounds, FamilyName, Moment, ReadMethod, When};
 use crate::store::run::RunTree;
 use crate::store::{Metadata, PageFile, RunFile, StoreError, Tree};
@@ -31,7 +31,7 @@ impl DataKind {
     pub fn of(path: &Path) -> Result<DataKind, std::io::Error> {
         let name = |error: std::io::Error| std::io::Error::new(error.kind(), format!("{}: {error}", path.display()));
         let mut head = Vec::with_capacity(16);
-        std::fs::File::open(path).map_err(name)?.take(16).read_to_end(&mut head).map_err(name)?;
+        std::fs::File::open(file_of_step(path)).map_err(name)?.take(16).read_to_end(&mut head).map_err(name)?;
         Ok(match () {
             () if PageFile::recognises(&head) => DataKind::Pages,
             () if RunFile::recognises(&head) => DataKind::Run,

@@ -272,6 +272,7 @@ mod tests {
                 file: Arc::clone(&file),
                 frame,
                 scene: Some(Arc::new(scene)),
+                keeps: false,
             });
             next.frame(0.0);
             assert!(*next.app.world().resource::<Settings>() == wanted, "{}", mode.name);

@@ -4,8 +4,8 @@ mod agree;
 mod names;
 
 use super::folder::name_of;
-use super::format::open_file;
-use super::{Description, ImportError, multifile};
+use super::format::{open_file, steps_in};
+use super::{Description, ImportError, multifile, step_name};
 use crate::model::{ClockVariable, ReadMethod};
 use std::collections::HashSet;
 use std::num::NonZeroUsize;
@@ -144,6 +144,24 @@ pub fn open_run(files: &[PathBuf], options: &RunOptions, method: ReadMethod) -> 
     Ok(Run { steps, left_out, clock, is_timed_by_headers: options.times.is_none(), notes })
 }
 
+/// The sources with each that holds several steps in the place of its steps.
+fn steps_of(files: &[PathBuf], skip_damaged: bool, notes: &mut Vec<String>) -> Result<Vec<PathBuf>, ImportError> {
+    let mut all = Vec::with_capacity(files.len());
+    for file in files {
+        match steps_in(file) {
+            Ok(0 | 1) => all.push(file.clone()),
+            Ok(steps) => {
+                notes.push(format!("{}: {steps} steps in the file", name_of(file)));
+                all.extend((0..steps).map(|step| step_name(file, step)));
+            }
+            // It is told where the file is opened.
+            Err(_) if skip_damaged => all.push(file.clone()),
+            Err(error) => return Err(error),
+        }
+    }
+    Ok(all)
+}
+
 /// What each source says about itself, in the order of `files`, with a place in that order.
 fn describe(
     files: &[PathBuf],
@@ -154,7 +172,8 @@ fn describe(
     let mut parts: HashSet<PathBuf> = HashSet::new();
     let mut opened = Vec::new();
     let mut first_error = None;
-    for file in files {
+    let files = steps_of(files, skip_damaged, notes)?;
+    for file in &files {
         if parts.contains(file) {
             continue;
         }

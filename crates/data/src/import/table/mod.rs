@@ -11,6 +11,7 @@ mod text;
 pub(super) use csv::Csv;
 pub(super) use geojson::GeoJson;
 pub(super) use kstars::KStars;
+pub(super) use text::head as text_head;
 
 use super::{Description, FamilyInfo, Field, FieldKind, ImportError, Source, units};
 use crate::model::{FamilyName, Unit};

@@ -13,7 +13,7 @@ const MOST_EXPANSION: u64 = 256;
 const GZIP: [u8; 2] = [0x1f, 0x8b];
 
 /// The beginning of a text file from the file's first bytes, decompressed where needed; `None` if it is not text.
-pub(super) fn head(head: &[u8]) -> Option<String> {
+pub(in crate::import) fn head(head: &[u8]) -> Option<String> {
     let mut bytes = head.to_vec();
     if head.starts_with(&GZIP) {
         bytes.clear();

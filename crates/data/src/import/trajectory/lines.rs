@@ -1,0 +1,131 @@
+//! A text line by line, with the byte at which each begins; a compressed one is copied as it is unpacked.
+
+use super::{Damage, Stop};
+use crate::import::ImportError;
+use flate2::read::MultiGzDecoder;
+use std::fs::File;
+use std::io::{BufRead, BufReader, BufWriter, ErrorKind, Read, Write};
+use std::path::{Path, PathBuf};
+
+/// The longest line that is read, bytes.
+const LONGEST: u64 = 1 << 20;
+
+/// The most that a compressed text may expand by, as of tables.
+const MOST_EXPANSION: u64 = 256;
+
+const BUFFER: usize = 1 << 18;
+
+/// Whether a file that begins so is compressed with gzip.
+pub(super) fn is_gzip(head: &[u8]) -> bool {
+    head.starts_with(&[0x1f, 0x8b])
+}
+
+/// The lines of a text.
+pub(super) struct Lines {
+    path: PathBuf,
+    reader: Box<dyn BufRead>,
+    /// Where an unpacked text goes.
+    copy: Option<BufWriter<File>>,
+    most: u64,
+    line: Vec<u8>,
+    /// Whether the last line has an end.
+    pub is_ended: bool,
+    is_back: bool,
+    /// The byte at which the last line begins.
+    pub start: u64,
+    /// The byte after it.
+    pub end: u64,
+    /// Its number, from 1.
+    pub number: u64,
+}
+
+impl Lines {
+    /// The lines of a file, from its beginning.
+    ///
+    /// # Errors
+    /// When the file cannot be opened, or a temporary file not be made.
+    pub(super) fn open(path: &Path) -> Result<Lines, ImportError> {
+        let io = |source| ImportError::io(path, "file", source);
+        let file = File::open(path).map_err(io)?;
+        let length = file.metadata().map_err(io)?.len();
+        let mut file = BufReader::with_capacity(BUFFER, file);
+        let is_packed = is_gzip(file.fill_buf().map_err(io)?);
+        let (reader, copy, most): (Box<dyn BufRead>, _, _) = if is_packed {
+            let unpacked = tempfile::tempfile().map_err(|error| ImportError::io(path, "unpacking", error))?;
+            let reader = BufReader::with_capacity(BUFFER, MultiGzDecoder::new(file));
+            let copy = BufWriter::with_capacity(BUFFER, unpacked);
+            (Box::new(reader), Some(copy), length.saturating_mul(MOST_EXPANSION))
+        } else {
+            (Box::new(file), None, length)
+        };
+        let line = Vec::new();
+        let path = path.to_owned();
+        Ok(Lines { path, reader, copy, most, line, is_ended: true, is_back: false, start: 0, end: 0, number: 0 })
+    }
+
+    /// The most bytes that the text can have.
+    pub(super) fn most(&self) -> u64 {
+        self.most
+    }
+
+    /// The next line without its end; `None` at the end of the text.
+    ///
+    /// # Errors
+    /// When the file cannot be read, or a line is too long.
+    pub(super) fn next(&mut self) -> Result<Option<&[u8]>, Stop> {
+        if std::mem::take(&mut self.is_back) {
+            return Ok(Some(trimmed(&self.line)));
+        }
+        self.line.clear();
+        (self.start, self.is_ended) = (self.end, true);
+        self.number += 1;
+        let read = self.reader.by_ref().take(LONGEST).read_until(b'\n', &mut self.line);
+        self.end += self.line.len() as u64;
+        if let Some(copy) = &mut self.copy {
+            copy.write_all(&self.line).map_err(|error| ImportError::io(&self.path, "unpacking", error))?;
+        }
+        let field = || format!("line {}", self.number);
+        match read {
+            Ok(0) => return Ok(None),
+            Ok(_) => self.is_ended = self.line.ends_with(b"\n"),
+            // A compressed file that ends too early, or is no such file.
+            Err(error) if self.copy.is_some() && is_content(error.kind()) => {
+                return Err(Damage::new(field(), error.to_string(), "more of the compressed text").into());
+            }
+            Err(error) => return Err(ImportError::io(&self.path, field(), error).into()),
+        }
+        if self.line.len() as u64 == LONGEST && !self.is_ended {
+            return Err(Damage::new(field(), format!("more than {LONGEST} bytes"), "a shorter line").into());
+        }
+        if self.copy.is_some() && self.end > self.most {
+            let found = format!("text that expands more than {MOST_EXPANSION} times");
+            return Err(Stop::Unreadable(ImportError::malformed(&self.path, field(), found, "a trajectory")));
+        }
+        Ok(Some(trimmed(&self.line)))
+    }
+
+    /// The last line comes again.
+    pub(super) fn back(&mut self) {
+        self.is_back = true;
+    }
+
+    /// The unpacked text, if the file was compressed.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub(super) fn into_copy(self) -> Result<Option<File>, ImportError> {
+        let Lines { path, copy, .. } = self;
+        let file = copy.map(|copy| copy.into_inner().map_err(|error| error.into_error())).transpose();
+        file.map_err(|error| ImportError::io(&path, "unpacking", error))
+    }
+}
+
+/// Whether an error says that the content is wrong, not the disk.
+fn is_content(kind: ErrorKind) -> bool {
+    matches!(kind, ErrorKind::UnexpectedEof | ErrorKind::InvalidData | ErrorKind::InvalidInput)
+}
+
+fn trimmed(line: &[u8]) -> &[u8] {
+    let line = line.strip_suffix(b"\n").unwrap_or(line);
+    line.strip_suffix(b"\r").unwrap_or(line)
+}
