@@ -1,0 +1,1 @@
+//! Chords, coverage and order.
