@@ -2,6 +2,7 @@
 
 use super::grid;
 use crate::color::Colors;
+use crate::cpu::paths::PathFragments;
 use crate::cpu::volume::{VolumeError, VolumeLevels, VolumeReport};
 use crate::mode::{Job, LightPicture, Mode, Needs, Output, Raw, Settings, Technique};
 
@@ -21,14 +22,16 @@ impl Technique for Paths {
     }
 
     fn draw(&self, job: &Job<'_>) -> Result<Raw, VolumeError> {
-        let (width, height) = (job.view.width, job.view.height);
-        let colors = match job.paths {
-            Some(paths) => paths.colors(),
-            None => Colors { width, height, rgba: vec![[0.0; 4]; width as usize * height as usize] },
-        };
-        let levels = VolumeLevels { density: [1.0, 10.0], attribute: [0.0, 1.0], unit_length: 1.0 };
-        Ok(Raw::Light(LightPicture { colors, report: VolumeReport::default(), levels, isovalues: Vec::new() }))
+        Ok(picture(job.view.width, job.view.height, job.paths.map(PathFragments::colors)))
     }
+}
+
+/// A picture of paths in these colours; empty without.
+pub fn picture(width: u32, height: u32, colors: Option<Colors>) -> Raw {
+    let empty = || Colors { width, height, rgba: vec![[0.0; 4]; width as usize * height as usize] };
+    let levels = VolumeLevels { density: [1.0, 10.0], attribute: [0.0, 1.0], unit_length: 1.0 };
+    let (colors, report) = (colors.unwrap_or_else(empty), VolumeReport::default());
+    Raw::Light(LightPicture { colors, report, levels, isovalues: Vec::new() })
 }
 
 /// The paths have settings of their own, which are those of every mode's pictures.

@@ -15,7 +15,6 @@ use crate::store::metadata::{AttributeInfo, FamilyMetadata, Metadata};
 use crate::store::page::{Branch, NODE_MEMORY, Node, NodeRef, Page, PageId};
 use crate::store::page_file::PageBytes;
 use crate::store::tree::Tree;
-use glam::DVec3;
 use std::borrow::Cow;
 use std::path::Path;
 use std::sync::Arc;
