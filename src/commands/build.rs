@@ -4,11 +4,11 @@ use super::CommandResult;
 use super::arguments::bytes;
 use super::hierarchy_options::HierarchyOptions;
 use super::progress_bar::TerminalProgress;
-use crate::build::{BuildOptions, Matching, TrackOptions, build_run, build_source};
+use crate::build::{BuildOptions, FlowOptions, Matching, TrackOptions, build_run, build_source};
 use crate::codec::VqBits;
 use crate::import::{AttributeChoice, LoadOptions, RunOptions, Smoothing, Times, open_run, sources_of};
 use crate::model::{ClockVariable, FamilyName, ReadMethod, Skipped};
-use crate::store::run::Tangents;
+use crate::store::run::{MOST_FLOW_LEVELS, Tangents};
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 
@@ -50,6 +50,14 @@ pub struct Arguments {
     /// lines) [default: velocities, where displacements bear them out].
     #[arg(long, value_name = "HOW")]
     pub tangents: Option<Tangents>,
+    /// Levels of flow above the particles' tracks, for paths: clusters that stay together within an error in space and time; 0: none
+    /// [default: as many as keep the finest one small beside the particles].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=MOST_FLOW_LEVELS as i64))]
+    pub flow_levels: Option<u32>,
+    /// The error of the coarsest flow level, in the run's length unit; each finer one has half of it [default: half of how far the
+    /// middle 80 % of the particles reach].
+    #[arg(long, value_name = "LENGTH", value_parser = super::arguments::positive)]
+    pub flow_error: Option<f64>,
     /// Keep stored steps only, and nothing of how particles move between them.
     #[arg(long)]
     pub stills_only: bool,
@@ -146,7 +154,8 @@ pub fn run(arguments: &Arguments) -> CommandResult {
         attributes: arguments.attributes.clone(),
         clock: arguments.clock,
     };
-    let tracks = TrackOptions { matching: arguments.r#match, tangents: arguments.tangents };
+    let flow = FlowOptions { levels: arguments.flow_levels.map(|levels| levels as usize), error: arguments.flow_error };
+    let tracks = TrackOptions { matching: arguments.r#match, tangents: arguments.tangents, flow };
     let tracks = (!arguments.stills_only).then_some(&tracks);
     let run = open_run(&sources, &run_options, options.read)?;
     match &run.steps[..] {

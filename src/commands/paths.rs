@@ -6,7 +6,7 @@ use crate::explore::{Data, Format, IdSet, Members, Work, export};
 use crate::look::data_file;
 use crate::model::{ReadMethod, When};
 use crate::store::RunFile;
-use crate::store::run::RunPaths;
+use crate::store::run::{PathsOf, RunPaths};
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -16,6 +16,8 @@ use std::sync::Arc;
 #[command(after_help = "Examples:
   deepfield paths run.df --ids halo.ids -o halo.csv
   deepfield paths run.df --from 9.6 --to last --family stars -o stars.parquet
+  deepfield paths run.df --level 2 -o flow.parquet        clusters of a flow level
+  deepfield paths run.df --level 2 --members --from step:3 --to step:4 -o members.csv
   deepfield paths run.df --sphere 0.3,0,0,0.5 --from step:3 --to step:4 -o through.csv    every end of a track that lies there")]
 pub struct Arguments {
     /// The run.
@@ -29,9 +31,12 @@ pub struct Arguments {
     /// Until when [default: the last step].
     #[arg(long, value_name = "WHEN", allow_hyphen_values = true)]
     pub to: Option<When>,
-    /// Which tracks: 0, those of single particles.
-    #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u32).range(0..=0))]
+    /// Which tracks: 0, those of single particles, or those of the clusters of a flow level, 1 being the finest.
+    #[arg(long, value_name = "N", default_value_t = 0)]
     pub level: u32,
+    /// The tracks of particles with the track and the clusters of the level that hold them.
+    #[arg(long, requires = "level")]
+    pub members: bool,
     /// Which ends of tracks [default: all].
     #[command(flatten)]
     pub region: RegionOptions,
@@ -57,7 +62,16 @@ pub fn run(arguments: &Arguments) -> CommandResult {
             format!("{path}: --from: found {}, expected a time before --to, {}", run.time(from), run.time(to)).into()
         );
     }
-    let paths = RunPaths::open(run, from, to)?;
+    let of = match (arguments.level as usize, arguments.members) {
+        (0, false) => PathsOf::Particles,
+        (0, true) => return Err(conflict("--members: expected a flow level, --level 1 or more")),
+        (level, false) => PathsOf::Clusters(level),
+        (level, true) => PathsOf::Members(level),
+    };
+    if let (PathsOf::Clusters(_), Some(_)) = (of, &arguments.ids) {
+        return Err(conflict("--ids: clusters have none; --members has those of their particles"));
+    }
+    let paths = RunPaths::open(run, of, from, to)?;
     let data = Data::Source(&paths);
     let members = match &arguments.ids {
         Some(ids) => Members::Ids(IdSet::read(ids)?),
@@ -68,4 +82,9 @@ pub fn run(arguments: &Arguments) -> CommandResult {
     drop(progress);
     println!("{}: {rows} rows", out.display());
     Ok(())
+}
+
+/// Arguments that do not fit together.
+fn conflict(message: &str) -> Box<dyn std::error::Error + Send + Sync> {
+    Box::new(clap::Error::raw(clap::error::ErrorKind::ArgumentConflict, format!("{message}\n")))
 }

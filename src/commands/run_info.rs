@@ -21,7 +21,7 @@ pub fn json(run: &RunFile) -> Value {
         "bytes_per_particle_step": run.bytes() as f64 / particles.max(1) as f64,
         "steps": directory.steps.iter().enumerate().map(|(index, step)| step_json(index, step)).collect::<Vec<_>>(),
         "intervals": directory.intervals.iter().enumerate().map(|(from, found)| interval_json(run, from, found)).collect::<Vec<_>>(),
-        "flow": [],
+        "flow": flow_json(run),
         "notes": directory.notes,
     })
 }
@@ -62,6 +62,32 @@ fn interval_json(run: &RunFile, from: usize, interval: &IntervalTracks) -> Value
         })
     });
     json!({ "from": from, "to": from + 1, "families": families.collect::<Vec<_>>() })
+}
+
+/// The flow levels, from the finest on: their errors, and tracks and bytes over the intervals.
+fn flow_json(run: &RunFile) -> Vec<Value> {
+    let level = |(level, error): (usize, &f64)| {
+        let intervals = run.directory().intervals.iter();
+        let of = |interval: &IntervalTracks| {
+            let parts = interval.families.iter().filter_map(|family| family.flow.levels.get(level));
+            parts.fold((0_u64, 0_u64), |(tracks, bytes), (own, part)| {
+                (tracks + u64::from(*own), bytes + u64::from(part.len))
+            })
+        };
+        let all: Vec<(u64, u64)> = intervals.map(of).collect();
+        let tracks = || all.iter().map(|(tracks, _)| *tracks);
+        json!({
+            "level": level + 1,
+            "error": error,
+            "tracks": {
+                "mean": tracks().sum::<u64>() as f64 / all.len().max(1) as f64,
+                "least": tracks().min(),
+                "most": tracks().max(),
+            },
+            "bytes": all.iter().map(|(_, bytes)| *bytes).sum::<u64>(),
+        })
+    };
+    run.flow_errors().iter().enumerate().map(level).collect()
 }
 
 /// The facts as a table for people.

@@ -9,6 +9,10 @@ use std::cmp::Ordering;
 
 /// Words of a track before its values.
 const FIXED: usize = 24;
+/// Where the numbers of its ends are.
+const NUMBERS: usize = 22;
+/// The number of nobody.
+pub(super) const NOBODY: u32 = u32::MAX;
 /// Pairs of particles with one id that are compared at most; beyond that none of them is matched.
 const MOST_PAIRS: usize = 1 << 14;
 
@@ -23,6 +27,9 @@ pub(super) struct TrackRecord<'a> {
     pub places: [[i64; 3]; 2],
     /// `dx/dtau` at both ends.
     pub velocities: [[f32; 3]; 2],
+    /// The particle's numbers in its bucket of ids at both steps; [`NOBODY`] where it is not there. Where flow levels are built, the first
+    /// one becomes that of its cluster at the beginning, and then of its track of the finest level.
+    pub numbers: [u32; 2],
     /// Mass, density, smoothing length, then attributes at the beginning, then the same at the end.
     pub values: &'a [f32],
 }
@@ -46,8 +53,19 @@ impl TrackRecord<'_> {
             unresolved: f32::from_bits(record[3]),
             places: [place(4), place(10)],
             velocities: [velocity(16), velocity(19)],
+            numbers: [record[NUMBERS], record[NUMBERS + 1]],
             values: bytemuck::cast_slice(&record[FIXED..]),
         }
+    }
+
+    /// Gives the beginning another number.
+    pub fn set_number(record: &mut [u32], number: u32) {
+        record[NUMBERS] = number;
+    }
+
+    /// Everything of a record but its numbers.
+    pub fn content(record: &[u32]) -> (&[u32], &[u32]) {
+        (&record[..NUMBERS], &record[FIXED..])
     }
 
     fn put(&self, out: &mut Vec<u32>) {
@@ -57,8 +75,7 @@ impl TrackRecord<'_> {
         out.push(self.unresolved.to_bits());
         self.places.as_flattened().iter().for_each(|x| out.extend(long(*x as u64)));
         out.extend(self.velocities.as_flattened().iter().map(|v| v.to_bits()));
-        // Places and velocities end at an even word.
-        out.extend([0; FIXED - 22]);
+        out.extend(self.numbers);
         out.extend(self.values.iter().map(|value| value.to_bits()));
     }
 }
@@ -178,7 +195,7 @@ impl Joining<'_> {
         let words = self.layout.words;
         let state = |step: usize, at: usize| {
             let i = orders[step][at];
-            State::of(&window[step][i * words..(i + 1) * words])
+            State { number: at as u32, ..State::of(&window[step][i * words..(i + 1) * words]) }
         };
         let mut out = Vec::new();
         let mut found = vec![Found::default(); self.layout.families.len()];
@@ -351,10 +368,11 @@ impl Joining<'_> {
         own.mass[0] += mass;
         own.mass[1] += if unresolved > UNRESOLVED { mass } else { 0.0 };
         let record = |family: usize, flags: u8, values: &[f32], out: &mut Vec<u32>| {
+            let flags = TrackFlags(flags);
+            let numbers = numbers(flags, [a.state.number, b.state.number]);
             let velocities = [a, b].map(|known| known.velocity.as_vec3().to_array());
             let places = [a.place, place];
-            TrackRecord { id: a.state.id, family, flags: TrackFlags(flags), unresolved, places, velocities, values }
-                .put(out);
+            TrackRecord { id: a.state.id, family, flags, unresolved, places, velocities, numbers, values }.put(out);
         };
         if a.state.family == b.state.family {
             own.matched += 1;
@@ -401,6 +419,7 @@ impl Joining<'_> {
             unresolved: 0.0,
             places,
             velocities: [velocity; 2],
+            numbers: numbers(TrackFlags(flags), [known.state.number; 2]),
             values: &values,
         };
         record.put(out);
@@ -414,6 +433,12 @@ impl Joining<'_> {
             tangents: ends.map(|known| known.velocity * length),
         }
     }
+}
+
+/// The numbers of those that are there.
+fn numbers(flags: TrackFlags, of: [u32; 2]) -> [u32; 2] {
+    let is_there = [!flags.has(TrackFlags::COMES), !flags.has(TrackFlags::GOES)];
+    [0, 1].map(|end| if is_there[end] { of[end] } else { NOBODY })
 }
 
 /// `a - b`, in units of the lattice.

@@ -7,6 +7,7 @@
 mod against_sources;
 mod coding;
 mod estimates;
+mod flow;
 mod left_out;
 mod matching;
 mod memory;
@@ -34,6 +35,7 @@ use crate::store::temporary::{clean, folder_of};
 use crate::store::writer::CompletePageFile;
 use crate::store::{FamilyMetadata, Metadata, PageFileWriter, StoreError, VolumeTree};
 pub use against_sources::compare_with_sources;
+pub use flow::FlowOptions;
 use memory::Memory;
 use partition::Partition;
 pub use run::{BuiltRun, build_run};

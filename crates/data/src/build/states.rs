@@ -35,6 +35,8 @@ pub(super) struct State<'a> {
     pub id: u64,
     /// The family's number in the run.
     pub family: usize,
+    /// Its number among those of its step and bucket, where they are in order.
+    pub number: u32,
     /// Where it is on the lattice, to a unit.
     pub place: [i64; 3],
     /// `dx/dtau`, run units by the clock's; `NaN` where it is not known.
@@ -50,6 +52,7 @@ impl State<'_> {
         State {
             id: long(0),
             family: record[2] as usize,
+            number: 0,
             place: [3, 5, 7].map(|at| long(at) as i64),
             velocity: [9, 10, 11].map(|at| f32::from_bits(record[at])),
             values: bytemuck::cast_slice(&record[12..]),
@@ -125,7 +128,11 @@ impl StateLayout {
     }
 
     fn bucket(&self, record: &[u32]) -> usize {
-        let id = u64::from(record[0]) | u64::from(record[1]) << 32;
+        self.bucket_of(u64::from(record[0]) | u64::from(record[1]) << 32)
+    }
+
+    /// The bucket of an id.
+    pub fn bucket_of(&self, id: u64) -> usize {
         ((u128::from(hash(id)) * self.buckets as u128) >> 64) as usize
     }
 }
@@ -326,6 +333,7 @@ impl Sender<'_> {
             let state = State {
                 id: ids[i],
                 family: self.family,
+                number: 0,
                 place,
                 velocity: velocities[i].map(|v| velocity.map_or(f32::NAN, |factor| (v * factor) as f32)),
                 values: &values,

@@ -12,8 +12,14 @@ const FADING_NODE: f64 = 0.5;
 /// Tracks of such a node fade above this.
 const FADING: f32 = 0.15;
 
-/// The leaves of a bucket, in Morton order.
-pub(super) fn leaves_of(records: &[u32], layout: &StateLayout, family: usize, interval: &Interval) -> Vec<BuiltNode> {
+/// The leaves of a bucket, in Morton order; `has_flow`: the tracks are numbered by those of the finest flow level.
+pub(super) fn leaves_of(
+    records: &[u32],
+    layout: &StateLayout,
+    family: usize,
+    interval: &Interval,
+    has_flow: bool,
+) -> Vec<BuiltNode> {
     let words = track_words(layout);
     let mut order: Vec<(u64, &[u32])> =
         records.chunks_exact(words).map(|record| (key_of(TrackRecord::of(record).places[0]), record)).collect();
@@ -21,7 +27,7 @@ pub(super) fn leaves_of(records: &[u32], layout: &StateLayout, family: usize, in
     order.sort_unstable();
     let mut leaves = Vec::new();
     let attributes = layout.families[family].1.len();
-    cut(&order, 0, &mut |tracks, depth| leaves.push(leaf(tracks, depth, attributes, interval)));
+    cut(&order, 0, &mut |tracks, depth| leaves.push(leaf(tracks, depth, attributes, interval, has_flow)));
     leaves
 }
 
@@ -41,7 +47,7 @@ fn cut(tracks: &[(u64, &[u32])], depth: u32, put: &mut impl FnMut(&[(u64, &[u32]
 }
 
 /// A leaf of tracks.
-fn leaf(order: &[(u64, &[u32])], depth: u32, attributes: usize, interval: &Interval) -> BuiltNode {
+fn leaf(order: &[(u64, &[u32])], depth: u32, attributes: usize, interval: &Interval, has_flow: bool) -> BuiltNode {
     let mut tracks = Tracks::new(attributes);
     let (mut mass, mut unresolved_mass, mut c) = (0.0, 0.0, Vec::with_capacity(order.len()));
     for (_, record) in order {
@@ -72,5 +78,6 @@ fn leaf(order: &[(u64, &[u32])], depth: u32, attributes: usize, interval: &Inter
     }
     tracks.ends.iter_mut().for_each(as_stored);
     let cell = (order.first().map_or(0, |(key, _)| *key), depth as u8);
-    BuiltNode::leaf(interval, cell, tracks)
+    let members: Vec<u32> = order.iter().map(|(_, record)| TrackRecord::of(record).numbers[0]).collect();
+    BuiltNode::leaf(interval, cell, tracks, has_flow.then_some(&members[..]))
 }

@@ -10,7 +10,9 @@ use super::track_leaves::leaves_of;
 use crate::codec::AttributeMerge;
 use crate::hierarchy::spacetime::{Clusters, Interval, TrackFlags, Tracks, merge};
 use crate::model::{Bounds, Progress};
-use crate::store::run::{NodePart, RunFileWriter, Section, TrackCoding, TrackIndex, TrackNode, as_stored, encode_ids};
+use crate::store::run::{
+    NodePart, RunFileWriter, Section, TrackCoding, TrackIndex, TrackNode, as_stored, encode_ids, encode_members,
+};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -24,12 +26,14 @@ pub(super) struct BuiltNode {
     about: TrackNode,
     states: Vec<u8>,
     ids: Vec<u8>,
+    flow: Vec<u8>,
     clusters: Clusters,
 }
 
 impl BuiltNode {
-    /// A leaf: `cell` is the Morton key of its first place, and its depth. The values of tracks are as they will be read.
-    pub fn leaf(interval: &Interval, cell: (u64, u8), mut tracks: Tracks) -> BuiltNode {
+    /// A leaf: `cell` is the Morton key of its first place, and its depth. The values of tracks are as they will be read; `members` says
+    /// which track of the finest flow level each belongs to.
+    pub fn leaf(interval: &Interval, cell: (u64, u8), mut tracks: Tracks, members: Option<&[u32]>) -> BuiltNode {
         let ids = encode_ids(&std::mem::take(&mut tracks.ids));
         let (mut mass, mut faded_mass, mut smoothing_length_max) = ([0.0; 2], 0.0, 0.0_f32);
         for i in 0..tracks.len() {
@@ -54,12 +58,14 @@ impl BuiltNode {
             offset: 0,
             states: NodePart::default(),
             ids: NodePart::default(),
+            flow: NodePart::default(),
             bounds: Bounds::EMPTY,
             mass,
             faded_mass,
             smoothing_length_max,
         };
-        BuiltNode::coded(interval, about, Clusters::of_sources(tracks), ids)
+        let flow = members.map(encode_members).unwrap_or_default();
+        BuiltNode::coded(interval, about, Clusters::of_sources(tracks), ids, flow)
     }
 
     /// The node above some.
@@ -81,31 +87,32 @@ impl BuiltNode {
             offset: 0,
             states: NodePart::default(),
             ids: NodePart::default(),
+            flow: NodePart::default(),
             bounds: abouts().fold(Bounds::EMPTY, |all, about| all.union(about.bounds)),
             mass: [0, 1].map(|end| abouts().map(|about| about.mass[end]).sum()),
             faded_mass: abouts().map(|about| about.faded_mass).sum(),
             smoothing_length_max: lengths.chain(abouts().map(|about| about.smoothing_length_max)).fold(0.0, f32::max),
         };
-        BuiltNode::coded(interval, about, merged.clusters, Vec::new())
+        BuiltNode::coded(interval, about, merged.clusters, Vec::new(), Vec::new())
     }
 
     /// With what its tracks say of themselves.
-    fn coded(interval: &Interval, about: TrackNode, clusters: Clusters, ids: Vec<u8>) -> BuiltNode {
+    fn coded(interval: &Interval, about: TrackNode, clusters: Clusters, ids: Vec<u8>, flow: Vec<u8>) -> BuiltNode {
         let tracks = &clusters.tracks;
         let mut flagged = [0; 3];
         tracks.flags.iter().filter_map(|flags| flags.kind()).for_each(|kind| flagged[kind] += 1);
-        let coding = TrackCoding { rates: interval.spans.map(|span| interval.length / span) };
-        let states = coding.encode(tracks);
+        let states = TrackCoding::of(interval).encode(tracks);
         let part = |bytes: &[u8]| NodePart { len: bytes.len() as u32, crc: crc32c::crc32c(bytes) };
         let about = TrackNode {
             tracks: tracks.len() as u32,
             flagged,
             states: part(&states),
             ids: part(&ids),
+            flow: part(&flow),
             bounds: about.bounds.union(tracks.bounds(interval)),
             ..about
         };
-        BuiltNode { about, states, ids, clusters }
+        BuiltNode { about, states, ids, flow, clusters }
     }
 }
 
@@ -119,6 +126,7 @@ pub(super) fn write_nodes(
     layout: &StateLayout,
     family: usize,
     interval: &Interval,
+    has_flow: bool,
     writer: &mut RunFileWriter,
     progress: &dyn Progress,
 ) -> Result<(Section, TrackIndex), BuildError> {
@@ -129,7 +137,7 @@ pub(super) fn write_nodes(
     let buckets: Vec<usize> = buckets.collect();
     for some in buckets.chunks(rayon::current_num_threads().max(1)) {
         let built = some.par_iter().map(|bucket| {
-            let leaves = leaves_of(&sorted.get(*bucket)?, layout, family, interval);
+            let leaves = leaves_of(&sorted.get(*bucket)?, layout, family, interval, has_flow);
             let above = (leaves.len() > 1).then(|| {
                 let parts: Vec<(u32, &TrackNode, &Clusters)> =
                     leaves.iter().enumerate().map(|(i, leaf)| (i as u32, &leaf.about, &leaf.clusters)).collect();
@@ -181,6 +189,7 @@ impl Levels<'_> {
         self.index.nodes.push(TrackNode { offset: section.len, ..node.about });
         writer.extend(section, &node.states)?;
         writer.extend(section, &node.ids)?;
+        writer.extend(section, &node.flow)?;
         Ok((number, node.clusters))
     }
 

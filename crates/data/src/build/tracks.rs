@@ -3,8 +3,9 @@
 //! The states of each step are read once and sent to buckets by id ([`super::states`]); buckets are joined in memory
 //! ([`super::matching`]), and tracks go on to buckets by where they begin, which are cut into leaves, coded and written in order.
 
+use super::flow::{FlowBuild, FlowOptions, FlowStep, Regions};
 use super::left_out::left_out;
-use super::matching::{Found, Joining, TrackRecord, Window, track_words};
+use super::matching::{Found, Joining, NOBODY, TrackRecord, Window, track_words};
 use super::memory::default_memory;
 use super::run::StepProgress;
 use super::shuffle::Shuffle;
@@ -20,7 +21,7 @@ use crate::model::periodic::PeriodicBox;
 use crate::model::{Bounds, ClockVariable, FamilyName, ParticleStream, Progress, Unit};
 use crate::store::Metadata;
 use crate::store::run::{
-    FamilyTracks, IntervalTracks, Matches, RunFileWriter, Tangents, TrackFamily, TrackLayout, span,
+    FamilyTracks, FlowParts, IntervalTracks, Matches, RunFileWriter, Tangents, TrackFamily, TrackLayout, span,
 };
 use crate::store::temporary::folder_of;
 use glam::DVec3;
@@ -67,12 +68,14 @@ impl std::str::FromStr for Matching {
 }
 
 /// How the tracks of a run are built.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct TrackOptions {
     /// How particles are found again.
     pub matching: Matching,
     /// Where tangents come from; `None`: velocities where there are some that displacements bear out.
     pub tangents: Option<Tangents>,
+    /// Which flow levels there are.
+    pub flow: FlowOptions,
 }
 
 /// A step as its still was built.
@@ -144,6 +147,7 @@ impl TrackBuild<'_> {
         // States of the step before and of the one after are held where tangents are differences.
         let mut first = 0;
         let mut totals = vec![Found::default(); families];
+        let mut flow: Option<FlowBuild> = None;
         for number in 0..count - 1 {
             let read_to = |window: &mut Vec<StepStates>, first: usize, last: usize| -> Result<(), BuildError> {
                 while first + window.len() <= last.min(count - 1) {
@@ -159,8 +163,16 @@ impl TrackBuild<'_> {
             if by_differences {
                 read_to(&mut window, first, number + 2)?;
             }
-            let (interval, found, on_disk) =
-                self.interval(&plans, (first, &window), number, &tangents, by_differences, writer, progress)?;
+            let (interval, found, on_disk) = self.interval(
+                &plans,
+                (first, &window),
+                number,
+                &tangents,
+                by_differences,
+                &mut flow,
+                writer,
+                progress,
+            )?;
             for (total, found) in totals.iter_mut().zip(&found) {
                 let shared_ids = total.shared_ids.max(found.shared_ids);
                 *total = Found { shared_ids, ..total.with(*found) };
@@ -197,6 +209,7 @@ impl TrackBuild<'_> {
             attributes: attributes.clone(),
         });
         let about = &self.run.steps[self.steps[0].number].about;
+        let families = families.collect();
         let layout = TrackLayout {
             lattice: plans.layout.lattice,
             box_size: plans.periodic,
@@ -204,7 +217,8 @@ impl TrackBuild<'_> {
             cosmology: about.cosmology,
             motion: about.motion,
             clock: plans.clock.clone(),
-            families: families.collect(),
+            families,
+            flow_errors: flow.map(|flow| flow.errors).unwrap_or_default(),
         };
         Ok(BuiltTracks { layout, intervals, notes, temporary_bytes })
     }
@@ -418,6 +432,7 @@ impl TrackBuild<'_> {
         number: usize,
         tangents: &[(Tangents, f64)],
         by_differences: bool,
+        flow: &mut Option<FlowBuild>,
         writer: &mut RunFileWriter,
         progress: &dyn Progress,
     ) -> Result<(IntervalTracks, Vec<Found>, u64), BuildError> {
@@ -425,7 +440,13 @@ impl TrackBuild<'_> {
         let at = |step: usize| step.checked_sub(first).and_then(|index| window.get(index));
         let (begin, end) = (&window[number - first], &window[number + 1 - first]);
         let joining = self.joining(plans, number, tangents);
-        let by_place: Vec<Plan> = (0..layout.families.len()).map(|family| begin.plan(layout, family)).collect();
+        let space = Interval {
+            lattice: layout.lattice,
+            length: plans.clock[number + 1] - plans.clock[number],
+            spans: joining.spans,
+            box_size: plans.periodic,
+        };
+        let by_place: Vec<Plan> = (0..layout.families.len()).map(|family| begin.plan(layout, family, BUCKET)).collect();
         let starts: Vec<usize> = by_place
             .iter()
             .scan(0, |at, plan| {
@@ -438,22 +459,49 @@ impl TrackBuild<'_> {
         let folder = self.options.temporary.clone().unwrap_or_else(|| folder_of(self.out).to_owned());
         let spill = Spill::new(self.out, &folder, self.memory() / 6, self.options.read);
         let sorted = Shuffle::new(buckets, track_words(layout), spill);
+        let bucket_of =
+            |track: &TrackRecord| starts[track.family] + by_place[track.family].bucket(key_of(track.places[0]));
         let place = format!("interval {} of {}", number + 1, plans.clock.len() - 1);
-        progress.begin(&format!("{place}: matching"), layout.buckets as u64);
-        let joined = (0..layout.buckets).into_par_iter().with_max_len(1).map(|bucket| {
+        let states = |bucket: usize| -> Result<Window, BuildError> {
             let get = |states: Option<&StepStates>| states.map_or(Ok(Vec::new()), |states| states.shuffle.get(bucket));
             let around = |step: Option<usize>| step.filter(|_| by_differences).and_then(at);
-            let states: Window = [
+            Ok([
                 get(around(number.checked_sub(1)))?,
                 begin.shuffle.get(bucket)?,
                 end.shuffle.get(bucket)?,
                 get(around(Some(number + 2)))?,
-            ];
-            let (records, found) = joining.join(&states);
-            sorted.put(&records, |record| {
-                let track = TrackRecord::of(record);
-                starts[track.family] + by_place[track.family].bucket(key_of(track.places[0]))
+            ])
+        };
+        let next_length = plans.clock.get(number + 2).map(|next| next - plans.clock[number + 1]);
+        let edge = joining.edge;
+        let step = FlowStep { layout, options: self.options, out: self.out, space: &space, next_length, edge };
+        if number == 0 && self.tracks.flow.levels != Some(0) {
+            let mut first = FlowBuild::new(&self.tracks.flow, begin, &step);
+            let regions = Regions::new(&step, begin, 0);
+            progress.begin("flow levels of the first step", layout.buckets as u64);
+            (0..layout.buckets).into_par_iter().with_max_len(1).try_for_each(|bucket| {
+                regions.put(&step, &joining.join(&states(bucket)?).0)?;
+                progress.advance(1);
+                Ok::<_, BuildError>(())
             })?;
+            first.begin(&step, &regions)?;
+            *flow = Some(first);
+        }
+        let regions = flow.is_some().then(|| Regions::new(&step, end, 1));
+        progress.begin(&format!("{place}: matching"), layout.buckets as u64);
+        let joined = (0..layout.buckets).into_par_iter().with_max_len(1).map(|bucket| {
+            let (mut records, found) = joining.join(&states(bucket)?);
+            match (flow.as_ref(), &regions) {
+                (Some(flow), Some(regions)) => {
+                    let clusters = flow.carried(bucket)?;
+                    for record in records.chunks_exact_mut(track_words(layout)) {
+                        let number = TrackRecord::of(record).numbers[0];
+                        TrackRecord::set_number(record, clusters.get(number as usize).copied().unwrap_or(NOBODY));
+                    }
+                    regions.put(&step, &records)?;
+                }
+                _ => sorted.put(&records, |record| bucket_of(&TrackRecord::of(record)))?,
+            }
             progress.advance(1);
             Ok(found)
         });
@@ -462,17 +510,19 @@ impl TrackBuild<'_> {
         let found = joined
             .into_iter()
             .fold(none, |all, more| all.into_iter().zip(more).map(|(all, more)| all.with(more)).collect());
+        let mut on_disk = sorted.on_disk();
+        let mut parts = vec![FlowParts::default(); layout.families.len()];
+        if let (Some(flow), Some(regions)) = (flow.as_mut(), regions) {
+            progress.begin(&format!("{place}: flow levels"), 1);
+            parts = flow.advance(&step, &regions, &sorted, &bucket_of, writer)?;
+            on_disk = sorted.on_disk() + regions.on_disk();
+            progress.advance(1);
+        }
         progress.begin(&format!("{place}: writing tracks"), buckets as u64);
-        let space = Interval {
-            lattice: layout.lattice,
-            length: plans.clock[number + 1] - plans.clock[number],
-            spans: joining.spans,
-            box_size: plans.periodic,
-        };
         let mut families = Vec::with_capacity(layout.families.len());
         for (family, found) in found.iter().enumerate() {
             let range = starts[family]..starts[family] + by_place[family].len();
-            let (nodes, index) = write_nodes(&sorted, range, layout, family, &space, writer, progress)?;
+            let (nodes, index) = write_nodes(&sorted, range, layout, family, &space, flow.is_some(), writer, progress)?;
             let (section, index_crc) = writer.append_index(&index)?;
             let rounding = begin.rounding[family].with(end.rounding[family]);
             let mean = if rounding.count > 0 { rounding.sum / rounding.count as f64 } else { 0.0 };
@@ -487,9 +537,10 @@ impl TrackBuild<'_> {
                 nodes,
                 index: section,
                 index_crc,
+                flow: std::mem::take(&mut parts[family]),
             });
         }
-        Ok((IntervalTracks { families }, found, sorted.on_disk()))
+        Ok((IntervalTracks { families }, found, on_disk))
     }
 
     /// Says which ids are repeated, and refuses what is mostly so.
@@ -521,12 +572,12 @@ fn missing_ids(path: &Path, name: FamilyName) -> BuildError {
 }
 
 impl StepStates {
-    /// The plan by which tracks that begin here are sorted.
-    fn plan(&self, layout: &StateLayout, family: usize) -> Plan {
+    /// The plan by which tracks that begin or end here are sorted, about `most` in a bucket.
+    pub fn plan(&self, layout: &StateLayout, family: usize, most: usize) -> Plan {
         let states = self.sample.chunks_exact(layout.words).map(State::of);
         let mut keys: Vec<u64> = states.filter(|state| state.family == family).map(|state| state.key()).collect();
         keys.sort_unstable();
-        Plan::new(&keys, layout.stride as f64, BUCKET)
+        Plan::new(&keys, layout.stride as f64, most)
     }
 
     /// Whether some of a family's particles have velocities.

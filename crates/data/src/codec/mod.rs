@@ -16,5 +16,6 @@ mod pca_split;
 
 pub use codebook::{Codebook, CodebookScope, QuantityError};
 pub use packing::VqBits;
+pub(crate) use pca_split::principal_component;
 pub use quantize::{BatchInfo, Batches, Coded, Quantities, Quantized, Scaling, quantize};
 pub use scaling::{AttributeMerge, ColumnScaling};

@@ -158,7 +158,7 @@ fn analyse<const L: usize>(range: &[[f32; L]], start: usize, parent: Option<(usi
 
 /// The eigenvector of the largest eigenvalue, by repeated squaring of the matrix: after `n` squarings the others have
 /// shrunk by their ratio to the power `2^n`.
-fn principal_component<const L: usize>(covariance: &[[f64; L]; L], trace: f64) -> [f32; L] {
+pub(crate) fn principal_component<const L: usize>(covariance: &[[f64; L]; L], trace: f64) -> [f32; L] {
     let mut matrix = *covariance;
     let mut scale = trace;
     for _ in 0..6 {

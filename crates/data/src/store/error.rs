@@ -65,6 +65,16 @@ pub enum StoreError {
         /// What was expected there.
         expected: String,
     },
+    /// A run without the flow level that was asked for.
+    #[error("{path}: flow level {level}: found {levels} of them, from 1 on")]
+    NoFlowLevel {
+        /// The run.
+        path: PathBuf,
+        /// The level that was asked for.
+        level: usize,
+        /// How many it has.
+        levels: usize,
+    },
     /// The operating system refused to read a page.
     #[error("{path}: page {page}: cannot be read: {source}")]
     Page {

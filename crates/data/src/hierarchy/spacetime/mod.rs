@@ -1,12 +1,14 @@
 //! The space-time hierarchy of trajectories (F12 chapter 6): particles as tracks from step to step.
 
 pub mod differences;
+pub mod flow;
 pub mod lattice;
 pub mod merge;
 pub mod spline;
 pub mod tracks;
 
 pub use differences::{chord, difference_at};
+pub use flow::{Before, ClusterList, Flow, Gathered, Traveller, flow_errors};
 pub use lattice::Lattice;
 pub use merge::{Clusters, Merged, merge};
 pub use spline::HermiteSpline;

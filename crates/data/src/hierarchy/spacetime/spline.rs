@@ -69,6 +69,13 @@ impl HermiteSpline {
         self.weight_bound().min(self.hull_bound(2))
     }
 
+    /// Whether [`HermiteSpline::bound`] is at most `error`, as soon as that is known.
+    pub fn is_within(&self, error: f64) -> bool {
+        let [begin, end] = self.positions;
+        begin.length_squared().max(end.length_squared()) <= error * error
+            && (self.weight_bound() <= error || self.hull_bound(2) <= error)
+    }
+
     /// How badly the steps' velocities account for the displacement: `c = |dx - w| / mean |dtau v|` with `w` the mean of both
     /// tangents. Where it is large (above 0.15 to 0.25), the steps are too far apart for the orbit and a spline leads
     /// astray. 0 where `|dx - w|` is not above a quarter of `smoothing_length` (world units): particles at rest jitter.

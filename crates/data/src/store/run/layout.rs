@@ -12,7 +12,7 @@ use std::path::PathBuf;
 /// First bytes of the file.
 pub const MAGIC: [u8; 8] = *b"\x89DFS\r\n\x1a\n";
 /// Version of the file.
-pub const VERSION: u32 = 3;
+pub const VERSION: u32 = 4;
 /// Bytes of the header that hold something; the rest of its block is zero.
 pub const HEADER_LEN: usize = 64;
 /// What messages call the directory.
@@ -177,8 +177,8 @@ impl Directory {
             0 => (None, Vec::new()),
             1 => {
                 let layout = TrackLayout::decode(&mut input, steps.len())?;
-                let families = layout.families.len();
-                let interval = |_| IntervalTracks::decode(&mut input, families);
+                let (families, levels) = (layout.families.len(), layout.flow_errors.len());
+                let interval = |_| IntervalTracks::decode(&mut input, families, levels);
                 let intervals = (1..steps.len()).map(interval).collect::<Result<_, _>>()?;
                 (Some(layout), intervals)
             }
@@ -213,7 +213,7 @@ impl Directory {
             };
         }
         for (number, interval) in self.intervals.iter().enumerate() {
-            for section in interval.families.iter().flat_map(|family| [family.nodes, family.index]) {
+            for section in interval.sections() {
                 next = match section.after() {
                     Some(after) if section.offset == next && after <= end => after,
                     _ => {

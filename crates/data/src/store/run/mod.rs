@@ -15,9 +15,9 @@ mod tracks;
 mod verify;
 mod writer;
 
-pub use flow::FlowTracks;
+pub use flow::{FlowParts, FlowTracks, MOST_FLOW_LEVELS, encode_members};
 pub use layout::{Directory, HEADER_LEN, MAGIC, Section, Step, VERSION};
-pub use paths::RunPaths;
+pub use paths::{PathsOf, RunPaths};
 pub use snapshot::RunSnapshot;
 pub use track_layout::{Deviation, FamilyTracks, IntervalTracks, Matches, Tangents, TrackFamily, TrackLayout, span};
 pub use track_tree::RunTree;
@@ -265,8 +265,7 @@ impl RunFile {
         if crc32c::crc32c(states) != node.states.crc || (with_ids && crc32c::crc32c(ids) != node.ids.crc) {
             return Err(damaged("its checksum"));
         }
-        let interval = self.interval(interval)?;
-        let coding = TrackCoding { rates: interval.spans.map(|span| interval.length / span) };
+        let coding = TrackCoding::of(&self.interval(interval)?);
         let mut tracks = coding.decode(states, node.tracks as usize, attributes).map_err(damaged)?;
         if with_ids {
             tracks.ids = decode_ids(ids, node.tracks as usize).map_err(damaged)?;

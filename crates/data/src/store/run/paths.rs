@@ -1,6 +1,8 @@
-//! The tracks of a run as a source: two rows for each, its states at both ends of its interval.
+//! The tracks of a run as a source: two rows for each, its states at both ends of its interval. They are those of particles, of the
+//! clusters of a flow level, or of particles with the clusters that hold them.
 
 use super::RunFile;
+use super::flow::FlowTracks;
 use super::kept::Kept;
 use super::track_layout::TrackFamily;
 use super::tracks::TrackNode;
@@ -11,18 +13,54 @@ use crate::store::error::StoreError;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// The particles' tracks over some intervals.
+/// Whose tracks.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum PathsOf {
+    /// Those of particles.
+    #[default]
+    Particles,
+    /// Those of a flow level's clusters, from 1 on.
+    Clusters(usize),
+    /// Those of particles, with the tracks and clusters of a flow level that hold them.
+    Members(usize),
+}
+
+impl PathsOf {
+    fn level(self) -> Option<usize> {
+        match self {
+            PathsOf::Particles => None,
+            PathsOf::Clusters(level) | PathsOf::Members(level) => Some(level),
+        }
+    }
+}
+
+/// Tracks over some intervals.
 pub struct RunPaths {
     run: Arc<RunFile>,
+    of: PathsOf,
     about: Description,
     families: Vec<FamilyPaths>,
     intervals: Vec<Interval>,
     first_interval: usize,
-    kept: Kept<LeafPlace, Tracks>,
+    kept: Kept<LeafPlace, Rows>,
+    flows: Kept<LeafPlace, FlowTracks>,
 }
 
-/// Which leaf: interval (from the first on), family and number.
+/// Which leaf: interval (from the first on), family and number; of clusters, which have no leaves, which level.
 type LeafPlace = (usize, usize, usize);
+
+/// Tracks that are read together.
+struct Rows {
+    tracks: Tracks,
+    /// What flow levels say of them: track, clusters at both ends, and of clusters how many particles they stand for.
+    flow: Option<FlowColumns>,
+}
+
+struct FlowColumns {
+    track: Vec<u32>,
+    clusters: [Vec<u32>; 2],
+    counts: Vec<u32>,
+}
 
 struct FamilyPaths {
     /// Its number in the run.
@@ -33,7 +71,7 @@ struct FamilyPaths {
 }
 
 /// Columns beside attributes: name, kind, components.
-const COLUMNS: [(&str, FieldKind, usize); 10] = [
+const COLUMNS: [(&str, FieldKind, usize); 13] = [
     ("position", FieldKind::Position, 3),
     ("velocity", FieldKind::Velocity, 3),
     ("mass", FieldKind::Mass, 1),
@@ -44,15 +82,22 @@ const COLUMNS: [(&str, FieldKind, usize); 10] = [
     ("track", FieldKind::Other, 1),
     ("u", FieldKind::Other, 1),
     ("tau", FieldKind::Other, 1),
+    ("cluster", FieldKind::Other, 1),
+    ("count", FieldKind::Other, 1),
+    ("volume", FieldKind::Other, 1),
 ];
 
 impl RunPaths {
     /// The tracks of all intervals that have more than a moment in common with the time from one moment to another.
     ///
     /// # Errors
-    /// Where the run has no tracks, their indices cannot be read or are damaged, or the time has no extent.
-    pub fn open(run: Arc<RunFile>, from: Moment, to: Moment) -> Result<RunPaths, StoreError> {
+    /// Where the run has no tracks or no such flow level, or their indices cannot be read or are damaged.
+    pub fn open(run: Arc<RunFile>, of: PathsOf, from: Moment, to: Moment) -> Result<RunPaths, StoreError> {
         let layout = run.tracks()?;
+        let levels = layout.flow_errors.len();
+        if let Some(level) = of.level().filter(|level| !(1..=levels).contains(level)) {
+            return Err(StoreError::NoFlowLevel { path: run.path().to_path_buf(), level, levels });
+        }
         let end = if to.u > 0.0 { to.step + 1 } else { to.step };
         let range = from.step..end.min(run.directory().intervals.len());
         let intervals = range.clone().map(|interval| run.interval(interval)).collect::<Result<Vec<_>, _>>()?;
@@ -63,31 +108,67 @@ impl RunPaths {
         };
         let mut families = Vec::new();
         for (number, info) in layout.families.iter().enumerate() {
-            let indices = range.clone().map(|interval| run.track_index(interval, number));
-            let indices = indices.collect::<Result<Vec<_>, _>>()?;
+            let mut nodes: Vec<Vec<TrackNode>> = Vec::with_capacity(intervals.len());
             let (mut leaves, mut at) = (Vec::new(), 0);
-            for (interval, index) in indices.iter().enumerate() {
+            for (interval, place) in range.clone().enumerate() {
                 let mut in_interval = 0;
-                for (leaf, known) in index.leaves().enumerate() {
-                    leaves.push((at, (interval, number, leaf), in_interval));
-                    at += u64::from(known.tracks);
-                    in_interval += u64::from(known.tracks);
+                let mut add = |number_of: usize, tracks: u32| {
+                    leaves.push((at, (interval, number, number_of), in_interval));
+                    at += u64::from(tracks);
+                    in_interval += u64::from(tracks);
+                };
+                if let PathsOf::Clusters(level) = of {
+                    let (tracks, _) = run.family_tracks(place, number)?.flow.levels[level - 1];
+                    if tracks > 0 {
+                        add(level, tracks);
+                    }
+                    nodes.push(Vec::new());
+                    continue;
                 }
+                let index = run.track_index(place, number)?;
+                index.leaves().enumerate().for_each(|(leaf, known)| add(leaf, known.tracks));
+                nodes.push(index.leaves().cloned().collect());
             }
             if at > 0 {
-                about.families.push(described(info, 2 * at, &about));
-                let about = indices.into_iter().map(|index| index.leaves().cloned().collect()).collect();
+                about.families.push(described(info, of, 2 * at, &about));
+                let about = nodes;
                 families.push(FamilyPaths { number, leaves, about });
             }
         }
-        Ok(RunPaths { about, families, intervals, first_interval: range.start, kept: Kept::default(), run })
+        let (kept, flows) = (Kept::default(), Kept::default());
+        Ok(RunPaths { about, of, families, intervals, first_interval: range.start, kept, flows, run })
     }
 
-    /// A leaf's tracks.
-    fn leaf(&self, family: &FamilyPaths, place: LeafPlace) -> Result<Arc<Tracks>, StoreError> {
+    /// A flow level of a family over an interval.
+    fn flow(&self, (interval, family, level): LeafPlace) -> Result<Arc<FlowTracks>, StoreError> {
+        let read = || self.run.flow_tracks(self.first_interval + interval, family, level);
+        self.flows.get((interval, family, level), read)
+    }
+
+    /// Tracks that are read together.
+    fn leaf(&self, family: &FamilyPaths, place: LeafPlace) -> Result<Arc<Rows>, StoreError> {
         let (interval, _, leaf) = place;
-        let about = &family.about[interval][leaf];
-        self.kept.get(place, || self.run.node_tracks(self.first_interval + interval, family.number, about, true))
+        let number = self.first_interval + interval;
+        self.kept.get(place, || {
+            if let PathsOf::Clusters(_) = self.of {
+                let FlowTracks { tracks, counts, clusters, .. } = self.run.flow_tracks(number, family.number, leaf)?;
+                let track = (0..counts.len() as u32).collect();
+                return Ok(Rows { tracks, flow: Some(FlowColumns { track, clusters, counts }) });
+            }
+            let about = &family.about[interval][leaf];
+            let tracks = self.run.node_tracks(number, family.number, about, true)?;
+            let PathsOf::Members(level) = self.of else { return Ok(Rows { tracks, flow: None }) };
+            let mut track = self.run.leaf_flow(number, family.number, about)?;
+            for coarser in 2..=level {
+                let flow = self.flow((interval, family.number, coarser))?;
+                // The one whose children it is among; each is among those of one.
+                let parent = |own: &mut u32| *own = flow.children.partition_point(|first| first <= own) as u32 - 1;
+                track.iter_mut().for_each(parent);
+            }
+            let flow = self.flow((interval, family.number, level))?;
+            let clusters = [0, 1].map(|end| track.iter().map(|own| flow.clusters[end][*own as usize]).collect());
+            Ok(Rows { tracks, flow: Some(FlowColumns { track, clusters, counts: Vec::new() }) })
+        })
     }
 
     /// Hands every row of a range to `put`: its place in the range, the leaf's place, its tracks, the first one's number in the interval,
@@ -102,12 +183,17 @@ impl RunPaths {
         while row < range.end {
             let number = own.leaves.partition_point(|(first, ..)| *first <= row / 2) - 1;
             let (first, place, first_track) = own.leaves[number];
-            let tracks = self.leaf(own, place).map_err(damaged)?;
-            let end = range.end.min(2 * (first + tracks.len() as u64));
+            let read = self.leaf(own, place).map_err(damaged)?;
+            let end = range.end.min(2 * (first + read.tracks.len() as u64));
+            if end <= row {
+                let expected = "as many tracks as the directory says";
+                return Err(ImportError::malformed(self.run.path(), "tracks", "fewer of them", expected));
+            }
             for at in row..end {
                 let i = (at / 2 - first) as usize;
                 let row = Row {
-                    tracks: &tracks,
+                    tracks: &read.tracks,
+                    flow: read.flow.as_ref(),
                     interval: place.0,
                     i,
                     track: first_track + i as u64,
@@ -124,6 +210,7 @@ impl RunPaths {
 /// One end of a track.
 struct Row<'a> {
     tracks: &'a Tracks,
+    flow: Option<&'a FlowColumns>,
     interval: usize,
     i: usize,
     track: u64,
@@ -131,7 +218,7 @@ struct Row<'a> {
 }
 
 /// What a family says of itself.
-fn described(info: &TrackFamily, rows: u64, about: &Description) -> FamilyInfo {
+fn described(info: &TrackFamily, of: PathsOf, rows: u64, about: &Description) -> FamilyInfo {
     let unit = |kind| match kind {
         FieldKind::Position | FieldKind::SmoothingLength => about.length_unit.clone(),
         FieldKind::Mass => about.mass_unit.clone(),
@@ -144,8 +231,14 @@ fn described(info: &TrackFamily, rows: u64, about: &Description) -> FamilyInfo {
         components,
         kind,
     };
-    let is_there = |kind: FieldKind| kind != FieldKind::Id || info.has_ids;
-    let columns = COLUMNS.into_iter().filter(|(_, kind, _)| is_there(*kind));
+    let is_cluster = matches!(of, PathsOf::Clusters(_));
+    let is_there = |name: &str| match name {
+        "id" => info.has_ids && !is_cluster,
+        "cluster" => of != PathsOf::Particles,
+        "count" | "volume" => is_cluster,
+        _ => true,
+    };
+    let columns = COLUMNS.into_iter().filter(|(name, ..)| is_there(name));
     let mut fields: Vec<Field> =
         columns.map(|(name, kind, components)| field(name, kind, unit(kind), components)).collect();
     fields.extend(info.attributes.iter().map(|(name, unit)| field(name, FieldKind::Other, unit.clone(), 1)));
@@ -169,7 +262,7 @@ impl Source for RunPaths {
             layout.and_then(|layout| layout.clock.get(self.first_interval + interval + end)).copied().unwrap_or(0.0)
         };
         self.rows(family, range, |at, row| {
-            let Row { tracks, interval, i, track, end } = *row;
+            let Row { tracks, flow, interval, i, track, end } = *row;
             let own = &tracks.ends[end];
             let space = &self.intervals[interval];
             let out = &mut out[at * components..(at + 1) * components];
@@ -184,7 +277,14 @@ impl Source for RunPaths {
                 (FieldKind::Density, _) => out[0] = f64::from(own.density[i]),
                 (FieldKind::Id, _) => out[0] = tracks.ids[i] as f64,
                 (_, "interval") => out[0] = (self.first_interval + interval) as f64,
-                (_, "track") => out[0] = track as f64,
+                (_, "track") => out[0] = flow.map_or(track as f64, |flow| f64::from(flow.track[i])),
+                (_, "cluster") => out[0] = flow.map_or(f64::NAN, |flow| f64::from(flow.clusters[end][i])),
+                (_, "count") => out[0] = flow.map_or(f64::NAN, |flow| f64::from(flow.counts[i])),
+                (_, "volume") => {
+                    let density = f64::from(own.density[i]);
+                    let mass = tracks.flags[i].weights()[end] * f64::from(own.mass[i]);
+                    out[0] = if density > 0.0 { mass / density } else { 0.0 };
+                }
                 (_, "u") => out[0] = end as f64,
                 (_, "tau") => out[0] = clock(interval, end),
                 _ => out[0] = own.attributes.get(attributes).map_or(f64::NAN, |column| f64::from(column[i])),

@@ -1,5 +1,6 @@
 //! What a run's directory says about tracks: what they have in common, and what was found over each interval.
 
+use super::flow::{FlowParts, MOST_FLOW_LEVELS};
 use super::layout::Section;
 use crate::codec::AttributeMerge;
 use crate::hierarchy::RootCell;
@@ -88,6 +89,8 @@ pub struct TrackLayout {
     pub clock: Vec<f64>,
     /// The families.
     pub families: Vec<TrackFamily>,
+    /// The error of each flow level, from level 1, the finest, on, run units.
+    pub flow_errors: Vec<f64>,
 }
 
 impl TrackLayout {
@@ -141,6 +144,8 @@ impl TrackLayout {
                 out.text(&unit.0);
             }
         }
+        out.u32(self.flow_errors.len() as u32);
+        self.flow_errors.iter().for_each(|error| out.f64(*error));
     }
 
     pub(super) fn decode(input: &mut Decoder, steps: usize) -> Result<TrackLayout, Damage> {
@@ -160,7 +165,16 @@ impl TrackLayout {
         let clock = (0..steps).map(|_| input.f64("the clock's value")).collect::<Result<Vec<_>, _>>()?;
         let count = input.count(4 + 1 + 1 + 8 + 4 + 4, "families")?;
         let families = (0..count).map(|_| decode_family(input)).collect::<Result<Vec<_>, _>>()?;
+        let levels = input.count(8, "flow levels")?;
+        let flow_errors = (0..levels).map(|_| input.f64("a flow level's error")).collect::<Result<Vec<_>, _>>()?;
         let wrong = |expected: &str| Damage::new(PLACE, expected);
+        let is_coarser = |pair: &[f64]| pair[0] < pair[1];
+        if levels > MOST_FLOW_LEVELS
+            || flow_errors.first() <= Some(&0.0) && levels > 0
+            || !flow_errors.windows(2).all(is_coarser)
+        {
+            return Err(wrong("flow levels with errors that rise"));
+        }
         if !(root.min.is_finite() && root.size.is_finite() && root.size > 0.0) {
             return Err(wrong("a root cell that has an edge"));
         }
@@ -170,7 +184,8 @@ impl TrackLayout {
         if !clock.iter().all(|value| value.is_finite()) || clock.windows(2).any(|pair| pair[0] >= pair[1]) {
             return Err(wrong("a clock that goes forward"));
         }
-        Ok(TrackLayout { lattice: Lattice { root }, box_size, is_comoving, cosmology, motion, clock, families })
+        let lattice = Lattice { root };
+        Ok(TrackLayout { lattice, box_size, is_comoving, cosmology, motion, clock, families, flow_errors })
     }
 }
 
@@ -244,7 +259,7 @@ pub struct Matches {
 }
 
 /// The tracks of a family over an interval.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct FamilyTracks {
     /// What was found.
     pub matches: Matches,
@@ -258,6 +273,8 @@ pub struct FamilyTracks {
     pub index: Section,
     /// Its CRC-32C.
     pub index_crc: u32,
+    /// Its flow levels.
+    pub flow: FlowParts,
 }
 
 /// The tracks over an interval.
@@ -268,8 +285,15 @@ pub struct IntervalTracks {
 }
 
 impl IntervalTracks {
+    /// Its sections as they follow one another: the flow levels of all families, then nodes and index of each.
+    pub fn sections(&self) -> impl Iterator<Item = Section> + use<'_> {
+        let flow =
+            self.families.iter().filter(|family| !family.flow.levels.is_empty()).map(|family| family.flow.section);
+        flow.chain(self.families.iter().flat_map(|family| [family.nodes, family.index]))
+    }
+
     pub(super) fn encode(&self, out: &mut Encoder) {
-        for FamilyTracks { matches, tracks, count, nodes, index, index_crc } in &self.families {
+        for FamilyTracks { matches, tracks, count, nodes, index, index_crc, flow } in &self.families {
             let Matches { matched, born, vanished, changed, ambiguous, crossing, .. } = *matches;
             [matched, born, vanished, changed, ambiguous, crossing].into_iter().for_each(|count| out.u64(count));
             out.f64(matches.unresolved);
@@ -283,10 +307,11 @@ impl IntervalTracks {
             out.section(*nodes);
             out.section(*index);
             out.u32(*index_crc);
+            flow.encode(out);
         }
     }
 
-    pub(super) fn decode(input: &mut Decoder, families: usize) -> Result<IntervalTracks, Damage> {
+    pub(super) fn decode(input: &mut Decoder, families: usize, levels: usize) -> Result<IntervalTracks, Damage> {
         let families = (0..families).map(|_| {
             let mut count = || input.u64("matches");
             let (matched, born, vanished) = (count()?, count()?, count()?);
@@ -317,6 +342,7 @@ impl IntervalTracks {
                 nodes: Section::decode(input)?,
                 index: Section::decode(input)?,
                 index_crc: input.u32("the checksum of an index")?,
+                flow: FlowParts::decode(input, levels)?,
             })
         });
         Ok(IntervalTracks { families: families.collect::<Result<_, Damage>>()? })

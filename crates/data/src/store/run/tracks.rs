@@ -8,7 +8,7 @@ use crate::codec::morton::MORTON_BITS;
 use crate::codec::states::{
     BLOCK, MASS_BITS, VALUE_BITS, as_before, decode, decode_bounded, encode, float_of, round_float,
 };
-use crate::hierarchy::spacetime::{Interpolation, TrackEnd, TrackFlags, Tracks};
+use crate::hierarchy::spacetime::{Interpolation, Interval, TrackEnd, TrackFlags, Tracks};
 use crate::model::Bounds;
 use crate::store::error::Damage;
 use crate::store::wire::{Decoder, Encoder};
@@ -20,7 +20,7 @@ const MOST_TRACKS: u32 = 1 << 24;
 /// What messages call an index.
 const PLACE: &str = "index of tracks";
 /// Bytes of a node without children in the index.
-const NODE_BYTES: usize = 8 + 1 + 4 + 4 * 3 + 8 + 4 * 4 + 48 + 8 * 3 + 4 + 8 * 3 + 4;
+const NODE_BYTES: usize = 8 + 1 + 4 + 4 * 3 + 8 + 4 * 6 + 48 + 8 * 3 + 4 + 8 * 3 + 4;
 
 /// A part of a node in the file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -56,6 +56,8 @@ pub struct TrackNode {
     pub states: NodePart,
     /// The ids, of a leaf.
     pub ids: NodePart,
+    /// Which track of the finest flow level each of a leaf's belongs to, where there are flow levels; it follows the ids.
+    pub flow: NodePart,
     /// A box around all tracks of it and below it for the whole interval, run units; smoothing lengths reach beyond it.
     pub bounds: Bounds,
     /// Mass of the source particles at both ends, run units.
@@ -67,6 +69,11 @@ pub struct TrackNode {
 }
 
 impl TrackNode {
+    /// Bytes in the file.
+    pub fn bytes(&self) -> u64 {
+        [self.states, self.ids, self.flow].iter().map(|part| u64::from(part.len)).sum()
+    }
+
     /// Whether it holds the tracks of source particles.
     pub fn is_leaf(&self) -> bool {
         self.children.is_empty()
@@ -116,7 +123,7 @@ impl TrackIndex {
             out.u32(leaf.tracks);
             leaf.flagged.into_iter().for_each(|count| out.u32(count));
             out.u64(leaf.offset);
-            [leaf.states, leaf.ids].into_iter().for_each(|part| {
+            [leaf.states, leaf.ids, leaf.flow].into_iter().for_each(|part| {
                 out.u32(part.len);
                 out.u32(part.crc);
             });
@@ -155,7 +162,7 @@ impl TrackIndex {
             if !box_is_finite || !node.mass.iter().chain([&node.faded_mass]).all(|mass| mass.is_finite()) {
                 return Err(wrong("a box and masses"));
             }
-            end += u64::from(node.states.len) + u64::from(node.ids.len);
+            end += node.bytes();
             if node.is_leaf() {
                 if node.sources != u64::from(node.tracks) || node.key < key {
                     return Err(wrong("tracks of source particles, not before those of the leaf before"));
@@ -197,7 +204,7 @@ fn decode_node(input: &mut Decoder) -> Result<TrackNode, Damage> {
     let (tracks, flagged) = (count()?, [count()?, count()?, count()?]);
     let offset = input.u64("a node's place")?;
     let mut part = || Ok(NodePart { len: input.u32("a node's length")?, crc: input.u32("a node's checksum")? });
-    let (states, ids) = (part()?, part()?);
+    let (states, ids, flow) = (part()?, part()?, part()?);
     Ok(TrackNode {
         key,
         depth,
@@ -210,6 +217,7 @@ fn decode_node(input: &mut Decoder) -> Result<TrackNode, Damage> {
         offset,
         states,
         ids,
+        flow,
         bounds: Bounds { min: input.vec3("a node's bounds")?, max: input.vec3("a node's bounds")? },
         mass: [input.f64("a node's mass")?, input.f64("a node's mass")?],
         faded_mass: input.f64("a node's faded mass")?,
@@ -222,9 +230,21 @@ fn decode_node(input: &mut Decoder) -> Result<TrackNode, Damage> {
 pub struct TrackCoding {
     /// By what a movement is multiplied to be that of the interval, at both ends: its length by the ends' spans.
     pub rates: [f64; 2],
+    /// Bits of the mantissas of masses and densities.
+    pub(super) sum_bits: [u32; 2],
 }
 
 impl TrackCoding {
+    /// With these rates.
+    pub fn new(rates: [f64; 2]) -> TrackCoding {
+        TrackCoding { rates, sum_bits: [MASS_BITS, VALUE_BITS] }
+    }
+
+    /// That of the tracks over an interval.
+    pub fn of(interval: &Interval) -> TrackCoding {
+        TrackCoding::new(interval.spans.map(|span| interval.length / span))
+    }
+
     /// Where a track is at the end if it goes on as it began.
     fn straight(&self, place: i64, movement: i64) -> i64 {
         place.saturating_add((movement as f64 * self.rates[0]) as i64)
@@ -234,6 +254,12 @@ impl TrackCoding {
     fn evenly(&self, places: [i64; 2], movement: i64) -> i64 {
         let mean = places[1].saturating_sub(places[0]) as f64;
         ((2.0 * mean - movement as f64 * self.rates[0]) / self.rates[1]) as i64
+    }
+
+    /// Densities with as many bits as smoothing lengths have.
+    fn as_coarse(&self, densities: [Vec<i64>; 2]) -> [Vec<i64>; 2] {
+        let shift = self.sum_bits[1] - VALUE_BITS;
+        densities.map(|column| if shift == 0 { column } else { column.into_iter().map(|rho| rho >> shift).collect() })
     }
 
     /// What a smoothing length is expected to be where density changes: its cube times the density stays. All three are rounded
@@ -264,9 +290,11 @@ impl TrackCoding {
             encode(&end, |i, _| begin[i], out);
             [begin, end]
         };
-        pair([&begin.mass, &end.mass], MASS_BITS, &mut out);
-        let rho = pair([&begin.density, &end.density], VALUE_BITS, &mut out);
+        let [mass_bits, density_bits] = self.sum_bits;
+        pair([&begin.mass, &end.mass], mass_bits, &mut out);
+        let rho = pair([&begin.density, &end.density], density_bits, &mut out);
         let [h0, h1] = [begin, end].map(|end| rounded(&end.smoothing_length, VALUE_BITS));
+        let rho = self.as_coarse(rho);
         encode(&h0, |i, before| lengths_before(before, i, &rho[0]), &mut out);
         encode(&h1, |i, _| TrackCoding::compressed(h0[i], [rho[0][i], rho[1][i]]), &mut out);
         for (begin, end) in begin.attributes.iter().zip(&end.attributes) {
@@ -321,12 +349,14 @@ impl TrackCoding {
         };
         let floats = |values: &[i64], bits| values.iter().map(|number| float_of(*number, bits)).collect::<Vec<f32>>();
         let both = |ends: [Vec<i64>; 2], bits| ends.map(|values| floats(&values, bits));
-        let mut mass = Vec::from(both(pair(input)?, MASS_BITS));
+        let [mass_bits, density_bits] = self.sum_bits;
+        let mut mass = Vec::from(both(pair(input)?, mass_bits));
         let rho = pair(input)?;
-        let h0 = decode(input, count, |i, before| lengths_before(before, i, &rho[0]))?;
-        let h1 = decode(input, count, |i, _| TrackCoding::compressed(h0[i], [rho[0][i], rho[1][i]]))?;
+        let coarse = self.as_coarse(rho.clone());
+        let h0 = decode(input, count, |i, before| lengths_before(before, i, &coarse[0]))?;
+        let h1 = decode(input, count, |i, _| TrackCoding::compressed(h0[i], [coarse[0][i], coarse[1][i]]))?;
         let mut lengths = Vec::from(both([h0, h1], VALUE_BITS));
-        let mut density = Vec::from(both(rho, VALUE_BITS));
+        let mut density = Vec::from(both(rho, density_bits));
         for k in 0..attributes {
             [begin.attributes[k], end.attributes[k]] = both(pair(input)?, VALUE_BITS);
         }
@@ -413,7 +443,7 @@ mod tests {
 
         #[test]
         fn tracks_come_back(tracks in tracks(), rates in prop::array::uniform2(0.1..1.0f64), at: usize, byte: u8) {
-            let coding = TrackCoding { rates };
+            let coding = TrackCoding::new(rates);
             let (mut bytes, ids) = (coding.encode(&tracks), encode_ids(&tracks.ids));
             let attributes = tracks.ends[0].attributes.len();
             let back = coding.decode(&bytes, tracks.len(), attributes).unwrap();
@@ -442,6 +472,7 @@ mod tests {
             offset,
             states: NodePart { len: 100, crc: 5 },
             ids: NodePart { len: 20, crc: 6 },
+            flow: NodePart::default(),
             bounds: Bounds { min: DVec3::ZERO, max: DVec3::ONE },
             mass: [1.0, 2.0],
             faded_mass: 0.5,
@@ -476,7 +507,7 @@ mod tests {
             [two(), vec![above(&[0, 1, 2], 20, 240)]].concat(),
             [two(), vec![above(&[0, 1], 21, 240)]].concat(),
         ] {
-            let end = wrong.last().map_or(0, |last| last.offset + u64::from(last.states.len + last.ids.len));
+            let end = wrong.last().map_or(0, |last| last.offset + last.bytes());
             let sources = wrong.iter().filter(|node| node.is_leaf()).map(|node| node.sources).sum();
             assert!(TrackIndex::decode(&TrackIndex { nodes: wrong }.encode(), sources, end).is_err());
         }

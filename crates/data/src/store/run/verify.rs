@@ -1,6 +1,7 @@
 //! Checks every byte and every promise of a run file: its directory, each still as a page file, and the zeros between them.
 
 use super::layout::{HEADER_LEN, Section, Step};
+use super::tracks::TrackIndex;
 use super::{RunFile, in_step};
 use crate::hierarchy::spacetime::TrackFlags;
 use crate::model::{Bounds, Progress, ReadMethod};
@@ -109,7 +110,44 @@ fn verify_tracks(run: &RunFile, interval: usize, family: usize, progress: &dyn P
     })?;
     check_padding(run, found.nodes)?;
     check_padding(run, found.index)?;
+    verify_flow(run, interval, family, &index)?;
     Ok(found.tracks)
+}
+
+/// Verifies the flow levels of a family over an interval: what they say of particles adds up on each level, and each cluster is one.
+fn verify_flow(run: &RunFile, interval: usize, family: usize, index: &TrackIndex) -> Result<(), StoreError> {
+    let found = run.family_tracks(interval, family)?;
+    let Some((finest, _)) = found.flow.levels.first() else { return Ok(()) };
+    let wrong = |level: usize, expected: &str| {
+        run.damaged(format!("interval {interval}, family {family}, flow level {level}"), expected)
+    };
+    let mut finer = vec![0_u32; *finest as usize];
+    for leaf in index.leaves() {
+        run.leaf_flow(interval, family, leaf)?.into_iter().for_each(|track| finer[track as usize] += 1);
+    }
+    for level in 1..=found.flow.levels.len() {
+        let flow = run.flow_tracks(interval, family, level)?;
+        let sums: Vec<u32> = match level {
+            1 => finer,
+            _ => (0..flow.len()).map(|i| flow.children_of(i).map(|child| finer[child as usize]).sum()).collect(),
+        };
+        if sums != flow.counts {
+            return Err(wrong(level, "as many particles as its finer tracks have"));
+        }
+        for (end, numbers) in flow.clusters.iter().enumerate() {
+            let own = &flow.tracks.ends[end];
+            let mut order: Vec<usize> = (0..flow.len()).collect();
+            order.sort_by_key(|i| numbers[*i]);
+            let differ = |pair: &[usize]| {
+                numbers[pair[0]] == numbers[pair[1]] && own.movements[pair[0]] != own.movements[pair[1]]
+            };
+            if order.windows(2).any(differ) {
+                return Err(wrong(level, "one state for each cluster"));
+            }
+        }
+        finer = sums;
+    }
+    check_padding(run, found.flow.section)
 }
 
 /// Zeros from the end of a section to where the next one begins.

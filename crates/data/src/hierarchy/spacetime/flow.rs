@@ -1,0 +1,565 @@
+//! Flow levels: particles of a step gathered to clusters whose tracks none of them leaves by more than an error, in space and time
+//! (F12 6.3).
+//!
+//! Clusters are inherited from the step before. Those that break the criterion are split by principal components in the six dimensions
+//! of place and velocity (F12 3.3 and 6.3.3), and then the nearest pairs are joined as long as the union holds it. Levels are nested: what
+//! is together on a level is together on the coarser ones, so that a coarse track can be refined by the tracks that it consists of.
+//!
+//! The criterion looks at each particle itself, with the bound on the spline of its difference to its cluster
+//! ([`HermiteSpline::bound`]); the thesis keeps two maxima over a cluster's members instead.
+
+use super::lattice::Lattice;
+use super::spline::HermiteSpline;
+use crate::codec::principal_component;
+use glam::DVec3;
+use rayon::prelude::*;
+use std::cmp::Reverse;
+use std::collections::{BinaryHeap, HashMap};
+
+/// The share of the error that a deviation over the interval before may take: the rest is for rounding.
+const WITHIN: f64 = 1.0 - 1.0 / 512.0;
+/// What a velocity weighs against a place in the criterion that the next interval asks for. A tangent's weight in (6.1) is 4/27 at
+/// most; with more than that a cluster can stay together over the interval and not only fall apart in it.
+const AHEAD: f64 = 6.0 / 27.0;
+/// What a velocity weighs where clusters are split and where pairs are compared: the largest weight of a tangent in (6.1).
+const TANGENT_WEIGHT: f64 = 4.0 / 27.0;
+/// Places of clusters are rounded to less than this part of the error.
+const ROUNDING: f64 = 1024.0;
+/// Particles of a cluster that is split by several threads.
+const PARALLEL: usize = 1 << 13;
+/// Most levels that are found where nobody says how many.
+const MOST_LEVELS: usize = 8;
+/// Clusters that the finest level of a small run may have.
+const FEW: usize = 256;
+
+/// A particle at the step whose clusters are sought.
+#[derive(Clone, Copy, Debug)]
+pub struct Traveller {
+    /// Where it is on the lattice, in the box.
+    pub place: [i64; 3],
+    /// Its velocity as a movement on the lattice.
+    pub movement: [i64; 3],
+    /// Its mass there.
+    pub mass: f64,
+    /// The cluster of the finest level that it was in at the step before, and its place and tangent there, world units; `None` of one
+    /// that was not there.
+    pub before: Option<(u32, DVec3, DVec3)>,
+}
+
+/// The clusters of a level at a step, of one family.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ClusterList {
+    /// Where they are on the lattice, in the box.
+    pub places: Vec<[i64; 3]>,
+    /// Their velocities as movements on the lattice.
+    pub movements: Vec<[i64; 3]>,
+    /// The cluster of the next coarser level that each is part of; none on the coarsest level.
+    pub parents: Vec<u32>,
+}
+
+impl ClusterList {
+    /// How many there are.
+    pub fn len(&self) -> usize {
+        self.places.len()
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.places.is_empty()
+    }
+
+    /// Appends those of another part of space, whose parents are counted from `parents` on.
+    pub fn append(&mut self, other: ClusterList, parents: u32) {
+        self.places.extend(other.places);
+        self.movements.extend(other.movements);
+        self.parents.extend(other.parents.into_iter().map(|parent| parent + parents));
+    }
+}
+
+/// The clusters of the step before as they are looked up: states in world units, and where each cluster of the finest level belongs.
+#[derive(Clone, Debug, Default)]
+pub struct Before {
+    /// Of each level, the finest first: place and tangent.
+    states: Vec<Vec<(DVec3, DVec3)>>,
+    /// Of each level the cluster that each one of the finest is in.
+    ancestors: Vec<Vec<u32>>,
+}
+
+impl Before {
+    /// Those of a step, the finest level first; `rate` is the interval's length by the span of the step's movements.
+    pub fn new(lattice: &Lattice, levels: &[ClusterList], rate: f64) -> Before {
+        let state = |list: &ClusterList, i: usize| {
+            let movement = DVec3::from(list.movements[i].map(|v| v as f64));
+            (DVec3::from(lattice.position(list.places[i])), movement * (lattice.unit() * rate))
+        };
+        let states = levels.iter().map(|list| (0..list.len()).map(|i| state(list, i)).collect()).collect();
+        let mut ancestors: Vec<Vec<u32>> = Vec::with_capacity(levels.len());
+        for (level, list) in levels.iter().enumerate() {
+            ancestors.push(match (level.checked_sub(1), ancestors.last()) {
+                (Some(finer), Some(own)) => {
+                    own.iter().map(|cluster| levels[finer].parents[*cluster as usize]).collect()
+                }
+                _ => (0..list.len() as u32).collect(),
+            });
+        }
+        Before { states, ancestors }
+    }
+
+    /// The cluster of a level that a cluster of the finest one is in.
+    pub fn ancestor(&self, level: usize, cluster: u32) -> u32 {
+        self.ancestors[level][cluster as usize]
+    }
+}
+
+/// How clusters are sought.
+#[derive(Clone, Copy, Debug)]
+pub struct Flow<'a> {
+    /// The grid of places.
+    pub lattice: &'a Lattice,
+    /// The error of each level, the finest first, world units.
+    pub errors: &'a [f64],
+    /// The length of the interval before by the span of the step's movements: what gives tangents there.
+    pub rate: f64,
+    /// The same of the interval that comes next; `None` where there is none, and nothing has to last.
+    pub next_rate: Option<f64>,
+    /// Whether clusters of different ones before may be joined.
+    pub is_joining: bool,
+    /// Whether what is called before comes after: the step is the beginning of the interval.
+    pub is_reversed: bool,
+}
+
+/// Clusters of travellers.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Gathered {
+    /// Of each level, the finest first.
+    pub levels: Vec<ClusterList>,
+    /// The cluster of the finest level that each traveller is in.
+    pub clusters: Vec<u32>,
+}
+
+impl Flow<'_> {
+    /// Gathers travellers to clusters. The result depends on their order and on nothing else; not on the number of threads.
+    pub fn gather(&self, travellers: &[Traveller], before: &Before) -> Gathered {
+        let mut levels = Vec::with_capacity(self.errors.len());
+        let mut groups: Vec<Vec<u32>> = vec![(0..travellers.len() as u32).collect()];
+        for level in (0..self.errors.len()).rev() {
+            let of = Level::new(self, travellers, before, level);
+            let parts: Vec<Vec<Part>> = groups.into_par_iter().map(|group| of.parts(group)).collect();
+            let is_coarsest = level + 1 == self.errors.len();
+            let (mut list, mut next) = (ClusterList::default(), Vec::new());
+            for (parent, parts) in parts.into_iter().enumerate() {
+                for part in parts {
+                    list.places.push(part.place);
+                    list.movements.push(part.movement);
+                    if !is_coarsest {
+                        list.parents.push(parent as u32);
+                    }
+                    next.push(part.members);
+                }
+            }
+            levels.push(list);
+            groups = next;
+        }
+        levels.reverse();
+        let mut clusters = vec![0; travellers.len()];
+        for (cluster, members) in groups.iter().enumerate() {
+            members.iter().for_each(|i| clusters[*i as usize] = cluster as u32);
+        }
+        Gathered { levels, clusters }
+    }
+}
+
+/// The errors of flow levels, the finest first: so many as there are asked for, else from a sample of the particles at the first step
+/// (their places, and movements in the first interval, world units; each stands for `weight` particles) as many as keep the finest
+/// level small beside the particles. The coarsest one is `root`, where it is said, else half of how far the middle 80 % of the
+/// sample reach; each finer one is half of it.
+pub fn flow_errors(
+    lattice: &Lattice,
+    sample: &[Traveller],
+    weight: f64,
+    rate: f64,
+    levels: Option<usize>,
+    root: Option<f64>,
+) -> Vec<f64> {
+    let extent = |axis: usize| {
+        let mut values: Vec<i64> = sample.iter().map(|traveller| traveller.place[axis]).collect();
+        values.sort_unstable();
+        let at = |share: f64| values.get((share * (values.len().max(1) - 1) as f64) as usize).copied().unwrap_or(0);
+        (at(0.9) - at(0.1)) as f64 * lattice.unit()
+    };
+    let own = || (0..3).map(extent).fold(0.0, f64::max) / 2.0;
+    let root = root.unwrap_or_else(own).max(lattice.unit() * ROUNDING);
+    let errors = |levels: usize| (0..levels).rev().map(|level| root / f64::from(1_u32 << level)).collect::<Vec<_>>();
+    if let Some(levels) = levels {
+        return errors(levels);
+    }
+    let all = errors(MOST_LEVELS);
+    let flow = Flow { lattice, errors: &all, rate, next_rate: Some(rate), is_joining: true, is_reversed: false };
+    let gathered = flow.gather(sample, &Before::default());
+    let most = (sample.len() / 16).min((sample.len() as f64 * weight / 128.0) as usize).max(FEW);
+    let few = gathered.levels.iter().rev().take_while(|list| list.len() <= most).count();
+    errors(few.max(1))
+}
+
+/// One level of a flow.
+struct Level<'a> {
+    flow: &'a Flow<'a>,
+    travellers: &'a [Traveller],
+    before: &'a Before,
+    level: usize,
+    error: f64,
+    exponent: u32,
+}
+
+/// Travellers that are a cluster.
+struct Part {
+    members: Vec<u32>,
+    place: [i64; 3],
+    movement: [i64; 3],
+    position: DVec3,
+    tangent: DVec3,
+    /// The box around places and weighted tangents.
+    low: [f64; 6],
+    high: [f64; 6],
+}
+
+impl Part {
+    /// Whether the union with another one is wider than a cluster can be.
+    fn is_apart(&self, other: &Part, error: f64) -> bool {
+        (0..6).any(|i| self.high[i].max(other.high[i]) - self.low[i].min(other.low[i]) > 2.0 * error)
+    }
+}
+
+impl<'a> Level<'a> {
+    fn new(flow: &'a Flow<'a>, travellers: &'a [Traveller], before: &'a Before, level: usize) -> Level<'a> {
+        let error = flow.errors[level];
+        let units = (error / ROUNDING / flow.lattice.unit()).max(1.0);
+        Level { flow, travellers, before, level, error, exponent: units.log2().floor() as u32 }
+    }
+
+    /// The clusters of a group.
+    fn parts(&self, mut group: Vec<u32>) -> Vec<Part> {
+        let key = |i: &u32| {
+            let before = self.travellers[*i as usize].before;
+            (before.map_or(u32::MAX, |(cluster, ..)| self.before.ancestor(self.level, cluster)), *i)
+        };
+        group.sort_unstable_by_key(key);
+        let inherited: Vec<Vec<u32>> = group.chunk_by(|a, b| key(a).0 == key(b).0).map(<[u32]>::to_vec).collect();
+        let parts = inherited.into_par_iter().flat_map_iter(|members| self.split(members)).collect();
+        if self.flow.is_joining { self.join(parts) } else { parts }
+    }
+
+    /// Splits travellers until each part is a cluster.
+    fn split(&self, members: Vec<u32>) -> Vec<Part> {
+        let members = match self.cluster(members) {
+            Ok(part) => return vec![part],
+            Err(members) => members,
+        };
+        let (near, far) = self.halves(members);
+        let both = match near.len() + far.len() > PARALLEL {
+            true => rayon::join(|| self.split(near), || self.split(far)),
+            false => (self.split(near), self.split(far)),
+        };
+        let (mut parts, more) = both;
+        parts.extend(more);
+        parts
+    }
+
+    fn tangent_of(&self, movement: [i64; 3]) -> DVec3 {
+        DVec3::from(movement.map(|v| v as f64)) * (self.flow.lattice.unit() * self.flow.rate)
+    }
+
+    fn position_of(&self, place: [i64; 3]) -> DVec3 {
+        DVec3::from(self.flow.lattice.position(place))
+    }
+
+    /// Travellers as a cluster, if the criterion holds; one alone is always one.
+    fn cluster(&self, members: Vec<u32>) -> Result<Part, Vec<u32>> {
+        let (mut weight, mut place, mut movement) = (0.0, [0.0; 3], [0.0; 3]);
+        for i in &members {
+            let traveller = &self.travellers[*i as usize];
+            // What has no mass has a place all the same.
+            let mass = traveller.mass.max(1e-60);
+            weight += mass;
+            place.iter_mut().zip(traveller.place).for_each(|(sum, x)| *sum += mass * x as f64);
+            movement.iter_mut().zip(traveller.movement).for_each(|(sum, v)| *sum += mass * v as f64);
+        }
+        let place = Lattice::settle(place.map(|x| x / weight), self.exponent);
+        let movement = Lattice::settle(movement.map(|v| v / weight), self.exponent);
+        let (position, tangent) = (self.position_of(place), self.tangent_of(movement));
+        let (mut low, mut high) = ([f64::INFINITY; 6], [f64::NEG_INFINITY; 6]);
+        let is_one = members.len() == 1;
+        for i in &members {
+            let traveller = &self.travellers[*i as usize];
+            let (own, own_tangent) = (self.position_of(traveller.place), self.tangent_of(traveller.movement));
+            if !is_one && !self.holds(traveller, own - position, own_tangent - tangent) {
+                return Err(members);
+            }
+            let weighted = TANGENT_WEIGHT * own_tangent;
+            for (i, value) in own.to_array().into_iter().chain(weighted.to_array()).enumerate() {
+                low[i] = low[i].min(value);
+                high[i] = high[i].max(value);
+            }
+        }
+        Ok(Part { members, place, movement, position, tangent, low, high })
+    }
+
+    /// Whether a traveller may be so far from its cluster.
+    fn holds(&self, traveller: &Traveller, off: DVec3, off_tangent: DVec3) -> bool {
+        if let Some(next) = self.flow.next_rate {
+            let ahead = off_tangent.length() * (next / self.flow.rate);
+            if off.length() + AHEAD * ahead > self.error * WITHIN {
+                return false;
+            }
+        }
+        let (place, tangent) = match traveller.before {
+            Some((cluster, place, tangent)) => {
+                let cluster = self.before.ancestor(self.level, cluster) as usize;
+                let (position, own) = self.before.states[self.level][cluster];
+                (place - position, tangent - own)
+            }
+            None => (DVec3::ZERO, DVec3::ZERO),
+        };
+        let (mut positions, mut tangents) = ([place, off], [tangent, off_tangent]);
+        if self.flow.is_reversed {
+            positions.reverse();
+            tangents.reverse();
+        }
+        HermiteSpline { positions, tangents }.is_within(self.error * WITHIN)
+    }
+
+    /// Both sides of the plane through the centroid across the principal component of places and weighted tangents.
+    fn halves(&self, members: Vec<u32>) -> (Vec<u32>, Vec<u32>) {
+        let state = |i: &u32| -> [f64; 6] {
+            let traveller = &self.travellers[*i as usize];
+            let (place, tangent) = (traveller.place, traveller.movement);
+            std::array::from_fn(|k| match k {
+                0..3 => place[k] as f64,
+                _ => TANGENT_WEIGHT * self.flow.rate * tangent[k - 3] as f64,
+            })
+        };
+        let count = members.len() as f64;
+        let mut mean = [0.0; 6];
+        for i in &members {
+            mean.iter_mut().zip(state(i)).for_each(|(sum, x)| *sum += x / count);
+        }
+        let mut covariance = [[0.0; 6]; 6];
+        for i in &members {
+            let off = state(i);
+            let off: [f64; 6] = std::array::from_fn(|k| off[k] - mean[k]);
+            for a in 0..6 {
+                for b in a..6 {
+                    covariance[a][b] += off[a] * off[b];
+                }
+            }
+        }
+        for a in 0..6 {
+            for b in 0..a {
+                covariance[a][b] = covariance[b][a];
+            }
+        }
+        let trace = (0..6).map(|i| covariance[i][i]).sum();
+        let normal = principal_component(&covariance, trace);
+        let side = |i: &u32| {
+            let own = state(i);
+            (0..6).map(|k| f64::from(normal[k]) * (own[k] - mean[k])).sum::<f64>() > 0.0
+        };
+        let (near, far): (Vec<u32>, Vec<u32>) = members.iter().partition(|i| !side(i));
+        if near.is_empty() || far.is_empty() {
+            // All in one place: they differ in where they come from.
+            let (near, far) = members.split_at(members.len() / 2);
+            return (near.to_vec(), far.to_vec());
+        }
+        (near, far)
+    }
+
+    /// Joins the nearest pairs as long as their unions are clusters.
+    fn join(&self, parts: Vec<Part>) -> Vec<Part> {
+        if parts.len() < 2 {
+            return parts;
+        }
+        let cell = |position: DVec3| (position / self.error).floor().to_array().map(|x| x as i64);
+        let mut parts: Vec<Option<Part>> = parts.into_iter().map(Some).collect();
+        let mut grid: HashMap<[i64; 3], Vec<usize>> = HashMap::new();
+        for (i, part) in parts.iter().enumerate() {
+            if let Some(part) = part {
+                grid.entry(cell(part.position)).or_default().push(i);
+            }
+        }
+        // Distances are positive, so their bits are in their order.
+        let mut queue: BinaryHeap<Reverse<(u64, usize, usize)>> = BinaryHeap::new();
+        let offer = |queue: &mut BinaryHeap<Reverse<(u64, usize, usize)>>,
+                     grid: &HashMap<[i64; 3], Vec<usize>>,
+                     parts: &[Option<Part>],
+                     i: usize,
+                     least: usize| {
+            let Some(own) = &parts[i] else { return };
+            let middle = cell(own.position);
+            for offset in 0..27 {
+                let at = [offset % 3 - 1, offset / 3 % 3 - 1, offset / 9 - 1];
+                let at = std::array::from_fn(|axis| middle[axis].saturating_add(at[axis]));
+                for &other in grid.get(&at).into_iter().flatten() {
+                    let Some(part) = parts[other].as_ref().filter(|_| other != i && other >= least) else { continue };
+                    if !own.is_apart(part, self.error) {
+                        let distance = (own.position - part.position).length()
+                            + TANGENT_WEIGHT * (own.tangent - part.tangent).length();
+                        queue.push(Reverse((distance.to_bits(), i.min(other), i.max(other))));
+                    }
+                }
+            }
+        };
+        for i in 0..parts.len() {
+            offer(&mut queue, &grid, &parts, i, i + 1);
+        }
+        while let Some(Reverse((_, a, b))) = queue.pop() {
+            let (Some(first), Some(second)) = (&parts[a], &parts[b]) else { continue };
+            let union = [&first.members[..], &second.members[..]].concat();
+            let Ok(joined) = self.cluster(union) else { continue };
+            (parts[a], parts[b]) = (None, None);
+            grid.entry(cell(joined.position)).or_default().push(parts.len());
+            parts.push(Some(joined));
+            offer(&mut queue, &grid, &parts, parts.len() - 1, 0);
+        }
+        parts.into_iter().flatten().collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cases::cases;
+    use crate::hierarchy::RootCell;
+    use proptest::prelude::*;
+
+    const STEPS: usize = 5;
+
+    /// Places and velocities of particles on ellipses, some of which stay together for a while, at a time.
+    fn states(particles: &[([f64; 6], f64)], time: f64) -> Vec<(DVec3, DVec3)> {
+        let state = |(axes, phase): &([f64; 6], f64)| {
+            let [a, b] = [0, 3].map(|k| DVec3::new(axes[k], axes[k + 1], axes[k + 2]));
+            let (sin, cos) = (phase + time).sin_cos();
+            (a * cos + b * sin, b * cos - a * sin)
+        };
+        particles.iter().map(state).collect()
+    }
+
+    fn lattice() -> Lattice {
+        Lattice { root: RootCell { min: DVec3::splat(-4.0), size: 8.0 } }
+    }
+
+    proptest! {
+        #![proptest_config(cases(24))]
+
+        /// Over steps of different lengths no particle leaves its cluster's track by more than the error, on each level; clusters of a
+        /// level are parts of those of the coarser one, and are where their particles' centre of mass is.
+        #[test]
+        fn no_particle_leaves_its_cluster(
+            particles in prop::collection::vec((prop::array::uniform6(-1.0..1.0f64), 0.0..0.4f64), 1..150),
+            lengths in prop::collection::vec(0.05..0.4f64, STEPS),
+            finest in 0.02..0.3f64,
+        ) {
+            let lattice = lattice();
+            let errors = [finest, 2.0 * finest, 4.0 * finest];
+            let clock: Vec<f64> = std::iter::once(0.0)
+                .chain(lengths.iter().scan(0.0, |at, length| { *at += length; Some(*at) }))
+                .collect();
+            let span = |step: usize| {
+                let own = lengths.get(step).copied().unwrap_or(0.0);
+                own.max(step.checked_sub(1).map_or(0.0, |before| lengths[before]))
+            };
+            let at = |step: usize| -> Vec<([i64; 3], [i64; 3])> {
+                let state = |(place, velocity): (DVec3, DVec3)| {
+                    (lattice.place(place.to_array()), lattice.movement(velocity.to_array(), span(step), 0))
+                };
+                states(&particles, clock[step]).into_iter().map(state).collect()
+            };
+            let tangent = |movement: [i64; 3], rate: f64| DVec3::from(movement.map(|v| v as f64)) * (lattice.unit() * rate);
+            let mut before = Before::default();
+            let mut last: Option<Gathered> = None;
+            for step in 0..=STEPS {
+                let now = at(step);
+                let rate = lengths[step.max(1) - 1] / span(step);
+                let next_rate = lengths.get(step).map(|length| length / span(step));
+                let earlier = step.checked_sub(1).map(&at);
+                let traveller = |i: usize| {
+                    let before = last.as_ref().zip(earlier.as_ref()).map(|(last, earlier)| {
+                        let (place, movement) = earlier[i];
+                        let rate = lengths[step - 1] / span(step - 1);
+                        (last.clusters[i], DVec3::from(lattice.position(place)), tangent(movement, rate))
+                    });
+                    Traveller { place: now[i].0, movement: now[i].1, mass: 1.0 + i as f64, before }
+                };
+                let travellers: Vec<Traveller> = (0..particles.len()).map(traveller).collect();
+                let flow = Flow { lattice: &lattice, errors: &errors, rate, next_rate, is_joining: true, is_reversed: false };
+                let gathered = flow.gather(&travellers, &before);
+                let here = Before::new(&lattice, &gathered.levels, rate);
+                for (level, error) in errors.iter().enumerate() {
+                    for (i, traveller) in travellers.iter().enumerate() {
+                        let own = here.ancestor(level, gathered.clusters[i]) as usize;
+                        let (position, own_tangent) = here.states[level][own];
+                        let end = (
+                            DVec3::from(lattice.position(traveller.place)) - position,
+                            tangent(traveller.movement, rate) - own_tangent,
+                        );
+                        let begin = traveller.before.map_or((DVec3::ZERO, DVec3::ZERO), |(cluster, place, tangent)| {
+                            let (position, own) = before.states[level][before.ancestor(level, cluster) as usize];
+                            (place - position, tangent - own)
+                        });
+                        let off = HermiteSpline { positions: [begin.0, end.0], tangents: [begin.1, end.1] };
+                        for k in 0..=32 {
+                            let distance = off.position(f64::from(k) / 32.0).length();
+                            prop_assert!(distance <= *error, "step {step}, level {level}: {distance} of {error}");
+                        }
+                    }
+                    let mut sums = vec![(0.0, DVec3::ZERO); gathered.levels[level].len()];
+                    for (i, traveller) in travellers.iter().enumerate() {
+                        let sum = &mut sums[here.ancestor(level, gathered.clusters[i]) as usize];
+                        *sum = (sum.0 + traveller.mass, sum.1 + traveller.mass * DVec3::from(lattice.position(traveller.place)));
+                    }
+                    for ((mass, sum), (position, _)) in sums.into_iter().zip(&here.states[level]) {
+                        prop_assert!(mass > 0.0 && (sum / mass - position).length() <= error / 512.0);
+                    }
+                }
+                prop_assert!(gathered.levels.windows(2).all(|pair| pair[0].len() >= pair[1].len()));
+                before = Before::new(&lattice, &gathered.levels, next_rate.unwrap_or(rate));
+                last = Some(gathered);
+            }
+        }
+    }
+
+    #[test]
+    fn what_moves_together_stays_one_cluster_and_errors_are_halved() {
+        let lattice = lattice();
+        let traveller = |i: i64| Traveller { place: [i << 10; 3], movement: [5 << 20; 3], mass: 1.0, before: None };
+        let travellers: Vec<Traveller> = (0..100).map(traveller).collect();
+        let errors = flow_errors(&lattice, &travellers, 1.0, 1.0, Some(3), Some(1.0));
+        assert_eq!(errors, [0.25, 0.5, 1.0]);
+        let flow = Flow {
+            lattice: &lattice,
+            errors: &errors,
+            rate: 1.0,
+            next_rate: None,
+            is_joining: true,
+            is_reversed: false,
+        };
+        let gathered = flow.gather(&travellers, &Before::default());
+        assert!(gathered.levels.iter().all(|level| level.len() == 1));
+        // As many levels as keep the finest small.
+        let spread = |i: i64| Traveller {
+            place: [(i * 7919 % 4096) << 20, (i * 104_729 % 4096) << 20, i << 18],
+            ..traveller(i)
+        };
+        let spread: Vec<Traveller> = (0..4096).map(spread).collect();
+        let errors = flow_errors(&lattice, &spread, 1.0, 1.0, None, None);
+        let flow = Flow {
+            lattice: &lattice,
+            errors: &errors,
+            rate: 1.0,
+            next_rate: Some(1.0),
+            is_joining: true,
+            is_reversed: false,
+        };
+        let finest = flow.gather(&spread, &Before::default()).levels[0].len();
+        assert!((16..=256).contains(&finest), "{finest} clusters with {errors:?}");
+    }
+}
