@@ -148,7 +148,8 @@ impl<'de> Deserialize<'de> for PathsOf {
             "none" => return Ok(PathsOf::None),
             _ => {}
         }
-        let names = ron::from_str::<Vec<String>>(text).or_else(|_| ron::from_str::<String>(text).map(|name| vec![name]));
+        let names =
+            ron::from_str::<Vec<String>>(text).or_else(|_| ron::from_str::<String>(text).map(|name| vec![name]));
         match names {
             Ok(names) if names.iter().all(|name| !name.trim().is_empty()) => Ok(PathsOf::Selections(names)),
             _ => {
@@ -381,7 +382,8 @@ impl PathSettings {
     /// [`SettingError::Value`] for the first that does not.
     pub fn check(&self) -> Result<(), SettingError> {
         SETTINGS.iter().try_for_each(|setting| self.check_setting(setting))?;
-        let wrong = |name, found: String, expected: &str| SettingError::Value { name, found, expected: expected.into() };
+        let wrong =
+            |name, found: String, expected: &str| SettingError::Value { name, found, expected: expected.into() };
         if self.color.trim().is_empty() || (self.color.starts_with('#') && parse_color(&self.color).is_none()) {
             let expected = "speed, direction, mass, time, an attribute, or a colour like \"#ff8000\"";
             return Err(wrong("color", self.color.clone(), expected));
@@ -389,7 +391,11 @@ impl PathSettings {
         if let Some(Focus::Ball { center, radius }) = &self.focus
             && !(center.is_finite() && radius.is_finite() && *radius > 0.0)
         {
-            return Err(wrong("focus", format!("{center}, {radius}"), "a ball with a finite centre and a positive radius"));
+            return Err(wrong(
+                "focus",
+                format!("{center}, {radius}"),
+                "a ball with a finite centre and a positive radius",
+            ));
         }
         Ok(())
     }

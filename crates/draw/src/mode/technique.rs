@@ -353,8 +353,17 @@ mod tests {
         let view = View::look_at(DVec3::Z, DVec3::ZERO, DVec3::Y, projection, 2, 2).unwrap();
         let (settings, options) = (Settings::default(), SplatOptions::default());
         let (view, batches, settings) = (&view, &[][..], &settings);
-        let job =
-            Job { view, batches, options, settings, transfer: None, diameter: 1.0, densest: 1.0, density_scale: 1.0, paths: None };
+        let job = Job {
+            view,
+            batches,
+            options,
+            settings,
+            transfer: None,
+            diameter: 1.0,
+            densest: 1.0,
+            density_scale: 1.0,
+            paths: None,
+        };
         let refused = MODE.draw(&job).unwrap_err().to_string();
         assert!(refused.contains("adapter-only is drawn by a graphics adapter only"), "{refused}");
         assert_eq!(MODE.all_settings().count(), 0, "what may be left out of sums is no setting of others");

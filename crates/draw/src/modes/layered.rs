@@ -69,7 +69,8 @@ impl Technique for Layered {
     fn draw(&self, job: &Job<'_>) -> Result<Raw, VolumeError> {
         let look = Look::new(job)?;
         let way = way(job.settings);
-        let (colors, report) = layered::draw_with_paths(job.view, job.batches, &look.classifier, way, &look.options, job.paths)?;
+        let (colors, report) =
+            layered::draw_with_paths(job.view, job.batches, &look.classifier, way, &look.options, job.paths)?;
         Ok(Raw::Light(LightPicture { colors, report, levels: look.levels, isovalues: Vec::new() }))
     }
 }

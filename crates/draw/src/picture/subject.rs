@@ -183,7 +183,17 @@ impl<'a> Subject<'a> {
         };
         let (options, settings) = (self.options(plan), &depiction.settings);
         let density_scale = self.density_scale(batches);
-        Job { view, batches, options, settings, transfer, diameter, densest: self.densest(), density_scale, paths: None }
+        Job {
+            view,
+            batches,
+            options,
+            settings,
+            transfer,
+            diameter,
+            densest: self.densest(),
+            density_scale,
+            paths: None,
+        }
     }
 
     /// The factor on particles' own densities, by what the codebooks of leaves have; of data without any, by what `batches` have.

@@ -14,10 +14,10 @@ pub mod caps;
 #[cfg(test)]
 mod tests;
 
+use super::paths::PathFragments;
 use super::volume::particles::{Particle, Projected, Taken, project};
 use super::volume::raycast::Ray;
 use super::volume::{Classifier, OpaqueDepths, VolumeError, VolumeOptions, VolumeReport, extents};
-use super::paths::PathFragments;
 use super::{Extent, Positions, SplatOptions, Splats};
 use crate::color::Accumulation;
 use crate::color::Colors;

@@ -473,10 +473,10 @@ impl<'a> Chopper<'a> {
         let reach = HEAD_LENGTH * half;
         let color = course.color.unwrap_or_else(|| self.color(course, piece, 1.0));
         // The tip is half a head beyond the place, so that the line does not stick out.
-        let [from, to] = [[tip[0] - 0.5 * reach * dx, tip[1] - 0.5 * reach * dy], [
-            tip[0] + 0.5 * reach * dx,
-            tip[1] + 0.5 * reach * dy,
-        ]];
+        let [from, to] = [
+            [tip[0] - 0.5 * reach * dx, tip[1] - 0.5 * reach * dy],
+            [tip[0] + 0.5 * reach * dx, tip[1] + 0.5 * reach * dy],
+        ];
         out.push(Stroke {
             from,
             to,

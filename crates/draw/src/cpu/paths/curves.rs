@@ -38,7 +38,8 @@ impl Curves {
         curves.mass = kept.iter().map(|i| of_ends(*i)).collect();
         curves.flags = kept.iter().map(|i| tracks.flags[*i]).collect();
         if let Some(k) = attribute {
-            let value = |i: &usize| [0, 1].map(|end| tracks.ends[end].attributes.get(k).map_or(f32::NAN, |own| own[*i]));
+            let value =
+                |i: &usize| [0, 1].map(|end| tracks.ends[end].attributes.get(k).map_or(f32::NAN, |own| own[*i]));
             curves.values = kept.iter().map(value).collect();
         }
         curves
@@ -47,10 +48,8 @@ impl Curves {
     /// Splines over an interval of that length, of mass 1.
     pub fn of(splines: &[HermiteSpline], length: f64) -> Curves {
         let points = || splines.iter().flat_map(HermiteSpline::control_points);
-        let mut bounds = points().fold(Bounds::EMPTY, |bounds, at| Bounds {
-            min: bounds.min.min(at),
-            max: bounds.max.max(at),
-        });
+        let mut bounds =
+            points().fold(Bounds::EMPTY, |bounds, at| Bounds { min: bounds.min.min(at), max: bounds.max.max(at) });
         if bounds.is_empty() {
             bounds = Bounds { min: DVec3::ZERO, max: DVec3::ZERO };
         }

@@ -1,8 +1,8 @@
 //! What of paths is in each pixel: fragments from front to back.
 
 use crate::color::Colors;
-use crate::color::composite::Image;
 use crate::color::colors::{to_encoded, to_linear};
+use crate::color::composite::Image;
 use rayon::prelude::*;
 
 /// A part of a path in a pixel.

@@ -72,7 +72,8 @@ impl<'a> Sampler<'a> {
     pub fn new(stroke: &'a Stroke, halo: f32) -> Sampler<'a> {
         let [dx, dy] = [stroke.to[0] - stroke.from[0], stroke.to[1] - stroke.from[1]];
         let length = (dx * dx + dy * dy).sqrt();
-        let (along, inverse) = if length > 0.0 { ([dx / length, dy / length], 1.0 / length) } else { ([1.0, 0.0], 0.0) };
+        let (along, inverse) =
+            if length > 0.0 { ([dx / length, dy / length], 1.0 / length) } else { ([1.0, 0.0], 0.0) };
         Sampler { stroke, halo, along, length, inverse, reach: stroke.half[0].max(stroke.half[1]) + halo + 0.5 }
     }
 

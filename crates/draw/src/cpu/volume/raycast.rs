@@ -348,14 +348,7 @@ impl March<'_> {
     }
 
     #[inline]
-    fn ray(
-        &self,
-        ray: &mut Ray,
-        place: &Place,
-        at: [f64; 2],
-        fragments: &[PathFragment],
-        effort: &mut Effort,
-    ) {
+    fn ray(&self, ray: &mut Ray, place: &Place, at: [f64; 2], fragments: &[PathFragment], effort: &mut Effort) {
         let slices = self.brick_grid.slices;
         let secant = self.grid.secant(at) as f32;
         let least = self.scenery.least();

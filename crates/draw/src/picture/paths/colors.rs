@@ -58,10 +58,13 @@ pub fn palette(
     };
     let spans_decades = automatic[0] > 0.0 && automatic[1] > DECADES * automatic[0];
     let (scale, range) = match hue.filter(|_| is_same) {
-        Some(hue) => (hue.scale, match hue.range {
-            Range::Fixed(low, high) => [low, high],
-            Range::Auto => automatic,
-        }),
+        Some(hue) => (
+            hue.scale,
+            match hue.range {
+                Range::Fixed(low, high) => [low, high],
+                Range::Auto => automatic,
+            },
+        ),
         None if quantity != Quantity::Time && spans_decades => (Scale::Log, automatic),
         None => (Scale::Linear, automatic),
     };

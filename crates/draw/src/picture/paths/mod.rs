@@ -8,15 +8,15 @@ mod members;
 mod window;
 
 use super::error::PictureError;
-use crate::cpu::paths::{Canvas, Curves, Drawn, Part, PathFragments, Quantity, Style};
 use crate::color::Colors;
 use crate::color::transfer::TransferFunction;
+use crate::cpu::paths::{Canvas, Curves, Drawn, Part, PathFragments, Quantity, Style};
 use crate::explore::{IdSet, SelectionSet};
 use crate::hierarchy::spacetime::Interpolation;
 use crate::mode::{Depiction, PathColor, PathSettings, PathsOf};
 use crate::model::{FamilyName, Moment};
-use crate::store::run::{RunFile, TrackIndex};
 use crate::store::StoreError;
+use crate::store::run::{RunFile, TrackIndex};
 use crate::view::{Extent, View};
 use kept::{Kept, Place};
 use rayon::prelude::*;
@@ -155,7 +155,8 @@ impl PathLayer {
         }
         let mut names: Vec<&str> = ["speed", "direction", "mass", "time"].into_iter().chain(all()).collect();
         names.dedup();
-        let why = format!("paths: color: found {name}, expected one of {}, or a colour like \"#ff8000\"", names.join(", "));
+        let why =
+            format!("paths: color: found {name}, expected one of {}, or a colour like \"#ff8000\"", names.join(", "));
         Err(PictureError::of(self.run.path(), why))
     }
 
@@ -217,7 +218,8 @@ impl PathLayer {
         let (run, wanted) = (&self.run, &self.kept_of.0);
         let read = |(number, node): &(usize, &crate::store::run::TrackNode)| -> Result<_, StoreError> {
             let tracks = run.node_tracks(part.interval, family as usize, node, wanted.is_some())?;
-            let keep = |i: usize| wanted.as_ref().is_none_or(|ids| tracks.ids.get(i).is_some_and(|id| ids.contains(*id)));
+            let keep =
+                |i: usize| wanted.as_ref().is_none_or(|ids| tracks.ids.get(i).is_some_and(|id| ids.contains(*id)));
             Ok((*number, Curves::new(&tracks, &interval, attribute, keep)))
         };
         let found = missing.par_iter().map(read).collect::<Result<Vec<_>, _>>()?;

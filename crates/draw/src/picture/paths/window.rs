@@ -81,16 +81,19 @@ mod tests {
     #[test]
     fn intervals_are_cut_where_the_tail_and_the_lead_end() {
         let steps = Span::Steps;
-        assert_eq!(of(steps(2.0), steps(0.0), 2, 0.5), [
-            (0, [0.5, 1.0], [0.0, 0.25], false),
-            (1, [0.0, 1.0], [0.25, 0.75], false),
-            (2, [0.0, 0.5], [0.75, 1.0], true),
-        ]);
+        assert_eq!(
+            of(steps(2.0), steps(0.0), 2, 0.5),
+            [
+                (0, [0.5, 1.0], [0.0, 0.25], false),
+                (1, [0.0, 1.0], [0.25, 0.75], false),
+                (2, [0.0, 0.5], [0.75, 1.0], true),
+            ]
+        );
         // At a step, heads are where tracks end; at the first one, where they begin.
-        assert_eq!(of(steps(1.0), steps(1.0), 1, 0.0), [
-            (0, [0.0, 1.0], [0.0, 1.0], true),
-            (1, [0.0, 1.0], [1.0, 0.0], false),
-        ]);
+        assert_eq!(
+            of(steps(1.0), steps(1.0), 1, 0.0),
+            [(0, [0.0, 1.0], [0.0, 1.0], true), (1, [0.0, 1.0], [1.0, 0.0], false),]
+        );
         assert_eq!(of(steps(2.0), steps(0.0), 0, 0.0), [(0, [0.0, 0.0], [1.0, 1.0], true)]);
         assert_eq!(of(steps(0.0), steps(0.0), 3, 0.0), [(2, [1.0, 1.0], [1.0, 1.0], true)]);
         // By the clock: the interval in the middle is twice as long.
