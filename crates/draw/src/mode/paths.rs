@@ -148,8 +148,7 @@ impl<'de> Deserialize<'de> for PathsOf {
             "none" => return Ok(PathsOf::None),
             _ => {}
         }
-        let names =
-            ron::from_str::<Vec<String>>(text).or_else(|_| ron::from_str::<String>(text).map(|name| vec![name]));
+        let names = ron::from_str::<Vec<String>>(text);
         match names {
             Ok(names) if names.iter().all(|name| !name.trim().is_empty()) => Ok(PathsOf::Selections(names)),
             _ => {
@@ -465,8 +464,9 @@ mod tests {
         }
         let short = read("(of: all, level: 0, tail: \"2.5tau\", shape: tube)").unwrap();
         assert_eq!((short.of, short.level, short.tail), (Some(PathsOf::All), Some(0), Span::Clock(2.5)));
-        assert_eq!(read("(of: \"halo\")").unwrap().of, Some(PathsOf::Selections(vec!["halo".into()])));
+        assert_eq!(read("(of: [\"halo\"])").unwrap().of, Some(PathsOf::Selections(vec!["halo".into()])));
         for (wrong, part) in [
+            ("(of: \"halo\")", "all, none, or names of selections"),
             ("(of: some)", "all, none, or names of selections"),
             ("(tail: \"2.5\")", "expected a number of steps"),
             ("(tail: -1.0)", "expected a number of steps"),

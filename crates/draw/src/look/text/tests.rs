@@ -80,7 +80,7 @@ fn full() -> SceneFile {
             ]),
             paths: Some(PathSettings {
                 of: Some(PathsOf::Selections(vec!["core".into()])),
-                tail: Span::Clock(2.5),
+                tail: Span::Steps(2.5),
                 level: Some(3),
                 focus: Some(Focus::Selection("ids".into())),
                 shape: PathShape::Arrow,
