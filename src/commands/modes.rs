@@ -1,7 +1,7 @@
 //! `deepfield modes`: the registered visualization modes and their settings.
 
 use super::CommandResult;
-use crate::mode::SettingValue;
+use crate::mode::{Setting, SettingValue, paths};
 use crate::modes;
 use std::io::Write;
 
@@ -22,7 +22,15 @@ pub fn run(_: &Arguments) -> CommandResult {
         if !mode.usual_attributes.is_empty() {
             writeln!(out, "    coloured by the first there is of: {}", mode.usual_attributes.join(", "))?;
         }
-        for setting in mode.all_settings() {
+        let own = mode.all_settings();
+        let layer: &[&Setting] = if mode.is_of_paths() { &paths::SETTINGS } else { &[] };
+        if mode.is_of_paths() {
+            writeln!(out, "    settings of paths, over any mode and here, as paths: (of: all, tail: 3) in RON:")?;
+            for (name, help) in paths::WORDS {
+                writeln!(out, "    {name:16} {help}")?;
+            }
+        }
+        for setting in own.chain(layer.iter().copied()) {
             let unit = if setting.unit.is_empty() { String::new() } else { format!(" {}", setting.unit) };
             let default = match setting.default() {
                 SettingValue::Numbers(_) => "automatic".to_owned(),

@@ -11,7 +11,7 @@ use crate::hierarchy::spacetime::Interpolation;
 use crate::look::{
     Attribute, Backend, CameraConfig, LookPatch, Member, PictureConfig, SceneFile, Shot, data_file, is_scene_file,
 };
-use crate::mode::{Mode, SettingValue, lod_budget};
+use crate::mode::{Mode, PathsOf, SettingValue, lod_budget};
 use crate::model::{FamilyName, ReadMethod, When};
 use crate::modes;
 use crate::picture::SessionOptions;
@@ -33,6 +33,7 @@ type Failure = Box<dyn std::error::Error + Send + Sync>;
   deepfield render box.df -o dome.png --eye 25,25,25 --target 25,25,0 --projection dome --tilt 20 --size 4096x4096
   deepfield render box.df -o pair.png --stereo off-axis --eye-separation 0.2 --zero-parallax 6
   deepfield render run.df --time step:12 -o then.png         a step of a run; also 9.6, z:1.5, a:0.4, last
+  deepfield render run.df --time step:12 --mode volume --paths all -o both.png
   deepfield render galaxy.scene.ron -o disk.png              what the window has saved with Ctrl+S")]
 pub struct Arguments {
     /// The source, page file or run, or a scene file.
@@ -44,6 +45,10 @@ pub struct Arguments {
     /// fade or hold (the step before) [default: auto].
     #[arg(long, value_name = "HOW")]
     pub interpolation: Option<Interpolation>,
+    /// Whose pathlines are drawn, of a run: all, none, or a selection of the scene by its name; settings in a scene or --config, as
+    /// paths: (level: 0) [default: none; all in the mode paths].
+    #[arg(long, value_name = "all|NAME|none")]
+    pub paths: Option<PathsOf>,
     /// Another source or page file in the same picture, in the first one's units; @X,Y,Z says where its origin lies there and *SCALE
     /// how many of the first one's lengths one of its own is. Can be given several times.
     #[arg(long, value_name = "FILE[@X,Y,Z[*SCALE]]")]
@@ -218,6 +223,9 @@ impl Arguments {
             labels: self.annotate.labels.clone().or(config.catalogue),
             film: None,
         });
+        if let Some(of) = &self.paths {
+            shot.look.paths.get_or_insert_default().of = Some(of.clone());
+        }
         if let Some(periodic) = self.periodic {
             shot.look.cut.get_or_insert_default().periodic = periodic;
         }

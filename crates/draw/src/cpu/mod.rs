@@ -20,6 +20,7 @@ pub mod footprint;
 pub mod half_line;
 pub mod layered;
 pub mod overdraw;
+pub mod paths;
 pub mod pyramid;
 pub mod screen_spheres;
 pub mod screen_tiles;

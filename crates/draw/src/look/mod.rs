@@ -32,10 +32,10 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
-/// The version of scene files without a time.
+/// The version of scene files without a time and without paths.
 pub const VERSION: u32 = 1;
 
-/// The version of scene files with a time, and the last one that this program reads.
+/// The version of scene files with a time or with paths, and the last one that this program reads.
 pub const VERSION_TIME: u32 = 2;
 
 /// A scene.

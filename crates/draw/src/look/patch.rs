@@ -8,7 +8,7 @@ use crate::color::transfer::TransferFunction;
 use crate::explore::ExploreError;
 use crate::hierarchy::spacetime::Interpolation;
 use crate::mode::setting::SettingError;
-use crate::mode::{Mode, Setting, SettingValue, Settings, lod_budget};
+use crate::mode::{Mode, PathSettings, PathsOf, Setting, SettingValue, Settings, lod_budget};
 use crate::model::ron_file::RonError;
 use crate::model::{FamilyName, When};
 use crate::modes;
@@ -30,6 +30,8 @@ macro_rules! with_look_fields {
                 cut: $crate::view::CutSettings,
                 /// Coloured selections.
                 selections: Vec<$crate::explore::SelectionSet>,
+                /// Pathlines of a run over whatever the mode draws.
+                paths: $crate::mode::PathSettings,
                 /// What is behind the picture; the window shows black.
                 background: $crate::color::composite::Background,
             ]
@@ -224,6 +226,7 @@ impl Look {
             error_px: ERROR_PX,
             cut: CutSettings::default(),
             selections: Vec::new(),
+            paths: PathSettings::default(),
             background: Background::default(),
         }
     }
@@ -259,6 +262,26 @@ impl LookPatch {
             selections: Some(Vec::new()),
             ..LookPatch::default()
         }
+    }
+
+    /// Whose paths are drawn.
+    pub fn paths_of(&self) -> PathsOf {
+        let usual = || if self.mode.is_some_and(Mode::is_of_paths) { PathsOf::All } else { PathsOf::None };
+        self.paths.as_ref().and_then(|paths| paths.of.clone()).unwrap_or_else(usual)
+    }
+
+    /// Whether it has what the first version of scenes and tours has not: a time, paths, or selections that follow.
+    pub fn is_of_runs(&self) -> bool {
+        let paths = self.paths.as_ref().is_some_and(|paths| *paths != PathSettings::default());
+        let tracked = self.selections.iter().flatten().any(|set| set.members.are_timed());
+        self.time.is_some() || self.interpolation.is_some() || paths || tracked
+    }
+
+    /// The same without settings of paths that are as they are by default, which files need not say.
+    #[must_use]
+    pub fn without_usual_paths(mut self) -> LookPatch {
+        self.paths = self.paths.filter(|paths| *paths != PathSettings::default());
+        self
     }
 
     /// The same, with what earlier files have among the settings of a mode and belongs to none.
@@ -320,6 +343,9 @@ impl LookPatch {
                 false => "a number greater than 0".into(),
             };
             return Err(refuse(&["error_px"], error_px.to_string(), expected));
+        }
+        if let Some(paths) = &self.paths {
+            paths.check().map_err(in_map("paths"))?;
         }
         let selections = self.selections.as_deref().unwrap_or_default();
         if selections.iter().filter(|set| set.follow).count() > 1 {

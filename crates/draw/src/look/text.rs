@@ -1,7 +1,6 @@
 //! Scenes as text: read with every mistake named by its place, written under a temporary name first.
 
-use super::{LookPatch, SceneFile, VERSION, VERSION_TIME, check};
-use crate::explore::SelectionSet;
+use super::{SceneFile, VERSION, VERSION_TIME, check};
 use crate::model::new_file;
 use crate::model::ron_file::{self, RonError};
 use std::path::{Path, PathBuf};
@@ -75,11 +74,8 @@ impl SceneFile {
     /// The first version that can say it.
     fn least_version(&self) -> u32 {
         let before = self.film.as_ref().and_then(|film| film.from.as_ref());
-        let is_tracked = |sets: &Vec<SelectionSet>| sets.iter().any(|set| set.members.are_timed());
-        let is_timed = |look: &LookPatch| {
-            look.time.is_some() || look.interpolation.is_some() || look.selections.as_ref().is_some_and(is_tracked)
-        };
-        if is_timed(&self.look) || before.is_some_and(|before| is_timed(&before.look)) { VERSION_TIME } else { VERSION }
+        let is_timed = self.look.is_of_runs() || before.is_some_and(|before| before.look.is_of_runs());
+        if is_timed { VERSION_TIME } else { VERSION }
     }
 
     /// The scene as text.
@@ -92,7 +88,11 @@ impl SceneFile {
             path: path.to_owned(),
             source: std::io::Error::new(std::io::ErrorKind::InvalidData, error.to_string()),
         };
-        let scene = SceneFile { version: self.least_version(), ..self.clone() };
+        let mut scene = SceneFile { version: self.least_version(), ..self.clone() };
+        scene.look = scene.look.without_usual_paths();
+        if let Some(from) = scene.film.as_mut().and_then(|film| film.from.as_mut()) {
+            from.look = std::mem::take(&mut from.look).without_usual_paths();
+        }
         let body = ron::ser::to_string_pretty(&scene, style).map_err(fail)?;
         Ok(format!("// A scene of deepfield: `deepfield view` and `deepfield render` open it.\n{body}\n"))
     }

@@ -4,12 +4,14 @@
 
 pub mod depiction;
 pub mod lod_budget;
+pub mod paths;
 pub mod sample;
 pub mod setting;
 pub mod technique;
 
 pub use depiction::{CodeTable, Coloring, Depiction, SourceColumns};
 pub use lod_budget::{LodBudget, Plan};
+pub use paths::{Focus, PathColor, PathSettings, PathShape, PathsOf, Span};
 pub use setting::{Setting, SettingError, SettingKind, SettingValue, Settings};
 pub use technique::{
     Adapter, FindRanges, Job, LightPasses, LightPicture, LightPlan, Needs, Output, Raw, SPLAT_SUMS, SplatSums,
@@ -113,6 +115,11 @@ impl Mode {
     /// Whether its pictures are colours straight from the particles, not values that a transfer function colours.
     pub fn is_light(&self) -> bool {
         self.technique.output() == Output::Light
+    }
+
+    /// Whether it draws pathlines alone, and no particles.
+    pub fn is_of_paths(&self) -> bool {
+        !self.technique.needs(&Settings::default()).particles
     }
 
     /// Draws it on the processor.

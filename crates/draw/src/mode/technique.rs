@@ -6,6 +6,7 @@ use crate::color::transfer::TransferFunction;
 use crate::color::{Accumulation, Colors};
 use crate::cpu::cartesian::CartesianOptions;
 use crate::cpu::layered::Assignment;
+use crate::cpu::paths::PathFragments;
 use crate::cpu::screen_spheres::{SphereOptions, SurfaceColors};
 use crate::cpu::volume::{
     Classifier, FieldRange, Light, Scenery, VolumeError, VolumeLevels, VolumeOptions, VolumeReport,
@@ -49,6 +50,8 @@ pub struct Needs {
     pub footprint: Footprint,
     /// Whether each particle's own density is drawn with, beside its weight.
     pub densities: bool,
+    /// Whether it draws particles; what draws paths alone needs none.
+    pub particles: bool,
     /// How far beyond the picture it looks, pixels.
     pub margin_px: u32,
     /// Whether depth is divided between the near and the far plane, so that where samples lie depends on both.
@@ -67,6 +70,7 @@ impl Default for Needs {
             purpose: Purpose::Splats,
             footprint: Footprint::Kernel,
             densities: false,
+            particles: true,
             margin_px: 1,
             slices: false,
             of_data: false,
@@ -99,6 +103,12 @@ pub trait Technique: Sync {
     /// Whether [`Technique::draw`] draws.
     fn on_processor(&self) -> bool {
         true
+    }
+
+    /// Whether [`Technique::draw`] draws the paths of its job among what it draws, each at its own depth. Over other pictures they lie
+    /// on top.
+    fn takes_paths(&self) -> bool {
+        false
     }
 
     /// Changes settings that depend on the view, so that all faces of a panorama are drawn alike.
@@ -138,6 +148,8 @@ pub struct Job<'a> {
     pub densest: f64,
     /// Factor on the particles' own densities: see [`crate::cpu::volume::particles::density_scale`].
     pub density_scale: f32,
+    /// Paths that are drawn among it, by techniques that take them.
+    pub paths: Option<&'a PathFragments>,
 }
 
 impl<'a> Job<'a> {
@@ -341,8 +353,17 @@ mod tests {
         let view = View::look_at(DVec3::Z, DVec3::ZERO, DVec3::Y, projection, 2, 2).unwrap();
         let (settings, options) = (Settings::default(), SplatOptions::default());
         let (view, batches, settings) = (&view, &[][..], &settings);
-        let job =
-            Job { view, batches, options, settings, transfer: None, diameter: 1.0, densest: 1.0, density_scale: 1.0 };
+        let job = Job {
+            view,
+            batches,
+            options,
+            settings,
+            transfer: None,
+            diameter: 1.0,
+            densest: 1.0,
+            density_scale: 1.0,
+            paths: None,
+        };
         let refused = MODE.draw(&job).unwrap_err().to_string();
         assert!(refused.contains("adapter-only is drawn by a graphics adapter only"), "{refused}");
         assert_eq!(MODE.all_settings().count(), 0, "what may be left out of sums is no setting of others");

@@ -349,6 +349,10 @@ impl Technique for Marched {
         Adapter::Light
     }
 
+    fn takes_paths(&self) -> bool {
+        true
+    }
+
     fn light(&self, terms: &Terms<'_>, ranges: &mut FindRanges<'_>) -> Result<Option<LightPlan>, VolumeError> {
         let look = Look::of(terms, ranges)?;
         let (scenery, isovalues) = look.scenery(terms, self.0)?;
@@ -358,7 +362,7 @@ impl Technique for Marched {
     fn draw(&self, job: &Job<'_>) -> Result<Raw, VolumeError> {
         let look = Look::new(job)?;
         let (scenery, isovalues) = look.scenery(&job.terms(), self.0)?;
-        let (colors, report) = volume::draw(job.view, job.batches, &scenery, &look.options)?;
+        let (colors, report) = volume::draw_with_paths(job.view, job.batches, &scenery, &look.options, job.paths)?;
         Ok(Raw::Light(LightPicture { colors, report, levels: look.levels, isovalues }))
     }
 }

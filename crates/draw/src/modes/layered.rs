@@ -49,6 +49,10 @@ impl Technique for Layered {
         Adapter::Light
     }
 
+    fn takes_paths(&self) -> bool {
+        true
+    }
+
     fn light(&self, terms: &Terms<'_>, ranges: &mut FindRanges<'_>) -> Result<Option<LightPlan>, VolumeError> {
         let look = Look::of(terms, ranges)?;
         let (layers, assignment, termination) = way(terms.settings);
@@ -65,7 +69,8 @@ impl Technique for Layered {
     fn draw(&self, job: &Job<'_>) -> Result<Raw, VolumeError> {
         let look = Look::new(job)?;
         let way = way(job.settings);
-        let (colors, report) = layered::draw(job.view, job.batches, &look.classifier, way, &look.options)?;
+        let (colors, report) =
+            layered::draw_with_paths(job.view, job.batches, &look.classifier, way, &look.options, job.paths)?;
         Ok(Raw::Light(LightPicture { colors, report, levels: look.levels, isovalues: Vec::new() }))
     }
 }

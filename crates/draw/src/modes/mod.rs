@@ -8,6 +8,7 @@ pub mod grid;
 pub mod isosurface;
 pub mod layered;
 mod named;
+pub mod paths;
 pub mod points;
 pub mod sorted_splats;
 pub mod spheres;
@@ -19,7 +20,7 @@ use crate::mode::{Mode, lod_budget};
 use std::sync::{PoisonError, RwLock};
 
 /// The modes that come with deepfield; the first is the default.
-static BUILT_IN: [&Mode; 10] = [
+static BUILT_IN: [&Mode; 11] = [
     &column_density::MODE,
     &density_squared::MODE,
     &points::MODE,
@@ -30,6 +31,7 @@ static BUILT_IN: [&Mode; 10] = [
     &sorted_splats::MODE,
     &spheres::MODE,
     &cartesian::MODE,
+    &paths::MODE,
 ];
 
 /// The modes of other crates.

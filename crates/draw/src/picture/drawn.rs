@@ -6,7 +6,8 @@ use super::left_out::LeftOut;
 use super::lettering::{self, Sheet};
 use crate::annotate::overlay::mix_into;
 use crate::color::transfer::{Levels, TransferFunction};
-use crate::color::{Image, composite, output};
+use crate::color::{Colors, Image, composite, output};
+use crate::cpu::paths::fragments::lay_over;
 use crate::hierarchy::spacetime::Interpolation;
 use crate::look::{Film, Shot};
 use crate::mode::Raw;
@@ -15,6 +16,7 @@ use crate::store::RunFile;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::sync::Arc;
 
 /// What was drawn, before it becomes colours, and how.
 pub struct Picture {
@@ -42,6 +44,8 @@ pub struct Picture {
     pub milliseconds: BTreeMap<String, f64>,
     /// When it is; `None` for data without times.
     pub moment: Option<ShownMoment>,
+    /// Paths that lie on top of it; those of modes that take them are among its values.
+    pub paths: Option<Arc<Colors>>,
 }
 
 /// The moment of a run that a picture shows.
@@ -57,7 +61,8 @@ pub struct ShownMoment {
     pub u: f64,
     /// What is shown between steps.
     pub interpolation: Interpolation,
-    /// Particles that move along tracks; 0 where a stored step is shown.
+    /// Particles that move along tracks, or where there are paths, how many tracks these are of; 0 where a stored step is shown
+    /// without paths.
     pub tracks_drawn: u64,
     /// Mass of what fades from place to place, since its steps are too far apart.
     pub faded_mass: f64,
@@ -117,6 +122,9 @@ impl Picture {
             Raw::Sums(sums, _) => composite::composite_on(sums, &self.transfer, &coloration.levels, background),
             Raw::Light(painted) => painted.colors.image_on(background),
         };
+        if let Some(paths) = &self.paths {
+            lay_over(paths, &mut image);
+        }
         self.annotation.mark(&mut image);
         if let Some(annotations) = &shot.look.annotations {
             for sheet in self.sheets(shot, &image)? {

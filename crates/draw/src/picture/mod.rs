@@ -13,6 +13,7 @@ pub mod left_out;
 mod lettering;
 pub mod look;
 pub mod panorama;
+pub mod paths;
 mod projected;
 pub mod ranges;
 mod sampling_error;

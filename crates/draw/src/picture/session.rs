@@ -7,6 +7,7 @@ use super::error::PictureError;
 use super::hiding::{self, Hiding};
 use super::left_out::LeftOut;
 use super::look::{depict, transfer_of};
+use super::paths::{PathLayer, PathRequest};
 use super::projected::{Means, Projector};
 use super::source::{self, Wanted};
 use super::subject::Subject;
@@ -16,14 +17,16 @@ use crate::color::transfer::{Levels, TransferFunction};
 use crate::color::{Image, output};
 use crate::cpu::Method;
 use crate::cpu::overdraw::Overdraw;
+use crate::cpu::paths::PathFragments;
 use crate::cpu::volume::VolumeError;
 use crate::explore::selection::Show;
 use crate::explore::{Members, Places, Work};
 use crate::hierarchy::spacetime::Interpolation;
 use crate::import::{AttributeChoice, LoadOptions, Source, load_source, open};
 use crate::look::{Backend, LookPatch, Member, OpenData, SceneFile, Shot, shown_families};
-use crate::mode::{Depiction, LodBudget, Mode, Output, Plan, Raw};
+use crate::mode::{Depiction, LodBudget, Mode, Output, PathsOf, Plan, Raw};
 use crate::model::{Bounds, FamilyName, Moment, Progress, ReadMethod};
+use crate::modes;
 use crate::store::run::{RunSnapshot, RunTree};
 use crate::store::{InMemory, NodeRef, PageFile, RunFile, Tree};
 use crate::stream::{Scene, SceneNode, SceneSelection, first_frame};
@@ -111,6 +114,10 @@ pub struct Session {
     adapter: Option<Box<dyn Adapter>>,
     /// What the last picture hides.
     hiding: Option<Hiding>,
+    /// The paths of the run, where they were drawn.
+    paths: Option<PathLayer>,
+    /// What was told of paths last.
+    told_of_paths: Option<&'static str>,
     reporter: Arc<dyn Reporter>,
 }
 
@@ -159,6 +166,8 @@ impl Session {
             ahead: None,
             adapter: None,
             hiding: None,
+            paths: None,
+            told_of_paths: None,
             reporter,
         })
     }
@@ -179,6 +188,8 @@ impl Session {
             ahead: None,
             adapter: None,
             hiding: None,
+            paths: None,
+            told_of_paths: None,
             reporter: Arc::new(()),
         }
     }
@@ -485,6 +496,12 @@ impl Session {
         if shot.look.selections.as_ref().is_some_and(|sets| !sets.is_empty()) {
             self.reporter.tell("selections are shown in flat pictures only".into());
         }
+        if depiction.mode.is_of_paths() {
+            return asked("mode paths: is for flat pictures");
+        }
+        if shot.look.paths_of() != PathsOf::None {
+            self.tell_of_paths("paths are drawn in flat pictures only");
+        }
         let projector = Projector::new(view, shot.surround, shot.stereo)?;
         let passes = self.passes(depiction.mode)?;
         let passes = match (passes, projector.only_on_processor(depiction), self.options.backend) {
@@ -546,7 +563,84 @@ impl Session {
             drawn_by: ["cpu", "cpu"].map(str::to_owned),
             milliseconds: Default::default(),
             moment: self.shown_moment(0),
+            paths: None,
         })
+    }
+
+    /// Tells something about paths that are left out or drawn otherwise, once.
+    fn tell_of_paths(&mut self, what: &'static str) {
+        if self.told_of_paths != Some(what) {
+            self.told_of_paths = Some(what);
+            self.reporter.tell(what.into());
+        }
+    }
+
+    /// Whether paths are drawn in a flat picture; says why not where they are wanted all the same.
+    fn has_paths(&mut self, look: &LookPatch) -> bool {
+        if look.paths_of() == PathsOf::None {
+            return false;
+        }
+        let why_not = match self.run() {
+            None => "the data is no run: paths are left out",
+            Some(run) if run.tracks().is_err() => "the run has no tracks: paths are left out",
+            Some(_) if !matches!(&self.members[..], [only] if only.offset == DVec3::ZERO && only.scale.is_none()) => {
+                "paths are drawn of one run alone, where it lies: they are left out"
+            }
+            Some(_) => return true,
+        };
+        self.tell_of_paths(why_not);
+        false
+    }
+
+    /// Reads and projects the paths of a picture; how many tracks they are of.
+    fn gather_paths(&mut self, shown: &Shown<'_>) -> Result<u64, PictureError> {
+        let Shown { shot, view, depiction, transfer, .. } = *shown;
+        let Some(run) = self.run().cloned() else { return Ok(0) };
+        let mut layer = match self.paths.take() {
+            Some(layer) if Arc::ptr_eq(layer.run(), &run) => layer,
+            _ => PathLayer::new(run)?,
+        };
+        let tree = self.tree();
+        let shown = self.scene.families.iter().filter_map(|index| tree.metadata().families.get(*index as usize));
+        let families: Vec<FamilyName> = shown.map(|family| family.name).collect();
+        let request = PathRequest {
+            view: &view,
+            settings: &shot.look.paths.clone().unwrap_or_default(),
+            of: &shot.look.paths_of(),
+            selections: shot.look.selections.as_deref().unwrap_or_default(),
+            moment: self.moment,
+            interpolation: shot.look.interpolation.unwrap_or_default(),
+            families: &families,
+            depiction,
+            transfer,
+        };
+        let tracks = layer.gather(&request);
+        self.paths = Some(layer);
+        tracks
+    }
+
+    /// Draws paths alone.
+    fn draw_paths_alone(&mut self, shown: &Shown<'_>) -> Result<Picture, PictureError> {
+        let mut times = Times::default();
+        if !self.has_paths(&shown.shot.look) {
+            let why = self.told_of_paths.unwrap_or("nobody's paths are asked for");
+            return Err(PictureError::of(self.path(), format!("mode paths: {why}")));
+        }
+        let blank = self.blank(shown, shown.view)?;
+        let (mut values, mut tracks) = (blank.values, 0);
+        // Everything is read before times are measured.
+        let start = Instant::now();
+        self.gather_paths(shown)?;
+        times.note("load", start.elapsed() + self.loading.take().unwrap_or_default());
+        for _ in 0..self.options.repeat.max(1) {
+            (values, tracks) = times.frame(|times| {
+                let tracks = times.measure("project", || self.gather_paths(shown))?;
+                let colors = times.measure("draw", || self.paths.as_ref().map(PathLayer::colors));
+                Ok::<_, PictureError>((modes::paths::picture(shown.view.width, shown.view.height, colors), tracks))
+            })?;
+        }
+        let moment = blank.moment.map(|moment| ShownMoment { tracks_drawn: tracks, ..moment });
+        Ok(Picture { values, moment, milliseconds: times.medians(), ..blank })
     }
 
     fn subject<'a>(&self, tree: &'a dyn Tree, shown: &Shown<'a>) -> Subject<'a> {
@@ -568,13 +662,16 @@ impl Session {
     /// none) is neither read nor drawn, as long as the picture itself hides it too.
     fn draw_flat(&mut self, tree: &dyn Tree, shown: &Shown<'_>) -> Result<Picture, PictureError> {
         let Shown { view, depiction, transfer, .. } = *shown;
+        if depiction.mode.is_of_paths() {
+            return self.draw_paths_alone(shown);
+        }
         let start = Instant::now();
         let is_sure = matches!(self.data, Data::Pages(_)) && hiding::is_sure(depiction, transfer);
         let mut known = match self.hiding.take() {
             _ if !is_sure => None,
             Some(hiding) if hiding.is_of(depiction) => Some(hiding),
             // The processor decodes nothing for an adapter's picture.
-            _ if self.passes(depiction.mode)?.is_some() => None,
+            _ if self.flat_passes(shown)?.is_some() => None,
             _ => self.sketch(tree, shown)?,
         };
         let mut attempts = 0..hiding::ATTEMPTS;
@@ -619,7 +716,9 @@ impl Session {
         let Shown { shot, view, depiction, .. } = *shown;
         let (metadata, mode) = (tree.metadata(), depiction.mode);
         let is_sum = mode.technique.output() == Output::Sums;
-        let passes = self.passes(mode)?;
+        let has_paths = self.has_paths(&shot.look);
+        let takes_paths = mode.technique.takes_paths();
+        let passes = self.flat_passes(shown)?;
         let subject = self.subject(tree, shown);
         let tau = shot.look.error_px();
         let (seen, detail) = (depiction.selection_view(&view), depiction.detail(&view, tau, metadata));
@@ -673,7 +772,9 @@ impl Session {
                     times.extend(frame.milliseconds);
                     let left_out = LeftOut { splats: frame.splats, ..left_out };
                     let drawn_by = [frame.backend.to_owned(), frame.adapter];
-                    return Ok((Picture { values, left_out, drawn_by, ..picture }, selection.hidden));
+                    let picture = Picture { values, left_out, drawn_by, ..picture };
+                    let picture = if has_paths { self.with_paths(picture, shown, times)? } else { picture };
+                    return Ok((picture, selection.hidden));
                 }
                 Err(VolumeError::Device(error)) if self.options.backend.is_some() => {
                     return Err(PictureError::Asked(error));
@@ -685,14 +786,28 @@ impl Session {
             }
         }
         let mut values = picture.values;
+        let (mut tracks, mut on_top) = (None, None);
+        if has_paths {
+            // Everything is read before times are measured.
+            self.gather_paths(shown)?;
+        }
         for _ in 0..repeat {
             values = times.frame(|times| {
+                let mut among: Option<PathFragments> = None;
+                if has_paths {
+                    tracks = Some(times.measure("paths", || self.gather_paths(shown))?);
+                    times.measure("paths", || match takes_paths {
+                        true => among = self.paths.as_ref().map(PathLayer::fragments),
+                        false => on_top = self.paths.as_ref().map(|layer| Arc::new(layer.colors())),
+                    });
+                }
                 let selection = times.measure("select", || self.scene.select(&seen, detail));
                 let nodes = times.measure("decode", || subject.decode(&view, &selection.nodes, &plan));
-                let drawn = times.measure("draw", || subject.draw(&view, &nodes, &plan))?;
+                let drawn = || subject.draw_with_paths(&view, &nodes, &plan, among.as_ref());
+                let drawn = times.measure("draw", drawn)?;
                 let kept: u64 = nodes.iter().map(|node| node.len() as u64).sum();
                 left_out.thinned = Some(selection.particles - kept);
-                Ok::<_, VolumeError>(drawn)
+                Ok::<_, PictureError>(drawn)
             })?;
             match &values {
                 Raw::Sums(_, counts) => {
@@ -705,7 +820,28 @@ impl Session {
                 }
             }
         }
-        Ok((Picture { values, left_out, ..picture }, selection.hidden))
+        let told = |moment: ShownMoment| ShownMoment { tracks_drawn: tracks.unwrap_or(moment.tracks_drawn), ..moment };
+        let moment = picture.moment.map(told);
+        Ok((Picture { values, left_out, moment, paths: on_top, ..picture }, selection.hidden))
+    }
+
+    /// A picture that an adapter has drawn, with paths on top.
+    fn with_paths(&mut self, picture: Picture, shown: &Shown<'_>, times: &mut Times) -> Result<Picture, PictureError> {
+        let tracks_drawn = times.measure("paths", || self.gather_paths(shown))?;
+        let paths = times.measure("paths", || self.paths.as_ref().map(|layer| Arc::new(layer.colors())));
+        let moment = picture.moment.map(|moment| ShownMoment { tracks_drawn, ..moment });
+        Ok(Picture { moment, paths, ..picture })
+    }
+
+    /// The passes of an adapter that draw a flat picture: none where paths lie among what it shows.
+    fn flat_passes(&mut self, shown: &Shown<'_>) -> Result<Option<Passes>, PictureError> {
+        let mode = shown.depiction.mode;
+        let passes = self.passes(mode)?;
+        if passes.is_some() && mode.technique.takes_paths() && self.has_paths(&shown.shot.look) {
+            self.tell_of_paths("volumes with paths are drawn by the processor");
+            return Ok(None);
+        }
+        Ok(passes)
     }
 
     /// How many of a picture's splats lie over each pixel, counted by what draws it.

@@ -7,6 +7,7 @@ use crate::codec::{Codebook, CodebookScope};
 use crate::color::Accumulation;
 use crate::color::transfer::{Levels, TransferFunction};
 use crate::cpu::overdraw::{Overdraw, overdraw};
+use crate::cpu::paths::PathFragments;
 use crate::cpu::volume::VolumeError;
 use crate::cpu::volume::particles::{density_scale, density_scale_of};
 use crate::cpu::{Counts, Method, SplatError, SplatOptions, Splats, around};
@@ -77,6 +78,21 @@ impl<'a> Subject<'a> {
     /// [`VolumeError`] as [`crate::mode::Mode::draw`].
     pub fn draw(&self, view: &View, nodes: &[DecodedNode<'_>], plan: &Plan) -> Result<Raw, VolumeError> {
         self.draw_batches(view, &batches(self.depiction, nodes)?, plan)
+    }
+
+    /// The same with paths among what is drawn, of modes that take them.
+    ///
+    /// # Errors
+    /// As [`Subject::draw`].
+    pub fn draw_with_paths(
+        &self,
+        view: &View,
+        nodes: &[DecodedNode<'_>],
+        plan: &Plan,
+        paths: Option<&PathFragments>,
+    ) -> Result<Raw, VolumeError> {
+        let batches = batches(self.depiction, nodes)?;
+        self.depiction.mode.draw(&Job { paths, ..self.job(view, &batches, plan) })
     }
 
     /// Decodes nodes and draws them.
@@ -167,7 +183,17 @@ impl<'a> Subject<'a> {
         };
         let (options, settings) = (self.options(plan), &depiction.settings);
         let density_scale = self.density_scale(batches);
-        Job { view, batches, options, settings, transfer, diameter, densest: self.densest(), density_scale }
+        Job {
+            view,
+            batches,
+            options,
+            settings,
+            transfer,
+            diameter,
+            densest: self.densest(),
+            density_scale,
+            paths: None,
+        }
     }
 
     /// The factor on particles' own densities, by what the codebooks of leaves have; of data without any, by what `batches` have.

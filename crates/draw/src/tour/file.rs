@@ -356,11 +356,7 @@ impl TourFile {
     pub fn to_ron(&self) -> String {
         // Plain numbers, names, lists and options always have a RON form.
         let style = ron::ser::PrettyConfig::new().depth_limit(4).struct_names(false);
-        let is_tracked = |sets: &Vec<SelectionSet>| sets.iter().any(|set| set.members.are_timed());
-        let is_timed = |look: &LookPatch| {
-            look.time.is_some() || look.interpolation.is_some() || look.selections.as_ref().is_some_and(is_tracked)
-        };
-        let has_time = self.keyframes.iter().any(|keyframe| is_timed(&keyframe.look));
+        let has_time = self.keyframes.iter().any(|keyframe| keyframe.look.is_of_runs());
         let version = if has_time { VERSION_TIME } else { VERSION };
         ron::ser::to_string_pretty(&TourFile { version, ..self.clone() }, style).unwrap_or_default()
     }

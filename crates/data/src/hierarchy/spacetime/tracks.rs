@@ -3,6 +3,7 @@
 use super::lattice::Lattice;
 use super::spline::HermiteSpline;
 use crate::codec::AttributeMerge;
+use crate::model::Bounds;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
@@ -154,6 +155,16 @@ impl Interval {
                 let movement = DVec3::from(tracks.ends[end].movements[i].map(|v| v as f64));
                 movement * (unit * self.length / self.spans[end])
             }),
+        }
+    }
+
+    /// Where what moves within these bounds may be drawn: what leaves a periodic box comes in again on the other side.
+    pub fn in_box(&self, bounds: Bounds) -> Bounds {
+        let Some(edge) = self.box_size else { return bounds };
+        let sticks_out = bounds.min.cmplt(DVec3::ZERO) | bounds.max.cmpge(DVec3::splat(edge));
+        Bounds {
+            min: DVec3::select(sticks_out, DVec3::ZERO, bounds.min),
+            max: DVec3::select(sticks_out, DVec3::splat(edge), bounds.max),
         }
     }
 

@@ -15,7 +15,6 @@ use crate::store::metadata::{AttributeInfo, FamilyMetadata, Metadata};
 use crate::store::page::{Branch, NODE_MEMORY, Node, NodeRef, Page, PageId};
 use crate::store::page_file::PageBytes;
 use crate::store::tree::Tree;
-use glam::DVec3;
 use std::borrow::Cow;
 use std::path::Path;
 use std::sync::Arc;
@@ -196,7 +195,7 @@ impl Tree for RunTree {
         };
         let mass = 0.5 * (about.mass[0] + about.mass[1]);
         let drawn = sums(false);
-        let bounds = in_box(about.bounds, &space);
+        let bounds = space.in_box(about.bounds);
         let node = Node {
             encoding: if about.is_leaf() { Encoding::Leaf } else { Encoding::Grid },
             // Another one for each node, so that samples of neighbours have nothing in common.
@@ -213,7 +212,7 @@ impl Tree for RunTree {
         };
         let first = page.0 - own as u32;
         let child = |child: &u32| {
-            let bounds = in_box(index.nodes[*child as usize].bounds, &space);
+            let bounds = space.in_box(index.nodes[*child as usize].bounds);
             (NodeRef { page: PageId(first + child), node: 0 }, bounds)
         };
         let children = about.children.iter().map(child).collect();
@@ -296,16 +295,6 @@ impl Content for MovingTracks {
 
     fn memory(&self) -> u64 {
         self.tracks.len() as u64 * track_memory(self.rules.len())
-    }
-}
-
-/// Where particles of a box may be drawn: those that leave a periodic box come in again on the other side.
-fn in_box(bounds: Bounds, interval: &Interval) -> Bounds {
-    let Some(edge) = interval.box_size else { return bounds };
-    let sticks_out = bounds.min.cmplt(DVec3::ZERO) | bounds.max.cmpge(DVec3::splat(edge));
-    Bounds {
-        min: DVec3::select(sticks_out, DVec3::ZERO, bounds.min),
-        max: DVec3::select(sticks_out, DVec3::splat(edge), bounds.max),
     }
 }
 

@@ -14,6 +14,7 @@ pub mod caps;
 #[cfg(test)]
 mod tests;
 
+use super::paths::PathFragments;
 use super::volume::particles::{Particle, Projected, Taken, project};
 use super::volume::raycast::Ray;
 use super::volume::{Classifier, OpaqueDepths, VolumeError, VolumeOptions, VolumeReport, extents};
@@ -116,6 +117,21 @@ pub fn draw(
     (layers, assignment, termination): (u32, Assignment, f32),
     options: &VolumeOptions,
 ) -> Result<(Colors, VolumeReport), VolumeError> {
+    draw_with_paths(view, batches, classifier, (layers, assignment, termination), options, None)
+}
+
+/// The same with paths among the layers: each divides the layer that it is in.
+///
+/// # Errors
+/// As [`draw`].
+pub fn draw_with_paths(
+    view: &View,
+    batches: &[Splats<'_>],
+    classifier: &Classifier,
+    (layers, assignment, termination): (u32, Assignment, f32),
+    options: &VolumeOptions,
+    paths: Option<&PathFragments>,
+) -> Result<(Colors, VolumeReport), VolumeError> {
     if !(1..=MOST_LAYERS).contains(&layers) {
         let expected = format!("a number from 1 to {MOST_LAYERS}");
         return Err(VolumeError::Setting { field: "layers", found: layers.to_string(), expected });
@@ -162,8 +178,9 @@ pub fn draw(
             let picture = splat(view, columns, particles.attribute, &raster)?;
             report.resampling += start.elapsed();
             let start = Instant::now();
-            let thickness = (cutter.edges[layer + 1] - cutter.edges[layer]) as f32;
-            let (samples, open) = blend(&mut rays, &picture, (&cutter.grid, layer), thickness, classifier, termination);
+            let edges = [cutter.edges[layer] as f32, cutter.edges[layer + 1] as f32];
+            let (samples, open) =
+                blend(&mut rays, &picture, (&cutter.grid, layer), edges, classifier, termination, paths);
             *report.samples.get_or_insert(0) += samples;
             report.rendering += start.elapsed();
             if !open {
@@ -171,6 +188,12 @@ pub fn draw(
             }
         }
         first = end;
+    }
+    if let Some(paths) = paths {
+        let width = view.width as usize;
+        rays.par_chunks_mut(width).enumerate().for_each(|(y, rays)| {
+            rays.iter_mut().enumerate().for_each(|(x, ray)| ray.meet_rest(paths.of(x, y), termination));
+        });
     }
     let rgba = rays.iter().map(|ray| [ray.color[0], ray.color[1], ray.color[2], ray.alpha]).collect();
     if options.occlusion {
@@ -257,10 +280,12 @@ fn blend(
     rays: &mut [Ray],
     picture: &Accumulation,
     (grid, layer): (&PerspectiveGrid, usize),
-    thickness: f32,
+    [front, back]: [f32; 2],
     classifier: &Classifier,
     termination: f32,
+    paths: Option<&PathFragments>,
 ) -> (u64, bool) {
+    let thickness = back - front;
     let width = picture.width as usize;
     let row = |(y, rays): (usize, &mut [Ray])| {
         let (mut samples, mut open) = (0, false);
@@ -269,15 +294,26 @@ fn blend(
                 continue;
             }
             let index = y * width + x;
+            let fragments = paths.map_or(&[][..], |paths| paths.of(x, y));
+            ray.meet(fragments, front);
             let distance = thickness * grid.secant([x as f64 + 0.5, y as f64 + 0.5]) as f32;
             let density = picture.p[index] / distance;
             if density > classifier.least() {
                 let weighted = picture.ps.get(index).map_or(0.0, |ps| ps / distance);
                 let matter = classifier.matter(density, weighted);
-                ray.under(matter.color, 1.0 - (-matter.extinction * distance).exp());
+                let mut at = front;
+                while let Some(path) = fragments.get(ray.next as usize).filter(|path| path.depth < back) {
+                    let share = (path.depth - at) / thickness;
+                    ray.under(matter.color, 1.0 - (-matter.extinction * distance * share).exp());
+                    at = path.depth;
+                    ray.meet(fragments, at.next_up());
+                }
+                let rest = if at > front { (back - at) / thickness } else { 1.0 };
+                ray.under(matter.color, 1.0 - (-matter.extinction * distance * rest).exp());
                 samples += 1;
-                ray.end = layer as u32;
             }
+            ray.meet(fragments, back);
+            ray.end = layer as u32;
             open |= ray.alpha < termination;
         }
         (samples, open)

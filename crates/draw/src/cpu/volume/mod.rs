@@ -28,6 +28,7 @@ pub use raycast::Scenery;
 pub use surface::{Light, Surface};
 
 use super::Splats;
+use super::paths::PathFragments;
 use crate::color::Colors;
 use crate::model::Kernel;
 use crate::view::perspective_grid::{GridError, GridOptions};
@@ -200,6 +201,20 @@ pub fn draw(
     scenery: &Scenery,
     options: &VolumeOptions,
 ) -> Result<(Colors, VolumeReport), VolumeError> {
+    draw_with_paths(view, batches, scenery, options, None)
+}
+
+/// The same with paths in the volume, each at its own depth.
+///
+/// # Errors
+/// [`VolumeError`] as [`prepare`].
+pub fn draw_with_paths(
+    view: &View,
+    batches: &[Splats<'_>],
+    scenery: &Scenery,
+    options: &VolumeOptions,
+    paths: Option<&PathFragments>,
+) -> Result<(Colors, VolumeReport), VolumeError> {
     let start = Instant::now();
     let prepared = prepare(view, batches, options)?;
     let mut report = VolumeReport {
@@ -210,7 +225,7 @@ pub fn draw(
         resampling: start.elapsed(),
         ..VolumeReport::default()
     };
-    let colors = cast(view, &prepared, scenery, options, &mut report);
+    let colors = cast(view, &prepared, scenery, options, paths, &mut report);
     Ok((colors, report))
 }
 
@@ -221,6 +236,7 @@ pub fn cast(
     prepared: &Prepared,
     scenery: &Scenery,
     options: &VolumeOptions,
+    paths: Option<&PathFragments>,
     report: &mut VolumeReport,
 ) -> Colors {
     let (grid, brick_grid, particles) = (&prepared.grid, prepared.brick_grid(), &prepared.particles);
@@ -228,6 +244,9 @@ pub fn cast(
     let slabs = grid.slabs(options.memory, cell_bytes, BRICK as u32);
     report.slabs = slabs.len();
     let mut rays = Rays::new(grid, brick_grid, view.width, view.height);
+    if let Some(paths) = paths {
+        rays.look_for(grid, paths);
+    }
     let (mut kept, mut hidden) = (Slab::default(), Vec::new());
     let mut resampler = Resampler::new(prepared, options.kernel).showing_above(scenery.least());
     for slab in slabs {
@@ -243,7 +262,7 @@ pub fn cast(
         held.layers.extend(resampled);
         let held_now = particles.bytes() + held.bytes() + rays.bytes();
         report.memory = report.memory.max(Some(held_now));
-        let effort = rays.advance(grid, brick_grid, &held, slab.steps, scenery);
+        let effort = rays.advance(grid, brick_grid, &held, slab.steps, scenery, paths);
         *report.samples.get_or_insert(0) += effort.samples;
         *report.crossings.get_or_insert(0) += effort.crossings;
         kept = held.split_last(|layers| resampler.recycle(layers));
@@ -255,6 +274,9 @@ pub fn cast(
         if !hidden.is_empty() && hidden.iter().all(|hidden| *hidden) {
             break;
         }
+    }
+    if let Some(paths) = paths {
+        rays.meet_rest(paths, scenery.termination);
     }
     if options.occlusion {
         let depths = rays.opaque_depths(grid, scenery.termination);

@@ -9,6 +9,7 @@ use super::block::{BEFORE, Block, FRONT, Place, SIDE};
 use super::bricks::{BORDER, BRICK, BrickGrid, Slab};
 use super::classify::Classifier;
 use super::surface::{Crossings, Light, Surface, gradient};
+use crate::cpu::paths::{PathFragment, PathFragments};
 use crate::view::PerspectiveGrid;
 use rayon::prelude::*;
 
@@ -50,6 +51,10 @@ pub struct Ray {
     done: f32,
     /// The step, or the layer, in which it ended.
     pub(in crate::cpu) end: u32,
+    /// The next fragment of a path that it meets.
+    pub(in crate::cpu) next: u32,
+    /// Where in the grid that is, in slices; infinite without.
+    until: f32,
 }
 
 impl Ray {
@@ -62,6 +67,24 @@ impl Ray {
         }
         self.alpha += share;
     }
+
+    /// Meets the fragments of paths, of those of its pixel, that are in front of a depth.
+    #[inline]
+    pub(in crate::cpu) fn meet(&mut self, fragments: &[PathFragment], depth: f32) {
+        while let Some(fragment) = fragments.get(self.next as usize).filter(|fragment| fragment.depth < depth) {
+            self.under(fragment.color, fragment.alpha);
+            self.next += 1;
+        }
+    }
+
+    /// Meets all fragments that are left.
+    pub(in crate::cpu) fn meet_rest(&mut self, fragments: &[PathFragment], termination: f32) {
+        if self.alpha < termination && (self.next as usize) < fragments.len() {
+            self.meet(fragments, f32::INFINITY);
+            // Nothing was hidden from it.
+            self.end = u32::MAX - 1;
+        }
+    }
 }
 
 /// The rays through one column of bricks.
@@ -73,6 +96,52 @@ pub struct Tile {
     pub rows: [usize; 2],
     /// The rays, row by row.
     pub rays: Vec<Ray>,
+}
+
+impl Tile {
+    /// Hands each ray to `with`, with the fragments of paths in its pixel.
+    fn each(&mut self, paths: &PathFragments, mut with: impl FnMut(&mut Ray, &[PathFragment])) {
+        let width = (self.columns[1] - self.columns[0]).max(1);
+        for (y, rays) in (self.rows[0]..self.rows[1]).zip(self.rays.chunks_mut(width)) {
+            for (x, ray) in (self.columns[0]..self.columns[1]).zip(rays) {
+                with(ray, paths.of(x, y));
+            }
+        }
+    }
+
+    /// Passes steps in which there is nothing but paths.
+    fn pass(&mut self, grid: &PerspectiveGrid, paths: &PathFragments, end: usize, termination: f32) {
+        let until = end as f32 - 0.5;
+        if self.rays.iter().all(|ray| ray.until >= until) {
+            return;
+        }
+        self.each(paths, |ray, fragments| {
+            while ray.until < until && ray.alpha < termination {
+                ray.meet_next(grid, fragments);
+                ray.end = end.saturating_sub(1) as u32;
+            }
+        });
+    }
+}
+
+impl Ray {
+    /// Meets the next fragment.
+    #[inline]
+    fn meet_next(&mut self, grid: &PerspectiveGrid, fragments: &[PathFragment]) {
+        if let Some(fragment) = fragments.get(self.next as usize) {
+            self.under(fragment.color, fragment.alpha);
+        }
+        self.next += 1;
+        self.until = slice_of(grid, fragments.get(self.next as usize));
+    }
+}
+
+/// Where in the grid a fragment lies, in slices.
+fn slice_of(grid: &PerspectiveGrid, fragment: Option<&PathFragment>) -> f32 {
+    let Some(fragment) = fragment else { return f32::INFINITY };
+    let slice = grid.slice(f64::from(fragment.depth)) as f32;
+    // What is in front of every plane comes first.
+    if slice.is_nan() { -1.0 } else { slice }
 }
 
 /// Work done by rays.
@@ -108,7 +177,10 @@ impl Rays {
             columns.iter().map(move |&columns| Tile {
                 columns,
                 rows,
-                rays: vec![Ray::default(); (columns[1] - columns[0]) * (rows[1] - rows[0])],
+                rays: vec![
+                    Ray { until: f32::INFINITY, ..Ray::default() };
+                    (columns[1] - columns[0]) * (rows[1] - rows[0])
+                ],
             })
         });
         Rays { tiles: tiles.collect(), width: width as usize, height: height as usize, places }
@@ -119,7 +191,19 @@ impl Rays {
         (self.width * self.height * size_of::<Ray>()) as u64
     }
 
-    /// Draws the steps of one slab.
+    /// Finds the first fragment of a path that each meets.
+    pub fn look_for(&mut self, grid: &PerspectiveGrid, paths: &PathFragments) {
+        let look = |ray: &mut Ray, fragments: &[PathFragment]| ray.until = slice_of(grid, fragments.first());
+        self.tiles.par_iter_mut().for_each(|tile| tile.each(paths, |ray, fragments| look(ray, fragments)));
+    }
+
+    /// Meets what there is of paths behind the grid.
+    pub fn meet_rest(&mut self, paths: &PathFragments, termination: f32) {
+        let meet = |tile: &mut Tile| tile.each(paths, |ray, fragments| ray.meet_rest(fragments, termination));
+        self.tiles.par_iter_mut().for_each(meet);
+    }
+
+    /// Draws the steps of one slab, and the paths in them.
     pub fn advance(
         &mut self,
         grid: &PerspectiveGrid,
@@ -127,6 +211,7 @@ impl Rays {
         slab: &Slab,
         steps: std::ops::Range<u32>,
         scenery: &Scenery,
+        paths: Option<&PathFragments>,
     ) -> Effort {
         let Rays { tiles, places, .. } = self;
         let steps = steps.start as usize..steps.end as usize;
@@ -148,10 +233,14 @@ impl Rays {
                     ((layer + 1) * BRICK - 1).min(steps.end)
                 };
                 if block.fill(slab, brick_grid, [at[0], at[1], layer], least) {
-                    let march = March { grid, brick_grid, block: &block, layer, steps: step..end, scenery, places };
+                    let steps = step..end;
+                    let march = March { grid, brick_grid, block: &block, layer, steps, scenery, places, paths };
                     march.tile(at, tile, &mut effort);
                 } else {
                     tile.rays.iter_mut().for_each(|ray| ray.done = 0.0);
+                    if let Some(paths) = paths {
+                        tile.pass(grid, paths, end, scenery.termination);
+                    }
                 }
                 step = end;
             }
@@ -226,6 +315,7 @@ struct March<'a> {
     steps: std::ops::Range<usize>,
     scenery: &'a Scenery,
     places: &'a [Vec<(usize, f32)>; 2],
+    paths: Option<&'a PathFragments>,
 }
 
 impl March<'_> {
@@ -245,7 +335,8 @@ impl March<'_> {
                     shares: [share_x, share_y],
                 };
                 let grid_place = [(x as f64 + 0.5) / self.grid.cell, (y as f64 + 0.5) / self.grid.cell];
-                self.ray(ray, &place, grid_place, effort);
+                let fragments = self.paths.map_or(&[][..], |paths| paths.of(x, y));
+                self.ray(ray, &place, grid_place, fragments, effort);
             }
         }
     }
@@ -257,7 +348,7 @@ impl March<'_> {
     }
 
     #[inline]
-    fn ray(&self, ray: &mut Ray, place: &Place, at: [f64; 2], effort: &mut Effort) {
+    fn ray(&self, ray: &mut Ray, place: &Place, at: [f64; 2], fragments: &[PathFragment], effort: &mut Effort) {
         let slices = self.brick_grid.slices;
         let secant = self.grid.secant(at) as f32;
         let least = self.scenery.least();
@@ -267,12 +358,15 @@ impl March<'_> {
         };
         for step in self.steps.clone() {
             let now = if step < slices { self.block.sample(place, self.local(step)) } else { [0.0; 2] };
-            if step == 0 || (before[0] <= least && now[0] <= least) {
+            let is_empty = step == 0 || (before[0] <= least && now[0] <= least);
+            // The way of a step is from half a slice before it to half a slice behind.
+            let meets = ray.until < step as f32 + 0.5;
+            if is_empty && !meets {
                 ray.done = 0.0;
                 before = now;
                 continue;
             }
-            let crossings = if step < slices && !self.scenery.surfaces.is_empty() {
+            let crossings = if !is_empty && step < slices && !self.scenery.surfaces.is_empty() {
                 let z = self.local(step);
                 let (first, last) =
                     (self.block.density(place, z - 2), self.block.density(place, (z + 1).min(SIDE - 1)));
@@ -281,21 +375,38 @@ impl March<'_> {
                 None
             };
             let mut next_done = 0.0;
-            if let Some(crossings) = crossings.filter(|crossings| !crossings.is_empty()) {
-                for crossing in crossings.iter() {
-                    effort.crossings += 1;
-                    let until = (0.5 + crossing.at).min(1.0);
-                    self.through(ray, step - 1, before, until - ray.done, secant, effort);
-                    ray.done = until;
-                    let beyond = (crossing.at - 0.5).max(0.0);
+            let found = crossings.filter(|crossings| !crossings.is_empty());
+            if meets || found.is_some() {
+                // Surfaces and paths, in the order in which they are met.
+                let mut surfaces = found.iter().flat_map(Crossings::iter).peekable();
+                loop {
+                    let path = (ray.until - (step as f32 - 0.5)).max(0.0);
+                    let surface = surfaces.peek().map_or(f32::INFINITY, |crossing| crossing.at);
+                    let event = path.min(surface);
+                    if event > 1.0 || (path >= 1.0 && surface == f32::INFINITY) {
+                        break;
+                    }
+                    let until = (0.5 + event).min(1.0);
+                    if step > 0 && until > ray.done {
+                        self.through(ray, step - 1, before, until - ray.done, secant, effort);
+                    }
+                    ray.done = ray.done.max(until);
+                    let beyond = (event - 0.5).max(0.0);
                     if beyond > next_done {
                         self.through(ray, step, now, beyond - next_done, secant, effort);
                         next_done = beyond;
                     }
-                    self.surface(ray, place, at, step, crossing.at, crossing.surface, [before, now]);
+                    if path < 1.0 && path <= surface {
+                        ray.meet_next(self.grid, fragments);
+                    } else if let Some(crossing) = surfaces.next() {
+                        effort.crossings += 1;
+                        self.surface(ray, place, at, step, crossing.at, crossing.surface, [before, now]);
+                    }
                 }
             }
-            self.through(ray, step - 1, before, 1.0 - ray.done, secant, effort);
+            if step > 0 {
+                self.through(ray, step - 1, before, 1.0 - ray.done, secant, effort);
+            }
             ray.done = next_done;
             if ray.alpha >= self.scenery.termination {
                 ray.end = step as u32;

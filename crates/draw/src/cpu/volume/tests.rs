@@ -336,6 +336,63 @@ fn opacity_of_a_homogeneous_slab_does_not_depend_on_sampling() {
     }
 }
 
+/// Check 22: light of an opaque path before, in and behind a slab of known opacity.
+#[test]
+fn paths_are_seen_through_what_of_a_slab_is_before_them() {
+    use crate::cpu::layered::{self, Assignment};
+    use crate::cpu::paths::{PathFragment, PathFragments};
+    let cloud = Cloud::lattice(10, 4.0);
+    // 0.3 for each 0.5 at any density above 0.1; 1.2 deep between the planes, everywhere within the lattice.
+    let scenery = scenery("(opacity: [(0.0, 0.0), (0.01, 0.3)], brightness: [(0.0, 1.0)])", [0.1, 10.0], 0.5, vec![]);
+    let (width, height, red) = (33, 21, [1.0, 0.25, 0.0]);
+    let path = |depth: f64, alpha: f32| PathFragment { depth: depth as f32, color: red, alpha };
+    for (resolution, projection) in
+        [(1.0, Projection::Orthographic { height: 1.2 }), (0.5, Projection::Perspective { fov_y: 0.3 })]
+    {
+        let view = look(DVec3::new(0.0, 0.0, 3.0), projection, width, height);
+        let options = VolumeOptions {
+            grid: GridOptions { resolution, lambda: true },
+            near: Some(2.4),
+            far: Some(3.6),
+            ..VolumeOptions::default()
+        };
+        let draw = |fragments: &[PathFragment]| {
+            let paths = PathFragments::everywhere([width as usize, height as usize], fragments);
+            let volume = draw_with_paths(&view, &[cloud.batch()], &scenery, &options, Some(&paths)).unwrap().0;
+            let way = (16, Assignment::Kernel, scenery.termination);
+            let layers =
+                layered::draw_with_paths(&view, &[cloud.batch()], &scenery.classifier, way, &options, Some(&paths));
+            // In the middle, where rays go straight through.
+            [volume, layers.unwrap().0].map(|colors| colors.rgba[10 * 33 + 16])
+        };
+        let through = |depth: f64| 0.7f64.powf((depth.clamp(2.4, 3.6) - 2.4) / 0.5) as f32;
+        for (kind, alone) in draw(&[]).into_iter().enumerate() {
+            assert!((alone[3] - (1.0 - through(3.6))).abs() < 3e-4, "{kind}: {alone:?}");
+            let white = [0, 1, 2].map(|k| alone[k] / alone[3]);
+            for depth in [1.5, 2.4, 2.41, 2.77, 3.0, 3.0123, 3.59, 3.6, 7.0] {
+                let (found, share) = (draw(&[path(depth, 1.0)])[kind], through(depth));
+                for k in 0..3 {
+                    let light = share * red[k] + (1.0 - share) * white[k];
+                    assert!((found[k] - light).abs() <= 1e-3, "{kind} {depth}: {found:?} {light}");
+                }
+                assert!((found[3] - 1.0).abs() <= 1e-3, "{kind} {depth}: {found:?}");
+            }
+            // Several that are half transparent, two of them in one cell.
+            let all = [1.0, 2.8, 2.8001, 3.3, 9.0].map(|depth| path(depth, 0.5));
+            let found = draw(&all)[kind];
+            let (mut light, mut open, mut at) = ([0.0f32; 3], 1.0, 1.0);
+            let mut pass = |next: f64, alpha: f32| {
+                let share = through(next) / through(at);
+                (0..3).for_each(|k| light[k] += open * ((1.0 - share) * white[k] + share * alpha * red[k]));
+                (open, at) = (open * share * (1.0 - alpha), next);
+            };
+            all.iter().for_each(|path| pass(f64::from(path.depth), path.alpha));
+            assert!((0..3).all(|k| (found[k] - light[k]).abs() <= 1e-3), "{kind}: {found:?} {light:?}");
+            assert!((found[3] - (1.0 - open)).abs() <= 1e-3, "{kind}: {found:?} {open}");
+        }
+    }
+}
+
 pub(in crate::cpu) fn difference(a: &Colors, b: &Colors) -> f32 {
     let pairs = a.rgba.as_flattened().iter().zip(b.rgba.as_flattened());
     pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)

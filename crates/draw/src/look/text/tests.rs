@@ -7,7 +7,7 @@ use crate::color::transfer::{Hue, Range, TransferFunction};
 use crate::explore::{IdSet, Members, Region, SelectionSet, Show};
 use crate::look::Film;
 use crate::look::{Attribute, Bookmark, Camera, DatasetRef, Fingerprint, LookPatch, Panels, VERSION_TIME};
-use crate::mode::{SettingValue, Settings};
+use crate::mode::{Focus, PathSettings, PathShape, PathsOf, SettingValue, Settings, Span};
 use crate::model::When;
 use crate::modes::volume_isosurface;
 use crate::view::cut::{Axis, ClipBox, Fade, Slab};
@@ -78,6 +78,16 @@ fn full() -> SceneFile {
                     ..SelectionSet::new("ids", Region::whole(), 0)
                 },
             ]),
+            paths: Some(PathSettings {
+                of: Some(PathsOf::Selections(vec!["core".into()])),
+                tail: Span::Steps(2.5),
+                level: Some(3),
+                focus: Some(Focus::Selection("ids".into())),
+                shape: PathShape::Arrow,
+                color: "#ff8000".into(),
+                opacity: 0.5,
+                ..PathSettings::default()
+            }),
             background: Some(crate::color::composite::Background::Transparent),
         },
         size: Some((976, 720)),

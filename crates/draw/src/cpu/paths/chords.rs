@@ -1,0 +1,536 @@
+//! From curves to chords in the picture.
+//!
+//! A projected Bézier curve in front of the eye lies in the hull of its projected control points, also in perspective, where it is a
+//! rational curve with positive weights. It is halved until these are within [`TOLERANCE`] of the chord, so the curve is, too.
+
+use super::curves::Curves;
+use super::palette::{Palette, Quantity};
+use super::stroke::{MOST_SHIFT, Stroke, kind};
+use super::style::{PathShape, Style};
+use crate::hierarchy::spacetime::TrackFlags;
+use crate::view::{Projection, View};
+use glam::{DVec3, Vec3};
+
+/// How far a chord may be from its curve, pixels.
+pub const TOLERANCE: f32 = 0.25;
+/// Halvings of a curve at most.
+const MOST_HALVINGS: u32 = 12;
+/// Opacity that is not seen.
+const UNSEEN: f32 = 1.0 / 512.0;
+/// Halvings that give highlights their shape.
+const HIGHLIGHT_HALVINGS: u32 = 4;
+/// The radius of a comet's ball, and the half width of an arrow's head, in half widths of the path.
+const HEAD_SIZE: f32 = 2.0;
+/// Length of an arrow's head, in its half widths.
+const HEAD_LENGTH: f32 = 2.5;
+/// How many images of a curve along an axis are looked at: what goes further in one interval is lost anyway.
+const MOST_IMAGES: i32 = 3;
+
+/// Curves that are drawn, and which part of them.
+#[derive(Clone, Copy)]
+pub struct Drawn<'a> {
+    /// The curves.
+    pub curves: &'a Curves,
+    /// Which of them; all where it is `None`.
+    pub which: Option<&'a [u32]>,
+    /// The part of the interval.
+    pub part: Part,
+    /// The edge of the periodic box, with its corner at the origin.
+    pub box_size: Option<f64>,
+}
+
+impl Drawn<'_> {
+    /// How many curves.
+    pub fn len(&self) -> usize {
+        self.which.map_or(self.curves.len(), <[u32]>::len)
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+}
+
+/// A part of an interval.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Part {
+    /// Where it begins and ends, from 0 to 1.
+    pub u: [f32; 2],
+    /// Opacity there, by the distance to the present.
+    pub fade: [f32; 2],
+    /// Whether the present is at its end: heads are there.
+    pub head: bool,
+    /// Place in the whole time that is drawn, from 0 to 1, at both ends.
+    pub place: [f32; 2],
+    /// Number of the interval.
+    pub interval: usize,
+}
+
+/// Half-spaces that chords are cut to, in camera coordinates: `normal . at + offset >= 0`.
+type Planes = Vec<(Vec3, f32)>;
+
+/// A camera, in single precision.
+struct Lens {
+    perspective: bool,
+    focal: f32,
+    middle: [f32; 2],
+    size: [f32; 2],
+    /// What is nearer is not drawn.
+    near: f32,
+}
+
+impl Lens {
+    fn new(view: &View) -> Lens {
+        let perspective = matches!(view.projection, Projection::Perspective { .. });
+        Lens {
+            perspective,
+            focal: view.focal_pixels() as f32,
+            middle: view.middle().map(|pixels| pixels as f32),
+            size: [view.width as f32, view.height as f32],
+            near: 0.0,
+        }
+    }
+
+    #[inline]
+    fn pixel(&self, at: Vec3) -> [f32; 2] {
+        let scale = if self.perspective { self.focal / at.z } else { self.focal };
+        [self.middle[0] + at.x * scale, self.middle[1] - at.y * scale]
+    }
+}
+
+/// Projects curves and divides them into chords.
+pub struct Chopper<'a> {
+    view: &'a View,
+    style: &'a Style,
+    lens: Lens,
+}
+
+/// One curve on its way into the picture.
+struct Course<'a> {
+    planes: &'a [(Vec3, f32)],
+    part: Part,
+    half: [f32; 2],
+    faint: [f32; 2],
+    kind: u8,
+    color: Option<[u8; 3]>,
+    values: [f32; 2],
+    /// From the curve's parameter to speeds.
+    per_interval: f32,
+}
+
+/// A part of a curve: control points, where it is in the part that is drawn, and its directions in the picture at both ends.
+#[derive(Clone, Copy)]
+struct Piece {
+    points: [Vec3; 4],
+    share: [f32; 2],
+    directions: [Option<[f32; 2]>; 2],
+}
+
+impl<'a> Chopper<'a> {
+    /// For a view.
+    pub fn new(view: &'a View, style: &'a Style) -> Chopper<'a> {
+        Chopper { view, style, lens: Lens::new(view) }
+    }
+
+    /// Appends the strokes of some of the curves of `drawn`, by their places in it; returns how many curves are in the view.
+    pub fn chop(&self, drawn: &Drawn<'_>, range: std::ops::Range<usize>, out: &mut Vec<Stroke>) -> u64 {
+        let mut seen = vec![false; range.len()];
+        for offset in self.view.images.offsets() {
+            self.image(drawn, range.clone(), offset, &mut seen, out);
+        }
+        seen.into_iter().filter(|seen| *seen).count() as u64
+    }
+
+    /// The same for an image of a periodic box.
+    fn image(
+        &self,
+        drawn: &Drawn<'_>,
+        range: std::ops::Range<usize>,
+        offset: DVec3,
+        seen: &mut [bool],
+        out: &mut Vec<Stroke>,
+    ) {
+        let curves = drawn.curves;
+        let cut = &self.view.cut;
+        let bounds = curves.bounds;
+        let sticks_out = |edge: f64| bounds.min.cmplt(DVec3::ZERO).any() || bounds.max.cmpge(DVec3::splat(edge)).any();
+        let wrapping = drawn.box_size.filter(|edge| sticks_out(*edge));
+        let is_cut = cut.clips() && {
+            let moved = bounds.moved(offset);
+            !(cut.keeps(moved.min) && cut.keeps(moved.max))
+        };
+        let cut_planes = if is_cut { self.planes(cut.bounds.min, cut.bounds.max) } else { Planes::new() };
+        let base = self.view.to_camera(curves.origin + offset).as_vec3();
+        let (right, up, forward) = (self.view.right.as_vec3(), self.view.up.as_vec3(), self.view.forward.as_vec3());
+        for (place, seen) in range.zip(seen) {
+            let i = drawn.which.map_or(place, |which| which[place] as usize);
+            let turned = curves.points[i].map(|at| {
+                let at = Vec3::from_array(at);
+                Vec3::new(at.dot(right), at.dot(up), at.dot(forward))
+            });
+            let Some(edge) = wrapping else {
+                *seen |= self.curve(drawn, i, turned.map(|at| at + base), &cut_planes, out);
+                continue;
+            };
+            // The cells of the periodic lattice that the curve may be in; it is drawn once for each, cut to the box.
+            let world = curves.points[i].map(|at| curves.origin + Vec3::from_array(at).as_dvec3());
+            let low = world.iter().fold(DVec3::INFINITY, |low, at| low.min(*at)) / edge;
+            let high = world.iter().fold(DVec3::NEG_INFINITY, |high, at| high.max(*at)) / edge;
+            let cells = |axis: usize| {
+                let first = (low[axis].floor() as i32).max(-MOST_IMAGES);
+                first..=(high[axis].floor() as i32).min(first.saturating_add(MOST_IMAGES))
+            };
+            let inside = [0, 1, 2].map(|axis| cells(axis)).iter().all(|cells| *cells == (0..=0));
+            let mut planes = cut_planes.clone();
+            if !inside {
+                planes.extend(self.planes(offset, offset + edge));
+            }
+            for x in cells(0) {
+                for y in cells(1) {
+                    for z in cells(2) {
+                        let back = offset - edge * DVec3::new(f64::from(x), f64::from(y), f64::from(z));
+                        let base = self.view.to_camera(curves.origin + back).as_vec3();
+                        *seen |= self.curve(drawn, i, turned.map(|at| at + base), &planes, out);
+                    }
+                }
+            }
+        }
+    }
+
+    /// The sides of a box, world units.
+    fn planes(&self, min: DVec3, max: DVec3) -> Planes {
+        let view = self.view;
+        let side = |axis: usize, sign: f64, at: f64| {
+            let mut normal = DVec3::ZERO;
+            normal[axis] = sign;
+            let turned = DVec3::new(normal.dot(view.right), normal.dot(view.up), normal.dot(view.forward));
+            // normal . world = normal . (eye + turned back), and the plane is where it is sign * at.
+            (turned.as_vec3(), (normal.dot(view.eye) - sign * at) as f32)
+        };
+        let sides = (0..3).flat_map(|axis| [side(axis, 1.0, min[axis]), side(axis, -1.0, max[axis])]);
+        sides.filter(|(_, offset)| offset.is_finite()).collect()
+    }
+
+    /// The strokes of one curve in camera coordinates; whether it is in view.
+    fn curve(
+        &self,
+        drawn: &Drawn<'_>,
+        i: usize,
+        points: [Vec3; 4],
+        planes: &[(Vec3, f32)],
+        out: &mut Vec<Stroke>,
+    ) -> bool {
+        let (style, part) = (self.style, drawn.part);
+        let curves = drawn.curves;
+        let (mass, flags) = (curves.mass[i], curves.flags[i]);
+        let at_ends = part.u.map(|u| mass[0] + (mass[1] - mass[0]) * u);
+        let [half, faint] = {
+            let [a, b] = at_ends.map(|mass| style.half_width(mass));
+            [[a[0], b[0]], [a[1], b[1]]]
+        };
+        // What is too thin for a pixel is fainter, and what comes or goes has less weight.
+        let weights = flags.weights();
+        let weight = |u: f32| weights[0] as f32 * (1.0 - u) + weights[1] as f32 * u;
+        let faint = [0, 1].map(|end| faint[end] * weight(part.u[end]) * style.opacity);
+        let piece = Piece { points: sub_curve(points, part.u), share: [0.0, 1.0], directions: [None; 2] };
+        let widest = HEAD_SIZE * half[0].max(half[1]) + style.halo + 1.0;
+        if !self.may_be_seen(&piece.points, widest) {
+            return false;
+        }
+        let values = curves.values.get(i).copied().unwrap_or([0.0; 2]);
+        let color = match style.palette.quantity {
+            Quantity::Plain(color) => Some(color),
+            Quantity::Mass => Some(style.palette.of_value(0.5 * (at_ends[0] + at_ends[1]))),
+            _ => None,
+        };
+        let length = (part.u[1] - part.u[0]).max(1e-9);
+        let per_interval = 1.0 / (length * curves.length as f32);
+        let kind = if style.shape == PathShape::Tube { kind::TUBE } else { 0 };
+        let course = Course { planes, part, half, faint, kind, color, values, per_interval };
+        if flags.has(TrackFlags::FADES) {
+            // No spline leads from its first place to its last.
+            if part.head {
+                let u = part.u[1];
+                for (end, share) in [(0, 1.0 - u), (3, u)] {
+                    self.ball(&course, points[end], &piece, share, out);
+                }
+            }
+            return true;
+        }
+        if part.u[1] > part.u[0] {
+            self.divide(&course, piece, 0, out);
+        }
+        if part.head {
+            match style.shape {
+                PathShape::Comet => self.ball(&course, piece.points[3], &piece, 1.0, out),
+                PathShape::Arrow => self.head(&course, &points, &piece, out),
+                PathShape::Line | PathShape::Tube => {}
+            }
+        }
+        true
+    }
+
+    /// Whether a curve with these control points may reach into the picture.
+    #[inline]
+    fn may_be_seen(&self, points: &[Vec3; 4], around: f32) -> bool {
+        let lens = &self.lens;
+        let far = points.iter().fold(f32::NEG_INFINITY, |far, at| far.max(at.z));
+        if !(far > lens.near) {
+            return false;
+        }
+        let beyond = |distance: &dyn Fn(Vec3) -> f32| points.iter().all(|at| distance(*at) < 0.0);
+        // Signed distances from the sides of the frustum, of a perspective view times depth.
+        let depth = |at: Vec3| if lens.perspective { at.z } else { 1.0 };
+        let [width, height] = lens.size;
+        let [x, y] = lens.middle;
+        let left = |at: Vec3| (x + around) * depth(at) + at.x * lens.focal;
+        let right = |at: Vec3| (width - x + around) * depth(at) - at.x * lens.focal;
+        let top = |at: Vec3| (y + around) * depth(at) - at.y * lens.focal;
+        let bottom = |at: Vec3| (height - y + around) * depth(at) + at.y * lens.focal;
+        !(beyond(&left) || beyond(&right) || beyond(&top) || beyond(&bottom))
+    }
+
+    /// Divides a piece until it is straight.
+    fn divide(&self, course: &Course<'_>, piece: Piece, halvings: u32, out: &mut Vec<Stroke>) {
+        let points = &piece.points;
+        let nearest = points.iter().fold(f32::INFINITY, |near, at| near.min(at.z));
+        let farthest = points.iter().fold(f32::NEG_INFINITY, |far, at| far.max(at.z));
+        if !(farthest > self.lens.near) {
+            return;
+        }
+        let in_front = nearest > self.lens.near && (!self.lens.perspective || nearest > 1e-4 * farthest);
+        if !in_front && halvings >= MOST_HALVINGS {
+            return;
+        }
+        if in_front {
+            let pixels = points.map(|at| self.lens.pixel(at));
+            let wanted = if self.style.highlights.is_some() { HIGHLIGHT_HALVINGS } else { 0 };
+            if halvings >= MOST_HALVINGS || (halvings >= wanted && is_flat(&pixels)) {
+                return self.stroke(course, &piece, &pixels, out);
+            }
+            if halvings > 0 {
+                let around = HEAD_SIZE * course.half[0].max(course.half[1]) + self.style.halo + 1.0;
+                if !self.may_be_seen(points, around) {
+                    return;
+                }
+            }
+        }
+        let ([first, second], middle) = halves(points);
+        let at = 0.5 * (piece.share[0] + piece.share[1]);
+        // Both sides take the same direction, so that they meet in the same line.
+        let direction = (in_front).then(|| {
+            let [a, b] = [first[2], second[1]].map(|at| self.lens.pixel(at));
+            [b[0] - a[0], b[1] - a[1]]
+        });
+        debug_assert!(middle.is_finite() || !points[0].is_finite());
+        let [from, to] = piece.directions;
+        let halvings = halvings + 1;
+        let shares = [[piece.share[0], at], [at, piece.share[1]]];
+        self.divide(course, Piece { points: first, share: shares[0], directions: [from, direction] }, halvings, out);
+        self.divide(course, Piece { points: second, share: shares[1], directions: [direction, to] }, halvings, out);
+    }
+
+    /// The stroke of a piece that is straight.
+    fn stroke(&self, course: &Course<'_>, piece: &Piece, pixels: &[[f32; 2]; 4], out: &mut Vec<Stroke>) {
+        let [a, b] = [piece.points[0], piece.points[3]];
+        let (mut low, mut high) = (0.0f32, 1.0f32);
+        for (normal, offset) in course.planes {
+            let [from, to] = [a, b].map(|at| normal.dot(at) + offset);
+            match (from >= 0.0, to >= 0.0) {
+                (true, true) => {}
+                (false, false) => return,
+                (true, false) => high = high.min(from / (from - to)),
+                (false, true) => low = low.max(from / (from - to)),
+            }
+        }
+        if low >= high {
+            return;
+        }
+        let is_whole = low == 0.0 && high == 1.0;
+        let at = |share: f32| a + (b - a) * share;
+        let ends = if is_whole { [a, b] } else { [at(low), at(high)] };
+        let [from, to] = if is_whole { [pixels[0], pixels[3]] } else { ends.map(|at| self.lens.pixel(at)) };
+        let share = |at: f32| piece.share[0] + (piece.share[1] - piece.share[0]) * at;
+        let shares = [share(low), share(high)];
+        let mix = |pair: [f32; 2]| shares.map(|share| pair[0] + (pair[1] - pair[0]) * share);
+        let (fade, faint, mut half) = (mix(course.part.fade), mix(course.faint), mix(course.half));
+        let mut alpha = [fade[0] * faint[0], fade[1] * faint[1]];
+        if self.view.cut.fade_rate > 0.0 {
+            [0, 1].into_iter().for_each(|end| alpha[end] *= self.view.cut.fade(f64::from(ends[end].z)) as f32);
+        }
+        if alpha[0].max(alpha[1]) < UNSEEN {
+            return;
+        }
+        if self.style.shape == PathShape::Comet {
+            // Its tail is thin where it ends.
+            [0, 1].into_iter().for_each(|end| half[end] = (half[end] * fade[end]).max(0.5));
+        }
+        let mut color = course.color.unwrap_or_else(|| self.color(course, piece, 0.5 * (shares[0] + shares[1])));
+        if let Some(phase) = self.style.highlights {
+            let [u, v] = course.part.u;
+            let at = course.part.interval as f32 + u + (v - u) * 0.5 * (shares[0] + shares[1]);
+            // A bell, an eighth of an interval wide.
+            let away = (at - phase).rem_euclid(1.0);
+            let away = away.min(1.0 - away) * 8.0;
+            let share = (-away * away).exp();
+            color = color.map(|byte| (f32::from(byte) + (255.0 - f32::from(byte)) * share) as u8);
+        }
+        let chord = [to[0] - from[0], to[1] - from[1]];
+        let mut kind = course.kind;
+        let direction = |end: usize| {
+            piece.directions[end].unwrap_or_else(|| {
+                let [p, q] = if end == 0 { [pixels[0], pixels[1]] } else { [pixels[2], pixels[3]] };
+                [q[0] - p[0], q[1] - p[1]]
+            })
+        };
+        let mut cuts = [shift(chord, direction(0)), shift(chord, direction(1))];
+        if low > 0.0 {
+            cuts[0] = 0.0;
+        }
+        if high < 1.0 {
+            cuts[1] = 0.0;
+        }
+        if course.part.head && shares[1] >= 1.0 {
+            kind |= kind::FREE_TO;
+        }
+        out.push(Stroke { from, to, depth: ends.map(|at| at.z), half, alpha, cuts, color, kind });
+    }
+
+    /// The colour in the middle of a piece, `share` of the part that is drawn.
+    fn color(&self, course: &Course<'_>, piece: &Piece, share: f32) -> [u8; 3] {
+        let [a, b, c, d] = piece.points;
+        let palette = &self.style.palette;
+        let along = || 0.75 * ((d - a) + (c - b));
+        match palette.quantity {
+            Quantity::Speed => {
+                let range = (piece.share[1] - piece.share[0]).max(1e-9);
+                palette.of_value(along().length() * course.per_interval / range)
+            }
+            Quantity::Direction => {
+                let (view, along) = (self.view, along().as_dvec3());
+                let world = along.x * view.right + along.y * view.up + along.z * view.forward;
+                Palette::of_direction(world.as_vec3().to_array())
+            }
+            Quantity::Time => {
+                let [first, last] = course.part.place;
+                palette.of_value(first + (last - first) * share)
+            }
+            Quantity::Value => {
+                let [u, v] = course.part.u;
+                let [begin, end] = course.values;
+                palette.of_value(begin + (end - begin) * (u + (v - u) * share))
+            }
+            Quantity::Mass | Quantity::Plain(_) => course.color.unwrap_or([255; 3]),
+        }
+    }
+
+    /// Whether a place is within the planes of a course.
+    fn keeps(course: &Course<'_>, at: Vec3) -> bool {
+        course.planes.iter().all(|(normal, offset)| normal.dot(at) + offset >= 0.0)
+    }
+
+    /// A comet's ball.
+    fn ball(&self, course: &Course<'_>, at: Vec3, piece: &Piece, share: f32, out: &mut Vec<Stroke>) {
+        let is_in_front = at.z > self.lens.near;
+        let mut alpha = course.faint[1] * course.part.fade[1] * share;
+        alpha *= self.view.cut.fade(f64::from(at.z)) as f32;
+        if !is_in_front || alpha < UNSEEN || !Chopper::keeps(course, at) {
+            return;
+        }
+        let color = course.color.unwrap_or_else(|| self.color(course, piece, 1.0));
+        let from = self.lens.pixel(at);
+        let radius = HEAD_SIZE * course.half[1];
+        out.push(Stroke {
+            from,
+            to: from,
+            depth: [at.z; 2],
+            half: [radius; 2],
+            alpha: [alpha; 2],
+            cuts: [0.0; 2],
+            color,
+            kind: kind::BALL,
+        });
+    }
+
+    /// An arrow's head.
+    fn head(&self, course: &Course<'_>, whole: &[Vec3; 4], piece: &Piece, out: &mut Vec<Stroke>) {
+        let at = piece.points[3];
+        let alpha = course.faint[1] * course.part.fade[1] * self.view.cut.fade(f64::from(at.z)) as f32;
+        if at.z <= self.lens.near || alpha < UNSEEN || !Chopper::keeps(course, at) {
+            return;
+        }
+        // Where it goes: by what was drawn, or without that by the whole curve.
+        let before = [piece.points[2], piece.points[1], piece.points[0], whole[0] + (at - whole[3])];
+        let tip = self.lens.pixel(at);
+        let direction = before.into_iter().filter(|before| before.z > self.lens.near).find_map(|before| {
+            let from = self.lens.pixel(before);
+            let [dx, dy] = [tip[0] - from[0], tip[1] - from[1]];
+            let length = (dx * dx + dy * dy).sqrt();
+            (length > 1e-3).then(|| [dx / length, dy / length])
+        });
+        let Some([dx, dy]) = direction else { return };
+        let half = HEAD_SIZE * course.half[1];
+        let reach = HEAD_LENGTH * half;
+        let color = course.color.unwrap_or_else(|| self.color(course, piece, 1.0));
+        // The tip is half a head beyond the place, so that the line does not stick out.
+        let [from, to] = [
+            [tip[0] - 0.5 * reach * dx, tip[1] - 0.5 * reach * dy],
+            [tip[0] + 0.5 * reach * dx, tip[1] + 0.5 * reach * dy],
+        ];
+        out.push(Stroke {
+            from,
+            to,
+            depth: [at.z; 2],
+            half: [half, 0.0],
+            alpha: [alpha; 2],
+            cuts: [0.0; 2],
+            color,
+            kind: kind::HEAD | kind::FREE_FROM | kind::FREE_TO,
+        });
+    }
+}
+
+/// How far the line across a chord's end is shifted, for each pixel to the side, where the path has another direction there.
+#[inline]
+fn shift([cx, cy]: [f32; 2], [dx, dy]: [f32; 2]) -> f32 {
+    let along = dx * cx + dy * cy;
+    let across = dy * cx - dx * cy;
+    if along <= 0.0 || along.is_nan() { 0.0 } else { (-across / along).clamp(-MOST_SHIFT, MOST_SHIFT) }
+}
+
+/// Whether the inner control points are near enough to the chord.
+#[inline]
+fn is_flat([a, b, c, d]: &[[f32; 2]; 4]) -> bool {
+    let chord = [d[0] - a[0], d[1] - a[1]];
+    let square = chord[0] * chord[0] + chord[1] * chord[1];
+    let near = |at: &[f32; 2]| {
+        let own = [at[0] - a[0], at[1] - a[1]];
+        let along = if square > 0.0 { ((own[0] * chord[0] + own[1] * chord[1]) / square).clamp(0.0, 1.0) } else { 0.0 };
+        let off = [own[0] - along * chord[0], own[1] - along * chord[1]];
+        off[0] * off[0] + off[1] * off[1] <= TOLERANCE * TOLERANCE
+    };
+    near(b) && near(c)
+}
+
+/// Both halves of a curve, and its middle.
+#[inline]
+fn halves([a, b, c, d]: &[Vec3; 4]) -> ([[Vec3; 4]; 2], Vec3) {
+    let (ab, bc, cd) = (0.5 * (*a + *b), 0.5 * (*b + *c), 0.5 * (*c + *d));
+    let (abc, bcd) = (0.5 * (ab + bc), 0.5 * (bc + cd));
+    let middle = 0.5 * (abc + bcd);
+    ([[*a, ab, abc, middle], [middle, bcd, cd, *d]], middle)
+}
+
+/// The control points of a part of a curve.
+fn sub_curve(points: [Vec3; 4], [from, to]: [f32; 2]) -> [Vec3; 4] {
+    if from <= 0.0 && to >= 1.0 {
+        return points;
+    }
+    // The polar form at these parameters.
+    let polar = |u: f32, v: f32, w: f32| {
+        let [a, b, c, d] = points;
+        let (ab, bc, cd) = (a.lerp(b, u), b.lerp(c, u), c.lerp(d, u));
+        ab.lerp(bc, v).lerp(bc.lerp(cd, v), w)
+    };
+    [polar(from, from, from), polar(from, from, to), polar(from, to, to), polar(to, to, to)]
+}

@@ -1,0 +1,295 @@
+//! Pathlines of a run as a layer of a picture: which tracks are drawn, read from the run as a view needs them and kept for the next
+//! picture. What they look like, [`crate::cpu::paths`] knows.
+
+mod colors;
+mod kept;
+mod levels;
+mod members;
+mod window;
+
+use super::error::PictureError;
+use crate::color::Colors;
+use crate::color::transfer::TransferFunction;
+use crate::cpu::paths::{Canvas, Curves, Drawn, Part, PathFragments, Quantity, Style};
+use crate::explore::{IdSet, SelectionSet};
+use crate::hierarchy::spacetime::Interpolation;
+use crate::mode::{Depiction, PathColor, PathSettings, PathsOf};
+use crate::model::{FamilyName, Moment};
+use crate::store::StoreError;
+use crate::store::run::{RunFile, TrackIndex};
+use crate::view::{Extent, View};
+use kept::{Kept, Place};
+use rayon::prelude::*;
+use std::collections::HashMap;
+use std::sync::Arc;
+
+/// How far beyond the picture paths are read, pixels: as far as their heads may reach.
+const MARGIN_PX: u32 = 64;
+
+/// What of paths is asked for.
+#[derive(Clone, Copy)]
+pub struct PathRequest<'a> {
+    /// The camera.
+    pub view: &'a View,
+    /// The settings.
+    pub settings: &'a PathSettings,
+    /// Whose.
+    pub of: &'a PathsOf,
+    /// The look's selections.
+    pub selections: &'a [SelectionSet],
+    /// The present.
+    pub moment: Moment,
+    /// How particles move.
+    pub interpolation: Interpolation,
+    /// The families that are shown.
+    pub families: &'a [FamilyName],
+    /// The mode and the attribute of the picture.
+    pub depiction: &'a Depiction,
+    /// Its colours.
+    pub transfer: &'a TransferFunction,
+}
+
+/// Paths of a run.
+pub struct PathLayer {
+    run: Arc<RunFile>,
+    canvas: Canvas,
+    indices: HashMap<[u32; 2], Arc<TrackIndex>>,
+    kept: Kept,
+    flow: levels::FlowKept,
+    /// What was kept is of these members, with this attribute.
+    kept_of: (Option<IdSet>, Option<String>),
+    members: members::Found,
+}
+
+/// Curves that are drawn.
+struct Chosen {
+    curves: Arc<Curves>,
+    which: Option<Vec<u32>>,
+    part: Part,
+}
+
+impl PathLayer {
+    /// Of a run; nothing is read yet.
+    ///
+    /// # Errors
+    /// Where the run has no tracks.
+    pub fn new(run: Arc<RunFile>) -> Result<PathLayer, StoreError> {
+        run.tracks()?;
+        Ok(PathLayer {
+            run,
+            canvas: Canvas::default(),
+            indices: HashMap::new(),
+            kept: Kept::default(),
+            flow: levels::FlowKept::default(),
+            kept_of: (None, None),
+            members: members::Found::default(),
+        })
+    }
+
+    /// The run.
+    pub fn run(&self) -> &Arc<RunFile> {
+        &self.run
+    }
+
+    /// Reads what is not here yet, and projects all paths; returns how many tracks are drawn, in the interval where they are most.
+    ///
+    /// # Errors
+    /// Where the run cannot be read, or the settings name what there is not.
+    pub fn gather(&mut self, request: &PathRequest<'_>) -> Result<u64, PictureError> {
+        let PathRequest { view, settings, .. } = *request;
+        let wanted = self.members.of(&self.run, request)?;
+        if wanted.as_ref().is_some_and(IdSet::is_empty) {
+            self.canvas.gather(view, &[], &style(request, &[], 1.0));
+            return Ok(0);
+        }
+        let attribute = self.attribute(settings)?;
+        let kept_of = (wanted, attribute);
+        if kept_of != self.kept_of {
+            self.kept.clear();
+            self.flow.clear();
+            self.kept_of = kept_of;
+        }
+        self.kept.begin();
+        let layout = self.run.tracks()?;
+        let parts = window::parts(settings, request.moment, &layout.clock);
+        let shown = layout.families.iter().enumerate().filter(|(_, own)| request.families.contains(&own.name));
+        let families: Vec<u32> = shown.map(|(family, _)| family as u32).collect();
+        let box_size = layout.box_size;
+        let mut chosen = Vec::new();
+        for &family in &families {
+            for part in &parts {
+                self.choose(request, family, *part, &mut chosen)?;
+            }
+        }
+        let mean_mass = self.mean_mass(&families, &parts, &chosen)?;
+        let style = style(request, &chosen, mean_mass);
+        let drawn: Vec<Drawn<'_>> = chosen
+            .iter()
+            .map(|own| Drawn { curves: &own.curves, which: own.which.as_deref(), part: own.part, box_size })
+            .collect();
+        let counts = self.canvas.gather(view, &drawn, &style);
+        let mut of_intervals: HashMap<(usize, bool), u64> = HashMap::new();
+        for (own, count) in chosen.iter().zip(counts) {
+            *of_intervals.entry((own.part.interval, own.part.head)).or_default() += count;
+        }
+        Ok(of_intervals.into_values().max().unwrap_or(0))
+    }
+
+    /// The paths that were gathered, over one another.
+    pub fn colors(&self) -> Colors {
+        self.canvas.colors()
+    }
+
+    /// The fragments of the paths that were gathered.
+    pub fn fragments(&self) -> PathFragments {
+        self.canvas.fragments()
+    }
+
+    /// The attribute that colours paths.
+    fn attribute(&self, settings: &PathSettings) -> Result<Option<String>, PictureError> {
+        let PathColor::Attribute(name) = settings.colored_by() else { return Ok(None) };
+        let families = &self.run.tracks()?.families;
+        let all = || families.iter().flat_map(|family| &family.attributes).map(|(name, _)| name.as_str());
+        if all().any(|own| own == name) {
+            return Ok(Some(name));
+        }
+        let mut names: Vec<&str> = ["speed", "direction", "mass", "time"].into_iter().chain(all()).collect();
+        names.dedup();
+        let why =
+            format!("paths: color: found {name}, expected one of {}, or a colour like \"#ff8000\"", names.join(", "));
+        Err(PictureError::of(self.run.path(), why))
+    }
+
+    fn index(&mut self, interval: usize, family: u32) -> Result<Arc<TrackIndex>, StoreError> {
+        if let Some(known) = self.indices.get(&[interval as u32, family]) {
+            return Ok(Arc::clone(known));
+        }
+        let index = Arc::new(self.run.track_index(interval, family as usize)?);
+        self.indices.insert([interval as u32, family], Arc::clone(&index));
+        Ok(index)
+    }
+
+    /// Chooses what is drawn of a family in a part of an interval: clusters of flow levels, or particles.
+    fn choose(
+        &mut self,
+        request: &PathRequest<'_>,
+        family: u32,
+        part: Part,
+        chosen: &mut Vec<Chosen>,
+    ) -> Result<(), PictureError> {
+        let levels = self.run.flow_errors().len();
+        let finest = match request.settings.level {
+            // Selections are of particles; a level says nothing of who is in it.
+            _ if self.kept_of.0.is_some() || levels == 0 => Some(0),
+            Some(level) => Some((level as usize).min(levels)),
+            None => None,
+        };
+        match finest {
+            Some(0) => self.particles(request, family, part, None, chosen),
+            level => self.choose_flow(request, family, part, level, chosen),
+        }
+    }
+
+    /// The particles' own paths that may be in view; of `open` those of the flow tracks of level 1 that are refined.
+    fn particles(
+        &mut self,
+        request: &PathRequest<'_>,
+        family: u32,
+        part: Part,
+        open: Option<&[bool]>,
+        chosen: &mut Vec<Chosen>,
+    ) -> Result<(), PictureError> {
+        let index = self.index(part.interval, family)?;
+        let interval = self.run.interval(part.interval)?;
+        let seen = request.view.padded(MARGIN_PX);
+        let offsets: Vec<_> = request.view.images.offsets().collect();
+        let in_view = |node: &crate::store::run::TrackNode| {
+            let bounds = interval.in_box(node.bounds);
+            let at = |offset| Extent { bounds: bounds.moved(offset), margin: 0.0 };
+            offsets.iter().any(|offset| seen.sees(&at(*offset)) && seen.cut.reaches(&bounds.moved(*offset)))
+        };
+        let place = |number: usize| -> Place { [part.interval as u32, family, 0, number as u32] };
+        let leaves = || index.nodes.iter().enumerate().filter(|(_, node)| node.is_leaf() && in_view(node));
+        let attribute = self.kept_of.1.as_ref().and_then(|name| {
+            let own = &self.run.tracks().ok()?.families.get(family as usize)?.attributes;
+            own.iter().position(|(own, _)| own == name)
+        });
+        let missing: Vec<_> = leaves().filter(|(number, _)| !self.kept.has(&place(*number))).collect();
+        let (run, wanted) = (&self.run, &self.kept_of.0);
+        let read = |(number, node): &(usize, &crate::store::run::TrackNode)| -> Result<_, StoreError> {
+            let tracks = run.node_tracks(part.interval, family as usize, node, wanted.is_some())?;
+            let keep =
+                |i: usize| wanted.as_ref().is_none_or(|ids| tracks.ids.get(i).is_some_and(|id| ids.contains(*id)));
+            Ok((*number, Curves::new(&tracks, &interval, attribute, keep)))
+        };
+        let found = missing.par_iter().map(read).collect::<Result<Vec<_>, _>>()?;
+        found.into_iter().for_each(|(number, curves)| self.kept.put(place(number), curves));
+        for (number, node) in leaves() {
+            let which = match open {
+                None => None,
+                Some(open) => {
+                    let flow = self.flow.leaf(&self.run, part.interval, family, number as u32, node)?;
+                    let is_open = |track: &u32| open.get(*track as usize).copied().unwrap_or(false);
+                    Some((0..).zip(flow.iter()).filter(|(_, own)| is_open(own)).map(|(i, _)| i).collect::<Vec<u32>>())
+                }
+            };
+            if which.as_ref().is_some_and(Vec::is_empty) || request.settings.least > 1.0 {
+                continue;
+            }
+            if let Some(curves) = self.kept.get(&place(number)).filter(|curves| !curves.is_empty()) {
+                chosen.push(Chosen { curves, which, part });
+            }
+        }
+        Ok(())
+    }
+
+    /// The mass that has the width of the settings: the mean one of all particles, or of what is drawn of them.
+    fn mean_mass(&mut self, families: &[u32], parts: &[Part], chosen: &[Chosen]) -> Result<f64, StoreError> {
+        let is_level_0 = chosen.iter().all(|own| own.which.is_none() && own.curves.counts.is_empty());
+        let head = parts.iter().find(|part| part.head);
+        let (mut sum, mut count) = (0.0, 0.0);
+        if let (true, None, Some(head)) = (is_level_0, &self.kept_of.0, head) {
+            // Of all, so that it does not change with the view.
+            for family in families {
+                let index = self.index(head.interval, *family)?;
+                for leaf in index.leaves() {
+                    sum += 0.5 * (leaf.mass[0] + leaf.mass[1]);
+                    count += f64::from(leaf.tracks);
+                }
+            }
+        } else {
+            for own in chosen.iter().filter(|own| own.part.head) {
+                let mut add = |i: usize| {
+                    let [begin, end] = own.curves.mass[i].map(f64::from);
+                    sum += 0.5 * (begin + end);
+                    count += 1.0;
+                };
+                match &own.which {
+                    Some(which) => which.iter().for_each(|i| add(*i as usize)),
+                    None => (0..own.curves.len()).for_each(add),
+                }
+            }
+        }
+        Ok(if count > 0.0 && sum > 0.0 { sum / count } else { 1.0 })
+    }
+}
+
+/// The settings in pixels, with the colours of what is drawn.
+fn style(request: &PathRequest<'_>, chosen: &[Chosen], mean_mass: f64) -> Style {
+    let settings = request.settings;
+    let curves: Vec<Arc<Curves>> = chosen.iter().map(|own| Arc::clone(&own.curves)).collect();
+    let mut palette = colors::palette(settings, request.depiction, request.transfer, &curves);
+    if let Quantity::Plain(color) = palette.quantity {
+        palette = crate::cpu::paths::Palette::plain(color);
+    }
+    Style {
+        shape: settings.shape,
+        width: settings.width as f32,
+        widest: (0.01 * settings.widest * f64::from(request.view.height)) as f32,
+        mean_mass,
+        opacity: settings.opacity as f32,
+        halo: settings.halo as f32,
+        palette,
+        highlights: (settings.run != 0.0).then_some(settings.phase as f32),
+    }
+}
