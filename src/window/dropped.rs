@@ -126,6 +126,8 @@ mod tests {
             length_unit: String::new(),
             moving: None,
             times: None,
+            following: None,
+            opened: None,
             time: None,
             dataset: 1,
             generation: 1,

@@ -305,6 +305,8 @@ mod tests {
                 facts: Facts::of(file, &[]),
                 moving: None,
                 times: None,
+                following: None,
+                opened: None,
                 time: None,
                 dataset: 1,
                 generation: 1,

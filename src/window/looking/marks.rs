@@ -144,7 +144,10 @@ pub(super) fn draw_marks(
     let families: Vec<FamilyName> = known.filter(|(_, shown)| **shown).map(|(family, _)| family.name).collect();
     let count =
         |node: &SceneNode| node.page.nodes.get(node.node.node as usize).map_or(0, |node| u64::from(node.particles));
-    if nodes.iter().map(count).sum::<u64>() <= AT_ONCE {
+    // Who is followed in a run is marked by places that are known, whatever nodes are drawn.
+    let looks_at_nodes =
+        scene.following.is_none() || key.probed.is_some() || shown(&key.sets).0.iter().any(|set| !set.members.stay());
+    if !looks_at_nodes || nodes.iter().map(count).sum::<u64>() <= AT_ONCE {
         let drawn = marks.draw(&view, &nodes, &families);
         layer.take(drawn, view);
     } else {

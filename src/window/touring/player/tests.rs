@@ -46,6 +46,8 @@ impl Window {
             length_unit: String::new(),
             moving: None,
             times: None,
+            following: None,
+            opened: None,
             time: None,
             dataset: 1,
             generation: 1,
