@@ -448,7 +448,7 @@ impl<'a> Region<'a> {
         // Which image of the box its end is in.
         let record = self.track(first);
         let inside = [0, 1].map(|end| self.states[end][first].0);
-        for end in 0..2 {
+        for (end, (place, movement)) in states.into_iter().enumerate() {
             let column = |column: usize| members.iter().map(move |i| self.value(*i as usize, end, column));
             let mass: f64 = column(0).sum();
             let volume: f64 = column(0).zip(column(1)).map(|(m, rho)| if rho > 0.0 { m / rho } else { 0.0 }).sum();
@@ -462,7 +462,6 @@ impl<'a> Region<'a> {
             };
             let by_mass = |i: usize| self.value(i, end, 0);
             let by_presence = |i: usize| self.value(i, end, 0) * self.value(i, end, 1);
-            let (place, movement) = states[end];
             let own = &mut out.tracks.ends[end];
             let shift: [i64; 3] = match end {
                 0 => [0; 3],

@@ -32,6 +32,7 @@ use crate::store::{InMemory, NodeRef, PageFile, RunFile, Tree};
 use crate::stream::{Scene, SceneNode, SceneSelection, first_frame};
 use crate::view::perspective_grid::GridError;
 use crate::view::{Hidden, View};
+use glam::DVec3;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};

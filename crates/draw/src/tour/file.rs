@@ -1,7 +1,7 @@
 //! A tour as a user writes it: RON, of which a misspelled field is an error that names the place.
 
 use crate::annotate::overlay::Picture;
-use crate::explore::{ExploreError, SelectionSet};
+use crate::explore::ExploreError;
 use crate::look::{Attribute, Camera, DatasetRef, LookPatch, define_look_text, with_look_fields};
 use crate::model::new_file;
 use crate::model::ron_file::{self, RonError};

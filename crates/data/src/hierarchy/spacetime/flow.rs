@@ -347,15 +347,8 @@ impl<'a> Level<'a> {
         for i in &members {
             let off = state(i);
             let off: [f64; 6] = std::array::from_fn(|k| off[k] - mean[k]);
-            for a in 0..6 {
-                for b in a..6 {
-                    covariance[a][b] += off[a] * off[b];
-                }
-            }
-        }
-        for a in 0..6 {
-            for b in 0..a {
-                covariance[a][b] = covariance[b][a];
+            for (row, a) in covariance.iter_mut().zip(off) {
+                row.iter_mut().zip(off).for_each(|(sum, b)| *sum += a * b);
             }
         }
         let trace = (0..6).map(|i| covariance[i][i]).sum();

@@ -204,19 +204,12 @@ impl PathLayer {
                     Err(PictureError::of(self.run.path(), why))
                 }
             },
-            crate::explore::Members::Ids(_) => {
-                let source = self.run.at(request.moment, request.interpolation)?;
-                let periodic = self.run.tracks()?.box_size;
-                let work = crate::explore::Work::quiet();
-                let places = crate::explore::Places::of(&source, &set.members, periodic, work)?;
-                let all: Vec<DVec3> =
-                    request.families.iter().flat_map(|family| places.family(*family)).copied().collect();
-                if all.is_empty() {
-                    return Ok(None);
-                }
-                let center = all.iter().sum::<DVec3>() / all.len() as f64;
-                let radius = all.iter().map(|at| at.distance(center)).fold(0.0, f64::max);
-                Ok(Some((center, radius)))
+            members => {
+                let run = Arc::clone(&self.run);
+                let Some(followed) = self.members.followed(&run, members)? else { return Ok(None) };
+                let Some(found) = followed.center(request.moment, request.interpolation)? else { return Ok(None) };
+                let radius = followed.radius(found.position, request.moment, request.interpolation)?;
+                Ok(radius.map(|radius| (found.position, radius)))
             }
         }
     }

@@ -1,7 +1,7 @@
 //! Whose paths are drawn: names of selections become ids.
 
 use super::PathRequest;
-use crate::explore::{IdSet, Members, SelectionSet, Work, ids_of};
+use crate::explore::{Followed, Following, IdSet, Members, SelectionSet, Work, ids_of};
 use crate::hierarchy::spacetime::Interpolation;
 use crate::mode::PathsOf;
 use crate::model::Moment;
@@ -9,9 +9,14 @@ use crate::picture::PictureError;
 use crate::store::run::RunFile;
 use std::sync::Arc;
 
-/// Who is in regions, as it was found last.
+/// Who was meant, as it was found last.
 #[derive(Default)]
-pub(super) struct Found(Vec<(Members, Moment, IdSet)>);
+pub(super) struct Found {
+    /// Who is in regions.
+    inside: Vec<(Members, Moment, IdSet)>,
+    /// Who is followed.
+    following: Option<Following>,
+}
 
 /// Regions whose members are remembered.
 const REMEMBERED: usize = 8;
@@ -27,13 +32,24 @@ impl Found {
         let mut all = IdSet::default();
         for name in names {
             let set = named(run, request.selections, name)?;
-            let ids = match set.members.ids() {
-                Some(ids) => ids.clone(),
+            let ids = match self.followed(run, &set.members)? {
+                Some(followed) => followed.ids().clone(),
                 None => self.in_region(run, &set.members, request.moment, request.interpolation)?,
             };
             all = if all.is_empty() { ids } else { all.union(&ids) };
         }
         Ok(Some(all))
+    }
+
+    /// Those of a selection who are the same at all times; `None` for a region.
+    pub fn followed(&mut self, run: &Arc<RunFile>, members: &Members) -> Result<Option<Arc<Followed>>, PictureError> {
+        if self.following.is_none() {
+            self.following = Following::new(Arc::clone(run));
+        }
+        match &self.following {
+            Some(following) => Ok(following.of(members, Work::quiet())?),
+            None => Ok(None),
+        }
     }
 
     fn in_region(
@@ -43,15 +59,15 @@ impl Found {
         moment: Moment,
         interpolation: Interpolation,
     ) -> Result<IdSet, PictureError> {
-        if let Some((.., ids)) = self.0.iter().find(|(known, at, _)| (known, *at) == (members, moment)) {
+        if let Some((.., ids)) = self.inside.iter().find(|(known, at, _)| (known, *at) == (members, moment)) {
             return Ok(ids.clone());
         }
         let periodic = run.tracks()?.box_size;
         let ids = ids_of(&run.at(moment, interpolation)?, members, periodic, Work::quiet())?;
-        if self.0.len() >= REMEMBERED {
-            self.0.remove(0);
+        if self.inside.len() >= REMEMBERED {
+            self.inside.remove(0);
         }
-        self.0.push((members.clone(), moment, ids.clone()));
+        self.inside.push((members.clone(), moment, ids.clone()));
         Ok(ids)
     }
 }
