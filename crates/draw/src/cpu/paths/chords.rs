@@ -180,7 +180,7 @@ impl<'a> Chopper<'a> {
                 let first = (low[axis].floor() as i32).max(-MOST_IMAGES);
                 first..=(high[axis].floor() as i32).min(first.saturating_add(MOST_IMAGES))
             };
-            let inside = [0, 1, 2].map(|axis| cells(axis)).iter().all(|cells| *cells == (0..=0));
+            let inside = [0, 1, 2].map(cells).iter().all(|cells| *cells == (0..=0));
             let mut planes = cut_planes.clone();
             if !inside {
                 planes.extend(self.planes(offset, offset + edge));
@@ -275,7 +275,7 @@ impl<'a> Chopper<'a> {
     fn may_be_seen(&self, points: &[Vec3; 4], around: f32) -> bool {
         let lens = &self.lens;
         let far = points.iter().fold(f32::NEG_INFINITY, |far, at| far.max(at.z));
-        if !(far > lens.near) {
+        if far.is_nan() || far <= lens.near {
             return false;
         }
         let beyond = |distance: &dyn Fn(Vec3) -> f32| points.iter().all(|at| distance(*at) < 0.0);
@@ -295,7 +295,7 @@ impl<'a> Chopper<'a> {
         let points = &piece.points;
         let nearest = points.iter().fold(f32::INFINITY, |near, at| near.min(at.z));
         let farthest = points.iter().fold(f32::NEG_INFINITY, |far, at| far.max(at.z));
-        if !(farthest > self.lens.near) {
+        if farthest.is_nan() || farthest <= self.lens.near {
             return;
         }
         let in_front = nearest > self.lens.near && (!self.lens.perspective || nearest > 1e-4 * farthest);

@@ -326,8 +326,8 @@ impl Scratch {
             *at += 1;
         }
         let mut first = 0;
-        for pixel in 0..through.len() {
-            let end = next[pixel] as usize;
+        for (pixel, end) in next.iter().take(through.len()).enumerate() {
+            let end = *end as usize;
             let of_pixel = &mut sorted[first..end];
             first = end;
             if of_pixel.is_empty() {
