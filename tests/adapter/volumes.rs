@@ -414,7 +414,7 @@ fn wide_kernels_go_to_the_cpus_coarser_grids() {
     // What coarser grids are wrong by shows: the picture without them differs by more than what is allowed below.
     let mut exact = prepare(&view, &[cloud.batch()], &options).unwrap();
     exact.levels.truncate(1);
-    let exact = cast(&view, &exact, &cloud.volume(), &options, &mut VolumeReport::default());
+    let exact = cast(&view, &exact, &cloud.volume(), &options, None, &mut VolumeReport::default());
     let (l2, _) = difference(&exact, &on_cpu(&view, &cloud, &cloud.volume(), &options).0);
     println!("without coarser grids: L2 {l2:.2e}");
     for scenery in [cloud.volume(), cloud.surfaces(true, [0.2, 0.4, 1.0])] {
