@@ -28,6 +28,7 @@ mod pictures {
     mod joined;
     mod lod_budget;
     mod periodic;
+    mod runs;
     mod session;
 }
 mod panoramas;

@@ -3,6 +3,7 @@
 use super::in_repository;
 use deepfield::color::composite::Image;
 use deepfield::color::output::write_png;
+use std::path::Path;
 
 /// Mean difference of colour channels that is still the same picture, in 1/255. A changed kernel or transfer function
 /// gives several times as much: see the last test.
@@ -18,8 +19,12 @@ pub fn difference(a: &Image, b: &Image) -> f64 {
 
 /// A golden image.
 pub fn golden(name: &str) -> Image {
-    let path = in_repository("tests/golden").join(name);
-    let decoder = png::Decoder::new(std::io::BufReader::new(std::fs::File::open(&path).unwrap()));
+    picture_at(&in_repository("tests/golden").join(name))
+}
+
+/// A picture in a file.
+pub fn picture_at(path: &Path) -> Image {
+    let decoder = png::Decoder::new(std::io::BufReader::new(std::fs::File::open(path).unwrap()));
     let mut reader = decoder.read_info().unwrap();
     let mut rgba = vec![[0u8; 4]; (reader.info().width * reader.info().height) as usize];
     let info = reader.next_frame(rgba.as_flattened_mut()).unwrap();
