@@ -43,6 +43,7 @@ const WINDOW: [&[&str]; 4] = [
         "objects",
         "scene_io",
         "playhead",
+        "growing",
         "adopt",
         "bookmarks",
         "preset_assets",

@@ -41,7 +41,8 @@ fn show(ui: &mut Ui, state: &PanelState<'_, '_>, settings: &mut Settings) {
 /// Which mode is shown.
 fn mode_combo(ui: &mut Ui, settings: &mut Settings) {
     theme::combo(ui, "Mode", settings.mode.name, |ui| {
-        for mode in modes::all() {
+        // Paths are drawn by the processor into files.
+        for mode in modes::all().into_iter().filter(|mode| !mode.is_of_paths()) {
             let chosen = std::ptr::eq(settings.mode, mode);
             let label = ui.selectable_label(chosen, mode.name).on_hover_text(mode.help);
             theme::register(ui, &format!("mode:{}", mode.name), label.rect);
