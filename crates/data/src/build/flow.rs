@@ -284,6 +284,12 @@ struct Region<'a> {
     rules: &'a [AttributeMerge],
     /// Both ends of each: places in the box and movements, as leaves have them.
     states: [Vec<([i64; 3], [i64; 3])>; 2],
+    /// The same of mass, density, smoothing length and attributes.
+    columns: [Vec<Vec<f32>>; 2],
+    flags: Vec<TrackFlags>,
+    /// Their clusters of the finest level at the beginning.
+    begins: Vec<u32>,
+    is_unresolved: Vec<bool>,
 }
 
 /// What was found in a region.
@@ -314,7 +320,23 @@ impl<'a> Region<'a> {
             };
             records.iter().map(state).collect()
         });
-        Region { records, order, step, rules, states }
+        let count = records.first().map_or(0, |record| TrackRecord::of(record).values.len() / 2);
+        let mut columns =
+            [vec![Vec::with_capacity(records.len()); count], vec![Vec::with_capacity(records.len()); count]];
+        let (mut flags, mut begins, mut is_unresolved) = (Vec::new(), Vec::new(), Vec::new());
+        for record in &records {
+            let track = TrackRecord::of(record);
+            for (end, values) in track.values.chunks_exact(count).enumerate() {
+                for (k, (column, value)) in columns[end].iter_mut().zip(values).enumerate() {
+                    let bits = if k == 0 { MASS_BITS } else { VALUE_BITS };
+                    column.push(float_of(round_float(*value, bits), bits));
+                }
+            }
+            flags.push(track.flags);
+            begins.push(track.numbers[0]);
+            is_unresolved.push(track.unresolved > UNRESOLVED);
+        }
+        Region { records, order, step, rules, states, columns, flags, begins, is_unresolved }
     }
 
     fn track(&self, i: usize) -> TrackRecord<'a> {
@@ -327,9 +349,7 @@ impl<'a> Region<'a> {
 
     /// A quantity of a track at one end, as leaves have it: mass, density, smoothing length, attributes.
     fn value(&self, i: usize, end: usize, column: usize) -> f64 {
-        let values = self.track(i).values;
-        let bits = if column == 0 { MASS_BITS } else { VALUE_BITS };
-        f64::from(float_of(round_float(values[end * values.len() / 2 + column], bits), bits))
+        f64::from(self.columns[end][column][i])
     }
 
     fn rates(&self) -> [f64; 2] {
@@ -349,8 +369,7 @@ impl<'a> Region<'a> {
 
     /// The clusters where tracks begin, and which records are there.
     fn first_clusters(&self, errors: &[f64]) -> (Gathered, Vec<u32>) {
-        let present: Vec<usize> =
-            (0..self.records.len()).filter(|i| !self.track(*i).flags.has(TrackFlags::COMES)).collect();
+        let present: Vec<usize> = (0..self.records.len()).filter(|i| !self.flags[*i].has(TrackFlags::COMES)).collect();
         let travellers: Vec<Traveller> = present.iter().map(|i| self.traveller(*i, 0, None)).collect();
         let rate = self.rates()[0];
         let next_rate = Some(rate);
@@ -362,11 +381,11 @@ impl<'a> Region<'a> {
     /// The clusters where tracks end, and the flow there.
     fn flow(&self, errors: &[f64], begins_at: &[ClusterList], before: &Before) -> BuiltRegion {
         let (lattice, rates, count) = (self.lattice(), self.rates(), self.records.len());
-        let which = |flag: u8| (0..count).filter(move |i| self.track(*i).flags.has(flag));
+        let which = |flag: u8| (0..count).filter(move |i| self.flags[*i].has(flag));
         let next_rate = self.step.next_length.map(|length| length / self.step.space.spans[1]);
         let at_end = Flow { lattice, errors, rate: rates[1], next_rate, is_joining: true, is_reversed: false };
-        let present: Vec<usize> = (0..count).filter(|i| !self.track(*i).flags.has(TrackFlags::GOES)).collect();
-        let begins = |i: usize| Some(self.track(i).numbers[0]).filter(|cluster| *cluster != NOBODY);
+        let present: Vec<usize> = (0..count).filter(|i| !self.flags[*i].has(TrackFlags::GOES)).collect();
+        let begins = |i: usize| Some(self.begins[i]).filter(|cluster| *cluster != NOBODY);
         let travellers: Vec<Traveller> = present.iter().map(|i| self.traveller(*i, 1, begins(*i))).collect();
         let gathered = at_end.gather(&travellers, before);
         let mut ends = vec![NOBODY; count];
@@ -493,7 +512,7 @@ impl<'a> Region<'a> {
         }
         let mass = |i: &u32| self.value(*i as usize, 0, 0);
         let all: f64 = members.iter().map(mass).sum();
-        let lost: f64 = members.iter().filter(|i| self.track(**i as usize).unresolved > UNRESOLVED).map(mass).sum();
+        let lost: f64 = members.iter().filter(|i| self.is_unresolved[**i as usize]).map(mass).sum();
         out.faded.push(if all > 0.0 { (lost / all) as f32 } else { 0.0 });
     }
 }

@@ -6,7 +6,7 @@ use crate::import::{AttributeChoice, Description, LoadOptions, Run, RunStep, has
 use crate::model::{Placement, Progress, Unit};
 use crate::store::run::{Directory, RunFileWriter, Section, Step};
 use crate::store::temporary::{clean, folder_of};
-use crate::store::{Metadata, PageFile, PageFileWriter};
+use crate::store::{Metadata, PageFile, PageFileWriter, StoreError};
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
@@ -151,7 +151,7 @@ fn build_steps(
                     particles: metadata.particles(),
                 });
                 directory.steps.push(Step {
-                    source: step.about.path.clone(),
+                    source: metadata.provenance.path.clone(),
                     format: metadata.provenance.format.clone(),
                     source_bytes: metadata.provenance.bytes,
                     time: step.time,
@@ -175,6 +175,10 @@ fn build_steps(
     }
     if let (true, Some(error)) = (directory.steps.is_empty(), first_error) {
         return Err(error.into());
+    }
+    if !directory.has_stills && built_steps.len() < 2 {
+        let reason = "one step is left, which has no tracks; without --no-stills it is kept".into();
+        return Err(StoreError::Unwritable { path: out.to_owned(), reason }.into());
     }
     if let Some(tracks) = tracks.filter(|_| built_steps.len() > 1) {
         let load = |step: usize| load(&run.steps[built_steps[step].number]);

@@ -8,7 +8,7 @@
 //! The criterion looks at each particle itself, with the bound on the spline of its difference to its cluster
 //! ([`HermiteSpline::bound`]); the thesis keeps two maxima over a cluster's members instead.
 
-use super::lattice::Lattice;
+use super::lattice::{LATTICE_BITS, Lattice};
 use super::spline::HermiteSpline;
 use crate::codec::principal_component;
 use glam::DVec3;
@@ -234,7 +234,7 @@ impl<'a> Level<'a> {
     fn new(flow: &'a Flow<'a>, travellers: &'a [Traveller], before: &'a Before, level: usize) -> Level<'a> {
         let error = flow.errors[level];
         let units = (error / ROUNDING / flow.lattice.unit()).max(1.0);
-        Level { flow, travellers, before, level, error, exponent: units.log2().floor() as u32 }
+        Level { flow, travellers, before, level, error, exponent: (units.log2().floor() as u32).min(LATTICE_BITS) }
     }
 
     /// The clusters of a group.

@@ -186,6 +186,10 @@ impl Layout {
             let found = named.iter().take(12).map(|one| one.name.as_str()).collect::<Vec<_>>().join(" ");
             return Err(Damage::new("columns", found, "those of positions"));
         }
+        // Further columns of that name are numbers like others, so that each row has one id.
+        let first = layout.words.iter().position(|word| *word == Word::Id);
+        let others = layout.words.iter_mut().enumerate().filter(|(column, _)| Some(*column) != first);
+        others.filter(|(_, word)| **word == Word::Id).for_each(|(_, word)| *word = Word::Number);
         layout.fields.sort_by_key(|(field, _)| field.kind);
         Ok(layout)
     }

@@ -131,7 +131,10 @@ impl RunFile {
 fn candidates(layout: &TrackLayout, before: &Tracks, leaves: &[TrackNode]) -> Vec<u32> {
     let comes = (0..).zip(leaves).filter(|(_, leaf)| leaf.flagged[0] > 0).map(|(number, _)| number);
     let mut found: BTreeSet<u32> = comes.collect();
-    let edge = layout.box_size.map(|edge| (edge / layout.lattice.unit()).round() as i64).filter(|edge| *edge > 0);
+    let edge = layout
+        .box_size
+        .map(|edge| ((edge / layout.lattice.unit()).round() as i64).min(1 << 60))
+        .filter(|edge| *edge > 0);
     let origin = layout.lattice.place([0.0; 3]);
     let mut last = None;
     let mut look = |place: [i64; 3]| {

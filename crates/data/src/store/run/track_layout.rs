@@ -177,10 +177,8 @@ impl TrackLayout {
         let flow_errors = (0..levels).map(|_| input.f64("a flow level's error")).collect::<Result<Vec<_>, _>>()?;
         let wrong = |expected: &str| Damage::new(PLACE, expected);
         let is_coarser = |pair: &[f64]| pair[0] < pair[1];
-        if levels > MOST_FLOW_LEVELS
-            || flow_errors.first() <= Some(&0.0) && levels > 0
-            || !flow_errors.windows(2).all(is_coarser)
-        {
+        let is_error = |error: &f64| error.is_finite() && *error > 0.0;
+        if levels > MOST_FLOW_LEVELS || !flow_errors.iter().all(is_error) || !flow_errors.windows(2).all(is_coarser) {
             return Err(wrong("flow levels with errors that rise"));
         }
         if !(root.min.is_finite() && root.size.is_finite() && root.size > 0.0) {

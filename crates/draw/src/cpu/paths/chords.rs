@@ -25,6 +25,8 @@ const HEAD_SIZE: f32 = 2.0;
 const HEAD_LENGTH: f32 = 2.5;
 /// How many images of a curve along an axis are looked at: what goes further in one interval is lost anyway.
 const MOST_IMAGES: i32 = 3;
+/// Coordinates beyond this are of no picture, world units from the node.
+const FARTHEST: f32 = 1e30;
 
 /// Curves that are drawn, and which part of them.
 #[derive(Clone, Copy)]
@@ -220,6 +222,10 @@ impl<'a> Chopper<'a> {
         planes: &[(Vec3, f32)],
         out: &mut Vec<Stroke>,
     ) -> bool {
+        // What is no place, or farther than a picture reaches, has no chords.
+        if !points.iter().all(|at| at.is_finite() && at.abs().max_element() < FARTHEST) {
+            return false;
+        }
         let (style, part) = (self.style, drawn.part);
         let curves = drawn.curves;
         let (mass, flags) = (curves.mass[i], curves.flags[i]);

@@ -18,25 +18,57 @@ pub(super) struct Found {
     following: Option<Following>,
 }
 
+/// Whose paths are drawn.
+#[derive(Clone, Default)]
+pub(super) struct Whose {
+    /// Those who are the same at all times.
+    followed: Vec<Arc<Followed>>,
+    /// Those who are in regions.
+    inside: IdSet,
+}
+
+impl PartialEq for Whose {
+    fn eq(&self, other: &Whose) -> bool {
+        let same = |(own, other): (&Arc<Followed>, &Arc<Followed>)| Arc::ptr_eq(own, other);
+        self.followed.len() == other.followed.len()
+            && self.followed.iter().zip(&other.followed).all(same)
+            && self.inside == other.inside
+    }
+}
+
+impl Whose {
+    /// Whether it is nobody.
+    pub fn is_empty(&self) -> bool {
+        self.followed.iter().all(|own| own.ids().is_empty()) && self.inside.is_empty()
+    }
+
+    /// Whether a particle of a family (by its number in the run) with an id is one of them.
+    pub fn has(&self, family: usize, id: u64) -> bool {
+        self.followed.iter().any(|own| own.has(family, id)) || self.inside.contains(id)
+    }
+}
+
 /// Regions whose members are remembered.
 const REMEMBERED: usize = 8;
 
 impl Found {
-    /// The ids of those whose paths are drawn; `None` for all. Who is in a region is asked for the present.
-    pub fn of(&mut self, run: &Arc<RunFile>, request: &PathRequest<'_>) -> Result<Option<IdSet>, PictureError> {
+    /// Those whose paths are drawn; `None` for all. Who is in a region is asked for the present.
+    pub fn of(&mut self, run: &Arc<RunFile>, request: &PathRequest<'_>) -> Result<Option<Whose>, PictureError> {
         let names = match request.of {
             PathsOf::All => return Ok(None),
-            PathsOf::None => return Ok(Some(IdSet::default())),
+            PathsOf::None => return Ok(Some(Whose::default())),
             PathsOf::Selections(names) => names,
         };
-        let mut all = IdSet::default();
+        let mut all = Whose::default();
         for name in names {
             let set = named(run, request.selections, name)?;
-            let ids = match self.followed(run, &set.members)? {
-                Some(followed) => followed.ids().clone(),
-                None => self.in_region(run, &set.members, request.moment, request.interpolation)?,
-            };
-            all = if all.is_empty() { ids } else { all.union(&ids) };
+            match self.followed(run, &set.members)? {
+                Some(followed) => all.followed.push(followed),
+                None => {
+                    let ids = self.in_region(run, &set.members, request.moment, request.interpolation)?;
+                    all.inside = if all.inside.is_empty() { ids } else { all.inside.union(&ids) };
+                }
+            }
         }
         Ok(Some(all))
     }

@@ -11,7 +11,7 @@ use super::error::PictureError;
 use crate::color::Colors;
 use crate::color::transfer::TransferFunction;
 use crate::cpu::paths::{Canvas, Curves, Drawn, Part, PathFragments, Quantity, Style};
-use crate::explore::{IdSet, SelectionSet};
+use crate::explore::SelectionSet;
 use crate::hierarchy::spacetime::Interpolation;
 use crate::mode::{Depiction, PathColor, PathSettings, PathsOf};
 use crate::model::{FamilyName, Moment};
@@ -57,7 +57,7 @@ pub struct PathLayer {
     kept: Kept,
     flow: levels::FlowKept,
     /// What was kept is of these members, with this attribute.
-    kept_of: (Option<IdSet>, Option<String>),
+    kept_of: (Option<members::Whose>, Option<String>),
     members: members::Found,
 }
 
@@ -98,7 +98,7 @@ impl PathLayer {
     pub fn gather(&mut self, request: &PathRequest<'_>) -> Result<u64, PictureError> {
         let PathRequest { view, settings, .. } = *request;
         let wanted = self.members.of(&self.run, request)?;
-        if wanted.as_ref().is_some_and(IdSet::is_empty) {
+        if wanted.as_ref().is_some_and(members::Whose::is_empty) {
             self.canvas.gather(view, &[], &style(request, &[], 1.0));
             return Ok(0);
         }
@@ -218,8 +218,9 @@ impl PathLayer {
         let (run, wanted) = (&self.run, &self.kept_of.0);
         let read = |(number, node): &(usize, &crate::store::run::TrackNode)| -> Result<_, StoreError> {
             let tracks = run.node_tracks(part.interval, family as usize, node, wanted.is_some())?;
-            let keep =
-                |i: usize| wanted.as_ref().is_none_or(|ids| tracks.ids.get(i).is_some_and(|id| ids.contains(*id)));
+            let keep = |i: usize| {
+                wanted.as_ref().is_none_or(|who| tracks.ids.get(i).is_some_and(|id| who.has(family as usize, *id)))
+            };
             Ok((*number, Curves::new(&tracks, &interval, attribute, keep)))
         };
         let found = missing.par_iter().map(read).collect::<Result<Vec<_>, _>>()?;
