@@ -17,9 +17,9 @@ use std::path::Path;
 const STEPS: usize = 6;
 
 fn built(kind: &dyn Moving, flow: FlowOptions, options: &BuildOptions, out: &Path) -> RunFile {
-    let folder = tempfile::tempdir().unwrap();
     let times = moving::times(kind, STEPS, 3.0, 5);
-    let files = moving::write(kind, &times, 5, &folder.path().join("run"), &()).unwrap();
+    // Beside the run, since the run names its sources.
+    let files = moving::write(kind, &times, 5, &out.with_file_name("snap"), &()).unwrap();
     let run = open_run(&files, &RunOptions::default(), ReadMethod::default()).unwrap();
     let tracks = TrackOptions { flow, ..TrackOptions::default() };
     build_run(run, false, Some(&tracks), &LoadOptions::default(), options, out, &()).unwrap();

@@ -72,7 +72,10 @@ impl FlowBuild {
         let sample: Vec<Traveller> = first.sample.chunks_exact(layout.words).map(traveller).collect();
         let levels = options.levels.map(|levels| levels.min(MOST_FLOW_LEVELS));
         let rate = step.space.length / span;
-        let errors = flow_errors(&layout.lattice, &sample, layout.stride as f64, rate, levels, options.error);
+        // Clusters of half a periodic box would have no nearest image.
+        let most = step.edge.map(|edge| edge as f64 * layout.lattice.unit() / 8.0);
+        let root = most.map(|most| options.error.unwrap_or(most).min(most)).or(options.error);
+        let errors = flow_errors(&layout.lattice, &sample, layout.stride as f64, rate, levels, root);
         let rules = layout.families.iter();
         let rules = rules.map(|(_, attributes)| attributes.iter().map(|(name, _)| AttributeMerge::of(name)).collect());
         let clusters = vec![vec![ClusterList::default(); errors.len()]; layout.families.len()];
