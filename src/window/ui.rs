@@ -128,7 +128,8 @@ pub(super) fn draw_window(
         painter.image(texture.id(), part, whole, egui::Color32::WHITE);
     }
     if let (Some(view), Some(scene)) = (view, &panel.scene) {
-        draw_annotations(&painter, rect, (&panel, scene), &picture, (&view, camera.0));
+        let time = playhead.as_ref().map_or_else(String::new, |playhead| playhead.times().words(playhead.time()));
+        draw_annotations(&painter, rect, (&panel, scene, &time), &picture, (&view, camera.0));
         let places = Looking::of(&panel.looking, &stroke);
         places.draw(&painter, rect, &picture, view, &scene.length_unit);
     }
@@ -182,7 +183,7 @@ pub(super) fn draw_window(
 fn draw_annotations(
     painter: &egui::Painter,
     rect: egui::Rect,
-    (state, scene): (&PanelState<'_, '_>, &Scene),
+    (state, scene, time): (&PanelState<'_, '_>, &Scene, &str),
     picture: &Picture,
     (view, viewpoint): (&View, &Viewpoint),
 ) {
@@ -193,6 +194,7 @@ fn draw_annotations(
         target: viewpoint.target,
         bounds: scene.frame,
         length_unit: &scene.length_unit,
+        time,
         legend: legend.as_ref(),
         labels: &state.looking.objects.labels,
     };
