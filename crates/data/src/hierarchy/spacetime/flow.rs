@@ -142,15 +142,22 @@ impl Flow<'_> {
     pub fn gather(&self, travellers: &[Traveller], before: &Before) -> Gathered {
         let mut levels = Vec::with_capacity(self.errors.len());
         let mut groups: Vec<Vec<u32>> = vec![(0..travellers.len() as u32).collect()];
+        let ends: Vec<[DVec3; 2]> = travellers
+            .iter()
+            .map(|traveller| {
+                let movement = DVec3::from(traveller.movement.map(|v| v as f64));
+                [DVec3::from(self.lattice.position(traveller.place)), movement * (self.lattice.unit() * self.rate)]
+            })
+            .collect();
         for level in (0..self.errors.len()).rev() {
-            let of = Level::new(self, travellers, before, level);
+            let of = Level::new(self, travellers, &ends, before, level);
             let parts: Vec<Vec<Part>> = groups.into_par_iter().map(|group| of.parts(group)).collect();
             let is_coarsest = level + 1 == self.errors.len();
             let (mut list, mut next) = (ClusterList::default(), Vec::new());
             for (parent, parts) in parts.into_iter().enumerate() {
                 for part in parts {
-                    list.places.push(part.place);
-                    list.movements.push(part.movement);
+                    list.places.push(part.center.place);
+                    list.movements.push(part.center.movement);
                     if !is_coarsest {
                         list.parents.push(parent as u32);
                     }
@@ -205,25 +212,60 @@ pub fn flow_errors(
 struct Level<'a> {
     flow: &'a Flow<'a>,
     travellers: &'a [Traveller],
-    before: &'a Before,
-    level: usize,
+    /// Place and tangent of each traveller, world units.
+    ends: &'a [[DVec3; 2]],
+    /// The same less those of its cluster at the step before; zeros of one that was not there.
+    before: Vec<[DVec3; 2]>,
+    /// The cluster of this level that each was in at the step before.
+    ancestors: Vec<u32>,
     error: f64,
     exponent: u32,
+}
+
+/// Sums over travellers: mass, and places and movements times mass.
+#[derive(Clone, Copy, Default)]
+struct Sums {
+    mass: f64,
+    place: [f64; 3],
+    movement: [f64; 3],
+}
+
+impl Sums {
+    fn with(self, other: Sums) -> Sums {
+        let sum = |a: [f64; 3], b: [f64; 3]| std::array::from_fn(|k| a[k] + b[k]);
+        Sums {
+            mass: self.mass + other.mass,
+            place: sum(self.place, other.place),
+            movement: sum(self.movement, other.movement),
+        }
+    }
+}
+
+/// A cluster's state at the step.
+#[derive(Clone, Copy)]
+struct Center {
+    place: [i64; 3],
+    movement: [i64; 3],
+    position: DVec3,
+    tangent: DVec3,
 }
 
 /// Travellers that are a cluster.
 struct Part {
     members: Vec<u32>,
-    place: [i64; 3],
-    movement: [i64; 3],
-    position: DVec3,
-    tangent: DVec3,
+    sums: Sums,
+    center: Center,
     /// The box around places and weighted tangents.
     low: [f64; 6],
     high: [f64; 6],
 }
 
 impl Part {
+    /// How far the centres are apart, in place and tangent.
+    fn distances(&self, other: &Part) -> [f64; 2] {
+        [self.center.position - other.center.position, self.center.tangent - other.center.tangent].map(DVec3::length)
+    }
+
     /// Whether the union with another one is wider than a cluster can be.
     fn is_apart(&self, other: &Part, error: f64) -> bool {
         (0..6).any(|i| self.high[i].max(other.high[i]) - self.low[i].min(other.low[i]) > 2.0 * error)
@@ -231,20 +273,33 @@ impl Part {
 }
 
 impl<'a> Level<'a> {
-    fn new(flow: &'a Flow<'a>, travellers: &'a [Traveller], before: &'a Before, level: usize) -> Level<'a> {
+    fn new(
+        flow: &'a Flow<'a>,
+        travellers: &'a [Traveller],
+        ends: &'a [[DVec3; 2]],
+        before: &'a Before,
+        level: usize,
+    ) -> Level<'a> {
         let error = flow.errors[level];
         let units = (error / ROUNDING / flow.lattice.unit()).max(1.0);
-        Level { flow, travellers, before, level, error, exponent: (units.log2().floor() as u32).min(LATTICE_BITS) }
+        let exponent = (units.log2().floor() as u32).min(LATTICE_BITS);
+        let of = |traveller: &Traveller| match traveller.before {
+            None => (u32::MAX, [DVec3::ZERO; 2]),
+            Some((cluster, place, tangent)) => {
+                let cluster = before.ancestor(level, cluster);
+                let (position, own) = before.states[level][cluster as usize];
+                (cluster, [place - position, tangent - own])
+            }
+        };
+        let (ancestors, before) = travellers.iter().map(of).unzip();
+        Level { flow, travellers, ends, before, ancestors, error, exponent }
     }
 
     /// The clusters of a group.
     fn parts(&self, mut group: Vec<u32>) -> Vec<Part> {
-        let key = |i: &u32| {
-            let before = self.travellers[*i as usize].before;
-            (before.map_or(u32::MAX, |(cluster, ..)| self.before.ancestor(self.level, cluster)), *i)
-        };
-        group.sort_unstable_by_key(key);
-        let inherited: Vec<Vec<u32>> = group.chunk_by(|a, b| key(a).0 == key(b).0).map(<[u32]>::to_vec).collect();
+        let ancestor = |i: &u32| self.ancestors[*i as usize];
+        group.sort_unstable_by_key(|i| (ancestor(i), *i));
+        let inherited: Vec<Vec<u32>> = group.chunk_by(|a, b| ancestor(a) == ancestor(b)).map(<[u32]>::to_vec).collect();
         let parts = inherited.into_par_iter().flat_map_iter(|members| self.split(members)).collect();
         if self.flow.is_joining { self.join(parts) } else { parts }
     }
@@ -265,88 +320,102 @@ impl<'a> Level<'a> {
         parts
     }
 
-    fn tangent_of(&self, movement: [i64; 3]) -> DVec3 {
-        DVec3::from(movement.map(|v| v as f64)) * (self.flow.lattice.unit() * self.flow.rate)
-    }
-
-    fn position_of(&self, place: [i64; 3]) -> DVec3 {
-        DVec3::from(self.flow.lattice.position(place))
+    /// Where the centre of mass is.
+    fn center(&self, sums: &Sums) -> Center {
+        let place = Lattice::settle(sums.place.map(|x| x / sums.mass), self.exponent);
+        let movement = Lattice::settle(sums.movement.map(|v| v / sums.mass), self.exponent);
+        let lattice = self.flow.lattice;
+        let tangent = DVec3::from(movement.map(|v| v as f64)) * (lattice.unit() * self.flow.rate);
+        Center { place, movement, position: DVec3::from(lattice.position(place)), tangent }
     }
 
     /// Travellers as a cluster, if the criterion holds; one alone is always one.
     fn cluster(&self, members: Vec<u32>) -> Result<Part, Vec<u32>> {
-        let (mut weight, mut place, mut movement) = (0.0, [0.0; 3], [0.0; 3]);
+        let mut sums = Sums::default();
         for i in &members {
             let traveller = &self.travellers[*i as usize];
             // What has no mass has a place all the same.
             let mass = traveller.mass.max(1e-60);
-            weight += mass;
-            place.iter_mut().zip(traveller.place).for_each(|(sum, x)| *sum += mass * x as f64);
-            movement.iter_mut().zip(traveller.movement).for_each(|(sum, v)| *sum += mass * v as f64);
+            sums.mass += mass;
+            sums.place.iter_mut().zip(traveller.place).for_each(|(sum, x)| *sum += mass * x as f64);
+            sums.movement.iter_mut().zip(traveller.movement).for_each(|(sum, v)| *sum += mass * v as f64);
         }
-        let place = Lattice::settle(place.map(|x| x / weight), self.exponent);
-        let movement = Lattice::settle(movement.map(|v| v / weight), self.exponent);
-        let (position, tangent) = (self.position_of(place), self.tangent_of(movement));
+        let center = self.center(&sums);
+        if members.len() > 1 && !self.holds(&members, &center) {
+            return Err(members);
+        }
         let (mut low, mut high) = ([f64::INFINITY; 6], [f64::NEG_INFINITY; 6]);
-        let is_one = members.len() == 1;
         for i in &members {
-            let traveller = &self.travellers[*i as usize];
-            let (own, own_tangent) = (self.position_of(traveller.place), self.tangent_of(traveller.movement));
-            if !is_one && !self.holds(traveller, own - position, own_tangent - tangent) {
-                return Err(members);
-            }
-            let weighted = TANGENT_WEIGHT * own_tangent;
-            for (i, value) in own.to_array().into_iter().chain(weighted.to_array()).enumerate() {
-                low[i] = low[i].min(value);
-                high[i] = high[i].max(value);
+            let state = self.state(*i);
+            for k in 0..6 {
+                low[k] = low[k].min(state[k]);
+                high[k] = high[k].max(state[k]);
             }
         }
-        Ok(Part { members, place, movement, position, tangent, low, high })
+        Ok(Part { members, sums, center, low, high })
     }
 
-    /// Whether a traveller may be so far from its cluster.
-    fn holds(&self, traveller: &Traveller, off: DVec3, off_tangent: DVec3) -> bool {
-        if let Some(next) = self.flow.next_rate {
-            let ahead = off_tangent.length() * (next / self.flow.rate);
-            if off.length() + AHEAD * ahead > self.error * WITHIN {
-                return false;
-            }
+    /// The union of two clusters, if it is one.
+    fn union(&self, first: &Part, second: &Part) -> Option<Part> {
+        let sums = first.sums.with(second.sums);
+        let center = self.center(&sums);
+        // Those of the smaller one are farther from the common centre.
+        let [small, large] = if first.members.len() < second.members.len() { [first, second] } else { [second, first] };
+        if ![small, large].into_iter().all(|part| self.holds(&part.members, &center)) {
+            return None;
         }
-        let (place, tangent) = match traveller.before {
-            Some((cluster, place, tangent)) => {
-                let cluster = self.before.ancestor(self.level, cluster) as usize;
-                let (position, own) = self.before.states[self.level][cluster];
-                (place - position, tangent - own)
+        Some(Part {
+            members: [&first.members[..], &second.members[..]].concat(),
+            sums,
+            center,
+            low: std::array::from_fn(|k| first.low[k].min(second.low[k])),
+            high: std::array::from_fn(|k| first.high[k].max(second.high[k])),
+        })
+    }
+
+    /// Whether travellers may be where they are from a cluster.
+    fn holds(&self, members: &[u32], center: &Center) -> bool {
+        let limit = self.error * WITHIN;
+        let square = limit * limit;
+        let ahead = self.flow.next_rate.map(|next| (AHEAD * next / self.flow.rate) * (AHEAD * next / self.flow.rate));
+        members.iter().all(|i| {
+            let [place, tangent] = self.ends[*i as usize];
+            let (off, off_tangent) = (place - center.position, tangent - center.tangent);
+            if let Some(ahead) = ahead {
+                // The sum of two lengths, by their squares.
+                let (a, b) = (off.length_squared(), ahead * off_tangent.length_squared());
+                if 2.0 * (a + b) > square && a + b + 2.0 * (a * b).sqrt() > square {
+                    return false;
+                }
             }
-            None => (DVec3::ZERO, DVec3::ZERO),
-        };
-        let (mut positions, mut tangents) = ([place, off], [tangent, off_tangent]);
-        if self.flow.is_reversed {
-            positions.reverse();
-            tangents.reverse();
-        }
-        HermiteSpline { positions, tangents }.is_within(self.error * WITHIN)
+            let [begin, begin_tangent] = self.before[*i as usize];
+            let (mut positions, mut tangents) = ([begin, off], [begin_tangent, off_tangent]);
+            if self.flow.is_reversed {
+                positions.reverse();
+                tangents.reverse();
+            }
+            HermiteSpline { positions, tangents }.is_within(limit)
+        })
+    }
+
+    /// Place and weighted tangent.
+    fn state(&self, i: u32) -> [f64; 6] {
+        let [place, tangent] = self.ends[i as usize];
+        let tangent = TANGENT_WEIGHT * tangent;
+        [place.x, place.y, place.z, tangent.x, tangent.y, tangent.z]
     }
 
     /// Both sides of the plane through the centroid across the principal component of places and weighted tangents.
     fn halves(&self, members: Vec<u32>) -> (Vec<u32>, Vec<u32>) {
-        let state = |i: &u32| -> [f64; 6] {
-            let traveller = &self.travellers[*i as usize];
-            let (place, tangent) = (traveller.place, traveller.movement);
-            std::array::from_fn(|k| match k {
-                0..3 => place[k] as f64,
-                _ => TANGENT_WEIGHT * self.flow.rate * tangent[k - 3] as f64,
-            })
-        };
         let count = members.len() as f64;
         let mut mean = [0.0; 6];
         for i in &members {
-            mean.iter_mut().zip(state(i)).for_each(|(sum, x)| *sum += x / count);
+            mean.iter_mut().zip(self.state(*i)).for_each(|(sum, x)| *sum += x / count);
         }
         let mut covariance = [[0.0; 6]; 6];
         for i in &members {
-            let off = state(i);
-            let off: [f64; 6] = std::array::from_fn(|k| off[k] - mean[k]);
+            let state = self.state(*i);
+            let off: [f64; 6] = std::array::from_fn(|k| state[k] - mean[k]);
             for (row, a) in covariance.iter_mut().zip(off) {
                 row.iter_mut().zip(off).for_each(|(sum, b)| *sum += a * b);
             }
@@ -354,7 +423,7 @@ impl<'a> Level<'a> {
         let trace = (0..6).map(|i| covariance[i][i]).sum();
         let normal = principal_component(&covariance, trace);
         let side = |i: &u32| {
-            let own = state(i);
+            let own = self.state(*i);
             (0..6).map(|k| f64::from(normal[k]) * (own[k] - mean[k])).sum::<f64>() > 0.0
         };
         let (near, far): (Vec<u32>, Vec<u32>) = members.iter().partition(|i| !side(i));
@@ -371,50 +440,113 @@ impl<'a> Level<'a> {
         if parts.len() < 2 {
             return parts;
         }
-        let cell = |position: DVec3| (position / self.error).floor().to_array().map(|x| x as i64);
-        let mut parts: Vec<Option<Part>> = parts.into_iter().map(Some).collect();
-        let mut grid: HashMap<[i64; 3], Vec<usize>> = HashMap::new();
-        for (i, part) in parts.iter().enumerate() {
-            if let Some(part) = part {
-                grid.entry(cell(part.position)).or_default().push(i);
+        let mut pairs = Pairs::new(self, parts);
+        for i in 0..pairs.parts.len() {
+            pairs.offer(i);
+        }
+        let mut last = None;
+        while let Some(Reverse(pair @ (_, a, b))) = pairs.queue.pop() {
+            // Both of a pair may have queued it.
+            if last.replace(pair) == Some(pair) {
+                continue;
+            }
+            let (Some(first), Some(second)) = (&pairs.parts[a], &pairs.parts[b]) else { continue };
+            if let Some(joined) = self.union(first, second) {
+                pairs.replace([a, b], joined);
             }
         }
-        // Distances are positive, so their bits are in their order.
-        let mut queue: BinaryHeap<Reverse<(u64, usize, usize)>> = BinaryHeap::new();
-        let offer = |queue: &mut BinaryHeap<Reverse<(u64, usize, usize)>>,
-                     grid: &HashMap<[i64; 3], Vec<usize>>,
-                     parts: &[Option<Part>],
-                     i: usize,
-                     least: usize| {
-            let Some(own) = &parts[i] else { return };
-            let middle = cell(own.position);
-            for offset in 0..27 {
-                let at = [offset % 3 - 1, offset / 3 % 3 - 1, offset / 9 - 1];
-                let at = std::array::from_fn(|axis| middle[axis].saturating_add(at[axis]));
-                for &other in grid.get(&at).into_iter().flatten() {
-                    let Some(part) = parts[other].as_ref().filter(|_| other != i && other >= least) else { continue };
-                    if !own.is_apart(part, self.error) {
-                        let distance = (own.position - part.position).length()
-                            + TANGENT_WEIGHT * (own.tangent - part.tangent).length();
-                        queue.push(Reverse((distance.to_bits(), i.min(other), i.max(other))));
-                    }
+        pairs.parts.into_iter().flatten().collect()
+    }
+}
+
+/// Parts that may be joined: the pairs of them that are near, in a grid as wide as the error.
+struct Pairs<'a> {
+    level: &'a Level<'a>,
+    parts: Vec<Option<Part>>,
+    /// The part that each one began as. Those that were split from one are neighbours in this order.
+    origins: Vec<u32>,
+    /// By origin the parts of a cell.
+    grid: HashMap<[i64; 3], Vec<(u32, usize)>>,
+    /// Distances, which are positive, so that their bits are in their order, and pairs.
+    queue: BinaryHeap<Reverse<(u64, usize, usize)>>,
+    near: Vec<(u64, usize)>,
+}
+
+/// Pairs that a part is tried in. Where tracks are not resolved, hundreds of parts are near that never can be joined.
+const MOST_PAIRS: usize = 48;
+/// How many parts of a cell are looked at on each side of a part in their order.
+const WINDOW: usize = 192;
+
+impl<'a> Pairs<'a> {
+    fn new(level: &'a Level<'a>, parts: Vec<Part>) -> Pairs<'a> {
+        let mut pairs = Pairs {
+            level,
+            origins: (0..parts.len() as u32).collect(),
+            parts: parts.into_iter().map(Some).collect(),
+            grid: HashMap::new(),
+            queue: BinaryHeap::new(),
+            near: Vec::new(),
+        };
+        for (i, part) in pairs.parts.iter().enumerate() {
+            if let Some(part) = part {
+                let cell = cell(part, level.error);
+                pairs.grid.entry(cell).or_default().push((pairs.origins[i], i));
+            }
+        }
+        pairs
+    }
+
+    /// Queues the nearest pairs of a part.
+    fn offer(&mut self, i: usize) {
+        let Some(own) = &self.parts[i] else { return };
+        let (middle, error) = (cell(own, self.level.error), self.level.error);
+        // No two members of a cluster are farther apart than this, nor are centres of what is within it.
+        let ahead = self.level.flow.next_rate.map_or(0.0, |next| AHEAD * next / self.level.flow.rate);
+        let most = 2.0 * error * (1.0 + 4.0 / ROUNDING);
+        self.near.clear();
+        for offset in 0..27 {
+            let at = [offset % 3 - 1, offset / 3 % 3 - 1, offset / 9 - 1];
+            let at = std::array::from_fn(|axis| middle[axis].saturating_add(at[axis]));
+            let Some(all) = self.grid.get(&at) else { continue };
+            let here = all.partition_point(|entry| *entry < (self.origins[i], i));
+            for &(_, other) in &all[here.saturating_sub(WINDOW)..all.len().min(here + WINDOW)] {
+                let Some(part) = self.parts[other].as_ref().filter(|_| other != i) else { continue };
+                let [apart, tangents] = own.distances(part);
+                if apart + ahead * tangents <= most && !own.is_apart(part, error) {
+                    self.near.push(((apart + TANGENT_WEIGHT * tangents).to_bits(), other));
                 }
             }
-        };
-        for i in 0..parts.len() {
-            offer(&mut queue, &grid, &parts, i, i + 1);
         }
-        while let Some(Reverse((_, a, b))) = queue.pop() {
-            let (Some(first), Some(second)) = (&parts[a], &parts[b]) else { continue };
-            let union = [&first.members[..], &second.members[..]].concat();
-            let Ok(joined) = self.cluster(union) else { continue };
-            (parts[a], parts[b]) = (None, None);
-            grid.entry(cell(joined.position)).or_default().push(parts.len());
-            parts.push(Some(joined));
-            offer(&mut queue, &grid, &parts, parts.len() - 1, 0);
+        if self.near.len() > MOST_PAIRS {
+            self.near.select_nth_unstable(MOST_PAIRS);
+            self.near.truncate(MOST_PAIRS);
         }
-        parts.into_iter().flatten().collect()
+        let pairs = self.near.iter().map(|(distance, other)| Reverse((*distance, i.min(*other), i.max(*other))));
+        self.queue.extend(pairs);
     }
+
+    /// Puts a union in the place of two parts.
+    fn replace(&mut self, old: [usize; 2], joined: Part) {
+        for i in old {
+            let Some(part) = self.parts[i].take() else { continue };
+            if let Some(all) = self.grid.get_mut(&cell(&part, self.level.error))
+                && let Ok(at) = all.binary_search(&(self.origins[i], i))
+            {
+                all.remove(at);
+            }
+        }
+        let entry = (self.origins[old[0]], self.parts.len());
+        let all = self.grid.entry(cell(&joined, self.level.error)).or_default();
+        all.insert(all.partition_point(|other| *other < entry), entry);
+        self.origins.push(entry.0);
+        self.parts.push(Some(joined));
+        self.offer(entry.1);
+    }
+}
+
+/// The cell of the grid that a part's centre is in.
+fn cell(part: &Part, error: f64) -> [i64; 3] {
+    (part.center.position / error).floor().to_array().map(|x| x as i64)
 }
 
 #[cfg(test)]

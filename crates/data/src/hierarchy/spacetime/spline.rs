@@ -71,9 +71,10 @@ impl HermiteSpline {
 
     /// Whether [`HermiteSpline::bound`] is at most `error`, as soon as that is known.
     pub fn is_within(&self, error: f64) -> bool {
-        let [begin, end] = self.positions;
-        begin.length_squared().max(end.length_squared()) <= error * error
-            && (self.weight_bound() <= error || self.hull_bound(2) <= error)
+        let square = error * error;
+        let [begin, near_begin, near_end, end] = self.control_points().map(DVec3::length_squared);
+        begin.max(end) <= square
+            && (near_begin.max(near_end) <= square || self.weight_bound() <= error || self.hull_bound(2) <= error)
     }
 
     /// How badly the steps' velocities account for the displacement: `c = |dx - w| / mean |dtau v|` with `w` the mean of both

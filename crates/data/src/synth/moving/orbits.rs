@@ -19,6 +19,11 @@ impl Orbits {
     pub fn new(seed: u64, particles: u64) -> Orbits {
         Orbits { seed, particles }
     }
+
+    /// The smoothing length of all particles.
+    pub fn smoothing_length(&self) -> f64 {
+        0.02
+    }
 }
 
 impl Moving for Orbits {
@@ -53,7 +58,7 @@ impl Moving for Orbits {
         let speed = rate / (1.0 - eccentricity * cos);
         let position = sum(scaled(a, cos - eccentricity), scaled(b, sin));
         let velocity = scaled(sum(scaled(b, cos), scaled(a, -sin)), speed);
-        Some(even(FamilyName::Gas, position, velocity, self.mass(), 0.02))
+        Some(even(FamilyName::Gas, position, velocity, self.mass(), self.smoothing_length()))
     }
 
     fn mass(&self) -> f64 {

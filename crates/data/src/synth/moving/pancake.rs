@@ -23,6 +23,11 @@ impl Pancake {
     pub fn new(seed: u64, particles: u64) -> Pancake {
         Pancake { seed, particles }
     }
+
+    /// The smoothing length of all particles: their mean distance.
+    pub fn smoothing_length(&self) -> f64 {
+        EDGE / cbrt(self.particles.max(1) as f64)
+    }
 }
 
 impl Moving for Pancake {
@@ -43,8 +48,7 @@ impl Moving for Pancake {
         let position = [0, 1, 2].map(|axis| start[axis] + time * growth[axis]);
         // u = a^1.5 H dx/da, with H = 100 a^-1.5.
         let velocity = growth.map(|growth| 100.0 * growth);
-        let smoothing_length = EDGE / cbrt(self.particles.max(1) as f64);
-        Some(even(FamilyName::Gas, position, velocity, self.mass(), smoothing_length))
+        Some(even(FamilyName::Gas, position, velocity, self.mass(), self.smoothing_length()))
     }
 
     fn edge(&self) -> Option<f64> {
