@@ -13,8 +13,9 @@ use super::picture::{DataCamera, Letterbox, Picture};
 use super::playhead::Playhead;
 use super::preset::Preset;
 use super::scene::Scene;
+use super::sheet;
 use super::state::panels::{Dock, Shown};
-use super::state::tool::Stroke;
+use super::state::tool::{Stroke, Tool};
 use super::statistics::ActiveBackend;
 use super::theme;
 use super::time_dock;
@@ -122,11 +123,10 @@ pub(super) fn draw_window(
     let Rect { min, max } = letterbox.within(picture.rect, picture.scale);
     let place = egui::Rect::from_min_max(egui::pos2(min.x, min.y), egui::pos2(max.x, max.y));
     painter.image(picture.texture, place, whole, tint);
-    for (texture, place) in marked {
-        let at = |share: egui::Pos2| rect.lerp_inside(share.to_vec2());
-        let part = egui::Rect::from_min_max(at(place.min), at(place.max));
-        painter.image(texture.id(), part, whole, egui::Color32::WHITE);
+    if is_flat {
+        sheet::paint(&painter, rect, panel.paths.textures(&ctx));
     }
+    sheet::paint(&painter, rect, marked);
     if let (Some(view), Some(scene)) = (view, &panel.scene) {
         let time = playhead.as_ref().map_or_else(String::new, |playhead| playhead.times().words(playhead.time()));
         draw_annotations(&painter, rect, (&panel, scene, &time), &picture, (&view, camera.0));
@@ -162,6 +162,11 @@ pub(super) fn draw_window(
     let tool = *panel.looking.tool;
     if let Some(cursor) = drawing::cursor(tool).filter(|_| over_picture && is_flat) {
         ctx.set_cursor_icon(cursor);
+    }
+    // A click without a tool reads the path under it.
+    let clicked = at.filter(|_| pointer.clicked && tool == Tool::default() && panel.paths.is_wanted());
+    if let (Some(at), Some(view)) = (clicked, view) {
+        panel.paths.pick(view, picture.pixel(Vec2::new(at.x, at.y)).as_dvec2().to_array());
     }
     let double_click = ctx.input(|input| input.pointer.button_double_clicked(egui::PointerButton::Primary));
     if double_click && over_picture {

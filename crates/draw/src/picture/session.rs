@@ -7,7 +7,7 @@ use super::error::PictureError;
 use super::hiding::{self, Hiding};
 use super::left_out::LeftOut;
 use super::look::{depict, transfer_of};
-use super::paths::{PathLayer, PathRequest};
+use super::paths::{self, PathLayer, PathRequest};
 use super::projected::{Means, Projector};
 use super::source::{self, Wanted};
 use super::subject::Subject;
@@ -600,7 +600,7 @@ impl Session {
         let Some(run) = self.run().cloned() else { return Ok(0) };
         let mut layer = match self.paths.take() {
             Some(layer) if Arc::ptr_eq(layer.run(), &run) => layer,
-            _ => PathLayer::new(run)?,
+            _ => PathLayer::new(run, paths::KEPT_BYTES)?,
         };
         let tree = self.tree();
         let shown = self.scene.families.iter().filter_map(|index| tree.metadata().families.get(*index as usize));
