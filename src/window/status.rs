@@ -277,9 +277,11 @@ pub(super) fn write_status(
         paths: PathsStatus {
             among: paths.is_among(),
             tracks: paths.tracks(),
-            picked: paths.picked.here().and_then(Option::as_ref).map(|found| {
-                [found.level as u64, u64::from(found.count), found.interval as u64]
-            }),
+            picked: paths
+                .picked
+                .here()
+                .and_then(Option::as_ref)
+                .map(|found| [found.level as u64, u64::from(found.count), found.interval as u64]),
         },
         looking: Report::of(&looking, &settings.selections),
         controls: controls

@@ -164,8 +164,8 @@ pub(super) fn draw_window(
         ctx.set_cursor_icon(cursor);
     }
     // A click without a tool reads the path under it.
-    let clicked = at.filter(|_| pointer.clicked && tool == Tool::default() && panel.paths.is_wanted());
-    if let (Some(at), Some(view)) = (clicked, view) {
+    let read = at.filter(|_| pointer.clicked && tool == Tool::default() && panel.paths.is_wanted());
+    if let (Some(at), Some(view)) = (read, view) {
         panel.paths.pick(view, picture.pixel(Vec2::new(at.x, at.y)).as_dvec2().to_array());
     }
     let double_click = ctx.input(|input| input.pointer.button_double_clicked(egui::PointerButton::Primary));
