@@ -30,8 +30,8 @@ pub(super) struct TrackRecord<'a> {
     /// The particle's numbers in its bucket of ids at both steps; [`NOBODY`] where it is not there. Where flow levels are built, the first
     /// one becomes that of its cluster at the beginning, and then of its track of the finest level.
     pub numbers: [u32; 2],
-    /// Mass, density, smoothing length, then attributes at the beginning, then the same at the end.
-    pub values: &'a [f32],
+    /// Mass, density, smoothing length, then attributes at both ends.
+    pub values: [&'a [f32]; 2],
 }
 
 /// Words of a record with so many attributes.
@@ -42,7 +42,9 @@ pub(super) fn track_words(layout: &StateLayout) -> usize {
 
 impl TrackRecord<'_> {
     /// Reads a record.
+    #[inline]
     pub fn of(record: &[u32]) -> TrackRecord<'_> {
+        let (begin, end) = record[FIXED..].split_at((record.len() - FIXED) / 2);
         let long = |at: usize| u64::from(record[at]) | u64::from(record[at + 1]) << 32;
         let place = |at: usize| std::array::from_fn(|axis| long(at + 2 * axis) as i64);
         let velocity = |at: usize| std::array::from_fn(|axis| f32::from_bits(record[at + axis]));
@@ -54,7 +56,7 @@ impl TrackRecord<'_> {
             places: [place(4), place(10)],
             velocities: [velocity(16), velocity(19)],
             numbers: [record[NUMBERS], record[NUMBERS + 1]],
-            values: bytemuck::cast_slice(&record[FIXED..]),
+            values: [begin, end].map(bytemuck::cast_slice),
         }
     }
 
@@ -76,7 +78,7 @@ impl TrackRecord<'_> {
         self.places.as_flattened().iter().for_each(|x| out.extend(long(*x as u64)));
         out.extend(self.velocities.as_flattened().iter().map(|v| v.to_bits()));
         out.extend(self.numbers);
-        out.extend(self.values.iter().map(|value| value.to_bits()));
+        self.values.into_iter().for_each(|values| out.extend_from_slice(bytemuck::cast_slice(values)));
     }
 }
 
@@ -181,53 +183,50 @@ impl<'a> Known<'a> {
 impl Joining<'_> {
     /// The tracks of a bucket as records, and what was found of each family.
     pub fn join(&self, window: &Window) -> (Vec<u32>, Vec<Found>) {
-        let sorted = |records: &'_ [u32]| -> Vec<usize> {
-            let words = self.layout.words;
-            let mut order: Vec<usize> = (0..records.len() / words).collect();
-            order.sort_unstable_by(|&a, &b| {
-                let of = |i: usize| &records[i * words..(i + 1) * words];
-                let id = |record: &[u32]| u64::from(record[0]) | u64::from(record[1]) << 32;
-                id(of(a)).cmp(&id(of(b))).then_with(|| of(a)[2..].cmp(&of(b)[2..]))
-            });
+        let words = self.layout.words;
+        // By ids, and by all that is known of those who share one, so that the order in the bucket does not matter.
+        let sorted = |records: &[u32]| -> Vec<(u64, u32)> {
+            let id = |record: &[u32]| u64::from(record[0]) | u64::from(record[1]) << 32;
+            let mut order: Vec<(u64, u32)> = records.chunks_exact(words).map(id).zip(0..).collect();
+            let more = |i: u32| &records[i as usize * words + 2..(i as usize + 1) * words];
+            order.sort_unstable_by(|a, b| a.0.cmp(&b.0).then_with(|| more(a.1).cmp(more(b.1))));
             order
         };
-        let orders: Vec<Vec<usize>> = window.iter().map(|records| sorted(records)).collect();
-        let words = self.layout.words;
+        let orders = std::array::from_fn::<_, 4, _>(|step| sorted(&window[step]));
         let state = |step: usize, at: usize| {
-            let i = orders[step][at];
+            let i = orders[step][at].1 as usize;
             State { number: at as u32, ..State::of(&window[step][i * words..(i + 1) * words]) }
         };
-        let mut out = Vec::new();
+        let mut out = Vec::with_capacity(track_words(self.layout) * orders[1].len().max(orders[2].len()));
         let mut found = vec![Found::default(); self.layout.families.len()];
         let mut at = [0; 4];
-        let group = |step: usize, at: &mut usize, id: u64| {
-            while *at < orders[step].len() && state(step, *at).id < id {
-                *at += 1;
-            }
-            let first = *at;
-            while *at < orders[step].len() && state(step, *at).id == id {
-                *at += 1;
-            }
-            first..*at
-        };
+        let mut all: [Vec<State>; 4] = std::array::from_fn(|_| Vec::new());
         loop {
-            let next = |step: usize, at: usize| (at < orders[step].len()).then(|| state(step, at).id);
-            let Some(id) = [next(1, at[1]), next(2, at[2])].into_iter().flatten().min() else { break };
-            let ranges: [std::ops::Range<usize>; 4] = std::array::from_fn(|step| group(step, &mut at[step], id));
-            let all: [Vec<State>; 4] =
-                std::array::from_fn(|step| ranges[step].clone().map(|at| state(step, at)).collect());
+            let next = |step: usize| orders[step].get(at[step]).map(|(id, _)| *id);
+            let Some(id) = [next(1), next(2)].into_iter().flatten().min() else { break };
+            for (step, states) in all.iter_mut().enumerate() {
+                states.clear();
+                let at = &mut at[step];
+                while orders[step].get(*at).is_some_and(|(own, _)| *own < id) {
+                    *at += 1;
+                }
+                while orders[step].get(*at).is_some_and(|(own, _)| *own == id) {
+                    states.push(state(step, *at));
+                    *at += 1;
+                }
+            }
             self.of_one_id(&all, &mut out, &mut found);
         }
         (out, found)
     }
 
     /// Everything that has one id.
-    fn of_one_id(&self, all: &[Vec<State>; 4], out: &mut Vec<u32>, found: &mut [Found]) {
-        let known = |step: usize| -> Vec<Known> {
-            let one = |state: &_| Known::new(self, *state, self.velocity(all, step, state));
-            all[step].iter().map(one).collect()
-        };
-        let (begin, end) = (known(1), known(2));
+    fn of_one_id<'a>(&self, all: &[Vec<State<'a>>; 4], out: &mut Vec<u32>, found: &mut [Found]) {
+        let known = |step: usize, state: &State<'a>| Known::new(self, *state, self.velocity(all, step, state));
+        if let (true, [begin], [end]) = (self.is_matching, &all[1][..], &all[2][..]) {
+            return self.matched(&known(1, begin), &known(2, end), out, found);
+        }
+        let [begin, end] = [1, 2].map(|step| all[step].iter().map(|state| known(step, state)).collect::<Vec<Known>>());
         if begin.len() > 1 || end.len() > 1 {
             for known in &begin {
                 let own = &mut found[known.state.family];
@@ -241,8 +240,6 @@ impl Joining<'_> {
         let (mut pair_of, mut taken) = (vec![None; begin.len()], vec![false; end.len()]);
         if !self.is_matching {
             // Each step stands for itself.
-        } else if let ([_], [_]) = (&begin[..], &end[..]) {
-            (pair_of[0], taken[0]) = (Some(0), true);
         } else if begin.len() * end.len() <= MOST_PAIRS {
             self.nearest_pairs(&begin, &end, &mut pair_of, &mut taken);
         }
@@ -367,7 +364,7 @@ impl Joining<'_> {
         let mass = f64::from(a.state.values[0]);
         own.mass[0] += mass;
         own.mass[1] += if unresolved > UNRESOLVED { mass } else { 0.0 };
-        let record = |family: usize, flags: u8, values: &[f32], out: &mut Vec<u32>| {
+        let record = |family: usize, flags: u8, values: [&[f32]; 2], out: &mut Vec<u32>| {
             let flags = TrackFlags(flags);
             let numbers = numbers(flags, [a.state.number, b.state.number]);
             let velocities = [a, b].map(|known| known.velocity.as_vec3().to_array());
@@ -376,12 +373,11 @@ impl Joining<'_> {
         };
         if a.state.family == b.state.family {
             own.matched += 1;
-            record(a.state.family, 0, &[a.state.values, b.state.values].concat(), out);
+            record(a.state.family, 0, [a.state.values, b.state.values], out);
         } else {
             own.changed += 1;
-            let own = |known: &Known| [known.state.values, known.state.values].concat();
-            record(a.state.family, TrackFlags::GOES, &own(a), out);
-            record(b.state.family, TrackFlags::COMES, &own(b), out);
+            record(a.state.family, TrackFlags::GOES, [a.state.values; 2], out);
+            record(b.state.family, TrackFlags::COMES, [b.state.values; 2], out);
         }
     }
 
@@ -411,7 +407,6 @@ impl Joining<'_> {
 
     fn alone(&self, known: &Known, flags: u8, places: [[i64; 3]; 2], out: &mut Vec<u32>) {
         let velocity = known.velocity.as_vec3().to_array();
-        let values = [known.state.values, known.state.values].concat();
         let record = TrackRecord {
             id: known.state.id,
             family: known.state.family,
@@ -420,7 +415,7 @@ impl Joining<'_> {
             places,
             velocities: [velocity; 2],
             numbers: numbers(TrackFlags(flags), [known.state.number; 2]),
-            values: &values,
+            values: [known.state.values; 2],
         };
         record.put(out);
     }

@@ -140,11 +140,12 @@ pub struct Gathered {
 impl Flow<'_> {
     /// Gathers travellers to clusters. The result depends on their order and on nothing else; not on the number of threads.
     pub fn gather(&self, travellers: &[Traveller], before: &Before) -> Gathered {
+        let points: Vec<Point> = travellers.iter().map(Point::of).collect();
         let mut levels = Vec::with_capacity(self.errors.len());
         let mut groups: Vec<Vec<u32>> = vec![(0..travellers.len() as u32).collect()];
         for level in (0..self.errors.len()).rev() {
-            let of = Level::new(self, travellers, before, level);
-            let parts: Vec<Vec<Part>> = groups.into_par_iter().map(|group| of.parts(group)).collect();
+            let of = Level::new(self, travellers, &points, before, level);
+            let parts: Vec<Vec<Part>> = groups.into_par_iter().map(|group| of.parts(&group)).collect();
             let is_coarsest = level + 1 == self.errors.len();
             let (mut list, mut next) = (ClusterList::default(), Vec::new());
             for (parent, parts) in parts.into_iter().enumerate() {
@@ -201,19 +202,81 @@ pub fn flow_errors(
     errors(few.max(1))
 }
 
+/// A traveller as sums take it, in a line of the cache.
+#[derive(Clone, Copy)]
+#[repr(align(64))]
+struct Point {
+    /// Place and movement on the lattice.
+    state: [f64; 6],
+    mass: f64,
+}
+
+impl Point {
+    fn of(traveller: &Traveller) -> Point {
+        let Traveller { place: p, movement: v, mass, .. } = *traveller;
+        // What has no mass has a place all the same.
+        Point { state: [p[0], p[1], p[2], v[0], v[1], v[2]].map(|x| x as f64), mass: mass.max(1e-60) }
+    }
+}
+
+/// How a traveller was off its cluster of a level at the step before.
+#[derive(Clone, Copy, Default)]
+struct Behind {
+    off: DVec3,
+    off_tangent: DVec3,
+    /// The lengths of both.
+    lengths: [f64; 2],
+}
+
 /// One level of a flow.
 struct Level<'a> {
     flow: &'a Flow<'a>,
-    travellers: &'a [Traveller],
-    before: &'a Before,
-    level: usize,
+    points: &'a [Point],
+    behind: Vec<Behind>,
+    /// The cluster that each was in; the largest number of those that were not there.
+    inherited: Vec<u32>,
     error: f64,
     exponent: u32,
+}
+
+/// Sums over travellers.
+#[derive(Clone, Copy, Default)]
+struct Sums {
+    count: f64,
+    weight: f64,
+    /// Of places and movements, weighted by mass, and as they are.
+    weighted: [f64; 6],
+    plain: [f64; 6],
+}
+
+impl Sums {
+    fn of<'a>(points: impl Iterator<Item = &'a Point>) -> Sums {
+        let mut sums = Sums::default();
+        for Point { state, mass } in points {
+            sums.count += 1.0;
+            sums.weight += mass;
+            for (k, x) in state.iter().enumerate() {
+                sums.weighted[k] += mass * x;
+                sums.plain[k] += x;
+            }
+        }
+        sums
+    }
+
+    fn with(&self, other: &Sums) -> Sums {
+        Sums {
+            count: self.count + other.count,
+            weight: self.weight + other.weight,
+            weighted: std::array::from_fn(|k| self.weighted[k] + other.weighted[k]),
+            plain: std::array::from_fn(|k| self.plain[k] + other.plain[k]),
+        }
+    }
 }
 
 /// Travellers that are a cluster.
 struct Part {
     members: Vec<u32>,
+    sums: Sums,
     place: [i64; 3],
     movement: [i64; 3],
     position: DVec3,
@@ -231,139 +294,154 @@ impl Part {
 }
 
 impl<'a> Level<'a> {
-    fn new(flow: &'a Flow<'a>, travellers: &'a [Traveller], before: &'a Before, level: usize) -> Level<'a> {
+    fn new(
+        flow: &'a Flow<'a>,
+        travellers: &[Traveller],
+        points: &'a [Point],
+        before: &Before,
+        level: usize,
+    ) -> Level<'a> {
         let error = flow.errors[level];
         let units = (error / ROUNDING / flow.lattice.unit()).max(1.0);
-        Level { flow, travellers, before, level, error, exponent: (units.log2().floor() as u32).min(LATTICE_BITS) }
+        let (mut behind, mut inherited) = (Vec::with_capacity(travellers.len()), Vec::with_capacity(travellers.len()));
+        for traveller in travellers {
+            let Some((cluster, place, tangent)) = traveller.before else {
+                behind.push(Behind::default());
+                inherited.push(u32::MAX);
+                continue;
+            };
+            let cluster = before.ancestor(level, cluster);
+            let (position, own) = before.states[level][cluster as usize];
+            let (off, off_tangent) = (place - position, tangent - own);
+            behind.push(Behind { off, off_tangent, lengths: [off.length(), off_tangent.length()] });
+            inherited.push(cluster);
+        }
+        let exponent = (units.log2().floor() as u32).min(LATTICE_BITS);
+        Level { flow, points, behind, inherited, error, exponent }
     }
 
     /// The clusters of a group.
-    fn parts(&self, mut group: Vec<u32>) -> Vec<Part> {
-        let key = |i: &u32| {
-            let before = self.travellers[*i as usize].before;
-            (before.map_or(u32::MAX, |(cluster, ..)| self.before.ancestor(self.level, cluster)), *i)
+    fn parts(&self, group: &[u32]) -> Vec<Part> {
+        let key = |i: &u32| u64::from(self.inherited[*i as usize]) << 32 | u64::from(*i);
+        let mut keys: Vec<u64> = group.iter().map(key).collect();
+        keys.sort_unstable();
+        let mut members: Vec<u32> = keys.iter().map(|key| *key as u32).collect();
+        let mut inherited: Vec<&mut [u32]> =
+            members.chunk_by_mut(|a, b| self.inherited[*a as usize] == self.inherited[*b as usize]).collect();
+        let split = |members: &mut &mut [u32]| {
+            let mut parts = Vec::new();
+            self.split(members, &mut parts);
+            parts
         };
-        group.sort_unstable_by_key(key);
-        let inherited: Vec<Vec<u32>> = group.chunk_by(|a, b| key(a).0 == key(b).0).map(<[u32]>::to_vec).collect();
-        let parts = inherited.into_par_iter().flat_map_iter(|members| self.split(members)).collect();
+        let parts = match group.len() > PARALLEL {
+            true => inherited.par_iter_mut().flat_map_iter(split).collect(),
+            false => inherited.iter_mut().flat_map(split).collect(),
+        };
         if self.flow.is_joining { self.join(parts) } else { parts }
     }
 
-    /// Splits travellers until each part is a cluster.
-    fn split(&self, members: Vec<u32>) -> Vec<Part> {
-        let members = match self.cluster(members) {
-            Ok(part) => return vec![part],
-            Err(members) => members,
-        };
-        let (near, far) = self.halves(members);
-        let both = match near.len() + far.len() > PARALLEL {
-            true => rayon::join(|| self.split(near), || self.split(far)),
-            false => (self.split(near), self.split(far)),
-        };
-        let (mut parts, more) = both;
-        parts.extend(more);
-        parts
+    fn points<'b>(&'b self, members: &'b [u32]) -> impl Iterator<Item = &'b Point> {
+        members.iter().map(|i| &self.points[*i as usize])
     }
 
-    fn tangent_of(&self, movement: [i64; 3]) -> DVec3 {
-        DVec3::from(movement.map(|v| v as f64)) * (self.flow.lattice.unit() * self.flow.rate)
-    }
-
-    fn position_of(&self, place: [i64; 3]) -> DVec3 {
-        DVec3::from(self.flow.lattice.position(place))
-    }
-
-    /// Travellers as a cluster, if the criterion holds; one alone is always one.
-    fn cluster(&self, members: Vec<u32>) -> Result<Part, Vec<u32>> {
-        let (mut weight, mut place, mut movement) = (0.0, [0.0; 3], [0.0; 3]);
-        for i in &members {
-            let traveller = &self.travellers[*i as usize];
-            // What has no mass has a place all the same.
-            let mass = traveller.mass.max(1e-60);
-            weight += mass;
-            place.iter_mut().zip(traveller.place).for_each(|(sum, x)| *sum += mass * x as f64);
-            movement.iter_mut().zip(traveller.movement).for_each(|(sum, v)| *sum += mass * v as f64);
+    /// Splits travellers until each part is a cluster; the parts go to `out`.
+    fn split(&self, members: &mut [u32], out: &mut Vec<Part>) {
+        let sums = Sums::of(self.points(members));
+        if let Some(part) = self.cluster([members, &[]], &sums) {
+            return out.push(part);
         }
-        let place = Lattice::settle(place.map(|x| x / weight), self.exponent);
-        let movement = Lattice::settle(movement.map(|v| v / weight), self.exponent);
-        let (position, tangent) = (self.position_of(place), self.tangent_of(movement));
+        let count = members.len();
+        let (near, far) = self.halves(members, &sums);
+        if count > PARALLEL {
+            let mut more = Vec::new();
+            rayon::join(|| self.split(near, out), || self.split(far, &mut more));
+            out.extend(more);
+        } else {
+            self.split(near, out);
+            self.split(far, out);
+        }
+    }
+
+    /// Place and tangent of a state on the lattice, world units.
+    fn world(&self, state: &[f64; 6]) -> (DVec3, DVec3) {
+        let (lattice, [x, y, z, u, v, w]) = (self.flow.lattice, *state);
+        let unit = lattice.unit();
+        (lattice.root.min + DVec3::new(x, y, z) * unit, DVec3::new(u, v, w) * (unit * self.flow.rate))
+    }
+
+    /// Travellers, in two lists, as a cluster, if the criterion holds; one alone is always one.
+    fn cluster(&self, members: [&[u32]; 2], sums: &Sums) -> Option<Part> {
+        let [x, y, z, u, v, w] = sums.weighted.map(|sum| sum / sums.weight);
+        let (place, movement) = (Lattice::settle([x, y, z], self.exponent), Lattice::settle([u, v, w], self.exponent));
+        let ([x, y, z], [u, v, w]) = (place, movement);
+        let (position, tangent) = self.world(&[x, y, z, u, v, w].map(|x| x as f64));
         let (mut low, mut high) = ([f64::INFINITY; 6], [f64::NEG_INFINITY; 6]);
-        let is_one = members.len() == 1;
-        for i in &members {
-            let traveller = &self.travellers[*i as usize];
-            let (own, own_tangent) = (self.position_of(traveller.place), self.tangent_of(traveller.movement));
-            if !is_one && !self.holds(traveller, own - position, own_tangent - tangent) {
-                return Err(members);
+        let is_one = members[0].len() + members[1].len() == 1;
+        for i in members.into_iter().flatten() {
+            let (own, own_tangent) = self.world(&self.points[*i as usize].state);
+            if !is_one && !self.holds(&self.behind[*i as usize], own - position, own_tangent - tangent) {
+                return None;
             }
             let weighted = TANGENT_WEIGHT * own_tangent;
-            for (i, value) in own.to_array().into_iter().chain(weighted.to_array()).enumerate() {
-                low[i] = low[i].min(value);
-                high[i] = high[i].max(value);
+            for (k, value) in [own.x, own.y, own.z, weighted.x, weighted.y, weighted.z].into_iter().enumerate() {
+                low[k] = low[k].min(value);
+                high[k] = high[k].max(value);
             }
         }
-        Ok(Part { members, place, movement, position, tangent, low, high })
+        Some(Part { members: members.concat(), sums: *sums, place, movement, position, tangent, low, high })
     }
 
-    /// Whether a traveller may be so far from its cluster.
-    fn holds(&self, traveller: &Traveller, off: DVec3, off_tangent: DVec3) -> bool {
-        if let Some(next) = self.flow.next_rate {
-            let ahead = off_tangent.length() * (next / self.flow.rate);
-            if off.length() + AHEAD * ahead > self.error * WITHIN {
-                return false;
-            }
+    /// Whether a traveller may be so far from its cluster: by the lengths alone where they tell.
+    fn holds(&self, behind: &Behind, off: DVec3, off_tangent: DVec3) -> bool {
+        let error = self.error * WITHIN;
+        let lengths = [off.length(), off_tangent.length()];
+        if let Some(next) = self.flow.next_rate
+            && lengths[0] + AHEAD * lengths[1] * (next / self.flow.rate) > error
+        {
+            return false;
         }
-        let (place, tangent) = match traveller.before {
-            Some((cluster, place, tangent)) => {
-                let cluster = self.before.ancestor(self.level, cluster) as usize;
-                let (position, own) = self.before.states[self.level][cluster];
-                (place - position, tangent - own)
-            }
-            None => (DVec3::ZERO, DVec3::ZERO),
-        };
-        let (mut positions, mut tangents) = ([place, off], [tangent, off_tangent]);
+        let farther = lengths[0].max(behind.lengths[0]);
+        if farther + TANGENT_WEIGHT * (lengths[1] + behind.lengths[1]) <= error {
+            return true;
+        }
+        let (mut positions, mut tangents) = ([behind.off, off], [behind.off_tangent, off_tangent]);
         if self.flow.is_reversed {
             positions.reverse();
             tangents.reverse();
         }
-        HermiteSpline { positions, tangents }.is_within(self.error * WITHIN)
+        farther <= error && HermiteSpline { positions, tangents }.hull_bound(2) <= error
     }
 
     /// Both sides of the plane through the centroid across the principal component of places and weighted tangents.
-    fn halves(&self, members: Vec<u32>) -> (Vec<u32>, Vec<u32>) {
-        let state = |i: &u32| -> [f64; 6] {
-            let traveller = &self.travellers[*i as usize];
-            let (place, tangent) = (traveller.place, traveller.movement);
-            std::array::from_fn(|k| match k {
-                0..3 => place[k] as f64,
-                _ => TANGENT_WEIGHT * self.flow.rate * tangent[k - 3] as f64,
-            })
-        };
-        let count = members.len() as f64;
-        let mut mean = [0.0; 6];
-        for i in &members {
-            mean.iter_mut().zip(state(i)).for_each(|(sum, x)| *sum += x / count);
-        }
+    fn halves<'b>(&self, members: &'b mut [u32], sums: &Sums) -> (&'b mut [u32], &'b mut [u32]) {
+        let weight = TANGENT_WEIGHT * self.flow.rate;
+        let scales = [1.0, 1.0, 1.0, weight, weight, weight];
+        let mean: [f64; 6] = std::array::from_fn(|k| sums.plain[k] / sums.count);
         let mut covariance = [[0.0; 6]; 6];
-        for i in &members {
-            let off = state(i);
-            let off: [f64; 6] = std::array::from_fn(|k| off[k] - mean[k]);
-            for (row, a) in covariance.iter_mut().zip(off) {
-                row.iter_mut().zip(off).for_each(|(sum, b)| *sum += a * b);
+        for point in self.points(members) {
+            let off: [f64; 6] = std::array::from_fn(|k| scales[k] * (point.state[k] - mean[k]));
+            for (k, row) in covariance.iter_mut().enumerate() {
+                // The other half is the same.
+                (0..=k).for_each(|l| row[l] += off[k] * off[l]);
             }
         }
-        let trace = (0..6).map(|i| covariance[i][i]).sum();
+        let covariance: [[f64; 6]; 6] =
+            std::array::from_fn(|k| std::array::from_fn(|l| covariance[k.max(l)][k.min(l)]));
+        let trace = (0..6).map(|k| covariance[k][k]).sum();
         let normal = principal_component(&covariance, trace);
-        let side = |i: &u32| {
-            let own = state(i);
-            (0..6).map(|k| f64::from(normal[k]) * (own[k] - mean[k])).sum::<f64>() > 0.0
-        };
-        let (near, far): (Vec<u32>, Vec<u32>) = members.iter().partition(|i| !side(i));
-        if near.is_empty() || far.is_empty() {
-            // All in one place: they differ in where they come from.
-            let (near, far) = members.split_at(members.len() / 2);
-            return (near.to_vec(), far.to_vec());
+        let normal: [f64; 6] = std::array::from_fn(|k| f64::from(normal[k]) * scales[k]);
+        let mut near = 0;
+        for at in 0..members.len() {
+            let state = &self.points[members[at] as usize].state;
+            if (0..6).map(|k| normal[k] * (state[k] - mean[k])).sum::<f64>() <= 0.0 {
+                members.swap(near, at);
+                near += 1;
+            }
         }
-        (near, far)
+        // All in one place: they differ in where they come from.
+        let is_cut = near > 0 && near < members.len();
+        let middle = if is_cut { near } else { members.len() / 2 };
+        members.split_at_mut(middle)
     }
 
     /// Joins the nearest pairs as long as their unions are clusters.
@@ -406,8 +484,8 @@ impl<'a> Level<'a> {
         }
         while let Some(Reverse((_, a, b))) = queue.pop() {
             let (Some(first), Some(second)) = (&parts[a], &parts[b]) else { continue };
-            let union = [&first.members[..], &second.members[..]].concat();
-            let Ok(joined) = self.cluster(union) else { continue };
+            let sums = first.sums.with(&second.sums);
+            let Some(joined) = self.cluster([&first.members, &second.members], &sums) else { continue };
             (parts[a], parts[b]) = (None, None);
             grid.entry(cell(joined.position)).or_default().push(parts.len());
             parts.push(Some(joined));
