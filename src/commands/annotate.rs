@@ -6,7 +6,7 @@ use std::path::PathBuf;
 /// What is written into a picture.
 #[derive(clap::Args, Clone, Debug, Default)]
 pub struct AnnotateOptions {
-    /// Write into the picture: legend, scale-bar, axes, triad, labels, with commas [default: nothing; without PARTS:
+    /// Write into the picture: legend, scale-bar, clock, axes, triad, labels, with commas [default: nothing; without PARTS:
     /// legend,scale-bar].
     #[arg(long, value_name = "PARTS", num_args = 0..=1, require_equals = true,
           default_missing_value = "legend,scale-bar", value_parser = parts)]

@@ -14,7 +14,7 @@ use std::path::PathBuf;
 pub enum Kind {
     /// Dark matter of a Lambda-CDM universe today: a web, and in it haloes with nearly half of the particles
     Cosmology,
-    /// Gas of two merging white dwarfs in a wide, thin envelope; smoothing lengths differ 1400-fold
+    /// Gas of two merging white dwarfs in a wide, thin envelope; smoothing lengths differ 1400-fold. With --steps a run
     Merger,
     /// Gas in haloes, filaments and a thin background, quickly made
     Clusters,
@@ -36,7 +36,8 @@ impl Kind {
             Kind::Pancake => Box::new(Pancake::new(seed, particles)),
             Kind::Halo => Box::new(Halo::new(seed, particles)),
             Kind::Births => Box::new(Births::new(seed, particles, steps)),
-            Kind::Cosmology | Kind::Merger | Kind::Clusters => return None,
+            Kind::Merger => Box::new(moving::Merger::new(seed, particles)),
+            Kind::Cosmology | Kind::Clusters => return None,
         })
     }
 }
@@ -52,6 +53,7 @@ impl Kind {
   deepfield synth cosmology -n 1e7 --box 50 --seed 7 -o small.gadget2
   deepfield synth merger -n 2e6 -o merger.gadget2
   deepfield synth orbits -n 1e5 --steps 32 -o orbits/run       a run of 32 snapshots
+  deepfield synth merger -n 2e6 --steps 84 -o merger/run
   deepfield synth pancake -n 1e5 --steps 9 --irregular 3 -o pancake/run")]
 pub struct Arguments {
     /// What to make.
@@ -115,13 +117,18 @@ pub fn run(arguments: &Arguments) -> CommandResult {
     }
     let progress = TerminalProgress::new();
     let steps = usize::from(arguments.steps.unwrap_or(16));
-    if let Some(moving) = arguments.kind.moving(seed, particles, steps) {
+    let is_one = arguments.kind == Kind::Merger && arguments.steps.is_none();
+    if let Some(moving) = arguments.kind.moving(seed, particles, steps).filter(|_| !is_one) {
         let times = moving::times(&*moving, steps, arguments.irregular.unwrap_or(1.0), seed);
         moving::write(&*moving, &times, seed, &arguments.output, &progress)?;
         return Ok(());
     }
+    if arguments.irregular.is_some() && is_one {
+        let message = "--irregular: a merger is a run with --steps\n";
+        clap::Error::raw(clap::error::ErrorKind::ArgumentConflict, message).exit();
+    }
     if arguments.steps.is_some() || arguments.irregular.is_some() {
-        let message = "--steps, --irregular: only orbits, pancake, halo and births are runs\n";
+        let message = "--steps, --irregular: only merger, orbits, pancake, halo and births are runs\n";
         clap::Error::raw(clap::error::ErrorKind::ArgumentConflict, message).exit();
     }
     let generator: Box<dyn Generator> = match arguments.kind {

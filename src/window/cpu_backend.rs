@@ -11,6 +11,7 @@ use super::live::LiveParticles;
 use super::look::{Held, Look};
 use super::occlusion::Occlusion;
 use super::pages::ViewSelection;
+use super::paths::Paths;
 use super::picture::{Letterbox, Picture, to_image};
 use super::picture_sizes::{drawing_size, moving_size, volume_limit};
 use super::preset::{MotionPreset, Preset};
@@ -27,6 +28,7 @@ use crate::picture::Subject;
 use crate::picture::drawing_cost::DrawingCost;
 use crate::picture::fade::faded;
 use crate::store::Tree;
+use crate::view::View;
 use bevy::prelude::*;
 use bevy::tasks::{AsyncComputeTaskPool, Task, futures::check_ready};
 use drawing::{Limits, Outcome, Source, draw};
@@ -44,6 +46,8 @@ struct DrawKey {
     size: UVec2,
     /// How many particles a volume may take.
     particles: u64,
+    /// The paths among what is shown; 0 without.
+    paths: u64,
 }
 
 /// A picture that has been drawn.
@@ -120,7 +124,7 @@ pub(super) fn draw_on_cpu(
     mut converged: ResMut<Converged>,
     mut occlusion: ResMut<Occlusion>,
     mut messages: ResMut<Notices>,
-    (live, settings, held): (Res<LiveParticles>, Res<Settings>, Res<Held>),
+    (live, settings, held, paths): (Res<LiveParticles>, Res<Settings>, Res<Held>, Res<Paths>),
 ) {
     let cpu = &mut *cpu;
     let on_cpu = *backend == ActiveBackend::Cpu;
@@ -183,6 +187,7 @@ pub(super) fn draw_on_cpu(
         }
         false => drawing_size(full, statistics.particles > limit, fixed_discs, motion),
     };
+    let among = paths.among();
     let key = DrawKey {
         selection: selection.revision,
         live: live.state(),
@@ -190,6 +195,7 @@ pub(super) fn draw_on_cpu(
         generation: scene.generation,
         size,
         particles: volume_limit(painted && moving, false, statistics.particles, motion),
+        paths: among.as_ref().map_or(0, |(revision, _)| *revision),
     };
     // Ranges that are given are not looked for in each picture.
     let given = held.0.filter(|levels| painted && levels.p[0] > 0.0 && levels.p[0] < levels.p[1]);
@@ -247,7 +253,10 @@ pub(super) fn draw_on_cpu(
                     (None, true) => Limits { lod_budget: LodBudget::NONE, plan: None, particles: key.particles },
                     (None, false) => Limits { lod_budget, plan: kept_plan, particles: limit },
                 };
-                let outcome = draw(&subject, &nodes, (&view, size), &limits, known);
+                let share = f64::from(size.y) / f64::from(view.height.max(1));
+                let sized = View { width: size.x, height: size.y, ..view };
+                let among = among.map(|(_, paths)| paths.fragments(&sized, share)).transpose()?;
+                let outcome = draw(&subject, &nodes, (&view, size), &limits, (known, among.as_ref()));
                 let Outcome { values, plan, taken, is_cut } = outcome.map_err(|error| error.to_string())?;
                 let milliseconds = 1000.0 * start.elapsed().as_secs_f64();
                 let sampled = is_cut.then_some(taken);

@@ -13,6 +13,7 @@ use super::look::Look;
 use super::page_entities::{GpuSlot, PageCopies, PageKey, PageStatus};
 use super::pages::ViewSelection;
 use super::pass_times::LastPasses;
+use super::paths::Paths;
 use super::picture::DataCamera;
 use super::preset::{Backend, Preset};
 use super::scene::{Scene, Settings};
@@ -92,7 +93,7 @@ pub(super) fn choose_backend(
     mut tables: ResMut<GpuTables>,
     mut cameras: Query<(Entity, &mut Camera), With<DataCamera>>,
     mut notices: ResMut<Notices>,
-    (live, scene): (Res<LiveParticles>, Option<Res<Scene>>),
+    (live, scene, paths): (Res<LiveParticles>, Option<Res<Scene>>, Res<Paths>),
     slots: Query<Entity, With<GpuSlot>>,
     aim: Option<Res<Aim>>,
 ) {
@@ -106,6 +107,8 @@ pub(super) fn choose_backend(
     let wanted = match asked {
         // Panoramas are put together from pages themselves.
         _ if surrounds || adapter_of_mode == Adapter::None => None,
+        // What paths hide, and what hides them, the processor knows.
+        _ if paths.is_among() => None,
         Backend::Compute if adapter_of_mode == Adapter::Light => Some(gpu::Backend::Compute),
         Backend::Auto if adapter_of_mode == Adapter::Light && is_card => Some(gpu::Backend::Compute),
         _ if adapter_of_mode == Adapter::Light => None,
@@ -157,6 +160,8 @@ pub(super) fn choose_backend(
     }
     if adapter_of_mode == Adapter::None {
         notices.info(format!("the processor draws {}", mode.name));
+    } else if paths.is_among() {
+        notices.info(format!("the processor draws {} with paths", mode.name));
     }
     *active = wanted;
     copies.0 = uses_copies;

@@ -32,6 +32,7 @@ pub mod page_entities;
 pub mod pages;
 pub mod panel;
 mod pass_times;
+mod paths;
 pub mod pick;
 pub mod picture;
 mod picture_sizes;
@@ -54,6 +55,7 @@ pub mod transfer_presets;
 mod preset_assets;
 mod ron_asset;
 mod shader_reload;
+mod sheet;
 mod status;
 mod ui;
 
@@ -218,6 +220,7 @@ impl Plugin for WindowApp {
         .init_resource::<state::notices::Notices>()
         .insert_resource(state::choices::Choices::of_program())
         .init_resource::<cpu_backend::CpuPicture>()
+        .init_resource::<paths::Paths>()
         .init_resource::<surround_backend::SurroundPicture>()
         .init_resource::<picture::Letterbox>()
         .init_resource::<live::LiveParticles>()
@@ -280,6 +283,7 @@ impl Plugin for WindowApp {
                     resource_changed::<Preset>
                         .or_else(gpu_backend::technique_changed)
                         .or_else(live::came_or_went)
+                        .or_else(paths::among_changed)
                         .or_else(surround_backend::came_or_went),
                 ),
             )
@@ -294,6 +298,7 @@ impl Plugin for WindowApp {
                 gpu_backend::receive_copies.in_set(PageSystems::Arrive).after(pages::finish_loads),
                 (
                     touring::before::draw_before.run_if(not(surround_backend::is_active)),
+                    paths::follow_paths,
                     cpu_backend::draw_on_cpu,
                     cpu_backend::show_on_cpu,
                     surround_backend::draw_surround,
@@ -301,6 +306,7 @@ impl Plugin for WindowApp {
                     live::copies::copy_live,
                     gpu_backend::draw_on_gpu,
                     light_backend::draw_light_on_gpu,
+                    paths::draw_paths,
                 )
                     .chain()
                     .in_set(PageSystems::Serve)

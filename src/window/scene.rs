@@ -6,10 +6,11 @@ use super::picture::Picture;
 use super::preset::Preset;
 use crate::explore::Following;
 use crate::explore::data::source_path;
+use crate::hierarchy::spacetime::Interpolation;
 use crate::look::{Attribute, Look, LookPatch, Member, OpenData};
 use crate::mode::lod_budget::{PRESENCE, THINNING};
 use crate::mode::{Mode, SettingValue};
-use crate::model::{Bounds, PeriodicBox, StepTimes, When};
+use crate::model::{Bounds, Moment, PeriodicBox, StepTimes, When};
 use crate::modes;
 use crate::store::run::RunTree;
 use crate::store::{Metadata, PageFile, Tree};
@@ -92,6 +93,28 @@ impl Scene {
             return None;
         }
         if self.path != self.file.path() { Some(self.path.clone()) } else { source_path(&self.file) }
+    }
+}
+
+/// The run as it is at a moment.
+#[derive(Clone)]
+pub struct RunNow {
+    /// What follows selections in it.
+    pub following: Arc<Following>,
+    /// When.
+    pub moment: Moment,
+    /// How its particles move.
+    pub interpolation: Interpolation,
+}
+
+impl RunNow {
+    /// The moment of the run that is shown; `None` where no run with tracks is open, or other datasets with it.
+    pub fn of(scene: &Scene) -> Option<RunNow> {
+        let following = scene.following.clone()?;
+        let moment = following.run().moment(When::Time(scene.time?)).ok()?;
+        let interpolation =
+            scene.moving.as_ref().map_or_else(Interpolation::default, |moving| moving.tree.interpolation());
+        Some(RunNow { following, moment, interpolation })
     }
 }
 

@@ -12,7 +12,6 @@ use super::state::notices::Notices;
 use super::state::panels::{Closed, Shown};
 use crate::look::dataset::relative_to;
 use crate::look::{Bookmark, Camera, DatasetRef, Fingerprint, LookPatch, Member, Panels, SceneFile};
-use crate::mode::PathsOf;
 use crate::model::FamilyName;
 use crate::store::PartInfo;
 use bevy::ecs::system::SystemParam;
@@ -213,9 +212,6 @@ pub(crate) fn apply(
     let told = |what: String| format!("{}: {what}", path.display());
     if let Some(name) = settings.show(&LookPatch::beginning().then(&scene.look), attributes) {
         notices.error(told(format!("the data has no attribute {name}; the usual one is shown")));
-    }
-    if scene.look.paths_of() != PathsOf::None {
-        notices.error(told("paths are drawn into files only; the window leaves them out".into()));
     }
     (settings.surround, settings.stereo) = (scene.projection, scene.stereo);
     if let Some(camera) = &scene.camera {

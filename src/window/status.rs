@@ -6,6 +6,7 @@ use super::look::Look;
 use super::looking::LookingState;
 use super::looking::report::Report;
 use super::open::Openings;
+use super::paths::Paths;
 use super::picture::{DataCamera, Picture};
 use super::playhead::Playhead;
 use super::scene::{Scene, Settings};
@@ -106,6 +107,8 @@ struct Status<'a> {
     looking: Report<'a>,
     /// Where a run stands.
     time: Option<TimeStatus>,
+    /// Paths over the picture.
+    paths: PathsStatus,
     /// The panels' controls: left, top, right and bottom; 1 where they are in sight, else 0.
     controls: BTreeMap<&'a str, [f32; 5]>,
     messages: Vec<&'a str>,
@@ -127,6 +130,17 @@ struct TimeStatus {
     speed: f64,
     /// Steps that cannot be shown.
     damaged: Vec<usize>,
+}
+
+/// Paths over the picture.
+#[derive(Serialize)]
+struct PathsStatus {
+    /// Whether the processor draws them among what the mode shows.
+    among: bool,
+    /// Tracks that they are of, in the interval where they are most; `None` where none is laid over the picture.
+    tracks: Option<u64>,
+    /// Of the one that was clicked: flow level (0 for a particle), particles and the interval.
+    picked: Option<[u64; 3]>,
 }
 
 /// Bytes: what is held, and what may be.
@@ -173,7 +187,7 @@ pub(super) fn write_status(
     (history, files, closed, controls): (Res<History>, Res<SceneFiles>, Res<Closed>, Res<Controls>),
     looking: LookingState,
     (player, ranges, look, playhead): (Res<Player>, Res<Ranges>, Option<Res<Look>>, Option<Res<Playhead>>),
-    show: Option<Res<ShowStatus>>,
+    (show, paths): (Option<Res<ShowStatus>>, Res<Paths>),
     camera: Single<(&Viewpoint, &Navigation), With<DataCamera>>,
 ) {
     let file = file.bypass_change_detection();
@@ -260,6 +274,15 @@ pub(super) fn write_status(
             speed: playhead.speed(),
             damaged: playhead.damaged().iter().copied().collect(),
         }),
+        paths: PathsStatus {
+            among: paths.is_among(),
+            tracks: paths.tracks(),
+            picked: paths
+                .picked
+                .here()
+                .and_then(Option::as_ref)
+                .map(|found| [found.level as u64, u64::from(found.count), found.interval as u64]),
+        },
         looking: Report::of(&looking, &settings.selections),
         controls: controls
             .0

@@ -13,8 +13,9 @@ use super::picture::{DataCamera, Letterbox, Picture};
 use super::playhead::Playhead;
 use super::preset::Preset;
 use super::scene::Scene;
+use super::sheet;
 use super::state::panels::{Dock, Shown};
-use super::state::tool::Stroke;
+use super::state::tool::{Stroke, Tool};
 use super::statistics::ActiveBackend;
 use super::theme;
 use super::time_dock;
@@ -122,13 +123,13 @@ pub(super) fn draw_window(
     let Rect { min, max } = letterbox.within(picture.rect, picture.scale);
     let place = egui::Rect::from_min_max(egui::pos2(min.x, min.y), egui::pos2(max.x, max.y));
     painter.image(picture.texture, place, whole, tint);
-    for (texture, place) in marked {
-        let at = |share: egui::Pos2| rect.lerp_inside(share.to_vec2());
-        let part = egui::Rect::from_min_max(at(place.min), at(place.max));
-        painter.image(texture.id(), part, whole, egui::Color32::WHITE);
+    if is_flat {
+        sheet::paint(&painter, rect, panel.paths.textures(&ctx));
     }
+    sheet::paint(&painter, rect, marked);
     if let (Some(view), Some(scene)) = (view, &panel.scene) {
-        draw_annotations(&painter, rect, (&panel, scene), &picture, (&view, camera.0));
+        let time = playhead.as_ref().map_or_else(String::new, |playhead| playhead.times().words(playhead.time()));
+        draw_annotations(&painter, rect, (&panel, scene, &time), &picture, (&view, camera.0));
         let places = Looking::of(&panel.looking, &stroke);
         places.draw(&painter, rect, &picture, view, &scene.length_unit);
     }
@@ -162,6 +163,11 @@ pub(super) fn draw_window(
     if let Some(cursor) = drawing::cursor(tool).filter(|_| over_picture && is_flat) {
         ctx.set_cursor_icon(cursor);
     }
+    // A click without a tool reads the path under it.
+    let read = at.filter(|_| pointer.clicked && tool == Tool::default() && panel.paths.is_wanted());
+    if let (Some(at), Some(view)) = (read, view) {
+        panel.paths.pick(view, picture.pixel(Vec2::new(at.x, at.y)).as_dvec2().to_array());
+    }
     let double_click = ctx.input(|input| input.pointer.button_double_clicked(egui::PointerButton::Primary));
     if double_click && over_picture {
         clicked.0 = ctx.pointer_latest_pos().map(|at| Vec2::new(at.x, at.y));
@@ -182,7 +188,7 @@ pub(super) fn draw_window(
 fn draw_annotations(
     painter: &egui::Painter,
     rect: egui::Rect,
-    (state, scene): (&PanelState<'_, '_>, &Scene),
+    (state, scene, time): (&PanelState<'_, '_>, &Scene, &str),
     picture: &Picture,
     (view, viewpoint): (&View, &Viewpoint),
 ) {
@@ -193,6 +199,7 @@ fn draw_annotations(
         target: viewpoint.target,
         bounds: scene.frame,
         length_unit: &scene.length_unit,
+        time,
         legend: legend.as_ref(),
         labels: &state.looking.objects.labels,
     };

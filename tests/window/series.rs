@@ -136,3 +136,53 @@ fn what_moves_is_drawn_between_the_steps() {
         assert_eq!((&held["time"]["moves"], held["time"]["time"].as_f64().unwrap() > 2.0), (&false.into(), true));
     }
 }
+
+#[test]
+fn paths_are_drawn_read_and_kept() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    series(folder);
+    let scene = |mode: &str| {
+        let closed = ["data", "mode", "transfer", "view", "annotations"].map(|name| format!("{name:?}")).join(", ");
+        let text = format!(
+            "(version: 2, datasets: [(path: \"run.df\")], mode: {mode:?}, time: 2.0, annotations: (legend: false), \
+             paths: (of: all, level: 0, color: \"#00ff00\", tail: 1.0, width: 5.0, halo: 0.0), \
+             panels: (shown: true, closed: [{closed}]))"
+        );
+        let path = folder.join(format!("{mode}.scene.ron"));
+        std::fs::write(&path, text).unwrap();
+        path
+    };
+    let desktop = Desktop::with_screen([960, 600]);
+    let is_green = |[r, g, b]: [u8; 3]| g > 150 && r < 60 && b < 60;
+    for (mode, backend) in
+        [("column-density", "cpu"), ("column-density", "compute"), ("volume", "compute"), ("paths", "cpu")]
+    {
+        let mut program = Program::open(&desktop, folder, &scene(mode), [960, 600], &["--backend", backend]);
+        let is_settled = |status: &Value| status["converged"] == true && status["time"]["there"] == true;
+        let status = program.wait("the paths", is_settled);
+        let is_among = mode != "column-density";
+        assert_eq!((&status["paths"]["among"], status["paths"]["tracks"].is_null()), (&is_among.into(), is_among));
+        assert!(is_among || status["paths"]["tracks"] == 400, "{}", status["paths"]);
+        std::thread::sleep(std::time::Duration::from_millis(300));
+        let screen = desktop.wait("the picture", |_| true);
+        let green: Vec<[i16; 2]> = columns(&status)
+            .flat_map(|x| (80..500).map(move |y| (x, y)))
+            .filter(|(x, y)| is_green(screen.at(*x, *y)))
+            .map(|(x, y)| [x as i16, y as i16])
+            .collect();
+        keep(&desktop, &format!("paths-{mode}-{backend}.png"));
+        assert!(green.len() > 300, "{mode} by {backend}: {} pixels of paths", green.len());
+        desktop.focus(desktop.window().expect("a window of the size that was asked for"));
+        desktop.click(green[green.len() / 2]);
+        let read = program.wait("the path that was clicked", |status| !status["paths"]["picked"].is_null());
+        assert_eq!((&read["paths"]["picked"][0], &read["paths"]["picked"][1]), (&0.into(), &1.into()), "{mode}");
+        let button = program.wait("its button", |status| status["controls"]["paths:keep"][4] == 1.0);
+        let corner = |i: usize| button["controls"]["paths:keep"][i].as_f64().unwrap();
+        desktop.click([(0.5 * (corner(0) + corner(2))) as i16, (0.5 * (corner(1) + corner(3))) as i16]);
+        let kept = program.wait("a selection", |status| {
+            status["settings"]["selections"].as_array().is_some_and(|all| all.len() == 1)
+        });
+        assert_eq!(kept["settings"]["selections"][0]["name"], "path 1");
+    }
+}

@@ -1,6 +1,7 @@
 //! A picture drawn by the processor: of nodes of the open file, or of live particles.
 
 use crate::color::transfer::Levels;
+use crate::cpu::paths::PathFragments;
 use crate::cpu::volume::VolumeError;
 use crate::mode::{LodBudget, Plan, Raw};
 use crate::model::{Dataset, FamilyName};
@@ -56,14 +57,14 @@ impl Source {
     }
 }
 
-/// Draws nodes with `size` pixels; blocks for as long as it takes. `known` are ranges of the colours that what may be left out
-/// depends on.
+/// Draws nodes with `size` pixels, with paths among them; blocks for as long as it takes. `known` are ranges of the colours that what
+/// may be left out depends on.
 pub(super) fn draw(
     subject: &Subject<'_>,
     nodes: &[SceneNode],
     (view, size): (&View, UVec2),
     limits: &Limits,
-    known: Option<Levels>,
+    (known, paths): (Option<Levels>, Option<&PathFragments>),
 ) -> Result<Outcome, VolumeError> {
     // What may be left out is decided for the whole picture, also where this one has fewer pixels.
     let plan = match limits.plan {
@@ -73,7 +74,7 @@ pub(super) fn draw(
     let (fitting, taken) = subject.within(limits.particles, plan, view, nodes);
     let decoded = subject.decode(view, nodes, &fitting);
     let view = View { width: size.x, height: size.y, ..*view };
-    let values = match subject.draw(&view, &decoded, &fitting) {
+    let values = match subject.draw_with_paths(&view, &decoded, &fitting, paths) {
         Err(VolumeError::Grid(GridError::NothingInView)) => None,
         drawn => Some(drawn?),
     };

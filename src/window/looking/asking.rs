@@ -1,35 +1,11 @@
 //! Whom a question about a selection is put to: the page file, its source, or the run as it is at the moment that is shown.
 
 use super::prober::opened;
-use crate::explore::{Data, ExploreError, Following, Members, Work};
-use crate::hierarchy::spacetime::Interpolation;
-use crate::model::{Moment, When};
+use crate::explore::{Data, ExploreError, Members, Work};
 use crate::store::PageFile;
-use crate::window::scene::Scene;
+use crate::window::scene::{RunNow, Scene};
 use std::path::PathBuf;
 use std::sync::Arc;
-
-/// The run as it is at a moment.
-#[derive(Clone)]
-pub struct RunNow {
-    /// What follows selections in it.
-    pub following: Arc<Following>,
-    /// When.
-    pub moment: Moment,
-    /// How its particles move.
-    pub interpolation: Interpolation,
-}
-
-impl RunNow {
-    /// The moment of the run that is shown; `None` where no run with tracks is open, or other datasets with it.
-    pub fn of(scene: &Scene) -> Option<RunNow> {
-        let following = scene.following.clone()?;
-        let moment = following.run().moment(When::Time(scene.time?)).ok()?;
-        let interpolation =
-            scene.moving.as_ref().map_or_else(Interpolation::default, |moving| moving.tree.interpolation());
-        Some(RunNow { following, moment, interpolation })
-    }
-}
 
 /// Who is asked.
 pub struct Asking {

@@ -1,9 +1,8 @@
 //! Selections of the open run whose members stay the same: who they are is found on a thread of its own, and where they are at the moment
 //! that is shown is worked out in every frame from their tracks over one interval. The tracks of the next one are read ahead.
 
-use super::asking::RunNow;
 use crate::explore::{Center, Followed, Members, Places};
-use crate::window::scene::{Scene, Settings};
+use crate::window::scene::{RunNow, Scene, Settings};
 use crate::window::state::answer::Answer;
 use bevy::prelude::*;
 use std::sync::Arc;

@@ -1,6 +1,6 @@
 //! The selection that the camera follows: where its centre of mass is, in the open file or among particles that move.
 
-use super::asking::{Asking, RunNow};
+use super::asking::Asking;
 use super::followed::FollowedSets;
 use crate::explore::{Center, CenterSums, ExploreError, Members, Region, Shapes, center};
 use crate::model::{Dataset, Family};
@@ -8,7 +8,7 @@ use crate::view::Periodic;
 use crate::window::camera::Follow;
 use crate::window::live::LiveParticles;
 use crate::window::open::Opened;
-use crate::window::scene::{Scene, Settings};
+use crate::window::scene::{RunNow, Scene, Settings};
 use crate::window::state::answer::Answer;
 use crate::window::state::notices::Notices;
 use bevy::math::DVec3;

@@ -1,6 +1,5 @@
 //! The layer of selections over the picture: drawn again whenever the view, its nodes or the selections change.
 
-use super::asking::RunNow;
 use super::followed::FollowedSets;
 use super::ids::LookedUp;
 use super::prober::Prober;
@@ -10,9 +9,10 @@ use crate::model::FamilyName;
 use crate::stream::SceneNode;
 use crate::view::View;
 use crate::window::pages::ViewSelection;
-use crate::window::scene::{Scene, Settings};
+use crate::window::scene::{RunNow, Scene, Settings};
+use crate::window::sheet::Sheet;
 use bevy::prelude::*;
-use bevy_egui::egui::{self, Color32, ColorImage, TextureHandle, TextureOptions};
+use bevy_egui::egui::{self, Color32, TextureHandle, TextureOptions};
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -44,9 +44,8 @@ pub struct MarkLayer {
     coming: Option<Mutex<Receiver<Layer>>>,
     /// What has arrived, and the view that it belongs to.
     layer: Option<(Layer, View)>,
-    /// The layer in parts that textures can hold, each with its place as a share of the picture.
-    tiles: Vec<(TextureHandle, egui::Rect)>,
-    /// Whether `tiles` show `layer`.
+    sheet: Sheet,
+    /// Whether the sheet shows `layer`.
     uploaded: bool,
 }
 
@@ -55,29 +54,15 @@ impl MarkLayer {
     pub fn textures(&mut self, ctx: &egui::Context, view: &View) -> &[(TextureHandle, egui::Rect)] {
         let Some((layer, _)) = self.layer.as_ref().filter(|(_, drawn)| drawn == view) else { return &[] };
         if !self.uploaded {
-            let (width, height) = (layer.width as usize, layer.height as usize);
-            let parts = parts([width, height], ctx.input(|input| input.max_texture_side));
-            self.tiles.truncate(parts.len());
-            for (index, [left, top, right, bottom]) in parts.into_iter().enumerate() {
-                let rows = (top..bottom).flat_map(|y| &layer.rgba[y * width + left..y * width + right]);
-                let pixels = rows.map(|&[r, g, b, a]| Color32::from_rgba_unmultiplied(r, g, b, a)).collect();
-                let image = ColorImage::new([right - left, bottom - top], pixels);
-                let share = |x: usize, y: usize| egui::pos2(x as f32 / width as f32, y as f32 / height as f32);
-                let place = egui::Rect::from_min_max(share(left, top), share(right, bottom));
-                match self.tiles.get_mut(index) {
-                    Some((texture, known)) => {
-                        texture.set(image, TextureOptions::NEAREST);
-                        *known = place;
-                    }
-                    None => {
-                        let name = format!("selections {index}");
-                        self.tiles.push((ctx.load_texture(name, image, TextureOptions::NEAREST), place));
-                    }
-                }
-            }
+            let pixel = |at: usize| {
+                let [r, g, b, a] = layer.rgba[at];
+                Color32::from_rgba_unmultiplied(r, g, b, a)
+            };
+            let size = [layer.width as usize, layer.height as usize];
+            self.sheet.fill(ctx, ("selections", TextureOptions::NEAREST), size, pixel);
             self.uploaded = true;
         }
-        &self.tiles
+        self.sheet.tiles()
     }
 
     /// How the picture below it is tinted: black where selections are shown alone.
@@ -92,13 +77,6 @@ impl MarkLayer {
         self.layer = Some((layer, view));
         self.uploaded = false;
     }
-}
-
-/// A picture of that size in parts of at most `side` pixels a side: left, top, right and bottom of each.
-fn parts([width, height]: [usize; 2], side: usize) -> Vec<[usize; 4]> {
-    let side = side.max(1);
-    let part = |x: usize, y: usize| [x, y, width.min(x + side), height.min(y + side)];
-    (0..height).step_by(side).flat_map(|y| (0..width).step_by(side).map(move |x| part(x, y))).collect()
 }
 
 /// Draws the layer where it is not what is wanted.
@@ -193,22 +171,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn large_layers_are_shown_in_parts_that_textures_hold() {
-        for size in [[1, 1], [2048, 2048], [2720, 2160], [5000, 3]] {
-            let all = parts(size, 2048);
-            let pixels: usize = all.iter().map(|[left, top, right, bottom]| (right - left) * (bottom - top)).sum();
-            assert_eq!(pixels, size[0] * size[1]);
-            assert!(all.iter().all(|[left, top, right, bottom]| right - left <= 2048 && bottom - top <= 2048));
-        }
+    fn a_layer_is_shown_in_the_view_that_it_was_drawn_for() {
         let ctx = egui::Context::default();
-        let view =
-            View::around(crate::model::Bounds { min: [0.0; 3].into(), max: [1.0; 3].into() }, 0.8, 2720, 2160).unwrap();
+        let around = |height| {
+            let bounds = crate::model::Bounds { min: [0.0; 3].into(), max: [1.0; 3].into() };
+            View::around(bounds, 0.8, 64, height).unwrap()
+        };
         let mut layer = MarkLayer::default();
-        assert!(layer.textures(&ctx, &view).is_empty());
-        let rgba = vec![[1, 2, 3, 255]; 2720 * 2160];
-        layer.take(Layer { width: 2720, height: 2160, rgba, alone: false }, view);
-        let tiles = layer.textures(&ctx, &view);
-        let share: f32 = tiles.iter().map(|(_, place)| place.area()).sum();
-        assert!(tiles.len() >= 4 && (share - 1.0).abs() < 1e-5, "{} {share}", tiles.len());
+        assert!(layer.textures(&ctx, &around(48)).is_empty());
+        layer.take(Layer { width: 64, height: 48, rgba: vec![[1, 2, 3, 255]; 64 * 48], alone: false }, around(48));
+        assert_eq!((layer.textures(&ctx, &around(48)).len(), layer.textures(&ctx, &around(50)).len()), (1, 0));
     }
 }

@@ -21,6 +21,7 @@ pub static SECTION: Section = Section {
 fn show(ui: &mut Ui, annotations: &mut Annotations) {
     theme::switch(ui, "Legend", &mut annotations.legend);
     theme::switch(ui, "Scale bar", &mut annotations.scale_bar);
+    theme::switch(ui, "Clock", &mut annotations.clock);
     theme::switch(ui, "Axes", &mut annotations.axes);
     theme::switch(ui, "Directions", &mut annotations.triad);
     let mut names = annotations.labels > 0;

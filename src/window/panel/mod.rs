@@ -13,6 +13,7 @@ mod messages;
 mod mode;
 mod objects;
 mod over_time;
+mod paths;
 mod probe;
 mod projection;
 mod selections;
@@ -28,6 +29,7 @@ use super::history::{History, Step};
 use super::look::Look;
 use super::looking::LookingState;
 use super::open::Openings;
+use super::paths::Paths;
 use super::picture::DataCamera;
 use super::preset::Preset;
 use super::scene::{Scene, Settings};
@@ -44,10 +46,11 @@ use bevy::prelude::*;
 use bevy_egui::egui::{self, RichText, Ui};
 
 /// The window's own sections, from the top of each dock.
-static SECTIONS: [&Section; 13] = [
+static SECTIONS: [&Section; 14] = [
     &dataset::SECTION,
     &mode::SECTION,
     &display::SECTION,
+    &paths::SECTION,
     &view::SECTION,
     &annotations::SECTION,
     &closer::SECTION,
@@ -103,6 +106,8 @@ pub struct PanelState<'w, 's> {
     sections: Res<'w, Sections>,
     history: ResMut<'w, History>,
     files: ResMut<'w, SceneFiles>,
+    /// Paths over the picture.
+    pub paths: ResMut<'w, Paths>,
     preset: Res<'w, Preset>,
     exposure: Res<'w, Exposure>,
     choices: Res<'w, Choices>,

@@ -21,7 +21,8 @@ pub static SECTION: Section = Section {
 };
 
 fn show(ui: &mut Ui, state: &PanelState<'_, '_>, settings: &mut Settings) {
-    mode_combo(ui, settings);
+    let has_paths = state.scene.as_ref().is_some_and(|scene| scene.following.is_some());
+    mode_combo(ui, has_paths, settings);
     attribute_combo(ui, state, settings);
     for setting in settings.mode.all_settings() {
         mode_setting(ui, setting, settings.values(setting));
@@ -38,11 +39,10 @@ fn show(ui: &mut Ui, state: &PanelState<'_, '_>, settings: &mut Settings) {
         .on_hover_text("No drawn particle is farther than this from where it belongs on the screen, in pixels.");
 }
 
-/// Which mode is shown.
-fn mode_combo(ui: &mut Ui, settings: &mut Settings) {
+/// Which mode is shown; those of paths alone are for runs.
+fn mode_combo(ui: &mut Ui, has_paths: bool, settings: &mut Settings) {
     theme::combo(ui, "Mode", settings.mode.name, |ui| {
-        // Paths are drawn by the processor into files.
-        for mode in modes::all().into_iter().filter(|mode| !mode.is_of_paths()) {
+        for mode in modes::all().into_iter().filter(|mode| has_paths || !mode.is_of_paths()) {
             let chosen = std::ptr::eq(settings.mode, mode);
             let label = ui.selectable_label(chosen, mode.name).on_hover_text(mode.help);
             theme::register(ui, &format!("mode:{}", mode.name), label.rect);
@@ -78,7 +78,7 @@ fn attribute_combo(ui: &mut Ui, state: &PanelState<'_, '_>, settings: &mut Setti
 }
 
 /// A setting's name as a label.
-fn label_of(setting: &Setting) -> String {
+pub(super) fn label_of(setting: &Setting) -> String {
     let mut label = setting.name.to_owned();
     label[..1].make_ascii_uppercase();
     label
@@ -188,7 +188,7 @@ mod tests {
         let mut frame = |events: Vec<Event>| {
             let mut output = ctx.run_ui(RawInput { events, ..RawInput::default() }, |ui| {
                 ui.set_max_width(300.0);
-                mode_combo(ui, &mut settings);
+                mode_combo(ui, false, &mut settings);
             });
             // Nobody draws them.
             output.textures_delta.clear();

@@ -180,19 +180,29 @@ impl<'a> Known<'a> {
     }
 }
 
+/// What is known of one id at both ends of the interval; kept from id to id, so that none asks for memory.
+#[derive(Default)]
+struct Scratch<'a> {
+    begin: Vec<Known<'a>>,
+    end: Vec<Known<'a>>,
+    pair_of: Vec<Option<usize>>,
+    taken: Vec<bool>,
+}
+
+/// The records of a step by their ids, and of one id by everything that they hold: the id, and which record it is.
+fn sorted(records: &[u32], words: usize) -> Vec<(u64, u32)> {
+    let of = |i: u32| &records[i as usize * words..(i as usize + 1) * words];
+    let id = |record: &[u32]| u64::from(record[0]) | u64::from(record[1]) << 32;
+    let mut order: Vec<(u64, u32)> = records.chunks_exact(words).map(id).zip(0..).collect();
+    order.sort_unstable_by(|a, b| a.0.cmp(&b.0).then_with(|| of(a.1)[2..].cmp(&of(b.1)[2..])));
+    order
+}
+
 impl Joining<'_> {
     /// The tracks of a bucket as records, and what was found of each family.
     pub fn join(&self, window: &Window) -> (Vec<u32>, Vec<Found>) {
         let words = self.layout.words;
-        // By ids, and by all that is known of those who share one, so that the order in the bucket does not matter.
-        let sorted = |records: &[u32]| -> Vec<(u64, u32)> {
-            let id = |record: &[u32]| u64::from(record[0]) | u64::from(record[1]) << 32;
-            let mut order: Vec<(u64, u32)> = records.chunks_exact(words).map(id).zip(0..).collect();
-            let more = |i: u32| &records[i as usize * words + 2..(i as usize + 1) * words];
-            order.sort_unstable_by(|a, b| a.0.cmp(&b.0).then_with(|| more(a.1).cmp(more(b.1))));
-            order
-        };
-        let orders = std::array::from_fn::<_, 4, _>(|step| sorted(&window[step]));
+        let orders: Vec<Vec<(u64, u32)>> = window.iter().map(|records| sorted(records, words)).collect();
         let state = |step: usize, at: usize| {
             let i = orders[step][at].1 as usize;
             State { number: at as u32, ..State::of(&window[step][i * words..(i + 1) * words]) }
@@ -200,35 +210,41 @@ impl Joining<'_> {
         let mut out = Vec::with_capacity(track_words(self.layout) * orders[1].len().max(orders[2].len()));
         let mut found = vec![Found::default(); self.layout.families.len()];
         let mut at = [0; 4];
-        let mut all: [Vec<State>; 4] = std::array::from_fn(|_| Vec::new());
+        let group = |step: usize, at: &mut usize, id: u64| {
+            let own = &orders[step][*at..];
+            let begin = *at + own.iter().take_while(|entry| entry.0 < id).count();
+            *at = begin + orders[step][begin..].iter().take_while(|entry| entry.0 == id).count();
+            begin..*at
+        };
+        let mut all: [Vec<State>; 4] = Default::default();
+        let mut scratch = Scratch::default();
         loop {
-            let next = |step: usize| orders[step].get(at[step]).map(|(id, _)| *id);
+            let next = |step: usize| orders[step].get(at[step]).map(|entry| entry.0);
             let Some(id) = [next(1), next(2)].into_iter().flatten().min() else { break };
             for (step, states) in all.iter_mut().enumerate() {
                 states.clear();
-                let at = &mut at[step];
-                while orders[step].get(*at).is_some_and(|(own, _)| *own < id) {
-                    *at += 1;
-                }
-                while orders[step].get(*at).is_some_and(|(own, _)| *own == id) {
-                    states.push(state(step, *at));
-                    *at += 1;
-                }
+                states.extend(group(step, &mut at[step], id).map(|at| state(step, at)));
             }
-            self.of_one_id(&all, &mut out, &mut found);
+            self.of_one_id(&all, &mut scratch, &mut out, &mut found);
         }
         (out, found)
     }
 
     /// Everything that has one id.
-    fn of_one_id<'a>(&self, all: &[Vec<State<'a>>; 4], out: &mut Vec<u32>, found: &mut [Found]) {
-        let known = |step: usize, state: &State<'a>| Known::new(self, *state, self.velocity(all, step, state));
-        if let (true, [begin], [end]) = (self.is_matching, &all[1][..], &all[2][..]) {
-            return self.matched(&known(1, begin), &known(2, end), out, found);
+    fn of_one_id<'s>(
+        &self,
+        all: &[Vec<State<'s>>; 4],
+        scratch: &mut Scratch<'s>,
+        out: &mut Vec<u32>,
+        found: &mut [Found],
+    ) {
+        let Scratch { begin, end, pair_of, taken } = scratch;
+        for (step, known) in [(1, &mut *begin), (2, &mut *end)] {
+            known.clear();
+            known.extend(all[step].iter().map(|state| Known::new(self, *state, self.velocity(all, step, state))));
         }
-        let [begin, end] = [1, 2].map(|step| all[step].iter().map(|state| known(step, state)).collect::<Vec<Known>>());
         if begin.len() > 1 || end.len() > 1 {
-            for known in &begin {
+            for known in &*begin {
                 let own = &mut found[known.state.family];
                 own.ambiguous += 1;
                 own.shared = own.shared.into_iter().chain([known.state.id]).min();
@@ -237,19 +253,24 @@ impl Joining<'_> {
         if let (true, Some(first)) = (begin.len() > 1, begin.first()) {
             found[first.state.family].shared_ids += 1;
         }
-        let (mut pair_of, mut taken) = (vec![None; begin.len()], vec![false; end.len()]);
+        pair_of.clear();
+        pair_of.resize(begin.len(), None);
+        taken.clear();
+        taken.resize(end.len(), false);
         if !self.is_matching {
             // Each step stands for itself.
+        } else if let ([_], [_]) = (&begin[..], &end[..]) {
+            (pair_of[0], taken[0]) = (Some(0), true);
         } else if begin.len() * end.len() <= MOST_PAIRS {
-            self.nearest_pairs(&begin, &end, &mut pair_of, &mut taken);
+            self.nearest_pairs(begin, end, pair_of, taken);
         }
-        for (known, pair) in begin.iter().zip(&pair_of) {
+        for (known, pair) in begin.iter().zip(&*pair_of) {
             match pair.map(|other: usize| &end[other]) {
                 Some(other) => self.matched(known, other, out, found),
                 None => self.vanished(known, out, found),
             }
         }
-        for known in end.iter().zip(&taken).filter(|(_, taken)| !**taken).map(|(known, _)| known) {
+        for known in end.iter().zip(&*taken).filter(|(_, taken)| !**taken).map(|(known, _)| known) {
             self.born(known, out, found);
         }
     }

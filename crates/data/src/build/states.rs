@@ -46,6 +46,7 @@ pub(super) struct State<'a> {
 
 impl State<'_> {
     /// Reads a record.
+    #[inline]
     pub fn of(record: &[u32]) -> State<'_> {
         let long = |at: usize| u64::from(record[at]) | u64::from(record[at + 1]) << 32;
         State {

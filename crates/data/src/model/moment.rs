@@ -127,6 +127,15 @@ pub struct StepTimes {
 const ROUNDING: f64 = 1e-9;
 
 impl StepTimes {
+    /// A time in the data's words: `t = 9.6`; of comoving data, whose times are scale factors, `z = 1.5, a = 0.4`. Five digits at most.
+    pub fn words(&self, time: f64) -> String {
+        let tidy = |value: f64| format!("{value:.4e}").parse().unwrap_or(value);
+        match self.redshifts {
+            Some(_) => format!("z = {}, a = {}", tidy(1.0 / time - 1.0), tidy(time)),
+            None => format!("t = {}", tidy(time)),
+        }
+    }
+
     /// Where `when` lies.
     ///
     /// # Errors

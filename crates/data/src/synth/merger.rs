@@ -24,6 +24,8 @@ const SHARES: [f64; 6] = [0.44, 0.27, 0.13, 0.05, 0.05, 0.06];
 const CORES: [([f64; 3], f64); 2] = [([-9.0, 0.0, 0.0], 4.0), ([15.0, 0.0, 0.0], 5.0)];
 /// Radius over which the disk thins out, and its thickness in units of the radius.
 const DISK: (f64, f64) = (16.0, 0.16);
+/// What is added to the radius where orbits around both stars are fast, Mm.
+const DISK_SOFTENING: f64 = 8.0;
 /// Radius at which the tails begin, how far they turn, and the factor by which they recede meanwhile.
 const TAIL: (f64, f64, f64) = (13.0, 1.7 * PI, 15.0);
 /// Width of a tail in units of the distance from the middle.
@@ -34,6 +36,50 @@ const ENVELOPE: (f64, f64) = (230.0, 600.0);
 const EXPANSION: f64 = 9000.0;
 /// Strongest relative variation of the envelope's density.
 const CLUMPS: f64 = 0.75;
+
+/// How a particle moves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Part {
+    /// With its star around the other one.
+    Core,
+    /// Around the middle.
+    Disk,
+    /// Away: tails and envelope.
+    Ejecta,
+}
+
+/// A particle.
+pub(super) struct Drawn {
+    /// What it belongs to.
+    pub part: Part,
+    /// Mm.
+    pub place: [f64; 3],
+    /// km/s.
+    pub velocity: [f64; 3],
+    /// K.
+    pub temperature: f64,
+    /// Msun/Mm^3.
+    pub density: f64,
+    /// Mm.
+    pub smoothing_length: f64,
+}
+
+/// The rate at which the stars move around each other, radians in a unit of time, Mm/(km/s).
+pub(super) fn orbital_rate() -> f64 {
+    let separation = CORES[1].0[0] - CORES[0].0[0];
+    orbital((SHARES[0] + SHARES[1]) * MASS, separation) / separation
+}
+
+/// The rate at which the disk turns at a distance from the middle.
+pub(super) fn disk_rate(radius: f64) -> f64 {
+    let softened = radius + DISK_SOFTENING;
+    orbital(0.8 * MASS, softened) / softened
+}
+
+/// Velocity of a circular orbit, km/s.
+fn orbital(mass: f64, distance: f64) -> f64 {
+    (NEWTON * mass / distance).sqrt()
+}
 
 /// The generator.
 pub struct Merger {
@@ -127,17 +173,39 @@ impl Merger {
         1.0 + CLUMPS * fade * (sum / 3.0).clamp(-1.0, 1.0)
     }
 
+    /// A random particle: its part, its place and its state there.
+    pub(super) fn draw(&self, random: &mut Random) -> Drawn {
+        let mut choice = random.uniform();
+        let part = SHARES.iter().position(|share| {
+            choice -= share;
+            choice < 0.0
+        });
+        let part = part.unwrap_or(0);
+        let mut place = self.place(part, random);
+        while place.iter().map(|x| x * x).sum::<f64>() >= ENVELOPE.1 * ENVELOPE.1 {
+            place = self.place(part, random);
+        }
+        let densities = self.densities(place);
+        let density: f64 = densities.iter().sum();
+        let (velocity, temperature) = self.state(place, &densities, random);
+        let smoothing_length = cbrt(3.0 * NEIGHBOURS * self.particle_mass() / (4.0 * PI * density));
+        let part = match part {
+            0 | 1 => Part::Core,
+            2 => Part::Disk,
+            _ => Part::Ejecta,
+        };
+        Drawn { part, place, velocity, temperature, density, smoothing_length }
+    }
+
     /// Velocity in km/s and temperature in K.
     fn state(&self, place: [f64; 3], densities: &[f64; 6], random: &mut Random) -> ([f64; 3], f64) {
         let [x, y, z] = place;
         let radius = (x * x + y * y).sqrt().max(1e-6);
         let whole = (radius * radius + z * z).sqrt();
         let around = [-y / radius, x / radius, 0.0];
-        let orbital = |mass: f64, distance: f64| (NEWTON * mass / distance).sqrt();
-        let separation = CORES[1].0[0] - CORES[0].0[0];
-        let turn = orbital((SHARES[0] + SHARES[1]) * MASS, separation) / separation;
-        let inner = orbital(0.8 * MASS, radius + 8.0);
-        let tails = orbital(0.9 * MASS, radius + 8.0);
+        let turn = orbital_rate();
+        let inner = orbital(0.8 * MASS, radius + DISK_SOFTENING);
+        let tails = orbital(0.9 * MASS, radius + DISK_SOFTENING);
         let shell = (whole / ENVELOPE.0 - 1.0) / 0.08;
         let hot = 3e7 * libm::exp(-0.5 * shell * shell);
         let core = |index: usize| {
@@ -269,26 +337,13 @@ impl Generator for Merger {
         let mut random = Random::new(self.seed, index);
         let mut chunk = Chunk::with_capacity((range.end - range.start) as usize, 2);
         for _ in range {
-            let mut choice = random.uniform();
-            let part = SHARES.iter().position(|share| {
-                choice -= share;
-                choice < 0.0
-            });
-            let part = part.unwrap_or(0);
-            let mut place = self.place(part, &mut random);
-            while place.iter().map(|x| x * x).sum::<f64>() >= ENVELOPE.1 * ENVELOPE.1 {
-                place = self.place(part, &mut random);
-            }
-            let densities = self.densities(place);
-            let density: f64 = densities.iter().sum();
-            let (velocity, temperature) = self.state(place, &densities, &mut random);
-            chunk.positions.push(place.map(|x| x as f32));
-            chunk.velocities.push(velocity.map(|v| v as f32));
-            chunk.density.push(density as f32);
-            let h = cbrt(3.0 * NEIGHBOURS * self.particle_mass() / (4.0 * PI * density));
-            chunk.smoothing_length.push(h as f32);
-            chunk.scalars[0].push((ENERGY * temperature) as f32);
-            chunk.scalars[1].push(temperature as f32);
+            let drawn = self.draw(&mut random);
+            chunk.positions.push(drawn.place.map(|x| x as f32));
+            chunk.velocities.push(drawn.velocity.map(|v| v as f32));
+            chunk.density.push(drawn.density as f32);
+            chunk.smoothing_length.push(drawn.smoothing_length as f32);
+            chunk.scalars[0].push((ENERGY * drawn.temperature) as f32);
+            chunk.scalars[1].push(drawn.temperature as f32);
         }
         chunk
     }

@@ -23,6 +23,8 @@ impl Anchor {
     pub const BOTTOM: Anchor = Anchor([0.5, 1.0]);
     /// The middle.
     pub const CENTER: Anchor = Anchor([0.5, 0.5]);
+    /// The upper left corner.
+    pub const LEFT_TOP: Anchor = Anchor([0.0, 0.0]);
     /// The upper right corner.
     pub const RIGHT_TOP: Anchor = Anchor([1.0, 0.0]);
     /// The lower right corner.

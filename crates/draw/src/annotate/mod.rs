@@ -1,9 +1,10 @@
-//! What is written into a picture: a legend of its colours, a scale bar, axes, names of objects, a caption.
+//! What is written into a picture: a legend of its colours, a scale bar, its time, axes, names of objects, a caption.
 //!
 //! The layout is computed once, as a [`DisplayList`] of lines and words in logical pixels, and painted by whoever shows the
 //! picture: the window's user interface, or [`fn@paint`] on the processor. Both measure text with the same font.
 
 pub mod axes;
+pub mod clock;
 pub mod color_bar;
 pub mod display_list;
 pub mod font;
@@ -38,6 +39,8 @@ pub struct Annotations {
     pub legend: bool,
     /// A round length, to scale at the distance of the point looked at.
     pub scale_bar: bool,
+    /// The time of a run that is shown.
+    pub clock: bool,
     /// The edges of the data's box, with coordinates.
     pub axes: bool,
     /// The directions of the axes, in a corner.
@@ -72,6 +75,7 @@ impl Annotations {
     pub const NONE: Annotations = Annotations {
         legend: false,
         scale_bar: false,
+        clock: false,
         axes: false,
         triad: false,
         labels: 0,
@@ -81,7 +85,7 @@ impl Annotations {
     /// What [`Annotations::scale`] may be.
     pub const SCALES: std::ops::RangeInclusive<f32> = 0.25..=16.0;
     /// The names by which [`Annotations::with`] knows its parts.
-    pub const PARTS: [&str; 5] = ["legend", "scale-bar", "axes", "triad", "labels"];
+    pub const PARTS: [&str; 6] = ["legend", "scale-bar", "clock", "axes", "triad", "labels"];
 
     /// With the part of that name.
     ///
@@ -91,6 +95,7 @@ impl Annotations {
         match part {
             "legend" => self.legend = true,
             "scale-bar" => self.scale_bar = true,
+            "clock" => self.clock = true,
             "axes" => self.axes = true,
             "triad" => self.triad = true,
             "labels" => self.labels = Annotations::default().labels,
@@ -120,6 +125,8 @@ pub struct Subject<'a> {
     pub bounds: Bounds,
     /// Unit of positions; empty where it is not known.
     pub length_unit: &'a str,
+    /// The time in the data's words; empty where the data has none.
+    pub time: &'a str,
     /// What the colours mean, where that is known.
     pub legend: Option<&'a Legend>,
     /// Named objects, the most important one first.
@@ -144,6 +151,9 @@ pub fn layout(annotations: &Annotations, subject: &Subject<'_>) -> DisplayList {
     }
     if !annotations.caption.is_empty() {
         list.text([0.5 * size[0], 12.0], Anchor::TOP, &annotations.caption, 16.0, TEXT);
+    }
+    if annotations.clock {
+        clock::layout(&mut list, subject.time);
     }
     if annotations.axes {
         axes::layout_box(&mut list, subject);

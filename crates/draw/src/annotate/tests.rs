@@ -44,12 +44,12 @@ proptest! {
             .collect();
         let legend = legend(hue, [1e-3, 1e-3 * 10f64.powf(decades)]);
         let annotations = Annotations {
-            axes: true, triad: true, caption: "A caption".into(), scale: Some(1.0), ..Annotations::default()
+            axes: true, triad: true, clock: true, caption: "A caption".into(), scale: Some(1.0), ..Annotations::default()
         };
         let subject = Subject {
             view: &view, scale: 1.0, target: DVec3::ZERO,
             bounds: Bounds { min: DVec3::splat(-1.0), max: DVec3::splat(1.0) },
-            length_unit: "kpc/h", legend: Some(&legend), labels: &labels,
+            length_unit: "kpc/h", time: "z = 1.5, a = 0.4", legend: Some(&legend), labels: &labels,
         };
         let list = layout(&annotations, &subject);
         let words = words(&list);
@@ -89,6 +89,7 @@ fn the_more_important_name_wins_and_far_ones_fade() {
         target: DVec3::ZERO,
         bounds: Bounds::EMPTY,
         length_unit: "",
+        time: "",
         legend: None,
         labels: &labels,
     };
@@ -133,8 +134,16 @@ fn names_are_at_the_images_that_are_drawn() {
     let wrapped = cut.applied(&view, target, Some(of));
     let labels = [Label { name: "across".into(), position: DVec3::new(48.0, 25.0, 25.0), radius: Some(1.0) }];
     let circle = |view: &View| {
-        let subject =
-            Subject { view, scale: 1.0, target, bounds: of.bounds, length_unit: "", legend: None, labels: &labels };
+        let subject = Subject {
+            view,
+            scale: 1.0,
+            target,
+            bounds: of.bounds,
+            length_unit: "",
+            time: "",
+            legend: None,
+            labels: &labels,
+        };
         let list = layout(&Annotations { scale_bar: false, ..Annotations::default() }, &subject);
         list.shapes.iter().find_map(|shape| match shape {
             Shape::Circle { center, .. } => Some(center[0]),

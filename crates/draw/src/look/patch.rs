@@ -266,8 +266,8 @@ impl LookPatch {
 
     /// Whose paths are drawn.
     pub fn paths_of(&self) -> PathsOf {
-        let usual = || if self.mode.is_some_and(Mode::is_of_paths) { PathsOf::All } else { PathsOf::None };
-        self.paths.as_ref().and_then(|paths| paths.of.clone()).unwrap_or_else(usual)
+        let paths = self.paths.clone().unwrap_or_default();
+        self.mode.map_or_else(|| paths.of.clone().unwrap_or_default(), |mode| paths.whose(mode))
     }
 
     /// Whether it has what the first version of scenes and tours has not: a time, paths, or selections that follow.

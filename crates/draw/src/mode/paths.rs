@@ -2,6 +2,7 @@
 
 pub use crate::cpu::paths::PathShape;
 
+use super::Mode;
 use super::setting::{Setting, SettingError, SettingKind, SettingValue, parse_color};
 use glam::DVec3;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -301,6 +302,11 @@ impl Default for PathSettings {
 }
 
 impl PathSettings {
+    /// Whose paths are drawn in a picture of a mode.
+    pub fn whose(&self, mode: &Mode) -> PathsOf {
+        self.of.clone().unwrap_or(if mode.is_of_paths() { PathsOf::All } else { PathsOf::None })
+    }
+
     /// The value of one of [`SETTINGS`]; `None` where none is chosen.
     pub fn value(&self, setting: &Setting) -> Option<SettingValue> {
         Some(match setting.name {

@@ -28,6 +28,8 @@ pub struct Annotation {
     target: DVec3,
     bounds: Bounds,
     units: Units,
+    /// The moment of a run, in its words.
+    time: String,
     paper: Paper,
     labels: Vec<Label>,
     /// Selections over the picture.
@@ -45,7 +47,7 @@ fn labels_of(catalogue: &Path, unit: &Unit, reporter: &dyn Reporter) -> Result<V
 }
 
 impl Annotation {
-    /// For a shot of what lies in `bounds`.
+    /// For a shot of what lies in `bounds`, at a time in the data's words.
     ///
     /// # Errors
     /// What is wrong with the catalogue of the objects to name.
@@ -53,6 +55,7 @@ impl Annotation {
         shot: &Shot,
         view: View,
         bounds: Bounds,
+        time: String,
         metadata: &Metadata,
         depiction: &Depiction,
         reporter: &dyn Reporter,
@@ -62,7 +65,7 @@ impl Annotation {
         let paper = Paper::of(shot.look.background.unwrap_or_default());
         let labels = shot.labels.as_deref().map(|path| labels_of(path, &units.length, reporter)).transpose()?;
         let labels = labels.unwrap_or_default();
-        Ok(Annotation { view, target, bounds, units, paper, labels, marks: None, depiction: depiction.clone() })
+        Ok(Annotation { view, target, bounds, units, time, paper, labels, marks: None, depiction: depiction.clone() })
     }
 
     /// With selections over the picture of these nodes; `run` says where those are whose members stay the same, where they are of a run.
@@ -163,6 +166,7 @@ impl Annotation {
             target: self.target,
             bounds: self.bounds,
             length_unit: &self.units.length.to_string(),
+            time: &self.time,
             legend: Some(&legend),
             labels: &self.labels,
         };

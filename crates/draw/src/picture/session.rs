@@ -7,7 +7,7 @@ use super::error::PictureError;
 use super::hiding::{self, Hiding};
 use super::left_out::LeftOut;
 use super::look::{depict, transfer_of};
-use super::paths::{PathLayer, PathRequest};
+use super::paths::{self, PathLayer, PathRequest};
 use super::projected::{Means, Projector};
 use super::source::{self, Wanted};
 use super::subject::Subject;
@@ -551,9 +551,10 @@ impl Session {
         let Shown { shot, framed, depiction, transfer, .. } = *shown;
         let metadata = self.tree().metadata();
         let is_source = matches!(self.data, Data::Source(_));
+        let time = self.run().map_or_else(String::new, |run| run.times().words(run.time(self.moment)));
         Ok(Picture {
             values: Raw::Sums(Default::default(), Default::default()),
-            annotation: Annotation::new(shot, view, framed, metadata, depiction, &*self.reporter)?,
+            annotation: Annotation::new(shot, view, framed, time, metadata, depiction, &*self.reporter)?,
             transfer: transfer.clone(),
             converged: true,
             error_px: 0.0,
@@ -599,7 +600,7 @@ impl Session {
         let Some(run) = self.run().cloned() else { return Ok(0) };
         let mut layer = match self.paths.take() {
             Some(layer) if Arc::ptr_eq(layer.run(), &run) => layer,
-            _ => PathLayer::new(run)?,
+            _ => PathLayer::new(run, paths::KEPT_BYTES)?,
         };
         let tree = self.tree();
         let shown = self.scene.families.iter().filter_map(|index| tree.metadata().families.get(*index as usize));

@@ -140,18 +140,25 @@ pub struct Gathered {
 impl Flow<'_> {
     /// Gathers travellers to clusters. The result depends on their order and on nothing else; not on the number of threads.
     pub fn gather(&self, travellers: &[Traveller], before: &Before) -> Gathered {
-        let points: Vec<Point> = travellers.iter().map(Point::of).collect();
         let mut levels = Vec::with_capacity(self.errors.len());
         let mut groups: Vec<Vec<u32>> = vec![(0..travellers.len() as u32).collect()];
+        let points: Vec<Point> = travellers.iter().map(Point::of).collect();
+        let ends: Vec<[DVec3; 2]> = travellers
+            .iter()
+            .map(|traveller| {
+                let movement = DVec3::from(traveller.movement.map(|v| v as f64));
+                [DVec3::from(self.lattice.position(traveller.place)), movement * (self.lattice.unit() * self.rate)]
+            })
+            .collect();
         for level in (0..self.errors.len()).rev() {
-            let of = Level::new(self, travellers, &points, before, level);
+            let of = Level::new(self, travellers, (&points, &ends), before, level);
             let parts: Vec<Vec<Part>> = groups.into_par_iter().map(|group| of.parts(&group)).collect();
             let is_coarsest = level + 1 == self.errors.len();
             let (mut list, mut next) = (ClusterList::default(), Vec::new());
             for (parent, parts) in parts.into_iter().enumerate() {
                 for part in parts {
-                    list.places.push(part.place);
-                    list.movements.push(part.movement);
+                    list.places.push(part.center.place);
+                    list.movements.push(part.center.movement);
                     if !is_coarsest {
                         list.parents.push(parent as u32);
                     }
@@ -206,87 +213,77 @@ pub fn flow_errors(
 #[derive(Clone, Copy)]
 #[repr(align(64))]
 struct Point {
-    /// Place and movement on the lattice.
-    state: [f64; 6],
+    place: [f64; 3],
+    movement: [f64; 3],
     mass: f64,
 }
 
 impl Point {
     fn of(traveller: &Traveller) -> Point {
-        let Traveller { place: p, movement: v, mass, .. } = *traveller;
+        let [place, movement] = [traveller.place, traveller.movement].map(|state| state.map(|x| x as f64));
         // What has no mass has a place all the same.
-        Point { state: [p[0], p[1], p[2], v[0], v[1], v[2]].map(|x| x as f64), mass: mass.max(1e-60) }
+        Point { place, movement, mass: traveller.mass.max(1e-60) }
     }
-}
-
-/// How a traveller was off its cluster of a level at the step before.
-#[derive(Clone, Copy, Default)]
-struct Behind {
-    off: DVec3,
-    off_tangent: DVec3,
-    /// The lengths of both.
-    lengths: [f64; 2],
 }
 
 /// One level of a flow.
 struct Level<'a> {
     flow: &'a Flow<'a>,
     points: &'a [Point],
-    behind: Vec<Behind>,
-    /// The cluster that each was in; the largest number of those that were not there.
-    inherited: Vec<u32>,
+    /// Place and tangent of each traveller, world units.
+    ends: &'a [[DVec3; 2]],
+    /// The same less those of its cluster at the step before; zeros of one that was not there.
+    before: Vec<[DVec3; 2]>,
+    /// The cluster of this level that each was in at the step before.
+    ancestors: Vec<u32>,
     error: f64,
     exponent: u32,
 }
 
-/// Sums over travellers.
+/// Sums over travellers: mass, and places and movements times mass.
 #[derive(Clone, Copy, Default)]
 struct Sums {
-    count: f64,
-    weight: f64,
-    /// Of places and movements, weighted by mass, and as they are.
-    weighted: [f64; 6],
-    plain: [f64; 6],
+    mass: f64,
+    place: [f64; 3],
+    movement: [f64; 3],
 }
 
 impl Sums {
-    fn of<'a>(points: impl Iterator<Item = &'a Point>) -> Sums {
-        let mut sums = Sums::default();
-        for Point { state, mass } in points {
-            sums.count += 1.0;
-            sums.weight += mass;
-            for (k, x) in state.iter().enumerate() {
-                sums.weighted[k] += mass * x;
-                sums.plain[k] += x;
-            }
-        }
-        sums
-    }
-
-    fn with(&self, other: &Sums) -> Sums {
+    fn with(self, other: Sums) -> Sums {
+        let sum = |a: [f64; 3], b: [f64; 3]| std::array::from_fn(|k| a[k] + b[k]);
         Sums {
-            count: self.count + other.count,
-            weight: self.weight + other.weight,
-            weighted: std::array::from_fn(|k| self.weighted[k] + other.weighted[k]),
-            plain: std::array::from_fn(|k| self.plain[k] + other.plain[k]),
+            mass: self.mass + other.mass,
+            place: sum(self.place, other.place),
+            movement: sum(self.movement, other.movement),
         }
     }
+}
+
+/// A cluster's state at the step.
+#[derive(Clone, Copy)]
+struct Center {
+    place: [i64; 3],
+    movement: [i64; 3],
+    position: DVec3,
+    tangent: DVec3,
 }
 
 /// Travellers that are a cluster.
 struct Part {
     members: Vec<u32>,
     sums: Sums,
-    place: [i64; 3],
-    movement: [i64; 3],
-    position: DVec3,
-    tangent: DVec3,
+    center: Center,
     /// The box around places and weighted tangents.
     low: [f64; 6],
     high: [f64; 6],
 }
 
 impl Part {
+    /// How far the centres are apart, in place and tangent.
+    fn distances(&self, other: &Part) -> [f64; 2] {
+        [self.center.position - other.center.position, self.center.tangent - other.center.tangent].map(DVec3::length)
+    }
+
     /// Whether the union with another one is wider than a cluster can be.
     fn is_apart(&self, other: &Part, error: f64) -> bool {
         (0..6).any(|i| self.high[i].max(other.high[i]) - self.low[i].min(other.low[i]) > 2.0 * error)
@@ -297,37 +294,32 @@ impl<'a> Level<'a> {
     fn new(
         flow: &'a Flow<'a>,
         travellers: &[Traveller],
-        points: &'a [Point],
+        (points, ends): (&'a [Point], &'a [[DVec3; 2]]),
         before: &Before,
         level: usize,
     ) -> Level<'a> {
         let error = flow.errors[level];
         let units = (error / ROUNDING / flow.lattice.unit()).max(1.0);
-        let (mut behind, mut inherited) = (Vec::with_capacity(travellers.len()), Vec::with_capacity(travellers.len()));
-        for traveller in travellers {
-            let Some((cluster, place, tangent)) = traveller.before else {
-                behind.push(Behind::default());
-                inherited.push(u32::MAX);
-                continue;
-            };
-            let cluster = before.ancestor(level, cluster);
-            let (position, own) = before.states[level][cluster as usize];
-            let (off, off_tangent) = (place - position, tangent - own);
-            behind.push(Behind { off, off_tangent, lengths: [off.length(), off_tangent.length()] });
-            inherited.push(cluster);
-        }
         let exponent = (units.log2().floor() as u32).min(LATTICE_BITS);
-        Level { flow, points, behind, inherited, error, exponent }
+        let of = |traveller: &Traveller| match traveller.before {
+            None => (u32::MAX, [DVec3::ZERO; 2]),
+            Some((cluster, place, tangent)) => {
+                let cluster = before.ancestor(level, cluster);
+                let (position, own) = before.states[level][cluster as usize];
+                (cluster, [place - position, tangent - own])
+            }
+        };
+        let (ancestors, before) = travellers.iter().map(of).unzip();
+        Level { flow, points, ends, before, ancestors, error, exponent }
     }
 
     /// The clusters of a group.
     fn parts(&self, group: &[u32]) -> Vec<Part> {
-        let key = |i: &u32| u64::from(self.inherited[*i as usize]) << 32 | u64::from(*i);
-        let mut keys: Vec<u64> = group.iter().map(key).collect();
+        let ancestor = |i: &u32| self.ancestors[*i as usize];
+        let mut keys: Vec<u64> = group.iter().map(|i| u64::from(ancestor(i)) << 32 | u64::from(*i)).collect();
         keys.sort_unstable();
         let mut members: Vec<u32> = keys.iter().map(|key| *key as u32).collect();
-        let mut inherited: Vec<&mut [u32]> =
-            members.chunk_by_mut(|a, b| self.inherited[*a as usize] == self.inherited[*b as usize]).collect();
+        let mut inherited: Vec<&mut [u32]> = members.chunk_by_mut(|a, b| ancestor(a) == ancestor(b)).collect();
         let split = |members: &mut &mut [u32]| {
             let mut parts = Vec::new();
             self.split(members, &mut parts);
@@ -340,19 +332,14 @@ impl<'a> Level<'a> {
         if self.flow.is_joining { self.join(parts) } else { parts }
     }
 
-    fn points<'b>(&'b self, members: &'b [u32]) -> impl Iterator<Item = &'b Point> {
-        members.iter().map(|i| &self.points[*i as usize])
-    }
-
     /// Splits travellers until each part is a cluster; the parts go to `out`.
     fn split(&self, members: &mut [u32], out: &mut Vec<Part>) {
-        let sums = Sums::of(self.points(members));
-        if let Some(part) = self.cluster([members, &[]], &sums) {
+        if let Some(part) = self.cluster(members) {
             return out.push(part);
         }
-        let count = members.len();
-        let (near, far) = self.halves(members, &sums);
-        if count > PARALLEL {
+        let is_large = members.len() > PARALLEL;
+        let (near, far) = self.halves(members);
+        if is_large {
             let mut more = Vec::new();
             rayon::join(|| self.split(near, out), || self.split(far, &mut more));
             out.extend(more);
@@ -362,78 +349,111 @@ impl<'a> Level<'a> {
         }
     }
 
-    /// Place and tangent of a state on the lattice, world units.
-    fn world(&self, state: &[f64; 6]) -> (DVec3, DVec3) {
-        let (lattice, [x, y, z, u, v, w]) = (self.flow.lattice, *state);
-        let unit = lattice.unit();
-        (lattice.root.min + DVec3::new(x, y, z) * unit, DVec3::new(u, v, w) * (unit * self.flow.rate))
+    /// Where the centre of mass is.
+    fn center(&self, sums: &Sums) -> Center {
+        let place = Lattice::settle(sums.place.map(|x| x / sums.mass), self.exponent);
+        let movement = Lattice::settle(sums.movement.map(|v| v / sums.mass), self.exponent);
+        let lattice = self.flow.lattice;
+        let tangent = DVec3::from(movement.map(|v| v as f64)) * (lattice.unit() * self.flow.rate);
+        Center { place, movement, position: DVec3::from(lattice.position(place)), tangent }
     }
 
-    /// Travellers, in two lists, as a cluster, if the criterion holds; one alone is always one.
-    fn cluster(&self, members: [&[u32]; 2], sums: &Sums) -> Option<Part> {
-        let [x, y, z, u, v, w] = sums.weighted.map(|sum| sum / sums.weight);
-        let (place, movement) = (Lattice::settle([x, y, z], self.exponent), Lattice::settle([u, v, w], self.exponent));
-        let ([x, y, z], [u, v, w]) = (place, movement);
-        let (position, tangent) = self.world(&[x, y, z, u, v, w].map(|x| x as f64));
+    /// Travellers as a cluster, if the criterion holds; one alone is always one.
+    fn cluster(&self, members: &[u32]) -> Option<Part> {
+        let mut sums = Sums::default();
+        for i in members {
+            let Point { place, movement, mass } = &self.points[*i as usize];
+            sums.mass += mass;
+            sums.place.iter_mut().zip(place).for_each(|(sum, x)| *sum += mass * x);
+            sums.movement.iter_mut().zip(movement).for_each(|(sum, v)| *sum += mass * v);
+        }
+        let center = self.center(&sums);
+        if members.len() > 1 && !self.holds(members, &center) {
+            return None;
+        }
         let (mut low, mut high) = ([f64::INFINITY; 6], [f64::NEG_INFINITY; 6]);
-        let is_one = members[0].len() + members[1].len() == 1;
-        for i in members.into_iter().flatten() {
-            let (own, own_tangent) = self.world(&self.points[*i as usize].state);
-            if !is_one && !self.holds(&self.behind[*i as usize], own - position, own_tangent - tangent) {
-                return None;
-            }
-            let weighted = TANGENT_WEIGHT * own_tangent;
-            for (k, value) in [own.x, own.y, own.z, weighted.x, weighted.y, weighted.z].into_iter().enumerate() {
-                low[k] = low[k].min(value);
-                high[k] = high[k].max(value);
+        for i in members {
+            let state = self.state(*i);
+            for k in 0..6 {
+                low[k] = low[k].min(state[k]);
+                high[k] = high[k].max(state[k]);
             }
         }
-        Some(Part { members: members.concat(), sums: *sums, place, movement, position, tangent, low, high })
+        Some(Part { members: members.to_vec(), sums, center, low, high })
     }
 
-    /// Whether a traveller may be so far from its cluster: by the lengths alone where they tell.
-    fn holds(&self, behind: &Behind, off: DVec3, off_tangent: DVec3) -> bool {
-        let error = self.error * WITHIN;
-        let lengths = [off.length(), off_tangent.length()];
-        if let Some(next) = self.flow.next_rate
-            && lengths[0] + AHEAD * lengths[1] * (next / self.flow.rate) > error
-        {
-            return false;
+    /// The union of two clusters, if it is one.
+    fn union(&self, first: &Part, second: &Part) -> Option<Part> {
+        let sums = first.sums.with(second.sums);
+        let center = self.center(&sums);
+        // Those of the smaller one are farther from the common centre.
+        let [small, large] = if first.members.len() < second.members.len() { [first, second] } else { [second, first] };
+        if ![small, large].into_iter().all(|part| self.holds(&part.members, &center)) {
+            return None;
         }
-        let farther = lengths[0].max(behind.lengths[0]);
-        if farther + TANGENT_WEIGHT * (lengths[1] + behind.lengths[1]) <= error {
-            return true;
-        }
-        let (mut positions, mut tangents) = ([behind.off, off], [behind.off_tangent, off_tangent]);
-        if self.flow.is_reversed {
-            positions.reverse();
-            tangents.reverse();
-        }
-        farther <= error && HermiteSpline { positions, tangents }.hull_bound(2) <= error
+        Some(Part {
+            members: [&first.members[..], &second.members[..]].concat(),
+            sums,
+            center,
+            low: std::array::from_fn(|k| first.low[k].min(second.low[k])),
+            high: std::array::from_fn(|k| first.high[k].max(second.high[k])),
+        })
+    }
+
+    /// Whether travellers may be where they are from a cluster.
+    fn holds(&self, members: &[u32], center: &Center) -> bool {
+        let limit = self.error * WITHIN;
+        let square = limit * limit;
+        let ahead = self.flow.next_rate.map(|next| (AHEAD * next / self.flow.rate) * (AHEAD * next / self.flow.rate));
+        members.iter().all(|i| {
+            let [place, tangent] = self.ends[*i as usize];
+            let (off, off_tangent) = (place - center.position, tangent - center.tangent);
+            if let Some(ahead) = ahead {
+                // The sum of two lengths, by their squares.
+                let (a, b) = (off.length_squared(), ahead * off_tangent.length_squared());
+                if 2.0 * (a + b) > square && a + b + 2.0 * (a * b).sqrt() > square {
+                    return false;
+                }
+            }
+            let [begin, begin_tangent] = self.before[*i as usize];
+            let (mut positions, mut tangents) = ([begin, off], [begin_tangent, off_tangent]);
+            if self.flow.is_reversed {
+                positions.reverse();
+                tangents.reverse();
+            }
+            HermiteSpline { positions, tangents }.is_within(limit)
+        })
+    }
+
+    /// Place and weighted tangent.
+    fn state(&self, i: u32) -> [f64; 6] {
+        let [place, tangent] = self.ends[i as usize];
+        let tangent = TANGENT_WEIGHT * tangent;
+        [place.x, place.y, place.z, tangent.x, tangent.y, tangent.z]
     }
 
     /// Both sides of the plane through the centroid across the principal component of places and weighted tangents.
-    fn halves<'b>(&self, members: &'b mut [u32], sums: &Sums) -> (&'b mut [u32], &'b mut [u32]) {
-        let weight = TANGENT_WEIGHT * self.flow.rate;
-        let scales = [1.0, 1.0, 1.0, weight, weight, weight];
-        let mean: [f64; 6] = std::array::from_fn(|k| sums.plain[k] / sums.count);
+    fn halves<'b>(&self, members: &'b mut [u32]) -> (&'b mut [u32], &'b mut [u32]) {
+        let count = members.len() as f64;
+        let mut mean = [0.0; 6];
+        for i in &*members {
+            mean.iter_mut().zip(self.state(*i)).for_each(|(sum, x)| *sum += x);
+        }
+        let mean = mean.map(|sum| sum / count);
         let mut covariance = [[0.0; 6]; 6];
-        for point in self.points(members) {
-            let off: [f64; 6] = std::array::from_fn(|k| scales[k] * (point.state[k] - mean[k]));
-            for (k, row) in covariance.iter_mut().enumerate() {
-                // The other half is the same.
-                (0..=k).for_each(|l| row[l] += off[k] * off[l]);
+        for i in &*members {
+            let state = self.state(*i);
+            let off: [f64; 6] = std::array::from_fn(|k| state[k] - mean[k]);
+            for (row, a) in covariance.iter_mut().zip(off) {
+                row.iter_mut().zip(off).for_each(|(sum, b)| *sum += a * b);
             }
         }
-        let covariance: [[f64; 6]; 6] =
-            std::array::from_fn(|k| std::array::from_fn(|l| covariance[k.max(l)][k.min(l)]));
-        let trace = (0..6).map(|k| covariance[k][k]).sum();
-        let normal = principal_component(&covariance, trace);
-        let normal: [f64; 6] = std::array::from_fn(|k| f64::from(normal[k]) * scales[k]);
+        let trace = (0..6).map(|i| covariance[i][i]).sum();
+        let normal = principal_component(&covariance, trace).map(f64::from);
         let mut near = 0;
         for at in 0..members.len() {
-            let state = &self.points[members[at] as usize].state;
-            if (0..6).map(|k| normal[k] * (state[k] - mean[k])).sum::<f64>() <= 0.0 {
+            let own = self.state(members[at]);
+            if (0..6).map(|k| normal[k] * (own[k] - mean[k])).sum::<f64>() <= 0.0 {
                 members.swap(near, at);
                 near += 1;
             }
@@ -449,50 +469,113 @@ impl<'a> Level<'a> {
         if parts.len() < 2 {
             return parts;
         }
-        let cell = |position: DVec3| (position / self.error).floor().to_array().map(|x| x as i64);
-        let mut parts: Vec<Option<Part>> = parts.into_iter().map(Some).collect();
-        let mut grid: HashMap<[i64; 3], Vec<usize>> = HashMap::new();
-        for (i, part) in parts.iter().enumerate() {
-            if let Some(part) = part {
-                grid.entry(cell(part.position)).or_default().push(i);
+        let mut pairs = Pairs::new(self, parts);
+        for i in 0..pairs.parts.len() {
+            pairs.offer(i);
+        }
+        let mut last = None;
+        while let Some(Reverse(pair @ (_, a, b))) = pairs.queue.pop() {
+            // Both of a pair may have queued it.
+            if last.replace(pair) == Some(pair) {
+                continue;
+            }
+            let (Some(first), Some(second)) = (&pairs.parts[a], &pairs.parts[b]) else { continue };
+            if let Some(joined) = self.union(first, second) {
+                pairs.replace([a, b], joined);
             }
         }
-        // Distances are positive, so their bits are in their order.
-        let mut queue: BinaryHeap<Reverse<(u64, usize, usize)>> = BinaryHeap::new();
-        let offer = |queue: &mut BinaryHeap<Reverse<(u64, usize, usize)>>,
-                     grid: &HashMap<[i64; 3], Vec<usize>>,
-                     parts: &[Option<Part>],
-                     i: usize,
-                     least: usize| {
-            let Some(own) = &parts[i] else { return };
-            let middle = cell(own.position);
-            for offset in 0..27 {
-                let at = [offset % 3 - 1, offset / 3 % 3 - 1, offset / 9 - 1];
-                let at = std::array::from_fn(|axis| middle[axis].saturating_add(at[axis]));
-                for &other in grid.get(&at).into_iter().flatten() {
-                    let Some(part) = parts[other].as_ref().filter(|_| other != i && other >= least) else { continue };
-                    if !own.is_apart(part, self.error) {
-                        let distance = (own.position - part.position).length()
-                            + TANGENT_WEIGHT * (own.tangent - part.tangent).length();
-                        queue.push(Reverse((distance.to_bits(), i.min(other), i.max(other))));
-                    }
+        pairs.parts.into_iter().flatten().collect()
+    }
+}
+
+/// Parts that may be joined: the pairs of them that are near, in a grid as wide as the error.
+struct Pairs<'a> {
+    level: &'a Level<'a>,
+    parts: Vec<Option<Part>>,
+    /// The part that each one began as. Those that were split from one are neighbours in this order.
+    origins: Vec<u32>,
+    /// By origin the parts of a cell.
+    grid: HashMap<[i64; 3], Vec<(u32, usize)>>,
+    /// Distances, which are positive, so that their bits are in their order, and pairs.
+    queue: BinaryHeap<Reverse<(u64, usize, usize)>>,
+    near: Vec<(u64, usize)>,
+}
+
+/// Pairs that a part is tried in. Where tracks are not resolved, hundreds of parts are near that never can be joined.
+const MOST_PAIRS: usize = 48;
+/// How many parts of a cell are looked at on each side of a part in their order.
+const WINDOW: usize = 192;
+
+impl<'a> Pairs<'a> {
+    fn new(level: &'a Level<'a>, parts: Vec<Part>) -> Pairs<'a> {
+        let mut pairs = Pairs {
+            level,
+            origins: (0..parts.len() as u32).collect(),
+            parts: parts.into_iter().map(Some).collect(),
+            grid: HashMap::new(),
+            queue: BinaryHeap::new(),
+            near: Vec::new(),
+        };
+        for (i, part) in pairs.parts.iter().enumerate() {
+            if let Some(part) = part {
+                let cell = cell(part, level.error);
+                pairs.grid.entry(cell).or_default().push((pairs.origins[i], i));
+            }
+        }
+        pairs
+    }
+
+    /// Queues the nearest pairs of a part.
+    fn offer(&mut self, i: usize) {
+        let Some(own) = &self.parts[i] else { return };
+        let (middle, error) = (cell(own, self.level.error), self.level.error);
+        // No two members of a cluster are farther apart than this, nor are centres of what is within it.
+        let ahead = self.level.flow.next_rate.map_or(0.0, |next| AHEAD * next / self.level.flow.rate);
+        let most = 2.0 * error * (1.0 + 4.0 / ROUNDING);
+        self.near.clear();
+        for offset in 0..27 {
+            let at = [offset % 3 - 1, offset / 3 % 3 - 1, offset / 9 - 1];
+            let at = std::array::from_fn(|axis| middle[axis].saturating_add(at[axis]));
+            let Some(all) = self.grid.get(&at) else { continue };
+            let here = all.partition_point(|entry| *entry < (self.origins[i], i));
+            for &(_, other) in &all[here.saturating_sub(WINDOW)..all.len().min(here + WINDOW)] {
+                let Some(part) = self.parts[other].as_ref().filter(|_| other != i) else { continue };
+                let [apart, tangents] = own.distances(part);
+                if apart + ahead * tangents <= most && !own.is_apart(part, error) {
+                    self.near.push(((apart + TANGENT_WEIGHT * tangents).to_bits(), other));
                 }
             }
-        };
-        for i in 0..parts.len() {
-            offer(&mut queue, &grid, &parts, i, i + 1);
         }
-        while let Some(Reverse((_, a, b))) = queue.pop() {
-            let (Some(first), Some(second)) = (&parts[a], &parts[b]) else { continue };
-            let sums = first.sums.with(&second.sums);
-            let Some(joined) = self.cluster([&first.members, &second.members], &sums) else { continue };
-            (parts[a], parts[b]) = (None, None);
-            grid.entry(cell(joined.position)).or_default().push(parts.len());
-            parts.push(Some(joined));
-            offer(&mut queue, &grid, &parts, parts.len() - 1, 0);
+        if self.near.len() > MOST_PAIRS {
+            self.near.select_nth_unstable(MOST_PAIRS);
+            self.near.truncate(MOST_PAIRS);
         }
-        parts.into_iter().flatten().collect()
+        let pairs = self.near.iter().map(|(distance, other)| Reverse((*distance, i.min(*other), i.max(*other))));
+        self.queue.extend(pairs);
     }
+
+    /// Puts a union in the place of two parts.
+    fn replace(&mut self, old: [usize; 2], joined: Part) {
+        for i in old {
+            let Some(part) = self.parts[i].take() else { continue };
+            if let Some(all) = self.grid.get_mut(&cell(&part, self.level.error))
+                && let Ok(at) = all.binary_search(&(self.origins[i], i))
+            {
+                all.remove(at);
+            }
+        }
+        let entry = (self.origins[old[0]], self.parts.len());
+        let all = self.grid.entry(cell(&joined, self.level.error)).or_default();
+        all.insert(all.partition_point(|other| *other < entry), entry);
+        self.origins.push(entry.0);
+        self.parts.push(Some(joined));
+        self.offer(entry.1);
+    }
+}
+
+/// The cell of the grid that a part's centre is in.
+fn cell(part: &Part, error: f64) -> [i64; 3] {
+    (part.center.position / error).floor().to_array().map(|x| x as i64)
 }
 
 #[cfg(test)]

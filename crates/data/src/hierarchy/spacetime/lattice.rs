@@ -25,11 +25,13 @@ pub struct Lattice {
 
 impl Lattice {
     /// The length of a unit, world units.
+    #[inline]
     pub fn unit(&self) -> f64 {
         self.root.size / (1_u64 << LATTICE_BITS) as f64
     }
 
     /// The exponent of the power of two units that positions with this smoothing length are multiples of: 0 where none is known.
+    #[inline]
     pub fn exponent(&self, smoothing_length: f32) -> u32 {
         let units = f64::from(smoothing_length) / ROUNDING / self.unit();
         // The largest power of two that is not above it; what is no number gives 0.
@@ -37,23 +39,27 @@ impl Lattice {
     }
 
     /// The coordinates of a position, to a unit.
+    #[inline]
     pub fn place(&self, position: [f64; 3]) -> [i64; 3] {
         let min = self.root.min.to_array();
         std::array::from_fn(|axis| rounded((position[axis] - min[axis]) / self.unit(), 0))
     }
 
     /// Coordinates rounded to multiples of `2^exponent`.
+    #[inline]
     pub fn settled(place: [i64; 3], exponent: u32) -> [i64; 3] {
         let half = (1_i64 << exponent) >> 1;
         place.map(|x| x.saturating_add(half) >> exponent << exponent)
     }
 
     /// The same of coordinates that are no whole numbers.
+    #[inline]
     pub fn settle(place: [f64; 3], exponent: u32) -> [i64; 3] {
         place.map(|x| rounded(x, exponent))
     }
 
     /// The position of coordinates.
+    #[inline]
     pub fn position(&self, place: [i64; 3]) -> [f64; 3] {
         let min = self.root.min.to_array();
         std::array::from_fn(|axis| min[axis] + place[axis] as f64 * self.unit())
@@ -61,6 +67,7 @@ impl Lattice {
 
     /// A velocity as the movement in units within `span`, the longer interval that adjoins the step, rounded to multiples of
     /// `2^exponent`. `velocity` in world units by the unit of `span`.
+    #[inline]
     pub fn movement(&self, velocity: [f64; 3], span: f64, exponent: u32) -> [i64; 3] {
         velocity.map(|v| rounded(v * span / self.unit(), exponent))
     }
@@ -68,6 +75,7 @@ impl Lattice {
 
 /// The Morton key of a place; that of the nearest one in the root cell for what lies outside. Tracks are in the file in the order of the
 /// keys of their beginnings.
+#[inline]
 pub fn morton_key(place: [i64; 3]) -> u64 {
     let most = (1 << LATTICE_BITS) - 1;
     morton::encode(place.map(|x| (x.clamp(0, most) >> (LATTICE_BITS - MORTON_BITS)) as u32))

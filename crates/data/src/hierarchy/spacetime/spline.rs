@@ -21,6 +21,7 @@ const TANGENT_WEIGHT: f64 = 4.0 / 27.0;
 
 impl HermiteSpline {
     /// The position at `u` (6.1); exactly the stored ones at 0 and 1.
+    #[inline]
     pub fn position(&self, u: f64) -> DVec3 {
         let ([r0, r1], [v0, v1]) = (self.positions, self.tangents);
         let (u2, u3) = (u * u, u * u * u);
@@ -35,6 +36,7 @@ impl HermiteSpline {
     }
 
     /// The spline of the differences to another track over the same interval: how that one deviates from this one.
+    #[inline]
     pub fn minus(&self, other: &HermiteSpline) -> HermiteSpline {
         let differences = |own: [DVec3; 2], other: [DVec3; 2]| [own[0] - other[0], own[1] - other[1]];
         HermiteSpline {
@@ -44,6 +46,7 @@ impl HermiteSpline {
     }
 
     /// The control points of the same curve in Bézier's form.
+    #[inline]
     pub fn control_points(&self) -> [DVec3; 4] {
         let ([r0, r1], [v0, v1]) = (self.positions, self.tangents);
         [r0, r0 + v0 / 3.0, r1 - v1 / 3.0, r1]
@@ -51,6 +54,7 @@ impl HermiteSpline {
 
     /// A bound on the norm of [`HermiteSpline::position`] over the interval from the weights of (6.1): the farther end, and
     /// 4/27 of the lengths of both tangents (6.2).
+    #[inline]
     pub fn weight_bound(&self) -> f64 {
         let [r, v] = [self.positions, self.tangents].map(|pair| pair.map(DVec3::length));
         r[0].max(r[1]) + TANGENT_WEIGHT * (v[0] + v[1])
@@ -70,10 +74,12 @@ impl HermiteSpline {
     }
 
     /// Whether [`HermiteSpline::bound`] is at most `error`, as soon as that is known.
+    #[inline]
     pub fn is_within(&self, error: f64) -> bool {
-        let [begin, end] = self.positions;
-        begin.length_squared().max(end.length_squared()) <= error * error
-            && (self.weight_bound() <= error || self.hull_bound(2) <= error)
+        let square = error * error;
+        let [begin, near_begin, near_end, end] = self.control_points().map(DVec3::length_squared);
+        begin.max(end) <= square
+            && (near_begin.max(near_end) <= square || self.weight_bound() <= error || self.hull_bound(2) <= error)
     }
 
     /// How badly the steps' velocities account for the displacement: `c = |dx - w| / mean |dtau v|` with `w` the mean of both

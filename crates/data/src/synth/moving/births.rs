@@ -1,6 +1,6 @@
 //! Particles on straight lines, of which some are born, some vanish and some change from gas to stars at a step.
 
-use super::{Moving, State, scaled, sum, wide_id};
+use super::{Moving, State, even, scaled, sum, wide_id};
 use crate::model::FamilyName;
 use crate::synth::random::Random;
 
@@ -71,7 +71,7 @@ impl Moving for Births {
         let mut random = Random::new(self.seed, particle);
         let start = [(); 3].map(|()| 10.0 * random.uniform());
         let velocity = [(); 3].map(|()| 0.1 * random.normal());
-        Some(State { family, position: sum(start, scaled(velocity, time)), velocity })
+        Some(even(family, sum(start, scaled(velocity, time)), velocity, self.mass(), 0.2))
     }
 
     fn id(&self, particle: u64) -> u64 {
@@ -81,10 +81,6 @@ impl Moving for Births {
 
     fn mass(&self) -> f64 {
         1.0 / 1024.0
-    }
-
-    fn smoothing_length(&self) -> f64 {
-        0.2
     }
 }
 

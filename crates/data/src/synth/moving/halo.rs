@@ -1,6 +1,6 @@
 //! A relaxed halo: a Plummer sphere, in whose field each particle moves, so that the halo stays as it is while all of it moves.
 
-use super::{Moving, State, scaled, sum};
+use super::{Moving, State, even, scaled, sum};
 use crate::model::FamilyName;
 use crate::synth::random::Random;
 
@@ -75,15 +75,11 @@ impl Moving for Halo {
             state = advanced(state, STEP);
         }
         let [position, velocity] = advanced(state, time - whole * STEP);
-        Some(State { family: FamilyName::Dark, position, velocity })
+        Some(even(FamilyName::Dark, position, velocity, self.mass(), 0.1))
     }
 
     fn mass(&self) -> f64 {
         1.0 / self.particles.max(1) as f64
-    }
-
-    fn smoothing_length(&self) -> f64 {
-        0.1
     }
 }
 

@@ -5,12 +5,14 @@
 
 mod births;
 mod halo;
+mod merger;
 mod orbits;
 mod pancake;
 mod snapshot;
 
 pub use births::Births;
 pub use halo::Halo;
+pub use merger::Merger;
 pub use orbits::Orbits;
 pub use pancake::Pancake;
 
@@ -28,6 +30,10 @@ pub struct State {
     pub position: [f64; 3],
     /// Its velocity as Gadget stores it.
     pub velocity: [f64; 3],
+    /// Density there, which gas has.
+    pub density: f64,
+    /// Its smoothing length, which gas has.
+    pub smoothing_length: f64,
 }
 
 /// Moving particles.
@@ -59,9 +65,12 @@ pub trait Moving: Sync {
 
     /// Mass of each particle.
     fn mass(&self) -> f64;
+}
 
-    /// Smoothing length of each particle of gas.
-    fn smoothing_length(&self) -> f64;
+/// A state of particles of one mass and one smoothing length.
+fn even(family: FamilyName, position: [f64; 3], velocity: [f64; 3], mass: f64, smoothing_length: f64) -> State {
+    let density = 8.0 * mass / (smoothing_length * smoothing_length * smoothing_length);
+    State { family, position, velocity, density, smoothing_length }
 }
 
 /// From 1 on, and 2^60 more for every tenth.
@@ -145,12 +154,13 @@ mod tests {
     use crate::model::Motion;
     use std::collections::{BTreeMap, BTreeSet};
 
-    fn kinds(particles: u64) -> [Box<dyn Moving>; 4] {
+    fn kinds(particles: u64) -> [Box<dyn Moving>; 5] {
         [
             Box::new(Orbits::new(3, particles)),
             Box::new(Pancake::new(3, particles)),
             Box::new(Halo::new(3, particles)),
             Box::new(Births::new(3, particles, 6)),
+            Box::new(Merger::new(3, particles)),
         ]
     }
 

@@ -1,6 +1,6 @@
 //! Closed orbits: half of them ellipses around their middle, half Kepler's around a focus.
 
-use super::{Moving, State, across, scaled, sum};
+use super::{Moving, State, across, even, scaled, sum};
 use crate::model::FamilyName;
 use crate::synth::random::Random;
 
@@ -18,6 +18,11 @@ impl Orbits {
     /// So many particles; the first half is harmonic.
     pub fn new(seed: u64, particles: u64) -> Orbits {
         Orbits { seed, particles }
+    }
+
+    /// The smoothing length of all particles.
+    pub fn smoothing_length(&self) -> f64 {
+        0.02
     }
 }
 
@@ -51,19 +56,13 @@ impl Moving for Orbits {
         let anomaly = eccentric_anomaly(mean_anomaly, eccentricity);
         let (cos, sin) = (libm::cos(anomaly), libm::sin(anomaly));
         let speed = rate / (1.0 - eccentricity * cos);
-        Some(State {
-            family: FamilyName::Gas,
-            position: sum(scaled(a, cos - eccentricity), scaled(b, sin)),
-            velocity: scaled(sum(scaled(b, cos), scaled(a, -sin)), speed),
-        })
+        let position = sum(scaled(a, cos - eccentricity), scaled(b, sin));
+        let velocity = scaled(sum(scaled(b, cos), scaled(a, -sin)), speed);
+        Some(even(FamilyName::Gas, position, velocity, self.mass(), self.smoothing_length()))
     }
 
     fn mass(&self) -> f64 {
         1.0 / 1024.0
-    }
-
-    fn smoothing_length(&self) -> f64 {
-        0.02
     }
 }
 

@@ -1,6 +1,6 @@
 //! Plane waves in a periodic box that collapse: Zeldovich's pancake along each axis, in an Einstein and de Sitter universe.
 
-use super::{Moving, State};
+use super::{Moving, State, even};
 use crate::model::FamilyName;
 use crate::synth::random::{Random, cbrt};
 
@@ -23,6 +23,11 @@ impl Pancake {
     pub fn new(seed: u64, particles: u64) -> Pancake {
         Pancake { seed, particles }
     }
+
+    /// The smoothing length of all particles: their mean distance.
+    pub fn smoothing_length(&self) -> f64 {
+        EDGE / cbrt(self.particles.max(1) as f64)
+    }
 }
 
 impl Moving for Pancake {
@@ -40,12 +45,10 @@ impl Moving for Pancake {
         let start = [(); 3].map(|()| EDGE * random.uniform());
         // dx/da.
         let growth = start.map(|q| -libm::sin(wave * q) / (wave * CROSSING));
-        Some(State {
-            family: FamilyName::Gas,
-            position: [0, 1, 2].map(|axis| start[axis] + time * growth[axis]),
-            // u = a^1.5 H dx/da, with H = 100 a^-1.5.
-            velocity: growth.map(|growth| 100.0 * growth),
-        })
+        let position = [0, 1, 2].map(|axis| start[axis] + time * growth[axis]);
+        // u = a^1.5 H dx/da, with H = 100 a^-1.5.
+        let velocity = growth.map(|growth| 100.0 * growth);
+        Some(even(FamilyName::Gas, position, velocity, self.mass(), self.smoothing_length()))
     }
 
     fn edge(&self) -> Option<f64> {
@@ -54,10 +57,6 @@ impl Moving for Pancake {
 
     fn mass(&self) -> f64 {
         1.0
-    }
-
-    fn smoothing_length(&self) -> f64 {
-        EDGE / cbrt(self.particles.max(1) as f64)
     }
 }
 

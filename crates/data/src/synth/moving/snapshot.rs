@@ -51,15 +51,15 @@ pub(super) fn write(moving: &dyn Moving, step: usize, time: f64, seed: u64, path
     };
     type Encode<'a> = &'a dyn Fn(&(u64, State)) -> Vec<u8>;
     let single = |value: f64| (value as f32).to_le_bytes().to_vec();
-    let (mass, h) = (moving.mass(), moving.smoothing_length());
+    let mass = moving.mass();
     let columns: [(&str, Encode<'_>); 7] = [
         ("POS ", &|(_, state)| floats(wrapped(state.position))),
         ("VEL ", &|(_, state)| floats(state.velocity)),
         ("ID  ", &|(particle, _)| moving.id(*particle).to_le_bytes().to_vec()),
         ("MASS", &|_| single(mass)),
         ("U   ", &|_| single(1.0)),
-        ("RHO ", &|_| single(8.0 * mass / (h * h * h))),
-        ("HSML", &|_| single(h)),
+        ("RHO ", &|(_, state)| single(state.density)),
+        ("HSML", &|(_, state)| single(state.smoothing_length)),
     ];
     let bytes = header.encode();
     block(&mut out, "HEAD", &bytes)?;

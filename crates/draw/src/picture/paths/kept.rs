@@ -7,28 +7,31 @@ use std::sync::Arc;
 /// Interval, family, flow level (0 for particles), and leaf.
 pub type Place = [u32; 4];
 
-/// Bytes of curves that are kept beyond those that a picture needs.
-const KEPT_BYTES: u64 = 1 << 31;
-
 /// Curves by where they come from.
-#[derive(Default)]
 pub struct Kept {
     held: HashMap<Place, (Arc<Curves>, u64)>,
     bytes: u64,
+    /// Bytes that are kept beyond those that a picture needs.
+    limit: u64,
     picture: u64,
 }
 
 impl Kept {
+    /// Nothing yet; up to `limit` bytes are kept beyond those that a picture needs.
+    pub fn within(limit: u64) -> Kept {
+        Kept { held: HashMap::new(), bytes: 0, limit, picture: 0 }
+    }
+
     /// The next picture begins; what has not been used for longest goes where there is too much.
     pub fn begin(&mut self) {
         self.picture += 1;
-        if self.bytes <= KEPT_BYTES {
+        if self.bytes <= self.limit {
             return;
         }
         let mut old: Vec<(u64, Place)> = self.held.iter().map(|(place, (_, used))| (*used, *place)).collect();
         old.sort_unstable();
         for (_, place) in old {
-            if self.bytes <= KEPT_BYTES / 2 {
+            if self.bytes <= self.limit / 2 {
                 break;
             }
             if let Some((curves, _)) = self.held.remove(&place) {

@@ -168,7 +168,8 @@ impl PathLayer {
                 }
             }
             if !drawn.is_empty() {
-                chosen.push(Chosen { curves: Arc::clone(&own.curves), which: Some(drawn), part });
+                let place = [part.interval as u32, family, level as u32, 0];
+                chosen.push(Chosen { place, curves: Arc::clone(&own.curves), which: Some(drawn), part });
             }
             if open.is_empty() {
                 return Ok(());

@@ -5,7 +5,10 @@ mod colors;
 mod kept;
 mod levels;
 mod members;
+mod picking;
 mod window;
+
+pub use picking::PickedPath;
 
 use super::error::PictureError;
 use crate::color::Colors;
@@ -25,6 +28,9 @@ use std::sync::Arc;
 
 /// How far beyond the picture paths are read, pixels: as far as their heads may reach.
 const MARGIN_PX: u32 = 64;
+
+/// Bytes of tracks that are kept beyond those that a picture needs, where nobody says how many.
+pub const KEPT_BYTES: u64 = 1 << 31;
 
 /// What of paths is asked for.
 #[derive(Clone, Copy)]
@@ -63,23 +69,32 @@ pub struct PathLayer {
 
 /// Curves that are drawn.
 struct Chosen {
+    /// Where they come from.
+    place: Place,
     curves: Arc<Curves>,
     which: Option<Vec<u32>>,
     part: Part,
 }
 
+/// All that is drawn.
+struct Selected {
+    chosen: Vec<Chosen>,
+    families: Vec<u32>,
+    parts: Vec<Part>,
+}
+
 impl PathLayer {
-    /// Of a run; nothing is read yet.
+    /// Of a run; nothing is read yet. Up to `budget_bytes` of tracks are kept beyond those that a picture needs.
     ///
     /// # Errors
     /// Where the run has no tracks.
-    pub fn new(run: Arc<RunFile>) -> Result<PathLayer, StoreError> {
+    pub fn new(run: Arc<RunFile>, budget_bytes: u64) -> Result<PathLayer, StoreError> {
         run.tracks()?;
         Ok(PathLayer {
             run,
             canvas: Canvas::default(),
             indices: HashMap::new(),
-            kept: Kept::default(),
+            kept: Kept::within(budget_bytes),
             flow: levels::FlowKept::default(),
             kept_of: (None, None),
             members: members::Found::default(),
@@ -96,11 +111,32 @@ impl PathLayer {
     /// # Errors
     /// Where the run cannot be read, or the settings name what there is not.
     pub fn gather(&mut self, request: &PathRequest<'_>) -> Result<u64, PictureError> {
-        let PathRequest { view, settings, .. } = *request;
-        let wanted = self.members.of(&self.run, request)?;
-        if wanted.as_ref().is_some_and(members::Whose::is_empty) {
+        let view = request.view;
+        let Some(Selected { chosen, families, parts }) = self.select(request)? else {
             self.canvas.gather(view, &[], &style(request, &[], 1.0));
             return Ok(0);
+        };
+        let box_size = self.run.tracks()?.box_size;
+        let mean_mass = self.mean_mass(&families, &parts, &chosen)?;
+        let style = style(request, &chosen, mean_mass);
+        let drawn: Vec<Drawn<'_>> = chosen
+            .iter()
+            .map(|own| Drawn { curves: &own.curves, which: own.which.as_deref(), part: own.part, box_size })
+            .collect();
+        let counts = self.canvas.gather(view, &drawn, &style);
+        let mut of_intervals: HashMap<(usize, bool), u64> = HashMap::new();
+        for (own, count) in chosen.iter().zip(counts) {
+            *of_intervals.entry((own.part.interval, own.part.head)).or_default() += count;
+        }
+        Ok(of_intervals.into_values().max().unwrap_or(0))
+    }
+
+    /// Reads what is not here yet of what a picture shows; `None` where that are nobody's paths.
+    fn select(&mut self, request: &PathRequest<'_>) -> Result<Option<Selected>, PictureError> {
+        let settings = request.settings;
+        let wanted = self.members.of(&self.run, request)?;
+        if wanted.as_ref().is_some_and(members::Whose::is_empty) {
+            return Ok(None);
         }
         let attribute = self.attribute(settings)?;
         let kept_of = (wanted, attribute);
@@ -114,25 +150,13 @@ impl PathLayer {
         let parts = window::parts(settings, request.moment, &layout.clock);
         let shown = layout.families.iter().enumerate().filter(|(_, own)| request.families.contains(&own.name));
         let families: Vec<u32> = shown.map(|(family, _)| family as u32).collect();
-        let box_size = layout.box_size;
         let mut chosen = Vec::new();
         for &family in &families {
             for part in &parts {
                 self.choose(request, family, *part, &mut chosen)?;
             }
         }
-        let mean_mass = self.mean_mass(&families, &parts, &chosen)?;
-        let style = style(request, &chosen, mean_mass);
-        let drawn: Vec<Drawn<'_>> = chosen
-            .iter()
-            .map(|own| Drawn { curves: &own.curves, which: own.which.as_deref(), part: own.part, box_size })
-            .collect();
-        let counts = self.canvas.gather(view, &drawn, &style);
-        let mut of_intervals: HashMap<(usize, bool), u64> = HashMap::new();
-        for (own, count) in chosen.iter().zip(counts) {
-            *of_intervals.entry((own.part.interval, own.part.head)).or_default() += count;
-        }
-        Ok(of_intervals.into_values().max().unwrap_or(0))
+        Ok(Some(Selected { chosen, families, parts }))
     }
 
     /// The paths that were gathered, over one another.
@@ -238,7 +262,7 @@ impl PathLayer {
                 continue;
             }
             if let Some(curves) = self.kept.get(&place(number)).filter(|curves| !curves.is_empty()) {
-                chosen.push(Chosen { curves, which, part });
+                chosen.push(Chosen { place: place(number), curves, which, part });
             }
         }
         Ok(())
