@@ -182,11 +182,11 @@ impl<'a> Region<'a> {
             (list.places[place.number as usize], list.movements[place.number as usize])
         };
         let keys = |level: usize, i: usize| [0, 1].map(|end| ancestor(end, level, clusters[end][i]));
-        let mut order: Vec<(u64, u32)> =
-            (0..count).map(|i| (packed(clusters[0][i], clusters[1][i]), i as u32)).collect();
+        let mut order: Vec<([Place; 2], u32)> =
+            (0..count).map(|i| ([clusters[0][i], clusters[1][i]], i as u32)).collect();
         order.sort_unstable();
         let mut sums = Sums::new(self.rules.len());
-        let finest: Vec<&[(u64, u32)]> = order.chunk_by(|a, b| a.0 == b.0).collect();
+        let finest: Vec<&[([Place; 2], u32)]> = order.chunk_by(|a, b| a.0 == b.0).collect();
         for members in &finest {
             sums.push(self, members.iter().map(|(_, i)| *i as usize));
         }
@@ -235,10 +235,4 @@ impl<'a> Region<'a> {
         (0..count).for_each(|i| ends_of[self.order[i] as usize] = ends[i]);
         BuiltRegion { gathered, flow, tracks, ends: ends_of }
     }
-}
-
-/// Places at both ends in one number that keeps their order.
-fn packed(begin: Place, end: Place) -> u64 {
-    let number = |place: Place| u64::from(place.is_ghost) << 31 | u64::from(place.number);
-    number(begin) << 32 | number(end)
 }
