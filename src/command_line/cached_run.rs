@@ -2,7 +2,7 @@
 //! a simulation writes on.
 
 use super::cache::{cached_name, folder, make_room, mark_as_used, page_file_of, stated_budget};
-use crate::build::{BuildError, BuildOptions, TrackOptions, build_run_of};
+use crate::build::{BuildError, BuildOptions, RunBuild, StillOf, TrackOptions};
 use crate::import::{ImportError, LoadOptions, Run, RunOptions, RunStep, Times, file_of_step, open_run, sources_of};
 use crate::model::{Progress, ReadMethod, When, scale_factor_of};
 use crate::store::RunFile;
@@ -160,8 +160,10 @@ fn run_file_of(sources: &[PathBuf], skip_damaged: bool, progress: &dyn Progress)
     let (load, options) = (LoadOptions::default(), BuildOptions::default());
     let still_of = |step: &RunStep, progress: &dyn Progress| page_file_of(&step.about.path, progress).ok();
     let tracks = TrackOptions::default();
-    let build =
-        |run: Run, tracks| build_run_of(run, skip_damaged, tracks, &load, &options, &still_of, &cached, progress);
+    let build = |run: Run, tracks| {
+        let still_of = Some::<StillOf>(&still_of);
+        RunBuild { load: &load, options: &options, tracks, skip_damaged, still_of }.build(run, &cached, progress)
+    };
     match build(run.clone(), Some(&tracks)) {
         Ok(_) => {}
         // Particles without ids, or with those of others: steps can be shown all the same.

@@ -4,7 +4,7 @@ use super::CommandResult;
 use super::arguments::bytes;
 use super::hierarchy_options::HierarchyOptions;
 use super::progress_bar::TerminalProgress;
-use crate::build::{BuildOptions, FlowOptions, Matching, TrackOptions, build_run, build_source};
+use crate::build::{BuildOptions, FlowOptions, Matching, RunBuild, TrackOptions, build_source};
 use crate::codec::VqBits;
 use crate::import::{AttributeChoice, LoadOptions, RunOptions, Smoothing, Times, open_run, sources_of, steps_in};
 use crate::model::{ClockVariable, FamilyName, ReadMethod, Skipped};
@@ -174,9 +174,11 @@ pub fn run(arguments: &Arguments) -> CommandResult {
         [only] if is_one && !arguments.skip_damaged => {
             build_one(&only.about.path, &load_options, &options, &arguments.output, &progress)
         }
-        _ => build_run(run, arguments.skip_damaged, tracks, &load_options, &options, &arguments.output, &progress)
-            .map(drop)
-            .map_err(Into::into),
+        _ => {
+            let skip_damaged = arguments.skip_damaged;
+            let build = RunBuild { load: &load_options, options: &options, tracks, skip_damaged, still_of: None };
+            build.build(run, &arguments.output, &progress).map(drop).map_err(Into::into)
+        }
     }
 }
 

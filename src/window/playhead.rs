@@ -409,7 +409,7 @@ pub fn families_of(before: &Metadata, shown: &[bool], next: &Metadata) -> Vec<bo
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::build::{BuildOptions, build_run};
+    use crate::build::{BuildOptions, RunBuild};
     use crate::import::{LoadOptions, RunOptions, Times, open_run};
     use crate::look::Member;
     use crate::model::ReadMethod;
@@ -425,7 +425,9 @@ mod tests {
         let options = RunOptions { times: Some(Times::List(vec![0.0, 1.0, 4.0])), ..RunOptions::default() };
         let run = open_run(&tables, &options, ReadMethod::default()).unwrap();
         let out = folder.join("run.df");
-        build_run(run, false, None, &LoadOptions::default(), &BuildOptions::default(), &out, &()).unwrap();
+        let (load, options) = (LoadOptions::default(), BuildOptions::default());
+        let build = RunBuild { load: &load, options: &options, tracks: None, skip_damaged: false, still_of: None };
+        build.build(run, &out, &()).unwrap();
         let built = |path: &std::path::Path| Ok::<_, StoreError>(path.to_owned());
         let data = OpenData::open(&[Member::new(out)], ReadMethod::default(), built).unwrap();
         Playhead::new(data, Moment::default(), None).unwrap()

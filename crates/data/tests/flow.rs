@@ -3,7 +3,7 @@
 
 #![allow(clippy::unwrap_used, clippy::indexing_slicing, reason = "a test that cannot go on has failed")]
 
-use deepfield_data::build::{BuildOptions, FlowOptions, TrackOptions, build_run};
+use deepfield_data::build::{BuildOptions, FlowOptions, RunBuild, TrackOptions};
 use deepfield_data::hierarchy::spacetime::{HermiteSpline, Tracks};
 use deepfield_data::import::{LoadOptions, RunOptions, open_run};
 use deepfield_data::model::ReadMethod;
@@ -22,7 +22,9 @@ fn built(kind: &dyn Moving, flow: FlowOptions, options: &BuildOptions, out: &Pat
     let files = moving::write(kind, &times, 5, &out.with_file_name("snap"), &()).unwrap();
     let run = open_run(&files, &RunOptions::default(), ReadMethod::default()).unwrap();
     let tracks = TrackOptions { flow, ..TrackOptions::default() };
-    build_run(run, false, Some(&tracks), &LoadOptions::default(), options, out, &()).unwrap();
+    let load = LoadOptions::default();
+    let build = RunBuild { load: &load, options, tracks: Some(&tracks), skip_damaged: false, still_of: None };
+    build.build(run, out, &()).unwrap();
     RunFile::open(out, ReadMethod::default()).unwrap()
 }
 

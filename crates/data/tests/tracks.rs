@@ -5,7 +5,7 @@
 #[path = "support/run_checksums.rs"]
 mod run_checksums;
 
-use deepfield_data::build::{BuildOptions, Matching, TrackOptions, build_run, compare_with_sources};
+use deepfield_data::build::{BuildOptions, Matching, RunBuild, TrackOptions, compare_with_sources};
 use deepfield_data::hierarchy::Purpose;
 use deepfield_data::hierarchy::spacetime::{Interpolation, TrackFlags, Tracks};
 use deepfield_data::import::{FieldKind, LoadOptions, RunOptions, Source, load_source, open_run};
@@ -35,8 +35,9 @@ impl Generated {
     fn built(&self, run: &RunOptions, tracks: TrackOptions, options: &BuildOptions) -> Result<Arc<RunFile>, String> {
         let out = self.folder.path().join("run.df");
         let run = open_run(&self.files, run, ReadMethod::default()).map_err(|error| error.to_string())?;
-        build_run(run, false, Some(&tracks), &LoadOptions::default(), options, &out, &())
-            .map_err(|error| error.to_string())?;
+        let load = LoadOptions::default();
+        let build = RunBuild { load: &load, options, tracks: Some(&tracks), skip_damaged: false, still_of: None };
+        build.build(run, &out, &()).map_err(|error| error.to_string())?;
         Ok(Arc::new(RunFile::open(&out, ReadMethod::default()).unwrap()))
     }
 

@@ -3,7 +3,7 @@
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
-use deepfield_data::build::{BuildOptions, TrackOptions, build_run, compare_with_sources};
+use deepfield_data::build::{BuildOptions, RunBuild, TrackOptions, compare_with_sources};
 use deepfield_data::import::{
     FieldKind, LoadOptions, Run, RunOptions, Source, load, open, open_run, step_at, step_name, steps_in, summarize,
 };
@@ -132,7 +132,9 @@ fn silicon_is_a_run_of_atoms_in_a_periodic_box() {
     // Atoms in order are who they are: no ids are needed.
     let out = folder.path().join("run.df");
     let tracks = TrackOptions::default();
-    build_run(run, false, Some(&tracks), &LoadOptions::default(), &BuildOptions::default(), &out, &()).unwrap();
+    let (load, options) = (LoadOptions::default(), BuildOptions::default());
+    let build = RunBuild { load: &load, options: &options, tracks: Some(&tracks), skip_damaged: false, still_of: None };
+    build.build(run, &out, &()).unwrap();
     let built = Arc::new(RunFile::open(&out, ReadMethod::default()).unwrap());
     assert_eq!(built.directory().intervals[0].families[0].matches.matched, 8);
     assert_eq!(compare_with_sources(&built, &()).unwrap(), 16);

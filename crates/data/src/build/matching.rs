@@ -30,8 +30,8 @@ pub(super) struct TrackRecord<'a> {
     /// The particle's numbers in its bucket of ids at both steps; [`NOBODY`] where it is not there. Where flow levels are built, the first
     /// one becomes that of its cluster at the beginning, and then of its track of the finest level.
     pub numbers: [u32; 2],
-    /// Mass, density, smoothing length, then attributes at the beginning, then the same at the end.
-    pub values: &'a [f32],
+    /// Mass, density, smoothing length, then attributes at both ends.
+    pub values: [&'a [f32]; 2],
 }
 
 /// Words of a record with so many attributes.
@@ -44,6 +44,7 @@ impl TrackRecord<'_> {
     /// Reads a record.
     #[inline]
     pub fn of(record: &[u32]) -> TrackRecord<'_> {
+        let (begin, end) = record[FIXED..].split_at((record.len() - FIXED) / 2);
         let long = |at: usize| u64::from(record[at]) | u64::from(record[at + 1]) << 32;
         let place = |at: usize| std::array::from_fn(|axis| long(at + 2 * axis) as i64);
         let velocity = |at: usize| std::array::from_fn(|axis| f32::from_bits(record[at + axis]));
@@ -55,7 +56,7 @@ impl TrackRecord<'_> {
             places: [place(4), place(10)],
             velocities: [velocity(16), velocity(19)],
             numbers: [record[NUMBERS], record[NUMBERS + 1]],
-            values: bytemuck::cast_slice(&record[FIXED..]),
+            values: [begin, end].map(bytemuck::cast_slice),
         }
     }
 
@@ -77,7 +78,7 @@ impl TrackRecord<'_> {
         self.places.as_flattened().iter().for_each(|x| out.extend(long(*x as u64)));
         out.extend(self.velocities.as_flattened().iter().map(|v| v.to_bits()));
         out.extend(self.numbers);
-        out.extend(self.values.iter().map(|value| value.to_bits()));
+        self.values.into_iter().for_each(|values| out.extend_from_slice(bytemuck::cast_slice(values)));
     }
 }
 
@@ -206,7 +207,7 @@ impl Joining<'_> {
             let i = orders[step][at].1 as usize;
             State { number: at as u32, ..State::of(&window[step][i * words..(i + 1) * words]) }
         };
-        let mut out = Vec::new();
+        let mut out = Vec::with_capacity(track_words(self.layout) * orders[1].len().max(orders[2].len()));
         let mut found = vec![Found::default(); self.layout.families.len()];
         let mut at = [0; 4];
         let group = |step: usize, at: &mut usize, id: u64| {
@@ -384,7 +385,7 @@ impl Joining<'_> {
         let mass = f64::from(a.state.values[0]);
         own.mass[0] += mass;
         own.mass[1] += if unresolved > UNRESOLVED { mass } else { 0.0 };
-        let record = |family: usize, flags: u8, values: &[f32], out: &mut Vec<u32>| {
+        let record = |family: usize, flags: u8, values: [&[f32]; 2], out: &mut Vec<u32>| {
             let flags = TrackFlags(flags);
             let numbers = numbers(flags, [a.state.number, b.state.number]);
             let velocities = [a, b].map(|known| known.velocity.as_vec3().to_array());
@@ -393,12 +394,11 @@ impl Joining<'_> {
         };
         if a.state.family == b.state.family {
             own.matched += 1;
-            record(a.state.family, 0, &[a.state.values, b.state.values].concat(), out);
+            record(a.state.family, 0, [a.state.values, b.state.values], out);
         } else {
             own.changed += 1;
-            let own = |known: &Known| [known.state.values, known.state.values].concat();
-            record(a.state.family, TrackFlags::GOES, &own(a), out);
-            record(b.state.family, TrackFlags::COMES, &own(b), out);
+            record(a.state.family, TrackFlags::GOES, [a.state.values; 2], out);
+            record(b.state.family, TrackFlags::COMES, [b.state.values; 2], out);
         }
     }
 
@@ -428,7 +428,6 @@ impl Joining<'_> {
 
     fn alone(&self, known: &Known, flags: u8, places: [[i64; 3]; 2], out: &mut Vec<u32>) {
         let velocity = known.velocity.as_vec3().to_array();
-        let values = [known.state.values, known.state.values].concat();
         let record = TrackRecord {
             id: known.state.id,
             family: known.state.family,
@@ -437,7 +436,7 @@ impl Joining<'_> {
             places,
             velocities: [velocity; 2],
             numbers: numbers(TrackFlags(flags), [known.state.number; 2]),
-            values: &values,
+            values: [known.state.values; 2],
         };
         record.put(out);
     }

@@ -21,43 +21,146 @@ pub struct BuiltRun {
     pub temporary_bytes: u64,
 }
 
-/// Builds the run file `out` from a run, whose sources are streamed one by one: memory and temporary files are those of the largest
-/// one alone, and of tracks those of two steps. `skip_damaged`: leaves those out that turn out to be damaged. `tracks`: how particles
-/// become tracks; `None`: the file holds stills alone.
-///
-/// # Errors
-/// When a source cannot be read, or the file not be written. Nothing is left behind then, and a file that was there before stays as it
-/// was.
-pub fn build_run(
-    run: Run,
-    skip_damaged: bool,
-    tracks: Option<&TrackOptions>,
-    load_options: &LoadOptions,
-    options: &BuildOptions,
-    out: &Path,
-    progress: &dyn Progress,
-) -> Result<BuiltRun, BuildError> {
-    build_run_of(run, skip_damaged, tracks, load_options, options, &|_, _| None, out, progress)
-}
-
 /// Finds a page file that was built of a step alone with the same options; `None`: it is to be built.
 pub type StillOf<'a> = &'a (dyn Fn(&RunStep, &dyn Progress) -> Option<PathBuf> + Sync);
 
-/// [`build_run`] that takes steps from page files where `still_of` finds some.
-///
-/// # Errors
-/// As [`build_run`].
-pub fn build_run_of(
-    run: Run,
-    skip_damaged: bool,
-    tracks: Option<&TrackOptions>,
-    load_options: &LoadOptions,
-    options: &BuildOptions,
-    still_of: StillOf,
-    out: &Path,
-    progress: &dyn Progress,
-) -> Result<BuiltRun, BuildError> {
-    in_pool(options, || build_steps(run, skip_damaged, tracks, load_options, options, still_of, out, progress))
+/// How a run is built.
+#[derive(Clone, Copy)]
+pub struct RunBuild<'a> {
+    /// What is read of each step.
+    pub load: &'a LoadOptions,
+    /// How stills are built, and with how much memory everything.
+    pub options: &'a BuildOptions,
+    /// How particles become tracks; `None`: the file holds stills alone.
+    pub tracks: Option<&'a TrackOptions>,
+    /// Whether steps that turn out to be damaged are left out.
+    pub skip_damaged: bool,
+    /// Where stills are that need not be built; `None`: nowhere.
+    pub still_of: Option<StillOf<'a>>,
+}
+
+impl RunBuild<'_> {
+    /// Builds the run file `out` from a run, whose sources are streamed one by one: memory and temporary files are those of the largest
+    /// one alone, and of tracks those of two steps.
+    ///
+    /// # Errors
+    /// When a source cannot be read, or the file not be written. Nothing is left behind then, and a file that was there before stays as
+    /// it was.
+    pub fn build(&self, run: Run, out: &Path, progress: &dyn Progress) -> Result<BuiltRun, BuildError> {
+        in_pool(self.options, || self.build_here(run, out, progress))
+    }
+
+    fn build_here(&self, run: Run, out: &Path, progress: &dyn Progress) -> Result<BuiltRun, BuildError> {
+        let RunBuild { load: load_options, options, tracks, skip_damaged, .. } = *self;
+        run.notes.iter().for_each(|note| progress.say(&format!("note: {note}")));
+        for folder in std::iter::once(folder_of(out)).chain(options.temporary.as_deref()) {
+            clean(out, folder);
+        }
+        let mut writer = RunFileWriter::create(out)?;
+        let first = run.steps.first().map(|step| step.about.clone());
+        let mut directory = Directory {
+            clock: run.clock,
+            time_unit: Unit::default(),
+            length_unit: first.as_ref().map(|about| about.length_unit.clone()).unwrap_or_default(),
+            mass_unit: first.as_ref().map(|about| about.mass_unit.clone()).unwrap_or_default(),
+            box_size: first.as_ref().and_then(|about| about.box_size),
+            notes: run.notes.clone(),
+            has_stills: true,
+            steps: Vec::with_capacity(run.steps.len()),
+            tracks: None,
+            intervals: Vec::new(),
+        };
+        directory.has_stills = run.steps.len() < 2 || tracks.is_none_or(|tracks| !tracks.no_stills);
+        let load =
+            |step: &RunStep| LoadOptions { without: run.left_out.clone(), ..of_step(load_options, step, &run.steps) };
+        let mut built_steps = Vec::with_capacity(run.steps.len());
+        let (total, mut temporary_bytes, mut first_error) = (run.steps.len(), 0, None);
+        for (number, step) in run.steps.iter().enumerate() {
+            let here = StepProgress { progress, step: number + 1, total };
+            let keeps = directory.has_stills;
+            match self.append_still(step, &load(step), keeps, (&mut writer, out), &here) {
+                Ok(still) => {
+                    temporary_bytes = temporary_bytes.max(still.temporary_bytes);
+                    let metadata = &still.metadata;
+                    let placement = Placement { scale: step.length, mass: step.mass, ..Placement::HERE };
+                    let bounds = placement.bounds(metadata.bounds());
+                    built_steps.push(BuiltStep {
+                        number,
+                        means: BuiltStep::means_of(metadata),
+                        bounds,
+                        particles: metadata.particles(),
+                    });
+                    directory.steps.push(Step {
+                        source: metadata.provenance.path.clone(),
+                        format: metadata.provenance.format.clone(),
+                        source_bytes: metadata.provenance.bytes,
+                        time: step.time,
+                        redshift: metadata.provenance.redshift,
+                        particles: metadata.particles(),
+                        mass: metadata.families.iter().map(|family| family.mass).sum::<f64>() * step.mass,
+                        bounds,
+                        length_scale: step.length,
+                        mass_scale: step.mass,
+                        still: still.section,
+                    });
+                }
+                Err(BuildError::Import(error)) if skip_damaged => {
+                    let note = format!("left out: {error}");
+                    progress.say(&format!("note: {note}"));
+                    directory.notes.push(note);
+                    first_error = first_error.or(Some(error));
+                }
+                Err(error) => return Err(error),
+            }
+        }
+        if let (true, Some(error)) = (directory.steps.is_empty(), first_error) {
+            return Err(error.into());
+        }
+        if !directory.has_stills && built_steps.len() < 2 {
+            let reason = "one step is left, which has no tracks; without --no-stills it is kept".into();
+            return Err(StoreError::Unwritable { path: out.to_owned(), reason }.into());
+        }
+        if let Some(tracks) = tracks.filter(|_| built_steps.len() > 1) {
+            let load = |step: usize| load(&run.steps[built_steps[step].number]);
+            let (run, steps, box_size) = (&run, &built_steps[..], directory.box_size);
+            let built =
+                TrackBuild { run, steps, load: &load, tracks, options, out, box_size }.build(&mut writer, progress)?;
+            built.notes.iter().for_each(|note| progress.say(&format!("note: {note}")));
+            directory.notes.extend(built.notes);
+            temporary_bytes = temporary_bytes.max(built.temporary_bytes);
+            (directory.tracks, directory.intervals) = (Some(built.layout), built.intervals);
+        }
+        let bytes = writer.finish(&directory)?;
+        Ok(BuiltRun { directory, bytes, temporary_bytes })
+    }
+
+    /// Appends the still of a step: a page file that is there already, or one that is built of its source; where stills are not kept, its
+    /// outline.
+    fn append_still(
+        &self,
+        step: &RunStep,
+        load: &LoadOptions,
+        keeps: bool,
+        (writer, out): (&mut RunFileWriter, &Path),
+        progress: &dyn Progress,
+    ) -> Result<Still, BuildError> {
+        let options = self.options;
+        // Alone, a step would keep what others lack.
+        let known = self.still_of.filter(|_| load.without.is_empty()).and_then(|still_of| still_of(step, progress));
+        let open = |path: PathBuf| Some((PageFile::open_with(&path, options.read).ok()?, File::open(&path).ok()?));
+        if let Some((pages, file)) = known.and_then(open) {
+            let section = if keeps { writer.append(&file)? } else { append_outline(pages.metadata(), out, writer)? };
+            return Ok(Still { metadata: pages.metadata().clone(), section, temporary_bytes: section.len });
+        }
+        let source = open_with(&step.about.path, options.read)?;
+        let built = built_of(source.as_ref(), load, options, out, progress)?;
+        let section = match keeps {
+            true => writer.append(built.file.file())?,
+            false => append_outline(&built.metadata, out, writer)?,
+        };
+        let temporary_bytes = built.temporary_bytes + built.file.bytes();
+        Ok(Still { metadata: built.metadata, section, temporary_bytes })
+    }
 }
 
 /// The still of a step: what its file says, and what it takes.
@@ -67,131 +170,10 @@ struct Still {
     temporary_bytes: u64,
 }
 
-/// Appends the still of a step: a page file that is there already, or one that is built of its source; where stills are not kept, its
-/// outline.
-fn append_still(
-    step: &RunStep,
-    known: Option<PathBuf>,
-    keeps: bool,
-    load: &LoadOptions,
-    options: &BuildOptions,
-    out: &Path,
-    writer: &mut RunFileWriter,
-    progress: &dyn Progress,
-) -> Result<Still, BuildError> {
-    let open = |path: PathBuf| Some((PageFile::open_with(&path, options.read).ok()?, File::open(&path).ok()?));
-    if let Some((pages, file)) = known.and_then(open) {
-        let section = if keeps { writer.append(&file)? } else { append_outline(pages.metadata(), out, writer)? };
-        return Ok(Still { metadata: pages.metadata().clone(), section, temporary_bytes: section.len });
-    }
-    let source = open_with(&step.about.path, options.read)?;
-    let built = built_of(source.as_ref(), load, options, out, progress)?;
-    let section = match keeps {
-        true => writer.append(built.file.file())?,
-        false => append_outline(&built.metadata, out, writer)?,
-    };
-    let temporary_bytes = built.temporary_bytes + built.file.bytes();
-    Ok(Still { metadata: built.metadata, section, temporary_bytes })
-}
-
 /// Appends what a page file says of itself, without pages.
 fn append_outline(metadata: &Metadata, out: &Path, writer: &mut RunFileWriter) -> Result<Section, BuildError> {
     let outline = PageFileWriter::create(out)?.complete(&metadata.outline())?;
     Ok(writer.append(outline.file())?)
-}
-
-fn build_steps(
-    run: Run,
-    skip_damaged: bool,
-    tracks: Option<&TrackOptions>,
-    load_options: &LoadOptions,
-    options: &BuildOptions,
-    still_of: StillOf,
-    out: &Path,
-    progress: &dyn Progress,
-) -> Result<BuiltRun, BuildError> {
-    run.notes.iter().for_each(|note| progress.say(&format!("note: {note}")));
-    for folder in std::iter::once(folder_of(out)).chain(options.temporary.as_deref()) {
-        clean(out, folder);
-    }
-    let mut writer = RunFileWriter::create(out)?;
-    let first = run.steps.first().map(|step| step.about.clone());
-    let mut directory = Directory {
-        clock: run.clock,
-        time_unit: Unit::default(),
-        length_unit: first.as_ref().map(|about| about.length_unit.clone()).unwrap_or_default(),
-        mass_unit: first.as_ref().map(|about| about.mass_unit.clone()).unwrap_or_default(),
-        box_size: first.as_ref().and_then(|about| about.box_size),
-        notes: run.notes.clone(),
-        has_stills: true,
-        steps: Vec::with_capacity(run.steps.len()),
-        tracks: None,
-        intervals: Vec::new(),
-    };
-    directory.has_stills = run.steps.len() < 2 || tracks.is_none_or(|tracks| !tracks.no_stills);
-    let load =
-        |step: &RunStep| LoadOptions { without: run.left_out.clone(), ..of_step(load_options, step, &run.steps) };
-    let mut built_steps = Vec::with_capacity(run.steps.len());
-    let (total, mut temporary_bytes, mut first_error) = (run.steps.len(), 0, None);
-    for (number, step) in run.steps.iter().enumerate() {
-        let here = StepProgress { progress, step: number + 1, total };
-        // Alone, a step would keep what others lack.
-        let known = if run.left_out.is_empty() { still_of(step, &here) } else { None };
-        let keeps = directory.has_stills;
-        match append_still(step, known, keeps, &load(step), options, out, &mut writer, &here) {
-            Ok(still) => {
-                temporary_bytes = temporary_bytes.max(still.temporary_bytes);
-                let metadata = &still.metadata;
-                let placement = Placement { scale: step.length, mass: step.mass, ..Placement::HERE };
-                let bounds = placement.bounds(metadata.bounds());
-                built_steps.push(BuiltStep {
-                    number,
-                    means: BuiltStep::means_of(metadata),
-                    bounds,
-                    particles: metadata.particles(),
-                });
-                directory.steps.push(Step {
-                    source: metadata.provenance.path.clone(),
-                    format: metadata.provenance.format.clone(),
-                    source_bytes: metadata.provenance.bytes,
-                    time: step.time,
-                    redshift: metadata.provenance.redshift,
-                    particles: metadata.particles(),
-                    mass: metadata.families.iter().map(|family| family.mass).sum::<f64>() * step.mass,
-                    bounds,
-                    length_scale: step.length,
-                    mass_scale: step.mass,
-                    still: still.section,
-                });
-            }
-            Err(BuildError::Import(error)) if skip_damaged => {
-                let note = format!("left out: {error}");
-                progress.say(&format!("note: {note}"));
-                directory.notes.push(note);
-                first_error = first_error.or(Some(error));
-            }
-            Err(error) => return Err(error),
-        }
-    }
-    if let (true, Some(error)) = (directory.steps.is_empty(), first_error) {
-        return Err(error.into());
-    }
-    if !directory.has_stills && built_steps.len() < 2 {
-        let reason = "one step is left, which has no tracks; without --no-stills it is kept".into();
-        return Err(StoreError::Unwritable { path: out.to_owned(), reason }.into());
-    }
-    if let Some(tracks) = tracks.filter(|_| built_steps.len() > 1) {
-        let load = |step: usize| load(&run.steps[built_steps[step].number]);
-        let (run, steps, box_size) = (&run, &built_steps[..], directory.box_size);
-        let built =
-            TrackBuild { run, steps, load: &load, tracks, options, out, box_size }.build(&mut writer, progress)?;
-        built.notes.iter().for_each(|note| progress.say(&format!("note: {note}")));
-        directory.notes.extend(built.notes);
-        temporary_bytes = temporary_bytes.max(built.temporary_bytes);
-        (directory.tracks, directory.intervals) = (Some(built.layout), built.intervals);
-    }
-    let bytes = writer.finish(&directory)?;
-    Ok(BuiltRun { directory, bytes, temporary_bytes })
 }
 
 /// The options for one step: families and attributes that only other steps have are not asked of it.

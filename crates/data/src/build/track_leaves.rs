@@ -55,8 +55,7 @@ fn leaf(order: &[(u64, &[u32])], depth: u32, attributes: usize, interval: &Inter
         let record = TrackRecord::of(record);
         tracks.ids.push(record.id);
         tracks.flags.push(record.flags);
-        let half = record.values.len() / 2;
-        for (end, values) in [&record.values[..half], &record.values[half..]].into_iter().enumerate() {
+        for (end, values) in record.values.into_iter().enumerate() {
             let own = &mut tracks.ends[end];
             own.mass.push(values[0]);
             own.density.push(values[1]);
@@ -67,7 +66,7 @@ fn leaf(order: &[(u64, &[u32])], depth: u32, attributes: usize, interval: &Inter
             let velocity = record.velocities[end].map(f64::from);
             own.movements.push(interval.lattice.movement(velocity, interval.spans[end], exponent));
         }
-        let own = f64::from(record.values[0]);
+        let own = f64::from(record.values[0][0]);
         mass += own;
         unresolved_mass += if record.unresolved > UNRESOLVED { own } else { 0.0 };
         c.push(record.unresolved);

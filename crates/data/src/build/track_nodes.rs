@@ -4,6 +4,7 @@
 //! the tracks and their order alone, and little is held: clusters of the nodes that wait for their neighbours.
 
 use super::BuildError;
+use super::in_order::in_order;
 use super::shuffle::Shuffle;
 use super::states::StateLayout;
 use super::track_leaves::leaves_of;
@@ -13,7 +14,6 @@ use crate::model::{Bounds, Progress};
 use crate::store::run::{
     NodePart, RunFileWriter, Section, TrackCoding, TrackIndex, TrackNode, as_stored, encode_ids, encode_members,
 };
-use rayon::prelude::*;
 use std::ops::Range;
 
 /// Clusters of a node, about.
@@ -135,34 +135,30 @@ pub(super) fn write_nodes(
     let mut levels = Levels { interval, rules: &rules, index: TrackIndex::default(), waiting: Vec::new() };
     let mut section = writer.begin();
     let buckets: Vec<usize> = buckets.collect();
-    for some in buckets.chunks(rayon::current_num_threads().max(1)) {
-        let built = some.par_iter().map(|bucket| {
-            let leaves = leaves_of(&sorted.get(*bucket)?, layout, family, interval, has_flow);
-            let above = (leaves.len() > 1).then(|| {
-                let parts: Vec<(u32, &TrackNode, &Clusters)> =
-                    leaves.iter().enumerate().map(|(i, leaf)| (i as u32, &leaf.about, &leaf.clusters)).collect();
-                BuiltNode::above(interval, &rules, &parts)
-            });
-            progress.advance(1);
-            Ok((leaves, above))
+    let build = |bucket: &usize| {
+        let leaves = leaves_of(&sorted.get(*bucket)?, layout, family, interval, has_flow);
+        let above = (leaves.len() > 1).then(|| {
+            let parts: Vec<(u32, &TrackNode, &Clusters)> =
+                leaves.iter().enumerate().map(|(i, leaf)| (i as u32, &leaf.about, &leaf.clusters)).collect();
+            BuiltNode::above(interval, &rules, &parts)
         });
-        for (mut leaves, above) in built.collect::<Result<Vec<_>, BuildError>>()? {
-            let first = levels.index.nodes.len() as u32;
-            let top = match above {
-                Some(mut above) => {
-                    above.about.children.iter_mut().for_each(|child| *child += first);
-                    for leaf in leaves {
-                        levels.write(leaf, &mut section, writer)?;
-                    }
-                    Some(above)
+        progress.advance(1);
+        Ok((leaves, above))
+    };
+    in_order(&buckets, build, |(mut leaves, above)| {
+        let first = levels.index.nodes.len() as u32;
+        let top = match above {
+            Some(mut above) => {
+                above.about.children.iter_mut().for_each(|child| *child += first);
+                for leaf in leaves {
+                    levels.write(leaf, &mut section, writer)?;
                 }
-                None => leaves.pop(),
-            };
-            if let Some(top) = top {
-                levels.push(0, top, &mut section, writer)?;
+                Some(above)
             }
-        }
-    }
+            None => leaves.pop(),
+        };
+        top.map_or(Ok(()), |top| levels.push(0, top, &mut section, writer))
+    })?;
     levels.finish(&mut section, writer)?;
     writer.close()?;
     Ok((section, levels.index))

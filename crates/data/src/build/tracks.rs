@@ -3,7 +3,8 @@
 //! The states of each step are read once and sent to buckets by id ([`super::states`]); buckets are joined in memory
 //! ([`super::matching`]), and tracks go on to buckets by where they begin, which are cut into leaves, coded and written in order.
 
-use super::flow::{FlowBuild, FlowOptions, FlowStep, Regions};
+use super::flow::{FlowBuild, FlowOptions, FlowStep};
+use super::flow_regions::Regions;
 use super::left_out::left_out;
 use super::matching::{Found, Joining, NOBODY, TrackRecord, Window, track_words};
 use super::memory::default_memory;

@@ -13,6 +13,9 @@ pub const MASS_BITS: u32 = 13;
 /// Bits of a mantissa that densities, smoothing lengths and attributes keep: at most 2^-8.
 pub const VALUE_BITS: u32 = 7;
 
+/// In the header of a block: its numbers lack another number of zero bits than those of the block before.
+const SHIFTED: u8 = 0x80;
+
 /// A number whose order is that of floats, with `bits` bits of the mantissa; infinite and undefined values come back as such.
 pub fn round_float(value: f32, bits: u32) -> i64 {
     let shift = 23 - bits;
@@ -39,13 +42,15 @@ pub fn float_of(number: i64, bits: u32) -> f32 {
 /// Appends a column: `predict(i, values)` says from the values before the block of `i`, and from what else is known on both sides, what
 /// the value `i` may be; the `values` it is given end where `i` stands.
 ///
-/// A block has a header of two bytes (bits 0-6: bits of a number, bits 7-12: zero bits that were dropped), and its numbers: the
-/// differences to the predictions, in a zigzag so that small ones of either sign need few bits.
+/// A block has a header (bits 0-6: bits of a number, bit 7: a byte follows that says how many zero bits were dropped; without it as many
+/// as in the block before), and its numbers: the differences to the predictions, in a zigzag so that small ones of either sign need few
+/// bits.
 pub fn encode(values: &[i64], predict: impl Fn(usize, &[i64]) -> i64, out: &mut Vec<u8>) {
+    let mut shift_before = 0;
     for first in (0..values.len()).step_by(BLOCK) {
         let block = first..values.len().min(first + BLOCK);
         let any = values[block.clone()].iter().fold(0, |any, value| any | value);
-        let shift = if any == 0 { 0 } else { any.trailing_zeros() };
+        let shift = if any == 0 { shift_before } else { any.trailing_zeros() };
         let mut numbers = [0_u64; BLOCK];
         for (number, i) in numbers.iter_mut().zip(block.clone()) {
             let prediction = shifted(predict(i, &values[..i]), shift);
@@ -53,7 +58,12 @@ pub fn encode(values: &[i64], predict: impl Fn(usize, &[i64]) -> i64, out: &mut 
             *number = ((difference << 1) ^ (difference >> 63)) as u64;
         }
         let width = 64 - numbers.iter().fold(0, |any, number| any | number).leading_zeros();
-        out.extend_from_slice(&((width | shift << 7) as u16).to_le_bytes());
+        if shift == shift_before {
+            out.push(width as u8);
+        } else {
+            out.extend_from_slice(&[width as u8 | SHIFTED, shift as u8]);
+        }
+        shift_before = shift;
         let (mut bits, mut filled) = (0_u128, 0);
         for number in &numbers[..block.len()] {
             bits |= u128::from(*number) << filled;
@@ -79,15 +89,19 @@ pub fn decode(
     count: usize,
     predict: impl Fn(usize, &[i64]) -> i64,
 ) -> Result<Vec<i64>, &'static str> {
-    if input.len() < 2 * count.div_ceil(BLOCK) {
+    if input.len() < count.div_ceil(BLOCK) {
         return Err("room for the headers of a column");
     }
     let mut values = Vec::with_capacity(count);
+    let mut shift = 0;
     for first in (0..count).step_by(BLOCK) {
         let len = (count - first).min(BLOCK);
-        let (header, rest) = input.split_first_chunk::<2>().ok_or("room for the header of a block")?;
-        let header = u32::from(u16::from_le_bytes(*header));
-        let (width, shift) = (header & 0x7f, header >> 7);
+        let (header, mut rest) = input.split_first().ok_or("room for the header of a block")?;
+        let width = u32::from(header & !SHIFTED);
+        if header & SHIFTED != 0 {
+            let (own, more) = rest.split_first().ok_or("room for the header of a block")?;
+            (shift, rest) = (u32::from(*own), more);
+        }
         if width > 64 || shift > 63 {
             return Err("numbers of at most 64 bits");
         }
@@ -126,6 +140,21 @@ pub fn decode_bounded(
         return Err("numbers of at most 60 bits");
     }
     Ok(values)
+}
+
+/// Appends a column of whole numbers that are not negative and that nothing predicts: they need no bit for a sign.
+pub fn encode_unsigned(values: impl Iterator<Item = u64>, out: &mut Vec<u8>) {
+    let halves: Vec<i64> = values.map(|value| (value >> 1) as i64 ^ -((value & 1) as i64)).collect();
+    encode(&halves, |_, _| 0, out);
+}
+
+/// Reads [`encode_unsigned`]'s column.
+///
+/// # Errors
+/// What was expected.
+pub fn decode_unsigned(input: &mut &[u8], count: usize) -> Result<Vec<u64>, &'static str> {
+    let values = decode(input, count, |_, _| 0)?;
+    Ok(values.into_iter().map(|value| ((value << 1) ^ (value >> 63)) as u64).collect())
 }
 
 /// What predicts that each value is like the one before; the first is like `first`.
@@ -191,7 +220,7 @@ mod tests {
         let values: Vec<i64> = (0..320).map(|i| 1024 * 7 * i).collect();
         let mut bytes = Vec::new();
         encode(&values, |_, before| before.last().map_or(0, |last| last + 7 * 1024), &mut bytes);
-        assert_eq!(bytes.len(), 2 * 10);
+        assert_eq!(bytes.len(), 10 + 1);
         // The zero bits that all have are not stored, whatever the prediction.
         let jumps: Vec<i64> = (0..32).map(|i| ((i * 5) % 8) << 20).collect();
         bytes.clear();

@@ -142,6 +142,7 @@ impl Flow<'_> {
     pub fn gather(&self, travellers: &[Traveller], before: &Before) -> Gathered {
         let mut levels = Vec::with_capacity(self.errors.len());
         let mut groups: Vec<Vec<u32>> = vec![(0..travellers.len() as u32).collect()];
+        let points: Vec<Point> = travellers.iter().map(Point::of).collect();
         let ends: Vec<[DVec3; 2]> = travellers
             .iter()
             .map(|traveller| {
@@ -150,8 +151,8 @@ impl Flow<'_> {
             })
             .collect();
         for level in (0..self.errors.len()).rev() {
-            let of = Level::new(self, travellers, &ends, before, level);
-            let parts: Vec<Vec<Part>> = groups.into_par_iter().map(|group| of.parts(group)).collect();
+            let of = Level::new(self, travellers, (&points, &ends), before, level);
+            let parts: Vec<Vec<Part>> = groups.into_par_iter().map(|group| of.parts(&group)).collect();
             let is_coarsest = level + 1 == self.errors.len();
             let (mut list, mut next) = (ClusterList::default(), Vec::new());
             for (parent, parts) in parts.into_iter().enumerate() {
@@ -208,10 +209,27 @@ pub fn flow_errors(
     errors(few.max(1))
 }
 
+/// A traveller as sums take it, in a line of the cache.
+#[derive(Clone, Copy)]
+#[repr(align(64))]
+struct Point {
+    place: [f64; 3],
+    movement: [f64; 3],
+    mass: f64,
+}
+
+impl Point {
+    fn of(traveller: &Traveller) -> Point {
+        let [place, movement] = [traveller.place, traveller.movement].map(|state| state.map(|x| x as f64));
+        // What has no mass has a place all the same.
+        Point { place, movement, mass: traveller.mass.max(1e-60) }
+    }
+}
+
 /// One level of a flow.
 struct Level<'a> {
     flow: &'a Flow<'a>,
-    travellers: &'a [Traveller],
+    points: &'a [Point],
     /// Place and tangent of each traveller, world units.
     ends: &'a [[DVec3; 2]],
     /// The same less those of its cluster at the step before; zeros of one that was not there.
@@ -275,9 +293,9 @@ impl Part {
 impl<'a> Level<'a> {
     fn new(
         flow: &'a Flow<'a>,
-        travellers: &'a [Traveller],
-        ends: &'a [[DVec3; 2]],
-        before: &'a Before,
+        travellers: &[Traveller],
+        (points, ends): (&'a [Point], &'a [[DVec3; 2]]),
+        before: &Before,
         level: usize,
     ) -> Level<'a> {
         let error = flow.errors[level];
@@ -292,32 +310,43 @@ impl<'a> Level<'a> {
             }
         };
         let (ancestors, before) = travellers.iter().map(of).unzip();
-        Level { flow, travellers, ends, before, ancestors, error, exponent }
+        Level { flow, points, ends, before, ancestors, error, exponent }
     }
 
     /// The clusters of a group.
-    fn parts(&self, mut group: Vec<u32>) -> Vec<Part> {
+    fn parts(&self, group: &[u32]) -> Vec<Part> {
         let ancestor = |i: &u32| self.ancestors[*i as usize];
-        group.sort_unstable_by_key(|i| (ancestor(i), *i));
-        let inherited: Vec<Vec<u32>> = group.chunk_by(|a, b| ancestor(a) == ancestor(b)).map(<[u32]>::to_vec).collect();
-        let parts = inherited.into_par_iter().flat_map_iter(|members| self.split(members)).collect();
+        let mut keys: Vec<u64> = group.iter().map(|i| u64::from(ancestor(i)) << 32 | u64::from(*i)).collect();
+        keys.sort_unstable();
+        let mut members: Vec<u32> = keys.iter().map(|key| *key as u32).collect();
+        let mut inherited: Vec<&mut [u32]> = members.chunk_by_mut(|a, b| ancestor(a) == ancestor(b)).collect();
+        let split = |members: &mut &mut [u32]| {
+            let mut parts = Vec::new();
+            self.split(members, &mut parts);
+            parts
+        };
+        let parts = match group.len() > PARALLEL {
+            true => inherited.par_iter_mut().flat_map_iter(split).collect(),
+            false => inherited.iter_mut().flat_map(split).collect(),
+        };
         if self.flow.is_joining { self.join(parts) } else { parts }
     }
 
-    /// Splits travellers until each part is a cluster.
-    fn split(&self, members: Vec<u32>) -> Vec<Part> {
-        let members = match self.cluster(members) {
-            Ok(part) => return vec![part],
-            Err(members) => members,
-        };
+    /// Splits travellers until each part is a cluster; the parts go to `out`.
+    fn split(&self, members: &mut [u32], out: &mut Vec<Part>) {
+        if let Some(part) = self.cluster(members) {
+            return out.push(part);
+        }
+        let is_large = members.len() > PARALLEL;
         let (near, far) = self.halves(members);
-        let both = match near.len() + far.len() > PARALLEL {
-            true => rayon::join(|| self.split(near), || self.split(far)),
-            false => (self.split(near), self.split(far)),
-        };
-        let (mut parts, more) = both;
-        parts.extend(more);
-        parts
+        if is_large {
+            let mut more = Vec::new();
+            rayon::join(|| self.split(near, out), || self.split(far, &mut more));
+            out.extend(more);
+        } else {
+            self.split(near, out);
+            self.split(far, out);
+        }
     }
 
     /// Where the centre of mass is.
@@ -330,29 +359,27 @@ impl<'a> Level<'a> {
     }
 
     /// Travellers as a cluster, if the criterion holds; one alone is always one.
-    fn cluster(&self, members: Vec<u32>) -> Result<Part, Vec<u32>> {
+    fn cluster(&self, members: &[u32]) -> Option<Part> {
         let mut sums = Sums::default();
-        for i in &members {
-            let traveller = &self.travellers[*i as usize];
-            // What has no mass has a place all the same.
-            let mass = traveller.mass.max(1e-60);
+        for i in members {
+            let Point { place, movement, mass } = &self.points[*i as usize];
             sums.mass += mass;
-            sums.place.iter_mut().zip(traveller.place).for_each(|(sum, x)| *sum += mass * x as f64);
-            sums.movement.iter_mut().zip(traveller.movement).for_each(|(sum, v)| *sum += mass * v as f64);
+            sums.place.iter_mut().zip(place).for_each(|(sum, x)| *sum += mass * x);
+            sums.movement.iter_mut().zip(movement).for_each(|(sum, v)| *sum += mass * v);
         }
         let center = self.center(&sums);
-        if members.len() > 1 && !self.holds(&members, &center) {
-            return Err(members);
+        if members.len() > 1 && !self.holds(members, &center) {
+            return None;
         }
         let (mut low, mut high) = ([f64::INFINITY; 6], [f64::NEG_INFINITY; 6]);
-        for i in &members {
+        for i in members {
             let state = self.state(*i);
             for k in 0..6 {
                 low[k] = low[k].min(state[k]);
                 high[k] = high[k].max(state[k]);
             }
         }
-        Ok(Part { members, sums, center, low, high })
+        Some(Part { members: members.to_vec(), sums, center, low, high })
     }
 
     /// The union of two clusters, if it is one.
@@ -406,14 +433,15 @@ impl<'a> Level<'a> {
     }
 
     /// Both sides of the plane through the centroid across the principal component of places and weighted tangents.
-    fn halves(&self, members: Vec<u32>) -> (Vec<u32>, Vec<u32>) {
+    fn halves<'b>(&self, members: &'b mut [u32]) -> (&'b mut [u32], &'b mut [u32]) {
         let count = members.len() as f64;
         let mut mean = [0.0; 6];
-        for i in &members {
-            mean.iter_mut().zip(self.state(*i)).for_each(|(sum, x)| *sum += x / count);
+        for i in &*members {
+            mean.iter_mut().zip(self.state(*i)).for_each(|(sum, x)| *sum += x);
         }
+        let mean = mean.map(|sum| sum / count);
         let mut covariance = [[0.0; 6]; 6];
-        for i in &members {
+        for i in &*members {
             let state = self.state(*i);
             let off: [f64; 6] = std::array::from_fn(|k| state[k] - mean[k]);
             for (row, a) in covariance.iter_mut().zip(off) {
@@ -421,18 +449,19 @@ impl<'a> Level<'a> {
             }
         }
         let trace = (0..6).map(|i| covariance[i][i]).sum();
-        let normal = principal_component(&covariance, trace);
-        let side = |i: &u32| {
-            let own = self.state(*i);
-            (0..6).map(|k| f64::from(normal[k]) * (own[k] - mean[k])).sum::<f64>() > 0.0
-        };
-        let (near, far): (Vec<u32>, Vec<u32>) = members.iter().partition(|i| !side(i));
-        if near.is_empty() || far.is_empty() {
-            // All in one place: they differ in where they come from.
-            let (near, far) = members.split_at(members.len() / 2);
-            return (near.to_vec(), far.to_vec());
+        let normal = principal_component(&covariance, trace).map(f64::from);
+        let mut near = 0;
+        for at in 0..members.len() {
+            let own = self.state(members[at]);
+            if (0..6).map(|k| normal[k] * (own[k] - mean[k])).sum::<f64>() <= 0.0 {
+                members.swap(near, at);
+                near += 1;
+            }
         }
-        (near, far)
+        // All in one place: they differ in where they come from.
+        let is_cut = near > 0 && near < members.len();
+        let middle = if is_cut { near } else { members.len() / 2 };
+        members.split_at_mut(middle)
     }
 
     /// Joins the nearest pairs as long as their unions are clusters.

@@ -6,7 +6,7 @@
 use super::RunFile;
 use super::layout::Section;
 use super::tracks::{NodePart, TrackCoding, TrackNode};
-use crate::codec::states::{BLOCK, as_before, decode, encode, float_of, round_float};
+use crate::codec::states::{BLOCK, as_before, decode, decode_unsigned, encode, encode_unsigned, float_of, round_float};
 use crate::hierarchy::spacetime::Tracks;
 use crate::store::error::{Damage, StoreError};
 use crate::store::wire::{Decoder, Encoder};
@@ -147,15 +147,9 @@ pub fn encode_members(members: &[u32]) -> Vec<u8> {
     all.dedup();
     let mut out = (all.len() as u32).to_le_bytes().to_vec();
     encode(&all.iter().map(|value| i64::from(*value)).collect::<Vec<_>>(), as_before(0), &mut out);
-    let place = |value: &u32| all.partition_point(|known| known < value) as i64;
-    // Small numbers as they are need no bit for a sign.
-    encode(&members.iter().map(place).map(unsigned).collect::<Vec<_>>(), |_, _| 0, &mut out);
+    let place = |value: &u32| all.partition_point(|known| known < value) as u64;
+    encode_unsigned(members.iter().map(place), &mut out);
     out
-}
-
-/// A whole number whose zigzag is itself.
-fn unsigned(value: i64) -> i64 {
-    if value % 2 == 0 { value / 2 } else { -(value / 2) - 1 }
 }
 
 /// Reads [`encode_members`] of `count` tracks, which are below `most`.
@@ -166,14 +160,11 @@ fn decode_members(bytes: &[u8], count: usize, most: u32) -> Result<Vec<u32>, &'s
         return Err("no more clusters than tracks");
     }
     let all = decode(&mut input, len, as_before(0))?;
-    let places = decode(&mut input, count, |_, _| 0)?;
+    let places = decode_unsigned(&mut input, count)?;
     if !input.is_empty() || !all.iter().all(|number| (0..i64::from(most)).contains(number)) {
         return Err("tracks of flow level 1");
     }
-    let of = |place: i64| {
-        let place = (place << 1) ^ (place >> 63);
-        all.get(usize::try_from(place).ok()?).map(|number| *number as u32)
-    };
+    let of = |place: u64| all.get(usize::try_from(place).ok()?).map(|number| *number as u32);
     places.into_iter().map(of).collect::<Option<_>>().ok_or("one of its clusters for each")
 }
 

@@ -12,7 +12,7 @@ use std::path::PathBuf;
 /// First bytes of the file.
 pub const MAGIC: [u8; 8] = *b"\x89DFS\r\n\x1a\n";
 /// Version of the file.
-pub const VERSION: u32 = 4;
+pub const VERSION: u32 = 5;
 /// Bytes of the header that hold something; the rest of its block is zero.
 pub const HEADER_LEN: usize = 64;
 /// What messages call the directory.

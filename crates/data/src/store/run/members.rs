@@ -4,8 +4,9 @@
 //! where those end, and nothing else is read. What comes in an interval had no track before; the index says which leaves have such.
 
 use super::RunFile;
+use super::ids::decode_ids;
 use super::track_layout::TrackLayout;
-use super::tracks::{TrackNode, decode_ids};
+use super::tracks::TrackNode;
 use crate::hierarchy::spacetime::lattice::morton_key;
 use crate::hierarchy::spacetime::{TrackFlags, Tracks};
 use crate::store::error::StoreError;

@@ -5,6 +5,7 @@
 //! file.
 
 mod flow;
+mod ids;
 mod kept;
 mod layout;
 mod members;
@@ -17,13 +18,14 @@ mod verify;
 mod writer;
 
 pub use flow::{FlowParts, FlowTracks, MOST_FLOW_LEVELS, encode_members};
+pub use ids::encode_ids;
 pub use layout::{Directory, HEADER_LEN, MAGIC, Section, Step, VERSION};
 pub use members::{FamilyMembers, MemberTracks, Wanted};
 pub use paths::{PathsOf, RunPaths};
 pub use snapshot::RunSnapshot;
 pub use track_layout::{Deviation, FamilyTracks, IntervalTracks, Matches, Tangents, TrackFamily, TrackLayout, span};
 pub use track_tree::RunTree;
-pub use tracks::{LEAF_TRACKS, NodePart, TrackCoding, TrackIndex, TrackNode, as_stored, encode_ids};
+pub use tracks::{LEAF_TRACKS, NodePart, TrackCoding, TrackIndex, TrackNode, as_stored};
 pub use verify::{VerifiedRun, verify_run};
 pub use writer::RunFileWriter;
 
@@ -32,11 +34,11 @@ use super::error::StoreError;
 use super::page_file::PageFile;
 use crate::hierarchy::spacetime::{Interval, Tracks};
 use crate::model::{Moment, Placement, ReadMethod, StepTimes, When};
+use ids::decode_ids;
 use layout::{Header, HeaderError};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use tracks::decode_ids;
 
 /// An open run. It holds the directory, never a still.
 #[derive(Debug)]

@@ -308,9 +308,9 @@ impl TrackCoding {
     /// # Errors
     /// What was expected.
     pub fn decode(&self, mut bytes: &[u8], count: usize, attributes: usize) -> Result<Tracks, &'static str> {
-        // Before there is room for them: a block of a column takes two bytes at least.
+        // Before there is room for them: a block of a column takes a byte at least.
         let columns = 1 + 4 * 3 + 2 * (3 + attributes);
-        if count.div_ceil(BLOCK).saturating_mul(2 * columns) > bytes.len() {
+        if count.div_ceil(BLOCK).saturating_mul(columns) > bytes.len() {
             return Err("no more tracks than its bytes can hold");
         }
         let input = &mut bytes;
@@ -373,25 +373,6 @@ fn lengths_before(before: &[i64], i: usize, density: &[i64]) -> i64 {
     before.last().map_or(0, |last| TrackCoding::compressed(*last, [density[i - 1], density[i]]))
 }
 
-/// Ids, as bytes.
-pub fn encode_ids(ids: &[u64]) -> Vec<u8> {
-    let mut out = Vec::with_capacity(4 * ids.len());
-    encode(&ids.iter().map(|id| *id as i64).collect::<Vec<_>>(), as_before(0), &mut out);
-    out
-}
-
-/// Reads `count` ids.
-///
-/// # Errors
-/// What was expected.
-pub fn decode_ids(mut bytes: &[u8], count: usize) -> Result<Vec<u64>, &'static str> {
-    let ids = decode(&mut bytes, count, as_before(0))?;
-    if !bytes.is_empty() {
-        return Err("nothing after the ids");
-    }
-    Ok(ids.into_iter().map(|id| id as u64).collect())
-}
-
 /// The values of tracks as they will be read back: floats rounded.
 pub fn as_stored(end: &mut TrackEnd) {
     let round = |values: &mut Vec<f32>, bits| {
@@ -444,10 +425,10 @@ mod tests {
         #[test]
         fn tracks_come_back(tracks in tracks(), rates in prop::array::uniform2(0.1..1.0f64), at: usize, byte: u8) {
             let coding = TrackCoding::new(rates);
-            let (mut bytes, ids) = (coding.encode(&tracks), encode_ids(&tracks.ids));
+            let mut bytes = coding.encode(&tracks);
             let attributes = tracks.ends[0].attributes.len();
             let back = coding.decode(&bytes, tracks.len(), attributes).unwrap();
-            prop_assert_eq!(Tracks { ids: decode_ids(&ids, tracks.len()).unwrap(), ..back }, tracks.clone());
+            prop_assert_eq!(Tracks { ids: tracks.ids.clone(), ..back }, tracks.clone());
             prop_assert!(coding.decode(&bytes[..bytes.len().saturating_sub(1)], tracks.len(), attributes).is_err() || bytes.is_empty());
             // Damage that a checksum does not find is no panic.
             if !bytes.is_empty() {
