@@ -7,6 +7,7 @@ use super::scene::{MovingRun, Scene, Settings};
 use super::state::choices::Choices;
 use super::state::notices::Notices;
 use super::statistics::Converged;
+use crate::hierarchy::spacetime::Interpolation;
 use crate::look::OpenData;
 use crate::model::{Moment, StepTimes, When};
 use crate::store::run::RunTree;
@@ -109,6 +110,16 @@ impl Playhead {
     /// Whether what moves between the steps is shown.
     pub fn is_moving(&self) -> bool {
         self.moving
+    }
+
+    /// How particles move between the steps, as files say it.
+    pub fn interpolation(&self) -> Interpolation {
+        let has_tracks = || self.data.run().is_some_and(|run| run.tracks().is_ok());
+        match &self.tracks {
+            Some(tree) => tree.interpolation(),
+            None if has_tracks() => Interpolation::Hold,
+            None => Interpolation::default(),
+        }
     }
 
     /// Whether what is between the steps can be shown.

@@ -319,6 +319,17 @@ pub enum Along {
     Steps,
 }
 
+/// What automatic ranges of colours are found over.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Reflect)]
+#[serde(rename_all = "kebab-case")]
+pub enum Over {
+    /// The whole run, in the present view: colours mean the same while it plays.
+    #[default]
+    Run,
+    /// The picture of now.
+    Now,
+}
+
 /// What a run does that has been played to its end.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Reflect)]
 #[serde(rename_all = "kebab-case")]
@@ -344,11 +355,13 @@ pub struct PlayingPreset {
     pub marks: Along,
     /// What it does at its end.
     pub repeat: Repeat,
+    /// What automatic ranges of colours are found over.
+    pub range: Over,
 }
 
 impl Default for PlayingPreset {
     fn default() -> Self {
-        Self { seconds: 20.0, pace: Along::Time, marks: Along::Time, repeat: Repeat::Once }
+        Self { seconds: 20.0, pace: Along::Time, marks: Along::Time, repeat: Repeat::Once, range: Over::Run }
     }
 }
 

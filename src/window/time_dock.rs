@@ -1,7 +1,7 @@
 //! The dock at the foot of the window that has a run open: where it stands among its steps, and what lets it play.
 
 use super::playhead::Playhead;
-use super::preset::{Along, PlayingPreset, Repeat};
+use super::preset::{Along, Over, PlayingPreset, Repeat};
 use super::theme;
 use bevy_egui::egui::{self, Align2, FontId, Sense, Stroke, StrokeKind, Ui, pos2, vec2};
 
@@ -60,6 +60,13 @@ pub fn show(ui: &mut Ui, playhead: &mut Playhead, how: &mut PlayingPreset) {
         };
         if theme::button(ui, "time:pace", text, true, help) {
             (how.pace, how.marks) = (next, next);
+        }
+        let mut steady = how.range == Over::Run;
+        let switch = ui.checkbox(&mut steady, "Steady");
+        theme::register(ui, "time:range", switch.rect);
+        if switch.on_hover_text("Automatic ranges of colours are those of the whole run, not of this moment").changed()
+        {
+            how.range = if steady { Over::Run } else { Over::Now };
         }
         ui.add_space(8.0);
         line(ui, playhead, how.marks);
