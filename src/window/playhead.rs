@@ -36,6 +36,8 @@ pub struct Playhead {
     /// Whether it plays back, on its way to and fro.
     is_back: bool,
     speed: f64,
+    /// How it is to be played from now on, where somebody has asked for that.
+    asked: Option<PlayingPreset>,
     /// Frames in which what was shown was not of the present time, while it played.
     late_frames: u64,
     shown: usize,
@@ -69,6 +71,7 @@ impl Playhead {
             playing: false,
             is_back: false,
             speed: 1.0,
+            asked: None,
             late_frames: 0,
             shown,
             tracks,
@@ -149,6 +152,11 @@ impl Playhead {
     /// Whether time goes on.
     pub fn is_playing(&self) -> bool {
         self.playing
+    }
+
+    /// Plays in another way from now on.
+    pub fn play_as(&mut self, how: PlayingPreset) {
+        self.asked = Some(how);
     }
 
     /// Frames that showed another time than the present one, while it played.
@@ -325,11 +333,14 @@ impl Playhead {
 /// Lets time go on; where each picture is waited for, once it is complete.
 pub(super) fn play(
     time: Res<Time<Real>>,
-    (preset, converged): (Res<Preset>, Res<Converged>),
+    (mut preset, converged): (ResMut<Preset>, Res<Converged>),
     playhead: Option<ResMut<Playhead>>,
 ) {
     let Some(mut playhead) = playhead else { return };
     let playhead = playhead.bypass_change_detection();
+    if let Some(how) = playhead.asked.take() {
+        preset.playing = how;
+    }
     let seconds = time.delta_secs_f64();
     match preset.drawing.wait {
         true if converged.0 && playhead.is_there() => {

@@ -14,8 +14,9 @@ const LINE_PX: f32 = 24.0;
 /// Width of what is written at its end.
 const WORDS_PX: f32 = 190.0;
 
-/// Draws the dock, and does what is asked of it; `how` is how the run is played.
-pub fn show(ui: &mut Ui, playhead: &mut Playhead, how: &mut PlayingPreset) {
+/// Draws the dock, and does what is asked of it; `before` is how the run is played.
+pub fn show(ui: &mut Ui, playhead: &mut Playhead, before: PlayingPreset) {
+    let mut how = before;
     ui.horizontal_centered(|ui| {
         ui.spacing_mut().item_spacing.x = 4.0;
         if theme::button(ui, "time:first", "|<", true, "The first step (Shift+comma)") {
@@ -82,6 +83,9 @@ pub fn show(ui: &mut Ui, playhead: &mut Playhead, how: &mut PlayingPreset) {
         ui.add_space(6.0);
         ui.label(egui::RichText::new(format!("step {step} of {last}{speed}")).color(theme::LABEL));
     });
+    if how != before {
+        playhead.play_as(how);
+    }
 }
 
 /// The line of time: a mark for each step, and the playhead, which is dragged.

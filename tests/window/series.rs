@@ -186,3 +186,57 @@ fn paths_are_drawn_read_and_kept() {
         assert_eq!(kept["settings"]["selections"][0]["name"], "path 1");
     }
 }
+
+#[test]
+fn colours_are_for_the_whole_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    // What is seen becomes a hundred times as heavy.
+    for (step, mass) in [1, 10, 100].into_iter().enumerate() {
+        let mut text = String::from("x,y,z,mass,h\n");
+        for i in 0..400 {
+            let part = f64::from(i) / 400.0;
+            let (x, y) = ((40.0 * part).cos(), (40.0 * part).sin());
+            text += &format!("{},{},{},{mass},0.3\n", part * x, part * y, 2.0 * part - 1.0);
+        }
+        std::fs::write(folder.join(format!("ball_{step}.csv")), text).unwrap();
+    }
+    let built = run(folder, &["build", "ball_*.csv", "-o", "run.df", "--times", "0,1,4", "--match", "order"]);
+    assert!(built.status.success(), "{}", String::from_utf8_lossy(&built.stderr));
+    let desktop = Desktop::with_screen([960, 600]);
+    let more = ["--backend", "cpu", "--mode", "column-density"];
+    let mut program = Program::open(&desktop, folder, &folder.join("run.df"), [960, 600], &more);
+    let is_settled =
+        |status: &Value| status["converged"] == true && status["ranges"][1] == true && status["time"]["there"] == true;
+    let begin = program.wait("the first step", is_settled);
+    desktop.focus(desktop.window().expect("a window of the size that was asked for"));
+    let most = |status: &Value| status["ranges"][0][0][1].as_f64().unwrap();
+    desktop.press(u32::from('.'));
+    let second = program.wait("the second step", |status| is_settled(status) && status["time"]["step"] == 1);
+    assert_eq!(begin["ranges"], second["ranges"]);
+    // To and fro, it never stands; colours stay as they are.
+    let click = |status: &Value, control: &str| {
+        let corner = |i: usize| status["controls"][control][i].as_f64().unwrap();
+        desktop.click([(0.5 * (corner(0) + corner(2))) as i16, (0.5 * (corner(1) + corner(3))) as i16]);
+    };
+    click(&second, "time:repeat");
+    let again = program.wait("another way to play", |status| !status["controls"]["time:repeat"].is_null());
+    click(&again, "time:repeat");
+    (0..5).for_each(|_| desktop.press(u32::from(']')));
+    desktop.press(u32::from('t'));
+    let before = std::cell::Cell::new(1.0);
+    for _ in 0..3 {
+        let back = program.wait("a way back", |status| {
+            let time = status["time"]["time"].as_f64().unwrap();
+            before.replace(time) > time
+        });
+        assert_eq!((&back["ranges"], &back["time"]["playing"]), (&begin["ranges"], &true.into()));
+    }
+    desktop.press(u32::from('t'));
+    // Of each picture alone, where somebody wants that.
+    click(&again, "time:range");
+    // Back to the first step, which is the faintest.
+    (0..3).for_each(|_| desktop.press(u32::from(',')));
+    let own = program.wait("ranges of the picture", |status| is_settled(status) && most(status) < 0.5 * most(&begin));
+    assert!(own["time"]["time"].as_f64().unwrap() < 4.0);
+}
