@@ -207,7 +207,14 @@ impl Show {
         let eye = [30.0 * time.cos(), 1.0 / 3.0, 30.0 * time.sin()];
         let camera = Camera { eye, target: [0.1, 0.2, 0.3], up: [0.0, 1.0, 0.0], fov: 40.0 + time.sin(), ortho: None };
         let ranges = Some(Ranges { p: [1e-7 * time, 1.0 + time], s: [0.0, 2.0] });
-        self.leader.send(Frame { number: 0, time, camera, ranges, tour: Some(TourTime { time, running: true }) });
+        self.leader.send(Frame {
+            number: 0,
+            time,
+            camera,
+            ranges,
+            tour: Some(TourTime { time, running: true }),
+            run: None,
+        });
         self.next += FRAME;
         std::thread::sleep(self.next.saturating_duration_since(Instant::now()));
     }

@@ -39,6 +39,7 @@ mod picture_sizes;
 pub mod playhead;
 mod pointer_motion;
 pub mod preset;
+mod run_ranges;
 pub mod scene;
 pub mod scene_io;
 pub mod screenshot;
@@ -221,6 +222,7 @@ impl Plugin for WindowApp {
         .insert_resource(state::choices::Choices::of_program())
         .init_resource::<cpu_backend::CpuPicture>()
         .init_resource::<paths::Paths>()
+        .init_resource::<run_ranges::RunRanges>()
         .init_resource::<surround_backend::SurroundPicture>()
         .init_resource::<picture::Letterbox>()
         .init_resource::<live::LiveParticles>()
@@ -273,6 +275,7 @@ impl Plugin for WindowApp {
                 (
                     look::follow_settings,
                     touring::ranges::measure_ahead.in_set(WindowSystems::PlayTour),
+                    run_ranges::measure_run,
                     touring::ranges::hold_ranges,
                     look::glide_levels,
                 )
@@ -307,6 +310,7 @@ impl Plugin for WindowApp {
                     gpu_backend::draw_on_gpu,
                     light_backend::draw_light_on_gpu,
                     paths::draw_paths,
+                    run_ranges::hold_convergence,
                 )
                     .chain()
                     .in_set(PageSystems::Serve)

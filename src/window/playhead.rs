@@ -2,11 +2,14 @@
 //! on a thread of its own and takes the place of what was shown. The clock never waits: what is not there yet is skipped.
 
 use super::facts::Facts;
+use super::preset::{Along, PlayingPreset, Preset, Repeat};
 use super::scene::{MovingRun, Scene, Settings};
 use super::state::choices::Choices;
 use super::state::notices::Notices;
+use super::statistics::Converged;
+use crate::hierarchy::spacetime::Interpolation;
 use crate::look::OpenData;
-use crate::model::{ClockVariable, Moment, StepTimes, When};
+use crate::model::{Moment, StepTimes, When};
 use crate::store::run::RunTree;
 use crate::store::{Metadata, PageFile, Tree};
 use bevy::prelude::*;
@@ -14,11 +17,11 @@ use std::collections::BTreeSet;
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Seconds in which a whole run plays at its usual speed.
-const WHOLE_RUN_SECS: f64 = 20.0;
-
 /// Seconds of playing for which pages are read ahead.
 const AHEAD_SECS: f64 = 1.0;
+
+/// The longest time that one frame goes on for where each picture is waited for, seconds.
+const LONGEST_FRAME_SECS: f64 = 0.04;
 
 /// How many times as fast or as slow a run plays at most.
 const FASTEST: f64 = 64.0;
@@ -30,7 +33,11 @@ pub struct Playhead {
     times: StepTimes,
     time: f64,
     playing: bool,
+    /// Whether it plays back, on its way to and fro.
+    is_back: bool,
     speed: f64,
+    /// Frames in which what was shown was not of the present time, while it played.
+    late_frames: u64,
     shown: usize,
     /// What moves between steps, and whether that is drawn.
     tracks: Option<Arc<RunTree>>,
@@ -60,7 +67,9 @@ impl Playhead {
             times,
             time,
             playing: false,
+            is_back: false,
             speed: 1.0,
+            late_frames: 0,
             shown,
             tracks,
             moving: false,
@@ -78,19 +87,14 @@ impl Playhead {
 
     /// Goes on as another one that has less of the run: at its time, playing where it plays.
     pub fn go_on_from(&mut self, before: &Playhead) {
-        (self.playing, self.speed, self.holds, self.surrounds) =
-            (before.playing, before.speed, before.holds, before.surrounds);
+        (self.playing, self.is_back, self.speed) = (before.playing, before.is_back, before.speed);
+        (self.late_frames, self.holds, self.surrounds) = (before.late_frames, before.holds, before.surrounds);
         self.seek(before.time);
     }
 
     /// When the steps are.
     pub fn times(&self) -> &StepTimes {
         &self.times
-    }
-
-    /// What times are.
-    pub fn clock(&self) -> ClockVariable {
-        self.data.run().map(|run| run.directory().clock).unwrap_or_default()
     }
 
     /// The present time, in the unit of the steps' times.
@@ -106,6 +110,16 @@ impl Playhead {
     /// Whether what moves between the steps is shown.
     pub fn is_moving(&self) -> bool {
         self.moving
+    }
+
+    /// How particles move between the steps, as files say it.
+    pub fn interpolation(&self) -> Interpolation {
+        let has_tracks = || self.data.run().is_some_and(|run| run.tracks().is_ok());
+        match &self.tracks {
+            Some(tree) => tree.interpolation(),
+            None if has_tracks() => Interpolation::Hold,
+            None => Interpolation::default(),
+        }
     }
 
     /// Whether what is between the steps can be shown.
@@ -135,6 +149,11 @@ impl Playhead {
     /// Whether time goes on.
     pub fn is_playing(&self) -> bool {
         self.playing
+    }
+
+    /// Frames that showed another time than the present one, while it played.
+    pub fn late_frames(&self) -> u64 {
+        self.late_frames
     }
 
     /// How many times as fast as usual it plays.
@@ -167,12 +186,45 @@ impl Playhead {
         tree.time(moment)
     }
 
+    /// How far along a run a time is, from 0 to 1: by time, or as if its steps were evenly apart.
+    pub fn share(&self, time: f64, along: Along) -> f64 {
+        let ([first, last], times) = (self.ends(), &self.times.times);
+        match along {
+            _ if last <= first => 0.0,
+            Along::Time => (time - first) / (last - first),
+            Along::Steps => {
+                let before = times.partition_point(|step| *step <= time).clamp(1, times.len() - 1) - 1;
+                let within = (time - times[before]) / (times[before + 1] - times[before]);
+                (before as f64 + within) / (times.len() - 1) as f64
+            }
+        }
+    }
+
+    /// The time that is so far along a run.
+    pub fn time_at(&self, share: f64, along: Along) -> f64 {
+        let ([first, last], times, share) = (self.ends(), &self.times.times, share.clamp(0.0, 1.0));
+        match along {
+            _ if last <= first => first,
+            Along::Time => first + share * (last - first),
+            Along::Steps => {
+                let place = share * (times.len() - 1) as f64;
+                let before = (place.floor() as usize).min(times.len() - 2);
+                times[before] + (place - before as f64) * (times[before + 1] - times[before])
+            }
+        }
+    }
+
+    /// How far along the run it is so many seconds later, below 0 and above 1 where it would be beyond an end.
+    fn later(&self, seconds: f64, how: &PlayingPreset) -> f64 {
+        let way = if self.is_back { -seconds } else { seconds };
+        self.share(self.time, how.pace) + way * self.speed / how.seconds
+    }
+
     /// What is to be drawn of the tracks now.
-    fn motion(&self) -> Option<MovingRun> {
+    fn motion(&self, how: &PlayingPreset) -> Option<MovingRun> {
         let tree = Arc::clone(self.tracks.as_ref().filter(|_| self.moves_now())?);
-        let [first, last] = self.ends();
-        let ahead = self.time + AHEAD_SECS * self.speed * (last - first) / WHOLE_RUN_SECS;
-        let (time, ahead) = (self.clock_at(&tree, self.time), self.clock_at(&tree, ahead.min(last)));
+        let ahead = self.time_at(self.later(AHEAD_SECS, how), how.pace);
+        let (time, ahead) = (self.clock_at(&tree, self.time), self.clock_at(&tree, ahead));
         let next = self.playing.then(|| tree.next_interval(time, ahead)).flatten();
         Some(MovingRun { time, next, tree })
     }
@@ -222,13 +274,22 @@ impl Playhead {
     }
 
     /// Seconds later.
-    fn advance(&mut self, seconds: f64) {
+    fn advance(&mut self, seconds: f64, how: &PlayingPreset) {
         if !self.playing {
             return;
         }
-        let [first, last] = self.ends();
-        self.time = (self.time + seconds * self.speed * (last - first) / WHOLE_RUN_SECS).min(last);
-        self.playing = self.time < last;
+        // Whoever goes to and fro may have changed his mind on the way back.
+        self.is_back &= how.repeat == Repeat::ToAndFro;
+        let share = self.later(seconds, how);
+        let is_over = if self.is_back { share <= 0.0 } else { share >= 1.0 };
+        self.time = self.time_at(share, how.pace);
+        if is_over {
+            match how.repeat {
+                Repeat::Once => self.playing = false,
+                Repeat::Again => self.time = self.time_at(share.fract(), how.pace),
+                Repeat::ToAndFro => self.is_back = !self.is_back,
+            }
+        }
     }
 
     /// Begins to open the step that is wanted, unless one is on its way.
@@ -261,10 +322,24 @@ impl Playhead {
     }
 }
 
-/// Lets time go on.
-pub(super) fn play(time: Res<Time<Real>>, playhead: Option<ResMut<Playhead>>) {
-    if let Some(mut playhead) = playhead {
-        playhead.bypass_change_detection().advance(time.delta_secs_f64());
+/// Lets time go on; where each picture is waited for, once it is complete.
+pub(super) fn play(
+    time: Res<Time<Real>>,
+    (preset, converged): (Res<Preset>, Res<Converged>),
+    playhead: Option<ResMut<Playhead>>,
+) {
+    let Some(mut playhead) = playhead else { return };
+    let playhead = playhead.bypass_change_detection();
+    let seconds = time.delta_secs_f64();
+    match preset.drawing.wait {
+        true if converged.0 && playhead.is_there() => {
+            playhead.advance(seconds.min(LONGEST_FRAME_SECS), &preset.playing);
+        }
+        true => {}
+        false => {
+            playhead.late_frames += u64::from(playhead.playing && !playhead.is_there());
+            playhead.advance(seconds, &preset.playing);
+        }
     }
 }
 
@@ -275,12 +350,13 @@ pub(super) fn show_moment(
     mut settings: ResMut<Settings>,
     mut choices: ResMut<Choices>,
     mut notices: ResMut<Notices>,
+    preset: Res<Preset>,
 ) {
     let (Some(mut playhead), Some(mut scene)) = (playhead, scene) else { return };
     let playhead = playhead.bypass_change_detection();
     playhead.surrounds = settings.is_projected();
     let arrived = playhead.arrived();
-    let motion = playhead.motion();
+    let motion = playhead.motion(&preset.playing);
     let still = match arrived {
         Some((step, Ok(file))) => {
             playhead.shown = step;
@@ -383,20 +459,49 @@ mod tests {
     fn time_goes_evenly_from_step_to_step_and_stands_at_the_end() {
         let folder = tempfile::tempdir().unwrap();
         let mut playhead = playhead(folder.path());
+        let how = PlayingPreset::default();
         assert!(playhead.is_there() && !playhead.is_playing());
-        playhead.advance(100.0);
+        playhead.advance(100.0, &how);
         assert_eq!(playhead.time(), 0.0, "it stands");
         playhead.toggle();
-        playhead.advance(WHOLE_RUN_SECS / 2.0);
+        playhead.advance(how.seconds / 2.0, &how);
         assert_eq!((playhead.time(), playhead.wanted(), playhead.is_there()), (2.0, 1, false));
         let (step, file) = wait(&mut playhead);
         assert_eq!((step, file.metadata().bounds().min.x), (1, 1.0));
         assert!(playhead.is_there() && playhead.opening.is_none());
         playhead.change_speed(true);
-        playhead.advance(WHOLE_RUN_SECS);
+        playhead.advance(how.seconds, &how);
         assert_eq!((playhead.time(), playhead.is_playing()), (4.0, false));
         playhead.toggle();
         assert_eq!((playhead.time(), playhead.is_playing()), (0.0, true), "once more from the beginning");
+    }
+
+    #[test]
+    fn it_plays_again_or_to_and_fro_and_evenly_by_time_or_by_steps() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut playhead = playhead(folder.path());
+        let way = |repeat, pace, playhead: &mut Playhead| -> Vec<f64> {
+            let how = PlayingPreset { seconds: 8.0, repeat, pace, ..PlayingPreset::default() };
+            playhead.go_to_end(false);
+            playhead.toggle();
+            // Times are 0, 1 and 4.
+            (0..6).map(|_| (playhead.advance(2.0, &how), playhead.time()).1).collect()
+        };
+        assert_eq!(way(Repeat::Once, Along::Time, &mut playhead), [1.0, 2.0, 3.0, 4.0, 4.0, 4.0]);
+        assert!(!playhead.is_playing());
+        assert_eq!(way(Repeat::Once, Along::Steps, &mut playhead), [0.5, 1.0, 2.5, 4.0, 4.0, 4.0]);
+        assert_eq!(way(Repeat::Again, Along::Time, &mut playhead), [1.0, 2.0, 3.0, 0.0, 1.0, 2.0]);
+        playhead.toggle();
+        assert_eq!(way(Repeat::ToAndFro, Along::Steps, &mut playhead), [0.5, 1.0, 2.5, 4.0, 2.5, 1.0]);
+        // Once more on from where it goes back.
+        let how = PlayingPreset { seconds: 8.0, ..PlayingPreset::default() };
+        playhead.advance(2.0, &how);
+        assert_eq!((playhead.time(), playhead.is_playing()), (2.0, true));
+        for along in [Along::Time, Along::Steps] {
+            for time in [0.0, 0.3, 1.0, 2.0, 4.0] {
+                assert!((playhead.time_at(playhead.share(time, along), along) - time).abs() < 1e-12, "{time}");
+            }
+        }
     }
 
     #[test]

@@ -225,6 +225,8 @@ pub struct DrawingPreset {
     pub presence: f64,
     /// The setting `thinning` of every mode: see `deepfield modes`.
     pub thinning: f64,
+    /// Whether a run that plays waits for each picture; else what is not there yet is drawn coarser.
+    pub wait: bool,
 }
 
 impl Default for DrawingPreset {
@@ -236,6 +238,7 @@ impl Default for DrawingPreset {
             frame_ms: 40.0,
             presence: lod_budget.presence,
             thinning: lod_budget.thinning,
+            wait: false,
         }
     }
 }
@@ -305,6 +308,63 @@ impl Default for PanelPreset {
     }
 }
 
+/// What goes evenly along a run.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Reflect)]
+#[serde(rename_all = "kebab-case")]
+pub enum Along {
+    /// Time.
+    #[default]
+    Time,
+    /// Its steps, however far apart they are in time.
+    Steps,
+}
+
+/// What automatic ranges of colours are found over.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Reflect)]
+#[serde(rename_all = "kebab-case")]
+pub enum Over {
+    /// The whole run, in the present view: colours mean the same while it plays.
+    #[default]
+    Run,
+    /// The picture of now.
+    Now,
+}
+
+/// What a run does that has been played to its end.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Reflect)]
+#[serde(rename_all = "kebab-case")]
+pub enum Repeat {
+    /// It stands there.
+    #[default]
+    Once,
+    /// It begins again.
+    Again,
+    /// It goes back, and on again from the beginning.
+    ToAndFro,
+}
+
+/// How a run of snapshots is played.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Reflect)]
+#[serde(default, deny_unknown_fields)]
+pub struct PlayingPreset {
+    /// Seconds in which the whole run plays at its usual speed.
+    pub seconds: f64,
+    /// What goes evenly while it plays.
+    pub pace: Along,
+    /// What the dock's line shows evenly.
+    pub marks: Along,
+    /// What it does at its end.
+    pub repeat: Repeat,
+    /// What automatic ranges of colours are found over.
+    pub range: Over,
+}
+
+impl Default for PlayingPreset {
+    fn default() -> Self {
+        Self { seconds: 20.0, pace: Along::Time, marks: Along::Time, repeat: Repeat::Once, range: Over::Run }
+    }
+}
+
 /// Everything that a preset file sets. Fields left out keep their defaults.
 #[derive(Asset, Resource, Clone, Debug, Default, PartialEq, Serialize, Deserialize, Reflect)]
 #[serde(default, deny_unknown_fields)]
@@ -317,6 +377,8 @@ pub struct Preset {
     pub drawing: DrawingPreset,
     /// What it gives up in motion.
     pub motion: MotionPreset,
+    /// How a run is played.
+    pub playing: PlayingPreset,
     /// How the camera answers.
     pub camera: CameraPreset,
     /// The panel.
@@ -352,7 +414,7 @@ impl Preset {
 
     /// Checks every number against its range.
     fn check(&self, place: Place) -> Result<(), RonError> {
-        let Preset { window, residency, drawing, motion, camera, panel } = self;
+        let Preset { window, residency, drawing, motion, playing, camera, panel } = self;
         let ahead = &residency.ahead;
         let least = drawing_cost::LEAST as f64;
         let checks = [
@@ -380,6 +442,7 @@ impl Preset {
             ("drawing.frame_ms", drawing.frame_ms, 0.0, 10_000.0, "0 to 10000"),
             ("drawing.presence", drawing.presence, 0.0, 1.0e9, "0 to 1e9"),
             ("drawing.thinning", drawing.thinning, 0.0, 32.0, "0 to 32"),
+            ("playing.seconds", playing.seconds, 0.1, 1.0e6, "0.1 to 1e6"),
             ("camera.field_of_view_deg", camera.field_of_view_deg, 1.0, 150.0, "1 to 150"),
             ("camera.orbit_sensitivity", f64::from(camera.orbit_sensitivity), 0.01, 100.0, "0.01 to 100"),
             ("camera.smoothness", f64::from(camera.smoothness), 0.0, 0.95, "0 to 0.95"),

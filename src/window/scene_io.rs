@@ -7,9 +7,11 @@ use super::objects::Objects;
 use super::open::OpenedScene;
 use super::picture::{DataCamera, Picture};
 use super::picture_sizes::panorama_size;
+use super::playhead::Playhead;
 use super::scene::{Scene, Settings};
 use super::state::notices::Notices;
 use super::state::panels::{Closed, Shown};
+use crate::hierarchy::spacetime::Interpolation;
 use crate::look::dataset::relative_to;
 use crate::look::{Bookmark, Camera, DatasetRef, Fingerprint, LookPatch, Member, Panels, SceneFile};
 use crate::model::FamilyName;
@@ -158,7 +160,7 @@ fn first_path(data: &Path) -> PathBuf {
 pub(crate) fn save_scene(
     keys: Res<ButtonInput<KeyCode>>,
     owner: Res<PointerOwner>,
-    scene: Option<Res<Scene>>,
+    (scene, playhead): (Option<Res<Scene>>, Option<Res<Playhead>>),
     settings: Res<Settings>,
     picture: Res<Picture>,
     mut parts: SceneParts,
@@ -183,6 +185,8 @@ pub(crate) fn save_scene(
     let datasets = scene.members.iter().zip(families_of(&scene, &settings)).map(dataset).collect();
     let mut file = scene_file(datasets, &settings, &camera, &picture, &parts, &path);
     file.look.time = scene.when();
+    file.look.interpolation =
+        playhead.map(|playhead| playhead.interpolation()).filter(|own| *own != Interpolation::default());
     match file.write(&path) {
         Ok(()) => {
             notices.info(format!("scene saved in {}", path.display()));

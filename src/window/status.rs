@@ -128,6 +128,10 @@ struct TimeStatus {
     playing: bool,
     /// How many times as fast as usual it plays.
     speed: f64,
+    /// Steps that can be shown.
+    steps_ready: usize,
+    /// Frames that showed another time than the present one, while it played.
+    late_frames: u64,
     /// Steps that cannot be shown.
     damaged: Vec<usize>,
 }
@@ -272,6 +276,8 @@ pub(super) fn write_status(
             moves: playhead.is_moving(),
             playing: playhead.is_playing(),
             speed: playhead.speed(),
+            steps_ready: playhead.times().times.len() - playhead.damaged().len(),
+            late_frames: playhead.late_frames(),
             damaged: playhead.damaged().iter().copied().collect(),
         }),
         paths: PathsStatus {

@@ -1,8 +1,8 @@
 //! The dock at the foot of the window that has a run open: where it stands among its steps, and what lets it play.
 
 use super::playhead::Playhead;
+use super::preset::{Along, Over, PlayingPreset, Repeat};
 use super::theme;
-use crate::model::ClockVariable;
 use bevy_egui::egui::{self, Align2, FontId, Sense, Stroke, StrokeKind, Ui, pos2, vec2};
 
 /// Height of the dock, logical pixels.
@@ -12,10 +12,10 @@ pub const HEIGHT_PX: f32 = 40.0;
 const LINE_PX: f32 = 24.0;
 
 /// Width of what is written at its end.
-const WORDS_PX: f32 = 150.0;
+const WORDS_PX: f32 = 190.0;
 
-/// Draws the dock, and does what is asked of it.
-pub fn show(ui: &mut Ui, playhead: &mut Playhead) {
+/// Draws the dock, and does what is asked of it; `how` is how the run is played.
+pub fn show(ui: &mut Ui, playhead: &mut Playhead, how: &mut PlayingPreset) {
     ui.horizontal_centered(|ui| {
         ui.spacing_mut().item_spacing.x = 4.0;
         if theme::button(ui, "time:first", "|<", true, "The first step (Shift+comma)") {
@@ -46,36 +46,53 @@ pub fn show(ui: &mut Ui, playhead: &mut Playhead) {
                 playhead.hold(holds);
             }
         }
+        let (text, next, help) = match how.repeat {
+            Repeat::Once => ("once", Repeat::Again, "Stands at the end; click to begin again there"),
+            Repeat::Again => ("again", Repeat::ToAndFro, "Begins again at the end; click to go to and fro"),
+            Repeat::ToAndFro => ("to and fro", Repeat::Once, "Goes to and fro; click to stand at the end"),
+        };
+        if theme::button(ui, "time:repeat", text, true, help) {
+            how.repeat = next;
+        }
+        let (text, next, help) = match how.pace {
+            Along::Time => ("by time", Along::Steps, "Time goes evenly; click to give each step the same time"),
+            Along::Steps => ("by steps", Along::Time, "Each step takes the same time; click to let time go evenly"),
+        };
+        if theme::button(ui, "time:pace", text, true, help) {
+            (how.pace, how.marks) = (next, next);
+        }
+        let mut steady = how.range == Over::Run;
+        let switch = ui.checkbox(&mut steady, "Steady");
+        theme::register(ui, "time:range", switch.rect);
+        if switch.on_hover_text("Automatic ranges of colours are those of the whole run, not of this moment").changed()
+        {
+            how.range = if steady { Over::Run } else { Over::Now };
+        }
         ui.add_space(8.0);
-        line(ui, playhead);
+        line(ui, playhead, how.marks);
         let (step, last) = (playhead.shown(), playhead.times().times.len().saturating_sub(1));
         let speed = match playhead.speed() {
             1.0 => String::new(),
             faster if faster > 1.0 => format!("   {faster} x"),
             slower => format!("   1/{} x", 1.0 / slower),
         };
-        let time = playhead.time() as f32;
-        let (letter, help) = match playhead.clock() {
-            ClockVariable::Time => ("t", "The time of the data, as the snapshots' headers count it"),
-            ClockVariable::ScaleFactor => ("a", "The scale factor"),
-            ClockVariable::LogScaleFactor => ("ln a", "The logarithm of the scale factor"),
-        };
-        ui.label(format!("{letter} = {time}")).on_hover_text(help);
+        let help =
+            "The time of the data, as the snapshots' headers count it; of comoving data redshift and scale factor";
+        ui.label(playhead.times().words(playhead.time())).on_hover_text(help);
         ui.add_space(6.0);
         ui.label(egui::RichText::new(format!("step {step} of {last}{speed}")).color(theme::LABEL));
     });
 }
 
 /// The line of time: a mark for each step, and the playhead, which is dragged.
-fn line(ui: &mut Ui, playhead: &mut Playhead) {
+fn line(ui: &mut Ui, playhead: &mut Playhead, marks: Along) {
     let width = (ui.available_width() - WORDS_PX).max(40.0);
     let (rect, response) = ui.allocate_exact_size(vec2(width, LINE_PX), Sense::click_and_drag());
     theme::register(ui, "time:line", rect);
     let times = &playhead.times().times;
-    let (first, last) = (times.first().copied().unwrap_or(0.0), times.last().copied().unwrap_or(0.0));
-    let span = if last > first { last - first } else { 1.0 };
     let inner = rect.shrink2(vec2(6.0, 0.0));
-    let at = |time: f64| inner.left() + inner.width() * ((time - first) / span) as f32;
+    let at = |time: f64| inner.left() + inner.width() * playhead.share(time, marks) as f32;
+    let under = |x: f32| playhead.time_at(f64::from((x - inner.left()) / inner.width()), marks);
     let painter = ui.painter();
     let track = egui::Rect::from_center_size(inner.center(), vec2(inner.width(), 4.0));
     painter.rect_filled(track, 2.0, theme::WELL);
@@ -102,10 +119,10 @@ fn line(ui: &mut Ui, playhead: &mut Playhead) {
         painter.rect_stroke(rect, 3.0, Stroke::new(1.0, theme::LINE), StrokeKind::Inside);
     }
     if let Some(pointer) = response.interact_pointer_pos().filter(|_| response.dragged() || response.clicked()) {
-        playhead.seek(first + span * f64::from(((pointer.x - inner.left()) / inner.width()).clamp(0.0, 1.0)));
+        let time = under(pointer.x);
+        playhead.seek(time);
     } else if let Some(pointer) = response.hover_pos() {
-        let time = first + span * f64::from(((pointer.x - inner.left()) / inner.width()).clamp(0.0, 1.0));
-        let text = format!("{}", time as f32);
+        let text = playhead.times().words(under(pointer.x));
         painter.text(
             pos2(pointer.x, rect.top()),
             Align2::CENTER_BOTTOM,

@@ -51,7 +51,7 @@ pub(super) fn draw_window(
     mut clicked: ResMut<DoubleClick>,
     mut pointer: ResMut<PicturePointer>,
     (mut layer, stroke, mut pictures): (ResMut<MarkLayer>, Res<Stroke>, ResMut<overlay::tour::TourPictures>),
-    (shown, preset, mut playhead): (Res<Shown>, Res<Preset>, Option<ResMut<Playhead>>),
+    (shown, mut preset, mut playhead): (Res<Shown>, ResMut<Preset>, Option<ResMut<Playhead>>),
     (backend, letterbox): (Res<ActiveBackend>, Res<Letterbox>),
 ) -> Result {
     let ctx = contexts.ctx_mut()?.clone();
@@ -95,15 +95,19 @@ pub(super) fn draw_window(
             Dock::Right => window.with_min_x(rect.max.x),
         });
     }
+    let mut playing = preset.playing;
     if let Some(playhead) = playhead.as_mut().filter(|_| shown.panel && !owner.is_locked()) {
         egui::Panel::bottom("time")
             .resizable(false)
             .exact_size(time_dock::HEIGHT_PX)
             .show_separator_line(false)
             .frame(theme::panel_frame())
-            .show(&mut root, |ui| time_dock::show(ui, playhead));
+            .show(&mut root, |ui| time_dock::show(ui, playhead, &mut playing));
         docks.push(rect.with_min_y(rect.max.y - time_dock::HEIGHT_PX));
         rect.max.y -= time_dock::HEIGHT_PX;
+    }
+    if playing != preset.playing {
+        preset.playing = playing;
     }
     theme::dim(&ctx, &docks, preset.panel.brightness);
     picture.rect = Rect::from_corners(Vec2::new(rect.min.x, rect.min.y), Vec2::new(rect.max.x, rect.max.y));

@@ -20,7 +20,7 @@ fn camera(i: u64) -> Camera {
 fn frame(i: u64, now: Duration) -> Frame {
     let tour = i.is_multiple_of(3).then_some(TourTime { time: 0.016 * i as f64, running: true });
     let ranges = Some(Ranges { p: [1e-7 * i as f64, 1.0 + i as f64], s: [0.0, 2.0] });
-    Frame { number: 0, time: now.as_secs_f64(), camera: camera(i), ranges, tour }
+    Frame { number: 0, time: now.as_secs_f64(), camera: camera(i), ranges, tour, run: None }
 }
 
 fn scene(error_px: f64) -> String {

@@ -6,7 +6,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 /// The version of the messages that this program sends and understands: the first byte of each.
-pub const VERSION: u8 = 1;
+pub const VERSION: u8 = 2;
 
 /// Bytes of a scene's or tour's text at most.
 pub const MOST_TEXT: usize = 2 << 20;
@@ -99,6 +99,18 @@ pub struct Frame {
     pub ranges: Option<Ranges>,
     /// Where the tour is that plays.
     pub tour: Option<TourTime>,
+    /// Where the run is that is shown.
+    pub run: Option<RunTime>,
+}
+
+/// A moment of a run of snapshots.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RunTime {
+    /// Its time, in the unit of the steps' times.
+    pub time: f64,
+    /// Whether the stored step before it is shown, and nothing that moves.
+    pub holds: bool,
 }
 
 /// The ranges of values that colours are for.
@@ -143,6 +155,9 @@ impl Message for Frame {
                     return refuse(Self::NAME, name, [low, high], "two finite numbers, the lower one first");
                 }
             }
+        }
+        if let Some(run) = self.run.filter(|run| !run.time.is_finite()) {
+            return refuse(Self::NAME, "run.time", run.time, "a finite number");
         }
         match self.tour {
             Some(moment) if !(moment.time >= 0.0 && moment.time.is_finite()) => {

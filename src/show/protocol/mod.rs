@@ -17,7 +17,7 @@ mod transport;
 pub use follower::{Follower, FollowerEvent};
 pub use key::{KeyError, ShowKey};
 pub use leader::{FollowerInfo, Leader, LeaderEvent};
-pub use message::{Frame, MessageError, Ranges, Report, Severity, TourTime};
+pub use message::{Frame, MessageError, Ranges, Report, RunTime, Severity, TourTime};
 
 use std::net::{SocketAddr, ToSocketAddrs};
 

@@ -13,6 +13,7 @@ use crate::tour::{State, Timeline, TourFile};
 use crate::view::Surround;
 use crate::window::look::{Held, Look};
 use crate::window::picture::Picture;
+use crate::window::run_ranges::RunRanges;
 use crate::window::scene::Scene;
 use crate::window::state::answer::Answer;
 use bevy::prelude::*;
@@ -216,11 +217,19 @@ pub fn measure_ahead(
     }
 }
 
-/// Gives the picture the ranges of the tour's moment that is shown.
-pub fn hold_ranges(ranges: Res<Ranges>, player: Res<Player>, look: Option<Res<Look>>, mut held: ResMut<Held>) {
-    let known = ranges.tour.as_ref().zip(player.state()).zip(look);
+/// Gives the picture the ranges of the tour's moment that is shown, without a tour those of the run.
+pub fn hold_ranges(
+    (ranges, run): (Res<Ranges>, Res<RunRanges>),
+    player: Res<Player>,
+    look: Option<Res<Look>>,
+    mut held: ResMut<Held>,
+) {
+    let of_run = || run.levels(look.as_deref()?);
+    let known = ranges.tour.as_ref().zip(player.state()).zip(look.as_deref());
     let same = |tour: &Rehearsed| player.timeline().is_some_and(|timeline| Arc::ptr_eq(&tour.timeline, timeline));
-    let levels = known.filter(|((tour, _), _)| same(tour)).and_then(|((tour, state), look)| tour.levels(state, &look));
+    let levels = known.filter(|((tour, _), _)| same(tour)).and_then(|((tour, state), look)| tour.levels(state, look));
+    // A tour that is shown has ranges along its way, else those of the run that is open are held.
+    let levels = if player.state().is_some() { levels } else { of_run() };
     held.set_if_neq(Held(levels));
 }
 
@@ -246,6 +255,7 @@ mod tests {
         window
             .app
             .init_resource::<Ranges>()
+            .init_resource::<RunRanges>()
             .init_resource::<Held>()
             .init_resource::<Own>()
             .init_resource::<TransferPresets>()

@@ -137,11 +137,9 @@ impl Session {
     ) -> Result<Session, PictureError> {
         if options.exact.is_none() {
             let opened = OpenData::open(members, options.read, page_file)?;
-            let (file, notes) = opened.at(Moment::default())?;
+            let (session, notes) = Session::of_opened(opened, members.to_vec())?;
             notes.into_iter().for_each(|note| reporter.tell(note));
-            // Nothing limits what a picture holds: it has to be converged.
-            let session = Session::of(Arc::new(file), u64::MAX);
-            return Ok(Session { members: members.to_vec(), options, reporter, opened: Some(opened), ..session });
+            return Ok(Session { options, reporter, ..session });
         }
         let from = |shot: &'a Shot| shot.film.as_ref().and_then(|film| Some(&film.from.as_ref()?.look));
         let looks = shots.into_iter().flat_map(|shot| [Some(&shot.look), from(shot)]).flatten();
@@ -171,6 +169,17 @@ impl Session {
             told_of_paths: None,
             reporter,
         })
+    }
+
+    /// Draws open datasets, of runs whatever moment is asked for; and what does not fit together, a sentence each.
+    ///
+    /// # Errors
+    /// When a file cannot be read or shown with the others.
+    pub fn of_opened(opened: OpenData, members: Vec<Member>) -> Result<(Session, Vec<String>), PictureError> {
+        let (file, notes) = opened.at(Moment::default())?;
+        // Nothing limits what a picture holds: it has to be converged.
+        let session = Session::of(Arc::new(file), u64::MAX);
+        Ok((Session { members, opened: Some(opened), ..session }, notes))
     }
 
     /// Draws an open page file; its pages may take `budget_bytes`.

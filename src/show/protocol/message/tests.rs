@@ -16,13 +16,9 @@ fn frame() -> impl Strategy<Value = Frame> {
     let range = || prop::array::uniform2(number()).prop_map(|[a, b]| [a.min(b), a.max(b)]);
     let ranges = prop::option::of((range(), range()).prop_map(|(p, s)| Ranges { p, s }));
     let tour = prop::option::of((0.0..1e7f64, any::<bool>()).prop_map(|(time, running)| TourTime { time, running }));
-    (any::<u64>(), 0.0..1e9f64, camera(), ranges, tour).prop_map(|(number, time, camera, ranges, tour)| Frame {
-        number,
-        time,
-        camera,
-        ranges,
-        tour,
-    })
+    let run = prop::option::of((number(), any::<bool>()).prop_map(|(time, holds)| RunTime { time, holds }));
+    (any::<u64>(), 0.0..1e9f64, camera(), ranges, tour, run)
+        .prop_map(|(number, time, camera, ranges, tour, run)| Frame { number, time, camera, ranges, tour, run })
 }
 
 fn report() -> impl Strategy<Value = Report> {
@@ -124,7 +120,7 @@ proptest! {
 #[test]
 fn what_makes_no_sense_is_refused_with_its_field() {
     let camera = Camera { eye: [0.0, 0.0, 9.0], target: [0.0; 3], up: [0.0, 1.0, 0.0], fov: 40.0, ortho: None };
-    let good = Frame { number: 1, time: 0.5, camera, ranges: None, tour: None };
+    let good = Frame { number: 1, time: 0.5, camera, ranges: None, tour: None, run: None };
     comes_back(&good);
     let wrong: [(&str, fn(&mut Frame)); 8] = [
         ("time", |frame| frame.time = f64::NAN),

@@ -13,7 +13,7 @@ use crate::window::open::Openings;
 use crate::window::options::OpenRequest;
 use crate::window::pages::Upcoming;
 use crate::window::picture::DataCamera;
-use crate::window::playhead::families_of;
+use crate::window::playhead::{Playhead, families_of};
 use crate::window::scene::{Scene, Settings, TransferKept};
 use crate::window::scene_io::viewpoint_of;
 use crate::window::state::answer::Answer;
@@ -165,7 +165,7 @@ pub(crate) fn show_led_picture(
     scene: Option<Res<Scene>>,
     choices: Res<Choices>,
     mut settings: ResMut<Settings>,
-    mut player: ResMut<Player>,
+    (mut player, playhead): (ResMut<Player>, Option<ResMut<Playhead>>),
     mut objects: ResMut<Objects>,
     mut upcoming: ResMut<Upcoming>,
     mut notices: ResMut<Notices>,
@@ -194,6 +194,11 @@ pub(crate) fn show_led_picture(
     viewpoint.set_if_neq(place);
     if settings.lens != lens {
         settings.lens = lens;
+    }
+    if let Some((mut playhead, run)) = playhead.zip(frame.run) {
+        let playhead = playhead.bypass_change_detection();
+        playhead.hold(run.holds);
+        playhead.lead(run.time);
     }
     following.shown = frame.number;
     let heard = following.follower.heard().unwrap_or_default().as_secs_f64();

@@ -1,12 +1,13 @@
 //! The leader's side of a show: what is sent of each frame, and what is heard of the followers.
 
 use crate::look::{DatasetRef, SceneError, SceneFile};
-use crate::show::protocol::{Frame, Leader, LeaderEvent, Ranges, Severity, TourTime};
+use crate::show::protocol::{Frame, Leader, LeaderEvent, Ranges, RunTime, Severity, TourTime};
 use crate::tour::TourFile;
 use crate::window::camera::Viewpoint;
 use crate::window::look::Look;
 use crate::window::objects::Objects;
 use crate::window::picture::{DataCamera, Picture};
+use crate::window::playhead::Playhead;
 use crate::window::scene::{Scene, Settings};
 use crate::window::scene_io::{ShownData, camera_of};
 use crate::window::state::notices::Notices;
@@ -134,7 +135,7 @@ pub(crate) fn send_frame(
     scene: Option<Res<Scene>>,
     settings: Res<Settings>,
     look: Option<Res<Look>>,
-    player: Res<Player>,
+    (player, playhead): (Res<Player>, Option<Res<Playhead>>),
     objects: Res<Objects>,
     picture: Res<Picture>,
     mut notices: ResMut<Notices>,
@@ -157,5 +158,6 @@ pub(crate) fn send_frame(
         camera: camera_of(&camera, &settings.lens),
         ranges: ranges.filter(|ranges| is_range(ranges.p) && is_range(ranges.s)),
         tour: shows_tour.then(moment),
+        run: playhead.map(|playhead| RunTime { time: playhead.time(), holds: playhead.holds() }),
     });
 }
