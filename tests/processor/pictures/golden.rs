@@ -69,6 +69,7 @@ fn an_annotated_picture_is_its_golden_image() {
         length_unit: &metadata.length_unit.to_string(),
         legend: Some(&legend),
         labels: &labels,
+        time: "",
     };
     let all = Annotations { axes: true, triad: true, caption: "A box of dark matter".into(), ..Annotations::default() };
     annotate::paint(&mut image, &annotate::layout(&all, &subject), 1.0, annotate::Paper::Dark);

@@ -44,12 +44,15 @@ impl Shuffle {
         for group in order.chunk_by(|a, b| buckets[*a as usize] == buckets[*b as usize]) {
             let bucket = &self.buckets[buckets[group[0] as usize] as usize];
             let mut bucket = bucket.lock().unwrap_or_else(PoisonError::into_inner);
-            group.iter().for_each(|i| bucket.waiting.extend_from_slice(record(*i as usize)));
-            if bucket.waiting.len() >= RUN {
-                let blob = self.spill.put(&[bytemuck::cast_slice(&bucket.waiting)]);
-                let blob = blob.map_err(|error| BuildError::temporary(&self.spill, error))?;
-                bucket.runs.push(blob);
-                bucket.waiting.clear();
+            for i in group {
+                bucket.waiting.extend_from_slice(record(*i as usize));
+                // However many come at once, no more of them wait: in each bucket there is room for a run.
+                if bucket.waiting.len() >= RUN {
+                    let blob = self.spill.put(&[bytemuck::cast_slice(&bucket.waiting)]);
+                    let blob = blob.map_err(|error| BuildError::temporary(&self.spill, error))?;
+                    bucket.runs.push(blob);
+                    bucket.waiting.clear();
+                }
             }
         }
         Ok(())
