@@ -429,7 +429,7 @@ pub fn families_of(before: &Metadata, shown: &[bool], next: &Metadata) -> Vec<bo
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
     use crate::build::{BuildOptions, RunBuild};
     use crate::import::{LoadOptions, RunOptions, Times, open_run};
@@ -437,8 +437,8 @@ mod tests {
     use crate::model::ReadMethod;
     use crate::store::StoreError;
 
-    /// A run of three steps, of which the last has a family less.
-    fn playhead(folder: &std::path::Path) -> Playhead {
+    /// A run of three steps, at 0, 1 and 4.
+    pub fn run_file(folder: &std::path::Path) -> std::path::PathBuf {
         let tables = [0, 1, 2].map(|step| {
             let path = folder.join(format!("t{step}.csv"));
             std::fs::write(&path, format!("x,y,z\n{step},0,0\n1,1,1\n")).unwrap();
@@ -450,6 +450,11 @@ mod tests {
         let (load, options) = (LoadOptions::default(), BuildOptions::default());
         let build = RunBuild { load: &load, options: &options, tracks: None, skip_damaged: false, still_of: None };
         build.build(run, &out, &()).unwrap();
+        out
+    }
+
+    fn playhead(folder: &std::path::Path) -> Playhead {
+        let out = run_file(folder);
         let built = |path: &std::path::Path| Ok::<_, StoreError>(path.to_owned());
         let data = OpenData::open(&[Member::new(out)], ReadMethod::default(), built).unwrap();
         Playhead::new(data, Moment::default(), None).unwrap()

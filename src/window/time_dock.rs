@@ -11,8 +11,11 @@ pub const HEIGHT_PX: f32 = 40.0;
 /// Height of the line of time.
 const LINE_PX: f32 = 24.0;
 
-/// Width of what is written at its end.
-const WORDS_PX: f32 = 190.0;
+/// Width of the time that is written at its end; of comoving data, whose times are two numbers.
+const TIME_PX: [f32; 2] = [64.0, 120.0];
+
+/// Width of what is said of steps behind it, and of the dock's part from there on where there is room for it.
+const STEPS_PX: [f32; 2] = [86.0, 300.0];
 
 /// Draws the dock, and does what is asked of it; `before` is how the run is played.
 pub fn show(ui: &mut Ui, playhead: &mut Playhead, before: PlayingPreset) {
@@ -47,30 +50,13 @@ pub fn show(ui: &mut Ui, playhead: &mut Playhead, before: PlayingPreset) {
                 playhead.hold(holds);
             }
         }
-        let (text, next, help) = match how.repeat {
-            Repeat::Once => ("once", Repeat::Again, "Stands at the end; click to begin again there"),
-            Repeat::Again => ("again", Repeat::ToAndFro, "Begins again at the end; click to go to and fro"),
-            Repeat::ToAndFro => ("to and fro", Repeat::Once, "Goes to and fro; click to stand at the end"),
-        };
-        if theme::button(ui, "time:repeat", text, true, help) {
-            how.repeat = next;
-        }
-        let (text, next, help) = match how.pace {
-            Along::Time => ("by time", Along::Steps, "Time goes evenly; click to give each step the same time"),
-            Along::Steps => ("by steps", Along::Time, "Each step takes the same time; click to let time go evenly"),
-        };
-        if theme::button(ui, "time:pace", text, true, help) {
-            (how.pace, how.marks) = (next, next);
-        }
-        let mut steady = how.range == Over::Run;
-        let switch = ui.checkbox(&mut steady, "Steady");
-        theme::register(ui, "time:range", switch.rect);
-        if switch.on_hover_text("Automatic ranges of colours are those of the whole run, not of this moment").changed()
-        {
-            how.range = if steady { Over::Run } else { Over::Now };
-        }
+        let more = ui.menu_button("...", |ui| options(ui, &mut how)).response;
+        theme::register(ui, "time:more", more.rect);
+        more.on_hover_text("How the run is played");
         ui.add_space(8.0);
-        line(ui, playhead, how.marks);
+        let says_steps = ui.available_width() > STEPS_PX[1];
+        let words = TIME_PX[usize::from(playhead.times().redshifts.is_some())];
+        line(ui, playhead, how.marks, words + if says_steps { STEPS_PX[0] } else { 0.0 });
         let (step, last) = (playhead.shown(), playhead.times().times.len().saturating_sub(1));
         let speed = match playhead.speed() {
             1.0 => String::new(),
@@ -80,17 +66,55 @@ pub fn show(ui: &mut Ui, playhead: &mut Playhead, before: PlayingPreset) {
         let help =
             "The time of the data, as the snapshots' headers count it; of comoving data redshift and scale factor";
         ui.label(playhead.times().words(playhead.time())).on_hover_text(help);
-        ui.add_space(6.0);
-        ui.label(egui::RichText::new(format!("step {step} of {last}{speed}")).color(theme::LABEL));
+        if says_steps {
+            ui.add_space(6.0);
+            ui.label(egui::RichText::new(format!("step {step} of {last}{speed}")).color(theme::LABEL));
+        }
     });
     if how != before {
         playhead.play_as(how);
     }
 }
 
-/// The line of time: a mark for each step, and the playhead, which is dragged.
-fn line(ui: &mut Ui, playhead: &mut Playhead, marks: Along) {
-    let width = (ui.available_width() - WORDS_PX).max(40.0);
+/// How the run is played.
+fn options(ui: &mut Ui, how: &mut PlayingPreset) {
+    let choice = |ui: &mut Ui, name: &str, text: &str, is_chosen: bool| {
+        let label = ui.selectable_label(is_chosen, text);
+        theme::register(ui, name, label.rect);
+        label.clicked()
+    };
+    for (name, text, repeat) in [
+        ("time:once", "Stand at the end", Repeat::Once),
+        ("time:again", "Begin again at the end", Repeat::Again),
+        ("time:to-and-fro", "Go to and fro", Repeat::ToAndFro),
+    ] {
+        if choice(ui, name, text, how.repeat == repeat) {
+            how.repeat = repeat;
+        }
+    }
+    ui.separator();
+    for (name, text, along) in [
+        ("time:by-time", "Time goes evenly", Along::Time),
+        ("time:by-steps", "Each step takes the same time", Along::Steps),
+    ] {
+        if choice(ui, name, text, how.pace == along) {
+            (how.pace, how.marks) = (along, along);
+        }
+    }
+    ui.separator();
+    for (name, text, over) in [
+        ("time:of-run", "Colours for the whole run", Over::Run),
+        ("time:of-now", "Colours for each picture", Over::Now),
+    ] {
+        if choice(ui, name, text, how.range == over) {
+            how.range = over;
+        }
+    }
+}
+
+/// The line of time: a mark for each step, and the playhead, which is dragged; beside it `words` are left for what is said.
+fn line(ui: &mut Ui, playhead: &mut Playhead, marks: Along, words: f32) {
+    let width = (ui.available_width() - words).max(40.0);
     let (rect, response) = ui.allocate_exact_size(vec2(width, LINE_PX), Sense::click_and_drag());
     theme::register(ui, "time:line", rect);
     let times = &playhead.times().times;

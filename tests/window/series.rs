@@ -219,9 +219,14 @@ fn colours_are_for_the_whole_run() {
         let corner = |i: usize| status["controls"][control][i].as_f64().unwrap();
         desktop.click([(0.5 * (corner(0) + corner(2))) as i16, (0.5 * (corner(1) + corner(3))) as i16]);
     };
-    click(&second, "time:repeat");
-    let again = program.wait("another way to play", |status| !status["controls"]["time:repeat"].is_null());
-    click(&again, "time:repeat");
+    let choose = |program: &mut Program, status: &Value, control: &str| {
+        click(status, "time:more");
+        let open = program.wait("the list", |status| status["controls"][control][4] == 1.0);
+        click(&open, control);
+        // Another click closes it.
+        program.wait("the end of the list", |status| status["controls"][control].is_null())
+    };
+    let again = choose(&mut program, &second, "time:to-and-fro");
     (0..5).for_each(|_| desktop.press(u32::from(']')));
     desktop.press(u32::from('t'));
     let before = std::cell::Cell::new(1.0);
@@ -234,7 +239,7 @@ fn colours_are_for_the_whole_run() {
     }
     desktop.press(u32::from('t'));
     // Of each picture alone, where somebody wants that.
-    click(&again, "time:range");
+    choose(&mut program, &again, "time:of-now");
     // Back to the first step, which is the faintest.
     (0..3).for_each(|_| desktop.press(u32::from(',')));
     let own = program.wait("ranges of the picture", |status| is_settled(status) && most(status) < 0.5 * most(&begin));

@@ -11,6 +11,7 @@ use crate::window::objects::Objects;
 use crate::window::open::{Opened, Openings, finish_opening};
 use crate::window::pages::Upcoming;
 use crate::window::picture::{DataCamera, Picture};
+use crate::window::playhead::Playhead;
 use crate::window::preset::Preset;
 use crate::window::scene::{Scene, Settings, TransferKept};
 use crate::window::scene_io::{Bookmarks, SceneFiles};
@@ -243,4 +244,25 @@ fn a_follower_without_the_data_says_so_and_shows_nothing_else() {
     assert_eq!(shown(&follower), 0);
     let info = leader.world().resource::<Leading>().leader().followers()[0].clone();
     assert!(!info.is_in_step() && info.warning.is_some());
+}
+
+#[test]
+fn followers_show_the_moment_of_the_leader() {
+    let folder = tempfile::tempdir().unwrap();
+    let (data, key) = (crate::window::playhead::tests::run_file(folder.path()), ShowKey::random());
+    let (mut leader, address) = leader(&data, &key);
+    let mut followers = [Some(follower(address, &key, "left", Vec::new()))];
+    let start = Instant::now();
+    for (time, i) in [(2.5, 0), (0.25, 1000), (4.0, 2000)] {
+        leader.world_mut().resource_mut::<Playhead>().seek(time);
+        for i in i.. {
+            step(&mut leader, &mut followers, i);
+            let follower = followers[0].as_ref().unwrap();
+            if follower.world().get_resource::<Playhead>().is_some_and(|playhead| playhead.time() == time) {
+                break;
+            }
+            std::thread::sleep(Duration::from_millis(1));
+            assert!(start.elapsed() < PATIENCE, "{:?}", notices(follower));
+        }
+    }
 }
