@@ -450,6 +450,7 @@ mod tests {
         world.init_resource::<GpuTables>();
         world.init_resource::<Notices>();
         world.init_resource::<LiveParticles>();
+        world.init_resource::<Paths>();
         let mut told = |backend| {
             world.resource_mut::<Preset>().drawing.backend = backend;
             world.run_system_once(choose_backend).unwrap();

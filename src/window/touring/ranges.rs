@@ -219,12 +219,12 @@ pub fn measure_ahead(
 
 /// Gives the picture the ranges of the tour's moment that is shown, without a tour those of the run.
 pub fn hold_ranges(
-    (ranges, run): (Res<Ranges>, Res<RunRanges>),
+    (ranges, run): (Res<Ranges>, Option<Res<RunRanges>>),
     player: Res<Player>,
     look: Option<Res<Look>>,
     mut held: ResMut<Held>,
 ) {
-    let of_run = || run.levels(look.as_deref()?);
+    let of_run = || run?.levels(look.as_deref()?);
     let known = ranges.tour.as_ref().zip(player.state()).zip(look.as_deref());
     let same = |tour: &Rehearsed| player.timeline().is_some_and(|timeline| Arc::ptr_eq(&tour.timeline, timeline));
     let levels = known.filter(|((tour, _), _)| same(tour)).and_then(|((tour, state), look)| tour.levels(state, look));
@@ -255,7 +255,6 @@ mod tests {
         window
             .app
             .init_resource::<Ranges>()
-            .init_resource::<RunRanges>()
             .init_resource::<Held>()
             .init_resource::<Own>()
             .init_resource::<TransferPresets>()
