@@ -36,7 +36,11 @@ struct Node {
     ranks: u32,
     /// 1: every particle has importance 1.
     even: u32,
-    unused: u32,
+    /// Of moving particles: the edge of the periodic box that they are wrapped into, or 0, the corner of that box, from the node's
+    /// origin, and how far they are on their way, from 0 to 1.
+    edge: f32,
+    corner: vec3<f32>,
+    u: f32,
 }
 
 struct Block {
@@ -64,6 +68,7 @@ const NOTHING: Particle = Particle(vec3<f32>(0.0), 0.0, 0.0, 0.0, 0.0);
 const ENCODING_GRID: u32 = 0u;
 const ENCODING_LEAF: u32 = 1u;
 const ENCODING_WORLD: u32 = 2u;
+const ENCODING_MOVING: u32 = 4u;
 
 @group(0) @binding(0) var<uniform> view: SplatView;
 @group(0) @binding(1) var<storage, read> nodes: array<Node>;
@@ -120,6 +125,47 @@ fn load_raw(axes: mat3x3<f32>, node: Node, index: u32, world: bool) -> Particle 
     return Particle(select(first.xyz, axes * (first.xyz - node.eye_rest), world), first.w, second.x, second.y, second.z);
 }
 
+/// What lies at `u` between two values: linear in the logarithm where `is_log` and both are positive.
+fn between(ends: vec2<f32>, u: f32, is_log: bool) -> f32 {
+    if is_log && ends.x > 0.0 && ends.y > 0.0 {
+        return ends.x * exp(u * log(ends.y / ends.x));
+    }
+    return mix(ends.x, ends.y, u);
+}
+
+/// A particle on its way (src/gpu/moving.rs): the cubic Hermite spline of F12, equation 6.1.
+fn load_moving(axes: mat3x3<f32>, node: Node, index: u32) -> Particle {
+    var factor = 1.0;
+    if node.ranks != 0u {
+        factor = sample_factor(node.seed, node.scale, index, 1.0);
+        if factor == 0.0 {
+            return NOTHING;
+        }
+    }
+    let at = (node.positions >> 2u) + 6u * index;
+    let begin = vectors[at];
+    let end = vectors[at + 1u];
+    let leaves = vectors[at + 2u];
+    let comes = vectors[at + 3u];
+    let values = vectors[at + 4u];
+    let densities = vectors[at + 5u];
+    let u = node.u;
+    let rest = 1.0 - u;
+    var place = (1.0 + 2.0 * u) * rest * rest * begin.xyz + u * u * (3.0 - 2.0 * u) * end.xyz;
+    place += u * rest * (rest * leaves.xyz - u * comes.xyz);
+    if node.edge > 0.0 {
+        place -= node.edge * floor((place - node.corner) / node.edge);
+    }
+    let weight = mix(leaves.w, comes.w, u) * between(values.xy, u, true);
+    return Particle(
+        axes * (place - node.eye_rest),
+        between(vec2(begin.w, end.w), u, true) * node.growth,
+        weight * factor,
+        between(values.zw, u, densities.z > 0.5),
+        between(densities.xy, u, true),
+    );
+}
+
 /// What the view leaves of the weight of a particle at a place in camera space (src/view/cut.rs).
 fn cut_factor(axes: mat3x3<f32>, position: vec3<f32>) -> f32 {
     // The rows of the rotation back are the columns of `axes`.
@@ -142,6 +188,8 @@ fn load_particle(axes: mat3x3<f32>, node: Node, number: u32) -> Particle {
     }
     if node.encoding <= ENCODING_LEAF {
         particle = load_packed(axes, node, index, node.encoding == ENCODING_LEAF);
+    } else if node.encoding == ENCODING_MOVING {
+        particle = load_moving(axes, node, index);
     } else {
         particle = load_raw(axes, node, index, node.encoding == ENCODING_WORLD);
     }

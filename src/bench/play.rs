@@ -1,6 +1,6 @@
 //! `deepfield bench play`: a run while time goes on, forward, backward and in jumps, streamed as the window streams.
 
-use super::flight::canvas::CpuCanvas;
+use super::flight::canvas::Canvas;
 use super::flight::engine::Engine;
 use super::flight::series::{Frame, Summary};
 use super::splat::Failure;
@@ -13,7 +13,7 @@ use crate::store::{RunFile, Tree};
 use crate::stream::{Streamer, first_frame};
 use crate::view::View;
 use serde::Serialize;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -65,10 +65,11 @@ pub struct Played {
 /// When it cannot be read or has no tracks, or it cannot be drawn.
 pub fn measure(arguments: &super::Arguments) -> Result<Vec<Outcome>, Failure> {
     let path = arguments.path.as_ref().ok_or("bench play: name a run, as `deepfield bench play run.df`")?;
-    if !arguments.backends.iter().any(|backend| backend == "cpu") {
-        return Err("bench play: only cpu draws; the window shows what an adapter makes of it".into());
-    }
-    let options = &arguments.flight;
+    arguments.backends.iter().map(|backend| measure_with(backend, path, &arguments.flight)).collect()
+}
+
+/// Plays a run with one backend.
+fn measure_with(backend: &str, path: &Path, options: &super::flight::Options) -> Result<Outcome, Failure> {
     let opening = Instant::now();
     let run = Arc::new(RunFile::open(path, ReadMethod::default())?);
     let tree = Arc::new(RunTree::new(Arc::clone(&run), Interpolation::Auto)?);
@@ -83,9 +84,10 @@ pub fn measure(arguments: &super::Arguments) -> Result<Vec<Outcome>, Failure> {
         return Err(format!("bench play: {} draws light; choose a mode of sums", depiction.mode.name).into());
     }
     let drawn = Arc::clone(&tree) as Arc<dyn Tree>;
-    let mut canvas = CpuCanvas::new(Arc::clone(&drawn), depiction.clone());
-    let mut engine = options.engine(drawn, depiction, (size.width, size.height), &mut canvas);
     let until_now = opening.elapsed().as_secs_f64();
+    // A program that runs has opened its adapter before it opens a file.
+    let mut canvas: Box<dyn Canvas> = options.canvas(backend, &drawn, &depiction, &view)?;
+    let mut engine = options.engine(drawn, depiction, (size.width, size.height), &mut *canvas);
     let mut streamer = engine.streamer();
     let first = engine.converge(&mut streamer, &view)?;
     engine.prepare(&mut streamer, &view)?;
@@ -103,7 +105,7 @@ pub fn measure(arguments: &super::Arguments) -> Result<Vec<Outcome>, Failure> {
     let (backend, adapter) = engine.canvas.name();
     let steps = &run.directory().steps;
     let outcome = Outcome {
-        path: path.clone(),
+        path: path.to_owned(),
         particles: steps.iter().map(|step| step.particles).max().unwrap_or(0),
         steps: steps.len(),
         bytes: run.bytes(),
@@ -115,7 +117,7 @@ pub fn measure(arguments: &super::Arguments) -> Result<Vec<Outcome>, Failure> {
         jumping,
     };
     print(&outcome, &engine.messages);
-    Ok(vec![outcome])
+    Ok(outcome)
 }
 
 /// Plays for so many seconds: `at` says which moment is shown then, and `next` which one will be in a while.

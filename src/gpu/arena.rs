@@ -4,8 +4,10 @@
 //! of at most [`PART_BYTES`]; each part lies in one chunk. Uploads are limited per frame; a node that finds no room
 //! within the byte budget is rejected, and the main world decides what to remove.
 
+use super::moving::{MovingParticle, Passage};
 use super::scene::{
-    NodeId, NodeState, ParticleScene, Payload, RAW_WORDS, RawParticle, SceneCommand, Table, TableEntry, TableId, Words,
+    MOVING_WORDS, NodeId, NodeState, ParticleScene, Payload, RAW_WORDS, RawParticle, SceneCommand, Table, TableEntry,
+    TableId, Words,
 };
 use super::splat::layout::Encoding;
 use crate::mode::sample::GROUP;
@@ -48,6 +50,8 @@ pub struct ResidentNode {
     pub encoding: Encoding,
     /// Where they lie.
     pub parts: Vec<Part>,
+    /// When they are where, if they move.
+    pub passage: Option<Passage>,
 }
 
 struct Chunk {
@@ -142,24 +146,33 @@ impl Arena {
         device: &RenderDevice,
         queue: &RenderQueue,
     ) -> Option<u64> {
+        let made: Vec<MovingParticle>;
+        let mut passage = None;
         let (encoding, words, codes, stride) = match payload.words() {
             Words::Lent(buffer, count) => return self.adopt(id, min, buffer, count, device),
             Words::Grid(words, codes) => (Encoding::Grid, words, codes, 1),
             Words::Leaf(words, codes) => (Encoding::Leaf, words, codes, 2),
             Words::World(words) => (Encoding::World, words, &[][..], RAW_WORDS),
             Words::Camera(words) => (Encoding::Camera, words, &[][..], RAW_WORDS),
+            Words::Moving(node) => {
+                let (all, when) = node.particles(min).unzip();
+                made = all.unwrap_or_default();
+                passage = when;
+                (Encoding::Moving, bytemuck::cast_slice(&made), &[][..], MOVING_WORDS)
+            }
         };
         let step = match encoding {
             Encoding::Grid => size / 1024.0,
             Encoding::Leaf => size / f64::from(1 << 21),
-            Encoding::World | Encoding::Camera => 0.0,
+            Encoding::World | Encoding::Camera | Encoding::Moving => 0.0,
         };
         let coded = !codes.is_empty();
         // Whole groups of particles, so that samples know them by their numbers in the part; two codes share a word.
         let group = GROUP as usize;
         let per_part = (PART_BYTES.min(self.chunk_bytes as usize / 2) / (4 * stride + 2) / group * group).max(group);
-        let count = payload.len();
-        let mut node = ResidentNode { min, step, encoding, parts: Vec::with_capacity(count.div_ceil(per_part)) };
+        let count = payload.len().min(words.len() / stride);
+        let parts = Vec::with_capacity(count.div_ceil(per_part));
+        let mut node = ResidentNode { min, step, encoding, parts, passage };
         let mut total = 0;
         let mut first = 0;
         while first < count {
@@ -213,7 +226,8 @@ impl Arena {
         self.lent_count += 1;
         self.lent.insert(chunk, buffer.clone());
         let part = Part { chunk, positions: 0, codes: 0, count, allocation: None, bytes: 0 };
-        self.nodes.insert(id, ResidentNode { min, step: 0.0, encoding: Encoding::World, parts: vec![part] });
+        self.nodes
+            .insert(id, ResidentNode { min, step: 0.0, encoding: Encoding::World, parts: vec![part], passage: None });
         Some(0)
     }
 

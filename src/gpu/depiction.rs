@@ -14,7 +14,6 @@ use crate::stream::SceneNode;
 use crate::view::{Extent, View};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
-use std::collections::HashSet;
 
 /// Particles of one payload: few enough that any adapter binds them.
 const BATCH: usize = 1 << 18;
@@ -138,42 +137,18 @@ pub fn world_payloads(depiction: &Depiction, family: &Family) -> Vec<(Payload, D
         family.attributes.iter().map(|attribute| (attribute.name.as_str(), &attribute.values[..])).collect();
     let Family { positions, mass, density, smoothing_length, .. } = family;
     let columns = depiction.values_of(&Columns { mass, density, smoothing_length, attributes: &attributes });
-    batches(positions, smoothing_length, &columns, 1.0)
+    batches(positions, smoothing_length, &columns)
 }
 
-/// The same of nodes that bring their own particles, as they are at each node's time; a node that is shown in several images once.
-pub fn moving_payloads(
-    depiction: &Depiction,
-    metadata: &Metadata,
-    nodes: &[SceneNode],
-) -> Vec<(Payload, DVec3, Extent)> {
-    let mut seen = HashSet::new();
-    let nodes: Vec<&SceneNode> = nodes.iter().filter(|drawn| seen.insert(drawn.node)).collect();
-    let of_node = |drawn: &&SceneNode| {
-        let index = drawn.node.node as usize;
-        let family = metadata.families.get(drawn.page.family as usize)?;
-        let held = drawn.page.content(index)?.particles(drawn.time);
-        let columns = depiction.columns_of(family, &held.values);
-        let scale = depiction.node_scale(drawn.page.nodes.get(index)?);
-        Some(batches(&held.positions, &held.values.smoothing_length, &columns, scale))
-    };
-    nodes.par_iter().filter_map(of_node).flatten().collect()
-}
-
-/// Particles for any camera, some at a time, with a factor on their weights.
-fn batches(
-    positions: &[[f64; 3]],
-    smoothing_length: &[f32],
-    columns: &SourceColumns,
-    scale: f32,
-) -> Vec<(Payload, DVec3, Extent)> {
+/// Particles for any camera, some at a time.
+fn batches(positions: &[[f64; 3]], smoothing_length: &[f32], columns: &SourceColumns) -> Vec<(Payload, DVec3, Extent)> {
     let batch = |start: usize| {
         let range = start..positions.len().min(start + BATCH);
         let place = |i: usize| DVec3::from_array(positions[i]);
         let around = |i: usize| (place(i), place(i), smoothing_length[i]);
         let widest = |a: (DVec3, DVec3, f32), b: (DVec3, DVec3, f32)| (a.0.min(b.0), a.1.max(b.1), a.2.max(b.2));
         let (min, max, margin) = range.clone().into_par_iter().map(around).reduce(|| around(start), widest);
-        let particle = |i: usize| raw(i, (place(i) - min).as_vec3(), smoothing_length[i], columns, scale);
+        let particle = |i: usize| raw(i, (place(i) - min).as_vec3(), smoothing_length[i], columns, 1.0);
         let particles = range.into_par_iter().map(particle).collect();
         (Payload::World(particles), min, Extent { bounds: Bounds { min, max }, margin: f64::from(margin) })
     };

@@ -26,6 +26,7 @@ pub mod light;
 pub mod matter;
 pub mod measure;
 pub mod mode_view;
+pub mod moving;
 pub mod offscreen;
 pub mod page_copies;
 pub mod parts;

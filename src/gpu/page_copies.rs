@@ -1,8 +1,14 @@
 //! Copies of whole pages in the renderer's arena: how the nodes of a page are named there, put in, looked after and
 //! taken out.
 
-use super::scene::{NodeId, NodeState, NodeUpload, ParticleScene, Payload};
-use crate::store::{Node, Page, PageId};
+use super::moving::{MovingLook, MovingNode};
+use super::scene::{NodeId, NodeState, NodeUpload, ParticleScene, Payload, TableId};
+use super::view::DrawItem;
+use crate::mode::sample::Sample;
+use crate::mode::{Depiction, Plan};
+use crate::store::{Metadata, Node, Page, PageId};
+use crate::stream::SceneNode;
+use crate::view::View;
 use std::sync::Arc;
 
 /// Where the copy of a page stands.
@@ -21,23 +27,60 @@ pub fn node_id(source: u32, page: PageId, node: u32) -> NodeId {
     NodeId { source, page: page.0, node }
 }
 
-/// The nodes of a page that hold coded particles: the arena knows no others.
+/// The nodes of a page that hold coded particles, or such as move: the arena knows no others.
 fn drawable(page: &Page) -> impl Iterator<Item = u32> {
-    let is_coded = |(index, node): &(usize, &Node)| node.particles > 0 && page.content(*index).is_none();
-    page.nodes.iter().enumerate().filter(is_coded).map(|(index, _)| index as u32)
+    let is_known = |(index, node): &(usize, &Node)| {
+        node.particles > 0 && page.content(*index).is_none_or(|content| content.moves())
+    };
+    page.nodes.iter().enumerate().filter(is_known).map(|(index, _)| index as u32)
 }
 
-/// Queues a page for upload.
-pub fn insert(scene: &ParticleScene, source: u32, page: &Arc<Page>) {
-    scene.insert_nodes(drawable(page).map(|index| {
-        let frame = page.nodes[index as usize].frame;
+/// Queues a page for upload; what moves for a look at it, and no other one.
+pub fn insert(scene: &ParticleScene, source: u32, page: &Arc<Page>, look: &Arc<MovingLook>) {
+    scene.insert_nodes(drawable(page).map(|node| {
+        let frame = page.nodes[node as usize].frame;
+        let page = Arc::clone(page);
         NodeUpload {
-            id: node_id(source, page.id, index),
+            id: node_id(source, page.id, node),
             min: frame.min,
             size: frame.size,
-            payload: Payload::Page { page: Arc::clone(page), node: index },
+            payload: match page.content(node as usize) {
+                Some(_) => Payload::Moving(MovingNode { page, node, look: Arc::clone(look) }),
+                None => Payload::Page { page, node },
+            },
         }
     }));
+}
+
+/// What is drawn of a node that is selected for a view: the sample that `plan` says. `tables` has a table for each family and codebook, and
+/// its largest importance.
+pub fn item(
+    source: u32,
+    drawn: &SceneNode,
+    view: &View,
+    (depiction, metadata, plan): (&Depiction, &Metadata, &Plan),
+    tables: &[Vec<(TableId, f32)>],
+) -> Option<DrawItem> {
+    let (index, family) = (drawn.node.node as usize, drawn.page.family as usize);
+    let node = drawn.page.nodes.get(index)?;
+    let sample = |most_important: f32| {
+        Some(plan.sample(&view.of_image(drawn.offset), depiction, metadata.families.get(family)?, node, most_important))
+    };
+    let (table, sample) = match drawn.page.content(index) {
+        // Its particles' importance is known to nobody beforehand: of what moves, samples are even ones or everything.
+        Some(_) => (None, sample(f32::INFINITY).filter(|sample| sample.even).unwrap_or(Sample::ALL)),
+        None => {
+            let (table, most_important) = *tables.get(family)?.get(usize::from(node.codebook))?;
+            (Some(table), sample(most_important)?)
+        }
+    };
+    Some(DrawItem {
+        node: node_id(source, drawn.node.page, drawn.node.node),
+        table,
+        weight_scale: depiction.node_scale(node),
+        offset: drawn.offset,
+        sample,
+    })
 }
 
 /// Where the copy of a page that was put in stands.

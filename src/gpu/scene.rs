@@ -5,7 +5,9 @@
 //! [`super::arena`]). What a camera draws of it is said by its [`super::SplatView`] component. Nothing here waits:
 //! every call takes a short lock.
 
+use super::moving::MovingNode;
 use crate::store::{Page, Positions};
+use crate::stream::copies::MOVING_BYTES;
 use bevy::prelude::Resource;
 use bevy::render::render_resource::Buffer;
 use glam::DVec3;
@@ -88,6 +90,8 @@ pub enum Payload {
     World(Vec<RawParticle>),
     /// Source particles in camera space (right, up, depth; computed in double precision): valid for one camera only.
     Camera(Vec<RawParticle>),
+    /// A node of a page that is on its way through an interval.
+    Moving(MovingNode),
     /// Source particles as [`Payload::World`] has them, in a storage buffer of somebody else's, which passes read where it is.
     Lent {
         /// The buffer: [`RawParticle`]s from its beginning.
@@ -107,6 +111,8 @@ pub(super) enum Words<'a> {
     World(&'a [u32]),
     /// Eight words a particle, in camera space.
     Camera(&'a [u32]),
+    /// Still to be written, 24 words a particle.
+    Moving(&'a MovingNode),
     /// They are on the adapter.
     Lent(&'a Buffer, u32),
 }
@@ -125,6 +131,7 @@ impl Payload {
             Payload::Leaf { positions, codes } => Words::Leaf(bytemuck::cast_slice(positions), codes),
             Payload::World(particles) => Words::World(bytemuck::cast_slice(particles)),
             Payload::Camera(particles) => Words::Camera(bytemuck::cast_slice(particles)),
+            Payload::Moving(node) => Words::Moving(node),
             Payload::Lent { buffer, count } => Words::Lent(buffer, *count),
         }
     }
@@ -135,6 +142,7 @@ impl Payload {
             Words::Grid(positions, codes) => positions.len().min(codes.len()),
             Words::Leaf(positions, codes) => (positions.len() / 2).min(codes.len()),
             Words::World(words) | Words::Camera(words) => words.len() / RAW_WORDS,
+            Words::Moving(node) => node.len(),
             Words::Lent(_, count) => count as usize,
         }
     }
@@ -151,6 +159,7 @@ impl Payload {
                 (size_of_val(positions) + size_of_val(codes).next_multiple_of(4)) as u64
             }
             Words::World(words) | Words::Camera(words) => size_of_val(words) as u64,
+            Words::Moving(node) => node.len() as u64 * MOVING_BYTES,
             Words::Lent(..) => 0,
         }
     }
@@ -158,6 +167,8 @@ impl Payload {
 
 /// Words of a [`RawParticle`].
 pub(super) const RAW_WORDS: usize = size_of::<RawParticle>() / size_of::<u32>();
+/// Words of a particle on its way.
+pub(super) const MOVING_WORDS: usize = MOVING_BYTES as usize / size_of::<u32>();
 
 /// A node on its way to the renderer.
 #[derive(Clone, Debug)]

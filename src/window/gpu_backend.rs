@@ -7,8 +7,8 @@
 use super::cpu_backend::CpuPicture;
 use super::exposure::Exposure;
 use super::listed::Listed;
+use super::live::LiveParticles;
 use super::live::copies::LiveCopies;
-use super::live::{LiveParticles, draws_own};
 use super::look::Look;
 use super::page_entities::{GpuSlot, PageCopies, PageKey, PageStatus};
 use super::pages::ViewSelection;
@@ -25,7 +25,8 @@ use super::surround_backend;
 use super::touring::Before;
 use crate::color::Accumulation;
 use crate::gpu::measure::{Measure, Measured, MeasuredPicture};
-use crate::gpu::page_copies::{self, CopyState, node_id};
+use crate::gpu::moving::MovingLook;
+use crate::gpu::page_copies::{self, CopyState};
 use crate::gpu::tile_passes::TilePasses;
 use crate::gpu::{self, Composite, DrawItem, Fading, LightView, ModeView, ParticleScene, SplatView, VolumeView};
 use crate::gpu::{Capabilities, TableId, Technique, Withheld};
@@ -68,6 +69,8 @@ pub struct GpuTables {
     asked: Option<Backend>,
     /// The file for which it was told that the graphics memory is full.
     told_full: Option<u32>,
+    /// How copies of what moves are to be seen, and which look that is.
+    moving: Option<((u32, u64), Arc<MovingLook>)>,
 }
 
 /// Least time between two looks at how bright a view is that moves.
@@ -93,7 +96,7 @@ pub(super) fn choose_backend(
     mut tables: ResMut<GpuTables>,
     mut cameras: Query<(Entity, &mut Camera), With<DataCamera>>,
     mut notices: ResMut<Notices>,
-    (live, scene, paths): (Res<LiveParticles>, Option<Res<Scene>>, Res<Paths>),
+    (live, paths): (Res<LiveParticles>, Res<Paths>),
     slots: Query<Entity, With<GpuSlot>>,
     aim: Option<Res<Aim>>,
 ) {
@@ -151,7 +154,7 @@ pub(super) fn choose_backend(
         None => ActiveBackend::Cpu,
     };
     // While something else is shown, the file's pages have no place there.
-    let uses_copies = wanted == ActiveBackend::Gpu && !draws_own(&live, scene.as_deref());
+    let uses_copies = wanted == ActiveBackend::Gpu && !live.is_shown();
     if wanted != ActiveBackend::Gpu && live.is_shown() && live.particles().is_none() {
         notices.error("the processor cannot draw particles in the graphics adapter's memory: the file is shown");
     }
@@ -211,6 +214,32 @@ pub(super) fn receive_copies(
     }
 }
 
+/// Lets what moves be copied anew for another look: its copies hold what a mode makes of them, so that nothing is left to do for them while
+/// time goes on.
+pub(super) fn renew_moving(
+    mut commands: Commands,
+    (scene, look): (Option<Res<Scene>>, Option<Res<Look>>),
+    streaming: Option<ResMut<Streaming>>,
+    mut tables: ResMut<GpuTables>,
+    slots: Query<Entity, With<GpuSlot>>,
+) {
+    let (Some(scene), Some(look), Some(mut streaming)) = (scene, look, streaming) else { return };
+    let seen = (scene.generation, look.depiction_revision);
+    if tables.moving.as_ref().is_some_and(|(known, _)| *known == seen) {
+        return;
+    }
+    let look = MovingLook::new(look.depiction.clone(), scene.metadata());
+    let before = tables.moving.replace((seen, Arc::new(look)));
+    let is_same_file = before.is_some_and(|((generation, _), _)| generation == scene.generation);
+    if scene.moving.is_some() && is_same_file && streaming.generation == scene.generation {
+        let options = streaming.streamer.copies.as_ref().map(|copies| *copies.options());
+        streaming.streamer.keep_copies(options);
+        slots.iter().for_each(|page| {
+            commands.entity(page).remove::<GpuSlot>();
+        });
+    }
+}
+
 /// Frees the copies that have to make room, and queues those that the view misses or will.
 pub(super) fn upload_pages(
     mut commands: Commands,
@@ -230,9 +259,11 @@ pub(super) fn upload_pages(
         }
     }
     let residency = &streaming.streamer.residency;
+    // Without a look nothing is drawn yet, and nothing missed.
+    let Some((_, look)) = &tables.moving else { return };
     for id in plan.insert {
         let (Some(entity), Some(page)) = (streaming.entity(id), residency.page(id)) else { continue };
-        page_copies::insert(&particles, generation, page);
+        page_copies::insert(&particles, generation, page, look);
         commands.entity(entity).insert(GpuSlot::Queued);
     }
     if streaming.streamer.copies.as_ref().is_some_and(|copies| copies.is_full())
@@ -292,20 +323,10 @@ impl GpuTables {
             self.tables.iter().map(|books| books.iter().map(|table| table.1).collect()).collect();
         let (plan, taken) =
             drawing_cost::within(limit, usual, &view, &look.depiction, metadata, &selection.nodes, &important);
+        let wanted = (&look.depiction, metadata, &plan);
         let item = |drawn: &SceneNode| {
-            let node = drawn.page.nodes.get(drawn.node.node as usize)?;
-            let family = metadata.families.get(drawn.page.family as usize)?;
-            let tables = self.tables.get(drawn.page.family as usize)?;
-            let (table, most_important) = *tables.get(usize::from(node.codebook))?;
-            let sample = plan.sample(&view.of_image(drawn.offset), &look.depiction, family, node, most_important);
-            let item = DrawItem {
-                node: node_id(scene.generation, drawn.node.page, drawn.node.node),
-                table: Some(table),
-                weight_scale: look.depiction.node_scale(node),
-                offset: drawn.offset,
-                sample,
-            };
-            Some((item, reach(drawn, sample.growth)))
+            let item = page_copies::item(scene.generation, drawn, &view, wanted, &self.tables)?;
+            Some((item, reach(drawn, item.sample.growth)))
         };
         let (items, extents): (Vec<_>, Vec<_>) = selection.nodes.iter().filter_map(item).unzip();
         Listed { items: items.into(), extents: extents.into(), plan, taken }
@@ -356,12 +377,11 @@ pub(super) fn draw_on_gpu(
     let subject = Subject::new(metadata, &look.depiction, &look.transfer, 0.0);
     let usual = subject.plan(&view, &[], &lod_budget, Some(look.levels)).unwrap_or_default();
     let pressed = moving && frame_ms > 0.0;
-    let draws_own = draws_own(&live, Some(&scene));
-    let drawn = (selection.revision, draws_own.then(|| copies.number()), usual, pressed);
+    let drawn = (selection.revision, live.is_shown().then(|| copies.number()), usual, pressed);
     if tables.drawn != Some(drawn) {
         tables.drawn = Some(drawn);
         let limit = if pressed { tables.drawing_cost.limit(frame_ms, preset.motion.sample_sizes()) } else { u64::MAX };
-        let Listed { items, plan, taken, .. } = match draws_own {
+        let Listed { items, plan, taken, .. } = match live.is_shown() {
             true => copies.listed(&view, usual),
             false => tables.list(&selection, &look, &scene, (limit, usual)),
         };

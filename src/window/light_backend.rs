@@ -7,8 +7,8 @@ use super::cpu_backend::CpuPicture;
 use super::exposure::Exposure;
 use super::gpu_backend::GpuTables;
 use super::listed::Listed;
+use super::live::LiveParticles;
 use super::live::copies::LiveCopies;
-use super::live::{LiveParticles, draws_own};
 use super::look::{Held, Look};
 use super::occlusion::Occlusion;
 use super::pages::ViewSelection;
@@ -192,7 +192,7 @@ pub(super) fn draw_light_on_gpu(
     // What is drawn, of how many particles, with how many pixels.
     let moving = motion.is_moving(&preset.motion);
     let full = picture.size();
-    let draws_own = draws_own(&live, Some(&scene));
+    let draws_own = live.is_shown();
     let limit = match draws_own {
         true => u64::MAX,
         false => volume_limit(moving, true, statistics.particles, &preset.motion),
@@ -323,8 +323,8 @@ pub(super) fn draw_light_on_gpu(
         }
         // A sample's wider kernels may hide what all particles together do not: it says nothing.
         if Some(drawn) == number && statistics.sampled.is_none() {
-            // Live particles hide nothing of the file.
-            let opaque = opaque.filter(|_| !draws_own);
+            // Live particles hide nothing of the file, and what moves hides something else in a moment.
+            let opaque = opaque.filter(|_| !draws_own && scene.moving.is_none());
             occlusion.drew(opaque, (scene.generation, look.depiction_revision), selection.complete);
         }
     }

@@ -298,7 +298,10 @@ impl Plugin for WindowApp {
             (
                 picture::fit_picture.in_set(CameraSystems::Steer).before(CameraUpdateSystems),
                 pick::fly_to_pick.before(CameraSystems::Steer).after(EguiPostUpdateSet::ProcessOutput),
-                gpu_backend::receive_copies.in_set(PageSystems::Arrive).after(pages::finish_loads),
+                (gpu_backend::renew_moving, gpu_backend::receive_copies)
+                    .chain()
+                    .in_set(PageSystems::Arrive)
+                    .after(pages::finish_loads),
                 (
                     touring::before::draw_before.run_if(not(surround_backend::is_active)),
                     paths::follow_paths,

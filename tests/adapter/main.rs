@@ -12,6 +12,7 @@ mod integrals;
 mod light;
 mod light_modes;
 mod live;
+mod moving;
 mod overdraw;
 mod pages;
 mod panoramas;

@@ -7,11 +7,11 @@ mod run_checksums;
 
 use deepfield_data::build::{BuildOptions, Matching, RunBuild, TrackOptions, compare_with_sources};
 use deepfield_data::hierarchy::Purpose;
-use deepfield_data::hierarchy::spacetime::{Interpolation, TrackFlags, Tracks};
+use deepfield_data::hierarchy::spacetime::{HermiteSpline, Interpolation, Motion, TrackFlags, Tracks};
 use deepfield_data::import::{FieldKind, LoadOptions, RunOptions, Source, load_source, open_run};
 use deepfield_data::model::{ClockVariable, FamilyName, Moment, ReadMethod, When};
 use deepfield_data::store::run::{Matches, RunSnapshot, RunTree, Tangents, verify_run};
-use deepfield_data::store::{PageId, RunFile, Tree};
+use deepfield_data::store::{PageId, Particles, RunFile, Tree};
 use deepfield_data::synth::moving::{self, Births, Halo, Moving, Orbits, Pancake};
 use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
@@ -25,8 +25,11 @@ struct Generated {
 }
 
 fn generated(kind: &dyn Moving, steps: usize, irregular: f64) -> Generated {
+    generated_at(kind, moving::times(kind, steps, irregular, 3))
+}
+
+fn generated_at(kind: &dyn Moving, times: Vec<f64>) -> Generated {
     let folder = tempfile::tempdir().unwrap();
-    let times = moving::times(kind, steps, irregular, 3);
     let files = moving::write(kind, &times, 3, &folder.path().join("run"), &()).unwrap();
     Generated { folder, files, times }
 }
@@ -441,6 +444,73 @@ fn clusters_stand_for_what_is_below_them() {
             let root = index.nodes.last().unwrap();
             let extent = run.tracks().unwrap().lattice.root.size;
             assert!(root.is_leaf() || root.delta < coarse * extent, "{} of {extent}", root.delta);
+        }
+    }
+}
+
+/// What a motion says of a time, by its description alone, against what is drawn then.
+fn is_moved_to(motion: &Motion, time: f64, drawn: &Particles) {
+    let u = Motion::place(motion.span, motion.holds, time);
+    let length = motion.span[1] - motion.span[0];
+    let [begin, end] = &motion.ends;
+    assert_eq!([begin.positions.len(), end.positions.len()], [drawn.len(); 2]);
+    let between = |a: f32, b: f32, is_log: bool| match is_log && a > 0.0 && b > 0.0 {
+        true => f64::from(a) * (u * f64::from(b / a).ln()).exp(),
+        false => f64::from(a) * (1.0 - u) + f64::from(b) * u,
+    };
+    let close = |found: f64, drawn: f32| (found - f64::from(drawn)).abs() <= 2e-6 * f64::from(drawn).abs() + 1e-12;
+    for i in 0..drawn.len() {
+        let tangent = |velocity: [f64; 3]| velocity.map(|v| v * length).into();
+        let spline = HermiteSpline {
+            positions: [begin.positions[i].into(), end.positions[i].into()],
+            tangents: [tangent(begin.velocities[i]), tangent(end.velocities[i])],
+        };
+        let place = spline.position(u).to_array();
+        for (found, drawn) in place.into_iter().zip(drawn.positions[i]) {
+            let apart = (found - drawn).abs();
+            let apart = motion.box_size.map_or(apart, |edge| (apart - edge * (apart / edge).round()).abs());
+            assert!(apart < 1e-9, "{found} {drawn} at {u}");
+        }
+        let values = &drawn.values;
+        assert!(close(between(begin.mass[i], end.mass[i], false), values.mass[i]));
+        assert!(close(between(begin.density[i], end.density[i], true), values.density[i]));
+        assert!(close(between(begin.smoothing_length[i], end.smoothing_length[i], true), values.smoothing_length[i]));
+        for (k, is_log) in motion.is_logarithmic.iter().enumerate() {
+            assert!(close(between(begin.attributes[k][i], end.attributes[k][i], *is_log), values.attributes[k][i]));
+        }
+    }
+}
+
+#[test]
+fn the_motion_of_nodes_is_what_is_drawn_of_them() {
+    let kinds: [(Generated, bool); 3] = [
+        (generated(&Births::new(5, 3000, 4), 4, 2.0), false),
+        // Across the faces of its box.
+        (generated(&Pancake::new(2, 4096), 4, 1.0), false),
+        // Of which much is unresolved, and fades.
+        (generated_at(&Halo::new(2, 3000), vec![0.0, 5.0, 10.0]), true),
+    ];
+    for (generated, has_fading) in kinds {
+        let run = generated.usual();
+        for interpolation in Interpolation::ALL {
+            let tree = RunTree::new(Arc::clone(&run), interpolation).unwrap();
+            let mut stand = 0;
+            for page in (0..tree.page_count()).map(PageId) {
+                let page = tree.read_page(page).unwrap();
+                let content = page.content(0).unwrap();
+                assert!(content.moves());
+                let motion = content.motion().unwrap();
+                for u in [0.0, 0.3, 0.77, 1.0] {
+                    let time = motion.span[0] + u * (motion.span[1] - motion.span[0]);
+                    is_moved_to(&motion, time, &content.particles(time));
+                }
+                let [begin, end] = &motion.ends;
+                stand += (0..begin.mass.len())
+                    .filter(|i| begin.velocities[*i] == [0.0; 3] && end.mass[*i] > begin.mass[*i])
+                    .count();
+            }
+            let expected = interpolation == Interpolation::Fade || has_fading && interpolation == Interpolation::Auto;
+            assert!(stand > 0 || !expected, "{interpolation:?}");
         }
     }
 }

@@ -82,13 +82,15 @@ pub use gpu::GpuCanvas;
 mod gpu {
     use super::*;
     use crate::gpu::depiction::{entries, footprint, request_nodes};
-    use crate::gpu::page_copies::{self, CopyState, node_id};
+    use crate::gpu::moving::MovingLook;
+    use crate::gpu::page_copies::{self, CopyState};
     use crate::gpu::{Backend, DrawItem, Footprint, HeadlessRenderer, ParticleScene, SplatView, TableId};
 
     /// The GPU techniques, without a window.
     pub struct GpuCanvas {
         tree: Arc<dyn Tree>,
         depiction: Depiction,
+        look: Arc<MovingLook>,
         backend: Backend,
         footprint: Footprint,
         renderer: HeadlessRenderer,
@@ -132,7 +134,8 @@ mod gpu {
             let footprint = footprint(&depiction, metadata.kernel);
             // Shaders are compiled before the flight begins.
             renderer.complete()?;
-            Ok(GpuCanvas { tree, depiction, backend, footprint, renderer, scene, tables, options })
+            let look = Arc::new(MovingLook::new(depiction.clone(), metadata));
+            Ok(GpuCanvas { tree, depiction, look, backend, footprint, renderer, scene, tables, options })
         }
     }
 
@@ -165,28 +168,15 @@ mod gpu {
             }
             for id in plan.insert {
                 let Some(page) = streamer.residency.page(id) else { continue };
-                page_copies::insert(&self.scene, SOURCE, page);
+                page_copies::insert(&self.scene, SOURCE, page, &self.look);
             }
         }
 
         fn draw(&mut self, view: &View, nodes: &[SceneNode], plan: &Plan) -> Result<(), Failure> {
             let metadata = self.tree.metadata();
-            let items: Vec<DrawItem> = nodes
-                .iter()
-                .filter_map(|drawn| {
-                    let node = drawn.page.nodes.get(drawn.node.node as usize)?;
-                    let tables = self.tables.get(drawn.page.family as usize)?;
-                    let (table, most_important) = *tables.get(usize::from(node.codebook))?;
-                    let family = metadata.families.get(drawn.page.family as usize)?;
-                    Some(DrawItem {
-                        node: node_id(SOURCE, drawn.node.page, drawn.node.node),
-                        table: Some(table),
-                        weight_scale: self.depiction.node_scale(node),
-                        offset: drawn.offset,
-                        sample: plan.sample(view, &self.depiction, family, node, most_important),
-                    })
-                })
-                .collect();
+            let wanted = (&self.depiction, metadata, plan);
+            let items: Vec<DrawItem> =
+                nodes.iter().filter_map(|drawn| page_copies::item(SOURCE, drawn, view, wanted, &self.tables)).collect();
             let (view, footprint, backend) = (*view, self.footprint, self.backend);
             let Plan { culling, faintest, .. } = *plan;
             let items = items.into();

@@ -261,16 +261,29 @@ fn with_canvas<T>(
     let depiction = Depiction::new(options.mode, Settings::default(), None, metadata)?;
     let opening = at.elapsed();
     let (bytes, file) = (file.bytes(), file as Arc<dyn Tree>);
-    let copies = CopyOptions { budget: options.gpu_memory, on_their_way: 2 * options.upload };
-    let mut canvas: Box<dyn Canvas> = match backend {
-        "cpu" if options.mode.is_light() => Box::new(LightCanvas::new(Arc::clone(&file), depiction.clone(), None)),
-        "cpu" => Box::new(CpuCanvas::new(Arc::clone(&file), depiction.clone())),
-        _ => on_gpu(backend, &file, &depiction, &view, copies)?,
-    };
+    let mut canvas = options.canvas(backend, &file, &depiction, &view)?;
     let mut engine = options.engine(file, depiction, (width, height), &mut *canvas);
     // A program that runs has opened its adapter before it opens a file.
     let opened = Opened { at: Instant::now().checked_sub(opening).unwrap_or(at), bytes, view, flight };
     work(&mut engine, &opened)
+}
+
+impl Options {
+    /// What draws with a backend.
+    pub(super) fn canvas(
+        &self,
+        backend: &str,
+        tree: &Arc<dyn Tree>,
+        depiction: &Depiction,
+        view: &View,
+    ) -> Result<Box<dyn Canvas>, Failure> {
+        let copies = CopyOptions { budget: self.gpu_memory, on_their_way: 2 * self.upload };
+        Ok(match backend {
+            "cpu" if self.mode.is_light() => Box::new(LightCanvas::new(Arc::clone(tree), depiction.clone(), None)),
+            "cpu" => Box::new(CpuCanvas::new(Arc::clone(tree), depiction.clone())),
+            _ => on_gpu(backend, tree, depiction, view, copies)?,
+        })
+    }
 }
 
 #[cfg(feature = "viewer")]

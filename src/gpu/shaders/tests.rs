@@ -8,7 +8,7 @@ use crate::gpu::layered::{LayerGroup, LayerUniform};
 use crate::gpu::light::LightUniform;
 use crate::gpu::matter::LookupUniform;
 use crate::gpu::measure::Reduction;
-use crate::gpu::scene::{RAW_WORDS, RawParticle, TableEntry};
+use crate::gpu::scene::{MOVING_WORDS, RAW_WORDS, RawParticle, TableEntry};
 use crate::gpu::sorted_splats::SortedUniform;
 use crate::gpu::spheres::SphereUniform;
 use crate::gpu::splat::layout::{
@@ -226,7 +226,9 @@ fn written(path: &str, name: &str) -> Option<Layout> {
                 scale,
                 ranks,
                 even,
-                unused
+                edge,
+                corner,
+                u
             })
         }
         "blocks" => layout!(Block { node, first, count, place }),
@@ -484,7 +486,9 @@ fn encodings_have_the_same_numbers() {
     assert_eq!(constant("ENCODING_GRID"), Encoding::Grid as u32);
     assert_eq!(constant("ENCODING_LEAF"), Encoding::Leaf as u32);
     assert_eq!(constant("ENCODING_WORLD"), Encoding::World as u32);
-    // Packed encodings come first, and what is none of these is in camera space.
+    assert_eq!(constant("ENCODING_MOVING"), Encoding::Moving as u32);
+    // Packed encodings come first.
     assert!((Encoding::Camera as u32) > (Encoding::World as u32) && (Encoding::World as u32) > (Encoding::Leaf as u32));
     assert_eq!(RAW_WORDS, 8, "`load_raw` reads two vectors a particle");
+    assert_eq!(MOVING_WORDS, 24, "`load_moving` reads six vectors a particle");
 }

@@ -52,16 +52,21 @@ pub struct DrawList {
 }
 
 impl DrawList {
-    /// Lists nodes seen from `eye` in batches of at most `capacity` candidates.
-    pub fn new(eye: DVec3, items: &[DrawItem], arena: &Arena, capacity: u32) -> DrawList {
-        let (mut list, parts) = DrawList::parts(eye, items, arena, 1);
+    /// Lists nodes seen from a place at a time in batches of at most `capacity` candidates.
+    pub fn new(seen: (DVec3, f64), items: &[DrawItem], arena: &Arena, capacity: u32) -> DrawList {
+        let (mut list, parts) = DrawList::parts(seen, items, arena, 1);
         list.batches = list.cut(&parts, capacity);
         list
     }
 
     /// The resident ones of some nodes, and their parts in the order of their chunks, so that a batch binds each chunk once. One of
     /// `stride` particles is a candidate.
-    pub fn parts(eye: DVec3, items: &[DrawItem], arena: &Arena, stride: u32) -> (DrawList, Vec<PartToDraw>) {
+    pub fn parts(
+        (eye, time): (DVec3, f64),
+        items: &[DrawItem],
+        arena: &Arena,
+        stride: u32,
+    ) -> (DrawList, Vec<PartToDraw>) {
         let mut list = DrawList::default();
         let mut parts: Vec<PartToDraw> = Vec::new();
         for (index, item) in items.iter().enumerate() {
@@ -72,9 +77,11 @@ impl DrawList {
                 continue;
             }
             let (table, table_length) = table.unwrap_or_default();
+            let sampled = packed || node.passage.is_some();
+            let (edge, u) = node.passage.map_or((0.0, 0.0), |passage| (passage.edge as f32, passage.place(time)));
             let mut first = 0;
             for part in &node.parts {
-                let sample = if packed { item.sample.from(first) } else { Sample::ALL };
+                let sample = if sampled { item.sample.from(first) } else { Sample::ALL };
                 first += part.count;
                 let candidates = sample.candidates(part.count).div_ceil(stride);
                 parts.push(PartToDraw { chunk: part.chunk, node: list.nodes.len() as u32, item: index, candidates });
@@ -96,7 +103,9 @@ impl DrawList {
                     ranks: if sample.is_all() { 0 } else { sample.ranks },
                     even: sample.even.into(),
                     growth: sample.growth,
-                    unused: 0,
+                    edge,
+                    corner: (-node.min).as_vec3().to_array(),
+                    u,
                 });
             }
         }

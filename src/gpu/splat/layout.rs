@@ -154,8 +154,12 @@ pub struct Node {
     pub ranks: u32,
     /// See [`crate::mode::sample::Sample`]; 1: true.
     pub even: u32,
-    /// Padding.
-    pub unused: u32,
+    /// Of moving particles the edge of the periodic box that they are wrapped into, world units; 0: there is none.
+    pub edge: f32,
+    /// Of moving particles the corner of that box, from the node's origin, world units.
+    pub corner: [f32; 3],
+    /// Of moving particles how far they are on their way, from 0 to 1.
+    pub u: f32,
 }
 
 /// Most steps between a node's corner and the eye that are counted whole; the difference to any packed coordinate fits an `i32`.
@@ -188,6 +192,8 @@ pub enum Encoding {
     World = 2,
     /// Raw particles in camera space.
     Camera = 3,
+    /// Particles on their way through an interval, in world axes.
+    Moving = 4,
 }
 
 /// WGSL `Block`: particles of one node that one workgroup projects.

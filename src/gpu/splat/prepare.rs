@@ -179,7 +179,12 @@ fn build(
         }
     };
     // Passes of a mode cut the particles as they like.
-    let list = DrawList::new(view.view.eye, &view.items, arena, if key.has_passes { u32::MAX } else { capacity });
+    let list = DrawList::new(
+        (view.view.eye, view.view.time),
+        &view.items,
+        arena,
+        if key.has_passes { u32::MAX } else { capacity },
+    );
 
     let kept = |buffer: fn(&Shared) -> &Buffer| before.map(|before| buffer(&before.shared).clone());
     let uniform =

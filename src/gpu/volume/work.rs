@@ -220,7 +220,7 @@ impl Work {
         let digits = (u32::BITS - uniform.bin_count.leading_zeros()).div_ceil(super::constants::DIGIT_BITS);
 
         // Per slab only what reaches into what it fills (F12 5.7.1).
-        let (mut list, parts) = DrawList::parts(view.eye, items, arena, job.stride);
+        let (mut list, parts) = DrawList::parts((view.eye, view.time), items, arena, job.stride);
         let reaches: Vec<Reach> = shown.extents.iter().map(|extent| Reach::of(job, extent)).collect();
         let filled = cut.filled();
         let mut batches_of: Vec<Vec<DrawBatch>> = Vec::with_capacity(cut.slabs.len());
@@ -347,7 +347,8 @@ impl Work {
     /// Whether all of its particles, and no others of its list, lie where the bindings say.
     pub fn is_intact(&mut self, view: &View, arena: &Arena) -> bool {
         if self.generation != arena.generation {
-            let (list, _) = DrawList::parts(self.job.camera(view).eye, &self.items, arena, self.job.stride);
+            let (list, _) =
+                DrawList::parts((self.job.camera(view).eye, view.time), &self.items, arena, self.job.stride);
             if list.nodes != self.nodes {
                 return false;
             }

@@ -1,16 +1,14 @@
-//! Live particles, and those of a run between its steps, in the renderer's arena: each state has nodes of its own, and is shown once all of them are there. The states before
+//! Live particles in the renderer's arena: each state has nodes of its own, and is shown once all of them are there. The states before
 //! go when no picture reads them any more, and states that come faster are left out.
 
 use super::{LiveParticles, LiveSource};
-use crate::gpu::depiction::{moving_payloads, world_payloads};
+use crate::gpu::depiction::world_payloads;
 use crate::gpu::{DrawItem, NodeId, NodeState, NodeUpload, ParticleScene, Payload};
 use crate::mode::Plan;
 use crate::mode::sample::Sample;
-use crate::stream::SceneNode;
 use crate::view::{Extent, View};
 use crate::window::listed::Listed;
 use crate::window::look::Look;
-use crate::window::pages::ViewSelection;
 use crate::window::scene::{Scene, Settings};
 use crate::window::state::notices::Notices;
 use crate::window::statistics::{ActiveBackend, Statistics};
@@ -30,8 +28,6 @@ const LIVE: u32 = u32::MAX;
 #[derive(Clone, Debug, PartialEq)]
 struct CopyKey {
     state: u64,
-    /// Whether it is of a run between its steps.
-    is_moving: bool,
     depiction: u64,
     generation: u32,
     families: Vec<bool>,
@@ -44,13 +40,6 @@ struct Copy {
     key: CopyKey,
     nodes: Vec<(NodeId, Extent)>,
     particles: u64,
-}
-
-/// What a state is of.
-enum Source<'a> {
-    Live(&'a LiveSource),
-    /// The nodes that a view draws, as they are at its time.
-    Moving(Arc<[SceneNode]>),
 }
 
 /// What a state's copy is made of.
@@ -138,7 +127,6 @@ fn free(copy: &Copy, particles: &ParticleScene) {
 pub(in crate::window) fn copy_live(
     (live, active): (Res<LiveParticles>, Res<ActiveBackend>),
     (scene, look, settings): (Option<Res<Scene>>, Option<Res<Look>>, Res<Settings>),
-    selection: Res<ViewSelection>,
     particles: Res<ParticleScene>,
     mut copies: ResMut<LiveCopies>,
     mut statistics: ResMut<Statistics>,
@@ -146,12 +134,7 @@ pub(in crate::window) fn copy_live(
 ) {
     let copies = &mut *copies;
     let (Some(scene), Some(look)) = (scene, look) else { return };
-    let source = match live.source() {
-        Some(live) => Some(Source::Live(live)),
-        // Before the first node is there, what was shown goes on.
-        None => scene.moving.is_some().then(|| Source::Moving(Arc::clone(&selection.nodes))),
-    };
-    let (Some(source), ActiveBackend::Gpu) = (source, *active) else {
+    let (Some(source), ActiveBackend::Gpu) = (live.source(), *active) else {
         copies.forget(&particles);
         if !live.is_shown() && statistics.live.is_some() {
             statistics.live = None;
@@ -179,15 +162,14 @@ pub(in crate::window) fn copy_live(
             copies.refused = copies.coming.pop_front().inspect(|copy| free(copy, &particles)).map(|copy| copy.key);
         } else if copies.read.len() < MOST_READ && states.iter().all(|state| *state == Some(NodeState::Resident)) {
             let next = copies.coming.pop_front();
-            statistics.live = next.as_ref().filter(|copy| !copy.key.is_moving).map(|copy| copy.key.state);
+            statistics.live = next.as_ref().map(|copy| copy.key.state);
             let last = copies.pictures.map_or(0, |[asked, _]| asked);
             let before = std::mem::replace(&mut copies.shown, next);
             copies.read.extend(before.map(|copy| (copy, last)));
         }
     }
     let key = CopyKey {
-        state: if matches!(source, Source::Moving(_)) { selection.revision } else { live.state() },
-        is_moving: matches!(source, Source::Moving(_)),
+        state: live.state(),
         depiction: look.depiction_revision,
         generation: scene.generation,
         families: settings.families.clone(),
@@ -202,18 +184,11 @@ pub(in crate::window) fn copy_live(
         return;
     }
     match source {
-        Source::Moving(nodes) if nodes.is_empty() => {}
-        Source::Moving(nodes) => {
-            let (tree, depiction) = (scene.tree(), look.depiction.clone());
-            let task =
-                AsyncComputeTaskPool::get().spawn(async move { moving_payloads(&depiction, tree.metadata(), &nodes) });
-            copies.task = Some((key, task));
-        }
-        Source::Live(LiveSource::Buffer(lent)) => {
+        LiveSource::Buffer(lent) => {
             let payload = Payload::Lent { buffer: lent.buffer.clone(), count: lent.count };
             copies.send(key, vec![(payload, lent.origin, lent.extent)], &particles);
         }
-        Source::Live(LiveSource::Dataset(dataset)) => {
+        LiveSource::Dataset(dataset) => {
             let (dataset, depiction) = (Arc::clone(dataset), look.depiction.clone());
             let families = scene.metadata().families.iter().zip(&settings.families);
             let shown: Vec<_> = families.filter(|(_, shown)| **shown).map(|(family, _)| family.name).collect();

@@ -10,7 +10,6 @@ pub mod orbits;
 
 use crate::model::Dataset;
 use crate::view::Extent;
-use crate::window::scene::Scene;
 use bevy::math::DVec3;
 use bevy::prelude::*;
 use bevy::render::render_resource::Buffer;
@@ -92,13 +91,7 @@ impl LiveParticles {
     }
 }
 
-/// Whether particles are drawn that are in no page: live ones, or those of a run between its steps.
-pub(super) fn draws_own(live: &LiveParticles, scene: Option<&Scene>) -> bool {
-    live.is_shown() || scene.is_some_and(|scene| scene.moving.is_some())
-}
-
-/// Whether such particles have come or gone since the last call.
-pub(super) fn came_or_went((live, scene): (Res<LiveParticles>, Option<Res<Scene>>), mut before: Local<bool>) -> bool {
-    let now = draws_own(&live, scene.as_deref());
-    std::mem::replace(&mut *before, now) != now
+/// Whether live particles have come or gone since the last call.
+pub(super) fn came_or_went(live: Res<LiveParticles>, mut before: Local<bool>) -> bool {
+    std::mem::replace(&mut *before, live.is_shown()) != live.is_shown()
 }

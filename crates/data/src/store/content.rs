@@ -1,6 +1,7 @@
 //! What a node draws that is not coded with a family's codebooks.
 
 use crate::codec::Codebook;
+use crate::hierarchy::spacetime::Motion;
 use crate::model::Bounds;
 use std::borrow::Cow;
 use std::fmt::Debug;
@@ -22,6 +23,17 @@ pub trait Content: Debug + Send + Sync {
     /// Some of the particles at a time, by their numbers, each of which there is.
     fn some(&self, time: f64, which: &[u32]) -> Particles {
         self.particles(time).some(which)
+    }
+
+    /// The particles at every time of the interval in which the node is there, where they move, in the order of
+    /// [`Content::particles`].
+    fn motion(&self) -> Option<Motion> {
+        None
+    }
+
+    /// Whether [`Content::motion`] tells of any.
+    fn moves(&self) -> bool {
+        false
     }
 
     /// Bytes of memory that it takes.

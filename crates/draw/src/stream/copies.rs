@@ -27,9 +27,15 @@ pub struct CopyPlan {
 /// Frames after which a copy that found no room is tried again.
 const REJECTED_FRAMES: u64 = 60;
 
+/// Bytes that a particle takes in a copy which has it on its way through an interval.
+pub const MOVING_BYTES: u64 = 96;
+
 /// Bytes that a copy of a page takes.
 pub fn copy_bytes(page: &Page) -> u64 {
-    let node = |index| {
+    let node = |index: usize| {
+        if page.content(index).is_some_and(|content| content.moves()) {
+            return u64::from(page.nodes[index].particles) * MOVING_BYTES;
+        }
         let particles = page.particles(index);
         (size_of_val(particles.words()) + size_of_val(particles.codes).next_multiple_of(4)) as u64
     };

@@ -4,6 +4,7 @@ pub mod differences;
 pub mod flow;
 pub mod lattice;
 pub mod merge;
+pub mod motion;
 pub mod spline;
 pub mod tracks;
 
@@ -11,5 +12,6 @@ pub use differences::{chord, difference_at};
 pub use flow::{Before, ClusterList, Flow, Gathered, Traveller, flow_errors};
 pub use lattice::Lattice;
 pub use merge::{Clusters, Merged, merge};
+pub use motion::Motion;
 pub use spline::HermiteSpline;
 pub use tracks::{Interpolation, Interval, Moving, TrackEnd, TrackFlags, Tracks};

@@ -236,12 +236,7 @@ impl Tracks {
             let weights = flags.weights();
             let shares = [(1.0 - u) * weights[0], u * weights[1]];
             let spline = interval.spline(self, i);
-            let fades = match interpolation {
-                Interpolation::Auto => flags.has(TrackFlags::FADES),
-                Interpolation::Fade => true,
-                _ => false,
-            };
-            if fades && u > 0.0 && u < 1.0 {
+            if self.fades(i, interpolation) && u > 0.0 && u < 1.0 {
                 for end in [0, 1].into_iter().filter(|end| shares[*end] > 0.0) {
                     let velocity = spline.tangents[end] / interval.length;
                     let mass = shares[end] * f64::from(self.ends[end].mass[i]);
@@ -268,12 +263,16 @@ impl Tracks {
 
     /// How many particles [`Tracks::drawn_at`] gives, at any time.
     pub fn drawn(&self, interpolation: Interpolation) -> usize {
-        let twice = match interpolation {
-            Interpolation::Auto => self.flags.iter().filter(|flags| flags.has(TrackFlags::FADES)).count(),
-            Interpolation::Fade => self.len(),
-            Interpolation::Hermite | Interpolation::Linear | Interpolation::Hold => 0,
-        };
-        self.len() + twice
+        self.len() + (0..self.len()).filter(|i| self.fades(*i, interpolation)).count()
+    }
+
+    /// Whether a track fades from its first place to its last.
+    pub(super) fn fades(&self, i: usize, interpolation: Interpolation) -> bool {
+        match interpolation {
+            Interpolation::Auto => self.flags[i].has(TrackFlags::FADES),
+            Interpolation::Fade => true,
+            Interpolation::Hermite | Interpolation::Linear | Interpolation::Hold => false,
+        }
     }
 
     /// The particles as they are at `u` of the interval, from 0 to 1, for pictures: as [`Tracks::at`] has them, but always as many, some
@@ -289,11 +288,7 @@ impl Tracks {
     ) -> Moving {
         // What stands still at the last step is that step.
         let u = if interpolation == Interpolation::Hold && u < 1.0 { 0.0 } else { u };
-        let fades = |i: usize| match interpolation {
-            Interpolation::Auto => self.flags[i].has(TrackFlags::FADES),
-            Interpolation::Fade => true,
-            Interpolation::Hermite | Interpolation::Linear | Interpolation::Hold => false,
-        };
+        let fades = |i: usize| self.fades(i, interpolation);
         let twice: Vec<u32> = (0..self.len()).filter(|i| fades(*i)).map(|i| i as u32).collect();
         // Each track, and where it is looked at: on its way, or at one of its ends.
         let place = |number: usize| match number.checked_sub(self.len()) {

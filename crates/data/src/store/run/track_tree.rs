@@ -6,7 +6,7 @@ use super::kept::Kept;
 use super::track_layout::FamilyTracks;
 use super::tracks::{TrackIndex, TrackNode};
 use crate::codec::{AttributeMerge, Codebook, CodebookScope, QuantityError};
-use crate::hierarchy::spacetime::{Interpolation, Interval, Tracks};
+use crate::hierarchy::spacetime::{Interpolation, Interval, Motion, Tracks};
 use crate::hierarchy::{Encoding, Purpose};
 use crate::model::{Bounds, Moment, Provenance, Unit};
 use crate::store::content::{Content, Particles};
@@ -291,6 +291,14 @@ impl Content for MovingTracks {
 
     fn some(&self, time: f64, which: &[u32]) -> Particles {
         self.at(time, Some(which))
+    }
+
+    fn motion(&self) -> Option<Motion> {
+        Some(self.tracks.motion(&self.interval, self.begin, self.interpolation, &self.rules))
+    }
+
+    fn moves(&self) -> bool {
+        true
     }
 
     fn memory(&self) -> u64 {
