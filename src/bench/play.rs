@@ -19,8 +19,6 @@ use std::time::Instant;
 
 /// Seconds between two jumps.
 const JUMP_SECS: f64 = 0.5;
-/// Seconds for which pages are read ahead, as in the window.
-const AHEAD_SECS: f64 = 1.0;
 
 /// What playing a run came to.
 #[derive(Clone, Debug, Serialize)]
@@ -94,14 +92,14 @@ fn measure_with(backend: &str, path: &Path, options: &super::flight::Options) ->
     let [begin, end] = ends;
     let at = |seconds: f64| begin + (end - begin) * (seconds / options.duration).clamp(0.0, 1.0);
     let seconds = options.duration;
-    let ahead = |at: &dyn Fn(f64) -> f64, now: f64| tree.next_interval(at(now), at(now + AHEAD_SECS));
-    let forward = play(&mut engine, &mut streamer, &view, seconds, &at, &|now| ahead(&at, now))?;
+    let ahead = |at: &dyn Fn(f64) -> f64, now: f64, lead: f64| tree.next_intervals(at(now), at(now + lead));
+    let forward = play(&mut engine, &mut streamer, &view, seconds, &at, &|now, lead| ahead(&at, now, lead))?;
     let back = |now: f64| at(seconds - now);
-    let backward = play(&mut engine, &mut streamer, &view, seconds, &back, &|now| ahead(&back, now))?;
+    let backward = play(&mut engine, &mut streamer, &view, seconds, &back, &|now, lead| ahead(&back, now, lead))?;
     // Far from each other, and from where they were before: multiples of the golden section.
     let jump = |now: f64| begin + (end - begin) * (0.618_034 * (1.0 + (now / JUMP_SECS).floor())).fract();
     let mut streamer = engine.streamer();
-    let jumping = play(&mut engine, &mut streamer, &view, seconds, &jump, &|_| None)?;
+    let jumping = play(&mut engine, &mut streamer, &view, seconds, &jump, &|_, _| Vec::new())?;
     let (backend, adapter) = engine.canvas.name();
     let steps = &run.directory().steps;
     let outcome = Outcome {
@@ -120,14 +118,14 @@ fn measure_with(backend: &str, path: &Path, options: &super::flight::Options) ->
     Ok(outcome)
 }
 
-/// Plays for so many seconds: `at` says which moment is shown then, and `next` which one will be in a while.
+/// Plays for so many seconds: `at` says which moment is shown then, and `next` which ones will be within so many seconds.
 fn play(
     engine: &mut Engine,
     streamer: &mut Streamer,
     view: &View,
     seconds: f64,
     at: &dyn Fn(f64) -> f64,
-    next: &dyn Fn(f64) -> Option<f64>,
+    next: &dyn Fn(f64, f64) -> Vec<f64>,
 ) -> Result<Played, Failure> {
     let families = 0..engine.tree.metadata().families.len() as u32;
     let (mut frames, mut late_frames): (Vec<Frame>, u64) = (Vec::new(), 0);
@@ -139,10 +137,11 @@ fn play(
             return Ok(Played { frames: Summary::of(&frames), late_frames, tracks });
         }
         let view = View { time: at(now), ..*view };
-        streamer.upcoming = next(now).map(|time| {
+        let comes = |time| {
             let roots = streamer.roots(families.clone(), Purpose::Splats, time);
             (engine.depiction.selection_view(&View { time, ..view }), roots)
-        });
+        };
+        streamer.upcoming = next(now, streamer.lead_secs()).into_iter().map(comes).collect();
         let (frame, _) = engine.frame(streamer, &view, engine.frame_ms)?;
         late_frames += u64::from(frame.nodes == 0);
         frames.push(Frame { seconds: now, ..frame });

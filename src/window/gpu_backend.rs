@@ -94,7 +94,7 @@ pub(super) fn choose_backend(
     mut copies: ResMut<PageCopies>,
     mut statistics: ResMut<Statistics>,
     mut tables: ResMut<GpuTables>,
-    mut cameras: Query<(Entity, &mut Camera), With<DataCamera>>,
+    cameras: Query<Entity, With<DataCamera>>,
     mut notices: ResMut<Notices>,
     (live, paths): (Res<LiveParticles>, Res<Paths>),
     slots: Query<Entity, With<GpuSlot>>,
@@ -172,8 +172,7 @@ pub(super) fn choose_backend(
     slots.iter().for_each(|page| {
         commands.entity(page).remove::<GpuSlot>();
     });
-    for (entity, mut camera) in &mut cameras {
-        camera.is_active = wanted == ActiveBackend::Gpu;
+    for entity in &cameras {
         commands.entity(entity).remove::<(SplatView, Composite, ModeView, LightView, VolumeView, Measure)>();
         TilePasses::hide(&mut commands.entity(entity));
     }
@@ -281,6 +280,18 @@ pub(super) fn free_slot(
 ) {
     let Ok((key, PageStatus::Resident(page))) = pages.get(removed.entity) else { return };
     page_copies::remove(&particles, key.generation, key.id, page.nodes.len() as u32);
+}
+
+/// Leaves the picture as it is until something of another file or step is there.
+pub(super) fn hold_picture(
+    (active, live, selection): (Res<ActiveBackend>, Res<LiveParticles>, Res<ViewSelection>),
+    mut camera: Single<&mut Camera, With<DataCamera>>,
+) {
+    let is_there = live.is_shown() || selection.complete || !selection.nodes.is_empty();
+    let draws = *active == ActiveBackend::Gpu && is_there;
+    if camera.is_active != draws {
+        camera.is_active = draws;
+    }
 }
 
 /// Tables of every codebook for the present look.

@@ -309,6 +309,7 @@ impl Plugin for WindowApp {
                     cpu_backend::show_on_cpu,
                     surround_backend::draw_surround,
                     gpu_backend::upload_pages,
+                    gpu_backend::hold_picture,
                     live::copies::copy_live,
                     gpu_backend::draw_on_gpu,
                     light_backend::draw_light_on_gpu,

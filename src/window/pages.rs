@@ -14,6 +14,7 @@
 use super::camera::{CameraSystems, DataDistance, Viewpoint, distance_to_boxes};
 use super::occlusion::{Occlusion, hide_pages, occlude};
 use super::page_entities::{PageCopies, PageExtent, PageKey, PageOcclusion, PageStatus, tell_evicted, tell_standings};
+use super::playhead::Playhead;
 use super::preset::Preset;
 use super::scene::Scene;
 use super::state::notices::Notices;
@@ -98,7 +99,8 @@ pub fn follow_scene(
         && streaming.preset == preset.residency
     {
         if let Some(moving) = &scene.moving {
-            (streaming.time, streaming.next) = (moving.time, moving.next);
+            streaming.time = moving.time;
+            streaming.next.clone_from(&moving.next);
         }
         // Another renderer begins without copies.
         if streaming.streamer.copies.is_some() != copies.0 {
@@ -155,10 +157,8 @@ pub fn traverse(
     let Some(mut streaming) = streaming else { return };
     let Some(view) = present.view(&streaming) else { return };
     let Present { settings, look, .. } = &present;
-    let upcoming = match (upcoming.0, streaming.next) {
-        (Some(next), _) => present.view_from(&next, &streaming),
-        (None, next) => next.map(|_| view),
-    };
+    // From where a camera on a tour will be.
+    let upcoming = upcoming.0.and_then(|next| present.view_from(&next, &streaming));
     let streaming = &mut *streaming;
     let families = settings.families.iter().enumerate().filter(|(_, visible)| **visible);
     let families: Vec<u32> = families.map(|(index, _)| index as u32).collect();
@@ -169,11 +169,16 @@ pub fn traverse(
     let seen = depiction.map_or(view, |depiction| depiction.selection_view(&view));
     let tau = settings.error_px;
     let detail = depiction.map_or(tau.into(), |depiction| depiction.detail(&view, tau, metadata));
-    streaming.streamer.upcoming = upcoming.map(|next| {
-        let next = View { time: streaming.next.unwrap_or(view.time), ..next };
-        let roots = streaming.streamer.roots(families.iter().copied(), levels, next.time);
+    let times = match streaming.next.is_empty() {
+        true => upcoming.iter().map(|_| view.time).collect(),
+        false => std::mem::take(&mut streaming.next),
+    };
+    let comes = |time: &f64| {
+        let next = View { time: *time, ..upcoming.unwrap_or(view) };
+        let roots = streaming.streamer.roots(families.iter().copied(), levels, *time);
         (depiction.map_or(next, |depiction| depiction.selection_view(&next)), roots)
-    });
+    };
+    streaming.streamer.upcoming = times.iter().map(comes).collect();
     let chosen = streaming.streamer.select(&seen, detail, &roots);
     // The interval before is shown until something of this one is there.
     let comes = chosen.draw.is_empty() && !chosen.is_converged();
@@ -220,10 +225,14 @@ pub fn traverse(
 pub fn start_loads(
     mut commands: Commands,
     streaming: Option<ResMut<Streaming>>,
+    playhead: Option<ResMut<Playhead>>,
     mut statistics: ResMut<Statistics>,
     mut pages: Query<&mut PageStatus>,
 ) {
     let Some(mut streaming) = streaming else { return };
+    if let Some(mut playhead) = playhead {
+        playhead.bypass_change_detection().lead_secs = streaming.streamer.lead_secs();
+    }
     for id in streaming.streamer.serve() {
         // A page that has failed is tried again.
         if let Some(mut status) = streaming.entity(id).and_then(|entity| pages.get_mut(entity).ok()) {

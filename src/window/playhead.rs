@@ -17,9 +17,6 @@ use std::collections::BTreeSet;
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Seconds of playing for which pages are read ahead.
-const AHEAD_SECS: f64 = 1.0;
-
 /// The longest time that one frame goes on for where each picture is waited for, seconds.
 const LONGEST_FRAME_SECS: f64 = 0.04;
 
@@ -38,6 +35,8 @@ pub struct Playhead {
     speed: f64,
     /// How it is to be played from now on, where somebody has asked for that.
     asked: Option<PlayingPreset>,
+    /// Seconds of playing for which whoever reads pages wants to know what comes.
+    pub(super) lead_secs: f64,
     /// Frames in which what was shown was not of the present time, while it played.
     late_frames: u64,
     shown: usize,
@@ -72,6 +71,7 @@ impl Playhead {
             is_back: false,
             speed: 1.0,
             asked: None,
+            lead_secs: 0.0,
             late_frames: 0,
             shown,
             tracks,
@@ -228,12 +228,12 @@ impl Playhead {
         self.share(self.time, how.pace) + way * self.speed / how.seconds
     }
 
-    /// What is to be drawn of the tracks now.
+    /// What is to be drawn of the tracks now, and what comes.
     fn motion(&self, how: &PlayingPreset) -> Option<MovingRun> {
         let tree = Arc::clone(self.tracks.as_ref().filter(|_| self.moves_now())?);
-        let ahead = self.time_at(self.later(AHEAD_SECS, how), how.pace);
+        let ahead = self.time_at(self.later(self.lead_secs, how), how.pace);
         let (time, ahead) = (self.clock_at(&tree, self.time), self.clock_at(&tree, ahead));
-        let next = self.playing.then(|| tree.next_interval(time, ahead)).flatten();
+        let next = if self.playing { tree.next_intervals(time, ahead) } else { Vec::new() };
         Some(MovingRun { time, next, tree })
     }
 

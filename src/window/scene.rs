@@ -61,8 +61,8 @@ pub struct MovingRun {
     pub tree: Arc<RunTree>,
     /// When, by the tree's clock.
     pub time: f64,
-    /// When it will be in the next interval, while it plays, where that comes in a moment.
-    pub next: Option<f64>,
+    /// When it will be in the intervals that come in a moment, while it plays.
+    pub next: Vec<f64>,
 }
 
 impl Scene {

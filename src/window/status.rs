@@ -9,6 +9,7 @@ use super::open::Openings;
 use super::paths::Paths;
 use super::picture::{DataCamera, Picture};
 use super::playhead::Playhead;
+use super::preset::{Preset, Repeat};
 use super::scene::{Scene, Settings};
 use super::scene_io::SceneFiles;
 use super::state::notices::Notices;
@@ -128,6 +129,8 @@ struct TimeStatus {
     playing: bool,
     /// How many times as fast as usual it plays.
     speed: f64,
+    /// What it does at its end.
+    repeat: Repeat,
     /// Steps that can be shown.
     steps_ready: usize,
     /// Frames that showed another time than the present one, while it played.
@@ -191,7 +194,7 @@ pub(super) fn write_status(
     (history, files, closed, controls): (Res<History>, Res<SceneFiles>, Res<Closed>, Res<Controls>),
     looking: LookingState,
     (player, ranges, look, playhead): (Res<Player>, Res<Ranges>, Option<Res<Look>>, Option<Res<Playhead>>),
-    (show, paths): (Option<Res<ShowStatus>>, Res<Paths>),
+    (show, paths, preset): (Option<Res<ShowStatus>>, Res<Paths>, Res<Preset>),
     camera: Single<(&Viewpoint, &Navigation), With<DataCamera>>,
 ) {
     let file = file.bypass_change_detection();
@@ -276,6 +279,7 @@ pub(super) fn write_status(
             moves: playhead.is_moving(),
             playing: playhead.is_playing(),
             speed: playhead.speed(),
+            repeat: preset.playing.repeat,
             steps_ready: playhead.times().times.len() - playhead.damaged().len(),
             late_frames: playhead.late_frames(),
             damaged: playhead.damaged().iter().copied().collect(),

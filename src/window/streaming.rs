@@ -29,7 +29,7 @@ pub struct Streaming {
     pub generation: u32,
     /// When it is seen, the data's unit of time, and when it will be in a moment.
     pub(super) time: f64,
-    pub(super) next: Option<f64>,
+    pub(super) next: Vec<f64>,
     pub(super) preset: ResidencyPreset,
     pub(super) told_memory: bool,
 }
@@ -44,7 +44,7 @@ impl Streaming {
             entities: HashMap::new(),
             generation: scene.generation,
             time: scene.moving.as_ref().map_or(0.0, |moving| moving.time),
-            next: None,
+            next: Vec::new(),
             preset: preset.clone(),
             told_memory: false,
         }

@@ -1,6 +1,6 @@
 //! A run in the window: keys and the dock go from step to step, time plays, and the camera and settings stay as they are.
 
-use super::desktop::{Desktop, Program, columns, keep};
+use super::desktop::{Desktop, Program, choose, columns, keep};
 use crate::support::run;
 use serde_json::Value;
 use std::path::Path;
@@ -62,9 +62,11 @@ fn a_run_is_stepped_played_and_saved() {
     let back = program.wait("the first step again", is_at(0));
     assert!(pixels(&back) == first, "and the first step is what it was");
     // Played, it comes to the end and stands.
-    (0..4).for_each(|_| press(']'));
-    let faster = program.wait("a higher speed", |status| status["time"]["speed"] == 16.0);
-    assert_eq!(faster["time"]["step"], 0);
+    for speed in [2.0, 4.0, 8.0, 16.0] {
+        press(']');
+        let faster = program.wait("a higher speed", |status| status["time"]["speed"] == speed);
+        assert_eq!(faster["time"]["step"], 0);
+    }
     press('t');
     let end = program.wait("the end", is_at(2));
     assert_eq!((&end["time"]["time"], &end["time"]["playing"]), (&4.0.into(), &false.into()));
@@ -214,19 +216,11 @@ fn colours_are_for_the_whole_run() {
     let second = program.wait("the second step", |status| is_settled(status) && status["time"]["step"] == 1);
     assert_eq!(begin["ranges"], second["ranges"]);
     // To and fro, it never stands; colours stay as they are.
-    let click = |status: &Value, control: &str| {
-        let corner = |i: usize| status["controls"][control][i].as_f64().unwrap();
-        desktop.click([(0.5 * (corner(0) + corner(2))) as i16, (0.5 * (corner(1) + corner(3))) as i16]);
-    };
-    let choose = |program: &mut Program, status: &Value, control: &str| {
-        click(status, "time:more");
-        let open = program.wait("the list", |status| status["controls"][control][4] == 1.0);
-        click(&open, control);
-        // Another click closes it.
-        program.wait("the end of the list", |status| status["controls"][control].is_null())
-    };
-    choose(&mut program, &second, "time:to-and-fro");
-    (0..5).for_each(|_| desktop.press(u32::from(']')));
+    choose(&program, &desktop, "time:more", "time:to-and-fro", |status| status["time"]["repeat"] == "to-and-fro");
+    for speed in [2.0, 4.0, 8.0, 16.0, 32.0] {
+        desktop.press(u32::from(']'));
+        program.wait("a higher speed", |status| status["time"]["speed"] == speed);
+    }
     desktop.press(u32::from('t'));
     let before = std::cell::Cell::new(1.0);
     for _ in 0..3 {

@@ -573,10 +573,13 @@ fn the_tree_of_a_run_shows_what_its_tracks_are_at_any_time() {
     }
     let tree = RunTree::new(run, Interpolation::Auto).unwrap();
     let at = |step, u| tree.time(Moment { step, u });
-    assert_eq!(tree.next_interval(at(0, 0.5), at(1, 0.1)), Some(at(1, 0.0)));
-    assert_eq!(tree.next_interval(at(0, 0.5), at(0, 0.9)), None);
-    assert_eq!(tree.next_interval(at(2, 0.5), at(3, 0.0)), None, "the last one");
-    assert_eq!(tree.next_interval(at(1, 0.5), at(0, 0.9)), Some(at(0, 0.5)));
-    assert_eq!((tree.next_interval(at(1, 0.5), at(1, 0.1)), tree.next_interval(at(0, 0.5), at(0, 0.0))), (None, None));
+    assert_eq!(tree.next_intervals(at(0, 0.5), at(1, 0.1)), [at(1, 0.0)]);
+    assert_eq!(tree.next_intervals(at(0, 0.5), at(2, 0.1)), [at(1, 0.0), at(2, 0.0)]);
+    assert!(tree.next_intervals(at(0, 0.5), at(0, 0.9)).is_empty());
+    assert!(tree.next_intervals(at(2, 0.5), at(3, 0.0)).is_empty(), "the last one");
+    assert_eq!(tree.next_intervals(at(1, 0.5), at(0, 0.9)), [at(0, 0.5)]);
+    assert_eq!(tree.next_intervals(at(2, 0.5), at(0, 0.0)), [at(1, 0.5), at(0, 0.5)]);
+    assert!(tree.next_intervals(at(1, 0.5), at(1, 0.1)).is_empty());
+    assert!(tree.next_intervals(at(0, 0.5), at(0, 0.0)).is_empty());
     assert!(tree.read_page(PageId(tree.page_count())).is_err());
 }

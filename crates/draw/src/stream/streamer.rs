@@ -63,8 +63,9 @@ pub struct Streamer {
     pub copies: Option<Copies>,
     /// What hides nodes from the view that is selected for: nothing below them is read.
     pub occluder: Option<Arc<dyn Occluder>>,
-    /// A view that is known to come, as of a tour, and the roots below which it looks: what it needs is read ahead of time too.
-    pub upcoming: Option<(View, Vec<NodeRef>)>,
+    /// Views that are known to come, as of a tour or of time that goes on, and the roots below which each looks, the next one first: what
+    /// they need is read ahead of time too, of each once all is there that those before it need.
+    pub upcoming: Vec<(View, Vec<NodeRef>)>,
     loader: Loader,
     options: StreamOptions,
     pace: Pace,
@@ -73,6 +74,8 @@ pub struct Streamer {
     /// When the prefetching sphere was walked through last, and what was found.
     walked: Option<Duration>,
     ahead: Ahead,
+    /// How many pages the last selection looked at.
+    visited: usize,
     /// The pages that the last selection lacked.
     missing: Vec<PageId>,
     /// The pages in memory of which it lacked copies, the most missed first.
@@ -89,7 +92,7 @@ impl Streamer {
             residency: Residency::new(Arc::clone(&tree), options.budget),
             copies: None,
             occluder: None,
-            upcoming: None,
+            upcoming: Vec::new(),
             loader: Loader::new(tree, options.in_flight, options.stall),
             options,
             pace: Pace::default(),
@@ -97,6 +100,7 @@ impl Streamer {
             start: Instant::now(),
             walked: None,
             ahead: Ahead::default(),
+            visited: 0,
             missing: Vec::new(),
             uncopied: Vec::new(),
             discarded: Vec::new(),
@@ -170,9 +174,13 @@ impl Streamer {
             self.walked = Some(now);
             let (distance, pages) = (self.prefetch_distance(), self.options.ahead.pages);
             self.ahead = ahead(view, detail, (distance, true), pages, &self.residency, roots);
-            if let Some((next, roots)) = &self.upcoming {
+            for (next, roots) in &self.upcoming {
                 let next = ahead(next, detail, (0.0, false), pages, &self.residency, roots);
+                let is_there = next.missing.is_empty();
                 self.ahead = std::mem::take(&mut self.ahead).with(next, pages);
+                if !is_there {
+                    break;
+                }
             }
             self.residency.anticipate(&self.ahead);
             if let Some(copies) = &mut self.copies {
@@ -188,6 +196,9 @@ impl Streamer {
         if let Some(copies) = &mut self.copies {
             copies.touch(selection.visited.iter().chain(&to_copy).map(|id| id.page));
         }
+        let pages: HashSet<PageId> =
+            selection.visited.iter().chain(&to_copy).chain(&to_read).map(|id| id.page).collect();
+        self.visited = pages.len();
         self.missing = to_read.iter().map(|id| id.page).collect();
         self.residency.request(to_read);
         let mut seen = HashSet::new();
@@ -244,6 +255,16 @@ impl Streamer {
     /// `d_prefetch` now, world units.
     pub fn prefetch_distance(&self) -> f64 {
         self.pace.prefetch_distance(self.residency.tree().largest_page_bytes(), &self.options.ahead)
+    }
+
+    /// How long before it is needed another view as large as the last one has to be read, seconds: so many times as long as its pages
+    /// take to come ([`LookAhead::loads`]), within the bounds of [`LookAhead`].
+    pub fn lead_secs(&self) -> f64 {
+        let LookAhead { loads, least_secs, most_secs, .. } = self.options.ahead;
+        let tree = self.residency.tree();
+        let at_once = self.options.in_flight.max(1) * tree.pages_at_once();
+        let turns = self.visited.div_ceil(at_once.max(1)) as f64;
+        (loads * turns * self.pace.load_secs(tree.largest_page_bytes())).min(most_secs).max(least_secs)
     }
 
     /// Whether anything may still come for the last selection: pages are being read, or will be tried again soon.

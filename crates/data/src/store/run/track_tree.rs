@@ -22,6 +22,9 @@ use std::sync::Arc;
 /// Steps that are looked at for ranges of quantities at most.
 const LOOKED_AT: usize = 9;
 
+/// Intervals that are told of beforehand at most.
+const MOST_NEXT: usize = 8;
+
 /// Bytes of a page of a page file, about, and pages that are read for it at most.
 const PAGE_BYTES: u64 = 1 << 20;
 const MOST_AT_ONCE: u64 = 16;
@@ -75,15 +78,22 @@ impl RunTree {
         at(moment.step) + moment.u * (at(moment.step + 1) - at(moment.step))
     }
 
-    /// When the tree is in the interval that comes next on the way from a time to another one, which may lie before it; `None` where none
-    /// begins on that way.
-    pub fn next_interval(&self, from: f64, to: f64) -> Option<f64> {
+    /// Times in the intervals that come next on the way from a time to another one, which may lie before it: the nearest first, and not
+    /// more than a few.
+    pub fn next_intervals(&self, from: f64, to: f64) -> Vec<f64> {
         let (here, clock) = (self.interval_at(from), self.clock());
         match to > from {
-            true => clock.get(here + 1).copied().filter(|begin| *begin <= to && self.interval_at(*begin) > here),
+            true => {
+                let begins = clock.iter().enumerate().skip(here + 1).take_while(|(_, begin)| **begin <= to);
+                begins
+                    .filter(|(number, begin)| self.interval_at(**begin) == *number)
+                    .map(|(_, begin)| *begin)
+                    .take(MOST_NEXT)
+                    .collect()
+            }
             false => {
-                let end = clock.get(here).copied().filter(|end| here > 0 && *end >= to)?;
-                Some(0.5 * (end + clock[here - 1]))
+                let ends = (1..=here).rev().take_while(|number| clock[*number] >= to);
+                ends.map(|number| 0.5 * (clock[number] + clock[number - 1])).take(MOST_NEXT).collect()
             }
         }
     }
