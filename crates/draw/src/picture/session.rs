@@ -103,6 +103,8 @@ pub struct Session {
     /// The tracks that are drawn, or were last.
     tracks: Option<Arc<RunTree>>,
     scene: Scene,
+    /// What pages of what is open may take.
+    budget_bytes: u64,
     /// What the first picture of some families shows, since that takes reading.
     framed: Option<(Vec<u32>, Bounds)>,
     /// How long the source took to load, until a picture has told it.
@@ -156,6 +158,7 @@ impl Session {
             moving: None,
             tracks: None,
             scene,
+            budget_bytes: u64::MAX,
             framed,
             loading,
             ahead: None,
@@ -172,9 +175,21 @@ impl Session {
     /// # Errors
     /// When a file cannot be read or shown with the others.
     pub fn of_opened(opened: OpenData, members: Vec<Member>) -> Result<(Session, Vec<String>), PictureError> {
-        let (file, notes) = opened.at(Moment::default())?;
         // Nothing limits what a picture holds: it has to be converged.
-        let session = Session::of(Arc::new(file), u64::MAX);
+        Session::of_opened_within(opened, members, u64::MAX)
+    }
+
+    /// The same for pages that may take `budget_bytes`.
+    ///
+    /// # Errors
+    /// As [`Session::of_opened`].
+    pub fn of_opened_within(
+        opened: OpenData,
+        members: Vec<Member>,
+        budget_bytes: u64,
+    ) -> Result<(Session, Vec<String>), PictureError> {
+        let (file, notes) = opened.at(Moment::default())?;
+        let session = Session::of(Arc::new(file), budget_bytes);
         Ok((Session { members, opened: Some(opened), ..session }, notes))
     }
 
@@ -184,6 +199,7 @@ impl Session {
             options: SessionOptions::default(),
             members: Vec::new(),
             scene: Scene::new(Arc::clone(&file), budget_bytes),
+            budget_bytes,
             data: Data::Pages(file),
             opened: None,
             moment: Moment::default(),
@@ -226,7 +242,7 @@ impl Session {
     pub fn keep_within(&mut self, bytes: u64) {
         if self.scene.streamer.residency.statistics().bytes > bytes {
             let time = self.scene.time;
-            self.scene = Scene { time, ..Scene::new(Arc::clone(self.tree()), u64::MAX) };
+            self.scene = Scene { time, ..Scene::new(Arc::clone(self.tree()), self.budget_bytes) };
         }
     }
 
@@ -384,7 +400,7 @@ impl Session {
 
     /// What draws faces of panoramas on the processor.
     pub(super) fn means(&mut self) -> Means<'_> {
-        Means { scene: &mut self.scene, adapter: None, reporter: &*self.reporter }
+        Means { scene: &mut self.scene, adapter: None, reporter: &*self.reporter, paths: None }
     }
 
     /// Indices of the families that a look draws.

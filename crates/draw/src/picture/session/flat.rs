@@ -32,7 +32,7 @@ impl Session {
             _ if !is_sure => None,
             Some(hiding) if hiding.is_of(depiction) => Some(hiding),
             // The processor decodes nothing for an adapter's picture.
-            _ if self.flat_passes(shown)?.is_some() => None,
+            _ if self.passes_without_paths(shown)?.is_some() => None,
             _ => self.sketch(tree, shown)?,
         };
         let mut attempts = 0..hiding::ATTEMPTS;
@@ -79,7 +79,7 @@ impl Session {
         let is_sum = mode.technique.output() == Output::Sums;
         let has_paths = self.has_paths(&shot.look);
         let takes_paths = mode.technique.takes_paths();
-        let passes = self.flat_passes(shown)?;
+        let passes = self.passes_without_paths(shown)?;
         let subject = self.subject(tree, shown);
         let tau = shot.look.error_px();
         let (seen, detail) = (depiction.selection_view(&view), depiction.detail(&view, tau, metadata));
@@ -186,8 +186,8 @@ impl Session {
         Ok((Picture { values, left_out, moment, paths: on_top, ..picture }, selection.hidden))
     }
 
-    /// The passes of an adapter that draw a flat picture: none where paths lie among what it shows.
-    fn flat_passes(&mut self, shown: &Shown<'_>) -> Result<Option<Passes>, PictureError> {
+    /// The passes of an adapter that draw a picture: none where paths lie among what it shows.
+    pub(super) fn passes_without_paths(&mut self, shown: &Shown<'_>) -> Result<Option<Passes>, PictureError> {
         let mode = shown.depiction.mode;
         let passes = self.passes(mode)?;
         if passes.is_some() && mode.technique.takes_paths() && self.has_paths(&shown.shot.look) {

@@ -50,7 +50,7 @@ impl Session {
                         let known = self.tracks.take().filter(|tree| is_open(tree));
                         let tree =
                             known.map_or_else(|| RunTree::new(Arc::clone(run), interpolation).map(Arc::new), Ok)?;
-                        self.scene = Scene::new(Arc::clone(&tree), u64::MAX);
+                        self.scene = Scene::new(Arc::clone(&tree), self.budget_bytes);
                         self.scene.time = Some(tree.time(moment));
                         self.tracks = Some(tree);
                     }
@@ -62,7 +62,7 @@ impl Session {
             }
             None if moment.step != self.moment.step || self.moving.is_some() => {
                 let file = Arc::new(opened.at(moment)?.0);
-                self.scene = Scene::new(Arc::clone(&file), u64::MAX);
+                self.scene = Scene::new(Arc::clone(&file), self.budget_bytes);
                 self.data = Data::Pages(file);
                 (self.framed, self.hiding, self.moving) = (None, None, None);
             }

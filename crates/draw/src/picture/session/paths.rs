@@ -5,7 +5,7 @@ use crate::look::LookPatch;
 use crate::mode::PathsOf;
 use crate::model::FamilyName;
 use crate::modes;
-use crate::picture::paths::{KEPT_BYTES, PathLayer, PathRequest};
+use crate::picture::paths::{ChosenPaths, KEPT_BYTES, PathLayer, PathRequest, Sight};
 use crate::picture::times::Times;
 use crate::picture::{Picture, PictureError, ShownMoment};
 use glam::DVec3;
@@ -21,7 +21,7 @@ impl Session {
         }
     }
 
-    /// Whether paths are drawn in a flat picture; says why not where they are wanted all the same.
+    /// Whether paths are drawn in a picture; says why not where they are wanted all the same.
     pub(super) fn has_paths(&mut self, look: &LookPatch) -> bool {
         if look.paths_of() == PathsOf::None {
             return false;
@@ -38,13 +38,23 @@ impl Session {
         false
     }
 
-    /// Reads and projects the paths of a picture; how many tracks they are of.
-    pub(super) fn gather_paths(&mut self, shown: &Shown<'_>) -> Result<u64, PictureError> {
+    /// That paths are all that is asked for, and there are none.
+    pub(super) fn no_paths(&self) -> PictureError {
+        let why = self.told_of_paths.unwrap_or("nobody's paths are asked for");
+        PictureError::of(self.path(), format!("mode paths: {why}"))
+    }
+
+    /// Calls `then` with the layer and what is asked of it; `None` where there is no run.
+    fn with_layer<T>(
+        &mut self,
+        shown: &Shown<'_>,
+        then: impl FnOnce(&mut PathLayer, &PathRequest<'_>) -> Result<T, PictureError>,
+    ) -> Result<Option<T>, PictureError> {
         let Shown { shot, view, depiction, transfer, .. } = *shown;
-        let Some(run) = self.run().cloned() else { return Ok(0) };
+        let Some(run) = self.run().cloned() else { return Ok(None) };
         let mut layer = match self.paths.take() {
             Some(layer) if Arc::ptr_eq(layer.run(), &run) => layer,
-            _ => PathLayer::new(run, KEPT_BYTES)?,
+            _ => PathLayer::new(run, KEPT_BYTES.min(self.budget_bytes))?,
         };
         let tree = self.tree();
         let shown = self.scene.families.iter().filter_map(|index| tree.metadata().families.get(*index as usize));
@@ -60,17 +70,30 @@ impl Session {
             depiction,
             transfer,
         };
-        let tracks = layer.gather(&request);
+        let done = then(&mut layer, &request);
         self.paths = Some(layer);
-        tracks
+        done.map(Some)
+    }
+
+    /// Reads and projects the paths of a picture; how many tracks they are of.
+    pub(super) fn gather_paths(&mut self, shown: &Shown<'_>) -> Result<u64, PictureError> {
+        Ok(self.with_layer(shown, PathLayer::gather)?.unwrap_or(0))
+    }
+
+    /// Reads the paths of a picture that is put together from several views.
+    pub(super) fn choose_paths(
+        &mut self,
+        shown: &Shown<'_>,
+        sight: &Sight,
+    ) -> Result<Option<ChosenPaths>, PictureError> {
+        self.with_layer(shown, |layer, request| layer.choose_for(request, sight))
     }
 
     /// Draws paths alone.
     pub(super) fn draw_paths_alone(&mut self, shown: &Shown<'_>) -> Result<Picture, PictureError> {
         let mut times = Times::default();
         if !self.has_paths(&shown.shot.look) {
-            let why = self.told_of_paths.unwrap_or("nobody's paths are asked for");
-            return Err(PictureError::of(self.path(), format!("mode paths: {why}")));
+            return Err(self.no_paths());
         }
         let blank = self.blank(shown, shown.view)?;
         let (mut values, mut tracks) = (blank.values, 0);
