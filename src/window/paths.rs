@@ -9,6 +9,7 @@ use super::sheet::Sheet;
 use super::state::answer::Answer;
 use super::state::notices::Notices;
 use super::statistics::Converged;
+use super::touring::Player;
 use crate::color::Colors;
 use crate::color::colors::to_encoded;
 use crate::color::transfer::TransferFunction;
@@ -195,6 +196,7 @@ pub(super) fn follow_paths(
     scene: Option<Res<Scene>>,
     look: Option<Res<Look>>,
     (settings, preset, time): (Res<Settings>, Res<Preset>, Res<Time<Real>>),
+    player: Res<Player>,
     mut notices: ResMut<Notices>,
 ) {
     let paths = paths.bypass_change_detection();
@@ -221,8 +223,10 @@ pub(super) fn follow_paths(
     };
     paths.layer = Some((scene.dataset, Arc::clone(&layer)));
     let mut own = settings.paths.clone();
-    // Highlights run on by the window's clock, and whoever waits for a picture does not wait for them.
-    own.phase += own.run * time.elapsed_secs_f64();
+    // Highlights run on by the window's clock, and whoever waits for a picture does not wait for them; in a tour by the tour's.
+    if player.state().is_none() {
+        own.phase += own.run * time.elapsed_secs_f64();
+    }
     let shown = scene.metadata().families.iter().zip(&settings.families).filter(|(_, shown)| **shown);
     let key = Key {
         dataset: scene.dataset,

@@ -43,9 +43,8 @@ pub struct Playhead {
     /// What moves between steps, and whether that is drawn.
     tracks: Option<Arc<RunTree>>,
     moving: bool,
-    /// Whether only steps are shown: because somebody wants that, or because panoramas and pairs are drawn of steps.
+    /// Whether only steps are shown because somebody wants that.
     holds: bool,
-    surrounds: bool,
     opening: Option<Opening>,
     /// Steps that could not be opened.
     damaged: BTreeSet<usize>,
@@ -77,7 +76,6 @@ impl Playhead {
             tracks,
             moving: false,
             holds: false,
-            surrounds: false,
             opening: None,
             damaged,
         })
@@ -91,7 +89,7 @@ impl Playhead {
     /// Goes on as another one that has less of the run: at its time, playing where it plays.
     pub fn go_on_from(&mut self, before: &Playhead) {
         (self.playing, self.is_back, self.speed) = (before.playing, before.is_back, before.speed);
-        (self.late_frames, self.holds, self.surrounds) = (before.late_frames, before.holds, before.surrounds);
+        (self.late_frames, self.holds) = (before.late_frames, before.holds);
         self.seek(before.time);
     }
 
@@ -132,7 +130,7 @@ impl Playhead {
 
     /// Whether only steps are shown, also where something moves between them.
     pub fn holds(&self) -> bool {
-        (self.holds || self.surrounds) && self.has_stills() || self.tracks.is_none()
+        self.holds && self.has_stills() || self.tracks.is_none()
     }
 
     /// Shows steps alone from now on, or what moves between them.
@@ -365,7 +363,6 @@ pub(super) fn show_moment(
 ) {
     let (Some(mut playhead), Some(mut scene)) = (playhead, scene) else { return };
     let playhead = playhead.bypass_change_detection();
-    playhead.surrounds = settings.is_projected();
     let arrived = playhead.arrived();
     let motion = playhead.motion(&preset.playing);
     let still = match arrived {

@@ -15,6 +15,7 @@ use super::look::{Held, Look};
 use super::objects::Objects;
 use super::picture::{DataCamera, Letterbox, Picture, to_image};
 use super::picture_sizes::{moving_size, panorama_size};
+use super::playhead::Playhead;
 use super::preset::{Backend, Preset};
 use super::scene::{Scene, Settings};
 use super::scene_io::{camera_of, families_of};
@@ -26,6 +27,7 @@ use super::touring::{Player, Ranges};
 use crate::annotate::overlay::Overlay;
 use crate::color::transfer::Levels;
 use crate::gpu::Offscreen;
+use crate::hierarchy::spacetime::Interpolation;
 use crate::look::{CameraConfig, Film, LookPatch, Member, SceneFile, Shot};
 use crate::mode::Settings as ModeSettings;
 use crate::picture::{PictureError, Session};
@@ -42,7 +44,8 @@ const MEMORY_SHARE: u64 = 2;
 /// What a picture's values depend on, whatever its size.
 #[derive(Clone, PartialEq)]
 struct Content {
-    generation: u32,
+    /// The [`Scene::dataset`].
+    dataset: u32,
     /// What is asked to draw it.
     backend: Backend,
     members: Vec<Member>,
@@ -108,7 +111,7 @@ pub struct SurroundPicture {
     rests: Option<(Wanted, Instant)>,
     /// Room and milliseconds of the last picture.
     cost: Option<(UVec2, f64)>,
-    /// What draws it, the [`Scene::generation`] of its file, and what it asks to draw.
+    /// What draws it, the [`Scene::dataset`] that it has open, and what it asks to draw.
     session: Option<(u32, Backend, Session)>,
     told: Told,
 }
@@ -131,7 +134,7 @@ impl SurroundPicture {
         let Coming { wanted, answer, .. } = coming;
         let outcome = match answer {
             Answer::Here((session, outcome)) => {
-                self.session = Some((wanted.content.generation, wanted.content.backend, session));
+                self.session = Some((wanted.content.dataset, wanted.content.backend, session));
                 outcome
             }
             Answer::Failed(why) => Err(PictureError::Asked(why)),
@@ -171,7 +174,7 @@ impl SurroundPicture {
     fn has_shown(&self, wanted: &Wanted) -> bool {
         let same = |shown: &Wanted| {
             let [known, next] = [&shown.content, &wanted.content];
-            known.generation == next.generation
+            known.dataset == next.dataset
                 && known.members == next.members
                 && known.shot.look.is_measured_like(&next.shot.look)
         };
@@ -181,22 +184,29 @@ impl SurroundPicture {
     /// Begins to draw.
     fn start(&mut self, wanted: Wanted, at_rest: bool, scene: &Scene, budget: u64) {
         let backend = wanted.content.backend;
-        let known = self.session.take().filter(|(generation, by, _)| (*generation, *by) == (scene.generation, backend));
-        let open = || {
+        let known = self.session.take().filter(|(dataset, by, _)| (*dataset, *by) == (scene.dataset, backend));
+        let (opened, file) = (scene.opened.clone(), Arc::clone(&scene.file));
+        let (told, members) = (self.told.clone(), wanted.content.members.clone());
+        let open = move || {
             let adapter = match backend {
                 Backend::Cpu => None,
                 Backend::Auto => Some(Offscreen::default()),
                 Backend::Compute | Backend::Raster => Some(Offscreen::preferred()),
             };
-            let session = Session::of(Arc::clone(&scene.file), budget).with_reporter(Arc::new(self.told.clone()));
-            session.with_adapter(adapter.map(|adapter| Box::new(adapter) as _))
+            // Of a run whatever moment is asked for.
+            let session = match opened {
+                Some(opened) => Session::of_opened_within(opened, members, budget)?.0,
+                None => Session::of(file, budget),
+            };
+            let session = session.with_reporter(Arc::new(told));
+            Ok::<_, PictureError>(session.with_adapter(adapter.map(|adapter| Box::new(adapter) as _)))
         };
-        let mut session = known.map_or_else(open, |(_, _, session)| session);
         let values = self.drawn.take();
-        let (asked, file) = (wanted.clone(), Arc::clone(&scene.file));
+        let asked = wanted.clone();
         self.told.stop(false);
         let answer = Answer::ask("panorama", move |_| {
-            let done = draw(&mut session, &asked, values, file.metadata());
+            let mut session = known.map_or_else(open, |(_, _, session)| Ok(session))?;
+            let done = draw(&mut session, &asked, values);
             Ok::<_, PictureError>((session, done))
         });
         self.coming = Some(Coming { wanted, at_rest, answer });
@@ -237,6 +247,7 @@ pub(super) struct Shown<'w, 's> {
     held: Res<'w, Held>,
     picture: Res<'w, Picture>,
     preset: Res<'w, Preset>,
+    playhead: Option<Res<'w, Playhead>>,
     camera: Single<'w, 's, &'static Viewpoint, With<DataCamera>>,
 }
 
@@ -257,6 +268,11 @@ impl Shown<'_, '_> {
                 // What is left out for speed is left out of flat pictures, and behind the window's there is nothing.
                 budget: ModeSettings::default(),
                 background: None,
+                time: scene.when(),
+                interpolation: self.playhead.as_ref().map(|playhead| match playhead.holds() {
+                    true => Interpolation::Hold,
+                    false => playhead.interpolation(),
+                }),
                 ..settings.look.patch()
             },
             camera: CameraConfig {
@@ -270,12 +286,12 @@ impl Shown<'_, '_> {
             surround: settings.surround,
             stereo: settings.stereo,
             labels: self.objects.path().map(Path::to_owned),
-            film: self.film(settings),
+            film: self.film(scene, settings),
         };
         let families = families_of(scene, settings);
         let members = scene.members.iter().cloned().zip(families);
         let content = Content {
-            generation: scene.generation,
+            dataset: scene.dataset,
             backend: self.preset.drawing.backend,
             members: members.map(|(member, families)| Member { families, ..member }).collect(),
             shot: Shot {
@@ -295,7 +311,7 @@ impl Shown<'_, '_> {
     }
 
     /// What a tour does to the finished picture.
-    fn film(&self, settings: &Settings) -> Option<Film> {
+    fn film(&self, scene: &Scene, settings: &Settings) -> Option<Film> {
         let (state, timeline) = self.player.state().zip(self.player.timeline())?;
         let folder = self.player.path().and_then(Path::parent).unwrap_or(Path::new(""));
         let mut images = state.images.clone();
@@ -304,8 +320,9 @@ impl Shown<'_, '_> {
         let overlay = Overlay { caption: caption.text.clone(), caption_opacity: caption.opacity, images };
         let from = state.blend.as_ref().map(|blend| {
             let exposed = self.ranges.exposed(timeline, state.keyframe.saturating_sub(1), state.time, &blend.look);
+            let look = exposed.unwrap_or_else(|| blend.look.clone());
             Box::new(SceneFile {
-                look: exposed.unwrap_or_else(|| blend.look.clone()),
+                look: LookPatch { time: look.time.or(scene.when()), ..look },
                 camera: Some(blend.camera),
                 projection: settings.surround,
                 stereo: settings.stereo,

@@ -261,7 +261,7 @@ fn a_tour_goes_through_the_steps_and_each_frame_can_be_made_again() {
     let folder = built();
     let folder = folder.path();
     let tour = r#"(version: 2, dataset: (path: "run.df"), size: (96, 64), rate: 8.0, keyframes: [
-        (time: 0.0, mode: "column-density"), (after: 1.0, time: 0.5, orbit: 30.0), (after: 0.5, time: step(3))])"#;
+        (time: 0.0, mode: "column-density", paths: (of: all, run: 0.7, width: 1.5)), (after: 1.0, time: 0.5, orbit: 30.0), (after: 0.5, time: step(3))])"#;
     std::fs::write(folder.join("a.tour.ron"), tour).unwrap();
     ok(folder, &["tour", "a.tour.ron", "--record", "frames", "--backend", "cpu"]);
     let scene =
@@ -276,6 +276,8 @@ fn a_tour_goes_through_the_steps_and_each_frame_can_be_made_again() {
     ] {
         assert!(scene(frame).contains(time) && scene(frame).contains("version: 2"), "{frame}: {}", scene(frame));
     }
+    // Highlights run on with the tour's time.
+    assert!(scene(4).contains("phase: 0.35") && scene(8).contains("phase: 0.7"), "{}", scene(4));
     for frame in [0, 5, 8, 11, 12] {
         let path = format!("frames/scenes/frame-{frame:05}.scene.ron");
         ok(folder, &["render", &path, "-o", "again.png", "--backend", "cpu"]);

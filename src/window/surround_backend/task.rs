@@ -6,7 +6,6 @@ use crate::color::transfer::{Levels, TransferFunction};
 use crate::mode::Raw;
 use crate::model::Progress;
 use crate::picture::{Picture, PictureError, Reporter, Session};
-use crate::store::Metadata;
 use crate::window::exposure::Exposure;
 use crate::window::statistics::Statistics;
 use bevy::math::UVec2;
@@ -126,12 +125,7 @@ pub struct Done {
 ///
 /// # Errors
 /// As [`Session::draw`].
-pub fn draw(
-    session: &mut Session,
-    wanted: &Wanted,
-    known: Option<Drawn>,
-    metadata: &Metadata,
-) -> Result<Done, PictureError> {
+pub fn draw(session: &mut Session, wanted: &Wanted, known: Option<Drawn>) -> Result<Done, PictureError> {
     let start = Instant::now();
     let Wanted { content, area, shot, levels, is_empty } = wanted;
     session.show_members(content.members.clone());
@@ -148,6 +142,8 @@ pub fn draw(
         let (width, height) = shot.size();
         return Ok(Done { drawn, image: Image::black(width, height), exposure: None, milliseconds: None });
     };
+    // The picture that it is blended with may be of another moment.
+    let tree = Arc::clone(session.tree());
     let transfer = shot.look.transfer.clone().unwrap_or_else(|| picture.transfer.clone());
     if let Raw::Sums(..) = picture.values {
         picture.transfer = levels.map_or_else(|| transfer.clone(), |levels| transfer.clone().with_levels(&levels));
@@ -157,7 +153,7 @@ pub fn draw(
         Raw::Sums(sums, _) => Exposure::of(sums, &transfer),
         Raw::Light(painted) => {
             let found = Levels { p: painted.levels.density, s: painted.levels.attribute };
-            Exposure::of_codebooks(metadata, &picture.annotation.depiction, &transfer, found)
+            Exposure::of_codebooks(tree.metadata(), &picture.annotation.depiction, &transfer, found)
         }
     });
     drawn.exposed = Some(transfer);
@@ -191,7 +187,7 @@ mod tests {
             let surround = Surround::Dome { aperture: 180.0, tilt: 0.0 };
             let shot = Shot { look, size: Some((64, 64)), surround, ..Shot::default() };
             let content = Content {
-                generation: 1,
+                dataset: 1,
                 backend: Backend::Auto,
                 members: vec![Member::new(&output)],
                 shot: Shot { look: LookPatch::default(), size: None, ..shot.clone() },
@@ -199,22 +195,22 @@ mod tests {
             Wanted { content, area: UVec2::splat(64), shot, levels, is_empty: false }
         };
         told.stop(true);
-        let given_up = draw(&mut session, &wanted("density", None), None, file.metadata());
+        let given_up = draw(&mut session, &wanted("density", None), None);
         assert!(matches!(given_up, Err(PictureError::Stopped)));
         told.stop(false);
-        let first = draw(&mut session, &wanted("density", None), None, file.metadata()).unwrap();
+        let first = draw(&mut session, &wanted("density", None), None).unwrap();
         assert!(first.milliseconds.is_some() && first.drawn.facts().converged);
         let found = first.exposure.unwrap().levels.unwrap();
         // The same ranges, found and given, give the same picture.
         let same = wanted("density", Some(found));
-        let same = draw(&mut session, &same, Some(first.drawn), file.metadata()).unwrap();
+        let same = draw(&mut session, &same, Some(first.drawn)).unwrap();
         assert!(same.milliseconds.is_none() && same.exposure.is_none() && same.image == first.image);
         // Nothing is drawn for others: it would be given up.
         told.stop(true);
         let brighter = Levels { p: [found.p[0], 0.1 * found.p[1]], ..found };
-        let bright = draw(&mut session, &wanted("density", Some(brighter)), Some(same.drawn), file.metadata()).unwrap();
+        let bright = draw(&mut session, &wanted("density", Some(brighter)), Some(same.drawn)).unwrap();
         assert!(bright.image != first.image && bright.exposure.is_none());
-        let other = draw(&mut session, &wanted("density-hue", None), Some(bright.drawn), file.metadata()).unwrap();
+        let other = draw(&mut session, &wanted("density-hue", None), Some(bright.drawn)).unwrap();
         assert!(other.exposure.is_some());
         // A message is handed on once.
         told.tell("a".into());

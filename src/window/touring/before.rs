@@ -38,7 +38,7 @@ struct Key {
     look: LookPatch,
     levels: Option<Levels>,
     limit: u64,
-    generation: u32,
+    dataset: u32,
 }
 
 /// A picture that is wanted.
@@ -77,7 +77,7 @@ pub struct Before {
     share: Option<f32>,
     awaited: bool,
     settled: bool,
-    /// What draws it, and the [`Scene::generation`] of its file.
+    /// What draws it, and the [`Scene::dataset`] that it has open.
     session: Option<(u32, Session)>,
     /// What could not be drawn.
     failed: Option<Key>,
@@ -124,7 +124,7 @@ impl Before {
         let Coming { wanted, since, answer } = coming;
         let drawn = match answer {
             Answer::Here((session, drawn)) => {
-                self.session = Some((wanted.key.generation, session));
+                self.session = Some((wanted.key.dataset, session));
                 drawn.map_err(|error| error.to_string())
             }
             Answer::Failed(why) => Err(why),
@@ -150,11 +150,17 @@ impl Before {
 
     /// Begins to draw.
     fn start(&mut self, wanted: Wanted, scene: &Scene) {
-        let known = self.session.take().filter(|(generation, _)| *generation == scene.generation);
-        let mut session = known.map_or_else(|| Session::of(Arc::clone(&scene.file), BUDGET), |(_, session)| session);
+        let known = self.session.take().filter(|(dataset, _)| *dataset == scene.dataset);
+        let (opened, file, members) = (scene.opened.clone(), Arc::clone(&scene.file), scene.members.clone());
+        let open = move || match opened {
+            // Of a run whatever moment is asked for.
+            Some(opened) => Ok(Session::of_opened_within(opened, members, BUDGET)?.0),
+            None => Ok::<_, PictureError>(Session::of(file, BUDGET)),
+        };
         let Key { view, look, levels, limit, .. } = wanted.key.clone();
         let diameter = wanted.diameter;
         let answer = Answer::ask("blend", move |_| {
+            let mut session = known.map_or_else(open, |(_, session)| Ok(session))?;
             // What is missing is told where the picture itself is drawn.
             let drawn = session.image(&look, &view, levels, diameter, limit);
             Ok::<_, PictureError>((session, drawn))
@@ -212,7 +218,7 @@ pub fn draw_before(
         is_moving
     };
     let exposed = ranges.exposed(timeline, then.keyframe.saturating_sub(1), then.time, &blend.look);
-    let Ok(depiction) = depict(&blend.look, scene.file.metadata()) else { return };
+    let Ok(depiction) = depict(&blend.look, scene.metadata()) else { return };
     let numbers = exposed.as_ref().and_then(|look| look.transfer.as_ref()?.numbers());
     let levels = numbers.or(before.last.filter(|(mode, _)| std::ptr::eq(*mode, depiction.mode)).map(|last| last.1));
     let painted = depiction.mode.is_light();
@@ -235,7 +241,9 @@ pub fn draw_before(
     let cut = blend.look.cut.unwrap_or_default();
     let own = Settings { lens, look: crate::look::Look { cut, ..settings.look.clone() }, ..settings.clone() };
     let Ok(view) = view_of(&place, &own, scene.periodic, size, aim.as_deref()) else { return };
-    let key = Key { view, look: exposed.unwrap_or(blend.look), levels, limit, generation: scene.generation };
+    let look = exposed.unwrap_or(blend.look);
+    let look = LookPatch { time: look.time.or(scene.when()), ..look };
+    let key = Key { view, look, levels, limit, dataset: scene.dataset };
     let keyframe = then.keyframe;
     let is_same = |known: &Wanted| known.keyframe == keyframe && Arc::ptr_eq(&known.timeline, timeline);
     let there = before.drawn.as_ref().filter(|drawn| is_same(&drawn.wanted));

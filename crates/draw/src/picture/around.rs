@@ -10,6 +10,7 @@
 
 use super::subject::Subject;
 use crate::color::transfer::{Range, TransferFunction};
+use crate::cpu::paths::PathFragments;
 use crate::cpu::volume::range::FieldRange;
 use crate::cpu::volume::{VolumeError, VolumeOptions, range};
 use crate::cpu::{Extent, SplatError, Splats};
@@ -113,7 +114,7 @@ impl SharedLook {
         Ok(SharedLook { depiction, transfer, least })
     }
 
-    /// Paints a face; `None` where it shows nothing.
+    /// Paints a face, paths among what it shows; `None` where it shows nothing but these.
     ///
     /// # Errors
     /// [`VolumeError`] for settings that do not fit.
@@ -122,6 +123,7 @@ impl SharedLook {
         subject: &Subject<'_>,
         view: &View,
         batches: &[Splats<'_>],
+        paths: Option<&PathFragments>,
     ) -> Result<Option<LightPicture>, VolumeError> {
         let raised: Vec<Option<Raised>> = batches.par_iter().map(|batch| self.raised(view.eye, batch)).collect();
         let batches = batches.iter().zip(&raised).map(|(batch, raised)| match raised {
@@ -133,9 +135,8 @@ impl SharedLook {
         });
         let batches = batches.collect::<Result<Vec<_>, SplatError>>()?;
         let subject = self.subject(subject);
-        unless_empty(
-            subject.draw_batches(view, &batches, &Plan::default()).and_then(|raw| raw.light(self.depiction.mode)),
-        )
+        let drawn = subject.draw_batches(view, &batches, &Plan::default(), paths);
+        unless_empty(drawn.and_then(|raw| raw.light(self.depiction.mode)))
     }
 
     /// A subject as all faces have it.

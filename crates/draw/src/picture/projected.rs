@@ -9,10 +9,13 @@ use super::around::{SharedLook, sketch, with_images};
 use super::decode::{batches, cut, decode};
 use super::error::PictureError;
 use super::panorama::{Texels, assemble};
+use super::paths::{ChosenPaths, PathLayer, Sight};
 use super::session::Reporter;
 use super::subject::Subject;
 use crate::color::Accumulation;
+use crate::color::Colors;
 use crate::color::transfer::Levels;
+use crate::cpu::paths::PathFragments;
 use crate::cpu::{Counts, Splats};
 use crate::hierarchy::Purpose;
 use crate::mode::{self, Depiction, Footprint, LightPicture, Needs, Raw};
@@ -32,9 +35,18 @@ pub(super) struct Means<'a> {
     pub adapter: Option<(Passes, &'a mut (dyn Adapter + 'static))>,
     /// Who is told.
     pub reporter: &'a dyn Reporter,
+    /// The paths of the picture, where it has some, and what draws them.
+    pub paths: Option<(&'a mut PathLayer, &'a mut ChosenPaths)>,
 }
 
 impl Means<'_> {
+    /// The layer with the paths that are in a face, where the picture has some.
+    fn paths_in(&mut self, face: &Face<'_>) -> Option<&PathLayer> {
+        let (layer, paths) = self.paths.as_mut()?;
+        layer.project(paths, face.view, face.around.map(|[pixel, _]| pixel));
+        Some(layer)
+    }
+
     /// Waits until what a view needs is there.
     fn converge(&mut self, view: &View, detail: impl Into<Detail>) -> Result<SceneSelection, PictureError> {
         Ok(self.scene.converge(view, detail, &mut |why| self.reporter.tell(why))?)
@@ -138,6 +150,40 @@ impl Projector {
         whole.ok_or_else(|| PictureError::Asked("nothing was drawn".into()))
     }
 
+    /// From where its paths are chosen: the same for all faces and both eyes.
+    ///
+    /// # Errors
+    /// Eyes that make no sense.
+    pub fn sight(&self) -> Result<Sight, PictureError> {
+        let View { eye, height, .. } = self.base;
+        let Some(panorama) = self.panorama else {
+            let eyes = self.stereo.iter().flat_map(|stereo| stereo.eyes.each().iter().map(move |eye| (stereo, eye)));
+            let mut views =
+                eyes.map(|(stereo, eye)| stereo.off_axis(&self.base, *eye)).collect::<Result<Vec<_>, _>>()?;
+            if views.is_empty() {
+                views.push(self.base);
+            }
+            return Ok(Sight::flat(views, height));
+        };
+        let sections = Sections::new(panorama, None, COLORS);
+        let faces = sections.faces(0, &self.base).into_iter().map(|face| face.view);
+        let away = self.stereo.map_or(0.0, |stereo| 0.5 * stereo.separation);
+        Ok(Sight::around(faces, eye, panorama.pixel_angle(), away, panorama.face_edge().unwrap_or(height)))
+    }
+
+    /// The paths of the picture alone; black without.
+    ///
+    /// # Errors
+    /// As [`Projector::draw`].
+    pub fn paths(&self, means: &mut Means<'_>) -> Result<Colors, PictureError> {
+        let texels = self.shoot(SPLATS, |face| {
+            means.go_on()?;
+            let black = || Texels::black(face.view.width, face.view.height);
+            Ok(means.paths_in(face).map_or_else(black, |layer| layer.colors().into()))
+        })?;
+        Ok(texels.into())
+    }
+
     /// The angle of a pixel in the picture's middle.
     fn pixel(&self) -> f64 {
         self.panorama.map_or(1.0 / self.base.focal_pixels(), |panorama| panorama.pixel_angle())
@@ -232,19 +278,25 @@ impl Projector {
             };
             let selection = own.as_ref().unwrap_or(&everything);
             tally.add(selection, face);
+            let takes_paths = depiction.mode.technique.takes_paths();
+            let among = takes_paths.then(|| means.paths_in(face).map(PathLayer::fragments)).flatten();
+            let among = among.as_ref();
             let painted = match (&mut means.adapter, &own) {
                 (Some((passes, adapter)), _) => {
                     let painter = (*passes, &mut **adapter);
                     let shared = shared.subject(subject);
                     adapter_faces::light(painter, &shared, face.view, &selection.nodes, &mut tally.drawn_by)?
                 }
-                (None, None) => shared.paint(subject, face.view, &all)?,
+                (None, None) => shared.paint(subject, face.view, &all, among)?,
                 (None, Some(selection)) => {
                     let nodes = cut(face.view, decode(depiction, metadata, &selection.nodes));
-                    shared.paint(subject, face.view, &batches(depiction, &nodes)?)?
+                    shared.paint(subject, face.view, &batches(depiction, &nodes)?, among)?
                 }
             };
-            let Some(mut painted) = painted else { return Ok(Texels::black(face.view.width, face.view.height)) };
+            let Some(mut painted) = painted else {
+                let black = || Texels::black(face.view.width, face.view.height);
+                return Ok(among.map_or_else(black, |paths| PathFragments::colors(paths).into()));
+            };
             let colors = std::mem::take(&mut painted.colors);
             last = Some(painted);
             Ok(colors.into())

@@ -77,7 +77,7 @@ impl<'a> Subject<'a> {
     /// # Errors
     /// [`VolumeError`] as [`crate::mode::Mode::draw`].
     pub fn draw(&self, view: &View, nodes: &[DecodedNode<'_>], plan: &Plan) -> Result<Raw, VolumeError> {
-        self.draw_batches(view, &batches(self.depiction, nodes)?, plan)
+        self.draw_with_paths(view, nodes, plan, None)
     }
 
     /// The same with paths among what is drawn, of modes that take them.
@@ -91,8 +91,7 @@ impl<'a> Subject<'a> {
         plan: &Plan,
         paths: Option<&PathFragments>,
     ) -> Result<Raw, VolumeError> {
-        let batches = batches(self.depiction, nodes)?;
-        self.depiction.mode.draw(&Job { paths, ..self.job(view, &batches, plan) })
+        self.draw_batches(view, &batches(self.depiction, nodes)?, plan, paths)
     }
 
     /// Decodes nodes and draws them.
@@ -103,12 +102,18 @@ impl<'a> Subject<'a> {
         self.draw(view, &self.decode(view, nodes, plan), plan)
     }
 
-    /// Draws batches of particles.
+    /// Draws batches of particles, with paths among them where the mode takes some.
     ///
     /// # Errors
     /// As [`Subject::draw`].
-    pub fn draw_batches(&self, view: &View, batches: &[Splats<'_>], plan: &Plan) -> Result<Raw, VolumeError> {
-        self.depiction.mode.draw(&self.job(view, batches, plan))
+    pub fn draw_batches(
+        &self,
+        view: &View,
+        batches: &[Splats<'_>],
+        plan: &Plan,
+        paths: Option<&PathFragments>,
+    ) -> Result<Raw, VolumeError> {
+        self.depiction.mode.draw(&Job { paths, ..self.job(view, batches, plan) })
     }
 
     /// Sums of nodes on a face of a panorama whose pixels are `pixel` radians wide, or in a flat picture.
@@ -127,7 +132,7 @@ impl<'a> Subject<'a> {
             (Some(pixel), Output::Sums) => {
                 Ok(around::draw_face(view, &batches, pixel, &self.options(&Plan::default()))?)
             }
-            _ => self.draw_batches(view, &batches, &Plan::default())?.sums(self.depiction.mode),
+            _ => self.draw_batches(view, &batches, &Plan::default(), None)?.sums(self.depiction.mode),
         }
     }
 

@@ -196,6 +196,17 @@ impl Easing {
             Easing::Hold => 0.0,
         }
     }
+
+    /// The area under [`Easing::at`] from 0 to a share of the time.
+    pub fn area(self, u: f64) -> f64 {
+        match self {
+            Easing::Smooth => u * u * u * (1.0 - 0.5 * u),
+            Easing::Linear => 0.5 * u * u,
+            Easing::In => u * u * u / 3.0,
+            Easing::Out => u * u * (1.0 - u / 3.0),
+            Easing::Hold => 0.0,
+        }
+    }
 }
 
 /// How the data's time changes between keyframes.

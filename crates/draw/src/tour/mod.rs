@@ -11,6 +11,7 @@ pub mod zoom_pan;
 mod around;
 mod check;
 mod file;
+mod highlights;
 mod pace;
 mod place;
 mod timeline;

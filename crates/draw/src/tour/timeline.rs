@@ -2,6 +2,7 @@
 
 use super::around::{DataMoment, Surroundings, center};
 use super::file::{Easing, Keyframe, Move, TimeEasing, TourError, TourFile};
+use super::highlights;
 use super::path::{Knot, Path, Pose};
 use super::spline::turn;
 use super::zoom_pan::ZoomPan;
@@ -28,9 +29,9 @@ pub struct Stop {
     pub stretched: f64,
     /// Seconds in which the picture blends from what was.
     pub fade: f64,
-    easing: Easing,
+    pub(super) easing: Easing,
     time_easing: TimeEasing,
-    look: LookPatch,
+    pub(super) look: LookPatch,
     caption: String,
     images: Vec<Picture>,
 }
@@ -92,6 +93,8 @@ pub struct Timeline {
     follows: Vec<Option<usize>>,
     data: Option<OpenData>,
     stops: Vec<Stop>,
+    /// How far highlights of paths have come when each keyframe is reached.
+    highlights: Vec<f64>,
     keys: BTreeMap<char, String>,
     repeats: bool,
     up: DVec3,
@@ -164,7 +167,8 @@ impl Timeline {
         }
         let path = Path::new(knots, up, tour.repeats);
         let (keys, data) = (tour.keys.clone(), surroundings.data.clone());
-        Ok(Timeline { path, followed, follows, data, stops, keys, repeats: tour.repeats, up })
+        let highlights = highlights::at_arrivals(&stops);
+        Ok(Timeline { path, followed, follows, data, stops, highlights, keys, repeats: tour.repeats, up })
     }
 
     /// The camera at a time: along its way, or along that as seen from the centre of what it follows.
@@ -243,11 +247,24 @@ impl Timeline {
     /// The look after a keyframe, on the way to the next.
     pub fn look(&self, keyframe: usize, time: f64) -> LookPatch {
         let stop = &self.stops[keyframe];
-        let Some(next) = self.stops.get(keyframe + 1) else { return stop.look.clone() };
-        let Some(share) = self.share(keyframe, time) else { return stop.look.clone() };
-        let mut look = mix(&stop.look, &next.look, next.easing.at(share));
-        look.time = mix_time(stop.look.time, next.look.time, next.time_easing.at(share));
+        let mut look = match self.stops.get(keyframe + 1).zip(self.share(keyframe, time)) {
+            None => stop.look.clone(),
+            Some((next, share)) => {
+                let mut look = mix(&stop.look, &next.look, next.easing.at(share));
+                look.time = mix_time(stop.look.time, next.look.time, next.time_easing.at(share));
+                look
+            }
+        };
+        self.move_highlights(&mut look, keyframe, time);
         look
+    }
+
+    /// Moves the highlights of paths to where they are at a time after a keyframe.
+    fn move_highlights(&self, look: &mut LookPatch, keyframe: usize, time: f64) {
+        if let Some(paths) = look.paths.as_mut() {
+            let before = self.highlights.get(keyframe).copied().unwrap_or(0.0);
+            paths.phase += before + highlights::since(&self.stops[keyframe], self.stops.get(keyframe + 1), time);
+        }
     }
 
     /// The picture before a keyframe that fades into the one after it.
@@ -261,7 +278,8 @@ impl Timeline {
         let camera = if stop.motion == Move::Cut { self.camera(self.stops[before].leave) } else { camera };
         // Where the way here ended: numbers have come all the way, unless they waited for the keyframe.
         let (last, numbers) = (&self.stops[before].look, if stop.easing == Easing::Hold { 0.0 } else { 1.0 });
-        let look = mix(last, &stop.look, numbers);
+        let mut look = mix(last, &stop.look, numbers);
+        self.move_highlights(&mut look, keyframe, time);
         let changes = camera != self.camera(time) || look != self.look(keyframe, time);
         changes.then_some(Blend { camera, look, share: Easing::Smooth.at(share) })
     }

@@ -27,6 +27,10 @@ const HEAD_LENGTH: f32 = 2.5;
 const MOST_IMAGES: i32 = 3;
 /// Coordinates beyond this are of no picture, world units from the node.
 const FARTHEST: f32 = 1e30;
+/// How far from its middle a face of a panorama has paths; its edge is at 1, and what reaches into it begins a little beyond.
+const FARTHEST_TANGENT: f32 = 1.5;
+/// How long a chord is at most there.
+const LONGEST_TANGENT: f32 = 0.25;
 
 /// Curves that are drawn, and which part of them.
 #[derive(Clone, Copy)]
@@ -79,10 +83,12 @@ struct Lens {
     size: [f32; 2],
     /// What is nearer is not drawn.
     near: f32,
+    /// Where sizes are angles: the view's pixels for one of those that they are in, in the middle of its side of a cube.
+    rate: Option<f32>,
 }
 
 impl Lens {
-    fn new(view: &View) -> Lens {
+    fn new(view: &View, around: Option<f64>) -> Lens {
         let perspective = matches!(view.projection, Projection::Perspective { .. });
         Lens {
             perspective,
@@ -90,6 +96,7 @@ impl Lens {
             middle: view.middle().map(|pixels| pixels as f32),
             size: [view.width as f32, view.height as f32],
             near: 0.0,
+            rate: around.map(|pixel| (pixel * view.focal_pixels()) as f32),
         }
     }
 
@@ -97,6 +104,43 @@ impl Lens {
     fn pixel(&self, at: Vec3) -> [f32; 2] {
         let scale = if self.perspective { self.focal / at.z } else { self.focal };
         [self.middle[0] + at.x * scale, self.middle[1] - at.y * scale]
+    }
+
+    /// The view's pixels for one of those that sizes are in, at a place in the picture and along a unit vector there.
+    ///
+    /// At the tangents `q` of the angles from the axis, a step `n` in their plane is the angle
+    /// `sqrt(n^2 (1 + q^2) - (q n)^2) / (1 + q^2)`.
+    #[inline]
+    fn scale(&self, at: [f32; 2], along: [f32; 2]) -> f32 {
+        let Some(rate) = self.rate else { return 1.0 };
+        let [qx, qy] = self.tangents(at);
+        let (square, part) = (1.0 + qx * qx + qy * qy, qx * along[0] + qy * along[1]);
+        rate * square / (square - part * part).max(1.0).sqrt()
+    }
+
+    #[inline]
+    fn tangents(&self, [x, y]: [f32; 2]) -> [f32; 2] {
+        [(x - self.middle[0]) / self.focal, (y - self.middle[1]) / self.focal]
+    }
+
+    /// The most that [`Lens::scale`] is, where anything is drawn.
+    fn most_scale(&self) -> f32 {
+        self.rate.map_or(1.0, |rate| rate * (1.0 + 2.0 * FARTHEST_TANGENT * FARTHEST_TANGENT))
+    }
+
+    /// Whether a chord between two places is short enough for sizes to change evenly along it.
+    #[inline]
+    fn is_short(&self, [ax, ay]: [f32; 2], [bx, by]: [f32; 2]) -> bool {
+        self.rate.is_none() || (bx - ax).hypot(by - ay) <= LONGEST_TANGENT * self.focal
+    }
+
+    /// The sides of a pyramid around what a face of a panorama shows; nothing is drawn beyond, where sizes grow without bounds.
+    fn sides(&self) -> Planes {
+        let side = |x: f32, y: f32| (Vec3::new(x, y, FARTHEST_TANGENT), 0.0);
+        match self.rate {
+            None => Planes::new(),
+            Some(_) => vec![side(1.0, 0.0), side(-1.0, 0.0), side(0.0, 1.0), side(0.0, -1.0)],
+        }
     }
 }
 
@@ -131,16 +175,14 @@ struct Piece {
 impl<'a> Chopper<'a> {
     /// For a view.
     pub fn new(view: &'a View, style: &'a Style) -> Chopper<'a> {
-        Chopper { view, style, lens: Lens::new(view) }
+        Chopper { view, style, lens: Lens::new(view, style.around) }
     }
 
-    /// Appends the strokes of some of the curves of `drawn`, by their places in it; returns how many curves are in the view.
-    pub fn chop(&self, drawn: &Drawn<'_>, range: std::ops::Range<usize>, out: &mut Vec<Stroke>) -> u64 {
-        let mut seen = vec![false; range.len()];
+    /// Appends the strokes of some of the curves of `drawn`, by their places in it, and notes in `seen` which of these are in the view.
+    pub fn chop(&self, drawn: &Drawn<'_>, range: std::ops::Range<usize>, seen: &mut [bool], out: &mut Vec<Stroke>) {
         for offset in self.view.images.offsets() {
-            self.image(drawn, range.clone(), offset, &mut seen, out);
+            self.image(drawn, range.clone(), offset, seen, out);
         }
-        seen.into_iter().filter(|seen| *seen).count() as u64
     }
 
     /// The same for an image of a periodic box.
@@ -161,7 +203,10 @@ impl<'a> Chopper<'a> {
             let moved = bounds.moved(offset);
             !(cut.keeps(moved.min) && cut.keeps(moved.max))
         };
-        let cut_planes = if is_cut { self.planes(cut.bounds.min, cut.bounds.max) } else { Planes::new() };
+        let mut cut_planes = self.lens.sides();
+        if is_cut {
+            cut_planes.extend(self.planes(cut.bounds.min, cut.bounds.max));
+        }
         let base = self.view.to_camera(curves.origin + offset).as_vec3();
         let (right, up, forward) = (self.view.right.as_vec3(), self.view.up.as_vec3(), self.view.forward.as_vec3());
         for (place, seen) in range.zip(seen) {
@@ -239,8 +284,7 @@ impl<'a> Chopper<'a> {
         let weight = |u: f32| weights[0] as f32 * (1.0 - u) + weights[1] as f32 * u;
         let faint = [0, 1].map(|end| faint[end] * weight(part.u[end]) * style.opacity);
         let piece = Piece { points: sub_curve(points, part.u), share: [0.0, 1.0], directions: [None; 2] };
-        let widest = HEAD_SIZE * half[0].max(half[1]) + style.halo + 1.0;
-        if !self.may_be_seen(&piece.points, widest) {
+        if !self.may_be_seen(&piece.points, half) {
             return false;
         }
         let values = curves.values.get(i).copied().unwrap_or([0.0; 2]);
@@ -278,8 +322,9 @@ impl<'a> Chopper<'a> {
 
     /// Whether a curve with these control points may reach into the picture.
     #[inline]
-    fn may_be_seen(&self, points: &[Vec3; 4], around: f32) -> bool {
+    fn may_be_seen(&self, points: &[Vec3; 4], half: [f32; 2]) -> bool {
         let lens = &self.lens;
+        let around = (HEAD_SIZE * half[0].max(half[1]) + self.style.halo) * lens.most_scale() + 1.0;
         let far = points.iter().fold(f32::NEG_INFINITY, |far, at| far.max(at.z));
         if far.is_nan() || far <= lens.near {
             return false;
@@ -311,14 +356,13 @@ impl<'a> Chopper<'a> {
         if in_front {
             let pixels = points.map(|at| self.lens.pixel(at));
             let wanted = if self.style.highlights.is_some() { HIGHLIGHT_HALVINGS } else { 0 };
-            if halvings >= MOST_HALVINGS || (halvings >= wanted && is_flat(&pixels)) {
+            if halvings >= MOST_HALVINGS
+                || (halvings >= wanted && is_flat(&pixels) && self.lens.is_short(pixels[0], pixels[3]))
+            {
                 return self.stroke(course, &piece, &pixels, out);
             }
-            if halvings > 0 {
-                let around = HEAD_SIZE * course.half[0].max(course.half[1]) + self.style.halo + 1.0;
-                if !self.may_be_seen(points, around) {
-                    return;
-                }
+            if halvings > 0 && !self.may_be_seen(points, course.half) {
+                return;
             }
         }
         let ([first, second], middle) = halves(points);
@@ -362,7 +406,7 @@ impl<'a> Chopper<'a> {
         let (fade, faint, mut half) = (mix(course.part.fade), mix(course.faint), mix(course.half));
         let mut alpha = [fade[0] * faint[0], fade[1] * faint[1]];
         if self.view.cut.fade_rate > 0.0 {
-            [0, 1].into_iter().for_each(|end| alpha[end] *= self.view.cut.fade(f64::from(ends[end].z)) as f32);
+            [0, 1].into_iter().for_each(|end| alpha[end] *= self.fade(ends[end]));
         }
         if alpha[0].max(alpha[1]) < UNSEEN {
             return;
@@ -399,7 +443,21 @@ impl<'a> Chopper<'a> {
         if course.part.head && shares[1] >= 1.0 {
             kind |= kind::FREE_TO;
         }
-        out.push(Stroke { from, to, depth: ends.map(|at| at.z), half, alpha, cuts, color, kind });
+        let mut halo = self.style.halo;
+        if self.lens.rate.is_some() {
+            let length = chord[0].hypot(chord[1]).max(1e-6);
+            let across = [-chord[1] / length, chord[0] / length];
+            let scales = [from, to].map(|at| self.lens.scale(at, across));
+            half = [half[0] * scales[0], half[1] * scales[1]];
+            halo *= 0.5 * (scales[0] + scales[1]);
+        }
+        out.push(Stroke { from, to, depth: ends.map(|at| at.z), half, halo, alpha, cuts, color, kind });
+    }
+
+    /// The factor on opacity that the cut leaves at a place.
+    fn fade(&self, at: Vec3) -> f32 {
+        let cut = &self.view.cut;
+        cut.fade(f64::from(if cut.around { at.length() } else { at.z })) as f32
     }
 
     /// The colour in the middle of a piece, `share` of the part that is drawn.
@@ -439,29 +497,41 @@ impl<'a> Chopper<'a> {
     fn ball(&self, course: &Course<'_>, at: Vec3, piece: &Piece, share: f32, out: &mut Vec<Stroke>) {
         let is_in_front = at.z > self.lens.near;
         let mut alpha = course.faint[1] * course.part.fade[1] * share;
-        alpha *= self.view.cut.fade(f64::from(at.z)) as f32;
+        alpha *= self.fade(at);
         if !is_in_front || alpha < UNSEEN || !Chopper::keeps(course, at) {
             return;
         }
         let color = course.color.unwrap_or_else(|| self.color(course, piece, 1.0));
         let from = self.lens.pixel(at);
         let radius = HEAD_SIZE * course.half[1];
-        out.push(Stroke {
+        let mut ball = Stroke {
             from,
             to: from,
             depth: [at.z; 2],
             half: [radius; 2],
+            halo: self.style.halo,
             alpha: [alpha; 2],
             cuts: [0.0; 2],
             color,
             kind: kind::BALL,
-        });
+        };
+        if self.lens.rate.is_some() {
+            // Longer away from the middle, as whatever is round is drawn there.
+            let [qx, qy] = self.lens.tangents(from);
+            let away = qx.hypot(qy);
+            let along = if away > 1e-3 { [qx / away, qy / away] } else { [1.0, 0.0] };
+            let [long, across] = [along, [-along[1], along[0]]].map(|along| self.lens.scale(from, along));
+            ball.to = [from[0] + along[0], from[1] + along[1]];
+            (ball.half, ball.halo) = ([radius * long, radius * across], self.style.halo * across);
+            ball.kind |= kind::TUBE;
+        }
+        out.push(ball);
     }
 
     /// An arrow's head.
     fn head(&self, course: &Course<'_>, whole: &[Vec3; 4], piece: &Piece, out: &mut Vec<Stroke>) {
         let at = piece.points[3];
-        let alpha = course.faint[1] * course.part.fade[1] * self.view.cut.fade(f64::from(at.z)) as f32;
+        let alpha = course.faint[1] * course.part.fade[1] * self.fade(at);
         if at.z <= self.lens.near || alpha < UNSEEN || !Chopper::keeps(course, at) {
             return;
         }
@@ -476,7 +546,8 @@ impl<'a> Chopper<'a> {
         });
         let Some([dx, dy]) = direction else { return };
         let half = HEAD_SIZE * course.half[1];
-        let reach = HEAD_LENGTH * half;
+        let [along, across] = [[dx, dy], [-dy, dx]].map(|along| self.lens.scale(tip, along));
+        let reach = HEAD_LENGTH * half * along;
         let color = course.color.unwrap_or_else(|| self.color(course, piece, 1.0));
         // The tip is half a head beyond the place, so that the line does not stick out.
         let [from, to] = [
@@ -487,7 +558,8 @@ impl<'a> Chopper<'a> {
             from,
             to,
             depth: [at.z; 2],
-            half: [half, 0.0],
+            half: [half * across, 0.0],
+            halo: self.style.halo * across,
             alpha: [alpha; 2],
             cuts: [0.0; 2],
             color,

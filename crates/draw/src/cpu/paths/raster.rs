@@ -26,8 +26,10 @@ struct Chunk {
     /// The first of each tile in `indices`, and one more at the end.
     starts: Vec<u32>,
     indices: Vec<u32>,
-    /// Curves in view, of each of the drawn.
-    seen: Vec<(usize, u64)>,
+    /// Which of the drawn its curves are of.
+    of: Vec<(usize, std::ops::Range<usize>)>,
+    /// Which of its curves are in view.
+    seen: Vec<bool>,
 }
 
 /// What is drawn on; keeps its memory from picture to picture.
@@ -37,7 +39,6 @@ pub struct Canvas {
     used: usize,
     size: [usize; 2],
     perspective: bool,
-    halo: f32,
 }
 
 /// A fragment that is not sorted yet.
@@ -67,7 +68,6 @@ impl Canvas {
     pub fn gather(&mut self, view: &View, drawn: &[Drawn<'_>], style: &Style) -> Vec<u64> {
         self.size = [view.width as usize, view.height as usize];
         self.perspective = matches!(view.projection, Projection::Perspective { .. });
-        self.halo = style.halo;
         // Tasks of about as many curves each: parts of large places, or several small ones.
         let mut tasks: Vec<Vec<(usize, std::ops::Range<usize>)>> = Vec::new();
         let mut room = 0;
@@ -91,30 +91,41 @@ impl Canvas {
             self.chunks.resize_with(tasks.len(), Chunk::default);
         }
         let chopper = Chopper::new(view, style);
-        let (size, halo) = (self.size, self.halo);
+        let size = self.size;
         self.chunks.par_iter_mut().zip(&tasks).for_each(|(chunk, task)| {
             chunk.strokes.clear();
             chunk.seen.clear();
+            chunk.of.clone_from(task);
             for (number, range) in task {
-                let seen = chopper.chop(&drawn[*number], range.clone(), &mut chunk.strokes);
-                chunk.seen.push((*number, seen));
+                let first = chunk.seen.len();
+                chunk.seen.resize(first + range.len(), false);
+                chopper.chop(&drawn[*number], range.clone(), &mut chunk.seen[first..], &mut chunk.strokes);
             }
-            chunk.bin(size, halo);
+            chunk.bin(size);
         });
         let mut counts = vec![0; drawn.len()];
-        for (number, seen) in self.chunks[..self.used].iter().flat_map(|chunk| &chunk.seen) {
-            counts[*number] += seen;
-        }
+        self.each_seen(|number, _| counts[number] += 1);
         counts
     }
 
+    /// Calls `each` for every curve in view: the number of what it is drawn of, and its place in that.
+    pub fn each_seen(&self, mut each: impl FnMut(usize, usize)) {
+        for chunk in &self.chunks[..self.used] {
+            let curves = chunk.of.iter().flat_map(|(number, range)| range.clone().map(|place| (*number, place)));
+            for ((number, place), seen) in curves.zip(&chunk.seen) {
+                if *seen {
+                    each(number, place);
+                }
+            }
+        }
+    }
+
     /// Takes strokes as they are.
-    pub fn take(&mut self, view: &View, strokes: Vec<Stroke>, halo: f32) {
+    pub fn take(&mut self, view: &View, strokes: Vec<Stroke>) {
         self.size = [view.width as usize, view.height as usize];
         self.perspective = matches!(view.projection, Projection::Perspective { .. });
-        self.halo = halo;
         let mut chunk = Chunk { strokes, ..Chunk::default() };
-        chunk.bin(self.size, halo);
+        chunk.bin(self.size);
         (self.chunks, self.used) = (vec![chunk], 1);
     }
 
@@ -211,7 +222,7 @@ impl Canvas {
                     break;
                 }
             }
-            let sampler = Sampler::new(stroke, self.halo);
+            let sampler = Sampler::new(stroke);
             let is_level = stroke.depth[0] == stroke.depth[1];
             let inverse = stroke.depth.map(|depth| 1.0 / depth);
             let [first_row, end_row] = sampler.rows([top, bottom]);
@@ -258,11 +269,11 @@ impl Canvas {
 
 impl Chunk {
     /// Finds which tiles the strokes reach.
-    fn bin(&mut self, size: [usize; 2], halo: f32) {
+    fn bin(&mut self, size: [usize; 2]) {
         let tiles = size.map(|pixels| pixels.div_ceil(SIDE));
         let ranges = |stroke: &Stroke| {
             let range = |axis: usize| {
-                let [low, high] = reach_along(stroke, halo, axis);
+                let [low, high] = reach_along(stroke, axis);
                 if !(high > 0.0 && low < size[axis] as f32) {
                     return 0..0;
                 }

@@ -13,7 +13,7 @@ pub mod kind {
     pub const BALL: u8 = 4;
     /// The head of an arrow: from its base to its tip.
     pub const HEAD: u8 = 8;
-    /// Lit as a tube.
+    /// Lit as a tube; of a ball, from where the eye is.
     pub const TUBE: u8 = 16;
 }
 
@@ -26,8 +26,10 @@ pub struct Stroke {
     pub to: [f32; 2],
     /// Depth at both ends.
     pub depth: [f32; 2],
-    /// Half its width at both ends, pixels.
+    /// Half its width at both ends, pixels; of a ball, its radii along and across it.
     pub half: [f32; 2],
+    /// Width of the dark rim, pixels.
+    pub halo: f32,
     /// Opacity at both ends.
     pub alpha: [f32; 2],
     /// How far the lines across its ends are shifted along it, for each pixel to the side.
@@ -40,6 +42,8 @@ pub struct Stroke {
 
 /// Where the light on balls comes from: from the upper left, in pixels' directions and towards the eye.
 const LAMP: [f32; 3] = [-0.4, -0.5, 0.768];
+/// Where it comes from in pictures of all directions, whose faces have no upper left in common.
+const HEADLIGHT: [f32; 3] = [0.0, 0.0, 1.0];
 /// Light that shaded parts have.
 const AMBIENT: f32 = 0.35;
 
@@ -57,7 +61,6 @@ pub struct Sample {
 /// A stroke, ready to be sampled.
 pub struct Sampler<'a> {
     stroke: &'a Stroke,
-    halo: f32,
     /// Unit vector along it.
     along: [f32; 2],
     length: f32,
@@ -68,13 +71,13 @@ pub struct Sampler<'a> {
 }
 
 impl<'a> Sampler<'a> {
-    /// With a rim of so many pixels.
-    pub fn new(stroke: &'a Stroke, halo: f32) -> Sampler<'a> {
+    /// Of a stroke.
+    pub fn new(stroke: &'a Stroke) -> Sampler<'a> {
         let [dx, dy] = [stroke.to[0] - stroke.from[0], stroke.to[1] - stroke.from[1]];
         let length = (dx * dx + dy * dy).sqrt();
         let (along, inverse) =
             if length > 0.0 { ([dx / length, dy / length], 1.0 / length) } else { ([1.0, 0.0], 0.0) };
-        Sampler { stroke, halo, along, length, inverse, reach: stroke.half[0].max(stroke.half[1]) + halo + 0.5 }
+        Sampler { stroke, along, length, inverse, reach: reach(stroke) }
     }
 
     /// First and last-but-one pixel of a row that it may reach, within `columns`.
@@ -105,7 +108,7 @@ impl<'a> Sampler<'a> {
 
     /// First and last-but-one row that it may reach, within `rows`.
     pub fn rows(&self, rows: [usize; 2]) -> [usize; 2] {
-        let [low, high] = reach_along(self.stroke, self.halo, 1);
+        let [low, high] = reach_along(self.stroke, 1);
         let first = low.max(rows[0] as f32);
         let last = high.min(rows[1] as f32);
         if first.is_nan() || last.is_nan() || first >= last {
@@ -142,7 +145,7 @@ impl<'a> Sampler<'a> {
         }
         let half = stroke.half[0] + (stroke.half[1] - stroke.half[0]) * along;
         let cover = |half: f32| (half + 0.5 - away).min(2.0 * half).clamp(0.0, 1.0);
-        let outer = cover(half + self.halo) * ends;
+        let outer = cover(half + stroke.halo) * ends;
         if outer <= 0.0 {
             return None;
         }
@@ -160,23 +163,44 @@ impl<'a> Sampler<'a> {
 
     #[inline]
     fn ball(&self, dx: f32, dy: f32) -> Option<Sample> {
-        let radius = self.stroke.half[0];
+        let [long, radius] = self.stroke.half;
+        let [dx, dy] = match long == radius {
+            true => [dx, dy],
+            false => {
+                // As if it were round.
+                let [ex, ey] = self.along;
+                let (t, side) = ((dx * ex + dy * ey) * (radius / long), dy * ex - dx * ey);
+                [t * ex - side * ey, t * ey + side * ex]
+            }
+        };
         let distance = (dx * dx + dy * dy).sqrt();
-        let outer = (radius + self.halo + 0.5 - distance).clamp(0.0, 1.0);
+        let outer = (radius + self.stroke.halo + 0.5 - distance).clamp(0.0, 1.0);
         if outer <= 0.0 {
             return None;
         }
         let inner = (radius + 0.5 - distance).clamp(0.0, 1.0);
         let [nx, ny] = [dx, dy].map(|part| part / radius.max(distance).max(1e-6));
-        let facing = LAMP[0] * nx + LAMP[1] * ny + LAMP[2] * (1.0 - nx * nx - ny * ny).max(0.0).sqrt();
+        let lamp = if self.stroke.kind & kind::TUBE == 0 { LAMP } else { HEADLIGHT };
+        let facing = lamp[0] * nx + lamp[1] * ny + lamp[2] * (1.0 - nx * nx - ny * ny).max(0.0).sqrt();
         let lit = AMBIENT + (1.0 - AMBIENT) * facing.max(0.0);
         Some(Sample { alpha: outer * self.stroke.alpha[0], shade: lit * inner / outer, along: 0.0 })
     }
 }
 
+/// How far a stroke reaches to its sides.
+#[inline]
+fn reach(stroke: &Stroke) -> f32 {
+    let [a, b] = stroke.half;
+    match stroke.kind & kind::BALL {
+        0 => a.max(b) + stroke.halo + 0.5,
+        // Its rim is as much longer as it is itself.
+        _ => (b + stroke.halo + 0.5) * (a / b.max(1e-6)).max(1.0),
+    }
+}
+
 /// The pixels along an axis that a stroke may reach.
-pub fn reach_along(stroke: &Stroke, halo: f32, axis: usize) -> [f32; 2] {
-    let around = stroke.half[0].max(stroke.half[1]) + halo + 0.5;
+pub fn reach_along(stroke: &Stroke, axis: usize) -> [f32; 2] {
+    let around = reach(stroke);
     // Lines across its ends may be shifted.
     let more = match stroke.kind & kind::BALL {
         0 => around * (1.0 + stroke.cuts[0].abs().max(stroke.cuts[1].abs()).min(MOST_SHIFT) * 0.5),

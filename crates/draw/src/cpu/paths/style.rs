@@ -52,6 +52,9 @@ pub struct Style {
     pub palette: Palette,
     /// Where highlights are, intervals behind each step; none without.
     pub highlights: Option<f32>,
+    /// The angle of a pixel that sizes are in, radians, where the view is a face of a panorama: they are the same in every direction. In
+    /// flat pictures they are in the view's own pixels.
+    pub around: Option<f64>,
 }
 
 impl Style {

@@ -20,6 +20,7 @@ fn style(shape: PathShape) -> Style {
         halo: 0.0,
         palette: Palette::plain([255; 3]),
         highlights: None,
+        around: None,
     }
 }
 
@@ -32,7 +33,7 @@ const WHOLE: Part = Part { u: [0.0, 1.0], fade: [1.0, 1.0], head: true, place: [
 fn strokes(view: &View, curves: &Curves, style: &Style, part: Part, box_size: Option<f64>) -> Vec<Stroke> {
     let mut out = Vec::new();
     let drawn = Drawn { curves, which: None, part, box_size };
-    Chopper::new(view, style).chop(&drawn, 0..curves.len(), &mut out);
+    Chopper::new(view, style).chop(&drawn, 0..curves.len(), &mut vec![false; curves.len()], &mut out);
     out
 }
 

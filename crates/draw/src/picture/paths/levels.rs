@@ -1,6 +1,6 @@
 //! Flow levels: which clusters stand for the particles, track by track (F12 6.4.1).
 
-use super::{Chosen, PathLayer, PathRequest};
+use super::{Choice, Chosen, PathLayer, PathRequest, wrapped};
 use crate::cpu::paths::{Curves, Part};
 use crate::mode::Focus;
 use crate::mode::paths::FOCUS_SPACING;
@@ -8,7 +8,6 @@ use crate::model::Bounds;
 use crate::picture::PictureError;
 use crate::store::StoreError;
 use crate::store::run::{RunFile, TrackNode};
-use crate::view::{Extent, Projection, View};
 use glam::{DVec3, Vec3};
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -82,45 +81,18 @@ impl FlowKept {
     }
 }
 
-/// How tracks are chosen in a view.
-struct Chooser<'a> {
-    view: &'a View,
-    offsets: Vec<DVec3>,
-    spacing: f64,
-    focus: Option<(DVec3, f64)>,
-    box_size: Option<f64>,
-}
-
-impl Chooser<'_> {
+impl Choice<'_> {
     /// Whether a track whose particles are within `error` of it is near enough to them, where it is nearest; `None` out of view.
     fn is_fine(&self, bounds: Bounds, error: f64) -> Option<bool> {
-        let wrapped = match self.box_size {
-            Some(edge) if bounds.min.cmplt(DVec3::ZERO).any() || bounds.max.cmpge(DVec3::splat(edge)).any() => {
-                Bounds { min: DVec3::ZERO, max: DVec3::splat(edge) }
-            }
-            _ => bounds,
-        };
-        let mut nearest = f64::INFINITY;
-        for offset in &self.offsets {
-            let extent = Extent { bounds: wrapped.moved(*offset), margin: error };
-            if self.view.sees(&extent) && self.view.cut.reaches(&extent.bounds) {
-                nearest = nearest.min(self.view.nearest_depth(&extent) - error);
-            }
-        }
-        if nearest == f64::INFINITY {
-            return None;
-        }
-        let focal = self.view.focal_pixels();
-        let pixels = match self.view.projection {
-            Projection::Orthographic { .. } => error * focal,
-            Projection::Perspective { .. } if nearest > 0.0 => error * focal / nearest,
-            Projection::Perspective { .. } => f64::INFINITY,
-        };
+        let images = self.offsets.iter().map(|offset| wrapped(bounds, self.box_size).moved(*offset));
+        let seen = images.filter(|bounds| self.sight.sees(*bounds, error));
+        let pixels = seen.map(|bounds| self.sight.pixels(bounds, error)).reduce(f64::max)?;
         let in_focus = self.focus.is_some_and(|(center, radius)| {
             let away = (center - center.clamp(bounds.min, bounds.max)).length();
             away <= radius + error
         });
-        Some(pixels <= if in_focus { FOCUS_SPACING.min(self.spacing) } else { self.spacing })
+        let spacing = self.request.settings.spacing;
+        Some(pixels <= if in_focus { FOCUS_SPACING.min(spacing) } else { spacing })
     }
 }
 
@@ -128,7 +100,7 @@ impl PathLayer {
     /// Chooses tracks of flow levels: of `fixed`, or each by the view, down to the particles where level 1 is too coarse.
     pub(super) fn choose_flow(
         &mut self,
-        request: &PathRequest<'_>,
+        choice: &Choice<'_>,
         family: u32,
         part: Part,
         fixed: Option<usize>,
@@ -140,14 +112,7 @@ impl PathLayer {
             let own = &run.tracks().ok()?.families.get(family as usize)?.attributes;
             own.iter().position(|(own, _)| own == name)
         });
-        let least = request.settings.least;
-        let chooser = Chooser {
-            view: &request.view.padded(super::MARGIN_PX),
-            offsets: request.view.images.offsets().collect(),
-            spacing: request.settings.spacing,
-            focus: self.focus(request)?,
-            box_size: run.tracks()?.box_size,
-        };
+        let least = choice.request.settings.least;
         let mut level = fixed.unwrap_or(errors.len());
         // Tracks of the level that are looked at; all of the first one.
         let mut looked_at: Option<Vec<u32>> = None;
@@ -161,7 +126,7 @@ impl PathLayer {
                 if i >= own.curves.len() || f64::from(own.curves.count(i)) < least {
                     continue;
                 }
-                match chooser.is_fine(bounds_of(&own.curves, i), error) {
+                match choice.is_fine(bounds_of(&own.curves, i), error) {
                     None => {}
                     Some(is_fine) if is_fine || fixed.is_some() => drawn.push(track),
                     Some(_) => open.push(track),
@@ -177,7 +142,7 @@ impl PathLayer {
             if level == 1 {
                 let mut is_open = vec![false; own.curves.len()];
                 open.iter().for_each(|track| is_open[*track as usize] = true);
-                return self.particles(request, family, part, Some(&is_open), chosen);
+                return self.particles(choice, family, part, Some(&is_open), chosen);
             }
             let children = |track: &u32| {
                 let ends = own.children.get(*track as usize..*track as usize + 2);
@@ -190,7 +155,7 @@ impl PathLayer {
     }
 
     /// The ball that is in focus.
-    fn focus(&mut self, request: &PathRequest<'_>) -> Result<Option<(DVec3, f64)>, PictureError> {
+    pub(super) fn focus(&mut self, request: &PathRequest<'_>) -> Result<Option<(DVec3, f64)>, PictureError> {
         let name = match &request.settings.focus {
             None => return Ok(None),
             Some(Focus::Ball { center, radius }) => return Ok(Some((*center, *radius))),

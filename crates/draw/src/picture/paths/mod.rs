@@ -6,9 +6,13 @@ mod kept;
 mod levels;
 mod members;
 mod picking;
+mod sight;
+#[cfg(test)]
+mod tests;
 mod window;
 
 pub use picking::PickedPath;
+pub use sight::Sight;
 
 use super::error::PictureError;
 use crate::color::Colors;
@@ -17,10 +21,11 @@ use crate::cpu::paths::{Canvas, Curves, Drawn, Part, PathFragments, Quantity, St
 use crate::explore::SelectionSet;
 use crate::hierarchy::spacetime::Interpolation;
 use crate::mode::{Depiction, PathColor, PathSettings, PathsOf};
-use crate::model::{FamilyName, Moment};
+use crate::model::{Bounds, FamilyName, Moment};
 use crate::store::StoreError;
 use crate::store::run::{RunFile, TrackIndex};
-use crate::view::{Extent, View};
+use crate::view::View;
+use glam::DVec3;
 use kept::{Kept, Place};
 use rayon::prelude::*;
 use std::collections::HashMap;
@@ -83,6 +88,39 @@ struct Selected {
     parts: Vec<Part>,
 }
 
+/// What a picture's paths are chosen by.
+struct Choice<'a> {
+    request: &'a PathRequest<'a>,
+    sight: &'a Sight,
+    /// Displacements to the images of a periodic box.
+    offsets: Vec<DVec3>,
+    /// The edge of the periodic box.
+    box_size: Option<f64>,
+    /// The ball that is in focus.
+    focus: Option<(DVec3, f64)>,
+}
+
+/// The paths of a picture, to be drawn in any of its views.
+pub struct ChosenPaths {
+    chosen: Vec<Chosen>,
+    style: Style,
+    box_size: Option<f64>,
+    /// Which of them were seen.
+    seen: Vec<Vec<bool>>,
+}
+
+impl ChosenPaths {
+    /// How many tracks were drawn, in the interval where they are most.
+    pub fn tracks(&self) -> u64 {
+        let mut of_intervals: HashMap<(usize, bool), u64> = HashMap::new();
+        for (own, seen) in self.chosen.iter().zip(&self.seen) {
+            *of_intervals.entry((own.part.interval, own.part.head)).or_default() +=
+                seen.iter().filter(|seen| **seen).count() as u64;
+        }
+        of_intervals.into_values().max().unwrap_or(0)
+    }
+}
+
 impl PathLayer {
     /// Of a run; nothing is read yet. Up to `budget_bytes` of tracks are kept beyond those that a picture needs.
     ///
@@ -111,28 +149,49 @@ impl PathLayer {
     /// # Errors
     /// Where the run cannot be read, or the settings name what there is not.
     pub fn gather(&mut self, request: &PathRequest<'_>) -> Result<u64, PictureError> {
-        let view = request.view;
-        let Some(Selected { chosen, families, parts }) = self.select(request)? else {
-            self.canvas.gather(view, &[], &style(request, &[], 1.0));
-            return Ok(0);
-        };
+        let mut paths = self.choose_for(request, &Sight::flat([*request.view], request.view.height))?;
+        self.project(&mut paths, request.view, None);
+        Ok(paths.tracks())
+    }
+
+    /// Reads what is not here yet of all views of a picture, and finds what its paths look like in each of them.
+    ///
+    /// # Errors
+    /// As [`PathLayer::gather`].
+    pub fn choose_for(&mut self, request: &PathRequest<'_>, sight: &Sight) -> Result<ChosenPaths, PictureError> {
         let box_size = self.run.tracks()?.box_size;
+        let Some(Selected { chosen, families, parts }) = self.select(request, sight)? else {
+            let style = style(request, sight.height, &[], 1.0);
+            return Ok(ChosenPaths { chosen: Vec::new(), style, box_size, seen: Vec::new() });
+        };
         let mean_mass = self.mean_mass(&families, &parts, &chosen)?;
-        let style = style(request, &chosen, mean_mass);
-        let drawn: Vec<Drawn<'_>> = chosen
-            .iter()
-            .map(|own| Drawn { curves: &own.curves, which: own.which.as_deref(), part: own.part, box_size })
-            .collect();
-        let counts = self.canvas.gather(view, &drawn, &style);
-        let mut of_intervals: HashMap<(usize, bool), u64> = HashMap::new();
-        for (own, count) in chosen.iter().zip(counts) {
-            *of_intervals.entry((own.part.interval, own.part.head)).or_default() += count;
-        }
-        Ok(of_intervals.into_values().max().unwrap_or(0))
+        let style = style(request, sight.height, &chosen, mean_mass);
+        let count = |own: &Chosen| own.which.as_ref().map_or(own.curves.len(), Vec::len);
+        let seen = chosen.iter().map(|own| vec![false; count(own)]).collect();
+        Ok(ChosenPaths { chosen, style, box_size, seen })
+    }
+
+    /// Projects the paths of a picture in one of its views; a face of a panorama has the angle of the panorama's pixels, radians.
+    pub fn project(&mut self, paths: &mut ChosenPaths, view: &View, around: Option<f64>) {
+        let ChosenPaths { chosen, style, box_size, seen } = paths;
+        style.around = around;
+        let face = around.map(|_| Sight::flat([*view], view.height));
+        let offsets: Vec<DVec3> = view.images.offsets().collect();
+        let is_in_view = |own: &Chosen| {
+            let bounds = wrapped(own.curves.bounds, *box_size);
+            face.as_ref().is_none_or(|face| offsets.iter().any(|offset| face.sees(bounds.moved(*offset), 0.0)))
+        };
+        let drawn: Vec<usize> = (0..chosen.len()).filter(|k| is_in_view(&chosen[*k])).collect();
+        let of = |own: &usize| {
+            let Chosen { curves, which, part, .. } = &chosen[*own];
+            Drawn { curves, which: which.as_deref(), part: *part, box_size: *box_size }
+        };
+        self.canvas.gather(view, &drawn.iter().map(of).collect::<Vec<_>>(), style);
+        self.canvas.each_seen(|number, place| seen[drawn[number]][place] = true);
     }
 
     /// Reads what is not here yet of what a picture shows; `None` where that are nobody's paths.
-    fn select(&mut self, request: &PathRequest<'_>) -> Result<Option<Selected>, PictureError> {
+    fn select(&mut self, request: &PathRequest<'_>, sight: &Sight) -> Result<Option<Selected>, PictureError> {
         let settings = request.settings;
         let wanted = self.members.of(&self.run, request)?;
         if wanted.as_ref().is_some_and(members::Whose::is_empty) {
@@ -150,10 +209,13 @@ impl PathLayer {
         let parts = window::parts(settings, request.moment, &layout.clock);
         let shown = layout.families.iter().enumerate().filter(|(_, own)| request.families.contains(&own.name));
         let families: Vec<u32> = shown.map(|(family, _)| family as u32).collect();
+        let box_size = layout.box_size;
+        let focus = self.focus(request)?;
+        let choice = Choice { request, sight, offsets: sight.offsets(), box_size, focus };
         let mut chosen = Vec::new();
         for &family in &families {
             for part in &parts {
-                self.choose(request, family, *part, &mut chosen)?;
+                self.choose(&choice, family, *part, &mut chosen)?;
             }
         }
         Ok(Some(Selected { chosen, families, parts }))
@@ -196,28 +258,28 @@ impl PathLayer {
     /// Chooses what is drawn of a family in a part of an interval: clusters of flow levels, or particles.
     fn choose(
         &mut self,
-        request: &PathRequest<'_>,
+        choice: &Choice<'_>,
         family: u32,
         part: Part,
         chosen: &mut Vec<Chosen>,
     ) -> Result<(), PictureError> {
         let levels = self.run.flow_errors().len();
-        let finest = match request.settings.level {
+        let finest = match choice.request.settings.level {
             // Selections are of particles; a level says nothing of who is in it.
             _ if self.kept_of.0.is_some() || levels == 0 => Some(0),
             Some(level) => Some((level as usize).min(levels)),
             None => None,
         };
         match finest {
-            Some(0) => self.particles(request, family, part, None, chosen),
-            level => self.choose_flow(request, family, part, level, chosen),
+            Some(0) => self.particles(choice, family, part, None, chosen),
+            level => self.choose_flow(choice, family, part, level, chosen),
         }
     }
 
     /// The particles' own paths that may be in view; of `open` those of the flow tracks of level 1 that are refined.
     fn particles(
         &mut self,
-        request: &PathRequest<'_>,
+        choice: &Choice<'_>,
         family: u32,
         part: Part,
         open: Option<&[bool]>,
@@ -225,12 +287,9 @@ impl PathLayer {
     ) -> Result<(), PictureError> {
         let index = self.index(part.interval, family)?;
         let interval = self.run.interval(part.interval)?;
-        let seen = request.view.padded(MARGIN_PX);
-        let offsets: Vec<_> = request.view.images.offsets().collect();
         let in_view = |node: &crate::store::run::TrackNode| {
             let bounds = interval.in_box(node.bounds);
-            let at = |offset| Extent { bounds: bounds.moved(offset), margin: 0.0 };
-            offsets.iter().any(|offset| seen.sees(&at(*offset)) && seen.cut.reaches(&bounds.moved(*offset)))
+            choice.offsets.iter().any(|offset| choice.sight.sees(bounds.moved(*offset), 0.0))
         };
         let place = |number: usize| -> Place { [part.interval as u32, family, 0, number as u32] };
         let leaves = || index.nodes.iter().enumerate().filter(|(_, node)| node.is_leaf() && in_view(node));
@@ -258,7 +317,7 @@ impl PathLayer {
                     Some((0..).zip(flow.iter()).filter(|(_, own)| is_open(own)).map(|(i, _)| i).collect::<Vec<u32>>())
                 }
             };
-            if which.as_ref().is_some_and(Vec::is_empty) || request.settings.least > 1.0 {
+            if which.as_ref().is_some_and(Vec::is_empty) || choice.request.settings.least > 1.0 {
                 continue;
             }
             if let Some(curves) = self.kept.get(&place(number)).filter(|curves| !curves.is_empty()) {
@@ -299,8 +358,18 @@ impl PathLayer {
     }
 }
 
-/// The settings in pixels, with the colours of what is drawn.
-fn style(request: &PathRequest<'_>, chosen: &[Chosen], mean_mass: f64) -> Style {
+/// Where tracks within `bounds` are drawn: what sticks out of a periodic box of this edge goes on at its other side.
+fn wrapped(bounds: Bounds, box_size: Option<f64>) -> Bounds {
+    match box_size {
+        Some(edge) if bounds.min.cmplt(DVec3::ZERO).any() || bounds.max.cmpge(DVec3::splat(edge)).any() => {
+            Bounds { min: DVec3::ZERO, max: DVec3::splat(edge) }
+        }
+        _ => bounds,
+    }
+}
+
+/// The settings in pixels of a picture of that height, with the colours of what is drawn.
+fn style(request: &PathRequest<'_>, height: u32, chosen: &[Chosen], mean_mass: f64) -> Style {
     let settings = request.settings;
     let curves: Vec<Arc<Curves>> = chosen.iter().map(|own| Arc::clone(&own.curves)).collect();
     let mut palette = colors::palette(settings, request.depiction, request.transfer, &curves);
@@ -310,11 +379,13 @@ fn style(request: &PathRequest<'_>, chosen: &[Chosen], mean_mass: f64) -> Style 
     Style {
         shape: settings.shape,
         width: settings.width as f32,
-        widest: (0.01 * settings.widest * f64::from(request.view.height)) as f32,
+        widest: (0.01 * settings.widest * f64::from(height)) as f32,
         mean_mass,
         opacity: settings.opacity as f32,
         halo: settings.halo as f32,
         palette,
-        highlights: (settings.run != 0.0).then_some(settings.phase as f32),
+        // They come again with each step.
+        highlights: (settings.run != 0.0).then_some(settings.phase.rem_euclid(1.0) as f32),
+        around: None,
     }
 }

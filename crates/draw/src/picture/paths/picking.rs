@@ -1,6 +1,6 @@
 //! The path under a pixel of a picture: what it stands for, and who is in it.
 
-use super::{Chosen, PathLayer, PathRequest, Selected};
+use super::{Chosen, PathLayer, PathRequest, Selected, Sight};
 use crate::explore::IdSet;
 use crate::model::FamilyName;
 use crate::picture::PictureError;
@@ -50,7 +50,8 @@ impl PathLayer {
         at: [f64; 2],
         reach: f64,
     ) -> Result<Option<PickedPath>, PictureError> {
-        let Some(Selected { chosen, .. }) = self.select(request)? else { return Ok(None) };
+        let sight = Sight::flat([*request.view], request.view.height);
+        let Some(Selected { chosen, .. }) = self.select(request, &sight)? else { return Ok(None) };
         let offsets: Vec<DVec3> = request.view.images.offsets().collect();
         let nearest = |own: &Chosen| -> Option<(f64, u32)> {
             let near = |i: u32| {

@@ -51,6 +51,31 @@ fn what_is_not_said_stays_and_numbers_are_mixed() {
     assert!(timeline.state(11.0).blend.is_none());
 }
 
+/// Highlights go on as fast as `run` says, whatever happens on the way, and do not jump.
+#[test]
+fn highlights_run_with_the_time() {
+    for easing in ["smooth", "linear", "in", "out", "hold"] {
+        let timeline = timeline(&format!(
+            r#"(pause: 1.0, paths: (of: all, run: 2.0, phase: 0.25)),
+               (after: 3.0, easing: {easing}, paths: (of: all, run: -4.0, phase: 0.25), pause: 0.5),
+               (after: 2.0, easing: {easing}, mode: "volume", fade: 1.0)"#
+        ));
+        let at = |time: f64| timeline.state(time).look.paths.unwrap();
+        assert_eq!((at(0.0).phase, at(1.0).phase), (0.25, 2.25));
+        let step = 1e-3;
+        for i in 0..6499 {
+            let (first, next) = (at(f64::from(i) * step), at(f64::from(i + 1) * step));
+            let moved = next.phase - first.phase;
+            // Only where the keyframe is waited for speeds jump.
+            let speed = if first.run == next.run { first.run } else { 0.5 * (first.run + next.run) };
+            let slack = if easing == "hold" { 6.0 * step } else { 1e-5 };
+            assert!((moved - speed * step).abs() <= slack, "{easing} {i}: {moved} {speed}");
+        }
+        let fading = timeline.state(6.6);
+        assert!(fading.look.paths.is_none_or(|paths| fading.blend.unwrap().look.paths.unwrap().phase == paths.phase));
+    }
+}
+
 #[test]
 fn words_come_and_go() {
     let timeline = timeline(EXAMPLE);

@@ -1,0 +1,112 @@
+//! Pictures of all directions and for two eyes.
+
+use super::{Session, Shown};
+use crate::cpu::volume::VolumeError;
+use crate::explore::SelectionSet;
+use crate::explore::selection::Show;
+use crate::mode::{LodBudget, Plan};
+use crate::modes;
+use crate::picture::left_out::LeftOut;
+use crate::picture::paths::ChosenPaths;
+use crate::picture::projected::{Means, Projector};
+use crate::picture::times::Times;
+use crate::picture::{Picture, PictureError, ShownMoment};
+use crate::store::Tree;
+use std::sync::Arc;
+
+impl Session {
+    pub(super) fn draw_projected(&mut self, tree: &dyn Tree, shown: &Shown<'_>) -> Result<Picture, PictureError> {
+        let asked = |why: &str| Err(PictureError::Asked(why.to_owned()));
+        if self.options.overdraw.is_some() {
+            return asked("--overdraw: is for flat pictures");
+        }
+        let Shown { shot, view, depiction, .. } = *shown;
+        let lod_budget = shot.look.budget.file_budget();
+        if lod_budget.presence > 0.0 || lod_budget.thinning > 0.0 {
+            self.reporter.tell("presence and thinning are for flat pictures; nothing is left out".into());
+        }
+        let is_shown = |set: &SelectionSet| set.show != Show::Hidden;
+        if shot.look.selections.as_ref().is_some_and(|sets| sets.iter().any(is_shown)) {
+            self.reporter.tell("selections are shown in flat pictures only".into());
+        }
+        let mode = depiction.mode;
+        let projector = Projector::new(view, shot.surround, shot.stereo)?;
+        let mut paths = match self.has_paths(&shot.look) {
+            true => self.choose_paths(shown, &projector.sight()?)?,
+            false if mode.is_of_paths() => return Err(self.no_paths()),
+            false => None,
+        };
+        if mode.is_of_paths() {
+            return self.draw_projected_paths(shown, &projector, paths);
+        }
+        let passes = self.passes_without_paths(shown)?;
+        let passes = match (passes, projector.only_on_processor(depiction), self.options.backend) {
+            (Some(_), Some(why), Some(_)) => return asked(&format!("--backend: only cpu draws {why}")),
+            (Some(_), Some(_), None) => None,
+            (passes, _, _) => passes,
+        };
+        let mut times = Times::default();
+        let subject = self.subject(tree, shown);
+        let (tau, is_asked) = (shot.look.error_px(), self.options.backend.is_some());
+        let adapter = passes.zip(self.adapter.as_deref_mut());
+        let layer = self.paths.as_mut().zip(paths.as_mut());
+        let mut means = Means { scene: &mut self.scene, adapter, reporter: &*self.reporter, paths: layer };
+        let drawn = times.measure("frame", || projector.draw(&mut means, &subject, tau));
+        let (values, tally) = match drawn {
+            Err(PictureError::Volume(VolumeError::Device(error))) if is_asked => return asked(&error),
+            Err(PictureError::Volume(VolumeError::Device(error))) => {
+                self.reporter.tell(format!("{error}; drawing with the CPU instead"));
+                means.adapter = None;
+                times.measure("frame", || projector.draw(&mut means, &subject, tau))?
+            }
+            drawn => drawn?,
+        };
+        let on_top = match means.paths.is_some() && !mode.technique.takes_paths() {
+            true => Some(Arc::new(times.measure("paths", || projector.paths(&mut means))?)),
+            false => None,
+        };
+        let on_processor = tally.drawn_by.is_none();
+        let (outside, splats) = match depiction.mode.is_light() {
+            true => (None, None),
+            // An adapter does not count what lies outside.
+            false => (on_processor.then_some(tally.counts.outside), Some(tally.counts.drawn)),
+        };
+        let blank = self.blank(shown, projector.base)?;
+        let told = |moment: ShownMoment| ShownMoment {
+            tracks_drawn: paths.as_ref().map_or(moment.tracks_drawn, ChosenPaths::tracks),
+            ..moment
+        };
+        let moment = self.shown_moment(tally.particles).map(told);
+        Ok(Picture {
+            values,
+            converged: tally.converged,
+            error_px: tally.error_px,
+            particles: tally.particles,
+            moment,
+            nodes: tally.nodes,
+            left_out: LeftOut { outside, splats, ..LeftOut::new(&LodBudget::NONE, &Plan::default()) },
+            milliseconds: times.medians(),
+            drawn_by: tally.drawn_by.unwrap_or(blank.drawn_by),
+            paths: on_top,
+            ..blank
+        })
+    }
+
+    /// Paths alone.
+    fn draw_projected_paths(
+        &mut self,
+        shown: &Shown<'_>,
+        projector: &Projector,
+        paths: Option<ChosenPaths>,
+    ) -> Result<Picture, PictureError> {
+        let mut times = Times::default();
+        let blank = self.blank(shown, projector.base)?;
+        let mut paths = paths.ok_or_else(|| self.no_paths())?;
+        let layer = self.paths.as_mut().map(|layer| (layer, &mut paths));
+        let mut means = Means { scene: &mut self.scene, adapter: None, reporter: &*self.reporter, paths: layer };
+        let colors = times.measure("frame", || projector.paths(&mut means))?;
+        let moment = blank.moment.map(|moment| ShownMoment { tracks_drawn: paths.tracks(), ..moment });
+        let values = modes::paths::picture(colors.width, colors.height, Some(colors));
+        Ok(Picture { values, moment, milliseconds: times.medians(), ..blank })
+    }
+}
