@@ -27,6 +27,7 @@ mod pictures {
     mod guarantee;
     mod joined;
     mod lod_budget;
+    mod paths;
     mod periodic;
     mod runs;
     mod session;

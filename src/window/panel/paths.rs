@@ -5,7 +5,7 @@ use super::{Dock, PanelState, Section, theme};
 use crate::annotate::number;
 use crate::explore::selection::{COLORS, Show};
 use crate::explore::{Members, SelectionSet};
-use crate::mode::paths::{HALO, LEAD, LEAST, OPACITY, RUN, SPACING, TAIL, WIDEST, WIDTH};
+use crate::mode::paths::{HALO, LEAD, LEAST, OPACITY, RUN, SPACING, TAIL, UNWRAPPED, WIDEST, WIDTH};
 use crate::mode::{Focus, PathColor, PathSettings, PathShape, PathsOf, Setting, SettingKind, SettingValue};
 use crate::picture::paths::PickedPath;
 use crate::window::state::answer::Answer;
@@ -91,6 +91,7 @@ fn show(ui: &mut Ui, state: &PanelState<'_, '_>, selections: &[SelectionSet], pa
     for setting in [&TAIL, &LEAD, &WIDTH, &WIDEST, &LEAST, &OPACITY, &HALO, &RUN] {
         number_row(ui, setting, paths);
     }
+    unwrapped(ui, state, paths);
     color(ui, state, paths);
     focus(ui, selections, paths);
 }
@@ -118,6 +119,18 @@ fn number_row(ui: &mut Ui, setting: &Setting, paths: &mut PathSettings) {
         // What is out of range stays as it was.
         let _ = paths.set(setting, &SettingValue::Number(value.clamp(min, max)));
     }
+}
+
+/// Whether paths leave a periodic box, where there is one.
+fn unwrapped(ui: &mut Ui, state: &PanelState<'_, '_>, paths: &mut PathSettings) {
+    if state.scene.as_ref().is_none_or(|scene| scene.periodic.is_none()) {
+        return;
+    }
+    let row = theme::row(ui, &label_of(&UNWRAPPED), |ui| {
+        ui.add_space(theme::MARK_ROOM);
+        ui.add_sized([18.0, theme::ROW], egui::Checkbox::without_text(&mut paths.unwrapped));
+    });
+    row.on_hover_text(UNWRAPPED.help);
 }
 
 fn color(ui: &mut Ui, state: &PanelState<'_, '_>, paths: &mut PathSettings) {

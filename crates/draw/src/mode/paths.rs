@@ -77,6 +77,13 @@ pub static HALO: Setting = Setting {
     kind: SettingKind::Number { min: 0.0, max: 20.0, default: 1.0 },
     help: "width of the dark rim on both sides, which tells paths apart that cross",
 };
+/// Whether paths leave a periodic box.
+pub static UNWRAPPED: Setting = Setting {
+    name: "unwrapped",
+    unit: "",
+    kind: SettingKind::Flag { default: false },
+    help: "in a periodic box each interval's path is drawn in one piece, beyond its faces, instead of cut there",
+};
 /// Highlights that run along.
 pub static RUN: Setting = Setting {
     name: "run",
@@ -93,8 +100,8 @@ pub static PHASE: Setting = Setting {
 };
 
 /// The settings that have a range or a list of names; `of`, `focus` and `color` are words of their own.
-pub static SETTINGS: [&Setting; 12] =
-    [&TAIL, &LEAD, &SPACING, &LEVEL, &SHAPE, &WIDTH, &WIDEST, &LEAST, &OPACITY, &HALO, &RUN, &PHASE];
+pub static SETTINGS: [&Setting; 13] =
+    [&TAIL, &LEAD, &SPACING, &LEVEL, &SHAPE, &WIDTH, &WIDEST, &LEAST, &OPACITY, &HALO, &UNWRAPPED, &RUN, &PHASE];
 
 /// What `of`, `focus` and `color` take, for the manual.
 pub const WORDS: [(&str, &str); 3] = [
@@ -266,6 +273,8 @@ pub struct PathSettings {
     pub opacity: f64,
     /// Width of the dark rim, pixels.
     pub halo: f64,
+    /// Whether paths go on beyond the faces of a periodic box.
+    pub unwrapped: bool,
     /// Highlights run so many intervals in a second of a tour.
     pub run: f64,
     /// Where they are, intervals behind each step.
@@ -295,6 +304,7 @@ impl Default for PathSettings {
             color: "speed".into(),
             opacity: number(&OPACITY),
             halo: number(&HALO),
+            unwrapped: false,
             run: number(&RUN),
             phase: number(&PHASE),
         }
@@ -314,6 +324,7 @@ impl PathSettings {
             "lead" => self.lead.into(),
             "level" => SettingValue::Number(f64::from(self.level?)),
             "shape" => SettingValue::Name(self.shape.name().into()),
+            "unwrapped" => SettingValue::Flag(self.unwrapped),
             name => SettingValue::Number(*self.number(name)?),
         })
     }
@@ -329,6 +340,7 @@ impl PathSettings {
             ("tail", value) if span(value).is_some() => changed.tail = span(value).unwrap_or(changed.tail),
             ("lead", value) if span(value).is_some() => changed.lead = span(value).unwrap_or(changed.lead),
             ("level", SettingValue::Number(level)) => changed.level = Some(*level as u32),
+            ("unwrapped", SettingValue::Flag(unwrapped)) => changed.unwrapped = *unwrapped,
             ("shape", SettingValue::Name(name)) => {
                 setting.check(value)?;
                 changed.shape = PathShape::ALL.into_iter().find(|shape| shape.name() == name).unwrap_or_default();

@@ -25,6 +25,8 @@ const HEAD_SIZE: f32 = 2.0;
 const HEAD_LENGTH: f32 = 2.5;
 /// How many images of a curve along an axis are looked at: what goes further in one interval is lost anyway.
 const MOST_IMAGES: i32 = 3;
+/// The colour of what of a path is not meant, gamma-encoded sRGB.
+pub const OTHERS: [u8; 3] = [96; 3];
 /// Coordinates beyond this are of no picture, world units from the node.
 const FARTHEST: f32 = 1e30;
 /// How far from its middle a face of a panorama has paths; its edge is at 1, and what reaches into it begins a little beyond.
@@ -39,6 +41,8 @@ pub struct Drawn<'a> {
     pub curves: &'a Curves,
     /// Which of them; all where it is `None`.
     pub which: Option<&'a [u32]>,
+    /// How much of each of the curves is meant, from 0 to 1: colours are mixed with [`OTHERS`]; all of it where it is `None`.
+    pub shares: Option<&'a [f32]>,
     /// The part of the interval.
     pub part: Part,
     /// The edge of the periodic box, with its corner at the origin.
@@ -159,6 +163,8 @@ struct Course<'a> {
     faint: [f32; 2],
     kind: u8,
     color: Option<[u8; 3]>,
+    /// How much of the path is meant.
+    meant: f32,
     values: [f32; 2],
     /// From the curve's parameter to speeds.
     per_interval: f32,
@@ -219,6 +225,18 @@ impl<'a> Chopper<'a> {
                 *seen |= self.curve(drawn, i, turned.map(|at| at + base), &cut_planes, out);
                 continue;
             };
+            if self.style.unwrapped {
+                // In the cell of its end that is nearer to the present, where its particle is then.
+                let Part { u, fade, .. } = drawn.part;
+                let at = if fade[1] < fade[0] { u[0] } else { u[1] };
+                let [there, ..] = sub_curve(curves.points[i].map(Vec3::from_array), [at, at]);
+                let cell = ((curves.origin + there.as_dvec3()) / edge).floor();
+                if cell.is_finite() {
+                    let base = self.view.to_camera(curves.origin + offset - edge * cell).as_vec3();
+                    *seen |= self.curve(drawn, i, turned.map(|at| at + base), &cut_planes, out);
+                }
+                continue;
+            }
             // The cells of the periodic lattice that the curve may be in; it is drawn once for each, cut to the box.
             let world = curves.points[i].map(|at| curves.origin + Vec3::from_array(at).as_dvec3());
             let low = world.iter().fold(DVec3::INFINITY, |low, at| low.min(*at)) / edge;
@@ -296,7 +314,8 @@ impl<'a> Chopper<'a> {
         let length = (part.u[1] - part.u[0]).max(1e-9);
         let per_interval = 1.0 / (length * curves.length as f32);
         let kind = if style.shape == PathShape::Tube { kind::TUBE } else { 0 };
-        let course = Course { planes, part, half, faint, kind, color, values, per_interval };
+        let meant = drawn.shares.and_then(|shares| shares.get(i)).copied().unwrap_or(1.0).clamp(0.0, 1.0);
+        let course = Course { planes, part, half, faint, kind, color, meant, values, per_interval };
         if flags.has(TrackFlags::FADES) {
             // No spline leads from its first place to its last.
             if part.head {
@@ -415,7 +434,7 @@ impl<'a> Chopper<'a> {
             // Its tail is thin where it ends.
             [0, 1].into_iter().for_each(|end| half[end] = (half[end] * fade[end]).max(0.5));
         }
-        let mut color = course.color.unwrap_or_else(|| self.color(course, piece, 0.5 * (shares[0] + shares[1])));
+        let mut color = self.color(course, piece, 0.5 * (shares[0] + shares[1]));
         if let Some(phase) = self.style.highlights {
             let [u, v] = course.part.u;
             let at = course.part.interval as f32 + u + (v - u) * 0.5 * (shares[0] + shares[1]);
@@ -460,8 +479,19 @@ impl<'a> Chopper<'a> {
         cut.fade(f64::from(if cut.around { at.length() } else { at.z })) as f32
     }
 
-    /// The colour in the middle of a piece, `share` of the part that is drawn.
+    /// The colour in the middle of a piece, `share` of the part that is drawn; of what is meant of the path as much as there is.
     fn color(&self, course: &Course<'_>, piece: &Piece, share: f32) -> [u8; 3] {
+        let color = course.color.unwrap_or_else(|| self.whole_color(course, piece, share));
+        if course.meant >= 1.0 {
+            return color;
+        }
+        let mix = |(own, other): (u8, u8)| f32::from(other) + course.meant * (f32::from(own) - f32::from(other));
+        let [r, g, b] = color;
+        [(r, OTHERS[0]), (g, OTHERS[1]), (b, OTHERS[2])].map(|pair| mix(pair).round() as u8)
+    }
+
+    /// The colour of a path that is meant as a whole.
+    fn whole_color(&self, course: &Course<'_>, piece: &Piece, share: f32) -> [u8; 3] {
         let [a, b, c, d] = piece.points;
         let palette = &self.style.palette;
         let along = || 0.75 * ((d - a) + (c - b));
@@ -501,7 +531,7 @@ impl<'a> Chopper<'a> {
         if !is_in_front || alpha < UNSEEN || !Chopper::keeps(course, at) {
             return;
         }
-        let color = course.color.unwrap_or_else(|| self.color(course, piece, 1.0));
+        let color = self.color(course, piece, 1.0);
         let from = self.lens.pixel(at);
         let radius = HEAD_SIZE * course.half[1];
         let mut ball = Stroke {
@@ -548,7 +578,7 @@ impl<'a> Chopper<'a> {
         let half = HEAD_SIZE * course.half[1];
         let [along, across] = [[dx, dy], [-dy, dx]].map(|along| self.lens.scale(tip, along));
         let reach = HEAD_LENGTH * half * along;
-        let color = course.color.unwrap_or_else(|| self.color(course, piece, 1.0));
+        let color = self.color(course, piece, 1.0);
         // The tip is half a head beyond the place, so that the line does not stick out.
         let [from, to] = [
             [tip[0] - 0.5 * reach * dx, tip[1] - 0.5 * reach * dy],

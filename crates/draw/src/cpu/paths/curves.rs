@@ -26,6 +26,8 @@ pub struct Curves {
     pub values: Vec<[f32; 2]>,
     /// Particles of each; one where it is empty.
     pub counts: Vec<u32>,
+    /// The number of each among the tracks of its place, where these are not all.
+    pub numbers: Vec<u32>,
 }
 
 impl Curves {
@@ -37,6 +39,9 @@ impl Curves {
         let mut curves = Curves::of(&splines, interval.length);
         curves.mass = kept.iter().map(|i| of_ends(*i)).collect();
         curves.flags = kept.iter().map(|i| tracks.flags[*i]).collect();
+        if kept.len() < tracks.len() {
+            curves.numbers = kept.iter().map(|i| *i as u32).collect();
+        }
         if let Some(k) = attribute {
             let value =
                 |i: &usize| [0, 1].map(|end| tracks.ends[end].attributes.get(k).map_or(f32::NAN, |own| own[*i]));
@@ -64,6 +69,7 @@ impl Curves {
             flags: vec![TrackFlags::default(); splines.len()],
             values: Vec::new(),
             counts: Vec::new(),
+            numbers: Vec::new(),
         }
     }
 
@@ -82,10 +88,16 @@ impl Curves {
         self.counts.get(i).copied().unwrap_or(1)
     }
 
+    /// The number of a curve among the tracks of its place.
+    pub fn number(&self, i: usize) -> usize {
+        self.numbers.get(i).map_or(i, |number| *number as usize)
+    }
+
     /// Bytes that they take.
     pub fn memory(&self) -> u64 {
         let each = size_of::<[[f32; 3]; 4]>() + size_of::<[f32; 2]>() + size_of::<TrackFlags>();
-        let more = self.values.len() * size_of::<[f32; 2]>() + self.counts.len() * size_of::<u32>();
+        let more =
+            self.values.len() * size_of::<[f32; 2]>() + (self.counts.len() + self.numbers.len()) * size_of::<u32>();
         (self.len() * each + more) as u64
     }
 

@@ -52,6 +52,8 @@ pub struct Style {
     pub palette: Palette,
     /// Where highlights are, intervals behind each step; none without.
     pub highlights: Option<f32>,
+    /// Whether what leaves a periodic box within an interval is drawn in one piece, not cut at the faces.
+    pub unwrapped: bool,
     /// The angle of a pixel that sizes are in, radians, where the view is a face of a panorama: they are the same in every direction. In
     /// flat pictures they are in the view's own pixels.
     pub around: Option<f64>,

@@ -20,6 +20,7 @@ fn style(shape: PathShape) -> Style {
         halo: 0.0,
         palette: Palette::plain([255; 3]),
         highlights: None,
+        unwrapped: false,
         around: None,
     }
 }
@@ -32,7 +33,7 @@ const WHOLE: Part = Part { u: [0.0, 1.0], fade: [1.0, 1.0], head: true, place: [
 
 fn strokes(view: &View, curves: &Curves, style: &Style, part: Part, box_size: Option<f64>) -> Vec<Stroke> {
     let mut out = Vec::new();
-    let drawn = Drawn { curves, which: None, part, box_size };
+    let drawn = Drawn { curves, which: None, shares: None, part, box_size };
     Chopper::new(view, style).chop(&drawn, 0..curves.len(), &mut vec![false; curves.len()], &mut out);
     out
 }
@@ -40,7 +41,7 @@ fn strokes(view: &View, curves: &Curves, style: &Style, part: Part, box_size: Op
 fn drawn(view: &View, curves: &[Curves], style: &Style) -> Colors {
     let mut canvas = Canvas::default();
     let drawn: Vec<Drawn<'_>> =
-        curves.iter().map(|curves| Drawn { curves, which: None, part: WHOLE, box_size: None }).collect();
+        curves.iter().map(|curves| Drawn { curves, which: None, shares: None, part: WHOLE, box_size: None }).collect();
     canvas.gather(view, &drawn, style);
     let colors = canvas.colors();
     assert_eq!(canvas.fragments().colors(), colors, "both ways to a picture are one");
@@ -107,7 +108,7 @@ proptest! {
         let style = Style { width, ..style(PathShape::Line) };
         let mut canvas = Canvas::default();
         let drawn: Vec<Drawn<'_>> = curves.iter().enumerate().map(|(i, curves)| {
-            Drawn { curves, which: None, part: Part { head: i == 2, ..WHOLE }, box_size: None }
+            Drawn { curves, which: None, shares: None, part: Part { head: i == 2, ..WHOLE }, box_size: None }
         }).collect();
         canvas.gather(&view, &drawn, &style);
         let sum: f64 = canvas.colors().rgba.iter().map(|pixel| f64::from(pixel[3])).sum();
@@ -154,6 +155,23 @@ proptest! {
             sum += f64::from(stroke.to[0] - stroke.from[0]).hypot(f64::from(stroke.to[1] - stroke.from[1]));
         }
         prop_assert!((sum - whole).abs() < 0.02 * whole + 0.05, "{sum} {whole}");
+        // In one piece, to where its particle is in the box at the present; or from there on.
+        let unwrapped = Style { unwrapped: true, ..style(PathShape::Line) };
+        for (fade, end) in [([0.5, 1.0], 1.0), ([1.0, 0.5], 0.0)] {
+            let part = Part { fade, ..part };
+            let all = strokes(&view, &Curves::of(&[straight], 1.0), &unwrapped, part, Some(1.0));
+            let place = begin + way * end;
+            let shift = -place.floor();
+            for (stroke, place, at) in [
+                (&all[0], begin + shift, all[0].from),
+                (&all[all.len() - 1], begin + way + shift, all[all.len() - 1].to),
+            ] {
+                let [x, y] = view.to_pixels(view.to_camera(place)).unwrap();
+                let away = (f64::from(at[0]) - x).hypot(f64::from(at[1]) - y);
+                let is_within = |at: f64| (0.0..300.0).contains(&at);
+                prop_assert!(away < 0.01 || !is_within(x) || !is_within(y), "{stroke:?} {place}");
+            }
+        }
     }
 }
 
@@ -194,7 +212,7 @@ fn nothing_hostile_panics() {
                 for box_size in [None, Some(1.0)] {
                     let mut canvas = Canvas::default();
                     let curves = Curves::of(&[spline], 1.0);
-                    let drawn = Drawn { curves: &curves, which: None, part: WHOLE, box_size };
+                    let drawn = Drawn { curves: &curves, which: None, shares: None, part: WHOLE, box_size };
                     canvas.gather(&view(projection), &[drawn], &style(PathShape::Comet));
                     drop(canvas.colors());
                 }

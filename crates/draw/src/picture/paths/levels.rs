@@ -1,6 +1,6 @@
 //! Flow levels: which clusters stand for the particles, track by track (F12 6.4.1).
 
-use super::{Choice, Chosen, PathLayer, PathRequest, wrapped};
+use super::{Choice, Chosen, PathLayer, PathRequest, reached};
 use crate::cpu::paths::{Curves, Part};
 use crate::mode::Focus;
 use crate::mode::paths::FOCUS_SPACING;
@@ -84,7 +84,10 @@ impl FlowKept {
 impl Choice<'_> {
     /// Whether a track whose particles are within `error` of it is near enough to them, where it is nearest; `None` out of view.
     fn is_fine(&self, bounds: Bounds, error: f64) -> Option<bool> {
-        let images = self.offsets.iter().map(|offset| wrapped(bounds, self.box_size).moved(*offset));
+        let images = self
+            .offsets
+            .iter()
+            .map(|offset| reached(bounds, self.box_size, self.request.settings.unwrapped).moved(*offset));
         let seen = images.filter(|bounds| self.sight.sees(*bounds, error));
         let pixels = seen.map(|bounds| self.sight.pixels(bounds, error)).reduce(f64::max)?;
         let in_focus = self.focus.is_some_and(|(center, radius)| {
@@ -119,11 +122,17 @@ impl PathLayer {
         while level > 0 {
             let own = self.flow.level(&run, [part.interval, family as usize, level], attribute)?;
             let error = errors.get(level - 1).copied().unwrap_or(0.0);
+            let shares = match &self.kept_of.0 {
+                Some(whose) => Some(self.shares.of(&run, whose, [part.interval, family as usize, level])?),
+                None => None,
+            };
+            let is_selected =
+                |i: usize| shares.as_ref().is_none_or(|shares| shares.get(i).is_some_and(|own| *own > 0.0));
             let all = || (0..own.curves.len() as u32).collect::<Vec<u32>>();
             let (mut drawn, mut open) = (Vec::new(), Vec::new());
             for track in looked_at.unwrap_or_else(all) {
                 let i = track as usize;
-                if i >= own.curves.len() || f64::from(own.curves.count(i)) < least {
+                if i >= own.curves.len() || f64::from(own.curves.count(i)) < least || !is_selected(i) {
                     continue;
                 }
                 match choice.is_fine(bounds_of(&own.curves, i), error) {
@@ -134,7 +143,7 @@ impl PathLayer {
             }
             if !drawn.is_empty() {
                 let place = [part.interval as u32, family, level as u32, 0];
-                chosen.push(Chosen { place, curves: Arc::clone(&own.curves), which: Some(drawn), part });
+                chosen.push(Chosen { place, curves: Arc::clone(&own.curves), which: Some(drawn), shares, part });
             }
             if open.is_empty() {
                 return Ok(());

@@ -6,6 +6,7 @@ mod kept;
 mod levels;
 mod members;
 mod picking;
+mod shares;
 mod sight;
 #[cfg(test)]
 mod tests;
@@ -70,6 +71,8 @@ pub struct PathLayer {
     /// What was kept is of these members, with this attribute.
     kept_of: (Option<members::Whose>, Option<String>),
     members: members::Found,
+    /// How much of clusters is selected of whom that is kept of.
+    shares: shares::Shares,
 }
 
 /// Curves that are drawn.
@@ -78,6 +81,8 @@ struct Chosen {
     place: Place,
     curves: Arc<Curves>,
     which: Option<Vec<u32>>,
+    /// How much of each of the curves is selected; all of them where it is `None`.
+    shares: Option<Arc<Vec<f32>>>,
     part: Part,
 }
 
@@ -136,6 +141,7 @@ impl PathLayer {
             flow: levels::FlowKept::default(),
             kept_of: (None, None),
             members: members::Found::default(),
+            shares: shares::Shares::default(),
         })
     }
 
@@ -178,13 +184,14 @@ impl PathLayer {
         let face = around.map(|_| Sight::flat([*view], view.height));
         let offsets: Vec<DVec3> = view.images.offsets().collect();
         let is_in_view = |own: &Chosen| {
-            let bounds = wrapped(own.curves.bounds, *box_size);
+            let bounds = reached(own.curves.bounds, *box_size, style.unwrapped);
             face.as_ref().is_none_or(|face| offsets.iter().any(|offset| face.sees(bounds.moved(*offset), 0.0)))
         };
         let drawn: Vec<usize> = (0..chosen.len()).filter(|k| is_in_view(&chosen[*k])).collect();
         let of = |own: &usize| {
-            let Chosen { curves, which, part, .. } = &chosen[*own];
-            Drawn { curves, which: which.as_deref(), part: *part, box_size: *box_size }
+            let Chosen { curves, which, shares, part, .. } = &chosen[*own];
+            let shares = shares.as_ref().map(|shares| &shares[..]);
+            Drawn { curves, which: which.as_deref(), shares, part: *part, box_size: *box_size }
         };
         self.canvas.gather(view, &drawn.iter().map(of).collect::<Vec<_>>(), style);
         self.canvas.each_seen(|number, place| seen[drawn[number]][place] = true);
@@ -202,6 +209,7 @@ impl PathLayer {
         if kept_of != self.kept_of {
             self.kept.clear();
             self.flow.clear();
+            self.shares.clear();
             self.kept_of = kept_of;
         }
         self.kept.begin();
@@ -265,8 +273,7 @@ impl PathLayer {
     ) -> Result<(), PictureError> {
         let levels = self.run.flow_errors().len();
         let finest = match choice.request.settings.level {
-            // Selections are of particles; a level says nothing of who is in it.
-            _ if self.kept_of.0.is_some() || levels == 0 => Some(0),
+            _ if levels == 0 => Some(0),
             Some(level) => Some((level as usize).min(levels)),
             None => None,
         };
@@ -288,7 +295,7 @@ impl PathLayer {
         let index = self.index(part.interval, family)?;
         let interval = self.run.interval(part.interval)?;
         let in_view = |node: &crate::store::run::TrackNode| {
-            let bounds = interval.in_box(node.bounds);
+            let bounds = reached(node.bounds, choice.box_size, choice.request.settings.unwrapped);
             choice.offsets.iter().any(|offset| choice.sight.sees(bounds.moved(*offset), 0.0))
         };
         let place = |number: usize| -> Place { [part.interval as u32, family, 0, number as u32] };
@@ -313,15 +320,19 @@ impl PathLayer {
                 None => None,
                 Some(open) => {
                     let flow = self.flow.leaf(&self.run, part.interval, family, number as u32, node)?;
-                    let is_open = |track: &u32| open.get(*track as usize).copied().unwrap_or(false);
-                    Some((0..).zip(flow.iter()).filter(|(_, own)| is_open(own)).map(|(i, _)| i).collect::<Vec<u32>>())
+                    let Some(curves) = self.kept.get(&place(number)) else { continue };
+                    let is_open = |i: &u32| {
+                        let track = flow.get(curves.number(*i as usize));
+                        track.and_then(|track| open.get(*track as usize)).copied().unwrap_or(false)
+                    };
+                    Some((0..curves.len() as u32).filter(is_open).collect::<Vec<u32>>())
                 }
             };
             if which.as_ref().is_some_and(Vec::is_empty) || choice.request.settings.least > 1.0 {
                 continue;
             }
             if let Some(curves) = self.kept.get(&place(number)).filter(|curves| !curves.is_empty()) {
-                chosen.push(Chosen { place: place(number), curves, which, part });
+                chosen.push(Chosen { place: place(number), curves, which, shares: None, part });
             }
         }
         Ok(())
@@ -358,13 +369,15 @@ impl PathLayer {
     }
 }
 
-/// Where tracks within `bounds` are drawn: what sticks out of a periodic box of this edge goes on at its other side.
-fn wrapped(bounds: Bounds, box_size: Option<f64>) -> Bounds {
-    match box_size {
-        Some(edge) if bounds.min.cmplt(DVec3::ZERO).any() || bounds.max.cmpge(DVec3::splat(edge)).any() => {
-            Bounds { min: DVec3::ZERO, max: DVec3::splat(edge) }
-        }
-        _ => bounds,
+/// Where tracks within `bounds` are drawn: what sticks out of a periodic box of this edge goes on at its other side, or unwrapped on
+/// either side of it.
+fn reached(bounds: Bounds, box_size: Option<f64>, unwrapped: bool) -> Bounds {
+    let Some(edge) = box_size else { return bounds };
+    let sticks_out = bounds.min.cmplt(DVec3::ZERO) | bounds.max.cmpge(DVec3::splat(edge));
+    let beyond = if unwrapped { bounds.size() } else { DVec3::ZERO };
+    Bounds {
+        min: DVec3::select(sticks_out, -beyond, bounds.min),
+        max: DVec3::select(sticks_out, DVec3::splat(edge) + beyond, bounds.max),
     }
 }
 
@@ -386,6 +399,7 @@ fn style(request: &PathRequest<'_>, height: u32, chosen: &[Chosen], mean_mass: f
         palette,
         // They come again with each step.
         highlights: (settings.run != 0.0).then_some(settings.phase.rem_euclid(1.0) as f32),
+        unwrapped: settings.unwrapped,
         around: None,
     }
 }

@@ -119,7 +119,8 @@ impl PathLayer {
                 return Ok(Vec::new());
             }
             let tracks = self.run.node_tracks(interval, number, leaf, true)?;
-            let own = tracks.ids.iter().zip(&flow).filter(|(_, flow)| parts.contains(flow));
+            let is_wanted = |id: &u64| self.kept_of.0.as_ref().is_none_or(|who| who.has(number, *id));
+            let own = tracks.ids.iter().zip(&flow).filter(|(id, flow)| parts.contains(flow) && is_wanted(id));
             Ok(own.map(|(id, _)| *id).collect())
         };
         let found: Vec<Vec<u64>> = leaves.par_iter().map(of_leaf).collect::<Result<_, StoreError>>()?;

@@ -22,6 +22,7 @@ fn style(shape: PathShape, width: f32) -> Style {
         halo: 0.0,
         palette: Palette::plain([255; 3]),
         highlights: None,
+        unwrapped: false,
         around: None,
     }
 }
@@ -43,7 +44,7 @@ fn panorama(surround: Surround, curves: &Curves, style: &Style) -> (Panorama, Te
     let style = Style { around: Some(panorama.pixel_angle()), ..style.clone() };
     let mut canvas = Canvas::default();
     let texels = assemble(&sections, &base, |view| {
-        canvas.gather(view, &[Drawn { curves, which: None, part: WHOLE, box_size: None }], &style);
+        canvas.gather(view, &[Drawn { curves, which: None, shares: None, part: WHOLE, box_size: None }], &style);
         Ok::<_, std::convert::Infallible>(Texels::from(canvas.colors()))
     });
     (panorama, texels.unwrap())
@@ -124,7 +125,11 @@ fn a_face_is_a_flat_picture() {
     let drawn = |around: Option<f64>| -> Colors {
         let mut canvas = Canvas::default();
         let style = Style { around, ..style(PathShape::Line, 3.0) };
-        canvas.gather(&view, &[Drawn { curves: &curves, which: None, part: WHOLE, box_size: None }], &style);
+        canvas.gather(
+            &view,
+            &[Drawn { curves: &curves, which: None, shares: None, part: WHOLE, box_size: None }],
+            &style,
+        );
         canvas.colors()
     };
     let rows = |colors: &Colors, column: usize| -> [f64; 2] {
