@@ -37,7 +37,7 @@ pub use catalogue::{Catalogue, Object};
 pub use center::{Center, CenterSums, center};
 pub use data::{Data, FieldAbout, source_of};
 pub use error::ExploreError;
-pub use export::{Exported, Format, export};
+pub use export::{Exported, Format, Frame, export};
 pub use followed::{Followed, Following};
 pub use highlight::{Highlighter, Marked};
 pub use histogram::{Axis, AxisOptions, FieldHistogram, Scatter, histogram, scatter};
