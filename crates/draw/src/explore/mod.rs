@@ -18,6 +18,7 @@ pub mod identify;
 pub mod ids;
 pub mod lasso;
 pub mod marks;
+pub mod merger_tree;
 pub mod moments;
 pub mod over_time;
 pub mod particle;
@@ -44,6 +45,7 @@ pub use histogram::{Axis, AxisOptions, FieldHistogram, Scatter, histogram, scatt
 pub use identify::{Identified, PageParticle, find_id, identify, ids_of};
 pub use ids::IdSet;
 pub use lasso::{Lasso, LassoProjection};
+pub use merger_tree::MergerTree;
 pub use over_time::{AtStep, OverTime, over_time};
 pub use places::{FoundIds, Places};
 pub use probe::{Fields, Probe, ProbeOptions, probe};
