@@ -55,6 +55,11 @@ pub(super) fn stated_budget() -> Result<Option<u64>, String> {
     stated.transpose()
 }
 
+/// The budget of the folder, bytes.
+pub(super) fn budget(folder: &Path) -> Result<u64, String> {
+    Ok(stated_budget()?.unwrap_or_else(|| default_budget(folder)))
+}
+
 /// Removes what was used longest ago, so that the folder keeps to its budget; never `made`.
 pub(super) fn make_room(folder: &Path, stated: Option<u64>, made: &Path) -> Result<(), std::io::Error> {
     let budget = stated.unwrap_or_else(|| default_budget(folder));

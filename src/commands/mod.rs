@@ -5,6 +5,7 @@ pub mod build;
 pub mod catalogue;
 pub mod demo;
 pub mod extract;
+pub mod frame_option;
 pub mod hierarchy_options;
 pub mod info;
 pub mod key;

@@ -1,9 +1,10 @@
 //! `deepfield paths`: the tracks of a run's particles as a table.
 
+use super::frame_option::{FrameName, unknown};
 use super::members_options::{MembersOptions, OpenRun};
 use super::region_options::RegionOptions;
 use super::{CommandResult, progress_bar::TerminalProgress};
-use crate::explore::{Data, Format, Members, Region, Work, export};
+use crate::explore::{Data, Format, Frame, Members, Region, Work, export};
 use crate::model::{ReadMethod, When};
 use crate::store::run::{PathsOf, RunPaths};
 use std::path::PathBuf;
@@ -15,6 +16,7 @@ use std::sync::Arc;
 #[command(after_help = "Examples:
   deepfield paths run.df --ids halo.ids -o halo.csv
   deepfield paths run.df --tracked-at 9.6 --sphere 0.3,0,0,0.5 -o halo.csv
+  deepfield paths run.df --ids halo.ids --frame physical -o halo.ply
   deepfield paths run.df --from 9.6 --to last --family stars -o stars.parquet
   deepfield paths run.df --level 2 -o flow.parquet        clusters of a flow level
   deepfield paths run.df --level 2 --members --from step:3 --to step:4 -o members.csv
@@ -40,7 +42,10 @@ pub struct Arguments {
     /// Which ends of tracks [default: all].
     #[command(flatten)]
     pub region: RegionOptions,
-    /// The table, .csv or .parquet.
+    /// The frame of lengths, densities and velocities of comoving data; regions are always in the data's own.
+    #[arg(long, value_name = "FRAME", value_enum, default_value_t)]
+    pub frame: FrameName,
+    /// The table, .csv, .parquet or .ply.
     #[arg(short, long, value_name = "OUT")]
     pub out: PathBuf,
 }
@@ -52,7 +57,8 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments) -> CommandResult {
     let out = &arguments.out;
     let format = Format::of(out);
-    let format = format.ok_or_else(|| format!("{}: expected a name that ends in .csv or .parquet", out.display()))?;
+    let format =
+        format.ok_or_else(|| format!("{}: expected a name that ends in .csv, .parquet or .ply", out.display()))?;
     let opened = OpenRun::open(&arguments.path, &arguments.who, &arguments.region, ReadMethod::default())?;
     let path = arguments.path.display();
     let opened = opened.ok_or_else(|| format!("{path}: expected a run: deepfield build makes one of snapshots"))?;
@@ -87,7 +93,11 @@ pub fn run(arguments: &Arguments) -> CommandResult {
         None => RunPaths::open(Arc::clone(run), of, from, to)?,
     };
     let members = if followed.is_some() { Members::Region(Region::whole()) } else { opened.members };
-    let rows = export(Data::Source(&paths), &members, format, out, None, work)?.rows;
+    let frame = match arguments.frame {
+        FrameName::Comoving => Frame::Stored,
+        FrameName::Physical => Frame::PhysicalAt(paths.physical().ok_or_else(|| unknown(&arguments.path))?),
+    };
+    let rows = export(Data::Source(&paths), &members, format, &frame, out, None, work)?.rows;
     drop(progress);
     println!("{}: {rows} rows", out.display());
     Ok(())

@@ -1,5 +1,6 @@
 //! `deepfield probe`: sums over everything in a region, as tables for people or as JSON for programs.
 
+use super::frame_option::{FrameName, unknown};
 use super::members_options::{MembersOptions, OpenRun};
 use super::region_options::{At, Opened, RegionOptions};
 use super::statistics::write_json;
@@ -43,6 +44,9 @@ pub struct Arguments {
     /// At every step of the run, one row each: time, count, mass, centre, velocities, and the mean of each field.
     #[arg(long, conflicts_with_all = ["time", "interpolation", "profile", "histograms", "exact"])]
     pub over_time: bool,
+    /// The frame of places, distances and velocities over time of a comoving run; means of fields are as they are stored.
+    #[arg(long, value_name = "FRAME", value_enum, default_value_t, requires = "over_time")]
+    pub frame: FrameName,
     /// Write the table over time to a file.
     #[arg(short, long, value_name = "FILE.csv", requires = "over_time")]
     pub out: Option<PathBuf>,
@@ -112,8 +116,11 @@ pub fn run(arguments: &Arguments) -> CommandResult {
         let path = arguments.path.display();
         let run = run.ok_or_else(|| format!("{path}: --over-time: expected a run: deepfield build makes one"))?;
         let wraps = !arguments.region.no_wrap;
-        let found = over_time(&run.run, run.following.as_ref(), &run.members, &arguments.fields(), wraps, work)?;
+        let mut found = over_time(&run.run, run.following.as_ref(), &run.members, &arguments.fields(), wraps, work)?;
         drop(progress);
+        if arguments.frame == FrameName::Physical {
+            found.to_physical(&run.run).ok_or_else(|| unknown(&arguments.path))?;
+        }
         return arguments.write_over_time(&found, &run.members);
     }
     let followed = run.as_ref().map(|run| run.snapshot(arguments.when, work)).transpose()?.flatten();

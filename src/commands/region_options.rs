@@ -95,7 +95,7 @@ impl RegionOptions {
                 return Ok(region);
             }
         };
-        let catalogue = Catalogue::read(path)?;
+        let catalogue = Catalogue::read_at(path, data.time(), false)?;
         let object = match name.parse() {
             Ok(index) if self.object.is_none() => catalogue.ranked(index)?,
             _ => catalogue.named(name)?,

@@ -1,9 +1,10 @@
 //! `deepfield select`: the particles of a region, or those with certain ids, as a table or as a list of ids.
 
+use super::frame_option::{FrameName, unknown};
 use super::members_options::{MembersOptions, OpenRun};
 use super::region_options::{At, Opened, RegionOptions};
 use super::{CommandResult, progress_bar::TerminalProgress};
-use crate::explore::{Format, Members, Region, Work, export, ids_of};
+use crate::explore::{Data, Format, Frame, Members, Region, Work, export, ids_of};
 use crate::model::ReadMethod;
 use std::path::PathBuf;
 
@@ -30,7 +31,10 @@ pub struct Arguments {
     /// Which particles, wherever they are.
     #[command(flatten)]
     pub who: MembersOptions,
-    /// The table, .csv or .parquet, or the list of ids, .ids.
+    /// The frame of lengths, densities and velocities of comoving data; regions are always in the data's own.
+    #[arg(long, value_name = "FRAME", value_enum, default_value_t)]
+    pub frame: FrameName,
+    /// The table, .csv, .parquet or .ply, or the list of ids, .ids.
     #[arg(short, long, value_name = "OUT")]
     pub out: PathBuf,
 }
@@ -40,11 +44,11 @@ pub struct Arguments {
 /// # Errors
 /// When the data cannot be read, or the file not be written.
 pub fn run(arguments: &Arguments) -> CommandResult {
-    let Arguments { path, when, region, who, out } = arguments;
+    let Arguments { path, when, region, who, frame, out } = arguments;
     let extension = out.extension().and_then(|extension| extension.to_str()).unwrap_or_default().to_ascii_lowercase();
     let format = Format::of(out);
     if format.is_none() && extension != "ids" {
-        return Err(format!("{}: expected a name that ends in .csv, .parquet or .ids", out.display()).into());
+        return Err(format!("{}: expected a name that ends in .csv, .parquet, .ply or .ids", out.display()).into());
     }
     let progress = TerminalProgress::new();
     let work = Work::told(&progress);
@@ -73,8 +77,13 @@ pub fn run(arguments: &Arguments) -> CommandResult {
     // What is followed is nothing else.
     let members = if is_followed { Members::Region(Region::whole()) } else { wanted.clone() };
     let periodic = if is_followed { None } else { region.periodic(data)? };
+    let frame = match (frame, data) {
+        (FrameName::Comoving, _) => Frame::Stored,
+        (FrameName::Physical, Data::Source(source)) => Frame::physical(source).ok_or_else(|| unknown(path))?,
+        (FrameName::Physical, Data::Pages(_)) => return Err(unknown(path).into()),
+    };
     let rows = match (format, &opened) {
-        (Some(format), _) => export(data, &members, format, out, periodic, work)?.rows,
+        (Some(format), _) => export(data, &members, format, &frame, out, periodic, work)?.rows,
         (None, Opened::Source(source)) => {
             let found = ids_of(source.as_ref(), &members, periodic, work)?;
             found.write(out, &format!(" of {}", path.display()))?;

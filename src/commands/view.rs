@@ -226,21 +226,25 @@ fn show_run(mut run: CachedRun, settings: &WindowArguments) -> CommandResult {
     if with_others.contains(&true) || settings.simulate {
         return Err("--with, --tour, --simulate, --lead and --outputs go with one file: build the run first".into());
     }
+    let first = run.first(settings.time)?;
     #[cfg(feature = "viewer")]
     if has_display()
         && let Ok(adapter) = crate::gpu::device::probe()
     {
-        let first = run.first(settings.time)?.unwrap_or_default();
+        let first = first.unwrap_or_default();
         let settings = WindowArguments { time: None, ..settings.clone() };
-        return window(&first, &settings, adapter.backend.into(), Some(run));
+        return window(&first, &settings, adapter.backend.into(), Some(run.in_parts()));
     }
     let progress = super::progress_bar::TerminalProgress::new();
-    run.first(None)?.ok_or("no step of a run is there yet")?;
     loop {
-        match run.grow(&progress)? {
+        match run.grow(None, &progress)? {
             Grown::Run(path) => return show(&path, settings),
+            Grown::Told(what) => eprintln!("deepfield: {what}"),
             Grown::Later => std::thread::sleep(std::time::Duration::from_secs(1)),
-            Grown::Done => return Ok(()),
+            // There is no room for more than one step.
+            Grown::Done => {
+                return show(&first.unwrap_or_default(), &WindowArguments { time: None, ..settings.clone() });
+            }
         }
     }
 }
@@ -368,10 +372,11 @@ fn grower(run: CachedRun) -> crate::window::Grower {
     use crate::window::More;
     use std::sync::{Arc, Mutex, PoisonError};
     let run = Mutex::new(run);
-    Arc::new(move |progress: &dyn crate::model::Progress| {
-        let grown = run.lock().unwrap_or_else(PoisonError::into_inner).grow(progress);
+    Arc::new(move |present: Option<f64>, progress: &dyn crate::model::Progress| {
+        let grown = run.lock().unwrap_or_else(PoisonError::into_inner).grow(present, progress);
         grown.map_err(|error| error.to_string()).map(|grown| match grown {
             Grown::Run(path) => More::Run(path),
+            Grown::Told(what) => More::Told(what),
             Grown::Later => More::Later,
             Grown::Done => More::Done,
         })

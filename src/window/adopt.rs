@@ -89,7 +89,7 @@ pub(crate) fn adopt_opened(
     notices.info(match members.len() {
         1 if keeps => {
             let steps = run.as_ref().and_then(|(data, _)| Some(data.run()?.times().times.len())).unwrap_or_default();
-            format!("the run has {steps} steps")
+            format!("{steps} steps of the run are there")
         }
         1 => format!("opened {}", path.display()),
         more => format!("opened {} with {} more", path.display(), more - 1),

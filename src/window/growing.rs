@@ -36,6 +36,7 @@ type Outcome = Result<Grown, String>;
 /// What a look has found.
 enum Grown {
     Opened(Box<Opened>),
+    Told(String),
     Later,
     Done,
 }
@@ -53,8 +54,10 @@ impl Growing {
         let (grower, opener, present) = (Arc::clone(&self.grower), Arc::clone(&self.opener), Arc::clone(&self.present));
         let (shared, (send, outcome)) = (Arc::clone(&progress), channel());
         let look = move || -> Outcome {
-            let path = match grower(shared.as_ref())? {
+            let now = *present.lock().unwrap_or_else(PoisonError::into_inner);
+            let path = match grower(now, shared.as_ref())? {
                 More::Run(path) => path,
+                More::Told(what) => return Ok(Grown::Told(what)),
                 More::Later => return Ok(Grown::Later),
                 More::Done => return Ok(Grown::Done),
             };
@@ -124,6 +127,7 @@ pub(super) fn grow(
             growing.shown = Some(file.path.clone());
             opened.write(*file);
         }
+        Ok(Grown::Told(what)) => notices.error(what),
         Ok(Grown::Later) => {}
         Ok(Grown::Done) => growing.is_done = true,
         Err(why) => notices.error(why),

@@ -259,6 +259,7 @@ impl Plugin for WindowApp {
                 dropped::open_dropped_files.in_set(WindowSystems::TakeInput),
                 (open::finish_opening, growing::grow.run_if(resource_exists::<growing::Growing>)).chain(),
                 objects::receive_catalogue,
+                objects::follow_time.after(objects::receive_catalogue),
                 adopt::adopt_opened,
                 (playhead::play, playhead::show_moment).chain(),
                 history::undo_and_redo,

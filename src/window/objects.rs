@@ -2,6 +2,7 @@
 
 use super::open::Openings;
 use super::options::OpenRequest;
+use super::playhead::Playhead;
 use super::scene::Scene;
 use super::state::answer::Answer;
 use super::state::notices::Notices;
@@ -19,6 +20,8 @@ pub struct Objects {
     pub catalogue: Answer<Catalogue>,
     /// Its objects as names over the picture, the most important first.
     pub labels: Vec<Label>,
+    /// The time of objects of a catalogue of several steps.
+    time: Option<f64>,
     /// What the list in the panel is narrowed to.
     pub search: String,
     /// A file that was dropped and may be a catalogue, on its way; `None` comes of one that is not.
@@ -33,7 +36,8 @@ impl Objects {
     /// Opens a catalogue, in the place of the one that is open.
     pub fn open(&mut self, path: PathBuf) {
         self.labels.clear();
-        self.catalogue = Answer::ask("catalogue", move |_| Catalogue::read(&path));
+        self.time = None;
+        self.catalogue = Answer::ask("catalogue", move |_| Catalogue::read_at(&path, None, true));
     }
 
     /// Opens the catalogue that a scene names, if it names one.
@@ -82,6 +86,27 @@ pub fn extent(object: &Object, usual: f64) -> (Region, Bounds) {
 pub fn usual_radius(bounds: Bounds) -> f64 {
     let size: DVec3 = bounds.size();
     (0.01 * size.max_element()).max(f64::MIN_POSITIVE)
+}
+
+/// Objects of a catalogue that are moved at most between steps; of more, those of the step are shown.
+const MOST_MOVING: usize = 20_000;
+
+/// Shows the objects of the time that is shown, where the catalogue has those of several steps.
+pub(super) fn follow_time(mut objects: ResMut<Objects>, scene: Option<Res<Scene>>, playhead: Option<Res<Playhead>>) {
+    let Some(tree) = objects.catalogue.here().and_then(|catalogue| catalogue.tree.as_ref()) else { return };
+    // Without a run the catalogue of one step is that of what is shown.
+    let own = || scene.filter(|_| tree.format != "groups").and_then(|scene| scene.file.metadata().provenance.time);
+    let Some(time) = playhead.map(|playhead| playhead.time()).or_else(own) else { return };
+    let step = tree.step_at(time);
+    let time = if tree.count(step) > MOST_MOVING { tree.steps()[step].time } else { time };
+    if objects.time == Some(time) {
+        return;
+    }
+    objects.time = Some(time);
+    if let Some(now) = objects.catalogue.here().and_then(|catalogue| catalogue.at(Some(time))) {
+        objects.labels = now.labels();
+        objects.catalogue = Answer::Here(now);
+    }
 }
 
 /// Takes the catalogue that has been read.

@@ -14,15 +14,18 @@ use thiserror::Error;
 /// on a background thread; the error is one line that names the file and the cause.
 pub type Opener = Arc<dyn Fn(&Path, &dyn Progress) -> Result<PathBuf, String> + Send + Sync>;
 
-/// Gives more of a run that is being built, or that a simulation is writing: the path of a run file that has more than the one before,
-/// [`More::Later`] where there is none yet, [`More::Done`] where there will be none. Runs on a background thread.
-pub type Grower = Arc<dyn Fn(&dyn Progress) -> Result<More, String> + Send + Sync>;
+/// Gives more of a run that is being built, or that a simulation is writing, what is nearest to the time that is shown first: the path of
+/// a run file that has more than the one before, [`More::Later`] where there is none yet, [`More::Done`] where there will be none. Runs on
+/// a background thread.
+pub type Grower = Arc<dyn Fn(Option<f64>, &dyn Progress) -> Result<More, String> + Send + Sync>;
 
 /// What a [`Grower`] gives.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum More {
     /// A run file.
     Run(PathBuf),
+    /// Something that the user should know about the run.
+    Told(String),
     /// It may be asked again.
     Later,
     /// It need not be asked again.

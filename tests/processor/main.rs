@@ -57,6 +57,7 @@ mod explore {
     mod export;
     mod hostile;
     mod marks;
+    mod merger_trees;
     mod particles;
     mod probes;
     mod reference;

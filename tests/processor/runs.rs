@@ -1,6 +1,7 @@
 //! Runs of snapshots from the command line: each step is what the snapshot alone is, to the byte, moments are found and refused in
 //! words, tours go through them, and no damage goes unnoticed or panics.
 
+use crate::support::hdf5::{Hdf5, Values};
 use crate::support::run;
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -388,4 +389,197 @@ fn particles_move_between_steps_in_pictures_selections_tables_and_tours() {
     assert!(frames.windows(2).all(|pair| pair[0] != pair[1]));
     ok(folder, &["render", "frames/scenes/frame-00002.scene.ron", "-o", "again.png", "--backend", "cpu"]);
     assert!(read(folder, "again.png") == frames[2]);
+}
+
+#[test]
+fn a_run_that_the_cache_has_no_room_for_is_told_before_it_is_begun() {
+    let folder = tempfile::tempdir().unwrap();
+    snapshots(folder.path());
+    // What is built in a cache of so many bytes, which is empty to begin with: what is told, and the page files and runs there.
+    let viewed = |budget: u64| {
+        let cache = tempfile::tempdir().unwrap();
+        let mut command = crate::support::program();
+        command.args(["view", "turn_*.csv", "--size", "32x32", "--picture", "p.png"]).current_dir(folder.path());
+        command.env("XDG_CACHE_HOME", cache.path()).env("DEEPFIELD_CACHE", format!("{budget}B"));
+        command.env_remove("DISPLAY").env_remove("WAYLAND_DISPLAY");
+        let output = command.output().unwrap();
+        let told = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.success() && folder.path().join("p.png").exists(), "{told}");
+        std::fs::remove_file(folder.path().join("p.png")).unwrap();
+        let files: Vec<PathBuf> = std::fs::read_dir(cache.path().join("deepfield/pages"))
+            .unwrap()
+            .map(|entry| entry.unwrap().path())
+            .collect();
+        let size = |path: &&PathBuf| std::fs::metadata(path).unwrap().len();
+        let (runs, steps): (Vec<_>, Vec<_>) = files.iter().partition(|path| path.to_string_lossy().contains("-run-"));
+        let tracks = runs.first().map(|run| {
+            json(folder.path(), &["info", run.to_str().unwrap(), "--json"])["intervals"].as_array().map_or(0, Vec::len)
+        });
+        (told, steps.iter().map(size).max().unwrap_or(0), tracks)
+    };
+    let (told, step, intervals) = viewed(1_000_000_000);
+    assert!(!told.contains("the run takes") && intervals == Some(3), "{told}");
+    // Tracks are taken to have 20 bytes in each of three intervals.
+    let (told, _, intervals) = viewed(4 * step + 29_000);
+    assert!(told.contains("the run takes about") && told.contains("its steps are shown"), "{told}");
+    assert_eq!(intervals, Some(0));
+    let (told, _, intervals) = viewed(3 * step);
+    assert!(told.contains("(DEEPFIELD_CACHE): one step is shown") && intervals.is_none(), "{told}");
+}
+
+/// A column of a table, by id.
+fn column(folder: &Path, name: &str, column: &str) -> BTreeMap<u64, f64> {
+    let mut table = csv::Reader::from_path(folder.join(name)).unwrap();
+    let header = table.headers().unwrap().clone();
+    let at = |name: &str| header.iter().position(|own| own.split(' ').next() == Some(name)).unwrap();
+    let (id, column) = (at("id"), at(column));
+    table
+        .records()
+        .map(|row| row.unwrap())
+        .map(|row| (row[id].parse().unwrap(), row[column].parse().unwrap()))
+        .collect()
+}
+
+#[test]
+fn tables_of_comoving_runs_are_physical_on_request() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    ok(folder, &["synth", "pancake", "-n", "200", "--steps", "4", "-o", "run"]);
+    ok(folder, &["build", "run_000", "run_001", "run_002", "run_003", "-o", "run.df"]);
+    let at = json(folder, &["info", "run.df", "--json"])["steps"][1]["scale_factor"].as_f64().unwrap();
+    for (frame, name) in [("comoving", "there.csv"), ("physical", "physical.csv")] {
+        ok(folder, &["select", "run.df", "--time", "step:1", "--frame", frame, "-o", name]);
+    }
+    // Gadget's velocities are peculiar ones by the root of the scale factor.
+    let of = |name: &str, quantity: &str| column(folder, name, quantity);
+    for (quantity, factor) in
+        [("x", at), ("vy", at.sqrt()), ("smoothing-length", at), ("density", at.powi(-3)), ("mass", 1.0)]
+    {
+        let (stored, physical) = (of("there.csv", quantity), of("physical.csv", quantity));
+        assert_eq!(stored.len(), physical.len());
+        for (id, value) in &stored {
+            assert!((physical[id] - factor * value).abs() <= 1e-12 * value.abs(), "{quantity} of {id}");
+        }
+    }
+    // Tracks have the same where they begin.
+    ok(folder, &["paths", "run.df", "--from", "step:1", "--to", "step:2", "--frame", "physical", "-o", "paths.csv"]);
+    let text = String::from_utf8(read(folder, "paths.csv")).unwrap();
+    let header = text.lines().next().unwrap();
+    let u = header.split(',').position(|name| name == "u").unwrap();
+    let begins = text.lines().skip(1).filter(|line| line.split(',').nth(u) == Some("0"));
+    let begins = std::iter::once(header).chain(begins).collect::<Vec<_>>().join("\n");
+    std::fs::write(folder.join("begins.csv"), begins).unwrap();
+    for quantity in ["x", "z", "vx", "vz", "density"] {
+        let (ours, theirs) = (of("begins.csv", quantity), of("physical.csv", quantity));
+        let largest = theirs.values().fold(0.0f64, |largest, value| largest.max(value.abs()));
+        assert!(
+            ours.len() == 200 && ours.iter().all(|(id, value)| (value - theirs[id]).abs() < 1e-9 * largest),
+            "{quantity}"
+        );
+    }
+    // Over time: of everybody the mean of both.
+    ok(folder, &["probe", "run.df", "--sphere", "50,50,50,20", "--over-time", "-o", "over.csv"]);
+    ok(
+        folder,
+        &[
+            "probe",
+            "run.df",
+            "--sphere",
+            "50,50,50,20",
+            "--over-time",
+            "--frame",
+            "physical",
+            "-o",
+            "over-physical.csv",
+        ],
+    );
+    let row = |name: &str| -> Vec<f64> {
+        let text = String::from_utf8(read(folder, name)).unwrap();
+        text.lines().nth(2).unwrap().split(',').map(|cell| cell.parse().unwrap_or(f64::NAN)).collect()
+    };
+    let (stored, physical) = (row("over.csv"), row("over-physical.csv"));
+    assert!((physical[5] / stored[5] - at).abs() < 1e-12 && (physical[9] / stored[9] - at.sqrt()).abs() < 1e-12);
+    // What does not expand is physical already.
+    ok(folder, &["select", "there.csv", "--frame", "physical", "-o", "same.csv"]);
+    assert_eq!(of("there.csv", "x"), of("same.csv", "x"));
+}
+
+/// A snapshot of gas that moves evenly along x, as Gadget's HDF5 files have it: its time, ids, box, and an attribute where it has one.
+fn gas(path: &Path, time: f64, ids: Option<Vec<u64>>, edge: f64, attribute: Option<&str>) {
+    let count = ids.as_ref().map_or(40, Vec::len);
+    let column = |columns: usize, of: &dyn Fn(usize, usize) -> f64| {
+        Values::F64((0..count).flat_map(|i| (0..columns).map(move |k| (i, k))).map(|(i, k)| of(i, k)).collect())
+    };
+    let mut file = Hdf5::default();
+    file.attribute("Header", "NumPart_ThisFile", Values::U32(vec![count as u32, 0, 0, 0, 0, 0]));
+    file.attribute("Header", "Time", Values::F64(vec![time]));
+    file.attribute("Header", "BoxSize", Values::F64(vec![edge]));
+    let place =
+        |i: usize, k: usize| 1.0 + ((i * (3 + 2 * k)) % 41) as f64 / 6.0 + if k == 0 { 0.1 * time } else { 0.0 };
+    file.dataset("PartType0", "Coordinates", 3, column(3, &place));
+    file.dataset("PartType0", "Velocities", 3, column(3, &|_, k| if k == 0 { 0.1 } else { 0.0 }));
+    file.dataset("PartType0", "Masses", 1, column(1, &|_, _| 1.0));
+    file.dataset("PartType0", "SmoothingLength", 1, column(1, &|_, _| 0.5));
+    file.dataset("PartType0", "Density", 1, column(1, &|_, _| 1.0));
+    if let Some(name) = attribute {
+        file.dataset("PartType0", name, 1, column(1, &|i, _| i as f64));
+    }
+    if let Some(ids) = ids {
+        file.dataset("PartType0", "ParticleIDs", 1, Values::U64(ids));
+    }
+    file.write(path);
+}
+
+#[test]
+fn input_that_makes_no_run_is_refused_in_one_line_and_nothing_is_left() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let ids = || Some((1..=40).collect::<Vec<u64>>());
+    let write = |name: &str, time: f64, ids: Option<Vec<u64>>, edge: f64, attribute: Option<&str>| {
+        gas(&folder.join(name), time, ids, edge, attribute);
+    };
+    for (name, time) in [("s_0.hdf5", 0.0), ("s_1.hdf5", 1.0), ("s_2.hdf5", 2.0), ("s_4.hdf5", 4.0)] {
+        write(name, time, ids(), 10.0, None);
+    }
+    write("same.hdf5", 1.0, ids(), 10.0, None);
+    write("wide.hdf5", 3.0, ids(), 10.1, None);
+    write("none.hdf5", 3.0, None, 10.0, None);
+    write("fewer.hdf5", 3.0, Some((1..=39).collect()), 10.0, None);
+    write("shared.hdf5", 3.0, Some((0..40).map(|i| i % 30).collect()), 10.0, None);
+    write("hot.hdf5", 3.0, ids(), 10.0, Some("Temperature"));
+    let whole = read(folder, "s_1.hdf5");
+    std::fs::write(folder.join("cut.hdf5"), &whole[..whole.len() / 2]).unwrap();
+    std::fs::write(folder.join("pc.csv"), "id,x [pc],y [pc],z [pc]\n1,0,0,0\n2,1,1,1\n").unwrap();
+    std::fs::write(folder.join("k.csv"), "id,x [code units],y [code units],z [code units]\n1,0,0,0\n2,1,1,1\n")
+        .unwrap();
+    let refused = |words: &[&str], parts: &[&str]| {
+        let told = refused(folder, &[&["build", "-o", "out.df"], words].concat());
+        assert!(parts.iter().all(|part| told.contains(part)), "{words:?}: {told}");
+        let left = std::fs::read_dir(folder)
+            .unwrap()
+            .filter(|entry| entry.as_ref().unwrap().file_name().to_string_lossy().starts_with("out.df"));
+        assert_eq!(left.count(), 0, "{words:?}");
+    };
+    refused(&["s_0.hdf5", "s_9.hdf5"], &["s_9.hdf5"]);
+    refused(&["s_0.hdf5", "cut.hdf5"], &["cut.hdf5: "]);
+    refused(&["s_1.hdf5", "same.hdf5"], &["time: found 1", "s_1.hdf5", "same.hdf5"]);
+    refused(&["pc.csv", "k.csv"], &["time: missing", "--times"]);
+    refused(&["pc.csv", "k.csv", "--times", "steps"], &["k.csv", "lengths"]);
+    refused(&["s_0.hdf5", "wide.hdf5"], &["wide.hdf5", "10.1"]);
+    refused(&["s_0.hdf5", "none.hdf5"], &["gas: ids: missing in none.hdf5", "--match order", "--stills-only"]);
+    refused(&["s_0.hdf5", "shared.hdf5"], &["shared.hdf5", "--match"]);
+    refused(&["s_0.hdf5", "fewer.hdf5", "--match", "order"], &["40", "39"]);
+    refused(&["s_0.hdf5", "hot.hdf5", "--attributes", "temperature"], &["s_0.hdf5", "attribute temperature"]);
+    // What is only a note.
+    let taken = |words: &[&str], note: &str| {
+        let told = ok(folder, &[&["build", "-o", "out.df"], words].concat());
+        let told = String::from_utf8_lossy(&told.stderr).into_owned();
+        let about = json(folder, &["info", "out.df", "--json"]);
+        assert!(told.contains(note) && about["notes"].to_string().contains(note), "{words:?}: {told}");
+        about
+    };
+    taken(&["s_0.hdf5", "s_1.hdf5", "s_2.hdf5", "s_4.hdf5"], "no file between s_2.hdf5 and s_4.hdf5");
+    taken(&["s_1.hdf5", "s_0.hdf5", "hot.hdf5"], "attribute temperature is left out");
+    let about = taken(&["s_0.hdf5", "cut.hdf5", "s_2.hdf5", "--skip-damaged"], "cut.hdf5");
+    assert_eq!(about["steps"].as_array().unwrap().len(), 2);
 }

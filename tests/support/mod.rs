@@ -5,6 +5,7 @@
 mod eclipse;
 mod files;
 pub mod golden;
+pub mod hdf5;
 pub mod page_checksums;
 mod pages;
 pub mod parquet;

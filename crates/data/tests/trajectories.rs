@@ -250,6 +250,36 @@ fn what_is_wrong_with_a_frame_is_said() {
     }
 }
 
+#[test]
+fn frames_behind_a_line_that_is_too_long_are_there() {
+    let folder = tempfile::tempdir().unwrap();
+    // A row of the first of two frames, and the time of the second.
+    for (text, row, time) in [
+        (SILICON, "Si        0.00000000      0.00000000      0.00000000\n", 1.5),
+        (DUMP, "1 1 0 0 0 0 0 0 0.5 0 0 1\n", 0.75),
+    ] {
+        let digits: String = (0..(1u32 << 20))
+            .map(|digit| char::from(b'0' + (digit.wrapping_mul(2_654_435_761) >> 24) as u8 % 10))
+            .collect();
+        let long = text.replacen(row, &row.replace('\n', &format!("{digits}\n")), 1);
+        let line = text[..text.find(row).unwrap()].lines().count() + 1;
+        for bytes in [long.clone().into_bytes(), gzip(long.as_bytes())] {
+            let path = folder.path().join("long");
+            std::fs::write(&path, bytes).unwrap();
+            let told = open(&step_name(&path, 0)).err().unwrap().to_string();
+            let expected =
+                format!("long: frame 0: line {line}: found more than 1048576 bytes, expected a shorter line");
+            assert!(told.ends_with(&expected), "{told}");
+            let run = runs(&path, true).unwrap();
+            assert_eq!(run.steps.iter().map(|step| step.time).collect::<Vec<_>>(), [time]);
+            // The same numbers as without the long line before them.
+            let plain = written(folder.path(), "plain", text);
+            let [ours, theirs] = [path, plain].map(|path| values(&*open(&step_name(&path, 1)).unwrap(), "position"));
+            assert_eq!(ours, theirs);
+        }
+    }
+}
+
 /// Frames of as many particles: their places, velocities and ids.
 fn frames() -> impl Strategy<Value = Vec<Vec<([f64; 6], u64)>>> {
     let number = prop_oneof![-1e3..1e3, any::<f64>().prop_filter("finite", |x| x.is_finite())];

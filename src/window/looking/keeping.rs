@@ -1,7 +1,7 @@
 //! What is done with a selection: written to a table, counted along one field, or drawn against two.
 
 use super::asking::Asking;
-use crate::explore::export::{Exported, Format, export};
+use crate::explore::export::{Exported, Format, Frame, export};
 use crate::explore::histogram::{AxisOptions, FieldHistogram, Scatter, histogram, scatter};
 use crate::explore::{ExploreError, Fields, Members, OverTime, over_time};
 use crate::window::free_name::free_name;
@@ -61,11 +61,13 @@ impl Keeping {
         let extension = match format {
             Format::Csv => "csv",
             Format::Parquet => "parquet",
+            Format::Ply => "ply",
         };
         let out = free_name(&scene.path, name, extension);
         self.export = Answer::ask("export", move |work| {
-            let exported = asking
-                .ask(&members, work, |data, members, periodic| export(data, members, format, &out, periodic, work))?;
+            let exported = asking.ask(&members, work, |data, members, periodic| {
+                export(data, members, format, &Frame::Stored, &out, periodic, work)
+            })?;
             Ok::<_, ExploreError>((out, exported))
         });
     }

@@ -2,8 +2,15 @@
 
 use super::writers::file;
 use super::{data, message, read_all};
-use deepfield::import::{AttributeChoice, FieldKind, LoadOptions, Smoothing, Source, load, open, summarize};
-use deepfield::model::FamilyName;
+use crate::support::hdf5::{Hdf5, Values};
+use deepfield::build::{BuildOptions, RunBuild, TrackOptions, compare_with_sources};
+use deepfield::import::{
+    AttributeChoice, FieldKind, LoadOptions, RunOptions, Smoothing, Source, load, open, open_run, summarize,
+};
+use deepfield::model::{FamilyName, ReadMethod};
+use deepfield::store::RunFile;
+use std::path::Path;
+use std::sync::Arc;
 
 fn unit(source: &dyn Source, family: usize, name: &str) -> String {
     let info = &source.description().families[family];
@@ -190,4 +197,67 @@ fn units_of_positions_that_are_unknown_are_named() {
         assert!(text.contains("Header/UnitLength_in_cm: found"), "{text}");
         assert!(text.contains("expected a positive number of centimetres"), "{text}");
     }
+}
+
+/// A snapshot of gas in GIZMO's layout: of each particle id, number among the children, generation and place.
+fn gizmo(path: &Path, time: f64, particles: &[(u32, u32, u32, [f64; 3])]) {
+    let mut file = Hdf5::default();
+    let count = particles.len() as u32;
+    for name in ["NumPart_ThisFile", "NumPart_Total"] {
+        file.attribute("Header", name, Values::U32(vec![count, 0, 0, 0, 0, 0]));
+    }
+    file.attribute("Header", "MassTable", Values::F64(vec![0.0; 6]));
+    file.attribute("Header", "Time", Values::F64(vec![time]));
+    file.attribute("Header", "NumFilesPerSnapshot", Values::I32(vec![1]));
+    let of = |value: &dyn Fn(&(u32, u32, u32, [f64; 3])) -> u32| Values::U32(particles.iter().map(value).collect());
+    file.dataset("PartType0", "ParticleIDs", 1, of(&|particle| particle.0));
+    file.dataset("PartType0", "ParticleChildIDsNumber", 1, of(&|particle| particle.1));
+    file.dataset("PartType0", "ParticleIDGenerationNumber", 1, of(&|particle| particle.2));
+    let places = particles.iter().flat_map(|particle| particle.3).collect();
+    file.dataset("PartType0", "Coordinates", 3, Values::F64(places));
+    let still = |columns: usize, value: f64| Values::F64(vec![value; columns * particles.len()]);
+    file.dataset("PartType0", "Velocities", 3, still(3, 0.0));
+    file.dataset("PartType0", "Masses", 1, still(1, 1.0));
+    file.dataset("PartType0", "SmoothingLength", 1, still(1, 0.5));
+    file.dataset("PartType0", "Density", 1, still(1, 1.0));
+    file.write(path);
+}
+
+#[test]
+fn particles_that_gizmo_splits_stay_who_they_are() {
+    let folder = tempfile::tempdir().unwrap();
+    let place = |id: u32| [f64::from(id), f64::from(id % 7), f64::from(id % 5)];
+    let beside = |id: u32, child: u32| place(id).map(|x| x + 0.01 * f64::from(child));
+    let whole = |from: u32| (from..=40).map(|id| (id, 0, 0, place(id)));
+    // Ten are split, and then all of these halves.
+    let halves = |children: &[u32], generation: u32| -> Vec<_> {
+        let of_one = |id| children.iter().map(move |child| (id, *child, generation, beside(id, *child)));
+        (1..=10).flat_map(of_one).chain(whole(11)).rev().collect()
+    };
+    let steps = [whole(1).collect(), halves(&[0, 1], 1), halves(&[0, 1, 2, 3], 2)];
+    let paths: Vec<_> = (0..3).map(|step| folder.path().join(format!("snapshot_{step}.hdf5"))).collect();
+    for ((path, step), time) in paths.iter().zip(&steps).zip([0.0, 1.0, 2.0]) {
+        gizmo(path, time, step);
+    }
+    let source = open(&paths[2]).unwrap();
+    let mut ids = vec![0; steps[2].len()];
+    source.read_ids(0, source.description().families[0].find(FieldKind::Id).unwrap(), 0..60, &mut ids[..60]).unwrap();
+    // Whoever has no number keeps the plain id; others have theirs from the highest bit down.
+    let upper = [0, 1 << 63, 1 << 62, 3 << 62];
+    let expected: Vec<u64> = steps[2].iter().map(|(id, child, ..)| u64::from(*id) | upper[*child as usize]).collect();
+    assert_eq!(ids, expected[..60]);
+    let different: std::collections::HashSet<u64> = expected.iter().copied().collect();
+    assert_eq!(different.len(), steps[2].len());
+
+    let run = open_run(&paths, &RunOptions::default(), ReadMethod::default()).unwrap();
+    let out = folder.path().join("run.df");
+    let (load, options, tracks) = (LoadOptions::default(), BuildOptions::default(), TrackOptions::default());
+    let build = RunBuild { load: &load, options: &options, tracks: Some(&tracks), skip_damaged: false, still_of: None };
+    let built = build.build(run, &out, &()).unwrap().directory;
+    let found: Vec<_> = built.intervals.iter().map(|interval| &interval.families[0].matches).collect();
+    let counts = |k: usize| (found[k].matched, found[k].born, found[k].vanished, found[k].ambiguous);
+    assert_eq!([counts(0), counts(1)], [(40, 10, 0, 0), (50, 20, 0, 0)]);
+    // Nobody has moved: so every track ends where it began.
+    let file = Arc::new(RunFile::open(&out, ReadMethod::default()).unwrap());
+    assert_eq!(compare_with_sources(&file, &()).unwrap(), 40 + 50 + 70);
 }

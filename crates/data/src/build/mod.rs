@@ -43,7 +43,7 @@ pub use against_sources::compare_with_sources;
 pub use flow::FlowOptions;
 use memory::Memory;
 use partition::Partition;
-pub use run::{BuiltRun, RunBuild, StillOf};
+pub use run::{BuiltRun, RunBuild, StepProgress, StillOf};
 use spill::Spill;
 use std::path::{Path, PathBuf};
 use survey::Survey;

@@ -194,10 +194,12 @@ fn of_step(options: &LoadOptions, step: &RunStep, steps: &[RunStep]) -> LoadOpti
 }
 
 /// Says which step a stage belongs to.
-pub(super) struct StepProgress<'a> {
+pub struct StepProgress<'a> {
+    /// Who is told.
     pub progress: &'a dyn Progress,
     /// The step, counted from 1.
     pub step: usize,
+    /// How many there are.
     pub total: usize,
 }
 

@@ -34,6 +34,7 @@ pub use choice::replaced_densities;
 pub use error::ImportError;
 pub use folder::{OtherKind, file_in};
 pub use format::{Format, HEAD, formats, names, open, open_with, register, steps_in};
+pub use hdf5::{Hdf5Column, Hdf5Tables};
 pub use load::{AttributeChoice, DEFAULT_NEIGHBOURS, LoadOptions, Smoothing, load, load_source};
 pub use rows::{FamilyRows, Scalar};
 pub use run::{Run, RunOptions, RunStep, Times, open_run, sources_of};

@@ -50,6 +50,19 @@ impl Unit {
         (like == alike).then_some(own / others)
     }
 
+    /// The same without the powers of the scale factor `a`: `Mpc/h` of `a Mpc/h`, `km/s` of `a^0.5 km/s`.
+    pub fn without_scale_factor(&self) -> Unit {
+        let is_other = |part: &&str| *part != "a" && !part.starts_with("a^");
+        let mut parts = self.0.split('/');
+        let above: Vec<&str> = parts.next().unwrap_or_default().split(' ').filter(is_other).collect();
+        Unit(
+            std::iter::once(above.join(" "))
+                .chain(parts.filter(is_other).map(str::to_owned))
+                .collect::<Vec<_>>()
+                .join("/"),
+        )
+    }
+
     /// The number in front times the known unit's size, and all the rest with the kind in the known unit's place.
     fn parsed(&self) -> Option<(f64, String)> {
         let mut size = 1.0;
@@ -97,6 +110,11 @@ mod tests {
         {
             assert_eq!(ratio(a, b), None, "{a} {b}");
         }
+        let physical = |name: &str| Unit::new(name).without_scale_factor().0;
+        assert_eq!(
+            ["a Mpc/h", "a^0.5 km/s", "1e10 Msun h^2/a^3/Mpc^3", "au/a", "", "kpc"].map(physical),
+            ["Mpc/h", "km/s", "1e10 Msun h^2/Mpc^3", "au", "", "kpc"]
+        );
         // One name only: speeds are no lengths.
         assert_eq!(ratio("kpc kpc", "kpc kpc"), None);
     }

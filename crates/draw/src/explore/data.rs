@@ -98,6 +98,14 @@ impl<'a> Data<'a> {
         }
     }
 
+    /// Its time: of comoving data the scale factor, where it says that.
+    pub fn time(&self) -> Option<f64> {
+        match self {
+            Data::Pages(file) => file.metadata().provenance.time,
+            Data::Source(source) => source.description().scale_factor.or(source.description().time),
+        }
+    }
+
     /// The edge of the periodic box that the particles fill: the box size that the data states, if the particles lie within
     /// that box (of a source, a sample of them). Codes write a box size for isolated systems too, which lie around the origin.
     ///

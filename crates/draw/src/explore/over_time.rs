@@ -7,7 +7,7 @@ use super::followed::{Following, nearest};
 use super::probe::{Fields, Probe, ProbeOptions, probe};
 use super::selection::Members;
 use crate::hierarchy::spacetime::Interpolation;
-use crate::model::{Moment, Unit};
+use crate::model::{Moment, PhysicalFactors, Unit};
 use crate::store::RunFile;
 use glam::DVec3;
 use serde::Serialize;
@@ -147,6 +147,20 @@ fn mean(found: &Probe, name: &str) -> Option<f64> {
 }
 
 impl OverTime {
+    /// Brings places, distances and velocities to the physical frame of each step; means of fields stay as they are. `None` where the run does
+    /// not say enough.
+    pub fn to_physical(&mut self, run: &RunFile) -> Option<()> {
+        for row in &mut self.steps {
+            let factors = PhysicalFactors::of(&run.epoch(row.step)?)?;
+            let vectors = [(&mut row.center, factors.length), (&mut row.velocity, factors.velocity)];
+            vectors.into_iter().for_each(|(vector, factor)| *vector = vector.map(|vector| vector.map(|x| x * factor)));
+            row.distance = row.distance.map(|distance| distance * factors.length);
+            row.dispersion = row.dispersion.map(|dispersion| dispersion * factors.velocity);
+        }
+        self.length_unit = self.length_unit.without_scale_factor();
+        Some(())
+    }
+
     /// The table as comma-separated values; units are in the header.
     pub fn csv(&self) -> String {
         let unit = |name: &str, unit: &Unit| match unit.is_unknown() {

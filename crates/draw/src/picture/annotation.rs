@@ -36,18 +36,24 @@ pub struct Annotation {
     marks: Option<Layer>,
 }
 
-/// The objects of a catalogue as labels, the most important one first.
+/// The objects of a catalogue as labels, the most important one first; of several steps those at the time.
 ///
 /// # Errors
 /// What is wrong with the catalogue.
-fn labels_of(catalogue: &Path, unit: &Unit, reporter: &dyn Reporter) -> Result<Vec<Label>, ExploreError> {
-    let catalogue = Catalogue::read(catalogue)?;
+fn labels_of(
+    catalogue: &Path,
+    time: Option<f64>,
+    of_run: bool,
+    unit: &Unit,
+    reporter: &dyn Reporter,
+) -> Result<Vec<Label>, ExploreError> {
+    let catalogue = Catalogue::read_at(catalogue, time, of_run)?;
     catalogue.unlike(unit).into_iter().for_each(|why| reporter.tell(why.to_string()));
     Ok(catalogue.labels())
 }
 
 impl Annotation {
-    /// For a shot of what lies in `bounds`, at a time in the data's words.
+    /// For a shot of what lies in `bounds`, of a run at a time, which is in the data's words, too.
     ///
     /// # Errors
     /// What is wrong with the catalogue of the objects to name.
@@ -55,7 +61,7 @@ impl Annotation {
         shot: &Shot,
         view: View,
         bounds: Bounds,
-        time: String,
+        time: Option<(f64, String)>,
         metadata: &Metadata,
         depiction: &Depiction,
         reporter: &dyn Reporter,
@@ -63,8 +69,13 @@ impl Annotation {
         let units = Units::of(metadata, depiction);
         let target = shot.camera.target.map_or(bounds.center(), DVec3::from);
         let paper = Paper::of(shot.look.background.unwrap_or_default());
-        let labels = shot.labels.as_deref().map(|path| labels_of(path, &units.length, reporter)).transpose()?;
-        let labels = labels.unwrap_or_default();
+        let at = time.as_ref().map(|(time, _)| *time).or(metadata.provenance.time);
+        let labels = shot
+            .labels
+            .as_deref()
+            .map(|path| labels_of(path, at, time.is_some(), &units.length, reporter))
+            .transpose()?;
+        let (labels, time) = (labels.unwrap_or_default(), time.map(|(_, words)| words).unwrap_or_default());
         Ok(Annotation { view, target, bounds, units, time, paper, labels, marks: None, depiction: depiction.clone() })
     }
 
@@ -211,8 +222,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let catalogue = folder.path().join("clusters.csv");
         std::fs::write(&catalogue, "name,x,y,z,radius,mass\nsmall,1,2,3,0.5,1\nlarge,4,5,6,2,9\n").unwrap();
-        let labels = labels_of(&catalogue, &Unit::default(), &()).unwrap();
+        let labels = labels_of(&catalogue, None, false, &Unit::default(), &()).unwrap();
         assert_eq!((labels.len(), labels[0].name.as_str(), labels[0].radius), (2, "large", Some(2.0)));
-        assert!(labels_of(&folder.path().join("none.csv"), &Unit::default(), &()).is_err());
+        assert!(labels_of(&folder.path().join("none.csv"), None, false, &Unit::default(), &()).is_err());
     }
 }

@@ -446,7 +446,7 @@ impl Session {
         let Shown { shot, framed, depiction, transfer, .. } = *shown;
         let metadata = self.tree().metadata();
         let is_source = matches!(self.data, Data::Source(_));
-        let time = self.run().map_or_else(String::new, |run| run.times().words(run.time(self.moment)));
+        let time = self.run().map(|run| (run.time(self.moment), run.times().words(run.time(self.moment))));
         Ok(Picture {
             values: Raw::Sums(Default::default(), Default::default()),
             annotation: Annotation::new(shot, view, framed, time, metadata, depiction, &*self.reporter)?,

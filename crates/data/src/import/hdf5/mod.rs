@@ -5,7 +5,10 @@ mod file;
 mod header;
 mod names;
 mod snapshot;
+mod tables;
 mod units;
+
+pub use tables::{Hdf5Column, Hdf5Tables};
 
 use super::{Format, ImportError, Source};
 use crate::model::ReadMethod;

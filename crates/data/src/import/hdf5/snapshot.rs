@@ -20,6 +20,8 @@ pub(super) struct Snapshot {
 /// Where the fields of one family are.
 struct FamilyData {
     fields: Vec<Stored>,
+    /// The field with the numbers of particles among those that share an id since they were split.
+    children: Option<usize>,
 }
 
 /// Where one field is.
@@ -113,15 +115,35 @@ impl Source for Snapshot {
 
     fn read_ids(&self, family: usize, field: usize, range: Range<u64>, out: &mut [u64]) -> Result<(), ImportError> {
         let info = self.description.check_range(family, field, &range, out.len())?;
-        let Stored::Columns(columns, Transform::None) = &self.families[family].fields[field] else {
-            let expected = "a data set of ids";
-            return Err(ImportError::malformed(&self.description.path, &*info.name, "a constant", expected));
+        let FamilyData { fields, children } = &self.families[family];
+        let read = |field: usize, out: &mut [u64]| {
+            let Stored::Columns(columns, Transform::None) = &fields[field] else {
+                let expected = "a data set of whole numbers";
+                return Err(ImportError::malformed(&self.description.path, &*info.name, "a constant", expected));
+            };
+            multifile::pieces(columns.iter().map(|column| column.rows), range.clone(), |file, rows, at| {
+                let out = &mut out[at..at + (rows.end - rows.start) as usize];
+                columns[file].read_whole(rows, out)
+            })
         };
-        multifile::pieces(columns.iter().map(|column| column.rows), range, |file, rows, at| {
-            let out = &mut out[at..at + (rows.end - rows.start) as usize];
-            columns[file].read_whole(rows, out)
-        })
+        read(field, out)?;
+        if let (Some(children), FieldKind::Id) = (*children, info.kind) {
+            let mut numbers = vec![0; out.len()];
+            read(children, &mut numbers)?;
+            out.iter_mut().zip(numbers).for_each(|(id, child)| *id = id_of_child(*id, child));
+        }
+        Ok(())
     }
+}
+
+/// The data set in which GIZMO tells apart the particles that share an id since they were split. Their generation, which it writes too,
+/// counts the splits of both halves, so that it is not the same before and after.
+const CHILDREN: &str = "ParticleChildIDsNumber";
+
+/// The id of a particle of GIZMO: that of the particle from which it was split, with the bits of its number among the children in reverse
+/// order from the top. Of a number below `2^n` they are the `n` highest bits, which leaves all others for ids.
+fn id_of_child(id: u64, child: u64) -> u64 {
+    id ^ child.reverse_bits()
 }
 
 /// One file of a snapshot.
@@ -236,7 +258,14 @@ fn open_family(
         count,
         fields: plan.into_iter().map(|planned| planned.field).collect(),
     });
-    Ok(info.map(|info| (info, FamilyData { fields: stored })))
+    Ok(info.map(|info| {
+        let children = info.fields.iter().position(|field| field.stored_as == CHILDREN && field.components == 1);
+        let children = children.filter(|_| info.find(FieldKind::Id).is_some());
+        description
+            .notes
+            .extend(children.map(|_| format!("{name}: ids are ParticleIDs with {CHILDREN} in their upper bits")));
+        (info, FamilyData { fields: stored, children })
+    }))
 }
 
 /// The powers of `a` and `h` that the first data set of a kind states.

@@ -2,7 +2,7 @@
 
 use super::cell::{Cell, Cells};
 use super::columns::Layout;
-use super::lines::Lines;
+use super::lines::{LONGEST, Lines};
 use super::row::words;
 use super::species::{Labels, Species};
 use super::{Damage, Head, Stop, Text};
@@ -84,12 +84,18 @@ impl Index {
                 let found = format!("{} in {} bytes", frames.len(), lines.end);
                 return Err(ImportError::malformed(path, "frames", found, "fewer, with more in them"));
             }
-            match scan.frame(&mut lines, text) {
+            lines.too_long = None;
+            let frame = scan.frame(&mut lines, text);
+            let too_long = lines.too_long.map(|line| {
+                Damage::new(format!("line {line}"), format!("more than {LONGEST} bytes"), "a shorter line")
+            });
+            match frame {
                 Ok(None) => break,
-                Ok(Some(frame)) => frames.push(Ok(frame)),
+                // All of its lines were counted, so the next frame is where it should be.
+                Ok(Some(frame)) => frames.push(too_long.map_or(Ok(frame), Err)),
                 Err(Stop::Unreadable(error)) => return Err(error),
                 Err(Stop::Damaged(damage)) => {
-                    frames.push(Err(damage));
+                    frames.push(Err(too_long.unwrap_or(damage)));
                     if !next_begin(&mut lines, text)? {
                         break;
                     }

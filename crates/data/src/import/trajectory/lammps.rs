@@ -8,10 +8,8 @@ use super::cell::Cell;
 use super::columns::{Layout, Named, Role, Units, Word, role_of};
 use super::lines::Lines;
 use super::row::{number, words};
-use super::{Damage, Head, Stop, Text, frame, quoted};
-use crate::import::{FieldKind, Format, ImportError, Source, text_head};
-use crate::model::ReadMethod;
-use std::path::Path;
+use super::{Damage, Head, Stop, Text, quoted};
+use crate::import::{FieldKind, text_head};
 use std::sync::Arc;
 
 /// The format.
@@ -57,28 +55,6 @@ const VECTORS: &[Vector] = &[
     Vector("torque", ["tqx", "tqy", "tqz"], Role::Quantity("torque", FieldKind::Other), false),
 ];
 
-impl Format for LammpsDump {
-    fn name(&self) -> &'static str {
-        "LAMMPS text dump"
-    }
-
-    fn recognise(&self, head: &[u8], _length: u64) -> bool {
-        text_head(head).is_some_and(|text| begins_frame(text.as_bytes()))
-    }
-
-    fn open(&self, path: &Path, method: ReadMethod) -> Result<Box<dyn Source>, ImportError> {
-        frame::open(path, self, None, method)
-    }
-
-    fn steps(&self, path: &Path) -> Result<u64, ImportError> {
-        frame::count(path, self)
-    }
-
-    fn open_step(&self, path: &Path, step: u64, method: ReadMethod) -> Result<Box<dyn Source>, ImportError> {
-        frame::open(path, self, Some(step), method)
-    }
-}
-
 fn begins_frame(line: &[u8]) -> bool {
     // TIME and TIMESTEP.
     line.starts_with(b"ITEM: TIME") || line.starts_with(b"ITEM: UNITS")
@@ -87,6 +63,14 @@ fn begins_frame(line: &[u8]) -> bool {
 impl Text for LammpsDump {
     fn name(&self) -> &'static str {
         "lammps-dump"
+    }
+
+    fn title(&self) -> &'static str {
+        "LAMMPS text dump"
+    }
+
+    fn recognise(&self, head: &[u8]) -> bool {
+        text_head(head).is_some_and(|text| begins_frame(text.as_bytes()))
     }
 
     fn keeps_rows(&self) -> bool {

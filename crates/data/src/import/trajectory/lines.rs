@@ -8,7 +8,7 @@ use std::io::{BufRead, BufReader, BufWriter, ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
 
 /// The longest line that is read, bytes.
-const LONGEST: u64 = 1 << 20;
+pub(super) const LONGEST: u64 = 1 << 20;
 
 /// The most that a compressed text may expand by, as of tables.
 const MOST_EXPANSION: u64 = 256;
@@ -30,6 +30,8 @@ pub(super) struct Lines {
     line: Vec<u8>,
     /// Whether the last line has an end.
     pub is_ended: bool,
+    /// The number of the first line that was too long, and of which only the beginning was given, since this was set to `None`.
+    pub too_long: Option<u64>,
     is_back: bool,
     /// The byte at which the last line begins.
     pub start: u64,
@@ -60,7 +62,8 @@ impl Lines {
         };
         let line = Vec::new();
         let path = path.to_owned();
-        Ok(Lines { path, reader, copy, most, line, is_ended: true, is_back: false, start: 0, end: 0, number: 0 })
+        let (is_ended, is_back, too_long) = (true, false, None);
+        Ok(Lines { path, reader, copy, most, line, is_ended, too_long, is_back, start: 0, end: 0, number: 0 })
     }
 
     /// The most bytes that the text can have.
@@ -68,40 +71,58 @@ impl Lines {
         self.most
     }
 
-    /// The next line without its end; `None` at the end of the text.
+    /// The next line without its end; `None` at the end of the text. Of one that is too long the beginning: it is noted in
+    /// [`Self::too_long`], and the lines after it come as ever.
     ///
     /// # Errors
-    /// When the file cannot be read, or a line is too long.
+    /// When the file cannot be read.
     pub(super) fn next(&mut self) -> Result<Option<&[u8]>, Stop> {
         if std::mem::take(&mut self.is_back) {
             return Ok(Some(trimmed(&self.line)));
         }
-        self.line.clear();
-        (self.start, self.is_ended) = (self.end, true);
+        self.start = self.end;
         self.number += 1;
-        let read = self.reader.by_ref().take(LONGEST).read_until(b'\n', &mut self.line);
-        self.end += self.line.len() as u64;
+        let mut line = std::mem::take(&mut self.line);
+        line.clear();
+        if self.read_part(&mut line)? {
+            self.too_long = self.too_long.or(Some(self.number));
+            let mut rest = Vec::new();
+            while self.read_part(&mut rest)? {
+                rest.clear();
+            }
+        }
+        self.line = line;
+        if self.line.is_empty() {
+            self.is_ended = true;
+            return Ok(None);
+        }
+        Ok(Some(trimmed(&self.line)))
+    }
+
+    /// Appends bytes up to the end of the line, at most [`LONGEST`]. Whether there is more of the line.
+    fn read_part(&mut self, line: &mut Vec<u8>) -> Result<bool, Stop> {
+        let from = line.len();
+        let read = self.reader.by_ref().take(LONGEST).read_until(b'\n', line);
+        let part = &line[from..];
+        self.end += part.len() as u64;
+        self.is_ended = part.ends_with(b"\n");
         if let Some(copy) = &mut self.copy {
-            copy.write_all(&self.line).map_err(|error| ImportError::io(&self.path, "unpacking", error))?;
+            copy.write_all(part).map_err(|error| ImportError::io(&self.path, "unpacking", error))?;
         }
         let field = || format!("line {}", self.number);
         match read {
-            Ok(0) => return Ok(None),
-            Ok(_) => self.is_ended = self.line.ends_with(b"\n"),
+            Ok(_) => {}
             // A compressed file that ends too early, or is no such file.
             Err(error) if self.copy.is_some() && is_content(error.kind()) => {
                 return Err(Damage::new(field(), error.to_string(), "more of the compressed text").into());
             }
             Err(error) => return Err(ImportError::io(&self.path, field(), error).into()),
         }
-        if self.line.len() as u64 == LONGEST && !self.is_ended {
-            return Err(Damage::new(field(), format!("more than {LONGEST} bytes"), "a shorter line").into());
-        }
         if self.copy.is_some() && self.end > self.most {
             let found = format!("text that expands more than {MOST_EXPANSION} times");
             return Err(Stop::Unreadable(ImportError::malformed(&self.path, field(), found, "a trajectory")));
         }
-        Ok(Some(trimmed(&self.line)))
+        Ok(part.len() as u64 == LONGEST && !self.is_ended)
     }
 
     /// The last line comes again.

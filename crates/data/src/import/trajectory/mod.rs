@@ -20,7 +20,8 @@ mod xyz_comment;
 pub(super) use lammps::LammpsDump;
 pub(super) use xyz::Xyz;
 
-use super::ImportError;
+use super::{Format, ImportError, Source};
+use crate::model::ReadMethod;
 use cell::Cell;
 use columns::Layout;
 use lines::Lines;
@@ -31,6 +32,12 @@ use std::sync::Arc;
 trait Text: Sync {
     /// The format's name in `info`.
     fn name(&self) -> &'static str;
+
+    /// Its name in messages.
+    fn title(&self) -> &'static str;
+
+    /// Whether a file that begins so claims to be of this format.
+    fn recognise(&self, head: &[u8]) -> bool;
 
     /// Reads what stands before the rows of the next frame; `None` at the end of the text. `before` is the last frame's layout,
     /// which this one's mostly is, too.
@@ -46,6 +53,28 @@ trait Text: Sync {
 
     /// Whether particles without ids stand in the same order in every frame.
     fn keeps_rows(&self) -> bool;
+}
+
+impl<T: Text> Format for T {
+    fn name(&self) -> &'static str {
+        self.title()
+    }
+
+    fn recognise(&self, head: &[u8], _length: u64) -> bool {
+        Text::recognise(self, head)
+    }
+
+    fn open(&self, path: &Path, method: ReadMethod) -> Result<Box<dyn Source>, ImportError> {
+        frame::open(path, self, None, method)
+    }
+
+    fn steps(&self, path: &Path) -> Result<u64, ImportError> {
+        frame::count(path, self)
+    }
+
+    fn open_step(&self, path: &Path, step: u64, method: ReadMethod) -> Result<Box<dyn Source>, ImportError> {
+        frame::open(path, self, Some(step), method)
+    }
 }
 
 /// What stands before the rows of a frame.

@@ -9,21 +9,28 @@ use super::columns::{Layout, Named, Role, Word, role_of};
 use super::lines::Lines;
 use super::row::{number, words};
 use super::xyz_comment::{Pairs, numbers, three_logical};
-use super::{Damage, Head, Stop, Text, frame, quoted};
-use crate::import::{Format, ImportError, Source, text_head};
-use crate::model::ReadMethod;
-use std::path::Path;
+use super::{Damage, Head, Stop, Text, quoted};
+use crate::import::text_head;
 use std::sync::Arc;
 
 /// The format.
 pub(in crate::import) struct Xyz;
 
-impl Format for Xyz {
+/// A line that holds a whole number and nothing else.
+fn count(line: &[u8]) -> Option<u64> {
+    std::str::from_utf8(line).ok()?.trim().parse().ok()
+}
+
+impl Text for Xyz {
     fn name(&self) -> &'static str {
+        "xyz"
+    }
+
+    fn title(&self) -> &'static str {
         "XYZ and extended XYZ"
     }
 
-    fn recognise(&self, head: &[u8], _length: u64) -> bool {
+    fn recognise(&self, head: &[u8]) -> bool {
         let text = text_head(head).unwrap_or_default();
         let mut lines = text.lines();
         let is_count = lines.next().is_some_and(|line| count(line.as_bytes()).is_some());
@@ -35,29 +42,6 @@ impl Format for Xyz {
         let says_so = comment.contains("Properties=") || comment.contains("Lattice=");
         // Of an empty frame the next one's count follows.
         says_so || lines.next().is_some_and(|line| is_place(line) || count(line.as_bytes()).is_some())
-    }
-
-    fn open(&self, path: &Path, method: ReadMethod) -> Result<Box<dyn Source>, ImportError> {
-        frame::open(path, self, None, method)
-    }
-
-    fn steps(&self, path: &Path) -> Result<u64, ImportError> {
-        frame::count(path, self)
-    }
-
-    fn open_step(&self, path: &Path, step: u64, method: ReadMethod) -> Result<Box<dyn Source>, ImportError> {
-        frame::open(path, self, Some(step), method)
-    }
-}
-
-/// A line that holds a whole number and nothing else.
-fn count(line: &[u8]) -> Option<u64> {
-    std::str::from_utf8(line).ok()?.trim().parse().ok()
-}
-
-impl Text for Xyz {
-    fn name(&self) -> &'static str {
-        "xyz"
     }
 
     fn keeps_rows(&self) -> bool {

@@ -33,7 +33,7 @@ use super::disk::{Disk, LocalFile, Window};
 use super::error::StoreError;
 use super::page_file::PageFile;
 use crate::hierarchy::spacetime::{Interval, Tracks};
-use crate::model::{Moment, Placement, ReadMethod, StepTimes, When};
+use crate::model::{Epoch, Moment, Placement, ReadMethod, StepTimes, When};
 use ids::decode_ids;
 use layout::{Header, HeaderError};
 use std::io::Write;
@@ -135,6 +135,14 @@ impl RunFile {
     /// The time of a moment, in the unit of the steps' times.
     pub fn time(&self, moment: Moment) -> f64 {
         self.times.time(self.evenly(moment))
+    }
+
+    /// The place of a step in time, and what velocities of its snapshot mean; `None` where there is no such step, or the run has no tracks.
+    pub fn epoch(&self, step: usize) -> Option<Epoch> {
+        let tracks = self.directory.tracks.as_ref()?;
+        let time = self.directory.steps.get(step)?.time;
+        let scale_factor = tracks.is_comoving.then_some(time);
+        Some(Epoch { time: Some(time), scale_factor, cosmology: tracks.cosmology, motion: tracks.motion })
     }
 
     /// The redshift of a moment; `None` where steps have none.

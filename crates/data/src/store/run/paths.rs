@@ -9,7 +9,7 @@ use super::track_layout::TrackFamily;
 use super::tracks::TrackNode;
 use crate::hierarchy::spacetime::{Interval, Tracks};
 use crate::import::{Description, FamilyInfo, Field, FieldKind, ImportError, Source};
-use crate::model::{Moment, Unit};
+use crate::model::{Moment, PhysicalFactors, Unit};
 use crate::store::error::StoreError;
 use std::ops::Range;
 use std::sync::Arc;
@@ -204,6 +204,17 @@ impl RunPaths {
         }
         let (kept, flows) = (Kept::default(), Kept::default());
         Ok(RunPaths { about, of, families, intervals, first_interval: range.start, kept, flows, run })
+    }
+
+    /// What positions and velocities are multiplied with in the physical frame, by the values of the clock at the steps, which rise. `None`
+    /// where the steps do not say enough.
+    pub fn physical(&self) -> Option<Vec<(f64, PhysicalFactors)>> {
+        let directory = self.run.directory();
+        let clock = directory.tracks.as_ref()?.clock.iter().enumerate();
+        let factors = |(step, tau): (usize, &f64)| {
+            Some((*tau, PhysicalFactors::of_tracks(&self.run.epoch(step)?, directory.clock)?))
+        };
+        clock.map(factors).collect()
     }
 
     /// A flow level of a family over an interval.

@@ -2,7 +2,7 @@
 
 use super::{Catalogue, MOST_OBJECTS, Object};
 use crate::explore::ExploreError;
-use crate::import::{FieldKind, open};
+use crate::import::{FieldKind, Source, open};
 use crate::model::Unit;
 use glam::DVec3;
 use std::path::Path;
@@ -25,8 +25,23 @@ const KINDS: [Kind; 2] = [
     Kind { name: "Subhalo", position: "SubhaloPos", mass: &["SubhaloMass"], radius: &["SubhaloHalfmassRad"] },
 ];
 
+/// The subhaloes of a catalogue in their order, and the unit of their masses.
+pub(in crate::explore) fn subhaloes(path: &Path, source: &dyn Source) -> Result<(Vec<Object>, Unit), ExploreError> {
+    let mut catalogue = read_kinds(path, source, &KINDS[1..])?;
+    Ok((std::mem::take(&mut catalogue.objects), catalogue.mass_unit))
+}
+
 pub(super) fn read(path: &Path) -> Result<Catalogue, ExploreError> {
-    let source = open(path)?;
+    let catalogue = read_kinds(path, open(path)?.as_ref(), &KINDS)?;
+    if catalogue.objects.is_empty() {
+        let expected = "groups or subhaloes with data sets GroupPos or SubhaloPos";
+        return Err(ExploreError::missing(path, "objects", expected));
+    }
+    Ok(catalogue)
+}
+
+/// Objects of these kinds.
+fn read_kinds(path: &Path, source: &dyn Source, kinds: &[Kind]) -> Result<Catalogue, ExploreError> {
     let about = source.description();
     let mut catalogue = Catalogue {
         path: path.into(),
@@ -36,11 +51,12 @@ pub(super) fn read(path: &Path) -> Result<Catalogue, ExploreError> {
         box_size: about.box_size,
         left_out: 0,
         objects: Vec::new(),
+        tree: None,
     };
     for (index, info) in about.families.iter().enumerate() {
         let position = info.find(FieldKind::Position).map(|field| (field, info.fields[field].stored_as.as_str()));
         let Some((position, kind)) =
-            position.and_then(|(field, name)| Some((field, KINDS.iter().find(|kind| kind.position == name)?)))
+            position.and_then(|(field, name)| Some((field, kinds.iter().find(|kind| kind.position == name)?)))
         else {
             continue;
         };
@@ -70,10 +86,6 @@ pub(super) fn read(path: &Path) -> Result<Catalogue, ExploreError> {
             radius: of(&radius, i),
             mass: of(&mass, i),
         }));
-    }
-    if catalogue.objects.is_empty() {
-        let expected = "groups or subhaloes with data sets GroupPos or SubhaloPos";
-        return Err(ExploreError::missing(path, "objects", expected));
     }
     Ok(catalogue)
 }

@@ -3,17 +3,19 @@
 //! Three kinds are told apart by their content: tables (CSV with a header), RON, and group catalogues of Gadget-4, AREPO and
 //! SUBFIND (HDF5).
 
-mod groups;
-mod table;
+pub(super) mod groups;
+pub(super) mod table;
 mod written;
 
 use super::error::ExploreError;
+use super::merger_tree::MergerTree;
 use crate::annotate::Label;
 use crate::model::Unit;
 use glam::DVec3;
 use serde::Serialize;
 use std::io::Read;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// Most objects that a catalogue may have; labels of more would help nobody.
 pub const MOST_OBJECTS: u64 = 10_000_000;
@@ -48,32 +50,97 @@ pub struct Catalogue {
     pub left_out: u64,
     /// The objects.
     pub objects: Vec<Object>,
+    /// Where the file has objects of several steps: all of them.
+    #[serde(skip)]
+    pub tree: Option<Arc<MergerTree>>,
+}
+
+/// Whether a file is HDF5.
+///
+/// # Errors
+/// When it cannot be read.
+pub(super) fn is_hdf5(path: &Path) -> Result<bool, ExploreError> {
+    let head = head_of(path)?;
+    Ok([0, 512, 1024, 2048].iter().any(|&at| head.get(at..).is_some_and(|h| h.starts_with(b"\x89HDF"))))
+}
+
+/// The beginning of a file.
+fn head_of(path: &Path) -> Result<Vec<u8>, ExploreError> {
+    let mut head = Vec::new();
+    let file = std::fs::File::open(path).map_err(|source| ExploreError::io(path, "opening", source))?;
+    file.take(4096).read_to_end(&mut head).map_err(|source| ExploreError::io(path, "reading", source))?;
+    Ok(head)
 }
 
 impl Catalogue {
-    /// Reads a catalogue of any kind.
+    /// Reads a catalogue of any kind; of a file with objects of several steps those of the last.
     ///
     /// # Errors
     /// [`ExploreError`] with file and field when it cannot be read, is damaged, or has no object.
     pub fn read(path: &Path) -> Result<Catalogue, ExploreError> {
         let path = &crate::import::file_in(path, &[])?;
-        let mut head = Vec::new();
-        let file = std::fs::File::open(path).map_err(|source| ExploreError::io(path, "opening", source))?;
-        file.take(4096).read_to_end(&mut head).map_err(|source| ExploreError::io(path, "reading", source))?;
+        let head = head_of(path)?;
         let text = std::str::from_utf8(&head).unwrap_or_default().trim_start_matches('\u{feff}').trim_start();
         let is_ron =
             text.starts_with(['(', '[']) || text.starts_with("//") || text.starts_with("/*") || text.starts_with("#!");
-        let is_hdf5 = [0, 512, 1024, 2048].iter().any(|&at| head.get(at..).is_some_and(|h| h.starts_with(b"\x89HDF")));
-        let mut catalogue = match () {
-            () if is_hdf5 => groups::read(path)?,
+        let is_hdf5 = is_hdf5(path)?;
+        let catalogue = match () {
             () if is_ron => written::read(path)?,
-            () => table::read(path)?,
+            // Catalogues of one step are read as that, though others may lie beside them.
+            () => match MergerTree::of_file(path)? {
+                Some(tree) => return Catalogue::of_tree(Arc::new(tree), None),
+                None if is_hdf5 => groups::read(path)?,
+                None => table::read(path)?,
+            },
         };
+        catalogue.checked()
+    }
+
+    /// The objects of a merger tree at a time, `None`: at its last step.
+    ///
+    /// # Errors
+    /// [`ExploreError`] where none has a position.
+    pub fn of_tree(tree: Arc<MergerTree>, time: Option<f64>) -> Result<Catalogue, ExploreError> {
+        let catalogue = Catalogue {
+            path: tree.path.clone(),
+            format: tree.format,
+            length_unit: tree.length_unit.clone(),
+            mass_unit: tree.mass_unit.clone(),
+            box_size: tree.box_size,
+            left_out: 0,
+            objects: tree.objects_at(time),
+            tree: Some(tree),
+        };
+        catalogue.checked()
+    }
+
+    /// Reads a catalogue with the objects of a time, where the file has several steps; with `series` of catalogues with links between them,
+    /// too, of which it is one. Without a time of the file's own step.
+    ///
+    /// # Errors
+    /// As [`Catalogue::read`].
+    pub fn read_at(path: &Path, time: Option<f64>, series: bool) -> Result<Catalogue, ExploreError> {
+        let path = &crate::import::file_in(path, &[])?;
+        if let Some(tree) = if series { MergerTree::of_series(path)? } else { None } {
+            return Catalogue::of_tree(Arc::new(tree), time);
+        }
+        let catalogue = Catalogue::read(path)?;
+        Ok(catalogue.at(time).unwrap_or(catalogue))
+    }
+
+    /// The same with the objects of another time, `None`: of the last step; of a catalogue of one step there is none.
+    pub fn at(&self, time: Option<f64>) -> Option<Catalogue> {
+        Catalogue::of_tree(self.tree.clone()?, time).ok()
+    }
+
+    /// Leaves out what has no place, and sorts by importance.
+    fn checked(mut self) -> Result<Catalogue, ExploreError> {
+        let catalogue = &mut self;
         let before = catalogue.objects.len();
         catalogue.objects.retain(|object| object.position.is_finite());
         catalogue.left_out += (before - catalogue.objects.len()) as u64;
         if catalogue.objects.is_empty() {
-            return Err(ExploreError::malformed(path, "objects", "none with a position", "at least one"));
+            return Err(ExploreError::malformed(&catalogue.path, "objects", "none with a position", "at least one"));
         }
         for object in &mut catalogue.objects {
             object.radius = object.radius.filter(|radius| *radius > 0.0 && radius.is_finite());
@@ -84,7 +151,7 @@ impl Catalogue {
             let ((mass_a, radius_a), (mass_b, radius_b)) = (importance(a), importance(b));
             mass_b.total_cmp(&mass_a).then(radius_b.total_cmp(&radius_a))
         });
-        Ok(catalogue)
+        Ok(self)
     }
 
     /// The objects as names to be written into a picture, in their order.

@@ -42,7 +42,6 @@ pub(super) fn read(path: &Path) -> Result<Catalogue, ExploreError> {
     if let Some(field) = info.find(FieldKind::Position) {
         source.read(0, field, 0..info.count, positions.as_flattened_mut())?;
     }
-    let is_radius = |name: &str| RADII.contains(&key(name).as_str());
     let radius = column(info.fields.iter().position(|field| is_radius(&field.stored_as)))?;
     let mass = column(info.find(FieldKind::Mass))?;
     let of = |column: &Option<Vec<f64>>, i: usize| column.as_ref().map(|values| values[i]);
@@ -60,17 +59,23 @@ pub(super) fn read(path: &Path) -> Result<Catalogue, ExploreError> {
         box_size: None,
         left_out: 0,
         objects: names.into_iter().zip(positions).enumerate().map(object).collect(),
+        tree: None,
     })
 }
 
 /// A header as it is compared: lower case, without a unit in brackets.
-fn key(header: &str) -> String {
+pub(in crate::explore) fn key(header: &str) -> String {
     let name = header.split(['[', '(']).next().unwrap_or_default();
     name.trim().trim_matches('"').trim().to_lowercase()
 }
 
+/// Whether a header is that of radii.
+pub(in crate::explore) fn is_radius(header: &str) -> bool {
+    RADII.contains(&key(header).as_str())
+}
+
 /// The column of names.
-fn names(path: &Path) -> Result<Vec<String>, ExploreError> {
+pub(in crate::explore) fn names(path: &Path) -> Result<Vec<String>, ExploreError> {
     let io = |source| ExploreError::io(path, "reading", source);
     let mut file = BufReader::new(File::open(path).map_err(io)?);
     let is_gzip = file.fill_buf().map_err(io)?.starts_with(&[0x1f, 0x8b]);

@@ -48,5 +48,6 @@ pub(super) fn read(path: &Path) -> Result<Catalogue, ExploreError> {
         box_size: None,
         left_out: 0,
         objects: written.objects.into_iter().map(object).collect(),
+        tree: None,
     })
 }

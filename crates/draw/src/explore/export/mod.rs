@@ -5,7 +5,9 @@
 //! complete.
 
 mod csv;
+mod frame;
 mod parquet;
+mod ply;
 mod thrift;
 
 use super::batch::{Batch, Gather, Work};
@@ -15,6 +17,8 @@ use super::query::{Of, Query, Wanted};
 use crate::import::FieldKind;
 use crate::model::{FamilyName, Unit};
 use crate::store::temporary::{self, Temporary};
+pub use frame::Frame;
+use frame::Scaled;
 use serde::Serialize;
 use std::fs::File;
 use std::io::{self, BufWriter};
@@ -28,6 +32,8 @@ pub enum Format {
     Csv,
     /// Apache Parquet, with units as metadata.
     Parquet,
+    /// Points in the polygon file format, binary, with units as comments.
+    Ply,
 }
 
 impl Format {
@@ -36,6 +42,7 @@ impl Format {
         match path.extension()?.to_str()?.to_ascii_lowercase().as_str() {
             "csv" => Some(Format::Csv),
             "parquet" | "pq" => Some(Format::Parquet),
+            "ply" => Some(Format::Ply),
             _ => None,
         }
     }
@@ -54,7 +61,7 @@ pub struct Exported {
     pub bytes: u64,
 }
 
-/// Writes a selection to the file `out`.
+/// Writes a selection to the file `out`. Regions are those of the data, whatever the frame.
 ///
 /// # Errors
 /// [`ExploreError`] when the data cannot be read or the file not be written; a file that was there before stays as it was.
@@ -62,11 +69,12 @@ pub fn export<'a>(
     data: Data,
     of: impl Into<Of<'a>>,
     format: Format,
+    frame: &Frame,
     out: &Path,
     periodic: Option<f64>,
     work: Work,
 ) -> Result<Exported, ExploreError> {
-    let layout = Layout::of(data);
+    let layout = Layout { frame: frame.clone(), ..Layout::of(data, *frame != Frame::Stored) };
     let wanted = match data {
         Data::Source(_) => Wanted { rows: true, ..Wanted::default() },
         Data::Pages(_) => Wanted { columns: layout.names.clone(), ..Wanted::default() },
@@ -78,6 +86,7 @@ pub fn export<'a>(
     let to = BufWriter::with_capacity(1 << 20, file.file());
     let rows = match format {
         Format::Csv => write(data, &query, &layout, csv::Csv::new(to, &layout).map_err(failed)?, out, work)?,
+        Format::Ply => write(data, &query, &layout, ply::Ply::new(to, &layout).map_err(failed)?, out, work)?,
         Format::Parquet => {
             let about = metadata(data, &layout);
             write(data, &query, &layout, parquet::Parquet::new(to, &layout, about).map_err(failed)?, out, work)?
@@ -123,6 +132,8 @@ fn metadata(data: Data, layout: &Layout) -> Vec<(String, String)> {
 struct Column {
     name: String,
     unit: Unit,
+    /// How it depends on the frame.
+    scaled: Option<Scaled>,
 }
 
 /// Where a column of a family comes from: field and component; of a page file field 0 is the position, and 1 and on are the columns
@@ -140,10 +151,12 @@ struct Layout {
     families: Vec<FamilyName>,
     /// Fields to ask a page file for.
     names: Vec<String>,
+    frame: Frame,
 }
 
 impl Layout {
-    fn of(data: Data) -> Layout {
+    /// `physical`: whether units have no powers of the scale factor.
+    fn of(data: Data, physical: bool) -> Layout {
         let mut layout = Layout {
             has_ids: false,
             columns: Vec::new(),
@@ -151,6 +164,7 @@ impl Layout {
             components: Vec::new(),
             families: data.families().into_iter().map(|(name, _)| name).collect(),
             names: Vec::new(),
+            frame: Frame::Stored,
         };
         match data {
             Data::Source(source) => {
@@ -166,7 +180,7 @@ impl Layout {
                         let unit = if field.kind == FieldKind::Position { &about.length_unit } else { &field.unit };
                         for component in 0..field.components {
                             let name = column_name(&field.name, field.kind, component, field.components);
-                            layout.column(name, unit, (index, component));
+                            layout.column(name, unit, Scaled::of(&field.name, field.kind), (index, component));
                         }
                     }
                 }
@@ -184,17 +198,20 @@ impl Layout {
                     layout.component_of(3);
                     for component in 0..3 {
                         let name = column_name("position", FieldKind::Position, component, 3);
-                        layout.column(name, &file.metadata().length_unit, (0, component));
+                        layout.column(name, &file.metadata().length_unit, None, (0, component));
                     }
                     for info in family.quantities.iter().chain(&family.attributes) {
                         let index = layout.names.iter().position(|name| *name == info.name).unwrap_or(0);
-                        layout.column(info.name.clone(), &info.unit, (1 + index, 0));
+                        layout.column(info.name.clone(), &info.unit, None, (1 + index, 0));
                     }
                 }
             }
         }
         let columns = layout.columns.len();
         layout.from.iter_mut().for_each(|from| from.resize(columns, None));
+        for column in layout.columns.iter_mut().filter(|column| physical && column.scaled.is_some()) {
+            column.unit = column.unit.without_scale_factor();
+        }
         layout
     }
 
@@ -210,9 +227,9 @@ impl Layout {
     }
 
     /// Notes that the last family has a column; the first one of a name counts.
-    fn column(&mut self, name: String, unit: &Unit, from: (usize, usize)) {
+    fn column(&mut self, name: String, unit: &Unit, scaled: Option<Scaled>, from: (usize, usize)) {
         let index = self.columns.iter().position(|column| column.name == name).unwrap_or_else(|| {
-            self.columns.push(Column { name, unit: unit.clone() });
+            self.columns.push(Column { name, unit: unit.clone(), scaled });
             self.columns.len() - 1
         });
         if let Some(family) = self.from.last_mut() {
@@ -233,12 +250,14 @@ impl Layout {
             let components = self.components[batch.family][field];
             batch.rows[field].iter().skip(component).step_by(components).copied().collect()
         };
+        let mut columns: Vec<_> = self.from[batch.family].iter().map(|from| from.as_ref().map(values)).collect();
+        self.frame.apply(self, &mut columns);
         Block {
             family: self.families[batch.family],
             rows: batch.len(),
             has_ids: self.has_ids,
             ids: (!batch.ids.is_empty()).then(|| batch.ids.clone()),
-            columns: self.from[batch.family].iter().map(|from| from.as_ref().map(values)).collect(),
+            columns,
         }
     }
 }

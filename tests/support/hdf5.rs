@@ -1,0 +1,160 @@
+//! A writer of small HDF5 files: groups of the root with attributes and contiguous data sets, as the format's specification has them
+//! (superblock 0, object headers 1, links as messages).
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// Numbers of one type.
+#[derive(Clone, Debug)]
+pub enum Values {
+    U32(Vec<u32>),
+    U64(Vec<u64>),
+    I32(Vec<i32>),
+    F64(Vec<f64>),
+}
+
+/// An address that there is not.
+const NOWHERE: u64 = u64::MAX;
+
+/// Kinds of messages.
+const DATASPACE: u16 = 1;
+const LINK_INFO: u16 = 2;
+const DATATYPE: u16 = 3;
+const LINK: u16 = 6;
+const LAYOUT: u16 = 8;
+const ATTRIBUTE: u16 = 12;
+
+/// A file to be written.
+#[derive(Clone, Debug, Default)]
+pub struct Hdf5 {
+    groups: BTreeMap<String, Group>,
+}
+
+/// What is in a group.
+#[derive(Clone, Debug, Default)]
+struct Group {
+    attributes: Vec<(String, Values)>,
+    /// With how many columns each has.
+    datasets: Vec<(String, usize, Values)>,
+}
+
+impl Hdf5 {
+    /// Adds an attribute to a group.
+    pub fn attribute(&mut self, group: &str, name: &str, values: Values) {
+        self.groups.entry(group.into()).or_default().attributes.push((name.into(), values));
+    }
+
+    /// Adds a data set of so many columns to a group.
+    pub fn dataset(&mut self, group: &str, name: &str, columns: usize, values: Values) {
+        self.groups.entry(group.into()).or_default().datasets.push((name.into(), columns, values));
+    }
+
+    /// Writes the file.
+    pub fn write(&self, path: &Path) {
+        let mut bytes = vec![0; 96];
+        let mut links = Vec::new();
+        for (name, group) in &self.groups {
+            let mut members = Vec::new();
+            for (name, columns, values) in &group.datasets {
+                let at = bytes.len() as u64;
+                let content = values.bytes();
+                bytes.extend(&content);
+                bytes.resize(bytes.len().next_multiple_of(8), 0);
+                let rows = values.len() / columns;
+                let shape = if *columns == 1 { vec![rows] } else { vec![rows, *columns] };
+                let layout = [&[3, 1][..], &at.to_le_bytes(), &(content.len() as u64).to_le_bytes()].concat();
+                let messages = [(DATASPACE, dataspace(&shape)), (DATATYPE, values.datatype()), (LAYOUT, layout)];
+                members.push((LINK, link(name, object(&mut bytes, &messages))));
+            }
+            let attributes = group.attributes.iter().map(|(name, values)| (ATTRIBUTE, attribute(name, values)));
+            let messages: Vec<_> = std::iter::once(link_info()).chain(members).chain(attributes).collect();
+            links.push((LINK, link(name, object(&mut bytes, &messages))));
+        }
+        let messages: Vec<_> = std::iter::once(link_info()).chain(links).collect();
+        let root = object(&mut bytes, &messages);
+        let end = bytes.len() as u64;
+        let head = [&b"\x89HDF\r\n\x1a\n"[..], &[0, 0, 0, 0, 0, 8, 8, 0, 4, 0, 16, 0, 0, 0, 0, 0]].concat();
+        let addresses = [0, NOWHERE, end, NOWHERE, 0, root].into_iter().flat_map(u64::to_le_bytes);
+        let superblock: Vec<u8> = head.into_iter().chain(addresses).collect();
+        bytes[..superblock.len()].copy_from_slice(&superblock);
+        std::fs::write(path, bytes).unwrap();
+    }
+}
+
+impl Values {
+    fn len(&self) -> usize {
+        match self {
+            Values::U32(values) => values.len(),
+            Values::U64(values) => values.len(),
+            Values::I32(values) => values.len(),
+            Values::F64(values) => values.len(),
+        }
+    }
+
+    fn bytes(&self) -> Vec<u8> {
+        match self {
+            Values::U32(values) => values.iter().flat_map(|value| value.to_le_bytes()).collect(),
+            Values::U64(values) => values.iter().flat_map(|value| value.to_le_bytes()).collect(),
+            Values::I32(values) => values.iter().flat_map(|value| value.to_le_bytes()).collect(),
+            Values::F64(values) => values.iter().flat_map(|value| value.to_le_bytes()).collect(),
+        }
+    }
+
+    fn datatype(&self) -> Vec<u8> {
+        let whole = |size: u8, sign: u8| vec![0x10, sign, 0, 0, size, 0, 0, 0, 0, 0, size * 8, 0];
+        match self {
+            Values::U32(_) => whole(4, 0),
+            Values::U64(_) => whole(8, 0),
+            Values::I32(_) => whole(4, 8),
+            Values::F64(_) => vec![0x11, 0x20, 63, 0, 8, 0, 0, 0, 0, 0, 64, 0, 52, 11, 0, 52, 0xff, 3, 0, 0],
+        }
+    }
+}
+
+fn dataspace(shape: &[usize]) -> Vec<u8> {
+    let head = [1, shape.len() as u8, 0, 0, 0, 0, 0, 0];
+    head.into_iter().chain(shape.iter().flat_map(|size| (*size as u64).to_le_bytes())).collect()
+}
+
+fn link_info() -> (u16, Vec<u8>) {
+    (LINK_INFO, [&[0, 0][..], &NOWHERE.to_le_bytes(), &NOWHERE.to_le_bytes()].concat())
+}
+
+fn link(name: &str, address: u64) -> Vec<u8> {
+    [&[1, 0, name.len() as u8][..], name.as_bytes(), &address.to_le_bytes()].concat()
+}
+
+fn attribute(name: &str, values: &Values) -> Vec<u8> {
+    // One number is a scalar.
+    let shape = if values.len() == 1 { vec![] } else { vec![values.len()] };
+    let parts = [[name.as_bytes(), &[0]].concat(), values.datatype(), dataspace(&shape)];
+    let sizes = parts.iter().flat_map(|part| (part.len() as u16).to_le_bytes());
+    let mut out: Vec<u8> = [1, 0].into_iter().chain(sizes).collect();
+    for part in parts {
+        out.extend(part);
+        out.resize(out.len().next_multiple_of(8), 0);
+    }
+    out.extend(values.bytes());
+    out
+}
+
+/// Appends an object's header, and gives its address.
+fn object(bytes: &mut Vec<u8>, messages: &[(u16, Vec<u8>)]) -> u64 {
+    let mut all = Vec::new();
+    for (kind, content) in messages {
+        let size = content.len().next_multiple_of(8);
+        all.extend(kind.to_le_bytes());
+        all.extend((size as u16).to_le_bytes());
+        all.extend([0; 4]);
+        all.extend(content);
+        all.resize(all.len() + size - content.len(), 0);
+    }
+    let at = bytes.len() as u64;
+    bytes.extend([1, 0]);
+    bytes.extend((messages.len() as u16).to_le_bytes());
+    bytes.extend(1u32.to_le_bytes());
+    bytes.extend((all.len() as u32).to_le_bytes());
+    bytes.extend([0; 4]);
+    bytes.extend(all);
+    at
+}
