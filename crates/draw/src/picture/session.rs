@@ -7,7 +7,7 @@ use super::error::PictureError;
 use super::hiding::{self, Hiding};
 use super::left_out::LeftOut;
 use super::look::{depict, transfer_of};
-use super::paths::{self, PathLayer, PathRequest};
+use super::paths::{self, PathCounts, PathLayer, PathRequest};
 use super::projected::{Means, Projector};
 use super::source::{self, Wanted};
 use super::subject::Subject;
@@ -603,10 +603,10 @@ impl Session {
         false
     }
 
-    /// Reads and projects the paths of a picture; how many tracks they are of.
-    fn gather_paths(&mut self, shown: &Shown<'_>) -> Result<u64, PictureError> {
+    /// Reads and projects the paths of a picture; how many they are.
+    fn gather_paths(&mut self, shown: &Shown<'_>) -> Result<PathCounts, PictureError> {
         let Shown { shot, view, depiction, transfer, .. } = *shown;
-        let Some(run) = self.run().cloned() else { return Ok(0) };
+        let Some(run) = self.run().cloned() else { return Ok(PathCounts::default()) };
         let mut layer = match self.paths.take() {
             Some(layer) if Arc::ptr_eq(layer.run(), &run) => layer,
             _ => PathLayer::new(run, paths::KEPT_BYTES)?,
@@ -625,9 +625,9 @@ impl Session {
             depiction,
             transfer,
         };
-        let tracks = layer.gather(&request);
+        let counts = layer.gather(&request);
         self.paths = Some(layer);
-        tracks
+        counts
     }
 
     /// Draws paths alone.
@@ -638,19 +638,19 @@ impl Session {
             return Err(PictureError::of(self.path(), format!("mode paths: {why}")));
         }
         let blank = self.blank(shown, shown.view)?;
-        let (mut values, mut tracks) = (blank.values, 0);
+        let (mut values, mut counts) = (blank.values, PathCounts::default());
         // Everything is read before times are measured.
         let start = Instant::now();
         self.gather_paths(shown)?;
         times.note("load", start.elapsed() + self.loading.take().unwrap_or_default());
         for _ in 0..self.options.repeat.max(1) {
-            (values, tracks) = times.frame(|times| {
-                let tracks = times.measure("project", || self.gather_paths(shown))?;
+            (values, counts) = times.frame(|times| {
+                let counts = times.measure("project", || self.gather_paths(shown))?;
                 let colors = times.measure("draw", || self.paths.as_ref().map(PathLayer::colors));
-                Ok::<_, PictureError>((modes::paths::picture(shown.view.width, shown.view.height, colors), tracks))
+                Ok::<_, PictureError>((modes::paths::picture(shown.view.width, shown.view.height, colors), counts))
             })?;
         }
-        let moment = blank.moment.map(|moment| ShownMoment { tracks_drawn: tracks, ..moment });
+        let moment = blank.moment.map(|moment| moment.with_paths(counts));
         Ok(Picture { values, moment, milliseconds: times.medians(), ..blank })
     }
 
@@ -797,7 +797,7 @@ impl Session {
             }
         }
         let mut values = picture.values;
-        let (mut tracks, mut on_top) = (None, None);
+        let (mut counts, mut on_top) = (None, None);
         if has_paths {
             // Everything is read before times are measured.
             self.gather_paths(shown)?;
@@ -806,7 +806,7 @@ impl Session {
             values = times.frame(|times| {
                 let mut among: Option<PathFragments> = None;
                 if has_paths {
-                    tracks = Some(times.measure("paths", || self.gather_paths(shown))?);
+                    counts = Some(times.measure("paths", || self.gather_paths(shown))?);
                     times.measure("paths", || match takes_paths {
                         true => among = self.paths.as_ref().map(PathLayer::fragments),
                         false => on_top = self.paths.as_ref().map(|layer| Arc::new(layer.colors())),
@@ -831,16 +831,15 @@ impl Session {
                 }
             }
         }
-        let told = |moment: ShownMoment| ShownMoment { tracks_drawn: tracks.unwrap_or(moment.tracks_drawn), ..moment };
-        let moment = picture.moment.map(told);
+        let moment = picture.moment.map(|moment| counts.map_or(moment, |counts| moment.with_paths(counts)));
         Ok((Picture { values, left_out, moment, paths: on_top, ..picture }, selection.hidden))
     }
 
     /// A picture that an adapter has drawn, with paths on top.
     fn with_paths(&mut self, picture: Picture, shown: &Shown<'_>, times: &mut Times) -> Result<Picture, PictureError> {
-        let tracks_drawn = times.measure("paths", || self.gather_paths(shown))?;
+        let counts = times.measure("paths", || self.gather_paths(shown))?;
         let paths = times.measure("paths", || self.paths.as_ref().map(|layer| Arc::new(layer.colors())));
-        let moment = picture.moment.map(|moment| ShownMoment { tracks_drawn, ..moment });
+        let moment = picture.moment.map(|moment| moment.with_paths(counts));
         Ok(Picture { moment, paths, ..picture })
     }
 

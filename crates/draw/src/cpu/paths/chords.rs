@@ -25,6 +25,10 @@ const HEAD_SIZE: f32 = 2.0;
 const HEAD_LENGTH: f32 = 2.5;
 /// How many images of a curve along an axis are looked at: what goes further in one interval is lost anyway.
 const MOST_IMAGES: i32 = 3;
+/// How much faster a curve over several intervals may be at one end of a chord than at the other.
+const EVEN_PACE: f32 = 1.25;
+/// How far the colours there may be apart, of 255.
+const EVEN_COLOR: u8 = 12;
 /// Coordinates beyond this are of no picture, world units from the node.
 const FARTHEST: f32 = 1e30;
 
@@ -53,7 +57,7 @@ impl Drawn<'_> {
     }
 }
 
-/// A part of an interval.
+/// A part of an interval, or several whole ones.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Part {
     /// Where it begins and ends, from 0 to 1.
@@ -64,8 +68,10 @@ pub struct Part {
     pub head: bool,
     /// Place in the whole time that is drawn, from 0 to 1, at both ends.
     pub place: [f32; 2],
-    /// Number of the interval.
+    /// Number of the interval, the first of several.
     pub interval: usize,
+    /// How many intervals; what a curve over several looks like is as fine in time as over each.
+    pub intervals: usize,
 }
 
 /// Half-spaces that chords are cut to, in camera coordinates: `normal . at + offset >= 0`.
@@ -311,7 +317,8 @@ impl<'a> Chopper<'a> {
         if in_front {
             let pixels = points.map(|at| self.lens.pixel(at));
             let wanted = if self.style.highlights.is_some() { HIGHLIGHT_HALVINGS } else { 0 };
-            if halvings >= MOST_HALVINGS || (halvings >= wanted && is_flat(&pixels)) {
+            let is_done = || halvings >= wanted && is_flat(&pixels) && self.is_even(course, &piece, halvings);
+            if halvings >= MOST_HALVINGS || is_done() {
                 return self.stroke(course, &piece, &pixels, out);
             }
             if halvings > 0 {
@@ -334,6 +341,25 @@ impl<'a> Chopper<'a> {
         let shares = [[piece.share[0], at], [at, piece.share[1]]];
         self.divide(course, Piece { points: first, share: shares[0], directions: [from, direction] }, halvings, out);
         self.divide(course, Piece { points: second, share: shares[1], directions: [direction, to] }, halvings, out);
+    }
+
+    /// Whether the piece of a curve over several intervals looks the same from one end to the other, as far as it is longer than one.
+    fn is_even(&self, course: &Course<'_>, piece: &Piece, halvings: u32) -> bool {
+        if 1_usize.checked_shl(halvings).is_none_or(|pieces| pieces >= course.part.intervals) {
+            return true;
+        }
+        let [a, b, c, d] = piece.points;
+        let (from, to) = ((b - a).length(), (d - c).length());
+        if from.max(to) > EVEN_PACE * from.min(to) {
+            return false;
+        }
+        // As it would be if all of it were as fast as one end.
+        let color = |third: Vec3, share: f32| {
+            let points = [a, a + third, a + 2.0 * third, a + 3.0 * third];
+            course.color.unwrap_or_else(|| self.color(course, &Piece { points, ..*piece }, share))
+        };
+        let (from, to) = (color(b - a, piece.share[0]), color(d - c, piece.share[1]));
+        from.iter().zip(to).all(|(from, to)| from.abs_diff(to) <= EVEN_COLOR)
     }
 
     /// The stroke of a piece that is straight.

@@ -1,42 +1,67 @@
 //! Flow levels: which clusters stand for the particles, track by track (F12 6.4.1).
 
+use super::kept::{Held, Kept};
+use super::long::Long;
 use super::{Chosen, PathLayer, PathRequest};
 use crate::cpu::paths::{Curves, Part};
-use crate::mode::Focus;
 use crate::mode::paths::FOCUS_SPACING;
+use crate::mode::{Focus, PathSettings};
 use crate::model::Bounds;
 use crate::picture::PictureError;
 use crate::store::StoreError;
 use crate::store::run::{RunFile, TrackNode};
 use crate::view::{Extent, Projection, View};
 use glam::{DVec3, Vec3};
-use std::collections::HashMap;
 use std::sync::Arc;
 
-/// Flow levels of an interval that were read.
-struct Level {
-    curves: Arc<Curves>,
+/// A flow level of an interval that was read.
+pub(super) struct Level {
+    pub curves: Arc<Curves>,
     /// The first child of each track in the next finer level, and one more.
     children: Vec<u32>,
+    /// Velocities at both ends, world units by the clock's.
+    pub velocities: [Vec<[f32; 3]>; 2],
+}
+
+impl Held for Level {
+    fn memory(&self) -> u64 {
+        let velocities = self.velocities.iter().map(|own| size_of_val(&own[..]) as u64).sum::<u64>();
+        self.curves.memory() + self.children.memory() + velocities
+    }
 }
 
 /// What was read of flow levels.
-#[derive(Default)]
 pub(super) struct FlowKept {
-    levels: HashMap<[u32; 3], Arc<Level>>,
-    leaves: HashMap<[u32; 3], Arc<Vec<u32>>>,
+    /// By interval, family and level.
+    levels: Kept<[u32; 3], Level>,
+    /// By interval, family and number of the leaf.
+    leaves: Kept<[u32; 3], Vec<u32>>,
+    /// By scale and number of the stretch, family and level.
+    pub long: Kept<[u32; 4], Long>,
 }
 
-/// Intervals whose levels are kept.
-const KEPT_LEVELS: usize = 256;
-/// Leaves whose particles' clusters are kept.
-const KEPT_LEAVES: usize = 65_536;
-
 impl FlowKept {
+    /// Nothing yet; up to so many bytes are kept beyond those that a picture needs.
+    pub fn within(budget_bytes: u64) -> FlowKept {
+        FlowKept {
+            levels: Kept::within(budget_bytes / 2),
+            leaves: Kept::within(budget_bytes / 4),
+            long: Kept::within(budget_bytes / 4),
+        }
+    }
+
+    /// The next picture begins.
+    pub fn begin(&mut self) {
+        self.levels.begin();
+        self.leaves.begin();
+        self.long.begin();
+    }
+
     /// Forgets everything.
     pub fn clear(&mut self) {
         self.levels.clear();
         self.leaves.clear();
+        self.long.clear();
     }
 
     /// Which track of level 1 each track of a leaf belongs to.
@@ -49,18 +74,14 @@ impl FlowKept {
         leaf: &TrackNode,
     ) -> Result<Arc<Vec<u32>>, StoreError> {
         let key = [interval as u32, family, number];
-        if let Some(known) = self.leaves.get(&key) {
-            return Ok(Arc::clone(known));
+        match self.leaves.get(&key) {
+            Some(known) => Ok(known),
+            None => Ok(self.leaves.put(key, run.leaf_flow(interval, family as usize, leaf)?)),
         }
-        let flow = Arc::new(run.leaf_flow(interval, family as usize, leaf)?);
-        if self.leaves.len() >= KEPT_LEAVES {
-            self.leaves.clear();
-        }
-        self.leaves.insert(key, Arc::clone(&flow));
-        Ok(flow)
     }
 
-    fn level(
+    /// The tracks of a level, from 1 on.
+    pub fn level(
         &mut self,
         run: &RunFile,
         [interval, family, level]: [usize; 3],
@@ -68,32 +89,36 @@ impl FlowKept {
     ) -> Result<Arc<Level>, StoreError> {
         let key = [interval, family, level].map(|number| number as u32);
         if let Some(known) = self.levels.get(&key) {
-            return Ok(Arc::clone(known));
+            return Ok(known);
         }
         let flow = run.flow_tracks(interval, family, level)?;
-        let mut curves = Curves::new(&flow.tracks, &run.interval(interval)?, attribute, |_| true);
+        let space = run.interval(interval)?;
+        let mut curves = Curves::new(&flow.tracks, &space, attribute, |_| true);
         curves.counts = flow.counts;
-        let found = Arc::new(Level { curves: Arc::new(curves), children: flow.children });
-        if self.levels.len() >= KEPT_LEVELS {
-            self.levels.clear();
-        }
-        self.levels.insert(key, Arc::clone(&found));
-        Ok(found)
+        let velocities = [0, 1].map(|end| {
+            let unit = space.lattice.unit() / space.spans[end];
+            let movements = flow.tracks.ends[end].movements.iter();
+            movements.map(|movement| movement.map(|v| (v as f64 * unit) as f32)).collect()
+        });
+        Ok(self.levels.put(key, Level { curves: Arc::new(curves), children: flow.children, velocities }))
     }
 }
 
 /// How tracks are chosen in a view.
-struct Chooser<'a> {
-    view: &'a View,
+pub(super) struct Chooser<'a> {
+    view: View,
     offsets: Vec<DVec3>,
-    spacing: f64,
+    settings: &'a PathSettings,
     focus: Option<(DVec3, f64)>,
-    box_size: Option<f64>,
+    pub box_size: Option<f64>,
 }
 
+/// The share of the spacing that a long track may be beside the tracks that it is drawn for: less than what is seen as a path of its own.
+const LONG_SHARE: f64 = 1.0 / 8.0;
+
 impl Chooser<'_> {
-    /// Whether a track whose particles are within `error` of it is near enough to them, where it is nearest; `None` out of view.
-    fn is_fine(&self, bounds: Bounds, error: f64) -> Option<bool> {
+    /// How many pixels `error` is at what lies in these bounds and as far around them, where it is nearest; `None` out of view.
+    fn pixels(&self, bounds: Bounds, error: f64) -> Option<f64> {
         let wrapped = match self.box_size {
             Some(edge) if bounds.min.cmplt(DVec3::ZERO).any() || bounds.max.cmpge(DVec3::splat(edge)).any() => {
                 Bounds { min: DVec3::ZERO, max: DVec3::splat(edge) }
@@ -111,24 +136,57 @@ impl Chooser<'_> {
             return None;
         }
         let focal = self.view.focal_pixels();
-        let pixels = match self.view.projection {
+        Some(match self.view.projection {
             Projection::Orthographic { .. } => error * focal,
             Projection::Perspective { .. } if nearest > 0.0 => error * focal / nearest,
             Projection::Perspective { .. } => f64::INFINITY,
-        };
+        })
+    }
+
+    /// How far in the picture a particle may be from what stands for it, pixels.
+    fn spacing(&self, bounds: Bounds, error: f64) -> f64 {
+        let spacing = self.settings.spacing;
         let in_focus = self.focus.is_some_and(|(center, radius)| {
             let away = (center - center.clamp(bounds.min, bounds.max)).length();
             away <= radius + error
         });
-        Some(pixels <= if in_focus { FOCUS_SPACING.min(self.spacing) } else { self.spacing })
+        if in_focus { FOCUS_SPACING.min(spacing) } else { spacing }
+    }
+
+    /// Whether a track whose particles are within `error` of it is near enough to them, where it is nearest; `None` out of view.
+    fn is_fine(&self, bounds: Bounds, error: f64) -> Option<bool> {
+        Some(self.pixels(bounds, error)? <= self.spacing(bounds, error))
+    }
+
+    /// Whether a long track of a level is near enough to the tracks that it would be drawn for, and where levels are chosen by the view, to
+    /// their particles, too.
+    pub fn takes_long(&self, bounds: Bounds, level_error: f64, error: f64) -> bool {
+        // What goes round the box many times has more images than are drawn.
+        if self.box_size.is_some_and(|edge| bounds.size().max_element() > edge) {
+            return false;
+        }
+        let beside = self.pixels(bounds, error).is_some_and(|off| off <= LONG_SHARE * self.spacing(bounds, error));
+        beside && (self.settings.level.is_some() || self.is_fine(bounds, level_error + error) == Some(true))
     }
 }
 
 impl PathLayer {
+    /// How tracks of flow levels are chosen for a picture.
+    pub(super) fn chooser<'a>(&mut self, request: &PathRequest<'a>) -> Result<Chooser<'a>, PictureError> {
+        Ok(Chooser {
+            view: request.view.padded(super::MARGIN_PX),
+            offsets: request.view.images.offsets().collect(),
+            settings: request.settings,
+            focus: self.focus(request)?,
+            box_size: self.run().tracks()?.box_size,
+        })
+    }
+
     /// Chooses tracks of flow levels: of `fixed`, or each by the view, down to the particles where level 1 is too coarse.
     pub(super) fn choose_flow(
         &mut self,
         request: &PathRequest<'_>,
+        chooser: &Chooser<'_>,
         family: u32,
         part: Part,
         fixed: Option<usize>,
@@ -136,18 +194,8 @@ impl PathLayer {
     ) -> Result<(), PictureError> {
         let run = Arc::clone(self.run());
         let errors = run.flow_errors();
-        let attribute = self.kept_of.1.as_ref().and_then(|name| {
-            let own = &run.tracks().ok()?.families.get(family as usize)?.attributes;
-            own.iter().position(|(own, _)| own == name)
-        });
+        let attribute = self.attribute_of(family);
         let least = request.settings.least;
-        let chooser = Chooser {
-            view: &request.view.padded(super::MARGIN_PX),
-            offsets: request.view.images.offsets().collect(),
-            spacing: request.settings.spacing,
-            focus: self.focus(request)?,
-            box_size: run.tracks()?.box_size,
-        };
         let mut level = fixed.unwrap_or(errors.len());
         // Tracks of the level that are looked at; all of the first one.
         let mut looked_at: Option<Vec<u32>> = None;
@@ -217,7 +265,7 @@ impl PathLayer {
 }
 
 /// A box around a curve, world units.
-fn bounds_of(curves: &Curves, i: usize) -> Bounds {
+pub(super) fn bounds_of(curves: &Curves, i: usize) -> Bounds {
     let points = curves.points[i].map(Vec3::from_array);
     let min = points.iter().fold(Vec3::INFINITY, |min, at| min.min(*at));
     let max = points.iter().fold(Vec3::NEG_INFINITY, |max, at| max.max(*at));

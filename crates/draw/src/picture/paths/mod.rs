@@ -4,6 +4,7 @@
 mod colors;
 mod kept;
 mod levels;
+mod long;
 mod members;
 mod picking;
 mod window;
@@ -55,12 +56,21 @@ pub struct PathRequest<'a> {
     pub transfer: &'a TransferFunction,
 }
 
+/// How many paths were drawn.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct PathCounts {
+    /// Tracks that have a path in the picture, of the interval where they are most.
+    pub tracks: u64,
+    /// Curves that all paths consist of: one for a track over an interval, or for a long one over several.
+    pub curves: u64,
+}
+
 /// Paths of a run.
 pub struct PathLayer {
     run: Arc<RunFile>,
     canvas: Canvas,
     indices: HashMap<[u32; 2], Arc<TrackIndex>>,
-    kept: Kept,
+    kept: Kept<Place, Curves>,
     flow: levels::FlowKept,
     /// What was kept is of these members, with this attribute.
     kept_of: (Option<members::Whose>, Option<String>),
@@ -94,8 +104,8 @@ impl PathLayer {
             run,
             canvas: Canvas::default(),
             indices: HashMap::new(),
-            kept: Kept::within(budget_bytes),
-            flow: levels::FlowKept::default(),
+            kept: Kept::within(budget_bytes / 2),
+            flow: levels::FlowKept::within(budget_bytes / 2),
             kept_of: (None, None),
             members: members::Found::default(),
         })
@@ -106,15 +116,15 @@ impl PathLayer {
         &self.run
     }
 
-    /// Reads what is not here yet, and projects all paths; returns how many tracks are drawn, in the interval where they are most.
+    /// Reads what is not here yet, and projects all paths; returns how many are drawn.
     ///
     /// # Errors
     /// Where the run cannot be read, or the settings name what there is not.
-    pub fn gather(&mut self, request: &PathRequest<'_>) -> Result<u64, PictureError> {
+    pub fn gather(&mut self, request: &PathRequest<'_>) -> Result<PathCounts, PictureError> {
         let view = request.view;
-        let Some(Selected { chosen, families, parts }) = self.select(request)? else {
+        let Some(Selected { chosen, families, parts }) = self.select(request, true)? else {
             self.canvas.gather(view, &[], &style(request, &[], 1.0));
-            return Ok(0);
+            return Ok(PathCounts::default());
         };
         let box_size = self.run.tracks()?.box_size;
         let mean_mass = self.mean_mass(&families, &parts, &chosen)?;
@@ -125,14 +135,19 @@ impl PathLayer {
             .collect();
         let counts = self.canvas.gather(view, &drawn, &style);
         let mut of_intervals: HashMap<(usize, bool), u64> = HashMap::new();
-        for (own, count) in chosen.iter().zip(counts) {
-            *of_intervals.entry((own.part.interval, own.part.head)).or_default() += count;
+        for (Chosen { part, .. }, count) in chosen.iter().zip(&counts) {
+            let last = part.interval + part.intervals - 1;
+            for interval in part.interval..=last {
+                *of_intervals.entry((interval, part.head && interval == last)).or_default() += count;
+            }
         }
-        Ok(of_intervals.into_values().max().unwrap_or(0))
+        let tracks = of_intervals.into_values().max().unwrap_or(0);
+        Ok(PathCounts { tracks, curves: counts.into_iter().sum() })
     }
 
-    /// Reads what is not here yet of what a picture shows; `None` where that are nobody's paths.
-    fn select(&mut self, request: &PathRequest<'_>) -> Result<Option<Selected>, PictureError> {
+    /// Reads what is not here yet of what a picture shows, with long tracks where they are near enough, if those are wanted; `None` where
+    /// that are nobody's paths.
+    fn select(&mut self, request: &PathRequest<'_>, with_long: bool) -> Result<Option<Selected>, PictureError> {
         let settings = request.settings;
         let wanted = self.members.of(&self.run, request)?;
         if wanted.as_ref().is_some_and(members::Whose::is_empty) {
@@ -146,14 +161,32 @@ impl PathLayer {
             self.kept_of = kept_of;
         }
         self.kept.begin();
+        self.flow.begin();
         let layout = self.run.tracks()?;
         let parts = window::parts(settings, request.moment, &layout.clock);
         let shown = layout.families.iter().enumerate().filter(|(_, own)| request.families.contains(&own.name));
         let families: Vec<u32> = shown.map(|(family, _)| family as u32).collect();
+        let levels = self.run.flow_errors().len();
+        let level = match settings.level {
+            // Selections are of particles; a level says nothing of who is in it.
+            _ if self.kept_of.0.is_some() || levels == 0 => Some(0),
+            Some(level) => Some((level as usize).min(levels)),
+            None => None,
+        };
         let mut chosen = Vec::new();
+        if level == Some(0) {
+            for (family, part) in families.iter().flat_map(|family| parts.iter().map(move |part| (*family, *part))) {
+                self.particles(request, family, part, None, &mut chosen)?;
+            }
+            return Ok(Some(Selected { chosen, families, parts }));
+        }
+        let chooser = self.chooser(request)?;
         for &family in &families {
             for part in &parts {
-                self.choose(request, family, *part, &mut chosen)?;
+                self.choose_flow(request, &chooser, family, *part, level, &mut chosen)?;
+            }
+            if with_long {
+                self.lengthen(request, &chooser, family, &mut chosen)?;
             }
         }
         Ok(Some(Selected { chosen, families, parts }))
@@ -193,25 +226,11 @@ impl PathLayer {
         Ok(index)
     }
 
-    /// Chooses what is drawn of a family in a part of an interval: clusters of flow levels, or particles.
-    fn choose(
-        &mut self,
-        request: &PathRequest<'_>,
-        family: u32,
-        part: Part,
-        chosen: &mut Vec<Chosen>,
-    ) -> Result<(), PictureError> {
-        let levels = self.run.flow_errors().len();
-        let finest = match request.settings.level {
-            // Selections are of particles; a level says nothing of who is in it.
-            _ if self.kept_of.0.is_some() || levels == 0 => Some(0),
-            Some(level) => Some((level as usize).min(levels)),
-            None => None,
-        };
-        match finest {
-            Some(0) => self.particles(request, family, part, None, chosen),
-            level => self.choose_flow(request, family, part, level, chosen),
-        }
+    /// The number of the attribute that colours paths in a family.
+    fn attribute_of(&self, family: u32) -> Option<usize> {
+        let name = self.kept_of.1.as_ref()?;
+        let own = &self.run.tracks().ok()?.families.get(family as usize)?.attributes;
+        own.iter().position(|(own, _)| own == name)
     }
 
     /// The particles' own paths that may be in view; of `open` those of the flow tracks of level 1 that are refined.
@@ -234,10 +253,7 @@ impl PathLayer {
         };
         let place = |number: usize| -> Place { [part.interval as u32, family, 0, number as u32] };
         let leaves = || index.nodes.iter().enumerate().filter(|(_, node)| node.is_leaf() && in_view(node));
-        let attribute = self.kept_of.1.as_ref().and_then(|name| {
-            let own = &self.run.tracks().ok()?.families.get(family as usize)?.attributes;
-            own.iter().position(|(own, _)| own == name)
-        });
+        let attribute = self.attribute_of(family);
         let missing: Vec<_> = leaves().filter(|(number, _)| !self.kept.has(&place(*number))).collect();
         let (run, wanted) = (&self.run, &self.kept_of.0);
         let read = |(number, node): &(usize, &crate::store::run::TrackNode)| -> Result<_, StoreError> {
@@ -248,7 +264,9 @@ impl PathLayer {
             Ok((*number, Curves::new(&tracks, &interval, attribute, keep)))
         };
         let found = missing.par_iter().map(read).collect::<Result<Vec<_>, _>>()?;
-        found.into_iter().for_each(|(number, curves)| self.kept.put(place(number), curves));
+        for (number, curves) in found {
+            self.kept.put(place(number), curves);
+        }
         for (number, node) in leaves() {
             let which = match open {
                 None => None,
@@ -302,7 +320,9 @@ impl PathLayer {
 /// The settings in pixels, with the colours of what is drawn.
 fn style(request: &PathRequest<'_>, chosen: &[Chosen], mean_mass: f64) -> Style {
     let settings = request.settings;
-    let curves: Vec<Arc<Curves>> = chosen.iter().map(|own| Arc::clone(&own.curves)).collect();
+    // Long tracks are no more of what there is: colours are the same with them.
+    let single = chosen.iter().filter(|own| own.part.intervals == 1);
+    let curves: Vec<Arc<Curves>> = single.map(|own| Arc::clone(&own.curves)).collect();
     let mut palette = colors::palette(settings, request.depiction, request.transfer, &curves);
     if let Quantity::Plain(color) = palette.quantity {
         palette = crate::cpu::paths::Palette::plain(color);

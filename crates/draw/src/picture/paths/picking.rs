@@ -50,7 +50,7 @@ impl PathLayer {
         at: [f64; 2],
         reach: f64,
     ) -> Result<Option<PickedPath>, PictureError> {
-        let Some(Selected { chosen, .. }) = self.select(request)? else { return Ok(None) };
+        let Some(Selected { chosen, .. }) = self.select(request, false)? else { return Ok(None) };
         let offsets: Vec<DVec3> = request.view.images.offsets().collect();
         let nearest = |own: &Chosen| -> Option<(f64, u32)> {
             let near = |i: u32| {
