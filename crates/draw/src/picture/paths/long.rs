@@ -37,8 +37,22 @@ struct Shown {
     chosen: Option<usize>,
     /// Long tracks, of two intervals and more.
     long: Option<Arc<Long>>,
-    /// Which tracks are drawn, or may be.
+    /// Which tracks may be drawn: all of their chain was chosen.
     live: Vec<bool>,
+    /// Which of these are part of longer ones.
+    is_part: Vec<bool>,
+}
+
+impl Shown {
+    fn new(chosen: Option<usize>, long: Option<Arc<Long>>, live: Vec<bool>) -> Shown {
+        Shown { chosen, long, is_part: vec![false; live.len()], live }
+    }
+
+    /// The numbers of the tracks that are drawn.
+    fn drawn(&self) -> Vec<u32> {
+        let is_drawn = self.live.iter().zip(&self.is_part).map(|(live, is_part)| *live && !is_part);
+        (0..).zip(is_drawn).filter(|(_, is_drawn)| *is_drawn).map(|(i, _)| i).collect()
+    }
 }
 
 /// Whether long tracks show what is asked for. Attributes have values at each step, and highlights a place in each interval.
@@ -88,7 +102,7 @@ impl PathLayer {
             let mut live = vec![false; own.curves.len()];
             own.which.iter().flatten().for_each(|i| live[*i as usize] = true);
             last.push(Stretch::interval(interval));
-            shown.insert(Stretch::interval(interval), Shown { chosen: Some(place), long: None, live });
+            shown.insert(Stretch::interval(interval), Shown::new(Some(place), None, live));
         }
         // From pairs of intervals on to longer stretches, as long as both halves have something that goes on.
         let mut scales: Vec<Vec<Stretch>> = Vec::new();
@@ -109,19 +123,21 @@ impl PathLayer {
                 let live: Vec<bool> = long.tracks.iter().enumerate().map(is_live).collect();
                 if live.contains(&true) {
                     next.push(stretch);
-                    shown.insert(stretch, Shown { chosen: None, long: Some(long), live });
+                    shown.insert(stretch, Shown::new(None, Some(long), live));
                 }
             }
             scales.push(next.clone());
             last = next;
         }
-        // From the longest ones down: what is drawn takes its parts away.
+        // From the longest ones down: what may be drawn is part of a longer one, or takes the place of its parts.
         for stretch in scales.into_iter().rev().flatten() {
             let (Some(own), Some(halves)) = (shown.get(&stretch), stretch.halves()) else { continue };
-            let (Some(long), drawn) = (own.long.clone(), numbers(&own.live)) else { continue };
+            let Some(long) = own.long.clone() else { continue };
+            let (drawn, live) = (own.drawn(), own.live.clone());
             for (half, end) in halves.into_iter().zip(0..) {
                 let Some(own) = shown.get_mut(&half) else { continue };
-                drawn.iter().for_each(|i| own.live[long.tracks[*i as usize].halves[end] as usize] = false);
+                let parts = long.tracks.iter().zip(&live).filter(|(_, live)| **live);
+                parts.for_each(|(track, _)| own.is_part[track.halves[end] as usize] = true);
             }
             if let (false, Some(part)) = (drawn.is_empty(), self.part(stretch, whole, chosen)?) {
                 let place = [part.interval as u32, family, level, 0];
@@ -130,7 +146,7 @@ impl PathLayer {
         }
         for own in shown.into_values() {
             if let Some(place) = own.chosen {
-                chosen[place].which = Some(numbers(&own.live));
+                chosen[place].which = Some(own.drawn());
             }
         }
         Ok(())
@@ -214,7 +230,137 @@ impl PathLayer {
     }
 }
 
-/// The numbers of those that are set.
-fn numbers(set: &[bool]) -> Vec<u32> {
-    (0..).zip(set).filter(|(_, own)| **own).map(|(i, _)| i).collect()
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::build::{BuildOptions, FlowOptions, RunBuild, TrackOptions};
+    use crate::color::transfer::TransferFunction;
+    use crate::hierarchy::spacetime::Interpolation;
+    use crate::import::{LoadOptions, RunOptions, open_run};
+    use crate::mode::{Depiction, PathsOf, Settings, Span};
+    use crate::model::{FamilyName, Moment, ReadMethod};
+    use crate::picture::paths::PathCounts;
+    use crate::store::RunFile;
+    use crate::synth::moving::{self, Moving, State};
+    use crate::view::{Projection, View};
+
+    const STEPS: usize = 41;
+    const CLUMPS: u64 = 24;
+
+    /// Clumps of eight that turn around the middle, the outer ones slower; each third one loses half of its particles halfway.
+    struct Turning;
+
+    impl Moving for Turning {
+        fn len(&self) -> u64 {
+            8 * CLUMPS
+        }
+
+        fn times(&self, steps: usize) -> (f64, f64) {
+            (0.0, 6.0 / steps as f64)
+        }
+
+        fn at(&self, particle: u64, _: usize, time: f64) -> Option<State> {
+            let (clump, member) = ((particle / 8) as f64, particle % 8);
+            let radius = 1.0 + 0.25 * clump;
+            let leaves = member < 4 && (particle / 8).is_multiple_of(3);
+            let away = if leaves { (time - 3.1).max(0.0) } else { 0.0 };
+            let rate = 1.0 / radius + 0.4 * away;
+            // The turn is the integral of the rate.
+            let (sin, cos) = (2.4 * clump + time / radius + 0.2 * away * away).sin_cos();
+            let off = |bit: u64| 0.004 * (member >> bit & 1) as f64;
+            let position = [radius * cos + off(0), radius * sin + off(1), off(2)];
+            let velocity = [-radius * rate * sin, radius * rate * cos, 0.0];
+            Some(State { family: FamilyName::Gas, position, velocity, density: 1.0, smoothing_length: 0.02 })
+        }
+
+        fn mass(&self) -> f64 {
+            1.0
+        }
+    }
+
+    fn run(folder: &std::path::Path) -> Arc<RunFile> {
+        let times = moving::times(&Turning, STEPS, 1.5, 7);
+        let files = moving::write(&Turning, &times, 7, &folder.join("snap"), &()).unwrap();
+        let run = open_run(&files, &RunOptions::default(), ReadMethod::default()).unwrap();
+        let flow = FlowOptions { levels: Some(3), error: Some(0.08) };
+        let tracks = TrackOptions { flow, ..TrackOptions::default() };
+        let (load, options) = (LoadOptions::default(), BuildOptions::default());
+        let build =
+            RunBuild { load: &load, options: &options, tracks: Some(&tracks), skip_damaged: false, still_of: None };
+        build.build(run, &folder.join("run.df"), &()).unwrap();
+        Arc::new(RunFile::open(&folder.join("run.df"), ReadMethod::default()).unwrap())
+    }
+
+    /// Where a picture has something: within so many pixels of where the other one has.
+    fn is_near(own: &[[f32; 4]], other: &[[f32; 4]], width: usize, reach: i64) -> bool {
+        let height = (own.len() / width) as i64;
+        let width = width as i64;
+        let has = |x: i64, y: i64| {
+            (0..width).contains(&x) && (0..height).contains(&y) && other[(y * width + x) as usize][3] > 0.0
+        };
+        (0..height * width).filter(|at| own[*at as usize][3] > 0.5).all(|at| {
+            let (x, y) = (at % width, at / width);
+            (-reach..=reach).any(|dy| (-reach..=reach).any(|dx| has(x + dx, y + dy)))
+        })
+    }
+
+    /// Pictures with long tracks are those without but for an eighth of the spacing, of far fewer curves and as many tracks; where nothing is
+    /// near enough they are the same.
+    #[test]
+    fn paths_with_long_tracks_are_where_they_were() {
+        let folder = tempfile::tempdir().unwrap();
+        let run = run(folder.path());
+        let mode = crate::modes::find("paths").unwrap();
+        let depiction = Depiction { mode, settings: Settings::default(), attribute: None };
+        let transfer = TransferFunction::default();
+        let view = |height| {
+            let projection = Projection::Orthographic { height };
+            View::look_at(DVec3::new(0.5, 0.2, 40.0), DVec3::new(0.5, 0.2, 0.0), DVec3::Y, projection, 480, 360)
+                .unwrap()
+        };
+        let drawn = |view: &View, settings: &PathSettings, step: usize, with_long: bool| {
+            let mut layer = PathLayer::new(Arc::clone(&run), 0).unwrap();
+            let request = PathRequest {
+                view,
+                settings,
+                of: &PathsOf::All,
+                selections: &[],
+                moment: Moment { step, u: 0.0 },
+                interpolation: Interpolation::Auto,
+                families: &[FamilyName::Gas],
+                depiction: &depiction,
+                transfer: &transfer,
+            };
+            let counts: PathCounts = layer.gather_chosen(&request, with_long).unwrap();
+            (layer.colors().rgba, counts)
+        };
+        let settings = PathSettings {
+            tail: Span::Steps(40.0),
+            halo: 0.0,
+            width: 2.0,
+            color: "#ffffff".into(),
+            ..PathSettings::default()
+        };
+        for (level, height, tail) in
+            [(Some(1), 16.0, 40.0), (None, 16.0, 40.0), (None, 4.0, 33.0), (Some(3), 16.0, 7.0)]
+        {
+            let settings = PathSettings { level, tail: Span::Steps(tail), ..settings.clone() };
+            for step in [40, 37] {
+                let view = view(height);
+                let [(with, long), (without, short)] = [true, false].map(|long| drawn(&view, &settings, step, long));
+                assert_eq!(long.tracks, short.tracks, "{level:?}");
+                assert!(long.curves * if tail > 8.0 { 3 } else { 1 } < short.curves, "{level:?}: {long:?} {short:?}");
+                // An eighth of 12 pixels, and the edges of both.
+                for (own, other) in [(&with, &without), (&without, &with)] {
+                    assert!(is_near(own, other, view.width as usize, 3), "{level:?}, {height}");
+                }
+                let sum = |picture: &[[f32; 4]]| picture.iter().map(|pixel| f64::from(pixel[3])).sum::<f64>();
+                let (with, without) = (sum(&with), sum(&without));
+                assert!(without > 100.0 && (with - without).abs() < 0.03 * without, "{with} {without}");
+            }
+        }
+        let exact = PathSettings { level: Some(2), spacing: 1e-9, ..settings };
+        let view = view(16.0);
+        assert!(drawn(&view, &exact, 40, true) == drawn(&view, &exact, 40, false));
+    }
 }

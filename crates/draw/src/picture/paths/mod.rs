@@ -121,8 +121,13 @@ impl PathLayer {
     /// # Errors
     /// Where the run cannot be read, or the settings name what there is not.
     pub fn gather(&mut self, request: &PathRequest<'_>) -> Result<PathCounts, PictureError> {
+        self.gather_chosen(request, true)
+    }
+
+    /// The same with long tracks, or without.
+    fn gather_chosen(&mut self, request: &PathRequest<'_>, with_long: bool) -> Result<PathCounts, PictureError> {
         let view = request.view;
-        let Some(Selected { chosen, families, parts }) = self.select(request, true)? else {
+        let Some(Selected { chosen, families, parts }) = self.select(request, with_long)? else {
             self.canvas.gather(view, &[], &style(request, &[], 1.0));
             return Ok(PathCounts::default());
         };
