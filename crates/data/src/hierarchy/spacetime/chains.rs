@@ -7,8 +7,8 @@
 //! drawn once at any time.
 //!
 //! On each half the difference of its spline to that of the half is a cubic one, too, whose norm is bounded ([`HermiteSpline::bound`]);
-//! with what the half itself may be off that is how far the long track is from the tracks over single intervals. Halves that need not
-//! be looked into are all that is kept of a run while it is built: at most one for each scale.
+//! with what the half itself may be off that is how far the long track is from the tracks over single intervals. So a build or a check
+//! keeps no more of what was before than the tracks over one half for each scale, whose other half is to come ([`Chains`]).
 
 use super::spline::HermiteSpline;
 use super::tracks::{Interval, TrackFlags, Tracks};

@@ -110,7 +110,7 @@ pub(super) struct Chooser<'a> {
     offsets: Vec<DVec3>,
     settings: &'a PathSettings,
     focus: Option<(DVec3, f64)>,
-    pub box_size: Option<f64>,
+    box_size: Option<f64>,
 }
 
 /// The share of the spacing that a long track may be beside the tracks that it is drawn for: less than what is seen as a path of its own.
