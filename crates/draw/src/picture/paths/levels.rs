@@ -12,6 +12,7 @@ use crate::store::StoreError;
 use crate::store::run::{RunFile, TrackNode};
 use crate::view::{Extent, Projection, View};
 use glam::{DVec3, Vec3};
+use rayon::prelude::*;
 use std::sync::Arc;
 
 /// A flow level of an interval that was read.
@@ -103,6 +104,9 @@ impl FlowKept {
         Ok(self.levels.put(key, Level { curves: Arc::new(curves), children: flow.children, velocities }))
     }
 }
+
+/// Tracks that are looked at by one thread at least.
+pub(super) const ENOUGH: usize = 512;
 
 /// How tracks are chosen in a view.
 pub(super) struct Chooser<'a> {
@@ -204,12 +208,15 @@ impl PathLayer {
             let error = errors.get(level - 1).copied().unwrap_or(0.0);
             let all = || (0..own.curves.len() as u32).collect::<Vec<u32>>();
             let (mut drawn, mut open) = (Vec::new(), Vec::new());
-            for track in looked_at.unwrap_or_else(all) {
-                let i = track as usize;
-                if i >= own.curves.len() || f64::from(own.curves.count(i)) < least {
-                    continue;
-                }
-                match chooser.is_fine(bounds_of(&own.curves, i), error) {
+            let looked_at_here = looked_at.unwrap_or_else(all);
+            let is_fine = |track: &u32| {
+                let i = *track as usize;
+                let is_asked = i < own.curves.len() && f64::from(own.curves.count(i)) >= least;
+                is_asked.then(|| chooser.is_fine(bounds_of(&own.curves, i), error)).flatten()
+            };
+            let found: Vec<Option<bool>> = looked_at_here.par_iter().with_min_len(ENOUGH).map(is_fine).collect();
+            for (track, found) in looked_at_here.into_iter().zip(found) {
+                match found {
                     None => {}
                     Some(is_fine) if is_fine || fixed.is_some() => drawn.push(track),
                     Some(_) => open.push(track),

@@ -4,13 +4,14 @@
 //! the longest that is near enough to them in the picture. So a long track is drawn where its parts would have been, and nobody twice.
 
 use super::kept::Held;
-use super::levels::{Chooser, Level, bounds_of};
+use super::levels::{Chooser, ENOUGH, Level, bounds_of};
 use super::{Chosen, PathLayer, PathRequest};
 use crate::cpu::paths::{Curves, Part};
 use crate::hierarchy::spacetime::{HermiteSpline, LongTrack, Stretch, recorded_error};
 use crate::mode::{PathColor, PathSettings};
 use crate::picture::PictureError;
 use glam::{DVec3, Vec3};
+use rayon::prelude::*;
 use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
 
@@ -120,7 +121,8 @@ impl PathLayer {
                     let goes_on = (0..2).all(|half| halves[half].get(own.halves[half] as usize) == Some(&true));
                     goes_on && chooser.takes_long(bounds_of(&long.curves, i), error, recorded_error(error, own.error))
                 };
-                let live: Vec<bool> = long.tracks.iter().enumerate().map(is_live).collect();
+                let tracks = long.tracks.par_iter().with_min_len(ENOUGH).enumerate();
+                let live: Vec<bool> = tracks.map(is_live).collect();
                 if live.contains(&true) {
                     next.push(stretch);
                     shown.insert(stretch, Shown::new(None, Some(long), live));
