@@ -1,5 +1,6 @@
 //! What `deepfield info` says about a run: its steps, as a table for people or as JSON for programs.
 
+use crate::hierarchy::spacetime::{Stretch, recorded_error};
 use crate::model::ClockVariable;
 use crate::store::RunFile;
 use crate::store::run::{FamilyTracks, IntervalTracks, Step};
@@ -86,9 +87,73 @@ fn flow_json(run: &RunFile) -> Vec<Value> {
                 "most": tracks().max(),
             },
             "bytes": all.iter().map(|(_, bytes)| *bytes).sum::<u64>(),
+            "scales": scales(run, level).iter().map(|scale| scale_json(run, level, *error, scale)).collect::<Vec<_>>(),
         })
     };
     run.flow_errors().iter().enumerate().map(level).collect()
+}
+
+/// The long tracks of a flow level that are over as many intervals.
+struct LongTracks {
+    /// How many intervals.
+    scale: usize,
+    /// How many there are.
+    tracks: u64,
+    /// Of so many tracks over single intervals as they are in their place.
+    share: f64,
+    bytes: u64,
+}
+
+/// The long tracks of a flow level by the intervals that they are over, up to the most that some are over.
+fn scales(run: &RunFile, level: usize) -> Vec<LongTracks> {
+    let families = || {
+        run.directory()
+            .intervals
+            .iter()
+            .enumerate()
+            .flat_map(|(number, own)| own.families.iter().map(move |family| (number, family)))
+    };
+    let all: u64 =
+        families().filter_map(|(_, family)| family.flow.levels.get(level)).map(|(tracks, _)| u64::from(*tracks)).sum();
+    let mut scales: Vec<LongTracks> = Vec::new();
+    for (number, family) in families() {
+        let stretches = Stretch::ending_with(number).zip(family.flow.long.get(level).into_iter().flatten());
+        for (at, (stretch, (tracks, part))) in stretches.enumerate() {
+            if scales.len() == at {
+                scales.push(LongTracks { scale: stretch.scale, tracks: 0, share: 0.0, bytes: 0 });
+            }
+            let own = &mut scales[at];
+            own.tracks += u64::from(*tracks);
+            own.bytes += u64::from(part.len);
+        }
+    }
+    for own in &mut scales {
+        own.share = (own.tracks * own.scale as u64) as f64 / all.max(1) as f64;
+    }
+    let used = scales.iter().take_while(|own| own.tracks > 0).count();
+    scales.truncate(used);
+    scales
+}
+
+fn scale_json(run: &RunFile, level: usize, level_error: f64, own: &LongTracks) -> Value {
+    let intervals = run.directory().intervals.iter().enumerate();
+    let stretches = intervals.flat_map(|(number, interval)| {
+        let own = Stretch::ending_with(number).filter(|stretch| stretch.scale == own.scale);
+        own.flat_map(move |stretch| (0..interval.families.len()).map(move |family| (stretch, family)))
+    });
+    // What cannot be read has no error; `deepfield verify` says why.
+    let long = stretches.filter_map(|(stretch, family)| run.long_tracks(stretch, family, level + 1).ok()).flatten();
+    let errors: Vec<f64> = long.map(|long| recorded_error(level_error, long.error)).collect();
+    json!({
+        "intervals": own.scale,
+        "tracks": own.tracks,
+        "share": own.share,
+        "bytes": own.bytes,
+        "error": {
+            "mean": errors.iter().sum::<f64>() / errors.len().max(1) as f64,
+            "most": errors.iter().copied().fold(0.0, f64::max),
+        },
+    })
 }
 
 /// The facts as a table for people.
@@ -124,7 +189,8 @@ fn write_table(text: &mut String, run: &RunFile) -> std::fmt::Result {
         let source = step.source.display();
         writeln!(text, "  {index:>6} {:>14}{own} {:>14} {:>14}  {source}", step.time, step.particles, step.still.len)?;
     }
-    write_tracks(text, run)
+    write_tracks(text, run)?;
+    write_flow(text, run)
 }
 
 /// What became of the particles from each step to the next.
@@ -151,6 +217,27 @@ fn write_tracks(text: &mut String, run: &RunFile) -> std::fmt::Result {
                 nodes.len
             )?;
         }
+    }
+    Ok(())
+}
+
+/// The flow levels, and how much of each is in long tracks, too.
+fn write_flow(text: &mut String, run: &RunFile) -> std::fmt::Result {
+    if run.flow_errors().is_empty() {
+        return Ok(());
+    }
+    let heading = "in long tracks over so many intervals";
+    writeln!(text, "\n  {:>10} {:>14} {:>14} {:>12}  {heading}", "flow level", "error", "tracks", "bytes")?;
+    for (level, error) in run.flow_errors().iter().enumerate() {
+        let families = run.directory().intervals.iter().flat_map(|interval| &interval.families);
+        let (mut tracks, mut bytes) = (0, 0);
+        for (own, part) in families.filter_map(|family| family.flow.levels.get(level)) {
+            tracks += u64::from(*own);
+            bytes += u64::from(part.len);
+        }
+        let long = scales(run, level);
+        let shares: Vec<String> = long.iter().map(|own| format!("{}: {:.1} %", own.scale, 100.0 * own.share)).collect();
+        writeln!(text, "  {:>10} {error:>14.6} {tracks:>14} {bytes:>12}  {}", level + 1, shares.join(", "))?;
     }
     Ok(())
 }

@@ -296,7 +296,7 @@ pub(super) fn draw_paths(
         let start = Instant::now();
         let small = view.resized(size[0], size[1]);
         let (colors, tracks) = job.with(&small, share, |layer, request| {
-            let tracks = layer.gather(request)?;
+            let tracks = layer.gather(request)?.tracks;
             Ok((layer.colors(), tracks))
         })?;
         // A picture with fewer pixels does not count as that of the view.

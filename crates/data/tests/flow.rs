@@ -3,21 +3,28 @@
 
 #![allow(clippy::unwrap_used, clippy::indexing_slicing, reason = "a test that cannot go on has failed")]
 
+#[path = "support/run_checksums.rs"]
+mod run_checksums;
+
 use deepfield_data::build::{BuildOptions, FlowOptions, RunBuild, TrackOptions};
-use deepfield_data::hierarchy::spacetime::{HermiteSpline, Tracks};
+use deepfield_data::hierarchy::spacetime::{HermiteSpline, Interval, LongTrack, Stretch, Tracks, recorded_error};
 use deepfield_data::import::{LoadOptions, RunOptions, open_run};
 use deepfield_data::model::ReadMethod;
 use deepfield_data::store::RunFile;
 use deepfield_data::store::run::{FlowTracks, verify_run};
 use deepfield_data::synth::moving::{self, Births, Moving, Orbits, Pancake};
 use glam::DVec3;
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::path::Path;
 
 const STEPS: usize = 6;
 
 fn built(kind: &dyn Moving, flow: FlowOptions, options: &BuildOptions, out: &Path) -> RunFile {
-    let times = moving::times(kind, STEPS, 3.0, 5);
+    built_of(kind, STEPS, flow, options, out)
+}
+
+fn built_of(kind: &dyn Moving, steps: usize, flow: FlowOptions, options: &BuildOptions, out: &Path) -> RunFile {
+    let times = moving::times(kind, steps, 3.0, 5);
     // Beside the run, since the run names its sources.
     let files = moving::write(kind, &times, 5, &out.with_file_name("snap"), &()).unwrap();
     let run = open_run(&files, &RunOptions::default(), ReadMethod::default()).unwrap();
@@ -146,6 +153,143 @@ fn particles_stay_with_their_clusters_and_tracks_go_on_to_the_bit() {
                 assert!(u64::from(own.flow.levels[0].0) <= own.tracks);
             }
         }
+    }
+}
+
+/// The tracks over single intervals that a long track stands for, in their order.
+fn chain(run: &RunFile, stretch: Stretch, family: usize, level: usize, number: u32, out: &mut Vec<u32>) {
+    match stretch.halves() {
+        None => out.push(number),
+        Some(halves) => {
+            let own = run.long_tracks(stretch, family, level).unwrap()[number as usize];
+            halves.into_iter().zip(own.halves).for_each(|(half, number)| chain(run, half, family, level, number, out));
+        }
+    }
+}
+
+/// The spline of a long track, whose chain is known.
+fn long_spline(space: &Interval, long: &LongTrack, chain: &[u32], flows: &[&FlowTracks]) -> HermiteSpline {
+    let (first, last) = (&flows[0].tracks.ends[0], &flows[flows.len() - 1].tracks.ends[1]);
+    let (begin, end) = (chain[0] as usize, *chain.last().unwrap() as usize);
+    let edge = space.box_size.map_or(0, |edge| (edge / space.lattice.unit()).round() as i64);
+    let image = std::array::from_fn(|axis| last.places[end][axis] + edge * long.image[axis]);
+    space.spline_of([first.places[begin], image], [first.movements[begin], last.movements[end]])
+}
+
+/// Steps of runs with long tracks: more than a power of two.
+const MANY: usize = 20;
+
+/// Every long track is as near to the chain of tracks that it stands for as it says, at any time, and stands for the same particles all
+/// the way. Up to whatever scale long tracks are taken in the place of shorter ones, every track of an interval is drawn once.
+#[test]
+fn long_tracks_are_near_their_chains_and_take_their_place_once() {
+    let flow = FlowOptions { levels: Some(3), error: None };
+    let kinds: [(&str, Box<dyn Moving>); 3] = [
+        ("orbits", Box::new(Orbits::new(3, 1200))),
+        ("pancake", Box::new(Pancake::new(3, 1200))),
+        ("births", Box::new(Births::new(3, 1200, MANY))),
+    ];
+    for (name, kind) in kinds {
+        let folder = tempfile::tempdir().unwrap();
+        let run = built_of(&*kind, MANY, flow, &BuildOptions::default(), &folder.path().join("run.df"));
+        verify_run(run.path(), &()).unwrap();
+        let (mut of_scales, mut flow_bytes, mut long_bytes) = ([0; 5], 0, 0);
+        for own in run.directory().intervals.iter().flat_map(|interval| &interval.families) {
+            flow_bytes += own.flow.levels.iter().map(|(_, part)| u64::from(part.len)).sum::<u64>();
+            long_bytes += own.flow.long.iter().flatten().map(|(_, part)| u64::from(part.len)).sum::<u64>();
+        }
+        for (family, level) in (0..run.tracks().unwrap().families.len()).flat_map(|f| (1..=3).map(move |l| (f, l))) {
+            let error = run.flow_errors()[level - 1];
+            let flows: Vec<FlowTracks> =
+                (0..MANY - 1).map(|interval| run.flow_tracks(interval, family, level).unwrap()).collect();
+            let of_stretch = |stretch: Stretch| (stretch, run.long_tracks(stretch, family, level).unwrap());
+            let all: Vec<(Stretch, Vec<LongTrack>)> =
+                (0..MANY - 1).flat_map(Stretch::ending_with).map(of_stretch).collect();
+            let parts_of = |(stretch, long): &(Stretch, Vec<LongTrack>)| -> Vec<(Stretch, u32)> {
+                let halves = stretch.halves().unwrap();
+                long.iter().flat_map(|own| [0, 1].map(|half| (halves[half], own.halves[half]))).collect()
+            };
+            let parts: HashSet<(Stretch, u32)> = all.iter().flat_map(parts_of).collect();
+            // By the largest scale that is allowed: how often each track of each interval is drawn.
+            let is_drawn = |stretch: Stretch, number: u32, most: usize| {
+                let scale = stretch.scale.ilog2() as usize;
+                scale <= most && (scale == most || !parts.contains(&(stretch, number)))
+            };
+            let single = |(interval, flow): (usize, &FlowTracks)| -> Vec<[u32; 5]> {
+                let drawn = |i| std::array::from_fn(|most| u32::from(is_drawn(Stretch::interval(interval), i, most)));
+                (0..flow.len() as u32).map(drawn).collect()
+            };
+            let mut drawn: Vec<Vec<[u32; 5]>> = flows.iter().enumerate().map(single).collect();
+            for (stretch, long) in &all {
+                let (space, first) = (run.stretch(*stretch).unwrap(), stretch.intervals().start);
+                of_scales[stretch.scale.ilog2() as usize] += long.len();
+                let here: Vec<&FlowTracks> = flows[stretch.intervals()].iter().collect();
+                let clock = &run.tracks().unwrap().clock[first..];
+                for (own, number) in long.iter().zip(0..) {
+                    let mut parts = Vec::new();
+                    chain(&run, *stretch, family, level, number, &mut parts);
+                    let spline = long_spline(&space, own, &parts, &here);
+                    let limit = recorded_error(error, own.error);
+                    assert!(limit <= error);
+                    for (i, (part, flow)) in parts.iter().zip(&here).enumerate() {
+                        let (interval, part) = (run.interval(first + i).unwrap(), *part as usize);
+                        let short = interval.spline(&flow.tracks, part);
+                        assert_eq!(flow.counts[part], here[0].counts[parts[0] as usize]);
+                        for k in 0..=16 {
+                            let u = f64::from(k) / 16.0;
+                            let tau = clock[i] + u * (clock[i + 1] - clock[i]);
+                            let at = spline.position((tau - clock[0]) / (clock[stretch.scale] - clock[0]));
+                            let off = nearest(at - short.position(u), space.box_size).length();
+                            assert!(off <= limit * (1.0 + 1e-9) + 1e-12, "{name}, level {level}: {off} of {limit}");
+                            // It begins and ends where they do, but for images and sums of floats.
+                            if (i, k) == (0, 0) || (i + 1, k) == (stretch.scale, 16) {
+                                assert!(off <= 1e-12 * interval.lattice.root.size, "{off}");
+                            }
+                        }
+                        for (most, times) in drawn[first + i][part].iter_mut().enumerate() {
+                            *times += u32::from(is_drawn(*stretch, number, most));
+                        }
+                    }
+                }
+            }
+            assert!(drawn.iter().flatten().all(|times| *times == [1; 5]), "{name}, level {level}");
+        }
+        println!("{name}: {of_scales:?} long tracks, {long_bytes} of {flow_bytes} bytes");
+        assert!(of_scales[1] > 0 && of_scales[1..].is_sorted_by(|a, b| a >= b), "{name}: {of_scales:?}");
+        assert!(10 * long_bytes <= flow_bytes, "{name}: {long_bytes} of {flow_bytes}");
+    }
+}
+
+/// Long tracks whose bytes are changed with their checksums are refused, or are long tracks all the same.
+#[test]
+fn forged_long_tracks_are_found() {
+    let folder = tempfile::tempdir().unwrap();
+    let flow = FlowOptions { levels: Some(2), error: None };
+    let path = folder.path().join("run.df");
+    let run = built_of(&Pancake::new(3, 400), 9, flow, &BuildOptions::default(), &path);
+    let own = &run.directory().intervals[3].families[0].flow;
+    let before: u64 = own.levels.iter().map(|(_, part)| u64::from(part.len)).sum();
+    let (count, part) = own.long[0][0];
+    assert!(count > 4 && part.len > 8, "{count}");
+    let bytes = std::fs::read(&path).unwrap();
+    let at = (own.section.offset + before) as usize;
+    let crc = |bytes: &[u8]| crc32c::crc32c(&bytes[at..at + part.len as usize]).to_le_bytes();
+    let place = bytes.windows(4).rposition(|word| word == part.crc.to_le_bytes()).unwrap();
+    assert_eq!(crc(&bytes), part.crc.to_le_bytes());
+    let mut refused = Vec::new();
+    for byte in at..at + part.len as usize {
+        for bit in [0, 4] {
+            let mut forged = bytes.clone();
+            forged[byte] ^= 1 << bit;
+            let crc = crc(&forged);
+            forged[place..place + 4].copy_from_slice(&crc);
+            run_checksums::correct(&mut forged);
+            std::fs::write(&path, &forged).unwrap();
+            refused.extend(verify_run(&path, &()).err().map(|error| error.to_string()));
+        }
+    }
+    for expected in ["long tracks of one matter, within their errors", "tracks of the"] {
+        assert!(refused.iter().any(|told| told.contains(expected)), "{expected}: {refused:?}");
     }
 }
 

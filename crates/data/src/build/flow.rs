@@ -12,9 +12,11 @@ use super::spill::Spill;
 use super::states::{State, StateLayout, StepStates};
 use super::{BuildError, BuildOptions};
 use crate::codec::AttributeMerge;
-use crate::hierarchy::spacetime::{Before, ClusterList, Interval, Traveller, flow_errors};
+use crate::hierarchy::spacetime::{Before, Chains, ClusterList, Interval, Links, Traveller, flow_errors};
 use crate::store::StoreError;
-use crate::store::run::{FlowParts, MOST_FLOW_LEVELS, NodePart, RunFileWriter, TrackCoding};
+use crate::store::run::{
+    FlowParts, FlowTracks, MOST_FLOW_LEVELS, NodePart, RunFileWriter, TrackCoding, encode_long_tracks,
+};
 use crate::store::temporary::folder_of;
 use std::path::Path;
 
@@ -38,6 +40,8 @@ pub(super) struct FlowBuild {
     clusters: Vec<Vec<ClusterList>>,
     /// Which cluster of the finest level each particle of that step is in.
     carried: Shuffle,
+    /// Of each family and level the tracks that may go on in longer ones.
+    chains: Vec<Vec<Chains>>,
     rules: Vec<Vec<AttributeMerge>>,
 }
 
@@ -46,7 +50,11 @@ pub(super) struct FlowStep<'a> {
     pub layout: &'a StateLayout,
     pub options: &'a BuildOptions,
     pub out: &'a Path,
+    /// Number of the interval.
+    pub interval: usize,
     pub space: &'a Interval,
+    /// The clock at both ends.
+    pub clock: [f64; 2],
     /// The length of the interval after the step that clusters are sought at; `None` at the last one.
     pub next_length: Option<f64>,
     /// The edge of the periodic box, units of the lattice.
@@ -74,7 +82,8 @@ impl FlowBuild {
         let rules = layout.families.iter();
         let rules = rules.map(|(_, attributes)| attributes.iter().map(|(name, _)| AttributeMerge::of(name)).collect());
         let clusters = vec![vec![ClusterList::default(); errors.len()]; layout.families.len()];
-        FlowBuild { errors, clusters, carried: step.carry(), rules: rules.collect() }
+        let chains = vec![vec![Chains::default(); errors.len()]; layout.families.len()];
+        FlowBuild { errors, clusters, carried: step.carry(), chains, rules: rules.collect() }
     }
 
     /// The clusters of the particles of a bucket by their numbers there.
@@ -164,22 +173,43 @@ impl FlowBuild {
             })?;
             let counts = [&self.clusters[family], &clusters].map(|levels| levels.iter().map(ClusterList::len));
             let [begins, ends]: [Vec<usize>; 2] = counts.map(Iterator::collect);
-            let mut own = FlowParts { section: writer.begin(), levels: Vec::new() };
-            for (level, tracks) in flow.finish(&begins, &ends).into_iter().enumerate() {
-                let bytes = tracks.encode(coding);
-                let reason =
-                    || format!("flow level {} takes more than 4 GiB; --flow-levels with fewer of them", level + 1);
-                let too_large = || StoreError::Unwritable { path: step.out.to_owned(), reason: reason() };
-                let len = u32::try_from(bytes.len()).map_err(|_| too_large())?;
-                writer.extend(&mut own.section, &bytes)?;
-                own.levels.push((tracks.len() as u32, NodePart { len, crc: crc32c::crc32c(&bytes) }));
+            let levels = flow.finish(&begins, &ends);
+            let mut own = FlowParts { section: writer.begin(), ..FlowParts::default() };
+            for (level, tracks) in levels.iter().enumerate() {
+                let part = step.write(writer, &mut own, level, &tracks.encode(coding))?;
+                own.levels.push((tracks.len() as u32, part));
             }
+            self.write_long(step, family, &levels, &mut own, writer)?;
             writer.close()?;
             parts.push(own);
             self.clusters[family] = clusters;
         }
         self.carried = carried;
         Ok(parts)
+    }
+
+    /// Writes the long tracks of a family over the stretches that end with the interval, whose flow levels are `levels`.
+    fn write_long(
+        &mut self,
+        step: &FlowStep<'_>,
+        family: usize,
+        levels: &[FlowTracks],
+        own: &mut FlowParts,
+        writer: &mut RunFileWriter,
+    ) -> Result<(), BuildError> {
+        let known = self.chains[family].iter_mut().zip(&self.errors);
+        for (level, (tracks, (chains, error))) in levels.iter().zip(known).enumerate() {
+            let links = Links::of_interval(&tracks.tracks, &tracks.clusters, *step.space, step.clock);
+            let mut parts = Vec::new();
+            chains.push(step.interval, links, |_, first, second| {
+                let (long, links) = first.join(second, *error);
+                let bytes = encode_long_tracks(&long, step.edge.is_some());
+                parts.push((long.len() as u32, step.write(writer, own, level, &bytes)?));
+                Ok::<_, BuildError>(links)
+            })?;
+            own.long.push(parts);
+        }
+        Ok(())
     }
 }
 
@@ -196,6 +226,21 @@ impl FlowStep<'_> {
         let folder = self.options.temporary.clone().unwrap_or_else(|| folder_of(self.out).to_owned());
         let memory = self.options.memory.unwrap_or_else(default_memory);
         Spill::new(self.out, &folder, memory / 12, self.options.read)
+    }
+
+    /// Appends a part of a level to the section of flow levels.
+    fn write(
+        &self,
+        writer: &mut RunFileWriter,
+        own: &mut FlowParts,
+        level: usize,
+        bytes: &[u8],
+    ) -> Result<NodePart, BuildError> {
+        let reason = || format!("flow level {} takes more than 4 GiB; --flow-levels with fewer of them", level + 1);
+        let too_large = || StoreError::Unwritable { path: self.out.to_owned(), reason: reason() };
+        let len = u32::try_from(bytes.len()).map_err(|_| too_large())?;
+        writer.extend(&mut own.section, bytes)?;
+        Ok(NodePart { len, crc: crc32c::crc32c(bytes) })
     }
 
     fn carry(&self) -> Shuffle {

@@ -480,7 +480,8 @@ impl TrackBuild<'_> {
         };
         let next_length = plans.clock.get(number + 2).map(|next| next - plans.clock[number + 1]);
         let edge = joining.edge;
-        let step = FlowStep { layout, options: self.options, out: self.out, space: &space, next_length, edge };
+        let (options, out, clock) = (self.options, self.out, [plans.clock[number], plans.clock[number + 1]]);
+        let step = FlowStep { layout, options, out, interval: number, space: &space, clock, next_length, edge };
         if number == 0 && self.tracks.flow.levels != Some(0) {
             let mut first = FlowBuild::new(&self.tracks.flow, begin, &step);
             let regions = Regions::new(&step, begin, 0);

@@ -4,6 +4,7 @@ use super::annotation::Annotation;
 use super::error::PictureError;
 use super::left_out::LeftOut;
 use super::lettering::{self, Sheet};
+use super::paths::PathCounts;
 use crate::annotate::overlay::mix_into;
 use crate::color::transfer::{Levels, TransferFunction};
 use crate::color::{Colors, Image, composite, output};
@@ -64,6 +65,8 @@ pub struct ShownMoment {
     /// Particles that move along tracks, or where there are paths, how many tracks these are of; 0 where a stored step is shown
     /// without paths.
     pub tracks_drawn: u64,
+    /// Curves that the paths consist of: one for each track of an interval, or for a long track over several.
+    pub curves_drawn: u64,
     /// Mass of what fades from place to place, since its steps are too far apart.
     pub faded_mass: f64,
 }
@@ -74,7 +77,13 @@ impl ShownMoment {
         let Moment { step, u } = moment;
         let interval = (u > 0.0).then_some(step);
         let time = run.time(moment);
-        ShownMoment { time, step, interval, u, interpolation: Interpolation::Hold, tracks_drawn: 0, faded_mass: 0.0 }
+        let interpolation = Interpolation::Hold;
+        ShownMoment { time, step, interval, u, interpolation, tracks_drawn: 0, curves_drawn: 0, faded_mass: 0.0 }
+    }
+
+    /// With so many paths.
+    pub fn with_paths(self, counts: PathCounts) -> ShownMoment {
+        ShownMoment { tracks_drawn: counts.tracks, curves_drawn: counts.curves, ..self }
     }
 }
 

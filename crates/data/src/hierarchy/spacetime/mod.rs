@@ -1,5 +1,6 @@
 //! The space-time hierarchy of trajectories (F12 chapter 6): particles as tracks from step to step.
 
+pub mod chains;
 pub mod differences;
 pub mod flow;
 pub mod lattice;
@@ -8,6 +9,7 @@ pub mod motion;
 pub mod spline;
 pub mod tracks;
 
+pub use chains::{Chains, Links, LongTrack, Stretch, recorded_error};
 pub use differences::{chord, difference_at};
 pub use flow::{Before, ClusterList, Flow, Gathered, Traveller, flow_errors};
 pub use lattice::Lattice;

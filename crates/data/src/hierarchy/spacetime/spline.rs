@@ -35,6 +35,14 @@ impl HermiteSpline {
         (6.0 * u - 6.0 * u2) * (r1 - r0) + (3.0 * u2 - 4.0 * u + 1.0) * v0 + (3.0 * u2 - 2.0 * u) * v1
     }
 
+    /// The part of the same curve from one place to another, as a track over that part.
+    pub fn part(&self, [from, to]: [f64; 2]) -> HermiteSpline {
+        HermiteSpline {
+            positions: [from, to].map(|u| self.position(u)),
+            tangents: [from, to].map(|u| self.derivative(u) * (to - from)),
+        }
+    }
+
     /// The spline of the differences to another track over the same interval: how that one deviates from this one.
     #[inline]
     pub fn minus(&self, other: &HermiteSpline) -> HermiteSpline {
@@ -143,6 +151,12 @@ mod tests {
             let slope = (track.position(u + step) - track.position(u - step)) / (2.0 * step);
             let size = track.tangents[0].length() + track.tangents[1].length() + 1.0;
             prop_assert!((slope - track.derivative(u)).length() < 1e-6 * size);
+        }
+
+        #[test]
+        fn a_part_is_the_same_curve(track in track(), from in 0.0..0.5f64, to in 0.5..=1.0f64, u in 0.0..=1.0f64) {
+            let apart = track.part([from, to]).position(u) - track.position(from + u * (to - from));
+            prop_assert!(apart.length() < 1e-13 * (1.0 + track.weight_bound()));
         }
 
         #[test]

@@ -148,14 +148,29 @@ pub struct Moving {
 impl Interval {
     /// The spline of a track, world units.
     pub fn spline(&self, tracks: &Tracks, i: usize) -> HermiteSpline {
+        let [begin, end] = &tracks.ends;
+        self.spline_of([begin.places[i], end.places[i]], [begin.movements[i], end.movements[i]])
+    }
+
+    /// The spline between two states on the lattice, world units.
+    pub fn spline_of(&self, places: [[i64; 3]; 2], movements: [[i64; 3]; 2]) -> HermiteSpline {
         let unit = self.lattice.unit();
         HermiteSpline {
-            positions: [0, 1].map(|end| DVec3::from(self.lattice.position(tracks.ends[end].places[i]))),
+            positions: places.map(|place| DVec3::from(self.lattice.position(place))),
             tangents: [0, 1].map(|end| {
-                let movement = DVec3::from(tracks.ends[end].movements[i].map(|v| v as f64));
+                let movement = DVec3::from(movements[end].map(|v| v as f64));
                 movement * (unit * self.length / self.spans[end])
             }),
         }
+    }
+
+    /// How many edges of the periodic box so many units of the lattice are; `None` where that is no whole number.
+    pub(super) fn edges(&self, units: i64) -> Option<i64> {
+        if units == 0 {
+            return Some(0);
+        }
+        let edge = (self.box_size? / self.lattice.unit()).round() as i64;
+        (edge > 0 && units % edge == 0).then(|| units / edge)
     }
 
     /// Where what moves within these bounds may be drawn: what leaves a periodic box comes in again on the other side.

@@ -7,7 +7,7 @@ use super::RunFile;
 use super::layout::Section;
 use super::tracks::{NodePart, TrackCoding, TrackNode};
 use crate::codec::states::{BLOCK, as_before, decode, decode_unsigned, encode, encode_unsigned, float_of, round_float};
-use crate::hierarchy::spacetime::Tracks;
+use crate::hierarchy::spacetime::{Stretch, Tracks};
 use crate::store::error::{Damage, StoreError};
 use crate::store::wire::{Decoder, Encoder};
 
@@ -39,27 +39,38 @@ pub struct FlowTracks {
 /// Where the flow levels of a family over an interval lie in the file.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FlowParts {
-    /// All of them, level 1 first, one behind the other.
+    /// All of them, level 1 first, one behind the other, and then their long tracks.
     pub section: Section,
     /// Of each level: its tracks, bytes and checksum.
     pub levels: Vec<(u32, NodePart)>,
+    /// Of each level the same of its long tracks over each stretch that ends with the interval, the shortest first.
+    pub long: Vec<Vec<(u32, NodePart)>>,
 }
 
 impl FlowParts {
     pub(super) fn encode(&self, out: &mut Encoder) {
         out.section(self.section);
-        for (tracks, part) in &self.levels {
+        for (tracks, part) in self.parts() {
             [*tracks, part.len, part.crc].into_iter().for_each(|value| out.u32(value));
         }
     }
 
-    pub(super) fn decode(input: &mut Decoder, levels: usize) -> Result<FlowParts, Damage> {
+    /// All parts as they lie in the section.
+    fn parts(&self) -> impl Iterator<Item = &(u32, NodePart)> {
+        self.levels.iter().chain(self.long.iter().flatten())
+    }
+
+    /// Those over an interval, of so many levels.
+    pub(super) fn decode(input: &mut Decoder, interval: usize, levels: usize) -> Result<FlowParts, Damage> {
         let section = Section::decode(input)?;
         let mut value = || input.u32("a flow level");
-        let level = |_| Ok((value()?, NodePart { len: value()?, crc: value()? }));
-        let levels: Vec<(u32, NodePart)> = (0..levels).map(level).collect::<Result<_, Damage>>()?;
-        match levels.iter().map(|(_, part)| u64::from(part.len)).sum::<u64>() == section.len {
-            true => Ok(FlowParts { section, levels }),
+        let mut part = || Ok((value()?, NodePart { len: value()?, crc: value()? }));
+        let of_levels = (0..levels).map(|_| part()).collect::<Result<_, Damage>>()?;
+        let mut long = || Stretch::ending_with(interval).map(|_| part()).collect::<Result<_, Damage>>();
+        let long = (0..levels).map(|_| long()).collect::<Result<_, Damage>>()?;
+        let parts = FlowParts { section, levels: of_levels, long };
+        match parts.parts().map(|(_, part)| u64::from(part.len)).sum::<u64>() == section.len {
+            true => Ok(parts),
             false => Err(Damage::new(PLACE, "flow levels that fill their section")),
         }
     }

@@ -12,7 +12,7 @@ use std::path::PathBuf;
 /// First bytes of the file.
 pub const MAGIC: [u8; 8] = *b"\x89DFS\r\n\x1a\n";
 /// Version of the file.
-pub const VERSION: u32 = 5;
+pub const VERSION: u32 = 6;
 /// Bytes of the header that hold something; the rest of its block is zero.
 pub const HEADER_LEN: usize = 64;
 /// What messages call the directory.
@@ -185,8 +185,8 @@ impl Directory {
             1 => {
                 let layout = TrackLayout::decode(&mut input, steps.len())?;
                 let (families, levels) = (layout.families.len(), layout.flow_errors.len());
-                let interval = |_| IntervalTracks::decode(&mut input, families, levels);
-                let intervals = (1..steps.len()).map(interval).collect::<Result<_, _>>()?;
+                let interval = |interval| IntervalTracks::decode(&mut input, interval, families, levels);
+                let intervals = (0..steps.len().saturating_sub(1)).map(interval).collect::<Result<_, _>>()?;
                 (Some(layout), intervals)
             }
             other => return Err(Damage::new(PLACE, format!("tracks (1) or none (0), found {other}"))),

@@ -317,7 +317,13 @@ impl IntervalTracks {
         }
     }
 
-    pub(super) fn decode(input: &mut Decoder, families: usize, levels: usize) -> Result<IntervalTracks, Damage> {
+    /// Those over an interval.
+    pub(super) fn decode(
+        input: &mut Decoder,
+        interval: usize,
+        families: usize,
+        levels: usize,
+    ) -> Result<IntervalTracks, Damage> {
         let families = (0..families).map(|_| {
             let mut count = || input.u64("matches");
             let (matched, born, vanished) = (count()?, count()?, count()?);
@@ -348,7 +354,7 @@ impl IntervalTracks {
                 nodes: Section::decode(input)?,
                 index: Section::decode(input)?,
                 index_crc: input.u32("the checksum of an index")?,
-                flow: FlowParts::decode(input, levels)?,
+                flow: FlowParts::decode(input, interval, levels)?,
             })
         });
         Ok(IntervalTracks { families: families.collect::<Result<_, Damage>>()? })

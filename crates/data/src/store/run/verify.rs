@@ -3,7 +3,7 @@
 use super::layout::{HEADER_LEN, Section, Step};
 use super::tracks::TrackIndex;
 use super::{RunFile, in_step};
-use crate::hierarchy::spacetime::TrackFlags;
+use crate::hierarchy::spacetime::{Chains, Links, TrackFlags};
 use crate::model::{Bounds, Progress, ReadMethod};
 use crate::store::error::StoreError;
 use crate::store::layout::ALIGNMENT;
@@ -60,18 +60,26 @@ pub fn verify_run(path: &Path, progress: &dyn Progress) -> Result<VerifiedRun, S
         check_padding(&run, step.still)?;
     }
     let families = run.directory.tracks.as_ref().map_or(0, |tracks| tracks.families.len());
+    let mut chains = vec![vec![Chains::default(); run.flow_errors().len()]; families];
     for (number, interval) in run.directory.intervals.iter().enumerate() {
         let total = interval.families.iter().map(|family| family.tracks).sum();
         progress.begin(&format!("interval {number}: tracks"), total);
-        for family in 0..families {
-            all.tracks += verify_tracks(&run, number, family, progress)?;
+        for (family, chains) in chains.iter_mut().enumerate() {
+            all.tracks += verify_tracks(&run, number, family, chains, progress)?;
         }
     }
     Ok(all)
 }
 
-/// Verifies the tracks of a family over an interval; returns how many there are.
-fn verify_tracks(run: &RunFile, interval: usize, family: usize, progress: &dyn Progress) -> Result<u64, StoreError> {
+/// Verifies the tracks of a family over an interval; returns how many there are. `chains`: of each flow level the tracks over the intervals
+/// before.
+fn verify_tracks(
+    run: &RunFile,
+    interval: usize,
+    family: usize,
+    chains: &mut [Chains],
+    progress: &dyn Progress,
+) -> Result<u64, StoreError> {
     let found = run.family_tracks(interval, family)?;
     let index = run.track_index(interval, family)?;
     let space = run.interval(interval)?;
@@ -117,12 +125,19 @@ fn verify_tracks(run: &RunFile, interval: usize, family: usize, progress: &dyn P
     })?;
     check_padding(run, found.nodes)?;
     check_padding(run, found.index)?;
-    verify_flow(run, interval, family, &index)?;
+    verify_flow(run, interval, family, &index, chains)?;
     Ok(found.tracks)
 }
 
-/// Verifies the flow levels of a family over an interval: what they say of particles adds up on each level, and each cluster is one.
-fn verify_flow(run: &RunFile, interval: usize, family: usize, index: &TrackIndex) -> Result<(), StoreError> {
+/// Verifies the flow levels of a family over an interval: what they say of particles adds up on each level, and each cluster is one; long
+/// tracks are as near to those that they consist of as they say.
+fn verify_flow(
+    run: &RunFile,
+    interval: usize,
+    family: usize,
+    index: &TrackIndex,
+    chains: &mut [Chains],
+) -> Result<(), StoreError> {
     let found = run.family_tracks(interval, family)?;
     if found.flow.levels.is_empty() {
         return Ok(());
@@ -156,6 +171,15 @@ fn verify_flow(run: &RunFile, interval: usize, family: usize, index: &TrackIndex
             }
         }
         finer = sums;
+        let clock = &run.tracks()?.clock;
+        let clock = [clock[interval], clock[interval + 1]];
+        let links = Links::of_interval(&flow.tracks, &flow.clusters, run.interval(interval)?, clock);
+        let error = run.flow_errors()[level - 1];
+        chains[level - 1].push(interval, links, |stretch, first, second| {
+            let long = run.long_tracks(stretch, family, level)?;
+            let expected = "long tracks of one matter, within their errors of what they consist of";
+            first.follow(second, &long, error).ok_or_else(|| wrong(level, expected))
+        })?;
     }
     check_padding(run, found.flow.section)
 }

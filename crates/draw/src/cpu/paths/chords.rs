@@ -27,6 +27,10 @@ const HEAD_LENGTH: f32 = 2.5;
 const MOST_IMAGES: i32 = 3;
 /// The colour of what of a path is not meant, gamma-encoded sRGB.
 pub const OTHERS: [u8; 3] = [96; 3];
+/// How much faster a curve over several intervals may be at one end of a chord than at the other.
+const EVEN_PACE: f32 = 1.25;
+/// How far the colours there may be apart, of 255.
+const EVEN_COLOR: u8 = 12;
 /// Coordinates beyond this are of no picture, world units from the node.
 const FARTHEST: f32 = 1e30;
 /// How far from its middle a face of a panorama has paths; its edge is at 1, and what reaches into it begins a little beyond.
@@ -61,7 +65,7 @@ impl Drawn<'_> {
     }
 }
 
-/// A part of an interval.
+/// A part of an interval, or several whole ones.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Part {
     /// Where it begins and ends, from 0 to 1.
@@ -72,8 +76,10 @@ pub struct Part {
     pub head: bool,
     /// Place in the whole time that is drawn, from 0 to 1, at both ends.
     pub place: [f32; 2],
-    /// Number of the interval.
+    /// Number of the interval, the first of several.
     pub interval: usize,
+    /// How many intervals; what a curve over several looks like is as fine in time as over each.
+    pub intervals: usize,
 }
 
 /// Half-spaces that chords are cut to, in camera coordinates: `normal . at + offset >= 0`.
@@ -375,9 +381,11 @@ impl<'a> Chopper<'a> {
         if in_front {
             let pixels = points.map(|at| self.lens.pixel(at));
             let wanted = if self.style.highlights.is_some() { HIGHLIGHT_HALVINGS } else { 0 };
-            if halvings >= MOST_HALVINGS
-                || (halvings >= wanted && is_flat(&pixels) && self.lens.is_short(pixels[0], pixels[3]))
-            {
+            let is_done = || {
+                let is_straight = halvings >= wanted && is_flat(&pixels) && self.lens.is_short(pixels[0], pixels[3]);
+                is_straight && self.is_even(course, &piece, halvings)
+            };
+            if halvings >= MOST_HALVINGS || is_done() {
                 return self.stroke(course, &piece, &pixels, out);
             }
             if halvings > 0 && !self.may_be_seen(points, course.half) {
@@ -397,6 +405,25 @@ impl<'a> Chopper<'a> {
         let shares = [[piece.share[0], at], [at, piece.share[1]]];
         self.divide(course, Piece { points: first, share: shares[0], directions: [from, direction] }, halvings, out);
         self.divide(course, Piece { points: second, share: shares[1], directions: [direction, to] }, halvings, out);
+    }
+
+    /// Whether the piece of a curve over several intervals looks the same from one end to the other, as far as it is longer than one.
+    fn is_even(&self, course: &Course<'_>, piece: &Piece, halvings: u32) -> bool {
+        if 1_usize.checked_shl(halvings).is_none_or(|pieces| pieces >= course.part.intervals) {
+            return true;
+        }
+        let [a, b, c, d] = piece.points;
+        let (from, to) = ((b - a).length(), (d - c).length());
+        if from.max(to) > EVEN_PACE * from.min(to) {
+            return false;
+        }
+        // As it would be if all of it were as fast as one end.
+        let color = |third: Vec3, share: f32| {
+            let points = [a, a + third, a + 2.0 * third, a + 3.0 * third];
+            course.color.unwrap_or_else(|| self.color(course, &Piece { points, ..*piece }, share))
+        };
+        let (from, to) = (color(b - a, piece.share[0]), color(d - c, piece.share[1]));
+        from.iter().zip(to).all(|(from, to)| from.abs_diff(to) <= EVEN_COLOR)
     }
 
     /// The stroke of a piece that is straight.

@@ -29,7 +29,7 @@ fn view(projection: Projection) -> View {
     View::look_at(DVec3::new(0.3, 0.2, 6.0), DVec3::ZERO, DVec3::Y, projection, 320, 240).unwrap()
 }
 
-const WHOLE: Part = Part { u: [0.0, 1.0], fade: [1.0, 1.0], head: true, place: [0.0, 1.0], interval: 0 };
+const WHOLE: Part = Part { u: [0.0, 1.0], fade: [1.0, 1.0], head: true, place: [0.0, 1.0], interval: 0, intervals: 1 };
 
 fn strokes(view: &View, curves: &Curves, style: &Style, part: Part, box_size: Option<f64>) -> Vec<Stroke> {
     let mut out = Vec::new();

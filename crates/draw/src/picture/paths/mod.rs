@@ -4,6 +4,7 @@
 mod colors;
 mod kept;
 mod levels;
+mod long;
 mod members;
 mod picking;
 mod shares;
@@ -61,12 +62,21 @@ pub struct PathRequest<'a> {
     pub transfer: &'a TransferFunction,
 }
 
+/// How many paths were drawn.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct PathCounts {
+    /// Tracks that have a path in the picture, of the interval where they are most.
+    pub tracks: u64,
+    /// Curves that all paths consist of: one for a track over an interval, or for a long one over several.
+    pub curves: u64,
+}
+
 /// Paths of a run.
 pub struct PathLayer {
     run: Arc<RunFile>,
     canvas: Canvas,
     indices: HashMap<[u32; 2], Arc<TrackIndex>>,
-    kept: Kept,
+    kept: Kept<Place, Curves>,
     flow: levels::FlowKept,
     /// What was kept is of these members, with this attribute.
     kept_of: (Option<members::Whose>, Option<String>),
@@ -115,14 +125,19 @@ pub struct ChosenPaths {
 }
 
 impl ChosenPaths {
-    /// How many tracks were drawn, in the interval where they are most.
-    pub fn tracks(&self) -> u64 {
+    /// How many were drawn.
+    pub fn counts(&self) -> PathCounts {
         let mut of_intervals: HashMap<(usize, bool), u64> = HashMap::new();
-        for (own, seen) in self.chosen.iter().zip(&self.seen) {
-            *of_intervals.entry((own.part.interval, own.part.head)).or_default() +=
-                seen.iter().filter(|seen| **seen).count() as u64;
+        let mut curves = 0;
+        for (Chosen { part, .. }, seen) in self.chosen.iter().zip(&self.seen) {
+            let count = seen.iter().filter(|seen| **seen).count() as u64;
+            let last = part.interval + part.intervals - 1;
+            for interval in part.interval..=last {
+                *of_intervals.entry((interval, part.head && interval == last)).or_default() += count;
+            }
+            curves += count;
         }
-        of_intervals.into_values().max().unwrap_or(0)
+        PathCounts { tracks: of_intervals.into_values().max().unwrap_or(0), curves }
     }
 }
 
@@ -137,8 +152,8 @@ impl PathLayer {
             run,
             canvas: Canvas::default(),
             indices: HashMap::new(),
-            kept: Kept::within(budget_bytes),
-            flow: levels::FlowKept::default(),
+            kept: Kept::within(budget_bytes / 2),
+            flow: levels::FlowKept::within(budget_bytes / 2),
             kept_of: (None, None),
             members: members::Found::default(),
             shares: shares::Shares::default(),
@@ -150,14 +165,19 @@ impl PathLayer {
         &self.run
     }
 
-    /// Reads what is not here yet, and projects all paths; returns how many tracks are drawn, in the interval where they are most.
+    /// Reads what is not here yet, and projects all paths; returns how many are drawn.
     ///
     /// # Errors
     /// Where the run cannot be read, or the settings name what there is not.
-    pub fn gather(&mut self, request: &PathRequest<'_>) -> Result<u64, PictureError> {
-        let mut paths = self.choose_for(request, &Sight::flat([*request.view], request.view.height))?;
+    pub fn gather(&mut self, request: &PathRequest<'_>) -> Result<PathCounts, PictureError> {
+        self.gather_chosen(request, true)
+    }
+
+    /// The same with long tracks, or without.
+    fn gather_chosen(&mut self, request: &PathRequest<'_>, with_long: bool) -> Result<PathCounts, PictureError> {
+        let mut paths = self.choose(request, &Sight::flat([*request.view], request.view.height), with_long)?;
         self.project(&mut paths, request.view, None);
-        Ok(paths.tracks())
+        Ok(paths.counts())
     }
 
     /// Reads what is not here yet of all views of a picture, and finds what its paths look like in each of them.
@@ -165,8 +185,17 @@ impl PathLayer {
     /// # Errors
     /// As [`PathLayer::gather`].
     pub fn choose_for(&mut self, request: &PathRequest<'_>, sight: &Sight) -> Result<ChosenPaths, PictureError> {
+        self.choose(request, sight, true)
+    }
+
+    fn choose(
+        &mut self,
+        request: &PathRequest<'_>,
+        sight: &Sight,
+        with_long: bool,
+    ) -> Result<ChosenPaths, PictureError> {
         let box_size = self.run.tracks()?.box_size;
-        let Some(Selected { chosen, families, parts }) = self.select(request, sight)? else {
+        let Some(Selected { chosen, families, parts }) = self.select(request, sight, with_long)? else {
             let style = style(request, sight.height, &[], 1.0);
             return Ok(ChosenPaths { chosen: Vec::new(), style, box_size, seen: Vec::new() });
         };
@@ -197,8 +226,14 @@ impl PathLayer {
         self.canvas.each_seen(|number, place| seen[drawn[number]][place] = true);
     }
 
-    /// Reads what is not here yet of what a picture shows; `None` where that are nobody's paths.
-    fn select(&mut self, request: &PathRequest<'_>, sight: &Sight) -> Result<Option<Selected>, PictureError> {
+    /// Reads what is not here yet of what a picture shows, with long tracks where they are near enough, if those are wanted; `None` where
+    /// that are nobody's paths.
+    fn select(
+        &mut self,
+        request: &PathRequest<'_>,
+        sight: &Sight,
+        with_long: bool,
+    ) -> Result<Option<Selected>, PictureError> {
         let settings = request.settings;
         let wanted = self.members.of(&self.run, request)?;
         if wanted.as_ref().is_some_and(members::Whose::is_empty) {
@@ -213,6 +248,7 @@ impl PathLayer {
             self.kept_of = kept_of;
         }
         self.kept.begin();
+        self.flow.begin();
         let layout = self.run.tracks()?;
         let parts = window::parts(settings, request.moment, &layout.clock);
         let shown = layout.families.iter().enumerate().filter(|(_, own)| request.families.contains(&own.name));
@@ -220,10 +256,24 @@ impl PathLayer {
         let box_size = layout.box_size;
         let focus = self.focus(request)?;
         let choice = Choice { request, sight, offsets: sight.offsets(), box_size, focus };
+        let levels = self.run.flow_errors().len();
+        let level = match settings.level {
+            _ if levels == 0 => Some(0),
+            Some(level) => Some((level as usize).min(levels)),
+            None => None,
+        };
+        // Of a selection another share may be in each interval.
+        let with_long = with_long && level != Some(0) && self.kept_of.0.is_none();
         let mut chosen = Vec::new();
         for &family in &families {
             for part in &parts {
-                self.choose(&choice, family, *part, &mut chosen)?;
+                match level {
+                    Some(0) => self.particles(&choice, family, *part, None, &mut chosen)?,
+                    level => self.choose_flow(&choice, family, *part, level, &mut chosen)?,
+                }
+            }
+            if with_long {
+                self.lengthen(&choice, family, &mut chosen)?;
             }
         }
         Ok(Some(Selected { chosen, families, parts }))
@@ -263,24 +313,11 @@ impl PathLayer {
         Ok(index)
     }
 
-    /// Chooses what is drawn of a family in a part of an interval: clusters of flow levels, or particles.
-    fn choose(
-        &mut self,
-        choice: &Choice<'_>,
-        family: u32,
-        part: Part,
-        chosen: &mut Vec<Chosen>,
-    ) -> Result<(), PictureError> {
-        let levels = self.run.flow_errors().len();
-        let finest = match choice.request.settings.level {
-            _ if levels == 0 => Some(0),
-            Some(level) => Some((level as usize).min(levels)),
-            None => None,
-        };
-        match finest {
-            Some(0) => self.particles(choice, family, part, None, chosen),
-            level => self.choose_flow(choice, family, part, level, chosen),
-        }
+    /// The number of the attribute that colours paths in a family.
+    fn attribute_of(&self, family: u32) -> Option<usize> {
+        let name = self.kept_of.1.as_ref()?;
+        let own = &self.run.tracks().ok()?.families.get(family as usize)?.attributes;
+        own.iter().position(|(own, _)| own == name)
     }
 
     /// The particles' own paths that may be in view; of `open` those of the flow tracks of level 1 that are refined.
@@ -300,10 +337,7 @@ impl PathLayer {
         };
         let place = |number: usize| -> Place { [part.interval as u32, family, 0, number as u32] };
         let leaves = || index.nodes.iter().enumerate().filter(|(_, node)| node.is_leaf() && in_view(node));
-        let attribute = self.kept_of.1.as_ref().and_then(|name| {
-            let own = &self.run.tracks().ok()?.families.get(family as usize)?.attributes;
-            own.iter().position(|(own, _)| own == name)
-        });
+        let attribute = self.attribute_of(family);
         let missing: Vec<_> = leaves().filter(|(number, _)| !self.kept.has(&place(*number))).collect();
         let (run, wanted) = (&self.run, &self.kept_of.0);
         let read = |(number, node): &(usize, &crate::store::run::TrackNode)| -> Result<_, StoreError> {
@@ -314,7 +348,9 @@ impl PathLayer {
             Ok((*number, Curves::new(&tracks, &interval, attribute, keep)))
         };
         let found = missing.par_iter().map(read).collect::<Result<Vec<_>, _>>()?;
-        found.into_iter().for_each(|(number, curves)| self.kept.put(place(number), curves));
+        for (number, curves) in found {
+            self.kept.put(place(number), curves);
+        }
         for (number, node) in leaves() {
             let which = match open {
                 None => None,
@@ -384,7 +420,9 @@ fn reached(bounds: Bounds, box_size: Option<f64>, unwrapped: bool) -> Bounds {
 /// The settings in pixels of a picture of that height, with the colours of what is drawn.
 fn style(request: &PathRequest<'_>, height: u32, chosen: &[Chosen], mean_mass: f64) -> Style {
     let settings = request.settings;
-    let curves: Vec<Arc<Curves>> = chosen.iter().map(|own| Arc::clone(&own.curves)).collect();
+    // Long tracks are no more of what there is: colours are the same with them.
+    let single = chosen.iter().filter(|own| own.part.intervals == 1);
+    let curves: Vec<Arc<Curves>> = single.map(|own| Arc::clone(&own.curves)).collect();
     let mut palette = colors::palette(settings, request.depiction, request.transfer, &curves);
     if let Quantity::Plain(color) = palette.quantity {
         palette = crate::cpu::paths::Palette::plain(color);

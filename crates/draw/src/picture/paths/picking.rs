@@ -51,7 +51,7 @@ impl PathLayer {
         reach: f64,
     ) -> Result<Option<PickedPath>, PictureError> {
         let sight = Sight::flat([*request.view], request.view.height);
-        let Some(Selected { chosen, .. }) = self.select(request, &sight)? else { return Ok(None) };
+        let Some(Selected { chosen, .. }) = self.select(request, &sight, false)? else { return Ok(None) };
         let offsets: Vec<DVec3> = request.view.images.offsets().collect();
         let nearest = |own: &Chosen| -> Option<(f64, u32)> {
             let near = |i: u32| {

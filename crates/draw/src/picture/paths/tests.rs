@@ -10,7 +10,7 @@ use proptest::prelude::*;
 
 const SAMPLING: Sampling = Sampling { oversampling: 1.5, density: 1.5, margin: 0 };
 const EYE: DVec3 = DVec3::new(0.5, -0.25, 1.0);
-const WHOLE: Part = Part { u: [0.0, 1.0], fade: [1.0, 1.0], head: true, place: [0.0, 1.0], interval: 0 };
+const WHOLE: Part = Part { u: [0.0, 1.0], fade: [1.0, 1.0], head: true, place: [0.0, 1.0], interval: 0, intervals: 1 };
 
 fn style(shape: PathShape, width: f32) -> Style {
     Style {

@@ -47,6 +47,7 @@ pub fn parts(settings: &PathSettings, moment: Moment, clock: &[f64]) -> Vec<Part
             head: is_head,
             place: places.map(|place| ((place - ends[0]) / whole) as f32),
             interval,
+            intervals: 1,
         }
     };
     let mut parts = Vec::new();

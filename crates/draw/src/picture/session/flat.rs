@@ -11,7 +11,7 @@ use crate::picture::hiding::{self, Hiding};
 use crate::picture::left_out::LeftOut;
 use crate::picture::paths::PathLayer;
 use crate::picture::times::Times;
-use crate::picture::{Picture, PictureError, ShownMoment, Subject};
+use crate::picture::{Picture, PictureError, Subject};
 use crate::store::{NodeRef, Tree};
 use crate::stream::SceneNode;
 use crate::view::{Hidden, View};
@@ -147,7 +147,7 @@ impl Session {
             }
         }
         let mut values = picture.values;
-        let (mut tracks, mut on_top) = (None, None);
+        let (mut counts, mut on_top) = (None, None);
         if has_paths {
             // Everything is read before times are measured.
             self.gather_paths(shown)?;
@@ -156,7 +156,7 @@ impl Session {
             values = times.frame(|times| {
                 let mut among: Option<PathFragments> = None;
                 if has_paths {
-                    tracks = Some(times.measure("paths", || self.gather_paths(shown))?);
+                    counts = Some(times.measure("paths", || self.gather_paths(shown))?);
                     times.measure("paths", || match takes_paths {
                         true => among = self.paths.as_ref().map(PathLayer::fragments),
                         false => on_top = self.paths.as_ref().map(|layer| Arc::new(layer.colors())),
@@ -181,8 +181,7 @@ impl Session {
                 }
             }
         }
-        let told = |moment: ShownMoment| ShownMoment { tracks_drawn: tracks.unwrap_or(moment.tracks_drawn), ..moment };
-        let moment = picture.moment.map(told);
+        let moment = picture.moment.map(|moment| counts.map_or(moment, |counts| moment.with_paths(counts)));
         Ok((Picture { values, left_out, moment, paths: on_top, ..picture }, selection.hidden))
     }
 

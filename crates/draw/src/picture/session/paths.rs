@@ -5,9 +5,9 @@ use crate::look::LookPatch;
 use crate::mode::PathsOf;
 use crate::model::FamilyName;
 use crate::modes;
-use crate::picture::paths::{ChosenPaths, KEPT_BYTES, PathLayer, PathRequest, Sight};
+use crate::picture::paths::{ChosenPaths, KEPT_BYTES, PathCounts, PathLayer, PathRequest, Sight};
 use crate::picture::times::Times;
-use crate::picture::{Picture, PictureError, ShownMoment};
+use crate::picture::{Picture, PictureError};
 use glam::DVec3;
 use std::sync::Arc;
 use std::time::Instant;
@@ -75,9 +75,9 @@ impl Session {
         done.map(Some)
     }
 
-    /// Reads and projects the paths of a picture; how many tracks they are of.
-    pub(super) fn gather_paths(&mut self, shown: &Shown<'_>) -> Result<u64, PictureError> {
-        Ok(self.with_layer(shown, PathLayer::gather)?.unwrap_or(0))
+    /// Reads and projects the paths of a picture; how many they are.
+    pub(super) fn gather_paths(&mut self, shown: &Shown<'_>) -> Result<PathCounts, PictureError> {
+        Ok(self.with_layer(shown, PathLayer::gather)?.unwrap_or_default())
     }
 
     /// Reads the paths of a picture that is put together from several views.
@@ -96,19 +96,19 @@ impl Session {
             return Err(self.no_paths());
         }
         let blank = self.blank(shown, shown.view)?;
-        let (mut values, mut tracks) = (blank.values, 0);
+        let (mut values, mut counts) = (blank.values, PathCounts::default());
         // Everything is read before times are measured.
         let start = Instant::now();
         self.gather_paths(shown)?;
         times.note("load", start.elapsed() + self.loading.take().unwrap_or_default());
         for _ in 0..self.options.repeat.max(1) {
-            (values, tracks) = times.frame(|times| {
-                let tracks = times.measure("project", || self.gather_paths(shown))?;
+            (values, counts) = times.frame(|times| {
+                let counts = times.measure("project", || self.gather_paths(shown))?;
                 let colors = times.measure("draw", || self.paths.as_ref().map(PathLayer::colors));
-                Ok::<_, PictureError>((modes::paths::picture(shown.view.width, shown.view.height, colors), tracks))
+                Ok::<_, PictureError>((modes::paths::picture(shown.view.width, shown.view.height, colors), counts))
             })?;
         }
-        let moment = blank.moment.map(|moment| ShownMoment { tracks_drawn: tracks, ..moment });
+        let moment = blank.moment.map(|moment| moment.with_paths(counts));
         Ok(Picture { values, moment, milliseconds: times.medians(), ..blank })
     }
 
@@ -119,9 +119,9 @@ impl Session {
         shown: &Shown<'_>,
         times: &mut Times,
     ) -> Result<Picture, PictureError> {
-        let tracks_drawn = times.measure("paths", || self.gather_paths(shown))?;
+        let counts = times.measure("paths", || self.gather_paths(shown))?;
         let paths = times.measure("paths", || self.paths.as_ref().map(|layer| Arc::new(layer.colors())));
-        let moment = picture.moment.map(|moment| ShownMoment { tracks_drawn, ..moment });
+        let moment = picture.moment.map(|moment| moment.with_paths(counts));
         Ok(Picture { moment, paths, ..picture })
     }
 }

@@ -10,7 +10,7 @@ use crate::picture::left_out::LeftOut;
 use crate::picture::paths::ChosenPaths;
 use crate::picture::projected::{Means, Projector};
 use crate::picture::times::Times;
-use crate::picture::{Picture, PictureError, ShownMoment};
+use crate::picture::{Picture, PictureError};
 use crate::store::Tree;
 use std::sync::Arc;
 
@@ -72,11 +72,9 @@ impl Session {
             false => (on_processor.then_some(tally.counts.outside), Some(tally.counts.drawn)),
         };
         let blank = self.blank(shown, projector.base)?;
-        let told = |moment: ShownMoment| ShownMoment {
-            tracks_drawn: paths.as_ref().map_or(moment.tracks_drawn, ChosenPaths::tracks),
-            ..moment
-        };
-        let moment = self.shown_moment(tally.particles).map(told);
+        let counts = paths.as_ref().map(ChosenPaths::counts);
+        let moment = self.shown_moment(tally.particles);
+        let moment = moment.map(|moment| counts.map_or(moment, |counts| moment.with_paths(counts)));
         Ok(Picture {
             values,
             converged: tally.converged,
@@ -105,7 +103,7 @@ impl Session {
         let layer = self.paths.as_mut().map(|layer| (layer, &mut paths));
         let mut means = Means { scene: &mut self.scene, adapter: None, reporter: &*self.reporter, paths: layer };
         let colors = times.measure("frame", || projector.paths(&mut means))?;
-        let moment = blank.moment.map(|moment| ShownMoment { tracks_drawn: paths.tracks(), ..moment });
+        let moment = blank.moment.map(|moment| moment.with_paths(paths.counts()));
         let values = modes::paths::picture(colors.width, colors.height, Some(colors));
         Ok(Picture { values, moment, milliseconds: times.medians(), ..blank })
     }
