@@ -9,6 +9,7 @@ mod support;
 mod budgets;
 mod desktop;
 mod frames;
+mod growing;
 mod ids;
 mod looking;
 mod network;

@@ -1,6 +1,6 @@
 //! A run in the window: keys and the dock go from step to step, time plays, and the camera and settings stay as they are.
 
-use super::desktop::{Desktop, Program, choose, columns, keep};
+use super::desktop::{Desktop, Program, choose, click, columns, keep, middle, repeat};
 use crate::support::run;
 use serde_json::Value;
 use std::path::Path;
@@ -230,4 +230,42 @@ fn colours_are_for_the_whole_run() {
         });
         assert_eq!((&back["ranges"], &back["time"]["playing"]), (&begin["ranges"], &true.into()));
     }
+}
+
+/// Who is in a sphere at the first step is kept, counted where they have gone, and plotted over the run.
+#[test]
+fn particles_are_kept_wherever_they_go_and_plotted_over_time() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    series(folder);
+    let desktop = Desktop::with_screen([1280, 720]);
+    let more = ["--backend", "cpu", "--mode", "column-density"];
+    let mut program = Program::open(&desktop, folder, &folder.join("run.df"), [1280, 720], &more);
+    let is_settled = |status: &Value| status["converged"] == true && status["time"]["there"] == true;
+    let begin = program.wait("the first step", is_settled);
+    desktop.focus(desktop.window().expect("a window of the size that was asked for"));
+    click(&program, &desktop, "tool:Sphere", |status| status["looking"]["tool"] == "Sphere");
+    let at = middle(&begin);
+    let draw = || desktop.drag(at, [at[0] + 80, at[1]]);
+    let probed = repeat(&program, "a probe", draw, |status| status["looking"]["probe"].is_object());
+    let count = probed["looking"]["probe"]["count"].as_f64().unwrap();
+    assert!(count > 10.0 && count < 400.0, "{count}");
+    let kept = click(&program, &desktop, "keep-particles", |status| {
+        status["settings"]["selections"].as_array().is_some_and(|all| all.len() == 1)
+    });
+    assert!(kept["settings"]["selections"][0]["members"].to_string().contains("Tracked"), "{}", kept["settings"]);
+    // Two steps on the ball has moved by 0.8, and they with it.
+    (0..2).for_each(|_| {
+        desktop.press(u32::from('.'));
+        std::thread::sleep(std::time::Duration::from_millis(400));
+    });
+    let end = program.wait("the last step", |status| is_settled(status) && status["time"]["step"] == 2);
+    let found = program.wait("who was kept", |status| status["looking"]["found"][0]["count"].is_number());
+    assert_eq!(found["looking"]["found"][0]["count"].as_f64(), Some(count), "{}", found["looking"]);
+    assert_eq!(end["eye"], begin["eye"]);
+    click(&program, &desktop, "selection:0:over-time", |status| {
+        status["controls"].as_object().is_some_and(|all| all.keys().any(|name| name.starts_with("over-time:")))
+    });
+    program.reveal(&desktop, "over-time:Way of its centre");
+    keep(&desktop, "series-over-time.png");
 }
