@@ -472,10 +472,10 @@ fn tables_of_comoving_runs_are_physical_on_request() {
     for quantity in ["x", "z", "vx", "vz", "density"] {
         let (ours, theirs) = (of("begins.csv", quantity), of("physical.csv", quantity));
         let largest = theirs.values().fold(0.0f64, |largest, value| largest.max(value.abs()));
-        assert!(
-            ours.len() == 200 && ours.iter().all(|(id, value)| (value - theirs[id]).abs() < 1e-9 * largest),
-            "{quantity}"
-        );
+        // What is rounded to a face of the box is on either side of it.
+        let edge = if ["x", "z"].contains(&quantity) { 100.0 * at } else { f64::INFINITY };
+        let off = |(id, value): (&u64, &f64)| (value - theirs[id]).abs().min(((value - theirs[id]).abs() - edge).abs());
+        assert!(ours.len() == 200 && ours.iter().map(off).all(|off| off < 1e-9 * largest), "{quantity}");
     }
     // Over time: of everybody the mean of both.
     ok(folder, &["probe", "run.df", "--sphere", "50,50,50,20", "--over-time", "-o", "over.csv"]);
@@ -500,8 +500,9 @@ fn tables_of_comoving_runs_are_physical_on_request() {
     let (stored, physical) = (row("over.csv"), row("over-physical.csv"));
     assert!((physical[5] / stored[5] - at).abs() < 1e-12 && (physical[9] / stored[9] - at.sqrt()).abs() < 1e-12);
     // What does not expand is physical already.
-    ok(folder, &["select", "there.csv", "--frame", "physical", "-o", "same.csv"]);
-    assert_eq!(of("there.csv", "x"), of("same.csv", "x"));
+    snapshots(folder);
+    ok(folder, &["select", "turn_8.csv", "--frame", "physical", "-o", "same.csv"]);
+    assert_eq!(of("turn_8.csv", "x"), of("same.csv", "x"));
 }
 
 /// A snapshot of gas that moves evenly along x, as Gadget's HDF5 files have it: its time, ids, box, and an attribute where it has one.
@@ -567,7 +568,7 @@ fn input_that_makes_no_run_is_refused_in_one_line_and_nothing_is_left() {
     refused(&["pc.csv", "k.csv", "--times", "steps"], &["k.csv", "lengths"]);
     refused(&["s_0.hdf5", "wide.hdf5"], &["wide.hdf5", "10.1"]);
     refused(&["s_0.hdf5", "none.hdf5"], &["gas: ids: missing in none.hdf5", "--match order", "--stills-only"]);
-    refused(&["s_0.hdf5", "shared.hdf5"], &["shared.hdf5", "--match"]);
+    refused(&["s_0.hdf5", "shared.hdf5"], &["gas: ids: found 9 of 40 that others have too", "--match"]);
     refused(&["s_0.hdf5", "fewer.hdf5", "--match", "order"], &["40", "39"]);
     refused(&["s_0.hdf5", "hot.hdf5", "--attributes", "temperature"], &["s_0.hdf5", "attribute temperature"]);
     // What is only a note.

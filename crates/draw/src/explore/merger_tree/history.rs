@@ -52,7 +52,9 @@ impl MergerTree {
                 radius: halo.radius,
                 mass: halo.mass,
                 mergers: merged().count(),
-                merged_mass: merged().filter_map(|other| self.haloes[*other as usize].mass).sum(),
+                merged_mass: merged()
+                    .filter_map(|other| self.haloes[*other as usize].mass)
+                    .fold(0.0, |sum, mass| sum + mass),
             }
         };
         chain.iter().enumerate().map(at).collect()
