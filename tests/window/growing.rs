@@ -13,7 +13,8 @@ fn steps_appear_as_they_are_written() {
     }
     let made = run(folder, &["synth", "orbits", "-n", "2000", "--steps", "4", "-o", "written/run"]);
     assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
-    let mut files: Vec<_> = std::fs::read_dir(folder.join("written")).unwrap().map(|file| file.unwrap().path()).collect();
+    let mut files: Vec<_> =
+        std::fs::read_dir(folder.join("written")).unwrap().map(|file| file.unwrap().path()).collect();
     files.sort();
     let place = |i: usize| folder.join("out").join(files[i].file_name().unwrap());
     (0..2).for_each(|i| drop(std::fs::copy(&files[i], place(i)).unwrap()));
