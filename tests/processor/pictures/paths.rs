@@ -33,13 +33,12 @@ fn drawn(folder: &Path, config: &str, arguments: &[&str]) -> (Image, u64) {
 /// Light of the columns of a picture.
 fn columns(image: &Image, range: std::ops::Range<usize>) -> Vec<f64> {
     let rows = image.rgba.chunks(image.width as usize);
-    let sums = rows.fold(vec![0.0; range.len()], |mut sums, row| {
+    rows.fold(vec![0.0; range.len()], |mut sums, row| {
         for (sum, pixel) in sums.iter_mut().zip(&row[range.clone()]) {
             *sum += pixel[..3].iter().map(|part| f64::from(*part)).sum::<f64>();
         }
         sums
-    });
-    sums
+    })
 }
 
 /// Where the light of columns has its middle.
