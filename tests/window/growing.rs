@@ -17,7 +17,9 @@ fn steps_appear_as_they_are_written() {
         std::fs::read_dir(folder.join("written")).unwrap().map(|file| file.unwrap().path()).collect();
     files.sort();
     let place = |i: usize| folder.join("out").join(files[i].file_name().unwrap());
-    (0..2).for_each(|i| drop(std::fs::copy(&files[i], place(i)).unwrap()));
+    let write = |i: usize| std::fs::copy(&files[i], place(i)).unwrap();
+    write(0);
+    write(1);
     let desktop = Desktop::with_screen([960, 600]);
     let more = ["--follow-folder", "--backend", "cpu", "--mode", "column-density"];
     let mut program = Program::open(&desktop, folder, &folder.join("out"), [960, 600], &more);
@@ -31,7 +33,7 @@ fn steps_appear_as_they_are_written() {
     desktop.focus(desktop.window().expect("a window of the size that was asked for"));
     desktop.press(u32::from('.'));
     let before = program.wait("the second step", |status| has(2)(status) && status["time"]["step"] == 1);
-    std::fs::copy(&files[2], place(2)).unwrap();
+    write(2);
     let after = program.wait("a third one", has(3));
     for key in ["eye", "target", "mode"] {
         assert_eq!(before[key], after[key], "{key}");
