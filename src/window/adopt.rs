@@ -89,7 +89,8 @@ pub(crate) fn adopt_opened(
     notices.info(match members.len() {
         1 if keeps => {
             let steps = run.as_ref().and_then(|(data, _)| Some(data.run()?.times().times.len())).unwrap_or_default();
-            format!("{steps} steps of the run are there")
+            let moves = if tracks.is_some() { ", and what moves between them" } else { "" };
+            format!("{steps} steps of the run are there{moves}")
         }
         1 => format!("opened {}", path.display()),
         more => format!("opened {} with {} more", path.display(), more - 1),

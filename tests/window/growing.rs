@@ -45,7 +45,8 @@ fn steps_appear_as_they_are_written() {
     std::thread::sleep(std::time::Duration::from_secs(5));
     let half = program.status();
     assert_eq!(half["time"]["steps_ready"], 3, "{half:#}");
-    assert_eq!((&half["time"]["damaged"], &half["messages"]), (&after["time"]["damaged"], &after["messages"]));
+    assert_eq!(half["time"]["damaged"].as_array().map(Vec::len), Some(0));
+    assert!(!half["messages"].to_string().contains("run_003"), "{}", half["messages"]);
     std::fs::write(place(3), &whole).unwrap();
     program.wait("the fourth one", has(4));
 }

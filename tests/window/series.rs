@@ -246,7 +246,7 @@ fn particles_are_kept_wherever_they_go_and_plotted_over_time() {
     desktop.focus(desktop.window().expect("a window of the size that was asked for"));
     click(&program, &desktop, "tool:Sphere", |status| status["looking"]["tool"] == "Sphere");
     let at = middle(&begin);
-    let draw = || desktop.drag(at, [at[0] + 80, at[1]]);
+    let draw = || desktop.drag(at, [at[0] + 200, at[1]]);
     let probed = repeat(&program, "a probe", draw, |status| status["looking"]["probe"].is_object());
     let count = probed["looking"]["probe"]["count"].as_f64().unwrap();
     assert!(count > 10.0 && count < 400.0, "{count}");
