@@ -105,14 +105,14 @@ proptest! {
         }
     }
 
-    /// A ball is as large in every direction.
+    /// A ball is as large in every direction, as long as it is small: sizes on a face are those in the ball's middle.
     #[test]
     fn heads_are_as_large_in_every_direction(at in direction(), distance in 0.5..2.0f64) {
         let place = EYE + distance * at;
         let curves = Curves::of(&[HermiteSpline { positions: [place; 2], tangents: [DVec3::ZERO; 2] }], 1.0);
         for surround in ALL {
-            let (panorama, picture) = panorama(surround, &curves, &style(PathShape::Comet, 8.0));
-            let radius = 8.0 * panorama.pixel_angle();
+            let (panorama, picture) = panorama(surround, &curves, &style(PathShape::Comet, 4.0));
+            let radius = 4.0 * panorama.pixel_angle();
             let (found, expected) = (covered(&panorama, &picture), std::f64::consts::PI * radius * radius);
             prop_assert!((found - expected).abs() < 0.08 * expected, "{surround:?} {at}: {found} {expected}");
         }
