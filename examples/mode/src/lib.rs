@@ -7,8 +7,8 @@ pub mod adapter;
 pub mod xyz;
 
 use deepfield::color::Accumulation;
+use deepfield::cpu::Counts;
 use deepfield::cpu::volume::VolumeError;
-use deepfield::cpu::{Counts, Extent};
 use deepfield::mode::{Adapter, Conserved, Job, Mode, Output, Raw, Setting, SettingKind, Settings, Technique};
 use deepfield::model::Unit;
 use deepfield::view::Projection;
@@ -76,10 +76,9 @@ impl Technique for Brightest {
         let mut picture = Accumulation::new(view.width, view.height, with_attribute);
         let mut counts = Counts::default();
         for batch in job.batches {
-            let Extent::World(lengths) = batch.extent() else { continue };
             for index in 0..batch.len() {
+                let Some(h) = batch.ball(index).map(f64::from) else { break };
                 let place = view.to_camera(batch.positions().world(index));
-                let h = f64::from(lengths[index]);
                 // What the eye is in, or what is behind it, is not drawn.
                 if !(h > 0.0 && place.z > h) {
                     continue;

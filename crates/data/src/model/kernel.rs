@@ -33,6 +33,17 @@ impl Kernel {
         }
     }
 
+    /// Variance of `W` along each axis, in units of `h^2`: a third of the integral of `q^2 W` over space. A projection leaves it
+    /// as it is.
+    ///
+    /// In closed form: 3/40 for the cubic spline, 1/11 for poly6.
+    pub fn variance(self) -> f64 {
+        match self {
+            Kernel::CubicSpline => 3.0 / 40.0,
+            Kernel::Poly6 => 1.0 / 11.0,
+        }
+    }
+
     /// `h^4 dW/dr` at `r = q h`: the length of the gradient with its sign (never positive); the gradient itself points
     /// along `r` (F12 3.2.2).
     pub fn slope(self, q: f64) -> f64 {
@@ -92,6 +103,17 @@ mod tests {
             let plane = integrate(0.0, 1.0, 20_000, |q| 2.0 * PI * q * kernel.projected(q));
             assert!((volume - 1.0).abs() < 1e-8, "{kernel:?}: {volume}");
             assert!((plane - 1.0).abs() < 1e-8, "{kernel:?}: {plane}");
+        }
+    }
+
+    #[test]
+    fn variances_are_second_moments() {
+        for kernel in Kernel::ALL {
+            let volume = integrate(0.0, 1.0, 20_000, |q| 4.0 / 3.0 * PI * q.powi(4) * kernel.value(q));
+            let plane = integrate(0.0, 1.0, 20_000, |q| PI * q.powi(3) * kernel.projected(q));
+            let expected = kernel.variance();
+            assert!((volume - expected).abs() < 1e-8, "{kernel:?}: {volume}");
+            assert!((plane - expected).abs() < 1e-8, "{kernel:?}: {plane}");
         }
     }
 

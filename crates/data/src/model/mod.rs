@@ -4,6 +4,7 @@
 pub mod bounds;
 pub mod clock;
 pub mod cosmology;
+pub mod covariance;
 pub mod family_name;
 pub mod kernel;
 #[allow(unsafe_code, reason = "memory that a file is mapped to is read by address, and its faults are signals")]
@@ -25,6 +26,7 @@ pub mod units;
 pub use bounds::Bounds;
 pub use clock::{ClockVariable, Epoch, Motion};
 pub use cosmology::{Cosmology, redshift_of, scale_factor_of};
+pub use covariance::Covariance;
 pub use family_name::FamilyName;
 pub use kernel::Kernel;
 pub use moment::{Moment, StepTimes, When};

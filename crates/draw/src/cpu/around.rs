@@ -8,12 +8,12 @@
 //! - Discs of a fixed size in pixels subtend as many of the panorama's pixels, in every direction: each becomes a sphere around
 //!   the eye that subtends its angle, and whose flux over a pixel's solid angle is the disc's.
 //!
-//! All others are drawn by the flat renderers, whose integrals along each pixel's own ray know no face.
+//! Ellipsoids about the eye are summed as balls of equal volume ([`Splats::ball`]). All others are drawn by the flat renderers, whose integrals along each pixel's own ray know no face.
 
 use super::half_line::HalfLine;
 use super::{Counts, Extent, Positions, SplatError, SplatOptions, Splats, draw_counted};
 use crate::color::Accumulation;
-use crate::model::Kernel;
+use crate::model::{Covariance, Kernel};
 use crate::view::View;
 use glam::DVec3;
 use rayon::prelude::*;
@@ -24,22 +24,29 @@ pub const NEAR: f64 = 2.0;
 const STEP: f64 = 0.008;
 
 /// Columns of particles, owned.
-#[derive(Default)]
 struct Columns {
     positions: Vec<[f64; 3]>,
-    h: Vec<f32>,
+    reach: Reach,
     weight: Vec<f32>,
     attribute: Option<Vec<f32>>,
 }
 
+/// How far they reach.
+enum Reach {
+    /// Smoothing lengths.
+    Balls(Vec<f32>),
+    /// Second moments.
+    Ellipsoids(Vec<Covariance>),
+}
+
 impl Columns {
-    fn with(attribute: bool) -> Columns {
-        Columns { attribute: attribute.then(Vec::new), ..Columns::default() }
+    fn with(attribute: bool, reach: Reach) -> Columns {
+        Columns { positions: Vec::new(), reach, weight: Vec::new(), attribute: attribute.then(Vec::new) }
     }
 
-    fn push(&mut self, place: DVec3, h: f32, weight: f32, attribute: Option<f32>) {
+    /// Adds a particle whose reach the caller adds.
+    fn push(&mut self, place: DVec3, weight: f32, attribute: Option<f32>) {
         self.positions.push(place.to_array());
-        self.h.push(h);
         self.weight.push(weight);
         if let (Some(column), Some(value)) = (&mut self.attribute, attribute) {
             column.push(value);
@@ -48,7 +55,11 @@ impl Columns {
 
     fn splats(&self) -> Result<Splats<'_>, SplatError> {
         let positions = Positions::World(&self.positions);
-        Splats::new(positions, Extent::World(&self.h), &self.weight, self.attribute.as_deref())
+        let extent = match &self.reach {
+            Reach::Balls(lengths) => Extent::World(lengths),
+            Reach::Ellipsoids(covariances) => Extent::Ellipsoids(covariances),
+        };
+        Splats::new(positions, extent, &self.weight, self.attribute.as_deref())
     }
 }
 
@@ -121,39 +132,44 @@ fn part(eye: DVec3, batch: &Splats<'_>, pixel: f64) -> Part {
     let positions = batch.positions();
     match batch.extent() {
         Extent::Pixels(radius) => {
-            let mut sky = Columns::with(batch.attribute().is_some());
             let h = (f64::from(radius) * pixel).min(1.5).sin() as f32;
+            let mut lengths = Vec::new();
+            let mut sky = Columns::with(batch.attribute().is_some(), Reach::Balls(Vec::new()));
             for (i, &weight) in batch.weight().iter().enumerate() {
                 // A disc on the eye itself is nowhere.
                 if let Some(direction) = (positions.world(i) - eye).try_normalize() {
-                    sky.push(direction, h, (f64::from(weight) * pixel * pixel) as f32, attribute(i));
+                    sky.push(direction, (f64::from(weight) * pixel * pixel) as f32, attribute(i));
+                    lengths.push(h);
                 }
             }
+            sky.reach = Reach::Balls(lengths);
             Part::Sky(sky)
         }
-        Extent::World(lengths) => {
+        Extent::World(_) | Extent::Ellipsoids(_) => {
+            let length = |i: usize| batch.ball(i).map_or(0.0, f64::from);
             let is_near = |i: usize| {
-                let h = f64::from(lengths[i]);
+                let h = length(i);
                 h > 0.0 && h.is_finite() && (positions.world(i) - eye).length_squared() < (NEAR * h).powi(2)
             };
             if !(0..batch.len()).any(is_near) {
                 return Part::Whole;
             }
-            let (mut near, mut others) = (Vec::new(), Columns::with(batch.attribute().is_some()));
-            for (i, &length) in lengths.iter().enumerate() {
-                let (place, weight) = (positions.world(i), batch.weight()[i]);
-                if !is_near(i) {
-                    others.push(place, length, weight, attribute(i));
-                    continue;
-                }
-                let h = f64::from(length);
-                let amplitude = f64::from(weight) / (h * h);
+            let (about, far): (Vec<usize>, Vec<usize>) = (0..batch.len()).partition(|&i| is_near(i));
+            let reach = match batch.extent() {
+                Extent::Ellipsoids(covariances) => Reach::Ellipsoids(far.iter().map(|&i| covariances[i]).collect()),
+                Extent::World(lengths) => Reach::Balls(far.iter().map(|&i| lengths[i]).collect()),
+                Extent::Pixels(radius) => Reach::Balls(vec![radius; far.len()]),
+            };
+            let mut others = Columns::with(batch.attribute().is_some(), reach);
+            far.iter().for_each(|&i| others.push(positions.world(i), batch.weight()[i], attribute(i)));
+            let near = about.into_iter().filter_map(|i| {
+                let (place, h) = (positions.world(i), length(i));
+                let amplitude = f64::from(batch.weight()[i]) / (h * h);
                 let amplitudes = [amplitude, amplitude * attribute(i).map_or(0.0, f64::from)];
-                if amplitudes.iter().all(|amplitude| amplitude.is_finite()) {
-                    near.push(Near { place: place - eye, h, amplitudes });
-                }
-            }
-            Part::Split(near, others)
+                let finite = amplitudes.iter().all(|amplitude| amplitude.is_finite());
+                finite.then_some(Near { place: place - eye, h, amplitudes })
+            });
+            Part::Split(near.collect(), others)
         }
     }
 }
@@ -216,9 +232,9 @@ pub fn along_ray(batches: &[Splats<'_>], kernel: Kernel, origin: DVec3, directio
     let ray = direction.normalize_or_zero();
     let mut sums = [0.0; 2];
     for batch in batches {
-        let Extent::World(lengths) = batch.extent() else { continue };
-        for (i, &h) in lengths.iter().enumerate() {
-            let (place, h) = (batch.positions().world(i) - origin, f64::from(h));
+        for i in 0..batch.len() {
+            let Some(h) = batch.ball(i).map(f64::from) else { break };
+            let place = batch.positions().world(i) - origin;
             let along = place.dot(ray) / h;
             let square = place.length_squared() / (h * h) - along * along;
             if square.is_nan() || square >= 1.0 {

@@ -3,15 +3,16 @@
 //! The division of work depends on the particles alone and sums are added in a fixed order, so the picture is the same
 //! for any number of threads.
 
-use super::exact::{self, AREA_FILTER};
+use super::exact::{self, AREA_FILTER, Fineness};
 use super::footprint::{Footprint, Lens};
 use super::lanes::{self, Canvas};
 use super::profile::Profiles;
 use super::pyramid::{self, LevelImage, PADDING};
+use super::row_shares::RowShares;
 use super::table::LineTable;
 use super::tiles::{self, Layer, Piece, Record, SIDE, STRIDE, Sorted};
 use super::{Counts, Extent, SplatOptions, Splats};
-use super::{small, sphere};
+use super::{ellipse_rows, small, sphere};
 use crate::color::accumulation::Accumulation;
 use crate::model::Kernel;
 use crate::view::{Projection, View};
@@ -54,10 +55,12 @@ pub fn draw(view: &View, batches: &[Splats<'_>], options: &SplatOptions) -> (Acc
     let mut drawn: Vec<Tile> = vec![Tile::default(); count];
     let mut wide: Vec<(usize, Footprint)> = Vec::new();
     let arch = Arch::new();
-    let is_sphere = |batch: &Splats<'_>| {
-        matches!((batch.extent(), view.projection), (Extent::World(_), Projection::Perspective { .. }))
+    let shapes = |batch: &Splats<'_>| match (batch.extent(), view.projection) {
+        (Extent::Ellipsoids(_), _) => Shapes::Ellipses,
+        (Extent::World(_), Projection::Perspective { .. }) => Shapes::Spheres,
+        _ => Shapes::Circles,
     };
-    for Round { spheres, tasks } in rounds(batches, is_sphere) {
+    for Round { shapes, tasks } in rounds(batches, shapes) {
         let sorted: Vec<Sorted> =
             tasks.par_iter().map(|pieces| tiles::sort(&lens, profiles, &layers, pieces, options)).collect();
         wide.extend(sorted.iter().flat_map(|chunk| &chunk.wide));
@@ -67,7 +70,7 @@ pub fn draw(view: &View, batches: &[Splats<'_>], options: &SplatOptions) -> (Acc
             let paint = |tile: usize, records: &[&[Record]], out: &mut Tile| {
                 out.prepare(attribute);
                 let small = number == 0;
-                arch.dispatch(Job { lens: &lens, layer, profiles, kernel, small, spheres, tile, records, out });
+                arch.dispatch(Job { lens: &lens, layer, profiles, kernel, small, shapes, tile, records, out });
             };
             drawn[tiles.clone()]
                 .par_iter_mut()
@@ -85,25 +88,36 @@ pub fn draw(view: &View, batches: &[Splats<'_>], options: &SplatOptions) -> (Acc
     (finish(view, &lens, kernel, &layers, &drawn, &wide, attribute), counts)
 }
 
+/// What the splats of a batch look like.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Shapes {
+    /// Circles alone.
+    Circles,
+    /// Projected spheres, and circles where they are small.
+    Spheres,
+    /// Ellipses, and what those are that are round.
+    Ellipses,
+}
+
 /// What is sorted together and then drawn together.
 struct Round<'a> {
-    /// Whether splats are projected spheres.
-    spheres: bool,
+    /// What the splats look like.
+    shapes: Shapes,
     /// What each task sorts.
     tasks: Vec<Vec<Piece<'a>>>,
 }
 
 /// Cuts batches into tasks of [`CHUNK`] particles and those into rounds of [`ROUND`]. Small batches share a task: a page file's
 /// view may have thousands of nodes, of which a sample keeps a few particles each.
-fn rounds<'a>(batches: &'a [Splats<'a>], is_sphere: impl Fn(&Splats<'_>) -> bool) -> Vec<Round<'a>> {
+fn rounds<'a>(batches: &'a [Splats<'a>], shapes_of: impl Fn(&Splats<'_>) -> Shapes) -> Vec<Round<'a>> {
     let mut rounds: Vec<Round<'a>> = Vec::new();
     let (mut in_task, mut in_round) = (CHUNK, ROUND);
     for batch in batches {
-        let spheres = is_sphere(batch);
+        let shapes = shapes_of(batch);
         let mut start = 0;
         while start < batch.len() {
-            if in_round >= ROUND || rounds.last().is_none_or(|round| round.spheres != spheres) {
-                rounds.push(Round { spheres, tasks: Vec::new() });
+            if in_round >= ROUND || rounds.last().is_none_or(|round| round.shapes != shapes) {
+                rounds.push(Round { shapes, tasks: Vec::new() });
                 (in_task, in_round) = (CHUNK, 0);
             }
             let Some(round) = rounds.last_mut() else { break };
@@ -161,7 +175,7 @@ struct Job<'a> {
     profiles: &'a Profiles,
     kernel: Kernel,
     small: bool,
-    spheres: bool,
+    shapes: Shapes,
     tile: usize,
     records: &'a [&'a [Record]],
     out: &'a mut Tile,
@@ -172,21 +186,41 @@ impl WithSimd for Job<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Job { lens, layer, profiles, kernel, small, spheres, tile, records, out } = self;
+        let Job { lens, layer, profiles, kernel, small, shapes, tile, records, out } = self;
         let mut canvas = Canvas { stride: STRIDE, columns: SIDE, rows: SIDE, p: &mut out.p, ps: &mut out.ps };
         let records = records.iter().copied().flatten();
         let corner = layer.corner_of(tile);
         if small {
-            let table = small::CornerTable::of(kernel);
+            let (table, rows) = (small::CornerTable::of(kernel), RowShares::of(kernel));
             for record in records {
-                small::draw(simd, &mut canvas, lens, profiles, table, corner, record);
+                match record.ellipse() {
+                    Some(ellipse) => ellipse_rows::add(simd, &mut canvas, rows, &ellipse),
+                    None => small::draw(simd, &mut canvas, lens, profiles, table, corner, record),
+                }
             }
-        } else if spheres {
-            for record in records {
-                sphere::sampled(simd, &mut canvas, lens, corner, layer.cell, &profiles.sampled, record);
+            return;
+        }
+        match shapes {
+            Shapes::Circles => {
+                lanes::uniform_circles(simd, &mut canvas, &profiles.sampled, records.map(Record::circle))
             }
-        } else {
-            lanes::uniform_circles(simd, &mut canvas, &profiles.sampled, records.map(Record::circle));
+            Shapes::Spheres => {
+                for record in records {
+                    sphere::sampled(simd, &mut canvas, lens, corner, layer.cell, &profiles.sampled, record);
+                }
+            }
+            Shapes::Ellipses => {
+                for record in records {
+                    let profile = &profiles.sampled;
+                    if let Some(ellipse) = record.ellipse() {
+                        lanes::sampled_ellipse(simd, &mut canvas, profile, &ellipse);
+                    } else if record.is_sphere() {
+                        sphere::sampled(simd, &mut canvas, lens, corner, layer.cell, profile, record);
+                    } else {
+                        lanes::uniform_circles(simd, &mut canvas, profile, std::iter::once(record.circle()));
+                    }
+                }
+            }
         }
     }
 }
@@ -207,12 +241,13 @@ fn finish(
     if attribute {
         picture.ps = channel(layers, wide, lens, kernel, |footprint| footprint.amplitude_s, |tile| &drawn[tile].ps);
     }
-    // Small in one direction, but long in the other: at steep angles only.
+    // Small in one direction, but long in the other: spheres at steep angles, and ellipsoids nearby.
     let long: Vec<&Footprint> = wide.iter().filter(|(layer, _)| *layer == 0).map(|(_, footprint)| footprint).collect();
     if !long.is_empty() {
-        let line = LineTable::of(kernel);
         let mut canvas = exact::Canvas::new(width, view.height as usize, attribute);
-        canvas.bands(|mut band| long.iter().for_each(|footprint| exact::subsample(lens, line, footprint, &mut band)));
+        canvas.bands(|mut band| {
+            long.iter().for_each(|footprint| exact::area_means(lens, kernel, footprint, Fineness::FAST, &mut band))
+        });
         for (sum, value) in picture.p.iter_mut().zip(canvas.p).chain(picture.ps.iter_mut().zip(canvas.ps)) {
             *sum += value as f32;
         }
@@ -265,8 +300,11 @@ fn add_wide<'a>(
         for footprint in wide.iter().filter(|footprint| footprint.min[1] <= y && y <= footprint.max[1]) {
             let row = lens.row(footprint, y);
             let amplitude = amplitude(footprint);
-            for (i, out) in out.iter_mut().enumerate() {
-                *out += (amplitude * line.at_square(lens.square(&row, pixel(i)))) as f32;
+            // Casts saturate; pixels beyond the section are zero.
+            let cell = |x: f64| (x / layer.cell + layer.padding as f64).clamp(0.0, out.len() as f64) as usize;
+            let [first, last] = row.section().map(cell);
+            for i in first..(last + 1).min(out.len()) {
+                out[i] += (amplitude * lens.line(line, &row, pixel(i))) as f32;
             }
         }
     });

@@ -6,10 +6,13 @@
 //!
 //! In perspective, with the particle at `c` in camera space, `s^2 = |c x d|^2 / |d|^2` for the ray `d = (u, v, 1)`. That
 //! is the exact distance for every pixel (F12 4.9.1 reaches the same through a face that looks at the eye), and the
-//! covered region is the exact ellipse.
+//! covered region is the exact ellipse. Ellipsoids have other quadratics above and below: see [`super::ellipsoid`].
 
+use super::ellipse::Ellipse;
+use super::ellipsoid::{Ellipsoid, FarImage};
+use super::table::LineTable;
 use super::{Extent, Splats};
-use crate::model::Kernel;
+use crate::model::{Covariance, Kernel};
 use crate::view::{Projection, View};
 use glam::DVec3;
 
@@ -22,28 +25,55 @@ pub struct Footprint {
     pub max: [f64; 2],
     /// Shortest radius of the covered region: what a sampling grid must resolve.
     pub radius: f64,
-    /// `P` is `amplitude * F(q)`: `w / h^2`.
+    /// `P` is `amplitude * F(q)`: `w / h^2`. For an ellipsoid, whose rays have factors of their own ([`Lens::line`]), `w`.
     pub amplitude: f64,
-    /// `P S` is `amplitude_s * F(q)`: `w a / h^2`.
+    /// `P S` is `amplitude_s * F(q)`: the same times the attribute.
     pub amplitude_s: f64,
     /// How the impact parameter depends on the pixel.
     pub shape: Shape,
 }
 
 impl Footprint {
+    /// An ellipse in the picture with the flux of `weights`, pixels times the unit of `P`.
+    pub fn ellipse(ellipse: Ellipse, weights: [f64; 2]) -> Option<Footprint> {
+        let [amplitude, amplitude_s] = weights.map(|weight| weight / ellipse.area());
+        let (center, half) = (ellipse.center, ellipse.extent());
+        Some(Footprint {
+            min: [0, 1].map(|k| center[k] - half[k]),
+            max: [0, 1].map(|k| center[k] + half[k]),
+            radius: ellipse.radii()[0],
+            amplitude,
+            amplitude_s,
+            shape: Shape::Ellipse(ellipse),
+        })
+    }
+
     /// Lets a sphere grow to the smallest radius that a grid of samples resolves, with the same flux; the factor on its
-    /// amplitudes.
-    pub fn grow_to(&mut self, smallest: f64) -> f64 {
+    /// amplitudes. Ellipsoids grow by as much in every direction.
+    pub fn grow_to(&mut self, smallest: f64, focal: f64) -> f64 {
         let grow = smallest / self.radius;
-        let (true, Shape::Sphere { camera, h }) = (grow > 1.0, self.shape) else { return 1.0 };
-        let share = 1.0 / (grow * grow);
-        self.shape = Shape::Sphere { camera, h: h * grow };
+        if grow.is_nan() || grow <= 1.0 {
+            return 1.0;
+        }
+        let share = match self.shape {
+            Shape::Circle { .. } | Shape::Ellipse(_) => return 1.0,
+            Shape::Sphere { camera, h } => {
+                self.shape = Shape::Sphere { camera, h: h * grow };
+                for k in 0..2 {
+                    let (middle, half) = (0.5 * (self.min[k] + self.max[k]), 0.5 * (self.max[k] - self.min[k]));
+                    (self.min[k], self.max[k]) = (middle - half * grow, middle + half * grow);
+                }
+                1.0 / (grow * grow)
+            }
+            Shape::Ellipsoid(ellipsoid) => {
+                self.shape = Shape::Ellipsoid(ellipsoid.grown(smallest * ellipsoid.camera.z / focal));
+                (self.min, self.max) = (self.min.map(|x| x - smallest), self.max.map(|x| x + smallest));
+                1.0
+            }
+        };
+        self.radius = smallest;
         self.amplitude *= share;
         self.amplitude_s *= share;
-        for k in 0..2 {
-            let (middle, half) = (0.5 * (self.min[k] + self.max[k]), 0.5 * (self.max[k] - self.min[k]));
-            (self.min[k], self.max[k]) = (middle - half * grow, middle + half * grow);
-        }
         share
     }
 }
@@ -63,9 +93,13 @@ pub enum Shape {
         /// Smoothing length, world units.
         h: f64,
     },
+    /// An ellipsoid along parallel lines of sight, or from far away.
+    Ellipse(Ellipse),
+    /// An ellipsoid seen through a pinhole.
+    Ellipsoid(Ellipsoid),
 }
 
-/// The impact parameter along one row of pixels.
+/// The impact parameter along one row of pixels: a quadratic over a quadratic.
 #[derive(Clone, Copy, Debug)]
 pub struct Row {
     /// Coefficient of `(x - middle)^2`, 1/pixel^2.
@@ -74,12 +108,37 @@ pub struct Row {
     pub middle: f64,
     /// Smallest value of the numerator.
     pub offset: f64,
-    /// `1 + v^2` of the row; infinite focal length: 1.
+    /// Smallest value of the denominator. For spheres `1 + v^2` of the row; for what looks the same wherever it is, 1.
     pub depth: f64,
-    /// What a pixel along the row adds to the ray's slope; 0 for circles, which look the same wherever they are.
+    /// Root of the denominator's coefficient of `(x - axis)^2`. For spheres what a pixel along the row adds to the ray's slope;
+    /// for what looks the same wherever it is, 0.
     pub slope: f64,
+    /// Where along the row the denominator is smallest, pixels.
+    pub axis: f64,
+    /// `1 + v^2` of the row where the amplitude is the ray's length over the denominator's root.
+    pub ray: Option<f64>,
     /// First and last x whose line of sight meets the particle in front of the eye, pixels.
     pub range: [f64; 2],
+}
+
+impl Row {
+    /// First and last x of the row's part that is covered, pixels; first above last where there is none.
+    pub fn section(&self) -> [f64; 2] {
+        // Numerator below denominator, around the numerator's middle.
+        let (steepness, apart) = (self.slope * self.slope, self.middle - self.axis);
+        let curvature = self.curvature - steepness;
+        let left = self.offset - self.depth - steepness * apart * apart;
+        if curvature <= 0.0 {
+            return self.range;
+        }
+        let middle = steepness * apart;
+        let square = middle * middle - curvature * left;
+        if square < 0.0 {
+            return [f64::INFINITY, f64::NEG_INFINITY];
+        }
+        let end = |side: f64| self.middle + (middle + side * square.sqrt()) / curvature;
+        [end(-1.0).max(self.range[0]), end(1.0).min(self.range[1])]
+    }
 }
 
 /// What all footprints of a view share.
@@ -105,8 +164,8 @@ impl Lens {
     }
 
     /// The footprint of one particle of a batch; `None` when it cannot be drawn: at or behind the eye plane, of no extent,
-    /// or not finite.
-    pub fn footprint(&self, splats: &Splats<'_>, index: usize) -> Option<Footprint> {
+    /// or not finite. Covariances become ellipsoids of `kernel`.
+    pub fn footprint(&self, splats: &Splats<'_>, index: usize, kernel: Kernel) -> Option<Footprint> {
         let weight = f64::from(splats.weight()[index]);
         let weight_s = splats.attribute().map_or(0.0, |attribute| weight * f64::from(attribute[index]));
         let camera = self.view.to_camera(splats.positions().world(index));
@@ -114,31 +173,79 @@ impl Lens {
         if !(camera.z > 0.0 && camera.z.is_finite() && weight.is_finite() && weight_s.is_finite()) {
             return None;
         }
-        let (radius, per_area, sphere) = match (splats.extent(), self.view.projection) {
-            (Extent::Pixels(radius), _) => (f64::from(radius), 1.0, None),
-            (Extent::World(h), Projection::Orthographic { .. }) => {
-                (f64::from(h[index]) * self.focal, self.focal * self.focal, None)
-            }
-            (Extent::World(h), Projection::Perspective { .. }) => (0.0, 0.0, Some(f64::from(h[index]))),
-        };
-        match sphere {
-            Some(h) => self.sphere(camera, h, weight, weight_s),
-            None => {
-                if !(radius > 0.0 && radius.is_finite()) {
-                    return None;
-                }
-                let center = self.center(camera)?;
-                let amplitude = per_area / (radius * radius);
-                Some(Footprint {
-                    min: center.map(|x| x - radius),
-                    max: center.map(|x| x + radius),
-                    radius,
-                    amplitude: weight * amplitude,
-                    amplitude_s: weight_s * amplitude,
-                    shape: Shape::Circle { center },
-                })
-            }
+        match splats.extent() {
+            Extent::Pixels(radius) => self.circle(camera, f64::from(radius), 1.0, [weight, weight_s]),
+            Extent::World(h) => self.ball(camera, f64::from(h[index]), [weight, weight_s]),
+            Extent::Ellipsoids(covariances) => self.stretched(camera, covariances[index], kernel, [weight, weight_s]),
         }
+    }
+
+    /// A circle around where a point of camera space appears; its amplitude has the unit `per_area`, in pixels.
+    fn circle(&self, camera: DVec3, radius: f64, per_area: f64, weights: [f64; 2]) -> Option<Footprint> {
+        if !(radius > 0.0 && radius.is_finite()) {
+            return None;
+        }
+        let center = self.center(camera)?;
+        let [amplitude, amplitude_s] = weights.map(|weight| weight * per_area / (radius * radius));
+        let (min, max) = (center.map(|x| x - radius), center.map(|x| x + radius));
+        Some(Footprint { min, max, radius, amplitude, amplitude_s, shape: Shape::Circle { center } })
+    }
+
+    /// A kernel of the smoothing length `h`.
+    fn ball(&self, camera: DVec3, h: f64, weights: [f64; 2]) -> Option<Footprint> {
+        match self.view.projection {
+            Projection::Orthographic { .. } => self.circle(camera, h * self.focal, self.focal * self.focal, weights),
+            Projection::Perspective { .. } => self.sphere(camera, h, weights[0], weights[1]),
+        }
+    }
+
+    /// A kernel stretched to a covariance. A round one is the ball that it is.
+    fn stretched(&self, camera: DVec3, covariance: Covariance, kernel: Kernel, weights: [f64; 2]) -> Option<Footprint> {
+        let variance = kernel.variance();
+        let [xx, yy, zz, xy, xz, yz] = covariance.0;
+        if xx == yy && yy == zz && [xy, xz, yz] == [0.0; 3] {
+            return self.ball(camera, (f64::from(xx) / variance).sqrt(), weights);
+        }
+        let ellipsoid = Ellipsoid::of(covariance, variance, camera, &self.view)?;
+        match self.view.projection {
+            Projection::Orthographic { .. } => {
+                let ellipse = ellipsoid.parallel_image(self.center(camera)?, self.focal)?;
+                Footprint::ellipse(ellipse, weights.map(|weight| weight * self.focal * self.focal))
+            }
+            Projection::Perspective { .. } => self.ellipsoid(ellipsoid, variance, weights),
+        }
+    }
+
+    /// The footprint of an ellipsoid in a perspective view.
+    fn ellipsoid(&self, ellipsoid: Ellipsoid, variance: f64, weights: [f64; 2]) -> Option<Footprint> {
+        let image = self.far_image(&ellipsoid, variance)?;
+        let [horizontal, vertical] = [0, 1].map(|axis| ellipsoid.slopes(axis).map(|slope| slope * self.focal));
+        let [x, y] = self.middle;
+        Some(Footprint {
+            min: [x + horizontal[0], y - vertical[1]],
+            max: [x + horizontal[1], y - vertical[0]],
+            radius: ellipsoid.short_radius(&image, self.focal),
+            amplitude: weights[0],
+            amplitude_s: weights[1],
+            shape: Shape::Ellipsoid(ellipsoid),
+        })
+    }
+
+    /// A footprint with an ellipsoid replaced by the ellipse that it looks like from far away, where the two differ by less
+    /// than `depth` ([`FarImage::depth`]).
+    pub fn seen_from_far(&self, footprint: Footprint, kernel: Kernel, depth: f64) -> Footprint {
+        let Shape::Ellipsoid(ellipsoid) = footprint.shape else { return footprint };
+        let image = self.far_image(&ellipsoid, kernel.variance()).filter(|image| image.depth < depth);
+        let far = image.and_then(|image| {
+            let weights = [footprint.amplitude, footprint.amplitude_s].map(|weight| weight * image.flux);
+            Footprint::ellipse(image.ellipse, weights)
+        });
+        far.unwrap_or(footprint)
+    }
+
+    /// What an ellipsoid looks like from far away, for a kernel's variance.
+    pub fn far_image(&self, ellipsoid: &Ellipsoid, variance: f64) -> Option<FarImage> {
+        ellipsoid.far_image(self.center(ellipsoid.camera)?, self.focal, variance)
     }
 
     /// Pixels per world unit at depth 1, as [`View::focal_pixels`].
@@ -164,11 +271,16 @@ impl Lens {
     /// The most that a particle adds to `P` of any pixel (F12 4.7.3, `P_i`): its peak, or where it is smaller than a pixel,
     /// all of it in one.
     pub fn presence(&self, footprint: &Footprint, kernel: Kernel) -> f64 {
-        let whole = match footprint.shape {
-            Shape::Circle { .. } => footprint.radius * footprint.radius,
-            Shape::Sphere { camera, h } => (h * self.focal / camera.z).powi(2),
+        let (factor, whole) = match footprint.shape {
+            Shape::Circle { .. } => (1.0, footprint.radius * footprint.radius),
+            Shape::Sphere { camera, h } => (1.0, (h * self.focal / camera.z).powi(2)),
+            Shape::Ellipse(ellipse) => (1.0, ellipse.area()),
+            Shape::Ellipsoid(ellipsoid) => {
+                let image = self.far_image(&ellipsoid, kernel.variance());
+                (ellipsoid.peak(), image.map_or(f64::INFINITY, |image| image.ellipse.area()))
+            }
         };
-        footprint.amplitude * whole.min(kernel.projected(0.0))
+        footprint.amplitude * factor * whole.min(kernel.projected(0.0))
     }
 
     /// Whether a footprint reaches into the picture grown by `margin` pixels on each side.
@@ -181,21 +293,8 @@ impl Lens {
     /// projection; `None` when it cannot be drawn.
     pub fn at(&self, camera: DVec3, h: f64) -> Option<Footprint> {
         match self.view.projection {
-            Projection::Perspective { .. } if camera.z > 0.0 => self.sphere(camera, h, 1.0, 0.0),
-            Projection::Perspective { .. } => None,
-            Projection::Orthographic { .. } => {
-                let center = self.center(camera)?;
-                let radius = h * self.focal;
-                let (min, max) = (center.map(|x| x - radius), center.map(|x| x + radius));
-                (radius > 0.0 && radius.is_finite()).then(|| Footprint {
-                    min,
-                    max,
-                    radius,
-                    amplitude: 1.0 / (h * h),
-                    amplitude_s: 0.0,
-                    shape: Shape::Circle { center },
-                })
-            }
+            Projection::Perspective { .. } if camera.z.is_nan() || camera.z <= 0.0 => None,
+            _ => self.ball(camera, h, [1.0, 0.0]),
         }
     }
 
@@ -243,8 +342,15 @@ impl Lens {
                 let curvature = 1.0 / (footprint.radius * footprint.radius);
                 let offset = (y - center[1]) * (y - center[1]) * curvature;
                 let range = [f64::NEG_INFINITY, f64::INFINITY];
-                Row { curvature, middle: center[0], offset, depth: 1.0, slope: 0.0, range }
+                Row { curvature, middle: center[0], offset, depth: 1.0, slope: 0.0, axis: center[0], ray: None, range }
             }
+            Shape::Ellipse(Ellipse { center, shear, half }) => {
+                let middle = center[0] + shear * (y - center[1]);
+                let offset = ((y - center[1]) / half[1]).powi(2);
+                let (curvature, range) = ((half[0] * half[0]).recip(), [f64::NEG_INFINITY, f64::INFINITY]);
+                Row { curvature, middle, offset, depth: 1.0, slope: 0.0, axis: middle, ray: None, range }
+            }
+            Shape::Ellipsoid(ellipsoid) => ellipsoid.row((self.middle[1] - y) / self.focal, self.middle[0], self.focal),
             Shape::Sphere { camera: c, h } => {
                 let v = (self.middle[1] - y) / self.focal;
                 let numerator = c.z * c.z + c.y * c.y;
@@ -269,6 +375,8 @@ impl Lens {
                     offset: miss * miss * (1.0 + c.x * c.x / numerator) * scale,
                     depth: 1.0 + v * v,
                     slope: self.ray()[1],
+                    axis: self.middle[0],
+                    ray: None,
                     range,
                 }
             }
@@ -280,8 +388,21 @@ impl Lens {
         if x < row.range[0] || x > row.range[1] {
             return f64::INFINITY;
         }
-        let u = (x - self.middle[0]) * row.slope;
+        let u = (x - row.axis) * row.slope;
         let along = x - row.middle;
         (row.curvature * along * along + row.offset) / (row.depth + u * u)
+    }
+
+    /// `P` at `x` of a row, pixels, in units of the footprint's amplitude.
+    pub fn line(&self, line: &LineTable, row: &Row, x: f64) -> f64 {
+        let value = line.at_square(self.square(row, x));
+        match row.ray {
+            Some(depth) if value > 0.0 => {
+                let [middle, rate] = self.ray();
+                let (own, u) = ((x - row.axis) * row.slope, (x - middle) * rate);
+                value * ((depth + u * u) / (row.depth + own * own)).sqrt()
+            }
+            _ => value,
+        }
     }
 }

@@ -2,6 +2,7 @@
 //!
 //! Coordinates are those of the tile's buffer, in cells; the centre of cell `(i, j)` lies at `(i + 0.5, j + 0.5)`.
 
+use super::ellipse_rows::TileEllipse;
 use super::footprint::Row;
 use super::profile::{Profile, TERMS};
 use pulp::Simd;
@@ -125,6 +126,46 @@ fn circle_of<S: Simd>(simd: S, canvas: &mut Canvas<'_>, circle: &Circle, coeffic
     }
 }
 
+/// Samples an ellipse at the cell centres of a tile.
+#[inline(always)]
+pub fn sampled_ellipse<S: Simd>(simd: S, canvas: &mut Canvas<'_>, profile: &Profile, ellipse: &TileEllipse) {
+    let coefficients = Coefficients::new(simd, profile);
+    let TileEllipse { center, shear, half, clip: [columns, rows], .. } = *ellipse;
+    let (top, bottom) = covered(center[1], half[1], rows[1]);
+    let inverse = half[0].recip();
+    let scale = simd.splat_f32s(inverse);
+    let (lanes, limit) = (centers(simd), simd.splat_f32s(columns[1] as f32));
+    let (amplitude, amplitude_s) = (simd.splat_f32s(ellipse.amplitude), simd.splat_f32s(ellipse.amplitude_s));
+    for j in top.max(rows[0])..bottom {
+        let y = j as f32 + 0.5 - center[1];
+        let rest = 1.0 - (y / half[1]) * (y / half[1]);
+        if rest <= 0.0 {
+            continue;
+        }
+        let middle = center[0] + shear * y;
+        let (left, right) = covered(middle, half[0] * rest.sqrt(), columns[1]);
+        let left = left.max(columns[0]);
+        if left >= right {
+            continue;
+        }
+        let (rest, start) = (simd.splat_f32s(rest), j * canvas.stride + left);
+        let width = (right - left).next_multiple_of(S::F32_LANES);
+        for first in (0..width).step_by(S::F32_LANES) {
+            let x = simd.add_f32s(lanes, simd.splat_f32s((left + first) as f32));
+            let along = simd.mul_f32s(simd.sub_f32s(x, simd.splat_f32s(middle)), scale);
+            let t = simd.sub_f32s(rest, simd.mul_f32s(along, along));
+            // Nothing beyond the part that is drawn: its columns are half a cell or more away from the limit.
+            let t = simd.min_f32s(t, simd.mul_f32s(simd.sub_f32s(limit, x), simd.splat_f32s(2.0)));
+            let value = [coefficients.at(simd, t)];
+            let out = start + first..start + first + S::F32_LANES;
+            accumulate(simd, &mut canvas.p[out.clone()], amplitude, &value);
+            if !canvas.ps.is_empty() {
+                accumulate(simd, &mut canvas.ps[out], amplitude_s, &value);
+            }
+        }
+    }
+}
+
 /// The rows of a circle, `N` vectors each from column `left` on.
 #[inline(always)]
 fn circle_rows<S: Simd, const N: usize>(
@@ -170,22 +211,14 @@ fn accumulate<S: Simd, const N: usize>(simd: S, row: &mut [f32], amplitude: S::f
 }
 
 /// Evaluates the profile along a row of cells in a perspective view: `q^2` as in [`Row`], for `out.len()` cells (a
-/// multiple of the lanes) from the pixel coordinate `x` on, `step` pixels apart. `ray` is [`super::footprint::Lens::ray`].
+/// multiple of the lanes) from the pixel coordinate `x` on, `step` pixels apart.
 #[inline(always)]
-pub fn perspective_row<S: Simd>(
-    simd: S,
-    profile: &Profile,
-    row: &Row,
-    ray: [f64; 2],
-    x: f64,
-    step: f64,
-    out: &mut [f32],
-) {
+pub fn perspective_row<S: Simd>(simd: S, profile: &Profile, row: &Row, x: f64, step: f64, out: &mut [f32]) {
     let coefficients = Coefficients::new(simd, profile);
     // Along the row in units of the numerator's root and of the ray's slope.
     let root = row.curvature.sqrt();
     let (along_step, along_start) = (simd.splat_f32s((step * root) as f32), (x - row.middle) * root);
-    let (slope_step, slope_start) = (simd.splat_f32s((step * ray[1]) as f32), (x - ray[0]) * ray[1]);
+    let (slope_step, slope_start) = (simd.splat_f32s((step * row.slope) as f32), (x - row.axis) * row.slope);
     let (offset, depth) = (simd.splat_f32s((row.offset) as f32), simd.splat_f32s((row.depth) as f32));
     let lanes = centers(simd);
     let (vectors, _) = S::as_mut_simd_f32s(out);
@@ -193,7 +226,7 @@ pub fn perspective_row<S: Simd>(
         let cell = (k * S::F32_LANES) as f64;
         let along = simd.mul_add_e_f32s(lanes, along_step, simd.splat_f32s((along_start + cell * step * root) as f32));
         let slope =
-            simd.mul_add_e_f32s(lanes, slope_step, simd.splat_f32s((slope_start + cell * step * ray[1]) as f32));
+            simd.mul_add_e_f32s(lanes, slope_step, simd.splat_f32s((slope_start + cell * step * row.slope) as f32));
         let numerator = simd.mul_add_e_f32s(along, along, offset);
         let denominator = simd.mul_add_e_f32s(slope, slope, depth);
         let square = simd.div_f32s(numerator, denominator);

@@ -16,6 +16,8 @@
 
 pub mod around;
 pub mod cartesian;
+pub mod ellipse;
+pub mod ellipsoid;
 pub mod footprint;
 pub mod half_line;
 pub mod layered;
@@ -29,10 +31,15 @@ pub mod splats;
 pub mod table;
 pub mod volume;
 
+mod ellipse_area;
+mod ellipse_rows;
+#[cfg(test)]
+mod ellipsoid_tests;
 mod exact;
 mod fast;
 mod lanes;
 mod profile;
+mod row_shares;
 mod small;
 mod sphere;
 mod tiles;

@@ -93,7 +93,9 @@ pub fn overdraw(view: &View, batches: &[Splats<'_>], options: &SplatOptions) -> 
         .into_par_iter()
         .fold(empty, |mut differences, (batch, start)| {
             for index in start..batch.len().min(start + (1 << 16)) {
-                let Some(footprint) = lens.footprint(batch, index).filter(|footprint| lens.sees(footprint, 0.0)) else {
+                let Some(footprint) =
+                    lens.footprint(batch, index, options.kernel).filter(|footprint| lens.sees(footprint, 0.0))
+                else {
                     continue;
                 };
                 if options.faintest > 0.0 && lens.presence(&footprint, options.kernel) < f64::from(options.faintest) {
@@ -145,6 +147,7 @@ fn color(count: u32) -> [u8; 4] {
 mod tests {
     use super::*;
     use crate::cpu::{Extent, Positions};
+    use crate::model::Kernel;
     use crate::view::Projection;
     use glam::DVec3;
 
@@ -165,7 +168,7 @@ mod tests {
                 let [x, y] = [index % 61, index / 61].map(|pixel| pixel as f64);
                 let over = (0..300)
                     .filter(|i| i % 7 != 0)
-                    .filter_map(|i| lens.footprint(&splats, i))
+                    .filter_map(|i| lens.footprint(&splats, i, Kernel::default()))
                     .filter(|f| f.min[0] < x + 1.0 && f.max[0] > x && f.min[1] < y + 1.0 && f.max[1] > y);
                 assert_eq!(count as usize, 2 * over.count(), "{x} {y}");
             }

@@ -133,7 +133,7 @@ fn fit(f: impl Fn(f64) -> f64) -> Profile {
 }
 
 /// Gaussian elimination with pivoting on rows.
-fn solve(mut matrix: [[f64; TERMS + 1]; TERMS]) -> [f64; TERMS] {
+pub(super) fn solve(mut matrix: [[f64; TERMS + 1]; TERMS]) -> [f64; TERMS] {
     for k in 0..TERMS {
         let pivot = (k..TERMS).max_by(|&a, &b| matrix[a][k].abs().total_cmp(&matrix[b][k].abs())).unwrap_or(k);
         matrix.swap(k, pivot);

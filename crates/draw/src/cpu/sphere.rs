@@ -11,7 +11,7 @@ use pulp::Simd;
 /// The footprint of a record that holds a sphere.
 #[inline(always)]
 pub fn footprint(lens: &Lens, record: &Record) -> Option<Footprint> {
-    let [x, y, z, h] = record.place;
+    let [x, y, z, h, _] = record.place;
     lens.sphere(Vec3::new(x, y, z).as_dvec3(), f64::from(h), f64::from(record.amplitude), f64::from(record.amplitude_s))
 }
 
@@ -48,7 +48,7 @@ pub fn sampled<S: Simd>(
     for j in top..bottom {
         let row = lens.row(&splat, corner[1] + (j as f64 + 0.5) * cell);
         let x = corner[0] + left as f64 * cell;
-        lanes::perspective_row(simd, profile, &row, lens.ray(), x, cell, values);
+        lanes::perspective_row(simd, profile, &row, x, cell, values);
         let start = j * canvas.stride + left;
         add_scaled(simd, &mut canvas.p[start..start + width], record.amplitude, values);
         if !canvas.ps.is_empty() {
@@ -78,7 +78,7 @@ pub fn subsampled<S: Simd>(
     let power = ((SAMPLES / splat.radius).log2().ceil().max(1.0) as u32).min(FINEST);
     let count = 1usize << power;
     let fine = count as f64;
-    let share = splat.grow_to(SAMPLES / fine) as f32;
+    let share = splat.grow_to(SAMPLES / fine, lens.focal()) as f32;
     let (amplitude, amplitude_s) = (share * record.amplitude, share * record.amplitude_s);
     // Samples inside the buffer, counted from its corner.
     let span = |k: usize, cells: usize| {
@@ -127,7 +127,7 @@ pub fn subsampled<S: Simd>(
             current += 1;
         }
         let row = lens.row(&splat, corner[1] + (j as f64 + 0.5) / fine);
-        lanes::perspective_row(simd, profile, &row, lens.ray(), x, 1.0 / fine, values);
+        lanes::perspective_row(simd, profile, &row, x, 1.0 / fine, values);
         for (sum, share) in sums.iter_mut().zip(shares(j % count)) {
             if share != 0.0 {
                 add_scaled(simd, &mut sum[..width], share, values);

@@ -1,5 +1,6 @@
 //! What is drawn: borrowed columns of particles.
 
+use crate::model::{Covariance, Kernel};
 use crate::view;
 use glam::DVec3;
 use thiserror::Error;
@@ -53,6 +54,9 @@ pub enum Extent<'a> {
     /// One radius in pixels for all particles, at any distance: a point-spread function. `P` is then weight per pixel
     /// area.
     Pixels(f32),
+    /// Second moments of each splat about its centre, world units squared: the kernel stretched so that its own are these
+    /// ([`super::ellipsoid`]). `C = sigma^2 I` is a particle with `h = sigma / sqrt(v)`, with the kernel's variance `v`.
+    Ellipsoids(&'a [Covariance]),
 }
 
 /// Columns that do not fit together.
@@ -101,6 +105,9 @@ impl<'a> Splats<'a> {
         if let Extent::World(lengths) = extent {
             check("smoothing length", lengths.len())?;
         }
+        if let Extent::Ellipsoids(covariances) = extent {
+            check("covariance", covariances.len())?;
+        }
         check("weight", weight.len())?;
         if let Some(attribute) = attribute {
             check("attribute", attribute.len())?;
@@ -142,6 +149,22 @@ impl<'a> Splats<'a> {
     /// Extents of the particles.
     pub fn extent(&self) -> Extent<'a> {
         self.extent
+    }
+
+    /// The smoothing length of a particle, for what draws balls alone; `None` where extents are in pixels.
+    ///
+    /// An ellipsoid counts as the ball of equal volume whose kernel is the default one, which all modes but the splats' own
+    /// draw in its place for now.
+    pub fn ball(&self, index: usize) -> Option<f32> {
+        match self.extent {
+            Extent::World(lengths) => Some(lengths[index]),
+            Extent::Pixels(_) => None,
+            Extent::Ellipsoids(covariances) => {
+                let trace = covariances[index].trace();
+                let volume = (covariances[index].matrix() * trace.recip()).determinant().max(0.0);
+                Some((trace * volume.cbrt() / Kernel::default().variance()).sqrt() as f32)
+            }
+        }
     }
 
     /// A box around the particles and what they reach at most out of it, where that is known.

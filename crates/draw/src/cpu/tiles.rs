@@ -4,6 +4,8 @@
 //! cut into square tiles. A splat belongs to the tile of its centre; the tile's buffer has a margin that holds what
 //! reaches over, so that tiles are drawn independently and splats are drawn once.
 
+use super::ellipse::Ellipse;
+use super::ellipse_rows::TileEllipse;
 use super::footprint::{Footprint, Lens, Shape};
 use super::lanes::{Circle, SLACK, WIDEST};
 use super::profile::Profiles;
@@ -27,8 +29,10 @@ const _: () = assert!(MARGIN as f32 > WIDEST + 1.0 && WIDEST as f64 >= 2.0 * SMA
 /// A splat in the tile where it belongs.
 #[derive(Clone, Copy, Debug)]
 pub struct Record {
-    /// Circle: x, y and radius in the cells of the tile's buffer, and 0. Sphere: position in camera space, and `h`.
-    pub place: [f32; 4],
+    /// Circle: x, y and radius in the cells of the tile's buffer, and 0. Sphere: position in camera space, and `h`. Ellipse: x,
+    /// y, half the width and half the height in cells, the latter negative, and the shear; the former is negative where the
+    /// tile's own cells alone are drawn, without the margin, since other tiles draw the others.
+    pub place: [f32; 5],
     /// `P` amplitude.
     pub amplitude: f32,
     /// `P S` amplitude.
@@ -39,8 +43,23 @@ impl Record {
     /// The record as a circle.
     #[inline(always)]
     pub fn circle(&self) -> Circle {
-        let [x, y, radius, _] = self.place;
+        let [x, y, radius, ..] = self.place;
         Circle { x, y, radius, amplitude: self.amplitude, amplitude_s: self.amplitude_s }
+    }
+
+    /// The record as an ellipse; None when it is another.
+    #[inline(always)]
+    pub fn ellipse(&self) -> Option<TileEllipse> {
+        let [x, y, across, down, shear] = self.place;
+        let clip = if across < 0.0 { [MARGIN, MARGIN + TILE] } else { [0, SIDE] };
+        (down < 0.0).then_some(TileEllipse {
+            center: [x, y],
+            shear,
+            half: [across.abs(), -down],
+            amplitude: self.amplitude,
+            amplitude_s: self.amplitude_s,
+            clip: [clip; 2],
+        })
     }
 
     /// Whether it is a sphere.
@@ -71,12 +90,16 @@ impl Layer {
     /// The tile that holds a point (pixels), or the nearest one, and the pixel coordinates of its buffer's corner.
     #[inline]
     fn tile_at(&self, point: [f64; 2]) -> (usize, [f64; 2]) {
-        let tile: [usize; 2] = std::array::from_fn(|k| {
-            let cell = point[k] * self.per_pixel + self.padding as f64;
-            // The cast saturates.
-            (cell as usize / TILE).min(self.tiles[k] - 1)
-        });
+        let tile = [self.tile_of(point[0], 0), self.tile_of(point[1], 1)];
         (self.first + tile[1] * self.tiles[0] + tile[0], self.corner(tile))
+    }
+
+    /// The column (axis 0) or row (axis 1) of tiles that holds a coordinate (pixels), or the nearest one.
+    #[inline]
+    fn tile_of(&self, coordinate: f64, axis: usize) -> usize {
+        let cell = coordinate * self.per_pixel + self.padding as f64;
+        // The cast saturates.
+        (cell as usize / TILE).min(self.tiles[axis] - 1)
     }
 
     /// Pixel coordinates of the corner of a tile's buffer.
@@ -170,7 +193,8 @@ pub fn sort(
     let (mut wide, mut outside, mut counts) = (Vec::new(), Vec::new(), Counts::default());
     for (splats, range) in pieces {
         for index in range.clone() {
-            let Some(footprint) = lens.footprint(splats, index) else { continue };
+            let Some(footprint) = lens.footprint(splats, index, options.kernel) else { continue };
+            let footprint = lens.seen_from_far(footprint, options.kernel, FAR);
             // A level's padding is at most twice the radius of the splats on it.
             let small = footprint.radius < SMALLEST_RADIUS;
             let seen = lens.sees(&footprint, if small { 1.0 } else { 2.0 * footprint.radius });
@@ -185,6 +209,16 @@ pub fn sort(
                 continue;
             }
             let layer = if small { 0 } else { 1 + pyramid::level_of(footprint.radius, layers.len() - 2) };
+            if let Shape::Ellipse(ellipse) = footprint.shape {
+                let drawn = place_ellipse(&layers[layer], &footprint, &ellipse, |tile, record| {
+                    starts[tile] += 1;
+                    placed.push((tile as u32, record));
+                });
+                if !drawn {
+                    wide.push((layer, footprint));
+                }
+                continue;
+            }
             let mut put = |footprint: &Footprint| match place(&layers[layer], footprint) {
                 // It has been through everything that a splat goes through; none of its tile's cells is in its reach.
                 Some(placed) if !seen => outside.push(placed),
@@ -205,7 +239,7 @@ pub fn sort(
     for start in &mut starts {
         next += std::mem::replace(start, next);
     }
-    let blank = Record { place: [0.0; 4], amplitude: 0.0, amplitude_s: 0.0 };
+    let blank = Record { place: [0.0; 5], amplitude: 0.0, amplitude_s: 0.0 };
     let mut records = vec![blank; placed.len()];
     let mut cursor = starts.clone();
     for (tile, record) in placed {
@@ -215,6 +249,49 @@ pub fn sort(
     }
     Sorted { records, starts, wide, outside, counts }
 }
+
+/// Gives the records of an ellipse to `put`: one in the tile of its centre where it fits into the buffer, else one in each tile
+/// that it reaches. False when it is too long for either.
+#[inline]
+fn place_ellipse(layer: &Layer, footprint: &Footprint, ellipse: &Ellipse, mut put: impl FnMut(usize, Record)) -> bool {
+    let half = ellipse.half.map(|half| (half * layer.per_pixel) as f32);
+    let (center, extent) = (ellipse.center, ellipse.extent().map(|half| half * layer.per_pixel));
+    let longest = extent[0].max(extent[1]);
+    if longest > LONGEST || half.iter().any(|half| !half.is_normal()) {
+        return false;
+    }
+    let record = |corner: [f64; 2], sign: f32| {
+        let [x, y] = [0, 1].map(|k| ((center[k] - corner[k]) * layer.per_pixel) as f32);
+        Record {
+            place: [x, y, sign * half[0], -half[1], ellipse.shear as f32],
+            amplitude: footprint.amplitude as f32,
+            amplitude_s: footprint.amplitude_s as f32,
+        }
+    };
+    if longest < MARGIN as f64 - 1.0 {
+        let (tile, corner) = layer.tile_at(center);
+        put(tile, record(corner, 1.0));
+        return true;
+    }
+    let [first, last] = [footprint.min[1], footprint.max[1]].map(|y| layer.tile_of(y, 1));
+    for row in first..=last {
+        let top = layer.corner([0, row])[1] + MARGIN as f64 * layer.cell;
+        let [left, right] = ellipse.between([top, top + TILE as f64 * layer.cell]);
+        if left > right {
+            continue;
+        }
+        for column in layer.tile_of(left, 0)..=layer.tile_of(right, 0) {
+            put(layer.first + row * layer.tiles[0] + column, record(layer.corner([column, row]), -1.0));
+        }
+    }
+    true
+}
+
+/// Longest half of an ellipse that is drawn tile by tile, cells: its records are singles.
+const LONGEST: f64 = 4096.0;
+
+/// Ellipsoids whose image differs from an ellipse by less than this ([`super::ellipsoid::FarImage::depth`]) are drawn as one.
+const FAR: f64 = 0.01;
 
 /// The tile of a footprint and its record; `None` when it does not fit into the tile's buffer.
 #[inline]
@@ -228,7 +305,7 @@ fn place(layer: &Layer, footprint: &Footprint) -> Option<(usize, Record)> {
             }
             let (tile, corner) = layer.tile_at(center);
             let local = |k: usize| ((center[k] - corner[k]) * layer.per_pixel) as f32;
-            Some((tile, Record { place: [local(0), local(1), radius as f32, 0.0], amplitude, amplitude_s }))
+            Some((tile, Record { place: [local(0), local(1), radius as f32, 0.0, 0.0], amplitude, amplitude_s }))
         }
         Shape::Sphere { camera, h } => {
             let middle = [0, 1].map(|k| 0.5 * (footprint.min[k] + footprint.max[k]));
@@ -248,7 +325,8 @@ fn place(layer: &Layer, footprint: &Footprint) -> Option<(usize, Record)> {
                 footprint.min[k].max(-pad) >= corner[k] && footprint.max[k].min(end) <= corner[k] + side
             });
             let [x, y, z] = camera.to_array().map(|c| c as f32);
-            fits.then_some((tile, Record { place: [x, y, z, h as f32], amplitude, amplitude_s }))
+            fits.then_some((tile, Record { place: [x, y, z, h as f32, 0.0], amplitude, amplitude_s }))
         }
+        Shape::Ellipse(_) | Shape::Ellipsoid(_) => None,
     }
 }

@@ -144,12 +144,16 @@ impl SharedLook {
         Subject { depiction: &self.depiction, transfer: &self.transfer, ..*subject }
     }
 
-    /// A batch whose smallest particles are as large as the panorama's pixels ask for, its masses what they are.
+    /// A batch whose smallest particles are as large as the panorama's pixels ask for, its masses what they are. Ellipsoids
+    /// become the balls of equal volume that these modes draw.
     fn raised(&self, eye: DVec3, batch: &Splats<'_>) -> Option<Raised> {
-        let Extent::World(lengths) = batch.extent() else { return None };
+        if self.least <= 0.0 {
+            return None;
+        }
+        let lengths: Vec<f32> = (0..batch.len()).map(|i| batch.ball(i)).collect::<Option<_>>()?;
         let positions = batch.positions();
         let least = |i: usize| (self.least * positions.world(i).distance(eye)) as f32;
-        if self.least <= 0.0 || (0..lengths.len()).all(|i| lengths[i] >= least(i)) {
+        if (0..lengths.len()).all(|i| lengths[i] >= least(i)) {
             return None;
         }
         // What has no extent stays without.

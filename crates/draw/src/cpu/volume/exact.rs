@@ -6,7 +6,7 @@
 //! Particles are sorted by the power of two above their smoothing length, and within each such class into cubes of that
 //! width, so that a point looks at 27 cubes of each class, however much smoothing lengths differ.
 
-use super::super::{Extent, Splats};
+use super::super::Splats;
 use crate::model::Kernel;
 use glam::{DVec3, I64Vec3};
 use std::collections::{BTreeMap, HashMap};
@@ -51,8 +51,8 @@ impl ExactField {
     pub fn new(batches: &[Splats<'_>], kernel: Kernel) -> ExactField {
         let mut field = ExactField { kernel, places: Vec::new(), masses: Vec::new(), classes: BTreeMap::new() };
         for batch in batches {
-            let Extent::World(lengths) = batch.extent() else { continue };
-            for (i, &h) in lengths.iter().enumerate() {
+            for i in 0..batch.len() {
+                let Some(h) = batch.ball(i) else { break };
                 let (position, mass) = (batch.positions().world(i), f64::from(batch.weight()[i]));
                 let attribute = batch.attribute().map_or(0.0, |values| f64::from(values[i]));
                 let h = f64::from(h);

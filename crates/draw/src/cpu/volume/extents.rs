@@ -5,7 +5,7 @@
 
 use super::particles::{CHUNK, Taken};
 use super::{VolumeError, VolumeOptions};
-use crate::cpu::{self, Splats};
+use crate::cpu::Splats;
 use crate::model::Bounds;
 use crate::view::perspective_grid::{depth_range, planes, seen};
 use crate::view::{Extent, PerspectiveGrid, Projection, View};
@@ -18,11 +18,11 @@ pub fn of(batches: &[Splats<'_>]) -> Vec<Extent> {
 
 /// The extent of a batch's particles; `None` where none is drawn.
 fn measured(batch: &Splats<'_>) -> Option<Extent> {
-    let cpu::Extent::World(lengths) = batch.extent() else { return None };
     let nothing = Extent { bounds: Bounds::EMPTY, margin: 0.0 };
     let part = |start: usize| {
-        (start..lengths.len().min(start + CHUNK)).fold(nothing, |extent, index| {
-            let (h, place) = (lengths[index], batch.positions().world(index));
+        (start..batch.len().min(start + CHUNK)).fold(nothing, |extent, index| {
+            let Some(h) = batch.ball(index) else { return extent };
+            let place = batch.positions().world(index);
             match place.is_finite() && h > 0.0 && h.is_finite() {
                 true => Extent { bounds: extent.bounds.with(place), margin: extent.margin.max(f64::from(h)) },
                 false => extent,
@@ -30,7 +30,7 @@ fn measured(batch: &Splats<'_>) -> Option<Extent> {
         })
     };
     let both = |a: Extent, b: Extent| Extent { bounds: a.bounds.union(b.bounds), margin: a.margin.max(b.margin) };
-    let starts = (0..lengths.len().div_ceil(CHUNK)).into_par_iter();
+    let starts = (0..batch.len().div_ceil(CHUNK)).into_par_iter();
     let all = starts.map(|chunk| part(chunk * CHUNK)).reduce(|| nothing, both);
     (!all.bounds.is_empty()).then_some(all)
 }

@@ -6,7 +6,7 @@
 //! cells' sum is the mass to half a percent wherever the particle lies. Setting the least size to 0 leaves
 //! particles as they are, for comparisons with the exact sum.
 
-use super::super::{Extent, Splats};
+use super::super::Splats;
 use crate::view::perspective_grid::GridError;
 use crate::view::{Projection, View};
 use rayon::prelude::*;
@@ -121,9 +121,11 @@ const USUAL: (f32, f32) = (10.0, 30.0);
 pub fn density_scale_of(batches: &[Splats<'_>]) -> f32 {
     let mut ratios = Vec::new();
     for batch in batches {
-        let (Some(densities), Extent::World(lengths)) = (batch.density(), batch.extent()) else { return 1.0 };
-        let columns = densities.iter().zip(lengths).zip(batch.weight());
-        ratios.extend(columns.map(|((density, h), mass)| density * h.powi(3) / mass));
+        let Some(densities) = batch.density() else { return 1.0 };
+        for (i, (density, mass)) in densities.iter().zip(batch.weight()).enumerate() {
+            let Some(h) = batch.ball(i) else { return 1.0 };
+            ratios.push(density * h.powi(3) / mass);
+        }
     }
     density_scale(ratios.into_iter())
 }
@@ -153,7 +155,6 @@ struct Part {
 
 fn part(view: &View, batch: &Splats<'_>, start: usize, taken: &Taken) -> Part {
     let mut part = Part { particles: Vec::new(), densities: Vec::new(), raised: 0 };
-    let Extent::World(lengths) = batch.extent() else { return part };
     let perspective = matches!(view.projection, Projection::Perspective { .. });
     let edges = view.edges();
     // Lengths of the side planes' normals.
@@ -161,8 +162,9 @@ fn part(view: &View, batch: &Splats<'_>, start: usize, taken: &Taken) -> Part {
     let (factor, growth) = (taken.stride as f32, growth(taken.stride));
     let end = batch.len().min(start + CHUNK * taken.stride);
     for i in (start..end).step_by(taken.stride) {
+        let Some(h) = batch.ball(i) else { break };
         let place = view.to_camera(batch.positions().world(i));
-        let mut h = f64::from(lengths[i]) * growth;
+        let mut h = f64::from(h) * growth;
         let mass = batch.weight()[i] * factor;
         let weighted = batch.attribute().map_or(0.0, |values| mass * values[i]);
         if !(place.is_finite() && h > 0.0 && h.is_finite() && mass.is_finite() && weighted.is_finite()) {
