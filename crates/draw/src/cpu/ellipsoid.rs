@@ -71,11 +71,6 @@ impl Ellipsoid {
         self.axes.row(2).length()
     }
 
-    /// Whether the eye lies within the support.
-    pub fn holds_eye(&self) -> bool {
-        (self.cofactors().transpose() * self.camera).length() <= self.axes.determinant().abs()
-    }
-
     /// Shortest semi-axis over the longest.
     fn flatness(&self) -> f64 {
         let radii = Covariance::of(self.matrix()).radii();

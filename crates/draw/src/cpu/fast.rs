@@ -6,7 +6,7 @@
 use super::exact::{self, AREA_FILTER, Fineness};
 use super::footprint::{Footprint, Lens};
 use super::lanes::{self, Canvas};
-use super::profile::Profiles;
+use super::profile::{Profile, Profiles};
 use super::pyramid::{self, LevelImage, PADDING};
 use super::row_shares::RowShares;
 use super::table::LineTable;
@@ -72,10 +72,14 @@ pub fn draw(view: &View, batches: &[Splats<'_>], options: &SplatOptions) -> (Acc
                 let small = number == 0;
                 arch.dispatch(Job { lens: &lens, layer, profiles, kernel, small, shapes, tile, records, out });
             };
-            drawn[tiles.clone()]
-                .par_iter_mut()
-                .zip(tiles.clone())
-                .for_each(|(out, tile)| draw_tile(&sorted, tile, out, |records, out| paint(tile, records, out)));
+            drawn[tiles.clone()].par_iter_mut().zip(tiles.clone()).for_each(|(out, tile)| {
+                draw_tile(&sorted, tile, out, |records, out| paint(tile, records, out));
+                let splats: Vec<&Footprint> = sorted.iter().flat_map(|chunk| chunk.near(tile)).collect();
+                if !splats.is_empty() {
+                    out.prepare(attribute);
+                    arch.dispatch(Near { lens: &lens, layer, profile: &profiles.sampled, tile, splats: &splats, out });
+                }
+            });
             if !options.culling {
                 sorted.par_iter().for_each(|chunk| {
                     let mut nowhere = Tile::default();
@@ -221,6 +225,31 @@ impl WithSimd for Job<'_> {
                     }
                 }
             }
+        }
+    }
+}
+
+/// The ellipsoids nearby of one tile on their way into its buffers.
+struct Near<'a> {
+    lens: &'a Lens,
+    layer: &'a Layer,
+    profile: &'a Profile,
+    tile: usize,
+    splats: &'a [&'a Footprint],
+    out: &'a mut Tile,
+}
+
+impl WithSimd for Near<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Near { lens, layer, profile, tile, splats, out } = self;
+        let mut canvas = Canvas { stride: STRIDE, columns: SIDE, rows: SIDE, p: &mut out.p, ps: &mut out.ps };
+        let corner = layer.corner_of(tile);
+        for splat in splats {
+            let amplitudes = [splat.amplitude as f32, splat.amplitude_s as f32];
+            sphere::sampled_footprint(simd, &mut canvas, lens, corner, layer.cell, profile, splat, amplitudes);
         }
     }
 }

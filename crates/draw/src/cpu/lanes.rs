@@ -233,3 +233,21 @@ pub fn perspective_row<S: Simd>(simd: S, profile: &Profile, row: &Row, x: f64, s
         *out = coefficients.at(simd, simd.sub_f32s(simd.splat_f32s(1.0), square));
     }
 }
+
+/// Multiplies what [`perspective_row`] has evaluated by the ray's length over the root of the row's denominator: see
+/// [`Row::ray`], whose value is `depth`. `ray` is [`super::footprint::Lens::ray`].
+#[inline(always)]
+pub fn scale_by_rays<S: Simd>(simd: S, row: &Row, ray: [f64; 2], depth: f64, x: f64, step: f64, out: &mut [f32]) {
+    let lanes = centers(simd);
+    let (own_step, ray_step) = (simd.splat_f32s((step * row.slope) as f32), simd.splat_f32s((step * ray[1]) as f32));
+    let (own_depth, ray_depth) = (simd.splat_f32s(row.depth as f32), simd.splat_f32s(depth as f32));
+    let (vectors, _) = S::as_mut_simd_f32s(out);
+    for (k, out) in vectors.iter_mut().enumerate() {
+        let start = x + (k * S::F32_LANES) as f64 * step;
+        let own = simd.mul_add_e_f32s(lanes, own_step, simd.splat_f32s(((start - row.axis) * row.slope) as f32));
+        let slope = simd.mul_add_e_f32s(lanes, ray_step, simd.splat_f32s(((start - ray[0]) * ray[1]) as f32));
+        let length = simd.mul_add_e_f32s(slope, slope, ray_depth);
+        let ratio = simd.div_f32s(length, simd.mul_add_e_f32s(own, own, own_depth));
+        *out = simd.mul_f32s(*out, simd.sqrt_f32s(ratio));
+    }
+}

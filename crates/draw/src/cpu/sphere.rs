@@ -37,6 +37,21 @@ pub fn sampled<S: Simd>(
     record: &Record,
 ) {
     let Some(splat) = footprint(lens, record) else { return };
+    sampled_footprint(simd, canvas, lens, corner, cell, profile, &splat, [record.amplitude, record.amplitude_s]);
+}
+
+/// The same for the footprint of a sphere or an ellipsoid, with its amplitudes.
+#[inline(always)]
+pub fn sampled_footprint<S: Simd>(
+    simd: S,
+    canvas: &mut Canvas<'_>,
+    lens: &Lens,
+    corner: [f64; 2],
+    cell: f64,
+    profile: &Profile,
+    splat: &Footprint,
+    [amplitude, amplitude_s]: [f32; 2],
+) {
     let first = |k: usize| (splat.min[k] - corner[k]) / cell + 0.5;
     let end = |k: usize| (splat.max[k] - corner[k]) / cell + 0.5;
     // Casts saturate.
@@ -46,13 +61,16 @@ pub fn sampled<S: Simd>(
     let mut values = [0.0f32; SIDE + lanes::SLACK];
     let values = &mut values[..width];
     for j in top..bottom {
-        let row = lens.row(&splat, corner[1] + (j as f64 + 0.5) * cell);
+        let row = lens.row(splat, corner[1] + (j as f64 + 0.5) * cell);
         let x = corner[0] + left as f64 * cell;
         lanes::perspective_row(simd, profile, &row, x, cell, values);
+        if let Some(depth) = row.ray {
+            lanes::scale_by_rays(simd, &row, lens.ray(), depth, x, cell, values);
+        }
         let start = j * canvas.stride + left;
-        add_scaled(simd, &mut canvas.p[start..start + width], record.amplitude, values);
+        add_scaled(simd, &mut canvas.p[start..start + width], amplitude, values);
         if !canvas.ps.is_empty() {
-            add_scaled(simd, &mut canvas.ps[start..start + width], record.amplitude_s, values);
+            add_scaled(simd, &mut canvas.ps[start..start + width], amplitude_s, values);
         }
     }
 }

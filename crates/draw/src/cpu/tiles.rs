@@ -163,6 +163,8 @@ pub struct Sorted {
     starts: Vec<u32>,
     /// Splats that reach beyond a tile's buffer, with their layer.
     pub wide: Vec<(usize, Footprint)>,
+    /// Ellipsoids nearby that fit into a tile's buffer, by tile and in their order within each.
+    near: Vec<(usize, Footprint)>,
     /// Splats outside the picture with the number of the nearest tile; none when they are culled.
     pub outside: Vec<(usize, Record)>,
     /// What became of the particles.
@@ -173,6 +175,12 @@ impl Sorted {
     /// The records of a tile.
     pub fn of(&self, tile: usize) -> &[Record] {
         &self.records[self.starts[tile] as usize..self.starts[tile + 1] as usize]
+    }
+
+    /// The ellipsoids nearby of a tile.
+    pub fn near(&self, tile: usize) -> impl Iterator<Item = &Footprint> {
+        let first = self.near.partition_point(|(of, _)| *of < tile);
+        self.near[first..].iter().take_while(move |(of, _)| *of == tile).map(|(_, footprint)| footprint)
     }
 }
 
@@ -190,7 +198,7 @@ pub fn sort(
     let tiles = layers.last().map_or(0, |layer| layer.first + layer.tiles[0] * layer.tiles[1]);
     let mut starts = vec![0u32; tiles + 1];
     let mut placed: Vec<(u32, Record)> = Vec::with_capacity(pieces.iter().map(|piece| piece.1.len()).sum());
-    let (mut wide, mut outside, mut counts) = (Vec::new(), Vec::new(), Counts::default());
+    let (mut wide, mut near, mut outside, mut counts) = (Vec::new(), Vec::new(), Vec::new(), Counts::default());
     for (splats, range) in pieces {
         for index in range.clone() {
             let Some(footprint) = lens.footprint(splats, index, options.kernel) else { continue };
@@ -216,6 +224,13 @@ pub fn sort(
                 });
                 if !drawn {
                     wide.push((layer, footprint));
+                }
+                continue;
+            }
+            if let (Shape::Ellipsoid(_), false) = (footprint.shape, small) {
+                match fitting(&layers[layer], &footprint) {
+                    Some(tile) => near.push((tile, footprint)),
+                    None => wide.push((layer, footprint)),
                 }
                 continue;
             }
@@ -247,7 +262,8 @@ pub fn sort(
         records[*slot as usize] = record;
         *slot += 1;
     }
-    Sorted { records, starts, wide, outside, counts }
+    near.sort_by_key(|(tile, _)| *tile);
+    Sorted { records, starts, wide, near, outside, counts }
 }
 
 /// Gives the records of an ellipse to `put`: one in the tile of its centre where it fits into the buffer, else one in each tile
@@ -308,25 +324,31 @@ fn place(layer: &Layer, footprint: &Footprint) -> Option<(usize, Record)> {
             Some((tile, Record { place: [local(0), local(1), radius as f32, 0.0, 0.0], amplitude, amplitude_s }))
         }
         Shape::Sphere { camera, h } => {
-            let middle = [0, 1].map(|k| 0.5 * (footprint.min[k] + footprint.max[k]));
-            if !(middle[0].is_finite() && middle[1].is_finite()) {
-                return None;
-            }
-            let (tile, corner) = layer.tile_at(middle);
-            // Those that are small in one direction and very long in the other fit nowhere.
-            if (0..2).any(|k| footprint.max[k] - footprint.min[k] > 16.0 * footprint.radius) {
-                return None;
-            }
-            let side = SIDE as f64 * layer.cell;
-            let pad = layer.padding as f64 * layer.cell;
-            let fits = (0..2).all(|k| {
-                // What lies beyond the layer is not drawn anyway.
-                let end = layer.size[k] as f64 * layer.cell - pad;
-                footprint.min[k].max(-pad) >= corner[k] && footprint.max[k].min(end) <= corner[k] + side
-            });
+            let tile = fitting(layer, footprint)?;
             let [x, y, z] = camera.to_array().map(|c| c as f32);
-            fits.then_some((tile, Record { place: [x, y, z, h as f32, 0.0], amplitude, amplitude_s }))
+            Some((tile, Record { place: [x, y, z, h as f32, 0.0], amplitude, amplitude_s }))
         }
         Shape::Ellipse(_) | Shape::Ellipsoid(_) => None,
     }
+}
+
+/// The tile of the middle of a footprint's box, when the box fits into its buffer.
+fn fitting(layer: &Layer, footprint: &Footprint) -> Option<usize> {
+    let middle = [0, 1].map(|k| 0.5 * (footprint.min[k] + footprint.max[k]));
+    if !(middle[0].is_finite() && middle[1].is_finite()) {
+        return None;
+    }
+    let (tile, corner) = layer.tile_at(middle);
+    // Those that are small in one direction and very long in the other fit nowhere.
+    if (0..2).any(|k| footprint.max[k] - footprint.min[k] > 16.0 * footprint.radius) {
+        return None;
+    }
+    let side = SIDE as f64 * layer.cell;
+    let pad = layer.padding as f64 * layer.cell;
+    let fits = (0..2).all(|k| {
+        // What lies beyond the layer is not drawn anyway.
+        let end = layer.size[k] as f64 * layer.cell - pad;
+        footprint.min[k].max(-pad) >= corner[k] && footprint.max[k].min(end) <= corner[k] + side
+    });
+    fits.then_some(tile)
 }
