@@ -14,9 +14,7 @@ use super::{BuildError, BuildOptions};
 use crate::codec::AttributeMerge;
 use crate::hierarchy::spacetime::{Before, Chains, ClusterList, Interval, Links, Traveller, flow_errors};
 use crate::store::StoreError;
-use crate::store::run::{
-    FlowParts, FlowTracks, MOST_FLOW_LEVELS, NodePart, RunFileWriter, TrackCoding, encode_long_tracks,
-};
+use crate::store::run::{FlowParts, MOST_FLOW_LEVELS, NodePart, RunFileWriter, TrackCoding, encode_long_tracks};
 use crate::store::temporary::folder_of;
 use std::path::Path;
 
@@ -86,12 +84,12 @@ impl FlowBuild {
         FlowBuild { errors, clusters, carried: step.carry(), chains, rules: rules.collect() }
     }
 
-    /// The clusters of the particles of a bucket by their numbers there.
+    /// The clusters of the particles of a bucket by their numbers there; asked for once.
     ///
     /// # Errors
     /// When they cannot be read back.
     pub fn carried(&self, bucket: usize) -> Result<Vec<u32>, BuildError> {
-        let records = self.carried.get(bucket)?;
+        let records = self.carried.take(bucket)?;
         let most = records.chunks_exact(CARRIED).map(|record| record[1] as usize + 1).max().unwrap_or(0);
         let mut clusters = vec![NOBODY; most];
         records.chunks_exact(CARRIED).for_each(|record| clusters[record[1] as usize] = record[2]);
@@ -174,12 +172,16 @@ impl FlowBuild {
             let counts = [&self.clusters[family], &clusters].map(|levels| levels.iter().map(ClusterList::len));
             let [begins, ends]: [Vec<usize>; 2] = counts.map(Iterator::collect);
             let levels = flow.finish(&begins, &ends);
+            drop(before);
             let mut own = FlowParts { section: writer.begin(), ..FlowParts::default() };
-            for (level, tracks) in levels.iter().enumerate() {
+            let mut links = Vec::with_capacity(levels.len());
+            // Of a level that is written only what long tracks need is held.
+            for (level, tracks) in levels.into_iter().enumerate() {
                 let part = step.write(writer, &mut own, level, &tracks.encode(coding))?;
                 own.levels.push((tracks.len() as u32, part));
+                links.push(Links::of_interval(&tracks.tracks, &tracks.clusters, *step.space, step.clock));
             }
-            self.write_long(step, family, &levels, &mut own, writer)?;
+            self.write_long(step, family, links, &mut own, writer)?;
             writer.close()?;
             parts.push(own);
             self.clusters[family] = clusters;
@@ -188,18 +190,17 @@ impl FlowBuild {
         Ok(parts)
     }
 
-    /// Writes the long tracks of a family over the stretches that end with the interval, whose flow levels are `levels`.
+    /// Writes the long tracks of a family over the stretches that end with the interval; `links` are the tracks of its levels.
     fn write_long(
         &mut self,
         step: &FlowStep<'_>,
         family: usize,
-        levels: &[FlowTracks],
+        links: Vec<Links>,
         own: &mut FlowParts,
         writer: &mut RunFileWriter,
     ) -> Result<(), BuildError> {
         let known = self.chains[family].iter_mut().zip(&self.errors);
-        for (level, (tracks, (chains, error))) in levels.iter().zip(known).enumerate() {
-            let links = Links::of_interval(&tracks.tracks, &tracks.clusters, *step.space, step.clock);
+        for (level, (links, (chains, error))) in links.into_iter().zip(known).enumerate() {
             let mut parts = Vec::new();
             chains.push(step.interval, links, |_, first, second| {
                 let (long, links) = first.join(second, *error);

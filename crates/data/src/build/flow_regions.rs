@@ -59,11 +59,11 @@ impl Regions {
         (first..first + self.plans[family].len()).collect()
     }
 
-    /// The tracks of a region.
+    /// The tracks of a region; asked for once.
     ///
     /// # Errors
     /// When they cannot be read back.
     pub fn records(&self, region: usize) -> Result<Vec<u32>, BuildError> {
-        self.tracks.get(region)
+        self.tracks.take(region)
     }
 }

@@ -64,13 +64,63 @@ impl Shuffle {
     /// When they cannot be read back.
     pub fn get(&self, bucket: usize) -> Result<Vec<u32>, BuildError> {
         let bucket = self.buckets[bucket].lock().unwrap_or_else(PoisonError::into_inner);
-        let len = bucket.runs.iter().map(|run| run.len() / 4).sum::<usize>() + bucket.waiting.len();
-        let mut records = Vec::with_capacity(len);
+        let mut records = Vec::with_capacity(bucket.words());
         for run in &bucket.runs {
-            let bytes = self.spill.get(run).map_err(|error| BuildError::temporary(&self.spill, error))?;
-            records.extend_from_slice(bytemuck::cast_slice(&bytes));
+            self.append(run, &mut records)?;
         }
         records.extend_from_slice(&bucket.waiting);
         Ok(records)
+    }
+
+    /// The same for the last time: the bucket is empty then, and the memory that it took is free while others are still to be read.
+    ///
+    /// # Errors
+    /// When they cannot be read back.
+    pub fn take(&self, bucket: usize) -> Result<Vec<u32>, BuildError> {
+        let bucket = std::mem::take(&mut *self.buckets[bucket].lock().unwrap_or_else(PoisonError::into_inner));
+        let mut records = Vec::with_capacity(bucket.words());
+        for run in bucket.runs {
+            self.append(&run, &mut records)?;
+            self.spill.forget(run);
+        }
+        records.extend_from_slice(&bucket.waiting);
+        Ok(records)
+    }
+
+    /// Reads a run back.
+    fn append(&self, run: &Blob, records: &mut Vec<u32>) -> Result<(), BuildError> {
+        let bytes = self.spill.get(run).map_err(|error| BuildError::temporary(&self.spill, error))?;
+        records.extend_from_slice(bytemuck::cast_slice(&bytes));
+        Ok(())
+    }
+}
+
+impl Bucket {
+    /// Words of its records.
+    fn words(&self) -> usize {
+        self.runs.iter().map(|run| run.len() / 4).sum::<usize>() + self.waiting.len()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::ReadMethod;
+
+    #[test]
+    fn what_is_taken_is_what_was_put_and_is_there_once() {
+        let folder = tempfile::tempdir().unwrap();
+        let spill = Spill::new(&folder.path().join("out"), folder.path(), 1 << 16, ReadMethod::default());
+        let shuffle = Shuffle::new(3, 2, spill);
+        let records: Vec<u32> = (0..60_000).flat_map(|i| [i % 3, i]).collect();
+        records.chunks(5000).for_each(|some| shuffle.put(some, |record| record[0] as usize).unwrap());
+        assert!(shuffle.on_disk() > 0);
+        for bucket in 0..3 {
+            let known = shuffle.get(bucket).unwrap();
+            assert_eq!(known.len(), 40_000);
+            assert!(known.chunks(2).all(|record| record[0] as usize == bucket));
+            assert_eq!(shuffle.take(bucket).unwrap(), known);
+            assert!(shuffle.take(bucket).unwrap().is_empty());
+        }
     }
 }

@@ -116,7 +116,7 @@ impl BuiltNode {
     }
 }
 
-/// Writes the nodes of a family over an interval, from its buckets in order.
+/// Writes the nodes of a family over an interval, from its buckets in order, which are empty then.
 ///
 /// # Errors
 /// When tracks cannot be read back, or the run not be written.
@@ -136,7 +136,7 @@ pub(super) fn write_nodes(
     let mut section = writer.begin();
     let buckets: Vec<usize> = buckets.collect();
     let build = |bucket: &usize| {
-        let leaves = leaves_of(&sorted.get(*bucket)?, layout, family, interval, has_flow);
+        let leaves = leaves_of(&sorted.take(*bucket)?, layout, family, interval, has_flow);
         let above = (leaves.len() > 1).then(|| {
             let parts: Vec<(u32, &TrackNode, &Clusters)> =
                 leaves.iter().enumerate().map(|(i, leaf)| (i as u32, &leaf.about, &leaf.clusters)).collect();

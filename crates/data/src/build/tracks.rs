@@ -185,7 +185,7 @@ impl TrackBuild<'_> {
                 temporary_bytes.max(on_disk + window.iter().map(|states| states.shuffle.on_disk()).sum::<u64>());
             intervals.push(interval);
             // A step left out needs the one after: it is measured while all three are here.
-            let keep_from = if by_differences { number } else { number + 1 };
+            let keep_from = keep_from(number, by_differences);
             if number + 2 < count {
                 read_to(&mut window, first, number + 2)?;
                 let sample = |step: usize| window.get(step - first).map_or(&[][..], |states| &states.sample);
@@ -468,15 +468,16 @@ impl TrackBuild<'_> {
         let bucket_of =
             |track: &TrackRecord| starts[track.family] + by_place[track.family].bucket(morton_key(track.places[0]));
         let place = format!("interval {} of {}", number + 1, plans.clock.len() - 1);
-        let states = |bucket: usize| -> Result<Window, BuildError> {
-            let get = |states: Option<&StepStates>| states.map_or(Ok(Vec::new()), |states| states.shuffle.get(bucket));
-            let around = |step: Option<usize>| step.filter(|_| by_differences).and_then(at);
-            Ok([
-                get(around(number.checked_sub(1)))?,
-                begin.shuffle.get(bucket)?,
-                end.shuffle.get(bucket)?,
-                get(around(Some(number + 2)))?,
-            ])
+        // Steps before this one are not looked at again.
+        let needed_from = if number + 2 == plans.clock.len() { number + 2 } else { keep_from(number, by_differences) };
+        let states = |bucket: usize, is_last: bool| -> Result<Window, BuildError> {
+            let get = |step: usize| match at(step) {
+                Some(states) if is_last && step < needed_from => states.shuffle.take(bucket),
+                Some(states) => states.shuffle.get(bucket),
+                None => Ok(Vec::new()),
+            };
+            let around = |step: Option<usize>| step.filter(|_| by_differences).map_or(Ok(Vec::new()), get);
+            Ok([around(number.checked_sub(1))?, get(number)?, get(number + 1)?, around(Some(number + 2))?])
         };
         let next_length = plans.clock.get(number + 2).map(|next| next - plans.clock[number + 1]);
         let edge = joining.edge;
@@ -487,7 +488,7 @@ impl TrackBuild<'_> {
             let regions = Regions::new(&step, begin, 0);
             progress.begin("flow levels of the first step", layout.buckets as u64);
             (0..layout.buckets).into_par_iter().with_max_len(1).try_for_each(|bucket| {
-                regions.put(&step, &joining.join(&states(bucket)?).0)?;
+                regions.put(&step, &joining.join(&states(bucket, false)?).0)?;
                 progress.advance(1);
                 Ok::<_, BuildError>(())
             })?;
@@ -497,7 +498,7 @@ impl TrackBuild<'_> {
         let regions = flow.is_some().then(|| Regions::new(&step, end, 1));
         progress.begin(&format!("{place}: matching"), layout.buckets as u64);
         let joined = (0..layout.buckets).into_par_iter().with_max_len(1).map(|bucket| {
-            let (mut records, found) = joining.join(&states(bucket)?);
+            let (mut records, found) = joining.join(&states(bucket, true)?);
             match (flow.as_ref(), &regions) {
                 (Some(flow), Some(regions)) => {
                     let clusters = flow.carried(bucket)?;
@@ -566,6 +567,11 @@ impl TrackBuild<'_> {
         ));
         Ok(())
     }
+}
+
+/// The first step whose states are needed after an interval.
+fn keep_from(interval: usize, by_differences: bool) -> usize {
+    if by_differences { interval } else { interval + 1 }
 }
 
 fn is_new_in(families: &[(FamilyName, Vec<(String, Unit)>)], name: FamilyName) -> bool {

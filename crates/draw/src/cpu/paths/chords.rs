@@ -4,6 +4,7 @@
 //! rational curve with positive weights. It is halved until these are within [`TOLERANCE`] of the chord, so the curve is, too.
 
 use super::curves::Curves;
+use super::hidden::Hidden;
 use super::palette::{Palette, Quantity};
 use super::stroke::{MOST_SHIFT, Stroke, kind};
 use super::style::{PathShape, Style};
@@ -191,18 +192,32 @@ impl<'a> Chopper<'a> {
     }
 
     /// Appends the strokes of some of the curves of `drawn`, by their places in it, and notes in `seen` which of these are in the view.
-    pub fn chop(&self, drawn: &Drawn<'_>, range: std::ops::Range<usize>, seen: &mut [bool], out: &mut Vec<Stroke>) {
+    /// Nothing need be appended of what is `hidden`.
+    pub fn chop(
+        &self,
+        drawn: &Drawn<'_>,
+        places: impl Iterator<Item = usize> + Clone,
+        hidden: Option<&Hidden>,
+        seen: &mut [bool],
+        out: &mut Vec<Stroke>,
+    ) {
         for offset in self.view.images.offsets() {
-            self.image(drawn, range.clone(), offset, seen, out);
+            self.image(drawn, places.clone(), offset, hidden, seen, out);
         }
+    }
+
+    /// Whether it can be told what is hidden; not in faces of panoramas, where sizes change along a curve.
+    pub fn hides(&self) -> bool {
+        self.lens.rate.is_none()
     }
 
     /// The same for an image of a periodic box.
     fn image(
         &self,
         drawn: &Drawn<'_>,
-        range: std::ops::Range<usize>,
+        places: impl Iterator<Item = usize>,
         offset: DVec3,
+        hidden: Option<&Hidden>,
         seen: &mut [bool],
         out: &mut Vec<Stroke>,
     ) {
@@ -221,14 +236,14 @@ impl<'a> Chopper<'a> {
         }
         let base = self.view.to_camera(curves.origin + offset).as_vec3();
         let (right, up, forward) = (self.view.right.as_vec3(), self.view.up.as_vec3(), self.view.forward.as_vec3());
-        for (place, seen) in range.zip(seen) {
+        for (place, seen) in places.zip(seen) {
             let i = drawn.which.map_or(place, |which| which[place] as usize);
             let turned = curves.points[i].map(|at| {
                 let at = Vec3::from_array(at);
                 Vec3::new(at.dot(right), at.dot(up), at.dot(forward))
             });
             let Some(edge) = wrapping else {
-                *seen |= self.curve(drawn, i, turned.map(|at| at + base), &cut_planes, out);
+                *seen |= self.curve(drawn, i, turned.map(|at| at + base), &cut_planes, hidden, out);
                 continue;
             };
             if self.style.unwrapped {
@@ -239,7 +254,7 @@ impl<'a> Chopper<'a> {
                 let cell = ((curves.origin + there.as_dvec3()) / edge).floor();
                 if cell.is_finite() {
                     let base = self.view.to_camera(curves.origin + offset - edge * cell).as_vec3();
-                    *seen |= self.curve(drawn, i, turned.map(|at| at + base), &cut_planes, out);
+                    *seen |= self.curve(drawn, i, turned.map(|at| at + base), &cut_planes, hidden, out);
                 }
                 continue;
             }
@@ -261,7 +276,7 @@ impl<'a> Chopper<'a> {
                     for z in cells(2) {
                         let back = offset - edge * DVec3::new(f64::from(x), f64::from(y), f64::from(z));
                         let base = self.view.to_camera(curves.origin + back).as_vec3();
-                        *seen |= self.curve(drawn, i, turned.map(|at| at + base), &planes, out);
+                        *seen |= self.curve(drawn, i, turned.map(|at| at + base), &planes, hidden, out);
                     }
                 }
             }
@@ -289,6 +304,7 @@ impl<'a> Chopper<'a> {
         i: usize,
         points: [Vec3; 4],
         planes: &[(Vec3, f32)],
+        hidden: Option<&Hidden>,
         out: &mut Vec<Stroke>,
     ) -> bool {
         // What is no place, or farther than a picture reaches, has no chords.
@@ -310,6 +326,10 @@ impl<'a> Chopper<'a> {
         let piece = Piece { points: sub_curve(points, part.u), share: [0.0, 1.0], directions: [None; 2] };
         if !self.may_be_seen(&piece.points, half) {
             return false;
+        }
+        // What fades has its heads at the ends of the whole curve.
+        if hidden.is_some_and(|hidden| !flags.has(TrackFlags::FADES) && self.is_hidden(&piece.points, half, hidden)) {
+            return true;
         }
         let values = curves.values.get(i).copied().unwrap_or([0.0; 2]);
         let color = match style.palette.quantity {
@@ -366,15 +386,54 @@ impl<'a> Chopper<'a> {
         !(beyond(&left) || beyond(&right) || beyond(&top) || beyond(&bottom))
     }
 
+    /// Whether nothing of a curve with these control points is seen behind what is known.
+    #[inline]
+    fn is_hidden(&self, points: &[Vec3; 4], half: [f32; 2], hidden: &Hidden) -> bool {
+        let (nearest, farthest) = self.depths(points);
+        if !self.is_in_front(nearest, farthest) {
+            return false;
+        }
+        let pixels = points.map(|at| self.lens.pixel(at));
+        let (mut low, mut high) = (pixels[0], pixels[0]);
+        for [x, y] in pixels {
+            low = [low[0].min(x), low[1].min(y)];
+            high = [high[0].max(x), high[1].max(y)];
+        }
+        // As far as strokes reach to their sides, with the lines across their ends, and heads around their places.
+        let (half, halo) = (half[0].max(half[1]), self.style.halo + 0.5);
+        let sides = (1.0 + 0.5 * MOST_SHIFT) * (half + halo);
+        let head = HEAD_SIZE * half + halo;
+        let around = 1.0
+            + match self.style.shape {
+                PathShape::Line | PathShape::Tube => sides,
+                PathShape::Comet => sides.max(head),
+                PathShape::Arrow => (1.0 + 0.5 * MOST_SHIFT) * head + 0.5 * HEAD_LENGTH * HEAD_SIZE * half,
+            };
+        let is_known = pixels.as_flattened().iter().all(|at| at.is_finite());
+        is_known && hidden.hides(low.map(|at| at - around), high.map(|at| at + around), nearest)
+    }
+
+    /// The smallest and largest depth of control points.
+    #[inline]
+    fn depths(&self, points: &[Vec3; 4]) -> (f32, f32) {
+        let nearest = points.iter().fold(f32::INFINITY, |near, at| near.min(at.z));
+        (nearest, points.iter().fold(f32::NEG_INFINITY, |far, at| far.max(at.z)))
+    }
+
+    /// Whether what is between these depths is far enough from the eye to be projected.
+    #[inline]
+    fn is_in_front(&self, nearest: f32, farthest: f32) -> bool {
+        nearest > self.lens.near && (!self.lens.perspective || nearest > 1e-4 * farthest)
+    }
+
     /// Divides a piece until it is straight.
     fn divide(&self, course: &Course<'_>, piece: Piece, halvings: u32, out: &mut Vec<Stroke>) {
         let points = &piece.points;
-        let nearest = points.iter().fold(f32::INFINITY, |near, at| near.min(at.z));
-        let farthest = points.iter().fold(f32::NEG_INFINITY, |far, at| far.max(at.z));
+        let (nearest, farthest) = self.depths(points);
         if farthest.is_nan() || farthest <= self.lens.near {
             return;
         }
-        let in_front = nearest > self.lens.near && (!self.lens.perspective || nearest > 1e-4 * farthest);
+        let in_front = self.is_in_front(nearest, farthest);
         if !in_front && halvings >= MOST_HALVINGS {
             return;
         }

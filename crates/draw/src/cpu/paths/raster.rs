@@ -1,16 +1,19 @@
 //! Strokes become fragments, tile by tile.
 //!
 //! The strokes of a tile are drawn in the order of their nearest points. Once what a pixel has gathered lets less than [`HIDDEN`]
-//! through, strokes that begin behind all of that are left out: they would not be seen, whatever the order within.
+//! through, strokes that begin behind all of that are left out: they would not be seen, whatever the order within. Of very many curves
+//! some come first, and those of the others that are behind what these close ([`super::hidden`]) never become strokes.
 
 use super::chords::{Chopper, Drawn};
 use super::fragments::{PathFragment, PathFragments, TileFragments, over};
+use super::hidden::{Hidden, closed_blocks};
 use super::palette::light;
 use super::stroke::{Sampler, Stroke, kind, reach_along};
 use super::style::Style;
 use crate::color::Colors;
 use crate::view::{Projection, View};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Pixels along a tile's side.
 pub const SIDE: usize = 64;
@@ -18,6 +21,38 @@ pub const SIDE: usize = 64;
 pub const HIDDEN: f32 = 1.0 / 4096.0;
 /// Curves that one task chops.
 const CHUNK: usize = 4096;
+/// So many curves are chopped in several waves: of fewer it takes longer to find out what is hidden than to draw it.
+const MANY: usize = 1 << 21;
+/// Strokes of a tile, the nearest ones, that are sorted first: where they close it, the others need not be in order.
+const NEAREST: usize = 1 << 11;
+
+/// Every `step`-th curve, without every `without`-th, a multiple of it; with these, too, where it is 0.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Wave {
+    step: usize,
+    without: usize,
+}
+
+/// All curves at once.
+pub(super) const AT_ONCE: [Wave; 1] = [Wave { step: 1, without: 0 }];
+/// A few, which lie everywhere, then more of them, and then those that these do not hide.
+pub(super) const IN_WAVES: [Wave; 3] =
+    [Wave { step: 16, without: 0 }, Wave { step: 4, without: 16 }, Wave { step: 1, without: 4 }];
+
+impl Wave {
+    /// How many of `count` curves.
+    fn len(self, count: usize) -> usize {
+        count.div_ceil(self.step) - if self.without > 0 { count.div_ceil(self.without) } else { 0 }
+    }
+
+    /// The places of some of the wave's curves among all of them.
+    fn places(self, range: Range<usize>) -> impl Iterator<Item = usize> + Clone {
+        let Wave { step, without } = self;
+        // One is left out before each so many of them.
+        let (between, first) = if without > 0 { (without / step - 1, 1) } else { (usize::MAX, 0) };
+        range.map(move |i| (i + i / between + first) * step)
+    }
+}
 
 /// The strokes of some curves, and which tiles they reach.
 #[derive(Default)]
@@ -26,8 +61,11 @@ struct Chunk {
     /// The first of each tile in `indices`, and one more at the end.
     starts: Vec<u32>,
     indices: Vec<u32>,
-    /// Which of the drawn its curves are of.
-    of: Vec<(usize, std::ops::Range<usize>)>,
+    /// The nearest points of these strokes, as [`ordered`] has them.
+    nearest: Vec<u32>,
+    wave: Wave,
+    /// Which of the drawn its curves are of, by their numbers in the wave.
+    of: Vec<(usize, Range<usize>)>,
     /// Which of its curves are in view.
     seen: Vec<bool>,
 }
@@ -64,21 +102,41 @@ struct Scratch {
 }
 
 impl Canvas {
-    /// Projects what is drawn; how many curves of each are in view.
-    pub fn gather(&mut self, view: &View, drawn: &[Drawn<'_>], style: &Style) -> Vec<u64> {
+    /// Projects what is drawn.
+    pub fn gather(&mut self, view: &View, drawn: &[Drawn<'_>], style: &Style) {
+        let count = drawn.iter().map(Drawn::len).sum::<usize>();
+        let hides = count >= MANY && Chopper::new(view, style).hides();
+        self.gather_in(if hides { &IN_WAVES } else { &AT_ONCE }, view, drawn, style);
+    }
+
+    /// The same in waves, which have each curve in one of them.
+    pub(super) fn gather_in(&mut self, waves: &[Wave], view: &View, drawn: &[Drawn<'_>], style: &Style) {
         self.size = [view.width as usize, view.height as usize];
         self.perspective = matches!(view.projection, Projection::Perspective { .. });
+        self.used = 0;
+        let chopper = Chopper::new(view, style);
+        let mut hidden: Option<Hidden> = None;
+        for (number, wave) in waves.iter().enumerate() {
+            self.chop(&chopper, *wave, drawn, hidden.as_ref());
+            if number + 1 < waves.len() {
+                hidden = Some(self.hidden());
+            }
+        }
+    }
+
+    /// Projects a wave of what is drawn, as far as it is not hidden.
+    fn chop(&mut self, chopper: &Chopper<'_>, wave: Wave, drawn: &[Drawn<'_>], hidden: Option<&Hidden>) {
         // Tasks of about as many curves each: parts of large places, or several small ones.
-        let mut tasks: Vec<Vec<(usize, std::ops::Range<usize>)>> = Vec::new();
+        let mut tasks: Vec<Vec<(usize, Range<usize>)>> = Vec::new();
         let mut room = 0;
         for (number, own) in drawn.iter().enumerate() {
-            let mut first = 0;
-            while first < own.len() {
+            let (mut first, len) = (0, wave.len(own.len()));
+            while first < len {
                 if room == 0 {
                     tasks.push(Vec::new());
                     room = CHUNK;
                 }
-                let end = own.len().min(first + room);
+                let end = len.min(first + room);
                 if let Some(task) = tasks.last_mut() {
                     task.push((number, first..end));
                 }
@@ -86,32 +144,51 @@ impl Canvas {
                 first = end;
             }
         }
-        self.used = tasks.len();
-        if self.chunks.len() < tasks.len() {
-            self.chunks.resize_with(tasks.len(), Chunk::default);
+        let before = self.used;
+        self.used += tasks.len();
+        if self.chunks.len() < self.used {
+            self.chunks.resize_with(self.used, Chunk::default);
         }
-        let chopper = Chopper::new(view, style);
         let size = self.size;
-        self.chunks.par_iter_mut().zip(&tasks).for_each(|(chunk, task)| {
+        self.chunks[before..self.used].par_iter_mut().zip(&tasks).for_each(|(chunk, task)| {
             chunk.strokes.clear();
             chunk.seen.clear();
             chunk.of.clone_from(task);
+            chunk.wave = wave;
             for (number, range) in task {
                 let first = chunk.seen.len();
                 chunk.seen.resize(first + range.len(), false);
-                chopper.chop(&drawn[*number], range.clone(), &mut chunk.seen[first..], &mut chunk.strokes);
+                let places = wave.places(range.clone());
+                chopper.chop(&drawn[*number], places, hidden, &mut chunk.seen[first..], &mut chunk.strokes);
             }
             chunk.bin(size);
         });
-        let mut counts = vec![0; drawn.len()];
-        self.each_seen(|number, _| counts[number] += 1);
-        counts
+    }
+
+    /// What the strokes that were gathered hide.
+    fn hidden(&self) -> Hidden {
+        let [across, down] = self.tiles();
+        let tile = |scratch: &mut Scratch, tile: usize| {
+            let width = SIDE.min(self.size[0] - tile % across * SIDE);
+            match self.draw(tile, scratch) {
+                0 => Vec::new(),
+                _ => closed_blocks(width, &scratch.through, &scratch.behind),
+            }
+        };
+        let tiles: Vec<Vec<f32>> = (0..across * down).into_par_iter().map_init(Scratch::default, tile).collect();
+        let mut hidden = Hidden::nothing(self.size);
+        for (tile, depths) in tiles.iter().enumerate() {
+            let corner = [tile % across, tile / across].map(|tile| tile * SIDE);
+            hidden.close(corner, SIDE.min(self.size[0] - corner[0]), depths);
+        }
+        hidden
     }
 
     /// Calls `each` for every curve in view: the number of what it is drawn of, and its place in that.
     pub fn each_seen(&self, mut each: impl FnMut(usize, usize)) {
         for chunk in &self.chunks[..self.used] {
-            let curves = chunk.of.iter().flat_map(|(number, range)| range.clone().map(|place| (*number, place)));
+            let places = |range: &Range<usize>| chunk.wave.places(range.clone());
+            let curves = chunk.of.iter().flat_map(|(number, range)| places(range).map(|place| (*number, place)));
             for ((number, place), seen) in curves.zip(&chunk.seen) {
                 if *seen {
                     each(number, place);
@@ -196,22 +273,20 @@ impl Canvas {
         order.clear();
         raw.clear();
         for (number, chunk) in self.chunks[..self.used].iter().enumerate() {
-            for &index in &chunk.indices[chunk.starts[tile] as usize..chunk.starts[tile + 1] as usize] {
-                let [a, b] = chunk.strokes[index as usize].depth;
-                order.push((ordered(a.min(b)), number as u32, index));
-            }
+            let own = chunk.starts[tile] as usize..chunk.starts[tile + 1] as usize;
+            let strokes = chunk.nearest[own.clone()].iter().zip(&chunk.indices[own]);
+            order.extend(strokes.map(|(nearest, index)| (*nearest, number as u32, *index)));
         }
         through.clear();
         through.resize(width * (bottom - top), 1.0);
         if order.is_empty() {
             return 0;
         }
-        order.sort_unstable();
         behind.clear();
         behind.resize(through.len(), f32::INFINITY);
         let mut open = through.len();
         let mut last = f32::INFINITY;
-        for &(_, chunk, index) in &*order {
+        for &(_, chunk, index) in nearest_first(order) {
             let stroke = &self.chunks[chunk as usize].strokes[index as usize];
             let nearest = stroke.depth[0].min(stroke.depth[1]);
             if open == 0 {
@@ -299,14 +374,18 @@ impl Chunk {
         }
         self.indices.clear();
         self.indices.resize(sum as usize, 0);
+        self.nearest.clear();
+        self.nearest.resize(sum as usize, 0);
         // From the last on, so that starts end up where they belong.
         for (index, stroke) in self.strokes.iter().enumerate().rev() {
             let [columns, rows] = ranges(stroke);
+            let nearest = ordered(stroke.depth[0].min(stroke.depth[1]));
             for row in rows {
                 for column in columns.clone() {
                     let end = &mut self.starts[row * tiles[0] + column + 1];
                     *end -= 1;
                     self.indices[*end as usize] = index as u32;
+                    self.nearest[*end as usize] = nearest;
                 }
             }
         }
@@ -361,6 +440,23 @@ impl Scratch {
         }
         *starts = next;
     }
+}
+
+/// Strokes in their order, part by part, each sorted only when it is asked for.
+fn nearest_first(strokes: &mut [(u32, u32, u32)]) -> impl Iterator<Item = &(u32, u32, u32)> {
+    let (mut rest, mut part) = (strokes, NEAREST);
+    std::iter::from_fn(move || {
+        let all = std::mem::take(&mut rest);
+        let len = if all.len() > 2 * part { part } else { all.len() };
+        if len < all.len() {
+            all.select_nth_unstable(len);
+        }
+        let (now, after) = all.split_at_mut(len);
+        (rest, part) = (after, 4 * part);
+        now.sort_unstable();
+        (!now.is_empty()).then_some(&*now)
+    })
+    .flatten()
 }
 
 /// A number whose order is that of floats.

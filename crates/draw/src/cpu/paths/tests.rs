@@ -34,7 +34,7 @@ const WHOLE: Part = Part { u: [0.0, 1.0], fade: [1.0, 1.0], head: true, place: [
 fn strokes(view: &View, curves: &Curves, style: &Style, part: Part, box_size: Option<f64>) -> Vec<Stroke> {
     let mut out = Vec::new();
     let drawn = Drawn { curves, which: None, shares: None, part, box_size };
-    Chopper::new(view, style).chop(&drawn, 0..curves.len(), &mut vec![false; curves.len()], &mut out);
+    Chopper::new(view, style).chop(&drawn, 0..curves.len(), None, &mut vec![false; curves.len()], &mut out);
     out
 }
 
@@ -172,6 +172,49 @@ proptest! {
                 prop_assert!(away < 0.01 || !is_within(x) || !is_within(y), "{stroke:?} {place}");
             }
         }
+    }
+}
+
+#[test]
+fn waves_leave_nothing_out_that_is_seen() {
+    // So many that they hide each other but at the rim, some of which fade, and some of which come close to the eye.
+    let mut random = 1_u64;
+    let mut next = || {
+        random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (random >> 40) as f64 / f64::from(1 << 24) - 0.5
+    };
+    let mut vector = |size: f64| DVec3::new(next(), next(), next()) * (2.0 * size);
+    let splines: Vec<HermiteSpline> = (0..40_000)
+        .map(|_| {
+            let (begin, way) = (vector(1.5), vector(0.2));
+            HermiteSpline { positions: [begin, begin + way], tangents: [way + vector(0.1), way + vector(0.1)] }
+        })
+        .collect();
+    let mut curves = Curves::of(&splines, 1.0);
+    curves.flags.iter_mut().step_by(17).for_each(|flags| flags.0 = crate::hierarchy::spacetime::TrackFlags::FADES);
+    for (shape, projection) in PathShape::ALL.into_iter().zip([
+        Projection::Perspective { fov_y: 0.5 },
+        Projection::Orthographic { height: 4.0 },
+        Projection::Perspective { fov_y: 2.0 },
+        Projection::Orthographic { height: 2.0 },
+    ]) {
+        let view = view(projection);
+        let style = Style { opacity: 0.9, halo: 1.0, width: 8.0, ..style(shape) };
+        let drawn = || [Drawn { curves: &curves, which: None, shares: None, part: WHOLE, box_size: None }];
+        let [mut whole, mut waves] = [Canvas::default(), Canvas::default()];
+        whole.gather_in(&raster::AT_ONCE, &view, &drawn(), &style);
+        waves.gather_in(&raster::IN_WAVES, &view, &drawn(), &style);
+        // So wide heads of so long arrows reach more blocks than are looked up.
+        let counts = [&waves, &whole].map(|canvas| canvas.strokes().count());
+        assert!(shape == PathShape::Arrow || 4 * counts[0] < 3 * counts[1], "{shape:?}: {counts:?}");
+        assert_eq!(waves.colors(), whole.colors(), "{shape:?}");
+        let seen = |canvas: &Canvas| {
+            let mut seen = Vec::new();
+            canvas.each_seen(|_, place| seen.push(place));
+            seen.sort_unstable();
+            seen
+        };
+        assert_eq!(seen(&waves), seen(&whole), "{shape:?}");
     }
 }
 
