@@ -326,7 +326,7 @@ fn second_moments_are_those_of_the_covariance_and_a_pixel() {
             let cloud = Cloud::one(DVec3::new(90.0, 80.0, 0.0), semi_axes, numbers.rotation(), kernel);
             let [xx, yy, _, xy, ..] = cloud.covariances[0].0.map(f64::from);
             // What is smaller than a pixel has them in the mean over its places only.
-            let n = if size * flattest < 1.7 { 8 } else { 1 };
+            let n = if size * flattest < 3.0 { 8 } else { 1 };
             let pixel = (1.0 - f64::from(n * n).recip() * f64::from(n > 1)) / 12.0;
             let scale = pixel + size * size * kernel.variance();
             for (method, bound) in [(Method::Exact, 5e-4), (Method::Pyramid, 2e-3)] {

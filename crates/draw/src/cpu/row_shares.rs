@@ -239,7 +239,7 @@ mod tests {
                 }
                 // Rows near the edge, which change fastest, have next to no flux.
                 let flux = table.along(half, height) / table.along(1.0, 0.0);
-                assert!(worst * flux < 3e-4, "{kernel:?} {height}: {worst}, {flux} of the middle's flux");
+                assert!(worst * flux < 6e-4, "{kernel:?} {height}: {worst}, {flux} of the middle's flux");
             }
         }
     }

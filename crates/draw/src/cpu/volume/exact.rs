@@ -108,7 +108,7 @@ fn cube(position: DVec3, class: i32) -> I64Vec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cpu::Positions;
+    use crate::cpu::{Extent, Positions};
 
     #[test]
     fn sums_are_those_over_all_particles_and_gradients_their_derivative() {
