@@ -1,13 +1,27 @@
 //! Options of `build` about the hierarchy: what its nodes merge, leave out and hold, and how they share pages.
 
 use super::arguments::bytes;
-use crate::build::BuildOptions;
-use crate::hierarchy::OctreeOptions;
+use crate::build::{BuildOptions, Hierarchies};
+use crate::hierarchy::pca::SplitRule;
+use crate::hierarchy::{ClusterOptions, OctreeOptions};
 
 /// How the hierarchy is built.
 #[derive(clap::Args, Clone, Debug)]
 #[command(next_help_heading = "Hierarchy")]
 pub struct HierarchyOptions {
+    /// What is built over the leaves, one or both: octree (merged particles, an error on the screen), pca (clusters with a shape, for
+    /// pictures of few splats).
+    #[arg(long, value_name = "KINDS", default_value = "octree")]
+    pub hierarchy: Hierarchies,
+    /// Particles of a cluster of the finest level, and clusters of one level in one of the next, on average, 2 to 64.
+    #[arg(long, value_name = "N", default_value_t = ClusterOptions::default().size, value_parser = cluster_size)]
+    pub cluster_size: f64,
+    /// Which cluster is split next: relative (where the members' spread is large against their kernels) or distortion (HE03).
+    #[arg(long, value_name = "RULE", default_value = "relative", value_parser = split_rule)]
+    pub split: SplitRule,
+    /// Bits of the code of a cluster's shape: 0 (all round), 8, 12 or 16.
+    #[arg(long, value_name = "BITS", default_value_t = ClusterOptions::default().shape_bits, value_parser = shape_bits)]
+    pub shape_bits: u8,
     /// Bytes that a page aims at, 64KiB to 64MiB. Smaller pages bring less that a view does not need, larger ones take fewer
     /// requests, each of which waits for the disk.
     #[arg(long, value_name = "BYTES", default_value = "3MiB", value_parser = page_bytes)]
@@ -37,6 +51,8 @@ pub struct HierarchyOptions {
 impl HierarchyOptions {
     /// Sets what of a build they say.
     pub fn apply(&self, options: &mut BuildOptions) {
+        options.hierarchies = self.hierarchy;
+        options.clusters = ClusterOptions { size: self.cluster_size, rule: self.split, shape_bits: self.shape_bits };
         options.page_bytes = self.page_size;
         options.octree.leaf_capacity = self.leaf_particles;
         options.octree.fusion = self.fusion;
@@ -44,6 +60,23 @@ impl HierarchyOptions {
         options.octree.relay_fraction = self.relay_share;
         options.octree.root_particles = self.root_particles;
     }
+}
+
+fn cluster_size(text: &str) -> Result<f64, String> {
+    number(text, 2.0, 64.0)
+}
+
+fn split_rule(text: &str) -> Result<SplitRule, String> {
+    match text {
+        "relative" => Ok(SplitRule::Relative),
+        "distortion" => Ok(SplitRule::Distortion),
+        _ => Err("expected relative or distortion".into()),
+    }
+}
+
+fn shape_bits(text: &str) -> Result<u8, String> {
+    let bits = text.parse().ok().filter(|bits| [0, 8, 12, 16].contains(bits));
+    bits.ok_or_else(|| "expected 0, 8, 12 or 16".into())
 }
 
 fn page_bytes(text: &str) -> Result<usize, String> {

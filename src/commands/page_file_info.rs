@@ -2,7 +2,7 @@
 //! it as JSON.
 
 use crate::codec::{Codebook, CodebookScope};
-use crate::store::{FamilyMetadata, LevelInfo, PageFile};
+use crate::store::{ClusterLevel, ClusterTree, FamilyMetadata, LevelInfo, PageFile};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 
@@ -29,6 +29,7 @@ pub fn json(file: &PageFile) -> Value {
         "redshift": provenance.redshift,
         "box_size": provenance.box_size,
         "notes": provenance.notes,
+        "hierarchies": hierarchies(file),
         "levels": metadata.families.iter().map(|family| family.levels.len()).max(),
         "families": metadata.families.iter().map(family_json).collect::<Vec<_>>(),
     })
@@ -51,6 +52,9 @@ fn family_json(family: &FamilyMetadata) -> Value {
         })).collect::<Vec<_>>(),
         "levels": family.levels.iter().map(level_json).collect::<Vec<_>>(),
         "volume_levels": family.volume.as_ref().map(|tree| tree.levels.iter().map(level_json).collect::<Vec<_>>()),
+        "clusters": family.clusters.as_ref().map(ClusterTree::finest),
+        "cluster_levels": family.clusters.as_ref().map(|tree| tree.levels.iter().map(cluster_level_json).collect::<Vec<_>>()),
+        "shape_bits": family.clusters.as_ref().map(|tree| tree.shape_bits),
         "codebooks": family.codebooks.iter().map(|codebook| codebook_json(family, codebook)).collect::<Vec<_>>(),
     })
 }
@@ -71,6 +75,26 @@ fn level_json(level: &LevelInfo) -> Value {
         "leaf_particles": level.leaf_particles,
         "particles": level.particles(),
         "average": average(level),
+        "bytes": level.bytes,
+    })
+}
+
+/// The kinds of hierarchies over the leaves.
+fn hierarchies(file: &PageFile) -> Vec<&'static str> {
+    let families = &file.metadata().families;
+    let octree = families.iter().any(FamilyMetadata::has_octree).then_some("octree");
+    let pca = families.iter().any(|family| family.clusters.is_some()).then_some("pca");
+    octree.into_iter().chain(pca).collect()
+}
+
+fn cluster_level_json(level: &ClusterLevel) -> Value {
+    json!({
+        "depth": level.depth,
+        "nodes": level.nodes,
+        "clusters": level.clusters,
+        "finest": level.finest,
+        "size": level.size,
+        "misfit": level.misfit,
         "bytes": level.bytes,
     })
 }
@@ -138,6 +162,9 @@ fn write_family(text: &mut String, family: &FamilyMetadata) -> std::fmt::Result 
         writeln!(text, "  levels for volumes, over the same leaves:")?;
         write_levels(text, &volume.levels)?;
     }
+    if let Some(clusters) = &family.clusters {
+        write_clusters(text, clusters)?;
+    }
     writeln!(text, "  relative error of vector quantisation, average / maximum:")?;
     // The leaves may share several codebooks: one line for all.
     for codebooks in family.codebooks.chunk_by(|a, b| a.scope == b.scope) {
@@ -153,6 +180,21 @@ fn write_family(text: &mut String, family: &FamilyMetadata) -> std::fmt::Result 
             write!(text, "  {name} {:.2} % / {:.1} %", 100.0 * sum / particles.max(1) as f64, 100.0 * max)?;
         }
         writeln!(text)?;
+    }
+    Ok(())
+}
+
+/// The clusters of each depth.
+fn write_clusters(text: &mut String, clusters: &ClusterTree) -> std::fmt::Result {
+    let shapes = clusters.book.shapes.entries.len();
+    writeln!(text, "  clusters, over the same leaves: {} finest ones, {shapes} shapes", clusters.finest())?;
+    writeln!(
+        text,
+        "  {:>5} {:>9} {:>11} {:>11} {:>13} {:>8} {:>12}",
+        "level", "nodes", "clusters", "of leaves", "mean size", "misfit", "bytes"
+    )?;
+    for ClusterLevel { depth, nodes, clusters, finest, size, misfit, bytes } in &clusters.levels {
+        writeln!(text, "  {depth:>5} {nodes:>9} {clusters:>11} {finest:>11} {size:>13.6e} {misfit:>8.3} {bytes:>12}")?;
     }
     Ok(())
 }
@@ -210,6 +252,7 @@ fn scope(codebook: &Codebook) -> String {
         CodebookScope::Leaves => "leaves".into(),
         CodebookScope::Depth(depth) => format!("level {depth}"),
         CodebookScope::VolumeDepth(depth) => format!("volume {depth}"),
+        CodebookScope::Clusters => "clusters".into(),
     }
 }
 

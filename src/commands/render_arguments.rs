@@ -11,7 +11,7 @@ use crate::hierarchy::spacetime::Interpolation;
 use crate::look::{
     Attribute, Backend, CameraConfig, LookPatch, Member, PictureConfig, SceneFile, Shot, data_file, is_scene_file,
 };
-use crate::mode::{Mode, PathsOf, SettingValue, lod_budget};
+use crate::mode::{Mode, PathsOf, SettingValue, levels, lod_budget};
 use crate::model::{FamilyName, ReadMethod, When};
 use crate::modes;
 use crate::picture::SessionOptions;
@@ -105,6 +105,16 @@ pub struct Arguments {
     /// Largest displacement of a particle on screen, pixels [default: 0.8].
     #[arg(long, value_name = "TAU", value_parser = positive)]
     pub error_px: Option<f64>,
+    /// Levels of detail that are drawn: merged particles (splats), or clusters with a shape of a file built with --hierarchy pca
+    /// [default: auto, clusters where --splats or --error-picture is given].
+    #[arg(long, value_name = "KIND", value_parser = ["auto", "splats", "clusters"], conflicts_with_all = ["exact", "reference"])]
+    pub levels: Option<String>,
+    /// Draw at most N splats, those that show most.
+    #[arg(long, value_name = "N", value_parser = splat_count, conflicts_with_all = ["exact", "reference", "error_px"])]
+    pub splats: Option<f64>,
+    /// Refine clusters until the picture's relative L1 error is thought to be at most E.
+    #[arg(long, value_name = "E", value_parser = positive, conflicts_with_all = ["exact", "reference", "error_px"])]
+    pub error_picture: Option<f64>,
     /// Draw every source particle at full precision: no level of detail, no quantisation.
     #[arg(long, conflicts_with = "error_px")]
     pub exact: bool,
@@ -237,6 +247,9 @@ impl Arguments {
         let budget = [
             (&lod_budget::PRESENCE, self.presence.map(SettingValue::Number)),
             (&lod_budget::THINNING, self.thinning.map(SettingValue::Number)),
+            (&levels::LEVELS, self.levels.clone().map(SettingValue::Name)),
+            (&levels::SPLATS, self.splats.map(SettingValue::Number)),
+            (&levels::ERROR_PICTURE, self.error_picture.map(SettingValue::Number)),
             (&lod_budget::CULLING, self.no_culling.then_some(SettingValue::Flag(false))),
         ];
         let budget = budget.into_iter().filter_map(|(setting, value)| Some((setting.name.to_owned(), value?)));
@@ -261,6 +274,11 @@ impl Arguments {
         }
         Ok(())
     }
+}
+
+fn splat_count(text: &str) -> Result<f64, String> {
+    let count = text.parse::<f64>().ok().filter(|count| (1.0..=1e12).contains(count));
+    count.map(f64::floor).ok_or_else(|| "expected a number from 1".into())
 }
 
 /// Wrong usage that only the files that are named make wrong.

@@ -3,7 +3,7 @@
 use super::CommandResult;
 use crate::color::output;
 use crate::mode::{LightPicture, Raw};
-use crate::picture::{LeftOut, Picture, ShownMoment};
+use crate::picture::{LeftOut, LevelReport, Picture, ShownMoment};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -47,6 +47,8 @@ enum Values<'a> {
         /// What was left out, and how that was decided.
         economy: &'a LeftOut,
         sum: f64,
+        #[serde(flatten)]
+        levels: &'a LevelReport,
     },
     Light {
         levels: &'static str,
@@ -113,7 +115,10 @@ pub(super) fn write(path: &Path, picture: &Picture) -> CommandResult {
 
 fn values(picture: &Picture) -> Values<'_> {
     let LightPicture { report, levels, isovalues, .. } = match &picture.values {
-        Raw::Sums(sums, _) => return Values::Sums { economy: &picture.left_out, sum: sums.sum() },
+        Raw::Sums(sums, _) => {
+            let (economy, levels) = (&picture.left_out, &picture.level_report);
+            return Values::Sums { economy, sum: sums.sum(), levels };
+        }
         Raw::Light(painted) => painted,
     };
     Values::Light {

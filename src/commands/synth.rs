@@ -6,7 +6,7 @@ use super::progress_bar::TerminalProgress;
 use crate::synth::cosmology::{Cosmology, DEFAULT_EDGE};
 use crate::synth::merger::Merger;
 use crate::synth::moving::{self, Births, Halo, Moving, Orbits, Pancake};
-use crate::synth::{Generator, clusters::Clusters, files, gadget};
+use crate::synth::{Generator, cloud::Cloud, clusters::Clusters, filaments::Filaments, files, gadget};
 use std::path::PathBuf;
 
 /// What can be made.
@@ -18,6 +18,10 @@ pub enum Kind {
     Merger,
     /// Gas in haloes, filaments and a thin background, quickly made
     Clusters,
+    /// Gas in 60 thin, straight filaments in any direction
+    Filaments,
+    /// A flat Gaussian cloud of gas, turned
+    Cloud,
     /// A run: gas on closed orbits, half of them Kepler's
     Orbits,
     /// A run: waves that collapse in a periodic box of a universe that expands
@@ -37,7 +41,7 @@ impl Kind {
             Kind::Halo => Box::new(Halo::new(seed, particles)),
             Kind::Births => Box::new(Births::new(seed, particles, steps)),
             Kind::Merger => Box::new(moving::Merger::new(seed, particles)),
-            Kind::Cosmology | Kind::Clusters => return None,
+            Kind::Cosmology | Kind::Clusters | Kind::Filaments | Kind::Cloud => return None,
         })
     }
 }
@@ -134,6 +138,8 @@ pub fn run(arguments: &Arguments) -> CommandResult {
     let generator: Box<dyn Generator> = match arguments.kind {
         Kind::Cosmology => Box::new(Cosmology::new(seed, particles, arguments.edge.unwrap_or(DEFAULT_EDGE), &progress)),
         Kind::Merger => Box::new(Merger::new(seed, particles)),
+        Kind::Filaments => Box::new(Filaments::new(seed, particles)),
+        Kind::Cloud => Box::new(Cloud::new(seed, particles)),
         _ => Box::new(Clusters::new(seed, particles)),
     };
     files::write(generator.as_ref(), &arguments.output, arguments.per_file, &progress)?;

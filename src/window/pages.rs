@@ -197,6 +197,7 @@ pub fn traverse(
                 error_pixels: drawn.error_pixels,
                 offset: drawn.offset,
                 time: view.time,
+                part: drawn.part.then_some(drawn.particles as u32),
             })
         })
         .collect();

@@ -13,6 +13,7 @@ mod synth;
 
 /// From particles to a page file and back.
 mod page_file {
+    mod clusters;
     mod damage;
     mod promises;
 }
@@ -20,6 +21,7 @@ mod out_of_core;
 
 /// From source to picture, across the rooms: the screen-space guarantee, conservation, colour errors, golden images.
 mod pictures {
+    mod clusters;
     mod color_error;
     mod conservation;
     mod cut;

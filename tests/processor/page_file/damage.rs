@@ -1,23 +1,35 @@
 //! Damaged and hostile page files: every flipped bit and every truncation is found, and nothing panics.
 
 use crate::support::page_checksums;
-use deepfield::build::{BuildOptions, build};
+use deepfield::build::{BuildOptions, Hierarchies, build};
 use deepfield::codec::VqBits;
 use deepfield::hierarchy::OctreeOptions;
 use deepfield::model::{Attribute, Dataset, Family, FamilyName, Kernel, Provenance, Unit};
 use deepfield::store::layout::{ALIGNMENT, HEADER_LEN};
-use deepfield::store::{PageFile, PageId, verify};
+use deepfield::store::{PageFile, PageId, Representative, verify};
 use proptest::prelude::*;
 use std::io::{Seek, SeekFrom, Write};
 use std::path::Path;
 use std::sync::OnceLock;
 
-/// The bytes of a small page file with grid, relay and leaf nodes in several pages' worth of structure, with levels for volumes or
-/// without.
-fn sound(volume_levels: bool) -> &'static [u8] {
-    static BYTES: [OnceLock<Vec<u8>>; 2] = [const { OnceLock::new() }; 2];
-    BYTES[usize::from(volume_levels)].get_or_init(|| {
-        let count = 90;
+/// What a file has beside an octree.
+#[derive(Clone, Copy, Debug)]
+enum Has {
+    Nothing,
+    VolumeLevels,
+    Clusters,
+}
+
+const KINDS: [Has; 3] = [Has::Nothing, Has::VolumeLevels, Has::Clusters];
+
+/// The bytes of a small page file with grid, relay and leaf nodes in several pages' worth of structure.
+fn sound(has: Has) -> &'static [u8] {
+    static BYTES: [OnceLock<Vec<u8>>; KINDS.len()] = [const { OnceLock::new() }; KINDS.len()];
+    BYTES[has as usize].get_or_init(|| {
+        let pca = matches!(has, Has::Clusters);
+        let volume_levels = matches!(has, Has::VolumeLevels);
+        // Small leaves have no clusters.
+        let (count, leaf_capacity) = if pca { (290, 90) } else { (90, 12) };
         let place = |i: usize, prime: usize| ((i * prime) % 89) as f64 / 89.0;
         let clump = |i: usize| if i.is_multiple_of(2) { 1e-3 } else { 1.0 };
         let family = |name| Family {
@@ -43,10 +55,11 @@ fn sound(volume_levels: bool) -> &'static [u8] {
             provenance: Provenance { box_size: Some(1.0), ..Provenance::default() },
         };
         let octree =
-            OctreeOptions { vq_bits: VqBits::Twelve, leaf_capacity: 12, volume_levels, ..OctreeOptions::default() };
+            OctreeOptions { vq_bits: VqBits::Twelve, leaf_capacity, volume_levels, ..OctreeOptions::default() };
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("sound.df");
-        build(dataset, &BuildOptions { octree, ..BuildOptions::default() }, &path, &()).unwrap();
+        let hierarchies = Hierarchies { octree: true, pca };
+        build(dataset, &BuildOptions { octree, hierarchies, ..BuildOptions::default() }, &path, &()).unwrap();
         std::fs::read(path).unwrap()
     })
 }
@@ -58,6 +71,12 @@ fn check(bytes: &[u8], path: &Path) -> bool {
         for id in 0..=file.page_count() {
             if let Ok(page) = file.read_page(PageId(id)) {
                 for node in 0..page.nodes.len() {
+                    if let Some(content) = page.content(node) {
+                        for count in [Some(1), Some(3), None] {
+                            content.clusters(count, Representative::default());
+                        }
+                        continue;
+                    }
                     let particles = page.particles(node);
                     assert_eq!(particles.len(), page.nodes[node].particles as usize);
                     assert!((0..particles.len()).all(|i| particles.fraction(i).iter().all(|x| (0.0..1.0).contains(x))));
@@ -71,12 +90,17 @@ fn check(bytes: &[u8], path: &Path) -> bool {
 
 #[test]
 fn every_flipped_bit_is_found() {
-    flip_every_bit(sound(false));
+    flip_every_bit(sound(Has::Nothing));
 }
 
 #[test]
 fn every_flipped_bit_of_a_file_with_volume_levels_is_found() {
-    flip_every_bit(sound(true));
+    flip_every_bit(sound(Has::VolumeLevels));
+}
+
+#[test]
+fn every_flipped_bit_of_a_file_with_clusters_is_found() {
+    flip_every_bit(sound(Has::Clusters));
 }
 
 fn flip_every_bit(bytes: &[u8]) {
@@ -101,7 +125,7 @@ fn flip_every_bit(bytes: &[u8]) {
 fn every_truncation_is_found() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("short.df");
-    for bytes in [sound(false), sound(true)] {
+    for bytes in KINDS.map(sound) {
         for len in (0..bytes.len()).step_by(53).chain(bytes.len() - 9..bytes.len()).chain(0..HEADER_LEN) {
             assert!(!check(&bytes[..len], &path), "{len}");
         }
@@ -114,7 +138,7 @@ fn every_truncation_is_found() {
 fn a_file_truncated_while_it_is_open_gives_an_error() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("open.df");
-    std::fs::write(&path, sound(false)).unwrap();
+    std::fs::write(&path, sound(Has::Nothing)).unwrap();
     let file = PageFile::open(&path).unwrap();
     std::fs::OpenOptions::new().write(true).open(&path).unwrap().set_len(ALIGNMENT + 10).unwrap();
     assert!(file.read_page(PageId(0)).unwrap_err().to_string().contains("open.df"));
@@ -138,9 +162,9 @@ proptest! {
     fn forged_files_never_panic(
         changes in prop::collection::vec((any::<prop::sample::Index>(), prop_oneof![any::<u32>(), Just(0), Just(u32::MAX), 0..300_u32], 1..5_usize), 1..5),
         in_footer: bool,
-        volume_levels: bool,
+        has in prop::sample::select(KINDS.to_vec()),
     ) {
-        let mut bytes = sound(volume_levels).to_vec();
+        let mut bytes = sound(has).to_vec();
         let footer = u64::from_le_bytes(bytes[24..32].try_into().unwrap()) as usize;
         for (at, value, width) in changes {
             let range = if in_footer { footer..bytes.len() } else { 0..bytes.len() };

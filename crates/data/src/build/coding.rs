@@ -147,6 +147,26 @@ impl Group<'_> {
     }
 }
 
+impl Batch {
+    /// Reads the quantities.
+    ///
+    /// # Errors
+    /// When they cannot be read back.
+    pub fn with<R>(&self, spill: &Spill, read: impl FnOnce(&Quantities) -> R) -> io::Result<R> {
+        let Batch { quantities, info } = self;
+        let bytes = spill.get(quantities)?;
+        let values: &[f32] = bytemuck::cast_slice(&bytes);
+        let column = |k: usize| &values[k * info.particles..(k + 1) * info.particles];
+        let columns = values.len() / info.particles.max(1);
+        Ok(read(&Quantities {
+            mass: column(0),
+            density: column(1),
+            smoothing_length: column(2),
+            attributes: (3..columns).map(column).collect(),
+        }))
+    }
+}
+
 impl Batches for Group<'_> {
     type Error = io::Error;
     type Kept = (Blob, usize);
@@ -160,16 +180,7 @@ impl Batches for Group<'_> {
     }
 
     fn with<R>(&self, batch: usize, read: impl FnOnce(&Quantities) -> R) -> io::Result<R> {
-        let Batch { quantities, info } = &self.entries[batch].batch;
-        let bytes = self.spill.get(quantities)?;
-        let values: &[f32] = bytemuck::cast_slice(&bytes);
-        let column = |k: usize| &values[k * info.particles..(k + 1) * info.particles];
-        Ok(read(&Quantities {
-            mass: column(0),
-            density: column(1),
-            smoothing_length: column(2),
-            attributes: (0..self.scaling.attributes.len()).map(|k| column(3 + k)).collect(),
-        }))
+        self.entries[batch].batch.with(self.spill, read)
     }
 
     fn keep(&self, codes: Vec<u16>) -> io::Result<(Blob, usize)> {

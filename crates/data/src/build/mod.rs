@@ -5,6 +5,7 @@
 //! in memory as far as [`BuildOptions::memory`] allows, and in temporary files beyond ([`spill`]); the output is the same.
 
 mod against_sources;
+mod clusters;
 mod coding;
 mod estimates;
 mod flow;
@@ -31,14 +32,15 @@ use crate::codec::quantize::MAX_ATTRIBUTES;
 use crate::codec::{AttributeMerge, VqBits};
 use crate::hierarchy::attribute_info::set_units;
 use crate::hierarchy::octree::{Context, Plan};
-use crate::hierarchy::{AttributeInfo, LevelInfo, OctreeOptions};
+use crate::hierarchy::pca::SplitRule;
+use crate::hierarchy::{AttributeInfo, ClusterOptions, LevelInfo, OctreeOptions, Purpose};
 use crate::import::{ImportError, LoadOptions, Source, SourceStream, open_with, replaced_densities, streams};
 use crate::model::progress::Progress;
-use crate::model::{Dataset, Family, FamilyName, FamilyStream, ParticleStream, ReadMethod, StreamError, Unit};
-use crate::store::paging::{PAGE_BYTES, write_trees};
+use crate::model::{Dataset, Family, FamilyName, FamilyStream, Kernel, ParticleStream, ReadMethod, StreamError, Unit};
+use crate::store::paging::{FamilyTrees, PAGE_BYTES, write_trees};
 use crate::store::temporary::{clean, folder_of};
 use crate::store::writer::CompletePageFile;
-use crate::store::{FamilyMetadata, Metadata, PageFileWriter, StoreError, VolumeTree};
+use crate::store::{ClusterLevel, ClusterTree, FamilyMetadata, Metadata, PageFileWriter, StoreError, VolumeTree};
 pub use against_sources::compare_with_sources;
 pub use flow::FlowOptions;
 use memory::Memory;
@@ -46,6 +48,7 @@ use partition::Partition;
 pub use run::{BuiltRun, RunBuild, StepProgress, StillOf};
 use spill::Spill;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use survey::Survey;
 pub use tracks::{Matching, TrackOptions};
 
@@ -66,6 +69,42 @@ const PREFERRED: [&str; 10] = [
     "potential",
 ];
 
+/// Which hierarchies of particles a file gets, over the same leaves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Hierarchies {
+    /// Merged particles in an octree's cells (F12).
+    pub octree: bool,
+    /// Clusters (HE03).
+    pub pca: bool,
+}
+
+impl Default for Hierarchies {
+    fn default() -> Hierarchies {
+        Hierarchies { octree: true, pca: false }
+    }
+}
+
+impl Hierarchies {
+    /// The names of those that a list with commas may have.
+    pub const NAMES: [&'static str; 2] = ["octree", "pca"];
+}
+
+impl std::str::FromStr for Hierarchies {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Hierarchies, String> {
+        let mut chosen = Hierarchies { octree: false, pca: false };
+        for name in text.split(',').map(str::trim) {
+            match name {
+                "octree" => chosen.octree = true,
+                "pca" => chosen.pca = true,
+                _ => return Err(format!("{name:?}: expected {}", Hierarchies::NAMES.join(", "))),
+            }
+        }
+        Ok(chosen)
+    }
+}
+
 /// What to build, and with what.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BuildOptions {
@@ -75,6 +114,10 @@ pub struct BuildOptions {
     pub attributes: Option<Vec<String>>,
     /// How the trees are built.
     pub octree: OctreeOptions,
+    /// The kinds of hierarchies that are built.
+    pub hierarchies: Hierarchies,
+    /// How clusters are made, where they are.
+    pub clusters: ClusterOptions,
     /// Bytes that a page aims at; only a page of a single node may be longer.
     pub page_bytes: usize,
     /// Bytes of memory that the build may take; `None`: half of what the machine has free.
@@ -93,6 +136,8 @@ impl Default for BuildOptions {
             families: Vec::new(),
             attributes: None,
             octree: OctreeOptions::default(),
+            hierarchies: Hierarchies::default(),
+            clusters: ClusterOptions::default(),
             page_bytes: PAGE_BYTES,
             memory: None,
             temporary: None,
@@ -256,7 +301,7 @@ fn built_of(
 ) -> Result<Unnamed, BuildError> {
     let choose = |names: &[&str]| chosen(names, options);
     let streams = streams(source, load_options, &choose)?;
-    let mut build = Build::new(options, out, progress)?;
+    let mut build = Build::new(options, streams.about.kernel, out, progress)?;
     for stream in &streams.families {
         build.family(stream)?;
     }
@@ -302,7 +347,7 @@ fn build_here(
 ) -> Result<Unnamed, BuildError> {
     let families = std::mem::take(&mut dataset.families);
     let families = selected_families(families, options, &dataset.provenance.path)?;
-    let mut build = Build::new(options, out, progress)?;
+    let mut build = Build::new(options, dataset.kernel, out, progress)?;
     for family in families {
         let count = family.positions.len();
         let columns =
@@ -334,6 +379,7 @@ impl Unnamed {
 /// A page file that is being built, family by family.
 struct Build<'a> {
     options: &'a BuildOptions,
+    kernel: Kernel,
     out: &'a Path,
     progress: &'a dyn Progress,
     writer: PageFileWriter,
@@ -343,13 +389,27 @@ struct Build<'a> {
 }
 
 impl<'a> Build<'a> {
-    fn new(options: &'a BuildOptions, out: &'a Path, progress: &'a dyn Progress) -> Result<Build<'a>, BuildError> {
+    fn new(
+        options: &'a BuildOptions,
+        kernel: Kernel,
+        out: &'a Path,
+        progress: &'a dyn Progress,
+    ) -> Result<Build<'a>, BuildError> {
         // What killed runs have left goes first: it may be what fills the disk.
         for folder in std::iter::once(folder_of(out)).chain(options.temporary.as_deref()) {
             clean(out, folder);
         }
         let writer = PageFileWriter::create(out)?;
-        Ok(Build { options, out, progress, writer, families: Vec::new(), notes: Vec::new(), temporary_bytes: 0 })
+        Ok(Build {
+            options,
+            kernel,
+            out,
+            progress,
+            writer,
+            families: Vec::new(),
+            notes: Vec::new(),
+            temporary_bytes: 0,
+        })
     }
 
     fn family(&mut self, stream: &dyn ParticleStream) -> Result<(), BuildError> {
@@ -394,15 +454,26 @@ impl<'a> Build<'a> {
         let nodes = Spill::new(out, &memory.folder, memory.nodes, options.read);
         let before = partition.on_disk();
         let trees = tree::grow(&context, stream.family(), &plan, partition, &nodes, workers, progress)?;
-        let coded = tree::code(stream.family(), trees, &scaling, nodes, octree.vq_bits, progress)?;
+        let clustering = options.hierarchies.pca.then_some((&context, options.clusters, self.kernel));
+        let coded = tree::code(stream.family(), trees, clustering, &scaling, nodes, octree.vq_bits, progress)?;
         self.temporary_bytes = self.temporary_bytes.max(before + coded.on_disk());
 
         let sections = |levels, depth, index| {
             coded.sections(levels, depth, index, octree.vq_bits).map_err(|error| coded.failed(error))
         };
         let number = self.families.len() as u32;
-        let nodes = (&coded.splats.nodes[..], coded.volume.as_ref().map(|tree| &tree.nodes[..]));
-        let (splats, volume) = write_trees(&mut self.writer, number, nodes, options.page_bytes, sections, progress)?;
+        let volume = coded.volume.as_ref().map(|tree| (Purpose::Samples, &tree.nodes[..]));
+        let clusters = coded.clusters.as_ref().map(|tree| (Purpose::Clusters, &tree.nodes[..]));
+        let others: Vec<_> = volume.into_iter().chain(clusters).collect();
+        let has_octree = options.hierarchies.octree || clusters.is_none();
+        let trees = FamilyTrees { splats: &coded.splats.nodes, has_octree, others: &others };
+        let mut written =
+            write_trees(&mut self.writer, number, trees, options.page_bytes, sections, progress)?.into_iter();
+        let (Some(splats), volume, clusters) =
+            (written.next(), volume.and_then(|_| written.next()), clusters.and_then(|_| written.next()))
+        else {
+            return Err(survey::column_error(stream.family(), "count", "at least one particle"));
+        };
         let with_bytes = |levels: &[LevelInfo], bytes: Vec<u64>| {
             levels.iter().zip(bytes).map(|(level, bytes)| LevelInfo { bytes, ..*level }).collect()
         };
@@ -420,15 +491,27 @@ impl<'a> Build<'a> {
             mass_density: top.mass_density,
             bounds: survey.bounds,
             root,
-            root_page: splats.root_page,
+            root_page: clusters.as_ref().filter(|_| !has_octree).map_or(splats.root_page, |tree| tree.root_page),
             quantities,
             attributes: (3..).zip(attributes).map(|(k, (name, unit))| describe(k, name, unit)).collect(),
-            levels: with_bytes(&coded.splats.levels, splats.bytes),
+            levels: own_levels(with_bytes(&coded.splats.levels, splats.bytes), has_octree),
             volume: volume.zip(coded.volume.as_ref()).map(|(written, tree)| VolumeTree {
                 root_page: written.root_page,
                 levels: with_bytes(&tree.levels, written.bytes),
             }),
             codebooks: coded.codebooks,
+            clusters: clusters.zip(coded.clusters).map(|(written, tree)| ClusterTree {
+                root_page: written.root_page,
+                levels: tree
+                    .levels
+                    .into_iter()
+                    .zip(written.bytes)
+                    .map(|(level, bytes)| ClusterLevel { bytes, ..level })
+                    .collect(),
+                shape_bits: options.clusters.shape_bits,
+                is_published: options.clusters.rule == SplitRule::Distortion,
+                book: Arc::new(tree.book),
+            }),
         });
         Ok(())
     }
@@ -456,6 +539,21 @@ impl<'a> Build<'a> {
         let file = self.writer.complete(&metadata)?;
         Ok(Unnamed { metadata, file, temporary_bytes: self.temporary_bytes })
     }
+}
+
+/// The levels of an octree as they are written: leaves alone where there is no other node.
+fn own_levels(levels: Vec<LevelInfo>, has_octree: bool) -> Vec<LevelInfo> {
+    if has_octree {
+        return levels;
+    }
+    let leaves = |level: LevelInfo| LevelInfo {
+        depth: level.depth,
+        leaf_nodes: level.leaf_nodes,
+        leaf_particles: level.leaf_particles,
+        bytes: level.bytes,
+        ..LevelInfo::default()
+    };
+    levels.into_iter().map(leaves).collect()
 }
 
 /// Keeps the families and attributes that were asked for.

@@ -2,15 +2,17 @@
 //! which belong to the first.
 
 use super::BuildError;
+use super::clusters::{CodedClusters, Maker};
 use super::coding::{self, Batch};
 use super::partition::Partition;
 use super::spill::{Blob, Spill};
-use crate::codec::positions::{encode_grid, encode_leaf};
+use crate::codec::coordinates::unpack_leaf;
+use crate::codec::positions::{decode_leaf, encode_grid, encode_leaf};
 use crate::codec::{BatchInfo, Codebook, CodebookScope, Quantities, Scaling, VqBits};
 use crate::hierarchy::octree::{Bucket, Columns, Context, Open, Piece, Plan, Tree, TreeNode, Words, assemble, join};
-use crate::hierarchy::{Encoding, LevelInfo, Purpose};
-use crate::model::FamilyName;
+use crate::hierarchy::{ClusterOptions, Encoding, LevelInfo, Purpose};
 use crate::model::progress::Progress;
+use crate::model::{FamilyName, Kernel};
 use crate::store::layout::StoredNode;
 use crate::store::paging::{PlannedNode, Sections};
 use rayon::prelude::*;
@@ -40,6 +42,8 @@ pub(super) struct CodedTrees {
     pub splats: CodedTree,
     /// Those for volumes.
     pub volume: Option<CodedTree>,
+    /// Clusters.
+    pub clusters: Option<CodedClusters>,
     /// Entry of each code, for each codebook.
     numbers: Vec<Vec<u16>>,
     /// The codebooks of all trees, those of the first before those of the second.
@@ -129,18 +133,25 @@ pub(super) fn grow(
     Ok(trees)
 }
 
-/// Codes the trees of a family: that for splats, and that for volumes if there is one.
+/// Codes the trees of a family: that for splats, that for volumes if there is one, and clusters if `clustering` says how.
 ///
 /// # Errors
 /// When something cannot be put away or read back.
 pub(super) fn code(
     family: FamilyName,
     trees: Vec<Grown>,
+    clustering: Option<(&Context, ClusterOptions, Kernel)>,
     scaling: &Scaling,
     spill: Spill,
     vq_bits: VqBits,
     progress: &dyn Progress,
 ) -> Result<CodedTrees, BuildError> {
+    let temporary = |error| BuildError::temporary(&spill, error);
+    let maker =
+        clustering.map(|(context, options, kernel)| Maker { context, options, kernel, spill: &spill, progress });
+    // Leaves are read before they are coded.
+    let clusters =
+        maker.as_ref().zip(trees.first()).map(|(maker, tree)| maker.make(tree)).transpose().map_err(temporary)?;
     let steps = trees.iter().map(|tree| tree.nodes.len() as u64 + 1).sum();
     progress.begin(&format!("coding {family}"), steps);
     let (mut numbers, mut codebooks) = (Vec::new(), Vec::new());
@@ -154,7 +165,10 @@ pub(super) fn code(
     let splats = next(Purpose::Splats, None)?
         .ok_or_else(|| super::survey::column_error(family, "count", "at least one particle"))?;
     let volume = next(Purpose::Samples, Some(&splats))?;
-    Ok(CodedTrees { spill, splats, volume, numbers, codebooks })
+    let clusters = maker.as_ref().zip(clusters);
+    let clusters = clusters.map(|(maker, clusters)| clusters.code(maker, &splats, scaling, vq_bits)).transpose();
+    let clusters = clusters.map_err(temporary)?;
+    Ok(CodedTrees { spill, splats, volume, clusters, numbers, codebooks })
 }
 
 /// What coding a tree needs beside the tree.
@@ -195,7 +209,7 @@ impl Coder<'_> {
         }
         let scope = match self.levels {
             Purpose::Splats => CodebookScope::Depth,
-            Purpose::Samples => CodebookScope::VolumeDepth,
+            Purpose::Samples | Purpose::Clusters => CodebookScope::VolumeDepth,
         };
         let before = codebooks.len() as u16;
         let mut coded = coding::code(&drafts, batches, self.scaling, spill, vq_bits, scope, self.progress)?;
@@ -222,7 +236,7 @@ impl Coder<'_> {
                 // Particles that were enlarged have lost density: only what coding has changed is made up for.
                 let mass_density = match self.levels {
                     Purpose::Splats => draft.mass_density,
-                    Purpose::Samples => coded.true_mass_density,
+                    Purpose::Samples | Purpose::Clusters => coded.true_mass_density,
                 };
                 own.push(PlannedNode {
                     sections: (positions, codes),
@@ -255,7 +269,7 @@ impl Coder<'_> {
 }
 
 /// The factor that turns `decoded` into `real`; 1 where rounding leaves nothing to scale.
-fn scale(real: f64, decoded: f64) -> f32 {
+pub(super) fn scale(real: f64, decoded: f64) -> f32 {
     let factor = (real / decoded) as f32;
     if factor.is_finite() && factor > 0.0 { factor } else { 1.0 }
 }
@@ -321,6 +335,21 @@ impl Kept {
     }
 }
 
+impl Kept {
+    /// Hands out what a leaf holds: places as fractions of its cell, and quantities.
+    pub fn leaf<R>(
+        &self,
+        node: &TreeNode<Option<Kept>>,
+        spill: &Spill,
+        read: impl FnOnce(&mut dyn Iterator<Item = [f32; 3]>, &Quantities) -> R,
+    ) -> std::io::Result<R> {
+        let (Positions::Encoded(blob) | Positions::Words(blob)) = &self.positions;
+        let mut words = vec![0_u64; node.particles as usize];
+        decode_leaf(&spill.get(blob)?, node.points as usize, &mut words).map_err(std::io::Error::other)?;
+        self.batch.with(spill, |quantities| read(&mut words.iter().map(|&word| unpack_leaf(word)), quantities))
+    }
+}
+
 /// Columns as the quantiser takes them.
 fn borrowed(columns: &Columns) -> Quantities<'_> {
     Quantities {
@@ -345,6 +374,9 @@ impl CodedTrees {
     /// # Errors
     /// When they cannot be read back.
     pub fn sections(&self, levels: Purpose, depth: usize, index: usize, vq_bits: VqBits) -> std::io::Result<Sections> {
+        if let (Some(clusters), Purpose::Clusters) = (&self.clusters, levels) {
+            return clusters.sections(&self.spill, depth, index);
+        }
         let tree = self.tree(levels);
         let NodeSections { positions, codes } = &tree.sections[depth][index];
         let node = &tree.nodes[depth][index].node;

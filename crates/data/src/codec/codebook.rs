@@ -9,6 +9,8 @@ pub enum CodebookScope {
     Depth(u8),
     /// The same for the levels that are made for volumes.
     VolumeDepth(u8),
+    /// Clusters, whose masses and sizes are told otherwise: density and attributes count.
+    Clusters,
 }
 
 /// Measured error of one quantity over all particles that a codebook codes.

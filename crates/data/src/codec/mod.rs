@@ -2,6 +2,7 @@
 //!
 //! This room turns columns of numbers into indices and back; it knows neither trees nor files.
 
+pub mod clusters;
 pub mod codebook;
 pub mod coordinates;
 pub mod morton;
@@ -10,6 +11,7 @@ pub mod positions;
 pub mod quantize;
 pub mod quantizer;
 pub mod scaling;
+pub mod shapes;
 pub mod states;
 
 mod pca_split;

@@ -85,6 +85,11 @@ impl<const L: usize> Quantizer<L> {
         quantizer
     }
 
+    /// The code words.
+    pub fn words(&self) -> &[[f32; L]] {
+        &self.words
+    }
+
     /// Number of code words.
     pub fn len(&self) -> usize {
         self.words.len()

@@ -3,11 +3,13 @@
 pub mod attribute_info;
 pub mod cell;
 pub mod octree;
+pub mod pca;
 pub mod purpose;
 pub mod spacetime;
 
 pub use attribute_info::{AttributeInfo, Histogram};
 pub use cell::{NodeKey, RootCell};
 pub use octree::{Encoding, LevelInfo, OctreeOptions};
+pub use pca::ClusterOptions;
 pub use purpose::Purpose;
 pub use spacetime::HermiteSpline;

@@ -9,6 +9,8 @@ pub enum Purpose {
     /// Resampling to a grid (F12 5.5.1): particles smaller than a merging cell merge, their volumes add up, and none is
     /// smaller than a cell afterwards.
     Samples,
+    /// Pictures made of few splats: clusters with a shape, any part of a node's (HE03).
+    Clusters,
 }
 
 impl Purpose {
@@ -17,6 +19,7 @@ impl Purpose {
         match self {
             Purpose::Splats => "splats",
             Purpose::Samples => "volume",
+            Purpose::Clusters => "clusters",
         }
     }
 }

@@ -1,8 +1,9 @@
 //! What a node draws that is not coded with a family's codebooks.
 
 use crate::codec::Codebook;
+use crate::hierarchy::pca::Step;
 use crate::hierarchy::spacetime::Motion;
-use crate::model::Bounds;
+use crate::model::{Bounds, Covariance};
 use std::borrow::Cow;
 use std::fmt::Debug;
 
@@ -13,6 +14,20 @@ pub struct Particles {
     pub positions: Vec<[f64; 3]>,
     /// Mass, density, smoothing length and the family's attributes: entry `i` is of particle `i`.
     pub values: Codebook,
+    /// Second moments of each where they are ellipsoids, whose smoothing lengths are those of spheres with the same trace; empty else.
+    pub covariances: Vec<Covariance>,
+}
+
+/// What stands for a cluster in pictures.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Representative {
+    /// An ellipsoid with its second moments.
+    #[default]
+    Ellipsoid,
+    /// A ball of equal spread.
+    Round,
+    /// A ball of the diameter that HE03 gives it (equation 2), of files whose clusters were split as there; else as [`Self::Round`].
+    Published,
 }
 
 /// How a node holds what it draws, dispatched once a node: trees that are no page files bring their own.
@@ -34,6 +49,16 @@ pub trait Content: Debug + Send + Sync {
     /// Whether [`Content::motion`] tells of any.
     fn moves(&self) -> bool {
         false
+    }
+
+    /// Where it holds clusters about so many of the first, or all, represented in this way: their sums and means are those of all.
+    fn clusters(&self, _count: Option<u32>, _representative: Representative) -> Option<Particles> {
+        None
+    }
+
+    /// What a part of the clusters is worth, where it holds clusters.
+    fn steps(&self) -> &[Step] {
+        &[]
     }
 
     /// Bytes of memory that it takes.
@@ -74,7 +99,12 @@ impl Particles {
             errors: self.values.errors.clone(),
             ..self.values
         };
-        Particles { positions: which.iter().map(|i| self.positions[*i as usize]).collect(), values }
+        let positions = which.iter().map(|i| self.positions[*i as usize]).collect();
+        let covariances = match self.covariances.is_empty() {
+            true => Vec::new(),
+            false => which.iter().map(|i| self.covariances[*i as usize]).collect(),
+        };
+        Particles { positions, values, covariances }
     }
 
     /// The box around the positions.

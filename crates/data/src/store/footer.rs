@@ -1,17 +1,30 @@
 //! The footer: page table, metadata, attribute tables and codebooks as bytes and back. Files with families that are none of
-//! Gadget's have version 4, else files with levels for volumes version 3, and all others version 2.
+//! Gadget's, or with clusters, have version 4, else files with levels for volumes version 3, and all others version 2.
 
 use super::error::Damage;
 use super::layout::{PAGE_ENTRY_LEN, PageEntry, VERSION, VERSION_NAMED, VERSION_VOLUME};
-use super::metadata::{AttributeInfo, AttributeMerge, FamilyMetadata, Histogram, LevelInfo, Metadata, VolumeTree};
+use super::metadata::{
+    AttributeInfo, AttributeMerge, ClusterBook, ClusterLevel, ClusterTree, FamilyMetadata, Histogram, LevelInfo,
+    Metadata, VolumeTree,
+};
 use super::page::PageId;
 use super::wire::{Decoder, Encoder};
+use crate::codec::clusters::shape_packing;
+use crate::codec::shapes::{COORDINATES, ShapeBook};
 use crate::codec::{Codebook, CodebookScope, QuantityError, VqBits};
 use crate::hierarchy::RootCell;
 use crate::model::{Bounds, FamilyName, Kernel, Provenance, Skipped, Unit};
+use std::sync::Arc;
 
 /// The bit that tells the scope of a codebook of levels for volumes.
 const VOLUME_SCOPE: u8 = 1 << 7;
+
+/// What tells that a codebook is that of clusters: no depth either.
+const CLUSTER_SCOPE: u8 = u8::MAX - 1;
+
+/// Bits that tell the kinds of levels of a family beside those for splats.
+const VOLUME: u8 = 1;
+const CLUSTERS: u8 = 2;
 
 /// In place of a family's Gadget type: its name follows.
 const NAMED: u8 = u8::MAX;
@@ -19,7 +32,8 @@ const NAMED: u8 = u8::MAX;
 /// The first version that can hold a file.
 pub(super) fn version(metadata: &Metadata) -> u32 {
     let any = |is: fn(&FamilyMetadata) -> bool| metadata.families.iter().any(is);
-    match (any(|family| family.name.gadget_type().is_none()), any(|family| family.volume.is_some())) {
+    let is_new = |family: &FamilyMetadata| family.name.gadget_type().is_none() || family.clusters.is_some();
+    match (any(is_new), any(|family| family.volume.is_some())) {
         (true, _) => VERSION_NAMED,
         (false, true) => VERSION_VOLUME,
         (false, false) => VERSION,
@@ -126,10 +140,14 @@ fn encode_family(out: &mut Encoder, family: &FamilyMetadata, version: u32) {
         encode_codebook(out, codebook);
     }
     if version >= VERSION_VOLUME {
-        out.u8(u8::from(family.volume.is_some()));
+        let volume = if family.volume.is_some() { VOLUME } else { 0 };
+        out.u8(volume | if family.clusters.is_some() { CLUSTERS } else { 0 });
         if let Some(volume) = &family.volume {
             out.u32(volume.root_page.0);
             encode_levels(out, &volume.levels);
+        }
+        if let Some(clusters) = &family.clusters {
+            encode_clusters(out, clusters);
         }
     }
 }
@@ -185,10 +203,20 @@ fn decode_family(input: &mut Decoder, version: u32) -> Result<FamilyMetadata, Da
     let codebooks = (0..input.count(13, "codebooks")?)
         .map(|_| decode_codebook(input, attributes.len()))
         .collect::<Result<_, _>>()?;
-    let volume = match if version >= VERSION_VOLUME { input.u8("levels for volumes")? } else { 0 } {
+    let kinds = if version >= VERSION_VOLUME { input.u8("kinds of levels")? } else { 0 };
+    if kinds > if version >= VERSION_NAMED { VOLUME | CLUSTERS } else { VOLUME } {
+        return Err(Damage::new(
+            "footer",
+            format!("levels for volumes (1), clusters (2), both or none, found {kinds}"),
+        ));
+    }
+    let volume = match kinds & VOLUME {
         0 => None,
-        1 => Some(VolumeTree { root_page: PageId(input.u32("a root page")?), levels: decode_levels(input)? }),
-        other => return Err(Damage::new("footer", format!("levels for volumes (1) or none (0), found {other}"))),
+        _ => Some(VolumeTree { root_page: PageId(input.u32("a root page")?), levels: decode_levels(input)? }),
+    };
+    let clusters = match kinds & CLUSTERS {
+        0 => None,
+        _ => Some(decode_clusters(input, attributes.len())?),
     };
     Ok(FamilyMetadata {
         name,
@@ -203,7 +231,58 @@ fn decode_family(input: &mut Decoder, version: u32) -> Result<FamilyMetadata, Da
         levels,
         volume,
         codebooks,
+        clusters,
     })
+}
+
+fn encode_clusters(out: &mut Encoder, clusters: &ClusterTree) {
+    out.u32(clusters.root_page.0);
+    out.u32(clusters.levels.len() as u32);
+    for level in &clusters.levels {
+        out.u8(level.depth);
+        [level.nodes, level.clusters, level.finest].into_iter().for_each(|count| out.u64(count));
+        out.f64(level.size);
+        out.f64(level.misfit);
+        out.u64(level.bytes);
+    }
+    out.u8(clusters.shape_bits);
+    out.u8(u8::from(clusters.is_published));
+    out.u32(clusters.book.shapes.entries.len() as u32);
+    for step in clusters.book.shapes.entries.iter().flatten() {
+        out.bytes.extend_from_slice(&step.to_le_bytes());
+    }
+    encode_codebook(out, &clusters.book.values);
+}
+
+fn decode_clusters(input: &mut Decoder, attributes: usize) -> Result<ClusterTree, Damage> {
+    let root_page = PageId(input.u32("a root page")?);
+    let level = |input: &mut Decoder| {
+        let depth = input.u8("a level's depth")?;
+        let mut next = || input.u64("a level's counts");
+        let (nodes, clusters, finest) = (next()?, next()?, next()?);
+        let (size, misfit) = (input.f64("a level's size")?, input.f64("a level's misfit")?);
+        Ok(ClusterLevel { depth, nodes, clusters, finest, size, misfit, bytes: input.u64("a level's bytes")? })
+    };
+    let levels = (0..input.count(49, "levels of clusters")?).map(|_| level(input)).collect::<Result<_, Damage>>()?;
+    let shape_bits = input.u8("the bits of shapes")?;
+    if shape_bits != 0 && shape_packing(shape_bits).is_none() {
+        return Err(Damage::new("footer", format!("shapes of 0, 8, 12 or 16 bits, found {shape_bits}")));
+    }
+    let is_published = match input.u8("how clusters were split")? {
+        0 => false,
+        1 => true,
+        other => return Err(Damage::new("footer", format!("clusters split as 0 or 1 says, found {other}"))),
+    };
+    let entries = input.count(2 * COORDINATES, "shapes")?;
+    if entries > 1 << shape_bits || (entries == 0) != (shape_bits == 0) {
+        return Err(Damage::new("footer", format!("shapes that {shape_bits} bits can name, found {entries}")));
+    }
+    let bytes = input.bytes(2 * COORDINATES * entries, "shapes")?;
+    let step = |entry: &[u8], k: usize| i16::from_le_bytes([entry[2 * k], entry[2 * k + 1]]);
+    let entry = |entry: &[u8]| std::array::from_fn(|k| step(entry, k));
+    let shapes = ShapeBook { entries: bytes.chunks_exact(2 * COORDINATES).map(entry).collect() };
+    let book = Arc::new(ClusterBook::new(shapes, decode_codebook(input, attributes)?));
+    Ok(ClusterTree { root_page, levels, shape_bits, is_published, book })
 }
 
 fn decode_levels(input: &mut Decoder) -> Result<Vec<LevelInfo>, Damage> {
@@ -281,14 +360,20 @@ fn encode_codebook(out: &mut Encoder, codebook: &Codebook) {
         CodebookScope::Leaves => u8::MAX,
         CodebookScope::Depth(depth) => depth,
         CodebookScope::VolumeDepth(depth) => VOLUME_SCOPE | depth,
+        CodebookScope::Clusters => CLUSTER_SCOPE,
     });
     out.u64(codebook.particles);
     out.u32(codebook.len() as u32);
-    for column in
-        [&codebook.mass, &codebook.density, &codebook.smoothing_length].into_iter().chain(&codebook.attributes)
-    {
-        out.f32s(column);
+    // Masses and sizes of clusters are told elsewhere.
+    let is_whole = codebook.scope != CodebookScope::Clusters;
+    if is_whole {
+        out.f32s(&codebook.mass);
     }
+    out.f32s(&codebook.density);
+    if is_whole {
+        out.f32s(&codebook.smoothing_length);
+    }
+    codebook.attributes.iter().for_each(|column| out.f32s(column));
     for error in &codebook.errors {
         out.f64(error.mean);
         out.f64(error.max);
@@ -298,12 +383,15 @@ fn encode_codebook(out: &mut Encoder, codebook: &Codebook) {
 fn decode_codebook(input: &mut Decoder, attributes: usize) -> Result<Codebook, Damage> {
     let scope = match input.u8("a codebook's scope")? {
         u8::MAX => CodebookScope::Leaves,
+        CLUSTER_SCOPE => CodebookScope::Clusters,
         scope if scope & VOLUME_SCOPE != 0 => CodebookScope::VolumeDepth(scope & !VOLUME_SCOPE),
         depth => CodebookScope::Depth(depth),
     };
     let particles = input.u64("a codebook's particles")?;
     let columns = 3 + attributes;
-    let entries = input.count(4 * columns, "codebook entries")?;
+    let is_whole = scope != CodebookScope::Clusters;
+    let told = if is_whole { columns } else { 1 + attributes };
+    let entries = input.count(4 * told, "codebook entries")?;
     if entries > VqBits::Sixteen.entries() {
         return Err(Damage::new("footer", format!("at most 65536 codebook entries, found {entries}")));
     }
@@ -311,9 +399,9 @@ fn decode_codebook(input: &mut Decoder, attributes: usize) -> Result<Codebook, D
     Ok(Codebook {
         scope,
         particles,
-        mass: column()?,
+        mass: if is_whole { column()? } else { vec![1.0; entries] },
         density: column()?,
-        smoothing_length: column()?,
+        smoothing_length: if is_whole { column()? } else { vec![1.0; entries] },
         attributes: (0..attributes).map(|_| column()).collect::<Result<_, _>>()?,
         errors: (0..columns)
             .map(|_| Ok(QuantityError { mean: input.f64("an error")?, max: input.f64("an error")? }))

@@ -71,6 +71,7 @@ fn described(family: &Family, root_page: PageId) -> FamilyMetadata {
         levels: Vec::new(),
         volume: None,
         codebooks: Vec::new(),
+        clusters: None,
     }
 }
 
@@ -85,7 +86,7 @@ fn particles_of(family: Family) -> Particles {
         smoothing_length,
         attributes: attributes.into_iter().map(|attribute| attribute.values).collect(),
     };
-    Particles { positions, values }
+    Particles { positions, values, covariances: Vec::new() }
 }
 
 impl Tree for InMemory {

@@ -96,6 +96,9 @@ fn placed(family: &FamilyMetadata, first_page: u32, placement: &Placement) -> Op
     if let Some(volume) = &mut placed.volume {
         volume.root_page = PageId(volume.root_page.0 + first_page);
     }
+    if let Some(clusters) = &mut placed.clusters {
+        clusters.root_page = PageId(clusters.root_page.0 + first_page);
+    }
     if placement.is_here() {
         return Some(placed);
     }

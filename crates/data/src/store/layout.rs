@@ -14,7 +14,7 @@ pub const MAGIC: [u8; 8] = *b"\x89DFP\r\n\x1a\n";
 pub const VERSION: u32 = 2;
 /// Version of files with levels for volumes.
 pub const VERSION_VOLUME: u32 = 3;
-/// Version of files with families that are none of Gadget's.
+/// Version of files with families that are none of Gadget's, or with clusters.
 pub const VERSION_NAMED: u32 = 4;
 /// Pages and the footer start at multiples of this; the header takes one such block.
 pub const ALIGNMENT: u64 = 4096;
@@ -136,9 +136,13 @@ pub struct PageEntry {
     pub memory: u32,
 }
 
-/// Bytes that the particles of a node take in memory: a word and a code for each.
+/// Bytes that the particles of a node take in memory: a word and a code for each; of clusters mass, size, rank and the code of a shape, too.
 pub fn particles_memory(encoding: Encoding, particles: u32) -> u64 {
-    let word = if encoding == Encoding::Leaf { size_of::<u64>() } else { size_of::<u32>() };
+    let word = match encoding {
+        Encoding::Leaf => size_of::<u64>(),
+        Encoding::Relay | Encoding::Grid => size_of::<u32>(),
+        Encoding::Clusters | Encoding::LeafClusters => size_of::<u64>() + 3 + size_of::<u16>(),
+    };
     u64::from(particles) * (word + size_of::<u16>()) as u64
 }
 
@@ -233,6 +237,8 @@ impl NodeRecord {
             Encoding::Relay => 0,
             Encoding::Grid => 1,
             Encoding::Leaf => 2,
+            Encoding::Clusters => 3,
+            Encoding::LeafClusters => 4,
         };
         out[2..4].copy_from_slice(&node.codebook.to_le_bytes());
         let words = [node.key.x, node.key.y, node.key.z, node.particles, node.points, self.positions, self.codes];
@@ -263,7 +269,9 @@ impl NodeRecord {
             0 => Encoding::Relay,
             1 => Encoding::Grid,
             2 => Encoding::Leaf,
-            other => return Err(Damage::new(place(), format!("an encoding of 0, 1 or 2, found {other}"))),
+            3 => Encoding::Clusters,
+            4 => Encoding::LeafClusters,
+            other => return Err(Damage::new(place(), format!("an encoding from 0 to 4, found {other}"))),
         };
         if bytes[124..128] != [0; 4] {
             return Err(Damage::new(place(), "zeros in the reserved bytes"));

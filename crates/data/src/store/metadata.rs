@@ -2,10 +2,12 @@
 
 use super::page::PageId;
 pub use crate::codec::AttributeMerge;
+use crate::codec::shapes::ShapeBook;
 use crate::codec::{Codebook, VqBits};
 pub use crate::hierarchy::{AttributeInfo, Histogram, LevelInfo};
 use crate::hierarchy::{Purpose, RootCell};
 use crate::model::{Bounds, FamilyName, Kernel, PeriodicBox, Provenance, Skipped, Unit};
+use std::sync::Arc;
 
 /// Everything that is known of a page file without reading a page.
 #[derive(Clone, Debug, PartialEq)]
@@ -37,12 +39,18 @@ impl Metadata {
         self.families.iter().all(|family| family.volume.is_some())
     }
 
+    /// Whether every family has clusters.
+    pub fn has_clusters(&self) -> bool {
+        self.families.iter().all(|family| family.clusters.is_some())
+    }
+
     /// What is still known where there are no pages.
     pub fn outline(&self) -> Metadata {
         let without = |family: &FamilyMetadata| FamilyMetadata {
             levels: Vec::new(),
             volume: None,
             codebooks: Vec::new(),
+            clusters: None,
             ..family.clone()
         };
         Metadata { families: self.families.iter().map(without).collect(), ..self.clone() }
@@ -91,6 +99,8 @@ pub struct FamilyMetadata {
     pub volume: Option<VolumeTree>,
     /// The codebooks; [`super::Node::codebook`] indexes them.
     pub codebooks: Vec<Codebook>,
+    /// The levels of clusters, if the file has them.
+    pub clusters: Option<ClusterTree>,
 }
 
 /// A second tree over the leaves of a family, whose inner nodes are made for volumes (F12 5.5.1).
@@ -102,18 +112,92 @@ pub struct VolumeTree {
     pub levels: Vec<LevelInfo>,
 }
 
+/// A tree over the leaves of a family whose other nodes hold clusters (HE03).
+#[derive(Clone, Debug, PartialEq)]
+pub struct ClusterTree {
+    /// The page that holds the root; the root is node 0 of it. That of the family if there are no levels of other kinds.
+    pub root_page: PageId,
+    /// One entry for each depth that has clusters, the root first.
+    pub levels: Vec<ClusterLevel>,
+    /// Bits of a shape's code: 0, 8, 12 or 16.
+    pub shape_bits: u8,
+    /// Whether clusters were split by distortion, and have the diameters of HE03, too.
+    pub is_published: bool,
+    /// What codes stand for.
+    pub book: Arc<ClusterBook>,
+}
+
+impl ClusterTree {
+    /// Number of all finest clusters: those over leaves.
+    pub fn finest(&self) -> u64 {
+        self.levels.iter().map(|level| level.finest).sum()
+    }
+}
+
+/// What the codes of a family's clusters stand for.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ClusterBook {
+    /// Shapes.
+    pub shapes: ShapeBook,
+    /// Moments of each shape at size 1.
+    pub moments: Vec<[f64; 6]>,
+    /// Densities and attributes; its masses and smoothing lengths are of no use.
+    pub values: Codebook,
+}
+
+impl ClusterBook {
+    /// The book with these shapes and values.
+    pub fn new(shapes: ShapeBook, values: Codebook) -> ClusterBook {
+        let moments = shapes.moments();
+        ClusterBook { shapes, moments, values }
+    }
+}
+
+/// The clusters of a depth.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ClusterLevel {
+    /// Depth of their cells.
+    pub depth: u8,
+    /// Nodes with clusters.
+    pub nodes: u64,
+    /// Their clusters.
+    pub clusters: u64,
+    /// Those over leaves among them.
+    pub finest: u64,
+    /// Mean of the geometric mean of the standard deviations of a cluster along its principal axes, length unit.
+    pub size: f64,
+    /// Misfit of all of them together ([`crate::hierarchy::pca::members::misfit`]), relative to their mass.
+    pub misfit: f64,
+    /// Bytes of its nodes' records and sections, alignment included.
+    pub bytes: u64,
+}
+
 impl FamilyMetadata {
+    /// Whether there are levels of merged particles.
+    pub fn has_octree(&self) -> bool {
+        self.clusters.as_ref().is_none_or(|clusters| clusters.root_page != self.root_page)
+    }
+
+    /// The trees that there are, each with the page of its root.
+    pub fn trees(&self) -> impl Iterator<Item = (Purpose, PageId)> {
+        let splats = self.has_octree().then_some((Purpose::Splats, self.root_page));
+        let volume = self.volume.as_ref().map(|volume| (Purpose::Samples, volume.root_page));
+        let clusters = self.clusters.as_ref().map(|clusters| (Purpose::Clusters, clusters.root_page));
+        [splats, volume, clusters].into_iter().flatten()
+    }
+
     /// The page of the root of the tree for this purpose; `None` if the family has none.
     pub fn root_page_of(&self, purpose: Purpose) -> Option<PageId> {
         match purpose {
             Purpose::Splats => Some(self.root_page),
             Purpose::Samples => self.volume.as_ref().map(|volume| volume.root_page),
+            Purpose::Clusters => self.clusters.as_ref().map(|clusters| clusters.root_page),
         }
     }
 
     /// Whether a page holds a root.
     pub fn has_root(&self, page: PageId) -> bool {
-        [Purpose::Splats, Purpose::Samples].into_iter().any(|purpose| self.root_page_of(purpose) == Some(page))
+        self.trees().any(|(_, root)| root == page)
     }
 
     /// The attribute of that name and its index in [`Codebook::attributes`].

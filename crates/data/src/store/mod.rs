@@ -17,6 +17,7 @@ pub mod verify;
 pub mod writer;
 
 mod block;
+mod clusters;
 mod content;
 mod footer;
 mod in_memory;
@@ -29,12 +30,15 @@ mod tree;
 mod wire;
 
 pub use block::Block;
-pub use content::{Content, Particles};
+pub use content::{Content, Particles, Representative};
 pub use disk::{Change, Disk, LocalFile};
 pub use error::StoreError;
 pub use in_memory::InMemory;
 pub use located::{Located, SourcePlace};
-pub use metadata::{AttributeInfo, AttributeMerge, FamilyMetadata, Histogram, LevelInfo, Metadata, VolumeTree};
+pub use metadata::{
+    AttributeInfo, AttributeMerge, ClusterBook, ClusterLevel, ClusterTree, FamilyMetadata, Histogram, LevelInfo,
+    Metadata, VolumeTree,
+};
 pub use page::{Branch, Encoding, Frame, Node, NodeParticles, NodeRef, Page, PageId, Positions};
 pub use page_file::{PageBytes, PageFile, PartInfo};
 pub use run::{RunFile, RunFileWriter};

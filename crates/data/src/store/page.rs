@@ -1,12 +1,14 @@
 //! A page in memory: node records and the packed particles of each node.
 
+use super::clusters::NodeClusters;
 use super::content::Content;
 use super::error::Damage;
 use super::layout::{
     NODE_RECORD_LEN, NodeRecord, PAGE_HEADER_LEN, PAGE_MAGIC, PageEntry, SECTION_ALIGNMENT, StoredNode,
     particles_memory, u32_at,
 };
-use super::metadata::Metadata;
+use super::metadata::{AttributeMerge, Metadata};
+use crate::codec::clusters::PackedClusters;
 use crate::codec::coordinates::{CELL_BITS, GRID_POINT, LEAF_BITS, LEAF_POINT, unpack_grid, unpack_leaf};
 use crate::codec::positions::{decode_grid, decode_leaf, leaf_rounding};
 pub use crate::hierarchy::Encoding;
@@ -260,8 +262,8 @@ pub struct Page {
     code_ranges: Vec<Range<usize>>,
     /// Bytes of each node's record and sections on the disk.
     sizes: Vec<u64>,
-    /// What is not coded with the family's codebooks; empty in page files.
-    contents: Vec<Arc<dyn Content>>,
+    /// What is not coded with the family's codebooks, a node each.
+    contents: Vec<Option<Arc<dyn Content>>>,
 }
 
 impl Page {
@@ -292,7 +294,7 @@ impl Page {
             page.positions.push(0..0);
             page.code_ranges.push(0..0);
             page.sizes.push(0);
-            page.contents.push(content);
+            page.contents.push(Some(content));
         }
         page
     }
@@ -300,7 +302,7 @@ impl Page {
     /// What a node draws, where that is not coded with the family's codebooks: then [`Page::particles`] is empty. `None` for
     /// coded particles, and where there is no such node.
     pub fn content(&self, node: usize) -> Option<&dyn Content> {
-        self.contents.get(node).map(|content| &**content)
+        self.contents.get(node)?.as_deref()
     }
 
     /// The particles of node `node` of this page. Panics if there is no such node.
@@ -311,7 +313,7 @@ impl Page {
             positions: match self.nodes[node].encoding {
                 Encoding::Leaf => Positions::Leaf(words),
                 // An odd number of grid words leaves half of the last 64-bit word over.
-                Encoding::Grid | Encoding::Relay => Positions::Grid(&bytemuck::cast_slice(words)[..count]),
+                _ => Positions::Grid(&bytemuck::cast_slice(words)[..count]),
             },
             codes: &self.codes[self.code_ranges[node].clone()],
         }
@@ -345,10 +347,12 @@ impl Page {
     /// Bytes of memory that the page holds: [`super::PageFile::page_memory`].
     pub fn memory(&self) -> u64 {
         let coded = |node: &Node| particles_memory(node.encoding, node.particles);
-        let particles = match self.contents.is_empty() {
-            true => self.nodes.iter().map(coded).sum::<u64>(),
-            false => self.contents.iter().map(|content| content.memory()).sum(),
+        // Clusters are told by the page table, too; what a run's nodes hold is not coded.
+        let coded = match self.cells.is_empty() {
+            true => 0,
+            false => self.nodes.iter().map(coded).sum::<u64>(),
         };
+        let particles = coded + self.contents.iter().flatten().map(|content| content.memory()).sum::<u64>();
         particles + self.nodes.len() as u64 * NODE_MEMORY
     }
 
@@ -419,6 +423,7 @@ impl Page {
             sizes: Vec::with_capacity(entry.nodes as usize),
             contents: Vec::new(),
         };
+        let rules: Arc<[AttributeMerge]> = family.attributes.iter().map(|attribute| attribute.merge).collect();
         // Sections follow the records in order, each aligned, without gaps but the alignment's zeros.
         let mut at = records_end;
         for (i, record) in bytes[PAGE_HEADER_LEN..records_end].chunks_exact(NODE_RECORD_LEN).enumerate() {
@@ -434,7 +439,13 @@ impl Page {
                 return Err(Damage::new(here(), expected));
             };
             let first_word = page.words.len();
-            page.words.resize(first_word + if node.encoding == Encoding::Leaf { count } else { count.div_ceil(2) }, 0);
+            let held = match node.encoding {
+                Encoding::Leaf => count,
+                Encoding::Grid | Encoding::Relay => count.div_ceil(2),
+                Encoding::Clusters | Encoding::LeafClusters => 0,
+            };
+            page.words.resize(first_word + held, 0);
+            let mut clusters = None;
             let words = &mut page.words[first_word..];
             let from = bytes.get(positions as usize..).unwrap_or_default();
             let points = node.points as usize;
@@ -444,6 +455,15 @@ impl Page {
                 Encoding::Grid | Encoding::Relay => {
                     decode_grid(from, points, &mut bytemuck::cast_slice_mut(words)[..count])
                 }
+                Encoding::Clusters | Encoding::LeafClusters => match &family.clusters {
+                    None => Err("no clusters, of which the footer tells nothing"),
+                    Some(tree) => {
+                        PackedClusters::decode(from, count, tree.shape_bits, tree.is_published).map(|(packed, len)| {
+                            clusters = Some((packed, tree));
+                            len
+                        })
+                    }
+                },
             }
             .map_err(|expected| Damage::new(here(), expected))?;
             section(bytes, &mut at, positions, len)
@@ -452,15 +472,30 @@ impl Page {
                 .ok_or_else(|| Damage::new(here(), "codes inside the page, after its positions"))?;
             let first_code = page.codes.len();
             metadata.vq_bits.unpack(&bytes[codes as usize..codes_end], count, &mut page.codes);
-            page.positions.push(first_word..page.words.len());
-            page.code_ranges.push(first_code..page.codes.len());
             page.sizes.push((NODE_RECORD_LEN + at - start) as u64);
             check_node(&node, family, &page.codes[first_code..], (id, i as u32), table)
                 .map_err(|expected| Damage::new(here(), expected))?;
+            let content: Option<Arc<dyn Content>> = match clusters {
+                None => None,
+                Some((packed, tree)) => {
+                    let codes = page.codes.split_off(first_code);
+                    let frame = Frame { min: node.key.min(root), size: node.key.size(root) };
+                    let about = (&tree.book, Arc::clone(&rules), metadata.kernel);
+                    let own = NodeClusters::new(frame, packed, codes, about, placement)
+                        .map_err(|expected| Damage::new(here(), expected))?;
+                    Some(Arc::new(own))
+                }
+            };
+            page.contents.push(content);
+            page.positions.push(first_word..page.words.len());
+            page.code_ranges.push(first_code..page.codes.len());
             let first_child = page.children.len() as u32;
             for (octant, child) in (0..).zip(node.children) {
                 let Some(child) = child else { continue };
-                let cell = node.key.child(octant);
+                let cell = match node.encoding {
+                    Encoding::LeafClusters => node.key,
+                    _ => node.key.child(octant),
+                };
                 page.children.push(child);
                 page.child_bounds.push(around(cell.bounds(root)));
                 page.child_cells.push(cell);
@@ -507,7 +542,10 @@ fn check_node(
     if node.points > node.particles || u64::from(node.particles) > node.source_particles {
         return Err("at most as many points as particles, and particles as source particles".into());
     }
-    let entries = family.codebooks.get(usize::from(node.codebook)).map_or(0, |book| book.len());
+    let entries = match &family.clusters {
+        Some(clusters) if node.encoding.is_clusters() => clusters.book.values.len(),
+        _ => family.codebooks.get(usize::from(node.codebook)).map_or(0, |book| book.len()),
+    };
     if let Some(code) = codes.iter().find(|&&code| usize::from(code) >= entries) {
         return Err(format!("codes below {entries}, found {code}"));
     }
@@ -526,6 +564,14 @@ fn check_node(
                 && (0.0..f64::INFINITY).contains(&node.delta)
         }
         Encoding::Grid => !childless && node.particles > 0 && (0.0..f64::INFINITY).contains(&node.delta),
+        Encoding::Clusters | Encoding::LeafClusters => {
+            let only_first = node.children[0].is_some() && node.children[1..].iter().all(Option::is_none);
+            !childless
+                && node.particles > 0
+                && node.points == 0
+                && (0.0..f64::INFINITY).contains(&node.delta)
+                && (only_first || node.encoding == Encoding::Clusters)
+        }
         Encoding::Relay => !childless && node.particles == 0 && node.delta == f64::INFINITY && own.1 != u32::MAX,
     };
     if !consistent {

@@ -5,8 +5,8 @@
 //! shallow subtrees do not end as pages of a few kilobytes. Siblings that are together larger than a page are spread over
 //! several.
 //!
-//! The levels for volumes are a second tree over the same leaves. Its inner nodes have pages of their own, which come first: so
-//! every child comes after its parents in both trees.
+//! Levels for volumes and clusters are further trees over the same leaves. Their inner nodes have pages of their own, which come first:
+//! so every child comes after its parents in all trees.
 
 use super::error::StoreError;
 use super::layout::{StoredNode, particles_memory};
@@ -25,7 +25,8 @@ pub const PAGE_BYTES: usize = 3 << 20;
 pub struct PlannedNode {
     /// The node, without its children.
     pub node: StoredNode,
-    /// Its children: indices into the nodes of the next depth.
+    /// Its children: indices into the nodes of the next depth. None for clusters of a leaf, whose child is the leaf of the same depth and
+    /// index.
     pub children: [Option<usize>; 8],
     /// Bytes of its positions and of its codes.
     pub sections: (usize, usize),
@@ -132,23 +133,26 @@ struct Paged<'a> {
     pages: Vec<Vec<Place>>,
     first: u32,
     places: Vec<Vec<NodeRef>>,
+    /// Those of the tree that has the leaves, where this one does not.
+    leaves: Vec<Vec<NodeRef>>,
 }
 
 impl<'a> Paged<'a> {
-    /// A tree whose pages begin with number `first`; `places` has those of nodes that belong to another tree.
+    /// A tree whose pages begin with number `first`; `leaves` has the places of nodes that belong to another tree.
     fn new(
         levels: Purpose,
         nodes: &'a [Vec<PlannedNode>],
         pages: Vec<Vec<Place>>,
         first: u32,
-        mut places: Vec<Vec<NodeRef>>,
+        leaves: Vec<Vec<NodeRef>>,
     ) -> Paged<'a> {
+        let mut places = leaves.clone();
         for (number, page) in pages.iter().enumerate() {
             for (i, &(depth, index)) in page.iter().enumerate() {
                 places[depth][index] = NodeRef { page: PageId(first + number as u32), node: i as u32 };
             }
         }
-        Paged { levels, nodes, pages, first, places }
+        Paged { levels, nodes, pages, first, places, leaves }
     }
 
     fn written(&self, own: impl Fn(&PlannedNode) -> bool) -> Written {
@@ -157,32 +161,81 @@ impl<'a> Paged<'a> {
     }
 }
 
-/// Appends the pages of a family's trees to a file: that for splats, and that for volumes if there is one, which has the same
-/// nodes and shares the leaves. Pages aim at `page_bytes`; `sections` gives the particles of the node of a depth and index.
+/// The trees of a family, which have the same cells.
+#[derive(Clone, Copy, Debug)]
+pub struct FamilyTrees<'a> {
+    /// The one for splats, with the leaves.
+    pub splats: &'a [Vec<PlannedNode>],
+    /// Whether its other nodes are written, too.
+    pub has_octree: bool,
+    /// Further ones.
+    pub others: &'a [(Purpose, &'a [Vec<PlannedNode>])],
+}
+
+/// Appends the pages of a family's trees to a file. Pages aim at `page_bytes`; `sections` gives the particles of the node of a depth and
+/// index. Where the trees were written, that for splats first.
 ///
 /// # Errors
 /// When the file cannot be written; those of `sections`.
 pub fn write_trees<E: From<StoreError> + Send>(
     writer: &mut PageFileWriter,
     family: u32,
-    (splats, volume): (&[Vec<PlannedNode>], Option<&[Vec<PlannedNode>]>),
+    trees: FamilyTrees<'_>,
     page_bytes: usize,
     sections: impl Fn(Purpose, usize, usize) -> Result<Sections, E> + Sync,
     progress: &dyn Progress,
-) -> Result<(Written, Option<Written>), E> {
+) -> Result<Vec<Written>, E> {
     let is_inner = |node: &PlannedNode| node.node.encoding != Encoding::Leaf;
-    let volume_pages = volume.map_or(Vec::new(), |nodes| plan(nodes, page_bytes, is_inner));
-    let splat_pages = plan(splats, page_bytes, |_| true);
-    progress.begin("writing pages", (volume_pages.len() + splat_pages.len()) as u64);
-    let first = writer.page_count();
-    let behind = first + volume_pages.len() as u32;
-    let nowhere = splats.iter().map(|level| vec![NodeRef { page: PageId(behind), node: 0 }; level.len()]).collect();
-    let splats = Paged::new(Purpose::Splats, splats, splat_pages, behind, nowhere);
-    let volume = volume.map(|nodes| Paged::new(Purpose::Samples, nodes, volume_pages, first, splats.places.clone()));
-    for tree in volume.iter().chain([&splats]) {
+    let own = |node: &PlannedNode| trees.has_octree || !is_inner(node);
+    let mut first = writer.page_count();
+    let others = trees.others.iter().map(|(purpose, nodes)| {
+        let pages = plan(nodes, page_bytes, is_inner);
+        let from = first;
+        first += pages.len() as u32;
+        (*purpose, *nodes, pages, from)
+    });
+    let others: Vec<_> = others.collect();
+    let splat_pages = match trees.has_octree {
+        true => plan(trees.splats, page_bytes, |_| true),
+        false => leaf_pages(trees.splats, page_bytes),
+    };
+    let pages = others.iter().map(|(_, _, pages, _)| pages.len()).sum::<usize>() + splat_pages.len();
+    progress.begin("writing pages", pages as u64);
+    let nowhere =
+        trees.splats.iter().map(|level| vec![NodeRef { page: PageId(first), node: 0 }; level.len()]).collect();
+    let splats = Paged::new(Purpose::Splats, trees.splats, splat_pages, first, nowhere);
+    let others: Vec<Paged<'_>> = others
+        .into_iter()
+        .map(|(purpose, nodes, pages, from)| Paged::new(purpose, nodes, pages, from, splats.places.clone()))
+        .collect();
+    for tree in others.iter().chain([&splats]) {
         append(writer, family, tree, &sections, progress)?;
     }
-    Ok((splats.written(|_| true), volume.map(|volume| volume.written(is_inner))))
+    Ok(std::iter::once(splats.written(own)).chain(others.iter().map(|tree| tree.written(is_inner))).collect())
+}
+
+/// Pages of leaves alone, neighbours together.
+fn leaf_pages(nodes: &[Vec<PlannedNode>], page_bytes: usize) -> Vec<Vec<Place>> {
+    let mut pages: Vec<Vec<Place>> = Vec::new();
+    let mut held = usize::MAX;
+    let mut waiting = vec![(0, 0)];
+    while let Some((depth, index)) = waiting.pop() {
+        let node = &nodes[depth][index];
+        if node.node.encoding != Encoding::Leaf {
+            waiting.extend(node.children.iter().rev().flatten().map(|&child| (depth + 1, child)));
+            continue;
+        }
+        let bytes = node.bytes();
+        if held.saturating_add(bytes) > page_bytes {
+            pages.push(Vec::new());
+            held = 0;
+        }
+        held += bytes;
+        if let Some(page) = pages.last_mut() {
+            page.push((depth, index));
+        }
+    }
+    pages
 }
 
 /// Appends the pages of a tree.
@@ -222,7 +275,10 @@ fn encode<E>(
     let records = page.iter().map(|&(depth, index)| {
         let planned = &tree.nodes[depth][index];
         let below = tree.places.get(depth + 1).map_or(&[][..], Vec::as_slice);
-        let children = planned.children.map(|child| child.map(|child| below[child]));
+        let mut children = planned.children.map(|child| child.map(|child| below[child]));
+        if planned.node.encoding == Encoding::LeafClusters {
+            children[0] = Some(tree.leaves[depth][index]);
+        }
         let node = StoredNode { children, ..planned.node.clone() };
         Ok((node, sections(tree.levels, depth, index)?))
     });

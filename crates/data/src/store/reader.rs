@@ -6,7 +6,6 @@ use super::footer;
 use super::layout::{ALIGNMENT, HEADER_LEN, Header, HeaderError, PAGE_HEADER_LEN, PageEntry, VERSION, VERSION_NAMED};
 use super::metadata::Metadata;
 use super::page::{NODE_MEMORY, Page, PageId};
-use crate::hierarchy::Purpose;
 use crate::model::Placement;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -177,11 +176,9 @@ impl Reader {
         // The outline of a step of a run that keeps no stills has no page at all.
         let families = self.metadata.families.iter().enumerate().filter(|_| !self.table.is_empty());
         for (i, family) in families {
-            let roots =
-                [Purpose::Splats, Purpose::Samples].into_iter().filter_map(|levels| family.root_page_of(levels));
             let is_wrong =
                 |page: PageId| self.table.get(page.0 as usize).is_none_or(|entry| entry.family as usize != i);
-            if roots.into_iter().any(is_wrong) {
+            if is_wrong(family.root_page) || family.trees().any(|(_, root)| is_wrong(root)) {
                 return Err(("footer".into(), "a root page of the same family for each family"));
             }
         }

@@ -7,7 +7,7 @@
 
 use super::error::{Damage, StoreError};
 use super::layout::{ALIGNMENT, HEADER_LEN};
-use super::metadata::{FamilyMetadata, LevelInfo};
+use super::metadata::{ClusterLevel, FamilyMetadata, LevelInfo};
 use super::page::{Encoding, Node, NodeRef, Page, PageId};
 use super::page_file::PageFile;
 use crate::hierarchy::{NodeKey, Purpose};
@@ -47,7 +47,9 @@ struct Verifier<'a> {
     promises: HashMap<(NodeRef, Purpose), Promise>,
     open: HashMap<NodeRef, Open>,
     /// What was counted of each family's trees.
-    levels: Vec<[Vec<LevelInfo>; 2]>,
+    levels: Vec<[Vec<LevelInfo>; 3]>,
+    /// What was counted of its clusters.
+    clusters: Vec<Vec<ClusterLevel>>,
     done: Verified,
 }
 
@@ -66,6 +68,7 @@ pub(super) fn verify_file(file: &PageFile, progress: &dyn Progress) -> Result<Ve
         promises: HashMap::new(),
         open: HashMap::new(),
         levels: families.iter().map(|family| KINDS.map(|kind| empty_levels(told(family, kind).len()))).collect(),
+        clusters: families.iter().map(|family| empty_clusters(clusters_told(family).len())).collect(),
         done: Verified { bytes: file.bytes(), pages: file.page_count(), ..Verified::default() },
     };
     progress.begin("verifying", u64::from(file.page_count()));
@@ -82,14 +85,24 @@ pub(super) fn verify_file(file: &PageFile, progress: &dyn Progress) -> Result<Ve
 }
 
 /// The kinds of levels, in the order of [`Verifier::levels`].
-const KINDS: [Purpose; 2] = [Purpose::Splats, Purpose::Samples];
+const KINDS: [Purpose; 3] = [Purpose::Splats, Purpose::Samples, Purpose::Clusters];
 
 /// What the footer says of a tree's levels.
 fn told(family: &FamilyMetadata, levels: Purpose) -> &[LevelInfo] {
     match levels {
         Purpose::Splats => &family.levels,
         Purpose::Samples => family.volume.as_ref().map_or(&[], |volume| &volume.levels),
+        Purpose::Clusters => &[],
     }
+}
+
+/// What it says of the clusters.
+fn clusters_told(family: &FamilyMetadata) -> &[ClusterLevel] {
+    family.clusters.as_ref().map_or(&[], |clusters| &clusters.levels)
+}
+
+fn empty_clusters(count: usize) -> Vec<ClusterLevel> {
+    (0..count).map(|depth| ClusterLevel { depth: depth as u8, ..ClusterLevel::default() }).collect()
 }
 
 fn empty_levels(count: usize) -> Vec<LevelInfo> {
@@ -113,7 +126,7 @@ impl Verifier<'_> {
             let mut trees = 0;
             let mut tree = Purpose::Splats;
             for levels in KINDS {
-                let is_root = family.root_page_of(levels) == Some(page.id) && i == 0;
+                let is_root = family.trees().any(|(own, root)| own == levels && root == page.id) && i == 0;
                 match self.promises.remove(&(own, levels)) {
                     Some(promise) if promise.key == page.cells[i] && !is_root => {
                         self.settle(&promise, node).map_err(|e| here(&e))?
@@ -129,7 +142,11 @@ impl Verifier<'_> {
                 }
                 (trees, tree) = (trees + 1, levels);
             }
-            let expected = if node.is_leaf() && family.volume.is_some() { 2 } else { 1 };
+            let expected = if node.is_leaf() { family.trees().count() } else { 1 };
+            let is_alike = node.encoding.is_clusters() == (tree == Purpose::Clusters);
+            if !is_alike && !node.is_leaf() && node.encoding != Encoding::Relay {
+                return Err(here("clusters in the tree of clusters, and nowhere else"));
+            }
             if trees != expected {
                 return Err(here("to be the root, or the child of one earlier node, of each tree that it is in"));
             }
@@ -169,6 +186,16 @@ impl Verifier<'_> {
 
     fn count(&mut self, page: &Page, index: usize, tree: Purpose) -> Result<(), &'static str> {
         let node = &page.nodes[index];
+        if tree == Purpose::Clusters {
+            let level = self.clusters[page.family as usize]
+                .get_mut(usize::from(node.depth))
+                .ok_or("a depth that the footer lists")?;
+            level.nodes += 1;
+            level.clusters += u64::from(node.particles);
+            level.finest += if node.encoding == Encoding::LeafClusters { u64::from(node.particles) } else { 0 };
+            level.bytes += page.node_bytes(index);
+            return inside_its_cell(node);
+        }
         let level = self.levels[page.family as usize][tree as usize]
             .get_mut(usize::from(node.depth))
             .ok_or("a depth that the footer lists")?;
@@ -185,24 +212,30 @@ impl Verifier<'_> {
                 level.leaf_particles += particles;
                 self.done.particles += particles;
             }
+            Encoding::Clusters | Encoding::LeafClusters => {}
         }
         level.bytes += page.node_bytes(index);
-        let cell = node.frame.bounds();
-        // Rounding in the cell's corners is far below its size.
-        let slack = glam::DVec3::splat(1e-6 * node.frame.size) + 1e-12 * cell.min.abs().max(cell.max.abs());
-        let inside = (cell.min - slack).cmple(node.bounds.min).all() && node.bounds.max.cmple(cell.max + slack).all();
-        if inside { Ok(()) } else { Err("bounds inside its cell") }
+        inside_its_cell(node)
     }
 
     fn finish(self) -> Result<Verified, Damage> {
         if let Some(promise) = self.promises.values().next() {
             return Err(Damage::new(format!("node {:?}", promise.key), "to exist"));
         }
+        for (family, found) in self.file.metadata().families.iter().zip(&self.clusters) {
+            for (told, found) in clusters_told(family).iter().zip(found) {
+                let counted = ClusterLevel { size: told.size, misfit: told.misfit, ..*found };
+                if *told != counted {
+                    let place = format!("footer, {} clusters of depth {}", family.name, told.depth);
+                    return Err(Damage::new(place, format!("the counts that its nodes have, {counted:?}")));
+                }
+            }
+        }
         for (family, found) in self.file.metadata().families.iter().zip(&self.levels) {
             for (levels, found) in KINDS.into_iter().zip(found) {
                 check_levels(family, levels, found)?;
             }
-            let [found, _] = found;
+            let [found, ..] = found;
             let leaves = found.iter().map(|level| level.leaf_particles).sum::<u64>();
             if leaves != family.count {
                 let expected = format!("{} particles in the leaves, found {leaves}", family.count);
@@ -211,6 +244,15 @@ impl Verifier<'_> {
         }
         Ok(self.done)
     }
+}
+
+/// Whether a node's box lies in its cell.
+fn inside_its_cell(node: &Node) -> Result<(), &'static str> {
+    let cell = node.frame.bounds();
+    // Rounding in the cell's corners is far below its size.
+    let slack = glam::DVec3::splat(1e-6 * node.frame.size) + 1e-12 * cell.min.abs().max(cell.max.abs());
+    let inside = (cell.min - slack).cmple(node.bounds.min).all() && node.bounds.max.cmple(cell.max + slack).all();
+    if inside { Ok(()) } else { Err("bounds inside its cell") }
 }
 
 /// Checks what the footer says of a tree's levels against what was found.

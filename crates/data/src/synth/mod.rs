@@ -4,9 +4,11 @@
 //! square roots, which IEEE 754 defines to the last bit, and by functions of the crate `libm`, which are made of these:
 //! the same bytes on any machine, for any number of threads.
 
+pub mod cloud;
 pub mod clusters;
 pub mod cosmology;
 pub mod fft;
+pub mod filaments;
 pub mod files;
 pub mod gadget;
 pub mod merger;

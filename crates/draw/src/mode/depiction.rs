@@ -1,6 +1,6 @@
 //! A mode as the user has set it, applied to data: weights and attributes of particles and of codebook entries.
 
-use super::{Columns, Conserved, Footprint, Mode, Needs, Settings, lod_budget};
+use super::{Columns, Conserved, Footprint, LevelChoice, Levels, Mode, Needs, Output, Settings, lod_budget};
 use crate::codec::Codebook;
 use crate::color::transfer::{Range, Scale, TransferFunction};
 use crate::hierarchy::Purpose;
@@ -16,6 +16,8 @@ pub struct Depiction {
     pub settings: Settings,
     /// The attribute averaged into `S`; none for a picture without colour channel.
     pub attribute: Option<Coloring>,
+    /// Which levels of a hierarchy it is drawn from.
+    pub choice: LevelChoice,
 }
 
 /// The attribute averaged into `S`.
@@ -89,7 +91,7 @@ impl Depiction {
             }
             None => None,
         };
-        Ok(Depiction { mode, settings, attribute })
+        Ok(Depiction { mode, settings, attribute, choice: LevelChoice::default() })
     }
 
     /// A transfer function that nobody has chosen, as it suits the attribute: a range of numbers is meant for the mode's own
@@ -130,13 +132,36 @@ impl Depiction {
 
     /// The levels that are drawn of a file.
     pub fn purpose(&self, metadata: &Metadata) -> Purpose {
-        if metadata.has_volume_levels() { self.needs().purpose } else { Purpose::Splats }
+        let wanted = self.needs().purpose;
+        match wanted {
+            Purpose::Splats if self.draws_clusters(metadata) => Purpose::Clusters,
+            _ if metadata.has_volume_levels() => wanted,
+            _ => Purpose::Splats,
+        }
+    }
+
+    /// Whether clusters are drawn of a file.
+    fn draws_clusters(&self, metadata: &Metadata) -> bool {
+        let is_wanted = match self.choice.levels {
+            Levels::Auto => self.choice.is_bounded(),
+            Levels::Splats => false,
+            Levels::Clusters => true,
+        };
+        is_wanted && self.takes_clusters() && metadata.has_clusters()
+    }
+
+    /// Whether the mode can be drawn from clusters.
+    pub fn takes_clusters(&self) -> bool {
+        self.mode.technique.output() == Output::Sums
     }
 
     /// How far the nodes of a file are refined for a view, where splats may be displaced by `tau` pixels.
     pub fn detail(&self, view: &View, tau: f64, metadata: &Metadata) -> Detail {
         match self.purpose(metadata) {
-            Purpose::Splats => Detail::Error { tau },
+            Purpose::Splats | Purpose::Clusters => match self.choice.splats {
+                Some(splats) if self.takes_clusters() => Detail::Budget { splats },
+                _ => Detail::Error { tau },
+            },
             Purpose::Samples => self.mode.technique.detail(view, &self.settings, metadata.bounds(), tau),
         }
     }
@@ -194,6 +219,7 @@ mod tests {
             mode: modes::find(mode).unwrap(),
             settings: Settings::default(),
             attribute: Some(Coloring { name: name.into(), fallback: 1.0, least }),
+            choice: LevelChoice::default(),
         };
         let stars = TransferFunction::preset("stars").unwrap();
         assert_eq!(depiction("points", "color-index", -0.4).suited(stars.clone()), stars);

@@ -9,6 +9,7 @@
 //!   particles is worth as much as they. `c` follows from a budget for the colour error; see
 //!   [`crate::picture::subject::Subject::plan`].
 
+use super::levels::{ERROR_PICTURE, LEVELS, REPRESENTATIVE, SPLATS};
 use super::{Conserved, Depiction, Footprint, Output, Setting, SettingError, SettingKind, SettingValue, Settings};
 use crate::mode::sample::Sample;
 use crate::model::Bounds;
@@ -40,7 +41,7 @@ pub static THINNING: Setting = Setting {
 };
 
 /// What any picture of sums may leave undrawn.
-pub static COMMON: [&Setting; 3] = [&CULLING, &PRESENCE, &THINNING];
+pub static COMMON: [&Setting; 7] = [&CULLING, &PRESENCE, &THINNING, &LEVELS, &SPLATS, &ERROR_PICTURE, &REPRESENTATIVE];
 
 /// Whether a setting is one of [`COMMON`].
 pub fn is_common(name: &str) -> bool {

@@ -3,6 +3,7 @@
 //! the manual.
 
 pub mod depiction;
+pub mod levels;
 pub mod lod_budget;
 pub mod paths;
 pub mod sample;
@@ -10,6 +11,7 @@ pub mod setting;
 pub mod technique;
 
 pub use depiction::{CodeTable, Coloring, Depiction, SourceColumns};
+pub use levels::{LevelChoice, Levels};
 pub use lod_budget::{LodBudget, Plan};
 pub use paths::{Focus, PathColor, PathSettings, PathShape, PathsOf, Span};
 pub use setting::{Setting, SettingError, SettingKind, SettingValue, Settings};

@@ -3,6 +3,7 @@
 use crate::cpu::{Extent, Positions, SplatError, Splats};
 use crate::mode::sample::Sample;
 use crate::mode::{CodeTable, Depiction, Footprint, Plan, SourceColumns};
+use crate::model::Covariance;
 use crate::store::{Metadata, Node, Page, Particles};
 use crate::stream::SceneNode;
 use crate::view::{self, View};
@@ -28,6 +29,8 @@ pub struct DecodedNode<'a> {
     offsets: Vec<[f32; 3]>,
     /// World positions of those that are not told in the frame, instead of `offsets`.
     places: Cow<'a, [[f64; 3]]>,
+    /// Second moments, world units squared, of those that are ellipsoids.
+    covariances: Cow<'a, [Covariance]>,
     smoothing_length: Cow<'a, [f32]>,
     weight: Vec<f32>,
     attribute: Option<Vec<f32>>,
@@ -43,15 +46,17 @@ impl<'a> DecodedNode<'a> {
         if scale != 1.0 {
             weight.iter_mut().for_each(|weight| *weight *= scale);
         }
-        let (mut places, smoothing_length) = match held {
-            Cow::Borrowed(held) => (Cow::from(&held.positions), Cow::from(&held.values.smoothing_length)),
-            Cow::Owned(held) => (held.positions.into(), held.values.smoothing_length.into()),
+        let (mut places, smoothing_length, covariances) = match held {
+            Cow::Borrowed(held) => {
+                (Cow::from(&held.positions), Cow::from(&held.values.smoothing_length), Cow::from(&held.covariances))
+            }
+            Cow::Owned(held) => (held.positions.into(), held.values.smoothing_length.into(), held.covariances.into()),
         };
         if offset != DVec3::ZERO {
             let moved = |&place: &[f64; 3]| (DVec3::from_array(place) + offset).to_array();
             places = places.par_iter().map(moved).collect::<Vec<_>>().into();
         }
-        DecodedNode { places, smoothing_length, weight, attribute, density, ..DecodedNode::default() }
+        DecodedNode { places, covariances, smoothing_length, weight, attribute, density, ..DecodedNode::default() }
     }
 
     /// Particles of a node's own with the factors of a sample on their weights, of which there is one for each, displaced by `offset`.
@@ -127,6 +132,7 @@ impl<'a> DecodedNode<'a> {
             origin: node.frame.min,
             size: node.frame.size,
             places: Cow::default(),
+            covariances: Cow::default(),
             offsets: (0..particles.len()).map(|i| particles.fraction(i)).collect(),
             smoothing_length: at(&table.smoothing_length).into(),
             weight: particles.codes.iter().map(|&code| scale * table.weight[usize::from(code)]).collect(),
@@ -160,8 +166,10 @@ impl DecodedNode<'_> {
 
     /// Drops the particles that the view leaves out, and fades the others.
     fn cut(&mut self, view: &View) {
-        let DecodedNode { origin, size, offsets, places, smoothing_length, weight, attribute, density, reach } = self;
+        let DecodedNode { origin, size, offsets, places, smoothing_length, weight, attribute, density, reach, .. } =
+            self;
         let (places, smoothing_length) = (places.to_mut(), smoothing_length.to_mut());
+        let covariances = self.covariances.to_mut();
         *reach = reach.and_then(|reach| reach.within(&view.cut.bounds));
         let mut kept = 0;
         for i in 0..weight.len() {
@@ -177,6 +185,9 @@ impl DecodedNode<'_> {
                 false => places[kept] = places[i],
             }
             smoothing_length[kept] = smoothing_length[i];
+            if !covariances.is_empty() {
+                covariances[kept] = covariances[i];
+            }
             weight[kept] = (f64::from(weight[i]) * view.fade(position)) as f32;
             for column in [&mut *attribute, &mut *density].into_iter().flatten() {
                 column[kept] = column[i];
@@ -185,6 +196,7 @@ impl DecodedNode<'_> {
         }
         offsets.truncate(kept);
         places.truncate(kept);
+        covariances.truncate(kept);
         let columns = [Some(smoothing_length), Some(weight), attribute.as_mut(), density.as_mut()];
         columns.into_iter().flatten().for_each(|column| column.truncate(kept));
     }
@@ -208,7 +220,9 @@ pub fn reach(drawn: &SceneNode, growth: f32) -> view::Extent {
 
 /// The same of particles that bring their own places and are there now, wherever else their node has some.
 pub fn reach_now(drawn: &SceneNode, held: &Particles, growth: f32) -> view::Extent {
-    let largest = held.values.smoothing_length.iter().copied().fold(0.0, f32::max);
+    // An ellipsoid reaches farther along its longest axis than the ball with the same trace, by the square root of three at most.
+    let stretch = if held.covariances.is_empty() { 1.0 } else { 3.0_f32.sqrt() };
+    let largest = stretch * held.values.smoothing_length.iter().copied().fold(0.0, f32::max);
     view::Extent { bounds: held.bounds().moved(drawn.offset), margin: f64::from(growth * largest) }
 }
 
@@ -277,7 +291,8 @@ pub(super) fn decode_some<'a>(
                 let own = &drawn.page.nodes[index];
                 let scale = depiction.node_scale(own);
                 // Of an even sample it is known beforehand who is in it.
-                let even = sample.as_ref().map(|sample| sample(drawn, f32::INFINITY)).filter(|sample| sample.even);
+                let even = sample.as_ref().map(|sample| sample(drawn, f32::INFINITY));
+                let even = even.filter(|sample| sample.even && drawn.part.is_none() && content.steps().is_empty());
                 if let Some(sample) = even {
                     let (mut which, mut factors) = (Vec::new(), Vec::new());
                     sample.each(
@@ -294,8 +309,11 @@ pub(super) fn decode_some<'a>(
                     let node = DecodedNode::taken(&held, &table, (scale, &factors), sample.growth, drawn.offset);
                     return DecodedNode { reach, ..node };
                 }
-                let held = content.particles(drawn.time);
-                let Some(sample) = &sample else {
+                let clusters = content.clusters(drawn.part, depiction.choice.representative);
+                let held = clusters.map_or_else(|| content.particles(drawn.time), Cow::Owned);
+                // Of clusters all that were chosen are drawn.
+                let sample = sample.as_ref().filter(|_| content.steps().is_empty());
+                let Some(sample) = sample else {
                     let columns = depiction.columns_of(family, &held.values);
                     let reach = Some(reach_now(drawn, &held, 1.0));
                     return DecodedNode { reach, ..DecodedNode::whole(held, columns, scale, drawn.offset) };
@@ -327,7 +345,7 @@ pub fn batches<'a>(depiction: &Depiction, nodes: &'a [DecodedNode<'_>]) -> Resul
             let relative = Positions::Relative { origin: node.origin, scale: node.size, offsets: &node.offsets };
             let batch = Splats::new(
                 if node.places.is_empty() { relative } else { Positions::World(&node.places) },
-                extent(footprint, &node.smoothing_length),
+                extent(footprint, node),
                 &node.weight,
                 node.attribute.as_deref(),
             )?;
@@ -336,9 +354,10 @@ pub fn batches<'a>(depiction: &Depiction, nodes: &'a [DecodedNode<'_>]) -> Resul
         .collect()
 }
 
-fn extent(footprint: Footprint, smoothing_length: &[f32]) -> Extent<'_> {
+fn extent<'a>(footprint: Footprint, node: &'a DecodedNode<'_>) -> Extent<'a> {
     match footprint {
-        Footprint::Kernel => Extent::World(smoothing_length),
+        Footprint::Kernel if !node.covariances.is_empty() => Extent::Ellipsoids(&node.covariances),
+        Footprint::Kernel => Extent::World(&node.smoothing_length),
         Footprint::Pixels(radius) => Extent::Pixels(radius),
     }
 }

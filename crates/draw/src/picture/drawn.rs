@@ -4,6 +4,7 @@ use super::annotation::Annotation;
 use super::error::PictureError;
 use super::left_out::LeftOut;
 use super::lettering::{self, Sheet};
+use super::level_report::LevelReport;
 use super::paths::PathCounts;
 use crate::annotate::overlay::mix_into;
 use crate::color::transfer::{Levels, TransferFunction};
@@ -39,6 +40,8 @@ pub struct Picture {
     pub drawn_from: &'static str,
     /// What of it sums left out.
     pub left_out: LeftOut,
+    /// The levels of sums, and how far they may be from what was left out.
+    pub level_report: LevelReport,
     /// Backend and adapter that drew.
     pub drawn_by: [String; 2],
     /// Median of each pass, milliseconds.

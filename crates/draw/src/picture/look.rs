@@ -14,7 +14,8 @@ pub fn depict(look: &LookPatch, metadata: &Metadata) -> Result<Depiction, String
     let fields = metadata.families.iter().flat_map(|family| &family.attributes).map(|field| field.name.as_str());
     let mode = look.mode.unwrap_or_else(|| modes::usual(fields));
     let depiction = Depiction::new(mode, look.settings.clone(), look.attribute_name(), metadata)?;
-    Ok(Depiction { attribute: depiction.attribute.clone().filter(|_| !look.is_plain()), ..depiction })
+    let attribute = depiction.attribute.clone().filter(|_| !look.is_plain());
+    Ok(Depiction { attribute, choice: look.budget.level_choice(), ..depiction })
 }
 
 /// The transfer function of a look: its own, or the usual one.

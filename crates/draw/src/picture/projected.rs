@@ -309,7 +309,7 @@ impl Projector {
     fn select_all(&self, means: &mut Means<'_>, subject: &Subject<'_>) -> Result<SceneSelection, PictureError> {
         let all = sketch(&self.base, with_images(&self.base, subject.metadata.bounds()))?;
         let detail = match means.scene.purpose {
-            Purpose::Splats => Detail::Error { tau: 1.0 },
+            Purpose::Splats | Purpose::Clusters => Detail::Error { tau: 1.0 },
             Purpose::Samples => Detail::Sampling { sigma: 1.0 / all.focal_pixels(), near: 0.0 },
         };
         means.converge(&all, detail)

@@ -1,5 +1,6 @@
 //! Open data, of which pictures are drawn: what one picture has read is there for the next.
 
+mod clusters;
 mod flat;
 mod moments;
 mod paths;
@@ -11,6 +12,7 @@ use super::drawn::{Picture, ShownMoment};
 use super::error::PictureError;
 use super::hiding::Hiding;
 use super::left_out::LeftOut;
+use super::level_report::LevelReport;
 use super::look::{depict, transfer_of};
 use super::paths::PathLayer;
 use super::projected::Means;
@@ -288,6 +290,7 @@ impl Session {
         if let Some(mode) = shot.look.mode.filter(|mode| mode.is_light()) {
             self.check_light(&shot.look, mode)?;
         }
+        self.check_levels(&depiction, tree.metadata())?;
         let view = shot.view(framed, tree.metadata().periodic_box())?;
         let shown = Shown { shot, view, framed, depiction: &depiction, transfer: &transfer };
         let drawn = match shot.is_projected() {
@@ -457,6 +460,7 @@ impl Session {
             nodes: 0,
             drawn_from: if is_source { "source" } else { self.scene.purpose.name() },
             left_out: LeftOut::default(),
+            level_report: LevelReport::default(),
             drawn_by: ["cpu", "cpu"].map(str::to_owned),
             milliseconds: Default::default(),
             moment: self.shown_moment(0),

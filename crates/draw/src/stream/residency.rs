@@ -3,7 +3,8 @@
 
 use super::ahead::Ahead;
 use super::recency::{Demand, Recency};
-use crate::store::{NodeRef, Page, PageId, StoreError, Tree};
+use crate::hierarchy::pca::Step;
+use crate::store::{Encoding, NodeRef, Page, PageId, StoreError, Tree};
 use crate::view::{Extent, NodeInfo, NodeTree};
 use std::collections::{HashMap, HashSet, VecDeque};
 use std::sync::Arc;
@@ -350,9 +351,17 @@ impl NodeTree for Residency {
             delta: node.delta,
             spacing: node.spacing,
             particles: u64::from(node.particles),
+            source_particles: node.source_particles,
+            mass: node.mass,
             is_leaf: node.children.is_empty(),
+            stands_for_leaf: node.encoding == Encoding::LeafClusters,
             time: node.time,
         })
+    }
+
+    fn steps(&self, id: NodeRef) -> &[Step] {
+        let content = self.page(id.page).and_then(|page| page.content(id.node as usize));
+        content.map_or(&[], |content| content.steps())
     }
 
     fn children(&self, id: NodeRef) -> impl Iterator<Item = NodeRef> {

@@ -34,6 +34,8 @@ pub struct SceneNode {
     pub offset: DVec3,
     /// When it is drawn, the data's unit of time.
     pub time: f64,
+    /// How many of its clusters are drawn, where these are not all.
+    pub part: Option<u32>,
 }
 
 /// What a view draws now.
@@ -82,7 +84,9 @@ impl SceneSelection {
                     }
                     _ => drawn.error_pixels,
                 };
-                Some(SceneNode { page, node: drawn.id, error_pixels, offset: drawn.offset, time: view.time })
+                let part = drawn.part.then_some(drawn.particles as u32);
+                let (node, offset) = (drawn.id, drawn.offset);
+                Some(SceneNode { page, node, error_pixels, offset, time: view.time, part })
             })
             .collect();
         SceneSelection {
@@ -186,7 +190,8 @@ pub fn first_nodes(tree: &dyn Tree, view: &View) -> Result<Vec<SceneNode>, Store
     let mut nodes = Vec::new();
     for node in tree.roots(&families, Purpose::Splats, view.time) {
         let page = Arc::new(tree.read_page(node.page)?);
-        let image = |offset| SceneNode { page: Arc::clone(&page), node, error_pixels: 0.0, offset, time: view.time };
+        let (error_pixels, time, part) = (0.0, view.time, None);
+        let image = |offset| SceneNode { page: Arc::clone(&page), node, error_pixels, offset, time, part };
         nodes.extend(view.images.offsets().map(image));
     }
     Ok(nodes)

@@ -13,6 +13,7 @@ use super::pace::Pace;
 use super::report::Report;
 use super::{PageState, Residency};
 use crate::hierarchy::Purpose;
+use crate::hierarchy::pca::Step;
 use crate::store::{NodeRef, Page, PageId, Tree};
 use crate::view::{Detail, NodeInfo, NodeTree, Occluder, Selection, View, select_unhidden};
 use std::collections::HashSet;
@@ -308,6 +309,10 @@ impl NodeTree for Drawable<'_> {
 
     fn children(&self, id: NodeRef) -> impl Iterator<Item = NodeRef> {
         self.residency.children(id)
+    }
+
+    fn steps(&self, id: NodeRef) -> &[Step] {
+        self.residency.steps(id)
     }
 
     fn is_hidden(&self, id: NodeRef) -> bool {

@@ -23,6 +23,11 @@ pub enum Detail {
         /// Depth of the first sample, world units: what is nearer is sampled as if it were there.
         near: f64,
     },
+    /// Whatever is best with so many splats ([`super::budget`]).
+    Budget {
+        /// Splats.
+        splats: u64,
+    },
 }
 
 impl From<f64> for Detail {
@@ -37,6 +42,8 @@ impl Detail {
     pub fn suffices(&self, view: &View, info: &NodeInfo, error_pixels: f64) -> bool {
         match *self {
             Detail::Error { tau } => error_pixels <= tau,
+            // Nodes are not looked at one by one.
+            Detail::Budget { .. } => true,
             // Nothing replaces the particles of a leaf, and a node without particles replaces nothing.
             _ if info.spacing <= 0.0 || info.delta.is_infinite() => info.spacing <= 0.0,
             Detail::Sampling { sigma, near } => match view.projection {
@@ -51,6 +58,8 @@ impl Detail {
     pub fn travel(&self, view: &View, info: &NodeInfo) -> f64 {
         match *self {
             Detail::Error { tau } => view.travel(&info.extent, info.delta, tau),
+            // What a budget goes to next, nobody knows.
+            Detail::Budget { .. } => f64::INFINITY,
             _ if info.delta.is_infinite() => f64::NEG_INFINITY,
             Detail::Sampling { .. } if info.spacing <= 0.0 => f64::INFINITY,
             Detail::Sampling { sigma, near } => match view.projection {
@@ -66,6 +75,7 @@ impl Detail {
     pub fn tolerance(&self, view: &View) -> f64 {
         match *self {
             Detail::Error { tau } => tau,
+            Detail::Budget { .. } => f64::INFINITY,
             Detail::Sampling { sigma, .. } => sigma * view.focal_pixels(),
         }
     }
@@ -87,7 +97,10 @@ mod tests {
             delta: spacing,
             spacing,
             particles: 1,
+            source_particles: 1,
+            mass: 1.0,
             is_leaf: true,
+            stands_for_leaf: false,
             time: [f64::NEG_INFINITY, f64::INFINITY],
         }
     }

@@ -1,6 +1,7 @@
 //! What a camera sees: projections, frustum, screen-space error, node selection. Pure functions over plain values;
 //! nothing here knows a file or a GPU.
 
+pub mod budget;
 pub mod camera;
 pub mod cut;
 pub mod detail;

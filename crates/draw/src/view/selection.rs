@@ -1,8 +1,10 @@
 //! Which nodes to draw: top-down from the roots, refined where [`Detail`] is not enough, culled where the view sees nothing, and
 //! held at the parent where children are not resident yet (F12 4.7.2, 4.8, 5.5.2).
 
+use super::budget::select_within;
 use super::frustum::Extent;
 use super::{Detail, View};
+use crate::hierarchy::pca::Step;
 use glam::DVec3;
 
 /// What selection needs to know of a node.
@@ -17,8 +19,14 @@ pub struct NodeInfo {
     pub spacing: f64,
     /// Number of particles drawn for the node.
     pub particles: u64,
+    /// Number of source particles that it stands for.
+    pub source_particles: u64,
+    /// Sum of their masses.
+    pub mass: f64,
     /// Whether no nodes refine it.
     pub is_leaf: bool,
+    /// Whether a leaf in the same place refines it.
+    pub stands_for_leaf: bool,
     /// When it is there, in the data's unit of time: from the first to before the last.
     pub time: [f64; 2],
 }
@@ -47,6 +55,11 @@ pub trait NodeTree {
     /// The nodes that refine a resident node.
     fn children(&self, id: Self::Id) -> impl Iterator<Item = Self::Id>;
 
+    /// What a part of the clusters of a resident node is worth; none if it holds no clusters.
+    fn steps(&self, _id: Self::Id) -> &[Step] {
+        &[]
+    }
+
     /// Whether the node is known to be hidden from the view, before an [`Occluder`] is asked.
     fn is_hidden(&self, _id: Self::Id) -> bool {
         false
@@ -71,6 +84,8 @@ pub struct Drawn<Id> {
     pub error_pixels: f64,
     /// Number of particles drawn for it.
     pub particles: u64,
+    /// Whether these are less than it has: of its clusters those of the first splits.
+    pub part: bool,
     /// By how much its image is displaced from where the data is, world units.
     pub offset: DVec3,
 }
@@ -136,9 +151,12 @@ pub fn select_unhidden<Tree: NodeTree>(
     tree: &Tree,
     roots: &[Tree::Id],
 ) -> Selection<Tree::Id> {
+    let detail = detail.into();
+    if let Detail::Budget { splats } = detail {
+        return select_within(view, splats, tree, roots);
+    }
     let selection = Selection { draw: Vec::new(), missing: Vec::new(), visited: Vec::new(), hidden: Vec::new() };
-    let mut traversal =
-        Traversal { view: *view, offset: DVec3::ZERO, detail: detail.into(), occluder, tree, selection };
+    let mut traversal = Traversal { view: *view, offset: DVec3::ZERO, detail, occluder, tree, selection };
     for offset in view.images.offsets() {
         (traversal.view, traversal.offset) = (view.of_image(offset), offset);
         for &id in roots {
@@ -190,7 +208,13 @@ impl<Tree: NodeTree> Traversal<'_, Tree> {
         }
         // What is hidden is displaced by nothing that shows.
         let error_pixels = if is_hidden { 0.0 } else { error_pixels };
-        self.selection.draw.push(Drawn { id, error_pixels, particles: info.particles, offset: self.offset });
+        self.selection.draw.push(Drawn {
+            id,
+            error_pixels,
+            particles: info.particles,
+            part: false,
+            offset: self.offset,
+        });
         true
     }
 
@@ -248,6 +272,9 @@ mod tests {
                 delta: if self.relays.contains(&id) { f64::INFINITY } else { delta },
                 spacing: if id.0 < self.depth { size / 256.0 } else { 0.0 },
                 particles: 1,
+                source_particles: 1,
+                mass: 1.0,
+                stands_for_leaf: false,
                 is_leaf: id.0 == self.depth,
                 time: [f64::NEG_INFINITY, f64::INFINITY],
             })

@@ -190,6 +190,8 @@ impl<Data> Draft<Data> {
                 level.merged += self.input - self.merged;
                 level.relayed += self.merged;
             }
+            // Made of an octree that is whole.
+            Encoding::Clusters | Encoding::LeafClusters => {}
         }
         if node.encoding == Encoding::Relay {
             node.delta = f64::INFINITY;

@@ -145,4 +145,15 @@ pub enum Encoding {
     Grid,
     /// Source particles, one `u64` each ([`crate::codec::coordinates::unpack_leaf`]).
     Leaf,
+    /// Clusters of the children's clusters ([`crate::codec::clusters`]).
+    Clusters,
+    /// Clusters of the particles of a leaf, which is its one child and has the same cell.
+    LeafClusters,
+}
+
+impl Encoding {
+    /// Whether nodes hold clusters.
+    pub fn is_clusters(self) -> bool {
+        matches!(self, Encoding::Clusters | Encoding::LeafClusters)
+    }
 }

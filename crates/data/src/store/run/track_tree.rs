@@ -290,7 +290,7 @@ impl MovingTracks {
             smoothing_length: now.smoothing_length,
             attributes: now.attributes,
         };
-        Particles { positions: now.positions, values }
+        Particles { positions: now.positions, values, covariances: Vec::new() }
     }
 }
 
@@ -351,6 +351,7 @@ fn metadata(run: &RunFile) -> Result<Metadata, StoreError> {
             attributes: own.attributes.iter().map(attribute).collect(),
             levels: Vec::new(),
             volume: None,
+            clusters: None,
             codebooks: Vec::new(),
         }
     });

@@ -312,7 +312,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let run = run(folder.path());
         let mode = crate::modes::find("paths").unwrap();
-        let depiction = Depiction { mode, settings: Settings::default(), attribute: None };
+        let depiction = Depiction { mode, settings: Settings::default(), attribute: None, choice: Default::default() };
         let transfer = TransferFunction::default();
         let view = |height| {
             let projection = Projection::Orthographic { height };

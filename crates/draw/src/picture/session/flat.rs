@@ -5,6 +5,7 @@ use crate::color::output;
 use crate::cpu::overdraw::Overdraw;
 use crate::cpu::paths::PathFragments;
 use crate::cpu::volume::VolumeError;
+use crate::hierarchy::Purpose;
 use crate::mode::{LodBudget, Output, Plan, Raw};
 use crate::picture::adapter::{AdapterJob, Passes, draw_on};
 use crate::picture::hiding::{self, Hiding};
@@ -26,6 +27,16 @@ impl Session {
         if depiction.mode.is_of_paths() {
             return self.draw_paths_alone(shown);
         }
+        if let Some(depiction) = self.refined(tree, shown)? {
+            let shown = Shown { shot: shown.shot, framed: shown.framed, view, depiction: &depiction, transfer };
+            return self.draw_flat_as(tree, &shown);
+        }
+        self.draw_flat_as(tree, shown)
+    }
+
+    /// The same as the depiction says.
+    fn draw_flat_as(&mut self, tree: &dyn Tree, shown: &Shown<'_>) -> Result<Picture, PictureError> {
+        let Shown { view, depiction, transfer, .. } = *shown;
         let start = Instant::now();
         let is_sure = matches!(self.data, Data::Pages(_)) && hiding::is_sure(depiction, transfer);
         let mut known = match self.hiding.take() {
@@ -133,7 +144,8 @@ impl Session {
                     times.extend(frame.milliseconds);
                     let left_out = LeftOut { splats: frame.splats, ..left_out };
                     let drawn_by = [frame.backend.to_owned(), frame.adapter];
-                    let picture = Picture { values, left_out, drawn_by, ..picture };
+                    let level_report = self.level_report(&subject, &view, &selection, picture.drawn_from, &values)?;
+                    let picture = Picture { values, left_out, drawn_by, level_report, ..picture };
                     let picture = if has_paths { self.with_paths(picture, shown, times)? } else { picture };
                     return Ok((picture, selection.hidden));
                 }
@@ -182,7 +194,8 @@ impl Session {
             }
         }
         let moment = picture.moment.map(|moment| counts.map_or(moment, |counts| moment.with_paths(counts)));
-        Ok((Picture { values, left_out, moment, paths: on_top, ..picture }, selection.hidden))
+        let level_report = self.level_report(&subject, &view, &selection, picture.drawn_from, &values)?;
+        Ok((Picture { values, left_out, level_report, moment, paths: on_top, ..picture }, selection.hidden))
     }
 
     /// The passes of an adapter that draw a picture: none where paths lie among what it shows.
@@ -191,6 +204,10 @@ impl Session {
         let passes = self.passes(mode)?;
         if passes.is_some() && mode.technique.takes_paths() && self.has_paths(&shown.shot.look) {
             self.tell_of_paths("volumes with paths are drawn by the processor");
+            return Ok(None);
+        }
+        if passes.is_some() && self.scene.purpose == Purpose::Clusters {
+            self.tell_of_paths("clusters are drawn by the processor");
             return Ok(None);
         }
         Ok(passes)

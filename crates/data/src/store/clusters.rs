@@ -1,0 +1,172 @@
+//! The clusters of a node of a page file (HE03): all of them, or what is left of them where the later splits are undone.
+
+use super::content::{Content, Particles, Representative};
+use super::metadata::{AttributeMerge, ClusterBook};
+use super::page::Frame;
+use crate::codec::clusters::{PackedClusters, class_of, step_clusters, whole_classes};
+use crate::codec::{Codebook, CodebookScope, QuantityError};
+use crate::hierarchy::pca::members::{merged_attribute, published_diameter};
+use crate::hierarchy::pca::{Step, steps::runs};
+use crate::model::{Covariance, Kernel, Placement};
+use std::borrow::Cow;
+use std::ops::Range;
+use std::sync::Arc;
+
+/// A node's clusters as they are stored, where a placement puts them.
+#[derive(Debug)]
+pub(super) struct NodeClusters {
+    frame: Frame,
+    packed: PackedClusters,
+    codes: Vec<u16>,
+    book: Arc<ClusterBook>,
+    rules: Arc<[AttributeMerge]>,
+    kernel: Kernel,
+    placement: Placement,
+    steps: Vec<Step>,
+}
+
+/// What is summed of clusters that become one; lengths in cells.
+#[derive(Clone, Copy, Debug, Default)]
+struct Sum {
+    mass: f64,
+    presence: f64,
+    along: [f64; 3],
+    squares: [f64; 6],
+}
+
+/// The pairs of axes of second moments.
+const PAIRS: [(usize, usize); 6] = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)];
+
+impl NodeClusters {
+    /// The clusters of a node in a cell, which a placement has put where it is; codes are valid in the book, shapes too.
+    ///
+    /// # Errors
+    /// What was expected of codes of shapes.
+    pub fn new(
+        frame: Frame,
+        packed: PackedClusters,
+        codes: Vec<u16>,
+        about: (&Arc<ClusterBook>, Arc<[AttributeMerge]>, Kernel),
+        placement: &Placement,
+    ) -> Result<NodeClusters, String> {
+        let (book, rules, kernel) = about;
+        let entries = book.moments.len();
+        if let Some(code) = packed.shapes.iter().find(|&&code| usize::from(code) >= entries) {
+            return Err(format!("shapes below {entries}, found {code}"));
+        }
+        let count = packed.len() as u32;
+        let area = frame.size * frame.size;
+        let step = |(number, step): (usize, &crate::codec::clusters::StoredStep)| Step {
+            clusters: step_clusters(number, count),
+            priority: f64::from(step.priority) * placement.mass,
+            scale: f64::from(step.scale) * area,
+            misfit: f64::from(step.misfit) * placement.mass,
+            largest: f64::from(step.largest) * area,
+        };
+        let steps = packed.steps.iter().enumerate().map(step).collect();
+        let book = Arc::clone(book);
+        Ok(NodeClusters { frame, packed, codes, book, rules, kernel, placement: *placement, steps })
+    }
+
+    /// A cluster alone.
+    fn one(&self, i: usize) -> Sum {
+        let packed = &self.packed;
+        let mass = packed.masses.0.value(packed.masses.1[i]);
+        let size = packed.sizes.0.value(packed.sizes.1[i]);
+        let place = packed.place(i);
+        let shape = &self.book.moments[usize::from(packed.shapes[i])];
+        let square = |(k, (a, b)): (usize, (usize, usize))| mass * (shape[k] * size * size + place[a] * place[b]);
+        let mut squares = [0.0; 6];
+        PAIRS.into_iter().enumerate().for_each(|pair| squares[pair.0] = square(pair));
+        Sum {
+            mass,
+            presence: mass * f64::from(self.book.values.density[usize::from(self.codes[i])]),
+            along: place.map(|x| mass * x),
+            squares,
+        }
+    }
+
+    /// What is drawn for `count` clusters, or a few less where several splits cannot be told apart.
+    fn drawn(&self, count: Option<u32>, representative: Representative) -> Particles {
+        let all = self.packed.len();
+        let count = count.filter(|count| (*count as usize) < all).map_or(u32::MAX, whole_classes);
+        let limit = if count == u32::MAX { u32::from(u8::MAX) + 1 } else { u32::from(class_of(count)) };
+        let groups = runs(&self.packed.ranks, move |class| u32::from(*class) < limit);
+        let values = &self.book.values;
+        let mut out = Codebook {
+            scope: CodebookScope::Clusters,
+            particles: 0,
+            mass: Vec::new(),
+            density: Vec::new(),
+            smoothing_length: Vec::new(),
+            attributes: self.rules.iter().map(|_| Vec::new()).collect(),
+            errors: vec![QuantityError::default(); 3 + self.rules.len()],
+        };
+        let (mut positions, mut covariances) = (Vec::new(), Vec::new());
+        for group in groups {
+            let sum = self.sum(&group);
+            let middle = sum.along.map(|x| x / sum.mass);
+            positions.push(std::array::from_fn(|k| self.frame.min[k] + self.frame.size * middle[k]));
+            let area = self.frame.size * self.frame.size;
+            let moments =
+                |(k, (a, b)): (usize, (usize, usize))| area * (sum.squares[k] / sum.mass - middle[a] * middle[b]);
+            let mut covariance = [0.0; 6];
+            PAIRS.into_iter().enumerate().for_each(|pair| covariance[pair.0] = moments(pair));
+            let variance = (covariance[0] + covariance[1] + covariance[2]) / 3.0;
+            if representative == Representative::Ellipsoid {
+                covariances.push(Covariance(covariance.map(|value| value as f32)));
+            }
+            out.mass.push((sum.mass * self.placement.mass) as f32);
+            out.density.push((sum.presence / sum.mass * self.placement.density()) as f32);
+            let h = match (&self.packed.published, representative) {
+                (Some((ladder, steps)), Representative::Published) => {
+                    let away = |place: [f64; 3]| (0..3).map(|k| (place[k] - middle[k]).powi(2)).sum::<f64>().sqrt();
+                    let one = |i: usize| (ladder.value(steps[i]), away(self.packed.place(i)));
+                    0.5 * self.frame.size * published_diameter(group.clone().map(one))
+                }
+                _ => (variance.max(0.0) / self.kernel.variance()).sqrt(),
+            };
+            out.smoothing_length.push(h as f32);
+            for ((out, column), rule) in out.attributes.iter_mut().zip(&values.attributes).zip(&*self.rules) {
+                let code = |i: usize| usize::from(self.codes[i]);
+                out.push(match group.len() {
+                    1 => column[code(group.start)],
+                    _ => merged_attribute(*rule, group.clone().map(|i| (self.one(i).presence, column[code(i)]))),
+                });
+            }
+        }
+        out.particles = positions.len() as u64;
+        Particles { positions, values: out, covariances }
+    }
+
+    fn sum(&self, group: &Range<usize>) -> Sum {
+        let mut whole = Sum::default();
+        for i in group.clone() {
+            let one = self.one(i);
+            whole.mass += one.mass;
+            whole.presence += one.presence;
+            whole.along.iter_mut().zip(one.along).for_each(|(sum, x)| *sum += x);
+            whole.squares.iter_mut().zip(one.squares).for_each(|(sum, x)| *sum += x);
+        }
+        whole
+    }
+}
+
+impl Content for NodeClusters {
+    fn particles(&self, _time: f64) -> Cow<'_, Particles> {
+        Cow::Owned(self.drawn(None, Representative::default()))
+    }
+
+    fn clusters(&self, count: Option<u32>, representative: Representative) -> Option<Particles> {
+        Some(self.drawn(count, representative))
+    }
+
+    fn steps(&self) -> &[Step] {
+        &self.steps
+    }
+
+    fn memory(&self) -> u64 {
+        // Beside what the page table tells of, which is counted with its page.
+        (size_of::<NodeClusters>() + self.steps.len() * size_of::<Step>()) as u64
+    }
+}

@@ -1,0 +1,90 @@
+//! Which levels of a hierarchy a picture is drawn from, and within how many splats: settings of any picture of sums and of no mode.
+
+use super::{Setting, SettingKind, Settings};
+use crate::store::Representative;
+
+/// The kinds of levels.
+pub static LEVELS: Setting = Setting {
+    name: "levels",
+    unit: "",
+    kind: SettingKind::Choice { options: &["auto", "splats", "clusters"] },
+    help: "merged particles within the error on the screen (splats), or clusters with a shape; auto: clusters where a budget binds",
+};
+
+/// The largest number of splats.
+pub static SPLATS: Setting = Setting {
+    name: "splats",
+    unit: "",
+    kind: SettingKind::Number { min: 0.0, max: 1e12, default: 0.0 },
+    help: "splats that are drawn at most, those that show most; 0: as many as the error on the screen asks for",
+};
+
+/// The estimated error of the picture.
+pub static ERROR_PICTURE: Setting = Setting {
+    name: "error-picture",
+    unit: "",
+    kind: SettingKind::Number { min: 0.0, max: 2.0, default: 0.0 },
+    help: "relative L1 error of the sums up to which clusters are refined, as it is estimated; 0: as the error on the screen asks for",
+};
+
+/// What a cluster is drawn as.
+pub static REPRESENTATIVE: Setting = Setting {
+    name: "representative",
+    unit: "",
+    kind: SettingKind::Choice { options: &["ellipsoid", "round", "published"] },
+    help: "what a cluster is drawn as: an ellipsoid with its second moments, a ball of equal spread, or one as in HE03 (--split distortion)",
+};
+
+/// Which levels a picture is drawn from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Levels {
+    /// Clusters where the file has them and a budget is set, else merged particles.
+    #[default]
+    Auto,
+    /// Merged particles.
+    Splats,
+    /// Clusters.
+    Clusters,
+}
+
+/// What the settings come to.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct LevelChoice {
+    /// See [`LEVELS`].
+    pub levels: Levels,
+    /// See [`SPLATS`].
+    pub splats: Option<u64>,
+    /// See [`ERROR_PICTURE`].
+    pub error_picture: Option<f64>,
+    /// See [`REPRESENTATIVE`].
+    pub representative: Representative,
+}
+
+impl LevelChoice {
+    /// Whether it is within a budget, or up to an error of the picture.
+    pub fn is_bounded(&self) -> bool {
+        self.splats.is_some() || self.error_picture.is_some()
+    }
+}
+
+impl Settings {
+    /// Which levels a picture is drawn from.
+    pub fn level_choice(&self) -> LevelChoice {
+        let set = |setting| Some(self.number(setting)).filter(|number| *number > 0.0);
+        LevelChoice {
+            levels: match &*self.name(&LEVELS) {
+                "splats" => Levels::Splats,
+                "clusters" => Levels::Clusters,
+                _ => Levels::Auto,
+            },
+            // At most 1e12.
+            splats: set(&SPLATS).map(|splats| splats.max(1.0) as u64),
+            error_picture: set(&ERROR_PICTURE),
+            representative: match &*self.name(&REPRESENTATIVE) {
+                "round" => Representative::Round,
+                "published" => Representative::Published,
+                _ => Representative::Ellipsoid,
+            },
+        }
+    }
+}

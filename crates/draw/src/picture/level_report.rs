@@ -1,0 +1,71 @@
+//! What levels a picture was drawn from, and how far it may be from what is left out: for its statistics.
+
+use crate::mode::{Conserved, Depiction};
+use crate::stream::SceneNode;
+use crate::view::{Projection, View};
+use serde::Serialize;
+
+/// The levels of a picture of sums.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct LevelReport {
+    /// Their name: `splats`, `clusters`, or `source`.
+    pub levels: &'static str,
+    /// Splats that were selected, in all families.
+    pub splats: u64,
+    /// The largest number of splats, where one was set.
+    pub budget: Option<u64>,
+    /// Of clusters: no picture of all leaves differs by more, relative L1 of the sums ([`bound`]).
+    pub error_bound: Option<f64>,
+    /// Of clusters: by how much it is thought to differ ([`estimate`]).
+    pub error_estimate: Option<f64>,
+    /// In which order splats lie over each other; `null` where they are added.
+    pub order: Option<&'static str>,
+}
+
+/// A bound on the relative L1 distance of the sums of some nodes, `total` of them over all pixels, from those of all leaves: what the clusters
+/// differ in space from the particles they stand for ([`crate::hierarchy::pca::members::misfit`]), which projection does not enlarge. What
+/// codes round comes on top, and is far below it. `None` for weights other than mass, whose sums the hierarchy has no bounds for.
+pub fn bound(view: &View, depiction: &Depiction, nodes: &[SceneNode], total: f64) -> Option<f64> {
+    if depiction.mode.conserves != Conserved::Mass {
+        return None;
+    }
+    let of = |drawn: &SceneNode| {
+        let index = drawn.node.node as usize;
+        let Some(node) = drawn.page.nodes.get(index) else { return 0.0 };
+        let steps = drawn.page.content(index).map_or(&[][..], |content| content.steps());
+        let clusters = drawn.part.unwrap_or(node.particles);
+        // With fewer clusters the misfit is larger.
+        let Some(step) = steps.iter().rfind(|step| step.clusters <= clusters) else { return 0.0 };
+        let nearest = || {
+            let extent = crate::view::Extent { bounds: node.bounds.moved(drawn.offset), margin: 0.0 };
+            view.nearest_depth(&extent).max(0.5 * node.frame.size)
+        };
+        let scale = match view.projection {
+            Projection::Orthographic { .. } => view.focal_pixels(),
+            Projection::Perspective { .. } => view.focal_pixels() / nearest(),
+        };
+        step.misfit * scale * scale
+    };
+    let misfit: f64 = nodes.iter().map(of).sum();
+    Some(if misfit == 0.0 { 0.0 } else { (misfit / total).min(2.0) })
+}
+
+/// Whether any node is drawn as clusters.
+pub fn has_clusters(nodes: &[SceneNode]) -> bool {
+    let is_clusters = |drawn: &SceneNode| {
+        drawn.page.content(drawn.node.node as usize).is_some_and(|content| !content.steps().is_empty())
+    };
+    nodes.iter().any(is_clusters)
+}
+
+/// An estimate of the relative L1 distance of a picture's sums from those of all leaves, from those of another picture with half as many
+/// splats: errors fall with a power of the number, so that what the last doubling has changed is about what is left.
+pub fn estimate(sums: &[f32], of_half: &[f32]) -> f64 {
+    let differ: f64 = sums.iter().zip(of_half).map(|(a, b)| f64::from((a - b).abs())).sum();
+    let total: f64 = sums.iter().map(|p| f64::from(p.abs())).sum();
+    if differ == 0.0 { 0.0 } else { LEFT * differ / total }
+}
+
+/// What is left of an error, in units of what the last doubling of splats has changed: measured on particles of all kinds
+/// (`docs/results.md`).
+const LEFT: f64 = 0.9;

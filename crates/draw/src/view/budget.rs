@@ -1,0 +1,253 @@
+//! Which nodes to draw within a number of splats: those whose refinement shows most, first.
+//!
+//! Every node tells in steps what the next split of its clusters is worth ([`Step`]), so one threshold on that worth, the same for all nodes,
+//! is the cut that best-first refinement would come to: a node is drawn with the clusters whose splits are worth more, and its children
+//! take its place where all of them are. What a split is worth shrinks with what the view cannot show: spread below a pixel, and far away in
+//! a perspective view. The threshold is found by bisection over what is resident; so the cut depends on the data and the view alone.
+
+use super::selection::{Drawn, Missing, NodeInfo, NodeTree, Selection};
+use super::{Extent, Projection, View};
+use crate::codec::clusters::whole_classes;
+use crate::hierarchy::pca::Step;
+use glam::DVec3;
+
+/// Halvings of the range of thresholds, base 2 logarithms from -[`RANGE`] to [`RANGE`].
+const HALVINGS: usize = 44;
+const RANGE: f64 = 1024.0;
+/// Splats that a node is expected to become when its children take its place, for each of its own, while they are not resident.
+const EXPECTED: u64 = 4;
+/// Variance over a pixel, in pixels, that hides as much spread.
+const PIXEL: f64 = 0.1;
+
+/// Selects at most about `splats` splats below `roots`; every root has one at least.
+pub fn select_within<Tree: NodeTree>(view: &View, splats: u64, tree: &Tree, roots: &[Tree::Id]) -> Selection<Tree::Id> {
+    let mut walk = Walk { tree, roots, view: *view, limit: splats, selection: None, pending: 0, count: 0 };
+    let (mut low, mut high) = (-RANGE, RANGE);
+    // Most often everything fits, or next to nothing.
+    if walk.count(low) <= splats {
+        high = low;
+    }
+    for _ in 0..HALVINGS {
+        if high <= low {
+            break;
+        }
+        let middle = 0.5 * (low + high);
+        match walk.count(middle) <= splats {
+            true => high = middle,
+            false => low = middle,
+        }
+    }
+    let mut selection = walk.select(high);
+    fill(&mut selection, splats.saturating_sub(walk.pending), tree);
+    selection.missing.sort_by(|a, b| b.error_pixels.total_cmp(&a.error_pixels));
+    selection
+}
+
+/// Adds clusters to nodes that are drawn with a part of theirs, the same factor to all, until the budget is used.
+fn fill<Tree: NodeTree>(selection: &mut Selection<Tree::Id>, splats: u64, tree: &Tree) {
+    let drawn = |part: u64, all: u64, factor: f64| -> u64 {
+        let more = ((part as f64 * factor) as u64).clamp(part, all);
+        if more == all { all } else { u64::from(whole_classes(more as u32)).max(part) }
+    };
+    let all = |id: Tree::Id| tree.node(id).map_or(0, |info| info.particles);
+    let sum = |selection: &Selection<Tree::Id>, factor: f64| -> u64 {
+        let one = |node: &Drawn<Tree::Id>| match node.part {
+            true => drawn(node.particles, all(node.id), factor),
+            false => node.particles,
+        };
+        selection.draw.iter().map(one).sum()
+    };
+    let (mut low, mut high) = (1.0, 64.0);
+    if sum(selection, low) >= splats {
+        return;
+    }
+    for _ in 0..24 {
+        let middle = 0.5 * (low + high);
+        match sum(selection, middle) <= splats {
+            true => low = middle,
+            false => high = middle,
+        }
+    }
+    for node in selection.draw.iter_mut().filter(|node| node.part) {
+        let all = all(node.id);
+        node.particles = drawn(node.particles, all, low);
+        node.part = node.particles < all;
+    }
+}
+
+/// What a threshold comes to.
+struct Walk<'a, Tree: NodeTree> {
+    tree: &'a Tree,
+    roots: &'a [Tree::Id],
+    view: View,
+    limit: u64,
+    /// Where it is kept; a walk that only counts has none.
+    selection: Option<Selection<Tree::Id>>,
+    /// Splats that are expected of what is missing.
+    pending: u64,
+    count: u64,
+}
+
+impl<Tree: NodeTree> Walk<'_, Tree> {
+    /// How many splats a threshold's base 2 logarithm comes to, or more than the limit.
+    fn count(&mut self, threshold: f64) -> u64 {
+        self.run(threshold);
+        self.count + self.pending
+    }
+
+    fn select(&mut self, threshold: f64) -> Selection<Tree::Id> {
+        self.limit = u64::MAX;
+        self.selection =
+            Some(Selection { draw: Vec::new(), missing: Vec::new(), visited: Vec::new(), hidden: Vec::new() });
+        self.run(threshold);
+        self.selection.take().unwrap_or_else(|| Selection {
+            draw: Vec::new(),
+            missing: Vec::new(),
+            visited: Vec::new(),
+            hidden: Vec::new(),
+        })
+    }
+
+    fn run(&mut self, threshold: f64) {
+        (self.count, self.pending) = (0, 0);
+        let view = self.view;
+        for offset in view.images.offsets() {
+            let image = view.of_image(offset);
+            for &root in self.roots {
+                match self.tree.node(root) {
+                    Some(info) => {
+                        self.visit(&image, offset, root, &info, threshold);
+                    }
+                    None => {
+                        if let Some(selection) = &mut self.selection {
+                            selection.missing.push(Missing { id: root, error_pixels: f64::INFINITY });
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    /// Draws a resident node or what refines it; false where neither is possible yet.
+    fn visit(&mut self, view: &View, offset: DVec3, id: Tree::Id, info: &NodeInfo, threshold: f64) -> bool {
+        if self.count + self.pending > self.limit {
+            return true;
+        }
+        if let Some(selection) = &mut self.selection {
+            selection.visited.push(id);
+        }
+        if !info.is_at(view.time) || !view.sees(&info.extent) || !view.cut.reaches(&info.extent.bounds) {
+            return true;
+        }
+        let steps = self.tree.steps(id);
+        let worth = Worth::new(view, &info.extent);
+        let refines = !info.is_leaf && worth.refinement(info, steps) >= threshold;
+        if refines && self.refine(view, offset, id, threshold) {
+            return true;
+        }
+        if info.delta.is_infinite() {
+            return false;
+        }
+        let particles = if refines { info.particles } else { worth.clusters(info, steps, threshold) };
+        self.count += particles;
+        if refines {
+            self.pending += (EXPECTED - 1) * particles;
+        }
+        if let Some(selection) = &mut self.selection {
+            let part = particles < info.particles;
+            let displaced = steps.iter().rfind(|step| part && u64::from(step.clusters) <= particles);
+            let delta = displaced.map_or(info.delta, |step| step.largest.sqrt().max(info.delta));
+            let error_pixels = view.error_pixels(&info.extent, delta);
+            selection.draw.push(Drawn { id, error_pixels, particles, part, offset });
+        }
+        true
+    }
+
+    fn refine(&mut self, view: &View, offset: DVec3, id: Tree::Id, threshold: f64) -> bool {
+        let tree = self.tree;
+        let before = (self.count, self.pending, self.selection.as_ref().map_or(0, |selection| selection.draw.len()));
+        let mut complete = true;
+        for child in tree.children(id) {
+            match tree.node(child) {
+                Some(info) => complete &= self.visit(view, offset, child, &info, threshold),
+                None => {
+                    complete = false;
+                    if let Some(selection) = &mut self.selection {
+                        selection.missing.push(Missing { id: child, error_pixels: threshold });
+                    }
+                }
+            }
+        }
+        if !complete {
+            (self.count, self.pending) = (before.0, before.1);
+            if let Some(selection) = &mut self.selection {
+                selection.draw.truncate(before.2);
+            }
+        }
+        complete
+    }
+}
+
+/// What splits in a node are worth in a view, as base 2 logarithms.
+struct Worth {
+    /// Pixels for a length, where the node is nearest.
+    scale: f64,
+}
+
+impl Worth {
+    fn new(view: &View, extent: &Extent) -> Worth {
+        let scale = match view.projection {
+            Projection::Orthographic { .. } => view.focal_pixels(),
+            // What the eye is in is worth refining, yet not without end.
+            Projection::Perspective { .. } => {
+                let size = extent.bounds.size().max_element();
+                view.focal_pixels() / view.nearest_depth(extent).max(0.5 * size).max(f64::MIN_POSITIVE)
+            }
+        };
+        Worth { scale }
+    }
+
+    /// That of the next split at a step: as much of the picture as is wrong without it.
+    fn of(&self, step: &Step) -> f64 {
+        let hidden = PIXEL / (self.scale * self.scale);
+        let shows = step.scale / (step.scale + hidden);
+        (step.priority * self.scale * self.scale * shows).max(f64::MIN_POSITIVE).log2()
+    }
+
+    /// That of drawing its children instead, for each splat.
+    fn refinement(&self, info: &NodeInfo, steps: &[Step]) -> f64 {
+        match steps.last() {
+            // Of a leaf's clusters the particles are drawn instead, for which many splits are left out at once.
+            Some(last) if info.stands_for_leaf => {
+                let more = info.source_particles.saturating_sub(info.particles).max(1) as f64;
+                self.of(last) + (info.particles as f64 / more).min(1.0).log2()
+            }
+            Some(last) => self.of(last),
+            None if info.delta.is_infinite() => f64::INFINITY,
+            None => {
+                let pixels = info.delta * self.scale;
+                let wrong = info.mass * self.scale * self.scale * pixels / (1.0 + pixels);
+                (wrong / info.particles.max(1) as f64).max(f64::MIN_POSITIVE).log2()
+            }
+        }
+    }
+
+    /// How many clusters of a node are drawn: those whose splits are worth as much as the threshold.
+    fn clusters(&self, info: &NodeInfo, steps: &[Step], threshold: f64) -> u64 {
+        let Some(first) = steps.first() else { return info.particles };
+        let mut before = (f64::from(first.clusters), self.of(first));
+        for step in steps {
+            let now = (f64::from(step.clusters), self.of(step).min(before.1));
+            if now.1 < threshold {
+                if before.1 < threshold {
+                    return u64::from(first.clusters);
+                }
+                let along = (before.1 - threshold) / (before.1 - now.1);
+                let count = before.0 * (now.0 / before.0).powf(along);
+                return u64::from(whole_classes(count as u32)).min(info.particles);
+            }
+            before = now;
+        }
+        info.particles
+    }
+}
