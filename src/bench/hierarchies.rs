@@ -43,7 +43,7 @@ pub const KINDS: [(&str, &str); 7] = [
 
 /// What is compared.
 #[derive(clap::Args, Clone, Debug)]
-#[group(id = "hierarchies")]
+#[group(id = "bench-hierarchies")]
 pub struct Options {
     /// Hierarchies that `bench hierarchies` compares: sample, octree-tau, octree, octree-volume, pca, pca-round, pca-published.
     #[arg(long, value_name = "NAME,...", value_delimiter = ',', value_parser = KINDS.map(|(name, _)| name),

@@ -52,7 +52,7 @@ fn converged(streamer: &mut Streamer, canvas: &mut dyn Canvas, view: &View, tau:
             .iter()
             .map(|drawn| {
                 let (page, offset, error_pixels) = node(drawn.id.page, drawn.offset, drawn.error_pixels);
-                SceneNode { page, node: drawn.id, error_pixels, offset, time: view.time }
+                SceneNode { page, node: drawn.id, error_pixels, offset, time: view.time, part: None }
             })
             .collect();
         // A frame carries out what is queued.

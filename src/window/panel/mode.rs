@@ -2,6 +2,7 @@
 
 use super::{Dock, PanelState, Section, theme};
 use crate::look::Attribute;
+use crate::mode::levels::is_of_levels;
 use crate::mode::{Setting, SettingKind, SettingValue};
 use crate::modes;
 use crate::window::scene::Settings;
@@ -24,7 +25,8 @@ fn show(ui: &mut Ui, state: &PanelState<'_, '_>, settings: &mut Settings) {
     let has_paths = state.scene.as_ref().is_some_and(|scene| scene.following.is_some());
     mode_combo(ui, has_paths, settings);
     attribute_combo(ui, state, settings);
-    for setting in settings.mode.all_settings() {
+    // The window draws merged particles, whatever levels files are drawn from.
+    for setting in settings.mode.all_settings().filter(|setting| !is_of_levels(setting.name)) {
         mode_setting(ui, setting, settings.values(setting));
     }
     let error = theme::NumberRow {

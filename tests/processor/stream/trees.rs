@@ -122,7 +122,7 @@ fn particles(positions: Vec<[f64; 3]>, mass: f32) -> Particles {
         attributes: Vec::new(),
         errors: vec![QuantityError::default(); 3],
     };
-    Particles { positions, values }
+    Particles { positions, values, covariances: Vec::new() }
 }
 
 impl Slabs {

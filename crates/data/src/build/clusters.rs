@@ -7,7 +7,7 @@ use crate::codec::clusters::{Ladder, PackedClusters, StoredStep, class_of};
 use crate::codec::shapes::{self, COORDINATES, Shape, ShapeCoder};
 use crate::codec::{BatchInfo, CodebookScope, Quantities, Scaling, VqBits};
 use crate::hierarchy::octree::{Context, TreeNode};
-use crate::hierarchy::pca::{Members, SplitRule, members::trace, split, steps};
+use crate::hierarchy::pca::{Members, SplitRule, Step, members::trace, split, steps, take_over};
 use crate::hierarchy::{ClusterOptions, Encoding};
 use crate::model::progress::Progress;
 use crate::model::{Bounds, Kernel};
@@ -70,6 +70,9 @@ pub(super) struct CodedClusters {
     pub book: ClusterBook,
 }
 
+/// What a node, or what is drawn in its place, hands up: its clusters, and what parts of them are worth.
+type Drawn = (Members, Vec<Vec<Step>>);
+
 /// What making clusters needs to know beside a tree.
 pub(super) struct Maker<'a> {
     pub context: &'a Context<'a>,
@@ -93,19 +96,26 @@ impl Maker<'_> {
     }
 
     /// Makes the clusters of a node and of all below it.
-    fn visit(&self, tree: &Grown, out: &Clusters, depth: usize, index: usize) -> io::Result<Members> {
+    fn visit(&self, tree: &Grown, out: &Clusters, depth: usize, index: usize) -> io::Result<Drawn> {
         let node = &tree.nodes[depth][index];
-        let members = match node.encoding {
-            Encoding::Leaf => self.particles(node)?,
+        let (members, below) = match node.encoding {
+            Encoding::Leaf => {
+                let particles = self.particles(node)?;
+                let whole = Step { clusters: particles.len() as u32, ..Step::default() };
+                (particles, vec![vec![whole]])
+            }
             _ => {
                 let children: Vec<usize> = node.children.iter().flatten().copied().collect();
-                let below: Vec<Members> = children
+                let below: Vec<Drawn> = children
                     .into_par_iter()
                     .map(|child| self.visit(tree, out, depth + 1, child))
                     .collect::<io::Result<_>>()?;
-                let mut all = Members::default();
-                below.into_iter().for_each(|part| all.append(part));
-                all
+                let (mut all, mut steps) = (Members::default(), Vec::new());
+                for (members, own) in below {
+                    all.append(members);
+                    steps.extend(own);
+                }
+                (all, steps)
             }
         };
         let most = match node.encoding {
@@ -118,11 +128,15 @@ impl Maker<'_> {
             // Every node is visited once.
             let _ = out.nodes[depth][index].set(None);
             self.progress.advance(1);
-            return Ok(members);
+            return Ok((members, below));
         };
         let splitting = split(&members, self.options.rule, most);
         let clusters = members.merged(&splitting, self.context.rules);
-        let steps = steps(&clusters, &splitting);
+        let mut steps = steps(&clusters, &splitting);
+        let priority = if node.encoding == Encoding::Leaf { 0.0 } else { take_over(&steps, &below) };
+        if let Some(last) = steps.last_mut() {
+            last.priority = last.priority.max(priority);
+        }
         let cells = f64::from(node.key.depth).exp2();
         let corner = [node.key.x, node.key.y, node.key.z].map(f64::from);
         let mut packed = PackedClusters {
@@ -198,7 +212,7 @@ impl Maker<'_> {
         };
         let _ = out.nodes[depth][index].set(Some(made));
         self.progress.advance(1);
-        Ok(clusters)
+        Ok((clusters, vec![steps]))
     }
 
     /// The particles of a leaf, where they are drawn.

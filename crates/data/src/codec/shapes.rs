@@ -57,7 +57,7 @@ pub fn moments_of(shape: &Shape) -> [f64; 6] {
     [matrix.x_axis.x, matrix.y_axis.y, matrix.z_axis.z, matrix.y_axis.x, matrix.z_axis.x, matrix.z_axis.y]
 }
 
-/// The codebook of a family's shapes: coordinates in [`STEP`]s. Without entries all are round.
+/// The codebook of a family's shapes: coordinates in steps of 1/2048. Without entries all are round.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct ShapeBook {
     /// Entry of each code.

@@ -35,6 +35,11 @@ pub static REPRESENTATIVE: Setting = Setting {
     help: "what a cluster is drawn as: an ellipsoid with its second moments, a ball of equal spread, or one as in HE03 (--split distortion)",
 };
 
+/// Whether a setting is one of these.
+pub fn is_of_levels(name: &str) -> bool {
+    [&LEVELS, &SPLATS, &ERROR_PICTURE, &REPRESENTATIVE].iter().any(|setting| setting.name == name)
+}
+
 /// Which levels a picture is drawn from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Levels {

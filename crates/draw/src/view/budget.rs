@@ -8,14 +8,12 @@
 use super::selection::{Drawn, Missing, NodeInfo, NodeTree, Selection};
 use super::{Extent, Projection, View};
 use crate::codec::clusters::whole_classes;
-use crate::hierarchy::pca::Step;
+use crate::hierarchy::pca::{Step, count_at};
 use glam::DVec3;
 
 /// Halvings of the range of thresholds, base 2 logarithms from -[`RANGE`] to [`RANGE`].
 const HALVINGS: usize = 44;
 const RANGE: f64 = 1024.0;
-/// Splats that a node is expected to become when its children take its place, for each of its own, while they are not resident.
-const EXPECTED: u64 = 4;
 /// Variance over a pixel, in pixels, that hides as much spread.
 const PIXEL: f64 = 0.1;
 
@@ -150,8 +148,9 @@ impl<Tree: NodeTree> Walk<'_, Tree> {
         }
         let particles = if refines { info.particles } else { worth.clusters(info, steps, threshold) };
         self.count += particles;
-        if refines {
-            self.pending += (EXPECTED - 1) * particles;
+        if refines && info.stands_for_leaf {
+            // Of leaves that are not resident it is known how many particles they have; other children have hardly more clusters.
+            self.pending += info.source_particles.saturating_sub(particles);
         }
         if let Some(selection) = &mut self.selection {
             let part = particles < info.particles;
@@ -234,20 +233,10 @@ impl Worth {
 
     /// How many clusters of a node are drawn: those whose splits are worth as much as the threshold.
     fn clusters(&self, info: &NodeInfo, steps: &[Step], threshold: f64) -> u64 {
-        let Some(first) = steps.first() else { return info.particles };
-        let mut before = (f64::from(first.clusters), self.of(first));
-        for step in steps {
-            let now = (f64::from(step.clusters), self.of(step).min(before.1));
-            if now.1 < threshold {
-                if before.1 < threshold {
-                    return u64::from(first.clusters);
-                }
-                let along = (before.1 - threshold) / (before.1 - now.1);
-                let count = before.0 * (now.0 / before.0).powf(along);
-                return u64::from(whole_classes(count as u32)).min(info.particles);
-            }
-            before = now;
+        if steps.is_empty() {
+            return info.particles;
         }
-        info.particles
+        let count = count_at(steps, threshold, |step| self.of(step)) as u64;
+        if count >= info.particles { info.particles } else { u64::from(whole_classes(count as u32)) }
     }
 }

@@ -3,7 +3,7 @@
 //! A node holds clusters of what is in its cell: of the particles where the cell is that of a leaf, of its children's clusters
 //! elsewhere. They come about by binary splits through the centroid across the principal axis (HE03 fig. 3), the split that shows most
 //! first, and are told in an order in which a part of the splits can be undone: so a node can be drawn with any number of clusters, from
-//! one to all ([`split`]).
+//! one to all ([`mod@split`]).
 //!
 //! What differs from the paper, and why:
 //!
@@ -21,7 +21,7 @@ pub mod steps;
 
 pub use members::Members;
 pub use split::{SplitRule, Splitting, split};
-pub use steps::{Step, steps};
+pub use steps::{Step, count_at, steps, take_over};
 
 /// Clusters that an inner node holds at most.
 pub const NODE_CLUSTERS: usize = 8192;

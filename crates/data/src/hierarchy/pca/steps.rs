@@ -8,7 +8,8 @@ use super::split::Splitting;
 pub struct Step {
     /// Clusters that are drawn.
     pub clusters: u32,
-    /// Priority of the split that would come next ([`super::SplitRule`]); of all clusters too.
+    /// Priority of the split that would come next ([`super::SplitRule`]); of all clusters that from which on the children take their place
+    /// ([`take_over`]).
     pub priority: f64,
     /// `v + s^2` of the cluster that it splits, squared lengths.
     pub scale: f64,
@@ -39,6 +40,46 @@ pub fn steps(clusters: &Members, splitting: &Splitting) -> Vec<Step> {
         }
         count *= 2;
     }
+}
+
+/// How many clusters are worth as much as a threshold, where `worth` tells what the split after each step is; between steps by powers.
+pub fn count_at(steps: &[Step], threshold: f64, worth: impl Fn(&Step) -> f64) -> f64 {
+    let Some(first) = steps.first() else { return 0.0 };
+    let mut before = (f64::from(first.clusters), worth(first));
+    if before.1 < threshold {
+        return before.0;
+    }
+    for step in &steps[1..] {
+        let now = (f64::from(step.clusters), worth(step).min(before.1));
+        if now.1 < threshold {
+            let along = (before.1 - threshold) / (before.1 - now.1);
+            return before.0 * (now.0 / before.0).powf(along);
+        }
+        before = now;
+    }
+    before.0
+}
+
+/// By how much more clusters than a node's own its children may have when they take its place.
+const MORE: f64 = 1.25;
+/// Steps of a threshold to a factor of 2.
+const FINELY: f64 = 4.0;
+
+/// The priority from which on a node's children take its place: the smallest at which they have hardly more clusters than itself, so that
+/// the number changes smoothly as priorities fall. Where they always have more, that of its own next split.
+pub fn take_over(own: &[Step], children: &[Vec<Step>]) -> f64 {
+    let worth = |step: &Step| step.priority.max(f64::MIN_POSITIVE).log2();
+    let (Some(first), Some(last)) = (own.first(), own.last()) else { return 0.0 };
+    let (high, low) = (worth(first), worth(last));
+    let mut threshold = if last.priority > 0.0 { low } else { high - 40.0 };
+    while threshold < high {
+        let count: f64 = children.iter().map(|steps| count_at(steps, threshold, worth)).sum();
+        if count <= MORE * count_at(own, threshold, worth) {
+            return threshold.exp2();
+        }
+        threshold += 1.0 / FINELY;
+    }
+    last.priority
 }
 
 /// The runs of clusters that the first splits leave together, where `count` clusters are drawn: those with ranks of `count` and more are
