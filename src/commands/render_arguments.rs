@@ -398,7 +398,11 @@ mod tests {
         );
         assert_eq!(with("points", "presence=9").unwrap().budget.0["presence"], SettingValue::Number(9.0));
         for (mode, set, expected) in [
-            ("points", "radios=3", "points has no setting radios, expected culling, presence, radius"),
+            (
+                "points",
+                "radios=3",
+                "points has no setting radios, expected culling, error-picture, levels, presence, radius",
+            ),
             ("points", "radius=99", "radius is 99, expected a number from 0.5 to 30"),
             ("volume", "presence=9", "volume has no setting presence"),
             ("points", "radius", "expected NAME=VALUE"),

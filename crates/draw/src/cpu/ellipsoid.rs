@@ -213,3 +213,6 @@ fn cholesky(matrix: DMat3) -> Option<DMat3> {
     // NaN where a root was of a negative number, infinite where it was zero.
     (factor.is_finite() && zz > 0.0).then_some(factor)
 }
+
+#[cfg(test)]
+mod tests;

@@ -33,8 +33,6 @@ pub mod volume;
 
 mod ellipse_area;
 mod ellipse_rows;
-#[cfg(test)]
-mod ellipsoid_tests;
 mod exact;
 mod fast;
 mod lanes;

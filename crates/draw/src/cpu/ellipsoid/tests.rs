@@ -2,10 +2,10 @@
 
 #![allow(clippy::unwrap_used, reason = "a failed helper fails its test")]
 
-use super::{Extent, Method, Positions, SplatOptions, Splats, draw, draw_counted};
 use crate::cases::cases;
 use crate::color::Accumulation;
 use crate::color::accumulation::relative_error;
+use crate::cpu::{Extent, Method, Positions, SplatOptions, Splats, draw, draw_counted};
 use crate::model::{Covariance, Kernel};
 use crate::view::{Projection, View};
 use glam::{DMat3, DQuat, DVec3};
