@@ -1,7 +1,7 @@
 //! `deepfield bench play`: a run while time goes on, forward, backward and in jumps, streamed as the window streams.
 
 use super::flight::canvas::Canvas;
-use super::flight::engine::Engine;
+use super::flight::engine::{Engine, Haste};
 use super::flight::series::{Frame, Summary};
 use super::splat::Failure;
 use crate::hierarchy::Purpose;
@@ -142,7 +142,7 @@ fn play(
             (engine.depiction.selection_view(&View { time, ..view }), roots)
         };
         streamer.upcoming = next(now, streamer.lead_secs()).into_iter().map(comes).collect();
-        let (frame, _) = engine.frame(streamer, &view, engine.frame_ms)?;
+        let (frame, _) = engine.frame(streamer, &view, Haste::Moves(engine.frame_ms))?;
         late_frames += u64::from(frame.nodes == 0);
         frames.push(Frame { seconds: now, ..frame });
     }

@@ -10,7 +10,7 @@ use super::exposure::Exposure;
 use super::live::LiveParticles;
 use super::look::{Held, Look};
 use super::occlusion::Occlusion;
-use super::pages::ViewSelection;
+use super::pages::{SplatsInTime, ViewSelection};
 use super::paths::Paths;
 use super::picture::{Letterbox, Picture, to_image};
 use super::picture_sizes::{drawing_size, moving_size, volume_limit};
@@ -27,6 +27,7 @@ use crate::mode::{Footprint, LodBudget, Plan, Raw};
 use crate::picture::Subject;
 use crate::picture::drawing_cost::DrawingCost;
 use crate::picture::fade::faded;
+use crate::picture::splat_budget::SplatBudget;
 use crate::store::Tree;
 use crate::view::View;
 use bevy::prelude::*;
@@ -34,6 +35,9 @@ use bevy::tasks::{AsyncComputeTaskPool, Task, futures::check_ready};
 use drawing::{Limits, Outcome, Source, draw};
 use std::sync::Arc;
 use std::time::Instant;
+
+/// How long a picture at rest fades in over the clusters that stood in for it, seconds.
+const CLUSTERS_FADE_SECS: f32 = 0.2;
 
 /// What an accumulation depends on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -78,6 +82,9 @@ struct Done {
     /// How many particles it took, if it was drawn anew; and whether that is not all that the plan would.
     taken: Option<u64>,
     cut: bool,
+    /// Whether they are clusters that stand in for what the view shows at rest, and the states of view and live particles.
+    stands_in: bool,
+    revisions: [u64; 2],
     /// Whether everything was there that the view needs.
     complete: bool,
     exposure: Exposure,
@@ -93,12 +100,17 @@ pub struct CpuPicture {
     plan: Plan,
     colored: Option<(DrawKey, Levels, TransferFunction)>,
     drawing_cost: DrawingCost,
+    splat_budget: SplatBudget,
     moved: Option<([u64; 2], Instant)>,
     /// What the task draws, and what could not be drawn.
     tried: Option<(DrawKey, TransferFunction)>,
     failed: Option<(DrawKey, TransferFunction)>,
     /// The last finished picture and its number.
     finished: Option<(u64, Arc<Colors>)>,
+    /// Of which states of view and live particles it shows clusters that stand in; `None` where it shows the view's own.
+    stood_in: Option<[u64; 2]>,
+    /// The clusters that the last finished picture took the place of, and when.
+    clusters: Option<(Arc<Colors>, Instant)>,
     /// What the window shows: that number, and what is blended with it.
     shown: Option<(u64, Option<(u64, u32)>)>,
     count: u64,
@@ -125,9 +137,12 @@ pub(super) fn draw_on_cpu(
     mut occlusion: ResMut<Occlusion>,
     mut messages: ResMut<Notices>,
     (live, settings, held, paths): (Res<LiveParticles>, Res<Settings>, Res<Held>, Res<Paths>),
+    mut in_time: ResMut<SplatsInTime>,
 ) {
     let cpu = &mut *cpu;
     let on_cpu = *backend == ActiveBackend::Cpu;
+    let frame_ms = Some(preset.drawing.frame_ms).filter(|frame_ms| on_cpu && *frame_ms > 0.0);
+    in_time.follow(frame_ms.map(|frame_ms| cpu.splat_budget.limit(frame_ms)));
     if on_cpu && statistics.backend != "cpu" {
         "cpu".clone_into(&mut statistics.backend);
     }
@@ -135,7 +150,7 @@ pub(super) fn draw_on_cpu(
         cpu.task = None;
         return;
     };
-    let revisions = [selection.revision, live.state()];
+    let revisions = [selection.motion, live.state()];
     if cpu.moved.is_none_or(|(before, _)| before != revisions) {
         cpu.moved = Some((revisions, Instant::now()));
     }
@@ -174,8 +189,10 @@ pub(super) fn draw_on_cpu(
     let moving = cpu.is_moving(motion);
     let fixed_discs = matches!(look.depiction.footprint(), Footprint::Pixels(_));
     let full = picture.size();
+    let stands_in = selection.stands_in && live.particles().is_none();
     let limit = match preset.drawing.frame_ms {
-        frame_ms if frame_ms > 0.0 && moving => cpu.drawing_cost.limit(frame_ms, motion.sample_sizes()),
+        // Clusters were chosen within a limit of their own.
+        frame_ms if frame_ms > 0.0 && moving && !stands_in => cpu.drawing_cost.limit(frame_ms, motion.sample_sizes()),
         _ => u64::MAX,
     };
     let painted = look.depiction.mode.is_light();
@@ -239,7 +256,10 @@ pub(super) fn draw_on_cpu(
     let complete = selection.complete;
     let (known, old_plan) = (look.settled.then_some(look.levels), cpu.plan);
     // Finding a plan takes longer than there is between two pictures of a motion.
-    let kept_plan = moving.then_some(old_plan);
+    let kept_plan = match stands_in {
+        true => Some(Plan { culling: lod_budget.culling, ..Plan::default() }),
+        false => moving.then_some(old_plan),
+    };
     cpu.task = Some(AsyncComputeTaskPool::get().spawn(async move {
         let (drawn, plan, taken, cut) = match reused {
             Some(drawn) => (drawn, old_plan, None, false),
@@ -294,7 +314,8 @@ pub(super) fn draw_on_cpu(
                 (Exposure::of(&drawn.picture, &transfer), colors)
             }
         };
-        Ok(Done { drawn, plan, taken, cut, complete, exposure, colors })
+        let plan = if stands_in { old_plan } else { plan };
+        Ok(Done { drawn, plan, taken, cut, stands_in, revisions, complete, exposure, colors })
     }));
 }
 
@@ -302,13 +323,24 @@ pub(super) fn draw_on_cpu(
 fn take_in(cpu: &mut CpuPicture, done: Done, exposure: &mut ResMut<Exposure>, statistics: &mut ResMut<Statistics>) {
     exposure.set_if_neq(done.exposure);
     let (colors, levels, transfer) = done.colors;
+    let stands_in = done.stands_in.then_some(done.revisions);
+    if let Some((_, clusters)) = cpu.finished.take()
+        && stands_in != cpu.stood_in
+    {
+        let follows = stands_in.is_none() && cpu.stood_in == Some(done.revisions);
+        cpu.clusters = follows.then(|| (clusters, Instant::now()));
+    }
+    cpu.stood_in = stands_in;
     cpu.count += 1;
     cpu.finished = Some((cpu.count, Arc::new(colors)));
     cpu.colored = Some((done.drawn.key, levels, transfer));
     if let Some(taken) = done.taken {
         statistics.draw_ms = Some(done.drawn.milliseconds);
         statistics.sampled = done.cut.then_some(taken);
-        cpu.drawing_cost.drew(taken, done.drawn.milliseconds);
+        match done.stands_in {
+            true => cpu.splat_budget.drew(taken, done.drawn.milliseconds),
+            false => cpu.drawing_cost.drew(taken, done.drawn.milliseconds),
+        }
     }
     if let Some(painted) = &done.drawn.painted {
         statistics.draw_ms = Some(done.drawn.milliseconds);
@@ -341,14 +373,25 @@ pub(super) fn show_on_cpu(
         return;
     }
     let fade = before.fade();
-    let wanted = (*number, fade.map(|(_, share)| (before.number(), share.to_bits())));
+    let passed = cpu.clusters.as_ref().map(|(_, since)| since.elapsed().as_secs_f32() / CLUSTERS_FADE_SECS);
+    let from_clusters = passed.filter(|share| *share < 1.0 && fade.is_none());
+    converged.0 &= from_clusters.is_none();
+    let wanted = match (fade, from_clusters) {
+        (Some((_, share)), _) => (*number, Some((before.number(), share.to_bits()))),
+        (None, Some(share)) => (*number, Some((number - 1, share.to_bits()))),
+        (None, None) => (*number, None),
+    };
     if cpu.shown == Some(wanted) {
         return;
     }
-    let colors = match fade {
-        Some((image, share)) => faded(image, finished, share),
-        None => Colors::clone(finished),
+    let colors = match (fade, from_clusters, &cpu.clusters) {
+        (Some((image, share)), ..) => faded(image, finished, share),
+        (None, Some(share), Some((clusters, _))) => faded(clusters, finished, share),
+        _ => Colors::clone(finished),
     };
+    if from_clusters.is_none() {
+        cpu.clusters = None;
+    }
     if images.insert(&picture.image, to_image(colors)).is_err() {
         warn!("the picture's image is gone");
     }

@@ -21,10 +21,12 @@ use super::state::notices::Notices;
 use super::statistics::{ActiveBackend, Statistics};
 use super::streaming::{Present, Streaming};
 use crate::hierarchy::Purpose;
+use crate::picture::stand_in::{Chosen, Limit, Wanted};
 use crate::stream::{PageState, SceneNode};
 use crate::view::View;
 use bevy::prelude::*;
 use std::sync::Arc;
+use std::time::Instant;
 
 /// What the view draws in this frame.
 #[derive(Resource, Clone, Debug, Default)]
@@ -35,10 +37,33 @@ pub struct ViewSelection {
     pub nodes: Arc<[SceneNode]>,
     /// Whether everything that the view needs at its error bound is there.
     pub complete: bool,
+    /// Whether clusters stand in for what the view shows at rest.
+    pub stands_in: bool,
     /// Counts up whenever the nodes or the view change.
     pub revision: u64,
+    /// Counts up whenever the view changes, or its nodes in a way that no clusters stand in for.
+    pub motion: u64,
+    /// When the view changed.
+    pub moved: Option<Instant>,
     /// The [`Occlusion::revision`] by which the nodes were chosen.
     pub occlusion: u64,
+}
+
+/// How many splats of clusters the renderer has time for while the view moves or pages come in; `None` where it draws no clusters.
+#[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct SplatsInTime(pub Option<u64>);
+
+impl SplatsInTime {
+    /// Follows what pictures take, but for small differences, which would only make another picture.
+    pub fn follow(&mut self, splats: Option<u64>) {
+        let differs = match (self.0, splats) {
+            (Some(old), Some(new)) => old.abs_diff(new) > old / 10,
+            (old, new) => old != new,
+        };
+        if differs {
+            self.0 = splats;
+        }
+    }
 }
 
 /// Where the camera is known to be in a moment, as on a tour.
@@ -64,6 +89,7 @@ impl Plugin for PagesPlugin {
         app.init_resource::<PageCopies>()
             .init_resource::<ActiveBackend>()
             .init_resource::<Occlusion>()
+            .init_resource::<SplatsInTime>()
             .init_resource::<Upcoming>()
             .init_resource::<ViewSelection>()
             .configure_sets(
@@ -110,7 +136,8 @@ pub fn follow_scene(
         return;
     }
     pages.iter().for_each(|page| commands.entity(page).despawn());
-    *selection = ViewSelection { revision: selection.revision + 1, ..default() };
+    let (revision, motion) = (selection.revision + 1, selection.motion + 1);
+    *selection = ViewSelection { revision, motion, ..default() };
     commands.insert_resource(Streaming::new(&scene, &preset.residency, copies.0));
 }
 
@@ -149,10 +176,11 @@ pub fn finish_loads(
 pub fn traverse(
     streaming: Option<ResMut<Streaming>>,
     present: Present,
+    preset: Res<Preset>,
     mut selection: ResMut<ViewSelection>,
     mut statistics: ResMut<Statistics>,
     mut distance: ResMut<DataDistance>,
-    (occlusion, upcoming): (Res<Occlusion>, Res<Upcoming>),
+    (occlusion, upcoming, in_time): (Res<Occlusion>, Res<Upcoming>, Res<SplatsInTime>),
 ) {
     let Some(mut streaming) = streaming else { return };
     let Some(view) = present.view(&streaming) else { return };
@@ -165,10 +193,7 @@ pub fn traverse(
     let depiction = look.as_ref().map(|look| &look.depiction);
     let metadata = streaming.streamer.residency.tree().metadata();
     let levels = depiction.map_or(Purpose::Splats, |depiction| depiction.purpose(metadata));
-    let roots = streaming.streamer.roots(families.iter().copied(), levels, view.time);
-    let seen = depiction.map_or(view, |depiction| depiction.selection_view(&view));
     let tau = settings.error_px;
-    let detail = depiction.map_or(tau.into(), |depiction| depiction.detail(&view, tau, metadata));
     let times = match streaming.next.is_empty() {
         true => upcoming.iter().map(|_| view.time).collect(),
         false => std::mem::take(&mut streaming.next),
@@ -179,7 +204,20 @@ pub fn traverse(
         (depiction.map_or(next, |depiction| depiction.selection_view(&next)), roots)
     };
     streaming.streamer.upcoming = times.iter().map(comes).collect();
-    let chosen = streaming.streamer.select(&seen, detail, &roots);
+    let moves_now = selection.view != Some(view);
+    let has_rested = selection.moved.is_none_or(|at| at.elapsed().as_millis() >= u128::from(preset.motion.rest_ms));
+    let limit = in_time.0.map(|splats| Limit { splats, moves: moves_now || !has_rested });
+    let Chosen { selection: chosen, purpose, stands_in, .. } = match depiction {
+        Some(depiction) => {
+            let wanted = Wanted { depiction, tau, families: &families, limit };
+            streaming.stand_in.select(&mut streaming.streamer, &view, &wanted)
+        }
+        None => {
+            let roots = streaming.streamer.roots(families.iter().copied(), levels, view.time);
+            let selection = streaming.streamer.select(&view, tau, &roots);
+            Chosen { selection, detail: tau.into(), purpose: levels, stands_in: false }
+        }
+    };
     // The interval before is shown until something of this one is there.
     let comes = chosen.draw.is_empty() && !chosen.is_converged();
     if comes && !selection.nodes.is_empty() && selection.view.is_some_and(|old| old.time != view.time) {
@@ -206,20 +244,30 @@ pub fn traverse(
     distance.0 = distance_to_boxes(view.eye, boxes);
     statistics.particles = chosen.particles();
     statistics.nodes = nodes.len();
-    statistics.levels = levels.name();
+    statistics.levels = purpose.name();
     statistics.error_px = chosen.error_pixels();
     statistics.missing = chosen.missing.len();
     statistics.hidden = chosen.hidden.len();
     let same = selection.view == Some(view)
         && selection.nodes.len() == nodes.len()
-        && selection.nodes.iter().zip(&nodes).all(|(old, new)| (old.node, old.offset) == (new.node, new.offset));
+        && selection.nodes.iter().zip(&nodes).all(|(old, new)| is_same(old, new));
+    if moves_now {
+        selection.moved = Some(Instant::now());
+    }
     if !same {
+        // What comes after clusters, and clusters that become finer, are no reason to draw less of it.
+        selection.motion += u64::from(moves_now || !(stands_in || selection.stands_in));
         selection.revision += 1;
         selection.view = Some(view);
         selection.nodes = nodes.into();
     }
-    selection.complete = chosen.is_converged();
+    selection.stands_in = stands_in;
+    selection.complete = chosen.is_converged() && !stands_in;
     selection.occlusion = occlusion.revision;
+}
+
+fn is_same(old: &SceneNode, new: &SceneNode) -> bool {
+    (old.node, old.offset, old.part) == (new.node, new.offset, new.part)
 }
 
 /// Starts to read what is missed, as many pages at a time as the preset allows.

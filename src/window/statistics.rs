@@ -19,7 +19,7 @@ pub struct Statistics {
     pub live: Option<u64>,
     /// Nodes drawn.
     pub nodes: usize,
-    /// Which levels of the file are drawn: `splats` or `volume`.
+    /// Which levels of the file are drawn: `splats`, `volume` or `clusters`.
     pub levels: &'static str,
     /// Nodes that are left as they are because they are hidden.
     pub hidden: usize,

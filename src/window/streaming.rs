@@ -7,6 +7,7 @@ use super::picture::{DataCamera, Picture};
 use super::preset::ResidencyPreset;
 use super::scene::{Scene, Settings};
 use super::statistics::ActiveBackend;
+use crate::picture::stand_in::StandIn;
 use crate::store::PageId;
 use crate::stream::Streamer;
 use crate::view::View;
@@ -32,6 +33,8 @@ pub struct Streaming {
     pub(super) next: Vec<f64>,
     pub(super) preset: ResidencyPreset,
     pub(super) told_memory: bool,
+    /// What stands in for what there is no time for.
+    pub(super) stand_in: StandIn,
 }
 
 impl Streaming {
@@ -47,6 +50,7 @@ impl Streaming {
             next: Vec::new(),
             preset: preset.clone(),
             told_memory: false,
+            stand_in: StandIn::default(),
         }
     }
 

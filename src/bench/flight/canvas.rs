@@ -20,6 +20,11 @@ pub trait Canvas {
     /// How the streamer keeps copies for it; `None`: it draws from main memory.
     fn copies(&self) -> Option<CopyOptions>;
 
+    /// Whether it draws clusters with their shapes.
+    fn draws_clusters(&self) -> bool {
+        false
+    }
+
     /// Takes in copies that have been made, before a frame's selection.
     fn receive(&mut self, _streamer: &mut Streamer) {}
 
@@ -60,6 +65,10 @@ impl Canvas for CpuCanvas {
 
     fn copies(&self) -> Option<CopyOptions> {
         None
+    }
+
+    fn draws_clusters(&self) -> bool {
+        true
     }
 
     fn draw(&mut self, view: &View, nodes: &[SceneNode], plan: &Plan) -> Result<(), Failure> {

@@ -3,12 +3,12 @@
 
 use super::super::splat::Failure;
 use super::Options;
-use super::engine::Engine;
+use super::engine::{Engine, Haste};
 use super::path::Flight;
 use crate::color::composite::{Image, color_error, composite_at};
 use crate::color::output;
 use crate::color::transfer::TransferFunction;
-use crate::mode::{Plan, Raw};
+use crate::mode::Raw;
 use crate::picture::Subject;
 use serde::Serialize;
 
@@ -22,7 +22,7 @@ pub struct Check {
     /// Largest difference of a pixel of the picture that streamed in and of the one that was waited for, relative to the
     /// brightest one.
     pub difference: f64,
-    /// Mean colour error, of 255, of the flight's picture of that place, a sample, from that of everything in view.
+    /// Mean colour error, of 255, of the flight's picture of that place, clusters or a sample, from that of everything in view.
     pub color_error: f64,
     /// Splats over a pixel, mean and most: of what the flight draws, and of everything in view; none of light.
     pub overdraw: Option<[(f64, u32); 2]>,
@@ -64,6 +64,7 @@ pub fn check(
     engine.fly(&mut streamer, flight, (seconds - RUN_UP).max(0.0), seconds)?;
     let view = flight.view(seconds, engine.size.0, engine.size.1)?;
     let streamed = engine.converge(&mut streamer, &view)?;
+    let (in_motion, stands_in) = engine.select(&mut streamer, &view, Haste::Moves(engine.frame_ms));
     drop(streamer);
     let waited = engine.waited(&view)?;
     let brightest = values(&waited).iter().copied().fold(0.0_f32, f32::max);
@@ -71,28 +72,30 @@ pub fn check(
     let differences = pairs.map(|(a, b)| f64::from((a - b).abs()));
     let difference = differences.fold(0.0, f64::max) / f64::from(brightest.max(f32::MIN_POSITIVE));
 
-    let governed = engine.governed(&view, &streamed.selection, engine.frame_ms).0;
-    let everything = Plan { culling: engine.plan.culling, ..Plan::default() };
-    let plans = [(governed, ""), (everything, "-whole")];
+    let everything = engine.everything();
+    let (governed, in_motion) = match stands_in {
+        true => (everything, &in_motion.nodes),
+        false => (engine.governed(&view, &streamed.selection, engine.frame_ms).0, &streamed.selection.nodes),
+    };
+    let drawn = [(governed, in_motion, ""), (everything, &streamed.selection.nodes, "-whole")];
     let name = |what: &str, kind: &str| options.folder().join(format!("{what}-{backend}-{seconds:.0}s{kind}.png"));
-    let nodes = &streamed.selection.nodes;
     let preset = options.mode.transfer[usize::from(engine.depiction.attribute.is_some())];
     let transfer = TransferFunction::preset(preset).unwrap_or_default();
     // Sums have no use for a diameter.
     let subject = Subject::new(engine.tree.metadata(), &engine.depiction, &transfer, 0.0);
     let mut overdraw = (!options.mode.is_light()).then_some([(0.0, 0); 2]);
-    for (&(plan, kind), out) in plans.iter().zip(overdraw.iter_mut().flatten()) {
+    for (&(plan, nodes, kind), out) in drawn.iter().zip(overdraw.iter_mut().flatten()) {
         let counted = subject.overdraw(&view, &subject.decode(&view, nodes, &plan), &plan)?;
         output::write_png(&name("overdraw", kind), &counted.image())?;
         *out = (counted.mean(), counted.max());
     }
-    let mut pictures = Vec::with_capacity(plans.len());
-    for (plan, _) in &plans {
+    let mut pictures = Vec::with_capacity(drawn.len());
+    for (plan, nodes, _) in &drawn {
         engine.canvas.draw(&view, nodes, plan)?;
         pictures.push(engine.canvas.picture()?);
     }
     let images: Vec<_> = pictures.iter().map(|picture| image(picture, &pictures[1], &transfer)).collect();
-    for (image, (_, kind)) in images.iter().zip(plans) {
+    for (image, (_, _, kind)) in images.iter().zip(drawn) {
         output::write_png(&name("flight", kind), image)?;
     }
     let color_error = color_error(&images[0], &images[1]).0;

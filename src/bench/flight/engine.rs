@@ -5,10 +5,11 @@ use super::canvas::Canvas;
 use super::path::Flight;
 use super::series::Frame;
 use crate::color::transfer::TransferFunction;
-use crate::hierarchy::Purpose;
 use crate::mode::{Depiction, LodBudget, Plan, Raw};
 use crate::picture::Subject;
 use crate::picture::drawing_cost::{self, DrawingCost, SampleSizes};
+use crate::picture::splat_budget::SplatBudget;
+use crate::picture::stand_in::{Limit, StandIn, Wanted};
 use crate::store::Tree;
 use crate::stream::{Scene, SceneSelection, StreamOptions, Streamer};
 use crate::view::View;
@@ -35,10 +36,37 @@ pub struct Engine<'a> {
     pub frame_ms: Option<f64>,
     /// What drawing has cost so far.
     pub drawing_cost: DrawingCost,
+    /// How many splats of clusters there is time for.
+    pub splat_budget: SplatBudget,
+    /// What stands in for what there is no time for.
+    pub stand_in: StandIn,
+    /// Milliseconds that a frame's selection takes, smoothed.
+    pub selecting_ms: f64,
     /// The backend that draws.
     pub canvas: &'a mut dyn Canvas,
     /// What there is to tell about pages that cannot be read.
     pub messages: Vec<String>,
+}
+
+/// How much time a frame has.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Haste {
+    /// The view moves, and a frame has so many milliseconds, if that is limited.
+    Moves(Option<f64>),
+    /// The view rests, and this is a picture on the way to the converged one.
+    OnTheWay,
+    /// The view rests, and everything that is there is drawn.
+    Rests,
+}
+
+impl Haste {
+    fn frame_ms(self) -> Option<f64> {
+        match self {
+            Haste::Moves(frame_ms) => frame_ms,
+            Haste::OnTheWay => Some(ON_THE_WAY_MS),
+            Haste::Rests => None,
+        }
+    }
 }
 
 /// A view that has converged.
@@ -66,7 +94,7 @@ impl Engine<'_> {
         streamer
     }
 
-    /// Streams and draws one frame, as much of it as `frame_ms` allows; never waits for a page.
+    /// Streams and draws one frame, as much of it as there is time for; never waits for a page.
     ///
     /// # Errors
     /// What the canvas reports.
@@ -74,7 +102,7 @@ impl Engine<'_> {
         &mut self,
         streamer: &mut Streamer,
         view: &View,
-        frame_ms: Option<f64>,
+        haste: Haste,
     ) -> Result<(Frame, SceneSelection), Failure> {
         let start = Instant::now();
         let arrivals = streamer.arrive();
@@ -82,20 +110,27 @@ impl Engine<'_> {
         let copied = streamer.copies.as_ref().map_or(0, |copies| copies.copied_bytes());
         self.canvas.receive(streamer);
         let copied = streamer.copies.as_ref().map_or(0, |copies| copies.copied_bytes()) - copied;
-        let roots = streamer.roots(0..self.tree.metadata().families.len() as u32, Purpose::Splats, view.time);
-        let chosen = streamer.select(&self.depiction.selection_view(view), self.tau, &roots);
+        let (selection, stands_in) = self.select(streamer, view, haste);
         streamer.serve();
         streamer.take_evicted();
         self.canvas.copy(streamer);
-        let selection = SceneSelection::of(streamer, view, self.tau, &chosen);
-        let (plan, taken) = self.governed(view, &selection, frame_ms);
+        let (plan, taken) = match stands_in {
+            true => (self.everything(), selection.particles),
+            false => self.governed(view, &selection, haste.frame_ms()),
+        };
         let streamed = start.elapsed();
         self.canvas.draw(view, &selection.nodes, &plan)?;
-        self.drawing_cost.drew(taken, 1e3 * (start.elapsed() - streamed).as_secs_f64());
+        let drawing_ms = 1e3 * (start.elapsed() - streamed).as_secs_f64();
+        let streaming_ms = 1e3 * streamed.as_secs_f64();
+        match stands_in {
+            true => self.splat_budget.drew(taken, drawing_ms),
+            false => self.drawing_cost.drew(taken, drawing_ms),
+        }
+        self.selecting_ms += 0.5 * (streaming_ms - self.selecting_ms);
         let frame = Frame {
             seconds: 0.0,
             frame_ms: 1e3 * start.elapsed().as_secs_f64(),
-            streaming_ms: 1e3 * streamed.as_secs_f64(),
+            streaming_ms,
             main_bytes: streamer.residency.statistics().bytes,
             disk_bytes: arrivals.bytes,
             gpu_bytes: streamer.copies.as_ref().map_or(0, |copies| copies.bytes()),
@@ -104,11 +139,29 @@ impl Engine<'_> {
             taken,
             nodes: selection.nodes.len() as u64,
             missing: selection.missing as u64,
-            converged: selection.converged,
+            converged: selection.converged && (!stands_in || haste != Haste::OnTheWay),
             error_px: selection.error_pixels,
             prefetch_distance: streamer.prefetch_distance(),
         };
         Ok((frame, selection))
+    }
+
+    /// What a frame draws, and whether that is clusters in place of what there is no time for.
+    pub fn select(&mut self, streamer: &mut Streamer, view: &View, haste: Haste) -> (SceneSelection, bool) {
+        let families: Vec<u32> = (0..self.tree.metadata().families.len() as u32).collect();
+        let frame_ms = haste.frame_ms().filter(|_| self.canvas.draws_clusters());
+        let limit = frame_ms.map(|frame_ms| Limit {
+            splats: self.splat_budget.limit((frame_ms - self.selecting_ms).max(0.1 * frame_ms)),
+            moves: matches!(haste, Haste::Moves(_)),
+        });
+        let wanted = Wanted { depiction: &self.depiction, tau: self.tau, families: &families, limit };
+        let chosen = self.stand_in.select(streamer, view, &wanted);
+        (SceneSelection::of(streamer, view, chosen.detail, &chosen.selection), chosen.stands_in)
+    }
+
+    /// Of a selection everything is drawn.
+    pub fn everything(&self) -> Plan {
+        Plan { culling: self.plan.culling, ..Plan::default() }
     }
 
     /// What of a selection is drawn in so many milliseconds, and how many particles that takes (see [`drawing_cost::within`]).
@@ -143,14 +196,14 @@ impl Engine<'_> {
         let start = Instant::now();
         let mut first_picture = None;
         loop {
-            let (frame, selection) = self.frame(streamer, view, Some(ON_THE_WAY_MS))?;
+            let (frame, selection) = self.frame(streamer, view, Haste::OnTheWay)?;
             if first_picture.is_none() && !selection.nodes.is_empty() {
                 first_picture = Some(start.elapsed().as_secs_f64());
             }
             let is_full = streamer.copies.as_ref().is_some_and(|copies| copies.is_full());
             let is_stuck = !streamer.is_busy() && (streamer.uncopied().is_empty() || is_full);
             if frame.converged || is_stuck || start.elapsed() > PATIENCE {
-                let (frame, selection) = self.frame(streamer, view, None)?;
+                let (frame, selection) = self.frame(streamer, view, Haste::Rests)?;
                 let seconds = start.elapsed().as_secs_f64();
                 return Ok(Station {
                     first_picture: first_picture.unwrap_or(seconds),
@@ -178,7 +231,7 @@ impl Engine<'_> {
                 return Ok(frames);
             }
             let view = flight.view(seconds, self.size.0, self.size.1)?;
-            let (frame, _) = self.frame(streamer, &view, self.frame_ms)?;
+            let (frame, _) = self.frame(streamer, &view, Haste::Moves(self.frame_ms))?;
             frames.push(Frame { seconds, ..frame });
         }
     }

@@ -17,8 +17,10 @@ use crate::command_line::arguments::{PictureSize, bytes, mode_name, not_negative
 use crate::command_line::cache;
 use crate::command_line::progress_bar::TerminalProgress;
 use crate::import::LoadOptions;
-use crate::mode::{Depiction, LodBudget, Mode, Plan, Settings};
+use crate::mode::{Depiction, Levels, LodBudget, Mode, Plan, Settings};
 use crate::picture::drawing_cost::DrawingCost;
+use crate::picture::splat_budget::SplatBudget;
+use crate::picture::stand_in::StandIn;
 use crate::store::{PageFile, Tree};
 use crate::stream::{CopyOptions, StreamOptions, first_frame};
 use crate::synth::cosmology::{Cosmology, DEFAULT_EDGE};
@@ -77,6 +79,10 @@ pub struct Options {
     /// Milliseconds that a frame may take to draw: the sample becomes as small as that needs; 0: no limit.
     #[arg(long, value_name = "MS", default_value_t = 0.0, value_parser = not_negative)]
     pub frame_ms: f64,
+    /// What is drawn while the time of a frame is limited: clusters of files that have them (auto, clusters), or a sample of the
+    /// splats.
+    #[arg(long, value_name = "LEVELS", value_enum, default_value_t)]
+    pub levels: Levels,
     /// Also fly without each of what saves work: particles that are merged or left out of coarse levels (where the data is
     /// generated), presence acceleration, culling of single particles, samples, prefetching.
     #[arg(long)]
@@ -117,6 +123,9 @@ impl Options {
             plan: Plan::default(),
             frame_ms: (self.frame_ms > 0.0).then_some(self.frame_ms),
             drawing_cost: DrawingCost::default(),
+            splat_budget: SplatBudget::default(),
+            stand_in: StandIn::default(),
+            selecting_ms: 0.0,
             messages: Vec::new(),
         }
     }
@@ -258,7 +267,8 @@ fn with_canvas<T>(
     let fov_y = 45_f64.to_radians();
     let view = View::around(frame, fov_y, width, height)?;
     let flight = Flight::through(frame, options.velocity, options.duration, fov_y);
-    let depiction = Depiction::new(options.mode, Settings::default(), None, metadata)?;
+    let mut depiction = Depiction::new(options.mode, Settings::default(), None, metadata)?;
+    depiction.choice.levels = options.levels;
     let opening = at.elapsed();
     let (bytes, file) = (file.bytes(), file as Arc<dyn Tree>);
     let mut canvas = options.canvas(backend, &file, &depiction, &view)?;

@@ -41,7 +41,7 @@ pub fn is_of_levels(name: &str) -> bool {
 }
 
 /// Which levels a picture is drawn from.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
 pub enum Levels {
     /// Clusters where the file has them and a budget is set, else merged particles.
     #[default]

@@ -20,6 +20,8 @@ pub mod ranges;
 mod sampling_error;
 pub mod session;
 pub mod source;
+pub mod splat_budget;
+pub mod stand_in;
 pub mod subject;
 mod times;
 

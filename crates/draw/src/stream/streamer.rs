@@ -67,6 +67,8 @@ pub struct Streamer {
     /// Views that are known to come, as of a tour or of time that goes on, and the roots below which each looks, the next one first: what
     /// they need is read ahead of time too, of each once all is there that those before it need.
     pub upcoming: Vec<(View, Vec<NodeRef>)>,
+    /// In what detail, and below which roots, pages are read ahead of time, where that is not what frames select for.
+    pub goal: Option<(Detail, Vec<NodeRef>)>,
     loader: Loader,
     options: StreamOptions,
     pace: Pace,
@@ -94,6 +96,7 @@ impl Streamer {
             copies: None,
             occluder: None,
             upcoming: Vec::new(),
+            goal: None,
             loader: Loader::new(tree, options.in_flight, options.stall),
             options,
             pace: Pace::default(),
@@ -174,6 +177,7 @@ impl Streamer {
         if self.options.prefetch && self.walked.is_none_or(|then| now >= then + WALK) {
             self.walked = Some(now);
             let (distance, pages) = (self.prefetch_distance(), self.options.ahead.pages);
+            let (detail, roots) = self.goal.as_ref().map_or((detail, roots), |(detail, roots)| (*detail, &roots[..]));
             self.ahead = ahead(view, detail, (distance, true), pages, &self.residency, roots);
             for (next, roots) in &self.upcoming {
                 let next = ahead(next, detail, (0.0, false), pages, &self.residency, roots);
@@ -190,6 +194,12 @@ impl Streamer {
         }
         let tree = Drawable { residency: &self.residency, copies: self.copies.as_ref() };
         let selection = select_unhidden(view, detail, self.occluder.as_deref(), &tree, roots);
+        self.ask(&selection);
+        selection
+    }
+
+    /// Uses what a selection has visited and asks for what it lacks, in place of what was asked for before.
+    pub fn ask(&mut self, selection: &Selection<NodeRef>) {
         let (to_copy, to_read): (Vec<NodeRef>, Vec<NodeRef>) =
             selection.missing.iter().map(|missing| missing.id).partition(|id| self.residency.page(id.page).is_some());
         // What waits for its copy is in use as much as what is drawn.
@@ -204,7 +214,6 @@ impl Streamer {
         self.residency.request(to_read);
         let mut seen = HashSet::new();
         self.uncopied = to_copy.iter().map(|id| id.page).filter(|page| seen.insert(*page)).collect();
-        selection
     }
 
     /// Begins to read what is missing. The pages that are being read from now on.

@@ -191,26 +191,26 @@ impl<Tree: NodeTree> Walk<'_, Tree> {
 struct Worth {
     /// Pixels for a length, where the node is nearest.
     scale: f64,
+    /// The same of the nearest of its children.
+    finer_scale: f64,
 }
 
 impl Worth {
     fn new(view: &View, extent: &Extent) -> Worth {
-        let scale = match view.projection {
-            Projection::Orthographic { .. } => view.focal_pixels(),
+        let [scale, finer_scale] = match view.projection {
+            Projection::Orthographic { .. } => [view.focal_pixels(); 2],
             // What the eye is in is worth refining, yet not without end.
             Projection::Perspective { .. } => {
-                let size = extent.bounds.size().max_element();
-                view.focal_pixels() / view.nearest_depth(extent).max(0.5 * size).max(f64::MIN_POSITIVE)
+                let (size, depth) = (extent.bounds.size().max_element(), view.nearest_depth(extent));
+                [0.5, 0.25].map(|share| view.focal_pixels() / depth.max(share * size).max(f64::MIN_POSITIVE))
             }
         };
-        Worth { scale }
+        Worth { scale, finer_scale }
     }
 
     /// That of the next split at a step: as much of the picture as is wrong without it.
     fn of(&self, step: &Step) -> f64 {
-        let hidden = PIXEL / (self.scale * self.scale);
-        let shows = step.scale / (step.scale + hidden);
-        (step.priority * self.scale * self.scale * shows).max(f64::MIN_POSITIVE).log2()
+        worth(step, self.scale)
     }
 
     /// That of drawing its children instead, for each splat.
@@ -221,7 +221,8 @@ impl Worth {
                 let more = info.source_particles.saturating_sub(info.particles).max(1) as f64;
                 self.of(last) + (info.particles as f64 / more).min(1.0).log2()
             }
-            Some(last) => self.of(last),
+            // A child that is nearer shows the same splits for what they are worth there, so that their numbers go on without a jump.
+            Some(last) => worth(last, self.finer_scale),
             None if info.delta.is_infinite() => f64::INFINITY,
             None => {
                 let pixels = info.delta * self.scale;
@@ -239,4 +240,11 @@ impl Worth {
         let count = count_at(steps, threshold, |step| self.of(step)) as u64;
         if count >= info.particles { info.particles } else { u64::from(whole_classes(count as u32)) }
     }
+}
+
+/// What the next split at a step is worth where a length takes `scale` pixels.
+fn worth(step: &Step, scale: f64) -> f64 {
+    let hidden = PIXEL / (scale * scale);
+    let shows = step.scale / (step.scale + hidden);
+    (step.priority * scale * scale * shows).max(f64::MIN_POSITIVE).log2()
 }

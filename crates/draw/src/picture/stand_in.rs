@@ -1,0 +1,107 @@
+//! What stands in for a view's splats while there is no time for all of them: clusters, within a number of splats.
+//!
+//! A view that moves shows clusters alone. One that rests shows them until all that its own detail asks for is there, and asks for
+//! that as soon as it has the clusters: something that deserves the name of a picture comes first, and the picture after it.
+
+use crate::hierarchy::Purpose;
+use crate::mode::{Conserved, Depiction, LevelChoice, Levels, Output};
+use crate::store::{Metadata, NodeRef};
+use crate::stream::Streamer;
+use crate::view::{Detail, Selection, View};
+use std::sync::Arc;
+
+/// What may be drawn while there is no time for all of a view.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Limit {
+    /// Splats at most.
+    pub splats: u64,
+    /// Whether the view moves: then what it would show at rest is not looked for.
+    pub moves: bool,
+}
+
+/// What is wanted of a view.
+#[derive(Clone, Copy)]
+pub struct Wanted<'a> {
+    /// The mode and its settings.
+    pub depiction: &'a Depiction,
+    /// Largest displacement of what is drawn at rest, pixels.
+    pub tau: f64,
+    /// Indices of the families in the file's metadata.
+    pub families: &'a [u32],
+    /// What there is time for; `None`: all of it.
+    pub limit: Option<Limit>,
+}
+
+/// What a frame draws.
+#[derive(Clone, Debug)]
+pub struct Chosen {
+    /// The nodes.
+    pub selection: Selection<NodeRef>,
+    /// In what detail they were chosen.
+    pub detail: Detail,
+    /// What its inner nodes are made for.
+    pub purpose: Purpose,
+    /// Whether they stand in for what was wanted: then the picture is not the view's own, converged or not.
+    pub stands_in: bool,
+}
+
+/// Whether clusters of a file may stand in for what a depiction draws of it. Their shapes are those of their mass: where density counts
+/// twice, a sample of the particles is closer to the picture (`docs/results.md`), so that clusters have to be asked for.
+pub fn has_stand_in(depiction: &Depiction, metadata: &Metadata) -> bool {
+    let suits = match depiction.choice.levels {
+        Levels::Auto => depiction.mode.conserves != Conserved::MassDensity,
+        Levels::Splats => false,
+        Levels::Clusters => true,
+    };
+    suits && depiction.mode.technique.output() == Output::Sums && metadata.has_clusters()
+}
+
+/// What stands in from frame to frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct StandIn {
+    /// Whether what the view's own detail needs was asked for.
+    has_asked: bool,
+}
+
+impl StandIn {
+    /// Starts a frame: chooses what a view draws from what is in memory, and asks for what it lacks. What cannot be had is not waited for:
+    /// then the view's own detail is shown as far as it is there.
+    pub fn select(&mut self, streamer: &mut Streamer, view: &View, wanted: &Wanted<'_>) -> Chosen {
+        let Wanted { depiction, tau, families, limit } = *wanted;
+        let tree = Arc::clone(streamer.residency.tree());
+        let metadata = tree.metadata();
+        let seen = depiction.selection_view(view);
+        let (purpose, detail) = (depiction.purpose(metadata), depiction.detail(view, tau, metadata));
+        let roots = streamer.roots(families.iter().copied(), purpose, view.time);
+        let own = |selection| Chosen { selection, detail, purpose, stands_in: false };
+        let limit = limit.filter(|_| has_stand_in(depiction, metadata));
+        // What comes next is read ahead for a view that rests there.
+        streamer.goal = limit.map(|_| (detail, roots.clone()));
+        let Some(limit) = limit else {
+            self.has_asked = false;
+            return own(streamer.select(&seen, detail, &roots));
+        };
+        let is_stuck = self.has_asked && !streamer.is_busy();
+        let at_rest = (!limit.moves).then(|| streamer.select(&seen, detail, &roots));
+        if let Some(selection) = at_rest.as_ref().filter(|selection| is_stuck || selection.is_converged()) {
+            return own(selection.clone());
+        }
+        let few = within(depiction, limit.splats);
+        let (purpose, detail) = (few.purpose(metadata), few.detail(view, tau, metadata));
+        let roots = streamer.roots(families.iter().copied(), purpose, view.time);
+        let selection = streamer.select(&seen, detail, &roots);
+        let at_rest = at_rest.filter(|_| selection.is_converged());
+        self.has_asked = at_rest.is_some();
+        if let Some(at_rest) = at_rest {
+            streamer.ask(&at_rest);
+        }
+        Chosen { selection, detail, purpose, stands_in: true }
+    }
+}
+
+/// The same from clusters, within so many splats.
+fn within(depiction: &Depiction, splats: u64) -> Depiction {
+    let splats = Some(depiction.choice.splats.map_or(splats, |own| own.min(splats)));
+    let choice = LevelChoice { levels: Levels::Clusters, splats, ..depiction.choice };
+    Depiction { choice, ..depiction.clone() }
+}
