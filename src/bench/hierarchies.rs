@@ -15,7 +15,7 @@ use crate::cpu::{Extent, Method, Positions, SplatOptions, Splats, draw};
 use crate::hierarchy::Purpose;
 use crate::look::{DataKind, LookPatch, Member};
 use crate::mode::{Conserved, Depiction, LevelChoice, Levels as LevelKind, Plan, Settings};
-use crate::model::{Bounds, Dataset, Kernel};
+use crate::model::{Bounds, Covariance, Dataset, Kernel};
 use crate::modes::column_density;
 use crate::picture::level_report::bound;
 use crate::picture::source::{Wanted, particles};
@@ -31,13 +31,14 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// The hierarchies, and what each is.
-pub const KINDS: [(&str, &str); 7] = [
+pub const KINDS: [(&str, &str); 8] = [
     ("sample", "an even sample of the particles"),
     ("octree-tau", "merged particles within 0.8 pixels"),
     ("octree", "merged particles, best first"),
     ("octree-volume", "round splats of equal spread in octree cells"),
     ("pca", "clusters with their second moments"),
     ("pca-round", "the same, drawn round"),
+    ("pca-free", "the same of a tree that no octree cuts, uncoded"),
     ("pca-published", "HE03: splits by distortion, sizes by equation 2"),
 ];
 
@@ -45,7 +46,7 @@ pub const KINDS: [(&str, &str); 7] = [
 #[derive(clap::Args, Clone, Debug)]
 #[group(id = "bench-hierarchies")]
 pub struct Options {
-    /// Hierarchies that `bench hierarchies` compares: sample, octree-tau, octree, octree-volume, pca, pca-round, pca-published.
+    /// Hierarchies that `bench hierarchies` compares: sample, octree-tau, octree, octree-volume, pca, pca-round, pca-free, pca-published.
     #[arg(long, value_name = "NAME,...", value_delimiter = ',', value_parser = KINDS.map(|(name, _)| name),
           default_values = KINDS.map(|(name, _)| name))]
     pub hierarchies: Vec<String>,
@@ -335,8 +336,12 @@ impl<'a> Bench<'a> {
             "octree" => self.paged(choice(LevelKind::Splats, ellipsoid, Some(budget)), view, 0.8, Plan::default()),
             "pca" => self.paged(choice(LevelKind::Clusters, ellipsoid, Some(budget)), view, 0.8, Plan::default()),
             "pca-round" => self.paged(choice(LevelKind::Clusters, round, Some(budget)), view, 0.8, Plan::default()),
-            "octree-volume" => Ok(self.of_splats(&in_memory::in_cells(&self.splats, budget as usize), view)?),
-            _ => Ok(self.of_splats(&in_memory::published(&self.splats, budget as usize, self.kernel), view)?),
+            "octree-volume" => Ok(self.of_splats(&in_memory::in_cells(&self.splats, budget as usize), None, view)?),
+            "pca-free" => {
+                let (splats, covariances) = in_memory::free(&self.splats, budget as usize, self.kernel);
+                Ok(self.of_splats(&splats, Some(&covariances), view)?)
+            }
+            _ => Ok(self.of_splats(&in_memory::published(&self.splats, budget as usize, self.kernel), None, view)?),
         }
     }
 
@@ -372,12 +377,13 @@ impl<'a> Bench<'a> {
         Ok(Drawn { sums, splats, nodes, select_ms: Some(select_ms), times, error_bound })
     }
 
-    /// Draws splats that are in memory.
-    fn of_splats(&self, splats: &[Splat], view: &View) -> Result<Drawn, Failure> {
+    /// Draws splats that are in memory, ellipsoids where they have second moments.
+    fn of_splats(&self, splats: &[Splat], shapes: Option<&[Covariance]>, view: &View) -> Result<Drawn, Failure> {
         let positions: Vec<[f64; 3]> = splats.iter().map(|splat| splat.place).collect();
         let h: Vec<f32> = splats.iter().map(|splat| splat.smoothing_length as f32).collect();
         let weight: Vec<f32> = splats.iter().map(|splat| splat.mass as f32).collect();
-        let batch = Splats::new(Positions::World(&positions), Extent::World(&h), &weight, None)?;
+        let extent = shapes.map_or(Extent::World(&h), Extent::Ellipsoids);
+        let batch = Splats::new(Positions::World(&positions), extent, &weight, None)?;
         let options = SplatOptions { kernel: self.kernel, method: Method::Pyramid, ..SplatOptions::default() };
         let (mut times, mut sums) = (Vec::new(), Accumulation::default());
         for _ in 0..self.arguments.repeat {

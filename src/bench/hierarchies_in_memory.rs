@@ -1,7 +1,7 @@
 //! Simplifications of particles that no page file holds, for comparison: octree cells, and the paper's own clusters (HE03).
 
 use crate::hierarchy::pca::{Members, SplitRule, members::trace, split};
-use crate::model::Kernel;
+use crate::model::{Covariance, Kernel};
 use crate::store::Metadata;
 use crate::stream::SceneNode;
 use std::cmp::Ordering;
@@ -158,6 +158,19 @@ pub fn published(splats: &[Splat], most: usize, kernel: Kernel) -> Vec<Splat> {
     (0..clusters.len()).map(one).collect()
 }
 
+/// Clusters of a tree that no octree cuts: splits of all particles by what shows most, each cluster an ellipsoid with its second moments.
+pub fn free(splats: &[Splat], most: usize, kernel: Kernel) -> (Vec<Splat>, Vec<Covariance>) {
+    let members = members_of(splats, kernel.variance());
+    let splitting = split(&members, SplitRule::Relative, most);
+    let clusters = members.merged(&splitting, &[]);
+    let one = |i: usize| {
+        let h = (trace(&clusters.moments[i]) / 3.0 / kernel.variance()).sqrt();
+        let splat = Splat { place: clusters.places[i], mass: clusters.mass[i], smoothing_length: h };
+        (splat, Covariance(clusters.moments[i].map(|moment| moment as f32)))
+    };
+    (0..clusters.len()).map(one).unzip()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -177,12 +190,13 @@ mod tests {
     fn simplifications_keep_mass_and_numbers() {
         let splats = some(2000);
         let mass: f64 = splats.iter().map(|splat| splat.mass).sum();
-        for few in [in_cells(&splats, 100), published(&splats, 100, Kernel::CubicSpline)] {
+        let kernel = Kernel::CubicSpline;
+        for few in [in_cells(&splats, 100), published(&splats, 100, kernel), free(&splats, 100, kernel).0] {
             assert!(few.len() <= 100 && few.len() > 80, "{}", few.len());
             assert!((few.iter().map(|splat| splat.mass).sum::<f64>() / mass - 1.0).abs() < 1e-12);
             assert!(few.iter().all(|splat| splat.smoothing_length >= 0.02));
         }
-        for all in [in_cells(&splats, 4000), published(&splats, 4000, Kernel::CubicSpline)] {
+        for all in [in_cells(&splats, 4000), published(&splats, 4000, kernel), free(&splats, 4000, kernel).0] {
             assert_eq!(all.len(), splats.len());
             assert!(all.iter().all(|splat| (splat.smoothing_length / 0.02 - 1.0).abs() < 1e-9));
         }

@@ -33,6 +33,7 @@ mod pictures {
     mod periodic;
     mod runs;
     mod session;
+    mod stand_in;
 }
 mod panoramas;
 mod projections;

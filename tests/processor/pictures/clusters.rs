@@ -107,6 +107,19 @@ fn more_splats_are_nearer_to_the_particles_and_budgets_are_kept() {
 }
 
 #[test]
+fn budgets_are_used_from_within_the_data_too() {
+    let data = data();
+    let bounds = data.file.metadata().bounds();
+    let eye = bounds.center();
+    let ahead = eye + DVec3::new(0.62, 0.37, 0.69);
+    let view = View::look_at(eye, ahead, DVec3::Y, Projection::Perspective { fov_y: 0.8 }, 300, 200).unwrap();
+    for splats in [1000, 1500, 2250, 3400, 5000, 7600, 11_000, 17_000] {
+        let drawn = data.clusters(&view, splats).splats;
+        assert!(drawn <= splats && drawn >= splats * 9 / 10, "{drawn} of {splats}");
+    }
+}
+
+#[test]
 fn mass_and_centre_are_kept_at_any_number() {
     let data = data();
     let metadata = data.file.metadata();

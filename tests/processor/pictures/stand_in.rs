@@ -1,0 +1,145 @@
+//! What stands in for a view's splats while there is no time for all of them (clusters), and what comes after it.
+
+use crate::support::demo;
+use deepfield::build::{BuildOptions, Hierarchies, build_source};
+use deepfield::hierarchy::Purpose;
+use deepfield::import::LoadOptions;
+use deepfield::mode::{Depiction, Levels, Mode, Settings};
+use deepfield::modes::{column_density, density_squared};
+use deepfield::picture::stand_in::{Chosen, Limit, StandIn, Wanted};
+use deepfield::store::{NodeRef, PageFile, Tree};
+use deepfield::stream::{StreamOptions, Streamer};
+use deepfield::view::View;
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Duration;
+
+const SPLATS: u64 = 4000;
+const TAU: f64 = 0.8;
+
+fn built(folder: &Path) -> Arc<PageFile> {
+    let path = folder.join("clusters.df");
+    let hierarchies = Hierarchies { octree: true, pca: true };
+    let options = BuildOptions { hierarchies, ..BuildOptions::default() };
+    build_source(&demo(), &LoadOptions::default(), &options, &path, &()).unwrap();
+    Arc::new(PageFile::open(&path).unwrap())
+}
+
+/// A window without a window.
+struct Frames {
+    streamer: Streamer,
+    stand_in: StandIn,
+    depiction: Depiction,
+    families: Vec<u32>,
+    view: View,
+}
+
+impl Frames {
+    fn new(file: &Arc<PageFile>, mode: &'static Mode, levels: Levels, budget: u64) -> Frames {
+        let metadata = file.metadata();
+        let mut depiction = Depiction::new(mode, Settings::default(), None, metadata).unwrap();
+        depiction.choice.levels = levels;
+        let options = StreamOptions { budget, prefetch: false, ..StreamOptions::default() };
+        let families = (0..metadata.families.len() as u32).collect();
+        let view = View::around(metadata.bounds(), 0.8, 640, 480).unwrap();
+        let streamer = Streamer::new(Arc::clone(file), options);
+        Frames { streamer, stand_in: StandIn::default(), depiction, families, view }
+    }
+
+    fn next(&mut self, limit: Option<Limit>) -> Chosen {
+        self.streamer.arrive();
+        let Frames { depiction, families, view, .. } = self;
+        let wanted = Wanted { depiction, tau: TAU, families, limit };
+        let chosen = self.stand_in.select(&mut self.streamer, view, &wanted);
+        self.streamer.serve();
+        self.streamer.take_evicted();
+        if self.streamer.is_busy() {
+            self.streamer.wait(Duration::from_millis(20));
+        }
+        chosen
+    }
+
+    /// Frames until one is as it is asked for.
+    fn until(&mut self, limit: Option<Limit>, what: impl Fn(&Chosen) -> bool) -> Vec<Chosen> {
+        let mut frames = Vec::new();
+        loop {
+            frames.push(self.next(limit));
+            if what(&frames[frames.len() - 1]) {
+                return frames;
+            }
+            assert!(frames.len() < 5000, "{:?}", frames.last());
+        }
+    }
+}
+
+fn moving() -> Option<Limit> {
+    Some(Limit { splats: SPLATS, moves: true })
+}
+
+fn resting() -> Option<Limit> {
+    Some(Limit { splats: SPLATS, moves: false })
+}
+
+fn drawn(chosen: &Chosen) -> Vec<NodeRef> {
+    chosen.selection.draw.iter().map(|drawn| drawn.id).collect()
+}
+
+#[test]
+fn a_view_that_moves_shows_clusters_and_one_that_rests_its_own_splats_after_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = built(folder.path());
+    let mut frames = Frames::new(&file, &column_density::MODE, Levels::Auto, u64::MAX);
+    let there = |chosen: &Chosen| chosen.selection.is_converged();
+    let motion = frames.until(moving(), there);
+    let last = &motion[motion.len() - 1];
+    assert!(motion.iter().all(|chosen| chosen.stands_in && chosen.selection.particles() <= SPLATS));
+    assert!(last.purpose == Purpose::Clusters && last.selection.particles() >= SPLATS * 95 / 100);
+    // Of the view's own levels nothing was asked for.
+    let root = file.roots(&frames.families, Purpose::Splats, 0.0)[0].page;
+    assert!(frames.streamer.residency.page(root).is_none());
+    let rest = frames.until(resting(), |chosen| !chosen.stands_in);
+    let (own, on_the_way) = rest.split_last().unwrap();
+    assert!(!on_the_way.is_empty() && on_the_way.iter().all(|chosen| chosen.stands_in && there(chosen)));
+    assert!(there(own) && own.purpose == Purpose::Splats && own.selection.particles() > SPLATS);
+    // As it would be without clusters, and again clusters as soon as it moves.
+    assert_eq!(drawn(own), drawn(&frames.next(None)));
+    assert!(frames.next(moving()).stands_in && !frames.next(resting()).stands_in);
+    assert_eq!(drawn(last), drawn(&frames.next(moving())));
+}
+
+#[test]
+fn a_view_that_has_just_opened_shows_clusters_first() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = built(folder.path());
+    let mut frames = Frames::new(&file, &column_density::MODE, Levels::Auto, u64::MAX);
+    let opening = frames.until(resting(), |chosen| !chosen.stands_in);
+    let complete = opening.iter().position(|chosen| chosen.selection.is_converged()).unwrap();
+    assert!(opening[complete].stands_in && complete + 1 < opening.len());
+    assert!(opening[opening.len() - 1].selection.is_converged());
+}
+
+#[test]
+fn what_cannot_be_had_is_not_waited_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = built(folder.path());
+    // Room for the clusters, and not for all leaves.
+    let all: u64 = (0..file.page_count()).map(|page| file.page_memory(deepfield::store::PageId(page))).sum();
+    let mut frames = Frames::new(&file, &column_density::MODE, Levels::Auto, all / 2);
+    let frames = frames.until(resting(), |chosen| !chosen.stands_in);
+    let last = &frames[frames.len() - 1];
+    assert!(last.purpose == Purpose::Splats && !last.selection.is_converged() && !last.selection.draw.is_empty());
+}
+
+#[test]
+fn clusters_stand_in_where_they_are_wanted_and_suit() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = built(folder.path());
+    let stands_in = |mode, levels| Frames::new(&file, mode, levels, u64::MAX).next(moving()).stands_in;
+    let (mass, twice) = (&column_density::MODE, &density_squared::MODE);
+    assert!(stands_in(mass, Levels::Auto) && stands_in(mass, Levels::Clusters) && !stands_in(mass, Levels::Splats));
+    assert!(!stands_in(twice, Levels::Auto) && stands_in(twice, Levels::Clusters));
+    let plain = folder.path().join("plain.df");
+    build_source(&demo(), &LoadOptions::default(), &BuildOptions::default(), &plain, &()).unwrap();
+    let plain = Arc::new(PageFile::open(&plain).unwrap());
+    assert!(!Frames::new(&plain, mass, Levels::Auto, u64::MAX).next(moving()).stands_in);
+}
