@@ -193,7 +193,8 @@ mod tests {
         for (i, blob) in blobs.iter().enumerate() {
             assert_eq!(*spill.get(blob).unwrap(), content(i));
         }
-        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+        // Where files need no names there is none to be seen.
+        assert!(std::fs::read_dir(folder.path()).unwrap().count() <= 1);
         let room = spill.room.load(Ordering::Relaxed);
         blobs.into_iter().for_each(|blob| spill.forget(blob));
         assert!(room < 200 && spill.room.load(Ordering::Relaxed) == 1000);
