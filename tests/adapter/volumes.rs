@@ -408,7 +408,8 @@ fn wide_kernels_go_to_the_cpus_coarser_grids() {
     let view = near([1.5, 1.3, 3.6], 160, 120);
     let prepared = prepare(&view, &[cloud.batch()], &options).unwrap();
     let mut of_level = vec![0; prepared.levels.len()];
-    prepared.particles.chunks.iter().flatten().for_each(|particle| of_level[prepared.level_of(particle)] += 1);
+    let bodies = (0..prepared.particles.chunks.len()).flat_map(|chunk| prepared.particles.bodies(chunk));
+    bodies.for_each(|body| of_level[prepared.level_of(&body)] += 1);
     println!("particles of each level: {of_level:?}");
     assert!(of_level.len() >= 4 && of_level.iter().all(|particles| *particles > 0), "{of_level:?}");
     // What coarser grids are wrong by shows: the picture without them differs by more than what is allowed below.

@@ -60,6 +60,42 @@ impl Ellipsoid {
         Ellipsoid { axes: cholesky(matrix).unwrap_or(self.axes), ..*self }
     }
 
+    /// The same with every length multiplied by `factor`.
+    pub fn scaled(&self, factor: f64) -> Ellipsoid {
+        Ellipsoid { axes: factor * self.axes, ..*self }
+    }
+
+    /// The same with principal semi-axes of at least `least`, and its shortest semi-axis then.
+    ///
+    /// A maximum along each principal axis, not a sum of squares: a ball becomes the ball that the same rule makes of it, and what is long
+    /// enough keeps its length.
+    pub fn at_least(&self, least: f64) -> (Ellipsoid, f64) {
+        let matrix = self.matrix();
+        let covariance = Covariance::of(matrix);
+        if covariance.trace() <= least * least {
+            return (Ellipsoid { axes: DMat3::from_diagonal(DVec3::splat(least)), ..*self }, least);
+        }
+        let (values, axes) = covariance.principal();
+        let radii = values.max(DVec3::ZERO).map(f64::sqrt);
+        match radii.z < least {
+            true => {
+                let axes = axes * DMat3::from_diagonal(radii.max(DVec3::splat(least)));
+                (Ellipsoid { axes, ..*self }, least)
+            }
+            false => (*self, radii.z),
+        }
+    }
+
+    /// Volume over that of the unit ball: the product of the semi-axes.
+    pub fn volume(&self) -> f64 {
+        self.axes.determinant().abs()
+    }
+
+    /// How far it reaches from its centre along a direction of camera space, in units of the direction's length times world units.
+    pub fn reach(&self, direction: DVec3) -> f64 {
+        (self.axes.transpose() * direction).length()
+    }
+
     /// Factors of `adj(M)`: the columns of `L`'s cofactors.
     fn cofactors(&self) -> DMat3 {
         let [a, b, c] = [self.axes.x_axis, self.axes.y_axis, self.axes.z_axis];

@@ -206,18 +206,22 @@ impl Lens {
         if xx == yy && yy == zz && [xy, xz, yz] == [0.0; 3] {
             return self.ball(camera, (f64::from(xx) / variance).sqrt(), weights);
         }
-        let ellipsoid = Ellipsoid::of(covariance, variance, camera, &self.view)?;
+        self.ellipsoid(Ellipsoid::of(covariance, variance, camera, &self.view)?, variance, weights)
+    }
+
+    /// The footprint of an ellipsoid of a kernel with this variance, of these weights; `None` when it cannot be drawn.
+    pub fn ellipsoid(&self, ellipsoid: Ellipsoid, variance: f64, weights: [f64; 2]) -> Option<Footprint> {
         match self.view.projection {
             Projection::Orthographic { .. } => {
-                let ellipse = ellipsoid.parallel_image(self.center(camera)?, self.focal)?;
+                let ellipse = ellipsoid.parallel_image(self.center(ellipsoid.camera)?, self.focal)?;
                 Footprint::ellipse(ellipse, weights.map(|weight| weight * self.focal * self.focal))
             }
-            Projection::Perspective { .. } => self.ellipsoid(ellipsoid, variance, weights),
+            Projection::Perspective { .. } => self.ellipsoid_through_pinhole(ellipsoid, variance, weights),
         }
     }
 
     /// The footprint of an ellipsoid in a perspective view.
-    fn ellipsoid(&self, ellipsoid: Ellipsoid, variance: f64, weights: [f64; 2]) -> Option<Footprint> {
+    fn ellipsoid_through_pinhole(&self, ellipsoid: Ellipsoid, variance: f64, weights: [f64; 2]) -> Option<Footprint> {
         let image = self.far_image(&ellipsoid, variance)?;
         let [horizontal, vertical] = [0, 1].map(|axis| ellipsoid.slopes(axis).map(|slope| slope * self.focal));
         let [x, y] = self.middle;
@@ -261,6 +265,15 @@ impl Lens {
             Projection::Orthographic { .. } => self.focal,
         };
         Some([self.middle[0] + camera.x * scale, self.middle[1] - camera.y * scale])
+    }
+
+    /// The line of sight at a point of the picture (pixels): a point of it at depth 0 in camera space, and what it moves by with depth.
+    pub fn sight(&self, point: [f64; 2]) -> (DVec3, DVec3) {
+        let [x, y] = [point[0] - self.middle[0], self.middle[1] - point[1]].map(|at| at / self.focal);
+        match self.view.projection {
+            Projection::Perspective { .. } => (DVec3::ZERO, DVec3::new(x, y, 1.0)),
+            Projection::Orthographic { .. } => (DVec3::new(x, y, 0.0), DVec3::Z),
+        }
     }
 
     /// The tangent of the angle between the view's axis and a point of the picture (pixels), as a vector.
@@ -393,16 +406,17 @@ impl Lens {
         (row.curvature * along * along + row.offset) / (row.depth + u * u)
     }
 
+    /// The factor on the footprint's amplitude that the ray at `x` of a row (pixels) has of its own: 1 but for ellipsoids in perspective.
+    pub fn ray_factor(&self, row: &Row, x: f64) -> f64 {
+        let Some(depth) = row.ray else { return 1.0 };
+        let [middle, rate] = self.ray();
+        let (own, u) = ((x - row.axis) * row.slope, (x - middle) * rate);
+        ((depth + u * u) / (row.depth + own * own)).sqrt()
+    }
+
     /// `P` at `x` of a row, pixels, in units of the footprint's amplitude.
     pub fn line(&self, line: &LineTable, row: &Row, x: f64) -> f64 {
         let value = line.at_square(self.square(row, x));
-        match row.ray {
-            Some(depth) if value > 0.0 => {
-                let [middle, rate] = self.ray();
-                let (own, u) = ((x - row.axis) * row.slope, (x - middle) * rate);
-                value * ((depth + u * u) / (row.depth + own * own)).sqrt()
-            }
-            _ => value,
-        }
+        if value > 0.0 { value * self.ray_factor(row, x) } else { value }
     }
 }

@@ -12,6 +12,7 @@ use super::volume::particles::{Taken, project};
 use super::volume::{Light, OpaqueDepths, VolumeError, VolumeReport, extents};
 use crate::color::Colors;
 use crate::color::transfer::Scale;
+use crate::model::Kernel;
 use crate::view::{PerspectiveGrid, Projection, View};
 use glam::DVec3;
 use rayon::prelude::*;
@@ -115,7 +116,7 @@ pub fn front(
 ) -> Result<(Front, VolumeReport), VolumeError> {
     let start = Instant::now();
     let sigma = PerspectiveGrid::sigma_of(view, 1.0);
-    let taken = Taken { sigma, smallest: 0.0, stride: 1 };
+    let taken = Taken { sigma, smallest: 0.0, stride: 1, kernel: Kernel::default() };
     let [near, far] = extents::planes_around(view, batches, &taken, [options.near, options.far])?;
     let particles = project(view, batches, &taken).unless_empty()?;
     let chunks = particles.chunks.par_iter().zip(&particles.densities);

@@ -5,19 +5,29 @@
 //! SPH sum of the extinction: classification comes before interpolation, not after it as in a volume, and the order of
 //! particles stands for the order along the ray, which is wrong where they overlap. That is what the comparison is about.
 //!
+//! Ellipsoids may be long, so that the depths of their centres say little of the order in which a ray meets them: an order by centre
+//! changes at once all over two of them when the view turns. In each tile they are sorted by the depth at which the ray through the
+//! tile's middle is deepest in each of them, round particles by their centres. As many particles are sorted so as are held at once
+//! ([`PAIRS`]); beyond that the centres' order holds.
+//!
 //! Particles of equal depth are ordered by all their other values, so that the picture is the same to the last bit whatever order
 //! they come in.
 
 use super::Splats;
-use super::footprint::Lens;
+use super::footprint::{Footprint, Lens};
 use super::profile::{Profile, Profiles};
 use super::screen_tiles::{Reach, TILE, Tiles};
 use super::volume::particles::{Taken, project};
 use super::volume::raycast::Ray;
+use super::volume::stretched::Stretched;
 use super::volume::{Classifier, OpaqueDepths, VolumeError, VolumeOptions, VolumeReport, extents};
 use crate::color::Colors;
+use crate::model::Kernel;
 use crate::view::{PerspectiveGrid, View};
+use glam::DVec3;
 use rayon::prelude::*;
+use std::cmp::Ordering;
+use std::num::NonZeroU32;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -29,10 +39,23 @@ const PAIRS: usize = 1 << 22;
 struct Splat {
     /// Camera coordinates, and smoothing length.
     place: [f32; 4],
-    /// Optical depth where `F = 1 / h^2`: `kappa(rho) / rho  m / h^2`.
+    /// Optical depth where `F = 1 / h^2`: `kappa(rho) / rho  m / h^2`. Of an ellipsoid `kappa(rho) / rho  m`.
     depth: f32,
     /// Colour, linear light.
     color: [f32; 3],
+    /// Number of its shape, counted from 1; none for a ball, whose amplitude `depth` has.
+    shape: Option<NonZeroU32>,
+}
+
+/// What splats are drawn with.
+struct Brush<'a> {
+    lens: Lens,
+    tiles: Tiles,
+    /// Shapes of ellipsoids.
+    shapes: &'a [Stretched],
+    kernel: Kernel,
+    profile: &'a Profile,
+    termination: f32,
 }
 
 impl Splat {
@@ -43,9 +66,13 @@ impl Splat {
         [z, x, y, h, self.depth, r, g, b]
     }
 
-    fn order(&self, other: &Splat) -> std::cmp::Ordering {
-        let pairs = self.key().into_iter().zip(other.key());
-        pairs.map(|(a, b)| a.total_cmp(&b)).find(|order| order.is_ne()).unwrap_or(std::cmp::Ordering::Equal)
+    fn order(&self, other: &Splat, shapes: &[Stretched]) -> Ordering {
+        let of = |splat: &Splat| splat.shape.map(|shape| shapes[shape.get() as usize - 1].factor);
+        let differ = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| a.total_cmp(b)).find(|order| order.is_ne());
+        differ(&self.key(), &other.key()).unwrap_or_else(|| match (of(self), of(other)) {
+            (Some(a), Some(b)) => differ(&a, &b).unwrap_or(Ordering::Equal),
+            (a, b) => a.is_some().cmp(&b.is_some()),
+        })
     }
 }
 
@@ -71,7 +98,7 @@ pub fn draw(
 ) -> Result<(Colors, VolumeReport), VolumeError> {
     let start = Instant::now();
     let sigma = PerspectiveGrid::sigma_of(view, 1.0);
-    let taken = Taken { sigma, smallest: options.smallest, stride: 1 };
+    let taken = Taken { sigma, smallest: options.smallest, stride: 1, kernel: options.kernel };
     let [near, far] = extents::planes_around(view, batches, &taken, [options.near, options.far])?;
     let particles = project(view, batches, &taken).unless_empty()?;
     let mut report = VolumeReport {
@@ -85,37 +112,48 @@ pub fn draw(
         let expected = "particles with densities of their own".into();
         return Err(VolumeError::Setting { field: "density", found: "not there".into(), expected });
     }
-    let chunks = particles.chunks.par_iter().zip(&particles.densities);
-    let classified = chunks.flat_map_iter(|(chunk, densities)| {
-        let pairs = chunk.iter().zip(densities);
-        pairs.filter_map(|(particle, &density)| {
+    // Where each chunk's shapes begin among all.
+    let starts: Vec<usize> = particles
+        .shapes
+        .iter()
+        .scan(0, |next, shapes| {
+            *next += shapes.len();
+            Some(*next - shapes.len())
+        })
+        .collect();
+    let chunks = particles.chunks.par_iter().zip(&particles.densities).zip(&particles.shapes).zip(starts);
+    let classified = chunks.flat_map_iter(|(((chunk, densities), shapes), start)| {
+        let pairs = chunk.iter().zip(densities).enumerate();
+        pairs.filter_map(move |(index, (particle, &density))| {
             let (depth, density) = (f64::from(particle.place[2]), density * density_scale);
             if !(depth >= near && depth <= far && density > classifier.least() && particle.mass > 0.0) {
                 return None;
             }
             let matter = classifier.matter(density, density * particle.weighted / particle.mass);
             let [_, _, _, h] = particle.place;
-            let amplitude = matter.extinction / density * particle.mass / (h * h);
+            let shape = shapes.get(index).and_then(|_| NonZeroU32::new((start + index) as u32 + 1));
+            let area = if shape.is_some() { 1.0 } else { h * h };
+            let amplitude = matter.extinction / density * particle.mass / area;
             (amplitude > 0.0 && amplitude.is_finite()).then_some(Splat {
                 place: particle.place,
                 depth: amplitude,
                 color: matter.color,
+                shape,
             })
         })
     });
     let mut splats: Vec<Splat> = classified.collect();
     report.memory = Some(particles.bytes());
-    drop(particles);
-    splats.par_sort_unstable_by(Splat::order);
+    let shapes = particles.shapes.concat();
+    drop(particles.chunks);
+    splats.par_sort_unstable_by(|a, b| a.order(b, &shapes));
+    let profile = &Profiles::of(options.kernel).sampled;
     let (lens, tiles) = (Lens::new(view), Tiles::new(view));
-    let reach = |splat: &Splat| {
-        let [x, y, z, h] = splat.place.map(f64::from);
-        tiles.reach(&lens, &lens.at(glam::DVec3::new(x, y, z), h)?)
-    };
+    let brush = Brush { lens, tiles, shapes: &shapes, kernel: options.kernel, profile, termination };
+    let reach = |splat: &Splat| tiles.reach(&lens, &brush.footprint(splat)?);
     let (splats, reaches): (Vec<Splat>, Vec<Reach>) =
         splats.into_par_iter().filter_map(|splat| reach(&splat).map(|reach| (splat, reach))).unzip();
     report.resampling = start.elapsed();
-    let profile = &Profiles::of(options.kernel).sampled;
     let mut drawn: Vec<Tile> = (0..tiles.count())
         .map(|tile| {
             let [columns, rows] = tiles.pixels(tile);
@@ -137,10 +175,12 @@ pub fn draw(
         report.memory = report.memory.max(Some(held + 4 * bins.len() as u64));
         let blend = |(index, tile): (usize, &mut Tile)| -> u64 {
             let pixels = tiles.pixels(index);
-            bins.of(index)
-                .iter()
-                .map(|&splat| tile.blend(&lens, &pixels, &splats[splat as usize], profile, termination))
-                .sum()
+            if shapes.is_empty() {
+                let own = bins.of(index).iter().map(|&splat| &splats[splat as usize]);
+                return own.map(|splat| tile.blend(&brush, &pixels, splat, splat.place[2])).sum();
+            }
+            let own = brush.in_order(index, bins.of(index), &splats).into_iter();
+            own.map(|(depth, splat)| tile.blend(&brush, &pixels, &splats[splat as usize], depth)).sum()
         };
         *report.samples.get_or_insert(0) += drawn.par_iter_mut().enumerate().map(blend).sum::<u64>();
         report.rendering += start.elapsed();
@@ -166,21 +206,60 @@ pub fn draw(
     Ok((Colors { width: view.width, height: view.height, rgba }, report))
 }
 
+impl Brush<'_> {
+    /// The shape of a splat, if it is no ball.
+    fn shape(&self, splat: &Splat) -> Option<&Stretched> {
+        splat.shape.map(|shape| &self.shapes[shape.get() as usize - 1])
+    }
+
+    /// Where a splat of weight 1 is seen; `None` when it is not.
+    fn footprint(&self, splat: &Splat) -> Option<Footprint> {
+        let [x, y, z, h] = splat.place.map(f64::from);
+        let camera = DVec3::new(x, y, z);
+        match self.shape(splat) {
+            None => self.lens.at(camera, h),
+            Some(shape) => self.lens.ellipsoid(shape.ellipsoid(camera), self.kernel.variance(), [1.0, 0.0]),
+        }
+    }
+
+    /// Splats of a tile with the depths that they are sorted by there; at the same depth in the order of their centres.
+    fn in_order(&self, tile: usize, own: &[u32], splats: &[Splat]) -> Vec<(f32, u32)> {
+        let [columns, rows] = self.tiles.pixels(tile);
+        let [x, y] = [columns, rows].map(|pixels| 0.5 * (pixels.start + pixels.end) as f64);
+        let (start, direction) = self.lens.sight([x, y]);
+        let depth = |splat: &Splat| match self.shape(splat) {
+            None => splat.place[2],
+            Some(shape) => {
+                let center = glam::Vec3::from_slice(&splat.place).as_dvec3();
+                let (along, away) = (shape.to_ball(direction), shape.to_ball(center - start));
+                let (middle, half) = (along.dot(away) / along.length_squared(), f64::from(shape.half_depth()));
+                // A ray that passes by may be nearest to it, as it is measured, far away.
+                middle.clamp(center.z - half, center.z + half) as f32
+            }
+        };
+        let mut sorted: Vec<(f32, u32)> = own.iter().map(|&index| (depth(&splats[index as usize]), index)).collect();
+        sorted.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        sorted
+    }
+}
+
 impl Tile {
-    /// Blends a splat under what is there; the number of rays that it met.
+    /// Blends a splat, which lies at this depth in the tile, under what is there; the number of rays that it met.
     fn blend(
         &mut self,
-        lens: &Lens,
+        brush: &Brush<'_>,
         [columns, rows]: &[std::ops::Range<usize>; 2],
         splat: &Splat,
-        profile: &Profile,
-        termination: f32,
+        depth: f32,
     ) -> u64 {
         if self.open == 0 {
             return 0;
         }
-        let [x, y, z, h] = splat.place.map(f64::from);
-        let Some(footprint) = lens.at(glam::DVec3::new(x, y, z), h) else { return 0 };
+        let Some(footprint) = brush.footprint(splat) else { return 0 };
+        let Brush { lens, profile, termination, .. } = brush;
+        let is_ball = splat.shape.is_none();
+        // What lies behind this is sorted behind the splat, here and among the centres.
+        let behind = depth.max(splat.place[2]);
         // Pixels whose centres it may cover; casts saturate.
         let clip = |from: f64, to: f64, range: &std::ops::Range<usize>| {
             let first = ((from - 0.5).ceil().max(0.0) as usize).max(range.start);
@@ -192,21 +271,28 @@ impl Tile {
         }
         let mut met = 0;
         let mut square = [0.0f32; TILE];
+        let mut factor = [splat.depth; TILE];
         for row in clip(footprint.min[1], footprint.max[1], rows) {
             let line = lens.row(&footprint, row as f64 + 0.5);
             for (out, x) in square.iter_mut().zip(covered.clone()) {
                 *out = lens.square(&line, x as f64 + 0.5) as f32;
             }
+            if !is_ball {
+                let amplitude = f64::from(splat.depth) * footprint.amplitude;
+                for (out, x) in factor.iter_mut().zip(covered.clone()) {
+                    *out = (amplitude * lens.ray_factor(&line, x as f64 + 0.5)) as f32;
+                }
+            }
             let start = (row - rows.start) * columns.len() + covered.start - columns.start;
             let rays = self.rays[start..].iter_mut().zip(&mut self.ends[start..]);
-            for ((ray, end), &square) in rays.zip(&square).take(covered.len()) {
-                if square >= 1.0 || ray.alpha >= termination {
+            for (((ray, end), &square), &factor) in rays.zip(&square).zip(&factor).take(covered.len()) {
+                if square >= 1.0 || ray.alpha >= *termination {
                     continue;
                 }
-                ray.under(splat.color, opacity(splat.depth * evaluate(profile, square)));
+                ray.under(splat.color, opacity(factor * evaluate(profile, square)));
                 met += 1;
-                if ray.alpha >= termination {
-                    *end = splat.place[2];
+                if ray.alpha >= *termination {
+                    *end = behind;
                     self.open -= 1;
                 }
             }
@@ -229,108 +315,4 @@ fn opacity(depth: f32) -> f32 {
 }
 
 #[cfg(test)]
-mod tests {
-    #![allow(clippy::unwrap_used, reason = "a failed helper fails its test")]
-
-    use super::*;
-    use crate::cpu::volume::Scenery;
-    use crate::cpu::volume::tests::{Cloud, RAMP, look, merger, perspective, scenery};
-    use crate::model::Kernel;
-    use crate::synth::random::Random;
-    use crate::view::Projection;
-    use glam::DVec3;
-
-    fn sorted(view: &View, cloud: &Cloud, densities: &[f32], scenery: &Scenery) -> Colors {
-        let batch = cloud.batch().with_density(Some(densities)).unwrap();
-        let options = VolumeOptions { smallest: 0.0, ..VolumeOptions::default() };
-        draw(view, &[batch], &scenery.classifier, (scenery.termination, 1.0), &options).unwrap().0
-    }
-
-    #[test]
-    fn the_order_of_the_input_changes_nothing() {
-        let mut cloud = merger(6_000);
-        let view = perspective(DVec3::new(60.0, 40.0, 90.0), 100, 70);
-        let scenery = scenery(RAMP, [1e-8, 1e-3], 4.0, vec![]);
-        let density = |cloud: &Cloud| -> Vec<f32> {
-            cloud.h.iter().zip(&cloud.mass).map(|(h, mass)| 12.0 * mass / h.powi(3)).collect()
-        };
-        // Some at the same depth exactly.
-        for i in 0..200 {
-            cloud.positions[i + 200] = cloud.positions[i];
-        }
-        let first = sorted(&view, &cloud, &density(&cloud), &scenery);
-        assert!(first.rgba.iter().any(|pixel| pixel[3] > 0.5));
-        let mut random = Random::new(8, 1);
-        for i in (1..cloud.h.len()).rev() {
-            let j = (random.uniform() * (i + 1) as f64) as usize;
-            cloud.positions.swap(i, j);
-            cloud.h.swap(i, j);
-            cloud.mass.swap(i, j);
-            cloud.attribute.swap(i, j);
-        }
-        let second = sorted(&view, &cloud, &density(&cloud), &scenery);
-        let bits = |colors: &Colors| colors.rgba.as_flattened().iter().map(|c| c.to_bits()).collect::<Vec<_>>();
-        assert_eq!(bits(&first), bits(&second));
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
-        assert_eq!(bits(&first), bits(&pool.install(|| sorted(&view, &cloud, &density(&cloud), &scenery))));
-    }
-
-    #[test]
-    fn one_particle_is_its_optical_depth_and_the_nearer_one_hides_the_farther() {
-        // 0.3 for each 0.5 at any density above 0.1.
-        let slab = "(opacity: [(0.0, 0.0), (0.01, 0.3)], brightness: [(0.0, 1.0)])";
-        let plain = scenery(slab, [0.1, 10.0], 0.5, vec![]);
-        let mut cloud = Cloud::default();
-        cloud.push([0.1, -0.05, 0.3], 0.5, 0.2, 7.0);
-        let view = look(DVec3::new(0.0, 0.0, 3.0), Projection::Orthographic { height: 1.2 }, 64, 64);
-        let kappa = -(0.7f64.ln()) / 0.5;
-        let at = view.to_camera(DVec3::from_array(cloud.positions[0]));
-        for (index, pixel) in sorted(&view, &cloud, &[1.5], &plain).rgba.iter().enumerate() {
-            let [x, y] = [(index % 64) as f64 - 31.5, 31.5 - (index / 64) as f64].map(|at| at * 1.2 / 64.0);
-            let q = (x - at.x).hypot(y - at.y) / 0.5;
-            let depth = kappa / 1.5 * 0.2 * Kernel::CubicSpline.projected(q) / 0.25;
-            let expected = 1.0 - (-depth).exp();
-            assert!((f64::from(pixel[3]) - expected).abs() < 1e-3, "{pixel:?} {expected}");
-        }
-        // Two opaque ones, of low and of high attribute.
-        let colored = scenery(
-            "(opacity: [(0.0, 0.0), (0.01, 1.0)], brightness: [(0.0, 0.5)], hue: Some((color_map: \"plasma\", scale: linear, \
-             range: auto)))",
-            [0.1, 10.0],
-            0.01,
-            vec![],
-        );
-        let pixel = |depths: [f64; 2]| {
-            let mut cloud = Cloud::default();
-            cloud.push([0.0, 0.0, depths[0]], 0.5, 1.0, -1.0);
-            cloud.push([0.0, 0.0, depths[1]], 0.5, 1.0, 1.0);
-            sorted(&view, &cloud, &[2.0, 2.0], &colored).rgba[32 * 64 + 32]
-        };
-        assert_ne!(pixel([0.0, 1.0]), pixel([1.0, 0.0]));
-        let mut alone = Cloud::default();
-        alone.push([0.0, 0.0, 1.0], 0.5, 1.0, 1.0);
-        let near = sorted(&view, &alone, &[2.0], &colored).rgba[32 * 64 + 32];
-        assert!((0..3).all(|k| (pixel([0.0, 1.0])[k] - near[k]).abs() < 0.01), "{near:?}");
-    }
-
-    #[test]
-    fn a_homogeneous_block_has_its_optical_depth() {
-        let cloud = Cloud::lattice(20, 4.0);
-        let scenery =
-            scenery("(opacity: [(0.0, 0.0), (0.01, 0.3)], brightness: [(0.0, 1.0)])", [0.1, 10.0], 2.5, vec![]);
-        let view = look(DVec3::new(0.0, 0.0, 9.0), Projection::Orthographic { height: 1.2 }, 33, 21);
-        let expected = 1.0 - 0.7f64.powf(4.0 / 2.5);
-        for pixel in &sorted(&view, &cloud, &vec![1.0; cloud.h.len()], &scenery).rgba {
-            assert!((f64::from(pixel[3]) - expected).abs() < 0.03, "{pixel:?} {expected}");
-        }
-    }
-
-    #[test]
-    fn particles_without_densities_are_refused() {
-        let scenery = scenery(RAMP, [1e-8, 1e-3], 4.0, vec![]);
-        let view = perspective(DVec3::new(0.0, 0.0, 9.0), 30, 20);
-        let error =
-            draw(&view, &[Cloud::lattice(3, 2.0).batch()], &scenery.classifier, (1.0, 1.0), &VolumeOptions::default());
-        assert!(error.unwrap_err().to_string().starts_with("density is not there"));
-    }
-}
+mod tests;

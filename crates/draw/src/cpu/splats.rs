@@ -153,8 +153,7 @@ impl<'a> Splats<'a> {
 
     /// The smoothing length of a particle, for what draws balls alone; `None` where extents are in pixels.
     ///
-    /// An ellipsoid counts as the ball of equal volume whose kernel is the default one, which all modes but the splats' own
-    /// draw in its place for now.
+    /// An ellipsoid counts as the ball of equal volume whose kernel is the default one.
     pub fn ball(&self, index: usize) -> Option<f32> {
         match self.extent {
             Extent::World(lengths) => Some(lengths[index]),
@@ -163,6 +162,17 @@ impl<'a> Splats<'a> {
                 let trace = covariances[index].trace();
                 let volume = (covariances[index].matrix() * trace.recip()).determinant().max(0.0);
                 Some((trace * volume.cbrt() / Kernel::default().variance()).sqrt() as f32)
+            }
+        }
+    }
+
+    /// How far a particle reaches from its centre at most, world units: the longest semi-axis of an ellipsoid with the default kernel,
+    /// which reaches farthest of all. `None` where extents are in pixels.
+    pub fn farthest(&self, index: usize) -> Option<f32> {
+        match self.extent {
+            Extent::World(_) | Extent::Pixels(_) => self.ball(index),
+            Extent::Ellipsoids(covariances) => {
+                Some((covariances[index].radii().x / Kernel::default().variance().sqrt()) as f32)
             }
         }
     }

@@ -1,6 +1,6 @@
 //! A mode as the user has set it, applied to data: weights and attributes of particles and of codebook entries.
 
-use super::{Columns, Conserved, Footprint, LevelChoice, Levels, Mode, Needs, Output, Settings, lod_budget};
+use super::{Columns, Conserved, Footprint, LevelChoice, Levels, Mode, Needs, Settings, lod_budget};
 use crate::codec::Codebook;
 use crate::color::transfer::{Range, Scale, TransferFunction};
 use crate::hierarchy::Purpose;
@@ -134,7 +134,7 @@ impl Depiction {
     pub fn purpose(&self, metadata: &Metadata) -> Purpose {
         let wanted = self.needs().purpose;
         match wanted {
-            Purpose::Splats if self.draws_clusters(metadata) => Purpose::Clusters,
+            _ if self.draws_clusters(metadata) => Purpose::Clusters,
             _ if metadata.has_volume_levels() => wanted,
             _ => Purpose::Splats,
         }
@@ -152,7 +152,7 @@ impl Depiction {
 
     /// Whether the mode can be drawn from clusters.
     pub fn takes_clusters(&self) -> bool {
-        self.mode.technique.output() == Output::Sums
+        self.mode.technique.takes_clusters()
     }
 
     /// How far the nodes of a file are refined for a view, where splats may be displaced by `tau` pixels.

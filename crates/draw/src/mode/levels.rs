@@ -1,4 +1,5 @@
-//! Which levels of a hierarchy a picture is drawn from, and within how many splats: settings of any picture of sums and of no mode.
+//! Which levels of a hierarchy a picture is drawn from, and within how many splats: settings of any picture of sums and of no mode. All but
+//! those of an error that is known of sums alone are settings of other pictures that clusters are drawn in, too.
 
 use super::{Setting, SettingKind, Settings};
 use crate::store::Representative;
@@ -34,6 +35,9 @@ pub static REPRESENTATIVE: Setting = Setting {
     kind: SettingKind::Choice { options: &["ellipsoid", "round", "published"] },
     help: "what a cluster is drawn as: an ellipsoid with its second moments, a ball of equal spread, or one as in HE03 (--split distortion)",
 };
+
+/// Those of pictures that are no sums.
+pub static OF_ANY: [&Setting; 3] = [&LEVELS, &SPLATS, &REPRESENTATIVE];
 
 /// Whether a setting is one of these.
 pub fn is_of_levels(name: &str) -> bool {

@@ -107,10 +107,13 @@ impl Mode {
         self.settings.iter().copied().flatten().copied()
     }
 
-    /// Its settings, then those of what a picture of sums may leave undrawn.
+    /// Its settings, then those of what a picture of sums may leave undrawn, or of the levels alone that another picture is drawn from.
     pub fn all_settings(&self) -> impl Iterator<Item = &'static Setting> + use<> {
-        let is_sum = self.technique.output() == Output::Sums;
-        let common: &[&'static Setting] = if is_sum { &lod_budget::COMMON } else { &[] };
+        let common: &[&'static Setting] = match self.technique.output() {
+            Output::Sums => &lod_budget::COMMON,
+            _ if self.technique.takes_clusters() => &levels::OF_ANY,
+            _ => &[],
+        };
         self.own_settings().chain(common.iter().copied())
     }
 

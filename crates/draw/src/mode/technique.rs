@@ -95,6 +95,11 @@ pub trait Technique: Sync {
         Detail::Error { tau }
     }
 
+    /// Whether [`Technique::draw`] draws splats of clusters as the ellipsoids that they are.
+    fn takes_clusters(&self) -> bool {
+        self.output() == Output::Sums
+    }
+
     /// What draws it on an adapter.
     fn adapter(&self) -> Adapter {
         Adapter::None

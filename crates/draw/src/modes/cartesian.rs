@@ -55,6 +55,10 @@ impl Technique for Cartesian {
         settings.set(&REGION, SettingValue::Name("data".into()));
     }
 
+    fn takes_clusters(&self) -> bool {
+        true
+    }
+
     fn adapter(&self) -> Adapter {
         Adapter::Light
     }

@@ -345,6 +345,10 @@ impl Technique for Marched {
         sampling(view, settings, bounds)
     }
 
+    fn takes_clusters(&self) -> bool {
+        true
+    }
+
     fn adapter(&self) -> Adapter {
         Adapter::Light
     }

@@ -19,6 +19,10 @@ impl Technique for SortedSplats {
         Needs { densities: true, hides: true, ..Needs::default() }
     }
 
+    fn takes_clusters(&self) -> bool {
+        true
+    }
+
     fn adapter(&self) -> Adapter {
         Adapter::Light
     }

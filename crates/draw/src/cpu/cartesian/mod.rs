@@ -47,7 +47,7 @@ impl Cartesian {
         let Lattice { view, grid, cells } = *lattice;
         let cell = grid.sigma;
         let attribute = batches.iter().any(|batch| batch.attribute().is_some());
-        let taken = Taken { sigma: cell, smallest: options.smallest, stride: 1 };
+        let taken = Taken { sigma: cell, smallest: options.smallest, stride: 1, kernel: options.kernel };
         let particles = project(&view, batches, &taken).unless_empty()?;
         let seen: Vec<_> = perspective_grid::seen(&view, extents::of(batches), options.smallest * cell).collect();
         let prepared = Prepared::new(grid, extents::widest(&view, &seen, cell), particles);

@@ -11,8 +11,8 @@ use super::march::{Field, Room};
 use crate::cpu::Splats;
 use crate::cpu::volume::VolumeError;
 use crate::cpu::volume::bricks::{BRICK, Brick, BrickGrid};
+use crate::cpu::volume::gather::lone_brick;
 use crate::cpu::volume::particles::{Particle, Taken, project};
-use crate::cpu::volume::resample::lone_brick;
 use crate::model::{Bounds, Kernel};
 use crate::view::perspective_grid::GridError;
 use crate::view::{Cut, Extent, Images, PerspectiveGrid, Projection, View};
@@ -90,7 +90,7 @@ impl Octree {
             images: Images::ONE,
             time: 0.0,
         };
-        let taken = Taken { sigma: side / 64.0, smallest: 0.0, stride: 1 };
+        let taken = Taken { sigma: side / 64.0, smallest: 0.0, stride: 1, kernel };
         let projected = project(&view, batches, &taken);
         let particles: Vec<Particle> = projected.chunks.into_iter().flatten().collect();
         let root = Node {

@@ -138,7 +138,7 @@ pub fn draw_with_paths(
     }
     let start = Instant::now();
     let sigma = PerspectiveGrid::sigma_of(view, 1.0);
-    let taken = Taken { sigma, smallest: options.smallest, stride: 1 };
+    let taken = Taken { sigma, smallest: options.smallest, stride: 1, kernel: options.kernel };
     let [near, far] = extents::planes_around(view, batches, &taken, [options.near, options.far])?;
     let particles = project(view, batches, &taken).unless_empty()?;
     let grid = layers_between(view, [near, far], layers);

@@ -86,7 +86,8 @@ fn all_of_a_particle_is_in_some_layer() {
     let cloud = merger(3_000);
     let view = perspective(DVec3::new(60.0, 40.0, 700.0), 40, 30);
     let sigma = PerspectiveGrid::sigma_of(&view, 1.0);
-    let particles = project(&view, &[cloud.batch()], &Taken { sigma, smallest: 0.0, stride: 1 });
+    let particles =
+        project(&view, &[cloud.batch()], &Taken { sigma, smallest: 0.0, stride: 1, kernel: Kernel::default() });
     let mass: f64 = particles.chunks.iter().flatten().map(|particle| f64::from(particle.mass)).sum();
     for assignment in [Assignment::Kernel, Assignment::Nearest] {
         let size = [40, 30, 50];

@@ -3,7 +3,7 @@
 //! Stored cells reach [`BORDER`] cells beyond the picture on every side, for gradients and interpolation at its edge:
 //! stored column `c` is column `c - BORDER` of the grid.
 
-use super::particles::Particle;
+use super::stretched::Body;
 use crate::view::PerspectiveGrid;
 
 /// Cells along a brick's side, and slices of a layer of bricks.
@@ -86,26 +86,36 @@ impl BrickGrid {
     }
 
     /// The bricks of a layer that a particle's support may reach: first and last column and row. `None` for none.
-    pub fn reached(&self, particle: &Particle, layer: usize) -> Option<[[usize; 2]; 2]> {
-        let [x, y, z, h] = particle.place;
+    pub fn reached(&self, body: &Body<'_>, layer: usize) -> Option<[[usize; 2]; 2]> {
+        let [x, y, z, h] = body.particle.place;
         let slices = layer * BRICK..(layer + 1) * BRICK;
         let (first, last) = (self.depth[slices.start], self.depth[slices.end - 1]);
-        let away = (first - z).max(z - last).max(0.0);
-        let square = h * h - away * away;
-        if square <= 0.0 {
-            return None;
-        }
-        let radius = square.sqrt();
+        // From where to where it reaches across, and downwards.
+        let spans = match body.shape {
+            None => {
+                let away = (first - z).max(z - last).max(0.0);
+                let square = h * h - away * away;
+                if square <= 0.0 {
+                    return None;
+                }
+                let radius = square.sqrt();
+                [[x - radius, x + radius], [-y - radius, -y + radius]]
+            }
+            Some(shape) => {
+                let [across, up] = shape.between([first - z, last - z])?;
+                [[x + across[0], x + across[1]], [-y - up[1], -y - up[0]]]
+            }
+        };
         // One over the cell's width at both ends of the particle within the layer, the wider end of which counts.
         let ends = match self.perspective {
             true => {
                 let per_depth = self.per_cell[slices.start] * first;
-                [per_depth / first.max(z - h), per_depth / last.min(z + h)]
+                let [near, far] = body.depths();
+                [per_depth / first.max(near), per_depth / last.min(far)]
             }
             false => [self.per_cell[slices.start]; 2],
         };
-        let span = |center: f32, middle: f32, bricks: usize| {
-            let [low, high] = [center - radius, center + radius];
+        let span = |[low, high]: [f32; 2], middle: f32, bricks: usize| {
             let low = middle + (low * ends[0]).min(low * ends[1]) - 0.51;
             let high = middle + (high * ends[0]).max(high * ends[1]) - 0.49;
             // Casts saturate, and round towards zero.
@@ -113,7 +123,7 @@ impl BrickGrid {
             let [from, to] = [(first + usize::from((first as f32) < low)) / BRICK, high as usize / BRICK];
             (high >= 0.0 && from < bricks && from <= to).then_some([from, to.min(bricks - 1)])
         };
-        Some([span(x, self.middle[0], self.bricks[0])?, span(-y, self.middle[1], self.bricks[1])?])
+        Some([span(spans[0], self.middle[0], self.bricks[0])?, span(spans[1], self.middle[1], self.bricks[1])?])
     }
 }
 

@@ -11,7 +11,7 @@
 //! the four around it.
 
 use super::bricks::{BORDER, BRICK, Brick, BrickGrid, Slab};
-use super::particles::Particle;
+use super::stretched::Body;
 use crate::view::PerspectiveGrid;
 use pulp::{Simd, WithSimd};
 use rayon::prelude::*;
@@ -33,16 +33,17 @@ pub const OVERSHOOT: f32 = {
     sum * sum * sum
 };
 
-/// The smoothing length of a particle in cells of the grid, where it reaches farthest and cells are widest.
-pub fn cells_of(particle: &Particle, grid: &PerspectiveGrid) -> f32 {
-    let [_, _, z, h] = particle.place;
-    let cell = grid.sigma as f32 * if grid.perspective { z + h } else { 1.0 };
-    h / cell
+/// The smoothing length of a particle in cells of the grid, where it reaches farthest and cells are widest; of an ellipsoid its shortest
+/// semi-axis.
+pub fn cells_of(body: &Body<'_>, grid: &PerspectiveGrid) -> f32 {
+    let [_, far] = body.depths();
+    let cell = grid.sigma as f32 * if grid.perspective { far } else { 1.0 };
+    body.shortest() / cell
 }
 
 /// The level that a particle is resampled on.
-pub fn level_of(particle: &Particle, grid: &PerspectiveGrid, levels: usize) -> usize {
-    levels_of(cells_of(particle, grid), levels) - 1
+pub fn level_of(body: &Body<'_>, grid: &PerspectiveGrid, levels: usize) -> usize {
+    levels_of(cells_of(body, grid), levels) - 1
 }
 
 /// How many levels particles of up to so many cells take, of `most`: one at least.

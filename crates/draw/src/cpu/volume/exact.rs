@@ -1,14 +1,15 @@
 //! The exact SPH sum at any point, in double precision (F12 3.2, 3.3): the reference for every resampled field.
 //!
 //! `rho(r) = sum m_j W(|r - r_j|, h_j)`, the mass-weighted mean of an attribute
-//! `S(r) = sum m_j A_j W / sum m_j W`, and gradients by the kernel's derivative, `grad W = W'(r) (r - r_j) / |r - r_j|`.
+//! `S(r) = sum m_j A_j W / sum m_j W`, and gradients by the kernel's derivative, `grad W = W'(r) (r - r_j) / |r - r_j|`. An ellipsoid of the
+//! covariance `C` has `W(q) / sqrt(det M)` with `q^2 = d^T M^-1 d` and `M = C / v`, for the kernel's variance `v`.
 //!
-//! Particles are sorted by the power of two above their smoothing length, and within each such class into cubes of that
+//! Particles are sorted by the power of two above their smoothing length or longest semi-axis, and within each such class into cubes of that
 //! width, so that a point looks at 27 cubes of each class, however much smoothing lengths differ.
 
-use super::super::Splats;
+use super::super::{Extent, Splats};
 use crate::model::Kernel;
-use glam::{DVec3, I64Vec3};
+use glam::{DMat3, DVec3, I64Vec3};
 use std::collections::{BTreeMap, HashMap};
 
 /// Particles of one class of smoothing lengths, by cube.
@@ -17,12 +18,58 @@ type Class = HashMap<I64Vec3, Vec<u32>>;
 /// A field that can be asked for its value anywhere.
 pub struct ExactField {
     kernel: Kernel,
-    /// World position, and `h`.
-    places: Vec<(DVec3, f64)>,
+    /// World position, and support.
+    places: Vec<(DVec3, Support)>,
     /// `m`, and `m A`.
     masses: Vec<(f64, f64)>,
     /// Exponent of the cubes' width, and the cubes.
     classes: BTreeMap<i32, Class>,
+}
+
+/// Where a kernel is not zero.
+#[derive(Clone, Copy)]
+enum Support {
+    /// Within `h`.
+    Ball(f64),
+    /// Where this matrix takes the way from the centre into the unit ball.
+    Ellipsoid(DMat3),
+}
+
+impl Support {
+    /// That of a particle of a batch and its longest radius; `None` where it has none in world units.
+    fn of(batch: &Splats<'_>, index: usize, kernel: Kernel) -> Option<(Support, f64)> {
+        match batch.extent() {
+            Extent::World(lengths) => Some((Support::Ball(f64::from(lengths[index])), f64::from(lengths[index]))),
+            Extent::Pixels(_) => None,
+            Extent::Ellipsoids(covariances) => {
+                let (values, axes) = covariances[index].principal();
+                let radii = (values / kernel.variance()).map(f64::sqrt);
+                let to_ball = DMat3::from_diagonal(radii.recip()) * axes.transpose();
+                Some((Support::Ellipsoid(to_ball), radii.x))
+            }
+        }
+    }
+
+    /// Whether it can be divided by.
+    fn is_usable(&self) -> bool {
+        match self {
+            Support::Ball(h) => *h > 0.0 && h.is_finite(),
+            Support::Ellipsoid(to_ball) => to_ball.is_finite(),
+        }
+    }
+
+    /// This far from the centre: `q`, what the kernel's value there is multiplied by, and the gradient of `q` (none at the centre).
+    fn at(&self, away: DVec3) -> (f64, f64, Option<DVec3>) {
+        let distance = away.length();
+        match self {
+            Support::Ball(h) => (distance / h, (h * h * h).recip(), (distance > 0.0).then(|| away / (distance * h))),
+            Support::Ellipsoid(to_ball) => {
+                let inside = *to_ball * away;
+                let q = inside.length();
+                (q, to_ball.determinant().abs(), (q > 0.0).then(|| to_ball.transpose() * inside / q))
+            }
+        }
+    }
 }
 
 /// What the field is at a point.
@@ -52,18 +99,17 @@ impl ExactField {
         let mut field = ExactField { kernel, places: Vec::new(), masses: Vec::new(), classes: BTreeMap::new() };
         for batch in batches {
             for i in 0..batch.len() {
-                let Some(h) = batch.ball(i) else { break };
+                let Some((support, longest)) = Support::of(batch, i, kernel) else { break };
                 let (position, mass) = (batch.positions().world(i), f64::from(batch.weight()[i]));
                 let attribute = batch.attribute().map_or(0.0, |values| f64::from(values[i]));
-                let h = f64::from(h);
-                if !(position.is_finite() && mass.is_finite() && attribute.is_finite() && h > 0.0 && h.is_finite()) {
+                if !(position.is_finite() && mass.is_finite() && attribute.is_finite() && support.is_usable()) {
                     continue;
                 }
-                let class = h.log2().ceil() as i32;
+                let class = longest.log2().ceil() as i32;
                 let cube = cube(position, class);
                 let index = field.places.len() as u32;
                 field.classes.entry(class).or_default().entry(cube).or_default().push(index);
-                field.places.push((position, h));
+                field.places.push((position, support));
                 field.masses.push((mass, mass * attribute));
             }
         }
@@ -78,21 +124,17 @@ impl ExactField {
             for offset in 0..27 {
                 let offset = I64Vec3::new(offset % 3 - 1, offset / 3 % 3 - 1, offset / 9 - 1);
                 for &index in cubes.get(&(middle + offset)).into_iter().flatten() {
-                    let (position, h) = self.places[index as usize];
-                    let away = point - position;
-                    let distance = away.length();
-                    let q = distance / h;
+                    let (position, support) = self.places[index as usize];
+                    let (q, per_volume, growth) = support.at(point - position);
                     if q >= 1.0 {
                         continue;
                     }
                     let (mass, weighted) = self.masses[index as usize];
-                    let value = self.kernel.value(q) / (h * h * h);
+                    let value = self.kernel.value(q) * per_volume;
                     sample.density += mass * value;
                     sample.weighted += weighted * value;
                     sample.particles += 1;
-                    if distance > 0.0 {
-                        sample.gradient += mass * self.kernel.slope(q) / (h * h * h * h) / distance * away;
-                    }
+                    sample.gradient += mass * self.kernel.slope(q) * per_volume * growth.unwrap_or(DVec3::ZERO);
                 }
             }
         }

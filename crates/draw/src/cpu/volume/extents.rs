@@ -21,7 +21,7 @@ fn measured(batch: &Splats<'_>) -> Option<Extent> {
     let nothing = Extent { bounds: Bounds::EMPTY, margin: 0.0 };
     let part = |start: usize| {
         (start..batch.len().min(start + CHUNK)).fold(nothing, |extent, index| {
-            let Some(h) = batch.ball(index) else { return extent };
+            let Some(h) = batch.farthest(index) else { return extent };
             let place = batch.positions().world(index);
             match place.is_finite() && h > 0.0 && h.is_finite() {
                 true => Extent { bounds: extent.bounds.with(place), margin: extent.margin.max(f64::from(h)) },
@@ -98,21 +98,26 @@ mod tests {
     #![allow(clippy::unwrap_used, reason = "a failed helper fails its test")]
 
     use super::super::particles::{Particle, project};
+    use super::super::stretched::Body;
     use super::super::tests::{Cloud, look, merger, perspective};
     use super::super::{coarse, prepare};
     use super::*;
+    use crate::model::Kernel;
     use glam::DVec3;
 
     /// Depths that particles reach, and the widest of them in cells.
     fn reached(view: &View, cloud: &Cloud, smallest: f64) -> ([f64; 2], f32) {
         let (grid, _) = planes_and_widest(view, of(&[cloud.batch()]), &VolumeOptions::default()).unwrap();
-        let taken = Taken { sigma: grid.sigma, smallest, stride: 1 };
+        let taken = Taken { sigma: grid.sigma, smallest, stride: 1, kernel: Kernel::default() };
         let particles: Vec<Particle> = project(view, &[cloud.batch()], &taken).chunks.concat();
         let ends =
             particles.iter().map(|particle| [-1.0, 1.0].map(|side| particle.place[2] + side * particle.place[3]));
         let depths =
             ends.fold([f32::INFINITY, f32::NEG_INFINITY], |all, ends| [all[0].min(ends[0]), all[1].max(ends[1])]);
-        let widest = particles.iter().map(|particle| coarse::cells_of(particle, &grid)).fold(0.0, f32::max);
+        let widest = particles
+            .iter()
+            .map(|particle| coarse::cells_of(&Body { particle, shape: None }, &grid))
+            .fold(0.0, f32::max);
         (depths.map(f64::from), widest)
     }
 

@@ -10,11 +10,13 @@ pub mod classify;
 pub mod coarse;
 pub mod exact;
 pub mod extents;
+pub mod gather;
 pub mod occlusion;
 pub mod particles;
 pub mod range;
 pub mod raycast;
 pub mod resample;
+pub mod stretched;
 pub mod surface;
 
 mod block;
@@ -35,11 +37,12 @@ use crate::view::perspective_grid::{GridError, GridOptions};
 use crate::view::{PerspectiveGrid, View};
 use bricks::{BRICK, BrickGrid, Slab};
 use occlusion::OpacityPyramid;
-use particles::{Particle, Projected, Taken};
+use particles::{Projected, Taken};
 use raycast::Rays;
 use resample::Resampler;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
+use stretched::Body;
 use thiserror::Error;
 
 /// A volume that cannot be drawn, and which setting to change.
@@ -175,8 +178,8 @@ impl Prepared {
     }
 
     /// The level that a particle is resampled on.
-    pub fn level_of(&self, particle: &Particle) -> usize {
-        coarse::level_of(particle, &self.grid, self.levels.len())
+    pub fn level_of(&self, body: &Body<'_>) -> usize {
+        coarse::level_of(body, &self.grid, self.levels.len())
     }
 }
 
@@ -186,7 +189,7 @@ impl Prepared {
 /// [`VolumeError::Grid`] when nothing is in view or the grid makes no sense.
 pub fn prepare(view: &View, batches: &[Splats<'_>], options: &VolumeOptions) -> Result<Prepared, VolumeError> {
     let (grid, widest) = extents::planes_and_widest(view, extents::of(batches), options)?;
-    let taken = Taken { sigma: grid.sigma, smallest: options.smallest, stride: 1 };
+    let taken = Taken { sigma: grid.sigma, smallest: options.smallest, stride: 1, kernel: options.kernel };
     let particles = particles::project(view, batches, &taken).unless_empty()?;
     Ok(Prepared::new(grid, widest, particles))
 }

@@ -4,11 +4,18 @@
 //! A particle whose support is narrower than the grid would fall between cells. Its smoothing length is raised to
 //! [`SMALLEST`] cells of its depth, its mass staying what it is (F12 5.5.1, 5.5.2): with a support of two cells the
 //! cells' sum is the mass to half a percent wherever the particle lies. Setting the least size to 0 leaves
-//! particles as they are, for comparisons with the exact sum.
+//! particles as they are, for comparisons with the exact sum. Of an ellipsoid every principal semi-axis is raised on its own
+//! ([`Ellipsoid::at_least`]), which of a ball is the same.
+//!
+//! Ellipsoids come after all round particles, in chunks of their own that have shapes beside them.
 
-use super::super::Splats;
+use super::super::ellipsoid::Ellipsoid;
+use super::super::{Extent, Splats};
+use super::stretched::{Body, Stretched};
+use crate::model::Kernel;
 use crate::view::perspective_grid::GridError;
 use crate::view::{Projection, View};
+use glam::DVec3;
 use rayon::prelude::*;
 
 /// Least smoothing length, in cells.
@@ -20,7 +27,7 @@ pub const CHUNK: usize = 1 << 15;
 /// One particle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Particle {
-    /// Camera coordinates, and the smoothing length.
+    /// Camera coordinates, and the smoothing length: of an ellipsoid that of the ball of equal volume.
     pub place: [f32; 4],
     /// Mass `m`.
     pub mass: f32,
@@ -31,8 +38,10 @@ pub struct Particle {
 /// The particles of a view.
 #[derive(Clone, Debug, Default)]
 pub struct Projected {
-    /// In the order of the batches.
+    /// In the order of the batches, round ones first.
     pub chunks: Vec<Vec<Particle>>,
+    /// The shapes of each chunk's particles; none for one of round particles.
+    pub shapes: Vec<Vec<Stretched>>,
     /// The particles' own densities, one for each in `chunks`, where every batch has them; less for those that were raised.
     pub densities: Vec<Vec<f32>>,
     /// Particles whose size was raised.
@@ -50,7 +59,38 @@ impl Projected {
     /// Memory that they take.
     pub fn bytes(&self) -> u64 {
         let of_density = if self.densities.is_empty() { 0 } else { size_of::<f32>() };
-        self.len() * (size_of::<Particle>() + of_density) as u64
+        let shapes: usize = self.shapes.iter().map(Vec::len).sum();
+        self.len() * (size_of::<Particle>() + of_density) as u64 + (shapes * size_of::<Stretched>()) as u64
+    }
+
+    /// The particles of a chunk with their shapes.
+    pub fn bodies(&self, chunk: usize) -> impl Iterator<Item = Body<'_>> {
+        let shapes = &self.shapes[chunk];
+        let with = |(index, particle)| Body { particle, shape: shapes.get(index) };
+        self.chunks[chunk].iter().enumerate().map(with)
+    }
+
+    /// Adds a part, if it has any particle. Nodes of a page file may hold few particles each; short chunks would cost more than they
+    /// hold.
+    fn take(&mut self, part: Part) {
+        if part.particles.is_empty() {
+            return;
+        }
+        self.raised += part.raised;
+        match (self.chunks.last_mut(), self.densities.last_mut(), self.shapes.last_mut()) {
+            (Some(last), Some(densities), Some(shapes))
+                if last.len() + part.particles.len() <= CHUNK && shapes.is_empty() == part.shapes.is_empty() =>
+            {
+                last.extend(part.particles);
+                densities.extend(part.densities);
+                shapes.extend(part.shapes);
+            }
+            _ => {
+                self.chunks.push(part.particles);
+                self.densities.push(part.densities);
+                self.shapes.push(part.shapes);
+            }
+        }
     }
 
     /// Whether none does.
@@ -76,6 +116,8 @@ pub struct Taken {
     pub smallest: f64,
     /// Every how-manieth particle is taken, for a sketch: it counts for the others in mass and volume.
     pub stride: usize,
+    /// The kernel, whose variance covariances are measured by.
+    pub kernel: Kernel,
 }
 
 /// The factor on smoothing lengths where every `stride`-th particle counts for the others.
@@ -92,22 +134,8 @@ pub fn project(view: &View, batches: &[Splats<'_>], taken: &Taken) -> Projected 
     let attribute = batches.iter().any(|batch| batch.attribute().is_some());
     let parts: Vec<Part> = jobs.into_par_iter().map(|(batch, start)| part(view, batch, start, taken)).collect();
     let mut all = Projected { attribute, ..Projected::default() };
-    for part in parts {
-        all.raised += part.raised;
-        if !part.particles.is_empty() {
-            // Nodes of a page file may hold few particles each; short chunks would cost more than they hold.
-            match (all.chunks.last_mut(), all.densities.last_mut()) {
-                (Some(last), Some(densities)) if last.len() + part.particles.len() <= CHUNK => {
-                    last.extend(part.particles);
-                    densities.extend(part.densities);
-                }
-                _ => {
-                    all.chunks.push(part.particles);
-                    all.densities.push(part.densities);
-                }
-            }
-        }
-    }
+    let (round, stretched): (Vec<Part>, Vec<Part>) = parts.into_iter().partition(|part| part.shapes.is_empty());
+    round.into_iter().chain(stretched).for_each(|part| all.take(part));
     if !batches.iter().all(|batch| batch.density().is_some()) {
         all.densities.clear();
     }
@@ -150,38 +178,64 @@ pub fn density_scale(ratios: impl Iterator<Item = f32>) -> f32 {
 struct Part {
     particles: Vec<Particle>,
     densities: Vec<f32>,
+    shapes: Vec<Stretched>,
     raised: u64,
 }
 
 fn part(view: &View, batch: &Splats<'_>, start: usize, taken: &Taken) -> Part {
-    let mut part = Part { particles: Vec::new(), densities: Vec::new(), raised: 0 };
+    let mut part = Part { particles: Vec::new(), densities: Vec::new(), shapes: Vec::new(), raised: 0 };
     let perspective = matches!(view.projection, Projection::Perspective { .. });
     let edges = view.edges();
     // Lengths of the side planes' normals.
     let norms = edges.map(|sides| sides.map(|side| if perspective { side.hypot(1.0) } else { 1.0 }));
     let (factor, growth) = (taken.stride as f32, growth(taken.stride));
+    let variance = taken.kernel.variance();
     let end = batch.len().min(start + CHUNK * taken.stride);
     for i in (start..end).step_by(taken.stride) {
-        let Some(h) = batch.ball(i) else { break };
         let place = view.to_camera(batch.positions().world(i));
-        let mut h = f64::from(h) * growth;
         let mass = batch.weight()[i] * factor;
         let weighted = batch.attribute().map_or(0.0, |values| mass * values[i]);
-        if !(place.is_finite() && h > 0.0 && h.is_finite() && mass.is_finite() && weighted.is_finite()) {
-            continue;
-        }
         let least = taken.smallest * taken.sigma * if perspective { place.z.max(0.0) } else { 1.0 };
-        let (raised, own) = (h < least, h);
-        h = h.max(least);
-        let beyond = |axis: usize| {
+        let beyond = |axis: usize, reaches: [f64; 2]| {
             let depth = if perspective { place.z } else { 1.0 };
-            let [[low, high], norms] = [edges[axis], norms[axis]];
-            low * depth - place[axis] > h * norms[0] || place[axis] - high * depth > h * norms[1]
+            let [low, high] = edges[axis];
+            low * depth - place[axis] > reaches[0] || place[axis] - high * depth > reaches[1]
         };
-        if place.z + h <= 0.0 && perspective || beyond(0) || beyond(1) {
-            continue;
-        }
-        part.raised += u64::from(raised);
+        let (h, own) = match batch.extent() {
+            Extent::Pixels(_) => break,
+            Extent::World(lengths) => {
+                let own = f64::from(lengths[i]) * growth;
+                if !(place.is_finite() && own > 0.0 && own.is_finite() && mass.is_finite() && weighted.is_finite()) {
+                    continue;
+                }
+                let h = own.max(least);
+                let reaches = |axis: usize| norms[axis].map(|norm: f64| h * norm);
+                if place.z + h <= 0.0 && perspective || beyond(0, reaches(0)) || beyond(1, reaches(1)) {
+                    continue;
+                }
+                part.raised += u64::from(own < least);
+                (h, own)
+            }
+            Extent::Ellipsoids(covariances) => {
+                let Some(own) = Ellipsoid::of(covariances[i], variance, place, view) else { continue };
+                if !(mass.is_finite() && weighted.is_finite()) {
+                    continue;
+                }
+                let own = own.scaled(growth);
+                let (ellipsoid, shortest) = own.at_least(least);
+                let reaches = |axis: usize| {
+                    let across = if axis == 0 { DVec3::X } else { DVec3::Y };
+                    edges[axis].map(|side| ellipsoid.reach(across - if perspective { side } else { 0.0 } * DVec3::Z))
+                };
+                let behind = perspective && place.z + ellipsoid.half_depth() <= 0.0;
+                if behind || beyond(0, reaches(0)) || beyond(1, reaches(1)) {
+                    continue;
+                }
+                part.raised += u64::from(ellipsoid.axes != own.axes);
+                part.shapes.push(Stretched::of(&ellipsoid, shortest));
+                (ellipsoid.volume().cbrt(), own.volume().cbrt())
+            }
+        };
         let [x, y, z] = place.as_vec3().to_array();
         part.particles.push(Particle { place: [x, y, z, h as f32], mass, weighted });
         if let Some(densities) = batch.density() {
@@ -216,7 +270,7 @@ mod tests {
     fn densities_are_those_of_the_batches_and_there_if_all_have_some() {
         let cloud = Cloud::lattice(8, 2.0);
         let view = perspective(DVec3::new(0.0, 0.0, 9.0), 40, 30);
-        let taken = Taken { sigma: 1e-3, smallest: 0.0, stride: 1 };
+        let taken = Taken { sigma: 1e-3, smallest: 0.0, stride: 1, kernel: Kernel::default() };
         let densities = vec![2e7; cloud.h.len()];
         let batch = cloud.batch().with_density(Some(&densities)).unwrap();
         let projected = project(&view, &[batch], &taken);

@@ -65,7 +65,8 @@ impl Sketch {
 pub fn measure(view: &View, batches: &[Splats<'_>], options: &VolumeOptions) -> Result<FieldRange, VolumeError> {
     let sketch = Sketch::of(view, batches.iter().map(Splats::len).sum(), options);
     let (grid, widest) = sketch.grid(extents::of(batches))?;
-    let taken = Taken { sigma: grid.sigma, smallest: sketch.options.smallest, stride: sketch.stride };
+    let taken =
+        Taken { sigma: grid.sigma, smallest: sketch.options.smallest, stride: sketch.stride, kernel: options.kernel };
     let prepared = Prepared::new(grid, widest, project(&sketch.view, batches, &taken).unless_empty()?);
     let own = |column: usize, axis: usize| (BORDER..BORDER + grid.size[axis] as usize).contains(&column);
     let brick_grid = prepared.brick_grid();

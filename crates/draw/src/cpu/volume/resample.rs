@@ -1,4 +1,4 @@
-//! Resampling (F12 5.5): particles are binned to the bricks of a slab, and each brick gathers its own, in SIMD lanes.
+//! Resampling (F12 5.5): particles are binned to the bricks of a slab, and each brick gathers its own ([`super::gather`]).
 //!
 //! Every cell holds `sum m W(|r - r_j|, h_j)` at its centre, and `sum m A W` where there is an attribute; what wide particles add is
 //! interpolated from coarser grids ([`coarse`]). A brick is filled by one task in the order of the particles, so the field is the
@@ -7,11 +7,11 @@
 use super::Prepared;
 use super::bricks::{BRICK, Brick, BrickGrid, CELLS, Layer, Slab};
 use super::coarse::{self, Interpolate, Peaks, Scratch};
-use super::particles::{Particle, Projected};
+use super::gather::Gather;
+use super::stretched::Body;
 use crate::model::Kernel;
-use pulp::{Arch, Simd, WithSimd};
+use pulp::Arch;
 use rayon::prelude::*;
-use std::f32::consts::PI;
 use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
 
@@ -45,9 +45,9 @@ impl<'a> Resampler<'a> {
     pub fn new(prepared: &'a Prepared, kernel: Kernel) -> Resampler<'a> {
         let held = vec![Slab::default(); prepared.levels.len()];
         let nothing = [f32::INFINITY, f32::NEG_INFINITY];
-        let with =
-            |[from, to]: [f32; 2], Particle { place: [_, _, z, h], .. }: &Particle| [from.min(z - h), to.max(z + h)];
-        let reach = prepared.particles.chunks.par_iter().map(|chunk| chunk.iter().fold(nothing, with)).collect();
+        let with = |[from, to]: [f32; 2], body: Body<'_>| [from.min(body.depths()[0]), to.max(body.depths()[1])];
+        let chunks = (0..prepared.particles.chunks.len()).into_par_iter();
+        let reach = chunks.map(|chunk| prepared.particles.bodies(chunk).fold(nothing, with)).collect();
         Resampler { prepared, kernel, reach, held, spare: Mutex::default(), least: 0.0, last: None }
     }
 
@@ -98,13 +98,13 @@ impl<'a> Resampler<'a> {
     fn fill(&mut self, level: usize, layers: Range<usize>, hidden: &[bool], work: &mut Work) -> Vec<Layer> {
         let Prepared { levels, particles, .. } = self.prepared;
         let brick_grid = &levels[level];
-        let own = |particle: &Particle| levels.len() == 1 || self.prepared.level_of(particle) == level;
+        let own = |body: &Body<'_>| levels.len() == 1 || self.prepared.level_of(body) == level;
         let [nearest, farthest] = ends(brick_grid, &layers);
-        let of_chunk = |(chunk, [from, to]): (&Vec<Particle>, &[f32; 2])| match *from > farthest || *to < nearest {
+        let of_chunk = |(chunk, [from, to]): (usize, &[f32; 2])| match *from > farthest || *to < nearest {
             true => Vec::new(),
-            false => pairs(brick_grid, chunk, own, layers.clone(), hidden),
+            false => pairs(brick_grid, particles.bodies(chunk), own, layers.clone(), hidden),
         };
-        let of_chunks: Vec<_> = particles.chunks.par_iter().zip(&self.reach).map(of_chunk).collect();
+        let of_chunks: Vec<_> = self.reach.par_iter().enumerate().map(of_chunk).collect();
         let bins = Bins::new(layers.len() * brick_grid.of_layer(), &of_chunks);
         drop(of_chunks);
         work.pairs += bins.particles.len() as u64;
@@ -130,7 +130,7 @@ impl<'a> Resampler<'a> {
             let weighted = if particles.attribute { self.cells() } else { Box::default() };
             let mut brick = Brick { density: self.cells(), weighted, densest: 0.0 };
             let (corner, kernel) = (at.map(|brick| brick * BRICK), self.kernel);
-            arch.dispatch(Gather { brick_grid, corner, kernel, particles, bins: &bins, index, brick: &mut brick });
+            arch.dispatch(Gather { brick_grid, corner, kernel, particles, pairs: bins.of(index), brick: &mut brick });
             if let Some(under) = under {
                 let density = |at| under(at).map(|brick: &Brick| &brick.density[..]);
                 arch.dispatch(Interpolate { brick: at, cells_of: density, scratch, out: &mut brick.density });
@@ -202,22 +202,22 @@ impl<'a> Resampler<'a> {
 }
 
 /// Pairs of a brick in `layers` and a particle of a chunk that reaches it: their numbers, in the order of the particles.
-fn pairs(
+fn pairs<'a>(
     brick_grid: &BrickGrid,
-    chunk: &[Particle],
-    own: impl Fn(&Particle) -> bool,
+    chunk: impl Iterator<Item = Body<'a>>,
+    own: impl Fn(&Body<'a>) -> bool,
     layers: Range<usize>,
     hidden: &[bool],
 ) -> Vec<[u32; 2]> {
     let [nearest, farthest] = ends(brick_grid, &layers);
     let mut pairs = Vec::new();
-    for (index, particle) in chunk.iter().enumerate() {
-        let [_, _, z, h] = particle.place;
-        if z - h > farthest || z + h < nearest || !own(particle) {
+    for (index, body) in chunk.enumerate() {
+        let [front, back] = body.depths();
+        if front > farthest || back < nearest || !own(&body) {
             continue;
         }
         for layer in layers.clone() {
-            let Some([columns, rows]) = brick_grid.reached(particle, layer) else { continue };
+            let Some([columns, rows]) = brick_grid.reached(&body, layer) else { continue };
             for row in rows[0]..=rows[1] {
                 for column in columns[0]..=columns[1] {
                     let place = row * brick_grid.bricks[0] + column;
@@ -269,169 +269,5 @@ impl Bins {
     /// The particles of a brick.
     fn of(&self, brick: usize) -> &[[u32; 2]] {
         &self.particles[self.starts[brick] as usize..self.starts[brick + 1] as usize]
-    }
-}
-
-/// One brick on its way to be filled.
-struct Gather<'a> {
-    brick_grid: &'a BrickGrid,
-    /// Stored column, stored row and slice of its first cell.
-    corner: [usize; 3],
-    kernel: Kernel,
-    particles: &'a Projected,
-    bins: &'a Bins,
-    index: usize,
-    brick: &'a mut Brick,
-}
-
-impl WithSimd for Gather<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
-        match self.kernel {
-            Kernel::CubicSpline => self.fill::<S, true>(simd),
-            Kernel::Poly6 => self.fill::<S, false>(simd),
-        }
-    }
-}
-
-impl Gather<'_> {
-    #[inline(always)]
-    fn fill<S: Simd, const SPLINE: bool>(self, simd: S) {
-        for &[chunk, index] in self.bins.of(self.index) {
-            let particle = &self.particles.chunks[chunk as usize][index as usize];
-            add::<S, SPLINE>(simd, self.brick_grid, self.corner, particle, self.brick);
-        }
-    }
-}
-
-/// The only brick of a grid that has no other; `None` where nothing is.
-pub fn lone_brick(
-    brick_grid: &BrickGrid,
-    particles: impl Iterator<Item = Particle>,
-    attribute: bool,
-    kernel: Kernel,
-) -> Option<Brick> {
-    let cells = || vec![0.0f32; CELLS].into_boxed_slice();
-    let weighted = if attribute { cells() } else { Box::default() };
-    let mut brick = Brick { density: cells(), weighted, densest: 0.0 };
-    Arch::new().dispatch(Alone { brick_grid, kernel, particles, brick: &mut brick });
-    brick.densest = brick.density.iter().copied().fold(0.0, f32::max);
-    (brick.densest > 0.0).then_some(brick)
-}
-
-/// A brick without others, and what fills it.
-struct Alone<'a, I> {
-    brick_grid: &'a BrickGrid,
-    kernel: Kernel,
-    particles: I,
-    brick: &'a mut Brick,
-}
-
-impl<I: Iterator<Item = Particle>> WithSimd for Alone<'_, I> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
-        for particle in self.particles {
-            match self.kernel {
-                Kernel::CubicSpline => add::<S, true>(simd, self.brick_grid, [0; 3], &particle, self.brick),
-                Kernel::Poly6 => add::<S, false>(simd, self.brick_grid, [0; 3], &particle, self.brick),
-            }
-        }
-    }
-}
-
-/// `0.5, 1.5, 2.5, ...` over a row of a brick.
-const CENTERS: [f32; BRICK] = {
-    let mut centers = [0.0; BRICK];
-    let mut i = 0;
-    while i < BRICK {
-        centers[i] = i as f32 + 0.5;
-        i += 1;
-    }
-    centers
-};
-
-/// Adds `factor * values` to cells, of which there are as many as lanes.
-#[inline(always)]
-fn add_scaled<S: Simd>(simd: S, cells: &mut [f32], factor: S::f32s, values: S::f32s) {
-    let (vectors, _) = S::as_mut_simd_f32s(cells);
-    for out in vectors {
-        *out = simd.mul_add_e_f32s(factor, values, *out);
-    }
-}
-
-/// Adds a particle to the cells of a brick that its support reaches.
-#[inline(always)]
-fn add<S: Simd, const SPLINE: bool>(
-    simd: S,
-    brick_grid: &BrickGrid,
-    corner: [usize; 3],
-    particle: &Particle,
-    brick: &mut Brick,
-) {
-    let [x, y, z, h] = particle.place;
-    let per_length = 1.0 / h;
-    // The kernel's leading factor; what is left of it is written out below.
-    let factor = if SPLINE { 8.0 / PI } else { 315.0 / (64.0 * PI) } * per_length * per_length * per_length;
-    let amplitude = simd.splat_f32s(particle.mass * factor);
-    let amplitude_s = simd.splat_f32s(particle.weighted * factor);
-    let slices = corner[2]..corner[2] + BRICK;
-    let (depths, per_cells) = (&brick_grid.depth[slices.clone()], &brick_grid.per_cell[slices.clone()]);
-    let spacings = &brick_grid.spacing[slices];
-    // Counted: searching is a chain of jumps that cannot be foreseen.
-    let before = |end: f32| depths.iter().map(|&depth| u32::from(depth <= end)).sum::<u32>() as usize;
-    let reached = before(z - h)..before(z + h);
-    let [zero, half, one] = [0.0, 0.5, 1.0].map(|value| simd.splat_f32s(value));
-    let [middle_x, middle_y] = [0, 1].map(|axis| brick_grid.middle[axis] - corner[axis] as f32);
-    for slice in reached {
-        let (per_cell, spacing) = (per_cells[slice], spacings[slice]);
-        let away = (depths[slice] - z) * per_length;
-        let radius = h * (1.0 - away * away).max(0.0).sqrt() * per_cell;
-        // The particle's place in the cells of this slice of the brick.
-        let (column, row) = (x * per_cell + middle_x, middle_y - y * per_cell);
-        let range = |center: f32| {
-            // Casts saturate: below zero becomes 0.
-            let first = (center - radius + 0.5) as usize;
-            (first, ((center + radius + 0.5).max(0.0) as usize).min(BRICK))
-        };
-        let ((left, right), (top, bottom)) = (range(column), range(row));
-        if left >= right || top >= bottom {
-            continue;
-        }
-        let cell = spacing * per_length;
-        let (scale, shift, base) = (simd.splat_f32s(cell), simd.splat_f32s(column), away * away);
-        // Most particles are a few cells wide: one vector, wherever it begins, holds what two may share that begin at fixed places.
-        let lanes = S::F32_LANES;
-        let first = if right - left <= lanes { left.min(BRICK - lanes) } else { left / lanes * lanes };
-        for first in (first..right).step_by(lanes) {
-            let (centers, _) = S::as_simd_f32s(&CENTERS[first..first + lanes]);
-            let dx = simd.mul_f32s(simd.sub_f32s(centers[0], shift), scale);
-            let dx2 = simd.mul_f32s(dx, dx);
-            for j in top..bottom {
-                let dy = (j as f32 + 0.5 - row) * cell;
-                let q2 = simd.add_f32s(dx2, simd.splat_f32s(base + dy * dy));
-                let value = if SPLINE {
-                    // 2 (1 - q)^3 - 8 (1/2 - q)^3, each where it is positive.
-                    let q = simd.sqrt_f32s(q2);
-                    let a = simd.max_f32s(simd.sub_f32s(one, q), zero);
-                    let b = simd.max_f32s(simd.sub_f32s(half, q), zero);
-                    let a3 = simd.mul_f32s(simd.mul_f32s(a, a), simd.add_f32s(a, a));
-                    let b3 = simd.mul_f32s(simd.mul_f32s(b, b), b);
-                    simd.mul_add_e_f32s(b3, simd.splat_f32s(-8.0), a3)
-                } else {
-                    let t = simd.max_f32s(simd.sub_f32s(one, q2), zero);
-                    simd.mul_f32s(simd.mul_f32s(t, t), t)
-                };
-                let start = (slice * BRICK + j) * BRICK + first;
-                let cells = start..start + lanes;
-                add_scaled(simd, &mut brick.density[cells.clone()], amplitude, value);
-                if let Some(weighted) = brick.weighted.get_mut(cells) {
-                    add_scaled(simd, weighted, amplitude_s, value);
-                }
-            }
-        }
     }
 }

@@ -2,7 +2,7 @@
 
 use super::{Session, Shown};
 use crate::hierarchy::Purpose;
-use crate::mode::{Depiction, LevelChoice, Levels, Plan, Raw};
+use crate::mode::{Depiction, LevelChoice, Levels, Output, Plan, Raw};
 use crate::picture::level_report::{LevelReport, bound, estimate, has_clusters};
 use crate::picture::{PictureError, Subject};
 use crate::store::{Metadata, Tree};
@@ -22,8 +22,13 @@ impl Session {
             let why = "clusters: not in this file, expected one built with --hierarchy pca";
             return Err(PictureError::of(self.path(), why));
         }
+        let mode = depiction.mode.name;
+        if depiction.choice.error_picture.is_some() && depiction.mode.technique.output() != Output::Sums {
+            return Err(PictureError::Asked(format!(
+                "error-picture: the error of a picture of the mode {mode} is not known, expected a number of splats"
+            )));
+        }
         if (wants || depiction.choice.is_bounded()) && !depiction.takes_clusters() {
-            let mode = depiction.mode.name;
             return Err(PictureError::Asked(format!(
                 "levels, splats, error-picture: the mode {mode} draws no splats of clusters yet"
             )));

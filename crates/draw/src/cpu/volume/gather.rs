@@ -1,0 +1,248 @@
+//! What a brick gathers of the particles that reach it, in SIMD lanes.
+
+use super::bricks::{BRICK, Brick, BrickGrid, CELLS};
+use super::particles::{Particle, Projected};
+use super::stretched::Stretched;
+use crate::model::Kernel;
+use pulp::{Arch, Simd, WithSimd};
+use std::f32::consts::PI;
+
+/// One brick on its way to be filled.
+pub struct Gather<'a> {
+    /// The bricks of its level.
+    pub brick_grid: &'a BrickGrid,
+    /// Stored column, stored row and slice of its first cell.
+    pub corner: [usize; 3],
+    /// The kernel.
+    pub kernel: Kernel,
+    /// The particles.
+    pub particles: &'a Projected,
+    /// Those that reach the brick: chunks, and numbers in them.
+    pub pairs: &'a [[u32; 2]],
+    /// Its cells.
+    pub brick: &'a mut Brick,
+}
+
+impl WithSimd for Gather<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        match self.kernel {
+            Kernel::CubicSpline => self.fill::<S, true>(simd),
+            Kernel::Poly6 => self.fill::<S, false>(simd),
+        }
+    }
+}
+
+impl Gather<'_> {
+    #[inline(always)]
+    fn fill<S: Simd, const SPLINE: bool>(self, simd: S) {
+        for &[chunk, index] in self.pairs {
+            let particle = &self.particles.chunks[chunk as usize][index as usize];
+            match self.particles.shapes[chunk as usize].get(index as usize) {
+                None => add::<S, SPLINE>(simd, self.brick_grid, self.corner, particle, self.brick),
+                Some(shape) => {
+                    add_stretched::<S, SPLINE>(simd, self.brick_grid, self.corner, (particle, shape), self.brick);
+                }
+            }
+        }
+    }
+}
+
+/// The only brick of a grid that has no other; `None` where nothing is.
+pub fn lone_brick(
+    brick_grid: &BrickGrid,
+    particles: impl Iterator<Item = Particle>,
+    attribute: bool,
+    kernel: Kernel,
+) -> Option<Brick> {
+    let cells = || vec![0.0f32; CELLS].into_boxed_slice();
+    let weighted = if attribute { cells() } else { Box::default() };
+    let mut brick = Brick { density: cells(), weighted, densest: 0.0 };
+    Arch::new().dispatch(Alone { brick_grid, kernel, particles, brick: &mut brick });
+    brick.densest = brick.density.iter().copied().fold(0.0, f32::max);
+    (brick.densest > 0.0).then_some(brick)
+}
+
+/// A brick without others, and what fills it.
+struct Alone<'a, I> {
+    brick_grid: &'a BrickGrid,
+    kernel: Kernel,
+    particles: I,
+    brick: &'a mut Brick,
+}
+
+impl<I: Iterator<Item = Particle>> WithSimd for Alone<'_, I> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        for particle in self.particles {
+            match self.kernel {
+                Kernel::CubicSpline => add::<S, true>(simd, self.brick_grid, [0; 3], &particle, self.brick),
+                Kernel::Poly6 => add::<S, false>(simd, self.brick_grid, [0; 3], &particle, self.brick),
+            }
+        }
+    }
+}
+
+/// `0.5, 1.5, 2.5, ...` over a row of a brick.
+const CENTERS: [f32; BRICK] = {
+    let mut centers = [0.0; BRICK];
+    let mut i = 0;
+    while i < BRICK {
+        centers[i] = i as f32 + 0.5;
+        i += 1;
+    }
+    centers
+};
+
+/// Adds `factor * values` to cells, of which there are as many as lanes.
+#[inline(always)]
+fn add_scaled<S: Simd>(simd: S, cells: &mut [f32], factor: S::f32s, values: S::f32s) {
+    let (vectors, _) = S::as_mut_simd_f32s(cells);
+    for out in vectors {
+        *out = simd.mul_add_e_f32s(factor, values, *out);
+    }
+}
+
+/// The kernel at squared distances in units of its support, but for its leading factor ([`leading`]).
+#[inline(always)]
+fn profile<S: Simd, const SPLINE: bool>(simd: S, q2: S::f32s) -> S::f32s {
+    let [zero, half, one] = [0.0, 0.5, 1.0].map(|value| simd.splat_f32s(value));
+    if SPLINE {
+        // 2 (1 - q)^3 - 8 (1/2 - q)^3, each where it is positive.
+        let q = simd.sqrt_f32s(q2);
+        let a = simd.max_f32s(simd.sub_f32s(one, q), zero);
+        let b = simd.max_f32s(simd.sub_f32s(half, q), zero);
+        let a3 = simd.mul_f32s(simd.mul_f32s(a, a), simd.add_f32s(a, a));
+        let b3 = simd.mul_f32s(simd.mul_f32s(b, b), b);
+        simd.mul_add_e_f32s(b3, simd.splat_f32s(-8.0), a3)
+    } else {
+        let t = simd.max_f32s(simd.sub_f32s(one, q2), zero);
+        simd.mul_f32s(simd.mul_f32s(t, t), t)
+    }
+}
+
+/// The kernel's leading factor.
+const fn leading(spline: bool) -> f32 {
+    if spline { 8.0 / PI } else { 315.0 / (64.0 * PI) }
+}
+
+/// Adds a particle to the cells of a brick that its support reaches.
+#[inline(always)]
+fn add<S: Simd, const SPLINE: bool>(
+    simd: S,
+    brick_grid: &BrickGrid,
+    corner: [usize; 3],
+    particle: &Particle,
+    brick: &mut Brick,
+) {
+    let [x, y, z, h] = particle.place;
+    let per_length = 1.0 / h;
+    let factor = leading(SPLINE) * per_length * per_length * per_length;
+    let amplitude = simd.splat_f32s(particle.mass * factor);
+    let amplitude_s = simd.splat_f32s(particle.weighted * factor);
+    let slices = corner[2]..corner[2] + BRICK;
+    let (depths, per_cells) = (&brick_grid.depth[slices.clone()], &brick_grid.per_cell[slices.clone()]);
+    let spacings = &brick_grid.spacing[slices];
+    // Counted: searching is a chain of jumps that cannot be foreseen.
+    let before = |end: f32| depths.iter().map(|&depth| u32::from(depth <= end)).sum::<u32>() as usize;
+    let reached = before(z - h)..before(z + h);
+    let [middle_x, middle_y] = [0, 1].map(|axis| brick_grid.middle[axis] - corner[axis] as f32);
+    for slice in reached {
+        let (per_cell, spacing) = (per_cells[slice], spacings[slice]);
+        let away = (depths[slice] - z) * per_length;
+        let radius = h * (1.0 - away * away).max(0.0).sqrt() * per_cell;
+        // The particle's place in the cells of this slice of the brick.
+        let (column, row) = (x * per_cell + middle_x, middle_y - y * per_cell);
+        let ((left, right), (top, bottom)) = (cells(column, radius), cells(row, radius));
+        if left >= right || top >= bottom {
+            continue;
+        }
+        let cell = spacing * per_length;
+        let (scale, shift, base) = (simd.splat_f32s(cell), simd.splat_f32s(column), away * away);
+        // Most particles are a few cells wide: one vector, wherever it begins, holds what two may share that begin at fixed places.
+        let lanes = S::F32_LANES;
+        let first = if right - left <= lanes { left.min(BRICK - lanes) } else { left / lanes * lanes };
+        for first in (first..right).step_by(lanes) {
+            let (centers, _) = S::as_simd_f32s(&CENTERS[first..first + lanes]);
+            let dx = simd.mul_f32s(simd.sub_f32s(centers[0], shift), scale);
+            let dx2 = simd.mul_f32s(dx, dx);
+            for j in top..bottom {
+                let dy = (j as f32 + 0.5 - row) * cell;
+                let q2 = simd.add_f32s(dx2, simd.splat_f32s(base + dy * dy));
+                let value = profile::<S, SPLINE>(simd, q2);
+                let start = (slice * BRICK + j) * BRICK + first;
+                let cells = start..start + lanes;
+                add_scaled(simd, &mut brick.density[cells.clone()], amplitude, value);
+                if let Some(weighted) = brick.weighted.get_mut(cells) {
+                    add_scaled(simd, weighted, amplitude_s, value);
+                }
+            }
+        }
+    }
+}
+
+/// The same of an ellipsoid, row by row: see [`super::stretched`].
+#[inline(always)]
+fn add_stretched<S: Simd, const SPLINE: bool>(
+    simd: S,
+    brick_grid: &BrickGrid,
+    corner: [usize; 3],
+    (particle, shape): (&Particle, &Stretched),
+    brick: &mut Brick,
+) {
+    let [x, y, z, _] = particle.place;
+    let [xx, xy, xz, yy, yz, zz] = shape.factor;
+    let [per_x, per_y, per_z] = [xx, yy, zz].map(f32::recip);
+    let factor = leading(SPLINE) * per_x * per_y * per_z;
+    let amplitude = simd.splat_f32s(particle.mass * factor);
+    let amplitude_s = simd.splat_f32s(particle.weighted * factor);
+    let slices = corner[2]..corner[2] + BRICK;
+    let (depths, per_cells) = (&brick_grid.depth[slices.clone()], &brick_grid.per_cell[slices.clone()]);
+    let spacings = &brick_grid.spacing[slices];
+    let before = |end: f32| depths.iter().map(|&depth| u32::from(depth <= end)).sum::<u32>() as usize;
+    let [middle_x, middle_y] = [0, 1].map(|axis| brick_grid.middle[axis] - corner[axis] as f32);
+    let lanes = S::F32_LANES;
+    for slice in before(z - zz)..before(z + zz) {
+        let (per_cell, spacing) = (per_cells[slice], spacings[slice]);
+        let deep = (depths[slice] - z) * per_z;
+        // The ellipse in this slice, in the brick's cells.
+        let (column, row) = ((x + xz * deep) * per_cell + middle_x, middle_y - (y + yz * deep) * per_cell);
+        let (top, bottom) = cells(row, yy * (1.0 - deep * deep).max(0.0).sqrt() * per_cell);
+        let scale = simd.splat_f32s(spacing * per_x);
+        for j in top..bottom {
+            // Rows go downwards.
+            let high = (row - (j as f32 + 0.5)) * spacing * per_y;
+            let base = deep * deep + high * high;
+            let middle = column + xy * high * per_cell;
+            let (left, right) = cells(middle, xx * (1.0 - base).max(0.0).sqrt() * per_cell);
+            if left >= right {
+                continue;
+            }
+            let (shift, base) = (simd.splat_f32s(middle), simd.splat_f32s(base));
+            let first = if right - left <= lanes { left.min(BRICK - lanes) } else { left / lanes * lanes };
+            for first in (first..right).step_by(lanes) {
+                let (centers, _) = S::as_simd_f32s(&CENTERS[first..first + lanes]);
+                let across = simd.mul_f32s(simd.sub_f32s(centers[0], shift), scale);
+                let value = profile::<S, SPLINE>(simd, simd.mul_add_e_f32s(across, across, base));
+                let start = (slice * BRICK + j) * BRICK + first;
+                let cells = start..start + lanes;
+                add_scaled(simd, &mut brick.density[cells.clone()], amplitude, value);
+                if let Some(weighted) = brick.weighted.get_mut(cells) {
+                    add_scaled(simd, weighted, amplitude_s, value);
+                }
+            }
+        }
+    }
+}
+
+/// The cells of a brick's row or column whose centres lie within a radius, first and end.
+#[inline(always)]
+fn cells(center: f32, radius: f32) -> (usize, usize) {
+    // Casts saturate: below zero becomes 0.
+    let first = (center - radius + 0.5) as usize;
+    (first, ((center + radius + 0.5).max(0.0) as usize).min(BRICK))
+}
