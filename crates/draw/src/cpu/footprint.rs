@@ -396,13 +396,14 @@ impl Lens {
     /// `P` at `x` of a row, pixels, in units of the footprint's amplitude.
     pub fn line(&self, line: &LineTable, row: &Row, x: f64) -> f64 {
         let value = line.at_square(self.square(row, x));
-        match row.ray {
-            Some(depth) if value > 0.0 => {
-                let [middle, rate] = self.ray();
-                let (own, u) = ((x - row.axis) * row.slope, (x - middle) * rate);
-                value * ((depth + u * u) / (row.depth + own * own)).sqrt()
-            }
-            _ => value,
-        }
+        if value > 0.0 { value * self.factor(row, x) } else { value }
+    }
+
+    /// The factor that the ray at `x` of a row has of its own, where [`Row::ray`] says so; else 1.
+    pub fn factor(&self, row: &Row, x: f64) -> f64 {
+        let Some(depth) = row.ray else { return 1.0 };
+        let [middle, rate] = self.ray();
+        let (own, u) = ((x - row.axis) * row.slope, (x - middle) * rate);
+        ((depth + u * u) / (row.depth + own * own)).sqrt()
     }
 }

@@ -21,6 +21,7 @@ pub mod ellipsoid;
 pub mod footprint;
 pub mod half_line;
 pub mod layered;
+pub mod over;
 pub mod overdraw;
 pub mod paths;
 pub mod pyramid;

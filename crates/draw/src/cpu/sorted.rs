@@ -9,13 +9,14 @@
 //! they come in.
 
 use super::Splats;
-use super::footprint::Lens;
+use super::footprint::{Footprint, Lens};
 use super::profile::{Profile, Profiles};
 use super::screen_tiles::{Reach, TILE, Tiles};
 use super::volume::particles::{Taken, project};
 use super::volume::raycast::Ray;
 use super::volume::{Classifier, OpaqueDepths, VolumeError, VolumeOptions, VolumeReport, extents};
 use crate::color::Colors;
+use crate::model::Kernel;
 use crate::view::{PerspectiveGrid, View};
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -107,15 +108,48 @@ pub fn draw(
     report.memory = Some(particles.bytes());
     drop(particles);
     splats.par_sort_unstable_by(Splat::order);
-    let (lens, tiles) = (Lens::new(view), Tiles::new(view));
-    let reach = |splat: &Splat| {
-        let [x, y, z, h] = splat.place.map(f64::from);
-        tiles.reach(&lens, &lens.at(glam::DVec3::new(x, y, z), h)?)
-    };
-    let (splats, reaches): (Vec<Splat>, Vec<Reach>) =
-        splats.into_par_iter().filter_map(|splat| reach(&splat).map(|reach| (splat, reach))).unzip();
     report.resampling = start.elapsed();
-    let profile = &Profiles::of(options.kernel).sampled;
+    let look = |lens: &Lens, splat: &Splat| {
+        let [x, y, z, h] = splat.place.map(f64::from);
+        let footprint = lens.at(glam::DVec3::new(x, y, z), h)?;
+        Some(Seen { footprint, depth: splat.depth, color: splat.color, place: splat.place[2] })
+    };
+    let (colors, ends) = blend(view, splats, look, options.kernel, termination, &mut report);
+    // Pixels are the cells to whose size small particles are enlarged.
+    let opaque = options.occlusion.then(|| OpaqueDepths::new(view, ends, 1.0, options.smallest));
+    report.opaque = opaque.map(Arc::new);
+    Ok((colors, report))
+}
+
+/// What a splat looks like.
+pub(super) struct Seen {
+    /// Which pixels it covers.
+    pub(super) footprint: Footprint,
+    /// Optical depth where `F` is 1.
+    pub(super) depth: f32,
+    /// Colour, linear light.
+    pub(super) color: [f32; 3],
+    /// How far away it is.
+    pub(super) place: f32,
+}
+
+/// Blends splats front to back, in their order, as `look` says that they look; rays end at an opacity of `termination`. The colours, and
+/// for each pixel how far away the splat is that its ray ends with; infinite where it goes on.
+pub(super) fn blend<S: Send + Sync>(
+    view: &View,
+    splats: Vec<S>,
+    look: impl Fn(&Lens, &S) -> Option<Seen> + Sync,
+    kernel: Kernel,
+    termination: f32,
+    report: &mut VolumeReport,
+) -> (Colors, Vec<f32>) {
+    let start = Instant::now();
+    let (lens, tiles) = (Lens::new(view), Tiles::new(view));
+    let reach = |splat: &S| tiles.reach(&lens, &look(&lens, splat)?.footprint);
+    let (splats, reaches): (Vec<S>, Vec<Reach>) =
+        splats.into_par_iter().filter_map(|splat| reach(&splat).map(|reach| (splat, reach))).unzip();
+    report.resampling += start.elapsed();
+    let profile = &Profiles::of(kernel).sampled;
     let mut drawn: Vec<Tile> = (0..tiles.count())
         .map(|tile| {
             let [columns, rows] = tiles.pixels(tile);
@@ -124,7 +158,7 @@ pub fn draw(
         })
         .collect();
     let pixels = view.width as u64 * u64::from(view.height) * size_of::<Ray>() as u64;
-    let held = splats.len() as u64 * (size_of::<Splat>() + size_of::<Reach>()) as u64 + pixels;
+    let held = splats.len() as u64 * (size_of::<S>() + size_of::<Reach>()) as u64 + pixels;
     let mut next = 0;
     while next < splats.len() && drawn.iter().any(|tile| tile.open > 0) {
         let start = Instant::now();
@@ -139,7 +173,7 @@ pub fn draw(
             let pixels = tiles.pixels(index);
             bins.of(index)
                 .iter()
-                .map(|&splat| tile.blend(&lens, &pixels, &splats[splat as usize], profile, termination))
+                .map(|&splat| tile.blend(&lens, &pixels, || look(&lens, &splats[splat as usize]), profile, termination))
                 .sum()
         };
         *report.samples.get_or_insert(0) += drawn.par_iter_mut().enumerate().map(blend).sum::<u64>();
@@ -160,10 +194,7 @@ pub fn draw(
                 .for_each(|(out, ray)| *out = [ray.color[0], ray.color[1], ray.color[2], ray.alpha]);
         }
     }
-    // Pixels are the cells to whose size small particles are enlarged.
-    let opaque = options.occlusion.then(|| OpaqueDepths::new(view, ends, 1.0, options.smallest));
-    report.opaque = opaque.map(Arc::new);
-    Ok((Colors { width: view.width, height: view.height, rgba }, report))
+    (Colors { width: view.width, height: view.height, rgba }, ends)
 }
 
 impl Tile {
@@ -172,15 +203,14 @@ impl Tile {
         &mut self,
         lens: &Lens,
         [columns, rows]: &[std::ops::Range<usize>; 2],
-        splat: &Splat,
+        look: impl FnOnce() -> Option<Seen>,
         profile: &Profile,
         termination: f32,
     ) -> u64 {
         if self.open == 0 {
             return 0;
         }
-        let [x, y, z, h] = splat.place.map(f64::from);
-        let Some(footprint) = lens.at(glam::DVec3::new(x, y, z), h) else { return 0 };
+        let Some(Seen { footprint, depth, color, place }) = look() else { return 0 };
         // Pixels whose centres it may cover; casts saturate.
         let clip = |from: f64, to: f64, range: &std::ops::Range<usize>| {
             let first = ((from - 0.5).ceil().max(0.0) as usize).max(range.start);
@@ -191,22 +221,28 @@ impl Tile {
             return 0;
         }
         let mut met = 0;
-        let mut square = [0.0f32; TILE];
+        let (mut square, mut factors) = ([0.0f32; TILE], [1.0f32; TILE]);
         for row in clip(footprint.min[1], footprint.max[1], rows) {
             let line = lens.row(&footprint, row as f64 + 0.5);
             for (out, x) in square.iter_mut().zip(covered.clone()) {
                 *out = lens.square(&line, x as f64 + 0.5) as f32;
             }
+            if line.ray.is_some() {
+                for (out, x) in factors.iter_mut().zip(covered.clone()) {
+                    *out = lens.factor(&line, x as f64 + 0.5) as f32;
+                }
+            }
             let start = (row - rows.start) * columns.len() + covered.start - columns.start;
             let rays = self.rays[start..].iter_mut().zip(&mut self.ends[start..]);
-            for ((ray, end), &square) in rays.zip(&square).take(covered.len()) {
+            let places = square.iter().zip(&factors);
+            for ((ray, end), (&square, factor)) in rays.zip(places).take(covered.len()) {
                 if square >= 1.0 || ray.alpha >= termination {
                     continue;
                 }
-                ray.under(splat.color, opacity(splat.depth * evaluate(profile, square)));
+                ray.under(color, opacity(depth * factor * evaluate(profile, square)));
                 met += 1;
                 if ray.alpha >= termination {
-                    *end = splat.place[2];
+                    *end = place;
                     self.open -= 1;
                 }
             }
@@ -235,7 +271,6 @@ mod tests {
     use super::*;
     use crate::cpu::volume::Scenery;
     use crate::cpu::volume::tests::{Cloud, RAMP, look, merger, perspective, scenery};
-    use crate::model::Kernel;
     use crate::synth::random::Random;
     use crate::view::Projection;
     use glam::DVec3;

@@ -1,6 +1,6 @@
 //! A mode as the user has set it, applied to data: weights and attributes of particles and of codebook entries.
 
-use super::{Columns, Conserved, Footprint, LevelChoice, Levels, Mode, Needs, Output, Settings, lod_budget};
+use super::{Columns, Conserved, Footprint, LevelChoice, Levels, Mode, Needs, Settings, lod_budget};
 use crate::codec::Codebook;
 use crate::color::transfer::{Range, Scale, TransferFunction};
 use crate::hierarchy::Purpose;
@@ -152,7 +152,7 @@ impl Depiction {
 
     /// Whether the mode can be drawn from clusters.
     pub fn takes_clusters(&self) -> bool {
-        self.mode.technique.output() == Output::Sums
+        self.mode.technique.takes_clusters()
     }
 
     /// How far the nodes of a file are refined for a view, where splats may be displaced by `tau` pixels.
@@ -204,7 +204,15 @@ impl Depiction {
             Some(values) => values.iter().map(|&a| if a.is_finite() { a } else { coloring.fallback }).collect(),
             None => vec![coloring.fallback; weight.len()],
         });
-        SourceColumns { weight, attribute, density: self.needs().densities.then(|| columns.density.to_vec()) }
+        let Needs { densities, weighted_densities, .. } = self.needs();
+        let density = densities.then(|| match weighted_densities {
+            true => {
+                let pairs = columns.mass.iter().zip(&weight).zip(columns.density);
+                pairs.map(|((mass, weight), density)| weight / mass * density).collect()
+            }
+            false => columns.density.to_vec(),
+        });
+        SourceColumns { weight, attribute, density }
     }
 }
 

@@ -1,6 +1,7 @@
 //! Which levels of a hierarchy a picture is drawn from, and within how many splats: settings of any picture of sums and of no mode.
 
 use super::{Setting, SettingKind, Settings};
+use crate::cpu::over::Order;
 use crate::store::Representative;
 
 /// The kinds of levels.
@@ -63,6 +64,8 @@ pub struct LevelChoice {
     pub error_picture: Option<f64>,
     /// See [`REPRESENTATIVE`].
     pub representative: Representative,
+    /// The order in which splats lie over each other; `None` where they are added ([`super::blend`]).
+    pub order: Option<Order>,
 }
 
 impl LevelChoice {
@@ -90,6 +93,7 @@ impl Settings {
                 "published" => Representative::Published,
                 _ => Representative::Ellipsoid,
             },
+            order: self.blend_order(),
         }
     }
 }

@@ -50,6 +50,8 @@ pub struct Needs {
     pub footprint: Footprint,
     /// Whether each particle's own density is drawn with, beside its weight.
     pub densities: bool,
+    /// Whether that is of the weight instead of the mass: `w rho / m`.
+    pub weighted_densities: bool,
     /// Whether it draws particles; what draws paths alone needs none.
     pub particles: bool,
     /// How far beyond the picture it looks, pixels.
@@ -70,6 +72,7 @@ impl Default for Needs {
             purpose: Purpose::Splats,
             footprint: Footprint::Kernel,
             densities: false,
+            weighted_densities: false,
             particles: true,
             margin_px: 1,
             slices: false,
@@ -103,6 +106,11 @@ pub trait Technique: Sync {
     /// Whether [`Technique::draw`] draws.
     fn on_processor(&self) -> bool {
         true
+    }
+
+    /// Whether it draws clusters with a shape.
+    fn takes_clusters(&self) -> bool {
+        self.output() == Output::Sums
     }
 
     /// Whether [`Technique::draw`] draws the paths of its job among what it draws, each at its own depth. Over other pictures they lie

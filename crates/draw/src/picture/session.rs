@@ -2,7 +2,9 @@
 
 mod clusters;
 mod flat;
+mod gaussian_splats;
 mod moments;
+mod over;
 mod paths;
 mod projection;
 
@@ -291,6 +293,7 @@ impl Session {
             self.check_light(&shot.look, mode)?;
         }
         self.check_levels(&depiction, tree.metadata())?;
+        self.check_blend(&depiction, shot)?;
         let view = shot.view(framed, tree.metadata().periodic_box())?;
         let shown = Shown { shot, view, framed, depiction: &depiction, transfer: &transfer };
         let drawn = match shot.is_projected() {

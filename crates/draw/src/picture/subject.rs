@@ -202,7 +202,7 @@ impl<'a> Subject<'a> {
     }
 
     /// The factor on particles' own densities, by what the codebooks of leaves have; of data without any, by what `batches` have.
-    fn density_scale(&self, batches: &[Splats<'_>]) -> f32 {
+    pub(super) fn density_scale(&self, batches: &[Splats<'_>]) -> f32 {
         if !self.depiction.needs().densities {
             return 1.0;
         }
