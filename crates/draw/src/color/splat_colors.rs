@@ -1,7 +1,7 @@
 //! What a single splat looks like where splats lie over each other: its colour and how much of what is behind it it hides.
 //!
-//! - **Colour.** That of the transfer function at the splat's attribute, if there is one, and at its own column: its density times its
-//!   depth. The column of its own mass alone would say nothing: the same matter as fewer, heavier splats would have another colour.
+//! - **Colour.** That of the transfer function at the splat's attribute, if there is one, and at its own column ([`OwnColumn`]). The
+//!   column of its own mass would say nothing: the same matter as fewer, heavier splats would have another colour.
 //! - **Opacity.** A column `P` has the optical depth `k P`, so that it does not matter into how many splats it is divided. `k` is such
 //!   that a column at the top of the range is as opaque as the opacity curve says there, though never more than [`MOST_OPAQUE`].
 
@@ -52,7 +52,7 @@ impl SplatColors {
         self.depth
     }
 
-    /// The colour, linear light, of a splat with its own column ([`own_column`]) and its attribute. What has no attribute, where others
+    /// The colour, linear light, of a splat with its own column ([`OwnColumn`]) and its attribute. What has no attribute, where others
     /// have one, is in the middle of the hues.
     pub fn light(&self, column: f64, attribute: Option<f32>) -> [f32; 3] {
         let along = self.scale.place(column as f32, self.levels.p);
@@ -77,13 +77,33 @@ fn mix(a: [f32; 3], b: [f32; 3], share: f32) -> [f32; 3] {
     std::array::from_fn(|k| a[k] + (b[k] - a[k]) * share)
 }
 
-/// The column that a splat's colour stands for, in the unit of `P`: of its own density (weight a volume) as deep as it is, with `sigma` the
-/// geometric mean of its standard deviations. It does not change when splats that are at one place, and alike, become one. Where a splat
-/// has no density, the column through its middle.
-pub fn own_column(weight: f64, density: Option<f64>, sigma: f64) -> f64 {
-    match density.filter(|density| *density > 0.0 && density.is_finite()) {
-        Some(density) => density * TAU.sqrt() * sigma,
-        None => weight / (TAU * sigma * sigma),
+/// By what the column is found that a splat's colour stands for, in the unit of `P`: that of matter of its density, as deep as a particle of
+/// mean mass is there. It depends on the density alone, so that it does not change when splats that are alike become one, however far apart
+/// they are.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct OwnColumn {
+    /// Matter of density `rho` has the weight `rho^power` a volume; `None` where weights have nothing to do with densities.
+    pub power: Option<i32>,
+    /// Mean mass of a particle.
+    pub particle: f64,
+    /// Variance of the kernel in units of `h^2`.
+    pub variance: f64,
+    /// Factor that turns the splats' densities into mass a volume.
+    pub density_scale: f64,
+}
+
+/// `rho h^3 / m` of a particle with some forty others within its support.
+const USUAL: f64 = 10.0;
+
+impl OwnColumn {
+    /// That of a splat of a weight, a density and a geometric mean of standard deviations; without density, the column through its middle.
+    pub fn of(&self, weight: f64, density: Option<f32>, sigma: f64) -> f64 {
+        let by_density = self.power.zip(density).map(|(power, density)| {
+            let density = f64::from(density);
+            let volume = USUAL * self.particle / (self.density_scale * density);
+            self.density_scale * density.powi(power) * (TAU * self.variance).sqrt() * volume.cbrt()
+        });
+        by_density.filter(|column| *column > 0.0 && column.is_finite()).unwrap_or(weight / (TAU * sigma * sigma))
     }
 }
 
@@ -116,11 +136,21 @@ mod tests {
     }
 
     #[test]
-    fn own_columns_are_the_same_for_one_splat_instead_of_two() {
-        // Two of weight 1 at one place, in matter of density 5, and one of weight 2 in their place.
-        assert_eq!(own_column(1.0, Some(5.0), 0.3), own_column(2.0, Some(5.0), 0.3));
-        for none in [None, Some(0.0), Some(f64::NAN)] {
-            assert_eq!(own_column(3.0, none, 0.5), 3.0 / (TAU * 0.25));
+    fn own_columns_are_those_of_particles_wherever_they_lie() {
+        let own = OwnColumn { power: Some(1), particle: 2.0, variance: 0.075, density_scale: 1.0 };
+        // In matter of density 5 a particle of mass 2 has a kernel in which the column of that density is this.
+        let h = (USUAL * 2.0 / 5.0).cbrt();
+        let expected = 5.0 * (TAU * 0.075).sqrt() * h;
+        assert!((own.of(2.0, Some(5.0), 0.3) / expected - 1.0).abs() < 1e-12);
+        assert_eq!(own.of(2.0, Some(5.0), 0.3), own.of(200.0, Some(5.0), 3.0));
+        // Of densities in another unit.
+        let scaled = OwnColumn { density_scale: 10.0, ..own };
+        assert!((scaled.of(2.0, Some(0.5), 0.3) / expected - 1.0).abs() < 1e-6);
+        let square = OwnColumn { power: Some(2), ..own };
+        assert!((square.of(2.0, Some(5.0), 0.3) / (5.0 * expected) - 1.0).abs() < 1e-12);
+        for none in [None, Some(0.0), Some(f32::NAN), Some(f32::INFINITY)] {
+            assert_eq!(own.of(3.0, none, 0.5), 3.0 / (TAU * 0.25));
         }
+        assert_eq!(OwnColumn { power: None, ..own }.of(3.0, Some(5.0), 0.5), 3.0 / (TAU * 0.25));
     }
 }

@@ -14,7 +14,7 @@ use super::sorted::{Seen, blend};
 use super::volume::VolumeReport;
 use super::{Extent, Splats};
 use crate::color::Colors;
-use crate::color::splat_colors::{SplatColors, own_column};
+use crate::color::splat_colors::{OwnColumn, SplatColors};
 use crate::model::Kernel;
 use crate::view::{Projection, View};
 use glam::DVec3;
@@ -72,8 +72,8 @@ pub struct Over<'a> {
     pub kernel: Kernel,
     /// What splats look like.
     pub colors: &'a SplatColors,
-    /// Factor on the splats' own densities ([`super::volume::particles::density_scale`]).
-    pub density_scale: f32,
+    /// By what their own columns are found.
+    pub column: OwnColumn,
 }
 
 /// One splat of the batches.
@@ -132,13 +132,12 @@ fn splat(view: &View, batches: &[Splats<'_>], over: &Over<'_>, (number, index): 
         Projection::Perspective { .. } => camera.length(),
         Projection::Orthographic { .. } => camera.z,
     };
-    let density = batch.density().map(|densities| f64::from(densities[index] * over.density_scale));
+    let density = batch.density().map(|densities| densities[index]);
+    let own = |sigma: f64| over.column.of(weight, density, sigma);
     let column = match batch.extent() {
         Extent::Pixels(radius) => weight * over.kernel.projected(0.0) / f64::from(radius * radius),
-        Extent::World(lengths) => {
-            own_column(weight, density, f64::from(lengths[index]) * over.kernel.variance().sqrt())
-        }
-        Extent::Ellipsoids(covariances) => own_column(weight, density, covariances[index].mean_radius()),
+        Extent::World(lengths) => own(f64::from(lengths[index]) * over.kernel.variance().sqrt()),
+        Extent::Ellipsoids(covariances) => own(covariances[index].mean_radius()),
     };
     let color = over.colors.light(column, batch.attribute().map(|attribute| attribute[index]));
     Some(Splat { distance: distance as f32, batch: number, index: index as u32, color })

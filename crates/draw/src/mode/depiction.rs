@@ -204,15 +204,7 @@ impl Depiction {
             Some(values) => values.iter().map(|&a| if a.is_finite() { a } else { coloring.fallback }).collect(),
             None => vec![coloring.fallback; weight.len()],
         });
-        let Needs { densities, weighted_densities, .. } = self.needs();
-        let density = densities.then(|| match weighted_densities {
-            true => {
-                let pairs = columns.mass.iter().zip(&weight).zip(columns.density);
-                pairs.map(|((mass, weight), density)| weight / mass * density).collect()
-            }
-            false => columns.density.to_vec(),
-        });
-        SourceColumns { weight, attribute, density }
+        SourceColumns { weight, attribute, density: self.needs().densities.then(|| columns.density.to_vec()) }
     }
 }
 

@@ -1,5 +1,6 @@
 //! Which levels of a hierarchy a picture is drawn from, and within how many splats: settings of any picture of sums and of no mode.
 
+use super::blend::{BLEND, ORDER};
 use super::{Setting, SettingKind, Settings};
 use crate::cpu::over::Order;
 use crate::store::Representative;
@@ -36,9 +37,9 @@ pub static REPRESENTATIVE: Setting = Setting {
     help: "what a cluster is drawn as: an ellipsoid with its second moments, a ball of equal spread, or one as in HE03 (--split distortion)",
 };
 
-/// Whether a setting is one of these.
+/// Whether a setting is one of these, or says how splats come together: the window's own pictures have neither.
 pub fn is_of_levels(name: &str) -> bool {
-    [&LEVELS, &SPLATS, &ERROR_PICTURE, &REPRESENTATIVE].iter().any(|setting| setting.name == name)
+    [&LEVELS, &SPLATS, &ERROR_PICTURE, &REPRESENTATIVE, &BLEND, &ORDER].iter().any(|setting| setting.name == name)
 }
 
 /// Which levels a picture is drawn from.

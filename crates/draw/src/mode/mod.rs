@@ -6,7 +6,7 @@ pub mod blend;
 pub mod depiction;
 pub mod levels;
 pub mod lod_budget;
-mod over;
+pub mod over;
 pub mod paths;
 pub mod sample;
 pub mod setting;

@@ -1,14 +1,18 @@
 //! Modes of sums whose splats lie over each other instead: the same mode with another technique, whose pictures are light.
 
-use super::{Depiction, Footprint, Job, LightPicture, Mode, Needs, Output, Raw, Settings, Technique};
-use crate::color::splat_colors::SplatColors;
+use super::{Conserved, Depiction, Footprint, Job, LightPicture, Mode, Needs, Output, Raw, Settings, Technique};
+use crate::color::splat_colors::{OwnColumn, SplatColors};
 use crate::color::transfer::TransferFunction;
 use crate::cpu::over::{self, Over};
 use crate::cpu::volume::{VolumeError, VolumeLevels};
+use crate::model::Kernel;
 use std::sync::{PoisonError, RwLock};
 
 /// A technique of sums, whose splats lie over each other.
-struct OverSplats(&'static dyn Technique);
+struct OverSplats {
+    sums: &'static dyn Technique,
+    conserves: Conserved,
+}
 
 impl Technique for OverSplats {
     fn output(&self) -> Output {
@@ -16,14 +20,13 @@ impl Technique for OverSplats {
     }
 
     fn needs(&self, settings: &Settings) -> Needs {
-        let needs = self.0.needs(settings);
+        let needs = self.sums.needs(settings);
         // Discs of a fixed number of pixels have no depth.
-        let densities = needs.footprint == Footprint::Kernel;
-        Needs { densities, weighted_densities: true, ..needs }
+        Needs { densities: needs.footprint == Footprint::Kernel, ..needs }
     }
 
     fn takes_clusters(&self) -> bool {
-        self.0.takes_clusters()
+        self.sums.takes_clusters()
     }
 
     fn draw(&self, job: &Job<'_>) -> Result<Raw, VolumeError> {
@@ -32,18 +35,28 @@ impl Technique for OverSplats {
         let levels = match transfer.numbers() {
             Some(levels) => levels,
             // Automatic ranges are those of the sums.
-            None => match self.0.draw(job)? {
+            None => match self.sums.draw(job)? {
                 Raw::Sums(sums, _) => transfer.levels(&sums),
                 light => return Ok(light),
             },
         };
         let colors = &SplatColors::new(transfer, levels);
         let (order, kernel) = (job.settings.order(), job.options.kernel);
-        let (colors, report) =
-            over::draw(job.view, job.batches, &Over { order, kernel, colors, density_scale: job.density_scale });
+        let column = own_column(self.conserves, kernel, (job.mean_mass, job.density_scale));
+        let (colors, report) = over::draw(job.view, job.batches, &Over { order, kernel, colors, column });
         let levels = VolumeLevels { density: levels.p, attribute: levels.s, unit_length: 0.0 };
         Ok(Raw::Light(LightPicture { colors, report, levels, isovalues: Vec::new() }))
     }
+}
+
+/// How the own columns of splats are found whose weights conserve this, with the mean mass of a particle and the factor on densities.
+pub fn own_column(conserves: Conserved, kernel: Kernel, (particle, density_scale): (f64, f32)) -> OwnColumn {
+    let power = match conserves {
+        Conserved::Mass => Some(1),
+        Conserved::MassDensity => Some(2),
+        Conserved::Neither => None,
+    };
+    OwnColumn { power, particle, variance: kernel.variance(), density_scale: f64::from(density_scale) }
 }
 
 /// Modes of sums, and the same with splats that lie over each other.
@@ -56,7 +69,8 @@ fn mode(sums: &'static Mode) -> &'static Mode {
         return over;
     }
     // Modes live as long as the program, and there is one of these for each that was ever drawn so.
-    let technique: &'static OverSplats = Box::leak(Box::new(OverSplats(sums.technique)));
+    let technique: &'static OverSplats =
+        Box::leak(Box::new(OverSplats { sums: sums.technique, conserves: sums.conserves }));
     let over: &'static Mode = Box::leak(Box::new(Mode { technique, ..*sums }));
     modes.push([sums, over]);
     over

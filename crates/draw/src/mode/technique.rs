@@ -50,8 +50,6 @@ pub struct Needs {
     pub footprint: Footprint,
     /// Whether each particle's own density is drawn with, beside its weight.
     pub densities: bool,
-    /// Whether that is of the weight instead of the mass: `w rho / m`.
-    pub weighted_densities: bool,
     /// Whether it draws particles; what draws paths alone needs none.
     pub particles: bool,
     /// How far beyond the picture it looks, pixels.
@@ -72,7 +70,6 @@ impl Default for Needs {
             purpose: Purpose::Splats,
             footprint: Footprint::Kernel,
             densities: false,
-            weighted_densities: false,
             particles: true,
             margin_px: 1,
             slices: false,
@@ -156,6 +153,8 @@ pub struct Job<'a> {
     pub densest: f64,
     /// Factor on the particles' own densities: see [`crate::cpu::volume::particles::density_scale`].
     pub density_scale: f32,
+    /// Mean mass of a source particle of the families that are drawn.
+    pub mean_mass: f64,
     /// Paths that are drawn among it, by techniques that take them.
     pub paths: Option<&'a PathFragments>,
 }
@@ -370,6 +369,7 @@ mod tests {
             diameter: 1.0,
             densest: 1.0,
             density_scale: 1.0,
+            mean_mass: 1.0,
             paths: None,
         };
         let refused = MODE.draw(&job).unwrap_err().to_string();

@@ -7,6 +7,9 @@ use crate::cpu::{Method, Positions, SplatOptions, draw_counted};
 use crate::model::Covariance;
 use crate::synth::random::Random;
 
+/// Of the mass and the density of all splats here.
+const COLUMN: OwnColumn = OwnColumn { power: Some(1), particle: 1.0, variance: 0.075, density_scale: 1.0 };
+
 /// Splats of any shape with densities and attributes.
 #[derive(Clone, Default)]
 struct Scene {
@@ -32,8 +35,8 @@ impl Scene {
         batch.unwrap().with_density(Some(&self.density)).unwrap()
     }
 
-    /// Flat and long ones at random, some of them at one place.
-    fn random(count: usize, seed: u64) -> Scene {
+    /// Flat and long ones at random, some of them at one place if they `coincide`.
+    fn random(count: usize, seed: u64, coincide: bool) -> Scene {
         let mut random = Random::new(seed, 1);
         let mut scene = Scene::default();
         for i in 0..count {
@@ -41,7 +44,7 @@ impl Scene {
             let axes = glam::DMat3::from_quat(glam::DQuat::from_xyzw(value(), value(), value(), 1.1).normalize());
             let radii = DVec3::new(0.25, 0.05, 0.1) * (1.2 + value());
             let covariance = Covariance::of(axes * glam::DMat3::from_diagonal(radii * radii) * axes.transpose());
-            let place = if i % 5 == 4 { scene.positions[i - 1] } else { [value(), value(), value()] };
+            let place = if coincide && i % 5 == 4 { scene.positions[i - 1] } else { [value(), value(), value()] };
             scene.push(place, covariance, 1.0 + value() as f32, value() as f32);
         }
         scene
@@ -72,7 +75,7 @@ fn colors(range: [f64; 2]) -> SplatColors {
 }
 
 fn picture(view: &View, batch: Splats<'_>, colors: &SplatColors, order: Order) -> Colors {
-    let over = Over { order, kernel: Kernel::CubicSpline, colors, density_scale: 1.0 };
+    let over = Over { order, kernel: Kernel::CubicSpline, colors, column: COLUMN };
     draw(view, &[batch], &over).0
 }
 
@@ -104,7 +107,7 @@ fn the_nearer_one_of_two_lies_over_the_other() {
         for column in [32, 36, 40] {
             let q = f64::from(column - 32) * 2.0 / 65.0 / radius;
             let depth = |weight: f64| colors.depth() * weight * Kernel::CubicSpline.projected(q) / (radius * radius);
-            let own = own_column(1.0, Some(1.0), h * variance.sqrt());
+            let own = COLUMN.of(1.0, Some(1.0), 1.0);
             let layer =
                 |weight: f64, attribute: f32| (1.0 - (-depth(weight)).exp(), colors.light(own, Some(attribute)));
             let (first, second) = (layer(0.07, 0.8), layer(0.05, -0.6));
@@ -122,7 +125,7 @@ fn the_nearer_one_of_two_lies_over_the_other() {
 
 #[test]
 fn the_order_of_the_input_and_threads_change_nothing() {
-    let (scene, colors) = (Scene::random(3_000, 5), colors([0.1, 100.0]));
+    let (scene, colors) = (Scene::random(3_000, 5, true), colors([0.1, 100.0]));
     let view = perspective(DVec3::new(1.0, 2.0, 4.0), 90, 70);
     let first = picture(&view, scene.batch(), &colors, Order::Exact);
     assert!(first.rgba.iter().any(|pixel| pixel[3] > 0.5) && first.rgba.iter().any(|pixel| pixel[3] < 0.1));
@@ -137,7 +140,7 @@ fn the_order_of_the_input_and_threads_change_nothing() {
 
 #[test]
 fn finer_buckets_come_nearer_to_the_exact_order() {
-    let (scene, colors) = (Scene::random(4_000, 11), colors([0.1, 100.0]));
+    let (scene, colors) = (Scene::random(4_000, 11, false), colors([0.1, 100.0]));
     let view = perspective(DVec3::new(-2.0, 1.0, 3.0), 80, 60);
     let exact = picture(&view, scene.batch(), &colors, Order::Exact);
     let off = |order| difference(&exact, &picture(&view, scene.batch(), &colors, order)).1;
@@ -152,9 +155,12 @@ fn opacity_is_that_of_the_sum_however_matter_is_divided() {
         perspective(DVec3::new(0.4, 0.9, 5.0), 120, 90),
         look(DVec3::new(0.0, 3.0, 3.0), Projection::Orthographic { height: 2.5 }, 120, 90),
     ] {
-        let mut scene = Scene::random(40, 3);
+        let mut scene = Scene::random(40, 3, false);
         // Wide ones, which the blur of a pixel leaves nearly as they are.
-        scene.covariances.iter_mut().for_each(|covariance| covariance.0.iter_mut().for_each(|value| *value *= 4.0));
+        for covariance in &mut scene.covariances {
+            let grown = 0.5 * covariance.matrix() + glam::DMat3::from_diagonal(DVec3::splat(0.02));
+            *covariance = Covariance::of(grown);
+        }
         let all = picture(&view, scene.batch(), &colors, Order::Exact);
         let options = SplatOptions { method: Method::Exact, ..SplatOptions::default() };
         let (sums, _) = draw_counted(&view, &[scene.batch()], &options);

@@ -2,11 +2,12 @@
 
 use super::Session;
 use crate::color::colors::to_encoded;
-use crate::color::splat_colors::{SplatColors, own_column};
+use crate::color::splat_colors::{OwnColumn, SplatColors};
 use crate::cpu::{Extent, Splats};
 use crate::explore::ExploreError;
 use crate::explore::export::gaussian_splats::{GaussianSplat, GaussianSplats};
 use crate::look::Shot;
+use crate::mode::over::own_column;
 use crate::mode::{Footprint, Output};
 use crate::model::{Bounds, Covariance, Kernel};
 use crate::picture::decode::{batches, decode};
@@ -61,7 +62,8 @@ impl Session {
         let (tree, depiction, transfer) = self.show(&shot.look)?;
         let depiction = depiction.as_over();
         let metadata = tree.metadata();
-        let subject = Subject::new(metadata, &depiction, &transfer, 1.0);
+        let subject =
+            Subject { mean_mass: self.mean_mass(&*tree), ..Subject::new(metadata, &depiction, &transfer, 1.0) };
         let bounds = metadata.bounds();
         let writing = Writing {
             subject,
@@ -194,24 +196,28 @@ impl Writing<'_> {
         let decoded = decode(depiction, metadata, nodes);
         let batches = batches(depiction, &decoded)?;
         let scale = self.subject.density_scale(&batches);
+        let column = own_column(depiction.mode.conserves, metadata.kernel, (self.subject.mean_mass, scale));
         let rows = |batch: &Splats<'_>| -> Vec<Row> {
-            (0..batch.len()).filter_map(|index| self.row(batch, index, scale, metadata.kernel)).collect()
+            (0..batch.len()).filter_map(|index| self.row(batch, index, &column, metadata.kernel)).collect()
         };
         Ok(batches.par_iter().map(rows).collect::<Vec<_>>().concat())
     }
 
-    fn row(&self, batch: &Splats<'_>, index: usize, density_scale: f32, kernel: Kernel) -> Option<Row> {
+    fn row(&self, batch: &Splats<'_>, index: usize, column: &OwnColumn, kernel: Kernel) -> Option<Row> {
         let covariance = match batch.extent() {
             Extent::Ellipsoids(covariances) => covariances[index],
             Extent::World(lengths) => Covariance::round((f64::from(lengths[index]).powi(2) * kernel.variance()) as f32),
             Extent::Pixels(_) => return None,
         };
         let weight = f64::from(batch.weight()[index]);
-        let density = batch.density().map(|densities| f64::from(densities[index] * density_scale));
-        let column = own_column(weight, density, covariance.mean_radius());
+        let density = batch.density().map(|densities| densities[index]);
+        let column = column.of(weight, density, covariance.mean_radius());
         let light = self.colors.light(column, batch.attribute().map(|attribute| attribute[index]));
         let place = batch.positions().world(index) - self.origin;
         let splat = GaussianSplat { place, color: light.map(to_encoded), weight, covariance };
         (weight > 0.0).then(|| splat.row(self.colors.depth())).flatten()
     }
 }
+
+#[cfg(test)]
+mod tests;
