@@ -4,6 +4,7 @@ pub mod annotate;
 pub mod build;
 pub mod catalogue;
 pub mod demo;
+pub mod export;
 pub mod extract;
 pub mod frame_option;
 pub mod hierarchy_options;
@@ -44,6 +45,7 @@ pub enum Command {
     Probe(Box<probe::Arguments>),
     Select(Box<select::Arguments>),
     Paths(Box<paths::Arguments>),
+    Export(Box<export::Arguments>),
     Catalogue(catalogue::Arguments),
     Tour(Box<tour::Arguments>),
     Key(key::Arguments),
@@ -68,6 +70,7 @@ impl Command {
             Command::Probe(arguments) => probe::run(arguments),
             Command::Select(arguments) => select::run(arguments),
             Command::Paths(arguments) => paths::run(arguments),
+            Command::Export(arguments) => export::run(arguments),
             Command::Catalogue(arguments) => catalogue::run(arguments),
             Command::Tour(arguments) => tour::run(arguments),
             Command::Key(arguments) => key::run(arguments),

@@ -276,7 +276,7 @@ impl Arguments {
     }
 }
 
-fn splat_count(text: &str) -> Result<f64, String> {
+pub(super) fn splat_count(text: &str) -> Result<f64, String> {
     let count = text.parse::<f64>().ok().filter(|count| (1.0..=1e12).contains(count));
     count.map(f64::floor).ok_or_else(|| "expected a number from 1".into())
 }
@@ -287,7 +287,7 @@ fn usage(message: String) -> Failure {
 }
 
 /// `NAME=VALUE`; a value that is one word needs no quotes.
-fn setting_value(text: &str) -> Result<(String, SettingValue), String> {
+pub(super) fn setting_value(text: &str) -> Result<(String, SettingValue), String> {
     let (name, value) = text.split_once('=').ok_or("expected NAME=VALUE")?;
     let is_word = value.starts_with(char::is_alphabetic) && value.chars().all(|c| c.is_alphanumeric() || c == '-');
     let value = match ron::from_str(value) {
@@ -401,7 +401,7 @@ mod tests {
             (
                 "points",
                 "radios=3",
-                "points has no setting radios, expected culling, error-picture, levels, presence, radius",
+                "points has no setting radios, expected blend, culling, error-picture, levels, order, presence, radius",
             ),
             ("points", "radius=99", "radius is 99, expected a number from 0.5 to 30"),
             ("volume", "presence=9", "volume has no setting presence"),

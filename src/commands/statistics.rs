@@ -52,9 +52,20 @@ enum Values<'a> {
     },
     Light {
         levels: &'static str,
+        /// The rest of what sums tell of their levels, where splats lie over each other.
+        #[serde(flatten)]
+        over: Option<Box<Over>>,
         grid: Grid,
         ranges: Ranges<'a>,
     },
+}
+
+/// How many splats lie over each other, and how.
+#[derive(Debug, Serialize)]
+struct Over {
+    splats: u64,
+    budget: Option<u64>,
+    order: &'static str,
 }
 
 /// What the grid was, and what was done in it.
@@ -123,6 +134,9 @@ fn values(picture: &Picture) -> Values<'_> {
     };
     Values::Light {
         levels: picture.drawn_from,
+        over: picture.level_report.order.map(|order| {
+            Box::new(Over { splats: picture.level_report.splats, budget: picture.level_report.budget, order })
+        }),
         grid: Grid {
             size: report.grid,
             near: report.planes[0],

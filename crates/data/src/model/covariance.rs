@@ -37,6 +37,13 @@ impl Covariance {
         xx + yy + zz
     }
 
+    /// Geometric mean of the standard deviations along the principal axes: that of a ball of equal volume.
+    pub fn mean_radius(self) -> f64 {
+        let trace = self.trace();
+        let volume = (self.matrix() * trace.recip()).determinant().max(0.0);
+        (trace * volume.cbrt()).sqrt()
+    }
+
     /// Standard deviations along the principal axes, largest first; 0 for variances that rounding left negative.
     pub fn radii(self) -> DVec3 {
         self.principal().0.max(DVec3::ZERO).map(f64::sqrt)

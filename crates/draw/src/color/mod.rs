@@ -6,6 +6,7 @@ pub mod colormap;
 pub mod colors;
 pub mod composite;
 pub mod output;
+pub mod splat_colors;
 pub mod transfer;
 
 pub use accumulation::Accumulation;

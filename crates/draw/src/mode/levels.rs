@@ -1,7 +1,9 @@
 //! Which levels of a hierarchy a picture is drawn from, and within how many splats: settings of any picture of sums and of no mode. All but
 //! those of an error that is known of sums alone are settings of other pictures that clusters are drawn in, too.
 
+use super::blend::{BLEND, ORDER};
 use super::{Setting, SettingKind, Settings};
+use crate::cpu::over::Order;
 use crate::store::Representative;
 
 /// The kinds of levels.
@@ -39,9 +41,9 @@ pub static REPRESENTATIVE: Setting = Setting {
 /// Those of pictures that are no sums.
 pub static OF_ANY: [&Setting; 3] = [&LEVELS, &SPLATS, &REPRESENTATIVE];
 
-/// Whether a setting is one of these.
+/// Whether a setting is one of these, or says how splats come together: the window's own pictures have neither.
 pub fn is_of_levels(name: &str) -> bool {
-    [&LEVELS, &SPLATS, &ERROR_PICTURE, &REPRESENTATIVE].iter().any(|setting| setting.name == name)
+    [&LEVELS, &SPLATS, &ERROR_PICTURE, &REPRESENTATIVE, &BLEND, &ORDER].iter().any(|setting| setting.name == name)
 }
 
 /// Which levels a picture is drawn from.
@@ -67,6 +69,8 @@ pub struct LevelChoice {
     pub error_picture: Option<f64>,
     /// See [`REPRESENTATIVE`].
     pub representative: Representative,
+    /// The order in which splats lie over each other; `None` where they are added ([`super::blend`]).
+    pub order: Option<Order>,
 }
 
 impl LevelChoice {
@@ -94,6 +98,7 @@ impl Settings {
                 "published" => Representative::Published,
                 _ => Representative::Ellipsoid,
             },
+            order: self.blend_order(),
         }
     }
 }

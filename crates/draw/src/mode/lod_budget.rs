@@ -9,6 +9,7 @@
 //!   particles is worth as much as they. `c` follows from a budget for the colour error; see
 //!   [`crate::picture::subject::Subject::plan`].
 
+use super::blend::{BLEND, ORDER};
 use super::levels::{ERROR_PICTURE, LEVELS, REPRESENTATIVE, SPLATS};
 use super::{Conserved, Depiction, Footprint, Output, Setting, SettingError, SettingKind, SettingValue, Settings};
 use crate::mode::sample::Sample;
@@ -41,7 +42,8 @@ pub static THINNING: Setting = Setting {
 };
 
 /// What any picture of sums may leave undrawn.
-pub static COMMON: [&Setting; 7] = [&CULLING, &PRESENCE, &THINNING, &LEVELS, &SPLATS, &ERROR_PICTURE, &REPRESENTATIVE];
+pub static COMMON: [&Setting; 9] =
+    [&CULLING, &PRESENCE, &THINNING, &LEVELS, &SPLATS, &ERROR_PICTURE, &REPRESENTATIVE, &BLEND, &ORDER];
 
 /// Whether a setting is one of [`COMMON`].
 pub fn is_common(name: &str) -> bool {

@@ -2,9 +2,11 @@
 //! settings it has, and how the picture starts out. The same description serves the command line, RON, the panel and
 //! the manual.
 
+pub mod blend;
 pub mod depiction;
 pub mod levels;
 pub mod lod_budget;
+pub mod over;
 pub mod paths;
 pub mod sample;
 pub mod setting;

@@ -153,6 +153,8 @@ pub struct Job<'a> {
     pub densest: f64,
     /// Factor on the particles' own densities: see [`crate::cpu::volume::particles::density_scale`].
     pub density_scale: f32,
+    /// Mean mass of a source particle of the families that are drawn.
+    pub mean_mass: f64,
     /// Paths that are drawn among it, by techniques that take them.
     pub paths: Option<&'a PathFragments>,
 }
@@ -367,6 +369,7 @@ mod tests {
             diameter: 1.0,
             densest: 1.0,
             density_scale: 1.0,
+            mean_mass: 1.0,
             paths: None,
         };
         let refused = MODE.draw(&job).unwrap_err().to_string();

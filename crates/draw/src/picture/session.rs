@@ -2,7 +2,9 @@
 
 mod clusters;
 mod flat;
+mod gaussian_splats;
 mod moments;
+mod over;
 mod paths;
 mod projection;
 
@@ -17,7 +19,7 @@ use super::look::{depict, transfer_of};
 use super::paths::PathLayer;
 use super::projected::Means;
 use super::source::{self, Wanted};
-use super::subject::Subject;
+use super::subject::{self, Subject};
 use crate::color::Image;
 use crate::color::composite::composite_at;
 use crate::color::transfer::{Levels, TransferFunction};
@@ -291,6 +293,7 @@ impl Session {
             self.check_light(&shot.look, mode)?;
         }
         self.check_levels(&depiction, tree.metadata())?;
+        self.check_blend(&depiction, shot)?;
         let view = shot.view(framed, tree.metadata().periodic_box())?;
         let shown = Shown { shot, view, framed, depiction: &depiction, transfer: &transfer };
         let drawn = match shot.is_projected() {
@@ -471,7 +474,14 @@ impl Session {
     fn subject<'a>(&self, tree: &'a dyn Tree, shown: &Shown<'a>) -> Subject<'a> {
         let method = self.options.exact.filter(|_| !shown.depiction.mode.is_light()).unwrap_or_default();
         let diameter = shown.framed.size().length();
-        Subject { method, ..Subject::new(tree.metadata(), shown.depiction, shown.transfer, diameter) }
+        let mean_mass = self.mean_mass(tree);
+        Subject { method, mean_mass, ..Subject::new(tree.metadata(), shown.depiction, shown.transfer, diameter) }
+    }
+
+    /// Mean mass of a source particle of the families that are drawn.
+    fn mean_mass(&self, tree: &dyn Tree) -> f64 {
+        let families = &tree.metadata().families;
+        subject::mean_mass(self.scene.families.iter().filter_map(|index| families.get(*index as usize)))
     }
 
     /// The passes of an adapter that draw a mode.

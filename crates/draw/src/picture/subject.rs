@@ -13,7 +13,7 @@ use crate::cpu::volume::particles::{density_scale, density_scale_of};
 use crate::cpu::{Counts, Method, SplatError, SplatOptions, Splats, around};
 use crate::mode::{Depiction, FindRanges, Job, LightPlan, LodBudget, Output, Plan, Raw, Terms};
 use crate::modes::grid::Look;
-use crate::store::Metadata;
+use crate::store::{FamilyMetadata, Metadata};
 use crate::stream::SceneNode;
 use crate::view::View;
 
@@ -30,6 +30,14 @@ pub struct Subject<'a> {
     pub diameter: f64,
     /// How splats are evaluated.
     pub method: Method,
+    /// Mean mass of a source particle of the families that are drawn.
+    pub mean_mass: f64,
+}
+
+/// Mean mass of a source particle of families; 0 where there is none.
+pub(super) fn mean_mass<'a>(families: impl Iterator<Item = &'a FamilyMetadata>) -> f64 {
+    let (mass, count) = families.fold((0.0, 0), |(mass, count), family| (mass + family.mass, count + family.count));
+    if count > 0 { mass / count as f64 } else { 0.0 }
 }
 
 impl<'a> Subject<'a> {
@@ -40,7 +48,8 @@ impl<'a> Subject<'a> {
         transfer: &'a TransferFunction,
         diameter: f64,
     ) -> Subject<'a> {
-        Subject { metadata, depiction, transfer, diameter, method: Method::default() }
+        let mean_mass = mean_mass(metadata.families.iter());
+        Subject { metadata, depiction, transfer, diameter, method: Method::default(), mean_mass }
     }
 
     /// What `lod_budget` comes to for the picture of `nodes`, whose colours have the ranges `levels`, or those that are found for
@@ -197,12 +206,13 @@ impl<'a> Subject<'a> {
             diameter,
             densest: self.densest(),
             density_scale,
+            mean_mass: self.mean_mass,
             paths: None,
         }
     }
 
     /// The factor on particles' own densities, by what the codebooks of leaves have; of data without any, by what `batches` have.
-    fn density_scale(&self, batches: &[Splats<'_>]) -> f32 {
+    pub(super) fn density_scale(&self, batches: &[Splats<'_>]) -> f32 {
         if !self.depiction.needs().densities {
             return 1.0;
         }

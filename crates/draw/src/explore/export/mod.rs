@@ -6,6 +6,7 @@
 
 mod csv;
 mod frame;
+pub mod gaussian_splats;
 mod parquet;
 mod ply;
 mod thrift;
@@ -328,4 +329,4 @@ impl<T: Table> Gather for Writing<'_, T> {
 }
 
 /// Where tables are written.
-type Out<'a> = BufWriter<&'a File>;
+pub type Out<'a> = BufWriter<&'a File>;

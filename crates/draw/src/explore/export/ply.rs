@@ -41,7 +41,7 @@ impl<'a> Ply<'a> {
 }
 
 /// The number of points, and what fills the line up to the same length for each.
-fn count_line(rows: u64) -> String {
+pub(super) fn count_line(rows: u64) -> String {
     let number = rows.to_string();
     let rest = "-".repeat(DIGITS - number.len());
     format!("{number}\ncomment {rest}-\n")

@@ -1,6 +1,7 @@
 //! Pictures of clusters: whether there are any, how many an error asks for, and how far they are from the leaves.
 
 use super::{Session, Shown};
+use crate::cpu::over::Order;
 use crate::hierarchy::Purpose;
 use crate::mode::{Depiction, LevelChoice, Levels, Output, Plan, Raw};
 use crate::picture::level_report::{LevelReport, bound, estimate, has_clusters};
@@ -78,7 +79,9 @@ impl Session {
     ) -> Result<LevelReport, PictureError> {
         let depiction = subject.depiction;
         let budget = depiction.choice.splats;
-        let report = LevelReport { levels: drawn_from, splats: selection.particles, budget, ..LevelReport::default() };
+        let order = depiction.choice.order.map(Order::name);
+        let report =
+            LevelReport { levels: drawn_from, splats: selection.particles, budget, order, ..LevelReport::default() };
         let (Raw::Sums(sums, _), Purpose::Clusters) = (values, self.scene.purpose) else { return Ok(report) };
         let total: f64 = sums.p.iter().map(|p| f64::from(*p)).sum();
         let error_bound = bound(view, depiction, &selection.nodes, total);

@@ -23,15 +23,15 @@ impl Session {
     /// Draws a picture. Where it is certain that what is hidden changes nothing, what the picture before hides (or a sketch, if there was
     /// none) is neither read nor drawn, as long as the picture itself hides it too.
     pub(super) fn draw_flat(&mut self, tree: &dyn Tree, shown: &Shown<'_>) -> Result<Picture, PictureError> {
-        let Shown { view, depiction, transfer, .. } = *shown;
+        let depiction = shown.depiction;
         if depiction.mode.is_of_paths() {
             return self.draw_paths_alone(shown);
         }
         if let Some(depiction) = self.refined(tree, shown)? {
-            let shown = Shown { shot: shown.shot, framed: shown.framed, view, depiction: &depiction, transfer };
+            let shown = Shown { depiction: &depiction.blended(), ..*shown };
             return self.draw_flat_as(tree, &shown);
         }
-        self.draw_flat_as(tree, shown)
+        self.draw_flat_as(tree, &Shown { depiction: &depiction.blended(), ..*shown })
     }
 
     /// The same as the depiction says.

@@ -1,0 +1,40 @@
+//! How splats come together in a picture: settings of any picture of sums and of no mode.
+
+use super::{Setting, SettingKind, SettingValue, Settings};
+use crate::cpu::over::Order;
+
+/// Whether splats are added or lie over each other.
+pub static BLEND: Setting = Setting {
+    name: "blend",
+    unit: "",
+    kind: SettingKind::Choice { options: &["add", "over"] },
+    help: "splats are added up, or lie over each other, each with its own colour and opacity (over: pictures of the processor in files)",
+};
+
+/// In which order they lie over each other.
+pub static ORDER: Setting = Setting {
+    name: "order",
+    unit: "",
+    kind: SettingKind::Choice { options: &["exact", "buckets", "coarse-buckets", "none"] },
+    help: "order of splats that lie over each other: by distance, in fine or coarse buckets of distance as in HE03, or as they are stored",
+};
+
+impl Settings {
+    /// The order in which splats lie over each other; `None` where they are added.
+    pub fn blend_order(&self) -> Option<Order> {
+        (self.name(&BLEND) == "over").then(|| self.order())
+    }
+
+    /// The order that they say, whether it counts or not.
+    pub fn order(&self) -> Order {
+        let name = self.name(&ORDER);
+        Order::ALL.into_iter().find(|order| order.name() == name).unwrap_or_default()
+    }
+
+    /// With an order.
+    #[must_use]
+    pub fn with_order(mut self, order: Order) -> Settings {
+        self.set(&ORDER, SettingValue::Name(order.name().into()));
+        self
+    }
+}

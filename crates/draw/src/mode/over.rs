@@ -1,0 +1,96 @@
+//! Modes of sums whose splats lie over each other instead: the same mode with another technique, whose pictures are light.
+
+use super::{Conserved, Depiction, Footprint, Job, LightPicture, Mode, Needs, Output, Raw, Settings, Technique};
+use crate::color::splat_colors::{OwnColumn, SplatColors};
+use crate::color::transfer::TransferFunction;
+use crate::cpu::over::{self, Over};
+use crate::cpu::volume::{VolumeError, VolumeLevels};
+use crate::model::Kernel;
+use std::sync::{PoisonError, RwLock};
+
+/// A technique of sums, whose splats lie over each other.
+struct OverSplats {
+    sums: &'static dyn Technique,
+    conserves: Conserved,
+}
+
+impl Technique for OverSplats {
+    fn output(&self) -> Output {
+        Output::Light
+    }
+
+    fn needs(&self, settings: &Settings) -> Needs {
+        let needs = self.sums.needs(settings);
+        // Discs of a fixed number of pixels have no depth.
+        Needs { densities: needs.footprint == Footprint::Kernel, ..needs }
+    }
+
+    fn takes_clusters(&self) -> bool {
+        self.sums.takes_clusters()
+    }
+
+    fn draw(&self, job: &Job<'_>) -> Result<Raw, VolumeError> {
+        let usual = TransferFunction::default();
+        let transfer = job.transfer.unwrap_or(&usual);
+        let levels = match transfer.numbers() {
+            Some(levels) => levels,
+            // Automatic ranges are those of the sums.
+            None => match self.sums.draw(job)? {
+                Raw::Sums(sums, _) => transfer.levels(&sums),
+                light => return Ok(light),
+            },
+        };
+        let colors = &SplatColors::new(transfer, levels);
+        let (order, kernel) = (job.settings.order(), job.options.kernel);
+        let column = own_column(self.conserves, kernel, (job.mean_mass, job.density_scale));
+        let (colors, report) = over::draw(job.view, job.batches, &Over { order, kernel, colors, column });
+        let levels = VolumeLevels { density: levels.p, attribute: levels.s, unit_length: 0.0 };
+        Ok(Raw::Light(LightPicture { colors, report, levels, isovalues: Vec::new() }))
+    }
+}
+
+/// How the own columns of splats are found whose weights conserve this, with the mean mass of a particle and the factor on densities.
+pub fn own_column(conserves: Conserved, kernel: Kernel, (particle, density_scale): (f64, f32)) -> OwnColumn {
+    let power = match conserves {
+        Conserved::Mass => Some(1),
+        Conserved::MassDensity => Some(2),
+        Conserved::Neither => None,
+    };
+    OwnColumn { power, particle, variance: kernel.variance(), density_scale: f64::from(density_scale) }
+}
+
+/// Modes of sums, and the same with splats that lie over each other.
+static MODES: RwLock<Vec<[&'static Mode; 2]>> = RwLock::new(Vec::new());
+
+/// A mode of sums with splats that lie over each other.
+fn mode(sums: &'static Mode) -> &'static Mode {
+    let mut modes = MODES.write().unwrap_or_else(PoisonError::into_inner);
+    if let Some([_, over]) = modes.iter().find(|[own, _]| std::ptr::eq(*own, sums)) {
+        return over;
+    }
+    // Modes live as long as the program, and there is one of these for each that was ever drawn so.
+    let technique: &'static OverSplats =
+        Box::leak(Box::new(OverSplats { sums: sums.technique, conserves: sums.conserves }));
+    let over: &'static Mode = Box::leak(Box::new(Mode { technique, ..*sums }));
+    modes.push([sums, over]);
+    over
+}
+
+impl Depiction {
+    /// What draws it: itself, or where its splats lie over each other, the mode that draws them so.
+    #[must_use]
+    pub fn blended(&self) -> Depiction {
+        match self.choice.order {
+            Some(order) if self.mode.technique.output() == Output::Sums => {
+                Depiction { settings: self.settings.clone().with_order(order), ..self.as_over() }
+            }
+            _ => self.clone(),
+        }
+    }
+
+    /// The same of a mode of sums, with splats that lie over each other in the usual order.
+    #[must_use]
+    pub fn as_over(&self) -> Depiction {
+        Depiction { mode: mode(self.mode), ..self.clone() }
+    }
+}
