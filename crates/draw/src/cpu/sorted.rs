@@ -163,6 +163,7 @@ pub fn draw(
         .collect();
     let pixels = view.width as u64 * u64::from(view.height) * size_of::<Ray>() as u64;
     let held = splats.len() as u64 * (size_of::<Splat>() + size_of::<Reach>()) as u64 + pixels;
+    let held = held + (shapes.len() * size_of::<Stretched>()) as u64;
     let mut next = 0;
     while next < splats.len() && drawn.iter().any(|tile| tile.open > 0) {
         let start = Instant::now();
