@@ -3,11 +3,13 @@
 use crate::support::{Random, demo};
 use deepfield::build::{BuildOptions, Hierarchies, build_source};
 use deepfield::color::Accumulation;
+use deepfield::color::transfer::Range;
+use deepfield::cpu::volume::VolumeLevels;
 use deepfield::import::LoadOptions;
 use deepfield::look::LookPatch;
-use deepfield::mode::{Depiction, LevelChoice, Levels, Plan, Settings};
+use deepfield::mode::{Depiction, LevelChoice, Levels, Mode, Plan, Settings};
 use deepfield::model::Bounds;
-use deepfield::modes::column_density;
+use deepfield::modes::{column_density, find};
 use deepfield::picture::Subject;
 use deepfield::picture::level_report::{bound, estimate};
 use deepfield::picture::look::transfer_of;
@@ -37,6 +39,12 @@ struct Drawn {
     nodes: Vec<SceneNode>,
 }
 
+struct Light {
+    rgba: Vec<[f32; 4]>,
+    levels: VolumeLevels,
+    splats: u64,
+}
+
 impl Data {
     /// What a fresh reader draws.
     fn draw(&self, view: &View, choice: LevelChoice, tau: f64, plan: Plan) -> (Drawn, Depiction) {
@@ -51,6 +59,26 @@ impl Data {
         let subject = Subject::new(metadata, &depiction, &transfer, 1.0);
         let sums = subject.draw_nodes(view, &selection.nodes, &plan).unwrap().sums(depiction.mode).unwrap().0;
         (Drawn { sums, splats: selection.particles, nodes: selection.nodes }, depiction)
+    }
+
+    /// The same of a mode that draws light, with these ranges of densities and of the attribute, or its own, which come back.
+    fn light(&self, mode: &'static Mode, view: &View, choice: LevelChoice, levels: Option<VolumeLevels>) -> Light {
+        let metadata = self.file.metadata();
+        let depiction = Depiction::new(mode, Settings::default(), None, metadata).unwrap();
+        let depiction = Depiction { choice, ..depiction };
+        let mut scene = Scene::new(Arc::clone(&self.file), u64::MAX);
+        scene.purpose = depiction.purpose(metadata);
+        let tau = if choice.splats.is_some() { 0.8 } else { 0.0 };
+        let selection = scene.converge_blocking(view, depiction.detail(view, tau, metadata)).unwrap();
+        let mut transfer = transfer_of(&LookPatch::default(), &depiction);
+        if let Some(levels) = levels {
+            let fixed = |[from, to]: [f64; 2]| Range::Fixed(from, to);
+            transfer.range = fixed(levels.density);
+            transfer.hue.iter_mut().for_each(|hue| hue.range = fixed(levels.attribute));
+        }
+        let subject = Subject::new(metadata, &depiction, &transfer, 1.0);
+        let picture = subject.draw_nodes(view, &selection.nodes, &Plan::default()).unwrap().light(mode).unwrap();
+        Light { rgba: picture.colors.rgba, levels: picture.levels, splats: selection.particles }
     }
 
     fn clusters(&self, view: &View, splats: u64) -> Drawn {
@@ -189,4 +217,37 @@ fn errors_are_within_their_bound_and_near_their_estimate() {
     let [error, _] = off(&drawn.sums, &data.leaves(&view, 1.0));
     assert!(error < 0.5 * sampled[0], "{error} {sampled:?}");
     assert_eq!(Detail::Budget { splats: 5 }.tolerance(&view), f64::INFINITY);
+}
+
+#[test]
+fn light_of_clusters_comes_to_that_of_the_particles() {
+    let data = data();
+    let metadata = data.file.metadata();
+    let (bounds, particles) = (metadata.bounds(), metadata.particles());
+    let size = bounds.size().max_element();
+    let eye = bounds.center() + 1.2 * size * DVec3::new(0.3, 0.4, 1.0);
+    let view = View::look_at(eye, bounds.center(), DVec3::Y, Projection::Perspective { fov_y: 0.8 }, 128, 128).unwrap();
+    for name in ["volume", "isosurface", "volume-isosurface", "cartesian", "sorted-splats"] {
+        let mode = find(name).unwrap();
+        let of = |levels, splats, ranges| {
+            data.light(mode, &view, LevelChoice { levels, splats, ..LevelChoice::default() }, ranges)
+        };
+        let leaves = of(Levels::Splats, Some(2 * particles), None);
+        let ranges = Some(leaves.levels);
+        let off = |light: &Light| -> f64 {
+            let pairs = light.rgba.as_flattened().iter().zip(leaves.rgba.as_flattened());
+            pairs.map(|(a, b)| f64::from((a - b).powi(2))).sum::<f64>().sqrt()
+        };
+        let errors = [1, 8, 64].map(|percent| {
+            let light = of(Levels::Clusters, Some(particles * percent / 100), ranges);
+            assert!(light.splats <= particles * percent / 100, "{name}: {}", light.splats);
+            off(&light)
+        });
+        println!("{name}: {errors:?}");
+        assert!(errors[0] > errors[1] && errors[1] > errors[2], "{name}: {errors:?}");
+        let all = of(Levels::Clusters, Some(2 * particles), ranges);
+        assert!(all.splats == particles && off(&all) < 1e-3 * errors[2], "{name}: {} {}", all.splats, off(&all));
+    }
+    let spheres = Depiction::new(find("spheres").unwrap(), Settings::default(), None, metadata).unwrap();
+    assert!(!spheres.takes_clusters());
 }

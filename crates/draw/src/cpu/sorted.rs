@@ -143,6 +143,7 @@ pub fn draw(
     };
     let deepest: Option<Deepest<'_, Splat>> = if shapes.is_empty() { None } else { Some(&deepest) };
     let (colors, ends) = blend(view, splats, look, deepest, (options.kernel, termination), &mut report);
+    report.memory = report.memory.map(|memory| memory + (shapes.len() * size_of::<Stretched>()) as u64);
     // Pixels are the cells to whose size small particles are enlarged.
     let opaque = options.occlusion.then(|| OpaqueDepths::new(view, ends, 1.0, options.smallest));
     report.opaque = opaque.map(Arc::new);

@@ -157,12 +157,10 @@ impl Depiction {
 
     /// How far the nodes of a file are refined for a view, where splats may be displaced by `tau` pixels.
     pub fn detail(&self, view: &View, tau: f64, metadata: &Metadata) -> Detail {
-        match self.purpose(metadata) {
-            Purpose::Splats | Purpose::Clusters => match self.choice.splats {
-                Some(splats) if self.takes_clusters() => Detail::Budget { splats },
-                _ => Detail::Error { tau },
-            },
-            Purpose::Samples => self.mode.technique.detail(view, &self.settings, metadata.bounds(), tau),
+        match (self.choice.splats, self.purpose(metadata)) {
+            (Some(splats), _) if self.takes_clusters() => Detail::Budget { splats },
+            (_, Purpose::Samples) => self.mode.technique.detail(view, &self.settings, metadata.bounds(), tau),
+            (_, Purpose::Splats | Purpose::Clusters) => Detail::Error { tau },
         }
     }
 

@@ -15,11 +15,11 @@ use crate::cpu::volume::range::FieldRange;
 use crate::cpu::volume::{VolumeError, VolumeOptions, range};
 use crate::cpu::{Extent, SplatError, Splats};
 use crate::mode::{Depiction, LightPicture, Plan, SettingValue};
-use crate::model::Bounds;
+use crate::model::{Bounds, Covariance, Kernel};
 use crate::modes::grid;
 use crate::view::perspective_grid::GridError;
 use crate::view::{PerspectiveGrid, Projection, View, ViewError};
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
 /// Longest side of the picture of all data by which ranges are found, pixels.
@@ -38,8 +38,16 @@ pub struct SharedLook {
 
 /// The batches of one node or family, with smoothing lengths of their own.
 struct Raised {
-    h: Vec<f32>,
+    sizes: Sizes,
     density: Option<Vec<f32>>,
+}
+
+/// How large raised particles are.
+enum Sizes {
+    /// Smoothing lengths.
+    Balls(Vec<f32>),
+    /// Second moments.
+    Ellipsoids(Vec<Covariance>),
 }
 
 /// A parallel view of all that lies in `bounds`, whose longest side is `pixels`.
@@ -128,8 +136,12 @@ impl SharedLook {
         let raised: Vec<Option<Raised>> = batches.par_iter().map(|batch| self.raised(view.eye, batch)).collect();
         let batches = batches.iter().zip(&raised).map(|(batch, raised)| match raised {
             None => Ok(*batch),
-            Some(Raised { h, density }) => {
-                let same = Splats::new(batch.positions(), Extent::World(h), batch.weight(), batch.attribute())?;
+            Some(Raised { sizes, density }) => {
+                let extent = match sizes {
+                    Sizes::Balls(lengths) => Extent::World(lengths),
+                    Sizes::Ellipsoids(covariances) => Extent::Ellipsoids(covariances),
+                };
+                let same = Splats::new(batch.positions(), extent, batch.weight(), batch.attribute())?;
                 same.with_density(density.as_deref())
             }
         });
@@ -144,15 +156,20 @@ impl SharedLook {
         Subject { depiction: &self.depiction, transfer: &self.transfer, ..*subject }
     }
 
-    /// A batch whose smallest particles are as large as the panorama's pixels ask for, its masses what they are. Ellipsoids
-    /// become the balls of equal volume that these modes draw.
+    /// A batch whose smallest particles are as large as the panorama's pixels ask for, its masses what they are. Of ellipsoids each
+    /// principal semi-axis is.
     fn raised(&self, eye: DVec3, batch: &Splats<'_>) -> Option<Raised> {
         if self.least <= 0.0 {
             return None;
         }
-        let lengths: Vec<f32> = (0..batch.len()).map(|i| batch.ball(i)).collect::<Option<_>>()?;
         let positions = batch.positions();
-        let least = |i: usize| (self.least * positions.world(i).distance(eye)) as f32;
+        let least = |i: usize| self.least * positions.world(i).distance(eye);
+        let lengths = match batch.extent() {
+            Extent::Pixels(_) => return None,
+            Extent::World(lengths) => lengths,
+            Extent::Ellipsoids(covariances) => return raised_ellipsoids(batch, covariances, least),
+        };
+        let least = |i: usize| least(i) as f32;
         if (0..lengths.len()).all(|i| lengths[i] >= least(i)) {
             return None;
         }
@@ -163,8 +180,32 @@ impl SharedLook {
             let thinner = |(i, &density): (usize, &f32)| density * (lengths[i] / h[i]).powi(3);
             densities.iter().enumerate().map(thinner).collect()
         });
-        Some(Raised { h, density })
+        Some(Raised { sizes: Sizes::Balls(h), density })
     }
+}
+
+/// The same of ellipsoids, whose semi-axes for the default kernel become at least `least` long.
+fn raised_ellipsoids(batch: &Splats<'_>, covariances: &[Covariance], least: impl Fn(usize) -> f64) -> Option<Raised> {
+    let variance = Kernel::default().variance();
+    let mut density = batch.density().map(<[f32]>::to_vec);
+    let mut is_raised = false;
+    let grown = |(i, covariance): (usize, &Covariance)| {
+        let (values, axes) = covariance.principal();
+        let least = variance * least(i) * least(i);
+        // What is no covariance stays none.
+        if !(values.z < least && values.x > 0.0 && values.is_finite()) {
+            return *covariance;
+        }
+        is_raised = true;
+        let raised = values.max(DVec3::splat(least));
+        if let Some(density) = &mut density {
+            let thinner = (values.max(DVec3::ZERO) / raised).element_product().sqrt();
+            density[i] *= thinner as f32;
+        }
+        Covariance::of(axes * DMat3::from_diagonal(raised) * axes.transpose())
+    };
+    let covariances = covariances.iter().enumerate().map(grown).collect();
+    is_raised.then_some(Raised { sizes: Sizes::Ellipsoids(covariances), density })
 }
 
 /// The light of a face; `None` where it shows nothing.
