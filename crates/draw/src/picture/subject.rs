@@ -11,7 +11,7 @@ use crate::cpu::paths::PathFragments;
 use crate::cpu::volume::VolumeError;
 use crate::cpu::volume::particles::{density_scale, density_scale_of};
 use crate::cpu::{Counts, Method, SplatError, SplatOptions, Splats, around};
-use crate::mode::{Depiction, FindRanges, Job, LightPlan, LodBudget, Output, Plan, Raw, Terms};
+use crate::mode::{Conserved, Depiction, FindRanges, Job, LightPlan, LodBudget, Output, Plan, Raw, Terms};
 use crate::modes::grid::Look;
 use crate::store::{FamilyMetadata, Metadata};
 use crate::stream::SceneNode;
@@ -219,7 +219,9 @@ impl<'a> Subject<'a> {
         let books = self.metadata.families.iter().flat_map(|family| &family.codebooks);
         let mut leaves = books.filter(|book| book.scope == CodebookScope::Leaves).peekable();
         if leaves.peek().is_none() {
-            return density_scale_of(batches);
+            // Other weights tell nothing of masses.
+            let is_mass = self.depiction.mode.conserves == Conserved::Mass;
+            return if is_mass { density_scale_of(batches) } else { 1.0 };
         }
         let ratio = |book: &Codebook, i: usize| book.density[i] * book.smoothing_length[i].powi(3) / book.mass[i];
         density_scale(leaves.flat_map(|book| (0..book.len()).map(move |i| ratio(book, i))))

@@ -57,7 +57,7 @@ fn dataset(count: usize) -> Dataset {
 fn page_file(folder: &Path, dataset: Dataset, pca: bool) -> PathBuf {
     let path = folder.join(if pca { "clusters.df" } else { "octree.df" });
     let octree =
-        OctreeOptions { leaf_capacity: 150, vq_bits: crate::codec::VqBits::Sixteen, ..OctreeOptions::default() };
+        OctreeOptions { leaf_capacity: 600, vq_bits: crate::codec::VqBits::Sixteen, ..OctreeOptions::default() };
     let options = BuildOptions {
         hierarchies: Hierarchies { octree: true, pca },
         clusters: ClusterOptions { shape_bits: 16, ..ClusterOptions::default() },
@@ -179,9 +179,9 @@ fn the_file_has_the_sums_of_the_particles() {
         assert_eq!(ply.count as u64, count);
         match (levels, splats) {
             ("splats", _) | (_, Some(1e6)) => assert_eq!(count, 4_000),
-            (_, Some(_)) => assert!((400..=500).contains(&count), "{count}"),
+            (_, Some(_)) => assert!((100..=500).contains(&count), "{count}"),
             // Small leaves have no clusters, and their particles are written.
-            _ => assert!(count >= finest && count < 2_000, "{count} {finest}"),
+            _ => assert!(count >= finest && count < 3_500, "{count} {finest}"),
         }
         let (found_mass, found_centre, found_spread) = ply.moments();
         assert!((found_mass / mass - 1.0).abs() < 1e-3, "{levels} {splats:?}: {found_mass} {mass}");
