@@ -106,7 +106,7 @@ pub struct Arguments {
     #[arg(long, value_name = "TAU", value_parser = positive)]
     pub error_px: Option<f64>,
     /// Levels of detail that are drawn: merged particles (splats), or clusters with a shape of a file built with --hierarchy pca
-    /// [default: auto, clusters where --splats or --error-picture is given].
+    /// [default: auto, clusters where --splats, --error-picture or --frame-ms is given].
     #[arg(long, value_name = "KIND", value_parser = ["auto", "splats", "clusters"], conflicts_with_all = ["exact", "reference"])]
     pub levels: Option<String>,
     /// Draw at most N splats, those that show most.
@@ -115,6 +115,10 @@ pub struct Arguments {
     /// Refine clusters until the picture's relative L1 error is thought to be at most E.
     #[arg(long, value_name = "E", value_parser = positive, conflicts_with_all = ["exact", "reference", "error_px"])]
     pub error_picture: Option<f64>,
+    /// Draw as many clusters as take T milliseconds on this machine, found by trying.
+    #[arg(long, value_name = "T", value_parser = positive,
+          conflicts_with_all = ["exact", "reference", "error_px", "error_picture"])]
+    pub frame_ms: Option<f64>,
     /// Draw every source particle at full precision: no level of detail, no quantisation.
     #[arg(long, conflicts_with = "error_px")]
     pub exact: bool,
@@ -250,6 +254,7 @@ impl Arguments {
             (&levels::LEVELS, self.levels.clone().map(SettingValue::Name)),
             (&levels::SPLATS, self.splats.map(SettingValue::Number)),
             (&levels::ERROR_PICTURE, self.error_picture.map(SettingValue::Number)),
+            (&levels::FRAME_MS, self.frame_ms.map(SettingValue::Number)),
             (&lod_budget::CULLING, self.no_culling.then_some(SettingValue::Flag(false))),
         ];
         let budget = budget.into_iter().filter_map(|(setting, value)| Some((setting.name.to_owned(), value?)));
@@ -401,7 +406,7 @@ mod tests {
             (
                 "points",
                 "radios=3",
-                "points has no setting radios, expected blend, culling, error-picture, levels, order, presence, radius",
+                "points has no setting radios, expected blend, culling, error-picture, frame-ms, levels, order, presence, radius",
             ),
             ("points", "radius=99", "radius is 99, expected a number from 0.5 to 30"),
             ("volume", "presence=9", "volume has no setting presence"),

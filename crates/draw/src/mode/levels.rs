@@ -30,6 +30,14 @@ pub static ERROR_PICTURE: Setting = Setting {
     help: "relative L1 error of the sums up to which clusters are refined, as it is estimated; 0: as the error on the screen asks for",
 };
 
+/// The time that drawing may take.
+pub static FRAME_MS: Setting = Setting {
+    name: "frame-ms",
+    unit: "ms",
+    kind: SettingKind::Number { min: 0.0, max: 1e7, default: 0.0 },
+    help: "milliseconds that drawing may take on this machine: as many clusters as that leaves time for; 0: no limit",
+};
+
 /// What a cluster is drawn as.
 pub static REPRESENTATIVE: Setting = Setting {
     name: "representative",
@@ -39,11 +47,12 @@ pub static REPRESENTATIVE: Setting = Setting {
 };
 
 /// Those of pictures that are no sums.
-pub static OF_ANY: [&Setting; 3] = [&LEVELS, &SPLATS, &REPRESENTATIVE];
+pub static OF_ANY: [&Setting; 4] = [&LEVELS, &SPLATS, &FRAME_MS, &REPRESENTATIVE];
 
 /// Whether a setting is one of these, or says how splats come together: the window's own pictures have neither.
 pub fn is_of_levels(name: &str) -> bool {
-    [&LEVELS, &SPLATS, &ERROR_PICTURE, &REPRESENTATIVE, &BLEND, &ORDER].iter().any(|setting| setting.name == name)
+    let all = [&LEVELS, &SPLATS, &ERROR_PICTURE, &FRAME_MS, &REPRESENTATIVE, &BLEND, &ORDER];
+    all.iter().any(|setting| setting.name == name)
 }
 
 /// Which levels a picture is drawn from.
@@ -67,6 +76,8 @@ pub struct LevelChoice {
     pub splats: Option<u64>,
     /// See [`ERROR_PICTURE`].
     pub error_picture: Option<f64>,
+    /// See [`FRAME_MS`].
+    pub frame_ms: Option<f64>,
     /// See [`REPRESENTATIVE`].
     pub representative: Representative,
     /// The order in which splats lie over each other; `None` where they are added ([`super::blend`]).
@@ -74,9 +85,9 @@ pub struct LevelChoice {
 }
 
 impl LevelChoice {
-    /// Whether it is within a budget, or up to an error of the picture.
+    /// Whether it is within a budget of splats or of time, or up to an error of the picture.
     pub fn is_bounded(&self) -> bool {
-        self.splats.is_some() || self.error_picture.is_some()
+        self.splats.is_some() || self.error_picture.is_some() || self.frame_ms.is_some()
     }
 }
 
@@ -93,6 +104,7 @@ impl Settings {
             // At most 1e12.
             splats: set(&SPLATS).map(|splats| splats.max(1.0) as u64),
             error_picture: set(&ERROR_PICTURE),
+            frame_ms: set(&FRAME_MS),
             representative: match &*self.name(&REPRESENTATIVE) {
                 "round" => Representative::Round,
                 "published" => Representative::Published,

@@ -10,7 +10,7 @@
 //!   [`crate::picture::subject::Subject::plan`].
 
 use super::blend::{BLEND, ORDER};
-use super::levels::{ERROR_PICTURE, LEVELS, REPRESENTATIVE, SPLATS};
+use super::levels::{ERROR_PICTURE, FRAME_MS, LEVELS, REPRESENTATIVE, SPLATS};
 use super::{Conserved, Depiction, Footprint, Output, Setting, SettingError, SettingKind, SettingValue, Settings};
 use crate::mode::sample::Sample;
 use crate::model::Bounds;
@@ -42,8 +42,18 @@ pub static THINNING: Setting = Setting {
 };
 
 /// What any picture of sums may leave undrawn.
-pub static COMMON: [&Setting; 9] =
-    [&CULLING, &PRESENCE, &THINNING, &LEVELS, &SPLATS, &ERROR_PICTURE, &REPRESENTATIVE, &BLEND, &ORDER];
+pub static COMMON: [&Setting; 10] = [
+    &CULLING,
+    &PRESENCE,
+    &THINNING,
+    &LEVELS,
+    &SPLATS,
+    &ERROR_PICTURE,
+    &FRAME_MS,
+    &REPRESENTATIVE,
+    &BLEND,
+    &ORDER,
+];
 
 /// Whether a setting is one of [`COMMON`].
 pub fn is_common(name: &str) -> bool {

@@ -5,13 +5,17 @@ use crate::cpu::over::Order;
 use crate::hierarchy::Purpose;
 use crate::mode::{Depiction, LevelChoice, Levels, Output, Plan, Raw};
 use crate::picture::level_report::{LevelReport, bound, estimate, has_clusters};
+use crate::picture::splat_budget::SplatBudget;
 use crate::picture::{PictureError, Subject};
 use crate::store::{Metadata, Tree};
 use crate::stream::SceneSelection;
 use crate::view::{Detail, View};
+use std::time::Instant;
 
 /// Splats that an error of the picture is looked for with first.
 const FIRST: u64 = 2000;
+/// Pictures after which the number of splats for a time is taken as it is.
+const TRIES: usize = 8;
 /// By what power of the number of splats errors fall, at least.
 const POWER: f64 = 0.5;
 
@@ -19,7 +23,7 @@ impl Session {
     /// Refuses clusters of data that has none.
     pub(super) fn check_levels(&self, depiction: &Depiction, metadata: &Metadata) -> Result<(), PictureError> {
         let wants = depiction.choice.levels == Levels::Clusters;
-        if wants && !metadata.has_clusters() {
+        if (wants || depiction.choice.frame_ms.is_some()) && !metadata.has_clusters() {
             let why = "clusters: not in this file, expected one built with --hierarchy pca";
             return Err(PictureError::of(self.path(), why));
         }
@@ -31,10 +35,39 @@ impl Session {
         }
         if (wants || depiction.choice.is_bounded()) && !depiction.takes_clusters() {
             return Err(PictureError::Asked(format!(
-                "levels, splats, error-picture: the mode {mode} draws no splats of clusters yet"
+                "levels, splats, error-picture, frame-ms: the mode {mode} draws no splats of clusters yet"
             )));
         }
         Ok(())
+    }
+
+    /// A depiction with as many splats as there is time for, where that is limited.
+    pub(super) fn in_time(&mut self, tree: &dyn Tree, shown: &Shown<'_>) -> Result<Option<Depiction>, PictureError> {
+        let choice = shown.depiction.choice;
+        let Some(frame_ms) = choice.frame_ms.filter(|_| self.scene.purpose == Purpose::Clusters) else {
+            return Ok(None);
+        };
+        let most = choice.splats.unwrap_or(u64::MAX).min(tree.metadata().particles());
+        let mut splat_budget = SplatBudget::default();
+        let mut splats = splat_budget.limit(frame_ms).min(most);
+        for _ in 0..TRIES {
+            let choice = LevelChoice { splats: Some(splats), ..choice };
+            let depiction = Depiction { choice, ..shown.depiction.clone() };
+            let selection = self.select(&depiction, &shown.view, shown.shot.look.error_px())?;
+            let subject = Subject { depiction: &depiction, ..self.subject(tree, shown) };
+            let start = Instant::now();
+            drop(subject.draw_nodes(&shown.view, &selection.nodes, &Plan::default())?);
+            let took = 1e3 * start.elapsed().as_secs_f64();
+            splat_budget.drew(selection.particles, took);
+            let next = splat_budget.limit(frame_ms).min(most);
+            let is_enough = took <= frame_ms && (splats >= most || next as f64 <= 1.15 * splats as f64);
+            if is_enough {
+                break;
+            }
+            splats = next;
+        }
+        let choice = LevelChoice { splats: Some(splats), ..choice };
+        Ok(Some(Depiction { choice, ..shown.depiction.clone() }))
     }
 
     /// A depiction with as many splats as the error of the picture asks for, where one does.

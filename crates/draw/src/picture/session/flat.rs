@@ -27,7 +27,11 @@ impl Session {
         if depiction.mode.is_of_paths() {
             return self.draw_paths_alone(shown);
         }
-        if let Some(depiction) = self.refined(tree, shown)? {
+        let chosen = match self.in_time(tree, shown)? {
+            None => self.refined(tree, shown)?,
+            chosen => chosen,
+        };
+        if let Some(depiction) = chosen {
             let shown = Shown { depiction: &depiction.blended(), ..*shown };
             return self.draw_flat_as(tree, &shown);
         }
