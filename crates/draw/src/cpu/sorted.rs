@@ -45,11 +45,17 @@ impl Splat {
     }
 
     fn order(&self, other: &Splat, shapes: &[Stretched]) -> Ordering {
-        let of = |splat: &Splat| splat.shape.map(|shape| shapes[shape.get() as usize - 1].factor);
-        let differ = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| a.total_cmp(b)).find(|order| order.is_ne());
-        differ(&self.key(), &other.key()).unwrap_or_else(|| match (of(self), of(other)) {
-            (Some(a), Some(b)) => differ(&a, &b).unwrap_or(Ordering::Equal),
-            (a, b) => a.is_some().cmp(&b.is_some()),
+        let pairs = self.key().into_iter().zip(other.key());
+        let by_key = pairs.map(|(a, b)| a.total_cmp(&b)).find(|order| order.is_ne());
+        by_key.unwrap_or_else(|| {
+            let factor = |splat: &Splat| splat.shape.map(|shape| shapes[shape.get() as usize - 1].factor);
+            match (factor(self), factor(other)) {
+                (Some(a), Some(b)) => {
+                    let pairs = a.into_iter().zip(b);
+                    pairs.map(|(a, b)| a.total_cmp(&b)).find(|order| order.is_ne()).unwrap_or(Ordering::Equal)
+                }
+                (a, b) => a.is_some().cmp(&b.is_some()),
+            }
         })
     }
 }

@@ -130,7 +130,7 @@ fn fields_are_the_exact_sums() {
                 VolumeOptions { kernel, smallest: 0.0, near: Some(0.2), far: Some(20.0), ..VolumeOptions::default() };
             let (prepared, slab) = resampled(&view, all.batch(), &options);
             let (mut squares, mut norms, mut most, mut samples) = ([0.0; 2], [0.0; 2], 0, 0);
-            for cell in cells(&prepared, 1999) {
+            for cell in cells(&prepared, 97) {
                 let center = prepared.grid.center(cell.map(|c| c as u32));
                 let world = view.eye + center.x * view.right + center.y * view.up + center.z * view.forward;
                 let exact = field.at(world);
