@@ -87,6 +87,9 @@ impl Ord for Part {
 
 /// Kernels are alike up to this difference of the logarithms of their means: rounding, and what nobody sees.
 const UNLIKE: f64 = 1e-6;
+/// How much more unlike kernels count than places apart when it is decided what a cluster is split by: kernels differ along three axes,
+/// places mostly along one. Measured on filaments and on simulations (`docs/results.md`).
+const KERNELS: f64 = 3.0;
 
 /// Of a member: the sum of its variances along the axes, its logarithm, and the mean logarithm of that of the particles in it.
 #[derive(Clone, Copy, Debug)]
@@ -150,7 +153,8 @@ impl Sums {
         let log_variance = self.log_variance / self.weight;
         // How much larger the mean of the kernels is than their geometric mean, and they are with their spread than without.
         let (unlike, apart) = ((variance.ln() - log_variance).max(0.0), (spread / variance).ln_1p());
-        let by_kernel = rule == SplitRule::Relative && end - start > 1 && unlike > UNLIKE && (is_one || unlike > apart);
+        let matters = is_one || KERNELS * unlike > apart;
+        let by_kernel = rule == SplitRule::Relative && end - start > 1 && unlike > UNLIKE && matters;
         let priority = match rule {
             SplitRule::Relative if by_kernel || !is_one => {
                 let kernel = (self.log_kernel / self.weight - (variance + spread).ln()).min(0.0);
