@@ -7,7 +7,7 @@ use crate::codec::clusters::{Ladder, PackedClusters, StoredStep, class_of};
 use crate::codec::shapes::{self, COORDINATES, Shape, ShapeCoder};
 use crate::codec::{BatchInfo, CodebookScope, Quantities, Scaling, VqBits};
 use crate::hierarchy::octree::{Context, TreeNode};
-use crate::hierarchy::pca::{Members, SplitRule, Step, members::trace, split, steps, take_over};
+use crate::hierarchy::pca::{Members, SplitRule, Step, bright, members::trace, split, steps, take_over};
 use crate::hierarchy::{ClusterOptions, Encoding};
 use crate::model::progress::Progress;
 use crate::model::{Bounds, Kernel};
@@ -139,12 +139,17 @@ impl Maker<'_> {
         }
         let cells = f64::from(node.key.depth).exp2();
         let corner = [node.key.x, node.key.y, node.key.z].map(f64::from);
+        // Priorities are told in the data's unit of length, which all families have in common.
+        let bright = match self.options.rule {
+            SplitRule::Relative => bright(1.0, self.context.root.size.powi(2)),
+            SplitRule::Distortion => 1.0,
+        };
         let mut packed = PackedClusters {
             ranks: splitting.ranks.iter().map(|&rank| class_of(rank)).collect(),
             steps: steps
                 .iter()
                 .map(|step| StoredStep {
-                    priority: finite(step.priority),
+                    priority: finite(step.priority * bright),
                     scale: finite(step.scale * cells * cells),
                     misfit: finite(step.misfit),
                     largest: finite(step.largest * cells * cells),

@@ -73,7 +73,7 @@ impl Ladder {
 /// What is known of a node that is drawn with its first 1, 2, 4, ... clusters, or with all: [`crate::hierarchy::pca::Step`]. Lengths in cells.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct StoredStep {
-    /// Priority of the split that comes next, in the data's unit of mass.
+    /// Priority of the split that comes next ([`crate::hierarchy::pca::SplitRule`]), in the data's units.
     pub priority: f32,
     /// What its cluster's shape is as large as, squared.
     pub scale: f32,

@@ -6,7 +6,7 @@ use super::page::Frame;
 use crate::codec::clusters::{PackedClusters, class_of, step_clusters, whole_classes};
 use crate::codec::{Codebook, CodebookScope, QuantityError};
 use crate::hierarchy::pca::members::{merged_attribute, published_diameter};
-use crate::hierarchy::pca::{Step, steps::runs};
+use crate::hierarchy::pca::{Step, bright, steps::runs};
 use crate::model::{Covariance, Kernel, Placement};
 use std::borrow::Cow;
 use std::ops::Range;
@@ -56,9 +56,14 @@ impl NodeClusters {
         }
         let count = packed.len() as u32;
         let area = frame.size * frame.size;
+        // Those of the paper's rule come with sizes of the paper, and are not told apart by brightness.
+        let priority = match packed.published {
+            None => placement.mass * bright(placement.mass, placement.scale * placement.scale),
+            Some(_) => placement.mass,
+        };
         let step = |(number, step): (usize, &crate::codec::clusters::StoredStep)| Step {
             clusters: step_clusters(number, count),
-            priority: f64::from(step.priority) * placement.mass,
+            priority: f64::from(step.priority) * priority,
             scale: f64::from(step.scale) * area,
             misfit: f64::from(step.misfit) * placement.mass,
             largest: f64::from(step.largest) * area,

@@ -42,18 +42,8 @@ pub static THINNING: Setting = Setting {
 };
 
 /// What any picture of sums may leave undrawn.
-pub static COMMON: [&Setting; 10] = [
-    &CULLING,
-    &PRESENCE,
-    &THINNING,
-    &LEVELS,
-    &SPLATS,
-    &ERROR_PICTURE,
-    &FRAME_MS,
-    &REPRESENTATIVE,
-    &BLEND,
-    &ORDER,
-];
+pub static COMMON: [&Setting; 10] =
+    [&CULLING, &PRESENCE, &THINNING, &LEVELS, &SPLATS, &ERROR_PICTURE, &FRAME_MS, &REPRESENTATIVE, &BLEND, &ORDER];
 
 /// Whether a setting is one of [`COMMON`].
 pub fn is_common(name: &str) -> bool {

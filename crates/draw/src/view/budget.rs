@@ -4,10 +4,11 @@
 //! is the cut that best-first refinement would come to: a node is drawn with the clusters whose splits are worth more, and its children
 //! take its place where all of them are. What a split is worth shrinks with what the view cannot show: spread below a pixel, and far away in
 //! a perspective view. The threshold is found by bisection over what is resident; so the cut depends on the data and the view alone.
+//! A leaf may have many more particles than clusters stand for it: where it does not fit, it is passed over, and the threshold falls further.
 
 use super::selection::{Drawn, Missing, NodeInfo, NodeTree, Selection};
 use super::{Extent, Projection, View};
-use crate::codec::clusters::whole_classes;
+use crate::codec::clusters::{MOST, whole_classes};
 use crate::hierarchy::pca::{Step, count_at};
 use glam::DVec3;
 
@@ -17,28 +18,30 @@ const RANGE: f64 = 1024.0;
 /// Variance over a pixel, in pixels, that hides as much spread.
 const PIXEL: f64 = 0.1;
 
+/// Share of the budget that may be left while other refinements than the next one may fit in it.
+const LEFT: f64 = 0.01;
+/// Nodes that are passed over at most since their refinement does not fit.
+const PASSED: usize = 16;
+
 /// Selects at most about `splats` splats below `roots`; every root has one at least.
 pub fn select_within<Tree: NodeTree>(view: &View, splats: u64, tree: &Tree, roots: &[Tree::Id]) -> Selection<Tree::Id> {
-    let mut walk = Walk { tree, roots, view: *view, limit: splats, selection: None, pending: 0, count: 0 };
-    let (mut low, mut high) = (-RANGE, RANGE);
-    // Most often everything fits, or next to nothing.
-    if walk.count(low) <= splats {
-        high = low;
+    let mut walk = Walk::new(view, tree, roots);
+    let mut highest = RANGE;
+    loop {
+        let (low, high) = walk.threshold(splats, highest);
+        let left = splats.saturating_sub(walk.count(high, u64::MAX));
+        let is_used = left as f64 <= LEFT * splats as f64 || walk.passed.len() == PASSED;
+        // What is refined just below the threshold is too much for what is left: others may be less.
+        let next = if is_used { None } else { walk.next(low, high) };
+        let Some(next) = next else {
+            let mut selection = walk.select(high);
+            fill(&mut selection, splats.saturating_sub(walk.pending), tree);
+            selection.missing.sort_by(|a, b| b.error_pixels.total_cmp(&a.error_pixels));
+            return selection;
+        };
+        walk.passed.push(next);
+        highest = high;
     }
-    for _ in 0..HALVINGS {
-        if high <= low {
-            break;
-        }
-        let middle = 0.5 * (low + high);
-        match walk.count(middle) <= splats {
-            true => high = middle,
-            false => low = middle,
-        }
-    }
-    let mut selection = walk.select(high);
-    fill(&mut selection, splats.saturating_sub(walk.pending), tree);
-    selection.missing.sort_by(|a, b| b.error_pixels.total_cmp(&a.error_pixels));
-    selection
 }
 
 /// Adds clusters to nodes that are drawn with a part of theirs, the same factor to all, until the budget is used.
@@ -55,7 +58,7 @@ fn fill<Tree: NodeTree>(selection: &mut Selection<Tree::Id>, splats: u64, tree: 
         };
         selection.draw.iter().map(one).sum()
     };
-    let (mut low, mut high) = (1.0, 64.0);
+    let (mut low, mut high) = (1.0, MOST as f64);
     if sum(selection, low) >= splats {
         return;
     }
@@ -78,32 +81,62 @@ struct Walk<'a, Tree: NodeTree> {
     tree: &'a Tree,
     roots: &'a [Tree::Id],
     view: View,
+    /// Splats from which on a walk ends.
     limit: u64,
-    /// Where it is kept; a walk that only counts has none.
+    /// Nodes that are not refined.
+    passed: Vec<Tree::Id>,
+    /// Where what is drawn is kept; a walk that only counts has none.
     selection: Option<Selection<Tree::Id>>,
+    /// Where the refined node is kept that adds most of those that are refined at this threshold, but not at the next one.
+    largest: Option<(f64, Option<(u64, Tree::Id)>)>,
     /// Splats that are expected of what is missing.
     pending: u64,
     count: u64,
 }
 
-impl<Tree: NodeTree> Walk<'_, Tree> {
+impl<'a, Tree: NodeTree> Walk<'a, Tree> {
+    fn new(view: &View, tree: &'a Tree, roots: &'a [Tree::Id]) -> Walk<'a, Tree> {
+        let (limit, passed) = (u64::MAX, Vec::new());
+        Walk { tree, roots, view: *view, limit, passed, selection: None, largest: None, pending: 0, count: 0 }
+    }
+
+    /// The smallest threshold up to `high` at which there are at most so many splats, and one close below, at which there are more; twice
+    /// the same where all that there is fits.
+    fn threshold(&mut self, splats: u64, mut high: f64) -> (f64, f64) {
+        let mut low = -RANGE;
+        // Most often everything fits, or next to nothing.
+        if self.count(low, splats) <= splats {
+            return (low, low);
+        }
+        for _ in 0..HALVINGS {
+            let middle = 0.5 * (low + high);
+            match self.count(middle, splats) <= splats {
+                true => high = middle,
+                false => low = middle,
+            }
+        }
+        (low, high)
+    }
+
     /// How many splats a threshold's base 2 logarithm comes to, or more than the limit.
-    fn count(&mut self, threshold: f64) -> u64 {
+    fn count(&mut self, threshold: f64, limit: u64) -> u64 {
+        self.limit = limit;
         self.run(threshold);
         self.count + self.pending
     }
 
+    /// The node whose refinement adds most of those that are refined at the threshold `low` and not at `high`.
+    fn next(&mut self, low: f64, high: f64) -> Option<Tree::Id> {
+        self.largest = Some((high, None));
+        self.count(low, u64::MAX);
+        self.largest.take().and_then(|(_, largest)| largest).map(|(_, id)| id)
+    }
+
     fn select(&mut self, threshold: f64) -> Selection<Tree::Id> {
-        self.limit = u64::MAX;
-        self.selection =
-            Some(Selection { draw: Vec::new(), missing: Vec::new(), visited: Vec::new(), hidden: Vec::new() });
-        self.run(threshold);
-        self.selection.take().unwrap_or_else(|| Selection {
-            draw: Vec::new(),
-            missing: Vec::new(),
-            visited: Vec::new(),
-            hidden: Vec::new(),
-        })
+        let empty = || Selection { draw: Vec::new(), missing: Vec::new(), visited: Vec::new(), hidden: Vec::new() };
+        self.selection = Some(empty());
+        self.count(threshold, u64::MAX);
+        self.selection.take().unwrap_or_else(empty)
     }
 
     fn run(&mut self, threshold: f64) {
@@ -139,8 +172,18 @@ impl<Tree: NodeTree> Walk<'_, Tree> {
         }
         let steps = self.tree.steps(id);
         let worth = Worth::new(view, &info.extent);
-        let refines = !info.is_leaf && worth.refinement(info, steps) >= threshold;
+        let refinement =
+            if info.is_leaf || self.passed.contains(&id) { f64::NEG_INFINITY } else { worth.refinement(info, steps) };
+        let refines = refinement >= threshold;
+        let before = self.count + self.pending;
         if refines && self.refine(view, offset, id, threshold) {
+            let more = (self.count + self.pending - before).saturating_sub(info.particles);
+            if let Some((above, largest)) = &mut self.largest
+                && refinement < *above
+                && largest.is_none_or(|(most, _)| more > most)
+            {
+                *largest = Some((more, id));
+            }
             return true;
         }
         if info.delta.is_infinite() {
@@ -248,3 +291,6 @@ fn worth(step: &Step, scale: f64) -> f64 {
     let shows = step.scale / (step.scale + hidden);
     (step.priority * scale * scale * shows).max(f64::MIN_POSITIVE).log2()
 }
+
+#[cfg(test)]
+mod tests;

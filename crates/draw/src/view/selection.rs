@@ -47,7 +47,7 @@ pub trait Occluder: Send + Sync {
 /// A hierarchy of which a part is resident.
 pub trait NodeTree {
     /// Names a node.
-    type Id: Copy;
+    type Id: Copy + PartialEq;
 
     /// The node, if it is resident.
     fn node(&self, id: Self::Id) -> Option<NodeInfo>;

@@ -10,7 +10,8 @@
 //! - **Shape.** A cluster is represented by its mass, centroid and full second moments, those of its members' kernels included: an
 //!   ellipsoid that any projection shows with the right spread, where the paper has a round splat of a size found by trial ([`members`]).
 //! - **Order.** [`SplitRule::Relative`] splits first where the members' spread is large against their kernels, or these are unlike, which
-//!   is what shows; the paper's distortion, selectable as [`SplitRule::Distortion`], is large where there is much, whether it shows or not.
+//!   is what shows, and what is bright before what is faint; the paper's distortion, selectable as [`SplitRule::Distortion`], is large
+//!   where there is much, whether it shows or not.
 //! - **Cells.** The splits of a node stay within its octree cell, so that clusters have the leaves, the cells, the streaming and the
 //!   order between cells that the octree has.
 //! - **Classification.** Clusters carry mass, density and attributes by the rules by which particles are merged, so colours stay free.
@@ -20,7 +21,7 @@ pub mod split;
 pub mod steps;
 
 pub use members::Members;
-pub use split::{SplitRule, Splitting, split};
+pub use split::{SplitRule, Splitting, bright, split};
 pub use steps::{Step, count_at, steps, take_over};
 
 /// Clusters that an inner node holds at most.
