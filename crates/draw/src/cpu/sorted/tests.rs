@@ -7,6 +7,7 @@ use crate::cpu::volume::Scenery;
 use crate::cpu::volume::exact::ExactField;
 use crate::cpu::volume::stretched::tests::{Ellipsoids, rotation};
 use crate::cpu::volume::tests::{Cloud, RAMP, look, merger, perspective, scenery};
+use crate::model::Kernel;
 use crate::synth::random::Random;
 use crate::view::Projection;
 use glam::DMat3;
