@@ -13,7 +13,7 @@ use crate::hierarchy::pca::{Step, count_at};
 use glam::DVec3;
 
 /// Halvings of the range of thresholds, base 2 logarithms from -[`RANGE`] to [`RANGE`].
-const HALVINGS: usize = 44;
+const HALVINGS: usize = 28;
 const RANGE: f64 = 1024.0;
 /// Variance over a pixel, in pixels, that hides as much spread.
 const PIXEL: f64 = 0.1;
