@@ -3,7 +3,7 @@
 
 use super::super::splat::Failure;
 use super::Options;
-use super::engine::{Engine, Haste};
+use super::engine::Engine;
 use super::path::Flight;
 use crate::color::composite::{Image, color_error, composite_at};
 use crate::color::output;
@@ -24,6 +24,8 @@ pub struct Check {
     pub difference: f64,
     /// Mean colour error, of 255, of the flight's picture of that place, clusters or a sample, from that of everything in view.
     pub color_error: f64,
+    /// Particles or clusters of that picture.
+    pub drawn: u64,
     /// Splats over a pixel, mean and most: of what the flight draws, and of everything in view; none of light.
     pub overdraw: Option<[(f64, u32); 2]>,
 }
@@ -64,7 +66,7 @@ pub fn check(
     engine.fly(&mut streamer, flight, (seconds - RUN_UP).max(0.0), seconds)?;
     let view = flight.view(seconds, engine.size.0, engine.size.1)?;
     let streamed = engine.converge(&mut streamer, &view)?;
-    let (in_motion, stands_in) = engine.select(&mut streamer, &view, Haste::Moves(engine.frame_ms));
+    let (in_motion, stands_in) = engine.in_motion(&mut streamer, &view);
     drop(streamer);
     let waited = engine.waited(&view)?;
     let brightest = values(&waited).iter().copied().fold(0.0_f32, f32::max);
@@ -74,9 +76,10 @@ pub fn check(
 
     let everything = engine.everything();
     let (governed, in_motion) = match stands_in {
-        true => (everything, &in_motion.nodes),
-        false => (engine.governed(&view, &streamed.selection, engine.frame_ms).0, &streamed.selection.nodes),
+        true => ((everything, in_motion.particles), &in_motion.nodes),
+        false => (engine.governed(&view, &streamed.selection, engine.frame_ms), &streamed.selection.nodes),
     };
+    let (governed, taken) = governed;
     let drawn = [(governed, in_motion, ""), (everything, &streamed.selection.nodes, "-whole")];
     let name = |what: &str, kind: &str| options.folder().join(format!("{what}-{backend}-{seconds:.0}s{kind}.png"));
     let preset = options.mode.transfer[usize::from(engine.depiction.attribute.is_some())];
@@ -99,5 +102,6 @@ pub fn check(
         output::write_png(&name("flight", kind), image)?;
     }
     let color_error = color_error(&images[0], &images[1]).0;
-    Ok(Check { seconds, converged: streamed.converged.is_some(), difference, color_error, overdraw })
+    let converged = streamed.converged.is_some();
+    Ok(Check { seconds, converged, difference, color_error, drawn: taken, overdraw })
 }

@@ -159,6 +159,21 @@ impl Engine<'_> {
         (SceneSelection::of(streamer, view, chosen.detail, &chosen.selection), chosen.stands_in)
     }
 
+    /// What a frame of a view that moves draws once all of it is there, and whether that is clusters.
+    pub fn in_motion(&mut self, streamer: &mut Streamer, view: &View) -> (SceneSelection, bool) {
+        let start = Instant::now();
+        loop {
+            let (selection, stands_in) = self.select(streamer, view, Haste::Moves(self.frame_ms));
+            streamer.serve();
+            streamer.take_evicted();
+            if selection.converged || !streamer.is_busy() || start.elapsed() > PATIENCE {
+                return (selection, stands_in);
+            }
+            streamer.wait(Duration::from_millis(5));
+            self.messages.extend(streamer.arrive().messages);
+        }
+    }
+
     /// Of a selection everything is drawn.
     pub fn everything(&self) -> Plan {
         Plan { culling: self.plan.culling, ..Plan::default() }

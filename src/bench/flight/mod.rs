@@ -430,8 +430,8 @@ fn print(outcome: &Outcome) {
             format!(", with {:.1} splats over a pixel instead of {:.1}", sample.0, all.0)
         });
         eprintln!(
-            "  at {:.1} s streamed and waited differ by {:.1e}{state}; the sample's colour error is {:.2} of 255{over}",
-            check.seconds, check.difference, check.color_error
+            "  at {:.1} s streamed and waited differ by {:.1e}{state}; in motion {} splats, colour error {:.2} of 255{over}",
+            check.seconds, check.difference, check.drawn, check.color_error
         );
     }
     outcome.messages.iter().for_each(|message| eprintln!("  {message}"));

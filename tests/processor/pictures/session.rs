@@ -2,12 +2,16 @@
 //! and of source particles.
 
 use crate::support::{demo, in_repository};
+use deepfield::build::{BuildOptions, Hierarchies, build_source};
 use deepfield::cpu::Method;
 use deepfield::cpu::overdraw::Overdraw;
 use deepfield::cpu::volume::{FieldRange, VolumeError, VolumeOptions};
+use deepfield::import::LoadOptions;
 use deepfield::look::{Camera, Film, LookPatch, Member, SceneFile, Shot};
+use deepfield::mode::SettingValue;
 use deepfield::model::{FamilyName, Progress};
 use deepfield::modes;
+use deepfield::picture::level_report::LevelReport;
 use deepfield::picture::ranges::Format;
 use deepfield::picture::{Adapter, AdapterFrame, AdapterJob, PictureError, Reporter, Session, SessionOptions};
 use deepfield::view::Surround;
@@ -166,4 +170,26 @@ fn what_does_not_fit_says_why() {
         Arc::new(()),
     );
     assert!(missing.err().unwrap().to_string().contains("none.hdf5"));
+}
+
+#[test]
+fn clusters_are_as_many_as_time_and_error_ask_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let hierarchies = Hierarchies { octree: true, pca: true };
+    let build = BuildOptions { hierarchies, ..BuildOptions::default() };
+    build_source(&demo(), &LoadOptions::default(), &build, &folder.path().join("demo.df"), &()).unwrap();
+    let mut session = session(folder.path(), None);
+    let (shot, _) = shot(&modes::column_density::MODE, &mut session);
+    let mut with = |name: &str, value: f64| {
+        let mut shot = shot.clone();
+        shot.look.budget.0.insert(name.into(), SettingValue::Number(value));
+        session.draw(&shot).unwrap().level_report
+    };
+    // Whatever machine this is, one of these is too little time, and one is enough for everything.
+    let [few, all] = [1e-3, 1e6].map(|milliseconds| with("frame-ms", milliseconds));
+    assert!(few.levels == "clusters" && few.splats <= 1000 && few.splats > 500, "{few:?}");
+    assert!(all.error_estimate == Some(0.0) && all.splats > 50 * few.splats, "{all:?}");
+    let [coarse, fine] = [0.2, 0.05].map(|error| with("error-picture", error));
+    let estimate = |report: &LevelReport| report.error_estimate.unwrap();
+    assert!(estimate(&coarse) <= 0.2 && estimate(&fine) <= 0.05 && coarse.splats < fine.splats, "{coarse:?} {fine:?}");
 }
