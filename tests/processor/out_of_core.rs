@@ -173,6 +173,26 @@ fn a_full_disk_is_said_in_one_line_and_the_old_file_stays() {
     }
 }
 
+/// Bytes of the files in a folder that a process has open and that are not finished: without a name, or with that of a temporary one.
+#[cfg(target_os = "linux")]
+fn unfinished(process: u32, folder: &Path) -> u64 {
+    use std::os::unix::fs::MetadataExt;
+    let open = std::fs::read_dir(format!("/proc/{process}/fd")).into_iter().flatten().flatten();
+    let mut files = std::collections::BTreeMap::new();
+    for entry in open {
+        let Ok(path) = std::fs::read_link(entry.path()) else { continue };
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let is_unfinished = name.ends_with(" (deleted)") || name.contains(".tmp");
+        if path.parent() == Some(folder)
+            && is_unfinished
+            && let Ok(about) = std::fs::metadata(entry.path())
+        {
+            files.insert(about.ino(), about.len());
+        }
+    }
+    files.values().sum()
+}
+
 /// Peak resident size of a build, as Linux counts it, and the temporary files that it says it will take at most.
 #[cfg(target_os = "linux")]
 #[test]
@@ -193,10 +213,7 @@ fn a_build_stays_within_its_memory() {
             let line = text.lines().find_map(|line| line.strip_prefix("VmHWM:"));
             let kibibytes = line.and_then(|line| line.trim().trim_end_matches("kB").trim().parse::<u64>().ok());
             peak = peak.max(kibibytes.unwrap_or(0) * 1024);
-            let files = std::fs::read_dir(results.path()).unwrap().flatten();
-            let is_temporary = |entry: &std::fs::DirEntry| entry.file_name().to_string_lossy().contains(".tmp");
-            let files = files.filter(is_temporary).filter_map(|entry| entry.metadata().ok());
-            temporary = temporary.max(files.map(|about| about.len()).sum());
+            temporary = temporary.max(unfinished(child.id(), results.path()));
             if let Some(done) = child.try_wait().unwrap() {
                 break done;
             }

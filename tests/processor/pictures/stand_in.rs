@@ -119,18 +119,6 @@ fn a_view_that_has_just_opened_shows_clusters_first() {
 }
 
 #[test]
-fn what_cannot_be_had_is_not_waited_for() {
-    let folder = tempfile::tempdir().unwrap();
-    let file = built(folder.path());
-    // Room for the clusters, and not for all leaves.
-    let all: u64 = (0..file.page_count()).map(|page| file.page_memory(deepfield::store::PageId(page))).sum();
-    let mut frames = Frames::new(&file, &column_density::MODE, Levels::Auto, all / 2);
-    let frames = frames.until(resting(), |chosen| !chosen.stands_in);
-    let last = &frames[frames.len() - 1];
-    assert!(last.purpose == Purpose::Splats && !last.selection.is_converged() && !last.selection.draw.is_empty());
-}
-
-#[test]
 fn clusters_stand_in_where_they_are_wanted_and_suit() {
     let folder = tempfile::tempdir().unwrap();
     let file = built(folder.path());

@@ -54,7 +54,7 @@ mod tests {
             }
             let splats = budget.limit(target);
             let took = takes(splats);
-            prop_assert!(took <= target, "{took} ms of {target} with {splats}");
+            prop_assert!(took <= target || splats as f64 <= LEAST, "{took} ms of {target} with {splats}");
             prop_assert!(took >= 0.8 * target || splats as f64 >= 1e11, "{took} ms of {target} with {splats}");
             budget.drew(0, 1.0);
             budget.drew(5, f64::NAN);
