@@ -47,8 +47,12 @@ pub fn bound(view: &View, depiction: &Depiction, nodes: &[SceneNode], total: f64
         step.misfit * scale * scale
     };
     let misfit: f64 = nodes.iter().map(of).sum();
-    Some(if misfit == 0.0 { 0.0 } else { (misfit / total).min(2.0) })
+    let share = if misfit == 0.0 { 0.0 } else { misfit / total };
+    Some((share + ROUNDING).min(2.0))
 }
+
+/// By how much two pictures of the same splats may differ, relative L1: what single precision rounds when they are added in another order.
+pub const ROUNDING: f64 = 1e-6;
 
 /// Whether any node is drawn as clusters.
 pub fn has_clusters(nodes: &[SceneNode]) -> bool {
@@ -63,7 +67,7 @@ pub fn has_clusters(nodes: &[SceneNode]) -> bool {
 pub fn estimate(sums: &[f32], of_half: &[f32]) -> f64 {
     let differ: f64 = sums.iter().zip(of_half).map(|(a, b)| f64::from((a - b).abs())).sum();
     let total: f64 = sums.iter().map(|p| f64::from(p.abs())).sum();
-    if differ == 0.0 { 0.0 } else { LEFT * differ / total }
+    if differ == 0.0 { ROUNDING } else { (LEFT * differ / total).max(ROUNDING) }
 }
 
 /// What is left of an error, in units of what the last doubling of splats has changed: measured on particles of all kinds

@@ -4,7 +4,7 @@ use super::{Session, Shown};
 use crate::cpu::over::Order;
 use crate::hierarchy::Purpose;
 use crate::mode::{Depiction, LevelChoice, Levels, Output, Plan, Raw};
-use crate::picture::level_report::{LevelReport, bound, estimate, has_clusters};
+use crate::picture::level_report::{LevelReport, ROUNDING, bound, estimate, has_clusters};
 use crate::picture::splat_budget::SplatBudget;
 use crate::picture::{PictureError, Subject};
 use crate::store::{Metadata, Tree};
@@ -132,7 +132,7 @@ impl Session {
     ) -> Result<Option<f64>, PictureError> {
         let Raw::Sums(sums, _) = values else { return Ok(None) };
         if !has_clusters(&selection.nodes) {
-            return Ok(Some(0.0));
+            return Ok(Some(ROUNDING));
         }
         let seen = subject.depiction.selection_view(view);
         // What is coarser is there.
