@@ -47,7 +47,7 @@ mod volume {
 
 /// Pages that come while pictures are drawn.
 mod stream {
-    mod disk;
+    pub mod disk;
     mod faults;
     mod flight;
     mod soak;

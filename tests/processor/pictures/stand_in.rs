@@ -1,5 +1,6 @@
 //! What stands in for a view's splats while there is no time for all of them (clusters), and what comes after it.
 
+use crate::stream::disk::offset_of;
 use crate::support::demo;
 use deepfield::build::{BuildOptions, Hierarchies, build_source};
 use deepfield::hierarchy::Purpose;
@@ -116,6 +117,34 @@ fn a_view_that_has_just_opened_shows_clusters_first() {
     let complete = opening.iter().position(|chosen| chosen.selection.is_converged()).unwrap();
     assert!(opening[complete].stands_in && complete + 1 < opening.len());
     assert!(opening[opening.len() - 1].selection.is_converged());
+}
+
+#[test]
+fn what_cannot_be_read_is_not_waited_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = built(folder.path());
+    let bytes = std::fs::read(file.path()).unwrap();
+    let root = |purpose| file.roots(&[0], purpose, 0.0)[0].page;
+    let (clusters, own) = (root(Purpose::Clusters), root(Purpose::Splats));
+    assert_ne!(clusters, own);
+    let damaged = |page| {
+        let mut bytes = bytes.clone();
+        let at = offset_of(&bytes, page) as usize + 500;
+        bytes[at..at + 200].iter_mut().for_each(|byte| *byte ^= 0x5a);
+        let path = folder.path().join(format!("damaged-{}.df", page.0));
+        std::fs::write(&path, bytes).unwrap();
+        let file = Arc::new(PageFile::open(&path).unwrap());
+        Frames::new(&file, &column_density::MODE, Levels::Auto, u64::MAX)
+    };
+    // Without clusters a view shows its own detail when it rests.
+    let without = damaged(clusters).until(resting(), |chosen| !chosen.stands_in);
+    let last = &without[without.len() - 1];
+    assert!(last.selection.is_converged() && last.selection.particles() > SPLATS);
+    assert!(without.iter().all(|chosen| !chosen.stands_in || chosen.selection.draw.is_empty()));
+    // Without its own detail it keeps the clusters.
+    let mut frames = damaged(own);
+    frames.until(resting(), |chosen| chosen.selection.is_converged());
+    assert!((0..100).all(|_| !frames.next(resting()).selection.draw.is_empty()));
 }
 
 #[test]

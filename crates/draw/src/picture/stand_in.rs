@@ -56,11 +56,22 @@ pub fn has_stand_in(depiction: &Depiction, metadata: &Metadata) -> bool {
     suits && depiction.mode.technique.output() == Output::Sums && metadata.has_clusters()
 }
 
+/// What was asked for last.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum Asked {
+    /// Nothing that is known of.
+    #[default]
+    Nothing,
+    /// What the clusters need.
+    Clusters,
+    /// What the view's own detail needs.
+    Own,
+}
+
 /// What stands in from frame to frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct StandIn {
-    /// Whether what the view's own detail needs was asked for.
-    has_asked: bool,
+    asked: Asked,
 }
 
 impl StandIn {
@@ -78,23 +89,34 @@ impl StandIn {
         // What comes next is read ahead for a view that rests there.
         streamer.goal = limit.map(|_| (detail, roots.clone()));
         let Some(limit) = limit else {
-            self.has_asked = false;
+            self.asked = Asked::Nothing;
             return own(streamer.select(&seen, detail, &roots));
         };
-        let is_stuck = self.has_asked && !streamer.is_busy();
+        // Nothing comes any more of what was asked for.
+        let is_over = !streamer.is_busy();
         let at_rest = (!limit.moves).then(|| streamer.select(&seen, detail, &roots));
-        if let Some(selection) = at_rest.as_ref().filter(|selection| is_stuck || selection.is_converged()) {
+        let is_best = |own: &&Selection<NodeRef>| {
+            is_over && self.asked == Asked::Own && !own.draw.is_empty() || own.is_converged()
+        };
+        if let Some(selection) = at_rest.as_ref().filter(is_best) {
             return own(selection.clone());
         }
         let few = within(depiction, limit.splats);
         let (purpose, detail) = (few.purpose(metadata), few.detail(view, tau, metadata));
         let roots = streamer.roots(families.iter().copied(), purpose, view.time);
         let selection = streamer.select(&seen, detail, &roots);
-        let at_rest = at_rest.filter(|_| selection.is_converged());
-        self.has_asked = at_rest.is_some();
-        if let Some(at_rest) = at_rest {
-            streamer.ask(&at_rest);
-        }
+        let has_clusters = match self.asked {
+            Asked::Nothing => selection.is_converged(),
+            Asked::Clusters => is_over || selection.is_converged(),
+            Asked::Own => true,
+        };
+        self.asked = match at_rest.filter(|_| has_clusters) {
+            Some(at_rest) => {
+                streamer.ask(&at_rest);
+                Asked::Own
+            }
+            None => Asked::Clusters,
+        };
         Chosen { selection, detail, purpose, stands_in: true }
     }
 }
