@@ -34,7 +34,7 @@ fn below(zeta: f32) -> vec3<f32> {
 
 /// What of a particle lies in its layer, as a splat.
 fn splat_of(spot: Spot) -> Projected {
-    var particle = Particle(spot.place.xyz, spot.place.w, spot.mass, spot.quantity, 0.0);
+    var particle = Particle(spot.place.xyz, spot.place.w, spot.mass, spot.quantity, 0.0, vec3(0.0), vec3(0.0));
     if tiles.spread != 0u {
         let front = (front_of(tiles, spot.key) - spot.place.z) / spot.place.w;
         let back = (front_of(tiles, spot.key + 1u) - spot.place.z) / spot.place.w;

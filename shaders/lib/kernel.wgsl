@@ -36,6 +36,30 @@ fn evaluate(p: Profile, square: vec4<f32>) -> vec4<f32> {
     return t * t * v;
 }
 
+/// F''(u), for four values of u; zero from u = 1 on.
+fn curvature(square: vec4<f32>) -> vec4<f32> {
+    let u = min(square, vec4(1.0));
+    var v = fma(u, vec4(constants::CURVATURE_C.y), vec4(constants::CURVATURE_C.x));
+    v = fma(v, u, vec4(constants::CURVATURE_B.w));
+    v = fma(v, u, vec4(constants::CURVATURE_B.z));
+    v = fma(v, u, vec4(constants::CURVATURE_B.y));
+    v = fma(v, u, vec4(constants::CURVATURE_B.x));
+    v = fma(v, u, vec4(constants::CURVATURE_A.w));
+    v = fma(v, u, vec4(constants::CURVATURE_A.z));
+    v = fma(v, u, vec4(constants::CURVATURE_A.y));
+    v = fma(v, u, vec4(constants::CURVATURE_A.x));
+    return select(v, vec4(0.0), square >= vec4(1.0));
+}
+
+/// What a pixel's mean of an ellipse of the quadratic form `form` has beside `box_profile`, where `q^2 = square` at the distances `x` and `y`
+/// from its centre.
+fn stretching(form: vec3<f32>, x: f32, y: vec4<f32>, square: vec4<f32>) -> vec4<f32> {
+    let along = form.x * x + form.y * y;
+    let across = form.y * x + form.z * y;
+    let turned = fma(along, along, across * across) - 0.5 * (form.x + form.z) * square;
+    return curvature(square) * turned * (1.0 / 6.0);
+}
+
 /// The polynomial with coefficients `low` and `high` of 1, y .. y^7.
 fn polynomial(low: vec4<f32>, high: vec4<f32>, y: vec4<f32>) -> vec4<f32> {
     var v = fma(vec4(high.w), y, vec4(high.z));
@@ -62,6 +86,23 @@ fn first(x: vec4<f32>) -> vec4<f32> {
 /// U_2, whose differences are the second factor's integrals.
 fn second(x: vec4<f32>) -> vec4<f32> {
     return odd(constants::SECOND_A, constants::SECOND_B, x);
+}
+
+/// The kernel's mass between its middle and a height.
+fn mass(x: vec4<f32>) -> vec4<f32> {
+    return odd(constants::MASS_A, constants::MASS_B, x);
+}
+
+/// The first moment of what lies there.
+fn mean(x: vec4<f32>) -> vec4<f32> {
+    let y = min(x * x, vec4(1.0));
+    return y * polynomial(constants::MEAN_A, constants::MEAN_B, y);
+}
+
+/// The second moment.
+fn spread(x: vec4<f32>) -> vec4<f32> {
+    let t = clamp(x, vec4(-1.0), vec4(1.0));
+    return t * t * t * polynomial(constants::SQUARE_A, constants::SQUARE_B, t * t);
 }
 
 /// B, whose differences give the second order of a tilted ellipse.

@@ -28,7 +28,7 @@ struct Node {
     weight_scale: f32,
     /// Number of particles.
     count: u32,
-    /// The sample that is drawn; see sample.wgsl.
+    /// The sample that is drawn; see sample.wgsl. Of clusters the limit by which they are drawn.
     seed: u32,
     /// A particle of importance q is drawn with probability q scale.
     scale: f32,
@@ -61,14 +61,19 @@ struct Particle {
     quantity: f32,
     /// Its own density, where the node's table tells densities; not that of the sums.
     density: f32,
+    /// Second moments xx, yy, zz and xy, xz, yz in camera space, where it is an ellipsoid; zero else. The smoothing length is then that of a
+    /// ball of equal spread.
+    squares: vec3<f32>,
+    products: vec3<f32>,
 }
 
-const NOTHING: Particle = Particle(vec3<f32>(0.0), 0.0, 0.0, 0.0, 0.0);
+const NOTHING: Particle = Particle(vec3<f32>(0.0), 0.0, 0.0, 0.0, 0.0, vec3<f32>(0.0), vec3<f32>(0.0));
 
 const ENCODING_GRID: u32 = 0u;
 const ENCODING_LEAF: u32 = 1u;
 const ENCODING_WORLD: u32 = 2u;
 const ENCODING_MOVING: u32 = 4u;
+const ENCODING_CLUSTERS: u32 = 5u;
 
 @group(0) @binding(0) var<uniform> view: SplatView;
 @group(0) @binding(1) var<storage, read> nodes: array<Node>;
@@ -115,14 +120,17 @@ fn load_packed(axes: mat3x3<f32>, node: Node, index: u32, leaf: bool) -> Particl
     let fine = vec3(low & 0x1fffffu, (low >> 21u) | ((high & 0x3ffu) << 11u), (high >> 10u) & 0x1fffffu);
     let steps = vec3<f32>(vec3<i32>(select(grid, fine, leaf)) - node.eye_steps) - node.eye_rest;
     let densities = entries[node.table + node.table_length + (at >> 2u)];
-    return Particle(axes * (steps * node.step), entry.x * node.growth, entry.y * factor, entry.z, densities[at & 3u]);
+    let place = axes * (steps * node.step);
+    let round = vec3(0.0);
+    return Particle(place, entry.x * node.growth, entry.y * factor, entry.z, densities[at & 3u], round, round);
 }
 
 fn load_raw(axes: mat3x3<f32>, node: Node, index: u32, world: bool) -> Particle {
     let at = (node.positions >> 2u) + 2u * index;
     let first = vectors[at];
     let second = vectors[at + 1u];
-    return Particle(select(first.xyz, axes * (first.xyz - node.eye_rest), world), first.w, second.x, second.y, second.z);
+    let place = select(first.xyz, axes * (first.xyz - node.eye_rest), world);
+    return Particle(place, first.w, second.x, second.y, second.z, vec3(0.0), vec3(0.0));
 }
 
 /// What lies at `u` between two values: linear in the logarithm where `is_log` and both are positive.
@@ -163,6 +171,35 @@ fn load_moving(axes: mat3x3<f32>, node: Node, index: u32) -> Particle {
         weight * factor,
         between(values.zw, u, densities.z > 0.5),
         between(densities.xy, u, true),
+        vec3(0.0),
+        vec3(0.0),
+    );
+}
+
+/// A cluster (src/gpu/clusters.rs), if it is drawn with the node's limit.
+fn load_cluster(axes: mat3x3<f32>, node: Node, index: u32) -> Particle {
+    let at = (node.positions >> 2u) + 4u * index;
+    let about = vectors[at + 3u];
+    if about.y < f32(node.seed) {
+        return NOTHING;
+    }
+    let first = vectors[at];
+    let second = vectors[at + 1u];
+    let third = vectors[at + 2u];
+    let moments = mat3x3(
+        second.x, second.w, third.x,
+        second.w, second.y, third.y,
+        third.x, third.y, second.z,
+    );
+    let turned = axes * moments * transpose(axes);
+    return Particle(
+        axes * (first.xyz - node.eye_rest),
+        first.w,
+        third.z,
+        third.w,
+        about.x,
+        vec3(turned[0].x, turned[1].y, turned[2].z),
+        vec3(turned[0].y, turned[0].z, turned[1].z),
     );
 }
 
@@ -190,6 +227,8 @@ fn load_particle(axes: mat3x3<f32>, node: Node, number: u32) -> Particle {
         particle = load_packed(axes, node, index, node.encoding == ENCODING_LEAF);
     } else if node.encoding == ENCODING_MOVING {
         particle = load_moving(axes, node, index);
+    } else if node.encoding == ENCODING_CLUSTERS {
+        particle = load_cluster(axes, node, index);
     } else {
         particle = load_raw(axes, node, index, node.encoding == ENCODING_WORLD);
     }

@@ -3,7 +3,10 @@
 #define_import_path deepfield::projection
 #import deepfield::constants::{SAMPLED_RADIUS, TILE}
 #import deepfield::particle::{view, Particle}
-#import deepfield::splat_view::{Splat, SAMPLED, SMALL, EVERYWHERE, INVISIBLE, DROPPED}
+#import deepfield::splat_view::{Splat, SAMPLED, SMALL, EVERYWHERE, INVISIBLE, DROPPED, ELLIPSE, SMALL_ELLIPSE}
+#ifdef ELLIPSOIDS
+#import deepfield::ellipsoid::{Ellipse, parallel_image, far_image}
+#endif
 
 /// What the projection needs of the view; to be read once, not for each particle.
 struct Camera {
@@ -41,7 +44,7 @@ struct Projected {
     splat: Splat,
     /// The pyramid level that it is drawn in.
     level: u32,
-    /// SAMPLED, SMALL, EVERYWHERE, INVISIBLE or DROPPED.
+    /// SAMPLED, SMALL, EVERYWHERE, ELLIPSE, SMALL_ELLIPSE, INVISIBLE or DROPPED.
     kind: u32,
 }
 
@@ -64,8 +67,71 @@ fn concentration(camera: Camera, h: f32, magnification: f32) -> f32 {
         min(camera.peak / (minor * minor), 1.0), camera.fixed_radius > 0.0);
 }
 
+#ifdef ELLIPSOIDS
+/// Ellipsoids that reach further than this share of their distance in depth are drawn as balls of equal spread: second order is too little.
+const DEEPEST: f32 = 0.5;
+/// Squared half width of the thinnest row, square pixels.
+const THINNEST: f32 = 1.0e-6;
+
+/// What an ellipsoid looks like.
+fn image(camera: Camera, particle: Particle) -> Ellipse {
+    let squares = particle.squares / camera.moment;
+    let products = particle.products / camera.moment;
+    if camera.perspective {
+        return far_image(camera.focal, camera.moment, particle.position, squares, products);
+    }
+    return parallel_image(camera.focal, squares, products);
+}
+
+/// The splat of an ellipse, and where it is drawn.
+fn project_ellipse(camera: Camera, particle: Particle, ellipse: Ellipse) -> Projected {
+    let p = particle.position;
+    let center = camera.middle + vec2(p.x, -p.y) * magnification_at(camera, p.z) + ellipse.center;
+    let xx = ellipse.spread.x;
+    let xy = ellipse.spread.y;
+    let yy = ellipse.spread.z;
+    let difference = 0.5 * (xx - yy);
+    let long = sqrt(0.5 * (xx + yy) + sqrt(difference * difference + xy * xy));
+    let determinant = max(xx * yy - xy * xy, THINNEST * max(xx, yy));
+    let area = sqrt(determinant);
+    let short = area / long;
+    let weight = particle.weight * ellipse.flux * vec2(1.0, particle.quantity);
+    var result: Projected;
+    if short < SAMPLED_RADIUS {
+        let cut_along_y = yy >= xx;
+        let height = select(xx, yy, cut_along_y);
+        let half = sqrt(vec2(determinant / height, height));
+        result.splat = Splat(vec4(center, 1.0 / half), vec4(xy / height, weight, select(-1.0, 1.0, cut_along_y) * (long + 0.5)));
+        result.level = 0u;
+        result.kind = SMALL_ELLIPSE;
+    } else {
+        result.splat = Splat(vec4(center, vec2(yy, -xy) / determinant), vec4(xx / determinant, weight / area, long));
+        result.level = min(u32(log2(short / SAMPLED_RADIUS)), camera.level_count - 1u);
+        result.kind = ELLIPSE;
+    }
+    let outside = any(abs(center - 0.5 * camera.size) > 0.5 * camera.size + sqrt(vec2(xx, yy)) + 0.5);
+    if p.z <= camera.near || outside || !(long > 0.0) {
+        result.kind = INVISIBLE;
+    } else if camera.faintest > 0.0 && weight.x / area * min(area, camera.peak) < camera.faintest {
+        result.kind = DROPPED;
+    }
+    if particle.weight == 0.0 {
+        result.kind = DROPPED;
+    }
+    return result;
+}
+#endif
+
 /// A particle's splat, and where it is drawn.
 fn project(camera: Camera, particle: Particle) -> Projected {
+#ifdef ELLIPSOIDS
+    if dot(particle.squares, vec3(1.0)) > 0.0 && camera.fixed_radius == 0.0 {
+        let ellipse = image(camera, particle);
+        if ellipse.depth < DEEPEST {
+            return project_ellipse(camera, particle, ellipse);
+        }
+    }
+#endif
     let p = particle.position;
     let perspective = camera.perspective;
     let half_size = 0.5 * camera.size;

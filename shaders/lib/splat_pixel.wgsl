@@ -1,7 +1,7 @@
 // What one splat adds to one pixel, as accumulate.wgsl adds it to many.
 #define_import_path deepfield::splat_pixel
-#import deepfield::kernel::{box_profile, evaluate, first, second, shear, bend}
-#import deepfield::splat_view::{Splat, oblique, EVERYWHERE}
+#import deepfield::kernel::{box_profile, evaluate, first, second, shear, bend, stretching}
+#import deepfield::splat_view::{Splat, oblique, EVERYWHERE, ELLIPSE}
 
 /// What a picture's lines of sight are.
 struct Lens {
@@ -18,7 +18,8 @@ fn sampled(splat: Splat, lens: Lens, pixel: vec2<f32>, kind: u32) -> f32 {
     let d = pixel - splat.head.xy;
     var square = splat.head.z * d.x * d.x + 2.0 * splat.head.w * d.x * d.y + splat.tail.x * d.y * d.y;
 #ifdef OBLIQUE
-    square *= oblique(lens.middle, lens.focal, lens.perspective, pixel);
+    // An ellipse is what is seen from far away already.
+    square *= select(oblique(lens.middle, lens.focal, lens.perspective, pixel), 1.0, kind == ELLIPSE);
     if kind == EVERYWHERE && splat.tail.w > 0.0 {
         let along = dot(splat.head.xy - lens.middle, pixel - lens.middle) / (lens.focal * lens.focal);
         square = select(1.0, square, 1.0 + along > 0.0);
@@ -28,7 +29,11 @@ fn sampled(splat: Splat, lens: Lens, pixel: vec2<f32>, kind: u32) -> f32 {
     if square >= 1.0 {
         return 0.0;
     }
-    return evaluate(box_profile((splat.head.z + splat.tail.x) * (1.0 / 24.0)), vec4(square)).x;
+    let mean = evaluate(box_profile((splat.head.z + splat.tail.x) * (1.0 / 24.0)), vec4(square)).x;
+    if kind == ELLIPSE {
+        return mean + stretching(vec3(splat.head.zw, splat.tail.x), d.x, vec4(d.y), vec4(square)).x;
+    }
+    return mean;
 }
 
 /// The integral over the pixel of a small splat; see `add_small` in accumulate.wgsl.

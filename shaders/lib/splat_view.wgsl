@@ -23,6 +23,11 @@ struct Level {
     scale: f32,
     /// First row in the atlas of the blended technique.
     atlas_row: u32,
+    /// First bin of the ellipses that are sampled, and of those that are integrated: bins as fine as tiles, then of twice the edge, and so on
+    /// to a single one for all tiles, each of these with a margin around, and one more for what reaches further than any margin.
+    ellipse_bins: vec2<u32>,
+    unused_a: u32,
+    unused_b: u32,
 }
 
 /// What differs between the passes of a picture.
@@ -95,9 +100,12 @@ struct SplatView {
 /// A particle in the picture, in two vectors:
 /// - `head.xy`: centre, pixels.
 /// - `head.zw`, `tail.x`: for sampled splats the quadratic form q^2 = head.z dx^2 + 2 head.w dx dy + tail.x dy^2 (see
-///   `oblique`); for small ones 1/radius along x and along y (1/pixel), and the correlation of x and y.
+///   `oblique`); for small ones 1/radius along x and along y (1/pixel), and the correlation of x and y; for small ellipses 1/half the
+///   width of a row and 1/half the height (1/pixel), and by how much a row lies further on than the one before it, the axis with the
+///   greater extent taken as the height.
 /// - `tail.yz`: factor of P and of P S.
-/// - `tail.w`: no pixel further from the centre than this is touched, pixels; negative if the eye is inside the kernel.
+/// - `tail.w`: no pixel further from the centre than this is touched, pixels; negative if the eye is inside the kernel, and of small ellipses
+///   if their height is along x.
 struct Splat {
     head: vec4<f32>,
     tail: vec4<f32>,
@@ -116,6 +124,9 @@ const EVERYWHERE: u32 = 2u;
 const INVISIBLE: u32 = 3u;
 /// Not to be drawn.
 const DROPPED: u32 = 4u;
+/// Ellipses: sampled, and integrated over pixels.
+const ELLIPSE: u32 = 5u;
+const SMALL_ELLIPSE: u32 = 6u;
 
 /// 1 / |ray|^2 for the ray through a pixel position, where |ray| = 1 along the axis: turns a particle's quadratic
 /// form into the squared distance between the ray and the particle's centre (F12 4.9.1).

@@ -12,11 +12,14 @@
 // With SUBGROUP (subgroups of exactly eight, as on a CPU driver) a workgroup is one subgroup: its lanes look at eight
 // splats at a time and then draw those that reach the tile one after the other. Without, each invocation looks at each
 // splat.
-#import deepfield::splat_view::{SplatView, Pass, Splat, oblique, SAMPLED, SMALL, EVERYWHERE}
+#import deepfield::splat_view::{SplatView, Level, Pass, Splat, oblique, SAMPLED, SMALL, EVERYWHERE, ELLIPSE, SMALL_ELLIPSE}
+#ifdef ELLIPSOIDS
+#import deepfield::small_ellipse::integrated_ellipse
+#endif
 #ifdef LAYERS
 #import deepfield::layer_group::{layers, goes_on}
 #endif
-#import deepfield::kernel::{box_profile, evaluate, first, second, shear, bend}
+#import deepfield::kernel::{box_profile, evaluate, first, second, shear, bend, stretching}
 
 @group(0) @binding(0) var<uniform> view: SplatView;
 @group(0) @binding(1) var<uniform> batch: Pass;
@@ -72,6 +75,13 @@ fn add_sampled(column: ptr<function, Column>, place: Place, splat: Splat, kind: 
 #ifdef OBLIQUE
     var u_top = fma(dy_top, fma(dy_top, vec4(form.z), vec4(xy)), vec4(xx)) * place.oblique_top;
     var u_bottom = fma(dy_bottom, fma(dy_bottom, vec4(form.z), vec4(xy)), vec4(xx)) * place.oblique_bottom;
+#ifdef ELLIPSOIDS
+    if kind == ELLIPSE {
+        // It is what is seen from far away already.
+        u_top = fma(dy_top, fma(dy_top, vec4(form.z), vec4(xy)), vec4(xx));
+        u_bottom = fma(dy_bottom, fma(dy_bottom, vec4(form.z), vec4(xy)), vec4(xx));
+    }
+#endif
     if kind == EVERYWHERE && splat.tail.w > 0.0 {
         let along = (splat.head.xy - place.axis) / (place.focal * place.focal);
         let across = 1.0 + along.x * (place.x - place.axis.x);
@@ -79,11 +89,22 @@ fn add_sampled(column: ptr<function, Column>, place: Place, splat: Splat, kind: 
         u_bottom = select(vec4(1.0), u_bottom, across + along.y * (place.y_bottom - place.axis.y) > vec4(0.0));
     }
 #else
+#ifdef ELLIPSOIDS
+    let u_top = fma(dy_top, fma(dy_top, vec4(form.z), vec4(xy)), vec4(xx));
+    let u_bottom = fma(dy_bottom, fma(dy_bottom, vec4(form.z), vec4(xy)), vec4(xx));
+#else
     let u_top = fma(dy_top * form.z, dy_top, vec4(xx));
     let u_bottom = fma(dy_bottom * form.z, dy_bottom, vec4(xx));
 #endif
-    let f_top = evaluate(profile, u_top);
-    let f_bottom = evaluate(profile, u_bottom);
+#endif
+    var f_top = evaluate(profile, u_top);
+    var f_bottom = evaluate(profile, u_bottom);
+#ifdef ELLIPSOIDS
+    if kind == ELLIPSE {
+        f_top += stretching(form, dx, dy_top, u_top);
+        f_bottom += stretching(form, dx, dy_bottom, u_bottom);
+    }
+#endif
     (*column).p_top = fma(f_top, vec4(splat.tail.y), (*column).p_top);
     (*column).p_bottom = fma(f_bottom, vec4(splat.tail.y), (*column).p_bottom);
     (*column).ps_top = fma(f_top, vec4(splat.tail.z), (*column).ps_top);
@@ -155,8 +176,72 @@ fn add_small(column: ptr<function, Column>, place: Place, splat: Splat) {
     (*column).ps_bottom = fma(f_bottom, vec4(splat.tail.z), (*column).ps_bottom);
 }
 
+#ifdef ELLIPSOIDS
+/// Adds an ellipse that is integrated over each pixel.
+fn add_small_ellipse(column: ptr<function, Column>, place: Place, splat: Splat) {
+    let x = vec4(place.x);
+    var f_top: vec4<f32>;
+    var f_bottom: vec4<f32>;
+    if splat.tail.w > 0.0 {
+        f_top = integrated_ellipse(splat, place.y_top, x);
+        f_bottom = integrated_ellipse(splat, place.y_bottom, x);
+    } else {
+        f_top = integrated_ellipse(splat, x, place.y_top);
+        f_bottom = integrated_ellipse(splat, x, place.y_bottom);
+    }
+    (*column).p_top = fma(f_top, vec4(splat.tail.y), (*column).p_top);
+    (*column).p_bottom = fma(f_bottom, vec4(splat.tail.y), (*column).p_bottom);
+    (*column).ps_top = fma(f_top, vec4(splat.tail.z), (*column).ps_top);
+    (*column).ps_bottom = fma(f_bottom, vec4(splat.tail.z), (*column).ps_bottom);
+}
+
+/// Whether an ellipse may touch the tile, and certainly where it does.
+fn ellipse_touches(place: Place, splat: Splat, kind: u32) -> bool {
+    let d = place.middle - splat.head.xy;
+    if kind == SMALL_ELLIPSE {
+        let at = select(d.yx, d, splat.tail.w > 0.0);
+        let reach = place.half_edge + 0.5;
+        let beyond = abs(vec2(at.x - splat.tail.x * at.y, at.y)) - reach * vec2(1.0 + abs(splat.tail.x), 1.0);
+        let outside = max(beyond, vec2(0.0)) * splat.head.zw;
+        return dot(outside, outside) < 1.0;
+    }
+    let square = splat.head.z * d.x * d.x + 2.0 * splat.head.w * d.x * d.y + splat.tail.x * d.y * d.y;
+    return sqrt(max(square, 0.0)) - place.half_edge * (sqrt(splat.head.z) + sqrt(splat.tail.x)) < 1.0;
+}
+
+/// Adds a slice of a level's ellipses of one kind that may touch a tile; returns how many there are in the longest range of bins.
+fn add_ellipses(
+    column: ptr<function, Column>, place: Place, grid: Level, tile: vec2<u32>, slice: u32, kind: u32, offset: u32, lane: u32,
+) -> u32 {
+    var first = offset + select(grid.ellipse_bins.x, grid.ellipse_bins.y, kind == SMALL_ELLIPSE);
+    var tiles = vec2(grid.tiles_x, (grid.height + 7u) / 8u);
+    var at = tile;
+    let reach = 2u * grid.margin;
+    var longest = 0u;
+    loop {
+        let bins = tiles + reach;
+        for (var row = at.y; row <= at.y + reach; row++) {
+            let bin = first + row * bins.x + at.x;
+            longest = max(longest, add_bins(column, place, bin, bin + reach + 1u, slice, kind, lane));
+        }
+        first += bins.x * bins.y;
+        if all(tiles <= vec2(1u)) {
+            break;
+        }
+        tiles = (tiles + 1u) / 2u;
+        at = at / 2u;
+    }
+    return max(longest, add_bins(column, place, first, first + 1u, slice, kind, lane));
+}
+#endif
+
 /// Whether a splat touches the tile.
-fn touches(place: Place, splat: Splat) -> bool {
+fn touches(place: Place, splat: Splat, kind: u32) -> bool {
+#ifdef ELLIPSOIDS
+    if kind >= ELLIPSE {
+        return ellipse_touches(place, splat, kind);
+    }
+#endif
     let outside = max(abs(splat.head.xy - place.middle) - place.half_edge, vec2(0.0));
     return dot(outside, outside) < splat.tail.w * splat.tail.w;
 }
@@ -170,13 +255,28 @@ fn add_bins(column: ptr<function, Column>, place: Place, bin: u32, behind: u32, 
     return end - begin;
 }
 
+/// Adds a splat.
+fn add_one(column: ptr<function, Column>, place: Place, splat: Splat, kind: u32) {
+#ifdef ELLIPSOIDS
+    if kind == SMALL_ELLIPSE {
+        add_small_ellipse(column, place, splat);
+        return;
+    }
+#endif
+    if kind == SMALL {
+        add_small(column, place, splat);
+    } else {
+        add_sampled(column, place, splat, kind);
+    }
+}
+
 /// Adds the splats at places `first` to `last - 1` of the order.
 fn add_range(column: ptr<function, Column>, place: Place, first: u32, last: u32, kind: u32, lane: u32) {
 #ifdef SUBGROUP
     for (var base = first; base < last; base += 8u) {
         let at = base + lane;
         let mine = splats[min(at, last - 1u)];
-        var pending = subgroupBallot(at < last && touches(place, mine)).x;
+        var pending = subgroupBallot(at < last && touches(place, mine, kind)).x;
         loop {
             if pending == 0u {
                 break;
@@ -184,22 +284,14 @@ fn add_range(column: ptr<function, Column>, place: Place, first: u32, last: u32,
             let source = firstTrailingBit(pending);
             pending &= pending - 1u;
             let splat = Splat(subgroupShuffle(mine.head, source), subgroupShuffle(mine.tail, source));
-            if kind == SMALL {
-                add_small(column, place, splat);
-            } else {
-                add_sampled(column, place, splat, kind);
-            }
+            add_one(column, place, splat, kind);
         }
     }
 #else
     for (var at = first; at < last; at++) {
         let splat = splats[at];
-        if touches(place, splat) {
-            if kind == SMALL {
-                add_small(column, place, splat);
-            } else {
-                add_sampled(column, place, splat, kind);
-            }
+        if touches(place, splat, kind) {
+            add_one(column, place, splat, kind);
         }
     }
 #endif
@@ -277,6 +369,13 @@ fn main(
             longest = max(longest, add_bins(&column, place, bin, bin + reach + 1u, slice, SMALL, local.x));
         }
     }
+#ifdef ELLIPSOIDS
+    let at = vec2(tile_x, tile_y);
+    longest = max(longest, add_ellipses(&column, place, grid, at, slice, ELLIPSE, bins, local.x));
+    if level == 0u {
+        longest = max(longest, add_ellipses(&column, place, grid, at, slice, SMALL_ELLIPSE, bins, local.x));
+    }
+#endif
 
     if batch.further != 0u {
         for (var i = 0u; i < 4u; i++) {

@@ -5,7 +5,10 @@
 #import deepfield::particle::{view, nodes, blocks, camera_axes, load_particle}
 #import deepfield::projection::{camera, project}
 #import deepfield::splat_pixel::{Lens, integrated, sampled}
-#import deepfield::splat_view::{Splat, atlas_corner, SMALL, EVERYWHERE, INVISIBLE, DROPPED}
+#import deepfield::splat_view::{Splat, atlas_corner, SMALL, EVERYWHERE, INVISIBLE, DROPPED, ELLIPSE, SMALL_ELLIPSE}
+#ifdef ELLIPSOIDS
+#import deepfield::small_ellipse::integrated_ellipse
+#endif
 
 struct Quad {
     @builtin(position) position: vec4<f32>,
@@ -14,6 +17,23 @@ struct Quad {
     /// From atlas to picture: pixel = position * place.z + place.xy.
     @location(2) @interpolate(flat) place: vec3<f32>,
     @location(3) @interpolate(flat) kind: u32,
+}
+
+/// How far a splat reaches along x and y, pixels.
+fn extent(splat: Splat, kind: u32) -> vec2<f32> {
+#ifdef ELLIPSOIDS
+    if kind == ELLIPSE {
+        let determinant = splat.head.z * splat.tail.x - splat.head.w * splat.head.w;
+        return sqrt(vec2(splat.tail.x, splat.head.z) / determinant);
+    }
+    if kind == SMALL_ELLIPSE {
+        let half = 1.0 / splat.head.zw;
+        let lean = splat.tail.x * half.y;
+        let reach = vec2(sqrt(half.x * half.x + lean * lean), half.y) + 0.5;
+        return select(reach.yx, reach, splat.tail.w > 0.0);
+    }
+#endif
+    return vec2(abs(splat.tail.w));
 }
 
 @vertex
@@ -30,7 +50,7 @@ fn vertex(@builtin(vertex_index) corner: u32, @builtin(instance_index) instance:
     // The cells that it reaches, of those that there are.
     let size = vec2(f32(grid.width), f32(grid.height));
     let center = splat.head.xy / grid.scale + f32(grid.pad);
-    let reach = abs(splat.tail.w) / grid.scale;
+    let reach = extent(splat, projected.kind) / grid.scale;
     let everywhere = projected.kind == EVERYWHERE;
     let low = select(clamp(ceil(center - reach - 0.5), vec2(0.0), size), vec2(0.0), everywhere);
     let high = select(clamp(floor(center + reach - 0.5) + 1.0, vec2(0.0), size), size, everywhere);
@@ -57,6 +77,12 @@ fn fragment(quad: Quad) -> @location(0) vec2<f32> {
     let splat = Splat(quad.head, quad.tail);
     let pixel = quad.position.xy * quad.place.z + quad.place.xy;
     var value = 0.0;
+#ifdef ELLIPSOIDS
+    if quad.kind == SMALL_ELLIPSE {
+        let at = select(pixel, pixel.yx, splat.tail.w > 0.0);
+        return integrated_ellipse(splat, vec4(at.x), vec4(at.y)).x * splat.tail.yz;
+    }
+#endif
     if quad.kind == SMALL {
         value = integrated(splat, pixel);
     } else {

@@ -4,10 +4,11 @@
 //! of at most [`PART_BYTES`]; each part lies in one chunk. Uploads are limited per frame; a node that finds no room
 //! within the byte budget is rejected, and the main world decides what to remove.
 
+use super::clusters::{Candidates, GpuCluster};
 use super::moving::{MovingParticle, Passage};
 use super::scene::{
-    MOVING_WORDS, NodeId, NodeState, ParticleScene, Payload, RAW_WORDS, RawParticle, SceneCommand, Table, TableEntry,
-    TableId, Words,
+    CLUSTER_WORDS, MOVING_WORDS, NodeId, NodeState, ParticleScene, Payload, RAW_WORDS, RawParticle, SceneCommand,
+    Table, TableEntry, TableId, Words,
 };
 use super::splat::layout::Encoding;
 use crate::mode::sample::GROUP;
@@ -52,6 +53,8 @@ pub struct ResidentNode {
     pub parts: Vec<Part>,
     /// When they are where, if they move.
     pub passage: Option<Passage>,
+    /// How many of its clusters are looked at, if it holds some.
+    pub candidates: Option<Candidates>,
 }
 
 struct Chunk {
@@ -146,8 +149,8 @@ impl Arena {
         device: &RenderDevice,
         queue: &RenderQueue,
     ) -> Option<u64> {
-        let made: Vec<MovingParticle>;
-        let mut passage = None;
+        let (made, clusters): (Vec<MovingParticle>, Vec<GpuCluster>);
+        let (mut passage, mut candidates) = (None, None);
         let (encoding, words, codes, stride) = match payload.words() {
             Words::Lent(buffer, count) => return self.adopt(id, min, buffer, count, device),
             Words::Grid(words, codes) => (Encoding::Grid, words, codes, 1),
@@ -160,19 +163,30 @@ impl Arena {
                 passage = when;
                 (Encoding::Moving, bytemuck::cast_slice(&made), &[][..], MOVING_WORDS)
             }
+            Words::Ellipsoids(words) => (Encoding::Clusters, words, &[][..], CLUSTER_WORDS),
+            Words::Clusters(node) => {
+                let (all, of_limits) = node.clusters(min).unzip();
+                clusters = all.unwrap_or_default();
+                candidates = of_limits;
+                (Encoding::Clusters, bytemuck::cast_slice(&clusters), &[][..], CLUSTER_WORDS)
+            }
         };
         let step = match encoding {
             Encoding::Grid => size / 1024.0,
             Encoding::Leaf => size / f64::from(1 << 21),
-            Encoding::World | Encoding::Camera | Encoding::Moving => 0.0,
+            Encoding::World | Encoding::Camera | Encoding::Moving | Encoding::Clusters => 0.0,
         };
         let coded = !codes.is_empty();
         // Whole groups of particles, so that samples know them by their numbers in the part; two codes share a word.
         let group = GROUP as usize;
         let per_part = (PART_BYTES.min(self.chunk_bytes as usize / 2) / (4 * stride + 2) / group * group).max(group);
-        let count = payload.len().min(words.len() / stride);
+        let count = match encoding {
+            // As many as there are for any limit, in one part.
+            Encoding::Clusters => words.len() / stride,
+            _ => payload.len().min(words.len() / stride),
+        };
         let parts = Vec::with_capacity(count.div_ceil(per_part));
-        let mut node = ResidentNode { min, step, encoding, parts, passage };
+        let mut node = ResidentNode { min, step, encoding, parts, passage, candidates };
         let mut total = 0;
         let mut first = 0;
         while first < count {
@@ -226,8 +240,9 @@ impl Arena {
         self.lent_count += 1;
         self.lent.insert(chunk, buffer.clone());
         let part = Part { chunk, positions: 0, codes: 0, count, allocation: None, bytes: 0 };
-        self.nodes
-            .insert(id, ResidentNode { min, step: 0.0, encoding: Encoding::World, parts: vec![part], passage: None });
+        let parts = vec![part];
+        let node = ResidentNode { min, step: 0.0, encoding: Encoding::World, parts, passage: None, candidates: None };
+        self.nodes.insert(id, node);
         Some(0)
     }
 

@@ -1,6 +1,9 @@
 //! A depiction drawn by the GPU techniques without a window: nodes of a tree, coded or as they are.
 
 use crate::codec::Codebook;
+use crate::codec::clusters::{NO_CLASS, cluster_limit};
+use crate::gpu::clusters::ClusterNode;
+use crate::gpu::content_look::ContentLook;
 use crate::gpu::{
     self, Backend, DeviceOptions, HeadlessNode, HeadlessRequest, ModeView, NodeId, NodeUpload, Payload, RawParticle,
 };
@@ -8,12 +11,13 @@ use crate::gpu::{Table, TableEntry};
 use crate::mode::sample::Sample;
 use crate::mode::{CodeTable, Columns, Depiction, Footprint, Plan, SourceColumns};
 use crate::model::{Bounds, Family, Kernel};
-use crate::picture::decode::{reach, reach_now};
+use crate::picture::decode::{reach, reach_now, reach_of_clusters};
 use crate::store::{FamilyMetadata, Metadata, Particles};
 use crate::stream::SceneNode;
 use crate::view::{Extent, View};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// Particles of one payload: few enough that any adapter binds them.
 const BATCH: usize = 1 << 18;
@@ -71,12 +75,31 @@ pub fn request_from(
         first_table.push(tables.len());
         tables.extend(family.codebooks.iter().map(|codebook| depiction.table(family, codebook)));
     }
+    let look = Arc::new(ContentLook::new(depiction.clone(), metadata));
     let mut requested = Vec::with_capacity(nodes.len());
     for drawn in nodes {
         let index = drawn.node.node;
         let node = &drawn.page.nodes[index as usize];
         let family = &metadata.families[drawn.page.family as usize];
         let weight_scale = depiction.node_scale(node);
+        if let Some(content) = drawn.page.content(index as usize).filter(|content| !content.steps().is_empty()) {
+            let look = Arc::clone(&look);
+            requested.push(HeadlessNode {
+                upload: NodeUpload {
+                    id: NodeId { source: drawn.page.family, page: drawn.node.page.0, node: index },
+                    min: node.frame.min,
+                    size: node.frame.size,
+                    payload: Payload::Clusters(ClusterNode { page: drawn.page.clone(), node: index, look }),
+                },
+                table: None,
+                weight_scale,
+                offset: drawn.offset,
+                sample: Sample::ALL,
+                limit: cluster_limit(drawn.part, node.particles),
+                reach: reach_of_clusters(drawn, content.steps(), metadata.kernel),
+            });
+            continue;
+        }
         if let Some(content) = drawn.page.content(index as usize) {
             let held = content.particles(drawn.time);
             own_content(camera, depiction, family, (&held, weight_scale), drawn, &mut requested);
@@ -96,6 +119,7 @@ pub fn request_from(
             weight_scale,
             offset: drawn.offset,
             sample,
+            limit: NO_CLASS,
             reach: reach(drawn, sample.growth),
         });
     }
@@ -180,6 +204,7 @@ fn own_content(
             weight_scale: 1.0,
             offset: DVec3::ZERO,
             sample: Sample::ALL,
+            limit: NO_CLASS,
             reach: reach_now(drawn, held, 1.0),
         });
     }

@@ -27,6 +27,8 @@ pub struct HeadlessNode {
     pub offset: DVec3,
     /// Which of its particles are drawn.
     pub sample: Sample,
+    /// Which of its clusters are drawn; see [`super::DrawItem::limit`].
+    pub limit: u16,
     /// How far its particles reach, displaced as its image is.
     pub reach: Extent,
 }

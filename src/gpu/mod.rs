@@ -16,7 +16,9 @@
 pub mod answer;
 pub mod arena;
 pub mod capabilities;
+pub mod clusters;
 pub mod composite;
+pub mod content_look;
 pub mod depiction;
 pub mod device;
 pub mod environment;
@@ -46,6 +48,7 @@ pub mod view;
 pub mod volume;
 
 pub use capabilities::{Capabilities, Technique, Withheld};
+pub use clusters::GpuCluster;
 pub use device::{DeviceOptions, Gpu, GpuError, open};
 pub use headless::{HeadlessFrame, HeadlessNode, HeadlessRequest, HeadlessStats, render_headless};
 pub use layered::Layered;

@@ -1,10 +1,11 @@
 //! Particles on their way through an interval, as shaders evaluate them (`load_moving` in shaders/lib/particle.wgsl): a copy serves every
 //! moment of the interval, and another moment costs a number for each node.
 
+use super::content_look::ContentLook;
 use super::scene::MOVING_WORDS;
 use crate::hierarchy::spacetime::Motion;
 use crate::mode::{Columns, Depiction, SourceColumns};
-use crate::store::{Metadata, Page};
+use crate::store::Page;
 use crate::stream::copies::MOVING_BYTES;
 use glam::DVec3;
 use rayon::prelude::*;
@@ -47,28 +48,6 @@ pub struct MovingParticle {
 
 const _: () = assert!(size_of::<MovingParticle>() as u64 == MOVING_BYTES && MOVING_WORDS * 4 == MOVING_BYTES as usize);
 
-/// A depiction applied to what moves: the names of each family's attributes are all that it takes of the data.
-pub struct MovingLook {
-    depiction: Depiction,
-    names: Vec<Vec<String>>,
-}
-
-impl std::fmt::Debug for MovingLook {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_tuple("MovingLook").field(&self.depiction.mode.name).finish()
-    }
-}
-
-impl MovingLook {
-    /// That of a depiction of some data.
-    pub fn new(depiction: Depiction, metadata: &Metadata) -> MovingLook {
-        let names = |family: &crate::store::FamilyMetadata| {
-            family.attributes.iter().map(|attribute| attribute.name.clone()).collect()
-        };
-        MovingLook { depiction, names: metadata.families.iter().map(names).collect() }
-    }
-}
-
 /// When a node's particles are where, and the box that they are wrapped into.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Passage {
@@ -95,7 +74,7 @@ pub struct MovingNode {
     /// Index of the node in it.
     pub node: u32,
     /// How it is to be seen.
-    pub look: Arc<MovingLook>,
+    pub look: Arc<ContentLook>,
 }
 
 impl MovingNode {
@@ -112,7 +91,7 @@ impl MovingNode {
     /// The particles, placed from an origin, and their passage; `None` where they do not move.
     pub(super) fn particles(&self, origin: DVec3) -> Option<(Vec<MovingParticle>, Passage)> {
         let motion = self.page.content(self.node as usize)?.motion()?;
-        let names = self.look.names.get(self.page.family as usize)?;
+        let names = self.look.names(self.page.family)?;
         let passage = Passage { span: motion.span, holds: motion.holds, edge: motion.box_size.unwrap_or(0.0) };
         Some((moving_particles(&self.look.depiction, names, &motion, origin), passage))
     }

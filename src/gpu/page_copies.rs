@@ -1,12 +1,15 @@
 //! Copies of whole pages in the renderer's arena: how the nodes of a page are named there, put in, looked after and
 //! taken out.
 
-use super::moving::{MovingLook, MovingNode};
+use super::clusters::ClusterNode;
+use super::content_look::ContentLook;
+use super::moving::MovingNode;
 use super::scene::{NodeId, NodeState, NodeUpload, ParticleScene, Payload, TableId};
 use super::view::DrawItem;
+use crate::codec::clusters::cluster_limit;
 use crate::mode::sample::Sample;
 use crate::mode::{Depiction, Plan};
-use crate::store::{Metadata, Node, Page, PageId};
+use crate::store::{Content, Metadata, Node, Page, PageId};
 use crate::stream::SceneNode;
 use crate::view::View;
 use std::sync::Arc;
@@ -27,25 +30,27 @@ pub fn node_id(source: u32, page: PageId, node: u32) -> NodeId {
     NodeId { source, page: page.0, node }
 }
 
-/// The nodes of a page that hold coded particles, or such as move: the arena knows no others.
+/// The nodes of a page that hold coded particles, such as move, or clusters: the arena knows no others.
 fn drawable(page: &Page) -> impl Iterator<Item = u32> {
     let is_known = |(index, node): &(usize, &Node)| {
-        node.particles > 0 && page.content(*index).is_none_or(|content| content.moves())
+        let is_known = |content: &dyn Content| content.moves() || !content.steps().is_empty();
+        node.particles > 0 && page.content(*index).is_none_or(is_known)
     };
     page.nodes.iter().enumerate().filter(is_known).map(|(index, _)| index as u32)
 }
 
-/// Queues a page for upload; what moves for a look at it, and no other one.
-pub fn insert(scene: &ParticleScene, source: u32, page: &Arc<Page>, look: &Arc<MovingLook>) {
+/// Queues a page for upload; what moves, and clusters, for a look at them, and no other one.
+pub fn insert(scene: &ParticleScene, source: u32, page: &Arc<Page>, look: &Arc<ContentLook>) {
     scene.insert_nodes(drawable(page).map(|node| {
         let frame = page.nodes[node as usize].frame;
-        let page = Arc::clone(page);
+        let (page, look) = (Arc::clone(page), Arc::clone(look));
         NodeUpload {
             id: node_id(source, page.id, node),
             min: frame.min,
             size: frame.size,
             payload: match page.content(node as usize) {
-                Some(_) => Payload::Moving(MovingNode { page, node, look: Arc::clone(look) }),
+                Some(content) if content.moves() => Payload::Moving(MovingNode { page, node, look }),
+                Some(_) => Payload::Clusters(ClusterNode { page, node, look }),
                 None => Payload::Page { page, node },
             },
         }
@@ -80,6 +85,7 @@ pub fn item(
         weight_scale: depiction.node_scale(node),
         offset: drawn.offset,
         sample,
+        limit: cluster_limit(drawn.part, node.particles),
     })
 }
 

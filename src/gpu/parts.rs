@@ -86,7 +86,7 @@ impl Parts {
 
 /// Whether an adapter can hold all of a view.
 fn fits(view: &View, footprint: Footprint, technique: Technique, limits: &Limits) -> bool {
-    let grids = Grids::new(view, footprint, true, 0.0);
+    let grids = Grids::new(view, footprint, true, 0.0, false);
     let (cells, [width, height]) = match technique {
         Technique::Compute => (u64::from(grids.cells), [view.width, view.height]),
         Technique::Raster => (u64::from(raster::stride(view.width)) * u64::from(view.height), grids.uniform.atlas),

@@ -164,6 +164,7 @@ impl HeadlessRenderer {
             weight_scale: node.weight_scale,
             offset: node.offset,
             sample: node.sample,
+            limit: node.limit,
         };
         let items = request.nodes.iter().map(item).collect();
         // Nothing is drawn before everything is there.

@@ -5,9 +5,10 @@
 //! [`super::arena`]). What a camera draws of it is said by its [`super::SplatView`] component. Nothing here waits:
 //! every call takes a short lock.
 
+use super::clusters::{ClusterNode, GpuCluster};
 use super::moving::MovingNode;
 use crate::store::{Page, Positions};
-use crate::stream::copies::MOVING_BYTES;
+use crate::stream::copies::{CLUSTER_BYTES, MOVING_BYTES};
 use bevy::prelude::Resource;
 use bevy::render::render_resource::Buffer;
 use glam::DVec3;
@@ -92,6 +93,10 @@ pub enum Payload {
     Camera(Vec<RawParticle>),
     /// A node of a page that is on its way through an interval.
     Moving(MovingNode),
+    /// The clusters of a node of a page.
+    Clusters(ClusterNode),
+    /// Ellipsoids relative to the node's `min`, in world axes.
+    Ellipsoids(Vec<GpuCluster>),
     /// Source particles as [`Payload::World`] has them, in a storage buffer of somebody else's, which passes read where it is.
     Lent {
         /// The buffer: [`RawParticle`]s from its beginning.
@@ -113,6 +118,10 @@ pub(super) enum Words<'a> {
     Camera(&'a [u32]),
     /// Still to be written, 24 words a particle.
     Moving(&'a MovingNode),
+    /// Still to be written, 16 words each.
+    Clusters(&'a ClusterNode),
+    /// 16 words each.
+    Ellipsoids(&'a [u32]),
     /// They are on the adapter.
     Lent(&'a Buffer, u32),
 }
@@ -132,6 +141,8 @@ impl Payload {
             Payload::World(particles) => Words::World(bytemuck::cast_slice(particles)),
             Payload::Camera(particles) => Words::Camera(bytemuck::cast_slice(particles)),
             Payload::Moving(node) => Words::Moving(node),
+            Payload::Clusters(node) => Words::Clusters(node),
+            Payload::Ellipsoids(ellipsoids) => Words::Ellipsoids(bytemuck::cast_slice(ellipsoids)),
             Payload::Lent { buffer, count } => Words::Lent(buffer, *count),
         }
     }
@@ -143,6 +154,8 @@ impl Payload {
             Words::Leaf(positions, codes) => (positions.len() / 2).min(codes.len()),
             Words::World(words) | Words::Camera(words) => words.len() / RAW_WORDS,
             Words::Moving(node) => node.len(),
+            Words::Clusters(node) => node.len(),
+            Words::Ellipsoids(words) => words.len() / CLUSTER_WORDS,
             Words::Lent(_, count) => count as usize,
         }
     }
@@ -158,8 +171,9 @@ impl Payload {
             Words::Grid(positions, codes) | Words::Leaf(positions, codes) => {
                 (size_of_val(positions) + size_of_val(codes).next_multiple_of(4)) as u64
             }
-            Words::World(words) | Words::Camera(words) => size_of_val(words) as u64,
+            Words::World(words) | Words::Camera(words) | Words::Ellipsoids(words) => size_of_val(words) as u64,
             Words::Moving(node) => node.len() as u64 * MOVING_BYTES,
+            Words::Clusters(node) => node.bytes(),
             Words::Lent(..) => 0,
         }
     }
@@ -169,6 +183,8 @@ impl Payload {
 pub(super) const RAW_WORDS: usize = size_of::<RawParticle>() / size_of::<u32>();
 /// Words of a particle on its way.
 pub(super) const MOVING_WORDS: usize = MOVING_BYTES as usize / size_of::<u32>();
+/// Words of a cluster.
+pub(super) const CLUSTER_WORDS: usize = CLUSTER_BYTES as usize / size_of::<u32>();
 
 /// A node on its way to the renderer.
 #[derive(Clone, Debug)]

@@ -132,7 +132,7 @@ impl TileMode for SortedSplats {
 
     fn draw(&self, bound: &SortedGroups, on: &Canvas<'_, Self>, context: &mut RenderContext) -> Option<()> {
         let get = |id| on.cache.get_compute_pipeline(id);
-        let walk = get(*on.pipelines.blend.get(&on.particles.grids.kernel)?)?;
+        let walk = get(*on.pipelines.blend.get(&on.particles.grids.shape.kernel)?)?;
         let arrange = get(on.pipelines.arrange)?;
         context.command_encoder().clear_buffer(&on.cells.buffer, 0, None);
         let drawing = Drawing {

@@ -24,6 +24,8 @@ pub struct DrawItem {
     pub offset: DVec3,
     /// Which of its particles are drawn; raw particles all are.
     pub sample: Sample,
+    /// Which of its clusters are drawn, if it holds some ([`crate::codec::clusters::cluster_limit`]).
+    pub limit: u16,
 }
 
 /// The shape that a particle has in the picture.

@@ -141,8 +141,10 @@ pub(super) fn draw_on_cpu(
 ) {
     let cpu = &mut *cpu;
     let on_cpu = *backend == ActiveBackend::Cpu;
-    let frame_ms = Some(preset.drawing.frame_ms).filter(|frame_ms| on_cpu && *frame_ms > 0.0);
-    in_time.follow(frame_ms.map(|frame_ms| cpu.splat_budget.limit(frame_ms)));
+    if *backend != ActiveBackend::Gpu {
+        let frame_ms = Some(preset.drawing.frame_ms).filter(|frame_ms| on_cpu && *frame_ms > 0.0);
+        in_time.follow(frame_ms.map(|frame_ms| cpu.splat_budget.limit(frame_ms)));
+    }
     if on_cpu && statistics.backend != "cpu" {
         "cpu".clone_into(&mut statistics.backend);
     }

@@ -11,7 +11,7 @@ use super::live::LiveParticles;
 use super::live::copies::LiveCopies;
 use super::look::Look;
 use super::page_entities::{GpuSlot, PageCopies, PageKey, PageStatus};
-use super::pages::ViewSelection;
+use super::pages::{SplatsInTime, ViewSelection};
 use super::pass_times::LastPasses;
 use super::paths::Paths;
 use super::picture::DataCamera;
@@ -24,8 +24,8 @@ use super::streaming::Streaming;
 use super::surround_backend;
 use super::touring::Before;
 use crate::color::Accumulation;
+use crate::gpu::content_look::ContentLook;
 use crate::gpu::measure::{Measure, Measured, MeasuredPicture};
-use crate::gpu::moving::MovingLook;
 use crate::gpu::page_copies::{self, CopyState};
 use crate::gpu::tile_passes::TilePasses;
 use crate::gpu::{self, Composite, DrawItem, Fading, LightView, ModeView, ParticleScene, SplatView, VolumeView};
@@ -35,6 +35,7 @@ use crate::modes;
 use crate::picture::Subject;
 use crate::picture::decode::reach;
 use crate::picture::drawing_cost::{self, DrawingCost};
+use crate::picture::splat_budget::SplatBudget;
 use crate::store::Metadata;
 use crate::stream::SceneNode;
 use bevy::prelude::*;
@@ -60,6 +61,7 @@ pub struct GpuTables {
     /// The picture that they are of.
     exposed: Option<Arc<Measured>>,
     drawing_cost: DrawingCost,
+    splat_budget: SplatBudget,
     /// Particles that the last pictures took, and when the last one was changed.
     taken: [u64; 3],
     changed: Option<Instant>,
@@ -69,8 +71,8 @@ pub struct GpuTables {
     asked: Option<Backend>,
     /// The file for which it was told that the graphics memory is full.
     told_full: Option<u32>,
-    /// How copies of what moves are to be seen, and which look that is.
-    moving: Option<((u32, u64), Arc<MovingLook>)>,
+    /// How copies of what moves, and of clusters, are to be seen, and which look that is.
+    content: Option<((u32, u64), Arc<ContentLook>)>,
 }
 
 /// Least time between two looks at how bright a view is that moves.
@@ -213,9 +215,9 @@ pub(super) fn receive_copies(
     }
 }
 
-/// Lets what moves be copied anew for another look: its copies hold what a mode makes of them, so that nothing is left to do for them while
-/// time goes on.
-pub(super) fn renew_moving(
+/// Lets what moves, and clusters, be copied anew for another look: their copies hold what a mode makes of them, so that nothing is left to do
+/// for them while time goes on and budgets change.
+pub(super) fn renew_content(
     mut commands: Commands,
     (scene, look): (Option<Res<Scene>>, Option<Res<Look>>),
     streaming: Option<ResMut<Streaming>>,
@@ -224,13 +226,16 @@ pub(super) fn renew_moving(
 ) {
     let (Some(scene), Some(look), Some(mut streaming)) = (scene, look, streaming) else { return };
     let seen = (scene.generation, look.depiction_revision);
-    if tables.moving.as_ref().is_some_and(|(known, _)| *known == seen) {
+    if tables.content.as_ref().is_some_and(|(known, _)| *known == seen) {
         return;
     }
-    let look = MovingLook::new(look.depiction.clone(), scene.metadata());
-    let before = tables.moving.replace((seen, Arc::new(look)));
+    let look = ContentLook::new(look.depiction.clone(), scene.metadata());
+    let before = tables.content.replace((seen, Arc::new(look)));
     let is_same_file = before.is_some_and(|((generation, _), _)| generation == scene.generation);
-    if scene.moving.is_some() && is_same_file && streaming.generation == scene.generation {
+    if (scene.moving.is_some() || scene.metadata().has_clusters())
+        && is_same_file
+        && streaming.generation == scene.generation
+    {
         let options = streaming.streamer.copies.as_ref().map(|copies| *copies.options());
         streaming.streamer.keep_copies(options);
         slots.iter().for_each(|page| {
@@ -259,7 +264,7 @@ pub(super) fn upload_pages(
     }
     let residency = &streaming.streamer.residency;
     // Without a look nothing is drawn yet, and nothing missed.
-    let Some((_, look)) = &tables.moving else { return };
+    let Some((_, look)) = &tables.content else { return };
     for id in plan.insert {
         let (Some(entity), Some(page)) = (streaming.entity(id), residency.page(id)) else { continue };
         page_copies::insert(&particles, generation, page, look);
@@ -360,10 +365,13 @@ pub(super) fn draw_on_gpu(
     mut converged: ResMut<Converged>,
     mut statistics: ResMut<Statistics>,
     camera: Single<(Entity, Option<&Composite>), With<DataCamera>>,
+    mut in_time: ResMut<SplatsInTime>,
 ) {
     if *active != ActiveBackend::Gpu {
         return;
     }
+    let frame_ms = preset.drawing.frame_ms;
+    in_time.follow((frame_ms > 0.0).then(|| tables.splat_budget.limit(frame_ms)));
     let Some(technique) = tables.technique else { return };
     let (Some(scene), Some(look), Some(view)) = (scene, look, selection.view) else { return };
     if look.depiction.mode.technique.adapter() == Adapter::Light {
@@ -381,13 +389,14 @@ pub(super) fn draw_on_gpu(
         camera.insert((ModeView { mode, settings }, Measure)).remove::<(LightView, VolumeView)>();
         TilePasses::hide(&mut camera);
     }
-    let frame_ms = preset.drawing.frame_ms;
     let moving = motion.is_moving(&preset.motion);
+    let stands_in = selection.stands_in && !live.is_shown();
     // Samples that are weighed take particles to plan; the adapter draws all of them at rest.
     let lod_budget = LodBudget { thinning: 0.0, ..look.lod_budget };
     let subject = Subject::new(metadata, &look.depiction, &look.transfer, 0.0);
     let usual = subject.plan(&view, &[], &lod_budget, Some(look.levels)).unwrap_or_default();
-    let pressed = moving && frame_ms > 0.0;
+    // Clusters were chosen within a limit of their own.
+    let pressed = moving && frame_ms > 0.0 && !stands_in;
     let drawn = (selection.revision, live.is_shown().then(|| copies.number()), usual, pressed);
     if tables.drawn != Some(drawn) {
         tables.drawn = Some(drawn);
@@ -458,7 +467,10 @@ pub(super) fn draw_on_gpu(
         && tables.changed.is_some_and(|changed| at > changed)
         && most.zip(least).is_some_and(|(&most, &least)| most <= 2 * least)
     {
-        tables.drawing_cost.drew(taken, milliseconds);
+        match stands_in {
+            true => tables.splat_budget.drew(taken, milliseconds),
+            false => tables.drawing_cost.drew(taken, milliseconds),
+        }
         tables.changed = None;
     }
     // Passes are timed only once their shaders are there, so a first time means a first picture.

@@ -299,7 +299,7 @@ impl Plugin for WindowApp {
             (
                 picture::fit_picture.in_set(CameraSystems::Steer).before(CameraUpdateSystems),
                 pick::fly_to_pick.before(CameraSystems::Steer).after(EguiPostUpdateSet::ProcessOutput),
-                (gpu_backend::renew_moving, gpu_backend::receive_copies)
+                (gpu_backend::renew_content, gpu_backend::receive_copies)
                     .chain()
                     .in_set(PageSystems::Arrive)
                     .after(pages::finish_loads),

@@ -1,6 +1,7 @@
 //! What the GPU backends accumulate, held against the CPU's exact integrals on the same particles.
 
 use crate::support::Random;
+use deepfield::codec::clusters::NO_CLASS;
 use deepfield::codec::coordinates::{pack_grid, pack_leaf, unpack_grid, unpack_leaf};
 use deepfield::color::Accumulation;
 use deepfield::cpu::{Extent, Method, Positions, SplatOptions, Splats, draw};
@@ -34,7 +35,7 @@ fn particles(n: usize, size: f64, h_min: f64, h_max: f64, seed: u64) -> Particle
 }
 
 /// The techniques, each forced.
-const BACKENDS: [Backend; 2] = [Backend::Compute, Backend::Raster];
+pub const BACKENDS: [Backend; 2] = [Backend::Compute, Backend::Raster];
 const CUBIC_SPLINE: Footprint = Footprint::Kernel(Kernel::CubicSpline);
 
 impl Particles {
@@ -68,15 +69,15 @@ impl Particles {
     }
 }
 
-fn node(min: DVec3, size: f64, payload: Payload) -> HeadlessNode {
+pub fn node(min: DVec3, size: f64, payload: Payload) -> HeadlessNode {
     let table = matches!(payload, Payload::Grid { .. } | Payload::Leaf { .. }).then_some(0);
     let upload = NodeUpload { id: NodeId { source: 0, page: 0, node: 0 }, min, size, payload };
     // Splats do without.
     let reach = view::Extent { bounds: Bounds::EMPTY, margin: 0.0 };
-    HeadlessNode { upload, table, weight_scale: 1.0, offset: DVec3::ZERO, sample: Sample::ALL, reach }
+    HeadlessNode { upload, table, weight_scale: 1.0, offset: DVec3::ZERO, sample: Sample::ALL, limit: NO_CLASS, reach }
 }
 
-fn request(
+pub fn request(
     view: &View,
     footprint: Footprint,
     backend: Backend,
@@ -99,12 +100,12 @@ fn request(
     }
 }
 
-fn look(projection: Projection, width: u32, height: u32) -> View {
+pub fn look(projection: Projection, width: u32, height: u32) -> View {
     View::look_at(DVec3::new(1.3, 0.7, 2.0), DVec3::ZERO, DVec3::Y, projection, width, height).unwrap()
 }
 
 /// Both pictures agree to a relative L1 and L2 of `limit`, in `P` and in `P S`.
-fn assert_same(name: &str, gpu: &HeadlessFrame, cpu: &Accumulation, limit: f64) {
+pub fn assert_same(name: &str, gpu: &HeadlessFrame, cpu: &Accumulation, limit: f64) {
     use deepfield::color::accumulation::relative_error;
     let errors = [relative_error(&gpu.accumulation.p, &cpu.p), relative_error(&gpu.accumulation.ps, &cpu.ps)];
     println!("{name}: {errors:?}, {:?}", gpu.stats);
@@ -127,8 +128,8 @@ fn compare(name: &str, particles: &Particles, footprint: Footprint) {
     }
 }
 
-const ORTHO: Projection = Projection::Orthographic { height: 1.2 };
-const PINHOLE: Projection = Projection::Perspective { fov_y: 0.8 };
+pub const ORTHO: Projection = Projection::Orthographic { height: 1.2 };
+pub const PINHOLE: Projection = Projection::Perspective { fov_y: 0.8 };
 
 // The picture is 240 pixels high and shows about one unit: pixels are 1/200 to 1/240.
 #[test]

@@ -2,6 +2,7 @@
 
 use crate::support::{Built, Random, built, demo, draw_nodes, view_from};
 use deepfield::codec::VqBits;
+use deepfield::codec::clusters::NO_CLASS;
 use deepfield::color::Colors;
 use deepfield::color::transfer::{Scale, TransferFunction};
 use deepfield::cpu::layered::{self, Assignment};
@@ -82,6 +83,7 @@ impl Cloud {
             weight_scale: 1.0,
             offset: DVec3::ZERO,
             sample: Sample::ALL,
+            limit: NO_CLASS,
             reach: extents::of(&[self.batch()])[0],
         };
         HeadlessRequest {

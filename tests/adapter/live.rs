@@ -1,6 +1,7 @@
 //! Particles that change from frame to frame: written anew, or lying in a buffer of somebody else's on the adapter.
 
 use crate::support::{sum_nodes, view_from};
+use deepfield::codec::clusters::NO_CLASS;
 use deepfield::color::Accumulation;
 use deepfield::color::accumulation::relative_error;
 use deepfield::gpu::depiction::world_payloads;
@@ -27,6 +28,7 @@ fn request(view: &View, payloads: Vec<(Payload, DVec3, Extent)>) -> HeadlessRequ
         weight_scale: 1.0,
         offset: DVec3::ZERO,
         sample: Sample::ALL,
+        limit: NO_CLASS,
         reach,
     };
     HeadlessRequest {

@@ -7,6 +7,7 @@ mod support;
 
 mod cartesian;
 mod compare;
+mod ellipsoids;
 mod flight;
 mod integrals;
 mod light;

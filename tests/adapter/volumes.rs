@@ -2,6 +2,7 @@
 
 use crate::support::{built, demo, view_from};
 use deepfield::codec::VqBits;
+use deepfield::codec::clusters::NO_CLASS;
 use deepfield::color::Colors;
 use deepfield::color::transfer::TransferFunction;
 use deepfield::cpu::volume::extents::{self, planes_and_widest};
@@ -205,6 +206,7 @@ impl Renderer {
             weight_scale: 1.0,
             offset: DVec3::ZERO,
             sample: Sample::ALL,
+            limit: NO_CLASS,
             reach: extent,
         };
         let nodes: Vec<HeadlessNode> = all.chunks(6_000).enumerate().map(node).collect();

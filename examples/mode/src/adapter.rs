@@ -174,7 +174,7 @@ fn find_brightest(
     if buffers.accumulated.load(Ordering::Relaxed) && !buffers.always {
         return;
     }
-    let ids = pipelines.as_ref().and_then(|pipelines| pipelines.of_kernel.get(&buffers.grids.kernel));
+    let ids = pipelines.as_ref().and_then(|pipelines| pipelines.of_kernel.get(&buffers.grids.shape.kernel));
     let Some([Some(find), Some(color)]) = ids.map(|ids| ids.map(|id| cache.get_compute_pipeline(id))) else { return };
     let encoder = context.command_encoder();
     let span = timer.begin("brightest", encoder);

@@ -20,11 +20,6 @@ pub trait Canvas {
     /// How the streamer keeps copies for it; `None`: it draws from main memory.
     fn copies(&self) -> Option<CopyOptions>;
 
-    /// Whether it draws clusters with their shapes.
-    fn draws_clusters(&self) -> bool {
-        false
-    }
-
     /// Takes in copies that have been made, before a frame's selection.
     fn receive(&mut self, _streamer: &mut Streamer) {}
 
@@ -67,10 +62,6 @@ impl Canvas for CpuCanvas {
         None
     }
 
-    fn draws_clusters(&self) -> bool {
-        true
-    }
-
     fn draw(&mut self, view: &View, nodes: &[SceneNode], plan: &Plan) -> Result<(), Failure> {
         // Sums have no use for colours and diameters.
         let transfer = TransferFunction::default();
@@ -90,8 +81,8 @@ pub use gpu::GpuCanvas;
 #[cfg(feature = "viewer")]
 mod gpu {
     use super::*;
+    use crate::gpu::content_look::ContentLook;
     use crate::gpu::depiction::{entries, footprint, request_nodes};
-    use crate::gpu::moving::MovingLook;
     use crate::gpu::page_copies::{self, CopyState};
     use crate::gpu::{Backend, DrawItem, Footprint, HeadlessRenderer, ParticleScene, SplatView, TableId};
 
@@ -99,7 +90,7 @@ mod gpu {
     pub struct GpuCanvas {
         tree: Arc<dyn Tree>,
         depiction: Depiction,
-        look: Arc<MovingLook>,
+        look: Arc<ContentLook>,
         backend: Backend,
         footprint: Footprint,
         renderer: HeadlessRenderer,
@@ -143,7 +134,7 @@ mod gpu {
             let footprint = footprint(&depiction, metadata.kernel);
             // Shaders are compiled before the flight begins.
             renderer.complete()?;
-            let look = Arc::new(MovingLook::new(depiction.clone(), metadata));
+            let look = Arc::new(ContentLook::new(depiction.clone(), metadata));
             Ok(GpuCanvas { tree, depiction, look, backend, footprint, renderer, scene, tables, options })
         }
     }

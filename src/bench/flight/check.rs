@@ -66,7 +66,7 @@ pub fn check(
     engine.fly(&mut streamer, flight, (seconds - RUN_UP).max(0.0), seconds)?;
     let view = flight.view(seconds, engine.size.0, engine.size.1)?;
     let streamed = engine.converge(&mut streamer, &view)?;
-    let (in_motion, stands_in) = engine.in_motion(&mut streamer, &view);
+    let (in_motion, stands_in) = engine.in_motion(&mut streamer, &view)?;
     drop(streamer);
     let waited = engine.waited(&view)?;
     let brightest = values(&waited).iter().copied().fold(0.0_f32, f32::max);

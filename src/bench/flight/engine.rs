@@ -149,8 +149,7 @@ impl Engine<'_> {
     /// What a frame draws, and whether that is clusters in place of what there is no time for.
     pub fn select(&mut self, streamer: &mut Streamer, view: &View, haste: Haste) -> (SceneSelection, bool) {
         let families: Vec<u32> = (0..self.tree.metadata().families.len() as u32).collect();
-        let frame_ms = haste.frame_ms().filter(|_| self.canvas.draws_clusters());
-        let limit = frame_ms.map(|frame_ms| Limit {
+        let limit = haste.frame_ms().map(|frame_ms| Limit {
             splats: self.splat_budget.limit((frame_ms - self.selecting_ms).max(0.1 * frame_ms)),
             moves: matches!(haste, Haste::Moves(_)),
         });
@@ -160,14 +159,23 @@ impl Engine<'_> {
     }
 
     /// What a frame of a view that moves draws once all of it is there, and whether that is clusters.
-    pub fn in_motion(&mut self, streamer: &mut Streamer, view: &View) -> (SceneSelection, bool) {
+    ///
+    /// # Errors
+    /// What the backend reports.
+    pub fn in_motion(&mut self, streamer: &mut Streamer, view: &View) -> Result<(SceneSelection, bool), Failure> {
         let start = Instant::now();
         loop {
+            self.canvas.receive(streamer);
             let (selection, stands_in) = self.select(streamer, view, Haste::Moves(self.frame_ms));
             streamer.serve();
             streamer.take_evicted();
+            self.canvas.copy(streamer);
             if selection.converged || !streamer.is_busy() || start.elapsed() > PATIENCE {
-                return (selection, stands_in);
+                return Ok((selection, stands_in));
+            }
+            if streamer.copies.is_some() {
+                // Copies are made while pictures are drawn.
+                self.canvas.draw(view, &selection.nodes, &self.everything())?;
             }
             streamer.wait(Duration::from_millis(5));
             self.messages.extend(streamer.arrive().messages);

@@ -14,7 +14,7 @@ pub use sums::{LayerGroup, LayerSums};
 use super::capabilities::Capabilities;
 use super::matter::{LookupUniform, table};
 use super::splat::compute::sums::SumPipelines;
-use super::splat::layout::{Grids, SplatUniform};
+use super::splat::layout::{Grids, Shape, SplatUniform};
 use super::splat::resources::whole;
 use super::tiles::pipelines::{layout, queue, read, tile_view, uniform, write};
 use super::tiles::{Binding, Canvas, Layering, TileMode, TileRequest};
@@ -149,7 +149,7 @@ impl TileMode for Layered {
         let blend_layouts = vec![canvas.clone(), matter.clone()];
         let mut sums = SumPipelines::new(server, cache, on.vector_subgroups, Some(layers.clone()));
         for (kernel, oblique) in Kernel::ALL.into_iter().flat_map(|kernel| [(kernel, false), (kernel, true)]) {
-            sums.ask_for(kernel, oblique, cache);
+            sums.ask_for(Shape { kernel, oblique, ellipsoids: false }, cache);
         }
         LayeredPipelines {
             plan: queue(cache, server, ("layered/plan.wgsl", "plan"), plan_layouts, vec![]),
@@ -188,7 +188,7 @@ impl TileMode for Layered {
         let lookup = to.buffer(bytemuck::bytes_of(&LookupUniform::new(&self.classifier)), BufferUsages::UNIFORM);
         let uniform = LayerUniform { termination: self.termination, least: self.classifier.least(), unused: [0.0; 2] };
         let uniform = to.buffer(bytemuck::bytes_of(&uniform), BufferUsages::UNIFORM);
-        let caps: Vec<[f32; 4]> = Caps::of(to.particles.grids.kernel)
+        let caps: Vec<[f32; 4]> = Caps::of(to.particles.grids.shape.kernel)
             .values()
             .iter()
             .map(|&[mass, second, depth]| [mass as f32, second as f32, depth as f32, 0.0])

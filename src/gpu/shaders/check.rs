@@ -3,7 +3,9 @@
 
 use super::{ShaderFile, sources};
 use crate::gpu::sorted_splats;
+use crate::gpu::splat::compute::pipeline::project_defs;
 use crate::gpu::splat::compute::sums::{accumulate_defs, slices_defs};
+use crate::gpu::splat::layout::Shape;
 use crate::gpu::splat::raster::pipeline::blend_defs;
 use crate::gpu::target::target_defs;
 use crate::gpu::tiles::constants::walk_defs;
@@ -37,7 +39,8 @@ fn entries_of(kind: Kind) -> Vec<&'static str> {
 pub fn variants() -> Vec<Variant> {
     let plain = |path, defs, entries: Vec<&'static str>| Variant { path, defs, subgroup: false, entries };
     let mut all = vec![
-        plain("splat/project.wgsl", vec![], vec!["count", "place"]),
+        plain("splat/project.wgsl", project_defs(false), vec!["count", "place"]),
+        plain("splat/project.wgsl", project_defs(true), vec!["count", "place"]),
         plain("splat/overdraw.wgsl", vec![], vec!["count"]),
         plain("splat/scan.wgsl", vec![], vec!["main"]),
         plain("layered/project.wgsl", vec![], vec!["count", "place"]),
@@ -88,10 +91,17 @@ pub fn variants() -> Vec<Variant> {
             }
         }
     }
-    for (kernel, perspective) in Kernel::ALL.into_iter().flat_map(|kernel| [(kernel, false), (kernel, true)]) {
-        all.push(plain("splat/blend.wgsl", blend_defs(kernel, perspective), vec!["vertex", "fragment"]));
+    let shapes = Kernel::ALL.into_iter().flat_map(|kernel| {
+        [(false, false), (false, true), (true, false), (true, true)].map(|(oblique, ellipsoids)| Shape {
+            kernel,
+            oblique,
+            ellipsoids,
+        })
+    });
+    for shape in shapes {
+        all.push(plain("splat/blend.wgsl", blend_defs(shape), vec!["vertex", "fragment"]));
         for (subgroup, layers) in [(false, false), (false, true), (true, false), (true, true)] {
-            let defs = accumulate_defs(kernel, perspective, subgroup, layers);
+            let defs = accumulate_defs(shape, subgroup, layers);
             all.push(Variant { path: "splat/accumulate.wgsl", defs, subgroup, entries: vec!["main"] });
         }
     }

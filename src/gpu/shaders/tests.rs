@@ -422,6 +422,8 @@ fn buffers_are_laid_out_as_the_program_writes_them() {
                     margin,
                     scale,
                     atlas_row,
+                    ellipse_bins,
+                    unused,
                 });
                 assert_eq!(shader_layout(&module, base), expected, "{place}: levels");
                 assert_eq!(stride as usize, expected.0, "{place}: levels");
@@ -487,6 +489,7 @@ fn encodings_have_the_same_numbers() {
     assert_eq!(constant("ENCODING_LEAF"), Encoding::Leaf as u32);
     assert_eq!(constant("ENCODING_WORLD"), Encoding::World as u32);
     assert_eq!(constant("ENCODING_MOVING"), Encoding::Moving as u32);
+    assert_eq!(constant("ENCODING_CLUSTERS"), Encoding::Clusters as u32);
     // Packed encodings come first.
     assert!((Encoding::Camera as u32) > (Encoding::World as u32) && (Encoding::World as u32) > (Encoding::Leaf as u32));
     assert_eq!(RAW_WORDS, 8, "`load_raw` reads two vectors a particle");

@@ -46,13 +46,16 @@ fn line(text: &mut String, name: &str, values: &[f32]) {
 
 /// A kernel's coefficients.
 fn profile(text: &mut String, profile: &Profile) {
-    for (name, rows) in [("PROFILE", &profile.profile), ("LAPLACIAN", &profile.laplacian)] {
+    let curvature = profile.curvature();
+    for (name, rows) in [("PROFILE", &profile.profile), ("LAPLACIAN", &profile.laplacian), ("CURVATURE", &curvature)] {
         line(text, &format!("{name}_A"), &rows[0]);
         line(text, &format!("{name}_B"), &rows[1]);
         line(text, &format!("{name}_C"), &rows[2][..2]);
     }
     let small = [&profile.first, &profile.second, &profile.shear, &profile.bend];
-    for (name, rows) in ["FIRST", "SECOND", "SHEAR", "BEND"].into_iter().zip(small) {
+    let moments = profile.moments();
+    let named = ["FIRST", "SECOND", "SHEAR", "BEND", "MASS", "MEAN", "SQUARE"];
+    for (name, rows) in named.into_iter().zip(small.into_iter().chain(&moments)) {
         line(text, &format!("{name}_A"), &rows[0]);
         line(text, &format!("{name}_B"), &rows[1]);
     }

@@ -3,7 +3,7 @@
 //! The CPU's work grows with the nodes in the picture, and one block of 16 bytes for each [`BLOCK`] particles that are drawn
 //! of them: a hundred million particles cost about a millisecond (`blocks_are_cheap` prints it).
 
-use super::layout::{BLOCK, Block, Node};
+use super::layout::{BLOCK, Block, Encoding, Node};
 use super::resources::ALIGNMENT;
 use crate::gpu::arena::Arena;
 use crate::gpu::view::DrawItem;
@@ -49,6 +49,8 @@ pub struct DrawList {
     pub blocks: Vec<Block>,
     /// The batches, in order; one at least.
     pub batches: Vec<DrawBatch>,
+    /// Whether some are clusters.
+    pub ellipsoids: bool,
 }
 
 impl DrawList {
@@ -83,7 +85,12 @@ impl DrawList {
             for part in &node.parts {
                 let sample = if sampled { item.sample.from(first) } else { Sample::ALL };
                 first += part.count;
-                let candidates = sample.candidates(part.count).div_ceil(stride);
+                let candidates = match &node.candidates {
+                    Some(of_limits) => of_limits.within(item.limit).min(part.count),
+                    None => sample.candidates(part.count),
+                };
+                let candidates = candidates.div_ceil(stride);
+                list.ellipsoids |= node.encoding == Encoding::Clusters;
                 parts.push(PartToDraw { chunk: part.chunk, node: list.nodes.len() as u32, item: index, candidates });
                 let (eye_steps, eye_rest) =
                     Node::eye(eye - item.offset, node.min, if packed { node.step } else { 0.0 });
@@ -98,7 +105,7 @@ impl DrawList {
                     encoding: node.encoding as u32,
                     weight_scale: item.weight_scale,
                     count: part.count,
-                    seed: sample.seed,
+                    seed: if node.encoding == Encoding::Clusters { item.limit.into() } else { sample.seed },
                     scale: if sample.is_all() { 0.0 } else { sample.scale },
                     ranks: if sample.is_all() { 0 } else { sample.ranks },
                     even: sample.even.into(),

@@ -2,10 +2,12 @@
 //!
 //! `gpu::shaders`' tests compose the shaders and compare every structure here with the one there.
 
+use super::constants::kernel_defs;
 use super::profile::Profile;
 use crate::gpu::view::Footprint;
 use crate::model::Kernel;
 use crate::view::{Projection, View};
+use bevy::shader::ShaderDefVal;
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 
@@ -55,6 +57,11 @@ pub struct Level {
     pub scale: f32,
     /// First row of the level in the atlas of the blended technique.
     pub atlas_row: u32,
+    /// First bin of the ellipses that are sampled in the level, and of those that are integrated over pixels. Their grids are ever coarser
+    /// (see [`stretched_bins`]); 0 where there are no ellipses.
+    pub ellipse_bins: [u32; 2],
+    /// Padding.
+    pub unused: [u32; 2],
 }
 
 /// WGSL `SplatView`.
@@ -146,7 +153,7 @@ pub struct Node {
     pub weight_scale: f32,
     /// Number of particles.
     pub count: u32,
-    /// See [`crate::mode::sample::Sample`].
+    /// See [`crate::mode::sample::Sample`]; of clusters the limit by which they are drawn.
     pub seed: u32,
     /// See [`crate::mode::sample::Sample`].
     pub scale: f32,
@@ -194,6 +201,8 @@ pub enum Encoding {
     Camera = 3,
     /// Particles on their way through an interval, in world axes.
     Moving = 4,
+    /// Clusters, in world axes.
+    Clusters = 5,
 }
 
 /// WGSL `Block`: particles of one node that one workgroup projects.
@@ -248,10 +257,48 @@ pub struct Grids {
     pub cells: u32,
     /// Tiles of the whole pyramid.
     pub tiles: u32,
-    /// The kernel that gives splats their shape.
+    /// What shaders are compiled for.
+    pub shape: Shape,
+}
+
+/// What splats look like, for which shaders are compiled.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Shape {
+    /// The kernel.
     pub kernel: Kernel,
     /// Whether splats are spheres seen in perspective, whose pictures are longer than wide off the axis.
     pub oblique: bool,
+    /// Whether some are ellipsoids.
+    pub ellipsoids: bool,
+}
+
+impl Shape {
+    /// The definitions that shaders are compiled with.
+    pub fn defs(self) -> Vec<ShaderDefVal> {
+        let mut defs = kernel_defs(self.kernel);
+        let flags = [(self.oblique, "OBLIQUE"), (self.ellipsoids, "ELLIPSOIDS")];
+        defs.extend(flags.into_iter().filter(|(is_set, _)| *is_set).map(|(_, name)| name.into()));
+        defs
+    }
+}
+
+/// Bins of the ellipses of a level with so many tiles along x and y: those of a grid as fine as the tiles, of one of twice the edge, and so
+/// on to one that has a single bin for all tiles; each has some bins around, and an ellipse is in the finest whose margin it does not reach
+/// beyond. One more is for what reaches further than any. So a tile looks at few bins, however long and thin ellipses are.
+fn stretched_bins([mut x, mut y]: [u32; 2], margin: u32) -> u32 {
+    let mut bins = 1;
+    loop {
+        bins += (x + 2 * margin) * (y + 2 * margin);
+        if x <= 1 && y <= 1 {
+            return bins;
+        }
+        [x, y] = [x.div_ceil(2), y.div_ceil(2)];
+    }
+}
+
+/// How many grids [`stretched_bins`] counts.
+fn stretched_grids([x, y]: [u32; 2]) -> u32 {
+    x.max(y).next_power_of_two().ilog2() + 1
 }
 
 impl SplatUniform {
@@ -278,12 +325,15 @@ impl Grids {
     /// The most tiles that one splat is summed for.
     fn most_tiles(&self) -> u64 {
         let levels = &self.uniform.levels[..self.uniform.level_count as usize];
+        if self.shape.ellipsoids {
+            return self.tiles.into();
+        }
         let around = levels.iter().map(|level| u64::from(2 * level.margin + 1).pow(2)).max().unwrap_or(0);
         around.max(levels.last().map_or(0, |level| u64::from(self.tiles - level.first_tile)))
     }
 
-    /// Lays out the grids of a view.
-    pub fn new(view: &View, footprint: Footprint, culling: bool, faintest: f32) -> Grids {
+    /// Lays out the grids of a view; with `ellipsoids` for such as well.
+    pub fn new(view: &View, footprint: Footprint, culling: bool, faintest: f32, ellipsoids: bool) -> Grids {
         let focal = view.focal_pixels();
         let perspective = matches!(view.projection, Projection::Perspective { .. });
         let longest = f64::from(view.width.max(view.height));
@@ -320,6 +370,7 @@ impl Grids {
                 margin,
                 scale: (1_u32 << l) as f32,
                 atlas_row,
+                ..Level::default()
             };
             atlas_row = if l == 0 { 0 } else { atlas_row + height };
             cells += width * height;
@@ -329,6 +380,22 @@ impl Grids {
                 small_bin = bins;
                 bins += bins_x * bins_y;
             }
+        }
+
+        let everywhere_bin = bins;
+        bins += 1;
+        let ellipsoids = ellipsoids && matches!(footprint, Footprint::Kernel(_));
+        let mut ranges = 2 * (2 * margin + 1) + 1;
+        if ellipsoids {
+            for (l, level) in levels[..level_count].iter_mut().enumerate() {
+                let tiles = [level.width, level.height].map(|size| size.div_ceil(TILE));
+                for first in &mut level.ellipse_bins[..if l == 0 { 2 } else { 1 }] {
+                    *first = bins;
+                    bins += stretched_bins(tiles, margin);
+                }
+            }
+            let finest = [levels[0].width, levels[0].height].map(|size| size.div_ceil(TILE));
+            ranges += 2 * ((2 * margin + 1) * stretched_grids(finest) + 1);
         }
 
         let widest = levels[1..level_count].iter().map(|level| level.width).max().unwrap_or(0);
@@ -353,12 +420,12 @@ impl Grids {
             near: 0.0,
             perspective: u32::from(perspective),
             fixed_radius,
-            slice: slice(margin),
+            slice: slice(ranges),
             level_count: level_count as u32,
             small_bin,
-            everywhere_bin: bins,
+            everywhere_bin,
             // The last one is for what is outside the picture.
-            bin_count: bins + 2,
+            bin_count: bins + 1,
             moment: Profile::of(kernel).moment,
             faintest,
             peak: kernel.projected(0.0) as f32,
@@ -371,7 +438,8 @@ impl Grids {
             fade_along: [0.0, 0.0, 1.0, 0.0],
             levels,
         };
-        Grids { uniform, cells, tiles, kernel, oblique: perspective && fixed_radius == 0.0 }
+        let shape = Shape { kernel, oblique: perspective && fixed_radius == 0.0, ellipsoids };
+        Grids { uniform, cells, tiles, shape }
     }
 }
 
@@ -381,10 +449,10 @@ impl Grids {
 pub const RECONSTRUCTION: [f32; RECONSTRUCTION_TAPS as usize] =
     [-0.005_387_49, 0.028_831_85, -0.091_422_73, 0.291_506_86, 0.875_815_4, -0.128_552_04, 0.035_465_39, -0.006_257_25];
 
-/// Splats of a range of bins that one invocation sums. A tile looks at `2 (2 margin + 1) + 1` ranges, each with a round
+/// Splats of a range of bins that one invocation sums, of so many ranges that a tile looks at, each with a round
 /// of a loop for each splat and one for every eight; a software driver's limit for all loops together is 65535.
-fn slice(margin: u32) -> u32 {
-    (48_000 / (2 * (2 * margin + 1) + 1)).min(4096)
+fn slice(ranges: u32) -> u32 {
+    (48_000 / ranges).clamp(1, 4096)
 }
 
 /// What each cell of a reconstruction window gives to each of four finer cells.

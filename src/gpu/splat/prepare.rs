@@ -166,25 +166,22 @@ fn build(
 ) -> Option<SplatBuffers> {
     let storage = BufferUsages::STORAGE | BufferUsages::COPY_DST;
     let uniforms = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
-    let grids = Grids::new(&view.view, view.footprint, view.culling, view.faintest);
-    let (stride, cells, capacity) = match key.technique {
-        Technique::Compute => {
-            let limit = device.limits().max_storage_buffer_binding_size;
-            let capacity = compute::MAX_BATCH.min(limit / (SPLAT_BYTES + SPLAT_BYTES / 4)).max(1) as u32;
-            (view.view.width, grids.cells, capacity)
-        }
+    let limit = device.limits().max_storage_buffer_binding_size;
+    // Passes of a mode cut the particles as they like.
+    let capacity = match key.technique {
+        Technique::Compute if !key.has_passes => compute::MAX_BATCH.min(limit / (SPLAT_BYTES + SPLAT_BYTES / 4)).max(1),
+        _ => u32::MAX.into(),
+    };
+    let list = DrawList::new((view.view.eye, view.view.time), &view.items, arena, capacity as u32);
+    let ellipsoids = list.ellipsoids && !key.has_passes;
+    let grids = Grids::new(&view.view, view.footprint, view.culling, view.faintest, ellipsoids);
+    let (stride, cells) = match key.technique {
+        Technique::Compute => (view.view.width, grids.cells),
         Technique::Raster => {
             let stride = raster::stride(view.view.width);
-            (stride, stride * view.view.height, u32::MAX)
+            (stride, stride * view.view.height)
         }
     };
-    // Passes of a mode cut the particles as they like.
-    let list = DrawList::new(
-        (view.view.eye, view.view.time),
-        &view.items,
-        arena,
-        if key.has_passes { u32::MAX } else { capacity },
-    );
 
     let kept = |buffer: fn(&Shared) -> &Buffer| before.map(|before| buffer(&before.shared).clone());
     let uniform =
@@ -209,13 +206,13 @@ fn build(
         _ if key.has_passes => None,
         Technique::Compute => {
             let pipelines = pipelines.compute.as_mut()?;
-            pipelines.sums.ask_for(grids.kernel, grids.oblique, cache);
+            pipelines.ask_for(grids.shape, cache);
             let gpu = (device, queue);
             Some(Bindings::Compute(compute::bind(&shared, &grids, &list, scratch, arena, pipelines, cache, gpu)))
         }
         Technique::Raster => {
             let pipelines = pipelines.raster.as_mut()?;
-            pipelines.ask_for(grids.kernel, grids.oblique, cache);
+            pipelines.ask_for(grids.shape, cache);
             let before = before.and_then(|before| before.bindings.as_ref()).and_then(Bindings::raster);
             let gpu = (device, queue);
             Some(Bindings::Raster(raster::bind(&shared, &grids, &list, before, arena, pipelines, cache, gpu)))

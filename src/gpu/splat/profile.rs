@@ -42,6 +42,33 @@ impl Profile {
             Kernel::Poly6 => &POLY6,
         }
     }
+
+    /// Coefficients of `1, u, .. u^9` of `F''(u)`, padded with zeros. The mean over a pixel of an ellipse with the form `q^2 = d^T Q d` has, beside
+    /// half the Laplacian of what is round, `F'' (|Q d|^2 - q^2 trace Q / 2) / 6`.
+    pub fn curvature(&self) -> [[f32; 4]; 3] {
+        let c: Vec<f64> = self.profile.as_flattened().iter().map(|&c| f64::from(c)).collect();
+        let at = |k: usize| c.get(k).copied().unwrap_or(0.0);
+        // (1 - u)^2 sum_k c_k u^k, multiplied out.
+        let whole = |k: usize| {
+            let before = |back: usize| k.checked_sub(back).map_or(0.0, at);
+            at(k) - 2.0 * before(1) + before(2)
+        };
+        let second = |k: usize| ((k + 2) * (k + 1)) as f64 * whole(k + 2);
+        std::array::from_fn(|row| std::array::from_fn(|k| second(4 * row + k) as f32))
+    }
+
+    /// What of the kernel lies below a height, from the middle on: its mass (coefficients of `y, y^3, .. y^15`), its first moment
+    /// (of `y^2, y^4, ..`) and its second (of `y^3, y^5, ..`).
+    pub fn moments(&self) -> [[[f32; 4]; 2]; 3] {
+        let coefficients = |rows: &[[f32; 4]; 2]| rows.as_flattened().iter().map(|&c| f64::from(c)).collect::<Vec<_>>();
+        let (first, second) = (coefficients(&self.first), coefficients(&self.second));
+        let whole = |all: &[f64]| 2.0 * all.iter().sum::<f64>();
+        let mass = |k: usize| whole(&first) * first[k] - whole(&second) * second[k];
+        [1, 2, 3].map(|order| {
+            let of = |k: usize| ((2 * k + 1) as f64 / (2 * k + order) as f64 * mass(k)) as f32;
+            std::array::from_fn(|row| std::array::from_fn(|k| of(4 * row + k)))
+        })
+    }
 }
 
 #[allow(clippy::excessive_precision, reason = "fitted in double precision")]

@@ -421,7 +421,7 @@ impl Particles {
         let own = usize::from(matches!(job.shows, Shows::Ranges));
         let kernel = Footprint::Kernel(job.options.kernel);
         // The camera alone counts, and what it leaves out.
-        let uniform = Grids::new(view, kernel, true, 0.0).uniform;
+        let uniform = Grids::new(view, kernel, true, 0.0, false).uniform;
         let uniform = match job.cartesian() {
             Some(picture) => uniform.fading_for(view, &picture.view),
             None => uniform,

@@ -2,6 +2,7 @@
 //! go when no picture reads them any more, and states that come faster are left out.
 
 use super::{LiveParticles, LiveSource};
+use crate::codec::clusters::NO_CLASS;
 use crate::gpu::depiction::world_payloads;
 use crate::gpu::{DrawItem, NodeId, NodeState, NodeUpload, ParticleScene, Payload};
 use crate::mode::Plan;
@@ -73,7 +74,14 @@ impl LiveCopies {
         let nodes = self.shown.as_ref().map_or(&[][..], |shown| &shown.nodes);
         let image = |offset: DVec3| {
             nodes.iter().map(move |(node, extent)| {
-                let item = DrawItem { node: *node, table: None, weight_scale: 1.0, offset, sample: Sample::ALL };
+                let item = DrawItem {
+                    node: *node,
+                    table: None,
+                    weight_scale: 1.0,
+                    offset,
+                    sample: Sample::ALL,
+                    limit: NO_CLASS,
+                };
                 (item, extent.moved(offset))
             })
         };

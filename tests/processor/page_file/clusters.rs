@@ -2,10 +2,11 @@
 
 use crate::support::Random;
 use deepfield::build::{BuildOptions, Hierarchies, build};
+use deepfield::codec::clusters::cluster_limit;
 use deepfield::hierarchy::pca::SplitRule;
 use deepfield::hierarchy::{ClusterOptions, OctreeOptions};
 use deepfield::model::{Attribute, Dataset, Family, FamilyName, Kernel, Provenance, Unit};
-use deepfield::store::{Encoding, NodeRef, PageFile, PageId, Representative, verify};
+use deepfield::store::{Encoding, NodeRef, PageFile, PageId, Particles, Representative, verify};
 use glam::{DMat3, DVec3};
 use proptest::prelude::*;
 use std::path::{Path, PathBuf};
@@ -216,5 +217,34 @@ fn one_cluster_has_the_axes_of_a_flat_cloud() {
         assert!((values[k].sqrt() / deviation - 1.0).abs() < 0.03, "{values}");
         let degrees = axes.col(k).dot(turn * DMat3::IDENTITY.col(k)).abs().min(1.0).acos().to_degrees();
         assert!(degrees < 1.0, "{degrees}");
+    }
+}
+
+/// What renderers choose from many times holds for every number what is drawn of it, in the same order of splits, and no more than one less
+/// than twice the clusters.
+#[test]
+fn unions_are_what_is_drawn_of_any_number() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = built(folder.path(), particles(9000, 5, true), &options(BOTH, SplitRule::Distortion));
+    let file = PageFile::open(&path).unwrap();
+    let page = file.read_page(file.metadata().families[0].clusters.as_ref().unwrap().root_page).unwrap();
+    let content = page.content(0).unwrap();
+    let all = page.nodes[0].particles;
+    for representative in [Representative::Ellipsoid, Representative::Round, Representative::Published] {
+        let unions = content.cluster_unions(representative).unwrap();
+        assert!(unions.from.is_sorted() && unions.clusters.len() < 2 * all as usize);
+        for count in (1..all).step_by(37).map(Some).chain([Some(all), None]) {
+            let limit = cluster_limit(count, all);
+            let is_drawn = |i: &u32| (unions.from[*i as usize]..=unions.to[*i as usize]).contains(&limit);
+            let which: Vec<u32> = (0..unions.clusters.len() as u32).filter(is_drawn).collect();
+            let (found, expected) = (unions.clusters.some(&which), content.clusters(count, representative).unwrap());
+            let sorted = |of: &Particles| {
+                let entry = |i: usize| (of.positions[i], of.values.mass[i], of.values.smoothing_length[i]);
+                let mut entries: Vec<_> = (0..of.len()).map(entry).collect();
+                entries.sort_by(|a, b| a.partial_cmp(b).unwrap());
+                entries
+            };
+            assert_eq!(sorted(&found), sorted(&expected), "{count:?}");
+        }
     }
 }

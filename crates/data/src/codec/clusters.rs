@@ -36,6 +36,14 @@ pub fn whole_classes(count: u32) -> u32 {
     first_of(u32::from(class_of(count)))
 }
 
+/// Above the class of any split.
+pub const NO_CLASS: u16 = u8::MAX as u16 + 1;
+
+/// The class from which on splits are undone, for so many of a node's clusters to be drawn, or all.
+pub fn cluster_limit(count: Option<u32>, clusters: u32) -> u16 {
+    count.filter(|count| *count < clusters).map_or(NO_CLASS, |count| class_of(whole_classes(count)).into())
+}
+
 /// Numbers by their logarithm, in 256 steps.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Ladder {

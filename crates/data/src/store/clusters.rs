@@ -1,9 +1,9 @@
 //! The clusters of a node of a page file (HE03): all of them, or what is left of them where the later splits are undone.
 
-use super::content::{Content, Particles, Representative};
+use super::content::{ClusterUnions, Content, Particles, Representative};
 use super::metadata::{AttributeMerge, ClusterBook};
 use super::page::Frame;
-use crate::codec::clusters::{PackedClusters, class_of, step_clusters, whole_classes};
+use crate::codec::clusters::{NO_CLASS, PackedClusters, cluster_limit, step_clusters};
 use crate::codec::{Codebook, CodebookScope, QuantityError};
 use crate::hierarchy::pca::members::{merged_attribute, published_diameter};
 use crate::hierarchy::pca::{Step, bright, steps::runs};
@@ -91,12 +91,8 @@ impl NodeClusters {
         }
     }
 
-    /// What is drawn for `count` clusters, or a few less where several splits cannot be told apart.
-    fn drawn(&self, count: Option<u32>, representative: Representative) -> Particles {
-        let all = self.packed.len();
-        let count = count.filter(|count| (*count as usize) < all).map_or(u32::MAX, whole_classes);
-        let limit = if count == u32::MAX { u32::from(u8::MAX) + 1 } else { u32::from(class_of(count)) };
-        let groups = runs(&self.packed.ranks, move |class| u32::from(*class) < limit);
+    /// What stands for groups of clusters, one after the other.
+    fn represented(&self, groups: impl Iterator<Item = Range<usize>>, representative: Representative) -> Particles {
         let values = &self.book.values;
         let mut out = Codebook {
             scope: CodebookScope::Clusters,
@@ -157,13 +153,57 @@ impl NodeClusters {
     }
 }
 
+/// The groups of clusters that some number of splits leaves together, by the classes of the splits.
+#[derive(Debug, Default, PartialEq)]
+struct Unions {
+    groups: Vec<Range<usize>>,
+    from: Vec<u16>,
+    to: Vec<u16>,
+}
+
+impl Unions {
+    /// All there are, in the order in which they come to be.
+    fn of(classes: &[u8]) -> Unions {
+        let mut found = Vec::new();
+        let mut open = vec![(0..classes.len() + 1, 0_u16)];
+        while let Some((group, from)) = open.pop() {
+            let inner = &classes[group.start..group.end - 1];
+            let next = inner.iter().min();
+            if let Some(next) = next {
+                // What comes next parts them wherever it stands.
+                let parts = runs(inner, |class| class == next);
+                let start = group.start;
+                open.extend(parts.map(|part| (start + part.start..start + part.end, u16::from(*next) + 1)));
+            }
+            found.push((from, next.map_or(NO_CLASS, |class| u16::from(*class)), group));
+        }
+        found.sort_by_key(|(from, ..)| *from);
+        let mut unions = Unions::default();
+        for (from, to, group) in found {
+            unions.groups.push(group);
+            unions.from.push(from);
+            unions.to.push(to);
+        }
+        unions
+    }
+}
+
 impl Content for NodeClusters {
     fn particles(&self, _time: f64) -> Cow<'_, Particles> {
-        Cow::Owned(self.drawn(None, Representative::default()))
+        let each = (0..self.packed.len()).map(|i| i..i + 1);
+        Cow::Owned(self.represented(each, Representative::default()))
     }
 
     fn clusters(&self, count: Option<u32>, representative: Representative) -> Option<Particles> {
-        Some(self.drawn(count, representative))
+        let limit = cluster_limit(count, self.packed.len() as u32);
+        let groups = runs(&self.packed.ranks, |class| u16::from(*class) < limit);
+        Some(self.represented(groups, representative))
+    }
+
+    fn cluster_unions(&self, representative: Representative) -> Option<ClusterUnions> {
+        let unions = Unions::of(&self.packed.ranks);
+        let groups = unions.groups.iter().cloned();
+        Some(ClusterUnions { clusters: self.represented(groups, representative), from: unions.from, to: unions.to })
     }
 
     fn steps(&self) -> &[Step] {

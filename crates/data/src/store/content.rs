@@ -30,6 +30,18 @@ pub enum Representative {
     Published,
 }
 
+/// A node's clusters, and what these become where splits are undone, in the order in which splits make them: drawn are those for which
+/// `from <= limit <= to`, with the limit that [`crate::codec::clusters::cluster_limit`] has for their number.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ClusterUnions {
+    /// Every one that there is for some number.
+    pub clusters: Particles,
+    /// The first limit with which each is drawn.
+    pub from: Vec<u16>,
+    /// The last one.
+    pub to: Vec<u16>,
+}
+
 /// How a node holds what it draws, dispatched once a node: trees that are no page files bring their own.
 pub trait Content: Debug + Send + Sync {
     /// What is drawn at a time, in the data's unit: always the same number of particles. What does not change is borrowed.
@@ -53,6 +65,11 @@ pub trait Content: Debug + Send + Sync {
 
     /// Where it holds clusters about so many of the first, or all, represented in this way: their sums and means are those of all.
     fn clusters(&self, _count: Option<u32>, _representative: Representative) -> Option<Particles> {
+        None
+    }
+
+    /// Where it holds clusters all that can be drawn of them, for those who choose from it many times.
+    fn cluster_unions(&self, _representative: Representative) -> Option<ClusterUnions> {
         None
     }
 

@@ -30,7 +30,7 @@ mod tree;
 mod wire;
 
 pub use block::Block;
-pub use content::{Content, Particles, Representative};
+pub use content::{ClusterUnions, Content, Particles, Representative};
 pub use disk::{Change, Disk, LocalFile};
 pub use error::StoreError;
 pub use in_memory::InMemory;

@@ -1,9 +1,10 @@
 //! Nodes of a tree, decoded: what of their particles a picture draws, as batches for the CPU renderer.
 
 use crate::cpu::{Extent, Positions, SplatError, Splats};
+use crate::hierarchy::pca::Step;
 use crate::mode::sample::Sample;
 use crate::mode::{CodeTable, Depiction, Footprint, Plan, SourceColumns};
-use crate::model::Covariance;
+use crate::model::{Covariance, Kernel};
 use crate::store::{Metadata, Node, Page, Particles};
 use crate::stream::SceneNode;
 use crate::view::{self, View};
@@ -224,6 +225,15 @@ pub fn reach_now(drawn: &SceneNode, held: &Particles, growth: f32) -> view::Exte
     let stretch = if held.covariances.is_empty() { 1.0 } else { 3.0_f32.sqrt() };
     let largest = stretch * held.values.smoothing_length.iter().copied().fold(0.0, f32::max);
     view::Extent { bounds: held.bounds().moved(drawn.offset), margin: f64::from(growth * largest) }
+}
+
+/// The same of clusters, as many as are drawn of a node with these steps.
+pub fn reach_of_clusters(drawn: &SceneNode, steps: &[Step], kernel: Kernel) -> view::Extent {
+    let node = &drawn.page.nodes[drawn.node.node as usize];
+    let clusters = drawn.part.unwrap_or(node.particles);
+    let largest = steps.iter().rfind(|step| step.clusters <= clusters).map_or(0.0, |step| step.largest);
+    // No semi-axis is longer than that of a rod with the same trace.
+    view::Extent { bounds: node.bounds.moved(drawn.offset), margin: (largest / kernel.variance()).sqrt() }
 }
 
 /// Decodes all particles of the selected nodes, in parallel; [`cut`] leaves out what a view does.

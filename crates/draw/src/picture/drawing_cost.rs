@@ -74,6 +74,11 @@ pub fn within(
         let family = drawn.page.family as usize;
         let node = drawn.page.nodes.get(drawn.node.node as usize)?;
         let most_important = match drawn.page.content(drawn.node.node as usize) {
+            // All clusters that were chosen are drawn.
+            Some(content) if !content.steps().is_empty() => {
+                let clusters = u64::from(drawn.part.unwrap_or(node.particles));
+                return Some((clusters, clusters));
+            }
             // Not known without a look at its particles.
             Some(_) => f32::INFINITY,
             None => *most_important.get(family)?.get(usize::from(node.codebook))?,

@@ -30,11 +30,22 @@ const REJECTED_FRAMES: u64 = 60;
 /// Bytes that a particle takes in a copy which has it on its way through an interval.
 pub const MOVING_BYTES: u64 = 96;
 
+/// Bytes that a cluster takes in a copy.
+pub const CLUSTER_BYTES: u64 = 64;
+
+/// Bytes that a copy of a node of so many clusters takes at most: with what these become where splits are undone.
+pub fn cluster_bytes(clusters: u32) -> u64 {
+    2 * u64::from(clusters) * CLUSTER_BYTES
+}
+
 /// Bytes that a copy of a page takes.
 pub fn copy_bytes(page: &Page) -> u64 {
     let node = |index: usize| {
-        if page.content(index).is_some_and(|content| content.moves()) {
-            return u64::from(page.nodes[index].particles) * MOVING_BYTES;
+        let particles = page.nodes[index].particles;
+        match page.content(index) {
+            Some(content) if content.moves() => return u64::from(particles) * MOVING_BYTES,
+            Some(content) if !content.steps().is_empty() => return cluster_bytes(particles),
+            _ => {}
         }
         let particles = page.particles(index);
         (size_of_val(particles.words()) + size_of_val(particles.codes).next_multiple_of(4)) as u64
@@ -97,6 +108,11 @@ impl Copies {
     /// Whether the present frame misses a page for which there is no room.
     pub fn is_full(&self) -> bool {
         self.is_full
+    }
+
+    /// Whether a page has no copy, and there may be room for one.
+    pub(super) fn can_take(&self, page: PageId) -> bool {
+        !self.is_full && !self.copies.contains_key(&page) && !self.rejected.contains_key(&page)
     }
 
     /// The pages whose copies are on their way.

@@ -277,9 +277,17 @@ impl Streamer {
         (loads * turns * self.pace.load_secs(tree.largest_page_bytes())).min(most_secs).max(least_secs)
     }
 
-    /// Whether anything may still come for the last selection: pages are being read, or will be tried again soon.
+    /// Whether anything may still come for the last selection: pages are being read or copied, or will be tried again soon.
     pub fn is_busy(&self) -> bool {
-        self.residency.statistics().loading > 0 || self.next_retry().is_some()
+        self.residency.statistics().loading > 0 || self.next_retry().is_some() || self.is_copying()
+    }
+
+    /// Whether a copy of something that the last selection lacked is on its way or about to be.
+    fn is_copying(&self) -> bool {
+        let Some(copies) = &self.copies else { return false };
+        let mut lacked = self.missing.iter().chain(&self.uncopied);
+        copies.on_their_way().next().is_some()
+            || lacked.any(|page| self.residency.page(*page).is_some() && copies.can_take(*page))
     }
 
     /// Whether a page that the last selection lacks may be tried again now.

@@ -27,8 +27,9 @@ pub fn encode(
     context: &mut RenderContext,
 ) -> bool {
     let get = |id| cache.get_compute_pipeline(id);
-    let (Some(count), Some(scan), Some(place), Some(sums)) =
-        (get(pipelines.count), get(pipelines.scan), get(pipelines.place), pipelines.sums.ready(&buffers.grids, cache))
+    let project = pipelines.project(buffers.grids.shape).map(|ids| ids.map(get));
+    let (Some([Some(count), Some(place)]), Some(scan), Some(sums)) =
+        (project, get(pipelines.scan), pipelines.sums.ready(&buffers.grids, cache))
     else {
         return false;
     };

@@ -2,11 +2,11 @@
 //! brought to finer ones. Of several layers of depth each has a picture of its own ([`crate::gpu::layered`]).
 
 use crate::gpu::shaders;
-use crate::gpu::splat::constants::kernel_defs;
-use crate::gpu::splat::layout::{Grids, MAX_LEVELS, PATCH_BYTES, Pass, RECONSTRUCTED, SLICE_BYTES, SplatUniform};
+use crate::gpu::splat::layout::{
+    Grids, MAX_LEVELS, PATCH_BYTES, Pass, RECONSTRUCTED, SLICE_BYTES, Shape, SplatUniform,
+};
 use crate::gpu::splat::resources::{ALIGNMENT, at_least, size_of_all, slice};
 use crate::gpu::splat::workgroups;
-use crate::model::Kernel;
 use bevy::asset::AssetServer;
 use bevy::platform::collections::HashMap;
 use bevy::prelude::*;
@@ -36,7 +36,7 @@ pub struct SumPipelines {
     reconstruct_layout: BindGroupLayoutDescriptor,
     /// What says which layers are summed, where there are several.
     layers_layout: Option<BindGroupLayoutDescriptor>,
-    accumulate: HashMap<(Kernel, bool), CachedComputePipelineId>,
+    accumulate: HashMap<Shape, CachedComputePipelineId>,
     accumulate_shader: Handle<Shader>,
     vector_subgroups: bool,
     finish: CachedComputePipelineId,
@@ -44,7 +44,7 @@ pub struct SumPipelines {
     reconstruct: CachedComputePipelineId,
 }
 
-/// Compiled pipelines, for one kernel and projection.
+/// Compiled pipelines, for what splats of a picture look like.
 #[derive(Clone, Copy)]
 pub struct SumSteps<'a> {
     /// One workgroup for `tiles_per_group` tiles.
@@ -59,14 +59,11 @@ pub struct SumSteps<'a> {
 }
 
 /// Shader definitions of the accumulate pass, of one picture or of several layers.
-pub fn accumulate_defs(kernel: Kernel, oblique: bool, subgroup: bool, layers: bool) -> Vec<ShaderDefVal> {
-    let mut defs = kernel_defs(kernel);
+pub fn accumulate_defs(shape: Shape, subgroup: bool, layers: bool) -> Vec<ShaderDefVal> {
+    let mut defs = shape.defs();
     defs.extend(slices_defs(subgroup));
     if layers {
         defs.push("LAYERS".into());
-    }
-    if oblique {
-        defs.push("OBLIQUE".into());
     }
     if subgroup {
         defs.push("SUBGROUP".into());
@@ -134,11 +131,11 @@ impl SumPipelines {
         }
     }
 
-    /// Has the pipeline of `accumulate` compiled for a kernel and a projection.
-    pub fn ask_for(&mut self, kernel: Kernel, oblique: bool, cache: &PipelineCache) {
+    /// Has the pipeline of `accumulate` compiled for what splats look like.
+    pub fn ask_for(&mut self, shape: Shape, cache: &PipelineCache) {
         let layouts = || [self.accumulate_layout.clone()].into_iter().chain(self.layers_layout.clone()).collect();
-        self.accumulate.entry((kernel, oblique)).or_insert_with(|| {
-            let defs = accumulate_defs(kernel, oblique, self.vector_subgroups, self.layers_layout.is_some());
+        self.accumulate.entry(shape).or_insert_with(|| {
+            let defs = accumulate_defs(shape, self.vector_subgroups, self.layers_layout.is_some());
             queue(cache, layouts(), &self.accumulate_shader, "main", defs)
         });
     }
@@ -147,7 +144,7 @@ impl SumPipelines {
     pub fn ready<'a>(&self, grids: &Grids, cache: &'a PipelineCache) -> Option<SumSteps<'a>> {
         let get = |id| cache.get_compute_pipeline(id);
         Some(SumSteps {
-            accumulate: get(*self.accumulate.get(&(grids.kernel, grids.oblique))?)?,
+            accumulate: get(*self.accumulate.get(&grids.shape)?)?,
             tiles_per_group: tiles_per_group(self.vector_subgroups),
             finish: get(self.finish)?,
             merge: get(self.merge)?,

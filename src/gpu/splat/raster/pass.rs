@@ -23,7 +23,7 @@ pub fn encode(
 ) -> bool {
     let uniform = &buffers.grids.uniform;
     let get = |id| cache.get_render_pipeline(id);
-    let blend = pipelines.blend(buffers.grids.kernel, buffers.grids.oblique).and_then(get);
+    let blend = pipelines.blend(buffers.grids.shape).and_then(get);
     let upsample = pipelines.upsample().map(|ids| ids.map(get));
     let (Some(blend), Some([Some(along_x), Some(along_y)])) = (blend, upsample) else { return false };
     let encoder = context.command_encoder();

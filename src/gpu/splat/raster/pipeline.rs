@@ -1,9 +1,7 @@
 //! Layouts and pipelines of the blended quads.
 
 use crate::gpu::shaders;
-use crate::gpu::splat::constants::kernel_defs;
-use crate::gpu::splat::layout::{BLOCK, Pass, SplatUniform};
-use crate::model::Kernel;
+use crate::gpu::splat::layout::{BLOCK, Pass, Shape, SplatUniform};
 use bevy::asset::AssetServer;
 use bevy::mesh::PrimitiveTopology;
 use bevy::platform::collections::HashMap;
@@ -25,7 +23,7 @@ pub struct RasterPipelines {
     pub upsample_layout: BindGroupLayoutDescriptor,
     blend_shader: Handle<Shader>,
     upsample_shader: Handle<Shader>,
-    blend: HashMap<(Kernel, bool), CachedRenderPipelineId>,
+    blend: HashMap<Shape, CachedRenderPipelineId>,
     upsample: Option<[CachedRenderPipelineId; 2]>,
 }
 
@@ -34,10 +32,10 @@ const ADD: BlendComponent =
     BlendComponent { src_factor: BlendFactor::One, dst_factor: BlendFactor::One, operation: BlendOperation::Add };
 
 impl RasterPipelines {
-    /// The pipeline of `blend` for a kernel and a projection, if it has been asked for: a strip of four vertices for
+    /// The pipeline of `blend` for what splats look like, if it has been asked for: a strip of four vertices for
     /// each particle.
-    pub fn blend(&self, kernel: Kernel, oblique: bool) -> Option<CachedRenderPipelineId> {
-        self.blend.get(&(kernel, oblique)).copied()
+    pub fn blend(&self, shape: Shape) -> Option<CachedRenderPipelineId> {
+        self.blend.get(&shape).copied()
     }
 
     /// The pipelines of `upsample`, along x and along y, if they have been asked for: one triangle.
@@ -45,11 +43,11 @@ impl RasterPipelines {
         self.upsample
     }
 
-    /// Has the pipelines for a kernel and a projection compiled.
-    pub fn ask_for(&mut self, kernel: Kernel, oblique: bool, cache: &PipelineCache) {
+    /// Has the pipelines for what splats look like compiled.
+    pub fn ask_for(&mut self, shape: Shape, cache: &PipelineCache) {
         let RasterPipelines { blend_layout, upsample_layout, blend_shader, upsample_shader, blend, upsample } = self;
-        blend.entry((kernel, oblique)).or_insert_with(|| {
-            let defs = blend_defs(kernel, oblique);
+        blend.entry(shape).or_insert_with(|| {
+            let defs = blend_defs(shape);
             let target = Some(BlendState { color: ADD, alpha: ADD });
             queue(cache, "deepfield blend", blend_layout, blend_shader, "fragment", defs, target)
         });
@@ -61,12 +59,9 @@ impl RasterPipelines {
 }
 
 /// Shader definitions of the blend pass.
-pub fn blend_defs(kernel: Kernel, oblique: bool) -> Vec<ShaderDefVal> {
-    let mut defs = kernel_defs(kernel);
+pub fn blend_defs(shape: Shape) -> Vec<ShaderDefVal> {
+    let mut defs = shape.defs();
     defs.push(ShaderDefVal::UInt("BLOCK".into(), BLOCK));
-    if oblique {
-        defs.push("OBLIQUE".into());
-    }
     defs
 }
 

@@ -6,7 +6,7 @@ use crate::cpu::overdraw::Overdraw;
 use crate::cpu::paths::PathFragments;
 use crate::cpu::volume::VolumeError;
 use crate::hierarchy::Purpose;
-use crate::mode::{LodBudget, Output, Plan, Raw};
+use crate::mode::{Adapter, LodBudget, Output, Plan, Raw};
 use crate::picture::adapter::{AdapterJob, Passes, draw_on};
 use crate::picture::hiding::{self, Hiding};
 use crate::picture::left_out::LeftOut;
@@ -128,7 +128,8 @@ impl Session {
             repeat,
         });
         if let Some(path) = self.options.overdraw.clone() {
-            let overdraw = self.overdraw(&subject, &view, nodes, &plan, job.as_ref())?;
+            let counts = job.as_ref().filter(|_| self.scene.purpose != Purpose::Clusters);
+            let overdraw = self.overdraw(&subject, &view, nodes, &plan, counts)?;
             output::write_png(&path, &overdraw.image())?;
             left_out.overdraw = Some((overdraw.mean(), overdraw.max()));
         }
@@ -210,7 +211,8 @@ impl Session {
             self.tell_of_paths("volumes with paths are drawn by the processor");
             return Ok(None);
         }
-        if passes.is_some() && self.scene.purpose == Purpose::Clusters {
+        let sums = mode.technique.adapter() == Adapter::Splats;
+        if passes.is_some() && self.scene.purpose == Purpose::Clusters && !sums {
             self.tell_of_paths("clusters are drawn by the processor");
             return Ok(None);
         }
