@@ -213,7 +213,7 @@ impl Session {
         }
         let sums = mode.technique.adapter() == Adapter::Splats;
         if passes.is_some() && self.scene.purpose == Purpose::Clusters && !sums {
-            self.tell_of_paths("clusters are drawn by the processor");
+            self.tell_of_paths("clusters in this mode are drawn by the processor");
             return Ok(None);
         }
         Ok(passes)
