@@ -7,6 +7,7 @@ pub mod flight;
 pub mod frame;
 pub mod hierarchies;
 mod hierarchies_in_memory;
+mod paged;
 pub mod pages;
 pub mod play;
 mod plot;
