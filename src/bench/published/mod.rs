@@ -56,9 +56,6 @@ pub struct Options {
     /// Number of particles of the generated cosmology.
     #[arg(short = 'n', long = "particles", value_name = "N", value_parser = count, default_value = "16800000")]
     pub particles: u64,
-    /// Levels at most, the particles' own among them.
-    #[arg(long, value_name = "N", default_value_t = 6, value_parser = clap::value_parser!(u8).range(1..=24))]
-    pub levels: u8,
     /// Mean projected diameter that particles are given in the picture of 500x500, pixels; 0: as the data has them.
     #[arg(long, value_name = "PIXELS", default_value_t = paper::LEVELS[0].pixels, value_parser = not_negative)]
     pub point_size: f64,
@@ -114,7 +111,7 @@ impl<'a> Bench<'a> {
         resize(&mut dataset, &view, options.point_size);
         let rule = if options.diameters == "printed" { DiameterRule::Printed } else { DiameterRule::Averaged };
         let start = Instant::now();
-        let level_options = LevelOptions { most: options.levels.into(), rule, ..LevelOptions::default() };
+        let level_options = LevelOptions { rule, ..LevelOptions::default() };
         let levels = levels::levels(members(&dataset), &level_options);
         let structures = [1, 2].map(|delta| Relative::new(&levels, delta));
         let build_s = start.elapsed().as_secs_f64();

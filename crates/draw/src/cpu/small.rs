@@ -79,11 +79,23 @@ impl CornerTable {
 
 /// Most pixels that a splat drawn by its corners covers along one axis.
 const ACROSS: usize = 2 * Profiles::SMALLEST as usize + 2;
+/// The same of splats narrower than a pixel, and the radius below which they are, whatever rounding does.
+const ACROSS_TINY: usize = 2;
+const TINY: f32 = 0.499;
 
 /// Adds the integral of a circle over each pixel, from the cumulative integral at the pixels' corners: the shares add up
 /// to 1 whatever the radius. The circle's radius is below [`Profiles::SMALLEST`].
 #[inline(always)]
 pub fn corners(canvas: &mut Canvas<'_>, table: &CornerTable, circle: &Circle) {
+    match circle.radius < TINY {
+        true => corners_within::<ACROSS_TINY>(canvas, table, circle),
+        false => corners_within::<ACROSS>(canvas, table, circle),
+    }
+}
+
+/// The same for a circle that covers `ACROSS` pixels along one axis at most: those beyond it cost as much as others.
+#[inline(always)]
+fn corners_within<const ACROSS: usize>(canvas: &mut Canvas<'_>, table: &CornerTable, circle: &Circle) {
     let bound = |center: f32, count: usize| {
         // Casts saturate: below zero becomes 0.
         let first = (center - circle.radius) as usize;
@@ -125,7 +137,7 @@ pub fn corners(canvas: &mut Canvas<'_>, table: &CornerTable, circle: &Circle) {
 
 /// Adds `amplitude * shares` to a part of a row.
 #[inline(always)]
-fn add(row: &mut [f32], amplitude: f32, shares: &[f32; ACROSS]) {
+fn add(row: &mut [f32], amplitude: f32, shares: &[f32]) {
     for (out, share) in row.iter_mut().zip(shares) {
         *out += amplitude * share;
     }
