@@ -12,6 +12,7 @@ pub mod pages;
 pub mod play;
 mod plot;
 pub mod presence;
+mod processor_time;
 pub mod published;
 pub mod sheet;
 pub mod splat;

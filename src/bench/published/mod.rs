@@ -12,9 +12,10 @@ mod relative;
 mod report;
 mod traversal;
 
+use super::Arguments;
 use super::paged::Paged;
+use super::processor_time::processor_time;
 use super::splat::Failure;
-use super::{Arguments, Times};
 use crate::build::{BuildOptions, Hierarchies, build};
 use crate::color::Accumulation;
 use crate::color::splat_colors::SplatColors;
@@ -36,9 +37,9 @@ use levels::{Level, LevelOptions, members};
 use pictures::{Look, choose};
 use rayon::prelude::*;
 use relative::Relative;
-use report::{Adaptive, Chosen, LevelRow, Ours, Report, Sorted, ViewportRow, Whole};
+use report::{Adaptive, LevelRow, Ours, Report, Sorted, Took, ViewportRow, Whole};
 use std::path::Path;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 use traversal::Depth;
 
 /// Pixels along an edge of the pictures of levels.
@@ -73,7 +74,6 @@ pub struct Options {
 /// When data cannot be read or built, or a file cannot be written.
 pub fn measure(arguments: &Arguments) -> Result<Report, Failure> {
     let report = Bench::new(arguments)?.run()?;
-    report.print();
     if let Some(path) = &arguments.csv {
         report.write_csv(path)?;
     }
@@ -148,20 +148,23 @@ impl<'a> Bench<'a> {
     fn run(mut self) -> Result<Report, Failure> {
         let finest = self.structures[0].finest();
         let view = view(self.bounds, EDGE)?;
+        self.report.print_head();
         // Level 1 is above what a cluster of everything draws with `delta_n` 2.
         for level in (finest.min(2)..=finest).rev() {
             let row = self.level(&view, level)?;
+            row.print();
             self.report.levels.push(row);
         }
         for (number, edge) in VIEWPORTS.into_iter().enumerate() {
             let view = self::view(self.bounds, edge)?;
             let depth = Depth { threshold: self.arguments.published.threshold, level: finest };
             let exact = self.exact[number].clone();
-            let (chosen, sums, by_level) = self.added(0, &view, depth)?;
-            let adaptive = adaptive(chosen, &sums, &exact);
+            let (adaptive, by_level) = self.added(0, &view, depth, &exact)?;
             let ours = self.ours(&view, adaptive.points, &exact)?;
             let paper = paper::VIEWPORTS.into_iter().find(|paper| paper.edge == edge);
-            self.report.viewports.push(ViewportRow { edge, adaptive, by_level, ours, paper });
+            let row = ViewportRow { edge, adaptive, by_level, ours, paper };
+            row.print();
+            self.report.viewports.push(row);
         }
         Ok(self.report)
     }
@@ -175,13 +178,9 @@ impl<'a> Bench<'a> {
         let colors = SplatColors::new(&transfer, transfer.levels(&exact));
         let whole = Depth { threshold: 0.0, level };
         let near = Depth { threshold, level };
-        let (all_by_one, ..) = self.added(0, view, whole)?;
-        let (all, sums, _) = self.added(1, view, whole)?;
-        let (points, error_l2) = (all.points, sums.error_against(&exact).1);
-        let (by_one, sums, _) = self.added(0, view, near)?;
-        let by_one = adaptive(by_one, &sums, &exact);
-        let (by_two, sums, _) = self.added(1, view, near)?;
-        let by_two = adaptive(by_two, &sums, &exact);
+        let (all_by_one, _) = self.added(0, view, whole, &exact)?;
+        let (all, _) = self.added(1, view, whole, &exact)?;
+        let adaptive = [self.added(0, view, near, &exact)?.0, self.added(1, view, near, &exact)?.0];
         let over = |structure: usize, depth: Depth, order: Order| {
             let look = Look { order, colors: &colors, particle: self.mean_mass };
             self.blended(structure, view, depth, look)
@@ -192,71 +191,76 @@ impl<'a> Bench<'a> {
             coarse_buckets: over(1, whole, Order::CoarseBuckets)?,
             adaptive: [over(0, near, Order::CoarseBuckets)?, over(1, near, Order::CoarseBuckets)?],
         };
-        let ours_adaptive = self.ours(view, by_one.points, &exact)?;
         Ok(LevelRow {
             level,
-            points,
+            points: all.points,
             pixels: self.pixels[level - 1],
-            whole: Whole { ms: [all_by_one.ms, all.ms], choose_ms: all.choose_ms, error_l2 },
-            adaptive: [by_one, by_two],
+            whole: Whole { ms: [all_by_one.ms, all.ms], choose_ms: all.choose_ms, error_l2: all.error_l2 },
+            ours: self.ours(view, all.points, &exact)?,
+            ours_adaptive: self.ours(view, adaptive[0].points, &exact)?,
+            adaptive,
             sorted,
-            ours: self.ours(view, points, &exact)?,
-            ours_adaptive,
             // Counted from the particles' level, which is the sixth in the paper.
             paper: paper::LEVELS.get(finest - level).copied(),
         })
     }
 
     /// Chooses, decodes and adds up points, several times; with the points of each level.
-    fn added(&self, structure: usize, view: &View, depth: Depth) -> Result<(Chosen, Accumulation, Vec<u64>), Failure> {
+    fn added(
+        &self,
+        structure: usize,
+        view: &View,
+        depth: Depth,
+        exact: &Accumulation,
+    ) -> Result<(Adaptive, Vec<u64>), Failure> {
         let (mut choosing, mut last) = (Vec::new(), None);
-        let times = self.timed(|| {
+        let ms = self.timed(|| {
             let start = Instant::now();
             let chosen = choose(&self.structures[structure], view, depth);
-            choosing.push(start.elapsed());
+            choosing.push(1e3 * start.elapsed().as_secs_f64());
             last = Some((chosen.sums(view, self.kernel)?, chosen.points));
             Ok(())
         })?;
         let (sums, by_level) = last.ok_or("--repeat: nothing was drawn")?;
-        let chosen = Chosen { ms: times, choose_ms: milliseconds(choosing).median, points: by_level.iter().sum() };
-        Ok((chosen, sums, by_level))
+        let (points, error_l2) = (by_level.iter().sum(), sums.error_against(exact).1);
+        Ok((Adaptive { ms, choose_ms: median(choosing), points, error_l2 }, by_level))
     }
 
     /// Chooses, decodes, sorts and blends points, several times.
-    fn blended(&self, structure: usize, view: &View, depth: Depth, look: Look<'_>) -> Result<Times, Failure> {
+    fn blended(&self, structure: usize, view: &View, depth: Depth, look: Look<'_>) -> Result<Took, Failure> {
         self.timed(|| {
             choose(&self.structures[structure], view, depth).over(view, self.kernel, &look)?;
             Ok(())
         })
     }
 
-    fn timed(&self, mut run: impl FnMut() -> Result<(), Failure>) -> Result<Times, Failure> {
-        let mut times = Vec::new();
+    fn timed(&self, mut run: impl FnMut() -> Result<(), Failure>) -> Result<Took, Failure> {
+        let (mut times, mut processor) = (Vec::new(), Vec::new());
         for _ in 0..self.arguments.repeat {
-            let start = Instant::now();
+            let (start, before) = (Instant::now(), processor_time());
             run()?;
-            times.push(start.elapsed());
+            times.push(1e3 * start.elapsed().as_secs_f64());
+            let spent = before.zip(processor_time()).map(|(before, after)| after.saturating_sub(before));
+            processor.extend(spent.map(|spent| 1e3 * spent.as_secs_f64()));
         }
-        Ok(milliseconds(times))
+        let fastest = times.iter().copied().fold(f64::INFINITY, f64::min);
+        let processor = (!processor.is_empty()).then(|| median(processor));
+        Ok(Took { median: median(times), fastest, processor })
     }
 
-    /// As many of our clusters.
+    /// As many of our clusters, drawn once: here it is their error that counts.
     fn ours(&mut self, view: &View, splats: u64, exact: &Accumulation) -> Result<Ours, Failure> {
         let choice = LevelChoice { levels: Levels::Clusters, splats: Some(splats), ..LevelChoice::default() };
-        let drawn = self.ours.draw(choice, view, 0.8, Plan::default(), self.arguments.repeat)?;
-        let error_l2 = drawn.sums.error_against(exact).1;
-        Ok(Ours { splats: drawn.splats, ms: milliseconds(drawn.times), error_l2 })
+        let drawn = self.ours.draw(choice, view, 0.8, Plan::default(), 1)?;
+        let ms = median(drawn.times.iter().map(|time| 1e3 * time.as_secs_f64()).collect());
+        Ok(Ours { splats: drawn.splats, ms, error_l2: drawn.sums.error_against(exact).1 })
     }
 }
 
-fn adaptive(chosen: Chosen, sums: &Accumulation, exact: &Accumulation) -> Adaptive {
-    let Chosen { ms, choose_ms, points } = chosen;
-    Adaptive { ms, choose_ms, points, error_l2: sums.error_against(exact).1 }
-}
-
-fn milliseconds(times: Vec<Duration>) -> Times {
-    let Times { median, fastest } = Times::of(times);
-    Times { median: 1e3 * median, fastest: 1e3 * fastest }
+/// The middle one; 0 for none.
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(0.0)
 }
 
 /// What is drawn, and what it is called.

@@ -1,7 +1,6 @@
 //! The tables of `bench published`, beside those of the paper.
 
 use super::paper::{PaperLevel, PaperViewport};
-use crate::bench::Times;
 use crate::bench::splat::Failure;
 use serde::Serialize;
 use std::path::Path;
@@ -39,6 +38,17 @@ pub struct Report {
     pub viewports: Vec<ViewportRow>,
 }
 
+/// Milliseconds of several repetitions.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Took {
+    /// The middle one.
+    pub median: f64,
+    /// The fastest.
+    pub fastest: f64,
+    /// Processor time of all threads, the middle one, where the system tells it.
+    pub processor: Option<f64>,
+}
+
 /// A level as the finest that is drawn.
 #[derive(Clone, Debug, Serialize)]
 pub struct LevelRow {
@@ -66,29 +76,18 @@ pub struct LevelRow {
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Whole {
     /// Choosing, decoding and drawing.
-    pub ms: [Times; 2],
+    pub ms: [Took; 2],
     /// The first two of it, with `delta_n` 2.
     pub choose_ms: f64,
     /// Relative L2 error of the sums against those of all particles.
     pub error_l2: f64,
 }
 
-/// What one picture took.
-#[derive(Clone, Copy, Debug)]
-pub struct Chosen {
-    /// Choosing, decoding and drawing.
-    pub ms: Times,
-    /// The first two of it.
-    pub choose_ms: f64,
-    /// Points.
-    pub points: u64,
-}
-
 /// An adaptive picture.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Adaptive {
     /// Choosing, decoding and drawing.
-    pub ms: Times,
+    pub ms: Took,
     /// The first two of it.
     pub choose_ms: f64,
     /// Points.
@@ -101,13 +100,13 @@ pub struct Adaptive {
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Sorted {
     /// All points by distance, with `delta_n` 2.
-    pub exact: Times,
+    pub exact: Took,
     /// In fine buckets.
-    pub buckets: Times,
+    pub buckets: Took,
     /// In coarse ones.
-    pub coarse_buckets: Times,
+    pub coarse_buckets: Took,
     /// Adaptive, in coarse buckets.
-    pub adaptive: [Times; 2],
+    pub adaptive: [Took; 2],
 }
 
 /// Our clusters: choosing, decoding and drawing.
@@ -115,8 +114,8 @@ pub struct Sorted {
 pub struct Ours {
     /// Splats that were drawn.
     pub splats: u64,
-    /// Choosing, decoding and drawing.
-    pub ms: Times,
+    /// Choosing, decoding and drawing, once.
+    pub ms: f64,
     /// As [`Whole::error_l2`].
     pub error_l2: f64,
 }
@@ -136,18 +135,75 @@ pub struct ViewportRow {
     pub paper: Option<PaperViewport>,
 }
 
-/// A number of ours and one of the paper's.
-fn beside(own: f64, paper: Option<f64>) -> String {
-    let digits = |value: f64| if value < 9.95 { format!("{value:.1}") } else { format!("{value:.0}") };
-    format!("{} / {}", digits(own), paper.map_or("-".into(), digits))
+impl Took {
+    /// The median, in brackets the processor time of all threads, and behind a slash the paper's.
+    fn beside(&self, paper: Option<f64>) -> String {
+        let digits = |value: f64| if value < 9.95 { format!("{value:.1}") } else { format!("{value:.0}") };
+        let processor = self.processor.map_or(String::new(), |processor| format!(" [{}]", digits(processor)));
+        let paper = paper.map_or(String::new(), |paper| format!(" / {}", digits(paper)));
+        format!("{}{processor}{paper}", digits(self.median))
+    }
+}
+
+impl LevelRow {
+    /// Prints it to standard error.
+    pub fn print(&self) {
+        let LevelRow { level, points, pixels, whole, adaptive, sorted, ours, ours_adaptive, paper } = self;
+        let of = |number: fn(&PaperLevel) -> f64| paper.as_ref().map(number);
+        let pixels_paper = of(|paper| paper.pixels).map_or(String::new(), |pixels| format!(" / {pixels}"));
+        eprintln!("level {level}: {points} points of {pixels:.2}{pixels_paper} pixels");
+        eprintln!(
+            "  added up  all: d=1 {}, d=2 {}; adaptive: d=1 {}, d=2 {}",
+            whole.ms[0].beside(None),
+            whole.ms[1].beside(of(|paper| paper.software)),
+            adaptive[0].ms.beside(of(|paper| paper.adaptive[0])),
+            adaptive[1].ms.beside(of(|paper| paper.adaptive[1]))
+        );
+        eprintln!(
+            "  sorted    all: exact {}, buckets {}, coarse {}; adaptive: d=1 {}, d=2 {}",
+            sorted.exact.beside(of(|paper| paper.sorted_exact)),
+            sorted.buckets.beside(of(|paper| paper.sorted_buckets[0])),
+            sorted.coarse_buckets.beside(of(|paper| paper.sorted_buckets[1])),
+            sorted.adaptive[0].beside(of(|paper| paper.sorted_adaptive[0])),
+            sorted.adaptive[1].beside(of(|paper| paper.sorted_adaptive[1]))
+        );
+        let [by_one, by_two] = adaptive;
+        eprintln!(
+            "  L2        all {:.4}, our clusters {:.4}; adaptive: d=1 {:.4} with {} points, our clusters {:.4}, d=2 {:.4} with {} points",
+            whole.error_l2,
+            ours.error_l2,
+            by_one.error_l2,
+            by_one.points,
+            ours_adaptive.error_l2,
+            by_two.error_l2,
+            by_two.points
+        );
+    }
+}
+
+impl ViewportRow {
+    /// Prints it to standard error.
+    pub fn print(&self) {
+        let ViewportRow { edge, adaptive, by_level, ours, paper } = self;
+        let points = paper.map_or(String::new(), |paper| format!(" / {}", paper.points));
+        let by_level: Vec<String> = by_level.iter().map(u64::to_string).collect();
+        eprintln!(
+            "{edge} x {edge}: adaptive d=1 {} with {}{points} points ({} by level), L2 {:.4}, our clusters {:.4}",
+            adaptive.ms.beside(paper.map(|paper| paper.ms)),
+            adaptive.points,
+            by_level.join(" "),
+            adaptive.error_l2,
+            ours.error_l2
+        );
+    }
 }
 
 impl Report {
-    /// Prints tables to standard error, with the paper's numbers behind a slash.
-    pub fn print(&self) {
+    /// Prints to standard error what was built, and how numbers are told.
+    pub fn print_head(&self) {
         let [one, two] = self.bytes_per_particle;
         eprintln!(
-            "{}: {} particles; structures built in {:.1} s, {one:.1} and {two:.1} / {:.1} bytes a particle; our file in {:.1} s, {:.1} bytes",
+            "{}: {} particles, structures in {:.1} s, {one:.1} and {two:.1} / {:.1} bytes a particle; our file in {:.1} s, {:.1} bytes",
             self.source,
             self.particles,
             self.build_s,
@@ -155,63 +211,7 @@ impl Report {
             self.ours_build_s,
             self.ours_bytes_per_particle
         );
-        eprintln!("\nAdded up, ms (ours / paper)");
-        let head = ["points", "mean px", "all d=1", "all d=2", "adaptive d=1", "adaptive d=2"];
-        print_row("level", &head.map(str::to_owned));
-        for row in &self.levels {
-            let paper = row.paper;
-            let cells = [
-                row.points.to_string(),
-                format!("{:.2} / {}", row.pixels, paper.map_or("-".into(), |paper| paper.pixels.to_string())),
-                format!("{:.0}", row.whole.ms[0].median),
-                beside(row.whole.ms[1].median, paper.map(|paper| paper.software)),
-                beside(row.adaptive[0].ms.median, paper.map(|paper| paper.adaptive[0])),
-                beside(row.adaptive[1].ms.median, paper.map(|paper| paper.adaptive[1])),
-            ];
-            print_row(&row.level.to_string(), &cells);
-        }
-        eprintln!("\nSorted, ms (ours / paper)");
-        let head = ["exact", "buckets", "coarse", "adaptive d=1", "adaptive d=2"];
-        print_row("level", &head.map(str::to_owned));
-        for row in &self.levels {
-            let (sorted, paper) = (&row.sorted, row.paper);
-            let cells = [
-                beside(sorted.exact.median, paper.map(|paper| paper.sorted_exact)),
-                beside(sorted.buckets.median, paper.map(|paper| paper.sorted_buckets[0])),
-                beside(sorted.coarse_buckets.median, paper.map(|paper| paper.sorted_buckets[1])),
-                beside(sorted.adaptive[0].median, paper.map(|paper| paper.sorted_adaptive[0])),
-                beside(sorted.adaptive[1].median, paper.map(|paper| paper.sorted_adaptive[1])),
-            ];
-            print_row(&row.level.to_string(), &cells);
-        }
-        eprintln!("\nAgainst as many of our clusters: relative L2 error and ms (published, ours)");
-        let head = ["all points", "L2", "ms", "adaptive d=1", "L2", "ms"];
-        print_row("level", &head.map(str::to_owned));
-        for row in &self.levels {
-            let near = &row.adaptive[0];
-            let cells = [
-                row.points.to_string(),
-                format!("{:.4}, {:.4}", row.whole.error_l2, row.ours.error_l2),
-                format!("{:.0}, {:.0}", row.whole.ms[1].median, row.ours.ms.median),
-                near.points.to_string(),
-                format!("{:.4}, {:.4}", near.error_l2, row.ours_adaptive.error_l2),
-                format!("{:.0}, {:.0}", near.ms.median, row.ours_adaptive.ms.median),
-            ];
-            print_row(&row.level.to_string(), &cells);
-        }
-        eprintln!("\nBy size of the picture, adaptive d=1 (ours / paper; published, our clusters)");
-        print_row("pixels", &["points", "ms", "L2", "ms of ours", "by level"].map(str::to_owned));
-        for row in &self.viewports {
-            let (near, ours) = (&row.adaptive, &row.ours);
-            let cells = [
-                format!("{} / {}", near.points, row.paper.map_or("-".into(), |paper| paper.points.to_string())),
-                beside(near.ms.median, row.paper.map(|paper| paper.ms)),
-                format!("{:.4}, {:.4}", near.error_l2, ours.error_l2),
-                format!("{:.0}", ours.ms.median),
-                row.by_level.iter().map(u64::to_string).collect::<Vec<_>>().join(" "),
-            ];
-            print_row(&row.edge.to_string(), &cells);
-        }
+        eprintln!("milliseconds [processor time of {} threads] / the paper's", self.threads);
     }
 
     /// Writes both tables, a line for each number: picture, level or size, what it is, ours, the paper's.
@@ -258,9 +258,9 @@ impl LevelRow {
             ("sorted_adaptive_d1_ms", sorted.adaptive[0].median, of(|paper| paper.sorted_adaptive[0])),
             ("sorted_adaptive_d2_ms", sorted.adaptive[1].median, of(|paper| paper.sorted_adaptive[1])),
             ("our_clusters", self.ours.splats as f64, None),
-            ("our_clusters_ms", self.ours.ms.median, None),
+            ("our_clusters_ms", self.ours.ms, None),
             ("our_clusters_l2", self.ours.error_l2, None),
-            ("our_clusters_adaptive_ms", self.ours_adaptive.ms.median, None),
+            ("our_clusters_adaptive_ms", self.ours_adaptive.ms, None),
             ("our_clusters_adaptive_l2", self.ours_adaptive.error_l2, None),
         ];
         lines.into_iter().map(|line| (self.level.to_string(), line)).collect()
@@ -273,14 +273,9 @@ impl ViewportRow {
             ("adaptive_d1_points", self.adaptive.points as f64, self.paper.map(|paper| paper.points as f64)),
             ("adaptive_d1_ms", self.adaptive.ms.median, self.paper.map(|paper| paper.ms)),
             ("adaptive_d1_l2", self.adaptive.error_l2, None),
-            ("our_clusters_ms", self.ours.ms.median, None),
+            ("our_clusters_ms", self.ours.ms, None),
             ("our_clusters_l2", self.ours.error_l2, None),
         ];
         lines.into_iter().map(|line| (self.edge.to_string(), line)).collect()
     }
-}
-
-fn print_row(first: &str, cells: &[String]) {
-    let cells: Vec<String> = cells.iter().map(|cell| format!("{cell:>20}")).collect();
-    eprintln!("{first:>6} {}", cells.join(" "));
 }

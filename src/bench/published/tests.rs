@@ -173,7 +173,9 @@ fn without_a_threshold_the_cap_alone_decides() {
 fn what_is_culled_would_not_be_seen() {
     let levels = some(3000, 4);
     let structure = Relative::new(&levels, 1);
-    for (place, toward) in [([0.2, 0.1, 1.5], [0.1, 0.2, -1.0]), ([0.0; 3], [1.0, 0.3, 0.2]), ([0.0, 3.0, 0.0], [0.3, -1.0, 0.0])] {
+    for (place, toward) in
+        [([0.2, 0.1, 1.5], [0.1, 0.2, -1.0]), ([0.0; 3], [1.0, 0.3, 0.2]), ([0.0, 3.0, 0.0], [0.3, -1.0, 0.0])]
+    {
         for perspective in [true, false] {
             let view = camera(place, toward, perspective);
             let told = told(&structure, &view, 0.0, structure.finest());

@@ -7,6 +7,7 @@ use super::sphere;
 use super::table::CumulativeTable;
 use super::tiles::Record;
 use crate::model::Kernel;
+use glam::DVec3;
 use pulp::Simd;
 use std::sync::OnceLock;
 
@@ -155,11 +156,27 @@ const NEAREST: f64 = 0.02;
 /// same integral and the same second moments. None when it is no sphere, large enough for its own shape, or too long.
 pub fn circles(lens: &Lens, profiles: &Profiles, footprint: &Footprint) -> [Option<Footprint>; 2] {
     let Shape::Sphere { camera, h } = footprint.shape else { return [None; 2] };
+    circles_of(lens, profiles, (camera, h), [footprint.amplitude, footprint.amplitude_s])
+}
+
+/// The same of a sphere by its place in camera space, its smoothing length and its amplitudes: for most it is not worth knowing what
+/// exactly they cover.
+#[inline]
+pub fn circles_of(
+    lens: &Lens,
+    profiles: &Profiles,
+    (camera, h): (DVec3, f64),
+    [amplitude, amplitude_s]: [f64; 2],
+) -> [Option<Footprint>; 2] {
+    let radius = h * lens.focal() / camera.z;
+    // Not finite: it is no circle either.
+    if radius.is_nan() || radius >= Profiles::SMALLEST {
+        return [None; 2];
+    }
     let Some(center) = lens.center(camera) else { return [None; 2] };
     let slope = lens.slope(center);
     let tangent = slope[0] * slope[0] + slope[1] * slope[1];
-    let radius = h * lens.focal() / camera.z;
-    if radius >= Profiles::SMALLEST || tangent > STEEPEST {
+    if tangent > STEEPEST {
         return [None; 2];
     }
     let circle = |side: f64, share: f64| {
@@ -169,8 +186,8 @@ pub fn circles(lens: &Lens, profiles: &Profiles, footprint: &Footprint) -> [Opti
             min: center.map(|x| x - radius),
             max: center.map(|x| x + radius),
             radius,
-            amplitude: footprint.amplitude * stretch,
-            amplitude_s: footprint.amplitude_s * stretch,
+            amplitude: amplitude * stretch,
+            amplitude_s: amplitude_s * stretch,
             shape: Shape::Circle { center },
         })
     };
