@@ -1,6 +1,7 @@
 //! Hierarchies side by side: the same particles in the same views, within the same numbers of splats, through each of them.
 
 use super::hierarchies_in_memory::{self as in_memory, Splat};
+use super::paged::{Drawn, Paged};
 use super::plot;
 use super::sheet::{Entry, sheet};
 use super::splat::Failure;
@@ -14,14 +15,13 @@ use crate::command_line::progress_bar::Terminal;
 use crate::cpu::{Extent, Method, Positions, SplatOptions, Splats, draw};
 use crate::hierarchy::Purpose;
 use crate::look::{DataKind, LookPatch, Member};
-use crate::mode::{Conserved, Depiction, LevelChoice, Levels as LevelKind, Plan, Settings};
+use crate::mode::{LevelChoice, Levels as LevelKind, Plan};
 use crate::model::{Bounds, Covariance, Dataset, Kernel};
 use crate::modes::column_density;
-use crate::picture::level_report::bound;
+use crate::picture::Subject;
 use crate::picture::source::{Wanted, particles};
-use crate::picture::{PictureError, Subject};
-use crate::store::{InMemory, PageFile, Representative, Tree};
-use crate::stream::{Scene, SceneNode, first_nodes};
+use crate::store::{InMemory, Representative, Tree};
+use crate::stream::first_nodes;
 use crate::synth::{Generator, clusters::Clusters, filaments::Filaments, gadget};
 use crate::view::{Projection, View};
 use glam::DVec3;
@@ -207,8 +207,7 @@ pub fn measure(arguments: &Arguments) -> Result<Reports, Failure> {
 struct Bench<'a> {
     arguments: &'a Arguments,
     named: String,
-    file: std::sync::Arc<PageFile>,
-    scene: Scene,
+    paged: Paged,
     /// The source's particles; `None` of page files, whose leaves stand for them.
     source: Option<InMemory>,
     /// Particles as splats, with what each is in memory.
@@ -216,16 +215,6 @@ struct Bench<'a> {
     kernel: Kernel,
     built: Option<(f64, Option<u64>)>,
     _folder: tempfile::TempDir,
-}
-
-/// A picture of a hierarchy.
-struct Drawn {
-    sums: Accumulation,
-    splats: u64,
-    nodes: Vec<SceneNode>,
-    select_ms: Option<f64>,
-    times: Vec<std::time::Duration>,
-    error_bound: Option<f64>,
 }
 
 impl<'a> Bench<'a> {
@@ -243,20 +232,19 @@ impl<'a> Bench<'a> {
                 (out, Some((start.elapsed().as_secs_f64(), peak_memory())))
             }
         };
-        let file = std::sync::Arc::new(PageFile::open(&page_file)?);
+        let mut paged = Paged::open(&page_file)?;
         let source: Option<Dataset> = match is_source {
             true => Some(particles(&[Member::new(path)], &Wanted::of([&LookPatch::default()], None), &Terminal)?.1),
             false => None,
         };
-        let mut scene = Scene::new(std::sync::Arc::clone(&file), u64::MAX);
-        let kernel = file.metadata().kernel;
+        let metadata = paged.file.metadata();
+        let kernel = metadata.kernel;
         // Any view of all leaves.
-        let bounds = file.metadata().bounds();
-        let all = views(bounds, 1, (64, 64))?[0].0;
-        let leaves = scene.converge_blocking(&all, 0.0)?;
-        let splats = in_memory::splats(&leaves.nodes, file.metadata());
+        let all = views(metadata.bounds(), 1, (64, 64))?[0].0;
+        let leaves = paged.scene.converge_blocking(&all, 0.0)?;
+        let splats = in_memory::splats(&leaves.nodes, metadata);
         let source = source.map(InMemory::new);
-        Ok(Bench { arguments, named, file, scene, source, splats, kernel, built, _folder: temporary })
+        Ok(Bench { arguments, named, paged, source, splats, kernel, built, _folder: temporary })
     }
 
     fn run(mut self, folder: &Path) -> Result<Report, Failure> {
@@ -264,8 +252,8 @@ impl<'a> Bench<'a> {
         let options = &self.arguments.hierarchies;
         let PictureSize { width, height } =
             self.arguments.flight.size.unwrap_or(PictureSize { width: 512, height: 512 });
-        let bounds = self.file.metadata().bounds();
-        let particles = self.file.metadata().particles();
+        let bounds = self.paged.file.metadata().bounds();
+        let particles = self.paged.file.metadata().particles();
         let all_views = views(bounds, options.views.into(), (width, height))?;
         let transfer = TransferFunction::preset(column_density::MODE.transfer[0]).unwrap_or_default();
         let (mut outcomes, mut shown): (Vec<Outcome>, Vec<Shown>) = (Vec::new(), Vec::new());
@@ -305,22 +293,17 @@ impl<'a> Bench<'a> {
 
     /// The picture of the source's particles.
     fn exact(&mut self, view: &View) -> Result<Accumulation, Failure> {
-        let depiction = self.depiction(LevelChoice { levels: LevelKind::Splats, ..LevelChoice::default() })?;
+        let depiction = self.paged.depiction(LevelChoice { levels: LevelKind::Splats, ..LevelChoice::default() })?;
         let (nodes, metadata) = match &self.source {
             Some(source) => (first_nodes(source, view)?, source.metadata()),
             None => {
-                self.scene.purpose = Purpose::Splats;
-                (self.scene.converge_blocking(view, 0.0)?.nodes, self.file.metadata())
+                self.paged.scene.purpose = Purpose::Splats;
+                (self.paged.scene.converge_blocking(view, 0.0)?.nodes, self.paged.file.metadata())
             }
         };
         let transfer = TransferFunction::default();
         let subject = Subject::new(metadata, &depiction, &transfer, 1.0);
         Ok(subject.draw_nodes(view, &nodes, &Plan::default())?.sums(depiction.mode)?.0)
-    }
-
-    fn depiction(&self, choice: LevelChoice) -> Result<Depiction, Failure> {
-        let depiction = Depiction::new(&column_density::MODE, Settings::default(), None, self.file.metadata())?;
-        Ok(Depiction { choice, attribute: None, ..depiction })
     }
 
     fn draw(&mut self, kind: &str, view: &View, budget: u64) -> Result<Drawn, Failure> {
@@ -329,7 +312,7 @@ impl<'a> Bench<'a> {
         let (ellipsoid, round) = (Representative::Ellipsoid, Representative::Round);
         match kind {
             "sample" => {
-                let share = (budget as f64 / self.file.metadata().particles() as f64).min(1.0) as f32;
+                let share = (budget as f64 / self.paged.file.metadata().particles() as f64).min(1.0) as f32;
                 self.paged(choice(LevelKind::Splats, ellipsoid, None), view, 0.0, Plan { share, ..Plan::default() })
             }
             "octree-tau" => self.paged(choice(LevelKind::Splats, ellipsoid, None), view, 0.8, Plan::default()),
@@ -347,34 +330,7 @@ impl<'a> Bench<'a> {
 
     /// Draws nodes of the page file.
     fn paged(&mut self, choice: LevelChoice, view: &View, tau: f64, plan: Plan) -> Result<Drawn, Failure> {
-        let depiction = self.depiction(choice)?;
-        let metadata = self.file.metadata();
-        if choice.levels == LevelKind::Clusters && !metadata.has_clusters() {
-            let why = "clusters: not in this file, expected one built with --hierarchy octree,pca";
-            return Err(Box::new(PictureError::Unfit { file: self.file.path().to_owned(), why: why.into() }));
-        }
-        self.scene.purpose = depiction.purpose(metadata);
-        let detail = depiction.detail(view, tau, metadata);
-        self.scene.converge_blocking(view, detail)?;
-        let transfer = TransferFunction::default();
-        let subject = Subject::new(metadata, &depiction, &transfer, 1.0);
-        let (mut times, mut select_ms, mut last) = (Vec::new(), 0.0, None);
-        for _ in 0..self.arguments.repeat {
-            let start = Instant::now();
-            let selection = self.scene.select(view, detail);
-            select_ms = 1e3 * start.elapsed().as_secs_f64();
-            let nodes = subject.decode(view, &selection.nodes, &plan);
-            let drawn: u64 = nodes.iter().map(|node| node.len() as u64).sum();
-            let sums = subject.draw(view, &nodes, &plan)?.sums(depiction.mode)?.0;
-            times.push(start.elapsed());
-            drop(nodes);
-            last = Some((sums, drawn, selection.nodes));
-        }
-        let (sums, splats, nodes) = last.ok_or("--repeat: nothing was drawn")?;
-        let total: f64 = sums.p.iter().map(|p| f64::from(*p)).sum();
-        let promised = choice.levels == LevelKind::Clusters && depiction.mode.conserves == Conserved::Mass;
-        let error_bound = promised.then(|| bound(view, &depiction, &nodes, total)).flatten();
-        Ok(Drawn { sums, splats, nodes, select_ms: Some(select_ms), times, error_bound })
+        self.paged.draw(choice, view, tau, plan, self.arguments.repeat)
     }
 
     /// Draws splats that are in memory, ellipsoids where they have second moments.
@@ -419,8 +375,8 @@ impl<'a> Bench<'a> {
             view,
             splats: drawn.splats,
             nodes: drawn.nodes.len(),
-            bytes_read: is_paged.then(|| pages.iter().map(|page| self.file.page_bytes(*page)).sum()),
-            bytes_file: is_paged.then(|| self.file.bytes()),
+            bytes_read: is_paged.then(|| pages.iter().map(|page| self.paged.file.page_bytes(*page)).sum()),
+            bytes_file: is_paged.then(|| self.paged.file.bytes()),
             build_s: self.built.map(|(seconds, _)| seconds),
             build_peak_memory: self.built.and_then(|(_, memory)| memory),
             select_ms: drawn.select_ms,

@@ -7,10 +7,13 @@ pub mod flight;
 pub mod frame;
 pub mod hierarchies;
 mod hierarchies_in_memory;
+mod paged;
 pub mod pages;
 pub mod play;
 mod plot;
 pub mod presence;
+mod processor_time;
+pub mod published;
 pub mod sheet;
 pub mod splat;
 #[cfg(feature = "viewer")]
@@ -30,14 +33,15 @@ use std::time::Duration;
   deepfield bench compare merger.hdf5 --family gas --size 900x600 --repeat 3 --output compare
   deepfield bench flight cosmology.df --backends compute --duration 60 --output flight
   deepfield bench hierarchies snapshot.hdf5 --budgets 1%,4%,16% --size 512x512
+  deepfield bench published --repeat 3 --json published.json
   deepfield bench play run.df --duration 10 --frame-ms 100
   deepfield bench flight --sizes 1000000 --backends cpu --duration 10 --ablations --sweep")]
 pub struct Arguments {
     /// What to measure: splat (drawing of particles as they are), frame (converged level of detail), presence (what
     /// leaving particles out costs and saves), build (from a source to a page file), pages (reading and decoding),
-    /// flight (a flight through a page file that streams in) or play (a run while time goes on), compare (every way to draw a volume or a surface), or hierarchies (what becomes of
-    /// particles within so many splats).
-    #[arg(value_parser = ["splat", "frame", "presence", "build", "pages", "flight", "play", "compare", "hierarchies"])]
+    /// flight (a flight through a page file that streams in) or play (a run while time goes on), compare (every way to draw a volume or a surface), hierarchies (what becomes of
+    /// particles within so many splats), or published (the tables of HE03 beside its numbers).
+    #[arg(value_parser = ["splat", "frame", "presence", "build", "pages", "flight", "play", "compare", "hierarchies", "published"])]
     pub suite: String,
     /// What `bench presence` and `bench compare` draw and `bench flight` flies through: a source or page file [default:
     /// generated: clusters of the first of the sizes for `bench presence`, a merger for `bench compare`, cosmologies of all sizes
@@ -91,6 +95,9 @@ pub struct Arguments {
     /// What `bench hierarchies` compares.
     #[command(flatten)]
     pub hierarchies: hierarchies::Options,
+    /// What `bench published` measures.
+    #[command(flatten)]
+    pub published: published::Options,
 }
 
 /// The times of several repetitions, seconds.
@@ -123,6 +130,7 @@ pub fn run(arguments: &Arguments) -> CommandResult {
         "play" => serde_json::to_string_pretty(&play::measure(arguments)?)?,
         "compare" => serde_json::to_string_pretty(&compare::measure(arguments)?)?,
         "hierarchies" => serde_json::to_string_pretty(&hierarchies::measure(arguments)?)?,
+        "published" => serde_json::to_string_pretty(&published::measure(arguments)?)?,
         "build" => serde_json::to_string_pretty(&build::measure(arguments)?)?,
         "pages" => serde_json::to_string_pretty(&pages::measure(arguments)?)?,
         _ => serde_json::to_string_pretty(&splat::measure(arguments)?)?,

@@ -5,7 +5,7 @@ use super::metadata::{AttributeMerge, ClusterBook};
 use super::page::Frame;
 use crate::codec::clusters::{NO_CLASS, PackedClusters, cluster_limit, step_clusters};
 use crate::codec::{Codebook, CodebookScope, QuantityError};
-use crate::hierarchy::pca::members::{merged_attribute, published_diameter};
+use crate::hierarchy::pca::members::{DiameterRule, merged_attribute, published_diameter};
 use crate::hierarchy::pca::{Step, bright, steps::runs};
 use crate::model::{Covariance, Kernel, Placement};
 use std::borrow::Cow;
@@ -123,7 +123,7 @@ impl NodeClusters {
                 (Some((ladder, steps)), Representative::Published) => {
                     let away = |place: [f64; 3]| (0..3).map(|k| (place[k] - middle[k]).powi(2)).sum::<f64>().sqrt();
                     let one = |i: usize| (ladder.value(steps[i]), away(self.packed.place(i)));
-                    0.5 * self.frame.size * published_diameter(group.clone().map(one))
+                    0.5 * self.frame.size * published_diameter(group.clone().map(one), DiameterRule::Averaged)
                 }
                 _ => (variance.max(0.0) / self.kernel.variance()).sqrt(),
             };

@@ -166,18 +166,37 @@ impl Lens {
     /// The footprint of one particle of a batch; `None` when it cannot be drawn: at or behind the eye plane, of no extent,
     /// or not finite. Covariances become ellipsoids of `kernel`.
     pub fn footprint(&self, splats: &Splats<'_>, index: usize, kernel: Kernel) -> Option<Footprint> {
+        let (camera, weights) = self.before_eye(splats, index)?;
+        match splats.extent() {
+            Extent::Pixels(radius) => self.circle(camera, f64::from(radius), 1.0, weights),
+            Extent::World(h) => self.ball(camera, f64::from(h[index]), weights),
+            Extent::Ellipsoids(covariances) => self.stretched(camera, covariances[index], kernel, weights),
+        }
+    }
+
+    /// The place in camera space, the smoothing length and the weights of a particle that is a ball seen through a pinhole; `None` for
+    /// others, and for what cannot be drawn.
+    #[inline]
+    pub fn ball_ahead(&self, splats: &Splats<'_>, index: usize) -> Option<(DVec3, f64, [f64; 2])> {
+        match (splats.extent(), self.view.projection) {
+            (Extent::World(h), Projection::Perspective { .. }) => {
+                let (camera, weights) = self.before_eye(splats, index)?;
+                let h = f64::from(h[index]);
+                (h > 0.0 && camera.is_finite()).then_some((camera, h, weights))
+            }
+            _ => None,
+        }
+    }
+
+    /// The place in camera space and the weights of what can be drawn of a batch.
+    #[inline]
+    fn before_eye(&self, splats: &Splats<'_>, index: usize) -> Option<(DVec3, [f64; 2])> {
         let weight = f64::from(splats.weight()[index]);
         let weight_s = splats.attribute().map_or(0.0, |attribute| weight * f64::from(attribute[index]));
         let camera = self.view.to_camera(splats.positions().world(index));
         // NaN compares false, so that it is dropped too. In front of a parallel projection's eye plane only as well.
-        if !(camera.z > 0.0 && camera.z.is_finite() && weight.is_finite() && weight_s.is_finite()) {
-            return None;
-        }
-        match splats.extent() {
-            Extent::Pixels(radius) => self.circle(camera, f64::from(radius), 1.0, [weight, weight_s]),
-            Extent::World(h) => self.ball(camera, f64::from(h[index]), [weight, weight_s]),
-            Extent::Ellipsoids(covariances) => self.stretched(camera, covariances[index], kernel, [weight, weight_s]),
-        }
+        let can_be = camera.z > 0.0 && camera.z.is_finite() && weight.is_finite() && weight_s.is_finite();
+        can_be.then_some((camera, [weight, weight_s]))
     }
 
     /// A circle around where a point of camera space appears; its amplitude has the unit `per_area`, in pixels.

@@ -7,6 +7,7 @@ use super::sphere;
 use super::table::CumulativeTable;
 use super::tiles::Record;
 use crate::model::Kernel;
+use glam::DVec3;
 use pulp::Simd;
 use std::sync::OnceLock;
 
@@ -79,11 +80,23 @@ impl CornerTable {
 
 /// Most pixels that a splat drawn by its corners covers along one axis.
 const ACROSS: usize = 2 * Profiles::SMALLEST as usize + 2;
+/// The same of splats narrower than a pixel, and the radius below which they are, whatever rounding does.
+const ACROSS_TINY: usize = 2;
+const TINY: f32 = 0.499;
 
 /// Adds the integral of a circle over each pixel, from the cumulative integral at the pixels' corners: the shares add up
 /// to 1 whatever the radius. The circle's radius is below [`Profiles::SMALLEST`].
 #[inline(always)]
 pub fn corners(canvas: &mut Canvas<'_>, table: &CornerTable, circle: &Circle) {
+    match circle.radius < TINY {
+        true => corners_within::<ACROSS_TINY>(canvas, table, circle),
+        false => corners_within::<ACROSS>(canvas, table, circle),
+    }
+}
+
+/// The same for a circle that covers `ACROSS` pixels along one axis at most: those beyond it cost as much as others.
+#[inline(always)]
+fn corners_within<const ACROSS: usize>(canvas: &mut Canvas<'_>, table: &CornerTable, circle: &Circle) {
     let bound = |center: f32, count: usize| {
         // Casts saturate: below zero becomes 0.
         let first = (center - circle.radius) as usize;
@@ -125,7 +138,7 @@ pub fn corners(canvas: &mut Canvas<'_>, table: &CornerTable, circle: &Circle) {
 
 /// Adds `amplitude * shares` to a part of a row.
 #[inline(always)]
-fn add(row: &mut [f32], amplitude: f32, shares: &[f32; ACROSS]) {
+fn add(row: &mut [f32], amplitude: f32, shares: &[f32]) {
     for (out, share) in row.iter_mut().zip(shares) {
         *out += amplitude * share;
     }
@@ -143,11 +156,27 @@ const NEAREST: f64 = 0.02;
 /// same integral and the same second moments. None when it is no sphere, large enough for its own shape, or too long.
 pub fn circles(lens: &Lens, profiles: &Profiles, footprint: &Footprint) -> [Option<Footprint>; 2] {
     let Shape::Sphere { camera, h } = footprint.shape else { return [None; 2] };
+    circles_of(lens, profiles, (camera, h), [footprint.amplitude, footprint.amplitude_s])
+}
+
+/// The same of a sphere by its place in camera space, its smoothing length and its amplitudes: for most it is not worth knowing what
+/// exactly they cover.
+#[inline]
+pub fn circles_of(
+    lens: &Lens,
+    profiles: &Profiles,
+    (camera, h): (DVec3, f64),
+    [amplitude, amplitude_s]: [f64; 2],
+) -> [Option<Footprint>; 2] {
+    let radius = h * lens.focal() / camera.z;
+    // Not finite: it is no circle either.
+    if radius.is_nan() || radius >= Profiles::SMALLEST {
+        return [None; 2];
+    }
     let Some(center) = lens.center(camera) else { return [None; 2] };
     let slope = lens.slope(center);
     let tangent = slope[0] * slope[0] + slope[1] * slope[1];
-    let radius = h * lens.focal() / camera.z;
-    if radius >= Profiles::SMALLEST || tangent > STEEPEST {
+    if tangent > STEEPEST {
         return [None; 2];
     }
     let circle = |side: f64, share: f64| {
@@ -157,8 +186,8 @@ pub fn circles(lens: &Lens, profiles: &Profiles, footprint: &Footprint) -> [Opti
             min: center.map(|x| x - radius),
             max: center.map(|x| x + radius),
             radius,
-            amplitude: footprint.amplitude * stretch,
-            amplitude_s: footprint.amplitude_s * stretch,
+            amplitude: amplitude * stretch,
+            amplitude_s: amplitude_s * stretch,
             shape: Shape::Circle { center },
         })
     };

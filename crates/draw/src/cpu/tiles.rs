@@ -196,11 +196,24 @@ pub fn sort(
     options: &SplatOptions,
 ) -> Sorted {
     let tiles = layers.last().map_or(0, |layer| layer.first + layer.tiles[0] * layer.tiles[1]);
-    let mut starts = vec![0u32; tiles + 1];
-    let mut placed: Vec<(u32, Record)> = Vec::with_capacity(pieces.iter().map(|piece| piece.1.len()).sum());
-    let (mut wide, mut near, mut outside, mut counts) = (Vec::new(), Vec::new(), Vec::new(), Counts::default());
+    let count = pieces.iter().map(|piece| piece.1.len()).sum();
+    let mut sorting = Sorting { starts: vec![0; tiles + 1], placed: Vec::with_capacity(count), ..Sorting::default() };
     for (splats, range) in pieces {
         for index in range.clone() {
+            // How much of one that is faint shows depends on what exactly it covers.
+            let ball = if options.faintest > 0.0 { None } else { lens.ball_ahead(splats, index) };
+            let circles = ball.map_or([None; 2], |(camera, h, weights)| {
+                let per_area = 1.0 / (h * h);
+                small::circles_of(lens, profiles, (camera, h), weights.map(|weight| weight * per_area))
+            });
+            if circles[0].is_some() {
+                let seen = circles.iter().flatten().any(|circle| lens.sees(circle, 1.0));
+                sorting.count(seen);
+                if seen || !options.culling {
+                    circles.iter().flatten().for_each(|circle| sorting.put(layers, 0, circle, seen));
+                }
+                continue;
+            }
             let Some(footprint) = lens.footprint(splats, index, options.kernel) else { continue };
             let footprint = lens.seen_from_far(footprint, options.kernel, FAR);
             // A level's padding is at most twice the radius of the splats on it.
@@ -208,62 +221,89 @@ pub fn sort(
             let seen = lens.sees(&footprint, if small { 1.0 } else { 2.0 * footprint.radius });
             if seen && options.faintest > 0.0 && lens.presence(&footprint, options.kernel) < f64::from(options.faintest)
             {
-                counts.faint += 1;
+                sorting.counts.faint += 1;
                 continue;
             }
-            counts.drawn += u64::from(seen);
-            counts.outside += u64::from(!seen);
+            sorting.count(seen);
             if !seen && options.culling {
                 continue;
             }
             let layer = if small { 0 } else { 1 + pyramid::level_of(footprint.radius, layers.len() - 2) };
             if let Shape::Ellipse(ellipse) = footprint.shape {
                 let drawn = place_ellipse(&layers[layer], &footprint, &ellipse, |tile, record| {
-                    starts[tile] += 1;
-                    placed.push((tile as u32, record));
+                    sorting.starts[tile] += 1;
+                    sorting.placed.push((tile as u32, record));
                 });
                 if !drawn {
-                    wide.push((layer, footprint));
+                    sorting.wide.push((layer, footprint));
                 }
                 continue;
             }
             if let (Shape::Ellipsoid(_), false) = (footprint.shape, small) {
                 match fitting(&layers[layer], &footprint) {
-                    Some(tile) => near.push((tile, footprint)),
-                    None => wide.push((layer, footprint)),
+                    Some(tile) => sorting.near.push((tile, footprint)),
+                    None => sorting.wide.push((layer, footprint)),
                 }
                 continue;
             }
-            let mut put = |footprint: &Footprint| match place(&layers[layer], footprint) {
-                // It has been through everything that a splat goes through; none of its tile's cells is in its reach.
-                Some(placed) if !seen => outside.push(placed),
-                None if !seen => {}
-                Some((tile, record)) => {
-                    starts[tile] += 1;
-                    placed.push((tile as u32, record));
-                }
-                None => wide.push((layer, *footprint)),
-            };
             match if small { small::circles(lens, profiles, &footprint) } else { [None; 2] } {
-                [None, _] => put(&footprint),
-                circles => circles.iter().flatten().for_each(put),
+                [None, _] => sorting.put(layers, layer, &footprint, seen),
+                circles => circles.iter().flatten().for_each(|circle| sorting.put(layers, layer, circle, seen)),
             }
         }
     }
-    let mut next = 0;
-    for start in &mut starts {
-        next += std::mem::replace(start, next);
+    sorting.sorted()
+}
+
+/// Splats on their way to their tiles.
+#[derive(Default)]
+struct Sorting {
+    /// How many records each tile has.
+    starts: Vec<u32>,
+    placed: Vec<(u32, Record)>,
+    wide: Vec<(usize, Footprint)>,
+    near: Vec<(usize, Footprint)>,
+    outside: Vec<(usize, Record)>,
+    counts: Counts,
+}
+
+impl Sorting {
+    fn count(&mut self, seen: bool) {
+        self.counts.drawn += u64::from(seen);
+        self.counts.outside += u64::from(!seen);
     }
-    let blank = Record { place: [0.0; 5], amplitude: 0.0, amplitude_s: 0.0 };
-    let mut records = vec![blank; placed.len()];
-    let mut cursor = starts.clone();
-    for (tile, record) in placed {
-        let slot = &mut cursor[tile as usize];
-        records[*slot as usize] = record;
-        *slot += 1;
+
+    /// Gives a footprint to its tile in a layer.
+    fn put(&mut self, layers: &[Layer], layer: usize, footprint: &Footprint, seen: bool) {
+        match place(&layers[layer], footprint) {
+            // It has been through everything that a splat goes through; none of its tile's cells is in its reach.
+            Some(placed) if !seen => self.outside.push(placed),
+            None if !seen => {}
+            Some((tile, record)) => {
+                self.starts[tile] += 1;
+                self.placed.push((tile as u32, record));
+            }
+            None => self.wide.push((layer, *footprint)),
+        }
     }
-    near.sort_by_key(|(tile, _)| *tile);
-    Sorted { records, starts, wide, near, outside, counts }
+
+    fn sorted(self) -> Sorted {
+        let Sorting { mut starts, placed, wide, mut near, outside, counts } = self;
+        let mut next = 0;
+        for start in &mut starts {
+            next += std::mem::replace(start, next);
+        }
+        let blank = Record { place: [0.0; 5], amplitude: 0.0, amplitude_s: 0.0 };
+        let mut records = vec![blank; placed.len()];
+        let mut cursor = starts.clone();
+        for (tile, record) in placed {
+            let slot = &mut cursor[tile as usize];
+            records[*slot as usize] = record;
+            *slot += 1;
+        }
+        near.sort_by_key(|(tile, _)| *tile);
+        Sorted { records, starts, wide, near, outside, counts }
+    }
 }
 
 /// Gives the records of an ellipse to `put`: one in the tile of its centre where it fits into the buffer, else one in each tile

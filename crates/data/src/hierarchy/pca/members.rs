@@ -77,8 +77,7 @@ impl Members {
             out.moments.push(sums.moments);
             out.log_volume.push(sums.log_volume);
             out.reach.push(self.reach_from(sums.place, group.iter().copied()));
-            let sizes = group.iter().map(|&i| (self.diameters[i as usize], self.distance(i, sums.place)));
-            out.diameters.push(published_diameter(sizes));
+            out.diameters.push(self.published_diameter(group, sums.place, DiameterRule::Averaged));
             let presence: f64 = group.iter().map(|&i| self.presence(i)).sum();
             out.density.push((presence / sums.mass) as f32);
             for ((out, values), rule) in out.attributes.iter_mut().zip(&self.attributes).zip(rules) {
@@ -86,6 +85,16 @@ impl Members {
             }
         }
         out
+    }
+
+    /// The diameters that HE03 gives the clusters `merged` that a splitting has made of these ([`published_diameter`]).
+    pub fn published_diameters(&self, splitting: &Splitting, merged: &Members, rule: DiameterRule) -> Vec<f64> {
+        let groups = splitting.groups().zip(&merged.places);
+        groups.map(|(group, place)| self.published_diameter(group, *place, rule)).collect()
+    }
+
+    fn published_diameter(&self, group: &[u32], place: [f64; 3], rule: DiameterRule) -> f64 {
+        published_diameter(group.iter().map(|&i| (self.diameters[i as usize], self.distance(i, place))), rule)
     }
 
     fn presence(&self, i: u32) -> f64 {
@@ -148,10 +157,19 @@ pub fn merged_attribute(rule: AttributeMerge, values: impl Iterator<Item = (f64,
     (value as f32).clamp(f32::MIN, f32::MAX)
 }
 
+/// How equation 2 of HE03 is read.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum DiameterRule {
+    /// The number of members divides under the root, so that it is over an average, as the text has it.
+    #[default]
+    Averaged,
+    /// It divides outside of the root, as printed, so that large clusters hardly grow.
+    Printed,
+}
+
 /// The diameter `s_j` that HE03 gives a cluster of members with diameters `s_i` and distances `|x_i - X_j|` from its centroid (equation 2):
-/// that of the largest member, `m`, and `0.5 sqrt(mean of s_i |x_i - X_j|)` over the others. As printed, the number of these divides
-/// outside of the root, so that large clusters would hardly grow; the text speaks of an average, which this is.
-pub fn published_diameter(members: impl Iterator<Item = (f64, f64)>) -> f64 {
+/// that of the largest member, `m`, and `0.5 sqrt(mean of s_i |x_i - X_j|)` over the others, or `0.5 / (n - 1) sqrt(sum)` of `n` members.
+pub fn published_diameter(members: impl Iterator<Item = (f64, f64)>, rule: DiameterRule) -> f64 {
     let (mut largest, mut sum, mut count) = ((0.0, 0.0), 0.0, 0_u32);
     for (size, away) in members {
         sum += size * away;
@@ -161,8 +179,8 @@ pub fn published_diameter(members: impl Iterator<Item = (f64, f64)>) -> f64 {
         }
     }
     let (size, away) = largest;
-    let others = (sum - size * away).max(0.0);
-    size + if count > 1 { 0.5 * (others / f64::from(count - 1)).sqrt() } else { 0.0 }
+    let (root, others) = ((sum - size * away).max(0.0).sqrt(), f64::from(count.max(2) - 1));
+    size + 0.5 * root / if rule == DiameterRule::Averaged { others.sqrt() } else { others }
 }
 
 /// Some members together.
