@@ -39,6 +39,8 @@ pub struct OutlineOptions {
 #[derive(Clone, Copy, Debug)]
 struct Outline {
     ellipse: Ellipse,
+    /// Half of its short axis, pixels.
+    short: f64,
     distance: f64,
     color: [f32; 3],
 }
@@ -55,7 +57,8 @@ pub fn draw(
     let of_batch = |batch: &Splats<'_>| -> Vec<Outline> {
         let outline = |index| {
             let (ellipse, distance) = ellipse(view, batch, index, options)?;
-            is_seen(view, &ellipse, options).then(|| Outline { ellipse, distance, color: color(batch, index) })
+            let outline = |color| Outline { ellipse, short: ellipse.radii()[0], distance, color };
+            is_seen(view, &ellipse, options).then(|| outline(color(batch, index)))
         };
         (0..batch.len()).filter_map(outline).collect()
     };
@@ -138,7 +141,7 @@ impl OutlineOptions {
 impl Outline {
     /// Draws what of it lies in some rows of the picture, which `rays` are of, behind what is there.
     fn draw(&self, rays: &mut [Ray], width: usize, rows: std::ops::Range<usize>, options: &OutlineOptions) {
-        let Outline { ellipse, color, .. } = self;
+        let Outline { ellipse, short, color, .. } = self;
         let (reach, height) = (options.reach(), ellipse.half[1]);
         let dimmed = color.map(|light| options.dimmed * light);
         // Casts saturate.
@@ -157,7 +160,7 @@ impl Outline {
             for x in (columns.start..hollow.start.min(columns.end)).chain(hollow.end.max(columns.start)..columns.end) {
                 let ray = &mut line[x];
                 if ray.alpha < OPAQUE {
-                    let [line, inside] = options.opacities(distance(ellipse, [x as f64 + 0.5, y]));
+                    let [line, inside] = options.opacities(distance((ellipse, *short), [x as f64 + 0.5, y]));
                     ray.under(*color, line);
                     ray.under(dimmed, inside);
                 }
@@ -181,16 +184,19 @@ impl Outline {
     }
 }
 
-/// How far outside of an ellipse a point lies, pixels, negative within: to first order, exact along its axes.
-fn distance(ellipse: &Ellipse, [x, y]: [f64; 2]) -> f64 {
+/// How far outside of an ellipse with this half of its short axis a point lies, pixels, negative within: to first order, and within no
+/// farther than along the short axis.
+fn distance((ellipse, short): (&Ellipse, f64), [x, y]: [f64; 2]) -> f64 {
     let Ellipse { center, shear, half } = *ellipse;
     let down = y - center[1];
     let (u, v) = ((x - center[0] - shear * down) / half[0], down / half[1]);
     let square = u.hypot(v);
     let steepness = (u / half[0]).hypot(v / half[1] - shear * u / half[0]);
-    match square > 1e-9 {
-        true => (square - 1.0) * square / steepness,
-        false => -ellipse.radii()[0],
+    let first_order = (square - 1.0) * square / steepness;
+    match square {
+        square if square >= 1.0 => first_order,
+        square if square > 1e-9 => first_order.max(-short * (1.0 - square * square).sqrt()),
+        _ => -short,
     }
 }
 

@@ -116,6 +116,16 @@ pub trait Technique: Sync {
         false
     }
 
+    /// Whether a legend of the transfer function's colours says what those of its pictures mean.
+    fn has_legend(&self) -> bool {
+        true
+    }
+
+    /// The ranges of its colours, of techniques that draw light in colours of another quantity than densities and attributes.
+    fn own_levels(&self, _job: &Job<'_>) -> Option<VolumeLevels> {
+        None
+    }
+
     /// Changes settings that depend on the view, so that all faces of a panorama are drawn alike; `all` are particles of all the data, whose
     /// kernel this is.
     fn for_panorama(&self, _settings: &mut Settings, _all: &[Splats<'_>], _kernel: Kernel) {}

@@ -90,6 +90,10 @@ impl Technique for Primitives {
         true
     }
 
+    fn has_legend(&self) -> bool {
+        false
+    }
+
     fn for_panorama(&self, settings: &mut Settings, all: &[Splats<'_>], kernel: Kernel) {
         if all.is_empty() || !settings.numbers(&RANGE).is_empty() {
             return;
@@ -98,9 +102,12 @@ impl Technique for Primitives {
         settings.set(&RANGE, SettingValue::Numbers(range.to_vec()));
     }
 
+    fn own_levels(&self, job: &Job<'_>) -> Option<VolumeLevels> {
+        Some(Colors::of_job(job).levels())
+    }
+
     fn draw(&self, job: &Job<'_>) -> Result<Raw, VolumeError> {
-        let usual = TransferFunction::default();
-        let colors = Colors::new(job.settings, job.batches, job.transfer.unwrap_or(&usual), job.options.kernel);
+        let colors = Colors::of_job(job);
         let options = OutlineOptions {
             kernel: job.options.kernel,
             deviations: job.settings.number(&DEVIATIONS),
@@ -109,12 +116,17 @@ impl Technique for Primitives {
             dimmed: DIMMED,
         };
         let (drawn, report) = outlines::draw(job.view, job.batches, &options, |batch, index| colors.of(batch, index));
-        let levels = VolumeLevels { density: colors.told(), attribute: [0.0, 1.0], unit_length: 0.0 };
+        let levels = colors.levels();
         Ok(Raw::Light(LightPicture { colors: drawn, report, levels, isovalues: Vec::new() }))
     }
 }
 
 impl Colors {
+    fn of_job(job: &Job<'_>) -> Colors {
+        let usual = TransferFunction::default();
+        Colors::new(job.settings, job.batches, job.transfer.unwrap_or(&usual), job.options.kernel)
+    }
+
     fn new(settings: &Settings, batches: &[Splats<'_>], transfer: &TransferFunction, kernel: Kernel) -> Colors {
         let by = match &*settings.name(&COLOR) {
             "size" => By::Size,
@@ -160,6 +172,11 @@ impl Colors {
     /// The values at the ends of the colours.
     fn told(&self) -> [f64; 2] {
         if self.by == By::Size { self.range.map(f64::exp) } else { self.range }
+    }
+
+    /// The same as a picture tells it.
+    fn levels(&self) -> VolumeLevels {
+        VolumeLevels { density: self.told(), attribute: [0.0, 1.0], unit_length: 0.0 }
     }
 
     /// The colour of a splat's outline, linear light.

@@ -191,7 +191,12 @@ impl<'a> Subject<'a> {
         if !self.depiction.mode.is_light() {
             return Ok(self.transfer.levels(&self.draw(view, nodes, plan)?.sums(self.depiction.mode)?.0));
         }
-        let found = Look::new(&self.job(view, &batches(self.depiction, nodes)?, plan))?.levels;
+        let batches = batches(self.depiction, nodes)?;
+        let job = self.job(view, &batches, plan);
+        let found = match self.depiction.mode.technique.own_levels(&job) {
+            Some(own) => own,
+            None => Look::new(&job)?.levels,
+        };
         Ok(Levels { p: found.density, s: found.attribute })
     }
 
