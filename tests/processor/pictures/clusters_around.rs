@@ -75,7 +75,7 @@ fn all_faces_together_keep_to_the_number_of_splats() {
     for surround in SURROUNDS {
         for mode in ["column-density", "points", "volume", "sorted-splats", "cartesian", "primitives"] {
             let around = Around { surround, stereo: None, eye: WITHIN };
-            let splats = 3000;
+            let splats = 3000_u32;
             let picture = around.draw(&mut session, &look(mode, Some(f64::from(splats))));
             let drawn = picture.particles;
             assert!(drawn <= u64::from(splats), "{surround:?} {mode}: {drawn}");
