@@ -41,7 +41,7 @@ fn every_splat_has_an_outline_in_the_colour_of_what_it_stands_for() {
     let sets: [(&[(&str, SettingValue)], &str); 4] = [
         (&[("levels", name("clusters")), few.clone()], "clusters"),
         (&[("levels", name("splats"))], "splats"),
-        (&[few.clone()], "clusters"),
+        (std::slice::from_ref(&few), "clusters"),
         (&[("levels", name("clusters")), ("splats", SettingValue::Number(1e9))], "clusters"),
     ];
     for ortho in [true, false] {

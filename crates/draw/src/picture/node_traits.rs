@@ -17,7 +17,7 @@ pub fn misfit(drawn: &SceneNode) -> Option<f64> {
 pub fn traits(drawn: &SceneNode) -> Option<NodeTraits> {
     let node = drawn.page.nodes.get(drawn.node.node as usize)?;
     let (kind, misfit) = match misfit(drawn) {
-        Some(misfit) => (SplatKind::Cluster, Some(misfit / node.mass)),
+        Some(misfit) => (SplatKind::Cluster, Some((misfit / node.mass).min(2.0))),
         None if node.is_leaf() => (SplatKind::Leaf, Some(0.0)),
         None => (SplatKind::Merged, None),
     };
