@@ -52,20 +52,14 @@ enum Values<'a> {
     },
     Light {
         levels: &'static str,
-        /// The rest of what sums tell of their levels, where splats lie over each other.
-        #[serde(flatten)]
-        over: Option<Box<Over>>,
-        grid: Grid,
+        splats: u64,
+        budget: Option<u64>,
+        /// Of splats that lie over each other alone.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        order: Option<&'static str>,
+        grid: Box<Grid>,
         ranges: Ranges<'a>,
     },
-}
-
-/// How many splats lie over each other, and how.
-#[derive(Debug, Serialize)]
-struct Over {
-    splats: u64,
-    budget: Option<u64>,
-    order: &'static str,
 }
 
 /// What the grid was, and what was done in it.
@@ -134,10 +128,10 @@ fn values(picture: &Picture) -> Values<'_> {
     };
     Values::Light {
         levels: picture.drawn_from,
-        over: picture.level_report.order.map(|order| {
-            Box::new(Over { splats: picture.level_report.splats, budget: picture.level_report.budget, order })
-        }),
-        grid: Grid {
+        splats: picture.level_report.splats,
+        budget: picture.level_report.budget,
+        order: picture.level_report.order,
+        grid: Box::new(Grid {
             size: report.grid,
             near: report.planes[0],
             far: report.planes[1],
@@ -150,7 +144,7 @@ fn values(picture: &Picture) -> Values<'_> {
             samples: report.samples,
             crossings: report.crossings,
             memory_bytes: report.memory,
-        },
+        }),
         ranges: Ranges {
             density: levels.density,
             attribute: levels.attribute,

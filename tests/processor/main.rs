@@ -22,6 +22,7 @@ mod out_of_core;
 /// From source to picture, across the rooms: the screen-space guarantee, conservation, colour errors, golden images.
 mod pictures {
     mod clusters;
+    mod clusters_around;
     mod color_error;
     mod conservation;
     mod cut;
@@ -31,6 +32,7 @@ mod pictures {
     mod lod_budget;
     mod paths;
     mod periodic;
+    mod primitives;
     mod runs;
     mod session;
     mod stand_in;

@@ -2,11 +2,11 @@
 
 use deepfield::cpu::around::{along_ray, draw_face};
 use deepfield::cpu::{Extent, Method, Positions, SplatOptions, Splats, draw};
-use deepfield::model::Kernel;
+use deepfield::model::{Covariance, Kernel};
 use deepfield::picture::panorama::{Texels, assemble};
 use deepfield::synth::random::Random;
 use deepfield::view::{CubeLayout, Omnidirectional, Panorama, Projection, Sampling, Sections, Surround, View};
-use glam::DVec3;
+use glam::{DMat3, DQuat, DVec3};
 use rayon::prelude::*;
 use std::f64::consts::PI;
 
@@ -35,6 +35,21 @@ impl Cloud {
 
     fn splats(&self) -> Splats<'_> {
         let extent = Extent::World(&self.h);
+        Splats::new(Positions::World(&self.positions), extent, &self.weight, Some(&self.attribute)).unwrap()
+    }
+
+    /// Second moments of ellipsoids of about these sizes, four times as long as thick, turned anyhow.
+    fn covariances(&self) -> Vec<Covariance> {
+        let covariance = |(h, turn): (&f32, &[f64; 3])| {
+            let radii = f64::from(*h) * OPTIONS.kernel.variance().sqrt() * DVec3::new(2.0, 1.0, 0.5);
+            let axes = DMat3::from_quat(DQuat::from_scaled_axis(4.0 * DVec3::from(*turn)));
+            Covariance::of(axes * DMat3::from_diagonal(radii * radii) * axes.transpose())
+        };
+        self.h.iter().zip(&self.positions).map(covariance).collect()
+    }
+
+    fn ellipsoids<'a>(&'a self, covariances: &'a [Covariance]) -> Splats<'a> {
+        let extent = Extent::Ellipsoids(covariances);
         Splats::new(Positions::World(&self.positions), extent, &self.weight, Some(&self.attribute)).unwrap()
     }
 
@@ -154,6 +169,11 @@ fn panoramas_are_sums_along_rays_and_have_no_seams() {
 fn kernels_around_the_eye_are_half_lines() {
     let cloud = Cloud::random(40, [0.8, 3.0], 2);
     let [p, ps, seam] = errors(panorama(Surround::Equirectangular, 64, 32), None, &cloud.splats());
+    assert!(p < 1e-2 && ps < 1e-2 && seam < 1e-2, "{p} {ps} {seam}");
+    // Clusters too, whose own shape it is that the rays meet.
+    let cloud = Cloud::random(12, [0.8, 3.0], 5);
+    let covariances = cloud.covariances();
+    let [p, ps, seam] = errors(panorama(Surround::Equirectangular, 128, 64), None, &cloud.ellipsoids(&covariances));
     assert!(p < 1e-2 && ps < 1e-2 && seam < 1e-2, "{p} {ps} {seam}");
 }
 

@@ -15,16 +15,16 @@ use deepfield::picture::level_report::{bound, estimate};
 use deepfield::picture::look::transfer_of;
 use deepfield::store::{PageFile, Representative};
 use deepfield::stream::{Scene, SceneNode};
-use deepfield::view::{Detail, Projection, View};
+use deepfield::view::{Detail, Projection, Scope, View};
 use glam::DVec3;
 use std::sync::Arc;
 
-struct Data {
-    file: Arc<PageFile>,
+pub struct Data {
+    pub file: Arc<PageFile>,
     _folder: tempfile::TempDir,
 }
 
-fn data() -> Data {
+pub fn data() -> Data {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("clusters.df");
     let hierarchies = Hierarchies { octree: true, pca: true };
@@ -217,7 +217,7 @@ fn errors_are_within_their_bound_and_near_their_estimate() {
     let [error, _] = off(&drawn.sums, &data.leaves(&view, 1.0));
     // What is bright comes before what is faint, for which the mean error, which counts both alike, is a little larger than it could be.
     assert!(error < 0.55 * sampled[0], "{error} {sampled:?}");
-    assert_eq!(Detail::Budget { splats: 5 }.tolerance(&view), f64::INFINITY);
+    assert_eq!(Detail::Budget { splats: 5, scope: Scope::Picture }.tolerance(&view), f64::INFINITY);
 }
 
 #[test]

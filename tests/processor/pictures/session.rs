@@ -87,6 +87,35 @@ fn a_film_shows_the_picture_before_then_its_own() {
     }
 }
 
+/// Each picture of a blend keeps to its own number of clusters, in every projection.
+#[test]
+fn a_film_between_clusters_shows_both() {
+    let data = super::clusters::data();
+    let mut session = Session::of(Arc::clone(&data.file), u64::MAX);
+    for surround in [Surround::Flat, Surround::Equirectangular] {
+        let mut clusters = |mode: &str, splats: f64| {
+            let (mut shot, camera) = shot(modes::find(mode).unwrap(), &mut session);
+            shot.look.budget.0.insert("levels".into(), SettingValue::Name("clusters".into()));
+            shot.look.budget.0.insert("splats".into(), SettingValue::Number(splats));
+            (Shot { surround, ..shot }, camera)
+        };
+        let ((before, camera), (own, _)) = (clusters("column-density", 300.0), clusters("volume", 3000.0));
+        let mut drawn = |shot: &Shot| {
+            let picture = session.draw(shot).unwrap();
+            (picture.particles, picture.image(shot).unwrap())
+        };
+        let ((few, before_image), (many, own_image)) = (drawn(&before), drawn(&own));
+        assert!(few <= 300 && (2500..=3000).contains(&many), "{surround:?}: {few} {many}");
+        for (share, expected) in [(0.0, &before_image), (1.0, &own_image)] {
+            let from = SceneFile { look: before.look.clone(), camera: Some(camera), ..SceneFile::new(Vec::new()) };
+            let from = Some(Box::new(SceneFile { projection: surround, ..from }));
+            let shot = Shot { film: Some(Film { from, share, ..Film::default() }), ..own.clone() };
+            let picture = session.draw(&shot).unwrap();
+            assert!(session.finished(&shot, &picture).unwrap() == *expected, "{surround:?} {share}");
+        }
+    }
+}
+
 /// A card that can do nothing.
 struct Broken;
 

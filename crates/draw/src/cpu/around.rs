@@ -8,18 +8,21 @@
 //! - Discs of a fixed size in pixels subtend as many of the panorama's pixels, in every direction: each becomes a sphere around
 //!   the eye that subtends its angle, and whose flux over a pixel's solid angle is the disc's.
 //!
-//! Ellipsoids about the eye are summed as balls of equal volume ([`Splats::ball`]). All others are drawn by the flat renderers, whose integrals along each pixel's own ray know no face.
+//! Ellipsoids about the eye are summed in the space in which they are balls; such rays cannot resolve very flat ones, which are made
+//! thicker ([`FLATTEST`]). All others are drawn by the flat renderers, whose integrals along each pixel's own ray know no face.
 
 use super::half_line::HalfLine;
 use super::{Counts, Extent, Positions, SplatError, SplatOptions, Splats, draw_counted};
 use crate::color::Accumulation;
 use crate::model::{Covariance, Kernel};
 use crate::view::View;
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
-/// Particles nearer than so many smoothing lengths are summed ray by ray.
+/// Particles nearer than so many smoothing lengths, or longest semi-axes, are summed ray by ray.
 pub const NEAR: f64 = 2.0;
+/// The shortest semi-axis of an ellipsoid that is, over the longest.
+pub const FLATTEST: f64 = 0.1;
 /// Distance of those rays, radians.
 const STEP: f64 = 0.008;
 
@@ -63,12 +66,40 @@ impl Columns {
     }
 }
 
-/// A particle about the eye, relative to it.
+/// The space in which a particle's support is the unit ball.
+#[derive(Clone, Copy)]
+struct Stretched {
+    /// From world units.
+    to_ball: DMat3,
+    /// Volume of the support over that of the unit ball.
+    volume: f64,
+}
+
+impl Stretched {
+    /// That of a particle of a batch; of an ellipsoid with semi-axes of at least `flattest` of the longest. None without an extent in space.
+    fn of(batch: &Splats<'_>, index: usize, kernel: Kernel, flattest: f64) -> Option<Stretched> {
+        let (radii, axes) = match batch.extent() {
+            Extent::Pixels(_) => return None,
+            Extent::World(lengths) => (DVec3::splat(f64::from(lengths[index])), DMat3::IDENTITY),
+            Extent::Ellipsoids(covariances) => {
+                let (values, axes) = covariances[index].principal();
+                let radii = (values / kernel.variance()).max(DVec3::ZERO).map(f64::sqrt);
+                (radii.max(DVec3::splat(flattest * radii.x)), axes)
+            }
+        };
+        let to_ball = DMat3::from_diagonal(radii.recip()) * axes.transpose();
+        let is_solid = radii.min_element() > 0.0 && to_ball.is_finite();
+        is_solid.then_some(Stretched { to_ball, volume: radii.element_product() })
+    }
+}
+
+/// A particle about the eye.
 #[derive(Clone, Copy)]
 struct Near {
+    /// Its middle relative to the eye, where it is a ball.
     place: DVec3,
-    h: f64,
-    /// `w / h^2`, and the same times the attribute.
+    to_ball: DMat3,
+    /// Its weight over its volume, and the same times the attribute.
     amplitudes: [f64; 2],
 }
 
@@ -92,7 +123,7 @@ pub fn draw_face(
     pixel: f64,
     options: &SplatOptions,
 ) -> Result<(Accumulation, Counts), SplatError> {
-    let parts: Vec<Part> = batches.par_iter().map(|batch| part(view.eye, batch, pixel)).collect();
+    let parts: Vec<Part> = batches.par_iter().map(|batch| part((view.eye, options.kernel), batch, pixel)).collect();
     let (mut world, mut sky, mut near) = (Vec::new(), Vec::new(), Vec::new());
     for (batch, part) in batches.iter().zip(&parts) {
         match part {
@@ -127,7 +158,7 @@ pub fn add(picture: &mut Accumulation, other: &Accumulation) {
     channels.into_iter().for_each(|(to, from)| to.iter_mut().zip(from).for_each(|(to, from)| *to += from));
 }
 
-fn part(eye: DVec3, batch: &Splats<'_>, pixel: f64) -> Part {
+fn part((eye, kernel): (DVec3, Kernel), batch: &Splats<'_>, pixel: f64) -> Part {
     let attribute = |i: usize| batch.attribute().map(|values| values[i]);
     let positions = batch.positions();
     match batch.extent() {
@@ -146,9 +177,9 @@ fn part(eye: DVec3, batch: &Splats<'_>, pixel: f64) -> Part {
             Part::Sky(sky)
         }
         Extent::World(_) | Extent::Ellipsoids(_) => {
-            let length = |i: usize| batch.ball(i).map_or(0.0, f64::from);
             let is_near = |i: usize| {
-                let h = length(i);
+                // By the default kernel, which reaches farthest of all.
+                let h = batch.farthest(i).map_or(0.0, f64::from);
                 h > 0.0 && h.is_finite() && (positions.world(i) - eye).length_squared() < (NEAR * h).powi(2)
             };
             if !(0..batch.len()).any(is_near) {
@@ -163,11 +194,12 @@ fn part(eye: DVec3, batch: &Splats<'_>, pixel: f64) -> Part {
             let mut others = Columns::with(batch.attribute().is_some(), reach);
             far.iter().for_each(|&i| others.push(positions.world(i), batch.weight()[i], attribute(i)));
             let near = about.into_iter().filter_map(|i| {
-                let (place, h) = (positions.world(i), length(i));
-                let amplitude = f64::from(batch.weight()[i]) / (h * h);
+                let Stretched { to_ball, volume } = Stretched::of(batch, i, kernel, FLATTEST)?;
+                let place = to_ball * (positions.world(i) - eye);
+                let amplitude = f64::from(batch.weight()[i]) / volume;
                 let amplitudes = [amplitude, amplitude * attribute(i).map_or(0.0, f64::from)];
                 let finite = amplitudes.iter().all(|amplitude| amplitude.is_finite());
-                finite.then_some(Near { place: place - eye, h, amplitudes })
+                (finite && place.is_finite()).then_some(Near { place, to_ball, amplitudes })
             });
             Part::Split(near.collect(), others)
         }
@@ -176,9 +208,11 @@ fn part(eye: DVec3, batch: &Splats<'_>, pixel: f64) -> Part {
 
 /// What a ray from the eye meets of a particle there.
 fn met(table: &HalfLine, near: &Near, ray: DVec3) -> f64 {
-    let along = near.place.dot(ray);
+    let ray = near.to_ball * ray;
+    let longer = ray.length();
+    let along = near.place.dot(ray) / longer;
     let square = (near.place.length_squared() - along * along).max(0.0);
-    table.at(square / (near.h * near.h), along / near.h)
+    table.at(square, along) / longer
 }
 
 /// Adds particles about the eye.
@@ -233,10 +267,10 @@ pub fn along_ray(batches: &[Splats<'_>], kernel: Kernel, origin: DVec3, directio
     let mut sums = [0.0; 2];
     for batch in batches {
         for i in 0..batch.len() {
-            let Some(h) = batch.ball(i).map(f64::from) else { break };
-            let place = batch.positions().world(i) - origin;
-            let along = place.dot(ray) / h;
-            let square = place.length_squared() / (h * h) - along * along;
+            let Some(Stretched { to_ball, volume }) = Stretched::of(batch, i, kernel, 0.0) else { continue };
+            let (place, ray) = (to_ball * (batch.positions().world(i) - origin), to_ball * ray);
+            let along = place.dot(ray) / ray.length();
+            let square = place.length_squared() - along * along;
             if square.is_nan() || square >= 1.0 {
                 continue;
             }
@@ -251,7 +285,7 @@ pub fn along_ray(batches: &[Splats<'_>], kernel: Kernel, origin: DVec3, directio
                     (0..STEPS).map(at).sum::<f64>() * step
                 }
             };
-            let weight = f64::from(batch.weight()[i]) * met / (h * h);
+            let weight = f64::from(batch.weight()[i]) * met / (volume * ray.length());
             sums[0] += weight;
             sums[1] += weight * batch.attribute().map_or(0.0, |values| f64::from(values[i]));
         }

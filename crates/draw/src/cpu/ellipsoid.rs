@@ -118,6 +118,26 @@ impl Ellipsoid {
         Ellipse::of(center, focal * self.axes.row(0), -focal * self.axes.row(1))
     }
 
+    /// Its outline in perspective, exactly: what the lines of sight touch. `middle` is where slopes are 0, pixels, `focal` pixels a unit of
+    /// slope. None where it reaches behind the eye's plane, so that the outline is no ellipse.
+    pub fn outline(&self, middle: [f64; 2], focal: f64) -> Option<Ellipse> {
+        let (c, deep) = (self.camera, self.axes.row(2));
+        let ahead = c.z * c.z - deep.length_squared();
+        if c.z <= 0.0 || ahead <= 0.0 {
+            return None;
+        }
+        // Its dual conic is `c c^T - M`. With the factors of `M` its moments are differences of squares that do not cancel for what is small.
+        let rows = [0, 1].map(|k| c.z * self.axes.row(k) - c[k] * deep);
+        let crosses = [0, 1].map(|k| self.axes.row(k).cross(deep));
+        let moment = |k: usize, l: usize| (rows[k].dot(rows[l]) - crosses[k].dot(crosses[l])) * (focal / ahead).powi(2);
+        let place = |k: usize| focal * (c[k] * c.z - self.axes.row(k).dot(deep)) / ahead;
+        let height = moment(1, 1).sqrt();
+        let lean = moment(0, 1) / height;
+        let across = (moment(0, 0) - lean * lean).max(0.0).sqrt();
+        let center = [middle[0] + place(0), middle[1] - place(1)];
+        Ellipse::of(center, DVec3::new(-lean, across, 0.0), DVec3::new(height, 0.0, 0.0))
+    }
+
     /// Its picture in perspective to second order; `center` is where its centre appears.
     pub fn far_image(&self, center: [f64; 2], focal: f64, variance: f64) -> Option<FarImage> {
         let c = self.camera;

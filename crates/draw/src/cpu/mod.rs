@@ -21,6 +21,7 @@ pub mod ellipsoid;
 pub mod footprint;
 pub mod half_line;
 pub mod layered;
+pub mod outlines;
 pub mod over;
 pub mod overdraw;
 pub mod paths;
@@ -45,7 +46,7 @@ mod sphere;
 mod tiles;
 
 pub use exact::AREA_FILTER;
-pub use splats::{Extent, Positions, SplatError, Splats};
+pub use splats::{Extent, NodeTraits, Positions, SplatError, SplatKind, Splats};
 
 use crate::color::Accumulation;
 use crate::model::Kernel;

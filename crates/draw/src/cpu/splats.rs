@@ -59,6 +59,28 @@ pub enum Extent<'a> {
     Ellipsoids(&'a [Covariance]),
 }
 
+/// What splats stand for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum SplatKind {
+    /// Source particles.
+    Leaf,
+    /// Particles that were merged within an error.
+    Merged,
+    /// Clusters with a shape.
+    Cluster,
+}
+
+/// The node of a hierarchy that a batch is of, for pictures of the hierarchy itself.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NodeTraits {
+    /// Steps from the root.
+    pub level: u8,
+    /// What its splats stand for.
+    pub kind: SplatKind,
+    /// Mean of its splats' relative L1 distances in space from the particles they stand for, at most 2; `None` where it is not known.
+    pub misfit: Option<f64>,
+}
+
 /// Columns that do not fit together.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum SplatError {
@@ -84,6 +106,7 @@ pub struct Splats<'a> {
     attribute: Option<&'a [f32]>,
     density: Option<&'a [f32]>,
     reach: Option<view::Extent>,
+    traits: Option<NodeTraits>,
 }
 
 impl<'a> Splats<'a> {
@@ -112,7 +135,7 @@ impl<'a> Splats<'a> {
         if let Some(attribute) = attribute {
             check("attribute", attribute.len())?;
         }
-        Ok(Splats { positions, extent, weight, attribute, density: None, reach: None })
+        Ok(Splats { positions, extent, weight, attribute, density: None, reach: None, traits: None })
     }
 
     /// The same with each particle's own density, for what is classified particle by particle.
@@ -129,6 +152,16 @@ impl<'a> Splats<'a> {
     /// The same with a box around the particles and what they reach at most out of it, where that is known.
     pub fn with_reach(self, reach: Option<view::Extent>) -> Splats<'a> {
         Splats { reach, ..self }
+    }
+
+    /// The same with what is known of the node that it is of.
+    pub fn with_traits(self, traits: Option<NodeTraits>) -> Splats<'a> {
+        Splats { traits, ..self }
+    }
+
+    /// What is known of the node that it is of.
+    pub fn traits(&self) -> Option<NodeTraits> {
+        self.traits
     }
 
     /// Number of particles.

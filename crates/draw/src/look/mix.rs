@@ -2,6 +2,7 @@
 
 use super::LookPatch;
 use crate::color::transfer::{Curve, Range, Scale, TransferFunction};
+use crate::mode::levels::is_limit;
 use crate::mode::{Setting, SettingKind, SettingValue, Settings, lod_budget};
 use crate::model::When;
 use crate::modes;
@@ -60,7 +61,10 @@ fn mix_settings(all: impl Iterator<Item = &'static Setting>, a: &Settings, b: &S
         let mixed_value = match (setting.kind, value(a), value(b)) {
             (SettingKind::Number { min, max, .. }, SettingValue::Number(first), SettingValue::Number(last)) => {
                 // What spans decades is felt by its factor.
-                let spans = min > 0.0 && max >= 100.0 * min;
+                let spans = is_limit(setting.name) || min > 0.0 && max >= 100.0 * min;
+                // There is nothing between a limit and none.
+                let switches = is_limit(setting.name) && first.min(last) <= 0.0;
+                let share = if switches { 0.0 } else { share };
                 let mixed = if spans { logarithmic(first, last, share) } else { linear(first, last, share) };
                 SettingValue::Number(mixed.clamp(min, max))
             }
@@ -126,4 +130,22 @@ fn mix_cut(a: &CutSettings, b: &CutSettings, share: f64) -> CutSettings {
         mixed.fade = Some(Fade { start, length });
     }
     mixed
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mode::levels::SPLATS;
+
+    #[test]
+    fn limits_change_by_factors_and_from_none_at_once() {
+        let within = |splats: f64| {
+            let mut look = LookPatch::default();
+            look.budget.set(&SPLATS, SettingValue::Number(splats));
+            look
+        };
+        let mixed = |a: f64, b: f64, share: f64| mix(&within(a), &within(b), share).budget.level_choice().splats;
+        assert_eq!(mixed(100.0, 10_000.0, 0.5), Some(1000));
+        assert_eq!((mixed(0.0, 10_000.0, 0.01), mixed(10_000.0, 0.0, 0.99)), (None, Some(10_000)));
+    }
 }

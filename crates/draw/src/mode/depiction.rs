@@ -5,7 +5,7 @@ use crate::codec::Codebook;
 use crate::color::transfer::{Range, Scale, TransferFunction};
 use crate::hierarchy::Purpose;
 use crate::store::{FamilyMetadata, Metadata, Node};
-use crate::view::{Detail, View};
+use crate::view::{Detail, Scope, View};
 
 /// A mode, its settings and the attribute that colours the picture.
 #[derive(Clone)]
@@ -158,7 +158,7 @@ impl Depiction {
     /// How far the nodes of a file are refined for a view, where splats may be displaced by `tau` pixels.
     pub fn detail(&self, view: &View, tau: f64, metadata: &Metadata) -> Detail {
         match (self.choice.splats, self.purpose(metadata)) {
-            (Some(splats), _) if self.takes_clusters() => Detail::Budget { splats },
+            (Some(splats), _) if self.takes_clusters() => Detail::Budget { splats, scope: Scope::Picture },
             (_, Purpose::Samples) => self.mode.technique.detail(view, &self.settings, metadata.bounds(), tau),
             (_, Purpose::Splats | Purpose::Clusters) => Detail::Error { tau },
         }

@@ -55,6 +55,11 @@ pub fn is_of_levels(name: &str) -> bool {
     all.iter().any(|setting| setting.name == name)
 }
 
+/// Whether a setting is a limit, which there is none of where it is 0.
+pub fn is_limit(name: &str) -> bool {
+    [&SPLATS, &ERROR_PICTURE, &FRAME_MS].iter().any(|setting| setting.name == name)
+}
+
 /// Which levels a picture is drawn from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
 pub enum Levels {

@@ -116,8 +116,19 @@ pub trait Technique: Sync {
         false
     }
 
-    /// Changes settings that depend on the view, so that all faces of a panorama are drawn alike.
-    fn for_panorama(&self, _settings: &mut Settings) {}
+    /// Whether a legend of the transfer function's colours says what those of its pictures mean.
+    fn has_legend(&self) -> bool {
+        true
+    }
+
+    /// The ranges of its colours, of techniques that draw light in colours of another quantity than densities and attributes.
+    fn own_levels(&self, _job: &Job<'_>) -> Option<VolumeLevels> {
+        None
+    }
+
+    /// Changes settings that depend on the view, so that all faces of a panorama are drawn alike; `all` are particles of all the data, whose
+    /// kernel this is.
+    fn for_panorama(&self, _settings: &mut Settings, _all: &[Splats<'_>], _kernel: Kernel) {}
 
     /// What an adapter's passes draw, of techniques that have [`Adapter::Light`]; `ranges` finds those of the field for colours that
     /// have none.

@@ -1,12 +1,14 @@
 //! `cartesian`: a Cartesian grid in world space, resampled at one resolution and cast rays through (F12 5.9).
 
 use super::grid::{self, Layers, Look};
+use crate::cpu::Splats;
 use crate::cpu::cartesian::{self, CartesianOptions, Region};
 use crate::cpu::volume::VolumeError;
 use crate::mode::{
     Adapter, FindRanges, Job, LightPasses, LightPicture, LightPlan, Mode, Needs, Output, Raw, Setting, SettingKind,
     SettingValue, Settings, Technique, Terms,
 };
+use crate::model::Kernel;
 
 /// Cells along the longest side.
 pub static CELLS: Setting = Setting {
@@ -51,7 +53,7 @@ impl Technique for Cartesian {
         Needs { of_data: true, slices: true, ..Needs::default() }
     }
 
-    fn for_panorama(&self, settings: &mut Settings) {
+    fn for_panorama(&self, settings: &mut Settings, _: &[Splats<'_>], _: Kernel) {
         settings.set(&REGION, SettingValue::Name("data".into()));
     }
 

@@ -10,6 +10,7 @@ pub mod layered;
 mod named;
 pub mod paths;
 pub mod points;
+pub mod primitives;
 pub mod sorted_splats;
 pub mod spheres;
 pub mod volume;
@@ -20,7 +21,7 @@ use crate::mode::{Mode, lod_budget};
 use std::sync::{PoisonError, RwLock};
 
 /// The modes that come with deepfield; the first is the default.
-static BUILT_IN: [&Mode; 11] = [
+static BUILT_IN: [&Mode; 12] = [
     &column_density::MODE,
     &density_squared::MODE,
     &points::MODE,
@@ -32,6 +33,7 @@ static BUILT_IN: [&Mode; 11] = [
     &spheres::MODE,
     &cartesian::MODE,
     &paths::MODE,
+    &primitives::MODE,
 ];
 
 /// The modes of other crates.

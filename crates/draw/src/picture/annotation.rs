@@ -178,7 +178,7 @@ impl Annotation {
             bounds: self.bounds,
             length_unit: &self.units.length.to_string(),
             time: &self.time,
-            legend: Some(&legend),
+            legend: self.depiction.mode.technique.has_legend().then_some(&legend),
             labels: &self.labels,
         };
         annotate::paint(image, &annotate::layout(annotations, &subject), scale, self.paper);

@@ -104,8 +104,8 @@ impl SharedLook {
             true => smallest / settings.number(&grid::RESOLUTION),
             false => 0.0,
         };
-        depiction.mode.technique.for_panorama(settings);
-        let mut transfer = subject.transfer.clone().for_volume();
+        depiction.mode.technique.for_panorama(settings, all, subject.metadata.kernel);
+        let mut transfer = subject.transfer.clone();
         if transfer.numbers().is_none() {
             let flat = |_| VolumeError::Grid(GridError::NothingInView);
             let options = VolumeOptions { kernel: subject.metadata.kernel, ..VolumeOptions::default() };
@@ -142,7 +142,7 @@ impl SharedLook {
                     Sizes::Ellipsoids(covariances) => Extent::Ellipsoids(covariances),
                 };
                 let same = Splats::new(batch.positions(), extent, batch.weight(), batch.attribute())?;
-                same.with_density(density.as_deref())
+                same.with_traits(batch.traits()).with_density(density.as_deref())
             }
         });
         let batches = batches.collect::<Result<Vec<_>, SplatError>>()?;

@@ -1,6 +1,7 @@
 //! Nodes of a tree, decoded: what of their particles a picture draws, as batches for the CPU renderer.
 
-use crate::cpu::{Extent, Positions, SplatError, Splats};
+use super::node_traits::traits;
+use crate::cpu::{Extent, NodeTraits, Positions, SplatError, Splats};
 use crate::hierarchy::pca::Step;
 use crate::mode::sample::Sample;
 use crate::mode::{CodeTable, Depiction, Footprint, Plan, SourceColumns};
@@ -38,6 +39,7 @@ pub struct DecodedNode<'a> {
     density: Option<Vec<f32>>,
     /// `None` where the view leaves out all.
     reach: Option<view::Extent>,
+    traits: Option<NodeTraits>,
 }
 
 impl<'a> DecodedNode<'a> {
@@ -140,6 +142,7 @@ impl<'a> DecodedNode<'a> {
             attribute: table.attribute.as_deref().map(at),
             density: table.density.as_deref().map(at),
             reach: None,
+            traits: None,
         }
     }
 }
@@ -292,55 +295,53 @@ pub(super) fn decode_some<'a>(
         .iter()
         .map(|family| family.codebooks.iter().map(|codebook| change(depiction.table(family, codebook))).collect())
         .collect();
-    nodes
-        .par_iter()
-        .map(|drawn| {
-            let index = drawn.node.node as usize;
-            if let Some(content) = drawn.page.content(index) {
-                let family = &metadata.families[drawn.page.family as usize];
-                let own = &drawn.page.nodes[index];
-                let scale = depiction.node_scale(own);
-                // Of an even sample it is known beforehand who is in it.
-                let even = sample.as_ref().map(|sample| sample(drawn, f32::INFINITY));
-                let even = even.filter(|sample| sample.even && drawn.part.is_none() && content.steps().is_empty());
-                if let Some(sample) = even {
-                    let (mut which, mut factors) = (Vec::new(), Vec::new());
-                    sample.each(
-                        own.particles,
-                        |_| 0.0,
-                        |i, factor| {
-                            which.push(i);
-                            factors.push(factor);
-                        },
-                    );
-                    let held = content.some(drawn.time, &which);
-                    let table = change(depiction.table(family, &held.values));
-                    let reach = Some(reach_now(drawn, &held, sample.growth));
-                    let node = DecodedNode::taken(&held, &table, (scale, &factors), sample.growth, drawn.offset);
-                    return DecodedNode { reach, ..node };
-                }
-                let clusters = content.clusters(drawn.part, depiction.choice.representative);
-                let held = clusters.map_or_else(|| content.particles(drawn.time), Cow::Owned);
-                // Of clusters all that were chosen are drawn.
-                let sample = sample.as_ref().filter(|_| content.steps().is_empty());
-                let Some(sample) = sample else {
-                    let columns = depiction.columns_of(family, &held.values);
-                    let reach = Some(reach_now(drawn, &held, 1.0));
-                    return DecodedNode { reach, ..DecodedNode::whole(held, columns, scale, drawn.offset) };
-                };
+    let decode = |drawn: &'a SceneNode| {
+        let index = drawn.node.node as usize;
+        if let Some(content) = drawn.page.content(index) {
+            let family = &metadata.families[drawn.page.family as usize];
+            let own = &drawn.page.nodes[index];
+            let scale = depiction.node_scale(own);
+            // Of an even sample it is known beforehand who is in it.
+            let even = sample.as_ref().map(|sample| sample(drawn, f32::INFINITY));
+            let even = even.filter(|sample| sample.even && drawn.part.is_none() && content.steps().is_empty());
+            if let Some(sample) = even {
+                let (mut which, mut factors) = (Vec::new(), Vec::new());
+                sample.each(
+                    own.particles,
+                    |_| 0.0,
+                    |i, factor| {
+                        which.push(i);
+                        factors.push(factor);
+                    },
+                );
+                let held = content.some(drawn.time, &which);
                 let table = change(depiction.table(family, &held.values));
-                let sample = sample(drawn, table.most_important);
-                let node = DecodedNode::some(&held, &table, scale, sample, drawn.offset);
-                return DecodedNode { reach: Some(reach_now(drawn, &held, sample.growth)), ..node };
+                let reach = Some(reach_now(drawn, &held, sample.growth));
+                let node = DecodedNode::taken(&held, &table, (scale, &factors), sample.growth, drawn.offset);
+                return DecodedNode { reach, ..node };
             }
-            let codebook = usize::from(drawn.page.nodes[index].codebook);
-            let table = &tables[drawn.page.family as usize][codebook];
-            let sample = sample.as_ref().map_or(Sample::ALL, |sample| sample(drawn, table.most_important));
-            let mut node = DecodedNode::coded(depiction, &drawn.page, index, table, sample);
-            node.origin += drawn.offset;
-            DecodedNode { reach: Some(reach(drawn, sample.growth)), ..node }
-        })
-        .collect()
+            let clusters = content.clusters(drawn.part, depiction.choice.representative);
+            let held = clusters.map_or_else(|| content.particles(drawn.time), Cow::Owned);
+            // Of clusters all that were chosen are drawn.
+            let sample = sample.as_ref().filter(|_| content.steps().is_empty());
+            let Some(sample) = sample else {
+                let columns = depiction.columns_of(family, &held.values);
+                let reach = Some(reach_now(drawn, &held, 1.0));
+                return DecodedNode { reach, ..DecodedNode::whole(held, columns, scale, drawn.offset) };
+            };
+            let table = change(depiction.table(family, &held.values));
+            let sample = sample(drawn, table.most_important);
+            let node = DecodedNode::some(&held, &table, scale, sample, drawn.offset);
+            return DecodedNode { reach: Some(reach_now(drawn, &held, sample.growth)), ..node };
+        }
+        let codebook = usize::from(drawn.page.nodes[index].codebook);
+        let table = &tables[drawn.page.family as usize][codebook];
+        let sample = sample.as_ref().map_or(Sample::ALL, |sample| sample(drawn, table.most_important));
+        let mut node = DecodedNode::coded(depiction, &drawn.page, index, table, sample);
+        node.origin += drawn.offset;
+        DecodedNode { reach: Some(reach(drawn, sample.growth)), ..node }
+    };
+    nodes.par_iter().map(|drawn| DecodedNode { traits: traits(drawn), ..decode(drawn) }).collect()
 }
 
 /// The splats of decoded nodes.
@@ -359,7 +360,7 @@ pub fn batches<'a>(depiction: &Depiction, nodes: &'a [DecodedNode<'_>]) -> Resul
                 &node.weight,
                 node.attribute.as_deref(),
             )?;
-            Ok(batch.with_density(node.density.as_deref())?.with_reach(node.reach))
+            Ok(batch.with_density(node.density.as_deref())?.with_reach(node.reach).with_traits(node.traits))
         })
         .collect()
 }

@@ -1,5 +1,6 @@
 //! What levels a picture was drawn from, and how far it may be from what is left out: for its statistics.
 
+use super::node_traits::misfit;
 use crate::mode::{Conserved, Depiction};
 use crate::stream::SceneNode;
 use crate::view::{Projection, View};
@@ -32,10 +33,7 @@ pub fn bound(view: &View, depiction: &Depiction, nodes: &[SceneNode], total: f64
     let of = |drawn: &SceneNode| {
         let index = drawn.node.node as usize;
         let Some(node) = drawn.page.nodes.get(index) else { return 0.0 };
-        let steps = drawn.page.content(index).map_or(&[][..], |content| content.steps());
-        let clusters = drawn.part.unwrap_or(node.particles);
-        // With fewer clusters the misfit is larger.
-        let Some(step) = steps.iter().rfind(|step| step.clusters <= clusters) else { return 0.0 };
+        let Some(misfit) = misfit(drawn) else { return 0.0 };
         let nearest = || {
             let extent = crate::view::Extent { bounds: node.bounds.moved(drawn.offset), margin: 0.0 };
             view.nearest_depth(&extent).max(0.5 * node.frame.size)
@@ -44,7 +42,7 @@ pub fn bound(view: &View, depiction: &Depiction, nodes: &[SceneNode], total: f64
             Projection::Orthographic { .. } => view.focal_pixels(),
             Projection::Perspective { .. } => view.focal_pixels() / nearest(),
         };
-        step.misfit * scale * scale
+        misfit * scale * scale
     };
     let misfit: f64 = nodes.iter().map(of).sum();
     let share = if misfit == 0.0 { 0.0 } else { misfit / total };

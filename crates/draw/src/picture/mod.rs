@@ -13,6 +13,7 @@ pub mod left_out;
 mod lettering;
 pub mod level_report;
 pub mod look;
+mod node_traits;
 pub mod panorama;
 pub mod paths;
 mod projected;

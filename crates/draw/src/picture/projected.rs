@@ -1,13 +1,15 @@
 //! Pictures of all directions, and pictures for two eyes: drawn view by view and put together before they become colours.
 //!
-//! The processor draws them, or an adapter ([`super::adapter_faces`]). Nodes are selected for each face, so the error bound holds in every direction, in pixels of
-//! the panorama's own rate.
+//! The processor draws them, or an adapter ([`super::adapter_faces`]). Nodes are selected for each face, so the error bound holds in every
+//! direction, in pixels of the panorama's own rate. Within a number of splats they are selected once, for all faces and both eyes together:
+//! the number is that of the picture, and what one eye sees the other one sees, too.
 
 use super::adapter::{Adapter, Passes};
 use super::adapter_faces;
 use super::around::{SharedLook, sketch, with_images};
 use super::decode::{batches, cut, decode};
 use super::error::PictureError;
+use super::level_report::has_clusters;
 use super::panorama::{Texels, assemble};
 use super::paths::{ChosenPaths, PathLayer, Sight};
 use super::session::Reporter;
@@ -20,7 +22,7 @@ use crate::cpu::{Counts, Splats};
 use crate::hierarchy::Purpose;
 use crate::mode::{self, Depiction, Footprint, LightPicture, Needs, Raw};
 use crate::stream::{Scene, SceneSelection};
-use crate::view::{Detail, Eye, Eyes, Panorama, Projection, Sampling, Sections, Stereo, Surround, View};
+use crate::view::{Detail, Eye, Eyes, Panorama, Projection, Sampling, Scope, Sections, Stereo, Surround, View};
 
 /// How splats are sampled: with a few more pixels than the panorama has, since they may be as small as one.
 const SPLATS: Sampling = Sampling { oversampling: 1.5, density: 1.5, margin: 0 };
@@ -86,6 +88,8 @@ pub(super) struct Tally {
     pub error_px: f64,
     pub particles: u64,
     pub nodes: usize,
+    /// Whether any of them is drawn as clusters.
+    pub has_clusters: bool,
     pub counts: Counts,
     /// Backend and adapter that drew; `None` where the processor did.
     pub drawn_by: Option<[String; 2]>,
@@ -93,14 +97,17 @@ pub(super) struct Tally {
 
 impl Tally {
     fn new() -> Tally {
-        Tally { converged: true, error_px: 0.0, particles: 0, nodes: 0, counts: Counts::default(), drawn_by: None }
+        let counts = Counts::default();
+        Tally { converged: true, error_px: 0.0, particles: 0, nodes: 0, has_clusters: false, counts, drawn_by: None }
     }
 
-    fn add(&mut self, selection: &SceneSelection, face: &Face<'_>) {
+    /// Adds a selection by a view with so many pixels for one of the picture.
+    fn add(&mut self, selection: &SceneSelection, scale: f64) {
         self.converged &= selection.converged;
-        self.error_px = self.error_px.max(selection.error_pixels / face.scale());
+        self.error_px = self.error_px.max(selection.error_pixels / scale);
         self.particles += selection.particles;
         self.nodes += selection.nodes.len();
+        self.has_clusters |= has_clusters(&selection.nodes);
     }
 }
 
@@ -204,6 +211,14 @@ impl Projector {
         (!is_able).then(|| format!("panoramas of {}", depiction.mode.name))
     }
 
+    /// Reads what a subject within a number of splats needs.
+    ///
+    /// # Errors
+    /// As [`Projector::draw`].
+    pub fn read(&self, means: &mut Means<'_>, subject: &Subject<'_>) -> Result<(), PictureError> {
+        self.select_within(means, subject, &mut Tally::new()).map(drop)
+    }
+
     /// Draws a subject, with splats displaced by `tau` pixels at most.
     ///
     /// # Errors
@@ -229,18 +244,36 @@ impl Projector {
         tally: &mut Tally,
     ) -> Result<Texels<2>, PictureError> {
         let depiction = subject.depiction;
+        let whole = self.select_within(means, subject, tally)?;
+        let is_decoded = whole.is_some() && means.adapter.is_none();
+        let decoded = match &whole {
+            Some(whole) if is_decoded => cut(&self.base, decode(depiction, subject.metadata, &whole.nodes)),
+            _ => Vec::new(),
+        };
+        let decoded = batches(depiction, &decoded)?;
         self.shoot(SPLATS, |face| {
             means.go_on()?;
             let seen = seen(depiction.footprint(), face);
-            let selection = means.converge(&seen, tau * face.scale())?;
-            tally.add(&selection, face);
             let pixel = face.around.map(|[pixel, _]| pixel);
+            if is_decoded {
+                let (sums, counts) = subject.sum_batches(face.view, &seen_of(&decoded, &seen), pixel)?;
+                tally.counts += counts;
+                return Ok(sums.into());
+            }
+            let own = match &whole {
+                Some(_) => None,
+                None => Some(means.converge(&seen, tau * face.scale())?),
+            };
+            if let Some(own) = &own {
+                tally.add(own, face.scale());
+            }
+            let nodes = own.as_ref().or(whole.as_ref()).map_or(&[][..], |selection| &selection.nodes);
             let (sums, counts) = match &mut means.adapter {
                 Some((passes, adapter)) => {
                     let painter = (*passes, &mut **adapter);
-                    adapter_faces::sums(painter, subject, face.view, &selection.nodes, pixel, &mut tally.drawn_by)?
+                    adapter_faces::sums(painter, subject, face.view, nodes, pixel, &mut tally.drawn_by)?
                 }
-                None => subject.sum_face(face.view, &selection.nodes, pixel)?,
+                None => subject.sum_face(face.view, nodes, pixel)?,
             };
             tally.counts += counts;
             Ok(sums.into())
@@ -257,11 +290,17 @@ impl Projector {
     ) -> Result<LightPicture, PictureError> {
         let &Subject { metadata, depiction, .. } = subject;
         let Needs { margin_px, of_data, .. } = depiction.needs();
-        // Where no face needs all the data, it is read for ranges that are looked for.
-        let everything = match of_data || subject.transfer.numbers().is_none() {
-            true => self.select_all(means, subject)?,
-            false => SceneSelection::default(),
+        let whole = if of_data { None } else { self.select_within(means, subject, tally)? };
+        let is_of_all = of_data || whole.is_some();
+        // Where faces do not share what they draw, all the data is read for ranges that are looked for.
+        let everything = match whole {
+            Some(whole) => whole,
+            None if of_data || subject.transfer.numbers().is_none() => self.select_all(means, subject)?,
+            None => SceneSelection::default(),
         };
+        if of_data {
+            tally.add(&everything, 1.0);
+        }
         let all = cut(&self.base, decode(depiction, metadata, &everything.nodes));
         let all = batches(depiction, &all)?;
         let shared = self.shared(subject, &all)?;
@@ -269,15 +308,16 @@ impl Projector {
         let mut last: Option<LightPicture> = None;
         let texels = self.shoot(Sampling { margin: margin_px, ..COLORS }, |face| {
             means.go_on()?;
-            let own = match of_data {
+            let own = match is_of_all {
                 true => None,
                 false => {
                     let detail = shared.depiction.detail(face.view, tau * face.scale(), metadata);
-                    Some(means.converge(face.view, detail)?)
+                    let own = means.converge(face.view, detail)?;
+                    tally.add(&own, face.scale());
+                    Some(own)
                 }
             };
             let selection = own.as_ref().unwrap_or(&everything);
-            tally.add(selection, face);
             let takes_paths = depiction.mode.technique.takes_paths();
             let among = takes_paths.then(|| means.paths_in(face).map(PathLayer::fragments)).flatten();
             let among = among.as_ref();
@@ -305,12 +345,44 @@ impl Projector {
         Ok(LightPicture { colors: texels.into(), ..last })
     }
 
+    /// What all views draw, where their number of splats is limited: so many of all together, and the same for both eyes. `None` where each
+    /// draws what its own pixels ask for.
+    fn select_within(
+        &self,
+        means: &mut Means<'_>,
+        subject: &Subject<'_>,
+        tally: &mut Tally,
+    ) -> Result<Option<SceneSelection>, PictureError> {
+        let Subject { metadata, depiction, .. } = *subject;
+        let Detail::Budget { splats, .. } = depiction.detail(&self.base, 1.0, metadata) else { return Ok(None) };
+        let disc = match depiction.footprint() {
+            Footprint::Kernel => 0.0,
+            Footprint::Pixels(radius) => f64::from(radius),
+        };
+        let (view, scope) = match (&self.panorama, self.stereo) {
+            (Some(panorama), stereo) => {
+                let [right, up, forward] = panorama.frame();
+                let pixel = panorama.pixel_angle();
+                // A face's pixels are narrower towards its edges, as in `seen`.
+                let half_angle = panorama.half_angle() + 3.0 * pixel * disc;
+                let away = stereo.map_or(0.0, |stereo| 0.5 * stereo.separation);
+                (View { right, up, forward, ..self.base }, Scope::Around { half_angle, pixel, away })
+            }
+            (None, Some(stereo)) => stereo.both(&depiction.selection_view(&self.base))?,
+            (None, None) => (depiction.selection_view(&self.base), Scope::Picture),
+        };
+        let selection = means.converge(&view, Detail::Budget { splats, scope })?;
+        tally.add(&selection, 1.0);
+        Ok(Some(selection))
+    }
+
     /// The nodes that all faces find their ranges in: those of all the data, as a parallel view of it has them.
     fn select_all(&self, means: &mut Means<'_>, subject: &Subject<'_>) -> Result<SceneSelection, PictureError> {
         let all = sketch(&self.base, with_images(&self.base, subject.metadata.bounds()))?;
-        let detail = match means.scene.purpose {
-            Purpose::Splats | Purpose::Clusters => Detail::Error { tau: 1.0 },
-            Purpose::Samples => Detail::Sampling { sigma: 1.0 / all.focal_pixels(), near: 0.0 },
+        let detail = match (subject.depiction.detail(&all, 1.0, subject.metadata), means.scene.purpose) {
+            (Detail::Budget { splats, scope }, _) => Detail::Budget { splats, scope },
+            (_, Purpose::Splats | Purpose::Clusters) => Detail::Error { tau: 1.0 },
+            (_, Purpose::Samples) => Detail::Sampling { sigma: 1.0 / all.focal_pixels(), near: 0.0 },
         };
         means.converge(&all, detail)
     }
@@ -336,6 +408,12 @@ impl Projector {
         // No picture is asked for ranges that are numbers by now.
         Ok(shared.transfer.levels(&Accumulation::default()))
     }
+}
+
+/// The batches that a view may see. What clusters reach is not known before it is known how many are drawn of a node.
+fn seen_of<'a>(batches: &[Splats<'a>], view: &View) -> Vec<Splats<'a>> {
+    let is_seen = |batch: &&Splats<'_>| batch.reach().is_none_or(|reach| view.sees(&reach));
+    batches.iter().filter(is_seen).copied().collect()
 }
 
 /// The view by which nodes are selected: discs reach into a face from outside.

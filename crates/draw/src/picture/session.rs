@@ -451,7 +451,6 @@ impl Session {
     fn blank(&self, shown: &Shown<'_>, view: View) -> Result<Picture, PictureError> {
         let Shown { shot, framed, depiction, transfer, .. } = *shown;
         let metadata = self.tree().metadata();
-        let is_source = matches!(self.data, Data::Source(_));
         let time = self.run().map(|run| (run.time(self.moment), run.times().words(run.time(self.moment))));
         Ok(Picture {
             values: Raw::Sums(Default::default(), Default::default()),
@@ -461,7 +460,7 @@ impl Session {
             error_px: 0.0,
             particles: 0,
             nodes: 0,
-            drawn_from: if is_source { "source" } else { self.scene.purpose.name() },
+            drawn_from: self.drawn_from(),
             left_out: LeftOut::default(),
             level_report: LevelReport::default(),
             drawn_by: ["cpu", "cpu"].map(str::to_owned),
@@ -469,6 +468,11 @@ impl Session {
             moment: self.shown_moment(0),
             paths: None,
         })
+    }
+
+    /// What pictures are drawn from, by name.
+    fn drawn_from(&self) -> &'static str {
+        if matches!(self.data, Data::Source(_)) { "source" } else { self.scene.purpose.name() }
     }
 
     fn subject<'a>(&self, tree: &'a dyn Tree, shown: &Shown<'a>) -> Subject<'a> {

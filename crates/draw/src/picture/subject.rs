@@ -136,12 +136,24 @@ impl<'a> Subject<'a> {
         pixel: Option<f64>,
     ) -> Result<(Accumulation, Counts), VolumeError> {
         let nodes = cut(view, decode(self.depiction, self.metadata, nodes));
-        let batches = batches(self.depiction, &nodes)?;
+        self.sum_batches(view, &batches(self.depiction, &nodes)?, pixel)
+    }
+
+    /// The same of batches of particles.
+    ///
+    /// # Errors
+    /// As [`Subject::draw`].
+    pub(super) fn sum_batches(
+        &self,
+        view: &View,
+        batches: &[Splats<'_>],
+        pixel: Option<f64>,
+    ) -> Result<(Accumulation, Counts), VolumeError> {
         match (pixel, self.depiction.mode.technique.output()) {
             (Some(pixel), Output::Sums) => {
-                Ok(around::draw_face(view, &batches, pixel, &self.options(&Plan::default()))?)
+                Ok(around::draw_face(view, batches, pixel, &self.options(&Plan::default()))?)
             }
-            _ => self.draw_batches(view, &batches, &Plan::default(), None)?.sums(self.depiction.mode),
+            _ => self.draw_batches(view, batches, &Plan::default(), None)?.sums(self.depiction.mode),
         }
     }
 
@@ -179,7 +191,12 @@ impl<'a> Subject<'a> {
         if !self.depiction.mode.is_light() {
             return Ok(self.transfer.levels(&self.draw(view, nodes, plan)?.sums(self.depiction.mode)?.0));
         }
-        let found = Look::new(&self.job(view, &batches(self.depiction, nodes)?, plan))?.levels;
+        let batches = batches(self.depiction, nodes)?;
+        let job = self.job(view, &batches, plan);
+        let found = match self.depiction.mode.technique.own_levels(&job) {
+            Some(own) => own,
+            None => Look::new(&job)?.levels,
+        };
         Ok(Levels { p: found.density, s: found.attribute })
     }
 

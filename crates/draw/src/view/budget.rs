@@ -7,7 +7,7 @@
 //! A leaf may have many more particles than clusters stand for it: where it does not fit, it is passed over, and the threshold falls further.
 
 use super::selection::{Drawn, Missing, NodeInfo, NodeTree, Selection};
-use super::{Extent, Projection, View};
+use super::{Extent, Scope, View};
 use crate::codec::clusters::{MOST, whole_classes};
 use crate::hierarchy::pca::{Step, count_at};
 use glam::DVec3;
@@ -24,8 +24,13 @@ const LEFT: f64 = 0.01;
 const PASSED: usize = 16;
 
 /// Selects at most about `splats` splats below `roots`; every root has one at least.
-pub fn select_within<Tree: NodeTree>(view: &View, splats: u64, tree: &Tree, roots: &[Tree::Id]) -> Selection<Tree::Id> {
-    let mut walk = Walk::new(view, tree, roots);
+pub fn select_within<Tree: NodeTree>(
+    (view, scope): (&View, Scope),
+    splats: u64,
+    tree: &Tree,
+    roots: &[Tree::Id],
+) -> Selection<Tree::Id> {
+    let mut walk = Walk::new((view, scope), tree, roots);
     let mut highest = RANGE;
     loop {
         let (low, high) = walk.threshold(splats, highest);
@@ -81,6 +86,7 @@ struct Walk<'a, Tree: NodeTree> {
     tree: &'a Tree,
     roots: &'a [Tree::Id],
     view: View,
+    scope: Scope,
     /// Splats from which on a walk ends.
     limit: u64,
     /// Nodes that are not refined.
@@ -95,9 +101,9 @@ struct Walk<'a, Tree: NodeTree> {
 }
 
 impl<'a, Tree: NodeTree> Walk<'a, Tree> {
-    fn new(view: &View, tree: &'a Tree, roots: &'a [Tree::Id]) -> Walk<'a, Tree> {
+    fn new((view, scope): (&View, Scope), tree: &'a Tree, roots: &'a [Tree::Id]) -> Walk<'a, Tree> {
         let (limit, passed) = (u64::MAX, Vec::new());
-        Walk { tree, roots, view: *view, limit, passed, selection: None, largest: None, pending: 0, count: 0 }
+        Walk { tree, roots, view: *view, scope, limit, passed, selection: None, largest: None, pending: 0, count: 0 }
     }
 
     /// The smallest threshold up to `high` at which there are at most so many splats, and one close below, at which there are more; twice
@@ -167,11 +173,11 @@ impl<'a, Tree: NodeTree> Walk<'a, Tree> {
         if let Some(selection) = &mut self.selection {
             selection.visited.push(id);
         }
-        if !info.is_at(view.time) || !view.sees(&info.extent) || !view.cut.reaches(&info.extent.bounds) {
+        if !info.is_at(view.time) || !self.scope.sees(view, &info.extent) || !view.cut.reaches(&info.extent.bounds) {
             return true;
         }
         let steps = self.tree.steps(id);
-        let worth = Worth::new(view, &info.extent);
+        let worth = Worth::new((view, self.scope), &info.extent);
         let refinement =
             if info.is_leaf || self.passed.contains(&id) { f64::NEG_INFINITY } else { worth.refinement(info, steps) };
         let refines = refinement >= threshold;
@@ -199,7 +205,7 @@ impl<'a, Tree: NodeTree> Walk<'a, Tree> {
             let part = particles < info.particles;
             let displaced = steps.iter().rfind(|step| part && u64::from(step.clusters) <= particles);
             let delta = displaced.map_or(info.delta, |step| step.largest.sqrt().max(info.delta));
-            let error_pixels = view.error_pixels(&info.extent, delta);
+            let error_pixels = self.scope.error_pixels(view, &info.extent, delta);
             selection.draw.push(Drawn { id, error_pixels, particles, part, offset });
         }
         true
@@ -239,15 +245,8 @@ struct Worth {
 }
 
 impl Worth {
-    fn new(view: &View, extent: &Extent) -> Worth {
-        let [scale, finer_scale] = match view.projection {
-            Projection::Orthographic { .. } => [view.focal_pixels(); 2],
-            // What the eye is in is worth refining, yet not without end.
-            Projection::Perspective { .. } => {
-                let (size, depth) = (extent.bounds.size().max_element(), view.nearest_depth(extent));
-                [0.5, 0.25].map(|share| view.focal_pixels() / depth.max(share * size).max(f64::MIN_POSITIVE))
-            }
-        };
+    fn new((view, scope): (&View, Scope), extent: &Extent) -> Worth {
+        let [scale, finer_scale] = scope.scales(view, extent, [0.5, 0.25]);
         Worth { scale, finer_scale }
     }
 

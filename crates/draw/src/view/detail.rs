@@ -6,7 +6,7 @@
 //! `sigma z` apart (equation 5.1), so a node whose nearest depth is `z` is drawn if `q <= sigma z`.
 
 use super::selection::NodeInfo;
-use super::{Projection, View};
+use super::{Projection, Scope, View};
 
 /// What decides how far the tree is refined.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -27,6 +27,8 @@ pub enum Detail {
     Budget {
         /// Splats.
         splats: u64,
+        /// For whom.
+        scope: Scope,
     },
 }
 

@@ -237,6 +237,14 @@ impl Panorama {
         }
     }
 
+    /// The largest angle between what it shows and the last of [`Panorama::frame`], radians.
+    pub fn half_angle(&self) -> f64 {
+        match self.surround {
+            Surround::Dome { aperture, .. } => 0.5 * aperture.to_radians(),
+            _ => PI,
+        }
+    }
+
     /// The frame whose faces show the panorama with the fewest pixels: right, up and forward. That of a dome looks along its
     /// axis.
     pub fn frame(&self) -> [DVec3; 3] {

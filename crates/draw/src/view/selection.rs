@@ -152,8 +152,8 @@ pub fn select_unhidden<Tree: NodeTree>(
     roots: &[Tree::Id],
 ) -> Selection<Tree::Id> {
     let detail = detail.into();
-    if let Detail::Budget { splats } = detail {
-        return select_within(view, splats, tree, roots);
+    if let Detail::Budget { splats, scope } = detail {
+        return select_within((view, scope), splats, tree, roots);
     }
     let selection = Selection { draw: Vec::new(), missing: Vec::new(), visited: Vec::new(), hidden: Vec::new() };
     let mut traversal = Traversal { view: *view, offset: DVec3::ZERO, detail, occluder, tree, selection };

@@ -10,7 +10,7 @@
 //! sight at elevation `e` by at most `separation/2 (da |sin e| + da^2/2)`. At a distance `d` that is an error of
 //! [`Omnidirectional::slice_error`] radians.
 
-use super::{View, ViewError};
+use super::{Scope, View, ViewError};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{PI, TAU};
@@ -111,6 +111,17 @@ impl Stereo {
         let offset = self.offset(eye)?;
         let shift = offset * view.focal_pixels() / self.zero_parallax;
         Ok(View { eye: view.eye + offset * view.right, shift: [view.shift[0] + shift, view.shift[1]], ..*view })
+    }
+
+    /// A view with all that both eyes see before a flat screen, and for whom a selection by it is.
+    ///
+    /// # Errors
+    /// As [`Stereo::off_axis`].
+    pub fn both(&self, view: &View) -> Result<(View, Scope), ViewError> {
+        let away = self.offset(Eye::Right)?;
+        // Beyond the screen an eye sees what another slope shows, before it no more than what is as far beside.
+        let beyond = away * view.focal_pixels() / self.zero_parallax;
+        Ok((view.padded(beyond.ceil().min(1e6) as u32), Scope::Beside { away }))
     }
 
     /// The slices of one eye's picture of all directions, whose pixels are `pixel` radians wide: fine enough that the error

@@ -1,17 +1,17 @@
 //! Pictures of clusters: whether there are any, how many an error asks for, and how far they are from the leaves.
 
 use super::{Session, Shown};
+use crate::cpu::Counts;
 use crate::cpu::over::Order;
 use crate::hierarchy::Purpose;
 use crate::mode::{Depiction, LevelChoice, Levels, Output, Plan, Raw};
-use crate::picture::adapter::AdapterJob;
+use crate::picture::adapter::{AdapterFrame, AdapterJob, AdapterValues};
 use crate::picture::level_report::{LevelReport, ROUNDING, bound, estimate, has_clusters};
 use crate::picture::splat_budget::SplatBudget;
 use crate::picture::{PictureError, Subject};
 use crate::store::{Metadata, Tree};
 use crate::stream::SceneSelection;
-use crate::view::{Detail, View};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// Splats that an error of the picture is looked for with first.
 const FIRST: u64 = 2000;
@@ -19,6 +19,39 @@ const FIRST: u64 = 2000;
 const TRIES: usize = 8;
 /// By what power of the number of splats errors fall, at least.
 const POWER: f64 = 0.5;
+
+/// A picture that was drawn to see how it becomes.
+pub(super) struct Attempt {
+    /// Splats that were selected for it.
+    pub splats: u64,
+    /// Whether any of them is a cluster.
+    pub has_clusters: bool,
+    /// How long drawing took, without what had to be read.
+    pub took: Duration,
+    /// It.
+    pub values: Raw,
+}
+
+/// A picture that was drawn.
+#[derive(Clone, Copy)]
+pub(super) struct Drawn<'a> {
+    /// See [`Attempt::splats`].
+    pub splats: u64,
+    /// See [`Attempt::has_clusters`].
+    pub has_clusters: bool,
+    /// See [`Attempt::values`].
+    pub values: &'a Raw,
+}
+
+impl Attempt {
+    /// As a picture that was drawn.
+    fn of(&self) -> Drawn<'_> {
+        Drawn { splats: self.splats, has_clusters: self.has_clusters, values: &self.values }
+    }
+}
+
+/// Draws the picture as a depiction says.
+pub(super) type Attempting<'a> = dyn FnMut(&mut Session, &Depiction) -> Result<Attempt, PictureError> + 'a;
 
 impl Session {
     /// Refuses clusters of data that has none.
@@ -42,26 +75,43 @@ impl Session {
         Ok(())
     }
 
-    /// A depiction with as many splats as there is time for, where that is limited.
-    pub(super) fn in_time(&mut self, tree: &dyn Tree, shown: &Shown<'_>) -> Result<Option<Depiction>, PictureError> {
-        let choice = shown.depiction.choice;
-        let Some(frame_ms) = choice.frame_ms.filter(|_| self.scene.purpose == Purpose::Clusters) else {
+    /// A depiction with as many splats as there is time for, or as the error of the picture asks for, where either is limited; `attempt`
+    /// draws the picture as a depiction says.
+    pub(super) fn chosen(
+        &mut self,
+        tree: &dyn Tree,
+        depiction: &Depiction,
+        attempt: &mut Attempting<'_>,
+    ) -> Result<Option<Depiction>, PictureError> {
+        if self.scene.purpose != Purpose::Clusters {
             return Ok(None);
-        };
-        let most = choice.splats.unwrap_or(u64::MAX).min(tree.metadata().particles());
+        }
+        let most = depiction.choice.splats.unwrap_or(u64::MAX).min(tree.metadata().particles());
+        match depiction.choice {
+            LevelChoice { frame_ms: Some(frame_ms), .. } => {
+                self.in_time(depiction, (frame_ms, most), attempt).map(Some)
+            }
+            LevelChoice { error_picture: Some(error), .. } => self.refined(depiction, (error, most), attempt).map(Some),
+            _ => Ok(None),
+        }
+    }
+
+    fn in_time(
+        &mut self,
+        depiction: &Depiction,
+        (frame_ms, most): (f64, u64),
+        attempt: &mut Attempting<'_>,
+    ) -> Result<Depiction, PictureError> {
         let mut splat_budget = SplatBudget::default();
         let mut splats = splat_budget.limit(frame_ms).min(most);
         for tried in 0..TRIES {
-            let choice = LevelChoice { splats: Some(splats), ..choice };
-            let depiction = Depiction { choice, ..shown.depiction.clone() };
-            let selection = self.select(&depiction, &shown.view, shown.shot.look.error_px())?;
-            let shown = Shown { depiction: &depiction, ..*shown };
             // The first picture makes tables and shaders, which take time once.
             if tried == 0 {
-                self.timed(tree, &shown, &selection)?;
+                attempt(self, &within(depiction, splats))?;
             }
-            let took = self.timed(tree, &shown, &selection)?;
-            splat_budget.drew(selection.particles, took);
+            let Attempt { splats: drawn, took, .. } = attempt(self, &within(depiction, splats))?;
+            let took = 1e3 * took.as_secs_f64();
+            splat_budget.drew(drawn, took);
             let next = splat_budget.limit(frame_ms).min(most);
             let is_enough = took <= frame_ms && (splats >= most || next as f64 <= 1.15 * splats as f64);
             if is_enough {
@@ -69,97 +119,110 @@ impl Session {
             }
             splats = next;
         }
-        let choice = LevelChoice { splats: Some(splats), ..choice };
-        Ok(Some(Depiction { choice, ..shown.depiction.clone() }))
+        Ok(within(depiction, splats))
     }
 
-    /// Milliseconds in which what draws pictures draws a selection.
-    fn timed(&mut self, tree: &dyn Tree, shown: &Shown<'_>, selection: &SceneSelection) -> Result<f64, PictureError> {
-        let passes = self.passes_without_paths(shown)?;
-        let (view, nodes, plan) = (&shown.view, &selection.nodes, &Plan::default());
-        if let Some((passes, adapter)) = passes.zip(self.adapter.as_mut()) {
-            let (depiction, metadata) = (shown.depiction, tree.metadata());
-            let job = AdapterJob { view, depiction, metadata, nodes, plan, passes, light: None, repeat: 1 };
-            // What an adapter lacks is told when the picture is drawn.
-            if let Ok(frame) = adapter.draw(&job) {
-                return Ok(frame.milliseconds.get("frame").copied().unwrap_or_default());
-            }
-        }
-        let start = Instant::now();
-        drop(self.subject(tree, shown).draw_nodes(view, nodes, plan)?);
-        Ok(1e3 * start.elapsed().as_secs_f64())
-    }
-
-    /// A depiction with as many splats as the error of the picture asks for, where one does.
-    pub(super) fn refined(&mut self, tree: &dyn Tree, shown: &Shown<'_>) -> Result<Option<Depiction>, PictureError> {
-        let choice = shown.depiction.choice;
-        let Some(error) = choice.error_picture.filter(|_| self.scene.purpose == Purpose::Clusters) else {
-            return Ok(None);
-        };
-        let most = choice.splats.unwrap_or(u64::MAX).min(tree.metadata().particles());
-        let with = |splats| {
-            let choice = LevelChoice { splats: Some(splats), ..choice };
-            Depiction { choice, ..shown.depiction.clone() }
-        };
+    fn refined(
+        &mut self,
+        depiction: &Depiction,
+        (error, most): (f64, u64),
+        attempt: &mut Attempting<'_>,
+    ) -> Result<Depiction, PictureError> {
         let mut splats = FIRST.min(most);
         loop {
-            let depiction = with(splats);
-            let selection = self.select(&depiction, &shown.view, shown.shot.look.error_px())?;
-            if splats >= most || !has_clusters(&selection.nodes) {
-                return Ok(Some(depiction));
+            let refined = within(depiction, splats);
+            let drawn = attempt(self, &refined)?;
+            if splats >= most || !drawn.has_clusters {
+                return Ok(refined);
             }
-            let subject = Subject { depiction: &depiction, ..self.subject(tree, shown) };
-            let drawn = subject.draw_nodes(&shown.view, &selection.nodes, &Plan::default())?;
-            let Some(found) = self.estimate(&subject, &shown.view, &selection, &drawn)? else {
-                return Ok(Some(depiction));
-            };
-            if found <= error {
-                return Ok(Some(depiction));
+            match self.estimate(&refined, drawn.of(), attempt)? {
+                Some(found) if found > error => {
+                    let more = (1.05 * found / error).powf(1.0 / POWER).clamp(1.3, 16.0);
+                    splats = ((splats as f64 * more) as u64).min(most);
+                }
+                _ => return Ok(refined),
             }
-            let more = (1.05 * found / error).powf(1.0 / POWER).clamp(1.3, 16.0);
-            splats = ((splats as f64 * more) as u64).min(most);
         }
     }
 
-    /// What a picture that was drawn says of its levels.
-    pub(super) fn level_report(
+    /// Draws a flat picture as a depiction says.
+    pub(super) fn attempt_flat(
         &mut self,
-        subject: &Subject<'_>,
-        view: &View,
+        tree: &dyn Tree,
+        shown: &Shown<'_>,
+        depiction: &Depiction,
+    ) -> Result<Attempt, PictureError> {
+        let selection = self.select(depiction, &shown.view, shown.shot.look.error_px())?;
+        let (splats, has_clusters) = (selection.particles, has_clusters(&selection.nodes));
+        let passes = self.passes_without_paths(&Shown { depiction, ..*shown })?;
+        let (view, nodes, plan) = (&shown.view, &selection.nodes, &Plan::default());
+        if let Some((passes, adapter)) = passes.zip(self.adapter.as_mut()) {
+            let metadata = tree.metadata();
+            let job = AdapterJob { view, depiction, metadata, nodes, plan, passes, light: None, repeat: 1 };
+            // What an adapter lacks is told when the picture is drawn.
+            if let Ok(AdapterFrame { values: AdapterValues::Sums(sums), milliseconds, .. }) = adapter.draw(&job) {
+                let took = Duration::from_secs_f64(1e-3 * milliseconds.get("frame").copied().unwrap_or_default());
+                return Ok(Attempt { splats, has_clusters, took, values: Raw::Sums(sums, Counts::default()) });
+            }
+        }
+        let subject = Subject { depiction, ..self.subject(tree, shown) };
+        let start = Instant::now();
+        let values = subject.draw_nodes(view, nodes, plan)?;
+        Ok(Attempt { splats, has_clusters, took: start.elapsed(), values })
+    }
+
+    /// What a flat picture that was drawn says of its levels.
+    pub(super) fn flat_report(
+        &mut self,
+        tree: &dyn Tree,
+        shown: &Shown<'_>,
         selection: &SceneSelection,
-        drawn_from: &'static str,
         values: &Raw,
     ) -> Result<LevelReport, PictureError> {
-        let depiction = subject.depiction;
-        let budget = depiction.choice.splats;
-        let order = depiction.choice.order.map(Order::name);
-        let report =
-            LevelReport { levels: drawn_from, splats: selection.particles, budget, order, ..LevelReport::default() };
+        let (splats, has_clusters) = (selection.particles, has_clusters(&selection.nodes));
+        let drawn = Drawn { splats, has_clusters, values };
+        let attempt = &mut |session: &mut Session, depiction: &Depiction| session.attempt_flat(tree, shown, depiction);
+        let report = self.level_report(shown.depiction, drawn, attempt)?;
         let (Raw::Sums(sums, _), Purpose::Clusters) = (values, self.scene.purpose) else { return Ok(report) };
         let total: f64 = sums.p.iter().map(|p| f64::from(*p)).sum();
-        let error_bound = bound(view, depiction, &selection.nodes, total);
-        let error_estimate = self.estimate(subject, view, selection, values)?;
-        Ok(LevelReport { error_bound, error_estimate, ..report })
+        let error_bound = bound(&shown.view, shown.depiction, &selection.nodes, total);
+        Ok(LevelReport { error_bound, ..report })
     }
 
-    /// By how much the sums of a selection are thought to be wrong; `None` where nothing tells.
+    /// What a picture that was drawn says of its levels; `attempt` draws it as a depiction says.
+    pub(super) fn level_report(
+        &mut self,
+        depiction: &Depiction,
+        drawn: Drawn<'_>,
+        attempt: &mut Attempting<'_>,
+    ) -> Result<LevelReport, PictureError> {
+        let (splats, budget, order) = (drawn.splats, depiction.choice.splats, depiction.choice.order.map(Order::name));
+        let report = LevelReport { levels: self.drawn_from(), splats, budget, order, ..LevelReport::default() };
+        let (Raw::Sums(..), Purpose::Clusters) = (drawn.values, self.scene.purpose) else { return Ok(report) };
+        let error_estimate = self.estimate(depiction, drawn, attempt)?;
+        Ok(LevelReport { error_estimate, ..report })
+    }
+
+    /// By how much the sums of a picture are thought to be wrong; `None` where nothing tells.
     fn estimate(
         &mut self,
-        subject: &Subject<'_>,
-        view: &View,
-        selection: &SceneSelection,
-        values: &Raw,
+        depiction: &Depiction,
+        drawn: Drawn<'_>,
+        attempt: &mut Attempting<'_>,
     ) -> Result<Option<f64>, PictureError> {
-        let Raw::Sums(sums, _) = values else { return Ok(None) };
-        if !has_clusters(&selection.nodes) {
+        let Raw::Sums(sums, _) = drawn.values else { return Ok(None) };
+        if !drawn.has_clusters {
             return Ok(Some(ROUNDING));
         }
-        let seen = subject.depiction.selection_view(view);
-        // What is coarser is there.
-        let half = self.scene.select(&seen, Detail::Budget { splats: (selection.particles / 2).max(1) });
-        match subject.draw_nodes(view, &half.nodes, &Plan::default())? {
-            Raw::Sums(of_half, _) if half.particles < selection.particles => Ok(Some(estimate(&sums.p, &of_half.p))),
+        let half = attempt(self, &within(depiction, (drawn.splats / 2).max(1)))?;
+        match half.values {
+            Raw::Sums(of_half, _) if half.splats < drawn.splats => Ok(Some(estimate(&sums.p, &of_half.p))),
             _ => Ok(None),
         }
     }
+}
+
+/// The same within so many splats.
+fn within(depiction: &Depiction, splats: u64) -> Depiction {
+    Depiction { choice: LevelChoice { splats: Some(splats), ..depiction.choice }, ..depiction.clone() }
 }

@@ -6,7 +6,7 @@ use crate::cpu::overdraw::Overdraw;
 use crate::cpu::paths::PathFragments;
 use crate::cpu::volume::VolumeError;
 use crate::hierarchy::Purpose;
-use crate::mode::{Adapter, LodBudget, Output, Plan, Raw};
+use crate::mode::{Adapter, Depiction, LodBudget, Output, Plan, Raw};
 use crate::picture::adapter::{AdapterJob, Passes, draw_on};
 use crate::picture::hiding::{self, Hiding};
 use crate::picture::left_out::LeftOut;
@@ -27,11 +27,8 @@ impl Session {
         if depiction.mode.is_of_paths() {
             return self.draw_paths_alone(shown);
         }
-        let chosen = match self.in_time(tree, shown)? {
-            None => self.refined(tree, shown)?,
-            chosen => chosen,
-        };
-        if let Some(depiction) = chosen {
+        let attempt = &mut |session: &mut Session, depiction: &Depiction| session.attempt_flat(tree, shown, depiction);
+        if let Some(depiction) = self.chosen(tree, depiction, attempt)? {
             let shown = Shown { depiction: &depiction.blended(), ..*shown };
             return self.draw_flat_as(tree, &shown);
         }
@@ -149,7 +146,7 @@ impl Session {
                     times.extend(frame.milliseconds);
                     let left_out = LeftOut { splats: frame.splats, ..left_out };
                     let drawn_by = [frame.backend.to_owned(), frame.adapter];
-                    let level_report = self.level_report(&subject, &view, &selection, picture.drawn_from, &values)?;
+                    let level_report = self.flat_report(tree, shown, &selection, &values)?;
                     let picture = Picture { values, left_out, drawn_by, level_report, ..picture };
                     let picture = if has_paths { self.with_paths(picture, shown, times)? } else { picture };
                     return Ok((picture, selection.hidden));
@@ -199,7 +196,7 @@ impl Session {
             }
         }
         let moment = picture.moment.map(|moment| counts.map_or(moment, |counts| moment.with_paths(counts)));
-        let level_report = self.level_report(&subject, &view, &selection, picture.drawn_from, &values)?;
+        let level_report = self.flat_report(tree, shown, &selection, &values)?;
         Ok((Picture { values, left_out, level_report, moment, paths: on_top, ..picture }, selection.hidden))
     }
 

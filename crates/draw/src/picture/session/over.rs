@@ -17,7 +17,7 @@ impl Session {
                 format!("the mode {} has its own order, expected add", depiction.mode.name)
             }
             Some(Backend::Compute | Backend::Raster) => "only --backend cpu draws it".to_owned(),
-            _ if shot.is_projected() => "only flat pictures for one eye are drawn so, expected add".to_owned(),
+            _ if !shot.surround.is_flat() => "only flat pictures are drawn so, expected add".to_owned(),
             _ => return Ok(()),
         };
         Err(PictureError::Asked(format!("blend over: {why}")))

@@ -1,10 +1,12 @@
 //! Pictures of all directions and for two eyes.
 
+use super::clusters::{Attempt, Drawn};
 use super::{Session, Shown};
+use crate::color::transfer::TransferFunction;
 use crate::cpu::volume::VolumeError;
 use crate::explore::SelectionSet;
 use crate::explore::selection::Show;
-use crate::mode::{LodBudget, Plan};
+use crate::mode::{Depiction, LodBudget, Plan};
 use crate::modes;
 use crate::picture::left_out::LeftOut;
 use crate::picture::paths::ChosenPaths;
@@ -13,6 +15,7 @@ use crate::picture::times::Times;
 use crate::picture::{Picture, PictureError};
 use crate::store::Tree;
 use std::sync::Arc;
+use std::time::Instant;
 
 impl Session {
     pub(super) fn draw_projected(&mut self, tree: &dyn Tree, shown: &Shown<'_>) -> Result<Picture, PictureError> {
@@ -45,6 +48,17 @@ impl Session {
             (Some(_), Some(_), None) => None,
             (passes, _, _) => passes,
         };
+        let attempt = &mut |session: &mut Session, depiction: &Depiction| {
+            session.attempt_projected(tree, &Shown { depiction, ..*shown }, &projector)
+        };
+        let chosen = self.chosen(tree, depiction, attempt)?;
+        let shown = &Shown { depiction: chosen.as_ref().unwrap_or(depiction), ..*shown };
+        let over = self.laid_over(tree, shown, &projector)?;
+        let shown = match &over {
+            Some((depiction, transfer)) => &Shown { depiction, transfer, ..*shown },
+            None => shown,
+        };
+        let depiction = shown.depiction;
         let mut times = Times::default();
         let subject = self.subject(tree, shown);
         let (tau, is_asked) = (shot.look.error_px(), self.options.backend.is_some());
@@ -71,6 +85,8 @@ impl Session {
             // An adapter does not count what lies outside.
             false => (on_processor.then_some(tally.counts.outside), Some(tally.counts.drawn)),
         };
+        let drawn = Drawn { splats: tally.particles, has_clusters: tally.has_clusters, values: &values };
+        let level_report = self.level_report(depiction, drawn, attempt)?;
         let blank = self.blank(shown, projector.base)?;
         let counts = paths.as_ref().map(ChosenPaths::counts);
         let moment = self.shown_moment(tally.particles);
@@ -85,9 +101,44 @@ impl Session {
             left_out: LeftOut { outside, splats, ..LeftOut::new(&LodBudget::NONE, &Plan::default()) },
             milliseconds: times.medians(),
             drawn_by: tally.drawn_by.unwrap_or(blank.drawn_by),
+            level_report,
             paths: on_top,
             ..blank
         })
+    }
+
+    /// What draws splats that lie over each other, where they do, and its colours: those of the sums that both eyes see.
+    fn laid_over(
+        &mut self,
+        tree: &dyn Tree,
+        shown: &Shown<'_>,
+        projector: &Projector,
+    ) -> Result<Option<(Depiction, TransferFunction)>, PictureError> {
+        if shown.depiction.choice.order.is_none() {
+            return Ok(None);
+        }
+        let (subject, tau) = (self.subject(tree, shown), shown.shot.look.error_px());
+        let levels = match shown.transfer.numbers() {
+            Some(levels) => levels,
+            None => projector.levels(&mut self.means(), &subject, tau)?,
+        };
+        Ok(Some((shown.depiction.blended(), shown.transfer.clone().with_levels(&levels))))
+    }
+
+    /// Draws what is put together of faces, without paths, as it is shown.
+    fn attempt_projected(
+        &mut self,
+        tree: &dyn Tree,
+        shown: &Shown<'_>,
+        projector: &Projector,
+    ) -> Result<Attempt, PictureError> {
+        let (subject, tau) = (self.subject(tree, shown), shown.shot.look.error_px());
+        let mut means = self.means();
+        // What has to be read takes no time of drawing.
+        projector.read(&mut means, &subject)?;
+        let start = Instant::now();
+        let (values, tally) = projector.draw(&mut means, &subject, tau)?;
+        Ok(Attempt { splats: tally.particles, has_clusters: tally.has_clusters, took: start.elapsed(), values })
     }
 
     /// Paths alone.

@@ -1,6 +1,7 @@
 use super::*;
 use crate::codec::clusters::{step_clusters, step_count};
 use crate::model::Bounds;
+use crate::view::Projection;
 use proptest::prelude::*;
 
 /// Families in one place: each has a root of clusters that a leaf refines.
@@ -56,7 +57,7 @@ fn selected(families: &Families, splats: u64) -> Selection<(usize, bool)> {
     let projection = Projection::Orthographic { height: 2.0 };
     let view = View::look_at(DVec3::new(0.5, 0.5, 5.0), DVec3::splat(0.5), DVec3::Y, projection, 256, 256).unwrap();
     let roots: Vec<_> = (0..families.0.len()).map(|family| (family, false)).collect();
-    select_within(&view, splats, families, &roots)
+    select_within((&view, Scope::Picture), splats, families, &roots)
 }
 
 proptest! {
