@@ -3,6 +3,7 @@
 
 use super::layout::{RECONSTRUCTION, SAMPLED_RADIUS, TILE, reconstruction_window};
 use super::profile::Profile;
+use crate::cpu::kernel_products::HeightMoments;
 use crate::model::Kernel;
 use bevy::shader::ShaderDefVal;
 
@@ -28,9 +29,9 @@ pub fn wgsl() -> String {
     line(&mut text, "TAPS_LOW", low);
     line(&mut text, "TAPS_HIGH", high);
     text += &format!("const TILE: u32 = {TILE}u;\n#ifdef POLY6\n");
-    profile(&mut text, Profile::of(Kernel::Poly6));
+    profile(&mut text, Kernel::Poly6);
     text += "#else\n";
-    profile(&mut text, Profile::of(Kernel::CubicSpline));
+    profile(&mut text, Kernel::CubicSpline);
     text += "#endif\n";
     text
 }
@@ -45,17 +46,22 @@ fn line(text: &mut String, name: &str, values: &[f32]) {
 }
 
 /// A kernel's coefficients.
-fn profile(text: &mut String, profile: &Profile) {
+fn profile(text: &mut String, kernel: Kernel) {
+    let profile = Profile::of(kernel);
     let curvature = profile.curvature();
     for (name, rows) in [("PROFILE", &profile.profile), ("LAPLACIAN", &profile.laplacian), ("CURVATURE", &curvature)] {
         line(text, &format!("{name}_A"), &rows[0]);
         line(text, &format!("{name}_B"), &rows[1]);
         line(text, &format!("{name}_C"), &rows[2][..2]);
     }
-    let small = [&profile.first, &profile.second, &profile.shear, &profile.bend];
-    let moments = profile.moments();
-    let named = ["FIRST", "SECOND", "SHEAR", "BEND", "MASS", "MEAN", "SQUARE"];
-    for (name, rows) in named.into_iter().zip(small.into_iter().chain(&moments)) {
+    let moments = HeightMoments::of(kernel);
+    let whole = [&profile.first, &profile.second, &moments.mass, &moments.mean, &moments.square];
+    for (name, all) in ["FIRST", "SECOND", "MASS", "MEAN", "SQUARE"].into_iter().zip(whole) {
+        let (low, high) = all.split_at(4);
+        line(text, &format!("{name}_A"), low);
+        line(text, &format!("{name}_B"), high);
+    }
+    for (name, rows) in [("SHEAR", &profile.shear), ("BEND", &profile.bend)] {
         line(text, &format!("{name}_A"), &rows[0]);
         line(text, &format!("{name}_B"), &rows[1]);
     }

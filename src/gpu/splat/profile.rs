@@ -4,15 +4,13 @@
 //!   (relative L2 error 1e-4 for the cubic spline, 4e-7 for poly6) with plane integral exactly 1; and the same form for
 //!   half the Laplacian of `F`, by which the value at a pixel's centre becomes the mean over the pixel:
 //!   `mean = F + (side^2 / 24) laplacian F + O(side^4)`.
-//! - Small splats: `F(x, y) = U_1'(x) U_1'(y) - U_2'(x) U_2'(y)` with odd polynomials `U` of degree 15, the best rank-2
-//!   approximation over `[-1, 1]^2` (relative L2 error 1.5e-3 before, below 8e-4 after averaging over pixels of a
-//!   quarter of the radius, and less for larger pixels). Integrals over pixels are products of differences of `U`, so
-//!   they telescope: a splat's pixels add up to exactly its weight.
+//! - Small splats: products of functions of `x` and `y` ([`crate::cpu::kernel_products`]).
 //! - Tilted ellipses among them, of correlation `rho`: `F_rho = F + rho d_x d_y g + (rho^2 / 2) d_x^2 d_y^2 k`, where
 //!   `g(u) = (1/2) int_u^1 F` and `k(u) = (1/2) int_u^1 g` (each derivative by `rho` of an elliptical profile is that of a
 //!   smoother one). `g ~ V(x) V(y)` and `k ~ K(x) K(y)`, `B = K'`, to 1.5 % (cubic spline) and 2.6 % (poly6); the pixels'
 //!   integrals are products of differences of `V` and of `B`.
 
+use crate::cpu::kernel_products::{KernelProducts, Odd};
 use crate::model::Kernel;
 
 /// Polynomial coefficients of one kernel, as the shaders take them.
@@ -23,9 +21,9 @@ pub struct Profile {
     /// The same for half the Laplacian of `F`.
     pub laplacian: [[f32; 4]; 3],
     /// Coefficients of `x, x^3, .. x^15` of `U_1`.
-    pub first: [[f32; 4]; 2],
+    pub first: Odd,
     /// The same of `U_2`.
-    pub second: [[f32; 4]; 2],
+    pub second: Odd,
     /// Coefficients of `1, x^2, .. x^14` of `V`.
     pub shear: [[f32; 4]; 2],
     /// Coefficients of `x, x^3, .. x^15` of `B`.
@@ -56,19 +54,6 @@ impl Profile {
         let second = |k: usize| ((k + 2) * (k + 1)) as f64 * whole(k + 2);
         std::array::from_fn(|row| std::array::from_fn(|k| second(4 * row + k) as f32))
     }
-
-    /// What of the kernel lies below a height, from the middle on: its mass (coefficients of `y, y^3, .. y^15`), its first moment
-    /// (of `y^2, y^4, ..`) and its second (of `y^3, y^5, ..`).
-    pub fn moments(&self) -> [[[f32; 4]; 2]; 3] {
-        let coefficients = |rows: &[[f32; 4]; 2]| rows.as_flattened().iter().map(|&c| f64::from(c)).collect::<Vec<_>>();
-        let (first, second) = (coefficients(&self.first), coefficients(&self.second));
-        let whole = |all: &[f64]| 2.0 * all.iter().sum::<f64>();
-        let mass = |k: usize| whole(&first) * first[k] - whole(&second) * second[k];
-        [1, 2, 3].map(|order| {
-            let of = |k: usize| ((2 * k + 1) as f64 / (2 * k + order) as f64 * mass(k)) as f32;
-            std::array::from_fn(|row| std::array::from_fn(|k| of(4 * row + k)))
-        })
-    }
 }
 
 #[allow(clippy::excessive_precision, reason = "fitted in double precision")]
@@ -83,14 +68,8 @@ const CUBIC_SPLINE: Profile = Profile {
         [-1.040334665e+05, 3.192632633e+05, -5.767321709e+05, 6.097657462e+05],
         [-3.495512533e+05, 8.398557715e+04, 0.000000000e+00, 0.000000000e+00],
     ],
-    first: [
-        [1.386026385e+00, -2.548320675e+00, 3.716331782e+00, -3.610026278e+00],
-        [2.150414900e+00, -6.080737705e-01, -2.642697544e-02, 4.173924852e-02],
-    ],
-    second: [
-        [-1.145484466e-01, 1.117772937e+00, -3.530588300e+00, 7.083196061e+00],
-        [-9.548409758e+00, 8.086179920e+00, -3.805519286e+00, 7.527505421e-01],
-    ],
+    first: KernelProducts::of(Kernel::CubicSpline).first,
+    second: KernelProducts::of(Kernel::CubicSpline).second,
     shear: [
         [4.002460005e-01, -2.463285004e+00, 6.814398558e+00, -1.120057706e+01],
         [1.190444666e+01, -8.103990644e+00, 3.202944773e+00, -5.541832849e-01],
@@ -114,14 +93,8 @@ const POLY6: Profile = Profile {
         [-3.663978191e+03, 1.454854899e+04, -3.377048307e+04, 4.557178023e+04],
         [-3.302890626e+04, 9.970722617e+03, 0.000000000e+00, 0.000000000e+00],
     ],
-    first: [
-        [1.206535464e+00, -1.504410433e+00, 1.218097621e+00, -4.756587208e-01],
-        [4.998647679e-02, 7.670463789e-03, -1.441682252e-03, 2.020483516e-03],
-    ],
-    second: [
-        [-1.560457586e-01, 1.049876479e+00, -1.780130035e+00, 1.269972934e+00],
-        [-4.467097250e-01, 3.419382221e-01, -3.325327629e-01, 1.066165969e-01],
-    ],
+    first: KernelProducts::of(Kernel::Poly6).first,
+    second: KernelProducts::of(Kernel::Poly6).second,
     shear: [
         [4.014427198e-01, -1.904012125e+00, 3.534270306e+00, -3.153394336e+00],
         [1.297730469e+00, -1.852810144e-01, 3.357014568e-02, -2.432616546e-02],
@@ -191,7 +164,8 @@ mod tests {
                 let edge = |k: i32| f64::from(k) / 4.0 - 1.0;
                 let change = |f: &dyn Fn(f64) -> f64, k: i32| f(edge(k + 1)) - f(edge(k));
                 let pair = |f: &dyn Fn(f64) -> f64| change(f, i) * change(f, j);
-                let round = pair(&|x| odd(profile.first, x)) - pair(&|x| odd(profile.second, x));
+                let of = |all: Odd, x: f64| all.iter().rev().fold(0.0, |sum, &c| sum * x * x + f64::from(c)) * x;
+                let round = pair(&|x| of(profile.first, x)) - pair(&|x| of(profile.second, x));
                 let found =
                     round + rho * pair(&|x| even(profile.shear, x)) + 0.5 * rho * rho * pair(&|x| odd(profile.bend, x));
                 let n = 20;
@@ -209,30 +183,6 @@ mod tests {
             }
             let (error, without) = ((error / whole).sqrt(), (without / whole).sqrt());
             assert!(error < 0.08 * rho.abs() && error < 0.15 * without, "{kernel:?}, {rho}: {error}, {without}");
-        }
-    }
-
-    #[test]
-    fn small_profile_has_the_whole_weight_and_the_right_shape() {
-        for kernel in Kernel::ALL {
-            let profile = Profile::of(kernel);
-            let u = |rows: [[f32; 4]; 2], x: f64| flat(rows).iter().rev().fold(0.0, |sum, c| sum * x * x + c) * x;
-            let whole = 4.0 * (u(profile.first, 1.0).powi(2) - u(profile.second, 1.0).powi(2));
-            assert!((whole - 1.0).abs() < 1e-6, "{kernel:?}: {whole}");
-            // Integrals over the cells of an 8 x 8 grid over the support.
-            for (i, j) in (0..8).flat_map(|i| (0..8).map(move |j| (i, j))) {
-                let edge = |k: i32| f64::from(k) / 4.0 - 1.0;
-                let over = |rows, k: i32| u(rows, edge(k + 1)) - u(rows, edge(k));
-                let found =
-                    over(profile.first, i) * over(profile.first, j) - over(profile.second, i) * over(profile.second, j);
-                let n = 40;
-                let mut expected = 0.0;
-                for (a, b) in (0..n).flat_map(|a| (0..n).map(move |b| (a, b))) {
-                    let at = |k: i32, s: i32| edge(k) + (f64::from(s) + 0.5) / f64::from(n) / 4.0;
-                    expected += kernel.projected(at(i, a).hypot(at(j, b))) / f64::from(n * n) / 16.0;
-                }
-                assert!((found - expected).abs() < 3e-4, "{kernel:?} cell {i} {j}: {found} {expected}");
-            }
         }
     }
 }

@@ -1,13 +1,13 @@
 //! Small ellipses in a tile: means over pixels that add up to the flux, at a cost that grows with the number of pixels alone.
 //!
-//! An ellipse is cut into strips of a fraction of its height and of a pixel. Each strip has its exact share of the flux
-//! ([`super::row_shares`]), which lies along the row at its flux's mean height, widened by what the strip leans within itself,
-//! so that the second moments are the ellipse's own. A strip's share of a pixel is the difference of the cumulative share at the
-//! pixel's sides. Of the peak, what is left is below 1e-3.
+//! An ellipse is cut into strips of rows of pixels, the more the further it leans within a row for its width. A strip's kernel is a sum of
+//! two products of a function along the row and one across ([`super::kernel_products`]); it lies along the row where the ellipse is at the
+//! mean height of its mass, widened by what it leans within itself, so that the second moments are the ellipse's own. A strip's share of
+//! a pixel is a difference at the pixel's sides. Of the peak, what is left is below 2e-3.
 
+use super::kernel_products::{HeightMoments, KernelProducts, TERMS};
 use super::lanes::Canvas;
-use super::profile::TERMS;
-use super::row_shares::{RowShares, Shape};
+use crate::model::Kernel;
 use pulp::Simd;
 
 /// An ellipse in a tile's buffer, in cells: see [`super::ellipse::Ellipse`].
@@ -27,80 +27,164 @@ pub struct TileEllipse {
     pub clip: [[usize; 2]; 2],
 }
 
-/// Strips that a pixel of lean is divided into.
-const LEANING: f32 = 6.0;
-/// Strips that half the height is divided into, at least.
-const STRIPS: f32 = 5.0;
+/// Strips that a pixel of lean is divided into, where the ellipse is thin.
+const LEANING: f32 = 8.0;
 /// Most strips in a row of pixels.
 const MOST: f32 = 4096.0;
-/// Variance of leaning, in units of the chord, at which half of a strip's tilt is seen.
-const EVEN: f32 = 0.1;
 /// Smallest half width of a strip, cells.
 const NARROWEST: f32 = 1e-3;
+/// Edges of strips that are found together.
+const EDGES: usize = 64;
+/// Share of the mass below which a strip is left out.
+const LEAST: f32 = 1e-8;
+
+/// What a kernel's strips are made of.
+#[derive(Clone, Copy, Debug)]
+pub struct StripKernel {
+    products: KernelProducts,
+    moments: HeightMoments,
+    per_variance: f32,
+}
+
+impl StripKernel {
+    /// That of a kernel.
+    pub fn of(kernel: Kernel) -> StripKernel {
+        let moments = *HeightMoments::of(kernel);
+        StripKernel { products: KernelProducts::of(kernel), moments, per_variance: moments.variance().recip() }
+    }
+}
+
+/// What lies above each of some heights: the two functions, and mass, first and second moment.
+struct Above {
+    heights: [f32; EDGES],
+    first: [f32; EDGES],
+    second: [f32; EDGES],
+    mass: [f32; EDGES],
+    mean: [f32; EDGES],
+    square: [f32; EDGES],
+}
 
 /// Adds the integral of an ellipse over each pixel.
 #[inline(always)]
-pub fn add<S: Simd>(simd: S, canvas: &mut Canvas<'_>, rows: &RowShares, ellipse: &TileEllipse) {
+pub fn add<S: Simd>(simd: S, canvas: &mut Canvas<'_>, kernel: &StripKernel, ellipse: &TileEllipse) {
     let TileEllipse { center, shear, half, clip, .. } = *ellipse;
     let (top, bottom) = (center[1] - half[1], center[1] + half[1]);
     let first = (top.max(0.0) as usize).max(clip[1][0]);
     // Casts saturate.
     let end = ((bottom.max(0.0) + 1.0) as usize).min(clip[1][1]);
+    if first >= end {
+        return;
+    }
     let area = half[0] * half[1];
-    let flux = [0.5 * area * ellipse.amplitude, 0.5 * area * ellipse.amplitude_s];
+    let flux = [area * ellipse.amplitude, area * ellipse.amplitude_s];
     // What is wide hides how its strips lean.
-    let leaning = LEANING * shear.abs() / (1.0 + 0.8 * half[0] * half[0]).sqrt();
+    let count = (LEANING * shear.abs() / (1.0 + 0.8 * half[0] * half[0]).sqrt()).ceil().clamp(1.0, MOST);
     let lean = shear * half[1];
-    // What is far smaller than a pixel lies in one, whatever it looks like.
-    let strips = STRIPS.min(2.0 + 4.0 * half[0].max(lean.abs()));
-    // What leans by more than its width shows its strips.
-    let sliver = lean * lean / (lean * lean + 9.0 * half[0] * half[0]);
-    let per_cell = leaning.max(strips * (1.0 + 1.2 * sliver) / half[1]);
-    let per_half = f64::from(half[1]).recip();
-    let height = |y: f32| (f64::from(y) - f64::from(center[1])) * per_half;
+    let widening = lean * lean * kernel.per_variance;
+    let square = half[0] * half[0];
+    let per_half = half[1].recip();
+    let step = per_half / count;
+    let start = ((first as f64 - f64::from(center[1])) * f64::from(per_half)) as f32;
+    let count = count as usize;
+    let strips = (end - first) * count;
     let numbers = numbers(simd);
-    let slant = (lean / half[0]) * (lean / half[0]);
-    for j in first..end {
-        let (from, to) = (top.max(j as f32), bottom.min((j + 1) as f32));
-        if from >= to {
-            continue;
-        }
-        let count = ((to - from) * per_cell).ceil().clamp(1.0, MOST);
-        let (mut last, step) = (height(from), f64::from((to - from) / count) * per_half);
-        let start = j * canvas.stride;
-        let mut above = rows.above(last);
-        for k in 1..=count as usize {
-            let next = if k == count as usize { height(to) } else { last + step };
-            let below = rows.above(next);
-            let strip = rows.strip([last, next], &above, &below);
-            (above, last) = (below, next);
-            let Some(strip) = strip else { continue };
-            // The variance of the chord's length is that of the heights.
-            let chord = (1.0 - strip.height * strip.height - strip.variance).max(1e-6);
-            let per_chord = slant * chord.recip();
-            let leaning = per_chord * strip.variance;
-            // What leans further than it is wide has its flux to one side, as the strip has it above or below its middle.
-            let tilted = strip.tilt * leaning / (leaning + EVEN);
-            let leaning = leaning + per_chord * tilted * tilted;
-            let shape = rows.shape(strip.height, leaning);
-            let width = half[0] * (chord * (shape.chord + leaning) * shape.per_variance).sqrt();
-            let width = width.max(NARROWEST);
-            let middle = center[0] + lean * (strip.height - tilted);
-            let inverse = width.recip();
-            let tilt = (0.75 * lean * tilted * inverse).clamp(-0.25, 0.25);
+    let mut above = Above {
+        heights: [0.0; EDGES],
+        first: [0.0; EDGES],
+        second: [0.0; EDGES],
+        mass: [0.0; EDGES],
+        mean: [0.0; EDGES],
+        square: [0.0; EDGES],
+    };
+    let mut done = 0;
+    while done < strips {
+        let held = (strips - done).min(EDGES - 1);
+        above.find(simd, numbers, kernel, (start, step, done), held + 1);
+        for k in 0..held {
+            let mass = above.mass[k + 1] - above.mass[k];
+            if mass < LEAST {
+                continue;
+            }
+            let (from, to) = (above.heights[k], above.heights[k + 1]);
+            let per_mass = mass.recip();
+            let height = ((above.mean[k + 1] - above.mean[k]) * per_mass).clamp(from, to);
+            let most = 0.25 * (to - from) * (to - from);
+            let variance = ((above.square[k + 1] - above.square[k]) * per_mass - height * height).clamp(0.0, most);
+            let width = (square + variance * widening).sqrt().max(NARROWEST);
+            let middle = center[0] + lean * height;
             let left = ((middle - width).max(0.0) as usize).max(clip[0][0]);
             let right = (((middle + width).max(0.0) + 1.0) as usize).min(clip[0][1]);
             if left >= right {
                 continue;
             }
-            let inside = Inside { left, middle, tilt, inverse, limit: clip[0][1] as f32 };
-            let out = start + left..start + (left + (right - left).next_multiple_of(S::F32_LANES));
-            spread(simd, numbers, &mut canvas.p[out.clone()], &shape, &inside, flux[0] * strip.share);
+            let along = [above.first[k + 1] - above.first[k], above.second[k + 1] - above.second[k]];
+            let mut shares = [0.0; TERMS];
+            for (share, (a, b)) in shares.iter_mut().zip(kernel.products.first.iter().zip(&kernel.products.second)) {
+                *share = along[0] * a - along[1] * b;
+            }
+            let inside = Inside { left, middle, inverse: width.recip(), limit: clip[0][1] as f32 };
+            let row = (first + (done + k) / count) * canvas.stride;
+            let out = row + left..row + (left + (right - left).next_multiple_of(S::F32_LANES));
+            spread(simd, numbers, &mut canvas.p[out.clone()], &shares, &inside, flux[0]);
             if !canvas.ps.is_empty() {
-                spread(simd, numbers, &mut canvas.ps[out], &shape, &inside, flux[1] * strip.share);
+                spread(simd, numbers, &mut canvas.ps[out], &shares, &inside, flux[1]);
+            }
+        }
+        done += held;
+    }
+}
+
+impl Above {
+    /// Finds what lies above the edges from number `done` on, which are `step` apart from `start`; some more than `count` of them.
+    #[inline(always)]
+    fn find<S: Simd>(
+        &mut self,
+        simd: S,
+        numbers: S::f32s,
+        kernel: &StripKernel,
+        (start, step, done): (f32, f32, usize),
+        count: usize,
+    ) {
+        let (low, high) = (simd.splat_f32s(-1.0), simd.splat_f32s(1.0));
+        let count = count.next_multiple_of(S::F32_LANES);
+        for first in (0..count).step_by(S::F32_LANES) {
+            let number = simd.add_f32s(numbers, simd.splat_f32s((done + first) as f32));
+            let height = simd.mul_add_e_f32s(number, simd.splat_f32s(step), simd.splat_f32s(start));
+            let height = simd.min_f32s(simd.max_f32s(height, low), high);
+            let square = simd.mul_f32s(height, height);
+            let KernelProducts { first: one, second: two } = &kernel.products;
+            let HeightMoments { mass, mean, square: squares } = &kernel.moments;
+            let values = [
+                simd.mul_f32s(polynomial(simd, one, square), height),
+                simd.mul_f32s(polynomial(simd, two, square), height),
+                simd.mul_f32s(polynomial(simd, mass, square), height),
+                simd.mul_f32s(polynomial(simd, mean, square), square),
+                simd.mul_f32s(polynomial(simd, squares, square), simd.mul_f32s(square, height)),
+                height,
+            ];
+            let columns = [
+                &mut self.first,
+                &mut self.second,
+                &mut self.mass,
+                &mut self.mean,
+                &mut self.square,
+                &mut self.heights,
+            ];
+            for (column, value) in columns.into_iter().zip(values) {
+                simd.partial_store_f32s(&mut column[first..first + S::F32_LANES], value);
             }
         }
     }
+}
+
+/// A polynomial with coefficients in ascending order.
+#[inline(always)]
+fn polynomial<S: Simd>(simd: S, coefficients: &[f32; TERMS], x: S::f32s) -> S::f32s {
+    let mut sum = simd.splat_f32s(coefficients[TERMS - 1]);
+    for power in (0..TERMS - 1).rev() {
+        sum = simd.mul_add_e_f32s(sum, x, simd.splat_f32s(coefficients[power]));
+    }
+    sum
 }
 
 /// Where a strip lies along its row.
@@ -108,8 +192,6 @@ pub fn add<S: Simd>(simd: S, canvas: &mut Canvas<'_>, rows: &RowShares, ellipse:
 struct Inside {
     left: usize,
     middle: f32,
-    /// A quarter of the density's slope, from -1 to 1 times the mean density.
-    tilt: f32,
     inverse: f32,
     /// Where the part that is drawn ends.
     limit: f32,
@@ -125,12 +207,11 @@ fn numbers<S: Simd>(simd: S) -> S::f32s {
     simd.partial_load_f32s(&lanes[..S::F32_LANES.min(16)])
 }
 
-/// Adds a strip's share of each pixel from `left` on.
+/// Adds a strip's share of each pixel from `left` on: `shares` are the coefficients of the odd polynomial whose differences they are.
 #[inline(always)]
-fn spread<S: Simd>(simd: S, numbers: S::f32s, out: &mut [f32], shape: &Shape, inside: &Inside, flux: f32) {
+fn spread<S: Simd>(simd: S, numbers: S::f32s, out: &mut [f32], shares: &[f32; TERMS], inside: &Inside, flux: f32) {
     let (limit, inverse) = (simd.splat_f32s(inside.limit), simd.splat_f32s(inside.inverse));
     let (middle, flux) = (simd.splat_f32s(inside.middle), simd.splat_f32s(flux));
-    let tilt = simd.splat_f32s(inside.tilt);
     let (low, high) = (simd.splat_f32s(-1.0), simd.splat_f32s(1.0));
     let (vectors, _) = S::as_mut_simd_f32s(out);
     for (k, out) in vectors.iter_mut().enumerate() {
@@ -141,12 +222,7 @@ fn spread<S: Simd>(simd: S, numbers: S::f32s, out: &mut [f32], shape: &Shape, in
         for end in &mut ends {
             let place = simd.mul_f32s(simd.sub_f32s(*end, middle), inverse);
             let place = simd.min_f32s(simd.max_f32s(place, low), high);
-            let y = simd.mul_add_e_f32s(simd.add_f32s(place, place), place, low);
-            let mut sum = simd.splat_f32s(shape.share[TERMS - 1]);
-            for power in (0..TERMS - 1).rev() {
-                sum = simd.mul_add_e_f32s(sum, y, simd.splat_f32s(shape.share[power]));
-            }
-            *end = simd.mul_add_e_f32s(place, sum, simd.mul_f32s(tilt, y));
+            *end = simd.mul_f32s(polynomial(simd, shares, simd.mul_f32s(place, place)), place);
         }
         *out = simd.mul_add_e_f32s(flux, simd.sub_f32s(ends[1], ends[0]), *out);
     }

@@ -8,7 +8,6 @@ use super::footprint::{Footprint, Lens};
 use super::lanes::{self, Canvas};
 use super::profile::{Profile, Profiles};
 use super::pyramid::{self, LevelImage, PADDING};
-use super::row_shares::RowShares;
 use super::table::LineTable;
 use super::tiles::{self, Layer, Piece, Record, SIDE, STRIDE, Sorted};
 use super::{Counts, Extent, SplatOptions, Splats};
@@ -195,10 +194,10 @@ impl WithSimd for Job<'_> {
         let records = records.iter().copied().flatten();
         let corner = layer.corner_of(tile);
         if small {
-            let (table, rows) = (small::CornerTable::of(kernel), RowShares::of(kernel));
+            let (table, strips) = (small::CornerTable::of(kernel), ellipse_rows::StripKernel::of(kernel));
             for record in records {
                 match record.ellipse() {
-                    Some(ellipse) => ellipse_rows::add(simd, &mut canvas, rows, &ellipse),
+                    Some(ellipse) => ellipse_rows::add(simd, &mut canvas, &strips, &ellipse),
                     None => small::draw(simd, &mut canvas, lens, profiles, table, corner, record),
                 }
             }

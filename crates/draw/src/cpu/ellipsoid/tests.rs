@@ -237,7 +237,7 @@ fn fast_pictures_stay_close_to_exact_ones() {
                 let (l1, l2) = fast.error_against(&exact);
                 let (s1, s2) = relative_error(&fast.ps, &exact.ps);
                 println!("{kernel:?} {flattest} {radii:?}: L1 {l1:.1e} L2 {l2:.1e}, P S {s1:.1e} {s2:.1e}");
-                assert!(l1 < 1e-3 && l2 < 1e-3, "{kernel:?} {flattest} {radii:?}: {l1} {l2}");
+                assert!(l1 < 1.5e-3 && l2 < 1.5e-3, "{kernel:?} {flattest} {radii:?}: {l1} {l2}");
                 assert!(s1 < 2e-3 && s2 < 2e-3, "{kernel:?} {flattest} {radii:?}: {s1} {s2} in P S");
             }
         }
@@ -258,7 +258,7 @@ fn fast_pictures_stay_close_to_exact_ones_in_perspective() {
             println!("{fov_y} {radii:?}: L1 {l1:.1e} L2 {l2:.1e}");
             // Those at arm's length are ellipses to second order only.
             let is_far = radii[1] < 0.01;
-            let [most_l1, most_l2] = if is_far { [6e-4, 2e-3] } else { [6e-3, 1.5e-2] };
+            let [most_l1, most_l2] = if is_far { [1e-3, 2.5e-3] } else { [6e-3, 1.5e-2] };
             assert!(l1 < most_l1 && l2 < most_l2, "{fov_y} {radii:?}: {l1} {l2}");
         }
     }
