@@ -224,7 +224,7 @@ proptest! {
     ) {
         let levels = some(count, seed);
         let structure = Relative::new(&levels, delta);
-        let view = camera(place.map(|x| (x % 2.0)), toward.map(|x| x % 1.0), perspective);
+        let view = camera(place.map(|x| x % 2.0), toward.map(|x| x % 1.0), perspective);
         let told = told(&structure, &view, threshold, level);
         let mut ranges: Vec<Range<usize>> =
             told.drawn.iter().chain(&told.culled).map(|&cluster| particles_of(&structure, cluster)).collect();
