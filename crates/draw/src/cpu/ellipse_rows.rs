@@ -9,6 +9,7 @@ use super::kernel_products::{HeightMoments, KernelProducts, TERMS};
 use super::lanes::Canvas;
 use crate::model::Kernel;
 use pulp::Simd;
+use std::sync::OnceLock;
 
 /// An ellipse in a tile's buffer, in cells: see [`super::ellipse::Ellipse`].
 #[derive(Clone, Copy, Debug)]
@@ -38,7 +39,8 @@ const EDGES: usize = 64;
 /// Share of the mass below which a strip is left out.
 const LEAST: f32 = 1e-8;
 
-/// What a kernel's strips are made of.
+/// What a kernel's strips are made of. All polynomials are in powers of `2 x^2 - 1`, in which their terms hardly cancel: what singles round
+/// off would be light else.
 #[derive(Clone, Copy, Debug)]
 pub struct StripKernel {
     products: KernelProducts,
@@ -47,11 +49,32 @@ pub struct StripKernel {
 }
 
 impl StripKernel {
-    /// That of a kernel.
-    pub fn of(kernel: Kernel) -> StripKernel {
-        let moments = *HeightMoments::of(kernel);
-        StripKernel { products: KernelProducts::of(kernel), moments, per_variance: moments.variance().recip() }
+    /// That of a kernel, computed once for the whole program.
+    pub fn of(kernel: Kernel) -> &'static StripKernel {
+        static STRIPS: [OnceLock<StripKernel>; Kernel::ALL.len()] = [const { OnceLock::new() }; Kernel::ALL.len()];
+        STRIPS[kernel as usize].get_or_init(|| {
+            let KernelProducts { first, second } = KernelProducts::of(kernel);
+            let of_heights = HeightMoments::of(kernel);
+            let HeightMoments { mass, mean, square } = *of_heights;
+            let moments = HeightMoments { mass: centered(&mass), mean: centered(&mean), square: centered(&square) };
+            let products = KernelProducts { first: centered(&first), second: centered(&second) };
+            StripKernel { products, moments, per_variance: of_heights.variance().recip() }
+        })
     }
+}
+
+/// A polynomial in `z` as one in `2 z - 1`.
+fn centered(coefficients: &[f32; TERMS]) -> [f32; TERMS] {
+    let mut sums = [0.0_f64; TERMS];
+    // Horner's scheme with `z = (y + 1) / 2`, on polynomials in `y`.
+    for &coefficient in coefficients.iter().rev() {
+        for power in (0..TERMS).rev() {
+            let before = power.checked_sub(1).map_or(0.0, |before| sums[before]);
+            sums[power] = 0.5 * (sums[power] + before);
+        }
+        sums[0] += f64::from(coefficient);
+    }
+    sums.map(|sum| sum as f32)
 }
 
 /// What lies above each of some heights: the two functions, and mass, first and second moment.
@@ -152,14 +175,15 @@ impl Above {
             let height = simd.mul_add_e_f32s(number, simd.splat_f32s(step), simd.splat_f32s(start));
             let height = simd.min_f32s(simd.max_f32s(height, low), high);
             let square = simd.mul_f32s(height, height);
+            let centered = simd.mul_add_e_f32s(square, simd.splat_f32s(2.0), low);
             let KernelProducts { first: one, second: two } = &kernel.products;
             let HeightMoments { mass, mean, square: squares } = &kernel.moments;
             let values = [
-                simd.mul_f32s(polynomial(simd, one, square), height),
-                simd.mul_f32s(polynomial(simd, two, square), height),
-                simd.mul_f32s(polynomial(simd, mass, square), height),
-                simd.mul_f32s(polynomial(simd, mean, square), square),
-                simd.mul_f32s(polynomial(simd, squares, square), simd.mul_f32s(square, height)),
+                simd.mul_f32s(polynomial(simd, one, centered), height),
+                simd.mul_f32s(polynomial(simd, two, centered), height),
+                simd.mul_f32s(polynomial(simd, mass, centered), height),
+                simd.mul_f32s(polynomial(simd, mean, centered), square),
+                simd.mul_f32s(polynomial(simd, squares, centered), simd.mul_f32s(square, height)),
                 height,
             ];
             let columns = [
@@ -222,7 +246,8 @@ fn spread<S: Simd>(simd: S, numbers: S::f32s, out: &mut [f32], shares: &[f32; TE
         for end in &mut ends {
             let place = simd.mul_f32s(simd.sub_f32s(*end, middle), inverse);
             let place = simd.min_f32s(simd.max_f32s(place, low), high);
-            *end = simd.mul_f32s(polynomial(simd, shares, simd.mul_f32s(place, place)), place);
+            let centered = simd.mul_add_e_f32s(simd.add_f32s(place, place), place, low);
+            *end = simd.mul_f32s(polynomial(simd, shares, centered), place);
         }
         *out = simd.mul_add_e_f32s(flux, simd.sub_f32s(ends[1], ends[0]), *out);
     }

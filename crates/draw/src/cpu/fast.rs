@@ -197,7 +197,7 @@ impl WithSimd for Job<'_> {
             let (table, strips) = (small::CornerTable::of(kernel), ellipse_rows::StripKernel::of(kernel));
             for record in records {
                 match record.ellipse() {
-                    Some(ellipse) => ellipse_rows::add(simd, &mut canvas, &strips, &ellipse),
+                    Some(ellipse) => ellipse_rows::add(simd, &mut canvas, strips, &ellipse),
                     None => small::draw(simd, &mut canvas, lens, profiles, table, corner, record),
                 }
             }

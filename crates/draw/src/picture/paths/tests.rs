@@ -114,7 +114,7 @@ proptest! {
             let (panorama, picture) = panorama(surround, &curves, &style(PathShape::Comet, 4.0));
             let radius = 4.0 * panorama.pixel_angle();
             let (found, expected) = (covered(&panorama, &picture), std::f64::consts::PI * radius * radius);
-            prop_assert!((found - expected).abs() < 0.08 * expected, "{surround:?} {at}: {found} {expected}");
+            prop_assert!((found - expected).abs() < 0.1 * expected, "{surround:?} {at}: {found} {expected}");
         }
     }
 }
