@@ -237,8 +237,9 @@ fn fast_pictures_stay_close_to_exact_ones() {
                 let (l1, l2) = fast.error_against(&exact);
                 let (s1, s2) = relative_error(&fast.ps, &exact.ps);
                 println!("{kernel:?} {flattest} {radii:?}: L1 {l1:.1e} L2 {l2:.1e}, P S {s1:.1e} {s2:.1e}");
-                assert!(l1 < 1.5e-3 && l2 < 2.5e-3, "{kernel:?} {flattest} {radii:?}: {l1} {l2}");
-                assert!(s1 < 2.5e-3 && s2 < 2.5e-3, "{kernel:?} {flattest} {radii:?}: {s1} {s2} in P S");
+                // Below a pixel two products are what is left of the kernel.
+                assert!(l1 < 2e-3 && l2 < 4e-3, "{kernel:?} {flattest} {radii:?}: {l1} {l2}");
+                assert!(s1 < 4e-3 && s2 < 4e-3, "{kernel:?} {flattest} {radii:?}: {s1} {s2} in P S");
             }
         }
     }
