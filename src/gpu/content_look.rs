@@ -1,7 +1,7 @@
 //! A depiction applied to nodes that hold values of their own: what moves, and clusters.
 
 use crate::codec::Codebook;
-use crate::mode::{Columns, Depiction, SourceColumns};
+use crate::mode::{Depiction, SourceColumns};
 use crate::store::Metadata;
 
 /// A depiction, and the names of each family's attributes, which are all that it takes of the data.
@@ -33,13 +33,6 @@ impl ContentLook {
 
     /// What the depiction makes of a family's values.
     pub fn columns(&self, family: u32, values: &Codebook) -> Option<SourceColumns> {
-        let named = self.names(family)?.iter().map(String::as_str);
-        let attributes: Vec<(&str, &[f32])> = named.zip(values.attributes.iter().map(Vec::as_slice)).collect();
-        Some(self.depiction.values_of(&Columns {
-            mass: &values.mass,
-            density: &values.density,
-            smoothing_length: &values.smoothing_length,
-            attributes: &attributes,
-        }))
+        Some(self.depiction.columns_named(self.names(family)?.iter().map(String::as_str), values))
     }
 }

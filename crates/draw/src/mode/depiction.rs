@@ -185,8 +185,12 @@ impl Depiction {
 
     /// Weights and attributes of values of `family`.
     pub fn columns_of(&self, family: &FamilyMetadata, values: &Codebook) -> SourceColumns {
-        let named = family.attributes.iter().map(|info| info.name.as_str());
-        let attributes: Vec<(&str, &[f32])> = named.zip(values.attributes.iter().map(Vec::as_slice)).collect();
+        self.columns_named(family.attributes.iter().map(|info| info.name.as_str()), values)
+    }
+
+    /// The same of values whose attributes have these names.
+    pub fn columns_named<'a>(&self, names: impl Iterator<Item = &'a str>, values: &'a Codebook) -> SourceColumns {
+        let attributes: Vec<(&str, &[f32])> = names.zip(values.attributes.iter().map(Vec::as_slice)).collect();
         self.values_of(&Columns {
             mass: &values.mass,
             density: &values.density,
