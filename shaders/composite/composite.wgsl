@@ -12,7 +12,8 @@ struct Composite {
     s_log: u32,
     /// Cells from a row of the picture to the next.
     stride: u32,
-    unused: u32,
+    /// How much of the picture is seen over the one before it.
+    share: f32,
 }
 
 const NO_ATTRIBUTE: u32 = 2u;
@@ -20,6 +21,7 @@ const NO_ATTRIBUTE: u32 = 2u;
 @group(0) @binding(2) var<uniform> composite: Composite;
 @group(0) @binding(3) var<storage, read> cells: array<vec2<f32>>;
 @group(0) @binding(4) var<storage, read> lut: array<u32>;
+@group(0) @binding(5) var<storage, read> last_cells: array<vec2<f32>>;
 
 @vertex
 fn vertex(@builtin(vertex_index) index: u32) -> @builtin(position) vec4<f32> {
@@ -38,10 +40,7 @@ fn texel(x: u32, y: u32) -> vec4<f32> {
     return unpack4x8unorm(lut[y * composite.lut_size.x + x]);
 }
 
-@fragment
-fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
-    let pixel = pixel_at(position);
-    let value = cells[pixel.y * composite.stride + pixel.x];
+fn colored(value: vec2<f32>) -> vec4<f32> {
     let last = composite.lut_size - 1u;
     let x = place(value.x, composite.p_log != 0u, composite.p_map) * f32(last.x);
     let left = min(u32(x), max(last.x, 1u) - 1u);
@@ -57,6 +56,17 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
         let below = mix(texel(left, low), texel(min(left + 1u, last.x), low), u);
         let above = mix(texel(left, low + 1u), texel(min(left + 1u, last.x), low + 1u), u);
         color = mix(below, above, y - f32(low));
+    }
+    return color;
+}
+
+@fragment
+fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
+    let pixel = pixel_at(position);
+    let cell = pixel.y * composite.stride + pixel.x;
+    var color = colored(cells[cell]);
+    if composite.share < 1.0 {
+        color = mix(colored(last_cells[cell]), color, composite.share);
     }
     return shown(color, pixel);
 }

@@ -6,14 +6,14 @@ use super::plot;
 use super::sheet::{Entry, sheet};
 use super::splat::Failure;
 use super::{Arguments, Times};
-use crate::build::{BuildOptions, Hierarchies, build_source};
-use crate::color::composite::{Image, composite_at};
+use crate::build::{BuildOptions, build_source};
+use crate::color::composite::{Image, composite_at, enlarged_difference};
 use crate::color::transfer::TransferFunction;
 use crate::color::{Accumulation, output};
 use crate::command_line::arguments::PictureSize;
 use crate::command_line::progress_bar::Terminal;
 use crate::cpu::{Extent, Method, Positions, SplatOptions, Splats, draw};
-use crate::hierarchy::Purpose;
+use crate::hierarchy::{Kind, Kinds, Purpose};
 use crate::look::{DataKind, LookPatch, Member};
 use crate::mode::{LevelChoice, Levels as LevelKind, Plan};
 use crate::model::{Bounds, Covariance, Dataset, Kernel};
@@ -30,8 +30,8 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// The hierarchies, and what each is.
-pub const KINDS: [(&str, &str); 8] = [
+/// Ways from hierarchies to pictures, and what each is.
+pub const WAYS: [(&str, &str); 8] = [
     ("sample", "an even sample of the particles"),
     ("octree-tau", "merged particles within 0.8 pixels"),
     ("octree", "merged particles, best first"),
@@ -47,8 +47,8 @@ pub const KINDS: [(&str, &str); 8] = [
 #[group(id = "bench-hierarchies")]
 pub struct Options {
     /// Hierarchies that `bench hierarchies` compares: sample, octree-tau, octree, octree-volume, pca, pca-round, pca-free, pca-published.
-    #[arg(long, value_name = "NAME,...", value_delimiter = ',', value_parser = KINDS.map(|(name, _)| name),
-          default_values = KINDS.map(|(name, _)| name))]
+    #[arg(long, value_name = "NAME,...", value_delimiter = ',', value_parser = WAYS.map(|(name, _)| name),
+          default_values = WAYS.map(|(name, _)| name))]
     pub hierarchies: Vec<String>,
     /// Numbers of splats of `bench hierarchies`, as numbers or shares of the particles.
     #[arg(long, value_name = "N%,...", value_delimiter = ',', value_parser = budget, default_values = ["1%", "4%", "16%"])]
@@ -225,7 +225,7 @@ impl<'a> Bench<'a> {
             false => (path.to_owned(), None),
             true => {
                 let out = temporary.path().join("hierarchies.df");
-                let hierarchies = Hierarchies { octree: true, pca: true };
+                let hierarchies = Kinds::of(Kind::ALL);
                 let options = BuildOptions { hierarchies, memory: arguments.memory, ..BuildOptions::default() };
                 let start = Instant::now();
                 build_source(path, &Default::default(), &options, &out, &())?;
@@ -399,7 +399,7 @@ impl<'a> Bench<'a> {
                 format!("L2 {error_l2:.3}, colour {:.1} of 255", error_color.mean),
             ]
         };
-        let differences: Vec<Image> = shown.iter().map(|shown| difference(&shown.image, truth)).collect();
+        let differences: Vec<Image> = shown.iter().map(|shown| enlarged_difference(&shown.image, truth)).collect();
         let pictures: Vec<Entry<'_>> =
             shown.iter().map(|shown| Entry { image: &shown.image, caption: caption(&shown.outcome) }).collect();
         let differing: Vec<Entry<'_>> = shown
@@ -418,15 +418,6 @@ impl<'a> Bench<'a> {
 struct Shown {
     outcome: Outcome,
     image: Image,
-}
-
-/// Four times the difference of two pictures, channel by channel (HE03 figure 10).
-fn difference(image: &Image, truth: &Image) -> Image {
-    let pixel = |(a, b): (&[u8; 4], &[u8; 4])| {
-        let channel = |k: usize| (4 * u16::from(a[k].abs_diff(b[k]))).min(255) as u8;
-        [channel(0), channel(1), channel(2), 255]
-    };
-    Image { rgba: image.rgba.iter().zip(&truth.rgba).map(pixel).collect(), ..image.clone() }
 }
 
 fn color_errors(image: &Image, truth: &Image) -> ColorError {

@@ -3,6 +3,8 @@
 
 use super::arguments::bytes;
 use crate::build::{BuildOptions, build_source};
+use crate::hierarchy::Kinds;
+use crate::hierarchy::kind::{OCTREE, PCA};
 use crate::import::{LoadOptions, file_of_step};
 use crate::look::{DataKind, data_file};
 use crate::model::Progress;
@@ -43,9 +45,14 @@ pub fn page_file_of(path: &Path, progress: &dyn Progress) -> Result<PathBuf, Box
         return Ok(cached);
     }
     let stated = stated_budget()?;
-    build_source(path, &LoadOptions::default(), &BuildOptions::default(), &cached, progress)?;
+    build_source(path, &LoadOptions::default(), &build_options(), &cached, progress)?;
     make_room(&folder, stated, &cached)?;
     Ok(cached)
+}
+
+/// How page files in the cache are built: all that a window shows of them.
+fn build_options() -> BuildOptions {
+    BuildOptions { hierarchies: Kinds::of([&OCTREE, &PCA]), clusters_from: CLUSTERS_FROM, ..BuildOptions::default() }
 }
 
 /// The budget that the user has set.
@@ -71,6 +78,9 @@ pub(super) fn make_room(folder: &Path, stated: Option<u64>, made: &Path) -> Resu
 
 /// The environment variable that sets the cache's budget.
 pub const BUDGET_VARIABLE: &str = "DEEPFIELD_CACHE";
+
+/// Particles from which on a view in motion is better drawn from clusters: fewer are drawn as they are within a frame's time.
+const CLUSTERS_FROM: u64 = 1_000_000;
 
 /// The cache's budget unless set: this, or a fifth of what it has and the disk has left, if that is less.
 const MOST_BYTES: u64 = 50_000_000_000;
@@ -166,7 +176,7 @@ pub fn prune(folder: &Path, budget: u64, keep: &Path) -> Result<Option<Removed>,
     Ok((removed.files > 0).then_some(removed))
 }
 
-/// A file name that changes when the source's path, length or time of change does, or the page file's version.
+/// A file name that changes when the source's path, length or time of change does, or what is built of it.
 pub(super) fn cached_name(path: &Path) -> Result<String, std::io::Error> {
     let name = |error: std::io::Error| std::io::Error::new(error.kind(), format!("{}: {error}", path.display()));
     let file = file_of_step(path);
@@ -176,7 +186,7 @@ pub(super) fn cached_name(path: &Path) -> Result<String, std::io::Error> {
     let about = std::fs::metadata(&path).map_err(name)?;
     let changed = about.modified().ok().and_then(|time| time.duration_since(UNIX_EPOCH).ok());
     let mut hasher = DefaultHasher::new();
-    (&path, step, about.len(), changed, crate::store::layout::VERSION).hash(&mut hasher);
+    (&path, step, about.len(), changed, crate::store::layout::VERSION, CLUSTERS_FROM).hash(&mut hasher);
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
     Ok(format!("{stem}-{:016x}.df", hasher.finish()))
 }

@@ -1,18 +1,17 @@
 //! Options of `build` about the hierarchy: what its nodes merge, leave out and hold, and how they share pages.
 
 use super::arguments::bytes;
-use crate::build::{BuildOptions, Hierarchies};
+use crate::build::BuildOptions;
 use crate::hierarchy::pca::SplitRule;
-use crate::hierarchy::{ClusterOptions, OctreeOptions};
+use crate::hierarchy::{ClusterOptions, Kind, Kinds, OctreeOptions};
 
 /// How the hierarchy is built.
 #[derive(clap::Args, Clone, Debug)]
 #[command(next_help_heading = "Hierarchy")]
 pub struct HierarchyOptions {
-    /// What is built over the leaves, one or both: octree (merged particles, an error on the screen), pca (clusters with a shape, for
-    /// pictures of few splats).
-    #[arg(long, value_name = "KINDS", default_value = "octree")]
-    pub hierarchy: Hierarchies,
+    /// What is built over the leaves.
+    #[arg(long, value_name = "KINDS", default_value = "octree", help = format!("What is built over the leaves, one or more of: {}", Kind::list()))]
+    pub hierarchy: Kinds,
     /// Particles of a cluster of the finest level, and clusters of one level in one of the next, on average, 2 to 64.
     #[arg(long, value_name = "N", default_value_t = ClusterOptions::default().size, value_parser = cluster_size)]
     pub cluster_size: f64,

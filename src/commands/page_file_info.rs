@@ -2,6 +2,7 @@
 //! it as JSON.
 
 use crate::codec::{Codebook, CodebookScope};
+use crate::hierarchy::{Kind, Kinds};
 use crate::store::{ClusterLevel, ClusterTree, FamilyMetadata, LevelInfo, PageFile};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
@@ -79,12 +80,11 @@ fn level_json(level: &LevelInfo) -> Value {
     })
 }
 
-/// The kinds of hierarchies over the leaves.
+/// The kinds of hierarchies over the leaves of any family.
 fn hierarchies(file: &PageFile) -> Vec<&'static str> {
-    let families = &file.metadata().families;
-    let octree = families.iter().any(FamilyMetadata::has_octree).then_some("octree");
-    let pca = families.iter().any(|family| family.clusters.is_some()).then_some("pca");
-    octree.into_iter().chain(pca).collect()
+    let trees = file.metadata().families.iter().flat_map(FamilyMetadata::trees);
+    let has: Kinds = Kinds::of(trees.map(|(purpose, _)| Kind::of(purpose)));
+    has.iter().map(|kind| kind.name).collect()
 }
 
 fn cluster_level_json(level: &ClusterLevel) -> Value {

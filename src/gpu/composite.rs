@@ -34,8 +34,8 @@ pub struct CompositeUniform {
     pub s_log: u32,
     /// Cells from a row of the picture to the next.
     pub stride: u32,
-    /// Padding.
-    pub unused: u32,
+    /// How much of the picture is seen over the one before it.
+    pub share: f32,
 }
 
 /// Adds the composite pass.
@@ -65,7 +65,7 @@ impl Plugin for CompositePlugin {
 struct CompositePipelines(ShowPipelines);
 
 fn init_composite_pipelines(mut commands: Commands, server: Res<AssetServer>) {
-    let pipelines = ShowPipelines::new(&server, "composite/composite.wgsl", size_of::<CompositeUniform>(), 2);
+    let pipelines = ShowPipelines::new(&server, "composite/composite.wgsl", size_of::<CompositeUniform>(), 3);
     commands.insert_resource(CompositePipelines(pipelines));
 }
 
@@ -98,7 +98,7 @@ fn prepare_composites(
             p_log,
             s_log: if composite.attribute { s_log } else { 2 },
             stride: buffers.stride,
-            unused: 0,
+            share: composite.last.filter(|_| buffers.shared.last.is_some()).unwrap_or(1.0),
         };
         let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
         let bytes = bytemuck::bytes_of(&uniform);
@@ -111,7 +111,9 @@ fn prepare_composites(
             }
         };
         let frame = Frame::new(known.map(|known| &known.frame), camera, composite.before.as_ref(), &device, &queue);
-        let others = [&uniform, &buffers.shared.cells, &lut.1];
+        // Nothing is read of it where all of the picture is seen.
+        let last = buffers.shared.last.as_ref().unwrap_or(&buffers.shared.cells);
+        let others = [&uniform, &buffers.shared.cells, &lut.1, last];
         let group = frame.group(&pipelines.0.layout, &others, &cache, &device);
         let pipeline = pipelines.0.variant(target.main_texture_format(), &cache);
         commands.entity(entity).insert(CompositeBindings { group, pipeline, frame, uniform, lut });

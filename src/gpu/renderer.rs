@@ -186,6 +186,7 @@ impl HeadlessRenderer {
             done => done?,
         }
         let view = SplatView {
+            keeps_last: false,
             view: request.view,
             footprint: request.footprint,
             backend: request.backend,

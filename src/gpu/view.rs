@@ -81,6 +81,8 @@ pub struct SplatView {
     pub items: Arc<[DrawItem]>,
     /// Accumulate in every frame, though nothing changed: for measurements.
     pub always: bool,
+    /// Whether the picture of the list before is kept, for [`Composite::last`].
+    pub keeps_last: bool,
 }
 
 /// The baked transfer function by which the accumulation becomes colour. A camera without it shows none.
@@ -98,6 +100,9 @@ pub struct Composite {
     pub attribute: bool,
     /// The picture that this one takes the place of.
     pub before: Option<Fading>,
+    /// How much is seen of what is accumulated, from 0 to 1, over the picture that was there before it, if [`SplatView::keeps_last`] has
+    /// kept that; both in the same colours. `None`: it is seen alone.
+    pub last: Option<f32>,
 }
 
 /// A picture that blends into another.
@@ -127,6 +132,7 @@ impl Composite {
             s_scale: hue.scale,
             attribute,
             before: None,
+            last: None,
         }
     }
 }

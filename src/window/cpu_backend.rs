@@ -28,6 +28,7 @@ use crate::picture::Subject;
 use crate::picture::drawing_cost::DrawingCost;
 use crate::picture::fade::faded;
 use crate::picture::splat_budget::SplatBudget;
+use crate::picture::stand_in::FADE_SECS;
 use crate::store::Tree;
 use crate::view::View;
 use bevy::prelude::*;
@@ -35,9 +36,6 @@ use bevy::tasks::{AsyncComputeTaskPool, Task, futures::check_ready};
 use drawing::{Limits, Outcome, Source, draw};
 use std::sync::Arc;
 use std::time::Instant;
-
-/// How long a picture at rest fades in over the clusters that stood in for it, seconds.
-const CLUSTERS_FADE_SECS: f32 = 0.2;
 
 /// What an accumulation depends on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -375,7 +373,7 @@ pub(super) fn show_on_cpu(
         return;
     }
     let fade = before.fade();
-    let passed = cpu.clusters.as_ref().map(|(_, since)| since.elapsed().as_secs_f32() / CLUSTERS_FADE_SECS);
+    let passed = cpu.clusters.as_ref().map(|(_, since)| since.elapsed().as_secs_f32() / FADE_SECS);
     let from_clusters = passed.filter(|share| *share < 1.0 && fade.is_none());
     converged.0 &= from_clusters.is_none();
     let wanted = match (fade, from_clusters) {

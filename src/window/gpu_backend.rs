@@ -36,6 +36,7 @@ use crate::picture::Subject;
 use crate::picture::decode::reach;
 use crate::picture::drawing_cost::{self, DrawingCost};
 use crate::picture::splat_budget::SplatBudget;
+use crate::picture::stand_in::FADE_SECS;
 use crate::store::Metadata;
 use crate::stream::SceneNode;
 use bevy::prelude::*;
@@ -73,6 +74,10 @@ pub struct GpuTables {
     told_full: Option<u32>,
     /// How copies of what moves, and of clusters, are to be seen, and which look that is.
     content: Option<((u32, u64), Arc<ContentLook>)>,
+    /// Of which states of view and live particles the camera draws clusters that stand in; `None` where it draws the view's own.
+    stood_in: Option<[u64; 2]>,
+    /// When a picture has taken the place of such clusters.
+    replaced: Option<Instant>,
 }
 
 /// Least time between two looks at how bright a view is that moves.
@@ -418,7 +423,11 @@ pub(super) fn draw_on_gpu(
             Footprint::Pixels(radius) => gpu::Footprint::Pixels { radius },
         };
         let (culling, faintest, items) = (plan.culling, plan.faintest, Arc::clone(&tables.items));
-        let shown = SplatView { view, footprint, backend, culling, faintest, items, always: false };
+        let state = [selection.motion, live.state()];
+        let keeps_last = !stands_in && tables.stood_in == Some(state);
+        tables.stood_in = stands_in.then_some(state);
+        tables.replaced = keeps_last.then(Instant::now);
+        let shown = SplatView { view, footprint, backend, culling, faintest, items, always: false, keeps_last };
         commands.entity(entity).insert(shown);
     }
     let found = measured.get();
@@ -435,6 +444,11 @@ pub(super) fn draw_on_gpu(
         let ps = if look.depiction.attribute.is_some() { found.cells.ps.clone() } else { Vec::new() };
         exposure.set_if_neq(Exposure::of(&Accumulation { ps, ..found.cells.clone() }, &look.transfer));
     }
+    let passed = tables.replaced.map(|since| since.elapsed().as_secs_f32() / FADE_SECS);
+    let last = passed.filter(|share| *share < 1.0);
+    if last.is_none() {
+        tables.replaced = None;
+    }
     let hue = look.transfer.hue.clone().unwrap_or_default();
     let shown = Composite {
         lut: Arc::clone(&look.lut),
@@ -443,6 +457,7 @@ pub(super) fn draw_on_gpu(
         s_scale: hue.scale,
         attribute: look.has_hue(),
         before: before.fade().map(|(image, share)| Fading { image: Arc::clone(image), share }),
+        last,
     };
     let same = composite.is_some_and(|now| {
         Arc::ptr_eq(&now.lut, &shown.lut)
@@ -451,6 +466,7 @@ pub(super) fn draw_on_gpu(
             && now.s_scale == shown.s_scale
             && now.p_scale == shown.p_scale
             && now.before == shown.before
+            && now.last == shown.last
     });
     if !same {
         commands.entity(entity).insert(shown);
@@ -475,7 +491,7 @@ pub(super) fn draw_on_gpu(
     }
     // Passes are timed only once their shaders are there, so a first time means a first picture.
     converged.0 = selection.complete && !moving && same && look.settled && has_drawn && is_current;
-    converged.0 &= before.is_settled();
+    converged.0 &= before.is_settled() && last.is_none();
 }
 
 #[cfg(test)]

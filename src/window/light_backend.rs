@@ -392,6 +392,7 @@ pub(super) fn draw_light_on_gpu(
             culling: true,
             faintest: 0.0,
             items: Arc::clone(&pictures.items),
+            keeps_last: false,
             always: false,
         },
     ));

@@ -99,6 +99,7 @@ pub(crate) fn follow_settings(
         || look.attribute != settings.attribute
         || look.depiction.settings != settings.look.settings
         || look.lod_budget != settings.budget.lod_budget()
+        || look.depiction.choice != settings.budget.level_choice().of_window()
         || !std::ptr::eq(look.depiction.mode, settings.mode);
     let mut depicted = false;
     if stale {
@@ -153,6 +154,7 @@ fn depict(scene: &Scene, settings: &Settings) -> Result<Depiction, String> {
     };
     let metadata = scene.metadata();
     let mut depiction = Depiction::new(settings.mode, settings.look.settings.clone(), name, metadata)?;
+    depiction.choice = settings.budget.level_choice().of_window();
     if settings.attribute == Attribute::None {
         depiction.attribute = None;
     }

@@ -8,6 +8,7 @@
 pub mod adopt;
 pub mod bookmarks;
 pub mod camera;
+mod comparison;
 pub mod cpu_backend;
 pub mod dropped;
 pub mod exposure;
@@ -222,6 +223,7 @@ impl Plugin for WindowApp {
         .insert_resource(state::choices::Choices::of_program())
         .init_resource::<cpu_backend::CpuPicture>()
         .init_resource::<paths::Paths>()
+        .init_resource::<comparison::Comparison>()
         .init_resource::<run_ranges::RunRanges>()
         .init_resource::<surround_backend::SurroundPicture>()
         .init_resource::<picture::Letterbox>()
@@ -305,6 +307,7 @@ impl Plugin for WindowApp {
                     .after(pages::finish_loads),
                 (
                     touring::before::draw_before.run_if(not(surround_backend::is_active)),
+                    comparison::compare,
                     paths::follow_paths,
                     cpu_backend::draw_on_cpu,
                     cpu_backend::show_on_cpu,

@@ -12,6 +12,7 @@ use crate::mode::lod_budget::{PRESENCE, THINNING};
 use crate::mode::{Mode, SettingValue};
 use crate::model::{Bounds, Moment, PeriodicBox, StepTimes, When};
 use crate::modes;
+use crate::picture::{PictureError, Session};
 use crate::store::run::RunTree;
 use crate::store::{Metadata, PageFile, Tree};
 use crate::view::{Stereo, Surround};
@@ -66,6 +67,16 @@ pub struct MovingRun {
 }
 
 impl Scene {
+    /// Opens the data for pictures beside the window's own, which read within so many bytes of memory; on whatever thread that is to happen.
+    pub fn opener(&self, budget_bytes: u64) -> impl FnOnce() -> Result<Session, PictureError> + Send + use<> {
+        let (opened, file, members) = (self.opened.clone(), Arc::clone(&self.file), self.members.clone());
+        move || match opened {
+            // Of a run whatever moment is asked for.
+            Some(opened) => Ok(Session::of_opened_within(opened, members, budget_bytes)?.0),
+            None => Ok(Session::of(file, budget_bytes)),
+        }
+    }
+
     /// What is drawn: the page file, or the tracks of its run.
     pub fn tree(&self) -> Arc<dyn Tree> {
         match &self.moving {

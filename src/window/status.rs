@@ -1,6 +1,7 @@
 //! The window's state as JSON in a file, for scripts and tests that cannot look at pixels.
 
 use super::camera::{Navigation, Viewpoint};
+use super::comparison::{Comparison, Found};
 use super::history::History;
 use super::look::Look;
 use super::looking::LookingState;
@@ -110,6 +111,8 @@ struct Status<'a> {
     time: Option<TimeStatus>,
     /// Paths over the picture.
     paths: PathsStatus,
+    /// The comparison of two hierarchies, where its pictures are there, and where the divider is.
+    comparison: Option<(Found, f32)>,
     /// The panels' controls: left, top, right and bottom; 1 where they are in sight, else 0.
     controls: BTreeMap<&'a str, [f32; 5]>,
     messages: Vec<&'a str>,
@@ -195,6 +198,7 @@ pub(super) fn write_status(
     looking: LookingState,
     (player, ranges, look, playhead): (Res<Player>, Res<Ranges>, Option<Res<Look>>, Option<Res<Playhead>>),
     (show, paths, preset): (Option<Res<ShowStatus>>, Res<Paths>, Res<Preset>),
+    comparison: Res<Comparison>,
     camera: Single<(&Viewpoint, &Navigation), With<DataCamera>>,
 ) {
     let file = file.bypass_change_detection();
@@ -293,6 +297,7 @@ pub(super) fn write_status(
                 .and_then(Option::as_ref)
                 .map(|found| [found.level as u64, u64::from(found.count), found.interval as u64]),
         },
+        comparison: comparison.found().map(|found| (found, comparison.divider)),
         looking: Report::of(&looking, &settings.selections),
         controls: controls
             .0

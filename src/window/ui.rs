@@ -125,6 +125,7 @@ pub(super) fn draw_window(
     painter.image(picture.texture, place, whole, tint);
     if is_flat {
         sheet::paint(&painter, rect, panel.paths.textures(&ctx));
+        overlay::comparison::draw(&mut root, rect, panel.comparison.bypass_change_detection());
     }
     sheet::paint(&painter, rect, marked);
     if let (Some(view), Some(scene)) = (view, &panel.scene) {

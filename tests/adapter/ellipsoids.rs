@@ -2,10 +2,18 @@
 
 use crate::integrals::{BACKENDS, ORTHO, PINHOLE, assert_same, look, node, request};
 use crate::support::Random;
+use deepfield::codec::clusters::NO_CLASS;
 use deepfield::color::Accumulation;
+use deepfield::color::composite::color_error;
+use deepfield::color::transfer::{Levels, TransferFunction};
 use deepfield::cpu::{Extent, Method, Positions, SplatOptions, Splats, draw};
-use deepfield::gpu::{Backend, Footprint, GpuCluster, HeadlessFrame, Payload, render_headless};
+use deepfield::gpu::{
+    Backend, Composite, DrawItem, Footprint, GpuCluster, HeadlessFrame, HeadlessRenderer, Payload, SplatView,
+    render_headless,
+};
+use deepfield::mode::sample::Sample;
 use deepfield::model::{Covariance, Kernel};
+use deepfield::picture::fade::faded;
 use deepfield::view::{Projection, View};
 use glam::{DMat3, DQuat, DVec3};
 
@@ -109,5 +117,67 @@ fn light_is_the_weight() {
             let sum = all.gpu(&view, backend).accumulation.sum() * (4.0_f64 / 320.0).powi(2);
             assert!((sum / total - 1.0).abs() < 1e-4, "{backend:?} {sizes:?}: {}", sum / total);
         }
+    }
+}
+
+/// The picture of other particles is seen in the middle of a fade as the mean of both, and alone after it.
+#[test]
+fn a_picture_fades_in_over_the_one_before() {
+    let view = look(ORTHO, 90, 70);
+    let transfer = TransferFunction::default();
+    let levels = Levels { p: [1e-3, 1e3], s: [0.0, 1.0] };
+    for backend in BACKENDS {
+        let part = |seed: f32| {
+            let cluster = |i: usize| GpuCluster {
+                place: [0.03 * i as f32, (seed * i as f32).fract(), 0.5],
+                smoothing_length: 0.05,
+                moments: [1e-4 * seed, 1e-4, 1e-4, 0.0, 0.0, 0.0],
+                weight: 1.0,
+                to: f32::MAX,
+                ..GpuCluster::default()
+            };
+            node(DVec3::splat(-0.5), 0.0, Payload::Ellipsoids((0..30).map(cluster).collect()))
+        };
+        let mut nodes = vec![part(0.61), part(1.37)];
+        nodes[1].upload.id.node = 1;
+        let ids = [nodes[0].upload.id, nodes[1].upload.id];
+        let request = request(&view, Footprint::Kernel(Kernel::default()), backend, nodes, vec![]);
+        let mut renderer = HeadlessRenderer::open(&request).unwrap();
+        let composite = Composite::new(&transfer, levels, false);
+        let mut shown = |which: usize, keeps_last: bool, last: Option<f32>| {
+            let item = DrawItem {
+                node: ids[which],
+                table: None,
+                weight_scale: 1.0,
+                offset: DVec3::ZERO,
+                sample: Sample::ALL,
+                limit: NO_CLASS,
+            };
+            renderer.show(SplatView {
+                view,
+                footprint: Footprint::Kernel(Kernel::default()),
+                backend,
+                culling: true,
+                faintest: 0.0,
+                items: [item].into(),
+                always: false,
+                keeps_last,
+            });
+            renderer.insert(Composite { last, ..composite.clone() });
+            renderer.complete().unwrap();
+            renderer.shown().unwrap()
+        };
+        let [before, after] = [shown(0, false, None), shown(1, false, None)];
+        assert!(color_error(&before, &after).0 > 5.0);
+        assert_eq!(shown(0, false, None), before);
+        // Twice, so that the place of the picture that was kept serves again.
+        for (which, [old, new]) in [(1, [&before, &after]), (0, [&after, &before])] {
+            let middle = shown(which, true, Some(0.25));
+            let mean = faded(old, new, 0.25);
+            let worst =
+                middle.rgba.as_flattened().iter().zip(mean.rgba.as_flattened()).map(|(a, b)| a.abs_diff(*b)).max();
+            assert!(worst <= Some(1), "{backend:?}: {worst:?}");
+        }
+        assert_eq!(shown(0, false, Some(0.25)), before, "nothing was kept");
     }
 }

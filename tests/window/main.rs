@@ -7,6 +7,7 @@
 mod support;
 
 mod budgets;
+mod comparison;
 mod desktop;
 mod frames;
 mod growing;

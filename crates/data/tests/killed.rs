@@ -3,7 +3,8 @@
 #![cfg(target_os = "linux")]
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
-use deepfield_data::build::{BuildOptions, Hierarchies, build_source};
+use deepfield_data::build::{BuildOptions, build_source};
+use deepfield_data::hierarchy::{Kind, Kinds};
 use deepfield_data::import::LoadOptions;
 use deepfield_data::model::Progress;
 use deepfield_data::synth;
@@ -34,7 +35,7 @@ fn killed_builds_leave_nothing() {
     if let Some(folder) = std::env::var_os(WORK) {
         let folder = Path::new(&folder);
         let options = BuildOptions {
-            hierarchies: Hierarchies { pca: true, ..Hierarchies::default() },
+            hierarchies: Kinds::of(Kind::ALL),
             memory: Some(10 << 20),
             threads: Some(1),
             ..BuildOptions::default()

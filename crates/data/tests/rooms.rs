@@ -64,6 +64,7 @@ const WINDOW: [&[&str]; 4] = [
         "shader_reload",
         "run_ranges",
         "touring",
+        "comparison",
         "paths",
         "cpu_backend",
         "surround_backend",

@@ -180,7 +180,16 @@ mod gpu {
             let (view, footprint, backend) = (*view, self.footprint, self.backend);
             let Plan { culling, faintest, .. } = *plan;
             let items = items.into();
-            self.renderer.show(SplatView { view, footprint, backend, culling, faintest, items, always: true });
+            self.renderer.show(SplatView {
+                view,
+                footprint,
+                backend,
+                culling,
+                faintest,
+                items,
+                always: true,
+                keeps_last: false,
+            });
             self.renderer.frame()?;
             Ok(())
         }

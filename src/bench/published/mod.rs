@@ -16,7 +16,7 @@ use super::Arguments;
 use super::paged::Paged;
 use super::processor_time::processor_time;
 use super::splat::Failure;
-use crate::build::{BuildOptions, Hierarchies, build};
+use crate::build::{BuildOptions, build};
 use crate::color::Accumulation;
 use crate::color::splat_colors::SplatColors;
 use crate::color::transfer::TransferFunction;
@@ -25,6 +25,7 @@ use crate::command_line::progress_bar::Terminal;
 use crate::cpu::over::Order;
 use crate::cpu::{Extent, Positions, SplatOptions, Splats, draw};
 use crate::hierarchy::pca::members::DiameterRule;
+use crate::hierarchy::{Kind, Kinds};
 use crate::look::{DataKind, LookPatch, Member};
 use crate::mode::{LevelChoice, Levels, Plan};
 use crate::model::{Bounds, Dataset, Kernel};
@@ -326,7 +327,7 @@ fn all(view: &View, level: &Level, kernel: Kernel) -> Result<Accumulation, Failu
 /// A page file of the same particles with our clusters.
 fn ours(dataset: Dataset, arguments: &Arguments, folder: &Path) -> Result<Paged, Failure> {
     let out = folder.join("published.df");
-    let hierarchies = Hierarchies { octree: true, pca: true };
+    let hierarchies = Kinds::of(Kind::ALL);
     let options = BuildOptions { hierarchies, memory: arguments.memory, ..BuildOptions::default() };
     build(dataset, &options, &out, &())?;
     Paged::open(&out)

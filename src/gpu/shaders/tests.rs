@@ -236,7 +236,7 @@ fn written(path: &str, name: &str) -> Option<Layout> {
         "vectors" => plain(size_of::<RawParticle>() / 2, ScalarKind::Float),
         "batch" => layout!(Pass { add, further, level, unused, source, unused_end }),
         "composite" => {
-            layout!(CompositeUniform { lut_size, p_map, s_map, p_log, s_log, stride, unused })
+            layout!(CompositeUniform { lut_size, p_map, s_map, p_log, s_log, stride, share })
         }
         "frame" => layout!(FrameUniform { size, before_size, origin, share, unused }),
         "picture" => layout!(LightUniform { size }),
@@ -370,7 +370,7 @@ fn written(path: &str, name: &str) -> Option<Layout> {
         // Read back.
         "differences" => plain(4, ScalarKind::Sint),
         // Read back as pairs of P and P S.
-        "cells" | "reduced_cells" => plain(8, ScalarKind::Float),
+        "cells" | "last_cells" | "reduced_cells" => plain(8, ScalarKind::Float),
         _ => return None,
     })
 }
@@ -451,7 +451,7 @@ fn buffers_are_laid_out_as_the_program_writes_them() {
             }
         }
     }
-    assert_eq!(compared.len(), 75, "{compared:?}");
+    assert_eq!(compared.len(), 76, "{compared:?}");
 }
 
 #[test]

@@ -27,6 +27,8 @@ use std::sync::atomic::AtomicBool;
 pub struct Shared {
     /// The picture's cells, `P` and `P S` each, in rows of [`SplatBuffers::stride`]; for compute the whole pyramid.
     pub cells: Buffer,
+    /// Those of the picture before, of the same view, where that is kept.
+    pub last: Option<Buffer>,
     /// The view.
     pub uniform: Buffer,
     /// The nodes.
@@ -195,8 +197,20 @@ fn build(
         at_least(kept(|b| &b.blocks), block_bytes.len().max(16) as u64, storage, "deepfield drawn blocks", device);
     queue.write_buffer(&blocks, 0, block_bytes);
     let usage = storage | BufferUsages::COPY_SRC;
-    let cells = at_least(kept(|b| &b.cells), u64::from(cells) * 8, usage, "deepfield picture", device);
-    let shared = Shared { cells, uniform, nodes, blocks };
+    // What is kept stays where it is, and the new picture gets another place: that of the one kept before, if there is one.
+    let is_kept = |before: &&SplatBuffers| {
+        view.keeps_last
+            && before.key.view == key.view
+            && before.key.technique == key.technique
+            && before.stride == stride
+    };
+    let last = before.filter(is_kept).map(|before| before.shared.cells.clone());
+    let free = match &last {
+        Some(_) => before.and_then(|before| before.shared.last.clone()),
+        None => kept(|b| &b.cells),
+    };
+    let cells = at_least(free, u64::from(cells) * 8, usage, "deepfield picture", device);
+    let shared = Shared { cells, last, uniform, nodes, blocks };
 
     let particles = match key.has_passes {
         true => particles::batches(&shared, &list, arena, cache, device),

@@ -1,6 +1,7 @@
 //! What is drawn over the picture: legend, scale bar, axes and names, notices, the help page.
 
 pub mod annotations;
+pub mod comparison;
 pub mod help;
 pub mod tour;
 

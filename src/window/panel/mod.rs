@@ -7,6 +7,7 @@ pub mod transfer;
 mod annotations;
 mod bookmarks;
 mod closer;
+mod comparison;
 mod dataset;
 mod display;
 mod messages;
@@ -24,6 +25,7 @@ mod view;
 pub use section::{Section, SectionData, Sections};
 
 use super::camera::Viewpoint;
+use super::comparison::Comparison;
 use super::exposure::Exposure;
 use super::history::{History, Step};
 use super::look::Look;
@@ -46,12 +48,13 @@ use bevy::prelude::*;
 use bevy_egui::egui::{self, RichText, Ui};
 
 /// The window's own sections, from the top of each dock.
-static SECTIONS: [&Section; 14] = [
+static SECTIONS: [&Section; 15] = [
     &dataset::SECTION,
     &mode::SECTION,
     &display::SECTION,
     &paths::SECTION,
     &view::SECTION,
+    &comparison::SECTION,
     &annotations::SECTION,
     &closer::SECTION,
     &probe::SECTION,
@@ -108,6 +111,8 @@ pub struct PanelState<'w, 's> {
     files: ResMut<'w, SceneFiles>,
     /// Paths over the picture.
     pub paths: ResMut<'w, Paths>,
+    /// Two hierarchies side by side.
+    pub comparison: ResMut<'w, Comparison>,
     preset: Res<'w, Preset>,
     exposure: Res<'w, Exposure>,
     choices: Res<'w, Choices>,

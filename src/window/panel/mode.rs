@@ -2,7 +2,7 @@
 
 use super::{Dock, PanelState, Section, theme};
 use crate::look::Attribute;
-use crate::mode::levels::is_of_levels;
+use crate::mode::levels::{is_of_levels, is_of_pictures};
 use crate::mode::{Setting, SettingKind, SettingValue};
 use crate::modes;
 use crate::window::scene::Settings;
@@ -25,8 +25,10 @@ fn show(ui: &mut Ui, state: &PanelState<'_, '_>, settings: &mut Settings) {
     let has_paths = state.scene.as_ref().is_some_and(|scene| scene.following.is_some());
     mode_combo(ui, has_paths, settings);
     attribute_combo(ui, state, settings);
-    // The window draws merged particles, whatever levels files are drawn from.
-    for setting in settings.mode.all_settings().filter(|setting| !is_of_levels(setting.name)) {
+    let takes_clusters = state.look.as_ref().is_some_and(|look| look.depiction.takes_clusters());
+    let has_levels = takes_clusters && state.scene.as_ref().is_some_and(|scene| scene.metadata().has_clusters());
+    let applies = |name: &str| !is_of_pictures(name) && (has_levels || !is_of_levels(name));
+    for setting in settings.mode.all_settings().filter(|setting| applies(setting.name)) {
         mode_setting(ui, setting, settings.values(setting));
     }
     let error = theme::NumberRow {
@@ -118,7 +120,8 @@ fn mode_setting(ui: &mut Ui, setting: &Setting, values: &mut crate::mode::Settin
             let current = values.name(setting);
             theme::row(ui, &label, |ui| {
                 ui.add_space(theme::MARK_ROOM);
-                let width = theme::VALUE;
+                // Long names have their room, too.
+                let width = theme::VALUE.min(ui.available_width() - theme::MARK_ROOM);
                 ComboBox::from_id_salt(setting.name).width(width).selected_text(&current).show_ui(ui, |ui| {
                     for &option in options {
                         let chosen = ui.selectable_label(current == option, option);

@@ -151,12 +151,7 @@ impl Before {
     /// Begins to draw.
     fn start(&mut self, wanted: Wanted, scene: &Scene) {
         let known = self.session.take().filter(|(dataset, _)| *dataset == scene.dataset);
-        let (opened, file, members) = (scene.opened.clone(), Arc::clone(&scene.file), scene.members.clone());
-        let open = move || match opened {
-            // Of a run whatever moment is asked for.
-            Some(opened) => Ok(Session::of_opened_within(opened, members, BUDGET)?.0),
-            None => Ok::<_, PictureError>(Session::of(file, BUDGET)),
-        };
+        let open = scene.opener(BUDGET);
         let Key { view, look, levels, limit, .. } = wanted.key.clone();
         let diameter = wanted.diameter;
         let answer = Answer::ask("blend", move |_| {

@@ -1,10 +1,11 @@
 //! The promises of clusters (HE03): sums and means at any number, displacements, and bytes that depend on the particles alone.
 
 use crate::support::Random;
-use deepfield::build::{BuildOptions, Hierarchies, build};
+use deepfield::build::{BuildOptions, build};
 use deepfield::codec::clusters::cluster_limit;
+use deepfield::hierarchy::kind::PCA;
 use deepfield::hierarchy::pca::SplitRule;
-use deepfield::hierarchy::{ClusterOptions, OctreeOptions};
+use deepfield::hierarchy::{ClusterOptions, Kind, Kinds, OctreeOptions};
 use deepfield::model::{Attribute, Dataset, Family, FamilyName, Kernel, Provenance, Unit};
 use deepfield::store::{Encoding, NodeRef, PageFile, PageId, Particles, Representative, verify};
 use glam::{DMat3, DVec3};
@@ -41,7 +42,7 @@ fn particles(count: usize, seed: u64, coincide: bool) -> Family {
     family
 }
 
-fn options(hierarchies: Hierarchies, rule: SplitRule) -> BuildOptions {
+fn options(hierarchies: Kinds, rule: SplitRule) -> BuildOptions {
     BuildOptions {
         hierarchies,
         clusters: ClusterOptions { rule, ..ClusterOptions::default() },
@@ -50,7 +51,9 @@ fn options(hierarchies: Hierarchies, rule: SplitRule) -> BuildOptions {
     }
 }
 
-const BOTH: Hierarchies = Hierarchies { octree: true, pca: true };
+fn both() -> Kinds {
+    Kinds::of(Kind::ALL)
+}
 
 fn built(folder: &Path, family: Family, options: &BuildOptions) -> PathBuf {
     let path = folder.join("clusters.df");
@@ -103,7 +106,7 @@ proptest! {
     ) {
         let folder = tempfile::tempdir().unwrap();
         let rule = if published { SplitRule::Distortion } else { SplitRule::Relative };
-        let mut own = options(Hierarchies { octree, pca: true }, rule);
+        let mut own = options(if octree { both() } else { Kinds::of([&PCA]) }, rule);
         own.octree.vq_bits = deepfield::codec::VqBits::Sixteen;
         let path = built(folder.path(), particles(count, seed, coincide), &own);
         let file = PageFile::open(&path).unwrap();
@@ -164,9 +167,10 @@ proptest! {
 fn a_file_depends_on_the_particles_alone() {
     let folder = tempfile::tempdir().unwrap();
     let mut family = particles(20_000, 5, true);
-    let first = std::fs::read(built(folder.path(), family.clone(), &options(BOTH, SplitRule::Relative))).unwrap();
+    let first = std::fs::read(built(folder.path(), family.clone(), &options(both(), SplitRule::Relative))).unwrap();
     for threads in [1, 3] {
-        let own = BuildOptions { threads: Some(threads), memory: Some(64 << 20), ..options(BOTH, SplitRule::Relative) };
+        let own =
+            BuildOptions { threads: Some(threads), memory: Some(64 << 20), ..options(both(), SplitRule::Relative) };
         assert!(std::fs::read(built(folder.path(), family.clone(), &own)).unwrap() == first, "{threads} threads");
     }
     family.positions.reverse();
@@ -175,18 +179,17 @@ fn a_file_depends_on_the_particles_alone() {
     {
         column.reverse();
     }
-    assert!(std::fs::read(built(folder.path(), family, &options(BOTH, SplitRule::Relative))).unwrap() == first);
+    assert!(std::fs::read(built(folder.path(), family, &options(both(), SplitRule::Relative))).unwrap() == first);
 }
 
 /// The octree of a file is what it is without clusters, and such a file is a byte for byte what it was.
 #[test]
 fn an_octree_is_the_same_with_clusters() {
     let folder = tempfile::tempdir().unwrap();
-    let without =
-        built(folder.path(), particles(5000, 3, false), &options(Hierarchies::default(), SplitRule::Relative));
+    let without = built(folder.path(), particles(5000, 3, false), &options(Kinds::default(), SplitRule::Relative));
     let plain = PageFile::open(&without).unwrap().metadata().clone();
     assert_eq!(std::fs::read(&without).unwrap()[8], 2);
-    let with = built(folder.path(), particles(5000, 3, false), &options(BOTH, SplitRule::Relative));
+    let with = built(folder.path(), particles(5000, 3, false), &options(both(), SplitRule::Relative));
     assert_eq!(std::fs::read(&with).unwrap()[8], 4);
     let both = PageFile::open(&with).unwrap().metadata().clone();
     assert_eq!(
@@ -206,7 +209,7 @@ fn one_cluster_has_the_axes_of_a_flat_cloud() {
         *at = (turn * DVec3::new(normal(), 0.2 * normal(), 0.05 * normal())).to_array();
         *h = 0.01;
     }
-    let path = built(folder.path(), family, &options(BOTH, SplitRule::Relative));
+    let path = built(folder.path(), family, &options(both(), SplitRule::Relative));
     let file = PageFile::open(&path).unwrap();
     let root = file.metadata().families[0].clusters.as_ref().unwrap().root_page;
     let page = file.read_page(root).unwrap();
@@ -225,7 +228,7 @@ fn one_cluster_has_the_axes_of_a_flat_cloud() {
 #[test]
 fn unions_are_what_is_drawn_of_any_number() {
     let folder = tempfile::tempdir().unwrap();
-    let path = built(folder.path(), particles(9000, 5, true), &options(BOTH, SplitRule::Distortion));
+    let path = built(folder.path(), particles(9000, 5, true), &options(both(), SplitRule::Distortion));
     let file = PageFile::open(&path).unwrap();
     let page = file.read_page(file.metadata().families[0].clusters.as_ref().unwrap().root_page).unwrap();
     let content = page.content(0).unwrap();

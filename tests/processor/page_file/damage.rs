@@ -1,9 +1,9 @@
 //! Damaged and hostile page files: every flipped bit and every truncation is found, and nothing panics.
 
 use crate::support::page_checksums;
-use deepfield::build::{BuildOptions, Hierarchies, build};
+use deepfield::build::{BuildOptions, build};
 use deepfield::codec::VqBits;
-use deepfield::hierarchy::OctreeOptions;
+use deepfield::hierarchy::{Kind, Kinds, OctreeOptions};
 use deepfield::model::{Attribute, Dataset, Family, FamilyName, Kernel, Provenance, Unit};
 use deepfield::store::layout::{ALIGNMENT, HEADER_LEN};
 use deepfield::store::{PageFile, PageId, Representative, verify};
@@ -58,7 +58,7 @@ fn sound(has: Has) -> &'static [u8] {
             OctreeOptions { vq_bits: VqBits::Twelve, leaf_capacity, volume_levels, ..OctreeOptions::default() };
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("sound.df");
-        let hierarchies = Hierarchies { octree: true, pca };
+        let hierarchies = if pca { Kinds::of(Kind::ALL) } else { Kinds::default() };
         build(dataset, &BuildOptions { octree, hierarchies, ..BuildOptions::default() }, &path, &()).unwrap();
         std::fs::read(path).unwrap()
     })

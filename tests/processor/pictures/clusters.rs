@@ -1,18 +1,21 @@
 //! Pictures of clusters (HE03): within a number of splats, nearer to the particles the more there are, and as far away as they say.
 
 use crate::support::{Random, demo};
-use deepfield::build::{BuildOptions, Hierarchies, build_source};
+use deepfield::build::{BuildOptions, build_source};
 use deepfield::color::Accumulation;
 use deepfield::color::transfer::Range;
 use deepfield::cpu::volume::VolumeLevels;
+use deepfield::hierarchy::{Kind, Kinds};
 use deepfield::import::LoadOptions;
 use deepfield::look::LookPatch;
-use deepfield::mode::{Depiction, LevelChoice, Levels, Mode, Plan, Settings};
+use deepfield::mode::levels::{LEVELS, SPLATS};
+use deepfield::mode::lod_budget::{PRESENCE, THINNING};
+use deepfield::mode::{Depiction, LevelChoice, Levels, Mode, Plan, SettingValue, Settings};
 use deepfield::model::Bounds;
 use deepfield::modes::{column_density, find};
-use deepfield::picture::Subject;
 use deepfield::picture::level_report::{bound, estimate};
 use deepfield::picture::look::transfer_of;
+use deepfield::picture::{Session, Subject};
 use deepfield::store::{PageFile, Representative};
 use deepfield::stream::{Scene, SceneNode};
 use deepfield::view::{Detail, Projection, Scope, View};
@@ -27,7 +30,7 @@ pub struct Data {
 pub fn data() -> Data {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("clusters.df");
-    let hierarchies = Hierarchies { octree: true, pca: true };
+    let hierarchies = Kinds::of(Kind::ALL);
     let options = BuildOptions { hierarchies, ..BuildOptions::default() };
     build_source(&demo(), &LoadOptions::default(), &options, &path, &()).unwrap();
     Data { file: Arc::new(PageFile::open(&path).unwrap()), _folder: folder }
@@ -103,6 +106,26 @@ fn off(a: &Accumulation, b: &Accumulation) -> [f64; 2] {
 fn above(bounds: Bounds, height: f64) -> View {
     let eye = bounds.center() + DVec3::Z * bounds.size().length();
     View::look_at(eye, bounds.center(), DVec3::Y, Projection::Orthographic { height }, 256, 256).unwrap()
+}
+
+#[test]
+fn what_particles_may_be_left_out_leaves_clusters_as_they_are() {
+    let data = data();
+    let view = above(data.file.metadata().bounds(), 50.0);
+    let mut session = Session::of(Arc::clone(&data.file), u64::MAX);
+    let mut picture = |thinning: f64, presence: f64| {
+        let mut look = LookPatch::default();
+        let name = |text: &str| SettingValue::Name(text.into());
+        for (setting, value) in [(&LEVELS, name("clusters")), (&SPLATS, SettingValue::Number(2000.0))] {
+            look.budget.set(setting, value);
+        }
+        look.budget.set(&THINNING, SettingValue::Number(thinning));
+        look.budget.set(&PRESENCE, SettingValue::Number(presence));
+        session.image(&look, &view, None, 1.0, u64::MAX).unwrap()
+    };
+    let usual = picture(0.0, 0.0);
+    assert!((1900..=2000).contains(&usual.1), "{}", usual.1);
+    assert!(picture(8.0, 0.0) == usual && picture(0.0, 5.0) == usual);
 }
 
 #[test]

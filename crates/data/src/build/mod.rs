@@ -31,9 +31,10 @@ mod tree;
 use crate::codec::quantize::MAX_ATTRIBUTES;
 use crate::codec::{AttributeMerge, VqBits};
 use crate::hierarchy::attribute_info::set_units;
+use crate::hierarchy::kind::{OCTREE, PCA};
 use crate::hierarchy::octree::{Context, Plan};
 use crate::hierarchy::pca::SplitRule;
-use crate::hierarchy::{AttributeInfo, ClusterOptions, LevelInfo, OctreeOptions, Purpose};
+use crate::hierarchy::{AttributeInfo, ClusterOptions, Kinds, LevelInfo, OctreeOptions, Purpose};
 use crate::import::{ImportError, LoadOptions, Source, SourceStream, open_with, replaced_densities, streams};
 use crate::model::progress::Progress;
 use crate::model::{Dataset, Family, FamilyName, FamilyStream, Kernel, ParticleStream, ReadMethod, StreamError, Unit};
@@ -69,42 +70,6 @@ const PREFERRED: [&str; 10] = [
     "potential",
 ];
 
-/// Which hierarchies of particles a file gets, over the same leaves.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Hierarchies {
-    /// Merged particles in an octree's cells (F12).
-    pub octree: bool,
-    /// Clusters (HE03).
-    pub pca: bool,
-}
-
-impl Default for Hierarchies {
-    fn default() -> Hierarchies {
-        Hierarchies { octree: true, pca: false }
-    }
-}
-
-impl Hierarchies {
-    /// The names of those that a list with commas may have.
-    pub const NAMES: [&'static str; 2] = ["octree", "pca"];
-}
-
-impl std::str::FromStr for Hierarchies {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Hierarchies, String> {
-        let mut chosen = Hierarchies { octree: false, pca: false };
-        for name in text.split(',').map(str::trim) {
-            match name {
-                "octree" => chosen.octree = true,
-                "pca" => chosen.pca = true,
-                _ => return Err(format!("{name:?}: expected {}", Hierarchies::NAMES.join(", "))),
-            }
-        }
-        Ok(chosen)
-    }
-}
-
 /// What to build, and with what.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BuildOptions {
@@ -115,9 +80,11 @@ pub struct BuildOptions {
     /// How the trees are built.
     pub octree: OctreeOptions,
     /// The kinds of hierarchies that are built.
-    pub hierarchies: Hierarchies,
+    pub hierarchies: Kinds,
     /// How clusters are made, where they are.
     pub clusters: ClusterOptions,
+    /// Source particles of all families from which on a file gets clusters, where [`BuildOptions::hierarchies`] has them beside others.
+    pub clusters_from: u64,
     /// Bytes that a page aims at; only a page of a single node may be longer.
     pub page_bytes: usize,
     /// Bytes of memory that the build may take; `None`: half of what the machine has free.
@@ -130,14 +97,24 @@ pub struct BuildOptions {
     pub read: ReadMethod,
 }
 
+impl BuildOptions {
+    /// The same for a source of so many particles.
+    fn for_particles(&self, particles: u64) -> BuildOptions {
+        let without: Kinds = Kinds::of(self.hierarchies.iter().filter(|kind| **kind != PCA));
+        let is_small = particles < self.clusters_from && !without.is_empty();
+        BuildOptions { hierarchies: if is_small { without } else { self.hierarchies }, ..self.clone() }
+    }
+}
+
 impl Default for BuildOptions {
     fn default() -> BuildOptions {
         BuildOptions {
             families: Vec::new(),
             attributes: None,
             octree: OctreeOptions::default(),
-            hierarchies: Hierarchies::default(),
+            hierarchies: Kinds::default(),
             clusters: ClusterOptions::default(),
+            clusters_from: 0,
             page_bytes: PAGE_BYTES,
             memory: None,
             temporary: None,
@@ -301,6 +278,8 @@ fn built_of(
 ) -> Result<Unnamed, BuildError> {
     let choose = |names: &[&str]| chosen(names, options);
     let streams = streams(source, load_options, &choose)?;
+    let particles = source.description().families.iter().map(|family| family.count).sum();
+    let options = &options.for_particles(particles);
     let mut build = Build::new(options, streams.about.kernel, out, progress)?;
     for stream in &streams.families {
         build.family(stream)?;
@@ -454,7 +433,7 @@ impl<'a> Build<'a> {
         let nodes = Spill::new(out, &memory.folder, memory.nodes, options.read);
         let before = partition.on_disk();
         let trees = tree::grow(&context, stream.family(), &plan, partition, &nodes, workers, progress)?;
-        let clustering = options.hierarchies.pca.then_some((&context, options.clusters, self.kernel));
+        let clustering = options.hierarchies.has(&PCA).then_some((&context, options.clusters, self.kernel));
         let coded = tree::code(stream.family(), trees, clustering, &scaling, nodes, octree.vq_bits, progress)?;
         self.temporary_bytes = self.temporary_bytes.max(before + coded.on_disk());
 
@@ -465,7 +444,7 @@ impl<'a> Build<'a> {
         let volume = coded.volume.as_ref().map(|tree| (Purpose::Samples, &tree.nodes[..]));
         let clusters = coded.clusters.as_ref().map(|tree| (Purpose::Clusters, &tree.nodes[..]));
         let others: Vec<_> = volume.into_iter().chain(clusters).collect();
-        let has_octree = options.hierarchies.octree || clusters.is_none();
+        let has_octree = options.hierarchies.has(&OCTREE) || clusters.is_none();
         let trees = FamilyTrees { splats: &coded.splats.nodes, has_octree, others: &others };
         let mut written =
             write_trees(&mut self.writer, number, trees, options.page_bytes, sections, progress)?.into_iter();

@@ -2,6 +2,7 @@
 
 pub mod attribute_info;
 pub mod cell;
+pub mod kind;
 pub mod octree;
 pub mod pca;
 pub mod purpose;
@@ -9,6 +10,7 @@ pub mod spacetime;
 
 pub use attribute_info::{AttributeInfo, Histogram};
 pub use cell::{NodeKey, RootCell};
+pub use kind::{Kind, Kinds};
 pub use octree::{Encoding, LevelInfo, OctreeOptions};
 pub use pca::ClusterOptions;
 pub use purpose::Purpose;

@@ -14,6 +14,9 @@ pub enum Purpose {
 }
 
 impl Purpose {
+    /// All of them.
+    pub const ALL: [Purpose; 3] = [Purpose::Splats, Purpose::Samples, Purpose::Clusters];
+
     /// What statistics call inner nodes for it.
     pub fn name(self) -> &'static str {
         match self {

@@ -10,7 +10,7 @@ use super::layout::{ALIGNMENT, HEADER_LEN};
 use super::metadata::{ClusterLevel, FamilyMetadata, LevelInfo};
 use super::page::{Encoding, Node, NodeRef, Page, PageId};
 use super::page_file::PageFile;
-use crate::hierarchy::{NodeKey, Purpose};
+use crate::hierarchy::{Kind, NodeKey, Purpose};
 use crate::model::progress::Progress;
 use std::collections::HashMap;
 use std::path::Path;
@@ -67,7 +67,10 @@ pub(super) fn verify_file(file: &PageFile, progress: &dyn Progress) -> Result<Ve
         file,
         promises: HashMap::new(),
         open: HashMap::new(),
-        levels: families.iter().map(|family| KINDS.map(|kind| empty_levels(told(family, kind).len()))).collect(),
+        levels: families
+            .iter()
+            .map(|family| Purpose::ALL.map(|levels| empty_levels(told(family, levels).len())))
+            .collect(),
         clusters: families.iter().map(|family| empty_clusters(clusters_told(family).len())).collect(),
         done: Verified { bytes: file.bytes(), pages: file.page_count(), ..Verified::default() },
     };
@@ -83,9 +86,6 @@ pub(super) fn verify_file(file: &PageFile, progress: &dyn Progress) -> Result<Ve
     }
     verifier.finish().map_err(damaged)
 }
-
-/// The kinds of levels, in the order of [`Verifier::levels`].
-const KINDS: [Purpose; 3] = [Purpose::Splats, Purpose::Samples, Purpose::Clusters];
 
 /// What the footer says of a tree's levels.
 fn told(family: &FamilyMetadata, levels: Purpose) -> &[LevelInfo] {
@@ -125,7 +125,7 @@ impl Verifier<'_> {
             self.done.nodes += 1;
             let mut trees = 0;
             let mut tree = Purpose::Splats;
-            for levels in KINDS {
+            for levels in Purpose::ALL {
                 let is_root = family.trees().any(|(own, root)| own == levels && root == page.id) && i == 0;
                 match self.promises.remove(&(own, levels)) {
                     Some(promise) if promise.key == page.cells[i] && !is_root => {
@@ -143,9 +143,9 @@ impl Verifier<'_> {
                 (trees, tree) = (trees + 1, levels);
             }
             let expected = if node.is_leaf() { family.trees().count() } else { 1 };
-            let is_alike = node.encoding.is_clusters() == (tree == Purpose::Clusters);
-            if !is_alike && !node.is_leaf() && node.encoding != Encoding::Relay {
-                return Err(here("clusters in the tree of clusters, and nowhere else"));
+            let kind = Kind::of(tree);
+            if !node.is_leaf() && !kind.encodings.contains(&node.encoding) {
+                return Err(here(&format!("nodes of the hierarchy {} in its tree", kind.name)));
             }
             if trees != expected {
                 return Err(here("to be the root, or the child of one earlier node, of each tree that it is in"));
@@ -232,7 +232,7 @@ impl Verifier<'_> {
             }
         }
         for (family, found) in self.file.metadata().families.iter().zip(&self.levels) {
-            for (levels, found) in KINDS.into_iter().zip(found) {
+            for (levels, found) in Purpose::ALL.into_iter().zip(found) {
                 check_levels(family, levels, found)?;
             }
             let [found, ..] = found;

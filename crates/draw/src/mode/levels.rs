@@ -49,10 +49,14 @@ pub static REPRESENTATIVE: Setting = Setting {
 /// Those of pictures that are no sums.
 pub static OF_ANY: [&Setting; 4] = [&LEVELS, &SPLATS, &FRAME_MS, &REPRESENTATIVE];
 
-/// Whether a setting is one of these, or says how splats come together: the window's own pictures have neither.
+/// Whether a setting says which levels are drawn, and how many splats.
 pub fn is_of_levels(name: &str) -> bool {
-    let all = [&LEVELS, &SPLATS, &ERROR_PICTURE, &FRAME_MS, &REPRESENTATIVE, &BLEND, &ORDER];
-    all.iter().any(|setting| setting.name == name)
+    [&LEVELS, &SPLATS, &REPRESENTATIVE].iter().any(|setting| setting.name == name)
+}
+
+/// Whether a setting is of pictures that are written to files alone: the window keeps to its own time, and adds splats up.
+pub fn is_of_pictures(name: &str) -> bool {
+    [&ERROR_PICTURE, &FRAME_MS, &BLEND, &ORDER].iter().any(|setting| setting.name == name)
 }
 
 /// Whether a setting is a limit, which there is none of where it is 0.
@@ -90,6 +94,11 @@ pub struct LevelChoice {
 }
 
 impl LevelChoice {
+    /// The same for a window, which keeps to its own time and adds splats up, whatever files are drawn with.
+    pub fn of_window(self) -> LevelChoice {
+        LevelChoice { error_picture: None, frame_ms: None, order: None, ..self }
+    }
+
     /// Whether it is within a budget of splats or of time, or up to an error of the picture.
     pub fn is_bounded(&self) -> bool {
         self.splats.is_some() || self.error_picture.is_some() || self.frame_ms.is_some()

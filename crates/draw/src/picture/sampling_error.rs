@@ -15,6 +15,7 @@
 //! how many particles the picture has.
 
 use super::decode::{DecodedNode, cut, decode_some};
+use super::level_report::has_clusters;
 use super::subject::Subject;
 use crate::color::Accumulation;
 use crate::color::composite::color_distance;
@@ -50,6 +51,10 @@ pub(super) fn plan(
 ) -> Result<Plan, VolumeError> {
     let &Subject { depiction, transfer, .. } = subject;
     let mut plan = Plan { culling: lod_budget.culling, ..Plan::default() };
+    // Clusters were chosen as few as they may be.
+    if has_clusters(nodes) {
+        return Ok(plan);
+    }
     let thins = lod_budget.thinning > 0.0 && can_thin(depiction);
     if !lod_budget.needs_levels() || (!thins && levels.is_some_and(|_| lod_budget.presence <= 0.0)) {
         return Ok(plan);

@@ -10,6 +10,9 @@ use crate::stream::Streamer;
 use crate::view::{Detail, Selection, View};
 use std::sync::Arc;
 
+/// How long a picture at rest fades in over the clusters that stood in for it, seconds.
+pub const FADE_SECS: f32 = 0.2;
+
 /// What may be drawn while there is no time for all of a view.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Limit {
