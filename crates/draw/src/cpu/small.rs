@@ -280,7 +280,6 @@ mod tests {
             for sizes in [[0.3, 1.0], [1.0, 2.9], [3.0, 5.9]] {
                 for angles in [[0.0, 0.1], [0.13, 0.3], [0.3, 0.6], [0.6, 1.5]] {
                     let [first, second] = off(sizes, angles, kernel);
-                    eprintln!("{kernel:?} {sizes:?} {angles:?}: {first:.2e} {second:.2e}");
                     assert!(first < 4e-3 && second < 4e-3, "{kernel:?} {sizes:?} {angles:?}: {first:.2e} {second:.2e}");
                 }
             }

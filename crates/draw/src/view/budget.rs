@@ -15,8 +15,9 @@ use glam::DVec3;
 /// Halvings of the range of thresholds, base 2 logarithms from -[`RANGE`] to [`RANGE`].
 const HALVINGS: usize = 28;
 const RANGE: f64 = 1024.0;
-/// Variance over a pixel, in pixels, that hides as much spread.
-const PIXEL: f64 = 0.1;
+/// Squared spread, in pixels, of which half shows: somewhat less than a pixel's own (1/12), since what is bright and small shows by how
+/// it lies across pixels (`docs/results.md`).
+const PIXEL: f64 = 0.03;
 
 /// Share of the budget that may be left while other refinements than the next one may fit in it.
 const LEFT: f64 = 0.01;
