@@ -14,7 +14,7 @@ use super::table::LineTable;
 use super::{Extent, Splats};
 use crate::model::{Covariance, Kernel};
 use crate::view::{Projection, View};
-use glam::{DMat3, DVec3};
+use glam::DVec3;
 
 /// The footprint of one particle. Lengths in pixels, `(0, 0)` the picture's top left corner.
 #[derive(Clone, Copy, Debug)]
@@ -264,13 +264,6 @@ impl Lens {
             Footprint::ellipse(image.ellipse, weights)
         });
         far.unwrap_or(footprint)
-    }
-
-    /// The ellipse that a ball looks like from far away, by its place in camera space, its smoothing length and its weights.
-    pub fn ball_from_far(&self, (camera, h, weights): (DVec3, f64, [f64; 2]), kernel: Kernel) -> Option<Footprint> {
-        let ball = Ellipsoid { camera, axes: DMat3::from_diagonal(DVec3::splat(h)) };
-        let image = self.far_image(&ball, kernel.variance())?;
-        Footprint::ellipse(image.ellipse, weights.map(|weight| weight * image.flux))
     }
 
     /// What an ellipsoid looks like from far away, for a kernel's variance.

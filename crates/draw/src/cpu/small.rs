@@ -145,15 +145,8 @@ fn add(row: &mut [f32], amplitude: f32, shares: &[f32]) {
 }
 
 /// Beyond this square of the tangent of the angle off the axis, small spheres are too elongated for [`circles`] and for
-/// a profile that is blurred alike in all directions: they are ellipses.
+/// a profile that is blurred alike in all directions.
 const STEEPEST: f64 = 0.12;
-
-/// Whether a sphere by its place in camera space and its smoothing length is one of these.
-#[inline]
-pub fn is_steep(lens: &Lens, camera: DVec3, h: f64) -> bool {
-    let square = camera.x * camera.x + camera.y * camera.y;
-    square > STEEPEST * camera.z * camera.z && h * lens.focal() < Profiles::LARGEST * camera.z
-}
 
 /// Two displacements below this, pixels, are not worth it.
 const NEAREST: f64 = 0.02;
@@ -218,6 +211,12 @@ pub fn draw<S: Simd>(
     if record.is_sphere() {
         let Some(footprint) = sphere::footprint(lens, record) else { return };
         let radius = footprint.radius as f32;
+        let middle = [0, 1].map(|k| 0.5 * (footprint.min[k] + footprint.max[k]));
+        let slope = lens.slope(middle);
+        if f64::from(radius) < Profiles::SMALLEST || slope[0] * slope[0] + slope[1] * slope[1] > STEEPEST {
+            sphere::subsampled(simd, canvas, lens, corner, &profiles.sampled, record);
+            return;
+        }
         let reach = (radius + Profiles::REACH) / radius;
         let shrink = 1.0 / (reach * reach);
         let mut blurred = *record;
@@ -240,51 +239,8 @@ pub fn draw<S: Simd>(
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "a failed helper fails its test")]
 mod tests {
     use super::*;
-    use crate::color::accumulation::relative_error;
-    use crate::cpu::{Extent, Method, Positions, SplatOptions, Splats, draw};
-    use crate::view::{Projection, View};
-
-    /// Relative L1 and L2 distance of spheres of so many pixels from their exact picture, where the tangent of their angle off the axis has a square
-    /// within a range.
-    fn off([least, most]: [f64; 2], [from, to]: [f64; 2], kernel: Kernel) -> [f64; 2] {
-        const SIDE: u32 = 900;
-        let projection = Projection::Perspective { fov_y: 2.0 * 1.1f64.atan() };
-        let view = View::look_at(DVec3::ZERO, DVec3::Z, DVec3::Y, projection, SIDE, SIDE).unwrap();
-        let mut seed = 1u64;
-        let mut random = || {
-            seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            (seed >> 11) as f64 / (1u64 << 53) as f64
-        };
-        let (mut places, mut lengths, mut weights) = (Vec::new(), Vec::new(), Vec::new());
-        while places.len() < 600 {
-            let [x, y] = [0; 2].map(|_| 2.0 * random() - 1.0);
-            if (from..to).contains(&(x * x + y * y)) {
-                let z = 10.0 * (1.0 + random());
-                places.push([x * z, y * z, z]);
-                lengths.push((least * (most / least).powf(random()) * z / view.focal_pixels()) as f32);
-                weights.push((0.5 + random()) as f32);
-            }
-        }
-        let splats = Splats::new(Positions::World(&places), Extent::World(&lengths), &weights, None).unwrap();
-        let picture = |method| draw(&view, &[splats], &SplatOptions { method, kernel, ..SplatOptions::default() });
-        let (fast, exact) = (picture(Method::default()), picture(Method::Exact));
-        relative_error(&fast.p, &exact.p).into()
-    }
-
-    #[test]
-    fn spheres_of_few_pixels_are_ellipses_off_the_axis() {
-        for kernel in Kernel::ALL {
-            for sizes in [[0.3, 1.0], [1.0, 2.9], [3.0, 5.9]] {
-                for angles in [[0.0, 0.1], [0.13, 0.3], [0.3, 0.6], [0.6, 1.5]] {
-                    let [first, second] = off(sizes, angles, kernel);
-                    assert!(first < 4e-3 && second < 4e-3, "{kernel:?} {sizes:?} {angles:?}: {first:.2e} {second:.2e}");
-                }
-            }
-        }
-    }
 
     /// Cumulative integrals as products, against the table that they are made of.
     #[test]

@@ -201,9 +201,8 @@ pub fn sort(
     for (splats, range) in pieces {
         for index in range.clone() {
             // How much of one that is faint shows depends on what exactly it covers.
-            let ball = lens.ball_ahead(splats, index);
-            let few = ball.filter(|_| options.faintest <= 0.0);
-            let circles = few.map_or([None; 2], |(camera, h, weights)| {
+            let ball = if options.faintest > 0.0 { None } else { lens.ball_ahead(splats, index) };
+            let circles = ball.map_or([None; 2], |(camera, h, weights)| {
                 let per_area = 1.0 / (h * h);
                 small::circles_of(lens, profiles, (camera, h), weights.map(|weight| weight * per_area))
             });
@@ -215,12 +214,7 @@ pub fn sort(
                 }
                 continue;
             }
-            let steep = ball.filter(|(camera, h, _)| small::is_steep(lens, *camera, *h));
-            let footprint = match steep {
-                Some(ball) => lens.ball_from_far(ball, options.kernel),
-                None => lens.footprint(splats, index, options.kernel),
-            };
-            let Some(footprint) = footprint else { continue };
+            let Some(footprint) = lens.footprint(splats, index, options.kernel) else { continue };
             let footprint = lens.seen_from_far(footprint, options.kernel, FAR);
             // A level's padding is at most twice the radius of the splats on it.
             let small = footprint.radius < SMALLEST_RADIUS;
