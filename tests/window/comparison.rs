@@ -31,8 +31,9 @@ fn with_clusters(folder: &Path, closed: &str) -> std::path::PathBuf {
 fn two_hierarchies_stand_at_both_sides_of_a_divider() {
     let folder = tempfile::tempdir().unwrap();
     let file = with_clusters(folder.path(), r#""data", "mode", "transfer", "view""#);
-    let desktop = Desktop::start();
-    let mut program = Program::open(&desktop, folder.path(), &file, [WIDTH, HEIGHT], &["--backend", "cpu"]);
+    // Few pixels, since an adapter in software draws the window.
+    let desktop = Desktop::with_screen([960, 540]);
+    let mut program = Program::open(&desktop, folder.path(), &file, [960, 540], &["--backend", "cpu"]);
     let first = program.wait("a converged picture", |status| status["converged"] == true);
     desktop.focus(desktop.window().expect("a window of the size that was asked for"));
     assert!(found(&first).is_none());
