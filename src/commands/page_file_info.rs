@@ -2,7 +2,7 @@
 //! it as JSON.
 
 use crate::codec::{Codebook, CodebookScope};
-use crate::hierarchy::{Kind, Kinds};
+use crate::hierarchy::Kind;
 use crate::store::{ClusterLevel, ClusterTree, FamilyMetadata, LevelInfo, PageFile};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
@@ -82,9 +82,12 @@ fn level_json(level: &LevelInfo) -> Value {
 
 /// The kinds of hierarchies over the leaves of any family.
 fn hierarchies(file: &PageFile) -> Vec<&'static str> {
-    let trees = file.metadata().families.iter().flat_map(FamilyMetadata::trees);
-    let has: Kinds = Kinds::of(trees.map(|(purpose, _)| Kind::of(purpose)));
-    has.iter().map(|kind| kind.name).collect()
+    let families = &file.metadata().families;
+    let is_there = |kind: &&Kind| {
+        let mut trees = families.iter().flat_map(FamilyMetadata::trees);
+        trees.any(|(purpose, _)| kind.purposes.first() == Some(&purpose))
+    };
+    Kind::ALL.into_iter().filter(is_there).map(|kind| kind.name).collect()
 }
 
 fn cluster_level_json(level: &ClusterLevel) -> Value {

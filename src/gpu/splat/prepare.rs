@@ -204,10 +204,12 @@ fn build(
             && before.key.technique == key.technique
             && before.stride == stride
     };
-    let last = before.filter(is_kept).map(|before| before.shared.cells.clone());
-    let free = match &last {
-        Some(_) => before.and_then(|before| before.shared.last.clone()),
-        None => kept(|b| &b.cells),
+    // The same list with particles that have moved in the arena is no other picture: what was kept stays so.
+    let is_same_list = |before: &&SplatBuffers| Arc::ptr_eq(&before.key.items, &key.items);
+    let (last, free) = match before.filter(is_kept) {
+        Some(before) if is_same_list(&before) => (before.shared.last.clone(), Some(before.shared.cells.clone())),
+        Some(before) => (Some(before.shared.cells.clone()), before.shared.last.clone()),
+        None => (None, kept(|b| &b.cells)),
     };
     let cells = at_least(free, u64::from(cells) * 8, usage, "deepfield picture", device);
     let shared = Shared { cells, last, uniform, nodes, blocks };

@@ -1,25 +1,9 @@
-//! The kinds of hierarchies: what each is made from, what its nodes hold, and what it knows of its errors. A kind is one constant here and
-//! one line in [`Kind::ALL`]; builds, their help, `info`, `verify` and the window's cache ask this list.
+//! The kinds of hierarchies: what each is called, and what its inner nodes are for and hold. A kind is one constant here and one line in
+//! [`Kind::ALL`]; builds, their help, `info`, `verify` and the window's cache ask this list.
 
 use super::{Encoding, Purpose};
 use std::fmt;
 use std::str::FromStr;
-
-/// What hierarchies are made from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Matter {
-    /// Points with mass, density and smoothing length.
-    Particles,
-}
-
-/// What a node knows of how far its picture is from that of what it stands for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum NodeError {
-    /// How far matter is displaced at most, a length: on the screen a number of pixels.
-    Displacement,
-    /// The relative L1 distance in space, which no projection enlarges.
-    Misfit,
-}
 
 /// A kind of hierarchy.
 #[derive(Debug)]
@@ -28,34 +12,26 @@ pub struct Kind {
     pub name: &'static str,
     /// What it is, for lists.
     pub about: &'static str,
-    /// What it is made from.
-    pub matter: Matter,
-    /// What its inner nodes are for; the first is always there.
+    /// What its inner nodes are for; those for the first are there wherever the kind is.
     pub purposes: &'static [Purpose],
     /// What its inner nodes hold.
     pub encodings: &'static [Encoding],
-    /// What they know of their errors.
-    pub errors: &'static [NodeError],
 }
 
 /// Merged particles in an octree's cells (F12).
 pub static OCTREE: Kind = Kind {
     name: "octree",
     about: "merged particles, an error on the screen",
-    matter: Matter::Particles,
     purposes: &[Purpose::Splats, Purpose::Samples],
     encodings: &[Encoding::Relay, Encoding::Grid],
-    errors: &[NodeError::Displacement],
 };
 
 /// Clusters with a shape by splits along principal axes (HE03).
 pub static PCA: Kind = Kind {
     name: "pca",
     about: "clusters with a shape, for pictures of few splats",
-    matter: Matter::Particles,
     purposes: &[Purpose::Clusters],
     encodings: &[Encoding::Relay, Encoding::Clusters, Encoding::LeafClusters],
-    errors: &[NodeError::Displacement, NodeError::Misfit],
 };
 
 impl Kind {
@@ -161,7 +137,7 @@ mod tests {
         for kind in Kind::ALL {
             assert_eq!(Kind::named(kind.name), Some(kind));
             assert_eq!(kind.name.parse(), Ok(Kinds::of([kind])));
-            assert!(!kind.purposes.is_empty() && !kind.encodings.is_empty() && !kind.errors.is_empty());
+            assert!(!kind.purposes.is_empty() && !kind.encodings.is_empty());
         }
         let all = Kinds::of(Kind::ALL);
         assert_eq!(all.to_string().parse(), Ok(all));
