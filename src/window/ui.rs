@@ -123,9 +123,10 @@ pub(super) fn draw_window(
     let Rect { min, max } = letterbox.within(picture.rect, picture.scale);
     let place = egui::Rect::from_min_max(egui::pos2(min.x, min.y), egui::pos2(max.x, max.y));
     painter.image(picture.texture, place, whole, tint);
+    let mut on_divider = false;
     if is_flat {
         sheet::paint(&painter, rect, panel.paths.textures(&ctx));
-        overlay::comparison::draw(&mut root, rect, panel.comparison.bypass_change_detection());
+        on_divider = overlay::comparison::draw(&mut root, rect, panel.comparison.bypass_change_detection());
     }
     sheet::paint(&painter, rect, marked);
     if let (Some(view), Some(scene)) = (view, &panel.scene) {
@@ -152,6 +153,7 @@ pub(super) fn draw_window(
     controls.0 = theme::take_controls(&ctx);
     let at = ctx.pointer_latest_pos();
     let over_picture = !owner.is_locked()
+        && !on_divider
         && at.is_some_and(|at| {
             rect.contains(at) && ctx.layer_id_at(at).is_none_or(|layer| layer.order == egui::Order::Background)
         });

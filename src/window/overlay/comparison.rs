@@ -11,13 +11,13 @@ const REACH_PX: f32 = 5.0;
 /// Its knob.
 const KNOB: [f32; 2] = [9.0, 34.0];
 
-/// Draws the pictures of a comparison, where there are some, and follows the divider.
-pub fn draw(ui: &mut Ui, picture: Rect, comparison: &mut Comparison) {
+/// Draws the pictures of a comparison, where there are some, and follows the divider; whether the pointer is on that, and not on the picture.
+pub fn draw(ui: &mut Ui, picture: Rect, comparison: &mut Comparison) -> bool {
     let (divider, names) = (comparison.divider, comparison.compared.ways.map(|way| way.name));
     let shows_difference = comparison.shows_difference;
-    let Some(Found { splats, color_error }) = comparison.found() else { return };
+    let Some(Found { splats, color_error }) = comparison.found() else { return false };
     let ctx = ui.ctx().clone();
-    let Some([left, right, difference]) = comparison.sheets(&ctx) else { return };
+    let Some([left, right, difference]) = comparison.sheets(&ctx) else { return false };
     let painter = ui.painter().with_clip_rect(picture);
     let top = picture.top() + 12.0;
     let says = |at: f32, anchor: Align2, text: String| {
@@ -27,7 +27,7 @@ pub fn draw(ui: &mut Ui, picture: Rect, comparison: &mut Comparison) {
         sheet::paint(&painter, picture, difference.tiles());
         let text = format!("{} less {}, times 4: {color_error:.2} of 255", names[0], names[1]);
         says(picture.center().x, Align2::CENTER_TOP, text);
-        return;
+        return false;
     }
     let at = picture.left() + divider * picture.width();
     for (tiles, part) in [(left, picture.with_max_x(at)), (right, picture.with_min_x(at))] {
@@ -49,4 +49,6 @@ pub fn draw(ui: &mut Ui, picture: Rect, comparison: &mut Comparison) {
     if let Some(at) = response.interact_pointer_pos().filter(|_| response.dragged()) {
         comparison.divider = ((at.x - picture.left()) / picture.width()).clamp(0.02, 0.98);
     }
+    // Not by what has been hovered over: a press may come in the same frame as the pointer.
+    response.dragged() || ctx.pointer_latest_pos().is_some_and(|at| handle.contains(at))
 }
