@@ -12,7 +12,7 @@ use crate::color::transfer::TransferFunction;
 use crate::color::{Accumulation, output};
 use crate::command_line::arguments::PictureSize;
 use crate::command_line::progress_bar::Terminal;
-use crate::cpu::{Extent, Method, Positions, SplatOptions, Splats, draw};
+use crate::cpu::{Extent, Method, Positions, SplatOptions, Splats, Sprite, draw};
 use crate::hierarchy::{Kind, Kinds, Purpose};
 use crate::look::{DataKind, LookPatch, Member};
 use crate::mode::{LevelChoice, Levels as LevelKind, Plan};
@@ -30,8 +30,8 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// Ways from hierarchies to pictures, and what each is.
-pub const WAYS: [(&str, &str); 8] = [
+/// Ways from hierarchies to pictures, and what each is. Unless asked for, only the first [`USUAL`] are compared.
+pub const WAYS: [(&str, &str); 11] = [
     ("sample", "an even sample of the particles"),
     ("octree-tau", "merged particles within 0.8 pixels"),
     ("octree", "merged particles, best first"),
@@ -40,15 +40,22 @@ pub const WAYS: [(&str, &str); 8] = [
     ("pca-round", "the same, drawn round"),
     ("pca-free", "the same of a tree that no octree cuts, uncoded"),
     ("pca-published", "HE03: splits by distortion, sizes by equation 2"),
+    ("pca-gaussian", "pca, each cluster a Gaussian"),
+    ("pca-disc", "pca, each cluster a disc"),
+    ("pca-pixel", "pca, each cluster a pixel"),
 ];
+
+/// Those that differ in more than the footprint.
+const USUAL: usize = 8;
 
 /// What is compared.
 #[derive(clap::Args, Clone, Debug)]
 #[group(id = "bench-hierarchies")]
 pub struct Options {
-    /// Hierarchies that `bench hierarchies` compares: sample, octree-tau, octree, octree-volume, pca, pca-round, pca-free, pca-published.
+    /// Hierarchies that `bench hierarchies` compares: sample, octree-tau, octree, octree-volume, pca, pca-round, pca-free, pca-published; and with other
+    /// footprints pca-gaussian, pca-disc, pca-pixel.
     #[arg(long, value_name = "NAME,...", value_delimiter = ',', value_parser = WAYS.map(|(name, _)| name),
-          default_values = WAYS.map(|(name, _)| name))]
+          default_values = WAYS[..USUAL].iter().map(|(name, _)| *name))]
     pub hierarchies: Vec<String>,
     /// Numbers of splats of `bench hierarchies`, as numbers or shares of the particles.
     #[arg(long, value_name = "N%,...", value_delimiter = ',', value_parser = budget, default_values = ["1%", "4%", "16%"])]
@@ -319,6 +326,9 @@ impl<'a> Bench<'a> {
             "octree" => self.paged(choice(LevelKind::Splats, ellipsoid, Some(budget)), view, 0.8, Plan::default()),
             "pca" => self.paged(choice(LevelKind::Clusters, ellipsoid, Some(budget)), view, 0.8, Plan::default()),
             "pca-round" => self.paged(choice(LevelKind::Clusters, round, Some(budget)), view, 0.8, Plan::default()),
+            "pca-gaussian" => self.with_footprint(Sprite::Gaussian, view, budget),
+            "pca-disc" => self.with_footprint(Sprite::Disc, view, budget),
+            "pca-pixel" => self.with_footprint(Sprite::Pixel, view, budget),
             "octree-volume" => Ok(self.of_splats(&in_memory::in_cells(&self.splats, budget as usize), None, view)?),
             "pca-free" => {
                 let (splats, covariances) = in_memory::free(&self.splats, budget as usize, self.kernel);
@@ -326,6 +336,13 @@ impl<'a> Bench<'a> {
             }
             _ => Ok(self.of_splats(&in_memory::published(&self.splats, budget as usize, self.kernel), None, view)?),
         }
+    }
+
+    /// Draws clusters with another footprint.
+    fn with_footprint(&mut self, sprite: Sprite, view: &View, budget: u64) -> Result<Drawn, Failure> {
+        let choice =
+            LevelChoice { levels: LevelKind::Clusters, splats: Some(budget), sprite, ..LevelChoice::default() };
+        self.paged(choice, view, 0.8, Plan::default())
     }
 
     /// Draws nodes of the page file.

@@ -406,7 +406,7 @@ mod tests {
             (
                 "points",
                 "radios=3",
-                "points has no setting radios, expected blend, culling, error-picture, frame-ms, levels, order, presence, radius",
+                "points has no setting radios, expected blend, culling, error-picture, footprint, frame-ms, levels, order, presence, radius",
             ),
             ("points", "radius=99", "radius is 99, expected a number from 0.5 to 30"),
             ("volume", "presence=9", "volume has no setting presence"),

@@ -40,7 +40,13 @@ pub struct Look {
 }
 
 impl Look {
-    /// What the colours mean.
+    /// What the picture's colours mean, where an axis tells it.
+    pub fn told(&self, metadata: &Metadata) -> Option<Legend> {
+        let units = Units::of(metadata, &self.depiction);
+        Legend::told(&self.depiction, &self.transfer, Arc::clone(&self.lut), &self.levels, &units)
+    }
+
+    /// What the transfer function's colours mean.
     pub fn legend(&self, metadata: &Metadata) -> Legend {
         let units = Units::of(metadata, &self.depiction);
         Legend::of(&self.depiction, &self.transfer, Arc::clone(&self.lut), &self.levels, &units)

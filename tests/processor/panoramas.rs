@@ -1,7 +1,7 @@
 //! Panoramas against sums along each pixel's own rays: no face shows, light is conserved, discs are as large everywhere.
 
 use deepfield::cpu::around::{along_ray, draw_face};
-use deepfield::cpu::{Extent, Method, Positions, SplatOptions, Splats, draw};
+use deepfield::cpu::{Extent, Method, Positions, SplatOptions, Splats, Sprite, draw};
 use deepfield::model::{Covariance, Kernel};
 use deepfield::picture::panorama::{Texels, assemble};
 use deepfield::synth::random::Random;
@@ -11,8 +11,13 @@ use rayon::prelude::*;
 use std::f64::consts::PI;
 
 const SAMPLING: Sampling = Sampling { oversampling: 1.5, density: 1.5, margin: 0 };
-const OPTIONS: SplatOptions =
-    SplatOptions { method: Method::Exact, kernel: Kernel::CubicSpline, culling: true, faintest: 0.0 };
+const OPTIONS: SplatOptions = SplatOptions {
+    method: Method::Exact,
+    kernel: Kernel::CubicSpline,
+    culling: true,
+    faintest: 0.0,
+    sprite: Sprite::Kernel,
+};
 
 /// Particles in the cube from -1 to 1, the eye among them.
 struct Cloud {

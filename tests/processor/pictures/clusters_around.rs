@@ -156,7 +156,37 @@ fn splats_lie_over_each_other_for_two_eyes() {
     let dome = Around { surround: Surround::Dome { aperture: 180.0, tilt: 0.0 }, stereo: None, eye: OUTSIDE };
     let shot = dome.shot(&mut session, &look);
     let refused = session.draw(&shot).err().map(|error| error.to_string()).unwrap_or_default();
-    assert_eq!(refused, "blend over: only flat pictures are drawn so, expected add");
+    assert_eq!(refused, "blend over: only flat pictures are drawn so");
+}
+
+/// Other footprints show the same matter, in flat pictures, and nowhere where they are not drawn.
+#[test]
+fn footprints_keep_the_light() {
+    let data = data();
+    let mut session = Session::of(Arc::clone(&data.file), u64::MAX);
+    let flat = Around { surround: Surround::Flat, stereo: None, eye: OUTSIDE };
+    let with = |name: &'static str, value: &str| {
+        let mut look = look("column-density", Some(2000.0));
+        look.budget.0.insert("footprint".into(), SettingValue::Name(value.into()));
+        look.budget.0.insert(name.into(), SettingValue::Name(if name == "blend" { "over" } else { value }.into()));
+        look
+    };
+    let sum = |values: &[f32]| values.iter().map(|value| f64::from(*value)).sum::<f64>();
+    let kernels = values(&flat.draw(&mut session, &look("column-density", Some(2000.0))));
+    for footprint in ["gaussian", "disc", "pixel"] {
+        let drawn = values(&flat.draw(&mut session, &with("footprint", footprint)));
+        assert!((sum(&drawn) / sum(&kernels) - 1.0).abs() < 0.01, "{footprint}: {} {}", sum(&drawn), sum(&kernels));
+        let apart: f64 = drawn.iter().zip(&kernels).map(|(a, b)| f64::from((a - b).abs())).sum();
+        assert!(apart > 0.01 * sum(&kernels), "{footprint}: {apart}");
+    }
+    let dome = Around { surround: Surround::Dome { aperture: 180.0, tilt: 0.0 }, stereo: None, eye: OUTSIDE };
+    for (around, look, why) in [
+        (dome, with("footprint", "disc"), "footprint disc: only flat pictures are drawn so"),
+        (flat, with("blend", "disc"), "blend over: lays kernels over each other, found footprint disc"),
+    ] {
+        let shot = around.shot(&mut session, &look);
+        assert_eq!(session.draw(&shot).err().map(|error| error.to_string()).unwrap_or_default(), why);
+    }
 }
 
 #[test]

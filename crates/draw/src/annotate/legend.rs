@@ -3,7 +3,7 @@
 use super::display_list::Rgba;
 use super::number;
 use crate::color::transfer::{Levels, Lut, Scale, TransferFunction};
-use crate::mode::Depiction;
+use crate::mode::{Depiction, OwnColors};
 use crate::model::Unit;
 use crate::store::Metadata;
 use std::sync::Arc;
@@ -64,7 +64,27 @@ pub struct Legend {
 }
 
 impl Legend {
-    /// What the colours of a depiction mean with these ranges in use.
+    /// What the colours of a depiction's pictures mean with these ranges in use; `None` where no axis tells it.
+    pub fn told(
+        depiction: &Depiction,
+        transfer: &TransferFunction,
+        lut: Arc<Lut>,
+        levels: &Levels,
+        units: &Units,
+    ) -> Option<Legend> {
+        match depiction.mode.technique.own_colors(&depiction.settings, transfer) {
+            None => Some(Legend::of(depiction, transfer, lut, levels, units)),
+            Some(OwnColors::Names) => None,
+            Some(OwnColors::Axis { title, is_length, log, colors }) => {
+                let unit = if is_length { tidy(units.length.0.clone()) } else { String::new() };
+                let p = LegendAxis { title: capitalized(title), unit, range: levels.p, log };
+                let lut = Arc::new(Lut { width: colors.len() as u32, height: 1, rgba: colors });
+                Some(Legend { p, s: None, lut, opacity: Vec::new() })
+            }
+        }
+    }
+
+    /// What the colours of a transfer function mean with these ranges in use.
     pub fn of(
         depiction: &Depiction,
         transfer: &TransferFunction,

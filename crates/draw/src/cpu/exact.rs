@@ -59,7 +59,7 @@ const HALO: usize = 2;
 const BATCH: usize = 1 << 16;
 
 /// Rows of the picture that one task draws.
-const BAND: usize = 16;
+pub(super) const BAND: usize = 16;
 
 /// One channel pair while it is being drawn: rows of `stride` values.
 pub(super) struct Canvas {

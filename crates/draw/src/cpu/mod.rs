@@ -31,6 +31,7 @@ pub mod screen_spheres;
 pub mod screen_tiles;
 pub mod sorted;
 pub mod splats;
+pub mod sprites;
 pub mod table;
 pub mod volume;
 
@@ -47,6 +48,7 @@ mod tiles;
 
 pub use exact::AREA_FILTER;
 pub use splats::{Extent, NodeTraits, Positions, SplatError, SplatKind, Splats};
+pub use sprites::Sprite;
 
 use crate::color::Accumulation;
 use crate::model::Kernel;
@@ -74,11 +76,19 @@ pub struct SplatOptions {
     pub culling: bool,
     /// Particles that add less than this to every pixel's `P` are dropped; 0: none.
     pub faintest: f32,
+    /// What a splat looks like in the picture.
+    pub sprite: Sprite,
 }
 
 impl Default for SplatOptions {
     fn default() -> SplatOptions {
-        SplatOptions { method: Method::default(), kernel: Kernel::default(), culling: true, faintest: 0.0 }
+        SplatOptions {
+            method: Method::default(),
+            kernel: Kernel::default(),
+            culling: true,
+            faintest: 0.0,
+            sprite: Sprite::default(),
+        }
     }
 }
 
@@ -113,6 +123,7 @@ pub fn draw(view: &View, batches: &[Splats<'_>], options: &SplatOptions) -> Accu
 /// As [`draw`], and says what became of the particles.
 pub fn draw_counted(view: &View, batches: &[Splats<'_>], options: &SplatOptions) -> (Accumulation, Counts) {
     match options.method {
+        _ if options.sprite != Sprite::Kernel => sprites::draw(view, batches, options),
         Method::Exact => exact::draw(view, batches, options),
         Method::Pyramid => fast::draw(view, batches, options),
     }

@@ -1,7 +1,16 @@
-//! How splats come together in a picture: settings of any picture of sums and of no mode.
+//! What splats look like in a picture and how they come together: settings of any picture of sums and of no mode.
 
 use super::{Setting, SettingKind, SettingValue, Settings};
+use crate::cpu::Sprite;
 use crate::cpu::over::Order;
+
+/// What a splat looks like.
+pub static FOOTPRINT: Setting = Setting {
+    name: "footprint",
+    unit: "",
+    kind: SettingKind::Choice { options: &["kernel", "gaussian", "disc", "pixel"] },
+    help: "what a splat looks like: its kernel, or as wide a Gaussian, disc or a single pixel as in HE03 (these: by the processor, in files)",
+};
 
 /// Whether splats are added or lie over each other.
 pub static BLEND: Setting = Setting {
@@ -20,6 +29,12 @@ pub static ORDER: Setting = Setting {
 };
 
 impl Settings {
+    /// What a splat looks like.
+    pub fn sprite(&self) -> Sprite {
+        let name = self.name(&FOOTPRINT);
+        Sprite::ALL.into_iter().find(|sprite| sprite.name() == name).unwrap_or_default()
+    }
+
     /// The order in which splats lie over each other; `None` where they are added.
     pub fn blend_order(&self) -> Option<Order> {
         (self.name(&BLEND) == "over").then(|| self.order())

@@ -1,8 +1,9 @@
 //! Which levels of a hierarchy a picture is drawn from, and within how many splats: settings of any picture of sums and of no mode. All but
 //! those of an error that is known of sums alone are settings of other pictures that clusters are drawn in, too.
 
-use super::blend::{BLEND, ORDER};
+use super::blend::{BLEND, FOOTPRINT, ORDER};
 use super::{Setting, SettingKind, Settings};
+use crate::cpu::Sprite;
 use crate::cpu::over::Order;
 use crate::store::Representative;
 
@@ -54,9 +55,9 @@ pub fn is_of_levels(name: &str) -> bool {
     [&LEVELS, &SPLATS, &REPRESENTATIVE].iter().any(|setting| setting.name == name)
 }
 
-/// Whether a setting is of pictures that are written to files alone: the window keeps to its own time, and adds splats up.
+/// Whether a setting is of pictures that are written to files alone: the window keeps to its own time, and adds kernels up.
 pub fn is_of_pictures(name: &str) -> bool {
-    [&ERROR_PICTURE, &FRAME_MS, &BLEND, &ORDER].iter().any(|setting| setting.name == name)
+    [&ERROR_PICTURE, &FRAME_MS, &FOOTPRINT, &BLEND, &ORDER].iter().any(|setting| setting.name == name)
 }
 
 /// Whether a setting is a limit, which there is none of where it is 0.
@@ -89,14 +90,16 @@ pub struct LevelChoice {
     pub frame_ms: Option<f64>,
     /// See [`REPRESENTATIVE`].
     pub representative: Representative,
+    /// What a splat looks like ([`FOOTPRINT`]).
+    pub sprite: Sprite,
     /// The order in which splats lie over each other; `None` where they are added ([`super::blend`]).
     pub order: Option<Order>,
 }
 
 impl LevelChoice {
-    /// The same for a window, which keeps to its own time and adds splats up, whatever files are drawn with.
+    /// The same for a window, which keeps to its own time and adds kernels up, whatever files are drawn with.
     pub fn of_window(self) -> LevelChoice {
-        LevelChoice { error_picture: None, frame_ms: None, order: None, ..self }
+        LevelChoice { error_picture: None, frame_ms: None, order: None, sprite: Sprite::Kernel, ..self }
     }
 
     /// Whether it is within a budget of splats or of time, or up to an error of the picture.
@@ -124,6 +127,7 @@ impl Settings {
                 "published" => Representative::Published,
                 _ => Representative::Ellipsoid,
             },
+            sprite: self.sprite(),
             order: self.blend_order(),
         }
     }

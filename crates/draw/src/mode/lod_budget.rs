@@ -9,7 +9,7 @@
 //!   particles is worth as much as they. `c` follows from a budget for the colour error; see
 //!   [`crate::picture::subject::Subject::plan`].
 
-use super::blend::{BLEND, ORDER};
+use super::blend::{BLEND, FOOTPRINT, ORDER};
 use super::levels::{ERROR_PICTURE, FRAME_MS, LEVELS, REPRESENTATIVE, SPLATS};
 use super::{Conserved, Depiction, Footprint, Output, Setting, SettingError, SettingKind, SettingValue, Settings};
 use crate::mode::sample::Sample;
@@ -42,8 +42,19 @@ pub static THINNING: Setting = Setting {
 };
 
 /// What any picture of sums may leave undrawn.
-pub static COMMON: [&Setting; 10] =
-    [&CULLING, &PRESENCE, &THINNING, &LEVELS, &SPLATS, &ERROR_PICTURE, &FRAME_MS, &REPRESENTATIVE, &BLEND, &ORDER];
+pub static COMMON: [&Setting; 11] = [
+    &CULLING,
+    &PRESENCE,
+    &THINNING,
+    &LEVELS,
+    &SPLATS,
+    &ERROR_PICTURE,
+    &FRAME_MS,
+    &REPRESENTATIVE,
+    &FOOTPRINT,
+    &BLEND,
+    &ORDER,
+];
 
 /// Whether a setting is one of [`COMMON`].
 pub fn is_common(name: &str) -> bool {

@@ -18,8 +18,8 @@ pub use lod_budget::{LodBudget, Plan};
 pub use paths::{Focus, PathColor, PathSettings, PathShape, PathsOf, Span};
 pub use setting::{Setting, SettingError, SettingKind, SettingValue, Settings};
 pub use technique::{
-    Adapter, FindRanges, Job, LightPasses, LightPicture, LightPlan, Needs, Output, Raw, SPLAT_SUMS, SplatSums,
-    Technique, Terms,
+    Adapter, FindRanges, Job, LightPasses, LightPicture, LightPlan, Needs, Output, OwnColors, Raw, SPLAT_SUMS,
+    SplatSums, Technique, Terms,
 };
 
 use crate::cpu::volume::VolumeError;

@@ -116,9 +116,9 @@ pub trait Technique: Sync {
         false
     }
 
-    /// Whether a legend of the transfer function's colours says what those of its pictures mean.
-    fn has_legend(&self) -> bool {
-        true
+    /// What the colours of its pictures mean, where that is not what the transfer function's do.
+    fn own_colors(&self, _settings: &Settings, _transfer: &TransferFunction) -> Option<OwnColors> {
+        None
     }
 
     /// The ranges of its colours, of techniques that draw light in colours of another quantity than densities and attributes.
@@ -202,6 +202,24 @@ pub struct Terms<'a> {
 
 /// Finds between which values the mass of a field lies that is sampled like this.
 pub type FindRanges<'a> = dyn FnMut(&VolumeOptions) -> Result<FieldRange, VolumeError> + 'a;
+
+/// What colours mean that are of another quantity than the mode's.
+#[derive(Clone, Debug, PartialEq)]
+pub enum OwnColors {
+    /// Values of a quantity, whose range is that of [`Technique::own_levels`].
+    Axis {
+        /// What it is called in a legend.
+        title: &'static str,
+        /// Whether its unit is that of lengths; else it has none.
+        is_length: bool,
+        /// Whether values are placed logarithmically.
+        log: bool,
+        /// Colours at evenly spaced places, sRGB.
+        colors: Vec<[u8; 4]>,
+    },
+    /// No values: no legend tells them.
+    Names,
+}
 
 /// What an adapter's passes draw.
 #[derive(Clone, Debug)]

@@ -6,7 +6,9 @@ use crate::color::transfer::TransferFunction;
 use crate::cpu::outlines::{self, OutlineOptions};
 use crate::cpu::volume::{VolumeError, VolumeLevels};
 use crate::cpu::{Extent, NodeTraits, SplatKind, Splats};
-use crate::mode::{Job, LightPicture, Mode, Output, Raw, Setting, SettingKind, SettingValue, Settings, Technique};
+use crate::mode::{
+    Job, LightPicture, Mode, Output, OwnColors, Raw, Setting, SettingKind, SettingValue, Settings, Technique,
+};
 use crate::model::Kernel;
 use rayon::prelude::*;
 
@@ -81,6 +83,17 @@ enum By {
     Type,
 }
 
+impl By {
+    fn of(settings: &Settings) -> By {
+        match &*settings.name(&COLOR) {
+            "size" => By::Size,
+            "misfit" => By::Misfit,
+            "type" => By::Type,
+            _ => By::Level,
+        }
+    }
+}
+
 impl Technique for Primitives {
     fn output(&self) -> Output {
         Output::Light
@@ -90,8 +103,17 @@ impl Technique for Primitives {
         true
     }
 
-    fn has_legend(&self) -> bool {
-        false
+    fn own_colors(&self, settings: &Settings, transfer: &TransferFunction) -> Option<OwnColors> {
+        let (title, is_length) = match By::of(settings) {
+            By::Level => ("level", false),
+            By::Size => ("mean radius", true),
+            By::Misfit => ("misfit", false),
+            By::Type => return Some(OwnColors::Names),
+        };
+        let place = |i: usize| entry(i as f64 / (ENTRIES - 1) as f64);
+        let gradient = transfer.color_map.sample(ENTRIES);
+        let colors = (0..ENTRIES).filter_map(|i| gradient.get(place(i)).map(|rgb| encoded(*rgb))).collect();
+        Some(OwnColors::Axis { title, is_length, log: is_length, colors })
     }
 
     fn for_panorama(&self, settings: &mut Settings, all: &[Splats<'_>], kernel: Kernel) {
@@ -128,12 +150,7 @@ impl Colors {
     }
 
     fn new(settings: &Settings, batches: &[Splats<'_>], transfer: &TransferFunction, kernel: Kernel) -> Colors {
-        let by = match &*settings.name(&COLOR) {
-            "size" => By::Size,
-            "misfit" => By::Misfit,
-            "type" => By::Type,
-            _ => By::Level,
-        };
+        let by = By::of(settings);
         let gradient = transfer.color_map.sample(ENTRIES);
         let colors = Colors { by, range: [0.0, 1.0], kernel, gradient };
         if let [low, high] = settings.numbers(&RANGE)[..] {
@@ -187,12 +204,21 @@ impl Colors {
             (_, Some(value)) => {
                 let [from, to] = self.range;
                 let place = if to > from { ((value - from) / (to - from)).clamp(0.0, 1.0) } else { 1.0 };
-                let entry = (DARKEST + (1.0 - DARKEST) * place) * (ENTRIES - 1) as f64;
-                self.gradient.get(entry.round() as usize).copied().unwrap_or(UNKNOWN)
+                self.gradient.get(entry(place)).copied().unwrap_or(UNKNOWN)
             }
         };
         encoded.map(to_linear)
     }
+}
+
+/// The colour map's entry at a place of the range.
+fn entry(place: f64) -> usize {
+    ((DARKEST + (1.0 - DARKEST) * place) * (ENTRIES - 1) as f64).round() as usize
+}
+
+fn encoded(rgb: [f32; 3]) -> [u8; 4] {
+    let [r, g, b] = rgb.map(|part| (part * 255.0).round() as u8);
+    [r, g, b, 255]
 }
 
 /// Which of [`TYPES`] a node's splats have.
@@ -266,6 +292,28 @@ mod tests {
             let is_near = |entry: &[f32; 3]| (0..3).all(|k| (to_linear(entry[k]) - brightest[k]).abs() < 0.02);
             gradient.iter().rposition(is_near)
         })
+    }
+
+    #[test]
+    fn the_legend_has_the_colours_of_the_outlines() {
+        let (mut settings, transfer) = (Settings::default(), TransferFunction::default());
+        for (by, expected) in
+            [("level", ("level", false)), ("size", ("mean radius", true)), ("misfit", ("misfit", false))]
+        {
+            settings.set(&COLOR, SettingValue::Name(by.into()));
+            let Some(OwnColors::Axis { title, is_length, log, colors }) = Primitives.own_colors(&settings, &transfer)
+            else {
+                panic!("{by}: no axis")
+            };
+            assert_eq!((title, is_length, log), (expected.0, expected.1, expected.1));
+            let gradient = transfer.color_map.sample(ENTRIES);
+            assert_eq!(
+                (colors[0], colors[ENTRIES - 1]),
+                (encoded(gradient[entry(0.0)]), encoded(gradient[ENTRIES - 1]))
+            );
+        }
+        settings.set(&COLOR, SettingValue::Name("type".into()));
+        assert_eq!(Primitives.own_colors(&settings, &transfer), Some(OwnColors::Names));
     }
 
     #[test]

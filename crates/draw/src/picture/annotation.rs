@@ -169,7 +169,7 @@ impl Annotation {
             true => transfer.bake_colors(),
             false => transfer.bake_lut(),
         };
-        let legend = Legend::of(&self.depiction, transfer, Arc::new(lut), levels, &self.units);
+        let legend = Legend::told(&self.depiction, transfer, Arc::new(lut), levels, &self.units);
         let scale = annotations.scale_for(image.width, image.height);
         let subject = Subject {
             view,
@@ -178,7 +178,7 @@ impl Annotation {
             bounds: self.bounds,
             length_unit: &self.units.length.to_string(),
             time: &self.time,
-            legend: self.depiction.mode.technique.has_legend().then_some(&legend),
+            legend: legend.as_ref(),
             labels: &self.labels,
         };
         annotate::paint(image, &annotate::layout(annotations, &subject), scale, self.paper);

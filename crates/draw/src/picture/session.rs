@@ -1,10 +1,10 @@
 //! Open data, of which pictures are drawn: what one picture has read is there for the next.
 
+mod blend;
 mod clusters;
 mod flat;
 mod gaussian_splats;
 mod moments;
-mod over;
 mod paths;
 mod projection;
 

@@ -202,7 +202,8 @@ impl<'a> Subject<'a> {
 
     fn options(&self, plan: &Plan) -> SplatOptions {
         let Plan { culling, faintest, .. } = *plan;
-        SplatOptions { method: self.method, kernel: self.metadata.kernel, culling, faintest }
+        let sprite = self.depiction.choice.sprite;
+        SplatOptions { method: self.method, kernel: self.metadata.kernel, culling, faintest, sprite }
     }
 
     fn job<'j>(&'j self, view: &'j View, batches: &'j [Splats<'j>], plan: &Plan) -> Job<'j> {
