@@ -2,17 +2,24 @@
 
 use super::CommandResult;
 use super::arguments::bytes;
-use super::hierarchy_options::HierarchyOptions;
+use super::hierarchy_options::{HierarchyOptions, Over};
 use super::progress_bar::TerminalProgress;
+use super::raw_options::RawOptions;
+use super::wavelet_options::WaveletOptions;
+use crate::build::grid::{GridBuildOptions, build_grid};
 use crate::build::{BuildOptions, FlowOptions, Matching, RunBuild, TrackOptions, build_source};
 use crate::codec::VqBits;
-use crate::import::{AttributeChoice, LoadOptions, RunOptions, Smoothing, Times, open_run, sources_of, steps_in};
+use crate::import::{
+    AttributeChoice, GridOptions, LoadOptions, RunOptions, Smoothing, Times, grid_format, open_grid, open_run,
+    sources_of, steps_in,
+};
 use crate::model::{ClockVariable, FamilyName, ReadMethod, Skipped};
 use crate::store::run::{MOST_FLOW_LEVELS, Tangents};
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 
-/// Builds a page file: the error-bounded hierarchy that deepfield draws; of several snapshots a run, which holds one for each.
+/// Builds a page file: the error-bounded hierarchy that deepfield draws; of several snapshots a run, which holds one for each; of an image or
+/// a volume a file of its samples and of oriented points over them.
 #[derive(clap::Args, Clone, Debug)]
 #[command(after_help = "Examples:
   deepfield build snapshot_099.hdf5 -o galaxy.df
@@ -24,7 +31,8 @@ use std::path::{Path, PathBuf};
   deepfield build snapshot_*.hdf5 -o run.df                  a run: the snapshots in the order of their times
   deepfield build output/ -o run.df --every 5 --skip-damaged
   deepfield build @steps.txt -o run.df --times 0:0.2         files named in a list, which have no times of their own
-  deepfield build movie.xyz -o run.df                        a file of many steps: extended XYZ, LAMMPS dump")]
+  deepfield build movie.xyz -o run.df                        a file of many steps: extended XYZ, LAMMPS dump
+  deepfield build head.nrrd -o head.df                       a volume, as oriented points over its samples")]
 pub struct Arguments {
     /// The source; any file of a snapshot in several files. Several of them, a folder or a quoted pattern of them, or @LIST with one in
     /// each line make a run.
@@ -104,6 +112,12 @@ pub struct Arguments {
     /// How the hierarchy is built.
     #[command(flatten)]
     pub hierarchy: HierarchyOptions,
+    /// How points of images and volumes are chosen.
+    #[command(flatten)]
+    pub wavelet: WaveletOptions,
+    /// What a file without a header holds.
+    #[command(flatten)]
+    pub raw: RawOptions,
 }
 
 fn clock(text: &str) -> Result<ClockVariable, String> {
@@ -128,6 +142,16 @@ fn smoothing(text: &str) -> Result<Smoothing, String> {
 /// # Errors
 /// When the source cannot be read or the page file not be written.
 pub fn run(arguments: &Arguments) -> CommandResult {
+    let raw = arguments.raw.grid()?;
+    if let [only] = &arguments.sources[..]
+        && (raw.is_some() || grid_format(only)?.is_some())
+    {
+        return grid(arguments, only, GridOptions { raw, read: arguments.read });
+    }
+    if arguments.hierarchy.hierarchy == Some(Over::Grids) {
+        let named = arguments.sources[0].display();
+        return Err(format!("{named}: hierarchy wavelet: found particles, expected an image or a volume").into());
+    }
     let mut options = BuildOptions {
         attributes: arguments.attributes.clone(),
         memory: arguments.memory,
@@ -180,6 +204,27 @@ pub fn run(arguments: &Arguments) -> CommandResult {
             build.build(run, &arguments.output, &progress).map(drop).map_err(Into::into)
         }
     }
+}
+
+/// Builds the file of an image or a volume.
+fn grid(arguments: &Arguments, path: &Path, options: GridOptions) -> CommandResult {
+    let source = open_grid(path, &options)?;
+    let grid = source.grid();
+    if let Some(Over::Particles(kinds)) = arguments.hierarchy.hierarchy {
+        let (a, many) = if grid.dimensions == 2 { ("an image", "images") } else { ("a volume", "volumes") };
+        let path = path.display();
+        return Err(
+            format!("{path}: hierarchy {kinds}: found {a}, expected particles ({many} are built as wavelet)").into()
+        );
+    }
+    let options = GridBuildOptions {
+        points: arguments.wavelet.options(grid),
+        memory: arguments.memory,
+        threads: arguments.threads.map(usize::from),
+    };
+    let built = build_grid(&source, &options, &arguments.output, &TerminalProgress::new())?;
+    built.notes.iter().for_each(|note| eprintln!("note: {note}"));
+    Ok(())
 }
 
 /// Builds the page file of one source.

@@ -1,19 +1,24 @@
 //! `deepfield info`: what a source holds, as a table for people or as JSON for programs.
 
-use super::{CommandResult, page_file_info, run_info};
-use crate::import::{FamilySummary, Field, Statistic, Summary, summarize};
+use super::raw_options::RawOptions;
+use super::{CommandResult, grid_info, page_file_info, run_info};
+use crate::import::{
+    FamilySummary, Field, GridOptions, Statistic, Summary, grid_format, open_grid, summarize, summarize_grid,
+};
 use crate::look::{DataKind, data_file};
 use crate::model::ReadMethod;
-use crate::store::{PageFile, RunFile};
+use crate::store::{GridFile, PageFile, RunFile};
 use std::fmt::Write as _;
 use std::io::Write as _;
 use std::path::PathBuf;
 
 /// Prints what a source, page file or run holds: counts, fields, units, ranges; for a page file its levels and bytes too, for a run its
-/// steps.
+/// steps, for an image or a volume its shape, place and histogram.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Examples:
   deepfield info snapshot_099.hdf5
+  deepfield info head.nrrd
+  deepfield info scan.raw --shape 512,512,300 --type u16 --spacing 0.5,0.5,1
   deepfield info galaxy.df --json")]
 pub struct Arguments {
     /// The source, page file or run.
@@ -21,6 +26,9 @@ pub struct Arguments {
     /// Print JSON instead of a table.
     #[arg(long)]
     pub json: bool,
+    /// What a file without a header holds.
+    #[command(flatten)]
+    pub raw: RawOptions,
 }
 
 /// Prints what the file holds to standard output; of a source, every field is read in bounded chunks.
@@ -29,8 +37,9 @@ pub struct Arguments {
 /// [`crate::import::ImportError`] or [`crate::store::StoreError`] when the file cannot be read, or the standard output's
 /// error.
 pub fn run(arguments: &Arguments) -> CommandResult {
-    let Arguments { path, json } = arguments;
+    let Arguments { path, json, raw } = arguments;
     let path = &data_file(path)?;
+    let options = GridOptions { raw: raw.grid()?, ..GridOptions::default() };
     let pretty = |value: &serde_json::Value| serde_json::to_string_pretty(value).map(|text| text + "\n");
     // What cannot be read is left to the importer's message.
     let text = match DataKind::of(path).unwrap_or(DataKind::Source) {
@@ -41,6 +50,14 @@ pub fn run(arguments: &Arguments) -> CommandResult {
         DataKind::Run => {
             let run = RunFile::open(path, ReadMethod::default())?;
             if *json { pretty(&run_info::json(&run))? } else { run_info::table(&run) }
+        }
+        DataKind::Grid => {
+            let file = GridFile::open(path, ReadMethod::default())?;
+            if *json { pretty(&grid_info::file_json(&file)?)? } else { grid_info::file_table(&file) }
+        }
+        DataKind::Source if options.raw.is_some() || grid_format(path)?.is_some() => {
+            let summary = summarize_grid(&open_grid(path, &options)?)?;
+            if *json { serde_json::to_string_pretty(&summary)? + "\n" } else { grid_info::table(&summary) }
         }
         DataKind::Source => {
             let summary = summarize(path)?;
@@ -99,7 +116,7 @@ fn write_family(text: &mut String, family: &FamilySummary) -> std::fmt::Result {
 }
 
 /// Seven digits, as exponent where that is shorter.
-fn short(value: f64) -> String {
+pub(super) fn short(value: f64) -> String {
     match value.abs() {
         0.0 => "0".into(),
         1e-4..1e7 => format!("{value:.6}"),

@@ -7,6 +7,7 @@ pub mod demo;
 pub mod export;
 pub mod extract;
 pub mod frame_option;
+mod grid_info;
 pub mod hierarchy_options;
 pub mod info;
 pub mod key;
@@ -16,6 +17,8 @@ pub mod page_file_info;
 pub mod paths;
 pub mod probe;
 pub mod projection_options;
+pub mod raw_options;
+pub mod reconstruct;
 pub mod region_options;
 pub mod render;
 pub mod render_arguments;
@@ -29,6 +32,7 @@ pub mod synth;
 pub mod tour;
 pub mod verify;
 pub mod view;
+pub mod wavelet_options;
 
 pub use crate::command_line::{CommandResult, arguments, cache, cached_run, progress_bar};
 
@@ -40,6 +44,7 @@ pub enum Command {
     Render(Box<render::Arguments>),
     Build(Box<build::Arguments>),
     Info(info::Arguments),
+    Reconstruct(Box<reconstruct::Arguments>),
     Extract(extract::Arguments),
     Verify(verify::Arguments),
     Probe(Box<probe::Arguments>),
@@ -65,6 +70,7 @@ impl Command {
             Command::Render(arguments) => render::run(arguments),
             Command::Build(arguments) => build::run(arguments),
             Command::Info(arguments) => info::run(arguments),
+            Command::Reconstruct(arguments) => reconstruct::run(arguments),
             Command::Extract(arguments) => extract::run(arguments),
             Command::Verify(arguments) => verify::run(arguments),
             Command::Probe(arguments) => probe::run(arguments),

@@ -173,6 +173,9 @@ impl Opened {
         let opened = match DataKind::of(path)? {
             DataKind::Pages => Opened::Pages(Box::new(PageFile::open_with(path, method)?)),
             DataKind::Source => Opened::Source(open_with(path, method)?),
+            DataKind::Grid => {
+                return Err(format!("{}: an image or a volume, expected particles", path.display()).into());
+            }
             DataKind::Run => {
                 let run = Arc::new(RunFile::open(path, method)?);
                 let moment = run.moment(time.unwrap_or(When::Step(0)))?;

@@ -6,12 +6,13 @@ use crate::build::compare_with_sources;
 use crate::look::DataKind;
 use crate::model::ReadMethod;
 use crate::store::RunFile;
+use crate::store::grid::{VerifiedGrid, verify_grid};
 use crate::store::run::{VerifiedRun, verify_run};
 use crate::store::verify::{Verified, verify};
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// Checks every byte and every structural promise of a page file or a run.
+/// Checks every byte and every structural promise of a page file, a run or a file of a grid.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Examples:
   deepfield verify galaxy.df
@@ -46,6 +47,11 @@ pub fn run(arguments: &Arguments) -> CommandResult {
     }
     if arguments.sources {
         return Err(format!("{path}: --sources: is for runs").into());
+    }
+    if let Ok(DataKind::Grid) = DataKind::of(&arguments.path) {
+        let VerifiedGrid { bytes, pages, nodes, samples } = verify_grid(&arguments.path, &TerminalProgress::new())?;
+        println!("{path}: sound, {pages} pages, {nodes} nodes, {samples} samples, {bytes} bytes");
+        return Ok(());
     }
     let verified = verify(&arguments.path, &TerminalProgress::new())?;
     println!(

@@ -13,6 +13,7 @@ mod flow_levels;
 mod flow_region;
 mod flow_regions;
 mod flow_sums;
+pub mod grid;
 mod in_order;
 mod left_out;
 mod matching;

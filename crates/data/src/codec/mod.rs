@@ -10,6 +10,7 @@ pub mod packing;
 pub mod positions;
 pub mod quantize;
 pub mod quantizer;
+pub mod samples;
 pub mod scaling;
 pub mod shapes;
 pub mod states;

@@ -7,6 +7,7 @@ pub mod octree;
 pub mod pca;
 pub mod purpose;
 pub mod spacetime;
+pub mod wavelet;
 
 pub use attribute_info::{AttributeInfo, Histogram};
 pub use cell::{NodeKey, RootCell};

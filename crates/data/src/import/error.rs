@@ -45,6 +45,14 @@ pub enum ImportError {
         /// What would have done, or what there is instead.
         expected: String,
     },
+    /// Axes of a grid that do not span an image or a volume.
+    #[error("{}: {field}: singular, expected directions that span the grid", path.display())]
+    Singular {
+        /// The file.
+        path: PathBuf,
+        /// The header entry.
+        field: String,
+    },
     /// The source is well-formed but holds nothing to draw.
     #[error("{}: {field}: no particles, expected at least one", path.display())]
     NoParticles {

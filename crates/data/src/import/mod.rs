@@ -2,7 +2,7 @@
 //! knows a format.
 //!
 //! [`open`] gives a [`Source`] that reads in bounded ranges, [`summarize`] what `info` prints, [`load`] particles in memory,
-//! [`streams()`] particles in chunks.
+//! [`streams()`] particles in chunks. Images and volumes have a room of their own, [`grid`].
 
 mod attributes;
 mod bytes;
@@ -13,6 +13,7 @@ mod expansion;
 mod folder;
 mod format;
 mod gadget;
+pub mod grid;
 mod hdf5;
 mod load;
 mod multifile;
@@ -34,6 +35,7 @@ pub use choice::replaced_densities;
 pub use error::ImportError;
 pub use folder::{OtherKind, file_in};
 pub use format::{Format, HEAD, formats, names, open, open_with, register, steps_in};
+pub use grid::{GridOptions, GridSource, grid_format, open_grid, summarize_grid};
 pub use hdf5::{Hdf5Column, Hdf5Tables};
 pub use load::{AttributeChoice, DEFAULT_NEIGHBOURS, LoadOptions, Smoothing, load, load_source};
 pub use rows::{FamilyRows, Scalar};

@@ -1,11 +1,12 @@
 //! What the data is, before anything is done with it: particles by family, their attributes with units, bounds and
-//! SPH kernels; and how settings and parts of files are read. This room knows no file format, no hierarchy and no picture.
+//! SPH kernels; sampled grids, their samples and where those are; and how settings and parts of files are read. This room knows no file format, no hierarchy and no picture.
 
 pub mod bounds;
 pub mod clock;
 pub mod cosmology;
 pub mod covariance;
 pub mod family_name;
+pub mod grid;
 pub mod kernel;
 #[allow(unsafe_code, reason = "memory that a file is mapped to is read by address, and its faults are signals")]
 mod mapping;
@@ -20,6 +21,7 @@ pub mod progress;
 pub mod read_file;
 pub mod ron_file;
 pub mod ron_place;
+pub mod sample_type;
 pub mod stream;
 pub mod units;
 
@@ -28,6 +30,7 @@ pub use clock::{ClockVariable, Epoch, Motion};
 pub use cosmology::{Cosmology, redshift_of, scale_factor_of};
 pub use covariance::Covariance;
 pub use family_name::FamilyName;
+pub use grid::{Channel, Grid, Region, Scale};
 pub use kernel::Kernel;
 pub use moment::{Moment, StepTimes, When};
 pub use particles::{Attribute, Dataset, Family, Provenance, Skipped};
@@ -36,5 +39,6 @@ pub use physical::PhysicalFactors;
 pub use placement::Placement;
 pub use progress::Progress;
 pub use read_file::{ReadFile, ReadMethod};
+pub use sample_type::SampleType;
 pub use stream::{Chunk, FamilyStream, ParticleStream, StreamError};
 pub use units::Unit;

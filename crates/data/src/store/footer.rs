@@ -1,8 +1,8 @@
-//! The footer: page table, metadata, attribute tables and codebooks as bytes and back. Files with families that are none of
+//! The footer after its page table: metadata, attribute tables and codebooks as bytes and back. Files with families that are none of
 //! Gadget's, or with clusters, have version 4, else files with levels for volumes version 3, and all others version 2.
 
 use super::error::Damage;
-use super::layout::{PAGE_ENTRY_LEN, PageEntry, VERSION, VERSION_NAMED, VERSION_VOLUME};
+use super::layout::{VERSION, VERSION_NAMED, VERSION_VOLUME};
 use super::metadata::{
     AttributeInfo, AttributeMerge, ClusterBook, ClusterLevel, ClusterTree, FamilyMetadata, Histogram, LevelInfo,
     Metadata, VolumeTree,
@@ -40,13 +40,10 @@ pub(super) fn version(metadata: &Metadata) -> u32 {
     }
 }
 
-/// The footer's bytes.
-pub(super) fn encode(metadata: &Metadata, table: &[PageEntry]) -> Vec<u8> {
+/// The footer's bytes after the page table.
+pub(super) fn encode(metadata: &Metadata) -> Vec<u8> {
     let version = version(metadata);
     let mut out = Encoder::default();
-    for entry in table {
-        out.bytes.extend_from_slice(&entry.encode());
-    }
     out.text(&metadata.length_unit.0);
     out.text(&metadata.mass_unit.0);
     out.u8(match metadata.kernel {
@@ -67,13 +64,9 @@ pub(super) fn encode(metadata: &Metadata, table: &[PageEntry]) -> Vec<u8> {
     out.bytes
 }
 
-/// Reads a footer that belongs to a file of this version with `pages` pages.
-pub(super) fn decode(bytes: &[u8], version: u32, pages: u32) -> Result<(Metadata, Vec<PageEntry>), Damage> {
+/// Reads what follows the page table in the footer of a file of this version.
+pub(super) fn decode(bytes: &[u8], version: u32) -> Result<Metadata, Damage> {
     let mut input = Decoder::new(bytes, "footer");
-    let table_len = (pages as usize).checked_mul(PAGE_ENTRY_LEN);
-    let table = input.bytes(table_len.unwrap_or(usize::MAX), "the page table")?;
-    let table = table.chunks_exact(PAGE_ENTRY_LEN).filter_map(|entry| entry.try_into().ok()).map(PageEntry::decode);
-    let table = table.collect();
     let length_unit = Unit(input.text("the length unit")?);
     let mass_unit = Unit(input.text("the mass unit")?);
     let kernel = match input.u8("the kernel")? {
@@ -89,10 +82,10 @@ pub(super) fn decode(bytes: &[u8], version: u32, pages: u32) -> Result<(Metadata
     let families = (0..input.count(100, "families")?).map(|_| decode_family(&mut input, version));
     let families = families.collect::<Result<_, _>>()?;
     input.finish()?;
-    Ok((Metadata { length_unit, mass_unit, kernel, vq_bits, provenance, skipped, families }, table))
+    Ok(Metadata { length_unit, mass_unit, kernel, vq_bits, provenance, skipped, families })
 }
 
-fn encode_provenance(out: &mut Encoder, provenance: &Provenance) {
+pub(super) fn encode_provenance(out: &mut Encoder, provenance: &Provenance) {
     out.text(&provenance.path.to_string_lossy());
     out.text(&provenance.format);
     out.u64(provenance.bytes);
@@ -105,7 +98,7 @@ fn encode_provenance(out: &mut Encoder, provenance: &Provenance) {
     }
 }
 
-fn decode_provenance(input: &mut Decoder) -> Result<Provenance, Damage> {
+pub(super) fn decode_provenance(input: &mut Decoder) -> Result<Provenance, Damage> {
     Ok(Provenance {
         path: input.text("the source's path")?.into(),
         format: input.text("the source's format")?,

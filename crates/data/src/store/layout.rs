@@ -7,9 +7,12 @@ use super::page::{Encoding, NodeRef, PageId};
 use crate::hierarchy::NodeKey;
 use crate::model::Bounds;
 use glam::DVec3;
+use std::ops::RangeInclusive;
 
-/// First bytes of the file. The high bit and the CR LF, SUB, LF sequence break visibly when the file is sent as text.
+/// First bytes of a file of particles. The high bit and the CR LF, SUB, LF sequence break visibly when the file is sent as text.
 pub const MAGIC: [u8; 8] = *b"\x89DFP\r\n\x1a\n";
+/// First bytes of a file of a grid.
+pub const GRID_MAGIC: [u8; 8] = *b"\x89DFG\r\n\x1a\n";
 /// Version of files without levels for volumes.
 pub const VERSION: u32 = 2;
 /// Version of files with levels for volumes.
@@ -41,7 +44,9 @@ pub fn align_up(value: u64, alignment: u64) -> Option<u64> {
 /// The fixed header.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Header {
-    /// [`VERSION`], [`VERSION_VOLUME`] or [`VERSION_NAMED`].
+    /// [`MAGIC`] or [`GRID_MAGIC`].
+    pub magic: [u8; 8],
+    /// Of particles [`VERSION`], [`VERSION_VOLUME`] or [`VERSION_NAMED`].
     pub version: u32,
     /// Length of the whole file, bytes.
     pub file_len: u64,
@@ -66,7 +71,7 @@ impl Header {
     /// The header's bytes, without the zeros that fill its block.
     pub fn encode(&self) -> [u8; HEADER_LEN] {
         let mut out = [0; HEADER_LEN];
-        out[0..8].copy_from_slice(&MAGIC);
+        out[0..8].copy_from_slice(&self.magic);
         out[8..12].copy_from_slice(&self.version.to_le_bytes());
         out[12..16].copy_from_slice(&(ALIGNMENT as u32).to_le_bytes());
         out[16..24].copy_from_slice(&self.file_len.to_le_bytes());
@@ -79,17 +84,22 @@ impl Header {
         out
     }
 
-    /// Reads a header and checks it against the file's real length.
-    pub(super) fn decode(bytes: &[u8], real_len: u64) -> Result<Header, HeaderError> {
+    /// Reads a header of a file that begins like this and has one of these versions, and checks it against the file's real length.
+    pub(super) fn decode(
+        bytes: &[u8],
+        real_len: u64,
+        magic: [u8; 8],
+        versions: RangeInclusive<u32>,
+    ) -> Result<Header, HeaderError> {
         let bytes: &[u8; HEADER_LEN] = bytes
             .get(..HEADER_LEN)
             .and_then(|bytes| bytes.try_into().ok())
             .ok_or(HeaderError::NotAPageFile("a header of 64 bytes"))?;
-        if bytes[..8] != MAGIC {
+        if bytes[..8] != magic {
             return Err(HeaderError::NotAPageFile("its first eight bytes"));
         }
         let version = u32_at(bytes, 8);
-        if !(VERSION..=VERSION_NAMED).contains(&version) {
+        if !versions.contains(&version) {
             return Err(HeaderError::Version(version));
         }
         let damaged = |expected: &str| HeaderError::Damaged(Damage::new("header", expected));
@@ -97,6 +107,7 @@ impl Header {
             return Err(damaged("its checksum"));
         }
         let header = Header {
+            magic,
             version,
             file_len: u64_at(bytes, 16),
             footer_offset: u64_at(bytes, 24),
@@ -327,6 +338,7 @@ mod tests {
     #[test]
     fn header_and_page_table_are_as_specified() {
         let header = Header {
+            magic: MAGIC,
             version: VERSION_VOLUME,
             file_len: 11 << 40,
             footer_offset: 22 << 40,

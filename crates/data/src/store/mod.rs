@@ -6,6 +6,7 @@
 
 pub mod disk;
 pub mod error;
+pub mod grid;
 pub mod layout;
 pub mod metadata;
 pub mod page;
@@ -18,6 +19,7 @@ pub mod writer;
 
 mod block;
 mod clusters;
+mod container;
 mod content;
 mod footer;
 mod in_memory;
@@ -33,6 +35,7 @@ pub use block::Block;
 pub use content::{ClusterUnions, Content, Particles, Representative};
 pub use disk::{Change, Disk, LocalFile};
 pub use error::StoreError;
+pub use grid::GridFile;
 pub use in_memory::InMemory;
 pub use located::{Located, SourcePlace};
 pub use metadata::{

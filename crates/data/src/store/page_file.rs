@@ -3,11 +3,12 @@
 //! In a scene of several the pages and families of each file follow those of the one before, and what is read from it is put where
 //! it lies ([`Placement`]). Nothing else in the program knows that there are several.
 
+use super::container::RawPage;
 use super::disk::{Change, Disk, LocalFile};
 use super::error::StoreError;
 use super::metadata::Metadata;
 use super::page::{Page, PageId};
-use super::reader::{KIND, RawPage, Reader};
+use super::reader::{KIND, Reader};
 use crate::model::{Placement, ReadMethod};
 use std::ops::Range;
 use std::path::Path;
@@ -86,7 +87,8 @@ impl PageFile {
     pub fn open_with(path: &Path, method: ReadMethod) -> Result<PageFile, StoreError> {
         let opened = LocalFile::open(path, method);
         let opened = opened.map_err(|source| StoreError::Io { path: path.to_path_buf(), action: "open", source })?;
-        let not_a_file = || StoreError::NotThis { path: path.to_path_buf(), kind: KIND, expected: "a regular file" };
+        let not_a_file =
+            || StoreError::NotThis { path: path.to_path_buf(), kind: KIND.name, expected: "a regular file" };
         let file = PageFile::open_on(path, Arc::new(opened.ok_or_else(not_a_file)?))?;
         Ok(PageFile { read: method, ..file })
     }

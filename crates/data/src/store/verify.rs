@@ -6,7 +6,6 @@
 //! add up. Leaves are in every tree of their family, other nodes in one.
 
 use super::error::{Damage, StoreError};
-use super::layout::{ALIGNMENT, HEADER_LEN};
 use super::metadata::{ClusterLevel, FamilyMetadata, LevelInfo};
 use super::page::{Encoding, Node, NodeRef, Page, PageId};
 use super::page_file::PageFile;
@@ -61,7 +60,7 @@ pub fn verify(path: &Path, progress: &dyn Progress) -> Result<Verified, StoreErr
 /// [`verify`] of an open page file; of several as one, of the first.
 pub(super) fn verify_file(file: &PageFile, progress: &dyn Progress) -> Result<Verified, StoreError> {
     let damaged = |damage: Damage| damage.in_file(file.path());
-    check_zeros(file, HEADER_LEN as u64, ALIGNMENT)?;
+    file.first().container().check_zeros(None)?;
     let families = &file.metadata().families;
     let mut verifier = Verifier {
         file,
@@ -78,10 +77,7 @@ pub(super) fn verify_file(file: &PageFile, progress: &dyn Progress) -> Result<Ve
     for number in 0..file.page_count() {
         let page = file.read_page(PageId(number))?;
         verifier.page(&page).map_err(damaged)?;
-        let entry = file.first().table()[number as usize];
-        let next =
-            file.first().table().get(number as usize + 1).map_or(file.first().footer_offset(), |next| next.offset);
-        check_zeros(file, entry.offset + u64::from(entry.len), next)?;
+        file.first().container().check_zeros(Some(PageId(number)))?;
         progress.advance(1);
     }
     verifier.finish().map_err(damaged)
@@ -107,13 +103,6 @@ fn empty_clusters(count: usize) -> Vec<ClusterLevel> {
 
 fn empty_levels(count: usize) -> Vec<LevelInfo> {
     (0..count).map(|depth| LevelInfo { depth: depth as u8, ..LevelInfo::default() }).collect()
-}
-
-fn check_zeros(file: &PageFile, start: u64, end: u64) -> Result<(), StoreError> {
-    if file.first().raw(start, end)?.iter().any(|&byte| byte != 0) {
-        return Err(Damage::new(format!("bytes {start} to {end}"), "zeros").in_file(file.path()));
-    }
-    Ok(())
 }
 
 impl Verifier<'_> {

@@ -3,7 +3,7 @@
 use super::error::StoreError;
 use super::footer;
 use super::layout::{
-    ALIGNMENT, Header, NODE_RECORD_LEN, NodeRecord, PAGE_HEADER_LEN, PageEntry, SECTION_ALIGNMENT, StoredNode,
+    ALIGNMENT, Header, MAGIC, NODE_RECORD_LEN, NodeRecord, PAGE_HEADER_LEN, PageEntry, SECTION_ALIGNMENT, StoredNode,
     align_up, encode_page_header,
 };
 use super::metadata::Metadata;
@@ -93,11 +93,23 @@ impl PageFileWriter {
         self.table.len() as u32
     }
 
-    /// Writes footer and header. Nothing has the file's name yet.
+    /// Writes footer and header of a file of particles. Nothing has the file's name yet.
     pub fn complete(self, metadata: &Metadata) -> Result<CompletePageFile, StoreError> {
-        let footer = footer::encode(metadata, &self.table);
+        self.complete_as(MAGIC, footer::version(metadata), &footer::encode(metadata))
+    }
+
+    /// Writes the header of a file that begins like this, and its footer: the page table, then these bytes.
+    pub(super) fn complete_as(
+        self,
+        magic: [u8; 8],
+        version: u32,
+        about: &[u8],
+    ) -> Result<CompletePageFile, StoreError> {
+        let mut footer: Vec<u8> = self.table.iter().flat_map(PageEntry::encode).collect();
+        footer.extend_from_slice(about);
         let header = Header {
-            version: footer::version(metadata),
+            magic,
+            version,
             file_len: self.end + footer.len() as u64,
             footer_offset: self.end,
             footer_len: footer.len() as u64,

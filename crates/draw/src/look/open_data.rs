@@ -6,7 +6,7 @@ use crate::hierarchy::spacetime::Interpolation;
 use crate::import::{ImportError, file_in, file_of_step};
 use crate::model::{Bounds, FamilyName, Moment, ReadMethod, When};
 use crate::store::run::RunTree;
-use crate::store::{Metadata, PageFile, RunFile, StoreError, Tree};
+use crate::store::{GridFile, Metadata, PageFile, RunFile, StoreError, Tree};
 use crate::stream::first_frame;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -19,6 +19,8 @@ pub enum DataKind {
     Pages,
     /// A run of page files.
     Run,
+    /// A file of an image or a volume.
+    Grid,
     /// Anything else: a source, if an importer knows it.
     Source,
 }
@@ -35,6 +37,7 @@ impl DataKind {
         Ok(match () {
             () if PageFile::recognises(&head) => DataKind::Pages,
             () if RunFile::recognises(&head) => DataKind::Run,
+            () if GridFile::recognises(&head) => DataKind::Grid,
             () => DataKind::Source,
         })
     }
@@ -45,7 +48,10 @@ impl DataKind {
 /// # Errors
 /// [`ImportError`] with a list of what is there, where a folder holds none or several. Whether `path` exists is not asked.
 pub fn data_file(path: &Path) -> Result<PathBuf, ImportError> {
-    file_in(path, &[("page file", PageFile::recognises), ("run", RunFile::recognises)])
+    file_in(
+        path,
+        &[("page file", PageFile::recognises), ("run", RunFile::recognises), ("file of a grid", GridFile::recognises)],
+    )
 }
 
 /// Why a moment of data that has only one cannot be asked for; `time` is its own.

@@ -94,6 +94,7 @@ fn source_of(path: &Path, time: Option<When>) -> Result<PathBuf, PictureError> {
     let file = match DataKind::of(path).map_err(|error| PictureError::Asked(error.to_string()))? {
         DataKind::Source => return Ok(path.to_owned()),
         DataKind::Pages => PageFile::open(path)?,
+        DataKind::Grid => return Err(PictureError::of(path, "an image or a volume, expected particles")),
         DataKind::Run => {
             let run = RunFile::open(path, ReadMethod::default())?;
             run.still(time.map_or(Ok(0), |when| run.moment(when).map(|moment| moment.step))?)?

@@ -7,6 +7,7 @@
 mod csv;
 mod frame;
 pub mod gaussian_splats;
+pub mod grid;
 mod parquet;
 mod ply;
 mod thrift;

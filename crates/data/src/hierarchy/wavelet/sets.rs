@@ -1,0 +1,154 @@
+//! The sets of points a node may hold, in a node of unit size (WM03 section 4.2, figures 4 and 3b).
+//!
+//! A node is drawn as one *large* point, as its children's points, or as a *directed* set: two or three points, thin along a direction across
+//! which values change. 2D has 4 directions and 3D 13, to the faces, edges and corners of a cube. As published, faces have two points
+//! and the others three, as far apart as covers the node. Beyond the paper the points of a set may be shifted, closer together and,
+//! in 2D, turned by 22.5 degrees, each of which is part of the one byte that tells a node's set: an edge passes where it likes.
+//!
+//! Points of a set are Gaussians across the node, [`SIGMA`] of their distance wide, normalised: of two points one takes over from the
+//! other along a logistic curve. A point has the share `w_k / sum w` of the node's value at a place ([`Set::shares`]).
+
+/// The width of a Gaussian as a share of the distance to the next: between 0.3, which covers without gaps, and none, which is an edge.
+pub const SIGMA: f32 = 0.3;
+/// Points of a directed set at most.
+pub const MOST: usize = 3;
+/// Sets of a direction.
+pub const VARIANTS: usize = 19;
+/// The byte of a node without a directed set.
+pub const NONE: u8 = 0;
+
+/// The 13 directions of 3D: to faces, edges and corners of a cube, not yet of unit length.
+const TO_CUBE: [[i8; 3]; 13] = [
+    [1, 0, 0],
+    [0, 1, 0],
+    [0, 0, 1],
+    [1, 1, 0],
+    [1, -1, 0],
+    [1, 0, 1],
+    [1, 0, -1],
+    [0, 1, 1],
+    [0, 1, -1],
+    [1, 1, 1],
+    [1, 1, -1],
+    [1, -1, 1],
+    [-1, 1, 1],
+];
+
+/// Number of published directions: 4 of 2D, 13 of 3D.
+pub const fn directions(d: usize) -> usize {
+    if d == 2 { 4 } else { 13 }
+}
+
+/// Number of directions with those turned: 8 of 2D, 13 of 3D.
+pub const fn turned_directions(d: usize) -> usize {
+    if d == 2 { 8 } else { 13 }
+}
+
+/// A direction across which values change, x first, of unit length. In 2D direction `n` has the angle `n` times 45 degrees, and those
+/// from 4 on are turned by 22.5 degrees from there.
+pub fn direction(d: usize, n: usize) -> [f32; 3] {
+    if d == 2 {
+        let angle = std::f64::consts::FRAC_PI_4 * ((n % 4) as f64 + if n < 4 { 0.0 } else { 0.5 });
+        let clean = |v: f64| if v.abs() < 1e-12 { 0.0 } else { v as f32 };
+        return [clean(libm::cos(angle)), clean(libm::sin(angle)), 0.0];
+    }
+    let way = TO_CUBE[n % 13].map(f64::from);
+    let length = libm::sqrt(way.iter().map(|w| w * w).sum::<f64>());
+    way.map(|w| (w / length) as f32)
+}
+
+/// A directed set in a node of unit size around the origin.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Set {
+    /// Across what values change, of unit length, x first; z is 0 in 2D.
+    pub direction: [f32; 3],
+    /// Number of points, 2 or 3.
+    pub points: usize,
+    /// Where the middle of the points is along the direction, in the node's extent.
+    pub middle: f32,
+    /// How far apart they are.
+    pub apart: f32,
+}
+
+/// Of each variant of a direction: points, the place of their middle in half of what the node measures along the direction, their
+/// distance in the node's extent, or, negative, in half of what it measures.
+const SHAPES: [(usize, f32, f32); VARIANTS - 1] = [
+    (2, 0.0, 0.5),
+    (2, 0.2, 0.5),
+    (2, -0.2, 0.5),
+    (2, 0.4, 0.5),
+    (2, -0.4, 0.5),
+    (2, 0.6, 0.5),
+    (2, -0.6, 0.5),
+    (2, 0.0, 0.2),
+    (2, 0.2, 0.2),
+    (2, -0.2, 0.2),
+    (2, 0.4, 0.2),
+    (2, -0.4, 0.2),
+    (2, 0.6, 0.2),
+    (2, -0.6, 0.2),
+    (3, 0.0, -0.667),
+    (3, 0.0, -0.333),
+    (3, 0.3, -0.333),
+    (3, -0.3, -0.333),
+];
+
+impl Set {
+    /// The set of a byte; `None` for [`NONE`] and bytes that tell no set.
+    pub fn of(d: usize, code: u8) -> Option<Set> {
+        let at = usize::from(code).checked_sub(1)?;
+        let (n, variant) = (at / VARIANTS, at % VARIANTS);
+        if n >= turned_directions(d) {
+            return None;
+        }
+        let direction = direction(d, n);
+        let half = 0.5 * direction.iter().map(|v| v.abs()).sum::<f32>();
+        let is_face = half < 0.501;
+        // The first is the published one.
+        let (points, middle, apart) = match variant.checked_sub(1) {
+            None if is_face => (2, 0.0, 0.5),
+            None => (3, 0.0, -2.0 / 3.0),
+            Some(shape) => SHAPES[shape],
+        };
+        Some(Set { direction, points, middle: middle * half, apart: if apart < 0.0 { -apart * half } else { apart } })
+    }
+
+    /// The byte of the published set of a direction.
+    pub const fn published(direction: usize) -> u8 {
+        (1 + direction * VARIANTS) as u8
+    }
+
+    /// The direction that a byte's set has, turned ones included; `None` where there is no set.
+    pub fn direction_of(code: u8) -> Option<usize> {
+        usize::from(code).checked_sub(1).map(|at| at / VARIANTS)
+    }
+
+    /// Where a place is along the direction.
+    pub fn along(&self, place: [f32; 3]) -> f32 {
+        (0..3).map(|k| self.direction[k] * place[k]).sum()
+    }
+
+    /// The share of each point at a distance along the direction; they sum to 1.
+    #[inline]
+    pub fn shares_along(&self, t: f32) -> [f32; MOST] {
+        // With s = (t - middle) / apart and points at k - (K - 1) / 2, weights exp(-(s - k)^2 / 2 sigma^2) without their common factor.
+        let s = (t - self.middle) / self.apart;
+        let logistic = |x: f32| 1.0 / (1.0 + (-x.clamp(-40.0, 40.0)).exp());
+        let steep = 1.0 / (SIGMA * SIGMA);
+        if self.points == 2 {
+            let last = logistic(s * steep);
+            return [1.0 - last, last, 0.0];
+        }
+        // Ratios to the middle one: exp((-s - 1/2) / sigma^2) and exp((s - 1/2) / sigma^2).
+        let (low, high) = ((-s - 0.5) * steep, (s - 0.5) * steep);
+        let most = low.max(high).max(0.0);
+        let weights = [(low - most).exp(), (-most).exp(), (high - most).exp()];
+        let sum = weights.iter().sum::<f32>();
+        weights.map(|w| w / sum)
+    }
+
+    /// The share of each point at a place in the node's extent from its middle.
+    pub fn shares(&self, place: [f32; 3]) -> [f32; MOST] {
+        self.shares_along(self.along(place))
+    }
+}

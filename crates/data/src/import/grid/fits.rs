@@ -1,0 +1,198 @@
+//! FITS images and cubes (<https://fits.gsfc.nasa.gov/fits_standard.html>): the first array of two or three axes. The second axis
+//! goes upwards.
+
+use super::content::Content;
+use super::fields::Entry;
+use super::layout::{Layout, PLANAR};
+use super::source::checked;
+use super::{GridDescription, GridFormat, GridSource};
+use crate::import::ImportError;
+use crate::import::bytes::Order;
+use crate::model::{Channel, Grid, SampleType, Scale, Unit};
+use std::collections::HashMap;
+use std::io::Read;
+
+/// Arrays of FITS files; those compressed by tiles are named as unsupported.
+pub(super) const FITS: GridFormat = GridFormat {
+    name: "fits",
+    extensions: &["fits", "fit", "fts"],
+    detect: |content| content.head.starts_with(b"SIMPLE  ="),
+    open,
+};
+
+/// Headers and data are in blocks of so many bytes.
+const BLOCK: u64 = 2880;
+
+/// The most blocks of a header that are read.
+const LONGEST: usize = 1000;
+
+/// The most parts of a file that are looked at.
+const MOST_PARTS: usize = 1000;
+
+/// The header of one part of a file.
+struct Header<'a> {
+    content: &'a Content,
+    entries: HashMap<String, String>,
+    /// The byte behind it.
+    end: u64,
+}
+
+impl Header<'_> {
+    /// Reads the header at byte `start`; `None` at the file's end.
+    fn read(content: &Content, start: u64) -> Result<Option<Header<'_>>, ImportError> {
+        let mut reader = content.reader(start)?;
+        let mut entries = HashMap::new();
+        let mut block = Vec::with_capacity(BLOCK as usize);
+        for number in 0..LONGEST {
+            block.clear();
+            let read = (&mut reader).take(BLOCK).read_to_end(&mut block);
+            read.map_err(|error| ImportError::io(&content.path, "header", error))?;
+            if block.is_empty() && number == 0 {
+                return Ok(None);
+            }
+            if (block.len() as u64) < BLOCK {
+                let found = format!("the file's end at byte {}", content.length);
+                return Err(ImportError::malformed(&content.path, "header", found, "END"));
+            }
+            for card in block.chunks_exact(80) {
+                let card = String::from_utf8_lossy(card);
+                let name = card.get(..8).unwrap_or_default().trim().to_owned();
+                if name == "END" {
+                    return Ok(Some(Header { content, entries, end: start + (number as u64 + 1) * BLOCK }));
+                }
+                if let Some(value) = card.get(8..).and_then(|rest| rest.strip_prefix("= ")) {
+                    entries.entry(name).or_insert_with(|| plain(value).to_owned());
+                }
+            }
+        }
+        Err(ImportError::malformed(&content.path, "header", format!("{LONGEST} blocks"), "END before"))
+    }
+
+    fn entry<'e>(&'e self, name: &'e str) -> Option<Entry<'e>> {
+        Some(Entry { path: &self.content.path, name, text: self.entries.get(name)? })
+    }
+
+    fn whole(&self, name: &str, missing: i64) -> Result<i64, ImportError> {
+        self.entry(name).map_or(Ok(missing), |entry| entry.value("a whole number"))
+    }
+
+    fn float(&self, name: &str) -> Result<Option<f64>, ImportError> {
+        // Exponents may be those of double precision in Fortran.
+        let value = |entry: Entry| entry.text.replace(['D', 'd'], "E").parse().map_err(|_| entry.wrong("a number"));
+        self.entry(name).map(value).transpose()
+    }
+
+    /// The sizes of all axes.
+    fn sizes(&self) -> Result<Vec<u64>, ImportError> {
+        let Some(count) = self.entry("NAXIS") else {
+            return Err(ImportError::missing(&self.content.path, "NAXIS", "the number of axes"));
+        };
+        let number: usize = count.value("a number of axes up to 999")?;
+        if number > 999 {
+            return Err(count.wrong("a number of axes up to 999"));
+        }
+        (1..=number)
+            .map(|axis| {
+                let name = format!("NAXIS{axis}");
+                let entry = self.entry(&name);
+                entry.ok_or_else(|| ImportError::missing(&self.content.path, &*name, "a size"))?.value("a size")
+            })
+            .collect()
+    }
+
+    /// Bytes of the data behind the header, blocks filled up.
+    fn data_bytes(&self, sizes: &[u64]) -> Option<u64> {
+        if sizes.is_empty() {
+            return Some(0);
+        }
+        let size = self.whole("BITPIX", 8).ok()?.unsigned_abs() / 8;
+        let parameters = u64::try_from(self.whole("PCOUNT", 0).ok()?).ok()?;
+        let groups = u64::try_from(self.whole("GCOUNT", 1).ok()?).ok()?;
+        let samples = sizes.iter().try_fold(1_u64, |all, &size| all.checked_mul(size))?;
+        samples.checked_add(parameters)?.checked_mul(groups)?.checked_mul(size)?.checked_next_multiple_of(BLOCK)
+    }
+}
+
+/// A value without its quotes or its comment.
+fn plain(value: &str) -> &str {
+    let value = value.trim();
+    match value.strip_prefix('\'') {
+        Some(text) => text.split('\'').next().unwrap_or_default().trim(),
+        None => value.split('/').next().unwrap_or_default().trim(),
+    }
+}
+
+fn open(content: &Content) -> Result<GridSource, ImportError> {
+    let path = &*content.path;
+    // A file that was cut would else show only where samples are missing.
+    if !content.is_packed && !content.length.is_multiple_of(BLOCK) {
+        let found = format!("{} bytes", content.length);
+        return Err(ImportError::malformed(path, "length", found, format!("whole blocks of {BLOCK}")));
+    }
+    let mut start = 0;
+    for part in 0..MOST_PARTS {
+        let Some(header) = Header::read(content, start)? else { break };
+        let sizes = header.sizes()?;
+        if header.entry("ZIMAGE").is_some_and(|entry| entry.text == "T") {
+            let found = header.entry("ZCMPTYPE").map_or("tiles", |entry| entry.text);
+            return Err(ImportError::malformed(path, format!("part {part}: ZIMAGE"), found, "an uncompressed array"));
+        }
+        let is_image = part == 0 || header.entry("XTENSION").is_some_and(|entry| entry.text == "IMAGE");
+        // Axes of one sample beyond those of a volume say nothing.
+        let mut axes = sizes.clone();
+        while axes.len() > 2 && axes.last() == Some(&1) {
+            axes.pop();
+        }
+        if is_image && (2..=3).contains(&axes.len()) {
+            return array(&header, &axes);
+        }
+        if is_image && !sizes.is_empty() && axes.len() != 1 {
+            let found = format!("{} axes", sizes.len());
+            return Err(ImportError::malformed(
+                path,
+                format!("part {part}: NAXIS"),
+                found,
+                "2 (an image) or 3 (a volume)",
+            ));
+        }
+        let wrong =
+            || ImportError::malformed(path, format!("part {part}: NAXIS"), format!("{sizes:?}"), "fewer samples");
+        start = header.data_bytes(&sizes).and_then(|bytes| bytes.checked_add(header.end)).ok_or_else(wrong)?;
+        if start >= content.most() {
+            break;
+        }
+    }
+    Err(ImportError::missing(path, "image", "an array of 2 or 3 axes"))
+}
+
+/// The array behind a header.
+fn array(header: &Header, axes: &[u64]) -> Result<GridSource, ImportError> {
+    let content = header.content;
+    let path = &*content.path;
+    let kind = match header.whole("BITPIX", 0)? {
+        8 => SampleType::U8,
+        16 => SampleType::I16,
+        32 => SampleType::I32,
+        64 => SampleType::I64,
+        -32 => SampleType::F32,
+        -64 => SampleType::F64,
+        other => return Err(ImportError::malformed(path, "BITPIX", other, "8, 16, 32, 64, -32 or -64")),
+    };
+    let mut channel = Channel::new("value");
+    channel.unit = Unit::new(header.entry("BUNIT").map_or("", |entry| entry.text));
+    channel.scale = Scale {
+        slope: header.float("BSCALE")?.unwrap_or(Scale::NONE.slope),
+        intercept: header.float("BZERO")?.unwrap_or(Scale::NONE.intercept),
+    };
+    channel.no_data = header.float("BLANK")?.filter(|_| !kind.is_float());
+    let mut grid = Grid::volume([axes[0], axes[1], axes.get(2).copied().unwrap_or(1)], kind, vec![channel]);
+    grid.dimensions = axes.len();
+    let bytes = checked(path, &grid, "NAXIS", "NAXIS")?;
+    let storage = content.samples(header.end, bytes, &grid)?;
+    let layout = Layout::packed(&grid, PLANAR, if content.is_packed { 0 } else { header.end }, Order::Big);
+    let mut about = GridDescription::new(path, FITS.name, content.length, grid);
+    if let Some(axis) = header.entry("CTYPE1") {
+        about.notes.push(format!("places are pixels: the header's own coordinates ({} ...) are left out", axis.text));
+    }
+    Ok(GridSource::new(about, storage, layout))
+}

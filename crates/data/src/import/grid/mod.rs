@@ -1,0 +1,123 @@
+//! Images and volumes: one file per format and a line in [`FORMATS`]. Nothing outside this room knows a format.
+//!
+//! [`open_grid`] gives a [`GridSource`], whose samples are read in boxes; [`summarize_grid`] what `info` prints.
+
+mod ascii;
+mod base64;
+mod content;
+mod fields;
+mod fits;
+mod layout;
+mod metaimage;
+mod nifti;
+mod npy;
+mod npz;
+mod nrrd;
+mod picture;
+mod raw;
+mod scratch;
+mod source;
+mod summary;
+#[cfg(test)]
+mod tests;
+mod tiff;
+mod vti;
+mod vtk;
+mod xml;
+
+pub use raw::RawGrid;
+pub use source::{GridDescription, GridSource};
+pub use summary::{ChannelSummary, GridSummary, HISTOGRAM, summarize_grid};
+
+use super::ImportError;
+use crate::model::ReadMethod;
+use content::Content;
+use std::path::Path;
+
+/// A format of grids.
+struct GridFormat {
+    /// Its name in messages.
+    name: &'static str,
+    /// How its files usually end, without the dot.
+    extensions: &'static [&'static str],
+    /// Whether a file claims to be of this format. Damaged files may be recognised; opening them finds the damage.
+    detect: fn(&Content) -> bool,
+    /// Opens a file that was recognised.
+    open: fn(&Content) -> Result<GridSource, ImportError>,
+}
+
+/// The formats, asked in this order.
+static FORMATS: &[GridFormat] = &[
+    nrrd::NRRD,
+    npy::NPY,
+    npz::NPZ,
+    picture::PNG,
+    picture::JPEG,
+    nifti::NIFTI,
+    metaimage::METAIMAGE,
+    vtk::VTK,
+    vti::VTI,
+    fits::FITS,
+    tiff::TIFF,
+];
+
+/// How grids are opened.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct GridOptions {
+    /// What a file without a header holds; such a file is opened whatever its content looks like.
+    pub raw: Option<RawGrid>,
+    /// How files are read.
+    pub read: ReadMethod,
+}
+
+/// Opens the image or volume at `path`, in whatever format its content shows. What is compressed is decoded once, into memory or a
+/// temporary file; the rest is read in place.
+///
+/// # Errors
+/// [`ImportError`] when the file cannot be read, is of no known format, or is damaged.
+pub fn open_grid(path: &Path, options: &GridOptions) -> Result<GridSource, ImportError> {
+    let content = Content::open(path, options.read)?;
+    if let Some(raw) = &options.raw {
+        return raw.open(&content);
+    }
+    if let Some(format) = FORMATS.iter().find(|format| (format.detect)(&content)) {
+        return (format.open)(&content);
+    }
+    if raw::is_raw(path) {
+        return raw::open_described(&content);
+    }
+    Err(ImportError::Unrecognised { path: path.into(), expected: grid_names() })
+}
+
+/// The name of the format of grids that the file at `path` claims to be of, by its content; a file without a header by `.raw` at the
+/// end of its name, or by a description beside it.
+///
+/// # Errors
+/// [`ImportError`] when the file cannot be read.
+pub fn grid_format(path: &Path) -> Result<Option<&'static str>, ImportError> {
+    Ok(match grid_content(path)? {
+        None if raw::is_raw(path) => Some(raw::NAME),
+        found => found,
+    })
+}
+
+/// The same by content alone.
+pub(super) fn grid_content(path: &Path) -> Result<Option<&'static str>, ImportError> {
+    // Folders and pipes hold no grid, and reading a pipe would take from it.
+    if !path.is_file() {
+        return Ok(None);
+    }
+    let content = Content::open(path, ReadMethod::Positioned)?;
+    Ok(FORMATS.iter().find(|format| (format.detect)(&content)).map(|format| format.name))
+}
+
+/// The names of the formats of grids, for messages.
+pub fn grid_names() -> String {
+    let names: Vec<&str> = FORMATS.iter().map(|format| format.name).chain([raw::NAME]).collect();
+    names.join(", ")
+}
+
+/// How files of grids usually end, without dots; `nii.gz` and the like are told by their content.
+pub fn grid_extensions() -> Vec<&'static str> {
+    FORMATS.iter().flat_map(|format| format.extensions).copied().chain(["raw"]).collect()
+}

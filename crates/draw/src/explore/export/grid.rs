@@ -1,0 +1,204 @@
+//! Images and volumes as files of other programs: NumPy arrays, NRRD and PNG, each as the grid's samples are stored.
+
+use crate::color::output::{OutputError, write_atomically};
+use crate::model::{Grid, SampleType};
+use std::fmt::Write as _;
+use std::path::Path;
+
+/// What kind of file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum GridFormat {
+    /// A NumPy array of shape (y, x) or (z, y, x), and of several channels one axis more, the last.
+    Npy,
+    /// NRRD with its header, uncompressed, with axes and units.
+    Nrrd,
+    /// An image of 8 or 16 bits.
+    Png,
+}
+
+impl GridFormat {
+    /// The format that a file's name asks for.
+    pub fn of(path: &Path) -> Option<GridFormat> {
+        match path.extension()?.to_str()?.to_ascii_lowercase().as_str() {
+            "npy" => Some(GridFormat::Npy),
+            "nrrd" => Some(GridFormat::Nrrd),
+            "png" => Some(GridFormat::Png),
+            _ => None,
+        }
+    }
+
+    /// Why it cannot hold a grid; `None` where it can.
+    pub fn lacks(self, grid: &Grid) -> Option<String> {
+        let fits = self != GridFormat::Png
+            || grid.dimensions == 2
+                && matches!(grid.sample_type, SampleType::U8 | SampleType::U16)
+                && (1..=4).contains(&grid.channels.len());
+        (!fits).then(|| {
+            format!("png: found {}, expected an image of uint8 or uint16 with 1 to 4 channels", grid.described())
+        })
+    }
+}
+
+/// Writes a grid. `samples` are those of all channels side by side, x fastest, in this machine's byte order.
+///
+/// # Errors
+/// [`OutputError`] with the file named; then nothing is left behind.
+pub fn write_grid(path: &Path, format: GridFormat, grid: &Grid, samples: &[u8]) -> Result<(), OutputError> {
+    if let Some(reason) = format.lacks(grid) {
+        return Err(OutputError::Encode { path: path.into(), message: reason });
+    }
+    let bytes = match format {
+        GridFormat::Npy => [&npy_head(grid)[..], samples].concat(),
+        GridFormat::Nrrd => [nrrd_head(grid).as_bytes(), samples].concat(),
+        GridFormat::Png => png_bytes(grid, samples)
+            .map_err(|error| OutputError::Encode { path: path.into(), message: error.to_string() })?,
+    };
+    write_atomically(path, &bytes)
+}
+
+/// Sides as arrays have them, the slowest axis first.
+fn sides(grid: &Grid) -> Vec<u64> {
+    let mut sides: Vec<u64> = grid.shape[..grid.dimensions].iter().rev().copied().collect();
+    if grid.channels.len() > 1 {
+        sides.push(grid.channels.len() as u64);
+    }
+    sides
+}
+
+/// The head of an array in format 1.0: its length is a multiple of 64.
+fn npy_head(grid: &Grid) -> Vec<u8> {
+    let order = match (grid.sample_type.size(), cfg!(target_endian = "little")) {
+        (1, _) => '|',
+        (_, true) => '<',
+        (_, false) => '>',
+    };
+    let kind = if grid.sample_type.is_float() { 'f' } else { grid.sample_type.name().chars().next().unwrap_or('u') };
+    let shape: String = sides(grid).iter().map(|side| format!("{side}, ")).collect();
+    let size = grid.sample_type.size();
+    let text = format!("{{'descr': '{order}{kind}{size}', 'fortran_order': False, 'shape': ({}), }}", shape.trim_end());
+    let len = (10 + text.len() + 1).next_multiple_of(64) - 10;
+    let mut head = b"\x93NUMPY\x01\x00".to_vec();
+    head.extend_from_slice(&(len as u16).to_le_bytes());
+    head.extend_from_slice(text.as_bytes());
+    head.resize(10 + len - 1, b' ');
+    head.push(b'\n');
+    head
+}
+
+fn nrrd_head(grid: &Grid) -> String {
+    let kind = match grid.sample_type {
+        SampleType::F32 => "float",
+        SampleType::F64 => "double",
+        whole => whole.name(),
+    };
+    let several = grid.channels.len() > 1;
+    let mut sizes: Vec<u64> = grid.shape[..grid.dimensions].to_vec();
+    if several {
+        sizes.insert(0, grid.channels.len() as u64);
+    }
+    let sizes: Vec<String> = sizes.iter().map(u64::to_string).collect();
+    let vector = |column: glam::DVec3| -> String {
+        let parts: Vec<String> = column.to_array()[..grid.dimensions].iter().map(|part| format!("{part:?}")).collect();
+        format!("({})", parts.join(","))
+    };
+    let mut directions: Vec<String> =
+        (0..grid.dimensions).map(|axis| vector(grid.to_world.matrix3.col(axis))).collect();
+    let mut kinds = vec!["domain"; grid.dimensions];
+    if several {
+        directions.insert(0, "none".into());
+        kinds.insert(0, "vector");
+    }
+    let mut text = String::from("NRRD0004\n");
+    // Writing to a string cannot fail.
+    let _ = writeln!(text, "type: {kind}\ndimension: {}\nsizes: {}", sizes.len(), sizes.join(" "));
+    let _ = writeln!(text, "space dimension: {}\nspace directions: {}", grid.dimensions, directions.join(" "));
+    let _ = writeln!(text, "space origin: {}\nkinds: {}", vector(grid.to_world.translation), kinds.join(" "));
+    if !grid.length_unit.is_unknown() {
+        let unit = format!("\"{}\"", grid.length_unit.to_string().replace('"', "'"));
+        let _ = writeln!(text, "space units: {}", vec![unit; grid.dimensions].join(" "));
+    }
+    if grid.sample_type.size() > 1 {
+        let _ = writeln!(text, "endian: {}", if cfg!(target_endian = "little") { "little" } else { "big" });
+    }
+    text + "encoding: raw\n\n"
+}
+
+fn png_bytes(grid: &Grid, samples: &[u8]) -> Result<Vec<u8>, png::EncodingError> {
+    let side =
+        |axis: usize| u32::try_from(grid.shape[axis]).map_err(|_| std::io::Error::other("an image too wide for PNG"));
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, side(0)?, side(1)?);
+    encoder.set_color(match grid.channels.len() {
+        1 => png::ColorType::Grayscale,
+        2 => png::ColorType::GrayscaleAlpha,
+        3 => png::ColorType::Rgb,
+        _ => png::ColorType::Rgba,
+    });
+    let is_wide = grid.sample_type == SampleType::U16;
+    encoder.set_depth(if is_wide { png::BitDepth::Sixteen } else { png::BitDepth::Eight });
+    let mut writer = encoder.write_header()?;
+    match is_wide {
+        // PNG has the high byte first.
+        true => {
+            let big: Vec<u8> =
+                samples.as_chunks().0.iter().flat_map(|pair| u16::from_ne_bytes(*pair).to_be_bytes()).collect();
+            writer.write_image_data(&big)?;
+        }
+        false => writer.write_image_data(samples)?,
+    }
+    writer.finish()?;
+    Ok(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "a failed helper fails its test")]
+
+    use super::*;
+    use crate::import::{GridOptions, open_grid};
+    use crate::model::Channel;
+    use glam::{DAffine3, DMat3, DVec3};
+
+    /// What is written is read again, bit for bit, and lies where it lay.
+    #[test]
+    fn grids_come_back() {
+        let folder = tempfile::tempdir().unwrap();
+        let turned = DMat3::from_rotation_z(0.5) * DMat3::from_diagonal(DVec3::new(1.0, 2.0, 3.5));
+        for (name, dimensions, sample_type, channels) in [
+            ("a.npy", 2, SampleType::U8, 3),
+            ("b.npy", 3, SampleType::F64, 1),
+            ("c.nrrd", 3, SampleType::I16, 1),
+            ("d.nrrd", 3, SampleType::F32, 1),
+            ("e.png", 2, SampleType::U8, 4),
+            ("f.png", 2, SampleType::U16, 1),
+        ] {
+            let path = folder.path().join(name);
+            let format = GridFormat::of(&path).unwrap();
+            let mut grid = Grid::volume([5, 4, 3], sample_type, Channel::of_picture(channels));
+            if format == GridFormat::Nrrd {
+                grid.to_world = DAffine3::from_mat3_translation(turned, DVec3::new(1.0, -2.0, 0.25));
+            }
+            if dimensions == 2 {
+                grid = Grid::image([5, 4], sample_type, grid.channels);
+            }
+            let len = grid.bytes().unwrap() as usize;
+            let samples: Vec<u8> = (0..len).map(|i| (i * 37 % 251) as u8).collect();
+            write_grid(&path, format, &grid, &samples).unwrap();
+            let back = open_grid(&path, &GridOptions::default()).unwrap();
+            let mut read = vec![0; len];
+            back.read(&back.grid().region(), &mut read).unwrap();
+            assert_eq!(
+                (read, back.grid().shape, back.grid().sample_type),
+                (samples, grid.shape, sample_type),
+                "{name}"
+            );
+            if format == GridFormat::Nrrd {
+                let apart = back.grid().to_world.matrix3 - grid.to_world.matrix3;
+                assert!(apart.to_cols_array().iter().all(|value| value.abs() < 1e-12), "{name}");
+            }
+        }
+        let volume = Grid::volume([2, 2, 2], SampleType::U8, Channel::numbered(1));
+        let refused = write_grid(&folder.path().join("v.png"), GridFormat::Png, &volume, &[0; 8]).unwrap_err();
+        assert!(refused.to_string().contains("found 2 x 2 x 2 of uint8, expected an image"), "{refused}");
+    }
+}
